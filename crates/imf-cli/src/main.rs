@@ -1,0 +1,2 @@
+//! The command `imf`.
+fn main() {}

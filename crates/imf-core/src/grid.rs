@@ -1,0 +1,197 @@
+//! The regular grid that every field lives on, and the conversions between world, grid and voxel.
+//!
+//! `origin` is the lower corner of voxel (0, 0, 0); the centre of voxel `i` is `origin + pitch·(i + ½)`.
+//! Arrays are C-ordered `[x, y, z]`: `z` is contiguous.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// A grid of cubic voxels in the world frame, in the mesh's own unit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Grid {
+    /// Lower corner of voxel (0, 0, 0), in world units.
+    pub origin: DVec3,
+    /// Edge of a voxel, in world units.
+    pub pitch: f64,
+    /// Number of voxels along x, y and z.
+    pub dims: [usize; 3],
+}
+
+/// Why a grid cannot be made.
+#[derive(Debug, Error, PartialEq)]
+pub enum GridError {
+    /// The pitch is zero, negative, infinite or NaN.
+    #[error("the pitch must be a positive finite number, not {0}")]
+    Pitch(f64),
+    /// A dimension is zero, or the box is empty or not finite.
+    #[error("the box to be gridded is empty or not finite: from {lower} to {upper}")]
+    EmptyBox {
+        /// Lower corner of the box.
+        lower: DVec3,
+        /// Upper corner of the box.
+        upper: DVec3,
+    },
+    /// A requested number of voxels is zero.
+    #[error("every dimension of the grid must be at least 1, not {0:?}")]
+    Dims([usize; 3]),
+    /// The margin leaves no voxel for the part.
+    #[error("a margin of {margin} voxels on each side leaves nothing of {dims:?} for the part")]
+    Margin {
+        /// Requested margin in voxels.
+        margin: usize,
+        /// Requested dimensions.
+        dims: [usize; 3],
+    },
+    /// More voxels than can be indexed.
+    #[error("a grid of {0:?} voxels is too large: at most 2^31 voxels; choose a larger pitch")]
+    TooLarge([usize; 3]),
+}
+
+impl Grid {
+    /// The grid of the given pitch around the box `[lower, upper]`, the box centred, with `margin` empty voxels
+    /// on each side.
+    ///
+    /// # Errors
+    /// A pitch that is not positive, a box that is empty or not finite, or more than 2³¹ voxels.
+    pub fn with_pitch(lower: DVec3, upper: DVec3, pitch: f64, margin: usize) -> Result<Self, GridError> {
+        if !(pitch.is_finite() && pitch > 0.0) {
+            return Err(GridError::Pitch(pitch));
+        }
+        let extent = checked_extent(lower, upper)?;
+        // A box that is a whole number of voxels up to rounding keeps that number.
+        let dims = (extent / pitch - 1e-9).ceil().max(DVec3::ONE) + 2.0 * margin as f64;
+        if dims.max_element() > f64::from(i32::MAX) {
+            return Err(GridError::TooLarge([usize::MAX; 3]));
+        }
+        let dims = dims.to_array().map(|d| d as usize);
+        Self::centred(lower, upper, pitch, dims)
+    }
+
+    /// The grid of exactly `dims` voxels with the smallest pitch at which the box fits between the margins,
+    /// the box centred.
+    ///
+    /// # Errors
+    /// A zero dimension, a margin that leaves nothing, a box that is empty or not finite, or more than 2³¹ voxels.
+    pub fn with_dims(lower: DVec3, upper: DVec3, dims: [usize; 3], margin: usize) -> Result<Self, GridError> {
+        if dims.contains(&0) {
+            return Err(GridError::Dims(dims));
+        }
+        let extent = checked_extent(lower, upper)?;
+        if dims.iter().any(|&d| d <= 2 * margin) {
+            return Err(GridError::Margin { margin, dims });
+        }
+        let inner = DVec3::from_array(dims.map(|d| (d - 2 * margin) as f64));
+        Self::centred(lower, upper, (extent / inner).max_element(), dims)
+    }
+
+    fn centred(lower: DVec3, upper: DVec3, pitch: f64, dims: [usize; 3]) -> Result<Self, GridError> {
+        let voxels = dims.iter().try_fold(1usize, |product, &d| product.checked_mul(d));
+        if voxels.is_none_or(|n| n > 1 << 31) {
+            return Err(GridError::TooLarge(dims));
+        }
+        let size = DVec3::from_array(dims.map(|d| d as f64)) * pitch;
+        Ok(Self { origin: (lower + upper) * 0.5 - size * 0.5, pitch, dims })
+    }
+
+    /// Number of voxels.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.dims.iter().product()
+    }
+
+    /// True for a grid without voxels (never made by the constructors).
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Edge lengths of the whole grid in world units.
+    #[must_use]
+    pub fn size(&self) -> DVec3 {
+        DVec3::from_array(self.dims.map(|d| d as f64)) * self.pitch
+    }
+
+    /// Position of voxel `[x, y, z]` in a C-ordered array.
+    #[must_use]
+    pub fn index(&self, voxel: [usize; 3]) -> usize {
+        (voxel[0] * self.dims[1] + voxel[1]) * self.dims[2] + voxel[2]
+    }
+
+    /// The voxel at a position in a C-ordered array: the inverse of [`Grid::index`].
+    #[must_use]
+    pub fn voxel(&self, index: usize) -> [usize; 3] {
+        let row = index / self.dims[2];
+        [row / self.dims[1], row % self.dims[1], index % self.dims[2]]
+    }
+
+    /// World position of the centre of a voxel.
+    #[must_use]
+    pub fn centre(&self, voxel: [usize; 3]) -> DVec3 {
+        self.origin + (DVec3::from_array(voxel.map(|i| i as f64)) + 0.5) * self.pitch
+    }
+
+    /// Unit coordinates `u = (x − origin) / (pitch·dims)` of a world point: [0, 1]³ within the grid.
+    #[must_use]
+    pub fn unit(&self, point: DVec3) -> DVec3 {
+        (point - self.origin) / self.size()
+    }
+
+    /// Continuous voxel coordinates of a world point: whole numbers at voxel centres.
+    #[must_use]
+    pub fn continuous(&self, point: DVec3) -> DVec3 {
+        (point - self.origin) / self.pitch - 0.5
+    }
+
+    /// Volume of one voxel in world units cubed.
+    #[must_use]
+    pub fn voxel_volume(&self) -> f64 {
+        self.pitch.powi(3)
+    }
+}
+
+fn checked_extent(lower: DVec3, upper: DVec3) -> Result<DVec3, GridError> {
+    let extent = upper - lower;
+    if lower.is_finite() && upper.is_finite() && extent.min_element() >= 0.0 && extent.max_element() > 0.0 {
+        Ok(extent)
+    } else {
+        Err(GridError::EmptyBox { lower, upper })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dims_choose_the_smallest_pitch_and_centre_the_box() {
+        let grid = Grid::with_dims(DVec3::ZERO, DVec3::new(58.0, 73.6, 118.5), [58, 76, 121], 0).unwrap();
+        assert!((grid.pitch - 1.0).abs() < 1e-12);
+        let middle = grid.origin + grid.size() * 0.5;
+        assert!((middle - DVec3::new(29.0, 36.8, 59.25)).length() < 1e-12);
+    }
+
+    #[test]
+    fn pitch_keeps_whole_boxes_and_adds_margins() {
+        let grid = Grid::with_pitch(DVec3::ZERO, DVec3::new(3.0, 2.1, 0.4), 0.1, 2).unwrap();
+        assert_eq!(grid.dims, [34, 25, 8]);
+    }
+
+    #[test]
+    fn index_and_voxel_are_inverse_and_z_is_contiguous() {
+        let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [3, 4, 5] };
+        for index in 0..grid.len() {
+            assert_eq!(grid.index(grid.voxel(index)), index);
+        }
+        assert_eq!(grid.index([0, 0, 1]), 1);
+    }
+
+    #[test]
+    fn bad_requests_name_the_cause() {
+        let unit = DVec3::ONE;
+        assert_eq!(Grid::with_pitch(DVec3::ZERO, unit, -1.0, 0), Err(GridError::Pitch(-1.0)));
+        assert!(matches!(Grid::with_pitch(unit, DVec3::ZERO, 1.0, 0), Err(GridError::EmptyBox { .. })));
+        assert!(matches!(Grid::with_pitch(DVec3::ZERO, unit, 1e-9, 0), Err(GridError::TooLarge(_))));
+        assert!(matches!(Grid::with_dims(DVec3::ZERO, unit, [4, 4, 4], 2), Err(GridError::Margin { .. })));
+    }
+}

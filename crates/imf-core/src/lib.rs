@@ -1,0 +1,6 @@
+//! Core.
+pub mod grid;
+pub mod mesh;
+pub mod samples;
+pub mod siren;
+pub mod training;

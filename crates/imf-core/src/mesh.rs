@@ -1,0 +1,65 @@
+//! Triangle meshes: what they hold, what can be said about them, and the rigid set-up transform.
+
+use glam::{DMat4, DVec3};
+
+/// A triangle mesh in its own unit. Vertices may be shared or repeated; orientation may be any.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// Vertex positions.
+    pub vertices: Vec<DVec3>,
+    /// Triangles as indices into `vertices`, counter-clockwise seen from outside.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl Mesh {
+    /// The lower and upper corner of the box around the vertices that triangles use; `None` without triangles.
+    #[must_use]
+    pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+        let mut corners = self.triangles.iter().flatten().map(|&v| self.vertices[v as usize]);
+        let first = corners.next()?;
+        Some(corners.fold((first, first), |(lower, upper), p| (lower.min(p), upper.max(p))))
+    }
+
+    /// The three corners of a triangle.
+    ///
+    /// # Panics
+    /// If the triangle or one of its vertices does not exist.
+    #[must_use]
+    pub fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        self.triangles[triangle].map(|v| self.vertices[v as usize])
+    }
+
+    /// Signed volume by the divergence theorem: positive for a closed mesh whose triangles face outwards.
+    #[must_use]
+    pub fn signed_volume(&self) -> f64 {
+        // Relative to the box's centre, so that an open mesh far from the origin does not drown in cancellation.
+        let centre = self.bounds().map_or(DVec3::ZERO, |(lower, upper)| (lower + upper) * 0.5);
+        (0..self.triangles.len())
+            .map(|t| {
+                let [a, b, c] = self.corners(t).map(|p| p - centre);
+                a.dot(b.cross(c)) / 6.0
+            })
+            .sum()
+    }
+
+    /// The mesh moved by an affine transform; a mirroring one turns the triangles so that they still face outwards.
+    #[must_use]
+    pub fn transformed(&self, transform: &DMat4) -> Self {
+        let mirrored = transform.determinant() < 0.0;
+        Self {
+            vertices: self.vertices.iter().map(|&p| transform.transform_point3(p)).collect(),
+            triangles: self
+                .triangles
+                .iter()
+                .map(|&[a, b, c]| if mirrored { [a, c, b] } else { [a, b, c] })
+                .collect(),
+        }
+    }
+
+    /// Appends another mesh.
+    pub fn append(&mut self, other: &Self) {
+        let base = self.vertices.len() as u32;
+        self.vertices.extend_from_slice(&other.vertices);
+        self.triangles.extend(other.triangles.iter().map(|t| t.map(|v| v + base)));
+    }
+}

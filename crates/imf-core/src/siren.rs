@@ -1,0 +1,222 @@
+//! The paper's network, `siren5`: a multilayer perceptron with sine activations from a pose to its collision
+//! measure, with any width and number of hidden layers.
+//!
+//! One sample is five numbers in [−1, 1]: `2u − 1` for the point (`u` = [`crate::grid::Grid::unit`]),
+//! `2·θ/360° − 1`, `2·φ/180° − 1`. A hidden layer computes `sin(ω·(W·a + b))`, ω = 30; the input is concatenated
+//! again behind the activations of hidden layer `skip_after`; the output is `sigmoid(W·a + b)`.
+//! The coordinates θ = 0° and 360° are one direction but two inputs, and at φ = 0° and 180° θ is idle: the learnt
+//! field may jump there, and its gradient is one-sided and finite.
+//!
+//! Parameters are one flat `f32` array; [`SirenShape::layers`] is the one place that knows its layout:
+//!
+//! ```text
+//! | W₀ [out₀][in₀] | b₀ [out₀] | W₁ [out₁][in₁] | b₁ [out₁] | … | W_n [1][in_n] | b_n [1] |
+//! in₀ = 5;  in_{skip_after} = width + 5 (activations first, then the input);  other in_l = width
+//! ```
+//!
+//! Source: Harabin, Mirzendehdel, Behandish, arXiv 2409.02115 (network); Sitzmann et al. 2020 (initialisation).
+
+pub mod reference;
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// Number of inputs of the network: three for the point, two for the tool's direction.
+pub const INPUTS: usize = 5;
+
+/// What a sine network looks like; its weights are a flat array beside it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SirenShape {
+    /// Neurons of every hidden layer.
+    pub width: usize,
+    /// Number of hidden layers.
+    pub hidden: usize,
+    /// The input is concatenated again behind the activations of this hidden layer, counted from 1.
+    /// `None`, or a value of at least `hidden`, means no skip.
+    pub skip_after: Option<usize>,
+    /// Frequency factor ω inside every sine.
+    pub omega: f32,
+}
+
+impl Default for SirenShape {
+    /// The paper's network: five hidden layers of 512, the input again after the second.
+    fn default() -> Self {
+        Self { width: 512, hidden: 5, skip_after: Some(2), omega: 30.0 }
+    }
+}
+
+/// Where one layer's weights and biases stand in the flat parameter array.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layer {
+    /// Inputs of the layer.
+    pub inputs: usize,
+    /// Outputs of the layer.
+    pub outputs: usize,
+    /// Offset of `W [outputs][inputs]`, row-major.
+    pub weights: usize,
+    /// Offset of `b [outputs]`.
+    pub biases: usize,
+    /// True where the network's input is appended to the layer's input activations.
+    pub skip: bool,
+}
+
+/// Why a network's description is refused.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum ShapeError {
+    /// Width or depth is zero or absurd.
+    #[error("a network needs 1 to 64 hidden layers of 1 to 8192 neurons, not {hidden} of {width}")]
+    Size {
+        /// Requested hidden layers.
+        hidden: usize,
+        /// Requested width.
+        width: usize,
+    },
+    /// ω is not a positive number.
+    #[error("the frequency factor must be a positive finite number, not {0}")]
+    Omega(f32),
+    /// The parameter array has another length than the description asks for.
+    #[error("the network has {expected} parameters, but {found} were given")]
+    Parameters {
+        /// Parameters the description asks for.
+        expected: usize,
+        /// Parameters found.
+        found: usize,
+    },
+}
+
+impl SirenShape {
+    /// Checks width, depth and ω.
+    ///
+    /// # Errors
+    /// Names the value that is out of range.
+    pub fn check(&self) -> Result<(), ShapeError> {
+        if !(1..=64).contains(&self.hidden) || !(1..=8192).contains(&self.width) {
+            return Err(ShapeError::Size { hidden: self.hidden, width: self.width });
+        }
+        if !(self.omega.is_finite() && self.omega > 0.0) {
+            return Err(ShapeError::Omega(self.omega));
+        }
+        Ok(())
+    }
+
+    /// The layers in order, hidden ones first, the output layer last: the one definition of the flat layout.
+    #[must_use]
+    pub fn layers(&self) -> Vec<Layer> {
+        let mut layers = Vec::with_capacity(self.hidden + 1);
+        let mut offset = 0;
+        for index in 0..=self.hidden {
+            let skip = index > 0 && index < self.hidden && self.skip_after == Some(index);
+            let inputs = match index {
+                0 => INPUTS,
+                _ if skip => self.width + INPUTS,
+                _ => self.width,
+            };
+            let outputs = if index == self.hidden { 1 } else { self.width };
+            let biases = offset + inputs * outputs;
+            layers.push(Layer { inputs, outputs, weights: offset, biases, skip });
+            offset = biases + outputs;
+        }
+        layers
+    }
+
+    /// Number of parameters, weights and biases together.
+    #[must_use]
+    pub fn parameter_count(&self) -> usize {
+        self.layers().last().map_or(0, |layer| layer.biases + layer.outputs)
+    }
+
+    /// Floating-point operations of one forward pass of one sample (products and sums of the layers).
+    #[must_use]
+    pub fn forward_flops(&self) -> usize {
+        self.layers().iter().map(|layer| 2 * layer.inputs * layer.outputs).sum()
+    }
+
+    /// Starting weights: the first layer U(±1/inputs), the others U(±√(6/inputs)/ω); biases U(±1/√inputs), where
+    /// the paper is silent. The same seed gives the same bits on every machine.
+    #[must_use]
+    pub fn initial_parameters(&self, seed: u64) -> Vec<f32> {
+        let mut generator = ChaCha8Rng::seed_from_u64(seed);
+        let mut parameters = vec![0.0; self.parameter_count()];
+        for (index, layer) in self.layers().iter().enumerate() {
+            let inputs = layer.inputs as f32;
+            let bound = if index == 0 { 1.0 / inputs } else { (6.0 / inputs).sqrt() / self.omega };
+            for weight in &mut parameters[layer.weights..layer.biases] {
+                *weight = symmetric_uniform(&mut generator, bound);
+            }
+            for bias in &mut parameters[layer.biases..layer.biases + layer.outputs] {
+                *bias = symmetric_uniform(&mut generator, 1.0 / inputs.sqrt());
+            }
+        }
+        parameters
+    }
+
+    /// Checks that a parameter array fits the description.
+    ///
+    /// # Errors
+    /// [`ShapeError::Parameters`] with both lengths.
+    pub fn check_parameters(&self, parameters: &[f32]) -> Result<(), ShapeError> {
+        let expected = self.parameter_count();
+        if parameters.len() == expected {
+            Ok(())
+        } else {
+            Err(ShapeError::Parameters { expected, found: parameters.len() })
+        }
+    }
+}
+
+/// A value of U(−bound, bound) from 24 random bits, so that it does not depend on a library's sampling code.
+fn symmetric_uniform(generator: &mut ChaCha8Rng, bound: f32) -> f32 {
+    use rand::Rng;
+    let unit = (generator.next_u32() >> 8) as f32 / (1u32 << 24) as f32;
+    (2.0 * unit - 1.0) * bound
+}
+
+/// The five inputs of one pose: unit coordinates of the point in its grid and the angle pair in degrees.
+#[must_use]
+pub fn features(unit: [f32; 3], theta_degrees: f32, phi_degrees: f32) -> [f32; INPUTS] {
+    [
+        2.0 * unit[0] - 1.0,
+        2.0 * unit[1] - 1.0,
+        2.0 * unit[2] - 1.0,
+        theta_degrees / 180.0 - 1.0,
+        phi_degrees / 90.0 - 1.0,
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_papers_network_has_its_parameters() {
+        assert_eq!(SirenShape::default().parameter_count(), 1_056_769);
+    }
+
+    #[test]
+    fn layers_tile_the_parameters_without_gaps() {
+        for skip_after in [None, Some(1), Some(3), Some(9)] {
+            let shape = SirenShape { width: 7, hidden: 4, skip_after, omega: 30.0 };
+            let mut offset = 0;
+            for layer in shape.layers() {
+                assert_eq!(layer.weights, offset);
+                assert_eq!(layer.biases, offset + layer.inputs * layer.outputs);
+                offset = layer.biases + layer.outputs;
+            }
+            assert_eq!(offset, shape.parameter_count());
+        }
+    }
+
+    #[test]
+    fn starting_weights_keep_their_bounds_and_their_seed() {
+        let shape = SirenShape { width: 32, ..SirenShape::default() };
+        let first = shape.initial_parameters(7);
+        assert_eq!(first, shape.initial_parameters(7));
+        assert_ne!(first, shape.initial_parameters(8));
+        let layers = shape.layers();
+        assert!(first[..layers[0].biases].iter().all(|w| w.abs() <= 0.2));
+        let bound = (6.0f32 / 32.0).sqrt() / 30.0;
+        assert!(first[layers[1].weights..layers[1].biases].iter().all(|w| w.abs() <= bound));
+    }
+}

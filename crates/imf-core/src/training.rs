@@ -1,0 +1,156 @@
+//! Training: the loss, the optimiser's settings, and the seam between the loop that feeds batches and the engine
+//! that runs a step (CPU here, GPU in `imf-gpu`).
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::siren::SirenShape;
+
+/// What a step minimises, averaged over the batch.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Loss {
+    /// Mean absolute error, the paper's choice.
+    #[default]
+    L1,
+    /// Mean squared error.
+    L2,
+}
+
+impl Loss {
+    /// Loss of one value.
+    #[must_use]
+    pub fn value(self, output: f64, target: f64) -> f64 {
+        let error = output - target;
+        match self {
+            Self::L1 => error.abs(),
+            Self::L2 => error * error,
+        }
+    }
+
+    /// Derivative of the loss with respect to the output; 0 where L1 has a corner.
+    #[must_use]
+    pub fn slope(self, output: f64, target: f64) -> f64 {
+        let error = output - target;
+        match self {
+            Self::L1 if error == 0.0 => 0.0,
+            Self::L1 => error.signum(),
+            Self::L2 => 2.0 * error,
+        }
+    }
+}
+
+/// Adam's settings; the defaults are the paper's.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AdamConfig {
+    /// Decay of the first moment.
+    pub beta1: f32,
+    /// Decay of the second moment.
+    pub beta2: f32,
+    /// Added to the root of the second moment.
+    pub epsilon: f32,
+    /// Coupled L2: `weight_decay · w` is added to the gradient before the moments see it.
+    pub weight_decay: f32,
+}
+
+impl Default for AdamConfig {
+    fn default() -> Self {
+        Self { beta1: 0.9, beta2: 0.999, epsilon: 1e-8, weight_decay: 1e-6 }
+    }
+}
+
+/// Everything a step changes: enough to continue bit for bit on the same engine.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrainingState {
+    /// Weights and biases in the layout of [`SirenShape::layers`].
+    pub parameters: Vec<f32>,
+    /// Adam's first moments, same layout.
+    pub first_moment: Vec<f32>,
+    /// Adam's second moments, same layout.
+    pub second_moment: Vec<f32>,
+    /// Steps done since the moments were zero.
+    pub step: u64,
+}
+
+impl TrainingState {
+    /// Random starting weights and zero moments.
+    #[must_use]
+    pub fn new(shape: &SirenShape, seed: u64) -> Self {
+        Self::from_parameters(shape.initial_parameters(seed))
+    }
+
+    /// Given weights and zero moments: where fine-tuning starts.
+    #[must_use]
+    pub fn from_parameters(parameters: Vec<f32>) -> Self {
+        let zeros = vec![0.0; parameters.len()];
+        Self { first_moment: zeros.clone(), second_moment: zeros, parameters, step: 0 }
+    }
+}
+
+/// Why an engine stopped; the state it had before is with the caller's last checkpoint.
+#[derive(Debug, Error)]
+pub enum EngineError {
+    /// The device is gone or out of memory, or a call to it failed.
+    #[error("{0}")]
+    Device(String),
+    /// A batch, a shape or a state that does not fit.
+    #[error("{0}")]
+    Shape(String),
+}
+
+/// Where a training step runs: one of the project's three seams.
+///
+/// The same state, batches and rates give the same bits on the same engine and machine.
+pub trait TrainingEngine {
+    /// The engine's name for people: device, driver, threads.
+    fn describe(&self) -> String;
+
+    /// One step on a batch: forward, backward, update.
+    ///
+    /// `inputs` is `[batch][5]`, `targets` is `[batch]`; any batch size from 1 up to the one the engine was made
+    /// for. Work may still be under way on the device when the call returns.
+    ///
+    /// # Errors
+    /// A batch that does not fit, or a device that failed.
+    fn step(&mut self, inputs: &[f32], targets: &[f32], learning_rate: f32) -> Result<(), EngineError>;
+
+    /// Mean of the batches' mean losses since the last call of this function; 0 if there was no step. Waits for
+    /// the device.
+    ///
+    /// # Errors
+    /// A device that failed.
+    fn take_mean_loss(&mut self) -> Result<f64, EngineError>;
+
+    /// A copy of the weights, moments and step count. Waits for the device.
+    ///
+    /// # Errors
+    /// A device that failed.
+    fn state(&mut self) -> Result<TrainingState, EngineError>;
+}
+
+/// Where a trained network is evaluated in batches.
+pub trait EvaluationEngine {
+    /// The engine's name for people: device, driver, threads.
+    fn describe(&self) -> String;
+
+    /// Values of the network at `inputs` (`[n][5]`, any n) into `outputs` (`[n]`).
+    ///
+    /// # Errors
+    /// Lengths that do not fit, or a device that failed.
+    fn evaluate(&mut self, inputs: &[f32], outputs: &mut [f32]) -> Result<(), EngineError>;
+
+    /// For each point the least value over all directions and the index of the first direction that has it.
+    ///
+    /// `points` is `[n][3]` in unit coordinates of the grid, `directions` is `[m][2]` in degrees (θ, φ); `least` and
+    /// `best` are `[n]`. The minimum is taken where the network runs: memory does not grow with n·m.
+    ///
+    /// # Errors
+    /// Lengths that do not fit, no direction, or a device that failed.
+    fn minimum(
+        &mut self,
+        points: &[[f32; 3]],
+        directions: &[[f32; 2]],
+        least: &mut [f32],
+        best: &mut [u32],
+    ) -> Result<(), EngineError>;
+}
