@@ -1,6 +1,12 @@
 //! Core.
+pub mod control;
 pub mod grid;
 pub mod mesh;
+pub mod occupancy;
+pub mod orientation;
 pub mod samples;
+pub mod section;
 pub mod siren;
+pub mod tool;
 pub mod training;
+pub mod voxelize;

@@ -1,0 +1,114 @@
+//! Streaming over orientations: sections are made, visited and forgotten, so memory does not grow with their number.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use super::{SectionError, SectionPlan, SectionScratch};
+use crate::control::Control;
+use crate::orientation::Orientation;
+
+/// The inaccessibility measure field: the least collision measure over a set of orientations.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Imf {
+    /// IMF at every voxel, C-ordered, in [0, 1].
+    pub value: Vec<f32>,
+    /// Index of the orientation that has it; the lowest one at a tie.
+    pub best: Vec<u32>,
+}
+
+impl Imf {
+    /// No orientation yet.
+    #[must_use]
+    pub fn new(voxels: usize) -> Self {
+        Self { value: vec![f32::INFINITY; voxels], best: vec![u32::MAX; voxels] }
+    }
+
+    /// Takes a section of orientation `index` into account.
+    pub fn lower_to(&mut self, index: usize, cmf: &[f32]) {
+        for ((value, best), &candidate) in self.value.iter_mut().zip(&mut self.best).zip(cmf) {
+            if candidate < *value || (candidate == *value && (index as u32) < *best) {
+                *value = candidate;
+                *best = index as u32;
+            }
+        }
+    }
+
+    /// Takes the result of other orientations into account.
+    fn merge(&mut self, other: &Self) {
+        let theirs = other.value.iter().zip(&other.best);
+        for ((value, best), (&candidate, &index)) in self.value.iter_mut().zip(&mut self.best).zip(theirs) {
+            if candidate < *value || (candidate == *value && index < *best) {
+                *value = candidate;
+                *best = index;
+            }
+        }
+    }
+}
+
+/// The exact inaccessibility measure field over `orientations`, on all threads of the current pool. The result does
+/// not depend on their number. One unit of progress is one orientation.
+///
+/// # Errors
+/// As [`SectionPlan::cmf`]; [`SectionError::Cancelled`] when the control asks to stop.
+pub fn imf(
+    plan: &SectionPlan,
+    orientations: &[Orientation],
+    control: Control<'_>,
+) -> Result<Imf, SectionError> {
+    let voxels = plan.grid().len();
+    let parts = stream_sections(plan, orientations, control, || Imf::new(voxels), Imf::lower_to)?;
+    let mut whole = Imf::new(voxels);
+    for part in &parts {
+        whole.merge(part);
+    }
+    Ok(whole)
+}
+
+/// Computes the sections of `orientations` on all threads of the current pool and shows each to `visit` with its
+/// index, in no fixed order. Every thread has its own visitor, made by `start`; all are returned.
+///
+/// # Errors
+/// The first failure of a section; [`SectionError::Cancelled`] when the control asks to stop.
+pub fn stream_sections<V: Send>(
+    plan: &SectionPlan,
+    orientations: &[Orientation],
+    control: Control<'_>,
+    start: impl Fn() -> V + Sync,
+    visit: impl Fn(&mut V, usize, &[f32]) + Sync,
+) -> Result<Vec<V>, SectionError> {
+    let next = AtomicUsize::new(0);
+    let finished = Mutex::new(Ok(Vec::new()));
+    let work = || -> Result<V, SectionError> {
+        let mut visitor = start();
+        let mut scratch = SectionScratch::default();
+        let mut cmf = vec![0.0; plan.grid().len()];
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            let Some(orientation) = orientations.get(index) else { return Ok(visitor) };
+            if control.is_cancelled() {
+                return Err(SectionError::Cancelled);
+            }
+            plan.cmf(orientation, &mut scratch, &mut cmf)?;
+            visit(&mut visitor, index, &cmf);
+            (control.progress)(1);
+        }
+    };
+    let threads = rayon::current_num_threads().clamp(1, orientations.len().max(1));
+    rayon::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|_| {
+                let result = work();
+                if result.is_err() {
+                    next.store(usize::MAX / 2, Ordering::Relaxed);
+                }
+                let mut all = finished.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+                match (&mut *all, result) {
+                    (Ok(list), Ok(visitor)) => list.push(visitor),
+                    (state @ Ok(_), Err(error)) => *state = Err(error),
+                    (Err(_), _) => {}
+                }
+            });
+        }
+    });
+    finished.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner)
+}

@@ -1,0 +1,262 @@
+//! The tool assembly: cutter, shank and holder segments stacked along an axis, or a closed mesh.
+//!
+//! Tool frame: tip at the origin, axis +z from tip to holder. A point at height z and distance r from the axis is
+//! inside where `0 ≤ z < length` and `r ≤ ρ(z)`. Elements do not overlap: each owns its own range of heights.
+
+mod file;
+mod profile;
+mod rotated;
+
+pub use file::ToolFileError;
+pub use profile::{Element, ElementKind, Segment};
+pub use rotated::RotatedTool;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::mesh::Mesh;
+use crate::unit::LengthUnit;
+
+/// A holder with its cutter, in its own unit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Tool {
+    /// Name for people.
+    pub name: String,
+    /// Unit of every length.
+    pub unit: LengthUnit,
+    /// What it is made of.
+    pub shape: ToolShape,
+    /// Where it can remove material.
+    pub sharp_points: SharpPoints,
+}
+
+/// What a tool is made of.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ToolShape {
+    /// Bodies of revolution stacked along the axis, from the tip upwards without gaps.
+    Revolved(Vec<Element>),
+    /// A mesh in the tool frame; it has no elements and no symmetry.
+    Mesh(Mesh),
+}
+
+/// The points of a tool at which it cuts: the collision measure is the least over them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SharpPoints {
+    /// The tip alone.
+    #[default]
+    Tip,
+    /// The tip and rings of points over the cutter's surface, this many in all.
+    Cutter(usize),
+    /// These points, in the tool frame.
+    Points(Vec<DVec3>),
+}
+
+/// Why a tool is refused.
+#[derive(Debug, Error, PartialEq)]
+pub enum ToolError {
+    /// No element, or one of zero or non-finite size.
+    #[error("the tool '{name}' has no volume: {what}")]
+    Empty {
+        /// The tool.
+        name: String,
+        /// What is missing.
+        what: String,
+    },
+    /// So thin that no voxel centre lies in it.
+    #[error(
+        "the tool '{name}' holds no voxel centre at pitch {pitch}: it is too small for this grid; choose a smaller \
+         pitch, or check the tool's unit"
+    )]
+    TooSmall {
+        /// The tool.
+        name: String,
+        /// The grid's pitch.
+        pitch: f64,
+    },
+    /// Its box would hold more voxels than can be indexed.
+    #[error(
+        "the tool '{name}' would span {dims:?} voxels at pitch {pitch}: choose a larger pitch, or check the tool's unit"
+    )]
+    TooLarge {
+        /// The tool.
+        name: String,
+        /// Voxels along each axis.
+        dims: [u64; 3],
+        /// The grid's pitch.
+        pitch: f64,
+    },
+}
+
+impl Tool {
+    /// The paper's tool in mm: a ball-end cutter of radius 5 and length 35 in a holder of radius 14.5 up to 83.
+    #[must_use]
+    pub fn paper() -> Self {
+        let cutter = vec![
+            Segment::Arc { from: 0.0, to: 5.0, centre_height: 5.0, centre_radius: 0.0, arc_radius: 5.0 },
+            Segment::Line { from: 5.0, to: 35.0, radius_from: 5.0, radius_to: 5.0 },
+        ];
+        let holder = vec![Segment::Line { from: 35.0, to: 83.0, radius_from: 14.5, radius_to: 14.5 }];
+        Self {
+            name: "paper".into(),
+            unit: LengthUnit::Mm,
+            shape: ToolShape::Revolved(vec![
+                Element { kind: ElementKind::Cutter, profile: cutter },
+                Element { kind: ElementKind::Holder(0), profile: holder },
+            ]),
+            sharp_points: SharpPoints::Tip,
+        }
+    }
+
+    /// The tool with every length in `unit`.
+    #[must_use]
+    pub fn in_unit(&self, unit: LengthUnit) -> Self {
+        let factor = self.unit.in_mm() / unit.in_mm();
+        if factor == 1.0 {
+            return Self { unit, ..self.clone() };
+        }
+        let shape = match &self.shape {
+            ToolShape::Revolved(elements) => {
+                ToolShape::Revolved(elements.iter().map(|e| e.scaled(factor)).collect())
+            }
+            ToolShape::Mesh(mesh) => {
+                ToolShape::Mesh(mesh.transformed(&glam::DMat4::from_scale(DVec3::splat(factor))))
+            }
+        };
+        let sharp_points = match &self.sharp_points {
+            SharpPoints::Points(points) => SharpPoints::Points(points.iter().map(|&p| p * factor).collect()),
+            other => other.clone(),
+        };
+        Self { name: self.name.clone(), unit, shape, sharp_points }
+    }
+
+    /// True where turning the tool about its axis changes nothing, sharp points included (rings count as whole).
+    #[must_use]
+    pub fn is_axisymmetric(&self) -> bool {
+        matches!(self.shape, ToolShape::Revolved(_))
+            && match &self.sharp_points {
+                SharpPoints::Points(points) => points.iter().all(|p| p.x == 0.0 && p.y == 0.0),
+                SharpPoints::Tip | SharpPoints::Cutter(_) => true,
+            }
+    }
+
+    /// Largest distance from the tool's origin to any of its points (an upper bound, tight for cylinders).
+    #[must_use]
+    pub fn reach(&self) -> f64 {
+        match &self.shape {
+            ToolShape::Revolved(elements) => elements
+                .iter()
+                .flat_map(|e| &e.profile)
+                .map(|s| s.max_radius().hypot(s.range().1))
+                .fold(0.0, f64::max),
+            ToolShape::Mesh(mesh) => mesh.vertices.iter().map(|v| v.length()).fold(0.0, f64::max),
+        }
+    }
+
+    /// Volume in cubic units: analytic for bodies of revolution, by the divergence theorem for a mesh.
+    #[must_use]
+    pub fn volume(&self) -> f64 {
+        match &self.shape {
+            ToolShape::Revolved(elements) => {
+                elements.iter().flat_map(|e| &e.profile).map(Segment::volume).sum()
+            }
+            ToolShape::Mesh(mesh) => mesh.signed_volume().abs(),
+        }
+    }
+
+    /// Height of the tool along its axis, 0 for a mesh below its tip.
+    #[must_use]
+    pub fn length(&self) -> f64 {
+        match &self.shape {
+            ToolShape::Revolved(elements) => {
+                elements.last().and_then(|e| e.profile.last()).map_or(0.0, |s| s.range().1)
+            }
+            ToolShape::Mesh(mesh) => mesh.bounds().map_or(0.0, |(_, upper)| upper.z),
+        }
+    }
+
+    /// The sharp points in the tool frame.
+    #[must_use]
+    pub fn sharp_point_positions(&self) -> Vec<DVec3> {
+        match &self.sharp_points {
+            SharpPoints::Tip => vec![DVec3::ZERO],
+            SharpPoints::Points(points) => points.clone(),
+            SharpPoints::Cutter(count) => match &self.shape {
+                ToolShape::Revolved(elements) => {
+                    let cutter = elements.iter().filter(|e| e.kind == ElementKind::Cutter);
+                    profile::surface_points(
+                        &cutter.flat_map(|e| e.profile.clone()).collect::<Vec<_>>(),
+                        *count,
+                    )
+                }
+                ToolShape::Mesh(_) => vec![DVec3::ZERO],
+            },
+        }
+    }
+
+    /// Checks that the tool has a volume.
+    ///
+    /// # Errors
+    /// [`ToolError::Empty`] with what is missing.
+    pub fn check(&self) -> Result<(), ToolError> {
+        let empty = |what: &str| ToolError::Empty { name: self.name.clone(), what: what.into() };
+        match &self.shape {
+            ToolShape::Revolved(elements) if elements.is_empty() => return Err(empty("it has no element")),
+            ToolShape::Mesh(mesh) if mesh.triangles.is_empty() => {
+                return Err(empty("its mesh has no triangle"));
+            }
+            _ => {}
+        }
+        let volume = self.volume();
+        if !(volume.is_finite() && volume > 0.0) {
+            return Err(empty(&format!("its volume is {volume}")));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_papers_tool_has_the_papers_reach_and_volume() {
+        let tool = Tool::paper();
+        assert!((tool.reach() - 84.3).abs() < 0.05, "{}", tool.reach());
+        let ball = 2.0 / 3.0 * std::f64::consts::PI * 125.0;
+        let rest = std::f64::consts::PI * (25.0 * 30.0 + 14.5 * 14.5 * 48.0);
+        assert!((tool.volume() - ball - rest).abs() < 1e-9);
+    }
+
+    #[test]
+    fn units_scale_every_length() {
+        let tool = Tool { sharp_points: SharpPoints::Points(vec![DVec3::X]), ..Tool::paper() };
+        let inches = tool.in_unit(LengthUnit::Inch);
+        assert!((inches.reach() * 25.4 - tool.reach()).abs() < 1e-9);
+        assert!((inches.volume() * 25.4f64.powi(3) - tool.volume()).abs() < 1e-6);
+        assert!((inches.sharp_point_positions()[0].x * 25.4 - 1.0).abs() < 1e-12);
+        assert!(!inches.is_axisymmetric() && Tool::paper().is_axisymmetric());
+    }
+
+    #[test]
+    fn sharp_points_lie_on_the_cutter() {
+        let tool = Tool { sharp_points: SharpPoints::Cutter(40), ..Tool::paper() };
+        let points = tool.sharp_point_positions();
+        assert_eq!(points.len(), 40);
+        assert_eq!(points[0], DVec3::ZERO);
+        for p in &points {
+            let r = p.x.hypot(p.y);
+            let expected = if p.z < 5.0 { (25.0 - (5.0 - p.z).powi(2)).sqrt() } else { 5.0 };
+            assert!((r - expected).abs() < 1e-9 && p.z <= 35.0, "{p}");
+        }
+    }
+
+    #[test]
+    fn tools_without_volume_are_refused() {
+        let none = Tool { shape: ToolShape::Revolved(vec![]), ..Tool::paper() };
+        assert!(none.check().unwrap_err().to_string().contains("no element"));
+        assert!(Tool::paper().check().is_ok());
+    }
+}

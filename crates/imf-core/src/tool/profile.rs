@@ -1,0 +1,247 @@
+//! Profiles of bodies of revolution: radius as a function of height, in lines and arcs.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+/// What an element of the assembly is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ElementKind {
+    /// The part that cuts.
+    Cutter,
+    /// The plain part between cutter and holder.
+    Shank,
+    /// A segment of the holder, counted from the tip.
+    Holder(usize),
+}
+
+/// A named piece of the assembly.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Element {
+    /// What it is for.
+    pub kind: ElementKind,
+    /// Its outline from its lower to its upper end, without gaps.
+    pub profile: Vec<Segment>,
+}
+
+/// A piece of an outline; heights are along the tool's axis, from the tip.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Segment {
+    /// A cylinder or a cone.
+    Line {
+        /// Lower height.
+        from: f64,
+        /// Upper height.
+        to: f64,
+        /// Radius at the lower height.
+        radius_from: f64,
+        /// Radius at the upper height.
+        radius_to: f64,
+    },
+    /// A piece of a sphere or a torus: ρ(z) = centre_radius + √(arc_radius² − (z − centre_height)²).
+    Arc {
+        /// Lower height.
+        from: f64,
+        /// Upper height.
+        to: f64,
+        /// Height of the arc's centre.
+        centre_height: f64,
+        /// Distance of the arc's centre from the axis.
+        centre_radius: f64,
+        /// Radius of the arc.
+        arc_radius: f64,
+    },
+}
+
+impl Segment {
+    /// Lower and upper height.
+    #[must_use]
+    pub fn range(&self) -> (f64, f64) {
+        match *self {
+            Self::Line { from, to, .. } | Self::Arc { from, to, .. } => (from, to),
+        }
+    }
+
+    /// Radius ρ at a height; meaningful within the range.
+    #[must_use]
+    pub fn radius(&self, height: f64) -> f64 {
+        match *self {
+            Self::Line { from, to, radius_from, radius_to } => {
+                if radius_from == radius_to {
+                    radius_from
+                } else {
+                    radius_from + (radius_to - radius_from) * (height - from) / (to - from)
+                }
+            }
+            Self::Arc { centre_height, centre_radius, arc_radius, .. } => {
+                let rise = height - centre_height;
+                centre_radius + (arc_radius * arc_radius - rise * rise).max(0.0).sqrt()
+            }
+        }
+    }
+
+    /// Largest radius within the range.
+    #[must_use]
+    pub fn max_radius(&self) -> f64 {
+        let (from, to) = self.range();
+        let ends = self.radius(from).max(self.radius(to));
+        match *self {
+            Self::Arc { centre_height, centre_radius, arc_radius, .. }
+                if (from..=to).contains(&centre_height) =>
+            {
+                ends.max(centre_radius + arc_radius)
+            }
+            _ => ends,
+        }
+    }
+
+    /// Volume of the body of revolution in cubic units.
+    #[must_use]
+    pub fn volume(&self) -> f64 {
+        let (from, to) = self.range();
+        match *self {
+            Self::Line { radius_from: a, radius_to: b, .. } => {
+                PI / 3.0 * (to - from) * (a * a + a * b + b * b)
+            }
+            Self::Arc { centre_height, centre_radius: c, arc_radius: r, .. } => {
+                // ∫ (c + √(r² − t²))² dt = (c² + r²)·t − t³/3 + c·(t·√(r² − t²) + r²·asin(t/r))
+                let antiderivative = |height: f64| {
+                    let t = (height - centre_height).clamp(-r, r);
+                    let root = (r * r - t * t).max(0.0).sqrt();
+                    (c * c + r * r) * t - t.powi(3) / 3.0 + c * (t * root + r * r * (t / r).asin())
+                };
+                PI * (antiderivative(to) - antiderivative(from))
+            }
+        }
+    }
+
+    pub(super) fn scaled(&self, factor: f64) -> Self {
+        match *self {
+            Self::Line { from, to, radius_from, radius_to } => Self::Line {
+                from: from * factor,
+                to: to * factor,
+                radius_from: radius_from * factor,
+                radius_to: radius_to * factor,
+            },
+            Self::Arc { from, to, centre_height, centre_radius, arc_radius } => Self::Arc {
+                from: from * factor,
+                to: to * factor,
+                centre_height: centre_height * factor,
+                centre_radius: centre_radius * factor,
+                arc_radius: arc_radius * factor,
+            },
+        }
+    }
+
+    /// The part of the segment below `height`; `None` where nothing is left.
+    pub(super) fn below(&self, height: f64) -> Option<Self> {
+        let (from, to) = self.range();
+        if from >= height {
+            return None;
+        }
+        let mut cut = *self;
+        let end_radius = self.radius(to.min(height));
+        match &mut cut {
+            Self::Line { to: end, radius_to, .. } => {
+                *radius_to = end_radius;
+                *end = to.min(height);
+            }
+            Self::Arc { to: end, .. } => *end = to.min(height),
+        }
+        Some(cut)
+    }
+}
+
+impl Element {
+    pub(super) fn scaled(&self, factor: f64) -> Self {
+        Self { kind: self.kind, profile: self.profile.iter().map(|s| s.scaled(factor)).collect() }
+    }
+}
+
+/// `count` points on a surface of revolution: the tip, and rings at even steps along the outline whose sizes follow
+/// their circumference.
+pub(super) fn surface_points(profile: &[Segment], count: usize) -> Vec<DVec3> {
+    let mut points = vec![DVec3::ZERO];
+    let Some(end) = profile.last().map(|s| s.range().1).filter(|_| count > 1) else {
+        return points;
+    };
+    // The outline as a fine polyline; heights with a step in radius keep both ends.
+    let mut outline = vec![(0.0, 0.0)];
+    for segment in profile {
+        let (from, to) = segment.range();
+        outline.extend(
+            (0..=64)
+                .map(|i| from + (to.min(end) - from) * f64::from(i) / 64.0)
+                .map(|z| (z, segment.radius(z))),
+        );
+    }
+    let lengths: Vec<f64> = outline.windows(2).map(|w| (w[1].0 - w[0].0).hypot(w[1].1 - w[0].1)).collect();
+    let total: f64 = lengths.iter().sum();
+    let rings = (((count - 1) as f64 / 4.0).sqrt().round() as usize).clamp(1, count - 1);
+    let ring = |index: usize| {
+        let mut rest = total * (index + 1) as f64 / rings as f64;
+        for (step, &length) in lengths.iter().enumerate() {
+            if rest <= length || step + 1 == lengths.len() {
+                let share = if length > 0.0 { (rest / length).min(1.0) } else { 1.0 };
+                let (low, high) = (outline[step], outline[step + 1]);
+                let z = low.0 + (high.0 - low.0) * share;
+                // Back onto the outline itself, not its polyline; a level step is its own outline.
+                let on_outline =
+                    profile.iter().find(|s| (s.range().0..=s.range().1).contains(&z) && high.0 > low.0);
+                return (z, on_outline.map_or(low.1 + (high.1 - low.1) * share, |s| s.radius(z)));
+            }
+            rest -= length;
+        }
+        (end, 0.0)
+    };
+    let circles: Vec<(f64, f64)> = (0..rings).map(ring).collect();
+    let circumference: f64 = circles.iter().map(|c| c.1).sum();
+    let mut share = 0.0;
+    let mut placed = 0;
+    for (index, &(z, radius)) in circles.iter().enumerate() {
+        share += radius / circumference;
+        let until =
+            if index + 1 == rings { count - 1 } else { ((count - 1) as f64 * share).round() as usize };
+        let here = until.max(placed) - placed;
+        points.extend((0..here).map(|i| {
+            let (sine, cosine) = (TAU * i as f64 / here as f64).sin_cos();
+            DVec3::new(radius * cosine, radius * sine, z)
+        }));
+        placed += here;
+    }
+    points
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn volumes_agree_with_sums_of_thin_discs() {
+        let segments = [
+            Segment::Line { from: 1.0, to: 4.0, radius_from: 2.0, radius_to: 0.5 },
+            Segment::Arc { from: 0.0, to: 1.5, centre_height: 2.0, centre_radius: 3.0, arc_radius: 2.0 },
+        ];
+        for segment in segments {
+            let (from, to) = segment.range();
+            let steps = 100_000;
+            let thickness = (to - from) / f64::from(steps);
+            let sum: f64 = (0..steps)
+                .map(|i| PI * segment.radius(from + thickness * (f64::from(i) + 0.5)).powi(2) * thickness)
+                .sum();
+            assert!((sum - segment.volume()).abs() < 1e-6 * sum, "{segment:?}");
+        }
+    }
+
+    #[test]
+    fn cutting_keeps_the_outline() {
+        let cone = Segment::Line { from: 0.0, to: 10.0, radius_from: 0.0, radius_to: 5.0 };
+        let cut = cone.below(4.0).unwrap();
+        assert_eq!(cut.range(), (0.0, 4.0));
+        assert!((cut.radius(3.0) - cone.radius(3.0)).abs() < 1e-12);
+        assert!(cone.below(0.0).is_none());
+    }
+}

@@ -1,0 +1,286 @@
+//! The tool's voxels in one orientation, in the world grid with the tip on a voxel centre.
+
+use glam::{DMat4, DVec3};
+
+use super::{Segment, Tool, ToolError, ToolShape};
+use crate::grid::Grid;
+use crate::orientation::Orientation;
+use crate::voxelize::voxelize;
+
+/// Which voxels a rotated tool holds, relative to the voxel its tip is on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RotatedTool {
+    /// Offset of the first voxel of the box from the tip's voxel.
+    pub lower: [i32; 3],
+    /// Voxels of the box along x, y, z.
+    pub dims: [usize; 3],
+    /// 1 where solid, C-ordered over the box.
+    pub solid: Vec<u8>,
+    /// Solid voxels: the normaliser of the collision measure in this orientation.
+    pub count: u32,
+}
+
+/// A rotated tool of more voxels than this is refused: it is a slip of units.
+const MOST_VOXELS: u64 = 1 << 31;
+
+impl RotatedTool {
+    /// The tool turned by `orientation`, voxelised at `pitch` (in the tool's own unit).
+    ///
+    /// A voxel is solid where its centre is inside in the tool frame: `0 ≤ z < length` and
+    /// `r² ≤ ρ(z)² + 1e-9·pitch²`; a mesh tool by its winding number.
+    ///
+    /// # Errors
+    /// A tool that holds no voxel centre, or whose box is larger than can be indexed.
+    pub fn new(tool: &Tool, orientation: &Orientation, pitch: f64) -> Result<Self, ToolError> {
+        let (lower, upper) = bounds(tool, orientation, pitch);
+        let spans = (upper - lower + 1.0).to_array();
+        let dims64 = spans.map(|s| s as u64);
+        let voxels = dims64.iter().try_fold(1u64, |product, &d| product.checked_mul(d));
+        if voxels.is_none_or(|n| n > MOST_VOXELS) || lower.abs().max_element() > 1e9 {
+            return Err(ToolError::TooLarge { name: tool.name.clone(), dims: dims64, pitch });
+        }
+        let mut rotated = Self {
+            lower: lower.to_array().map(|v| v as i32),
+            dims: dims64.map(|d| d as usize),
+            solid: vec![0; dims64.iter().product::<u64>() as usize],
+            count: 0,
+        };
+        match &tool.shape {
+            ToolShape::Revolved(elements) => {
+                let profile: Vec<Segment> = elements.iter().flat_map(|e| e.profile.iter().copied()).collect();
+                rotated.fill_revolved(&profile, orientation.direction(), pitch);
+            }
+            ToolShape::Mesh(mesh) => {
+                let turned = mesh.transformed(&DMat4::from_mat3(orientation.rotation()));
+                let grid = Grid { origin: (lower - 0.5) * pitch, pitch, dims: rotated.dims };
+                rotated.solid = voxelize(&turned, &grid, false).solid;
+            }
+        }
+        rotated.count = rotated.solid.iter().map(|&s| u32::from(s)).sum();
+        if rotated.count == 0 {
+            return Err(ToolError::TooSmall { name: tool.name.clone(), pitch });
+        }
+        rotated.crop();
+        Ok(rotated)
+    }
+
+    /// Offset of the last voxel of the box from the tip's voxel.
+    #[must_use]
+    pub fn upper(&self) -> [i32; 3] {
+        [0, 1, 2].map(|axis| self.lower[axis] + self.dims[axis] as i32 - 1)
+    }
+
+    /// Tests voxel centres, line by line along z, within the cylinder around the widest radius.
+    fn fill_revolved(&mut self, profile: &[Segment], direction: DVec3, pitch: f64) {
+        let length = profile.last().map_or(0.0, |s| s.range().1);
+        let widest = profile.iter().map(Segment::max_radius).fold(0.0, f64::max);
+        let slack = 1e-9 * pitch * pitch;
+        let [nx, ny, nz] = self.dims;
+        for (ix, iy) in (0..nx).flat_map(|ix| (0..ny).map(move |iy| (ix, iy))) {
+            let x = f64::from(self.lower[0] + ix as i32) * pitch;
+            let y = f64::from(self.lower[1] + iy as i32) * pitch;
+            let candidates = line_through_cylinder(x, y, direction, widest, length, pitch);
+            let first = (candidates.0 - f64::from(self.lower[2])).clamp(0.0, nz as f64) as usize;
+            let last = (candidates.1 - f64::from(self.lower[2]) + 1.0).clamp(0.0, nz as f64) as usize;
+            let line = &mut self.solid[(ix * ny + iy) * nz..][..nz];
+            for iz in first..last {
+                let p = DVec3::new(x, y, f64::from(self.lower[2] + iz as i32) * pitch);
+                let height = p.dot(direction);
+                if height < 0.0 || height >= length {
+                    continue;
+                }
+                let Some(segment) = profile.iter().find(|s| s.range().0 <= height && height < s.range().1) else { continue };
+                let distance_squared = p.length_squared() - height * height;
+                let radius = segment.radius(height);
+                line[iz] = u8::from(distance_squared <= radius * radius + slack);
+            }
+        }
+    }
+
+    /// Shrinks the box to its solid voxels, so that convolutions are no larger than they need be.
+    fn crop(&mut self) {
+        let [nx, ny, nz] = self.dims;
+        let (mut low, mut high) = ([nx, ny, nz], [0usize; 3]);
+        for (index, _) in self.solid.iter().enumerate().filter(|&(_, &s)| s != 0) {
+            let voxel = [index / (ny * nz), index / nz % ny, index % nz];
+            for axis in 0..3 {
+                low[axis] = low[axis].min(voxel[axis]);
+                high[axis] = high[axis].max(voxel[axis]);
+            }
+        }
+        let dims = [0, 1, 2].map(|axis| high[axis] - low[axis] + 1);
+        if dims == self.dims {
+            return;
+        }
+        let mut cropped = Vec::with_capacity(dims.iter().product());
+        for x in low[0]..=high[0] {
+            for y in low[1]..=high[1] {
+                let start = (x * ny + y) * nz + low[2];
+                cropped.extend_from_slice(&self.solid[start..start + dims[2]]);
+            }
+        }
+        self.lower = [0, 1, 2].map(|axis| self.lower[axis] + low[axis] as i32);
+        self.dims = dims;
+        self.solid = cropped;
+    }
+}
+
+/// Offsets (whole numbers of voxels) of a box that surely holds the rotated tool.
+fn bounds(tool: &Tool, orientation: &Orientation, pitch: f64) -> (DVec3, DVec3) {
+    let (lower, upper) = match &tool.shape {
+        ToolShape::Revolved(elements) => {
+            let d = orientation.direction();
+            let (mut lower, mut upper) = (DVec3::splat(f64::INFINITY), DVec3::splat(f64::NEG_INFINITY));
+            for segment in elements.iter().flat_map(|e| &e.profile) {
+                // A disc of radius ρ around the axis spans ρ·√(1 − dᵢ²) along axis i.
+                let spread = (1.0 - d * d).max(DVec3::ZERO).map(f64::sqrt) * segment.max_radius();
+                for height in [segment.range().0, segment.range().1] {
+                    lower = lower.min(d * height - spread);
+                    upper = upper.max(d * height + spread);
+                }
+            }
+            (lower, upper)
+        }
+        ToolShape::Mesh(mesh) => {
+            mesh.transformed(&DMat4::from_mat3(orientation.rotation())).bounds().unwrap_or_default()
+        }
+    };
+    ((lower / pitch).floor() - 1.0, (upper / pitch).ceil() + 1.0)
+}
+
+/// Range of voxel offsets along z within which the line over (x, y) can meet the cylinder of radius `widest` and
+/// length `length` along `direction`; one voxel generous at either end.
+fn line_through_cylinder(
+    x: f64,
+    y: f64,
+    direction: DVec3,
+    widest: f64,
+    length: f64,
+    pitch: f64,
+) -> (f64, f64) {
+    let flat = x * direction.x + y * direction.y;
+    let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
+    // 0 ≤ flat + z·d_z < length
+    if direction.z.abs() > 1e-9 {
+        let (a, b) = (-flat / direction.z, (length - flat) / direction.z);
+        (low, high) = (a.min(b), a.max(b));
+    } else if flat < -pitch || flat > length + pitch {
+        return (0.0, -2.0);
+    }
+    // |p|² − (p·d)² ≤ widest²: a quadratic in z.
+    let a = 1.0 - direction.z * direction.z;
+    if a > 1e-9 {
+        let half_b = -flat * direction.z;
+        let c = x * x + y * y - flat * flat - widest * widest - pitch * pitch;
+        let discriminant = half_b * half_b - a * c;
+        if discriminant < 0.0 {
+            return (0.0, -2.0);
+        }
+        let root = discriminant.sqrt();
+        low = low.max((-half_b - root) / a);
+        high = high.min((-half_b + root) / a);
+    }
+    ((low / pitch).floor() - 1.0, (high / pitch).ceil() + 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::orientation::OrientationSet;
+
+    /// Every voxel of a generous box tested against the definition.
+    fn definition(tool: &Tool, orientation: &Orientation, pitch: f64) -> Vec<[i32; 3]> {
+        let ToolShape::Revolved(elements) = &tool.shape else { panic!("revolved") };
+        let d = orientation.direction();
+        let reach = (tool.reach() / pitch).ceil() as i32 + 1;
+        let mut inside = Vec::new();
+        for x in -reach..=reach {
+            for y in -reach..=reach {
+                for z in -reach..=reach {
+                    let p = DVec3::new(f64::from(x), f64::from(y), f64::from(z)) * pitch;
+                    let height = p.dot(d);
+                    let r2 = p.length_squared() - height * height;
+                    let solid = elements.iter().flat_map(|e| &e.profile).any(|s| {
+                        (s.range().0..s.range().1).contains(&height)
+                            && r2 <= s.radius(height).powi(2) + 1e-9 * pitch * pitch
+                    });
+                    if solid {
+                        inside.push([x, y, z]);
+                    }
+                }
+            }
+        }
+        inside
+    }
+
+    fn offsets(rotated: &RotatedTool) -> Vec<[i32; 3]> {
+        let [_, ny, nz] = rotated.dims;
+        (0..rotated.solid.len())
+            .filter(|&i| rotated.solid[i] == 1)
+            .map(|i| [i / (ny * nz), i / nz % ny, i % nz])
+            .map(|v| [0, 1, 2].map(|axis| rotated.lower[axis] + v[axis] as i32))
+            .collect()
+    }
+
+    #[test]
+    fn rotated_tools_are_their_definition() {
+        let tool = Tool::paper();
+        let mut set = OrientationSet::parse("random:12:3").unwrap().orientations;
+        set.extend(OrientationSet::parse("0,0;0,90;90,90;0,180;45,90;0,45").unwrap().orientations);
+        for orientation in set {
+            let rotated = RotatedTool::new(&tool, &orientation, 3.1).unwrap();
+            let expected = definition(&tool, &orientation, 3.1);
+            assert_eq!(offsets(&rotated), expected, "{orientation:?}");
+            assert_eq!(rotated.count as usize, expected.len());
+        }
+    }
+
+    #[test]
+    fn upright_the_papers_tool_is_29_by_29_by_83_voxels() {
+        let rotated = RotatedTool::new(&Tool::paper(), &Orientation::default(), 1.0).unwrap();
+        assert_eq!(rotated.dims, [29, 29, 83]);
+        assert_eq!(rotated.lower, [-14, -14, 0]);
+        assert_eq!(rotated.upper(), [14, 14, 82]);
+    }
+
+    #[test]
+    fn a_mesh_tool_turns_like_its_vertices() {
+        // A box 4 × 2 × 6 off the axis.
+        let mut mesh = Mesh::default();
+        for corner in 0..8 {
+            let pick = |bit: i32, low: f64, high: f64| if corner >> bit & 1 == 0 { low } else { high };
+            mesh.vertices.push(DVec3::new(pick(0, 0.6, 4.6), pick(1, -1.1, 0.9), pick(2, 0.3, 6.3)));
+        }
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        mesh.triangles = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        assert!((mesh.signed_volume() - 48.0).abs() < 1e-9);
+        let tool = Tool { shape: ToolShape::Mesh(mesh), ..Tool::paper() };
+        let upright = RotatedTool::new(&tool, &Orientation::default(), 1.0).unwrap();
+        assert_eq!((upright.dims, upright.lower), ([4, 2, 6], [1, -1, 1]));
+        let turned = RotatedTool::new(&tool, &Orientation { theta: 0.0, phi: 90.0, roll: 0.0 }, 1.0).unwrap();
+        // R_y(90°): x → −z, z → x.
+        assert_eq!((turned.dims, turned.lower), ([6, 2, 4], [1, -1, -4]));
+    }
+
+    #[test]
+    fn absurd_sizes_are_refused() {
+        let tool = Tool::paper();
+        assert!(matches!(
+            RotatedTool::new(&tool, &Orientation::default(), 1e-3),
+            Err(ToolError::TooLarge { .. })
+        ));
+        let thin = Tool {
+            shape: ToolShape::Revolved(vec![super::super::Element {
+                kind: super::super::ElementKind::Cutter,
+                profile: vec![Segment::Line { from: 0.5, to: 0.9, radius_from: 0.1, radius_to: 0.1 }],
+            }]),
+            ..tool
+        };
+        assert!(matches!(
+            RotatedTool::new(&thin, &Orientation::default(), 1.0),
+            Err(ToolError::TooSmall { .. })
+        ));
+    }
+
+    use crate::mesh::Mesh;
+}
