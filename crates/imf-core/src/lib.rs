@@ -1,5 +1,7 @@
 //! Core.
+pub mod atomic_file;
 pub mod control;
+pub mod field_files;
 pub mod grid;
 pub mod mesh;
 pub mod occupancy;
@@ -9,4 +11,5 @@ pub mod section;
 pub mod siren;
 pub mod tool;
 pub mod training;
+pub mod unit;
 pub mod voxelize;

@@ -1,9 +1,15 @@
 //! Triangle meshes: what they hold, what can be said about them, and the rigid set-up transform.
 
 use glam::{DMat4, DVec3};
+use serde::{Deserialize, Serialize};
+
+pub mod read;
+pub mod topology;
+mod weld;
+pub mod write;
 
 /// A triangle mesh in its own unit. Vertices may be shared or repeated; orientation may be any.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Mesh {
     /// Vertex positions.
     pub vertices: Vec<DVec3>,
@@ -61,5 +67,27 @@ impl Mesh {
         let base = self.vertices.len() as u32;
         self.vertices.extend_from_slice(&other.vertices);
         self.triangles.extend(other.triangles.iter().map(|t| t.map(|v| v + base)));
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// The cube [0, 1]³, triangles outwards.
+    pub(crate) fn unit_cube() -> Mesh {
+        let vertices = (0..8).map(|i| DVec3::new(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2)));
+        let sides: [[u32; 4]; 6] =
+            [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let triangles = sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]);
+        Mesh { vertices: vertices.collect(), triangles: triangles.collect() }
+    }
+
+    #[test]
+    fn volume_is_signed_and_survives_mirroring() {
+        let cube = unit_cube();
+        assert!((cube.signed_volume() - 1.0).abs() < 1e-15);
+        let mirror = DMat4::from_scale(DVec3::new(-2.0, 1.0, 1.0));
+        assert!((cube.transformed(&mirror).signed_volume() - 2.0).abs() < 1e-15);
     }
 }

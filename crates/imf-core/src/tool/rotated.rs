@@ -89,7 +89,10 @@ impl RotatedTool {
                 if height < 0.0 || height >= length {
                     continue;
                 }
-                let Some(segment) = profile.iter().find(|s| s.range().0 <= height && height < s.range().1) else { continue };
+                let Some(segment) = profile.iter().find(|s| s.range().0 <= height && height < s.range().1)
+                else {
+                    continue;
+                };
                 let distance_squared = p.length_squared() - height * height;
                 let radius = segment.radius(height);
                 line[iz] = u8::from(distance_squared <= radius * radius + slack);

@@ -1,0 +1,226 @@
+//! Files that appear whole or not at all.
+//!
+//! A file is written under a temporary name in its own folder, flushed to the disk, and renamed. Whoever reads the
+//! final name sees the old content or the new one, never half of either, also after a crash or a power cut.
+//! On an error the temporary file is removed and the old content stays.
+
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+/// Why a file could not be written. The old content of `path`, if there was any, is untouched.
+#[derive(Debug, Error)]
+pub enum AtomicFileError {
+    /// The folder of the file does not exist.
+    #[error("cannot write {path}: its folder {folder} does not exist; create it first")]
+    MissingFolder {
+        /// The file to be written.
+        path: PathBuf,
+        /// The folder that is missing.
+        folder: PathBuf,
+    },
+    /// The folder or the existing file may not be written.
+    #[error("cannot write {path}: no permission ({source}); choose another folder or change its permissions")]
+    Permission {
+        /// The file to be written.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The disk or the user's share of it is full.
+    #[error("cannot write {path}: the disk is full ({source}); free some space or choose another disk")]
+    Full {
+        /// The file to be written.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The path names a folder, a device or a pipe.
+    #[error("cannot write {path}: it names a folder or a device; give the name of a file")]
+    NotAFile {
+        /// The path given.
+        path: PathBuf,
+    },
+    /// Anything else.
+    #[error("cannot write {path}: {source}")]
+    Other {
+        /// The file to be written.
+        path: PathBuf,
+        /// What the system, or the function that produced the content, said.
+        source: io::Error,
+    },
+}
+
+impl AtomicFileError {
+    fn new(path: &Path, source: io::Error) -> Self {
+        let path = path.to_path_buf();
+        match source.kind() {
+            io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
+                Self::Permission { path, source }
+            }
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => Self::Full { path, source },
+            _ => Self::Other { path, source },
+        }
+    }
+}
+
+/// Writes a file whole or not at all: `write` receives a buffered writer, and its content replaces `path` only after
+/// everything has reached the disk. A symbolic link is followed. On Unix a new file has the permissions that the
+/// user's umask leaves, and a replaced file keeps its own.
+///
+/// # Errors
+/// The folder is missing, may not be written or is full; an existing file is write-protected; `path` names a folder or a
+/// device; or `write` failed. The temporary file is removed then.
+pub fn write_atomically(
+    path: impl AsRef<Path>,
+    write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
+) -> Result<(), AtomicFileError> {
+    let path = path.as_ref();
+    let fail = |source| AtomicFileError::new(path, source);
+    // Renaming onto a link would replace the link, not the file behind it.
+    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
+    let existing = fs::metadata(&target).ok();
+    // Renaming onto a device would remove the device.
+    let Some(name) = target.file_name() else { return Err(AtomicFileError::NotAFile { path: path.into() }) };
+    if existing.as_ref().is_some_and(|metadata| !metadata.is_file()) {
+        return Err(AtomicFileError::NotAFile { path: path.into() });
+    }
+    // Renaming needs no permission on the old file, so its protection has to be respected here.
+    if existing.as_ref().is_some_and(|metadata| metadata.permissions().readonly()) {
+        let source = io::Error::new(io::ErrorKind::PermissionDenied, "the file is write-protected");
+        return Err(AtomicFileError::Permission { path: path.into(), source });
+    }
+    let folder = match target.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    if !folder.is_dir() {
+        return Err(AtomicFileError::MissingFolder { path: path.into(), folder: folder.into() });
+    }
+
+    let mut prefix = OsString::from(".");
+    prefix.push(name);
+    prefix.push(".");
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(&prefix).suffix(".part");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        // The umask applies; the crate's own default would be for the user's eyes only.
+        builder.permissions(fs::Permissions::from_mode(0o666));
+    }
+    let temporary = builder.tempfile_in(folder).map_err(fail)?;
+    let mut writer = BufWriter::with_capacity(1 << 16, temporary.as_file());
+    write(&mut writer).and_then(|()| writer.flush()).map_err(fail)?;
+    drop(writer);
+    if let Some(metadata) = existing {
+        temporary.as_file().set_permissions(metadata.permissions()).map_err(fail)?;
+    }
+    temporary.as_file().sync_all().map_err(fail)?;
+    temporary.persist(&target).map_err(|error| fail(error.error))?;
+    sync_folder(folder).map_err(fail)
+}
+
+/// Makes the rename itself durable. Other systems than Unix offer no such call.
+#[cfg(unix)]
+fn sync_folder(folder: &Path) -> io::Result<()> {
+    match File::open(folder).and_then(|folder| folder.sync_all()) {
+        // Some network file systems cannot flush a folder, and some folders may be written but not listed.
+        Err(error)
+            if matches!(
+                error.kind(),
+                io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported | io::ErrorKind::PermissionDenied
+            ) =>
+        {
+            Ok(())
+        }
+        result => result,
+    }
+}
+
+#[cfg(not(unix))]
+fn sync_folder(_: &Path) -> io::Result<()> {
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entries(folder: &Path) -> Vec<OsString> {
+        fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name()).collect()
+    }
+
+    #[test]
+    fn a_file_is_made_and_replaced_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.bin");
+        write_atomically(&path, |writer| writer.write_all(b"old")).unwrap();
+        write_atomically(&path, |writer| {
+            writer.write_all(b"new content")?;
+            writer.flush()?;
+            // Until the end, readers see what was there before.
+            assert_eq!(fs::read(&path)?, b"old");
+            Ok(())
+        })
+        .unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new content");
+        assert_eq!(entries(folder.path()), ["a.bin"]);
+    }
+
+    #[test]
+    fn a_failure_keeps_the_old_file_and_leaves_nothing_behind() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.bin");
+        fs::write(&path, b"old").unwrap();
+        let full = |writer: &mut BufWriter<&File>| {
+            writer.write_all(b"half")?;
+            Err(io::Error::from(io::ErrorKind::StorageFull))
+        };
+        let error = write_atomically(&path, full).unwrap_err();
+        assert!(matches!(error, AtomicFileError::Full { .. }));
+        assert!(
+            error.to_string().contains("a.bin") && error.to_string().contains("free some space"),
+            "{error}"
+        );
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(entries(folder.path()), ["a.bin"]);
+    }
+
+    #[test]
+    fn impossible_places_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let missing = write_atomically(folder.path().join("no/such/a.bin"), |_| Ok(())).unwrap_err();
+        assert!(matches!(missing, AtomicFileError::MissingFolder { .. }), "{missing}");
+        let error = write_atomically(folder.path(), |_| Ok(())).unwrap_err();
+        assert!(matches!(error, AtomicFileError::NotAFile { .. }), "{error}");
+        let path = folder.path().join("protected");
+        fs::write(&path, b"old").unwrap();
+        let mut permissions = fs::metadata(&path).unwrap().permissions();
+        permissions.set_readonly(true);
+        fs::set_permissions(&path, permissions).unwrap();
+        let error = write_atomically(&path, |_| Ok(())).unwrap_err();
+        assert!(matches!(error, AtomicFileError::Permission { .. }), "{error}");
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_devices_and_permissions_are_respected() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let folder = tempfile::tempdir().unwrap();
+        let (path, link) = (folder.path().join("real"), folder.path().join("link"));
+        fs::write(&path, b"old").unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o640)).unwrap();
+        symlink(&path, &link).unwrap();
+        write_atomically(&link, |writer| writer.write_all(b"new")).unwrap();
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o640);
+        let error = write_atomically("/dev/null", |_| Ok(())).unwrap_err();
+        assert!(matches!(error, AtomicFileError::NotAFile { .. }), "{error}");
+    }
+}

@@ -1,0 +1,201 @@
+//! ParaView's `.vti` (VTK XML image data): several named fields on the voxels, placed in the world.
+//!
+//! A voxel is a cell: cell (i, j, k) spans `Origin + Spacing·(i, j, k)` to the next, so `Origin` is the grid's own
+//! origin and the values are cell data. VTK counts with x fastest, so the values are transposed on the way. They
+//! follow the XML as appended raw little-endian binary, each block after its length in bytes (u64).
+//!
+//! Written here because the one crate for these files, `vtkio`, keeps origin and spacing in f32, which displaces the
+//! voxels of a part far from the origin, and wants a copy of all values in memory.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use ndarray::ArrayView3;
+
+use super::{FieldFileError, FieldValues, NamedField};
+use crate::atomic_file::write_atomically;
+use crate::grid::Grid;
+
+/// Layers in z that are gathered together: one cache line of f32, so that each is read once.
+const LAYERS: usize = 16;
+
+/// Writes fields over a grid as `.vti`, whole or not at all. Positions are in the grid's unit.
+///
+/// # Errors
+/// No field, a field that does not fit the grid, a name that is empty or used twice, or a file that cannot be written.
+pub fn write_vti(
+    path: impl AsRef<Path>,
+    grid: &Grid,
+    fields: &[NamedField<'_>],
+) -> Result<(), FieldFileError> {
+    let path = path.as_ref();
+    check(path, grid, fields)?;
+    write_atomically(path, |out| {
+        write_header(out, grid, fields)?;
+        for field in fields {
+            out.write_all(&block_bytes(&field.values).to_le_bytes())?;
+            match &field.values {
+                FieldValues::F32(values) => write_x_fastest(out, values, f32::to_le_bytes)?,
+                FieldValues::U8(values) => write_x_fastest(out, values, u8::to_le_bytes)?,
+                FieldValues::U32(values) => write_x_fastest(out, values, u32::to_le_bytes)?,
+            }
+        }
+        out.write_all(b"\n  </AppendedData>\n</VTKFile>\n")
+    })?;
+    Ok(())
+}
+
+fn check(path: &Path, grid: &Grid, fields: &[NamedField<'_>]) -> Result<(), FieldFileError> {
+    if fields.is_empty() {
+        return Err(FieldFileError::NoField { path: path.into() });
+    }
+    for (i, field) in fields.iter().enumerate() {
+        let name = field.name.to_owned();
+        let found = field.values.dims();
+        if found != grid.dims {
+            return Err(FieldFileError::Dims { path: path.into(), name, found, expected: grid.dims });
+        }
+        if name.is_empty() || fields[..i].iter().any(|other| other.name == name) {
+            return Err(FieldFileError::Name { path: path.into(), name });
+        }
+    }
+    Ok(())
+}
+
+fn write_header(out: &mut impl Write, grid: &Grid, fields: &[NamedField<'_>]) -> io::Result<()> {
+    let [x, y, z] = grid.dims;
+    let (origin, pitch) = (grid.origin, grid.pitch);
+    let extent = format!("0 {x} 0 {y} 0 {z}");
+    writeln!(out, r#"<?xml version="1.0"?>"#)?;
+    writeln!(
+        out,
+        r#"<VTKFile type="ImageData" version="1.0" byte_order="LittleEndian" header_type="UInt64">"#
+    )?;
+    write!(out, r#"  <ImageData WholeExtent="{extent}" "#)?;
+    writeln!(out, r#"Origin="{} {} {}" Spacing="{pitch} {pitch} {pitch}">"#, origin.x, origin.y, origin.z)?;
+    writeln!(out, r#"    <Piece Extent="{extent}">"#)?;
+    // The first field is the one that a viewer shows.
+    writeln!(out, r#"      <CellData Scalars="{}">"#, escaped(fields[0].name))?;
+    let mut offset = 0;
+    for field in fields {
+        let kind = match field.values {
+            FieldValues::F32(_) => "Float32",
+            FieldValues::U8(_) => "UInt8",
+            FieldValues::U32(_) => "UInt32",
+        };
+        let name = escaped(field.name);
+        writeln!(
+            out,
+            r#"        <DataArray type="{kind}" Name="{name}" format="appended" offset="{offset}"/>"#
+        )?;
+        offset += size_of::<u64>() as u64 + block_bytes(&field.values);
+    }
+    writeln!(out, "      </CellData>\n    </Piece>\n  </ImageData>")?;
+    // Offsets count from the byte after the underscore.
+    write!(out, "  <AppendedData encoding=\"raw\">\n   _")
+}
+
+fn block_bytes(values: &FieldValues<'_>) -> u64 {
+    let size = match values {
+        FieldValues::F32(_) | FieldValues::U32(_) => 4,
+        FieldValues::U8(_) => 1,
+    };
+    values.dims().iter().map(|&d| d as u64).product::<u64>() * size
+}
+
+/// Writes `[x, y, z]` values with x fastest, a few layers of z at a time.
+fn write_x_fastest<T: Copy, const N: usize>(
+    out: &mut impl Write,
+    values: &ArrayView3<'_, T>,
+    to_bytes: impl Fn(T) -> [u8; N],
+) -> io::Result<()> {
+    let (nx, ny, nz) = values.dim();
+    let mut slab = vec![[0; N]; nx * ny * LAYERS.min(nz)];
+    for first in (0..nz).step_by(LAYERS) {
+        let layers = LAYERS.min(nz - first);
+        for x in 0..nx {
+            for y in 0..ny {
+                for layer in 0..layers {
+                    slab[(layer * ny + y) * nx + x] = to_bytes(values[[x, y, first + layer]]);
+                }
+            }
+        }
+        out.write_all(slab[..nx * ny * layers].as_flattened())?;
+    }
+    Ok(())
+}
+
+/// A name as the value of an XML attribute.
+fn escaped(name: &str) -> String {
+    name.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use ndarray::Array3;
+
+    use super::*;
+
+    fn grid() -> Grid {
+        Grid { origin: DVec3::new(-1.5, 1000.5, 0.1), pitch: 0.1, dims: [5, 4, 19] }
+    }
+
+    /// Reads one value back by the format's rules: offset attribute, u64 length, x fastest.
+    fn value_at<const N: usize>(file: &[u8], name: &str, voxel: [usize; 3]) -> [u8; N] {
+        let start = file.windows(5).position(|w| w == b"\n   _").unwrap() + 5;
+        let xml = std::str::from_utf8(&file[..start]).unwrap();
+        let line = xml.lines().find(|line| line.contains(&format!("Name=\"{name}\""))).unwrap();
+        let offset: usize =
+            line.split("offset=\"").nth(1).unwrap().split('"').next().unwrap().parse().unwrap();
+        let block = &file[start + offset..];
+        let [nx, ny, nz] = grid().dims;
+        let length = u64::from_le_bytes(block[..8].try_into().unwrap()) as usize;
+        assert_eq!(length, nx * ny * nz * N);
+        let at = 8 + ((voxel[2] * ny + voxel[1]) * nx + voxel[0]) * N;
+        block[at..at + N].try_into().unwrap()
+    }
+
+    #[test]
+    fn every_voxel_of_every_field_is_where_vtk_looks_for_it() {
+        let grid = grid();
+        let index = |(x, y, z)| grid.index([x, y, z]);
+        let real = Array3::from_shape_fn(grid.dims, |voxel| index(voxel) as f32 + 0.25);
+        let flags = Array3::from_shape_fn(grid.dims, |voxel| index(voxel) as u8);
+        let counts = Array3::from_shape_fn(grid.dims, |voxel| 1000 * index(voxel) as u32);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("field.vti");
+        let fields = [
+            NamedField::new("imf", real.view()),
+            NamedField::new("solid <&\">", flags.view()),
+            NamedField::new("best", counts.view()),
+        ];
+        write_vti(&path, &grid, &fields).unwrap();
+        let file = std::fs::read(&path).unwrap();
+        for i in 0..grid.len() {
+            let voxel = grid.voxel(i);
+            assert_eq!(f32::from_le_bytes(value_at(&file, "imf", voxel)), i as f32 + 0.25);
+            assert_eq!(value_at(&file, "solid &lt;&amp;&quot;&gt;", voxel), [i as u8]);
+            assert_eq!(u32::from_le_bytes(value_at(&file, "best", voxel)), 1000 * i as u32);
+        }
+        let text = String::from_utf8_lossy(&file);
+        assert!(
+            text.contains(r#"WholeExtent="0 5 0 4 0 19" Origin="-1.5 1000.5 0.1" Spacing="0.1 0.1 0.1""#)
+        );
+        assert!(file.ends_with(b"\n  </AppendedData>\n</VTKFile>\n"));
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("field.vti");
+        let (good, small) = (Array3::<u8>::zeros(grid().dims), Array3::<u8>::zeros((5, 4, 18)));
+        let refusal = |fields: &[NamedField<'_>]| write_vti(&path, &grid(), fields).unwrap_err().to_string();
+        let text = refusal(&[NamedField::new("imf", small.view())]);
+        assert!(text.contains("field.vti") && text.contains("imf") && text.contains("[5, 4, 18]"), "{text}");
+        let twice = NamedField::new("imf", good.view());
+        assert!(refusal(&[twice, twice]).contains("used twice"));
+        assert!(refusal(&[]).contains("no field"));
+        assert!(!path.exists());
+    }
+}

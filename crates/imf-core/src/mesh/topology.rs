@@ -1,0 +1,271 @@
+//! What can be said about a mesh: its boundary, its pieces, its volume, and a report for the user.
+//!
+//! Everything here follows vertex indices, not positions: vertices that coincide must be shared
+//! ([`Mesh::welded`]; the readers do so).
+
+use std::fmt;
+
+use glam::DVec3;
+use rayon::slice::ParallelSliceMut;
+use serde::Serialize;
+
+use super::Mesh;
+use crate::unit::{Length, LengthUnit};
+
+/// A triangle counts as degenerate if it is this thin: twice its area over its longest edge squared.
+const DEGENERATE_RATIO: f64 = 1e-12;
+
+/// The boundary of a mesh as a 1-chain, `∂ Σ triangles`.
+///
+/// For each edge the net number of directed uses by triangles, a→b minus b→a, is counted. Edges where it is not zero
+/// are listed in the direction of the surplus with its (positive) size, sorted by the directed vertex pair.
+/// The list is empty exactly when the directed uses of every edge cancel, and at every vertex as much goes in as out.
+/// It is defined for any triangles at all: edges shared by one, three or more, neighbours that disagree on
+/// orientation, triangles that name a vertex twice. It is what a generalised winding number of an open mesh depends on.
+#[must_use]
+pub fn boundary_chain(mesh: &Mesh) -> Vec<([u32; 2], i32)> {
+    let mut uses = Vec::with_capacity(3 * mesh.triangles.len());
+    for &[a, b, c] in &mesh.triangles {
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            // The edge from a vertex to itself is nothing.
+            if from != to {
+                uses.push(if from < to { ([from, to], 1) } else { ([to, from], -1) });
+            }
+        }
+    }
+    uses.par_sort_unstable();
+    let mut chain: Vec<_> = uses
+        .chunk_by(|(first, _), (second, _)| first == second)
+        .filter_map(|run| {
+            let [low, high] = run[0].0;
+            match run.iter().map(|&(_, sign)| sign).sum::<i32>() {
+                0 => None,
+                net if net > 0 => Some(([low, high], net)),
+                net => Some(([high, low], -net)),
+            }
+        })
+        .collect();
+    chain.sort_unstable();
+    chain
+}
+
+/// Number of pieces of a mesh: sets of triangles connected by shared vertices.
+///
+/// # Panics
+/// If a triangle names a vertex that does not exist.
+#[must_use]
+pub fn component_count(mesh: &Mesh) -> usize {
+    fn root(parents: &mut [u32], mut vertex: u32) -> u32 {
+        while parents[vertex as usize] != vertex {
+            // Path halving keeps the trees flat.
+            let grandparent = parents[parents[vertex as usize] as usize];
+            parents[vertex as usize] = grandparent;
+            vertex = grandparent;
+        }
+        vertex
+    }
+    let mut parents: Vec<u32> = (0..mesh.vertices.len() as u32).collect();
+    let mut used = vec![false; mesh.vertices.len()];
+    for &[a, b, c] in &mesh.triangles {
+        for (from, to) in [(a, b), (b, c)] {
+            let (from, to) = (root(&mut parents, from), root(&mut parents, to));
+            // The smaller index becomes the root.
+            parents[from.max(to) as usize] = from.min(to);
+        }
+        for vertex in [a, b, c] {
+            used[vertex as usize] = true;
+        }
+    }
+    (0..parents.len()).filter(|&v| used[v] && parents[v] as usize == v).count()
+}
+
+/// Facts about a mesh. Lengths and volumes are in the mesh's own unit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MeshReport {
+    /// Number of triangles.
+    pub triangles: usize,
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Edge lengths of the box around the mesh along x, y and z; zero without triangles.
+    pub extents: DVec3,
+    /// Triangles without area: twice the area is at most 10⁻¹² of the longest edge squared.
+    pub degenerate_triangles: usize,
+    /// Edges whose directed uses do not cancel: borders of holes, or seams between triangles that disagree on
+    /// orientation. See [`boundary_chain`].
+    pub boundary_edges: usize,
+    /// Pieces connected by shared vertices.
+    pub components: usize,
+    /// Volume by the divergence theorem; only of an orienting kind (about the box's centre) when the mesh is open.
+    pub signed_volume: f64,
+    /// There are triangles, and the mesh has no boundary.
+    pub closed: bool,
+    /// The mesh is closed and its triangles face inwards on the whole: the signed volume is negative.
+    pub inverted: bool,
+}
+
+impl MeshReport {
+    /// Examines a mesh.
+    ///
+    /// # Panics
+    /// If a triangle names a vertex that does not exist.
+    #[must_use]
+    pub fn new(mesh: &Mesh) -> Self {
+        let boundary_edges = boundary_chain(mesh).len();
+        let closed = boundary_edges == 0 && !mesh.triangles.is_empty();
+        let signed_volume = mesh.signed_volume();
+        Self {
+            triangles: mesh.triangles.len(),
+            vertices: mesh.vertices.len(),
+            extents: mesh.bounds().map_or(DVec3::ZERO, |(lower, upper)| upper - lower),
+            degenerate_triangles: (0..mesh.triangles.len())
+                .filter(|&t| is_degenerate(mesh.corners(t)))
+                .count(),
+            boundary_edges,
+            components: component_count(mesh),
+            signed_volume,
+            closed,
+            inverted: closed && signed_volume < 0.0,
+        }
+    }
+
+    /// The report as a few lines of text, with lengths in `unit`.
+    #[must_use]
+    pub fn display(&self, unit: LengthUnit) -> impl fmt::Display + '_ {
+        ReportText { report: self, unit }
+    }
+}
+
+fn is_degenerate([a, b, c]: [DVec3; 3]) -> bool {
+    let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
+    (b - a).cross(c - a).length() <= DEGENERATE_RATIO * longest
+}
+
+struct ReportText<'a> {
+    report: &'a MeshReport,
+    unit: LengthUnit,
+}
+
+impl fmt::Display for ReportText<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (report, unit) = (self.report, self.unit);
+        let count = |n: usize, noun: &str| format!("{n} {noun}{}", if n == 1 { "" } else { "s" });
+        let [x, y, z] = report.extents.to_array().map(Length);
+        write!(f, "extents     {x} × {y} × {z} {unit}")?;
+        let vertices =
+            if report.vertices == 1 { "1 vertex".into() } else { format!("{} vertices", report.vertices) };
+        let components = count(report.components, "component");
+        write!(f, "\ntriangles   {} on {vertices}, {components}", report.triangles)?;
+        if report.degenerate_triangles > 0 {
+            write!(f, ", {} without area", report.degenerate_triangles)?;
+        }
+        if report.closed {
+            let volume = Length(report.signed_volume.abs());
+            write!(f, "\nsurface     closed, volume {volume} {unit}³")?;
+            if report.inverted {
+                write!(f, "; its triangles face inwards (treated as if they faced outwards)")?;
+            }
+        } else {
+            let edges = count(report.boundary_edges, "boundary edge");
+            write!(f, "\nsurface     open: {edges}, from holes or triangles that face the wrong way")?;
+            write!(f, " (what is inside is decided by the winding number)")?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+    use crate::mesh::tests::unit_cube;
+
+    fn triangles_of(triangles: Vec<[u32; 3]>) -> Mesh {
+        let count = triangles.iter().flatten().max().map_or(0, |&v| v as usize + 1);
+        let vertices = (0..count).map(|v| DVec3::new(v as f64, (v * v) as f64, (v % 3) as f64)).collect();
+        Mesh { vertices, triangles }
+    }
+
+    #[test]
+    fn the_boundary_of_a_boundary_is_zero_for_any_triangles() {
+        let mut random = ChaCha8Rng::seed_from_u64(1);
+        for round in 0..200 {
+            // Few vertices, many triangles: edges of any multiplicity, repeated vertices, every orientation.
+            let vertices = 1 + round % 9;
+            let triangles: Vec<_> =
+                (0..round).map(|_| [(); 3].map(|()| random.random_range(0..vertices))).collect();
+            let mesh = triangles_of(triangles);
+            let chain = boundary_chain(&mesh);
+            let mut net = BTreeMap::<u32, i32>::new();
+            for &([from, to], multiplicity) in &chain {
+                assert!(multiplicity > 0 && from != to);
+                *net.entry(from).or_default() -= multiplicity;
+                *net.entry(to).or_default() += multiplicity;
+            }
+            assert!(net.values().all(|&surplus| surplus == 0), "{chain:?}");
+            // Against the definition, edge by edge.
+            let uses = |from: u32, to: u32| -> i32 {
+                let pairs = |t: &[u32; 3]| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]];
+                mesh.triangles.iter().flat_map(pairs).filter(|&pair| pair == [from, to]).count() as i32
+            };
+            let listed: BTreeMap<_, _> = chain.iter().copied().collect();
+            assert_eq!(listed.len(), chain.len());
+            for from in 0..vertices {
+                for to in (0..vertices).filter(|&to| to != from) {
+                    let surplus = (uses(from, to) - uses(to, from)).max(0);
+                    assert_eq!(listed.get(&[from, to]).copied().unwrap_or(0), surplus);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn boundaries_of_known_shapes() {
+        assert_eq!(boundary_chain(&unit_cube()), []);
+        let one = triangles_of(vec![[2, 0, 1]]);
+        assert_eq!(boundary_chain(&one), [([0, 1], 1), ([1, 2], 1), ([2, 0], 1)]);
+        // Two neighbours that disagree: the shared edge is used twice in the same direction.
+        let twisted = triangles_of(vec![[0, 1, 2], [0, 1, 3]]);
+        assert!(boundary_chain(&twisted).contains(&([0, 1], 2)));
+        // Three pages of a book.
+        let book = triangles_of(vec![[0, 1, 2], [1, 0, 3], [0, 1, 4]]);
+        assert!(boundary_chain(&book).contains(&([0, 1], 1)));
+        // A triangle and its reverse are nothing, and so is a triangle that names a vertex twice.
+        assert_eq!(boundary_chain(&triangles_of(vec![[0, 1, 2], [2, 1, 0], [3, 4, 4]])), []);
+    }
+
+    #[test]
+    fn the_report_tells_closed_open_and_inverted_apart() {
+        let cube = unit_cube();
+        let report = MeshReport::new(&cube);
+        assert!(report.closed && !report.inverted);
+        assert_eq!((report.triangles, report.vertices, report.components), (12, 8, 1));
+        assert!((report.signed_volume - 1.0).abs() < 1e-15);
+        assert_eq!(report.extents, DVec3::ONE);
+
+        let mut inverted = cube.clone();
+        inverted.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        let report = MeshReport::new(&inverted);
+        assert!(report.closed && report.inverted);
+        assert!(report.display(LengthUnit::Cm).to_string().contains("face inwards"));
+
+        let mut open = cube.clone();
+        open.triangles.truncate(10);
+        let report = MeshReport::new(&open);
+        assert!(!report.closed && !report.inverted);
+        assert_eq!(report.boundary_edges, 4);
+        let text = report.display(LengthUnit::Mm).to_string();
+        assert!(text.contains("1 × 1 × 1 mm") && text.contains("open: 4 boundary edges"), "{text}");
+
+        let mut two = cube.clone();
+        two.append(&cube);
+        two.triangles.push([0, 0, 1]);
+        let report = MeshReport::new(&two);
+        assert_eq!((report.components, report.degenerate_triangles), (2, 1));
+        assert_eq!(MeshReport::new(&two.welded()).components, 1);
+        assert!(!MeshReport::new(&Mesh::default()).closed);
+    }
+}
