@@ -1,0 +1,113 @@
+//! Datasets: samples of exact sections on disk, drawn once and trained from many times.
+//!
+//! A dataset is a folder:
+//!
+//! ```text
+//! manifest.json            format, version, scene, orientations, sampling, and one entry for each finished shard
+//! obstacle.safetensors     the scene's solid voxels, eight a byte
+//! shard-00000.safetensors  `starts` u64 [sections + 1], `voxel` u32 [n], `value` f32 [n]
+//! …
+//! ```
+//!
+//! Every file is written whole or not at all, and the manifest names a shard only once it is complete: work that was
+//! interrupted goes on where it stopped. Each section's samples depend on the seed and the section alone.
+
+mod manifest;
+mod sampling;
+mod shard;
+
+pub use manifest::{DatasetError, Manifest, ShardRecord};
+pub use sampling::{Sampling, SamplingError, draw};
+
+use std::path::Path;
+
+use crate::control::Control;
+use crate::orientation::OrientationSet;
+use crate::samples::Samples;
+use crate::scene::Scene;
+use crate::section::{SectionPlan, stream_sections};
+
+/// What [`generate`] did.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Generated {
+    /// Shards that were there already and were kept.
+    pub kept: usize,
+    /// Shards made now.
+    pub made: usize,
+    /// Samples in all shards.
+    pub samples: u64,
+}
+
+/// Makes the dataset of a scene in `folder`, or goes on with one that was interrupted. One unit of progress is one
+/// section; sections of shards that are kept count at once.
+///
+/// # Errors
+/// A folder that holds another dataset or cannot be written, a failed section, or cancellation; finished shards stay.
+pub fn generate(
+    folder: &Path,
+    scene: &Scene,
+    set: &OrientationSet,
+    sampling: &Sampling,
+    control: Control<'_>,
+) -> Result<Generated, DatasetError> {
+    sampling.check()?;
+    let mut manifest = Manifest::start(folder, scene, set, sampling)?;
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool)?;
+    let mut done = Generated { kept: 0, made: 0, samples: 0 };
+    for index in 0..manifest.shard_count() {
+        let sections = manifest.sections_of(index);
+        if manifest.is_intact(folder, index) {
+            done.kept += 1;
+            (control.progress)(sections.len() as u64);
+        } else {
+            let orientations = &set.orientations[sections.clone()];
+            let parts =
+                stream_sections(&plan, orientations, control, Vec::new, |list: &mut Vec<_>, local, cmf| {
+                    let voxels = draw(cmf, sampling, (sections.start + local) as u64);
+                    let values: Vec<f32> = voxels.iter().map(|&v| cmf[v as usize]).collect();
+                    list.push((local, voxels, values));
+                })?;
+            let mut drawn: Vec<_> = parts.into_iter().flatten().collect();
+            drawn.sort_by_key(|&(local, ..)| local);
+            let mut samples = Samples::new(scene.record.grid);
+            for (local, voxels, values) in drawn {
+                samples.push_section(orientations[local].angles(), &voxels, &values);
+            }
+            let record = shard::write(folder, index, &samples)?;
+            manifest.finish_shard(folder, index, record)?;
+            done.made += 1;
+        }
+        done.samples += manifest.shards[index].as_ref().map_or(0, |s| s.samples);
+    }
+    Ok(done)
+}
+
+/// Reads a whole dataset: its scene and all its samples, checked against the manifest.
+///
+/// # Errors
+/// A missing, foreign, newer, damaged or unfinished dataset; the message names the file.
+pub fn load(folder: &Path) -> Result<(Manifest, Scene, Samples), DatasetError> {
+    let manifest = Manifest::read(folder)?;
+    let scene = manifest.scene(folder)?;
+    let missing = manifest.shards.iter().filter(|s| s.is_none()).count();
+    if missing > 0 {
+        return Err(DatasetError::Unfinished {
+            path: folder.display().to_string(),
+            missing,
+            shards: manifest.shards.len(),
+        });
+    }
+    let mut samples = Samples::new(scene.record.grid);
+    for index in 0..manifest.shard_count() {
+        let shard = shard::read(folder, &manifest, index)?;
+        let angles = &manifest.orientations.orientations[manifest.sections_of(index)];
+        for (section, orientation) in angles.iter().enumerate() {
+            let range = shard.starts[section]..shard.starts[section + 1];
+            samples.push_section(orientation.angles(), &shard.voxels[range.clone()], &shard.values[range]);
+        }
+    }
+    Ok((manifest, scene, samples))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,145 @@
+//! Which voxels of a section are sampled.
+
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// How many voxels of each section are sampled, and from where. The defaults are the paper's.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Sampling {
+    /// Share of a section's voxels that is sampled, in (0, 1].
+    pub density: f64,
+    /// Share of the samples that is drawn where CMF > 0, in [0, 1].
+    pub positive_share: f64,
+    /// Seed; with the section's index it fixes the section's samples.
+    pub seed: u64,
+}
+
+impl Default for Sampling {
+    fn default() -> Self {
+        Self { density: 0.35, positive_share: 0.75, seed: 0 }
+    }
+}
+
+/// A share that is out of range.
+#[derive(Debug, Error, PartialEq)]
+#[error("the sampling {name} must be {range}, not {value}")]
+pub struct SamplingError {
+    /// Which number.
+    pub name: &'static str,
+    /// What it may be.
+    pub range: &'static str,
+    /// What it is.
+    pub value: f64,
+}
+
+impl Sampling {
+    /// Checks the shares.
+    ///
+    /// # Errors
+    /// The share that is out of range.
+    pub fn check(&self) -> Result<(), SamplingError> {
+        if !(self.density > 0.0 && self.density <= 1.0) {
+            return Err(SamplingError {
+                name: "density",
+                range: "above 0 and at most 1",
+                value: self.density,
+            });
+        }
+        if !(0.0..=1.0).contains(&self.positive_share) {
+            return Err(SamplingError {
+                name: "positive share",
+                range: "from 0 to 1",
+                value: self.positive_share,
+            });
+        }
+        Ok(())
+    }
+}
+
+/// Draws voxels of section `index` without replacement: `density` of all, `positive_share` of them where CMF > 0,
+/// each side uniformly. A side that is too small is taken whole and topped up from the other. Sorted.
+#[must_use]
+pub fn draw(cmf: &[f32], sampling: &Sampling, index: u64) -> Vec<u32> {
+    let total = ((cmf.len() as f64 * sampling.density).round() as usize).clamp(1, cmf.len());
+    let positive = cmf.iter().filter(|&&v| v > 0.0).count();
+    let zero = cmf.len() - positive;
+    let wanted = ((total as f64 * sampling.positive_share).round() as usize).min(positive);
+    let from_zero = (total - wanted).min(zero);
+    let from_positive = total - from_zero;
+
+    let mut generator = ChaCha8Rng::seed_from_u64(sampling.seed);
+    generator.set_stream(index);
+    // Selection sampling: each voxel is taken with chance (still needed) / (still to come).
+    let mut sides = [(from_zero as u64, zero as u64), (from_positive as u64, positive as u64)];
+    let mut drawn = Vec::with_capacity(total);
+    for (voxel, &value) in cmf.iter().enumerate() {
+        let (needed, left) = &mut sides[usize::from(value > 0.0)];
+        if (u128::from(generator.next_u64()) * u128::from(*left)) >> 64 < u128::from(*needed) {
+            *needed -= 1;
+            drawn.push(voxel as u32);
+        }
+        *left -= 1;
+    }
+    drawn
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn section(positive: usize, zero: usize) -> Vec<f32> {
+        (0..positive + zero)
+            .map(|i| if (i * 7919) % (positive + zero) < positive { 0.25 } else { 0.0 })
+            .collect()
+    }
+
+    fn shares(cmf: &[f32], drawn: &[u32]) -> (usize, usize) {
+        let positive = drawn.iter().filter(|&&v| cmf[v as usize] > 0.0).count();
+        (positive, drawn.len() - positive)
+    }
+
+    #[test]
+    fn three_quarters_are_drawn_where_the_tool_collides() {
+        let cmf = section(500, 500);
+        let drawn = draw(&cmf, &Sampling { density: 0.4, ..Sampling::default() }, 3);
+        assert_eq!(shares(&cmf, &drawn), (300, 100));
+        assert!(drawn.windows(2).all(|w| w[0] < w[1]), "sorted, without repetition");
+    }
+
+    #[test]
+    fn a_small_side_is_taken_whole_and_topped_up() {
+        let sampling = Sampling { density: 0.5, ..Sampling::default() };
+        let cmf = section(100, 901);
+        assert_eq!(shares(&cmf, &draw(&cmf, &sampling, 0)), (100, 401));
+        let cmf = section(990, 11);
+        assert_eq!(shares(&cmf, &draw(&cmf, &sampling, 0)), (490, 11));
+        let all = Sampling { density: 1.0, ..sampling };
+        assert_eq!(shares(&cmf, &draw(&cmf, &all, 0)), (990, 11));
+    }
+
+    #[test]
+    fn seed_and_section_fix_the_draw() {
+        let cmf = section(600, 400);
+        let sampling = Sampling::default();
+        assert_eq!(draw(&cmf, &sampling, 1), draw(&cmf, &sampling, 1));
+        assert_ne!(draw(&cmf, &sampling, 1), draw(&cmf, &sampling, 2));
+        assert_ne!(draw(&cmf, &sampling, 1), draw(&cmf, &Sampling { seed: 1, ..sampling }, 1));
+    }
+
+    #[test]
+    fn every_voxel_of_a_side_is_equally_likely() {
+        let cmf = section(40, 60);
+        let sampling = Sampling { density: 0.2, ..Sampling::default() };
+        let mut hits = vec![0.0; cmf.len()];
+        for index in 0..20_000 {
+            draw(&cmf, &sampling, index).iter().for_each(|&v| hits[v as usize] += 1.0);
+        }
+        for (voxel, &value) in cmf.iter().enumerate() {
+            // 15 of 40 and 5 of 60; the deviation of 20,000 draws is below 70.
+            let expected = 20_000.0 * if value > 0.0 { 15.0 / 40.0 } else { 5.0 / 60.0 };
+            assert!((hits[voxel] - expected as f64).abs() < 350.0, "{voxel}: {}", hits[voxel]);
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! Errors of a field against the exact one, accumulated section by section.
+
+use serde::{Deserialize, Serialize};
+
+/// Sums from which errors follow; add in any order, merge by [`Errors::merge`] in a fixed one for equal bits.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Errors {
+    count: u64,
+    squared: f64,
+    absolute: f64,
+    largest: f64,
+    exact_sum: f64,
+    exact_squared: f64,
+    colliding: u64,
+    free: u64,
+    false_free: u64,
+    false_blocked: u64,
+}
+
+/// What is reported. MSE and MPE as in the paper; decisions call a pose blocked where the field exceeds `threshold`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ErrorReport {
+    /// Values compared.
+    pub count: u64,
+    /// Mean squared error.
+    pub mse: f64,
+    /// Mean absolute error.
+    pub mae: f64,
+    /// Largest absolute error at a point.
+    pub mpe: f64,
+    /// Variance of the exact values: the MSE of the best constant.
+    pub variance: f64,
+    /// Values above which a pose is called blocked by the field; exactly, blocked is CMF > 0.
+    pub threshold: f64,
+    /// Share of colliding poses that the field calls free.
+    pub false_free: f64,
+    /// Share of free poses that the field calls blocked.
+    pub false_blocked: f64,
+    /// Intersection over union of the configuration-space obstacle, exact and by the field.
+    pub iou: f64,
+}
+
+impl Errors {
+    /// Compares a section (or any run of values) with the exact one.
+    ///
+    /// # Panics
+    /// If the lengths differ.
+    pub fn add(&mut self, exact: &[f32], field: &[f32], threshold: f64) {
+        assert_eq!(exact.len(), field.len(), "one value of the field for each exact one");
+        for (&e, &f) in exact.iter().zip(field) {
+            let (e, f) = (f64::from(e), f64::from(f));
+            let error = (f - e).abs();
+            self.squared += error * error;
+            self.absolute += error;
+            // A NaN must not vanish in a maximum.
+            self.largest = if error.is_nan() { f64::NAN } else { self.largest.max(error) };
+            self.exact_sum += e;
+            self.exact_squared += e * e;
+            let (collides, blocked) = (e > 0.0, f > threshold);
+            self.colliding += u64::from(collides);
+            self.free += u64::from(!collides);
+            self.false_free += u64::from(collides && !blocked);
+            self.false_blocked += u64::from(!collides && blocked);
+        }
+        self.count += exact.len() as u64;
+    }
+
+    /// Takes other sums in.
+    pub fn merge(&mut self, other: &Self) {
+        self.count += other.count;
+        self.squared += other.squared;
+        self.absolute += other.absolute;
+        self.largest = if other.largest.is_nan() { f64::NAN } else { self.largest.max(other.largest) };
+        self.exact_sum += other.exact_sum;
+        self.exact_squared += other.exact_squared;
+        self.colliding += other.colliding;
+        self.free += other.free;
+        self.false_free += other.false_free;
+        self.false_blocked += other.false_blocked;
+    }
+
+    /// The errors; all zero where nothing was compared.
+    #[must_use]
+    pub fn report(&self, threshold: f64) -> ErrorReport {
+        let n = self.count.max(1) as f64;
+        let share = |part: u64, whole: u64| if whole == 0 { 0.0 } else { part as f64 / whole as f64 };
+        let mean = self.exact_sum / n;
+        let both = self.colliding - self.false_free;
+        ErrorReport {
+            count: self.count,
+            mse: self.squared / n,
+            mae: self.absolute / n,
+            mpe: self.largest,
+            variance: (self.exact_squared / n - mean * mean).max(0.0),
+            threshold,
+            false_free: share(self.false_free, self.colliding),
+            false_blocked: share(self.false_blocked, self.free),
+            iou: if both + self.false_free + self.false_blocked == 0 {
+                1.0
+            } else {
+                share(both, both + self.false_free + self.false_blocked)
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_of_a_small_case_by_hand() {
+        let mut errors = Errors::default();
+        errors.add(&[0.0, 0.0, 0.5, 1.0], &[0.1, 0.0, 0.0, 1.0], 0.01);
+        let r = errors.report(0.01);
+        assert!((r.mse - 0.26 / 4.0).abs() < 1e-8);
+        assert!((r.mae - 0.6 / 4.0).abs() < 1e-8);
+        assert!((r.mpe - 0.5).abs() < 1e-12);
+        assert!((r.variance - (1.25 / 4.0 - 0.140_625)).abs() < 1e-12);
+        assert_eq!((r.false_free, r.false_blocked), (0.5, 0.5));
+        assert!((r.iou - 1.0 / 3.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn merging_is_adding_and_nan_is_not_hidden() {
+        let mut whole = Errors::default();
+        whole.add(&[0.0, 0.3, 0.7], &[0.1, 0.2, 0.9], 0.0);
+        let (mut first, mut second) = (Errors::default(), Errors::default());
+        first.add(&[0.0], &[0.1], 0.0);
+        second.add(&[0.3, 0.7], &[0.2, 0.9], 0.0);
+        first.merge(&second);
+        assert!((first.report(0.0).mse - whole.report(0.0).mse).abs() < 1e-15);
+        whole.add(&[0.1], &[f32::NAN], 0.0);
+        assert!(whole.report(0.0).mpe.is_nan() && whole.report(0.0).mse.is_nan());
+    }
+}
