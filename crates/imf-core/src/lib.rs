@@ -8,6 +8,7 @@ pub mod mesh;
 pub mod metrics;
 pub mod occupancy;
 pub mod orientation;
+pub mod parts;
 pub mod samples;
 pub mod scene;
 pub mod section;

@@ -1,0 +1,226 @@
+//! A surface built from flat faces with holes and from walls between loops.
+//!
+//! A loop is made once, in the plane, and placed wherever a face or a wall needs it. Corners at exactly equal
+//! positions become one vertex, so faces and walls that share a loop close without a seam, and no tolerance
+//! decides what belongs together.
+
+use std::collections::HashMap;
+
+use earcut::{Earcut, refine};
+use glam::{DVec2, DVec3};
+
+use crate::mesh::Mesh;
+
+/// The world axis that a plane of loops is perpendicular to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axis {
+    /// Planes at constant x; a loop's coordinates are (y, z).
+    X,
+    /// Planes at constant y; a loop's coordinates are (z, x).
+    Y,
+    /// Planes at constant z; a loop's coordinates are (x, y).
+    Z,
+}
+
+/// The side of its plane that a flat face looks to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Facing {
+    /// Towards smaller coordinates on the axis.
+    Down,
+    /// Towards larger coordinates on the axis.
+    Up,
+}
+
+impl Axis {
+    /// The point of the plane at `height` with the plane's coordinates `p`.
+    #[must_use]
+    pub fn point(self, p: DVec2, height: f64) -> DVec3 {
+        match self {
+            Self::X => DVec3::new(height, p.x, p.y),
+            Self::Y => DVec3::new(p.y, height, p.x),
+            Self::Z => DVec3::new(p.x, p.y, height),
+        }
+    }
+
+    /// A loop of the plane at `height`.
+    #[must_use]
+    pub fn place(self, outline: &[DVec2], height: f64) -> Vec<DVec3> {
+        outline.iter().map(|&p| self.point(p, height)).collect()
+    }
+}
+
+/// A mesh under construction, whose equal positions are one vertex.
+#[derive(Debug, Default)]
+pub struct Shell {
+    mesh: Mesh,
+    index: HashMap<[u64; 3], u32>,
+}
+
+impl Shell {
+    /// The finished mesh.
+    #[must_use]
+    pub fn into_mesh(self) -> Mesh {
+        self.mesh
+    }
+
+    fn vertex(&mut self, position: DVec3) -> u32 {
+        // Adding zero turns −0 into 0, which has other bits.
+        let position = position + 0.0;
+        let next = self.mesh.vertices.len() as u32;
+        let index = *self.index.entry(position.to_array().map(f64::to_bits)).or_insert(next);
+        if index == next {
+            self.mesh.vertices.push(position);
+        }
+        index
+    }
+
+    /// Adds a triangle, counter-clockwise seen from outside; one with two equal corners is dropped.
+    pub fn triangle(&mut self, a: DVec3, b: DVec3, c: DVec3) {
+        if a != b && b != c && c != a {
+            let corners = [a, b, c].map(|p| self.vertex(p));
+            self.mesh.triangles.push(corners);
+        }
+    }
+
+    /// Adds the quadrilateral `a b c d`, counter-clockwise seen from outside, cut along its shorter diagonal.
+    pub fn quad(&mut self, a: DVec3, b: DVec3, c: DVec3, d: DVec3) {
+        if a.distance_squared(c) < b.distance_squared(d) {
+            self.triangle(a, b, c);
+            self.triangle(a, c, d);
+        } else {
+            self.triangle(a, b, d);
+            self.triangle(b, c, d);
+        }
+    }
+
+    /// Adds a flat face: the loop `outer` less the loops `holes`, all of any sense, in the plane at `height`.
+    pub fn face(&mut self, axis: Axis, height: f64, facing: Facing, outer: &[DVec2], holes: &[&[DVec2]]) {
+        let mut corners = outer.to_vec();
+        let mut starts = Vec::with_capacity(holes.len());
+        for hole in holes {
+            starts.push(corners.len());
+            corners.extend_from_slice(hole);
+        }
+        let plane: Vec<[f64; 2]> = corners.iter().map(DVec2::to_array).collect();
+        let mut triangles = Vec::new();
+        Earcut::new().earcut(plane.iter().copied(), &starts, &mut triangles);
+        // Ears are slivers; Delaunay's flips make of them what a reader of the mesh expects.
+        refine(&mut triangles, &plane);
+        for t in triangles.chunks_exact(3) {
+            let [a, b, c] = [t[0], t[1], t[2]].map(|i| corners[i]);
+            let counter_clockwise = (b - a).perp_dot(c - a) > 0.0;
+            let [b, c] = if counter_clockwise == (facing == Facing::Up) { [b, c] } else { [c, b] };
+            self.triangle(axis.point(a, height), axis.point(b, height), axis.point(c, height));
+        }
+    }
+
+    /// Adds the strip between two lines of equal length, which faces the reader who sees `from` run to the
+    /// right below `to`.
+    ///
+    /// # Panics
+    /// If the lines differ in length.
+    pub fn strip(&mut self, from: &[DVec3], to: &[DVec3]) {
+        assert_eq!(from.len(), to.len(), "a strip runs between lines of equal length");
+        for i in 1..from.len() {
+            self.quad(from[i - 1], from[i], to[i], to[i - 1]);
+        }
+    }
+
+    /// Adds the closed strip between two loops: [`Shell::strip`] and the piece from the last corners to the
+    /// first.
+    ///
+    /// # Panics
+    /// If the loops are empty or differ in length.
+    pub fn band(&mut self, from: &[DVec3], to: &[DVec3]) {
+        self.strip(from, to);
+        let last = from.len() - 1;
+        self.quad(from[last], from[0], to[0], to[last]);
+    }
+
+    /// Adds the outside of the body that a counter-clockwise loop sweeps between two heights, without its ends.
+    pub fn post(&mut self, axis: Axis, outline: &[DVec2], heights: [f64; 2]) {
+        self.band(&axis.place(outline, heights[0]), &axis.place(outline, heights[1]));
+    }
+
+    /// Adds the inside of the hole that a counter-clockwise loop sweeps between two heights, without its ends.
+    pub fn hole(&mut self, axis: Axis, outline: &[DVec2], heights: [f64; 2]) {
+        self.band(&axis.place(outline, heights[1]), &axis.place(outline, heights[0]));
+    }
+}
+
+/// The points of an arc of a circle, both ends included, over angles in degrees.
+#[must_use]
+pub fn arc(centre: DVec2, radius: f64, degrees: [f64; 2], segments: usize) -> Vec<DVec2> {
+    let step = (degrees[1] - degrees[0]) / segments as f64;
+    (0..=segments)
+        .map(|i| centre + radius * DVec2::from_angle((degrees[0] + i as f64 * step).to_radians()))
+        .collect()
+}
+
+/// A whole circle, counter-clockwise.
+#[must_use]
+pub fn circle(centre: DVec2, radius: f64, segments: usize) -> Vec<DVec2> {
+    let mut points = arc(centre, radius, [0.0, 360.0], segments);
+    points.pop();
+    points
+}
+
+/// A rectangle with round corners, counter-clockwise: `segments` to a quarter circle.
+#[must_use]
+pub fn rounded_rectangle(lower: DVec2, upper: DVec2, radius: f64, segments: usize) -> Vec<DVec2> {
+    let (low, high) = (lower + radius, upper - radius);
+    let centres = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)];
+    let mut outline = Vec::with_capacity(4 * (segments + 1));
+    for (i, centre) in centres.into_iter().enumerate() {
+        let start = 180.0 + 90.0 * i as f64;
+        outline.extend(arc(centre, radius, [start, start + 90.0], segments));
+    }
+    // Where the arcs of a slot's end meet, their common point would stand twice.
+    outline.dedup_by(|a, b| a.distance(*b) < 1e-9 * radius);
+    if outline[0].distance(outline[outline.len() - 1]) < 1e-9 * radius {
+        outline.pop();
+    }
+    outline
+}
+
+/// Area of a loop by the shoelace formula: positive for a counter-clockwise one.
+#[must_use]
+pub fn area(outline: &[DVec2]) -> f64 {
+    (0..outline.len()).map(|i| outline[i].perp_dot(outline[(i + 1) % outline.len()])).sum::<f64>() / 2.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parts::tests::open_edges;
+
+    #[test]
+    fn a_tube_closes_along_every_axis() {
+        let outer = rounded_rectangle(DVec2::ZERO, DVec2::new(30.0, 20.0), 4.0, 5);
+        let inner = circle(DVec2::new(11.0, 9.0), 6.0, 17);
+        for axis in [Axis::X, Axis::Y, Axis::Z] {
+            let mut shell = Shell::default();
+            shell.post(axis, &outer, [2.0, 9.0]);
+            shell.hole(axis, &inner, [2.0, 9.0]);
+            shell.face(axis, 2.0, Facing::Down, &outer, &[&inner]);
+            shell.face(axis, 9.0, Facing::Up, &outer, &[&inner]);
+            let mesh = shell.into_mesh();
+            assert_eq!(open_edges(&mesh), 0, "{axis:?}");
+            let expected = (area(&outer) - area(&inner)) * 7.0;
+            assert!((mesh.signed_volume() - expected).abs() < 1e-9 * expected, "{axis:?}");
+            let (lower, upper) = mesh.bounds().unwrap();
+            assert!((lower - axis.point(DVec2::ZERO, 2.0)).length() < 1e-12, "{axis:?}: {lower}");
+            assert!((upper - axis.point(DVec2::new(30.0, 20.0), 9.0)).length() < 1e-12, "{axis:?}: {upper}");
+        }
+    }
+
+    #[test]
+    fn polygons_of_circles_have_the_areas_of_geometry() {
+        let sides = 24;
+        let polygon = 0.5 * 24.0 * (std::f64::consts::TAU / 24.0).sin() * 9.0;
+        assert!((area(&circle(DVec2::new(5.0, -2.0), 3.0, sides)) - polygon).abs() < 1e-12);
+        let slot = rounded_rectangle(DVec2::ZERO, DVec2::new(6.0, 10.0), 3.0, sides / 4);
+        assert!((area(&slot) - (polygon + 6.0 * 4.0)).abs() < 1e-12);
+        assert_eq!(slot.len(), sides + 2);
+    }
+}
