@@ -2,6 +2,8 @@
 pub mod atomic_file;
 pub mod control;
 pub mod dataset;
+pub mod evaluation;
+pub mod field;
 pub mod field_files;
 pub mod grid;
 pub mod mesh;

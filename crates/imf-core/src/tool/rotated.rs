@@ -20,6 +20,9 @@ pub struct RotatedTool {
     pub count: u32,
 }
 
+/// Centres this close to the surface count as inside, in pitch²: rounding must not decide at exact ties.
+pub(super) const SLACK: f64 = 1e-9;
+
 /// A rotated tool of more voxels than this is refused: it is a slip of units.
 const MOST_VOXELS: u64 = 1 << 31;
 
@@ -74,7 +77,7 @@ impl RotatedTool {
     fn fill_revolved(&mut self, profile: &[Segment], direction: DVec3, pitch: f64) {
         let length = profile.last().map_or(0.0, |s| s.range().1);
         let widest = profile.iter().map(Segment::max_radius).fold(0.0, f64::max);
-        let slack = 1e-9 * pitch * pitch;
+        let slack = SLACK * pitch * pitch;
         let [nx, ny, nz] = self.dims;
         for (ix, iy) in (0..nx).flat_map(|ix| (0..ny).map(move |iy| (ix, iy))) {
             let x = f64::from(self.lower[0] + ix as i32) * pitch;
@@ -85,17 +88,7 @@ impl RotatedTool {
             let line = &mut self.solid[(ix * ny + iy) * nz..][..nz];
             for iz in first..last {
                 let p = DVec3::new(x, y, f64::from(self.lower[2] + iz as i32) * pitch);
-                let height = p.dot(direction);
-                if height < 0.0 || height >= length {
-                    continue;
-                }
-                let Some(segment) = profile.iter().find(|s| s.range().0 <= height && height < s.range().1)
-                else {
-                    continue;
-                };
-                let distance_squared = p.length_squared() - height * height;
-                let radius = segment.radius(height);
-                line[iz] = u8::from(distance_squared <= radius * radius + slack);
+                line[iz] = u8::from(holds(profile, length, direction, p, slack));
             }
         }
     }
@@ -128,8 +121,21 @@ impl RotatedTool {
     }
 }
 
+/// True where the point `p`, relative to the tip and turned with the world, lies in a body of revolution.
+pub(super) fn holds(profile: &[Segment], length: f64, direction: DVec3, p: DVec3, slack: f64) -> bool {
+    let height = p.dot(direction);
+    if height < 0.0 || height >= length {
+        return false;
+    }
+    let Some(segment) = profile.iter().find(|s| s.range().0 <= height && height < s.range().1) else {
+        return false;
+    };
+    let radius = segment.radius(height);
+    p.length_squared() - height * height <= radius * radius + slack
+}
+
 /// Offsets (whole numbers of voxels) of a box that surely holds the rotated tool.
-fn bounds(tool: &Tool, orientation: &Orientation, pitch: f64) -> (DVec3, DVec3) {
+pub(super) fn bounds(tool: &Tool, orientation: &Orientation, pitch: f64) -> (DVec3, DVec3) {
     let (lower, upper) = match &tool.shape {
         ToolShape::Revolved(elements) => {
             let d = orientation.direction();

@@ -1,0 +1,88 @@
+//! One interface for every family of fields: values at poses, on the grid or off it.
+//!
+//! `query` answers "does the tool collide when its tip is *here*": `overlap(x, R)` in [0, 1]. The collision measure
+//! of a tool with other sharp points is the least of `overlap(x − R k, R)` over them: [`collision_measures`].
+
+mod exact;
+mod learnt;
+
+pub use exact::ExactField;
+pub use learnt::LearntField;
+
+use glam::DVec3;
+use thiserror::Error;
+
+use crate::orientation::Orientation;
+use crate::tool::ToolError;
+use crate::training::EngineError;
+
+/// Where the tool's tip is, in world units, and how the tool is turned.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// World position of the tip.
+    pub position: DVec3,
+    /// Orientation of the tool.
+    pub orientation: Orientation,
+}
+
+/// Why poses cannot be answered.
+#[derive(Debug, Error)]
+pub enum QueryError {
+    /// As many answers as poses are needed.
+    #[error("{poses} poses need as many places for answers, not {answers}")]
+    Length {
+        /// Poses asked.
+        poses: usize,
+        /// Places given.
+        answers: usize,
+    },
+    /// The tool does not fit the grid.
+    #[error(transparent)]
+    Tool(#[from] ToolError),
+    /// The engine failed.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+}
+
+/// A family of fields: exact, or learnt.
+pub trait Field {
+    /// `overlap(x, R)` of every pose into `answers`.
+    ///
+    /// # Errors
+    /// Lengths that differ, or a family's own failure.
+    fn query(&mut self, poses: &[Pose], answers: &mut [f32]) -> Result<(), QueryError>;
+}
+
+/// Collision measures: the least overlap over sharp points `k` (tool frame) at `x − R k`.
+///
+/// # Errors
+/// As [`Field::query`].
+pub fn collision_measures(
+    field: &mut dyn Field,
+    sharp_points: &[DVec3],
+    poses: &[Pose],
+    answers: &mut [f32],
+) -> Result<(), QueryError> {
+    check_lengths(poses, answers)?;
+    answers.fill(f32::INFINITY);
+    let mut overlaps = vec![0.0; poses.len()];
+    for &sharp in sharp_points {
+        let shifted: Vec<Pose> = poses
+            .iter()
+            .map(|pose| Pose { position: pose.position - pose.orientation.rotation() * sharp, ..*pose })
+            .collect();
+        field.query(&shifted, &mut overlaps)?;
+        for (answer, &overlap) in answers.iter_mut().zip(&overlaps) {
+            *answer = answer.min(overlap);
+        }
+    }
+    Ok(())
+}
+
+fn check_lengths(poses: &[Pose], answers: &[f32]) -> Result<(), QueryError> {
+    if poses.len() == answers.len() {
+        Ok(())
+    } else {
+        Err(QueryError::Length { poses: poses.len(), answers: answers.len() })
+    }
+}
