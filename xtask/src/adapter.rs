@@ -209,9 +209,8 @@ mod tests {
         let driver = folder.join("b_icd.json");
         fs::write(&driver, "{}").unwrap();
         fs::write(folder.join("a.txt"), "").unwrap();
-        assert_eq!(manifests(&[folder.join("b_icd.json"), folder.join("missing")]), [driver.clone()]);
-        assert_eq!(manifests(std::slice::from_ref(&folder)), [driver]);
-        assert!(manifests(&[folder.join("a.txt")]).is_empty());
+        let places = [folder.clone(), folder.join("a.txt"), driver.clone(), folder.join("missing")];
+        assert_eq!(manifests(&places), [driver.clone(), driver]);
         fs::remove_dir_all(&folder).unwrap();
     }
 }
