@@ -2,7 +2,7 @@
 
 use super::ticks::{label, one_digit, power_of_ten, ticks};
 
-/// Decades at and above which only powers of ten are written.
+/// Decades at and above which only powers of ten are written, as such.
 const WIDE: f64 = 2.6;
 
 /// How values are spread along an axis.
@@ -106,8 +106,8 @@ impl Axis {
                     continue;
                 }
                 let words = match digit {
+                    1 | 2 | 5 if decades < WIDE => Some(one_digit(digit, exponent)),
                     1 if exponent.rem_euclid(every) == 0 => Some(power_of_ten(exponent)),
-                    2 | 5 if decades < WIDE => Some(one_digit(digit, exponent)),
                     _ => None,
                 };
                 lines.push(GridLine { place: self.unit(value), words });
