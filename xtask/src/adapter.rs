@@ -53,6 +53,9 @@ pub(crate) fn ensure_driver() -> Result<()> {
         }
         Err(missing) => println!("{missing}"),
     }
+    if let Some(variable) = replacing_variable().filter(|_| manifests(&manifest_places()).is_empty()) {
+        bail!("{variable} is set and names no Vulkan driver that is there; unset it or set it right");
+    }
     let family = fs::read_to_string("/etc/os-release").map_or(Family::Other, |text| Family::of(&text));
     if family == Family::Debian && is_root() {
         install_on_debian()?;
@@ -70,21 +73,27 @@ pub(crate) fn ensure_driver() -> Result<()> {
 
 /// What was found, or what is missing, in a sentence.
 fn look() -> Result<String, String> {
-    let Some(manifest) = manifests(&manifest_places()).into_iter().next() else {
-        return Err("no Vulkan driver manifest found".to_owned());
-    };
+    let names: Vec<String> =
+        manifests(&manifest_places()).iter().map(|manifest| manifest.display().to_string()).collect();
+    if names.is_empty() {
+        return Err("no Vulkan driver found".to_owned());
+    }
     if !loader_found() {
         return Err(format!("the Vulkan loader {LOADER} is not found"));
     }
-    Ok(format!("Vulkan driver: {}", manifest.display()))
+    Ok(format!("Vulkan drivers: {}", names.join(", ")))
+}
+
+/// The variable, if one is set, that replaces the loader's own search.
+fn replacing_variable() -> Option<&'static str> {
+    let is_set = |variable: &&str| env::var_os(variable).is_some_and(|value| !value.is_empty());
+    ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].into_iter().find(is_set)
 }
 
 /// Files and folders where the loader looks. Variables that replace its search come alone.
 fn manifest_places() -> Vec<PathBuf> {
-    for variable in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"] {
-        if let Some(value) = env::var_os(variable).filter(|value| !value.is_empty()) {
-            return env::split_paths(&value).collect();
-        }
+    if let Some(value) = replacing_variable().and_then(env::var_os) {
+        return env::split_paths(&value).collect();
     }
     let mut places: Vec<PathBuf> = MANIFEST_FOLDERS.iter().map(PathBuf::from).collect();
     if let Some(added) = env::var_os("VK_ADD_DRIVER_FILES") {
