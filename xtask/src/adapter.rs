@@ -59,8 +59,7 @@ pub(crate) fn ensure_driver() -> Result<()> {
     let family = fs::read_to_string("/etc/os-release").map_or(Family::Other, |text| Family::of(&text));
     if family == Family::Debian && is_root() {
         install_on_debian()?;
-        let found =
-            look().map_err(|missing| anyhow::anyhow!("installed Mesa's Vulkan driver, but {missing}"))?;
+        let found = look().map_err(|missing| anyhow::anyhow!("after the installation, {missing}"))?;
         println!("{found}");
         return Ok(());
     }

@@ -1,4 +1,4 @@
-//! Text in pictures: DejaVu Sans, carried in the binary (free licence of Bitstream Vera), with subpixel positions along
+//! Text in pictures: DejaVu Sans, carried in the binary (its free licence is LICENSE-FONT), with subpixel positions along
 //! the line and baselines on whole pixels.
 
 use std::sync::LazyLock;
