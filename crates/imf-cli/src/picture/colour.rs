@@ -1,0 +1,156 @@
+//! Colours of values: a perceptually uniform sequence for measures from zero up, two hues about white for signed
+//! differences, and a colour of its own for what is not a number.
+
+use anyhow::{Result, ensure};
+use image::Rgb;
+use ndarray::ArrayView2;
+
+use super::Tally;
+
+/// Values that are not finite: in neither sequence.
+pub(super) const NOT_FINITE: Rgb<u8> = Rgb([255, 0, 255]);
+
+/// How a scale's values become colours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Sequence {
+    /// Viridis, from 0 to the limit.
+    Measure,
+    /// Blue through white to red, from minus the limit to the limit.
+    Difference,
+}
+
+/// A range of values, its colours, and the words beside its colour bar. Panels with equal scales share one bar.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Scale {
+    sequence: Sequence,
+    limit: f32,
+    label: String,
+}
+
+impl Scale {
+    /// From 0 to `max`, for collision and inaccessibility measures.
+    ///
+    /// # Errors
+    /// A `max` that is not positive and finite.
+    pub(crate) fn measure(max: f32, label: &str) -> Result<Self> {
+        Self::new(Sequence::Measure, max, label)
+    }
+
+    /// From −`limit` to `limit`, white at 0, red above: for learnt minus exact.
+    ///
+    /// # Errors
+    /// A `limit` that is not positive and finite.
+    pub(crate) fn difference(limit: f32, label: &str) -> Result<Self> {
+        Self::new(Sequence::Difference, limit, label)
+    }
+
+    /// A measure's scale up to the largest finite value of all `slices`; up to 1 if there is none above 0.
+    pub(crate) fn measure_of(slices: &[ArrayView2<'_, f32>], label: &str) -> Self {
+        Self { sequence: Sequence::Measure, limit: largest(slices, |value| value), label: label.to_owned() }
+    }
+
+    /// A difference's scale up to the largest finite magnitude of all `slices`; up to 1 if there is none above 0.
+    pub(crate) fn difference_of(slices: &[ArrayView2<'_, f32>], label: &str) -> Self {
+        Self { sequence: Sequence::Difference, limit: largest(slices, f32::abs), label: label.to_owned() }
+    }
+
+    fn new(sequence: Sequence, limit: f32, label: &str) -> Result<Self> {
+        ensure!(limit.is_finite() && limit > 0.0, "a colour scale cannot end at {limit}");
+        Ok(Self { sequence, limit, label: label.to_owned() })
+    }
+
+    /// First and last value.
+    pub(super) fn range(&self) -> (f64, f64) {
+        let limit = f64::from(self.limit);
+        match self.sequence {
+            Sequence::Measure => (0.0, limit),
+            Sequence::Difference => (-limit, limit),
+        }
+    }
+
+    /// The words beside the colour bar.
+    pub(super) fn label(&self) -> &str {
+        &self.label
+    }
+
+    /// Colour of the part's outline that stands out from this scale's colours.
+    pub(super) fn outline(&self) -> Rgb<u8> {
+        match self.sequence {
+            Sequence::Measure => Rgb([255, 255, 255]),
+            Sequence::Difference => Rgb([60, 60, 60]),
+        }
+    }
+
+    /// Colour of a value, and what could not be shown as it is.
+    pub(super) fn colour(&self, value: f32) -> (Rgb<u8>, Tally) {
+        if !value.is_finite() {
+            return (NOT_FINITE, Tally { not_finite: 1, out_of_range: 0 });
+        }
+        let (low, high) = self.range();
+        let value = f64::from(value);
+        let place = (value.clamp(low, high) - low) / (high - low);
+        let colour = match self.sequence {
+            Sequence::Measure => colorous::VIRIDIS.eval_continuous(place),
+            // The sequence begins with red; red shall mean too large.
+            Sequence::Difference => colorous::RED_BLUE.eval_continuous(1.0 - place),
+        };
+        let outside = usize::from(value < low || value > high);
+        (Rgb([colour.r, colour.g, colour.b]), Tally { not_finite: 0, out_of_range: outside })
+    }
+}
+
+fn largest(slices: &[ArrayView2<'_, f32>], measure: impl Fn(f32) -> f32) -> f32 {
+    let values = slices.iter().flat_map(|slice| slice.iter());
+    let largest = values.map(|&value| measure(value)).filter(|value| value.is_finite()).fold(0.0, f32::max);
+    if largest > 0.0 { largest } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::array;
+
+    use super::*;
+
+    #[test]
+    fn known_values_have_the_published_colours() {
+        let measure = Scale::measure(0.5, "").unwrap();
+        assert_eq!(measure.colour(0.0), (Rgb([0x44, 0x01, 0x54]), Tally::default()));
+        assert_eq!(measure.colour(0.5), (Rgb([0xfd, 0xe7, 0x25]), Tally::default()));
+        let difference = Scale::difference(0.1, "").unwrap();
+        let [red, green, blue] = difference.colour(0.0).0.0;
+        assert!(red > 230 && green > 230 && blue > 230);
+        let [red, _, blue] = difference.colour(0.08).0.0;
+        assert!(red > blue + 80, "too large is red");
+        let [red, _, blue] = difference.colour(-0.08).0.0;
+        assert!(blue > red + 80, "too small is blue");
+    }
+
+    #[test]
+    fn values_outside_take_the_colour_at_the_end_and_are_counted() {
+        let scale = Scale::measure(0.5, "").unwrap();
+        let outside = Tally { not_finite: 0, out_of_range: 1 };
+        assert_eq!(scale.colour(7.0), (scale.colour(0.5).0, outside));
+        assert_eq!(scale.colour(-0.1), (scale.colour(0.0).0, outside));
+    }
+
+    #[test]
+    fn what_is_not_finite_has_its_own_colour() {
+        for scale in [Scale::measure(1.0, "").unwrap(), Scale::difference(1.0, "").unwrap()] {
+            for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+                assert_eq!(scale.colour(value), (NOT_FINITE, Tally { not_finite: 1, out_of_range: 0 }));
+            }
+            for step in -100i16..=100 {
+                assert_ne!(scale.colour(f32::from(step) / 100.0).0, NOT_FINITE);
+            }
+        }
+    }
+
+    #[test]
+    fn a_scale_is_taken_from_finite_values() {
+        let (one, two) = (array![[0.1, f32::NAN]], array![[-0.4], [f32::INFINITY]]);
+        assert_eq!(Scale::measure_of(&[one.view(), two.view()], "").range().1, f64::from(0.1f32));
+        assert_eq!(Scale::difference_of(&[one.view(), two.view()], "").range().0, f64::from(-0.4f32));
+        assert_eq!(Scale::measure_of(&[array![[0.0]].view()], "").range(), (0.0, 1.0));
+        assert!(Scale::measure(0.0, "").is_err() && Scale::difference(f32::NAN, "").is_err());
+    }
+}

@@ -1,0 +1,173 @@
+//! Keeps ARCHITECTURE.md true: the order of the house, the core's independence, and the names of things.
+
+mod imports;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use imports::{Source, parse};
+
+/// Names that say nothing about what is inside.
+const EMPTY_NAMES: [&str; 8] =
+    ["util", "utils", "helper", "helpers", "common", "commons", "misc", "miscellaneous"];
+/// What a planner that only queries must not pull in.
+const NOT_IN_CORE: [&str; 7] = ["wgpu", "wgpu-core", "wgpu-hal", "naga", "ash", "clap", "imf-gpu"];
+
+fn root() -> PathBuf {
+    PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
+}
+
+fn read(path: &Path) -> String {
+    fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// The modules of the first fenced block below the heading "The order of the house", in order. An entry may be a
+/// module of a module (`siren::reference`), which then stands at its own place.
+fn order_of_the_house() -> Vec<Vec<String>> {
+    let text = read(&root().join("ARCHITECTURE.md"));
+    let block = text
+        .split_once("The order of the house")
+        .and_then(|(_, rest)| rest.split_once("```text\n"))
+        .and_then(|(_, rest)| rest.split_once("```"))
+        .expect("ARCHITECTURE.md has a fenced text block below the heading \"The order of the house\"")
+        .0;
+    let first_word = |line: &str| line.split_whitespace().next().map(str::to_owned);
+    block.lines().filter_map(first_word).map(|name| name.split("::").map(str::to_owned).collect()).collect()
+}
+
+/// Every source file of a crate by its module's path, followed from lib.rs along `mod` lines; what is compiled for
+/// tests only is left out.
+fn modules(crate_folder: &Path) -> BTreeMap<Vec<String>, (PathBuf, Source)> {
+    let source = crate_folder.join("src");
+    let mut found = BTreeMap::new();
+    let mut waiting = vec![(Vec::new(), source.join("lib.rs"))];
+    while let Some((module, file)) = waiting.pop() {
+        let parsed =
+            parse(&read(&file), &module).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
+        for child in &parsed.children {
+            let flat = source.join(child.join("/")).with_extension("rs");
+            let nested = source.join(child.join("/")).join("mod.rs");
+            waiting.push((child.clone(), if flat.exists() { flat } else { nested }));
+        }
+        found.insert(module, (file, parsed));
+    }
+    found
+}
+
+/// The place of the longest entry that `module` lies in.
+fn place(order: &[Vec<String>], module: &[String]) -> Option<usize> {
+    let entries = order.iter().enumerate().filter(|(_, entry)| module.starts_with(entry));
+    entries.max_by_key(|(_, entry)| entry.len()).map(|(index, _)| index)
+}
+
+#[test]
+fn every_core_module_imports_only_from_what_stands_before_it() {
+    let order = order_of_the_house();
+    let mut violations = Vec::new();
+    for (module, (file, source)) in modules(&root().join("crates/imf-core")) {
+        // The crate's root declares modules and may name any.
+        let Some(here) = place(&order, &module) else { continue };
+        for import in &source.imports {
+            let from = format!("{}:{}", file.display(), import.line);
+            match place(&order, &import.path) {
+                Some(there) if there <= here => {}
+                Some(there) => violations.push(format!(
+                    "{from}: {} imports from {}, which stands after it",
+                    order[here].join("::"),
+                    order[there].join("::")
+                )),
+                None => violations
+                    .push(format!("{from}: crate::{} names no module of the order", import.path.join("::"))),
+            }
+        }
+    }
+    assert!(violations.is_empty(), "\n{}\n", violations.join("\n"));
+}
+
+#[test]
+fn the_order_lists_exactly_the_core_modules() {
+    let order = order_of_the_house();
+    let modules = modules(&root().join("crates/imf-core"));
+    let listed: BTreeSet<_> = order.iter().cloned().collect();
+    assert_eq!(listed.len(), order.len(), "a module is listed twice in ARCHITECTURE.md");
+    let missing: Vec<_> =
+        modules.keys().filter(|module| module.len() == 1 && !listed.contains(*module)).collect();
+    assert!(missing.is_empty(), "modules of imf-core that ARCHITECTURE.md does not list: {missing:?}");
+    let gone: Vec<_> = listed.iter().filter(|entry| !modules.contains_key(*entry)).collect();
+    assert!(gone.is_empty(), "modules that ARCHITECTURE.md lists and imf-core does not have: {gone:?}");
+}
+
+#[test]
+fn the_core_needs_no_gpu_and_no_command_line() {
+    let lock: toml::Table = read(&root().join("Cargo.lock")).parse().unwrap();
+    let packages = lock["package"].as_array().unwrap();
+    let mut needs: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
+    for package in packages {
+        let dependencies = package.get("dependencies").and_then(toml::Value::as_array).into_iter().flatten();
+        // An entry is a name, followed by a version where there are several.
+        let names = dependencies.filter_map(|entry| entry.as_str()?.split(' ').next());
+        needs.entry(package["name"].as_str().unwrap()).or_default().extend(names);
+    }
+    let mut reached = BTreeSet::new();
+    let mut waiting = vec!["imf-core"];
+    while let Some(name) = waiting.pop() {
+        if reached.insert(name) {
+            waiting.extend(&needs[name]);
+        }
+    }
+    assert!(reached.contains("glam"), "the walk through Cargo.lock reaches what the core does need");
+    let unwanted: Vec<_> = NOT_IN_CORE.iter().filter(|name| reached.contains(**name)).collect();
+    assert!(unwanted.is_empty(), "imf-core depends on {unwanted:?}");
+}
+
+#[test]
+fn no_folder_file_or_module_has_an_empty_name() {
+    let mut found = Vec::new();
+    let mut waiting = vec![root()];
+    while let Some(folder) = waiting.pop() {
+        for entry in fs::read_dir(&folder).unwrap() {
+            let path = entry.unwrap().path();
+            let name = path.file_name().unwrap().to_string_lossy().into_owned();
+            if name.starts_with('.') || name == "target" {
+                continue;
+            }
+            let stem = path.file_stem().unwrap().to_string_lossy().to_lowercase();
+            if EMPTY_NAMES.contains(&stem.as_str()) {
+                found.push(path.display().to_string());
+            }
+            match path.extension().and_then(|extension| extension.to_str()) {
+                _ if path.is_dir() => waiting.push(path),
+                Some("rs") => {
+                    let source = parse(&read(&path), &[]).unwrap_or_default();
+                    let empty =
+                        source.inline_modules.iter().filter(|name| EMPTY_NAMES.contains(&name.as_str()));
+                    found.extend(empty.map(|name| format!("{}: mod {name}", path.display())));
+                }
+                Some("md") => {
+                    let text = read(&path);
+                    let lines = text.lines().filter(|line| !line.contains("://"));
+                    let named = lines.filter(|line| EMPTY_NAMES.iter().any(|name| names_folder(line, name)));
+                    found.extend(named.map(|line| format!("{}: {line}", path.display())));
+                }
+                _ => {}
+            }
+        }
+    }
+    assert!(found.is_empty(), "names that say nothing:\n{}\n", found.join("\n"));
+}
+
+/// True if `line` holds `name/` as a whole path component.
+fn names_folder(line: &str, name: &str) -> bool {
+    line.match_indices(&format!("{name}/")).any(|(start, _)| {
+        let before = line[..start].chars().next_back();
+        !before.is_some_and(|letter| letter.is_alphanumeric() || matches!(letter, '-' | '_'))
+    })
+}
+
+#[test]
+fn folders_are_recognised_in_text() {
+    assert!(names_folder("see `src/misc/`", "misc"));
+    assert!(!names_folder("see `src/not-misc/`", "misc"));
+    assert!(!names_folder("miscellany", "misc"));
+}
