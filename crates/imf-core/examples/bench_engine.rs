@@ -101,7 +101,7 @@ impl Peak {
                 }
             });
         });
-        calls * out.len() as f64 * 4.0 * 2.0 * (1024 * 512 * 512) as f64 * 1e-9
+        calls * out.len() as f64 * 4.0 * 2.0 * f64::from(1024 * 512 * 512) * 1e-9
     }
 }
 

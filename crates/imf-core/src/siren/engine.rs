@@ -437,5 +437,4 @@ impl Update<'_> {
 }
 
 #[cfg(test)]
-#[path = "engine_tests.rs"]
 mod tests;
