@@ -11,7 +11,7 @@ use crate::siren::INPUTS;
 
 impl Network<'_> {
     /// δ of the last hidden layer and the output layer's sums. `output_deltas [rows]` is δ of the output; `slopes` are
-    /// the layer's, `last` its activations, both `[rows][width]`.
+    /// the layer's, `last` its activations, both `[rows][stride]`.
     pub(crate) fn output_backward(
         &self,
         inputs: &[f32],
@@ -25,13 +25,13 @@ impl Network<'_> {
         let output = plan.layers[plan.shape.hidden];
         let (sums, bias) = partial[plan.partial_output()..].split_at_mut(width);
         bias[0] = output_deltas.iter().sum();
-        self.arch.dispatch(WeightedRows { rows: last, scales: output_deltas, sums });
+        self.arch.dispatch(WeightedRows { rows: last, stride: plan.stride(), scales: output_deltas, sums });
         let weights = &self.parameters[output.weights..output.biases];
         let upstream = Upstream::Outer { scales: output_deltas, weights };
         self.deltas(plan.shape.hidden - 1, 0, width, inputs, upstream, slopes, partial);
     }
 
-    /// δ of hidden layer `layer` from δ of the one behind it, `next [rows][width]`. `scratch` holds one panel of a
+    /// δ of hidden layer `layer` from δ of the one behind it, `next [rows][stride]`. `scratch` holds one panel of a
     /// block.
     pub(crate) fn hidden_backward(
         &self,
@@ -50,7 +50,7 @@ impl Network<'_> {
             let (first, columns) = (neurons.start, neurons.len());
             let weights = &self.parameters[behind.weights + first..behind.biases];
             let weights = Matrix::row_major(weights, width, columns, behind.inputs);
-            multiply(scratch, columns, Matrix::row_major(next, rows, width, width), weights, false);
+            multiply(scratch, columns, Matrix::row_major(next, rows, width, plan.stride()), weights, false);
             self.deltas(layer, first, columns, inputs, Upstream::Rows(scratch), slopes, partial);
         }
     }
@@ -73,7 +73,8 @@ impl Network<'_> {
         let pass = Deltas {
             upstream,
             slopes: &mut slopes[first..],
-            stride: width,
+            stride: plan.stride(),
+            width,
             inputs,
             biases: &mut biases[plan.partial_biases(layer) + first..][..columns],
             input_sums: plan.sees_input(layer).then(|| &mut rest[offset + first..]),
@@ -96,11 +97,13 @@ struct Deltas<'a> {
     /// Rows `stride` apart, from the panel's first neuron on.
     slopes: &'a mut [f32],
     stride: usize,
+    /// Distance of two axes in `input_sums`.
+    width: usize,
     /// `[rows][5]`.
     inputs: &'a [f32],
     /// `[columns]`.
     biases: &'a mut [f32],
-    /// Five rows `stride` apart, from the panel's first neuron on.
+    /// Five rows `width` apart, from the panel's first neuron on.
     input_sums: Option<&'a mut [f32]>,
 }
 
@@ -127,7 +130,7 @@ impl Deltas<'_> {
                 store(simd, self.biases, at, sum);
                 if INPUT {
                     for (axis, &value) in sample.iter().enumerate() {
-                        let sums = &mut input_sums[axis * self.stride..][..columns];
+                        let sums = &mut input_sums[axis * self.width..][..columns];
                         let sum = simd.mul_add_e_f32s(simd.splat_f32s(value), delta, load(simd, sums, at));
                         store(simd, sums, at, sum);
                     }
@@ -153,6 +156,7 @@ impl WithSimd for Deltas<'_> {
 /// `sums[j] += Σ_i scales[i]·rows[i][j]`.
 struct WeightedRows<'a> {
     rows: &'a [f32],
+    stride: usize,
     scales: &'a [f32],
     sums: &'a mut [f32],
 }
@@ -162,7 +166,8 @@ impl WithSimd for WeightedRows<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let width = self.sums.len();
-        for (row, &scale) in self.rows.chunks_exact(width).zip(self.scales) {
+        for (row, &scale) in self.rows.chunks(self.stride).zip(self.scales) {
+            let row = &row[..width];
             let scale = simd.splat_f32s(scale);
             for at in (0..width).step_by(S::F32_LANES) {
                 let sum = simd.mul_add_e_f32s(scale, load(simd, row, at), load(simd, self.sums, at));

@@ -13,7 +13,7 @@ use pulp::Arch;
 use super::adam::AdamFactors;
 use super::backward::scratch_length;
 use super::forward::{Network, sigmoid};
-use super::matrix::{Matrix, multiply};
+use super::matrix::{Matrix, multiply, prefer_unpacked};
 use super::plan::{BLOCK, Part, Piece, Plan, transpose, transpose_all};
 use crate::siren::{INPUTS, SirenShape};
 use crate::training::{AdamConfig, EngineError, Loss, TrainingEngine, TrainingState};
@@ -35,9 +35,9 @@ pub struct CpuTrainer {
     state: TrainingState,
     gradient: Vec<f32>,
     panels: Vec<f32>,
-    /// `[hidden][window][width]`.
+    /// `[hidden][window][stride]` ([`Plan::stride`]).
     activations: Vec<f32>,
-    /// `[hidden][window][width]`: derivatives of the sines after the forward pass, δ after the backward pass.
+    /// `[hidden][window][stride]`: derivatives of the sines after the forward pass, δ after the backward pass.
     slopes: Vec<f32>,
     /// One for each block of a window.
     partials: Vec<f32>,
@@ -51,7 +51,7 @@ pub struct CpuTrainer {
 impl CpuTrainer {
     /// An engine for batches of up to `max_batch` samples that continues from `state`.
     ///
-    /// Memory: 5 floats a parameter, and `2·hidden·width` floats a sample of a window (at most 1024 samples at width
+    /// Memory: 5 floats a parameter, and about `2·hidden·width` floats a sample of a window (at most 1024 samples at width
     /// 512), whatever the batch.
     ///
     /// # Errors
@@ -71,6 +71,7 @@ impl CpuTrainer {
         if max_batch == 0 {
             return Err(EngineError::Shape("a batch needs at least one sample".into()));
         }
+        prefer_unpacked();
         let plan = Plan::new(shape);
         let window = plan.window().min(max_batch);
         let blocks = window.div_ceil(BLOCK);
@@ -84,8 +85,8 @@ impl CpuTrainer {
             window,
             gradient: vec![0.0; state.parameters.len()],
             panels,
-            activations: vec![0.0; shape.hidden * window * shape.width],
-            slopes: vec![0.0; shape.hidden * window * shape.width],
+            activations: vec![0.0; shape.hidden * window * plan.stride()],
+            slopes: vec![0.0; shape.hidden * window * plan.stride()],
             partials: vec![0.0; blocks * plan.partial_length()],
             losses: vec![0.0; blocks],
             scratch: ScratchPool::new(scratch_length(plan.widest_panel())),
@@ -104,9 +105,8 @@ impl CpuTrainer {
 
     /// Summed loss of one window; leaves its activations, δ and partials behind.
     fn forward_backward(&mut self, inputs: &[f32], targets: &[f32], batch: usize) -> f64 {
-        let width = self.plan.shape.width;
         let blocks = targets.len().div_ceil(BLOCK);
-        let layer_length = self.window * width;
+        let layer_length = self.window * self.plan.stride();
         let pass = BlockPass {
             network: Network {
                 arch: self.arch,
@@ -162,7 +162,7 @@ impl TrainingEngine for CpuTrainer {
                 arch: self.arch,
                 plan: &self.plan,
                 samples: targets.len(),
-                layer_length: self.window * self.plan.shape.width,
+                layer_length: self.window * self.plan.stride(),
                 activations: &self.activations,
                 deltas: &self.slopes,
                 partials: &self.partials[..blocks * self.plan.partial_length()],
@@ -230,7 +230,7 @@ impl ScratchPool {
     }
 }
 
-/// A `[hidden][samples][width]` array as one slice for each layer, so that it can be split between samples.
+/// A `[hidden][samples][stride]` array as one slice for each layer, so that it can be split between samples.
 struct Layers<'a>([&'a mut [f32]; MAX_HIDDEN]);
 
 impl<'a> Layers<'a> {
@@ -281,7 +281,7 @@ impl BlockPass<'_> {
         }
         let middle = blocks / 2;
         let samples = middle * BLOCK;
-        let values = samples * self.network.plan.shape.width;
+        let values = samples * self.network.plan.stride();
         let inputs = inputs.split_at(samples * INPUTS);
         let targets = targets.split_at(samples);
         let activations = activations.split(values);
@@ -305,8 +305,8 @@ impl BlockPass<'_> {
         scratch: &mut [f32],
     ) -> f64 {
         let network = &self.network;
-        let (hidden, width) = (network.plan.shape.hidden, network.plan.shape.width);
-        let values = targets.len() * width;
+        let hidden = network.plan.shape.hidden;
+        let values = targets.len() * network.plan.stride();
         let (Layers(mut activations), Layers(mut slopes)) = (activations, slopes);
         for layer in 0..hidden {
             let (before, from) = activations.split_at_mut(layer);
@@ -405,9 +405,9 @@ impl Update<'_> {
                 let neurons_in = plan.neurons_in(piece.layer);
                 if piece.layer > 0 {
                     let deltas = &self.deltas[piece.layer * self.layer_length + neurons.start..];
-                    let deltas = Matrix::row_major(deltas, self.samples, neurons.len(), width);
+                    let deltas = Matrix::row_major(deltas, self.samples, neurons.len(), plan.stride());
                     let before = &self.activations[(piece.layer - 1) * self.layer_length..];
-                    let before = Matrix::row_major(before, self.samples, width, width);
+                    let before = Matrix::row_major(before, self.samples, width, plan.stride());
                     multiply(gradient, inputs, deltas.transposed(), before, self.accumulate);
                 }
                 if plan.sees_input(piece.layer) {

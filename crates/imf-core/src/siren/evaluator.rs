@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::engine::{ScratchPool, describe};
 use super::forward::{Network, sigmoid};
+use super::matrix::prefer_unpacked;
 use super::plan::{BLOCK, Plan, transpose_all};
 use crate::siren::{INPUTS, SirenShape, features};
 use crate::training::{EngineError, EvaluationEngine};
@@ -31,10 +32,11 @@ impl CpuEvaluator {
         let refused = |error: crate::siren::ShapeError| EngineError::Shape(error.to_string());
         shape.check().map_err(refused)?;
         shape.check_parameters(parameters).map_err(refused)?;
+        prefer_unpacked();
         let plan = Plan::new(shape);
         let mut panels = vec![0.0; parameters.len()];
         transpose_all(&plan, parameters, &mut panels);
-        let scratch = ScratchPool::new(BLOCK * (2 * shape.width + INPUTS + 1));
+        let scratch = ScratchPool::new(BLOCK * (2 * plan.stride() + INPUTS + 1));
         Ok(Self { arch: Arch::new(), plan, parameters: parameters.to_vec(), panels, scratch })
     }
 
@@ -56,8 +58,8 @@ impl CpuEvaluator {
     fn block(&self, inputs: &[f32], outputs: &mut [f32], scratch: &mut [f32]) {
         let network =
             Network { arch: self.arch, plan: &self.plan, parameters: &self.parameters, panels: &self.panels };
-        let values = outputs.len() * self.plan.shape.width;
-        let (mut previous, mut next) = scratch.split_at_mut(BLOCK * self.plan.shape.width);
+        let values = outputs.len() * self.plan.stride();
+        let (mut previous, mut next) = scratch.split_at_mut(BLOCK * self.plan.stride());
         for layer in 0..self.plan.shape.hidden {
             network.hidden_layer(layer, inputs, &previous[..values], next, None);
             std::mem::swap(&mut previous, &mut next);
@@ -77,7 +79,7 @@ impl CpuEvaluator {
         best: &mut [u32],
         scratch: &mut [f32],
     ) {
-        let (layers, rest) = scratch.split_at_mut(2 * BLOCK * self.plan.shape.width);
+        let (layers, rest) = scratch.split_at_mut(2 * BLOCK * self.plan.stride());
         let (inputs, outputs) = rest.split_at_mut(BLOCK * INPUTS);
         let poses = points.len() * directions.len();
         for first in (0..poses).step_by(BLOCK) {

@@ -19,10 +19,10 @@ pub(crate) struct Network<'a> {
 }
 
 impl Network<'_> {
-    /// One hidden layer for one block: `sums [rows][width]` becomes `sin(ω(W·a + b))` and, where asked for,
-    /// `slopes [rows][width]` its derivative `ω·cos(ω(W·a + b))` by the sum `W·a + b`.
+    /// One hidden layer for one block: `sums [rows][stride]` becomes `sin(ω(W·a + b))` and, where asked for,
+    /// `slopes [rows][stride]` its derivative `ω·cos(ω(W·a + b))` by the sum `W·a + b`.
     ///
-    /// `previous [rows][width]` are the activations before (unused by layer 0), `inputs [rows][5]` the samples.
+    /// `previous [rows][stride]` are the activations before (unused by layer 0), `inputs [rows][5]` the samples.
     pub(crate) fn hidden_layer(
         &self,
         layer: usize,
@@ -32,21 +32,21 @@ impl Network<'_> {
         mut slopes: Option<&mut [f32]>,
     ) {
         let plan = self.plan;
-        let width = plan.shape.width;
+        let stride = plan.stride();
         let rows = inputs.len() / INPUTS;
         let neurons_in = plan.neurons_in(layer);
         for neurons in plan.panels() {
             let (first, columns) = (neurons.start, neurons.len());
             let panel = &self.panels[plan.panel_range(layer, &neurons)];
             if layer > 0 {
-                let activations = Matrix::row_major(previous, rows, width, width);
+                let activations = Matrix::row_major(previous, rows, neurons_in, stride);
                 let weights = Matrix::row_major(panel, neurons_in, columns, columns);
-                multiply(&mut sums[first..], width, activations, weights, false);
+                multiply(&mut sums[first..], stride, activations, weights, false);
             }
             let pass = Activation {
                 sums: &mut sums[first..],
                 slopes: slopes.as_mut().map(|slopes| &mut slopes[first..]),
-                stride: width,
+                stride,
                 biases: &self.parameters[plan.layers[layer].biases + first..][..columns],
                 inputs,
                 input_weights: plan.sees_input(layer).then(|| &panel[neurons_in * columns..]),
@@ -57,12 +57,12 @@ impl Network<'_> {
         }
     }
 
-    /// The output layer's sums (before the sigmoid) of a block: `last [rows][width]` into `out [rows]`.
+    /// The output layer's sums (before the sigmoid) of a block: `last [rows][stride]` into `out [rows]`.
     pub(crate) fn logits(&self, last: &[f32], out: &mut [f32]) {
         let layer = self.plan.layers[self.plan.shape.hidden];
         let weights = &self.parameters[layer.weights..layer.biases];
         let bias = self.parameters[layer.biases];
-        self.arch.dispatch(Dots { rows: last, weights, bias, out });
+        self.arch.dispatch(Dots { rows: last, stride: self.plan.stride(), weights, bias, out });
     }
 }
 
@@ -137,6 +137,7 @@ impl WithSimd for Activation<'_> {
 /// `out[i] = rows[i]·weights + bias`.
 struct Dots<'a> {
     rows: &'a [f32],
+    stride: usize,
     weights: &'a [f32],
     bias: f32,
     out: &'a mut [f32],
@@ -147,7 +148,8 @@ impl WithSimd for Dots<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let width = self.weights.len();
-        for (row, out) in self.rows.chunks_exact(width).zip(self.out) {
+        for (row, out) in self.rows.chunks(self.stride).zip(self.out) {
+            let row = &row[..width];
             let mut sums = [simd.splat_f32s(0.0); 4];
             for (step, at) in (0..width).step_by(S::F32_LANES).enumerate() {
                 let sum = &mut sums[step % 4];

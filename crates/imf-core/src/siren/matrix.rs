@@ -52,6 +52,13 @@ fn extent(rows: usize, columns: usize, stride: usize) -> usize {
     (rows - 1).checked_mul(stride).and_then(|start| start.checked_add(columns)).unwrap_or(usize::MAX)
 }
 
+/// Tells `gemm` to read the factor with contiguous columns where it lies instead of copying it into tiles first. The
+/// engines' factors are panels that already have a tile's layout or nearly so: 4 % (forward) to 12 % (gradient) faster
+/// on an AMD Zen 5 with AVX-512. The setting holds for the process, for speed alone.
+pub fn prefer_unpacked() {
+    gemm::set_lhs_packing_threshold_single_thread(usize::MAX);
+}
+
 /// `out = a·b`, or `out += a·b`, with `out` row-major and its rows `stride` apart; elements between the rows are
 /// left alone. Single-threaded; the same shapes give the same bits.
 ///

@@ -24,6 +24,10 @@ use crate::siren::{INPUTS, Layer, SirenShape};
 /// the level-2 cache; 64 lose 5 % in the products, 256 gain 2 % but halve the number of pieces.
 pub(crate) const BLOCK: usize = 128;
 
+/// Neurons of a panel; the last one of a layer may have fewer. Products of 64 columns are as fast as of 128 and spread
+/// over more cores.
+const PANEL: usize = 64;
+
 /// Neurons times samples of a window: two arrays of 2 MiB for each hidden layer.
 const WINDOW_VALUES: usize = 512 * 1024;
 
@@ -54,8 +58,6 @@ pub(crate) enum Part {
 pub(crate) struct Plan {
     pub(crate) shape: SirenShape,
     pub(crate) layers: Vec<Layer>,
-    /// Neurons of a panel; the last one of a layer may have fewer.
-    panel: usize,
     /// Pieces of the update in the order of the flat parameters, which they tile.
     pub(crate) pieces: Vec<Piece>,
 }
@@ -63,9 +65,7 @@ pub(crate) struct Plan {
 impl Plan {
     pub(crate) fn new(shape: SirenShape) -> Self {
         let layers = shape.layers();
-        // Small layers need more pieces than one or two for the update to spread over the cores.
-        let panel = if shape.width > 256 { 128 } else { 64 };
-        let mut plan = Self { shape, layers, panel, pieces: Vec::new() };
+        let mut plan = Self { shape, layers, pieces: Vec::new() };
         for (index, layer) in plan.layers.iter().enumerate() {
             let end = layer.biases + layer.outputs;
             if index == shape.hidden {
@@ -83,19 +83,26 @@ impl Plan {
 
     /// The panels of a hidden layer, as ranges of neurons.
     pub(crate) fn panels(&self) -> impl Iterator<Item = Range<usize>> + use<> {
-        let (width, panel) = (self.shape.width, self.panel);
-        (0..width).step_by(panel).map(move |first| first..(first + panel).min(width))
+        let width = self.shape.width;
+        (0..width).step_by(PANEL).map(move |first| first..(first + PANEL).min(width))
     }
 
     /// Neurons of the widest panel.
     pub(crate) fn widest_panel(&self) -> usize {
-        self.panel.min(self.shape.width)
+        PANEL.min(self.shape.width)
     }
 
     /// Where a panel's rows stand in the flat parameters and, transposed, in the array of panels.
     pub(crate) fn panel_range(&self, layer: usize, neurons: &Range<usize>) -> Range<usize> {
         let Layer { inputs, weights, .. } = self.layers[layer];
         weights + neurons.start * inputs..weights + neurons.end * inputs
+    }
+
+    /// Distance of two samples' rows in arrays of activations and slopes. Rows 2 KiB or a multiple apart compete for
+    /// few sets of the cache: 16 values more make the gradient's products 3 % faster.
+    pub(crate) fn stride(&self) -> usize {
+        let width = self.shape.width;
+        if width.is_multiple_of(256) { width + 16 } else { width }
     }
 
     /// Samples of a window: a whole number of blocks.
