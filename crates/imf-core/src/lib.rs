@@ -8,6 +8,7 @@ pub mod field_files;
 pub mod grid;
 pub mod mesh;
 pub mod metrics;
+pub mod model;
 pub mod occupancy;
 pub mod orientation;
 pub mod parts;

@@ -16,7 +16,16 @@
 //!
 //! Source: Harabin, Mirzendehdel, Behandish, arXiv 2409.02115 (network); Sitzmann et al. 2020 (initialisation).
 
+mod adam;
+mod backward;
+pub mod engine;
+mod evaluator;
+mod forward;
+mod lanes;
+pub mod matrix;
+mod plan;
 pub mod reference;
+pub mod sine;
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

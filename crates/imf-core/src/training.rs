@@ -1,6 +1,10 @@
 //! Training: the loss, the optimiser's settings, and the seam between the loop that feeds batches and the engine
 //! that runs a step (CPU here, GPU in `imf-gpu`).
 
+pub mod permutation;
+pub mod run;
+pub mod schedule;
+
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -42,6 +46,7 @@ impl Loss {
 
 /// Adam's settings; the defaults are the paper's.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct AdamConfig {
     /// Decay of the first moment.
     pub beta1: f32,

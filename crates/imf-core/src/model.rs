@@ -1,0 +1,359 @@
+//! The model file: one safetensors file that serves query, evaluation, fine-tuning and resuming.
+//!
+//! Its metadata has one key, `imf`: JSON with the format's name and version, the network's description, the scene
+//! and the training record. Its tensors:
+//!
+//! ```text
+//! layers.0.weight  f32 [width, 5]     layers.0.bias  f32 [width]     … one pair for each layer, the output's last
+//! obstacle         u8  [⌈voxels/8⌉]   the scene's solid voxels, eight a byte, first voxel in the lowest bit
+//! adam.first, adam.second  f32 [parameters]   only in checkpoints: the optimiser's moments, flat
+//! ```
+//!
+//! The obstacle travels along, so that a model can be evaluated without the part's mesh.
+
+use std::collections::HashMap;
+use std::io::Write;
+use std::path::Path;
+
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::atomic_file::{AtomicFileError, write_atomically};
+use crate::dataset::Sampling;
+use crate::occupancy::Occupancy;
+use crate::orientation::OrientationSet;
+use crate::scene::{Scene, SceneRecord};
+use crate::siren::SirenShape;
+use crate::training::TrainingState;
+use crate::training::run::{Cursor, TrainingPlan};
+
+const FORMAT: &str = "imf-model";
+const VERSION: u32 = 1;
+
+/// One point of the loss curve.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LossPoint {
+    /// Steps done.
+    pub step: u64,
+    /// Mean loss since the point before.
+    pub loss: f64,
+}
+
+/// What a model was trained on, how, and how far.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrainingRecord {
+    /// Version of the program that trained last.
+    pub program: String,
+    /// The plan in force.
+    pub plan: TrainingPlan,
+    /// Where the plan stands.
+    pub cursor: Cursor,
+    /// True once the plan is done.
+    pub finished: bool,
+    /// Steps done under the plan.
+    pub steps: u64,
+    /// Seconds spent in training, all runs together.
+    pub seconds: f64,
+    /// Engine that trained last.
+    pub engine: String,
+    /// The sections that training saw.
+    pub orientations: OrientationSet,
+    /// How they were sampled.
+    pub sampling: Sampling,
+    /// Samples of the dataset.
+    pub samples: u64,
+    /// CRC-32 over the checksums of the dataset's shards, to know it again.
+    pub dataset_crc32: u32,
+    /// Part of the model that fine-tuning started from.
+    #[serde(default)]
+    pub fine_tuned_from: Option<String>,
+    /// Training loss over time.
+    pub losses: Vec<LossPoint>,
+}
+
+/// A network with everything that is known about it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    /// The network's description.
+    pub shape: SirenShape,
+    /// What it represents.
+    pub scene: Scene,
+    /// How it came about.
+    pub record: TrainingRecord,
+    /// Weights; with moments where training can be resumed, else moments are empty.
+    pub state: TrainingState,
+}
+
+/// Why a model cannot be read or written. Every message names the file.
+#[derive(Debug, Error)]
+pub enum ModelError {
+    /// The file cannot be read.
+    #[error("cannot read the model {path}: {source}")]
+    Read {
+        /// The file.
+        path: String,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// No model, or a damaged one.
+    #[error("{path} is no intact model: {what}")]
+    Damaged {
+        /// The file.
+        path: String,
+        /// What is wrong.
+        what: String,
+    },
+    /// Made by a newer program.
+    #[error("{path} is a model of version {found}, and this program reads up to {VERSION}: use a newer imf")]
+    Newer {
+        /// The file.
+        path: String,
+        /// Its version.
+        found: u32,
+    },
+    /// The file cannot be written.
+    #[error(transparent)]
+    Write(#[from] AtomicFileError),
+}
+
+#[derive(Serialize, Deserialize)]
+struct Description {
+    format: String,
+    version: u32,
+    family: String,
+    network: SirenShape,
+    scene: SceneRecord,
+    training: TrainingRecord,
+    optimiser_step: u64,
+}
+
+/// The part of the description that can be read whatever its version.
+#[derive(Deserialize)]
+struct Header {
+    format: String,
+    version: u32,
+}
+
+impl Model {
+    /// True where the file holds what training needs to go on.
+    #[must_use]
+    pub fn is_resumable(&self) -> bool {
+        !self.state.first_moment.is_empty()
+    }
+
+    /// The same model without the optimiser's moments: a third of the size.
+    #[must_use]
+    pub fn without_moments(mut self) -> Self {
+        self.state.first_moment = Vec::new();
+        self.state.second_moment = Vec::new();
+        self
+    }
+
+    /// Writes the model whole or not at all. Equal models give equal bytes.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write(&self, path: &Path) -> Result<(), ModelError> {
+        let damaged = |what: String| ModelError::Damaged { path: path.display().to_string(), what };
+        let description = Description {
+            format: FORMAT.into(),
+            version: VERSION,
+            family: "siren5".into(),
+            network: self.shape,
+            scene: self.scene.record.clone(),
+            training: self.record.clone(),
+            optimiser_step: self.state.step,
+        };
+        let json = serde_json::to_string(&description).map_err(|e| damaged(e.to_string()))?;
+        let packed = self.scene.obstacle.packed();
+        let mut tensors: Vec<(String, Vec<usize>, &[f32])> = Vec::new();
+        for (index, layer) in self.shape.layers().iter().enumerate() {
+            let weights = &self.state.parameters[layer.weights..layer.biases];
+            let biases = &self.state.parameters[layer.biases..layer.biases + layer.outputs];
+            tensors.push((format!("layers.{index}.weight"), vec![layer.outputs, layer.inputs], weights));
+            tensors.push((format!("layers.{index}.bias"), vec![layer.outputs], biases));
+        }
+        if self.is_resumable() {
+            for (name, moment) in
+                [("adam.first", &self.state.first_moment), ("adam.second", &self.state.second_moment)]
+            {
+                tensors.push((name.into(), vec![moment.len()], moment));
+            }
+        }
+        let little_endian: Vec<Vec<u8>> = tensors
+            .iter()
+            .map(|(_, _, values)| values.iter().flat_map(|v| v.to_le_bytes()).collect())
+            .collect();
+        let serialized = || {
+            let mut views = Vec::with_capacity(tensors.len() + 1);
+            for ((name, shape, _), bytes) in tensors.iter().zip(&little_endian) {
+                views.push((name.clone(), TensorView::new(Dtype::F32, shape.clone(), bytes)?));
+            }
+            views.push(("obstacle".to_owned(), TensorView::new(Dtype::U8, vec![packed.len()], &packed)?));
+            safetensors::serialize(views, Some(HashMap::from([("imf".to_owned(), json.clone())])))
+        };
+        let bytes = serialized().map_err(|e| damaged(e.to_string()))?;
+        Ok(write_atomically(path, |file| file.write_all(&bytes))?)
+    }
+
+    /// Reads and checks a model.
+    ///
+    /// # Errors
+    /// A missing, foreign, newer, truncated or damaged file; the message names it and what is wrong.
+    pub fn read(path: &Path) -> Result<Self, ModelError> {
+        let shown = path.display().to_string();
+        let damaged = |what: String| ModelError::Damaged { path: shown.clone(), what };
+        let bytes = std::fs::read(path).map_err(|source| ModelError::Read { path: shown.clone(), source })?;
+        let (_, metadata) = SafeTensors::read_metadata(&bytes)
+            .map_err(|e| damaged(format!("{e}; it was cut short, or is no safetensors file")))?;
+        let json = metadata.metadata().as_ref().and_then(|m| m.get("imf"));
+        let json = json.ok_or_else(|| damaged("it is a safetensors file, but not one of imf's".into()))?;
+        let header: Header = serde_json::from_str(json).map_err(|e| damaged(e.to_string()))?;
+        if header.format != FORMAT {
+            return Err(damaged(format!("its format is '{}', not '{FORMAT}'", header.format)));
+        }
+        if header.version > VERSION {
+            return Err(ModelError::Newer { path: shown, found: header.version });
+        }
+        let description: Description = serde_json::from_str(json).map_err(|e| damaged(e.to_string()))?;
+        let shape = description.network;
+        shape.check().map_err(|e| damaged(e.to_string()))?;
+        let tensors =
+            SafeTensors::deserialize(&bytes).map_err(|e| damaged(format!("{e}; it was cut short")))?;
+        let floats = |name: &str, dims: &[usize]| -> Result<Vec<f32>, ModelError> {
+            let view = tensors.tensor(name).map_err(|e| damaged(e.to_string()))?;
+            if view.dtype() != Dtype::F32 || view.shape() != dims {
+                return Err(damaged(format!(
+                    "'{name}' is {:?} {:?}, not F32 {dims:?}",
+                    view.dtype(),
+                    view.shape()
+                )));
+            }
+            let values: Vec<f32> =
+                view.data().as_chunks::<4>().0.iter().map(|&b| f32::from_le_bytes(b)).collect();
+            if values.iter().all(|v| v.is_finite()) {
+                Ok(values)
+            } else {
+                Err(damaged(format!("'{name}' holds a value that is not a finite number")))
+            }
+        };
+        let mut parameters = Vec::with_capacity(shape.parameter_count());
+        for (index, layer) in shape.layers().iter().enumerate() {
+            parameters.extend(floats(&format!("layers.{index}.weight"), &[layer.outputs, layer.inputs])?);
+            parameters.extend(floats(&format!("layers.{index}.bias"), &[layer.outputs])?);
+        }
+        let (mut first_moment, mut second_moment) = (Vec::new(), Vec::new());
+        if tensors.names().contains(&"adam.first") {
+            first_moment = floats("adam.first", &[parameters.len()])?;
+            second_moment = floats("adam.second", &[parameters.len()])?;
+        }
+        let packed = tensors.tensor("obstacle").map_err(|e| damaged(e.to_string()))?;
+        if crc32fast::hash(packed.data()) != description.scene.obstacle_crc32 {
+            return Err(damaged("the obstacle's checksum is wrong".into()));
+        }
+        let obstacle = Occupancy::from_packed(description.scene.grid, packed.data())
+            .map_err(|e| damaged(e.to_string()))?;
+        Ok(Self {
+            shape,
+            scene: Scene { record: description.scene, obstacle },
+            record: description.training,
+            state: TrainingState {
+                parameters,
+                first_moment,
+                second_moment,
+                step: description.optimiser_step,
+            },
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parts::ReferencePart;
+    use crate::scene::{Resolution, SceneSpec};
+    use crate::tool::Tool;
+    use crate::unit::LengthUnit;
+
+    fn model() -> Model {
+        let spec = SceneSpec {
+            part: "bracket",
+            mesh: &ReferencePart::Bracket.mesh(),
+            unit: LengthUnit::Mm,
+            transform: glam::DMat4::IDENTITY,
+            resolution: Resolution::Dims([5, 15, 9]),
+            margin: 0,
+            conservative: false,
+            tool: &Tool::paper(),
+        };
+        let shape = SirenShape { width: 7, hidden: 3, ..SirenShape::default() };
+        let mut state = TrainingState::new(&shape, 1);
+        state.step = 12;
+        state.first_moment[3] = 0.1;
+        let record = TrainingRecord {
+            program: "0".into(),
+            plan: TrainingPlan::default(),
+            cursor: Cursor { epoch: 1, step: 2 },
+            finished: false,
+            steps: 12,
+            seconds: 0.1,
+            engine: "test".into(),
+            orientations: OrientationSet::parse("fibonacci:3").unwrap(),
+            sampling: Sampling::default(),
+            samples: 100,
+            dataset_crc32: 7,
+            fine_tuned_from: None,
+            losses: vec![LossPoint { step: 12, loss: 0.3 }],
+        };
+        Model { shape, scene: spec.scene().unwrap(), record, state }
+    }
+
+    #[test]
+    fn models_read_back_bit_for_bit_with_and_without_moments() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("m.safetensors");
+        for model in [model(), model().without_moments()] {
+            model.write(&path).unwrap();
+            assert_eq!(Model::read(&path).unwrap(), model);
+            let bytes = std::fs::read(&path).unwrap();
+            model.write(&path).unwrap();
+            assert_eq!(std::fs::read(&path).unwrap(), bytes);
+        }
+    }
+
+    #[test]
+    fn damage_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("m.safetensors");
+        let error = |bytes: &[u8]| {
+            std::fs::write(&path, bytes).unwrap();
+            Model::read(&path).unwrap_err()
+        };
+        model().write(&path).unwrap();
+        let whole = std::fs::read(&path).unwrap();
+        for length in [0, 4, 100, whole.len() / 2, whole.len() - 1] {
+            let text = error(&whole[..length]).to_string();
+            assert!(text.contains("m.safetensors") && text.contains("no intact model"), "{length}: {text}");
+        }
+        assert!(
+            error(b"solid model of something else entirely, not ours")
+                .to_string()
+                .contains("no intact model")
+        );
+        let foreign =
+            safetensors::serialize([("a", TensorView::new(Dtype::U8, vec![1], &[1]).unwrap())], None)
+                .unwrap();
+        assert!(error(&foreign).to_string().contains("not one of imf's"));
+        let key = br#"\"version\":1"#;
+        let at = whole.windows(key.len()).position(|w| w == key).unwrap();
+        let mut newer = whole.clone();
+        newer[at + key.len() - 1] = b'9';
+        assert!(matches!(error(&newer), ModelError::Newer { found: 9, .. }));
+        let mut broken = model();
+        broken.state.parameters[5] = f32::NAN;
+        broken.write(&path).unwrap();
+        assert!(Model::read(&path).unwrap_err().to_string().contains("finite"));
+        assert!(matches!(Model::read(Path::new("no/model")), Err(ModelError::Read { .. })));
+    }
+}

@@ -1,0 +1,183 @@
+//! The backward pass of a block of samples: from the loss's slope to every layer's `δ = ∂loss/∂(W·a + b)`, which
+//! replaces the slopes that the forward pass kept, and to the block's partial sums (see [`super::plan`]).
+
+use pulp::{Simd, WithSimd};
+
+use super::forward::Network;
+use super::lanes::{load, store};
+use super::matrix::{Matrix, multiply};
+use super::plan::BLOCK;
+use crate::siren::INPUTS;
+
+impl Network<'_> {
+    /// δ of the last hidden layer and the output layer's sums. `output_deltas [rows]` is δ of the output; `slopes` are
+    /// the layer's, `last` its activations, both `[rows][stride]`.
+    pub(crate) fn output_backward(
+        &self,
+        inputs: &[f32],
+        output_deltas: &[f32],
+        last: &[f32],
+        slopes: &mut [f32],
+        partial: &mut [f32],
+    ) {
+        let plan = self.plan;
+        let width = plan.shape.width;
+        let output = plan.layers[plan.shape.hidden];
+        let (sums, bias) = partial[plan.partial_output()..].split_at_mut(width);
+        bias[0] = output_deltas.iter().sum();
+        self.arch.dispatch(WeightedRows { rows: last, stride: plan.stride(), scales: output_deltas, sums });
+        let weights = &self.parameters[output.weights..output.biases];
+        let upstream = Upstream::Outer { scales: output_deltas, weights };
+        self.deltas(plan.shape.hidden - 1, 0, width, inputs, upstream, slopes, partial);
+    }
+
+    /// δ of hidden layer `layer` from δ of the one behind it, `next [rows][stride]`. `scratch` holds one panel of a
+    /// block.
+    pub(crate) fn hidden_backward(
+        &self,
+        layer: usize,
+        inputs: &[f32],
+        next: &[f32],
+        slopes: &mut [f32],
+        partial: &mut [f32],
+        scratch: &mut [f32],
+    ) {
+        let plan = self.plan;
+        let width = plan.shape.width;
+        let rows = inputs.len() / INPUTS;
+        let behind = plan.layers[layer + 1];
+        for neurons in plan.panels() {
+            let (first, columns) = (neurons.start, neurons.len());
+            let weights = &self.parameters[behind.weights + first..behind.biases];
+            let weights = Matrix::row_major(weights, width, columns, behind.inputs);
+            multiply(scratch, columns, Matrix::row_major(next, rows, width, plan.stride()), weights, false);
+            self.deltas(layer, first, columns, inputs, Upstream::Rows(scratch), slopes, partial);
+        }
+    }
+
+    fn deltas(
+        &self,
+        layer: usize,
+        first: usize,
+        columns: usize,
+        inputs: &[f32],
+        upstream: Upstream<'_>,
+        slopes: &mut [f32],
+        partial: &mut [f32],
+    ) {
+        let plan = self.plan;
+        let width = plan.shape.width;
+        // Biases stand before the sums of the input weights in a partial.
+        let (biases, rest) = partial.split_at_mut(plan.shape.hidden * width);
+        let offset = plan.partial_inputs(layer) - plan.shape.hidden * width;
+        let pass = Deltas {
+            upstream,
+            slopes: &mut slopes[first..],
+            stride: plan.stride(),
+            width,
+            inputs,
+            biases: &mut biases[plan.partial_biases(layer) + first..][..columns],
+            input_sums: plan.sees_input(layer).then(|| &mut rest[offset + first..]),
+        };
+        self.arch.dispatch(pass);
+    }
+}
+
+/// `∂loss/∂a` of a panel of neurons.
+enum Upstream<'a> {
+    /// `[rows][columns]`, as a product leaves it.
+    Rows(&'a [f32]),
+    /// `scales[i]·weights[j]`: behind the last hidden layer is one neuron.
+    Outer { scales: &'a [f32], weights: &'a [f32] },
+}
+
+/// `slopes ← slopes·upstream`, and its sums over the block, alone and weighted by the samples' inputs.
+struct Deltas<'a> {
+    upstream: Upstream<'a>,
+    /// Rows `stride` apart, from the panel's first neuron on.
+    slopes: &'a mut [f32],
+    stride: usize,
+    /// Distance of two axes in `input_sums`.
+    width: usize,
+    /// `[rows][5]`.
+    inputs: &'a [f32],
+    /// `[columns]`.
+    biases: &'a mut [f32],
+    /// Five rows `width` apart, from the panel's first neuron on.
+    input_sums: Option<&'a mut [f32]>,
+}
+
+impl Deltas<'_> {
+    #[inline(always)]
+    fn run<S: Simd, const OUTER: bool, const INPUT: bool>(self, simd: S) {
+        let columns = self.biases.len();
+        let input_sums = self.input_sums.unwrap_or_default();
+        for (row, sample) in self.inputs.chunks_exact(INPUTS).enumerate() {
+            let slopes = &mut self.slopes[row * self.stride..][..columns];
+            let (scale, factors) = match &self.upstream {
+                Upstream::Rows(rows) => (1.0, &rows[row * columns..][..columns]),
+                Upstream::Outer { scales, weights } => (scales[row], *weights),
+            };
+            let scale = simd.splat_f32s(scale);
+            for at in (0..columns).step_by(S::F32_LANES) {
+                let mut factor = load(simd, factors, at);
+                if OUTER {
+                    factor = simd.mul_f32s(scale, factor);
+                }
+                let delta = simd.mul_f32s(load(simd, slopes, at), factor);
+                store(simd, slopes, at, delta);
+                let sum = simd.add_f32s(load(simd, self.biases, at), delta);
+                store(simd, self.biases, at, sum);
+                if INPUT {
+                    for (axis, &value) in sample.iter().enumerate() {
+                        let sums = &mut input_sums[axis * self.width..][..columns];
+                        let sum = simd.mul_add_e_f32s(simd.splat_f32s(value), delta, load(simd, sums, at));
+                        store(simd, sums, at, sum);
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl WithSimd for Deltas<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        match (&self.upstream, self.input_sums.is_some()) {
+            (Upstream::Outer { .. }, true) => self.run::<S, true, true>(simd),
+            (Upstream::Outer { .. }, false) => self.run::<S, true, false>(simd),
+            (Upstream::Rows(_), true) => self.run::<S, false, true>(simd),
+            (Upstream::Rows(_), false) => self.run::<S, false, false>(simd),
+        }
+    }
+}
+
+/// `sums[j] += Σ_i scales[i]·rows[i][j]`.
+struct WeightedRows<'a> {
+    rows: &'a [f32],
+    stride: usize,
+    scales: &'a [f32],
+    sums: &'a mut [f32],
+}
+
+impl WithSimd for WeightedRows<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let width = self.sums.len();
+        for (row, &scale) in self.rows.chunks(self.stride).zip(self.scales) {
+            let row = &row[..width];
+            let scale = simd.splat_f32s(scale);
+            for at in (0..width).step_by(S::F32_LANES) {
+                let sum = simd.mul_add_e_f32s(scale, load(simd, row, at), load(simd, self.sums, at));
+                store(simd, self.sums, at, sum);
+            }
+        }
+    }
+}
+
+/// Length of the scratch that a block's backward pass needs.
+pub(crate) fn scratch_length(widest_panel: usize) -> usize {
+    BLOCK * widest_panel
+}

@@ -1,0 +1,440 @@
+//! The CPU training engine: forward, backward and Adam in `f32` on the current rayon pool.
+//!
+//! A step walks over the batch in windows (see [`super::plan`]). In each window blocks of samples pass forward and
+//! backward, one core a block; then every panel of neurons multiplies its δ with the activations before it, adds the
+//! blocks' partial sums in their order, and in the last window takes its Adam step while its gradient is in cache.
+//! All pieces and all orders of addition are fixed by the network and the batch: the number of threads changes nothing,
+//! and no memory of ours is allocated in a step.
+
+use std::sync::{Mutex, PoisonError};
+
+use pulp::Arch;
+
+use super::adam::AdamFactors;
+use super::backward::scratch_length;
+use super::forward::{Network, sigmoid};
+use super::matrix::{Matrix, multiply, prefer_unpacked};
+use super::plan::{BLOCK, Part, Piece, Plan, transpose, transpose_all};
+use crate::siren::{INPUTS, SirenShape};
+use crate::training::{AdamConfig, EngineError, Loss, TrainingEngine, TrainingState};
+
+pub use super::evaluator::CpuEvaluator;
+
+/// Most hidden layers of a network ([`SirenShape::check`]).
+const MAX_HIDDEN: usize = 64;
+
+/// Trains a network on the CPU; runs on the rayon pool that `step` is called in.
+pub struct CpuTrainer {
+    arch: Arch,
+    plan: Plan,
+    adam: AdamConfig,
+    loss: Loss,
+    max_batch: usize,
+    /// Samples that `activations` and `slopes` hold for each layer.
+    window: usize,
+    state: TrainingState,
+    gradient: Vec<f32>,
+    panels: Vec<f32>,
+    /// `[hidden][window][stride]` ([`Plan::stride`]).
+    activations: Vec<f32>,
+    /// `[hidden][window][stride]`: derivatives of the sines after the forward pass, δ after the backward pass.
+    slopes: Vec<f32>,
+    /// One for each block of a window.
+    partials: Vec<f32>,
+    /// Summed loss of each block of a window.
+    losses: Vec<f64>,
+    scratch: ScratchPool,
+    loss_sum: f64,
+    loss_steps: u64,
+}
+
+impl CpuTrainer {
+    /// An engine for batches of up to `max_batch` samples that continues from `state`.
+    ///
+    /// Memory: 5 floats a parameter, and about `2·hidden·width` floats a sample of a window (at most 1024 samples at width
+    /// 512), whatever the batch.
+    ///
+    /// # Errors
+    /// A shape out of range, a batch of zero, or a state whose arrays do not fit the shape.
+    pub fn new(
+        shape: SirenShape,
+        adam: AdamConfig,
+        loss: Loss,
+        max_batch: usize,
+        state: TrainingState,
+    ) -> Result<Self, EngineError> {
+        let refused = |error: crate::siren::ShapeError| EngineError::Shape(error.to_string());
+        shape.check().map_err(refused)?;
+        for array in [&state.parameters, &state.first_moment, &state.second_moment] {
+            shape.check_parameters(array).map_err(refused)?;
+        }
+        if max_batch == 0 {
+            return Err(EngineError::Shape("a batch needs at least one sample".into()));
+        }
+        prefer_unpacked();
+        let plan = Plan::new(shape);
+        let window = plan.window().min(max_batch);
+        let blocks = window.div_ceil(BLOCK);
+        let mut panels = vec![0.0; state.parameters.len()];
+        transpose_all(&plan, &state.parameters, &mut panels);
+        Ok(Self {
+            arch: Arch::new(),
+            adam,
+            loss,
+            max_batch,
+            window,
+            gradient: vec![0.0; state.parameters.len()],
+            panels,
+            activations: vec![0.0; shape.hidden * window * plan.stride()],
+            slopes: vec![0.0; shape.hidden * window * plan.stride()],
+            partials: vec![0.0; blocks * plan.partial_length()],
+            losses: vec![0.0; blocks],
+            scratch: ScratchPool::new(scratch_length(plan.widest_panel())),
+            loss_sum: 0.0,
+            loss_steps: 0,
+            plan,
+            state,
+        })
+    }
+
+    /// The weights as they are now, in the layout of [`SirenShape::layers`].
+    #[must_use]
+    pub fn parameters(&self) -> &[f32] {
+        &self.state.parameters
+    }
+
+    /// Summed loss of one window; leaves its activations, δ and partials behind.
+    fn forward_backward(&mut self, inputs: &[f32], targets: &[f32], batch: usize) -> f64 {
+        let blocks = targets.len().div_ceil(BLOCK);
+        let layer_length = self.window * self.plan.stride();
+        let pass = BlockPass {
+            network: Network {
+                arch: self.arch,
+                plan: &self.plan,
+                parameters: &self.state.parameters,
+                panels: &self.panels,
+            },
+            loss: self.loss,
+            batch: batch as f64,
+            scratch: &self.scratch,
+        };
+        pass.run(
+            inputs,
+            targets,
+            Layers::new(&mut self.activations, layer_length),
+            Layers::new(&mut self.slopes, layer_length),
+            &mut self.partials[..blocks * self.plan.partial_length()],
+            &mut self.losses[..blocks],
+        );
+        self.losses[..blocks].iter().sum()
+    }
+}
+
+impl TrainingEngine for CpuTrainer {
+    fn describe(&self) -> String {
+        describe(self.arch)
+    }
+
+    fn step(&mut self, inputs: &[f32], targets: &[f32], learning_rate: f32) -> Result<(), EngineError> {
+        let batch = targets.len();
+        if batch == 0 || batch > self.max_batch {
+            let most = self.max_batch;
+            return Err(EngineError::Shape(format!(
+                "a batch of {batch} samples; this engine takes 1 to {most}"
+            )));
+        }
+        if inputs.len() != batch * INPUTS {
+            let found = inputs.len();
+            return Err(EngineError::Shape(format!(
+                "{found} inputs for {batch} targets; {INPUTS} belong to each"
+            )));
+        }
+        self.state.step += 1;
+        let factors = AdamFactors::new(self.adam, learning_rate, self.state.step);
+        let windows = batch.div_ceil(self.window);
+        let mut total = 0.0;
+        for (index, (inputs, targets)) in
+            inputs.chunks(self.window * INPUTS).zip(targets.chunks(self.window)).enumerate()
+        {
+            total += self.forward_backward(inputs, targets, batch);
+            let blocks = targets.len().div_ceil(BLOCK);
+            let update = Update {
+                arch: self.arch,
+                plan: &self.plan,
+                samples: targets.len(),
+                layer_length: self.window * self.plan.stride(),
+                activations: &self.activations,
+                deltas: &self.slopes,
+                partials: &self.partials[..blocks * self.plan.partial_length()],
+                accumulate: index > 0,
+                factors: (index + 1 == windows).then_some(factors),
+            };
+            update.run(
+                &self.plan.pieces,
+                Arrays {
+                    parameters: &mut self.state.parameters,
+                    first_moment: &mut self.state.first_moment,
+                    second_moment: &mut self.state.second_moment,
+                    gradient: &mut self.gradient,
+                    panels: &mut self.panels,
+                },
+            );
+        }
+        self.loss_sum += total / batch as f64;
+        self.loss_steps += 1;
+        Ok(())
+    }
+
+    fn take_mean_loss(&mut self) -> Result<f64, EngineError> {
+        let mean = if self.loss_steps == 0 { 0.0 } else { self.loss_sum / self.loss_steps as f64 };
+        (self.loss_sum, self.loss_steps) = (0.0, 0);
+        Ok(mean)
+    }
+
+    fn state(&mut self) -> Result<TrainingState, EngineError> {
+        Ok(self.state.clone())
+    }
+}
+
+/// The CPU engine's name for people.
+pub(crate) fn describe(arch: Arch) -> String {
+    let set = format!("{arch:?}");
+    let set = match set.split(['(', ' ']).next() {
+        Some("V4") => "AVX-512",
+        Some("V3") => "AVX2 and FMA",
+        Some("Neon") => "NEON",
+        _ => "scalar",
+    };
+    let threads = rayon::current_num_threads();
+    format!("CPU, {threads} thread{}, {set} vectors", if threads == 1 { "" } else { "s" })
+}
+
+/// Buffers of one length, handed to whichever thread needs one; as many as threads ever worked at once.
+pub(crate) struct ScratchPool {
+    length: usize,
+    free: Mutex<Vec<Vec<f32>>>,
+}
+
+impl ScratchPool {
+    pub(crate) fn new(length: usize) -> Self {
+        Self { length, free: Mutex::new(Vec::new()) }
+    }
+
+    /// Runs `work` with a buffer whose content is left over from earlier work.
+    pub(crate) fn with<T>(&self, work: impl FnOnce(&mut [f32]) -> T) -> T {
+        let free = self.free.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let mut buffer = free.unwrap_or_else(|| vec![0.0; self.length]);
+        let result = work(&mut buffer);
+        self.free.lock().unwrap_or_else(PoisonError::into_inner).push(buffer);
+        result
+    }
+}
+
+/// A `[hidden][samples][stride]` array as one slice for each layer, so that it can be split between samples.
+struct Layers<'a>([&'a mut [f32]; MAX_HIDDEN]);
+
+impl<'a> Layers<'a> {
+    fn new(array: &'a mut [f32], layer_length: usize) -> Self {
+        let mut layers = array.chunks_mut(layer_length);
+        Self(std::array::from_fn(|_| layers.next().unwrap_or_default()))
+    }
+
+    /// The first `middle` values of every layer, and the others.
+    fn split(self, middle: usize) -> (Self, Self) {
+        let mut tails = Self(std::array::from_fn(|_| <&mut [f32]>::default()));
+        let mut heads = self;
+        for (head, tail) in heads.0.iter_mut().zip(&mut tails.0) {
+            if !head.is_empty() {
+                (*head, *tail) = std::mem::take(head).split_at_mut(middle);
+            }
+        }
+        (heads, tails)
+    }
+}
+
+/// Takes blocks of samples through the network and back.
+struct BlockPass<'a> {
+    network: Network<'a>,
+    loss: Loss,
+    /// Samples of the whole batch, which the loss is averaged over.
+    batch: f64,
+    scratch: &'a ScratchPool,
+}
+
+impl BlockPass<'_> {
+    /// Splits the samples between blocks until one block is left.
+    fn run(
+        &self,
+        inputs: &[f32],
+        targets: &[f32],
+        activations: Layers<'_>,
+        slopes: Layers<'_>,
+        partials: &mut [f32],
+        losses: &mut [f64],
+    ) {
+        let blocks = losses.len();
+        if blocks == 1 {
+            losses[0] = self
+                .scratch
+                .with(|scratch| self.block(inputs, targets, activations, slopes, partials, scratch));
+            return;
+        }
+        let middle = blocks / 2;
+        let samples = middle * BLOCK;
+        let values = samples * self.network.plan.stride();
+        let inputs = inputs.split_at(samples * INPUTS);
+        let targets = targets.split_at(samples);
+        let activations = activations.split(values);
+        let slopes = slopes.split(values);
+        let partials = partials.split_at_mut(middle * self.network.plan.partial_length());
+        let losses = losses.split_at_mut(middle);
+        rayon::join(
+            || self.run(inputs.0, targets.0, activations.0, slopes.0, partials.0, losses.0),
+            || self.run(inputs.1, targets.1, activations.1, slopes.1, partials.1, losses.1),
+        );
+    }
+
+    /// One block forward and backward; its summed loss.
+    fn block(
+        &self,
+        inputs: &[f32],
+        targets: &[f32],
+        activations: Layers<'_>,
+        slopes: Layers<'_>,
+        partial: &mut [f32],
+        scratch: &mut [f32],
+    ) -> f64 {
+        let network = &self.network;
+        let hidden = network.plan.shape.hidden;
+        let values = targets.len() * network.plan.stride();
+        let (Layers(mut activations), Layers(mut slopes)) = (activations, slopes);
+        for layer in 0..hidden {
+            let (before, from) = activations.split_at_mut(layer);
+            let previous = before.last().map_or(&[][..], |previous| &previous[..values]);
+            network.hidden_layer(layer, inputs, previous, from[0], Some(slopes[layer]));
+        }
+        let last = &activations[hidden - 1][..values];
+        let mut deltas = [0.0; BLOCK];
+        let deltas = &mut deltas[..targets.len()];
+        network.logits(last, deltas);
+        let mut loss = 0.0;
+        for (delta, &target) in deltas.iter_mut().zip(targets) {
+            let output = sigmoid(*delta);
+            let target = f64::from(target);
+            loss += self.loss.value(output, target);
+            *delta = (self.loss.slope(output, target) / self.batch * output * (1.0 - output)) as f32;
+        }
+        partial.fill(0.0);
+        network.output_backward(inputs, deltas, last, slopes[hidden - 1], partial);
+        for layer in (0..hidden - 1).rev() {
+            let (before, behind) = slopes.split_at_mut(layer + 1);
+            network.hidden_backward(layer, inputs, &behind[0][..values], before[layer], partial, scratch);
+        }
+        loss
+    }
+}
+
+/// What the update writes, all in the layout of the flat parameters.
+struct Arrays<'a> {
+    parameters: &'a mut [f32],
+    first_moment: &'a mut [f32],
+    second_moment: &'a mut [f32],
+    gradient: &'a mut [f32],
+    panels: &'a mut [f32],
+}
+
+impl<'a> Arrays<'a> {
+    fn split(self, middle: usize) -> (Self, Self) {
+        let parameters = self.parameters.split_at_mut(middle);
+        let first_moment = self.first_moment.split_at_mut(middle);
+        let second_moment = self.second_moment.split_at_mut(middle);
+        let gradient = self.gradient.split_at_mut(middle);
+        let panels = self.panels.split_at_mut(middle);
+        (
+            Arrays {
+                parameters: parameters.0,
+                first_moment: first_moment.0,
+                second_moment: second_moment.0,
+                gradient: gradient.0,
+                panels: panels.0,
+            },
+            Arrays {
+                parameters: parameters.1,
+                first_moment: first_moment.1,
+                second_moment: second_moment.1,
+                gradient: gradient.1,
+                panels: panels.1,
+            },
+        )
+    }
+}
+
+/// Gradient of one window and, in the batch's last one, the Adam step.
+struct Update<'a> {
+    arch: Arch,
+    plan: &'a Plan,
+    samples: usize,
+    /// Values of one layer in `activations` and `deltas`.
+    layer_length: usize,
+    activations: &'a [f32],
+    deltas: &'a [f32],
+    partials: &'a [f32],
+    /// An earlier window has left its gradient.
+    accumulate: bool,
+    factors: Option<AdamFactors>,
+}
+
+impl Update<'_> {
+    fn run(&self, pieces: &[Piece], arrays: Arrays<'_>) {
+        if let [piece] = pieces {
+            return self.piece(piece, arrays);
+        }
+        let (first, second) = pieces.split_at(pieces.len() / 2);
+        let (head, tail) = arrays.split(second[0].range.start - first[0].range.start);
+        rayon::join(|| self.run(first, head), || self.run(second, tail));
+    }
+
+    fn piece(&self, piece: &Piece, arrays: Arrays<'_>) {
+        let plan = self.plan;
+        let gradient = arrays.gradient;
+        match &piece.part {
+            Part::Biases => self.sum_partials(plan.partial_biases(piece.layer), gradient, 1),
+            Part::Output => self.sum_partials(plan.partial_output(), gradient, 1),
+            Part::Panel(neurons) => {
+                let (width, inputs) = (plan.shape.width, plan.layers[piece.layer].inputs);
+                let neurons_in = plan.neurons_in(piece.layer);
+                if piece.layer > 0 {
+                    let deltas = &self.deltas[piece.layer * self.layer_length + neurons.start..];
+                    let deltas = Matrix::row_major(deltas, self.samples, neurons.len(), plan.stride());
+                    let before = &self.activations[(piece.layer - 1) * self.layer_length..];
+                    let before = Matrix::row_major(before, self.samples, width, plan.stride());
+                    multiply(gradient, inputs, deltas.transposed(), before, self.accumulate);
+                }
+                if plan.sees_input(piece.layer) {
+                    for axis in 0..INPUTS {
+                        let sums = plan.partial_inputs(piece.layer) + axis * width + neurons.start;
+                        self.sum_partials(sums, &mut gradient[neurons_in + axis..], inputs);
+                    }
+                }
+            }
+        }
+        if let Some(factors) = &self.factors {
+            factors.apply(self.arch, arrays.parameters, gradient, arrays.first_moment, arrays.second_moment);
+            if let Part::Panel(neurons) = &piece.part {
+                transpose(arrays.parameters, neurons.len(), plan.layers[piece.layer].inputs, arrays.panels);
+            }
+        }
+    }
+
+    /// Adds up the blocks' partial sums from `first` on, in the order of the blocks, into every `stride`-th value.
+    fn sum_partials(&self, first: usize, gradient: &mut [f32], stride: usize) {
+        for (index, value) in gradient.iter_mut().step_by(stride).enumerate() {
+            let sum: f32 =
+                self.partials.chunks_exact(self.plan.partial_length()).map(|p| p[first + index]).sum();
+            *value = if self.accumulate { *value + sum } else { sum };
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,22 @@
+//! Registers in and out of slices: whole ones where the slice has room, masked ones at its end, so that a kernel is
+//! written once for any width.
+
+use pulp::Simd;
+
+/// The register at `values[at..]`; lanes past the end are 0.
+#[inline(always)]
+pub(crate) fn load<S: Simd>(simd: S, values: &[f32], at: usize) -> S::f32s {
+    match values.get(at..at + S::F32_LANES) {
+        Some(whole) => S::as_simd_f32s(whole).0[0],
+        None => simd.partial_load_f32s(&values[at..]),
+    }
+}
+
+/// Writes the register to `values[at..]`; lanes past the end are dropped.
+#[inline(always)]
+pub(crate) fn store<S: Simd>(simd: S, values: &mut [f32], at: usize, register: S::f32s) {
+    match values.get_mut(at..at + S::F32_LANES) {
+        Some(whole) => S::as_mut_simd_f32s(whole).0[0] = register,
+        None => simd.partial_store_f32s(&mut values[at..], register),
+    }
+}

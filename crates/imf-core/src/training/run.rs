@@ -1,0 +1,284 @@
+//! The training loop: feeds batches in each epoch's order to an engine, reports, and stops where it is told to.
+//!
+//! Where training stands is a [`Cursor`]: epoch and step in it. The order of the samples, the learning rate and the
+//! batches follow from the plan and the cursor alone, so a run that is stopped and continued with the engine's saved
+//! state has the same bits as one that was not. An epoch's last batch holds what is left and may be smaller.
+
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::permutation::Permutation;
+use super::schedule::Schedule;
+use super::{AdamConfig, EngineError, Loss, TrainingEngine};
+use crate::samples::Samples;
+use crate::siren::INPUTS;
+
+/// How long to train.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Length {
+    /// Passes over all samples.
+    Epochs(u64),
+    /// Steps, whatever the number of samples; the last epoch may be cut short.
+    Steps(u64),
+}
+
+/// Everything that decides a training run beside the network, its starting state and the samples.
+///
+/// The default is the paper's preset `single`: L1, Adam at 5e-4 · 0.93^epoch with weight decay 1e-6, batches of 1024,
+/// 50 epochs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TrainingPlan {
+    /// How long to train.
+    pub length: Length,
+    /// Samples of a step.
+    pub batch: usize,
+    /// Learning rate.
+    pub schedule: Schedule,
+    /// The optimiser's settings; they belong to the engine and stand here to be recorded with the rest.
+    pub adam: AdamConfig,
+    /// What a step minimises; as `adam`.
+    pub loss: Loss,
+    /// Decides the order of the samples.
+    pub seed: u64,
+    /// Steps between two reports.
+    pub report_every: u64,
+}
+
+impl Default for TrainingPlan {
+    fn default() -> Self {
+        Self {
+            length: Length::Epochs(50),
+            batch: 1024,
+            schedule: Schedule::default(),
+            adam: AdamConfig::default(),
+            loss: Loss::default(),
+            seed: 0,
+            report_every: 50,
+        }
+    }
+}
+
+impl TrainingPlan {
+    /// Steps of one epoch over `samples` samples.
+    #[must_use]
+    pub fn steps_per_epoch(&self, samples: usize) -> u64 {
+        samples.div_ceil(self.batch.max(1)) as u64
+    }
+
+    /// Steps of the whole run over `samples` samples.
+    #[must_use]
+    pub fn total_steps(&self, samples: usize) -> u64 {
+        match self.length {
+            Length::Epochs(epochs) => epochs.saturating_mul(self.steps_per_epoch(samples)),
+            Length::Steps(steps) => steps,
+        }
+    }
+
+    /// Checks the values that no type keeps in range.
+    ///
+    /// # Errors
+    /// [`TrainError::Plan`], naming the value.
+    pub fn check(&self) -> Result<(), TrainError> {
+        if self.batch == 0 || self.report_every == 0 {
+            let name = if self.batch == 0 { "batch" } else { "report_every" };
+            return Err(TrainError::Plan(format!("`{name}` must be at least 1")));
+        }
+        self.schedule.check().map_err(TrainError::Plan)
+    }
+}
+
+/// Where training stands: the next step to do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Cursor {
+    /// Epoch, from 0.
+    pub epoch: u64,
+    /// Step in the epoch, from 0.
+    pub step: u64,
+}
+
+/// What the observer is told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Report {
+    /// The next step; with the engine's state all that resuming needs.
+    pub cursor: Cursor,
+    /// Steps done since the beginning of the run, those before a resumption included.
+    pub step: u64,
+    /// Steps of the whole run.
+    pub total_steps: u64,
+    /// True after the last step of an epoch.
+    pub epoch_end: bool,
+    /// Mean of the steps' losses since the last report.
+    pub mean_loss: f64,
+    /// Learning rate of the last step.
+    pub learning_rate: f32,
+    /// Samples a second since the last report, the observer's own time left out.
+    pub samples_per_second: f64,
+}
+
+impl Report {
+    /// Time left at the present rate of steps; nothing where none can be told.
+    #[must_use]
+    pub fn remaining(&self, plan: &TrainingPlan) -> Option<Duration> {
+        let samples = (self.total_steps - self.step) as f64 * plan.batch as f64;
+        Duration::try_from_secs_f64(samples / self.samples_per_second).ok()
+    }
+}
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// All steps are done.
+    Finished,
+    /// The observer asked to stop; training continues from this cursor with the engine's state as it is.
+    Stopped(Cursor),
+}
+
+/// Why a run failed.
+#[derive(Debug, Error)]
+pub enum TrainError {
+    /// There is nothing to learn from.
+    #[error("there are no samples to train on")]
+    NoSamples,
+    /// A setting out of range.
+    #[error("training plan: {0}")]
+    Plan(String),
+    /// A cursor that is not a place of this run.
+    #[error(
+        "cannot resume at epoch {epoch}, step {step}: an epoch of these samples has {steps_per_epoch} steps"
+    )]
+    Cursor {
+        /// Epoch of the cursor.
+        epoch: u64,
+        /// Step of the cursor.
+        step: u64,
+        /// Steps of an epoch.
+        steps_per_epoch: u64,
+    },
+    /// The loss became infinite or NaN.
+    #[error(
+        "the loss became {loss} between steps {after} and {step} at a learning rate of {learning_rate:e}; \
+         continue from a checkpoint before step {after} with a lower learning rate (a third is a good first try)"
+    )]
+    NotFinite {
+        /// The loss.
+        loss: f64,
+        /// The last step known to be good.
+        after: u64,
+        /// The step at which it was noticed.
+        step: u64,
+        /// Learning rate of that step.
+        learning_rate: f32,
+    },
+    /// The engine failed.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+}
+
+/// Trains `engine` on `samples` from `start` to the plan's end, or until the observer breaks.
+///
+/// The observer is called every [`TrainingPlan::report_every`] steps, at each epoch's end and after the last step. It
+/// gets the engine too, so that it can save a checkpoint (`report.cursor` and `engine.state()`); losses taken by the
+/// observer are missing from the next report. The engine must take batches of `plan.batch` samples.
+///
+/// # Errors
+/// A plan or cursor out of range, no samples, a loss that is not finite, or an engine that failed.
+pub fn train(
+    plan: &TrainingPlan,
+    samples: &Samples,
+    engine: &mut dyn TrainingEngine,
+    start: Cursor,
+    observer: &mut dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()>,
+) -> Result<Outcome, TrainError> {
+    plan.check()?;
+    if samples.is_empty() {
+        return Err(TrainError::NoSamples);
+    }
+    let steps_per_epoch = plan.steps_per_epoch(samples.len());
+    let total_steps = plan.total_steps(samples.len());
+    let Cursor { mut epoch, step: mut step_in_epoch } = start;
+    let begun = epoch.checked_mul(steps_per_epoch).and_then(|steps| steps.checked_add(step_in_epoch));
+    let Some(mut step) = begun.filter(|_| step_in_epoch < steps_per_epoch) else {
+        return Err(TrainError::Cursor { epoch, step: step_in_epoch, steps_per_epoch });
+    };
+    let mut batch = Batch::new(plan.batch.min(samples.len()));
+    let mut order = Permutation::new(samples.len(), plan.seed, epoch);
+    let mut since = Since { step, samples: 0, start: Instant::now() };
+    while step < total_steps {
+        let first = step_in_epoch as usize * plan.batch;
+        let count = plan.batch.min(samples.len() - first);
+        batch.gather(samples, &order, first, count);
+        let learning_rate = plan.schedule.rate(epoch, step, total_steps);
+        engine.step(&batch.inputs[..count * INPUTS], &batch.targets[..count], learning_rate)?;
+        since.samples += count;
+        step += 1;
+        step_in_epoch += 1;
+        let epoch_end = step_in_epoch == steps_per_epoch;
+        if epoch_end {
+            (epoch, step_in_epoch) = (epoch + 1, 0);
+            order = Permutation::new(samples.len(), plan.seed, epoch);
+        }
+        if !(epoch_end || step.is_multiple_of(plan.report_every) || step == total_steps) {
+            continue;
+        }
+        let mean_loss = engine.take_mean_loss()?;
+        if !mean_loss.is_finite() {
+            return Err(TrainError::NotFinite { loss: mean_loss, after: since.step, step, learning_rate });
+        }
+        let cursor = Cursor { epoch, step: step_in_epoch };
+        let samples_per_second = since.samples as f64 / since.start.elapsed().as_secs_f64();
+        let report =
+            Report { cursor, step, total_steps, epoch_end, mean_loss, learning_rate, samples_per_second };
+        if observer(&report, engine).is_break() && step < total_steps {
+            return Ok(Outcome::Stopped(cursor));
+        }
+        since = Since { step, samples: 0, start: Instant::now() };
+    }
+    Ok(Outcome::Finished)
+}
+
+/// What has happened since the last report.
+struct Since {
+    step: u64,
+    samples: usize,
+    start: Instant,
+}
+
+/// One batch, gathered from the samples.
+struct Batch {
+    /// `[batch][5]`.
+    inputs: Vec<f32>,
+    /// `[batch]`.
+    targets: Vec<f32>,
+}
+
+impl Batch {
+    /// Samples that one thread gathers at a time: some ten microseconds.
+    const PART: usize = 128;
+
+    fn new(most: usize) -> Self {
+        Self { inputs: vec![0.0; most * INPUTS], targets: vec![0.0; most] }
+    }
+
+    /// Fetches the `count` samples from place `first` of the order on.
+    fn gather(&mut self, samples: &Samples, order: &Permutation, first: usize, count: usize) {
+        let inputs = self.inputs[..count * INPUTS].par_chunks_mut(Self::PART * INPUTS);
+        let targets = self.targets[..count].par_chunks_mut(Self::PART);
+        inputs.zip(targets).enumerate().for_each(|(part, (inputs, targets))| {
+            let places = first + part * Self::PART..;
+            for ((input, target), place) in inputs.chunks_exact_mut(INPUTS).zip(targets).zip(places) {
+                let (features, value) = samples.sample(order.at(place));
+                input.copy_from_slice(&features);
+                *target = value;
+            }
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,111 @@
+//! The learning rate as a function of where training stands; nothing else decides it, so a resumed run has the same.
+
+use serde::{Deserialize, Serialize};
+
+/// How the learning rate changes over a run.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
+pub enum Schedule {
+    /// `initial · factor^epoch`, epochs counted from 0.
+    Exponential {
+        /// Rate of the first epoch.
+        initial: f32,
+        /// Factor from one epoch to the next.
+        factor: f32,
+    },
+    /// Half a cosine over all steps from `initial` to `last`, after a straight rise from 0 over `warmup` steps.
+    Cosine {
+        /// Highest rate.
+        initial: f32,
+        /// Rate of the last step.
+        #[serde(default)]
+        last: f32,
+        /// Steps of the rise; the first of them has `initial / warmup`.
+        #[serde(default)]
+        warmup: u64,
+    },
+}
+
+impl Default for Schedule {
+    /// The paper's: 5e-4 · 0.93^epoch.
+    fn default() -> Self {
+        Self::Exponential { initial: 5e-4, factor: 0.93 }
+    }
+}
+
+impl Schedule {
+    /// The learning rate of step `step` (from 0) of `total`, which lies in epoch `epoch` (from 0).
+    #[must_use]
+    pub fn rate(&self, epoch: u64, step: u64, total: u64) -> f32 {
+        match *self {
+            Self::Exponential { initial, factor } => {
+                (f64::from(initial) * f64::from(factor).powf(epoch as f64)) as f32
+            }
+            Self::Cosine { initial, warmup, .. } if step < warmup => {
+                (f64::from(initial) * (step + 1) as f64 / warmup as f64) as f32
+            }
+            Self::Cosine { initial, last, warmup } => {
+                let (initial, last) = (f64::from(initial), f64::from(last));
+                let steps = total.saturating_sub(warmup + 1).max(1);
+                let done = ((step - warmup) as f64 / steps as f64).min(1.0);
+                (last + (initial - last) * 0.5 * (1.0 + (std::f64::consts::PI * done).cos())) as f32
+            }
+        }
+    }
+
+    /// Checks that every rate is a finite number and none is negative.
+    ///
+    /// # Errors
+    /// A sentence that names the value.
+    pub fn check(&self) -> Result<(), String> {
+        let (initial, name, other) = match *self {
+            Self::Exponential { initial, factor } => (initial, "factor", factor),
+            Self::Cosine { initial, last, .. } => (initial, "last", last),
+        };
+        for (name, value) in [("initial", initial), (name, other)] {
+            if !(value.is_finite() && value >= 0.0) {
+                return Err(format!(
+                    "the schedule's `{name}` must be a finite number of at least 0, not {value}"
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_papers_rate_falls_by_seven_percent_an_epoch() {
+        let schedule = Schedule::default();
+        assert_eq!(schedule.rate(0, 17, 100), 5e-4);
+        assert!((schedule.rate(10, 0, 100) / (5e-4 * 0.93f32.powi(10)) - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_cosine_rises_then_falls_to_its_last_rate() {
+        let schedule = Schedule::Cosine { initial: 1.0, last: 0.1, warmup: 4 };
+        let rates: Vec<f32> = (0..21).map(|step| schedule.rate(0, step, 21)).collect();
+        assert_eq!(rates[..5], [0.25, 0.5, 0.75, 1.0, 1.0]);
+        assert!(rates[4..].windows(2).all(|pair| pair[1] < pair[0]));
+        assert!((rates[12] - 0.55).abs() < 1e-6 && (rates[20] - 0.1).abs() < 1e-6);
+        assert!((schedule.rate(0, 30, 21) - 0.1).abs() < 1e-6, "past the end the rate stays");
+        assert_eq!(Schedule::Cosine { initial: 1.0, last: 0.0, warmup: 0 }.rate(0, 0, 1), 1.0);
+    }
+
+    #[test]
+    fn schedules_are_written_by_name() {
+        let text = serde_json::to_string(&Schedule::default()).unwrap();
+        assert_eq!(serde_json::from_str::<Schedule>(&text).unwrap(), Schedule::default());
+        let short: Schedule = serde_json::from_str(r#"{"kind": "cosine", "initial": 0.5}"#).unwrap();
+        assert_eq!(short, Schedule::Cosine { initial: 0.5, last: 0.0, warmup: 0 });
+        assert!(
+            Schedule::Exponential { initial: f32::NAN, factor: 1.0 }.check().unwrap_err().contains("initial")
+        );
+        assert!(
+            Schedule::Cosine { initial: 1.0, last: -1.0, warmup: 0 }.check().unwrap_err().contains("last")
+        );
+    }
+}
