@@ -80,11 +80,7 @@ impl Gpu {
         device.set_device_lost_callback(move |reason, message| {
             // Our own closing of the device is no failure.
             if reason != wgpu::DeviceLostReason::Destroyed {
-                lost.report(format!(
-                    "the connection to {name} was lost ({message}): the driver was reset or updated, a dispatch ran \
-                     into its time limit, or the device was removed. Continue from the last checkpoint, with a smaller \
-                     batch or on the CPU engine if it happens again"
-                ));
+                lost.report(explain_loss(&name, &message));
             }
         });
         let matrix = match summary.kind {
@@ -229,6 +225,15 @@ fn explain(error: &wgpu::Error) -> String {
     }
 }
 
+/// The loss of a device as cause and remedy.
+fn explain_loss(name: &str, message: &str) -> String {
+    format!(
+        "the connection to {name} was lost ({message}): the driver was reset or updated, a dispatch ran into its time \
+         limit, or the device was removed. Continue from the last checkpoint, with a smaller batch or on the CPU engine \
+         if it happens again"
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -247,5 +252,11 @@ mod tests {
     fn out_of_memory_names_a_remedy() {
         let error = wgpu::Error::OutOfMemory { source: "no room".into() };
         assert!(explain(&error).contains("smaller batch"));
+    }
+
+    #[test]
+    fn a_lost_device_names_itself_and_a_remedy() {
+        let text = explain_loss("GeForce", "reset");
+        assert!(text.contains("GeForce was lost (reset)") && text.contains("last checkpoint"), "{text}");
     }
 }

@@ -10,7 +10,7 @@
 //! println!("{}", gpu.describe());
 //! let shape = SirenShape::default();
 //! let state = TrainingState::new(&shape, 1);
-//! let mut trainer = GpuTrainer::new(&gpu, shape, AdamConfig::default(), Loss::L1, 1024, state)?;
+//! let mut trainer = GpuTrainer::new(&gpu, shape, AdamConfig::default(), Loss::L1, 1024, &state)?;
 //! trainer.step(&[0.0; 5], &[0.5], 5e-4)?;
 //! println!("loss {}", trainer.take_mean_loss()?);
 //! # Ok(())

@@ -137,10 +137,10 @@ impl GpuTrainer {
         adam: AdamConfig,
         loss: Loss,
         max_batch: usize,
-        state: TrainingState,
+        state: &TrainingState,
     ) -> Result<Self, EngineError> {
         let layout = layout_for(gpu, shape)?;
-        check_state(&shape, &state)?;
+        check_state(&shape, state)?;
         if max_batch == 0 {
             return Err(EngineError::Shape("a batch needs at least one sample".to_owned()));
         }

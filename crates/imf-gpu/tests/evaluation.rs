@@ -8,8 +8,8 @@ use imf_core::training::EvaluationEngine;
 use imf_gpu::{Gpu, GpuEvaluator, GpuLimits, MatrixKernel};
 
 const SHAPE: SirenShape = SirenShape { width: 37, hidden: 5, skip_after: Some(2), omega: 30.0 };
-/// About 60 rows at a time for `SHAPE`, so that everything goes in parts.
-const SMALL: GpuLimits = GpuLimits { storage_binding: 26_000, buffer: 1 << 30, workgroups: 1 };
+/// Room for the weights; one workgroup is 64 rows at a time, so everything goes in parts.
+const SMALL: GpuLimits = GpuLimits { storage_binding: 40_000, buffer: 1 << 30, workgroups: 1 };
 
 fn points(count: usize) -> Vec<[f32; 3]> {
     let part = |i: usize, step: f32| (i as f32 * step).fract();

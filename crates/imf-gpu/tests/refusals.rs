@@ -1,6 +1,8 @@
 //! What cannot be done is refused with cause and remedy: wrong lengths, networks beyond the adapter's limits, adapters
 //! that are not there, faults on the device.
 
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 mod adapter;
 
 use imf_core::siren::SirenShape;
@@ -11,7 +13,7 @@ const SHAPE: SirenShape = SirenShape { width: 8, hidden: 2, skip_after: None, om
 
 fn trainer(gpu: &Gpu) -> GpuTrainer {
     let state = TrainingState::new(&SHAPE, 1);
-    GpuTrainer::new(gpu, SHAPE, AdamConfig::default(), Loss::L1, 16, state).unwrap()
+    GpuTrainer::new(gpu, SHAPE, AdamConfig::default(), Loss::L1, 16, &state).unwrap()
 }
 
 #[test]
@@ -28,7 +30,7 @@ fn wrong_lengths_are_shape_errors() {
     refused(85, 17);
     let mut short = TrainingState::new(&SHAPE, 1);
     short.second_moment.pop();
-    let error = GpuTrainer::new(&gpu, SHAPE, AdamConfig::default(), Loss::L1, 16, short).unwrap_err();
+    let error = GpuTrainer::new(&gpu, SHAPE, AdamConfig::default(), Loss::L1, 16, &short).unwrap_err();
     assert!(error.to_string().contains("second moments"), "{error}");
 
     let mut evaluator = GpuEvaluator::new(&gpu, SHAPE, &SHAPE.initial_parameters(1)).unwrap();
