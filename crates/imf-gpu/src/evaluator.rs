@@ -41,6 +41,8 @@ pub struct GpuEvaluator {
     outputs: wgpu::Buffer,
     least: wgpu::Buffer,
     best: wgpu::Buffer,
+    /// Everything that a part writes before it reads it.
+    scratch: Vec<wgpu::Buffer>,
     submissions: Submissions,
 }
 
@@ -110,6 +112,7 @@ impl GpuEvaluator {
             forward: Forward::new(gpu, &network, &turns, &results, None)?,
             values: kernel(Shader::Outputs)?.bind(gpu, &[&network.batch, last, &sweep, &results, &outputs]),
             minimum: kernel(Shader::Minimum)?.bind(gpu, &[&sweep, &outputs, &least, &best]),
+            scratch: [places.signals[0], places.signals[1], places.results, places.outputs].map(at).to_vec(),
             gpu: gpu.clone(),
             network,
             part_rows,
@@ -133,6 +136,14 @@ impl GpuEvaluator {
         let plan = plan(&layout_for(gpu, shape)?, gpu.limits()).0;
         plan.check(gpu.limits())?;
         Ok(plan.bytes())
+    }
+
+    /// Fills all scratch memory with `value`, on which no result may depend: for tests.
+    pub fn fill_scratch(&mut self, value: f32) {
+        for buffer in &self.scratch {
+            let values = vec![value; buffer.size() as usize / 4];
+            self.gpu.queue().write_buffer(buffer, 0, bytemuck::cast_slice(&values));
+        }
     }
 
     /// Submits one part: its inputs are already written; its values go to `outputs` from `sweep.base`.

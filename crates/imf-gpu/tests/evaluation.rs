@@ -48,6 +48,7 @@ fn values_agree_with_the_definition() {
             for count in [0, 1, 77, 500] {
                 let inputs = inputs(&points(count), [200.0, 33.0]);
                 let mut outputs = vec![f32::NAN; count];
+                evaluator.fill_scratch(f32::NAN);
                 evaluator.evaluate(&inputs, &mut outputs).unwrap();
                 for (row, &output) in inputs.chunks(INPUTS).zip(&outputs) {
                     let row = std::array::from_fn(|i| f64::from(row[i]));
@@ -94,6 +95,7 @@ fn the_minimum_is_that_of_the_values() {
                 }
             }
             let (mut least, mut best) = (vec![f32::NAN; n], vec![u32::MAX; n]);
+            evaluator.fill_scratch(f32::NAN);
             evaluator.minimum(&points, &directions, &mut least, &mut best).unwrap();
             let found: Vec<(f32, u32)> = least.into_iter().zip(best).collect();
             // The same kernels with the same inputs: the same bits.
