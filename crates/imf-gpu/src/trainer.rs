@@ -7,25 +7,19 @@
 //! A batch too large for the adapter's limits goes in parts whose gradients add up. The order of every sum depends on
 //! the batch and the limits alone.
 
+mod plan;
+
 use imf_core::siren::{INPUTS, SirenShape};
 use imf_core::training::{AdamConfig, EngineError, Loss, TrainingEngine, TrainingState};
 
-use crate::device::{Gpu, GpuLimits};
-use crate::forward::{Forward, Network, layout_for, rows_per_pass};
+use crate::device::Gpu;
+use crate::forward::{Forward, Network, layout_for};
 use crate::kernel::{Bound, Kernel, uniform};
 use crate::layout::PaddedLayout;
-use crate::memory::Plan;
 use crate::shader::{LOSS_L1, LOSS_L2, Shader};
 use crate::submit::Submissions;
 use crate::uniforms::{Batch, Step};
-
-/// Rows that one partial gradient sums: four slices of the paper's batch of 1024 give a GPU four times the workgroups
-/// in the weight gradients.
-const SLICE_ROWS: usize = 256;
-/// Partial gradients at most: each costs the memory of all parameters.
-const MAX_SLICES: usize = 8;
-/// Steps whose losses wait on the device before they are read.
-const LOSS_SLOTS: usize = 4096;
+use plan::{LOSS_SLOTS, plan, slice};
 
 /// A training engine on one GPU.
 #[derive(Debug)]
@@ -76,53 +70,6 @@ struct Buffers {
     losses: wgpu::Buffer,
     /// Everything that a step writes before it reads it.
     scratch: Vec<wgpu::Buffer>,
-}
-
-/// Places of a trainer's buffers in its plan.
-struct Places {
-    parameters: usize,
-    first_moment: usize,
-    second_moment: usize,
-    gradient: usize,
-    partials: usize,
-    samples: usize,
-    targets: usize,
-    row_losses: usize,
-    losses: usize,
-    results: usize,
-    signals: Vec<usize>,
-    deltas: Vec<usize>,
-}
-
-/// What a trainer allocates, how many rows one pass holds, and how many partial gradients there are.
-fn plan(layout: &PaddedLayout, limits: GpuLimits, max_batch: usize) -> (Plan, Places, usize, usize) {
-    let rows = rows_per_pass(layout, limits, max_batch);
-    let binding = limits.storage_binding.min(limits.buffer) as usize;
-    let max_slices = (binding / (4 * layout.parameters)).clamp(1, MAX_SLICES);
-    // A smaller batch may have more slices than the largest one, never more than this.
-    let slices = rows.div_ceil(SLICE_ROWS).min(max_slices);
-    let mut plan = Plan::default();
-    let places = Places {
-        parameters: plan.add("parameters", layout.parameters),
-        first_moment: plan.add("first moments", layout.parameters),
-        second_moment: plan.add("second moments", layout.parameters),
-        gradient: plan.add("gradient", layout.parameters),
-        partials: plan.add("partial gradients", slices * layout.parameters),
-        samples: plan.add("samples", rows * INPUTS),
-        targets: plan.add("targets", rows),
-        row_losses: plan.add("losses of the rows", rows),
-        losses: plan.add("losses of the steps", LOSS_SLOTS),
-        results: plan.add("results", rows * layout.layers.last().map_or(0, |layer| layer.outputs)),
-        signals: layout.layers.iter().map(|layer| plan.add("signal", rows * layer.inputs)).collect(),
-        deltas: layout.layers.iter().map(|layer| plan.add("delta", rows * layer.outputs)).collect(),
-    };
-    (plan, places, rows, max_slices)
-}
-
-/// Rows of one partial gradient, and how many of them `padded_rows` make.
-fn slice(padded_rows: usize, max_slices: usize) -> (usize, usize) {
-    let rows = padded_rows.div_ceil(max_slices).next_multiple_of(SLICE_ROWS);
-    (rows, padded_rows.div_ceil(rows))
 }
 
 impl GpuTrainer {

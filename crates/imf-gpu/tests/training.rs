@@ -56,9 +56,10 @@ fn worst(found: &[f32], expected: &[f64], absolute: f64, relative: f64) -> f64 {
         / (absolute + relative * scale)
 }
 
-/// A gradient in f32: every layer multiplies the rounding of its angle, 2⁻²⁴·|ω·s| with |ω·s| ≲ 30, by a slope, five
-/// times in a row; sums over 77 rows average it. 1e-4 of the largest entry is about ten times what that gives.
-const GRADIENT: f64 = 1e-4;
+/// A gradient in f32: every layer adds the rounding of its angle, 2⁻²⁴·|ω·s| with |ω·s| of a few units, and passes on that
+/// of the layers before; sums over the batch average it. Lavapipe is off by 1.1e-6 of the largest entry; ten times that
+/// leaves room for other orders of the sums and other roundings.
+const GRADIENT: f64 = 1e-5;
 
 fn every_device() -> [Gpu; 2] {
     let gpu = adapter::open();
@@ -89,7 +90,7 @@ fn loss_and_gradient_agree_with_the_definition() {
                 let (found_loss, found) = trainer.loss_and_gradient(&inputs, &targets).unwrap();
                 let case =
                     format!("{loss:?}, {hidden} × {width}, batch {count}, {}", gpu.matrix_kernel().name());
-                assert!((found_loss - expected_loss).abs() < 1e-5, "{case}: {found_loss} {expected_loss}");
+                assert!((found_loss - expected_loss).abs() < 1e-6, "{case}: {found_loss} {expected_loss}");
                 let error = worst(&found, &expected, 1e-9, GRADIENT);
                 assert!(error <= 1.0, "{case}: gradient off by {error} tolerances");
             }
@@ -113,7 +114,7 @@ fn an_update_agrees_with_the_definition() {
     let (mut first, mut second) = (wide(&before.first_moment), wide(&before.second_moment));
     adam_step(&ADAM, 1e-2, after.step, &mut parameters, &wide(&gradient), &mut first, &mut second);
     // The device's own gradient went in, so a few roundings of f32 (6e-8 each) and the division and root, which WGSL
-    // allows 2.5 ulp each, are all that remains.
+    // allows 2.5 ulp each, are all that remains: 8e-8 on lavapipe.
     for (name, found, expected) in [
         ("parameters", &after.parameters, &parameters),
         ("first moments", &after.first_moment, &first),
@@ -145,17 +146,17 @@ fn ten_steps_agree_with_the_definition() {
             adam_step(&ADAM, 1e-4, u64::from(step), &mut parameters, &gradient, &mut first, &mut second);
         }
         let found = trainer.state().unwrap();
-        // Adam divides by the gradient's size, so where a gradient is near zero its rounding is not small beside it: such
-        // a weight may stray by a part of its ten steps of 1e-4. All others keep to the gradient's tolerance.
-        let error = worst(&found.parameters, &parameters, 1e-5, 1e-5);
+        // Adam divides by the gradient's size, so a weight whose gradient is near zero strays by a part of its ten steps of
+        // 1e-4; all others keep to their own rounding. Lavapipe is off by 6e-8, and by 7e-6 of the way moved.
+        let error = worst(&found.parameters, &parameters, 1e-6, 1e-6);
         assert!(error <= 1.0, "parameters off by {error} tolerances");
         let moved: f64 =
             parameters.iter().zip(&start.parameters).map(|(a, &b)| (a - f64::from(b)).powi(2)).sum();
         let apart: f64 =
             parameters.iter().zip(&found.parameters).map(|(a, &b)| (a - f64::from(b)).powi(2)).sum();
-        assert!(apart.sqrt() < 1e-3 * moved.sqrt(), "{} apart, {} moved", apart.sqrt(), moved.sqrt());
+        assert!(apart.sqrt() < 1e-4 * moved.sqrt(), "{} apart, {} moved", apart.sqrt(), moved.sqrt());
         let loss = trainer.take_mean_loss().unwrap();
-        assert!((loss - mean).abs() < 1e-5 * mean, "{loss} {mean}");
+        assert!((loss - mean).abs() < 1e-6 * mean, "{loss} {mean}");
         assert_eq!(trainer.take_mean_loss().unwrap(), 0.0);
     }
 }
