@@ -1,1 +1,45 @@
-//! Training and evaluation on the GPU.
+//! Training and batched evaluation of the sine network on the GPU, through wgpu (Vulkan, Metal, Direct3D 12).
+//!
+//! ```no_run
+//! use imf_core::siren::SirenShape;
+//! use imf_core::training::{AdamConfig, Loss, TrainingEngine, TrainingState};
+//! use imf_gpu::{DeviceChoice, Gpu, GpuTrainer};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let gpu = Gpu::open(&DeviceChoice::Automatic)?;
+//! println!("{}", gpu.describe());
+//! let shape = SirenShape::default();
+//! let state = TrainingState::new(&shape, 1);
+//! let mut trainer = GpuTrainer::new(&gpu, shape, AdamConfig::default(), Loss::L1, 1024, &state)?;
+//! trainer.step(&[0.0; 5], &[0.5], 5e-4)?;
+//! println!("loss {}", trainer.take_mean_loss()?);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! GPU objects by lifetime: [`Gpu`] is one open device; a trainer or evaluator compiles its kernels and allocates its
+//! buffers once, when it is made; a step or a part of an evaluation only writes inputs and small uniforms and submits.
+//!
+//! Conventions: parameters cross the door in the flat layout of [`imf_core::siren::SirenShape::layers`]; inside, every
+//! dimension is padded with zeros to what the matrix kernel works in (`layout.rs`). No kernel adds floats atomically, so the same
+//! seed on the same adapter gives the same weights, bit for bit. Different adapters agree within rounding.
+
+mod adapter;
+mod device;
+mod evaluator;
+mod forward;
+mod kernel;
+mod layout;
+mod memory;
+pub mod shader;
+mod submit;
+mod trainer;
+pub mod uniforms;
+
+pub use adapter::{AdapterSummary, DeviceChoice, MissingAdapter, adapters};
+pub use device::{Gpu, GpuLimits};
+pub use evaluator::GpuEvaluator;
+pub use shader::MatrixKernel;
+pub use trainer::GpuTrainer;
+/// The graphics interface in the version that [`Gpu::device`] and [`Gpu::queue`] belong to.
+pub use wgpu;

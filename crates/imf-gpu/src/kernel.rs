@@ -1,0 +1,115 @@
+//! A compiled kernel, what it is bound to, and how many workgroups it takes.
+
+use imf_core::training::EngineError;
+
+use crate::device::Gpu;
+use crate::shader::{LINEAR_GROUP, Shader, TILE};
+
+/// A compiled kernel.
+#[derive(Debug)]
+pub(crate) struct Kernel {
+    pipeline: wgpu::ComputePipeline,
+    name: String,
+}
+
+/// A kernel with its buffers.
+#[derive(Debug)]
+pub(crate) struct Bound {
+    pipeline: wgpu::ComputePipeline,
+    group: wgpu::BindGroup,
+}
+
+impl Kernel {
+    /// Compiles a shader for the device's matrix kernel.
+    pub(crate) fn new(gpu: &Gpu, shader: Shader) -> Result<Self, EngineError> {
+        let name = format!("{shader:?}");
+        let pipeline = gpu.guarded(|| {
+            let module = gpu.device().create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(&name),
+                source: wgpu::ShaderSource::Wgsl(shader.source(gpu.matrix_kernel()).into()),
+            });
+            gpu.device().create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(&name),
+                layout: None,
+                module: &module,
+                entry_point: Some("main"),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    // The tiled product writes all of its workgroup memory before it reads it; so does the loss.
+                    zero_initialize_workgroup_memory: false,
+                    ..Default::default()
+                },
+                cache: None,
+            })
+        })?;
+        Ok(Self { pipeline, name })
+    }
+
+    /// Binds whole buffers to bindings 0, 1, 2, …
+    pub(crate) fn bind(&self, gpu: &Gpu, buffers: &[&wgpu::Buffer]) -> Bound {
+        let entries: Vec<wgpu::BindGroupEntry<'_>> = buffers
+            .iter()
+            .zip(0..)
+            .map(|(buffer, binding)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .collect();
+        let group = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(&self.name),
+            layout: &self.pipeline.get_bind_group_layout(0),
+            entries: &entries,
+        });
+        Bound { pipeline: self.pipeline.clone(), group }
+    }
+}
+
+impl Bound {
+    fn dispatch(&self, pass: &mut wgpu::ComputePass<'_>, groups: [u32; 3]) {
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &self.group, &[]);
+        pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
+    }
+
+    /// A matrix product with `rows` × `columns` outputs in each of `slices` slices.
+    pub(crate) fn product(
+        &self,
+        pass: &mut wgpu::ComputePass<'_>,
+        rows: usize,
+        columns: usize,
+        slices: usize,
+    ) {
+        let tiles = |n: usize| n.div_ceil(TILE as usize) as u32;
+        self.dispatch(pass, [tiles(columns), tiles(rows), slices as u32]);
+    }
+
+    /// A kernel that strides over `count` elements, with at most `limit` workgroups.
+    pub(crate) fn linear(&self, pass: &mut wgpu::ComputePass<'_>, count: usize, limit: u32) {
+        let groups = count.div_ceil(LINEAR_GROUP as usize).min(limit as usize) as u32;
+        self.dispatch(pass, [groups.max(1), 1, 1]);
+    }
+
+    /// A kernel with one invocation for each of `count` elements in each of `slices` slices.
+    pub(crate) fn sliced(&self, pass: &mut wgpu::ComputePass<'_>, count: usize, slices: usize) {
+        self.dispatch(pass, [count.div_ceil(LINEAR_GROUP as usize) as u32, slices as u32, 1]);
+    }
+
+    /// A kernel of one workgroup.
+    pub(crate) fn single(&self, pass: &mut wgpu::ComputePass<'_>) {
+        self.dispatch(pass, [1, 1, 1]);
+    }
+}
+
+/// A uniform buffer with its first contents.
+pub(crate) fn uniform<T: bytemuck::Pod>(
+    gpu: &Gpu,
+    name: &str,
+    value: &T,
+) -> Result<wgpu::Buffer, EngineError> {
+    let buffer = gpu.guarded(|| {
+        gpu.device().create_buffer(&wgpu::BufferDescriptor {
+            label: Some(name),
+            size: size_of::<T>() as u64,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        })
+    })?;
+    gpu.queue().write_buffer(&buffer, 0, bytemuck::bytes_of(value));
+    Ok(buffer)
+}

@@ -1,0 +1,181 @@
+//! The kernels' sources: which files make one shader, and the prelude of constants that Rust and WGSL share.
+
+use std::fmt::Write as _;
+
+use imf_core::siren::INPUTS;
+
+/// Rows and columns of the outputs that one workgroup of a matrix product covers, with either kernel.
+pub const TILE: u32 = 64;
+/// Workgroup side of the register kernel: 8 × 8 outputs an invocation.
+pub const REGISTER_GROUP: u32 = 8;
+/// Workgroup side of the tiled kernel: 4 × 4 outputs an invocation.
+pub const TILED_GROUP: u32 = 16;
+/// Values of k that the tiled kernel stages at a time.
+pub const TILE_DEPTH: u32 = 32;
+/// Invocations of a workgroup of every kernel that is no matrix product.
+pub const LINEAR_GROUP: u32 = 64;
+/// Inputs that come from the point.
+pub const POINT_INPUTS: u32 = 3;
+/// Inputs that come from the direction.
+pub const DIRECTION_INPUTS: u32 = INPUTS as u32 - POINT_INPUTS;
+/// `Step::loss` for the mean absolute error.
+pub const LOSS_L1: u32 = 0;
+/// `Step::loss` for the mean squared error.
+pub const LOSS_L2: u32 = 1;
+/// Where the sigmoid's argument is clamped.
+pub const SIGMOID_LIMIT: f32 = 80.0;
+
+/// How a matrix product is tiled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MatrixKernel {
+    /// 8 × 8 outputs an invocation, operands straight from storage: software devices.
+    Register,
+    /// 64 × 64 tiles in workgroup memory: hardware.
+    Tiled,
+}
+
+impl MatrixKernel {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Register, Self::Tiled];
+
+    /// What every dimension of a layer and a batch is rounded up to.
+    #[must_use]
+    pub fn padding(self) -> usize {
+        match self {
+            Self::Register => (TILE / REGISTER_GROUP) as usize,
+            Self::Tiled => TILE as usize,
+        }
+    }
+
+    /// Its name for people.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Register => "register",
+            Self::Tiled => "tiled",
+        }
+    }
+
+    fn source(self) -> &'static str {
+        match self {
+            Self::Register => include_str!("../../../shaders/product_register.wgsl"),
+            Self::Tiled => include_str!("../../../shaders/product_tiled.wgsl"),
+        }
+    }
+}
+
+/// Every kernel of the crate; each has one entry point, `main`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shader {
+    /// Samples into a layer's signal.
+    Inputs,
+    /// Points × directions into a layer's signal.
+    Poses,
+    /// Hidden layer with slopes.
+    HiddenTrain,
+    /// Hidden layer without slopes.
+    HiddenEvaluate,
+    /// Output layer before the sigmoid.
+    Linear,
+    /// Loss and first delta.
+    Loss,
+    /// A batch's mean loss.
+    LossSum,
+    /// Delta of the layer below.
+    Backward,
+    /// Partial gradients of weights.
+    WeightGradient,
+    /// Partial gradients of biases.
+    BiasGradient,
+    /// Sum of the partial gradients.
+    Reduce,
+    /// Update of the weights.
+    Adam,
+    /// Values of the network.
+    Outputs,
+    /// Running minimum over directions.
+    Minimum,
+}
+
+impl Shader {
+    /// All kernels.
+    pub const ALL: [Self; 14] = [
+        Self::Inputs,
+        Self::Poses,
+        Self::HiddenTrain,
+        Self::HiddenEvaluate,
+        Self::Linear,
+        Self::Loss,
+        Self::LossSum,
+        Self::Backward,
+        Self::WeightGradient,
+        Self::BiasGradient,
+        Self::Reduce,
+        Self::Adam,
+        Self::Outputs,
+        Self::Minimum,
+    ];
+
+    /// The whole WGSL text: prelude, uniform blocks, then the kernel's files.
+    #[must_use]
+    pub fn source(self, matrix: MatrixKernel) -> String {
+        let product = matrix.source();
+        let sine = sine_source();
+        let sigmoid = include_str!("../../../shaders/sigmoid.wgsl");
+        let forward = include_str!("../../../shaders/forward.wgsl");
+        let parts: &[&str] = match self {
+            Self::Inputs => &[include_str!("../../../shaders/inputs.wgsl")],
+            Self::Poses => &[include_str!("../../../shaders/poses.wgsl")],
+            Self::HiddenTrain => {
+                &[sine, product, forward, include_str!("../../../shaders/hidden_train.wgsl")]
+            }
+            Self::HiddenEvaluate => {
+                &[sine, product, forward, include_str!("../../../shaders/hidden_evaluate.wgsl")]
+            }
+            Self::Linear => &[product, forward, include_str!("../../../shaders/linear.wgsl")],
+            Self::Loss => &[sigmoid, include_str!("../../../shaders/loss.wgsl")],
+            Self::LossSum => &[include_str!("../../../shaders/loss_sum.wgsl")],
+            Self::Backward => &[product, include_str!("../../../shaders/backward.wgsl")],
+            Self::WeightGradient => &[product, include_str!("../../../shaders/weight_gradient.wgsl")],
+            Self::BiasGradient => &[include_str!("../../../shaders/bias_gradient.wgsl")],
+            Self::Reduce => &[include_str!("../../../shaders/reduce.wgsl")],
+            Self::Adam => &[include_str!("../../../shaders/adam.wgsl")],
+            Self::Outputs => &[sigmoid, include_str!("../../../shaders/outputs.wgsl")],
+            Self::Minimum => &[include_str!("../../../shaders/minimum.wgsl")],
+        };
+        let mut source = prelude();
+        source.push_str(include_str!("../../../shaders/uniforms.wgsl"));
+        for part in parts {
+            source.push('\n');
+            source.push_str(part);
+        }
+        source
+    }
+}
+
+/// The WGSL text of `sine_cosine`, to be tested alone.
+#[must_use]
+pub fn sine_source() -> &'static str {
+    include_str!("../../../shaders/sine.wgsl")
+}
+
+/// The constants above as WGSL.
+fn prelude() -> String {
+    let mut text = String::from("// Generated from the constants of `shader.rs`.\n");
+    for (name, value) in [
+        ("TILE", TILE),
+        ("REGISTER_GROUP", REGISTER_GROUP),
+        ("TILED_GROUP", TILED_GROUP),
+        ("TILE_DEPTH", TILE_DEPTH),
+        ("LINEAR_GROUP", LINEAR_GROUP),
+        ("INPUTS", INPUTS as u32),
+        ("POINT_INPUTS", POINT_INPUTS),
+        ("DIRECTION_INPUTS", DIRECTION_INPUTS),
+        ("LOSS_L1", LOSS_L1),
+        ("LOSS_L2", LOSS_L2),
+    ] {
+        let _ = writeln!(text, "const {name}: u32 = {value}u;");
+    }
+    let _ = writeln!(text, "const SIGMOID_LIMIT: f32 = {SIGMOID_LIMIT:?};");
+    text
+}

@@ -1,0 +1,370 @@
+//! Training on the GPU: weights and moments stay on the device, a step is one submission that nobody waits for.
+//!
+//! ```text
+//! inputs → forward (keeps slopes) → loss, Δ → backward (slopes become Δ) → partial gradients → reduce → Adam
+//! ```
+//!
+//! A batch too large for the adapter's limits goes in parts whose gradients add up. The order of every sum depends on
+//! the batch and the limits alone.
+
+mod plan;
+
+use imf_core::siren::{INPUTS, SirenShape};
+use imf_core::training::{AdamConfig, EngineError, Loss, TrainingEngine, TrainingState};
+
+use crate::device::Gpu;
+use crate::forward::{Forward, Network, layout_for};
+use crate::kernel::{Bound, Kernel, uniform};
+use crate::layout::PaddedLayout;
+use crate::shader::{LOSS_L1, LOSS_L2, Shader};
+use crate::submit::Submissions;
+use crate::uniforms::{Batch, Step};
+use plan::{LOSS_SLOTS, plan, slice};
+
+/// A training engine on one GPU.
+#[derive(Debug)]
+pub struct GpuTrainer {
+    gpu: Gpu,
+    adam: AdamConfig,
+    loss: Loss,
+    max_batch: usize,
+    /// Rows that one pass holds.
+    part_rows: usize,
+    max_slices: usize,
+    network: Network,
+    kernels: Kernels,
+    buffers: Buffers,
+    submissions: Submissions,
+    /// Steps since the moments were zero.
+    step: u64,
+    /// Steps whose losses are on the device.
+    slot: usize,
+    /// Sum and number of the losses read so far.
+    read_losses: (f64, u64),
+}
+
+/// Every kernel of a step, bound.
+#[derive(Debug)]
+struct Kernels {
+    inputs: Vec<Option<Bound>>,
+    forward: Forward,
+    loss: Bound,
+    loss_sum: Bound,
+    /// Layers 1 and up.
+    backward: Vec<Bound>,
+    weight_gradient: Vec<Bound>,
+    bias_gradient: Vec<Bound>,
+    reduce: Bound,
+    adam: Bound,
+}
+
+/// The buffers that the host writes or reads.
+#[derive(Debug)]
+struct Buffers {
+    step: wgpu::Buffer,
+    samples: wgpu::Buffer,
+    targets: wgpu::Buffer,
+    gradient: wgpu::Buffer,
+    first_moment: wgpu::Buffer,
+    second_moment: wgpu::Buffer,
+    losses: wgpu::Buffer,
+    /// Everything that a step writes before it reads it.
+    scratch: Vec<wgpu::Buffer>,
+}
+
+impl GpuTrainer {
+    /// Compiles the kernels, allocates the buffers for batches of up to `max_batch` samples, and uploads `state`.
+    ///
+    /// # Errors
+    /// [`EngineError::Shape`] for a shape, state, batch or Adam setting that cannot be; [`EngineError::Device`] for a
+    /// network beyond the adapter's limits (with the estimate), too little memory, or a device that failed.
+    pub fn new(
+        gpu: &Gpu,
+        shape: SirenShape,
+        adam: AdamConfig,
+        loss: Loss,
+        max_batch: usize,
+        state: &TrainingState,
+    ) -> Result<Self, EngineError> {
+        let layout = layout_for(gpu, shape)?;
+        check_state(&shape, state)?;
+        if max_batch == 0 {
+            return Err(EngineError::Shape("a batch needs at least one sample".to_owned()));
+        }
+        if adam.epsilon <= 0.0 {
+            return Err(EngineError::Shape(format!("Adam's epsilon must be positive, not {}", adam.epsilon)));
+        }
+        let (plan, places, part_rows, max_slices) = plan(&layout, gpu.limits(), max_batch);
+        let buffers = plan.allocate(gpu)?;
+        let at = |place: usize| buffers[place].clone();
+        let all = |places: &[usize]| places.iter().map(|&place| at(place)).collect::<Vec<_>>();
+        for (place, moments) in
+            [(places.first_moment, &state.first_moment), (places.second_moment, &state.second_moment)]
+        {
+            gpu.queue().write_buffer(&buffers[place], 0, bytemuck::cast_slice(&layout.pad(moments)));
+        }
+        let network = Network::new(gpu, layout, at(places.parameters), &state.parameters)?;
+        let mut scratch = all(&places.signals);
+        scratch.extend(all(&places.deltas));
+        scratch.extend([places.gradient, places.partials, places.row_losses, places.results].map(at));
+        let host = Buffers {
+            step: uniform(gpu, "step", &Step::default())?,
+            samples: at(places.samples),
+            targets: at(places.targets),
+            gradient: at(places.gradient),
+            first_moment: at(places.first_moment),
+            second_moment: at(places.second_moment),
+            losses: at(places.losses),
+            scratch,
+        };
+        let kernels = gpu.guarded(|| {
+            Kernels::new(
+                gpu,
+                &network,
+                &host,
+                &all(&places.signals),
+                &all(&places.deltas),
+                [&at(places.results), &at(places.row_losses), &at(places.partials)],
+            )
+        })??;
+        Ok(Self {
+            gpu: gpu.clone(),
+            adam,
+            loss,
+            max_batch,
+            part_rows,
+            max_slices,
+            network,
+            kernels,
+            buffers: host,
+            submissions: Submissions::default(),
+            step: state.step,
+            slot: 0,
+            read_losses: (0.0, 0),
+        })
+    }
+
+    /// Bytes of device memory that a trainer needs, read-back and uniforms left out.
+    ///
+    /// # Errors
+    /// As [`GpuTrainer::new`], without allocating anything.
+    pub fn memory_bytes(gpu: &Gpu, shape: SirenShape, max_batch: usize) -> Result<u64, EngineError> {
+        let plan = plan(&layout_for(gpu, shape)?, gpu.limits(), max_batch).0;
+        plan.check(gpu.limits())?;
+        Ok(plan.bytes())
+    }
+
+    /// Mean loss of a batch and its gradient in the flat layout, without a step. Waits for the device.
+    ///
+    /// # Errors
+    /// As [`TrainingEngine::step`].
+    pub fn loss_and_gradient(
+        &mut self,
+        inputs: &[f32],
+        targets: &[f32],
+    ) -> Result<(f64, Vec<f32>), EngineError> {
+        self.read_losses_if(self.slot == LOSS_SLOTS)?;
+        self.run(inputs, targets, None)?;
+        let losses: Vec<f32> = self.gpu.read(&self.buffers.losses, self.slot + 1)?;
+        let gradient = self.gpu.read(&self.buffers.gradient, self.network.layout.parameters)?;
+        Ok((f64::from(losses[self.slot]), self.network.layout.unpad(&gradient)))
+    }
+
+    /// Fills all scratch memory of a step with `value`, on which no result may depend: for tests.
+    pub fn fill_scratch(&mut self, value: f32) {
+        for buffer in &self.buffers.scratch {
+            let values = vec![value; buffer.size() as usize / 4];
+            self.gpu.queue().write_buffer(buffer, 0, bytemuck::cast_slice(&values));
+        }
+    }
+
+    /// Loss and gradient of a batch, followed by the update if there is a learning rate.
+    fn run(&mut self, inputs: &[f32], targets: &[f32], rate: Option<f32>) -> Result<(), EngineError> {
+        let count = targets.len();
+        if inputs.len() != INPUTS * count {
+            return Err(EngineError::Shape(format!(
+                "{count} targets need {} inputs, but {} were given",
+                INPUTS * count,
+                inputs.len()
+            )));
+        }
+        if !(1..=self.max_batch).contains(&count) {
+            return Err(EngineError::Shape(format!(
+                "a batch has 1 to {} samples, not {count}",
+                self.max_batch
+            )));
+        }
+        self.gpu.check()?;
+        let mut step = self.step_uniform(count, rate.unwrap_or(0.0));
+        let parts = inputs.chunks(INPUTS * self.part_rows).zip(targets.chunks(self.part_rows));
+        let last = count.div_ceil(self.part_rows) - 1;
+        for (index, (inputs, targets)) in parts.enumerate() {
+            let rows = targets.len();
+            let padded_rows = rows.next_multiple_of(self.network.layout.padding);
+            let (slice_rows, slices) = slice(padded_rows, self.max_slices);
+            let batch = Batch {
+                rows: rows as u32,
+                padded_rows: padded_rows as u32,
+                slice_rows: slice_rows as u32,
+                slices: slices as u32,
+            };
+            step.first = u32::from(index == 0);
+            let queue = self.gpu.queue();
+            queue.write_buffer(&self.network.batch, 0, bytemuck::bytes_of(&batch));
+            queue.write_buffer(&self.buffers.step, 0, bytemuck::bytes_of(&step));
+            queue.write_buffer(&self.buffers.samples, 0, bytemuck::cast_slice(inputs));
+            queue.write_buffer(&self.buffers.targets, 0, bytemuck::cast_slice(targets));
+            let workgroups = self.gpu.limits().workgroups;
+            let (kernels, layout) = (&self.kernels, &self.network.layout);
+            self.submissions.pass(&self.gpu, |pass| {
+                kernels.record_gradient(pass, layout, padded_rows, slices, workgroups);
+                if index == last && rate.is_some() {
+                    kernels.adam.linear(pass, layout.parameters / 4, workgroups);
+                }
+            })?;
+        }
+        Ok(())
+    }
+
+    fn step_uniform(&self, count: usize, learning_rate: f32) -> Step {
+        let (beta1, beta2) = (f64::from(self.adam.beta1), f64::from(self.adam.beta2));
+        let correction = |beta: f64| (1.0 / (1.0 - beta.powf((self.step + 1) as f64))) as f32;
+        Step {
+            inverse_count: (1.0 / count as f64) as f32,
+            loss: match self.loss {
+                Loss::L1 => LOSS_L1,
+                Loss::L2 => LOSS_L2,
+            },
+            slot: self.slot as u32,
+            first: 1,
+            learning_rate,
+            beta1: self.adam.beta1,
+            one_minus_beta1: (1.0 - beta1) as f32,
+            beta2: self.adam.beta2,
+            one_minus_beta2: (1.0 - beta2) as f32,
+            correction1: correction(beta1),
+            correction2: correction(beta2),
+            epsilon: self.adam.epsilon,
+            weight_decay: self.adam.weight_decay,
+        }
+    }
+
+    /// Adds the losses on the device to those read, if `wanted`.
+    fn read_losses_if(&mut self, wanted: bool) -> Result<(), EngineError> {
+        if wanted {
+            let losses: Vec<f32> = self.gpu.read(&self.buffers.losses, self.slot)?;
+            self.read_losses.0 += losses.iter().map(|&loss| f64::from(loss)).sum::<f64>();
+            self.read_losses.1 += losses.len() as u64;
+            self.slot = 0;
+        }
+        Ok(())
+    }
+}
+
+impl Kernels {
+    fn new(
+        gpu: &Gpu,
+        network: &Network,
+        host: &Buffers,
+        signals: &[wgpu::Buffer],
+        deltas: &[wgpu::Buffer],
+        [results, row_losses, partials]: [&wgpu::Buffer; 3],
+    ) -> Result<Self, EngineError> {
+        let kernel = |shader| Kernel::new(gpu, shader);
+        let (backward, weight, bias) =
+            (kernel(Shader::Backward)?, kernel(Shader::WeightGradient)?, kernel(Shader::BiasGradient)?);
+        let (batch, layers, parameters) = (&network.batch, &network.layers, &network.parameters);
+        let last = layers.len() - 1;
+        let each = |bind: &dyn Fn(usize) -> Bound| (0..=last).map(bind).collect::<Vec<_>>();
+        Ok(Self {
+            inputs: network.bind_inputs(gpu, &kernel(Shader::Inputs)?, &[&host.samples], signals)?,
+            forward: Forward::new(gpu, network, signals, results, Some(deltas))?,
+            loss: kernel(Shader::Loss)?.bind(
+                gpu,
+                &[batch, &layers[last], &host.step, results, &host.targets, &deltas[last], row_losses],
+            ),
+            loss_sum: kernel(Shader::LossSum)?.bind(gpu, &[batch, &host.step, row_losses, &host.losses]),
+            backward: (1..=last)
+                .map(|l| backward.bind(gpu, &[batch, &layers[l], parameters, &deltas[l], &deltas[l - 1]]))
+                .collect(),
+            weight_gradient: each(&|l| {
+                weight.bind(gpu, &[batch, &layers[l], &deltas[l], &signals[l], partials])
+            }),
+            bias_gradient: each(&|l| bias.bind(gpu, &[batch, &layers[l], &deltas[l], partials])),
+            reduce: kernel(Shader::Reduce)?.bind(gpu, &[batch, &host.step, partials, &host.gradient]),
+            adam: kernel(Shader::Adam)?.bind(
+                gpu,
+                &[&host.step, &host.gradient, parameters, &host.first_moment, &host.second_moment],
+            ),
+        })
+    }
+
+    /// Forward, loss, backward and gradient of one part of a batch.
+    fn record_gradient(
+        &self,
+        pass: &mut wgpu::ComputePass<'_>,
+        layout: &PaddedLayout,
+        padded_rows: usize,
+        slices: usize,
+        workgroups: u32,
+    ) {
+        self.forward.record(pass, &self.inputs, padded_rows, workgroups);
+        self.loss.linear(pass, padded_rows, workgroups);
+        self.loss_sum.single(pass);
+        for (below, backward) in self.backward.iter().enumerate().rev() {
+            backward.product(pass, padded_rows, layout.layers[below].outputs, 1);
+        }
+        for (layer, weight) in layout.layers.iter().zip(&self.weight_gradient) {
+            weight.product(pass, layer.outputs, layer.inputs, slices);
+        }
+        for (layer, bias) in layout.layers.iter().zip(&self.bias_gradient) {
+            bias.sliced(pass, layer.outputs / 4, slices);
+        }
+        self.reduce.linear(pass, layout.parameters / 4, workgroups);
+    }
+}
+
+/// Refuses a state that does not fit the network.
+fn check_state(shape: &SirenShape, state: &TrainingState) -> Result<(), EngineError> {
+    for (name, values) in [
+        ("parameters", &state.parameters),
+        ("first moments", &state.first_moment),
+        ("second moments", &state.second_moment),
+    ] {
+        shape.check_parameters(values).map_err(|error| EngineError::Shape(format!("{name}: {error}")))?;
+    }
+    Ok(())
+}
+
+impl TrainingEngine for GpuTrainer {
+    fn describe(&self) -> String {
+        self.gpu.describe()
+    }
+
+    fn step(&mut self, inputs: &[f32], targets: &[f32], learning_rate: f32) -> Result<(), EngineError> {
+        self.read_losses_if(self.slot == LOSS_SLOTS)?;
+        self.run(inputs, targets, Some(learning_rate))?;
+        self.slot += 1;
+        self.step += 1;
+        Ok(())
+    }
+
+    fn take_mean_loss(&mut self) -> Result<f64, EngineError> {
+        self.read_losses_if(true)?;
+        let (sum, count) = std::mem::take(&mut self.read_losses);
+        Ok(if count == 0 { 0.0 } else { sum / count as f64 })
+    }
+
+    fn state(&mut self) -> Result<TrainingState, EngineError> {
+        let read = |buffer: &wgpu::Buffer| {
+            let padded = self.gpu.read(buffer, self.network.layout.parameters)?;
+            Ok::<_, EngineError>(self.network.layout.unpad(&padded))
+        };
+        Ok(TrainingState {
+            parameters: read(&self.network.parameters)?,
+            first_moment: read(&self.buffers.first_moment)?,
+            second_moment: read(&self.buffers.second_moment)?,
+            step: self.step,
+        })
+    }
+}

@@ -1,0 +1,83 @@
+//! What a trainer allocates, and how a batch is cut into slices of rows.
+
+use imf_core::siren::INPUTS;
+
+use crate::device::GpuLimits;
+use crate::forward::rows_per_pass;
+use crate::layout::PaddedLayout;
+use crate::memory::Plan;
+
+/// Rows that one partial gradient sums: four slices of the paper's batch of 1024 give a GPU four times the workgroups
+/// in the weight gradients.
+const SLICE_ROWS: usize = 256;
+/// Partial gradients at most: each costs the memory of all parameters.
+const MAX_SLICES: usize = 8;
+/// Steps whose losses wait on the device before they are read.
+pub(super) const LOSS_SLOTS: usize = 4096;
+
+/// Places of a trainer's buffers in its plan.
+pub(super) struct Places {
+    pub(super) parameters: usize,
+    pub(super) first_moment: usize,
+    pub(super) second_moment: usize,
+    pub(super) gradient: usize,
+    pub(super) partials: usize,
+    pub(super) samples: usize,
+    pub(super) targets: usize,
+    pub(super) row_losses: usize,
+    pub(super) losses: usize,
+    pub(super) results: usize,
+    pub(super) signals: Vec<usize>,
+    pub(super) deltas: Vec<usize>,
+}
+
+/// What a trainer allocates, how many rows one pass holds, and how many partial gradients there are.
+pub(super) fn plan(
+    layout: &PaddedLayout,
+    limits: GpuLimits,
+    max_batch: usize,
+) -> (Plan, Places, usize, usize) {
+    let rows = rows_per_pass(layout, limits, max_batch);
+    let binding = limits.storage_binding.min(limits.buffer) as usize;
+    let max_slices = (binding / (4 * layout.parameters)).clamp(1, MAX_SLICES);
+    // A smaller batch may have more slices than the largest one, never more than this.
+    let slices = rows.div_ceil(SLICE_ROWS).min(max_slices);
+    let mut plan = Plan::default();
+    let places = Places {
+        parameters: plan.add("parameters", layout.parameters),
+        first_moment: plan.add("first moments", layout.parameters),
+        second_moment: plan.add("second moments", layout.parameters),
+        gradient: plan.add("gradient", layout.parameters),
+        partials: plan.add("partial gradients", slices * layout.parameters),
+        samples: plan.add("samples", rows * INPUTS),
+        targets: plan.add("targets", rows),
+        row_losses: plan.add("losses of the rows", rows),
+        losses: plan.add("losses of the steps", LOSS_SLOTS),
+        results: plan.add("results", rows * layout.layers.last().map_or(0, |layer| layer.outputs)),
+        signals: layout.layers.iter().map(|layer| plan.add("signal", rows * layer.inputs)).collect(),
+        deltas: layout.layers.iter().map(|layer| plan.add("delta", rows * layer.outputs)).collect(),
+    };
+    (plan, places, rows, max_slices)
+}
+
+/// Rows of one partial gradient, and how many of them `padded_rows` make.
+pub(super) fn slice(padded_rows: usize, max_slices: usize) -> (usize, usize) {
+    let rows = padded_rows.div_ceil(max_slices).next_multiple_of(SLICE_ROWS);
+    (rows, padded_rows.div_ceil(rows))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slices_cover_the_rows_and_never_outnumber_the_buffer() {
+        for max_slices in 1..=MAX_SLICES {
+            for rows in (8..5000).step_by(8) {
+                let (slice_rows, slices) = slice(rows, max_slices);
+                assert!(slice_rows * slices >= rows && slice_rows * (slices - 1) < rows);
+                assert!(slices <= max_slices && slices <= rows.div_ceil(SLICE_ROWS));
+            }
+        }
+    }
+}

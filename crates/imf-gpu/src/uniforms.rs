@@ -1,0 +1,71 @@
+//! The uniform blocks of `shaders/uniforms.wgsl` in Rust: same names, same order, no padding. What each field means
+//! stands there; `tests/shaders.rs` compares size and offsets with what naga makes of the WGSL.
+
+#![expect(
+    missing_docs,
+    reason = "every field is documented where the kernels read it, in shaders/uniforms.wgsl"
+)]
+
+use bytemuck::{Pod, Zeroable};
+
+/// The rows at hand.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Batch {
+    pub rows: u32,
+    pub padded_rows: u32,
+    pub slice_rows: u32,
+    pub slices: u32,
+}
+
+/// One dense layer.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Layer {
+    pub inputs: u32,
+    pub outputs: u32,
+    pub weights: u32,
+    pub biases: u32,
+    pub stride: u32,
+    pub upstream: u32,
+    pub parameters: u32,
+    pub omega: f32,
+}
+
+/// Where a block of network inputs goes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Placement {
+    pub stride: u32,
+    pub offset: u32,
+    pub columns: u32,
+}
+
+/// One training step.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Step {
+    pub inverse_count: f32,
+    pub loss: u32,
+    pub slot: u32,
+    pub first: u32,
+    pub learning_rate: f32,
+    pub beta1: f32,
+    pub one_minus_beta1: f32,
+    pub beta2: f32,
+    pub one_minus_beta2: f32,
+    pub correction1: f32,
+    pub correction2: f32,
+    pub epsilon: f32,
+    pub weight_decay: f32,
+}
+
+/// One part of an evaluation.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Sweep {
+    pub base: u32,
+    pub points: u32,
+    pub directions: u32,
+    pub first_direction: u32,
+}

@@ -1,0 +1,168 @@
+//! What can be said about the shaders without an adapter: they are valid, their uniform blocks are Rust's, their
+//! bindings are as they should be, and naga writes each of them for Metal, Direct3D and Vulkan.
+
+use std::mem::offset_of;
+
+use imf_gpu::shader::{LINEAR_GROUP, MatrixKernel, REGISTER_GROUP, Shader, TILED_GROUP};
+use imf_gpu::uniforms::{Batch, Layer, Placement, Step, Sweep};
+use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
+use naga::{AddressSpace, Module, StorageAccess, TypeInner};
+
+/// Every shader with every matrix kernel, parsed and validated against WebGPU's core features alone.
+fn modules() -> impl Iterator<Item = (String, Shader, MatrixKernel, Module, ModuleInfo)> {
+    MatrixKernel::ALL.into_iter().flat_map(|matrix| {
+        Shader::ALL.into_iter().map(move |shader| {
+            let name = format!("{shader:?} ({})", matrix.name());
+            let source = shader.source(matrix);
+            let module = naga::front::wgsl::parse_str(&source)
+                .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(&source)));
+            let info = Validator::new(ValidationFlags::all(), Capabilities::empty())
+                .validate(&module)
+                .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(&source)));
+            (name, shader, matrix, module, info)
+        })
+    })
+}
+
+#[test]
+fn every_shader_is_valid_and_has_one_entry_point() {
+    for (name, shader, matrix, module, _) in modules() {
+        assert_eq!(module.entry_points.len(), 1, "{name}");
+        let entry = &module.entry_points[0];
+        assert_eq!(entry.name, "main", "{name}");
+        let side = match matrix {
+            MatrixKernel::Register => REGISTER_GROUP,
+            MatrixKernel::Tiled => TILED_GROUP,
+        };
+        let expected = match shader {
+            Shader::HiddenTrain
+            | Shader::HiddenEvaluate
+            | Shader::Linear
+            | Shader::Backward
+            | Shader::WeightGradient => [side, side, 1],
+            _ => [LINEAR_GROUP, 1, 1],
+        };
+        assert_eq!(entry.workgroup_size, expected, "{name}");
+    }
+}
+
+/// `u` uniform, `r` storage that is read, `w` storage that is written, in the order of the bindings.
+fn expected_bindings(shader: Shader) -> &'static str {
+    match shader {
+        Shader::Inputs => "uurw",
+        Shader::Poses => "uuurrw",
+        Shader::HiddenTrain => "uurrww",
+        Shader::HiddenEvaluate | Shader::Linear | Shader::Backward => "uurrw",
+        Shader::Loss => "uuurrww",
+        Shader::LossSum | Shader::Reduce => "uurw",
+        Shader::WeightGradient => "uurrw",
+        Shader::BiasGradient => "uurw",
+        Shader::Adam => "urwww",
+        Shader::Outputs => "uuurw",
+        Shader::Minimum => "urww",
+    }
+}
+
+#[test]
+fn bindings_and_their_access_are_as_the_engine_binds_them() {
+    for (name, shader, _, module, _) in modules() {
+        let mut found: Vec<(u32, char)> = module
+            .global_variables
+            .iter()
+            .filter_map(|(_, variable)| {
+                let binding = variable.binding?;
+                assert_eq!(binding.group, 0, "{name}");
+                let kind = match variable.space {
+                    AddressSpace::Uniform => 'u',
+                    AddressSpace::Storage { access } if access.contains(StorageAccess::STORE) => 'w',
+                    AddressSpace::Storage { .. } => 'r',
+                    other => panic!("{name}: {other:?}"),
+                };
+                Some((binding.binding, kind))
+            })
+            .collect();
+        found.sort_unstable();
+        let numbers: Vec<u32> = found.iter().map(|&(number, _)| number).collect();
+        assert_eq!(numbers, (0..found.len() as u32).collect::<Vec<_>>(), "{name}");
+        assert_eq!(
+            found.iter().map(|&(_, kind)| kind).collect::<String>(),
+            expected_bindings(shader),
+            "{name}"
+        );
+    }
+}
+
+#[test]
+fn workgroup_memory_fits_every_adapter() {
+    // WebGPU guarantees 16 KiB.
+    for (name, _, _, module, _) in modules() {
+        let bytes: u32 = module
+            .global_variables
+            .iter()
+            .filter(|(_, variable)| variable.space == AddressSpace::WorkGroup)
+            .map(|(_, variable)| module.types[variable.ty].inner.size(module.to_ctx()))
+            .sum();
+        assert!(bytes <= 16 << 10, "{name}: {bytes} bytes");
+    }
+}
+
+/// Name, size and the fields' offsets of a block, as Rust has them.
+macro_rules! block {
+    ($block:ident: $($field:ident),+) => {
+        (stringify!($block), size_of::<$block>(), vec![$((stringify!($field), offset_of!($block, $field))),+])
+    };
+}
+
+#[test]
+fn uniform_blocks_have_the_same_size_and_offsets_in_rust_and_wgsl() {
+    let blocks = [
+        block!(Batch: rows, padded_rows, slice_rows, slices),
+        block!(Layer: inputs, outputs, weights, biases, stride, upstream, parameters, omega),
+        block!(Placement: stride, offset, columns),
+        block!(
+            Step: inverse_count, loss, slot, first, learning_rate, beta1, one_minus_beta1, beta2, one_minus_beta2,
+            correction1, correction2, epsilon, weight_decay
+        ),
+        block!(Sweep: base, points, directions, first_direction),
+    ];
+    for (name, _, _, module, _) in modules() {
+        for (block, size, fields) in &blocks {
+            let found = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(block));
+            let Some((_, naga::Type { inner: TypeInner::Struct { members, span }, .. })) = found else {
+                panic!("{name} has no block {block}");
+            };
+            assert_eq!(*span as usize, *size, "{name}: {block}");
+            let offsets: Vec<(&str, usize)> = members
+                .iter()
+                .map(|member| (member.name.as_deref().unwrap_or(""), member.offset as usize))
+                .collect();
+            assert_eq!(&offsets, fields, "{name}: {block}");
+        }
+    }
+}
+
+#[test]
+fn every_shader_translates_to_metal_direct3d_and_vulkan() {
+    for (name, _, _, module, info) in modules() {
+        let msl = naga::back::msl::Options {
+            lang_version: (2, 4),
+            fake_missing_bindings: true,
+            ..Default::default()
+        };
+        let (text, _) = naga::back::msl::write_string(&module, &info, &msl, &Default::default())
+            .unwrap_or_else(|error| panic!("{name}: MSL: {error}"));
+        assert!(text.contains("kernel void"), "{name}");
+
+        let mut text = String::new();
+        let hlsl =
+            naga::back::hlsl::Options { fake_missing_bindings: true, ..naga::back::hlsl::Options::default() };
+        naga::back::hlsl::Writer::new(&mut text, &hlsl, &Default::default())
+            .write(&module, &info, None)
+            .unwrap_or_else(|error| panic!("{name}: HLSL: {error}"));
+        assert!(text.contains("numthreads"), "{name}");
+
+        let words = naga::back::spv::write_vec(&module, &info, &naga::back::spv::Options::default(), None)
+            .unwrap_or_else(|error| panic!("{name}: SPIR-V: {error}"));
+        assert_eq!(words[0], 0x0723_0203, "{name}: SPIR-V's magic number");
+    }
+}

@@ -1,0 +1,231 @@
+//! Training on the adapter against the f64 definition: gradient, update, ten steps; sizes that are no multiple of a
+//! tile; the same bits again.
+
+mod adapter;
+
+use imf_core::siren::reference::{adam_step, loss_and_gradient};
+use imf_core::siren::{INPUTS, SirenShape};
+use imf_core::training::{AdamConfig, Loss, TrainingEngine, TrainingState};
+use imf_gpu::{Gpu, GpuLimits, GpuTrainer, MatrixKernel};
+
+const SHAPE: SirenShape = SirenShape { width: 37, hidden: 4, skip_after: Some(2), omega: 30.0 };
+const BATCH: usize = 77;
+const ADAM: AdamConfig = AdamConfig { beta1: 0.9, beta2: 0.999, epsilon: 1e-8, weight_decay: 1e-3 };
+
+/// Numbers in [−1, 1) that look random, the same everywhere.
+fn noise(count: usize, seed: u32) -> Vec<f32> {
+    let mut state = seed.wrapping_mul(2_654_435_769) | 1;
+    let mut next = || {
+        state ^= state << 13;
+        state ^= state >> 17;
+        state ^= state << 5;
+        (state >> 8) as f32 / (1 << 23) as f32 - 1.0
+    };
+    (0..count).map(|_| next()).collect()
+}
+
+/// Inputs `[count][5]` and targets in [0, 1).
+fn batch(count: usize, seed: u32) -> (Vec<f32>, Vec<f32>) {
+    let targets = noise(count, seed + 1000).into_iter().map(|value| 0.5 + 0.5 * value).collect();
+    (noise(INPUTS * count, seed), targets)
+}
+
+fn rows(inputs: &[f32]) -> Vec<[f64; INPUTS]> {
+    inputs.chunks(INPUTS).map(|row| std::array::from_fn(|i| f64::from(row[i]))).collect()
+}
+
+fn wide(values: &[f32]) -> Vec<f64> {
+    values.iter().map(|&value| f64::from(value)).collect()
+}
+
+/// A state in the middle of training: moments that are not zero.
+fn state(shape: &SirenShape) -> TrainingState {
+    let parameters = shape.initial_parameters(5);
+    let first_moment = noise(parameters.len(), 6).into_iter().map(|value| 1e-3 * value).collect();
+    let second_moment = noise(parameters.len(), 7).into_iter().map(|value| 1e-5 * (value + 1.0)).collect();
+    TrainingState { parameters, first_moment, second_moment, step: 3 }
+}
+
+/// The largest |found − expected| in units of atol + rtol·scale, scale being the largest |expected|.
+fn worst(found: &[f32], expected: &[f64], absolute: f64, relative: f64) -> f64 {
+    assert_eq!(found.len(), expected.len());
+    let scale = expected.iter().fold(0.0f64, |most, value| most.max(value.abs()));
+    let error = |(&found, expected): (&f32, &f64)| (f64::from(found) - expected).abs();
+    let errors = found.iter().zip(expected).map(error);
+    errors.fold(0.0, |most, error| if error > most || error.is_nan() { error } else { most })
+        / (absolute + relative * scale)
+}
+
+/// A gradient in f32: every layer adds the rounding of its angle, 2⁻²⁴·|ω·s| with |ω·s| of a few units, and passes on that
+/// of the layers before; sums over the batch average it. Lavapipe is off by 1.1e-6 of the largest entry; ten times that
+/// leaves room for other orders of the sums and other roundings.
+const GRADIENT: f64 = 1e-5;
+
+fn every_device() -> [Gpu; 2] {
+    let gpu = adapter::open();
+    MatrixKernel::ALL.map(|kernel| gpu.clone().with_matrix_kernel(kernel))
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn loss_and_gradient_agree_with_the_definition() {
+    for gpu in every_device() {
+        for loss in [Loss::L1, Loss::L2] {
+            for (width, hidden, skip_after, count) in
+                [(37, 4, Some(2), 77), (64, 2, None, 64), (8, 1, None, 1), (5, 3, Some(1), 300)]
+            {
+                let shape = SirenShape { width, hidden, skip_after, omega: 30.0 };
+                let (inputs, targets) = batch(count, 11);
+                let state = state(&shape);
+                let (expected_loss, expected) = loss_and_gradient(
+                    &shape,
+                    &wide(&state.parameters),
+                    &rows(&inputs),
+                    &wide(&targets),
+                    loss,
+                );
+                // Room for more samples than there are: the rows behind must not matter.
+                let mut trainer = GpuTrainer::new(&gpu, shape, ADAM, loss, count + 13, &state).unwrap();
+                trainer.fill_scratch(f32::NAN);
+                let (found_loss, found) = trainer.loss_and_gradient(&inputs, &targets).unwrap();
+                let case =
+                    format!("{loss:?}, {hidden} × {width}, batch {count}, {}", gpu.matrix_kernel().name());
+                assert!((found_loss - expected_loss).abs() < 1e-6, "{case}: {found_loss} {expected_loss}");
+                let error = worst(&found, &expected, 1e-9, GRADIENT);
+                assert!(error <= 1.0, "{case}: gradient off by {error} tolerances");
+            }
+        }
+    }
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn an_update_agrees_with_the_definition() {
+    let gpu = adapter::open();
+    let before = state(&SHAPE);
+    let (inputs, targets) = batch(BATCH, 12);
+    let mut trainer = GpuTrainer::new(&gpu, SHAPE, ADAM, Loss::L1, BATCH, &before).unwrap();
+    let (_, gradient) = trainer.loss_and_gradient(&inputs, &targets).unwrap();
+    trainer.step(&inputs, &targets, 1e-2).unwrap();
+    let after = trainer.state().unwrap();
+    assert_eq!(after.step, before.step + 1);
+
+    let mut parameters = wide(&before.parameters);
+    let (mut first, mut second) = (wide(&before.first_moment), wide(&before.second_moment));
+    adam_step(&ADAM, 1e-2, after.step, &mut parameters, &wide(&gradient), &mut first, &mut second);
+    // The device's own gradient went in, so a few roundings of f32 (6e-8 each) and the division and root, which WGSL
+    // allows 2.5 ulp each, are all that remains: 8e-8 on lavapipe.
+    for (name, found, expected) in [
+        ("parameters", &after.parameters, &parameters),
+        ("first moments", &after.first_moment, &first),
+        ("second moments", &after.second_moment, &second),
+    ] {
+        let error = worst(found, expected, 1e-12, 1e-6);
+        assert!(error <= 1.0, "{name} off by {error} tolerances");
+    }
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn ten_steps_agree_with_the_definition() {
+    for gpu in every_device() {
+        let start = TrainingState::new(&SHAPE, 21);
+        let mut trainer = GpuTrainer::new(&gpu, SHAPE, ADAM, Loss::L2, BATCH, &start).unwrap();
+        let mut parameters = wide(&start.parameters);
+        let mut first = vec![0.0; parameters.len()];
+        let mut second = first.clone();
+        let mut mean = 0.0;
+        for step in 1..=10 {
+            // Batches of two sizes: what a larger one leaves behind must not matter.
+            let count = if step % 3 == 0 { 21 } else { BATCH };
+            let (inputs, targets) = batch(count, 30 + step);
+            trainer.step(&inputs, &targets, 1e-4).unwrap();
+            let (loss, gradient) =
+                loss_and_gradient(&SHAPE, &parameters, &rows(&inputs), &wide(&targets), Loss::L2);
+            mean += loss / 10.0;
+            adam_step(&ADAM, 1e-4, u64::from(step), &mut parameters, &gradient, &mut first, &mut second);
+        }
+        let found = trainer.state().unwrap();
+        // Adam divides by the gradient's size, so a weight whose gradient is near zero strays by a part of its ten steps of
+        // 1e-4; all others keep to their own rounding. Lavapipe is off by 6e-8, and by 7e-6 of the way moved.
+        let error = worst(&found.parameters, &parameters, 1e-6, 1e-6);
+        assert!(error <= 1.0, "parameters off by {error} tolerances");
+        let moved: f64 =
+            parameters.iter().zip(&start.parameters).map(|(a, &b)| (a - f64::from(b)).powi(2)).sum();
+        let apart: f64 =
+            parameters.iter().zip(&found.parameters).map(|(a, &b)| (a - f64::from(b)).powi(2)).sum();
+        assert!(apart.sqrt() < 1e-4 * moved.sqrt(), "{} apart, {} moved", apart.sqrt(), moved.sqrt());
+        let loss = trainer.take_mean_loss().unwrap();
+        assert!((loss - mean).abs() < 1e-6 * mean, "{loss} {mean}");
+        assert_eq!(trainer.take_mean_loss().unwrap(), 0.0);
+    }
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn the_same_seed_gives_the_same_bits_whatever_scratch_held_and_wherever_it_resumed() {
+    let gpu = adapter::open();
+    let run = |sentinel: Option<f32>, max_batch: usize, resume: bool| {
+        let make =
+            |state: &TrainingState| GpuTrainer::new(&gpu, SHAPE, ADAM, Loss::L1, max_batch, state).unwrap();
+        let mut trainer = make(&TrainingState::new(&SHAPE, 9));
+        for step in 0..6 {
+            if let Some(value) = sentinel {
+                trainer.fill_scratch(value);
+            }
+            if resume && step == 3 {
+                trainer = make(&trainer.state().unwrap());
+            }
+            let (inputs, targets) = batch(if step == 4 { 300 } else { BATCH }, step);
+            trainer.step(&inputs, &targets, 1e-3).unwrap();
+        }
+        let state = trainer.state().unwrap();
+        [state.parameters, state.first_moment, state.second_moment]
+            .map(|values| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>())
+    };
+    let expected = run(None, 300, false);
+    assert_eq!(run(None, 300, false), expected, "the same again");
+    assert_eq!(run(Some(f32::NAN), 300, false), expected, "scratch full of NaN");
+    assert_eq!(run(None, 1000, false), expected, "room for larger batches");
+    assert_eq!(run(None, 300, true), expected, "resumed from its state");
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn a_batch_in_parts_has_the_gradient_of_the_whole() {
+    let whole = adapter::open().with_matrix_kernel(MatrixKernel::Register);
+    // 37 neurons and 5 inputs are padded to 48 columns of 4 bytes: 120 rows at a time, less than the batch. The
+    // 5928 parameters fit once, so there is one partial gradient. Loops over parameters stride over one workgroup.
+    let limits = GpuLimits { storage_binding: 24_000, buffer: 1 << 30, workgroups: 2 };
+    let parts = whole.clone().with_limits(limits);
+    let (inputs, targets) = batch(300, 40);
+    let gradient = |gpu: &Gpu| {
+        let mut trainer =
+            GpuTrainer::new(gpu, SHAPE, ADAM, Loss::L2, 300, &TrainingState::new(&SHAPE, 2)).unwrap();
+        trainer.fill_scratch(f32::NAN);
+        trainer.loss_and_gradient(&inputs, &targets).unwrap()
+    };
+    let shape_bytes = GpuTrainer::memory_bytes(&parts, SHAPE, 300).unwrap();
+    assert!(shape_bytes < GpuTrainer::memory_bytes(&whole, SHAPE, 300).unwrap());
+    let (expected, found) = (gradient(&whole), gradient(&parts));
+    // The same sums in another order.
+    assert!((found.0 - expected.0).abs() < 1e-6);
+    assert!(worst(&found.1, &wide(&expected.1), 1e-9, 1e-6) <= 1.0);
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn losses_are_gathered_over_more_steps_than_there_are_slots() {
+    let shape = SirenShape { width: 4, hidden: 1, skip_after: None, omega: 1.0 };
+    let mut trainer =
+        GpuTrainer::new(&adapter::open(), shape, ADAM, Loss::L2, 1, &TrainingState::new(&shape, 2)).unwrap();
+    // With rate 0 nothing moves, so every step has the same loss, and so has their mean.
+    let (inputs, targets) = batch(1, 50);
+    trainer.step(&inputs, &targets, 0.0).unwrap();
+    let once = trainer.take_mean_loss().unwrap();
+    for _ in 0..4100 {
+        trainer.step(&inputs, &targets, 0.0).unwrap();
+    }
+    assert!(once > 0.0);
+    assert!((trainer.take_mean_loss().unwrap() - once).abs() < 1e-12);
+}

@@ -1,0 +1,69 @@
+// Purpose: C[row][column] = Σ_k left(row, k)·right(k, column), operands staged in workgroup memory.
+//
+// A workgroup of 16 × 16 invocations computes TILE × TILE = 64 × 64 outputs, z counts slices; one invocation computes
+// 4 rows × 4 columns. For each TILE_DEPTH = 32 values of k the first half of the workgroup fetches one 4 × 4 block each
+// of the left operand, the second half of the right: 16 KiB, what every adapter has. The sum runs over k in the same
+// order as in `product_register.wgsl`, so both give the same bits where the compiler contracts both alike.
+//
+// The layer's file defines `extent`, `left`, `right` and `store` as `product_register.wgsl` describes; rows and columns
+// are multiples of TILE, the range of k of TILE_DEPTH.
+
+struct Extent {
+    rows: u32,
+    columns: u32,
+    first: u32,
+    end: u32,
+}
+
+const QUADS: u32 = TILE / 4u;
+
+// [k][row / 4] and [k][column / 4], k within the stage.
+var<workgroup> lefts: array<vec4<f32>, TILE_DEPTH * QUADS>;
+var<workgroup> rights: array<vec4<f32>, TILE_DEPTH * QUADS>;
+
+@compute @workgroup_size(TILED_GROUP, TILED_GROUP)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(local_invocation_id) local: vec3<u32>,
+    @builtin(local_invocation_index) index: u32,
+) {
+    let slice = group.z;
+    let first_row = group.y * TILE;
+    let first_column = group.x * TILE;
+    let e = extent(slice);
+    // The block that this invocation fetches: 16 along the outputs × 8 along k for each operand.
+    let half = TILED_GROUP * TILED_GROUP / 2u;
+    let quad = (index % half) % QUADS;
+    let depth = 4u * ((index % half) / QUADS);
+    let at = depth * QUADS + quad;
+
+    var sums = mat4x4<f32>();
+    for (var k = e.first; k < e.end; k += TILE_DEPTH) {
+        if index < half {
+            let fetched = left(first_row + 4u * quad, k + depth);
+            lefts[at] = fetched[0];
+            lefts[at + QUADS] = fetched[1];
+            lefts[at + 2u * QUADS] = fetched[2];
+            lefts[at + 3u * QUADS] = fetched[3];
+        } else {
+            let fetched = right(k + depth, first_column + 4u * quad);
+            rights[at] = fetched[0];
+            rights[at + QUADS] = fetched[1];
+            rights[at + 2u * QUADS] = fetched[2];
+            rights[at + 3u * QUADS] = fetched[3];
+        }
+        workgroupBarrier();
+        for (var j = 0u; j < TILE_DEPTH; j += 1u) {
+            let l = lefts[j * QUADS + local.y];
+            let r = rights[j * QUADS + local.x];
+            sums = mat4x4<f32>(sums[0] + l.x * r, sums[1] + l.y * r, sums[2] + l.z * r, sums[3] + l.w * r);
+        }
+        workgroupBarrier();
+    }
+    let row = first_row + 4u * local.y;
+    let column = first_column + 4u * local.x;
+    store(slice, row, column, sums[0]);
+    store(slice, row + 1u, column, sums[1]);
+    store(slice, row + 2u, column, sums[2]);
+    store(slice, row + 3u, column, sums[3]);
+}
