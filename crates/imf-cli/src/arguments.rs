@@ -1,0 +1,330 @@
+//! The command line: what can be said, with an example for each command.
+
+pub(crate) mod scene;
+pub(crate) mod transform;
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use imf_core::training::Loss;
+
+use scene::SceneArguments;
+
+/// Tells where, and from which directions, a tool can reach a part without collision.
+#[derive(Parser)]
+#[command(
+    name = "imf",
+    version,
+    about,
+    after_help = "Exit codes: 0 done; 1 failed, one message says why; 2 wrong arguments; 130 stopped by Ctrl-C, \
+                  finished work kept.\n\nStart with: imf demo"
+)]
+pub(crate) struct Cli {
+    #[command(flatten)]
+    pub(crate) global: GlobalArguments,
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+/// Options of every command.
+#[derive(Args)]
+pub(crate) struct GlobalArguments {
+    /// Threads to compute with; all cores by default
+    #[arg(long, global = true, value_name = "N")]
+    pub(crate) threads: Option<usize>,
+    /// Memory to stay within, such as 2GiB; four fifths of what is free by default
+    #[arg(long, global = true, value_name = "SIZE", value_parser = crate::session::parse_size)]
+    pub(crate) memory: Option<u64>,
+    /// Answers as JSON on standard output
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+    /// No progress and no remarks, only results and errors
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub(crate) quiet: bool,
+    /// Also say how it is computed: transform sizes, devices, limits
+    #[arg(short, long, global = true)]
+    pub(crate) verbose: bool,
+}
+
+#[derive(Subcommand)]
+pub(crate) enum Command {
+    Demo(DemoArguments),
+    Parts(PartsArguments),
+    Voxelize(VoxelizeArguments),
+    Field(FieldArguments),
+    Dataset(DatasetArguments),
+    Train(TrainArguments),
+    Finetune(FinetuneArguments),
+    Eval(EvalArguments),
+    Query(QueryArguments),
+    Info(InfoArguments),
+    /// List the devices that can train and evaluate
+    #[command(after_help = "Example:\n  imf devices")]
+    Devices,
+}
+
+/// Where networks are trained and evaluated.
+#[derive(Args, Clone)]
+pub(crate) struct DeviceArguments {
+    /// auto (a discrete or integrated GPU, else the CPU), cpu, gpu, software (software Vulkan), or a number or part of
+    /// a name from `imf devices`
+    #[arg(long, default_value = "auto", value_name = "DEVICE")]
+    pub(crate) device: String,
+}
+
+/// The whole pipeline on the Utah teapot: voxels, exact sections, training, evaluation, pictures
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf demo --out teapot-demo")]
+pub(crate) struct DemoArguments {
+    /// Folder for the model, the report and the pictures
+    #[arg(long, default_value = "imf-demo", value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Seed of sampling, starting weights and order
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Training steps
+    #[arg(long, default_value_t = crate::commands::demo::STEPS)]
+    pub(crate) steps: u64,
+    #[command(flatten)]
+    pub(crate) device: DeviceArguments,
+}
+
+/// Write the built-in reference parts as OBJ
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf parts parts-folder\n  imf parts parts-folder --only bracket")]
+pub(crate) struct PartsArguments {
+    /// Folder to write to
+    pub(crate) folder: PathBuf,
+    /// Only this part: teapot, bracket, bracket-raw or screw-gear
+    #[arg(long, value_name = "PART")]
+    pub(crate) only: Option<String>,
+}
+
+/// Turn a part into solid voxels
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf voxelize bracket.stl --unit mm --pitch 0.5 --out voxels\n\n\
+                        Writes voxels/solid.npy, voxels/solid.vti (ParaView) and voxels/slices.png.")]
+pub(crate) struct VoxelizeArguments {
+    #[command(flatten)]
+    pub(crate) scene: SceneArguments,
+    /// Folder to write to
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+}
+
+/// Compute the exact field: sections of the collision measure, or its minimum over orientations
+#[derive(Args)]
+#[command(after_help = "Examples:\n  imf field teapot --orientations '0,0;12,6' --out sections\n  \
+                        imf field part.obj --tool mill.toml --orientations fibonacci:225 --imf --out imf\n\n\
+                        Writes .npy, .vti (ParaView) and .png slices. Values are exact for voxel centres.")]
+pub(crate) struct FieldArguments {
+    #[command(flatten)]
+    pub(crate) scene: SceneArguments,
+    /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, so3:N, pairs θ,φ;θ,φ or a CSV file
+    #[arg(long, value_name = "SET")]
+    pub(crate) orientations: String,
+    /// The inaccessibility measure (least over the orientations) with its best orientation, not every section
+    #[arg(long)]
+    pub(crate) imf: bool,
+    /// Compare this many voxels of every section with direct sums, and say so
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    pub(crate) check: usize,
+    /// Folder to write to
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+}
+
+/// Sample exact sections into a dataset for training; continues one that was interrupted
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf dataset teapot --orientations grid:15 --out teapot-225")]
+pub(crate) struct DatasetArguments {
+    #[command(flatten)]
+    pub(crate) scene: SceneArguments,
+    /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, pairs θ,φ;θ,φ or a CSV file
+    #[arg(long, value_name = "SET")]
+    pub(crate) orientations: String,
+    /// Share of every section's voxels to sample
+    #[arg(long, default_value_t = 0.35)]
+    pub(crate) density: f64,
+    /// Share of the samples to draw where the tool collides
+    #[arg(long, default_value_t = 0.75)]
+    pub(crate) positive_share: f64,
+    /// Seed of the sampling
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Folder of the dataset
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+}
+
+/// How long and how fast to train; shared by train and finetune.
+#[derive(Args, Clone)]
+pub(crate) struct PlanArguments {
+    /// Passes over the dataset
+    #[arg(long, value_name = "N", conflicts_with = "steps")]
+    pub(crate) epochs: Option<u64>,
+    /// Steps, instead of epochs
+    #[arg(long, value_name = "N")]
+    pub(crate) steps: Option<u64>,
+    /// Samples in a step
+    #[arg(long, default_value_t = 1024, value_name = "N")]
+    pub(crate) batch: usize,
+    /// Highest learning rate
+    #[arg(long, value_name = "RATE")]
+    pub(crate) rate: Option<f32>,
+    /// exponential: ×0.93 every epoch (the paper's); cosine: down to a hundredth over all steps
+    #[arg(long, value_enum, default_value = "exponential")]
+    pub(crate) schedule: ScheduleKind,
+    /// What a step minimises
+    #[arg(long, value_enum, default_value = "l1")]
+    pub(crate) loss: LossKind,
+    /// Coupled L2 of Adam
+    #[arg(long, default_value_t = 1e-6, value_name = "W")]
+    pub(crate) weight_decay: f32,
+    /// Seed of starting weights and order
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Seconds between checkpoints
+    #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
+    pub(crate) checkpoint_every: f64,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub(crate) enum ScheduleKind {
+    Exponential,
+    Cosine,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub(crate) enum LossKind {
+    L1,
+    L2,
+}
+
+impl From<LossKind> for Loss {
+    fn from(kind: LossKind) -> Self {
+        match kind {
+            LossKind::L1 => Self::L1,
+            LossKind::L2 => Self::L2,
+        }
+    }
+}
+
+/// Train the paper's network (siren5) on a dataset
+#[derive(Args)]
+#[command(
+    after_help = "Examples:\n  imf train teapot-225 --out model\n  imf train teapot-225 --out model --width 128 \
+                        --epochs 10 --rate 3e-4 --schedule cosine\n  imf train teapot-225 --out model --resume\n\n\
+                        Writes model.safetensors, checkpoint.safetensors (for --resume) and loss.png. Ctrl-C writes a \
+                        checkpoint and stops. The defaults are the paper's: 5×512, 50 epochs."
+)]
+pub(crate) struct TrainArguments {
+    /// Folder of the dataset
+    pub(crate) dataset: PathBuf,
+    /// Folder to write to
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Continue from the checkpoint in the output folder
+    #[arg(long)]
+    pub(crate) resume: bool,
+    /// Neurons of every hidden layer
+    #[arg(long, default_value_t = 512, value_name = "N")]
+    pub(crate) width: usize,
+    /// Hidden layers
+    #[arg(long, default_value_t = 5, value_name = "N")]
+    pub(crate) layers: usize,
+    #[command(flatten)]
+    pub(crate) plan: PlanArguments,
+    #[command(flatten)]
+    pub(crate) device: DeviceArguments,
+}
+
+/// Adapt a trained model to another dataset, such as a changed part
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf finetune raw/model.safetensors bracket-225 --out adapted\n\n\
+                        By default 5 epochs from a learning rate of 1e-4.")]
+pub(crate) struct FinetuneArguments {
+    /// Model to start from
+    pub(crate) model: PathBuf,
+    /// Folder of the dataset
+    pub(crate) dataset: PathBuf,
+    /// Folder to write to
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Continue from the checkpoint in the output folder
+    #[arg(long)]
+    pub(crate) resume: bool,
+    #[command(flatten)]
+    pub(crate) plan: PlanArguments,
+    #[command(flatten)]
+    pub(crate) device: DeviceArguments,
+}
+
+/// Compare a model with the exact field
+#[derive(Args)]
+#[command(after_help = "Examples:\n  imf eval model/model.safetensors\n  imf eval model/model.safetensors \
+                        --random 256 --imf grid:25 --out report")]
+pub(crate) struct EvalArguments {
+    /// Model to evaluate
+    pub(crate) model: PathBuf,
+    /// Section that training saw, θ,φ
+    #[arg(long, default_value = "0,0", value_name = "θ,φ")]
+    pub(crate) in_sample: String,
+    /// Section that training did not see, θ,φ
+    #[arg(long, default_value = "12,6", value_name = "θ,φ")]
+    pub(crate) out_of_sample: String,
+    /// Number of random orientations
+    #[arg(long, default_value_t = 64, value_name = "N")]
+    pub(crate) random: usize,
+    /// Orientation set of the IMF; the training set by default
+    #[arg(long, value_name = "SET")]
+    pub(crate) imf: Option<String>,
+    /// CMF above which a pose is called blocked
+    #[arg(long, default_value_t = 0.01, value_name = "τ")]
+    pub(crate) threshold: f64,
+    /// Seed of the random orientations
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
+    /// Also write report.json, report.md and pictures to this folder
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) device: DeviceArguments,
+}
+
+/// Answer poses from a CSV file: how much does the tool overlap the part when its tip is here
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf query model/model.safetensors poses.csv --out answers.csv\n\n\
+                        The first line names the columns: x,y,z,i,j,k (tool axis from tip to holder) or \
+                        x,y,z,theta,phi (degrees). Answers add the column overlap, from 0 to 1; with --exact also \
+                        overlap_exact.")]
+pub(crate) struct QueryArguments {
+    /// Trained model
+    pub(crate) model: PathBuf,
+    /// CSV file of poses, or - for standard input
+    pub(crate) poses: PathBuf,
+    /// CSV file of answers; standard output by default
+    #[arg(long, value_name = "FILE")]
+    pub(crate) out: Option<PathBuf>,
+    /// Also count the exact overlap
+    #[arg(long)]
+    pub(crate) exact: bool,
+    /// The least over the tool's sharp points (CMF), not the tip's overlap
+    #[arg(long)]
+    pub(crate) sharp: bool,
+    #[command(flatten)]
+    pub(crate) device: DeviceArguments,
+}
+
+/// Describe a mesh, a tool, a dataset or a model
+#[derive(Args)]
+#[command(
+    after_help = "Examples:\n  imf info part.obj\n  imf info mill.toml\n  imf info model/model.safetensors"
+)]
+pub(crate) struct InfoArguments {
+    /// A mesh, a reference part, a tool file, a dataset's folder or a model
+    pub(crate) what: PathBuf,
+    /// Unit of a mesh: mm, cm, m or inch
+    #[arg(long, default_value = "mm", value_name = "UNIT")]
+    pub(crate) unit: String,
+}

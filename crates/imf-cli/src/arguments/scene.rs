@@ -1,0 +1,178 @@
+//! From arguments to a scene: part, unit, set-up, grid and tool, checked in one step.
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use glam::DMat4;
+use imf_core::mesh::Mesh;
+use imf_core::mesh::read::read_mesh;
+use imf_core::mesh::topology::MeshReport;
+use imf_core::parts::ReferencePart;
+use imf_core::scene::{Resolution, Scene, SceneSpec};
+use imf_core::section::SectionPlan;
+use imf_core::tool::Tool;
+use imf_core::unit::{LengthUnit, unit_check};
+
+use super::transform::parse_transform;
+use crate::session::{Session, show_bytes};
+
+/// Voxels along the longest side where neither pitch nor dims are given.
+const DEFAULT_LONGEST: f64 = 96.0;
+
+/// Which part, on which grid, against which tool.
+#[derive(Args, Clone)]
+pub(crate) struct SceneArguments {
+    /// An OBJ or STL file, or a built-in part: teapot, bracket, bracket-raw, screw-gear
+    pub(crate) part: String,
+    /// Unit of the part: mm, cm, m or inch; STL files need it, others are in mm by default
+    #[arg(long, value_name = "UNIT")]
+    pub(crate) unit: Option<String>,
+    /// Edge of a voxel in the part's unit
+    #[arg(long, value_name = "LENGTH", conflicts_with = "dims")]
+    pub(crate) pitch: Option<f64>,
+    /// Voxels along x, y and z, the part fitted between them; built-in parts have their own by default
+    #[arg(long, value_name = "NX,NY,NZ", value_parser = parse_dims)]
+    pub(crate) dims: Option<Dims>,
+    /// Empty voxels on each side of the part
+    #[arg(long, default_value_t = 0, value_name = "VOXELS")]
+    pub(crate) margin: usize,
+    /// Set-up of the part, steps applied in order: 'rotate:X,Y,Z:ANGLE; translate:X,Y,Z; matrix:…'
+    #[arg(long, value_name = "STEPS")]
+    pub(crate) transform: Option<String>,
+    /// Every voxel that the surface touches is solid, not only those whose centre is inside
+    #[arg(long)]
+    pub(crate) conservative: bool,
+    /// A tool file (TOML), or paper, the built-in ball-end mill
+    #[arg(long, default_value = "paper", value_name = "TOOL")]
+    pub(crate) tool: String,
+}
+
+/// Voxels along the three axes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Dims(pub(crate) [usize; 3]);
+
+fn parse_dims(text: &str) -> Result<Dims, String> {
+    let values: Vec<usize> = text.split(',').filter_map(|t| t.trim().parse().ok()).collect();
+    match values.as_slice() {
+        &[x, y, z] if text.split(',').count() == 3 => Ok(Dims([x, y, z])),
+        _ => Err("three whole numbers such as 58,76,121".into()),
+    }
+}
+
+/// A part as read, before it is voxelised.
+pub(crate) struct Part {
+    pub(crate) name: String,
+    pub(crate) mesh: Mesh,
+    pub(crate) unit: LengthUnit,
+    pub(crate) reference: Option<ReferencePart>,
+}
+
+impl Part {
+    /// Reads a file or makes a built-in part. A file of that name wins over a built-in part.
+    pub(crate) fn read(part: &str, unit: Option<&str>) -> Result<Self> {
+        let given = unit.map(LengthUnit::from_str).transpose()?;
+        let path = Path::new(part);
+        if !path.exists()
+            && let Ok(reference) = ReferencePart::from_str(part)
+        {
+            let unit = LengthUnit::Mm;
+            return Ok(Self {
+                name: reference.name().into(),
+                mesh: reference.mesh(),
+                unit,
+                reference: Some(reference),
+            });
+        }
+        let is_stl = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("stl"));
+        if is_stl && given.is_none() && path.exists() {
+            bail!("{part}: an STL file does not say its unit; add --unit mm (or cm, m, inch)");
+        }
+        let mesh = read_mesh(path)?;
+        let name = path.file_name().map_or_else(|| part.to_owned(), |n| n.to_string_lossy().into_owned());
+        Ok(Self { name, mesh, unit: given.unwrap_or_default(), reference: None })
+    }
+}
+
+impl SceneArguments {
+    /// Reads part and tool, checks them, estimates the memory, and voxelises. Remarks go to the session.
+    pub(crate) fn scene(&self, session: &Session) -> Result<Scene> {
+        let part = Part::read(&self.part, self.unit.as_deref())?;
+        let tool = self.tool()?;
+        let transform = self.transform.as_deref().map_or(Ok(DMat4::IDENTITY), parse_transform)?;
+        let report = MeshReport::new(&part.mesh);
+        if let Some(implausible) = unit_check(report.extents, part.unit) {
+            bail!("{}: {implausible}", part.name);
+        }
+        if !report.closed && part.reference.is_none() {
+            session.warn(&format!(
+                "{} is open ({} boundary edges): inside is where the winding number exceeds one half",
+                part.name, report.boundary_edges
+            ));
+        }
+        if report.signed_volume < 0.0 {
+            session.warn(&format!(
+                "{} is inside out (negative volume); it is taken as solid all the same",
+                part.name
+            ));
+        }
+        let spec = SceneSpec {
+            part: &part.name,
+            mesh: &part.mesh,
+            unit: part.unit,
+            transform,
+            resolution: self.resolution(&part, &report),
+            margin: self.margin,
+            conservative: self.conservative,
+            tool: &tool,
+        };
+        let grid = spec.grid()?;
+        let tool_here = tool.in_unit(part.unit);
+        tool_here.check()?;
+        let needed = SectionPlan::memory_estimate(&grid, &tool_here, session.threads());
+        session.require_memory(needed, || {
+            let [x, y, z] = grid.dims;
+            format!(
+                "sections of {x}×{y}×{z} voxels with a tool that reaches {:.0} voxels, on {} threads; use a larger \
+                 --pitch or fewer --threads",
+                tool_here.reach() / grid.pitch,
+                session.threads()
+            )
+        })?;
+        let scene = spec.scene()?;
+        let [x, y, z] = grid.dims;
+        session.note(&format!(
+            "{}: {x}×{y}×{z} voxels of {:.4} {}, {} solid; tool {}; {}",
+            part.name,
+            grid.pitch,
+            part.unit,
+            scene.obstacle.count(),
+            tool.name,
+            if self.conservative {
+                "every voxel that the surface touches is solid"
+            } else {
+                "solid by voxel centres: exact for the voxels, not for the mesh (see --conservative)"
+            }
+        ));
+        session.detail(&format!("sections need about {}", show_bytes(needed)));
+        Ok(scene)
+    }
+
+    fn tool(&self) -> Result<Tool> {
+        let path = PathBuf::from(&self.tool);
+        if self.tool == "paper" && !path.exists() {
+            return Ok(Tool::paper());
+        }
+        Tool::read(&path).context("the tool cannot be used")
+    }
+
+    fn resolution(&self, part: &Part, report: &MeshReport) -> Resolution {
+        match (self.pitch, self.dims, part.reference) {
+            (Some(pitch), _, _) => Resolution::Pitch(pitch),
+            (None, Some(Dims(dims)), _) => Resolution::Dims(dims),
+            (None, None, Some(reference)) => Resolution::Dims(reference.dims()),
+            (None, None, None) => Resolution::Pitch(report.extents.max_element() / DEFAULT_LONGEST),
+        }
+    }
+}

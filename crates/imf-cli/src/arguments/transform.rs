@@ -1,0 +1,80 @@
+//! The part's set-up as text: steps that are applied one after the other.
+
+use anyhow::{Context, Result, bail, ensure};
+use glam::{DMat4, DQuat, DVec3};
+
+/// Reads steps separated by `;`, the first applied first:
+/// `rotate:X,Y,Z:ANGLE` (axis, degrees), `translate:X,Y,Z`, or `matrix:` and 12 numbers (three rows of four) that
+/// keep lengths and handedness.
+pub(crate) fn parse_transform(text: &str) -> Result<DMat4> {
+    text.split(';').map(str::trim).filter(|step| !step.is_empty()).try_fold(DMat4::IDENTITY, |done, step| {
+        Ok(parse_step(step).with_context(|| format!("transform step '{step}'"))? * done)
+    })
+}
+
+fn parse_step(step: &str) -> Result<DMat4> {
+    match step.split(':').collect::<Vec<_>>().as_slice() {
+        ["rotate", axis, angle] => {
+            let axis = vector(axis)?.try_normalize().context("the axis must not be zero")?;
+            let angle: f64 = angle.parse().context("the angle must be a number of degrees")?;
+            ensure!(angle.is_finite(), "the angle must be a finite number");
+            // Exact zeros and ones for quarter turns.
+            let clean = |v: f64| if v.abs() < 1e-12 { 0.0 } else { v };
+            let turn = DMat4::from_quat(DQuat::from_axis_angle(axis, angle.to_radians()));
+            Ok(DMat4::from_cols_array(&turn.to_cols_array().map(clean)))
+        }
+        ["translate", offset] => Ok(DMat4::from_translation(vector(offset)?)),
+        ["matrix", rows] => {
+            let v = numbers(rows)?;
+            ensure!(v.len() == 12, "a matrix needs 12 numbers, three rows of four, not {}", v.len());
+            let column = |c: usize| DVec3::new(v[c], v[4 + c], v[8 + c]);
+            let (x, y, z) = (column(0), column(1), column(2));
+            let rigid = [x.length() - 1.0, y.length() - 1.0, z.length() - 1.0, x.dot(y), y.dot(z), z.dot(x)];
+            ensure!(
+                rigid.iter().all(|e| e.abs() < 1e-6) && x.cross(y).dot(z) > 0.0,
+                "the matrix must be a rotation and a translation: a set-up neither scales nor mirrors"
+            );
+            Ok(DMat4::from_cols(x.extend(0.0), y.extend(0.0), z.extend(0.0), column(3).extend(1.0)))
+        }
+        _ => bail!("use rotate:X,Y,Z:ANGLE, translate:X,Y,Z or matrix: with 12 numbers"),
+    }
+}
+
+fn vector(text: &str) -> Result<DVec3> {
+    let v = numbers(text)?;
+    ensure!(v.len() == 3, "'{text}' must be three numbers");
+    Ok(DVec3::from_slice(&v))
+}
+
+fn numbers(text: &str) -> Result<Vec<f64>> {
+    text.split(',')
+        .map(|t| {
+            let value: f64 = t.trim().parse().with_context(|| format!("'{t}' is no number"))?;
+            ensure!(value.is_finite(), "'{t}' is no finite number");
+            Ok(value)
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_are_applied_in_order() {
+        let m = parse_transform("translate:1,0,0; rotate:0,0,1:90").unwrap();
+        assert!((m.transform_point3(DVec3::ZERO) - DVec3::Y).length() < 1e-12);
+        let m = parse_transform("matrix:0,-1,0,5,1,0,0,6,0,0,1,7").unwrap();
+        assert_eq!(m.transform_point3(DVec3::X), DVec3::new(5.0, 7.0, 7.0));
+    }
+
+    #[test]
+    fn what_is_no_rigid_motion_is_refused() {
+        for text in
+            ["scale:2", "rotate:0,0,0:5", "matrix:1,2", "matrix:2,0,0,0,0,1,0,0,0,0,1,0", "translate:1,x,0"]
+        {
+            assert!(parse_transform(text).is_err(), "{text}");
+        }
+        assert!(parse_transform("matrix:-1,0,0,0,0,1,0,0,0,0,1,0").is_err(), "a mirror");
+    }
+}

@@ -1,0 +1,13 @@
+//! One file a command.
+
+pub(crate) mod dataset;
+pub(crate) mod demo;
+pub(crate) mod devices;
+pub(crate) mod eval;
+pub(crate) mod field;
+pub(crate) mod finetune;
+pub(crate) mod info;
+pub(crate) mod parts;
+pub(crate) mod query;
+pub(crate) mod train;
+pub(crate) mod voxelize;

@@ -1,0 +1,64 @@
+//! Choosing where networks run.
+
+use anyhow::{Context, Result};
+use imf_core::siren::SirenShape;
+use imf_core::siren::engine::{CpuEvaluator, CpuTrainer};
+use imf_core::training::run::TrainingPlan;
+use imf_core::training::{EvaluationEngine, TrainingEngine, TrainingState};
+use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuTrainer};
+
+use crate::session::Session;
+
+/// The CPU engine or an opened GPU.
+pub(crate) enum Device {
+    Cpu,
+    Gpu(Gpu),
+}
+
+impl Device {
+    /// Opens what `--device` names. `auto` takes a discrete or integrated GPU, else the CPU engine.
+    pub(crate) fn open(name: &str, session: &Session) -> Result<Self> {
+        if name.eq_ignore_ascii_case("cpu") {
+            return Ok(Self::Cpu);
+        }
+        let choice: DeviceChoice = match name.parse() {
+            Ok(choice) => choice,
+            Err(never) => match never {},
+        };
+        match Gpu::open(&choice) {
+            Ok(gpu) => {
+                session.note(&format!("device: {}", gpu.describe()));
+                Ok(Self::Gpu(gpu))
+            }
+            Err(error) if name.eq_ignore_ascii_case("auto") => {
+                session.detail(&format!("no GPU: {error}"));
+                Ok(Self::Cpu)
+            }
+            Err(error) => Err(error).with_context(|| format!("--device {name}")),
+        }
+    }
+
+    pub(crate) fn trainer(
+        &self,
+        shape: SirenShape,
+        plan: &TrainingPlan,
+        batch: usize,
+        state: TrainingState,
+    ) -> Result<Box<dyn TrainingEngine>> {
+        Ok(match self {
+            Self::Cpu => Box::new(CpuTrainer::new(shape, plan.adam, plan.loss, batch, state)?),
+            Self::Gpu(gpu) => Box::new(GpuTrainer::new(gpu, shape, plan.adam, plan.loss, batch, &state)?),
+        })
+    }
+
+    pub(crate) fn evaluator(
+        &self,
+        shape: SirenShape,
+        parameters: &[f32],
+    ) -> Result<Box<dyn EvaluationEngine>> {
+        Ok(match self {
+            Self::Cpu => Box::new(CpuEvaluator::new(shape, parameters)?),
+            Self::Gpu(gpu) => Box::new(GpuEvaluator::new(gpu, shape, parameters)?),
+        })
+    }
+}

@@ -1,0 +1,102 @@
+//! Progress with a rate and the time left: a live line on a terminal, a line every few seconds elsewhere.
+
+use std::io::IsTerminal;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// Time between lines where there is no terminal.
+const LINE_EVERY: Duration = Duration::from_secs(5);
+
+/// One stage of the work.
+pub(crate) struct Stage {
+    name: String,
+    unit: &'static str,
+    total: u64,
+    done: AtomicU64,
+    start: Instant,
+    bar: Option<ProgressBar>,
+    last_line: Option<Mutex<Instant>>,
+}
+
+impl Stage {
+    pub(crate) fn new(name: &str, unit: &'static str, total: u64, quiet: bool) -> Self {
+        let terminal = std::io::stderr().is_terminal();
+        let bar = (terminal && !quiet).then(|| {
+            let bar = ProgressBar::new(total);
+            let template = "{msg:<22} {wide_bar} {human_pos}/{human_len} {per_sec} left {eta}";
+            if let Ok(style) = ProgressStyle::with_template(template) {
+                bar.set_style(style);
+            }
+            bar.set_message(name.to_owned());
+            bar
+        });
+        let start = Instant::now();
+        let last_line = (!terminal && !quiet).then(|| Mutex::new(start));
+        Self { name: name.to_owned(), unit, total, done: AtomicU64::new(0), start, bar, last_line }
+    }
+
+    /// More units are finished; callable from any thread.
+    pub(crate) fn advance(&self, units: u64) {
+        self.advance_saying(units, "");
+    }
+
+    /// More units are finished, and something is worth adding, such as the loss.
+    pub(crate) fn advance_saying(&self, units: u64, remark: &str) {
+        let done = self.done.fetch_add(units, Ordering::Relaxed) + units;
+        if let Some(bar) = &self.bar {
+            bar.set_position(done);
+            if !remark.is_empty() {
+                bar.set_message(format!("{} {remark}", self.name));
+            }
+        }
+        let Some(last_line) = &self.last_line else { return };
+        let Ok(mut last) = last_line.lock() else { return };
+        if last.elapsed() >= LINE_EVERY && done < self.total {
+            *last = Instant::now();
+            let rate = done as f64 / self.start.elapsed().as_secs_f64();
+            let left = (self.total.saturating_sub(done)) as f64 / rate.max(1e-9);
+            eprintln!(
+                "{}: {done} of {} {}, {rate:.1}/s, {} left {remark}",
+                self.name,
+                self.total,
+                self.unit,
+                show_seconds(left)
+            );
+        }
+    }
+
+    /// Ends the stage with one line that stays.
+    pub(crate) fn finish(self, result: &str) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+        if self.bar.is_some() || self.last_line.is_some() {
+            let seconds = self.start.elapsed().as_secs_f64();
+            let done = self.done.load(Ordering::Relaxed);
+            let rate = done as f64 / seconds.max(1e-9);
+            let comma = if result.is_empty() { "" } else { "; " };
+            eprintln!(
+                "{}: {done} {} in {} ({rate:.1}/s){comma}{result}",
+                self.name,
+                self.unit,
+                show_seconds(seconds)
+            );
+        }
+    }
+}
+
+/// Seconds in words.
+pub(crate) fn show_seconds(seconds: f64) -> String {
+    if seconds < 10.0 {
+        format!("{seconds:.1} s")
+    } else if seconds < 120.0 {
+        format!("{seconds:.0} s")
+    } else if seconds < 7200.0 {
+        format!("{:.0} min {:02.0} s", (seconds / 60.0).floor(), seconds % 60.0)
+    } else {
+        format!("{:.0} h {:02.0} min", (seconds / 3600.0).floor(), (seconds % 3600.0) / 60.0)
+    }
+}

@@ -1,0 +1,147 @@
+//! What holds for a whole run of the command: threads, memory limit, how much to say, and interruption.
+
+use anyhow::{Context, Result, bail};
+use imf_core::control::Control;
+use sysinfo::{MemoryRefreshKind, RefreshKind, System};
+
+use crate::arguments::GlobalArguments;
+use crate::interrupt;
+use crate::progress::Stage;
+
+/// Settings of one run.
+pub(crate) struct Session {
+    threads: usize,
+    memory_limit: u64,
+    pub(crate) json: bool,
+    quiet: bool,
+    verbose: bool,
+}
+
+impl Session {
+    /// Starts the thread pool and listens for Ctrl-C.
+    pub(crate) fn new(global: &GlobalArguments) -> Result<Self> {
+        let mut pool = rayon::ThreadPoolBuilder::new();
+        if let Some(threads) = global.threads {
+            if threads == 0 {
+                bail!("--threads must be at least 1");
+            }
+            pool = pool.num_threads(threads);
+        }
+        pool.build_global().context("cannot start the threads")?;
+        interrupt::listen()?;
+        // Where the system does not say, nothing is refused.
+        let memory_limit = global.memory.unwrap_or_else(|| free_memory().map_or(u64::MAX, |free| free / 5 * 4));
+        Ok(Self {
+            threads: rayon::current_num_threads(),
+            memory_limit,
+            json: global.json,
+            quiet: global.quiet,
+            verbose: global.verbose,
+        })
+    }
+
+    pub(crate) fn threads(&self) -> usize {
+        self.threads
+    }
+
+    /// Refuses work that would not fit; `what` names the work and the remedy.
+    pub(crate) fn require_memory(&self, bytes: u64, what: impl FnOnce() -> String) -> Result<()> {
+        if bytes > self.memory_limit {
+            bail!(
+                "this needs about {} of memory, and {} may be used: {}; or raise --memory",
+                show_bytes(bytes),
+                show_bytes(self.memory_limit),
+                what()
+            );
+        }
+        Ok(())
+    }
+
+    /// A remark for people, on standard error.
+    pub(crate) fn note(&self, text: &str) {
+        if !self.quiet {
+            eprintln!("{text}");
+        }
+    }
+
+    /// A remark for those who asked for more.
+    pub(crate) fn detail(&self, text: &str) {
+        if self.verbose {
+            eprintln!("{text}");
+        }
+    }
+
+    /// Something is not as expected, though the work goes on. Shown even when quiet.
+    #[expect(clippy::unused_self, reason = "stands beside note and detail")]
+    pub(crate) fn warn(&self, text: &str) {
+        eprintln!("imf: warning: {text}");
+    }
+
+    /// A progress line with a rate and the time left, for `total` units.
+    pub(crate) fn stage(&self, name: &str, unit: &'static str, total: u64) -> Stage {
+        Stage::new(name, unit, total, self.quiet)
+    }
+
+    /// Progress into `report`, cancellation by Ctrl-C.
+    #[expect(clippy::unused_self, reason = "the session owns interruption")]
+    pub(crate) fn control<'a>(&self, report: &'a (dyn Fn(u64) + Sync)) -> Control<'a> {
+        Control { progress: report, cancelled: interrupt::flag() }
+    }
+}
+
+/// Bytes that can be had without swapping.
+fn free_memory() -> Option<u64> {
+    let what = RefreshKind::nothing().with_memory(MemoryRefreshKind::nothing().with_ram());
+    let system = System::new_with_specifics(what).ok()?;
+    let free = system.available_memory();
+    // Inside a container its limit counts.
+    Some(system.cgroup_limits().map_or(free, |limits| free.min(limits.free_memory))).filter(|&bytes| bytes > 0)
+}
+
+/// A size such as 512MiB, 2GiB, 4GB or a plain number of bytes.
+pub(crate) fn parse_size(text: &str) -> Result<u64, String> {
+    let split = text.find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(text.len());
+    let (number, suffix) = text.split_at(split);
+    let factor = match suffix.trim().to_ascii_lowercase().as_str() {
+        "" | "b" => 1.0,
+        "k" | "kb" => 1e3,
+        "kib" => 1024.0,
+        "m" | "mb" => 1e6,
+        "mib" => 1_048_576.0,
+        "g" | "gb" => 1e9,
+        "gib" => 1_073_741_824.0,
+        _ => return Err(format!("'{suffix}' is no unit of memory: use MiB or GiB")),
+    };
+    match number.parse::<f64>() {
+        Ok(value) if value > 0.0 => Ok((value * factor) as u64),
+        _ => Err(format!("'{text}' is no size: write for example 2GiB")),
+    }
+}
+
+/// Bytes in words.
+pub(crate) fn show_bytes(bytes: u64) -> String {
+    let value = bytes as f64;
+    match value {
+        v if v >= 1_073_741_824.0 => format!("{:.1} GiB", v / 1_073_741_824.0),
+        v if v >= 1_048_576.0 => format!("{:.0} MiB", v / 1_048_576.0),
+        v => format!("{:.0} KiB", v / 1024.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_read() {
+        assert_eq!(parse_size("2GiB"), Ok(2 << 30));
+        assert_eq!(parse_size("1.5 MB"), Ok(1_500_000));
+        assert_eq!(parse_size("77"), Ok(77));
+        assert!(parse_size("many").is_err() && parse_size("5 apples").is_err() && parse_size("0").is_err());
+    }
+
+    #[test]
+    fn free_memory_is_known() {
+        assert!(free_memory().is_some_and(|bytes| bytes > 1 << 20));
+    }
+}
