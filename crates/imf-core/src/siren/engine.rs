@@ -324,7 +324,6 @@ impl BlockPass<'_> {
             loss += self.loss.value(output, target);
             *delta = (self.loss.slope(output, target) / self.batch * output * (1.0 - output)) as f32;
         }
-        partial.fill(0.0);
         network.output_backward(inputs, deltas, last, slopes[hidden - 1], partial);
         for layer in (0..hidden - 1).rev() {
             let (before, behind) = slopes.split_at_mut(layer + 1);
