@@ -29,6 +29,9 @@ fn main() {
     if wanted.is_empty() {
         sine_rate();
     }
+    let shape = SirenShape { width: 1, ..SirenShape::default() };
+    let engine = CpuEvaluator::new(shape, &shape.initial_parameters(1)).expect("a shape in range");
+    println!("imf-core {}, {}", env!("CARGO_PKG_VERSION"), engine.describe());
     let mut peak = Peak::new(threads);
     println!(
         "{:>6} {:>6} {:>12} {:>9} {:>8} {:>8}",
