@@ -1,14 +1,19 @@
 //! Measures the CPU engine: training and evaluation in samples per second, and their share of the matrix product's
 //! own peak, measured in between so that a busy machine slows both.
 //!
-//! `cargo run --release -p imf-core --example bench_engine`
+//! `cargo run --release -p imf-core --example bench_engine [width [batch]]`; without arguments all of them.
 
+use std::ops::ControlFlow;
 use std::time::Instant;
 
+use glam::DVec3;
+use imf_core::grid::Grid;
+use imf_core::samples::Samples;
 use imf_core::siren::engine::{CpuEvaluator, CpuTrainer};
 use imf_core::siren::matrix::{Matrix, multiply};
 use imf_core::siren::sine::{sine_cosine_in_place, sine_in_place};
 use imf_core::siren::{INPUTS, SirenShape};
+use imf_core::training::run::{Cursor, Length, Report, TrainingPlan, train};
 use imf_core::training::{AdamConfig, EvaluationEngine, Loss, TrainingEngine, TrainingState};
 use rayon::prelude::*;
 
@@ -19,21 +24,25 @@ const SECONDS: f64 = 0.25;
 
 fn main() {
     let threads = rayon::current_num_threads();
-    sine_rate();
+    let wanted: Vec<usize> = std::env::args().skip(1).map(|a| a.parse().expect("a whole number")).collect();
+    let keep = |place: usize, value: usize| wanted.get(place).is_none_or(|&w| w == value);
+    if wanted.is_empty() {
+        sine_rate();
+    }
+    let shape = SirenShape { width: 1, ..SirenShape::default() };
+    let engine = CpuEvaluator::new(shape, &shape.initial_parameters(1)).expect("a shape in range");
+    println!("imf-core {}, {}", env!("CARGO_PKG_VERSION"), engine.describe());
     let mut peak = Peak::new(threads);
     println!(
         "{:>6} {:>6} {:>12} {:>9} {:>8} {:>8}",
         "width", "batch", "samples/s", "GFLOP/s", "peak", "share"
     );
-    for width in [512, 256, 192, 128] {
+    for width in [512, 256, 192, 128].into_iter().filter(|&w| keep(0, w)) {
         let shape = SirenShape { width, ..SirenShape::default() };
-        for batch in [1024, 4096, 8192] {
+        for batch in [1024, 4096, 8192].into_iter().filter(|&b| keep(1, b)) {
             let state = TrainingState::new(&shape, 1);
             let engine = CpuTrainer::new(shape, AdamConfig::default(), Loss::L1, batch, state);
             let mut engine = engine.expect("a shape in range");
-            if width == 512 && batch == 1024 {
-                println!("{}", engine.describe());
-            }
             let (inputs, targets) = (ramp(batch * INPUTS), ramp(batch));
             // Forward and gradient of the weights in full; no gradient of the inputs.
             let layers = shape.layers();
@@ -42,6 +51,10 @@ fn main() {
                 engine.step(&inputs, &targets, 1e-5).expect("a batch that fits");
             });
         }
+        if wanted.len() > 1 {
+            continue;
+        }
+        whole_loop(shape);
         let mut engine = CpuEvaluator::new(shape, &shape.initial_parameters(1)).expect("a shape in range");
         let samples = 16_384;
         let (inputs, mut outputs) = (ramp(samples * INPUTS), vec![0.0; samples]);
@@ -60,6 +73,27 @@ fn report(peak: &mut Peak, width: usize, batch: usize, flops: usize, mut step: i
     }
     let gflops = best * flops as f64 * 1e-9;
     println!("{width:>6} {batch:>6} {best:>12.0} {gflops:>9.1} {top:>8.1} {:>7.1}%", 100.0 * gflops / top);
+}
+
+/// The training loop over samples in memory, batches of 1024: what gathering and reporting add to the steps.
+fn whole_loop(shape: SirenShape) {
+    let grid = Grid::with_dims(DVec3::ZERO, DVec3::ONE, [58, 76, 121], 0).expect("a box with volume");
+    let mut samples = Samples::new(grid);
+    let voxels: Vec<u32> = (0..2000).map(|i| i * 263).collect();
+    for section in 0..225u16 {
+        samples.push_section([f32::from(section), 90.0], &voxels, &ramp(voxels.len()));
+    }
+    let plan = TrainingPlan { length: Length::Epochs(1), ..TrainingPlan::default() };
+    let state = TrainingState::new(&shape, 1);
+    let mut engine =
+        CpuTrainer::new(shape, plan.adam, plan.loss, plan.batch, state).expect("a shape in range");
+    let mut best = 0.0f64;
+    let mut note = |report: &Report, _: &mut dyn TrainingEngine| {
+        best = best.max(report.samples_per_second);
+        ControlFlow::Continue(())
+    };
+    train(&plan, &samples, &mut engine, Cursor::default(), &mut note).expect("a run that ends");
+    println!("loop  {:>6} {:>6} {best:>12.0}", shape.width, plan.batch);
 }
 
 /// Calls per second.

@@ -25,6 +25,7 @@ mod lanes;
 pub mod matrix;
 mod plan;
 pub mod reference;
+mod scratch;
 pub mod sine;
 
 use rand::SeedableRng;

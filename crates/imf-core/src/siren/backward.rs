@@ -1,5 +1,5 @@
 //! The backward pass of a block of samples: from the loss's slope to every layer's `δ = ∂loss/∂(W·a + b)`, which
-//! replaces the slopes that the forward pass kept, and to the block's partial sums (see [`super::plan`]).
+//! replaces the slopes that the forward pass kept, and to the block's partial sums (see `plan.rs`).
 
 use pulp::{Simd, WithSimd};
 
@@ -91,7 +91,7 @@ enum Upstream<'a> {
     Outer { scales: &'a [f32], weights: &'a [f32] },
 }
 
-/// `slopes ← slopes·upstream`, and its sums over the block, alone and weighted by the samples' inputs.
+/// `slopes ← slopes·upstream`; its sums over the block, alone and weighted by the samples' inputs, replace what was there.
 struct Deltas<'a> {
     upstream: Upstream<'a>,
     /// Rows `stride` apart, from the panel's first neuron on.
@@ -109,31 +109,34 @@ struct Deltas<'a> {
 
 impl Deltas<'_> {
     #[inline(always)]
-    fn run<S: Simd, const OUTER: bool, const INPUT: bool>(self, simd: S) {
+    fn run<S: Simd, const INPUT: bool>(self, simd: S) {
         let columns = self.biases.len();
         let input_sums = self.input_sums.unwrap_or_default();
-        for (row, sample) in self.inputs.chunks_exact(INPUTS).enumerate() {
-            let slopes = &mut self.slopes[row * self.stride..][..columns];
-            let (scale, factors) = match &self.upstream {
-                Upstream::Rows(rows) => (1.0, &rows[row * columns..][..columns]),
-                Upstream::Outer { scales, weights } => (scales[row], *weights),
-            };
-            let scale = simd.splat_f32s(scale);
-            for at in (0..columns).step_by(S::F32_LANES) {
-                let mut factor = load(simd, factors, at);
-                if OUTER {
-                    factor = simd.mul_f32s(scale, factor);
-                }
+        // A register of neurons at a time down the rows: its sums stay in registers.
+        for at in (0..columns).step_by(S::F32_LANES) {
+            let mut bias = simd.splat_f32s(0.0);
+            let mut axes = [simd.splat_f32s(0.0); INPUTS];
+            for (row, sample) in self.inputs.chunks_exact(INPUTS).enumerate() {
+                let factor = match &self.upstream {
+                    Upstream::Rows(rows) => load(simd, &rows[row * columns..][..columns], at),
+                    Upstream::Outer { scales, weights } => {
+                        simd.mul_f32s(simd.splat_f32s(scales[row]), load(simd, weights, at))
+                    }
+                };
+                let slopes = &mut self.slopes[row * self.stride..][..columns];
                 let delta = simd.mul_f32s(load(simd, slopes, at), factor);
                 store(simd, slopes, at, delta);
-                let sum = simd.add_f32s(load(simd, self.biases, at), delta);
-                store(simd, self.biases, at, sum);
+                bias = simd.add_f32s(bias, delta);
                 if INPUT {
-                    for (axis, &value) in sample.iter().enumerate() {
-                        let sums = &mut input_sums[axis * self.width..][..columns];
-                        let sum = simd.mul_add_e_f32s(simd.splat_f32s(value), delta, load(simd, sums, at));
-                        store(simd, sums, at, sum);
+                    for (sum, &value) in axes.iter_mut().zip(sample) {
+                        *sum = simd.mul_add_e_f32s(simd.splat_f32s(value), delta, *sum);
                     }
+                }
+            }
+            store(simd, self.biases, at, bias);
+            if INPUT {
+                for (axis, &sum) in axes.iter().enumerate() {
+                    store(simd, &mut input_sums[axis * self.width..][..columns], at, sum);
                 }
             }
         }
@@ -144,16 +147,15 @@ impl WithSimd for Deltas<'_> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        match (&self.upstream, self.input_sums.is_some()) {
-            (Upstream::Outer { .. }, true) => self.run::<S, true, true>(simd),
-            (Upstream::Outer { .. }, false) => self.run::<S, true, false>(simd),
-            (Upstream::Rows(_), true) => self.run::<S, false, true>(simd),
-            (Upstream::Rows(_), false) => self.run::<S, false, false>(simd),
+        if self.input_sums.is_some() {
+            self.run::<S, true>(simd);
+        } else {
+            self.run::<S, false>(simd);
         }
     }
 }
 
-/// `sums[j] += Σ_i scales[i]·rows[i][j]`.
+/// `sums[j] = Σ_i scales[i]·rows[i][j]`.
 struct WeightedRows<'a> {
     rows: &'a [f32],
     stride: usize,
@@ -166,13 +168,12 @@ impl WithSimd for WeightedRows<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let width = self.sums.len();
-        for (row, &scale) in self.rows.chunks(self.stride).zip(self.scales) {
-            let row = &row[..width];
-            let scale = simd.splat_f32s(scale);
-            for at in (0..width).step_by(S::F32_LANES) {
-                let sum = simd.mul_add_e_f32s(scale, load(simd, row, at), load(simd, self.sums, at));
-                store(simd, self.sums, at, sum);
+        for at in (0..width).step_by(S::F32_LANES) {
+            let mut sum = simd.splat_f32s(0.0);
+            for (row, &scale) in self.rows.chunks(self.stride).zip(self.scales) {
+                sum = simd.mul_add_e_f32s(simd.splat_f32s(scale), load(simd, &row[..width], at), sum);
             }
+            store(simd, self.sums, at, sum);
         }
     }
 }

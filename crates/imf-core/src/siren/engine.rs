@@ -1,12 +1,10 @@
 //! The CPU training engine: forward, backward and Adam in `f32` on the current rayon pool.
 //!
-//! A step walks over the batch in windows (see [`super::plan`]). In each window blocks of samples pass forward and
+//! A step walks over the batch in windows (see `plan.rs`). In each window blocks of samples pass forward and
 //! backward, one core a block; then every panel of neurons multiplies its δ with the activations before it, adds the
 //! blocks' partial sums in their order, and in the last window takes its Adam step while its gradient is in cache.
 //! All pieces and all orders of addition are fixed by the network and the batch: the number of threads changes nothing,
 //! and no memory of ours is allocated in a step.
-
-use std::sync::{Mutex, PoisonError};
 
 use pulp::Arch;
 
@@ -14,7 +12,8 @@ use super::adam::AdamFactors;
 use super::backward::scratch_length;
 use super::forward::{Network, sigmoid};
 use super::matrix::{Matrix, multiply, prefer_unpacked};
-use super::plan::{BLOCK, Part, Piece, Plan, transpose, transpose_all};
+use super::plan::{BLOCK, Part, Piece, Plan, WINDOW, transpose, transpose_all};
+use super::scratch::{ScratchPool, describe};
 use crate::siren::{INPUTS, SirenShape};
 use crate::training::{AdamConfig, EngineError, Loss, TrainingEngine, TrainingState};
 
@@ -51,8 +50,8 @@ pub struct CpuTrainer {
 impl CpuTrainer {
     /// An engine for batches of up to `max_batch` samples that continues from `state`.
     ///
-    /// Memory: 5 floats a parameter, and about `2·hidden·width` floats a sample of a window (at most 1024 samples at width
-    /// 512), whatever the batch.
+    /// Memory: 5 floats a parameter, and about `2·hidden·width` floats a sample of a window (at most 1024 samples),
+    /// whatever the batch.
     ///
     /// # Errors
     /// A shape out of range, a batch of zero, or a state whose arrays do not fit the shape.
@@ -73,7 +72,7 @@ impl CpuTrainer {
         }
         prefer_unpacked();
         let plan = Plan::new(shape);
-        let window = plan.window().min(max_batch);
+        let window = WINDOW.min(max_batch);
         let blocks = window.div_ceil(BLOCK);
         let mut panels = vec![0.0; state.parameters.len()];
         transpose_all(&plan, &state.parameters, &mut panels);
@@ -196,40 +195,6 @@ impl TrainingEngine for CpuTrainer {
     }
 }
 
-/// The CPU engine's name for people.
-pub(crate) fn describe(arch: Arch) -> String {
-    let set = format!("{arch:?}");
-    let set = match set.split(['(', ' ']).next() {
-        Some("V4") => "AVX-512",
-        Some("V3") => "AVX2 and FMA",
-        Some("Neon") => "NEON",
-        _ => "scalar",
-    };
-    let threads = rayon::current_num_threads();
-    format!("CPU, {threads} thread{}, {set} vectors", if threads == 1 { "" } else { "s" })
-}
-
-/// Buffers of one length, handed to whichever thread needs one; as many as threads ever worked at once.
-pub(crate) struct ScratchPool {
-    length: usize,
-    free: Mutex<Vec<Vec<f32>>>,
-}
-
-impl ScratchPool {
-    pub(crate) fn new(length: usize) -> Self {
-        Self { length, free: Mutex::new(Vec::new()) }
-    }
-
-    /// Runs `work` with a buffer whose content is left over from earlier work.
-    pub(crate) fn with<T>(&self, work: impl FnOnce(&mut [f32]) -> T) -> T {
-        let free = self.free.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        let mut buffer = free.unwrap_or_else(|| vec![0.0; self.length]);
-        let result = work(&mut buffer);
-        self.free.lock().unwrap_or_else(PoisonError::into_inner).push(buffer);
-        result
-    }
-}
-
 /// A `[hidden][samples][stride]` array as one slice for each layer, so that it can be split between samples.
 struct Layers<'a>([&'a mut [f32]; MAX_HIDDEN]);
 
@@ -324,7 +289,6 @@ impl BlockPass<'_> {
             loss += self.loss.value(output, target);
             *delta = (self.loss.slope(output, target) / self.batch * output * (1.0 - output)) as f32;
         }
-        partial.fill(0.0);
         network.output_backward(inputs, deltas, last, slopes[hidden - 1], partial);
         for layer in (0..hidden - 1).rev() {
             let (before, behind) = slopes.split_at_mut(layer + 1);

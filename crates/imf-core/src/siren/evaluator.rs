@@ -4,10 +4,10 @@
 use pulp::Arch;
 use rayon::prelude::*;
 
-use super::engine::{ScratchPool, describe};
 use super::forward::{Network, sigmoid};
 use super::matrix::prefer_unpacked;
 use super::plan::{BLOCK, Plan, transpose_all};
+use super::scratch::{ScratchPool, describe};
 use crate::siren::{INPUTS, SirenShape, features};
 use crate::training::{EngineError, EvaluationEngine};
 

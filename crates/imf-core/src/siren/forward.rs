@@ -95,17 +95,23 @@ impl Activation<'_> {
         let omega = simd.splat_f32s(self.omega);
         let input_weights = self.input_weights.unwrap_or_default();
         let mut slopes = self.slopes;
-        for (row, sample) in self.inputs.chunks_exact(INPUTS).enumerate() {
-            let sums = &mut self.sums[row * self.stride..][..columns];
-            let mut slopes = slopes.as_mut().map(|slopes| &mut slopes[row * self.stride..][..columns]);
-            for at in (0..columns).step_by(S::F32_LANES) {
-                let mut sum = load(simd, self.biases, at);
+        // A register of neurons at a time down the rows: its biases and input weights stay in registers.
+        for at in (0..columns).step_by(S::F32_LANES) {
+            let bias = load(simd, self.biases, at);
+            let mut axes = [simd.splat_f32s(0.0); INPUTS];
+            if INPUT {
+                for (weights, line) in axes.iter_mut().zip(input_weights.chunks_exact(columns)) {
+                    *weights = load(simd, line, at);
+                }
+            }
+            for (row, sample) in self.inputs.chunks_exact(INPUTS).enumerate() {
+                let sums = &mut self.sums[row * self.stride..][..columns];
+                let mut sum = bias;
                 if !FRESH {
                     sum = simd.add_f32s(load(simd, sums, at), sum);
                 }
                 if INPUT {
-                    for (axis, &value) in sample.iter().enumerate() {
-                        let weights = load(simd, &input_weights[axis * columns..][..columns], at);
+                    for (&value, &weights) in sample.iter().zip(&axes) {
                         sum = simd.mul_add_e_f32s(simd.splat_f32s(value), weights, sum);
                     }
                 }
@@ -113,7 +119,12 @@ impl Activation<'_> {
                 if let Some(slopes) = &mut slopes {
                     let (sine, cosine) = sine_cosine(simd, angle);
                     store(simd, sums, at, sine);
-                    store(simd, slopes, at, simd.mul_f32s(omega, cosine));
+                    store(
+                        simd,
+                        &mut slopes[row * self.stride..][..columns],
+                        at,
+                        simd.mul_f32s(omega, cosine),
+                    );
                 } else {
                     store(simd, sums, at, sine(simd, angle));
                 }

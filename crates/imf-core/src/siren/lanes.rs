@@ -20,3 +20,13 @@ pub(crate) fn store<S: Simd>(simd: S, values: &mut [f32], at: usize, register: S
         None => simd.partial_store_f32s(&mut values[at..], register),
     }
 }
+
+/// The instruction sets that this machine can run, from the best to the plain one, for tests of what is dispatched.
+#[cfg(test)]
+pub(crate) fn archs() -> Vec<pulp::Arch> {
+    let mut archs = vec![pulp::Arch::new()];
+    #[cfg(target_arch = "x86_64")]
+    archs.extend(pulp::x86::V3::try_new().map(pulp::Arch::V3));
+    archs.push(pulp::Arch::Scalar);
+    archs
+}

@@ -110,11 +110,7 @@ pub fn sine_cosine_in_place(arch: Arch, values: &mut [f32], cosines: &mut [f32])
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// The instruction sets this machine has, the plain one included.
-    fn archs() -> Vec<Arch> {
-        vec![Arch::new(), Arch::Scalar]
-    }
+    use crate::siren::lanes::archs;
 
     /// Half a unit in the last place of the reduced argument and of the result, and the polynomials' own error.
     const TOLERANCE: f64 = 5e-7;

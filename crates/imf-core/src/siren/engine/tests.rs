@@ -1,6 +1,7 @@
 //! The CPU engine against the f64 definition, and its promise that threads change nothing.
 
 use super::*;
+use crate::siren::lanes::archs;
 use crate::siren::reference;
 use crate::training::EvaluationEngine;
 
@@ -44,8 +45,9 @@ fn the_gradient_is_the_definitions() {
         (shape(1, 2, Some(1)), 1),
         (shape(300, 3, Some(2)), 130),
     ] {
-        for loss in [Loss::L1, Loss::L2] {
+        for (arch, loss) in archs().into_iter().flat_map(|arch| [(arch, Loss::L1), (arch, Loss::L2)]) {
             let mut engine = engine(shape, loss, count + 60, 5);
+            engine.arch = arch;
             let (inputs, targets) = batch(count, 9);
             let weights = as_f64(engine.parameters());
             let (value, gradient) = reference::loss_and_gradient(
@@ -131,7 +133,7 @@ fn ten_steps_stay_with_the_definition() {
 fn threads_and_room_for_larger_batches_change_no_bit() {
     // More samples than a window holds, a width that is no multiple of a panel, a ragged last block.
     let shape = shape(330, 3, Some(2));
-    let count = Plan::new(shape).window() + 333;
+    let count = WINDOW + 333;
     let (inputs, targets) = batch(count, 1);
     let train = |threads: usize, max_batch: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -152,7 +154,7 @@ fn threads_and_room_for_larger_batches_change_no_bit() {
 #[test]
 fn windows_add_up_to_the_batch() {
     let shape = shape(400, 2, Some(1));
-    let window = Plan::new(shape).window();
+    let window = WINDOW;
     let (inputs, targets) = batch(window + 200, 4);
     let mut engine = engine(shape, Loss::L2, window + 200, 6);
     let weights = as_f64(engine.parameters());

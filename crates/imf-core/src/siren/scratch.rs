@@ -1,0 +1,39 @@
+//! What the CPU engines share beside the network: their name, and buffers for whichever thread works.
+
+use std::sync::{Mutex, PoisonError};
+
+use pulp::Arch;
+
+/// The CPU engine's name for people.
+pub(crate) fn describe(arch: Arch) -> String {
+    let set = format!("{arch:?}");
+    let set = match set.split(['(', ' ']).next() {
+        Some("V4") => "AVX-512",
+        Some("V3") => "AVX2 and FMA",
+        Some("Neon") => "NEON",
+        _ => "scalar",
+    };
+    let threads = rayon::current_num_threads();
+    format!("CPU, {threads} thread{}, {set} vectors", if threads == 1 { "" } else { "s" })
+}
+
+/// Buffers of one length, handed to whichever thread needs one; as many as threads ever worked at once.
+pub(crate) struct ScratchPool {
+    length: usize,
+    free: Mutex<Vec<Vec<f32>>>,
+}
+
+impl ScratchPool {
+    pub(crate) fn new(length: usize) -> Self {
+        Self { length, free: Mutex::new(Vec::new()) }
+    }
+
+    /// Runs `work` with a buffer whose content is left over from earlier work.
+    pub(crate) fn with<T>(&self, work: impl FnOnce(&mut [f32]) -> T) -> T {
+        let free = self.free.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let mut buffer = free.unwrap_or_else(|| vec![0.0; self.length]);
+        let result = work(&mut buffer);
+        self.free.lock().unwrap_or_else(PoisonError::into_inner).push(buffer);
+        result
+    }
+}
