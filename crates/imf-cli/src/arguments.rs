@@ -233,6 +233,9 @@ pub(crate) struct TrainArguments {
     /// Hidden layers
     #[arg(long, default_value_t = 5, value_name = "N")]
     pub(crate) layers: usize,
+    /// Frequency factor ω inside every sine; the paper's is 30, and 10 often does better between orientations
+    #[arg(long, default_value_t = 30.0, value_name = "ω")]
+    pub(crate) omega: f32,
     #[command(flatten)]
     pub(crate) plan: PlanArguments,
     #[command(flatten)]

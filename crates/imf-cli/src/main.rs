@@ -6,8 +6,11 @@ mod arguments;
 mod commands;
 mod engine;
 mod interrupt;
+mod job;
+mod output;
 mod picture;
 mod progress;
+mod report;
 mod session;
 mod slices;
 

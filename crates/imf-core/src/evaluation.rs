@@ -8,7 +8,7 @@ use crate::control::Control;
 use crate::field::{LearntField, QueryError};
 use crate::metrics::{ErrorReport, Errors};
 use crate::orientation::Orientation;
-use crate::section::{SectionError, SectionPlan, imf, sections};
+use crate::section::{Imf, SectionError, SectionPlan, imf, sections};
 use crate::training::EvaluationEngine;
 
 /// Exact sections held in memory at a time.
@@ -94,6 +94,17 @@ pub fn nearest_sections(
     })
 }
 
+/// The inaccessibility measure, exact and learnt, and the errors between them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImfComparison {
+    /// Exact IMF with its best orientations.
+    pub exact: Imf,
+    /// The network's.
+    pub learnt: Imf,
+    /// Errors of the values.
+    pub errors: ErrorReport,
+}
+
 /// Errors of a network's inaccessibility measure over `orientations`, which exact sections also run over. One unit of
 /// progress is one orientation.
 ///
@@ -105,13 +116,14 @@ pub fn learnt_imf(
     engine: &mut dyn EvaluationEngine,
     threshold: f64,
     control: Control<'_>,
-) -> Result<ErrorReport, EvaluationError> {
+) -> Result<ImfComparison, EvaluationError> {
     let exact = imf(plan, orientations, control)?;
     let directions: Vec<[f32; 2]> = orientations.iter().map(Orientation::angles).collect();
-    let (least, _) = LearntField::new(*plan.grid(), engine).imf(&directions)?;
+    let (value, best) = LearntField::new(*plan.grid(), engine).imf(&directions)?;
+    let learnt = Imf { value, best };
     let mut errors = Errors::default();
-    errors.add(&exact.value, &least, threshold);
-    Ok(errors.report(threshold))
+    errors.add(&exact.value, &learnt.value, threshold);
+    Ok(ImfComparison { exact, learnt, errors: errors.report(threshold) })
 }
 
 fn compare(
@@ -221,6 +233,7 @@ mod tests {
         let exact = imf(&plan, &set, Control::quiet()).unwrap();
         let mean = exact.value.iter().map(|&v| f64::from(v)).sum::<f64>() / exact.value.len() as f64;
         let report = learnt_imf(&plan, &set, &mut Constant(0.0), 0.01, Control::quiet()).unwrap();
-        assert!((report.mae - mean).abs() < 1e-7);
+        assert!((report.errors.mae - mean).abs() < 1e-7);
+        assert_eq!(report.exact, exact);
     }
 }

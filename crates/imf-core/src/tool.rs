@@ -133,6 +133,12 @@ impl Tool {
         Self { name: self.name.clone(), unit, shape, sharp_points }
     }
 
+    /// The tool with its tip as the only sharp point: its collision measure is the overlap at the tip.
+    #[must_use]
+    pub fn with_tip_only(&self) -> Self {
+        Self { sharp_points: SharpPoints::Tip, ..self.clone() }
+    }
+
     /// True where turning the tool about its axis changes nothing, sharp points included (rings count as whole).
     #[must_use]
     pub fn is_axisymmetric(&self) -> bool {

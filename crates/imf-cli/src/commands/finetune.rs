@@ -1,8 +1,39 @@
-//! `imf finetune`.
+//! `imf finetune`: a trained network adapted to another dataset.
 
+use anyhow::Result;
+use imf_core::model::Model;
+use imf_core::training::TrainingState;
+
+use super::train::announce;
 use crate::arguments::FinetuneArguments;
+use crate::engine::Device;
+use crate::job::{self, Data};
+use crate::output::prepare_folder;
 use crate::session::Session;
 
-pub(crate) fn run(_session: &Session, _arguments: &FinetuneArguments) -> anyhow::Result<()> {
-    anyhow::bail!("not written")
+pub(crate) fn run(session: &Session, arguments: &FinetuneArguments) -> Result<()> {
+    let plan = job::plan(&arguments.plan, 1e-4, 5);
+    plan.check()?;
+    prepare_folder(&arguments.out)?;
+    let start = Model::read(&arguments.model)?;
+    let data = Data::load(session, &arguments.dataset)?;
+    if start.scene.record.tool.shape != data.scene.record.tool.shape {
+        session.warn("the model was made for another tool than the dataset; it will be adapted all the same");
+    }
+    let device = Device::open(&arguments.device.device, session)?;
+    let model = if arguments.resume {
+        job::resumed_model(session, &arguments.out, &data)?
+    } else {
+        job::refuse_unfinished(&arguments.out)?;
+        let from = start.scene.record.part.clone();
+        job::fresh_model(
+            &data,
+            start.shape,
+            plan,
+            TrainingState::from_parameters(start.state.parameters),
+            Some(from),
+        )
+    };
+    let model = job::run(session, &device, &data, model, &arguments.out, arguments.plan.checkpoint_every)?;
+    announce(session, arguments.out.join("model.safetensors").as_path(), &model)
 }

@@ -1,8 +1,57 @@
-//! `imf train`.
+//! `imf train`: the paper's network on a dataset.
+
+use anyhow::Result;
+use imf_core::siren::SirenShape;
+use imf_core::training::TrainingState;
+use serde_json::json;
 
 use crate::arguments::TrainArguments;
+use crate::engine::Device;
+use crate::job::{self, Data};
+use crate::output::{prepare_folder, print, print_json};
 use crate::session::Session;
 
-pub(crate) fn run(_session: &Session, _arguments: &TrainArguments) -> anyhow::Result<()> {
-    anyhow::bail!("not written")
+pub(crate) fn run(session: &Session, arguments: &TrainArguments) -> Result<()> {
+    let shape = SirenShape {
+        width: arguments.width,
+        hidden: arguments.layers,
+        omega: arguments.omega,
+        ..SirenShape::default()
+    };
+    shape.check()?;
+    let plan = job::plan(&arguments.plan, 5e-4, 50);
+    plan.check()?;
+    prepare_folder(&arguments.out)?;
+    let data = Data::load(session, &arguments.dataset)?;
+    let device = Device::open(&arguments.device.device, session)?;
+    let model = if arguments.resume {
+        job::resumed_model(session, &arguments.out, &data)?
+    } else {
+        job::refuse_unfinished(&arguments.out)?;
+        job::fresh_model(&data, shape, plan, TrainingState::new(&shape, plan.seed), None)
+    };
+    let model = job::run(session, &device, &data, model, &arguments.out, arguments.plan.checkpoint_every)?;
+    announce(session, arguments.out.join("model.safetensors").as_path(), &model)
+}
+
+/// The closing line of a training.
+pub(super) fn announce(
+    session: &Session,
+    path: &std::path::Path,
+    model: &imf_core::model::Model,
+) -> Result<()> {
+    let loss = model.record.losses.last().map(|p| p.loss);
+    if session.json {
+        return print_json(&json!({
+            "model": path, "steps": model.record.steps, "seconds": model.record.seconds, "loss": loss,
+            "parameters": model.shape.parameter_count(), "engine": model.record.engine,
+        }));
+    }
+    print(&format!(
+        "{}: {} steps in {:.1} s; compare with: imf eval {}",
+        path.display(),
+        model.record.steps,
+        model.record.seconds,
+        path.display()
+    ))
 }

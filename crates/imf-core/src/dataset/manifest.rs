@@ -239,6 +239,16 @@ impl Manifest {
         start..(start + self.sections_per_shard).min(self.orientations.len())
     }
 
+    /// CRC-32 over the checksums of all shards: two datasets of the same samples have the same.
+    #[must_use]
+    pub fn fingerprint(&self) -> u32 {
+        let mut hasher = crc32fast::Hasher::new();
+        for shard in self.shards.iter().flatten() {
+            hasher.update(&shard.crc32.to_le_bytes());
+        }
+        hasher.finalize()
+    }
+
     /// True where the manifest names a shard and its file is there unharmed.
     pub(super) fn is_intact(&self, folder: &Path, shard: usize) -> bool {
         self.shards[shard].as_ref().is_some_and(|record| {

@@ -1,0 +1,394 @@
+//! The evaluation of a model as a table, as JSON and as pictures.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use imf_core::control::Control;
+use imf_core::evaluation::{ImfComparison, learnt_imf, learnt_sections, nearest_sections};
+use imf_core::metrics::ErrorReport;
+use imf_core::model::Model;
+use imf_core::orientation::{Orientation, OrientationSet};
+use imf_core::section::SectionPlan;
+use imf_core::training::EvaluationEngine;
+use serde::Serialize;
+
+use crate::output::{write_json, write_text};
+use crate::picture::{AxisScale, Bar, BarChart, PanelRow, PanelSheet, Scale};
+use crate::session::Session;
+use crate::slices;
+
+/// What to evaluate.
+pub(crate) struct Questions {
+    pub(crate) in_sample: Option<Orientation>,
+    pub(crate) out_of_sample: Option<Orientation>,
+    pub(crate) random: OrientationSet,
+    pub(crate) imf: OrientationSet,
+    pub(crate) threshold: f64,
+}
+
+/// One row of the table.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Row {
+    /// What was compared.
+    pub(crate) name: String,
+    /// Sections, or orientations of an IMF.
+    pub(crate) orientations: usize,
+    #[serde(flatten)]
+    pub(crate) errors: ErrorReport,
+}
+
+/// Everything that an evaluation found.
+#[derive(Debug, Serialize)]
+pub(crate) struct Report {
+    program: String,
+    part: String,
+    tool: String,
+    dims: [usize; 3],
+    pitch: f64,
+    unit: String,
+    promise: &'static str,
+    parameters: usize,
+    training_sections: usize,
+    training_samples: u64,
+    training_steps: u64,
+    training_seconds: f64,
+    training_engine: String,
+    evaluation_engine: String,
+    rows: Vec<Row>,
+    /// MSE of the learnt field at random orientations over the exact field's variance there.
+    mse_over_variance: f64,
+    /// The same over the MSE of the nearest training section.
+    mse_over_nearest: f64,
+    /// True where the first is at most a tenth and the second below one.
+    learnt: bool,
+}
+
+/// A report with the fields that its pictures show.
+pub(crate) struct Evaluation {
+    pub(crate) report: Report,
+    imf: ImfComparison,
+    imf_orientations: usize,
+    random: OrientationSet,
+    plan: SectionPlan,
+}
+
+/// Compares a model with the exact field.
+pub(crate) fn evaluate(
+    session: &Session,
+    model: &Model,
+    engine: &mut dyn EvaluationEngine,
+    questions: &Questions,
+) -> Result<Evaluation> {
+    if questions.random.is_empty() {
+        bail!("at least one random orientation is needed");
+    }
+    let record = &model.scene.record;
+    let plan = SectionPlan::new(&model.scene.obstacle, &record.tool.with_tip_only())?;
+    session.detail(&format!("sections: {}", plan.describe()));
+    let training = &model.record.orientations.orientations;
+    let singles: Vec<(&str, Orientation)> = [("in", questions.in_sample), ("out", questions.out_of_sample)]
+        .into_iter()
+        .filter_map(|(kind, orientation)| Some((kind, orientation?)))
+        .collect();
+    let total = singles.len() + 2 * questions.random.len() + questions.imf.len();
+    let stage = session.stage("evaluating", "sections", total as u64);
+    let advance = |n| stage.advance(n);
+    let control: Control<'_> = session.control(&advance);
+    let tau = questions.threshold;
+
+    let mut rows = Vec::new();
+    for (_, orientation) in &singles {
+        // Whether training saw it is looked up, not assumed.
+        let seen = training.iter().any(|o| (o.direction() - orientation.direction()).length() < 1e-9);
+        let kind = if seen { "in-sample" } else { "out-of-sample" };
+        let errors = learnt_sections(&plan, &[*orientation], engine, tau, control)?.overall;
+        let name = format!("section ({}°, {}°), {kind}", orientation.theta, orientation.phi);
+        rows.push(Row { name, orientations: 1, errors });
+    }
+    let random = &questions.random.orientations;
+    let learnt = learnt_sections(&plan, random, engine, tau, control)?.overall;
+    let nearest = nearest_sections(&plan, random, training, tau, control)?.overall;
+    let n = random.len();
+    rows.push(Row { name: format!("{n} random sections"), orientations: n, errors: learnt });
+    rows.push(Row {
+        name: format!("{n} random sections by nearest trained section"),
+        orientations: n,
+        errors: nearest,
+    });
+    let imf = learnt_imf(&plan, &questions.imf.orientations, engine, tau, control)?;
+    let name = format!("IMF over {} ({})", questions.imf.len(), questions.imf.spec);
+    rows.push(Row { name, orientations: questions.imf.len(), errors: imf.errors });
+    stage.finish("");
+
+    let over = |base: f64| if base > 0.0 { learnt.mse / base } else { f64::INFINITY };
+    let (mse_over_variance, mse_over_nearest) = (over(learnt.variance), over(nearest.mse));
+    let report = Report {
+        program: format!("imf {}", env!("CARGO_PKG_VERSION")),
+        part: record.part.clone(),
+        tool: record.tool.name.clone(),
+        dims: record.grid.dims,
+        pitch: record.grid.pitch,
+        unit: record.unit.to_string(),
+        promise: if record.conservative {
+            "exact values are exact for voxels; every voxel that the surface touches is solid"
+        } else {
+            "exact values are exact for voxel centres, not for the mesh between them"
+        },
+        parameters: model.shape.parameter_count(),
+        training_sections: training.len(),
+        training_samples: model.record.samples,
+        training_steps: model.record.steps,
+        training_seconds: model.record.seconds,
+        training_engine: model.record.engine.clone(),
+        evaluation_engine: engine.describe(),
+        rows,
+        mse_over_variance,
+        mse_over_nearest,
+        learnt: mse_over_variance <= 0.1 && mse_over_nearest < 1.0,
+    };
+    Ok(Evaluation {
+        report,
+        imf,
+        imf_orientations: questions.imf.len(),
+        random: questions.random.clone(),
+        plan,
+    })
+}
+
+impl Report {
+    /// The closing table.
+    pub(crate) fn table(&self) -> String {
+        let width = self.rows.iter().map(|row| row.name.chars().count()).max().unwrap_or(0);
+        let tau = self.rows.first().map_or(0.0, |row| row.errors.threshold);
+        let mut text = format!(
+            "{:width$}  {:>9}  {:>9}  {:>7}  {:>10}  {:>13}  {:>6}\n",
+            "", "MSE", "MAE", "MPE", "false-free", "false-blocked", "IoU"
+        );
+        for row in &self.rows {
+            let e = &row.errors;
+            let _ = writeln!(
+                text,
+                "{:width$}  {:>9.2e}  {:>9.2e}  {:>7.4}  {:>9.2} %  {:>12.2} %  {:>6.4}",
+                row.name,
+                e.mse,
+                e.mae,
+                e.mpe,
+                100.0 * e.false_free,
+                100.0 * e.false_blocked,
+                e.iou
+            );
+        }
+        let _ = write!(
+            text,
+            "MSE and MPE against the exact field; a pose counts as blocked above τ = {tau}; {}.\n{}",
+            self.promise,
+            self.verdict()
+        );
+        text
+    }
+
+    /// Whether the field was learnt, in one sentence.
+    pub(crate) fn verdict(&self) -> String {
+        let numbers = format!(
+            "its MSE at random orientations is {:.4} of the exact field's variance and {:.4} of the nearest trained \
+             section's",
+            self.mse_over_variance, self.mse_over_nearest
+        );
+        if self.learnt {
+            format!("The field is learnt: {numbers}.")
+        } else {
+            format!("The field is NOT learnt well: {numbers} (asked: at most 0.1, and below 1).")
+        }
+    }
+
+    fn markdown(&self, pictures: &[(&str, &str)]) -> String {
+        let [x, y, z] = self.dims;
+        let mut text = format!(
+            "# {} against {}\n\n{} · {x}×{y}×{z} voxels of {:.4} {} · network of {} parameters · {} sections, {} \
+             samples, {} steps, {:.1} s of training on {}\n\n",
+            self.part,
+            self.tool,
+            self.program,
+            self.pitch,
+            self.unit,
+            self.parameters,
+            self.training_sections,
+            self.training_samples,
+            self.training_steps,
+            self.training_seconds,
+            self.training_engine
+        );
+        text.push_str("| | MSE | MAE | MPE | false-free | false-blocked | IoU |\n");
+        text.push_str("| --- | --- | --- | --- | --- | --- | --- |\n");
+        for row in &self.rows {
+            let e = &row.errors;
+            let _ = writeln!(
+                text,
+                "| {} | {:.3e} | {:.3e} | {:.4} | {:.2} % | {:.2} % | {:.4} |",
+                row.name,
+                e.mse,
+                e.mae,
+                e.mpe,
+                100.0 * e.false_free,
+                100.0 * e.false_blocked,
+                e.iou
+            );
+        }
+        let tau = self.rows.first().map_or(0.0, |row| row.errors.threshold);
+        let _ = writeln!(
+            text,
+            "\nErrors are against the exact field; a pose counts as blocked above τ = {tau}, and exactly where it \
+             collides at all. Note that {}. Shallow contacts have almost no volume: a small error is not yet a safe \
+             answer.\n\n{}\n",
+            self.promise,
+            self.verdict()
+        );
+        for (file, caption) in pictures {
+            let _ = writeln!(text, "![{caption}]({file})\n\n{caption}\n");
+        }
+        text
+    }
+}
+
+impl Evaluation {
+    /// Writes `report.json`, `report.md` and the pictures.
+    pub(crate) fn write(
+        &self,
+        folder: &Path,
+        model: &Model,
+        engine: &mut dyn EvaluationEngine,
+    ) -> Result<()> {
+        self.draw_sections(&folder.join("sections.png"), model, engine).context("sections.png")?;
+        self.draw_imf(&folder.join("imf.png"), model).context("imf.png")?;
+        self.error_bars().save(&folder.join("errors.png"))?;
+        let mut pictures = vec![
+            (
+                "sections.png",
+                "Exact and learnt sections at orientations that training never saw, and their difference",
+            ),
+            ("imf.png", "Inaccessibility measure, exact and learnt, and their difference"),
+            ("errors.png", "Error of the learnt field beside what any field must beat"),
+        ];
+        if !model.record.losses.is_empty() {
+            crate::job::loss_chart(&model.record).save(&folder.join("loss.png"))?;
+            pictures.push(("loss.png", "Training loss"));
+        }
+        write_json(&folder.join("report.json"), &self.report)?;
+        write_text(&folder.join("report.md"), &self.report.markdown(&pictures))
+    }
+
+    fn draw_sections(&self, path: &Path, model: &Model, engine: &mut dyn EvaluationEngine) -> Result<()> {
+        let (grid, unit) = (*self.plan.grid(), self.report.unit.as_str());
+        let axis = 1;
+        let middle = grid.dims[axis] / 2;
+        let shown = &self.random.orientations[..self.random.len().min(3)];
+        let exact = imf_core::section::sections(&self.plan, shown, Control::quiet())?;
+        let mut field = imf_core::field::LearntField::new(grid, engine);
+        let mut slices_shown = Vec::new();
+        for (orientation, section) in shown.iter().zip(&exact) {
+            let mut learnt = vec![0.0; grid.len()];
+            field.section(orientation.angles(), &mut learnt)?;
+            let exact = slices::slice(section, &grid, axis, middle);
+            let learnt = slices::slice(&learnt, &grid, axis, middle);
+            let difference = &learnt - &exact;
+            slices_shown.push((orientation, exact, learnt, difference));
+        }
+        let solid = slices::mask(&model.scene.obstacle, axis, middle);
+        let all: Vec<_> = slices_shown.iter().flat_map(|(_, e, l, _)| [e.view(), l.view()]).collect();
+        let measure = Scale::measure_of(&all, "overlap, share of the tool's volume");
+        let differences: Vec<_> = slices_shown.iter().map(|(.., d)| d.view()).collect();
+        let difference = Scale::difference_of(&differences, "learnt − exact");
+        let axes = slices::axes(&grid, unit, axis);
+        let rows = slices_shown
+            .iter()
+            .map(|(orientation, e, l, d)| PanelRow {
+                title: format!("θ = {:.1}°, φ = {:.1}°", orientation.theta, orientation.phi),
+                panels: vec![
+                    slices::panel("exact", e, &solid, &measure, &axes),
+                    slices::panel("learnt", l, &solid, &measure, &axes),
+                    slices::panel("difference", d, &solid, &difference, &axes),
+                ],
+            })
+            .collect();
+        PanelSheet {
+            title: format!("{}, tool {}", self.report.part, self.report.tool),
+            rows,
+            notes: vec![format!(
+                "Random orientations that training never saw; plane {} = {:.1} {unit}; outline: the part",
+                ["x", "y", "z"][axis],
+                grid.centre([middle; 3])[axis]
+            )],
+            pixels_per_voxel: None,
+        }
+        .save(path)?;
+        Ok(())
+    }
+
+    fn draw_imf(&self, path: &Path, model: &Model) -> Result<()> {
+        let (grid, unit) = (*self.plan.grid(), self.report.unit.as_str());
+        let difference: Vec<f32> =
+            self.imf.learnt.value.iter().zip(&self.imf.exact.value).map(|(l, e)| l - e).collect();
+        let cut = |values: &[f32], axis: usize| slices::slice(values, &grid, axis, grid.dims[axis] / 2);
+        let planes: Vec<_> = [0, 1, 2]
+            .iter()
+            .map(|&axis| {
+                let fields = (
+                    cut(&self.imf.exact.value, axis),
+                    cut(&self.imf.learnt.value, axis),
+                    cut(&difference, axis),
+                );
+                (axis, fields, slices::mask(&model.scene.obstacle, axis, grid.dims[axis] / 2))
+            })
+            .collect();
+        let all: Vec<_> = planes.iter().flat_map(|(_, (e, l, _), _)| [e.view(), l.view()]).collect();
+        let measure = Scale::measure_of(&all, "inaccessibility measure IMF");
+        let differences: Vec<_> = planes.iter().map(|(_, (.., d), _)| d.view()).collect();
+        let signed = Scale::difference_of(&differences, "learnt − exact");
+        let rows = planes
+            .iter()
+            .map(|(axis, (e, l, d), solid)| {
+                let axes = slices::axes(&grid, unit, *axis);
+                PanelRow {
+                    title: format!(
+                        "plane {} = {:.1} {unit}",
+                        ["x", "y", "z"][*axis],
+                        grid.centre(grid.dims.map(|n| n / 2))[*axis]
+                    ),
+                    panels: vec![
+                        slices::panel("exact", e, solid, &measure, &axes),
+                        slices::panel("learnt", l, solid, &measure, &axes),
+                        slices::panel("difference", d, solid, &signed, &axes),
+                    ],
+                }
+            })
+            .collect();
+        PanelSheet {
+            title: format!("{}: least overlap over {} orientations", self.report.part, self.imf_orientations),
+            rows,
+            notes: vec!["Outline: the part".into()],
+            pixels_per_voxel: None,
+        }
+        .save(path)?;
+        Ok(())
+    }
+
+    fn error_bars(&self) -> BarChart {
+        let mse = |name: &str| self.report.rows.iter().find(|r| r.name.ends_with(name)).map(|r| r.errors);
+        let mut bars = Vec::new();
+        if let (Some(learnt), Some(nearest)) = (mse("random sections"), mse("nearest trained section")) {
+            let bar = |name: &str, value, marked| Bar { name: name.into(), value, marked };
+            bars = vec![
+                bar("learnt field", learnt.mse, true),
+                bar("nearest trained section", nearest.mse, false),
+                bar("constant (variance)", learnt.variance, false),
+            ];
+        }
+        BarChart {
+            title: format!("{}: error at {} random orientations", self.report.part, self.random.len()),
+            value_name: "mean squared error".into(),
+            scale: AxisScale::Logarithmic,
+            bars,
+        }
+    }
+}
