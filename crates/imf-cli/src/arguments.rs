@@ -283,7 +283,7 @@ pub(crate) struct EvalArguments {
     #[arg(long, value_name = "SET")]
     pub(crate) imf: Option<String>,
     /// CMF above which a pose is called blocked
-    #[arg(long, default_value_t = 0.01, value_name = "τ")]
+    #[arg(long, default_value_t = 0.001, value_name = "τ")]
     pub(crate) threshold: f64,
     /// Seed of the random orientations
     #[arg(long, default_value_t = 1)]

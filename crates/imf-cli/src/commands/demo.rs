@@ -87,7 +87,7 @@ pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
         out_of_sample: Some(Orientation::new(12.0, 6.0)),
         random: OrientationSet::parse(&format!("random:64:{}", arguments.seed.wrapping_add(1)))?,
         imf: set,
-        threshold: 0.01,
+        threshold: 0.001,
     };
     let evaluation = evaluate(session, &model, engine.as_mut(), &questions)?;
     evaluation.write(&arguments.out, &model, engine.as_mut())?;
