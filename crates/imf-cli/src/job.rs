@@ -137,6 +137,22 @@ pub(crate) fn resumed_model(session: &Session, out: &Path, data: &Data) -> Resul
     Ok(model)
 }
 
+/// `fresh`, or the unfinished checkpoint of the same training in the output folder.
+pub(crate) fn continued(session: &Session, out: &Path, data: &Data, fresh: Model) -> Model {
+    let same = |found: &Model| {
+        !found.record.finished
+            && found.shape == fresh.shape
+            && found.record.plan == fresh.record.plan
+            && found.record.dataset_crc32 == data.manifest.fingerprint()
+    };
+    if Model::read(&checkpoint_path(out)).is_ok_and(|found| same(&found))
+        && let Ok(model) = resumed_model(session, out, data)
+    {
+        return model;
+    }
+    fresh
+}
+
 /// Refuses to start over an unfinished training in the same folder.
 pub(crate) fn refuse_unfinished(out: &Path) -> Result<()> {
     let path = checkpoint_path(out);

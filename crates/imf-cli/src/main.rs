@@ -17,6 +17,8 @@ mod slices;
 use std::process::ExitCode;
 
 use clap::Parser;
+use imf_core::evaluation::EvaluationError;
+use imf_core::section::SectionError;
 
 use arguments::{Cli, Command};
 use interrupt::Interrupted;
@@ -34,6 +36,10 @@ fn main() -> ExitCode {
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) if error.is::<Interrupted>() => {
             eprintln!("imf: {error}");
+            ExitCode::from(INTERRUPTED)
+        }
+        Err(error) if was_cancelled(&error) => {
+            eprintln!("imf: interrupted: nothing was finished; run the same command again to start over");
             ExitCode::from(INTERRUPTED)
         }
         Err(error) => {
@@ -58,6 +64,16 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Info(arguments) => commands::info::run(&session, &arguments),
         Command::Devices => commands::devices::run(&session),
     }
+}
+
+/// Work that stopped at the user's wish without anything to keep.
+fn was_cancelled(error: &anyhow::Error) -> bool {
+    let section = error.chain().any(|cause| {
+        let evaluation = cause.downcast_ref::<EvaluationError>();
+        matches!(cause.downcast_ref(), Some(SectionError::Cancelled))
+            || matches!(evaluation, Some(EvaluationError::Section(SectionError::Cancelled)))
+    });
+    section && interrupt::requested()
 }
 
 /// `imf … | head` is no error.
