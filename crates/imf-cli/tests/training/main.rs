@@ -1,0 +1,10 @@
+//! The real binary from dataset to report, each time in a fresh folder: what it leaves behind, how it stops and goes
+//! on, and what it refuses.
+
+mod adapters;
+mod arguments;
+mod binary;
+mod damage;
+mod demo;
+mod interruption;
+mod pipeline;
