@@ -38,7 +38,7 @@ fn trained_on_cpu(shape: SirenShape, plan: &TrainingPlan, samples: &Samples, see
 /// Weights in the midst of learning the small bracket.
 pub(crate) fn trained(shape: SirenShape) -> Vec<f32> {
     let (_, samples) = samples(&bracket(), &orientations("fibonacci:16"), 0.35);
-    trained_on_cpu(shape, &plan(200), &samples, 7).parameters
+    trained_on_cpu(shape, &plan(60), &samples, 7).parameters
 }
 
 #[test]

@@ -12,9 +12,9 @@ use crate::scene::{SMALL, adapter, bracket, orientations};
 
 const SHAPE: SirenShape = SirenShape { width: 48, hidden: 4, skip_after: Some(2), omega: 30.0 };
 
-/// The angles inside the sines are tens of radians, rounded to some 1e-6 each, and every layer passes the error of the
-/// one before on; the sigmoid divides by four or more. Ten times what lavapipe is off by.
-const TOLERANCE: f32 = 1e-5;
+/// The rounding of an angle of a few units is some 1e-7 and every layer passes the error of the one before on; the
+/// sigmoid divides by four or more. Lavapipe is off by 8e-8 here; another device may add up and take `exp` otherwise.
+const TOLERANCE: f32 = 2e-6;
 
 fn sections(engine: &mut dyn EvaluationEngine, angles: &[[f32; 2]]) -> Vec<Vec<f32>> {
     let mut field = LearntField::new(bracket().record.grid, engine);
@@ -64,7 +64,7 @@ fn cpu_and_gpu_give_the_same_sections_the_same_imf_and_the_same_best_orientation
                 worst = worst.max((a - b).abs());
             }
         }
-        println!("{}: {worst:.1e}", kernel.name());
+        println!("{}: off by {worst:.1e}", kernel.name());
         let found = imf(&mut gpu, &angles);
         let mut decided = 0;
         for voxel in 0..least.value.len() {
@@ -77,6 +77,7 @@ fn cpu_and_gpu_give_the_same_sections_the_same_imf_and_the_same_best_orientation
                 assert!(there - least.value[voxel] <= 2.0 * TOLERANCE, "voxel {voxel}, {}", kernel.name());
             }
         }
-        assert!(decided * 2 > least.value.len(), "only {decided} voxels have one best orientation");
+        // Elsewhere the sigmoid has gone flat, and orientations tie within rounding.
+        assert!(decided * 5 > least.value.len(), "only {decided} voxels have one best orientation");
     }
 }
