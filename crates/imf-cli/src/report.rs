@@ -103,7 +103,10 @@ pub(crate) fn evaluate(
         let seen = training.iter().any(|o| (o.direction() - orientation.direction()).length() < 1e-9);
         let kind = if seen { "in-sample" } else { "out-of-sample" };
         let errors = learnt_sections(&plan, &[*orientation], engine, tau, control)?.overall;
-        let name = format!("section ({}°, {}°), {kind}", orientation.theta, orientation.phi);
+        let degrees =
+            |angle: f64| format!("{angle:.2}").trim_end_matches('0').trim_end_matches('.').to_owned();
+        let name =
+            format!("section ({}°, {}°), {kind}", degrees(orientation.theta), degrees(orientation.phi));
         rows.push(Row { name, orientations: 1, errors });
     }
     let random = &questions.random.orientations;
@@ -205,7 +208,7 @@ impl Report {
     fn markdown(&self, pictures: &[(&str, &str)]) -> String {
         let [x, y, z] = self.dims;
         let mut text = format!(
-            "# {} against {}\n\n{} · {x}×{y}×{z} voxels of {:.4} {} · network of {} parameters · {} sections, {} \
+            "# {}, tool {}\n\n{} · {x}×{y}×{z} voxels of {:.4} {} · network of {} parameters · {} sections, {} \
              samples, {} steps, {:.1} s of training on {}\n\n",
             self.part,
             self.tool,
