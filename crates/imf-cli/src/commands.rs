@@ -1,4 +1,4 @@
-//! One file a command.
+//! One file a command, and `output`, where they all write.
 
 pub(crate) mod dataset;
 pub(crate) mod demo;
@@ -7,6 +7,7 @@ pub(crate) mod eval;
 pub(crate) mod field;
 pub(crate) mod finetune;
 pub(crate) mod info;
+pub(crate) mod output;
 pub(crate) mod parts;
 pub(crate) mod query;
 pub(crate) mod train;

@@ -30,7 +30,8 @@ impl Session {
         pool.build_global().context("cannot start the threads")?;
         interrupt::listen()?;
         // Where the system does not say, nothing is refused.
-        let memory_limit = global.memory.unwrap_or_else(|| free_memory().map_or(u64::MAX, |free| free / 5 * 4));
+        let memory_limit =
+            global.memory.unwrap_or_else(|| free_memory().map_or(u64::MAX, |free| free / 5 * 4));
         Ok(Self {
             threads: rayon::current_num_threads(),
             memory_limit,
@@ -95,7 +96,8 @@ fn free_memory() -> Option<u64> {
     let system = System::new_with_specifics(what).ok()?;
     let free = system.available_memory();
     // Inside a container its limit counts.
-    Some(system.cgroup_limits().map_or(free, |limits| free.min(limits.free_memory))).filter(|&bytes| bytes > 0)
+    Some(system.cgroup_limits().map_or(free, |limits| free.min(limits.free_memory)))
+        .filter(|&bytes| bytes > 0)
 }
 
 /// A size such as 512MiB, 2GiB, 4GB or a plain number of bytes.
