@@ -15,7 +15,7 @@ use imf_core::scene::SceneRecord;
 use imf_core::tool::Tool;
 use serde_json::Value;
 
-use super::output::{print, print_json};
+use super::output::{print, print_json, short};
 use crate::arguments::InfoArguments;
 use crate::session::Session;
 
@@ -74,15 +74,20 @@ fn scene_lines(scene: &SceneRecord) -> Vec<(&'static str, String)> {
     let surface = if scene.closed { "closed" } else { "open" };
     let mut lines = vec![
         ("part", format!("{} ({surface} mesh; solid: {rule})", scene.part)),
-        ("grid", format!("{x}×{y}×{z}, pitch {:.6} {unit}, margin {}", grid.pitch, scene.margin)),
+        ("grid", format!("{x}×{y}×{z}, pitch {} {unit}, margin {}", short(grid.pitch), scene.margin)),
         (
             "tool",
-            format!("{}, length {:.4} {unit}, reach {:.4} {unit}", tool.name, tool.length(), tool.reach()),
+            format!(
+                "{}, length {} {unit}, reach {} {unit}",
+                tool.name,
+                short(tool.length()),
+                short(tool.reach())
+            ),
         ),
     ];
     if scene.transform != DMat4::IDENTITY {
         let rows = scene.transform.transpose().to_cols_array_2d();
-        let row = |r: [f64; 4]| r.map(|v| format!("{v:.4}")).join(" ");
+        let row = |r: [f64; 4]| r.map(short).join(" ");
         lines.push(("set-up", rows[..3].iter().map(|&r| row(r)).collect::<Vec<_>>().join("; ")));
     }
     lines

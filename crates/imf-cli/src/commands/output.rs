@@ -95,6 +95,18 @@ pub(crate) fn write_json(path: &Path, value: &Value) -> Result<()> {
     Ok(write_atomically(path, |file| file.write_all(&text))?)
 }
 
+/// A number with at most four decimals and without idle zeros.
+pub(crate) fn short(value: f64) -> String {
+    let text = format!("{value:.4}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if text == "-0" { "0".into() } else { text.into() }
+}
+
+/// The number that is written with the same digits as this f32: 0.1 and not 0.10000000149.
+pub(crate) fn same_digits(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or(f64::from(value))
+}
+
 /// Rows as text in columns, as wide as they need to be. The first row is the head; columns of numbers stand right.
 pub(crate) fn table(head: &[&str], rows: &[Vec<String>]) -> String {
     let width = |text: &str| text.chars().count();
@@ -142,6 +154,13 @@ mod tests {
         assert!(check_file(folder.path()).unwrap_err().to_string().contains("names a folder"));
         let message = check_file(&folder.path().join("no/answers.csv")).unwrap_err().to_string();
         assert!(message.contains("create it first"), "{message}");
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        let shown = [0.0, -1e-15, 58.0, 100.0, 0.12345, -2.5].map(short);
+        assert_eq!(shown, ["0", "0", "58", "100", "0.1235", "-2.5"]);
+        assert_eq!((same_digits(0.1), same_digits(1.0), same_digits(3e-9)), (0.1, 1.0, 3e-9));
     }
 
     #[test]

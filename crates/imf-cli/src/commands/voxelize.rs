@@ -1,11 +1,12 @@
 //! `imf voxelize`: the solid voxels of a part, as arrays, for ParaView, and as pictures.
 
 use anyhow::{Context as _, Result};
+use glam::DVec3;
 use imf_core::field_files::{NamedField, write_npy, write_vti};
 use ndarray::ArrayView3;
 use serde_json::json;
 
-use super::output::{OutputFolder, print, print_json};
+use super::output::{OutputFolder, print, print_json, short};
 use crate::arguments::VoxelizeArguments;
 use crate::session::Session;
 use crate::slices::{MidPlaneSheet, MidPlanes};
@@ -48,31 +49,28 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
         }));
     }
     let [x, y, z] = grid.dims;
-    let (from, to) = (grid.origin, grid.origin + grid.size());
     let surface = if mesh.closed {
-        format!("closed, volume {:.6} {unit}³", mesh.signed_volume.abs())
+        format!("closed, volume {} {unit}³", short(mesh.signed_volume.abs()))
     } else {
         format!("open, {} boundary edges; its volume is not defined", mesh.boundary_edges)
     };
     let share = 100.0 * obstacle.count() as f64 / grid.len() as f64;
+    let corner = |p: DVec3| p.to_array().map(short).join(", ");
     print(&format!(
         "part         {}\n\
-         grid         {x}×{y}×{z}, pitch {:.6} {unit}\n\
-         from         {:.4}, {:.4}, {:.4} {unit}\n\
-         to           {:.4}, {:.4}, {:.4} {unit}\n\
-         solid        {} voxels ({share:.1} %), volume {volume:.6} {unit}³\n\
+         grid         {x}×{y}×{z}, pitch {} {unit}\n\
+         from         {} {unit}\n\
+         to           {} {unit}\n\
+         solid        {} voxels ({share:.1} %), volume {} {unit}³\n\
          solid where  {promise}\n\
          mesh         {surface}\n\
          written      {}, {}, {}",
         record.part,
-        grid.pitch,
-        from.x,
-        from.y,
-        from.z,
-        to.x,
-        to.y,
-        to.z,
+        short(grid.pitch),
+        corner(grid.origin),
+        corner(grid.origin + grid.size()),
         obstacle.count(),
+        short(volume),
         npy.display(),
         vti.display(),
         png.display()

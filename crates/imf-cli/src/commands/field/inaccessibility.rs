@@ -7,7 +7,7 @@ use ndarray::{ArrayView3, aview1};
 use serde_json::json;
 
 use super::{ORIENTATIONS, SUMMARY, Streamed, Work};
-use crate::commands::output::{print, print_json, write_json};
+use crate::commands::output::{print, print_json, same_digits, write_json};
 use crate::interrupt::Interrupted;
 use crate::picture::MaskStyle;
 use crate::slices::{MidPlaneSheet, MidPlanes};
@@ -46,7 +46,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let summary = work.summary(
         "imf",
         json!({
-            "largest": largest,
+            "largest": same_digits(largest),
             "accessible_outside": outside.accessible,
             "inaccessible_outside": outside.inaccessible,
             "files": ["imf.npy", "best.npy", "imf.vti", "imf.png", ORIENTATIONS],

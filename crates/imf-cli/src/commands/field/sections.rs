@@ -8,7 +8,7 @@ use ndarray::{ArrayView3, aview1};
 use serde_json::{Value, json};
 
 use super::{ORIENTATIONS, Outside, SUMMARY, Streamed, Work, angles_text};
-use crate::commands::output::{print, print_json, table, write_json};
+use crate::commands::output::{print, print_json, same_digits, table, write_json};
 use crate::interrupt::Interrupted;
 use crate::picture::MaskStyle;
 use crate::slices::{MidPlaneSheet, MidPlanes};
@@ -132,7 +132,7 @@ fn list(work: &Work<'_>, kept: &[Kept]) -> Vec<Value> {
             "index": section.index,
             "orientation": work.set.orientations[section.index],
             "file": format!("{}.npy", name(section.index)),
-            "largest": section.largest,
+            "largest": same_digits(section.largest),
             "accessible_outside": section.outside.accessible,
             "inaccessible_outside": section.outside.inaccessible,
         })

@@ -4,6 +4,7 @@ use imf_core::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape
 use serde_json::{Value, json};
 
 use super::Description;
+use crate::commands::output::short;
 
 pub(super) fn describe(tool: &Tool) -> Description {
     let unit = tool.unit;
@@ -26,9 +27,9 @@ pub(super) fn describe(tool: &Tool) -> Description {
     };
     let symmetric = tool.is_axisymmetric();
     lines.extend([
-        ("length", format!("{:.4} {unit}", tool.length())),
-        ("reach", format!("{:.4} {unit} from the tip to the farthest point", tool.reach())),
-        ("volume", format!("{:.4} {unit}³", tool.volume())),
+        ("length", format!("{} {unit}", short(tool.length()))),
+        ("reach", format!("{} {unit} from the tip to the farthest point", short(tool.reach()))),
+        ("volume", format!("{} {unit}³", short(tool.volume()))),
         (
             "symmetry",
             if symmetric { "the same at every roll" } else { "not axisymmetric: orientations have a roll" }
@@ -68,17 +69,12 @@ fn line(element: &Element, tool: &Tool) -> (&'static str, String) {
         ElementKind::Shank => "shank",
         ElementKind::Holder(_) => "holder",
     };
-    let radii =
-        if least == largest { format!("{largest:.4}") } else { format!("{least:.4} to {largest:.4}") };
+    let largest_text = short(largest);
+    let radii = if least == largest { largest_text } else { format!("{} to {largest_text}", short(least)) };
     let volume: f64 = element.profile.iter().map(Segment::volume).sum();
     let share = 100.0 * volume / tool.volume();
     let unit = tool.unit;
-    (
-        name,
-        format!(
-            "{from:.4} to {to:.4} {unit} above the tip, radius {radii} {unit}, {share:.1} % of the volume"
-        ),
-    )
+    (name, format!("{} to {} {unit} above the tip, radius {radii} {unit}, {share:.1} % of the volume"))
 }
 
 fn entry(element: &Element) -> Value {

@@ -7,6 +7,8 @@ use csv::{StringRecord, Writer};
 use imf_core::field::Pose;
 use serde_json::{Map, Value, json};
 
+use crate::commands::output::same_digits;
+
 /// A chunk of lines, what they ask, and what the fields answered.
 #[derive(Default)]
 pub(super) struct Answers {
@@ -97,7 +99,7 @@ impl AnswerWriter {
         }
         let values = [Some(answers.learnt[index]), answers.exact.get(index).copied()];
         for (title, value) in titles[self.columns..].iter().zip(values.into_iter().flatten()) {
-            object.insert(title.clone(), json!(value));
+            object.insert(title.clone(), json!(same_digits(value)));
         }
         Value::Object(object)
     }
