@@ -282,9 +282,9 @@ impl Evaluation {
     }
 
     fn draw_sections(&self, path: &Path, model: &Model, engine: &mut dyn EvaluationEngine) -> Result<()> {
-        let (grid, unit) = (*self.plan.grid(), self.report.unit.as_str());
+        let (grid, unit) = (*self.plan.grid(), model.scene.record.unit);
         let axis = 1;
-        let middle = grid.dims[axis] / 2;
+        let middle = slices::middle(&grid, axis);
         let shown = &self.random.orientations[..self.random.len().min(3)];
         let exact = imf_core::section::sections(&self.plan, shown, Control::quiet())?;
         let mut field = imf_core::field::LearntField::new(grid, engine);
@@ -318,9 +318,8 @@ impl Evaluation {
             title: format!("{}, tool {}", self.report.part, self.report.tool),
             rows,
             notes: vec![format!(
-                "Random orientations that training never saw; plane {} = {:.1} {unit}; outline: the part",
-                ["x", "y", "z"][axis],
-                grid.centre([middle; 3])[axis]
+                "Random orientations that training never saw; plane {}; outline: the part",
+                slices::layer_title(&grid, unit, axis, middle)
             )],
             pixels_per_voxel: None,
         }
@@ -329,10 +328,11 @@ impl Evaluation {
     }
 
     fn draw_imf(&self, path: &Path, model: &Model) -> Result<()> {
-        let (grid, unit) = (*self.plan.grid(), self.report.unit.as_str());
+        let (grid, unit) = (*self.plan.grid(), model.scene.record.unit);
         let difference: Vec<f32> =
             self.imf.learnt.value.iter().zip(&self.imf.exact.value).map(|(l, e)| l - e).collect();
-        let cut = |values: &[f32], axis: usize| slices::slice(values, &grid, axis, grid.dims[axis] / 2);
+        let cut =
+            |values: &[f32], axis: usize| slices::slice(values, &grid, axis, slices::middle(&grid, axis));
         let planes: Vec<_> = [0, 1, 2]
             .iter()
             .map(|&axis| {
@@ -341,7 +341,7 @@ impl Evaluation {
                     cut(&self.imf.learnt.value, axis),
                     cut(&difference, axis),
                 );
-                (axis, fields, slices::mask(&model.scene.obstacle, axis, grid.dims[axis] / 2))
+                (axis, fields, slices::mask(&model.scene.obstacle, axis, slices::middle(&grid, axis)))
             })
             .collect();
         let all: Vec<_> = planes.iter().flat_map(|(_, (e, l, _), _)| [e.view(), l.view()]).collect();
@@ -353,11 +353,7 @@ impl Evaluation {
             .map(|(axis, (e, l, d), solid)| {
                 let axes = slices::axes(&grid, unit, *axis);
                 PanelRow {
-                    title: format!(
-                        "plane {} = {:.1} {unit}",
-                        ["x", "y", "z"][*axis],
-                        grid.centre(grid.dims.map(|n| n / 2))[*axis]
-                    ),
+                    title: slices::layer_title(&grid, unit, *axis, slices::middle(&grid, *axis)),
                     panels: vec![
                         slices::panel("exact", e, solid, &measure, &axes),
                         slices::panel("learnt", l, solid, &measure, &axes),
