@@ -299,8 +299,8 @@ pub(crate) struct EvalArguments {
 #[derive(Args)]
 #[command(after_help = "Example:\n  imf query model/model.safetensors poses.csv --out answers.csv\n\n\
                         The first line names the columns: x,y,z,i,j,k (tool axis from tip to holder) or \
-                        x,y,z,theta,phi (degrees). Answers add the column overlap, from 0 to 1; with --exact also \
-                        overlap_exact.")]
+                        x,y,z,theta,phi (degrees). Other columns are kept. Answers add the column overlap, from 0 to \
+                        1; with --exact also overlap_exact; with --sharp they are called cmf and cmf_exact.")]
 pub(crate) struct QueryArguments {
     /// Trained model
     pub(crate) model: PathBuf,

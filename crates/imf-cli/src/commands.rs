@@ -1,4 +1,4 @@
-//! One file a command.
+//! One file a command, and `output`, where they all write.
 
 pub(crate) mod dataset;
 pub(crate) mod demo;

@@ -181,6 +181,13 @@ pub(crate) fn run(
     go_on: &'static str,
 ) -> Result<Model> {
     let batch = model.record.plan.batch.min(data.samples.len().max(1));
+    let needed = device.training_memory(model.shape, batch)?;
+    session.require_memory(needed, || {
+        format!(
+            "training {} layers of {}; use a smaller --width or --batch",
+            model.shape.hidden, model.shape.width
+        )
+    })?;
     let mut engine = device.trainer(model.shape, &model.record.plan, batch, model.state.clone())?;
     let total = model.record.plan.total_steps(data.samples.len());
     session.note(&format!(

@@ -43,7 +43,7 @@ fn main() -> ExitCode {
             ExitCode::from(INTERRUPTED)
         }
         Err(error) => {
-            eprintln!("imf: error: {error:#}");
+            eprintln!("imf: error: {}", message(&error));
             ExitCode::from(FAILED)
         }
     }
@@ -64,6 +64,19 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Info(arguments) => commands::info::run(&session, &arguments),
         Command::Devices => commands::devices::run(&session),
     }
+}
+
+/// The error and its causes in one line, without repeating a cause that the text above it quotes.
+fn message(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if text.is_empty() {
+            text = cause;
+        } else if !text.contains(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
 }
 
 /// Work that stopped at the user's wish without anything to keep.

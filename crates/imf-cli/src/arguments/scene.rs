@@ -95,11 +95,53 @@ impl Part {
     }
 }
 
+/// Part, tool and set-up as read and checked, before anything is voxelised.
+struct Reading {
+    part: Part,
+    report: MeshReport,
+    tool: Tool,
+    transform: DMat4,
+}
+
 impl SceneArguments {
     /// Reads part and tool, checks them, estimates the memory, and voxelises. Remarks go to the session.
     pub(crate) fn scene(&self, session: &Session) -> Result<Scene> {
+        let reading = self.read(session)?;
+        let tool_here = reading.tool.in_unit(reading.part.unit);
+        let grid = self.spec(&reading).grid()?;
+        let needed = SectionPlan::memory_estimate(&grid, &tool_here, session.threads());
+        session.require_memory(needed, || {
+            let [x, y, z] = grid.dims;
+            format!(
+                "sections of {x}×{y}×{z} voxels with a tool that reaches {:.0} voxels, on {} threads; use a larger \
+                 --pitch or fewer --threads",
+                tool_here.reach() / grid.pitch,
+                session.threads()
+            )
+        })?;
+        let scene = self.voxelised(session, &reading)?;
+        session.detail(&format!("sections need about {}", show_bytes(needed)));
+        Ok(scene)
+    }
+
+    /// As [`Self::scene`], with no room kept for sections: the tool is only written down. Also gives what is known of
+    /// the mesh.
+    pub(crate) fn scene_without_sections(&self, session: &Session) -> Result<(Scene, MeshReport)> {
+        let reading = self.read(session)?;
+        let grid = self.spec(&reading).grid()?;
+        // The voxels, the mask of the voxeliser, and a copy to write.
+        session.require_memory(3 * grid.len() as u64, || {
+            let [x, y, z] = grid.dims;
+            format!("{x}×{y}×{z} voxels; use a larger --pitch")
+        })?;
+        let scene = self.voxelised(session, &reading)?;
+        Ok((scene, reading.report))
+    }
+
+    fn read(&self, session: &Session) -> Result<Reading> {
         let part = Part::read(&self.part, self.unit.as_deref())?;
         let tool = self.tool()?;
+        tool.check()?;
         let transform = self.transform.as_deref().map_or(Ok(DMat4::IDENTITY), parse_transform)?;
         let report = MeshReport::new(&part.mesh);
         if let Some(implausible) = unit_check(report.extents, part.unit) {
@@ -117,45 +159,40 @@ impl SceneArguments {
                 part.name
             ));
         }
-        let spec = SceneSpec {
+        Ok(Reading { part, report, tool, transform })
+    }
+
+    fn spec<'a>(&self, reading: &'a Reading) -> SceneSpec<'a> {
+        let Reading { part, report, tool, transform } = reading;
+        SceneSpec {
             part: &part.name,
             mesh: &part.mesh,
             unit: part.unit,
-            transform,
-            resolution: self.resolution(&part, &report),
+            transform: *transform,
+            resolution: self.resolution(part, report),
             margin: self.margin,
             conservative: self.conservative,
-            tool: &tool,
-        };
-        let grid = spec.grid()?;
-        let tool_here = tool.in_unit(part.unit);
-        tool_here.check()?;
-        let needed = SectionPlan::memory_estimate(&grid, &tool_here, session.threads());
-        session.require_memory(needed, || {
-            let [x, y, z] = grid.dims;
-            format!(
-                "sections of {x}×{y}×{z} voxels with a tool that reaches {:.0} voxels, on {} threads; use a larger \
-                 --pitch or fewer --threads",
-                tool_here.reach() / grid.pitch,
-                session.threads()
-            )
-        })?;
-        let scene = spec.scene()?;
+            tool,
+        }
+    }
+
+    fn voxelised(&self, session: &Session, reading: &Reading) -> Result<Scene> {
+        let scene = self.spec(reading).scene()?;
+        let grid = scene.record.grid;
         let [x, y, z] = grid.dims;
         session.note(&format!(
             "{}: {x}×{y}×{z} voxels of {:.4} {}, {} solid; tool {}; {}",
-            part.name,
+            scene.record.part,
             grid.pitch,
-            part.unit,
+            scene.record.unit,
             scene.obstacle.count(),
-            tool.name,
+            scene.record.tool.name,
             if self.conservative {
                 "every voxel that the surface touches is solid"
             } else {
                 "solid by voxel centres: exact for the voxels, not for the mesh (see --conservative)"
             }
         ));
-        session.detail(&format!("sections need about {}", show_bytes(needed)));
         Ok(scene)
     }
 
