@@ -103,7 +103,7 @@ fn folders_that_cannot_be_written_are_named_before_any_work() {
         "demo --device cpu --out file/below".to_owned(),
         "demo --device cpu --out file".to_owned(),
     ] {
-        work.imf(&line).refused(&["cannot create file", "another --out folder"]);
+        work.imf(&line).refused(&["cannot write to the folder file", "file is a file"]);
     }
     assert_eq!(work.bytes("file"), b"in the way");
 }
