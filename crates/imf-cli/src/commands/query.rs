@@ -151,8 +151,9 @@ fn ask(
 ) -> Result<()> {
     values.clear();
     values.resize(poses.len(), 0.0);
-    Ok(match sharp_points {
+    match sharp_points {
         Some(points) => collision_measures(field, points, poses, values)?,
         None => field.query(poses, values)?,
-    })
+    }
+    Ok(())
 }
