@@ -169,7 +169,8 @@ pub(crate) fn refuse_unfinished(out: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Trains `model` to the end of its plan and writes it to `out`.
+/// Trains `model` to the end of its plan and writes it to `out`. `go_on` is what to do after an interruption, such as
+/// "add --resume".
 pub(crate) fn run(
     session: &Session,
     device: &Device,
@@ -177,6 +178,7 @@ pub(crate) fn run(
     model: Model,
     out: &Path,
     checkpoint_every: f64,
+    go_on: &'static str,
 ) -> Result<Model> {
     let batch = model.record.plan.batch.min(data.samples.len().max(1));
     let needed = device.training_memory(model.shape, batch)?;
@@ -207,6 +209,8 @@ pub(crate) fn run(
         point_every: (total / CURVE_POINTS).max(REPORT_EVERY),
         pending: (0.0, 0),
         path: checkpoint_path(out),
+        is_kept: model.record.steps > 0,
+        go_on,
         failure: None,
         model,
     };
@@ -225,7 +229,7 @@ pub(crate) fn run(
         Err(error) => return Err(run.explain(error)),
         Ok(Outcome::Stopped(_)) => {
             let text = format!(
-                "step {} of {total} is saved in {}; add --resume to go on",
+                "step {} of {total} is saved in {}; {go_on} to go on",
                 run.model.record.steps,
                 run.path.display()
             );
@@ -234,6 +238,7 @@ pub(crate) fn run(
         Ok(Outcome::Finished) => {}
     }
     run.model.record.finished = true;
+    run.end_point();
     run.save(engine.as_mut())?;
     let Run { stage, model, .. } = run;
     let last = model.record.losses.last().map_or(f64::NAN, |p| p.loss);
@@ -257,6 +262,9 @@ struct Run {
     /// Sum of step losses since the last point of the curve, and steps.
     pending: (f64, u64),
     path: PathBuf,
+    /// True where the file at `path` is a checkpoint of this training.
+    is_kept: bool,
+    go_on: &'static str,
     failure: Option<anyhow::Error>,
     model: Model,
 }
@@ -277,8 +285,7 @@ impl Run {
         self.pending.0 += mean_loss * steps as f64;
         self.pending.1 += steps;
         if self.pending.1 >= self.point_every {
-            record.losses.push(LossPoint { step, loss: self.pending.0 / self.pending.1 as f64 });
-            self.pending = (0.0, 0);
+            self.end_point();
         }
         self.stage.advance_saying(steps, &format!("(loss {mean_loss:.2e}, {:.0} k samples/s)", rate / 1e3));
         let stop = interrupt::requested();
@@ -292,16 +299,27 @@ impl Run {
         if stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
+    /// The mean loss since the last point becomes a point of the curve.
+    fn end_point(&mut self) {
+        let (sum, steps) = std::mem::take(&mut self.pending);
+        if steps > 0 {
+            let step = self.model.record.steps;
+            self.model.record.losses.push(LossPoint { step, loss: sum / steps as f64 });
+        }
+    }
+
     fn save(&mut self, engine: &mut dyn TrainingEngine) -> Result<()> {
         self.model.state = engine.state()?;
         self.model.record.seconds = self.earlier_seconds + self.begun.elapsed().as_secs_f64();
-        self.model.write(&self.path).context("the checkpoint before it is kept")
+        self.model.write(&self.path).context("the checkpoint before it is kept")?;
+        self.is_kept = true;
+        Ok(())
     }
 
     /// Adds what is left to go on from.
     fn explain(&self, error: TrainError) -> anyhow::Error {
-        let kept = if self.path.exists() {
-            format!("the last checkpoint is {}; add --resume to go on from it", self.path.display())
+        let kept = if self.is_kept {
+            format!("the last checkpoint is {}; {} to go on from it", self.path.display(), self.go_on)
         } else {
             "no checkpoint was written yet".to_owned()
         };

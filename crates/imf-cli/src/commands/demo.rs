@@ -82,7 +82,8 @@ pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
     let state = TrainingState::new(&SHAPE, arguments.seed);
     let fresh = job::fresh_model(&data, SHAPE, plan, state, None);
     let model = job::continued(session, &arguments.out, &data, fresh);
-    let model = job::run(session, &device, &data, model, &arguments.out, 30.0)?;
+    let go_on = "run the same command again";
+    let model = job::run(session, &device, &data, model, &arguments.out, 30.0, go_on)?;
 
     let mut engine = device.evaluator(model.shape, &model.state.parameters)?;
     let questions = Questions {
