@@ -117,7 +117,8 @@ fn a_model_that_was_written_and_read_evaluates_as_before() {
         losses: Vec::new(),
     };
     let model = Model { shape: SHAPE, scene, record, state };
-    let angles: Vec<[f32; 2]> = set.orientations.iter().map(|o| o.angles()).collect();
+    let angles: Vec<[f32; 2]> =
+        set.orientations.iter().map(imf_core::orientation::Orientation::angles).collect();
     let evaluate = |model: &Model| {
         let mut engine = CpuEvaluator::new(model.shape, &model.state.parameters).unwrap();
         let mut field = LearntField::new(model.scene.record.grid, &mut engine);
