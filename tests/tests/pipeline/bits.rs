@@ -7,7 +7,6 @@ use imf_core::control::Control;
 use imf_core::dataset::{Sampling, generate};
 use imf_core::field::LearntField;
 use imf_core::model::{Model, TrainingRecord};
-use imf_core::orientation::Orientation;
 use imf_core::samples::Samples;
 use imf_core::siren::SirenShape;
 use imf_core::siren::engine::{CpuEvaluator, CpuTrainer};
@@ -118,7 +117,8 @@ fn a_model_that_was_written_and_read_evaluates_as_before() {
         losses: Vec::new(),
     };
     let model = Model { shape: SHAPE, scene, record, state };
-    let angles: Vec<[f32; 2]> = set.orientations.iter().map(Orientation::angles).collect();
+    let angles: Vec<[f32; 2]> =
+        set.orientations.iter().map(imf_core::orientation::Orientation::angles).collect();
     let evaluate = |model: &Model| {
         let mut engine = CpuEvaluator::new(model.shape, &model.state.parameters).unwrap();
         let mut field = LearntField::new(model.scene.record.grid, &mut engine);

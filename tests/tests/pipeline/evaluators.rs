@@ -1,7 +1,6 @@
 //! The same network on CPU and GPU: one section, one IMF, one choice of the best orientation.
 
 use imf_core::field::LearntField;
-use imf_core::orientation::Orientation;
 use imf_core::section::Imf;
 use imf_core::siren::SirenShape;
 use imf_core::siren::engine::CpuEvaluator;
@@ -34,7 +33,8 @@ fn imf(engine: &mut dyn EvaluationEngine, angles: &[[f32; 2]]) -> Imf {
 
 #[test]
 fn the_learnt_imf_is_the_least_of_the_learnt_sections() {
-    let angles: Vec<[f32; 2]> = orientations("grid:5").orientations.iter().map(Orientation::angles).collect();
+    let angles: Vec<[f32; 2]> =
+        orientations("grid:5").orientations.iter().map(imf_core::orientation::Orientation::angles).collect();
     let mut engine = CpuEvaluator::new(SHAPE, &trained(SHAPE)).unwrap();
     let mut least = Imf::new(SMALL.iter().product());
     for (index, section) in sections(&mut engine, &angles).iter().enumerate() {
@@ -48,7 +48,7 @@ fn the_learnt_imf_is_the_least_of_the_learnt_sections() {
 fn cpu_and_gpu_give_the_same_sections_the_same_imf_and_the_same_best_orientation() {
     let parameters = trained(SHAPE);
     let set = orientations("fibonacci:25").orientations;
-    let angles: Vec<[f32; 2]> = set.iter().map(Orientation::angles).collect();
+    let angles: Vec<[f32; 2]> = set.iter().map(imf_core::orientation::Orientation::angles).collect();
     let mut cpu = CpuEvaluator::new(SHAPE, &parameters).unwrap();
     let (expected, least) = (sections(&mut cpu, &angles), imf(&mut cpu, &angles));
     // How far the second-best orientation is behind.

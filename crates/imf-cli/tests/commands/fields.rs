@@ -111,7 +111,7 @@ fn ctrl_c_keeps_finished_sections() {
     let kept: usize = last.split_whitespace().nth(2).unwrap().parse().unwrap();
     let files = folder.entries().into_iter().filter(|path| path.extension().is_some_and(|e| e == "npy"));
     let files: Vec<_> = files.collect();
-    assert!(kept >= 3 && kept < 3000);
+    assert!((3..3000).contains(&kept));
     assert_eq!(files.len(), kept);
     for file in files {
         assert_eq!(folder.npy::<f32>(file.to_str().unwrap()).dim(), (49, 147, 87));

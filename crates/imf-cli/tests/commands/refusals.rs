@@ -56,8 +56,8 @@ fn work_larger_than_memory_is_refused_with_the_estimate() {
     let huge = field(&["--tool", "long.toml", "--memory", "2GiB"]);
     folder
         .refuse(&huge, &["GiB of memory, and 2.0 GiB may be used", "reaches 9000 voxels", "larger --pitch"]);
-    let voxels = ["voxelize", "bracket", "--pitch", "0.05", "--memory", "1MiB", "--out", "out"];
-    folder.refuse(&voxels, &["and 1 MiB may be used", "980×2940×1740 voxels"]);
+    let voxels = ["voxelize", "bracket", "--pitch", "0.2", "--memory", "1MiB", "--out", "out"];
+    folder.refuse(&voxels, &["and 1 MiB may be used", "245×735×435 voxels"]);
 }
 
 #[test]

@@ -74,14 +74,8 @@ fn line(element: &Element, tool: &Tool) -> (&'static str, String) {
     let volume: f64 = element.profile.iter().map(Segment::volume).sum();
     let share = 100.0 * volume / tool.volume();
     let unit = tool.unit;
-    (
-        name,
-        format!(
-            "{} to {} {unit} above the tip, radius {radii} {unit}, {share:.1} % of the volume",
-            short(from),
-            short(to)
-        ),
-    )
+    let (from, to) = (short(from), short(to));
+    (name, format!("{from} to {to} {unit} above the tip, radius {radii} {unit}, {share:.1} % of the volume"))
 }
 
 fn entry(element: &Element) -> Value {
