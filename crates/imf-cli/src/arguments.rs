@@ -169,7 +169,7 @@ pub(crate) struct PlanArguments {
     /// Samples in a step
     #[arg(long, default_value_t = 1024, value_name = "N")]
     pub(crate) batch: usize,
-    /// Highest learning rate
+    /// Highest learning rate; with --resume, the rate to go on from
     #[arg(long, value_name = "RATE")]
     pub(crate) rate: Option<f32>,
     /// exponential: ×0.93 every epoch (the paper's); cosine: down to a hundredth over all steps
@@ -185,8 +185,15 @@ pub(crate) struct PlanArguments {
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
     /// Seconds between checkpoints
-    #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
+    #[arg(long, default_value_t = 60.0, value_name = "SECONDS", value_parser = parse_seconds)]
     pub(crate) checkpoint_every: f64,
+}
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds >= 0.0 => Ok(seconds),
+        _ => Err(format!("'{text}' is no number of seconds")),
+    }
 }
 
 #[derive(Clone, Copy, ValueEnum)]

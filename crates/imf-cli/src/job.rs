@@ -78,6 +78,14 @@ pub(crate) fn plan(arguments: &PlanArguments, rate: f32, epochs: u64) -> Trainin
     }
 }
 
+/// The same schedule from another rate.
+fn schedule_from(schedule: &Schedule, initial: f32) -> Schedule {
+    match *schedule {
+        Schedule::Exponential { factor, .. } => Schedule::Exponential { initial, factor },
+        Schedule::Cosine { warmup, .. } => Schedule::Cosine { initial, last: initial * 0.01, warmup },
+    }
+}
+
 /// The paper's plan, reported often enough to notice Ctrl-C.
 pub(crate) fn plan_defaults() -> TrainingPlan {
     TrainingPlan { report_every: REPORT_EVERY, ..TrainingPlan::default() }
@@ -114,10 +122,11 @@ pub(crate) fn fresh_model(
     Model { shape, scene: data.scene.clone(), record, state }
 }
 
-/// The checkpoint of an output folder, if it belongs to this dataset.
-pub(crate) fn resumed_model(session: &Session, out: &Path, data: &Data) -> Result<Model> {
+/// The checkpoint of an output folder, if it belongs to this dataset. Its plan goes on, but for a learning rate given
+/// anew, which is the way out of a divergence.
+pub(crate) fn resumed_model(session: &Session, out: &Path, data: &Data, rate: Option<f32>) -> Result<Model> {
     let path = checkpoint_path(out);
-    let model = Model::read(&path).context("there is nothing to resume")?;
+    let mut model = Model::read(&path).context("there is nothing to resume")?;
     if model.record.dataset_crc32 != data.manifest.fingerprint() {
         bail!(
             "{} was trained on another dataset: resume with the one that it was started on",
@@ -130,8 +139,15 @@ pub(crate) fn resumed_model(session: &Session, out: &Path, data: &Data) -> Resul
     if !model.is_resumable() {
         bail!("{} holds no optimiser state: it cannot be resumed", path.display());
     }
+    let mut said = "by the plan of the checkpoint".to_owned();
+    if let Some(rate) = rate {
+        let plan = &mut model.record.plan;
+        plan.schedule = schedule_from(&plan.schedule, rate);
+        plan.check()?;
+        said = format!("by the plan of the checkpoint with a learning rate from {rate:e}");
+    }
     session.note(&format!(
-        "resuming at epoch {}, step {} ({} steps done), by the plan of the checkpoint",
+        "resuming at epoch {}, step {} ({} steps done), {said}",
         model.record.cursor.epoch, model.record.cursor.step, model.record.steps
     ));
     Ok(model)
@@ -146,7 +162,7 @@ pub(crate) fn continued(session: &Session, out: &Path, data: &Data, fresh: Model
             && found.record.dataset_crc32 == data.manifest.fingerprint()
     };
     if Model::read(&checkpoint_path(out)).is_ok_and(|found| same(&found))
-        && let Ok(model) = resumed_model(session, out, data)
+        && let Ok(model) = resumed_model(session, out, data, None)
     {
         return model;
     }

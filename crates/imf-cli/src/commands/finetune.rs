@@ -22,7 +22,7 @@ pub(crate) fn run(session: &Session, arguments: &FinetuneArguments) -> Result<()
     }
     let device = Device::open(&arguments.device.device, session)?;
     let model = if arguments.resume {
-        job::resumed_model(session, &arguments.out, &data)?
+        job::resumed_model(session, &arguments.out, &data, arguments.plan.rate)?
     } else {
         job::refuse_unfinished(&arguments.out)?;
         let from = start.scene.record.part.clone();

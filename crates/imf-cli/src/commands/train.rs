@@ -25,7 +25,7 @@ pub(crate) fn run(session: &Session, arguments: &TrainArguments) -> Result<()> {
     let data = Data::load(session, &arguments.dataset)?;
     let device = Device::open(&arguments.device.device, session)?;
     let model = if arguments.resume {
-        job::resumed_model(session, &arguments.out, &data)?
+        job::resumed_model(session, &arguments.out, &data, arguments.plan.rate)?
     } else {
         job::refuse_unfinished(&arguments.out)?;
         job::fresh_model(&data, shape, plan, TrainingState::new(&shape, plan.seed), None)
