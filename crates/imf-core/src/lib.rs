@@ -1,4 +1,5 @@
 //! Core.
+pub mod access;
 pub mod atomic_file;
 pub mod control;
 pub mod dataset;

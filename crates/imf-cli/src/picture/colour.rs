@@ -81,6 +81,11 @@ impl Scale {
         }
     }
 
+    /// Red, green and blue of a value, for other programs' pictures.
+    pub(crate) fn rgb(&self, value: f32) -> [u8; 3] {
+        self.colour(value).0.0
+    }
+
     /// Colour of a value, and what could not be shown as it is.
     pub(super) fn colour(&self, value: f32) -> (Rgb<u8>, Tally) {
         if !value.is_finite() {
