@@ -15,7 +15,7 @@ use super::scene::SceneArguments;
                   --surface --removable --stock box:2 --out access\n\n\
                   Writes imf.vti (ParaView) and the same fields as .npy, slices.png, orientations.csv and summary.json; \
                   with --surface surface.ply (MeshLab, ParaView), with --removable removable.vti and .npy, with --map \
-                  map.png and map.npy, with --lists free_orientations.npy.\n\
+                  map.png and map.npy, with --lists free_lists.npy.\n\
                   Machine limits, in degrees: ac: d = Rz(C) Rx(A) z, bc: d = Rz(C) Ry(B) z, d from tip to holder."
 )]
 pub(crate) struct AccessArguments {

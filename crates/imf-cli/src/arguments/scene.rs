@@ -70,9 +70,11 @@ pub(crate) struct Dims(pub(crate) [usize; 3]);
 
 fn parse_pitch(text: &str) -> Result<f64, String> {
     if text.contains(',') {
-        return Err("one length: voxels are cubes, because a tool that turns would change its shape on a grid with \
+        return Err(
+            "one length: voxels are cubes, because a tool that turns would change its shape on a grid with \
                     other pitches along x, y and z; give the finest of them"
-            .into());
+                .into(),
+        );
     }
     match text.parse::<f64>() {
         Ok(pitch) if pitch.is_finite() && pitch > 0.0 => Ok(pitch),
