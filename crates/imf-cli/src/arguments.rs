@@ -1,5 +1,7 @@
 //! The command line: what can be said, with an example for each command.
 
+pub(crate) mod access;
+pub(crate) mod fixture;
 pub(crate) mod scene;
 pub(crate) mod transform;
 
@@ -52,6 +54,7 @@ pub(crate) enum Command {
     Parts(PartsArguments),
     Voxelize(VoxelizeArguments),
     Field(FieldArguments),
+    Access(access::AccessArguments),
     Dataset(DatasetArguments),
     Train(TrainArguments),
     Finetune(FinetuneArguments),

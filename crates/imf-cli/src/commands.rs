@@ -1,5 +1,6 @@
 //! One file a command, and `output`, where they all write.
 
+pub(crate) mod access;
 pub(crate) mod dataset;
 pub(crate) mod demo;
 pub(crate) mod devices;

@@ -56,6 +56,7 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Parts(arguments) => commands::parts::run(&session, &arguments),
         Command::Voxelize(arguments) => commands::voxelize::run(&session, &arguments),
         Command::Field(arguments) => commands::field::run(&session, &arguments),
+        Command::Access(arguments) => commands::access::run(&session, &arguments),
         Command::Dataset(arguments) => commands::dataset::run(&session, &arguments),
         Command::Train(arguments) => commands::train::run(&session, &arguments),
         Command::Finetune(arguments) => commands::finetune::run(&session, &arguments),

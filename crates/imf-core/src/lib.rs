@@ -24,7 +24,7 @@
 //! ```
 //! use imf_core::orientation::Orientation;
 //! use imf_core::parts::ReferencePart;
-//! use imf_core::scene::{Resolution, SceneSpec};
+//! use imf_core::scene::{Around, Resolution, SceneSpec};
 //! use imf_core::section::{SectionPlan, SectionScratch};
 //! use imf_core::tool::Tool;
 //! use imf_core::unit::LengthUnit;
@@ -38,6 +38,8 @@
 //!     margin: 0,
 //!     conservative: false,
 //!     tool: &Tool::paper(),
+//!     fixtures: &[],
+//!     around: Around::Part,
 //! }
 //! .scene()?;
 //! let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool)?;
@@ -51,6 +53,7 @@
 //! Source of the method: Harabin, Mirzendehdel, Behandish, *Deep Neural Implicit Representation of Accessibility for
 //! Multi-Axis Manufacturing*, arXiv 2409.02115.
 
+pub mod access;
 pub mod atomic_file;
 pub mod control;
 pub mod dataset;

@@ -7,7 +7,7 @@ use imf_core::dataset::{Sampling, generate};
 use imf_core::mesh::topology::MeshReport;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{Resolution, SceneSpec};
+use imf_core::scene::{Around, Resolution, SceneSpec};
 use imf_core::siren::SirenShape;
 use imf_core::tool::Tool;
 use imf_core::training::run::{Length, TrainingPlan};
@@ -51,6 +51,8 @@ pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
         margin: 0,
         conservative: false,
         tool: &tool,
+        fixtures: &[],
+        around: Around::Part,
     };
     let scene = spec.scene()?;
     let [x, y, z] = DIMS;

@@ -37,13 +37,12 @@ impl Scale {
         Self { sequence: Sequence::Difference, limit: largest(slices, f32::abs), label: label.to_owned() }
     }
 
-    /// From 0 to `max`, for tests that know their range.
-    #[cfg(test)]
-    pub(super) fn measure(max: f32, label: &str) -> Self {
+    /// From 0 to `max`, for values that know their range.
+    pub(crate) fn measure(max: f32, label: &str) -> Self {
         Self { sequence: Sequence::Measure, limit: max, label: label.to_owned() }
     }
 
-    /// From −`limit` to `limit`, likewise.
+    /// From −`limit` to `limit`, for tests.
     #[cfg(test)]
     pub(super) fn difference(limit: f32, label: &str) -> Self {
         Self { sequence: Sequence::Difference, limit, label: label.to_owned() }
@@ -69,6 +68,11 @@ impl Scale {
             Sequence::Measure => Rgb([255, 255, 255]),
             Sequence::Difference => Rgb([60, 60, 60]),
         }
+    }
+
+    /// Red, green and blue of a value, for other programs' pictures.
+    pub(crate) fn rgb(&self, value: f32) -> [u8; 3] {
+        self.colour(value).0.0
     }
 
     /// Colour of a value, and what could not be shown as it is.

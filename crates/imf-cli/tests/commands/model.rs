@@ -16,6 +16,8 @@ use imf_core::unit::LengthUnit;
 /// A tiny network for the bracket on 5×15×9 voxels.
 pub(crate) fn model() -> Model {
     let spec = SceneSpec {
+        fixtures: &[],
+        around: imf_core::scene::Around::Part,
         part: "bracket",
         mesh: &ReferencePart::Bracket.mesh(),
         unit: LengthUnit::Mm,

@@ -40,7 +40,7 @@ mod tests {
     use crate::control::Control;
     use crate::orientation::OrientationSet;
     use crate::parts::ReferencePart;
-    use crate::scene::{Resolution, SceneSpec};
+    use crate::scene::{Around, Resolution, SceneSpec};
     use crate::section::{SectionPlan, sections};
     use crate::tool::Tool;
     use crate::unit::LengthUnit;
@@ -57,6 +57,8 @@ mod tests {
             margin: 0,
             conservative: false,
             tool: &Tool::paper(),
+            fixtures: &[],
+            around: Around::Part,
         };
         let scene = spec.scene().unwrap();
         let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();

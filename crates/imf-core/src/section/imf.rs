@@ -33,7 +33,7 @@ impl Imf {
         }
     }
 
-    /// Takes the result of other orientations into account.
+    /// Takes the result of other orientations of the same set into account.
     pub fn merge(&mut self, other: &Self) {
         let theirs = other.value.iter().zip(&other.best);
         for ((value, best), (&candidate, &index)) in self.value.iter_mut().zip(&mut self.best).zip(theirs) {
