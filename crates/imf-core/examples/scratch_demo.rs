@@ -36,6 +36,8 @@ fn main() {
         margin: 0,
         conservative: false,
         tool: &tool,
+        fixtures: &[],
+        around: scene::Around::Part,
     };
     let t = std::time::Instant::now();
     let scene = spec.scene().unwrap();

@@ -40,6 +40,7 @@ impl Scale {
     ///
     /// # Errors
     /// A `limit` that is not positive and finite.
+    #[cfg(test)]
     pub(crate) fn difference(limit: f32, label: &str) -> Result<Self> {
         Self::new(Sequence::Difference, limit, label)
     }
