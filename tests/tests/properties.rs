@@ -67,13 +67,13 @@ fn tool(random: &mut Random) -> Tool {
 }
 
 fn axes(spec: &str) -> Vec<Orientation> {
-    OrientationSet::parse(spec).unwrap().orientations
+    OrientationSet::parse(spec).expect("a sound case").orientations
 }
 
 fn cmf(obstacle: &Occupancy, query: &Grid, tool: &Tool, orientation: &Orientation) -> Vec<f32> {
-    let plan = SectionPlan::with_query(obstacle, query, tool).unwrap();
+    let plan = SectionPlan::with_query(obstacle, query, tool).expect("a sound case");
     let mut values = vec![f32::NAN; query.len()];
-    plan.cmf(orientation, &mut SectionScratch::default(), &mut values).unwrap();
+    plan.cmf(orientation, &mut SectionScratch::default(), &mut values).expect("a sound case");
     values
 }
 

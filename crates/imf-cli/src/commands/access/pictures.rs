@@ -9,7 +9,7 @@ use ndarray::Array2;
 use super::Findings;
 use super::files::{named, removable_classes};
 use super::setup::Setup;
-use crate::picture::{Axes, Panel, PanelRow, PanelSheet, Scale};
+use crate::picture::{Axes, MaskStyle, Panel, PanelRow, PanelSheet, Scale};
 use crate::slices;
 
 /// Draws the pictures and gives back the files' names.
@@ -37,11 +37,20 @@ fn draw_slices(setup: &Setup, findings: &Findings, path: &Path) -> Result<()> {
     let poses = (setup.orientations.len() * setup.tools.len()) as f32;
     let share: Vec<f32> = findings.together.free.iter().map(|&n| 100.0 * n as f32 / poses).collect();
     let middle = |axis: usize| grid.dims[axis] / 2;
+    // What collides anyway is hidden, and must not set the scale.
+    let around: Vec<f32> = findings
+        .together
+        .imf
+        .value
+        .iter()
+        .zip(&setup.solid.solid)
+        .map(|(&v, &s)| if s == 0 { v } else { 0.0 })
+        .collect();
     let cuts: Vec<_> = (0..3)
         .map(|axis| {
             let cut = |values: &[f32]| slices::slice(values, grid, axis, middle(axis));
             let solid = slices::mask(&setup.solid, axis, middle(axis));
-            (axis, cut(&findings.together.imf.value), cut(&share), solid)
+            (axis, cut(&around), cut(&share), solid)
         })
         .collect();
     let measures: Vec<_> = cuts.iter().map(|(_, imf, ..)| imf.view()).collect();
@@ -55,8 +64,8 @@ fn draw_slices(setup: &Setup, findings: &Findings, path: &Path) -> Result<()> {
             PanelRow {
                 title: plane(grid.centre(grid.dims.map(|n| n / 2))[*axis], *axis, &unit),
                 panels: vec![
-                    slices::panel("least overlap", imf, solid, &measure, &axes),
-                    slices::panel("freedom", share, solid, &free, &axes),
+                    filled(slices::panel("least overlap", imf, solid, &measure, &axes)),
+                    filled(slices::panel("freedom", share, solid, &free, &axes)),
                 ],
             }
         })
@@ -65,7 +74,7 @@ fn draw_slices(setup: &Setup, findings: &Findings, path: &Path) -> Result<()> {
         title: title(setup),
         rows,
         notes: vec![format!(
-            "{} ({}), τ = {}; outline: part and fixtures",
+            "{} ({}), τ = {}; grey: part and fixtures",
             count(setup.orientations.len(), "orientation"),
             setup.orientations.spec,
             setup.tau
@@ -94,11 +103,8 @@ fn draw_removable(setup: &Setup, findings: &Findings, path: &Path) -> Result<boo
     let rows = cuts
         .iter()
         .map(|(axis, values, solid)| {
-            let mut panel =
-                slices::panel("stock", values, solid, &scale, &slices::axes(grid, setup.unit, *axis));
-            if let Some(mask) = &mut panel.mask {
-                mask.style = crate::picture::MaskStyle::Fill;
-            }
+            let panel =
+                filled(slices::panel("stock", values, solid, &scale, &slices::axes(grid, setup.unit, *axis)));
             PanelRow {
                 title: plane(grid.centre(grid.dims.map(|n| n / 2))[*axis], *axis, &unit),
                 panels: vec![panel],
@@ -136,6 +142,14 @@ fn draw_map(setup: &Setup, findings: &Findings, index: usize, tool: &str, path: 
     }
     .save(path)?;
     Ok(())
+}
+
+/// The panel with its solid voxels in grey.
+fn filled(mut panel: Panel<'_>) -> Panel<'_> {
+    if let Some(mask) = &mut panel.mask {
+        mask.style = MaskStyle::Fill;
+    }
+    panel
 }
 
 fn plane(at: f64, axis: usize, unit: &str) -> String {
