@@ -17,6 +17,8 @@ pub(crate) const SMALL: [usize; 3] = [7, 21, 12];
 /// A reference part under the paper's tool.
 pub(crate) fn scene(part: ReferencePart, dims: [usize; 3]) -> Scene {
     let spec = SceneSpec {
+        fixtures: &[],
+        around: imf_core::scene::Around::Part,
         part: part.name(),
         mesh: &part.mesh(),
         unit: LengthUnit::Mm,
