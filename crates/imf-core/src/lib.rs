@@ -2,6 +2,7 @@
 pub mod atomic_file;
 pub mod control;
 pub mod dataset;
+pub mod distance;
 pub mod evaluation;
 pub mod field;
 pub mod field_files;

@@ -24,7 +24,6 @@ impl Tool {
             clamp((tip[axis] + lower[axis]).floor())..clamp((tip[axis] + upper[axis]).ceil() + 1.0)
         };
         let direction = orientation.direction();
-        let length = self.length();
         let (profile, mesh): (Vec<Segment>, _) = match &self.shape {
             ToolShape::Revolved(elements) => {
                 (elements.iter().flat_map(|e| e.profile.iter().copied()).collect(), None)
@@ -42,7 +41,7 @@ impl Tool {
                     }
                     let offset = (DVec3::new(x as f64, y as f64, z as f64) - tip) * grid.pitch;
                     let inside = match &mesh {
-                        None => holds(&profile, length, direction, offset, SLACK * grid.pitch * grid.pitch),
+                        None => holds(&profile, direction, offset, SLACK * grid.pitch * grid.pitch),
                         Some(mesh) => winding_number(mesh, offset).abs() > 0.5,
                     };
                     count += u32::from(inside);
