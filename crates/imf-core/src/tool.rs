@@ -11,6 +11,7 @@ mod rotated;
 
 pub use file::ToolFileError;
 pub use inflate::{Clearance, ClearanceError};
+pub(crate) use posed::snapped;
 pub use profile::{Element, ElementKind, Segment};
 pub use rotated::RotatedTool;
 pub(crate) use rotated::{SLACK, holds};

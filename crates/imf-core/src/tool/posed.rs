@@ -4,9 +4,16 @@ use glam::{DMat4, DVec3};
 
 use super::rotated::{SLACK, bounds, holds};
 use super::{Segment, Tool, ToolShape};
+use crate::grid::Grid;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
 use crate::voxelize::winding_number;
+
+/// A world point in continuous voxel coordinates; numbers that are whole to a billionth become whole, so that ties are
+/// decided as on the grid.
+pub(crate) fn snapped(grid: &Grid, position: DVec3) -> DVec3 {
+    grid.continuous(position).map(|v| if (v - v.round()).abs() < 1e-9 { v.round() } else { v })
+}
 
 impl Tool {
     /// Solid voxels whose centres lie inside the tool with its tip at the world point `position`: the definition of
@@ -16,8 +23,7 @@ impl Tool {
     #[must_use]
     pub fn count_inside(&self, obstacle: &Occupancy, position: DVec3, orientation: &Orientation) -> u32 {
         let grid = &obstacle.grid;
-        // Whole numbers stay whole: ties are decided as on the grid.
-        let tip = grid.continuous(position).map(|v| if (v - v.round()).abs() < 1e-9 { v.round() } else { v });
+        let tip = snapped(grid, position);
         let (lower, upper) = bounds(self, orientation, grid.pitch);
         let range = |axis: usize| {
             let clamp = |v: f64| v.clamp(0.0, grid.dims[axis] as f64) as usize;

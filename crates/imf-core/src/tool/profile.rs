@@ -118,7 +118,7 @@ impl Segment {
         }
     }
 
-    pub(super) fn scaled(&self, factor: f64) -> Self {
+    pub(crate) fn scaled(&self, factor: f64) -> Self {
         match *self {
             Self::Line { from, to, radius_from, radius_to } => Self::Line {
                 from: from * factor,
