@@ -144,7 +144,7 @@ fn nearest_voxels(obstacle: &Occupancy, wanted: u8) -> Vec<u32> {
         for z in 0..nz {
             let height = |y: usize| match along_x[y * nz + z] {
                 NONE => None,
-                w => Some((w as u64).abs_diff(x as u64).pow(2)),
+                w => Some(u64::from(w).abs_diff(x as u64).pow(2)),
             };
             envelope.sweep(ny, height, |y, (from, d2)| {
                 witness[y * nz + z] = along_x[from * nz + z] * ny as u32 + from as u32;

@@ -1,5 +1,6 @@
 //! Core.
 pub mod atomic_file;
+pub mod check;
 pub mod control;
 pub mod dataset;
 pub mod distance;
@@ -18,6 +19,7 @@ pub mod scene;
 pub mod section;
 pub mod siren;
 pub mod tool;
+pub mod toolpath;
 pub mod training;
 pub mod unit;
 pub mod voxelize;
