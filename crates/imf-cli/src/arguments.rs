@@ -1,6 +1,7 @@
 //! The command line: what can be said, with an example for each command.
 
 pub(crate) mod access;
+pub(crate) mod check;
 pub(crate) mod fixture;
 pub(crate) mod scene;
 pub(crate) mod transform;
@@ -18,7 +19,8 @@ use scene::SceneArguments;
     name = "imf",
     version,
     about,
-    after_help = "Exit codes: 0 done; 1 failed, one message says why; 2 wrong arguments; 130 stopped by Ctrl-C, \
+    after_help = "Exit codes: 0 done; 1 failed, one message says why; 2 wrong arguments; 3 imf check found a \
+                  collision; 130 stopped by Ctrl-C, \
                   finished work kept.\n\nStart with: imf demo"
 )]
 pub(crate) struct Cli {
@@ -60,6 +62,7 @@ pub(crate) enum Command {
     Finetune(FinetuneArguments),
     Eval(EvalArguments),
     Query(QueryArguments),
+    Check(check::CheckArguments),
     Info(InfoArguments),
     /// List the devices that can train and evaluate
     #[command(after_help = "Example:\n  imf devices")]

@@ -1,6 +1,7 @@
-//! One file a command, and `output`, where they all write.
+//! One file a command.
 
 pub(crate) mod access;
+pub(crate) mod check;
 pub(crate) mod dataset;
 pub(crate) mod demo;
 pub(crate) mod devices;

@@ -21,11 +21,14 @@ use imf_core::evaluation::EvaluationError;
 use imf_core::section::SectionError;
 
 use arguments::{Cli, Command};
+use commands::check::CollisionFound;
 use interrupt::Interrupted;
 use session::Session;
 
 /// The work failed: bad input, a device, a disk.
 const FAILED: u8 = 1;
+/// `imf check` found a collision.
+const COLLISION: u8 = 3;
 /// Stopped by Ctrl-C; what was finished is kept.
 const INTERRUPTED: u8 = 130;
 
@@ -34,6 +37,7 @@ fn main() -> ExitCode {
     match run(cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) if error.is::<CollisionFound>() => ExitCode::from(COLLISION),
         Err(error) if error.is::<Interrupted>() => {
             eprintln!("imf: {error}");
             ExitCode::from(INTERRUPTED)
@@ -62,6 +66,7 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Finetune(arguments) => commands::finetune::run(&session, &arguments),
         Command::Eval(arguments) => commands::eval::run(&session, &arguments),
         Command::Query(arguments) => commands::query::run(&session, &arguments),
+        Command::Check(arguments) => commands::check::run(&session, &arguments),
         Command::Info(arguments) => commands::info::run(&session, &arguments),
         Command::Devices => commands::devices::run(&session),
     }

@@ -55,8 +55,10 @@
 
 pub mod access;
 pub mod atomic_file;
+pub mod check;
 pub mod control;
 pub mod dataset;
+pub mod distance;
 pub mod evaluation;
 pub mod field;
 pub mod field_files;
@@ -72,6 +74,7 @@ pub mod scene;
 pub mod section;
 pub mod siren;
 pub mod tool;
+pub mod toolpath;
 pub mod training;
 pub mod unit;
 pub mod voxelize;

@@ -80,7 +80,11 @@ impl Orientation {
     /// Unit vector from the tool's tip along its axis; components below 1e-12 are 0.
     #[must_use]
     pub fn direction(&self) -> DVec3 {
-        self.rotation().z_axis
+        // The rotation's third column, term by term, so that both give the same bits.
+        let (sin_theta, cos_theta) = self.theta.to_radians().sin_cos();
+        let (sin_phi, cos_phi) = self.phi.to_radians().sin_cos();
+        let axis = [cos_theta * sin_phi, sin_theta * sin_phi, cos_phi];
+        DVec3::from_array(axis.map(|v: f64| if v.abs() < 1e-12 { 0.0 } else { v }))
     }
 
     /// (θ, φ) in degrees as the networks read them.

@@ -4,13 +4,17 @@
 //! inside where `0 ≤ z < length` and `r ≤ ρ(z)`. Elements do not overlap: each owns its own range of heights.
 
 mod file;
+mod inflate;
 mod posed;
 mod profile;
 mod rotated;
 
 pub use file::ToolFileError;
+pub use inflate::{Clearance, ClearanceError};
+pub(crate) use posed::snapped;
 pub use profile::{Element, ElementKind, Segment};
 pub use rotated::RotatedTool;
+pub(crate) use rotated::{SLACK, holds};
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};

@@ -9,6 +9,7 @@ use glam::DMat4;
 use imf_core::mesh::Mesh;
 use imf_core::mesh::read::read_mesh;
 use imf_core::mesh::topology::MeshReport;
+use imf_core::occupancy::Occupancy;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Around, Fixture, Resolution, Scene, SceneSpec};
 use imf_core::section::SectionPlan;
@@ -169,18 +170,27 @@ impl SceneArguments {
     /// As [`Self::scene`], with no room kept for sections: the tool is only written down. Also gives what is known of
     /// the mesh.
     pub(crate) fn scene_without_sections(&self, session: &Session) -> Result<(Scene, MeshReport)> {
+        let (scene, _, report) = self.scene_and_part(session)?;
+        Ok((scene, report))
+    }
+
+    /// As [`Self::scene_without_sections`], with the part's own voxels, the fixtures' left out.
+    pub(crate) fn scene_and_part(&self, session: &Session) -> Result<(Scene, Occupancy, MeshReport)> {
         let reading = self.read(session)?;
-        let [tool, ..] = reading.tools.as_slice() else { bail!("a --tool is needed") };
+        let [tool] = reading.tools.as_slice() else {
+            bail!("one --tool at a time (imf access takes several)");
+        };
         let fixtures = reading.fixtures();
         let spec = self.spec(&reading, &fixtures, tool);
         let grid = spec.grid()?;
-        // The voxels, the mask of the voxeliser, and a copy to write.
-        session.require_memory(3 * grid.len() as u64, || {
+        // The voxels of part, fixtures and both, the voxeliser's, and a copy to write.
+        session.require_memory(6 * grid.len() as u64, || {
             let [x, y, z] = grid.dims;
             format!("{x}×{y}×{z} voxels; use a larger --pitch")
         })?;
         let scene = self.voxelised(session, &spec)?;
-        Ok((scene, reading.report))
+        let part = if fixtures.is_empty() { scene.obstacle.clone() } else { spec.bodies(&grid)?.part };
+        Ok((scene, part, reading.report))
     }
 
     fn voxelised(&self, session: &Session, spec: &SceneSpec<'_>) -> Result<Scene> {

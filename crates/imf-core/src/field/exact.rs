@@ -1,81 +1,295 @@
-//! The exact field at single poses: the twin that every other family is held against.
+//! The exact field at single poses: any position, any rotation, no grid of poses.
+//!
+//! The definition is [`Tool::count_inside`]: solid voxel centres inside the analytic tool. Here the same whole numbers
+//! come from the tool's exact run on every line of voxels and the obstacle's running sums along it; a yes/no answer is
+//! first sought with balls along the tool's axis and the obstacle's distance transform, and only what these leave open
+//! is counted, up to the first voxel found. Tools that are meshes are counted by the definition.
 
+mod columns;
+mod runs;
+mod spine;
+mod sweep;
+
+use std::sync::OnceLock;
+
+use pulp::Arch;
 use rayon::prelude::*;
 
 use super::{Field, Pose, QueryError, check_lengths};
+use crate::distance::DistanceField;
+use crate::occupancy::Occupancy;
+use crate::orientation::Orientation;
 use crate::scene::Scene;
-use crate::tool::RotatedTool;
+use crate::tool::{Element, ElementKind, RotatedTool, Segment, Tool, ToolError, ToolShape};
+use columns::Columns;
+use runs::{Within, count};
+use spine::{OPEN, Spine, Verdict};
+use sweep::{Placed, Sweep};
 
 /// Counts the obstacle's voxel centres in the analytic tool at any pose, divided by the tool's own count in that
 /// orientation with its tip on a voxel centre. Equal to the section at voxel centres.
+///
+/// Every method takes `&self` and allocates nothing for tools of revolution; threads share one field. Lengths are in
+/// the unit of the obstacle's grid. A position that is not finite holds nothing.
 pub struct ExactField<'a> {
-    scene: &'a Scene,
+    obstacle: &'a Occupancy,
+    shape: Shape<'a>,
+    columns: Columns,
+    arch: Arch,
+    /// Made at the first yes/no question.
+    proof: OnceLock<(DistanceField, Spine)>,
+}
+
+enum Shape<'a> {
+    Bodies(Vec<Body>),
+    /// Counted by the definition.
+    Definition(&'a Tool),
+}
+
+/// An element as the fast paths read it.
+struct Body {
+    kind: ElementKind,
+    /// In world units: the predicate.
+    profile: Vec<Segment>,
+    /// The profile's segments in voxels.
+    parts: Vec<Part>,
+}
+
+struct Part {
+    segment: Segment,
+    /// Largest radius, a little generous.
+    widest: f64,
+}
+
+impl Body {
+    /// `None` for a profile that the runs cannot solve: one that is not convex piece by piece.
+    fn new(element: &Element, pitch: f64) -> Option<Self> {
+        let profile: Vec<Segment> =
+            element.profile.iter().copied().filter(|s| s.range().0 < s.range().1).collect();
+        let convex = profile.iter().all(|segment| match *segment {
+            Segment::Line { radius_from, radius_to, .. } => radius_from >= 0.0 && radius_to >= 0.0,
+            Segment::Arc { from, to, centre_height, centre_radius, arc_radius } => {
+                let slip = 1e-9 * arc_radius;
+                centre_radius >= 0.0
+                    && from >= centre_height - arc_radius - slip
+                    && to <= centre_height + arc_radius + slip
+            }
+        });
+        let parts = profile
+            .iter()
+            .map(|s| s.scaled(1.0 / pitch))
+            .map(|segment| Part { segment, widest: segment.max_radius() + 1e-4 })
+            .collect();
+        convex.then_some(Self { kind: element.kind, profile, parts })
+    }
 }
 
 impl<'a> ExactField<'a> {
     /// The exact field of a scene.
     #[must_use]
     pub fn new(scene: &'a Scene) -> Self {
-        Self { scene }
+        Self::of_tool(&scene.obstacle, &scene.record.tool)
+    }
+
+    /// The exact field of a tool around an obstacle.
+    #[must_use]
+    pub fn of_tool(obstacle: &'a Occupancy, tool: &'a Tool) -> Self {
+        let bodies = match &tool.shape {
+            ToolShape::Revolved(elements) => {
+                elements.iter().map(|e| Body::new(e, obstacle.grid.pitch)).collect::<Option<Vec<_>>>()
+            }
+            ToolShape::Mesh(_) => None,
+        };
+        Self::with_shape(obstacle, bodies.map_or(Shape::Definition(tool), Shape::Bodies))
+    }
+
+    /// The exact field of bodies that may overlap, such as [`Tool::inflated_elements`]: each is counted by itself, and
+    /// the count of all is the sum. `None` for an outline with an arc that bends inwards.
+    #[must_use]
+    pub fn of_elements(obstacle: &'a Occupancy, elements: &[Element]) -> Option<Self> {
+        let bodies =
+            elements.iter().map(|e| Body::new(e, obstacle.grid.pitch)).collect::<Option<Vec<_>>>()?;
+        Some(Self::with_shape(obstacle, Shape::Bodies(bodies)))
+    }
+
+    fn with_shape(obstacle: &'a Occupancy, shape: Shape<'a>) -> Self {
+        Self { obstacle, shape, columns: Columns::new(obstacle), arch: Arch::new(), proof: OnceLock::new() }
+    }
+
+    /// The elements that are told apart, from the tip upwards; none for a mesh.
+    pub fn elements(&self) -> impl Iterator<Item = ElementKind> {
+        match &self.shape {
+            Shape::Bodies(bodies) => bodies.as_slice(),
+            Shape::Definition(_) => &[],
+        }
+        .iter()
+        .map(|body| body.kind)
+    }
+
+    /// Solid voxels whose centres lie in the tool.
+    #[must_use]
+    pub fn count(&self, pose: &Pose) -> u32 {
+        match &self.shape {
+            Shape::Bodies(bodies) => {
+                let placed = self.placed(pose);
+                bodies.iter().map(|body| self.body_count(body, placed, false)).sum()
+            }
+            Shape::Definition(tool) => tool.count_inside(self.obstacle, pose.position, &pose.orientation),
+        }
+    }
+
+    /// Solid voxels in each element, in the order of [`ExactField::elements`].
+    ///
+    /// # Panics
+    /// If `counts` has not as many places as there are elements.
+    pub fn element_counts(&self, pose: &Pose, counts: &mut [u32]) {
+        let bodies = match &self.shape {
+            Shape::Bodies(bodies) => bodies.as_slice(),
+            Shape::Definition(_) => &[],
+        };
+        assert_eq!(counts.len(), bodies.len(), "one count for each element");
+        let placed = self.placed(pose);
+        for (count, body) in counts.iter_mut().zip(bodies) {
+            *count = self.body_count(body, placed, false);
+        }
+    }
+
+    /// Volume of the obstacle's voxels whose centres lie in the tool, in world units cubed.
+    #[must_use]
+    pub fn volume(&self, pose: &Pose) -> f64 {
+        f64::from(self.count(pose)) * self.obstacle.grid.voxel_volume()
+    }
+
+    /// The tool's own count in an orientation with its tip on a voxel centre: what overlaps are divided by.
+    ///
+    /// # Errors
+    /// A tool that holds no voxel centre, or a mesh tool too large to be voxelised.
+    pub fn normaliser(&self, orientation: &Orientation) -> Result<u32, ToolError> {
+        let pitch = self.obstacle.grid.pitch;
+        match &self.shape {
+            Shape::Definition(tool) => Ok(RotatedTool::new(tool, orientation, pitch)?.count),
+            Shape::Bodies(bodies) => {
+                let placed = Placed { tip: glam::DVec3::ZERO, direction: orientation.direction(), pitch };
+                let all = |body: &Body| -> u32 {
+                    let reach =
+                        |p: &Part| p.segment.range().1.abs().max(p.segment.range().0.abs()) + p.widest;
+                    let reach = body.parts.iter().map(reach).fold(0.0, f64::max);
+                    body_segments(body, placed)
+                        .map(|sweep| {
+                            count(self.arch, &sweep, Within::Everything(reach.ceil() as i64 + 2), false)
+                        })
+                        .sum()
+                };
+                match bodies.iter().map(all).sum() {
+                    0 => Err(ToolError::TooSmall { name: "tool".into(), pitch }),
+                    count => Ok(count),
+                }
+            }
+        }
+    }
+
+    /// The overlap: solid voxels in the tool over the tool's own, in [0, 1].
+    ///
+    /// # Errors
+    /// As [`ExactField::normaliser`].
+    pub fn overlap(&self, pose: &Pose) -> Result<f64, ToolError> {
+        Ok(ratio(self.count(pose), self.normaliser(&pose.orientation)?))
+    }
+
+    /// True where the tool holds any solid voxel's centre. Equal to `count(pose) > 0`.
+    #[must_use]
+    pub fn collides(&self, pose: &Pose) -> bool {
+        let Shape::Bodies(bodies) = &self.shape else { return self.count(pose) > 0 };
+        let placed = self.placed(pose);
+        if !placed.tip.is_finite() {
+            return false;
+        }
+        let (distances, spine) = self.proof(bodies);
+        let mut open = [0; OPEN];
+        match spine.prove(placed, bodies, distances, &mut open) {
+            Verdict::Free => false,
+            Verdict::Blocked => true,
+            Verdict::Undecided => bodies.iter().any(|body| self.body_count(body, placed, true) > 0),
+            Verdict::Open(found) => open[..found].iter().any(|&index| {
+                let piece = spine.piece(index);
+                let body = &bodies[piece.body];
+                let (world, part) = (&body.profile[piece.segment], &body.parts[piece.segment]);
+                // A little over either end: the next piece's ball covers its own heights only up to rounding.
+                let sweep =
+                    Sweep::new(placed, world, &part.segment, part.widest, piece.from - 1e-4, piece.to + 1e-4);
+                count(self.arch, &sweep, Within::Obstacle(&self.columns), true) > 0
+            }),
+        }
+    }
+
+    /// Bounds of the distance from the tool's surface to the nearest solid voxel's centre, in world units: the lower one
+    /// from the balls that cover the tool, loose by the rounding of points on the axis to voxels (up to 0.87 voxels) and
+    /// by the balls' excess. At most 0 where the tool may hold a centre. `None` for mesh tools.
+    #[must_use]
+    pub fn clearance_bound(&self, pose: &Pose) -> Option<f64> {
+        let Shape::Bodies(bodies) = &self.shape else { return None };
+        let (distances, spine) = self.proof(bodies);
+        Some(spine.clearance(self.placed(pose), distances) * self.obstacle.grid.pitch)
+    }
+
+    fn proof(&self, bodies: &[Body]) -> &(DistanceField, Spine) {
+        self.proof.get_or_init(|| (DistanceField::new(self.obstacle), Spine::new(bodies)))
+    }
+
+    fn placed(&self, pose: &Pose) -> Placed {
+        let grid = &self.obstacle.grid;
+        Placed {
+            tip: crate::tool::snapped(grid, pose.position),
+            direction: pose.orientation.direction(),
+            pitch: grid.pitch,
+        }
+    }
+
+    fn body_count(&self, body: &Body, placed: Placed, stop: bool) -> u32 {
+        if !placed.tip.is_finite() {
+            return 0;
+        }
+        body_segments(body, placed)
+            .map(|sweep| count(self.arch, &sweep, Within::Obstacle(&self.columns), stop))
+            .sum()
     }
 }
+
+/// Every segment of a body in a pose.
+fn body_segments(body: &Body, placed: Placed) -> impl Iterator<Item = Sweep<'_>> {
+    body.profile.iter().zip(&body.parts).map(move |(world, part)| {
+        let (from, to) = part.segment.range();
+        Sweep::new(placed, world, &part.segment, part.widest, from, to)
+    })
+}
+
+/// Off the grid more centres may fall into the tool than on it.
+fn ratio(inside: u32, whole: u32) -> f64 {
+    (f64::from(inside) / f64::from(whole)).min(1.0)
+}
+
+/// Poses that one thread answers at a time.
+const CHUNK: usize = 256;
 
 impl Field for ExactField<'_> {
     fn query(&mut self, poses: &[Pose], answers: &mut [f32]) -> Result<(), QueryError> {
         check_lengths(poses, answers)?;
-        let (tool, obstacle) = (&self.scene.record.tool, &self.scene.obstacle);
-        poses.par_iter().zip(answers).try_for_each(|(pose, answer)| {
-            let whole = RotatedTool::new(tool, &pose.orientation, obstacle.grid.pitch)?.count;
-            let inside = tool.count_inside(obstacle, pose.position, &pose.orientation);
-            // Off the grid more centres may fall into the tool than on it.
-            *answer = (f64::from(inside) / f64::from(whole)).min(1.0) as f32;
+        let field = &*self;
+        poses.par_chunks(CHUNK).zip(answers.par_chunks_mut(CHUNK)).try_for_each(|(poses, answers)| {
+            // Poses of one orientation tend to stand together.
+            let mut last: Option<(Orientation, u32)> = None;
+            for (pose, answer) in poses.iter().zip(answers) {
+                let whole = match last {
+                    Some((orientation, whole)) if orientation == pose.orientation => whole,
+                    _ => field.normaliser(&pose.orientation)?,
+                };
+                last = Some((pose.orientation, whole));
+                *answer = ratio(field.count(pose), whole) as f32;
+            }
             Ok(())
         })
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::control::Control;
-    use crate::orientation::OrientationSet;
-    use crate::parts::ReferencePart;
-    use crate::scene::{Around, Resolution, SceneSpec};
-    use crate::section::{SectionPlan, sections};
-    use crate::tool::Tool;
-    use crate::unit::LengthUnit;
-
-    #[test]
-    fn at_voxel_centres_it_is_the_section() {
-        let mesh = ReferencePart::Bracket.mesh();
-        let spec = SceneSpec {
-            part: "bracket",
-            mesh: &mesh,
-            unit: LengthUnit::Mm,
-            transform: glam::DMat4::IDENTITY,
-            resolution: Resolution::Dims([10, 30, 18]),
-            margin: 0,
-            conservative: false,
-            tool: &Tool::paper(),
-            fixtures: &[],
-            around: Around::Part,
-        };
-        let scene = spec.scene().unwrap();
-        let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
-        let orientations = OrientationSet::parse("0,0;90,90;0,180;37,61;200,100").unwrap().orientations;
-        let exact = sections(&plan, &orientations, Control::quiet()).unwrap();
-        let grid = scene.record.grid;
-        for (orientation, section) in orientations.iter().zip(&exact) {
-            let voxels: Vec<usize> = (0..grid.len()).step_by(17).collect();
-            let poses: Vec<Pose> = voxels
-                .iter()
-                .map(|&v| Pose { position: grid.centre(grid.voxel(v)), orientation: *orientation })
-                .collect();
-            let mut answers = vec![f32::NAN; poses.len()];
-            ExactField::new(&scene).query(&poses, &mut answers).unwrap();
-            for (answer, &voxel) in answers.iter().zip(&voxels) {
-                assert_eq!(*answer, section[voxel], "{orientation:?} {:?}", grid.voxel(voxel));
-            }
-        }
-    }
-}
+mod tests;

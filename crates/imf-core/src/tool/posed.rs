@@ -4,9 +4,16 @@ use glam::{DMat4, DVec3};
 
 use super::rotated::{SLACK, bounds, holds};
 use super::{Segment, Tool, ToolShape};
+use crate::grid::Grid;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
 use crate::voxelize::winding_number;
+
+/// A world point in continuous voxel coordinates; numbers that are whole to a billionth become whole, so that ties are
+/// decided as on the grid.
+pub(crate) fn snapped(grid: &Grid, position: DVec3) -> DVec3 {
+    grid.continuous(position).map(|v| if (v - v.round()).abs() < 1e-9 { v.round() } else { v })
+}
 
 impl Tool {
     /// Solid voxels whose centres lie inside the tool with its tip at the world point `position`: the definition of
@@ -16,15 +23,13 @@ impl Tool {
     #[must_use]
     pub fn count_inside(&self, obstacle: &Occupancy, position: DVec3, orientation: &Orientation) -> u32 {
         let grid = &obstacle.grid;
-        // Whole numbers stay whole: ties are decided as on the grid.
-        let tip = grid.continuous(position).map(|v| if (v - v.round()).abs() < 1e-9 { v.round() } else { v });
+        let tip = snapped(grid, position);
         let (lower, upper) = bounds(self, orientation, grid.pitch);
         let range = |axis: usize| {
             let clamp = |v: f64| v.clamp(0.0, grid.dims[axis] as f64) as usize;
             clamp((tip[axis] + lower[axis]).floor())..clamp((tip[axis] + upper[axis]).ceil() + 1.0)
         };
         let direction = orientation.direction();
-        let length = self.length();
         let (profile, mesh): (Vec<Segment>, _) = match &self.shape {
             ToolShape::Revolved(elements) => {
                 (elements.iter().flat_map(|e| e.profile.iter().copied()).collect(), None)
@@ -42,7 +47,7 @@ impl Tool {
                     }
                     let offset = (DVec3::new(x as f64, y as f64, z as f64) - tip) * grid.pitch;
                     let inside = match &mesh {
-                        None => holds(&profile, length, direction, offset, SLACK * grid.pitch * grid.pitch),
+                        None => holds(&profile, direction, offset, SLACK * grid.pitch * grid.pitch),
                         Some(mesh) => winding_number(mesh, offset).abs() > 0.5,
                     };
                     count += u32::from(inside);

@@ -1,6 +1,7 @@
 //! Profiles of bodies of revolution: radius as a function of height, in lines and arcs.
 
 use std::f64::consts::{PI, TAU};
+use std::fmt;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -15,6 +16,17 @@ pub enum ElementKind {
     Shank,
     /// A segment of the holder, counted from the tip.
     Holder(usize),
+}
+
+impl fmt::Display for ElementKind {
+    /// `cutter`, `shank`, or `holder 1` for the segment nearest to the tip.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Cutter => f.pad("cutter"),
+            Self::Shank => f.pad("shank"),
+            Self::Holder(index) => f.pad(&format!("holder {}", index + 1)),
+        }
+    }
 }
 
 /// A named piece of the assembly.
@@ -118,7 +130,7 @@ impl Segment {
         }
     }
 
-    pub(super) fn scaled(&self, factor: f64) -> Self {
+    pub(crate) fn scaled(&self, factor: f64) -> Self {
         match *self {
             Self::Line { from, to, radius_from, radius_to } => Self::Line {
                 from: from * factor,

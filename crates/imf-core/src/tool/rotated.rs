@@ -21,7 +21,7 @@ pub struct RotatedTool {
 }
 
 /// Centres this close to the surface count as inside, in pitch²: rounding must not decide at exact ties.
-pub(super) const SLACK: f64 = 1e-9;
+pub(crate) const SLACK: f64 = 1e-9;
 
 /// A rotated tool of more voxels than this is refused: it is a slip of units.
 const MOST_VOXELS: u64 = 1 << 31;
@@ -75,20 +75,21 @@ impl RotatedTool {
 
     /// Tests voxel centres, line by line along z, within the cylinder around the widest radius.
     fn fill_revolved(&mut self, profile: &[Segment], direction: DVec3, pitch: f64) {
-        let length = profile.last().map_or(0.0, |s| s.range().1);
+        let heights =
+            (profile.first().map_or(0.0, |s| s.range().0), profile.last().map_or(0.0, |s| s.range().1));
         let widest = profile.iter().map(Segment::max_radius).fold(0.0, f64::max);
         let slack = SLACK * pitch * pitch;
         let [nx, ny, nz] = self.dims;
         for (ix, iy) in (0..nx).flat_map(|ix| (0..ny).map(move |iy| (ix, iy))) {
             let x = f64::from(self.lower[0] + ix as i32) * pitch;
             let y = f64::from(self.lower[1] + iy as i32) * pitch;
-            let candidates = line_through_cylinder(x, y, direction, widest, length, pitch);
+            let candidates = line_through_cylinder(x, y, direction, widest, heights, pitch);
             let first = (candidates.0 - f64::from(self.lower[2])).clamp(0.0, nz as f64) as usize;
             let last = (candidates.1 - f64::from(self.lower[2]) + 1.0).clamp(0.0, nz as f64) as usize;
             let line = &mut self.solid[(ix * ny + iy) * nz..][..nz];
             for iz in first..last {
                 let p = DVec3::new(x, y, f64::from(self.lower[2] + iz as i32) * pitch);
-                line[iz] = u8::from(holds(profile, length, direction, p, slack));
+                line[iz] = u8::from(holds(profile, direction, p, slack));
             }
         }
     }
@@ -122,11 +123,8 @@ impl RotatedTool {
 }
 
 /// True where the point `p`, relative to the tip and turned with the world, lies in a body of revolution.
-pub(super) fn holds(profile: &[Segment], length: f64, direction: DVec3, p: DVec3, slack: f64) -> bool {
+pub(crate) fn holds(profile: &[Segment], direction: DVec3, p: DVec3, slack: f64) -> bool {
     let height = p.dot(direction);
-    if height < 0.0 || height >= length {
-        return false;
-    }
     let Some(segment) = profile.iter().find(|s| s.range().0 <= height && height < s.range().1) else {
         return false;
     };
@@ -157,23 +155,23 @@ pub(super) fn bounds(tool: &Tool, orientation: &Orientation, pitch: f64) -> (DVe
     ((lower / pitch).floor() - 1.0, (upper / pitch).ceil() + 1.0)
 }
 
-/// Range of voxel offsets along z within which the line over (x, y) can meet the cylinder of radius `widest` and
-/// length `length` along `direction`; one voxel generous at either end.
+/// Range of voxel offsets along z within which the line over (x, y) can meet the cylinder of radius `widest` between
+/// two heights along `direction`; one voxel generous at either end.
 fn line_through_cylinder(
     x: f64,
     y: f64,
     direction: DVec3,
     widest: f64,
-    length: f64,
+    (bottom, top): (f64, f64),
     pitch: f64,
 ) -> (f64, f64) {
     let flat = x * direction.x + y * direction.y;
     let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
-    // 0 ≤ flat + z·d_z < length
+    // bottom ≤ flat + z·d_z < top
     if direction.z.abs() > 1e-9 {
-        let (a, b) = (-flat / direction.z, (length - flat) / direction.z);
+        let (a, b) = ((bottom - flat) / direction.z, (top - flat) / direction.z);
         (low, high) = (a.min(b), a.max(b));
-    } else if flat < -pitch || flat > length + pitch {
+    } else if flat < bottom - pitch || flat > top + pitch {
         return (0.0, -2.0);
     }
     // |p|² − (p·d)² ≤ widest²: a quadratic in z.

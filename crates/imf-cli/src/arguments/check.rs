@@ -1,0 +1,58 @@
+//! What `imf check` is asked.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use imf_core::check::CheckSettings;
+use imf_core::tool::Clearance;
+
+use super::scene::SceneArguments;
+
+/// Check a 5-axis toolpath for collisions, exactly, line by line
+#[derive(Args)]
+#[command(
+    after_help = "Examples:\n  imf check part.stl finish.cl --unit mm --tool mill.toml --clearance 2\n  \
+                        imf check teapot path.csv --contact 0.5 --json\n\n\
+                        The toolpath is CSV (x,y,z,i,j,k: tip, and axis from tip to holder) or APT/CL (GOTO/ lines), \
+                        in the part's coordinates and unit. Exit code 3 says that something collides."
+)]
+pub(crate) struct CheckArguments {
+    #[command(flatten)]
+    pub(crate) scene: SceneArguments,
+    /// Toolpath, CSV or APT/CL
+    pub(crate) toolpath: PathBuf,
+    /// Farthest that any point of the tool moves between two checked poses; a quarter of a voxel by default
+    #[arg(long, value_name = "LENGTH")]
+    pub(crate) tolerance: Option<f64>,
+    /// How deep below the part's surface the cutter may reach; one voxel by default
+    #[arg(long, value_name = "LENGTH")]
+    pub(crate) contact: Option<f64>,
+    /// Room that holder and shank must keep
+    #[arg(long, default_value_t = 0.0, value_name = "LENGTH")]
+    pub(crate) clearance: f64,
+    /// Room that the holder must keep, instead of --clearance
+    #[arg(long, value_name = "LENGTH")]
+    pub(crate) clearance_holder: Option<f64>,
+    /// Room that the shank must keep, instead of --clearance
+    #[arg(long, value_name = "LENGTH")]
+    pub(crate) clearance_shank: Option<f64>,
+    /// Room that the cutter must keep from what it may not touch
+    #[arg(long, default_value_t = 0.0, value_name = "LENGTH")]
+    pub(crate) clearance_cutter: f64,
+}
+
+impl CheckArguments {
+    /// The settings, with defaults that follow the grid's pitch.
+    pub(crate) fn settings(&self, pitch: f64) -> CheckSettings {
+        let usual = CheckSettings::of_pitch(pitch);
+        CheckSettings {
+            clearance: Clearance {
+                holder: self.clearance_holder.unwrap_or(self.clearance),
+                shank: self.clearance_shank.unwrap_or(self.clearance),
+                cutter: self.clearance_cutter,
+            },
+            contact: self.contact.unwrap_or(usual.contact),
+            tolerance: self.tolerance.unwrap_or(usual.tolerance),
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! `imf check`: a toolpath against the part, line by line and element by element.
+
+use std::fmt::Write;
+
+use anyhow::Result;
+use imf_core::check::{Against, CheckError, CheckReport, Collision, check_toolpath};
+use imf_core::scene::SceneRecord;
+use imf_core::toolpath::Toolpath;
+use serde_json::json;
+
+use crate::arguments::check::CheckArguments;
+use crate::interrupt::Interrupted;
+use crate::output::{print, print_json};
+use crate::session::Session;
+
+/// The answer is "it collides": said on standard output already, left to the exit code.
+#[derive(Debug)]
+pub(crate) struct CollisionFound;
+
+impl std::fmt::Display for CollisionFound {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("the toolpath collides")
+    }
+}
+
+impl std::error::Error for CollisionFound {}
+
+pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
+    let (scene, part, _) = arguments.scene.scene_and_part(session)?;
+    let record = &scene.record;
+    let toolpath = Toolpath::read(&arguments.toolpath, record.unit)?;
+    for unknown in &toolpath.unknown {
+        let times = if unknown.times > 1 { format!(" ({} times)", unknown.times) } else { String::new() };
+        session.warn(&format!(
+            "line {}{times}: '{}' is not understood; if it moves the tool, that is not checked",
+            unknown.line, unknown.word
+        ));
+    }
+    // Contact is accepted with the part alone, never with a fixture.
+    let fixtures = (!record.fixtures.is_empty()).then_some(&scene.fixtures);
+    let settings = arguments.settings(record.grid.pitch);
+    let stage = session.stage("checking", "lines", toolpath.locations.len() as u64);
+    let advance = |n| stage.advance(n);
+    let control = session.control(&advance);
+    let report = check_toolpath(&part, fixtures, &record.tool, &toolpath, &settings, control);
+    let report = report.map_err(|error| match error {
+        CheckError::Cancelled => Interrupted("the toolpath was not checked to its end".into()).into(),
+        other => anyhow::Error::from(other),
+    })?;
+    stage.finish(&format!("{} poses", report.poses));
+    if session.json {
+        print_json(&json!({
+            "toolpath": arguments.toolpath, "part": record.part, "tool": record.tool.name, "unit": record.unit,
+            "pitch": record.grid.pitch, "collides": !report.colliding.is_empty(), "report": report,
+            "unknown_words": toolpath.unknown,
+        }))?;
+    } else {
+        print(text(&report, record).trim_end())?;
+    }
+    if report.colliding.is_empty() { Ok(()) } else { Err(CollisionFound.into()) }
+}
+
+/// The report for people: one line a collision, then what was checked and what was accepted.
+fn text(report: &CheckReport, record: &SceneRecord) -> String {
+    let mut text = String::new();
+    // Writing to a string does not fail.
+    for line in &report.colliding {
+        for collision in &line.collisions {
+            let _ = writeln!(text, "line {}: {}", line.line, one(collision, line.poses, record));
+        }
+    }
+    let settings = &report.settings;
+    let unit = record.unit;
+    let verdict = match report.colliding.len() {
+        0 => "no collision".to_owned(),
+        1 => "1 line collides".to_owned(),
+        n => format!("{n} lines collide"),
+    };
+    let _ = writeln!(
+        text,
+        "{verdict}: {} lines, {} poses, no point of the tool moving more than {:.4} {unit} between them",
+        report.locations, report.poses, settings.tolerance
+    );
+    let clearance = &settings.clearance;
+    let _ = writeln!(
+        text,
+        "accepted: the cutter's overlap down to {:.4} {unit} below the part's surface; clearance: holder {}, shank {}, \
+         cutter {} {unit}",
+        settings.contact, clearance.holder, clearance.shank, clearance.cutter
+    );
+    let promise = if record.conservative {
+        "every voxel that the surface touches is solid"
+    } else {
+        "exact for voxel centres, not for the mesh itself: see --conservative and --clearance"
+    };
+    let _ = writeln!(text, "{promise} (voxels of {:.4} {unit})", record.grid.pitch);
+    text
+}
+
+fn one(collision: &Collision, poses: u64, record: &SceneRecord) -> String {
+    let against = match collision.against {
+        Against::Part => "the part",
+        Against::Fixtures => "a fixture",
+    };
+    let [x, y, z] = collision.position;
+    let [i, j, k] = collision.axis;
+    format!(
+        "{} hits {against}: {} voxels, {:.3} {}³, at worst with the tip at {x:.3},{y:.3},{z:.3} and the axis \
+         {i:.4},{j:.4},{k:.4}; {} of {poses} poses",
+        collision.element, collision.voxels, collision.volume, record.unit, collision.poses
+    )
+}

@@ -1,0 +1,151 @@
+//! Toolpaths over a block of known size.
+
+use super::*;
+use crate::grid::Grid;
+use crate::unit::LengthUnit;
+
+/// A block of 40×40×20 mm with its top at z = 20, on a grid of 1 mm with room around it.
+fn block() -> Occupancy {
+    let grid = Grid { origin: DVec3::new(-30.0, -30.0, -5.0), pitch: 1.0, dims: [60, 60, 60] };
+    let mut block = Occupancy::empty(grid);
+    for index in 0..grid.len() {
+        let p = grid.centre(grid.voxel(index));
+        block.solid[index] = u8::from(p.x.abs() < 20.0 && p.y.abs() < 20.0 && p.z > 0.0 && p.z < 20.0);
+    }
+    block
+}
+
+/// A post beside the block, as tall as the holder is high.
+fn post() -> Occupancy {
+    let mut post = Occupancy::empty(block().grid);
+    for index in 0..post.grid.len() {
+        let p = post.grid.centre(post.grid.voxel(index));
+        post.solid[index] = u8::from(p.x > 10.0 && p.x < 14.0 && p.y.abs() < 3.0 && p.z > 20.0 && p.z < 54.0);
+    }
+    post
+}
+
+fn path(text: &str) -> Toolpath {
+    Toolpath::parse(text, LengthUnit::Mm, "path").unwrap()
+}
+
+fn check(fixtures: Option<&Occupancy>, text: &str, settings: &CheckSettings) -> CheckReport {
+    check_toolpath(&block(), fixtures, &Tool::paper(), &path(text), settings, Control::quiet()).unwrap()
+}
+
+#[test]
+fn a_finishing_pass_that_touches_the_part_is_no_collision() {
+    let settings = CheckSettings::of_pitch(1.0);
+    // Half a voxel below the top, as rounding of the part to voxels may have it.
+    let report = check(None, "-15,0,19.4\n15,0,19.4\n", &settings);
+    assert_eq!(report.colliding, []);
+    assert_eq!((report.locations, report.poses), (2, 121));
+    let strict = CheckSettings { contact: 0.0, ..settings };
+    let report = check(None, "-15,0,19.4\n15,0,19.4\n", &strict);
+    assert_eq!(report.colliding[0].collisions[0].element, "cutter");
+}
+
+#[test]
+fn a_cutter_that_goes_too_deep_collides() {
+    let report = check(None, "0,0,30\n0,0,16\n0,0,30\n", &CheckSettings::of_pitch(1.0));
+    let lines: Vec<usize> = report.colliding.iter().map(|l| l.line).collect();
+    assert_eq!(lines, [2, 3]);
+    let collision = &report.colliding[0].collisions[0];
+    assert_eq!((collision.element.as_str(), collision.against), ("cutter", Against::Part));
+    assert_eq!(collision.position, [0.0, 0.0, 16.0]);
+    assert!((collision.volume - f64::from(collision.voxels)).abs() < 1e-12);
+    // The ball at 16 reaches 4 deep; only what lies below 18.5 counts, and none of it at 18.5.
+    let expected = Tool::paper().count_inside(
+        &deeper_than(&block(), 1.0),
+        DVec3::new(0.0, 0.0, 16.0),
+        &crate::orientation::Orientation::default(),
+    );
+    assert_eq!(collision.voxels, expected);
+}
+
+#[test]
+fn a_holder_that_grazes_collides_however_little() {
+    // Tilted over so far that the holder's edge dips into the top layer of the block.
+    let tilt = 76_f64.to_radians();
+    let line = |tip: f64| format!("-20,0,{tip},{},0,{}\n", tilt.sin(), tilt.cos());
+    let settings = CheckSettings::of_pitch(1.0);
+    let report = check(None, &line(24.9), &settings);
+    let names: Vec<&str> = report.colliding[0].collisions.iter().map(|c| c.element.as_str()).collect();
+    assert_eq!(names, ["holder 1"], "{report:?}");
+    // Upright it is free.
+    assert_eq!(check(None, "-20,0,24.9\n", &settings).colliding, []);
+}
+
+#[test]
+fn clearance_belongs_to_its_element() {
+    // The holder's face hangs 1.5 above the top centres; half of it over the block.
+    let text = "-25,0,-14.0\n";
+    let settings = CheckSettings::of_pitch(1.0);
+    assert_eq!(check(None, text, &settings).colliding, []);
+    let near = CheckSettings { clearance: Clearance::around_holder_and_shank(2.0), ..settings };
+    let report = check(None, text, &near);
+    assert_eq!(report.colliding[0].collisions[0].element, "holder 1", "{report:?}");
+    let cutter = CheckSettings { clearance: Clearance { cutter: 0.9, ..Clearance::default() }, ..settings };
+    // The cutter's flank is 0.5 from the outermost centres, and contact lets it have the outer two layers.
+    assert_eq!(check(None, text, &cutter).colliding, []);
+}
+
+#[test]
+fn contact_with_fixtures_is_never_accepted() {
+    let post = post();
+    let settings = CheckSettings::of_pitch(1.0);
+    // The cutter's flank is in the post's first layer of voxels.
+    let text = "5.6,0,20.6\n";
+    assert_eq!(check(None, text, &settings).colliding, []);
+    let report = check(Some(&post), text, &settings);
+    let found: Vec<_> =
+        report.colliding[0].collisions.iter().map(|c| (c.element.as_str(), c.against)).collect();
+    assert_eq!(found, [("cutter", Against::Fixtures)], "{report:?}");
+}
+
+#[test]
+fn interpolation_finds_what_lies_between_two_free_lines() {
+    let settings = CheckSettings::of_pitch(1.0);
+    // Right through the block.
+    let report = check(None, "# start\n-28,0,10\n28,0,10\n", &settings);
+    assert_eq!(report.colliding.len(), 1);
+    assert_eq!(report.colliding[0].line, 3);
+    assert!(report.colliding[0].poses > 200);
+    // The tip stays, the holder swings through a post.
+    let post = post();
+    let swing = "0,0,25,-1,0,1\n0,0,25,1,0.0,0.05\n";
+    let ends = ["0,0,25,-1,0,1\n", "0,0,25,1,0,0.05\n"];
+    for end in ends {
+        assert_eq!(
+            check(Some(&post), end, &settings).colliding.len(),
+            usize::from(end.starts_with("0,0,25,1"))
+        );
+    }
+    assert_eq!(check(Some(&post), swing, &settings).colliding[0].line, 2);
+}
+
+#[test]
+fn what_cannot_be_checked_is_refused() {
+    let refuse = |text: &str, settings: CheckSettings| {
+        check_toolpath(&block(), None, &Tool::paper(), &path(text), &settings, Control::quiet())
+            .unwrap_err()
+            .to_string()
+    };
+    let settings = CheckSettings::of_pitch(1.0);
+    assert!(refuse("0,0,0,0,0,1\n0,0,0,0,0,-1\n", settings).contains("line 2"));
+    assert!(refuse("0,0,0\n1e12,0,0\n", settings).contains("line 2"));
+    assert!(refuse("0,0,0\n", CheckSettings { tolerance: 0.0, ..settings }).contains("tolerance"));
+    assert!(refuse("0,0,0\n", CheckSettings { contact: -1.0, ..settings }).contains("contact"));
+    let negative = Clearance { holder: f64::NAN, ..Clearance::default() };
+    assert!(refuse("0,0,0\n", CheckSettings { clearance: negative, ..settings }).contains("holder"));
+}
+
+#[test]
+fn depth_is_counted_from_the_surface() {
+    let block = block();
+    let shell = |contact: f64| block.count() - deeper_than(&block, contact).count();
+    assert_eq!(shell(0.0), 0);
+    assert_eq!(shell(0.5), 40 * 40 * 20 - 38 * 38 * 18);
+    assert_eq!(shell(1.0), 40 * 40 * 20 - 38 * 38 * 18);
+    assert_eq!(shell(1.5), 40 * 40 * 20 - 36 * 36 * 16);
+}

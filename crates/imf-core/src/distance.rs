@@ -1,0 +1,281 @@
+//! Exact Euclidean distance transforms of an occupancy, in voxels between voxel centres.
+//!
+//! Separable, as Meijster, Roerdink and Hesselink (2000) and Felzenszwalb and Huttenlocher (2012) have it: the nearest
+//! solid voxel along x by two sweeps, then along y and z by lower envelopes of parabolas, in whole numbers. The
+//! nearest voxel itself is kept as well: a witness is worth more than a length.
+//!
+//! Space outside the grid is empty: for a point out there the distance to the obstacle is bounded from below through
+//! the nearest point of the grid, and as seen from within the obstacle the outside is the nearest empty space.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::occupancy::Occupancy;
+
+/// No solid voxel anywhere.
+const NONE: u32 = u32::MAX;
+
+/// For every voxel its nearest solid voxel and how far away that is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DistanceField {
+    dims: [usize; 3],
+    nearest: Vec<u32>,
+    distance: Vec<f32>,
+}
+
+impl DistanceField {
+    /// The distance transform of an obstacle, on all threads of the current pool.
+    #[must_use]
+    pub fn new(obstacle: &Occupancy) -> Self {
+        let dims = obstacle.grid.dims;
+        let nearest = nearest_voxels(obstacle, 1);
+        let distance = (0..nearest.len())
+            .into_par_iter()
+            .map(|index| match nearest[index] {
+                NONE => f32::INFINITY,
+                // Rounded down, so that it stays a lower bound.
+                witness => {
+                    ((squared_distance(dims, index, witness as usize) as f64).sqrt() as f32).next_down()
+                }
+            })
+            .map(|d| d.max(0.0))
+            .collect();
+        Self { dims, nearest, distance }
+    }
+
+    /// Voxels along x, y, z.
+    #[must_use]
+    pub fn dims(&self) -> [usize; 3] {
+        self.dims
+    }
+
+    /// The solid voxel nearest to a voxel (positions in C-ordered arrays); `None` where nothing is solid.
+    #[must_use]
+    pub fn nearest(&self, index: usize) -> Option<usize> {
+        Some(self.nearest[index]).filter(|&w| w != NONE).map(|w| w as usize)
+    }
+
+    /// Squared distance in voxels from a voxel's centre to the nearest solid voxel's; `None` where nothing is solid.
+    #[must_use]
+    pub fn squared(&self, index: usize) -> Option<u64> {
+        self.nearest(index).map(|witness| squared_distance(self.dims, index, witness))
+    }
+
+    /// Looks at a point in continuous voxel coordinates (whole numbers at centres), inside the grid or outside.
+    #[inline]
+    #[must_use]
+    pub fn probe(&self, point: DVec3) -> Probe {
+        let last = DVec3::from_array(self.dims.map(|d| (d - 1) as f64));
+        let held = point.clamp(DVec3::ZERO, last);
+        let centre = (held + 0.5).floor().min(last);
+        let [x, y, z] = [centre.x as usize, centre.y as usize, centre.z as usize];
+        let index = (x * self.dims[1] + y) * self.dims[2] + z;
+        let to_centre = f64::from(self.distance[index]);
+        // Every solid centre lies in the box of centres, and the angle at the box's nearest point is obtuse: the
+        // squares of the way to the box and of the way on from there add up to a lower bound.
+        let inside = (to_centre - (held - centre).length()).max(0.0);
+        let outside = (point - held).length_squared();
+        Probe { index, squared: outside + inside * inside }
+    }
+}
+
+/// What a [`DistanceField`] knows about a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Probe {
+    /// The voxel nearest to the point.
+    pub index: usize,
+    /// Lower bound of the squared distance from the point to any solid voxel's centre, in voxels².
+    pub squared: f64,
+}
+
+/// Squared distance in voxels from every solid voxel's centre to the nearest empty voxel's, the outside of the grid
+/// being empty; 0 where empty.
+#[must_use]
+pub fn squared_depths(obstacle: &Occupancy) -> Vec<u64> {
+    let dims = obstacle.grid.dims;
+    let nearest = nearest_voxels(obstacle, 0);
+    nearest
+        .par_iter()
+        .enumerate()
+        .map(|(index, &witness)| {
+            let voxel = obstacle.grid.voxel(index);
+            let face = (0..3).map(|axis| (voxel[axis] + 1).min(dims[axis] - voxel[axis]) as u64).min();
+            let face = face.map_or(0, |d| d * d);
+            if witness == NONE { face } else { face.min(squared_distance(dims, index, witness as usize)) }
+        })
+        .collect()
+}
+
+/// Squared distance in voxels between two voxels.
+fn squared_distance(dims: [usize; 3], a: usize, b: usize) -> u64 {
+    let split = |index: usize| [index / (dims[1] * dims[2]), index / dims[2] % dims[1], index % dims[2]];
+    let (a, b) = (split(a), split(b));
+    (0..3).map(|axis| a[axis].abs_diff(b[axis]) as u64).map(|d| d * d).sum()
+}
+
+/// For every voxel the nearest one whose value is `wanted`, or [`NONE`].
+fn nearest_voxels(obstacle: &Occupancy, wanted: u8) -> Vec<u32> {
+    let [nx, ny, nz] = obstacle.grid.dims;
+    let slab = ny * nz;
+    let mut nearest_x = vec![NONE; nx * slab];
+    // Two sweeps along x, whole slabs at a time.
+    for x in 0..nx {
+        let (before, here) = nearest_x.split_at_mut(x * slab);
+        let solid = &obstacle.solid[x * slab..][..slab];
+        for i in 0..slab {
+            let last = if x > 0 { before[(x - 1) * slab + i] } else { NONE };
+            here[i] = if solid[i] == wanted { x as u32 } else { last };
+        }
+    }
+    for x in (0..nx.saturating_sub(1)).rev() {
+        let (here, after) = nearest_x.split_at_mut((x + 1) * slab);
+        for i in 0..slab {
+            let (low, high) = (here[x * slab + i], after[i]);
+            let closer = high != NONE && (low == NONE || high.abs_diff(x as u32) < (x as u32).abs_diff(low));
+            here[x * slab + i] = if closer { high } else { low };
+        }
+    }
+    let mut nearest = vec![NONE; nx * slab];
+    nearest.par_chunks_mut(slab).enumerate().for_each(|(x, out)| {
+        let along_x = &nearest_x[x * slab..][..slab];
+        let mut envelope = Envelope::default();
+        let mut witness = vec![NONE; slab];
+        let mut squared = vec![u64::MAX; slab];
+        for z in 0..nz {
+            let height = |y: usize| match along_x[y * nz + z] {
+                NONE => None,
+                w => Some(u64::from(w).abs_diff(x as u64).pow(2)),
+            };
+            envelope.sweep(ny, height, |y, (from, d2)| {
+                witness[y * nz + z] = along_x[from * nz + z] * ny as u32 + from as u32;
+                squared[y * nz + z] = d2;
+            });
+        }
+        for y in 0..ny {
+            let line = &squared[y * nz..][..nz];
+            envelope.sweep(
+                nz,
+                |z| Some(line[z]).filter(|&s| s != u64::MAX),
+                |z, (from, _)| {
+                    out[y * nz + z] = witness[y * nz + from] * nz as u32 + from as u32;
+                },
+            );
+        }
+    });
+    nearest
+}
+
+/// The lower envelope of parabolas `(i − j)² + height(j)` over whole numbers `i`; memory is kept between lines.
+#[derive(Default)]
+struct Envelope {
+    /// Parabolas on the envelope from left to right: vertex, height, first place where it is the lowest.
+    parts: Vec<(i64, i64, i64)>,
+}
+
+impl Envelope {
+    /// Calls `visit(i, (j, (i − j)² + height(j)))` with the least parabola `j` for every `i < length`, if there is any.
+    fn sweep(
+        &mut self,
+        length: usize,
+        height: impl Fn(usize) -> Option<u64>,
+        mut visit: impl FnMut(usize, (usize, u64)),
+    ) {
+        self.parts.clear();
+        for j in 0..length {
+            let Some(h) = height(j) else { continue };
+            let (vertex, h) = (j as i64, h as i64);
+            let mut start = 0;
+            while let Some(&(other, g, from)) = self.parts.last() {
+                // From this place on the new parabola is below: (i−v)² + h < (i−o)² + g.
+                let cross = (vertex * vertex - other * other + h - g).div_euclid(2 * (vertex - other)) + 1;
+                if cross > from {
+                    start = cross;
+                    break;
+                }
+                self.parts.pop();
+            }
+            if start < length as i64 {
+                self.parts.push((vertex, h, start.max(0)));
+            }
+        }
+        let mut part = 0;
+        for i in 0..length {
+            while self.parts.get(part + 1).is_some_and(|next| next.2 <= i as i64) {
+                part += 1;
+            }
+            if let Some(&(vertex, h, _)) = self.parts.get(part) {
+                let away = i as i64 - vertex;
+                visit(i, (vertex as usize, (away * away + h) as u64));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::Grid;
+
+    fn scattered(dims: [usize; 3], one_in: usize) -> Occupancy {
+        let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims };
+        let solid = (0..grid.len())
+            .map(|i| u8::from((i.wrapping_mul(2_654_435_761) >> 9).is_multiple_of(one_in)))
+            .collect();
+        Occupancy { grid, solid }
+    }
+
+    fn brute(obstacle: &Occupancy, wanted: u8, index: usize) -> Option<u64> {
+        let chosen = (0..obstacle.solid.len()).filter(|&i| obstacle.solid[i] == wanted);
+        chosen.map(|i| squared_distance(obstacle.grid.dims, index, i)).min()
+    }
+
+    #[test]
+    fn distances_are_those_of_trying_every_voxel() {
+        for (dims, one_in) in [([7, 9, 11], 3), ([7, 9, 11], 40), ([1, 13, 4], 9), ([12, 1, 1], 5)] {
+            let obstacle = scattered(dims, one_in);
+            let field = DistanceField::new(&obstacle);
+            let depths = squared_depths(&obstacle);
+            for index in 0..obstacle.solid.len() {
+                assert_eq!(field.squared(index), brute(&obstacle, 1, index), "{dims:?} {index}");
+                let voxel = obstacle.grid.voxel(index);
+                let face =
+                    (0..3).map(|a| (voxel[a] + 1).min(dims[a] - voxel[a]) as u64).min().unwrap().pow(2);
+                let expected = brute(&obstacle, 0, index).map_or(face, |d| d.min(face));
+                assert_eq!(depths[index], expected, "{dims:?} {index}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_empty_obstacle_is_infinitely_far() {
+        let empty = Occupancy::empty(Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [3, 4, 5] });
+        let field = DistanceField::new(&empty);
+        assert_eq!((field.nearest(7), field.squared(7)), (None, None));
+        assert_eq!(field.probe(DVec3::new(-9.0, 1.0, 2.0)).squared, f64::INFINITY);
+        assert!(squared_depths(&empty).iter().all(|&d| d == 0));
+    }
+
+    #[test]
+    fn probes_never_promise_more_than_the_true_distance() {
+        let obstacle = scattered([9, 8, 10], 37);
+        let field = DistanceField::new(&obstacle);
+        let centres: Vec<DVec3> = (0..obstacle.solid.len())
+            .filter(|&i| obstacle.solid[i] == 1)
+            .map(|i| DVec3::from_array(obstacle.grid.voxel(i).map(|v| v as f64)))
+            .collect();
+        let mut gap: f64 = 0.0;
+        for i in 0..4000_u32 {
+            let point = DVec3::new(
+                f64::from(i.wrapping_mul(40_503) % 997) / 997.0 * 30.0 - 10.0,
+                f64::from(i.wrapping_mul(30_011) % 991) / 991.0 * 30.0 - 10.0,
+                f64::from(i.wrapping_mul(20_021) % 983) / 983.0 * 30.0 - 10.0,
+            );
+            let truth = centres.iter().map(|c| c.distance(point)).fold(f64::INFINITY, f64::min);
+            let bound = field.probe(point).squared.sqrt();
+            assert!(bound <= truth + 1e-9, "{point}: {bound} > {truth}");
+            gap = gap.max(truth - bound);
+        }
+        // Outside, where the way bends, the bound is looser than the √3 of one rounding inside.
+        assert!(gap < 12.0, "{gap}");
+    }
+}

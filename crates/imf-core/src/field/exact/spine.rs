@@ -1,0 +1,195 @@
+//! Proofs by balls along the tool's axis: "free" where the obstacle stays out of balls that together cover the tool,
+//! "blocked" where a voxel nearest to the axis lies in it.
+//!
+//! The axis is halved again and again, once for each tool. Every piece has the ball around its middle that covers it;
+//! where the distance transform shows that ball to be free, the piece is done. Else the solid voxel nearest to the
+//! middle is tried with the predicate that defines the tool: one that is inside decides the pose. Else the halves are
+//! looked at. Pieces that are too short to halve stay open: they must be counted.
+
+use super::Body;
+use super::sweep::Placed;
+use crate::distance::DistanceField;
+use crate::tool::Segment;
+
+/// Pieces that a pose may leave open.
+pub(super) const OPEN: usize = 48;
+/// Added to every covering radius, in voxels: more than the slack of the tool's predicate and all rounding.
+const MARGIN: f64 = 1e-4;
+
+/// A stretch of a body's axis; lengths in voxels.
+#[derive(Clone, Debug)]
+pub(super) struct Piece {
+    /// Height of the covering ball's centre.
+    middle: f64,
+    /// Radius of the ball that covers the piece.
+    radius: f64,
+    squared: f64,
+    /// Position of the first half, the second follows it; 0 for a piece that is not halved.
+    halves: u32,
+    /// Which body, and which of its segments where it is not halved.
+    pub(super) body: usize,
+    pub(super) segment: usize,
+    /// Heights.
+    pub(super) from: f64,
+    pub(super) to: f64,
+}
+
+/// What balls can tell of a pose.
+pub(super) enum Verdict {
+    /// No solid voxel in the tool.
+    Free,
+    /// At least one.
+    Blocked,
+    /// So many pieces must be counted; the others are free.
+    Open(usize),
+    /// More pieces than [`OPEN`] must be counted.
+    Undecided,
+}
+
+/// The pieces of all bodies.
+pub(super) struct Spine {
+    pieces: Vec<Piece>,
+    roots: usize,
+}
+
+impl Spine {
+    pub(super) fn new(bodies: &[Body]) -> Self {
+        let mut pieces: Vec<Piece> = Vec::new();
+        // Bodies farther from the tip are the wider ones: they are the first to touch.
+        for (index, body) in bodies.iter().enumerate().rev() {
+            let (Some(first), Some(last)) = (body.parts.first(), body.parts.last()) else { continue };
+            pieces.push(piece(bodies, index, first.segment.range().0, last.segment.range().1));
+        }
+        let roots = pieces.len();
+        let mut next = 0;
+        while next < pieces.len() {
+            let Piece { body, from, to, radius, .. } = pieces[next];
+            let parts = &bodies[body].parts;
+            let inner = parts.iter().map(|p| p.segment.range().0).filter(|&h| h > from && h < to);
+            let middle = 0.5 * (from + to);
+            let split = inner.min_by(|a, b| (a - middle).abs().total_cmp(&(b - middle).abs()));
+            let length = to - from;
+            if split.is_some() || (length > SHORTEST && length * length > SLENDER * radius) {
+                let split = split.unwrap_or(middle);
+                pieces[next].halves = pieces.len() as u32;
+                pieces.push(piece(bodies, body, from, split));
+                pieces.push(piece(bodies, body, split, to));
+            }
+            next += 1;
+        }
+        Self { pieces, roots }
+    }
+
+    pub(super) fn piece(&self, index: u32) -> &Piece {
+        &self.pieces[index as usize]
+    }
+
+    /// Tries to decide a pose. Pieces left open are listed in `open`.
+    #[inline]
+    pub(super) fn prove(
+        &self,
+        placed: Placed,
+        bodies: &[Body],
+        distances: &DistanceField,
+        open: &mut [u32; OPEN],
+    ) -> Verdict {
+        let [_, ny, nz] = distances.dims().map(|n| n as u32);
+        let mut stack = [0_u32; 64];
+        let mut depth = 0;
+        let mut found = 0;
+        let mut last_witness = usize::MAX;
+        for root in 0..self.roots as u32 {
+            stack[depth] = root;
+            depth += 1;
+            while depth > 0 {
+                depth -= 1;
+                let index = stack[depth];
+                let piece = &self.pieces[index as usize];
+                let probe = distances.probe(placed.tip + placed.direction * piece.middle);
+                if probe.squared > piece.squared {
+                    continue;
+                }
+                let Some(witness) = distances.nearest(probe.index) else { return Verdict::Free };
+                if witness != last_witness {
+                    last_witness = witness;
+                    let (line, z) = (witness as u32 / nz, witness as u32 % nz);
+                    let voxel = [f64::from(line / ny), f64::from(line % ny), f64::from(z)];
+                    if bodies.iter().any(|body| placed.holds(&body.profile, voxel)) {
+                        return Verdict::Blocked;
+                    }
+                }
+                if piece.halves == 0 {
+                    if found == OPEN {
+                        return Verdict::Undecided;
+                    }
+                    open[found] = index;
+                    found += 1;
+                } else {
+                    stack[depth] = piece.halves;
+                    stack[depth + 1] = piece.halves + 1;
+                    depth += 2;
+                }
+            }
+        }
+        if found == 0 { Verdict::Free } else { Verdict::Open(found) }
+    }
+
+    /// Lower bound of the distance from the tool to any solid voxel's centre, in voxels; below zero where the tool may
+    /// hold one, and then no lower than minus the depth it may have.
+    pub(super) fn clearance(&self, placed: Placed, distances: &DistanceField) -> f64 {
+        let mut least = f64::INFINITY;
+        let mut stack: Vec<u32> = (0..self.roots as u32).collect();
+        while let Some(index) = stack.pop() {
+            let piece = &self.pieces[index as usize];
+            let away = distances.probe(placed.tip + placed.direction * piece.middle).squared.sqrt();
+            let bound = away - piece.radius;
+            if bound >= least {
+                continue;
+            }
+            if piece.halves == 0 {
+                least = least.min(bound);
+            } else {
+                stack.extend([piece.halves, piece.halves + 1]);
+            }
+        }
+        least
+    }
+}
+
+/// Pieces shorter than this many voxels are not halved.
+const SHORTEST: f64 = 1.0;
+/// A piece of length l is halved while l² exceeds this times its radius: then its ball sticks out by l²/8r.
+const SLENDER: f64 = 1.2;
+
+/// The stretch of a body between two heights with the ball that covers it.
+fn piece(bodies: &[Body], body: usize, from: f64, to: f64) -> Piece {
+    const STEPS: i32 = 8;
+    let middle = 0.5 * (from + to);
+    let parts = &bodies[body].parts;
+    let mut radius: f64 = 0.0;
+    for part in parts {
+        let (low, high) = part.segment.range();
+        let (low, high) = (low.max(from), high.min(to));
+        for step in 0..STEPS {
+            let at = |step: i32| low + (high - low) * f64::from(step) / f64::from(STEPS);
+            let (low, high) = (at(step), at(step + 1));
+            if low < high {
+                let away = (low - middle).abs().max((high - middle).abs());
+                radius = radius.max(away.hypot(widest(&part.segment, low, high)));
+            }
+        }
+    }
+    let radius = radius + MARGIN;
+    let holding = |p: &super::Part| p.segment.range().0 <= middle && middle < p.segment.range().1;
+    let segment = parts.iter().position(holding).unwrap_or(0);
+    Piece { middle, radius, squared: radius * radius, halves: 0, body, segment, from, to }
+}
+
+/// Largest radius between two heights within the segment's range.
+fn widest(segment: &Segment, from: f64, to: f64) -> f64 {
+    let ends = segment.radius(from).max(segment.radius(to));
+    match *segment {
+        Segment::Line { .. } => ends,
+        Segment::Arc { centre_height, .. } => ends.max(segment.radius(centre_height.clamp(from, to))),
+    }
+}

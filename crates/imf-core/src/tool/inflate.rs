@@ -1,0 +1,324 @@
+//! The tool grown by a clearance: every point within δ of an element.
+//!
+//! A body of revolution grown by δ is again one: its outline is the upper envelope of the outline's lines moved out by
+//! δ along their normals, its arcs with a radius larger by δ, and an arc of radius δ around every corner. These are
+//! all lines and arcs, so the grown outline is exact, not an approximation; it is made larger by a billionth of δ so
+//! that rounding never takes anything away.
+//!
+//! Grown elements overlap: the bottom of a grown holder reaches below the holder's face, over the cutter. So they are
+//! bodies of their own, each with its own heights, which may begin below the tip.
+
+mod envelope;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
+use envelope::{Curve, envelope};
+
+/// How much room each kind of element must keep from the obstacle, in the tool's unit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Clearance {
+    /// Around every holder segment.
+    pub holder: f64,
+    /// Around the shank.
+    pub shank: f64,
+    /// Around the cutter; 0 where the cutter is to touch what it cuts.
+    pub cutter: f64,
+}
+
+/// Why a tool cannot be grown.
+#[derive(Debug, Error, PartialEq)]
+pub enum ClearanceError {
+    /// A clearance below zero or not finite.
+    #[error("the clearance of the {0} must be a finite length of at least 0, not {1}")]
+    Value(&'static str, f64),
+    /// A mesh has no elements and no outline.
+    #[error(
+        "the tool '{0}' is a mesh: it cannot be grown by a clearance; describe it by cutter, shank and holder"
+    )]
+    Mesh(String),
+}
+
+impl Clearance {
+    /// The same room around holder and shank, none around the cutter.
+    #[must_use]
+    pub fn around_holder_and_shank(clearance: f64) -> Self {
+        Self { holder: clearance, shank: clearance, cutter: 0.0 }
+    }
+
+    /// The room of one kind of element.
+    #[must_use]
+    pub fn of(&self, kind: ElementKind) -> f64 {
+        match kind {
+            ElementKind::Cutter => self.cutter,
+            ElementKind::Shank => self.shank,
+            ElementKind::Holder(_) => self.holder,
+        }
+    }
+
+    /// True where nothing grows.
+    #[must_use]
+    pub fn is_zero(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// The clearance with every length multiplied by `factor`, to change its unit.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self { holder: self.holder * factor, shank: self.shank * factor, cutter: self.cutter * factor }
+    }
+
+    /// Checks every length.
+    ///
+    /// # Errors
+    /// A length below zero or not finite.
+    pub fn check(&self) -> Result<(), ClearanceError> {
+        for (name, value) in [("holder", self.holder), ("shank", self.shank), ("cutter", self.cutter)] {
+            if !(value.is_finite() && value >= 0.0) {
+                return Err(ClearanceError::Value(name, value));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Tool {
+    /// Every element grown by its clearance: bodies that overlap, in the order of the tool's elements.
+    ///
+    /// # Errors
+    /// A mesh tool with any clearance, or a clearance that is no length. Without clearance a mesh tool has no
+    /// elements, and the list is empty.
+    pub fn inflated_elements(&self, clearance: &Clearance) -> Result<Vec<Element>, ClearanceError> {
+        clearance.check()?;
+        match &self.shape {
+            ToolShape::Revolved(elements) => {
+                Ok(elements.iter().map(|e| inflated(e, clearance.of(e.kind))).collect())
+            }
+            ToolShape::Mesh(_) if clearance.is_zero() => Ok(Vec::new()),
+            ToolShape::Mesh(_) => Err(ClearanceError::Mesh(self.name.clone())),
+        }
+    }
+
+    /// One tool that is the union of the grown elements; each piece of its outline belongs to the element that reaches
+    /// farthest out there. It may begin below the tip, which stays the origin. Sharp points keep their places; those
+    /// spread over the cutter become a list of points.
+    ///
+    /// # Errors
+    /// As [`Tool::inflated_elements`].
+    pub fn inflated(&self, clearance: &Clearance) -> Result<Self, ClearanceError> {
+        if clearance.is_zero() {
+            return Ok(self.clone());
+        }
+        let bodies = self.inflated_elements(clearance)?;
+        let curves: Vec<Curve> = bodies
+            .iter()
+            .enumerate()
+            .flat_map(|(owner, body)| body.profile.iter().map(move |&segment| Curve { segment, owner }))
+            .collect();
+        let mut elements: Vec<Element> = Vec::new();
+        let mut last = usize::MAX;
+        for curve in envelope(&curves) {
+            if curve.owner != last {
+                elements.push(Element { kind: bodies[curve.owner].kind, profile: Vec::new() });
+                last = curve.owner;
+            }
+            if let Some(element) = elements.last_mut() {
+                element.profile.push(curve.segment);
+            }
+        }
+        let sharp_points = match &self.sharp_points {
+            SharpPoints::Cutter(_) => SharpPoints::Points(self.sharp_point_positions()),
+            other => other.clone(),
+        };
+        Ok(Self { shape: ToolShape::Revolved(elements), sharp_points, ..self.clone() })
+    }
+}
+
+/// The element grown by `clearance` in every direction.
+fn inflated(element: &Element, clearance: f64) -> Element {
+    if clearance == 0.0 {
+        return element.clone();
+    }
+    let grow = clearance * (1.0 + 1e-9);
+    let mut curves = Vec::new();
+    for segment in &element.profile {
+        let (from, to) = segment.range();
+        let corner = |height: f64| Segment::Arc {
+            from: height - grow,
+            to: height + grow,
+            centre_height: height,
+            centre_radius: segment.radius(height),
+            arc_radius: grow,
+        };
+        let moved = match *segment {
+            Segment::Line { radius_from, radius_to, .. } => {
+                let slope = (radius_to - radius_from) / (to - from);
+                let out = grow / slope.hypot(1.0);
+                Segment::Line {
+                    from: from - slope * out,
+                    to: to - slope * out,
+                    radius_from: radius_from + out,
+                    radius_to: radius_to + out,
+                }
+            }
+            Segment::Arc { centre_height, centre_radius, arc_radius, .. } => {
+                let stretch = (arc_radius + grow) / arc_radius;
+                Segment::Arc {
+                    from: centre_height + (from - centre_height) * stretch,
+                    to: centre_height + (to - centre_height) * stretch,
+                    centre_height,
+                    centre_radius,
+                    arc_radius: arc_radius + grow,
+                }
+            }
+        };
+        curves.extend([corner(from), moved, corner(to)].map(|segment| Curve { segment, owner: 0 }));
+    }
+    Element { kind: element.kind, profile: envelope(&curves).into_iter().map(|c| c.segment).collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    fn tapered() -> Tool {
+        let cutter = vec![
+            Segment::Arc { from: 0.0, to: 1.6, centre_height: 2.0, centre_radius: 1.0, arc_radius: 2.0 },
+            Segment::Line { from: 1.6, to: 12.0, radius_from: 2.959_591_794_226_542, radius_to: 5.0 },
+        ];
+        let shank = vec![Segment::Line { from: 12.0, to: 18.0, radius_from: 2.5, radius_to: 2.5 }];
+        let holder = vec![Segment::Line { from: 18.0, to: 30.0, radius_from: 9.0, radius_to: 6.0 }];
+        let element = |kind, profile| Element { kind, profile };
+        Tool {
+            shape: ToolShape::Revolved(vec![
+                element(ElementKind::Cutter, cutter),
+                element(ElementKind::Shank, shank),
+                element(ElementKind::Holder(0), holder),
+            ]),
+            ..Tool::paper()
+        }
+    }
+
+    /// Distance in the half-plane of height and radius from a point to the element, by a fine walk over its outline.
+    fn distance(element: &Element, height: f64, radius: f64) -> f64 {
+        let mut least = f64::INFINITY;
+        for segment in &element.profile {
+            let (from, to) = segment.range();
+            for i in 0..=2000 {
+                let h = from + (to - from) * f64::from(i) / 2000.0;
+                // All of the disc at this height belongs to the element.
+                least = least.min((h - height).hypot((radius - segment.radius(h)).max(0.0)));
+            }
+        }
+        least
+    }
+
+    fn inside(element: &Element, height: f64, radius: f64) -> bool {
+        element.profile.iter().any(|s| {
+            let (from, to) = s.range();
+            from <= height && height < to && radius <= s.radius(height)
+        })
+    }
+
+    #[test]
+    fn grown_elements_are_the_points_within_the_clearance() {
+        let clearance = Clearance { holder: 2.0, shank: 1.0, cutter: 0.5 };
+        for tool in [Tool::paper(), tapered()] {
+            let ToolShape::Revolved(elements) = &tool.shape else { panic!() };
+            let grown = tool.inflated_elements(&clearance).unwrap();
+            for (element, body) in elements.iter().zip(&grown) {
+                let delta = clearance.of(element.kind);
+                let (low, high) = (body.profile[0].range().0, body.profile.last().unwrap().range().1);
+                assert!((low - (element.profile[0].range().0 - delta)).abs() < 1e-6);
+                for i in 0..150 {
+                    for j in 0..60 {
+                        let height = low - 0.3 + (high - low + 0.6) * f64::from(i) / 149.0;
+                        let radius = f64::from(j) * 0.31;
+                        let away = distance(element, height, radius);
+                        // The walk's steps are below 0.05, so its distance is right to about a thousandth.
+                        if away < delta - 1e-9 {
+                            assert!(inside(body, height, radius), "{:?} {height} {radius}", element.kind);
+                        }
+                        if inside(body, height, radius) {
+                            assert!(away <= delta + 2e-3, "{:?} {height} {radius} {away}", element.kind);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn outlines_have_no_gaps_and_few_pieces() {
+        let clearance = Clearance { holder: 1.5, shank: 1.5, cutter: 1.5 };
+        for tool in [Tool::paper(), tapered()] {
+            for body in tool.inflated_elements(&clearance).unwrap() {
+                assert!(body.profile.len() <= 6, "{:?}", body.profile);
+                for pair in body.profile.windows(2) {
+                    assert!((pair[0].range().1 - pair[1].range().0).abs() < 1e-9);
+                    let joint = pair[0].range().1;
+                    assert!((pair[0].radius(joint) - pair[1].radius(joint)).abs() < 1e-5, "{pair:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_grown_cylinder_has_the_volume_in_closed_form() {
+        let line = Segment::Line { from: 3.0, to: 11.0, radius_from: 4.0, radius_to: 4.0 };
+        let element = Element { kind: ElementKind::Shank, profile: vec![line] };
+        let (r, h, d, pi) = (4.0, 8.0, 1.25, std::f64::consts::PI);
+        // Steiner's formula: volume, surface, mean curvature, ball.
+        let surface = 2.0 * pi * r * (r + h);
+        let expected =
+            pi * r * r * h + surface * d + (pi * pi * r + pi * h) * d * d + 4.0 / 3.0 * pi * d * d * d;
+        let volume: f64 = inflated(&element, d).profile.iter().map(Segment::volume).sum();
+        assert!((volume - expected).abs() < 1e-5 * expected, "{volume} {expected}");
+    }
+
+    #[test]
+    fn the_union_holds_every_grown_element_and_nothing_else() {
+        let clearance = Clearance { holder: 2.0, shank: 1.0, cutter: 0.5 };
+        let tool = tapered();
+        let bodies = tool.inflated_elements(&clearance).unwrap();
+        let union = tool.inflated(&clearance).unwrap();
+        let ToolShape::Revolved(pieces) = &union.shape else { panic!() };
+        for i in 0..400 {
+            for j in 0..80 {
+                let (height, radius) = (-1.0 + 35.0 * f64::from(i) / 399.0, f64::from(j) * 0.17);
+                let expected = bodies.iter().any(|b| inside(b, height, radius));
+                assert_eq!(pieces.iter().any(|b| inside(b, height, radius)), expected, "{height} {radius}");
+            }
+        }
+        assert_eq!(pieces[0].kind, ElementKind::Cutter);
+        assert!((pieces[0].profile[0].range().0 + 0.5).abs() < 1e-6);
+        assert_eq!(tool.inflated(&Clearance::default()).unwrap(), tool);
+    }
+
+    #[test]
+    fn a_grown_tool_can_be_voxelised_below_its_tip() {
+        let clearance = Clearance { holder: 1.0, shank: 1.0, cutter: 2.0 };
+        let grown = Tool::paper().inflated(&clearance).unwrap();
+        let rotated =
+            super::super::RotatedTool::new(&grown, &crate::orientation::Orientation::default(), 1.0).unwrap();
+        assert_eq!(rotated.lower, [-15, -15, -2]);
+        assert!((f64::from(rotated.count) / grown.volume() - 1.0).abs() < 0.02);
+    }
+
+    #[test]
+    fn what_cannot_be_grown_is_refused() {
+        let negative = Clearance { shank: -1.0, ..Clearance::default() };
+        let error = Tool::paper().inflated_elements(&negative).unwrap_err();
+        assert_eq!(error, ClearanceError::Value("shank", -1.0));
+        let mut mesh = crate::mesh::Mesh::default();
+        mesh.vertices.push(DVec3::ZERO);
+        let mesh = Tool { shape: ToolShape::Mesh(mesh), ..Tool::paper() };
+        assert!(matches!(
+            mesh.inflated(&Clearance::around_holder_and_shank(1.0)),
+            Err(ClearanceError::Mesh(_))
+        ));
+        assert_eq!(mesh.inflated_elements(&Clearance::default()).unwrap(), []);
+    }
+}
