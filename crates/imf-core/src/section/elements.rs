@@ -1,16 +1,22 @@
 //! Sections of the tool's elements by themselves: what collides, cutter, shank or which holder segment.
 
-use super::{SectionError, SectionPlan, SectionScratch};
+use super::{SectionError, SectionPlan, SectionScratch, direct_count};
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
-use crate::tool::{ElementKind, RotatedTool, SharpPoints, Tool, ToolError, ToolShape};
+use crate::tool::{Element, ElementKind, RotatedTool, SharpPoints, Tool, ToolError, ToolShape};
 
 /// One plan for each element of a tool. Elements do not overlap, so their counts sum to the whole tool's.
 pub struct ElementPlans {
     tool: Tool,
-    obstacle_voxels: usize,
-    pitch: f64,
-    plans: Vec<(ElementKind, Option<SectionPlan>)>,
+    obstacle: Occupancy,
+    elements: Vec<Planned>,
+}
+
+struct Planned {
+    kind: ElementKind,
+    alone: Tool,
+    /// `None` for one that holds no voxel centre upright: it is so thin that direct sums are quick.
+    plan: Option<SectionPlan>,
 }
 
 impl ElementPlans {
@@ -24,32 +30,30 @@ impl ElementPlans {
             ToolShape::Revolved(elements) => elements.as_slice(),
             ToolShape::Mesh(_) => &[],
         };
-        let plan = |element: &crate::tool::Element| {
+        let plan = |element: &Element| {
             let alone = Tool {
                 shape: ToolShape::Revolved(vec![element.clone()]),
                 sharp_points: SharpPoints::Tip,
                 ..tool.clone()
             };
             match SectionPlan::new(obstacle, &alone) {
-                Ok(plan) => Ok((element.kind, Some(plan))),
-                // Too thin for a voxel, or without volume: it holds nothing.
+                Ok(plan) => Ok(Planned { kind: element.kind, alone, plan: Some(plan) }),
                 Err(SectionError::Tool(ToolError::TooSmall { .. } | ToolError::Empty { .. })) => {
-                    Ok((element.kind, None))
+                    Ok(Planned { kind: element.kind, alone, plan: None })
                 }
                 Err(error) => Err(error),
             }
         };
         Ok(Self {
             tool: tool.clone(),
-            obstacle_voxels: obstacle.grid.len(),
-            pitch: obstacle.grid.pitch,
-            plans: elements.iter().map(plan).collect::<Result<_, _>>()?,
+            obstacle: obstacle.clone(),
+            elements: elements.iter().map(plan).collect::<Result<_, _>>()?,
         })
     }
 
     /// The elements from the tip upwards.
     pub fn elements(&self) -> impl Iterator<Item = ElementKind> {
-        self.plans.iter().map(|&(kind, _)| kind)
+        self.elements.iter().map(|e| e.kind)
     }
 
     /// The whole tool's count in an orientation, which every element's count is divided by.
@@ -57,7 +61,7 @@ impl ElementPlans {
     /// # Errors
     /// A tool that does not fit the grid.
     pub fn normaliser(&self, orientation: &Orientation) -> Result<u32, ToolError> {
-        Ok(RotatedTool::new(&self.tool, orientation, self.pitch)?.count)
+        Ok(RotatedTool::new(&self.tool, orientation, self.obstacle.grid.pitch)?.count)
     }
 
     /// Voxels shared by the obstacle and element number `element` with the tool's tip at every voxel, C-ordered.
@@ -74,10 +78,18 @@ impl ElementPlans {
         scratch: &mut SectionScratch,
         counts: &mut [u32],
     ) -> Result<(), SectionError> {
-        assert_eq!(counts.len(), self.obstacle_voxels, "one count for each voxel of the grid");
-        let outcome = match &self.plans[element].1 {
+        let grid = &self.obstacle.grid;
+        assert_eq!(counts.len(), grid.len(), "one count for each voxel of the grid");
+        let element = &self.elements[element];
+        let outcome = match &element.plan {
             Some(plan) => plan.counts(orientation, scratch, counts).map(|_| ()),
-            None => Err(ToolError::TooSmall { name: self.tool.name.clone(), pitch: self.pitch }.into()),
+            None => {
+                RotatedTool::new(&element.alone, orientation, grid.pitch).map_err(Into::into).map(|rotated| {
+                    for (index, count) in counts.iter_mut().enumerate() {
+                        *count = direct_count(&self.obstacle, &rotated, grid.voxel(index).map(|v| v as i64));
+                    }
+                })
+            }
         };
         match outcome {
             // Thin elements may hold a centre in some orientations and none in others.
@@ -94,6 +106,7 @@ impl ElementPlans {
 mod tests {
     use super::*;
     use crate::grid::Grid;
+    use crate::tool::Segment;
     use glam::DVec3;
 
     #[test]
@@ -101,9 +114,16 @@ mod tests {
         let grid = Grid { origin: DVec3::ZERO, pitch: 4.0, dims: [9, 11, 13] };
         let solid = (0..grid.len()).map(|i| u8::from(i.wrapping_mul(2_654_435_761) >> 7 & 3 == 0)).collect();
         let obstacle = Occupancy { grid, solid };
-        let tool = Tool::paper();
+        let mut tool = Tool::paper();
+        let ToolShape::Revolved(elements) = &mut tool.shape else { panic!() };
+        // Between two layers of centres when upright.
+        let disc = Segment::Line { from: 83.0, to: 83.9, radius_from: 9.0, radius_to: 9.0 };
+        elements.push(Element { kind: ElementKind::Holder(1), profile: vec![disc] });
         let plans = ElementPlans::new(&obstacle, &tool).unwrap();
-        assert_eq!(plans.elements().collect::<Vec<_>>(), [ElementKind::Cutter, ElementKind::Holder(0)]);
+        assert_eq!(
+            plans.elements().collect::<Vec<_>>(),
+            [ElementKind::Cutter, ElementKind::Holder(0), ElementKind::Holder(1)]
+        );
         let whole = SectionPlan::new(&obstacle, &tool).unwrap();
         let mut scratch = SectionScratch::default();
         let (mut expected, mut part) = (vec![0; grid.len()], vec![0; grid.len()]);
@@ -111,7 +131,7 @@ mod tests {
             let normaliser = whole.counts(&orientation, &mut scratch, &mut expected).unwrap();
             assert_eq!(plans.normaliser(&orientation).unwrap(), normaliser);
             let mut sum = vec![0; grid.len()];
-            for element in 0..2 {
+            for element in 0..3 {
                 plans.counts(element, &orientation, &mut scratch, &mut part).unwrap();
                 sum.iter_mut().zip(&part).for_each(|(s, p)| *s += p);
             }
