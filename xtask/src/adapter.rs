@@ -38,7 +38,7 @@ const DEBIAN_INSTALL: &str = "apt-get install -y --no-install-recommends mesa-vu
 /// # Errors
 /// No driver, and none that could be installed.
 pub(crate) fn ensure_driver() -> Result<()> {
-    if env::var_os(OPT_OUT).is_some_and(|value| !value.is_empty() && value != "0") {
+    if env::var(OPT_OUT).is_ok_and(|value| value == "1") {
         println!("{OPT_OUT} is set: tests that need a GPU driver are reported as ignored");
         return Ok(());
     }

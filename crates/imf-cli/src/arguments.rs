@@ -1,6 +1,8 @@
 //! The command line: what can be said, with an example for each command.
 
+pub(crate) mod access;
 pub(crate) mod check;
+pub(crate) mod fixture;
 pub(crate) mod scene;
 pub(crate) mod transform;
 
@@ -54,6 +56,7 @@ pub(crate) enum Command {
     Parts(PartsArguments),
     Voxelize(VoxelizeArguments),
     Field(FieldArguments),
+    Access(access::AccessArguments),
     Dataset(DatasetArguments),
     Train(TrainArguments),
     Finetune(FinetuneArguments),
@@ -172,7 +175,7 @@ pub(crate) struct PlanArguments {
     /// Samples in a step
     #[arg(long, default_value_t = 1024, value_name = "N")]
     pub(crate) batch: usize,
-    /// Highest learning rate
+    /// Highest learning rate; with --resume, the rate to go on from
     #[arg(long, value_name = "RATE")]
     pub(crate) rate: Option<f32>,
     /// exponential: ×0.93 every epoch (the paper's); cosine: down to a hundredth over all steps
@@ -188,8 +191,15 @@ pub(crate) struct PlanArguments {
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
     /// Seconds between checkpoints
-    #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
+    #[arg(long, default_value_t = 60.0, value_name = "SECONDS", value_parser = parse_seconds)]
     pub(crate) checkpoint_every: f64,
+}
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds >= 0.0 => Ok(seconds),
+        _ => Err(format!("'{text}' is no number of seconds")),
+    }
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -302,8 +312,8 @@ pub(crate) struct EvalArguments {
 #[derive(Args)]
 #[command(after_help = "Example:\n  imf query model/model.safetensors poses.csv --out answers.csv\n\n\
                         The first line names the columns: x,y,z,i,j,k (tool axis from tip to holder) or \
-                        x,y,z,theta,phi (degrees). Answers add the column overlap, from 0 to 1; with --exact also \
-                        overlap_exact.")]
+                        x,y,z,theta,phi (degrees). Other columns are kept. Answers add the column overlap, from 0 to \
+                        1; with --exact also overlap_exact; with --sharp they are called cmf and cmf_exact.")]
 pub(crate) struct QueryArguments {
     /// Trained model
     pub(crate) model: PathBuf,

@@ -1,5 +1,6 @@
 //! One file a command.
 
+pub(crate) mod access;
 pub(crate) mod check;
 pub(crate) mod dataset;
 pub(crate) mod demo;

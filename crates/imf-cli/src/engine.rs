@@ -38,6 +38,20 @@ impl Device {
         }
     }
 
+    /// Bytes of this machine's memory, or of the GPU's, that training takes beside its samples, about.
+    pub(crate) fn training_memory(&self, shape: SirenShape, batch: usize) -> Result<u64> {
+        Ok(match self {
+            // Weights twice (one transposed), gradient, two moments, and a copy of the state for checkpoints; a window
+            // of activations and slopes of every layer.
+            Self::Cpu => {
+                let window = batch.min(1024) as u64;
+                let activations = window * (shape.hidden as u64 + 1) * (shape.width as u64 + 64) * 3;
+                4 * (9 * shape.parameter_count() as u64 + activations)
+            }
+            Self::Gpu(gpu) => GpuTrainer::memory_bytes(gpu, shape, batch)?,
+        })
+    }
+
     pub(crate) fn trainer(
         &self,
         shape: SirenShape,

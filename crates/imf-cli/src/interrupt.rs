@@ -1,8 +1,12 @@
 //! Ctrl-C: the first asks long work to stop at the next safe place, the second ends the program at once.
 
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
+
+/// Signals closer together than this are one.
+const SAME_WISH: Duration = Duration::from_millis(500);
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
@@ -20,11 +24,18 @@ impl std::error::Error for Interrupted {}
 
 /// Starts listening for Ctrl-C (and a polite kill).
 pub(crate) fn listen() -> Result<()> {
-    ctrlc::set_handler(|| {
-        if INTERRUPTED.swap(true, Ordering::Relaxed) {
-            std::process::exit(i32::from(crate::INTERRUPTED));
+    let mut first: Option<Instant> = None;
+    ctrlc::set_handler(move || {
+        INTERRUPTED.store(true, Ordering::Relaxed);
+        match first {
+            // Wrappers send the signal to the program and to its group: one wish, not two.
+            Some(time) if time.elapsed() < SAME_WISH => {}
+            Some(_) => std::process::exit(i32::from(crate::INTERRUPTED)),
+            None => {
+                first = Some(Instant::now());
+                eprintln!("\nimf: stopping at the next safe place; press Ctrl-C again to stop at once");
+            }
         }
-        eprintln!("\nimf: stopping at the next safe place; press Ctrl-C again to stop at once");
     })
     .context("cannot listen for Ctrl-C")
 }

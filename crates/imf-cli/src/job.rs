@@ -78,6 +78,14 @@ pub(crate) fn plan(arguments: &PlanArguments, rate: f32, epochs: u64) -> Trainin
     }
 }
 
+/// The same schedule from another rate.
+fn schedule_from(schedule: &Schedule, initial: f32) -> Schedule {
+    match *schedule {
+        Schedule::Exponential { factor, .. } => Schedule::Exponential { initial, factor },
+        Schedule::Cosine { warmup, .. } => Schedule::Cosine { initial, last: initial * 0.01, warmup },
+    }
+}
+
 /// The paper's plan, reported often enough to notice Ctrl-C.
 pub(crate) fn plan_defaults() -> TrainingPlan {
     TrainingPlan { report_every: REPORT_EVERY, ..TrainingPlan::default() }
@@ -114,10 +122,11 @@ pub(crate) fn fresh_model(
     Model { shape, scene: data.scene.clone(), record, state }
 }
 
-/// The checkpoint of an output folder, if it belongs to this dataset.
-pub(crate) fn resumed_model(session: &Session, out: &Path, data: &Data) -> Result<Model> {
+/// The checkpoint of an output folder, if it belongs to this dataset. Its plan goes on, but for a learning rate given
+/// anew, which is the way out of a divergence.
+pub(crate) fn resumed_model(session: &Session, out: &Path, data: &Data, rate: Option<f32>) -> Result<Model> {
     let path = checkpoint_path(out);
-    let model = Model::read(&path).context("there is nothing to resume")?;
+    let mut model = Model::read(&path).context("there is nothing to resume")?;
     if model.record.dataset_crc32 != data.manifest.fingerprint() {
         bail!(
             "{} was trained on another dataset: resume with the one that it was started on",
@@ -130,11 +139,34 @@ pub(crate) fn resumed_model(session: &Session, out: &Path, data: &Data) -> Resul
     if !model.is_resumable() {
         bail!("{} holds no optimiser state: it cannot be resumed", path.display());
     }
+    let mut said = "by the plan of the checkpoint".to_owned();
+    if let Some(rate) = rate {
+        let plan = &mut model.record.plan;
+        plan.schedule = schedule_from(&plan.schedule, rate);
+        plan.check()?;
+        said = format!("by the plan of the checkpoint with a learning rate from {rate:e}");
+    }
     session.note(&format!(
-        "resuming at epoch {}, step {} ({} steps done), by the plan of the checkpoint",
+        "resuming at epoch {}, step {} ({} steps done), {said}",
         model.record.cursor.epoch, model.record.cursor.step, model.record.steps
     ));
     Ok(model)
+}
+
+/// `fresh`, or the unfinished checkpoint of the same training in the output folder.
+pub(crate) fn continued(session: &Session, out: &Path, data: &Data, fresh: Model) -> Model {
+    let same = |found: &Model| {
+        !found.record.finished
+            && found.shape == fresh.shape
+            && found.record.plan == fresh.record.plan
+            && found.record.dataset_crc32 == data.manifest.fingerprint()
+    };
+    if Model::read(&checkpoint_path(out)).is_ok_and(|found| same(&found))
+        && let Ok(model) = resumed_model(session, out, data, None)
+    {
+        return model;
+    }
+    fresh
 }
 
 /// Refuses to start over an unfinished training in the same folder.
@@ -153,7 +185,8 @@ pub(crate) fn refuse_unfinished(out: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Trains `model` to the end of its plan and writes it to `out`.
+/// Trains `model` to the end of its plan and writes it to `out`. `go_on` is what to do after an interruption, such as
+/// "add --resume".
 pub(crate) fn run(
     session: &Session,
     device: &Device,
@@ -161,8 +194,16 @@ pub(crate) fn run(
     model: Model,
     out: &Path,
     checkpoint_every: f64,
+    go_on: &'static str,
 ) -> Result<Model> {
     let batch = model.record.plan.batch.min(data.samples.len().max(1));
+    let needed = device.training_memory(model.shape, batch)?;
+    session.require_memory(needed, || {
+        format!(
+            "training {} layers of {}; use a smaller --width or --batch",
+            model.shape.hidden, model.shape.width
+        )
+    })?;
     let mut engine = device.trainer(model.shape, &model.record.plan, batch, model.state.clone())?;
     let total = model.record.plan.total_steps(data.samples.len());
     session.note(&format!(
@@ -184,6 +225,8 @@ pub(crate) fn run(
         point_every: (total / CURVE_POINTS).max(REPORT_EVERY),
         pending: (0.0, 0),
         path: checkpoint_path(out),
+        is_kept: model.record.steps > 0,
+        go_on,
         failure: None,
         model,
     };
@@ -202,7 +245,7 @@ pub(crate) fn run(
         Err(error) => return Err(run.explain(error)),
         Ok(Outcome::Stopped(_)) => {
             let text = format!(
-                "step {} of {total} is saved in {}; add --resume to go on",
+                "step {} of {total} is saved in {}; {go_on} to go on",
                 run.model.record.steps,
                 run.path.display()
             );
@@ -211,6 +254,7 @@ pub(crate) fn run(
         Ok(Outcome::Finished) => {}
     }
     run.model.record.finished = true;
+    run.end_point();
     run.save(engine.as_mut())?;
     let Run { stage, model, .. } = run;
     let last = model.record.losses.last().map_or(f64::NAN, |p| p.loss);
@@ -234,6 +278,9 @@ struct Run {
     /// Sum of step losses since the last point of the curve, and steps.
     pending: (f64, u64),
     path: PathBuf,
+    /// True where the file at `path` is a checkpoint of this training.
+    is_kept: bool,
+    go_on: &'static str,
     failure: Option<anyhow::Error>,
     model: Model,
 }
@@ -254,8 +301,7 @@ impl Run {
         self.pending.0 += mean_loss * steps as f64;
         self.pending.1 += steps;
         if self.pending.1 >= self.point_every {
-            record.losses.push(LossPoint { step, loss: self.pending.0 / self.pending.1 as f64 });
-            self.pending = (0.0, 0);
+            self.end_point();
         }
         self.stage.advance_saying(steps, &format!("(loss {mean_loss:.2e}, {:.0} k samples/s)", rate / 1e3));
         let stop = interrupt::requested();
@@ -269,16 +315,27 @@ impl Run {
         if stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
+    /// The mean loss since the last point becomes a point of the curve.
+    fn end_point(&mut self) {
+        let (sum, steps) = std::mem::take(&mut self.pending);
+        if steps > 0 {
+            let step = self.model.record.steps;
+            self.model.record.losses.push(LossPoint { step, loss: sum / steps as f64 });
+        }
+    }
+
     fn save(&mut self, engine: &mut dyn TrainingEngine) -> Result<()> {
         self.model.state = engine.state()?;
         self.model.record.seconds = self.earlier_seconds + self.begun.elapsed().as_secs_f64();
-        self.model.write(&self.path).context("the checkpoint before it is kept")
+        self.model.write(&self.path).context("the checkpoint before it is kept")?;
+        self.is_kept = true;
+        Ok(())
     }
 
     /// Adds what is left to go on from.
     fn explain(&self, error: TrainError) -> anyhow::Error {
-        let kept = if self.path.exists() {
-            format!("the last checkpoint is {}; add --resume to go on from it", self.path.display())
+        let kept = if self.is_kept {
+            format!("the last checkpoint is {}; {} to go on from it", self.path.display(), self.go_on)
         } else {
             "no checkpoint was written yet".to_owned()
         };

@@ -17,6 +17,8 @@ mod slices;
 use std::process::ExitCode;
 
 use clap::Parser;
+use imf_core::evaluation::EvaluationError;
+use imf_core::section::SectionError;
 
 use arguments::{Cli, Command};
 use commands::check::CollisionFound;
@@ -40,8 +42,12 @@ fn main() -> ExitCode {
             eprintln!("imf: {error}");
             ExitCode::from(INTERRUPTED)
         }
+        Err(error) if was_cancelled(&error) => {
+            eprintln!("imf: interrupted: nothing was finished; run the same command again to start over");
+            ExitCode::from(INTERRUPTED)
+        }
         Err(error) => {
-            eprintln!("imf: error: {error:#}");
+            eprintln!("imf: error: {}", message(&error));
             ExitCode::from(FAILED)
         }
     }
@@ -54,6 +60,7 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Parts(arguments) => commands::parts::run(&session, &arguments),
         Command::Voxelize(arguments) => commands::voxelize::run(&session, &arguments),
         Command::Field(arguments) => commands::field::run(&session, &arguments),
+        Command::Access(arguments) => commands::access::run(&session, &arguments),
         Command::Dataset(arguments) => commands::dataset::run(&session, &arguments),
         Command::Train(arguments) => commands::train::run(&session, &arguments),
         Command::Finetune(arguments) => commands::finetune::run(&session, &arguments),
@@ -63,6 +70,29 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Info(arguments) => commands::info::run(&session, &arguments),
         Command::Devices => commands::devices::run(&session),
     }
+}
+
+/// The error and its causes in one line, without repeating a cause that the text above it quotes.
+fn message(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if text.is_empty() {
+            text = cause;
+        } else if !text.contains(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
+}
+
+/// Work that stopped at the user's wish without anything to keep.
+fn was_cancelled(error: &anyhow::Error) -> bool {
+    let section = error.chain().any(|cause| {
+        let evaluation = cause.downcast_ref::<EvaluationError>();
+        matches!(cause.downcast_ref(), Some(SectionError::Cancelled))
+            || matches!(evaluation, Some(EvaluationError::Section(SectionError::Cancelled)))
+    });
+    section && interrupt::requested()
 }
 
 /// `imf … | head` is no error.

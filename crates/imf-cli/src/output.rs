@@ -1,45 +1,180 @@
-//! Output folders and files.
+//! Where commands write: a folder that is found writable before the work starts, and standard output for answers.
+//!
+//! Answers go through `write`, not `println`: a reader that closes the pipe early then ends the command quietly.
 
-use std::path::Path;
+use std::fs;
+use std::io::{Write as _, stdout};
+use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context as _, Result, bail, ensure};
 use imf_core::atomic_file::write_atomically;
 use serde::Serialize;
 
-/// Makes the folder and proves that it can be written, before any work is done.
-pub(crate) fn prepare_folder(folder: &Path) -> Result<()> {
-    let advice = "choose another --out folder or change its permissions";
-    std::fs::create_dir_all(folder)
-        .with_context(|| format!("cannot create {}; {advice}", folder.display()))?;
-    let probe = folder.join(".imf-probe");
-    write_text(&probe, "").with_context(|| format!("cannot write to {}; {advice}", folder.display()))?;
-    std::fs::remove_file(&probe).with_context(|| format!("cannot remove {}", probe.display()))
+/// A folder for results. It is made only when there is a result to put into it.
+#[derive(Debug)]
+pub(crate) struct OutputFolder {
+    path: PathBuf,
 }
 
-/// Writes a text file whole or not at all.
+impl OutputFolder {
+    /// Finds out whether files can be made in the folder, or the folder itself, without leaving a trace.
+    ///
+    /// # Errors
+    /// A path through a file, or a place that may not be written.
+    pub(crate) fn check(path: &Path) -> Result<Self> {
+        let fail = || format!("cannot write to the folder {}", path.display());
+        let existing = path.ancestors().find(|ancestor| ancestor.as_os_str().is_empty() || exists(ancestor));
+        let existing = match existing {
+            Some(ancestor) if !ancestor.as_os_str().is_empty() => ancestor,
+            _ => Path::new("."),
+        };
+        ensure!(existing.is_dir(), "{}: {} is a file", fail(), existing.display());
+        let probe = existing.join(format!(".imf-{}.probe", std::process::id()));
+        fs::write(&probe, []).and_then(|()| fs::remove_file(&probe)).with_context(fail)?;
+        Ok(Self { path: path.to_owned() })
+    }
+
+    /// Makes the folder where it does not exist yet.
+    pub(crate) fn create(&self) -> Result<()> {
+        fs::create_dir_all(&self.path)
+            .with_context(|| format!("cannot create the folder {}", self.path.display()))
+    }
+
+    /// Path of a file in the folder.
+    pub(crate) fn file(&self, name: &str) -> PathBuf {
+        self.path.join(name)
+    }
+
+    /// The folder's own path.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+/// Also true for a link that leads nowhere, which cannot be made a folder.
+fn exists(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok()
+}
+
+/// Finds out whether a file can be written before the work for it starts.
+///
+/// # Errors
+/// A folder in its place, or a folder around it that is missing or may not be written.
+pub(crate) fn check_file(path: &Path) -> Result<()> {
+    if path.is_dir() {
+        bail!("cannot write {}: it names a folder; give the name of a file", path.display());
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    ensure!(
+        folder.is_dir(),
+        "cannot write {}: there is no folder {}; create it first",
+        path.display(),
+        folder.display()
+    );
+    OutputFolder::check(folder).map(|_| ()).with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// Writes text to standard output.
+pub(crate) fn print(text: &str) -> Result<()> {
+    let mut out = stdout().lock();
+    out.write_all(text.as_bytes())?;
+    if !text.ends_with('\n') {
+        out.write_all(b"\n")?;
+    }
+    Ok(out.flush()?)
+}
+
+/// Writes a value as JSON to standard output.
+pub(crate) fn print_json(value: &impl Serialize) -> Result<()> {
+    print(&serde_json::to_string_pretty(value)?)
+}
+
+/// Writes a value as a JSON file, whole or not at all.
+pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
+    write_text(path, &(serde_json::to_string_pretty(value)? + "\n"))
+}
+
+/// Writes a text file, whole or not at all.
 pub(crate) fn write_text(path: &Path, text: &str) -> Result<()> {
-    use std::io::Write;
     Ok(write_atomically(path, |file| file.write_all(text.as_bytes()))?)
 }
 
-/// Writes a value as indented JSON, whole or not at all.
-pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
-    let mut text = serde_json::to_string_pretty(value).context("cannot write JSON")?;
-    text.push('\n');
-    write_text(path, &text)
+/// Makes a folder that work will write to all along, after finding that it can.
+pub(crate) fn prepare_folder(path: &Path) -> Result<()> {
+    OutputFolder::check(path)?.create()
 }
 
-/// Prints a value as JSON on standard output.
-pub(crate) fn print_json(value: &impl Serialize) -> Result<()> {
-    use std::io::Write;
-    let text = serde_json::to_string_pretty(value).context("cannot write JSON")?;
-    writeln!(std::io::stdout(), "{text}")?;
-    Ok(())
+/// A number with at most four decimals and without idle zeros.
+pub(crate) fn short(value: f64) -> String {
+    let text = format!("{value:.4}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if text == "-0" { "0".into() } else { text.into() }
 }
 
-/// Prints text on standard output; a closed pipe is reported as such.
-pub(crate) fn print(text: &str) -> Result<()> {
-    use std::io::Write;
-    writeln!(std::io::stdout(), "{text}")?;
-    Ok(())
+/// The number that is written with the same digits as this f32: 0.1 and not 0.10000000149.
+pub(crate) fn same_digits(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or(f64::from(value))
+}
+
+/// Rows as text in columns, as wide as they need to be. The first row is the head; columns of numbers stand right.
+pub(crate) fn table(head: &[&str], rows: &[Vec<String>]) -> String {
+    let width = |text: &str| text.chars().count();
+    let widths: Vec<usize> = (0..head.len())
+        .map(|column| rows.iter().map(|row| width(&row[column])).max().unwrap_or(0).max(width(head[column])))
+        .collect();
+    let numeric: Vec<bool> = (0..head.len())
+        .map(|column| rows.iter().all(|row| row[column].starts_with(|c: char| c.is_ascii_digit())))
+        .collect();
+    let line = |cells: Vec<&str>| {
+        let cells = cells.iter().enumerate().map(|(column, cell)| {
+            let padding = " ".repeat(widths[column] - width(cell));
+            if numeric[column] { format!("{padding}{cell}") } else { format!("{cell}{padding}") }
+        });
+        cells.collect::<Vec<_>>().join("  ").trim_end().to_owned() + "\n"
+    };
+    let head = line(head.to_vec());
+    rows.iter().fold(head, |text, row| text + &line(row.iter().map(String::as_str).collect()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_below_a_file_is_refused_and_checking_leaves_no_trace() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("file.txt");
+        fs::write(&file, "text").unwrap();
+        for path in [file.clone(), file.join("sub"), file.join("sub/deeper")] {
+            let message = format!("{:#}", OutputFolder::check(&path).unwrap_err());
+            assert!(message.contains("file.txt is a file"), "{message}");
+        }
+        let deep = OutputFolder::check(&folder.path().join("a/b")).unwrap();
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "only file.txt");
+        deep.create().unwrap();
+        assert!(deep.path().is_dir());
+        assert!(OutputFolder::check(Path::new("no-such-folder-here")).is_ok(), "below the current one");
+    }
+
+    #[test]
+    fn a_file_needs_its_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(check_file(&folder.path().join("answers.csv")).is_ok());
+        assert!(check_file(folder.path()).unwrap_err().to_string().contains("names a folder"));
+        let message = check_file(&folder.path().join("no/answers.csv")).unwrap_err().to_string();
+        assert!(message.contains("create it first"), "{message}");
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        let shown = [0.0, -1e-15, 58.0, 100.0, 0.12345, -2.5].map(short);
+        assert_eq!(shown, ["0", "0", "58", "100", "0.1235", "-2.5"]);
+        assert_eq!((same_digits(0.1), same_digits(1.0), same_digits(3e-9)), (0.1, 1.0, 3e-9));
+    }
+
+    #[test]
+    fn numbers_stand_right_and_words_left() {
+        let rows = [vec!["teapot".into(), "9".into()], vec!["é".into(), "1024".into()]];
+        assert_eq!(table(&["part", "n"], &rows), "part       n\nteapot     9\né       1024\n");
+    }
 }

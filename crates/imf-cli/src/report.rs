@@ -103,7 +103,10 @@ pub(crate) fn evaluate(
         let seen = training.iter().any(|o| (o.direction() - orientation.direction()).length() < 1e-9);
         let kind = if seen { "in-sample" } else { "out-of-sample" };
         let errors = learnt_sections(&plan, &[*orientation], engine, tau, control)?.overall;
-        let name = format!("section ({}°, {}°), {kind}", orientation.theta, orientation.phi);
+        let degrees =
+            |angle: f64| format!("{angle:.2}").trim_end_matches('0').trim_end_matches('.').to_owned();
+        let name =
+            format!("section ({}°, {}°), {kind}", degrees(orientation.theta), degrees(orientation.phi));
         rows.push(Row { name, orientations: 1, errors });
     }
     let random = &questions.random.orientations;
@@ -205,7 +208,7 @@ impl Report {
     fn markdown(&self, pictures: &[(&str, &str)]) -> String {
         let [x, y, z] = self.dims;
         let mut text = format!(
-            "# {} against {}\n\n{} · {x}×{y}×{z} voxels of {:.4} {} · network of {} parameters · {} sections, {} \
+            "# {}, tool {}\n\n{} · {x}×{y}×{z} voxels of {:.4} {} · network of {} parameters · {} sections, {} \
              samples, {} steps, {:.1} s of training on {}\n\n",
             self.part,
             self.tool,
@@ -279,9 +282,9 @@ impl Evaluation {
     }
 
     fn draw_sections(&self, path: &Path, model: &Model, engine: &mut dyn EvaluationEngine) -> Result<()> {
-        let (grid, unit) = (*self.plan.grid(), self.report.unit.as_str());
+        let (grid, unit) = (*self.plan.grid(), model.scene.record.unit);
         let axis = 1;
-        let middle = grid.dims[axis] / 2;
+        let middle = slices::middle(&grid, axis);
         let shown = &self.random.orientations[..self.random.len().min(3)];
         let exact = imf_core::section::sections(&self.plan, shown, Control::quiet())?;
         let mut field = imf_core::field::LearntField::new(grid, engine);
@@ -315,9 +318,8 @@ impl Evaluation {
             title: format!("{}, tool {}", self.report.part, self.report.tool),
             rows,
             notes: vec![format!(
-                "Random orientations that training never saw; plane {} = {:.1} {unit}; outline: the part",
-                ["x", "y", "z"][axis],
-                grid.centre([middle; 3])[axis]
+                "Random orientations that training never saw; plane {}; outline: the part",
+                slices::layer_title(&grid, unit, axis, middle)
             )],
             pixels_per_voxel: None,
         }
@@ -326,10 +328,11 @@ impl Evaluation {
     }
 
     fn draw_imf(&self, path: &Path, model: &Model) -> Result<()> {
-        let (grid, unit) = (*self.plan.grid(), self.report.unit.as_str());
+        let (grid, unit) = (*self.plan.grid(), model.scene.record.unit);
         let difference: Vec<f32> =
             self.imf.learnt.value.iter().zip(&self.imf.exact.value).map(|(l, e)| l - e).collect();
-        let cut = |values: &[f32], axis: usize| slices::slice(values, &grid, axis, grid.dims[axis] / 2);
+        let cut =
+            |values: &[f32], axis: usize| slices::slice(values, &grid, axis, slices::middle(&grid, axis));
         let planes: Vec<_> = [0, 1, 2]
             .iter()
             .map(|&axis| {
@@ -338,7 +341,7 @@ impl Evaluation {
                     cut(&self.imf.learnt.value, axis),
                     cut(&difference, axis),
                 );
-                (axis, fields, slices::mask(&model.scene.obstacle, axis, grid.dims[axis] / 2))
+                (axis, fields, slices::mask(&model.scene.obstacle, axis, slices::middle(&grid, axis)))
             })
             .collect();
         let all: Vec<_> = planes.iter().flat_map(|(_, (e, l, _), _)| [e.view(), l.view()]).collect();
@@ -350,11 +353,7 @@ impl Evaluation {
             .map(|(axis, (e, l, d), solid)| {
                 let axes = slices::axes(&grid, unit, *axis);
                 PanelRow {
-                    title: format!(
-                        "plane {} = {:.1} {unit}",
-                        ["x", "y", "z"][*axis],
-                        grid.centre(grid.dims.map(|n| n / 2))[*axis]
-                    ),
+                    title: slices::layer_title(&grid, unit, *axis, slices::middle(&grid, *axis)),
                     panels: vec![
                         slices::panel("exact", e, solid, &measure, &axes),
                         slices::panel("learnt", l, solid, &measure, &axes),

@@ -1,37 +1,48 @@
-//! Slices of fields over a grid as panels.
+//! Slices of fields over a grid as pictures: where they are cut, the part in them, and sheets of mid-planes.
+//!
+//! A slice at right angles to an axis keeps the other two in their order: the first runs right, the second up.
 
+use std::path::Path;
+
+use anyhow::Result;
 use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
+use imf_core::unit::LengthUnit;
 use ndarray::{Array2, ArrayView3, Axis};
 
-use crate::picture::{Axes, Mask, MaskStyle, Panel, Scale};
+use crate::picture::{Axes, Mask, MaskStyle, Panel, PanelRow, PanelSheet, Scale, Tally};
 
-/// The slice of a C-ordered field where the voxel index along `axis` is `index`; the other two axes in order.
+/// Names of the world's axes.
+const NAMES: [&str; 3] = ["x", "y", "z"];
+
+/// The values (C-ordered over the grid) of the layer `index` at right angles to `axis`.
+///
+/// # Panics
+/// If `values` has not the grid's length, or the layer does not exist.
 pub(crate) fn slice(values: &[f32], grid: &Grid, axis: usize, index: usize) -> Array2<f32> {
     cut(values, grid, axis, index)
 }
 
-/// The same of the obstacle's voxels.
-pub(crate) fn mask(obstacle: &Occupancy, axis: usize, index: usize) -> Array2<u8> {
-    cut(&obstacle.solid, &obstacle.grid, axis, index)
+/// The solid voxels of a layer, for a panel's mask.
+///
+/// # Panics
+/// If the layer does not exist.
+pub(crate) fn mask(occupancy: &Occupancy, axis: usize, index: usize) -> Array2<u8> {
+    cut(&occupancy.solid, &occupancy.grid, axis, index)
 }
 
-fn cut<T: Copy>(values: &[T], grid: &Grid, axis: usize, index: usize) -> Array2<T> {
-    let view = ArrayView3::from_shape(grid.dims, values);
-    view.map_or_else(
-        |_| Array2::from_shape_fn((0, 0), |_| values[0]),
-        |v| v.index_axis(Axis(axis), index).to_owned(),
-    )
+/// Where a slice at right angles to `axis` lies in the world.
+pub(crate) fn axes(grid: &Grid, unit: LengthUnit, axis: usize) -> Axes {
+    let [first, second] = others(axis);
+    Axes {
+        names: [NAMES[first].into(), NAMES[second].into()],
+        unit: unit.to_string(),
+        start: [grid.origin[first], grid.origin[second]],
+        pitch: grid.pitch,
+    }
 }
 
-/// Where a slice across `axis` lies.
-pub(crate) fn axes(grid: &Grid, unit: &str, axis: usize) -> Axes {
-    let rest: Vec<usize> = (0..3).filter(|&a| a != axis).collect();
-    let names = [rest[0], rest[1]].map(|a| ["x", "y", "z"][a].to_owned());
-    Axes { names, unit: unit.into(), start: [grid.origin[rest[0]], grid.origin[rest[1]]], pitch: grid.pitch }
-}
-
-/// A panel with the part's outline.
+/// A panel of a slice with the part's outline.
 pub(crate) fn panel<'a>(
     title: &str,
     values: &'a Array2<f32>,
@@ -45,5 +56,162 @@ pub(crate) fn panel<'a>(
         mask: Some(Mask { voxels: solid.view(), style: MaskStyle::Outline }),
         scale: scale.clone(),
         axes: axes.clone(),
+    }
+}
+
+/// The layer in the middle of the grid.
+pub(crate) fn middle(grid: &Grid, axis: usize) -> usize {
+    grid.dims[axis] / 2
+}
+
+/// A layer in words: `y = 8.50 mm`, the height of its voxels' centres.
+pub(crate) fn layer_title(grid: &Grid, unit: LengthUnit, axis: usize, index: usize) -> String {
+    let mut voxel = [0; 3];
+    voxel[axis] = index;
+    let height = grid.centre(voxel)[axis];
+    // A hundredth of a voxel is near enough.
+    let decimals = (2.0 - grid.pitch.log10().floor()).clamp(0.0, 6.0) as usize;
+    // No minus sign before zero.
+    let height = if height.abs() < grid.pitch * 1e-3 { 0.0 } else { height };
+    format!("{} = {height:.decimals$} {unit}", NAMES[axis])
+}
+
+/// The three mid-planes of one field, kept when the field itself is not.
+#[derive(Clone, Debug)]
+pub(crate) struct MidPlanes {
+    /// Written above the row of the sheet; may be empty.
+    pub(crate) title: String,
+    slices: [Array2<f32>; 3],
+}
+
+impl MidPlanes {
+    /// Cuts a field (C-ordered over the grid) in the middle of each axis.
+    ///
+    /// # Panics
+    /// If `values` has not the grid's length.
+    pub(crate) fn new(title: String, values: &[f32], grid: &Grid) -> Self {
+        Self { title, slices: [0, 1, 2].map(|axis| slice(values, grid, axis, middle(grid, axis))) }
+    }
+}
+
+/// A sheet of mid-planes: one row for each field, all in one scale.
+pub(crate) struct MidPlaneSheet<'a> {
+    /// Written on top.
+    pub(crate) title: String,
+    /// Words beside the colour bar.
+    pub(crate) label: &'a str,
+    /// The part, on the grid of all fields.
+    pub(crate) part: &'a Occupancy,
+    /// How the part is marked; `None` leaves it out.
+    pub(crate) style: Option<MaskStyle>,
+    /// Unit of the grid.
+    pub(crate) unit: LengthUnit,
+    /// Small print.
+    pub(crate) notes: Vec<String>,
+}
+
+impl MidPlaneSheet<'_> {
+    /// Draws the fields and writes a PNG file.
+    ///
+    /// # Errors
+    /// No field, or a file that cannot be written.
+    pub(crate) fn save(&self, fields: &[MidPlanes], path: &Path) -> Result<Tally> {
+        let grid = &self.part.grid;
+        let masks = [0, 1, 2].map(|axis| mask(self.part, axis, middle(grid, axis)));
+        let views: Vec<_> = fields.iter().flat_map(|f| &f.slices).map(|slice| slice.view()).collect();
+        let scale = Scale::measure_of(&views, self.label);
+        let panel = |values, axis: usize| Panel {
+            title: layer_title(grid, self.unit, axis, middle(grid, axis)),
+            values,
+            mask: self.style.map(|style| Mask { voxels: masks[axis].view(), style }),
+            scale: scale.clone(),
+            axes: axes(grid, self.unit, axis),
+        };
+        let rows = fields.iter().map(|field| PanelRow {
+            title: field.title.clone(),
+            // Slices with y or x to the right first: they share z upwards.
+            panels: [0, 1, 2].map(|axis| panel(field.slices[axis].view(), axis)).into(),
+        });
+        PanelSheet {
+            title: self.title.clone(),
+            rows: rows.collect(),
+            notes: self.notes.clone(),
+            pixels_per_voxel: None,
+        }
+        .save(path)
+    }
+}
+
+/// The axes of a slice at right angles to `axis`.
+fn others(axis: usize) -> [usize; 2] {
+    match axis {
+        0 => [1, 2],
+        1 => [0, 2],
+        _ => [0, 1],
+    }
+}
+
+fn cut<T: Copy>(values: &[T], grid: &Grid, axis: usize, index: usize) -> Array2<T> {
+    match ArrayView3::from_shape(grid.dims, values) {
+        Ok(all) => all.index_axis(Axis(axis), index).to_owned(),
+        Err(error) => panic!("one value for each voxel of the grid: {error}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    fn grid() -> Grid {
+        Grid { origin: DVec3::new(-1.0, 10.0, 100.0), pitch: 0.5, dims: [3, 4, 5] }
+    }
+
+    #[test]
+    fn slices_keep_the_other_axes_in_order() {
+        let grid = grid();
+        let values: Vec<f32> = (0..grid.len()).map(|i| i as f32).collect();
+        let solid = (0..grid.len()).map(|i| (i % 7 == 0).into()).collect();
+        let part = Occupancy { grid, solid };
+        for axis in 0..3 {
+            let [first, second] = others(axis);
+            let (values, solid) = (slice(&values, &grid, axis, 2), mask(&part, axis, 2));
+            assert_eq!(values.dim(), (grid.dims[first], grid.dims[second]));
+            for ((a, b), &value) in values.indexed_iter() {
+                let mut voxel = [2; 3];
+                (voxel[first], voxel[second]) = (a, b);
+                assert_eq!(value, grid.index(voxel) as f32);
+                assert_eq!(solid[[a, b]], part.solid[grid.index(voxel)]);
+            }
+        }
+    }
+
+    #[test]
+    fn axes_and_titles_follow_the_grid() {
+        let y = axes(&grid(), LengthUnit::Inch, 1);
+        assert_eq!((y.names, y.start), (["x".to_owned(), "z".to_owned()], [-1.0, 100.0]));
+        assert_eq!((y.unit.as_str(), y.pitch), ("inch", 0.5));
+        assert_eq!(layer_title(&grid(), LengthUnit::Mm, 1, middle(&grid(), 1)), "y = 11.250 mm");
+    }
+
+    #[test]
+    fn a_sheet_of_mid_planes_is_written() {
+        let grid = grid();
+        let part = Occupancy { grid, solid: (0..grid.len()).map(|i| u8::from(i % 3 == 0)).collect() };
+        let sheet = MidPlaneSheet {
+            title: "field".into(),
+            label: "CMF",
+            part: &part,
+            style: Some(MaskStyle::Outline),
+            unit: LengthUnit::Mm,
+            notes: vec![],
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("sheet.png");
+        let field = MidPlanes::new("row".into(), &vec![0.25; grid.len()], &grid);
+        assert_eq!(sheet.save(&[field.clone(), field], &path).unwrap(), Tally::default());
+        assert!(image::open(&path).unwrap().width() > 100);
+        assert!(sheet.save(&[], &path).is_err());
     }
 }

@@ -83,6 +83,8 @@ fn random_poses(scene: &Scene, count: usize) -> Vec<Pose> {
 fn scene(part: ReferencePart) -> Scene {
     let mesh = part.mesh();
     let spec = SceneSpec {
+        fixtures: &[],
+        around: imf_core::scene::Around::Part,
         part: part.name(),
         mesh: &mesh,
         unit: LengthUnit::Mm,

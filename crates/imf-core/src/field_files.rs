@@ -11,9 +11,11 @@ use thiserror::Error;
 use crate::atomic_file::AtomicFileError;
 
 mod npy;
+mod ply;
 mod vti;
 
 pub use npy::write_npy;
+pub use ply::{VertexValues, write_ply};
 pub use vti::write_vti;
 
 /// The values of a field, `[x, y, z]`, in one of the types that fields have.
@@ -89,8 +91,20 @@ pub enum FieldFileError {
         /// The grid's dimensions.
         expected: [usize; 3],
     },
-    /// Two fields of one file have the same name, or a name is empty.
-    #[error("cannot write {path}: the field name `{name}` is empty or used twice")]
+    /// Values at vertices that do not fit the mesh.
+    #[error("cannot write {path}: `{name}` has {found} values, the mesh {expected} vertices")]
+    Vertices {
+        /// The file to be written.
+        path: PathBuf,
+        /// The property's name.
+        name: String,
+        /// Values given.
+        found: usize,
+        /// Vertices.
+        expected: usize,
+    },
+    /// Two fields of one file have the same name, or a name is empty or malformed.
+    #[error("cannot write {path}: the field name `{name}` is empty, malformed or used twice")]
     Name {
         /// The file to be written.
         path: PathBuf,

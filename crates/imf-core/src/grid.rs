@@ -94,6 +94,53 @@ impl Grid {
         Ok(Self { origin: (lower + upper) * 0.5 - size * 0.5, pitch, dims })
     }
 
+    /// The grid with `before` more voxels below and `after` more above along x, y, z; negative numbers take away.
+    /// Voxels keep their places in the world.
+    ///
+    /// # Errors
+    /// Nothing left, or more than 2³¹ voxels.
+    pub fn grown(&self, before: [i64; 3], after: [i64; 3]) -> Result<Self, GridError> {
+        let sizes = [0, 1, 2].map(|axis| self.dims[axis] as i64 + before[axis] + after[axis]);
+        let dims = sizes.map(|size| usize::try_from(size).unwrap_or(0));
+        if dims.contains(&0) {
+            return Err(GridError::Dims(dims));
+        }
+        let voxels = dims.iter().try_fold(1usize, |product, &d| product.checked_mul(d));
+        if voxels.is_none_or(|n| n > 1 << 31) {
+            return Err(GridError::TooLarge(dims));
+        }
+        let shift = DVec3::from_array(before.map(|b| b as f64)) * self.pitch;
+        Ok(Self { origin: self.origin - shift, pitch: self.pitch, dims })
+    }
+
+    /// The smallest grid of the same voxels that holds the box `[lower, upper]`, with `extra` voxels on each side.
+    ///
+    /// # Errors
+    /// A box that is empty or not finite, or more than 2³¹ voxels.
+    pub fn covering(&self, lower: DVec3, upper: DVec3, extra: i64) -> Result<Self, GridError> {
+        checked_extent(lower, upper)?;
+        // A face of the box on a face of voxels, up to rounding, needs no further voxel.
+        let first = ((lower - self.origin) / self.pitch + 1e-6).floor();
+        let last = ((upper - self.origin) / self.pitch - 1e-6).ceil().max(first + 1.0);
+        if (last - first).max_element() > f64::from(i32::MAX) || first.abs().max_element() > 1e9 {
+            return Err(GridError::TooLarge([usize::MAX; 3]));
+        }
+        let before = first.to_array().map(|v| extra - v as i64);
+        let after = [0, 1, 2].map(|axis| last[axis] as i64 + extra - self.dims[axis] as i64);
+        self.grown(before, after)
+    }
+
+    /// Where voxel (0, 0, 0) of `other` lies in this grid, in voxels; `None` where the voxels of the two do not
+    /// coincide (another pitch, or an offset that is no whole number of voxels to a millionth).
+    #[must_use]
+    pub fn offset_of(&self, other: &Self) -> Option<[i64; 3]> {
+        let offset = (other.origin - self.origin) / self.pitch;
+        let aligned = (other.pitch / self.pitch - 1.0).abs() < 1e-12
+            && (offset - offset.round()).abs().max_element() < 1e-6
+            && offset.abs().max_element() < 1e9;
+        aligned.then(|| offset.round().to_array().map(|v| v as i64))
+    }
+
     /// Number of voxels.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -184,6 +231,25 @@ mod tests {
             assert_eq!(grid.index(grid.voxel(index)), index);
         }
         assert_eq!(grid.index([0, 0, 1]), 1);
+    }
+
+    #[test]
+    fn grown_grids_keep_their_voxels_in_place() {
+        let grid = Grid { origin: DVec3::new(0.1, -7.3, 1e3), pitch: 0.3, dims: [3, 4, 5] };
+        let grown = grid.grown([2, 0, -1], [1, 3, 0]).unwrap();
+        assert_eq!(grown.dims, [6, 7, 4]);
+        assert_eq!(grid.offset_of(&grown), Some([-2, 0, 1]));
+        assert_eq!(grown.offset_of(&grid), Some([2, 0, -1]));
+        assert!((grown.centre([2, 0, 0]) - grid.centre([0, 0, 1])).length() < 1e-9);
+        assert!(grid.grown([-3, 0, 0], [0; 3]).is_err());
+        let (lower, upper) = (grid.centre([1, 1, 1]), grid.origin + grid.size() + 0.31);
+        let covering = grid.covering(lower, upper, 0).unwrap();
+        assert_eq!((grid.offset_of(&covering), covering.dims), (Some([1, 1, 1]), [4, 5, 6]));
+        assert_eq!(grid.covering(grid.origin, grid.origin + grid.size(), 0).unwrap().dims, grid.dims);
+        assert_eq!(grid.covering(lower, upper, 2).unwrap().dims, [8, 9, 10]);
+        let shifted = Grid { origin: grid.origin + 0.1, ..grid };
+        assert_eq!(grid.offset_of(&shifted), None);
+        assert_eq!(grid.offset_of(&Grid { pitch: 0.6, ..grid }), None);
     }
 
     #[test]

@@ -1,4 +1,59 @@
-//! Core.
+//! Where, and from which directions, a tool reaches a part without collision.
+//!
+//! A tool assembly `T` (cutter, shank, holder) moves by translations `x` and rotations `R` around an obstacle `O`, the
+//! part on its fixtures:
+//!
+//! - `overlap(x, R) = vol[O ∩ (R T + x)] / vol(T)`: does the tool collide when its tip is *here*, and how much;
+//! - `CMF(x, R) = min_k overlap(x − R k, R)` over the tool's sharp points `k`: the collision measure field, can *some*
+//!   sharp point reach `x`;
+//! - `IMF(x) = min_R CMF(x, R)`: the inaccessibility measure field.
+//!
+//! Exact values are whole numbers of voxels, computed for one rotation at a time by real FFTs ([`section`]). A network
+//! with sine activations holds the field over all poses, continuous and differentiable, in about a megabyte
+//! ([`siren`], [`training`], [`model`]). [`field`] asks either the same question.
+//!
+//! # Conventions
+//! - Lengths are in the mesh's own unit, millimetres unless told; angles are degrees, pairs always (θ, φ).
+//! - Right-handed world. A [`grid::Grid`] has cubic voxels; the centre of voxel `i` is `origin + pitch·(i + ½)`.
+//!   Arrays are C-ordered `[x, y, z]`, `z` contiguous.
+//! - Tool frame: tip at the origin, axis +z from tip to holder; `R(θ, φ) = R_z(θ) R_y(φ)`.
+//! - "Exact" is exact for voxel centres. Space outside the obstacle's grid is empty.
+//!
+//! # Example
+//! Where can the built-in tool stand upright on the built-in bracket?
+//! ```
+//! use imf_core::orientation::Orientation;
+//! use imf_core::parts::ReferencePart;
+//! use imf_core::scene::{Around, Resolution, SceneSpec};
+//! use imf_core::section::{SectionPlan, SectionScratch};
+//! use imf_core::tool::Tool;
+//! use imf_core::unit::LengthUnit;
+//!
+//! let scene = SceneSpec {
+//!     part: "bracket",
+//!     mesh: &ReferencePart::Bracket.mesh(),
+//!     unit: LengthUnit::Mm,
+//!     transform: glam::DMat4::IDENTITY,
+//!     resolution: Resolution::Dims([12, 36, 22]),
+//!     margin: 0,
+//!     conservative: false,
+//!     tool: &Tool::paper(),
+//!     fixtures: &[],
+//!     around: Around::Part,
+//! }
+//! .scene()?;
+//! let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool)?;
+//! let mut cmf = vec![0.0; scene.record.grid.len()];
+//! plan.cmf(&Orientation::new(0.0, 0.0), &mut SectionScratch::default(), &mut cmf)?;
+//! let free = cmf.iter().filter(|&&v| v == 0.0).count();
+//! assert!(free > 0 && free < cmf.len());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Source of the method: Harabin, Mirzendehdel, Behandish, *Deep Neural Implicit Representation of Accessibility for
+//! Multi-Axis Manufacturing*, arXiv 2409.02115.
+
+pub mod access;
 pub mod atomic_file;
 pub mod check;
 pub mod control;

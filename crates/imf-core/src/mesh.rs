@@ -4,6 +4,7 @@ use glam::{DMat4, DVec3};
 use serde::{Deserialize, Serialize};
 
 pub mod read;
+mod refine;
 pub mod topology;
 mod weld;
 pub mod write;

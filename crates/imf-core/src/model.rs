@@ -256,7 +256,7 @@ impl Model {
             .map_err(|e| damaged(e.to_string()))?;
         Ok(Self {
             shape,
-            scene: Scene { record: description.scene, obstacle },
+            scene: Scene::from_union(description.scene, obstacle),
             record: description.training,
             state: TrainingState {
                 parameters,
@@ -272,7 +272,7 @@ impl Model {
 mod tests {
     use super::*;
     use crate::parts::ReferencePart;
-    use crate::scene::{Resolution, SceneSpec};
+    use crate::scene::{Around, Resolution, SceneSpec};
     use crate::tool::Tool;
     use crate::unit::LengthUnit;
 
@@ -286,6 +286,8 @@ mod tests {
             margin: 0,
             conservative: false,
             tool: &Tool::paper(),
+            fixtures: &[],
+            around: Around::Part,
         };
         let shape = SirenShape { width: 7, hidden: 3, ..SirenShape::default() };
         let mut state = TrainingState::new(&shape, 1);

@@ -45,6 +45,54 @@ impl Occupancy {
         self.count() as f64 * self.grid.voxel_volume()
     }
 
+    /// The same voxels on another grid of the same voxels: what lies outside it is left out, what it adds is empty.
+    /// `None` where the grids' voxels do not coincide.
+    #[must_use]
+    pub fn on(&self, grid: &Grid) -> Option<Self> {
+        let offset = self.grid.offset_of(grid)?;
+        let mut moved = Self::empty(*grid);
+        // The range of the new grid's voxels that lie on the old one.
+        let range = |axis: usize| {
+            let clamp = |v: i64| v.clamp(0, grid.dims[axis] as i64) as usize;
+            clamp(-offset[axis])..clamp(self.grid.dims[axis] as i64 - offset[axis])
+        };
+        let old = |axis: usize, v: usize| (v as i64 + offset[axis]) as usize;
+        let lines = range(2);
+        if lines.is_empty() {
+            return Some(moved);
+        }
+        for x in range(0) {
+            for y in range(1) {
+                let from = self.grid.index([old(0, x), old(1, y), old(2, lines.start)]);
+                let to = grid.index([x, y, lines.start]);
+                moved.solid[to..][..lines.len()].copy_from_slice(&self.solid[from..][..lines.len()]);
+            }
+        }
+        Some(moved)
+    }
+
+    /// What is solid in either; `None` where the grids differ.
+    #[must_use]
+    pub fn union(&self, other: &Self) -> Option<Self> {
+        let solid = || self.solid.iter().zip(&other.solid).map(|(a, b)| a | b).collect();
+        (self.grid == other.grid).then(|| Self { grid: self.grid, solid: solid() })
+    }
+
+    /// Lowest and highest solid voxel along each axis; `None` where nothing is solid.
+    #[must_use]
+    pub fn extent(&self) -> Option<([usize; 3], [usize; 3])> {
+        let mut extent: Option<([usize; 3], [usize; 3])> = None;
+        for (index, _) in self.solid.iter().enumerate().filter(|&(_, &s)| s != 0) {
+            let voxel = self.grid.voxel(index);
+            let (low, high) = extent.get_or_insert((voxel, voxel));
+            for axis in 0..3 {
+                low[axis] = low[axis].min(voxel[axis]);
+                high[axis] = high[axis].max(voxel[axis]);
+            }
+        }
+        extent
+    }
+
     /// Eight voxels a byte, the first voxel in the lowest bit; the last byte is padded with zeros.
     #[must_use]
     pub fn packed(&self) -> Vec<u8> {
@@ -72,6 +120,33 @@ impl Occupancy {
 mod tests {
     use super::*;
     use glam::DVec3;
+
+    #[test]
+    fn voxels_keep_their_places_on_another_grid() {
+        let grid = Grid { origin: DVec3::new(0.5, 0.0, -2.0), pitch: 0.5, dims: [4, 5, 6] };
+        let solid = (0..grid.len()).map(|i| u8::from(i * i % 7 < 3)).collect();
+        let occupancy = Occupancy { grid, solid };
+        for (before, after) in [([1, 2, 0], [0, 1, 3]), ([-2, 1, -1], [2, -3, 0]), ([-4, 0, 0], [9, 0, 0])] {
+            let other = grid.grown(before, after).unwrap();
+            let moved = occupancy.on(&other).unwrap();
+            for index in 0..other.len() {
+                let voxel = other.voxel(index);
+                let old = [0, 1, 2].map(|a| voxel[a] as i64 - before[a]);
+                let inside = (0..3).all(|a| (0..grid.dims[a] as i64).contains(&old[a]));
+                let expected = if inside { occupancy.solid[grid.index(old.map(|v| v as usize))] } else { 0 };
+                assert_eq!(moved.solid[index], expected, "{voxel:?}");
+            }
+        }
+        assert!(occupancy.on(&Grid { pitch: 0.4, ..grid }).is_none());
+        let mut one = Occupancy::empty(grid);
+        assert_eq!(one.extent(), None);
+        one.solid[grid.index([1, 2, 3])] = 1;
+        assert_eq!(one.extent(), Some(([1, 2, 3], [1, 2, 3])));
+        assert_eq!(
+            occupancy.union(&one).unwrap().count(),
+            occupancy.count() + usize::from(occupancy.solid[grid.index([1, 2, 3])] == 0)
+        );
+    }
 
     #[test]
     fn packing_is_undone_by_unpacking_at_a_size_that_is_no_multiple_of_eight() {

@@ -4,6 +4,10 @@
 //! the world. The tool's axis points along `d = R ẑ = (sin φ cos θ, sin φ sin θ, cos φ)`; ψ rolls the tool about its
 //! own axis and is 0 for tools that look the same at every roll. Angles are degrees, pairs are always (θ, φ).
 
+mod limits;
+
+pub use limits::Limits;
+
 use std::f64::consts::{PI, SQRT_2, TAU};
 use std::path::Path;
 
@@ -100,8 +104,8 @@ fn wrap_degrees(angle: f64) -> f64 {
 pub enum OrientationSetError {
     /// The text is none of the known forms.
     #[error(
-        "'{0}' is no orientation set: use grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, so3:N, \
-         a list of angle pairs such as 0,0;12,6, or a CSV file"
+        "'{0}' is no orientation set: use grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, \
+         ac:A_MIN:A_MAX:C_MIN:C_MAX:NA:NC, bc:…, so3:N, within:LIMITS@SET, a list of angle pairs such as 0,0;12,6, or a CSV file"
     )]
     Form(String),
     /// A number in the text is missing, malformed or out of range.
@@ -112,6 +116,12 @@ pub enum OrientationSetError {
         /// What is wrong with it.
         what: String,
     },
+    /// The text of machine limits is none of the known forms.
+    #[error(
+        "'{0}' are no machine limits: use ac:A_MIN:A_MAX:C_MIN:C_MAX, bc:B_MIN:B_MAX:C_MIN:C_MAX or \
+             cone:X,Y,Z:HALF_ANGLE, in degrees"
+    )]
+    Limits(String),
     /// The CSV file cannot be read.
     #[error("cannot read orientations from {path}: {source}")]
     Read {
@@ -143,6 +153,9 @@ impl OrientationSet {
     /// | `fibonacci:N` | N directions spread evenly over the sphere |
     /// | `random:N:SEED` | N directions uniform on the sphere |
     /// | `cone:X,Y,Z:HALF_ANGLE:N` | N directions spread evenly within an angle (degrees) of an axis |
+    /// | `ac:A0:A1:C0:C1:NA:NC` | NA × NC directions of two rotary axes within their ranges, see [`Limits`] |
+    /// | `bc:B0:B1:C0:C1:NB:NC` | the same for B and C |
+    /// | `within:LIMITS@SET` | those directions of SET that a machine's [`Limits`] reach |
     /// | `so3:N` | N rotations spread evenly over SO(3), for tools that are not axisymmetric |
     /// | `θ,φ;θ,φ;…` | the pairs given, degrees |
     /// | a path ending in `.csv` | columns `theta,phi[,roll]` in degrees or `i,j,k`, with that header line |
@@ -155,6 +168,9 @@ impl OrientationSet {
             Ok(n) if (1..=MOST).contains(&n) => Ok(n),
             _ => Err(fail(&format!("'{text}' is no number of orientations from 1 to {MOST}"))),
         };
+        if let Some((limits, set)) = spec.strip_prefix("within:").and_then(|rest| rest.split_once('@')) {
+            return Self::parse(set)?.within(&Limits::parse(limits)?);
+        }
         let parts: Vec<&str> = spec.split(':').collect();
         let orientations = match parts.as_slice() {
             ["grid", n] => {
@@ -184,6 +200,13 @@ impl OrientationSet {
                 let lowest = half_angle.to_radians().cos();
                 fibonacci(count(n)?, lowest).map(|d| direction_orientation(turn * d)).collect()
             }
+            ["ac" | "bc", _, _, _, _, n_tilt, n_turn] => {
+                let (n_tilt, n_turn) = (count(n_tilt)?, count(n_turn)?);
+                if n_tilt.saturating_mul(n_turn) > MOST {
+                    return Err(fail(&format!("{n_tilt} × {n_turn} is more than {MOST} orientations")));
+                }
+                Limits::parse(&parts[..5].join(":"))?.directions(n_tilt, n_turn)
+            }
             ["so3", n] => super_fibonacci(count(n)?),
             [path] if path.to_ascii_lowercase().ends_with(".csv") => return Self::read_csv(Path::new(path)),
             [list] if list.contains(',') => list
@@ -196,6 +219,21 @@ impl OrientationSet {
             _ => return Err(OrientationSetError::Form(spec.to_owned())),
         };
         Ok(Self { spec: spec.to_owned(), orientations })
+    }
+
+    /// The orientations whose directions lie within the limits, in the same order.
+    ///
+    /// # Errors
+    /// No orientation is left.
+    pub fn within(&self, limits: &Limits) -> Result<Self, OrientationSetError> {
+        let spec = format!("within:{limits}@{}", self.spec);
+        let reachable = self.orientations.iter().copied().filter(|o| limits.reach(o.direction()));
+        let orientations: Vec<_> = reachable.collect();
+        if orientations.is_empty() {
+            let what = format!("none of its {} orientations is within {limits}", self.len());
+            return Err(OrientationSetError::Value { spec: self.spec.clone(), what });
+        }
+        Ok(Self { spec, orientations })
     }
 
     fn read_csv(path: &Path) -> Result<Self, OrientationSetError> {

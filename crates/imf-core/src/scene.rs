@@ -1,7 +1,10 @@
-//! The scene: which part in which set-up, on which grid, against which tool. Datasets and models carry it, so that
-//! one file is enough to know what a field means.
+//! The scene: which part in which set-up, among which fixtures, on which grid, against which tool. Datasets and models
+//! carry it, so that one file is enough to know what a field means.
+//!
+//! The obstacle is the union of part and fixtures. Where the grid is chosen around the part alone, fixtures may stick
+//! out of it and still be hit: [`SceneSpec::bodies`] gives all that a tool can meet from the grid's voxels.
 
-use glam::DMat4;
+use glam::{DMat4, DVec3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -23,6 +26,27 @@ pub enum Resolution {
     Dims([usize; 3]),
 }
 
+/// What the grid is chosen around.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Around {
+    /// The part; fixtures may stick out.
+    #[default]
+    Part,
+    /// Part and fixtures.
+    All,
+}
+
+/// What holds the part: a mesh that the tool must not touch either.
+#[derive(Clone, Debug)]
+pub struct Fixture<'a> {
+    /// Name of the fixture.
+    pub name: &'a str,
+    /// The fixture in its own coordinates and the part's unit.
+    pub mesh: &'a Mesh,
+    /// Where it stands in the world.
+    pub transform: DMat4,
+}
+
 /// What is known of a scene without its voxels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SceneRecord {
@@ -42,6 +66,9 @@ pub struct SceneRecord {
     pub closed: bool,
     /// The tool, in `unit`.
     pub tool: Tool,
+    /// Names of the fixtures, whose voxels are part of the obstacle.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub fixtures: Vec<String>,
     /// CRC-32 of the obstacle's packed voxels.
     pub obstacle_crc32: u32,
 }
@@ -51,8 +78,37 @@ pub struct SceneRecord {
 pub struct Scene {
     /// What is written down.
     pub record: SceneRecord,
-    /// The solid voxels.
+    /// The solid voxels of part and fixtures.
     pub obstacle: Occupancy,
+    /// The fixtures' solid voxels alone; empty where the scene was read from a file, which keeps only the union.
+    pub fixtures: Occupancy,
+}
+
+impl Scene {
+    /// A scene as files keep it: the union of part and fixtures.
+    #[must_use]
+    pub fn from_union(record: SceneRecord, obstacle: Occupancy) -> Self {
+        let fixtures = Occupancy::empty(obstacle.grid);
+        Self { record, obstacle, fixtures }
+    }
+}
+
+/// Part and fixtures apart, on one grid that holds all of them that matters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bodies {
+    /// Solid voxels of the part.
+    pub part: Occupancy,
+    /// Solid voxels of the fixtures.
+    pub fixtures: Occupancy,
+}
+
+impl Bodies {
+    /// The union.
+    #[must_use]
+    pub fn obstacle(&self) -> Occupancy {
+        let solid = self.part.solid.iter().zip(&self.fixtures.solid).map(|(a, b)| a | b).collect();
+        Occupancy { grid: self.part.grid, solid }
+    }
 }
 
 /// Why a scene cannot be made.
@@ -64,6 +120,15 @@ pub enum SceneError {
     /// The grid cannot be made.
     #[error(transparent)]
     Grid(#[from] GridError),
+    /// A fixture without a triangle.
+    #[error("the fixture '{0}' has no triangle")]
+    NoFixtureTriangles(String),
+    /// A fixture sticks out of a grid that has to hold the whole obstacle.
+    #[error(
+        "the fixture '{0}' sticks out of the grid around the part, where its voxels would be lost: add --around all, \
+         or a larger --margin"
+    )]
+    FixtureOutside(String),
     /// Nothing of the part is left at this resolution.
     #[error(
         "the part '{part}' holds no voxel centre at pitch {pitch}: it is too thin for this grid; choose a smaller \
@@ -96,32 +161,48 @@ pub struct SceneSpec<'a> {
     pub conservative: bool,
     /// The tool, in any unit.
     pub tool: &'a Tool,
+    /// What holds the part.
+    pub fixtures: &'a [Fixture<'a>],
+    /// What the grid is chosen around.
+    pub around: Around,
 }
 
 impl SceneSpec<'_> {
-    /// The grid that the scene will have.
+    /// The grid that the scene will have. With [`Around::All`] and [`Resolution::Dims`] the pitch is the smallest at
+    /// which everything fits.
     ///
     /// # Errors
     /// A mesh without triangles, or a grid that cannot be made.
     pub fn grid(&self) -> Result<Grid, SceneError> {
-        let bounds = self.mesh.transformed(&self.transform).bounds();
-        let (lower, upper) = bounds.ok_or_else(|| SceneError::NoTriangles(self.part.to_owned()))?;
+        let (mut lower, mut upper) = self.part_bounds()?;
+        if self.around == Around::All {
+            for fixture in self.fixtures {
+                let bounds = fixture_bounds(fixture)?;
+                (lower, upper) = (lower.min(bounds.0), upper.max(bounds.1));
+            }
+        }
         Ok(match self.resolution {
             Resolution::Pitch(pitch) => Grid::with_pitch(lower, upper, pitch, self.margin)?,
             Resolution::Dims(dims) => Grid::with_dims(lower, upper, dims, self.margin)?,
         })
     }
 
-    /// Voxelises the part.
+    /// Voxelises part and fixtures on the scene's grid.
     ///
     /// # Errors
-    /// As [`SceneSpec::grid`], or a part of which no voxel is left.
+    /// As [`SceneSpec::grid`]; a part of which no voxel is left; a fixture that sticks out of the grid.
     pub fn scene(&self) -> Result<Scene, SceneError> {
         let grid = self.grid()?;
-        let obstacle = voxelize(&self.mesh.transformed(&self.transform), &grid, self.conservative);
-        if obstacle.count() == 0 {
-            return Err(SceneError::NoSolid { part: self.part.to_owned(), pitch: grid.pitch });
+        let (lower, upper) = (grid.origin, grid.origin + grid.size());
+        let slack = 1e-6 * grid.pitch;
+        for fixture in self.fixtures {
+            let bounds = fixture_bounds(fixture)?;
+            if (lower - bounds.0).max_element() > slack || (bounds.1 - upper).max_element() > slack {
+                return Err(SceneError::FixtureOutside(fixture.name.to_owned()));
+            }
         }
+        let bodies = self.bodies(&grid)?;
+        let obstacle = bodies.obstacle();
         let record = SceneRecord {
             part: self.part.to_owned(),
             unit: self.unit,
@@ -131,8 +212,130 @@ impl SceneSpec<'_> {
             conservative: self.conservative,
             closed: MeshReport::new(self.mesh).closed,
             tool: self.tool.in_unit(self.unit),
+            fixtures: self.fixtures.iter().map(|fixture| fixture.name.to_owned()).collect(),
             obstacle_crc32: crc32fast::hash(&obstacle.packed()),
         };
-        Ok(Scene { record, obstacle })
+        Ok(Scene { record, obstacle, fixtures: bodies.fixtures })
+    }
+
+    /// The grid of all that a tool can meet which reaches `reach` (in the part's unit) from the voxels of `query`: it
+    /// lies on the same voxels, and holds the part, and of the fixtures what is near enough.
+    ///
+    /// # Errors
+    /// A mesh without triangles, or more voxels than can be indexed.
+    pub fn obstacle_grid(&self, query: &Grid, reach: f64) -> Result<Grid, SceneError> {
+        let (mut lower, mut upper) = self.part_bounds()?;
+        let far = reach + 2.0 * query.pitch;
+        let (nearest, farthest) = (query.origin - far, query.origin + query.size() + far);
+        for fixture in self.fixtures {
+            let bounds = fixture_bounds(fixture)?;
+            lower = lower.min(bounds.0.max(nearest));
+            upper = upper.max(bounds.1.min(farthest));
+        }
+        // One voxel more: with `conservative` a surface on a voxel's face makes both sides solid.
+        Ok(query.covering(lower, upper, 1)?)
+    }
+
+    /// Voxelises part and fixtures, apart, on a grid.
+    ///
+    /// # Errors
+    /// A mesh without triangles, or a part of which no voxel is left.
+    pub fn bodies(&self, grid: &Grid) -> Result<Bodies, SceneError> {
+        self.part_bounds()?;
+        let part = voxelize(&self.mesh.transformed(&self.transform), grid, self.conservative);
+        if part.count() == 0 {
+            return Err(SceneError::NoSolid { part: self.part.to_owned(), pitch: grid.pitch });
+        }
+        let mut fixtures = Occupancy::empty(*grid);
+        for fixture in self.fixtures {
+            fixture_bounds(fixture)?;
+            let solid =
+                voxelize(&fixture.mesh.transformed(&fixture.transform), grid, self.conservative).solid;
+            fixtures.solid.iter_mut().zip(solid).for_each(|(all, one)| *all |= one);
+        }
+        Ok(Bodies { part, fixtures })
+    }
+
+    /// The part's box in the world.
+    ///
+    /// # Errors
+    /// A mesh without triangles.
+    pub fn part_bounds(&self) -> Result<(DVec3, DVec3), SceneError> {
+        let bounds = self.mesh.transformed(&self.transform).bounds();
+        bounds.ok_or_else(|| SceneError::NoTriangles(self.part.to_owned()))
+    }
+}
+
+fn fixture_bounds(fixture: &Fixture<'_>) -> Result<(DVec3, DVec3), SceneError> {
+    let bounds = fixture.mesh.transformed(&fixture.transform).bounds();
+    bounds.ok_or_else(|| SceneError::NoFixtureTriangles(fixture.name.to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::tests::unit_cube;
+
+    /// A cube of 4 mm, held by a clamp that lies on it and sticks out 6 mm to either side.
+    fn spec<'a>(cube: &'a Mesh, tool: &'a Tool, fixtures: &'a [Fixture<'a>]) -> SceneSpec<'a> {
+        SceneSpec {
+            part: "cube",
+            mesh: cube,
+            unit: LengthUnit::Mm,
+            transform: DMat4::from_scale(DVec3::splat(4.0)),
+            resolution: Resolution::Pitch(0.5),
+            margin: 0,
+            conservative: false,
+            tool,
+            fixtures,
+            around: Around::Part,
+        }
+    }
+
+    fn clamp(cube: &Mesh) -> Fixture<'_> {
+        let place = DMat4::from_translation(DVec3::new(-6.0, 1.0, 4.0));
+        Fixture {
+            name: "clamp",
+            mesh: cube,
+            transform: place * DMat4::from_scale(DVec3::new(16.0, 2.0, 1.0)),
+        }
+    }
+
+    #[test]
+    fn fixtures_are_apart_and_part_of_the_obstacle() {
+        let (cube, tool) = (unit_cube(), Tool::paper());
+        let fixtures = [clamp(&cube)];
+        let narrow = spec(&cube, &tool, &fixtures);
+        assert!(matches!(narrow.scene(), Err(SceneError::FixtureOutside(name)) if name == "clamp"));
+        let wide = SceneSpec { around: Around::All, ..narrow };
+        let scene = wide.scene().unwrap();
+        assert_eq!(scene.record.grid.dims, [32, 8, 10]);
+        assert_eq!((scene.obstacle.count(), scene.fixtures.count()), (512 + 256, 256));
+        assert_eq!(scene.record.fixtures, ["clamp"]);
+    }
+
+    #[test]
+    fn what_sticks_out_counts_as_far_as_the_tool_reaches() {
+        let (cube, tool) = (unit_cube(), Tool::paper());
+        let fixtures = [clamp(&cube)];
+        let spec = spec(&cube, &tool, &fixtures);
+        let query = spec.grid().unwrap();
+        assert_eq!(query.dims, [8; 3]);
+        let all = spec.bodies(&spec.obstacle_grid(&query, 100.0).unwrap()).unwrap();
+        assert_eq!((all.part.count(), all.fixtures.count()), (512, 256));
+        assert!(query.offset_of(&all.part.grid).is_some());
+        // 2 mm of reach and two voxels of room leave 3 mm on each side.
+        let near = spec.bodies(&spec.obstacle_grid(&query, 2.0).unwrap()).unwrap();
+        assert_eq!(near.part.count(), 512);
+        assert!((160..256).contains(&near.fixtures.count()), "{}", near.fixtures.count());
+    }
+
+    #[test]
+    fn records_of_older_files_have_no_fixtures() {
+        let (cube, tool) = (unit_cube(), Tool::paper());
+        let record = spec(&cube, &tool, &[]).scene().unwrap().record;
+        let text = serde_json::to_string(&record).unwrap();
+        assert!(!text.contains("fixtures"));
+        assert_eq!(serde_json::from_str::<SceneRecord>(&text).unwrap(), record);
     }
 }

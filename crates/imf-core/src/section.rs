@@ -48,6 +48,21 @@ pub enum SectionError {
         /// What the direct sum gave.
         expected: u32,
     },
+    /// The voxels of the query grid are not those of the obstacle's grid.
+    #[error(
+        "the query grid (origin {query}, pitch {query_pitch}) does not lie on the voxels of the obstacle's grid \
+         (origin {obstacle}, pitch {pitch}): both need one pitch and a distance of whole voxels"
+    )]
+    QueryGrid {
+        /// Origin of the query grid.
+        query: DVec3,
+        /// Pitch of the query grid.
+        query_pitch: f64,
+        /// Origin of the obstacle's grid.
+        obstacle: DVec3,
+        /// Pitch of the obstacle's grid.
+        pitch: f64,
+    },
     /// The caller's [`Control`] asked to stop.
     #[error("interrupted")]
     Cancelled,
@@ -60,6 +75,9 @@ pub struct SectionPlan {
     obstacle: Occupancy,
     tool: Tool,
     sharp_points: Vec<DVec3>,
+    grid: Grid,
+    /// Voxel (0, 0, 0) of `grid` in the obstacle's grid.
+    offset: [i64; 3],
     query: QueryBox,
     size: CircularSize,
     single: Option<Convolver<f32>>,
@@ -81,13 +99,30 @@ impl SectionPlan {
     /// # Errors
     /// A tool without volume.
     pub fn new(obstacle: &Occupancy, tool: &Tool) -> Result<Self, SectionError> {
+        Self::with_query(obstacle, &obstacle.grid, tool)
+    }
+
+    /// Plans sections at every voxel of `query_grid`, which lies on the obstacle's voxels and may be a part of its grid,
+    /// stick out of it or stand beside it. The obstacle counts as a whole, space outside its grid is empty.
+    ///
+    /// # Errors
+    /// A tool without volume, or a query grid with other voxels than the obstacle's.
+    pub fn with_query(obstacle: &Occupancy, query_grid: &Grid, tool: &Tool) -> Result<Self, SectionError> {
         tool.check()?;
+        let offset = obstacle.grid.offset_of(query_grid).ok_or(SectionError::QueryGrid {
+            query: query_grid.origin,
+            query_pitch: query_grid.pitch,
+            obstacle: obstacle.grid.origin,
+            pitch: obstacle.grid.pitch,
+        })?;
         let sharp_points = tool.sharp_point_positions();
-        let (query, size) = Self::sizes(&obstacle.grid, tool);
+        let (query, size) = Self::sizes(&obstacle.grid, offset, query_grid.dims, tool);
         let mut plan = Self {
             obstacle: obstacle.clone(),
             tool: tool.clone(),
             sharp_points,
+            grid: *query_grid,
+            offset,
             query,
             size,
             single: None,
@@ -101,17 +136,24 @@ impl SectionPlan {
         Ok(plan)
     }
 
-    fn sizes(grid: &Grid, tool: &Tool) -> (QueryBox, CircularSize) {
+    fn sizes(grid: &Grid, offset: [i64; 3], dims: [usize; 3], tool: &Tool) -> (QueryBox, CircularSize) {
         let farthest = tool.sharp_point_positions().iter().map(|k| k.length()).fold(0.0, f64::max);
         let grow = if farthest > 0.0 { (farthest / grid.pitch).ceil() as i64 + 1 } else { 0 };
-        let query = QueryBox::grown(grid.dims, grow);
+        let query = QueryBox::around(offset, dims, grow);
         (query, CircularSize::new(grid.dims, query, tool.reach() / grid.pitch))
     }
 
     /// Bytes that a plan with this many threads will take: known before anything is allocated.
     #[must_use]
     pub fn memory_estimate(grid: &Grid, tool: &Tool, threads: usize) -> u64 {
-        let (query, size) = Self::sizes(grid, tool);
+        Self::memory_estimate_with_query(grid, grid, tool, threads)
+    }
+
+    /// The same for a query grid of its own ([`SectionPlan::with_query`]).
+    #[must_use]
+    pub fn memory_estimate_with_query(grid: &Grid, query_grid: &Grid, tool: &Tool, threads: usize) -> u64 {
+        let offset = grid.offset_of(query_grid).unwrap_or_default();
+        let (query, size) = Self::sizes(grid, offset, query_grid.dims, tool);
         let complex = |bytes: u64| 2 * bytes;
         let points: u64 = size.n.iter().map(|&n| n as u64).product();
         let spectrum = complex(4) * points / 2;
@@ -123,7 +165,7 @@ impl SectionPlan {
     /// The grid whose voxels a section covers.
     #[must_use]
     pub fn grid(&self) -> &Grid {
-        &self.obstacle.grid
+        &self.grid
     }
 
     /// The obstacle.
@@ -160,12 +202,13 @@ impl SectionPlan {
         scratch: &mut SectionScratch,
         counts: &mut [u32],
     ) -> Result<u32, SectionError> {
-        assert_eq!(counts.len(), self.obstacle.grid.len(), "one count for each voxel of the grid");
+        assert_eq!(counts.len(), self.grid.len(), "one count for each voxel of the grid");
         let rotated = self.box_counts(orientation, scratch)?;
-        let [nx, ny, nz] = self.obstacle.grid.dims;
+        let [nx, ny, nz] = self.grid.dims;
+        let [ox, oy, oz] = self.offset;
         for x in 0..nx {
             for y in 0..ny {
-                let from = self.query.index([x as i64, y as i64, 0]);
+                let from = self.query.index([x as i64 + ox, y as i64 + oy, oz]);
                 counts[(x * ny + y) * nz..][..nz].copy_from_slice(&scratch.counts[from..from + nz]);
             }
         }
@@ -185,7 +228,7 @@ impl SectionPlan {
         scratch: &mut SectionScratch,
         cmf: &mut [f32],
     ) -> Result<(), SectionError> {
-        assert_eq!(cmf.len(), self.obstacle.grid.len(), "one value for each voxel of the grid");
+        assert_eq!(cmf.len(), self.grid.len(), "one value for each voxel of the grid");
         let normaliser = f64::from(self.box_counts(orientation, scratch)?);
         let rotation = orientation.rotation();
         for (index, &sharp) in self.sharp_points.iter().enumerate() {
@@ -236,7 +279,8 @@ impl SectionPlan {
     fn read_shifted(&self, counts: &[u32], shift: DVec3, normaliser: f64, first: bool, cmf: &mut [f32]) {
         let whole = shift.floor();
         let fraction = shift - whole;
-        let base = [whole.x as i64, whole.y as i64, whole.z as i64];
+        let [ox, oy, oz] = self.offset;
+        let base = [whole.x as i64 + ox, whole.y as i64 + oy, whole.z as i64 + oz];
         // Corners of weight zero are not read: a whole shift reads one voxel.
         let corners: Vec<([i64; 3], f64)> = (0..8)
             .map(|corner: i64| {
@@ -248,7 +292,7 @@ impl SectionPlan {
             })
             .filter(|&(_, weight)| weight > 0.0)
             .collect();
-        let [nx, ny, nz] = self.obstacle.grid.dims;
+        let [nx, ny, nz] = self.grid.dims;
         for x in 0..nx {
             for y in 0..ny {
                 let line = &mut cmf[(x * ny + y) * nz..][..nz];
@@ -330,6 +374,49 @@ mod tests {
                 orientations.iter().for_each(|o| counts_equal_direct(&plan, o));
             }
         }
+    }
+
+    #[test]
+    fn a_query_grid_of_its_own_sees_the_whole_obstacle() {
+        let obstacle = scattered(DIMS);
+        let points = SharpPoints::Points(vec![DVec3::new(0.3, -0.4, 0.7)]);
+        let sharp = Tool { sharp_points: points, ..cylinder(1.5, 5.0) };
+        // Within, sticking out on one side, around it all, and beside it: nearer and farther than the tool reaches.
+        let grids = [
+            ([-4, -3, -6], [-5, -4, -7]),
+            ([3, -2, 4], [-9, -6, 0]),
+            ([5, 6, 7], [8, 4, 3]),
+            ([-15, 0, 0], [9, 0, 0]),
+            ([0, 0, 60], [0, 0, -70]),
+        ];
+        for (before, after) in grids {
+            let query = obstacle.grid.grown(before, after).unwrap();
+            // The same obstacle on a grid that holds the query grid too, where the definition reads every voxel.
+            let all = obstacle.grid.grown(before.map(|b| b.max(0)), after.map(|a| a.max(0))).unwrap();
+            let (whole, shift) = (obstacle.on(&all).unwrap(), all.offset_of(&query).unwrap());
+            for tool in [&cylinder(2.0, 9.0), &sharp] {
+                let plan = SectionPlan::with_query(&obstacle, &query, tool).unwrap();
+                let (mut scratch, mut counts) = (SectionScratch::default(), vec![u32::MAX; query.len()]);
+                let mut cmf = vec![f32::NAN; query.len()];
+                for orientation in OrientationSet::parse("random:3:8").unwrap().orientations {
+                    let total = plan.counts(&orientation, &mut scratch, &mut counts).unwrap();
+                    plan.cmf(&orientation, &mut scratch, &mut cmf).unwrap();
+                    let rotated = RotatedTool::new(tool, &orientation, 1.0).unwrap();
+                    assert_eq!(total, rotated.count);
+                    for index in 0..query.len() {
+                        let voxel = query.voxel(index);
+                        let voxel = [0, 1, 2].map(|axis| voxel[axis] as i64 + shift[axis]);
+                        assert_eq!(counts[index], direct_count(&whole, &rotated, voxel), "{voxel:?}");
+                        let voxel = voxel.map(|v| v as usize);
+                        let expected = direct_cmf(&whole, tool, &orientation, voxel).unwrap();
+                        assert!((f64::from(cmf[index]) - expected).abs() < 1e-6);
+                    }
+                }
+            }
+        }
+        let moved = Grid { origin: obstacle.grid.origin + 0.5, ..obstacle.grid };
+        let refusal = SectionPlan::with_query(&obstacle, &moved, &sharp).err().unwrap();
+        assert!(refusal.to_string().contains("whole voxels"), "{refusal}");
     }
 
     #[test]

@@ -1,20 +1,22 @@
-//! From arguments to a scene: part, unit, set-up, grid and tool, checked in one step.
+//! From arguments to a scene: part, fixtures, unit, set-up, grid and tool, checked in one step.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use anyhow::{Context, Result, bail};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use glam::DMat4;
 use imf_core::mesh::Mesh;
 use imf_core::mesh::read::read_mesh;
 use imf_core::mesh::topology::MeshReport;
+use imf_core::occupancy::Occupancy;
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{Resolution, Scene, SceneSpec};
+use imf_core::scene::{Around, Fixture, Resolution, Scene, SceneSpec};
 use imf_core::section::SectionPlan;
 use imf_core::tool::Tool;
 use imf_core::unit::{LengthUnit, unit_check};
 
+use super::fixture::FixtureMesh;
 use super::transform::parse_transform;
 use crate::session::{Session, show_bytes};
 
@@ -30,7 +32,7 @@ pub(crate) struct SceneArguments {
     #[arg(long, value_name = "UNIT")]
     pub(crate) unit: Option<String>,
     /// Edge of a voxel in the part's unit
-    #[arg(long, value_name = "LENGTH", conflicts_with = "dims")]
+    #[arg(long, value_name = "LENGTH", conflicts_with = "dims", value_parser = parse_pitch)]
     pub(crate) pitch: Option<f64>,
     /// Voxels along x, y and z, the part fitted between them; built-in parts have their own by default
     #[arg(long, value_name = "NX,NY,NZ", value_parser = parse_dims)]
@@ -44,14 +46,42 @@ pub(crate) struct SceneArguments {
     /// Every voxel that the surface touches is solid, not only those whose centre is inside
     #[arg(long)]
     pub(crate) conservative: bool,
-    /// A tool file (TOML), or paper, the built-in ball-end mill
+    /// A tool file (TOML), or paper, the built-in ball-end mill; imf access takes several
     #[arg(long, default_value = "paper", value_name = "TOOL")]
-    pub(crate) tool: String,
+    pub(crate) tool: Vec<String>,
+    /// What holds the part: an OBJ or STL file in the part's unit, with its set-up after an @; may be repeated
+    #[arg(long, value_name = "FILE[@STEPS]")]
+    pub(crate) fixture: Vec<String>,
+    /// What the grid is chosen around
+    #[arg(long, value_enum, default_value = "part")]
+    pub(crate) around: AroundKind,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub(crate) enum AroundKind {
+    /// The part (and the margin)
+    Part,
+    /// Part and fixtures
+    All,
 }
 
 /// Voxels along the three axes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Dims(pub(crate) [usize; 3]);
+
+fn parse_pitch(text: &str) -> Result<f64, String> {
+    if text.contains(',') {
+        return Err(
+            "one length: voxels are cubes, because a tool that turns would change its shape on a grid with \
+                    other pitches along x, y and z; give the finest of them"
+                .into(),
+        );
+    }
+    match text.parse::<f64>() {
+        Ok(pitch) if pitch.is_finite() && pitch > 0.0 => Ok(pitch),
+        _ => Err("a positive length such as 0.5".into()),
+    }
+}
 
 fn parse_dims(text: &str) -> Result<Dims, String> {
     let values: Vec<usize> = text.split(',').filter_map(|t| t.trim().parse().ok()).collect();
@@ -95,12 +125,102 @@ impl Part {
     }
 }
 
+/// Part, fixtures, tools and set-up as read and checked, before anything is voxelised.
+pub(crate) struct Reading {
+    pub(crate) part: Part,
+    pub(crate) report: MeshReport,
+    pub(crate) tools: Vec<Tool>,
+    pub(crate) transform: DMat4,
+    fixtures: Vec<FixtureMesh>,
+}
+
+impl Reading {
+    /// The fixtures as a scene takes them.
+    pub(crate) fn fixtures(&self) -> Vec<Fixture<'_>> {
+        self.fixtures.iter().map(FixtureMesh::as_fixture).collect()
+    }
+}
+
 impl SceneArguments {
-    /// Reads part and tool, checks them, estimates the memory, and voxelises. Remarks go to the session.
+    /// Reads part, fixtures and tool, checks them, estimates the memory, and voxelises. Remarks go to the session.
     pub(crate) fn scene(&self, session: &Session) -> Result<Scene> {
+        let reading = self.read(session)?;
+        let [tool] = reading.tools.as_slice() else {
+            bail!("one --tool at a time (imf access takes several)");
+        };
+        let fixtures = reading.fixtures();
+        let spec = self.spec(&reading, &fixtures, tool);
+        let grid = spec.grid()?;
+        let tool_here = tool.in_unit(reading.part.unit);
+        let needed = SectionPlan::memory_estimate(&grid, &tool_here, session.threads());
+        session.require_memory(needed, || {
+            let [x, y, z] = grid.dims;
+            format!(
+                "sections of {x}×{y}×{z} voxels with a tool that reaches {:.0} voxels, on {} threads; use a larger \
+                 --pitch or fewer --threads",
+                tool_here.reach() / grid.pitch,
+                session.threads()
+            )
+        })?;
+        let scene = self.voxelised(session, &spec)?;
+        session.detail(&format!("sections need about {}", show_bytes(needed)));
+        Ok(scene)
+    }
+
+    /// As [`Self::scene`], with no room kept for sections: the tool is only written down. Also gives what is known of
+    /// the mesh.
+    pub(crate) fn scene_without_sections(&self, session: &Session) -> Result<(Scene, MeshReport)> {
+        let (scene, _, report) = self.scene_and_part(session)?;
+        Ok((scene, report))
+    }
+
+    /// As [`Self::scene_without_sections`], with the part's own voxels, the fixtures' left out.
+    pub(crate) fn scene_and_part(&self, session: &Session) -> Result<(Scene, Occupancy, MeshReport)> {
+        let reading = self.read(session)?;
+        let [tool] = reading.tools.as_slice() else {
+            bail!("one --tool at a time (imf access takes several)");
+        };
+        let fixtures = reading.fixtures();
+        let spec = self.spec(&reading, &fixtures, tool);
+        let grid = spec.grid()?;
+        // The voxels of part, fixtures and both, the voxeliser's, and a copy to write.
+        session.require_memory(6 * grid.len() as u64, || {
+            let [x, y, z] = grid.dims;
+            format!("{x}×{y}×{z} voxels; use a larger --pitch")
+        })?;
+        let scene = self.voxelised(session, &spec)?;
+        let part = if fixtures.is_empty() { scene.obstacle.clone() } else { spec.bodies(&grid)?.part };
+        Ok((scene, part, reading.report))
+    }
+
+    fn voxelised(&self, session: &Session, spec: &SceneSpec<'_>) -> Result<Scene> {
+        let scene = spec.scene()?;
+        let grid = scene.record.grid;
+        let [x, y, z] = grid.dims;
+        session.note(&format!(
+            "{}: {x}×{y}×{z} voxels of {:.4} {}, {} solid; tool {}; {}",
+            scene.record.part,
+            grid.pitch,
+            scene.record.unit,
+            scene.obstacle.count(),
+            scene.record.tool.name,
+            if self.conservative {
+                "every voxel that the surface touches is solid"
+            } else {
+                "solid by voxel centres: exact for the voxels, not for the mesh (see --conservative)"
+            }
+        ));
+        Ok(scene)
+    }
+
+    /// Reads part, fixtures and tools and checks them; remarks go to the session.
+    pub(crate) fn read(&self, session: &Session) -> Result<Reading> {
         let part = Part::read(&self.part, self.unit.as_deref())?;
-        let tool = self.tool()?;
+        let tools = self.tool.iter().map(|tool| read_tool(tool)).collect::<Result<Vec<_>>>()?;
+        tools.iter().try_for_each(Tool::check)?;
         let transform = self.transform.as_deref().map_or(Ok(DMat4::IDENTITY), parse_transform)?;
+        let fixtures = self.fixture.iter().map(|text| FixtureMesh::read(text, self.unit.as_deref()));
+        let fixtures = fixtures.collect::<Result<_>>()?;
         let report = MeshReport::new(&part.mesh);
         if let Some(implausible) = unit_check(report.extents, part.unit) {
             bail!("{}: {implausible}", part.name);
@@ -117,54 +237,31 @@ impl SceneArguments {
                 part.name
             ));
         }
-        let spec = SceneSpec {
-            part: &part.name,
-            mesh: &part.mesh,
-            unit: part.unit,
-            transform,
-            resolution: self.resolution(&part, &report),
-            margin: self.margin,
-            conservative: self.conservative,
-            tool: &tool,
-        };
-        let grid = spec.grid()?;
-        let tool_here = tool.in_unit(part.unit);
-        tool_here.check()?;
-        let needed = SectionPlan::memory_estimate(&grid, &tool_here, session.threads());
-        session.require_memory(needed, || {
-            let [x, y, z] = grid.dims;
-            format!(
-                "sections of {x}×{y}×{z} voxels with a tool that reaches {:.0} voxels, on {} threads; use a larger \
-                 --pitch or fewer --threads",
-                tool_here.reach() / grid.pitch,
-                session.threads()
-            )
-        })?;
-        let scene = spec.scene()?;
-        let [x, y, z] = grid.dims;
-        session.note(&format!(
-            "{}: {x}×{y}×{z} voxels of {:.4} {}, {} solid; tool {}; {}",
-            part.name,
-            grid.pitch,
-            part.unit,
-            scene.obstacle.count(),
-            tool.name,
-            if self.conservative {
-                "every voxel that the surface touches is solid"
-            } else {
-                "solid by voxel centres: exact for the voxels, not for the mesh (see --conservative)"
-            }
-        ));
-        session.detail(&format!("sections need about {}", show_bytes(needed)));
-        Ok(scene)
+        Ok(Reading { part, report, tools, transform, fixtures })
     }
 
-    fn tool(&self) -> Result<Tool> {
-        let path = PathBuf::from(&self.tool);
-        if self.tool == "paper" && !path.exists() {
-            return Ok(Tool::paper());
+    /// What a scene of one tool is made from.
+    pub(crate) fn spec<'a>(
+        &self,
+        reading: &'a Reading,
+        fixtures: &'a [Fixture<'a>],
+        tool: &'a Tool,
+    ) -> SceneSpec<'a> {
+        SceneSpec {
+            part: &reading.part.name,
+            mesh: &reading.part.mesh,
+            unit: reading.part.unit,
+            transform: reading.transform,
+            resolution: self.resolution(&reading.part, &reading.report),
+            margin: self.margin,
+            conservative: self.conservative,
+            tool,
+            fixtures,
+            around: match self.around {
+                AroundKind::Part => Around::Part,
+                AroundKind::All => Around::All,
+            },
         }
-        Tool::read(&path).context("the tool cannot be used")
     }
 
     fn resolution(&self, part: &Part, report: &MeshReport) -> Resolution {
@@ -174,5 +271,26 @@ impl SceneArguments {
             (None, None, Some(reference)) => Resolution::Dims(reference.dims()),
             (None, None, None) => Resolution::Pitch(report.extents.max_element() / DEFAULT_LONGEST),
         }
+    }
+}
+
+fn read_tool(text: &str) -> Result<Tool> {
+    let path = PathBuf::from(text);
+    if text == "paper" && !path.exists() {
+        return Ok(Tool::paper());
+    }
+    Tool::read(&path).with_context(|| format!("the tool {text} cannot be used"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pitch_is_one_length_and_the_reason_is_said() {
+        assert_eq!(parse_pitch("0.5"), Ok(0.5));
+        let refusal = parse_pitch("1,1,2").unwrap_err();
+        assert!(refusal.contains("cubes") && refusal.contains("finest"), "{refusal}");
+        assert!(parse_pitch("-1").is_err() && parse_pitch("NaN").is_err());
     }
 }

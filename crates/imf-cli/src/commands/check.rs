@@ -26,7 +26,7 @@ impl std::fmt::Display for CollisionFound {
 impl std::error::Error for CollisionFound {}
 
 pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
-    let scene = arguments.scene.scene(session)?;
+    let (scene, part, _) = arguments.scene.scene_and_part(session)?;
     let record = &scene.record;
     let toolpath = Toolpath::read(&arguments.toolpath, record.unit)?;
     for unknown in &toolpath.unknown {
@@ -36,11 +36,13 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
             unknown.line, unknown.word
         ));
     }
+    // Contact is accepted with the part alone, never with a fixture.
+    let fixtures = (!record.fixtures.is_empty()).then_some(&scene.fixtures);
     let settings = arguments.settings(record.grid.pitch);
     let stage = session.stage("checking", "lines", toolpath.locations.len() as u64);
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
-    let report = check_toolpath(&scene.obstacle, None, &record.tool, &toolpath, &settings, control);
+    let report = check_toolpath(&part, fixtures, &record.tool, &toolpath, &settings, control);
     let report = report.map_err(|error| match error {
         CheckError::Cancelled => Interrupted("the toolpath was not checked to its end".into()).into(),
         other => anyhow::Error::from(other),

@@ -1,5 +1,7 @@
 //! `imf dataset`: exact sections sampled into shards.
 
+use std::path::Path;
+
 use anyhow::{Result, bail};
 use imf_core::dataset::{DatasetError, Sampling, generate};
 use imf_core::orientation::OrientationSet;
@@ -30,14 +32,7 @@ pub(crate) fn run(session: &Session, arguments: &DatasetArguments) -> Result<()>
     let stage = session.stage("sampling", "sections", set.len() as u64);
     let advance = |n| stage.advance(n);
     let generated = generate(&arguments.out, &scene, &set, &sampling, session.control(&advance));
-    let generated = generated.map_err(|error| match error {
-        DatasetError::Section(SectionError::Cancelled) => Interrupted(format!(
-            "finished shards are kept in {}; run the same command again to go on",
-            arguments.out.display()
-        ))
-        .into(),
-        other => anyhow::Error::from(other),
-    })?;
+    let generated = generated.map_err(|error| interruption(error, &arguments.out))?;
     stage.finish(&format!("{} shards made, {} kept", generated.made, generated.kept));
     if session.json {
         return print_json(&json!({
@@ -52,4 +47,16 @@ pub(crate) fn run(session: &Session, arguments: &DatasetArguments) -> Result<()>
         set.len(),
         generated.made + generated.kept
     ))
+}
+
+/// An interrupted dataset says what is kept; other errors stay as they are.
+pub(super) fn interruption(error: DatasetError, folder: &Path) -> anyhow::Error {
+    match error {
+        DatasetError::Section(SectionError::Cancelled) => Interrupted(format!(
+            "finished shards are kept in {}; run the same command again to go on",
+            folder.display()
+        ))
+        .into(),
+        other => other.into(),
+    }
 }

@@ -7,7 +7,7 @@ use imf_core::dataset::{Sampling, generate};
 use imf_core::mesh::topology::MeshReport;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{Resolution, SceneSpec};
+use imf_core::scene::{Around, Resolution, SceneSpec};
 use imf_core::siren::SirenShape;
 use imf_core::tool::Tool;
 use imf_core::training::run::{Length, TrainingPlan};
@@ -15,6 +15,7 @@ use imf_core::training::schedule::Schedule;
 use imf_core::training::{AdamConfig, TrainingState};
 use imf_core::unit::LengthUnit;
 
+use super::dataset::interruption;
 use crate::arguments::DemoArguments;
 use crate::engine::Device;
 use crate::job::{self, Data};
@@ -50,6 +51,8 @@ pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
         margin: 0,
         conservative: false,
         tool: &tool,
+        fixtures: &[],
+        around: Around::Part,
     };
     let scene = spec.scene()?;
     let [x, y, z] = DIMS;
@@ -66,7 +69,8 @@ pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
     let stage = session.stage("exact sections", "sections", SECTIONS as u64);
     let advance = |n| stage.advance(n);
     let sampling = Sampling { seed: arguments.seed, ..Sampling::default() };
-    let made = generate(&folder, &scene, &set, &sampling, session.control(&advance))?;
+    let made = generate(&folder, &scene, &set, &sampling, session.control(&advance))
+        .map_err(|error| interruption(error, &folder))?;
     stage.finish(&format!("{} samples", made.samples));
 
     let data = Data::load(session, &folder)?;
@@ -78,8 +82,10 @@ pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
         ..job::plan_defaults()
     };
     let state = TrainingState::new(&SHAPE, arguments.seed);
-    let model = job::fresh_model(&data, SHAPE, plan, state, None);
-    let model = job::run(session, &device, &data, model, &arguments.out, 30.0)?;
+    let fresh = job::fresh_model(&data, SHAPE, plan, state, None);
+    let model = job::continued(session, &arguments.out, &data, fresh);
+    let go_on = "run the same command again";
+    let model = job::run(session, &device, &data, model, &arguments.out, 30.0, go_on)?;
 
     let mut engine = device.evaluator(model.shape, &model.state.parameters)?;
     let questions = Questions {

@@ -1,7 +1,82 @@
-//! `imf devices`.
+//! `imf devices`: where networks can be trained and evaluated on this machine.
 
-use crate::session::Session;
+use anyhow::Result;
+use imf_gpu::wgpu::DeviceType;
+use imf_gpu::{AdapterSummary, DeviceChoice, Gpu, adapters};
+use serde_json::{Value, json};
 
-pub(crate) fn run(_session: &Session) -> anyhow::Result<()> {
-    anyhow::bail!("not written")
+use crate::output::{print, print_json};
+use crate::session::{Session, show_bytes};
+
+/// What to do where there is no adapter.
+const REMEDY: &str = "for a GPU install its driver; for software Vulkan on Debian or Ubuntu: \
+                      apt install mesa-vulkan-drivers libvulkan1";
+
+pub(crate) fn run(session: &Session) -> Result<()> {
+    let found = adapters();
+    // Opened, not only looked at: a broken driver shows here.
+    let chosen = if found.is_empty() {
+        None
+    } else {
+        Gpu::open(&DeviceChoice::Automatic)
+            .map_err(|error| session.detail(&format!("auto takes the CPU engine: {error}")))
+            .ok()
+            .map(|gpu| gpu.adapter().index)
+    };
+    if session.json {
+        return print_json(&json!({
+            "cpu": { "threads": session.threads() },
+            "adapters": found.iter().map(entry).collect::<Vec<_>>(),
+            "auto": chosen.map_or_else(|| json!("cpu"), |index| json!(index)),
+        }));
+    }
+    let mark = |yes: bool| if yes { "  ← auto" } else { "" };
+    let mut text = format!("cpu  CPU engine, {} threads{}\n", session.threads(), mark(chosen.is_none()));
+    for adapter in &found {
+        text += &format!("{}{}\n", block(adapter), mark(chosen == Some(adapter.index)));
+    }
+    if found.is_empty() {
+        text += &format!("no GPU adapter was found: {REMEDY}\n");
+    }
+    print(&text)
+}
+
+fn kind(adapter: &AdapterSummary) -> &'static str {
+    match adapter.kind {
+        DeviceType::DiscreteGpu => "discrete",
+        DeviceType::IntegratedGpu => "integrated",
+        DeviceType::VirtualGpu => "virtual",
+        DeviceType::Cpu => "software",
+        DeviceType::Other => "unknown kind",
+    }
+}
+
+fn entry(adapter: &AdapterSummary) -> Value {
+    json!({
+        "index": adapter.index,
+        "name": adapter.name,
+        "backend": adapter.backend,
+        "kind": kind(adapter),
+        "driver": adapter.driver,
+        "storage_binding": adapter.storage_binding,
+        "buffer": adapter.buffer,
+        "workgroup_memory": adapter.workgroup_memory,
+        "workgroups_per_dimension": adapter.workgroups,
+    })
+}
+
+fn block(adapter: &AdapterSummary) -> String {
+    format!(
+        "{:<3}  {}\n     {}, {}, driver {}\n     storage binding {}, buffer {}, workgroup memory {}, {} workgroups \
+         per dimension",
+        adapter.index,
+        adapter.name,
+        adapter.backend,
+        kind(adapter),
+        if adapter.driver.is_empty() { "unnamed" } else { &adapter.driver },
+        show_bytes(adapter.storage_binding),
+        show_bytes(adapter.buffer),
+        show_bytes(u64::from(adapter.workgroup_memory)),
+        adapter.workgroups
+    )
 }

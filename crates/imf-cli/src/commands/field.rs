@@ -1,8 +1,171 @@
-//! `imf field`.
+//! `imf field`: the exact field, as sections of the collision measure or as its least value over orientations.
 
+mod check;
+mod inaccessibility;
+mod sections;
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::{Error, Result};
+use imf_core::atomic_file::write_atomically;
+use imf_core::control::Control;
+use imf_core::orientation::{Orientation, OrientationSet};
+use imf_core::scene::Scene;
+use imf_core::section::{SectionError, SectionPlan, stream_sections};
+use serde_json::{Value, json};
+
+use self::check::Check;
 use crate::arguments::FieldArguments;
+use crate::interrupt;
+use crate::output::OutputFolder;
 use crate::session::Session;
 
-pub(crate) fn run(_session: &Session, _arguments: &FieldArguments) -> anyhow::Result<()> {
-    anyhow::bail!("not written")
+/// The list of orientations beside the fields: their indices count its lines.
+const ORIENTATIONS: &str = "orientations.csv";
+const SUMMARY: &str = "summary.json";
+
+pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
+    let set = OrientationSet::parse(&arguments.orientations)?;
+    let folder = OutputFolder::check(&arguments.out)?;
+    let scene = arguments.scene.scene(session)?;
+    let tool = &scene.record.tool;
+    if !tool.is_axisymmetric() && set.orientations.iter().all(|o| o.roll == 0.0) {
+        session.note("the tool is not axisymmetric, and no orientation rolls it: see so3:N");
+    }
+    let plan = SectionPlan::new(&scene.obstacle, tool)?;
+    session.detail(&plan.describe());
+    let work =
+        Work { session, folder, scene: &scene, plan: &plan, set: &set, check: Check::new(arguments.check) };
+    if arguments.imf { inaccessibility::run(&work) } else { sections::run(&work) }
+}
+
+/// What both kinds of field are made from.
+struct Work<'a> {
+    session: &'a Session,
+    folder: OutputFolder,
+    scene: &'a Scene,
+    plan: &'a SectionPlan,
+    set: &'a OrientationSet,
+    check: Check,
+}
+
+/// What a stream of sections came to.
+enum Streamed<V> {
+    /// The visitors of all threads.
+    Whole(Vec<V>),
+    /// Stopped by Ctrl-C.
+    Interrupted,
+}
+
+impl Work<'_> {
+    /// Shows every section to `visit`, after its check, with progress and until Ctrl-C. The first failure stops all.
+    fn stream<V: Send>(
+        &self,
+        start: impl Fn() -> V + Sync,
+        visit: impl Fn(&mut V, usize, &[f32]) -> Result<()> + Sync,
+    ) -> Result<Streamed<V>> {
+        let (stop, failure) = (AtomicBool::new(false), Mutex::new(None::<Error>));
+        let stage = self.session.stage("exact sections", "sections", self.set.len() as u64);
+        let advance = |sections| {
+            stage.advance(sections);
+            if interrupt::requested() {
+                stop.store(true, Ordering::Relaxed);
+            }
+        };
+        let control = Control { progress: &advance, cancelled: &stop };
+        let result = stream_sections(self.plan, &self.set.orientations, control, start, |own, index, cmf| {
+            let orientation = &self.set.orientations[index];
+            let checked = self.check.compare(self.plan, orientation, index, cmf);
+            if let Err(error) = checked.and_then(|()| visit(own, index, cmf)) {
+                stop.store(true, Ordering::Relaxed);
+                failure.lock().unwrap_or_else(std::sync::PoisonError::into_inner).get_or_insert(error);
+            }
+        });
+        if let Some(error) = failure.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner) {
+            return Err(error);
+        }
+        match result {
+            Ok(visitors) => {
+                stage.finish(&self.plan.describe());
+                Ok(Streamed::Whole(visitors))
+            }
+            Err(SectionError::Cancelled) => Ok(Streamed::Interrupted),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Writes the orientations as `index,theta,phi,roll` in degrees.
+    fn write_orientations(&self) -> Result<()> {
+        Ok(write_atomically(self.folder.file(ORIENTATIONS), |out| {
+            use std::io::Write as _;
+            writeln!(out, "index,theta,phi,roll")?;
+            for (index, Orientation { theta, phi, roll }) in self.set.orientations.iter().enumerate() {
+                writeln!(out, "{index},{theta},{phi},{roll}")?;
+            }
+            Ok(())
+        })?)
+    }
+
+    /// Voxels outside the part where `values` is 0, and the others.
+    fn accessible_outside(&self, values: &[f32]) -> Outside {
+        let solid = &self.scene.obstacle.solid;
+        let empty = || values.iter().zip(solid).filter(|&(_, &solid)| solid == 0);
+        let accessible = empty().filter(|&(&value, _)| value == 0.0).count();
+        Outside { accessible, inaccessible: empty().count() - accessible }
+    }
+
+    /// Everything that is needed to know what the fields are; `kind` adds its own.
+    fn summary(&self, kind: &str, own: Value) -> Value {
+        let mut summary = json!({
+            "program": concat!("imf ", env!("CARGO_PKG_VERSION")),
+            "kind": kind,
+            "scene": self.scene.record,
+            "solid_voxels": self.scene.obstacle.count(),
+            "orientations": { "set": self.set.spec, "count": self.set.len(), "file": ORIENTATIONS },
+            "computed_by": self.plan.describe(),
+            "promise": self.promise(),
+            "check": self.check.summary(),
+        });
+        if let (Some(all), Value::Object(own)) = (summary.as_object_mut(), own) {
+            all.extend(own);
+        }
+        summary
+    }
+
+    /// Which promise holds for the values.
+    fn promise(&self) -> &'static str {
+        if self.scene.record.conservative {
+            "exact for the tool at voxel centres against every voxel that the surface touches; a promise about the \
+             mesh itself also needs a tool with a clearance of at least √3/2 pitch"
+        } else {
+            "exact for voxel centres; no promise about the mesh itself (--conservative, and a tool with a clearance \
+             of at least √3/2 pitch)"
+        }
+    }
+
+    /// Name of part and tool for titles.
+    fn title(&self) -> String {
+        format!("{}, tool {}", self.scene.record.part, self.scene.record.tool.name)
+    }
+}
+
+/// Voxels outside the part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Outside {
+    accessible: usize,
+    inaccessible: usize,
+}
+
+impl Outside {
+    fn percent(self) -> f64 {
+        100.0 * self.accessible as f64 / (self.accessible + self.inaccessible).max(1) as f64
+    }
+}
+
+/// An orientation for people.
+fn angles_text(orientation: &Orientation) -> String {
+    let Orientation { theta, phi, roll } = orientation;
+    let roll = if *roll == 0.0 { String::new() } else { format!(", ψ = {roll:.1}°") };
+    format!("θ = {theta:.1}°, φ = {phi:.1}°{roll}")
 }

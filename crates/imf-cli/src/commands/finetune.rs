@@ -22,7 +22,7 @@ pub(crate) fn run(session: &Session, arguments: &FinetuneArguments) -> Result<()
     }
     let device = Device::open(&arguments.device.device, session)?;
     let model = if arguments.resume {
-        job::resumed_model(session, &arguments.out, &data)?
+        job::resumed_model(session, &arguments.out, &data, arguments.plan.rate)?
     } else {
         job::refuse_unfinished(&arguments.out)?;
         let from = start.scene.record.part.clone();
@@ -34,6 +34,7 @@ pub(crate) fn run(session: &Session, arguments: &FinetuneArguments) -> Result<()
             Some(from),
         )
     };
-    let model = job::run(session, &device, &data, model, &arguments.out, arguments.plan.checkpoint_every)?;
+    let every = arguments.plan.checkpoint_every;
+    let model = job::run(session, &device, &data, model, &arguments.out, every, "add --resume")?;
     announce(session, arguments.out.join("model.safetensors").as_path(), &model)
 }

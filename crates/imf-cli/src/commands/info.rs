@@ -1,8 +1,94 @@
-//! `imf info`.
+//! `imf info`: what a mesh, a tool, a dataset or a model is.
+
+mod dataset;
+mod mesh;
+mod model;
+mod tool;
+
+use std::path::Path;
+use std::str::FromStr;
+
+use anyhow::{Result, bail};
+use glam::DMat4;
+use imf_core::parts::ReferencePart;
+use imf_core::scene::SceneRecord;
+use imf_core::tool::Tool;
+use serde_json::Value;
 
 use crate::arguments::InfoArguments;
+use crate::output::{print, print_json, short};
 use crate::session::Session;
 
-pub(crate) fn run(_session: &Session, _arguments: &InfoArguments) -> anyhow::Result<()> {
-    anyhow::bail!("not written")
+/// The answer, for people and for scripts.
+struct Description {
+    /// Names and values, aligned when they are printed.
+    lines: Vec<(&'static str, String)>,
+    json: Value,
+}
+
+pub(crate) fn run(session: &Session, arguments: &InfoArguments) -> Result<()> {
+    let Description { lines, json } = describe(session, arguments)?;
+    if session.json {
+        return print_json(&json);
+    }
+    let width = lines.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
+    let text = lines.iter().map(|(name, value)| format!("{name:<width$}  {value}\n"));
+    print(&text.collect::<String>())
+}
+
+/// Decides by what is there: a folder, else the ending of a file; a name of which there is no file is built in.
+fn describe(session: &Session, arguments: &InfoArguments) -> Result<Description> {
+    let path: &Path = &arguments.what;
+    let unit = arguments.unit.parse()?;
+    if !path.exists() {
+        let name = path.to_string_lossy();
+        if let Ok(part) = ReferencePart::from_str(&name) {
+            return Ok(mesh::describe_part(part));
+        }
+        if name == "paper" {
+            return Ok(tool::describe(&Tool::paper()));
+        }
+        if path.extension().is_none() {
+            bail!(
+                "there is no file or folder {name}, and no built-in part of that name (teapot, bracket, bracket-raw, \
+                 screw-gear; the tool paper)"
+            );
+        }
+    }
+    if path.is_dir() {
+        return dataset::describe(path);
+    }
+    let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+    match ending.as_deref() {
+        Some("toml") => Ok(tool::describe(&Tool::read(path)?)),
+        Some("safetensors") => model::describe(path),
+        _ => mesh::describe_file(session, path, unit),
+    }
+}
+
+/// What a field was made for.
+fn scene_lines(scene: &SceneRecord) -> Vec<(&'static str, String)> {
+    let (grid, unit, tool) = (&scene.grid, scene.unit, &scene.tool);
+    let [x, y, z] = grid.dims;
+    let rule = if scene.conservative { "every voxel that the surface touches" } else { "voxel centres" };
+    let surface = if scene.closed { "closed" } else { "open" };
+    let mut lines = vec![
+        ("part", format!("{} ({surface} mesh; solid: {rule})", scene.part)),
+        ("grid", format!("{x}×{y}×{z}, pitch {} {unit}, margin {}", short(grid.pitch), scene.margin)),
+        (
+            "tool",
+            format!(
+                "{}, length {} {unit}, reach {} {unit}",
+                tool.name,
+                short(tool.length()),
+                short(tool.reach())
+            ),
+        ),
+    ];
+    if scene.transform != DMat4::IDENTITY {
+        let rows = scene.transform.transpose().to_cols_array_2d();
+        let row = |r: [f64; 4]| r.map(short).join(" ");
+        lines.push(("set-up", rows[..3].iter().map(|&r| row(r)).collect::<Vec<_>>().join("; ")));
+    }
+    lines
 }

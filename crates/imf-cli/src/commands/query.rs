@@ -1,8 +1,159 @@
-//! `imf query`.
+//! `imf query`: poses from a CSV file, answered by a trained model, and by counting where that is asked for.
+//!
+//! Poses are read, answered and written in chunks: memory does not grow with their number.
 
+mod answers;
+mod poses;
+
+use std::fs::File;
+use std::io::{Error as IoError, Read, Write, stdin, stdout};
+use std::path::Path;
+
+use anyhow::{Context as _, Result};
+use glam::DVec3;
+use imf_core::atomic_file::write_atomically;
+use imf_core::field::{ExactField, Field, LearntField, Pose, collision_measures};
+use imf_core::model::Model;
+
+use self::answers::{AnswerWriter, Answers};
+use self::poses::PoseReader;
 use crate::arguments::QueryArguments;
+use crate::engine::Device;
+use crate::interrupt::{self, Interrupted};
+use crate::output::check_file;
 use crate::session::Session;
 
-pub(crate) fn run(_session: &Session, _arguments: &QueryArguments) -> anyhow::Result<()> {
-    anyhow::bail!("not written")
+/// Poses answered at a time: large enough for a GPU, less than seconds of work.
+const CHUNK: usize = 1 << 14;
+/// The same where the tool is voxelised for every pose.
+const EXACT_CHUNK: usize = 1 << 8;
+/// What the progress line counts.
+const KILOBYTE: u64 = 1000;
+
+pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
+    if let Some(out) = &arguments.out {
+        check_file(out)?;
+    }
+    let (input, bytes, name) = open(&arguments.poses)?;
+    let poses = PoseReader::new(input, name)?;
+    let model = Model::read(&arguments.model)?;
+    let device = Device::open(&arguments.device.device, session)?;
+    let mut engine = device.evaluator(model.shape, &model.state.parameters)?;
+    session.detail(&engine.describe());
+    if !model.record.finished {
+        session.note(&format!("{} is not trained to its end", arguments.model.display()));
+    }
+    let mut work = Work {
+        model: &model,
+        learnt: LearntField::new(model.scene.record.grid, engine.as_mut()),
+        exact: arguments.exact.then(|| ExactField::new(&model.scene)),
+        sharp_points: arguments.sharp.then(|| model.scene.record.tool.sharp_point_positions()),
+    };
+    let Some(out) = &arguments.out else {
+        return work.answer(session, poses, bytes, &mut stdout().lock(), false);
+    };
+    let mut failure = None;
+    let written = write_atomically(out, |file| {
+        work.answer(session, poses, bytes, file, true).map_err(|error| {
+            failure = Some(error);
+            IoError::other("the poses were not answered")
+        })
+    });
+    match failure {
+        Some(error) => Err(error),
+        None => Ok(written?),
+    }
+}
+
+/// The poses' text, its length where it is known, and its name for messages.
+fn open(path: &Path) -> Result<(Box<dyn Read>, Option<u64>, String)> {
+    if path.as_os_str() == "-" {
+        return Ok((Box::new(stdin().lock()), None, "standard input".into()));
+    }
+    let name = path.display().to_string();
+    let fail = || format!("cannot read the poses {name}");
+    let file = File::open(path).with_context(fail)?;
+    let metadata = file.metadata().with_context(fail)?;
+    if metadata.is_dir() {
+        return Err(IoError::from(std::io::ErrorKind::IsADirectory)).with_context(fail);
+    }
+    Ok((Box::new(file), Some(metadata.len()), name))
+}
+
+struct Work<'a> {
+    model: &'a Model,
+    learnt: LearntField<'a>,
+    exact: Option<ExactField<'a>>,
+    sharp_points: Option<Vec<DVec3>>,
+}
+
+impl Work<'_> {
+    /// Answers all poses; `whole` where an interruption leaves nothing behind.
+    fn answer(
+        &mut self,
+        session: &Session,
+        mut poses: PoseReader<Box<dyn Read>>,
+        bytes: Option<u64>,
+        out: &mut dyn Write,
+        whole: bool,
+    ) -> Result<()> {
+        let measure = if self.sharp_points.is_some() { "cmf" } else { "overlap" };
+        let mut writer =
+            AnswerWriter::start(poses.header(), measure, self.exact.is_some(), session.json, out)?;
+        let size = if self.exact.is_some() { EXACT_CHUNK } else { CHUNK };
+        let stage = session.stage("poses", "kB", bytes.unwrap_or(0) / KILOBYTE);
+        let (mut answered, mut outside, mut shown) = (0u64, 0u64, 0);
+        let mut answers = Answers::default();
+        loop {
+            poses.read(size, &mut answers.records, &mut answers.poses)?;
+            if answers.poses.is_empty() {
+                break;
+            }
+            if interrupt::requested() {
+                let kept = if whole { "nothing was written" } else { "no further pose is answered" };
+                return Err(Interrupted(format!("{answered} poses were answered; {kept}")).into());
+            }
+            let sharp = self.sharp_points.as_deref();
+            ask(&mut self.learnt, sharp, &answers.poses, &mut answers.learnt)?;
+            if let Some(exact) = &mut self.exact {
+                ask(exact, sharp, &answers.poses, &mut answers.exact)?;
+            }
+            writer.write(&answers, out)?;
+            answered += answers.poses.len() as u64;
+            outside += answers.poses.iter().filter(|pose| self.is_outside(pose)).count() as u64;
+            let done = poses.bytes() / KILOBYTE;
+            stage.advance(done - shown);
+            shown = done;
+        }
+        writer.finish(out)?;
+        stage.finish(&format!("{answered} poses answered"));
+        if outside > 0 {
+            session.note(&format!(
+                "{outside} of {answered} poses lie outside the box the model was made for: extrapolated"
+            ));
+        }
+        Ok(())
+    }
+
+    fn is_outside(&self, pose: &Pose) -> bool {
+        let grid = &self.model.scene.record.grid;
+        let unit = grid.unit(pose.position);
+        unit.min_element() < 0.0 || unit.max_element() > 1.0
+    }
+}
+
+/// Overlaps of the tool with its tip at the poses, or collision measures where sharp points are given.
+fn ask(
+    field: &mut dyn Field,
+    sharp_points: Option<&[DVec3]>,
+    poses: &[Pose],
+    values: &mut Vec<f32>,
+) -> Result<()> {
+    values.clear();
+    values.resize(poses.len(), 0.0);
+    match sharp_points {
+        Some(points) => collision_measures(field, points, poses, values)?,
+        None => field.query(poses, values)?,
+    }
+    Ok(())
 }

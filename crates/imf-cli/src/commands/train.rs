@@ -25,12 +25,13 @@ pub(crate) fn run(session: &Session, arguments: &TrainArguments) -> Result<()> {
     let data = Data::load(session, &arguments.dataset)?;
     let device = Device::open(&arguments.device.device, session)?;
     let model = if arguments.resume {
-        job::resumed_model(session, &arguments.out, &data)?
+        job::resumed_model(session, &arguments.out, &data, arguments.plan.rate)?
     } else {
         job::refuse_unfinished(&arguments.out)?;
         job::fresh_model(&data, shape, plan, TrainingState::new(&shape, plan.seed), None)
     };
-    let model = job::run(session, &device, &data, model, &arguments.out, arguments.plan.checkpoint_every)?;
+    let every = arguments.plan.checkpoint_every;
+    let model = job::run(session, &device, &data, model, &arguments.out, every, "add --resume")?;
     announce(session, arguments.out.join("model.safetensors").as_path(), &model)
 }
 

@@ -1,8 +1,78 @@
-//! `imf voxelize`.
+//! `imf voxelize`: the solid voxels of a part, as arrays, for ParaView, and as pictures.
+
+use anyhow::{Context as _, Result};
+use glam::DVec3;
+use imf_core::field_files::{NamedField, write_npy, write_vti};
+use ndarray::ArrayView3;
+use serde_json::json;
 
 use crate::arguments::VoxelizeArguments;
+use crate::output::{OutputFolder, print, print_json, short};
 use crate::session::Session;
+use crate::slices::{MidPlaneSheet, MidPlanes};
 
-pub(crate) fn run(_session: &Session, _arguments: &VoxelizeArguments) -> anyhow::Result<()> {
-    anyhow::bail!("not written")
+pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()> {
+    let folder = OutputFolder::check(&arguments.out)?;
+    let (scene, mesh) = arguments.scene.scene_without_sections(session)?;
+    let (record, obstacle) = (&scene.record, &scene.obstacle);
+    let (grid, unit) = (record.grid, record.unit);
+    let solid =
+        ArrayView3::from_shape(grid.dims, &obstacle.solid).context("the voxels do not fit their grid")?;
+
+    folder.create()?;
+    let (npy, vti, png) = (folder.file("solid.npy"), folder.file("solid.vti"), folder.file("slices.png"));
+    write_npy(&npy, solid)?;
+    write_vti(&vti, &grid, &[NamedField::new("solid", solid)])?;
+    let values: Vec<f32> = obstacle.solid.iter().map(|&s| f32::from(s)).collect();
+    let sheet = MidPlaneSheet {
+        title: format!("{}: solid voxels", record.part),
+        label: "solid",
+        part: obstacle,
+        style: None,
+        unit,
+        notes: vec![],
+    };
+    sheet.save(&[MidPlanes::new(String::new(), &values, &grid)], &png)?;
+
+    let volume = obstacle.volume();
+    let promise = if record.conservative { "every voxel that the surface touches" } else { "voxel centres" };
+    if session.json {
+        return print_json(&json!({
+            "part": record.part,
+            "unit": unit,
+            "grid": grid,
+            "conservative": record.conservative,
+            "solid_voxels": obstacle.count(),
+            "volume": volume,
+            "mesh": mesh,
+            "files": [npy, vti, png],
+        }));
+    }
+    let [x, y, z] = grid.dims;
+    let surface = if mesh.closed {
+        format!("closed, volume {} {unit}³", short(mesh.signed_volume.abs()))
+    } else {
+        format!("open, {} boundary edges; its volume is not defined", mesh.boundary_edges)
+    };
+    let share = 100.0 * obstacle.count() as f64 / grid.len() as f64;
+    let corner = |p: DVec3| p.to_array().map(short).join(", ");
+    print(&format!(
+        "part         {}\n\
+         grid         {x}×{y}×{z}, pitch {} {unit}\n\
+         from         {} {unit}\n\
+         to           {} {unit}\n\
+         solid        {} voxels ({share:.1} %), volume {} {unit}³\n\
+         solid where  {promise}\n\
+         mesh         {surface}\n\
+         written      {}, {}, {}",
+        record.part,
+        short(grid.pitch),
+        corner(grid.origin),
+        corner(grid.origin + grid.size()),
+        obstacle.count(),
+        short(volume),
+        npy.display(),
+        vti.display(),
+        png.display()
+    ))
 }

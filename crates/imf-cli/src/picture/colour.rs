@@ -1,7 +1,6 @@
 //! Colours of values: a perceptually uniform sequence for measures from zero up, two hues about white for signed
 //! differences, and a colour of its own for what is not a number.
 
-use anyhow::{Result, ensure};
 use image::Rgb;
 use ndarray::ArrayView2;
 
@@ -28,22 +27,6 @@ pub(crate) struct Scale {
 }
 
 impl Scale {
-    /// From 0 to `max`, for collision and inaccessibility measures.
-    ///
-    /// # Errors
-    /// A `max` that is not positive and finite.
-    pub(crate) fn measure(max: f32, label: &str) -> Result<Self> {
-        Self::new(Sequence::Measure, max, label)
-    }
-
-    /// From −`limit` to `limit`, white at 0, red above: for learnt minus exact.
-    ///
-    /// # Errors
-    /// A `limit` that is not positive and finite.
-    pub(crate) fn difference(limit: f32, label: &str) -> Result<Self> {
-        Self::new(Sequence::Difference, limit, label)
-    }
-
     /// A measure's scale up to the largest finite value of all `slices`; up to 1 if there is none above 0.
     pub(crate) fn measure_of(slices: &[ArrayView2<'_, f32>], label: &str) -> Self {
         Self { sequence: Sequence::Measure, limit: largest(slices, |value| value), label: label.to_owned() }
@@ -54,9 +37,15 @@ impl Scale {
         Self { sequence: Sequence::Difference, limit: largest(slices, f32::abs), label: label.to_owned() }
     }
 
-    fn new(sequence: Sequence, limit: f32, label: &str) -> Result<Self> {
-        ensure!(limit.is_finite() && limit > 0.0, "a colour scale cannot end at {limit}");
-        Ok(Self { sequence, limit, label: label.to_owned() })
+    /// From 0 to `max`, for values that know their range.
+    pub(crate) fn measure(max: f32, label: &str) -> Self {
+        Self { sequence: Sequence::Measure, limit: max, label: label.to_owned() }
+    }
+
+    /// From −`limit` to `limit`, for tests.
+    #[cfg(test)]
+    pub(super) fn difference(limit: f32, label: &str) -> Self {
+        Self { sequence: Sequence::Difference, limit, label: label.to_owned() }
     }
 
     /// First and last value.
@@ -79,6 +68,11 @@ impl Scale {
             Sequence::Measure => Rgb([255, 255, 255]),
             Sequence::Difference => Rgb([60, 60, 60]),
         }
+    }
+
+    /// Red, green and blue of a value, for other programs' pictures.
+    pub(crate) fn rgb(&self, value: f32) -> [u8; 3] {
+        self.colour(value).0.0
     }
 
     /// Colour of a value, and what could not be shown as it is.
@@ -113,10 +107,10 @@ mod tests {
 
     #[test]
     fn known_values_have_the_published_colours() {
-        let measure = Scale::measure(0.5, "").unwrap();
+        let measure = Scale::measure(0.5, "");
         assert_eq!(measure.colour(0.0), (Rgb([0x44, 0x01, 0x54]), Tally::default()));
         assert_eq!(measure.colour(0.5), (Rgb([0xfd, 0xe7, 0x25]), Tally::default()));
-        let difference = Scale::difference(0.1, "").unwrap();
+        let difference = Scale::difference(0.1, "");
         let [red, green, blue] = difference.colour(0.0).0.0;
         assert!(red > 230 && green > 230 && blue > 230);
         let [red, _, blue] = difference.colour(0.08).0.0;
@@ -127,7 +121,7 @@ mod tests {
 
     #[test]
     fn values_outside_take_the_colour_at_the_end_and_are_counted() {
-        let scale = Scale::measure(0.5, "").unwrap();
+        let scale = Scale::measure(0.5, "");
         let outside = Tally { not_finite: 0, out_of_range: 1 };
         assert_eq!(scale.colour(7.0), (scale.colour(0.5).0, outside));
         assert_eq!(scale.colour(-0.1), (scale.colour(0.0).0, outside));
@@ -135,7 +129,7 @@ mod tests {
 
     #[test]
     fn what_is_not_finite_has_its_own_colour() {
-        for scale in [Scale::measure(1.0, "").unwrap(), Scale::difference(1.0, "").unwrap()] {
+        for scale in [Scale::measure(1.0, ""), Scale::difference(1.0, "")] {
             for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
                 assert_eq!(scale.colour(value), (NOT_FINITE, Tally { not_finite: 1, out_of_range: 0 }));
             }
@@ -151,6 +145,5 @@ mod tests {
         assert_eq!(Scale::measure_of(&[one.view(), two.view()], "").range().1, f64::from(0.1f32));
         assert_eq!(Scale::difference_of(&[one.view(), two.view()], "").range().0, f64::from(-0.4f32));
         assert_eq!(Scale::measure_of(&[array![[0.0]].view()], "").range(), (0.0, 1.0));
-        assert!(Scale::measure(0.0, "").is_err() && Scale::difference(f32::NAN, "").is_err());
     }
 }

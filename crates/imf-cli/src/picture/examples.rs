@@ -73,7 +73,7 @@ fn example_slices() {
     let mut values = field(0.5);
     values.slice_mut(ndarray::s![3..6, 19, 40..44]).fill(f32::NAN);
     let part = part();
-    let scale = Scale::measure(0.2, "inaccessibility measure IMF").unwrap();
+    let scale = Scale::measure(0.2, "inaccessibility measure IMF");
     let panel = |title: &str, axis: usize, at: usize, names: (&str, &str)| Panel {
         title: title.into(),
         values: values.index_axis(Axis(axis), at),
@@ -143,7 +143,7 @@ fn example_of_a_tiny_slice() {
         title: "2×3 voxels".into(),
         values: values.view(),
         mask: None,
-        scale: Scale::measure(1.0, "collision measure CMF").unwrap(),
+        scale: Scale::measure(1.0, "collision measure CMF"),
         axes: axes("x", "y"),
     };
     let rows = vec![PanelRow { title: String::new(), panels: vec![panel] }];

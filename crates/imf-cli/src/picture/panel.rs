@@ -233,7 +233,7 @@ mod tests {
             title: "section".into(),
             values: values.view(),
             mask: None,
-            scale: Scale::measure(1.0, "").unwrap(),
+            scale: Scale::measure(1.0, ""),
             axes: Axes { names: ["x".into(), "z".into()], unit: "mm".into(), start: [0.0; 2], pitch: 0.5 },
         }
     }

@@ -257,7 +257,7 @@ mod tests {
 
     #[test]
     fn pixels_a_voxel_fit_the_largest_panel_and_never_vanish() {
-        let scale = Scale::measure(1.0, "CMF").unwrap();
+        let scale = Scale::measure(1.0, "CMF");
         for (voxels, expected) in [(61, 5), (29, 12), (500, 1)] {
             let values = Array2::zeros((3, voxels));
             let row = PanelRow { title: String::new(), panels: vec![panel(&values, &scale, "z")] };
@@ -268,8 +268,8 @@ mod tests {
     #[test]
     fn equal_scales_share_a_bar_and_bars_do_not_overlap() {
         let values = Array2::from_elem((10, 20), 0.5);
-        let measure = Scale::measure(1.0, "collision measure").unwrap();
-        let difference = Scale::difference(0.1, "learnt − exact").unwrap();
+        let measure = Scale::measure(1.0, "collision measure");
+        let difference = Scale::difference(0.1, "learnt − exact");
         let row = || PanelRow {
             title: "θ = 24°".into(),
             panels: [&measure, &measure, &difference].map(|scale| panel(&values, scale, "z")).into(),
@@ -286,7 +286,7 @@ mod tests {
     #[test]
     fn another_second_axis_is_written_again() {
         let values = Array2::zeros((10, 20));
-        let scale = Scale::measure(1.0, "").unwrap();
+        let scale = Scale::measure(1.0, "");
         let panels = vec![panel(&values, &scale, "z"), panel(&values, &scale, "y")];
         let row = PanelRow { title: String::new(), panels };
         assert!(shows_second_axis(&row, 1));
@@ -296,7 +296,7 @@ mod tests {
     fn a_sheet_counts_over_all_panels_and_saves() {
         let mut values = Array2::from_elem((10, 20), 2.0);
         values[[3, 4]] = f32::NAN;
-        let scale = Scale::measure(1.0, "").unwrap();
+        let scale = Scale::measure(1.0, "");
         let row = || PanelRow { title: String::new(), panels: vec![panel(&values, &scale, "z")] };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("sheet.png");

@@ -223,7 +223,7 @@ impl Manifest {
         }
         let obstacle =
             Occupancy::from_packed(self.scene.grid, packed.data()).map_err(|e| damaged(e.to_string()))?;
-        Ok(Scene { record: self.scene.clone(), obstacle })
+        Ok(Scene::from_union(self.scene.clone(), obstacle))
     }
 
     /// Number of shards, finished or not.

@@ -138,8 +138,8 @@ mod tests {
         }
         for (voxel, &value) in cmf.iter().enumerate() {
             // 15 of 40 and 5 of 60; the deviation of 20,000 draws is below 70.
-            let expected = 20_000.0 * if value > 0.0 { 15.0 / 40.0 } else { 5.0 / 60.0 };
-            assert!((hits[voxel] - expected as f64).abs() < 350.0, "{voxel}: {}", hits[voxel]);
+            let expected: f64 = 20_000.0 * if value > 0.0 { 15.0 / 40.0 } else { 5.0 / 60.0 };
+            assert!((hits[voxel] - expected).abs() < 350.0, "{voxel}: {}", hits[voxel]);
         }
     }
 }

@@ -26,9 +26,10 @@ fn scene() -> Scene {
         conservative: false,
         closed: true,
         tool: Tool::paper(),
+        fixtures: Vec::new(),
         obstacle_crc32: crc32fast::hash(&obstacle.packed()),
     };
-    Scene { record, obstacle }
+    Scene::from_union(record, obstacle)
 }
 
 fn make(folder: &Path) -> Result<Generated, DatasetError> {

@@ -183,6 +183,9 @@ impl<T: Precision> Convolver<T> {
         let lower = [0, 1, 2].map(|a| i64::from(tool.lower[a]).max(self.size.first[a]));
         let dims =
             [0, 1, 2].map(|a| (i64::from(upper[a]).min(self.size.last[a]) + 1 - lower[a]).max(0) as usize);
+        if dims.contains(&0) {
+            return (lower, [0; 3], Vec::new());
+        }
         let skip = [0, 1, 2].map(|a| (lower[a] - i64::from(tool.lower[a])) as usize);
         let mut solid = Vec::with_capacity(dims.iter().product());
         for x in 0..dims[0] {

@@ -33,8 +33,8 @@ impl Imf {
         }
     }
 
-    /// Takes the result of other orientations into account.
-    fn merge(&mut self, other: &Self) {
+    /// Takes the result of other orientations of the same set into account.
+    pub fn merge(&mut self, other: &Self) {
         let theirs = other.value.iter().zip(&other.best);
         for ((value, best), (&candidate, &index)) in self.value.iter_mut().zip(&mut self.best).zip(theirs) {
             if candidate < *value || (candidate == *value && index < *best) {

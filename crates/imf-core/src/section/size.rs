@@ -9,8 +9,14 @@ pub(super) struct QueryBox {
 
 impl QueryBox {
     /// The obstacle's grid grown by `grow` voxels on each side.
+    #[cfg(test)]
     pub(super) fn grown(dims: [usize; 3], grow: i64) -> Self {
-        Self { lower: [-grow; 3], dims: dims.map(|d| d + 2 * grow as usize) }
+        Self::around([0; 3], dims, grow)
+    }
+
+    /// The box of `dims` voxels whose first stands at `offset` in the obstacle's grid, grown by `grow` on each side.
+    pub(super) fn around(offset: [i64; 3], dims: [usize; 3], grow: i64) -> Self {
+        Self { lower: offset.map(|o| o - grow), dims: dims.map(|d| d + 2 * grow as usize) }
     }
 
     pub(super) fn len(&self) -> usize {

@@ -89,6 +89,12 @@ impl TrainingPlan {
             let name = if self.batch == 0 { "batch" } else { "report_every" };
             return Err(TrainError::Plan(format!("`{name}` must be at least 1")));
         }
+        let decay = self.adam.weight_decay;
+        if !(decay.is_finite() && decay >= 0.0) {
+            return Err(TrainError::Plan(format!(
+                "the weight decay must be a finite number of at least 0, not {decay}"
+            )));
+        }
         self.schedule.check().map_err(TrainError::Plan)
     }
 }

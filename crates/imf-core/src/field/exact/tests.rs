@@ -13,6 +13,8 @@ use crate::unit::LengthUnit;
 fn at_voxel_centres_it_is_the_section() {
     let mesh = ReferencePart::Bracket.mesh();
     let spec = SceneSpec {
+        fixtures: &[],
+        around: crate::scene::Around::Part,
         part: "bracket",
         mesh: &mesh,
         unit: LengthUnit::Mm,
@@ -51,6 +53,8 @@ use rand_chacha::ChaCha8Rng;
 fn half(part: ReferencePart, tool: &Tool) -> Scene {
     let mesh = part.mesh();
     let spec = SceneSpec {
+        fixtures: &[],
+        around: crate::scene::Around::Part,
         part: part.name(),
         mesh: &mesh,
         unit: LengthUnit::Mm,

@@ -1,0 +1,66 @@
+//! Arguments of `imf access`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use glam::DVec3;
+
+use super::scene::SceneArguments;
+
+/// What the tools reach: accessible space, best directions, removable stock, the part's surface
+#[derive(Args)]
+#[command(
+    after_help = "Examples:\n  imf access teapot --out access\n  imf access part.stl --unit mm --pitch 0.5 --tool \
+                  short.toml --tool long.toml --fixture vice.stl@translate:0,0,-20 --limits ac:-30:120:-360:360 \
+                  --surface --removable --stock box:2 --out access\n\n\
+                  Writes imf.vti (ParaView) and the same fields as .npy, slices.png, orientations.csv and summary.json; \
+                  with --surface surface.ply (MeshLab, ParaView), with --removable removable.vti and .npy, with --map \
+                  map.png and map.npy, with --lists free_lists.npy.\n\
+                  Machine limits, in degrees: ac: d = Rz(C) Rx(A) z, bc: d = Rz(C) Ry(B) z, d from tip to holder."
+)]
+pub(crate) struct AccessArguments {
+    #[command(flatten)]
+    pub(crate) scene: SceneArguments,
+    /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, ac:A0:A1:C0:C1:NA:NC, bc:…, so3:N, pairs or a CSV
+    #[arg(long, default_value = "fibonacci:225", value_name = "SET")]
+    pub(crate) orientations: String,
+    /// Only orientations that the machine reaches: ac:A0:A1:C0:C1, bc:B0:B1:C0:C1 or cone:X,Y,Z:HALF_ANGLE
+    #[arg(long, value_name = "LIMITS")]
+    pub(crate) limits: Option<String>,
+    /// Largest collision measure of a pose that counts as free; 0 is exact
+    #[arg(long, default_value_t = 0.0, value_name = "τ")]
+    pub(crate) tau: f64,
+    /// Voxels around the scene's grid that are examined too
+    #[arg(long, default_value_t = 1, value_name = "VOXELS")]
+    pub(crate) border: usize,
+    /// The part's surface with measure and best direction at every vertex
+    #[arg(long)]
+    pub(crate) surface: bool,
+    /// The stock that a cutter covers at some free pose
+    #[arg(long)]
+    pub(crate) removable: bool,
+    /// What is cut: box, box:MARGIN around the part, or a file in the part's coordinates; asks for --removable
+    #[arg(long, value_name = "STOCK")]
+    pub(crate) stock: Option<String>,
+    /// Measure of every direction at this point of the world, drawn over longitude and latitude
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_point, allow_hyphen_values = true)]
+    pub(crate) map: Option<DVec3>,
+    /// Cells of the map in degrees
+    #[arg(long, default_value_t = 5.0, value_name = "DEGREES")]
+    pub(crate) map_step: f64,
+    /// Also write which orientations are free at every voxel, one bit each
+    #[arg(long)]
+    pub(crate) lists: bool,
+    /// Folder to write to
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+}
+
+fn parse_point(text: &str) -> Result<DVec3, String> {
+    let values: Vec<f64> =
+        text.split(',').filter_map(|t| t.trim().parse().ok()).filter(|v: &f64| v.is_finite()).collect();
+    match values.as_slice() {
+        &[x, y, z] if text.split(',').count() == 3 => Ok(DVec3::new(x, y, z)),
+        _ => Err("three numbers such as 10,0,25.5".into()),
+    }
+}

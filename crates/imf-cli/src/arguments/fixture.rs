@@ -1,0 +1,103 @@
+//! What stands around the part: fixtures, each `FILE[@STEPS]`, and the stock it is cut from.
+
+use anyhow::{Context, Result, ensure};
+use glam::{DMat4, DVec3};
+use imf_core::mesh::Mesh;
+use imf_core::scene::Fixture;
+
+use super::scene::Part;
+use super::transform::parse_transform;
+
+/// A fixture as read.
+pub(crate) struct FixtureMesh {
+    pub(crate) name: String,
+    pub(crate) mesh: Mesh,
+    pub(crate) transform: DMat4,
+}
+
+impl FixtureMesh {
+    /// Reads `FILE` or `FILE@STEPS`; lengths are in the part's unit, which an STL file does not say.
+    pub(crate) fn read(text: &str, unit: Option<&str>) -> Result<Self> {
+        let (file, steps) = text.split_once('@').unwrap_or((text, ""));
+        let part = Part::read(file, unit).with_context(|| format!("the fixture {file} cannot be used"))?;
+        let transform = parse_transform(steps).with_context(|| format!("set-up of the fixture {file}"))?;
+        Ok(Self { name: part.name, mesh: part.mesh, transform })
+    }
+
+    /// As the scene takes it.
+    pub(crate) fn as_fixture(&self) -> Fixture<'_> {
+        Fixture { name: &self.name, mesh: &self.mesh, transform: self.transform }
+    }
+}
+
+/// The stock as read, in the world.
+pub(crate) struct Stock {
+    /// For people.
+    pub(crate) name: String,
+    pub(crate) mesh: Mesh,
+}
+
+impl Stock {
+    /// Reads `box`, `box:MARGIN` (around the part's box, in its unit) or a file in the part's coordinates, which is set
+    /// up as the part is.
+    pub(crate) fn read(
+        text: &str,
+        part_box: (DVec3, DVec3),
+        transform: &DMat4,
+        unit: Option<&str>,
+    ) -> Result<Self> {
+        let margin = match text.split_once(':') {
+            _ if text == "box" => Some(0.0),
+            Some(("box", margin)) => {
+                let margin: f64 = margin.parse().context("--stock box:MARGIN needs a length")?;
+                ensure!(margin.is_finite() && margin >= 0.0, "--stock box:MARGIN must not be negative");
+                Some(margin)
+            }
+            _ => None,
+        };
+        if let Some(margin) = margin {
+            let mesh = box_mesh(part_box.0 - margin, part_box.1 + margin);
+            return Ok(Self { name: format!("the part's box and {margin} around"), mesh });
+        }
+        let file = Part::read(text, unit).with_context(|| format!("the stock {text} cannot be used"))?;
+        Ok(Self { name: file.name, mesh: file.mesh.transformed(transform) })
+    }
+}
+
+/// The box between two corners, triangles outwards.
+fn box_mesh(lower: DVec3, upper: DVec3) -> Mesh {
+    let corner = |i: usize| {
+        let pick = |bit: usize, low: f64, high: f64| if i >> bit & 1 == 0 { low } else { high };
+        DVec3::new(pick(0, lower.x, upper.x), pick(1, lower.y, upper.y), pick(2, lower.z, upper.z))
+    };
+    let sides: [[u32; 4]; 6] =
+        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    Mesh {
+        vertices: (0..8).map(corner).collect(),
+        triangles: sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_box_of_stock_stands_around_the_part() {
+        let part = (DVec3::ZERO, DVec3::new(1.0, 2.0, 3.0));
+        let stock = Stock::read("box:0.5", part, &DMat4::IDENTITY, None).unwrap();
+        assert!((stock.mesh.signed_volume() - 2.0 * 3.0 * 4.0).abs() < 1e-9);
+        for text in ["box:-1", "box:x", "no such file.obj"] {
+            assert!(Stock::read(text, part, &DMat4::IDENTITY, None).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_fixture_has_its_own_set_up() {
+        let fixture = FixtureMesh::read("bracket@translate:0,0,5", None).unwrap();
+        assert_eq!(fixture.transform.transform_point3(DVec3::ZERO), DVec3::new(0.0, 0.0, 5.0));
+        assert!(FixtureMesh::read("bracket@scale:2", None).is_err());
+        let refusal = format!("{:#}", FixtureMesh::read("nowhere.stl", None).err().unwrap());
+        assert!(refusal.contains("nowhere.stl"), "{refusal}");
+    }
+}

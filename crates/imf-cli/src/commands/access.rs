@@ -1,0 +1,114 @@
+//! `imf access`: what tools reach around a part among its fixtures, in one run over the orientations.
+
+mod files;
+mod pictures;
+mod setup;
+mod summary;
+mod surface;
+
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use imf_core::access::{
+    AccessMap, AccessSettings, RemovableError, Space, Together, ToolAccess, access_map, removable,
+    tool_access,
+};
+use imf_core::section::{SectionError, SectionPlan};
+
+use crate::arguments::access::AccessArguments;
+use crate::interrupt::Interrupted;
+use crate::output::{prepare_folder, print, print_json, write_json};
+use crate::session::Session;
+
+use setup::Setup;
+use summary::Summary;
+
+/// Everything that a run found, beside the set-up it was found for.
+struct Findings {
+    /// By tool, in the order given.
+    tools: Vec<ToolAccess>,
+    together: Together,
+    space: Space,
+    /// By tool, on the stock's grid: 1 where its cutter can remove stock.
+    removable: Vec<Vec<u8>>,
+    /// By tool.
+    maps: Vec<AccessMap>,
+}
+
+pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> {
+    let begun = Instant::now();
+    let setup = Setup::new(session, arguments)?;
+    prepare_folder(&arguments.out)?;
+    let findings = find(session, &setup)?;
+    let surface = setup.surface.then(|| surface::Surface::read(&setup, &findings));
+    let mut written = files::write(&setup, &findings, &arguments.out)?;
+    if let Some(surface) = &surface {
+        surface.write(&setup, &arguments.out.join("surface.ply"))?;
+        written.push("surface.ply".into());
+    }
+    written.extend(pictures::draw(&setup, &findings, &arguments.out)?);
+    written.push("summary.json".into());
+    let summary = Summary::new(&setup, &findings, surface.as_ref(), begun.elapsed().as_secs_f64(), written);
+    write_json(&arguments.out.join("summary.json"), &summary).context("summary.json")?;
+    session.note(&format!("wrote {} to {}", summary.files.join(", "), arguments.out.display()));
+    if session.json { print_json(&summary) } else { print(&summary.table()) }
+}
+
+fn find(session: &Session, setup: &Setup) -> Result<Findings> {
+    let orientations = &setup.orientations.orientations;
+    let settings = AccessSettings { tau: setup.tau, lists: setup.lists };
+    let mut together = Together::new(setup.query.len());
+    let (mut tools, mut swept, mut maps) = (Vec::new(), Vec::new(), Vec::new());
+    for (index, tool) in setup.tools.iter().enumerate() {
+        let plan = SectionPlan::with_query(&setup.obstacle, &setup.query, tool)?;
+        session.detail(&format!("{}: {}", tool.name, plan.describe()));
+        let stage =
+            session.stage(&format!("sections, {}", tool.name), "orientations", orientations.len() as u64);
+        let advance = |n| stage.advance(n);
+        let access = tool_access(&plan, orientations, settings, session.control(&advance));
+        let access = access.map_err(interrupted)?;
+        stage.finish("");
+        together.take(index, &access);
+        tools.push(access);
+        if let Some(stock) = &setup.stock {
+            let stage = session.stage(
+                &format!("removable, {}", tool.name),
+                "orientations",
+                orientations.len() as u64,
+            );
+            let advance = |n| stage.advance(n);
+            let control = session.control(&advance);
+            let found = removable(&setup.obstacle, &stock.solid, tool, orientations, setup.tau, control);
+            swept.push(
+                found
+                    .map_err(|error| match error {
+                        RemovableError::Section(error) => interrupted(error),
+                        other => other.into(),
+                    })?
+                    .covered,
+            );
+            stage.finish("");
+        }
+        if let Some((point, cells)) = setup.map {
+            let stage =
+                session.stage(&format!("map, {}", tool.name), "directions", (cells[0] * cells[1]) as u64);
+            let advance = |n| stage.advance(n);
+            maps.push(
+                access_map(&setup.obstacle, tool, point, cells, session.control(&advance))
+                    .map_err(interrupted)?,
+            );
+            stage.finish("");
+        }
+    }
+    let space = Space::new(&setup.solid, &together.imf.value, setup.tau);
+    Ok(Findings { tools, together, space, removable: swept, maps })
+}
+
+fn interrupted(error: SectionError) -> anyhow::Error {
+    match error {
+        SectionError::Cancelled => {
+            Interrupted("no result was written, since a share of the orientations is no answer".into()).into()
+        }
+        other => other.into(),
+    }
+}

@@ -1,0 +1,116 @@
+//! The fields of a run as files for other programs.
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use imf_core::field_files::{FieldValues, NamedField, write_npy, write_vti};
+use ndarray::ArrayView3;
+
+use super::Findings;
+use super::setup::{Setup, Stock};
+use crate::output::write_text;
+
+/// What a voxel of the removable field is.
+const STAYS: u8 = 1;
+const REMOVABLE: u8 = 2;
+const OBSTACLE: u8 = 3;
+
+/// Writes the fields and gives back the files' names.
+pub(super) fn write(setup: &Setup, findings: &Findings, folder: &Path) -> Result<Vec<String>> {
+    let dims = setup.query.dims;
+    let many = setup.tools.len() > 1;
+    // 0 empty, 1 part, 2 fixture.
+    let solid: Vec<u8> = setup.solid.solid.iter().zip(&setup.held.solid).map(|(s, h)| s + (s & h)).collect();
+    let by_tool: Vec<String> = (0..setup.tools.len()).map(|t| format!("imf_tool_{t}")).collect();
+    let together = &findings.together;
+    let mut fields = vec![
+        NamedField::new("imf", shaped(&together.imf.value, dims)?),
+        NamedField::new("best_orientation", shaped(&together.imf.best, dims)?),
+        NamedField::new("free_orientations", shaped(&together.free, dims)?),
+        NamedField::new("accessible", shaped(&findings.space.accessible.labels, dims)?),
+        NamedField::new("inaccessible", shaped(&findings.space.inaccessible.labels, dims)?),
+        NamedField::new("solid", shaped(&solid, dims)?),
+    ];
+    if many {
+        fields.push(NamedField::new("best_tool", shaped(&together.tool, dims)?));
+        for (name, access) in by_tool.iter().zip(&findings.tools) {
+            fields.push(NamedField::new(name, shaped(&access.imf.value, dims)?));
+        }
+    }
+    write_vti(folder.join("imf.vti"), &setup.query, &fields)?;
+    let mut written = vec!["imf.vti".to_owned()];
+    for field in &fields {
+        let file = format!("{}.npy", field.name);
+        write_npy(folder.join(&file), field.values)?;
+        written.push(file);
+    }
+    write_text(&folder.join("orientations.csv"), &orientation_list(setup))?;
+    written.push("orientations.csv".into());
+    if let Some(stock) = &setup.stock {
+        written.extend(write_removable(setup, stock, findings, folder)?);
+    }
+    for (index, access) in findings.tools.iter().enumerate() {
+        if let Some(lists) = &access.lists {
+            let file = named("free_lists", "npy", index, many);
+            let shape = lists.shape();
+            let bytes = lists.clone().into_bytes();
+            write_npy(folder.join(&file), shaped(&bytes, shape)?)?;
+            written.push(file);
+        }
+    }
+    for (index, map) in findings.maps.iter().enumerate() {
+        let file = named("map", "npy", index, many);
+        write_npy(folder.join(&file), shaped(&map.values, [1, map.cells[0], map.cells[1]])?)?;
+        written.push(file);
+    }
+    Ok(written)
+}
+
+/// `name.ext`, or with several tools `name_tool_N.ext`.
+pub(super) fn named(name: &str, extension: &str, tool: usize, many: bool) -> String {
+    if many { format!("{name}_tool_{tool}.{extension}") } else { format!("{name}.{extension}") }
+}
+
+fn write_removable(setup: &Setup, stock: &Stock, findings: &Findings, folder: &Path) -> Result<Vec<String>> {
+    let grid = &stock.solid.grid;
+    let classes = removable_classes(setup, stock, findings);
+    write_npy(folder.join("removable.npy"), shaped(&classes, grid.dims)?)?;
+    let by_tool: Vec<String> = (0..setup.tools.len()).map(|t| format!("removable_tool_{t}")).collect();
+    let mut fields = vec![NamedField::new("removable", shaped(&classes, grid.dims)?)];
+    if setup.tools.len() > 1 {
+        for (name, swept) in by_tool.iter().zip(&findings.removable) {
+            fields.push(NamedField::new(name, shaped(swept, grid.dims)?));
+        }
+    }
+    write_vti(folder.join("removable.vti"), grid, &fields)?;
+    Ok(vec!["removable.npy".into(), "removable.vti".into()])
+}
+
+/// For every voxel of the stock's grid: 0 no stock, 1 stock that stays, 2 stock that some tool removes, 3 part or fixture.
+pub(super) fn removable_classes(setup: &Setup, stock: &Stock, findings: &Findings) -> Vec<u8> {
+    let held = setup.obstacle.on(&stock.solid.grid).unwrap_or_else(|| stock.solid.clone());
+    (0..stock.solid.solid.len())
+        .map(|v| {
+            if held.solid[v] != 0 {
+                OBSTACLE
+            } else if findings.removable.iter().any(|swept| swept[v] != 0) {
+                REMOVABLE
+            } else {
+                STAYS * stock.solid.solid[v]
+            }
+        })
+        .collect()
+}
+
+/// A list that `--orientations` reads again; line n + 2 is orientation n.
+fn orientation_list(setup: &Setup) -> String {
+    let lines = setup.orientations.orientations.iter().map(|o| format!("{},{},{}\n", o.theta, o.phi, o.roll));
+    std::iter::once("theta,phi,roll\n".to_owned()).chain(lines).collect()
+}
+
+fn shaped<T>(values: &[T], shape: [usize; 3]) -> Result<ArrayView3<'_, T>>
+where
+    for<'a> FieldValues<'a>: From<ArrayView3<'a, T>>,
+{
+    ArrayView3::from_shape(shape, values).context("a field has not its grid's length")
+}

@@ -1,0 +1,223 @@
+//! From arguments to everything that a run needs, checked and within the memory, before any section is computed.
+
+use anyhow::{Result, bail, ensure};
+use glam::DVec3;
+use imf_core::access::{AccessSettings, memory_estimate, position_grid, removable_memory_estimate};
+use imf_core::grid::Grid;
+use imf_core::mesh::Mesh;
+use imf_core::occupancy::Occupancy;
+use imf_core::orientation::{Limits, OrientationSet};
+use imf_core::section::SectionPlan;
+use imf_core::tool::Tool;
+use imf_core::unit::LengthUnit;
+use imf_core::voxelize::voxelize;
+
+use crate::arguments::access::AccessArguments;
+use crate::arguments::fixture;
+use crate::session::{Session, show_bytes};
+
+/// What is cut.
+pub(super) struct Stock {
+    pub(super) name: String,
+    /// Stock that neither part nor fixtures hold, on a grid of its own.
+    pub(super) solid: Occupancy,
+}
+
+/// What a run is about.
+pub(super) struct Setup {
+    pub(super) part: String,
+    pub(super) unit: LengthUnit,
+    pub(super) conservative: bool,
+    /// The part's surface in the world.
+    pub(super) mesh: Mesh,
+    pub(super) fixtures: Vec<String>,
+    /// In the part's unit.
+    pub(super) tools: Vec<Tool>,
+    pub(super) orientations: OrientationSet,
+    pub(super) tau: f64,
+    pub(super) lists: bool,
+    pub(super) surface: bool,
+    /// A point and the map's cells.
+    pub(super) map: Option<(DVec3, [usize; 2])>,
+    /// The voxels to be examined.
+    pub(super) query: Grid,
+    /// All that the tools can meet, on its own grid.
+    pub(super) obstacle: Occupancy,
+    /// The obstacle on the query grid.
+    pub(super) solid: Occupancy,
+    /// The fixtures on the query grid.
+    pub(super) held: Occupancy,
+    pub(super) stock: Option<Stock>,
+}
+
+impl Setup {
+    pub(super) fn new(session: &Session, arguments: &AccessArguments) -> Result<Self> {
+        ensure!((0.0..1.0).contains(&arguments.tau), "--tau must be at least 0 and below 1");
+        let orientations = orientations(arguments)?;
+        let reading = arguments.scene.read(session)?;
+        let unit = reading.part.unit;
+        let tools: Vec<Tool> = reading.tools.iter().map(|tool| tool.in_unit(unit)).collect();
+        let fixtures = reading.fixtures();
+        let spec = arguments.scene.spec(&reading, &fixtures, &tools[0]);
+        let border = [i64::try_from(arguments.border)?; 3];
+        let query = spec.grid()?.grown(border, border)?;
+        if arguments.surface && arguments.border + arguments.scene.margin == 0 {
+            bail!("--surface reads half a pitch outside the part: use --border 1 or more");
+        }
+        if tools.iter().all(Tool::is_axisymmetric) && orientations.orientations.iter().any(|o| o.roll != 0.0)
+        {
+            session
+                .warn("these tools look the same at every roll: rolled orientations only repeat directions");
+        }
+        let cells =
+            arguments.map.map(|point| Ok::<_, anyhow::Error>((point, map_cells(arguments.map_step)?)));
+        let map = cells.transpose()?;
+
+        let stock_mesh = (arguments.removable || arguments.stock.is_some())
+            .then(|| {
+                let text = arguments.stock.as_deref().unwrap_or("box");
+                let part_box = spec.part_bounds()?;
+                fixture::Stock::read(text, part_box, &reading.transform, arguments.scene.unit.as_deref())
+            })
+            .transpose()?;
+        let stock_grid = match &stock_mesh {
+            Some(stock) => {
+                let bounds = stock.mesh.bounds();
+                let (lower, upper) = bounds.ok_or_else(|| anyhow::anyhow!("the stock has no triangle"))?;
+                Some(query.covering(lower, upper, 0)?)
+            }
+            None => None,
+        };
+        // Everything that can be hit from any position of any tool that is examined.
+        let mut positions = query;
+        for (stock, tool) in stock_grid.iter().flat_map(|stock| tools.iter().map(move |tool| (stock, tool))) {
+            let around = position_grid(stock, tool)?;
+            let (lower, upper) = (around.origin, around.origin + around.size());
+            let whole = (positions.origin, positions.origin + positions.size());
+            positions = positions.covering(lower.min(whole.0), upper.max(whole.1), 0)?;
+        }
+        let reach = tools.iter().map(farthest).fold(0.0, f64::max);
+        let obstacle_grid = spec.obstacle_grid(&positions, reach)?;
+
+        let settings = AccessSettings { tau: arguments.tau, lists: arguments.lists };
+        let needed =
+            needed(&obstacle_grid, &query, stock_grid.as_ref(), &tools, &orientations, settings, session)?;
+        session.require_memory(needed, || {
+            let [x, y, z] = query.dims;
+            let lists = if settings.lists { ", do without --lists" } else { "" };
+            format!(
+                "{x}×{y}×{z} voxels, tools that reach {:.0} voxels, {} orientations, {} threads; use a larger \
+                 --pitch or fewer --threads{lists}",
+                reach / query.pitch,
+                orientations.len(),
+                session.threads()
+            )
+        })?;
+        session.detail(&format!("this needs about {}", show_bytes(needed)));
+
+        let bodies = spec.bodies(&obstacle_grid)?;
+        let obstacle = bodies.obstacle();
+        let on = |occupancy: &Occupancy, grid: &Grid| {
+            occupancy.on(grid).ok_or_else(|| anyhow::anyhow!("the grids of part and stock do not meet"))
+        };
+        let stock = match (stock_mesh, stock_grid) {
+            (Some(stock), Some(grid)) => {
+                let mut solid = voxelize(&stock.mesh, &grid, false);
+                let held = on(&obstacle, &grid)?;
+                solid.solid.iter_mut().zip(&held.solid).for_each(|(s, &o)| *s &= 1 - o);
+                ensure!(solid.count() > 0, "the stock '{}' holds nothing beside the part", stock.name);
+                Some(Stock { name: stock.name, solid })
+            }
+            _ => None,
+        };
+        let [x, y, z] = query.dims;
+        session.note(&format!(
+            "{}: {x}×{y}×{z} voxels of {:.4} {unit}, {} solid, {} of fixtures; {}; {}",
+            reading.part.name,
+            query.pitch,
+            bodies.part.count(),
+            bodies.fixtures.count(),
+            tools.iter().map(|tool| tool.name.as_str()).collect::<Vec<_>>().join(", "),
+            promise(arguments.scene.conservative)
+        ));
+        Ok(Self {
+            part: reading.part.name.clone(),
+            unit,
+            conservative: arguments.scene.conservative,
+            mesh: reading.part.mesh.transformed(&reading.transform),
+            fixtures: fixtures.iter().map(|fixture| fixture.name.to_owned()).collect(),
+            solid: on(&obstacle, &query)?,
+            held: on(&bodies.fixtures, &query)?,
+            tools,
+            orientations,
+            tau: arguments.tau,
+            lists: arguments.lists,
+            surface: arguments.surface,
+            map,
+            query,
+            obstacle,
+            stock,
+        })
+    }
+}
+
+/// Which promise holds.
+pub(super) fn promise(conservative: bool) -> &'static str {
+    if conservative {
+        "every voxel that the surface touches is solid: exact for these voxels, tool by voxel centres"
+    } else {
+        "exact for voxel centres, not for the mesh between them (see --conservative)"
+    }
+}
+
+fn orientations(arguments: &AccessArguments) -> Result<OrientationSet> {
+    let set = OrientationSet::parse(&arguments.orientations)?;
+    match &arguments.limits {
+        Some(limits) => Ok(set.within(&Limits::parse(limits)?)?),
+        None => Ok(set),
+    }
+}
+
+/// Cells of about `step` degrees along longitude and latitude.
+fn map_cells(step: f64) -> Result<[usize; 2]> {
+    ensure!((0.25..=90.0).contains(&step), "--map-step must be from 0.25 to 90 degrees");
+    let cells = (180.0 / step).round() as usize;
+    Ok([2 * cells, cells])
+}
+
+/// Largest distance from a point that a sharp point of the tool reaches to any point of the tool.
+fn farthest(tool: &Tool) -> f64 {
+    let sharp = tool.sharp_point_positions().iter().map(|k| k.length()).fold(0.0, f64::max);
+    tool.reach() + sharp
+}
+
+fn needed(
+    obstacle: &Grid,
+    query: &Grid,
+    stock: Option<&Grid>,
+    tools: &[Tool],
+    orientations: &OrientationSet,
+    settings: AccessSettings,
+    session: &Session,
+) -> Result<u64> {
+    let threads = session.threads();
+    let mut most = 0;
+    for tool in tools {
+        let plan = SectionPlan::memory_estimate_with_query(obstacle, query, tool, threads);
+        let streaming = memory_estimate(query.dims, orientations.len(), settings, threads);
+        let sweep = match stock {
+            Some(stock) => removable_memory_estimate(obstacle, stock, tool, threads)?,
+            None => 0,
+        };
+        most = most.max((plan + streaming).max(sweep));
+    }
+    // Obstacle, part and fixtures; results of each tool and of all; labels; the lists of every tool, and one copied.
+    let lists = if settings.lists {
+        (tools.len() as u64 + 1) * memory_estimate(query.dims, orientations.len(), settings, 0)
+    } else {
+        0
+    };
+    let stock = stock.map_or(0, |stock| stock.len() as u64 * (3 + tools.len() as u64));
+    let results = query.len() as u64 * (40 + 8 * tools.len() as u64);
+    Ok(most + 4 * obstacle.len() as u64 + results + lists + stock)
+}

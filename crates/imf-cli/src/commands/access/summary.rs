@@ -1,0 +1,213 @@
+//! What was found, as a table and as JSON.
+
+use std::fmt::Write as _;
+
+use imf_core::access::{Component, Components, Volume};
+use serde::Serialize;
+
+use super::Findings;
+use super::setup::{Setup, promise};
+use super::surface::Surface;
+use crate::progress::show_seconds;
+
+/// Pieces of space that the summary lists; the label fields have them all.
+const LISTED: usize = 20;
+
+/// A set of voxels in its connected pieces.
+#[derive(Debug, Serialize)]
+struct Region {
+    #[serde(flatten)]
+    volume: Volume,
+    components: usize,
+    /// The largest, at most [`LISTED`].
+    largest: Vec<Component>,
+}
+
+/// One tool.
+#[derive(Debug, Serialize)]
+struct ToolRow {
+    tool: String,
+    /// Empty voxels that it reaches.
+    accessible: Volume,
+    /// Stock that it removes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    removable: Option<Volume>,
+    /// Share of directions that are free at the map's point.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    map_free_share: Option<f64>,
+}
+
+/// The stock and what becomes of it.
+#[derive(Debug, Serialize)]
+struct StockRow {
+    stock: String,
+    to_remove: Volume,
+    removable: Volume,
+    stays: Volume,
+}
+
+/// The surface and how much of it is reached.
+#[derive(Debug, Serialize)]
+struct SurfaceRow {
+    vertices: usize,
+    accessible_share_of_area: f64,
+}
+
+/// Everything in `summary.json`.
+#[derive(Debug, Serialize)]
+pub(super) struct Summary {
+    program: String,
+    part: String,
+    fixtures: Vec<String>,
+    unit: String,
+    dims: [usize; 3],
+    origin: [f64; 3],
+    pitch: f64,
+    orientations: String,
+    orientation_count: usize,
+    tau: f64,
+    promise: &'static str,
+    solid: Volume,
+    accessible: Region,
+    inaccessible: Region,
+    tools: Vec<ToolRow>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    stock: Option<StockRow>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    surface: Option<SurfaceRow>,
+    seconds: f64,
+    pub(super) files: Vec<String>,
+}
+
+impl Summary {
+    pub(super) fn new(
+        setup: &Setup,
+        findings: &Findings,
+        surface: Option<&Surface>,
+        seconds: f64,
+        files: Vec<String>,
+    ) -> Self {
+        let measure = |voxels: usize| Volume::new(voxels, setup.query.voxel_volume());
+        let region = |volume: Volume, components: &Components| Region {
+            volume,
+            components: components.pieces.len(),
+            largest: components.pieces.iter().take(LISTED).copied().collect(),
+        };
+        let space = &findings.space;
+        let reached = |imf: &[f32]| {
+            imf.iter().zip(&setup.solid.solid).filter(|&(&v, &s)| s == 0 && f64::from(v) <= setup.tau).count()
+        };
+        let tools = setup.tools.iter().enumerate().map(|(index, tool)| ToolRow {
+            tool: tool.name.clone(),
+            accessible: measure(reached(&findings.tools[index].imf.value)),
+            removable: findings.removable.get(index).map(|swept| measure(marked(swept))),
+            map_free_share: findings.maps.get(index).map(|map| map.free_share(setup.tau)),
+        });
+        let stock = setup.stock.as_ref().map(|stock| {
+            let whole = stock.solid.count();
+            let any = |v: &usize| findings.removable.iter().any(|swept| swept[*v] != 0);
+            let removed = (0..stock.solid.solid.len()).filter(any).count();
+            StockRow {
+                stock: stock.name.clone(),
+                to_remove: measure(whole),
+                removable: measure(removed),
+                stays: measure(whole - removed),
+            }
+        });
+        Self {
+            program: format!("imf {}", env!("CARGO_PKG_VERSION")),
+            part: setup.part.clone(),
+            fixtures: setup.fixtures.clone(),
+            unit: setup.unit.to_string(),
+            dims: setup.query.dims,
+            origin: setup.query.origin.to_array(),
+            pitch: setup.query.pitch,
+            orientations: setup.orientations.spec.clone(),
+            orientation_count: setup.orientations.len(),
+            tau: setup.tau,
+            promise: promise(setup.conservative),
+            solid: measure(setup.solid.count()),
+            accessible: region(space.accessible_volume(), &space.accessible),
+            inaccessible: region(space.inaccessible_volume(), &space.inaccessible),
+            tools: tools.collect(),
+            stock,
+            surface: surface.map(|surface| SurfaceRow {
+                vertices: surface.vertices(),
+                accessible_share_of_area: surface.accessible_share,
+            }),
+            seconds,
+            files,
+        }
+    }
+
+    /// The table for people.
+    pub(super) fn table(&self) -> String {
+        let [x, y, z] = self.dims;
+        let mut text = format!(
+            "{}: {x}×{y}×{z} voxels of {:.4} {}, {} orientations ({}), τ = {}\n\n{:32}{:>12}{:>16}   pieces\n",
+            self.part,
+            self.pitch,
+            self.unit,
+            self.orientation_count,
+            self.orientations,
+            self.tau,
+            "",
+            "voxels",
+            format!("volume {}³", self.unit)
+        );
+        let mut row = |name: &str, volume: Volume, rest: &str| {
+            let _ = writeln!(text, "{name:32}{:>12}{:>16.1}   {rest}", volume.voxels, volume.volume);
+        };
+        row("part and fixtures", self.solid, "");
+        row("accessible around it", self.accessible.volume, &self.accessible.pieces());
+        row("inaccessible around it", self.inaccessible.volume, &self.inaccessible.pieces());
+        if self.tools.len() > 1 {
+            for tool in &self.tools {
+                row(&format!("  accessible to {}", tool.tool), tool.accessible, "");
+            }
+        }
+        if let Some(stock) = &self.stock {
+            row("stock to remove", stock.to_remove, "");
+            row("  a cutter reaches", stock.removable, "");
+            row("  stays at best", stock.stays, "");
+            if self.tools.len() > 1 {
+                for tool in &self.tools {
+                    row(&format!("  {} reaches", tool.tool), tool.removable.unwrap_or_default(), "");
+                }
+            }
+        }
+        if let Some(surface) = &self.surface {
+            let _ = writeln!(
+                text,
+                "\n{:.1} % of the part's surface is accessible ({} vertices)",
+                100.0 * surface.accessible_share_of_area,
+                surface.vertices
+            );
+        }
+        for tool in &self.tools {
+            if let Some(share) = tool.map_free_share {
+                let _ = writeln!(
+                    text,
+                    "\n{}: {:.1} % of all directions are free at the point",
+                    tool.tool,
+                    100.0 * share
+                );
+            }
+        }
+        let _ = write!(text, "\n{}; {}.", show_seconds(self.seconds), self.promise);
+        text
+    }
+}
+
+impl Region {
+    fn pieces(&self) -> String {
+        match self.largest.first() {
+            Some(first) => format!("{}, the largest {} voxels", self.components, first.voxels),
+            None => "none".into(),
+        }
+    }
+}
+
+fn marked(voxels: &[u8]) -> usize {
+    voxels.iter().filter(|&&v| v != 0).count()
+}

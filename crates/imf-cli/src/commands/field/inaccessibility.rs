@@ -1,0 +1,100 @@
+//! The inaccessibility measure: the least section over all orientations, and which orientation has it.
+
+use anyhow::Result;
+use imf_core::field_files::{NamedField, write_npy, write_vti};
+use imf_core::section::Imf;
+use ndarray::{ArrayView3, aview1};
+use serde_json::json;
+
+use super::{ORIENTATIONS, SUMMARY, Streamed, Work};
+use crate::interrupt::Interrupted;
+use crate::output::{print, print_json, same_digits, write_json};
+use crate::picture::MaskStyle;
+use crate::slices::{MidPlaneSheet, MidPlanes};
+
+pub(super) fn run(work: &Work<'_>) -> Result<()> {
+    let (grid, obstacle) = (&work.scene.record.grid, &work.scene.obstacle);
+    let visit = |least: &mut Imf, index: usize, cmf: &[f32]| {
+        least.lower_to(index, cmf);
+        Ok(())
+    };
+    let Streamed::Whole(parts) = work.stream(|| Imf::new(grid.len()), visit)? else {
+        return Err(Interrupted("the IMF needs every section; nothing was written".into()).into());
+    };
+    let mut parts = parts.into_iter();
+    let mut whole = parts.next().unwrap_or_else(|| Imf::new(grid.len()));
+    parts.for_each(|part| whole.merge(&part));
+
+    work.folder.create()?;
+    write_fields(work, &whole)?;
+    let sheet = MidPlaneSheet {
+        title: work.title(),
+        label: "inaccessibility measure IMF",
+        part: obstacle,
+        style: Some(MaskStyle::Outline),
+        unit: work.scene.record.unit,
+        notes: vec![format!(
+            "least over {} orientations ({}); white line: the part; exact for voxel centres",
+            work.set.len(),
+            work.set.spec
+        )],
+    };
+    sheet.save(&[MidPlanes::new(String::new(), &whole.value, grid)], &work.folder.file("imf.png"))?;
+
+    let outside = work.accessible_outside(&whole.value);
+    let largest = whole.value.iter().copied().fold(0.0, f32::max);
+    let summary = work.summary(
+        "imf",
+        json!({
+            "largest": same_digits(largest),
+            "accessible_outside": outside.accessible,
+            "inaccessible_outside": outside.inaccessible,
+            "files": ["imf.npy", "best.npy", "imf.vti", "imf.png", ORIENTATIONS],
+        }),
+    );
+    write_json(&work.folder.file(SUMMARY), &summary)?;
+    if work.session.json {
+        return print_json(&summary);
+    }
+    let mut text = format!(
+        "orientations  {} ({})\n\
+         accessible    {} voxels outside the part ({:.1} %): some orientation reaches them freely\n\
+         inaccessible  {} voxels outside the part\n\
+         largest IMF   {largest:.4}\n\
+         promise       {}\n",
+        work.set.len(),
+        work.set.spec,
+        outside.accessible,
+        outside.percent(),
+        outside.inaccessible,
+        work.promise()
+    );
+    text += &work.check.describe().map(|line| format!("check         {line}\n")).unwrap_or_default();
+    text += &format!(
+        "written to    {}: imf.npy, best.npy, imf.vti, imf.png, {ORIENTATIONS}, {SUMMARY}\n",
+        work.folder.path().display()
+    );
+    print(&text)
+}
+
+/// The arrays, and the best orientation's angles in degrees for viewers that know no list of orientations.
+fn write_fields(work: &Work<'_>, whole: &Imf) -> Result<()> {
+    let grid = &work.scene.record.grid;
+    let of_best = |angle: fn(&imf_core::orientation::Orientation) -> f64| -> Vec<f32> {
+        whole.best.iter().map(|&best| angle(&work.set.orientations[best as usize]) as f32).collect()
+    };
+    let (theta, phi) = (of_best(|o| o.theta), of_best(|o| o.phi));
+    let value = aview1(&whole.value).into_shape_with_order(grid.dims)?;
+    let best = aview1(&whole.best).into_shape_with_order(grid.dims)?;
+    write_npy(work.folder.file("imf.npy"), value)?;
+    write_npy(work.folder.file("best.npy"), best)?;
+    let fields = [
+        NamedField::new("imf", value),
+        NamedField::new("best", best),
+        NamedField::new("theta", aview1(&theta).into_shape_with_order(grid.dims)?),
+        NamedField::new("phi", aview1(&phi).into_shape_with_order(grid.dims)?),
+        NamedField::new("solid", ArrayView3::from_shape(grid.dims, &work.scene.obstacle.solid)?),
+    ];
+    write_vti(work.folder.file("imf.vti"), grid, &fields)?;
+    work.write_orientations()
+}

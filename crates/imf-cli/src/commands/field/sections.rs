@@ -1,0 +1,152 @@
+//! Sections: one array of collision measures for each orientation, written as they are finished.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use anyhow::{Context as _, Result};
+use imf_core::field_files::{NamedField, write_npy, write_vti};
+use ndarray::{ArrayView3, aview1};
+use serde_json::{Value, json};
+
+use super::{ORIENTATIONS, Outside, SUMMARY, Streamed, Work, angles_text};
+use crate::interrupt::Interrupted;
+use crate::output::{print, print_json, same_digits, table, write_json};
+use crate::picture::MaskStyle;
+use crate::slices::{MidPlaneSheet, MidPlanes};
+
+/// At most this many sections share one .vti file …
+const SHARED_SECTIONS: usize = 16;
+/// … and only where they take no more memory than this together: they are kept until all are there.
+const SHARED_BYTES: usize = 128 << 20;
+/// Sections in the picture.
+const PICTURED: usize = 6;
+/// Sections in the table.
+const LISTED: usize = 20;
+
+/// What is kept of a section once it is written.
+struct Kept {
+    index: usize,
+    outside: Outside,
+    largest: f32,
+    planes: Option<MidPlanes>,
+    values: Option<Vec<f32>>,
+}
+
+pub(super) fn run(work: &Work<'_>) -> Result<()> {
+    let (grid, set) = (&work.scene.record.grid, work.set);
+    let shared = set.len() <= SHARED_SECTIONS && 4 * set.len() * grid.len() <= SHARED_BYTES;
+    work.folder.create()?;
+    // First, so that sections kept after Ctrl-C can be told apart.
+    work.write_orientations()?;
+    let written = AtomicUsize::new(0);
+    let visit = |own: &mut Vec<Kept>, index: usize, cmf: &[f32]| -> Result<()> {
+        let array = ArrayView3::from_shape(grid.dims, cmf).context("a section does not fit its grid")?;
+        write_npy(work.folder.file(&format!("{}.npy", name(index))), array)?;
+        if !shared {
+            let vti = work.folder.file(&format!("{}.vti", name(index)));
+            write_vti(vti, grid, &[NamedField::new("cmf", array)])?;
+        }
+        own.push(Kept {
+            index,
+            outside: work.accessible_outside(cmf),
+            largest: cmf.iter().copied().fold(0.0, f32::max),
+            planes: (index < PICTURED)
+                .then(|| MidPlanes::new(angles_text(&set.orientations[index]), cmf, grid)),
+            values: shared.then(|| cmf.to_vec()),
+        });
+        written.fetch_add(1, Ordering::Relaxed);
+        Ok(())
+    };
+    let Streamed::Whole(parts) = work.stream(Vec::new, visit)? else {
+        let (written, all, folder) =
+            (written.load(Ordering::Relaxed), set.len(), work.folder.path().display());
+        return Err(
+            Interrupted(format!("{written} of {all} sections are finished and kept in {folder}")).into()
+        );
+    };
+    let mut kept: Vec<Kept> = parts.into_iter().flatten().collect();
+    kept.sort_by_key(|section| section.index);
+    if shared {
+        write_shared(work, &kept)?;
+    }
+    draw(work, &mut kept)?;
+
+    let files = if shared { "sections.vti" } else { "one .vti for each section" };
+    let summary = work.summary("sections", json!({ "sections": list(work, &kept), "vti": files }));
+    write_json(&work.folder.file(SUMMARY), &summary)?;
+    if work.session.json {
+        return print_json(&summary);
+    }
+    let rows: Vec<Vec<String>> = kept.iter().take(LISTED).map(|section| row(work, section)).collect();
+    let mut text = table(&["section", "θ", "φ", "largest CMF", "accessible outside the part"], &rows);
+    if kept.len() > LISTED {
+        text += &format!("… and {} more, see {SUMMARY}\n", kept.len() - LISTED);
+    }
+    text += &work.check.describe().map(|line| line + "\n").unwrap_or_default();
+    text += &format!(
+        "written to {}: cmf-*.npy, {files}, slices.png, {ORIENTATIONS}, {SUMMARY}\n",
+        work.folder.path().display()
+    );
+    print(&text)
+}
+
+fn name(index: usize) -> String {
+    format!("cmf-{index:05}")
+}
+
+/// All sections as named arrays of one file.
+fn write_shared(work: &Work<'_>, kept: &[Kept]) -> Result<()> {
+    let grid = &work.scene.record.grid;
+    let names: Vec<String> = kept.iter().map(|section| name(section.index)).collect();
+    let solid = ArrayView3::from_shape(grid.dims, &work.scene.obstacle.solid)?;
+    let mut fields = Vec::with_capacity(kept.len() + 1);
+    for (section, name) in kept.iter().zip(&names) {
+        let values = section.values.as_deref().unwrap_or_default();
+        fields.push(NamedField::new(name, aview1(values).into_shape_with_order(grid.dims)?));
+    }
+    fields.push(NamedField::new("solid", solid));
+    Ok(write_vti(work.folder.file("sections.vti"), grid, &fields)?)
+}
+
+/// Mid-planes of the first sections.
+fn draw(work: &Work<'_>, kept: &mut [Kept]) -> Result<()> {
+    let planes: Vec<MidPlanes> = kept.iter_mut().filter_map(|section| section.planes.take()).collect();
+    let mut notes = vec!["white line: the part; exact for voxel centres".to_owned()];
+    if kept.len() > planes.len() {
+        notes.push(format!("the first {} of {} sections", planes.len(), kept.len()));
+    }
+    let sheet = MidPlaneSheet {
+        title: work.title(),
+        label: "collision measure CMF",
+        part: &work.scene.obstacle,
+        style: Some(MaskStyle::Outline),
+        unit: work.scene.record.unit,
+        notes,
+    };
+    sheet.save(&planes, &work.folder.file("slices.png"))?;
+    Ok(())
+}
+
+fn list(work: &Work<'_>, kept: &[Kept]) -> Vec<Value> {
+    let entry = |section: &Kept| {
+        json!({
+            "index": section.index,
+            "orientation": work.set.orientations[section.index],
+            "file": format!("{}.npy", name(section.index)),
+            "largest": same_digits(section.largest),
+            "accessible_outside": section.outside.accessible,
+            "inaccessible_outside": section.outside.inaccessible,
+        })
+    };
+    kept.iter().map(entry).collect()
+}
+
+fn row(work: &Work<'_>, section: &Kept) -> Vec<String> {
+    let orientation = work.set.orientations[section.index];
+    vec![
+        section.index.to_string(),
+        format!("{:.1}°", orientation.theta),
+        format!("{:.1}°", orientation.phi),
+        format!("{:.4}", section.largest),
+        format!("{} voxels ({:.1} %)", section.outside.accessible, section.outside.percent()),
+    ]
+}

@@ -1,0 +1,163 @@
+//! Answers behind the columns that were asked with: as CSV, or as an array of JSON objects.
+
+use std::io::Write;
+
+use anyhow::{Result, ensure};
+use csv::{StringRecord, Writer};
+use imf_core::field::Pose;
+use serde_json::{Map, Value, json};
+
+use crate::output::same_digits;
+
+/// A chunk of lines, what they ask, and what the fields answered.
+#[derive(Default)]
+pub(super) struct Answers {
+    pub(super) records: Vec<StringRecord>,
+    pub(super) poses: Vec<Pose>,
+    pub(super) learnt: Vec<f32>,
+    /// Empty where it was not asked for.
+    pub(super) exact: Vec<f32>,
+}
+
+/// Writes chunk after chunk.
+pub(super) struct AnswerWriter {
+    /// Titles in JSON; `None` for CSV.
+    json_titles: Option<Vec<String>>,
+    columns: usize,
+    begun: bool,
+}
+
+impl AnswerWriter {
+    /// Writes the header; answers are called `measure`.
+    ///
+    /// # Errors
+    /// A column of that name that is there already, or an output that cannot be written.
+    pub(super) fn start(
+        header: &StringRecord,
+        measure: &str,
+        exact: bool,
+        json: bool,
+        out: &mut dyn Write,
+    ) -> Result<Self> {
+        let mut titles: Vec<String> = header.iter().map(str::to_owned).collect();
+        let columns = titles.len();
+        for title in
+            [Some(measure.to_owned()), exact.then(|| format!("{measure}_exact"))].into_iter().flatten()
+        {
+            ensure!(!titles.contains(&title), "the poses have a column {title} already; rename it");
+            titles.push(title);
+        }
+        if json {
+            out.write_all(b"[")?;
+        } else {
+            let mut csv = Writer::from_writer(Vec::new());
+            csv.write_record(&titles)?;
+            out.write_all(&csv.into_inner()?)?;
+        }
+        Ok(Self { json_titles: json.then_some(titles), columns, begun: false })
+    }
+
+    /// Writes a chunk.
+    ///
+    /// # Errors
+    /// An output that cannot be written; a closed pipe stays recognisable.
+    pub(super) fn write(&mut self, answers: &Answers, out: &mut dyn Write) -> Result<()> {
+        // Through memory: the errors of the csv crate hide the system's.
+        let bytes = match &self.json_titles {
+            None => csv_lines(answers)?,
+            Some(titles) => {
+                let mut bytes = Vec::new();
+                for index in 0..answers.records.len() {
+                    bytes.extend_from_slice(if self.begun { b",\n" } else { b"\n" });
+                    self.begun = true;
+                    serde_json::to_writer(&mut bytes, &self.object(titles, answers, index))?;
+                }
+                bytes
+            }
+        };
+        out.write_all(&bytes)?;
+        Ok(out.flush()?)
+    }
+
+    /// Ends the output.
+    ///
+    /// # Errors
+    /// An output that cannot be written.
+    pub(super) fn finish(self, out: &mut dyn Write) -> Result<()> {
+        if self.json_titles.is_some() {
+            out.write_all(b"\n]\n")?;
+        }
+        Ok(out.flush()?)
+    }
+
+    /// One answer; what reads as a finite number is one.
+    fn object(&self, titles: &[String], answers: &Answers, index: usize) -> Value {
+        let mut object = Map::new();
+        for (title, text) in titles.iter().zip(&answers.records[index]) {
+            let number = text.parse::<f64>().ok().filter(|v| v.is_finite());
+            object.insert(title.clone(), number.map_or_else(|| json!(text), |v| json!(v)));
+        }
+        let values = [Some(answers.learnt[index]), answers.exact.get(index).copied()];
+        for (title, value) in titles[self.columns..].iter().zip(values.into_iter().flatten()) {
+            object.insert(title.clone(), json!(same_digits(value)));
+        }
+        Value::Object(object)
+    }
+}
+
+fn csv_lines(answers: &Answers) -> Result<Vec<u8>> {
+    let mut csv = Writer::from_writer(Vec::new());
+    for (index, record) in answers.records.iter().enumerate() {
+        for text in record {
+            csv.write_field(text)?;
+        }
+        csv.write_field(answers.learnt[index].to_string())?;
+        if let Some(exact) = answers.exact.get(index) {
+            csv.write_field(exact.to_string())?;
+        }
+        csv.write_record(None::<&[u8]>)?;
+    }
+    Ok(csv.into_inner()?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn written(json: bool) -> String {
+        let header = StringRecord::from(vec!["name", "x"]);
+        let mut answers = Answers {
+            records: vec![vec!["a, b", "1.5"].into(), vec!["c", "2"].into()],
+            learnt: vec![0.25, 0.0],
+            exact: vec![0.5, 1.0],
+            ..Answers::default()
+        };
+        let mut out = Vec::new();
+        let mut writer = AnswerWriter::start(&header, "overlap", true, json, &mut out).unwrap();
+        writer.write(&answers, &mut out).unwrap();
+        answers.records.truncate(1);
+        writer.write(&answers, &mut out).unwrap();
+        writer.finish(&mut out).unwrap();
+        String::from_utf8(out).unwrap()
+    }
+
+    #[test]
+    fn csv_keeps_every_column() {
+        let expected =
+            "name,x,overlap,overlap_exact\n\"a, b\",1.5,0.25,0.5\nc,2,0,1\n\"a, b\",1.5,0.25,0.5\n";
+        assert_eq!(written(false), expected);
+    }
+
+    #[test]
+    fn json_is_one_array_over_all_chunks() {
+        let all: Value = serde_json::from_str(&written(true)).unwrap();
+        assert_eq!(all.as_array().unwrap().len(), 3);
+        assert_eq!(all[0], json!({"name": "a, b", "x": 1.5, "overlap": 0.25, "overlap_exact": 0.5}));
+    }
+
+    #[test]
+    fn a_column_that_is_there_already_is_not_written_twice() {
+        let header = StringRecord::from(vec!["x", "cmf"]);
+        assert!(AnswerWriter::start(&header, "cmf", false, false, &mut Vec::new()).is_err());
+    }
+}

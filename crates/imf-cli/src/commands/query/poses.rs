@@ -1,0 +1,205 @@
+//! Poses as CSV: columns by name, in any order, with others among them. Errors name the line and the column.
+
+use std::io::Read;
+
+use anyhow::{Context as _, Result, bail, ensure};
+use csv::{ErrorKind, Reader, ReaderBuilder, StringRecord, Trim};
+use glam::DVec3;
+use imf_core::field::Pose;
+use imf_core::orientation::Orientation;
+
+const POSITION: [&str; 3] = ["x", "y", "z"];
+const VECTOR: [&str; 3] = ["i", "j", "k"];
+const ANGLES: [&str; 2] = ["theta", "phi"];
+
+/// Where the tool's direction stands in a line.
+enum Direction {
+    /// Tool axis from tip to holder, of any length.
+    Vector([usize; 3]),
+    /// θ and φ in degrees.
+    Angles([usize; 2]),
+}
+
+/// Reads poses in chunks.
+pub(super) struct PoseReader<R> {
+    reader: Reader<R>,
+    name: String,
+    header: StringRecord,
+    position: [usize; 3],
+    direction: Direction,
+    waiting: StringRecord,
+}
+
+impl<R: Read> PoseReader<R> {
+    /// Reads the header; `name` is what messages call the input.
+    ///
+    /// # Errors
+    /// No header, or one that lacks columns or has both kinds of direction.
+    pub(super) fn new(input: R, name: String) -> Result<Self> {
+        let mut reader = ReaderBuilder::new().trim(Trim::All).from_reader(input);
+        let header = reader.headers().map_err(|error| explain(&name, &error))?.clone();
+        ensure!(!header.is_empty(), "{name} is empty; its first line must be x,y,z,i,j,k or x,y,z,theta,phi");
+        let find = |column: &str| -> Result<Option<usize>> {
+            let mut found = header.iter().enumerate().filter(|(_, title)| title.eq_ignore_ascii_case(column));
+            let first = found.next().map(|(index, _)| index);
+            ensure!(found.next().is_none(), "{name}, line 1: there is more than one column {column}");
+            Ok(first)
+        };
+        let need = |column: &str| -> Result<usize> {
+            find(column)?.with_context(|| {
+                let columns = header.iter().collect::<Vec<_>>().join(",");
+                format!(
+                    "{name}, line 1: there is no column {column} in '{columns}'; the first line must name \
+                     x,y,z,i,j,k or x,y,z,theta,phi"
+                )
+            })
+        };
+        let all3 =
+            |names: [&str; 3]| Ok::<_, anyhow::Error>([need(names[0])?, need(names[1])?, need(names[2])?]);
+        let any = |names: &[&str]| -> Result<bool> {
+            names.iter().try_fold(false, |any, column| Ok(any || find(column)?.is_some()))
+        };
+        let position = all3(POSITION)?;
+        let direction = match (any(&VECTOR)?, any(&ANGLES)?) {
+            (true, true) => bail!(
+                "{name}, line 1: it names both i,j,k and theta,phi; rename the columns that shall not be read"
+            ),
+            (true, false) => Direction::Vector(all3(VECTOR)?),
+            (false, _) => Direction::Angles([need(ANGLES[0])?, need(ANGLES[1])?]),
+        };
+        Ok(Self { reader, name, header, position, direction, waiting: StringRecord::new() })
+    }
+
+    /// Titles of all columns.
+    pub(super) fn header(&self) -> &StringRecord {
+        &self.header
+    }
+
+    /// Bytes read so far.
+    pub(super) fn bytes(&self) -> u64 {
+        self.reader.position().byte()
+    }
+
+    /// Replaces `records` and `poses` by the next lines, at most `most`; by none at the end.
+    ///
+    /// # Errors
+    /// The first line that is no pose.
+    pub(super) fn read(
+        &mut self,
+        most: usize,
+        records: &mut Vec<StringRecord>,
+        poses: &mut Vec<Pose>,
+    ) -> Result<()> {
+        records.clear();
+        poses.clear();
+        while poses.len() < most {
+            let more = self.reader.read_record(&mut self.waiting);
+            if !more.map_err(|error| explain(&self.name, &error))? {
+                break;
+            }
+            poses.push(self.pose(&self.waiting)?);
+            records.push(self.waiting.clone());
+        }
+        Ok(())
+    }
+
+    fn pose(&self, record: &StringRecord) -> Result<Pose> {
+        let line = record.position().map_or(0, csv::Position::line);
+        let number = |column: usize| -> Result<f64> {
+            let (text, title) = (&record[column], &self.header[column]);
+            match text.parse::<f64>() {
+                Ok(value) if value.is_finite() => Ok(value),
+                _ => bail!("{}, line {line}, column {title}: '{text}' is no finite number", self.name),
+            }
+        };
+        let vector = |columns: [usize; 3]| -> Result<DVec3> {
+            Ok(DVec3::new(number(columns[0])?, number(columns[1])?, number(columns[2])?))
+        };
+        let position = vector(self.position)?;
+        let orientation = match self.direction {
+            Direction::Vector(columns) => {
+                Orientation::from_direction(vector(columns)?).with_context(|| {
+                    format!("{}, line {line}, columns i,j,k: the direction must not be zero", self.name)
+                })?
+            }
+            Direction::Angles([theta, phi]) => {
+                let angle = number(phi)?;
+                ensure!(
+                    (0.0..=180.0).contains(&angle),
+                    "{}, line {line}, column {}: φ must be from 0 to 180 degrees, not {angle}",
+                    self.name,
+                    &self.header[phi]
+                );
+                Orientation::new(number(theta)?.rem_euclid(360.0), angle)
+            }
+        };
+        Ok(Pose { position, orientation })
+    }
+}
+
+/// What the reader says, with the input's name and the line.
+fn explain(name: &str, error: &csv::Error) -> anyhow::Error {
+    let line = error.position().map_or(1, csv::Position::line);
+    match error.kind() {
+        ErrorKind::UnequalLengths { expected_len, len, .. } => {
+            anyhow::anyhow!("{name}, line {line}: it has {len} columns, and the first line {expected_len}")
+        }
+        ErrorKind::Utf8 { .. } => anyhow::anyhow!("{name}, line {line}: it is no text in UTF-8"),
+        ErrorKind::Io(source) => anyhow::anyhow!("cannot read {name}: {source}"),
+        _ => anyhow::anyhow!("{name}, line {line}: {error}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<Vec<Pose>> {
+        let mut reader = PoseReader::new(text.as_bytes(), "poses".into())?;
+        let (mut records, mut poses, mut all) = (vec![], vec![], vec![]);
+        loop {
+            reader.read(2, &mut records, &mut poses)?;
+            if poses.is_empty() {
+                return Ok(all);
+            }
+            all.append(&mut poses);
+        }
+    }
+
+    #[test]
+    fn columns_may_stand_in_any_order_between_others() {
+        let poses =
+            read("name,PHI,z, y ,theta,x\na,6,3,2,372,1\n\"b, c\",0,6,5,-90,4\nd,180,0,0,0,0\n").unwrap();
+        assert_eq!(poses.len(), 3);
+        assert_eq!(poses[0].position, DVec3::new(1.0, 2.0, 3.0));
+        assert_eq!(poses[0].orientation, Orientation::new(12.0, 6.0));
+        assert_eq!(poses[1].orientation, Orientation::new(270.0, 0.0));
+        let poses = read("\u{feff}x,y,z,i,j,k\r\n1,2,3,0,0,-2\r\n").unwrap();
+        assert_eq!(poses[0].orientation.direction(), DVec3::NEG_Z);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_with_line_and_column() {
+        for (text, expected) in [
+            ("", "poses is empty"),
+            ("x,y,z\n", "no column theta"),
+            ("x,y,i,j,k\n", "no column z"),
+            ("x,y,z,i,j\n", "no column k"),
+            ("x,y,z,x,i,j,k\n", "more than one column x"),
+            ("x,y,z,i,j,k,phi\n", "both i,j,k and theta,phi"),
+            ("x,y,z,theta,phi\n1,2,3,4,5\n1,2,nan,4,5\n", "line 3, column z: 'nan' is no finite number"),
+            ("x,y,z,theta,phi\n1,2,inf,4,5\n", "line 2, column z"),
+            ("x,y,z,theta,phi\n1,,3,4,5\n", "line 2, column y: '' is no"),
+            ("x,y,z,theta,phi\n1,2,3,4,185\n", "line 2, column phi: φ must be"),
+            ("x,y,z,theta,phi\n1,2,3\n", "line 2: it has 3 columns, and the first line 5"),
+            ("x,y,z,i,j,k\n1,2,3,0,0,0\n", "line 2, columns i,j,k: the direction must not be zero"),
+        ] {
+            let message = format!("{:#}", read(text).unwrap_err());
+            assert!(message.contains(expected), "{text:?}: {message}");
+        }
+        let binary: &[u8] = b"x,y,z,i,j,k\n1,2,3,0,0,\xff\n";
+        let mut reader = PoseReader::new(binary, "poses".into()).unwrap();
+        let message = reader.read(9, &mut vec![], &mut vec![]).unwrap_err().to_string();
+        assert!(message.contains("line 2: it is no text"), "{message}");
+    }
+}

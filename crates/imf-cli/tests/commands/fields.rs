@@ -1,0 +1,120 @@
+//! `imf field`, read back and held against the library.
+
+use imf_core::control::Control;
+use imf_core::orientation::OrientationSet;
+use imf_core::section::{SectionPlan, imf, sections};
+
+use crate::folder::Folder;
+use crate::model::model;
+
+const BRACKET: [&str; 4] = ["field", "bracket", "--dims", "5,15,9"];
+
+fn arguments<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    [&BRACKET[..], more].concat()
+}
+
+#[test]
+fn sections_are_the_librarys_and_checked() {
+    let folder = Folder::new();
+    let set = "0,0;12,6;200,100";
+    let summary = folder.json(&arguments(&["--orientations", set, "--check", "20", "--out", "out"]));
+    let scene = model().scene;
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let orientations = OrientationSet::parse(set).unwrap().orientations;
+    let expected = sections(&plan, &orientations, Control::quiet()).unwrap();
+    for (index, expected) in expected.iter().enumerate() {
+        let found = folder.npy::<f32>(&format!("out/cmf-{index:05}.npy"));
+        assert_eq!(found.dim(), (5, 15, 9));
+        assert!(found.iter().eq(expected));
+        let free = expected.iter().zip(&scene.obstacle.solid).filter(|&(&v, &s)| v == 0.0 && s == 0).count();
+        assert_eq!(summary["sections"][index]["accessible_outside"], free);
+    }
+    assert_eq!(summary["check"]["agreed"], 60);
+    assert_eq!(summary["orientations"]["count"], 3);
+    assert_eq!(summary, serde_json::from_str::<serde_json::Value>(&folder.read("out/summary.json")).unwrap());
+    assert_eq!(folder.read("out/orientations.csv"), "index,theta,phi,roll\n0,0,0,0\n1,12,6,0\n2,200,100,0\n");
+    let vti = std::fs::read(folder.path("out/sections.vti")).unwrap();
+    let text = String::from_utf8_lossy(&vti);
+    assert!(
+        ["cmf-00000", "cmf-00002", "solid"].iter().all(|name| text.contains(&format!("Name=\"{name}\"")))
+    );
+    assert!(std::fs::read(folder.path("out/slices.png")).unwrap().starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn many_sections_have_a_file_each() {
+    let folder = Folder::new();
+    let run = folder.succeed(&arguments(&["--orientations", "fibonacci:23", "--out", "out"]));
+    assert!(run.stdout.contains("3 more") && run.stdout.contains("one .vti for each"), "{}", run.stdout);
+    let count = |ending: &str| {
+        folder.entries().iter().filter(|path| path.extension().is_some_and(|e| e == ending)).count()
+    };
+    assert_eq!((count("npy"), count("vti"), count("png")), (23, 23, 1));
+}
+
+#[test]
+fn the_imf_keeps_its_best_orientation() {
+    let folder = Folder::new();
+    let run = folder.succeed(&arguments(&[
+        "--orientations",
+        "fibonacci:9",
+        "--imf",
+        "--check",
+        "5",
+        "--out",
+        "out",
+    ]));
+    assert!(run.stdout.contains("45 of 45 compared voxels equal"), "{}", run.stdout);
+    let scene = model().scene;
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let set = OrientationSet::parse("fibonacci:9").unwrap();
+    let expected = imf(&plan, &set.orientations, Control::quiet()).unwrap();
+    assert!(folder.npy::<f32>("out/imf.npy").iter().eq(&expected.value));
+    assert!(folder.npy::<u32>("out/best.npy").iter().eq(&expected.best));
+    let vti = std::fs::read(folder.path("out/imf.vti")).unwrap();
+    let text = String::from_utf8_lossy(&vti);
+    for name in ["imf", "best", "theta", "phi", "solid"] {
+        assert!(text.contains(&format!("Name=\"{name}\"")), "{name}");
+    }
+    let summary: serde_json::Value = serde_json::from_str(&folder.read("out/summary.json")).unwrap();
+    let free =
+        expected.value.iter().zip(&scene.obstacle.solid).filter(|&(&v, &s)| v == 0.0 && s == 0).count();
+    assert_eq!(summary["accessible_outside"], free);
+    assert!(summary["promise"].as_str().unwrap().starts_with("exact for voxel centres"));
+    assert_eq!(folder.read("out/orientations.csv").lines().count(), 10);
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_keeps_finished_sections() {
+    use std::process::Command;
+    use std::time::{Duration, Instant};
+
+    let folder = Folder::new();
+    let child = folder
+        .command(&["field", "bracket", "--orientations", "fibonacci:3000", "--out", "out", "--threads", "1"])
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    while !folder.path("out/cmf-00002.npy").exists() {
+        assert!(start.elapsed() < Duration::from_secs(60), "no section appeared");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let run = crate::folder::Run::of(child);
+    assert_eq!(run.code, Some(130), "{}", run.stderr);
+    let last = run.stderr.lines().last().unwrap();
+    assert!(
+        last.starts_with("imf: interrupted: ") && last.contains("of 3000 sections are finished"),
+        "{last}"
+    );
+    let kept: usize = last.split_whitespace().nth(2).unwrap().parse().unwrap();
+    let files = folder.entries().into_iter().filter(|path| path.extension().is_some_and(|e| e == "npy"));
+    let files: Vec<_> = files.collect();
+    assert!((3..3000).contains(&kept));
+    assert_eq!(files.len(), kept);
+    for file in files {
+        assert_eq!(folder.npy::<f32>(file.to_str().unwrap()).dim(), (49, 147, 87));
+    }
+    assert!(folder.path("out/orientations.csv").exists() && !folder.path("out/summary.json").exists());
+}

@@ -1,0 +1,116 @@
+//! `imf info` and `imf devices`.
+
+use imf_core::control::Control;
+use imf_core::dataset::{Sampling, generate};
+use imf_core::orientation::OrientationSet;
+
+use crate::folder::{Folder, OPEN_CUBE};
+use crate::model::{model, newer, write_model};
+
+const MILL: &str = "name = \"mill\"\nsharp_points = 12\n[cutter]\nshape = \"bull\"\ndiameter = 10.0\nlength = 30.0\n\
+                    corner_radius = 2.0\n[shank]\ndiameter = 8.0\nlength = 10.0\n[[holder]]\ndiameter = 20.0\n\
+                    top_diameter = 40.0\nlength = 25.0\n";
+
+#[test]
+fn meshes_and_parts_are_described() {
+    let folder = Folder::new();
+    let part = folder.json(&["info", "screw-gear"]);
+    assert_eq!((&part["kind"], &part["dims"][0]), (&"reference part".into(), &99.into()));
+    folder.write("open.obj", OPEN_CUBE);
+    let mesh = folder.json(&["info", "open.obj"]);
+    assert_eq!((&mesh["mesh"]["closed"], &mesh["mesh"]["boundary_edges"]), (&false.into(), &3.into()));
+    let run = folder.succeed(&["info", "open.obj", "--unit", "m"]);
+    assert!(
+        run.stderr.contains("imf: warning: ") && run.stderr.contains("in mm it would be"),
+        "{}",
+        run.stderr
+    );
+    assert!(run.stdout.contains("100 × 100 × 100 m"), "{}", run.stdout);
+}
+
+#[test]
+fn tools_are_described_by_their_elements() {
+    let folder = Folder::new();
+    folder.write("mill.toml", MILL);
+    let tool = folder.json(&["info", "mill.toml"]);
+    let kinds: Vec<_> = tool["elements"].as_array().unwrap().iter().map(|e| &e["kind"]).collect();
+    assert_eq!(kinds.len(), 3);
+    assert_eq!((kinds[0], kinds[1]), (&"cutter".into(), &"shank".into()));
+    assert_eq!(tool["length"], 65.0);
+    assert_eq!(tool["elements"][2]["largest_radius"], 20.0);
+    assert_eq!(tool["sharp_points"].as_array().unwrap().len(), 12);
+    assert_eq!(tool["axisymmetric"], true);
+    let text = folder.succeed(&["info", "mill.toml"]).stdout;
+    assert!(text.contains("40 to 65 mm above the tip, radius 10 to 20 mm"), "{text}");
+}
+
+#[test]
+fn datasets_are_described_with_what_is_missing() {
+    let folder = Folder::new();
+    let scene = model().scene;
+    let set = OrientationSet::parse("fibonacci:5").unwrap();
+    let sampling = Sampling::default();
+    let made = generate(&folder.path("data"), &scene, &set, &sampling, Control::quiet()).unwrap();
+    let dataset = folder.json(&["info", "data"]);
+    assert_eq!(dataset["samples"], made.samples);
+    assert_eq!((&dataset["shards_missing"], &dataset["scene"]["part"]), (&0.into(), &"bracket".into()));
+    std::fs::remove_file(folder.path("data/shard-00000.safetensors")).unwrap();
+    assert_eq!(folder.json(&["info", "data"])["shards_missing"], 1);
+    let manifest = folder.read("data/manifest.json");
+    folder.write("data/manifest.json", manifest.replace("\"version\": 1", "\"version\": 9"));
+    folder.refuse(&["info", "data"], &["manifest.json", "version 9", "newer imf"]);
+    folder.write("data/manifest.json", &manifest[..manifest.len() / 2]);
+    folder.refuse(&["info", "data"], &["manifest.json"]);
+    std::fs::create_dir(folder.path("empty")).unwrap();
+    folder.refuse(&["info", "empty"], &["empty", "no dataset"]);
+}
+
+#[test]
+fn models_are_described_and_damaged_ones_refused() {
+    let folder = Folder::new();
+    let model = write_model(&folder.path("m.safetensors"));
+    let info = folder.json(&["info", "m.safetensors"]);
+    assert_eq!(info["parameters"], model.shape.parameter_count());
+    assert_eq!(info["resumable"], true);
+    assert_eq!(info["training"]["orientations"]["count"], 3);
+    model.without_moments().write(&folder.path("small.safetensors")).unwrap();
+    assert!(folder.succeed(&["info", "small.safetensors"]).stdout.contains("weights alone"));
+
+    let bytes = std::fs::read(folder.path("m.safetensors")).unwrap();
+    folder.write("cut.safetensors", &bytes[..bytes.len() - 7]);
+    folder.write("newer.safetensors", newer(&bytes));
+    folder.write("foreign.safetensors", b"not a model at all, whatever its name says");
+    folder.write("empty.safetensors", b"");
+    folder.write("poses.csv", "x,y,z,theta,phi\n1,2,3,4,5\n");
+    for (name, expected) in [
+        ("cut.safetensors", "cut short"),
+        ("newer.safetensors", "newer imf"),
+        ("foreign.safetensors", "no intact model"),
+        ("empty.safetensors", "no intact model"),
+        ("missing.safetensors", "cannot read the model"),
+    ] {
+        folder.refuse(&["info", name], &[name, expected]);
+        folder.refuse(&["query", name, "poses.csv", "--out", "a.csv"], &[name, expected]);
+    }
+}
+
+#[test]
+fn what_is_nothing_is_said_to_be_nothing() {
+    let folder = Folder::new();
+    folder.refuse(&["info", "kettle"], &["kettle", "bracket-raw"]);
+    folder.refuse(&["info", "part.step"], &["part.step"]);
+    folder.refuse(&["info", "teapot", "--unit", "furlong"], &["furlong", "mm, cm, m and inch"]);
+}
+
+#[test]
+fn devices_are_listed_and_none_is_no_failure() {
+    let folder = Folder::new();
+    let run = folder.succeed(&["devices", "--threads", "1"]);
+    assert!(run.stdout.contains("CPU engine, 1 threads"), "{}", run.stdout);
+    let devices = folder.json(&["devices"]);
+    assert!(devices["cpu"]["threads"].as_u64().unwrap() >= 1);
+    if cfg!(target_os = "linux") {
+        assert!(run.stdout.contains("apt install mesa-vulkan-drivers"), "{}", run.stdout);
+        assert_eq!((&devices["auto"], &devices["adapters"]), (&"cpu".into(), &serde_json::json!([])));
+    }
+}

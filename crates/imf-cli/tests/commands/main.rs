@@ -1,0 +1,11 @@
+//! The real binary, each time in a fresh folder: what the commands write, and what they refuse.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+mod fields;
+mod folder;
+mod info;
+mod model;
+mod queries;
+mod refusals;
+mod voxels;

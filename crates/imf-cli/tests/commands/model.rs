@@ -1,0 +1,63 @@
+//! Models with random weights, made without training.
+
+use std::path::Path;
+
+use imf_core::dataset::Sampling;
+use imf_core::model::{LossPoint, Model, TrainingRecord};
+use imf_core::orientation::OrientationSet;
+use imf_core::parts::ReferencePart;
+use imf_core::scene::{Resolution, SceneSpec};
+use imf_core::siren::SirenShape;
+use imf_core::tool::Tool;
+use imf_core::training::TrainingState;
+use imf_core::training::run::{Cursor, TrainingPlan};
+use imf_core::unit::LengthUnit;
+
+/// A tiny network for the bracket on 5×15×9 voxels.
+pub(crate) fn model() -> Model {
+    let spec = SceneSpec {
+        fixtures: &[],
+        around: imf_core::scene::Around::Part,
+        part: "bracket",
+        mesh: &ReferencePart::Bracket.mesh(),
+        unit: LengthUnit::Mm,
+        transform: glam::DMat4::IDENTITY,
+        resolution: Resolution::Dims([5, 15, 9]),
+        margin: 0,
+        conservative: false,
+        tool: &Tool::paper(),
+    };
+    let shape = SirenShape { width: 9, hidden: 3, ..SirenShape::default() };
+    let record = TrainingRecord {
+        program: "0".into(),
+        plan: TrainingPlan::default(),
+        cursor: Cursor::default(),
+        finished: true,
+        steps: 12,
+        seconds: 0.5,
+        engine: "none: random weights".into(),
+        orientations: OrientationSet::parse("fibonacci:3").unwrap(),
+        sampling: Sampling::default(),
+        samples: 100,
+        dataset_crc32: 7,
+        fine_tuned_from: None,
+        losses: vec![LossPoint { step: 12, loss: 0.25 }],
+    };
+    let state = TrainingState::new(&shape, 1);
+    Model { shape, scene: spec.scene().unwrap(), record, state }
+}
+
+pub(crate) fn write_model(path: &Path) -> Model {
+    let model = model();
+    model.write(path).unwrap();
+    model
+}
+
+/// The model's bytes with another version in its description.
+pub(crate) fn newer(bytes: &[u8]) -> Vec<u8> {
+    let key = br#"\"version\":1"#;
+    let at = bytes.windows(key.len()).position(|window| window == key).unwrap();
+    let mut newer = bytes.to_vec();
+    newer[at + key.len() - 1] = b'9';
+    newer
+}

@@ -1,0 +1,135 @@
+//! Bad input to the commands that make fields: one message, exit code 1, nothing left behind.
+
+use crate::folder::{Folder, LAST_FACE, OPEN_CUBE};
+
+/// Both commands that read a scene.
+fn refuse(folder: &Folder, arguments: &[&str], expected: &[&str]) {
+    folder.refuse(&[&["voxelize"], arguments, &["--out", "out"]].concat(), expected);
+    let field = ["--orientations", "fibonacci:3", "--out", "out"];
+    folder.refuse(&[&["field"], arguments, &field[..]].concat(), expected);
+}
+
+#[test]
+fn meshes_that_cannot_be_read() {
+    let folder = Folder::new();
+    let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+    folder.write("empty.obj", "");
+    folder.write("nan.obj", format!("{triangle}v 0 NaN 0\nf 1 2 4\n"));
+    folder.write("points.obj", triangle);
+    folder.write("index.obj", format!("{triangle}f 1 2 9\n"));
+    folder.write("cut.stl", [&[0; 80][..], &12u32.to_le_bytes(), &[0; 75]].concat());
+    folder.write("part.step", "ISO-10303-21;");
+    refuse(&folder, &["missing.obj"], &["missing.obj", "there is no mesh file"]);
+    refuse(&folder, &["empty.obj"], &["empty.obj", "is empty"]);
+    refuse(&folder, &["nan.obj"], &["nan.obj", "line 4", "NaN"]);
+    refuse(&folder, &["points.obj"], &["points.obj", "no faces"]);
+    refuse(&folder, &["index.obj"], &["index.obj", "vertex 9"]);
+    refuse(&folder, &["cut.stl", "--unit", "mm"], &["cut.stl", "cut short"]);
+    refuse(&folder, &["part.step"], &["part.step"]);
+}
+
+#[test]
+fn units_and_sizes() {
+    let folder = Folder::new();
+    folder.write("cube.obj", [OPEN_CUBE, LAST_FACE].concat());
+    folder.write("cube.stl", "solid cube\nendsolid cube\n");
+    refuse(&folder, &["cube.stl"], &["cube.stl", "--unit mm"]);
+    refuse(&folder, &["cube.obj", "--unit", "m"], &["cube.obj", "100 × 100 × 100 m", "0.1 mm to 20 m"]);
+    refuse(&folder, &["cube.obj", "--unit", "furlong"], &["furlong"]);
+    refuse(&folder, &["cube.obj", "--pitch", "0"], &["pitch"]);
+    refuse(&folder, &["cube.obj", "--pitch", "NaN"], &["pitch"]);
+    refuse(&folder, &["cube.obj", "--pitch", "1e-9"], &["too large", "larger pitch"]);
+    refuse(&folder, &["cube.obj", "--dims", "9,0,9"], &["at least 1"]);
+    refuse(&folder, &["cube.obj", "--dims", "9,9,9", "--margin", "5"], &["margin"]);
+    refuse(&folder, &["cube.obj", "--transform", "rotate:0,0,0:90"], &["rotate:0,0,0:90"]);
+    refuse(&folder, &["bracket", "--threads", "0"], &["--threads"]);
+}
+
+#[test]
+fn work_larger_than_memory_is_refused_with_the_estimate() {
+    let folder = Folder::new();
+    let field = |more: &[&'static str]| {
+        [&["field", "bracket", "--orientations", "fibonacci:3", "--out", "out"], more].concat()
+    };
+    folder.refuse(&field(&["--memory", "1MiB"]), &["MiB of memory, and 1 MiB may be used", "--memory"]);
+    folder.write("long.toml", "[cutter]\nshape = \"flat\"\ndiameter = 5.0\nlength = 9000.0\n");
+    let huge = field(&["--tool", "long.toml", "--memory", "2GiB"]);
+    folder
+        .refuse(&huge, &["GiB of memory, and 2.0 GiB may be used", "reaches 9000 voxels", "larger --pitch"]);
+    let voxels = ["voxelize", "bracket", "--pitch", "0.2", "--memory", "1MiB", "--out", "out"];
+    folder.refuse(&voxels, &["and 1 MiB may be used", "245×735×435 voxels"]);
+}
+
+#[test]
+fn tool_files_are_refused_by_line_and_key() {
+    let folder = Folder::new();
+    for (text, expected) in [
+        ("[cutter]\nshape = \"flat\"\ndiameter = -5.0\nlength = 9.0\n", ["line 3", "cutter.diameter"]),
+        ("[cutter]\nshape = \"flat\"\ndiameter = 5.0\nlenght = 9.0\n", ["line 4", "lenght"]),
+        ("[cutter]\nshape = \"round\"\ndiameter = 5.0\nlength = 9.0\n", ["line 2", "round"]),
+        ("name = \"x\"\n[cutter\n", ["line 2", "tool.toml"]),
+        ("name = \"none\"\n", ["line 1", "[cutter]"]),
+    ] {
+        folder.write("tool.toml", text);
+        refuse(&folder, &["bracket", "--dims", "5,15,9", "--tool", "tool.toml"], &expected);
+        folder.refuse(&["info", "tool.toml"], &expected);
+    }
+    refuse(&folder, &["bracket", "--tool", "missing.toml"], &["missing.toml"]);
+    folder.write("tiny.toml", "[cutter]\nshape = \"flat\"\ndiameter = 0.01\nlength = 0.01\n");
+    let field = ["field", "bracket", "--dims", "5,15,9", "--orientations", "12,6", "--out", "out"];
+    let run = folder.run(&[&field[..], &["--tool", "tiny.toml"]].concat());
+    // The tip's own voxel centre is in every tool.
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+}
+
+#[test]
+fn folders_that_cannot_be_written_are_refused_before_the_work() {
+    let folder = Folder::new();
+    folder.write("file.txt", "text");
+    let large = ["--dims", "490,1470,870", "--memory", "1000GiB"];
+    for out in ["file.txt", "file.txt/sub", "file.txt/sub/deeper"] {
+        let expected = [out, "file.txt is a file"];
+        folder.refuse(&["parts", out], &expected);
+        // Work of minutes: the refusal comes before it.
+        folder.refuse(&[&["voxelize", "teapot", "--out", out], &large[..]].concat(), &expected);
+        let field = ["field", "teapot", "--orientations", "grid:90", "--out", out];
+        folder.refuse(&[&field[..], &large[..]].concat(), &expected);
+    }
+    assert_eq!(folder.read("file.txt"), "text");
+}
+
+#[test]
+fn orientation_sets_and_parts_that_are_none() {
+    let folder = Folder::new();
+    folder.write("o.csv", "theta,phi\n0,0\n10,north\n");
+    for (set, expected) in [
+        ("ring:5", "no orientation set"),
+        ("grid:0", "'0' is no number of orientations"),
+        ("0,200", "φ must be from 0 to 180"),
+        ("random:5", "no orientation set"),
+        ("missing.csv", "missing.csv"),
+        ("o.csv", "line 3"),
+    ] {
+        let arguments = ["field", "bracket", "--dims", "5,15,9", "--orientations", set, "--out", "out"];
+        folder.refuse(&arguments, &[expected]);
+    }
+    folder.refuse(&["parts", "out", "--only", "kettle"], &["kettle", "bracket-raw"]);
+}
+
+#[test]
+fn wrong_arguments_exit_with_2() {
+    let folder = Folder::new();
+    for arguments in [
+        &["voxelize", "bracket", "--dims", "5,15", "--out", "out"][..],
+        &["voxelize", "bracket", "--dims", "5,15,9", "--pitch", "2", "--out", "out"],
+        &["voxelize", "bracket"],
+        &["field", "bracket", "--out", "out"],
+        &["field", "bracket", "--orientations", "0,0", "--out", "out", "--memory", "plenty"],
+        &["polish"],
+    ] {
+        let run = folder.run(arguments);
+        assert_eq!(run.code, Some(2), "{arguments:?}: {}", run.stderr);
+        assert!(run.stdout.is_empty() && run.stderr.contains("error: "), "{}", run.stderr);
+    }
+    assert!(folder.entries().is_empty());
+}

@@ -1,0 +1,62 @@
+//! `imf parts` and `imf voxelize`.
+
+use imf_core::mesh::read::read_mesh;
+use imf_core::parts::ReferencePart;
+
+use crate::folder::{Folder, LAST_FACE, OPEN_CUBE};
+
+#[test]
+fn parts_are_written_as_obj_with_what_they_are() {
+    let folder = Folder::new();
+    let table = folder.succeed(&["parts", "all"]).stdout;
+    for part in ReferencePart::ALL {
+        let name = format!("all/{part}.obj");
+        assert_eq!(read_mesh(folder.path(&name)).unwrap().triangles.len(), part.mesh().triangles.len());
+        let text = folder.read(&name);
+        let [x, y, z] = part.dims();
+        assert!(text.starts_with(&format!("# {part}: ")), "{name}");
+        assert!(text.contains("unit: mm") && text.contains(&format!("{x} x {y} x {z}")), "{name}");
+        let line = table.lines().find(|line| line.contains(&name)).unwrap();
+        assert_eq!(line.contains("the paper's own"), part.is_papers_own(), "{line}");
+    }
+    let one = folder.json(&["parts", "one", "--only", "bracket"]);
+    assert_eq!(one.as_array().unwrap().len(), 1);
+    assert_eq!(one[0]["mesh"]["closed"], true);
+    assert_eq!(std::fs::read_dir(folder.path("one")).unwrap().count(), 1);
+}
+
+#[test]
+fn voxels_are_written_whatever_the_tool() {
+    let folder = Folder::new();
+    // Sections with this tool would need terabytes.
+    folder.write("huge.toml", "[cutter]\nshape = \"flat\"\ndiameter = 9000.0\nlength = 20000.0\n");
+    let arguments = ["voxelize", "bracket", "--dims", "5,15,9", "--tool", "huge.toml", "--memory", "1GiB"];
+    let run = folder.succeed(&[&arguments[..], &["--out", "a/b"]].concat());
+    assert!(run.stdout.contains("5×15×9"), "{}", run.stdout);
+    let summary = folder.json(&[&arguments[..], &["--out", "a/b"]].concat());
+    let solid = folder.npy::<u8>("a/b/solid.npy");
+    assert_eq!(solid.dim(), (5, 15, 9));
+    let count = solid.iter().filter(|&&s| s == 1).count();
+    assert_eq!(summary["solid_voxels"], count);
+    let pitch = summary["grid"]["pitch"].as_f64().unwrap();
+    assert!((summary["volume"].as_f64().unwrap() - count as f64 * pitch.powi(3)).abs() < 1e-6);
+    assert!(std::fs::read(folder.path("a/b/solid.vti")).unwrap().starts_with(b"<?xml"));
+    assert!(std::fs::read(folder.path("a/b/slices.png")).unwrap().starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn an_open_mesh_works_and_is_warned_about() {
+    let folder = Folder::new();
+    folder.write("open.obj", OPEN_CUBE);
+    folder.write("closed.obj", [OPEN_CUBE, LAST_FACE].concat());
+    let solid = |name: &str| {
+        let run = folder.succeed(&["voxelize", name, "--pitch", "10", "--out", "out"]);
+        (
+            run.stderr.contains("imf: warning: "),
+            folder.npy::<u8>("out/solid.npy").iter().filter(|&&s| s == 1).count(),
+        )
+    };
+    let (warned, count) = solid("open.obj");
+    assert!(warned && count > 700, "{count}");
+    assert_eq!(solid("closed.obj"), (false, 1000));
+}

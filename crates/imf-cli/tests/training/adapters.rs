@@ -1,0 +1,53 @@
+//! Training on the machine's adapter through the command; `IMF_NO_GPU_TESTS=1` leaves it out.
+#![cfg(unix)]
+
+use imf_gpu::adapters;
+use imf_gpu::wgpu::DeviceType;
+
+use crate::binary::{TRAIN, Workdir};
+
+/// Software Vulkan where there is some, else the GPU: the tests ask for any adapter, not for a certain one.
+fn device() -> &'static str {
+    let found = adapters();
+    assert!(
+        !found.is_empty(),
+        "there is no adapter.\nTo leave these tests out on purpose: IMF_NO_GPU_TESTS=1 cargo test"
+    );
+    if found.iter().any(|adapter| adapter.kind == DeviceType::Cpu) { "software" } else { "gpu" }
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn a_training_on_the_adapter_resumes_to_the_same_bits_and_evaluates_as_on_the_cpu() {
+    let work = Workdir::with_dataset();
+    let on_adapter = format!("--device {}", device());
+    let train = TRAIN.replace("--device cpu", &on_adapter).replace("--batch 256", "--batch 64");
+    let train = format!("{train} --steps 400 --schedule cosine");
+    let whole = work.imf(&format!("{train} --out whole --json")).done();
+    let name = adapters().into_iter().map(|adapter| adapter.name);
+    let engine = whole.json()["engine"].as_str().unwrap().to_owned();
+    assert!(name.into_iter().any(|name| engine.contains(&name)), "{engine}");
+
+    let checkpoint = "broken/checkpoint.safetensors";
+    work.interrupted_once_there_is(checkpoint, &format!("{train} --out broken --checkpoint-every 0.02"))
+        .interrupted(&["is saved in", checkpoint, "--resume"]);
+    let saved = work.model(checkpoint);
+    assert!((1..400).contains(&saved.record.steps), "{}", saved.record.steps);
+    work.imf(&format!("{train} --out broken --resume")).done();
+    for file in ["model.safetensors", "checkpoint.safetensors"] {
+        let [whole, broken] = ["whole", "broken"].map(|folder| work.model(&format!("{folder}/{file}")).state);
+        assert!(whole == broken, "{file}: the pieces ended elsewhere");
+    }
+
+    let eval = |device: &str| {
+        let line =
+            format!("eval whole/model.safetensors --random 3 --imf fibonacci:4 --json --device {device}");
+        work.imf(&line).done().json()
+    };
+    let (gpu, cpu) = (eval(device()), eval("cpu"));
+    for (gpu, cpu) in gpu["rows"].as_array().unwrap().iter().zip(cpu["rows"].as_array().unwrap()) {
+        // Values differ by some 1e-6, and a mean of absolute errors by no more.
+        let [gpu, cpu] = [gpu, cpu].map(|row| row["mae"].as_f64().unwrap());
+        assert!((gpu - cpu).abs() < 1e-5, "{gpu} {cpu}");
+    }
+}

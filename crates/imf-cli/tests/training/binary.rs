@@ -1,0 +1,149 @@
+//! Running the command in a folder of its own.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use imf_core::model::Model;
+use serde_json::Value;
+
+/// The bracket at a seventh of its grid: 1,764 voxels, sections in a millisecond.
+pub(crate) const DATASET: &str = "dataset bracket --dims 7,21,12 --orientations fibonacci:16 --out data";
+/// A network that a step takes well under a millisecond.
+pub(crate) const TRAIN: &str =
+    "train data --device cpu --width 24 --layers 3 --omega 10 --rate 1e-3 --batch 256";
+
+/// A fresh folder; it goes when the value does.
+pub(crate) struct Workdir(tempfile::TempDir);
+
+/// How a run of the command ended.
+pub(crate) struct Finished {
+    line: String,
+    pub(crate) code: Option<i32>,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+}
+
+impl Workdir {
+    pub(crate) fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    /// A folder that holds the small dataset.
+    pub(crate) fn with_dataset() -> Self {
+        let work = Self::new();
+        work.imf(DATASET).done();
+        work
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    pub(crate) fn bytes(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+    }
+
+    pub(crate) fn text(&self, name: &str) -> String {
+        String::from_utf8(self.bytes(name)).unwrap()
+    }
+
+    pub(crate) fn write(&self, name: &str, bytes: &[u8]) {
+        std::fs::write(self.path(name), bytes).unwrap();
+    }
+
+    pub(crate) fn model(&self, name: &str) -> Model {
+        Model::read(&self.path(name)).unwrap()
+    }
+
+    /// Fails unless the file is a PNG picture.
+    pub(crate) fn picture(&self, name: &str) {
+        assert!(self.bytes(name).starts_with(b"\x89PNG\r\n\x1a\n"), "{name} is no PNG");
+    }
+
+    /// The command with a line of arguments, split at spaces.
+    pub(crate) fn command(&self, line: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_imf"));
+        command.args(line.split_whitespace()).current_dir(self.0.path()).stdin(Stdio::null());
+        command
+    }
+
+    pub(crate) fn imf(&self, line: &str) -> Finished {
+        finish(line, &mut self.command(line))
+    }
+
+    /// Starts the command and presses Ctrl-C as soon as a file is there.
+    #[cfg(unix)]
+    pub(crate) fn interrupted_once_there_is(&self, file: &str, line: &str) -> Finished {
+        let mut command = self.command(line);
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let begun = Instant::now();
+        let running = |child: &mut std::process::Child| child.try_wait().unwrap().is_none();
+        while !self.path(file).exists() && running(&mut child) && begun.elapsed() < Duration::from_secs(60) {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        // The shell's own kill: a program of that name is not everywhere.
+        let kill = format!("kill -INT {}", child.id());
+        Command::new("sh").args(["-c", &kill]).stderr(Stdio::null()).status().unwrap();
+        let output = child.wait_with_output().unwrap();
+        assert!(self.path(file).exists(), "`imf {line}` never wrote {file}");
+        Finished::new(line, &output)
+    }
+}
+
+/// Runs a prepared command to its end.
+pub(crate) fn finish(line: &str, command: &mut Command) -> Finished {
+    Finished::new(line, &command.output().unwrap())
+}
+
+impl Finished {
+    fn new(line: &str, output: &std::process::Output) -> Self {
+        let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
+        let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));
+        assert!(!stderr.contains("panicked"), "`imf {line}` panicked:\n{stderr}");
+        Self { line: line.to_owned(), code: output.status.code(), stdout, stderr }
+    }
+
+    fn errors(&self) -> Vec<&str> {
+        self.stderr.lines().filter(|line| line.starts_with("imf: error:")).collect()
+    }
+
+    /// It succeeded.
+    pub(crate) fn done(self) -> Self {
+        assert_eq!(self.code, Some(0), "`imf {}`:\n{}", self.line, self.stderr);
+        assert!(self.errors().is_empty(), "{}", self.stderr);
+        self
+    }
+
+    /// It failed with one message that has all these words, and printed no result.
+    pub(crate) fn refused(self, words: &[&str]) -> Self {
+        assert_eq!(self.code, Some(1), "`imf {}`:\n{}", self.line, self.stderr);
+        assert_eq!(self.errors().len(), 1, "`imf {}`: one error line in\n{}", self.line, self.stderr);
+        for word in words {
+            assert!(self.errors()[0].contains(word), "`imf {}`: no '{word}' in\n{}", self.line, self.stderr);
+        }
+        assert_eq!(self.stdout, "", "`imf {}`", self.line);
+        self
+    }
+
+    /// It stopped at Ctrl-C and said so with these words.
+    pub(crate) fn interrupted(self, words: &[&str]) -> Self {
+        assert_eq!(self.code, Some(130), "`imf {}`:\n{}", self.line, self.stderr);
+        assert!(self.errors().is_empty(), "{}", self.stderr);
+        let said = self.stderr.lines().find(|line| line.starts_with("imf: interrupted:"));
+        let said = said.unwrap_or_else(|| panic!("nothing said:\n{}", self.stderr));
+        assert!(words.iter().all(|word| said.contains(word)), "{words:?} in {said}");
+        self
+    }
+
+    /// Standard output as JSON.
+    pub(crate) fn json(&self) -> Value {
+        serde_json::from_str(&self.stdout)
+            .unwrap_or_else(|error| panic!("`imf {}`: {error} in\n{}", self.line, self.stdout))
+    }
+}
+
+/// True where a folder holds a file of that name.
+pub(crate) fn holds(folder: &Path, name: &str) -> bool {
+    folder.join(name).is_file()
+}

@@ -1,0 +1,110 @@
+//! Files that are cut short, foreign, of a newer version or not there: one message that names the file.
+
+use crate::binary::{DATASET, TRAIN, Workdir};
+
+fn replaced(bytes: &[u8], from: &str, to: &str) -> Vec<u8> {
+    let at = bytes.windows(from.len()).position(|window| window == from.as_bytes()).unwrap();
+    [&bytes[..at], to.as_bytes(), &bytes[at + from.len()..]].concat()
+}
+
+#[test]
+fn damaged_datasets_are_named() {
+    let work = Workdir::with_dataset();
+    let train = format!("{TRAIN} --steps 3 --out model");
+    work.imf(&train.replace("train data", "train nowhere")).refused(&["nowhere/manifest.json"]);
+
+    let manifest = "data/manifest.json";
+    let whole = work.bytes(manifest);
+    let foreign = replaced(&whole, "imf-dataset", "someone-else");
+    let newer = replaced(&whole, "\"version\": 1", "\"version\": 9");
+    for (bytes, words) in [
+        (&whole[..whole.len() / 2], ["no intact dataset file", "EOF"]),
+        (b"", ["no intact dataset file", "EOF"]),
+        (b"{\"format\": 3}", ["no intact dataset file", "expected a string"]),
+        (b"\xff\xfe not a text", ["cannot read", "UTF-8"]),
+        (&foreign, ["no intact dataset file", "someone-else"]),
+        (&newer, ["version 9", "newer imf"]),
+    ] {
+        work.write(manifest, bytes);
+        work.imf(&train).refused(&[&[manifest], &words[..]].concat());
+    }
+    // Nor does `imf dataset` write over what it cannot read.
+    work.imf(DATASET).refused(&[manifest, "version 9", "newer imf"]);
+    assert_eq!(work.bytes(manifest), newer);
+    work.write(manifest, &whole);
+
+    for file in ["data/shard-00000.safetensors", "data/obstacle.safetensors"] {
+        let whole = work.bytes(file);
+        let mut flipped = whole.clone();
+        *flipped.last_mut().unwrap() ^= 1;
+        for bytes in
+            [&whole[..whole.len() - 7], &whole[..3], b"", b"solid something else entirely", &flipped[..]]
+        {
+            work.write(file, bytes);
+            work.imf(&train).refused(&[file, "no intact dataset file"]);
+        }
+        std::fs::remove_file(work.path(file)).unwrap();
+        work.imf(&train).refused(&[file, "cannot read"]);
+        work.write(file, &whole);
+    }
+    assert!(!work.path("model/model.safetensors").exists());
+    work.imf(&train).done();
+}
+
+#[test]
+fn damaged_models_are_named() {
+    let work = Workdir::with_dataset();
+    work.imf(&format!("{TRAIN} --steps 3 --out model")).done();
+    let file = "model/model.safetensors";
+    let eval = format!("eval {file} --device cpu --random 2 --imf fibonacci:2");
+    let finetune = format!("finetune {file} data --device cpu --steps 2 --out adapted");
+    let whole = work.bytes(file);
+    let newer = replaced(&whole, r#"\"version\":1"#, r#"\"version\":9"#);
+    let foreign = replaced(&whole, "imf-model", "a-puzzle!");
+    let renamed = replaced(&whole, "\"obstacle\":{", "\"obstable\":{");
+    // Behind the header, whose length stands in front, the weights come first.
+    let first_weight = 8 + u64::from_le_bytes(whole[..8].try_into().unwrap()) as usize;
+    let mut not_a_number = whole.clone();
+    not_a_number[first_weight..first_weight + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    let shard = work.bytes("data/shard-00000.safetensors");
+    for (bytes, words) in [
+        (&whole[..whole.len() - 1], "no intact model"),
+        (&whole[..whole.len() / 2], "no intact model"),
+        (&whole[..5], "no intact model"),
+        (b"", "no intact model"),
+        (b"a letter to the editor", "no intact model"),
+        (&shard, "not one of imf's"),
+        (&foreign, "a-puzzle!"),
+        (&renamed, "obstacle"),
+        (&not_a_number, "not a finite number"),
+        (&newer, "version 9"),
+    ] {
+        work.write(file, bytes);
+        work.imf(&eval).refused(&[file, words]);
+        work.imf(&finetune).refused(&[file, words]);
+    }
+    std::fs::remove_file(work.path(file)).unwrap();
+    work.imf(&eval).refused(&[file, "cannot read the model"]);
+    work.write(file, &whole);
+    work.imf(&eval).done();
+}
+
+#[test]
+fn a_damaged_checkpoint_is_named() {
+    let work = Workdir::with_dataset();
+    let train = format!("{TRAIN} --steps 3 --out model");
+    work.imf(&format!("{train} --resume")).refused(&["nothing to resume", "model/checkpoint.safetensors"]);
+    work.imf(&train).done();
+    let checkpoint = "model/checkpoint.safetensors";
+    let whole = work.bytes(checkpoint);
+    work.write(checkpoint, &whole[..whole.len() / 2]);
+    work.imf(&format!("{train} --resume")).refused(&[checkpoint, "no intact model"]);
+    // The finished model is no checkpoint: it has no moments.
+    let model =
+        replaced(&work.bytes("model/model.safetensors"), r#"\"finished\":true"#, r#"\"finished\":false"#);
+    let length = u64::from_le_bytes(model[..8].try_into().unwrap());
+    let mut longer = model.clone();
+    longer[..8].copy_from_slice(&(length + 1).to_le_bytes());
+    work.write(checkpoint, &longer);
+    work.imf(&format!("{train} --resume")).refused(&[checkpoint, "no optimiser state"]);
+}

@@ -1,0 +1,29 @@
+//! `imf demo`, cut short: everything is there, and the verdict follows from the numbers.
+
+use serde_json::{Value, json};
+
+use crate::binary::Workdir;
+use crate::pipeline::honest;
+
+#[test]
+fn a_short_demo_leaves_everything_and_says_how_well_it_learnt() {
+    let work = Workdir::new();
+    let demo = work.imf("demo --steps 300 --device cpu --out demo").done();
+    let report: Value = serde_json::from_str(&work.text("demo/report.json")).unwrap();
+    assert_eq!((&report["part"], &report["training_steps"]), (&json!("teapot"), &json!(300)));
+    assert_eq!((&report["dims"], &report["training_sections"]), (&json!([29, 38, 61]), &json!(225)));
+    honest(&report, &demo.stdout);
+    honest(&report, &work.text("demo/report.md"));
+    for picture in ["sections.png", "imf.png", "errors.png", "loss.png"] {
+        work.picture(&format!("demo/{picture}"));
+        assert!(work.text("demo/report.md").contains(picture), "{picture}");
+    }
+    let model = work.model("demo/model.safetensors");
+    assert_eq!((model.record.steps, model.record.finished), (300, true));
+    // A line for each stage, with a rate.
+    for stage in ["exact sections: 225 sections in", "training: 300 steps in", "evaluating: 355 sections in"]
+    {
+        let line = demo.stderr.lines().find(|line| line.starts_with(stage));
+        assert!(line.is_some_and(|line| line.contains("/s)")), "{stage} in\n{}", demo.stderr);
+    }
+}

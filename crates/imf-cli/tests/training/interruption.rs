@@ -1,0 +1,88 @@
+//! Ctrl-C: what is finished is kept, and going on ends where a run in one go ends.
+#![cfg(unix)]
+
+use serde_json::json;
+
+use crate::binary::{DATASET, TRAIN, Workdir};
+
+/// A second or two of training: some hundred times what it takes to write a checkpoint and notice it.
+const STEPS: &str = "--steps 6000 --schedule cosine";
+
+#[test]
+fn a_training_goes_on_from_its_checkpoint_to_the_bits_of_one_in_one_go() {
+    let work = Workdir::with_dataset();
+    work.imf(&format!("{TRAIN} {STEPS} --out whole")).done();
+
+    let begin = format!("{TRAIN} {STEPS} --out broken --checkpoint-every 0.02");
+    let checkpoint = "broken/checkpoint.safetensors";
+    work.interrupted_once_there_is(checkpoint, &begin).interrupted(&["is saved in", checkpoint, "--resume"]);
+    let saved = work.model(checkpoint);
+    assert!((1..6000).contains(&saved.record.steps) && !saved.record.finished, "{}", saved.record.steps);
+    assert!(saved.is_resumable() && !work.path("broken/model.safetensors").exists());
+
+    // Nothing starts over what is unfinished, and nothing goes on with other samples.
+    let steps = saved.record.steps.to_string();
+    work.imf(&begin).refused(&[checkpoint, "unfinished", &steps, "--resume"]);
+    work.imf(&DATASET.replace("fibonacci:16 --out data", "fibonacci:15 --out other")).done();
+    let elsewhere = begin.replace("train data", "train other");
+    work.imf(&format!("{elsewhere} --resume")).refused(&[checkpoint, "another dataset"]);
+    assert!(work.model(checkpoint) == saved, "a refusal changed the checkpoint");
+
+    let resumed = work.imf(&format!("{TRAIN} {STEPS} --out broken --resume")).done();
+    let cursor = saved.record.cursor;
+    let from = format!("resuming at epoch {}, step {} ({steps} steps done)", cursor.epoch, cursor.step);
+    assert!(resumed.stderr.contains(&from), "no '{from}' in\n{}", resumed.stderr);
+    for file in ["model.safetensors", "checkpoint.safetensors"] {
+        let [whole, broken] = ["whole", "broken"].map(|folder| work.model(&format!("{folder}/{file}")));
+        assert!(whole.state == broken.state, "{file}: the pieces ended elsewhere");
+        assert_eq!((whole.record.steps, broken.record.steps), (6000, 6000));
+        assert_eq!(whole.record.plan, broken.record.plan);
+    }
+    work.imf(&format!("{TRAIN} {STEPS} --out broken --resume")).refused(&[checkpoint, "finished"]);
+}
+
+#[test]
+fn a_dataset_keeps_its_finished_shards() {
+    let work = Workdir::new();
+    // 53 sections of 75,336 voxels, all sampled, fill a shard: four shards.
+    let dataset = "dataset bracket --dims 24,73,43 --density 1 --orientations fibonacci:212 --json --out";
+    let first = "broken/shard-00000.safetensors";
+    work.interrupted_once_there_is(first, &format!("{dataset} broken"))
+        .interrupted(&["finished shards are kept in broken", "same command"]);
+    let kept = work.bytes(first);
+
+    // Training does not start on a part of it.
+    work.imf("train broken --device cpu --out model").refused(&["broken", "lacks", "of 4 shards"]);
+
+    let went_on = work.imf(&format!("{dataset} broken")).done().json();
+    let (kept_shards, made) = (&went_on["shards_kept"], &went_on["shards_made"]);
+    assert!(kept_shards.as_u64().unwrap() > 0 && made.as_u64().unwrap() > 0, "{went_on}");
+    assert_eq!(went_on["samples"], json!(212 * 75_336));
+    assert!(work.bytes(first) == kept, "a finished shard was made again");
+
+    let whole = work.imf(&format!("{dataset} whole")).done().json();
+    assert_eq!((&whole["shards_made"], &whole["shards_kept"]), (&json!(4), &json!(0)));
+    let mut files: Vec<_> =
+        std::fs::read_dir(work.path("whole")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    files.sort();
+    assert_eq!(files.len(), 6, "manifest, obstacle, four shards: {files:?}");
+    for name in files {
+        let name = name.to_str().unwrap();
+        let same = work.bytes(&format!("whole/{name}")) == work.bytes(&format!("broken/{name}"));
+        assert!(same, "{name} differs from that of a run in one go");
+    }
+}
+
+#[test]
+fn an_interrupted_demo_goes_on_with_the_same_command() {
+    let work = Workdir::new();
+    let demo = "demo --steps 100000 --device cpu --out demo";
+    work.interrupted_once_there_is("demo/dataset/manifest.json", demo)
+        .interrupted(&["finished shards are kept in demo/dataset", "same command"]);
+    assert!(!work.path("demo/checkpoint.safetensors").exists());
+    // With the last shard the dataset is whole, so Ctrl-C falls into the training.
+    let training = work.interrupted_once_there_is("demo/dataset/shard-00001.safetensors", demo);
+    training.interrupted(&["is saved in demo/checkpoint.safetensors", "same command"]);
+    let saved = work.model("demo/checkpoint.safetensors");
+    assert!((1..100_000).contains(&saved.record.steps) && !saved.record.finished);
+}

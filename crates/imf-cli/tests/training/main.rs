@@ -1,0 +1,11 @@
+//! The real binary from dataset to report, each time in a fresh folder: what it leaves behind, how it stops and goes
+//! on, and what it refuses.
+#![expect(clippy::unwrap_used, reason = "a test ends at the first surprise, and says where")]
+
+mod adapters;
+mod arguments;
+mod binary;
+mod damage;
+mod demo;
+mod interruption;
+mod pipeline;

@@ -1,0 +1,113 @@
+//! Dataset, training, evaluation and fine-tuning, one after the other, as a script would run them.
+
+use serde_json::{Value, json};
+
+use crate::binary::{DATASET, TRAIN, Workdir, holds};
+
+#[test]
+fn a_dataset_is_made_once_and_kept() {
+    let work = Workdir::new();
+    let made = work.imf(&format!("{DATASET} --json")).done().json();
+    let samples = 16 * 617; // 0.35 of 1,764 voxels, rounded, in each section
+    assert_eq!(
+        made,
+        json!({"folder": "data", "sections": 16, "samples": samples, "shards_made": 1, "shards_kept": 0})
+    );
+    let shard = work.bytes("data/shard-00000.safetensors");
+    let again = work.imf(&format!("{DATASET} --json")).done().json();
+    assert_eq!((&again["shards_made"], &again["shards_kept"]), (&json!(0), &json!(1)));
+    assert_eq!(work.bytes("data/shard-00000.safetensors"), shard);
+
+    work.imf(&format!("{DATASET} --seed 1")).refused(&["data", "another dataset", "sampling"]);
+    work.imf(&DATASET.replace("16", "17")).refused(&["data", "another dataset", "orientation"]);
+    work.imf(&DATASET.replace("7,21", "7,22")).refused(&["data", "another dataset", "scene"]);
+    work.imf(&format!("{DATASET} --json")).done();
+}
+
+/// The one row whose name ends so.
+fn row<'a>(report: &'a Value, name: &str) -> &'a Value {
+    let rows = report["rows"].as_array().unwrap();
+    rows.iter().find(|row| row["name"].as_str().unwrap().ends_with(name)).unwrap()
+}
+
+/// What a report says about learning must follow from its own numbers.
+pub(crate) fn honest(report: &Value, text: &str) -> bool {
+    let (learnt, nearest) = (row(report, "random sections"), row(report, "nearest trained section"));
+    let number = |value: &Value| value.as_f64().unwrap();
+    let mse = number(&learnt["mse"]);
+    let over_variance = mse / number(&learnt["variance"]);
+    let over_nearest = mse / number(&nearest["mse"]);
+    for (name, expected) in [("mse_over_variance", over_variance), ("mse_over_nearest", over_nearest)] {
+        assert!((number(&report[name]) / expected - 1.0).abs() < 1e-9, "{name}: {report}");
+    }
+    let passed = over_variance <= 0.1 && over_nearest < 1.0;
+    assert_eq!(report["learnt"], json!(passed), "{report}");
+    let says = (text.contains("The field is learnt"), text.contains("The field is NOT learnt"));
+    assert_eq!(says, (passed, !passed), "{text}");
+    passed
+}
+
+#[test]
+fn a_model_is_trained_evaluated_and_adapted() {
+    let work = Workdir::with_dataset();
+    let trained =
+        work.imf(&format!("{TRAIN} --steps 400 --schedule cosine --out model --json")).done().json();
+    assert_eq!((&trained["steps"], &trained["parameters"]), (&json!(400), &json!(1_489)));
+    assert_eq!(trained["model"], json!("model/model.safetensors"));
+    assert!(
+        trained["loss"].as_f64().unwrap() < 0.2 && trained["seconds"].as_f64().unwrap() > 0.0,
+        "{trained}"
+    );
+    assert!(trained["engine"].as_str().unwrap().contains("CPU"), "{trained}");
+    work.picture("model/loss.png");
+    let model = work.model("model/model.safetensors");
+    assert!(model.record.finished && !model.is_resumable());
+    assert!(work.model("model/checkpoint.safetensors").is_resumable());
+
+    let eval = "eval model/model.safetensors --device cpu --random 5 --imf fibonacci:8 --json --out report";
+    let evaluated = work.imf(eval).done();
+    let report = evaluated.json();
+    assert_eq!(serde_json::from_str::<Value>(&work.text("report/report.json")).unwrap(), report);
+    assert_eq!(report["rows"].as_array().unwrap().len(), 5);
+    assert_eq!((&report["training_steps"], &report["dims"]), (&json!(400), &json!([7, 21, 12])));
+    // fibonacci:16 has neither (0°, 0°) nor (12°, 6°), and the report looks that up.
+    assert_eq!(report["rows"][0]["name"], json!("section (0°, 0°), out-of-sample"));
+    assert!(row(&report, "IMF over 8 (fibonacci:8)")["mpe"].as_f64().unwrap() <= 1.0);
+    honest(&report, &work.text("report/report.md"));
+    for picture in ["sections.png", "imf.png", "errors.png", "loss.png"] {
+        work.picture(&format!("report/{picture}"));
+        assert!(work.text("report/report.md").contains(picture));
+    }
+    // The same model, the same numbers, another thread count; and without --json a table for people.
+    let table = work.imf(&format!("{} --threads 3", eval.replace("--json --out report", ""))).done().stdout;
+    assert!(table.contains(&format!("{:.2e}", report["rows"][2]["mse"].as_f64().unwrap())), "{table}");
+    honest(&report, &table);
+
+    work.imf(&DATASET.replace("bracket", "bracket-raw").replace("--out data", "--out raw")).done();
+    // At a rate of zero nothing moves: fine-tuning starts from the model's own weights.
+    let finetune = "finetune model/model.safetensors raw --device cpu --batch 256";
+    work.imf(&format!("{finetune} --steps 40 --rate 0 --out still")).done();
+    let still = work.model("still/model.safetensors");
+    assert!(still.state.parameters == model.state.parameters, "a rate of zero moved the weights");
+    assert_eq!(still.record.fine_tuned_from.as_deref(), Some("bracket"));
+    assert_eq!(still.scene.record.part, "bracket-raw");
+    let adapted = work.imf(&format!("{finetune} --epochs 1 --out adapted --json")).done().json();
+    assert_eq!(adapted["steps"], json!((16 * 617u64).div_ceil(256)));
+    assert!(work.model("adapted/model.safetensors").state.parameters != model.state.parameters);
+}
+
+#[test]
+fn a_network_that_was_hardly_trained_is_called_not_learnt() {
+    let work = Workdir::with_dataset();
+    // Fewer steps than there are between two points of the loss curve, and none at all.
+    for steps in [1, 0] {
+        let out = format!("short{steps}");
+        let trained = work.imf(&format!("{TRAIN} --steps {steps} --out {out} --json")).done().json();
+        assert_eq!(trained["steps"], json!(steps));
+        assert_eq!(trained["loss"].is_number(), steps > 0, "{trained}");
+        let eval = format!("eval {out}/model.safetensors --device cpu --random 5 --imf fibonacci:8");
+        let report = work.imf(&format!("{eval} --json --out {out}")).done().json();
+        assert!(!honest(&report, &work.imf(&eval).done().stdout), "{report}");
+        assert!(holds(&work.path(&out), "loss.png"));
+    }
+}

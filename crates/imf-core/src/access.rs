@@ -1,0 +1,220 @@
+//! What a tool reaches: the results that people ask of the exact field, computed in one pass over the orientations.
+//!
+//! Orientations stream: each section is looked at and forgotten, so memory does not grow with their number, except for
+//! the lists of free orientations where they are asked for ([`FreeOrientations`], one bit a voxel and orientation).
+//! A pose counts as free where its collision measure is at most τ; with τ = 0 that is exact for voxel centres.
+
+mod components;
+mod dilation;
+mod free;
+mod map;
+mod removable;
+mod space;
+mod surface;
+
+pub use components::{Component, Components, components};
+pub use dilation::dilate;
+pub use free::FreeOrientations;
+pub use map::{AccessMap, access_map};
+pub use removable::{
+    Removable, RemovableError, cutter_of, position_grid, removable, removable_memory_estimate,
+};
+pub use space::{Space, Volume};
+pub use surface::{surface_voxels, vertex_normals};
+
+use crate::control::Control;
+use crate::orientation::Orientation;
+use crate::section::{Imf, SectionError, SectionPlan, stream_sections};
+
+/// What to find out.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AccessSettings {
+    /// Largest collision measure of a pose that counts as free, in [0, 1].
+    pub tau: f64,
+    /// Also keep which orientations are free at every voxel: [`FreeOrientations::memory_estimate`] bytes more.
+    pub lists: bool,
+}
+
+/// What one tool reaches.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ToolAccess {
+    /// Inaccessibility measure and best orientation of every voxel.
+    pub imf: Imf,
+    /// Number of free orientations of every voxel.
+    pub free: Vec<u32>,
+    /// Which they are, where asked for.
+    pub lists: Option<FreeOrientations>,
+}
+
+/// The exact accessibility of every voxel of the plan's grid over `orientations`, on all threads of the current pool;
+/// the result does not depend on their number. One unit of progress is one orientation.
+///
+/// # Errors
+/// As [`SectionPlan::cmf`]; [`SectionError::Cancelled`] when the control asks to stop.
+pub fn tool_access(
+    plan: &SectionPlan,
+    orientations: &[Orientation],
+    settings: AccessSettings,
+    control: Control<'_>,
+) -> Result<ToolAccess, SectionError> {
+    let grid = plan.grid();
+    let start = || ToolAccess {
+        imf: Imf::new(grid.len()),
+        free: vec![0; grid.len()],
+        lists: settings.lists.then(|| FreeOrientations::new(grid.dims)),
+    };
+    let parts = stream_sections(plan, orientations, control, start, |access, index, cmf| {
+        access.imf.lower_to(index, cmf);
+        for (count, &value) in access.free.iter_mut().zip(cmf) {
+            *count += u32::from(f64::from(value) <= settings.tau);
+        }
+        if let Some(lists) = &mut access.lists {
+            lists.push(index, cmf, settings.tau);
+        }
+    })?;
+    let mut whole = start();
+    for part in parts {
+        whole.imf.merge(&part.imf);
+        whole.free.iter_mut().zip(part.free).for_each(|(count, more)| *count += more);
+        if let (Some(lists), Some(more)) = (&mut whole.lists, part.lists) {
+            lists.append(more);
+        }
+    }
+    Ok(whole)
+}
+
+/// Bytes that [`tool_access`] takes beside the plan and its scratch: known before anything is allocated.
+#[must_use]
+pub fn memory_estimate(
+    dims: [usize; 3],
+    orientations: usize,
+    settings: AccessSettings,
+    threads: usize,
+) -> u64 {
+    let voxels = dims.iter().map(|&d| d as u64).product::<u64>();
+    let lists = if settings.lists { FreeOrientations::memory_estimate(dims, orientations) } else { 0 };
+    // Measure, best orientation and count of each thread and of the whole, and each thread's section.
+    voxels * (12 + 16 * threads as u64) + lists
+}
+
+/// Several tools together: a voxel is as accessible as its best tool makes it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Together {
+    /// Least inaccessibility measure over the tools, with that tool's best orientation.
+    pub imf: Imf,
+    /// The tool that has it; the first one at a tie.
+    pub tool: Vec<u32>,
+    /// Number of free pairs of tool and orientation.
+    pub free: Vec<u32>,
+}
+
+impl Together {
+    /// No tool yet.
+    #[must_use]
+    pub fn new(voxels: usize) -> Self {
+        Self { imf: Imf::new(voxels), tool: vec![u32::MAX; voxels], free: vec![0; voxels] }
+    }
+
+    /// Takes another tool into account; tools are to be shown in order.
+    pub fn take(&mut self, tool: usize, access: &ToolAccess) {
+        for voxel in 0..self.tool.len() {
+            if access.imf.value[voxel] < self.imf.value[voxel] {
+                self.imf.value[voxel] = access.imf.value[voxel];
+                self.imf.best[voxel] = access.imf.best[voxel];
+                self.tool[voxel] = tool as u32;
+            }
+            self.free[voxel] = self.free[voxel].saturating_add(access.free[voxel]);
+        }
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::grid::Grid;
+    use crate::occupancy::Occupancy;
+    use crate::orientation::OrientationSet;
+    use crate::section::sections;
+    use crate::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
+    use crate::unit::LengthUnit;
+
+    /// A cutter of radius 1.2 and length 5 in a holder of radius 2.7 up to 9.
+    pub(crate) fn small_tool() -> Tool {
+        let line = |from, to, r| Segment::Line { from, to, radius_from: r, radius_to: r };
+        let element = |kind, segment| Element { kind, profile: vec![segment] };
+        Tool {
+            name: "small".into(),
+            unit: LengthUnit::Mm,
+            shape: ToolShape::Revolved(vec![
+                element(ElementKind::Cutter, line(0.0, 5.0, 1.2)),
+                element(ElementKind::Holder(0), line(5.0, 9.0, 2.7)),
+            ]),
+            sharp_points: SharpPoints::Tip,
+        }
+    }
+
+    /// A block with a slot that opens towards +z, and a loose voxel above.
+    pub(crate) fn slotted() -> Occupancy {
+        let grid = Grid { origin: DVec3::new(-1.0, 2.0, 0.5), pitch: 1.0, dims: [13, 11, 12] };
+        let mut occupancy = Occupancy::empty(grid);
+        for index in 0..grid.len() {
+            let [x, y, z] = grid.voxel(index);
+            let block = (1..12).contains(&x) && (1..10).contains(&y) && (1..9).contains(&z);
+            let slot = (5..8).contains(&x) && z >= 3;
+            occupancy.solid[index] = u8::from(block && !slot || [x, y, z] == [6, 5, 11]);
+        }
+        occupancy
+    }
+
+    #[test]
+    fn counts_and_lists_are_those_of_the_single_sections() {
+        let obstacle = slotted();
+        let query = obstacle.grid.grown([2, 1, 0], [-1, 3, 2]).unwrap();
+        let plan = SectionPlan::with_query(&obstacle, &query, &small_tool()).unwrap();
+        let orientations = OrientationSet::parse("fibonacci:23").unwrap().orientations;
+        let all = sections(&plan, &orientations, Control::quiet()).unwrap();
+        for (tau, threads) in [(0.0, 1), (0.07, 3)] {
+            let settings = AccessSettings { tau, lists: true };
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let access =
+                pool.install(|| tool_access(&plan, &orientations, settings, Control::quiet())).unwrap();
+            let lists = access.lists.unwrap();
+            for voxel in 0..query.len() {
+                let free: Vec<usize> = (0..23).filter(|&i| f64::from(all[i][voxel]) <= tau).collect();
+                assert_eq!(access.free[voxel] as usize, free.len());
+                assert_eq!(lists.of(query.voxel(voxel)), free);
+            }
+            assert!(access.free.contains(&0) && access.free.iter().any(|&n| n > 3));
+            assert_eq!(access.imf, crate::section::imf(&plan, &orientations, Control::quiet()).unwrap());
+        }
+    }
+
+    #[test]
+    fn together_is_the_least_over_tools() {
+        let obstacle = slotted();
+        let orientations = OrientationSet::parse("fibonacci:9").unwrap().orientations;
+        let thin = {
+            let mut tool = small_tool();
+            let line = Segment::Line { from: 0.0, to: 9.0, radius_from: 0.6, radius_to: 0.6 };
+            tool.shape =
+                ToolShape::Revolved(vec![Element { kind: ElementKind::Cutter, profile: vec![line] }]);
+            tool
+        };
+        let access = [small_tool(), thin].map(|tool| {
+            let plan = SectionPlan::new(&obstacle, &tool).unwrap();
+            tool_access(&plan, &orientations, AccessSettings::default(), Control::quiet()).unwrap()
+        });
+        let mut together = Together::new(obstacle.grid.len());
+        access.iter().enumerate().for_each(|(tool, access)| together.take(tool, access));
+        for voxel in 0..obstacle.grid.len() {
+            let (a, b) = (access[0].imf.value[voxel], access[1].imf.value[voxel]);
+            let expected = usize::from(b < a);
+            assert_eq!(together.tool[voxel] as usize, expected);
+            assert_eq!(together.imf.value[voxel], a.min(b));
+            assert_eq!(together.imf.best[voxel], access[expected].imf.best[voxel]);
+            assert_eq!(together.free[voxel], access[0].free[voxel] + access[1].free[voxel]);
+        }
+    }
+}

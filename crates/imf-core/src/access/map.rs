@@ -1,0 +1,92 @@
+//! The access map of one point: the collision measure of every direction from there, over longitude and latitude.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::control::Control;
+use crate::occupancy::Occupancy;
+use crate::orientation::Orientation;
+use crate::section::SectionError;
+use crate::tool::{RotatedTool, Tool};
+
+/// Collision measures over cells of longitude θ and latitude 90° − φ of the tool's axis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AccessMap {
+    /// Cells along longitude (0° to 360°) and latitude (−90° to 90°).
+    pub cells: [usize; 2],
+    /// The measure at each cell's middle, `[longitude][latitude]`, in [0, 1].
+    pub values: Vec<f32>,
+}
+
+impl AccessMap {
+    /// The orientation in the middle of a cell, without roll.
+    #[must_use]
+    pub fn orientation(cells: [usize; 2], longitude: usize, latitude: usize) -> Orientation {
+        let middle = |i: usize, n: usize, whole: f64| whole * (i as f64 + 0.5) / n as f64;
+        Orientation::new(middle(longitude, cells[0], 360.0), 180.0 - middle(latitude, cells[1], 180.0))
+    }
+
+    /// The share of the sphere of directions whose measure is at most `tau`.
+    #[must_use]
+    pub fn free_share(&self, tau: f64) -> f64 {
+        let step = std::f64::consts::PI / self.cells[1] as f64;
+        let area = |j: usize| ((j as f64) * step).cos() - ((j + 1) as f64 * step).cos();
+        let free = self.values.iter().enumerate().filter(|&(_, &v)| f64::from(v) <= tau);
+        free.map(|(index, _)| area(index % self.cells[1])).sum::<f64>() / (2.0 * self.cells[0] as f64)
+    }
+}
+
+/// The collision measure at the world point `point` for every cell of directions, by direct counts: the least over the
+/// sharp points `k` of the obstacle's voxel centres in the tool at `point − R k`, divided by the tool's own count with
+/// its tip on a voxel centre. The tool's lengths are in the grid's unit. One unit of progress is one direction.
+///
+/// # Errors
+/// A tool that does not fit the grid; [`SectionError::Cancelled`] when the control asks to stop.
+pub fn access_map(
+    obstacle: &Occupancy,
+    tool: &Tool,
+    point: DVec3,
+    cells: [usize; 2],
+    control: Control<'_>,
+) -> Result<AccessMap, SectionError> {
+    tool.check()?;
+    let sharp_points = tool.sharp_point_positions();
+    let values = (0..cells[0] * cells[1]).into_par_iter().map(|cell| {
+        if control.is_cancelled() {
+            return Err(SectionError::Cancelled);
+        }
+        let orientation = AccessMap::orientation(cells, cell / cells[1], cell % cells[1]);
+        let whole = RotatedTool::new(tool, &orientation, obstacle.grid.pitch)?.count;
+        let rotation = orientation.rotation();
+        let counts =
+            sharp_points.iter().map(|&k| tool.count_inside(obstacle, point - rotation * k, &orientation));
+        let least = counts.min().unwrap_or(0);
+        (control.progress)(1);
+        // Off the grid more centres may fall into the tool than on it.
+        Ok((f64::from(least) / f64::from(whole)).min(1.0) as f32)
+    });
+    Ok(AccessMap { cells, values: values.collect::<Result<_, SectionError>>()? })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::access::tests::{slotted, small_tool};
+    use crate::section::direct_cmf;
+
+    #[test]
+    fn at_a_voxel_centre_it_is_the_direct_measure_of_every_direction() {
+        let (obstacle, tool) = (slotted(), small_tool());
+        let voxel = [6, 5, 4];
+        let cells = [7, 5];
+        let map = access_map(&obstacle, &tool, obstacle.grid.centre(voxel), cells, Control::quiet()).unwrap();
+        for (cell, &value) in map.values.iter().enumerate() {
+            let orientation = AccessMap::orientation(cells, cell / 5, cell % 5);
+            let expected = direct_cmf(&obstacle, &tool, &orientation, voxel).unwrap();
+            assert!((f64::from(value) - expected).abs() < 1e-6, "{orientation:?}");
+        }
+        assert!((map.free_share(1.0) - 1.0).abs() < 1e-12 && map.free_share(-1.0) == 0.0);
+        // The last cell along latitude looks nearly straight up.
+        assert!(AccessMap::orientation(cells, 3, 4).direction().z > 0.9);
+    }
+}

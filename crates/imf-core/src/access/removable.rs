@@ -1,0 +1,178 @@
+//! The maximal removable volume: stock that the cutter covers at some free pose.
+//!
+//! For every orientation one correlation finds the free positions of the whole tool (its overlap with the obstacle, tip
+//! on a voxel centre, is at most τ), and a second one, of those positions with the rotated cutter, the voxels that it
+//! sweeps there; here the second is a dilation by runs. The stock itself is no obstacle: the question is what can be
+//! removed at all, in whatever order.
+
+use thiserror::Error;
+
+use super::dilate;
+use crate::control::Control;
+use crate::grid::{Grid, GridError};
+use crate::occupancy::Occupancy;
+use crate::orientation::Orientation;
+use crate::section::{SectionError, SectionPlan, stream_sections};
+use crate::tool::{ElementKind, RotatedTool, Tool, ToolError, ToolShape};
+
+/// Why the removable volume cannot be found.
+#[derive(Debug, Error)]
+pub enum RemovableError {
+    /// The tool has no cutter to remove anything with.
+    #[error(
+        "the tool '{0}' has no cutter: the removable volume needs a tool whose elements are named (a mesh has none)"
+    )]
+    NoCutter(String),
+    /// The positions of the tool around the stock make too large a grid.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// A section failed.
+    #[error(transparent)]
+    Section(#[from] SectionError),
+    /// The cutter does not fit the grid.
+    #[error(transparent)]
+    Tool(#[from] ToolError),
+}
+
+/// What of the stock a tool can remove.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Removable {
+    /// 1 for every voxel of the stock that the cutter covers at some free pose, on the stock's grid.
+    pub covered: Vec<u8>,
+}
+
+/// The cutter of a tool alone, in the tool's frame; `None` for a mesh, or where no element is a cutter.
+#[must_use]
+pub fn cutter_of(tool: &Tool) -> Option<Tool> {
+    let ToolShape::Revolved(elements) = &tool.shape else { return None };
+    let cutters: Vec<_> = elements.iter().filter(|e| e.kind == ElementKind::Cutter).cloned().collect();
+    (!cutters.is_empty()).then(|| Tool { shape: ToolShape::Revolved(cutters), ..tool.with_tip_only() })
+}
+
+/// The grid of all positions of the tip from which the cutter can cover a voxel of `stock`.
+///
+/// # Errors
+/// A tool without a cutter, or a grid that is too large.
+pub fn position_grid(stock: &Grid, tool: &Tool) -> Result<Grid, RemovableError> {
+    let cutter = cutter_of(tool).ok_or_else(|| RemovableError::NoCutter(tool.name.clone()))?;
+    let reach = (cutter.reach() / stock.pitch).ceil().min(1e9) as i64 + 1;
+    Ok(stock.grown([reach; 3], [reach; 3])?)
+}
+
+/// Bytes that [`removable`] takes: known before anything is allocated.
+///
+/// # Errors
+/// As [`position_grid`].
+pub fn removable_memory_estimate(
+    obstacle: &Grid,
+    stock: &Grid,
+    tool: &Tool,
+    threads: usize,
+) -> Result<u64, RemovableError> {
+    let positions = position_grid(stock, tool)?;
+    let plan = SectionPlan::memory_estimate_with_query(obstacle, &positions, &tool.with_tip_only(), threads);
+    // A section, its free positions and their runs, and what is covered.
+    Ok(plan + threads as u64 * (6 * positions.len() as u64 + stock.len() as u64))
+}
+
+/// Finds the voxels of `stock` that the cutter of `tool` (in the grid's unit) covers at a pose whose overlap with the
+/// obstacle is at most `tau`. Voxels of the stock that the obstacle holds should be left out of it beforehand. One unit
+/// of progress is one orientation; the result does not depend on the number of threads.
+///
+/// # Errors
+/// A tool without a cutter, a stock on other voxels than the obstacle, as [`SectionPlan::cmf`], or cancellation.
+pub fn removable(
+    obstacle: &Occupancy,
+    stock: &Occupancy,
+    tool: &Tool,
+    orientations: &[Orientation],
+    tau: f64,
+    control: Control<'_>,
+) -> Result<Removable, RemovableError> {
+    let cutter = cutter_of(tool).ok_or_else(|| RemovableError::NoCutter(tool.name.clone()))?;
+    let positions = position_grid(&stock.grid, tool)?;
+    let plan = SectionPlan::with_query(obstacle, &positions, &tool.with_tip_only())?;
+    // A cutter too thin for the grid is refused before the work begins.
+    RotatedTool::new(&cutter, &Orientation::default(), positions.pitch)?;
+    let nz = stock.grid.dims[2];
+    let start = || (vec![0u8; stock.grid.len()], Ok(()));
+    let parts = stream_sections(&plan, orientations, control, start, |(covered, state), index, overlap| {
+        let body = match RotatedTool::new(&cutter, &orientations[index], positions.pitch) {
+            Ok(body) => body,
+            Err(error) => {
+                *state = Err(error);
+                return;
+            }
+        };
+        let free: Vec<u8> = overlap.iter().map(|&v| u8::from(f64::from(v) <= tau)).collect();
+        // Only rows where some stock is not known to be removable yet.
+        dilate(&body, &positions, &free, &stock.grid, covered, |line, row| {
+            line.iter().zip(&stock.solid[row * nz..][..nz]).any(|(&done, &there)| there > done)
+        });
+    })?;
+    let mut whole = vec![0u8; stock.grid.len()];
+    for (covered, state) in parts {
+        state?;
+        whole.iter_mut().zip(covered).for_each(|(all, one)| *all |= one);
+    }
+    whole.iter_mut().zip(&stock.solid).for_each(|(all, &there)| *all &= there);
+    Ok(Removable { covered: whole })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::access::tests::{slotted, small_tool};
+    use crate::orientation::OrientationSet;
+    use crate::section::direct_count;
+
+    #[test]
+    fn it_is_what_the_cutter_covers_at_free_poses_counted_one_by_one() {
+        let mut obstacle = slotted();
+        // A cavity that nothing reaches.
+        let cavity = obstacle.grid.index([3, 3, 4]);
+        obstacle.solid[cavity] = 0;
+        let mut stock = Occupancy::empty(obstacle.grid.grown([0, 1, 0], [0, -2, 2]).unwrap());
+        let there = obstacle.on(&stock.grid).unwrap();
+        stock.solid.iter_mut().zip(&there.solid).for_each(|(s, &part)| *s = 1 - part);
+        let orientations = OrientationSet::parse("0,0;40,25;200,90;0,180").unwrap().orientations;
+        let (tool, cutter) = (small_tool(), cutter_of(&small_tool()).unwrap());
+        for tau in [0.0, 0.1] {
+            let mut expected = vec![0u8; stock.grid.len()];
+            let shift = obstacle.grid.offset_of(&stock.grid).unwrap();
+            for orientation in &orientations {
+                let whole = RotatedTool::new(&tool, orientation, 1.0).unwrap();
+                let body = RotatedTool::new(&cutter, orientation, 1.0).unwrap();
+                for index in (0..stock.grid.len()).filter(|&i| stock.solid[i] == 1) {
+                    let voxel = stock.grid.voxel(index);
+                    // Every pose at which some voxel of the cutter lies on this voxel.
+                    let reaches = (0..body.solid.len()).filter(|&i| body.solid[i] == 1).any(|i| {
+                        let [_, ny, nz] = body.dims;
+                        let local = [i / (ny * nz), i / nz % ny, i % nz];
+                        let tip = [0, 1, 2]
+                            .map(|a| voxel[a] as i64 + shift[a] - local[a] as i64 - i64::from(body.lower[a]));
+                        f64::from(direct_count(&obstacle, &whole, tip)) <= tau * f64::from(whole.count)
+                    });
+                    expected[index] |= u8::from(reaches);
+                }
+            }
+            for threads in [1, 3] {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                let found = pool.install(|| {
+                    removable(&obstacle, &stock, &tool, &orientations, tau, Control::quiet()).unwrap()
+                });
+                assert_eq!(found.covered, expected);
+            }
+            let count = expected.iter().map(|&v| usize::from(v)).sum::<usize>();
+            assert!(count > 0 && (tau > 0.0 || count < stock.count()));
+        }
+    }
+
+    #[test]
+    fn a_mesh_has_no_cutter() {
+        let tool = Tool { shape: ToolShape::Mesh(crate::mesh::tests::unit_cube()), ..small_tool() };
+        let stock = Occupancy::empty(slotted().grid);
+        let refusal = removable(&slotted(), &stock, &tool, &[], 0.0, Control::quiet()).unwrap_err();
+        assert!(refusal.to_string().contains("no cutter"));
+    }
+}

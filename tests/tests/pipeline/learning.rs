@@ -1,0 +1,58 @@
+//! Does training learn? A small network on real sections, judged at orientations that it never saw.
+
+use std::ops::ControlFlow;
+
+use imf_core::control::Control;
+use imf_core::evaluation::{learnt_sections, nearest_sections};
+use imf_core::siren::SirenShape;
+use imf_core::siren::engine::{CpuEvaluator, CpuTrainer};
+use imf_core::training::run::{Cursor, Length, Outcome, TrainingPlan, train};
+use imf_core::training::schedule::Schedule;
+use imf_core::training::{AdamConfig, TrainingEngine, TrainingState};
+
+use crate::scene::{bracket, orientations, plan, samples};
+
+#[test]
+fn a_small_network_beats_the_nearest_section_and_a_tenth_of_the_variance() {
+    let shape = SirenShape { width: 48, hidden: 4, skip_after: Some(2), omega: 10.0 };
+    let scene = bracket();
+    let (seen, unseen) = (orientations("fibonacci:64"), orientations("random:64:5").orientations);
+    let (_, samples) = samples(&scene, &seen, 0.7);
+    let settings = TrainingPlan {
+        length: Length::Steps(3000),
+        batch: 512,
+        schedule: Schedule::Cosine { initial: 1e-3, last: 1e-5, warmup: 200 },
+        adam: AdamConfig { weight_decay: 0.0, ..AdamConfig::default() },
+        ..TrainingPlan::default()
+    };
+    let start = TrainingState::new(&shape, 0);
+    let mut engine = CpuTrainer::new(shape, settings.adam, settings.loss, settings.batch, start).unwrap();
+    let outcome =
+        train(&settings, &samples, &mut engine, Cursor::default(), &mut |_, _| ControlFlow::Continue(()));
+    assert_eq!(outcome.unwrap(), Outcome::Finished);
+
+    let plan = plan(&scene);
+    let report = |parameters: &[f32]| {
+        let mut evaluator = CpuEvaluator::new(shape, parameters).unwrap();
+        learnt_sections(&plan, &unseen, &mut evaluator, 0.001, Control::quiet()).unwrap().overall
+    };
+    let learnt = report(&engine.state().unwrap().parameters);
+    let nearest =
+        nearest_sections(&plan, &unseen, &seen.orientations, 0.001, Control::quiet()).unwrap().overall;
+    assert!(
+        learnt.mse < 0.1 * learnt.variance,
+        "{:.2e} of a variance of {:.2e}",
+        learnt.mse,
+        learnt.variance
+    );
+    assert!(learnt.mse < nearest.mse, "{:.2e}, the nearest section {:.2e}", learnt.mse, nearest.mse);
+
+    // The bar is one that a network which has learnt nothing does not pass.
+    let blank = report(&shape.initial_parameters(0));
+    assert!(
+        blank.mse > 0.1 * blank.variance && blank.mse > nearest.mse,
+        "{:.2e} without training",
+        blank.mse
+    );
+    println!("learnt {learnt:?}\nnearest {nearest:?}\nblank {blank:?}");
+}
