@@ -7,10 +7,12 @@
 
 mod convolution;
 mod direct;
+mod elements;
 mod imf;
 mod size;
 
 pub use direct::{direct_cmf, direct_count};
+pub use elements::ElementPlans;
 pub use imf::{Imf, imf, stream_sections};
 
 use std::sync::OnceLock;

@@ -49,7 +49,7 @@ pub struct Toolpath {
 #[derive(Debug, Error)]
 pub enum ToolpathError {
     /// The file cannot be read.
-    #[error("cannot read the toolpath {path}: {source}")]
+    #[error("cannot read the toolpath {path}")]
     Read {
         /// The file.
         path: String,

@@ -3,7 +3,7 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::columns::Columns;
-use super::sweep::{Ends, LANES, Sweep, ceiling, is_close};
+use super::sweep::{LANES, Sweep};
 
 /// What is counted.
 #[derive(Clone, Copy)]
@@ -20,10 +20,10 @@ pub(super) fn count(arch: Arch, sweep: &Sweep<'_>, within: Within<'_>, stop: boo
     impl WithSimd for Pass<'_> {
         type Output = u32;
         #[inline(always)]
-        fn with_simd<S: Simd>(self, _: S) -> u32 {
+        fn with_simd<S: Simd>(self, simd: S) -> u32 {
             match self.1 {
-                Within::Obstacle(columns) => count_lines::<true>(self.0, Some(columns), 0, self.2),
-                Within::Everything(most) => count_lines::<false>(self.0, None, most, self.2),
+                Within::Obstacle(columns) => count_lines::<S, true>(simd, self.0, Some(columns), 0, self.2),
+                Within::Everything(most) => count_lines::<S, false>(simd, self.0, None, most, self.2),
             }
         }
     }
@@ -31,7 +31,8 @@ pub(super) fn count(arch: Arch, sweep: &Sweep<'_>, within: Within<'_>, stop: boo
 }
 
 #[inline(always)]
-fn count_lines<const OBSTACLE: bool>(
+fn count_lines<S: Simd, const OBSTACLE: bool>(
+    simd: S,
     sweep: &Sweep<'_>,
     columns: Option<&Columns>,
     most: i64,
@@ -39,15 +40,15 @@ fn count_lines<const OBSTACLE: bool>(
 ) -> u32 {
     let tip = sweep.placed.tip;
     let (mut x_low, mut x_high) = sweep.columns();
-    let (mut z_low, mut z_high) = (-most, most);
+    let mut z_bounds = (-most, most);
     if let Some(columns) = columns {
         x_low = x_low.max(0);
         x_high = x_high.min(columns.dims[0] as i64 - 1);
-        (z_low, z_high) = (0, columns.dims[2] as i64 - 1);
+        z_bounds = (0, columns.dims[2] as i64 - 1);
     }
     let silhouette = Silhouette::new(sweep);
     // A quarter of a voxel off the last centres: an end that was cut off there is sure.
-    let (floor, top) = (z_low as f64 - 0.25, z_high as f64 + 0.75);
+    let cut = (z_bounds.0 as f64 - 0.25, z_bounds.1 as f64 + 0.75);
     let mut total = 0;
     for x in x_low..=x_high {
         let across = x as f64 - tip.x;
@@ -59,43 +60,30 @@ fn count_lines<const OBSTACLE: bool>(
         }
         while y <= y_high {
             let lanes = ((y_high - y + 1) as usize).min(LANES);
-            let Ends { low, high, unsure } = sweep.ends(across, y as f64 - tip.y);
-            let (mut from, mut to, mut doubt) = ([0; LANES], [0; LANES], [false; LANES]);
-            let mut any = false;
-            for lane in 0..LANES {
-                let low = (low[lane] + tip.z).max(floor).min(top);
-                let high = (high[lane] + tip.z).max(floor).min(top);
-                from[lane] = ceiling(low);
-                to[lane] = ceiling(high);
-                doubt[lane] = (unsure[lane] | is_close(low) | is_close(high)) & (high > low - 0.5);
-                any |= doubt[lane];
-            }
-            if any {
-                for lane in 0..lanes {
-                    if doubt[lane] {
-                        let ends = (low[lane], high[lane]);
-                        let (first, end) =
-                            sweep.settle(x, y + lane as i64, unsure[lane], ends, (z_low, z_high));
-                        (from[lane], to[lane]) = (first as i32, end as i32);
-                    }
-                }
-            }
+            let runs = sweep.runs(simd, across, y as f64 - tip.y, cut);
             match columns {
                 Some(columns) if OBSTACLE => {
                     let sums = columns.sums(x as usize, y as usize);
                     let line = columns.dims[2] + 1;
                     for lane in 0..lanes {
-                        if to[lane] > from[lane] {
-                            let sums = &sums[lane * line..];
-                            total += sums[to[lane] as usize] - sums[from[lane] as usize];
-                        }
+                        let (from, to) = if runs.doubt {
+                            let (from, to) = sweep.run(x, y + lane as i64, z_bounds);
+                            (from as i32, to as i32)
+                        } else {
+                            runs.run(lane)
+                        };
+                        let sums = &sums[lane * line..];
+                        total += sums[to.max(from) as usize] - sums[from as usize];
                     }
                 }
-                _ => {
+                _ if runs.doubt => {
                     for lane in 0..lanes {
-                        total += (to[lane] - from[lane]).max(0) as u32;
+                        let (from, to) = sweep.run(x, y + lane as i64, z_bounds);
+                        total += (to - from).max(0) as u32;
                     }
                 }
+                // Lines past the last one miss the tool: their runs are empty.
+                _ => total += runs.sum(),
             }
             y += LANES as i64;
         }

@@ -2,13 +2,14 @@
 //!
 //! A segment is convex, so a line is inside between two ends or never. Within the slab of heights `from ≤ h < to` a
 //! cylinder, a cone and a ball are each a quadratic in z, `a z² + 2 b z + c ≤ 0`, solved for eight lines at a time; a
-//! torus, and a cone along whose flank the line runs, by Newton's method on a convex function. Ends that lie so close
-//! to a voxel centre that rounding could decide, and lines that hardly touch, are reported as unsure: those centres
-//! are tried one by one with the predicate that defines the tool, so the whole numbers are the definition's.
+//! torus, and a cone along whose flank the line runs, by Newton's method on a convex function. Where an end lies so
+//! close to a voxel centre that rounding could decide, or a line hardly touches, centres are tried one by one with the
+//! predicate that defines the tool, so that the whole numbers are the definition's.
 //!
 //! All lengths here are in voxels.
 
 use glam::DVec3;
+use pulp::Simd;
 
 use crate::tool::{SLACK, Segment, holds};
 
@@ -58,12 +59,25 @@ enum Method {
     Convex,
 }
 
-/// Ends of up to eight lines, as heights in voxels above the tip, and which of them are unsure. Low is above high where
-/// the line misses.
-pub(super) struct Ends {
-    pub(super) low: [f64; LANES],
-    pub(super) high: [f64; LANES],
-    pub(super) unsure: [bool; LANES],
+/// Runs on eight lines: the first whole z inside and one past the last, not above the first where there is none.
+pub(super) struct Runs {
+    from: [f64; LANES],
+    to: [f64; LANES],
+    /// True where some line must be settled by trying centres; then the runs mean nothing.
+    pub(super) doubt: bool,
+}
+
+impl Runs {
+    #[inline(always)]
+    pub(super) fn run(&self, lane: usize) -> (i32, i32) {
+        (self.from[lane].to_bits() as i32, self.to[lane].to_bits() as i32)
+    }
+
+    /// Voxels on all eight lines together.
+    #[inline(always)]
+    pub(super) fn sum(&self) -> u32 {
+        (0..LANES).map(|lane| (self.to[lane] - self.from[lane]).max(0.0)).sum::<f64>() as u32
+    }
 }
 
 /// One segment in one pose.
@@ -158,52 +172,79 @@ impl<'a> Sweep<'a> {
         }
     }
 
-    /// Ends on the lines at `(x, y + lane)`, both relative to the tip.
+    /// Runs on the lines at `(x, y + lane)`, both relative to the tip, cut off at `[floor, top]`, which are a quarter of
+    /// a voxel away from whole numbers.
     #[inline(always)]
-    pub(super) fn ends(&self, x: f64, y: f64) -> Ends {
-        match (self.method, self.level) {
-            (Method::Between, false) => self.quadratic::<false>(x, y),
-            (Method::Between, true) => self.quadratic::<true>(x, y),
-            _ => self.one_by_one(x, y),
+    pub(super) fn runs<S: Simd>(&self, simd: S, x: f64, y: f64, (floor, top): (f64, f64)) -> Runs {
+        let mut runs = Runs { from: [0.0; LANES], to: [0.0; LANES], doubt: false };
+        if self.method != Method::Between || self.level {
+            runs.doubt = true;
+            return runs;
         }
-    }
-
-    /// Eight quadratics, in loops over lanes so that they become vector instructions.
-    #[inline(always)]
-    fn quadratic<const IS_LEVEL: bool>(&self, x: f64, y: f64) -> Ends {
+        const STEPS: [f64; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
         let d = self.placed.direction;
-        let (mut low, mut high, mut unsure) = ([0.0; LANES], [0.0; LANES], [false; LANES]);
-        for lane in 0..LANES {
-            let y = y + lane as f64;
-            let flat = x * d.x + y * d.y;
-            let b = self.b[0] + self.b[1] * flat;
-            let c = x * x + y * y + self.c[0] + flat * (self.c[1] + flat * self.c[2]);
-            let discriminant = b * b - self.a * c;
-            let root = discriminant.max(0.0).sqrt();
-            let (first, last) = ((-b - root) * self.per_a, (-b + root) * self.per_a);
-            let (enter, leave, edge) = if IS_LEVEL {
-                // The height hardly changes along the line.
-                let margin = (flat - self.from).min(self.to - flat);
-                (if margin < -1e-3 { FAR } else { -FAR }, FAR, margin.abs() < 1e-3)
-            } else {
-                ((self.near - flat) * self.per_height, (self.far - flat) * self.per_height, false)
+        let all = |value: f64| simd.splat_f64s(value);
+        for start in (0..LANES).step_by(S::F64_LANES) {
+            let y = simd.add_f64s(all(y), simd.partial_load_f64s(&STEPS[start..start + S::F64_LANES]));
+            let flat = simd.mul_add_f64s(y, all(d.y), all(x * d.x));
+            let b = simd.mul_add_f64s(flat, all(self.b[1]), all(self.b[0]));
+            let c = simd.mul_add_f64s(flat, all(self.c[2]), all(self.c[1]));
+            let c = simd.mul_add_f64s(flat, c, simd.mul_add_f64s(y, y, all(x * x + self.c[0])));
+            let discriminant = simd.sub_f64s(simd.mul_f64s(b, b), simd.mul_f64s(all(self.a), c));
+            let root = simd.sqrt_f64s(simd.max_f64s(discriminant, all(0.0)));
+            let first = simd.mul_f64s(simd.add_f64s(b, root), all(-self.per_a));
+            let last = simd.mul_f64s(simd.sub_f64s(root, b), all(self.per_a));
+            let enter = simd.mul_f64s(simd.sub_f64s(all(self.near), flat), all(self.per_height));
+            let leave = simd.mul_f64s(simd.sub_f64s(all(self.far), flat), all(self.per_height));
+            let cut_off = |end| {
+                let end = simd.add_f64s(end, all(self.placed.tip.z));
+                simd.min_f64s(simd.max_f64s(end, all(floor)), all(top))
             };
-            let (enter, leave) = (enter.max(first), leave.min(last));
-            let misses = discriminant < -self.tangent;
-            low[lane] = if misses { FAR } else { enter };
-            high[lane] = if misses { -FAR } else { leave };
-            unsure[lane] = (discriminant.abs() <= self.tangent) | (edge & !misses);
+            let (low, high) = (cut_off(simd.max_f64s(enter, first)), cut_off(simd.min_f64s(leave, last)));
+            let misses = simd.less_than_f64s(discriminant, all(-self.tangent));
+            let high = simd.select_f64s(misses, all(floor), high);
+            let whole = |end| simd.sub_f64s(simd.add_f64s(end, all(ROUND)), all(ROUND));
+            let off = |end| simd.abs_f64s(simd.sub_f64s(end, whole(end)));
+            let close = simd.less_than_f64s(simd.min_f64s(off(low), off(high)), all(CLOSE));
+            let touching = simd.less_than_or_equal_f64s(simd.abs_f64s(discriminant), all(self.tangent));
+            let doubt = simd.first_true_m64s(simd.or_m64s(close, touching)) < S::F64_LANES;
+            runs.doubt |= doubt;
+            let above = |end| simd.add_f64s(simd.add_f64s(end, all(0.5)), all(ROUND));
+            simd.partial_store_f64s(&mut runs.from[start..start + S::F64_LANES], above(low));
+            simd.partial_store_f64s(&mut runs.to[start..start + S::F64_LANES], above(high));
         }
-        Ends { low, high, unsure }
+        runs
     }
 
+    /// First and one past the last whole z of the line at voxel (x, y), within the whole numbers `[least, most]`.
     #[inline(never)]
-    fn one_by_one(&self, x: f64, y: f64) -> Ends {
-        let (mut low, mut high, mut unsure) = ([0.0; LANES], [0.0; LANES], [false; LANES]);
-        for lane in 0..LANES {
-            (low[lane], high[lane], unsure[lane]) = self.line(x, y + lane as f64);
+    pub(super) fn run(&self, x: i64, y: i64, (least, most): (i64, i64)) -> (i64, i64) {
+        let tip = self.placed.tip;
+        let (low, high, unsure) = self.line(x as f64 - tip.x, y as f64 - tip.y);
+        let (low, high) = (low + tip.z, high + tip.z);
+        if low > high + 1.0 {
+            return (least, least);
         }
-        Ends { low, high, unsure }
+        let margin = if unsure { 0.5 } else { 2.0 * CLOSE };
+        let mut first = (low - margin).ceil().max(least as f64) as i64;
+        let mut last = (high + margin).floor().min(most as f64) as i64;
+        let inside = |z: i64| {
+            let offset = (DVec3::new(x as f64, y as f64, z as f64) - tip) * self.placed.pitch;
+            let slack = SLACK * self.placed.pitch * self.placed.pitch;
+            holds(std::slice::from_ref(self.world), self.placed.direction, offset, slack)
+        };
+        // Ends away from centres need no trying.
+        if unsure || is_close(low) {
+            while first <= last && !inside(first) {
+                first += 1;
+            }
+        }
+        if unsure || is_close(high) {
+            while first <= last && !inside(last) {
+                last -= 1;
+            }
+        }
+        if first <= last { (first, last + 1) } else { (least, least) }
     }
 
     /// One line by whichever method; unsure ends are generous.
@@ -324,40 +365,6 @@ impl<'a> Sweep<'a> {
         }
     }
 
-    /// First and one past the last whole z of an unsure line at voxel (x, y), within `[least, most]`, by trying centres.
-    #[inline(never)]
-    pub(super) fn settle(
-        &self,
-        x: i64,
-        y: i64,
-        tangent: bool,
-        (low, high): (f64, f64),
-        bounds: (i64, i64),
-    ) -> (i64, i64) {
-        let (x, y) = (x as f64, y as f64);
-        let tip = self.placed.tip;
-        let (low, high) = if tangent {
-            let (low, high, _) = self.line(x - tip.x, y - tip.y);
-            (low - 0.5, high + 0.5)
-        } else {
-            (low, high)
-        };
-        let mut first = (((low + tip.z - 2.0 * CLOSE).ceil()).max(bounds.0 as f64)) as i64;
-        let mut last = (((high + tip.z + 2.0 * CLOSE).floor()).min(bounds.1 as f64)) as i64;
-        let inside = |z: i64| {
-            let offset = (DVec3::new(x, y, z as f64) - tip) * self.placed.pitch;
-            let slack = SLACK * self.placed.pitch * self.placed.pitch;
-            holds(std::slice::from_ref(self.world), self.placed.direction, offset, slack)
-        };
-        while first <= last && !inside(first) {
-            first += 1;
-        }
-        while first <= last && !inside(last) {
-            last -= 1;
-        }
-        (first, last + 1)
-    }
-
     /// Whole x whose lines may meet the segment.
     pub(super) fn columns(&self) -> (i64, i64) {
         let d = self.placed.direction;
@@ -369,21 +376,9 @@ impl<'a> Sweep<'a> {
 }
 
 /// True where an end is so close to a voxel centre that rounding could decide. `end` is in voxel coordinates.
-#[inline(always)]
-pub(super) fn is_close(end: f64) -> bool {
-    (end - whole(end)).abs() < CLOSE
+fn is_close(end: f64) -> bool {
+    (end - end.round()).abs() < 2.0 * CLOSE
 }
 
 /// 1.5·2⁵²: adding it rounds to whole numbers, which then stand in the lowest bits.
 const ROUND: f64 = 6_755_399_441_055_744.0;
-
-#[inline(always)]
-fn whole(value: f64) -> f64 {
-    (value + ROUND) - ROUND
-}
-
-/// The next whole number above a value that is not close to one and below 2³⁰ in size.
-#[inline(always)]
-pub(super) fn ceiling(value: f64) -> i32 {
-    (value + 0.5 + ROUND).to_bits() as i32
-}

@@ -1,0 +1,50 @@
+//! `imf check`: what it says, and the exit code it leaves.
+
+use serde_json::Value;
+
+use crate::folder::{Folder, Run};
+
+/// A block of 20 mm on the floor, its middle over the origin.
+const BLOCK: &str = "v -10 -10 0\nv 10 -10 0\nv 10 10 0\nv -10 10 0\nv -10 -10 20\nv 10 -10 20\nv 10 10 20\n\
+                     v -10 10 20\nf 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+
+/// Checks a toolpath over the block.
+fn check(name: &str, toolpath: &str, more: &[&str]) -> Run {
+    let folder = Folder::new();
+    folder.write("block.obj", BLOCK);
+    folder.write(name, toolpath);
+    folder.run(&[&["check", "block.obj", name, "--pitch", "1", "--margin", "2"], more].concat())
+}
+
+#[test]
+fn a_finishing_pass_is_free_and_says_what_was_accepted() {
+    let run = check("pass.cl", "GOTO/-12,0,19.4,0,0,1\nCYCLE/ON\nGOTO/12,0,19.4\n", &[]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(run.stdout.starts_with("no collision: 2 lines"), "{}", run.stdout);
+    assert!(run.stdout.contains("down to 1.0000 mm below the part's surface"), "{}", run.stdout);
+    assert!(run.stderr.contains("line 2: 'CYCLE' is not understood"), "{}", run.stderr);
+}
+
+#[test]
+fn a_collision_names_its_line_and_element_and_leaves_3() {
+    // Beside the block, then in under the holder.
+    let toolpath = "x,y,z,i,j,k\n0,0,40,0,0,1\n0,0,41,0,0,1\n-17,0,-20,0,0,1\n";
+    let run = check("dive.csv", toolpath, &["--clearance", "1"]);
+    assert_eq!(run.code, Some(3), "{}", run.stderr);
+    assert!(run.stdout.contains("line 4: holder 1 hits the part"), "{}", run.stdout);
+    let run = check("dive.csv", toolpath, &["--json", "--quiet"]);
+    assert_eq!((run.code, run.stderr.as_str()), (Some(3), ""));
+    let answer: Value = serde_json::from_str(&run.stdout).unwrap();
+    assert_eq!(answer["collides"], true);
+    assert_eq!(answer["report"]["colliding"][0]["line"], 4);
+}
+
+#[test]
+fn mistakes_name_their_line() {
+    let run = check("path.csv", "0,0,40,0,0,1\n0,0,40,0,0,0\n", &[]);
+    run.is_refusal(&["path.csv, line 2: the tool axis must not be zero"], &["check"]);
+    let run = check("path.csv", "0,0,40\n", &["--tolerance", "0"]);
+    run.is_refusal(&["tolerance", "above 0"], &["check"]);
+    let run = check("path.csv", "", &[]);
+    run.is_refusal(&["path.csv", "no tool location"], &["check"]);
+}
