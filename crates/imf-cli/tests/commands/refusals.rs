@@ -36,8 +36,6 @@ fn units_and_sizes() {
     refuse(&folder, &["cube.stl"], &["cube.stl", "--unit mm"]);
     refuse(&folder, &["cube.obj", "--unit", "m"], &["cube.obj", "100 × 100 × 100 m", "0.1 mm to 20 m"]);
     refuse(&folder, &["cube.obj", "--unit", "furlong"], &["furlong"]);
-    refuse(&folder, &["cube.obj", "--pitch", "0"], &["pitch"]);
-    refuse(&folder, &["cube.obj", "--pitch", "NaN"], &["pitch"]);
     refuse(&folder, &["cube.obj", "--pitch", "1e-9"], &["too large", "larger pitch"]);
     refuse(&folder, &["cube.obj", "--dims", "9,0,9"], &["at least 1"]);
     refuse(&folder, &["cube.obj", "--dims", "9,9,9", "--margin", "5"], &["margin"]);
@@ -122,6 +120,9 @@ fn wrong_arguments_exit_with_2() {
     for arguments in [
         &["voxelize", "bracket", "--dims", "5,15", "--out", "out"][..],
         &["voxelize", "bracket", "--dims", "5,15,9", "--pitch", "2", "--out", "out"],
+        &["voxelize", "bracket", "--pitch", "0", "--out", "out"],
+        &["voxelize", "bracket", "--pitch", "NaN", "--out", "out"],
+        &["voxelize", "bracket", "--pitch", "1,1,2", "--out", "out"],
         &["voxelize", "bracket"],
         &["field", "bracket", "--out", "out"],
         &["field", "bracket", "--orientations", "0,0", "--out", "out", "--memory", "plenty"],
