@@ -27,6 +27,15 @@ fn main() {
     let mut scratch = SectionScratch::default();
     let mut counts = vec![0; grid.len()];
     let mut cmf = vec![0.0; grid.len()];
+    let mode = std::env::args().nth(1).unwrap_or_default();
+    if mode == "counts" {
+        for _ in 0..4 {
+            for o in &set {
+                plan.counts(o, &mut scratch, &mut counts).unwrap();
+            }
+        }
+        return;
+    }
     for round in 0..3 {
         let start = Instant::now();
         let solid: usize = set.iter().map(|o| RotatedTool::new(&tool, o, 1.0).unwrap().count as usize).sum();

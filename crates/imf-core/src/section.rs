@@ -189,6 +189,13 @@ impl SectionPlan {
     ) -> Result<(), SectionError> {
         assert_eq!(cmf.len(), self.obstacle.grid.len(), "one value for each voxel of the grid");
         let normaliser = f64::from(self.box_counts(orientation, scratch)?);
+        if self.sharp_points == [DVec3::ZERO] {
+            let share = 1.0 / normaliser;
+            for (value, &count) in cmf.iter_mut().zip(&scratch.counts) {
+                *value = (share * f64::from(count)).min(1.0) as f32;
+            }
+            return Ok(());
+        }
         let rotation = orientation.rotation();
         for (index, &sharp) in self.sharp_points.iter().enumerate() {
             let shift = rotation * sharp / self.obstacle.grid.pitch;

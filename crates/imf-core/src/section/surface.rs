@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use pulp::Arch;
 
-use super::bit_adder::{DIGITS, Digits, TILE_BITS, ZERO, add, subtract};
+use super::bit_adder::{DIGITS, Digits, TILE_BITS, ZERO, add, spread, subtract};
 use super::bit_obstacle::BitObstacle;
 use super::clipped::ClippedTool;
 use super::run_ends::{Axis, Offsets, RunEnds};
@@ -30,7 +30,6 @@ pub(super) struct Scratch {
     /// Addresses that one tile reads.
     reads: Vec<u32>,
     digits: Box<[Digits; 2]>,
-    tile: Box<[i32; TILE_BITS]>,
     /// Differences of one plane, then overlaps.
     plane: Vec<i32>,
     /// Overlaps of the plane before.
@@ -44,7 +43,6 @@ impl Default for Scratch {
             addresses: [Vec::new(), Vec::new()],
             reads: Vec::new(),
             digits: Box::new([ZERO, ZERO]),
-            tile: Box::new([0; TILE_BITS]),
             plane: Vec::new(),
             previous: Vec::new(),
         }
@@ -109,6 +107,9 @@ impl SurfaceCounter {
             return;
         }
         let sweep = Sweep::choose(RunEnds::count(tool), tool, &self.obstacle, &self.query);
+        if sweep.steps() == 0 {
+            return;
+        }
         scratch.ends.collect(tool, sweep.axis);
         for (addresses, offsets) in
             scratch.addresses.iter_mut().zip([&scratch.ends.covered, &scratch.ends.uncovered])
@@ -193,15 +194,16 @@ impl SurfaceCounter {
             for (digits, used) in scratch.digits.iter_mut().zip(used) {
                 digits[used..most].fill([0; TILE_BITS / 64]);
             }
-            subtract(self.arch, &scratch.digits[0], &scratch.digits[1], most, &mut scratch.tile);
+            let [covered, uncovered] = &mut *scratch.digits;
+            subtract(self.arch, covered, uncovered, most);
             for y in top.max(ys.start)..=bottom {
                 let from = (y * line + zs.start - start).max(0);
                 let to = (y * line + zs.end - start).min(TILE_BITS as i64);
                 if from < to {
                     let skipped = from - (y * line + zs.start - start);
                     let target = (y - ys.start) as usize * length + skipped as usize;
-                    scratch.plane[target..][..(to - from) as usize]
-                        .copy_from_slice(&scratch.tile[from as usize..to as usize]);
+                    let target = &mut scratch.plane[target..][..(to - from) as usize];
+                    spread(self.arch, covered, most, from as usize, target);
                 }
             }
         }
