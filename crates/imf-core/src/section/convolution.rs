@@ -26,7 +26,6 @@ const LANES: usize = 8;
 pub(super) struct Convolver<T: Precision> {
     query: QueryBox,
     size: CircularSize,
-    obstacle_count: usize,
     forward_z: Arc<dyn RealToComplex<T>>,
     inverse_z: Arc<dyn ComplexToReal<T>>,
     forward: [Arc<dyn Fft<T>>; 2],
@@ -89,7 +88,6 @@ impl<T: Precision> Convolver<T> {
         let mut convolver = Self {
             query,
             size,
-            obstacle_count: obstacle.count(),
             forward_z: real.plan_fft_forward(nz),
             inverse_z: real.plan_fft_inverse(nz),
             forward: [complex.plan_fft_forward(nx), complex.plan_fft_forward(ny)],
@@ -98,10 +96,6 @@ impl<T: Precision> Convolver<T> {
         };
         convolver.spectrum = convolver.obstacle_spectrum(obstacle);
         convolver
-    }
-
-    pub(super) fn obstacle_count(&self) -> usize {
-        self.obstacle_count
     }
 
     fn blocks(&self) -> usize {

@@ -13,6 +13,7 @@ use super::bit_obstacle::BitObstacle;
 use super::clipped::ClippedTool;
 use super::run_ends::{Axis, Offsets, RunEnds};
 use super::size::{CircularSize, QueryBox};
+use super::sweep::Sweep;
 use crate::occupancy::Occupancy;
 
 /// The obstacle prepared for one query box.
@@ -25,8 +26,8 @@ pub(super) struct SurfaceCounter {
 /// Working memory of one thread.
 pub(super) struct Scratch {
     ends: RunEnds,
-    /// Relative addresses of the run ends.
-    addresses: [Vec<i64>; 2],
+    /// Addresses of the run ends relative to a tile's; they wrap.
+    addresses: [Vec<u32>; 2],
     /// Addresses that one tile reads.
     reads: Vec<u32>,
     digits: Box<[Digits; 2]>,
@@ -49,52 +50,6 @@ impl Default for Scratch {
     }
 }
 
-/// In which order the differences are summed up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Sweep {
-    axis: Axis,
-    upwards: bool,
-    /// Voxels along the axis where a difference to the next one is taken.
-    lower: i64,
-    upper: i64,
-}
-
-impl Sweep {
-    /// The cheapest sweep of a tool with these run ends.
-    fn choose(ends: [usize; 3], tool: &ClippedTool<'_>, obstacle: &BitObstacle, query: &QueryBox) -> Self {
-        let upper = tool.upper();
-        let sweeps = Axis::ALL.into_iter().filter_map(|axis| {
-            let a = axis.index();
-            let n = obstacle.dims()[a] as i64;
-            // Along z the zeros between two lines must hold the tool.
-            if axis == Axis::Z && n + tool.dims[a] as i64 > obstacle.line_bits() {
-                return None;
-            }
-            let (q0, q1) = (query.lower[a], query.lower[a] + query.dims[a] as i64);
-            let down = Self { axis, upwards: false, lower: q0, upper: n - tool.lower[a] };
-            let up = Self { axis, upwards: true, lower: -upper[a] - 1, upper: q1 - 1 };
-            let sweep = if down.steps() <= up.steps() { down } else { up };
-            Some((ends[a] as f64 * sweep.steps() as f64 / query.dims[a] as f64, sweep))
-        });
-        let cheapest = sweeps.min_by(|a, b| a.0.total_cmp(&b.0));
-        cheapest.map_or(Self { axis: Axis::X, upwards: true, lower: 0, upper: 0 }, |(_, sweep)| sweep)
-    }
-
-    fn steps(&self) -> i64 {
-        (self.upper - self.lower).max(0)
-    }
-
-    /// The voxels where differences are taken along `axis`: the sweep's own along its axis, else the query's.
-    fn range(&self, axis: Axis, query: &QueryBox) -> Range<i64> {
-        let a = axis.index();
-        if axis == self.axis {
-            self.lower..self.upper.max(self.lower)
-        } else {
-            query.lower[a]..query.lower[a] + query.dims[a] as i64
-        }
-    }
-}
-
 impl SurfaceCounter {
     pub(super) fn new(arch: Arch, obstacle: &Occupancy, query: QueryBox, size: &CircularSize) -> Self {
         Self { arch, query, obstacle: BitObstacle::new(obstacle, size, TILE_BITS) }
@@ -106,7 +61,7 @@ impl SurfaceCounter {
         if tool.dims[0] == 0 {
             return;
         }
-        let sweep = Sweep::choose(RunEnds::count(tool), tool, &self.obstacle, &self.query);
+        let sweep = Sweep::choose(tool, self.obstacle.dims(), self.obstacle.line_bits(), &self.query);
         if sweep.steps() == 0 {
             return;
         }
@@ -147,7 +102,7 @@ impl SurfaceCounter {
         }
     }
 
-    fn addresses_of(&self, offsets: &Offsets, addresses: &mut Vec<i64>) {
+    fn addresses_of(&self, offsets: &Offsets, addresses: &mut Vec<u32>) {
         addresses.clear();
         for x in 0..offsets.dims[0] {
             for y in 0..offsets.dims[1] {
@@ -156,7 +111,7 @@ impl SurfaceCounter {
                 addresses.extend(
                     offsets.z[range]
                         .iter()
-                        .map(|&z| self.obstacle.offset_address([at[0], at[1], i64::from(z)])),
+                        .map(|&z| self.obstacle.offset_address([at[0], at[1], i64::from(z)]) as u32),
                 );
             }
         }
@@ -173,7 +128,7 @@ impl SurfaceCounter {
             // Lines that the tile touches; a line begins at the first z that is wanted.
             let top = (start - zs.start).div_euclid(line);
             let bottom = (start + TILE_BITS as i64 - 1 - zs.start).div_euclid(line).min(ys.end - 1);
-            let tile_address = self.obstacle.tile_address(x, start);
+            let tile_address = self.obstacle.tile_address(x, start) as u32;
             let mut used = [0; 2];
             for side in 0..2 {
                 let offsets = if side == 0 { &scratch.ends.covered } else { &scratch.ends.uncovered };
@@ -213,10 +168,10 @@ impl SurfaceCounter {
     fn reads_of(
         &self,
         offsets: &Offsets,
-        addresses: &[i64],
+        addresses: &[u32],
         x: i64,
         lines: Range<i64>,
-        tile_address: i64,
+        tile_address: u32,
         reads: &mut Vec<u32>,
     ) {
         reads.clear();
@@ -232,7 +187,7 @@ impl SurfaceCounter {
             let to = (last - lines.start - offsets.lower[1] + 1).min(offsets.dims[1] as i64);
             if from < to {
                 let range = offsets.range(offset as usize, from as usize, to as usize);
-                reads.extend(addresses[range].iter().map(|&address| (tile_address + address) as u32));
+                reads.extend(addresses[range].iter().map(|&address| tile_address.wrapping_add(address)));
             }
         }
         reads.resize(reads.len().next_multiple_of(8), 0);

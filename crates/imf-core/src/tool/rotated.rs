@@ -51,7 +51,8 @@ impl RotatedTool {
         match &tool.shape {
             ToolShape::Revolved(elements) => {
                 let profile: Vec<Segment> = elements.iter().flat_map(|e| e.profile.iter().copied()).collect();
-                rotated.fill_revolved(&profile, orientation.direction(), pitch);
+                let direction = orientation.direction();
+                pulp::Arch::new().dispatch(|| rotated.fill_revolved(&profile, direction, pitch));
             }
             ToolShape::Mesh(mesh) => {
                 let turned = mesh.transformed(&DMat4::from_mat3(orientation.rotation()));
@@ -75,6 +76,7 @@ impl RotatedTool {
 
     /// Tests voxel centres, line by line along z, within the cylinder around the widest radius. The arithmetic is
     /// that of [`holds`], operation by operation, so that both agree to the last bit; a whole line at a time.
+    #[inline(always)]
     fn fill_revolved(&mut self, profile: &[Segment], direction: DVec3, pitch: f64) {
         let length = profile.last().map_or(0.0, |s| s.range().1);
         let widest = profile.iter().map(Segment::max_radius).fold(0.0, f64::max);
