@@ -5,17 +5,23 @@
 //! tool's sharp points, `CMF(x) = min_k overlap(x − R k)`, read by trilinear means of the whole-number sections
 //! where `R k` is no whole number of voxels.
 
+mod bit_adder;
+mod bit_obstacle;
+mod clipped;
 mod convolution;
+mod counter;
 mod direct;
 mod elements;
 mod imf;
+mod run_ends;
 mod size;
+mod surface;
+mod sweep;
 
+pub use counter::Method;
 pub use direct::{direct_cmf, direct_count};
 pub use elements::ElementPlans;
 pub use imf::{Imf, imf, stream_sections};
-
-use std::sync::OnceLock;
 
 use glam::DVec3;
 use thiserror::Error;
@@ -26,7 +32,10 @@ use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
 use crate::tool::{RotatedTool, Tool, ToolError};
 
-use convolution::{Convolver, Scratch};
+use bit_adder::TILE_BITS;
+use bit_obstacle::BitObstacle;
+use clipped::ClippedTool;
+use counter::{Counter, Estimate};
 use size::{CircularSize, QueryBox};
 
 /// Why a section cannot be computed.
@@ -68,6 +77,9 @@ pub enum SectionError {
     Cancelled,
 }
 
+/// An orientation in general position.
+const SLANT: Orientation = Orientation { theta: 25.0, phi: 55.0, roll: 0.0 };
+
 /// What is computed once for an obstacle and a tool, and used for any number of orientations.
 ///
 /// Plan once, run many: sections take `&self` and a [`SectionScratch`] of the calling thread.
@@ -79,16 +91,15 @@ pub struct SectionPlan {
     /// Voxel (0, 0, 0) of `grid` in the obstacle's grid.
     offset: [i64; 3],
     query: QueryBox,
-    size: CircularSize,
-    single: Option<Convolver<f32>>,
-    double: OnceLock<Convolver<f64>>,
+    counter: Counter,
+    /// For the tool at a slant, as most orientations have it.
+    estimate: Estimate,
 }
 
 /// Working memory of one thread; buffers grow at the first use and are kept.
 #[derive(Default)]
 pub struct SectionScratch {
-    single: Scratch<f32>,
-    double: Scratch<f64>,
+    counter: counter::Scratch,
     counts: Vec<u32>,
 }
 
@@ -117,23 +128,27 @@ impl SectionPlan {
         })?;
         let sharp_points = tool.sharp_point_positions();
         let (query, size) = Self::sizes(&obstacle.grid, offset, query_grid.dims, tool);
-        let mut plan = Self {
+        // A tool too large or too small is refused now rather than at the first section.
+        let slanted = RotatedTool::new(tool, &SLANT, obstacle.grid.pitch)?;
+        let counter = Counter::new(obstacle, query, size);
+        let estimate = counter.estimate(obstacle, &slanted);
+        Ok(Self {
             obstacle: obstacle.clone(),
             tool: tool.clone(),
             sharp_points,
             grid: *query_grid,
             offset,
             query,
-            size,
-            single: None,
-            double: OnceLock::new(),
-        };
-        let upright = RotatedTool::new(tool, &Orientation::default(), obstacle.grid.pitch)?;
-        // The count varies by a few per cent with the orientation; every section checks its own.
-        if size.error_bound::<f32>(obstacle.count(), upright.count as usize) < 0.5 {
-            plan.single = Some(Convolver::new(&plan.obstacle, query, size));
-        }
-        Ok(plan)
+            counter,
+            estimate,
+        })
+    }
+
+    /// The same plan with sections by this method alone.
+    #[must_use]
+    pub fn with_method(mut self, method: Method) -> Self {
+        self.counter.method = method;
+        self
     }
 
     fn sizes(grid: &Grid, offset: [i64; 3], dims: [usize; 3], tool: &Tool) -> (QueryBox, CircularSize) {
@@ -143,7 +158,7 @@ impl SectionPlan {
         (query, CircularSize::new(grid.dims, query, tool.reach() / grid.pitch))
     }
 
-    /// Bytes that a plan with this many threads will take: known before anything is allocated.
+    /// Bytes that a plan with this many threads will take, known before it is made.
     #[must_use]
     pub fn memory_estimate(grid: &Grid, tool: &Tool, threads: usize) -> u64 {
         Self::memory_estimate_with_query(grid, grid, tool, threads)
@@ -154,12 +169,22 @@ impl SectionPlan {
     pub fn memory_estimate_with_query(grid: &Grid, query_grid: &Grid, tool: &Tool, threads: usize) -> u64 {
         let offset = grid.offset_of(query_grid).unwrap_or_default();
         let (query, size) = Self::sizes(grid, offset, query_grid.dims, tool);
-        let complex = |bytes: u64| 2 * bytes;
-        let points: u64 = size.n.iter().map(|&n| n as u64).product();
-        let spectrum = complex(4) * points / 2;
+        let voxels = query.len() as u64;
         let rotated = (2.0 * tool.reach() / grid.pitch + 3.0).powi(3).min(1e18) as u64;
-        let per_thread = spectrum * 3 / 2 + rotated + 16 * query.len() as u64;
-        spectrum + threads as u64 * per_thread + 2 * grid.len() as u64
+        let common = 2 * grid.len() as u64 + threads as u64 * (2 * rotated + 16 * voxels);
+        // A tool of absurd size is left to the plan, which refuses it.
+        let slanted = (rotated < 1 << 30).then(|| RotatedTool::new(tool, &SLANT, grid.pitch).ok()).flatten();
+        let by_run_ends = slanted.is_some_and(|rotated| {
+            let clipped = ClippedTool::new(&rotated, &size);
+            Estimate::new(pulp::Arch::new(), grid.dims, &query, &size, &clipped, true).prefers_run_ends()
+        });
+        if by_run_ends {
+            return common + BitObstacle::memory(grid.dims, &size, TILE_BITS);
+        }
+        let points: u64 = size.n.iter().map(|&n| n as u64).product();
+        // Half the spectrum, in complex f32.
+        let spectrum = 8 * points / 2;
+        common + spectrum + threads as u64 * spectrum * 3 / 2
     }
 
     /// The grid whose voxels a section covers.
@@ -180,12 +205,10 @@ impl SectionPlan {
         &self.tool
     }
 
-    /// One line for people: transform size and precision.
+    /// One line for people: how sections are computed.
     #[must_use]
     pub fn describe(&self) -> String {
-        let [x, y, z] = self.size.n;
-        let precision = if self.single.is_some() { "f32" } else { "f64" };
-        format!("real FFT {x}×{y}×{z} in {precision}")
+        self.counter.describe(self.estimate)
     }
 
     /// Voxels shared by obstacle and rotated tool with the tip at every voxel of the grid, C-ordered into `counts`,
@@ -230,6 +253,13 @@ impl SectionPlan {
     ) -> Result<(), SectionError> {
         assert_eq!(cmf.len(), self.grid.len(), "one value for each voxel of the grid");
         let normaliser = f64::from(self.box_counts(orientation, scratch)?);
+        if self.sharp_points == [DVec3::ZERO] {
+            let share = 1.0 / normaliser;
+            for (value, &count) in cmf.iter_mut().zip(&scratch.counts) {
+                *value = (share * f64::from(count)).min(1.0) as f32;
+            }
+            return Ok(());
+        }
         let rotation = orientation.rotation();
         for (index, &sharp) in self.sharp_points.iter().enumerate() {
             let shift = rotation * sharp / self.obstacle.grid.pitch;
@@ -246,15 +276,7 @@ impl SectionPlan {
     ) -> Result<u32, SectionError> {
         let rotated = RotatedTool::new(&self.tool, orientation, self.obstacle.grid.pitch)?;
         scratch.counts.resize(self.query.len(), 0);
-        // A deviation from whole numbers near ½ would be ambiguous: a quarter is already a reason for f64.
-        let settled = self.single.as_ref().is_some_and(|convolver| {
-            let bound = self.size.error_bound::<f32>(convolver.obstacle_count(), rotated.count as usize);
-            bound < 0.5 && convolver.correlate(&rotated, &mut scratch.single, &mut scratch.counts) < 0.25
-        });
-        if !settled {
-            let convolver = self.double.get_or_init(|| Convolver::new(&self.obstacle, self.query, self.size));
-            convolver.correlate(&rotated, &mut scratch.double, &mut scratch.counts);
-        }
+        self.counter.count(&self.obstacle, &rotated, &mut scratch.counter, &mut scratch.counts);
         self.spot_check(&rotated, &scratch.counts)?;
         Ok(rotated.count)
     }
@@ -328,178 +350,4 @@ pub fn sections(
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::orientation::OrientationSet;
-    use crate::tool::{Element, ElementKind, Segment, SharpPoints, ToolShape};
-    use crate::unit::LengthUnit;
-
-    const DIMS: [usize; 3] = [13, 11, 17];
-
-    /// A cylinder of the given radius and height with its tip at the origin.
-    fn cylinder(radius: f64, height: f64) -> Tool {
-        let line = Segment::Line { from: 0.0, to: height, radius_from: radius, radius_to: radius };
-        Tool {
-            name: "cylinder".into(),
-            unit: LengthUnit::Mm,
-            shape: ToolShape::Revolved(vec![Element { kind: ElementKind::Cutter, profile: vec![line] }]),
-            sharp_points: SharpPoints::Tip,
-        }
-    }
-
-    fn scattered(dims: [usize; 3]) -> Occupancy {
-        let grid = Grid { origin: DVec3::new(0.3, -1.0, 2.0), pitch: 1.0, dims };
-        let solid = (0..grid.len()).map(|i| u8::from(i.wrapping_mul(2_654_435_761) >> 7 & 3 == 0)).collect();
-        Occupancy { grid, solid }
-    }
-
-    fn counts_equal_direct(plan: &SectionPlan, orientation: &Orientation) {
-        let mut scratch = SectionScratch::default();
-        let mut counts = vec![u32::MAX; plan.grid().len()];
-        plan.counts(orientation, &mut scratch, &mut counts).unwrap();
-        let rotated = RotatedTool::new(plan.tool(), orientation, plan.grid().pitch).unwrap();
-        for (index, &count) in counts.iter().enumerate() {
-            let voxel = plan.grid().voxel(index).map(|v| v as i64);
-            assert_eq!(count, direct_count(plan.obstacle(), &rotated, voxel), "{orientation:?} {voxel:?}");
-        }
-    }
-
-    #[test]
-    fn counts_are_direct_sums_for_tools_smaller_and_larger_than_the_grid() {
-        let mut orientations = OrientationSet::parse("random:6:1").unwrap().orientations;
-        orientations.extend(OrientationSet::parse("0,0;0,180;90,90;45,45").unwrap().orientations);
-        for tool in [cylinder(2.0, 6.0), cylinder(4.0, 45.0), cylinder(0.6, 1.0)] {
-            for dims in [DIMS, [1, 5, 2]] {
-                let plan = SectionPlan::new(&scattered(dims), &tool).unwrap();
-                orientations.iter().for_each(|o| counts_equal_direct(&plan, o));
-            }
-        }
-    }
-
-    #[test]
-    fn a_query_grid_of_its_own_sees_the_whole_obstacle() {
-        let obstacle = scattered(DIMS);
-        let points = SharpPoints::Points(vec![DVec3::new(0.3, -0.4, 0.7)]);
-        let sharp = Tool { sharp_points: points, ..cylinder(1.5, 5.0) };
-        // Within, sticking out on one side, around it all, and beside it: nearer and farther than the tool reaches.
-        let grids = [
-            ([-4, -3, -6], [-5, -4, -7]),
-            ([3, -2, 4], [-9, -6, 0]),
-            ([5, 6, 7], [8, 4, 3]),
-            ([-15, 0, 0], [9, 0, 0]),
-            ([0, 0, 60], [0, 0, -70]),
-        ];
-        for (before, after) in grids {
-            let query = obstacle.grid.grown(before, after).unwrap();
-            // The same obstacle on a grid that holds the query grid too, where the definition reads every voxel.
-            let all = obstacle.grid.grown(before.map(|b| b.max(0)), after.map(|a| a.max(0))).unwrap();
-            let (whole, shift) = (obstacle.on(&all).unwrap(), all.offset_of(&query).unwrap());
-            for tool in [&cylinder(2.0, 9.0), &sharp] {
-                let plan = SectionPlan::with_query(&obstacle, &query, tool).unwrap();
-                let (mut scratch, mut counts) = (SectionScratch::default(), vec![u32::MAX; query.len()]);
-                let mut cmf = vec![f32::NAN; query.len()];
-                for orientation in OrientationSet::parse("random:3:8").unwrap().orientations {
-                    let total = plan.counts(&orientation, &mut scratch, &mut counts).unwrap();
-                    plan.cmf(&orientation, &mut scratch, &mut cmf).unwrap();
-                    let rotated = RotatedTool::new(tool, &orientation, 1.0).unwrap();
-                    assert_eq!(total, rotated.count);
-                    for index in 0..query.len() {
-                        let voxel = query.voxel(index);
-                        let voxel = [0, 1, 2].map(|axis| voxel[axis] as i64 + shift[axis]);
-                        assert_eq!(counts[index], direct_count(&whole, &rotated, voxel), "{voxel:?}");
-                        let voxel = voxel.map(|v| v as usize);
-                        let expected = direct_cmf(&whole, tool, &orientation, voxel).unwrap();
-                        assert!((f64::from(cmf[index]) - expected).abs() < 1e-6);
-                    }
-                }
-            }
-        }
-        let moved = Grid { origin: obstacle.grid.origin + 0.5, ..obstacle.grid };
-        let refusal = SectionPlan::with_query(&obstacle, &moved, &sharp).err().unwrap();
-        assert!(refusal.to_string().contains("whole voxels"), "{refusal}");
-    }
-
-    #[test]
-    fn both_precisions_give_the_same_whole_numbers() {
-        let mut plan = SectionPlan::new(&scattered(DIMS), &cylinder(3.0, 9.0)).unwrap();
-        assert!(plan.single.is_some());
-        plan.single = None;
-        counts_equal_direct(&plan, &Orientation::new(33.0, 71.0));
-    }
-
-    #[test]
-    fn sharp_points_are_read_by_trilinear_means() {
-        let tool = Tool {
-            sharp_points: SharpPoints::Points(vec![DVec3::new(1.3, -0.4, 0.7), DVec3::ZERO]),
-            ..cylinder(2.5, 7.0)
-        };
-        let plan = SectionPlan::new(&scattered(DIMS), &tool).unwrap();
-        let mut scratch = SectionScratch::default();
-        let mut cmf = vec![f32::NAN; plan.grid().len()];
-        for orientation in OrientationSet::parse("0,0;20,50;110,130").unwrap().orientations {
-            plan.cmf(&orientation, &mut scratch, &mut cmf).unwrap();
-            for (index, &value) in cmf.iter().enumerate() {
-                let expected =
-                    direct_cmf(plan.obstacle(), &tool, &orientation, plan.grid().voxel(index)).unwrap();
-                assert!((f64::from(value) - expected).abs() < 1e-6, "{value} {expected}");
-            }
-        }
-    }
-
-    #[test]
-    fn a_box_of_voxels_under_a_one_voxel_line_is_counted_in_closed_form() {
-        // A line of 5 voxels going up over a block that fills z < 4: overlap = clamp(4 − z, 0, 5).
-        let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [4, 4, 8] };
-        let solid = (0..grid.len()).map(|i| u8::from(i % 8 < 4)).collect();
-        let plan = SectionPlan::new(&Occupancy { grid, solid }, &cylinder(0.4, 4.5)).unwrap();
-        let mut cmf = vec![0.0; grid.len()];
-        plan.cmf(&Orientation::default(), &mut SectionScratch::default(), &mut cmf).unwrap();
-        for (index, &value) in cmf.iter().enumerate() {
-            let z = index % 8;
-            assert_eq!(value, (4usize.saturating_sub(z)) as f32 / 5.0);
-        }
-    }
-
-    #[test]
-    fn the_imf_is_the_least_section_with_the_first_index_at_a_tie() {
-        let plan = SectionPlan::new(&scattered(DIMS), &cylinder(2.0, 6.0)).unwrap();
-        let mut orientations = OrientationSet::parse("fibonacci:9").unwrap().orientations;
-        orientations.extend(orientations.clone());
-        let all = sections(&plan, &orientations, Control::quiet()).unwrap();
-        for threads in [1, 3] {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let result = pool.install(|| imf(&plan, &orientations, Control::quiet())).unwrap();
-            for voxel in 0..plan.grid().len() {
-                let mut expected = (f32::INFINITY, u32::MAX);
-                for (index, section) in all.iter().enumerate() {
-                    if section[voxel] < expected.0 {
-                        expected = (section[voxel], index as u32);
-                    }
-                }
-                assert_eq!((result.value[voxel], result.best[voxel]), expected);
-            }
-        }
-    }
-
-    #[test]
-    fn cancelling_stops_the_stream() {
-        let plan = SectionPlan::new(&scattered(DIMS), &cylinder(2.0, 6.0)).unwrap();
-        let stop = std::sync::atomic::AtomicBool::new(true);
-        let control = Control { progress: &|_| {}, cancelled: &stop };
-        let orientations = OrientationSet::parse("fibonacci:9").unwrap().orientations;
-        assert!(matches!(imf(&plan, &orientations, control), Err(SectionError::Cancelled)));
-    }
-
-    #[test]
-    fn the_papers_scene_fits_f32_and_its_estimate_is_near_the_truth() {
-        let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [58, 76, 121] };
-        let estimate = SectionPlan::memory_estimate(&grid, &Tool::paper(), 2) as f64 / 1e6;
-        // One spectrum of 16 MB, and about 35 MB of scratch a thread.
-        assert!((40.0..200.0).contains(&estimate), "{estimate} MB");
-        assert!(
-            CircularSize::new(grid.dims, QueryBox::grown(grid.dims, 0), 84.3)
-                .error_bound::<f32>(120_000, 33_000)
-                < 0.5
-        );
-    }
-}
+mod tests;

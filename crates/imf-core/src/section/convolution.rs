@@ -15,9 +15,9 @@ use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
 use rustfft::num_complex::Complex;
 use rustfft::{Fft, FftPlanner};
 
+use super::clipped::ClippedTool;
 use super::size::{CircularSize, Precision, QueryBox};
 use crate::occupancy::Occupancy;
-use crate::tool::RotatedTool;
 
 /// Wave numbers along z that are transformed together: one cache line of complex f32.
 const LANES: usize = 8;
@@ -26,7 +26,6 @@ const LANES: usize = 8;
 pub(super) struct Convolver<T: Precision> {
     query: QueryBox,
     size: CircularSize,
-    obstacle_count: usize,
     forward_z: Arc<dyn RealToComplex<T>>,
     inverse_z: Arc<dyn ComplexToReal<T>>,
     forward: [Arc<dyn Fft<T>>; 2],
@@ -49,10 +48,36 @@ pub(super) struct Scratch<T> {
 }
 
 /// A box of voxels to be transformed: its first voxel may be negative (it wraps).
-struct Solid<'a> {
-    lower: [i64; 3],
-    dims: [usize; 3],
-    solid: &'a [u8],
+enum Solid<'a> {
+    Obstacle(&'a Occupancy),
+    Tool(&'a ClippedTool<'a>),
+}
+
+impl Solid<'_> {
+    fn lower(&self) -> [i64; 3] {
+        match self {
+            Self::Obstacle(_) => [0; 3],
+            Self::Tool(tool) => tool.lower,
+        }
+    }
+
+    fn dims(&self) -> [usize; 3] {
+        match self {
+            Self::Obstacle(obstacle) => obstacle.grid.dims,
+            Self::Tool(tool) => tool.dims,
+        }
+    }
+
+    /// Voxels along z at (x, y) of the box.
+    fn line(&self, x: usize, y: usize) -> &[u8] {
+        match self {
+            Self::Obstacle(obstacle) => {
+                let [_, ny, nz] = obstacle.grid.dims;
+                &obstacle.solid[(x * ny + y) * nz..][..nz]
+            }
+            Self::Tool(tool) => tool.line(x, y),
+        }
+    }
 }
 
 impl<T: Precision> Convolver<T> {
@@ -63,7 +88,6 @@ impl<T: Precision> Convolver<T> {
         let mut convolver = Self {
             query,
             size,
-            obstacle_count: obstacle.count(),
             forward_z: real.plan_fft_forward(nz),
             inverse_z: real.plan_fft_inverse(nz),
             forward: [complex.plan_fft_forward(nx), complex.plan_fft_forward(ny)],
@@ -72,10 +96,6 @@ impl<T: Precision> Convolver<T> {
         };
         convolver.spectrum = convolver.obstacle_spectrum(obstacle);
         convolver
-    }
-
-    pub(super) fn obstacle_count(&self) -> usize {
-        self.obstacle_count
     }
 
     fn blocks(&self) -> usize {
@@ -89,7 +109,7 @@ impl<T: Precision> Convolver<T> {
     fn obstacle_spectrum(&self, obstacle: &Occupancy) -> Vec<Complex<T>> {
         let [nx, ny, _] = self.size.n;
         let mut scratch = Scratch::default();
-        let solid = Solid { lower: [0; 3], dims: obstacle.grid.dims, solid: &obstacle.solid };
+        let solid = Solid::Obstacle(obstacle);
         self.transform_z(&solid, &mut scratch);
         let scale = T::narrow(1.0 / self.size.n.iter().map(|&n| n as f64).product::<f64>());
         let mut spectrum = vec![Self::zero(); self.blocks() * ny * LANES * nx];
@@ -106,11 +126,15 @@ impl<T: Precision> Convolver<T> {
 
     /// Correlates the obstacle with a tool: whole numbers over the query box into `counts`. Returns the largest
     /// distance of an output from a whole number.
-    pub(super) fn correlate(&self, tool: &RotatedTool, scratch: &mut Scratch<T>, counts: &mut [u32]) -> f64 {
+    pub(super) fn correlate(
+        &self,
+        tool: &ClippedTool<'_>,
+        scratch: &mut Scratch<T>,
+        counts: &mut [u32],
+    ) -> f64 {
         let [nx, ny, nz] = self.size.n;
         let [qx, qy, qz] = self.query.dims;
-        let clipped = self.clip(tool);
-        let solid = Solid { lower: clipped.0, dims: clipped.1, solid: &clipped.2 };
+        let solid = Solid::Tool(tool);
         self.transform_z(&solid, scratch);
         let blocks = self.blocks();
         scratch.output.resize(blocks * qx * qy * LANES, Self::zero());
@@ -177,30 +201,10 @@ impl<T: Precision> Convolver<T> {
         worst
     }
 
-    /// The part of the tool that can meet the obstacle from some voxel of the query box.
-    fn clip(&self, tool: &RotatedTool) -> ([i64; 3], [usize; 3], Vec<u8>) {
-        let upper = tool.upper();
-        let lower = [0, 1, 2].map(|a| i64::from(tool.lower[a]).max(self.size.first[a]));
-        let dims =
-            [0, 1, 2].map(|a| (i64::from(upper[a]).min(self.size.last[a]) + 1 - lower[a]).max(0) as usize);
-        if dims.contains(&0) {
-            return (lower, [0; 3], Vec::new());
-        }
-        let skip = [0, 1, 2].map(|a| (lower[a] - i64::from(tool.lower[a])) as usize);
-        let mut solid = Vec::with_capacity(dims.iter().product());
-        for x in 0..dims[0] {
-            for y in 0..dims[1] {
-                let from = ((x + skip[0]) * tool.dims[1] + y + skip[1]) * tool.dims[2] + skip[2];
-                solid.extend_from_slice(&tool.solid[from..from + dims[2]]);
-            }
-        }
-        (lower, dims, solid)
-    }
-
     /// r2c along z of the non-empty lines into `scratch.input [block][tx][ty][lane]`.
     fn transform_z(&self, solid: &Solid<'_>, scratch: &mut Scratch<T>) {
         let nz = self.size.n[2];
-        let [tx, ty, tz] = solid.dims;
+        let [tx, ty, _] = solid.dims();
         let blocks = self.blocks();
         let plans = [&self.forward[0], &self.forward[1], &self.inverse[0], &self.inverse[1]];
         let complex = plans.iter().map(|plan| plan.get_inplace_scratch_len()).max().unwrap_or(0);
@@ -211,13 +215,13 @@ impl<T: Precision> Convolver<T> {
         scratch.input.clear();
         scratch.input.resize(blocks * tx * ty * LANES, Self::zero());
         for row in 0..tx * ty {
-            let line = &solid.solid[row * tz..][..tz];
+            let line = solid.line(row / ty, row % ty);
             if line.iter().all(|&s| s == 0) {
                 continue;
             }
             scratch.real.fill(T::zero());
             for (z, _) in line.iter().enumerate().filter(|&(_, &s)| s != 0) {
-                scratch.real[wrap(solid.lower[2] + z as i64, nz)] = T::one();
+                scratch.real[wrap(solid.lower()[2] + z as i64, nz)] = T::one();
             }
             scratch.half[nz / 2 + 1..].fill(Self::zero());
             let half = &mut scratch.half[..nz / 2 + 1];
@@ -233,7 +237,7 @@ impl<T: Precision> Convolver<T> {
     /// FFT along y of one block into `scratch.columns [tx][ky][lane]`.
     fn transform_y(&self, solid: &Solid<'_>, block: usize, scratch: &mut Scratch<T>) {
         let [nx, ny, _] = self.size.n;
-        let [tx, ty, _] = solid.dims;
+        let [tx, ty, _] = solid.dims();
         scratch.columns.resize(tx * ny * LANES, Self::zero());
         scratch.lines.resize(LANES * nx.max(ny), Self::zero());
         let lines = &mut scratch.lines[..LANES * ny];
@@ -241,7 +245,7 @@ impl<T: Precision> Convolver<T> {
             lines.fill(Self::zero());
             let source = &scratch.input[(block * tx + x) * ty * LANES..][..ty * LANES];
             for (y, values) in source.chunks_exact(LANES).enumerate() {
-                let at = wrap(solid.lower[1] + y as i64, ny);
+                let at = wrap(solid.lower()[1] + y as i64, ny);
                 for (lane, &value) in values.iter().enumerate() {
                     lines[lane * ny + at] = value;
                 }
@@ -260,8 +264,8 @@ impl<T: Precision> Convolver<T> {
     fn gather_x(&self, solid: &Solid<'_>, ky: usize, columns: &[Complex<T>], lines: &mut [Complex<T>]) {
         let [nx, ny, _] = self.size.n;
         lines.fill(Self::zero());
-        for x in 0..solid.dims[0] {
-            let at = wrap(solid.lower[0] + x as i64, nx);
+        for x in 0..solid.dims()[0] {
+            let at = wrap(solid.lower()[0] + x as i64, nx);
             for (lane, &value) in columns[(x * ny + ky) * LANES..][..LANES].iter().enumerate() {
                 lines[lane * nx + at] = value;
             }

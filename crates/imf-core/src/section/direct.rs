@@ -21,14 +21,17 @@ pub fn direct_count(obstacle: &Occupancy, tool: &RotatedTool, voxel: [i64; 3]) -
     let mut count = 0;
     for x in range(0) {
         for y in range(1) {
-            for z in range(2) {
-                let in_tool =
-                    tool.solid[(x as usize * tool.dims[1] + y as usize) * tool.dims[2] + z as usize];
-                if in_tool != 0 {
-                    let at = [first[0] + x, first[1] + y, first[2] + z].map(|i| i as usize);
-                    count += u32::from(obstacle.solid[obstacle.grid.index(at)]);
-                }
+            let z = range(2);
+            if z.is_empty() {
+                continue;
             }
+            let length = (z.end - z.start) as usize;
+            let in_tool = (x as usize * tool.dims[1] + y as usize) * tool.dims[2] + z.start as usize;
+            let at = [first[0] + x, first[1] + y, first[2] + z.start].map(|i| i as usize);
+            let in_obstacle = obstacle.grid.index(at);
+            let tool = &tool.solid[in_tool..in_tool + length];
+            let obstacle = &obstacle.solid[in_obstacle..in_obstacle + length];
+            count += tool.iter().zip(obstacle).map(|(&t, &o)| u32::from(t & o)).sum::<u32>();
         }
     }
     count

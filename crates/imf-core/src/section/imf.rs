@@ -25,11 +25,12 @@ impl Imf {
 
     /// Takes a section of orientation `index` into account.
     pub fn lower_to(&mut self, index: usize, cmf: &[f32]) {
+        let index = index as u32;
         for ((value, best), &candidate) in self.value.iter_mut().zip(&mut self.best).zip(cmf) {
-            if candidate < *value || (candidate == *value && (index as u32) < *best) {
-                *value = candidate;
-                *best = index as u32;
-            }
+            // Without branches, so that many voxels are compared at once.
+            let better = (candidate < *value) | ((candidate == *value) & (index < *best));
+            *value = if better { candidate } else { *value };
+            *best = if better { index } else { *best };
         }
     }
 

@@ -40,7 +40,9 @@ impl QueryBox {
 /// Size of the circular correlation, and the tool offsets that can matter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct CircularSize {
-    /// Points along x, y, z; z is even.
+    /// Points along x, y, z that suffice.
+    pub(super) needed: [usize; 3],
+    /// Points along x, y, z of a fast transform; z is even.
     pub(super) n: [usize; 3],
     /// Tool offsets outside `[first, last]` along each axis meet no obstacle from any voxel of the query box.
     pub(super) first: [i64; 3],
@@ -52,7 +54,7 @@ impl CircularSize {
     /// [−a, b], wrapping is harmless from max(n, q1 + b, n + a − q0) points on.
     pub(super) fn new(obstacle: [usize; 3], query: QueryBox, reach: f64) -> Self {
         let reach = reach.min(1e9).ceil() as i64;
-        let mut size = Self { n: [0; 3], first: [0; 3], last: [0; 3] };
+        let mut size = Self { needed: [0; 3], n: [0; 3], first: [0; 3], last: [0; 3] };
         for axis in 0..3 {
             let n = obstacle[axis] as i64;
             let (q0, q1) = (query.lower[axis], query.lower[axis] + query.dims[axis] as i64);
@@ -60,6 +62,7 @@ impl CircularSize {
             size.first[axis] = (-reach).max(1 - q1);
             size.last[axis] = reach.min(n - 1 - q0);
             let needed = n.max(q1 + size.last[axis]).max(n - size.first[axis] - q0);
+            size.needed[axis] = needed as usize;
             size.n[axis] = fast_length(needed as usize, axis == 2);
         }
         size

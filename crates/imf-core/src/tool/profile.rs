@@ -79,6 +79,7 @@ impl Segment {
 
     /// Radius ρ at a height; meaningful within the range.
     #[must_use]
+    #[inline(always)]
     pub fn radius(&self, height: f64) -> f64 {
         match *self {
             Self::Line { from, to, radius_from, radius_to } => {

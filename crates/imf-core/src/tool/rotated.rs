@@ -51,7 +51,8 @@ impl RotatedTool {
         match &tool.shape {
             ToolShape::Revolved(elements) => {
                 let profile: Vec<Segment> = elements.iter().flat_map(|e| e.profile.iter().copied()).collect();
-                rotated.fill_revolved(&profile, orientation.direction(), pitch);
+                let direction = orientation.direction();
+                pulp::Arch::new().dispatch(|| rotated.fill_revolved(&profile, direction, pitch));
             }
             ToolShape::Mesh(mesh) => {
                 let turned = mesh.transformed(&DMat4::from_mat3(orientation.rotation()));
@@ -73,23 +74,51 @@ impl RotatedTool {
         [0, 1, 2].map(|axis| self.lower[axis] + self.dims[axis] as i32 - 1)
     }
 
-    /// Tests voxel centres, line by line along z, within the cylinder around the widest radius.
+    /// Tests voxel centres, line by line along z, within the cylinder around the widest radius. The arithmetic is
+    /// that of [`holds`], operation by operation, so that both agree to the last bit; a whole line at a time.
+    #[inline(always)]
     fn fill_revolved(&mut self, profile: &[Segment], direction: DVec3, pitch: f64) {
-        let heights =
+        let span =
             (profile.first().map_or(0.0, |s| s.range().0), profile.last().map_or(0.0, |s| s.range().1));
         let widest = profile.iter().map(Segment::max_radius).fold(0.0, f64::max);
         let slack = SLACK * pitch * pitch;
         let [nx, ny, nz] = self.dims;
+        let zs: Vec<f64> = (0..nz).map(|iz| f64::from(self.lower[2] + iz as i32) * pitch).collect();
+        let mut heights = vec![0.0; nz];
+        let mut squares = vec![0.0; nz];
         for (ix, iy) in (0..nx).flat_map(|ix| (0..ny).map(move |iy| (ix, iy))) {
             let x = f64::from(self.lower[0] + ix as i32) * pitch;
             let y = f64::from(self.lower[1] + iy as i32) * pitch;
-            let candidates = line_through_cylinder(x, y, direction, widest, heights, pitch);
+            let candidates = line_through_cylinder(x, y, direction, widest, span, pitch);
             let first = (candidates.0 - f64::from(self.lower[2])).clamp(0.0, nz as f64) as usize;
             let last = (candidates.1 - f64::from(self.lower[2]) + 1.0).clamp(0.0, nz as f64) as usize;
-            let line = &mut self.solid[(ix * ny + iy) * nz..][..nz];
-            for iz in first..last {
-                let p = DVec3::new(x, y, f64::from(self.lower[2] + iz as i32) * pitch);
-                line[iz] = u8::from(holds(profile, direction, p, slack));
+            if first >= last {
+                continue;
+            }
+            let line = &mut self.solid[(ix * ny + iy) * nz..][first..last];
+            let heights = &mut heights[..line.len()];
+            let squares = &mut squares[..line.len()];
+            let (flat, flat_square) = (x * direction.x + y * direction.y, x * x + y * y);
+            for ((height, square), &z) in heights.iter_mut().zip(squares.iter_mut()).zip(&zs[first..last]) {
+                *height = flat + z * direction.z;
+                *square = (flat_square + z * z) - *height * *height;
+            }
+            let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+            for &height in heights.iter() {
+                least = least.min(height);
+                most = most.max(height);
+            }
+            // The segments' ranges meet without overlap: at most one of them holds a height.
+            for segment in profile {
+                let (from, to) = segment.range();
+                if from > most || to <= least {
+                    continue;
+                }
+                for ((solid, &height), &square) in line.iter_mut().zip(heights.iter()).zip(squares.iter()) {
+                    let radius = segment.radius(height);
+                    let inside = (from <= height) & (height < to) & (square <= radius * radius + slack);
+                    *solid |= u8::from(inside);
+                }
             }
         }
     }
@@ -98,11 +127,12 @@ impl RotatedTool {
     fn crop(&mut self) {
         let [nx, ny, nz] = self.dims;
         let (mut low, mut high) = ([nx, ny, nz], [0usize; 3]);
-        for (index, _) in self.solid.iter().enumerate().filter(|&(_, &s)| s != 0) {
-            let voxel = [index / (ny * nz), index / nz % ny, index % nz];
-            for axis in 0..3 {
-                low[axis] = low[axis].min(voxel[axis]);
-                high[axis] = high[axis].max(voxel[axis]);
+        for (row, line) in self.solid.chunks_exact(nz).enumerate() {
+            let Some(first) = line.iter().position(|&s| s != 0) else { continue };
+            let last = line.iter().rposition(|&s| s != 0).unwrap_or(first);
+            for (axis, range) in [[row / ny; 2], [row % ny; 2], [first, last]].into_iter().enumerate() {
+                low[axis] = low[axis].min(range[0]);
+                high[axis] = high[axis].max(range[1]);
             }
         }
         let dims = [0, 1, 2].map(|axis| high[axis] - low[axis] + 1);

@@ -1,0 +1,163 @@
+//! Where a rotated tool begins and ends along an axis.
+//!
+//! Seen along an axis the tool is a set of runs of voxels. One step of the tool along the axis uncovers the voxels at
+//! the runs' beginnings and covers those just past their ends, so that the difference of two neighbouring overlaps is
+//! a sum over run ends alone: a few thousand where the tool has tens of thousands of voxels.
+
+use super::clipped::ClippedTool;
+
+/// The axis along which a tool is stepped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Axis {
+    X,
+    Y,
+    Z,
+}
+
+impl Axis {
+    pub(super) const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
+
+    pub(super) fn index(self) -> usize {
+        self as usize
+    }
+}
+
+/// Offsets from the tip's voxel, sorted by x, then y, with the place where each (x, y) begins.
+#[derive(Default)]
+pub(super) struct Offsets {
+    /// Offset of the first (x, y) of the table.
+    pub(super) lower: [i64; 2],
+    /// (x, y) pairs of the table along x and y.
+    pub(super) dims: [usize; 2],
+    /// `[dims[0]·dims[1] + 1]`: where the offsets of (x, y) begin.
+    starts: Vec<u32>,
+    /// Along z.
+    pub(super) z: Vec<i32>,
+}
+
+impl Offsets {
+    fn clear(&mut self, tool: &ClippedTool<'_>) {
+        self.lower = [tool.lower[0], tool.lower[1]];
+        // One more than the box: a run may end at its upper side.
+        self.dims = [tool.dims[0] + 1, tool.dims[1] + 1];
+        self.starts.clear();
+        self.z.clear();
+    }
+
+    /// Everything at offset x (counted from `lower`) with y in `low..high` (counted likewise).
+    #[inline]
+    pub(super) fn range(&self, x: usize, low: usize, high: usize) -> std::ops::Range<usize> {
+        let row = x * self.dims[1];
+        self.starts[row + low] as usize..self.starts[row + high] as usize
+    }
+}
+
+/// The run ends of a tool along one axis.
+#[derive(Default)]
+pub(super) struct RunEnds {
+    /// Just past the runs' ends: what a step covers.
+    pub(super) covered: Offsets,
+    /// The runs' beginnings: what a step uncovers.
+    pub(super) uncovered: Offsets,
+}
+
+impl RunEnds {
+    /// Number of run ends along x, y and z.
+    pub(super) fn count(tool: &ClippedTool<'_>) -> [usize; 3] {
+        let [nx, ny, nz] = tool.dims;
+        let empty = vec![0; nz];
+        let mut ends = [0; 3];
+        for x in 0..nx {
+            for y in 0..ny {
+                let line = tool.line(x, y);
+                let below_x = if x > 0 { tool.line(x - 1, y) } else { &empty };
+                let below_y = if y > 0 { tool.line(x, y - 1) } else { &empty };
+                ends[0] += changes(line, below_x);
+                ends[1] += changes(line, below_y);
+                if let Some((first, rest)) = line.split_first() {
+                    ends[2] += usize::from(*first) + changes(rest, line) + usize::from(line[nz - 1]);
+                }
+                // The upper sides close what is still open.
+                if x + 1 == nx {
+                    ends[0] += changes(line, &empty);
+                }
+                if y + 1 == ny {
+                    ends[1] += changes(line, &empty);
+                }
+            }
+        }
+        ends
+    }
+
+    /// Finds the run ends along `axis`.
+    pub(super) fn collect(&mut self, tool: &ClippedTool<'_>, axis: Axis) {
+        let [nx, ny, nz] = tool.dims;
+        self.covered.clear(tool);
+        self.uncovered.clear(tool);
+        // One voxel of nothing around the line, so that every run has both ends.
+        let mut padded = vec![0; nz + 1];
+        let empty = vec![0; nz];
+        for x in 0..=nx {
+            for y in 0..=ny {
+                self.covered.starts.push(self.covered.z.len() as u32);
+                self.uncovered.starts.push(self.uncovered.z.len() as u32);
+                let inside = x < nx && y < ny;
+                match axis {
+                    Axis::X if y < ny => {
+                        let line = if inside { tool.line(x, y) } else { &empty };
+                        let below = if x > 0 { tool.line(x - 1, y) } else { &empty };
+                        self.compare(line, below, tool.lower[2]);
+                    }
+                    Axis::Y if x < nx => {
+                        let line = if inside { tool.line(x, y) } else { &empty };
+                        let below = if y > 0 { tool.line(x, y - 1) } else { &empty };
+                        self.compare(line, below, tool.lower[2]);
+                    }
+                    Axis::Z if inside => {
+                        let line = tool.line(x, y);
+                        self.compare(line, &empty[..0], tool.lower[2]);
+                        padded[..nz].copy_from_slice(line);
+                        self.compare(&padded[1..], line, tool.lower[2] + 1);
+                    }
+                    _ => {}
+                }
+            }
+        }
+        self.covered.starts.push(self.covered.z.len() as u32);
+        self.uncovered.starts.push(self.uncovered.z.len() as u32);
+    }
+
+    /// Takes over where two neighbouring lines differ. Against a line of no voxels only the first voxel counts: it
+    /// has no neighbour below.
+    fn compare(&mut self, line: &[u8], below: &[u8], lower: i64) {
+        const GROUP: usize = 16;
+        if below.is_empty() {
+            if line.first().is_some_and(|&solid| solid != 0) {
+                self.uncovered.z.push(lower as i32);
+            }
+            return;
+        }
+        for (group, (here, there)) in line.chunks(GROUP).zip(below.chunks(GROUP)).enumerate() {
+            if here == there {
+                continue;
+            }
+            for (place, (&solid, &before)) in here.iter().zip(there).enumerate() {
+                let offset = lower as i32 + (group * GROUP + place) as i32;
+                match (before, solid) {
+                    (0, 1) => self.uncovered.z.push(offset),
+                    (1, 0) => self.covered.z.push(offset),
+                    _ => {}
+                }
+            }
+        }
+    }
+}
+
+/// Number of places where two lines of zeros and ones differ.
+fn changes(a: &[u8], b: &[u8]) -> usize {
+    // Lines shorter than 255 groups keep each byte-wide sum in range.
+    a.chunks(128)
+        .zip(b.chunks(128))
+        .map(|(a, b)| usize::from(a.iter().zip(b).map(|(a, b)| a ^ b).sum::<u8>()))
+        .sum()
+}

@@ -1,0 +1,84 @@
+//! Along which axis, and in which direction, the tool is stepped through the obstacle.
+
+use std::ops::Range;
+
+use super::bit_adder::TILE_BITS;
+use super::clipped::ClippedTool;
+use super::run_ends::{Axis, RunEnds};
+use super::size::QueryBox;
+
+/// In which order the differences are summed up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Sweep {
+    pub(super) axis: Axis,
+    pub(super) upwards: bool,
+    /// Voxels along the axis where a difference to the next one is taken.
+    lower: i64,
+    upper: i64,
+    /// Run ends along the axis.
+    ends: usize,
+}
+
+impl Sweep {
+    /// The cheapest sweep of a tool with these run ends.
+    pub(super) fn choose(
+        tool: &ClippedTool<'_>,
+        obstacle: [usize; 3],
+        line_bits: i64,
+        query: &QueryBox,
+    ) -> Self {
+        let ends = RunEnds::count(tool);
+        let upper = tool.upper();
+        let sweeps = Axis::ALL.into_iter().filter_map(|axis| {
+            let a = axis.index();
+            let n = obstacle[a] as i64;
+            // Along z the zeros between two lines must hold the tool.
+            if axis == Axis::Z && n + tool.dims[a] as i64 > line_bits {
+                return None;
+            }
+            let (q0, q1) = (query.lower[a], query.lower[a] + query.dims[a] as i64);
+            let down = Self { axis, upwards: false, lower: q0, upper: n - tool.lower[a], ends: ends[a] };
+            let up = Self { axis, upwards: true, lower: -upper[a] - 1, upper: q1 - 1, ends: ends[a] };
+            let sweep = if down.steps() <= up.steps() { down } else { up };
+            Some((ends[a] as f64 * sweep.steps() as f64 / query.dims[a] as f64, sweep))
+        });
+        let cheapest = sweeps.min_by(|a, b| a.0.total_cmp(&b.0));
+        cheapest
+            .map_or(Self { axis: Axis::X, upwards: true, lower: 0, upper: 0, ends: 0 }, |(_, sweep)| sweep)
+    }
+
+    /// How many differences are taken along the axis.
+    pub(super) fn steps(&self) -> i64 {
+        (self.upper - self.lower).max(0)
+    }
+
+    /// The voxels where differences are taken along `axis`: the sweep's own along its axis, else the query's.
+    pub(super) fn range(&self, axis: Axis, query: &QueryBox) -> Range<i64> {
+        let a = axis.index();
+        if axis == self.axis {
+            self.lower..self.upper.max(self.lower)
+        } else {
+            query.lower[a]..query.lower[a] + query.dims[a] as i64
+        }
+    }
+
+    /// Tile-wide loads that the sweep makes, by estimate: run ends spread evenly over the tool's box, lines of the
+    /// obstacle nowhere empty.
+    pub(super) fn loads(
+        &self,
+        tool: &ClippedTool<'_>,
+        obstacle: [usize; 3],
+        line_bits: i64,
+        query: &QueryBox,
+    ) -> f64 {
+        let ranges = Axis::ALL.map(|axis| self.range(axis, query));
+        // Mean share of the tool's offsets that meet the obstacle's box, times the voxels where they are tried.
+        let tried = |a: usize| {
+            let met: i64 = (tool.lower[a]..=tool.upper()[a])
+                .map(|o| (ranges[a].end.min(obstacle[a] as i64 - o) - ranges[a].start.max(-o)).max(0))
+                .sum();
+            met as f64 / tool.dims[a].max(1) as f64
+        };
+        self.ends as f64 * tried(0) * tried(1) * line_bits as f64 / TILE_BITS as f64
+    }
+}

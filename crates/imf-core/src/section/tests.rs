@@ -1,0 +1,300 @@
+use super::*;
+use crate::orientation::OrientationSet;
+use crate::tool::{Element, ElementKind, Segment, SharpPoints, ToolShape};
+use crate::unit::LengthUnit;
+
+const DIMS: [usize; 3] = [13, 11, 17];
+
+/// A cylinder of the given radius and height with its tip at the origin.
+fn cylinder(radius: f64, height: f64) -> Tool {
+    let line = Segment::Line { from: 0.0, to: height, radius_from: radius, radius_to: radius };
+    Tool {
+        name: "cylinder".into(),
+        unit: LengthUnit::Mm,
+        shape: ToolShape::Revolved(vec![Element { kind: ElementKind::Cutter, profile: vec![line] }]),
+        sharp_points: SharpPoints::Tip,
+    }
+}
+
+fn scattered(dims: [usize; 3]) -> Occupancy {
+    let grid = Grid { origin: DVec3::new(0.3, -1.0, 2.0), pitch: 1.0, dims };
+    let solid = (0..grid.len()).map(|i| u8::from(i.wrapping_mul(2_654_435_761) >> 7 & 3 == 0)).collect();
+    Occupancy { grid, solid }
+}
+
+/// Instruction sets of this machine, from the best to the plain one.
+fn archs() -> Vec<pulp::Arch> {
+    let mut archs = vec![pulp::Arch::new()];
+    #[cfg(target_arch = "x86_64")]
+    archs.extend(pulp::x86::V3::try_new().map(pulp::Arch::V3));
+    archs.push(pulp::Arch::Scalar);
+    archs
+}
+
+/// Sections by every method and every instruction set are direct sums.
+fn every_method_counts_like_direct(obstacle: &Occupancy, tool: &Tool, orientations: &[Orientation]) {
+    let mut plan = SectionPlan::new(obstacle, tool).unwrap().with_method(Method::Transform);
+    orientations.iter().for_each(|o| counts_equal_direct(&plan, o));
+    plan = plan.with_method(Method::RunEnds);
+    for arch in archs() {
+        plan.counter.arch = arch;
+        orientations.iter().for_each(|o| counts_equal_direct(&plan, o));
+        plan.counter.run_ends = std::sync::OnceLock::new();
+    }
+}
+
+fn counts_equal_direct(plan: &SectionPlan, orientation: &Orientation) {
+    let mut scratch = SectionScratch::default();
+    let mut counts = vec![u32::MAX; plan.grid().len()];
+    plan.counts(orientation, &mut scratch, &mut counts).unwrap();
+    let rotated = RotatedTool::new(plan.tool(), orientation, plan.grid().pitch).unwrap();
+    for (index, &count) in counts.iter().enumerate() {
+        let voxel = plan.grid().voxel(index).map(|v| v as i64);
+        assert_eq!(count, direct_count(plan.obstacle(), &rotated, voxel), "{orientation:?} {voxel:?}");
+    }
+}
+
+#[test]
+fn counts_are_direct_sums_for_tools_smaller_and_larger_than_the_grid() {
+    let mut orientations = OrientationSet::parse("random:6:1").unwrap().orientations;
+    orientations.extend(OrientationSet::parse("0,0;0,180;90,90;45,45").unwrap().orientations);
+    for tool in [cylinder(2.0, 6.0), cylinder(4.0, 45.0), cylinder(0.6, 1.0), cylinder(30.0, 50.0)] {
+        for dims in [DIMS, [1, 5, 2], [1, 1, 1], [3, 1, 40]] {
+            every_method_counts_like_direct(&scattered(dims), &tool, &orientations);
+        }
+    }
+}
+
+#[test]
+fn lines_without_anything_solid_are_passed_over_rightly() {
+    let orientations = OrientationSet::parse("random:8:5").unwrap().orientations;
+    // Solid voxels in a few lines only, and none at all.
+    let mut obstacle = scattered([9, 14, 12]);
+    for (index, solid) in obstacle.solid.iter_mut().enumerate() {
+        let (x, y) = (index / (14 * 12), index / 12 % 14);
+        *solid &= u8::from((x + 3 * y) % 7 == 2 && x != 4);
+    }
+    every_method_counts_like_direct(&obstacle, &cylinder(3.3, 8.0), &orientations);
+    every_method_counts_like_direct(
+        &Occupancy::empty(obstacle.grid),
+        &cylinder(3.3, 8.0),
+        &orientations[..2],
+    );
+}
+
+#[test]
+fn runs_and_counts_beyond_a_byte_and_beyond_sixteen_bits_are_exact() {
+    // Everything solid: a run of 300 voxels, and a tool of more than 65,535.
+    let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [3, 2, 300] };
+    let obstacle = Occupancy { grid, solid: vec![1; grid.len()] };
+    let orientations = OrientationSet::parse("0,0;0,180;90,90;31,62").unwrap().orientations;
+    every_method_counts_like_direct(&obstacle, &cylinder(4.0, 320.0), &orientations);
+
+    let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [64, 50, 50] };
+    let obstacle = Occupancy { grid, solid: vec![1; grid.len()] };
+    let tool = cylinder(60.0, 70.0);
+    for method in [Method::RunEnds, Method::Transform] {
+        let plan = SectionPlan::new(&obstacle, &tool).unwrap().with_method(method);
+        let mut counts = vec![0; grid.len()];
+        plan.counts(&orientations[3], &mut SectionScratch::default(), &mut counts).unwrap();
+        let rotated = RotatedTool::new(&tool, &orientations[3], 1.0).unwrap();
+        assert!(counts.iter().any(|&count| count > 70_000));
+        for (index, &count) in counts.iter().enumerate().step_by(1_371) {
+            let voxel = grid.voxel(index).map(|v| v as i64);
+            assert_eq!(count, direct_count(&obstacle, &rotated, voxel), "{method:?} {voxel:?}");
+        }
+    }
+}
+
+#[test]
+fn mesh_tools_with_holes_and_sharp_points_off_the_grid_are_direct_sums() {
+    // Two boxes apart from each other: two runs on a line.
+    let mut mesh = crate::mesh::Mesh::default();
+    for (low, high) in
+        [(DVec3::new(-1.2, -2.1, 0.2), DVec3::new(2.3, 1.7, 3.4)), (DVec3::splat(5.1), DVec3::splat(8.8))]
+    {
+        let first = mesh.vertices.len() as u32;
+        for corner in 0..8 {
+            let pick = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
+            mesh.vertices.push(DVec3::new(pick(0), pick(1), pick(2)));
+        }
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        mesh.triangles.extend(
+            quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).map(|t| t.map(|v| v + first)),
+        );
+    }
+    let tool = Tool {
+        shape: ToolShape::Mesh(mesh),
+        sharp_points: SharpPoints::Points(vec![DVec3::new(-4.2, 6.1, -3.3), DVec3::new(0.5, 0.0, 9.0)]),
+        ..cylinder(1.0, 1.0)
+    };
+    let mut orientations = OrientationSet::parse("random:4:2").unwrap().orientations;
+    orientations.push(Orientation { theta: 10.0, phi: 140.0, roll: 77.0 });
+    let obstacle = scattered([8, 7, 9]);
+    every_method_counts_like_direct(&obstacle, &tool, &orientations);
+    for method in [Method::RunEnds, Method::Transform, Method::Fastest] {
+        let plan = SectionPlan::new(&obstacle, &tool).unwrap().with_method(method);
+        let mut cmf = vec![f32::NAN; plan.grid().len()];
+        for orientation in &orientations {
+            plan.cmf(orientation, &mut SectionScratch::default(), &mut cmf).unwrap();
+            for (index, &value) in cmf.iter().enumerate().step_by(5) {
+                let expected = direct_cmf(&obstacle, &tool, orientation, plan.grid().voxel(index)).unwrap();
+                assert!((f64::from(value) - expected).abs() < 1e-6, "{method:?}: {value} {expected}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_estimate_prefers_run_ends_for_slender_tools_and_transforms_for_fat_ones() {
+    let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [58, 76, 121] };
+    let obstacle = Occupancy { grid, solid: vec![1; grid.len()] };
+    let plan = SectionPlan::new(&obstacle, &Tool::paper()).unwrap();
+    assert!(plan.describe().starts_with("run ends"), "{}", plan.describe());
+    let slow = Estimate { run_ends: 2.0, transform: 1.0 };
+    assert!(
+        plan.counter.describe(slow).starts_with("real FFT 120×160×210"),
+        "{}",
+        plan.counter.describe(slow)
+    );
+    assert!(plan.with_method(Method::Transform).describe().starts_with("real FFT"));
+}
+
+#[test]
+fn sharp_points_are_read_by_trilinear_means() {
+    let tool = Tool {
+        sharp_points: SharpPoints::Points(vec![DVec3::new(1.3, -0.4, 0.7), DVec3::ZERO]),
+        ..cylinder(2.5, 7.0)
+    };
+    let plan = SectionPlan::new(&scattered(DIMS), &tool).unwrap();
+    let mut scratch = SectionScratch::default();
+    let mut cmf = vec![f32::NAN; plan.grid().len()];
+    for orientation in OrientationSet::parse("0,0;20,50;110,130").unwrap().orientations {
+        plan.cmf(&orientation, &mut scratch, &mut cmf).unwrap();
+        for (index, &value) in cmf.iter().enumerate() {
+            let expected =
+                direct_cmf(plan.obstacle(), &tool, &orientation, plan.grid().voxel(index)).unwrap();
+            assert!((f64::from(value) - expected).abs() < 1e-6, "{value} {expected}");
+        }
+    }
+}
+
+#[test]
+fn a_box_of_voxels_under_a_one_voxel_line_is_counted_in_closed_form() {
+    // A line of 5 voxels going up over a block that fills z < 4: overlap = clamp(4 − z, 0, 5).
+    let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [4, 4, 8] };
+    let solid = (0..grid.len()).map(|i| u8::from(i % 8 < 4)).collect();
+    let plan = SectionPlan::new(&Occupancy { grid, solid }, &cylinder(0.4, 4.5)).unwrap();
+    let mut cmf = vec![0.0; grid.len()];
+    plan.cmf(&Orientation::default(), &mut SectionScratch::default(), &mut cmf).unwrap();
+    for (index, &value) in cmf.iter().enumerate() {
+        let z = index % 8;
+        assert_eq!(value, (4usize.saturating_sub(z)) as f32 / 5.0);
+    }
+}
+
+#[test]
+fn the_imf_is_the_least_section_with_the_first_index_at_a_tie() {
+    let plan = SectionPlan::new(&scattered(DIMS), &cylinder(2.0, 6.0)).unwrap();
+    let mut orientations = OrientationSet::parse("fibonacci:9").unwrap().orientations;
+    orientations.extend(orientations.clone());
+    let all = sections(&plan, &orientations, Control::quiet()).unwrap();
+    for threads in [1, 3] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let result = pool.install(|| imf(&plan, &orientations, Control::quiet())).unwrap();
+        for voxel in 0..plan.grid().len() {
+            let mut expected = (f32::INFINITY, u32::MAX);
+            for (index, section) in all.iter().enumerate() {
+                if section[voxel] < expected.0 {
+                    expected = (section[voxel], index as u32);
+                }
+            }
+            assert_eq!((result.value[voxel], result.best[voxel]), expected);
+        }
+    }
+}
+
+#[test]
+fn cancelling_stops_the_stream() {
+    let plan = SectionPlan::new(&scattered(DIMS), &cylinder(2.0, 6.0)).unwrap();
+    let stop = std::sync::atomic::AtomicBool::new(true);
+    let control = Control { progress: &|_| {}, cancelled: &stop };
+    let orientations = OrientationSet::parse("fibonacci:9").unwrap().orientations;
+    assert!(matches!(imf(&plan, &orientations, control), Err(SectionError::Cancelled)));
+}
+
+#[test]
+fn the_papers_scene_fits_f32_and_its_estimate_is_near_the_truth() {
+    let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [58, 76, 121] };
+    // Copies of the obstacle of 1.2 MB, and about 19 MB a thread.
+    let estimate = SectionPlan::memory_estimate(&grid, &Tool::paper(), 2) as f64 / 1e6;
+    assert!((10.0..100.0).contains(&estimate), "{estimate} MB");
+    let bound =
+        CircularSize::new(grid.dims, QueryBox::grown(grid.dims, 0), 84.3).error_bound::<f32>(120_000, 33_000);
+    assert!(bound < 0.5);
+}
+
+#[test]
+fn both_precisions_of_the_transform_give_the_same_whole_numbers() {
+    let obstacle = scattered(DIMS);
+    let rotated = RotatedTool::new(&cylinder(3.0, 9.0), &Orientation::new(33.0, 71.0), 1.0).unwrap();
+    let query = QueryBox::grown(DIMS, 0);
+    let size = CircularSize::new(DIMS, query, 10.0);
+    let clipped = ClippedTool::new(&rotated, &size);
+    let (mut single, mut double) = (vec![7; query.len()], vec![9; query.len()]);
+    let far = convolution::Convolver::<f32>::new(&obstacle, query, size).correlate(
+        &clipped,
+        &mut convolution::Scratch::default(),
+        &mut single,
+    );
+    convolution::Convolver::<f64>::new(&obstacle, query, size).correlate(
+        &clipped,
+        &mut convolution::Scratch::default(),
+        &mut double,
+    );
+    assert!(far < 0.01, "{far}");
+    assert_eq!(single, double);
+}
+
+#[test]
+fn a_query_grid_of_its_own_sees_the_whole_obstacle() {
+    let obstacle = scattered(DIMS);
+    let points = SharpPoints::Points(vec![DVec3::new(0.3, -0.4, 0.7)]);
+    let sharp = Tool { sharp_points: points, ..cylinder(1.5, 5.0) };
+    // Within, sticking out on one side, around it all, and beside it: nearer and farther than the tool reaches.
+    let grids = [
+        ([-4, -3, -6], [-5, -4, -7]),
+        ([3, -2, 4], [-9, -6, 0]),
+        ([5, 6, 7], [8, 4, 3]),
+        ([-15, 0, 0], [9, 0, 0]),
+        ([0, 0, 60], [0, 0, -70]),
+    ];
+    for (before, after) in grids {
+        let query = obstacle.grid.grown(before, after).unwrap();
+        // The same obstacle on a grid that holds the query grid too, where the definition reads every voxel.
+        let all = obstacle.grid.grown(before.map(|b| b.max(0)), after.map(|a| a.max(0))).unwrap();
+        let (whole, shift) = (obstacle.on(&all).unwrap(), all.offset_of(&query).unwrap());
+        for tool in [&cylinder(2.0, 9.0), &sharp] {
+            let plan = SectionPlan::with_query(&obstacle, &query, tool).unwrap();
+            let (mut scratch, mut counts) = (SectionScratch::default(), vec![u32::MAX; query.len()]);
+            let mut cmf = vec![f32::NAN; query.len()];
+            for orientation in OrientationSet::parse("random:3:8").unwrap().orientations {
+                let total = plan.counts(&orientation, &mut scratch, &mut counts).unwrap();
+                plan.cmf(&orientation, &mut scratch, &mut cmf).unwrap();
+                let rotated = RotatedTool::new(tool, &orientation, 1.0).unwrap();
+                assert_eq!(total, rotated.count);
+                for index in 0..query.len() {
+                    let voxel = query.voxel(index);
+                    let voxel = [0, 1, 2].map(|axis| voxel[axis] as i64 + shift[axis]);
+                    assert_eq!(counts[index], direct_count(&whole, &rotated, voxel), "{voxel:?}");
+                    let voxel = voxel.map(|v| v as usize);
+                    let expected = direct_cmf(&whole, tool, &orientation, voxel).unwrap();
+                    assert!((f64::from(cmf[index]) - expected).abs() < 1e-6);
+                }
+            }
+        }
+    }
+    let moved = Grid { origin: obstacle.grid.origin + 0.5, ..obstacle.grid };
+    let refusal = SectionPlan::with_query(&obstacle, &moved, &sharp).err().unwrap();
+    assert!(refusal.to_string().contains("whole voxels"), "{refusal}");
+}
