@@ -33,6 +33,8 @@ use sweep::{Placed, Sweep};
 /// the unit of the obstacle's grid. A position that is not finite holds nothing.
 pub struct ExactField<'a> {
     obstacle: &'a Occupancy,
+    /// The tool's, for messages.
+    name: String,
     shape: Shape<'a>,
     columns: Columns,
     arch: Arch,
@@ -61,8 +63,11 @@ struct Part {
     widest: f64,
 }
 
+/// Bodies with more segments than this are counted by the definition.
+const MOST_SEGMENTS: usize = 64;
+
 impl Body {
-    /// `None` for a profile that the runs cannot solve: one that is not convex piece by piece.
+    /// `None` for a profile that the runs cannot solve: one that is not convex piece by piece, or has too many.
     fn new(element: &Element, pitch: f64) -> Option<Self> {
         let profile: Vec<Segment> =
             element.profile.iter().copied().filter(|s| s.range().0 < s.range().1).collect();
@@ -80,7 +85,7 @@ impl Body {
             .map(|s| s.scaled(1.0 / pitch))
             .map(|segment| Part { segment, widest: segment.max_radius() + 1e-4 })
             .collect();
-        convex.then_some(Self { kind: element.kind, profile, parts })
+        (convex && profile.len() <= MOST_SEGMENTS).then_some(Self { kind: element.kind, profile, parts })
     }
 }
 
@@ -100,20 +105,28 @@ impl<'a> ExactField<'a> {
             }
             ToolShape::Mesh(_) => None,
         };
-        Self::with_shape(obstacle, bodies.map_or(Shape::Definition(tool), Shape::Bodies))
+        Self::with_shape(obstacle, &tool.name, bodies.map_or(Shape::Definition(tool), Shape::Bodies))
     }
 
     /// The exact field of bodies that may overlap, such as [`Tool::inflated_elements`]: each is counted by itself, and
-    /// the count of all is the sum. `None` for an outline with an arc that bends inwards.
+    /// the count of all is the sum. `None` for an outline with an arc around a centre
+    /// beyond the axis, or with more than 64 segments.
     #[must_use]
     pub fn of_elements(obstacle: &'a Occupancy, elements: &[Element]) -> Option<Self> {
         let bodies =
             elements.iter().map(|e| Body::new(e, obstacle.grid.pitch)).collect::<Option<Vec<_>>>()?;
-        Some(Self::with_shape(obstacle, Shape::Bodies(bodies)))
+        Some(Self::with_shape(obstacle, "elements", Shape::Bodies(bodies)))
     }
 
-    fn with_shape(obstacle: &'a Occupancy, shape: Shape<'a>) -> Self {
-        Self { obstacle, shape, columns: Columns::new(obstacle), arch: Arch::new(), proof: OnceLock::new() }
+    fn with_shape(obstacle: &'a Occupancy, name: &str, shape: Shape<'a>) -> Self {
+        Self {
+            obstacle,
+            name: name.to_owned(),
+            shape,
+            columns: Columns::new(obstacle),
+            arch: Arch::new(),
+            proof: OnceLock::new(),
+        }
     }
 
     /// The elements that are told apart, from the tip upwards; none for a mesh.
@@ -181,7 +194,7 @@ impl<'a> ExactField<'a> {
                         .sum()
                 };
                 match bodies.iter().map(all).sum() {
-                    0 => Err(ToolError::TooSmall { name: "tool".into(), pitch }),
+                    0 => Err(ToolError::TooSmall { name: self.name.clone(), pitch }),
                     count => Ok(count),
                 }
             }

@@ -6,13 +6,16 @@
 //! middle is tried with the predicate that defines the tool: one that is inside decides the pose. Else the halves are
 //! looked at. Pieces that are too short to halve stay open: they must be counted.
 
-use super::Body;
 use super::sweep::Placed;
+use super::{Body, MOST_SEGMENTS};
 use crate::distance::DistanceField;
 use crate::tool::Segment;
 
 /// Pieces that a pose may leave open.
 pub(super) const OPEN: usize = 48;
+/// Room for the halves that wait: one for each level of the tree, which has no more levels than a body has segments
+/// and its length in voxels has bits.
+const DEPTH: usize = MOST_SEGMENTS + 32;
 /// Added to every covering radius, in voxels: more than the slack of the tool's predicate and all rounding.
 const MARGIN: f64 = 1e-4;
 
@@ -94,13 +97,12 @@ impl Spine {
         open: &mut [u32; OPEN],
     ) -> Verdict {
         let [_, ny, nz] = distances.dims().map(|n| n as u32);
-        let mut stack = [0_u32; 64];
-        let mut depth = 0;
+        let mut stack = [0_u32; DEPTH];
         let mut found = 0;
         let mut last_witness = usize::MAX;
         for root in 0..self.roots as u32 {
-            stack[depth] = root;
-            depth += 1;
+            stack[0] = root;
+            let mut depth = 1;
             while depth > 0 {
                 depth -= 1;
                 let index = stack[depth];
@@ -138,18 +140,22 @@ impl Spine {
     /// hold one, and then no lower than minus the depth it may have.
     pub(super) fn clearance(&self, placed: Placed, distances: &DistanceField) -> f64 {
         let mut least = f64::INFINITY;
-        let mut stack: Vec<u32> = (0..self.roots as u32).collect();
-        while let Some(index) = stack.pop() {
-            let piece = &self.pieces[index as usize];
-            let away = distances.probe(placed.tip + placed.direction * piece.middle).squared.sqrt();
-            let bound = away - piece.radius;
-            if bound >= least {
-                continue;
-            }
-            if piece.halves == 0 {
-                least = least.min(bound);
-            } else {
-                stack.extend([piece.halves, piece.halves + 1]);
+        let mut stack = [0_u32; DEPTH];
+        for root in 0..self.roots as u32 {
+            stack[0] = root;
+            let mut depth = 1;
+            while depth > 0 {
+                depth -= 1;
+                let piece = &self.pieces[stack[depth] as usize];
+                let away = distances.probe(placed.tip + placed.direction * piece.middle).squared.sqrt();
+                let bound = away - piece.radius;
+                if bound < least && piece.halves == 0 {
+                    least = bound;
+                } else if bound < least {
+                    stack[depth] = piece.halves;
+                    stack[depth + 1] = piece.halves + 1;
+                    depth += 2;
+                }
             }
         }
         least

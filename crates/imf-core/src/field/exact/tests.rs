@@ -220,3 +220,23 @@ fn the_clearance_is_a_lower_bound() {
     }
     assert!(free > 200, "{free}");
 }
+
+#[test]
+fn every_instruction_set_counts_the_same() {
+    let tool = awkward();
+    let scene = half(ReferencePart::ScrewGear, &tool);
+    let field = ExactField::new(&scene);
+    let mut archs = vec![Arch::Scalar];
+    #[cfg(target_arch = "x86_64")]
+    archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
+    for arch in archs {
+        let other = ExactField { arch, ..ExactField::new(&scene) };
+        for index in 0..400 {
+            let mut random = ChaCha8Rng::seed_from_u64(index as u64);
+            let pose = pose(&scene.record.grid, &mut random, index);
+            assert_eq!(other.count(&pose), field.count(&pose), "{pose:?}");
+            assert_eq!(other.normaliser(&pose.orientation), field.normaliser(&pose.orientation));
+            assert_eq!(other.collides(&pose), field.collides(&pose), "{pose:?}");
+        }
+    }
+}
