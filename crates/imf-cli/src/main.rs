@@ -55,6 +55,7 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Finetune(arguments) => commands::finetune::run(&session, &arguments),
         Command::Eval(arguments) => commands::eval::run(&session, &arguments),
         Command::Query(arguments) => commands::query::run(&session, &arguments),
+        Command::Bench(arguments) => commands::bench::run(&session, &arguments),
         Command::Info(arguments) => commands::info::run(&session, &arguments),
         Command::Devices => commands::devices::run(&session),
     }
