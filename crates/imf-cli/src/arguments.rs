@@ -63,10 +63,39 @@ pub(crate) enum Command {
     Eval(EvalArguments),
     Query(QueryArguments),
     Check(check::CheckArguments),
+    Bench(BenchArguments),
     Info(InfoArguments),
     /// List the devices that can train and evaluate
     #[command(after_help = "Example:\n  imf devices")]
     Devices,
+}
+
+/// Measure speed, beside what one would write oneself
+#[derive(Args)]
+pub(crate) struct BenchArguments {
+    #[command(subcommand)]
+    pub(crate) bench: Bench,
+}
+
+#[derive(Subcommand)]
+pub(crate) enum Bench {
+    Exact(ExactBenchArguments),
+}
+
+/// Exact sections against scipy and rustfft, and how their cost grows
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf bench exact --out bench-exact\n\n\
+                        Writes exact.json, exact.md and growth.png. About a minute without --full.")]
+pub(crate) struct ExactBenchArguments {
+    /// Folder to write to
+    #[arg(long, default_value = "imf-bench", value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// All sizes up to 384³, all 225 sections of the rivals, 10,000 orientations
+    #[arg(long)]
+    pub(crate) full: bool,
+    /// Python with numpy and scipy
+    #[arg(long, default_value = "python3", value_name = "COMMAND")]
+    pub(crate) python: String,
 }
 
 /// Where networks are trained and evaluated.

@@ -1,6 +1,7 @@
 //! One file a command.
 
 pub(crate) mod access;
+pub(crate) mod bench;
 pub(crate) mod check;
 pub(crate) mod dataset;
 pub(crate) mod demo;

@@ -67,6 +67,7 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Eval(arguments) => commands::eval::run(&session, &arguments),
         Command::Query(arguments) => commands::query::run(&session, &arguments),
         Command::Check(arguments) => commands::check::run(&session, &arguments),
+        Command::Bench(arguments) => commands::bench::run(&session, &arguments),
         Command::Info(arguments) => commands::info::run(&session, &arguments),
         Command::Devices => commands::devices::run(&session),
     }

@@ -1,0 +1,47 @@
+//! What the measurements were taken on.
+
+use std::fmt;
+
+use serde::Serialize;
+use sysinfo::{CpuRefreshKind, RefreshKind, System};
+
+/// The machine, and how much of it was used.
+#[derive(Serialize)]
+pub(super) struct Machine {
+    cpu: String,
+    threads: usize,
+    version: &'static str,
+    system: String,
+}
+
+impl Machine {
+    pub(super) fn new(threads: usize) -> Self {
+        let system = System::new_with_specifics(RefreshKind::nothing().with_cpu(CpuRefreshKind::nothing()));
+        let cpu = system.ok().and_then(|s| s.cpus().first().map(|cpu| cpu.brand().trim().to_owned()));
+        Self {
+            cpu: cpu.filter(|name| !name.is_empty()).unwrap_or_else(|| "unknown CPU".into()),
+            threads,
+            version: env!("CARGO_PKG_VERSION"),
+            system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
+        }
+    }
+}
+
+impl fmt::Display for Machine {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}, {} threads, {}, imf {}", self.cpu, self.threads, self.system, self.version)
+    }
+}
+
+/// Starts a new measurement of the most memory that this process holds at once. Linux only.
+pub(super) fn reset_peak_memory() {
+    // Where it is not allowed, the peak stays that of the whole run.
+    let _ = std::fs::write("/proc/self/clear_refs", "5");
+}
+
+/// The most bytes that this process held since then; nothing where the system does not say.
+pub(super) fn peak_memory() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
+}
