@@ -177,7 +177,7 @@ impl Reader<'_> {
             (Some(mesh), None)
                 if text.shank.is_none() && text.holder.is_empty() && text.stick_out.is_none() =>
             {
-                ToolShape::Mesh(read_mesh(&folder.join(mesh.get_ref()))?)
+                ToolShape::Mesh(read_mesh(folder.join(mesh.get_ref()))?)
             }
             (Some(mesh), _) => {
                 let what = "mesh stands alone: remove cutter, shank, holder and stick_out, or remove mesh";
