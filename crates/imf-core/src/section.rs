@@ -170,21 +170,23 @@ impl SectionPlan {
         let offset = grid.offset_of(query_grid).unwrap_or_default();
         let (query, size) = Self::sizes(grid, offset, query_grid.dims, tool);
         let voxels = query.len() as u64;
+        let threads = threads as u64;
         let rotated = (2.0 * tool.reach() / grid.pitch + 3.0).powi(3).min(1e18) as u64;
-        let common = 2 * grid.len() as u64 + threads as u64 * (2 * rotated + 16 * voxels);
+        let common = 2 * grid.len() as u64 + threads * (2 * rotated + 16 * voxels);
         // A tool of absurd size is left to the plan, which refuses it.
         let slanted = (rotated < 1 << 30).then(|| RotatedTool::new(tool, &SLANT, grid.pitch).ok()).flatten();
-        let by_run_ends = slanted.is_some_and(|rotated| {
-            let clipped = ClippedTool::new(&rotated, &size);
-            Estimate::new(pulp::Arch::new(), grid.dims, &query, &size, &clipped, true).prefers_run_ends()
-        });
-        if by_run_ends {
+        let Some(rotated) = slanted else { return common };
+        let clipped = ClippedTool::new(&rotated, &size);
+        // Half of the voxels solid is more than most parts have.
+        let single = size.error_bound::<f32>(grid.len() / 2, rotated.count as usize) < 0.5;
+        let arch = pulp::Arch::new();
+        if Estimate::new(arch, grid.dims, &query, &size, &clipped, single).prefers_run_ends() {
             return common + BitObstacle::memory(grid.dims, &size, TILE_BITS);
         }
-        let points: u64 = size.n.iter().map(|&n| n as u64).product();
-        // Half the spectrum, in complex f32.
-        let spectrum = 8 * points / 2;
-        common + spectrum + threads as u64 * spectrum * 3 / 2
+        let complex = if single { 8 } else { 16 };
+        let [nx, ny, nz] = size.n.map(|n| n as u64);
+        let lines = (clipped.dims[0] * clipped.dims[1] + query.dims[0] * query.dims[1]) as u64;
+        common + complex * (nz / 2 + 8) * (nx * ny + threads * lines)
     }
 
     /// The grid whose voxels a section covers.

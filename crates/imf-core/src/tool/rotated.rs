@@ -261,14 +261,24 @@ mod tests {
 
     #[test]
     fn rotated_tools_are_their_definition() {
-        let tool = Tool::paper();
+        let paper = Tool::paper();
+        // A bull nose under a cone that narrows upwards and a wide collar: several runs on a line.
+        let profile = vec![
+            Segment::Arc { from: 0.0, to: 4.0, centre_height: 4.0, centre_radius: 6.0, arc_radius: 4.0 },
+            Segment::Line { from: 4.0, to: 20.0, radius_from: 10.0, radius_to: 3.0 },
+            Segment::Line { from: 20.0, to: 31.0, radius_from: 13.0, radius_to: 13.0 },
+        ];
+        let element = super::super::Element { kind: super::super::ElementKind::Cutter, profile };
+        let waisted = Tool { shape: ToolShape::Revolved(vec![element]), ..paper.clone() };
         let mut set = OrientationSet::parse("random:12:3").unwrap().orientations;
         set.extend(OrientationSet::parse("0,0;0,90;90,90;0,180;45,90;0,45").unwrap().orientations);
-        for orientation in set {
-            let rotated = RotatedTool::new(&tool, &orientation, 3.1).unwrap();
-            let expected = definition(&tool, &orientation, 3.1);
-            assert_eq!(offsets(&rotated), expected, "{orientation:?}");
-            assert_eq!(rotated.count as usize, expected.len());
+        for (tool, pitch) in [(&paper, 3.1), (&waisted, 1.0)] {
+            for orientation in &set {
+                let rotated = RotatedTool::new(tool, orientation, pitch).unwrap();
+                let expected = definition(tool, orientation, pitch);
+                assert_eq!(offsets(&rotated), expected, "{orientation:?}");
+                assert_eq!(rotated.count as usize, expected.len());
+            }
         }
     }
 
