@@ -8,7 +8,7 @@
 //!   sharp point reach `x`;
 //! - `IMF(x) = min_R CMF(x, R)`: the inaccessibility measure field.
 //!
-//! Exact values are whole numbers of voxels, computed for one rotation at a time by real FFTs ([`section`]). A network
+//! Exact values are whole numbers of voxels, computed for one rotation at a time ([`section`]). A network
 //! with sine activations holds the field over all poses, continuous and differentiable, in about a megabyte
 //! ([`siren`], [`training`], [`model`]). [`field`] asks either the same question.
 //!

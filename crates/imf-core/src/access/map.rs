@@ -32,7 +32,9 @@ impl AccessMap {
         let step = std::f64::consts::PI / self.cells[1] as f64;
         let area = |j: usize| ((j as f64) * step).cos() - ((j + 1) as f64 * step).cos();
         let free = self.values.iter().enumerate().filter(|&(_, &v)| f64::from(v) <= tau);
-        free.map(|(index, _)| area(index % self.cells[1])).sum::<f64>() / (2.0 * self.cells[0] as f64)
+        // From a positive zero: the sum of nothing is −0.
+        free.map(|(index, _)| area(index % self.cells[1])).fold(0.0, |sum: f64, a| sum + a)
+            / (2.0 * self.cells[0] as f64)
     }
 }
 
