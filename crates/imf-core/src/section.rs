@@ -129,8 +129,9 @@ impl SectionPlan {
         let sharp_points = tool.sharp_point_positions();
         let (query, size) = Self::sizes(&obstacle.grid, offset, query_grid.dims, tool);
         // A tool too large or too small is refused now rather than at the first section.
-        let slanted = RotatedTool::new(tool, &SLANT, obstacle.grid.pitch)?;
+        let upright = RotatedTool::new(tool, &Orientation::default(), obstacle.grid.pitch)?;
         let counter = Counter::new(obstacle, query, size);
+        let slanted = RotatedTool::new(tool, &SLANT, obstacle.grid.pitch).unwrap_or(upright);
         let estimate = counter.estimate(obstacle, &slanted);
         Ok(Self {
             obstacle: obstacle.clone(),
