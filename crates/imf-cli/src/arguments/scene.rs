@@ -135,6 +135,14 @@ pub(crate) struct Reading {
 }
 
 impl Reading {
+    /// The tool, where the command takes one.
+    fn only_tool(&self) -> Result<&Tool> {
+        match self.tools.as_slice() {
+            [tool] => Ok(tool),
+            _ => bail!("one --tool at a time (imf access takes several)"),
+        }
+    }
+
     /// The fixtures as a scene takes them.
     pub(crate) fn fixtures(&self) -> Vec<Fixture<'_>> {
         self.fixtures.iter().map(FixtureMesh::as_fixture).collect()
@@ -145,9 +153,7 @@ impl SceneArguments {
     /// Reads part, fixtures and tool, checks them, estimates the memory, and voxelises. Remarks go to the session.
     pub(crate) fn scene(&self, session: &Session) -> Result<Scene> {
         let reading = self.read(session)?;
-        let [tool] = reading.tools.as_slice() else {
-            bail!("one --tool at a time (imf access takes several)");
-        };
+        let tool = reading.only_tool()?;
         let fixtures = reading.fixtures();
         let spec = self.spec(&reading, &fixtures, tool);
         let grid = spec.grid()?;
@@ -177,9 +183,7 @@ impl SceneArguments {
     /// As [`Self::scene_without_sections`], with the part's own voxels, the fixtures' left out.
     pub(crate) fn scene_and_part(&self, session: &Session) -> Result<(Scene, Occupancy, MeshReport)> {
         let reading = self.read(session)?;
-        let [tool] = reading.tools.as_slice() else {
-            bail!("one --tool at a time (imf access takes several)");
-        };
+        let tool = reading.only_tool()?;
         let fixtures = reading.fixtures();
         let spec = self.spec(&reading, &fixtures, tool);
         let grid = spec.grid()?;
