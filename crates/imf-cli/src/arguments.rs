@@ -2,6 +2,7 @@
 
 pub(crate) mod access;
 pub(crate) mod check;
+pub(crate) mod clearance;
 pub(crate) mod fixture;
 pub(crate) mod scene;
 pub(crate) mod transform;
@@ -161,6 +162,11 @@ pub(crate) struct FieldArguments {
     /// The inaccessibility measure (least over the orientations) with its best orientation, not every section
     #[arg(long)]
     pub(crate) imf: bool,
+    /// Also the measures of cutter, shank and each holder segment by themselves
+    #[arg(long)]
+    pub(crate) elements: bool,
+    #[command(flatten)]
+    pub(crate) contact: clearance::ContactArguments,
     /// Compare this many voxels of every section with direct sums, and say so
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub(crate) check: usize,

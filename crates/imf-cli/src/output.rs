@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail, ensure};
 use imf_core::atomic_file::write_atomically;
+use imf_core::tool::ElementKind;
 use serde::Serialize;
 
 /// A folder for results. It is made only when there is a result to put into it.
@@ -109,6 +110,11 @@ pub(crate) fn short(value: f64) -> String {
     let text = format!("{value:.4}");
     let text = text.trim_end_matches('0').trim_end_matches('.');
     if text == "-0" { "0".into() } else { text.into() }
+}
+
+/// An element as a name of files and arrays: `cutter`, `shank`, `holder_1`.
+pub(crate) fn element_name(kind: ElementKind) -> String {
+    kind.to_string().replace(' ', "_")
 }
 
 /// The number that is written with the same digits as this f32: 0.1 and not 0.10000000149.

@@ -10,6 +10,7 @@ use imf_core::metrics::ErrorReport;
 use imf_core::model::Model;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::SectionPlan;
+use imf_core::tool::Clearance;
 use imf_core::training::EvaluationEngine;
 use serde::Serialize;
 
@@ -47,7 +48,9 @@ pub(crate) struct Report {
     dims: [usize; 3],
     pitch: f64,
     unit: String,
-    promise: &'static str,
+    /// By how much the tool is grown, in `unit`.
+    clearance: Clearance,
+    promise: String,
     parameters: usize,
     training_sections: usize,
     training_samples: u64,
@@ -133,11 +136,8 @@ pub(crate) fn evaluate(
         dims: record.grid.dims,
         pitch: record.grid.pitch,
         unit: record.unit.to_string(),
-        promise: if record.conservative {
-            "exact values are exact for voxels; every voxel that the surface touches is solid"
-        } else {
-            "exact values are exact for voxel centres, not for the mesh between them"
-        },
+        clearance: record.clearance,
+        promise: record.promise().to_string(),
         parameters: model.shape.parameter_count(),
         training_sections: training.len(),
         training_samples: model.record.samples,

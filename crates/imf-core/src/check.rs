@@ -16,7 +16,7 @@ use serde::Serialize;
 use thiserror::Error;
 
 use crate::control::Control;
-use crate::distance::squared_depths;
+use crate::distance::deeper_than;
 use crate::field::{ExactField, Pose};
 use crate::occupancy::Occupancy;
 use crate::tool::{Clearance, ClearanceError, Element, ElementKind, Tool, ToolError};
@@ -245,15 +245,6 @@ fn whole_tool<'a>(part: &'a Occupancy, fixtures: Option<&'a Occupancy>, tool: &'
             against,
         })
         .collect()
-}
-
-/// The solid voxels that lie deeper than `contact` below the surface.
-#[must_use]
-pub fn deeper_than(part: &Occupancy, contact: f64) -> Occupancy {
-    // To a billionth, so that a contact of whole pitches is decided by what is meant.
-    let limit = (contact / part.grid.pitch + 0.5 + 1e-9).powi(2);
-    let solid = squared_depths(part).iter().map(|&squared| u8::from(squared as f64 > limit)).collect();
-    Occupancy { grid: part.grid, solid }
 }
 
 fn check_motion(guards: &[Guard<'_>], motion: &Poses, voxel_volume: f64) -> LineCollisions {

@@ -106,6 +106,17 @@ pub fn squared_depths(obstacle: &Occupancy) -> Vec<u64> {
         .collect()
 }
 
+/// The solid voxels that lie deeper than `depth` (in the grid's unit) below the surface. The surface is taken to lie
+/// half-way between solid and empty centres: a solid voxel is as deep below it as its centre's distance to the nearest
+/// empty centre, less half a pitch.
+#[must_use]
+pub fn deeper_than(part: &Occupancy, depth: f64) -> Occupancy {
+    // To a billionth, so that a depth of whole pitches is decided by what is meant.
+    let limit = (depth / part.grid.pitch + 0.5 + 1e-9).powi(2);
+    let solid = squared_depths(part).iter().map(|&squared| u8::from(squared as f64 > limit)).collect();
+    Occupancy { grid: part.grid, solid }
+}
+
 /// Squared distance in voxels between two voxels.
 fn squared_distance(dims: [usize; 3], a: usize, b: usize) -> u64 {
     let split = |index: usize| [index / (dims[1] * dims[2]), index / dims[2] % dims[1], index % dims[2]];

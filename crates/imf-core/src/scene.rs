@@ -4,6 +4,10 @@
 //! The obstacle is the union of part and fixtures. Where the grid is chosen around the part alone, fixtures may stick
 //! out of it and still be hit: [`SceneSpec::bodies`] gives all that a tool can meet from the grid's voxels.
 
+mod promise;
+
+pub use promise::Promise;
+
 use glam::{DMat4, DVec3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -12,7 +16,7 @@ use crate::grid::{Grid, GridError};
 use crate::mesh::Mesh;
 use crate::mesh::topology::MeshReport;
 use crate::occupancy::Occupancy;
-use crate::tool::Tool;
+use crate::tool::{Clearance, ClearanceError, Tool};
 use crate::unit::LengthUnit;
 use crate::voxelize::voxelize;
 
@@ -64,8 +68,14 @@ pub struct SceneRecord {
     pub conservative: bool,
     /// True if the part's mesh is closed.
     pub closed: bool,
-    /// The tool, in `unit`.
+    /// The tool whose field this is, in `unit`: grown by the clearance where there is any.
     pub tool: Tool,
+    /// By how much its elements are grown, in `unit`; nothing in older files.
+    #[serde(default, skip_serializing_if = "Clearance::is_zero")]
+    pub clearance: Clearance,
+    /// The tool as it is, where it was grown; see [`SceneRecord::bare_tool`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ungrown: Option<Tool>,
     /// Names of the fixtures, whose voxels are part of the obstacle.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fixtures: Vec<String>,
@@ -90,6 +100,35 @@ impl Scene {
     pub fn from_union(record: SceneRecord, obstacle: Occupancy) -> Self {
         let fixtures = Occupancy::empty(obstacle.grid);
         Self { record, obstacle, fixtures }
+    }
+
+    /// The scene with its tool grown by a clearance in the scene's unit, instead of any that it had.
+    ///
+    /// # Errors
+    /// A clearance that is no length, or a mesh tool, which cannot be grown.
+    pub fn with_clearance(mut self, clearance: &Clearance) -> Result<Self, ClearanceError> {
+        clearance.check()?;
+        let bare = self.record.bare_tool().clone();
+        self.record.tool = bare.inflated(clearance)?;
+        self.record.clearance = *clearance;
+        self.record.ungrown = (!clearance.is_zero()).then_some(bare);
+        Ok(self)
+    }
+}
+
+impl SceneRecord {
+    /// The tool as it is, without any clearance.
+    #[must_use]
+    pub fn bare_tool(&self) -> &Tool {
+        self.ungrown.as_ref().unwrap_or(&self.tool)
+    }
+
+    /// Shank and holder, grown as the tool is: what stays out of the layer that the cutter may enter.
+    ///
+    /// # Errors
+    /// A clearance that is no length.
+    pub fn tool_without_cutter(&self) -> Result<Option<Tool>, ClearanceError> {
+        self.bare_tool().without_cutter().map(|rest| rest.inflated(&self.clearance)).transpose()
     }
 }
 
@@ -212,6 +251,8 @@ impl SceneSpec<'_> {
             conservative: self.conservative,
             closed: MeshReport::new(self.mesh).closed,
             tool: self.tool.in_unit(self.unit),
+            clearance: Clearance::default(),
+            ungrown: None,
             fixtures: self.fixtures.iter().map(|fixture| fixture.name.to_owned()).collect(),
             obstacle_crc32: crc32fast::hash(&obstacle.packed()),
         };
@@ -335,7 +376,24 @@ mod tests {
         let (cube, tool) = (unit_cube(), Tool::paper());
         let record = spec(&cube, &tool, &[]).scene().unwrap().record;
         let text = serde_json::to_string(&record).unwrap();
-        assert!(!text.contains("fixtures"));
+        assert!(!text.contains("fixtures") && !text.contains("clearance") && !text.contains("ungrown"));
         assert_eq!(serde_json::from_str::<SceneRecord>(&text).unwrap(), record);
+    }
+
+    #[test]
+    fn a_clearance_grows_the_tool_and_is_written_down() {
+        let (cube, tool) = (unit_cube(), Tool::paper());
+        let scene = spec(&cube, &tool, &[]).scene().unwrap();
+        let clearance = Clearance { holder: 2.0, shank: 1.0, cutter: 0.0 };
+        let grown = scene.clone().with_clearance(&clearance).unwrap();
+        let record = &grown.record;
+        assert_eq!((record.bare_tool(), record.clearance), (&tool, clearance));
+        assert_eq!(record.tool, tool.inflated(&clearance).unwrap());
+        let text = serde_json::to_string(record).unwrap();
+        assert_eq!(&serde_json::from_str::<SceneRecord>(&text).unwrap(), record);
+        // Another clearance starts from the tool as it is; none gives the scene back.
+        assert_eq!(grown.clone().with_clearance(&clearance).unwrap(), grown);
+        assert_eq!(grown.with_clearance(&Clearance::default()).unwrap(), scene);
+        assert!(scene.with_clearance(&Clearance { holder: f64::NAN, ..clearance }).is_err());
     }
 }

@@ -8,6 +8,7 @@
 mod bit_adder;
 mod bit_obstacle;
 mod clipped;
+mod contact;
 mod convolution;
 mod counter;
 mod direct;
@@ -18,9 +19,10 @@ mod size;
 mod surface;
 mod sweep;
 
+pub use contact::{Contact, Obstacles, Skin};
 pub use counter::Method;
-pub use direct::{direct_cmf, direct_count};
-pub use elements::ElementPlans;
+pub use direct::{direct_cmf, direct_count, direct_element_measures};
+pub use elements::{ElementMeasures, ElementPlans, ElementScratch, elements_at_best};
 pub use imf::{Imf, imf, stream_sections};
 
 use glam::DVec3;
@@ -35,6 +37,7 @@ use crate::tool::{RotatedTool, Tool, ToolError};
 use bit_adder::TILE_BITS;
 use bit_obstacle::BitObstacle;
 use clipped::ClippedTool;
+use contact::PlannedSkin;
 use counter::{Counter, Estimate};
 use size::{CircularSize, QueryBox};
 
@@ -94,6 +97,7 @@ pub struct SectionPlan {
     counter: Counter,
     /// For the tool at a slant, as most orientations have it.
     estimate: Estimate,
+    skin: Option<PlannedSkin>,
 }
 
 /// Working memory of one thread; buffers grow at the first use and are kept.
@@ -101,6 +105,7 @@ pub struct SectionPlan {
 pub struct SectionScratch {
     counter: counter::Scratch,
     counts: Vec<u32>,
+    more: Vec<u32>,
 }
 
 impl SectionPlan {
@@ -109,8 +114,9 @@ impl SectionPlan {
     ///
     /// # Errors
     /// A tool without volume.
-    pub fn new(obstacle: &Occupancy, tool: &Tool) -> Result<Self, SectionError> {
-        Self::with_query(obstacle, &obstacle.grid, tool)
+    pub fn new<'a>(obstacle: impl Into<Obstacles<'a>>, tool: &Tool) -> Result<Self, SectionError> {
+        let obstacle = obstacle.into();
+        Self::with_query(obstacle, &obstacle.solid.grid, tool)
     }
 
     /// Plans sections at every voxel of `query_grid`, which lies on the obstacle's voxels and may be a part of its grid,
@@ -118,7 +124,12 @@ impl SectionPlan {
     ///
     /// # Errors
     /// A tool without volume, or a query grid with other voxels than the obstacle's.
-    pub fn with_query(obstacle: &Occupancy, query_grid: &Grid, tool: &Tool) -> Result<Self, SectionError> {
+    pub fn with_query<'a>(
+        obstacle: impl Into<Obstacles<'a>>,
+        query_grid: &Grid,
+        tool: &Tool,
+    ) -> Result<Self, SectionError> {
+        let Obstacles { solid: obstacle, skin } = obstacle.into();
         tool.check()?;
         let offset = obstacle.grid.offset_of(query_grid).ok_or(SectionError::QueryGrid {
             query: query_grid.origin,
@@ -142,6 +153,7 @@ impl SectionPlan {
             query,
             counter,
             estimate,
+            skin: skin.map(|skin| PlannedSkin::new(skin, query)),
         })
     }
 
@@ -149,6 +161,9 @@ impl SectionPlan {
     #[must_use]
     pub fn with_method(mut self, method: Method) -> Self {
         self.counter.method = method;
+        if let Some(skin) = &mut self.skin {
+            skin.counter.method = method;
+        }
         self
     }
 
@@ -190,16 +205,29 @@ impl SectionPlan {
         common + complex * (nz / 2 + 8) * (nx * ny + threads * lines)
     }
 
+    /// Voxels of the query box: the query grid, grown by what sharp points reach.
+    fn query_voxels(grid: &Grid, query_grid: &Grid, tool: &Tool) -> u64 {
+        let offset = grid.offset_of(query_grid).unwrap_or_default();
+        Self::sizes(grid, offset, query_grid.dims, tool).0.len() as u64
+    }
+
     /// The grid whose voxels a section covers.
     #[must_use]
     pub fn grid(&self) -> &Grid {
         &self.grid
     }
 
-    /// The obstacle.
+    /// The obstacle that the whole tool must stay out of; see also [`SectionPlan::skin`].
     #[must_use]
     pub fn obstacle(&self) -> &Occupancy {
         &self.obstacle
+    }
+
+    /// What a part of the tool must stay out of as well. [`SectionPlan::obstacle`] and [`SectionPlan::tool`] alone do
+    /// not make up the overlap where there is a skin.
+    #[must_use]
+    pub fn skin(&self) -> Option<Skin<'_>> {
+        self.skin.as_ref().map(PlannedSkin::skin)
     }
 
     /// The tool, in the grid's unit.
@@ -281,42 +309,40 @@ impl SectionPlan {
         scratch.counts.resize(self.query.len(), 0);
         self.counter.count(&self.obstacle, &rotated, &mut scratch.counter, &mut scratch.counts);
         self.spot_check(&rotated, &scratch.counts)?;
+        if let Some(skin) = &self.skin {
+            skin.add(&self.query, orientation, scratch)?;
+        }
         Ok(rotated.count)
     }
 
     /// Compares a few voxels, other ones for every orientation, with direct sums.
     fn spot_check(&self, rotated: &RotatedTool, counts: &[u32]) -> Result<(), SectionError> {
-        const CHECKS: u64 = 3;
-        let seed = u64::from(rotated.count).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ rotated.solid.len() as u64;
-        for check in 0..CHECKS {
-            let mixed = (seed ^ (check << 17)).wrapping_mul(0xBF58_476D_1CE4_E5B9) >> 20;
-            let index = (mixed % counts.len() as u64) as usize;
-            let voxel = self.query.voxel(index);
-            let expected = direct_count(&self.obstacle, rotated, voxel);
-            if counts[index] != expected {
-                return Err(SectionError::SpotCheck { voxel, found: counts[index], expected });
-            }
-        }
-        Ok(())
+        direct::spot_check(&self.obstacle, rotated, &self.query, counts)
     }
 
-    /// `cmf[x] = min(cmf[x], overlap(x + shift))` with `shift` in voxels; the first call of a section sets.
-    fn read_shifted(&self, counts: &[u32], shift: DVec3, normaliser: f64, first: bool, cmf: &mut [f32]) {
+    /// The voxels around `x + shift` (in voxels) from the voxel `x` of the grid, and the weights of their trilinear mean.
+    fn corners(&self, shift: DVec3) -> Vec<([i64; 3], f64)> {
         let whole = shift.floor();
         let fraction = shift - whole;
         let [ox, oy, oz] = self.offset;
         let base = [whole.x as i64 + ox, whole.y as i64 + oy, whole.z as i64 + oz];
         // Corners of weight zero are not read: a whole shift reads one voxel.
-        let corners: Vec<([i64; 3], f64)> = (0..8)
+        (0..8)
             .map(|corner: i64| {
                 let bits = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
                 let weight: f64 = (0..3)
                     .map(|axis| if bits[axis] == 1 { fraction[axis] } else { 1.0 - fraction[axis] })
                     .product();
-                ([0, 1, 2].map(|axis| base[axis] + bits[axis]), weight / normaliser)
+                ([0, 1, 2].map(|axis| base[axis] + bits[axis]), weight)
             })
             .filter(|&(_, weight)| weight > 0.0)
-            .collect();
+            .collect()
+    }
+
+    /// `cmf[x] = min(cmf[x], overlap(x + shift))` with `shift` in voxels; the first call of a section sets.
+    fn read_shifted(&self, counts: &[u32], shift: DVec3, normaliser: f64, first: bool, cmf: &mut [f32]) {
+        let mut corners = self.corners(shift);
+        corners.iter_mut().for_each(|(_, weight)| *weight /= normaliser);
         let [nx, ny, nz] = self.grid.dims;
         for x in 0..nx {
             for y in 0..ny {

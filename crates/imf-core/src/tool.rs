@@ -143,6 +143,23 @@ impl Tool {
         Self { sharp_points: SharpPoints::Tip, ..self.clone() }
     }
 
+    /// Shank and holder alone, with the whole tool's sharp points as a list; `None` where the tool is all cutter, or a
+    /// mesh, which has no elements.
+    #[must_use]
+    pub fn without_cutter(&self) -> Option<Self> {
+        let ToolShape::Revolved(elements) = &self.shape else { return None };
+        let rest: Vec<Element> = elements.iter().filter(|e| e.kind != ElementKind::Cutter).cloned().collect();
+        let sharp_points = SharpPoints::Points(self.sharp_point_positions());
+        (!rest.is_empty()).then(|| Self { shape: ToolShape::Revolved(rest), sharp_points, ..self.clone() })
+    }
+
+    /// True where one of its elements is a cutter.
+    #[must_use]
+    pub fn has_cutter(&self) -> bool {
+        let is_cutter = |e: &Element| e.kind == ElementKind::Cutter;
+        matches!(&self.shape, ToolShape::Revolved(elements) if elements.iter().any(is_cutter))
+    }
+
     /// True where turning the tool about its axis changes nothing, sharp points included (rings count as whole).
     #[must_use]
     pub fn is_axisymmetric(&self) -> bool {

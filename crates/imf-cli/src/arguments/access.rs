@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use glam::DVec3;
 
+use super::clearance::ContactArguments;
 use super::scene::SceneArguments;
 
 /// What the tools reach: accessible space, best directions, removable stock, the part's surface
@@ -30,6 +31,8 @@ pub(crate) struct AccessArguments {
     /// Largest collision measure of a pose that counts as free; 0 is exact
     #[arg(long, default_value_t = 0.0, value_name = "τ")]
     pub(crate) tau: f64,
+    #[command(flatten)]
+    pub(crate) contact: ContactArguments,
     /// Voxels around the scene's grid that are examined too
     #[arg(long, default_value_t = 1, value_name = "VOXELS")]
     pub(crate) border: usize,

@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use clap::Args;
 use imf_core::check::CheckSettings;
-use imf_core::tool::Clearance;
 
 use super::scene::SceneArguments;
 
@@ -27,18 +26,6 @@ pub(crate) struct CheckArguments {
     /// How deep below the part's surface the cutter may reach; one voxel by default
     #[arg(long, value_name = "LENGTH")]
     pub(crate) contact: Option<f64>,
-    /// Room that holder and shank must keep
-    #[arg(long, default_value_t = 0.0, value_name = "LENGTH")]
-    pub(crate) clearance: f64,
-    /// Room that the holder must keep, instead of --clearance
-    #[arg(long, value_name = "LENGTH")]
-    pub(crate) clearance_holder: Option<f64>,
-    /// Room that the shank must keep, instead of --clearance
-    #[arg(long, value_name = "LENGTH")]
-    pub(crate) clearance_shank: Option<f64>,
-    /// Room that the cutter must keep from what it may not touch
-    #[arg(long, default_value_t = 0.0, value_name = "LENGTH")]
-    pub(crate) clearance_cutter: f64,
 }
 
 impl CheckArguments {
@@ -46,11 +33,7 @@ impl CheckArguments {
     pub(crate) fn settings(&self, pitch: f64) -> CheckSettings {
         let usual = CheckSettings::of_pitch(pitch);
         CheckSettings {
-            clearance: Clearance {
-                holder: self.clearance_holder.unwrap_or(self.clearance),
-                shank: self.clearance_shank.unwrap_or(self.clearance),
-                cutter: self.clearance_cutter,
-            },
+            clearance: self.scene.clearance.clearance(),
             contact: self.contact.unwrap_or(usual.contact),
             tolerance: self.tolerance.unwrap_or(usual.tolerance),
         }

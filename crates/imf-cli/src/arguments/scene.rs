@@ -12,10 +12,11 @@ use imf_core::mesh::topology::MeshReport;
 use imf_core::occupancy::Occupancy;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Around, Fixture, Resolution, Scene, SceneSpec};
-use imf_core::section::SectionPlan;
+use imf_core::section::{Contact, ElementPlans, SectionPlan};
 use imf_core::tool::Tool;
 use imf_core::unit::{LengthUnit, unit_check};
 
+use super::clearance::{ClearanceArguments, ContactArguments, clearance_text};
 use super::fixture::FixtureMesh;
 use super::transform::parse_transform;
 use crate::session::{Session, show_bytes};
@@ -55,6 +56,8 @@ pub(crate) struct SceneArguments {
     /// What the grid is chosen around
     #[arg(long, value_enum, default_value = "part")]
     pub(crate) around: AroundKind,
+    #[command(flatten)]
+    pub(crate) clearance: ClearanceArguments,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -152,13 +155,32 @@ impl Reading {
 impl SceneArguments {
     /// Reads part, fixtures and tool, checks them, estimates the memory, and voxelises. Remarks go to the session.
     pub(crate) fn scene(&self, session: &Session) -> Result<Scene> {
+        Ok(self.scene_and_contact(session, &ContactArguments::default(), false)?.0)
+    }
+
+    /// As [`Self::scene`], with the layer that the cutter may enter where it may enter one; `elements` keeps room for
+    /// sections of every element too.
+    pub(crate) fn scene_and_contact(
+        &self,
+        session: &Session,
+        contact: &ContactArguments,
+        elements: bool,
+    ) -> Result<(Scene, Option<Contact>)> {
         let reading = self.read(session)?;
         let tool = reading.only_tool()?;
         let fixtures = reading.fixtures();
         let spec = self.spec(&reading, &fixtures, tool);
         let grid = spec.grid()?;
-        let tool_here = tool.in_unit(reading.part.unit);
-        let needed = SectionPlan::memory_estimate(&grid, &tool_here, session.threads());
+        let depth = contact.depth([tool])?;
+        let tool_here = tool.in_unit(reading.part.unit).inflated(&self.clearance.clearance())?;
+        let mut needed = SectionPlan::memory_estimate(&grid, &tool_here, session.threads());
+        if depth.is_some() {
+            // A second section is added, of shank and holder, and part and layer are kept apart.
+            needed += needed + 2 * grid.len() as u64;
+        }
+        if elements {
+            needed += ElementPlans::memory_estimate(&grid, &grid, &tool_here, session.threads());
+        }
         session.require_memory(needed, || {
             let [x, y, z] = grid.dims;
             format!(
@@ -170,7 +192,11 @@ impl SceneArguments {
         })?;
         let scene = self.voxelised(session, &spec)?;
         session.detail(&format!("sections need about {}", show_bytes(needed)));
-        Ok(scene)
+        let contact = match depth {
+            Some(depth) => Some(Contact::new(&spec.bodies(&grid)?.part, &scene.fixtures, depth)),
+            None => None,
+        };
+        Ok((scene, contact))
     }
 
     /// As [`Self::scene`], with no room kept for sections: the tool is only written down. Also gives what is known of
@@ -198,16 +224,19 @@ impl SceneArguments {
     }
 
     fn voxelised(&self, session: &Session, spec: &SceneSpec<'_>) -> Result<Scene> {
-        let scene = spec.scene()?;
+        let clearance = self.clearance.clearance();
+        let scene = spec.scene()?.with_clearance(&clearance)?;
         let grid = scene.record.grid;
         let [x, y, z] = grid.dims;
+        let grown = clearance_text(&clearance, scene.record.unit);
         session.note(&format!(
-            "{}: {x}×{y}×{z} voxels of {:.4} {}, {} solid; tool {}; {}",
+            "{}: {x}×{y}×{z} voxels of {:.4} {}, {} solid; tool {}{}; {}",
             scene.record.part,
             grid.pitch,
             scene.record.unit,
             scene.obstacle.count(),
             scene.record.tool.name,
+            grown.map_or_else(String::new, |grown| format!(" grown by a clearance ({grown})")),
             if self.conservative {
                 "every voxel that the surface touches is solid"
             } else {

@@ -1,5 +1,6 @@
 //! `imf access`: what tools reach around a part among its fixtures, in one run over the orientations.
 
+mod blocked;
 mod files;
 mod pictures;
 mod setup;
@@ -10,10 +11,10 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use imf_core::access::{
-    AccessMap, AccessSettings, RemovableError, Space, Together, ToolAccess, access_map, removable,
+    AccessMap, AccessSettings, RemovableError, Space, Together, ToolAccess, access_map, cutter_of, removable,
     tool_access,
 };
-use imf_core::section::{SectionError, SectionPlan};
+use imf_core::section::{ElementMeasures, ElementPlans, SectionError, elements_at_best};
 
 use crate::arguments::access::AccessArguments;
 use crate::interrupt::Interrupted;
@@ -27,6 +28,8 @@ use summary::Summary;
 struct Findings {
     /// By tool, in the order given.
     tools: Vec<ToolAccess>,
+    /// By tool: its elements' measures at its best orientation of every voxel; none of a mesh.
+    elements: Vec<ElementMeasures>,
     together: Together,
     space: Space,
     /// By tool, on the stock's grid: 1 where its cutter can remove stock.
@@ -58,19 +61,29 @@ fn find(session: &Session, setup: &Setup) -> Result<Findings> {
     let orientations = &setup.orientations.orientations;
     let settings = AccessSettings { tau: setup.tau, lists: setup.lists };
     let mut together = Together::new(setup.query.len());
-    let (mut tools, mut swept, mut maps) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut tools, mut elements, mut swept, mut maps) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for (index, tool) in setup.tools.iter().enumerate() {
-        let plan = SectionPlan::with_query(&setup.obstacle, &setup.query, tool)?;
+        let obstacles = setup.obstacles(index);
+        let plans = ElementPlans::new(obstacles, &setup.query, &tool.grown)?;
+        let plan = plans.whole();
+        let tool = &tool.grown;
         session.detail(&format!("{}: {}", tool.name, plan.describe()));
         let stage =
             session.stage(&format!("sections, {}", tool.name), "orientations", orientations.len() as u64);
         let advance = |n| stage.advance(n);
-        let access = tool_access(&plan, orientations, settings, session.control(&advance));
+        let access = tool_access(plan, orientations, settings, session.control(&advance));
         let access = access.map_err(interrupted)?;
         stage.finish("");
         together.take(index, &access);
+        let stage =
+            session.stage(&format!("elements, {}", tool.name), "orientations", orientations.len() as u64);
+        let advance = |n| stage.advance(n);
+        let found = elements_at_best(&plans, orientations, &access.imf, session.control(&advance));
+        elements.push(found.map_err(interrupted)?);
+        stage.finish("");
+        drop(plans);
         tools.push(access);
-        if let Some(stock) = &setup.stock {
+        if let (Some(stock), Some(cutter)) = (&setup.stock, cutter_of(&setup.tools[index].bare)) {
             let stage = session.stage(
                 &format!("removable, {}", tool.name),
                 "orientations",
@@ -78,7 +91,7 @@ fn find(session: &Session, setup: &Setup) -> Result<Findings> {
             );
             let advance = |n| stage.advance(n);
             let control = session.control(&advance);
-            let found = removable(&setup.obstacle, &stock.solid, tool, orientations, setup.tau, control);
+            let found = removable(obstacles, &stock.solid, tool, &cutter, orientations, setup.tau, control);
             swept.push(
                 found
                     .map_err(|error| match error {
@@ -94,14 +107,13 @@ fn find(session: &Session, setup: &Setup) -> Result<Findings> {
                 session.stage(&format!("map, {}", tool.name), "directions", (cells[0] * cells[1]) as u64);
             let advance = |n| stage.advance(n);
             maps.push(
-                access_map(&setup.obstacle, tool, point, cells, session.control(&advance))
-                    .map_err(interrupted)?,
+                access_map(obstacles, tool, point, cells, session.control(&advance)).map_err(interrupted)?,
             );
             stage.finish("");
         }
     }
     let space = Space::new(&setup.solid, &together.imf.value, setup.tau);
-    Ok(Findings { tools, together, space, removable: swept, maps })
+    Ok(Findings { tools, elements, together, space, removable: swept, maps })
 }
 
 fn interrupted(error: SectionError) -> anyhow::Error {

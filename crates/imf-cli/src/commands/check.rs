@@ -3,8 +3,8 @@
 use std::fmt::Write;
 
 use anyhow::Result;
-use imf_core::check::{Against, CheckError, CheckReport, Collision, check_toolpath};
-use imf_core::scene::SceneRecord;
+use imf_core::check::{Against, CheckError, CheckReport, CheckSettings, Collision, check_toolpath};
+use imf_core::scene::{Promise, SceneRecord};
 use imf_core::toolpath::Toolpath;
 use serde_json::json;
 
@@ -42,7 +42,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let stage = session.stage("checking", "lines", toolpath.locations.len() as u64);
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
-    let report = check_toolpath(&part, fixtures, &record.tool, &toolpath, &settings, control);
+    let report = check_toolpath(&part, fixtures, record.bare_tool(), &toolpath, &settings, control);
     let report = report.map_err(|error| match error {
         CheckError::Cancelled => Interrupted("the toolpath was not checked to its end".into()).into(),
         other => anyhow::Error::from(other),
@@ -52,7 +52,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         print_json(&json!({
             "toolpath": arguments.toolpath, "part": record.part, "tool": record.tool.name, "unit": record.unit,
             "pitch": record.grid.pitch, "collides": !report.colliding.is_empty(), "report": report,
-            "unknown_words": toolpath.unknown,
+            "promise": promise(&report, record).to_string(), "unknown_words": toolpath.unknown,
         }))?;
     } else {
         print(text(&report, record).trim_end())?;
@@ -88,13 +88,15 @@ fn text(report: &CheckReport, record: &SceneRecord) -> String {
          cutter {} {unit}",
         settings.contact, clearance.holder, clearance.shank, clearance.cutter
     );
-    let promise = if record.conservative {
-        "every voxel that the surface touches is solid"
-    } else {
-        "exact for voxel centres, not for the mesh itself: see --conservative and --clearance"
-    };
+    let promise = promise(report, record);
     let _ = writeln!(text, "{promise} (voxels of {:.4} {unit})", record.grid.pitch);
     text
+}
+
+/// Which promise holds: the cutter may touch wherever any contact is accepted.
+fn promise(report: &CheckReport, record: &SceneRecord) -> Promise {
+    let CheckSettings { clearance, contact, .. } = &report.settings;
+    Promise::new(record.conservative, record.bare_tool(), clearance, *contact > 0.0, record.grid.pitch)
 }
 
 fn one(collision: &Collision, poses: u64, record: &SceneRecord) -> String {

@@ -1,18 +1,19 @@
 //! `imf field`: the exact field, as sections of the collision measure or as its least value over orientations.
 
 mod check;
+mod elements;
 mod inaccessibility;
 mod sections;
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::{Error, Result};
+use anyhow::{Error, Result, bail};
 use imf_core::atomic_file::write_atomically;
 use imf_core::control::Control;
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::scene::Scene;
-use imf_core::section::{SectionError, SectionPlan, stream_sections};
+use imf_core::scene::{Promise, Scene};
+use imf_core::section::{ElementPlans, Obstacles, SectionError, SectionPlan, stream_sections};
 use serde_json::{Value, json};
 
 use self::check::Check;
@@ -28,15 +29,34 @@ const SUMMARY: &str = "summary.json";
 pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
     let set = OrientationSet::parse(&arguments.orientations)?;
     let folder = OutputFolder::check(&arguments.out)?;
-    let scene = arguments.scene.scene(session)?;
+    let (scene, contact) =
+        arguments.scene.scene_and_contact(session, &arguments.contact, arguments.elements)?;
     let tool = &scene.record.tool;
-    if !tool.is_axisymmetric() && set.orientations.iter().all(|o| o.roll == 0.0) {
+    if !scene.record.bare_tool().is_axisymmetric() && set.orientations.iter().all(|o| o.roll == 0.0) {
         session.note("the tool is not axisymmetric, and no orientation rolls it: see so3:N");
     }
-    let plan = SectionPlan::new(&scene.obstacle, tool)?;
+    let rest = scene.record.tool_without_cutter()?;
+    let obstacles = match &contact {
+        Some(contact) => contact.obstacles(rest.as_ref()),
+        None => Obstacles::from(&scene.obstacle),
+    };
+    let plan = SectionPlan::new(obstacles, tool)?;
+    let elements =
+        arguments.elements.then(|| ElementPlans::new(obstacles, &scene.record.grid, tool)).transpose()?;
+    if elements.as_ref().is_some_and(|elements| elements.elements().next().is_none()) {
+        bail!("--elements needs a tool of cutter, shank and holder, and the tool '{}' is a mesh", tool.name);
+    }
     session.detail(&plan.describe());
-    let work =
-        Work { session, folder, scene: &scene, plan: &plan, set: &set, check: Check::new(arguments.check) };
+    let work = Work {
+        session,
+        folder,
+        scene: &scene,
+        contact: contact.is_some(),
+        plan: &plan,
+        elements: elements.as_ref(),
+        set: &set,
+        check: Check::new(arguments.check),
+    };
     if arguments.imf { inaccessibility::run(&work) } else { sections::run(&work) }
 }
 
@@ -45,7 +65,10 @@ struct Work<'a> {
     session: &'a Session,
     folder: OutputFolder,
     scene: &'a Scene,
+    /// The cutter may touch the part.
+    contact: bool,
     plan: &'a SectionPlan,
+    elements: Option<&'a ElementPlans>,
     set: &'a OrientationSet,
     check: Check,
 }
@@ -124,7 +147,8 @@ impl Work<'_> {
             "solid_voxels": self.scene.obstacle.count(),
             "orientations": { "set": self.set.spec, "count": self.set.len(), "file": ORIENTATIONS },
             "computed_by": self.plan.describe(),
-            "promise": self.promise(),
+            "contact": self.contact,
+            "promise": self.promise().to_string(),
             "check": self.check.summary(),
         });
         if let (Some(all), Value::Object(own)) = (summary.as_object_mut(), own) {
@@ -134,14 +158,10 @@ impl Work<'_> {
     }
 
     /// Which promise holds for the values.
-    fn promise(&self) -> &'static str {
-        if self.scene.record.conservative {
-            "exact for the tool at voxel centres against every voxel that the surface touches; a promise about the \
-             mesh itself also needs a tool with a clearance of at least √3/2 pitch"
-        } else {
-            "exact for voxel centres; no promise about the mesh itself (--conservative, and a tool with a clearance \
-             of at least √3/2 pitch)"
-        }
+    fn promise(&self) -> Promise {
+        let record = &self.scene.record;
+        let (tool, pitch) = (record.bare_tool(), record.grid.pitch);
+        Promise::new(record.conservative, tool, &record.clearance, self.contact, pitch)
     }
 
     /// Name of part and tool for titles.

@@ -16,6 +16,7 @@ use imf_core::tool::Tool;
 use serde_json::Value;
 
 use crate::arguments::InfoArguments;
+use crate::arguments::clearance::clearance_text;
 use crate::output::{print, print_json, short};
 use crate::session::Session;
 
@@ -68,7 +69,7 @@ fn describe(session: &Session, arguments: &InfoArguments) -> Result<Description>
 
 /// What a field was made for.
 fn scene_lines(scene: &SceneRecord) -> Vec<(&'static str, String)> {
-    let (grid, unit, tool) = (&scene.grid, scene.unit, &scene.tool);
+    let (grid, unit, tool) = (&scene.grid, scene.unit, scene.bare_tool());
     let [x, y, z] = grid.dims;
     let rule = if scene.conservative { "every voxel that the surface touches" } else { "voxel centres" };
     let surface = if scene.closed { "closed" } else { "open" };
@@ -85,6 +86,10 @@ fn scene_lines(scene: &SceneRecord) -> Vec<(&'static str, String)> {
             ),
         ),
     ];
+    if let Some(text) = clearance_text(&scene.clearance, unit) {
+        lines.push(("clearance", format!("{text}: the field is that of the grown tool")));
+    }
+    lines.push(("promise", scene.promise().to_string()));
     if scene.transform != DMat4::IDENTITY {
         let rows = scene.transform.transpose().to_cols_array_2d();
         let row = |r: [f64; 4]| r.map(short).join(" ");

@@ -18,6 +18,7 @@ use imf_core::model::Model;
 use self::answers::{AnswerWriter, Answers};
 use self::poses::PoseReader;
 use crate::arguments::QueryArguments;
+use crate::arguments::clearance::clearance_text;
 use crate::engine::Device;
 use crate::interrupt::{self, Interrupted};
 use crate::output::check_file;
@@ -43,6 +44,11 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     if !model.record.finished {
         session.note(&format!("{} is not trained to its end", arguments.model.display()));
     }
+    let record = &model.scene.record;
+    if let Some(text) = clearance_text(&record.clearance, record.unit) {
+        session.note(&format!("answers are for the tool grown by a clearance ({text})"));
+    }
+    session.note(&format!("a learnt field is no proof; --exact answers: {}", record.promise()));
     let mut work = Work {
         model: &model,
         learnt: LearntField::new(model.scene.record.grid, engine.as_mut()),

@@ -48,3 +48,40 @@ fn mistakes_name_their_line() {
     let run = check("path.csv", "", &[]);
     run.is_refusal(&["path.csv", "no tool location"], &["check"]);
 }
+
+#[test]
+fn fixtures_are_hit_by_the_cutter_too_and_contact_does_not_help() {
+    let post = BLOCK.replace("10", "3").replace("20", "30");
+    let check = |more: &[&str]| {
+        let folder = Folder::new();
+        folder.write("block.obj", BLOCK);
+        folder.write("post.obj", &post);
+        folder.write("path.csv", "-20,0,19.6\n20,0,19.6\n");
+        folder.run(&[&["check", "block.obj", "path.csv", "--pitch", "1", "--margin", "2"], more].concat())
+    };
+    // The post stands on the block's edge, half of it beside the block.
+    let post = ["--fixture", "post.obj@translate:10,0,0"];
+    let free = check(&[]);
+    assert_eq!(free.code, Some(0), "{}", free.stderr);
+    let outside = check(&post);
+    outside.is_refusal(&["post.obj", "--around all"], &["check"]);
+    let hit = check(&[&post[..], &["--around", "all", "--contact", "2", "--json"]].concat());
+    assert_eq!(hit.code, Some(3), "{}", hit.stderr);
+    let answer: Value = serde_json::from_str(&hit.stdout).unwrap();
+    let collisions = answer["report"]["colliding"][0]["collisions"].as_array().unwrap();
+    assert!(
+        collisions.iter().any(|c| c["element"] == "cutter" && c["against"] == "fixtures"),
+        "{collisions:?}"
+    );
+    assert!(collisions.iter().all(|c| c["against"] == "fixtures"), "{collisions:?}");
+    assert!(answer["promise"].as_str().unwrap().starts_with("exact for voxel centres"));
+}
+
+#[test]
+fn the_promise_follows_clearance_and_voxels() {
+    let run = check("pass.csv", "-12,0,24\n12,0,24\n", &["--conservative", "--clearance", "1"]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(run.stdout.contains("holder and shank keep off the mesh itself"), "{}", run.stdout);
+    let run = check("pass.csv", "-12,0,24\n", &["--clearance=-1"]);
+    run.is_refusal(&["clearance of the holder", "not -1"], &["check"]);
+}

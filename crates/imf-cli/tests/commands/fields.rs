@@ -2,7 +2,7 @@
 
 use imf_core::control::Control;
 use imf_core::orientation::OrientationSet;
-use imf_core::section::{SectionPlan, imf, sections};
+use imf_core::section::{SectionPlan, direct_element_measures, imf, sections};
 
 use crate::folder::Folder;
 use crate::model::model;
@@ -82,6 +82,57 @@ fn the_imf_keeps_its_best_orientation() {
     assert_eq!(summary["accessible_outside"], free);
     assert!(summary["promise"].as_str().unwrap().starts_with("exact for voxel centres"));
     assert_eq!(folder.read("out/orientations.csv").lines().count(), 10);
+}
+
+#[test]
+fn elements_sum_to_the_whole_and_contact_is_checked_by_its_definition() {
+    let folder = Folder::new();
+    let more =
+        ["--orientations", "0,0;40,110", "--elements", "--contact", "9", "--clearance", "3", "--check", "25"];
+    let summary = folder.json(&arguments(&[&more[..], &["--out", "out"]].concat()));
+    assert_eq!(summary["check"]["agreed"], 50);
+    assert_eq!(summary["scene"]["clearance"]["holder"], 3.0);
+    let solid = &model().scene.obstacle.solid;
+    for index in 0..2 {
+        let whole = folder.npy::<f32>(&format!("out/cmf-{index:05}.npy"));
+        let parts =
+            ["cutter", "holder_1"].map(|name| folder.npy::<f32>(&format!("out/cmf-{index:05}-{name}.npy")));
+        for (voxel, &value) in whole.indexed_iter() {
+            let sum = f64::from(parts[0][voxel]) + f64::from(parts[1][voxel]);
+            // Three numbers, each rounded to f32 once.
+            assert!((sum - f64::from(value)).abs() <= f64::from(f32::EPSILON) * sum, "{voxel:?}");
+        }
+        let hits = parts[1].iter().zip(solid).filter(|&(&v, &s)| v > 0.0 && s == 0).count();
+        assert_eq!(summary["sections"][index]["elements"][1]["element"], "holder 1");
+        assert_eq!(summary["sections"][index]["elements"][1]["hits"], hits);
+    }
+    let vti = std::fs::read(folder.path("out/sections.vti")).unwrap();
+    let text = String::from_utf8_lossy(&vti);
+    assert!(text.contains("Name=\"cmf-00001-holder_1\"") && text.contains("Name=\"cmf-00000-cutter\""));
+    assert!(folder.path("out/elements.png").exists());
+}
+
+#[test]
+fn the_imfs_elements_are_those_of_the_best_orientation() {
+    let folder = Folder::new();
+    let more = ["--orientations", "fibonacci:9", "--imf", "--elements", "--out", "out"];
+    let summary = folder.json(&arguments(&more));
+    let imf = folder.npy::<f32>("out/imf.npy");
+    let parts = ["cutter", "holder_1"].map(|name| folder.npy::<f32>(&format!("out/imf-{name}.npy")));
+    let scene = model().scene;
+    let set = OrientationSet::parse("fibonacci:9").unwrap().orientations;
+    let best = folder.npy::<u32>("out/best.npy");
+    for (index, (voxel, &value)) in imf.indexed_iter().enumerate() {
+        let sum = f64::from(parts[0][voxel]) + f64::from(parts[1][voxel]);
+        assert!((sum - f64::from(value)).abs() <= f64::from(f32::EPSILON) * sum, "{voxel:?}");
+        if index % 50 == 0 {
+            let (orientation, at) = (&set[best[voxel] as usize], [voxel.0, voxel.1, voxel.2]);
+            let direct =
+                direct_element_measures(&scene.obstacle, &scene.record.tool, orientation, at).unwrap();
+            assert!((direct[1].1 - f64::from(parts[1][voxel])).abs() < 1e-6);
+        }
+    }
+    assert_eq!(summary["elements"][0]["element"], "cutter");
 }
 
 #[cfg(unix)]

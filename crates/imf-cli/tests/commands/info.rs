@@ -114,3 +114,29 @@ fn devices_are_listed_and_none_is_no_failure() {
         assert_eq!((&devices["auto"], &devices["adapters"]), (&"cpu".into(), &serde_json::json!([])));
     }
 }
+
+#[test]
+fn a_clearance_is_recorded_in_datasets_and_models_and_said() {
+    let folder = Folder::new();
+    let data =
+        ["dataset", "bracket", "--dims", "5,15,9", "--orientations", "fibonacci:2", "--clearance", "4"];
+    folder.succeed(&[&data[..], &["--clearance-cutter", "1", "--out", "data"]].concat());
+    let dataset = folder.json(&["info", "data"]);
+    let clearance = serde_json::json!({ "holder": 4.0, "shank": 4.0, "cutter": 1.0 });
+    assert_eq!(dataset["scene"]["clearance"], clearance);
+    assert!(folder.succeed(&["info", "data"]).stdout.contains("holder 4, shank 4, cutter 1 mm"));
+    // The samples are the grown tool's, and so is the scene that a model takes over.
+    let (manifest, scene, _) = imf_core::dataset::load(&folder.path("data")).unwrap();
+    assert_eq!(manifest.scene.bare_tool(), &imf_core::tool::Tool::paper());
+    assert_eq!(scene.record.tool, scene.record.bare_tool().inflated(&scene.record.clearance).unwrap());
+    // The same folder is refused for another clearance.
+    let run = folder.run(&[&data[..], &["--out", "data"]].concat());
+    run.is_refusal(&["another dataset", "the scene differs"], &["dataset"]);
+    let mut model = model();
+    model.scene = scene;
+    model.write(&folder.path("m.safetensors")).unwrap();
+    assert_eq!(folder.json(&["info", "m.safetensors"])["scene"]["clearance"], clearance);
+    folder.write("poses.csv", "x,y,z,theta,phi\n1,2,3,40,50\n");
+    let run = folder.succeed(&["query", "m.safetensors", "poses.csv", "--exact"]);
+    assert!(run.stderr.contains("grown by a clearance (holder 4, shank 4, cutter 1 mm)"), "{}", run.stderr);
+}

@@ -4,9 +4,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::control::Control;
-use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
-use crate::section::SectionError;
+use crate::section::{Obstacles, SectionError};
 use crate::tool::{RotatedTool, Tool};
 
 /// Collision measures over cells of longitude θ and latitude 90° − φ of the tool's axis.
@@ -44,13 +43,14 @@ impl AccessMap {
 ///
 /// # Errors
 /// A tool that does not fit the grid; [`SectionError::Cancelled`] when the control asks to stop.
-pub fn access_map(
-    obstacle: &Occupancy,
+pub fn access_map<'a>(
+    obstacles: impl Into<Obstacles<'a>>,
     tool: &Tool,
     point: DVec3,
     cells: [usize; 2],
     control: Control<'_>,
 ) -> Result<AccessMap, SectionError> {
+    let obstacles = obstacles.into();
     tool.check()?;
     let sharp_points = tool.sharp_point_positions();
     let values = (0..cells[0] * cells[1]).into_par_iter().map(|cell| {
@@ -58,10 +58,13 @@ pub fn access_map(
             return Err(SectionError::Cancelled);
         }
         let orientation = AccessMap::orientation(cells, cell / cells[1], cell % cells[1]);
-        let whole = RotatedTool::new(tool, &orientation, obstacle.grid.pitch)?.count;
+        let whole = RotatedTool::new(tool, &orientation, obstacles.solid.grid.pitch)?.count;
         let rotation = orientation.rotation();
-        let counts =
-            sharp_points.iter().map(|&k| tool.count_inside(obstacle, point - rotation * k, &orientation));
+        let counts = sharp_points.iter().map(|&k| {
+            let tip = point - rotation * k;
+            let skin = obstacles.skin.map_or(0, |s| s.rest.count_inside(s.voxels, tip, &orientation));
+            tool.count_inside(obstacles.solid, tip, &orientation) + skin
+        });
         let least = counts.min().unwrap_or(0);
         (control.progress)(1);
         // Off the grid more centres may fall into the tool than on it.

@@ -12,7 +12,7 @@ use crate::control::Control;
 use crate::grid::{Grid, GridError};
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
-use crate::section::{SectionError, SectionPlan, stream_sections};
+use crate::section::{Obstacles, SectionError, SectionPlan, stream_sections};
 use crate::tool::{ElementKind, RotatedTool, Tool, ToolError, ToolShape};
 
 /// Why the removable volume cannot be found.
@@ -49,17 +49,21 @@ pub fn cutter_of(tool: &Tool) -> Option<Tool> {
     (!cutters.is_empty()).then(|| Tool { shape: ToolShape::Revolved(cutters), ..tool.with_tip_only() })
 }
 
-/// The grid of all positions of the tip from which the cutter can cover a voxel of `stock`.
+/// The grid of all positions of the tip from which the cutter can cover a voxel of `stock`; `tool` as it is, not grown.
 ///
 /// # Errors
 /// A tool without a cutter, or a grid that is too large.
 pub fn position_grid(stock: &Grid, tool: &Tool) -> Result<Grid, RemovableError> {
     let cutter = cutter_of(tool).ok_or_else(|| RemovableError::NoCutter(tool.name.clone()))?;
-    let reach = (cutter.reach() / stock.pitch).ceil().min(1e9) as i64 + 1;
-    Ok(stock.grown([reach; 3], [reach; 3])?)
+    Ok(around(stock, &cutter)?)
 }
 
-/// Bytes that [`removable`] takes: known before anything is allocated.
+fn around(stock: &Grid, cutter: &Tool) -> Result<Grid, GridError> {
+    let reach = (cutter.reach() / stock.pitch).ceil().min(1e9) as i64 + 1;
+    stock.grown([reach; 3], [reach; 3])
+}
+
+/// Bytes that [`removable`] takes for `tool`, which is `bare` or grown from it: known before anything is allocated.
 ///
 /// # Errors
 /// As [`position_grid`].
@@ -67,37 +71,38 @@ pub fn removable_memory_estimate(
     obstacle: &Grid,
     stock: &Grid,
     tool: &Tool,
+    bare: &Tool,
     threads: usize,
 ) -> Result<u64, RemovableError> {
-    let positions = position_grid(stock, tool)?;
+    let positions = position_grid(stock, bare)?;
     let plan = SectionPlan::memory_estimate_with_query(obstacle, &positions, &tool.with_tip_only(), threads);
     // A section, its free positions and their runs, and what is covered.
     Ok(plan + threads as u64 * (6 * positions.len() as u64 + stock.len() as u64))
 }
 
-/// Finds the voxels of `stock` that the cutter of `tool` (in the grid's unit) covers at a pose whose overlap with the
-/// obstacle is at most `tau`. Voxels of the stock that the obstacle holds should be left out of it beforehand. One unit
+/// Finds the voxels of `stock` that `cutter` ([`cutter_of`] the tool as it is) covers at a pose at which the overlap of
+/// `tool` (perhaps grown by a clearance) with the obstacles is at most `tau`. Lengths are in the grid's unit. Voxels of the stock that the obstacle holds should be left out of it beforehand. One unit
 /// of progress is one orientation; the result does not depend on the number of threads.
 ///
 /// # Errors
-/// A tool without a cutter, a stock on other voxels than the obstacle, as [`SectionPlan::cmf`], or cancellation.
-pub fn removable(
-    obstacle: &Occupancy,
+/// A stock on other voxels than the obstacle, as [`SectionPlan::cmf`], or cancellation.
+pub fn removable<'a>(
+    obstacles: impl Into<Obstacles<'a>>,
     stock: &Occupancy,
     tool: &Tool,
+    cutter: &Tool,
     orientations: &[Orientation],
     tau: f64,
     control: Control<'_>,
 ) -> Result<Removable, RemovableError> {
-    let cutter = cutter_of(tool).ok_or_else(|| RemovableError::NoCutter(tool.name.clone()))?;
-    let positions = position_grid(&stock.grid, tool)?;
-    let plan = SectionPlan::with_query(obstacle, &positions, &tool.with_tip_only())?;
+    let positions = around(&stock.grid, cutter)?;
+    let plan = SectionPlan::with_query(obstacles, &positions, &tool.with_tip_only())?;
     // A cutter too thin for the grid is refused before the work begins.
-    RotatedTool::new(&cutter, &Orientation::default(), positions.pitch)?;
+    RotatedTool::new(cutter, &Orientation::default(), positions.pitch)?;
     let nz = stock.grid.dims[2];
     let start = || (vec![0u8; stock.grid.len()], Ok(()));
     let parts = stream_sections(&plan, orientations, control, start, |(covered, state), index, overlap| {
-        let body = match RotatedTool::new(&cutter, &orientations[index], positions.pitch) {
+        let body = match RotatedTool::new(cutter, &orientations[index], positions.pitch) {
             Ok(body) => body,
             Err(error) => {
                 *state = Err(error);
@@ -159,7 +164,8 @@ mod tests {
             for threads in [1, 3] {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
                 let found = pool.install(|| {
-                    removable(&obstacle, &stock, &tool, &orientations, tau, Control::quiet()).unwrap()
+                    removable(&obstacle, &stock, &tool, &cutter, &orientations, tau, Control::quiet())
+                        .unwrap()
                 });
                 assert_eq!(found.covered, expected);
             }
@@ -171,8 +177,8 @@ mod tests {
     #[test]
     fn a_mesh_has_no_cutter() {
         let tool = Tool { shape: ToolShape::Mesh(crate::mesh::tests::unit_cube()), ..small_tool() };
-        let stock = Occupancy::empty(slotted().grid);
-        let refusal = removable(&slotted(), &stock, &tool, &[], 0.0, Control::quiet()).unwrap_err();
+        assert_eq!(cutter_of(&tool), None);
+        let refusal = position_grid(&slotted().grid, &tool).unwrap_err();
         assert!(refusal.to_string().contains("no cutter"));
     }
 }

@@ -26,6 +26,8 @@ fn scene() -> Scene {
         conservative: false,
         closed: true,
         tool: Tool::paper(),
+        clearance: crate::tool::Clearance::default(),
+        ungrown: None,
         fixtures: Vec::new(),
         obstacle_crc32: crc32fast::hash(&obstacle.packed()),
     };

@@ -2,9 +2,11 @@
 
 use glam::DVec3;
 
+use super::size::QueryBox;
+use super::{Obstacles, SectionError};
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
-use crate::tool::{RotatedTool, Tool, ToolError};
+use crate::tool::{Element, ElementKind, RotatedTool, SLACK, Tool, ToolError, ToolShape, holds};
 
 /// Voxels that are solid both in the obstacle and in the rotated tool with its tip on `voxel`, which may lie outside
 /// the obstacle's grid (space there is empty).
@@ -49,21 +51,104 @@ pub fn direct_cmf(
     voxel: [usize; 3],
 ) -> Result<f64, ToolError> {
     let rotated = RotatedTool::new(tool, orientation, obstacle.grid.pitch)?;
-    let rotation = orientation.rotation();
     let mut least = f64::INFINITY;
     for sharp in tool.sharp_point_positions() {
-        let at = DVec3::from_array(voxel.map(|v| v as f64)) - rotation * sharp / obstacle.grid.pitch;
-        let low = at.floor();
-        let share = at - low;
         let mut mean = 0.0;
-        for corner in 0..8 {
-            let bits = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
-            let weight: f64 =
-                (0..3).map(|axis| if bits[axis] == 1 { share[axis] } else { 1.0 - share[axis] }).product();
-            let position = [0, 1, 2].map(|axis| low[axis] as i64 + bits[axis]);
+        for (position, weight) in around(orientation.rotation() * sharp / obstacle.grid.pitch, voxel) {
             mean += weight * f64::from(direct_count(obstacle, &rotated, position));
         }
         least = least.min(mean / f64::from(rotated.count));
     }
     Ok(least)
+}
+
+/// The eight voxels around `voxel − shift`, and the weights of their trilinear mean.
+fn around(shift: DVec3, voxel: [usize; 3]) -> impl Iterator<Item = ([i64; 3], f64)> {
+    let at = DVec3::from_array(voxel.map(|v| v as f64)) - shift;
+    let low = at.floor();
+    let share = at - low;
+    (0..8).map(move |corner| {
+        let bits = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
+        let weight: f64 =
+            (0..3).map(|axis| if bits[axis] == 1 { share[axis] } else { 1.0 - share[axis] }).product();
+        ([0, 1, 2].map(|axis| low[axis] as i64 + bits[axis]), weight)
+    })
+}
+
+/// The collision measure at the centre of `voxel` (of the obstacles' grid), element by element, from the tip upwards:
+/// every solid voxel belongs to the element whose heights hold its centre in the tool frame, or, in the layer that the
+/// cutter may enter, to that of shank and holder alone; each element's voxels over the whole tool's count, at the first
+/// sharp point at which their sum (as an f32) is least. Empty for a mesh tool.
+///
+/// # Errors
+/// A tool that holds no voxel centre, or is too large.
+pub fn direct_element_measures<'a>(
+    obstacles: impl Into<Obstacles<'a>>,
+    tool: &Tool,
+    orientation: &Orientation,
+    voxel: [usize; 3],
+) -> Result<Vec<(ElementKind, f64)>, ToolError> {
+    let obstacles = obstacles.into();
+    let grid = &obstacles.solid.grid;
+    let normaliser = f64::from(RotatedTool::new(tool, orientation, grid.pitch)?.count);
+    let rest = obstacles.skin.map(|skin| elements_of(skin.rest)).unwrap_or_default();
+    let whole = elements_of(tool);
+    let mut kinds: Vec<ElementKind> = whole.iter().chain(rest).map(|e| e.kind).collect();
+    kinds.sort_by_key(|kind| kind.rank());
+    kinds.dedup();
+    let slack = SLACK * grid.pitch * grid.pitch;
+    let mut least = (f32::INFINITY, Vec::new());
+    for sharp in tool.sharp_point_positions() {
+        let mut measures = vec![0.0; kinds.len()];
+        for (tip, weight) in around(orientation.rotation() * sharp / grid.pitch, voxel) {
+            for index in 0..grid.len() {
+                let there = [0, 1, 2].map(|axis| (grid.voxel(index)[axis] as i64 - tip[axis]) as f64);
+                let point = DVec3::from_array(there) * grid.pitch;
+                let in_skin = obstacles.skin.is_some_and(|skin| skin.voxels.solid[index] != 0);
+                let elements = match (obstacles.solid.solid[index] != 0, in_skin) {
+                    (true, _) => whole,
+                    (false, true) => rest,
+                    (false, false) => continue,
+                };
+                let owner =
+                    elements.iter().find(|e| holds(&e.profile, orientation.direction(), point, slack));
+                if let Some(place) = owner.and_then(|owner| kinds.iter().position(|&k| k == owner.kind)) {
+                    measures[place] += weight / normaliser;
+                }
+            }
+        }
+        let sum = measures.iter().sum::<f64>() as f32;
+        if sum < least.0 {
+            least = (sum, measures);
+        }
+    }
+    Ok(kinds.into_iter().zip(least.1).collect())
+}
+
+fn elements_of(tool: &Tool) -> &[Element] {
+    match &tool.shape {
+        ToolShape::Revolved(elements) => elements,
+        ToolShape::Mesh(_) => &[],
+    }
+}
+
+/// Compares a few voxels of the query box, other ones for every orientation, with direct sums.
+pub(super) fn spot_check(
+    obstacle: &Occupancy,
+    rotated: &RotatedTool,
+    query: &QueryBox,
+    counts: &[u32],
+) -> Result<(), SectionError> {
+    const CHECKS: u64 = 3;
+    let seed = u64::from(rotated.count).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ rotated.solid.len() as u64;
+    for check in 0..CHECKS {
+        let mixed = (seed ^ (check << 17)).wrapping_mul(0xBF58_476D_1CE4_E5B9) >> 20;
+        let index = (mixed % counts.len() as u64) as usize;
+        let voxel = query.voxel(index);
+        let expected = direct_count(obstacle, rotated, voxel);
+        if counts[index] != expected {
+            return Err(SectionError::SpotCheck { voxel, found: counts[index], expected });
+        }
+    }
+    Ok(())
 }

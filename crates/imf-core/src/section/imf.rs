@@ -77,24 +77,41 @@ pub fn stream_sections<V: Send>(
     start: impl Fn() -> V + Sync,
     visit: impl Fn(&mut V, usize, &[f32]) + Sync,
 ) -> Result<Vec<V>, SectionError> {
+    let start = || (start(), SectionScratch::default(), vec![0.0; plan.grid().len()]);
+    let step = |(visitor, scratch, cmf): &mut (V, SectionScratch, Vec<f32>), index: usize| {
+        plan.cmf(&orientations[index], scratch, cmf)?;
+        visit(visitor, index, cmf);
+        Ok(())
+    };
+    let visitors = stream(orientations.len(), control, start, step)?;
+    Ok(visitors.into_iter().map(|(visitor, ..)| visitor).collect())
+}
+
+/// Does `step` for the numbers below `count` on all threads of the current pool, each with its own state made by
+/// `start`; all are returned. One unit of progress is one number.
+pub(super) fn stream<V: Send>(
+    count: usize,
+    control: Control<'_>,
+    start: impl Fn() -> V + Sync,
+    step: impl Fn(&mut V, usize) -> Result<(), SectionError> + Sync,
+) -> Result<Vec<V>, SectionError> {
     let next = AtomicUsize::new(0);
     let finished = Mutex::new(Ok(Vec::new()));
     let work = || -> Result<V, SectionError> {
-        let mut visitor = start();
-        let mut scratch = SectionScratch::default();
-        let mut cmf = vec![0.0; plan.grid().len()];
+        let mut state = start();
         loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
-            let Some(orientation) = orientations.get(index) else { return Ok(visitor) };
+            if index >= count {
+                return Ok(state);
+            }
             if control.is_cancelled() {
                 return Err(SectionError::Cancelled);
             }
-            plan.cmf(orientation, &mut scratch, &mut cmf)?;
-            visit(&mut visitor, index, &cmf);
+            step(&mut state, index)?;
             (control.progress)(1);
         }
     };
-    let threads = rayon::current_num_threads().clamp(1, orientations.len().max(1));
+    let threads = rayon::current_num_threads().clamp(1, count.max(1));
     rayon::scope(|scope| {
         for _ in 0..threads {
             scope.spawn(|_| {

@@ -18,6 +18,18 @@ pub enum ElementKind {
     Holder(usize),
 }
 
+impl ElementKind {
+    /// Place in the order from the tip upwards.
+    #[must_use]
+    pub fn rank(self) -> usize {
+        match self {
+            Self::Cutter => 0,
+            Self::Shank => 1,
+            Self::Holder(index) => 2 + index,
+        }
+    }
+}
+
 impl fmt::Display for ElementKind {
     /// `cutter`, `shank`, or `holder 1` for the segment nearest to the tip.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

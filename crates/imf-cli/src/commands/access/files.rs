@@ -8,7 +8,7 @@ use ndarray::ArrayView3;
 
 use super::Findings;
 use super::setup::{Setup, Stock};
-use crate::output::write_text;
+use crate::output::{element_name, write_text};
 
 /// What a voxel of the removable field is.
 const STAYS: u8 = 1;
@@ -22,6 +22,16 @@ pub(super) fn write(setup: &Setup, findings: &Findings, folder: &Path) -> Result
     // 0 empty, 1 part, 2 fixture.
     let solid: Vec<u8> = setup.solid.solid.iter().zip(&setup.held.solid).map(|(s, h)| s + (s & h)).collect();
     let by_tool: Vec<String> = (0..setup.tools.len()).map(|t| format!("imf_tool_{t}")).collect();
+    let by_element: Vec<(String, &[f32])> = findings
+        .elements
+        .iter()
+        .enumerate()
+        .flat_map(|(tool, elements)| {
+            let tool = if many { format!("_tool_{tool}") } else { String::new() };
+            let all = elements.kinds.iter().zip(&elements.values);
+            all.map(move |(&kind, values)| (format!("imf_{}{tool}", element_name(kind)), values.as_slice()))
+        })
+        .collect();
     let together = &findings.together;
     let mut fields = vec![
         NamedField::new("imf", shaped(&together.imf.value, dims)?),
@@ -36,6 +46,9 @@ pub(super) fn write(setup: &Setup, findings: &Findings, folder: &Path) -> Result
         for (name, access) in by_tool.iter().zip(&findings.tools) {
             fields.push(NamedField::new(name, shaped(&access.imf.value, dims)?));
         }
+    }
+    for (name, values) in &by_element {
+        fields.push(NamedField::new(name, shaped(values, dims)?));
     }
     write_vti(folder.join("imf.vti"), &setup.query, &fields)?;
     let mut written = vec!["imf.vti".to_owned()];

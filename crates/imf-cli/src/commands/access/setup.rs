@@ -7,8 +7,9 @@ use imf_core::grid::Grid;
 use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Limits, OrientationSet};
-use imf_core::section::SectionPlan;
-use imf_core::tool::Tool;
+use imf_core::scene::Promise;
+use imf_core::section::{Contact, ElementPlans, Obstacles, SectionPlan};
+use imf_core::tool::{Clearance, Tool};
 use imf_core::unit::LengthUnit;
 use imf_core::voxelize::voxelize;
 
@@ -23,16 +24,34 @@ pub(super) struct Stock {
     pub(super) solid: Occupancy,
 }
 
+/// A tool in the part's unit.
+pub(super) struct GuardedTool {
+    /// As it is.
+    pub(super) bare: Tool,
+    /// Grown by the clearance: what must be free.
+    pub(super) grown: Tool,
+    /// Shank and holder, grown: what must stay out of the layer that the cutter may enter.
+    rest: Option<Tool>,
+}
+
+/// How deep the cutter may reach, and what follows.
+pub(super) struct Touch {
+    pub(super) depth: f64,
+    divided: Contact,
+}
+
 /// What a run is about.
 pub(super) struct Setup {
     pub(super) part: String,
     pub(super) unit: LengthUnit,
-    pub(super) conservative: bool,
+    pub(super) clearance: Clearance,
+    pub(super) contact: Option<Touch>,
+    /// The weakest of the tools' promises.
+    pub(super) promise: Promise,
     /// The part's surface in the world.
     pub(super) mesh: Mesh,
     pub(super) fixtures: Vec<String>,
-    /// In the part's unit.
-    pub(super) tools: Vec<Tool>,
+    pub(super) tools: Vec<GuardedTool>,
     pub(super) orientations: OrientationSet,
     pub(super) tau: f64,
     pub(super) lists: bool,
@@ -56,15 +75,24 @@ impl Setup {
         let orientations = orientations(arguments)?;
         let reading = arguments.scene.read(session)?;
         let unit = reading.part.unit;
-        let tools: Vec<Tool> = reading.tools.iter().map(|tool| tool.in_unit(unit)).collect();
+        let clearance = arguments.scene.clearance.clearance();
+        let depth = arguments.contact.depth(&reading.tools)?;
+        let guarded = |tool: &Tool| -> Result<GuardedTool> {
+            let bare = tool.in_unit(unit);
+            let grown = bare.inflated(&clearance)?;
+            let rest = bare.without_cutter().map(|rest| rest.inflated(&clearance)).transpose()?;
+            Ok(GuardedTool { bare, grown, rest })
+        };
+        let tools: Vec<GuardedTool> = reading.tools.iter().map(guarded).collect::<Result<_>>()?;
         let fixtures = reading.fixtures();
-        let spec = arguments.scene.spec(&reading, &fixtures, &tools[0]);
+        let spec = arguments.scene.spec(&reading, &fixtures, &tools[0].bare);
         let border = [i64::try_from(arguments.border)?; 3];
         let query = spec.grid()?.grown(border, border)?;
         if arguments.surface && arguments.border + arguments.scene.margin == 0 {
             bail!("--surface reads half a pitch outside the part: use --border 1 or more");
         }
-        if tools.iter().all(Tool::is_axisymmetric) && orientations.orientations.iter().any(|o| o.roll != 0.0)
+        if tools.iter().all(|tool| tool.bare.is_axisymmetric())
+            && orientations.orientations.iter().any(|o| o.roll != 0.0)
         {
             session
                 .warn("these tools look the same at every roll: rolled orientations only repeat directions");
@@ -91,17 +119,19 @@ impl Setup {
         // Everything that can be hit from any position of any tool that is examined.
         let mut positions = query;
         for (stock, tool) in stock_grid.iter().flat_map(|stock| tools.iter().map(move |tool| (stock, tool))) {
-            let around = position_grid(stock, tool)?;
+            let around = position_grid(stock, &tool.bare)?;
             let (lower, upper) = (around.origin, around.origin + around.size());
             let whole = (positions.origin, positions.origin + positions.size());
             positions = positions.covering(lower.min(whole.0), upper.max(whole.1), 0)?;
         }
-        let reach = tools.iter().map(farthest).fold(0.0, f64::max);
+        let reach = tools.iter().map(|tool| farthest(&tool.grown)).fold(0.0, f64::max);
         let obstacle_grid = spec.obstacle_grid(&positions, reach)?;
 
         let settings = AccessSettings { tau: arguments.tau, lists: arguments.lists };
         let needed =
             needed(&obstacle_grid, &query, stock_grid.as_ref(), &tools, &orientations, settings, session)?;
+        // A second section is added, of shank and holder, and the layer is kept apart.
+        let needed = needed * if depth.is_some() { 2 } else { 1 };
         session.require_memory(needed, || {
             let [x, y, z] = query.dims;
             let lists = if settings.lists { ", do without --lists" } else { "" };
@@ -116,6 +146,14 @@ impl Setup {
         session.detail(&format!("this needs about {}", show_bytes(needed)));
 
         let bodies = spec.bodies(&obstacle_grid)?;
+        let contact =
+            depth.map(|depth| Touch { depth, divided: Contact::new(&bodies.part, &bodies.fixtures, depth) });
+        let conservative = arguments.scene.conservative;
+        let promise = tools
+            .iter()
+            .map(|tool| Promise::new(conservative, &tool.bare, &clearance, depth.is_some(), query.pitch))
+            .min_by_key(Promise::strength)
+            .unwrap_or(Promise::Centres);
         let obstacle = bodies.obstacle();
         let on = |occupancy: &Occupancy, grid: &Grid| {
             occupancy.on(grid).ok_or_else(|| anyhow::anyhow!("the grids of part and stock do not meet"))
@@ -137,13 +175,15 @@ impl Setup {
             query.pitch,
             bodies.part.count(),
             bodies.fixtures.count(),
-            tools.iter().map(|tool| tool.name.as_str()).collect::<Vec<_>>().join(", "),
-            promise(arguments.scene.conservative)
+            tools.iter().map(|tool| tool.bare.name.as_str()).collect::<Vec<_>>().join(", "),
+            promise
         ));
         Ok(Self {
             part: reading.part.name.clone(),
             unit,
-            conservative: arguments.scene.conservative,
+            clearance,
+            contact,
+            promise,
             mesh: reading.part.mesh.transformed(&reading.transform),
             fixtures: fixtures.iter().map(|fixture| fixture.name.to_owned()).collect(),
             solid: on(&obstacle, &query)?,
@@ -161,12 +201,13 @@ impl Setup {
     }
 }
 
-/// Which promise holds.
-pub(super) fn promise(conservative: bool) -> &'static str {
-    if conservative {
-        "every voxel that the surface touches is solid: exact for these voxels, tool by voxel centres"
-    } else {
-        "exact for voxel centres, not for the mesh between them (see --conservative)"
+impl Setup {
+    /// What a tool must stay out of.
+    pub(super) fn obstacles(&self, tool: usize) -> Obstacles<'_> {
+        match &self.contact {
+            Some(touch) => touch.divided.obstacles(self.tools[tool].rest.as_ref()),
+            None => Obstacles::from(&self.obstacle),
+        }
     }
 }
 
@@ -195,18 +236,19 @@ fn needed(
     obstacle: &Grid,
     query: &Grid,
     stock: Option<&Grid>,
-    tools: &[Tool],
+    tools: &[GuardedTool],
     orientations: &OrientationSet,
     settings: AccessSettings,
     session: &Session,
 ) -> Result<u64> {
     let threads = session.threads();
     let mut most = 0;
-    for tool in tools {
-        let plan = SectionPlan::memory_estimate_with_query(obstacle, query, tool, threads);
+    for GuardedTool { bare, grown: tool, .. } in tools {
+        let plan = SectionPlan::memory_estimate_with_query(obstacle, query, tool, threads)
+            + ElementPlans::memory_estimate(obstacle, query, tool, threads);
         let streaming = memory_estimate(query.dims, orientations.len(), settings, threads);
         let sweep = match stock {
-            Some(stock) => removable_memory_estimate(obstacle, stock, tool, threads)?,
+            Some(stock) => removable_memory_estimate(obstacle, stock, tool, bare, threads)?,
             None => 0,
         };
         most = most.max((plan + streaming).max(sweep));
@@ -218,6 +260,7 @@ fn needed(
         0
     };
     let stock = stock.map_or(0, |stock| stock.len() as u64 * (3 + tools.len() as u64));
-    let results = query.len() as u64 * (40 + 8 * tools.len() as u64);
+    // And up to half a dozen elements of each tool.
+    let results = query.len() as u64 * (40 + 32 * tools.len() as u64);
     Ok(most + 4 * obstacle.len() as u64 + results + lists + stock)
 }

@@ -3,11 +3,14 @@
 use std::fmt::Write as _;
 
 use imf_core::access::{Component, Components, Volume};
+use imf_core::tool::Clearance;
 use serde::Serialize;
 
 use super::Findings;
-use super::setup::{Setup, promise};
+use super::blocked::{self, BlockedRow};
+use super::setup::Setup;
 use super::surface::Surface;
+use crate::arguments::clearance::clearance_text;
 use crate::progress::show_seconds;
 
 /// Pieces of space that the summary lists; the label fields have them all.
@@ -29,6 +32,8 @@ struct ToolRow {
     tool: String,
     /// Empty voxels that it reaches.
     accessible: Volume,
+    /// What collides where it does not reach.
+    blocked_by: Vec<BlockedRow>,
     /// Stock that it removes.
     #[serde(skip_serializing_if = "Option::is_none")]
     removable: Option<Volume>,
@@ -66,10 +71,14 @@ pub(super) struct Summary {
     orientations: String,
     orientation_count: usize,
     tau: f64,
-    promise: &'static str,
+    clearance: Clearance,
+    contact: Option<f64>,
+    promise: String,
     solid: Volume,
     accessible: Region,
     inaccessible: Region,
+    /// What of the best tool collides where none reaches.
+    blocked_by: Vec<BlockedRow>,
     tools: Vec<ToolRow>,
     #[serde(skip_serializing_if = "Option::is_none")]
     stock: Option<StockRow>,
@@ -98,8 +107,9 @@ impl Summary {
             imf.iter().zip(&setup.solid.solid).filter(|&(&v, &s)| s == 0 && f64::from(v) <= setup.tau).count()
         };
         let tools = setup.tools.iter().enumerate().map(|(index, tool)| ToolRow {
-            tool: tool.name.clone(),
+            tool: tool.bare.name.clone(),
             accessible: measure(reached(&findings.tools[index].imf.value)),
+            blocked_by: blocked::by_tool(setup, findings, index),
             removable: findings.removable.get(index).map(|swept| measure(marked(swept))),
             map_free_share: findings.maps.get(index).map(|map| map.free_share(setup.tau)),
         });
@@ -125,10 +135,13 @@ impl Summary {
             orientations: setup.orientations.spec.clone(),
             orientation_count: setup.orientations.len(),
             tau: setup.tau,
-            promise: promise(setup.conservative),
+            clearance: setup.clearance,
+            contact: setup.contact.as_ref().map(|contact| contact.depth),
+            promise: setup.promise.to_string(),
             solid: measure(setup.solid.count()),
             accessible: region(space.accessible_volume(), &space.accessible),
             inaccessible: region(space.inaccessible_volume(), &space.inaccessible),
+            blocked_by: blocked::together(setup, findings),
             tools: tools.collect(),
             stock,
             surface: surface.map(|surface| SurfaceRow {
@@ -161,9 +174,17 @@ impl Summary {
         row("part and fixtures", self.solid, "");
         row("accessible around it", self.accessible.volume, &self.accessible.pieces());
         row("inaccessible around it", self.inaccessible.volume, &self.inaccessible.pieces());
+        for blocked in &self.blocked_by {
+            let alone =
+                format!("alone {} voxels, {:.1} {}³", blocked.alone.voxels, blocked.alone.volume, self.unit);
+            row(&format!("  the {} hits", blocked.element), blocked.hits, &alone);
+        }
         if self.tools.len() > 1 {
             for tool in &self.tools {
                 row(&format!("  accessible to {}", tool.tool), tool.accessible, "");
+                for blocked in &tool.blocked_by {
+                    row(&format!("    else the {} hits", blocked.element), blocked.hits, "");
+                }
             }
         }
         if let Some(stock) = &self.stock {
@@ -193,6 +214,12 @@ impl Summary {
                     100.0 * share
                 );
             }
+        }
+        if let Some(clearance) = clearance_text(&self.clearance, &self.unit) {
+            let _ = writeln!(text, "\nclearance: {clearance}");
+        }
+        if let Some(depth) = self.contact {
+            let _ = writeln!(text, "\nthe cutter may reach {depth} {} below the part's surface", self.unit);
         }
         let _ = write!(text, "\n{}; {}.", show_seconds(self.seconds), self.promise);
         text

@@ -8,7 +8,7 @@ use imf_core::field_files::{VertexValues, write_ply};
 use imf_core::mesh::Mesh;
 
 use super::Findings;
-use super::setup::{Setup, promise};
+use super::setup::Setup;
 use crate::picture::Scale;
 
 /// Edges longer than this many pitches are halved, so that values show between the corners of large triangles.
@@ -70,7 +70,7 @@ impl Surface {
         let comments = [
             format!("imf {}: {} in {}", env!("CARGO_PKG_VERSION"), setup.part, setup.unit),
             "imf: inaccessibility measure half a pitch outside; best: direction from tip to holder".into(),
-            promise(setup.conservative).into(),
+            setup.promise.to_string(),
         ];
         Ok(write_ply(path, &self.mesh, &values, &colours, &comments)?)
     }

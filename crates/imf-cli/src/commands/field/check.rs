@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Result, bail};
 use imf_core::orientation::Orientation;
-use imf_core::section::{SectionPlan, direct_cmf, direct_count};
+use imf_core::section::{Obstacles, SectionPlan, direct_cmf, direct_count, direct_element_measures};
 use imf_core::tool::{RotatedTool, SharpPoints};
 use imf_core::training::permutation::Permutation;
 use serde_json::{Value, json};
@@ -44,8 +44,13 @@ impl Check {
         for place in 0..self.voxels.min(cmf.len()) {
             let at = order.at(place);
             let voxel = grid.voxel(at);
-            let direct = match tool.sharp_points {
-                SharpPoints::Tip => {
+            let direct = match (plan.skin(), &tool.sharp_points) {
+                (skin @ Some(_), _) => {
+                    let obstacles = Obstacles { solid: plan.obstacle(), skin };
+                    let elements = direct_element_measures(obstacles, tool, orientation, voxel)?;
+                    elements.iter().map(|&(_, measure)| measure).sum()
+                }
+                (None, SharpPoints::Tip) => {
                     let count = direct_count(plan.obstacle(), &rotated, voxel.map(|v| v as i64));
                     f64::from(count) / f64::from(rotated.count)
                 }

@@ -3,9 +3,11 @@
 use anyhow::Result;
 use imf_core::field_files::{NamedField, write_npy, write_vti};
 use imf_core::section::Imf;
+use imf_core::tool::ElementKind;
 use ndarray::{ArrayView3, aview1};
 use serde_json::json;
 
+use super::elements::{self, ElementRow};
 use super::{ORIENTATIONS, SUMMARY, Streamed, Work};
 use crate::interrupt::Interrupted;
 use crate::output::{print, print_json, same_digits, write_json};
@@ -26,7 +28,10 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     parts.for_each(|part| whole.merge(&part));
 
     work.folder.create()?;
-    write_fields(work, &whole)?;
+    let elements = elements::at_best(work, &whole)?;
+    let borrowed: Vec<_> = elements.iter().map(|(kind, values)| (*kind, values.as_slice())).collect();
+    let mut rows = elements::write(work, "imf", &borrowed, true)?;
+    write_fields(work, &whole, &elements, &rows)?;
     let sheet = MidPlaneSheet {
         title: work.title(),
         label: "inaccessibility measure IMF",
@@ -41,6 +46,9 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     };
     sheet.save(&[MidPlanes::new(String::new(), &whole.value, grid)], &work.folder.file("imf.png"))?;
 
+    if !rows.is_empty() {
+        elements::draw(work, rows.iter_mut(), "measures at the best orientation, by element")?;
+    }
     let outside = work.accessible_outside(&whole.value);
     let largest = whole.value.iter().copied().fold(0.0, f32::max);
     let summary = work.summary(
@@ -49,6 +57,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
             "largest": same_digits(largest),
             "accessible_outside": outside.accessible,
             "inaccessible_outside": outside.inaccessible,
+            "elements": rows,
             "files": ["imf.npy", "best.npy", "imf.vti", "imf.png", ORIENTATIONS],
         }),
     );
@@ -69,6 +78,12 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         outside.inaccessible,
         work.promise()
     );
+    for row in &rows {
+        text += &format!(
+            "{:<14}collides at the best orientation of {} voxels outside the part\n",
+            row.element, row.hits
+        );
+    }
     text += &work.check.describe().map(|line| format!("check         {line}\n")).unwrap_or_default();
     text += &format!(
         "written to    {}: imf.npy, best.npy, imf.vti, imf.png, {ORIENTATIONS}, {SUMMARY}\n",
@@ -78,7 +93,12 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
 }
 
 /// The arrays, and the best orientation's angles in degrees for viewers that know no list of orientations.
-fn write_fields(work: &Work<'_>, whole: &Imf) -> Result<()> {
+fn write_fields(
+    work: &Work<'_>,
+    whole: &Imf,
+    elements: &[(ElementKind, Vec<f32>)],
+    rows: &[ElementRow],
+) -> Result<()> {
     let grid = &work.scene.record.grid;
     let of_best = |angle: fn(&imf_core::orientation::Orientation) -> f64| -> Vec<f32> {
         whole.best.iter().map(|&best| angle(&work.set.orientations[best as usize]) as f32).collect()
@@ -88,13 +108,16 @@ fn write_fields(work: &Work<'_>, whole: &Imf) -> Result<()> {
     let best = aview1(&whole.best).into_shape_with_order(grid.dims)?;
     write_npy(work.folder.file("imf.npy"), value)?;
     write_npy(work.folder.file("best.npy"), best)?;
-    let fields = [
+    let mut fields = vec![
         NamedField::new("imf", value),
         NamedField::new("best", best),
         NamedField::new("theta", aview1(&theta).into_shape_with_order(grid.dims)?),
         NamedField::new("phi", aview1(&phi).into_shape_with_order(grid.dims)?),
         NamedField::new("solid", ArrayView3::from_shape(grid.dims, &work.scene.obstacle.solid)?),
     ];
+    for ((_, values), row) in elements.iter().zip(rows) {
+        fields.push(NamedField::new(&row.array, ArrayView3::from_shape(grid.dims, values)?));
+    }
     write_vti(work.folder.file("imf.vti"), grid, &fields)?;
     work.write_orientations()
 }

@@ -7,6 +7,7 @@ use imf_core::field_files::{NamedField, write_npy, write_vti};
 use ndarray::{ArrayView3, aview1};
 use serde_json::{Value, json};
 
+use super::elements::{self, ElementRow, OwnMeasures};
 use super::{ORIENTATIONS, Outside, SUMMARY, Streamed, Work, angles_text};
 use crate::interrupt::Interrupted;
 use crate::output::{print, print_json, same_digits, table, write_json};
@@ -28,47 +29,73 @@ struct Kept {
     outside: Outside,
     largest: f32,
     planes: Option<MidPlanes>,
-    values: Option<Vec<f32>>,
+    /// Everything that the shared file is to hold, by name.
+    values: Vec<(String, Vec<f32>)>,
+    elements: Vec<ElementRow>,
+}
+
+/// What a thread keeps.
+#[derive(Default)]
+struct Own {
+    kept: Vec<Kept>,
+    measures: OwnMeasures,
 }
 
 pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let (grid, set) = (&work.scene.record.grid, work.set);
-    let shared = set.len() <= SHARED_SECTIONS && 4 * set.len() * grid.len() <= SHARED_BYTES;
+    let arrays = 1 + work.elements.map_or(0, |plans| plans.elements().count());
+    let shared = set.len() <= SHARED_SECTIONS && 4 * set.len() * arrays * grid.len() <= SHARED_BYTES;
     work.folder.create()?;
     // First, so that sections kept after Ctrl-C can be told apart.
     work.write_orientations()?;
     let written = AtomicUsize::new(0);
-    let visit = |own: &mut Vec<Kept>, index: usize, cmf: &[f32]| -> Result<()> {
+    let visit = |own: &mut Own, index: usize, cmf: &[f32]| -> Result<()> {
         let array = ArrayView3::from_shape(grid.dims, cmf).context("a section does not fit its grid")?;
         write_npy(work.folder.file(&format!("{}.npy", name(index))), array)?;
+        let measured = own.measures.measure(work, index)?;
+        let elements = elements::write(work, &name(index), &measured, index == 0)?;
         if !shared {
             let vti = work.folder.file(&format!("{}.vti", name(index)));
-            write_vti(vti, grid, &[NamedField::new("cmf", array)])?;
+            let mut fields = vec![NamedField::new("cmf", array)];
+            for (row, (_, values)) in elements.iter().zip(&measured) {
+                fields.push(NamedField::new(&row.array, ArrayView3::from_shape(grid.dims, values)?));
+            }
+            write_vti(vti, grid, &fields)?;
         }
-        own.push(Kept {
+        let mut values = Vec::new();
+        if shared {
+            values.push((name(index), cmf.to_vec()));
+            let of_elements = measured.iter().zip(&elements);
+            values.extend(of_elements.map(|((_, values), row)| (row.array.clone(), values.to_vec())));
+        }
+        own.kept.push(Kept {
             index,
             outside: work.accessible_outside(cmf),
             largest: cmf.iter().copied().fold(0.0, f32::max),
             planes: (index < PICTURED)
                 .then(|| MidPlanes::new(angles_text(&set.orientations[index]), cmf, grid)),
-            values: shared.then(|| cmf.to_vec()),
+            values,
+            elements,
         });
         written.fetch_add(1, Ordering::Relaxed);
         Ok(())
     };
-    let Streamed::Whole(parts) = work.stream(Vec::new, visit)? else {
+    let Streamed::Whole(parts) = work.stream(Own::default, visit)? else {
         let (written, all, folder) =
             (written.load(Ordering::Relaxed), set.len(), work.folder.path().display());
         return Err(
             Interrupted(format!("{written} of {all} sections are finished and kept in {folder}")).into()
         );
     };
-    let mut kept: Vec<Kept> = parts.into_iter().flatten().collect();
+    let mut kept: Vec<Kept> = parts.into_iter().flat_map(|own| own.kept).collect();
     kept.sort_by_key(|section| section.index);
     if shared {
         write_shared(work, &kept)?;
     }
     draw(work, &mut kept)?;
+    if let Some(first) = kept.first_mut().filter(|_| work.elements.is_some()) {
+        elements::draw(work, first.elements.iter_mut(), "section 0, by element")?;
+    }
 
     let files = if shared { "sections.vti" } else { "one .vti for each section" };
     let summary = work.summary("sections", json!({ "sections": list(work, &kept), "vti": files }));
@@ -96,11 +123,9 @@ fn name(index: usize) -> String {
 /// All sections as named arrays of one file.
 fn write_shared(work: &Work<'_>, kept: &[Kept]) -> Result<()> {
     let grid = &work.scene.record.grid;
-    let names: Vec<String> = kept.iter().map(|section| name(section.index)).collect();
     let solid = ArrayView3::from_shape(grid.dims, &work.scene.obstacle.solid)?;
-    let mut fields = Vec::with_capacity(kept.len() + 1);
-    for (section, name) in kept.iter().zip(&names) {
-        let values = section.values.as_deref().unwrap_or_default();
+    let mut fields = Vec::new();
+    for (name, values) in kept.iter().flat_map(|section| &section.values) {
         fields.push(NamedField::new(name, aview1(values).into_shape_with_order(grid.dims)?));
     }
     fields.push(NamedField::new("solid", solid));
@@ -135,6 +160,7 @@ fn list(work: &Work<'_>, kept: &[Kept]) -> Vec<Value> {
             "largest": same_digits(section.largest),
             "accessible_outside": section.outside.accessible,
             "inaccessible_outside": section.outside.inaccessible,
+            "elements": section.elements,
         })
     };
     kept.iter().map(entry).collect()

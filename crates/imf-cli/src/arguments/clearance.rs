@@ -1,0 +1,66 @@
+//! Room that a tool must keep, and how deep its cutter may touch: the same words in every command.
+
+use anyhow::{Result, ensure};
+use clap::Args;
+use imf_core::tool::{Clearance, Tool};
+
+/// Room around each kind of element, in the part's unit.
+#[derive(Args, Clone)]
+pub(crate) struct ClearanceArguments {
+    /// Room that holder and shank must keep: they are grown by it
+    #[arg(long, default_value_t = 0.0, value_name = "LENGTH")]
+    clearance: f64,
+    /// Room that the holder must keep, instead of --clearance
+    #[arg(long, value_name = "LENGTH")]
+    clearance_holder: Option<f64>,
+    /// Room that the shank must keep, instead of --clearance
+    #[arg(long, value_name = "LENGTH")]
+    clearance_shank: Option<f64>,
+    /// Room that the cutter must keep from what it may not touch
+    #[arg(long, default_value_t = 0.0, value_name = "LENGTH")]
+    clearance_cutter: f64,
+}
+
+impl ClearanceArguments {
+    pub(crate) fn clearance(&self) -> Clearance {
+        Clearance {
+            holder: self.clearance_holder.unwrap_or(self.clearance),
+            shank: self.clearance_shank.unwrap_or(self.clearance),
+            cutter: self.clearance_cutter,
+        }
+    }
+}
+
+/// Contact of the cutter with what it cuts, for fields.
+#[derive(Args, Clone, Default)]
+pub(crate) struct ContactArguments {
+    /// The cutter may reach this deep below the part's surface (in the part's unit); shank, holder and fixtures may not
+    #[arg(long, value_name = "LENGTH")]
+    contact: Option<f64>,
+}
+
+impl ContactArguments {
+    /// The depth, checked together with the tools that are to touch.
+    pub(crate) fn depth<'a>(&self, tools: impl IntoIterator<Item = &'a Tool>) -> Result<Option<f64>> {
+        let Some(depth) = self.contact else { return Ok(None) };
+        ensure!(
+            depth.is_finite() && depth >= 0.0,
+            "the contact must be a finite length of at least 0, not {depth}"
+        );
+        for tool in tools {
+            ensure!(
+                tool.has_cutter(),
+                "--contact lets a cutter touch the part, and the tool '{}' names none: describe it by cutter, shank and \
+                 holder",
+                tool.name
+            );
+        }
+        Ok(Some(depth))
+    }
+}
+
+/// A clearance in words: nothing where there is none.
+pub(crate) fn clearance_text(clearance: &Clearance, unit: impl std::fmt::Display) -> Option<String> {
+    let Clearance { holder, shank, cutter } = clearance;
+    (!clearance.is_zero()).then(|| format!("holder {holder}, shank {shank}, cutter {cutter} {unit}"))
+}

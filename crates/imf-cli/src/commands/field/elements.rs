@@ -1,0 +1,103 @@
+//! Measures of cutter, shank and each holder segment beside the whole tool's: what collides.
+
+use anyhow::{Context as _, Result};
+use imf_core::field_files::write_npy;
+use imf_core::section::{ElementScratch, Imf, SectionError, elements_at_best};
+use imf_core::tool::ElementKind;
+use ndarray::ArrayView3;
+use serde::Serialize;
+
+use super::Work;
+use crate::interrupt::Interrupted;
+use crate::output::element_name;
+use crate::picture::MaskStyle;
+use crate::slices::{MidPlaneSheet, MidPlanes};
+
+/// One element in the summary.
+#[derive(Debug, Serialize)]
+pub(super) struct ElementRow {
+    pub(super) element: String,
+    /// Name of its array in the .vti file, and of its .npy file without the ending.
+    pub(super) array: String,
+    pub(super) largest: f32,
+    /// Voxels outside the part where it collides.
+    pub(super) hits: usize,
+    /// For the picture.
+    #[serde(skip)]
+    planes: Option<MidPlanes>,
+}
+
+/// Working memory of one thread.
+#[derive(Default)]
+pub(super) struct OwnMeasures {
+    scratch: ElementScratch,
+    measures: Vec<Vec<f32>>,
+}
+
+impl OwnMeasures {
+    /// Every element's section of orientation `index`; none where they are not asked for.
+    pub(super) fn measure(&mut self, work: &Work<'_>, index: usize) -> Result<Vec<(ElementKind, &[f32])>> {
+        let Some(plans) = work.elements else { return Ok(Vec::new()) };
+        let voxels = work.scene.record.grid.len();
+        self.measures.resize_with(plans.elements().count(), || vec![0.0; voxels]);
+        plans.measures(&work.set.orientations[index], &mut self.scratch, &mut self.measures)?;
+        Ok(plans.elements().zip(self.measures.iter().map(Vec::as_slice)).collect())
+    }
+}
+
+/// Every element's measure at the best orientation of each voxel; none where they are not asked for.
+pub(super) fn at_best(work: &Work<'_>, imf: &Imf) -> Result<Vec<(ElementKind, Vec<f32>)>> {
+    let Some(plans) = work.elements else { return Ok(Vec::new()) };
+    let stage = work.session.stage("elements", "orientations", work.set.len() as u64);
+    let advance = |n| stage.advance(n);
+    let found = elements_at_best(plans, &work.set.orientations, imf, work.session.control(&advance));
+    let found = found.map_err(|error| match error {
+        SectionError::Cancelled => Interrupted("the elements' measures are not written".into()).into(),
+        other => anyhow::Error::from(other),
+    })?;
+    stage.finish("");
+    Ok(found.kinds.into_iter().zip(found.values).collect())
+}
+
+/// Writes `PREFIX-ELEMENT.npy` for each element, and keeps its mid-planes where they are to be drawn.
+pub(super) fn write(
+    work: &Work<'_>,
+    prefix: &str,
+    measures: &[(ElementKind, &[f32])],
+    pictured: bool,
+) -> Result<Vec<ElementRow>> {
+    let grid = &work.scene.record.grid;
+    let row = |&(kind, values): &(ElementKind, &[f32])| {
+        let array = format!("{prefix}-{}", element_name(kind));
+        let view = ArrayView3::from_shape(grid.dims, values).context("a measure does not fit its grid")?;
+        write_npy(work.folder.file(&format!("{array}.npy")), view)?;
+        let outside = values.iter().zip(&work.scene.obstacle.solid).filter(|&(_, &solid)| solid == 0);
+        Ok(ElementRow {
+            element: kind.to_string(),
+            array,
+            largest: values.iter().copied().fold(0.0, f32::max),
+            hits: outside.filter(|&(&value, _)| value > 0.0).count(),
+            planes: pictured.then(|| MidPlanes::new(kind.to_string(), values, grid)),
+        })
+    };
+    measures.iter().map(row).collect()
+}
+
+/// Draws the elements' mid-planes in one scale: `elements.png`.
+pub(super) fn draw<'a>(
+    work: &Work<'_>,
+    rows: impl Iterator<Item = &'a mut ElementRow>,
+    what: &str,
+) -> Result<()> {
+    let planes: Vec<MidPlanes> = rows.filter_map(|row| row.planes.take()).collect();
+    let sheet = MidPlaneSheet {
+        title: work.title(),
+        label: "share of the collision measure",
+        part: &work.scene.obstacle,
+        style: Some(MaskStyle::Outline),
+        unit: work.scene.record.unit,
+        notes: vec![format!("{what}; they sum to the whole tool's measure; white line: the part")],
+    };
+    sheet.save(&planes, &work.folder.file("elements.png"))?;
+    Ok(())
+}

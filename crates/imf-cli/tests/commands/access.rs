@@ -1,0 +1,218 @@
+//! `imf access`: all that it writes, held against its own summary, and what it refuses.
+
+use serde_json::Value;
+
+use crate::folder::Folder;
+
+/// A block of 20 mm on the floor with a slot of 4 mm, 12 mm deep, along y: three boxes.
+fn slotted() -> String {
+    let boxes = [([-10, 0], [10, 8]), ([-10, 8], [-2, 20]), ([2, 8], [10, 20])];
+    let mut text = String::new();
+    for (index, ([x0, z0], [x1, z1])) in boxes.into_iter().enumerate() {
+        text += &cuboid([x0, -10, z0], [x1, 10, z1], 8 * index);
+    }
+    text
+}
+
+fn cuboid(lower: [i32; 3], upper: [i32; 3], first: usize) -> String {
+    let [x0, y0, z0] = lower;
+    let [x1, y1, z1] = upper;
+    let mut text = String::new();
+    for z in [z0, z1] {
+        for [x, y] in [[x0, y0], [x1, y0], [x1, y1], [x0, y1]] {
+            text += &format!("v {x} {y} {z}\n");
+        }
+    }
+    for face in [[4, 3, 2, 1], [5, 6, 7, 8], [1, 2, 6, 5], [2, 3, 7, 6], [3, 4, 8, 7], [4, 1, 5, 8]] {
+        let [a, b, c, d] = face.map(|v: usize| v + first);
+        text += &format!("f {a} {b} {c} {d}\n");
+    }
+    text
+}
+
+fn mill(name: &str, length: f64) -> String {
+    format!(
+        "name = \"{name}\"\n[cutter]\nshape = \"flat\"\ndiameter = 3.0\nlength = {length}\n[[holder]]\ndiameter = 16.0\n\
+         length = 20.0\n"
+    )
+}
+
+/// The slotted block, two tools and a clamp, in a fresh folder.
+fn workshop() -> Folder {
+    let folder = Folder::new();
+    folder.write("part.obj", slotted());
+    folder.write("clamp.obj", cuboid([0, 0, 0], [6, 6, 12], 0));
+    folder.write("short.toml", mill("short", 6.0));
+    folder.write("long.toml", mill("long", 18.0));
+    folder
+}
+
+const RUN: [&str; 6] = ["access", "part.obj", "--pitch", "2", "--out", "out"];
+
+fn arguments<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    [&RUN[..], more].concat()
+}
+
+fn voxels(value: &Value) -> usize {
+    value["voxels"].as_u64().unwrap() as usize
+}
+
+#[test]
+fn every_output_is_there_and_agrees_with_the_summary() {
+    let folder = workshop();
+    let summary = folder.json(&arguments(&[
+        "--tool",
+        "short.toml",
+        "--tool",
+        "long.toml",
+        "--fixture",
+        "clamp.obj@translate:10,-3,0",
+        "--orientations",
+        "fibonacci:14",
+        "--surface",
+        "--stock",
+        "box:2",
+        "--map",
+        "0,0,10",
+        "--map-step",
+        "45",
+        "--lists",
+    ]));
+    assert_eq!(summary, serde_json::from_str::<Value>(&folder.read("out/summary.json")).unwrap());
+    let mut files: Vec<String> =
+        summary["files"].as_array().unwrap().iter().map(|f| f.as_str().unwrap().to_owned()).collect();
+    files.sort();
+    let mut found: Vec<String> = std::fs::read_dir(folder.path("out"))
+        .unwrap()
+        .map(|e| e.unwrap().file_name().into_string().unwrap())
+        .collect();
+    found.sort();
+    assert_eq!(files, found);
+    for name in
+        ["imf.vti", "surface.ply", "removable.vti", "map_tool_1.png", "free_lists_tool_0.npy", "slices.png"]
+    {
+        assert!(files.iter().any(|file| file == name), "{name}: {files:?}");
+    }
+    let imf = folder.npy::<f32>("out/imf.npy");
+    let solid = folder.npy::<u8>("out/solid.npy");
+    let dims: Vec<usize> = serde_json::from_value(summary["dims"].clone()).unwrap();
+    assert_eq!(imf.shape(), dims);
+    let empty = |predicate: &dyn Fn(f32) -> bool| {
+        imf.iter().zip(&solid).filter(|&(&v, &s)| s == 0 && predicate(v)).count()
+    };
+    assert_eq!(voxels(&summary["accessible"]), empty(&|v| v == 0.0));
+    assert_eq!(voxels(&summary["inaccessible"]), empty(&|v| v > 0.0));
+    assert_eq!(voxels(&summary["solid"]), solid.iter().filter(|&&s| s != 0).count());
+    assert!(solid.iter().any(|&s| s == 2), "the clamp");
+    assert_eq!(summary["accessible"]["volume"], 8.0 * voxels(&summary["accessible"]) as f64);
+    assert_eq!(summary["fixtures"], serde_json::json!(["clamp.obj"]));
+    assert_eq!(folder.read("out/orientations.csv").lines().count(), 15);
+    // The long tool gets into the slot, the short one's holder does not.
+    let reached = [0, 1].map(|tool| voxels(&summary["tools"][tool]["accessible"]));
+    assert!(reached[0] < reached[1], "{reached:?}");
+    let stock = &summary["stock"];
+    assert_eq!(voxels(&stock["to_remove"]), voxels(&stock["removable"]) + voxels(&stock["stays"]));
+    let classes = folder.npy::<u8>("out/removable.npy");
+    assert_eq!(voxels(&stock["removable"]), classes.iter().filter(|&&c| c == 2).count());
+}
+
+#[test]
+fn blocked_space_is_told_apart_by_elements_that_sum_to_the_measure() {
+    let folder = workshop();
+    let tools = ["--tool", "short.toml", "--tool", "long.toml", "--orientations", "fibonacci:14"];
+    let summary = folder.json(&arguments(&tools));
+    let solid = folder.npy::<u8>("out/solid.npy");
+    for tool in 0..2 {
+        let imf = folder.npy::<f32>(&format!("out/imf_tool_{tool}.npy"));
+        let parts =
+            ["cutter", "holder_1"].map(|name| folder.npy::<f32>(&format!("out/imf_{name}_tool_{tool}.npy")));
+        for (index, &whole) in imf.indexed_iter() {
+            // Three numbers, each rounded to f32 once.
+            let sum = f64::from(parts[0][index]) + f64::from(parts[1][index]);
+            assert!((sum - f64::from(whole)).abs() <= f64::from(f32::EPSILON) * sum, "{index:?}");
+        }
+        let rows = summary["tools"][tool]["blocked_by"].as_array().unwrap();
+        assert_eq!(rows.len(), 2);
+        for (row, name, own, other) in [(0, "cutter", 0, 1), (1, "holder 1", 1, 0)] {
+            let outside = || (0..solid.len()).filter(|&v| solid.as_slice().unwrap()[v] == 0);
+            let at = |part: usize, v: usize| parts[part].as_slice().unwrap()[v] > 0.0;
+            assert_eq!(rows[row]["element"], name);
+            assert_eq!(voxels(&rows[row]["hits"]), outside().filter(|&v| at(own, v)).count());
+            let alone = outside().filter(|&v| at(own, v) && !at(other, v)).count();
+            assert_eq!(voxels(&rows[row]["alone"]), alone);
+            assert_eq!(rows[row]["alone"]["volume"], 8.0 * alone as f64);
+        }
+        // A longer tool mends what the holder alone blocks.
+        assert!(tool == 1 || voxels(&rows[1]["alone"]) > 0);
+    }
+    assert_eq!(summary["blocked_by"].as_array().unwrap().len(), 2);
+    let text = folder.succeed(&arguments(&tools)).stdout;
+    assert!(text.contains("the cutter hits") && text.contains("the holder 1 hits"), "{text}");
+}
+
+#[test]
+fn clearance_takes_space_contact_gives_some_and_both_are_said() {
+    let folder = workshop();
+    let run = |more: &[&str]| {
+        let long = ["--tool", "long.toml", "--orientations", "fibonacci:14", "--conservative"];
+        folder.json(&arguments(&[&long[..], more].concat()))
+    };
+    let plain = run(&[]);
+    let roomy = run(&["--clearance", "2", "--clearance-cutter", "1.8"]);
+    let touching = run(&["--contact", "2"]);
+    let accessible = [&roomy, &plain, &touching].map(|summary| voxels(&summary["accessible"]));
+    assert!(accessible.is_sorted() && accessible[0] < accessible[1], "{accessible:?}");
+    assert!(accessible[1] < accessible[2], "{accessible:?}");
+    assert_eq!(roomy["clearance"], serde_json::json!({ "holder": 2.0, "shank": 2.0, "cutter": 1.8 }));
+    assert_eq!((&plain["contact"], &touching["contact"]), (&Value::Null, &2.0.into()));
+    let promise = |summary: &Value| summary["promise"].as_str().unwrap().to_owned();
+    assert!(promise(&roomy).contains("the whole tool keeps off the mesh itself"));
+    assert!(promise(&plain).contains("also needs a clearance"));
+    let with_both = run(&["--clearance", "2", "--contact", "2"]);
+    assert!(promise(&with_both).contains("holder and shank keep off the mesh itself"));
+}
+
+#[test]
+fn machine_limits_leave_only_what_the_axes_reach() {
+    let folder = workshop();
+    // Tilts from the upright that each limit allows.
+    for (limits, least, most) in
+        [("cone:0,0,1:40", 0.0, 40.0), ("ac:-30:50:-360:360", 0.0, 50.0), ("bc:20:70:-360:360", 20.0, 70.0)]
+    {
+        let more = ["--tool", "long.toml", "--orientations", "fibonacci:60", "--limits", limits];
+        let summary = folder.json(&arguments(&more));
+        let list = folder.read("out/orientations.csv");
+        let tilts: Vec<f64> =
+            list.lines().skip(1).map(|line| line.split(',').nth(1).unwrap().parse().unwrap()).collect();
+        assert_eq!(summary["orientation_count"], tilts.len());
+        assert!((3..60).contains(&tilts.len()), "{limits}: {tilts:?}");
+        assert!(tilts.iter().all(|tilt| (least - 1e-9..=most + 1e-9).contains(tilt)), "{limits}: {tilts:?}");
+    }
+    let sets = ["--tool", "long.toml", "--orientations", "ac:0:40:0:270:3:4"];
+    assert_eq!(folder.json(&arguments(&sets))["orientation_count"], 12);
+}
+
+#[test]
+fn bad_input_is_refused_with_a_remedy() {
+    let folder = workshop();
+    folder.write("part.toml", "name = \"solid\"\nmesh = \"clamp.obj\"\n");
+    let quick = ["--tool", "long.toml", "--orientations", "0,0"];
+    let refuse = |more: &[&str], expected: &[&str]| {
+        folder.refuse(&arguments(&[&quick[..], more].concat()), expected);
+    };
+    refuse(&["--tau", "2"], &["--tau", "below 1"]);
+    refuse(&["--surface", "--border", "0"], &["--border 1"]);
+    refuse(&["--limits", "xy:0:1"], &["xy:0:1"]);
+    refuse(&["--limits", "cone:1,0,0:5"], &["limits"]);
+    refuse(&["--map", "0,0,0", "--map-step", "0"], &["--map-step"]);
+    refuse(&["--fixture", "vice.obj"], &["vice.obj", "no mesh file"]);
+    refuse(&["--fixture", "clamp.obj@turn:1"], &["clamp.obj", "turn:1"]);
+    refuse(&["--stock", "bar.obj"], &["bar.obj"]);
+    refuse(&["--stock", "box:-2"], &["--stock", "negative"]);
+    refuse(&["--clearance=-1"], &["clearance of the holder", "not -1"]);
+    refuse(&["--contact=-1"], &["contact", "not -1"]);
+    refuse(&["--tool", "absent.toml"], &["absent.toml"]);
+    refuse(&["--memory", "1KiB"], &["larger --pitch"]);
+    let run = folder.run(&arguments(&["--map", "0,0"]));
+    assert_eq!(run.code, Some(2), "{}", run.stderr);
+}

@@ -1,0 +1,116 @@
+//! What a "free" of the exact field is worth for the mesh itself.
+//!
+//! Where every voxel that the surface touches is solid, every point of the part lies in a solid voxel, at most √3/2 pitch
+//! from its centre. An element grown by that much that holds no solid centre therefore keeps off the mesh itself.
+
+use std::fmt;
+
+use super::SceneRecord;
+use crate::tool::{Clearance, ElementKind, Tool, ToolShape};
+
+/// Half the diagonal of a voxel, in pitches.
+const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
+
+/// Which promise holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Promise {
+    /// For voxel centres: a wall thinner than a voxel may be missing.
+    Centres,
+    /// For voxels of which every one is solid that the surface touches, and the tool at their centres; for the mesh it
+    /// takes this clearance.
+    Voxels {
+        /// Half a voxel's diagonal, in the grid's unit.
+        needed: f64,
+    },
+    /// For the mesh itself as far as holder and shank go; the cutter has too little clearance, or may touch the part.
+    HolderAndShank,
+    /// For the mesh itself and the whole tool.
+    Mesh,
+}
+
+impl Promise {
+    /// The promise of sections and counts of a tool that is grown by `clearance`; with `contact` the cutter may touch.
+    #[must_use]
+    pub fn new(conservative: bool, tool: &Tool, clearance: &Clearance, contact: bool, pitch: f64) -> Self {
+        let needed = HALF_DIAGONAL * pitch;
+        let keeps_off = |cutter: bool| match &tool.shape {
+            ToolShape::Revolved(elements) => elements
+                .iter()
+                .filter(|e| (e.kind == ElementKind::Cutter) == cutter)
+                .all(|e| clearance.of(e.kind) >= needed),
+            ToolShape::Mesh(_) => false,
+        };
+        let has_rest = tool.without_cutter().is_some();
+        match (conservative, keeps_off(false), keeps_off(true) && !contact) {
+            (false, ..) => Self::Centres,
+            (true, true, true) => Self::Mesh,
+            (true, true, false) if has_rest => Self::HolderAndShank,
+            (true, ..) => Self::Voxels { needed },
+        }
+    }
+}
+
+impl Promise {
+    /// The order from the weakest to the strongest.
+    #[must_use]
+    pub fn strength(&self) -> u8 {
+        match self {
+            Self::Centres => 0,
+            Self::Voxels { .. } => 1,
+            Self::HolderAndShank => 2,
+            Self::Mesh => 3,
+        }
+    }
+}
+
+impl SceneRecord {
+    /// Which promise holds for this scene's field.
+    #[must_use]
+    pub fn promise(&self) -> Promise {
+        Promise::new(self.conservative, self.bare_tool(), &self.clearance, false, self.grid.pitch)
+    }
+}
+
+impl fmt::Display for Promise {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Centres => f.write_str(
+                "exact for voxel centres; no promise about the mesh itself (--conservative, and a clearance of at least \
+                 √3/2 pitch)",
+            ),
+            Self::Voxels { needed } => write!(
+                f,
+                "exact for the tool at voxel centres against every voxel that the surface touches; a promise about the \
+                 mesh itself also needs a clearance of at least √3/2 pitch ({needed:.4})"
+            ),
+            Self::HolderAndShank => f.write_str(
+                "where it is free, holder and shank keep off the mesh itself (every voxel that the surface touches is \
+                 solid, and their clearance is at least √3/2 pitch); for the cutter exact for voxel centres",
+            ),
+            Self::Mesh => f.write_str(
+                "where it is free, the whole tool keeps off the mesh itself (every voxel that the surface touches is \
+                 solid, and its clearance is at least √3/2 pitch)",
+            ),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mesh_itself_needs_conservative_voxels_and_half_a_diagonal() {
+        let tool = Tool::paper();
+        let promise = |conservative, holder, cutter, contact| {
+            let clearance = Clearance { holder, shank: 0.0, cutter };
+            Promise::new(conservative, &tool, &clearance, contact, 2.0)
+        };
+        assert_eq!(promise(false, 9.0, 9.0, false), Promise::Centres);
+        assert_eq!(promise(true, 1.7, 9.0, false), Promise::Voxels { needed: HALF_DIAGONAL * 2.0 });
+        assert_eq!(promise(true, 1.74, 1.7, false), Promise::HolderAndShank);
+        // The tool has no shank, whose clearance of none is no matter.
+        assert_eq!(promise(true, 1.74, 1.74, false), Promise::Mesh);
+        assert_eq!(promise(true, 1.74, 1.74, true), Promise::HolderAndShank);
+    }
+}

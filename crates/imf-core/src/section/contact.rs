@@ -1,0 +1,109 @@
+//! What the cutter may enter and the rest of the tool may not: the layer of the part that it cuts along.
+//!
+//! With contact down to a depth D, the overlap of a pose counts the solid voxels deeper than D and those of fixtures in
+//! the whole tool, and the voxels of the layer above only in shank and holder. Where elements grown by a clearance
+//! overlap, a voxel of the layer that shank or holder holds counts, whatever the cutter does. Both counts are
+//! correlations of whole numbers, and so is their sum: contact costs one more section and nothing in exactness.
+
+use super::counter::Counter;
+use super::direct::spot_check;
+use super::size::{CircularSize, QueryBox};
+use super::{SectionError, SectionScratch};
+use crate::distance::deeper_than;
+use crate::occupancy::Occupancy;
+use crate::orientation::Orientation;
+use crate::tool::{RotatedTool, Tool, ToolError};
+
+/// What a tool must stay out of.
+#[derive(Clone, Copy, Debug)]
+pub struct Obstacles<'a> {
+    /// What no point of the tool may enter.
+    pub solid: &'a Occupancy,
+    /// What the cutter may enter.
+    pub skin: Option<Skin<'a>>,
+}
+
+/// Voxels that only a part of the tool must stay out of.
+#[derive(Clone, Copy, Debug)]
+pub struct Skin<'a> {
+    /// On the grid of [`Obstacles::solid`], which holds none of them.
+    pub voxels: &'a Occupancy,
+    /// What must stay out of them: shank and holder ([`Tool::without_cutter`]), grown as the whole tool is.
+    pub rest: &'a Tool,
+}
+
+impl<'a> From<&'a Occupancy> for Obstacles<'a> {
+    fn from(solid: &'a Occupancy) -> Self {
+        Self { solid, skin: None }
+    }
+}
+
+/// Part and fixtures, divided into the layer that a cutter may enter and all else.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Contact {
+    /// The part deeper than the contact, and the fixtures.
+    pub solid: Occupancy,
+    /// The part's other voxels.
+    pub skin: Occupancy,
+}
+
+impl Contact {
+    /// Lets the cutter reach `depth` (in the grid's unit) below the part's surface; where part and fixture share a
+    /// voxel it stays forbidden. Both stand on one grid.
+    ///
+    /// # Panics
+    /// If the grids differ.
+    #[must_use]
+    pub fn new(part: &Occupancy, fixtures: &Occupancy, depth: f64) -> Self {
+        assert_eq!(part.grid, fixtures.grid, "part and fixtures on one grid");
+        let mut solid = deeper_than(part, depth);
+        solid.solid.iter_mut().zip(&fixtures.solid).for_each(|(s, &f)| *s |= f);
+        let skin = part.solid.iter().zip(&solid.solid).map(|(&p, &s)| p & (1 - s)).collect();
+        Self { skin: Occupancy { grid: part.grid, solid: skin }, solid }
+    }
+
+    /// What a tool must stay out of; `rest` is what of it must stay out of the layer too, if there is any.
+    #[must_use]
+    pub fn obstacles<'a>(&'a self, rest: Option<&'a Tool>) -> Obstacles<'a> {
+        Obstacles { solid: &self.solid, skin: rest.map(|rest| Skin { voxels: &self.skin, rest }) }
+    }
+}
+
+/// The layer as a plan keeps it.
+pub(super) struct PlannedSkin {
+    voxels: Occupancy,
+    rest: Tool,
+    pub(super) counter: Counter,
+}
+
+impl PlannedSkin {
+    pub(super) fn new(skin: Skin<'_>, query: QueryBox) -> Self {
+        let grid = &skin.voxels.grid;
+        let size = CircularSize::new(grid.dims, query, skin.rest.reach() / grid.pitch);
+        let counter = Counter::new(skin.voxels, query, size);
+        Self { voxels: skin.voxels.clone(), rest: skin.rest.clone(), counter }
+    }
+
+    pub(super) fn skin(&self) -> Skin<'_> {
+        Skin { voxels: &self.voxels, rest: &self.rest }
+    }
+
+    /// Adds the layer's voxels in shank and holder to the counts over the query box.
+    pub(super) fn add(
+        &self,
+        query: &QueryBox,
+        orientation: &Orientation,
+        scratch: &mut SectionScratch,
+    ) -> Result<(), SectionError> {
+        let rotated = match RotatedTool::new(&self.rest, orientation, self.voxels.grid.pitch) {
+            // Too thin to hold a centre in this orientation.
+            Err(ToolError::TooSmall { .. }) => return Ok(()),
+            other => other?,
+        };
+        scratch.more.resize(query.len(), 0);
+        self.counter.count(&self.voxels, &rotated, &mut scratch.counter, &mut scratch.more);
+        spot_check(&self.voxels, &rotated, query, &scratch.more)?;
+        scratch.counts.iter_mut().zip(&scratch.more).for_each(|(count, more)| *count += more);
+        Ok(())
+    }
+}

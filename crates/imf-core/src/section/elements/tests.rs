@@ -1,0 +1,170 @@
+//! Elements against their definition, with and without contact, clearance and sharp points off the tip.
+
+use glam::DVec3;
+
+use super::*;
+use crate::section::{Contact, direct_element_measures, imf};
+use crate::tool::{Clearance, Segment};
+use crate::unit::LengthUnit;
+
+fn line(from: f64, to: f64, radius_from: f64, radius_to: f64) -> Vec<Segment> {
+    vec![Segment::Line { from, to, radius_from, radius_to }]
+}
+
+/// Cutter, shank and two holder segments; the upper is so thin that it holds no centre upright.
+fn tool(sharp_points: SharpPoints) -> Tool {
+    let element = |kind, profile| Element { kind, profile };
+    Tool {
+        name: "four".into(),
+        unit: LengthUnit::Mm,
+        shape: ToolShape::Revolved(vec![
+            element(ElementKind::Cutter, line(0.0, 3.0, 1.3, 1.3)),
+            element(ElementKind::Shank, line(3.0, 4.5, 0.8, 1.7)),
+            element(ElementKind::Holder(0), line(4.5, 8.1, 2.4, 2.9)),
+            element(ElementKind::Holder(1), line(8.1, 8.9, 3.3, 3.3)),
+        ]),
+        sharp_points,
+    }
+}
+
+fn scattered(dims: [usize; 3]) -> Occupancy {
+    let grid = Grid { origin: DVec3::new(0.5, -2.0, 1.0), pitch: 1.0, dims };
+    let solid = (0..grid.len()).map(|i| u8::from(i.wrapping_mul(2_654_435_761) >> 7 & 3 < 2)).collect();
+    Occupancy { grid, solid }
+}
+
+/// A block with a fixture beside it.
+fn held() -> (Occupancy, Occupancy) {
+    let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [10, 9, 8] };
+    let (mut part, mut clamp) = (Occupancy::empty(grid), Occupancy::empty(grid));
+    for index in 0..grid.len() {
+        let [x, y, z] = grid.voxel(index);
+        part.solid[index] = u8::from((1..8).contains(&x) && (1..8).contains(&y) && z < 5);
+        clamp.solid[index] = u8::from(x >= 7 && (3..5).contains(&y) && z < 7);
+    }
+    (part, clamp)
+}
+
+/// Every voxel's measures are the definition's, and they sum to the section; some sharp point beside the first is best.
+fn agrees<'a>(obstacles: impl Into<Obstacles<'a>>, tool: &Tool, orientation: &Orientation) -> Vec<Vec<f32>> {
+    let obstacles = obstacles.into();
+    let grid = obstacles.solid.grid;
+    let plans = ElementPlans::new(obstacles, &grid, tool).unwrap();
+    let kinds: Vec<ElementKind> = plans.elements().collect();
+    let mut measures = vec![vec![f32::NAN; grid.len()]; kinds.len()];
+    plans.measures(orientation, &mut ElementScratch::default(), &mut measures).unwrap();
+    let mut cmf = vec![f32::NAN; grid.len()];
+    plans.whole().cmf(orientation, &mut SectionScratch::default(), &mut cmf).unwrap();
+    for voxel in 0..grid.len() {
+        let direct = direct_element_measures(obstacles, tool, orientation, grid.voxel(voxel)).unwrap();
+        assert_eq!(direct.iter().map(|d| d.0).collect::<Vec<_>>(), kinds);
+        let sum: f64 = measures.iter().map(|m| f64::from(m[voxel])).sum();
+        // Each measure and the section are rounded to f32 once.
+        let rounding = f64::from(f32::EPSILON) * sum.max(1e-30);
+        assert!((sum - f64::from(cmf[voxel])).abs() <= rounding, "{sum} {}", cmf[voxel]);
+        for ((kind, expected), found) in direct.iter().zip(&measures) {
+            // Sums of eighths of counts in another order; a near-tie of two sharp points would be far larger.
+            let found = f64::from(found[voxel]);
+            assert!(
+                (found - expected).abs() <= 1e-6,
+                "{kind} at {:?}: {found} {expected}",
+                grid.voxel(voxel)
+            );
+        }
+    }
+    measures
+}
+
+#[test]
+fn elements_are_their_definition_and_sum_to_the_section_flat_and_deep() {
+    let off_tip = SharpPoints::Points(vec![
+        DVec3::ZERO,
+        DVec3::new(1.3, 0.0, 0.0),
+        DVec3::new(-0.4, 0.9, 1.7),
+        DVec3::new(0.0, 0.0, 3.0),
+    ]);
+    for dims in [[7, 8, 6], [1, 9, 7], [6, 8, 1]] {
+        let obstacle = scattered(dims);
+        for sharp in [SharpPoints::Tip, off_tip.clone(), SharpPoints::Cutter(9)] {
+            for orientation in [Orientation::default(), Orientation::new(40.0, 75.0)] {
+                let measures = agrees(&obstacle, &tool(sharp.clone()), &orientation);
+                assert!(measures.iter().take(3).all(|m| m.iter().any(|&v| v > 0.0)));
+            }
+        }
+    }
+}
+
+#[test]
+fn contact_and_clearance_are_counted_by_their_definition() {
+    let (part, clamp) = held();
+    let contact = Contact::new(&part, &clamp, 1.0);
+    assert!(contact.solid.solid.iter().zip(&contact.skin.solid).all(|(a, b)| a & b == 0));
+    assert!(contact.skin.count() > 0 && contact.solid.count() > clamp.count());
+    let sharp = SharpPoints::Points(vec![DVec3::ZERO, DVec3::new(0.7, 0.2, 0.5)]);
+    // A cutter that grows beyond the shank, and holder and shank that reach down over the cutter.
+    for clearance in [
+        Clearance::default(),
+        Clearance { holder: 1.2, shank: 0.6, cutter: 0.0 },
+        Clearance { holder: 0.0, shank: 0.0, cutter: 1.5 },
+    ] {
+        let bare = tool(sharp.clone());
+        let grown = bare.inflated(&clearance).unwrap();
+        let rest = bare.without_cutter().unwrap().inflated(&clearance).unwrap();
+        let bodies = bare.inflated_elements(&clearance).unwrap();
+        for orientation in [Orientation::default(), Orientation::new(200.0, 110.0)] {
+            agrees(contact.obstacles(Some(&rest)), &grown, &orientation);
+            // A tip is free where no body holds what is forbidden to it: grown elements one by one.
+            let tip = grown.with_tip_only();
+            let plan = SectionPlan::new(contact.obstacles(Some(&rest)), &tip).unwrap();
+            let mut counts = vec![0; part.grid.len()];
+            plan.counts(&orientation, &mut SectionScratch::default(), &mut counts).unwrap();
+            let field = |occupancy: &Occupancy, cutter: bool, at: DVec3| -> u32 {
+                let wanted = bodies.iter().filter(|b| (b.kind == ElementKind::Cutter) == cutter);
+                wanted
+                    .map(|body| {
+                        let shape = ToolShape::Revolved(vec![body.clone()]);
+                        Tool { shape, ..tip.clone() }.count_inside(occupancy, at, &orientation)
+                    })
+                    .sum()
+            };
+            let whole = part.union(&clamp).unwrap();
+            for (index, &count) in counts.iter().enumerate() {
+                let at = part.grid.centre(part.grid.voxel(index));
+                let forbidden = field(&contact.solid, true, at) + field(&whole, false, at);
+                assert_eq!(count > 0, forbidden > 0, "{clearance:?} {:?}", part.grid.voxel(index));
+            }
+        }
+    }
+}
+
+#[test]
+fn the_best_orientations_elements_sum_to_the_imf_whatever_the_threads() {
+    let obstacle = scattered([6, 7, 8]);
+    let tool = tool(SharpPoints::Cutter(5));
+    let orientations = crate::orientation::OrientationSet::parse("fibonacci:13").unwrap().orientations;
+    let plans = ElementPlans::new(&obstacle, &obstacle.grid, &tool).unwrap();
+    let imf = imf(plans.whole(), &orientations, Control::quiet()).unwrap();
+    let at_best = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| elements_at_best(&plans, &orientations, &imf, Control::quiet())).unwrap()
+    };
+    let found = at_best(1);
+    assert_eq!(found, at_best(3));
+    for voxel in 0..obstacle.grid.len() {
+        let best = &orientations[imf.best[voxel] as usize];
+        let direct = direct_element_measures(&obstacle, &tool, best, obstacle.grid.voxel(voxel)).unwrap();
+        let sum: f64 = found.values.iter().map(|v| f64::from(v[voxel])).sum();
+        assert!((sum - f64::from(imf.value[voxel])).abs() <= f64::from(f32::EPSILON) * sum.max(1e-30));
+        for ((_, expected), values) in direct.iter().zip(&found.values) {
+            assert!((f64::from(values[voxel]) - expected).abs() < 1e-6);
+        }
+    }
+}
+
+#[test]
+fn a_mesh_has_no_elements() {
+    let mesh = crate::mesh::tests::unit_cube().transformed(&glam::DMat4::from_scale(DVec3::splat(3.0)));
+    let tool = Tool { shape: ToolShape::Mesh(mesh), ..tool(SharpPoints::Tip) };
+    let obstacle = scattered([4, 4, 4]);
+    assert_eq!(ElementPlans::new(&obstacle, &obstacle.grid, &tool).unwrap().elements().count(), 0);
+}
