@@ -176,7 +176,7 @@ impl SceneArguments {
         let mut needed = SectionPlan::memory_estimate(&grid, &tool_here, session.threads());
         if depth.is_some() {
             // A second section is added, of shank and holder, and part and layer are kept apart.
-            needed += needed + 2 * grid.len() as u64;
+            needed = 2 * (needed + grid.len() as u64);
         }
         if elements {
             needed += ElementPlans::memory_estimate(&grid, &grid, &tool_here, session.threads());
