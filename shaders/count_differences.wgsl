@@ -114,11 +114,11 @@ fn part(digits: ptr<function, Digits>, digit: u32, place: u32) -> vec4<u32> {
 }
 
 /// The ends of the planes that lie within the obstacle when the tool's tip is in plane x.
-fn within(x: i32, first: i32, planes: u32, from: u32) -> vec2<u32> {
+fn within(x: i32, first: i32, planes: u32, table: u32) -> vec2<u32> {
     let most = i32(planes);
     let low = clamp(-x - first, 0, most);
     let high = clamp(i32(counting.planes) - x - first, low, most);
-    return vec2(starts[from + u32(low)], starts[from + u32(high)]);
+    return vec2(starts[table + u32(low)], starts[table + u32(high)]);
 }
 
 /// The differences of one tile of a line.

@@ -36,14 +36,10 @@ use std::sync::{Mutex, PoisonError};
 
 use imf_core::control::Control;
 use imf_core::orientation::Orientation;
-use imf_core::section::{
-    Imf, QueryBox, SectionError, SectionPlan, StepSpace, direct_count, share,
-};
+use imf_core::section::{Imf, QueryBox, SectionError, SectionPlan, StepSpace, direct_count, share};
 use imf_core::tool::RotatedTool;
 use imf_core::training::EngineError;
-use rayon::iter::{
-    IndexedParallelIterator, IntoParallelIterator, IntoParallelRefIterator, ParallelIterator,
-};
+use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
 use thiserror::Error;
 
 use self::batch::{Batch, MOST_JOBS, Prepared};

@@ -28,11 +28,15 @@ impl Sweep {
         query: &QueryBox,
     ) -> Self {
         // Along z the zeros between two lines must hold the tool.
-        let fits = |sweep: &Self| {
-            sweep.axis != Axis::Z || obstacle[2] as i64 + tool.dims[2] as i64 <= line_bits
-        };
-        Self::cheapest(tool, obstacle, query, fits)
-            .unwrap_or(Self { axis: Axis::X, upwards: true, lower: 0, upper: 0, ends: 0 })
+        let fits =
+            |sweep: &Self| sweep.axis != Axis::Z || obstacle[2] as i64 + tool.dims[2] as i64 <= line_bits;
+        Self::cheapest(tool, obstacle, query, fits).unwrap_or(Self {
+            axis: Axis::X,
+            upwards: true,
+            lower: 0,
+            upper: 0,
+            ends: 0,
+        })
     }
 
     /// The cheapest sweep that takes at most `most` differences over the query box; none where every one takes more.

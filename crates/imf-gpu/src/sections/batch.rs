@@ -93,10 +93,8 @@ impl Batch {
         let tool = &prepared.tool;
         let [lower_x, lower_y, lower_z] = tool.steps.lower.map(|v| v as i32);
         let [nx, ny, nz] = tool.steps.dims.map(|n| n as u32);
-        let (covered_starts, uncovered_starts) = (
-            self.list(&tool.covered, &prepared.covered),
-            self.list(&tool.uncovered, &prepared.uncovered),
-        );
+        let (covered_starts, uncovered_starts) =
+            (self.list(&tool.covered, &prepared.covered), self.list(&tool.uncovered, &prepared.uncovered));
         self.jobs.push(Job {
             axis: tool.axis as u32,
             upwards: u32::from(tool.upwards),

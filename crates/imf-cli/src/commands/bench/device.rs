@@ -32,7 +32,8 @@ pub(super) fn measure(
 
     // Every value of the compared sections, before anything is timed: this also compiles and allocates.
     let expected = sections(plan, compared, control)?;
-    let equal = device.stream(compared, control, || true, |equal, index, cmf| *equal &= cmf == expected[index])?;
+    let equal =
+        device.stream(compared, control, || true, |equal, index, cmf| *equal &= cmf == expected[index])?;
     let equal = equal.into_iter().all(|equal| equal);
     let same_least = device.imf(compared, control)? == imf(plan, compared, control)?;
 
@@ -52,7 +53,12 @@ pub(super) fn measure(
         Ok(())
     })?;
     Ok(vec![
-        rival("device alone", alone, equal, "run ends; tools prepared and uploaded before, nothing read back"),
+        rival(
+            "device alone",
+            alone,
+            equal,
+            "run ends; tools prepared and uploaded before, nothing read back",
+        ),
         rival("IMF", minimum, same_least, "tools prepared by the host, minimum kept on the device"),
         rival("sections read back", read, equal, "tools prepared by the host, every section read back"),
     ])

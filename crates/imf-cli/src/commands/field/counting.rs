@@ -51,9 +51,7 @@ impl Work<'_> {
                 Device::Cpu => {
                     stream_sections(self.plan, orientations, control, start, visit).map_err(Error::from)
                 }
-                Device::Gpu(gpu) => {
-                    Ok(self.on_device(gpu)?.stream(orientations, control, start, visit)?)
-                }
+                Device::Gpu(gpu) => Ok(self.on_device(gpu)?.stream(orientations, control, start, visit)?),
             }
         });
         match failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
@@ -102,10 +100,7 @@ impl Work<'_> {
     }
 
     /// Runs `work` with a progress line and a flag that stops it, which Ctrl-C sets as well.
-    fn staged<T>(
-        &self,
-        work: impl FnOnce(Control<'_>, &AtomicBool) -> Result<T>,
-    ) -> Result<Streamed<T>> {
+    fn staged<T>(&self, work: impl FnOnce(Control<'_>, &AtomicBool) -> Result<T>) -> Result<Streamed<T>> {
         let stop = AtomicBool::new(false);
         let stage = self.session.stage("exact sections", "sections", self.set.len() as u64);
         let advance = |sections| {
