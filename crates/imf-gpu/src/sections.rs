@@ -10,7 +10,7 @@
 //! # Why differences of bits
 //!
 //! A section of the paper's scene has 533,368 voxels; the tool at a slant has some 38,000 voxels, 1,900 runs along z
-//! and 2,500 to 4,500 run ends along its best axis. Counted for one section:
+//! and 2,500 to 4,500 run ends along its best axis. All figures here are estimates, counted by hand. For one section:
 //!
 //! | method | loads of a word | logical and whole-number operations |
 //! | --- | --- | --- |
