@@ -69,3 +69,54 @@ struct Sweep {
     /// Index of this part's first direction in the whole list.
     first_direction: u32,
 }
+
+/// Jobs that count overlaps: one job is one orientation over one slab of the query box. Bits are the obstacle's.
+struct Counting {
+    /// Planes of the obstacle along x.
+    planes: u32,
+    /// Bits before voxel (0, 0, 0), from a plane (along x) to the next, and from a line (along y) to the next.
+    lead_bits: u32,
+    plane_bits: u32,
+    line_bits: u32,
+    jobs: u32,
+    /// Workgroups that the largest job's differences take.
+    groups: u32,
+    /// Lines along its axis that the largest job sums up.
+    lines: u32,
+    /// The slab: its first voxel in the obstacle's grid, and its voxels along x, y, z.
+    lower_x: i32,
+    lower_y: i32,
+    lower_z: i32,
+    nx: u32,
+    ny: u32,
+    nz: u32,
+}
+
+/// A tool in one orientation, to be stepped through the obstacle along one axis.
+struct Job {
+    /// 0 for x, 1 for y, 2 for z.
+    axis: u32,
+    /// 1 where a difference leads to the next voxel, 0 where it leads back from it.
+    upwards: u32,
+    /// The box where differences are taken: its first voxel in the obstacle's grid, and its voxels along x, y, z.
+    lower_x: i32,
+    lower_y: i32,
+    lower_z: i32,
+    nx: u32,
+    ny: u32,
+    nz: u32,
+    /// Where its differences begin.
+    differences: u32,
+    /// What a step covers: offset of its first plane along x, planes, and where their starts begin.
+    covered_first: i32,
+    covered_planes: u32,
+    covered_starts: u32,
+    /// What a step uncovers, likewise.
+    uncovered_first: i32,
+    uncovered_planes: u32,
+    uncovered_starts: u32,
+    /// Where the values of its counts begin.
+    shares: u32,
+    /// The orientation's index in the whole list.
+    orientation: u32,
+}

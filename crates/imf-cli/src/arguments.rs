@@ -97,6 +97,9 @@ pub(crate) struct ExactBenchArguments {
     /// Python with numpy and scipy
     #[arg(long, default_value = "python3", value_name = "COMMAND")]
     pub(crate) python: String,
+    /// Measure this device too: gpu, software (software Vulkan), or a number or part of a name from `imf devices`
+    #[arg(long, default_value = "cpu", value_name = "DEVICE")]
+    pub(crate) device: String,
 }
 
 /// Where networks are trained and evaluated.
@@ -170,6 +173,10 @@ pub(crate) struct FieldArguments {
     /// Compare this many voxels of every section with direct sums, and say so
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub(crate) check: usize,
+    /// Where sections are counted: cpu, gpu, auto, software (software Vulkan), or a number or part of a name from
+    /// `imf devices`. All give the same values; a CPU, which takes a few milliseconds a section at most, is the default
+    #[arg(long, default_value = "cpu", value_name = "DEVICE")]
+    pub(crate) device: String,
     /// Folder to write to
     #[arg(long, value_name = "DIR")]
     pub(crate) out: PathBuf,

@@ -16,6 +16,7 @@ mod elements;
 mod imf;
 mod run_ends;
 mod size;
+mod stepped;
 mod surface;
 mod sweep;
 
@@ -24,6 +25,8 @@ pub use counter::Method;
 pub use direct::{direct_cmf, direct_count, direct_element_measures};
 pub use elements::{ElementMeasures, ElementPlans, ElementScratch, elements_at_best};
 pub use imf::{Imf, imf, stream_sections};
+pub use size::QueryBox;
+pub use stepped::{StepEnds, StepSpace, SteppedTool};
 
 use glam::DVec3;
 use thiserror::Error;
@@ -39,7 +42,7 @@ use bit_obstacle::BitObstacle;
 use clipped::ClippedTool;
 use contact::PlannedSkin;
 use counter::{Counter, Estimate};
-use size::{CircularSize, QueryBox};
+use size::CircularSize;
 
 /// Why a section cannot be computed.
 #[derive(Debug, Error)]
@@ -282,21 +285,65 @@ impl SectionPlan {
         scratch: &mut SectionScratch,
         cmf: &mut [f32],
     ) -> Result<(), SectionError> {
+        let normaliser = self.box_counts(orientation, scratch)?;
+        self.read_values(orientation, normaliser, &scratch.counts, cmf);
+        Ok(())
+    }
+
+    /// The same from overlaps that were counted elsewhere, `counts` over [`SectionPlan::query_box`] for `rotated`, the
+    /// plan's tool in this orientation.
+    ///
+    /// # Errors
+    /// A failed spot check.
+    ///
+    /// # Panics
+    /// If `counts` has not the query box's length, or `cmf` the grid's.
+    pub fn cmf_of_counts(
+        &self,
+        orientation: &Orientation,
+        rotated: &RotatedTool,
+        counts: &[u32],
+        cmf: &mut [f32],
+    ) -> Result<(), SectionError> {
+        assert_eq!(counts.len(), self.query.len(), "one count for each voxel of the query box");
+        self.spot_check(rotated, counts)?;
+        self.read_values(orientation, rotated.count, counts, cmf);
+        Ok(())
+    }
+
+    /// The voxels where overlaps are counted: those of the grid, and where points off the tip are sharp as many
+    /// around them as these points reach.
+    #[must_use]
+    pub fn query_box(&self) -> QueryBox {
+        self.query
+    }
+
+    /// True where the tip alone is sharp: then a section's values are shares of the counts over its own grid.
+    #[must_use]
+    pub fn tip_alone(&self) -> bool {
+        self.sharp_points == [DVec3::ZERO]
+    }
+
+    /// What a device needs to know to count overlaps over the query box or parts of it.
+    #[must_use]
+    pub fn step_space(&self) -> StepSpace {
+        let reach = self.tool.reach() / self.obstacle.grid.pitch;
+        StepSpace::new(self.obstacle.grid.dims, self.query, reach)
+    }
+
+    fn read_values(&self, orientation: &Orientation, normaliser: u32, counts: &[u32], cmf: &mut [f32]) {
         assert_eq!(cmf.len(), self.grid.len(), "one value for each voxel of the grid");
-        let normaliser = f64::from(self.box_counts(orientation, scratch)?);
-        if self.sharp_points == [DVec3::ZERO] {
-            let share = 1.0 / normaliser;
-            for (value, &count) in cmf.iter_mut().zip(&scratch.counts) {
-                *value = (share * f64::from(count)).min(1.0) as f32;
+        if self.tip_alone() {
+            for (value, &count) in cmf.iter_mut().zip(counts) {
+                *value = share(count, normaliser);
             }
-            return Ok(());
+            return;
         }
         let rotation = orientation.rotation();
         for (index, &sharp) in self.sharp_points.iter().enumerate() {
             let shift = rotation * sharp / self.obstacle.grid.pitch;
-            self.read_shifted(&scratch.counts, -shift, normaliser, index == 0, cmf);
+            self.read_shifted(counts, -shift, f64::from(normaliser), index == 0, cmf);
         }
-        Ok(())
     }
 
     /// Counts over the whole query box into `scratch.counts`; returns the rotated tool's own count.
@@ -359,6 +406,13 @@ impl SectionPlan {
             }
         }
     }
+}
+
+/// The collision measure of so many shared voxels of a tool that has `normaliser`, rounded as every section is.
+#[inline]
+#[must_use]
+pub fn share(count: u32, normaliser: u32) -> f32 {
+    ((1.0 / f64::from(normaliser)) * f64::from(count)).min(1.0) as f32
 }
 
 /// Runs the sections of a set one after the other on the calling thread's pool and writes each into its own array.

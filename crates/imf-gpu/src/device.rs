@@ -184,7 +184,12 @@ impl Gpu {
         if count == 0 {
             return Ok(Vec::new());
         }
-        let bytes = (count * size_of::<T>()) as u64;
+        self.finish_read(self.begin_read(buffer, count * size_of::<T>() / 4)?)
+    }
+
+    /// Submits a copy of the first `count` 4-byte elements of a buffer, of which there is at least one.
+    pub(crate) fn begin_read(&self, buffer: &wgpu::Buffer, count: usize) -> Result<Reading, EngineError> {
+        let bytes = 4 * count as u64;
         let staging = self.guarded(|| {
             self.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("read-back"),
@@ -198,20 +203,30 @@ impl Gpu {
         self.queue.submit([encoder.finish()]);
         // A failed mapping shows in `get_mapped_range`.
         staging.map_async(wgpu::MapMode::Read, .., |_| ());
+        Ok(Reading(staging))
+    }
+
+    /// What was copied; waits for the device.
+    #[expect(clippy::needless_pass_by_value, reason = "a reading is finished once")]
+    pub(crate) fn finish_read<T: Pod>(&self, reading: Reading) -> Result<Vec<T>, EngineError> {
         self.wait(None)?;
-        let view = staging.get_mapped_range(..).map_err(|error| {
+        let view = reading.0.get_mapped_range(..).map_err(|error| {
             EngineError::Device(format!("reading back from {} failed: {error}", self.adapter.name))
         })?;
         Ok(bytemuck::pod_collect_to_vec(&view))
     }
 }
 
+/// A copy to the host that is under way.
+#[derive(Debug)]
+pub(crate) struct Reading(wgpu::Buffer);
+
 /// A wgpu error as cause and remedy.
 fn explain(error: &wgpu::Error) -> String {
     match error {
         wgpu::Error::OutOfMemory { .. } => {
-            "the GPU ran out of memory. Close other programs that use it, take a smaller batch or network, or use the \
-             CPU engine"
+            "the GPU ran out of memory. Close other programs that use it, take a smaller batch, network or grid, or use \
+             the CPU (--device cpu)"
                 .to_owned()
         }
         wgpu::Error::Validation { description, .. } => format!(

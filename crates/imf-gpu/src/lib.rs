@@ -1,4 +1,5 @@
-//! Training and batched evaluation of the sine network on the GPU, through wgpu (Vulkan, Metal, Direct3D 12).
+//! Training and batched evaluation of the sine network, and exact sections, on the GPU, through wgpu (Vulkan, Metal,
+//! Direct3D 12).
 //!
 //! ```no_run
 //! use imf_core::siren::SirenShape;
@@ -31,6 +32,7 @@ mod forward;
 mod kernel;
 mod layout;
 mod memory;
+mod sections;
 pub mod shader;
 mod submit;
 mod trainer;
@@ -39,6 +41,7 @@ pub mod uniforms;
 pub use adapter::{AdapterSummary, DeviceChoice, MissingAdapter, adapters};
 pub use device::{Gpu, GpuLimits};
 pub use evaluator::GpuEvaluator;
+pub use sections::{GpuSectionError, GpuSections};
 pub use shader::MatrixKernel;
 pub use trainer::GpuTrainer;
 /// The graphics interface in the version that [`Gpu::device`] and [`Gpu::queue`] belong to.

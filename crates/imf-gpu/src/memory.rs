@@ -1,5 +1,6 @@
 //! Device memory: everything an engine needs is planned, compared with the limits, and only then allocated.
 
+use bytemuck::Pod;
 use imf_core::training::EngineError;
 
 use crate::device::{Gpu, GpuLimits};
@@ -56,6 +57,68 @@ impl Plan {
         gpu.guarded(|| self.items.iter().map(allocate).collect()).map_err(|error| {
             EngineError::Device(format!("{error} ({} were asked for)", mebibytes(self.bytes())))
         })
+    }
+}
+
+/// A storage buffer of 4-byte elements that grows when more is wanted.
+#[derive(Debug)]
+pub(crate) struct Room {
+    name: &'static str,
+    buffer: Option<wgpu::Buffer>,
+}
+
+impl Room {
+    /// Nothing yet.
+    pub(crate) fn new(name: &'static str) -> Self {
+        Self { name, buffer: None }
+    }
+
+    /// The buffer, with room for so many elements. A new one has lost the contents of the old.
+    pub(crate) fn fit(&mut self, gpu: &Gpu, elements: usize) -> Result<wgpu::Buffer, EngineError> {
+        let wanted = 4 * elements as u64;
+        if let Some(buffer) = self.buffer.as_ref().filter(|buffer| buffer.size() >= wanted) {
+            return Ok(buffer.clone());
+        }
+        let limits = gpu.limits();
+        let limit = limits.buffer.min(limits.storage_binding) / 4 * 4;
+        if wanted > limit {
+            return Err(EngineError::Device(format!(
+                "{} take {} of GPU memory, but this adapter binds at most {}. Take a larger pitch, or count on the CPU \
+                 (--device cpu)",
+                self.name,
+                mebibytes(wanted),
+                mebibytes(limit),
+            )));
+        }
+        let size = wanted.max(256).next_power_of_two().min(limit.max(wanted));
+        // The old one is not needed beside the new one.
+        self.buffer = None;
+        let buffer = gpu.guarded(|| {
+            gpu.device().create_buffer(&wgpu::BufferDescriptor {
+                label: Some(self.name),
+                size,
+                usage: wgpu::BufferUsages::STORAGE
+                    | wgpu::BufferUsages::COPY_SRC
+                    | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        })?;
+        Ok(self.buffer.insert(buffer).clone())
+    }
+
+    /// The buffer, beginning with these values.
+    pub(crate) fn upload<T: Pod>(&mut self, gpu: &Gpu, values: &[T]) -> Result<wgpu::Buffer, EngineError> {
+        let buffer = self.fit(gpu, size_of_val(values) / 4)?;
+        gpu.queue().write_buffer(&buffer, 0, bytemuck::cast_slice(values));
+        Ok(buffer)
+    }
+
+    /// Overwrites everything.
+    pub(crate) fn fill(&self, gpu: &Gpu, value: u32) {
+        if let Some(buffer) = &self.buffer {
+            let values = vec![value; buffer.size() as usize / 4];
+            gpu.queue().write_buffer(buffer, 0, bytemuck::cast_slice(&values));
+        }
     }
 }
 

@@ -22,6 +22,10 @@ pub const DIRECTION_INPUTS: u32 = INPUTS as u32 - POINT_INPUTS;
 pub const LOSS_L1: u32 = 0;
 /// `Step::loss` for the mean squared error.
 pub const LOSS_L2: u32 = 1;
+/// Voxels of a line whose counts one invocation adds up together: four words of bits.
+pub const COUNT_PLACES: u32 = 128;
+/// Binary digits of such a count, as many as `count_differences.wgsl` writes out: at most 262,143 run ends an orientation.
+pub const COUNT_DIGITS: u32 = 18;
 /// Where the sigmoid's argument is clamped.
 pub const SIGMOID_LIMIT: f32 = 80.0;
 
@@ -95,11 +99,19 @@ pub enum Shader {
     Outputs,
     /// Running minimum over directions.
     Minimum,
+    /// How overlaps change when a tool is stepped.
+    CountDifferences,
+    /// Overlaps from their differences.
+    CountTotals,
+    /// Overlaps over a slab, to be read back.
+    CountSections,
+    /// Least collision measure over orientations.
+    CountLeast,
 }
 
 impl Shader {
     /// All kernels.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 18] = [
         Self::Inputs,
         Self::Poses,
         Self::HiddenTrain,
@@ -114,6 +126,10 @@ impl Shader {
         Self::Adam,
         Self::Outputs,
         Self::Minimum,
+        Self::CountDifferences,
+        Self::CountTotals,
+        Self::CountSections,
+        Self::CountLeast,
     ];
 
     /// The whole WGSL text: prelude, uniform blocks, then the kernel's files.
@@ -123,6 +139,7 @@ impl Shader {
         let sine = sine_source();
         let sigmoid = include_str!("../../../shaders/sigmoid.wgsl");
         let forward = include_str!("../../../shaders/forward.wgsl");
+        let overlap = include_str!("../../../shaders/count_overlap.wgsl");
         let parts: &[&str] = match self {
             Self::Inputs => &[include_str!("../../../shaders/inputs.wgsl")],
             Self::Poses => &[include_str!("../../../shaders/poses.wgsl")],
@@ -142,6 +159,10 @@ impl Shader {
             Self::Adam => &[include_str!("../../../shaders/adam.wgsl")],
             Self::Outputs => &[sigmoid, include_str!("../../../shaders/outputs.wgsl")],
             Self::Minimum => &[include_str!("../../../shaders/minimum.wgsl")],
+            Self::CountDifferences => &[include_str!("../../../shaders/count_differences.wgsl")],
+            Self::CountTotals => &[include_str!("../../../shaders/count_totals.wgsl")],
+            Self::CountSections => &[overlap, include_str!("../../../shaders/count_sections.wgsl")],
+            Self::CountLeast => &[overlap, include_str!("../../../shaders/count_least.wgsl")],
         };
         let mut source = prelude();
         source.push_str(include_str!("../../../shaders/uniforms.wgsl"));
@@ -173,6 +194,8 @@ fn prelude() -> String {
         ("DIRECTION_INPUTS", DIRECTION_INPUTS),
         ("LOSS_L1", LOSS_L1),
         ("LOSS_L2", LOSS_L2),
+        ("COUNT_PLACES", COUNT_PLACES),
+        ("COUNT_DIGITS", COUNT_DIGITS),
     ] {
         let _ = writeln!(text, "const {name}: u32 = {value}u;");
     }

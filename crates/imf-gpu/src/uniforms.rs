@@ -69,3 +69,45 @@ pub struct Sweep {
     pub directions: u32,
     pub first_direction: u32,
 }
+
+/// Jobs that count overlaps over one slab.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Counting {
+    pub planes: u32,
+    pub lead_bits: u32,
+    pub plane_bits: u32,
+    pub line_bits: u32,
+    pub jobs: u32,
+    pub groups: u32,
+    pub lines: u32,
+    pub lower_x: i32,
+    pub lower_y: i32,
+    pub lower_z: i32,
+    pub nx: u32,
+    pub ny: u32,
+    pub nz: u32,
+}
+
+/// A tool in one orientation; an element of a storage buffer.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Job {
+    pub axis: u32,
+    pub upwards: u32,
+    pub lower_x: i32,
+    pub lower_y: i32,
+    pub lower_z: i32,
+    pub nx: u32,
+    pub ny: u32,
+    pub nz: u32,
+    pub differences: u32,
+    pub covered_first: i32,
+    pub covered_planes: u32,
+    pub covered_starts: u32,
+    pub uncovered_first: i32,
+    pub uncovered_planes: u32,
+    pub uncovered_starts: u32,
+    pub shares: u32,
+    pub orientation: u32,
+}

@@ -4,7 +4,7 @@
 use std::mem::offset_of;
 
 use imf_gpu::shader::{LINEAR_GROUP, MatrixKernel, REGISTER_GROUP, Shader, TILED_GROUP};
-use imf_gpu::uniforms::{Batch, Layer, Placement, Step, Sweep};
+use imf_gpu::uniforms::{Batch, Counting, Job, Layer, Placement, Step, Sweep};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 
@@ -60,6 +60,10 @@ fn expected_bindings(shader: Shader) -> &'static str {
         Shader::Adam => "urwww",
         Shader::Outputs => "uuurw",
         Shader::Minimum => "urww",
+        Shader::CountDifferences => "urrrrw",
+        Shader::CountTotals => "urw",
+        Shader::CountSections => "urrw",
+        Shader::CountLeast => "urrrww",
     }
 }
 
@@ -124,6 +128,14 @@ fn uniform_blocks_have_the_same_size_and_offsets_in_rust_and_wgsl() {
             correction1, correction2, epsilon, weight_decay
         ),
         block!(Sweep: base, points, directions, first_direction),
+        block!(
+            Counting: planes, lead_bits, plane_bits, line_bits, jobs, groups, lines, lower_x, lower_y, lower_z, nx, ny,
+            nz
+        ),
+        block!(
+            Job: axis, upwards, lower_x, lower_y, lower_z, nx, ny, nz, differences, covered_first, covered_planes,
+            covered_starts, uncovered_first, uncovered_planes, uncovered_starts, shares, orientation
+        ),
     ];
     for (name, _, _, module, _) in modules() {
         for (block, size, fields) in &blocks {

@@ -1,6 +1,7 @@
 //! `imf bench`: measurements that a user can repeat. `exact` compares the exact sections with what one would
 //! write oneself, and shows how their cost grows.
 
+mod device;
 mod growth;
 mod machine;
 mod plain_fft;
@@ -24,6 +25,7 @@ use imf_core::voxelize::voxelize;
 use serde::Serialize;
 
 use crate::arguments::{Bench, BenchArguments, ExactBenchArguments};
+use crate::engine::Device;
 use crate::output::{prepare_folder, print, print_json, write_json, write_text};
 use crate::session::Session;
 use growth::Growth;
@@ -72,6 +74,7 @@ struct Report {
 }
 
 fn exact(session: &Session, arguments: &ExactBenchArguments) -> Result<()> {
+    let device = Device::open(&arguments.device, session)?;
     prepare_folder(&arguments.out)?;
     let part = ReferencePart::Teapot;
     let tool = Tool::paper();
@@ -107,8 +110,8 @@ fn exact(session: &Session, arguments: &ExactBenchArguments) -> Result<()> {
 
     // Every so many of the set, so that all directions are there.
     let step = if arguments.full { 1 } else { SECTIONS / RIVAL_SECTIONS };
-    let trial: Vec<Orientation> = orientations.iter().copied().step_by(step).collect();
-    let trial = Trial::new(&scene.obstacle, &tool, &plan, &trial)?;
+    let compared: Vec<Orientation> = orientations.iter().copied().step_by(step).collect();
+    let trial = Trial::new(&scene.obstacle, &tool, &plan, &compared)?;
     let mut rivals = vec![Rival {
         name: "imf".into(),
         sections: SECTIONS,
@@ -117,6 +120,10 @@ fn exact(session: &Session, arguments: &ExactBenchArguments) -> Result<()> {
         equal: None,
         how: plan.describe(),
     }];
+    if let Device::Gpu(gpu) = &device {
+        session.note("the GPU");
+        rivals.extend(device::measure(gpu, &plan, &orientations, &compared, ours)?);
+    }
     let mut missing = Vec::new();
     session.note("rustfft used plainly");
     rivals.push(plain_fft::measure(session, &trial, ours));

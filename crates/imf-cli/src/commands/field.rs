@@ -1,24 +1,22 @@
 //! `imf field`: the exact field, as sections of the collision measure or as its least value over orientations.
 
 mod check;
+mod counting;
 mod elements;
 mod inaccessibility;
 mod sections;
 
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
-
-use anyhow::{Error, Result, bail};
+use anyhow::{Result, bail};
 use imf_core::atomic_file::write_atomically;
-use imf_core::control::Control;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::scene::{Promise, Scene};
-use imf_core::section::{ElementPlans, Obstacles, SectionError, SectionPlan, stream_sections};
+use imf_core::section::{ElementPlans, Obstacles, SectionPlan};
 use serde_json::{Value, json};
 
 use self::check::Check;
+use self::counting::Streamed;
 use crate::arguments::FieldArguments;
-use crate::interrupt;
+use crate::engine::Device;
 use crate::output::OutputFolder;
 use crate::session::Session;
 
@@ -35,6 +33,7 @@ pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
     if !scene.record.bare_tool().is_axisymmetric() && set.orientations.iter().all(|o| o.roll == 0.0) {
         session.note("the tool is not axisymmetric, and no orientation rolls it: see so3:N");
     }
+    let device = Device::open(&arguments.device, session)?;
     let rest = scene.record.tool_without_cutter()?;
     let obstacles = match &contact {
         Some(contact) => contact.obstacles(rest.as_ref()),
@@ -46,17 +45,18 @@ pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
     if elements.as_ref().is_some_and(|elements| elements.elements().next().is_none()) {
         bail!("--elements needs a tool of cutter, shank and holder, and the tool '{}' is a mesh", tool.name);
     }
-    session.detail(&plan.describe());
     let work = Work {
         session,
         folder,
         scene: &scene,
         contact: contact.is_some(),
         plan: &plan,
+        device: &device,
         elements: elements.as_ref(),
         set: &set,
         check: Check::new(arguments.check),
     };
+    session.detail(&work.computed_by());
     if arguments.imf { inaccessibility::run(&work) } else { sections::run(&work) }
 }
 
@@ -68,56 +68,13 @@ struct Work<'a> {
     /// The cutter may touch the part.
     contact: bool,
     plan: &'a SectionPlan,
+    device: &'a Device,
     elements: Option<&'a ElementPlans>,
     set: &'a OrientationSet,
     check: Check,
 }
 
-/// What a stream of sections came to.
-enum Streamed<V> {
-    /// The visitors of all threads.
-    Whole(Vec<V>),
-    /// Stopped by Ctrl-C.
-    Interrupted,
-}
-
 impl Work<'_> {
-    /// Shows every section to `visit`, after its check, with progress and until Ctrl-C. The first failure stops all.
-    fn stream<V: Send>(
-        &self,
-        start: impl Fn() -> V + Sync,
-        visit: impl Fn(&mut V, usize, &[f32]) -> Result<()> + Sync,
-    ) -> Result<Streamed<V>> {
-        let (stop, failure) = (AtomicBool::new(false), Mutex::new(None::<Error>));
-        let stage = self.session.stage("exact sections", "sections", self.set.len() as u64);
-        let advance = |sections| {
-            stage.advance(sections);
-            if interrupt::requested() {
-                stop.store(true, Ordering::Relaxed);
-            }
-        };
-        let control = Control { progress: &advance, cancelled: &stop };
-        let result = stream_sections(self.plan, &self.set.orientations, control, start, |own, index, cmf| {
-            let orientation = &self.set.orientations[index];
-            let checked = self.check.compare(self.plan, orientation, index, cmf);
-            if let Err(error) = checked.and_then(|()| visit(own, index, cmf)) {
-                stop.store(true, Ordering::Relaxed);
-                failure.lock().unwrap_or_else(std::sync::PoisonError::into_inner).get_or_insert(error);
-            }
-        });
-        if let Some(error) = failure.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner) {
-            return Err(error);
-        }
-        match result {
-            Ok(visitors) => {
-                stage.finish(&self.plan.describe());
-                Ok(Streamed::Whole(visitors))
-            }
-            Err(SectionError::Cancelled) => Ok(Streamed::Interrupted),
-            Err(error) => Err(error.into()),
-        }
-    }
-
     /// Writes the orientations as `index,theta,phi,roll` in degrees.
     fn write_orientations(&self) -> Result<()> {
         Ok(write_atomically(self.folder.file(ORIENTATIONS), |out| {
@@ -146,7 +103,7 @@ impl Work<'_> {
             "scene": self.scene.record,
             "solid_voxels": self.scene.obstacle.count(),
             "orientations": { "set": self.set.spec, "count": self.set.len(), "file": ORIENTATIONS },
-            "computed_by": self.plan.describe(),
+            "computed_by": self.computed_by(),
             "contact": self.contact,
             "promise": self.promise().to_string(),
             "check": self.check.summary(),

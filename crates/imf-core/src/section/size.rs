@@ -1,10 +1,12 @@
 //! Sizes: the box of voxels where a section is wanted, and the circular convolution that gives it without wrapping.
 
-/// A box of voxels relative to the obstacle's grid; it may start below voxel 0.
+/// A box of voxels relative to the obstacle's grid; it may start below voxel 0. Arrays over it are C-ordered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct QueryBox {
-    pub(super) lower: [i64; 3],
-    pub(super) dims: [usize; 3],
+pub struct QueryBox {
+    /// The first voxel.
+    pub lower: [i64; 3],
+    /// Voxels along x, y, z.
+    pub dims: [usize; 3],
 }
 
 impl QueryBox {
@@ -19,8 +21,16 @@ impl QueryBox {
         Self { lower: offset.map(|o| o - grow), dims: dims.map(|d| d + 2 * grow as usize) }
     }
 
-    pub(super) fn len(&self) -> usize {
+    /// Number of voxels.
+    #[must_use]
+    pub fn len(&self) -> usize {
         self.dims.iter().product()
+    }
+
+    /// True if there is no voxel in it.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.dims.contains(&0)
     }
 
     /// Position of a voxel in the box's C-ordered array.
@@ -29,8 +39,9 @@ impl QueryBox {
         (x * self.dims[1] + y) * self.dims[2] + z
     }
 
-    /// The inverse of [`QueryBox::index`].
-    pub(super) fn voxel(&self, index: usize) -> [i64; 3] {
+    /// The voxel at a position of the box's C-ordered array.
+    #[must_use]
+    pub fn voxel(&self, index: usize) -> [i64; 3] {
         let [_, ny, nz] = self.dims;
         let local = [index / (ny * nz), index / nz % ny, index % nz];
         [0, 1, 2].map(|axis| local[axis] as i64 + self.lower[axis])

@@ -27,24 +27,50 @@ impl Sweep {
         line_bits: i64,
         query: &QueryBox,
     ) -> Self {
+        // Along z the zeros between two lines must hold the tool.
+        let fits =
+            |sweep: &Self| sweep.axis != Axis::Z || obstacle[2] as i64 + tool.dims[2] as i64 <= line_bits;
+        Self::cheapest(tool, obstacle, query, fits).unwrap_or(Self {
+            axis: Axis::X,
+            upwards: true,
+            lower: 0,
+            upper: 0,
+            ends: 0,
+        })
+    }
+
+    /// The cheapest sweep that takes at most `most` differences over the query box; none where every one takes more.
+    pub(super) fn choose_within(
+        tool: &ClippedTool<'_>,
+        obstacle: [usize; 3],
+        query: &QueryBox,
+        most: usize,
+    ) -> Option<Self> {
+        Self::cheapest(tool, obstacle, query, |sweep| {
+            let lengths = Axis::ALL.map(|axis| sweep.range(axis, query)).map(|range| range.end - range.start);
+            lengths.into_iter().try_fold(1i64, i64::checked_mul).is_some_and(|n| n as u64 <= most as u64)
+        })
+    }
+
+    fn cheapest(
+        tool: &ClippedTool<'_>,
+        obstacle: [usize; 3],
+        query: &QueryBox,
+        fits: impl Fn(&Self) -> bool,
+    ) -> Option<Self> {
         let ends = RunEnds::count(tool);
         let upper = tool.upper();
         let sweeps = Axis::ALL.into_iter().filter_map(|axis| {
             let a = axis.index();
             let n = obstacle[a] as i64;
-            // Along z the zeros between two lines must hold the tool.
-            if axis == Axis::Z && n + tool.dims[a] as i64 > line_bits {
-                return None;
-            }
             let (q0, q1) = (query.lower[a], query.lower[a] + query.dims[a] as i64);
             let down = Self { axis, upwards: false, lower: q0, upper: n - tool.lower[a], ends: ends[a] };
             let up = Self { axis, upwards: true, lower: -upper[a] - 1, upper: q1 - 1, ends: ends[a] };
             let sweep = if down.steps() <= up.steps() { down } else { up };
-            Some((ends[a] as f64 * sweep.steps() as f64 / query.dims[a] as f64, sweep))
+            let cost = ends[a] as f64 * sweep.steps() as f64 / query.dims[a] as f64;
+            fits(&sweep).then_some((cost, sweep))
         });
-        let cheapest = sweeps.min_by(|a, b| a.0.total_cmp(&b.0));
-        cheapest
-            .map_or(Self { axis: Axis::X, upwards: true, lower: 0, upper: 0, ends: 0 }, |(_, sweep)| sweep)
+        sweeps.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, sweep)| sweep)
     }
 
     /// How many differences are taken along the axis.

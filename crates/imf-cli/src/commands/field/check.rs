@@ -23,6 +23,11 @@ impl Check {
         Self { voxels, agreed: AtomicU64::new(0) }
     }
 
+    /// Whether there is anything to compare.
+    pub(super) fn is_wanted(&self) -> bool {
+        self.voxels > 0
+    }
+
     /// Compares a section with direct sums at its own voxels, other ones for every section.
     ///
     /// # Errors

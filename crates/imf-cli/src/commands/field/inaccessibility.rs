@@ -16,16 +16,9 @@ use crate::slices::{MidPlaneSheet, MidPlanes};
 
 pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let (grid, obstacle) = (&work.scene.record.grid, &work.scene.obstacle);
-    let visit = |least: &mut Imf, index: usize, cmf: &[f32]| {
-        least.lower_to(index, cmf);
-        Ok(())
-    };
-    let Streamed::Whole(parts) = work.stream(|| Imf::new(grid.len()), visit)? else {
+    let Streamed::Whole(whole) = work.least()? else {
         return Err(Interrupted("the IMF needs every section; nothing was written".into()).into());
     };
-    let mut parts = parts.into_iter();
-    let mut whole = parts.next().unwrap_or_else(|| Imf::new(grid.len()));
-    parts.for_each(|part| whole.merge(&part));
 
     work.folder.create()?;
     let elements = elements::at_best(work, &whole)?;

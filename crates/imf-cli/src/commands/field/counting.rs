@@ -1,0 +1,126 @@
+//! Where sections are counted, on the CPU or on a GPU: a stream of sections, or their least value. Both give the same
+//! values.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use anyhow::{Context as _, Error, Result};
+use imf_core::control::Control;
+use imf_core::section::{Imf, SectionError, stream_sections};
+use imf_gpu::{Gpu, GpuSectionError, GpuSections};
+
+use super::Work;
+use crate::engine::Device;
+use crate::interrupt;
+
+/// What a run over all orientations came to.
+pub(super) enum Streamed<V> {
+    /// What was made of all sections.
+    Whole(V),
+    /// Stopped by Ctrl-C.
+    Interrupted,
+}
+
+impl Work<'_> {
+    /// How sections are computed, for people.
+    pub(super) fn computed_by(&self) -> String {
+        match self.device {
+            Device::Cpu => self.plan.describe(),
+            Device::Gpu(gpu) => format!("run ends on {}", gpu.describe()),
+        }
+    }
+
+    /// Shows every section to `visit`, after its check, with progress and until Ctrl-C. The first failure stops all.
+    pub(super) fn stream<V: Send>(
+        &self,
+        start: impl Fn() -> V + Sync,
+        visit: impl Fn(&mut V, usize, &[f32]) -> Result<()> + Sync,
+    ) -> Result<Streamed<Vec<V>>> {
+        let failure = Mutex::new(None::<Error>);
+        let result = self.staged(|control, stop| {
+            let visit = |own: &mut V, index: usize, cmf: &[f32]| {
+                let orientation = &self.set.orientations[index];
+                let checked = self.check.compare(self.plan, orientation, index, cmf);
+                if let Err(error) = checked.and_then(|()| visit(own, index, cmf)) {
+                    stop.store(true, Ordering::Relaxed);
+                    failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+                }
+            };
+            let orientations = &self.set.orientations;
+            match self.device {
+                Device::Cpu => {
+                    stream_sections(self.plan, orientations, control, start, visit).map_err(Error::from)
+                }
+                Device::Gpu(gpu) => Ok(self.on_device(gpu)?.stream(orientations, control, start, visit)?),
+            }
+        });
+        match failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
+            Some(error) => Err(error),
+            None => result,
+        }
+    }
+
+    /// The least section over all orientations.
+    pub(super) fn least(&self) -> Result<Streamed<Imf>> {
+        if let Device::Gpu(gpu) = self.device {
+            let why = match (self.plan.tip_alone(), self.check.is_wanted()) {
+                (true, false) => {
+                    return self.staged(|control, _| {
+                        Ok(self.on_device(gpu)?.imf(&self.set.orientations, control)?)
+                    });
+                }
+                (false, _) => "points off the tip are sharp",
+                (true, true) => "--check compares sections",
+            };
+            self.session.note(&format!(
+                "{why}: the GPU counts, sections are read back, and the CPU takes their minimum"
+            ));
+        }
+        let voxels = self.plan.grid().len();
+        let visit = |least: &mut Imf, index: usize, cmf: &[f32]| {
+            least.lower_to(index, cmf);
+            Ok(())
+        };
+        Ok(match self.stream(|| Imf::new(voxels), visit)? {
+            Streamed::Interrupted => Streamed::Interrupted,
+            Streamed::Whole(parts) => {
+                let mut whole = Imf::new(voxels);
+                parts.iter().for_each(|part| whole.merge(part));
+                Streamed::Whole(whole)
+            }
+        })
+    }
+
+    fn on_device<'a>(&'a self, gpu: &Gpu) -> Result<GpuSections<'a>> {
+        let device = GpuSections::new(gpu, self.plan).context("--device")?;
+        self.session.require_memory(device.host_bytes(), || {
+            "sections that come from the GPU wait in memory: take a larger pitch, or --device cpu".into()
+        })?;
+        Ok(device)
+    }
+
+    /// Runs `work` with a progress line and a flag that stops it, which Ctrl-C sets as well.
+    fn staged<T>(&self, work: impl FnOnce(Control<'_>, &AtomicBool) -> Result<T>) -> Result<Streamed<T>> {
+        let stop = AtomicBool::new(false);
+        let stage = self.session.stage("exact sections", "sections", self.set.len() as u64);
+        let advance = |sections| {
+            stage.advance(sections);
+            if interrupt::requested() {
+                stop.store(true, Ordering::Relaxed);
+            }
+        };
+        match work(Control { progress: &advance, cancelled: &stop }, &stop) {
+            Ok(result) => {
+                stage.finish(&self.computed_by());
+                Ok(Streamed::Whole(result))
+            }
+            Err(error) if is_cancelled(&error) => Ok(Streamed::Interrupted),
+            Err(error) => Err(error),
+        }
+    }
+}
+
+fn is_cancelled(error: &Error) -> bool {
+    let on_device = matches!(error.downcast_ref(), Some(GpuSectionError::Section(SectionError::Cancelled)));
+    on_device || matches!(error.downcast_ref(), Some(SectionError::Cancelled))
+}
