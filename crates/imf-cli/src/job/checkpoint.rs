@@ -1,107 +1,154 @@
-//! Where a run begins: afresh, or from the checkpoint in its output folder.
+//! The files that a run continues from.
+//!
+//! The last checkpoint and the one before are kept, each whole and with a checksum. Where the last is damaged, the one
+//! before serves, and the steps between are repeated to the same bits. A checkpoint that cannot be written while
+//! training goes on is one warning; the next is tried at its time.
 
+use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
-use anyhow::{Context as _, Result, bail};
-use imf_core::model::{Model, TrainingRecord};
-use imf_core::siren::SirenShape;
-use imf_core::training::TrainingState;
-use imf_core::training::run::{Cursor, TrainingPlan};
+use anyhow::{Context as _, Result};
+use imf_core::atomic_file::remove_leftovers;
+use imf_core::model::{Model, ModelError, steps_said};
 
-use super::data::Data;
-use super::plan::schedule_from;
 use crate::session::Session;
 
-/// The file that a run continues from.
-pub(crate) fn checkpoint_path(out: &Path) -> PathBuf {
-    out.join("checkpoint.safetensors")
+const CURRENT: &str = "checkpoint.safetensors";
+const PREVIOUS: &str = "checkpoint.previous.safetensors";
+
+/// What an output folder holds to go on from.
+pub(super) struct Latest {
+    pub(super) model: Model,
+    pub(super) path: PathBuf,
+    /// What is wrong with a later checkpoint, and what that costs.
+    pub(super) damage: Option<String>,
 }
 
-/// A model at the start of its training.
-pub(crate) fn fresh_model(
-    data: &Data,
-    shape: SirenShape,
-    plan: TrainingPlan,
-    state: TrainingState,
-    fine_tuned_from: Option<String>,
-) -> Model {
-    let record = TrainingRecord {
-        program: env!("CARGO_PKG_VERSION").into(),
-        plan,
-        cursor: Cursor::default(),
-        finished: false,
-        steps: 0,
-        seconds: 0.0,
-        engine: String::new(),
-        orientations: data.manifest.orientations.clone(),
-        sampling: data.manifest.sampling,
-        samples: data.samples.len() as u64,
-        dataset_crc32: data.manifest.fingerprint(),
-        fine_tuned_from,
-        losses: Vec::new(),
+/// The last intact checkpoint of a folder.
+///
+/// # Errors
+/// No checkpoint, none that is intact, or one of a newer program.
+pub(super) fn latest(out: &Path) -> Result<Latest> {
+    let (current, previous) = (out.join(CURRENT), out.join(PREVIOUS));
+    let error = match Model::read(&current) {
+        Ok(model) => return Ok(Latest { model, path: current, damage: None }),
+        Err(error @ ModelError::Newer { .. }) => return Err(error.into()),
+        Err(error) => error,
     };
-    Model { shape, scene: data.scene.clone(), record, state }
-}
-
-/// The checkpoint of an output folder, if it belongs to this dataset. Its plan goes on, but for a learning rate given
-/// anew, which is the way out of a divergence.
-pub(crate) fn resumed_model(session: &Session, out: &Path, data: &Data, rate: Option<f32>) -> Result<Model> {
-    let path = checkpoint_path(out);
-    let mut model = Model::read(&path).context("there is nothing to resume")?;
-    if model.record.dataset_crc32 != data.manifest.fingerprint() {
-        bail!(
-            "{} was trained on another dataset: resume with the one that it was started on",
-            path.display()
-        );
-    }
-    if model.record.finished {
-        bail!("{} is finished: there is nothing to resume", path.display());
-    }
-    if !model.is_resumable() {
-        bail!("{} holds no optimiser state: it cannot be resumed", path.display());
-    }
-    let mut said = "by the plan of the checkpoint".to_owned();
-    if let Some(rate) = rate {
-        let plan = &mut model.record.plan;
-        plan.schedule = schedule_from(&plan.schedule, rate);
-        plan.check()?;
-        said = format!("by the plan of the checkpoint with a learning rate from {rate:e}");
-    }
-    session.note(&format!(
-        "resuming at epoch {}, step {} ({} steps done), {said}",
-        model.record.cursor.epoch, model.record.cursor.step, model.record.steps
-    ));
-    Ok(model)
-}
-
-/// `fresh`, or the unfinished checkpoint of the same training in the output folder.
-pub(crate) fn continued(session: &Session, out: &Path, data: &Data, fresh: Model) -> Model {
-    let same = |found: &Model| {
-        !found.record.finished
-            && found.shape == fresh.shape
-            && found.record.plan == fresh.record.plan
-            && found.record.dataset_crc32 == data.manifest.fingerprint()
+    let model = match Model::read(&previous) {
+        Ok(model) => model,
+        Err(_) if !previous.exists() => return Err(error.into()),
+        Err(second) => {
+            return Err(error).with_context(|| format!("{second}; nor can the one after it be used"));
+        }
     };
-    if Model::read(&checkpoint_path(out)).is_ok_and(|found| same(&found))
-        && let Ok(model) = resumed_model(session, out, data, None)
-    {
-        return model;
-    }
-    fresh
+    let steps = model.record.steps;
+    let repeated = match steps_said(&current) {
+        Some(later) if later > steps => format!("{} steps are repeated", later - steps),
+        _ => "all steps after it are repeated; how many is lost with the damaged file".to_owned(),
+    };
+    let damage = format!("{error}; going on from {} at step {steps}: {repeated}", previous.display());
+    Ok(Latest { model, path: previous, damage: Some(damage) })
 }
 
-/// Refuses to start over an unfinished training in the same folder.
-pub(crate) fn refuse_unfinished(out: &Path) -> Result<()> {
-    let path = checkpoint_path(out);
-    if path.exists()
-        && let Ok(model) = Model::read(&path)
-        && !model.record.finished
-    {
-        bail!(
-            "{} holds an unfinished training ({} steps done): add --resume, choose another --out, or remove it",
-            path.display(),
-            model.record.steps
-        );
+/// Writes checkpoints of one training.
+pub(super) struct Checkpoints {
+    current: PathBuf,
+    previous: PathBuf,
+    seconds_between: f64,
+    tried: Instant,
+    /// True where the last try failed, which has been said.
+    failing: bool,
+    /// What the files hold.
+    content: Content,
+}
+
+/// What stands in the folder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Content {
+    /// Nothing of this training.
+    Foreign,
+    /// Only the checkpoint before the last is this training's and intact.
+    PreviousAt(u64),
+    /// The last checkpoint is intact.
+    CurrentAt(u64),
+}
+
+impl Checkpoints {
+    /// For a training that has done `steps` steps, those of the checkpoint that it goes on from.
+    pub(super) fn new(out: &Path, steps: u64, seconds_between: f64) -> Self {
+        let (current, previous) = (out.join(CURRENT), out.join(PREVIOUS));
+        remove_leftovers(&current);
+        let content = if steps == 0 {
+            Content::Foreign
+        } else if Model::read(&current).is_ok_and(|model| model.record.steps == steps) {
+            Content::CurrentAt(steps)
+        } else {
+            Content::PreviousAt(steps)
+        };
+        Self { current, previous, seconds_between, tried: Instant::now(), failing: false, content }
     }
-    Ok(())
+
+    /// True once the next checkpoint is due.
+    pub(super) fn is_due(&self) -> bool {
+        self.tried.elapsed().as_secs_f64() >= self.seconds_between
+    }
+
+    /// Writes a checkpoint.
+    ///
+    /// # Errors
+    /// A file that cannot be written; what was there stays.
+    pub(super) fn write(&mut self, model: &Model) -> Result<()> {
+        self.tried = Instant::now();
+        let written = match self.content {
+            Content::CurrentAt(_) => model.write_keeping_previous(&self.current, &self.previous),
+            // What is damaged must not take the place of what is not.
+            Content::PreviousAt(_) => model.write(&self.current),
+            Content::Foreign => {
+                // Of another training, which is finished: nobody goes on from it.
+                let _ = fs::remove_file(&self.previous);
+                model.write(&self.current)
+            }
+        };
+        written.with_context(|| format!("the checkpoint could not be written, {}", self.kept()))?;
+        self.content = Content::CurrentAt(model.record.steps);
+        Ok(())
+    }
+
+    /// Writes a checkpoint, or warns once that this is not possible now.
+    pub(super) fn write_or_warn(&mut self, session: &Session, model: &Model) {
+        match self.write(model) {
+            Ok(()) if self.failing => {
+                self.failing = false;
+                session.note(&format!("checkpoints are written again, at step {}", model.record.steps));
+            }
+            Ok(()) => {}
+            Err(error) if !self.failing => {
+                self.failing = true;
+                session.warn(&format!(
+                    "{error:#}; training goes on and tries again every {} s",
+                    self.seconds_between
+                ));
+            }
+            Err(_) => {}
+        }
+    }
+
+    /// The file that training can go on from, if there is one.
+    pub(super) fn last(&self) -> Option<(&Path, u64)> {
+        match self.content {
+            Content::Foreign => None,
+            Content::PreviousAt(step) => Some((&self.previous, step)),
+            Content::CurrentAt(step) => Some((&self.current, step)),
+        }
+    }
+
+    /// In words, what there is to go on from.
+    pub(super) fn kept(&self) -> String {
+        match self.last() {
+            Some((path, step)) => format!("the last good one is {}, of step {step}", path.display()),
+            None => "no checkpoint was written yet".to_owned(),
+        }
+    }
 }
