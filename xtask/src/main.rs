@@ -1,10 +1,11 @@
 //! The project's own chores, run as `cargo xtask <chore>`.
 //!
-//! `test` is the whole of what continuous integration runs: see [`checks`].
+//! `test` is the whole of what continuous integration runs: see [`checks`]. `stress` kills trainings: see [`stress`].
 
 mod adapter;
 mod checks;
 mod stages;
+mod stress;
 
 use std::process::ExitCode;
 
@@ -12,7 +13,9 @@ const USAGE: &str = "\
 usage: cargo xtask <chore>
 
 chores:
-  test   formatting, clippy and rustdoc with warnings denied, a look for a Vulkan driver, all tests
+  test     formatting, clippy and rustdoc with warnings denied, a look for a Vulkan driver, all tests
+  stress   [--kills N] [--device cpu|software] [--seed S]: a training that is killed at random moments (50 by default)
+           and resumed ends with the bytes of one in peace
 
 environment:
   IMF_NO_GPU_TESTS=1   run without a GPU driver; tests that need one are reported as ignored";
@@ -21,13 +24,8 @@ fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match arguments[..] {
-        ["test"] => match checks::run() {
-            Ok(()) => ExitCode::SUCCESS,
-            Err(error) => {
-                eprintln!("error: {error:#}");
-                ExitCode::FAILURE
-            }
-        },
+        ["test"] => ended(checks::run()),
+        ["stress", ref options @ ..] => ended(stress::Stress::parse(options).and_then(stress::Stress::run)),
         ["help" | "--help" | "-h"] => {
             println!("{USAGE}");
             ExitCode::SUCCESS
@@ -35,6 +33,16 @@ fn main() -> ExitCode {
         _ => {
             eprintln!("{USAGE}");
             ExitCode::from(2)
+        }
+    }
+}
+
+fn ended(result: anyhow::Result<()>) -> ExitCode {
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
         }
     }
 }

@@ -10,6 +10,7 @@ pub(crate) mod transform;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use imf_core::dataset::Share;
 use imf_core::training::Loss;
 
 use scene::SceneArguments;
@@ -184,8 +185,53 @@ pub(crate) struct FieldArguments {
 
 /// Sample exact sections into a dataset for training; continues one that was interrupted
 #[derive(Args)]
-#[command(after_help = "Example:\n  imf dataset teapot --orientations grid:15 --out teapot-225")]
+#[command(
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    after_help = "Examples:\n  imf dataset teapot --orientations grid:15 --out teapot-225\n  \
+                  imf dataset teapot --orientations grid:15 --out share-3 --shard 3/8\n  \
+                  imf dataset merge teapot-225 share-1 share-2 share-3"
+)]
 pub(crate) struct DatasetArguments {
+    #[command(subcommand)]
+    pub(crate) action: Option<DatasetAction>,
+    #[command(flatten)]
+    pub(crate) make: Option<DatasetMakeArguments>,
+}
+
+#[derive(Subcommand)]
+pub(crate) enum DatasetAction {
+    Merge(DatasetMergeArguments),
+    Finish(DatasetFinishArguments),
+}
+
+/// Join shares of a dataset that were made apart, after checking that they belong together and are whole
+#[derive(Args)]
+#[command(
+    after_help = "Examples:\n  imf dataset merge teapot-225 share-1 share-2\n  imf dataset merge together\n\n\
+                        What is missing is listed, and the exit code is 1 then."
+)]
+pub(crate) struct DatasetMergeArguments {
+    /// Folder of the joined dataset; it may hold shares itself
+    pub(crate) out: PathBuf,
+    /// Folders of shares
+    pub(crate) folders: Vec<PathBuf>,
+}
+
+/// Make what is missing of a dataset from what its folder says of itself; the part's mesh is not needed
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf dataset finish teapot-225")]
+pub(crate) struct DatasetFinishArguments {
+    /// Folder of the dataset
+    pub(crate) folder: PathBuf,
+    /// Only share I of N
+    #[arg(long, value_name = "I/N")]
+    pub(crate) shard: Option<Share>,
+}
+
+/// Which sections to sample, how, and which of them here.
+#[derive(Args)]
+pub(crate) struct DatasetMakeArguments {
     #[command(flatten)]
     pub(crate) scene: SceneArguments,
     /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, pairs θ,φ;θ,φ or a CSV file
@@ -200,6 +246,12 @@ pub(crate) struct DatasetArguments {
     /// Seed of the sampling
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
+    /// Make only share I of N, on this machine or another; `imf dataset merge` joins them
+    #[arg(long, value_name = "I/N")]
+    pub(crate) shard: Option<Share>,
+    /// Samples in one file, at most
+    #[arg(long, default_value_t = 4_000_000, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) shard_samples: u64,
     /// Folder of the dataset
     #[arg(long, value_name = "DIR")]
     pub(crate) out: PathBuf,
@@ -235,6 +287,18 @@ pub(crate) struct PlanArguments {
     /// Seconds between checkpoints
     #[arg(long, default_value_t = 60.0, value_name = "SECONDS", value_parser = parse_seconds)]
     pub(crate) checkpoint_every: f64,
+    /// Poses at random orientations that training never sees, to watch the error at; 0 for none
+    #[arg(long, default_value_t = 16_384, value_name = "N")]
+    pub(crate) held_out: usize,
+    /// Steps between two looks at that error; about a hundredth of all steps, at least 500, by default
+    #[arg(long, value_name = "STEPS")]
+    pub(crate) held_out_every: Option<u64>,
+    /// Also write loss, rate, held-out error and speed to this file, a JSON object a line; --resume goes on with it
+    #[arg(long, value_name = "FILE")]
+    pub(crate) log: Option<PathBuf>,
+    /// Also write event files for TensorBoard, to the folder tensorboard in the output folder
+    #[arg(long)]
+    pub(crate) tensorboard: bool,
 }
 
 fn parse_seconds(text: &str) -> Result<f64, String> {

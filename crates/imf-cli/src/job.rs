@@ -1,200 +1,84 @@
 //! A training run with everything around the loop: progress, checkpoints, interruption, the finished model.
 //!
 //! In the output folder stand `checkpoint.safetensors` (with the optimiser's moments, written every so often, at
-//! Ctrl-C and at the end), `model.safetensors` (without them, at the end) and `loss.png`.
+//! Ctrl-C and at the end), `checkpoint.previous.safetensors` (the one before), `model.safetensors` (without moments, at
+//! the end) and `loss.png`.
+
+mod checkpoint;
+mod curve;
+mod data;
+mod held_out;
+mod plan;
+mod start;
+mod telemetry;
+
+pub(crate) use curve::loss_chart;
+pub(crate) use data::Data;
+pub(crate) use plan::{plan, plan_defaults};
+pub(crate) use start::{continued, fresh_model, refuse_unfinished, resumed_model};
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::{Context, Result, bail};
-use imf_core::dataset::{self, Manifest};
-use imf_core::model::{LossPoint, Model, TrainingRecord};
-use imf_core::samples::Samples;
-use imf_core::scene::Scene;
-use imf_core::siren::SirenShape;
-use imf_core::training::run::{Cursor, Length, Outcome, TrainError, TrainingPlan, train};
+use anyhow::{Context as _, Result, ensure};
+use imf_core::model::{HeldOutPoint, LossPoint, Model};
+use imf_core::training::run::{Outcome, Report, TrainError, train};
 use imf_core::training::schedule::Schedule;
-use imf_core::training::{AdamConfig, EngineError, TrainingEngine, TrainingState};
+use imf_core::training::{EngineError, TrainingEngine};
 
-use crate::arguments::{PlanArguments, ScheduleKind};
+use crate::arguments::PlanArguments;
 use crate::engine::Device;
 use crate::interrupt::{self, Interrupted};
-use crate::picture::{AxisScale, Chart, Series};
 use crate::progress::Stage;
 use crate::session::Session;
+use checkpoint::Checkpoints;
+use held_out::HeldOutWatch;
+use plan::REPORT_EVERY;
+use telemetry::{Row, Telemetry};
 
 /// Points that a loss curve keeps at most, about.
 const CURVE_POINTS: u64 = 400;
-/// Steps between two looks at the loss and at Ctrl-C.
-const REPORT_EVERY: u64 = 20;
 
-/// A dataset in memory with what is known about it.
-pub(crate) struct Data {
-    pub(crate) manifest: Manifest,
-    pub(crate) scene: Scene,
-    pub(crate) samples: Samples,
+/// What happens beside the steps of a training.
+#[derive(Clone, Debug)]
+pub(crate) struct Settings {
+    /// Seconds between checkpoints.
+    pub(crate) checkpoint_every: f64,
+    /// What to do after an interruption, such as "add --resume".
+    pub(crate) go_on: &'static str,
+    /// Poses held out of a fresh training; a resumed one keeps those that it has.
+    pub(crate) held_out: usize,
+    /// Steps between two evaluations at them.
+    pub(crate) held_out_every: Option<u64>,
+    /// File of JSON lines.
+    pub(crate) log: Option<PathBuf>,
+    /// Write TensorBoard's event files.
+    pub(crate) tensorboard: bool,
 }
 
-impl Data {
-    /// Reads a dataset's folder, if it fits the memory.
-    pub(crate) fn load(session: &Session, folder: &Path) -> Result<Self> {
-        let expected = Manifest::read(folder)?.shards.iter().flatten().map(|s| s.samples).sum::<u64>();
-        // 8 bytes a sample, and one shard twice while it is read.
-        session.require_memory(expected * 8 + (64 << 20), || {
-            format!("the {expected} samples of {}; make a dataset of lower --density", folder.display())
-        })?;
-        let (manifest, scene, samples) = dataset::load(folder)?;
-        if !scene.record.tool.is_axisymmetric()
-            && manifest.orientations.orientations.iter().any(|o| o.roll != 0.0)
-        {
-            bail!(
-                "{}: its orientations roll the tool about its own axis, which siren5's five inputs cannot express; \
-                 make a dataset with directions only",
-                folder.display()
-            );
+impl Settings {
+    /// What the arguments ask for.
+    pub(crate) fn new(arguments: &PlanArguments) -> Self {
+        Self {
+            checkpoint_every: arguments.checkpoint_every,
+            go_on: "add --resume",
+            held_out: arguments.held_out,
+            held_out_every: arguments.held_out_every,
+            log: arguments.log.clone(),
+            tensorboard: arguments.tensorboard,
         }
-        Ok(Self { manifest, scene, samples })
     }
 }
 
-/// The plan that arguments describe; `rate` and `epochs` stand where they are silent.
-pub(crate) fn plan(arguments: &PlanArguments, rate: f32, epochs: u64) -> TrainingPlan {
-    let initial = arguments.rate.unwrap_or(rate);
-    TrainingPlan {
-        length: match arguments.steps {
-            Some(steps) => Length::Steps(steps),
-            None => Length::Epochs(arguments.epochs.unwrap_or(epochs)),
-        },
-        batch: arguments.batch,
-        schedule: match arguments.schedule {
-            ScheduleKind::Exponential => Schedule::Exponential { initial, factor: 0.93 },
-            ScheduleKind::Cosine => Schedule::Cosine { initial, last: initial * 0.01, warmup: 200 },
-        },
-        adam: AdamConfig { weight_decay: arguments.weight_decay, ..AdamConfig::default() },
-        loss: arguments.loss.into(),
-        seed: arguments.seed,
-        report_every: REPORT_EVERY,
-    }
-}
-
-/// The same schedule from another rate.
-fn schedule_from(schedule: &Schedule, initial: f32) -> Schedule {
-    match *schedule {
-        Schedule::Exponential { factor, .. } => Schedule::Exponential { initial, factor },
-        Schedule::Cosine { warmup, .. } => Schedule::Cosine { initial, last: initial * 0.01, warmup },
-    }
-}
-
-/// The paper's plan, reported often enough to notice Ctrl-C.
-pub(crate) fn plan_defaults() -> TrainingPlan {
-    TrainingPlan { report_every: REPORT_EVERY, ..TrainingPlan::default() }
-}
-
-/// The file that a run continues from.
-pub(crate) fn checkpoint_path(out: &Path) -> PathBuf {
-    out.join("checkpoint.safetensors")
-}
-
-/// A model at the start of its training.
-pub(crate) fn fresh_model(
-    data: &Data,
-    shape: SirenShape,
-    plan: TrainingPlan,
-    state: TrainingState,
-    fine_tuned_from: Option<String>,
-) -> Model {
-    let record = TrainingRecord {
-        program: env!("CARGO_PKG_VERSION").into(),
-        plan,
-        cursor: Cursor::default(),
-        finished: false,
-        steps: 0,
-        seconds: 0.0,
-        engine: String::new(),
-        orientations: data.manifest.orientations.clone(),
-        sampling: data.manifest.sampling,
-        samples: data.samples.len() as u64,
-        dataset_crc32: data.manifest.fingerprint(),
-        fine_tuned_from,
-        losses: Vec::new(),
-    };
-    Model { shape, scene: data.scene.clone(), record, state }
-}
-
-/// The checkpoint of an output folder, if it belongs to this dataset. Its plan goes on, but for a learning rate given
-/// anew, which is the way out of a divergence.
-pub(crate) fn resumed_model(session: &Session, out: &Path, data: &Data, rate: Option<f32>) -> Result<Model> {
-    let path = checkpoint_path(out);
-    let mut model = Model::read(&path).context("there is nothing to resume")?;
-    if model.record.dataset_crc32 != data.manifest.fingerprint() {
-        bail!(
-            "{} was trained on another dataset: resume with the one that it was started on",
-            path.display()
-        );
-    }
-    if model.record.finished {
-        bail!("{} is finished: there is nothing to resume", path.display());
-    }
-    if !model.is_resumable() {
-        bail!("{} holds no optimiser state: it cannot be resumed", path.display());
-    }
-    let mut said = "by the plan of the checkpoint".to_owned();
-    if let Some(rate) = rate {
-        let plan = &mut model.record.plan;
-        plan.schedule = schedule_from(&plan.schedule, rate);
-        plan.check()?;
-        said = format!("by the plan of the checkpoint with a learning rate from {rate:e}");
-    }
-    session.note(&format!(
-        "resuming at epoch {}, step {} ({} steps done), {said}",
-        model.record.cursor.epoch, model.record.cursor.step, model.record.steps
-    ));
-    Ok(model)
-}
-
-/// `fresh`, or the unfinished checkpoint of the same training in the output folder.
-pub(crate) fn continued(session: &Session, out: &Path, data: &Data, fresh: Model) -> Model {
-    let same = |found: &Model| {
-        !found.record.finished
-            && found.shape == fresh.shape
-            && found.record.plan == fresh.record.plan
-            && found.record.dataset_crc32 == data.manifest.fingerprint()
-    };
-    if Model::read(&checkpoint_path(out)).is_ok_and(|found| same(&found))
-        && let Ok(model) = resumed_model(session, out, data, None)
-    {
-        return model;
-    }
-    fresh
-}
-
-/// Refuses to start over an unfinished training in the same folder.
-pub(crate) fn refuse_unfinished(out: &Path) -> Result<()> {
-    let path = checkpoint_path(out);
-    if path.exists()
-        && let Ok(model) = Model::read(&path)
-        && !model.record.finished
-    {
-        bail!(
-            "{} holds an unfinished training ({} steps done): add --resume, choose another --out, or remove it",
-            path.display(),
-            model.record.steps
-        );
-    }
-    Ok(())
-}
-
-/// Trains `model` to the end of its plan and writes it to `out`. `go_on` is what to do after an interruption, such as
-/// "add --resume".
+/// Trains `model` to the end of its plan and writes it to `out`.
 pub(crate) fn run(
     session: &Session,
     device: &Device,
     data: &Data,
-    model: Model,
+    mut model: Model,
     out: &Path,
-    checkpoint_every: f64,
-    go_on: &'static str,
+    settings: &Settings,
 ) -> Result<Model> {
     let batch = model.record.plan.batch.min(data.samples.len().max(1));
     let needed = device.training_memory(model.shape, batch)?;
@@ -204,8 +88,15 @@ pub(crate) fn run(
             model.shape.hidden, model.shape.width
         )
     })?;
-    let mut engine = device.trainer(model.shape, &model.record.plan, batch, model.state.clone())?;
     let total = model.record.plan.total_steps(data.samples.len());
+    if model.record.steps == 0 {
+        let seed = model.record.plan.seed;
+        model.record.held_out = held_out::record(settings.held_out, settings.held_out_every, seed, total);
+    }
+    let held_out = HeldOutWatch::new(session, data, &model)?;
+    let folder = settings.tensorboard.then(|| out.join("tensorboard"));
+    let telemetry = Telemetry::open(settings.log.as_deref(), folder, model.record.steps)?;
+    let mut engine = device.trainer(model.shape, &model.record.plan, batch, model.state.clone())?;
     session.note(&format!(
         "training {}×{} ({} parameters, ω = {}) on {} samples, {} steps of {batch}; {}",
         model.shape.hidden,
@@ -217,26 +108,25 @@ pub(crate) fn run(
         engine.describe()
     ));
     let mut run = Run {
+        session,
         stage: session.stage("training", "steps", total),
         begun: Instant::now(),
         earlier_seconds: model.record.seconds,
-        saved: Instant::now(),
-        checkpoint_every,
         point_every: (total / CURVE_POINTS).max(REPORT_EVERY),
-        pending: (0.0, 0),
-        path: checkpoint_path(out),
-        is_kept: model.record.steps > 0,
-        go_on,
+        checkpoints: Checkpoints::new(out, model.record.steps, settings.checkpoint_every),
+        held_out,
+        telemetry,
+        go_on: settings.go_on,
         failure: None,
         model,
     };
     run.model.record.engine = engine.describe();
     run.model.record.program = env!("CARGO_PKG_VERSION").into();
-    run.stage.advance(run.model.record.steps);
+    run.stage.begin_at(run.model.record.steps);
     let start = run.model.record.cursor;
     let plan = run.model.record.plan;
     let outcome = train(&plan, &data.samples, engine.as_mut(), start, &mut |report, engine| {
-        run.observe(report.cursor, report.step, report.mean_loss, report.samples_per_second, engine)
+        run.observe(report, engine)
     });
     if let Some(failure) = run.failure {
         return Err(failure);
@@ -244,118 +134,168 @@ pub(crate) fn run(
     match outcome {
         Err(error) => return Err(run.explain(error)),
         Ok(Outcome::Stopped(_)) => {
-            let text = format!(
-                "step {} of {total} is saved in {}; {go_on} to go on",
-                run.model.record.steps,
-                run.path.display()
-            );
+            let path = run.checkpoints.last().map_or(out, |(path, _)| path).display().to_string();
+            let go_on = settings.go_on;
+            let steps = run.model.record.steps;
+            let text = format!("step {steps} of {total} is saved in {path}; {go_on} to go on");
             return Err(Interrupted(text).into());
         }
         Ok(Outcome::Finished) => {}
     }
     run.model.record.finished = true;
-    run.end_point();
-    run.save(engine.as_mut())?;
-    let Run { stage, model, .. } = run;
+    run.take_state(engine.as_mut())?;
+    run.checkpoints.write(&run.model)?;
+    let Run { stage, model, checkpoints, .. } = run;
     let last = model.record.losses.last().map_or(f64::NAN, |p| p.loss);
-    stage.finish(&format!("loss {last:.2e}"));
+    let unseen = model.record.held_out.as_ref().and_then(|held| held.errors.last());
+    let unseen = unseen.map_or_else(String::new, |error| format!(", held-out MSE {:.2e}", error.mse));
+    stage.finish(&format!("loss {last:.2e}{unseen}"));
     let model = model.without_moments();
     let path = out.join("model.safetensors");
-    model.write(&path)?;
+    model
+        .write(&path)
+        .with_context(|| format!("the training is finished and kept: {}", checkpoints.kept()))?;
     loss_chart(&model.record).save(&out.join("loss.png"))?;
     session.note(&format!("wrote {}", path.display()));
     Ok(model)
 }
 
 /// What the observer of a run keeps between reports.
-struct Run {
+struct Run<'a> {
+    session: &'a Session,
     stage: Stage,
     begun: Instant,
     earlier_seconds: f64,
-    saved: Instant,
-    checkpoint_every: f64,
     point_every: u64,
-    /// Sum of step losses since the last point of the curve, and steps.
-    pending: (f64, u64),
-    path: PathBuf,
-    /// True where the file at `path` is a checkpoint of this training.
-    is_kept: bool,
+    checkpoints: Checkpoints,
+    held_out: Option<HeldOutWatch>,
+    telemetry: Telemetry,
     go_on: &'static str,
     failure: Option<anyhow::Error>,
     model: Model,
 }
 
-impl Run {
-    fn observe(
-        &mut self,
-        cursor: Cursor,
-        step: u64,
-        mean_loss: f64,
-        rate: f64,
-        engine: &mut dyn TrainingEngine,
-    ) -> ControlFlow<()> {
-        let record = &mut self.model.record;
-        let steps = step - record.steps;
-        record.steps = step;
-        record.cursor = cursor;
-        self.pending.0 += mean_loss * steps as f64;
-        self.pending.1 += steps;
-        if self.pending.1 >= self.point_every {
-            self.end_point();
-        }
-        self.stage.advance_saying(steps, &format!("(loss {mean_loss:.2e}, {:.0} k samples/s)", rate / 1e3));
-        let stop = interrupt::requested();
-        if stop || self.saved.elapsed().as_secs_f64() >= self.checkpoint_every {
-            self.saved = Instant::now();
-            if let Err(error) = self.save(engine) {
+impl Run<'_> {
+    fn observe(&mut self, report: &Report, engine: &mut dyn TrainingEngine) -> ControlFlow<()> {
+        match self.try_observe(report, engine) {
+            Ok(flow) => flow,
+            Err(error) => {
                 self.failure = Some(error);
-                return ControlFlow::Break(());
+                ControlFlow::Break(())
             }
         }
-        if stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    fn try_observe(&mut self, report: &Report, engine: &mut dyn TrainingEngine) -> Result<ControlFlow<()>> {
+        let record = &mut self.model.record;
+        let steps = report.step - record.steps;
+        record.steps = report.step;
+        record.cursor = report.cursor;
+        record.pending_loss.0 += report.mean_loss * steps as f64;
+        record.pending_loss.1 += steps;
+        let is_last = report.step == report.total_steps;
+        let point = record.pending_loss.1 >= self.point_every || is_last;
+        let loss = point.then(|| self.end_point());
+        let unseen = self.measure(report, engine)?;
+        if loss.is_some() || unseen.is_some() {
+            let row = Row {
+                step: report.step,
+                epoch: report.cursor.epoch,
+                loss,
+                rate: report.learning_rate,
+                held_out_mse: unseen.map(|error| error.mse),
+                held_out_mae: unseen.map(|error| error.mae),
+                samples_per_second: report.samples_per_second,
+                seconds: self.seconds(),
+                seconds_left: report.remaining(&self.model.record.plan).map(|left| left.as_secs_f64()),
+            };
+            self.telemetry.add(self.session, &row);
+        }
+        let last = self.model.record.held_out.as_ref().and_then(|held| held.errors.last());
+        let held_out = last.map_or_else(String::new, |error| format!("held-out MSE {:.2e}, ", error.mse));
+        self.stage.advance_saying(
+            steps,
+            &format!(
+                "(loss {:.2e}, {held_out}{:.0} k samples/s)",
+                report.mean_loss,
+                report.samples_per_second / 1e3
+            ),
+        );
+        if interrupt::requested() && !is_last {
+            self.take_state(engine)?;
+            self.checkpoints.write(&self.model).context("interrupted")?;
+            return Ok(ControlFlow::Break(()));
+        }
+        // A state that may be lost must not take the place of a good one. The last step has a checkpoint of its own.
+        if self.checkpoints.is_due() && !report.suspicious && !is_last {
+            self.take_state(engine)?;
+            self.checkpoints.write_or_warn(self.session, &self.model);
+        }
+        Ok(ControlFlow::Continue(()))
     }
 
     /// The mean loss since the last point becomes a point of the curve.
-    fn end_point(&mut self) {
-        let (sum, steps) = std::mem::take(&mut self.pending);
-        if steps > 0 {
-            let step = self.model.record.steps;
-            self.model.record.losses.push(LossPoint { step, loss: sum / steps as f64 });
-        }
+    fn end_point(&mut self) -> f64 {
+        let record = &mut self.model.record;
+        let (sum, steps) = std::mem::take(&mut record.pending_loss);
+        let loss = sum / steps.max(1) as f64;
+        record.losses.push(LossPoint { step: record.steps, loss });
+        loss
     }
 
-    fn save(&mut self, engine: &mut dyn TrainingEngine) -> Result<()> {
-        self.model.state = engine.state()?;
-        self.model.record.seconds = self.earlier_seconds + self.begun.elapsed().as_secs_f64();
-        self.model.write(&self.path).context("the checkpoint before it is kept")?;
-        self.is_kept = true;
+    /// The error at held-out poses, where it is due.
+    fn measure(&mut self, report: &Report, engine: &mut dyn TrainingEngine) -> Result<Option<HeldOutPoint>> {
+        let (Some(watch), Some(record)) = (&mut self.held_out, &mut self.model.record.held_out) else {
+            return Ok(None);
+        };
+        if !watch.is_due(report.step, report.total_steps) {
+            return Ok(None);
+        }
+        let error = watch.evaluate(report.step, &engine.state()?)?;
+        record.errors.push(error);
+        Ok(Some(error))
+    }
+
+    fn seconds(&self) -> f64 {
+        self.earlier_seconds + self.begun.elapsed().as_secs_f64()
+    }
+
+    /// Fetches what a checkpoint holds.
+    fn take_state(&mut self, engine: &mut dyn TrainingEngine) -> Result<()> {
+        let state = engine.state()?;
+        ensure!(
+            state.is_finite(),
+            "the weights are no longer finite numbers at step {}: training has diverged; {}",
+            self.model.record.steps,
+            self.way_out(true)
+        );
+        self.model.state = state;
+        self.model.record.seconds = self.seconds();
         Ok(())
     }
 
     /// Adds what is left to go on from.
     fn explain(&self, error: TrainError) -> anyhow::Error {
-        let kept = if self.is_kept {
-            format!("the last checkpoint is {}; {} to go on from it", self.path.display(), self.go_on)
-        } else {
-            "no checkpoint was written yet".to_owned()
-        };
         let device = matches!(error, TrainError::Engine(EngineError::Device(_)));
         let advice = if device { " (on another --device if this one stays lost)" } else { "" };
-        anyhow::Error::from(error).context(format!("training stopped; {kept}{advice}"))
+        let way_out = self.way_out(error.is_divergence());
+        anyhow::Error::from(error).context(format!("training stopped; {way_out}{advice}"))
     }
-}
 
-/// The loss curve.
-pub(crate) fn loss_chart(record: &TrainingRecord) -> Chart {
-    Chart {
-        title: format!("Training loss, {} samples", record.samples),
-        x_name: "steps".into(),
-        value_name: "mean loss".into(),
-        value_scale: AxisScale::Logarithmic,
-        series: vec![Series {
-            name: "training".into(),
-            points: record.losses.iter().map(|p| (p.step as f64, p.loss)).collect(),
-            markers: false,
-        }],
+    /// The checkpoint to go on from, and how; more slowly where training diverged.
+    fn way_out(&self, diverged: bool) -> String {
+        let third = match self.model.record.plan.schedule {
+            Schedule::Exponential { initial, .. } | Schedule::Cosine { initial, .. } => initial / 3.0,
+        };
+        let slower = if diverged { format!(" with --rate {third:.1e}") } else { String::new() };
+        match self.checkpoints.last() {
+            Some((path, step)) => format!(
+                "the last good checkpoint is {}, of step {step}; {}{slower} to go on from it",
+                path.display(),
+                self.go_on
+            ),
+            None if diverged => format!("no checkpoint was written yet; start again{slower}"),
+            None => "no checkpoint was written yet".to_owned(),
+        }
     }
 }

@@ -16,6 +16,8 @@ pub(crate) struct Stage {
     unit: &'static str,
     total: u64,
     done: AtomicU64,
+    /// Units of an earlier run.
+    before: u64,
     start: Instant,
     bar: Option<ProgressBar>,
     last_line: Option<Mutex<Instant>>,
@@ -35,7 +37,17 @@ impl Stage {
         });
         let start = Instant::now();
         let last_line = (!terminal && !quiet).then(|| Mutex::new(start));
-        Self { name: name.to_owned(), unit, total, done: AtomicU64::new(0), start, bar, last_line }
+        Self { name: name.to_owned(), unit, total, done: AtomicU64::new(0), before: 0, start, bar, last_line }
+    }
+
+    /// Units that were finished before: they count as done, not for the rate.
+    pub(crate) fn begin_at(&mut self, units: u64) {
+        self.before = units;
+        self.done.store(units, Ordering::Relaxed);
+        if let Some(bar) = &self.bar {
+            bar.set_position(units);
+            bar.reset_eta();
+        }
     }
 
     /// More units are finished; callable from any thread.
@@ -56,7 +68,7 @@ impl Stage {
         let Ok(mut last) = last_line.lock() else { return };
         if last.elapsed() >= LINE_EVERY && done < self.total {
             *last = Instant::now();
-            let rate = done as f64 / self.start.elapsed().as_secs_f64();
+            let rate = (done - self.before) as f64 / self.start.elapsed().as_secs_f64();
             let left = (self.total.saturating_sub(done)) as f64 / rate.max(1e-9);
             eprintln!(
                 "{}: {done} of {} {}, {rate:.1}/s, {} left {remark}",
@@ -76,7 +88,7 @@ impl Stage {
         if self.bar.is_some() || self.last_line.is_some() {
             let seconds = self.start.elapsed().as_secs_f64();
             let done = self.done.load(Ordering::Relaxed);
-            let rate = done as f64 / seconds.max(1e-9);
+            let rate = (done - self.before) as f64 / seconds.max(1e-9);
             let comma = if result.is_empty() { "" } else { "; " };
             eprintln!(
                 "{}: {done} {} in {} ({rate:.1}/s){comma}{result}",

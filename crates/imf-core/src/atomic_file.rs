@@ -2,7 +2,8 @@
 //!
 //! A file is written under a temporary name in its own folder, flushed to the disk, and renamed. Whoever reads the
 //! final name sees the old content or the new one, never half of either, also after a crash or a power cut.
-//! On an error the temporary file is removed and the old content stays.
+//! On an error the temporary file is removed and the old content stays. A process that is killed cannot remove its
+//! temporary file: [`remove_leftovers`] does so later.
 
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -10,6 +11,9 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
+
+/// How the names of temporary files end.
+const PART: &str = ".part";
 
 /// Why a file could not be written. The old content of `path`, if there was any, is untouched.
 #[derive(Debug, Error)]
@@ -78,7 +82,44 @@ pub fn write_atomically(
     path: impl AsRef<Path>,
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
 ) -> Result<(), AtomicFileError> {
-    let path = path.as_ref();
+    replace(path.as_ref(), None, write)
+}
+
+/// As [`write_atomically`]; the content that is replaced stays as `previous`, a name in the same folder. Whenever the
+/// process ends, `path` is whole, and `previous` is its older content, whole too. Where writing fails neither changes.
+///
+/// # Errors
+/// As [`write_atomically`].
+pub fn write_keeping_previous(
+    path: impl AsRef<Path>,
+    previous: impl AsRef<Path>,
+    write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
+) -> Result<(), AtomicFileError> {
+    replace(path.as_ref(), Some(previous.as_ref()), write)
+}
+
+/// Removes the temporary files that killed processes left while they wrote `path`. Nobody may be writing it now.
+/// Returns how many there were; what cannot be removed stays.
+pub fn remove_leftovers(path: impl AsRef<Path>) -> usize {
+    let target = fs::canonicalize(&path).unwrap_or_else(|_| path.as_ref().to_path_buf());
+    let (Some(name), Some(folder)) = (target.file_name().and_then(|n| n.to_str()), target.parent()) else {
+        return 0;
+    };
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let start = format!(".{name}.");
+    let is_leftover = |entry: &fs::DirEntry| {
+        let file = entry.file_name();
+        file.to_str().is_some_and(|file| file.starts_with(&start) && file.ends_with(PART))
+    };
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.filter(is_leftover).filter(|entry| fs::remove_file(entry.path()).is_ok()).count()
+}
+
+fn replace(
+    path: &Path,
+    previous: Option<&Path>,
+    write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
+) -> Result<(), AtomicFileError> {
     let fail = |source| AtomicFileError::new(path, source);
     // Renaming onto a link would replace the link, not the file behind it.
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
@@ -105,7 +146,7 @@ pub fn write_atomically(
     prefix.push(name);
     prefix.push(".");
     let mut builder = tempfile::Builder::new();
-    builder.prefix(&prefix).suffix(".part");
+    builder.prefix(&prefix).suffix(PART);
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
@@ -120,8 +161,25 @@ pub fn write_atomically(
         temporary.as_file().set_permissions(metadata.permissions()).map_err(fail)?;
     }
     temporary.as_file().sync_all().map_err(fail)?;
+    if let Some(previous) = previous.filter(|_| target.exists()) {
+        keep_as(&target, previous, &builder, folder).map_err(fail)?;
+    }
     temporary.persist(&target).map_err(|error| fail(error.error))?;
     sync_folder(folder).map_err(fail)
+}
+
+/// Gives the content of `target` the further name `previous`, replacing what had it, without a moment in which either
+/// is missing; where the file system has no second names, `target` is renamed.
+fn keep_as(
+    target: &Path,
+    previous: &Path,
+    builder: &tempfile::Builder<'_, '_>,
+    folder: &Path,
+) -> io::Result<()> {
+    match builder.make_in(folder, |link| fs::hard_link(target, link)) {
+        Ok(link) => link.into_temp_path().persist(previous).map_err(|error| error.error),
+        Err(_) => fs::rename(target, previous),
+    }
 }
 
 /// Makes the rename itself durable. Other systems than Unix offer no such call.
@@ -188,6 +246,35 @@ mod tests {
         );
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(entries(folder.path()), ["a.bin"]);
+    }
+
+    #[test]
+    fn the_content_before_is_kept_and_a_failure_changes_neither() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, previous) = (folder.path().join("a.bin"), folder.path().join("a.previous.bin"));
+        let both = || [&path, &previous].map(|file| fs::read(file).unwrap_or_default());
+        for (content, expected) in
+            [("one", ["one", ""]), ("two", ["two", "one"]), ("three", ["three", "two"])]
+        {
+            write_keeping_previous(&path, &previous, |out| out.write_all(content.as_bytes())).unwrap();
+            assert_eq!(both(), expected.map(|text| text.as_bytes().to_vec()));
+        }
+        let full = |_: &mut BufWriter<&File>| Err(io::Error::from(io::ErrorKind::StorageFull));
+        write_keeping_previous(&path, &previous, full).unwrap_err();
+        assert_eq!(both(), [b"three".to_vec(), b"two".to_vec()]);
+        assert_eq!(entries(folder.path()).len(), 2);
+    }
+
+    #[test]
+    fn leftovers_of_the_killed_go_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["a.bin", ".a.bin.x1.part", ".a.bin.x2.part", ".b.bin.x1.part", "a.bin.part"] {
+            fs::write(folder.path().join(name), b"").unwrap();
+        }
+        assert_eq!(remove_leftovers(folder.path().join("a.bin")), 2);
+        let mut left = entries(folder.path());
+        left.sort();
+        assert_eq!(left, [".b.bin.x1.part", "a.bin", "a.bin.part"]);
     }
 
     #[test]

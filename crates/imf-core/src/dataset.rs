@@ -10,14 +10,19 @@
 //! ```
 //!
 //! Every file is written whole or not at all, and the manifest names a shard only once it is complete: work that was
-//! interrupted goes on where it stopped. Each section's samples depend on the seed and the section alone.
+//! interrupted goes on where it stopped. Each section's samples depend on the seed and the section alone, so shares
+//! of a dataset can be made on any machines ([`Layout::share`]) and joined ([`merge`]).
 
 mod manifest;
+mod merge;
 mod sampling;
 mod shard;
+mod share;
 
-pub use manifest::{DatasetError, Manifest, ShardRecord};
+pub use manifest::{DatasetError, Layout, Manifest, ShardRecord};
+pub use merge::{Merged, merge};
 pub use sampling::{Sampling, SamplingError, draw};
+pub use share::{Share, ShareError};
 
 use std::path::Path;
 
@@ -34,7 +39,9 @@ pub struct Generated {
     pub kept: usize,
     /// Shards made now.
     pub made: usize,
-    /// Samples in all shards.
+    /// Shards that belong to other shares.
+    pub others: usize,
+    /// Samples in the shards kept and made.
     pub samples: u64,
 }
 
@@ -50,13 +57,33 @@ pub fn generate(
     sampling: &Sampling,
     control: Control<'_>,
 ) -> Result<Generated, DatasetError> {
+    generate_share(folder, scene, set, sampling, &Layout::default(), control)
+}
+
+/// As [`generate`], cut up as `layout` says, and only the shards of its share. Other shards' sections count as done.
+///
+/// # Errors
+/// As [`generate`].
+pub fn generate_share(
+    folder: &Path,
+    scene: &Scene,
+    set: &OrientationSet,
+    sampling: &Sampling,
+    layout: &Layout,
+    control: Control<'_>,
+) -> Result<Generated, DatasetError> {
     sampling.check()?;
-    let mut manifest = Manifest::start(folder, scene, set, sampling)?;
+    let mut manifest = Manifest::start(folder, scene, set, sampling, layout)?;
     // A learnt field is made for the tip, and serves every sharp point k when read at x − R k.
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool.with_tip_only())?;
-    let mut done = Generated { kept: 0, made: 0, samples: 0 };
+    let mut done = Generated { kept: 0, made: 0, others: 0, samples: 0 };
     for index in 0..manifest.shard_count() {
         let sections = manifest.sections_of(index);
+        if layout.share.is_some_and(|share| !share.holds(index)) {
+            done.others += 1;
+            (control.progress)(sections.len() as u64);
+            continue;
+        }
         if manifest.is_intact(folder, index) {
             done.kept += 1;
             (control.progress)(sections.len() as u64);

@@ -1,7 +1,7 @@
 //! The model file: one safetensors file that serves query, evaluation, fine-tuning and resuming.
 //!
-//! Its metadata has one key, `imf`: JSON with the format's name and version, the network's description, the scene
-//! and the training record. Its tensors:
+//! Its metadata has one key, `imf`: JSON with the format's name and version, a checksum, the network's description, the
+//! scene and the training record. Its tensors:
 //!
 //! ```text
 //! layers.0.weight  f32 [width, 5]     layers.0.bias  f32 [width]     … one pair for each layer, the output's last
@@ -10,17 +10,22 @@
 //! ```
 //!
 //! The obstacle travels along, so that a model can be evaluated without the part's mesh.
+//!
+//! The checksum is the CRC-32 of the whole file, taken while its own eight hexadecimal digits are zeros: whatever byte is
+//! damaged, reading says so. Files of version 1 have none.
 
 use std::collections::HashMap;
 use std::io::Write;
+use std::ops::Range;
 use std::path::Path;
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::atomic_file::{AtomicFileError, write_atomically};
+use crate::atomic_file::{AtomicFileError, write_atomically, write_keeping_previous};
 use crate::dataset::Sampling;
+use crate::held_out::HeldOutChoice;
 use crate::occupancy::Occupancy;
 use crate::orientation::OrientationSet;
 use crate::scene::{Scene, SceneRecord};
@@ -29,7 +34,12 @@ use crate::training::TrainingState;
 use crate::training::run::{Cursor, TrainingPlan};
 
 const FORMAT: &str = "imf-model";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
+/// The first version that has a checksum.
+const CHECKSUM_SINCE: u32 = 2;
+/// What stands before the checksum's digits, as the file's header quotes the JSON.
+const CHECKSUM_KEY: &[u8] = br#"\"crc32\":\""#;
+const NO_CHECKSUM: &str = "00000000";
 
 /// One point of the loss curve.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -38,6 +48,28 @@ pub struct LossPoint {
     pub step: u64,
     /// Mean loss since the point before.
     pub loss: f64,
+}
+
+/// The error at held-out poses after some steps.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct HeldOutPoint {
+    /// Steps done.
+    pub step: u64,
+    /// Mean squared error.
+    pub mse: f64,
+    /// Mean absolute error.
+    pub mae: f64,
+}
+
+/// Which poses are held out of training, and how well the network does there.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct HeldOutRecord {
+    /// How many poses, and the seed that chose them.
+    pub choice: HeldOutChoice,
+    /// Steps between two evaluations.
+    pub every: u64,
+    /// Error over time.
+    pub errors: Vec<HeldOutPoint>,
 }
 
 /// What a model was trained on, how, and how far.
@@ -70,6 +102,12 @@ pub struct TrainingRecord {
     pub fine_tuned_from: Option<String>,
     /// Training loss over time.
     pub losses: Vec<LossPoint>,
+    /// Sum of the steps' losses since the last point of the curve, and how many: the curve goes on from there.
+    #[serde(default)]
+    pub pending_loss: (f64, u64),
+    /// Error at poses that training never sees, where it is watched.
+    #[serde(default)]
+    pub held_out: Option<HeldOutRecord>,
 }
 
 /// A network with everything that is known about it.
@@ -121,6 +159,8 @@ pub enum ModelError {
 struct Description {
     format: String,
     version: u32,
+    #[serde(default)]
+    crc32: Option<String>,
     family: String,
     network: SirenShape,
     scene: SceneRecord,
@@ -155,10 +195,26 @@ impl Model {
     /// # Errors
     /// A file that cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), ModelError> {
+        let bytes = self.bytes(path)?;
+        Ok(write_atomically(path, |file| file.write_all(&bytes))?)
+    }
+
+    /// As [`Model::write`]; the file that is replaced stays as `previous` ([`write_keeping_previous`]).
+    ///
+    /// # Errors
+    /// A file that cannot be written; then neither changes.
+    pub fn write_keeping_previous(&self, path: &Path, previous: &Path) -> Result<(), ModelError> {
+        let bytes = self.bytes(path)?;
+        Ok(write_keeping_previous(path, previous, |file| file.write_all(&bytes))?)
+    }
+
+    /// The content of the file `path`.
+    fn bytes(&self, path: &Path) -> Result<Vec<u8>, ModelError> {
         let damaged = |what: String| ModelError::Damaged { path: path.display().to_string(), what };
         let description = Description {
             format: FORMAT.into(),
             version: VERSION,
+            crc32: Some(NO_CHECKSUM.into()),
             family: "siren5".into(),
             network: self.shape,
             scene: self.scene.record.clone(),
@@ -193,8 +249,11 @@ impl Model {
             views.push(("obstacle".to_owned(), TensorView::new(Dtype::U8, vec![packed.len()], &packed)?));
             safetensors::serialize(views, Some(HashMap::from([("imf".to_owned(), json.clone())])))
         };
-        let bytes = serialized().map_err(|e| damaged(e.to_string()))?;
-        Ok(write_atomically(path, |file| file.write_all(&bytes))?)
+        let mut bytes = serialized().map_err(|e| damaged(e.to_string()))?;
+        let digits = checksum_digits(&bytes).ok_or_else(|| damaged("no place for its checksum".into()))?;
+        let checksum = format!("{:08x}", crc32fast::hash(&bytes));
+        bytes[digits].copy_from_slice(checksum.as_bytes());
+        Ok(bytes)
     }
 
     /// Reads and checks a model.
@@ -216,7 +275,17 @@ impl Model {
         if header.version > VERSION {
             return Err(ModelError::Newer { path: shown, found: header.version });
         }
+        if header.version == 0 {
+            return Err(damaged("there is no version 0".into()));
+        }
         let description: Description = serde_json::from_str(json).map_err(|e| damaged(e.to_string()))?;
+        if header.version >= CHECKSUM_SINCE {
+            let expected = description.crc32.as_deref();
+            let found = whole_checksum(&bytes).ok_or_else(|| damaged("it has no checksum".into()))?;
+            if expected != Some(&*found) {
+                return Err(damaged("its checksum is wrong: it was changed after it was written".into()));
+            }
+        }
         let shape = description.network;
         shape.check().map_err(|e| damaged(e.to_string()))?;
         let tensors =
@@ -268,6 +337,34 @@ impl Model {
     }
 }
 
+/// Where the checksum's digits stand in a file.
+fn checksum_digits(bytes: &[u8]) -> Option<Range<usize>> {
+    let header = bytes.first_chunk::<8>().map(|length| u64::from_le_bytes(*length))?;
+    let end = usize::try_from(header).ok()?.checked_add(8).filter(|&end| end <= bytes.len())?;
+    let key = bytes[..end].windows(CHECKSUM_KEY.len()).position(|window| window == CHECKSUM_KEY)?;
+    let start = key + CHECKSUM_KEY.len();
+    Some(start..start + NO_CHECKSUM.len()).filter(|digits| digits.end <= end)
+}
+
+/// The checksum that a file should have.
+fn whole_checksum(bytes: &[u8]) -> Option<String> {
+    let digits = checksum_digits(bytes)?;
+    let mut hasher = crc32fast::Hasher::new();
+    hasher.update(&bytes[..digits.start]);
+    hasher.update(NO_CHECKSUM.as_bytes());
+    hasher.update(&bytes[digits.end..]);
+    Some(format!("{:08x}", hasher.finalize()))
+}
+
+/// Steps that a checkpoint says were done, as far as its description can be read, whatever else is damaged.
+#[must_use]
+pub fn steps_said(path: &Path) -> Option<u64> {
+    let bytes = std::fs::read(path).ok()?;
+    let (_, metadata) = SafeTensors::read_metadata(&bytes).ok()?;
+    let json = metadata.metadata().as_ref()?.get("imf")?;
+    serde_json::from_str::<Description>(json).ok().map(|description| description.training.steps)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -307,6 +404,8 @@ mod tests {
             dataset_crc32: 7,
             fine_tuned_from: None,
             losses: vec![LossPoint { step: 12, loss: 0.3 }],
+            pending_loss: (0.1, 3),
+            held_out: None,
         };
         Model { shape, scene: spec.scene().unwrap(), record, state }
     }
@@ -322,6 +421,46 @@ mod tests {
             model.write(&path).unwrap();
             assert_eq!(std::fs::read(&path).unwrap(), bytes);
         }
+    }
+
+    #[test]
+    fn a_flip_of_any_byte_is_noticed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("m.safetensors");
+        model().write(&path).unwrap();
+        let mut bytes = std::fs::read(&path).unwrap();
+        for at in 0..bytes.len() {
+            for bit in [0, 5] {
+                bytes[at] ^= 1 << bit;
+                std::fs::write(&path, &bytes).unwrap();
+                let error = Model::read(&path).unwrap_err().to_string();
+                assert!(error.contains("m.safetensors"), "byte {at}, bit {bit}: {error}");
+                bytes[at] ^= 1 << bit;
+            }
+        }
+        std::fs::write(&path, &bytes).unwrap();
+        assert_eq!(Model::read(&path).unwrap(), model());
+    }
+
+    #[test]
+    fn files_without_a_checksum_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("m.safetensors");
+        model().write(&path).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let at = checksum_digits(&bytes).unwrap();
+        let key = br#"\"version\":2,"#;
+        let version = bytes.windows(key.len()).position(|window| window == key).unwrap();
+        // Version 1, and spaces where the checksum was.
+        let mut older = bytes.clone();
+        older[version + key.len() - 2] = b'1';
+        older[at.start - CHECKSUM_KEY.len()..at.end + 3].fill(b' ');
+        std::fs::write(&path, &older).unwrap();
+        assert_eq!(Model::read(&path).unwrap(), model());
+        // The same is refused where a checksum is due.
+        older[version + key.len() - 2] = b'2';
+        std::fs::write(&path, &older).unwrap();
+        assert!(Model::read(&path).unwrap_err().to_string().contains("no checksum"));
     }
 
     #[test]
@@ -347,7 +486,7 @@ mod tests {
             safetensors::serialize([("a", TensorView::new(Dtype::U8, vec![1], &[1]).unwrap())], None)
                 .unwrap();
         assert!(error(&foreign).to_string().contains("not one of imf's"));
-        let key = br#"\"version\":1"#;
+        let key = br#"\"version\":2"#;
         let at = whole.windows(key.len()).position(|w| w == key).unwrap();
         let mut newer = whole.clone();
         newer[at + key.len() - 1] = b'9';

@@ -1,6 +1,7 @@
 //! Training: the loss, the optimiser's settings, and the seam between the loop that feeds batches and the engine
 //! that runs a step (CPU here, GPU in `imf-gpu`).
 
+mod divergence;
 pub mod permutation;
 pub mod run;
 pub mod schedule;
@@ -89,6 +90,14 @@ impl TrainingState {
     pub fn from_parameters(parameters: Vec<f32>) -> Self {
         let zeros = vec![0.0; parameters.len()];
         Self { first_moment: zeros.clone(), second_moment: zeros, parameters, step: 0 }
+    }
+
+    /// True where every number is one that training can go on with.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        [&self.parameters, &self.first_moment, &self.second_moment]
+            .into_iter()
+            .all(|array| array.iter().all(|value| value.is_finite()))
     }
 }
 

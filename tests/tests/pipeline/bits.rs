@@ -115,6 +115,8 @@ fn a_model_that_was_written_and_read_evaluates_as_before() {
         dataset_crc32: manifest.fingerprint(),
         fine_tuned_from: None,
         losses: Vec::new(),
+        pending_loss: (0.0, 0),
+        held_out: None,
     };
     let model = Model { shape: SHAPE, scene, record, state };
     let angles: Vec<[f32; 2]> =

@@ -1,19 +1,32 @@
-//! `imf dataset`: exact sections sampled into shards.
+//! `imf dataset`: exact sections sampled into shards, whole or in shares that are joined.
+
+mod merge;
 
 use std::path::Path;
 
-use anyhow::{Result, bail};
-use imf_core::dataset::{DatasetError, Sampling, generate};
+use anyhow::{Context as _, Result, bail};
+use imf_core::dataset::{DatasetError, Layout, Manifest, Sampling, generate_share};
 use imf_core::orientation::OrientationSet;
+use imf_core::scene::Scene;
 use imf_core::section::SectionError;
 use serde_json::json;
 
-use crate::arguments::DatasetArguments;
+use crate::arguments::{DatasetAction, DatasetArguments, DatasetFinishArguments, DatasetMakeArguments};
 use crate::interrupt::Interrupted;
 use crate::output::{prepare_folder, print, print_json};
 use crate::session::Session;
 
 pub(crate) fn run(session: &Session, arguments: &DatasetArguments) -> Result<()> {
+    match (&arguments.action, &arguments.make) {
+        (Some(DatasetAction::Merge(arguments)), _) => merge::run(session, arguments),
+        (Some(DatasetAction::Finish(arguments)), _) => finish(session, arguments),
+        (None, make) => {
+            make_new(session, make.as_ref().context("a part, --orientations and --out are needed")?)
+        }
+    }
+}
+
+fn make_new(session: &Session, arguments: &DatasetMakeArguments) -> Result<()> {
     let set = OrientationSet::parse(&arguments.orientations)?;
     let sampling = Sampling {
         density: arguments.density,
@@ -29,20 +42,55 @@ pub(crate) fn run(session: &Session, arguments: &DatasetArguments) -> Result<()>
         );
     }
     prepare_folder(&arguments.out)?;
+    let layout = Layout { shard_samples: arguments.shard_samples, share: arguments.shard };
+    make(session, &arguments.out, &scene, &set, &sampling, &layout)
+}
+
+/// Makes what is missing of a dataset from its own manifest.
+fn finish(session: &Session, arguments: &DatasetFinishArguments) -> Result<()> {
+    let folder = &arguments.folder;
+    let manifest = Manifest::read(folder)?;
+    let scene = manifest.scene(folder)?;
+    prepare_folder(folder)?;
+    let layout = Layout { share: arguments.shard, ..Layout::default() };
+    make(session, folder, &scene, &manifest.orientations, &manifest.sampling, &layout)
+}
+
+fn make(
+    session: &Session,
+    folder: &Path,
+    scene: &Scene,
+    set: &OrientationSet,
+    sampling: &Sampling,
+    layout: &Layout,
+) -> Result<()> {
     let stage = session.stage("sampling", "sections", set.len() as u64);
     let advance = |n| stage.advance(n);
-    let generated = generate(&arguments.out, &scene, &set, &sampling, session.control(&advance));
-    let generated = generated.map_err(|error| interruption(error, &arguments.out))?;
-    stage.finish(&format!("{} shards made, {} kept", generated.made, generated.kept));
+    let generated = generate_share(folder, scene, set, sampling, layout, session.control(&advance));
+    let generated = generated.map_err(|error| interruption(error, folder))?;
+    let others = match generated.others {
+        0 => String::new(),
+        others => format!(", {others} of other shares"),
+    };
+    stage.finish(&format!("{} shards made, {} kept{others}", generated.made, generated.kept));
     if session.json {
         return print_json(&json!({
-            "folder": arguments.out, "sections": set.len(), "samples": generated.samples,
-            "shards_made": generated.made, "shards_kept": generated.kept,
+            "folder": folder, "sections": set.len(), "samples": generated.samples,
+            "shards_made": generated.made, "shards_kept": generated.kept, "shards_of_others": generated.others,
         }));
+    }
+    if let Some(share) = layout.share {
+        return print(&format!(
+            "{}: share {share}, {} samples in {} of {} shards; join the shares by: imf dataset merge",
+            folder.display(),
+            generated.samples,
+            generated.made + generated.kept,
+            generated.made + generated.kept + generated.others
+        ));
     }
     print(&format!(
         "{}: {} samples of {} sections in {} shards",
-        arguments.out.display(),
+        folder.display(),
         generated.samples,
         set.len(),
         generated.made + generated.kept

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use anyhow::Result;
 use imf_core::dataset::{Sampling, generate};
+use imf_core::held_out::HeldOutChoice;
 use imf_core::mesh::topology::MeshReport;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
@@ -18,7 +19,7 @@ use imf_core::unit::LengthUnit;
 use super::dataset::interruption;
 use crate::arguments::DemoArguments;
 use crate::engine::Device;
-use crate::job::{self, Data};
+use crate::job::{self, Data, Settings};
 use crate::output::{prepare_folder, print, print_json};
 use crate::progress::show_seconds;
 use crate::report::{Questions, evaluate};
@@ -84,8 +85,15 @@ pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
     let state = TrainingState::new(&SHAPE, arguments.seed);
     let fresh = job::fresh_model(&data, SHAPE, plan, state, None);
     let model = job::continued(session, &arguments.out, &data, fresh);
-    let go_on = "run the same command again";
-    let model = job::run(session, &device, &data, model, &arguments.out, 30.0, go_on)?;
+    let settings = Settings {
+        checkpoint_every: 30.0,
+        go_on: "run the same command again",
+        held_out: HeldOutChoice::default().poses,
+        held_out_every: None,
+        log: None,
+        tensorboard: false,
+    };
+    let model = job::run(session, &device, &data, model, &arguments.out, &settings)?;
 
     let mut engine = device.evaluator(model.shape, &model.state.parameters)?;
     let questions = Questions {

@@ -7,7 +7,7 @@ use imf_core::training::TrainingState;
 use super::train::announce;
 use crate::arguments::FinetuneArguments;
 use crate::engine::Device;
-use crate::job::{self, Data};
+use crate::job::{self, Data, Settings};
 use crate::output::prepare_folder;
 use crate::session::Session;
 
@@ -34,7 +34,7 @@ pub(crate) fn run(session: &Session, arguments: &FinetuneArguments) -> Result<()
             Some(from),
         )
     };
-    let every = arguments.plan.checkpoint_every;
-    let model = job::run(session, &device, &data, model, &arguments.out, every, "add --resume")?;
+    let settings = Settings::new(&arguments.plan);
+    let model = job::run(session, &device, &data, model, &arguments.out, &settings)?;
     announce(session, arguments.out.join("model.safetensors").as_path(), &model)
 }

@@ -7,7 +7,7 @@ use serde_json::json;
 
 use crate::arguments::TrainArguments;
 use crate::engine::Device;
-use crate::job::{self, Data};
+use crate::job::{self, Data, Settings};
 use crate::output::{prepare_folder, print, print_json};
 use crate::session::Session;
 
@@ -30,8 +30,8 @@ pub(crate) fn run(session: &Session, arguments: &TrainArguments) -> Result<()> {
         job::refuse_unfinished(&arguments.out)?;
         job::fresh_model(&data, shape, plan, TrainingState::new(&shape, plan.seed), None)
     };
-    let every = arguments.plan.checkpoint_every;
-    let model = job::run(session, &device, &data, model, &arguments.out, every, "add --resume")?;
+    let settings = Settings::new(&arguments.plan);
+    let model = job::run(session, &device, &data, model, &arguments.out, &settings)?;
     announce(session, arguments.out.join("model.safetensors").as_path(), &model)
 }
 
@@ -46,6 +46,7 @@ pub(super) fn announce(
         return print_json(&json!({
             "model": path, "steps": model.record.steps, "seconds": model.record.seconds, "loss": loss,
             "parameters": model.shape.parameter_count(), "engine": model.record.engine,
+            "held_out": model.record.held_out.as_ref().and_then(|held| held.errors.last()),
         }));
     }
     print(&format!(

@@ -42,6 +42,8 @@ pub(crate) fn model() -> Model {
         dataset_crc32: 7,
         fine_tuned_from: None,
         losses: vec![LossPoint { step: 12, loss: 0.25 }],
+        pending_loss: (0.0, 0),
+        held_out: None,
     };
     let state = TrainingState::new(&shape, 1);
     Model { shape, scene: spec.scene().unwrap(), record, state }

@@ -59,7 +59,7 @@ fn damaged_models_are_named() {
     let eval = format!("eval {file} --device cpu --random 2 --imf fibonacci:2");
     let finetune = format!("finetune {file} data --device cpu --steps 2 --out adapted");
     let whole = work.bytes(file);
-    let newer = replaced(&whole, r#"\"version\":1"#, r#"\"version\":9"#);
+    let newer = replaced(&whole, r#"\"version\":2"#, r#"\"version\":9"#);
     let foreign = replaced(&whole, "imf-model", "a-puzzle!");
     let renamed = replaced(&whole, "\"obstacle\":{", "\"obstable\":{");
     // Behind the header, whose length stands in front, the weights come first.
@@ -75,8 +75,8 @@ fn damaged_models_are_named() {
         (b"a letter to the editor", "no intact model"),
         (&shard, "not one of imf's"),
         (&foreign, "a-puzzle!"),
-        (&renamed, "obstacle"),
-        (&not_a_number, "not a finite number"),
+        (&renamed, "checksum"),
+        (&not_a_number, "checksum"),
         (&newer, "version 9"),
     ] {
         work.write(file, bytes);
@@ -100,11 +100,8 @@ fn a_damaged_checkpoint_is_named() {
     work.write(checkpoint, &whole[..whole.len() / 2]);
     work.imf(&format!("{train} --resume")).refused(&[checkpoint, "no intact model"]);
     // The finished model is no checkpoint: it has no moments.
-    let model =
-        replaced(&work.bytes("model/model.safetensors"), r#"\"finished\":true"#, r#"\"finished\":false"#);
-    let length = u64::from_le_bytes(model[..8].try_into().unwrap());
-    let mut longer = model.clone();
-    longer[..8].copy_from_slice(&(length + 1).to_le_bytes());
-    work.write(checkpoint, &longer);
+    let mut model = work.model("model/model.safetensors");
+    model.record.finished = false;
+    model.write(&work.path(checkpoint)).unwrap();
     work.imf(&format!("{train} --resume")).refused(&[checkpoint, "no optimiser state"]);
 }

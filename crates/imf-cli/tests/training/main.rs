@@ -8,4 +8,6 @@ mod binary;
 mod damage;
 mod demo;
 mod interruption;
+mod long_runs;
 mod pipeline;
+mod shares;

@@ -1,9 +1,12 @@
 //! The manifest of a dataset: what it is, and which of its shards are complete.
+//!
+//! Whoever makes a share of a dataset keeps a manifest of that share's name, so that several may work in one folder;
+//! joining them makes the one `manifest.json` that training reads.
 
 use std::collections::HashMap;
 use std::io::Write;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
@@ -11,6 +14,7 @@ use thiserror::Error;
 
 use super::sampling::{Sampling, SamplingError};
 use super::shard;
+use super::share::Share;
 use crate::atomic_file::{AtomicFileError, write_atomically};
 use crate::occupancy::Occupancy;
 use crate::orientation::OrientationSet;
@@ -21,8 +25,23 @@ const FORMAT: &str = "imf-dataset";
 const VERSION: u32 = 1;
 const MANIFEST: &str = "manifest.json";
 const OBSTACLE: &str = "obstacle.safetensors";
-/// Samples that a shard holds at most, unless one section has more: 8 bytes each.
-const SHARD_SAMPLES: f64 = 4e6;
+/// Samples that a shard holds at most unless told, and unless one section has more: 8 bytes each.
+const SHARD_SAMPLES: u64 = 4_000_000;
+
+/// How a dataset is cut up, and which part of it is made here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// Samples that a shard holds at most, unless one section has more.
+    pub shard_samples: u64,
+    /// The share to make; all of it where nothing is said.
+    pub share: Option<Share>,
+}
+
+impl Default for Layout {
+    fn default() -> Self {
+        Self { shard_samples: SHARD_SAMPLES, share: None }
+    }
+}
 
 /// Why a dataset cannot be made or read. Every message names the file.
 #[derive(Debug, Error)]
@@ -82,6 +101,42 @@ pub enum DatasetError {
         /// Shards in all.
         shards: usize,
     },
+    /// The folder holds shares that nobody has joined.
+    #[error(
+        "{path} holds {manifests} share(s) of a dataset and no manifest.json: join them with `imf dataset merge {path}`"
+    )]
+    Shares {
+        /// The folder.
+        path: String,
+        /// How many manifests of shares there are.
+        manifests: usize,
+    },
+    /// Nothing to join.
+    #[error("there is no dataset to join")]
+    NoShares,
+    /// Two folders hold different datasets.
+    #[error("{path} holds another dataset than {than} ({what} differs): they cannot be joined")]
+    Unlike {
+        /// The folder.
+        path: String,
+        /// The folder it was compared with.
+        than: String,
+        /// What differs.
+        what: &'static str,
+    },
+    /// Two folders hold one shard with different content.
+    #[error(
+        "{shard} differs between {first} and {second}, though scene, orientations and sampling agree: a machine \
+         computed it wrongly, or its manifest was changed; make both again and compare"
+    )]
+    Disagree {
+        /// The shard's file name.
+        shard: String,
+        /// A folder that names it.
+        first: String,
+        /// Another one.
+        second: String,
+    },
     /// A share out of range.
     #[error(transparent)]
     Sampling(#[from] SamplingError),
@@ -116,6 +171,9 @@ pub struct Manifest {
     pub sections_per_shard: usize,
     /// Finished shards; `null` where one is still missing.
     pub shards: Vec<Option<ShardRecord>>,
+    /// Whose books these are: a share's, or the whole dataset's. The file's name says so, not its content.
+    #[serde(skip)]
+    share: Option<Share>,
 }
 
 /// The part of a manifest that can be read whatever its version.
@@ -126,17 +184,19 @@ struct Header {
 }
 
 impl Manifest {
-    /// The manifest of a new dataset, or the one in the folder if it describes the same.
+    /// The manifest of a new dataset or share, or the one in the folder if it describes the same.
     pub(super) fn start(
         folder: &Path,
         scene: &Scene,
         set: &OrientationSet,
         sampling: &Sampling,
+        layout: &Layout,
     ) -> Result<Self, DatasetError> {
         std::fs::create_dir_all(folder)
             .map_err(|source| DatasetError::Folder { path: folder.display().to_string(), source })?;
         let per_section = scene.record.grid.len() as f64 * sampling.density;
-        let sections_per_shard = ((SHARD_SAMPLES / per_section) as usize).clamp(1, set.len().max(1));
+        let most = layout.shard_samples as f64 / per_section;
+        let sections_per_shard = (most as usize).clamp(1, set.len().max(1));
         let fresh = Self {
             format: FORMAT.into(),
             version: VERSION,
@@ -145,38 +205,67 @@ impl Manifest {
             sampling: *sampling,
             sections_per_shard,
             shards: vec![None; set.len().div_ceil(sections_per_shard)],
+            share: layout.share,
         };
-        if folder.join(MANIFEST).exists() {
-            let found = Self::read(folder)?;
-            let other = |what| DatasetError::Other { path: folder.display().to_string(), what };
-            if found.scene != fresh.scene {
-                return Err(other("the scene"));
-            }
-            if found.orientations.orientations != fresh.orientations.orientations {
-                return Err(other("the orientation set"));
-            }
-            if found.sampling != fresh.sampling {
-                return Err(other("the sampling"));
+        // A share goes on from its own books, else from those of the whole.
+        let names = [fresh.file_name(), MANIFEST.to_owned()];
+        if let Some(name) = names.iter().find(|name| folder.join(name).exists()) {
+            let found = Self { share: layout.share, ..Self::read_named(folder, name)? };
+            // How an existing dataset is cut up stays.
+            let comparable = Self { sections_per_shard: found.sections_per_shard, ..fresh };
+            if let Some(what) = found.difference(&comparable) {
+                return Err(DatasetError::Other { path: folder.display().to_string(), what });
             }
             return Ok(found);
         }
-        let packed = scene.obstacle.packed();
-        let view = TensorView::new(Dtype::U8, vec![packed.len()], &packed);
-        let path = folder.join(OBSTACLE);
-        let bytes = view
-            .and_then(|view| safetensors::serialize([("obstacle", view)], None::<HashMap<String, String>>))
-            .map_err(|e| DatasetError::Damaged { path: path.display().to_string(), what: e.to_string() })?;
-        write_atomically(&path, |file| file.write_all(&bytes))?;
+        write_obstacle(folder, scene)?;
         fresh.write(folder)?;
         Ok(fresh)
+    }
+
+    /// What makes two manifests describe different datasets.
+    pub(super) fn difference(&self, other: &Self) -> Option<&'static str> {
+        if self.scene != other.scene {
+            Some("the scene")
+        } else if self.orientations.orientations != other.orientations.orientations {
+            Some("the orientation set")
+        } else if self.sampling != other.sampling {
+            Some("the sampling")
+        } else if self.sections_per_shard != other.sections_per_shard {
+            Some("the number of samples in a shard")
+        } else {
+            None
+        }
     }
 
     /// Reads and checks a folder's manifest.
     ///
     /// # Errors
-    /// A missing, foreign, newer or damaged manifest.
+    /// A missing, foreign, newer or damaged manifest, or shares that are not joined.
     pub fn read(folder: &Path) -> Result<Self, DatasetError> {
-        let path = folder.join(MANIFEST);
+        let shares = share_manifests(folder).len();
+        if shares > 0 && !folder.join(MANIFEST).exists() {
+            return Err(DatasetError::Shares { path: folder.display().to_string(), manifests: shares });
+        }
+        Self::read_named(folder, MANIFEST)
+    }
+
+    /// The manifests of a folder: that of a whole dataset, if there is one, and those of shares.
+    pub(super) fn read_all(folder: &Path) -> Result<Vec<Self>, DatasetError> {
+        let whole = folder.join(MANIFEST).exists().then(|| MANIFEST.to_owned());
+        whole.into_iter().chain(share_manifests(folder)).map(|name| Self::read_named(folder, &name)).collect()
+    }
+
+    /// Removes the manifests of shares, once the whole names all that they name.
+    pub(super) fn remove_shares(folder: &Path) {
+        for name in share_manifests(folder) {
+            // One that stays does no harm.
+            let _ = std::fs::remove_file(folder.join(name));
+        }
+    }
+
+    fn read_named(folder: &Path, name: &str) -> Result<Self, DatasetError> {
+        let path = folder.join(name);
         let shown = path.display().to_string();
         let text = std::fs::read_to_string(&path)
             .map_err(|source| DatasetError::Read { path: shown.clone(), source })?;
@@ -203,16 +292,27 @@ impl Manifest {
         Ok(manifest)
     }
 
-    fn write(&self, folder: &Path) -> Result<(), DatasetError> {
-        let text = serde_json::to_vec_pretty(self).map_err(|e| DatasetError::Damaged {
-            path: folder.join(MANIFEST).display().to_string(),
-            what: e.to_string(),
-        })?;
-        Ok(write_atomically(folder.join(MANIFEST), |file| file.write_all(&text))?)
+    fn file_name(&self) -> String {
+        self.share.map_or_else(|| MANIFEST.to_owned(), Share::manifest_name)
     }
 
-    /// The scene with its voxels.
-    pub(super) fn scene(&self, folder: &Path) -> Result<Scene, DatasetError> {
+    /// The same dataset, nothing of it made.
+    pub(super) fn emptied(&self) -> Self {
+        Self { shards: vec![None; self.shards.len()], share: None, ..self.clone() }
+    }
+
+    pub(super) fn write(&self, folder: &Path) -> Result<(), DatasetError> {
+        let path = folder.join(self.file_name());
+        let text = serde_json::to_vec_pretty(self)
+            .map_err(|e| DatasetError::Damaged { path: path.display().to_string(), what: e.to_string() })?;
+        Ok(write_atomically(path, |file| file.write_all(&text))?)
+    }
+
+    /// The scene with its voxels, from the folder that this manifest was read from.
+    ///
+    /// # Errors
+    /// A missing or damaged file of voxels.
+    pub fn scene(&self, folder: &Path) -> Result<Scene, DatasetError> {
         let path = folder.join(OBSTACLE);
         let bytes = read_file(&path)?;
         let damaged = |what: String| DatasetError::Damaged { path: path.display().to_string(), what };
@@ -268,7 +368,27 @@ impl Manifest {
     }
 }
 
+/// Writes the scene's solid voxels.
+pub(super) fn write_obstacle(folder: &Path, scene: &Scene) -> Result<(), DatasetError> {
+    let packed = scene.obstacle.packed();
+    let view = TensorView::new(Dtype::U8, vec![packed.len()], &packed);
+    let path = folder.join(OBSTACLE);
+    let bytes = view
+        .and_then(|view| safetensors::serialize([("obstacle", view)], None::<HashMap<String, String>>))
+        .map_err(|e| DatasetError::Damaged { path: path.display().to_string(), what: e.to_string() })?;
+    Ok(write_atomically(&path, |file| file.write_all(&bytes))?)
+}
+
+/// Names of the manifests of shares in a folder, sorted.
+fn share_manifests(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+    let mut names: Vec<String> = names.filter(|name| Share::is_manifest_name(name)).collect();
+    names.sort();
+    names
+}
+
 /// Reads a file; errors name it.
-pub(super) fn read_file(path: &PathBuf) -> Result<Vec<u8>, DatasetError> {
+pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, DatasetError> {
     std::fs::read(path).map_err(|source| DatasetError::Read { path: path.display().to_string(), source })
 }

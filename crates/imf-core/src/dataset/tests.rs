@@ -112,3 +112,96 @@ fn other_scenes_and_damage_are_noticed() {
     assert!(matches!(load(path), Err(DatasetError::Damaged { .. })));
     assert!(matches!(load(&path.join("nowhere")), Err(DatasetError::Read { .. })));
 }
+
+/// Four shards of three sections each.
+fn make_share(folder: &Path, share: Option<&str>) -> Generated {
+    let set = OrientationSet::parse("fibonacci:12").unwrap();
+    let share = share.map(|text| text.parse().unwrap());
+    let layout = Layout { shard_samples: 3 * 347, share };
+    generate_share(folder, &scene(), &set, &Sampling::default(), &layout, Control::quiet()).unwrap()
+}
+
+fn contents(folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let name = |path: &Path| path.file_name().unwrap().to_string_lossy().into_owned();
+    let mut files: Vec<_> = entries.map(|path| (name(&path), std::fs::read(&path).unwrap())).collect();
+    files.sort();
+    files
+}
+
+#[test]
+fn shares_joined_are_the_dataset_made_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    make_share(&at("whole"), None);
+    assert_eq!(contents(&at("whole")).len(), 6, "manifest, obstacle, four shards");
+    for (share, name, made) in [("1/3", "a", 2), ("2/3", "b", 1), ("3/3", "c", 1)] {
+        let generated = make_share(&at(name), Some(share));
+        assert_eq!((generated.made, generated.others), (made, 4 - made));
+        assert!(matches!(load(&at(name)), Err(DatasetError::Shares { manifests: 1, .. })));
+    }
+    // Something is missing first, then it comes.
+    let merged = merge(&at("out"), &[at("a"), at("c")], Control::quiet()).unwrap();
+    assert_eq!((merged.copied, &merged.missing[..]), (3, &[1][..]));
+    assert_eq!(merged.manifest.sections_of(1), 3..6);
+    assert!(matches!(load(&at("out")), Err(DatasetError::Unfinished { missing: 1, shards: 4, .. })));
+    let merged = merge(&at("out"), &[at("b")], Control::quiet()).unwrap();
+    assert_eq!((merged.copied, merged.kept, merged.missing.len()), (1, 3, 0));
+    assert!(contents(&at("out")) == contents(&at("whole")));
+
+    // All shares in one folder, joined where they are.
+    for share in ["2/3", "3/3", "1/3"] {
+        make_share(&at("together"), Some(share));
+    }
+    let merged = merge(&at("together"), &[], Control::quiet()).unwrap();
+    assert_eq!((merged.copied, merged.kept), (0, 4));
+    assert!(contents(&at("together")) == contents(&at("whole")));
+
+    // A share that finds an unfinished whole makes what is missing of it alone.
+    std::fs::create_dir(at("rest")).unwrap();
+    for (name, bytes) in contents(&at("whole")) {
+        std::fs::write(at("rest").join(name), bytes).unwrap();
+    }
+    std::fs::remove_file(at("rest/shard-00002.safetensors")).unwrap();
+    assert_eq!(make_share(&at("rest"), Some("3/4")).made, 1);
+    assert_eq!(make_share(&at("rest"), Some("1/4")).made, 0);
+}
+
+#[test]
+fn what_cannot_be_joined_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    make_share(&at("a"), Some("1/2"));
+    make_share(&at("b"), Some("2/2"));
+    make(&at("other")).unwrap();
+    let join = |names: &[&str]| {
+        let folders: Vec<_> = names.iter().map(|name| at(name)).collect();
+        merge(&at("out"), &folders, Control::quiet())
+    };
+    let error = join(&["a", "other"]).unwrap_err().to_string();
+    assert!(error.contains("samples in a shard differs"), "{error}");
+    let error = join(&["a", "nowhere"]).unwrap_err().to_string();
+    assert!(error.contains("nowhere") && error.contains("manifest.json"), "{error}");
+    assert!(join(&[]).is_err());
+    assert!(!at("out").exists(), "a refusal left a folder behind");
+
+    // A damaged shard counts as missing and is named.
+    let shard = at("b").join("shard-00001.safetensors");
+    let bytes = std::fs::read(&shard).unwrap();
+    let mut flipped = bytes.clone();
+    *flipped.last_mut().unwrap() ^= 1;
+    std::fs::write(&shard, &flipped).unwrap();
+    let merged = join(&["a", "b"]).unwrap();
+    assert_eq!(merged.missing, [1]);
+    assert!(merged.damaged.len() == 1 && merged.damaged[0].contains("shard-00001"), "{:?}", merged.damaged);
+
+    // Two machines that disagree are not averaged.
+    std::fs::write(&shard, &bytes).unwrap();
+    let books = at("b").join("manifest.2-of-2.json");
+    let text = std::fs::read_to_string(&books).unwrap();
+    join(&["a", "b"]).unwrap();
+    let crc = crc32fast::hash(&bytes).to_string();
+    std::fs::write(&books, text.replace(&crc, "12345")).unwrap();
+    let error = join(&["a", "b"]).unwrap_err();
+    assert!(matches!(error, DatasetError::Disagree { .. }), "{error}");
+}

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::divergence::{Verdict, Watch};
 use super::permutation::Permutation;
 use super::schedule::Schedule;
 use super::{AdamConfig, EngineError, Loss, TrainingEngine};
@@ -125,6 +126,8 @@ pub struct Report {
     pub learning_rate: f32,
     /// Samples a second since the last report, the observer's own time left out.
     pub samples_per_second: f64,
+    /// True where the loss is far above its best: a checkpoint of now is better not kept in place of an older one.
+    pub suspicious: bool,
 }
 
 impl Report {
@@ -181,9 +184,35 @@ pub enum TrainError {
         /// Learning rate of that step.
         learning_rate: f32,
     },
+    /// The loss has been far above its best for long.
+    #[error(
+        "the loss rose from {best:.2e} at step {best_step} to {mean:.2e} at step {step} and stayed there, at a learning \
+         rate of {learning_rate:e}: training has diverged; continue from a checkpoint before with a lower learning \
+         rate (a third is a good first try)"
+    )]
+    Diverged {
+        /// Lowest running mean of the loss.
+        best: f64,
+        /// Where it was reached.
+        best_step: u64,
+        /// Running mean now.
+        mean: f64,
+        /// The step at which it was noticed.
+        step: u64,
+        /// Learning rate of that step.
+        learning_rate: f32,
+    },
     /// The engine failed.
     #[error(transparent)]
     Engine(#[from] EngineError),
+}
+
+impl TrainError {
+    /// True where a lower learning rate is the remedy.
+    #[must_use]
+    pub fn is_divergence(&self) -> bool {
+        matches!(self, Self::NotFinite { .. } | Self::Diverged { .. })
+    }
 }
 
 /// Trains `engine` on `samples` from `start` to the plan's end, or until the observer breaks.
@@ -193,7 +222,7 @@ pub enum TrainError {
 /// observer are missing from the next report. The engine must take batches of `plan.batch` samples.
 ///
 /// # Errors
-/// A plan or cursor out of range, no samples, a loss that is not finite, or an engine that failed.
+/// A plan or cursor out of range, no samples, a loss that is not finite or has risen for good, or an engine that failed.
 pub fn train(
     plan: &TrainingPlan,
     samples: &Samples,
@@ -215,6 +244,7 @@ pub fn train(
     let mut batch = Batch::new(plan.batch.min(samples.len()));
     let mut order = Permutation::new(samples.len(), plan.seed, epoch);
     let mut since = Since { step, samples: 0, start: Instant::now() };
+    let mut watch = Watch::default();
     while step < total_steps {
         let first = step_in_epoch as usize * plan.batch;
         let count = plan.batch.min(samples.len() - first);
@@ -236,10 +266,25 @@ pub fn train(
         if !mean_loss.is_finite() {
             return Err(TrainError::NotFinite { loss: mean_loss, after: since.step, step, learning_rate });
         }
+        let suspicious = match watch.observe(step, step - since.step, mean_loss) {
+            Verdict::Fine => false,
+            Verdict::Suspicious => true,
+            Verdict::Diverged { best, best_step, mean } => {
+                return Err(TrainError::Diverged { best, best_step, mean, step, learning_rate });
+            }
+        };
         let cursor = Cursor { epoch, step: step_in_epoch };
         let samples_per_second = since.samples as f64 / since.start.elapsed().as_secs_f64();
-        let report =
-            Report { cursor, step, total_steps, epoch_end, mean_loss, learning_rate, samples_per_second };
+        let report = Report {
+            cursor,
+            step,
+            total_steps,
+            epoch_end,
+            mean_loss,
+            learning_rate,
+            samples_per_second,
+            suspicious,
+        };
         if observer(&report, engine).is_break() && step < total_steps {
             return Ok(Outcome::Stopped(cursor));
         }

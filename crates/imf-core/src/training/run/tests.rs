@@ -189,6 +189,39 @@ fn divergence_and_what_does_not_fit_are_errors_that_say_so() {
 }
 
 #[test]
+fn a_loss_that_rises_for_good_stops_the_run() {
+    /// Learns for a while, then answers a constant.
+    struct Collapse(u64);
+    impl TrainingEngine for Collapse {
+        fn describe(&self) -> String {
+            "collapse".into()
+        }
+        fn step(&mut self, _: &[f32], _: &[f32], _: f32) -> Result<(), EngineError> {
+            self.0 += 1;
+            Ok(())
+        }
+        fn take_mean_loss(&mut self) -> Result<f64, EngineError> {
+            Ok(if self.0 <= 600 { 0.01 } else { 0.2 })
+        }
+        fn state(&mut self) -> Result<TrainingState, EngineError> {
+            Err(EngineError::Device("nothing to see".into()))
+        }
+    }
+    let samples = samples();
+    let plan = TrainingPlan { length: Length::Steps(4000), ..plan() };
+    let mut suspicious = Vec::new();
+    let mut note = |report: &Report, _: &mut dyn TrainingEngine| {
+        suspicious.push((report.step, report.suspicious));
+        ControlFlow::Continue(())
+    };
+    let error = train(&plan, &samples, &mut Collapse(0), Cursor::default(), &mut note).unwrap_err();
+    let TrainError::Diverged { best_step, step, .. } = error else { panic!("{error}") };
+    assert!(error.is_divergence() && best_step <= 600, "{error}");
+    assert!((1600..1700).contains(&step), "{error}");
+    assert!(suspicious.iter().all(|&(step, suspicious)| suspicious == (step > 640)), "{suspicious:?}");
+}
+
+#[test]
 fn plans_are_read_with_the_papers_values_for_what_is_left_out() {
     let plan: TrainingPlan = serde_json::from_str(r#"{"batch": 512, "length": {"steps": 10}}"#).unwrap();
     assert_eq!(plan, TrainingPlan { batch: 512, length: Length::Steps(10), ..TrainingPlan::default() });

@@ -1,0 +1,75 @@
+//! `imf dataset merge`: shares made apart become one dataset, or what is missing is named.
+
+use anyhow::{Result, bail};
+use imf_core::dataset::{Manifest, Merged, merge};
+use serde_json::json;
+
+use super::interruption;
+use crate::arguments::DatasetMergeArguments;
+use crate::output::{print, print_json};
+use crate::session::Session;
+
+/// Orientations that a line lists at most.
+const LISTED: usize = 6;
+
+pub(super) fn run(session: &Session, arguments: &DatasetMergeArguments) -> Result<()> {
+    let out = &arguments.out;
+    let stage = session.stage("joining", "shards", 0);
+    let advance = |n| stage.advance(n);
+    let merged = merge(out, &arguments.folders, session.control(&advance));
+    let merged = merged.map_err(|error| interruption(error, out))?;
+    stage.finish(&format!("{} copied, {} there already", merged.copied, merged.kept));
+    for damage in &merged.damaged {
+        session.warn(&format!("left out: {damage}"));
+    }
+    let Merged { manifest, kept, copied, missing, .. } = &merged;
+    let samples: u64 = manifest.shards.iter().flatten().map(|shard| shard.samples).sum();
+    if session.json {
+        let absent = |&shard: &usize| {
+            let sections = manifest.sections_of(shard);
+            let orientations = &manifest.orientations.orientations[sections.clone()];
+            json!({
+                "shard": shard, "first_section": sections.start, "sections": sections.len(),
+                "orientations": orientations.iter().map(|o| [o.theta, o.phi]).collect::<Vec<_>>(),
+            })
+        };
+        print_json(&json!({
+            "folder": out, "shards": manifest.shard_count(), "shards_copied": copied, "shards_kept": kept,
+            "samples": samples, "damaged": merged.damaged,
+            "missing": missing.iter().map(absent).collect::<Vec<_>>(),
+        }))?;
+    } else {
+        let list: String = missing.iter().map(|&shard| missing_line(manifest, shard)).collect();
+        print(&format!(
+            "{}: {samples} samples, {} of {} shards\n{list}",
+            out.display(),
+            manifest.shard_count() - missing.len(),
+            manifest.shard_count()
+        ))?;
+    }
+    if missing.is_empty() {
+        return Ok(());
+    }
+    bail!(
+        "{} of {} shards are missing: `imf dataset finish {out}` makes them here; or merge {out} again with the folders \
+         that hold them",
+        missing.len(),
+        manifest.shard_count(),
+        out = out.display()
+    )
+}
+
+fn missing_line(manifest: &Manifest, shard: usize) -> String {
+    let sections = manifest.sections_of(shard);
+    let orientations = &manifest.orientations.orientations[sections.clone()];
+    let shown: Vec<String> =
+        orientations.iter().take(LISTED).map(|o| format!("{:.3},{:.3}", o.theta, o.phi)).collect();
+    let more = if orientations.len() > LISTED { "; …" } else { "" };
+    format!(
+        "missing: shard {shard}, orientations {} to {} of {} (θ,φ: {}{more})\n",
+        sections.start + 1,
+        sections.end,
+        manifest.orientations.len(),
+        shown.join(";")
+    )
+}

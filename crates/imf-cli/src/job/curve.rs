@@ -1,0 +1,28 @@
+//! The picture of how training went.
+
+use imf_core::model::TrainingRecord;
+use imf_core::training::Loss;
+
+use crate::picture::{AxisScale, Chart, Series};
+
+/// The loss in training and at poses held out of it, in one unit. The two differ also because training draws three
+/// quarters of its samples where the tool collides, and held-out poses lie anywhere.
+pub(crate) fn loss_chart(record: &TrainingRecord) -> Chart {
+    let training = record.losses.iter().map(|p| (p.step as f64, p.loss)).collect();
+    let mut series = vec![Series { name: "training".into(), points: training, markers: false }];
+    if let Some(held_out) = &record.held_out {
+        let errors = held_out.errors.iter();
+        let (name, points) = match record.plan.loss {
+            Loss::L1 => ("held out (MAE)", errors.map(|e| (e.step as f64, e.mae)).collect()),
+            Loss::L2 => ("held out (MSE)", errors.map(|e| (e.step as f64, e.mse)).collect()),
+        };
+        series.push(Series { name: name.into(), points, markers: false });
+    }
+    Chart {
+        title: format!("Training loss, {} samples", record.samples),
+        x_name: "steps".into(),
+        value_name: "mean loss".into(),
+        value_scale: AxisScale::Logarithmic,
+        series,
+    }
+}

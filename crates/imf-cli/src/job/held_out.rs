@@ -1,0 +1,58 @@
+//! The error at poses that training never sees, while it trains.
+//!
+//! Evaluation runs on the CPU engine whatever trains: the same weights give the same numbers, and 16,384 poses of the
+//! paper's network take a tenth of a second on two cores.
+
+use anyhow::Result;
+use imf_core::held_out::{HeldOut, HeldOutChoice};
+use imf_core::model::{HeldOutPoint, HeldOutRecord, Model};
+use imf_core::siren::engine::CpuEvaluator;
+use imf_core::training::TrainingState;
+
+use super::data::Data;
+use super::plan::REPORT_EVERY;
+use crate::session::Session;
+
+/// Evaluations of a run where nothing is said, at most; they then take about a hundredth of the time of training.
+const EVALUATIONS: u64 = 100;
+/// Steps between two evaluations where nothing is said, at least.
+const STEPS_BETWEEN: u64 = 500;
+
+/// What is held out of a fresh training of `total` steps. The steps between two evaluations are a multiple of those
+/// between two reports, so that evaluations come at the same steps however often a run is interrupted.
+pub(super) fn record(poses: usize, every: Option<u64>, seed: u64, total: u64) -> Option<HeldOutRecord> {
+    let every = every.unwrap_or((total / EVALUATIONS).max(STEPS_BETWEEN));
+    let every = every.max(1).next_multiple_of(REPORT_EVERY);
+    let choice = HeldOutChoice { poses, seed, ..HeldOutChoice::default() };
+    (poses > 0).then_some(HeldOutRecord { choice, every, errors: Vec::new() })
+}
+
+/// Evaluates a network at its held-out poses.
+pub(super) struct HeldOutWatch {
+    poses: HeldOut,
+    evaluator: CpuEvaluator,
+    every: u64,
+}
+
+impl HeldOutWatch {
+    /// Draws the poses that the model's record asks for.
+    pub(super) fn new(session: &Session, data: &Data, model: &Model) -> Result<Option<Self>> {
+        let Some(record) = &model.record.held_out else { return Ok(None) };
+        let trained = &data.manifest.orientations.orientations;
+        let poses = HeldOut::new(record.choice, &data.scene, trained, session.control(&|_| {}))?;
+        let evaluator = CpuEvaluator::new(model.shape, &model.state.parameters)?;
+        Ok(Some(Self { poses, evaluator, every: record.every }))
+    }
+
+    /// True where the error after `step` of `total` steps is wanted.
+    pub(super) fn is_due(&self, step: u64, total: u64) -> bool {
+        step.is_multiple_of(self.every) || step == total
+    }
+
+    /// The error of the state after `step` steps.
+    pub(super) fn evaluate(&mut self, step: u64, state: &TrainingState) -> Result<HeldOutPoint> {
+        self.evaluator.set_parameters(&state.parameters)?;
+        let report = self.poses.errors(&mut self.evaluator)?;
+        Ok(HeldOutPoint { step, mse: report.mse, mae: report.mae })
+    }
+}

@@ -1,0 +1,43 @@
+//! From arguments to a training plan.
+
+use imf_core::training::AdamConfig;
+use imf_core::training::run::{Length, TrainingPlan};
+use imf_core::training::schedule::Schedule;
+
+use crate::arguments::{PlanArguments, ScheduleKind};
+
+/// Steps between two looks at the loss and at Ctrl-C.
+pub(super) const REPORT_EVERY: u64 = 20;
+
+/// The plan that arguments describe; `rate` and `epochs` stand where they are silent.
+pub(crate) fn plan(arguments: &PlanArguments, rate: f32, epochs: u64) -> TrainingPlan {
+    let initial = arguments.rate.unwrap_or(rate);
+    TrainingPlan {
+        length: match arguments.steps {
+            Some(steps) => Length::Steps(steps),
+            None => Length::Epochs(arguments.epochs.unwrap_or(epochs)),
+        },
+        batch: arguments.batch,
+        schedule: match arguments.schedule {
+            ScheduleKind::Exponential => Schedule::Exponential { initial, factor: 0.93 },
+            ScheduleKind::Cosine => Schedule::Cosine { initial, last: initial * 0.01, warmup: 200 },
+        },
+        adam: AdamConfig { weight_decay: arguments.weight_decay, ..AdamConfig::default() },
+        loss: arguments.loss.into(),
+        seed: arguments.seed,
+        report_every: REPORT_EVERY,
+    }
+}
+
+/// The same schedule from another rate.
+pub(super) fn schedule_from(schedule: &Schedule, initial: f32) -> Schedule {
+    match *schedule {
+        Schedule::Exponential { factor, .. } => Schedule::Exponential { initial, factor },
+        Schedule::Cosine { warmup, .. } => Schedule::Cosine { initial, last: initial * 0.01, warmup },
+    }
+}
+
+/// The paper's plan, reported often enough to notice Ctrl-C.
+pub(crate) fn plan_defaults() -> TrainingPlan {
+    TrainingPlan { report_every: REPORT_EVERY, ..TrainingPlan::default() }
+}

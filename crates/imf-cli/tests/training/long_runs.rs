@@ -1,0 +1,145 @@
+//! What a long run meets: damaged checkpoints, a full disk, divergence; and what others read while it goes on.
+#![cfg(unix)]
+
+use std::process::{Command, Stdio};
+
+use serde_json::Value;
+
+use crate::binary::{TRAIN, Workdir, finish};
+
+const CURRENT: &str = "model/checkpoint.safetensors";
+const PREVIOUS: &str = "model/checkpoint.previous.safetensors";
+
+#[test]
+fn a_damaged_checkpoint_costs_the_steps_since_the_one_before() {
+    let work = Workdir::with_dataset();
+    // A checkpoint at every report: the one before the last is twenty steps older.
+    let train = format!("{TRAIN} --steps 400 --checkpoint-every 0 --out model");
+    work.imf(&train).done();
+    let (current, previous) = (work.bytes(CURRENT), work.bytes(PREVIOUS));
+    assert_eq!(work.model(PREVIOUS).record.steps, 380);
+    let whole = work.model("model/model.safetensors");
+    let header = u64::from_le_bytes(current[..8].try_into().unwrap()) as usize;
+    let flipped = |at: usize| {
+        let mut bytes = current.clone();
+        bytes[at] ^= 4;
+        bytes
+    };
+    // The tensors stand behind the header: moments first by name, then weights.
+    let damages = [
+        ("length", flipped(3)),
+        ("description", flipped(8 + header / 2)),
+        ("first tensor", flipped(8 + header)),
+        ("middle", flipped((8 + header + current.len()) / 2)),
+        ("last byte", flipped(current.len() - 1)),
+        ("cut short", current[..current.len() * 2 / 3].to_vec()),
+        ("empty", Vec::new()),
+    ];
+    for (what, bytes) in damages {
+        work.write(CURRENT, &bytes);
+        work.write(PREVIOUS, &previous);
+        let resumed = work.imf(&format!("{train} --resume")).done();
+        let warning = resumed.stderr.lines().find(|line| line.contains("warning")).unwrap();
+        assert!(warning.contains(CURRENT) && warning.contains(PREVIOUS), "{what}: {warning}");
+        assert!(warning.contains("step 380") && warning.contains("repeated"), "{what}: {warning}");
+        if what == "last byte" {
+            assert!(warning.contains("20 steps are repeated"), "{warning}");
+        }
+        let again = work.model("model/model.safetensors");
+        assert!(again.state == whole.state, "{what}: the steps repeated ended elsewhere");
+        assert_eq!(again.record.losses, whole.record.losses, "{what}");
+        assert_eq!(again.record.held_out, whole.record.held_out, "{what}");
+        assert_eq!(work.model(CURRENT).record.steps, 400, "{what}");
+    }
+    // Both damaged: nothing is guessed.
+    work.write(CURRENT, &current[..100]);
+    work.write(PREVIOUS, &previous[..100]);
+    work.imf(&format!("{train} --resume")).refused(&[CURRENT, PREVIOUS, "nothing to resume"]);
+}
+
+#[test]
+fn a_full_disk_is_one_warning_and_the_last_good_checkpoint_stays() {
+    let work = Workdir::with_dataset();
+    let train = format!("{TRAIN} --steps 3000 --out model");
+    work.imf(&train.replace("--out model", "--out whole")).done();
+    work.interrupted_once_there_is(CURRENT, &format!("{train} --checkpoint-every 0.01"))
+        .interrupted(&[CURRENT]);
+    let before = [CURRENT, PREVIOUS].map(|file| work.path(file).exists().then(|| work.bytes(file)));
+    let step = work.model(CURRENT).record.steps;
+
+    // No file may grow beyond four blocks, as on a disk without room; the signal that tells so is ignored, as an error
+    // is told too.
+    let script = format!(
+        "trap '' XFSZ; ulimit -f 4; exec '{}' {train} --resume --checkpoint-every 0.01",
+        env!("CARGO_BIN_EXE_imf")
+    );
+    let mut limited = Command::new("sh");
+    limited.args(["-c", &script]).current_dir(work.path("")).stdin(Stdio::null());
+    let refused = finish(&script, &mut limited);
+    let warnings = refused.stderr.lines().filter(|line| line.starts_with("imf: warning:")).count();
+    assert_eq!(warnings, 1, "{}", refused.stderr);
+    assert!(refused.stderr.contains("training goes on"), "{}", refused.stderr);
+    refused.refused(&["could not be written", CURRENT, &format!("of step {step}")]);
+    let after = [CURRENT, PREVIOUS].map(|file| work.path(file).exists().then(|| work.bytes(file)));
+    assert!(before == after, "a checkpoint that could not be written changed those that were");
+
+    work.imf(&format!("{train} --resume")).done();
+    assert!(work.model("model/model.safetensors").state == work.model("whole/model.safetensors").state);
+}
+
+#[test]
+fn a_diverged_training_goes_on_more_slowly() {
+    let work = Workdir::with_dataset();
+    let train = format!("{TRAIN} --steps 3000 --out model");
+    work.interrupted_once_there_is(CURRENT, &format!("{train} --checkpoint-every 0.01"))
+        .interrupted(&[CURRENT]);
+    let step = work.model(CURRENT).record.steps;
+    let too_fast = train.replace("--rate 1e-3", "--rate 1e38");
+    work.imf(&format!("{too_fast} --resume")).refused(&[
+        "the loss became",
+        &format!("the last good checkpoint is {CURRENT}, of step {step}"),
+        "add --resume with --rate 3.3e37",
+    ]);
+    assert_eq!(work.model(CURRENT).record.steps, step);
+    work.imf(&format!("{train} --resume")).done();
+    assert_eq!(work.model("model/model.safetensors").record.steps, 3000);
+}
+
+#[test]
+fn the_log_equals_the_record_through_interruptions() {
+    let work = Workdir::with_dataset();
+    let train = format!("{TRAIN} --steps 3000 --held-out 500 --held-out-every 200 --tensorboard");
+    work.imf(&format!("{train} --out whole --log whole.jsonl")).done();
+    let broken = format!("{train} --out model --log broken.jsonl");
+    work.interrupted_once_there_is(CURRENT, &format!("{broken} --checkpoint-every 0.01"))
+        .interrupted(&[CURRENT]);
+    // Rows after the checkpoint, as a killed process leaves them.
+    let late = work.text("broken.jsonl") + &work.text("whole.jsonl").lines().last().unwrap()[..30];
+    work.write("broken.jsonl", late.as_bytes());
+    work.imf(&format!("{broken} --resume")).done();
+
+    let whole = work.model("whole/model.safetensors").record;
+    for (log, folder) in [("whole.jsonl", "whole"), ("broken.jsonl", "model")] {
+        let record = work.model(&format!("{folder}/model.safetensors")).record;
+        assert_eq!((&record.losses, &record.held_out), (&whole.losses, &whole.held_out), "{folder}");
+        let rows: Vec<Value> =
+            work.text(log).lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+        let column = |name: &str| -> Vec<(u64, f64)> {
+            rows.iter().filter_map(|row| Some((row["step"].as_u64()?, row[name].as_f64()?))).collect()
+        };
+        let losses: Vec<_> = record.losses.iter().map(|point| (point.step, point.loss)).collect();
+        assert_eq!(column("loss"), losses, "{log}");
+        let held_out = record.held_out.unwrap();
+        let errors = || held_out.errors.iter();
+        assert_eq!(
+            errors().map(|error| error.step).collect::<Vec<_>>(),
+            (200..=3000).step_by(200).collect::<Vec<_>>()
+        );
+        assert_eq!(column("held_out_mse"), errors().map(|e| (e.step, e.mse)).collect::<Vec<_>>(), "{log}");
+        assert_eq!(column("held_out_mae"), errors().map(|e| (e.step, e.mae)).collect::<Vec<_>>(), "{log}");
+        assert!(errors().last().unwrap().mse < errors().next().unwrap().mse, "nothing was learnt");
+        assert!(rows.iter().all(|row| row["samples_per_second"].as_f64().unwrap() > 0.0));
+    }
+    assert_eq!(std::fs::read_dir(work.path("whole/tensorboard")).unwrap().count(), 1);
+    assert_eq!(std::fs::read_dir(work.path("model/tensorboard")).unwrap().count(), 2);
+}

@@ -1,0 +1,65 @@
+//! A dataset made in shares, joined, and completed.
+
+use serde_json::json;
+
+use crate::binary::Workdir;
+
+/// Twelve sections of 617 samples in shards of two sections: six shards.
+const DATASET: &str = "dataset bracket --dims 7,21,12 --orientations fibonacci:12 --shard-samples 1300 --out";
+
+#[test]
+fn shares_join_to_the_dataset_made_at_once_and_what_is_missing_is_named() {
+    let work = Workdir::new();
+    work.imf(&format!("{DATASET} whole")).done();
+    for share in [1, 3] {
+        let made = work.imf(&format!("{DATASET} part-{share} --shard {share}/3 --json")).done().json();
+        assert_eq!((&made["shards_made"], &made["shards_of_others"]), (&json!(2), &json!(4)));
+    }
+    // A share is no dataset yet.
+    work.imf("train part-1 --device cpu --out model").refused(&["part-1", "imf dataset merge"]);
+
+    let merged = work.imf("dataset merge out part-1 part-3");
+    assert_eq!(merged.code, Some(1), "{}", merged.stderr);
+    for words in
+        ["missing: shard 1, orientations 3 to 4 of 12", "missing: shard 4, orientations 9 to 10 of 12"]
+    {
+        assert!(merged.stdout.contains(words), "no '{words}' in\n{}", merged.stdout);
+    }
+    assert!(merged.stderr.contains("imf dataset finish out"), "{}", merged.stderr);
+
+    // The command that was named makes the rest, without the part.
+    let finished = work.imf("dataset finish out --json").done().json();
+    assert_eq!((&finished["shards_made"], &finished["shards_kept"]), (&json!(2), &json!(4)));
+    // All shares in one folder, too.
+    for share in [2, 3, 1] {
+        work.imf(&format!("{DATASET} together --shard {share}/3")).done();
+    }
+    work.imf("dataset merge together").done();
+    let names = |folder: &str| {
+        let entries = std::fs::read_dir(work.path(folder)).unwrap();
+        let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    };
+    assert_eq!(names("whole").len(), 8);
+    for folder in ["out", "together"] {
+        assert_eq!(names(folder), names("whole"));
+        for name in names("whole") {
+            let same = work.bytes(&format!("{folder}/{name}")) == work.bytes(&format!("whole/{name}"));
+            assert!(same, "{folder}/{name}");
+        }
+    }
+}
+
+#[test]
+fn shares_of_other_datasets_are_refused() {
+    let work = Workdir::new();
+    work.imf(&format!("{DATASET} a --shard 1/2")).done();
+    work.imf(&format!("{DATASET} b --shard 2/2 --seed 1")).done();
+    work.imf("dataset merge out a b").refused(&["b holds another dataset than a", "the sampling"]);
+    work.imf("dataset merge out a nowhere").refused(&["nowhere"]);
+    assert!(!work.path("out").exists());
+    for line in [format!("{DATASET} a --shard 3/2"), "dataset".to_owned(), "dataset merge".to_owned()] {
+        assert_eq!(work.imf(&line).code, Some(2), "`imf {line}`");
+    }
+}

@@ -1,0 +1,81 @@
+//! One share of a dataset: which shards a machine makes when several make it together.
+
+use std::fmt;
+use std::str::FromStr;
+
+use thiserror::Error;
+
+/// Share `index` (from 1) of `of`: every `of`-th shard.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Share {
+    index: usize,
+    of: usize,
+}
+
+/// A text that names no share.
+#[derive(Debug, Error, PartialEq, Eq)]
+#[error("'{0}' is no share: write I/N with I from 1 to N, such as 3/8")]
+pub struct ShareError(String);
+
+impl Share {
+    /// True where this share makes that shard (counted from 0).
+    #[must_use]
+    pub fn holds(self, shard: usize) -> bool {
+        shard % self.of == self.index - 1
+    }
+
+    /// The share's own manifest; shares may be made in one folder at the same time, each keeping its own books.
+    pub(super) fn manifest_name(self) -> String {
+        format!("manifest.{}-of-{}.json", self.index, self.of)
+    }
+
+    /// True for names that [`Self::manifest_name`] gives.
+    pub(super) fn is_manifest_name(name: &str) -> bool {
+        let middle = name.strip_prefix("manifest.").and_then(|rest| rest.strip_suffix(".json"));
+        middle
+            .and_then(|middle| middle.split_once("-of-"))
+            .is_some_and(|(index, of)| format!("{index}/{of}").parse::<Self>().is_ok())
+    }
+}
+
+impl FromStr for Share {
+    type Err = ShareError;
+
+    fn from_str(text: &str) -> Result<Self, ShareError> {
+        let numbers = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+        match numbers {
+            Some((index, of)) if (1..=of).contains(&index) => Ok(Self { index, of }),
+            _ => Err(ShareError(text.to_owned())),
+        }
+    }
+}
+
+impl fmt::Display for Share {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.index, self.of)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_split_the_shards() {
+        for of in 1..6 {
+            let shares: Vec<Share> = (1..=of).map(|i| format!("{i}/{of}").parse().unwrap()).collect();
+            for shard in 0..20 {
+                assert_eq!(shares.iter().filter(|share| share.holds(shard)).count(), 1);
+            }
+        }
+        for text in ["0/3", "4/3", "1", "a/b", "1/0", "-1/2", ""] {
+            assert_eq!(text.parse::<Share>(), Err(ShareError(text.into())));
+        }
+        let share: Share = "3/8".parse().unwrap();
+        assert_eq!((share.to_string(), share.manifest_name()), ("3/8".into(), "manifest.3-of-8.json".into()));
+        assert!(Share::is_manifest_name("manifest.3-of-8.json"));
+        for name in ["manifest.json", "manifest.9-of-8.json", "manifest.old.json", "manifest.1-of-8.json~"] {
+            assert!(!Share::is_manifest_name(name), "{name}");
+        }
+    }
+}

@@ -1,0 +1,18 @@
+#!/bin/bash
+# A dataset in shares on a cluster: one share for each task of a Slurm array, all in one shared folder, joined by a
+# last job. Change the line of `imf dataset` and the folder; N of --array is the number of shares.
+#
+#   jobs=$(sbatch --parsable --array=1-8 docs/slurm/dataset.sh)
+#   sbatch --dependency=afterok:"$jobs" --wrap 'imf dataset merge teapot-900'
+#
+# A task that was cut off is submitted again as it is: finished shards are kept. What never came is named by the merge,
+# and `imf dataset finish teapot-900` makes it.
+#SBATCH --job-name=imf-dataset
+#SBATCH --cpus-per-task=8
+#SBATCH --mem=4G
+#SBATCH --time=01:00:00
+set -euo pipefail
+
+imf dataset teapot --orientations grid:30 --out teapot-900 \
+    --shard "${SLURM_ARRAY_TASK_ID:?submit with --array=1-N}/${SLURM_ARRAY_TASK_COUNT:?submit with --array=1-N}" \
+    --threads "${SLURM_CPUS_PER_TASK:-1}"
