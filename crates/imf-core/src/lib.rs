@@ -63,6 +63,7 @@ pub mod evaluation;
 pub mod field;
 pub mod field_files;
 pub mod grid;
+pub mod harmonic;
 pub mod held_out;
 pub mod mesh;
 pub mod metrics;

@@ -1,0 +1,92 @@
+//! Harmonic fields against exact sections: error at random directions, time to make and to evaluate.
+//!
+//! `cargo run --release -p imf-core --example bench_harmonic -- [part] [degree] [axes] [sections a function] [scale]`
+
+use std::error::Error;
+use std::time::Instant;
+
+use imf_core::control::Control;
+use imf_core::harmonic::basis::Domain;
+use imf_core::harmonic::coefficients::Precision;
+use imf_core::harmonic::{FitSettings, fit};
+use imf_core::metrics::Errors;
+use imf_core::orientation::OrientationSet;
+use imf_core::parts::ReferencePart;
+use imf_core::scene::{Around, Resolution, SceneSpec};
+use imf_core::section::{SectionPlan, imf, sections};
+use imf_core::tool::Tool;
+use imf_core::unit::LengthUnit;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let argument =
+        |index: usize, default: &str| arguments.get(index).map_or(default.to_owned(), Clone::clone);
+    let part: ReferencePart = argument(0, "teapot").parse()?;
+    let settings = FitSettings {
+        degree: argument(1, "14").parse()?,
+        axes: argument(2, "225").parse()?,
+        sections_per_function: argument(3, "4").parse()?,
+        precision: Precision::F16,
+        ..FitSettings::default()
+    };
+    let scale: f64 = argument(4, "1").parse()?;
+    let dims = part.dims().map(|n| (n as f64 * scale).round() as usize);
+    let scene = SceneSpec {
+        part: part.name(),
+        mesh: &part.mesh(),
+        unit: LengthUnit::Mm,
+        transform: glam::DMat4::IDENTITY,
+        resolution: Resolution::Dims(dims),
+        margin: 0,
+        conservative: false,
+        tool: &Tool::paper(),
+        fixtures: &[],
+        around: Around::Part,
+    }
+    .scene()?;
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool)?;
+    let voxels = plan.grid().len();
+    let seconds = |start: Instant| start.elapsed().as_secs_f64();
+
+    let random = OrientationSet::parse("random:256:77")?.orientations;
+    let start = Instant::now();
+    let exact = sections(&plan, &random, Control::quiet())?;
+    println!("{}: {:?}, {:.2} ms a section", part.name(), dims, seconds(start) * 1e3 / 256.0);
+
+    let start = Instant::now();
+    let field = fit(&plan, Domain::Directions, &settings, Control::quiet())?;
+    println!("made in {:.2} s: {:?}, {:.0} MB", seconds(start), field.report, field.bytes() as f64 / 1e6);
+
+    let heads = field.heads(&random);
+    let mut values = vec![0.0; voxels * random.len()];
+    field.sections(&heads, &mut values);
+    let mut errors = Errors::default();
+    for (exact, values) in exact.iter().zip(values.chunks_exact(voxels)) {
+        errors.add(exact, values, 1e-3);
+    }
+    println!("256 random directions: {:?}", errors.report(1e-3));
+
+    for (spec, exactly) in [("fibonacci:225", true), ("fibonacci:10000", false)] {
+        let set = OrientationSet::parse(spec)?.orientations;
+        if set.len() <= 256 {
+            let start = Instant::now();
+            let heads = field.heads(&set);
+            field.sections(&heads, &mut values[..voxels * set.len()]);
+            println!("{spec}: sections in {:.3} s", seconds(start));
+        }
+        let start = Instant::now();
+        let heads = field.heads(&set);
+        let prepared = seconds(start);
+        let least = field.minimum(&heads);
+        print!("{spec}: IMF in {:.3} s (directions {prepared:.3} s)", seconds(start));
+        if exactly {
+            let start = Instant::now();
+            let exact = imf(&plan, &set, Control::quiet())?;
+            let mut errors = Errors::default();
+            errors.add(&exact.value, &least.value, 1e-3);
+            print!("; exact in {:.3} s; {:?}", seconds(start), errors.report(1e-3));
+        }
+        println!();
+    }
+    Ok(())
+}

@@ -1,0 +1,89 @@
+//! The harmonic field: every orientation at once, from exact sections, without training.
+//!
+//! At each voxel the collision measure is a function of the orientation alone, and a smooth one: `CMF(x, R) = Σ_k c_k(x)
+//! b_k(R)` with a few hundred harmonics b (`basis`). The coefficients come from exact sections by least squares
+//! (`fit`); their definition by the tool's radial profile is `radial`. They are kept along their principal axes,
+//! `c = μ + U z`, so that a section is `⟨z(x), Uᵀ b(R)⟩ + μ·b(R)`: one product for any number of orientations
+//! (`evaluate`), with exact gradients in the direction.
+//!
+//! A field is made for the tool's tip; other sharp points are read at x − R k. Values are for voxel centres and
+//! trilinear between them; outside the box of the voxel centres there is no answer ([`HarmonicField::overlap`]).
+
+pub mod basis;
+pub mod coefficients;
+mod evaluate;
+pub mod file;
+mod fit;
+mod point;
+pub mod radial;
+pub mod rotations;
+mod screen;
+pub mod sphere;
+
+pub use evaluate::Heads;
+pub use fit::{FitReport, FitSettings, Sizes, fit, section_count};
+pub use point::{Gradient, PointScratch};
+pub use screen::{CANDIDATES, Screened};
+
+use thiserror::Error;
+
+use crate::grid::Grid;
+use crate::orientation::OrientationSetError;
+use crate::section::SectionError;
+use basis::Basis;
+use coefficients::Coefficients;
+
+/// Why a harmonic field cannot be made.
+#[derive(Debug, Error)]
+pub enum HarmonicError {
+    /// A setting out of range.
+    #[error("harmonic field: {0}")]
+    Settings(String),
+    /// The tool has sharp points beside its tip.
+    #[error("a harmonic field is made for the tool's tip alone: use Tool::with_tip_only and read at x − R k")]
+    SharpPoints,
+    /// Too few orientations for so many functions.
+    #[error("the sections do not determine every coefficient: more sections a function, or a lower degree")]
+    Singular,
+    /// A section failed, or the work was interrupted.
+    #[error(transparent)]
+    Section(#[from] SectionError),
+    /// A set of so many orientations cannot be made.
+    #[error(transparent)]
+    Orientations(#[from] OrientationSetError),
+}
+
+/// The overlap of tool and obstacle at every voxel as a function of the orientation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HarmonicField {
+    /// Where the voxels are.
+    pub grid: Grid,
+    /// The functions of the orientation, K of them.
+    pub basis: Basis,
+    /// U: `[K][axes]`, orthonormal columns.
+    pub axes: Vec<f32>,
+    /// μ: `[K]`.
+    pub mean: Vec<f32>,
+    /// z: `[voxel][axes]`.
+    pub coefficients: Coefficients,
+    /// What is known of its errors.
+    pub report: FitReport,
+}
+
+impl HarmonicField {
+    /// Axes kept.
+    #[must_use]
+    pub fn axis_count(&self) -> usize {
+        self.axes.len() / self.basis.len()
+    }
+
+    /// Bytes of the coefficients and axes.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.coefficients.len() as u64 * self.coefficients.precision().bytes()
+            + 4 * (self.axes.len() + self.mean.len()) as u64
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,133 @@
+//! The functions of an orientation that a harmonic field is a sum of, scaled to mean square 1 over all orientations.
+//!
+//! Spherical harmonics of the tool's direction for tools of revolution, and the rotation matrices of the harmonics for
+//! all others. The mean square of a field's error over every orientation is the sum of its coefficients' squared errors.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::rotations::{self, rotation_functions};
+use super::sphere::{self, SphereBasis};
+use crate::orientation::{Orientation, OrientationSet, OrientationSetError};
+
+/// Which functions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Domain {
+    /// Of the tool's direction, on S²: √4π Y_lm.
+    Directions,
+    /// Of the tool's rotation, on SO(3): √(2l+1) M^l_mn.
+    Rotations,
+}
+
+/// Functions up to a degree.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Basis {
+    domain: Domain,
+    sphere: SphereBasis,
+}
+
+impl Basis {
+    /// Functions of degrees 0 to `degree`.
+    #[must_use]
+    pub fn new(domain: Domain, degree: usize) -> Self {
+        Self { domain, sphere: SphereBasis::new(degree) }
+    }
+
+    /// Number of functions of a domain up to a degree.
+    #[must_use]
+    pub const fn count(domain: Domain, degree: usize) -> usize {
+        match domain {
+            Domain::Directions => sphere::function_count(degree),
+            Domain::Rotations => rotations::function_count(degree),
+        }
+    }
+
+    /// Where the functions live.
+    #[must_use]
+    pub fn domain(&self) -> Domain {
+        self.domain
+    }
+
+    /// Highest degree.
+    #[must_use]
+    pub fn degree(&self) -> usize {
+        self.sphere.degree()
+    }
+
+    /// Number of functions.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        Self::count(self.domain, self.degree())
+    }
+
+    /// Never: degree 0 already is one function.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        false
+    }
+
+    /// All functions at an orientation.
+    ///
+    /// # Panics
+    /// If `values` has not the length [`Basis::len`].
+    pub fn values(&self, orientation: &Orientation, values: &mut [f64]) {
+        match self.domain {
+            Domain::Directions => self.values_of_direction(orientation.direction(), values),
+            Domain::Rotations => rotation_functions(&orientation.rotation(), self.degree(), values),
+        }
+    }
+
+    /// All functions of a direction; of [`Domain::Directions`] alone.
+    ///
+    /// # Panics
+    /// If `values` has not the length [`Basis::len`], or the functions are of rotations.
+    pub fn values_of_direction(&self, direction: DVec3, values: &mut [f64]) {
+        assert_eq!(self.domain, Domain::Directions, "a direction alone is no rotation");
+        self.sphere.values(direction, values);
+        let scale = (4.0 * PI).sqrt();
+        values.iter_mut().for_each(|v| *v *= scale);
+    }
+
+    /// All functions of a direction with their gradients along the sphere.
+    ///
+    /// # Panics
+    /// As [`Basis::values_of_direction`].
+    pub fn gradients_of_direction(&self, direction: DVec3, values: &mut [f64], gradients: &mut [DVec3]) {
+        assert_eq!(self.domain, Domain::Directions, "a direction alone is no rotation");
+        self.sphere.values_with_gradients(direction, values, gradients);
+        let scale = (4.0 * PI).sqrt();
+        values.iter_mut().for_each(|v| *v *= scale);
+        gradients.iter_mut().for_each(|g| *g *= scale);
+    }
+
+    /// `count` orientations spread evenly over the domain.
+    ///
+    /// # Errors
+    /// A count that no set can have.
+    pub fn even_set(&self, count: usize) -> Result<OrientationSet, OrientationSetError> {
+        OrientationSet::parse(&match self.domain {
+            Domain::Directions => format!("fibonacci:{count}"),
+            Domain::Rotations => format!("so3:{count}"),
+        })
+    }
+
+    /// `count` orientations at random, of a seed, for a judgement that owes nothing to the even set.
+    ///
+    /// # Errors
+    /// A count that no set can have.
+    pub fn random_set(&self, count: usize, seed: u64) -> Result<OrientationSet, OrientationSetError> {
+        let mut set = OrientationSet::parse(&format!("random:{count}:{seed}"))?;
+        if self.domain == Domain::Rotations {
+            // θ of another random set is uniform: the roll.
+            let rolls = OrientationSet::parse(&format!("random:{count}:{}", seed ^ 0x5EED_0F20_1105))?;
+            for (orientation, roll) in set.orientations.iter_mut().zip(rolls.orientations) {
+                orientation.roll = roll.theta;
+            }
+            set.spec = format!("random rotations {count}:{seed}");
+        }
+        Ok(set)
+    }
+}

@@ -1,0 +1,90 @@
+//! The coefficients of every voxel along the kept axes, in f32 or in half the memory.
+
+use half::f16;
+use half::slice::HalfFloatSliceExt as _;
+use serde::{Deserialize, Serialize};
+
+/// How coefficients are kept.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// 4 bytes each.
+    F32,
+    /// 2 bytes each, 11 bits of mantissa: an error of 2.4e-4 of each coefficient.
+    #[default]
+    F16,
+}
+
+impl Precision {
+    /// Bytes of a coefficient.
+    #[must_use]
+    pub const fn bytes(self) -> u64 {
+        match self {
+            Self::F32 => 4,
+            Self::F16 => 2,
+        }
+    }
+}
+
+/// `[voxel][axis]`.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Coefficients {
+    /// In f32.
+    F32(Vec<f32>),
+    /// In f16.
+    F16(Vec<f16>),
+}
+
+impl Coefficients {
+    /// Keeps values in a precision; f32 keeps the very array.
+    #[must_use]
+    pub fn new(values: Vec<f32>, precision: Precision) -> Self {
+        match precision {
+            Precision::F32 => Self::F32(values),
+            Precision::F16 => {
+                let mut halves = vec![f16::ZERO; values.len()];
+                halves.convert_from_f32_slice(&values);
+                Self::F16(halves)
+            }
+        }
+    }
+
+    /// How they are kept.
+    #[must_use]
+    pub fn precision(&self) -> Precision {
+        match self {
+            Self::F32(_) => Precision::F32,
+            Self::F16(_) => Precision::F16,
+        }
+    }
+
+    /// Number of coefficients.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        match self {
+            Self::F32(values) => values.len(),
+            Self::F16(values) => values.len(),
+        }
+    }
+
+    /// True without any.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Those from `from` to `to` as f32: where they lie, or turned into `scratch`.
+    ///
+    /// # Panics
+    /// If the range sticks out.
+    pub fn read<'a>(&'a self, from: usize, to: usize, scratch: &'a mut Vec<f32>) -> &'a [f32] {
+        match self {
+            Self::F32(values) => &values[from..to],
+            Self::F16(values) => {
+                scratch.resize(to - from, 0.0);
+                values[from..to].convert_to_f32_slice(scratch);
+                scratch
+            }
+        }
+    }
+}

@@ -1,0 +1,276 @@
+//! The field against exact sections, against its definition, and against itself read back.
+
+use glam::{DMat4, DVec3};
+
+use super::basis::{Basis, Domain};
+use super::coefficients::Precision;
+use super::file::{HarmonicFile, HarmonicFileError};
+use super::radial::direct_coefficients;
+use super::{FitSettings, HarmonicField, PointScratch, fit};
+use crate::control::Control;
+use crate::field::ExactField;
+use crate::metrics::Errors;
+use crate::orientation::{Orientation, OrientationSet};
+use crate::parts::ReferencePart;
+use crate::scene::{Around, Resolution, Scene, SceneSpec};
+use crate::section::{Imf, SectionPlan, imf, sections};
+use crate::tool::Tool;
+use crate::unit::LengthUnit;
+
+fn scene() -> Scene {
+    SceneSpec {
+        part: "teapot",
+        mesh: &ReferencePart::Teapot.mesh(),
+        unit: LengthUnit::Mm,
+        transform: DMat4::IDENTITY,
+        resolution: Resolution::Dims([15, 19, 31]),
+        margin: 0,
+        conservative: false,
+        tool: &Tool::paper(),
+        fixtures: &[],
+        around: Around::Part,
+    }
+    .scene()
+    .unwrap()
+}
+
+fn settings() -> FitSettings {
+    FitSettings {
+        degree: 8,
+        axes: usize::MAX,
+        precision: Precision::F32,
+        held_out: 24,
+        ..FitSettings::default()
+    }
+}
+
+fn made(plan: &SectionPlan, settings: &FitSettings) -> HarmonicField {
+    fit(plan, Domain::Directions, settings, Control::quiet()).unwrap()
+}
+
+fn mean_squared(plan: &SectionPlan, field: &HarmonicField, set: &[Orientation]) -> f64 {
+    let exact = sections(plan, set, Control::quiet()).unwrap();
+    let mut values = vec![f32::NAN; plan.grid().len() * set.len()];
+    field.sections(&field.heads(set), &mut values);
+    let mut errors = Errors::default();
+    exact.iter().zip(values.chunks_exact(plan.grid().len())).for_each(|(e, v)| errors.add(e, v, 1e-3));
+    errors.report(1e-3).mse
+}
+
+#[test]
+fn unseen_directions_are_near_the_exact_sections_and_the_report_says_how_near() {
+    let scene = scene();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let field = made(&plan, &settings());
+    let unseen = OrientationSet::parse("random:40:5").unwrap().orientations;
+    let mse = mean_squared(&plan, &field, &unseen);
+    // The best constant errs by 3e-2; 81 functions of a quarter-resolution teapot by some 2e-4.
+    assert!(mse < 4e-4, "{mse}");
+    let told = field.report.held_out_mse;
+    assert!((0.6..1.6).contains(&(told / mse)), "told {told}, found {mse}");
+    let coarse = made(&plan, &FitSettings { degree: 4, ..settings() });
+    assert!(mean_squared(&plan, &coarse, &unseen) > 2.0 * mse);
+}
+
+#[test]
+fn fewer_axes_and_half_precision_cost_what_is_stated() {
+    let scene = scene();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let whole = made(&plan, &settings());
+    let few = made(&plan, &FitSettings { axes: 30, sample: usize::MAX, ..settings() });
+    let halves = made(&plan, &FitSettings { precision: Precision::F16, ..settings() });
+    let set = Basis::new(Domain::Directions, 8).even_set(2000).unwrap().orientations;
+    let voxels = plan.grid().len();
+    let values = |field: &HarmonicField| {
+        let heads = field.heads(&set);
+        let mut values = vec![0.0; voxels * set.len()];
+        field.sections(&heads, &mut values);
+        values
+    };
+    let mean_square = |a: &[f32], b: &[f32]| {
+        a.iter().zip(b).map(|(&a, &b)| f64::from(a - b).powi(2)).sum::<f64>() / a.len() as f64
+    };
+    let exact = values(&whole);
+    let dropped = mean_square(&exact, &values(&few));
+    // Clipping to [0, 1] hides a part of it.
+    assert!(
+        dropped < 1.05 * few.report.dropped && dropped > 0.3 * few.report.dropped,
+        "{dropped} {:?}",
+        few.report
+    );
+    // Eleven bits of coefficients of order one tenth.
+    assert!(mean_square(&exact, &values(&halves)) < 1e-7);
+}
+
+#[test]
+fn coefficients_agree_with_the_definition() {
+    let scene = scene();
+    let tool = &scene.record.tool;
+    let plan = SectionPlan::new(&scene.obstacle, tool).unwrap();
+    let field = made(&plan, &FitSettings { sections_per_function: 16.0, ..settings() });
+    let grid = plan.grid();
+    let mut scratch = Vec::new();
+    for voxel in [[7, 9, 15], [2, 3, 28], [12, 10, 5]] {
+        let position = grid.centre(voxel);
+        let defined = direct_coefficients(&scene.obstacle, tool, position, 8).unwrap();
+        let index = grid.index(voxel) * field.axis_count();
+        let found = field.coefficients.read(index, index + field.axis_count(), &mut scratch);
+        let scale = (4.0 * std::f64::consts::PI).sqrt();
+        // The definition has the analytic tool, divided by its volume; sections have voxels, divided by their count:
+        // with a tool of 2,000 voxels the two differ by a few hundredths of the value.
+        let norm = defined.iter().map(|c| c * c).sum::<f64>().sqrt() / scale;
+        for (place, (&found, defined)) in found.iter().zip(&defined).enumerate() {
+            let difference = (f64::from(found) - defined / scale).abs();
+            assert!(
+                difference < 0.04 * norm,
+                "{voxel:?}, function {place}: {found} against {}",
+                defined / scale
+            );
+        }
+    }
+}
+
+#[test]
+fn the_minimum_is_the_least_section_and_ties_go_to_the_first() {
+    let scene = scene();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let field = made(&plan, &FitSettings { axes: 30, ..settings() });
+    // More than one chunk, and a direction twice.
+    let mut set = OrientationSet::parse("fibonacci:700").unwrap().orientations;
+    set.push(set[3]);
+    let heads = field.heads(&set);
+    let voxels = plan.grid().len();
+    let mut values = vec![f32::NAN; voxels * set.len()];
+    field.sections(&heads, &mut values);
+    let mut expected = Imf::new(voxels);
+    for (index, section) in values.chunks_exact(voxels).enumerate() {
+        expected.lower_to(index, section);
+    }
+    let found = field.minimum(&heads);
+    for (voxel, (&value, &least)) in found.value.iter().zip(&expected.value).enumerate() {
+        // Products of other block sizes add in another order.
+        assert!((value - least).abs() < 1e-6, "voxel {voxel}: {value} against {least}");
+        let of_best = values[found.best[voxel] as usize * voxels + voxel];
+        assert!((of_best - least).abs() < 1e-6 && found.best[voxel] != 700);
+    }
+}
+
+#[test]
+fn single_poses_equal_sections_and_gradients_central_differences() {
+    let scene = scene();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let field = made(&plan, &FitSettings { axes: 30, ..settings() });
+    let grid = *plan.grid();
+    let set = OrientationSet::parse("random:3:9").unwrap().orientations;
+    let mut values = vec![0.0; grid.len() * 3];
+    field.sections(&field.heads(&set), &mut values);
+    let mut scratch = PointScratch::default();
+    for (index, orientation) in set.iter().enumerate() {
+        for voxel in [[0, 0, 0], [14, 18, 30], [7, 3, 20]] {
+            let found = field.overlap(grid.centre(voxel), orientation, &mut scratch).unwrap();
+            let expected = values[index * grid.len() + grid.index(voxel)];
+            assert!((found - expected).abs() < 1e-5, "{voxel:?}: {found} against {expected}");
+        }
+    }
+    assert_eq!(field.overlap(grid.origin, &set[0], &mut scratch), None);
+    assert_eq!(field.overlap(DVec3::splat(f64::NAN), &set[0], &mut scratch), None);
+    let step = 1e-3;
+    for (fraction, direction) in [
+        (DVec3::new(0.31, 0.52, 0.44), DVec3::new(0.4, 0.5, -0.7)),
+        (DVec3::new(0.61, 0.42, 0.74), DVec3::Z),
+        (DVec3::new(0.47, 0.22, 0.58), -DVec3::Z),
+    ] {
+        let position = grid.origin + grid.size() * fraction;
+        let direction = direction.normalize();
+        let found = field.overlap_with_gradient(position, direction, &mut scratch).unwrap();
+        let mut at = |position, direction| {
+            f64::from(field.overlap_with_gradient(position, direction, &mut scratch).unwrap().value)
+        };
+        for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+            let move_by = axis * step * grid.pitch;
+            let expected = (at(position + move_by, direction) - at(position - move_by, direction))
+                / (2.0 * move_by.length());
+            // Values in f32: 1e-7 over a thousandth of a voxel.
+            assert!(
+                (found.position.dot(axis) - expected).abs() < 3e-4 / grid.pitch,
+                "{found:?} {axis} {expected}"
+            );
+        }
+        let (u, v) = direction.any_orthonormal_pair();
+        for tangent in [u, v] {
+            let ahead = at(position, direction + tangent * step);
+            let behind = at(position, direction - tangent * step);
+            let expected = (ahead - behind) / (2.0 * step);
+            assert!((found.direction.dot(tangent) - expected).abs() < 5e-4, "{found:?} {tangent} {expected}");
+        }
+    }
+}
+
+#[test]
+fn screened_values_are_exact_and_zeros_are_proven() {
+    let scene = scene();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let field = made(&plan, &settings());
+    let set = OrientationSet::parse("fibonacci:300").unwrap().orientations;
+    let streamed = imf(&plan, &set, Control::quiet()).unwrap();
+    let exact = ExactField::new(&scene);
+    let screened = field.screened(&set, &exact, Control::quiet()).unwrap();
+    let all = sections(&plan, &set, Control::quiet()).unwrap();
+    let mut missed = 0;
+    for voxel in 0..plan.grid().len() {
+        let (value, best) = (screened.imf.value[voxel], screened.imf.best[voxel] as usize);
+        assert!((all[best][voxel] - value).abs() < 1e-6, "voxel {voxel}: not the value of its orientation");
+        assert!(value >= streamed.value[voxel] - 1e-6);
+        assert_eq!(screened.proven[voxel] == 1, value == 0.0);
+        missed += usize::from(value > streamed.value[voxel] + 1e-6);
+    }
+    // A field of degree 8 on a coarse grid ranks most voxels rightly.
+    assert!(missed * 10 < plan.grid().len(), "{missed} of {}", plan.grid().len());
+}
+
+#[test]
+fn tools_that_are_not_of_revolution_have_fields_over_rotations() {
+    let mut scene = scene();
+    // A cutter with a box beside its axis.
+    let side = crate::mesh::tests::unit_cube().transformed(
+        &(DMat4::from_translation(DVec3::new(0.0, -6.0, 0.0))
+            * DMat4::from_scale(DVec3::new(24.0, 12.0, 50.0))),
+    );
+    scene.record.tool = Tool { shape: crate::tool::ToolShape::Mesh(side), ..Tool::paper() };
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let settings = FitSettings { degree: 4, axes: 60, sections_per_function: 3.0, ..settings() };
+    let field = fit(&plan, Domain::Rotations, &settings, Control::quiet()).unwrap();
+    assert_eq!(field.report.functions, 165);
+    let unseen = field.basis.random_set(20, 3).unwrap().orientations;
+    let over_rotations = mean_squared(&plan, &field, &unseen);
+    let without_roll = mean_squared(&plan, &made(&plan, &FitSettings { degree: 8, ..settings }), &unseen);
+    assert!(over_rotations < 0.5 * without_roll, "{over_rotations} against {without_roll}");
+}
+
+#[test]
+fn files_read_back_bit_for_bit_and_damage_is_named() {
+    let scene = scene();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    for precision in [Precision::F16, Precision::F32] {
+        let settings = FitSettings { axes: 20, precision, ..settings() };
+        let path = folder.path().join("field.safetensors");
+        let stored = Scene::from_union(scene.record.clone(), scene.obstacle.clone());
+        let file = HarmonicFile { field: made(&plan, &settings), scene: stored, settings };
+        file.write(&path).unwrap();
+        assert!(HarmonicFile::is_one(&path));
+        assert_eq!(HarmonicFile::read(&path).unwrap(), file);
+        let bytes = std::fs::read(&path).unwrap();
+        for cut in [0, 7, 100, bytes.len() / 2, bytes.len() - 1] {
+            std::fs::write(&path, &bytes[..cut]).unwrap();
+            let error = HarmonicFile::read(&path).unwrap_err();
+            assert!(error.to_string().contains("field.safetensors"), "{error}");
+        }
+        let mut flipped = bytes.clone();
+        let place = bytes.len() - 5000;
+        flipped[place] ^= 0x10;
+        std::fs::write(&path, flipped).unwrap();
+        assert!(matches!(HarmonicFile::read(&path), Err(HarmonicFileError::Damaged { .. })));
+    }
+    assert!(matches!(HarmonicFile::read(&folder.path().join("none")), Err(HarmonicFileError::Read { .. })));
+}
