@@ -154,7 +154,8 @@ fn blocked_space_is_told_apart_by_elements_that_sum_to_the_measure() {
 fn clearance_takes_space_contact_gives_some_and_both_are_said() {
     let folder = workshop();
     let run = |more: &[&str]| {
-        let long = ["--tool", "long.toml", "--orientations", "fibonacci:14", "--conservative"];
+        // Conservative voxels close the slot: what is left to reach lies around the block.
+        let long = ["--tool", "long.toml", "--orientations", "fibonacci:14", "--conservative", "--margin", "3"];
         folder.json(&arguments(&[&long[..], more].concat()))
     };
     let plain = run(&[]);
@@ -203,7 +204,7 @@ fn bad_input_is_refused_with_a_remedy() {
     refuse(&["--tau", "2"], &["--tau", "below 1"]);
     refuse(&["--surface", "--border", "0"], &["--border 1"]);
     refuse(&["--limits", "xy:0:1"], &["xy:0:1"]);
-    refuse(&["--limits", "cone:1,0,0:5"], &["limits"]);
+    refuse(&["--limits", "cone:1,0,0:5"], &["none of its 1 orientations", "cone:1,0,0:5"]);
     refuse(&["--map", "0,0,0", "--map-step", "0"], &["--map-step"]);
     refuse(&["--fixture", "vice.obj"], &["vice.obj", "no mesh file"]);
     refuse(&["--fixture", "clamp.obj@turn:1"], &["clamp.obj", "turn:1"]);
