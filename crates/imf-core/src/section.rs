@@ -21,7 +21,7 @@ mod sweep;
 pub use counter::Method;
 pub use direct::{direct_cmf, direct_count};
 pub use elements::ElementPlans;
-pub use imf::{Imf, imf, stream_sections};
+pub use imf::{Imf, imf, stream_orientations, stream_sections};
 
 use glam::DVec3;
 use thiserror::Error;
@@ -130,9 +130,9 @@ impl SectionPlan {
         let (query, size) = Self::sizes(&obstacle.grid, offset, query_grid.dims, tool);
         // A tool too large or too small is refused now rather than at the first section.
         let upright = RotatedTool::new(tool, &Orientation::default(), obstacle.grid.pitch)?;
-        let counter = Counter::new(obstacle, query, size);
+        let counter = Counter::new(obstacle, size);
         let slanted = RotatedTool::new(tool, &SLANT, obstacle.grid.pitch).unwrap_or(upright);
-        let estimate = counter.estimate(obstacle, &slanted);
+        let estimate = counter.estimate(obstacle, &slanted, &query);
         Ok(Self {
             obstacle: obstacle.clone(),
             tool: tool.clone(),
@@ -229,7 +229,7 @@ impl SectionPlan {
         counts: &mut [u32],
     ) -> Result<u32, SectionError> {
         assert_eq!(counts.len(), self.grid.len(), "one count for each voxel of the grid");
-        let rotated = self.box_counts(orientation, scratch)?;
+        let rotated = self.box_counts(orientation, &self.query, scratch)?;
         let [nx, ny, nz] = self.grid.dims;
         let [ox, oy, oz] = self.offset;
         for x in 0..nx {
@@ -255,7 +255,7 @@ impl SectionPlan {
         cmf: &mut [f32],
     ) -> Result<(), SectionError> {
         assert_eq!(cmf.len(), self.grid.len(), "one value for each voxel of the grid");
-        let normaliser = f64::from(self.box_counts(orientation, scratch)?);
+        let normaliser = f64::from(self.box_counts(orientation, &self.query, scratch)?);
         if self.sharp_points == [DVec3::ZERO] {
             let share = 1.0 / normaliser;
             for (value, &count) in cmf.iter_mut().zip(&scratch.counts) {
@@ -271,27 +271,60 @@ impl SectionPlan {
         Ok(())
     }
 
-    /// Counts over the whole query box into `scratch.counts`; returns the rotated tool's own count.
+    /// As [`SectionPlan::counts`], at the voxels of `window` alone: a box within the plan's grid, which may be another one
+    /// for every orientation. Returns the rotated tool's own count and the counts, C-ordered over the window, in the
+    /// scratch.
+    ///
+    /// # Errors
+    /// A tool that does not fit the grid, a window on other voxels than the obstacle's, or a failed spot check.
+    ///
+    /// # Panics
+    /// If the window sticks out of the plan's grid.
+    pub fn counts_in<'s>(
+        &self,
+        orientation: &Orientation,
+        window: &Grid,
+        scratch: &'s mut SectionScratch,
+    ) -> Result<(u32, &'s [u32]), SectionError> {
+        let offset = self.obstacle.grid.offset_of(window).ok_or(SectionError::QueryGrid {
+            query: window.origin,
+            query_pitch: window.pitch,
+            obstacle: self.obstacle.grid.origin,
+            pitch: self.obstacle.grid.pitch,
+        })?;
+        let query = QueryBox::around(offset, window.dims, 0);
+        assert!(self.query.holds(&query), "a window within the plan's grid");
+        let rotated = self.box_counts(orientation, &query, scratch)?;
+        Ok((rotated, &scratch.counts))
+    }
+
+    /// Counts over a box within the plan's into `scratch.counts`; returns the rotated tool's own count.
     fn box_counts(
         &self,
         orientation: &Orientation,
+        query: &QueryBox,
         scratch: &mut SectionScratch,
     ) -> Result<u32, SectionError> {
         let rotated = RotatedTool::new(&self.tool, orientation, self.obstacle.grid.pitch)?;
-        scratch.counts.resize(self.query.len(), 0);
-        self.counter.count(&self.obstacle, &rotated, &mut scratch.counter, &mut scratch.counts);
-        self.spot_check(&rotated, &scratch.counts)?;
+        scratch.counts.resize(query.len(), 0);
+        self.counter.count(&self.obstacle, &rotated, query, &mut scratch.counter, &mut scratch.counts);
+        self.spot_check(&rotated, query, &scratch.counts)?;
         Ok(rotated.count)
     }
 
     /// Compares a few voxels, other ones for every orientation, with direct sums.
-    fn spot_check(&self, rotated: &RotatedTool, counts: &[u32]) -> Result<(), SectionError> {
+    fn spot_check(
+        &self,
+        rotated: &RotatedTool,
+        query: &QueryBox,
+        counts: &[u32],
+    ) -> Result<(), SectionError> {
         const CHECKS: u64 = 3;
         let seed = u64::from(rotated.count).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ rotated.solid.len() as u64;
         for check in 0..CHECKS {
             let mixed = (seed ^ (check << 17)).wrapping_mul(0xBF58_476D_1CE4_E5B9) >> 20;
             let index = (mixed % counts.len() as u64) as usize;
-            let voxel = self.query.voxel(index);
+            let voxel = query.voxel(index);
             let expected = direct_count(&self.obstacle, rotated, voxel);
             if counts[index] != expected {
                 return Err(SectionError::SpotCheck { voxel, found: counts[index], expected });

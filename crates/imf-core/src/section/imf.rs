@@ -77,24 +77,44 @@ pub fn stream_sections<V: Send>(
     start: impl Fn() -> V + Sync,
     visit: impl Fn(&mut V, usize, &[f32]) + Sync,
 ) -> Result<Vec<V>, SectionError> {
+    let scratch = || (start(), SectionScratch::default(), vec![0.0; plan.grid().len()]);
+    let parts =
+        stream_orientations(orientations.len(), control, scratch, |(visitor, scratch, cmf), index| {
+            plan.cmf(&orientations[index], scratch, cmf)?;
+            visit(visitor, index, cmf);
+            Ok::<(), SectionError>(())
+        })?;
+    Ok(parts.into_iter().map(|(visitor, ..)| visitor).collect())
+}
+
+/// Shows the indices `0..count` to `visit`, each once and in no fixed order, on all threads of the current pool. Every
+/// thread has its own visitor, made by `start`; all are returned. One unit of progress is one index.
+///
+/// # Errors
+/// The first failure of a visit; [`SectionError::Cancelled`] when the control asks to stop.
+pub fn stream_orientations<V: Send, E: From<SectionError> + Send>(
+    count: usize,
+    control: Control<'_>,
+    start: impl Fn() -> V + Sync,
+    visit: impl Fn(&mut V, usize) -> Result<(), E> + Sync,
+) -> Result<Vec<V>, E> {
     let next = AtomicUsize::new(0);
     let finished = Mutex::new(Ok(Vec::new()));
-    let work = || -> Result<V, SectionError> {
+    let work = || -> Result<V, E> {
         let mut visitor = start();
-        let mut scratch = SectionScratch::default();
-        let mut cmf = vec![0.0; plan.grid().len()];
         loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
-            let Some(orientation) = orientations.get(index) else { return Ok(visitor) };
-            if control.is_cancelled() {
-                return Err(SectionError::Cancelled);
+            if index >= count {
+                return Ok(visitor);
             }
-            plan.cmf(orientation, &mut scratch, &mut cmf)?;
-            visit(&mut visitor, index, &cmf);
+            if control.is_cancelled() {
+                return Err(SectionError::Cancelled.into());
+            }
+            visit(&mut visitor, index)?;
             (control.progress)(1);
         }
     };
-    let threads = rayon::current_num_threads().clamp(1, orientations.len().max(1));
+    let threads = rayon::current_num_threads().clamp(1, count.max(1));
     rayon::scope(|scope| {
         for _ in 0..threads {
             scope.spawn(|_| {
