@@ -44,7 +44,8 @@ SAMPLE = 500
 def voxelize(imf: str, mesh: pathlib.Path, size: list[str], out: pathlib.Path) -> tuple[np.ndarray, dict]:
     unit = ["--unit", "mm"] if mesh.suffix.lower() == ".stl" else []
     command = [imf, "voxelize", str(mesh), *size, *unit, "--out", str(out), "--json"]
-    answer = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    # What imf has to say against a mesh stands on the terminal.
+    answer = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)
     return np.load(out / "solid.npy").astype(bool), answer
 
 
@@ -68,6 +69,8 @@ def crossings(mesh: trimesh.Trimesh, grid: dict) -> tuple[np.ndarray, np.ndarray
     for first in range(0, len(starts), RAYS):
         origins = starts[first : first + RAYS]
         places, rays, faces = mesh.ray.intersects_location(origins, np.tile([0.0, 0.0, 1.0], (len(origins), 1)))
+        # No array of places where a whole block of rays meets nothing.
+        places = np.asarray(places).reshape(-1, 3)
         # The first centre above the crossing.
         z = np.ceil((places[:, 2] - grid["origin"][2]) / grid["pitch"] - 0.5).clip(0, nz).astype(int)
         np.add.at(steps[0], (first + rays, z), 1)
@@ -90,7 +93,7 @@ def winding(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def judge(name: str, imf: str, path: pathlib.Path, size: list[str], work: pathlib.Path) -> tuple[list, str, bool]:
-    ours, answer = voxelize(imf, path, size, work / name)
+    ours, answer = voxelize(imf, path, size, work / f"{name}-voxels")
     grid, closed = answer["grid"], answer["mesh"]["closed"]
     ours, points = ours.reshape(-1), centres(grid)
     # Vertices at one place are one vertex; nothing else is repaired.

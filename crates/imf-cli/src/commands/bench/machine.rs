@@ -46,9 +46,9 @@ impl fmt::Display for Machine {
     }
 }
 
-/// The load of the last minute; Windows has none.
+/// The load of the last minute.
 fn load() -> Option<f64> {
-    (!cfg!(windows)).then(|| System::load_average().one)
+    System::load_average().ok().map(|load| load.one)
 }
 
 /// Starts a new measurement of the most memory that this process holds at once. Linux only.
