@@ -13,7 +13,6 @@ mod space;
 mod surface;
 
 pub use components::{Component, Components, components};
-pub use dilation::dilate;
 pub use free::FreeOrientations;
 pub use map::{AccessMap, access_map};
 pub use removable::{

@@ -161,6 +161,8 @@ mod tests {
             conservative: false,
             closed: true,
             tool: Tool::paper(),
+            clearance: Default::default(),
+            ungrown: None,
             fixtures: Vec::new(),
             obstacle_crc32: crc32fast::hash(&obstacle.packed()),
         };

@@ -24,7 +24,7 @@ pub use contact::{Contact, Obstacles, Skin};
 pub use counter::Method;
 pub use direct::{direct_cmf, direct_count, direct_element_measures};
 pub use elements::{ElementMeasures, ElementPlans, ElementScratch, elements_at_best};
-pub use imf::{Imf, imf, stream_sections};
+pub use imf::{Imf, imf, stream_orientations, stream_sections};
 pub use size::QueryBox;
 pub use stepped::{StepEnds, StepSpace, SteppedTool};
 
@@ -144,9 +144,9 @@ impl SectionPlan {
         let (query, size) = Self::sizes(&obstacle.grid, offset, query_grid.dims, tool);
         // A tool too large or too small is refused now rather than at the first section.
         let upright = RotatedTool::new(tool, &Orientation::default(), obstacle.grid.pitch)?;
-        let counter = Counter::new(obstacle, query, size);
+        let counter = Counter::new(obstacle, size);
         let slanted = RotatedTool::new(tool, &SLANT, obstacle.grid.pitch).unwrap_or(upright);
-        let estimate = counter.estimate(obstacle, &slanted);
+        let estimate = counter.estimate(obstacle, &slanted, &query);
         Ok(Self {
             obstacle: obstacle.clone(),
             tool: tool.clone(),
@@ -260,7 +260,7 @@ impl SectionPlan {
         counts: &mut [u32],
     ) -> Result<u32, SectionError> {
         assert_eq!(counts.len(), self.grid.len(), "one count for each voxel of the grid");
-        let rotated = self.box_counts(orientation, scratch)?;
+        let rotated = self.box_counts(orientation, &self.query, scratch)?;
         let [nx, ny, nz] = self.grid.dims;
         let [ox, oy, oz] = self.offset;
         for x in 0..nx {
@@ -285,7 +285,7 @@ impl SectionPlan {
         scratch: &mut SectionScratch,
         cmf: &mut [f32],
     ) -> Result<(), SectionError> {
-        let normaliser = self.box_counts(orientation, scratch)?;
+        let normaliser = self.box_counts(orientation, &self.query, scratch)?;
         self.read_values(orientation, normaliser, &scratch.counts, cmf);
         Ok(())
     }
@@ -306,7 +306,7 @@ impl SectionPlan {
         cmf: &mut [f32],
     ) -> Result<(), SectionError> {
         assert_eq!(counts.len(), self.query.len(), "one count for each voxel of the query box");
-        self.spot_check(rotated, counts)?;
+        self.spot_check(rotated, &self.query, counts)?;
         self.read_values(orientation, rotated.count, counts, cmf);
         Ok(())
     }
@@ -346,25 +346,58 @@ impl SectionPlan {
         }
     }
 
-    /// Counts over the whole query box into `scratch.counts`; returns the rotated tool's own count.
+    /// As [`SectionPlan::counts`], at the voxels of `window` alone: a box within the plan's grid, which may be another one
+    /// for every orientation. Returns the rotated tool's own count and the counts, C-ordered over the window, in the
+    /// scratch.
+    ///
+    /// # Errors
+    /// A tool that does not fit the grid, a window on other voxels than the obstacle's, or a failed spot check.
+    ///
+    /// # Panics
+    /// If the window sticks out of the plan's grid.
+    pub fn counts_in<'s>(
+        &self,
+        orientation: &Orientation,
+        window: &Grid,
+        scratch: &'s mut SectionScratch,
+    ) -> Result<(u32, &'s [u32]), SectionError> {
+        let offset = self.obstacle.grid.offset_of(window).ok_or(SectionError::QueryGrid {
+            query: window.origin,
+            query_pitch: window.pitch,
+            obstacle: self.obstacle.grid.origin,
+            pitch: self.obstacle.grid.pitch,
+        })?;
+        let query = QueryBox::around(offset, window.dims, 0);
+        assert!(self.query.holds(&query), "a window within the plan's grid");
+        let rotated = self.box_counts(orientation, &query, scratch)?;
+        Ok((rotated, &scratch.counts))
+    }
+
+    /// Counts over a box within the plan's into `scratch.counts`; returns the rotated tool's own count.
     fn box_counts(
         &self,
         orientation: &Orientation,
+        query: &QueryBox,
         scratch: &mut SectionScratch,
     ) -> Result<u32, SectionError> {
         let rotated = RotatedTool::new(&self.tool, orientation, self.obstacle.grid.pitch)?;
-        scratch.counts.resize(self.query.len(), 0);
-        self.counter.count(&self.obstacle, &rotated, &mut scratch.counter, &mut scratch.counts);
-        self.spot_check(&rotated, &scratch.counts)?;
+        scratch.counts.resize(query.len(), 0);
+        self.counter.count(&self.obstacle, &rotated, query, &mut scratch.counter, &mut scratch.counts);
+        self.spot_check(&rotated, query, &scratch.counts)?;
         if let Some(skin) = &self.skin {
-            skin.add(&self.query, orientation, scratch)?;
+            skin.add(query, orientation, scratch)?;
         }
         Ok(rotated.count)
     }
 
     /// Compares a few voxels, other ones for every orientation, with direct sums.
-    fn spot_check(&self, rotated: &RotatedTool, counts: &[u32]) -> Result<(), SectionError> {
-        direct::spot_check(&self.obstacle, rotated, &self.query, counts)
+    fn spot_check(
+        &self,
+        rotated: &RotatedTool,
+        query: &QueryBox,
+        counts: &[u32],
+    ) -> Result<(), SectionError> {
+        direct::spot_check(&self.obstacle, rotated, query, counts)
     }
 
     /// The voxels around `x + shift` (in voxels) from the voxel `x` of the grid, and the weights of their trilinear mean.

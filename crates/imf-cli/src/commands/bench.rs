@@ -11,13 +11,13 @@ use std::fmt::Write;
 use std::time::Instant;
 
 use anyhow::{Result, ensure};
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 use imf_core::grid::Grid;
 use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{Resolution, SceneSpec};
+use imf_core::scene::{Around, Resolution, Scene, SceneSpec};
 use imf_core::section::{SectionPlan, SectionScratch, stream_sections};
 use imf_core::tool::{RotatedTool, Tool};
 use imf_core::unit::LengthUnit;
@@ -76,23 +76,12 @@ struct Report {
 fn exact(session: &Session, arguments: &ExactBenchArguments) -> Result<()> {
     let device = Device::open(&arguments.device, session)?;
     prepare_folder(&arguments.out)?;
+    let mut machine = Machine::new(session.threads());
     let part = ReferencePart::Teapot;
     let tool = Tool::paper();
     let (mesh, dims) = (part.mesh(), part.dims());
     session.note("voxelising the teapot");
-    let scene = SceneSpec {
-        fixtures: &[],
-        around: imf_core::scene::Around::Part,
-        part: part.name(),
-        mesh: &mesh,
-        unit: LengthUnit::Mm,
-        transform: glam::DMat4::IDENTITY,
-        resolution: Resolution::Dims(dims),
-        margin: 0,
-        conservative: false,
-        tool: &tool,
-    }
-    .scene()?;
+    let scene = scene(part, &mesh, dims, &tool)?;
     let plan = SectionPlan::new(&scene.obstacle, &tool)?;
     let orientations = OrientationSet::parse(&format!("fibonacci:{SECTIONS}"))?.orientations;
     session.note(&format!("sections: {}", plan.describe()));
@@ -132,10 +121,13 @@ fn exact(session: &Session, arguments: &ExactBenchArguments) -> Result<()> {
         Ok(rival) => rivals.push(rival),
         Err(advice) => missing.push(advice),
     }
+    // Its counts would show in the memory that sections take.
+    drop(trial);
     let sphere_voxels_milliseconds = voxels_of_a_sphere();
     let growth = growth::measure(session, arguments)?;
+    machine.finish();
     let report = Report {
-        machine: Machine::new(session.threads()),
+        machine,
         scene: format!(
             "teapot {}×{}×{}, tool paper (29×29×83 voxels), fibonacci:{SECTIONS}",
             dims[0], dims[1], dims[2]
@@ -153,6 +145,23 @@ fn exact(session: &Session, arguments: &ExactBenchArguments) -> Result<()> {
     write_text(&arguments.out.join("exact.md"), &text)?;
     report.growth.chart().save(&arguments.out.join("growth.png"))?;
     if session.json { print_json(&report) } else { print(&text) }
+}
+
+/// A reference part on so many voxels, alone.
+fn scene(part: ReferencePart, mesh: &Mesh, dims: [usize; 3], tool: &Tool) -> Result<Scene> {
+    let spec = SceneSpec {
+        fixtures: &[],
+        around: Around::Part,
+        part: part.name(),
+        mesh,
+        unit: LengthUnit::Mm,
+        transform: DMat4::IDENTITY,
+        resolution: Resolution::Dims(dims),
+        margin: 0,
+        conservative: false,
+        tool,
+    };
+    Ok(spec.scene()?)
 }
 
 /// What the rivals are given: voxels of obstacle and tools, and what we counted.

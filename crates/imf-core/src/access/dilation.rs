@@ -1,101 +1,178 @@
-//! What a body covers while it visits a set of voxels: the union of its copies, by runs along z.
+//! What a body covers while it visits a set of voxels: the union of its copies, by strings of bits.
 //!
-//! A correlation of the set with the mirrored body would count the copies over every voxel; whether there is any needs
-//! no count. A run of the body [a, b] on a row, moved along a run of the set [s, e], covers [s + a, e + b], so a row of
-//! the result is the union of a few intervals for each row of the body, found by a difference array.
+//! The set is one bit a voxel, all lines along z of a plane x behind one another at one distance:
+//!
+//! ```text
+//! plane x: line 0 (z voxels) line 1 … line y−1 | words that the longest shift reads
+//! ```
+//! A run of the body [a, b] on a row reaches z from any visited voxel in [z − b, z − a]. With `E` the set in which
+//! every bit is joined by the b − a bits behind it, that is one bit of `E`; for the run as a whole it is `E` shifted
+//! by so many bits as the run lies from the body's corner, the same for a whole plane. So a run costs a shift and an
+//! OR for each word of the target, and each length of runs one pass that widens `E`. Only positions from which the
+//! body meets the target are looked at: shifts then never reach another line.
 
-use crate::grid::Grid;
+use pulp::Arch;
+
+use crate::grid::{Grid, GridError};
 use crate::tool::RotatedTool;
 
-/// A run of solid voxels of the body: row offset, first and last offset along z.
+/// A run of solid voxels of the body along z: offsets from the body's last plane, line and voxel to the run's last,
+/// and how many voxels it has beyond one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Run {
-    x: i64,
-    y: i64,
-    first: i64,
-    last: i64,
+    x: usize,
+    y: usize,
+    z: usize,
+    more: usize,
 }
 
 fn runs_of(body: &RotatedTool) -> Vec<Run> {
-    let [_, ny, nz] = body.dims;
+    let [nx, ny, nz] = body.dims;
     let mut runs = Vec::new();
     for (row, line) in body.solid.chunks_exact(nz).enumerate() {
-        let (x, y) =
-            ((row / ny) as i64 + i64::from(body.lower[0]), (row % ny) as i64 + i64::from(body.lower[1]));
-        for (first, end) in intervals(line) {
-            let low = i64::from(body.lower[2]);
-            runs.push(Run { x, y, first: first + low, last: end - 1 + low });
+        let mut begun = None;
+        for (z, &solid) in line.iter().chain(&[0]).enumerate() {
+            match (begun, solid != 0) {
+                (None, true) => begun = Some(z),
+                (Some(first), false) => {
+                    let (x, y) = (nx - 1 - row / ny, ny - 1 - row % ny);
+                    runs.push(Run { x, y, z: nz - z, more: z - 1 - first });
+                    begun = None;
+                }
+                _ => {}
+            }
         }
     }
     runs
 }
 
-/// First and end (one past the last) of every run of voxels that are not 0.
-fn intervals(line: &[u8]) -> Vec<(i64, i64)> {
-    let mut found = Vec::new();
-    let mut begun = None;
-    for (z, &value) in line.iter().chain(&[0]).enumerate() {
-        match (begun, value != 0) {
-            (None, true) => begun = Some(z as i64),
-            (Some(start), false) => {
-                found.push((start, z as i64));
-                begun = None;
-            }
-            _ => {}
-        }
-    }
-    found
+/// The positions of the body's origin at which it meets `target`'s box.
+///
+/// # Errors
+/// More voxels than can be indexed.
+pub(super) fn meeting_positions(body: &RotatedTool, target: &Grid) -> Result<Grid, GridError> {
+    target.grown(body.upper().map(i64::from), body.lower.map(|lower| -i64::from(lower)))
 }
 
-/// Adds to `covered` (1 where covered) every voxel of `target` that `body` covers with its origin on some voxel of
-/// `poses` (a grid of the same voxels) whose entry in `visited` is not 0. Rows of the target for which `wanted` says
-/// no (by x and y) are left alone.
-///
-/// # Panics
-/// If the grids' voxels do not coincide, or an array has not its grid's length.
-pub fn dilate(
-    body: &RotatedTool,
-    poses: &Grid,
-    visited: &[u8],
-    target: &Grid,
-    covered: &mut [u8],
-    wanted: impl Fn(&[u8], usize) -> bool,
-) {
-    assert_eq!(visited.len(), poses.len(), "one entry for each voxel of the poses' grid");
-    assert_eq!(covered.len(), target.len(), "one entry for each voxel of the target grid");
-    let offset = target.offset_of(poses);
-    assert!(offset.is_some(), "both grids have the same voxels");
-    let [ox, oy, oz] = offset.unwrap_or_default();
-    let body = runs_of(body);
-    let [px, py, pz] = poses.dims.map(|d| d as i64);
-    let visits: Vec<Vec<(i64, i64)>> = visited.chunks_exact(poses.dims[2]).map(intervals).collect();
-    let [_, ny, nz] = target.dims;
-    let mut change = vec![0i32; nz + 1];
-    for (row, line) in covered.chunks_exact_mut(nz).enumerate() {
-        if !wanted(line, row) {
-            continue;
+/// What was covered so far, and the working memory of one thread.
+pub(super) struct Dilation {
+    arch: Arch,
+    target: Grid,
+    /// One bit a voxel of the target, each line along z from a word of its own; bits behind a line mean nothing.
+    covered: Vec<u64>,
+    visited: Vec<u64>,
+    widened: Vec<u64>,
+    swept: Vec<u64>,
+}
+
+impl Dilation {
+    /// Nothing of `target` is covered.
+    pub(super) fn new(target: &Grid) -> Self {
+        let [nx, ny, nz] = target.dims;
+        Self {
+            arch: Arch::new(),
+            target: *target,
+            covered: vec![0; nx * ny * nz.div_ceil(64)],
+            visited: Vec::new(),
+            widened: Vec::new(),
+            swept: Vec::new(),
         }
-        let (x, y) = ((row / ny) as i64, (row % ny) as i64);
-        change.fill(0);
-        for run in &body {
-            // The row of poses from which this run of the body lies on the row.
-            let (from_x, from_y) = (x - run.x - ox, y - run.y - oy);
-            if !(0..px).contains(&from_x) || !(0..py).contains(&from_y) {
-                continue;
+    }
+
+    /// Bytes for a target and at most so many positions along the axes.
+    pub(super) fn memory(target: [usize; 3], positions: [usize; 3]) -> u64 {
+        let bits = |[x, y, z]: [usize; 3]| x as u64 * (y as u64 * (z as u64 + 64) + 192);
+        (2 * bits(target) + 2 * bits(positions)) / 8
+    }
+
+    /// Covers what `body` holds with its origin at every one of its [`meeting_positions`] whose entry in `counts`,
+    /// C-ordered, is at most `most`.
+    ///
+    /// # Panics
+    /// If there is not one count for each of those positions.
+    pub(super) fn cover(&mut self, body: &RotatedTool, counts: &[u32], most: u32) {
+        let positions = [0, 1, 2].map(|a| self.target.dims[a] + body.dims[a] - 1);
+        assert_eq!(counts.len(), positions.iter().product::<usize>(), "one count for each meeting position");
+        self.arch.dispatch(|| self.cover_all(body, counts, positions, most));
+    }
+
+    #[inline(always)]
+    fn cover_all(&mut self, body: &RotatedTool, counts: &[u32], [px, py, pz]: [usize; 3], most: u32) {
+        let Self { target, covered, visited, widened, swept, .. } = self;
+        let [nx, ny, nz] = target.dims;
+        // Behind a plane there is room for the bits of a line's last word.
+        let words = py * pz / 64 + 2;
+        visited.clear();
+        visited.resize(px * words, 0);
+        for (row, line) in counts.chunks_exact(pz).enumerate() {
+            put_at_most(line, most, row % py * pz, &mut visited[row / py * words..][..words]);
+        }
+        widened.clone_from(visited);
+        // The target's voxels, at the distances of the positions.
+        let wanted = (ny * pz).div_ceil(64);
+        swept.clear();
+        swept.resize(nx * wanted, 0);
+        let mut runs = runs_of(body);
+        runs.sort_unstable_by_key(|run| (run.more, run.x, run.y, run.z));
+        let mut more = 0;
+        for run in runs {
+            while more < run.more {
+                more += 1;
+                or_shifted(visited, more, widened);
             }
-            for &(start, end) in &visits[(from_x * py + from_y) as usize] {
-                debug_assert!(end <= pz);
-                let first = (start + oz + run.first).clamp(0, nz as i64);
-                let last = (end + oz + run.last).clamp(0, nz as i64);
-                change[first as usize] += 1;
-                change[last as usize] -= 1;
+            for (x, plane) in swept.chunks_exact_mut(wanted).enumerate() {
+                or_shifted(&widened[(x + run.x) * words..][..words], run.y * pz + run.z, plane);
             }
         }
-        let mut depth = 0;
-        for (value, step) in line.iter_mut().zip(&change) {
-            depth += step;
-            *value |= u8::from(depth > 0);
+        for (row, line) in covered.chunks_exact_mut(nz.div_ceil(64)).enumerate() {
+            or_shifted(&swept[row / ny * wanted..][..wanted], row % ny * pz, line);
         }
+    }
+
+    /// Adds what another thread covered of the same target.
+    pub(super) fn merge(&mut self, other: &Self) {
+        self.covered.iter_mut().zip(&other.covered).for_each(|(all, more)| *all |= more);
+    }
+
+    /// 1 for every voxel of the target that was covered, C-ordered.
+    pub(super) fn covered(&self) -> Vec<u8> {
+        let nz = self.target.dims[2];
+        let lines = self.covered.chunks_exact(nz.div_ceil(64));
+        lines.flat_map(|line| (0..nz).map(|z| (line[z / 64] >> (z % 64) & 1) as u8)).collect()
+    }
+}
+
+/// Sets, from bit `start` on, a bit for every count that is at most `most`.
+#[inline(always)]
+fn put_at_most(counts: &[u32], most: u32, start: usize, bits: &mut [u64]) {
+    let (mut word, shift) = (start / 64, start % 64);
+    for counts in counts.chunks(64) {
+        let mut found = 0u64;
+        for (place, &count) in counts.iter().enumerate() {
+            found |= u64::from(count <= most) << place;
+        }
+        bits[word] |= found << shift;
+        // In two steps: all 64 bits go where nothing is left for the next word.
+        bits[word + 1] |= found >> 1 >> (63 - shift);
+        word += 1;
+    }
+}
+
+/// `target |= source >> bits`, both as one long number; beyond the source's end there are zeros.
+#[inline(always)]
+fn or_shifted(source: &[u64], bits: usize, target: &mut [u64]) {
+    let (skip, shift) = (bits / 64, bits % 64);
+    let source = source.get(skip..).unwrap_or_default();
+    if shift == 0 {
+        target.iter_mut().zip(source).for_each(|(t, s)| *t |= s);
+        return;
+    }
+    let next = source.get(1..).unwrap_or_default();
+    for ((target, low), high) in target.iter_mut().zip(source).zip(next) {
+        *target |= low >> shift | high << (64 - shift);
+    }
+    if let (Some(target), Some(low)) = (target.get_mut(next.len()), source.get(next.len())) {
+        *target |= low >> shift;
     }
 }
 
@@ -105,34 +182,76 @@ mod tests {
     use crate::access::tests::{slotted, small_tool};
     use crate::orientation::OrientationSet;
 
-    #[test]
-    fn it_is_the_union_of_the_bodys_copies() {
-        let poses = slotted().grid.grown([-2, 3, 0], [1, -4, 2]).unwrap();
-        let target = slotted().grid.grown([1, -2, 2], [-3, 2, 5]).unwrap();
-        let visited: Vec<u8> =
-            (0..poses.len()).map(|i| u8::from(i.wrapping_mul(2_654_435_761) >> 9 & 63 == 0)).collect();
-        let shift = target.offset_of(&poses).unwrap();
-        for orientation in OrientationSet::parse("random:5:2").unwrap().orientations {
-            let body = RotatedTool::new(&small_tool(), &orientation, 1.0).unwrap();
-            let mut expected = vec![0; target.len()];
-            for pose in (0..poses.len()).filter(|&p| visited[p] == 1) {
-                for index in (0..body.solid.len()).filter(|&i| body.solid[i] == 1) {
-                    let [_, ny, nz] = body.dims;
-                    let local = [index / (ny * nz), index / nz % ny, index % nz];
-                    let at = [0, 1, 2].map(|a| {
-                        poses.voxel(pose)[a] as i64 + shift[a] + local[a] as i64 + i64::from(body.lower[a])
-                    });
-                    if (0..3).all(|a| (0..target.dims[a] as i64).contains(&at[a])) {
-                        expected[target.index(at.map(|v| v as usize))] = 1;
-                    }
+    /// The definition: every voxel of the body at every position.
+    fn direct(body: &RotatedTool, target: &Grid, counts: &[u32], most: u32) -> Vec<u8> {
+        let positions = meeting_positions(body, target).unwrap();
+        let shift = target.offset_of(&positions).unwrap();
+        let mut expected = vec![0; target.len()];
+        for position in (0..positions.len()).filter(|&p| counts[p] <= most) {
+            for index in (0..body.solid.len()).filter(|&i| body.solid[i] == 1) {
+                let [_, ny, nz] = body.dims;
+                let local = [index / (ny * nz), index / nz % ny, index % nz];
+                let at = [0, 1, 2].map(|a| {
+                    positions.voxel(position)[a] as i64
+                        + shift[a]
+                        + local[a] as i64
+                        + i64::from(body.lower[a])
+                });
+                if (0..3).all(|a| (0..target.dims[a] as i64).contains(&at[a])) {
+                    expected[target.index(at.map(|v| v as usize))] = 1;
                 }
             }
-            let mut covered = vec![0; target.len()];
-            dilate(&body, &poses, &visited, &target, &mut covered, |_, _| true);
-            assert_eq!(covered, expected);
-            let mut none = vec![0; target.len()];
-            dilate(&body, &poses, &visited, &target, &mut none, |_, _| false);
-            assert!(none.iter().all(|&v| v == 0));
+        }
+        expected
+    }
+
+    #[test]
+    fn it_is_the_union_of_the_bodys_copies() {
+        // Lines shorter than a word, of a word, and longer, as positions and as target.
+        for (before, after) in
+            [([1, -2, 2], [-3, 2, 5]), ([-2, -4, 0], [-3, -3, 52]), ([-4, -4, 0], [-3, -3, 61])]
+        {
+            let target = slotted().grid.grown(before, after).unwrap();
+            let mut both = Dilation::new(&target);
+            let mut either = vec![0; target.len()];
+            for (index, orientation) in
+                OrientationSet::parse("random:4:2").unwrap().orientations.iter().enumerate()
+            {
+                let mut body = RotatedTool::new(&small_tool(), orientation, 1.0).unwrap();
+                if index == 3 {
+                    // Several runs on a line, and a body that does not hold its origin.
+                    body.solid.iter_mut().step_by(3).for_each(|s| *s = 0);
+                    body.lower[0] += 9;
+                }
+                let positions = meeting_positions(&body, &target).unwrap();
+                let hash = |i: usize| (i.wrapping_mul(2_654_435_761) >> 9) as u32 & 255;
+                let counts: Vec<u32> = (0..positions.len()).map(hash).collect();
+                let expected = direct(&body, &target, &counts, 1);
+                let mut one = Dilation::new(&target);
+                one.cover(&body, &counts, 1);
+                assert_eq!(one.covered(), expected);
+                assert!(expected.contains(&1) && expected.contains(&0));
+                both.merge(&one);
+                either.iter_mut().zip(&expected).for_each(|(e, x)| *e |= x);
+            }
+            assert_eq!(both.covered(), either);
+        }
+    }
+
+    #[test]
+    fn shifted_bits_are_those_of_one_bit_after_the_other() {
+        let words =
+            |n: usize| (0..n as u64).map(|i| i.wrapping_mul(0x9E37_79B9_7F4A_7C15)).collect::<Vec<_>>();
+        let bit = |words: &[u64], i: usize| words.get(i / 64).map_or(0, |word| word >> (i % 64) & 1);
+        for (source, target) in [(3, 5), (5, 3), (1, 1), (4, 4)] {
+            for bits in [0, 1, 63, 64, 65, 128, 191, 192, 500] {
+                let (source, before) = (words(source), words(target + 7)[7..].to_vec());
+                let mut after = before.clone();
+                or_shifted(&source, bits, &mut after);
+                for i in 0..64 * target {
+                    assert_eq!(bit(&after, i), bit(&before, i) | bit(&source, i + bits), "{bits}: {i}");
+                }
+            }
         }
     }
 }

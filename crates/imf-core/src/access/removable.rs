@@ -2,17 +2,18 @@
 //!
 //! For every orientation one correlation finds the free positions of the whole tool (its overlap with the obstacle, tip
 //! on a voxel centre, is at most τ), and a second one, of those positions with the rotated cutter, the voxels that it
-//! sweeps there; here the second is a dilation by runs. The stock itself is no obstacle: the question is what can be
-//! removed at all, in whatever order.
+//! sweeps there; here the second is a dilation by strings of bits. Both look only at the positions from which the cutter
+//! in that orientation meets the stock. The stock itself is no obstacle: the question is what can be removed at all, in
+//! whatever order.
 
 use thiserror::Error;
 
-use super::dilate;
+use super::dilation::{Dilation, meeting_positions};
 use crate::control::Control;
 use crate::grid::{Grid, GridError};
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
-use crate::section::{Obstacles, SectionError, SectionPlan, stream_sections};
+use crate::section::{Obstacles, SectionError, SectionPlan, SectionScratch, stream_orientations};
 use crate::tool::{ElementKind, RotatedTool, Tool, ToolError, ToolShape};
 
 /// Why the removable volume cannot be found.
@@ -76,13 +77,12 @@ pub fn removable_memory_estimate(
 ) -> Result<u64, RemovableError> {
     let positions = position_grid(stock, bare)?;
     let plan = SectionPlan::memory_estimate_with_query(obstacle, &positions, &tool.with_tip_only(), threads);
-    // A section, its free positions and their runs, and what is covered.
-    Ok(plan + threads as u64 * (6 * positions.len() as u64 + stock.len() as u64))
+    Ok(plan + threads as u64 * Dilation::memory(stock.dims, positions.dims) + stock.len() as u64)
 }
 
 /// Finds the voxels of `stock` that `cutter` ([`cutter_of`] the tool as it is) covers at a pose at which the overlap of
-/// `tool` (perhaps grown by a clearance) with the obstacles is at most `tau`. Lengths are in the grid's unit. Voxels of the stock that the obstacle holds should be left out of it beforehand. One unit
-/// of progress is one orientation; the result does not depend on the number of threads.
+/// `tool` (perhaps grown by a clearance) with the obstacles is at most `tau`. Lengths are in the grid's unit. Voxels of the stock that
+/// the obstacle holds should be left out of it beforehand. One unit of progress is one orientation; the result does not depend on the number of threads.
 ///
 /// # Errors
 /// A stock on other voxels than the obstacle, as [`SectionPlan::cmf`], or cancellation.
@@ -99,29 +99,36 @@ pub fn removable<'a>(
     let plan = SectionPlan::with_query(obstacles, &positions, &tool.with_tip_only())?;
     // A cutter too thin for the grid is refused before the work begins.
     RotatedTool::new(cutter, &Orientation::default(), positions.pitch)?;
-    let nz = stock.grid.dims[2];
-    let start = || (vec![0u8; stock.grid.len()], Ok(()));
-    let parts = stream_sections(&plan, orientations, control, start, |(covered, state), index, overlap| {
-        let body = match RotatedTool::new(cutter, &orientations[index], positions.pitch) {
-            Ok(body) => body,
-            Err(error) => {
-                *state = Err(error);
-                return;
-            }
-        };
-        let free: Vec<u8> = overlap.iter().map(|&v| u8::from(f64::from(v) <= tau)).collect();
-        // Only rows where some stock is not known to be removable yet.
-        dilate(&body, &positions, &free, &stock.grid, covered, |line, row| {
-            line.iter().zip(&stock.solid[row * nz..][..nz]).any(|(&done, &there)| there > done)
-        });
-    })?;
-    let mut whole = vec![0u8; stock.grid.len()];
-    for (covered, state) in parts {
-        state?;
-        whole.iter_mut().zip(covered).for_each(|(all, one)| *all |= one);
+    let start = || (SectionScratch::default(), Dilation::new(&stock.grid));
+    let visit = |(scratch, dilation): &mut (SectionScratch, Dilation), index: usize| {
+        let orientation = &orientations[index];
+        let body = RotatedTool::new(cutter, orientation, positions.pitch)?;
+        let meeting = meeting_positions(&body, &stock.grid)?;
+        let (whole, counts) = plan.counts_in(orientation, &meeting, scratch)?;
+        if let Some(most) = most_free(whole, tau) {
+            dilation.cover(&body, counts, most);
+        }
+        Ok::<(), RemovableError>(())
+    };
+    let parts = stream_orientations(orientations.len(), control, start, visit)?;
+    let mut whole = Dilation::new(&stock.grid);
+    parts.iter().for_each(|(_, part)| whole.merge(part));
+    let mut covered = whole.covered();
+    covered.iter_mut().zip(&stock.solid).for_each(|(all, &there)| *all &= there);
+    Ok(Removable { covered })
+}
+
+/// The largest count whose collision measure, as sections give it, is at most `tau`; none where even 0 is too much.
+fn most_free(whole: u32, tau: f64) -> Option<u32> {
+    let share = 1.0 / f64::from(whole);
+    let free = |count: u32| f64::from((share * f64::from(count)).min(1.0) as f32) <= tau;
+    // The measure grows with the count.
+    let (mut low, mut high) = (0, u64::from(whole) + 1);
+    while low < high {
+        let middle = low.midpoint(high);
+        if free(middle as u32) { low = middle + 1 } else { high = middle }
     }
-    whole.iter_mut().zip(&stock.solid).for_each(|(all, &there)| *all &= there);
-    Ok(Removable { covered: whole })
+    low.checked_sub(1).map(|most| most as u32)
 }
 
 #[cfg(test)]
@@ -171,6 +178,17 @@ mod tests {
             }
             let count = expected.iter().map(|&v| usize::from(v)).sum::<usize>();
             assert!(count > 0 && (tau > 0.0 || count < stock.count()));
+        }
+    }
+
+    #[test]
+    fn the_largest_free_count_is_found_among_all_counts() {
+        for whole in [1, 7, 1000] {
+            for tau in [-1.0, 0.0, 1e-3, 0.07, 1.0 / 7.0, 0.5, 1.0, 3.0] {
+                let share = 1.0 / f64::from(whole);
+                let free = |&count: &u32| f64::from((share * f64::from(count)) as f32) <= tau;
+                assert_eq!(most_free(whole, tau), (0..=whole).filter(free).max(), "{whole}, {tau}");
+            }
         }
     }
 

@@ -10,7 +10,9 @@ use std::fmt;
 
 use glam::DVec3;
 
-use super::{Orientation, OrientationSetError, direction_orientation, numbers};
+use super::set::numbers;
+use super::spread::direction_orientation;
+use super::{Orientation, OrientationSetError};
 
 /// Angles this far outside a range still count as inside, in degrees: ends of ranges are meant to be reached.
 const SLACK: f64 = 1e-7;

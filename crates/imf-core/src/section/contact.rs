@@ -101,7 +101,7 @@ impl PlannedSkin {
             other => other?,
         };
         scratch.more.resize(query.len(), 0);
-        self.counter.count(&self.voxels, &rotated, &mut scratch.counter, &mut scratch.more);
+        self.counter.count(&self.voxels, &rotated, query, &mut scratch.counter, &mut scratch.more);
         spot_check(&self.voxels, &rotated, query, &scratch.more)?;
         scratch.counts.iter_mut().zip(&scratch.more).for_each(|(count, more)| *count += more);
         Ok(())

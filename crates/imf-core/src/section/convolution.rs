@@ -24,7 +24,6 @@ const LANES: usize = 8;
 
 /// Plans and the obstacle's spectrum.
 pub(super) struct Convolver<T: Precision> {
-    query: QueryBox,
     size: CircularSize,
     forward_z: Arc<dyn RealToComplex<T>>,
     inverse_z: Arc<dyn ComplexToReal<T>>,
@@ -81,12 +80,11 @@ impl Solid<'_> {
 }
 
 impl<T: Precision> Convolver<T> {
-    pub(super) fn new(obstacle: &Occupancy, query: QueryBox, size: CircularSize) -> Self {
+    pub(super) fn new(obstacle: &Occupancy, size: CircularSize) -> Self {
         let mut real = RealFftPlanner::new();
         let mut complex = FftPlanner::new();
         let [nx, ny, nz] = size.n;
         let mut convolver = Self {
-            query,
             size,
             forward_z: real.plan_fft_forward(nz),
             inverse_z: real.plan_fft_inverse(nz),
@@ -124,16 +122,17 @@ impl<T: Precision> Convolver<T> {
         spectrum
     }
 
-    /// Correlates the obstacle with a tool: whole numbers over the query box into `counts`. Returns the largest
-    /// distance of an output from a whole number.
+    /// Correlates the obstacle with a tool: whole numbers over a query box, for which the size given to `new` holds,
+    /// into `counts`. Returns the largest distance of an output from a whole number.
     pub(super) fn correlate(
         &self,
         tool: &ClippedTool<'_>,
+        query: &QueryBox,
         scratch: &mut Scratch<T>,
         counts: &mut [u32],
     ) -> f64 {
         let [nx, ny, nz] = self.size.n;
-        let [qx, qy, qz] = self.query.dims;
+        let [qx, qy, qz] = query.dims;
         let solid = Solid::Tool(tool);
         self.transform_z(&solid, scratch);
         let blocks = self.blocks();
@@ -153,7 +152,7 @@ impl<T: Precision> Convolver<T> {
                 }
                 self.inverse[0].process_with_scratch(lines, fft);
                 for x in 0..qx {
-                    let at = wrap(self.query.lower[0] + x as i64, nx);
+                    let at = wrap(query.lower[0] + x as i64, nx);
                     let target = &mut rows[(x * ny + ky) * LANES..][..LANES];
                     for (lane, value) in target.iter_mut().enumerate() {
                         *value = lines[lane * nx + at];
@@ -169,7 +168,7 @@ impl<T: Precision> Convolver<T> {
                 }
                 self.inverse[1].process_with_scratch(lines, fft);
                 for y in 0..qy {
-                    let at = wrap(self.query.lower[1] + y as i64, ny);
+                    let at = wrap(query.lower[1] + y as i64, ny);
                     let target = &mut output[((block * qx + x) * qy + y) * LANES..][..LANES];
                     for (lane, value) in target.iter_mut().enumerate() {
                         *value = lines[lane * ny + at];
@@ -192,7 +191,7 @@ impl<T: Precision> Convolver<T> {
             let done = self.inverse_z.process_with_scratch(half, &mut real[..nz], fft);
             debug_assert!(done.is_ok(), "buffer lengths are the plan's");
             for (z, count) in counts[row * qz..][..qz].iter_mut().enumerate() {
-                let value = real[wrap(self.query.lower[2] + z as i64, nz)].widen();
+                let value = real[wrap(query.lower[2] + z as i64, nz)].widen();
                 let rounded = value.round();
                 worst = worst.max((value - rounded).abs());
                 *count = rounded.max(0.0) as u32;

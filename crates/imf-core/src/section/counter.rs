@@ -33,7 +33,6 @@ pub enum Method {
 pub(super) struct Counter {
     pub(super) method: Method,
     pub(super) arch: Arch,
-    query: QueryBox,
     size: CircularSize,
     obstacle_count: usize,
     pub(super) run_ends: OnceLock<SurfaceCounter>,
@@ -113,11 +112,10 @@ fn arch_rank(arch: Arch) -> usize {
 }
 
 impl Counter {
-    pub(super) fn new(obstacle: &Occupancy, query: QueryBox, size: CircularSize) -> Self {
+    pub(super) fn new(obstacle: &Occupancy, size: CircularSize) -> Self {
         Self {
             method: Method::default(),
             arch: Arch::new(),
-            query,
             size,
             obstacle_count: obstacle.count(),
             run_ends: OnceLock::new(),
@@ -132,42 +130,41 @@ impl Counter {
     }
 
     /// Estimated seconds for a tool in an orientation.
-    pub(super) fn estimate(&self, obstacle: &Occupancy, tool: &RotatedTool) -> Estimate {
+    pub(super) fn estimate(&self, obstacle: &Occupancy, tool: &RotatedTool, query: &QueryBox) -> Estimate {
         let clipped = ClippedTool::new(tool, &self.size);
         let dims = obstacle.grid.dims;
-        Estimate::new(self.arch, dims, &self.query, &self.size, &clipped, self.fits_single(tool))
+        Estimate::new(self.arch, dims, query, &self.size, &clipped, self.fits_single(tool))
     }
 
-    /// Overlaps over the query box into `counts`. The obstacle is the one that the counter was made for.
+    /// Overlaps over a box within the one that the counter was made for into `counts`. The obstacle is the counter's.
     pub(super) fn count(
         &self,
         obstacle: &Occupancy,
         tool: &RotatedTool,
+        query: &QueryBox,
         scratch: &mut Scratch,
         counts: &mut [u32],
     ) {
         let run_ends = match self.method {
-            Method::Fastest => self.estimate(obstacle, tool).prefers_run_ends(),
+            Method::Fastest => self.estimate(obstacle, tool, query).prefers_run_ends(),
             Method::RunEnds => true,
             Method::Transform => false,
         };
         let clipped = ClippedTool::new(tool, &self.size);
         if run_ends {
-            let counter = self
-                .run_ends
-                .get_or_init(|| SurfaceCounter::new(self.arch, obstacle, self.query, &self.size));
-            counter.count(&clipped, &mut scratch.run_ends, counts);
+            let counter = self.run_ends.get_or_init(|| SurfaceCounter::new(self.arch, obstacle, &self.size));
+            counter.count(&clipped, query, &mut scratch.run_ends, counts);
             return;
         }
         // A deviation from whole numbers near ½ would be ambiguous: a quarter is already a reason for f64.
         if self.fits_single(tool) {
-            let convolver = self.single.get_or_init(|| Convolver::new(obstacle, self.query, self.size));
-            if convolver.correlate(&clipped, &mut scratch.single, counts) < 0.25 {
+            let convolver = self.single.get_or_init(|| Convolver::new(obstacle, self.size));
+            if convolver.correlate(&clipped, query, &mut scratch.single, counts) < 0.25 {
                 return;
             }
         }
-        let convolver = self.double.get_or_init(|| Convolver::new(obstacle, self.query, self.size));
-        convolver.correlate(&clipped, &mut scratch.double, counts);
+        let convolver = self.double.get_or_init(|| Convolver::new(obstacle, self.size));
+        convolver.correlate(&clipped, query, &mut scratch.double, counts);
     }
 
     /// One line for people: what is taken for the tool in this orientation, and what it was weighed against.

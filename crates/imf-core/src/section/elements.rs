@@ -5,8 +5,9 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use super::imf::stream;
-use super::{Imf, Obstacles, SectionError, SectionPlan, SectionScratch, Skin, direct_count};
+use super::{
+    Imf, Obstacles, SectionError, SectionPlan, SectionScratch, Skin, direct_count, stream_orientations,
+};
 use crate::control::Control;
 use crate::grid::Grid;
 use crate::occupancy::Occupancy;
@@ -247,7 +248,7 @@ impl Planned {
         counts.resize(whole.query.len(), 0);
         for layer in &self.layers {
             let outcome = match layer {
-                Layer::Planned(plan) => plan.box_counts(orientation, scratch).map(|_| {
+                Layer::Planned(plan) => plan.box_counts(orientation, &plan.query, scratch).map(|_| {
                     counts.iter_mut().zip(&scratch.counts).for_each(|(sum, count)| *sum += count);
                 }),
                 Layer::Thin { obstacle, alone } => RotatedTool::new(alone, orientation, obstacle.grid.pitch)
@@ -303,7 +304,7 @@ pub fn elements_at_best(
     let kinds: Vec<ElementKind> = plans.elements().collect();
     let found = Mutex::new(vec![vec![0.0_f32; voxels]; kinds.len()]);
     let start = || (ElementScratch::default(), vec![vec![0.0_f32; voxels]; kinds.len()]);
-    stream(orientations.len(), control, start, |(scratch, measures), index| {
+    stream_orientations(orientations.len(), control, start, |(scratch, measures), index| {
         if wanted[index].is_empty() {
             return Ok(());
         }

@@ -77,37 +77,40 @@ pub fn stream_sections<V: Send>(
     start: impl Fn() -> V + Sync,
     visit: impl Fn(&mut V, usize, &[f32]) + Sync,
 ) -> Result<Vec<V>, SectionError> {
-    let start = || (start(), SectionScratch::default(), vec![0.0; plan.grid().len()]);
-    let step = |(visitor, scratch, cmf): &mut (V, SectionScratch, Vec<f32>), index: usize| {
-        plan.cmf(&orientations[index], scratch, cmf)?;
-        visit(visitor, index, cmf);
-        Ok(())
-    };
-    let visitors = stream(orientations.len(), control, start, step)?;
-    Ok(visitors.into_iter().map(|(visitor, ..)| visitor).collect())
+    let scratch = || (start(), SectionScratch::default(), vec![0.0; plan.grid().len()]);
+    let parts =
+        stream_orientations(orientations.len(), control, scratch, |(visitor, scratch, cmf), index| {
+            plan.cmf(&orientations[index], scratch, cmf)?;
+            visit(visitor, index, cmf);
+            Ok::<(), SectionError>(())
+        })?;
+    Ok(parts.into_iter().map(|(visitor, ..)| visitor).collect())
 }
 
-/// Does `step` for the numbers below `count` on all threads of the current pool, each with its own state made by
-/// `start`; all are returned. One unit of progress is one number.
-pub(super) fn stream<V: Send>(
+/// Shows the indices `0..count` to `visit`, each once and in no fixed order, on all threads of the current pool. Every
+/// thread has its own visitor, made by `start`; all are returned. One unit of progress is one index.
+///
+/// # Errors
+/// The first failure of a visit; [`SectionError::Cancelled`] when the control asks to stop.
+pub fn stream_orientations<V: Send, E: From<SectionError> + Send>(
     count: usize,
     control: Control<'_>,
     start: impl Fn() -> V + Sync,
-    step: impl Fn(&mut V, usize) -> Result<(), SectionError> + Sync,
-) -> Result<Vec<V>, SectionError> {
+    visit: impl Fn(&mut V, usize) -> Result<(), E> + Sync,
+) -> Result<Vec<V>, E> {
     let next = AtomicUsize::new(0);
     let finished = Mutex::new(Ok(Vec::new()));
-    let work = || -> Result<V, SectionError> {
-        let mut state = start();
+    let work = || -> Result<V, E> {
+        let mut visitor = start();
         loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
             if index >= count {
-                return Ok(state);
+                return Ok(visitor);
             }
             if control.is_cancelled() {
-                return Err(SectionError::Cancelled);
+                return Err(SectionError::Cancelled.into());
             }
-            step(&mut state, index)?;
+            visit(&mut visitor, index)?;
             (control.progress)(1);
         }
     };

@@ -21,6 +21,14 @@ impl QueryBox {
         Self { lower: offset.map(|o| o - grow), dims: dims.map(|d| d + 2 * grow as usize) }
     }
 
+    /// True where every voxel of the other box is one of this.
+    pub(super) fn holds(&self, other: &Self) -> bool {
+        (0..3).all(|a| {
+            other.lower[a] >= self.lower[a]
+                && other.lower[a] + other.dims[a] as i64 <= self.lower[a] + self.dims[a] as i64
+        })
+    }
+
     /// Number of voxels.
     #[must_use]
     pub fn len(&self) -> usize {

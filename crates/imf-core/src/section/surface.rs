@@ -16,10 +16,9 @@ use super::size::{CircularSize, QueryBox};
 use super::sweep::Sweep;
 use crate::occupancy::Occupancy;
 
-/// The obstacle prepared for one query box.
+/// The obstacle prepared for tools and query boxes of one size.
 pub(super) struct SurfaceCounter {
     arch: Arch,
-    query: QueryBox,
     obstacle: BitObstacle,
 }
 
@@ -51,17 +50,23 @@ impl Default for Scratch {
 }
 
 impl SurfaceCounter {
-    pub(super) fn new(arch: Arch, obstacle: &Occupancy, query: QueryBox, size: &CircularSize) -> Self {
-        Self { arch, query, obstacle: BitObstacle::new(obstacle, size, TILE_BITS) }
+    pub(super) fn new(arch: Arch, obstacle: &Occupancy, size: &CircularSize) -> Self {
+        Self { arch, obstacle: BitObstacle::new(obstacle, size, TILE_BITS) }
     }
 
-    /// Overlaps of the tool over the query box into `counts`.
-    pub(super) fn count(&self, tool: &ClippedTool<'_>, scratch: &mut Scratch, counts: &mut [u32]) {
+    /// Overlaps of the tool over a query box into `counts`; the size given to `new` holds for the box.
+    pub(super) fn count(
+        &self,
+        tool: &ClippedTool<'_>,
+        query: &QueryBox,
+        scratch: &mut Scratch,
+        counts: &mut [u32],
+    ) {
         counts.fill(0);
         if tool.dims[0] == 0 {
             return;
         }
-        let sweep = Sweep::choose(tool, self.obstacle.dims(), self.obstacle.line_bits(), &self.query);
+        let sweep = Sweep::choose(tool, self.obstacle.dims(), self.obstacle.line_bits(), query);
         if sweep.steps() == 0 {
             return;
         }
@@ -71,7 +76,7 @@ impl SurfaceCounter {
         {
             self.addresses_of(offsets, addresses);
         }
-        let [xs, ys, zs] = Axis::ALL.map(|axis| sweep.range(axis, &self.query));
+        let [xs, ys, zs] = Axis::ALL.map(|axis| sweep.range(axis, query));
         let lines = (ys.end - ys.start) as usize;
         let length = (zs.end - zs.start) as usize;
         scratch.previous.clear();
@@ -98,7 +103,7 @@ impl SurfaceCounter {
                 }
             };
             let source = if sweep.axis == Axis::X { &*previous } else { &*plane };
-            self.store(target, &ys, &zs, &sweep, source, counts);
+            store(query, target, &ys, &zs, &sweep, source, counts);
         }
     }
 
@@ -192,38 +197,38 @@ impl SurfaceCounter {
         }
         reads.resize(reads.len().next_multiple_of(8), 0);
     }
+}
 
-    /// Copies the overlaps of a plane that the query box wants.
-    fn store(
-        &self,
-        x: i64,
-        ys: &Range<i64>,
-        zs: &Range<i64>,
-        sweep: &Sweep,
-        source: &[i32],
-        counts: &mut [u32],
-    ) {
-        let [qx, qy, qz] = self.query.dims;
-        let [lx, ly, lz] = self.query.lower;
-        if x < lx || x >= lx + qx as i64 {
-            return;
+/// Copies the overlaps of a plane that the query box wants.
+fn store(
+    query: &QueryBox,
+    x: i64,
+    ys: &Range<i64>,
+    zs: &Range<i64>,
+    sweep: &Sweep,
+    source: &[i32],
+    counts: &mut [u32],
+) {
+    let [qx, qy, qz] = query.dims;
+    let [lx, ly, lz] = query.lower;
+    if x < lx || x >= lx + qx as i64 {
+        return;
+    }
+    let length = (zs.end - zs.start) as usize;
+    // A difference upwards belongs to the next voxel.
+    let step = |axis: Axis| i64::from(sweep.axis == axis && sweep.upwards);
+    let (y0, z0) = (ys.start + step(Axis::Y), zs.start + step(Axis::Z));
+    let (y1, z1) = (ys.end + step(Axis::Y), zs.end + step(Axis::Z));
+    for y in y0.max(ly)..y1.min(ly + qy as i64) {
+        let (from, to) = (z0.max(lz), z1.min(lz + qz as i64));
+        if from >= to {
+            continue;
         }
-        let length = (zs.end - zs.start) as usize;
-        // A difference upwards belongs to the next voxel.
-        let step = |axis: Axis| i64::from(sweep.axis == axis && sweep.upwards);
-        let (y0, z0) = (ys.start + step(Axis::Y), zs.start + step(Axis::Z));
-        let (y1, z1) = (ys.end + step(Axis::Y), zs.end + step(Axis::Z));
-        for y in y0.max(ly)..y1.min(ly + qy as i64) {
-            let (from, to) = (z0.max(lz), z1.min(lz + qz as i64));
-            if from >= to {
-                continue;
-            }
-            let line = &source[(y - y0) as usize * length..][(from - z0) as usize..(to - z0) as usize];
-            let row = (x - lx) as usize * qy + (y - ly) as usize;
-            let target = &mut counts[row * qz + (from - lz) as usize..][..line.len()];
-            for (count, &overlap) in target.iter_mut().zip(line) {
-                *count = overlap as u32;
-            }
+        let line = &source[(y - y0) as usize * length..][(from - z0) as usize..(to - z0) as usize];
+        let row = (x - lx) as usize * qy + (y - ly) as usize;
+        let target = &mut counts[row * qz + (from - lz) as usize..][..line.len()];
+        for (count, &overlap) in target.iter_mut().zip(line) {
+            *count = overlap as u32;
         }
     }
 }

@@ -242,13 +242,15 @@ fn both_precisions_of_the_transform_give_the_same_whole_numbers() {
     let size = CircularSize::new(DIMS, query, 10.0);
     let clipped = ClippedTool::new(&rotated, &size);
     let (mut single, mut double) = (vec![7; query.len()], vec![9; query.len()]);
-    let far = convolution::Convolver::<f32>::new(&obstacle, query, size).correlate(
+    let far = convolution::Convolver::<f32>::new(&obstacle, size).correlate(
         &clipped,
+        &query,
         &mut convolution::Scratch::default(),
         &mut single,
     );
-    convolution::Convolver::<f64>::new(&obstacle, query, size).correlate(
+    convolution::Convolver::<f64>::new(&obstacle, size).correlate(
         &clipped,
+        &query,
         &mut convolution::Scratch::default(),
         &mut double,
     );
@@ -297,4 +299,31 @@ fn a_query_grid_of_its_own_sees_the_whole_obstacle() {
     let moved = Grid { origin: obstacle.grid.origin + 0.5, ..obstacle.grid };
     let refusal = SectionPlan::with_query(&obstacle, &moved, &sharp).err().unwrap();
     assert!(refusal.to_string().contains("whole voxels"), "{refusal}");
+}
+
+#[test]
+fn a_window_of_the_plans_grid_has_its_counts() {
+    let obstacle = scattered(DIMS);
+    let query = obstacle.grid.grown([9, 8, 10], [8, 9, 11]).unwrap();
+    for tool in [cylinder(2.0, 9.0), cylinder(1.5, 30.0)] {
+        for method in [Method::RunEnds, Method::Transform, Method::Fastest] {
+            let plan = SectionPlan::with_query(&obstacle, &query, &tool).unwrap().with_method(method);
+            let (mut scratch, mut all) = (SectionScratch::default(), vec![u32::MAX; query.len()]);
+            for orientation in OrientationSet::parse("random:4:8").unwrap().orientations {
+                let total = plan.counts(&orientation, &mut scratch, &mut all).unwrap();
+                for (before, after) in
+                    [([-12, -3, -20], [-5, -20, -4]), ([0; 3], [0; 3]), ([0, -27, 0], [-29, 0, 0])]
+                {
+                    let window = query.grown(before, after).unwrap();
+                    let (whole, counts) = plan.counts_in(&orientation, &window, &mut scratch).unwrap();
+                    assert_eq!((whole, counts.len()), (total, window.len()));
+                    for (index, &count) in counts.iter().enumerate() {
+                        let voxel = window.voxel(index);
+                        let voxel = [0, 1, 2].map(|a| (voxel[a] as i64 - before[a]) as usize);
+                        assert_eq!(count, all[query.index(voxel)], "{method:?} {voxel:?}");
+                    }
+                }
+            }
+        }
+    }
 }

@@ -6,13 +6,12 @@ use std::time::Instant;
 use anyhow::Result;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{Resolution, SceneSpec};
 use imf_core::section::{SectionPlan, imf, stream_sections};
 use imf_core::tool::Tool;
-use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
 use super::machine::{peak_memory, reset_peak_memory};
+use super::scene;
 use crate::arguments::ExactBenchArguments;
 use crate::picture::{AxisScale, Chart, Series};
 use crate::session::{Session, show_bytes};
@@ -63,32 +62,22 @@ pub(super) fn measure(session: &Session, arguments: &ExactBenchArguments) -> Res
     let part = ReferencePart::ScrewGear;
     let mesh = part.mesh();
     let paper = Tool::paper();
-    let scene = |dims: [usize; 3]| {
-        SceneSpec {
-            fixtures: &[],
-            around: imf_core::scene::Around::Part,
-            part: part.name(),
-            mesh: &mesh,
-            unit: LengthUnit::Mm,
-            transform: glam::DMat4::IDENTITY,
-            resolution: Resolution::Dims(dims),
-            margin: 0,
-            conservative: false,
-            tool: &paper,
-        }
-        .scene()
-    };
     let orientations = OrientationSet::parse("fibonacci:64")?.orientations;
     let most = if arguments.full { usize::MAX } else { QUICK_SIDE };
     let mut growth =
         Growth { part: part.name(), sizes: Vec::new(), stream_dims: part.dims(), streams: Vec::new() };
     for side in SIDES.into_iter().filter(|&side| side <= most) {
-        let mut obstacle = scene([side; 3])?.obstacle;
+        let mut obstacle = scene(part, &mesh, [side; 3], &paper)?.obstacle;
         for scaled in [false, true] {
             session.note(&format!("sections at {side}³, tool {}", if scaled { "scaled" } else { "fixed" }));
             let factor = if scaled { side as f64 / PAPER_SIDE } else { 1.0 };
             // In a grid of another pitch the same tool spans as many voxels as are asked for.
             obstacle.grid.pitch = 1.0 / factor;
+            let needed = SectionPlan::memory_estimate(&obstacle.grid, &paper, session.threads());
+            if let Err(error) = session.require_memory(needed, || "use fewer --threads".into()) {
+                session.warn(&format!("sections at {side}³ are left out: {error}"));
+                continue;
+            }
             reset_peak_memory();
             let plan = SectionPlan::new(&obstacle, &paper)?;
             let seconds_per_section = time_sections(session, &plan, &orientations)?;
@@ -101,7 +90,7 @@ pub(super) fn measure(session: &Session, arguments: &ExactBenchArguments) -> Res
             });
         }
     }
-    let obstacle = scene(growth.stream_dims)?.obstacle;
+    let obstacle = scene(part, &mesh, growth.stream_dims, &paper)?.obstacle;
     let plan = SectionPlan::new(&obstacle, &paper)?;
     let most = if arguments.full { usize::MAX } else { QUICK_ORIENTATIONS };
     for count in ORIENTATIONS.into_iter().filter(|&count| count <= most) {
@@ -128,11 +117,12 @@ fn time_sections(session: &Session, plan: &SectionPlan, orientations: &[Orientat
         let step = (orientations.len() / count).max(1);
         orientations.iter().copied().step_by(step).take(count).collect()
     };
+    // The first section also makes the plan's tables, once for all others.
+    run(&spread(1))?;
     let few = session.threads().clamp(1, orientations.len());
     let first = run(&spread(few))?;
     let count = ((BUDGET / first) as usize).clamp(few, orientations.len());
-    // The first run also made the plan's tables.
-    if count > few || first < BUDGET { run(&spread(count)) } else { Ok(first) }
+    if count > few { run(&spread(count)) } else { Ok(first) }
 }
 
 impl Growth {

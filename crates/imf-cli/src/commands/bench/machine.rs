@@ -12,6 +12,9 @@ pub(super) struct Machine {
     threads: usize,
     version: &'static str,
     system: String,
+    /// Mean number of threads that wanted to run over the last minute, when the measurement began and when it ended: on
+    /// an idle machine near 0 and near `threads`. Nothing where the system does not say.
+    load: Option<[f64; 2]>,
 }
 
 impl Machine {
@@ -23,14 +26,29 @@ impl Machine {
             threads,
             version: env!("CARGO_PKG_VERSION"),
             system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
+            load: load().map(|begin| [begin; 2]),
         }
+    }
+
+    /// Notes the load at the end.
+    pub(super) fn finish(&mut self) {
+        self.load = self.load.zip(load()).map(|([begin, _], end)| [begin, end]);
     }
 }
 
 impl fmt::Display for Machine {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}, {} threads, {}, imf {}", self.cpu, self.threads, self.system, self.version)
+        write!(f, "{}, {} threads, {}, imf {}", self.cpu, self.threads, self.system, self.version)?;
+        match self.load {
+            Some([begin, end]) => write!(f, ", load {begin:.1} at the beginning, {end:.1} at the end"),
+            None => Ok(()),
+        }
     }
+}
+
+/// The load of the last minute.
+fn load() -> Option<f64> {
+    System::load_average().ok().map(|load| load.one)
 }
 
 /// Starts a new measurement of the most memory that this process holds at once. Linux only.

@@ -1,0 +1,251 @@
+//! Sets of orientations, as people write them down.
+
+use std::path::Path;
+
+use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::spread::{direction_orientation, fibonacci, grid, random, super_fibonacci};
+use super::{Limits, Orientation, wrap_degrees};
+
+/// Why a set of orientations cannot be made.
+#[derive(Debug, Error)]
+pub enum OrientationSetError {
+    /// The text is none of the known forms.
+    #[error(
+        "'{0}' is no orientation set: use grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, \
+         ac:A_MIN:A_MAX:C_MIN:C_MAX:NA:NC, bc:…, so3:N, within:LIMITS@SET, a list of angle pairs such as 0,0;12,6, or a CSV file"
+    )]
+    Form(String),
+    /// A number in the text is missing, malformed or out of range.
+    #[error("orientation set '{spec}': {what}")]
+    Value {
+        /// The text given.
+        spec: String,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// The text of machine limits is none of the known forms.
+    #[error(
+        "'{0}' are no machine limits: use ac:A_MIN:A_MAX:C_MIN:C_MAX, bc:B_MIN:B_MAX:C_MIN:C_MAX or \
+             cone:X,Y,Z:HALF_ANGLE, in degrees"
+    )]
+    Limits(String),
+    /// The CSV file cannot be read.
+    #[error("cannot read orientations from {path}: {source}")]
+    Read {
+        /// The file.
+        path: String,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+}
+
+/// An ordered list of orientations and the text it was made from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OrientationSet {
+    /// The text that [`OrientationSet::parse`] read, or a name.
+    pub spec: String,
+    /// The orientations in order: indices in results count these.
+    pub orientations: Vec<Orientation>,
+}
+
+/// More orientations than this are refused as a slip of the keyboard.
+const MOST: usize = 10_000_000;
+
+impl OrientationSet {
+    /// Reads a set from its text:
+    ///
+    /// | text | set |
+    /// | --- | --- |
+    /// | `grid:N` | N × N angle pairs, θ = 360°·i/N, φ = 180°·j/N, θ outermost (the paper's; repeats the pole N times) |
+    /// | `fibonacci:N` | N directions spread evenly over the sphere |
+    /// | `random:N:SEED` | N directions uniform on the sphere |
+    /// | `cone:X,Y,Z:HALF_ANGLE:N` | N directions spread evenly within an angle (degrees) of an axis |
+    /// | `ac:A0:A1:C0:C1:NA:NC` | NA × NC directions of two rotary axes within their ranges, see [`Limits`] |
+    /// | `bc:B0:B1:C0:C1:NB:NC` | the same for B and C |
+    /// | `within:LIMITS@SET` | those directions of SET that a machine's [`Limits`] reach |
+    /// | `so3:N` | N rotations spread evenly over SO(3), for tools that are not axisymmetric |
+    /// | `θ,φ;θ,φ;…` | the pairs given, degrees |
+    /// | a path ending in `.csv` | columns `theta,phi[,roll]` in degrees or `i,j,k`, with that header line |
+    ///
+    /// # Errors
+    /// Names the part of the text that is wrong.
+    pub fn parse(spec: &str) -> Result<Self, OrientationSetError> {
+        let fail = |what: &str| OrientationSetError::Value { spec: spec.to_owned(), what: what.to_owned() };
+        let count = |text: &str| match text.parse::<usize>() {
+            Ok(n) if (1..=MOST).contains(&n) => Ok(n),
+            _ => Err(fail(&format!("'{text}' is no number of orientations from 1 to {MOST}"))),
+        };
+        if let Some((limits, set)) = spec.strip_prefix("within:").and_then(|rest| rest.split_once('@')) {
+            return Self::parse(set)?.within(&Limits::parse(limits)?);
+        }
+        let parts: Vec<&str> = spec.split(':').collect();
+        let orientations = match parts.as_slice() {
+            ["grid", n] => {
+                let n = count(n)?;
+                if n.saturating_mul(n) > MOST {
+                    return Err(fail(&format!("{n} × {n} is more than {MOST} orientations")));
+                }
+                grid(n)
+            }
+            ["fibonacci", n] => fibonacci(count(n)?, -1.0).map(direction_orientation).collect(),
+            ["random", n, seed] => {
+                let seed =
+                    seed.parse().map_err(|_| fail(&format!("'{seed}' is no seed (a whole number)")))?;
+                random(count(n)?, seed)
+            }
+            ["cone", axis, half_angle, n] => {
+                let axis = numbers(axis)
+                    .filter(|v| v.len() == 3)
+                    .and_then(|v| DVec3::from_slice(&v).try_normalize());
+                let axis =
+                    axis.ok_or_else(|| fail("the axis must be three numbers, not all zero, such as 0,0,1"))?;
+                let half_angle: f64 = half_angle.parse().unwrap_or(f64::NAN);
+                if !(0.0..=180.0).contains(&half_angle) {
+                    return Err(fail("the half angle must be from 0 to 180 degrees"));
+                }
+                let turn = DQuat::from_rotation_arc(DVec3::Z, axis);
+                let lowest = half_angle.to_radians().cos();
+                fibonacci(count(n)?, lowest).map(|d| direction_orientation(turn * d)).collect()
+            }
+            ["ac" | "bc", _, _, _, _, n_tilt, n_turn] => {
+                let (n_tilt, n_turn) = (count(n_tilt)?, count(n_turn)?);
+                if n_tilt.saturating_mul(n_turn) > MOST {
+                    return Err(fail(&format!("{n_tilt} × {n_turn} is more than {MOST} orientations")));
+                }
+                Limits::parse(&parts[..5].join(":"))?.directions(n_tilt, n_turn)
+            }
+            ["so3", n] => super_fibonacci(count(n)?),
+            [path] if path.to_ascii_lowercase().ends_with(".csv") => return Self::read_csv(Path::new(path)),
+            [list] if list.contains(',') => list
+                .split(';')
+                .map(|pair| match numbers(pair).as_deref() {
+                    Some(&[theta, phi]) => angle_pair(theta, phi, 0.0).map_err(|what| fail(&what)),
+                    _ => Err(fail(&format!("'{pair}' is no pair θ,φ"))),
+                })
+                .collect::<Result<_, _>>()?,
+            _ => return Err(OrientationSetError::Form(spec.to_owned())),
+        };
+        Ok(Self { spec: spec.to_owned(), orientations })
+    }
+
+    /// The orientations whose directions lie within the limits, in the same order.
+    ///
+    /// # Errors
+    /// No orientation is left.
+    pub fn within(&self, limits: &Limits) -> Result<Self, OrientationSetError> {
+        let spec = format!("within:{limits}@{}", self.spec);
+        let reachable = self.orientations.iter().copied().filter(|o| limits.reach(o.direction()));
+        let orientations: Vec<_> = reachable.collect();
+        if orientations.is_empty() {
+            let what = format!("none of its {} orientations is within {limits}", self.len());
+            return Err(OrientationSetError::Value { spec: self.spec.clone(), what });
+        }
+        Ok(Self { spec, orientations })
+    }
+
+    fn read_csv(path: &Path) -> Result<Self, OrientationSetError> {
+        let spec = path.display().to_string();
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| OrientationSetError::Read { path: spec.clone(), source })?;
+        let fail = |what: String| OrientationSetError::Value { spec: spec.clone(), what };
+        let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+        let header = lines.next().map(|(_, line)| line.replace(' ', "").to_ascii_lowercase());
+        let directions = match header.as_deref() {
+            Some("theta,phi" | "theta,phi,roll") => false,
+            Some("i,j,k") => true,
+            _ => return Err(fail("the first line must be theta,phi or theta,phi,roll or i,j,k".into())),
+        };
+        let columns = header.map_or(0, |h| h.split(',').count());
+        let mut orientations = Vec::new();
+        for (number, line) in lines {
+            let wrong = |what: &str| fail(format!("line {}: {what}", number + 1));
+            let values = numbers(line).filter(|v| v.len() == columns);
+            let values = values.ok_or_else(|| wrong(&format!("'{line}' is not {columns} numbers")))?;
+            orientations.push(if directions {
+                Orientation::from_direction(DVec3::from_slice(&values))
+                    .ok_or_else(|| wrong("a direction must not be zero"))?
+            } else {
+                angle_pair(values[0], values[1], values.get(2).copied().unwrap_or(0.0))
+                    .map_err(|e| wrong(&e))?
+            });
+        }
+        if orientations.is_empty() {
+            return Err(fail("holds no orientation".into()));
+        }
+        Ok(Self { spec, orientations })
+    }
+
+    /// Number of orientations.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.orientations.len()
+    }
+
+    /// True without orientations.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.orientations.is_empty()
+    }
+}
+
+/// The finite numbers of a comma-separated list; `None` where one is none.
+pub(super) fn numbers(text: &str) -> Option<Vec<f64>> {
+    text.split(',').map(|t| t.trim().parse::<f64>().ok().filter(|v| v.is_finite())).collect()
+}
+
+fn angle_pair(theta: f64, phi: f64, roll: f64) -> Result<Orientation, String> {
+    if (0.0..=180.0).contains(&phi) {
+        Ok(Orientation { theta: wrap_degrees(theta), phi, roll: wrap_degrees(roll) })
+    } else {
+        Err(format!("φ must be from 0 to 180 degrees, not {phi}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn set(spec: &str) -> Vec<Orientation> {
+        OrientationSet::parse(spec).unwrap().orientations
+    }
+
+    #[test]
+    fn the_papers_grid_holds_its_out_of_sample_pair_at_30_only() {
+        let holds = |n: usize| set(&format!("grid:{n}")).iter().any(|o| o.theta == 12.0 && o.phi == 6.0);
+        assert_eq!(set("grid:15").len(), 225);
+        assert!(!holds(15) && holds(30));
+    }
+
+    #[test]
+    fn lists_and_files_are_read_and_their_errors_name_the_line() {
+        assert_eq!(set("0,0;12,6")[1], Orientation::new(12.0, 6.0));
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("axes.csv");
+        std::fs::write(&path, "i,j,k\n0,0,2\n1,0,0\n").unwrap();
+        let read = OrientationSet::parse(path.to_str().unwrap()).unwrap();
+        assert_eq!(read.orientations[1].direction(), DVec3::X);
+        std::fs::write(&path, "theta,phi\n0,10\n0,190\n").unwrap();
+        let error = OrientationSet::parse(path.to_str().unwrap()).unwrap_err().to_string();
+        assert!(error.contains("line 3") && error.contains("190"), "{error}");
+    }
+
+    #[test]
+    fn wrong_texts_are_refused() {
+        for spec in [
+            "",
+            "grid",
+            "grid:0",
+            "grid:x",
+            "random:5",
+            "cone:0,0,0:10:5",
+            "cone:0,0,1:200:5",
+            "1,2,3",
+            "grid:99999",
+        ] {
+            assert!(OrientationSet::parse(spec).is_err(), "{spec}");
+        }
+    }
+}
