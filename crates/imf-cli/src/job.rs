@@ -19,7 +19,7 @@ use std::time::Instant;
 
 use anyhow::{Context as _, Result};
 use imf_core::model::{LossPoint, Model};
-use imf_core::training::run::{Cursor, Outcome, TrainError, train};
+use imf_core::training::run::{Cursor, Outcome, Report, TrainError, TrainingPlan, train};
 use imf_core::training::{EngineError, TrainingEngine};
 
 use crate::engine::Device;
@@ -32,6 +32,12 @@ use plan::REPORT_EVERY;
 /// Points that a loss curve keeps at most, about.
 const CURVE_POINTS: u64 = 400;
 
+/// The observer of a training.
+pub(crate) type Observer<'a> = dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()> + 'a;
+/// Runs a plan on an engine from a cursor: where the samples come from is its own affair.
+pub(crate) type Loop<'a> = dyn FnMut(&TrainingPlan, &mut dyn TrainingEngine, Cursor, &mut Observer<'_>) -> Result<Outcome, TrainError>
+    + 'a;
+
 /// Trains `model` to the end of its plan and writes it to `out`. `go_on` is what to do after an interruption, such as
 /// "add --resume".
 pub(crate) fn run(
@@ -43,7 +49,23 @@ pub(crate) fn run(
     checkpoint_every: f64,
     go_on: &'static str,
 ) -> Result<Model> {
-    let batch = model.record.plan.batch.min(data.samples.len().max(1));
+    run_by(session, device, data.samples.len(), model, out, checkpoint_every, go_on, &mut |plan, engine, start, observer| {
+        train(plan, &data.samples, engine, start, observer)
+    })
+}
+
+/// As [`run`], with samples from wherever `by` has them; an epoch is `samples` of them.
+pub(crate) fn run_by(
+    session: &Session,
+    device: &Device,
+    samples: usize,
+    model: Model,
+    out: &Path,
+    checkpoint_every: f64,
+    go_on: &'static str,
+    by: &mut Loop<'_>,
+) -> Result<Model> {
+    let batch = model.record.plan.batch.min(samples.max(1));
     let needed = device.training_memory(model.shape, batch)?;
     session.require_memory(needed, || {
         format!(
@@ -52,14 +74,14 @@ pub(crate) fn run(
         )
     })?;
     let mut engine = device.trainer(model.shape, &model.record.plan, batch, model.state.clone())?;
-    let total = model.record.plan.total_steps(data.samples.len());
+    let total = model.record.plan.total_steps(samples);
     session.note(&format!(
         "training {}×{} ({} parameters, ω = {}) on {} samples, {} steps of {batch}; {}",
         model.shape.hidden,
         model.shape.width,
         model.shape.parameter_count(),
         model.shape.omega,
-        data.samples.len(),
+        samples,
         total,
         engine.describe()
     ));
@@ -82,7 +104,7 @@ pub(crate) fn run(
     run.stage.advance(run.model.record.steps);
     let start = run.model.record.cursor;
     let plan = run.model.record.plan;
-    let outcome = train(&plan, &data.samples, engine.as_mut(), start, &mut |report, engine| {
+    let outcome = by(&plan, engine.as_mut(), start, &mut |report, engine| {
         run.observe(report.cursor, report.step, report.mean_loss, report.samples_per_second, engine)
     });
     if let Some(failure) = run.failure {

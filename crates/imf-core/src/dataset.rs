@@ -17,7 +17,7 @@ mod sampling;
 mod shard;
 
 pub use manifest::{DatasetError, Manifest, ShardRecord};
-pub use sampling::{Sampling, SamplingError, draw};
+pub use sampling::{Sampling, SamplingError, boundary, draw};
 
 use std::path::Path;
 
@@ -64,7 +64,7 @@ pub fn generate(
             let orientations = &set.orientations[sections.clone()];
             let parts =
                 stream_sections(&plan, orientations, control, Vec::new, |list: &mut Vec<_>, local, cmf| {
-                    let voxels = draw(cmf, sampling, (sections.start + local) as u64);
+                    let voxels = draw(cmf, scene.record.grid.dims, sampling, (sections.start + local) as u64);
                     let values: Vec<f32> = voxels.iter().map(|&v| cmf[v as usize]).collect();
                     list.push((local, voxels, values));
                 })?;

@@ -18,6 +18,8 @@ pub(crate) fn run(session: &Session, arguments: &DatasetArguments) -> Result<()>
     let sampling = Sampling {
         density: arguments.density,
         positive_share: arguments.positive_share,
+        boundary_share: arguments.boundary_share,
+        boundary_width: arguments.boundary_width,
         seed: arguments.seed,
     };
     sampling.check()?;
