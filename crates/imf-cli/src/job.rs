@@ -49,9 +49,16 @@ pub(crate) fn run(
     checkpoint_every: f64,
     go_on: &'static str,
 ) -> Result<Model> {
-    run_by(session, device, data.samples.len(), model, out, checkpoint_every, go_on, &mut |plan, engine, start, observer| {
-        train(plan, &data.samples, engine, start, observer)
-    })
+    run_by(
+        session,
+        device,
+        data.samples.len(),
+        model,
+        out,
+        checkpoint_every,
+        go_on,
+        &mut |plan, engine, start, observer| train(plan, &data.samples, engine, start, observer),
+    )
 }
 
 /// As [`run`], with samples from wherever `by` has them; an epoch is `samples` of them.

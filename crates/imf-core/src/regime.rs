@@ -299,7 +299,10 @@ impl Regime {
         }
         self.network.shape().check().map_err(|e| fail(e.to_string()))?;
         if !(self.scene.scale > 0.0 && self.scene.scale <= 16.0) {
-            return Err(fail(format!("scene.scale must be above 0 and at most 16, not {}", self.scene.scale)));
+            return Err(fail(format!(
+                "scene.scale must be above 0 and at most 16, not {}",
+                self.scene.scale
+            )));
         }
         for (index, stage) in self.stages.iter().enumerate() {
             let name = &stage.name;

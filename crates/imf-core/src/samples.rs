@@ -25,7 +25,14 @@ impl Samples {
     /// No samples yet.
     #[must_use]
     pub fn new(grid: Grid) -> Self {
-        Self { grid, frame: grid, angles: Vec::new(), starts: vec![0], voxels: Vec::new(), values: Vec::new() }
+        Self {
+            grid,
+            frame: grid,
+            angles: Vec::new(),
+            starts: vec![0],
+            voxels: Vec::new(),
+            values: Vec::new(),
+        }
     }
 
     /// Number of samples.

@@ -24,7 +24,9 @@ pub(crate) enum RegimeCommand {
 
 /// Print a preset's file, to read or to change
 #[derive(Args)]
-#[command(after_help = "Example:\n  imf regime show single > mine.toml\n  imf regime run mine.toml --out mine")]
+#[command(
+    after_help = "Example:\n  imf regime show single > mine.toml\n  imf regime run mine.toml --out mine"
+)]
 pub(crate) struct ShowArguments {
     /// Name of the preset
     pub(crate) name: String,
@@ -32,13 +34,11 @@ pub(crate) struct ShowArguments {
 
 /// Run a regime: datasets, every stage, evaluation, report and loss curve in one folder; continues what was interrupted
 #[derive(Args)]
-#[command(
-    after_help = "Examples:\n  imf regime run single --part teapot --out single\n  \
+#[command(after_help = "Examples:\n  imf regime run single --part teapot --out single\n  \
                         imf regime run multi --scale 0.5 --set network.width=128 --set 'stage.*.training.batch=512' \
                         --out trial\n  imf regime run mine.toml --out mine\n\n\
                         Writes regime.toml (what was run), datasets, stages, model.safetensors, regime.md, regime.json \
-                        and loss.png. After Ctrl-C or a crash the same command goes on, to the same weights."
-)]
+                        and loss.png. After Ctrl-C or a crash the same command goes on, to the same weights.")]
 pub(crate) struct RunArguments {
     /// A preset (imf regime list) or a file
     pub(crate) regime: String,

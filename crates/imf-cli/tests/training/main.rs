@@ -9,3 +9,4 @@ mod damage;
 mod demo;
 mod interruption;
 mod pipeline;
+mod regime;

@@ -138,11 +138,8 @@ pub fn boundary(cmf: &[f32], dims: [usize; 3], width: usize) -> Vec<bool> {
 /// If `cmf` has not as many values as `dims` has voxels.
 #[must_use]
 pub fn draw(cmf: &[f32], dims: [usize; 3], sampling: &Sampling, index: u64) -> Vec<u32> {
-    let edge = if sampling.boundary_share > 0.0 {
-        boundary(cmf, dims, sampling.boundary_width)
-    } else {
-        Vec::new()
-    };
+    let edge =
+        if sampling.boundary_share > 0.0 { boundary(cmf, dims, sampling.boundary_width) } else { Vec::new() };
     // Free, colliding, at the boundary.
     let kind = |voxel: usize| {
         if edge.get(voxel).copied().unwrap_or(false) { 2 } else { usize::from(cmf[voxel] > 0.0) }
@@ -215,7 +212,10 @@ mod tests {
         let sampling = Sampling::default();
         assert_eq!(draw(&cmf, [cmf.len(), 1, 1], &sampling, 1), draw(&cmf, [cmf.len(), 1, 1], &sampling, 1));
         assert_ne!(draw(&cmf, [cmf.len(), 1, 1], &sampling, 1), draw(&cmf, [cmf.len(), 1, 1], &sampling, 2));
-        assert_ne!(draw(&cmf, [cmf.len(), 1, 1], &sampling, 1), draw(&cmf, [cmf.len(), 1, 1], &Sampling { seed: 1, ..sampling }, 1));
+        assert_ne!(
+            draw(&cmf, [cmf.len(), 1, 1], &sampling, 1),
+            draw(&cmf, [cmf.len(), 1, 1], &Sampling { seed: 1, ..sampling }, 1)
+        );
     }
 
     #[test]

@@ -95,8 +95,7 @@ fn sweeps_are_single_with_one_thing_changed() {
     }
     let architectures = run("architecture");
     assert!(architectures.iter().all(|(_, r)| r.scene.part == "screw-gear"), "the paper's is the screw gear");
-    let mut sizes: Vec<_> =
-        architectures.iter().map(|(_, r)| (r.network.width, r.network.layers)).collect();
+    let mut sizes: Vec<_> = architectures.iter().map(|(_, r)| (r.network.width, r.network.layers)).collect();
     sizes.sort_unstable();
     assert_eq!(sizes, [(256, 5), (512, 4), (512, 5), (512, 6), (1024, 5)]);
 }

@@ -182,8 +182,7 @@ impl Pool {
     /// Sample `index` of all, slot after slot.
     fn sample(&self, index: usize) -> ([f32; crate::siren::INPUTS], f32) {
         let (section, at) = (&self.sections[index / self.per_section], index % self.per_section);
-        let point =
-            self.frame.unit(self.grid.centre(self.grid.voxel(section.voxels[at] as usize))).as_vec3();
+        let point = self.frame.unit(self.grid.centre(self.grid.voxel(section.voxels[at] as usize))).as_vec3();
         let [theta, phi] = section.angles;
         (features(point.to_array(), theta, phi), section.values[at])
     }
@@ -215,9 +214,8 @@ pub fn train_online(
     std::thread::scope(|scope| {
         let (sender, receiver) = sync_channel(settings.lead);
         let producer = scope.spawn(move || sections.produce(numbers, &sender));
-        let outcome = feed_and_train(
-            plan, sections, receiver, oldest, first_step, &mut waits, engine, start, observer,
-        );
+        let outcome =
+            feed_and_train(plan, sections, receiver, oldest, first_step, &mut waits, engine, start, observer);
         // The receiver is gone now, so a producer that still has work stops.
         let (waited, made) = producer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         (waits.producer, waits.sections) = (waited.as_secs_f64(), made);
@@ -258,7 +256,11 @@ fn feed_and_train(
             next += 1;
         }
         let waited = begun.elapsed().as_secs_f64();
-        if step == first_step { waits.filling += waited } else { waits.trainer += waited }
+        if step == first_step {
+            waits.filling += waited
+        } else {
+            waits.trainer += waited
+        }
         let base = mix(key ^ mix(step));
         gather(inputs, targets, |row| {
             let random = mix(base.wrapping_add(row as u64));

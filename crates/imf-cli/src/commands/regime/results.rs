@@ -86,7 +86,10 @@ fn one(workshop: &Workshop<'_>, asked: &EvaluationSettings, done: &Finished) -> 
     let mut engine = workshop.device.evaluator(model.shape, &model.state.parameters)?;
     let evaluation = compare(session, model, engine.as_mut(), &questions)?;
     evaluation.write(&done.folder, model, engine.as_mut())?;
-    let mut answers: Vec<Answer> = evaluation.report.rows.iter()
+    let mut answers: Vec<Answer> = evaluation
+        .report
+        .rows
+        .iter()
         .map(|row| Answer { name: row.name.clone(), errors: row.errors })
         .collect();
     let plan = SectionPlan::new(&model.scene.obstacle, &record.tool.with_tip_only())?;
@@ -109,7 +112,8 @@ fn interruption(error: anyhow::Error, out: &Path) -> anyhow::Error {
             || matches!(cause.downcast_ref(), Some(EvaluationError::Section(SectionError::Cancelled)))
     });
     if cancelled {
-        return Interrupted(format!("the trained stages are kept in {}; {GO_ON} to go on", out.display())).into();
+        return Interrupted(format!("the trained stages are kept in {}; {GO_ON} to go on", out.display()))
+            .into();
     }
     error
 }

@@ -97,14 +97,20 @@ impl Workshop<'_> {
                 Standing::At(model) => model,
             };
             let mut waits = None;
-            let model = job::run_by(session, self.device, samples, *model, &folder, every, GO_ON, &mut |plan,
-                                                                                                    engine,
-                                                                                                    start,
-                                                                                                    observer| {
-                let (outcome, waited) = train_online(plan, &sections, engine, start, observer)?;
-                waits = Some(waited);
-                Ok(outcome)
-            })?;
+            let model = job::run_by(
+                session,
+                self.device,
+                samples,
+                *model,
+                &folder,
+                every,
+                GO_ON,
+                &mut |plan, engine, start, observer| {
+                    let (outcome, waited) = train_online(plan, &sections, engine, start, observer)?;
+                    waits = Some(waited);
+                    Ok(outcome)
+                },
+            )?;
             if let Some(waits) = &waits {
                 write_json(&waits_path, waits)?;
                 session.note(&format!(
@@ -140,12 +146,8 @@ impl Workshop<'_> {
         let mut hasher = crc32fast::Hasher::new();
         parameters.iter().for_each(|p| hasher.update(&p.to_le_bytes()));
         // The checksum lets a stage that started from other weights be noticed.
-        let from = format!(
-            "{} (stage {}, {:08x})",
-            earlier.model.scene.record.part,
-            stage.start,
-            hasher.finalize()
-        );
+        let from =
+            format!("{} (stage {}, {:08x})", earlier.model.scene.record.part, stage.start, hasher.finalize());
         Ok((TrainingState::from_parameters(parameters), Some(from)))
     }
 

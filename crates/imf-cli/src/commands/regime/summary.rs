@@ -134,8 +134,15 @@ impl Summary {
             let _ = writeln!(
                 text,
                 "| {} | {} | {} | {x}×{y}×{z} | {} | {} | {} × {} | {:.1} s | {:.2e} |",
-                stage.name, stage.start, stage.part, stage.sections, stage.samples, stage.steps, stage.batch,
-                stage.seconds, stage.loss
+                stage.name,
+                stage.start,
+                stage.part,
+                stage.sections,
+                stage.samples,
+                stage.steps,
+                stage.batch,
+                stage.seconds,
+                stage.loss
             );
         }
         for stage in &self.stages {
@@ -154,7 +161,9 @@ impl Summary {
             let _ = writeln!(text, "| {} |", row.join(" | "));
         }
         text.push_str("\n![Training loss of every stage](loss.png)\n");
-        let reports: Vec<String> = self.results.iter()
+        let reports: Vec<String> = self
+            .results
+            .iter()
             .filter(|outcome| finished.iter().any(|done| done.name == outcome.stage))
             .map(|outcome| format!("[{0}](stages/{0}/report.md)", outcome.stage))
             .collect();

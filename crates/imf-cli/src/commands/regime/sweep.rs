@@ -61,7 +61,11 @@ pub(super) fn run(
         return print_json(&lines);
     }
     let head: Vec<&str> = head.iter().map(String::as_str).collect();
-    print(&format!("\n{}\n{} holds sweep.md, sweep.json and a folder for each variant.", table(&head, &rows), out.display()))
+    print(&format!(
+        "\n{}\n{} holds sweep.md, sweep.json and a folder for each variant.",
+        table(&head, &rows),
+        out.display()
+    ))
 }
 
 /// What a variant came to in an earlier run, if it came to its end.
@@ -71,7 +75,8 @@ fn finished(folder: &Path) -> Option<Summary> {
 
 /// The table's head, and a row for each result of each variant.
 fn cells(lines: &[Line]) -> (Vec<String>, Vec<Vec<String>>) {
-    let mut head: Vec<String> = ["variant", "parameters", "training", "random MSE", "random MPE"].map(String::from).into();
+    let mut head: Vec<String> =
+        ["variant", "parameters", "training", "random MSE", "random MPE"].map(String::from).into();
     if let Some(outcome) = lines.iter().find_map(|line| line.summary.results.first()) {
         for answer in outcome.imf() {
             let name = answer.name.split(" (").next().unwrap_or("IMF");

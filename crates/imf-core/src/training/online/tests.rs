@@ -13,12 +13,7 @@ fn sections(settings: OnlineSettings) -> OnlineSections {
     let grid = Grid { origin: DVec3::ZERO, pitch: 8.0, dims: [9, 10, 11] };
     let solid = (0..grid.len()).map(|i| u8::from(i % 7 < 3)).collect();
     let plan = SectionPlan::new(&Occupancy { grid, solid }, &Tool::paper()).unwrap();
-    OnlineSections {
-        plan,
-        frame: grid,
-        sampling: Sampling { density: 0.1, ..Sampling::default() },
-        settings,
-    }
+    OnlineSections { plan, frame: grid, sampling: Sampling { density: 0.1, ..Sampling::default() }, settings }
 }
 
 fn plan() -> TrainingPlan {
@@ -94,8 +89,7 @@ impl TrainingEngine for Recorder {
 fn every_sample_is_an_exact_value_of_a_section_in_the_pool_of_its_step() {
     let sections = sections(SETTINGS);
     let mut recorder = Recorder { batches: Vec::new(), pause: Duration::from_millis(2) };
-    let (_, waits) =
-        train_online(&plan(), &sections, &mut recorder, Cursor::default(), &mut go_on).unwrap();
+    let (_, waits) = train_online(&plan(), &sections, &mut recorder, Cursor::default(), &mut go_on).unwrap();
     assert!(waits.producer > 0.0, "a slow trainer keeps the producer waiting: {waits:?}");
     let grid = *sections.plan.grid();
     let mut scratch = SectionScratch::default();
@@ -111,7 +105,8 @@ fn every_sample_is_an_exact_value_of_a_section_in_the_pool_of_its_step() {
                 if input[3..] != wanted[3..] {
                     continue;
                 }
-                let unit = DVec3::new(f64::from(input[0]), f64::from(input[1]), f64::from(input[2])) * 0.5 + 0.5;
+                let unit =
+                    DVec3::new(f64::from(input[0]), f64::from(input[1]), f64::from(input[2])) * 0.5 + 0.5;
                 let voxel = (unit * DVec3::new(9.0, 10.0, 11.0)).floor();
                 let index = grid.index([voxel.x as usize, voxel.y as usize, voxel.z as usize]);
                 assert_eq!(target, cmf[index], "step {step}");
