@@ -100,11 +100,14 @@ fn single_from_a_file_of_ones_own() {
 fn multi_goes_on_after_sigkill_in_either_stage_to_the_same_bits() {
     let work = Workdir::new();
     work.imf(&format!("{} --out whole", multi())).done();
-    let [coarse, full] = ["coarse", "full"].map(|s| work.model(&format!("whole/stages/{s}/model.safetensors")));
+    let [coarse, full] =
+        ["coarse", "full"].map(|s| work.model(&format!("whole/stages/{s}/model.safetensors")));
     assert_eq!(coarse.scene, full.scene, "both stages' networks speak of the full grid");
     assert!(full.record.fine_tuned_from.as_ref().unwrap().contains("stage coarse"));
     let summary: Value = serde_json::from_str(&work.text("whole/regime.json")).unwrap();
-    let voxels = |i: usize| summary["stages"][i]["dims"].as_array().unwrap().iter().map(|d| d.as_u64().unwrap()).product::<u64>();
+    let voxels = |i: usize| {
+        summary["stages"][i]["dims"].as_array().unwrap().iter().map(|d| d.as_u64().unwrap()).product::<u64>()
+    };
     assert!(voxels(0) < voxels(1) / 2, "{} and {} voxels", voxels(0), voxels(1));
 
     killed(&work, &format!("{} --out broken", multi()), "broken/stages/coarse/checkpoint.safetensors", 2);
@@ -159,7 +162,9 @@ fn a_sweep_runs_its_variants_once_and_tabulates_them() {
         let base = format!("regime run {name} {TINY} {FEW} {} --out {name}", steps(40));
         let line = if name == "architecture" {
             // Five networks of the paper's size would take minutes; the variants' own overrides come last.
-            format!("{base} --set variant=[{{name=\"a\",set={{\"network.width\"=8}}}},{{name=\"b\",set={{\"network.layers\"=4}}}}]")
+            format!(
+                "{base} --set variant=[{{name=\"a\",set={{\"network.width\"=8}}}},{{name=\"b\",set={{\"network.layers\"=4}}}}]"
+            )
         } else {
             base
         };
