@@ -4,6 +4,7 @@ pub(crate) mod access;
 pub(crate) mod check;
 pub(crate) mod clearance;
 pub(crate) mod fixture;
+pub(crate) mod regime;
 pub(crate) mod scene;
 pub(crate) mod transform;
 
@@ -12,6 +13,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use imf_core::dataset::Share;
 use imf_core::training::Loss;
+use imf_core::training::schedule::RateRule;
 
 use scene::SceneArguments;
 
@@ -62,6 +64,7 @@ pub(crate) enum Command {
     Dataset(DatasetArguments),
     Train(TrainArguments),
     Finetune(FinetuneArguments),
+    Regime(regime::RegimeArguments),
     Eval(EvalArguments),
     Query(QueryArguments),
     Check(check::CheckArguments),
@@ -243,6 +246,12 @@ pub(crate) struct DatasetMakeArguments {
     /// Share of the samples to draw where the tool collides
     #[arg(long, default_value_t = 0.75)]
     pub(crate) positive_share: f64,
+    /// Share of the samples to draw at the boundary between free and colliding; --positive-share divides the rest
+    #[arg(long, default_value_t = 0.0)]
+    pub(crate) boundary_share: f64,
+    /// How far from the boundary still counts as at it
+    #[arg(long, default_value_t = 1, value_name = "VOXELS")]
+    pub(crate) boundary_width: usize,
     /// Seed of the sampling
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
@@ -272,6 +281,9 @@ pub(crate) struct PlanArguments {
     /// Highest learning rate; with --resume, the rate to go on from
     #[arg(long, value_name = "RATE")]
     pub(crate) rate: Option<f32>,
+    /// How the rate follows the batch, from 1024 on; sqrt and linear begin with a rise of 100 steps
+    #[arg(long, value_enum, default_value = "constant")]
+    pub(crate) rate_rule: RuleKind,
     /// exponential: ×0.93 every epoch (the paper's); cosine: down to a hundredth over all steps
     #[arg(long, value_enum, default_value = "exponential")]
     pub(crate) schedule: ScheduleKind,
@@ -312,6 +324,26 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
 pub(crate) enum ScheduleKind {
     Exponential,
     Cosine,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub(crate) enum RuleKind {
+    /// The same rate for every batch
+    Constant,
+    /// Rate × √(batch / 1024)
+    Sqrt,
+    /// Rate × batch / 1024
+    Linear,
+}
+
+impl From<RuleKind> for RateRule {
+    fn from(kind: RuleKind) -> Self {
+        match kind {
+            RuleKind::Constant => Self::Constant,
+            RuleKind::Sqrt => Self::Sqrt,
+            RuleKind::Linear => Self::Linear,
+        }
+    }
 }
 
 #[derive(Clone, Copy, ValueEnum)]

@@ -12,5 +12,6 @@ pub(crate) mod finetune;
 pub(crate) mod info;
 pub(crate) mod parts;
 pub(crate) mod query;
+pub(crate) mod regime;
 pub(crate) mod train;
 pub(crate) mod voxelize;

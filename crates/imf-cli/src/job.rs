@@ -12,6 +12,7 @@ mod plan;
 mod start;
 mod telemetry;
 
+pub(crate) use checkpoint::{Latest, latest};
 pub(crate) use curve::loss_chart;
 pub(crate) use data::Data;
 pub(crate) use plan::{plan, plan_defaults};
@@ -23,7 +24,7 @@ use std::time::Instant;
 
 use anyhow::{Context as _, Result, ensure};
 use imf_core::model::{HeldOutPoint, LossPoint, Model};
-use imf_core::training::run::{Outcome, Report, TrainError, train};
+use imf_core::training::run::{Cursor, Outcome, Report, TrainError, TrainingPlan, train};
 use imf_core::training::schedule::Schedule;
 use imf_core::training::{EngineError, TrainingEngine};
 
@@ -71,16 +72,37 @@ impl Settings {
     }
 }
 
+/// The observer of a training.
+pub(crate) type Observer<'a> = dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()> + 'a;
+/// Runs a plan on an engine from a cursor: where the samples come from is its own affair.
+pub(crate) type Loop<'a> = dyn FnMut(&TrainingPlan, &mut dyn TrainingEngine, Cursor, &mut Observer<'_>) -> Result<Outcome, TrainError>
+    + 'a;
+
 /// Trains `model` to the end of its plan and writes it to `out`.
 pub(crate) fn run(
     session: &Session,
     device: &Device,
     data: &Data,
-    mut model: Model,
+    model: Model,
     out: &Path,
     settings: &Settings,
 ) -> Result<Model> {
-    let batch = model.record.plan.batch.min(data.samples.len().max(1));
+    run_by(session, device, data.samples.len(), model, out, settings, &mut |plan, engine, start, observer| {
+        train(plan, &data.samples, engine, start, observer)
+    })
+}
+
+/// As [`run`], with samples from wherever `by` has them; an epoch is `samples` of them.
+pub(crate) fn run_by(
+    session: &Session,
+    device: &Device,
+    samples: usize,
+    mut model: Model,
+    out: &Path,
+    settings: &Settings,
+    by: &mut Loop<'_>,
+) -> Result<Model> {
+    let batch = model.record.plan.batch.min(samples.max(1));
     let needed = device.training_memory(model.shape, batch)?;
     session.require_memory(needed, || {
         format!(
@@ -88,12 +110,12 @@ pub(crate) fn run(
             model.shape.hidden, model.shape.width
         )
     })?;
-    let total = model.record.plan.total_steps(data.samples.len());
+    let total = model.record.plan.total_steps(samples);
     if model.record.steps == 0 {
         let seed = model.record.plan.seed;
         model.record.held_out = held_out::record(settings.held_out, settings.held_out_every, seed, total);
     }
-    let held_out = HeldOutWatch::new(session, data, &model)?;
+    let held_out = HeldOutWatch::new(session, &model)?;
     let folder = settings.tensorboard.then(|| out.join("tensorboard"));
     let telemetry = Telemetry::open(settings.log.as_deref(), folder, model.record.steps)?;
     let mut engine = device.trainer(model.shape, &model.record.plan, batch, model.state.clone())?;
@@ -103,7 +125,7 @@ pub(crate) fn run(
         model.shape.width,
         model.shape.parameter_count(),
         model.shape.omega,
-        data.samples.len(),
+        samples,
         total,
         engine.describe()
     ));
@@ -125,9 +147,7 @@ pub(crate) fn run(
     run.stage.begin_at(run.model.record.steps);
     let start = run.model.record.cursor;
     let plan = run.model.record.plan;
-    let outcome = train(&plan, &data.samples, engine.as_mut(), start, &mut |report, engine| {
-        run.observe(report, engine)
-    });
+    let outcome = by(&plan, engine.as_mut(), start, &mut |report, engine| run.observe(report, engine));
     if let Some(failure) = run.failure {
         return Err(failure);
     }

@@ -58,7 +58,7 @@ pub(crate) struct Report {
     training_seconds: f64,
     training_engine: String,
     evaluation_engine: String,
-    rows: Vec<Row>,
+    pub(crate) rows: Vec<Row>,
     /// MSE of the learnt field at random orientations over the exact field's variance there.
     mse_over_variance: f64,
     /// The same over the MSE of the nearest training section.

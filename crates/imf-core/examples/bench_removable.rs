@@ -22,7 +22,7 @@ fn main() {
     let part = arguments.next().map_or(ReferencePart::Teapot, |name| name.parse().expect("a reference part"));
     let count: usize = arguments.next().map_or(64, |n| n.parse().expect("a number of orientations"));
     let tool = Tool::paper();
-    assert!(cutter_of(&tool).is_some(), "the paper's tool has a cutter");
+    let cutter = cutter_of(&tool).expect("the paper's tool has a cutter");
     let mesh = part.mesh();
     let spec = SceneSpec {
         fixtures: &[],
@@ -45,7 +45,7 @@ fn main() {
     let mut covered = 0;
     for _ in 0..ROUNDS {
         let begun = Instant::now();
-        let found = removable(&obstacle, &stock, &tool, &orientations, 0.0, Control::quiet());
+        let found = removable(&obstacle, &stock, &tool, &cutter, &orientations, 0.0, Control::quiet());
         covered = found.expect("removable stock").covered.iter().map(|&v| usize::from(v)).sum();
         least = least.min(begun.elapsed().as_secs_f64());
     }

@@ -21,7 +21,7 @@ mod share;
 
 pub use manifest::{DatasetError, Layout, Manifest, ShardRecord};
 pub use merge::{Merged, merge};
-pub use sampling::{Sampling, SamplingError, draw};
+pub use sampling::{Sampling, SamplingError, boundary, draw};
 pub use share::{Share, ShareError};
 
 use std::path::Path;
@@ -91,7 +91,7 @@ pub fn generate_share(
             let orientations = &set.orientations[sections.clone()];
             let parts =
                 stream_sections(&plan, orientations, control, Vec::new, |list: &mut Vec<_>, local, cmf| {
-                    let voxels = draw(cmf, sampling, (sections.start + local) as u64);
+                    let voxels = draw(cmf, scene.record.grid.dims, sampling, (sections.start + local) as u64);
                     let values: Vec<f32> = voxels.iter().map(|&v| cmf[v as usize]).collect();
                     list.push((local, voxels, values));
                 })?;

@@ -71,6 +71,7 @@ pub mod model;
 pub mod occupancy;
 pub mod orientation;
 pub mod parts;
+pub mod regime;
 pub mod samples;
 pub mod scene;
 pub mod section;

@@ -8,6 +8,9 @@ use crate::siren::{INPUTS, features};
 pub struct Samples {
     /// The grid whose voxels `voxels` counts.
     pub grid: Grid,
+    /// The grid whose unit coordinates the network's inputs are: `grid` itself, or the full grid where `grid` is a
+    /// coarser one of the same scene. Both may have other boxes; a voxel's centre is the same point of the world.
+    pub frame: Grid,
     /// (θ, φ) in degrees of each section.
     pub angles: Vec<[f32; 2]>,
     /// Samples of section `s` are `starts[s]..starts[s + 1]`; one entry more than sections.
@@ -22,7 +25,14 @@ impl Samples {
     /// No samples yet.
     #[must_use]
     pub fn new(grid: Grid) -> Self {
-        Self { grid, angles: Vec::new(), starts: vec![0], voxels: Vec::new(), values: Vec::new() }
+        Self {
+            grid,
+            frame: grid,
+            angles: Vec::new(),
+            starts: vec![0],
+            voxels: Vec::new(),
+            values: Vec::new(),
+        }
     }
 
     /// Number of samples.
@@ -57,7 +67,38 @@ impl Samples {
     pub fn sample(&self, index: usize) -> ([f32; INPUTS], f32) {
         let section = self.starts.partition_point(|&start| start <= index) - 1;
         let [theta, phi] = self.angles[section];
-        let point = self.grid.unit(self.grid.centre(self.grid.voxel(self.voxels[index] as usize)));
+        let point = self.frame.unit(self.grid.centre(self.grid.voxel(self.voxels[index] as usize)));
         (features(point.as_vec3().to_array(), theta, phi), self.values[index])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    #[test]
+    fn samples_of_a_coarse_grid_speak_of_the_full_grids_points() {
+        // The boxes differ: 0.65 of 13 voxels are 8.45, so the coarse grid has nine that stick out.
+        let (lower, upper) = (DVec3::new(-3.0, 2.0, 5.0), DVec3::new(10.0, 9.0, 26.0));
+        let full = Grid::with_pitch(lower, upper, 1.0, 0).unwrap();
+        let coarse = Grid::with_pitch(lower, upper, 1.0 / 0.65, 0).unwrap();
+        assert!((coarse.origin - full.origin).length() > 0.1 && coarse.dims == [9, 5, 14]);
+        let mut samples = Samples::new(coarse);
+        samples.frame = full;
+        let voxels: Vec<u32> = (0..coarse.len() as u32).collect();
+        samples.push_section([30.0, 60.0], &voxels, &vec![0.5; coarse.len()]);
+        for index in 0..samples.len() {
+            let world = coarse.centre(coarse.voxel(index));
+            let (input, _) = samples.sample(index);
+            // From the inputs back to the world by the full grid alone: 2u − 1 of the full box.
+            let unit = DVec3::new(f64::from(input[0]), f64::from(input[1]), f64::from(input[2])) * 0.5 + 0.5;
+            let back = full.origin + unit * full.size();
+            // Inputs are f32 of magnitude about one, a box is 21 long.
+            assert!((back - world).length() < 1e-5, "voxel {index}: {back} is not {world}");
+        }
+        // Read in its own box, the coarse grid's corner would stand elsewhere by a tenth of a voxel and more.
+        let own = Samples { frame: coarse, ..samples.clone() };
+        assert!((own.sample(0).0[0] - samples.sample(0).0[0]).abs() > 0.01);
     }
 }

@@ -2,6 +2,7 @@
 //! that runs a step (CPU here, GPU in `imf-gpu`).
 
 mod divergence;
+pub mod online;
 pub mod permutation;
 pub mod run;
 pub mod schedule;

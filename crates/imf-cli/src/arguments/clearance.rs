@@ -5,7 +5,7 @@ use clap::Args;
 use imf_core::tool::{Clearance, Tool};
 
 /// Room around each kind of element, in the part's unit.
-#[derive(Args, Clone)]
+#[derive(Args, Clone, Default)]
 pub(crate) struct ClearanceArguments {
     /// Room that holder and shank must keep: they are grown by it
     #[arg(long, default_value_t = 0.0, value_name = "LENGTH")]

@@ -223,6 +223,18 @@ impl SceneArguments {
         Ok((scene, part, reading.report))
     }
 
+    /// The same scene on a grid of `scale` times as many voxels along each axis.
+    pub(crate) fn scaled(&self, session: &Session, scale: f64) -> Result<Self> {
+        if scale == 1.0 {
+            return Ok(self.clone());
+        }
+        let reading = self.read(session)?;
+        let fixtures = reading.fixtures();
+        let grid = self.spec(&reading, &fixtures, reading.only_tool()?).grid()?;
+        let margin = (self.margin as f64 * scale).ceil() as usize;
+        Ok(Self { pitch: Some(grid.pitch / scale), dims: None, margin, ..self.clone() })
+    }
+
     fn voxelised(&self, session: &Session, spec: &SceneSpec<'_>) -> Result<Scene> {
         let clearance = self.clearance.clearance();
         let scene = spec.scene()?.with_clearance(&clearance)?;

@@ -31,6 +31,8 @@ fn make_new(session: &Session, arguments: &DatasetMakeArguments) -> Result<()> {
     let sampling = Sampling {
         density: arguments.density,
         positive_share: arguments.positive_share,
+        boundary_share: arguments.boundary_share,
+        boundary_width: arguments.boundary_width,
         seed: arguments.seed,
     };
     sampling.check()?;

@@ -18,18 +18,18 @@ const CURRENT: &str = "checkpoint.safetensors";
 const PREVIOUS: &str = "checkpoint.previous.safetensors";
 
 /// What an output folder holds to go on from.
-pub(super) struct Latest {
-    pub(super) model: Model,
-    pub(super) path: PathBuf,
+pub(crate) struct Latest {
+    pub(crate) model: Model,
+    pub(crate) path: PathBuf,
     /// What is wrong with a later checkpoint, and what that costs.
-    pub(super) damage: Option<String>,
+    pub(crate) damage: Option<String>,
 }
 
 /// The last intact checkpoint of a folder.
 ///
 /// # Errors
 /// No checkpoint, none that is intact, or one of a newer program.
-pub(super) fn latest(out: &Path) -> Result<Latest> {
+pub(crate) fn latest(out: &Path) -> Result<Latest> {
     let (current, previous) = (out.join(CURRENT), out.join(PREVIOUS));
     let error = match Model::read(&current) {
         Ok(model) => return Ok(Latest { model, path: current, damage: None }),

@@ -9,7 +9,6 @@ use imf_core::model::{HeldOutPoint, HeldOutRecord, Model};
 use imf_core::siren::engine::CpuEvaluator;
 use imf_core::training::TrainingState;
 
-use super::data::Data;
 use super::plan::REPORT_EVERY;
 use crate::session::Session;
 
@@ -36,10 +35,10 @@ pub(super) struct HeldOutWatch {
 
 impl HeldOutWatch {
     /// Draws the poses that the model's record asks for.
-    pub(super) fn new(session: &Session, data: &Data, model: &Model) -> Result<Option<Self>> {
+    pub(super) fn new(session: &Session, model: &Model) -> Result<Option<Self>> {
         let Some(record) = &model.record.held_out else { return Ok(None) };
-        let trained = &data.manifest.orientations.orientations;
-        let poses = HeldOut::new(record.choice, &data.scene, trained, session.control(&|_| {}))?;
+        let trained = &model.record.orientations.orientations;
+        let poses = HeldOut::new(record.choice, &model.scene, trained, session.control(&|_| {}))?;
         let evaluator = CpuEvaluator::new(model.shape, &model.state.parameters)?;
         Ok(Some(Self { poses, evaluator, every: record.every }))
     }

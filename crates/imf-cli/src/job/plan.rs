@@ -2,7 +2,7 @@
 
 use imf_core::training::AdamConfig;
 use imf_core::training::run::{Length, TrainingPlan};
-use imf_core::training::schedule::Schedule;
+use imf_core::training::schedule::{RateRule, Schedule};
 
 use crate::arguments::{PlanArguments, ScheduleKind};
 
@@ -12,16 +12,17 @@ pub(super) const REPORT_EVERY: u64 = 20;
 /// The plan that arguments describe; `rate` and `epochs` stand where they are silent.
 pub(crate) fn plan(arguments: &PlanArguments, rate: f32, epochs: u64) -> TrainingPlan {
     let initial = arguments.rate.unwrap_or(rate);
+    let schedule = match arguments.schedule {
+        ScheduleKind::Exponential => Schedule::Exponential { initial, factor: 0.93, warmup: 0 },
+        ScheduleKind::Cosine => Schedule::Cosine { initial, last: initial * 0.01, warmup: 200 },
+    };
     TrainingPlan {
         length: match arguments.steps {
             Some(steps) => Length::Steps(steps),
             None => Length::Epochs(arguments.epochs.unwrap_or(epochs)),
         },
         batch: arguments.batch,
-        schedule: match arguments.schedule {
-            ScheduleKind::Exponential => Schedule::Exponential { initial, factor: 0.93 },
-            ScheduleKind::Cosine => Schedule::Cosine { initial, last: initial * 0.01, warmup: 200 },
-        },
+        schedule: RateRule::from(arguments.rate_rule).apply(schedule, arguments.batch),
         adam: AdamConfig { weight_decay: arguments.weight_decay, ..AdamConfig::default() },
         loss: arguments.loss.into(),
         seed: arguments.seed,
@@ -32,7 +33,7 @@ pub(crate) fn plan(arguments: &PlanArguments, rate: f32, epochs: u64) -> Trainin
 /// The same schedule from another rate.
 pub(super) fn schedule_from(schedule: &Schedule, initial: f32) -> Schedule {
     match *schedule {
-        Schedule::Exponential { factor, .. } => Schedule::Exponential { initial, factor },
+        Schedule::Exponential { factor, warmup, .. } => Schedule::Exponential { initial, factor, warmup },
         Schedule::Cosine { warmup, .. } => Schedule::Cosine { initial, last: initial * 0.01, warmup },
     }
 }

@@ -13,6 +13,8 @@ const WIDTH: u32 = 960;
 const HEIGHT: u32 = 540;
 const TITLE_HEIGHT: u32 = 34;
 const LEGEND_HEIGHT: u32 = 28;
+/// Height of every further line of the legend.
+const LEGEND_LINE: u32 = 20;
 /// Room below the plot for numbers and the axis' name.
 const BELOW: u32 = 48;
 const TITLE_SIZE: f32 = 20.0;
@@ -92,13 +94,16 @@ impl Chart {
         let numbers =
             rows.iter().filter_map(|line| line.words.as_deref()).map(|words| pen.width(words)).max();
         let left = MARGIN + 26 + numbers.unwrap_or(0) + 8;
-        let top = MARGIN + TITLE_HEIGHT + LEGEND_HEIGHT;
+        let places = self.legend_places(left);
+        let lines = places.last().map_or(0, |&(_, line)| line);
+        let top = MARGIN + TITLE_HEIGHT + LEGEND_HEIGHT + lines * LEGEND_LINE;
+        ensure!(top + BELOW + MARGIN < HEIGHT, "too many curves for one chart");
         let plot =
             Plot { left, top, width: WIDTH - left - MARGIN, height: HEIGHT - top - BELOW - MARGIN / 2 };
 
         let title_at = (i64::from(left), i64::from(MARGIN) + 16);
         Pen::bold(TITLE_SIZE, INK).write(&mut image, title_at, Align::Start, &self.title);
-        self.legend(&mut image, left, MARGIN + TITLE_HEIGHT);
+        self.legend(&mut image, &places, MARGIN + TITLE_HEIGHT);
         plot.grid(&mut image, &columns, &rows);
         let mut tally = Tally::default();
         for (series, colour) in self.series.iter().zip(SERIES_COLOURS.into_iter().cycle()) {
@@ -115,10 +120,28 @@ impl Chart {
         Ok(Picture { image, tally })
     }
 
-    fn legend(&self, image: &mut RgbImage, left: u32, top: u32) {
+    /// Where each series' key begins, and in which line of the legend: a key that would leave the picture goes on a
+    /// line of its own.
+    fn legend_places(&self, left: u32) -> Vec<(u32, u32)> {
         let pen = Pen::regular(NAME_SIZE, INK);
-        let mut x = left;
-        for (series, colour) in self.series.iter().zip(SERIES_COLOURS.into_iter().cycle()) {
+        let (mut x, mut line) = (left, 0);
+        let mut places = Vec::with_capacity(self.series.len());
+        for series in &self.series {
+            let width = 29 + pen.width(&series.name);
+            if x > left && x + width > WIDTH - MARGIN {
+                (x, line) = (left, line + 1);
+            }
+            places.push((x, line));
+            x += width + 24;
+        }
+        places
+    }
+
+    fn legend(&self, image: &mut RgbImage, places: &[(u32, u32)], first: u32) {
+        let pen = Pen::regular(NAME_SIZE, INK);
+        let keys = self.series.iter().zip(SERIES_COLOURS.into_iter().cycle());
+        for ((series, colour), &(x, line)) in keys.zip(places) {
+            let top = first + line * LEGEND_LINE;
             let mut ink = Coverage::new(Plot { left: x, top, width: 22, height: 18 });
             let (start, middle) = (f64::from(x), f64::from(top) + 8.0);
             ink.segment((start, middle), (start + 22.0, middle), LINE_RADIUS);
@@ -127,7 +150,6 @@ impl Chart {
             }
             ink.blend(image, colour);
             pen.write(image, (i64::from(x) + 29, i64::from(top) + 13), Align::Start, &series.name);
-            x += 29 + pen.width(&series.name) + 24;
         }
     }
 }
@@ -290,5 +312,22 @@ mod tests {
         let none = Chart { series: vec![], ..chart(vec![]) };
         let message = format!("{:#}", none.save(Path::new("loss.png")).unwrap_err());
         assert!(message.contains("loss.png"), "{message}");
+    }
+
+    #[test]
+    fn a_legend_of_many_curves_takes_several_lines_and_stays_inside() {
+        let one = |index: usize| Series {
+            name: format!("b16384-linear and so on {index}"),
+            points: vec![(0.0, 1.0), (9.0, 0.1)],
+            markers: false,
+        };
+        let many = Chart { series: (0..12).map(one).collect(), ..chart(vec![]) };
+        let places = many.legend_places(80);
+        let pen = Pen::regular(NAME_SIZE, INK);
+        for (series, &(x, _)) in many.series.iter().zip(&places) {
+            assert!(x + 29 + pen.width(&series.name) <= WIDTH - MARGIN, "{places:?}");
+        }
+        assert!(places.last().is_some_and(|&(_, line)| line > 1) && places.is_sorted_by_key(|p| p.1));
+        assert!(many.draw().is_ok());
     }
 }

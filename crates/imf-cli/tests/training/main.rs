@@ -10,4 +10,5 @@ mod demo;
 mod interruption;
 mod long_runs;
 mod pipeline;
+mod regime;
 mod shares;

@@ -131,7 +131,7 @@ impl SphereBasis {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::orientation::OrientationSet;
+    use crate::orientation::{Orientation, OrientationSet};
     use std::f64::consts::PI;
 
     #[test]
@@ -169,7 +169,7 @@ mod tests {
             .unwrap()
             .orientations
             .iter()
-            .map(|o| o.direction())
+            .map(Orientation::direction)
             .collect();
         directions.extend([DVec3::Z, -DVec3::Z, DVec3::X, -DVec3::Y]);
         for d in directions {
@@ -193,7 +193,7 @@ mod tests {
             basis.values(o.direction(), &mut values);
             for i in 0..basis.len() {
                 for j in 0..basis.len() {
-                    gram[i * basis.len() + j] += values[i] * values[j] * 4.0 * PI / n as f64;
+                    gram[i * basis.len() + j] += values[i] * values[j] * 4.0 * PI / f64::from(n);
                 }
             }
         }

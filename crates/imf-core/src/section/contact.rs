@@ -80,7 +80,7 @@ impl PlannedSkin {
     pub(super) fn new(skin: Skin<'_>, query: QueryBox) -> Self {
         let grid = &skin.voxels.grid;
         let size = CircularSize::new(grid.dims, query, skin.rest.reach() / grid.pitch);
-        let counter = Counter::new(skin.voxels, query, size);
+        let counter = Counter::new(skin.voxels, size);
         Self { voxels: skin.voxels.clone(), rest: skin.rest.clone(), counter }
     }
 

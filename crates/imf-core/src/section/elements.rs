@@ -304,18 +304,23 @@ pub fn elements_at_best(
     let kinds: Vec<ElementKind> = plans.elements().collect();
     let found = Mutex::new(vec![vec![0.0_f32; voxels]; kinds.len()]);
     let start = || (ElementScratch::default(), vec![vec![0.0_f32; voxels]; kinds.len()]);
-    stream_orientations(orientations.len(), control, start, |(scratch, measures), index| {
-        if wanted[index].is_empty() {
-            return Ok(());
-        }
-        plans.measures(&orientations[index], scratch, measures)?;
-        // Every voxel has one best orientation: no two threads write the same place.
-        let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
-        for (found, measures) in found.iter_mut().zip(&*measures) {
-            wanted[index].iter().for_each(|&voxel| found[voxel as usize] = measures[voxel as usize]);
-        }
-        Ok(())
-    })?;
+    stream_orientations(
+        orientations.len(),
+        control,
+        start,
+        |(scratch, measures), index| -> Result<(), SectionError> {
+            if wanted[index].is_empty() {
+                return Ok(());
+            }
+            plans.measures(&orientations[index], scratch, measures)?;
+            // Every voxel has one best orientation: no two threads write the same place.
+            let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
+            for (found, measures) in found.iter_mut().zip(&*measures) {
+                wanted[index].iter().for_each(|&voxel| found[voxel as usize] = measures[voxel as usize]);
+            }
+            Ok(())
+        },
+    )?;
     let values = found.into_inner().unwrap_or_else(PoisonError::into_inner);
     Ok(ElementMeasures { kinds, values })
 }

@@ -16,6 +16,7 @@ use super::permutation::Permutation;
 use super::schedule::Schedule;
 use super::{AdamConfig, EngineError, Loss, TrainingEngine};
 use crate::samples::Samples;
+use crate::section::SectionError;
 use crate::siren::INPUTS;
 
 /// How long to train.
@@ -205,6 +206,9 @@ pub enum TrainError {
     /// The engine failed.
     #[error(transparent)]
     Engine(#[from] EngineError),
+    /// A section that training waited for failed.
+    #[error(transparent)]
+    Section(#[from] SectionError),
 }
 
 impl TrainError {
@@ -214,6 +218,10 @@ impl TrainError {
         matches!(self, Self::NotFinite { .. } | Self::Diverged { .. })
     }
 }
+
+/// Fills the batch of a step: its cursor, its number from the run's beginning, `inputs` `[n][5]` and `targets` `[n]`. What it
+/// writes must follow from cursor and step alone.
+pub type Feed<'a> = dyn FnMut(Cursor, u64, &mut [f32], &mut [f32]) -> Result<(), TrainError> + 'a;
 
 /// Trains `engine` on `samples` from `start` to the plan's end, or until the observer breaks.
 ///
@@ -230,34 +238,58 @@ pub fn train(
     start: Cursor,
     observer: &mut dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()>,
 ) -> Result<Outcome, TrainError> {
+    let mut order = (start.epoch, Permutation::new(samples.len(), plan.seed, start.epoch));
+    let mut feed = |cursor: Cursor, _: u64, inputs: &mut [f32], targets: &mut [f32]| {
+        if order.0 != cursor.epoch {
+            order = (cursor.epoch, Permutation::new(samples.len(), plan.seed, cursor.epoch));
+        }
+        let first = cursor.step as usize * plan.batch;
+        gather(inputs, targets, |row| samples.sample(order.1.at(first + row)));
+        Ok(())
+    };
+    train_by(plan, samples.len(), &mut feed, engine, start, observer)
+}
+
+/// As [`train`], with batches from `feed`; an epoch is `samples` samples.
+///
+/// # Errors
+/// As [`train`], and what `feed` reports.
+pub fn train_by(
+    plan: &TrainingPlan,
+    samples: usize,
+    feed: &mut Feed<'_>,
+    engine: &mut dyn TrainingEngine,
+    start: Cursor,
+    observer: &mut dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()>,
+) -> Result<Outcome, TrainError> {
     plan.check()?;
-    if samples.is_empty() {
+    if samples == 0 {
         return Err(TrainError::NoSamples);
     }
-    let steps_per_epoch = plan.steps_per_epoch(samples.len());
-    let total_steps = plan.total_steps(samples.len());
+    let steps_per_epoch = plan.steps_per_epoch(samples);
+    let total_steps = plan.total_steps(samples);
     let Cursor { mut epoch, step: mut step_in_epoch } = start;
     let begun = epoch.checked_mul(steps_per_epoch).and_then(|steps| steps.checked_add(step_in_epoch));
     let Some(mut step) = begun.filter(|_| step_in_epoch < steps_per_epoch) else {
         return Err(TrainError::Cursor { epoch, step: step_in_epoch, steps_per_epoch });
     };
-    let mut batch = Batch::new(plan.batch.min(samples.len()));
-    let mut order = Permutation::new(samples.len(), plan.seed, epoch);
+    let most = plan.batch.min(samples);
+    let (mut inputs, mut targets) = (vec![0.0; most * INPUTS], vec![0.0; most]);
     let mut since = Since { step, samples: 0, start: Instant::now() };
     let mut watch = Watch::default();
     while step < total_steps {
         let first = step_in_epoch as usize * plan.batch;
-        let count = plan.batch.min(samples.len() - first);
-        batch.gather(samples, &order, first, count);
+        let count = plan.batch.min(samples - first);
+        let (inputs, targets) = (&mut inputs[..count * INPUTS], &mut targets[..count]);
+        feed(Cursor { epoch, step: step_in_epoch }, step, inputs, targets)?;
         let learning_rate = plan.schedule.rate(epoch, step, total_steps);
-        engine.step(&batch.inputs[..count * INPUTS], &batch.targets[..count], learning_rate)?;
+        engine.step(inputs, targets, learning_rate)?;
         since.samples += count;
         step += 1;
         step_in_epoch += 1;
         let epoch_end = step_in_epoch == steps_per_epoch;
         if epoch_end {
             (epoch, step_in_epoch) = (epoch + 1, 0);
-            order = Permutation::new(samples.len(), plan.seed, epoch);
         }
         if !(epoch_end || step.is_multiple_of(plan.report_every) || step == total_steps) {
             continue;
@@ -300,35 +332,24 @@ struct Since {
     start: Instant,
 }
 
-/// One batch, gathered from the samples.
-struct Batch {
-    /// `[batch][5]`.
-    inputs: Vec<f32>,
-    /// `[batch]`.
-    targets: Vec<f32>,
-}
+/// Samples that one thread gathers at a time: some ten microseconds.
+const PART: usize = 128;
 
-impl Batch {
-    /// Samples that one thread gathers at a time: some ten microseconds.
-    const PART: usize = 128;
-
-    fn new(most: usize) -> Self {
-        Self { inputs: vec![0.0; most * INPUTS], targets: vec![0.0; most] }
-    }
-
-    /// Fetches the `count` samples from place `first` of the order on.
-    fn gather(&mut self, samples: &Samples, order: &Permutation, first: usize, count: usize) {
-        let inputs = self.inputs[..count * INPUTS].par_chunks_mut(Self::PART * INPUTS);
-        let targets = self.targets[..count].par_chunks_mut(Self::PART);
-        inputs.zip(targets).enumerate().for_each(|(part, (inputs, targets))| {
-            let places = first + part * Self::PART..;
-            for ((input, target), place) in inputs.chunks_exact_mut(INPUTS).zip(targets).zip(places) {
-                let (features, value) = samples.sample(order.at(place));
-                input.copy_from_slice(&features);
-                *target = value;
-            }
-        });
-    }
+/// Fills a batch row by row, on all threads of the current pool.
+pub(super) fn gather(
+    inputs: &mut [f32],
+    targets: &mut [f32],
+    sample: impl Fn(usize) -> ([f32; INPUTS], f32) + Sync,
+) {
+    let inputs = inputs.par_chunks_mut(PART * INPUTS);
+    let targets = targets.par_chunks_mut(PART);
+    inputs.zip(targets).enumerate().for_each(|(part, (inputs, targets))| {
+        for ((input, target), row) in inputs.chunks_exact_mut(INPUTS).zip(targets).zip(part * PART..) {
+            let (features, value) = sample(row);
+            input.copy_from_slice(&features);
+            *target = value;
+        }
+    });
 }
 
 #[cfg(test)]

@@ -6,12 +6,15 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Schedule {
-    /// `initial · factor^epoch`, epochs counted from 0.
+    /// `initial · factor^epoch`, epochs counted from 0, after a straight rise over the first `warmup` steps.
     Exponential {
         /// Rate of the first epoch.
         initial: f32,
         /// Factor from one epoch to the next.
         factor: f32,
+        /// Steps of the rise; the first of them has `1 / warmup` of its rate.
+        #[serde(default, skip_serializing_if = "is_zero")]
+        warmup: u64,
     },
     /// Half a cosine over all steps from `initial` to `last`, after a straight rise from 0 over `warmup` steps.
     Cosine {
@@ -29,7 +32,61 @@ pub enum Schedule {
 impl Default for Schedule {
     /// The paper's: 5e-4 · 0.93^epoch.
     fn default() -> Self {
-        Self::Exponential { initial: 5e-4, factor: 0.93 }
+        Self::Exponential { initial: 5e-4, factor: 0.93, warmup: 0 }
+    }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands over a reference")]
+fn is_zero(steps: &u64) -> bool {
+    *steps == 0
+}
+
+/// How the learning rate grows with the batch, from the paper's batch of [`RateRule::BATCH`].
+///
+/// A larger batch makes fewer steps of an epoch, so each has to go further; how much further is a matter of experiment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum RateRule {
+    /// The same rate for every batch.
+    #[default]
+    Constant,
+    /// Rate × √(batch / 1024): keeps the variance of a step's noise (Krizhevsky 2014; Malladi et al. 2022 for Adam).
+    Sqrt,
+    /// Rate × batch / 1024: keeps the mean way of an epoch (Goyal et al. 2017).
+    Linear,
+}
+
+impl RateRule {
+    /// The batch whose rate a schedule names: the paper's.
+    pub const BATCH: usize = 1024;
+    /// Steps of the rise that a raised rate begins with, unless the schedule has a longer one.
+    pub const WARMUP: u64 = 100;
+
+    /// The factor of the rate for a batch.
+    #[must_use]
+    pub fn factor(self, batch: usize) -> f64 {
+        let ratio = batch as f64 / Self::BATCH as f64;
+        match self {
+            Self::Constant => 1.0,
+            Self::Sqrt => ratio.sqrt(),
+            Self::Linear => ratio,
+        }
+    }
+
+    /// The schedule for a batch. A rate that is raised begins with a rise of at least [`Self::WARMUP`] steps.
+    #[must_use]
+    pub fn apply(self, schedule: Schedule, batch: usize) -> Schedule {
+        let factor = self.factor(batch);
+        let scaled = |rate: f32| (f64::from(rate) * factor) as f32;
+        let least = if factor > 1.0 { Self::WARMUP } else { 0 };
+        match schedule {
+            Schedule::Exponential { initial, factor, warmup } => {
+                Schedule::Exponential { initial: scaled(initial), factor, warmup: warmup.max(least) }
+            }
+            Schedule::Cosine { initial, last, warmup } => {
+                Schedule::Cosine { initial: scaled(initial), last: scaled(last), warmup: warmup.max(least) }
+            }
+        }
     }
 }
 
@@ -38,8 +95,10 @@ impl Schedule {
     #[must_use]
     pub fn rate(&self, epoch: u64, step: u64, total: u64) -> f32 {
         match *self {
-            Self::Exponential { initial, factor } => {
-                (f64::from(initial) * f64::from(factor).powf(epoch as f64)) as f32
+            Self::Exponential { initial, factor, warmup } => {
+                let full = f64::from(initial) * f64::from(factor).powf(epoch as f64);
+                let risen = if step < warmup { (step + 1) as f64 / warmup as f64 } else { 1.0 };
+                (full * risen) as f32
             }
             Self::Cosine { initial, warmup, .. } if step < warmup => {
                 (f64::from(initial) * (step + 1) as f64 / warmup as f64) as f32
@@ -59,7 +118,7 @@ impl Schedule {
     /// A sentence that names the value.
     pub fn check(&self) -> Result<(), String> {
         let (initial, name, other) = match *self {
-            Self::Exponential { initial, factor } => (initial, "factor", factor),
+            Self::Exponential { initial, factor, .. } => (initial, "factor", factor),
             Self::Cosine { initial, last, .. } => (initial, "last", last),
         };
         for (name, value) in [("initial", initial), (name, other)] {
@@ -96,13 +155,40 @@ mod tests {
     }
 
     #[test]
+    fn an_exponential_may_rise_first_and_meets_the_papers_rate_after() {
+        let plain = Schedule::default();
+        let risen = Schedule::Exponential { initial: 5e-4, factor: 0.93, warmup: 4 };
+        let rates: Vec<f32> = (0..4).map(|step| risen.rate(0, step, 100)).collect();
+        assert_eq!(rates, [1.25e-4, 2.5e-4, 3.75e-4, 5e-4]);
+        assert_eq!(risen.rate(3, 4, 100), plain.rate(3, 4, 100));
+    }
+
+    #[test]
+    fn rate_rules_leave_the_papers_batch_alone_and_scale_others() {
+        let schedule = Schedule::default();
+        for rule in [RateRule::Constant, RateRule::Sqrt, RateRule::Linear] {
+            assert_eq!(rule.apply(schedule, 1024), schedule);
+        }
+        assert_eq!(RateRule::Constant.apply(schedule, 16_384), schedule);
+        let rise = |initial| Schedule::Exponential { initial, factor: 0.93, warmup: RateRule::WARMUP };
+        assert_eq!(RateRule::Sqrt.apply(schedule, 16_384), rise(2e-3));
+        assert_eq!(RateRule::Linear.apply(schedule, 4096), rise(2e-3));
+        let cosine = Schedule::Cosine { initial: 1e-3, last: 1e-5, warmup: 200 };
+        let doubled = Schedule::Cosine { initial: 2e-3, last: 2e-5, warmup: 200 };
+        assert_eq!(RateRule::Sqrt.apply(cosine, 4096), doubled);
+    }
+
+    #[test]
     fn schedules_are_written_by_name() {
         let text = serde_json::to_string(&Schedule::default()).unwrap();
         assert_eq!(serde_json::from_str::<Schedule>(&text).unwrap(), Schedule::default());
         let short: Schedule = serde_json::from_str(r#"{"kind": "cosine", "initial": 0.5}"#).unwrap();
         assert_eq!(short, Schedule::Cosine { initial: 0.5, last: 0.0, warmup: 0 });
         assert!(
-            Schedule::Exponential { initial: f32::NAN, factor: 1.0 }.check().unwrap_err().contains("initial")
+            Schedule::Exponential { initial: f32::NAN, factor: 1.0, warmup: 0 }
+                .check()
+                .unwrap_err()
+                .contains("initial")
         );
         assert!(
             Schedule::Cosine { initial: 1.0, last: -1.0, warmup: 0 }.check().unwrap_err().contains("last")

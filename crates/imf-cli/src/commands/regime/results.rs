@@ -1,0 +1,126 @@
+//! What the results of a regime are worth: each against the exact field.
+
+use std::path::Path;
+
+use anyhow::{Result, bail};
+use imf_core::evaluation::{EvaluationError, learnt_imf};
+use imf_core::metrics::ErrorReport;
+use imf_core::orientation::{Orientation, OrientationSet};
+use imf_core::regime::{EvaluationSettings, Regime};
+use imf_core::section::{SectionError, SectionPlan};
+use serde::{Deserialize, Serialize};
+
+use super::GO_ON;
+use super::stage::{Finished, Workshop};
+use crate::interrupt::Interrupted;
+use crate::report::{Questions, evaluate as compare};
+
+/// One comparison with the exact field.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Answer {
+    /// What was compared.
+    pub(super) name: String,
+    /// Its errors.
+    #[serde(flatten)]
+    pub(super) errors: ErrorReport,
+}
+
+/// A result with all its comparisons.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Outcome {
+    /// Its stage.
+    pub(super) stage: String,
+    /// Parameters of the network.
+    pub(super) parameters: usize,
+    /// In the order of the report: sections, random orientations, IMF.
+    pub(super) answers: Vec<Answer>,
+}
+
+impl Outcome {
+    /// The comparison at random orientations.
+    pub(super) fn random(&self) -> Option<&Answer> {
+        self.answers.iter().find(|answer| answer.name.ends_with("random sections"))
+    }
+
+    /// Those of the inaccessibility measure.
+    pub(super) fn imf(&self) -> impl Iterator<Item = &Answer> {
+        self.answers.iter().filter(|answer| answer.name.starts_with("IMF"))
+    }
+}
+
+/// Evaluates every result, writes its report beside it, and the first result as the regime's model.
+pub(super) fn evaluate(
+    workshop: &Workshop<'_>,
+    regime: &Regime,
+    finished: &[Finished],
+    out: &Path,
+) -> Result<Vec<Outcome>> {
+    let mut outcomes = Vec::new();
+    for stage in regime.results() {
+        let Some(done) = finished.iter().find(|done| done.name == stage.name) else { continue };
+        if outcomes.is_empty() {
+            done.model.write(&out.join("model.safetensors"))?;
+        }
+        let outcome = one(workshop, &regime.evaluation, done).map_err(|error| interruption(error, out))?;
+        outcomes.push(outcome);
+    }
+    Ok(outcomes)
+}
+
+fn one(workshop: &Workshop<'_>, asked: &EvaluationSettings, done: &Finished) -> Result<Outcome> {
+    let session = workshop.session;
+    let model = &done.model;
+    let sets = asked.imf.iter().map(|spec| OrientationSet::parse(spec)).collect::<Result<Vec<_>, _>>()?;
+    let Some((first, others)) = sets.split_first() else { bail!("evaluation.imf names no set") };
+    let questions = Questions {
+        in_sample: Some(pair(&asked.in_sample)?),
+        out_of_sample: Some(pair(&asked.out_of_sample)?),
+        random: OrientationSet::parse(&format!("random:{}:{}", asked.random, asked.seed))?,
+        imf: first.clone(),
+        threshold: asked.threshold,
+    };
+    let record = &model.scene.record;
+    let needed = SectionPlan::memory_estimate(&record.grid, &record.tool, session.threads())
+        + 40 * record.grid.len() as u64 * session.threads() as u64;
+    session.require_memory(needed, || "the exact field beside the learnt one; use fewer --threads".into())?;
+    let mut engine = workshop.device.evaluator(model.shape, &model.state.parameters)?;
+    let evaluation = compare(session, model, engine.as_mut(), &questions)?;
+    evaluation.write(&done.folder, model, engine.as_mut())?;
+    let mut answers: Vec<Answer> = evaluation
+        .report
+        .rows
+        .iter()
+        .map(|row| Answer { name: row.name.clone(), errors: row.errors })
+        .collect();
+    let plan = SectionPlan::new(&model.scene.obstacle, &record.tool.with_tip_only())?;
+    for set in others {
+        let stage = session.stage("evaluating", "sections", set.len() as u64);
+        let advance = |n| stage.advance(n);
+        let control = session.control(&advance);
+        let imf = learnt_imf(&plan, &set.orientations, engine.as_mut(), asked.threshold, control)?;
+        stage.finish("");
+        let name = format!("IMF over {} ({})", set.len(), set.spec);
+        answers.push(Answer { name, errors: imf.errors });
+    }
+    Ok(Outcome { stage: done.name.clone(), parameters: model.shape.parameter_count(), answers })
+}
+
+/// An evaluation that was interrupted leaves the trained stages.
+fn interruption(error: anyhow::Error, out: &Path) -> anyhow::Error {
+    let cancelled = error.chain().any(|cause| {
+        matches!(cause.downcast_ref(), Some(SectionError::Cancelled))
+            || matches!(cause.downcast_ref(), Some(EvaluationError::Section(SectionError::Cancelled)))
+    });
+    if cancelled {
+        return Interrupted(format!("the trained stages are kept in {}; {GO_ON} to go on", out.display()))
+            .into();
+    }
+    error
+}
+
+fn pair(text: &str) -> Result<Orientation> {
+    match OrientationSet::parse(text)?.orientations.as_slice() {
+        [one] => Ok(*one),
+        _ => bail!("'{text}' must be one pair θ,φ"),
+    }
+}

@@ -1,0 +1,184 @@
+//! A regime's report: its stages, its results, and one picture of all loss curves.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::Result;
+use imf_core::regime::{RANDOM_START, Regime};
+use imf_core::training::online::Waits;
+use serde::{Deserialize, Serialize};
+
+use super::results::Outcome;
+use super::stage::Finished;
+use crate::output::{table, write_json, write_text};
+use crate::picture::{AxisScale, Chart, Series};
+
+/// What a stage came to.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct StageRow {
+    name: String,
+    start: String,
+    part: String,
+    /// Voxels of its sections.
+    dims: [usize; 3],
+    /// Orientations of the fixed set; of an online stage all that it met.
+    sections: String,
+    samples: u64,
+    steps: u64,
+    batch: usize,
+    seconds: f64,
+    /// Mean loss over the last point of its curve.
+    loss: f64,
+    /// (step, mean loss), steps of the stages before it included.
+    curve: Vec<(u64, f64)>,
+    /// Who waited, of an online stage: since its last interruption.
+    waits: Option<Waits>,
+}
+
+/// What a regime came to.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Summary {
+    program: String,
+    pub(super) regime: String,
+    about: String,
+    pub(super) stages: Vec<StageRow>,
+    pub(super) results: Vec<Outcome>,
+}
+
+impl Summary {
+    pub(super) fn new(regime: &Regime, finished: &[Finished], results: Vec<Outcome>) -> Self {
+        let mut before: BTreeMap<&str, u64> = BTreeMap::from([(RANDOM_START, 0)]);
+        let mut stages = Vec::new();
+        for done in finished {
+            let record = &done.model.record;
+            let first = before.get(done.start.as_str()).copied().unwrap_or(0);
+            before.insert(&done.name, first + record.steps);
+            stages.push(StageRow {
+                name: done.name.clone(),
+                start: done.start.clone(),
+                part: done.model.scene.record.part.clone(),
+                dims: done.section_dims,
+                sections: record.orientations.spec.clone(),
+                samples: record.samples,
+                steps: record.steps,
+                batch: record.plan.batch,
+                seconds: record.seconds,
+                loss: record.losses.last().map_or(f64::NAN, |point| point.loss),
+                curve: record.losses.iter().map(|point| (first + point.step, point.loss)).collect(),
+                waits: done.waits,
+            });
+        }
+        Self {
+            program: format!("imf {}", env!("CARGO_PKG_VERSION")),
+            regime: regime.name.clone(),
+            about: regime.about.clone(),
+            stages,
+            results,
+        }
+    }
+
+    /// Seconds of all stages' training.
+    pub(super) fn seconds(&self) -> f64 {
+        self.stages.iter().map(|stage| stage.seconds).sum()
+    }
+
+    /// The stages' curves, named.
+    pub(super) fn curves(&self, prefix: &str) -> Vec<Series> {
+        let curve = |stage: &StageRow| Series {
+            name: format!("{prefix}{}", stage.name),
+            points: stage.curve.iter().map(|&(step, loss)| (step as f64, loss)).collect(),
+            markers: false,
+        };
+        self.stages.iter().map(curve).collect()
+    }
+
+    /// Writes the report, and the loss curves beside it.
+    pub(super) fn write(&self, out: &Path, finished: &[Finished]) -> Result<()> {
+        loss_chart(&self.regime, self.curves("")).save(&out.join("loss.png"))?;
+        write_text(&out.join("regime.md"), &self.markdown(finished))?;
+        write_json(&out.join("regime.json"), self)
+    }
+
+    fn rows(&self) -> Vec<Vec<String>> {
+        let several = self.results.len() > 1;
+        let row = |outcome: &Outcome| -> Vec<Vec<String>> {
+            let stage = if several { format!("{}: ", outcome.stage) } else { String::new() };
+            let cells = |answer: &super::results::Answer| {
+                let e = &answer.errors;
+                vec![
+                    format!("{stage}{}", answer.name),
+                    format!("{:.2e}", e.mse),
+                    format!("{:.4}", e.mpe),
+                    format!("{:.2} %", 100.0 * e.false_free),
+                    format!("{:.2} %", 100.0 * e.false_blocked),
+                    format!("{:.4}", e.iou),
+                ]
+            };
+            outcome.answers.iter().map(cells).collect()
+        };
+        self.results.iter().flat_map(row).collect()
+    }
+
+    /// The results for a terminal.
+    pub(super) fn text(&self) -> String {
+        table(&["", "MSE", "MPE", "false-free", "false-blocked", "IoU"], &self.rows())
+    }
+
+    fn markdown(&self, finished: &[Finished]) -> String {
+        let mut text = format!("# {}\n\n{} · {}\n\n", self.regime, self.about, self.program);
+        text.push_str("| stage | starts from | part | voxels | sections | samples | steps × batch | training | loss |\n");
+        text.push_str("| --- | --- | --- | --- | --- | --- | --- | --- | --- |\n");
+        for stage in &self.stages {
+            let [x, y, z] = stage.dims;
+            let _ = writeln!(
+                text,
+                "| {} | {} | {} | {x}×{y}×{z} | {} | {} | {} × {} | {:.1} s | {:.2e} |",
+                stage.name,
+                stage.start,
+                stage.part,
+                stage.sections,
+                stage.samples,
+                stage.steps,
+                stage.batch,
+                stage.seconds,
+                stage.loss
+            );
+        }
+        for stage in &self.stages {
+            if let Some(waits) = &stage.waits {
+                let _ = writeln!(
+                    text,
+                    "\nStage {}: {} sections were computed beside {:.1} s of training. The trainer waited {:.2} s for late \
+                     sections, and {:.2} s for its first pool; the producer waited {:.1} s for the trainer.",
+                    stage.name, waits.sections, waits.seconds, waits.trainer, waits.filling, waits.producer
+                );
+            }
+        }
+        text.push_str("\n| against the exact field | MSE | MPE | false-free | false-blocked | IoU |\n");
+        text.push_str("| --- | --- | --- | --- | --- | --- |\n");
+        for row in self.rows() {
+            let _ = writeln!(text, "| {} |", row.join(" | "));
+        }
+        text.push_str("\n![Training loss of every stage](loss.png)\n");
+        let reports: Vec<String> = self
+            .results
+            .iter()
+            .filter(|outcome| finished.iter().any(|done| done.name == outcome.stage))
+            .map(|outcome| format!("[{0}](stages/{0}/report.md)", outcome.stage))
+            .collect();
+        let _ = writeln!(text, "\nPictures and decisions: {}", reports.join(", "));
+        text
+    }
+}
+
+/// Loss curves in one picture.
+pub(super) fn loss_chart(regime: &str, series: Vec<Series>) -> Chart {
+    Chart {
+        title: format!("{regime}: training loss"),
+        x_name: "steps".into(),
+        value_name: "mean loss".into(),
+        value_scale: AxisScale::Logarithmic,
+        series,
+    }
+}

@@ -1,0 +1,114 @@
+//! A sweep: the variants of a regime one after the other, and a table of all.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::{Context as _, Result};
+use imf_core::regime::Regime;
+use serde::Serialize;
+
+use super::stage::Workshop;
+use super::summary::{Summary, loss_chart};
+use super::{claim, run_once};
+use crate::output::{prepare_folder, print, print_json, table, write_json, write_text};
+
+/// A variant and what it came to.
+#[derive(Serialize)]
+struct Line {
+    variant: String,
+    #[serde(flatten)]
+    summary: Summary,
+}
+
+pub(super) fn run(
+    workshop: &Workshop<'_>,
+    whole: &toml::Table,
+    runs: &[(Option<String>, toml::Table)],
+    out: &Path,
+) -> Result<()> {
+    let regime = Regime::from_table(whole.clone())?;
+    let mut lines = Vec::new();
+    for (name, own) in runs {
+        let variant = name.clone().context("a sweep without variants")?;
+        let folder = out.join(&variant);
+        prepare_folder(&folder)?;
+        claim(&folder, own)?;
+        let summary = match finished(&folder) {
+            Some(summary) => {
+                workshop.session.note(&format!("variant {variant}: finished already"));
+                summary
+            }
+            None => {
+                workshop.session.note(&format!("variant {variant}:"));
+                run_once(workshop, own, &folder)?
+            }
+        };
+        lines.push(Line { variant, summary });
+    }
+    write_json(&out.join("sweep.json"), &lines)?;
+    let (head, rows) = cells(&lines);
+    write_text(&out.join("sweep.md"), &markdown(&regime, &head, &rows))?;
+    let curves = lines.iter().flat_map(|line| {
+        let prefix = if line.summary.stages.len() > 1 { format!("{} ", line.variant) } else { String::new() };
+        let mut curves = line.summary.curves(&prefix);
+        if let [only] = curves.as_mut_slice() {
+            only.name.clone_from(&line.variant);
+        }
+        curves
+    });
+    loss_chart(&regime.name, curves.collect()).save(&out.join("loss.png"))?;
+    if workshop.session.json {
+        return print_json(&lines);
+    }
+    let head: Vec<&str> = head.iter().map(String::as_str).collect();
+    print(&format!(
+        "\n{}\n{} holds sweep.md, sweep.json and a folder for each variant.",
+        table(&head, &rows),
+        out.display()
+    ))
+}
+
+/// What a variant came to in an earlier run, if it came to its end.
+fn finished(folder: &Path) -> Option<Summary> {
+    serde_json::from_str(&std::fs::read_to_string(folder.join("regime.json")).ok()?).ok()
+}
+
+/// The table's head, and a row for each result of each variant.
+fn cells(lines: &[Line]) -> (Vec<String>, Vec<Vec<String>>) {
+    let mut head: Vec<String> =
+        ["variant", "parameters", "training", "random MSE", "random MPE"].map(String::from).into();
+    if let Some(outcome) = lines.iter().find_map(|line| line.summary.results.first()) {
+        for answer in outcome.imf() {
+            let name = answer.name.split(" (").next().unwrap_or("IMF");
+            head.extend([format!("{name} MSE"), format!("{name} MPE")]);
+        }
+    }
+    let mut rows = Vec::new();
+    for line in lines {
+        for outcome in &line.summary.results {
+            let name = if line.summary.results.len() > 1 {
+                format!("{} {}", line.variant, outcome.stage)
+            } else {
+                line.variant.clone()
+            };
+            let seconds = format!("{:.1} s", line.summary.seconds());
+            let mut row = vec![name, outcome.parameters.to_string(), seconds];
+            for answer in outcome.random().into_iter().chain(outcome.imf()) {
+                row.extend([format!("{:.2e}", answer.errors.mse), format!("{:.4}", answer.errors.mpe)]);
+            }
+            rows.push(row);
+        }
+    }
+    (head, rows)
+}
+
+fn markdown(regime: &Regime, head: &[String], rows: &[Vec<String>]) -> String {
+    let mut text = format!("# {}\n\n{}\n\n| {} |\n", regime.name, regime.about, head.join(" | "));
+    let _ = writeln!(text, "| {} |", vec!["---"; head.len()].join(" | "));
+    for row in rows {
+        let _ = writeln!(text, "| {} |", row.join(" | "));
+    }
+    text.push_str("\nErrors are against the exact field; random: orientations that training never saw.\n\n");
+    text.push_str("![Training loss of every variant](loss.png)\n");
+    text
+}

@@ -1,0 +1,276 @@
+//! Online training: no fixed set of orientations. A pool holds the latest sections; while training runs, a second thread
+//! computes fresh ones at random orientations, and each replaces the oldest.
+//!
+//! Section `n` has an orientation and samples that follow from the seed and `n`. At step `s` the pool holds the
+//! [`OnlineSettings::pool`] sections up to `pool − 1 + s / every`, and the step's batch follows from the seed and `s`. So a
+//! run can be repeated, and resumed from the step alone: the pool is computed anew. A trainer that comes too early waits,
+//! a producer that is [`OnlineSettings::lead`] sections ahead waits as well; [`Waits`] says who did.
+
+use std::ops::ControlFlow;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::time::{Duration, Instant};
+
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use super::TrainingEngine;
+use super::permutation::mix;
+use super::run::{Cursor, Outcome, Report, TrainError, TrainingPlan, gather, train_by};
+use crate::dataset::{Sampling, draw};
+use crate::grid::Grid;
+use crate::orientation::{Orientation, OrientationSet};
+use crate::section::{SectionError, SectionPlan, SectionScratch};
+use crate::siren::features;
+
+/// How sections come and go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct OnlineSettings {
+    /// Sections in the pool.
+    pub pool: usize,
+    /// Steps from one fresh section to the next.
+    pub every: u64,
+    /// Seed of the orientations.
+    pub seed: u64,
+    /// Sections that the producer may be ahead.
+    pub lead: usize,
+}
+
+impl Default for OnlineSettings {
+    fn default() -> Self {
+        Self { pool: 225, every: 1, seed: 0, lead: 16 }
+    }
+}
+
+impl OnlineSettings {
+    /// Checks that there is something in the pool and that it changes.
+    ///
+    /// # Errors
+    /// [`TrainError::Plan`], naming the value.
+    pub fn check(&self) -> Result<(), TrainError> {
+        for (name, value) in [("pool", self.pool as u64), ("every", self.every), ("lead", self.lead as u64)] {
+            if !(1..=1 << 40).contains(&value) {
+                return Err(TrainError::Plan(format!("online `{name}` must be at least 1, not {value}")));
+            }
+        }
+        Ok(())
+    }
+
+    /// Number of the newest section in the pool at a step.
+    #[must_use]
+    pub fn newest(&self, step: u64) -> u64 {
+        self.pool as u64 - 1 + step / self.every
+    }
+
+    /// Orientation of section `number`: uniform on the sphere.
+    #[must_use]
+    pub fn orientation(&self, number: u64) -> Orientation {
+        let mut generator = ChaCha8Rng::seed_from_u64(self.seed);
+        generator.set_stream(number);
+        let mut unit = || (generator.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+        let z = 2.0 * unit() - 1.0;
+        Orientation::new(360.0 * unit(), z.acos().to_degrees())
+    }
+
+    /// What the pool holds at a step, oldest first.
+    #[must_use]
+    pub fn pool_at(&self, step: u64) -> OrientationSet {
+        let newest = self.newest(step);
+        let numbers = newest + 1 - self.pool as u64..=newest;
+        OrientationSet {
+            spec: format!("online:{}:{}, the last {}", newest + 1, self.seed, self.pool),
+            orientations: numbers.map(|number| self.orientation(number)).collect(),
+        }
+    }
+}
+
+/// Where fresh sections come from.
+pub struct OnlineSections {
+    /// Sections of the scene.
+    pub plan: SectionPlan,
+    /// The grid whose unit coordinates the network's inputs are.
+    pub frame: Grid,
+    /// How each section is sampled.
+    pub sampling: Sampling,
+    /// How sections come and go.
+    pub settings: OnlineSettings,
+}
+
+/// The samples of one section.
+#[derive(Clone, Debug, PartialEq)]
+struct Section {
+    angles: [f32; 2],
+    voxels: Vec<u32>,
+    values: Vec<f32>,
+}
+
+/// Seconds spent waiting since this run (not an earlier one that it continues) began.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Waits {
+    /// Until the pool was full for the first time.
+    pub filling: f64,
+    /// The trainer, for sections that were late.
+    pub trainer: f64,
+    /// The producer, for the trainer to take what was ready.
+    pub producer: f64,
+    /// Sections computed.
+    pub sections: u64,
+    /// Seconds from beginning to end.
+    pub seconds: f64,
+}
+
+impl OnlineSections {
+    /// Samples that the pool holds: one epoch.
+    #[must_use]
+    pub fn pool_samples(&self) -> usize {
+        self.settings.pool * self.sampling.count(self.plan.grid().len())
+    }
+
+    /// Bytes of a pool: 8 a sample.
+    #[must_use]
+    pub fn memory_estimate(grid: &Grid, sampling: &Sampling, settings: &OnlineSettings) -> u64 {
+        8 * (settings.pool + settings.lead + 2) as u64 * sampling.count(grid.len()) as u64
+    }
+
+    fn section(
+        &self,
+        number: u64,
+        scratch: &mut SectionScratch,
+        cmf: &mut [f32],
+    ) -> Result<Section, SectionError> {
+        let orientation = self.settings.orientation(number);
+        self.plan.cmf(&orientation, scratch, cmf)?;
+        let voxels = draw(cmf, self.plan.grid().dims, &self.sampling, number);
+        let values = voxels.iter().map(|&v| cmf[v as usize]).collect();
+        Ok(Section { angles: orientation.angles(), voxels, values })
+    }
+
+    /// Computes sections `numbers` one after the other until nobody wants them; returns how long it waited, and how
+    /// many it made.
+    fn produce(
+        &self,
+        numbers: std::ops::RangeInclusive<u64>,
+        sender: &SyncSender<Result<Section, SectionError>>,
+    ) -> (Duration, u64) {
+        let mut scratch = SectionScratch::default();
+        let mut cmf = vec![0.0; self.plan.grid().len()];
+        let (mut waited, mut made) = (Duration::ZERO, 0);
+        for number in numbers {
+            let section = self.section(number, &mut scratch, &mut cmf);
+            let failed = section.is_err();
+            let begun = Instant::now();
+            if sender.send(section).is_err() || failed {
+                break;
+            }
+            waited += begun.elapsed();
+            made += 1;
+        }
+        (waited, made)
+    }
+}
+
+/// The latest sections; section `n` stands in slot `n mod pool`.
+struct Pool {
+    frame: Grid,
+    grid: Grid,
+    sections: Vec<Section>,
+    per_section: usize,
+}
+
+impl Pool {
+    /// Sample `index` of all, slot after slot.
+    fn sample(&self, index: usize) -> ([f32; crate::siren::INPUTS], f32) {
+        let (section, at) = (&self.sections[index / self.per_section], index % self.per_section);
+        let point = self.frame.unit(self.grid.centre(self.grid.voxel(section.voxels[at] as usize))).as_vec3();
+        let [theta, phi] = section.angles;
+        (features(point.to_array(), theta, phi), section.values[at])
+    }
+}
+
+/// Trains `engine` from `start` to the plan's end, or until the observer breaks, while a second thread computes the
+/// sections. An epoch is as many samples as the pool holds; a batch is drawn from it with replacement.
+///
+/// # Errors
+/// As [`super::run::train`], and a section that failed.
+pub fn train_online(
+    plan: &TrainingPlan,
+    sections: &OnlineSections,
+    engine: &mut dyn TrainingEngine,
+    start: Cursor,
+    observer: &mut dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()>,
+) -> Result<(Outcome, Waits), TrainError> {
+    let settings = sections.settings;
+    settings.check()?;
+    plan.check()?;
+    let samples = sections.pool_samples();
+    let per_epoch = plan.steps_per_epoch(samples);
+    let first_step = start.epoch.saturating_mul(per_epoch).saturating_add(start.step);
+    let last_step = plan.total_steps(samples).saturating_sub(1).max(first_step);
+    let oldest = settings.newest(first_step) + 1 - settings.pool as u64;
+    let numbers = oldest..=settings.newest(last_step);
+    let begun = Instant::now();
+    let mut waits = Waits::default();
+    std::thread::scope(|scope| {
+        let (sender, receiver) = sync_channel(settings.lead);
+        let producer = scope.spawn(move || sections.produce(numbers, &sender));
+        let outcome =
+            feed_and_train(plan, sections, receiver, oldest, first_step, &mut waits, engine, start, observer);
+        // The receiver is gone now, so a producer that still has work stops.
+        let (waited, made) = producer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        (waits.producer, waits.sections) = (waited.as_secs_f64(), made);
+        waits.seconds = begun.elapsed().as_secs_f64();
+        Ok((outcome?, waits))
+    })
+}
+
+#[expect(clippy::needless_pass_by_value, reason = "dropping the receiver tells the producer to stop")]
+fn feed_and_train(
+    plan: &TrainingPlan,
+    sections: &OnlineSections,
+    receiver: Receiver<Result<Section, SectionError>>,
+    oldest: u64,
+    first_step: u64,
+    waits: &mut Waits,
+    engine: &mut dyn TrainingEngine,
+    start: Cursor,
+    observer: &mut dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()>,
+) -> Result<Outcome, TrainError> {
+    let settings = sections.settings;
+    let samples = sections.pool_samples();
+    let grid = *sections.plan.grid();
+    let empty = Section { angles: [0.0; 2], voxels: Vec::new(), values: Vec::new() };
+    let mut pool = Pool {
+        frame: sections.frame,
+        grid,
+        sections: vec![empty; settings.pool],
+        per_section: sections.sampling.count(grid.len()),
+    };
+    let mut next = oldest;
+    let key = mix(mix(plan.seed) ^ 0x6f6e_6c69_6e65);
+    let mut feed = |_: Cursor, step: u64, inputs: &mut [f32], targets: &mut [f32]| {
+        let begun = Instant::now();
+        while next <= settings.newest(step) {
+            // A producer that is gone has panicked, which is passed on when it is joined.
+            let section = receiver.recv().unwrap_or(Err(SectionError::Cancelled))?;
+            pool.sections[(next % settings.pool as u64) as usize] = section;
+            next += 1;
+        }
+        let waited = begun.elapsed().as_secs_f64();
+        if step == first_step {
+            waits.filling += waited;
+        } else {
+            waits.trainer += waited;
+        }
+        let base = mix(key ^ mix(step));
+        gather(inputs, targets, |row| {
+            let random = mix(base.wrapping_add(row as u64));
+            pool.sample(((u128::from(random) * samples as u128) >> 64) as usize)
+        });
+        Ok(())
+    };
+    train_by(plan, samples, &mut feed, engine, start, observer)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,130 @@
+use super::*;
+use crate::occupancy::Occupancy;
+use crate::siren::SirenShape;
+use crate::siren::engine::CpuTrainer;
+use crate::tool::Tool;
+use crate::training::run::Length;
+use crate::training::{EngineError, TrainingState};
+use glam::DVec3;
+
+const SHAPE: SirenShape = SirenShape { width: 16, hidden: 3, skip_after: Some(2), omega: 10.0 };
+
+fn sections(settings: OnlineSettings) -> OnlineSections {
+    let grid = Grid { origin: DVec3::ZERO, pitch: 8.0, dims: [9, 10, 11] };
+    let solid = (0..grid.len()).map(|i| u8::from(i % 7 < 3)).collect();
+    let plan = SectionPlan::new(&Occupancy { grid, solid }, &Tool::paper()).unwrap();
+    OnlineSections { plan, frame: grid, sampling: Sampling { density: 0.1, ..Sampling::default() }, settings }
+}
+
+fn plan() -> TrainingPlan {
+    TrainingPlan { length: Length::Steps(60), batch: 64, report_every: 5, ..TrainingPlan::default() }
+}
+
+fn engine(state: TrainingState) -> CpuTrainer {
+    CpuTrainer::new(SHAPE, plan().adam, plan().loss, plan().batch, state).unwrap()
+}
+
+fn go_on(_: &Report, _: &mut dyn TrainingEngine) -> ControlFlow<()> {
+    ControlFlow::Continue(())
+}
+
+const SETTINGS: OnlineSettings = OnlineSettings { pool: 5, every: 3, seed: 4, lead: 2 };
+
+#[test]
+fn stopped_anywhere_it_goes_on_to_the_same_bits_and_lead_changes_nothing() {
+    let sections_ = sections(SETTINGS);
+    let mut whole = engine(TrainingState::new(&SHAPE, 1));
+    let (outcome, waits) =
+        train_online(&plan(), &sections_, &mut whole, Cursor::default(), &mut go_on).unwrap();
+    assert_eq!(outcome, Outcome::Finished);
+    // Steps 0 to 59 use sections 0 to 4 + 59 / 3.
+    assert_eq!(waits.sections, 5 + 19);
+    let whole = whole.state().unwrap();
+    for (stop, lead) in [(5, 1), (25, 7), (50, 2)] {
+        let sections_ = sections(OnlineSettings { lead, ..SETTINGS });
+        let mut first = engine(TrainingState::new(&SHAPE, 1));
+        let mut until = |report: &Report, _: &mut dyn TrainingEngine| {
+            if report.step >= stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        let (outcome, _) =
+            train_online(&plan(), &sections_, &mut first, Cursor::default(), &mut until).unwrap();
+        let Outcome::Stopped(cursor) = outcome else { panic!("it did not stop") };
+        let mut second = engine(first.state().unwrap());
+        train_online(&plan(), &sections_, &mut second, cursor, &mut go_on).unwrap();
+        assert!(second.state().unwrap() == whole, "stopped at {stop}");
+    }
+    let mut other = engine(TrainingState::new(&SHAPE, 1));
+    let elsewhere = sections(OnlineSettings { seed: 5, ..SETTINGS });
+    train_online(&plan(), &elsewhere, &mut other, Cursor::default(), &mut go_on).unwrap();
+    assert!(other.state().unwrap() != whole, "the seed decides nothing");
+}
+
+/// Keeps what it is given, and takes its time.
+struct Recorder {
+    batches: Vec<(Vec<f32>, Vec<f32>)>,
+    pause: Duration,
+}
+
+impl TrainingEngine for Recorder {
+    fn describe(&self) -> String {
+        "a recorder".into()
+    }
+
+    fn step(&mut self, inputs: &[f32], targets: &[f32], _: f32) -> Result<(), EngineError> {
+        self.batches.push((inputs.to_vec(), targets.to_vec()));
+        std::thread::sleep(self.pause);
+        Ok(())
+    }
+
+    fn take_mean_loss(&mut self) -> Result<f64, EngineError> {
+        Ok(0.0)
+    }
+
+    fn state(&mut self) -> Result<TrainingState, EngineError> {
+        Ok(TrainingState::from_parameters(Vec::new()))
+    }
+}
+
+#[test]
+fn every_sample_is_an_exact_value_of_a_section_in_the_pool_of_its_step() {
+    let sections = sections(SETTINGS);
+    let mut recorder = Recorder { batches: Vec::new(), pause: Duration::from_millis(2) };
+    let (_, waits) = train_online(&plan(), &sections, &mut recorder, Cursor::default(), &mut go_on).unwrap();
+    assert!(waits.producer > 0.0, "a slow trainer keeps the producer waiting: {waits:?}");
+    let grid = *sections.plan.grid();
+    let mut scratch = SectionScratch::default();
+    let mut cmf = vec![0.0; grid.len()];
+    for (step, (inputs, targets)) in recorder.batches.iter().enumerate().step_by(7) {
+        let pool = SETTINGS.pool_at(step as u64).orientations;
+        let mut matched = 0;
+        for orientation in &pool {
+            sections.plan.cmf(orientation, &mut scratch, &mut cmf).unwrap();
+            let [theta, phi] = orientation.angles();
+            for (input, &target) in inputs.chunks_exact(5).zip(targets) {
+                let wanted = features([0.0; 3], theta, phi);
+                if input[3..] != wanted[3..] {
+                    continue;
+                }
+                let unit =
+                    DVec3::new(f64::from(input[0]), f64::from(input[1]), f64::from(input[2])) * 0.5 + 0.5;
+                let voxel = (unit * DVec3::new(9.0, 10.0, 11.0)).floor();
+                let index = grid.index([voxel.x as usize, voxel.y as usize, voxel.z as usize]);
+                assert_eq!(target, cmf[index], "step {step}");
+                matched += 1;
+            }
+        }
+        assert_eq!(matched, targets.len(), "step {step}: a sample of no section in the pool");
+    }
+}
+
+#[test]
+fn settings_that_stand_still_are_refused() {
+    for settings in [
+        OnlineSettings { pool: 0, ..SETTINGS },
+        OnlineSettings { every: 0, ..SETTINGS },
+        OnlineSettings { lead: 0, ..SETTINGS },
+    ] {
+        assert!(matches!(settings.check(), Err(TrainError::Plan(_))), "{settings:?}");
+    }
+    assert!(serde_json::from_str::<OnlineSettings>(r#"{"pol": 3}"#).is_err());
+}
