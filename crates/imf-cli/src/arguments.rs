@@ -4,6 +4,7 @@ pub(crate) mod access;
 pub(crate) mod check;
 pub(crate) mod clearance;
 pub(crate) mod fixture;
+pub(crate) mod harmonic;
 pub(crate) mod scene;
 pub(crate) mod transform;
 
@@ -155,7 +156,8 @@ pub(crate) struct VoxelizeArguments {
 /// Compute the exact field: sections of the collision measure, or its minimum over orientations
 #[derive(Args)]
 #[command(after_help = "Examples:\n  imf field teapot --orientations '0,0;12,6' --out sections\n  \
-                        imf field part.obj --tool mill.toml --orientations fibonacci:225 --imf --out imf\n\n\
+                        imf field part.obj --tool mill.toml --orientations fibonacci:225 --imf --out imf\n  \
+                        imf field teapot --orientations fibonacci:10000 --imf --method harmonic --confirm --out imf\n\n\
                         Writes .npy, .vti (ParaView) and .png slices. Values are exact for voxel centres.")]
 pub(crate) struct FieldArguments {
     #[command(flatten)]
@@ -178,6 +180,8 @@ pub(crate) struct FieldArguments {
     /// `imf devices`. All give the same values; a CPU, which takes a few milliseconds a section at most, is the default
     #[arg(long, default_value = "cpu", value_name = "DEVICE")]
     pub(crate) device: String,
+    #[command(flatten)]
+    pub(crate) harmonic: harmonic::HarmonicArguments,
     /// Folder to write to
     #[arg(long, value_name = "DIR")]
     pub(crate) out: PathBuf,

@@ -155,7 +155,8 @@ fn clearance_takes_space_contact_gives_some_and_both_are_said() {
     let folder = workshop();
     let run = |more: &[&str]| {
         // Conservative voxels close the slot: what is left to reach lies around the block.
-        let long = ["--tool", "long.toml", "--orientations", "fibonacci:14", "--conservative", "--margin", "3"];
+        let long =
+            ["--tool", "long.toml", "--orientations", "fibonacci:14", "--conservative", "--margin", "3"];
         folder.json(&arguments(&[&long[..], more].concat()))
     };
     let plain = run(&[]);
