@@ -83,6 +83,28 @@ pub(crate) struct BenchArguments {
 #[derive(Subcommand)]
 pub(crate) enum Bench {
     Exact(ExactBenchArguments),
+    Train(TrainBenchArguments),
+}
+
+/// Training steps against the matrix products' own peak and against PyTorch, by turns in one run
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf bench train --python venv/bin/python --out bench-train\n\n\
+                        Writes train.json and train.md. About half a minute without PyTorch.")]
+pub(crate) struct TrainBenchArguments {
+    /// Folder to write to
+    #[arg(long, default_value = "imf-bench", value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Samples in a step; several with commas
+    #[arg(long, value_delimiter = ',', default_value = "1024,8192", value_name = "N")]
+    pub(crate) batch: Vec<usize>,
+    /// Neurons of every hidden layer
+    #[arg(long, default_value_t = 512, value_name = "N")]
+    pub(crate) width: usize,
+    /// Python with PyTorch
+    #[arg(long, default_value = "python3", value_name = "COMMAND")]
+    pub(crate) python: String,
+    #[command(flatten)]
+    pub(crate) device: DeviceArguments,
 }
 
 /// Exact sections against scipy and rustfft, and how their cost grows
