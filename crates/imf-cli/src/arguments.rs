@@ -4,6 +4,7 @@ pub(crate) mod access;
 pub(crate) mod check;
 pub(crate) mod clearance;
 pub(crate) mod fixture;
+pub(crate) mod harmonic;
 pub(crate) mod regime;
 pub(crate) mod scene;
 pub(crate) mod transform;
@@ -85,6 +86,28 @@ pub(crate) struct BenchArguments {
 #[derive(Subcommand)]
 pub(crate) enum Bench {
     Exact(ExactBenchArguments),
+    Train(TrainBenchArguments),
+}
+
+/// Training steps against the matrix products' own peak and against PyTorch, by turns in one run
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf bench train --python venv/bin/python --out bench-train\n\n\
+                        Writes train.json and train.md. About half a minute without PyTorch.")]
+pub(crate) struct TrainBenchArguments {
+    /// Folder to write to
+    #[arg(long, default_value = "imf-bench", value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Samples in a step; several with commas
+    #[arg(long, value_delimiter = ',', default_value = "1024,8192", value_name = "N")]
+    pub(crate) batch: Vec<usize>,
+    /// Neurons of every hidden layer
+    #[arg(long, default_value_t = 512, value_name = "N")]
+    pub(crate) width: usize,
+    /// Python with PyTorch
+    #[arg(long, default_value = "python3", value_name = "COMMAND")]
+    pub(crate) python: String,
+    #[command(flatten)]
+    pub(crate) device: DeviceArguments,
 }
 
 /// Exact sections against scipy and rustfft, and how their cost grows
@@ -158,7 +181,8 @@ pub(crate) struct VoxelizeArguments {
 /// Compute the exact field: sections of the collision measure, or its minimum over orientations
 #[derive(Args)]
 #[command(after_help = "Examples:\n  imf field teapot --orientations '0,0;12,6' --out sections\n  \
-                        imf field part.obj --tool mill.toml --orientations fibonacci:225 --imf --out imf\n\n\
+                        imf field part.obj --tool mill.toml --orientations fibonacci:225 --imf --out imf\n  \
+                        imf field teapot --orientations fibonacci:10000 --imf --method harmonic --confirm --out imf\n\n\
                         Writes .npy, .vti (ParaView) and .png slices. Values are exact for voxel centres.")]
 pub(crate) struct FieldArguments {
     #[command(flatten)]
@@ -181,6 +205,8 @@ pub(crate) struct FieldArguments {
     /// `imf devices`. All give the same values; a CPU, which takes a few milliseconds a section at most, is the default
     #[arg(long, default_value = "cpu", value_name = "DEVICE")]
     pub(crate) device: String,
+    #[command(flatten)]
+    pub(crate) harmonic: harmonic::HarmonicArguments,
     /// Folder to write to
     #[arg(long, value_name = "DIR")]
     pub(crate) out: PathBuf,

@@ -6,7 +6,8 @@
 //! `c = μ + U z`, so that a section is `⟨z(x), Uᵀ b(R)⟩ + μ·b(R)`: one product for any number of orientations
 //! (`evaluate`), with exact gradients in the direction.
 //!
-//! A field is made for the tool's tip; other sharp points are read at x − R k. Values are for voxel centres and
+//! A field of a tool with its tip alone serves every sharp point, read at x − R k; a field may also be made of the
+//! least over the sharp points itself, which bends more sharply and needs a higher degree. Values are for voxel centres and
 //! trilinear between them; outside the box of the voxel centres there is no answer ([`HarmonicField::overlap`]).
 
 pub mod basis;
@@ -39,9 +40,6 @@ pub enum HarmonicError {
     /// A setting out of range.
     #[error("harmonic field: {0}")]
     Settings(String),
-    /// The tool has sharp points beside its tip.
-    #[error("a harmonic field is made for the tool's tip alone: use Tool::with_tip_only and read at x − R k")]
-    SharpPoints,
     /// Too few orientations for so many functions.
     #[error("the sections do not determine every coefficient: more sections a function, or a lower degree")]
     Singular,

@@ -1,11 +1,12 @@
 //! `imf bench`: measurements that a user can repeat. `exact` compares the exact sections with what one would
-//! write oneself, and shows how their cost grows.
+//! write oneself, and shows how their cost grows; `train` compares the training engine with PyTorch.
 
 mod device;
 mod growth;
 mod machine;
 mod plain_fft;
 mod scipy;
+mod train;
 
 use std::fmt::Write;
 use std::time::Instant;
@@ -41,6 +42,7 @@ const ROUNDS: usize = 3;
 pub(crate) fn run(session: &Session, arguments: &BenchArguments) -> Result<()> {
     match &arguments.bench {
         Bench::Exact(arguments) => exact(session, arguments),
+        Bench::Train(arguments) => train::run(session, arguments),
     }
 }
 

@@ -3,6 +3,7 @@
 mod check;
 mod counting;
 mod elements;
+mod harmonic;
 mod inaccessibility;
 mod sections;
 
@@ -15,6 +16,7 @@ use serde_json::{Value, json};
 
 use self::check::Check;
 use self::counting::Streamed;
+use self::harmonic::Harmonic;
 use crate::arguments::FieldArguments;
 use crate::engine::Device;
 use crate::output::OutputFolder;
@@ -45,6 +47,7 @@ pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
     if elements.as_ref().is_some_and(|elements| elements.elements().next().is_none()) {
         bail!("--elements needs a tool of cutter, shank and holder, and the tool '{}' is a mesh", tool.name);
     }
+    let harmonic = Harmonic::make(session, &scene, &plan, arguments)?;
     let work = Work {
         session,
         folder,
@@ -52,6 +55,7 @@ pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
         contact: contact.is_some(),
         plan: &plan,
         device: &device,
+        harmonic: harmonic.as_ref(),
         elements: elements.as_ref(),
         set: &set,
         check: Check::new(arguments.check),
@@ -69,6 +73,8 @@ struct Work<'a> {
     contact: bool,
     plan: &'a SectionPlan,
     device: &'a Device,
+    /// Where values are not exact sections.
+    harmonic: Option<&'a Harmonic>,
     elements: Option<&'a ElementPlans>,
     set: &'a OrientationSet,
     check: Check,
@@ -105,7 +111,8 @@ impl Work<'_> {
             "orientations": { "set": self.set.spec, "count": self.set.len(), "file": ORIENTATIONS },
             "computed_by": self.computed_by(),
             "contact": self.contact,
-            "promise": self.promise().to_string(),
+            "promise": self.promise(),
+            "harmonic": self.harmonic.map(Harmonic::summary),
             "check": self.check.summary(),
         });
         if let (Some(all), Value::Object(own)) = (summary.as_object_mut(), own) {
@@ -115,10 +122,21 @@ impl Work<'_> {
     }
 
     /// Which promise holds for the values.
-    fn promise(&self) -> Promise {
+    fn promise(&self) -> String {
+        if let Some(harmonic) = self.harmonic {
+            return harmonic.promise();
+        }
         let record = &self.scene.record;
         let (tool, pitch) = (record.bare_tool(), record.grid.pitch);
-        Promise::new(record.conservative, tool, &record.clearance, self.contact, pitch)
+        Promise::new(record.conservative, tool, &record.clearance, self.contact, pitch).to_string()
+    }
+
+    /// What values are, for a note beside a picture.
+    fn exactness(&self) -> &'static str {
+        match self.harmonic {
+            None => "exact for voxel centres",
+            Some(_) => "from a harmonic fit to exact sections",
+        }
     }
 
     /// Name of part and tool for titles.

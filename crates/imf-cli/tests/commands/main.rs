@@ -6,6 +6,7 @@ mod access;
 mod check;
 mod fields;
 mod folder;
+mod harmonic;
 mod info;
 mod model;
 mod queries;

@@ -135,11 +135,11 @@ fn batch_size(voxels: usize, sections: usize) -> usize {
     (BATCH_BYTES / (4 * voxels.max(1))).clamp(8, MOST_AT_ONCE).min(sections.max(1))
 }
 
-/// Makes a field from exact sections of `plan`, whose tool must have its tip as its only sharp point. One unit of
-/// progress is one section; there are [`section_count`] of them.
+/// Makes a field of what `plan`'s sections are: the overlap at the tip where the tip alone is sharp, else the least over
+/// the sharp points. One unit of progress is one section; there are [`section_count`] of them.
 ///
 /// # Errors
-/// Settings out of range, a failed section, cancellation, or a tool with other sharp points.
+/// Settings out of range, a failed section, or cancellation.
 pub fn fit(
     plan: &SectionPlan,
     domain: Domain,
@@ -147,9 +147,6 @@ pub fn fit(
     control: Control<'_>,
 ) -> Result<HarmonicField, HarmonicError> {
     settings.check()?;
-    if plan.tool().sharp_point_positions() != [glam::DVec3::ZERO] {
-        return Err(HarmonicError::SharpPoints);
-    }
     let basis = Basis::new(domain, settings.degree);
     let Sizes { functions, sections, axes } = settings.sizes(domain);
     let set = basis.even_set(sections)?.orientations;

@@ -24,6 +24,9 @@ pub(super) enum Streamed<V> {
 impl Work<'_> {
     /// How sections are computed, for people.
     pub(super) fn computed_by(&self) -> String {
+        if let Some(harmonic) = self.harmonic {
+            return harmonic.describe();
+        }
         match self.device {
             Device::Cpu => self.plan.describe(),
             Device::Gpu(gpu) => format!("run ends on {}", gpu.describe()),
@@ -36,6 +39,9 @@ impl Work<'_> {
         start: impl Fn() -> V + Sync,
         visit: impl Fn(&mut V, usize, &[f32]) -> Result<()> + Sync,
     ) -> Result<Streamed<Vec<V>>> {
+        if let Some(harmonic) = self.harmonic {
+            return harmonic.stream(self, start, visit);
+        }
         let failure = Mutex::new(None::<Error>);
         let result = self.staged(|control, stop| {
             let visit = |own: &mut V, index: usize, cmf: &[f32]| {
@@ -62,6 +68,9 @@ impl Work<'_> {
 
     /// The least section over all orientations.
     pub(super) fn least(&self) -> Result<Streamed<Imf>> {
+        if let Some(harmonic) = self.harmonic {
+            return harmonic.least(self);
+        }
         if let Device::Gpu(gpu) = self.device {
             let why = match (self.plan.tip_alone(), self.check.is_wanted()) {
                 (true, false) => {

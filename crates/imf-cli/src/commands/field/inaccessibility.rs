@@ -32,9 +32,10 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         style: Some(MaskStyle::Outline),
         unit: work.scene.record.unit,
         notes: vec![format!(
-            "least over {} orientations ({}); white line: the part; exact for voxel centres",
+            "least over {} orientations ({}); white line: the part; {}",
             work.set.len(),
-            work.set.spec
+            work.set.spec,
+            work.exactness()
         )],
     };
     sheet.save(&[MidPlanes::new(String::new(), &whole.value, grid)], &work.folder.file("imf.png"))?;

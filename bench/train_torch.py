@@ -1,0 +1,90 @@
+"""The paper's network trained by PyTorch, measured by turns with imf's own engine.
+
+Started by `imf bench train`, which writes one request a line to standard input and reads one answer a line:
+{"mode": "eager" | "compiled", "batch": 1024, "seconds": 0.5} gives {"samples_per_second": ..}. The first line answers
+with the version. Same network as siren5 (five hidden layers of sines, the five inputs again after the second, one
+sigmoid), same loss (L1), same optimiser (Adam with coupled weight decay), f32, the threads given by --threads.
+"""
+
+import argparse
+import json
+import sys
+import time
+
+import torch
+
+
+class Siren5(torch.nn.Module):
+    def __init__(self, width: int, omega: float = 30.0):
+        super().__init__()
+        inputs = [5, width, width + 5, width, width]
+        # The first layer, then one that follows the inputs' return after hidden layer 2.
+        self.hidden = torch.nn.ModuleList(torch.nn.Linear(n, width) for n in [5, width, width + 5, width, width])
+        assert [layer.in_features for layer in self.hidden] == inputs
+        self.out = torch.nn.Linear(width, 1)
+        self.omega = omega
+        for index, layer in enumerate(self.hidden):
+            bound = 1 / 5 if index == 0 else (6 / layer.in_features) ** 0.5 / omega
+            torch.nn.init.uniform_(layer.weight, -bound, bound)
+
+    def forward(self, x):
+        h = x
+        for index, layer in enumerate(self.hidden):
+            if index == 2:
+                h = torch.cat([h, x], dim=1)
+            h = torch.sin(self.omega * layer(h))
+        return torch.sigmoid(self.out(h))[:, 0]
+
+
+class Trainer:
+    def __init__(self, width: int, compiled: bool):
+        torch.manual_seed(0)
+        self.model = Siren5(width)
+        self.forward = torch.compile(self.model) if compiled else self.model
+        self.adam = torch.optim.Adam(self.model.parameters(), lr=1e-5, weight_decay=1e-6, foreach=True)
+
+    def step(self, x, y):
+        self.adam.zero_grad(set_to_none=True)
+        torch.nn.functional.l1_loss(self.forward(x), y).backward()
+        self.adam.step()
+
+
+def rate(trainer, x, y, seconds: float) -> float:
+    steps, start = 0, time.perf_counter()
+    while steps < 3 or time.perf_counter() - start < seconds:
+        trainer.step(x, y)
+        steps += 1
+    return steps * len(y) / (time.perf_counter() - start)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--threads", type=int, required=True)
+    parser.add_argument("--width", type=int, default=512)
+    arguments = parser.parse_args()
+    torch.set_num_threads(arguments.threads)
+    print(json.dumps({"version": torch.__version__}), flush=True)
+    trainers, batches = {}, {}
+    for line in sys.stdin:
+        request = json.loads(line)
+        mode, batch = request["mode"], request["batch"]
+        try:
+            if mode not in trainers:
+                trainers[mode] = Trainer(arguments.width, mode == "compiled")
+            if batch not in batches:
+                generator = torch.Generator().manual_seed(1)
+                batches[batch] = (
+                    torch.rand(batch, 5, generator=generator) * 2 - 1,
+                    torch.rand(batch, generator=generator),
+                )
+            x, y = batches[batch]
+            # The first steps compile and allocate.
+            trainers[mode].step(x, y)
+            answer = {"samples_per_second": rate(trainers[mode], x, y, request["seconds"])}
+        except Exception as error:  # torch.compile needs a C++ compiler
+            answer = {"failed": f"{type(error).__name__}: {str(error).strip().splitlines()[0]}"}
+        print(json.dumps(answer), flush=True)
+
+
+if __name__ == "__main__":
+    main()

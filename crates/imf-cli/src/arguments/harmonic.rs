@@ -1,0 +1,55 @@
+//! How a field is computed, and what a harmonic field is made by.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use imf_core::harmonic::FitSettings;
+use imf_core::harmonic::coefficients::Precision;
+
+/// The families that `imf field` can compute with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum FieldMethod {
+    /// Whole numbers of voxels, one orientation after the other
+    Exact,
+    /// Every orientation at once from a fit to exact sections: approximate, with its error stated
+    Harmonic,
+}
+
+/// Options of --method harmonic.
+#[derive(Args, Clone)]
+pub(crate) struct HarmonicArguments {
+    /// How the field is computed
+    #[arg(long, value_enum, default_value = "exact")]
+    pub(crate) method: FieldMethod,
+    /// Highest degree of the harmonics: more is finer and costs memory and time by its square
+    #[arg(long, default_value_t = 14, value_name = "L", requires = "method")]
+    pub(crate) degree: usize,
+    /// Principal axes kept of the harmonics' coefficients
+    #[arg(long, default_value_t = 128, value_name = "N", requires = "method")]
+    pub(crate) axes: usize,
+    /// Exact sections for each harmonic
+    #[arg(long, default_value_t = 2.0, value_name = "N", requires = "method")]
+    pub(crate) sections_per_function: f64,
+    /// Keep coefficients in f32, not in f16
+    #[arg(long, requires = "method")]
+    pub(crate) single: bool,
+    /// With --imf: count the best orientations of every voxel exactly, so that values are exact and zeros proven
+    #[arg(long, requires = "method", requires = "imf")]
+    pub(crate) confirm: bool,
+    /// Keep the harmonic field in this file
+    #[arg(long, value_name = "FILE", requires = "method")]
+    pub(crate) save: Option<PathBuf>,
+}
+
+impl HarmonicArguments {
+    /// The settings of the fit.
+    pub(crate) fn settings(&self) -> FitSettings {
+        FitSettings {
+            degree: self.degree,
+            axes: self.axes,
+            sections_per_function: self.sections_per_function,
+            precision: if self.single { Precision::F32 } else { Precision::F16 },
+            ..FitSettings::default()
+        }
+    }
+}

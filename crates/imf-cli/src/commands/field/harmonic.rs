@@ -1,0 +1,179 @@
+//! `imf field --method harmonic`: a fit to exact sections answers for any orientations.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::{Result, bail};
+use imf_core::field::ExactField;
+use imf_core::harmonic::basis::Domain;
+use imf_core::harmonic::file::HarmonicFile;
+use imf_core::harmonic::{CANDIDATES, FitSettings, HarmonicError, HarmonicField, fit, section_count};
+use imf_core::scene::Scene;
+use imf_core::section::{Imf, SectionError, SectionPlan};
+use serde_json::{Value, json};
+
+use super::Work;
+use super::counting::Streamed;
+use crate::arguments::FieldArguments;
+use crate::arguments::harmonic::FieldMethod;
+use crate::interrupt::{self, Interrupted};
+use crate::session::Session;
+
+/// Sections evaluated at a time.
+const AT_ONCE: usize = 16;
+
+/// A harmonic field and how it is used.
+pub(super) struct Harmonic {
+    field: HarmonicField,
+    settings: FitSettings,
+    /// Best orientations are counted exactly.
+    confirm: bool,
+}
+
+impl Harmonic {
+    /// Makes the field; `None` where exact sections are asked for.
+    pub(super) fn make(
+        session: &Session,
+        scene: &Scene,
+        plan: &SectionPlan,
+        arguments: &FieldArguments,
+    ) -> Result<Option<Self>> {
+        let asked = &arguments.harmonic;
+        if asked.method == FieldMethod::Exact {
+            return Ok(None);
+        }
+        if arguments.elements || arguments.check > 0 {
+            bail!(
+                "--elements and --check are of exact sections: leave them out, or leave out --method harmonic"
+            );
+        }
+        if asked.confirm && (plan.skin().is_some() || !plan.tip_alone()) {
+            bail!(
+                "--confirm counts at the tool's tip against the whole obstacle: leave it out where other points are \
+                 sharp or --contact is given"
+            );
+        }
+        let settings = asked.settings();
+        let bare = scene.record.bare_tool();
+        let domain = if bare.is_axisymmetric() { Domain::Directions } else { Domain::Rotations };
+        let (needed, _) = settings.memory(domain, plan.grid().len());
+        session.require_memory(needed, || {
+            format!(
+                "a harmonic field of degree {} along {} axes; use a lower --degree or --axes, or a larger --pitch",
+                settings.degree, settings.axes
+            )
+        })?;
+        let stage = session.stage("sections to fit", "sections", section_count(domain, &settings) as u64);
+        let advance = |sections| stage.advance(sections);
+        let field = match fit(plan, domain, &settings, session.control(&advance)) {
+            Err(HarmonicError::Section(SectionError::Cancelled)) => {
+                return Err(Interrupted("a fit needs every section; nothing was written".into()).into());
+            }
+            other => other?,
+        };
+        stage.finish(&errors_text(&field));
+        if let Some(path) = &asked.save {
+            let file = HarmonicFile { field: field.clone(), scene: scene.clone(), settings };
+            file.write(path)?;
+            session.note(&format!("wrote {}", path.display()));
+        }
+        Ok(Some(Self { field, settings, confirm: asked.confirm }))
+    }
+
+    /// How values are computed, for people.
+    pub(super) fn describe(&self) -> String {
+        let report = &self.field.report;
+        let confirmed = match self.confirm {
+            true => format!("; the best {CANDIDATES} orientations of every voxel counted exactly"),
+            false => String::new(),
+        };
+        format!(
+            "{} harmonics of degree {} fitted to {} exact sections, {} axes; {}{confirmed}",
+            report.functions,
+            self.settings.degree,
+            report.sections,
+            self.field.axis_count(),
+            errors_text(&self.field),
+        )
+    }
+
+    /// Which promise holds for the values.
+    pub(super) fn promise(&self) -> String {
+        if self.confirm {
+            "values are exact counts of the orientation named, and zeros are proven; another orientation of the set may \
+             be lower where the value is not zero"
+                .into()
+        } else {
+            format!("approximate ({}); decisions need exact counts", errors_text(&self.field))
+        }
+    }
+
+    pub(super) fn summary(&self) -> Value {
+        json!({
+            "settings": self.settings,
+            "report": self.field.report,
+            "bytes": self.field.bytes(),
+            "confirmed": self.confirm,
+        })
+    }
+
+    /// Shows the sections of all orientations in order.
+    pub(super) fn stream<V>(
+        &self,
+        work: &Work<'_>,
+        start: impl Fn() -> V,
+        visit: impl Fn(&mut V, usize, &[f32]) -> Result<()>,
+    ) -> Result<Streamed<Vec<V>>> {
+        let voxels = self.field.grid.len();
+        let all = &work.set.orientations;
+        let stage = work.session.stage("harmonic sections", "sections", all.len() as u64);
+        let mut values = vec![0.0; voxels * AT_ONCE.min(all.len())];
+        let mut own = start();
+        for (batch, orientations) in all.chunks(AT_ONCE).enumerate() {
+            if interrupt::requested() {
+                return Ok(Streamed::Interrupted);
+            }
+            let sections = &mut values[..voxels * orientations.len()];
+            self.field.sections(&self.field.heads(orientations), sections);
+            for (place, section) in sections.chunks_exact(voxels).enumerate() {
+                visit(&mut own, batch * AT_ONCE + place, section)?;
+                stage.advance(1);
+            }
+        }
+        stage.finish("");
+        Ok(Streamed::Whole(vec![own]))
+    }
+
+    /// The least value over all orientations.
+    pub(super) fn least(&self, work: &Work<'_>) -> Result<Streamed<Imf>> {
+        let all = &work.set.orientations;
+        if !self.confirm {
+            return Ok(Streamed::Whole(self.field.minimum(&self.field.heads(all))));
+        }
+        let stage = work.session.stage("confirming", "voxels", self.field.grid.len() as u64);
+        let stop = AtomicBool::new(false);
+        let advance = |voxels| {
+            stage.advance(voxels);
+            if interrupt::requested() {
+                stop.store(true, Ordering::Relaxed);
+            }
+        };
+        let control = imf_core::control::Control { progress: &advance, cancelled: &stop };
+        match self.field.screened(all, &ExactField::new(work.scene), control) {
+            Err(HarmonicError::Section(SectionError::Cancelled)) => Ok(Streamed::Interrupted),
+            Err(error) => Err(error.into()),
+            Ok(screened) => {
+                let proven = screened.proven.iter().filter(|&&proven| proven == 1).count();
+                stage.finish(&format!("{} exact answers, {proven} voxels proven free", screened.counted));
+                Ok(Streamed::Whole(screened.imf))
+            }
+        }
+    }
+}
+
+fn errors_text(field: &HarmonicField) -> String {
+    let report = &field.report;
+    format!(
+        "at unseen orientations MSE {:.1e}, MPE {:.3}, and {:.1e} by the axes left out",
+        report.held_out_mse, report.held_out_mpe, report.dropped
+    )
+}

@@ -1,0 +1,76 @@
+//! `imf field --method harmonic`, held against exact sections and against its own file.
+
+use imf_core::control::Control;
+use imf_core::harmonic::file::HarmonicFile;
+use imf_core::orientation::OrientationSet;
+use imf_core::section::{SectionPlan, imf, sections};
+
+use crate::folder::Folder;
+use crate::model::model;
+
+const RUN: [&str; 12] = [
+    "field", "bracket", "--dims", "5,15,9", "--method", "harmonic", "--degree", "6", "--axes", "30", "--out",
+    "out",
+];
+
+fn arguments<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    [&RUN[..], more].concat()
+}
+
+#[test]
+fn sections_are_near_the_exact_ones_and_the_file_gives_them_again() {
+    let folder = Folder::new();
+    let set = "fibonacci:19";
+    let summary = folder.json(&arguments(&["--orientations", set, "--save", "field.safetensors"]));
+    let scene = model().scene;
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let orientations = OrientationSet::parse(set).unwrap().orientations;
+    let exact = sections(&plan, &orientations, Control::quiet()).unwrap();
+    let file = HarmonicFile::read(&folder.path("field.safetensors")).unwrap();
+    let mut again = vec![0.0; plan.grid().len() * orientations.len()];
+    file.field.sections(&file.field.heads(&orientations), &mut again);
+    let mut squares = 0.0;
+    for (index, (exact, again)) in exact.iter().zip(again.chunks_exact(plan.grid().len())).enumerate() {
+        let found = folder.npy::<f32>(&format!("out/cmf-{index:05}.npy"));
+        for ((&found, &exact), &again) in found.iter().zip(exact).zip(again) {
+            // The same product in blocks of other sizes.
+            assert!((found - again).abs() < 1e-5);
+            squares += f64::from(found - exact).powi(2);
+        }
+    }
+    let mse = squares / again.len() as f64;
+    let told = summary["harmonic"]["report"]["held_out_mse"].as_f64().unwrap()
+        + summary["harmonic"]["report"]["dropped"].as_f64().unwrap();
+    assert!(mse < 3.0 * told && mse < 5e-3, "{mse} against {told}");
+    assert!(summary["promise"].as_str().unwrap().starts_with("approximate"));
+}
+
+#[test]
+fn confirmed_minima_are_exact_counts_and_zeros_are_proven() {
+    let folder = Folder::new();
+    let set = "fibonacci:40";
+    let summary = folder.json(&arguments(&["--orientations", set, "--imf", "--confirm"]));
+    let scene = model().scene;
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let orientations = OrientationSet::parse(set).unwrap().orientations;
+    let streamed = imf(&plan, &orientations, Control::quiet()).unwrap();
+    let all = sections(&plan, &orientations, Control::quiet()).unwrap();
+    let (values, best) = (folder.npy::<f32>("out/imf.npy"), folder.npy::<u32>("out/best.npy"));
+    for (voxel, (&value, &best)) in values.iter().zip(&best).enumerate() {
+        assert!((value - all[best as usize][voxel]).abs() < 1e-6, "voxel {voxel}");
+        assert!(value >= streamed.value[voxel] - 1e-6);
+    }
+    assert!(summary["promise"].as_str().unwrap().contains("zeros are proven"));
+}
+
+#[test]
+fn what_belongs_to_exact_sections_is_refused() {
+    let folder = Folder::new();
+    let refuse = |more: &[&str], expected: &[&str]| {
+        folder.refuse(&arguments(&[&["--orientations", "0,0"], more].concat()), expected);
+    };
+    refuse(&["--check", "3"], &["--check", "leave out --method harmonic"]);
+    refuse(&["--elements"], &["--elements"]);
+    refuse(&["--memory", "64KiB"], &["--degree", "--memory"]);
+    refuse(&["--imf", "--confirm", "--contact", "1"], &["--confirm", "--contact"]);
+}
