@@ -11,7 +11,7 @@ pub(crate) mod transform;
 
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum};
 use imf_core::dataset::Share;
 use imf_core::training::Loss;
 use imf_core::training::schedule::RateRule;
@@ -62,6 +62,14 @@ pub(crate) enum Command {
     Voxelize(VoxelizeArguments),
     Field(FieldArguments),
     Access(access::AccessArguments),
+    /// Sample exact sections into a dataset for training; continues one that was interrupted
+    #[command(
+        args_conflicts_with_subcommands = true,
+        subcommand_negates_reqs = true,
+        after_help = "Examples:\n  imf dataset teapot --orientations grid:15 --out teapot-225\n  \
+                      imf dataset teapot --orientations grid:15 --out share-3 --shard 3/8\n  \
+                      imf dataset merge teapot-225 share-1 share-2 share-3"
+    )]
     Dataset(DatasetArguments),
     Train(TrainArguments),
     Finetune(FinetuneArguments),
@@ -212,20 +220,35 @@ pub(crate) struct FieldArguments {
     pub(crate) out: PathBuf,
 }
 
-/// Sample exact sections into a dataset for training; continues one that was interrupted
-#[derive(Args)]
-#[command(
-    args_conflicts_with_subcommands = true,
-    subcommand_negates_reqs = true,
-    after_help = "Examples:\n  imf dataset teapot --orientations grid:15 --out teapot-225\n  \
-                  imf dataset teapot --orientations grid:15 --out share-3 --shard 3/8\n  \
-                  imf dataset merge teapot-225 share-1 share-2 share-3"
-)]
-pub(crate) struct DatasetArguments {
-    #[command(subcommand)]
-    pub(crate) action: Option<DatasetAction>,
-    #[command(flatten)]
-    pub(crate) make: Option<DatasetMakeArguments>,
+/// A dataset is made, or what was made of it is joined or finished.
+pub(crate) enum DatasetArguments {
+    Make(Box<DatasetMakeArguments>),
+    Act(DatasetAction),
+}
+
+// By hand: an optional group of arguments that holds another group is never seen as present by the derived code.
+impl FromArgMatches for DatasetArguments {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        if matches.subcommand_name().is_some() {
+            return DatasetAction::from_arg_matches(matches).map(Self::Act);
+        }
+        DatasetMakeArguments::from_arg_matches(matches).map(|make| Self::Make(Box::new(make)))
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl Args for DatasetArguments {
+    fn augment_args(command: clap::Command) -> clap::Command {
+        DatasetAction::augment_subcommands(DatasetMakeArguments::augment_args(command))
+    }
+
+    fn augment_args_for_update(command: clap::Command) -> clap::Command {
+        Self::augment_args(command)
+    }
 }
 
 #[derive(Subcommand)]

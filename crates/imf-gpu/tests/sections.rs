@@ -28,7 +28,7 @@ fn scattered(grid: Grid) -> Occupancy {
 /// A wedge that no rotation but a whole turn brings onto itself.
 fn wedge() -> Tool {
     let mesh = Mesh {
-        vertices: [[0.0, 0.0, 0.0], [5.0, 0.0, 0.0], [0.0, 2.0, 0.0], [1.0, 0.5, 9.0]]
+        vertices: [[0.0, 0.0, 0.0], [15.0, 0.0, 0.0], [0.0, 9.0, 0.0], [3.0, 1.5, 27.0]]
             .map(Into::into)
             .to_vec(),
         triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]],

@@ -4,7 +4,7 @@ mod merge;
 
 use std::path::Path;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Result, bail};
 use imf_core::dataset::{DatasetError, Layout, Manifest, Sampling, generate_share};
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::Scene;
@@ -17,12 +17,10 @@ use crate::output::{prepare_folder, print, print_json};
 use crate::session::Session;
 
 pub(crate) fn run(session: &Session, arguments: &DatasetArguments) -> Result<()> {
-    match (&arguments.action, &arguments.make) {
-        (Some(DatasetAction::Merge(arguments)), _) => merge::run(session, arguments),
-        (Some(DatasetAction::Finish(arguments)), _) => finish(session, arguments),
-        (None, make) => {
-            make_new(session, make.as_ref().context("a part, --orientations and --out are needed")?)
-        }
+    match arguments {
+        DatasetArguments::Act(DatasetAction::Merge(arguments)) => merge::run(session, arguments),
+        DatasetArguments::Act(DatasetAction::Finish(arguments)) => finish(session, arguments),
+        DatasetArguments::Make(arguments) => make_new(session, arguments),
     }
 }
 

@@ -57,9 +57,9 @@ pub(crate) fn write_model(path: &Path) -> Model {
 
 /// The model's bytes with another version in its description.
 pub(crate) fn newer(bytes: &[u8]) -> Vec<u8> {
-    let key = br#"\"version\":1"#;
+    let key = br#"\"version\":"#;
     let at = bytes.windows(key.len()).position(|window| window == key).unwrap();
     let mut newer = bytes.to_vec();
-    newer[at + key.len() - 1] = b'9';
+    newer[at + key.len()] = b'9';
     newer
 }

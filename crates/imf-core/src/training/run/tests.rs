@@ -218,7 +218,8 @@ fn a_loss_that_rises_for_good_stops_the_run() {
     let TrainError::Diverged { best_step, step, .. } = error else { panic!("{error}") };
     assert!(error.is_divergence() && best_step <= 600, "{error}");
     assert!((1600..1700).contains(&step), "{error}");
-    assert!(suspicious.iter().all(|&(step, suspicious)| suspicious == (step > 640)), "{suspicious:?}");
+    // The mean of about 200 steps takes 34 of them to rise from 0.01 to four times that.
+    assert!(suspicious.iter().all(|&(step, suspicious)| suspicious == (step >= 634)), "{suspicious:?}");
 }
 
 #[test]
