@@ -6,10 +6,12 @@
 use anyhow::Result;
 use imf_core::held_out::{HeldOut, HeldOutChoice};
 use imf_core::model::{HeldOutPoint, HeldOutRecord, Model};
+use imf_core::section::SectionError;
 use imf_core::siren::engine::CpuEvaluator;
 use imf_core::training::TrainingState;
 
 use super::plan::REPORT_EVERY;
+use crate::interrupt::Interrupted;
 use crate::session::Session;
 
 /// Evaluations of a run where nothing is said, at most; they then take about a hundredth of the time of training.
@@ -38,7 +40,14 @@ impl HeldOutWatch {
     pub(super) fn new(session: &Session, model: &Model) -> Result<Option<Self>> {
         let Some(record) = &model.record.held_out else { return Ok(None) };
         let trained = &model.record.orientations.orientations;
-        let poses = HeldOut::new(record.choice, &model.scene, trained, session.control(&|_| {}))?;
+        let poses = match HeldOut::new(record.choice, &model.scene, trained, session.control(&|_| {})) {
+            Err(SectionError::Cancelled) => {
+                let text =
+                    "the training had not begun; run the same command again: what was made for it is kept";
+                return Err(Interrupted(text.into()).into());
+            }
+            other => other?,
+        };
         let evaluator = CpuEvaluator::new(model.shape, &model.state.parameters)?;
         Ok(Some(Self { poses, evaluator, every: record.every }))
     }

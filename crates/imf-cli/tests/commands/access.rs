@@ -154,9 +154,7 @@ fn blocked_space_is_told_apart_by_elements_that_sum_to_the_measure() {
 fn clearance_takes_space_contact_gives_some_and_both_are_said() {
     let folder = workshop();
     let run = |more: &[&str]| {
-        // Conservative voxels close the slot: what is left to reach lies around the block.
-        let long =
-            ["--tool", "long.toml", "--orientations", "fibonacci:14", "--conservative", "--margin", "3"];
+        let long = ["--tool", "long.toml", "--orientations", "fibonacci:14", "--margin", "3"];
         folder.json(&arguments(&[&long[..], more].concat()))
     };
     let plain = run(&[]);
@@ -168,8 +166,11 @@ fn clearance_takes_space_contact_gives_some_and_both_are_said() {
     assert_eq!(roomy["clearance"], serde_json::json!({ "holder": 2.0, "shank": 2.0, "cutter": 1.8 }));
     assert_eq!((&plain["contact"], &touching["contact"]), (&Value::Null, &2.0.into()));
     let promise = |summary: &Value| summary["promise"].as_str().unwrap().to_owned();
+    // Promises about the mesh itself need conservative voxels, and a clearance of half a voxel's diagonal.
+    let run = |more: &[&str]| run(&[&["--conservative"], more].concat());
+    let roomy = run(&["--clearance", "2", "--clearance-cutter", "1.8"]);
     assert!(promise(&roomy).contains("the whole tool keeps off the mesh itself"));
-    assert!(promise(&plain).contains("also needs a clearance"));
+    assert!(promise(&run(&[])).contains("also needs a clearance"));
     let with_both = run(&["--clearance", "2", "--contact", "2"]);
     assert!(promise(&with_both).contains("holder and shank keep off the mesh itself"));
 }

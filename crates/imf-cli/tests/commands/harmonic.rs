@@ -71,6 +71,6 @@ fn what_belongs_to_exact_sections_is_refused() {
     };
     refuse(&["--check", "3"], &["--check", "leave out --method harmonic"]);
     refuse(&["--elements"], &["--elements"]);
-    refuse(&["--memory", "64KiB"], &["--degree", "--memory"]);
+    refuse(&["--memory", "80KiB"], &["--degree", "--memory"]);
     refuse(&["--imf", "--confirm", "--contact", "1"], &["--confirm", "--contact"]);
 }

@@ -1,5 +1,6 @@
 //! Running the command in a folder of its own.
 
+use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -82,13 +83,33 @@ impl Workdir {
         while !self.path(file).exists() && running(&mut child) && begun.elapsed() < Duration::from_secs(60) {
             std::thread::sleep(Duration::from_millis(1));
         }
-        // The shell's own kill: a program of that name is not everywhere.
-        let kill = format!("kill -INT {}", child.id());
-        Command::new("sh").args(["-c", &kill]).stderr(Stdio::null()).status().unwrap();
+        press_ctrl_c(&child);
         let output = child.wait_with_output().unwrap();
         assert!(self.path(file).exists(), "`imf {line}` never wrote {file}");
         Finished::new(line, &output)
     }
+
+    /// Starts the command and presses Ctrl-C as soon as its messages have these words.
+    #[cfg(unix)]
+    pub(crate) fn interrupted_once_it_says(&self, words: &str, line: &str) -> Finished {
+        let mut child = self.command(line).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut messages = BufReader::new(child.stderr.take().unwrap());
+        let mut said = String::new();
+        while !said.contains(words) && messages.read_line(&mut said).unwrap() > 0 {}
+        assert!(said.contains(words), "`imf {line}` never said '{words}':\n{said}");
+        press_ctrl_c(&child);
+        messages.read_to_string(&mut said).unwrap();
+        let mut output = child.wait_with_output().unwrap();
+        output.stderr = said.into_bytes();
+        Finished::new(line, &output)
+    }
+}
+
+#[cfg(unix)]
+fn press_ctrl_c(child: &std::process::Child) {
+    // The shell's own kill: a program of that name is not everywhere.
+    let kill = format!("kill -INT {}", child.id());
+    Command::new("sh").args(["-c", &kill]).stderr(Stdio::null()).status().unwrap();
 }
 
 /// Runs a prepared command to its end.

@@ -11,7 +11,10 @@ fn a_dataset_is_made_once_and_kept() {
     let samples = 16 * 617; // 0.35 of 1,764 voxels, rounded, in each section
     assert_eq!(
         made,
-        json!({"folder": "data", "sections": 16, "samples": samples, "shards_made": 1, "shards_kept": 0})
+        json!({
+            "folder": "data", "sections": 16, "samples": samples,
+            "shards_made": 1, "shards_kept": 0, "shards_of_others": 0
+        })
     );
     let shard = work.bytes("data/shard-00000.safetensors");
     let again = work.imf(&format!("{DATASET} --json")).done().json();
