@@ -12,7 +12,7 @@ use imf_core::mesh::topology::MeshReport;
 use imf_core::occupancy::Occupancy;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Around, Fixture, Resolution, Scene, SceneSpec};
-use imf_core::section::{Contact, ElementPlans, SectionPlan};
+use imf_core::section::{ElementPlans, SectionPlan};
 use imf_core::tool::Tool;
 use imf_core::unit::{LengthUnit, unit_check};
 
@@ -155,17 +155,17 @@ impl Reading {
 impl SceneArguments {
     /// Reads part, fixtures and tool, checks them, estimates the memory, and voxelises. Remarks go to the session.
     pub(crate) fn scene(&self, session: &Session) -> Result<Scene> {
-        Ok(self.scene_and_contact(session, &ContactArguments::default(), false)?.0)
+        self.scene_with(session, &ContactArguments::default(), false)
     }
 
     /// As [`Self::scene`], with the layer that the cutter may enter where it may enter one; `elements` keeps room for
     /// sections of every element too.
-    pub(crate) fn scene_and_contact(
+    pub(crate) fn scene_with(
         &self,
         session: &Session,
         contact: &ContactArguments,
         elements: bool,
-    ) -> Result<(Scene, Option<Contact>)> {
+    ) -> Result<Scene> {
         let reading = self.read(session)?;
         let tool = reading.only_tool()?;
         let fixtures = reading.fixtures();
@@ -192,11 +192,10 @@ impl SceneArguments {
         })?;
         let scene = self.voxelised(session, &spec)?;
         session.detail(&format!("sections need about {}", show_bytes(needed)));
-        let contact = match depth {
-            Some(depth) => Some(Contact::new(&spec.bodies(&grid)?.part, &scene.fixtures, depth)),
-            None => None,
-        };
-        Ok((scene, contact))
+        Ok(match depth {
+            Some(depth) => scene.with_contact(&spec.bodies(&grid)?, depth),
+            None => scene,
+        })
     }
 
     /// As [`Self::scene`], with no room kept for sections: the tool is only written down. Also gives what is known of
