@@ -153,13 +153,9 @@ impl Reading {
 }
 
 impl SceneArguments {
-    /// Reads part, fixtures and tool, checks them, estimates the memory, and voxelises. Remarks go to the session.
-    pub(crate) fn scene(&self, session: &Session) -> Result<Scene> {
-        self.scene_with(session, &ContactArguments::default(), false)
-    }
-
-    /// As [`Self::scene`], with the layer that the cutter may enter where it may enter one; `elements` keeps room for
-    /// sections of every element too.
+    /// Reads part, fixtures and tool, checks them, estimates the memory, and voxelises, with the layer that the cutter
+    /// may enter where it may enter one; `elements` keeps room for sections of every element too. Remarks go to the
+    /// session.
     pub(crate) fn scene_with(
         &self,
         session: &Session,
@@ -198,7 +194,7 @@ impl SceneArguments {
         })
     }
 
-    /// As [`Self::scene`], with no room kept for sections: the tool is only written down. Also gives what is known of
+    /// As [`Self::scene_with`], with no room kept for sections: the tool is only written down. Also gives what is known of
     /// the mesh.
     pub(crate) fn scene_without_sections(&self, session: &Session) -> Result<(Scene, MeshReport)> {
         let (scene, _, report) = self.scene_and_part(session)?;
