@@ -14,7 +14,8 @@ use super::forward::{Network, sigmoid};
 use super::matrix::{Matrix, multiply, prefer_unpacked};
 use super::plan::{BLOCK, Part, Piece, Plan, WINDOW, transpose, transpose_all};
 use super::scratch::{ScratchPool, describe};
-use crate::siren::{INPUTS, SirenShape};
+use super::stack::{Ending, Stack};
+use crate::siren::SirenShape;
 use crate::training::{AdamConfig, EngineError, Loss, TrainingEngine, TrainingState};
 
 pub use super::evaluator::CpuEvaluator;
@@ -38,6 +39,8 @@ pub struct CpuTrainer {
     activations: Vec<f32>,
     /// `[hidden][window][stride]`: derivatives of the sines after the forward pass, δ after the backward pass.
     slopes: Vec<f32>,
+    /// `[window][outputs]`: the output layer's sums, then its δ.
+    outputs: Vec<f32>,
     /// One for each block of a window.
     partials: Vec<f32>,
     /// Summed loss of each block of a window.
@@ -62,16 +65,27 @@ impl CpuTrainer {
         max_batch: usize,
         state: TrainingState,
     ) -> Result<Self, EngineError> {
+        Self::of_stack(shape.stack(), adam, loss, max_batch, state)
+    }
+
+    /// As [`CpuTrainer::new`], of any stack.
+    pub(crate) fn of_stack(
+        stack: Stack,
+        adam: AdamConfig,
+        loss: Loss,
+        max_batch: usize,
+        state: TrainingState,
+    ) -> Result<Self, EngineError> {
         let refused = |error: crate::siren::ShapeError| EngineError::Shape(error.to_string());
-        shape.check().map_err(refused)?;
+        stack.check().map_err(refused)?;
         for array in [&state.parameters, &state.first_moment, &state.second_moment] {
-            shape.check_parameters(array).map_err(refused)?;
+            stack.check_parameters(array).map_err(refused)?;
         }
         if max_batch == 0 {
             return Err(EngineError::Shape("a batch needs at least one sample".into()));
         }
         prefer_unpacked();
-        let plan = Plan::new(shape);
+        let plan = Plan::new(stack);
         let window = WINDOW.min(max_batch);
         let blocks = window.div_ceil(BLOCK);
         let mut panels = vec![0.0; state.parameters.len()];
@@ -84,8 +98,9 @@ impl CpuTrainer {
             window,
             gradient: vec![0.0; state.parameters.len()],
             panels,
-            activations: vec![0.0; shape.hidden * window * plan.stride()],
-            slopes: vec![0.0; shape.hidden * window * plan.stride()],
+            activations: vec![0.0; stack.hidden * window * plan.stride()],
+            slopes: vec![0.0; stack.hidden * window * plan.stride()],
+            outputs: vec![0.0; window * stack.outputs],
             partials: vec![0.0; blocks * plan.partial_length()],
             losses: vec![0.0; blocks],
             scratch: ScratchPool::new(scratch_length(plan.widest_panel())),
@@ -96,7 +111,7 @@ impl CpuTrainer {
         })
     }
 
-    /// The weights as they are now, in the layout of [`SirenShape::layers`].
+    /// The weights as they are now, in the layout of the network's layers.
     #[must_use]
     pub fn parameters(&self) -> &[f32] {
         &self.state.parameters
@@ -104,7 +119,7 @@ impl CpuTrainer {
 
     /// Summed loss of one window; leaves its activations, δ and partials behind.
     fn forward_backward(&mut self, inputs: &[f32], targets: &[f32], batch: usize) -> f64 {
-        let blocks = targets.len().div_ceil(BLOCK);
+        let blocks = (inputs.len() / self.plan.stack.inputs).div_ceil(BLOCK);
         let layer_length = self.window * self.plan.stride();
         let pass = BlockPass {
             network: Network {
@@ -122,6 +137,7 @@ impl CpuTrainer {
             targets,
             Layers::new(&mut self.activations, layer_length),
             Layers::new(&mut self.slopes, layer_length),
+            &mut self.outputs[..targets.len()],
             &mut self.partials[..blocks * self.plan.partial_length()],
             &mut self.losses[..blocks],
         );
@@ -134,18 +150,27 @@ impl TrainingEngine for CpuTrainer {
         describe(self.arch)
     }
 
+    fn inputs(&self) -> usize {
+        self.plan.stack.inputs
+    }
+
+    fn outputs(&self) -> usize {
+        self.plan.stack.outputs
+    }
+
     fn step(&mut self, inputs: &[f32], targets: &[f32], learning_rate: f32) -> Result<(), EngineError> {
-        let batch = targets.len();
+        let Stack { inputs: axes, outputs, .. } = self.plan.stack;
+        let batch = targets.len() / outputs;
         if batch == 0 || batch > self.max_batch {
             let most = self.max_batch;
             return Err(EngineError::Shape(format!(
                 "a batch of {batch} samples; this engine takes 1 to {most}"
             )));
         }
-        if inputs.len() != batch * INPUTS {
-            let found = inputs.len();
+        if inputs.len() != batch * axes || targets.len() != batch * outputs {
+            let (inputs, targets) = (inputs.len(), targets.len());
             return Err(EngineError::Shape(format!(
-                "{found} inputs for {batch} targets; {INPUTS} belong to each"
+                "{inputs} inputs for {targets} targets; {axes} belong to {outputs}"
             )));
         }
         self.state.step += 1;
@@ -153,17 +178,19 @@ impl TrainingEngine for CpuTrainer {
         let windows = batch.div_ceil(self.window);
         let mut total = 0.0;
         for (index, (inputs, targets)) in
-            inputs.chunks(self.window * INPUTS).zip(targets.chunks(self.window)).enumerate()
+            inputs.chunks(self.window * axes).zip(targets.chunks(self.window * outputs)).enumerate()
         {
             total += self.forward_backward(inputs, targets, batch);
-            let blocks = targets.len().div_ceil(BLOCK);
+            let samples = inputs.len() / axes;
+            let blocks = samples.div_ceil(BLOCK);
             let update = Update {
                 arch: self.arch,
                 plan: &self.plan,
-                samples: targets.len(),
+                samples,
                 layer_length: self.window * self.plan.stride(),
                 activations: &self.activations,
                 deltas: &self.slopes,
+                outputs: &self.outputs,
                 partials: &self.partials[..blocks * self.plan.partial_length()],
                 accumulate: index > 0,
                 factors: (index + 1 == windows).then_some(factors),
@@ -234,6 +261,7 @@ impl BlockPass<'_> {
         targets: &[f32],
         activations: Layers<'_>,
         slopes: Layers<'_>,
+        outputs: &mut [f32],
         partials: &mut [f32],
         losses: &mut [f64],
     ) {
@@ -241,21 +269,23 @@ impl BlockPass<'_> {
         if blocks == 1 {
             losses[0] = self
                 .scratch
-                .with(|scratch| self.block(inputs, targets, activations, slopes, partials, scratch));
+                .with(|scratch| self.block(inputs, targets, activations, slopes, outputs, partials, scratch));
             return;
         }
+        let stack = self.network.plan.stack;
         let middle = blocks / 2;
         let samples = middle * BLOCK;
         let values = samples * self.network.plan.stride();
-        let inputs = inputs.split_at(samples * INPUTS);
-        let targets = targets.split_at(samples);
+        let inputs = inputs.split_at(samples * stack.inputs);
+        let targets = targets.split_at(samples * stack.outputs);
+        let outputs = outputs.split_at_mut(samples * stack.outputs);
         let activations = activations.split(values);
         let slopes = slopes.split(values);
         let partials = partials.split_at_mut(middle * self.network.plan.partial_length());
         let losses = losses.split_at_mut(middle);
         rayon::join(
-            || self.run(inputs.0, targets.0, activations.0, slopes.0, partials.0, losses.0),
-            || self.run(inputs.1, targets.1, activations.1, slopes.1, partials.1, losses.1),
+            || self.run(inputs.0, targets.0, activations.0, slopes.0, outputs.0, partials.0, losses.0),
+            || self.run(inputs.1, targets.1, activations.1, slopes.1, outputs.1, partials.1, losses.1),
         );
     }
 
@@ -266,12 +296,13 @@ impl BlockPass<'_> {
         targets: &[f32],
         activations: Layers<'_>,
         slopes: Layers<'_>,
+        outputs: &mut [f32],
         partial: &mut [f32],
         scratch: &mut [f32],
     ) -> f64 {
         let network = &self.network;
-        let hidden = network.plan.shape.hidden;
-        let values = targets.len() * network.plan.stride();
+        let Stack { inputs: axes, hidden, ending, .. } = network.plan.stack;
+        let values = inputs.len() / axes * network.plan.stride();
         let (Layers(mut activations), Layers(mut slopes)) = (activations, slopes);
         for layer in 0..hidden {
             let (before, from) = activations.split_at_mut(layer);
@@ -279,20 +310,34 @@ impl BlockPass<'_> {
             network.hidden_layer(layer, inputs, previous, from[0], Some(slopes[layer]));
         }
         let last = &activations[hidden - 1][..values];
-        let mut deltas = [0.0; BLOCK];
-        let deltas = &mut deltas[..targets.len()];
-        network.logits(last, deltas);
+        network.outputs(last, outputs);
         let mut loss = 0.0;
-        for (delta, &target) in deltas.iter_mut().zip(targets) {
-            let output = sigmoid(*delta);
+        for (delta, &target) in outputs.iter_mut().zip(targets) {
             let target = f64::from(target);
+            let (output, slope) = match ending {
+                Ending::Sigmoid => {
+                    let output = sigmoid(*delta);
+                    (output, output * (1.0 - output))
+                }
+                Ending::Linear => (f64::from(*delta), 1.0),
+            };
             loss += self.loss.value(output, target);
-            *delta = (self.loss.slope(output, target) / self.batch * output * (1.0 - output)) as f32;
+            *delta = (self.loss.slope(output, target) / self.batch * slope) as f32;
         }
-        network.output_backward(inputs, deltas, last, slopes[hidden - 1], partial);
-        for layer in (0..hidden - 1).rev() {
+        let front = match ending {
+            Ending::Sigmoid => {
+                network.output_backward(inputs, outputs, last, slopes[hidden - 1], partial);
+                hidden - 1
+            }
+            Ending::Linear => {
+                network.output_biases(outputs, partial);
+                hidden
+            }
+        };
+        for layer in (0..front).rev() {
             let (before, behind) = slopes.split_at_mut(layer + 1);
-            network.hidden_backward(layer, inputs, &behind[0][..values], before[layer], partial, scratch);
+            let next = if layer + 1 == hidden { &*outputs } else { &behind[0][..values] };
+            network.hidden_backward(layer, inputs, next, before[layer], partial, scratch);
         }
         loss
     }
@@ -342,6 +387,8 @@ struct Update<'a> {
     layer_length: usize,
     activations: &'a [f32],
     deltas: &'a [f32],
+    /// δ of the output layer.
+    outputs: &'a [f32],
     partials: &'a [f32],
     /// An earlier window has left its gradient.
     accumulate: bool,
@@ -365,17 +412,23 @@ impl Update<'_> {
             Part::Biases => self.sum_partials(plan.partial_biases(piece.layer), gradient, 1),
             Part::Output => self.sum_partials(plan.partial_output(), gradient, 1),
             Part::Panel(neurons) => {
-                let (width, inputs) = (plan.shape.width, plan.layers[piece.layer].inputs);
+                let (width, inputs) = (plan.stack.width, plan.layers[piece.layer].inputs);
                 let neurons_in = plan.neurons_in(piece.layer);
                 if piece.layer > 0 {
-                    let deltas = &self.deltas[piece.layer * self.layer_length + neurons.start..];
-                    let deltas = Matrix::row_major(deltas, self.samples, neurons.len(), plan.stride());
+                    let deltas = if piece.layer == plan.stack.hidden {
+                        self.outputs
+                    } else {
+                        &self.deltas[piece.layer * self.layer_length..]
+                    };
+                    let stride = plan.row_stride(piece.layer);
+                    let deltas =
+                        Matrix::row_major(&deltas[neurons.start..], self.samples, neurons.len(), stride);
                     let before = &self.activations[(piece.layer - 1) * self.layer_length..];
                     let before = Matrix::row_major(before, self.samples, width, plan.stride());
                     multiply(gradient, inputs, deltas.transposed(), before, self.accumulate);
                 }
                 if plan.sees_input(piece.layer) {
-                    for axis in 0..INPUTS {
+                    for axis in 0..plan.stack.inputs {
                         let sums = plan.partial_inputs(piece.layer) + axis * width + neurons.start;
                         self.sum_partials(sums, &mut gradient[neurons_in + axis..], inputs);
                     }
