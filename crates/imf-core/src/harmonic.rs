@@ -22,6 +22,7 @@ mod screen;
 pub mod sphere;
 
 pub use evaluate::Heads;
+pub(crate) use evaluate::{VoxelCoefficients, minimum_of, sections_of};
 pub use fit::{FitReport, FitSettings, Sizes, fit, section_count};
 pub use point::{Gradient, PointScratch};
 pub use screen::{CANDIDATES, Screened};

@@ -23,6 +23,7 @@ mod evaluator;
 pub(crate) mod forward;
 pub(crate) mod lanes;
 pub mod matrix;
+pub mod muon;
 pub(crate) mod plan;
 pub mod reference;
 pub(crate) mod scratch;

@@ -12,6 +12,7 @@ use super::adam::AdamFactors;
 use super::backward::scratch_length;
 use super::forward::{Network, sigmoid};
 use super::matrix::{Matrix, multiply, prefer_unpacked};
+use super::muon::{Muon, MuonConfig};
 use super::plan::{BLOCK, Part, Piece, Plan, WINDOW, transpose, transpose_all};
 use super::scratch::{ScratchPool, describe};
 use super::stack::{Ending, Stack};
@@ -46,6 +47,8 @@ pub struct CpuTrainer {
     /// Summed loss of each block of a window.
     losses: Vec<f64>,
     scratch: ScratchPool,
+    /// For the matrices between hidden layers, where Adam does not serve them.
+    muon: Option<Muon>,
     loss_sum: f64,
     loss_steps: u64,
 }
@@ -104,11 +107,49 @@ impl CpuTrainer {
             partials: vec![0.0; blocks * plan.partial_length()],
             losses: vec![0.0; blocks],
             scratch: ScratchPool::new(scratch_length(plan.widest_panel())),
+            muon: None,
             loss_sum: 0.0,
             loss_steps: 0,
             plan,
             state,
         })
+    }
+
+    /// Leaves the matrices between hidden layers to Muon.
+    pub(crate) fn use_muon(&mut self, config: MuonConfig) {
+        let Stack { inputs, width, .. } = self.plan.stack;
+        self.muon = Some(Muon::new(config, width, width + inputs));
+    }
+
+    /// Muon's part of a step, once the gradient is whole.
+    fn step_matrices(&mut self, learning_rate: f32) {
+        let Some(muon) = &mut self.muon else { return };
+        for (index, layer) in self.plan.layers.iter().enumerate() {
+            if !is_between(&self.plan, index) {
+                continue;
+            }
+            let range = layer.weights..layer.biases;
+            let gradient = &self.gradient[range.clone()];
+            let momentum = &mut self.state.first_moment[range.clone()];
+            let weights = &mut self.state.parameters[range];
+            muon.step(learning_rate, layer.outputs, weights, gradient, momentum);
+            for neurons in self.plan.panels(index) {
+                let range = self.plan.panel_range(index, &neurons);
+                let rows = &self.state.parameters[range.clone()];
+                transpose(rows, neurons.len(), layer.inputs, &mut self.panels[range]);
+            }
+        }
+    }
+
+    /// Steps since the moments were zero.
+    pub(crate) fn steps(&self) -> u64 {
+        self.state.step
+    }
+
+    /// The last step's gradient.
+    #[cfg(test)]
+    pub(crate) fn gradient(&self) -> &[f32] {
+        &self.gradient
     }
 
     /// The weights as they are now, in the layout of the network's layers.
@@ -194,6 +235,7 @@ impl TrainingEngine for CpuTrainer {
                 partials: &self.partials[..blocks * self.plan.partial_length()],
                 accumulate: index > 0,
                 factors: (index + 1 == windows).then_some(factors),
+                spare_matrices: self.muon.is_some(),
             };
             update.run(
                 &self.plan.pieces,
@@ -206,6 +248,7 @@ impl TrainingEngine for CpuTrainer {
                 },
             );
         }
+        self.step_matrices(learning_rate);
         self.loss_sum += total / batch as f64;
         self.loss_steps += 1;
         Ok(())
@@ -393,6 +436,13 @@ struct Update<'a> {
     /// An earlier window has left its gradient.
     accumulate: bool,
     factors: Option<AdamFactors>,
+    /// Leave the matrices between hidden layers as they are, but for their gradient.
+    spare_matrices: bool,
+}
+
+/// True for a hidden layer behind another one.
+fn is_between(plan: &Plan, layer: usize) -> bool {
+    (1..plan.stack.hidden).contains(&layer)
 }
 
 impl Update<'_> {
@@ -435,7 +485,8 @@ impl Update<'_> {
                 }
             }
         }
-        if let Some(factors) = &self.factors {
+        let spared = self.spare_matrices && is_between(plan, piece.layer);
+        if let Some(factors) = self.factors.filter(|_| !(spared && matches!(piece.part, Part::Panel(_)))) {
             factors.apply(self.arch, arrays.parameters, gradient, arrays.first_moment, arrays.second_moment);
             if let Part::Panel(neurons) = &piece.part {
                 transpose(arrays.parameters, neurons.len(), plan.layers[piece.layer].inputs, arrays.panels);
