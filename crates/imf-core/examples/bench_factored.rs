@@ -128,7 +128,13 @@ fn one(values: &Values, teacher: &HarmonicField, judge: &Judge<'_>) -> Result<()
             const TRIAL: u64 = 20;
             settings.plan.length = Length::Steps(TRIAL);
             let start = Instant::now();
-            teach(teacher, &settings, &mut settings.start(teacher.axis_count()), Control::quiet(), &mut |_| {})?;
+            teach(
+                teacher,
+                &settings,
+                &mut settings.start(teacher.axis_count()),
+                Control::quiet(),
+                &mut |_| {},
+            )?;
             (values.get("seconds", 60.0)? * TRIAL as f64 / seconds(start)) as u64
         }
         steps => steps,
@@ -152,7 +158,11 @@ fn one(values: &Values, teacher: &HarmonicField, judge: &Judge<'_>) -> Result<()
     let names = ["width", "hidden", "omega", "rate", "batch", "muon", "average", "loss", "beta2"];
     let told: Vec<String> =
         names.iter().filter_map(|&n| values.0.get(n).map(|v| format!("{n}={v}"))).collect();
-    println!("[{}] {steps} steps in {spent:.1} s, {:.2} ms a step", told.join(" "), spent * 1e3 / steps as f64);
+    println!(
+        "[{}] {steps} steps in {spent:.1} s, {:.2} ms a step",
+        told.join(" "),
+        spent * 1e3 / steps as f64
+    );
     let field = FactoredField::new(teacher, settings.shape(teacher.axis_count()), state.best().to_vec())?;
     let count = field.parameters.len();
     println!(
@@ -191,7 +201,10 @@ fn evaluate(field: &FactoredField, teacher: &HarmonicField) -> Result<(), Failur
         let product = best(3, || drop(black_box(expanded.minimum(&heads))));
         println!("  fibonacci:225: IMF from known coefficients {product:.3} s");
     }
-    println!("  fibonacci:225: sections in {:.3} s together", best(2, || evaluator.sections(&heads, &mut sections)));
+    println!(
+        "  fibonacci:225: sections in {:.3} s together",
+        best(2, || evaluator.sections(&heads, &mut sections))
+    );
     drop(sections);
     let many = OrientationSet::parse("fibonacci:10000")?.orientations;
     let start = Instant::now();

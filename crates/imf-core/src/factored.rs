@@ -12,6 +12,7 @@
 //! was taught, there is no answer.
 
 mod evaluate;
+pub mod file;
 mod point;
 pub mod reference;
 mod teach;
@@ -165,3 +166,6 @@ fn input(grid: &Grid, position: DVec3) -> [f32; INPUTS] {
     let size = grid.size();
     ((position - grid.origin - 0.5 * size) * (2.0 / size.max_element())).as_vec3().to_array()
 }
+
+#[cfg(test)]
+mod tests;

@@ -80,7 +80,8 @@ impl FactoredEvaluator<'_> {
         next.resize(widest, 0.0);
         for (axis, &value) in field.input(position).iter().enumerate() {
             for row in 0..ROWS {
-                signal[axis * ROWS + row] = if row == 0 { value } else { f32::from(u8::from(row == axis + 1)) };
+                signal[axis * ROWS + row] =
+                    if row == 0 { value } else { f32::from(u8::from(row == axis + 1)) };
             }
         }
         for (index, layer) in self.plan.layers.iter().enumerate() {

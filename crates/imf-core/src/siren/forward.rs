@@ -81,7 +81,13 @@ impl Network<'_> {
         let biases = &self.parameters[layer.biases..][..stack.outputs];
         if stack.ending == Ending::Sigmoid {
             let weights = &self.parameters[layer.weights..layer.biases];
-            self.arch.dispatch(Dots { rows: last, stride: self.plan.stride(), weights, bias: biases[0], out });
+            self.arch.dispatch(Dots {
+                rows: last,
+                stride: self.plan.stride(),
+                weights,
+                bias: biases[0],
+                out,
+            });
             return;
         }
         let rows = out.len() / stack.outputs;

@@ -98,14 +98,7 @@ impl Muon {
 }
 
 /// `out [rows][columns] = left·right`, or added to it, some rows a thread.
-fn product(
-    out: &mut [f32],
-    columns: usize,
-    left: &[f32],
-    inner: usize,
-    right: Matrix<'_>,
-    accumulate: bool,
-) {
+fn product(out: &mut [f32], columns: usize, left: &[f32], inner: usize, right: Matrix<'_>, accumulate: bool) {
     out.par_chunks_mut(ROWS * columns).zip(left.par_chunks(ROWS * inner)).for_each(|(out, left)| {
         let left = Matrix::row_major(left, out.len() / columns, inner, inner);
         multiply(out, columns, left, right, accumulate);
@@ -118,7 +111,8 @@ mod tests {
     use nalgebra::DMatrix;
 
     fn sample(rows: usize, columns: usize, seed: u64) -> Vec<f32> {
-        let shape = crate::siren::SirenShape { width: rows * columns, hidden: 1, skip_after: None, omega: 1.0 };
+        let shape =
+            crate::siren::SirenShape { width: rows * columns, hidden: 1, skip_after: None, omega: 1.0 };
         shape.initial_parameters(seed)[..rows * columns].to_vec()
     }
 
