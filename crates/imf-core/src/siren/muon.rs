@@ -83,16 +83,17 @@ impl Muon {
 
     /// `x [rows][columns]` of norm 1 towards the nearest matrix with orthonormal rows.
     fn orthogonalise(&mut self, rows: usize, columns: usize) {
-        let Self { x, next, gram, square, .. } = self;
         let [a, b, c] = QUINTIC;
         for _ in 0..STEPS {
+            let (x, next) = (&self.x[..rows * columns], &mut self.next[..rows * columns]);
+            let (gram, square) = (&mut self.gram[..rows * rows], &mut self.square[..rows * rows]);
             let whole = Matrix::row_major(x, rows, columns, columns);
             product(gram, rows, x, columns, whole.transposed(), false);
             product(square, rows, gram, rows, Matrix::row_major(gram, rows, rows, rows), false);
             square.iter_mut().zip(&*gram).for_each(|(square, &gram)| *square = b * gram + c * *square);
-            next.iter_mut().zip(&*x).for_each(|(next, &x)| *next = a * x);
+            next.iter_mut().zip(x).for_each(|(next, &x)| *next = a * x);
             product(next, columns, square, rows, whole, true);
-            std::mem::swap(x, next);
+            std::mem::swap(&mut self.x, &mut self.next);
         }
     }
 }
@@ -124,7 +125,8 @@ mod tests {
     fn a_step_is_the_definitions() {
         for (rows, columns) in [(70, 70), (5, 9), (1, 1)] {
             let config = MuonConfig { momentum: 0.9, rate: 2.0 };
-            let mut muon = Muon::new(config, rows, columns);
+            // Room for larger matrices.
+            let mut muon = Muon::new(config, rows + 1, columns + 2);
             let (mut weights, mut momentum) = (sample(rows, columns, 1), sample(rows, columns, 2));
             let gradient = sample(rows, columns, 3);
             let g = matrix(&gradient, rows);
