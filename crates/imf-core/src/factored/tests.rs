@@ -407,10 +407,9 @@ fn files_read_back_bit_for_bit_and_damage_is_named() {
             let error = FactoredFile::read(&path).unwrap_err();
             assert!(matches!(error, FactoredFileError::Damaged { .. }), "byte {place}: {error}");
         }
-        let newer =
-            String::from_utf8_lossy(&bytes[..header]).replacen(r#"\"version\":1"#, r#"\"version\":9"#, 1);
-        let mut other = newer.into_bytes();
-        other.extend_from_slice(&bytes[header..]);
+        let text = std::str::from_utf8(&bytes[8..header]).unwrap();
+        let newer = text.replacen(r#"\"version\":1"#, r#"\"version\":9"#, 1);
+        let other = [&bytes[..8], newer.as_bytes(), &bytes[header..]].concat();
         std::fs::write(&path, other).unwrap();
         assert!(matches!(FactoredFile::read(&path), Err(FactoredFileError::Newer { found: 9, .. })));
     }
