@@ -8,6 +8,7 @@
 //! axes        f32 [functions, axes]            U: orthonormal columns
 //! mean        f32 [functions]                  μ
 //! obstacle    u8  [⌈voxels/8⌉]                 the scene's solid voxels, eight a byte, first voxel in the lowest bit
+//! layer       u8  [⌈voxels/8⌉]                 where there is contact: the voxels that the cutter may enter
 //! state       f32 [3 or 4, weights]            where teaching can go on: weights, both moments, average if one is kept
 //! ```
 
@@ -26,7 +27,6 @@ use crate::harmonic::basis::{Basis, Domain};
 use crate::harmonic::coefficients::Precision;
 use crate::harmonic::file::{checksum, floats, little_endian};
 use crate::harmonic::{FitReport, FitSettings};
-use crate::occupancy::Occupancy;
 use crate::scene::{Scene, SceneRecord};
 use crate::training::TrainingState;
 use crate::training::run::Cursor;
@@ -152,15 +152,17 @@ impl FactoredFile {
             crc32: checksum(&[&parameters, &axes, &mean, &state]),
         };
         let json = serde_json::to_string(&description).map_err(|e| damaged(e.to_string()))?;
-        let packed = self.scene.obstacle.packed();
+        let voxels = self.scene.packed_voxels();
         let serialized = || {
             let functions = field.basis.len();
             let mut views = vec![
                 ("axes", TensorView::new(Dtype::F32, vec![functions, field.shape.axes], &axes)?),
                 ("mean", TensorView::new(Dtype::F32, vec![functions], &mean)?),
-                ("obstacle", TensorView::new(Dtype::U8, vec![packed.len()], &packed)?),
                 ("parameters", TensorView::new(kind, vec![count], &parameters)?),
             ];
+            for (name, bits) in &voxels {
+                views.push((*name, TensorView::new(Dtype::U8, vec![bits.len()], bits)?));
+            }
             if !state.is_empty() {
                 let arrays = state.len() / (4 * count);
                 views.push(("state", TensorView::new(Dtype::F32, vec![arrays, count], &state)?));
@@ -226,12 +228,8 @@ impl FactoredFile {
         if checksum(&[&parameters, &axes, &mean, &state]) != crc32 {
             return Err(damaged("the checksum of its weights is wrong".into()));
         }
-        let packed = tensors.tensor("obstacle").map_err(|e| damaged(e.to_string()))?;
-        if crc32fast::hash(packed.data()) != scene.obstacle_crc32 {
-            return Err(damaged("the obstacle's checksum is wrong".into()));
-        }
-        let grid = scene.grid;
-        let obstacle = Occupancy::from_packed(grid, packed.data()).map_err(|e| damaged(e.to_string()))?;
+        let bits = |name: &str| tensors.tensor(name).ok().map(|view| view.data());
+        let scene = Scene::from_packed_voxels(scene, bits).map_err(|e| damaged(e.to_string()))?;
         let parameters = match precision {
             Precision::F32 => floats(&parameters),
             Precision::F16 => {
@@ -250,7 +248,7 @@ impl FactoredFile {
             FactoredState { training, averaged: next(), cursor }
         });
         let field = FactoredField {
-            grid,
+            grid: scene.record.grid,
             basis: Basis::new(domain, fit.degree),
             axes: floats(&axes),
             mean: floats(&mean),
@@ -258,7 +256,6 @@ impl FactoredFile {
             parameters,
             scale,
         };
-        let scene = Scene::from_union(scene, obstacle);
         Ok(Self { field, scene, fit, report, settings, precision, state })
     }
 }
