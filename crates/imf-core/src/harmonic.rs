@@ -27,6 +27,7 @@ pub mod sphere;
 pub use answers::HarmonicAnswers;
 pub use degree::{degree_for, sections_tried};
 pub use evaluate::Heads;
+pub(crate) use evaluate::{VoxelCoefficients, minimum_of, sections_of};
 pub use fit::{FitReport, FitSettings, Sizes, estimate, fit, section_count};
 pub use point::{Gradient, PointScratch};
 pub use screen::{CANDIDATES, Screened};

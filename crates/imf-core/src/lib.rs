@@ -60,6 +60,7 @@ pub mod control;
 pub mod dataset;
 pub mod distance;
 pub mod evaluation;
+pub mod factored;
 pub mod field;
 pub mod field_files;
 pub mod grid;

@@ -77,7 +77,7 @@ impl FitSettings {
         (made.max(sampled) + batch + square, field)
     }
 
-    pub(super) fn check(&self) -> Result<(), HarmonicError> {
+    pub(crate) fn check(&self) -> Result<(), HarmonicError> {
         let refuse = |what: String| Err(HarmonicError::Settings(what));
         if self.degree > MOST_DEGREE {
             return refuse(format!("a degree of {} is above {MOST_DEGREE}", self.degree));
