@@ -38,16 +38,10 @@ impl Device {
         }
     }
 
-    /// Bytes of this machine's memory, or of the GPU's, that training takes beside its samples, about.
+    /// Bytes of this machine's memory, or of the GPU's, that an engine takes, about.
     pub(crate) fn training_memory(&self, shape: SirenShape, batch: usize) -> Result<u64> {
         Ok(match self {
-            // Weights twice (one transposed), gradient, two moments, and a copy of the state for checkpoints; a window
-            // of activations and slopes of every layer.
-            Self::Cpu => {
-                let window = batch.min(1024) as u64;
-                let activations = window * (shape.hidden as u64 + 1) * (shape.width as u64 + 64) * 3;
-                4 * (9 * shape.parameter_count() as u64 + activations)
-            }
+            Self::Cpu => CpuTrainer::memory_bytes(shape, batch),
             Self::Gpu(gpu) => GpuTrainer::memory_bytes(gpu, shape, batch)?,
         })
     }

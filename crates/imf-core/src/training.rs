@@ -6,6 +6,7 @@ pub mod online;
 pub mod permutation;
 pub mod run;
 pub mod schedule;
+pub mod streamed;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;

@@ -16,7 +16,7 @@ pub(crate) fn run(session: &Session, arguments: &FinetuneArguments) -> Result<()
     plan.check()?;
     prepare_folder(&arguments.out)?;
     let start = Model::read(&arguments.model)?;
-    let data = Data::load(session, &arguments.dataset)?;
+    let data = Data::open(&arguments.dataset)?;
     if start.scene.record.tool.shape != data.scene.record.tool.shape {
         session.warn("the model was made for another tool than the dataset; it will be adapted all the same");
     }

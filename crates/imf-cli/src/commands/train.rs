@@ -22,7 +22,7 @@ pub(crate) fn run(session: &Session, arguments: &TrainArguments) -> Result<()> {
     let plan = job::plan(&arguments.plan, 5e-4, 50);
     plan.check()?;
     prepare_folder(&arguments.out)?;
-    let data = Data::load(session, &arguments.dataset)?;
+    let data = Data::open(&arguments.dataset)?;
     let device = Device::open(&arguments.device.device, session)?;
     let model = if arguments.resume {
         job::resumed_model(session, &arguments.out, &data, arguments.plan.rate)?

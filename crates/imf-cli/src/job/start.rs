@@ -29,10 +29,11 @@ pub(crate) fn fresh_model(
         steps: 0,
         seconds: 0.0,
         engine: String::new(),
-        orientations: data.manifest.orientations.clone(),
-        sampling: data.manifest.sampling,
-        samples: data.samples.len() as u64,
-        dataset_crc32: data.manifest.fingerprint(),
+        orientations: data.manifest().orientations.clone(),
+        sampling: data.manifest().sampling,
+        samples: data.shards.samples() as u64,
+        dataset_crc32: data.manifest().fingerprint(),
+        shards_per_group: None,
         fine_tuned_from,
         losses: Vec::new(),
         pending_loss: (0.0, 0),
@@ -45,7 +46,7 @@ pub(crate) fn fresh_model(
 /// anew, which is the way out of a divergence.
 pub(crate) fn resumed_model(session: &Session, out: &Path, data: &Data, rate: Option<f32>) -> Result<Model> {
     let Latest { mut model, path, damage } = latest(out).context("there is nothing to resume")?;
-    if model.record.dataset_crc32 != data.manifest.fingerprint() {
+    if model.record.dataset_crc32 != data.manifest().fingerprint() {
         bail!(
             "{} was trained on another dataset: resume with the one that it was started on",
             path.display()
@@ -80,7 +81,7 @@ pub(crate) fn continued(session: &Session, out: &Path, data: &Data, fresh: Model
         !found.record.finished
             && found.shape == fresh.shape
             && found.record.plan == fresh.record.plan
-            && found.record.dataset_crc32 == data.manifest.fingerprint()
+            && found.record.dataset_crc32 == data.manifest().fingerprint()
     };
     if latest(out).is_ok_and(|found| same(&found.model))
         && let Ok(model) = resumed_model(session, out, data, None)

@@ -48,10 +48,24 @@ pub struct CpuTrainer {
 }
 
 impl CpuTrainer {
+    /// Memory for each parameter: weights, weights transposed, gradient, both moments.
+    pub const BYTES_PER_PARAMETER: u64 = 4 * 5;
+
+    /// Bytes that an engine takes for batches of up to `max_batch` samples: those of the parameters, and for a window of
+    /// samples, whatever the batch, the activations and slopes of every layer.
+    #[must_use]
+    pub fn memory_bytes(shape: SirenShape, max_batch: usize) -> u64 {
+        let plan = Plan::new(shape);
+        let window = WINDOW.min(max_batch);
+        let layers = 2 * shape.hidden * window * plan.stride();
+        let partials = window.div_ceil(BLOCK) * plan.partial_length();
+        let scratch = rayon::current_num_threads() * scratch_length(plan.widest_panel());
+        Self::BYTES_PER_PARAMETER * shape.parameter_count() as u64 + 4 * (layers + partials + scratch) as u64
+    }
+
     /// An engine for batches of up to `max_batch` samples that continues from `state`.
     ///
-    /// Memory: 5 floats a parameter, and about `2·hidden·width` floats a sample of a window (at most 1024 samples),
-    /// whatever the batch.
+    /// Memory: [`Self::memory_bytes`].
     ///
     /// # Errors
     /// A shape out of range, a batch of zero, or a state whose arrays do not fit the shape.

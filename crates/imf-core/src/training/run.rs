@@ -15,6 +15,7 @@ use super::divergence::{Verdict, Watch};
 use super::permutation::Permutation;
 use super::schedule::Schedule;
 use super::{AdamConfig, EngineError, Loss, TrainingEngine};
+use crate::dataset::DatasetError;
 use crate::samples::Samples;
 use crate::section::SectionError;
 use crate::siren::INPUTS;
@@ -209,6 +210,9 @@ pub enum TrainError {
     /// A section that training waited for failed.
     #[error(transparent)]
     Section(#[from] SectionError),
+    /// A shard of the dataset is damaged or gone.
+    #[error(transparent)]
+    Dataset(#[from] DatasetError),
 }
 
 impl TrainError {
