@@ -17,7 +17,7 @@ pub(crate) use checkpoint::{Latest, latest};
 pub(crate) use curve::loss_chart;
 pub(crate) use data::Data;
 pub(crate) use plan::{plan, plan_defaults};
-pub(crate) use start::{continued, fresh_model, refuse_unfinished, resumed_model};
+pub(crate) use start::{continued, fresh_model, refuse_unfinished, require_togetherness, resumed_model};
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -159,16 +159,21 @@ fn train_to_the_end(
     settings: &Settings,
     by: &mut Loop<'_>,
 ) -> Result<Model> {
+    let rank = session.rank();
     let batch = model.record.plan.batch.min(samples.max(1));
     let total = model.record.plan.total_steps(samples);
     if model.record.steps == 0 {
         let seed = model.record.plan.seed;
         model.record.held_out = held_out::record(settings.held_out, settings.held_out_every, seed, total);
     }
-    let held_out = HeldOutWatch::new(session, &model)?;
-    let folder = settings.tensorboard.then(|| out.join("tensorboard"));
-    let telemetry = Telemetry::open(settings.log.as_deref(), folder, model.record.steps)?;
-    let mut engine = device.trainer(model.shape, &model.record.plan, batch, model.state.clone())?;
+    // After this no rank reads what the first may write.
+    rank.agree("training", fingerprint(&model)?)?;
+    let writing = rank.is_first();
+    let held_out = if writing { HeldOutWatch::new(session, &model)? } else { None };
+    let folder = (settings.tensorboard && writing).then(|| out.join("tensorboard"));
+    let log = settings.log.as_deref().filter(|_| writing);
+    let telemetry = Telemetry::open(log, folder, model.record.steps)?;
+    let mut engine = device.trainer(rank, model.shape, &model.record.plan, batch, model.state.clone())?;
     session.note(&format!(
         "training {}×{} ({} parameters, ω = {}) on {} samples, {} steps of {batch}; {}",
         model.shape.hidden,
@@ -185,7 +190,7 @@ fn train_to_the_end(
         begun: Instant::now(),
         earlier_seconds: model.record.seconds,
         point_every: (total / CURVE_POINTS).max(REPORT_EVERY),
-        checkpoints: Checkpoints::new(out, model.record.steps, settings.checkpoint_every),
+        checkpoints: Checkpoints::new(out, model.record.steps, settings.checkpoint_every, writing),
         held_out,
         telemetry,
         go_on: settings.go_on,
@@ -221,6 +226,9 @@ fn train_to_the_end(
     let unseen = unseen.map_or_else(String::new, |error| format!(", held-out MSE {:.2e}", error.mse));
     stage.finish(&format!("loss {last:.2e}{unseen}"));
     let model = model.without_moments();
+    if !writing {
+        return Ok(model);
+    }
     let path = out.join("model.safetensors");
     model
         .write(&path)
@@ -228,6 +236,25 @@ fn train_to_the_end(
     loss_chart(&model.record).save(&out.join("loss.png"))?;
     session.note(&format!("wrote {}", path.display()));
     Ok(model)
+}
+
+/// A checksum of all that ranks must have in common.
+fn fingerprint(model: &Model) -> Result<u64> {
+    let record = &model.record;
+    let mut hasher = crc32fast::Hasher::new();
+    hasher.update(&serde_json::to_vec(&(
+        model.shape,
+        record.plan,
+        record.cursor,
+        record.steps,
+        record.dataset_crc32,
+        record.shards_per_group,
+    ))?);
+    let state = &model.state;
+    for array in [&state.parameters, &state.first_moment, &state.second_moment] {
+        array.iter().for_each(|value| hasher.update(&value.to_le_bytes()));
+    }
+    Ok(u64::from(hasher.finalize()))
 }
 
 /// What the observer of a run keeps between reports.
@@ -291,7 +318,7 @@ impl Run<'_> {
                 report.samples_per_second / 1e3
             ),
         );
-        if interrupt::requested() && !is_last {
+        if !is_last && self.session.rank().stop(interrupt::requested())? {
             self.take_state(engine)?;
             self.checkpoints.write(&self.model).context("interrupted")?;
             return Ok(ControlFlow::Break(()));

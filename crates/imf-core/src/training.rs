@@ -8,6 +8,8 @@ pub mod run;
 pub mod schedule;
 pub mod streamed;
 
+use std::ops::Range;
+
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -120,6 +122,13 @@ pub enum EngineError {
 pub trait TrainingEngine {
     /// The engine's name for people: device, driver, threads.
     fn describe(&self) -> String;
+
+    /// Announces the next step's batch of `batch` samples, and says which of its rows this engine wants as that step's
+    /// input. The others are those of other processes that train together with this one; unless there are any, it
+    /// wants all.
+    fn share(&mut self, batch: usize) -> Range<usize> {
+        0..batch
+    }
 
     /// One step on a batch: forward, backward, update.
     ///

@@ -14,6 +14,7 @@ use crate::session::Session;
 pub(crate) fn run(session: &Session, arguments: &FinetuneArguments) -> Result<()> {
     let plan = job::plan(&arguments.plan, 1e-4, 5);
     plan.check()?;
+    job::require_togetherness(session)?;
     prepare_folder(&arguments.out)?;
     let start = Model::read(&arguments.model)?;
     let data = Data::open(&arguments.dataset)?;

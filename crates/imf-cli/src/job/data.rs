@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 use imf_core::dataset::{DatasetError, Manifest, Shards};
 use imf_core::model::Model;
 use imf_core::samples::Samples;
@@ -15,6 +15,9 @@ use imf_core::section::SectionError;
 use super::memory::Footprint;
 use crate::interrupt::{self, Interrupted};
 use crate::session::{Session, show_bytes};
+
+/// What a rank that has room for all shards says instead of their number.
+const WHOLE: u64 = u64::MAX;
 
 /// A dataset with what is known about it; its samples are not read yet.
 pub(crate) struct Data {
@@ -62,13 +65,21 @@ impl Data {
         let room = session.memory_limit().saturating_sub(footprint.bytes());
         let fresh = model.record.steps == 0;
         let recorded = model.record.shards_per_group;
+        let mut least = WHOLE;
         if fresh {
-            let whole = shards.memory_whole() <= room;
+            let fits = if shards.memory_whole() <= room {
+                WHOLE
+            } else {
+                shards.group_within(room).map_or(0, |group| group as u64)
+            };
+            // One order for all ranks: that of the one with the least memory.
+            least = session.rank().least(fits)?;
             // A group of one is what the refusal speaks of where nothing fits.
-            model.record.shards_per_group = (!whole).then(|| shards.group_within(room).unwrap_or(1));
+            model.record.shards_per_group = (least != WHOLE).then_some(least.max(1) as usize);
         }
         let needed = footprint.bytes().saturating_add(self.memory(model.record.shards_per_group));
         session.require_memory(needed, || self.refusal(footprint, fresh, recorded))?;
+        ensure!(least > 0, "another rank has too little memory for even one shard at a time");
         let Some(group) = model.record.shards_per_group else {
             return Ok(Source::Memory(shards.read_all(interrupt::flag()).map_err(interruption)?));
         };

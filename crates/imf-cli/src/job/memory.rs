@@ -1,12 +1,14 @@
 //! What a training takes beside its samples. All that is said about it, and all that is refused, is computed here:
 //!
 //! - for every parameter, on the CPU: the engine ([`CpuTrainer::BYTES_PER_PARAMETER`]: weights, weights transposed, gradient,
-//!   two moments), and beside it [`HOST_BYTES_PER_PARAMETER`];
+//!   two moments), and beside it [`HOST_BYTES_PER_PARAMETER`],
+//!   and between ranks the exchanged slices ([`Rank::bytes_per_parameter`]);
 //! - for every sample of a window of 1024: activations and slopes of all layers ([`CpuTrainer::memory_bytes`]);
 //! - for every sample of a batch: its inputs and its target;
 //! - for every sample of the dataset in memory: [`Samples::BYTES_PER_SAMPLE`](imf_core::samples::Samples).
 //!
 //! [`CpuTrainer::BYTES_PER_PARAMETER`]: imf_core::siren::engine::CpuTrainer::BYTES_PER_PARAMETER
+//! [`Rank::bytes_per_parameter`]: crate::ranks::Rank::bytes_per_parameter
 //! [`CpuTrainer::memory_bytes`]: imf_core::siren::engine::CpuTrainer::memory_bytes
 
 use std::fmt;
@@ -31,6 +33,8 @@ const PROGRAM_BYTES: u64 = 24 << 20;
 pub(crate) struct Footprint {
     shape: SirenShape,
     batch: usize,
+    /// Bytes for each parameter that this machine takes beside the engine.
+    beside_engine: u64,
     /// Engine, checkpoints, batches.
     training: u64,
     /// Sections of the held-out poses, which are gone when the engine comes.
@@ -48,14 +52,17 @@ impl Footprint {
         batch: usize,
         held_out: bool,
     ) -> Result<Self> {
+        let rank = session.rank();
+        let beside_engine = HOST_BYTES_PER_PARAMETER + rank.bytes_per_parameter();
         let scene = &model.scene.record;
         let sections = SectionPlan::memory_estimate(&scene.grid, &scene.tool, session.threads());
         Ok(Self {
             shape: model.shape,
             batch,
-            training: device.training_memory(model.shape, batch)?
-                + HOST_BYTES_PER_PARAMETER * model.shape.parameter_count() as u64
+            training: device.training_memory(model.shape, rank.most_rows(batch))?
+                + beside_engine * model.shape.parameter_count() as u64
                 + 4 * (INPUTS as u64 + 1) * batch as u64,
+            beside_engine,
             held_out: if held_out { sections } else { 0 },
             // One byte a voxel in the dataset's scene and in the model's, and another where checkpoints pack it.
             scene: 3 * scene.grid.len() as u64,
@@ -79,7 +86,7 @@ impl fmt::Display for Footprint {
             self.shape.width,
             self.batch,
             show_bytes(self.bytes()),
-            HOST_BYTES_PER_PARAMETER + imf_core::siren::engine::CpuTrainer::BYTES_PER_PARAMETER,
+            self.beside_engine + imf_core::siren::engine::CpuTrainer::BYTES_PER_PARAMETER,
         )
     }
 }

@@ -11,7 +11,18 @@ use imf_core::training::run::{Cursor, TrainingPlan};
 use super::checkpoint::{Latest, latest};
 use super::data::Data;
 use super::plan::schedule_from;
+use crate::ranks::started_together;
 use crate::session::Session;
+
+/// Refuses to train alone in the company of processes that would all do the same, and write to one folder.
+pub(crate) fn require_togetherness(session: &Session) -> Result<()> {
+    match started_together() {
+        Some(count) if session.rank().of() == 1 => bail!(
+            "{count} processes were started together, and each would train by itself: add --mpi (in a build with the              feature mpi) to share the work, or start one"
+        ),
+        _ => Ok(()),
+    }
+}
 
 /// A model at the start of its training.
 pub(crate) fn fresh_model(

@@ -6,6 +6,8 @@
 //! All pieces and all orders of addition are fixed by the network and the batch: the number of threads changes nothing,
 //! and no memory of ours is allocated in a step.
 
+pub mod ranks;
+
 use pulp::Arch;
 
 use super::adam::AdamFactors;
@@ -116,6 +118,104 @@ impl CpuTrainer {
         &self.state.parameters
     }
 
+    /// The gradient of some samples of a batch, for training with others: that of the mean loss over all `batch`
+    /// samples, as far as these contribute to it. Returns their summed loss and the gradient in the layout of the
+    /// parameters, which the caller may change before [`Self::update`]. No samples have a gradient of zeros.
+    ///
+    /// # Errors
+    /// More samples than the engine was made for, or inputs that do not fit.
+    pub fn gradient(
+        &mut self,
+        inputs: &[f32],
+        targets: &[f32],
+        batch: usize,
+    ) -> Result<(f64, &mut [f32]), EngineError> {
+        self.check(inputs, targets)?;
+        if targets.is_empty() {
+            self.gradient.fill(0.0);
+        }
+        let loss = self.accumulate(inputs, targets, batch, None);
+        Ok((loss, &mut self.gradient))
+    }
+
+    /// Adam's step by the gradient that [`Self::gradient`] left, or that the caller made of it.
+    pub fn update(&mut self, learning_rate: f32) {
+        self.state.step += 1;
+        let factors = AdamFactors::new(self.adam, learning_rate, self.state.step);
+        let step = Step { arch: self.arch, plan: &self.plan, factors };
+        step.run(
+            &self.plan.pieces,
+            Arrays {
+                parameters: &mut self.state.parameters,
+                first_moment: &mut self.state.first_moment,
+                second_moment: &mut self.state.second_moment,
+                gradient: &mut self.gradient,
+                panels: &mut self.panels,
+            },
+        );
+    }
+
+    fn refusal(&self, batch: usize) -> EngineError {
+        let most = self.max_batch;
+        EngineError::Shape(format!("a batch of {batch} samples; this engine takes 1 to {most}"))
+    }
+
+    /// Checks that the engine has room for the samples, and that there are as many inputs as targets.
+    fn check(&self, inputs: &[f32], targets: &[f32]) -> Result<(), EngineError> {
+        let batch = targets.len();
+        if batch > self.max_batch {
+            return Err(self.refusal(batch));
+        }
+        if inputs.len() != batch * INPUTS {
+            let found = inputs.len();
+            return Err(EngineError::Shape(format!(
+                "{found} inputs for {batch} targets; {INPUTS} belong to each"
+            )));
+        }
+        Ok(())
+    }
+
+    /// Sums loss and gradient over the samples, window after window; `batch` is what the loss is averaged over. With
+    /// `factors` every piece takes its Adam step as soon as its gradient is whole.
+    fn accumulate(
+        &mut self,
+        inputs: &[f32],
+        targets: &[f32],
+        batch: usize,
+        factors: Option<AdamFactors>,
+    ) -> f64 {
+        let windows = targets.len().div_ceil(self.window);
+        let mut total = 0.0;
+        for (index, (inputs, targets)) in
+            inputs.chunks(self.window * INPUTS).zip(targets.chunks(self.window)).enumerate()
+        {
+            total += self.forward_backward(inputs, targets, batch);
+            let blocks = targets.len().div_ceil(BLOCK);
+            let update = Update {
+                arch: self.arch,
+                plan: &self.plan,
+                samples: targets.len(),
+                layer_length: self.window * self.plan.stride(),
+                activations: &self.activations,
+                deltas: &self.slopes,
+                partials: &self.partials[..blocks * self.plan.partial_length()],
+                accumulate: index > 0,
+                factors: factors.filter(|_| index + 1 == windows),
+            };
+            update.run(
+                &self.plan.pieces,
+                Arrays {
+                    parameters: &mut self.state.parameters,
+                    first_moment: &mut self.state.first_moment,
+                    second_moment: &mut self.state.second_moment,
+                    gradient: &mut self.gradient,
+                    panels: &mut self.panels,
+                },
+            );
+        }
+        total
+    }
+
     /// Summed loss of one window; leaves its activations, δ and partials behind.
     fn forward_backward(&mut self, inputs: &[f32], targets: &[f32], batch: usize) -> f64 {
         let blocks = targets.len().div_ceil(BLOCK);
@@ -150,49 +250,13 @@ impl TrainingEngine for CpuTrainer {
 
     fn step(&mut self, inputs: &[f32], targets: &[f32], learning_rate: f32) -> Result<(), EngineError> {
         let batch = targets.len();
-        if batch == 0 || batch > self.max_batch {
-            let most = self.max_batch;
-            return Err(EngineError::Shape(format!(
-                "a batch of {batch} samples; this engine takes 1 to {most}"
-            )));
+        if batch == 0 {
+            return Err(self.refusal(0));
         }
-        if inputs.len() != batch * INPUTS {
-            let found = inputs.len();
-            return Err(EngineError::Shape(format!(
-                "{found} inputs for {batch} targets; {INPUTS} belong to each"
-            )));
-        }
+        self.check(inputs, targets)?;
         self.state.step += 1;
         let factors = AdamFactors::new(self.adam, learning_rate, self.state.step);
-        let windows = batch.div_ceil(self.window);
-        let mut total = 0.0;
-        for (index, (inputs, targets)) in
-            inputs.chunks(self.window * INPUTS).zip(targets.chunks(self.window)).enumerate()
-        {
-            total += self.forward_backward(inputs, targets, batch);
-            let blocks = targets.len().div_ceil(BLOCK);
-            let update = Update {
-                arch: self.arch,
-                plan: &self.plan,
-                samples: targets.len(),
-                layer_length: self.window * self.plan.stride(),
-                activations: &self.activations,
-                deltas: &self.slopes,
-                partials: &self.partials[..blocks * self.plan.partial_length()],
-                accumulate: index > 0,
-                factors: (index + 1 == windows).then_some(factors),
-            };
-            update.run(
-                &self.plan.pieces,
-                Arrays {
-                    parameters: &mut self.state.parameters,
-                    first_moment: &mut self.state.first_moment,
-                    second_moment: &mut self.state.second_moment,
-                    gradient: &mut self.gradient,
-                    panels: &mut self.panels,
-                },
-            );
-        }
+        let total = self.accumulate(inputs, targets, batch, Some(factors));
         self.loss_sum += total / batch as f64;
         self.loss_steps += 1;
         Ok(())
@@ -374,7 +438,7 @@ impl Update<'_> {
 
     fn piece(&self, piece: &Piece, arrays: Arrays<'_>) {
         let plan = self.plan;
-        let gradient = arrays.gradient;
+        let gradient = &mut *arrays.gradient;
         match &piece.part {
             Part::Biases => self.sum_partials(plan.partial_biases(piece.layer), gradient, 1),
             Part::Output => self.sum_partials(plan.partial_output(), gradient, 1),
@@ -396,11 +460,8 @@ impl Update<'_> {
                 }
             }
         }
-        if let Some(factors) = &self.factors {
-            factors.apply(self.arch, arrays.parameters, gradient, arrays.first_moment, arrays.second_moment);
-            if let Part::Panel(neurons) = &piece.part {
-                transpose(arrays.parameters, neurons.len(), plan.layers[piece.layer].inputs, arrays.panels);
-            }
+        if let Some(factors) = self.factors {
+            Step { arch: self.arch, plan, factors }.piece(piece, arrays);
         }
     }
 
@@ -410,6 +471,32 @@ impl Update<'_> {
             let sum: f32 =
                 self.partials.chunks_exact(self.plan.partial_length()).map(|p| p[first + index]).sum();
             *value = if self.accumulate { *value + sum } else { sum };
+        }
+    }
+}
+
+/// The Adam step by a gradient that is whole.
+struct Step<'a> {
+    arch: Arch,
+    plan: &'a Plan,
+    factors: AdamFactors,
+}
+
+impl Step<'_> {
+    fn run(&self, pieces: &[Piece], arrays: Arrays<'_>) {
+        if let [piece] = pieces {
+            return self.piece(piece, arrays);
+        }
+        let (first, second) = pieces.split_at(pieces.len() / 2);
+        let (head, tail) = arrays.split(second[0].range.start - first[0].range.start);
+        rayon::join(|| self.run(first, head), || self.run(second, tail));
+    }
+
+    fn piece(&self, piece: &Piece, arrays: Arrays<'_>) {
+        let Arrays { parameters, first_moment, second_moment, gradient, panels } = arrays;
+        self.factors.apply(self.arch, parameters, gradient, first_moment, second_moment);
+        if let Part::Panel(neurons) = &piece.part {
+            transpose(parameters, neurons.len(), self.plan.layers[piece.layer].inputs, panels);
         }
     }
 }

@@ -201,9 +201,10 @@ pub fn train_streamed(
         }
         let thread = scope.spawn(move || reader.run(&empty, &send));
         let mut groups = Groups { full, empty: give, current: None, waited: Duration::ZERO };
-        let mut feed = |cursor: Cursor, _: u64, inputs: &mut [f32], targets: &mut [f32]| {
-            groups.fill(cursor.epoch, cursor.step as usize * plan.batch, inputs, targets)
-        };
+        let mut feed =
+            |cursor: Cursor, _: u64, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
+                groups.fill(cursor.epoch, cursor.step as usize * plan.batch + rows.start, inputs, targets)
+            };
         let outcome = train_by(plan, samples, &mut feed, engine, start, observer);
         let waited = groups.waited;
         stopped.store(true, std::sync::atomic::Ordering::Relaxed);
