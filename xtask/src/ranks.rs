@@ -7,7 +7,8 @@ use anyhow::{Result, ensure};
 
 use crate::checks::cargo;
 
-const DEBIAN_INSTALL: &str = "apt-get install -y --no-install-recommends openmpi-bin libopenmpi-dev libclang-dev";
+const DEBIAN_INSTALL: &str =
+    "apt-get install -y --no-install-recommends openmpi-bin libopenmpi-dev libclang-dev";
 
 /// Checks and tests the build with MPI, and that the default one does without.
 ///
