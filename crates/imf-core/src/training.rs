@@ -116,7 +116,7 @@ pub enum EngineError {
     Shape(String),
 }
 
-/// Where a training step runs: one of the project's three seams.
+/// Where a training step runs: one of the project's four seams.
 ///
 /// The same state, batches and rates give the same bits on the same engine and machine.
 pub trait TrainingEngine {

@@ -7,17 +7,20 @@
 //! and no memory of ours is allocated in a step.
 
 pub mod ranks;
+mod update;
 
 use pulp::Arch;
 
 use super::adam::AdamFactors;
 use super::backward::scratch_length;
 use super::forward::{Network, sigmoid};
-use super::matrix::{Matrix, multiply, prefer_unpacked};
-use super::plan::{BLOCK, Part, Piece, Plan, WINDOW, transpose, transpose_all};
+use super::matrix::prefer_unpacked;
+use super::plan::{BLOCK, Plan, WINDOW, transpose_all};
 use super::scratch::{ScratchPool, describe};
 use crate::siren::{INPUTS, SirenShape};
 use crate::training::{AdamConfig, EngineError, Loss, TrainingEngine, TrainingState};
+
+use update::{Arrays, Step, Update};
 
 pub use super::evaluator::CpuEvaluator;
 
@@ -373,131 +376,6 @@ impl BlockPass<'_> {
             network.hidden_backward(layer, inputs, &behind[0][..values], before[layer], partial, scratch);
         }
         loss
-    }
-}
-
-/// What the update writes, all in the layout of the flat parameters.
-struct Arrays<'a> {
-    parameters: &'a mut [f32],
-    first_moment: &'a mut [f32],
-    second_moment: &'a mut [f32],
-    gradient: &'a mut [f32],
-    panels: &'a mut [f32],
-}
-
-impl<'a> Arrays<'a> {
-    fn split(self, middle: usize) -> (Self, Self) {
-        let parameters = self.parameters.split_at_mut(middle);
-        let first_moment = self.first_moment.split_at_mut(middle);
-        let second_moment = self.second_moment.split_at_mut(middle);
-        let gradient = self.gradient.split_at_mut(middle);
-        let panels = self.panels.split_at_mut(middle);
-        (
-            Arrays {
-                parameters: parameters.0,
-                first_moment: first_moment.0,
-                second_moment: second_moment.0,
-                gradient: gradient.0,
-                panels: panels.0,
-            },
-            Arrays {
-                parameters: parameters.1,
-                first_moment: first_moment.1,
-                second_moment: second_moment.1,
-                gradient: gradient.1,
-                panels: panels.1,
-            },
-        )
-    }
-}
-
-/// Gradient of one window and, in the batch's last one, the Adam step.
-struct Update<'a> {
-    arch: Arch,
-    plan: &'a Plan,
-    samples: usize,
-    /// Values of one layer in `activations` and `deltas`.
-    layer_length: usize,
-    activations: &'a [f32],
-    deltas: &'a [f32],
-    partials: &'a [f32],
-    /// An earlier window has left its gradient.
-    accumulate: bool,
-    factors: Option<AdamFactors>,
-}
-
-impl Update<'_> {
-    fn run(&self, pieces: &[Piece], arrays: Arrays<'_>) {
-        if let [piece] = pieces {
-            return self.piece(piece, arrays);
-        }
-        let (first, second) = pieces.split_at(pieces.len() / 2);
-        let (head, tail) = arrays.split(second[0].range.start - first[0].range.start);
-        rayon::join(|| self.run(first, head), || self.run(second, tail));
-    }
-
-    fn piece(&self, piece: &Piece, arrays: Arrays<'_>) {
-        let plan = self.plan;
-        let gradient = &mut *arrays.gradient;
-        match &piece.part {
-            Part::Biases => self.sum_partials(plan.partial_biases(piece.layer), gradient, 1),
-            Part::Output => self.sum_partials(plan.partial_output(), gradient, 1),
-            Part::Panel(neurons) => {
-                let (width, inputs) = (plan.shape.width, plan.layers[piece.layer].inputs);
-                let neurons_in = plan.neurons_in(piece.layer);
-                if piece.layer > 0 {
-                    let deltas = &self.deltas[piece.layer * self.layer_length + neurons.start..];
-                    let deltas = Matrix::row_major(deltas, self.samples, neurons.len(), plan.stride());
-                    let before = &self.activations[(piece.layer - 1) * self.layer_length..];
-                    let before = Matrix::row_major(before, self.samples, width, plan.stride());
-                    multiply(gradient, inputs, deltas.transposed(), before, self.accumulate);
-                }
-                if plan.sees_input(piece.layer) {
-                    for axis in 0..INPUTS {
-                        let sums = plan.partial_inputs(piece.layer) + axis * width + neurons.start;
-                        self.sum_partials(sums, &mut gradient[neurons_in + axis..], inputs);
-                    }
-                }
-            }
-        }
-        if let Some(factors) = self.factors {
-            Step { arch: self.arch, plan, factors }.piece(piece, arrays);
-        }
-    }
-
-    /// Adds up the blocks' partial sums from `first` on, in the order of the blocks, into every `stride`-th value.
-    fn sum_partials(&self, first: usize, gradient: &mut [f32], stride: usize) {
-        for (index, value) in gradient.iter_mut().step_by(stride).enumerate() {
-            let sum: f32 =
-                self.partials.chunks_exact(self.plan.partial_length()).map(|p| p[first + index]).sum();
-            *value = if self.accumulate { *value + sum } else { sum };
-        }
-    }
-}
-
-/// The Adam step by a gradient that is whole.
-struct Step<'a> {
-    arch: Arch,
-    plan: &'a Plan,
-    factors: AdamFactors,
-}
-
-impl Step<'_> {
-    fn run(&self, pieces: &[Piece], arrays: Arrays<'_>) {
-        if let [piece] = pieces {
-            return self.piece(piece, arrays);
-        }
-        let (first, second) = pieces.split_at(pieces.len() / 2);
-        let (head, tail) = arrays.split(second[0].range.start - first[0].range.start);
-        rayon::join(|| self.run(first, head), || self.run(second, tail));
-    }
-
-    fn piece(&self, piece: &Piece, arrays: Arrays<'_>) {
-        let Arrays { parameters, first_moment, second_moment, gradient, panels } = arrays;
-        self.factors.apply(self.arch, parameters, gradient, first_moment, second_moment);
-        if let Part::Panel(neurons) = &piece.part {
-            transpose(parameters, neurons.len(), self.plan.layers[piece.layer].inputs, panels);
-        }
     }
 }
 

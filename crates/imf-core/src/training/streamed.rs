@@ -10,7 +10,8 @@
 //!
 //! Groups follow each other without a seam: a batch may have its first samples from one and its others from the next,
 //! so an epoch has every sample once, and as many steps as in memory. Samples of different groups never meet in a batch
-//! but there; small shards of few sections, and many of them in a group, mix best.
+//! but there, and a training ends on those of one group, which costs accuracy at the sections of the others: the fewer
+//! groups, the better.
 //!
 //! A second thread reads the next group while the present one is trained on. Two groups' room is allocated once and
 //! goes to and fro between the threads; [`Shards::memory_in_groups`] says how much that is.
