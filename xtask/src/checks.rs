@@ -68,7 +68,7 @@ fn require_component(subcommand: &str, component: &str) -> Result<()> {
 }
 
 /// Runs cargo at the root of the workspace with its output shown as it comes.
-fn cargo(arguments: &[&str], environment: &[(&str, &str)]) -> Result<()> {
+pub(crate) fn cargo(arguments: &[&str], environment: &[(&str, &str)]) -> Result<()> {
     let variables: String = environment.iter().map(|(name, value)| format!("{name}=\"{value}\" ")).collect();
     println!("$ {variables}cargo {}", arguments.join(" "));
     let status = cargo_command()

@@ -1,9 +1,11 @@
 //! The project's own chores, run as `cargo xtask <chore>`.
 //!
-//! `test` is the whole of what continuous integration runs: see [`checks`]. `stress` kills trainings: see [`stress`].
+//! `test` is the whole of what continuous integration runs: see [`checks`]. `stress` kills trainings: see [`stress`]. `mpi` trains in
+//! several processes: see [`ranks`].
 
 mod adapter;
 mod checks;
+mod ranks;
 mod stages;
 mod stress;
 
@@ -16,6 +18,7 @@ chores:
   test     formatting, clippy and rustdoc with warnings denied, a look for a Vulkan driver, all tests
   stress   [--kills N] [--device cpu|software] [--seed S]: a training that is killed at random moments (50 by default)
            and resumed ends with the bytes of one in peace
+  mpi      the build with the feature mpi, and trainings of several ranks by mpirun; needs an MPI library and libclang
 
 environment:
   IMF_NO_GPU_TESTS=1   run without a GPU driver; tests that need one are reported as ignored";
@@ -25,6 +28,7 @@ fn main() -> ExitCode {
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match arguments[..] {
         ["test"] => ended(checks::run()),
+        ["mpi"] => ended(ranks::run()),
         ["stress", ref options @ ..] => ended(stress::Stress::parse(options).and_then(stress::Stress::run)),
         ["help" | "--help" | "-h"] => {
             println!("{USAGE}");

@@ -55,6 +55,17 @@ pub(crate) struct GlobalArguments {
     pub(crate) verbose: bool,
 }
 
+impl Command {
+    /// True where it takes part in a training of several processes.
+    pub(crate) fn joins_ranks(&self) -> bool {
+        match self {
+            Self::Train(arguments) => arguments.plan.mpi,
+            Self::Finetune(arguments) => arguments.plan.mpi,
+            _ => false,
+        }
+    }
+}
+
 #[derive(Subcommand)]
 pub(crate) enum Command {
     Demo(DemoArguments),
@@ -362,6 +373,10 @@ pub(crate) struct PlanArguments {
     /// Also write event files for TensorBoard, to the folder tensorboard in the output folder
     #[arg(long)]
     pub(crate) tensorboard: bool,
+    /// Train together with the other processes that mpirun started, each on its share of every batch, on CPUs; needs a build
+    /// with the feature mpi
+    #[arg(long)]
+    pub(crate) mpi: bool,
 }
 
 fn parse_seconds(text: &str) -> Result<f64, String> {

@@ -1,12 +1,13 @@
 //! Choosing where networks run.
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use imf_core::siren::SirenShape;
 use imf_core::siren::engine::{CpuEvaluator, CpuTrainer};
 use imf_core::training::run::TrainingPlan;
 use imf_core::training::{EvaluationEngine, TrainingEngine, TrainingState};
 use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuTrainer};
 
+use crate::ranks::Rank;
 use crate::session::Session;
 
 /// The CPU engine or an opened GPU.
@@ -18,9 +19,11 @@ pub(crate) enum Device {
 impl Device {
     /// Opens what `--device` names. `auto` takes a discrete or integrated GPU, else the CPU engine.
     pub(crate) fn open(name: &str, session: &Session) -> Result<Self> {
-        if name.eq_ignore_ascii_case("cpu") {
+        let alone = session.rank().of() == 1;
+        if name.eq_ignore_ascii_case("cpu") || (!alone && name.eq_ignore_ascii_case("auto")) {
             return Ok(Self::Cpu);
         }
+        ensure!(alone, "--mpi trains on CPUs alone: add --device cpu");
         let choice: DeviceChoice = match name.parse() {
             Ok(choice) => choice,
             Err(never) => match never {},
@@ -38,29 +41,28 @@ impl Device {
         }
     }
 
-    /// Bytes of this machine's memory, or of the GPU's, that training takes beside its samples, about.
+    /// Bytes of this machine's memory, or of the GPU's, that an engine takes, about.
     pub(crate) fn training_memory(&self, shape: SirenShape, batch: usize) -> Result<u64> {
         Ok(match self {
-            // Weights twice (one transposed), gradient, two moments, and a copy of the state for checkpoints; a window
-            // of activations and slopes of every layer.
-            Self::Cpu => {
-                let window = batch.min(1024) as u64;
-                let activations = window * (shape.hidden as u64 + 1) * (shape.width as u64 + 64) * 3;
-                4 * (9 * shape.parameter_count() as u64 + activations)
-            }
+            Self::Cpu => CpuTrainer::memory_bytes(shape, batch),
             Self::Gpu(gpu) => GpuTrainer::memory_bytes(gpu, shape, batch)?,
         })
     }
 
+    /// An engine for batches of up to `batch` samples, of which `rank` has its share.
     pub(crate) fn trainer(
         &self,
+        rank: Rank,
         shape: SirenShape,
         plan: &TrainingPlan,
         batch: usize,
         state: TrainingState,
     ) -> Result<Box<dyn TrainingEngine>> {
         Ok(match self {
-            Self::Cpu => Box::new(CpuTrainer::new(shape, plan.adam, plan.loss, batch, state)?),
+            Self::Cpu => {
+                let rows = rank.most_rows(batch);
+                rank.trainer(CpuTrainer::new(shape, plan.adam, plan.loss, rows, state)?)
+            }
             Self::Gpu(gpu) => Box::new(GpuTrainer::new(gpu, shape, plan.adam, plan.loss, batch, &state)?),
         })
     }

@@ -22,8 +22,8 @@ impl std::fmt::Display for Interrupted {
 
 impl std::error::Error for Interrupted {}
 
-/// Starts listening for Ctrl-C (and a polite kill).
-pub(crate) fn listen() -> Result<()> {
+/// Starts listening for Ctrl-C (and a polite kill); `aloud` where this process answers it in words.
+pub(crate) fn listen(aloud: bool) -> Result<()> {
     let mut first: Option<Instant> = None;
     ctrlc::set_handler(move || {
         INTERRUPTED.store(true, Ordering::Relaxed);
@@ -33,7 +33,9 @@ pub(crate) fn listen() -> Result<()> {
             Some(_) => std::process::exit(i32::from(crate::INTERRUPTED)),
             None => {
                 first = Some(Instant::now());
-                eprintln!("\nimf: stopping at the next safe place; press Ctrl-C again to stop at once");
+                if aloud {
+                    eprintln!("\nimf: stopping at the next safe place; press Ctrl-C again to stop at once");
+                }
             }
         }
     })

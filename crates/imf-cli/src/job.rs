@@ -8,6 +8,7 @@ mod checkpoint;
 mod curve;
 mod data;
 mod held_out;
+mod memory;
 mod plan;
 mod start;
 mod telemetry;
@@ -16,16 +17,17 @@ pub(crate) use checkpoint::{Latest, latest};
 pub(crate) use curve::loss_chart;
 pub(crate) use data::Data;
 pub(crate) use plan::{plan, plan_defaults};
-pub(crate) use start::{continued, fresh_model, refuse_unfinished, resumed_model};
+pub(crate) use start::{continued, fresh_model, refuse_unfinished, require_togetherness, resumed_model};
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, ensure};
 use imf_core::model::{HeldOutPoint, LossPoint, Model};
 use imf_core::training::run::{Cursor, Outcome, Report, TrainError, TrainingPlan, train};
 use imf_core::training::schedule::Schedule;
+use imf_core::training::streamed::train_streamed;
 use imf_core::training::{EngineError, TrainingEngine};
 
 use crate::arguments::PlanArguments;
@@ -34,7 +36,9 @@ use crate::interrupt::{self, Interrupted};
 use crate::progress::Stage;
 use crate::session::Session;
 use checkpoint::Checkpoints;
+use data::Source;
 use held_out::HeldOutWatch;
+use memory::Footprint;
 use plan::REPORT_EVERY;
 use telemetry::{Row, Telemetry};
 
@@ -78,22 +82,75 @@ pub(crate) type Observer<'a> = dyn FnMut(&Report, &mut dyn TrainingEngine) -> Co
 pub(crate) type Loop<'a> = dyn FnMut(&TrainingPlan, &mut dyn TrainingEngine, Cursor, &mut Observer<'_>) -> Result<Outcome, TrainError>
     + 'a;
 
+/// What an epoch learns from.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Epoch {
+    /// Samples.
+    pub(crate) samples: usize,
+    /// Bytes that they take beside the training.
+    pub(crate) bytes: u64,
+}
+
 /// Trains `model` to the end of its plan and writes it to `out`.
 pub(crate) fn run(
     session: &Session,
     device: &Device,
     data: &Data,
-    model: Model,
+    mut model: Model,
     out: &Path,
     settings: &Settings,
 ) -> Result<Model> {
-    run_by(session, device, data.samples.len(), model, out, settings, &mut |plan, engine, start, observer| {
-        train(plan, &data.samples, engine, start, observer)
-    })
+    let samples = data.shards.samples();
+    let footprint = footprint(session, device, &model, samples, settings)?;
+    let source = data.source(session, &footprint, &mut model)?;
+    let mut waited = Duration::ZERO;
+    let by: &mut Loop<'_> = &mut |plan, engine, start, observer| match &source {
+        Source::Memory(samples) => train(plan, samples, engine, start, observer),
+        Source::Groups(group) => {
+            let (outcome, seconds) = train_streamed(plan, &data.shards, *group, engine, start, observer)?;
+            waited = seconds;
+            Ok(outcome)
+        }
+    };
+    let model = train_to_the_end(session, device, samples, model, out, settings, by)?;
+    if matches!(source, Source::Groups(_)) {
+        session.note(&format!("training waited {:.1} s for shards", waited.as_secs_f64()));
+    }
+    Ok(model)
 }
 
-/// As [`run`], with samples from wherever `by` has them; an epoch is `samples` of them.
+/// As [`run`], with samples from wherever `by` has them.
 pub(crate) fn run_by(
+    session: &Session,
+    device: &Device,
+    epoch: Epoch,
+    model: Model,
+    out: &Path,
+    settings: &Settings,
+    by: &mut Loop<'_>,
+) -> Result<Model> {
+    let footprint = footprint(session, device, &model, epoch.samples, settings)?;
+    session.require_memory(footprint.bytes() + epoch.bytes, || {
+        format!("{footprint}; use a smaller --width or --batch, or fewer sections at a time")
+    })?;
+    train_to_the_end(session, device, epoch.samples, model, out, settings, by)
+}
+
+/// What the training takes beside its samples.
+fn footprint(
+    session: &Session,
+    device: &Device,
+    model: &Model,
+    samples: usize,
+    settings: &Settings,
+) -> Result<Footprint> {
+    let held_out =
+        if model.record.steps == 0 { settings.held_out > 0 } else { model.record.held_out.is_some() };
+    Footprint::new(session, device, model, model.record.plan.batch.min(samples.max(1)), held_out)
+}
+
+/// Trains with an epoch of so many samples, which `by` has; memory was asked for.
+fn train_to_the_end(
     session: &Session,
     device: &Device,
     samples: usize,
@@ -102,23 +159,21 @@ pub(crate) fn run_by(
     settings: &Settings,
     by: &mut Loop<'_>,
 ) -> Result<Model> {
+    let rank = session.rank();
     let batch = model.record.plan.batch.min(samples.max(1));
-    let needed = device.training_memory(model.shape, batch)?;
-    session.require_memory(needed, || {
-        format!(
-            "training {} layers of {}; use a smaller --width or --batch",
-            model.shape.hidden, model.shape.width
-        )
-    })?;
     let total = model.record.plan.total_steps(samples);
     if model.record.steps == 0 {
         let seed = model.record.plan.seed;
         model.record.held_out = held_out::record(settings.held_out, settings.held_out_every, seed, total);
     }
-    let held_out = HeldOutWatch::new(session, &model)?;
-    let folder = settings.tensorboard.then(|| out.join("tensorboard"));
-    let telemetry = Telemetry::open(settings.log.as_deref(), folder, model.record.steps)?;
-    let mut engine = device.trainer(model.shape, &model.record.plan, batch, model.state.clone())?;
+    // After this no rank reads what the first may write.
+    rank.agree("training", fingerprint(&model)?)?;
+    let writing = rank.is_first();
+    let held_out = if writing { HeldOutWatch::new(session, &model)? } else { None };
+    let folder = (settings.tensorboard && writing).then(|| out.join("tensorboard"));
+    let log = settings.log.as_deref().filter(|_| writing);
+    let telemetry = Telemetry::open(log, folder, model.record.steps)?;
+    let mut engine = device.trainer(rank, model.shape, &model.record.plan, batch, model.state.clone())?;
     session.note(&format!(
         "training {}×{} ({} parameters, ω = {}) on {} samples, {} steps of {batch}; {}",
         model.shape.hidden,
@@ -135,7 +190,7 @@ pub(crate) fn run_by(
         begun: Instant::now(),
         earlier_seconds: model.record.seconds,
         point_every: (total / CURVE_POINTS).max(REPORT_EVERY),
-        checkpoints: Checkpoints::new(out, model.record.steps, settings.checkpoint_every),
+        checkpoints: Checkpoints::new(out, model.record.steps, settings.checkpoint_every, writing),
         held_out,
         telemetry,
         go_on: settings.go_on,
@@ -171,6 +226,9 @@ pub(crate) fn run_by(
     let unseen = unseen.map_or_else(String::new, |error| format!(", held-out MSE {:.2e}", error.mse));
     stage.finish(&format!("loss {last:.2e}{unseen}"));
     let model = model.without_moments();
+    if !writing {
+        return Ok(model);
+    }
     let path = out.join("model.safetensors");
     model
         .write(&path)
@@ -178,6 +236,25 @@ pub(crate) fn run_by(
     loss_chart(&model.record).save(&out.join("loss.png"))?;
     session.note(&format!("wrote {}", path.display()));
     Ok(model)
+}
+
+/// A checksum of all that ranks must have in common.
+fn fingerprint(model: &Model) -> Result<u64> {
+    let record = &model.record;
+    let mut hasher = crc32fast::Hasher::new();
+    hasher.update(&serde_json::to_vec(&(
+        model.shape,
+        record.plan,
+        record.cursor,
+        record.steps,
+        record.dataset_crc32,
+        record.shards_per_group,
+    ))?);
+    let state = &model.state;
+    for array in [&state.parameters, &state.first_moment, &state.second_moment] {
+        array.iter().for_each(|value| hasher.update(&value.to_le_bytes()));
+    }
+    Ok(u64::from(hasher.finalize()))
 }
 
 /// What the observer of a run keeps between reports.
@@ -241,7 +318,7 @@ impl Run<'_> {
                 report.samples_per_second / 1e3
             ),
         );
-        if interrupt::requested() && !is_last {
+        if !is_last && self.session.rank().stop(interrupt::requested())? {
             self.take_state(engine)?;
             self.checkpoints.write(&self.model).context("interrupted")?;
             return Ok(ControlFlow::Break(()));

@@ -10,6 +10,7 @@ mod job;
 mod output;
 mod picture;
 mod progress;
+mod ranks;
 mod report;
 mod session;
 mod slices;
@@ -23,6 +24,7 @@ use imf_core::section::SectionError;
 use arguments::{Cli, Command};
 use commands::check::CollisionFound;
 use interrupt::Interrupted;
+use ranks::{Membership, Rank};
 use session::Session;
 
 /// The work failed: bad input, a device, a disk.
@@ -34,27 +36,43 @@ const INTERRUPTED: u8 = 130;
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    match run(cli) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
-        Err(error) if error.is::<CollisionFound>() => ExitCode::from(COLLISION),
-        Err(error) if error.is::<Interrupted>() => {
-            eprintln!("imf: {error}");
-            ExitCode::from(INTERRUPTED)
-        }
-        Err(error) if was_cancelled(&error) => {
-            eprintln!("imf: interrupted: nothing was finished; run the same command again to start over");
-            ExitCode::from(INTERRUPTED)
-        }
+    let membership = match Membership::join(cli.command.joins_ranks()) {
+        Ok(membership) => membership,
         Err(error) => {
             eprintln!("imf: error: {}", message(&error));
-            ExitCode::from(FAILED)
+            return ExitCode::from(FAILED);
         }
-    }
+    };
+    let rank = membership.rank;
+    let code = match run(cli, rank) {
+        Ok(()) => 0,
+        Err(error) if is_broken_pipe(&error) => 0,
+        Err(error) if error.is::<CollisionFound>() => COLLISION,
+        Err(error) if error.is::<Interrupted>() => {
+            if rank.is_first() {
+                eprintln!("imf: {error}");
+            }
+            INTERRUPTED
+        }
+        Err(error) if was_cancelled(&error) => {
+            if rank.is_first() {
+                eprintln!("imf: interrupted: nothing was finished; run the same command again to start over");
+            }
+            INTERRUPTED
+        }
+        Err(error) => {
+            membership.let_the_first_speak();
+            let who = if rank.of() > 1 { format!(" of rank {}", rank.number()) } else { String::new() };
+            eprintln!("imf: error{who}: {}", message(&error));
+            FAILED
+        }
+    };
+    membership.leave(code);
+    ExitCode::from(code)
 }
 
-fn run(cli: Cli) -> anyhow::Result<()> {
-    let session = Session::new(&cli.global)?;
+fn run(cli: Cli, rank: Rank) -> anyhow::Result<()> {
+    let session = Session::new(&cli.global, rank)?;
     match cli.command {
         Command::Demo(arguments) => commands::demo::run(&session, &arguments),
         Command::Parts(arguments) => commands::parts::run(&session, &arguments),

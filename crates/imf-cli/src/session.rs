@@ -7,9 +7,11 @@ use sysinfo::{MemoryRefreshKind, RefreshKind, System};
 use crate::arguments::GlobalArguments;
 use crate::interrupt;
 use crate::progress::Stage;
+use crate::ranks::Rank;
 
 /// Settings of one run.
 pub(crate) struct Session {
+    rank: Rank,
     threads: usize,
     memory_limit: u64,
     pub(crate) json: bool,
@@ -19,7 +21,7 @@ pub(crate) struct Session {
 
 impl Session {
     /// Starts the thread pool and listens for Ctrl-C.
-    pub(crate) fn new(global: &GlobalArguments) -> Result<Self> {
+    pub(crate) fn new(global: &GlobalArguments, rank: Rank) -> Result<Self> {
         let mut pool = rayon::ThreadPoolBuilder::new();
         if let Some(threads) = global.threads {
             if threads == 0 {
@@ -28,21 +30,27 @@ impl Session {
             pool = pool.num_threads(threads);
         }
         pool.build_global().context("cannot start the threads")?;
-        interrupt::listen()?;
-        // Where the system does not say, nothing is refused.
-        let memory_limit =
-            global.memory.unwrap_or_else(|| free_memory().map_or(u64::MAX, |free| free / 5 * 4));
+        interrupt::listen(rank.is_first())?;
+        // Where the system does not say, nothing is refused. Ranks on one machine share its memory.
+        let share = |free: u64| free / 5 * 4 / rank.neighbours() as u64;
+        let memory_limit = global.memory.unwrap_or_else(|| free_memory().map_or(u64::MAX, share));
         Ok(Self {
+            rank,
             threads: rayon::current_num_threads(),
             memory_limit,
             json: global.json,
-            quiet: global.quiet,
+            quiet: global.quiet || !rank.is_first(),
             verbose: global.verbose,
         })
     }
 
     pub(crate) fn threads(&self) -> usize {
         self.threads
+    }
+
+    /// This process among those that train together.
+    pub(crate) fn rank(&self) -> Rank {
+        self.rank
     }
 
     /// Bytes that may be used.
@@ -78,9 +86,10 @@ impl Session {
     }
 
     /// Something is not as expected, though the work goes on. Shown even when quiet.
-    #[expect(clippy::unused_self, reason = "stands beside note and detail")]
     pub(crate) fn warn(&self, text: &str) {
-        eprintln!("imf: warning: {text}");
+        if self.rank.is_first() {
+            eprintln!("imf: warning: {text}");
+        }
     }
 
     /// A progress line with a rate and the time left, for `total` units.

@@ -17,14 +17,17 @@ mod manifest;
 mod merge;
 mod sampling;
 mod shard;
+mod shards;
 mod share;
 
 pub use manifest::{DatasetError, Layout, Manifest, ShardRecord};
 pub use merge::{Merged, merge};
 pub use sampling::{Sampling, SamplingError, boundary, draw};
+pub use shards::Shards;
 pub use share::{Share, ShareError};
 
 use std::path::Path;
+use std::sync::atomic::AtomicBool;
 
 use crate::control::Control;
 use crate::orientation::OrientationSet;
@@ -115,26 +118,10 @@ pub fn generate_share(
 /// # Errors
 /// A missing, foreign, newer, damaged or unfinished dataset; the message names the file.
 pub fn load(folder: &Path) -> Result<(Manifest, Scene, Samples), DatasetError> {
-    let manifest = Manifest::read(folder)?;
-    let scene = manifest.scene(folder)?;
-    let missing = manifest.shards.iter().filter(|s| s.is_none()).count();
-    if missing > 0 {
-        return Err(DatasetError::Unfinished {
-            path: folder.display().to_string(),
-            missing,
-            shards: manifest.shards.len(),
-        });
-    }
-    let mut samples = Samples::new(scene.record.grid);
-    for index in 0..manifest.shard_count() {
-        let shard = shard::read(folder, &manifest, index)?;
-        let angles = &manifest.orientations.orientations[manifest.sections_of(index)];
-        for (section, orientation) in angles.iter().enumerate() {
-            let range = shard.starts[section]..shard.starts[section + 1];
-            samples.push_section(orientation.angles(), &shard.voxels[range.clone()], &shard.values[range]);
-        }
-    }
-    Ok((manifest, scene, samples))
+    let shards = Shards::open(folder)?;
+    let scene = shards.manifest().scene(folder)?;
+    let samples = shards.read_all(&AtomicBool::new(false))?;
+    Ok((shards.into_manifest(), scene, samples))
 }
 
 #[cfg(test)]

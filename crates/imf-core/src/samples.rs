@@ -1,9 +1,12 @@
 //! Samples of the exact field in memory, as training reads them: voxel, section, value.
+//!
+//! A sample takes [`Samples::BYTES_PER_SAMPLE`], a section [`Samples::BYTES_PER_SECTION`]; room that is asked for with
+//! [`Samples::with_capacity`] is all that is taken.
 
 use crate::grid::Grid;
 use crate::siren::{INPUTS, features};
 
-/// Samples of several sections of one scene, section after section: 8 bytes a sample.
+/// Samples of several sections of one scene, section after section.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Samples {
     /// The grid whose voxels `voxels` counts.
@@ -22,17 +25,45 @@ pub struct Samples {
 }
 
 impl Samples {
+    /// Memory of a sample: its voxel and its value.
+    pub const BYTES_PER_SAMPLE: u64 = (size_of::<u32>() + size_of::<f32>()) as u64;
+    /// Memory of a section beside its samples: its angles, and where it starts.
+    pub const BYTES_PER_SECTION: u64 = (size_of::<[f32; 2]>() + size_of::<usize>()) as u64;
+
     /// No samples yet.
     #[must_use]
     pub fn new(grid: Grid) -> Self {
+        Self::with_capacity(grid, 0, 0)
+    }
+
+    /// No samples yet, and room for so many sections and samples.
+    #[must_use]
+    pub fn with_capacity(grid: Grid, sections: usize, samples: usize) -> Self {
+        let mut starts = Vec::with_capacity(sections + 1);
+        starts.push(0);
         Self {
             grid,
             frame: grid,
-            angles: Vec::new(),
-            starts: vec![0],
-            voxels: Vec::new(),
-            values: Vec::new(),
+            angles: Vec::with_capacity(sections),
+            starts,
+            voxels: Vec::with_capacity(samples),
+            values: Vec::with_capacity(samples),
         }
+    }
+
+    /// Bytes of so many sections with so many samples in all.
+    #[must_use]
+    pub fn memory_bytes(sections: u64, samples: u64) -> u64 {
+        let samples = samples.saturating_mul(Self::BYTES_PER_SAMPLE);
+        samples.saturating_add(sections.saturating_mul(Self::BYTES_PER_SECTION))
+    }
+
+    /// Takes all samples out; the room stays.
+    pub fn clear(&mut self) {
+        self.angles.clear();
+        self.starts.truncate(1);
+        self.voxels.clear();
+        self.values.clear();
     }
 
     /// Number of samples.

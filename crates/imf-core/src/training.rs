@@ -6,6 +6,9 @@ pub mod online;
 pub mod permutation;
 pub mod run;
 pub mod schedule;
+pub mod streamed;
+
+use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -113,7 +116,7 @@ pub enum EngineError {
     Shape(String),
 }
 
-/// Where a training step runs: one of the project's three seams.
+/// Where a training step runs: one of the project's four seams.
 ///
 /// The same state, batches and rates give the same bits on the same engine and machine.
 pub trait TrainingEngine {
@@ -128,6 +131,13 @@ pub trait TrainingEngine {
     /// Values that are learnt of a sample.
     fn outputs(&self) -> usize {
         1
+    }
+
+    /// Announces the next step's batch of `batch` samples, and says which of its rows this engine wants as that step's
+    /// input. The others are those of other processes that train together with this one; unless there are any, it
+    /// wants all.
+    fn share(&mut self, batch: usize) -> Range<usize> {
+        0..batch
     }
 
     /// One step on a batch: forward, backward, update.

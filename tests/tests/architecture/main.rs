@@ -122,6 +122,22 @@ fn the_core_needs_no_gpu_and_no_command_line() {
 }
 
 #[test]
+fn mpi_comes_only_where_it_is_asked_for() {
+    let mut users = Vec::new();
+    for folder in ["crates/imf-core", "crates/imf-gpu", "crates/imf-cli", "tests", "xtask"] {
+        let manifest: toml::Table = read(&root().join(folder).join("Cargo.toml")).parse().unwrap();
+        let tables = ["dependencies", "dev-dependencies", "build-dependencies"];
+        let dependency = tables.iter().find_map(|table| manifest.get(*table)?.get("mpi"));
+        if let Some(dependency) = dependency {
+            users.push(folder);
+            assert_eq!(dependency.get("optional"), Some(&toml::Value::Boolean(true)), "{folder}");
+            assert!(manifest["features"].get("default").is_none(), "{folder} turns features on by default");
+        }
+    }
+    assert_eq!(users, ["crates/imf-cli"]);
+}
+
+#[test]
 fn no_folder_file_or_module_has_an_empty_name() {
     let mut found = Vec::new();
     let mut waiting = vec![root()];

@@ -74,7 +74,7 @@ pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
         .map_err(|error| interruption(error, &folder))?;
     stage.finish(&format!("{} samples", made.samples));
 
-    let data = Data::load(session, &folder)?;
+    let data = Data::open(&folder)?;
     let plan = TrainingPlan {
         length: Length::Steps(arguments.steps),
         schedule: Schedule::Cosine { initial: 5e-4, last: 5e-6, warmup: 200 },

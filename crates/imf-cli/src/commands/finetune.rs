@@ -14,9 +14,10 @@ use crate::session::Session;
 pub(crate) fn run(session: &Session, arguments: &FinetuneArguments) -> Result<()> {
     let plan = job::plan(&arguments.plan, 1e-4, 5);
     plan.check()?;
+    job::require_togetherness(session)?;
     prepare_folder(&arguments.out)?;
     let start = Model::read(&arguments.model)?;
-    let data = Data::load(session, &arguments.dataset)?;
+    let data = Data::open(&arguments.dataset)?;
     if start.scene.record.tool.shape != data.scene.record.tool.shape {
         session.warn("the model was made for another tool than the dataset; it will be adapted all the same");
     }

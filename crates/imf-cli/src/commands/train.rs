@@ -21,8 +21,9 @@ pub(crate) fn run(session: &Session, arguments: &TrainArguments) -> Result<()> {
     shape.check()?;
     let plan = job::plan(&arguments.plan, 5e-4, 50);
     plan.check()?;
+    job::require_togetherness(session)?;
     prepare_folder(&arguments.out)?;
-    let data = Data::load(session, &arguments.dataset)?;
+    let data = Data::open(&arguments.dataset)?;
     let device = Device::open(&arguments.device.device, session)?;
     let model = if arguments.resume {
         job::resumed_model(session, &arguments.out, &data, arguments.plan.rate)?
@@ -41,6 +42,9 @@ pub(super) fn announce(
     path: &std::path::Path,
     model: &imf_core::model::Model,
 ) -> Result<()> {
+    if !session.rank().is_first() {
+        return Ok(());
+    }
     let loss = model.record.losses.last().map(|p| p.loss);
     if session.json {
         return print_json(&json!({

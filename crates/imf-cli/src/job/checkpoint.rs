@@ -54,6 +54,7 @@ pub(crate) fn latest(out: &Path) -> Result<Latest> {
 
 /// Writes checkpoints of one training.
 pub(super) struct Checkpoints {
+    writing: bool,
     current: PathBuf,
     previous: PathBuf,
     seconds_between: f64,
@@ -76,9 +77,15 @@ enum Content {
 }
 
 impl Checkpoints {
-    /// For a training that has done `steps` steps, those of the checkpoint that it goes on from.
-    pub(super) fn new(out: &Path, steps: u64, seconds_between: f64) -> Self {
+    /// For a training that has done `steps` steps, those of the checkpoint that it goes on from. Without `writing`
+    /// another process writes them, and nothing is done here.
+    pub(super) fn new(out: &Path, steps: u64, seconds_between: f64, writing: bool) -> Self {
         let (current, previous) = (out.join(CURRENT), out.join(PREVIOUS));
+        let tried = Instant::now();
+        if !writing {
+            let content = Content::Foreign;
+            return Self { writing, current, previous, seconds_between, tried, failing: false, content };
+        }
         remove_leftovers(&current);
         let content = if steps == 0 {
             Content::Foreign
@@ -87,12 +94,12 @@ impl Checkpoints {
         } else {
             Content::PreviousAt(steps)
         };
-        Self { current, previous, seconds_between, tried: Instant::now(), failing: false, content }
+        Self { writing, current, previous, seconds_between, tried, failing: false, content }
     }
 
     /// True once the next checkpoint is due.
     pub(super) fn is_due(&self) -> bool {
-        self.tried.elapsed().as_secs_f64() >= self.seconds_between
+        self.writing && self.tried.elapsed().as_secs_f64() >= self.seconds_between
     }
 
     /// Writes a checkpoint.
@@ -100,6 +107,9 @@ impl Checkpoints {
     /// # Errors
     /// A file that cannot be written; what was there stays.
     pub(super) fn write(&mut self, model: &Model) -> Result<()> {
+        if !self.writing {
+            return Ok(());
+        }
         self.tried = Instant::now();
         let written = match self.content {
             Content::CurrentAt(_) => model.write_keeping_previous(&self.current, &self.previous),

@@ -11,7 +11,18 @@ use imf_core::training::run::{Cursor, TrainingPlan};
 use super::checkpoint::{Latest, latest};
 use super::data::Data;
 use super::plan::schedule_from;
+use crate::ranks::started_together;
 use crate::session::Session;
+
+/// Refuses to train alone in the company of processes that would all do the same, and write to one folder.
+pub(crate) fn require_togetherness(session: &Session) -> Result<()> {
+    match started_together() {
+        Some(count) if session.rank().of() == 1 => bail!(
+            "{count} processes were started together, and each would train by itself: add --mpi (in a build with the              feature mpi) to share the work, or start one"
+        ),
+        _ => Ok(()),
+    }
+}
 
 /// A model at the start of its training.
 pub(crate) fn fresh_model(
@@ -29,10 +40,11 @@ pub(crate) fn fresh_model(
         steps: 0,
         seconds: 0.0,
         engine: String::new(),
-        orientations: data.manifest.orientations.clone(),
-        sampling: data.manifest.sampling,
-        samples: data.samples.len() as u64,
-        dataset_crc32: data.manifest.fingerprint(),
+        orientations: data.manifest().orientations.clone(),
+        sampling: data.manifest().sampling,
+        samples: data.shards.samples() as u64,
+        dataset_crc32: data.manifest().fingerprint(),
+        shards_per_group: None,
         fine_tuned_from,
         losses: Vec::new(),
         pending_loss: (0.0, 0),
@@ -45,7 +57,7 @@ pub(crate) fn fresh_model(
 /// anew, which is the way out of a divergence.
 pub(crate) fn resumed_model(session: &Session, out: &Path, data: &Data, rate: Option<f32>) -> Result<Model> {
     let Latest { mut model, path, damage } = latest(out).context("there is nothing to resume")?;
-    if model.record.dataset_crc32 != data.manifest.fingerprint() {
+    if model.record.dataset_crc32 != data.manifest().fingerprint() {
         bail!(
             "{} was trained on another dataset: resume with the one that it was started on",
             path.display()
@@ -80,7 +92,7 @@ pub(crate) fn continued(session: &Session, out: &Path, data: &Data, fresh: Model
         !found.record.finished
             && found.shape == fresh.shape
             && found.record.plan == fresh.record.plan
-            && found.record.dataset_crc32 == data.manifest.fingerprint()
+            && found.record.dataset_crc32 == data.manifest().fingerprint()
     };
     if latest(out).is_ok_and(|found| same(&found.model))
         && let Ok(model) = resumed_model(session, out, data, None)

@@ -118,7 +118,7 @@ pub(crate) fn finish(line: &str, command: &mut Command) -> Finished {
 }
 
 impl Finished {
-    fn new(line: &str, output: &std::process::Output) -> Self {
+    pub(crate) fn new(line: &str, output: &std::process::Output) -> Self {
         let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
         let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));
         assert!(!stderr.contains("panicked"), "`imf {line}` panicked:\n{stderr}");

@@ -12,3 +12,4 @@ mod long_runs;
 mod pipeline;
 mod regime;
 mod shares;
+mod streaming;

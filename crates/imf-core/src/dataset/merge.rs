@@ -8,6 +8,7 @@ use super::manifest::{DatasetError, Manifest, ShardRecord, read_file};
 use super::shard;
 use crate::atomic_file::write_atomically;
 use crate::control::Control;
+use crate::samples::Samples;
 use crate::section::SectionError;
 
 /// What [`merge`] found.
@@ -127,8 +128,9 @@ fn take(
     // What lies in `out` needs no copy.
     let (here, elsewhere): (Vec<_>, Vec<_>) = holders().partition(|source| source.folder == out);
     for source in here.into_iter().chain(elsewhere) {
-        match shard::read(&source.folder, &source.manifest, index) {
-            Ok(_) => {
+        let mut samples = Samples::new(source.manifest.scene.grid);
+        match shard::read_into(&source.folder, &source.manifest, index, &mut Vec::new(), &mut samples) {
+            Ok(()) => {
                 let is_copied = source.folder != out;
                 if is_copied {
                     let name = shard::file_name(index);

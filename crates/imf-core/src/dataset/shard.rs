@@ -1,21 +1,19 @@
 //! One shard: the samples of a run of sections in one safetensors file.
 
 use std::collections::HashMap;
-use std::io::Write;
+use std::fs::File;
+use std::io::{Read as _, Write};
 use std::path::Path;
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
-use super::manifest::{DatasetError, Manifest, ShardRecord, read_file};
+use super::manifest::{DatasetError, Manifest, ShardRecord};
 use crate::atomic_file::write_atomically;
+use crate::orientation::Orientation;
 use crate::samples::Samples;
 
-/// Samples as they are on disk.
-pub(super) struct Shard {
-    pub(super) starts: Vec<usize>,
-    pub(super) voxels: Vec<u32>,
-    pub(super) values: Vec<f32>,
-}
+/// What a file holds beside its tables, at most: names, types and offsets of three tensors take some 200 bytes.
+const HEADER_BYTES: u64 = 4096;
 
 pub(super) fn file_name(index: usize) -> String {
     format!("shard-{index:05}.safetensors")
@@ -42,56 +40,88 @@ pub(super) fn write(folder: &Path, index: usize, samples: &Samples) -> Result<Sh
     Ok(ShardRecord { file, samples: samples.len() as u64, crc32: crc32fast::hash(&bytes) })
 }
 
-/// Reads a shard and checks everything that training relies on.
-pub(super) fn read(folder: &Path, manifest: &Manifest, index: usize) -> Result<Shard, DatasetError> {
+/// Bytes of the file of a shard with so many sections and samples, at most.
+pub(super) fn file_bytes(sections: u64, samples: u64) -> u64 {
+    let tables = samples.saturating_mul(8).saturating_add(sections.saturating_mul(8));
+    tables.saturating_add(8 + HEADER_BYTES)
+}
+
+/// Opens a shard's file if it has the size that its samples ask for, which is looked at before it is read: no foreign
+/// file, and no manifest that promises too much, fills the memory. Returns what the manifest says, the file, and the
+/// most bytes to read of it.
+pub(super) fn open<'a>(
+    folder: &Path,
+    manifest: &'a Manifest,
+    index: usize,
+) -> Result<(&'a ShardRecord, File, u64), DatasetError> {
     let path = folder.join(file_name(index));
     let damaged = |what: String| DatasetError::Damaged { path: path.display().to_string(), what };
-    let bytes = read_file(&path)?;
+    let unreadable = |source| DatasetError::Read { path: path.display().to_string(), source };
     let record =
         manifest.shards[index].as_ref().ok_or_else(|| damaged("the manifest does not name it".into()))?;
-    if crc32fast::hash(&bytes) != record.crc32 {
+    let file = File::open(&path).map_err(unreadable)?;
+    let length = file.metadata().map_err(unreadable)?.len();
+    let most = file_bytes(manifest.sections_of(index).len() as u64, record.samples);
+    if length > most || length < record.samples.saturating_mul(8) {
+        return Err(damaged(format!(
+            "its {length} bytes are not the size of {} samples: it was cut short or changed; make it again",
+            record.samples
+        )));
+    }
+    Ok((record, file, most))
+}
+
+/// Adds the samples of a shard to `into`, after checking everything that training relies on. `file` is room for the
+/// file's content. Where it fails, `into` is as it was.
+pub(super) fn read_into(
+    folder: &Path,
+    manifest: &Manifest,
+    index: usize,
+    file: &mut Vec<u8>,
+    into: &mut Samples,
+) -> Result<(), DatasetError> {
+    let path = folder.join(file_name(index));
+    let damaged = |what: String| DatasetError::Damaged { path: path.display().to_string(), what };
+    let (record, open, most) = open(folder, manifest, index)?;
+    let sections = manifest.sections_of(index);
+    file.clear();
+    file.reserve_exact(most as usize);
+    open.take(most)
+        .read_to_end(file)
+        .map_err(|source| DatasetError::Read { path: path.display().to_string(), source })?;
+    if crc32fast::hash(file) != record.crc32 {
         return Err(damaged(
             "its checksum is not the manifest's: it was cut short or changed; make it again".into(),
         ));
     }
-    let tensors = SafeTensors::deserialize(&bytes).map_err(|e| damaged(e.to_string()))?;
+    let tensors = SafeTensors::deserialize(file).map_err(|e| damaged(e.to_string()))?;
     let tensor = |name: &str, dtype: Dtype| match tensors.tensor(name) {
-        Ok(view) if view.dtype() == dtype => Ok(view),
+        Ok(view) if view.dtype() == dtype => Ok(view.data()),
         Ok(view) => Err(damaged(format!("'{name}' is {:?}, not {dtype:?}", view.dtype()))),
         Err(error) => Err(damaged(error.to_string())),
     };
-    let starts = tensor("starts", Dtype::U64)?;
-    let starts: Vec<usize> = starts
-        .data()
-        .as_chunks::<8>()
-        .0
-        .iter()
-        .map(|&b| usize::try_from(u64::from_le_bytes(b)).unwrap_or(usize::MAX))
-        .collect();
-    let voxels: Vec<u32> = tensor("voxel", Dtype::U32)?
-        .data()
-        .as_chunks::<4>()
-        .0
-        .iter()
-        .map(|&b| u32::from_le_bytes(b))
-        .collect();
-    let values: Vec<f32> = tensor("value", Dtype::F32)?
-        .data()
-        .as_chunks::<4>()
-        .0
-        .iter()
-        .map(|&b| f32::from_le_bytes(b))
-        .collect();
-    let sections = manifest.sections_of(index).len();
+    let starts = tensor("starts", Dtype::U64)?.as_chunks::<8>().0;
+    let starts: Vec<usize> =
+        starts.iter().map(|&b| usize::try_from(u64::from_le_bytes(b)).unwrap_or(usize::MAX)).collect();
+    let voxels = tensor("voxel", Dtype::U32)?.as_chunks::<4>().0;
+    let values = tensor("value", Dtype::F32)?.as_chunks::<4>().0;
     let ordered = starts.first() == Some(&0) && starts.is_sorted() && starts.last() == Some(&voxels.len());
-    if starts.len() != sections + 1 || !ordered || voxels.len() != values.len() {
+    if starts.len() != sections.len() + 1 || !ordered || voxels.len() != values.len() {
         return Err(damaged("its tables do not fit together".into()));
     }
-    if voxels.iter().any(|&v| v as usize >= manifest.scene.grid.len()) {
+    if voxels.len() as u64 != record.samples {
+        return Err(damaged(format!("it holds {} samples, not {}", voxels.len(), record.samples)));
+    }
+    if voxels.iter().any(|&v| u32::from_le_bytes(v) as usize >= manifest.scene.grid.len()) {
         return Err(damaged("a voxel lies outside the grid".into()));
     }
-    if !values.iter().all(|v| (0.0..=1.0).contains(v)) {
+    if !values.iter().all(|&v| (0.0..=1.0).contains(&f32::from_le_bytes(v))) {
         return Err(damaged("a value is not a number from 0 to 1".into()));
     }
-    Ok(Shard { starts, voxels, values })
+    let before = into.len();
+    into.angles.extend(manifest.orientations.orientations[sections].iter().map(Orientation::angles));
+    into.starts.extend(starts[1..].iter().map(|start| before + start));
+    into.voxels.extend(voxels.iter().map(|&v| u32::from_le_bytes(v)));
+    into.values.extend(values.iter().map(|&v| f32::from_le_bytes(v)));
+    Ok(())
 }

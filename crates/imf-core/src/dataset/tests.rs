@@ -101,7 +101,7 @@ fn other_scenes_and_damage_are_noticed() {
     let bytes = std::fs::read(&shard).unwrap();
     std::fs::write(&shard, &bytes[..bytes.len() / 2]).unwrap();
     let error = load(path).unwrap_err().to_string();
-    assert!(error.contains("shard-00000") && error.contains("checksum"), "{error}");
+    assert!(error.contains("shard-00000") && error.contains("cut short"), "{error}");
     // Making it again repairs what is damaged.
     assert_eq!(make(path).unwrap().made, 1);
     assert_eq!(std::fs::read(&shard).unwrap(), bytes);

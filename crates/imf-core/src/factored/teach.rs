@@ -1,6 +1,6 @@
 //! Teaching g: batches of voxels, their coefficients as targets, the house's training loop.
 
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -135,11 +135,11 @@ pub fn teach(
     };
     let start = state.cursor;
     let mut order = (start.epoch, Permutation::new(voxels, plan.seed, start.epoch));
-    let mut feed = |cursor: Cursor, _: u64, inputs: &mut [f32], targets: &mut [f32]| {
+    let mut feed = |cursor: Cursor, _: u64, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
         if order.0 != cursor.epoch {
             order = (cursor.epoch, Permutation::new(voxels, plan.seed, cursor.epoch));
         }
-        let first = cursor.step as usize * plan.batch;
+        let first = cursor.step as usize * plan.batch + rows.start;
         let rows = inputs.par_chunks_exact_mut(INPUTS).zip(targets.par_chunks_exact_mut(axes)).enumerate();
         rows.with_min_len(ROWS).for_each_init(Vec::new, |scratch, (row, (inputs, targets))| {
             let voxel = order.1.at(first + row);

@@ -98,7 +98,7 @@ impl FactoredTrainer {
 
     #[cfg(test)]
     pub(super) fn gradient(&self) -> &[f32] {
-        self.engine.gradient()
+        self.engine.last_gradient()
     }
 }
 

@@ -6,18 +6,23 @@
 //! All pieces and all orders of addition are fixed by the network and the batch: the number of threads changes nothing,
 //! and no memory of ours is allocated in a step.
 
+pub mod ranks;
+mod update;
+
 use pulp::Arch;
 
 use super::adam::AdamFactors;
 use super::backward::scratch_length;
 use super::forward::{Network, sigmoid};
-use super::matrix::{Matrix, multiply, prefer_unpacked};
+use super::matrix::prefer_unpacked;
 use super::muon::{Muon, MuonConfig};
-use super::plan::{BLOCK, Part, Piece, Plan, WINDOW, transpose, transpose_all};
+use super::plan::{BLOCK, Plan, WINDOW, transpose, transpose_all};
 use super::scratch::{ScratchPool, describe};
 use super::stack::{Ending, Stack};
 use crate::siren::SirenShape;
 use crate::training::{AdamConfig, EngineError, Loss, TrainingEngine, TrainingState};
+
+use update::{Arrays, Step, Update, is_between};
 
 pub use super::evaluator::CpuEvaluator;
 
@@ -54,10 +59,24 @@ pub struct CpuTrainer {
 }
 
 impl CpuTrainer {
+    /// Memory for each parameter: weights, weights transposed, gradient, both moments.
+    pub const BYTES_PER_PARAMETER: u64 = 4 * 5;
+
+    /// Bytes that an engine takes for batches of up to `max_batch` samples: those of the parameters, and for a window of
+    /// samples, whatever the batch, the activations and slopes of every layer.
+    #[must_use]
+    pub fn memory_bytes(shape: SirenShape, max_batch: usize) -> u64 {
+        let plan = Plan::new(shape.stack());
+        let window = WINDOW.min(max_batch);
+        let layers = 2 * shape.hidden * window * plan.stride();
+        let partials = window.div_ceil(BLOCK) * plan.partial_length();
+        let scratch = rayon::current_num_threads() * scratch_length(plan.widest_panel());
+        Self::BYTES_PER_PARAMETER * shape.parameter_count() as u64 + 4 * (layers + partials + scratch) as u64
+    }
+
     /// An engine for batches of up to `max_batch` samples that continues from `state`.
     ///
-    /// Memory: 5 floats a parameter, and about `2·hidden·width` floats a sample of a window (at most 1024 samples),
-    /// whatever the batch.
+    /// Memory: [`Self::memory_bytes`].
     ///
     /// # Errors
     /// A shape out of range, a batch of zero, or a state whose arrays do not fit the shape.
@@ -148,7 +167,7 @@ impl CpuTrainer {
 
     /// The last step's gradient.
     #[cfg(test)]
-    pub(crate) fn gradient(&self) -> &[f32] {
+    pub(crate) fn last_gradient(&self) -> &[f32] {
         &self.gradient
     }
 
@@ -156,6 +175,111 @@ impl CpuTrainer {
     #[must_use]
     pub fn parameters(&self) -> &[f32] {
         &self.state.parameters
+    }
+
+    /// The gradient of some samples of a batch, for training with others: that of the mean loss over all `batch`
+    /// samples, as far as these contribute to it. Returns their summed loss and the gradient in the layout of the
+    /// parameters, which the caller may change before [`Self::update`]. No samples have a gradient of zeros.
+    ///
+    /// # Errors
+    /// More samples than the engine was made for, or inputs that do not fit.
+    pub fn gradient(
+        &mut self,
+        inputs: &[f32],
+        targets: &[f32],
+        batch: usize,
+    ) -> Result<(f64, &mut [f32]), EngineError> {
+        self.check(inputs, targets)?;
+        if targets.is_empty() {
+            self.gradient.fill(0.0);
+        }
+        let loss = self.accumulate(inputs, targets, batch, None);
+        Ok((loss, &mut self.gradient))
+    }
+
+    /// Adam's step by the gradient that [`Self::gradient`] left, or that the caller made of it.
+    pub fn update(&mut self, learning_rate: f32) {
+        self.state.step += 1;
+        let factors = AdamFactors::new(self.adam, learning_rate, self.state.step);
+        let spare_matrices = self.muon.is_some();
+        let step = Step { arch: self.arch, plan: &self.plan, factors, spare_matrices };
+        step.run(
+            &self.plan.pieces,
+            Arrays {
+                parameters: &mut self.state.parameters,
+                first_moment: &mut self.state.first_moment,
+                second_moment: &mut self.state.second_moment,
+                gradient: &mut self.gradient,
+                panels: &mut self.panels,
+            },
+        );
+        self.step_matrices(learning_rate);
+    }
+
+    fn refusal(&self, batch: usize) -> EngineError {
+        let most = self.max_batch;
+        EngineError::Shape(format!("a batch of {batch} samples; this engine takes 1 to {most}"))
+    }
+
+    /// Checks that the engine has room for the samples, and that there are as many inputs as targets.
+    fn check(&self, inputs: &[f32], targets: &[f32]) -> Result<(), EngineError> {
+        let Stack { inputs: axes, outputs, .. } = self.plan.stack;
+        let batch = targets.len() / outputs;
+        if batch > self.max_batch {
+            return Err(self.refusal(batch));
+        }
+        if inputs.len() != batch * axes || targets.len() != batch * outputs {
+            let (inputs, targets) = (inputs.len(), targets.len());
+            return Err(EngineError::Shape(format!(
+                "{inputs} inputs for {targets} targets; {axes} belong to {outputs}"
+            )));
+        }
+        Ok(())
+    }
+
+    /// Sums loss and gradient over the samples, window after window; `batch` is what the loss is averaged over. With
+    /// `factors` every piece takes its Adam step as soon as its gradient is whole.
+    fn accumulate(
+        &mut self,
+        inputs: &[f32],
+        targets: &[f32],
+        batch: usize,
+        factors: Option<AdamFactors>,
+    ) -> f64 {
+        let Stack { inputs: axes, outputs, .. } = self.plan.stack;
+        let windows = (targets.len() / outputs).div_ceil(self.window);
+        let mut total = 0.0;
+        for (index, (inputs, targets)) in
+            inputs.chunks(self.window * axes).zip(targets.chunks(self.window * outputs)).enumerate()
+        {
+            total += self.forward_backward(inputs, targets, batch);
+            let samples = inputs.len() / axes;
+            let blocks = samples.div_ceil(BLOCK);
+            let update = Update {
+                arch: self.arch,
+                plan: &self.plan,
+                samples,
+                layer_length: self.window * self.plan.stride(),
+                activations: &self.activations,
+                deltas: &self.slopes,
+                outputs: &self.outputs,
+                partials: &self.partials[..blocks * self.plan.partial_length()],
+                accumulate: index > 0,
+                factors: factors.filter(|_| index + 1 == windows),
+                spare_matrices: self.muon.is_some(),
+            };
+            update.run(
+                &self.plan.pieces,
+                Arrays {
+                    parameters: &mut self.state.parameters,
+                    first_moment: &mut self.state.first_moment,
+                    second_moment: &mut self.state.second_moment,
+                    gradient: &mut self.gradient,
+                    panels: &mut self.panels,
+                },
+            );
+        }
+        total
     }
 
     /// Summed loss of one window; leaves its activations, δ and partials behind.
@@ -200,54 +324,14 @@ impl TrainingEngine for CpuTrainer {
     }
 
     fn step(&mut self, inputs: &[f32], targets: &[f32], learning_rate: f32) -> Result<(), EngineError> {
-        let Stack { inputs: axes, outputs, .. } = self.plan.stack;
-        let batch = targets.len() / outputs;
-        if batch == 0 || batch > self.max_batch {
-            let most = self.max_batch;
-            return Err(EngineError::Shape(format!(
-                "a batch of {batch} samples; this engine takes 1 to {most}"
-            )));
+        let batch = targets.len() / self.plan.stack.outputs;
+        if batch == 0 {
+            return Err(self.refusal(0));
         }
-        if inputs.len() != batch * axes || targets.len() != batch * outputs {
-            let (inputs, targets) = (inputs.len(), targets.len());
-            return Err(EngineError::Shape(format!(
-                "{inputs} inputs for {targets} targets; {axes} belong to {outputs}"
-            )));
-        }
+        self.check(inputs, targets)?;
         self.state.step += 1;
         let factors = AdamFactors::new(self.adam, learning_rate, self.state.step);
-        let windows = batch.div_ceil(self.window);
-        let mut total = 0.0;
-        for (index, (inputs, targets)) in
-            inputs.chunks(self.window * axes).zip(targets.chunks(self.window * outputs)).enumerate()
-        {
-            total += self.forward_backward(inputs, targets, batch);
-            let samples = inputs.len() / axes;
-            let blocks = samples.div_ceil(BLOCK);
-            let update = Update {
-                arch: self.arch,
-                plan: &self.plan,
-                samples,
-                layer_length: self.window * self.plan.stride(),
-                activations: &self.activations,
-                deltas: &self.slopes,
-                outputs: &self.outputs,
-                partials: &self.partials[..blocks * self.plan.partial_length()],
-                accumulate: index > 0,
-                factors: (index + 1 == windows).then_some(factors),
-                spare_matrices: self.muon.is_some(),
-            };
-            update.run(
-                &self.plan.pieces,
-                Arrays {
-                    parameters: &mut self.state.parameters,
-                    first_moment: &mut self.state.first_moment,
-                    second_moment: &mut self.state.second_moment,
-                    gradient: &mut self.gradient,
-                    panels: &mut self.panels,
-                },
-            );
-        }
+        let total = self.accumulate(inputs, targets, batch, Some(factors));
         self.step_matrices(learning_rate);
         self.loss_sum += total / batch as f64;
         self.loss_steps += 1;
@@ -383,124 +467,6 @@ impl BlockPass<'_> {
             network.hidden_backward(layer, inputs, next, before[layer], partial, scratch);
         }
         loss
-    }
-}
-
-/// What the update writes, all in the layout of the flat parameters.
-struct Arrays<'a> {
-    parameters: &'a mut [f32],
-    first_moment: &'a mut [f32],
-    second_moment: &'a mut [f32],
-    gradient: &'a mut [f32],
-    panels: &'a mut [f32],
-}
-
-impl<'a> Arrays<'a> {
-    fn split(self, middle: usize) -> (Self, Self) {
-        let parameters = self.parameters.split_at_mut(middle);
-        let first_moment = self.first_moment.split_at_mut(middle);
-        let second_moment = self.second_moment.split_at_mut(middle);
-        let gradient = self.gradient.split_at_mut(middle);
-        let panels = self.panels.split_at_mut(middle);
-        (
-            Arrays {
-                parameters: parameters.0,
-                first_moment: first_moment.0,
-                second_moment: second_moment.0,
-                gradient: gradient.0,
-                panels: panels.0,
-            },
-            Arrays {
-                parameters: parameters.1,
-                first_moment: first_moment.1,
-                second_moment: second_moment.1,
-                gradient: gradient.1,
-                panels: panels.1,
-            },
-        )
-    }
-}
-
-/// Gradient of one window and, in the batch's last one, the Adam step.
-struct Update<'a> {
-    arch: Arch,
-    plan: &'a Plan,
-    samples: usize,
-    /// Values of one layer in `activations` and `deltas`.
-    layer_length: usize,
-    activations: &'a [f32],
-    deltas: &'a [f32],
-    /// δ of the output layer.
-    outputs: &'a [f32],
-    partials: &'a [f32],
-    /// An earlier window has left its gradient.
-    accumulate: bool,
-    factors: Option<AdamFactors>,
-    /// Leave the matrices between hidden layers as they are, but for their gradient.
-    spare_matrices: bool,
-}
-
-/// True for a hidden layer behind another one.
-fn is_between(plan: &Plan, layer: usize) -> bool {
-    (1..plan.stack.hidden).contains(&layer)
-}
-
-impl Update<'_> {
-    fn run(&self, pieces: &[Piece], arrays: Arrays<'_>) {
-        if let [piece] = pieces {
-            return self.piece(piece, arrays);
-        }
-        let (first, second) = pieces.split_at(pieces.len() / 2);
-        let (head, tail) = arrays.split(second[0].range.start - first[0].range.start);
-        rayon::join(|| self.run(first, head), || self.run(second, tail));
-    }
-
-    fn piece(&self, piece: &Piece, arrays: Arrays<'_>) {
-        let plan = self.plan;
-        let gradient = arrays.gradient;
-        match &piece.part {
-            Part::Biases => self.sum_partials(plan.partial_biases(piece.layer), gradient, 1),
-            Part::Output => self.sum_partials(plan.partial_output(), gradient, 1),
-            Part::Panel(neurons) => {
-                let (width, inputs) = (plan.stack.width, plan.layers[piece.layer].inputs);
-                let neurons_in = plan.neurons_in(piece.layer);
-                if piece.layer > 0 {
-                    let deltas = if piece.layer == plan.stack.hidden {
-                        self.outputs
-                    } else {
-                        &self.deltas[piece.layer * self.layer_length..]
-                    };
-                    let stride = plan.row_stride(piece.layer);
-                    let deltas =
-                        Matrix::row_major(&deltas[neurons.start..], self.samples, neurons.len(), stride);
-                    let before = &self.activations[(piece.layer - 1) * self.layer_length..];
-                    let before = Matrix::row_major(before, self.samples, width, plan.stride());
-                    multiply(gradient, inputs, deltas.transposed(), before, self.accumulate);
-                }
-                if plan.sees_input(piece.layer) {
-                    for axis in 0..plan.stack.inputs {
-                        let sums = plan.partial_inputs(piece.layer) + axis * width + neurons.start;
-                        self.sum_partials(sums, &mut gradient[neurons_in + axis..], inputs);
-                    }
-                }
-            }
-        }
-        let spared = self.spare_matrices && is_between(plan, piece.layer);
-        if let Some(factors) = self.factors.filter(|_| !(spared && matches!(piece.part, Part::Panel(_)))) {
-            factors.apply(self.arch, arrays.parameters, gradient, arrays.first_moment, arrays.second_moment);
-            if let Part::Panel(neurons) = &piece.part {
-                transpose(arrays.parameters, neurons.len(), plan.layers[piece.layer].inputs, arrays.panels);
-            }
-        }
-    }
-
-    /// Adds up the blocks' partial sums from `first` on, in the order of the blocks, into every `stride`-th value.
-    fn sum_partials(&self, first: usize, gradient: &mut [f32], stride: usize) {
-        for (index, value) in gradient.iter_mut().step_by(stride).enumerate() {
-            let sum: f32 =
-                self.partials.chunks_exact(self.plan.partial_length()).map(|p| p[first + index]).sum();
-            *value = if self.accumulate { *value + sum } else { sum };
-        }
     }
 }
 

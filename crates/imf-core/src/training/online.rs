@@ -6,7 +6,7 @@
 //! run can be repeated, and resumed from the step alone: the pool is computed anew. A trainer that comes too early waits,
 //! a producer that is [`OnlineSettings::lead`] sections ahead waits as well; [`Waits`] says who did.
 
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
@@ -248,7 +248,7 @@ fn feed_and_train(
     };
     let mut next = oldest;
     let key = mix(mix(plan.seed) ^ 0x6f6e_6c69_6e65);
-    let mut feed = |_: Cursor, step: u64, inputs: &mut [f32], targets: &mut [f32]| {
+    let mut feed = |_: Cursor, step: u64, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
         let begun = Instant::now();
         while next <= settings.newest(step) {
             // A producer that is gone has panicked, which is passed on when it is joined.
@@ -264,7 +264,7 @@ fn feed_and_train(
         }
         let base = mix(key ^ mix(step));
         gather(inputs, targets, |row| {
-            let random = mix(base.wrapping_add(row as u64));
+            let random = mix(base.wrapping_add((rows.start + row) as u64));
             pool.sample(((u128::from(random) * samples as u128) >> 64) as usize)
         });
         Ok(())

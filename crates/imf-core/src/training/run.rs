@@ -4,7 +4,7 @@
 //! batches follow from the plan and the cursor alone, so a run that is stopped and continued with the engine's saved
 //! state has the same bits as one that was not. An epoch's last batch holds what is left and may be smaller.
 
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
@@ -15,6 +15,7 @@ use super::divergence::{Verdict, Watch};
 use super::permutation::Permutation;
 use super::schedule::Schedule;
 use super::{AdamConfig, EngineError, Loss, TrainingEngine};
+use crate::dataset::DatasetError;
 use crate::samples::Samples;
 use crate::section::SectionError;
 use crate::siren::INPUTS;
@@ -209,6 +210,9 @@ pub enum TrainError {
     /// A section that training waited for failed.
     #[error(transparent)]
     Section(#[from] SectionError),
+    /// A shard of the dataset is damaged or gone.
+    #[error(transparent)]
+    Dataset(#[from] DatasetError),
 }
 
 impl TrainError {
@@ -219,10 +223,11 @@ impl TrainError {
     }
 }
 
-/// Fills the batch of a step: its cursor, its number from the run's beginning, `inputs` and `targets` as
-/// [`TrainingEngine::step`] takes them. What it
-/// writes must follow from cursor and step alone.
-pub type Feed<'a> = dyn FnMut(Cursor, u64, &mut [f32], &mut [f32]) -> Result<(), TrainError> + 'a;
+/// Fills rows of a step's batch: its cursor, its number from the run's beginning, which rows (all, or the share of this
+/// process), their `inputs` and `targets` as [`TrainingEngine::step`] takes them. What a row holds must follow from cursor,
+/// step and row alone.
+pub type Feed<'a> =
+    dyn FnMut(Cursor, u64, Range<usize>, &mut [f32], &mut [f32]) -> Result<(), TrainError> + 'a;
 
 /// Trains `engine` on `samples` from `start` to the plan's end, or until the observer breaks.
 ///
@@ -240,11 +245,11 @@ pub fn train(
     observer: &mut dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()>,
 ) -> Result<Outcome, TrainError> {
     let mut order = (start.epoch, Permutation::new(samples.len(), plan.seed, start.epoch));
-    let mut feed = |cursor: Cursor, _: u64, inputs: &mut [f32], targets: &mut [f32]| {
+    let mut feed = |cursor: Cursor, _: u64, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
         if order.0 != cursor.epoch {
             order = (cursor.epoch, Permutation::new(samples.len(), plan.seed, cursor.epoch));
         }
-        let first = cursor.step as usize * plan.batch;
+        let first = cursor.step as usize * plan.batch + rows.start;
         gather(inputs, targets, |row| samples.sample(order.1.at(first + row)));
         Ok(())
     };
@@ -282,8 +287,9 @@ pub fn train_by(
     while step < total_steps {
         let first = step_in_epoch as usize * plan.batch;
         let count = plan.batch.min(samples - first);
-        let (inputs, targets) = (&mut inputs[..count * wide], &mut targets[..count * learnt]);
-        feed(Cursor { epoch, step: step_in_epoch }, step, inputs, targets)?;
+        let rows = engine.share(count);
+        let (inputs, targets) = (&mut inputs[..rows.len() * wide], &mut targets[..rows.len() * learnt]);
+        feed(Cursor { epoch, step: step_in_epoch }, step, rows, inputs, targets)?;
         let learning_rate = plan.schedule.rate(epoch, step, total_steps);
         engine.step(inputs, targets, learning_rate)?;
         since.samples += count;

@@ -71,7 +71,8 @@ pub(super) fn run(session: &Session, arguments: &TrainBenchArguments) -> Result<
     for &batch in &arguments.batch {
         let needed = device.training_memory(shape, batch)?;
         session.require_memory(needed, || format!("a batch of {batch}; use a smaller --batch"))?;
-        let mut engine = device.trainer(shape, &plan, batch, TrainingState::new(&shape, 1))?;
+        let mut engine =
+            device.trainer(session.rank(), shape, &plan, batch, TrainingState::new(&shape, 1))?;
         engine_name = engine.describe();
         session.note(&format!("batch {batch}: {engine_name}"));
         rows.push(row(session, shape, batch, engine.as_mut(), on_cpu, torch.as_mut().ok())?);

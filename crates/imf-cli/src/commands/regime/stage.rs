@@ -71,7 +71,7 @@ impl Workshop<'_> {
         };
         if let Some(settings) = stage.online {
             let waits_path = folder.join("waits.json");
-            let sections = self.online(&full, &coarse, stage, settings)?;
+            let (sections, bytes) = self.online(&full, &coarse, stage, settings)?;
             let samples = sections.pool_samples();
             let plan = stage.plan();
             let record = TrainingRecord {
@@ -86,6 +86,7 @@ impl Workshop<'_> {
                 sampling: stage.sampling,
                 samples: samples as u64,
                 dataset_crc32: fingerprint(&sections)?,
+                shards_per_group: None,
                 fine_tuned_from: from,
                 losses: Vec::new(),
                 pending_loss: (0.0, 0),
@@ -101,7 +102,7 @@ impl Workshop<'_> {
             let model = job::run_by(
                 session,
                 self.device,
-                samples,
+                job::Epoch { samples, bytes },
                 *model,
                 &folder,
                 &self.settings,
@@ -168,31 +169,33 @@ impl Workshop<'_> {
         let made = generate(&folder, coarse, &set, &stage.sampling, session.control(&advance))
             .map_err(|error| interruption(error, &folder))?;
         progress.finish(&format!("{} samples, {} shards made, {} kept", made.samples, made.made, made.kept));
-        let mut data = Data::load(session, &folder)?;
-        data.samples.frame = full.record.grid;
+        let mut data = Data::open(&folder)?;
+        data.shards.frame = full.record.grid;
         // The network stands for the full grid whatever the resolution of the sections it learns from.
         data.scene = full.clone();
         Ok(data)
     }
 
+    /// Where an online stage's sections come from, and the bytes that they take.
     fn online(
         &self,
         full: &Scene,
         coarse: &Scene,
         stage: &Stage,
         settings: OnlineSettings,
-    ) -> Result<OnlineSections> {
+    ) -> Result<(OnlineSections, u64)> {
         let grid = coarse.record.grid;
         let pool = OnlineSections::memory_estimate(&grid, &stage.sampling, &settings);
-        let plan = SectionPlan::memory_estimate(&grid, &coarse.record.tool, 1);
-        self.session.require_memory(pool + plan, || {
+        let bytes = pool + SectionPlan::memory_estimate(&grid, &coarse.record.tool, 1);
+        self.session.require_memory(bytes, || {
             "the pool of sections; choose a smaller online.pool or sampling.density".into()
         })?;
         if !coarse.record.tool.is_axisymmetric() {
             bail!("an online stage needs a tool that is the same all around its axis");
         }
         let plan = SectionPlan::of_scene(coarse)?;
-        Ok(OnlineSections { plan, frame: full.record.grid, sampling: stage.sampling, settings })
+        let sections = OnlineSections { plan, frame: full.record.grid, sampling: stage.sampling, settings };
+        Ok((sections, bytes))
     }
 }
 

@@ -1,0 +1,104 @@
+//! A dataset larger than the memory allowed: read from its shards while training runs, to the same bits however often it
+//! is interrupted, in the memory that was promised.
+#![cfg(target_os = "linux")]
+
+use std::process::Stdio;
+use std::time::Duration;
+
+use crate::binary::{Finished, Workdir};
+
+/// 64 sections of all 75,336 voxels, two a shard: 32 shards, 38.6 MB of samples.
+const DATASET: &str = "dataset bracket --dims 24,73,43 --density 1 --orientations fibonacci:64 --shard-samples 151000 --out data";
+const SAMPLE_BYTES: u64 = 64 * 75_336 * 8;
+/// More than an epoch, which has 2,355 steps.
+const TRAIN: &str = "train data --device cpu --width 24 --layers 3 --omega 10 --rate 1e-3 --batch 2048 --steps 2600 \
+                     --threads 2 --held-out 500";
+/// Too little for all samples, and enough for several shards at a time.
+const LITTLE: &str = "--memory 60MiB";
+const LITTLE_BYTES: u64 = 60 << 20;
+const PLENTY: &str = "--memory 2GiB";
+
+/// Runs a command to its end; also the most memory that it ever had, in bytes.
+fn with_peak(work: &Workdir, line: &str) -> (Finished, u64) {
+    let mut child = work.command(line).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let status = format!("/proc/{}/status", child.id());
+    let mut peak = 0;
+    while child.try_wait().unwrap().is_none() {
+        let text = std::fs::read_to_string(&status).unwrap_or_default();
+        let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        let kilobytes = line.and_then(|line| line.trim().strip_suffix(" kB")?.parse::<u64>().ok());
+        // The system's mark never falls, so the last look has all that came before.
+        peak = kilobytes.map_or(peak, |kilobytes| kilobytes << 10);
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    (Finished::new(line, &child.wait_with_output().unwrap()), peak)
+}
+
+#[test]
+fn a_dataset_larger_than_memory_trains_from_its_shards_and_resumes_to_the_same_bits() {
+    let work = Workdir::new();
+    work.imf(DATASET).done();
+
+    // In memory, and with its order.
+    let (finished, peak) = with_peak(&work, &format!("{TRAIN} {PLENTY} --out whole"));
+    let finished = finished.done();
+    assert!(!finished.stderr.contains("in groups of"), "{}", finished.stderr);
+    assert!(peak > SAMPLE_BYTES, "all samples in {peak} bytes");
+    let in_memory = work.model("whole/model.safetensors");
+    assert_eq!(in_memory.record.shards_per_group, None);
+
+    // From the shards, in the memory that was allowed.
+    let (finished, peak) = with_peak(&work, &format!("{TRAIN} {LITTLE} --out streamed"));
+    let finished = finished.done();
+    assert!(peak < LITTLE_BYTES, "{peak} bytes instead of {LITTLE_BYTES}\n{}", finished.stderr);
+    let streamed = work.model("streamed/model.safetensors");
+    let group = streamed.record.shards_per_group.expect("groups of shards");
+    assert!((2..16).contains(&group), "groups of {group}");
+    for words in [&*format!("in groups of {group} of its 32 shards"), "training waited"] {
+        assert!(finished.stderr.contains(words), "no '{words}' in\n{}", finished.stderr);
+    }
+    assert!(streamed.state != in_memory.state, "the order is another one");
+    assert_eq!((streamed.record.steps, in_memory.record.steps), (2600, 2600));
+    // And as good: both have come down from 0.3 or so to a few hundredths.
+    let [of_memory, of_shards] =
+        [&in_memory, &streamed].map(|model| model.record.losses.last().unwrap().loss);
+    assert!(of_shards < 1.5 * of_memory && of_memory < 0.1, "{of_shards} and {of_memory}");
+
+    // Interrupted, and gone on with where there is plenty.
+    let begin = format!("{TRAIN} {LITTLE} --out broken --checkpoint-every 0.05");
+    let checkpoint = "broken/checkpoint.safetensors";
+    work.interrupted_once_there_is(checkpoint, &begin).interrupted(&["is saved in", checkpoint, "--resume"]);
+    let saved = work.model(checkpoint);
+    assert!((1..2600).contains(&saved.record.steps), "{}", saved.record.steps);
+    assert_eq!(saved.record.shards_per_group, Some(group));
+    work.imf(&format!("{TRAIN} --memory 30MiB --out broken --resume")).refused(&[
+        "this needs about",
+        &format!("begun on groups of {group} of the 32 shards of data"),
+        "raise --memory",
+    ]);
+    assert!(work.model(checkpoint) == saved, "a refusal changed the checkpoint");
+    work.imf(&format!("{TRAIN} {PLENTY} --out broken --resume")).done();
+    for file in ["model.safetensors", "checkpoint.safetensors"] {
+        let [whole, broken] = ["streamed", "broken"].map(|folder| work.model(&format!("{folder}/{file}")));
+        assert!(whole.state == broken.state, "{file}: the pieces ended elsewhere");
+        assert_eq!(broken.record.shards_per_group, Some(group));
+    }
+
+    // Begun in memory, it does not go on in another order.
+    work.interrupted_once_there_is(
+        "held/checkpoint.safetensors",
+        &format!("{TRAIN} {PLENTY} --out held --checkpoint-every 0.05"),
+    )
+    .interrupted(&["is saved in"]);
+    work.imf(&format!("{TRAIN} {LITTLE} --out held --resume"))
+        .refused(&["begun with all of them in memory", "8 bytes each"]);
+
+    // Not even a shard at a time.
+    work.imf(&format!("{TRAIN} --memory 1MiB --out none")).refused(&[
+        "parameters at 64 bytes each",
+        "4821504 samples of data",
+        "8 bytes each",
+        "--shard-samples",
+        "--batch",
+    ]);
+}

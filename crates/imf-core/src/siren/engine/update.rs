@@ -1,0 +1,154 @@
+//! From activations and δ to the gradient, and from the gradient to Adam's step, one piece of the parameters after the other;
+//! which pieces there are is the plan's affair (`plan.rs`).
+
+use pulp::Arch;
+
+use super::super::adam::AdamFactors;
+use super::super::matrix::{Matrix, multiply};
+use super::super::plan::{Part, Piece, Plan, transpose};
+
+/// What the update writes, all in the layout of the flat parameters.
+pub(super) struct Arrays<'a> {
+    pub(super) parameters: &'a mut [f32],
+    pub(super) first_moment: &'a mut [f32],
+    pub(super) second_moment: &'a mut [f32],
+    pub(super) gradient: &'a mut [f32],
+    pub(super) panels: &'a mut [f32],
+}
+
+impl<'a> Arrays<'a> {
+    fn split(self, middle: usize) -> (Self, Self) {
+        let parameters = self.parameters.split_at_mut(middle);
+        let first_moment = self.first_moment.split_at_mut(middle);
+        let second_moment = self.second_moment.split_at_mut(middle);
+        let gradient = self.gradient.split_at_mut(middle);
+        let panels = self.panels.split_at_mut(middle);
+        (
+            Arrays {
+                parameters: parameters.0,
+                first_moment: first_moment.0,
+                second_moment: second_moment.0,
+                gradient: gradient.0,
+                panels: panels.0,
+            },
+            Arrays {
+                parameters: parameters.1,
+                first_moment: first_moment.1,
+                second_moment: second_moment.1,
+                gradient: gradient.1,
+                panels: panels.1,
+            },
+        )
+    }
+}
+
+/// Gradient of one window and, in the batch's last one, the Adam step.
+pub(super) struct Update<'a> {
+    pub(super) arch: Arch,
+    pub(super) plan: &'a Plan,
+    pub(super) samples: usize,
+    /// Values of one layer in `activations` and `deltas`.
+    pub(super) layer_length: usize,
+    pub(super) activations: &'a [f32],
+    pub(super) deltas: &'a [f32],
+    /// δ of the output layer.
+    pub(super) outputs: &'a [f32],
+    pub(super) partials: &'a [f32],
+    /// An earlier window has left its gradient.
+    pub(super) accumulate: bool,
+    pub(super) factors: Option<AdamFactors>,
+    /// Leave the matrices between hidden layers as they are, but for their gradient.
+    pub(super) spare_matrices: bool,
+}
+
+/// True for a hidden layer behind another one.
+pub(super) fn is_between(plan: &Plan, layer: usize) -> bool {
+    (1..plan.stack.hidden).contains(&layer)
+}
+
+impl Update<'_> {
+    pub(super) fn run(&self, pieces: &[Piece], arrays: Arrays<'_>) {
+        if let [piece] = pieces {
+            return self.piece(piece, arrays);
+        }
+        let (first, second) = pieces.split_at(pieces.len() / 2);
+        let (head, tail) = arrays.split(second[0].range.start - first[0].range.start);
+        rayon::join(|| self.run(first, head), || self.run(second, tail));
+    }
+
+    fn piece(&self, piece: &Piece, arrays: Arrays<'_>) {
+        let plan = self.plan;
+        let gradient = &mut *arrays.gradient;
+        match &piece.part {
+            Part::Biases => self.sum_partials(plan.partial_biases(piece.layer), gradient, 1),
+            Part::Output => self.sum_partials(plan.partial_output(), gradient, 1),
+            Part::Panel(neurons) => {
+                let (width, inputs) = (plan.stack.width, plan.layers[piece.layer].inputs);
+                let neurons_in = plan.neurons_in(piece.layer);
+                if piece.layer > 0 {
+                    let deltas = if piece.layer == plan.stack.hidden {
+                        self.outputs
+                    } else {
+                        &self.deltas[piece.layer * self.layer_length..]
+                    };
+                    let stride = plan.row_stride(piece.layer);
+                    let deltas =
+                        Matrix::row_major(&deltas[neurons.start..], self.samples, neurons.len(), stride);
+                    let before = &self.activations[(piece.layer - 1) * self.layer_length..];
+                    let before = Matrix::row_major(before, self.samples, width, plan.stride());
+                    multiply(gradient, inputs, deltas.transposed(), before, self.accumulate);
+                }
+                if plan.sees_input(piece.layer) {
+                    for axis in 0..plan.stack.inputs {
+                        let sums = plan.partial_inputs(piece.layer) + axis * width + neurons.start;
+                        self.sum_partials(sums, &mut gradient[neurons_in + axis..], inputs);
+                    }
+                }
+            }
+        }
+        if let Some(factors) = self.factors {
+            Step { arch: self.arch, plan, factors, spare_matrices: self.spare_matrices }.piece(piece, arrays);
+        }
+    }
+
+    /// Adds up the blocks' partial sums from `first` on, in the order of the blocks, into every `stride`-th value.
+    fn sum_partials(&self, first: usize, gradient: &mut [f32], stride: usize) {
+        for (index, value) in gradient.iter_mut().step_by(stride).enumerate() {
+            let sum: f32 =
+                self.partials.chunks_exact(self.plan.partial_length()).map(|p| p[first + index]).sum();
+            *value = if self.accumulate { *value + sum } else { sum };
+        }
+    }
+}
+
+/// The Adam step by a gradient that is whole.
+pub(super) struct Step<'a> {
+    pub(super) arch: Arch,
+    pub(super) plan: &'a Plan,
+    pub(super) factors: AdamFactors,
+    /// Leave the matrices between hidden layers as they are.
+    pub(super) spare_matrices: bool,
+}
+
+impl Step<'_> {
+    pub(super) fn run(&self, pieces: &[Piece], arrays: Arrays<'_>) {
+        if let [piece] = pieces {
+            return self.piece(piece, arrays);
+        }
+        let (first, second) = pieces.split_at(pieces.len() / 2);
+        let (head, tail) = arrays.split(second[0].range.start - first[0].range.start);
+        rayon::join(|| self.run(first, head), || self.run(second, tail));
+    }
+
+    fn piece(&self, piece: &Piece, arrays: Arrays<'_>) {
+        let is_panel = matches!(piece.part, Part::Panel(_));
+        if self.spare_matrices && is_panel && is_between(self.plan, piece.layer) {
+            return;
+        }
+        let Arrays { parameters, first_moment, second_moment, gradient, panels } = arrays;
+        self.factors.apply(self.arch, parameters, gradient, first_moment, second_moment);
+        if let Part::Panel(neurons) = &piece.part {
+            transpose(parameters, neurons.len(), self.plan.layers[piece.layer].inputs, panels);
+        }
+    }
+}
