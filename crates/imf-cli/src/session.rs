@@ -41,6 +41,12 @@ impl Session {
         })
     }
 
+    /// A silent session on the threads there are.
+    #[cfg(test)]
+    pub(crate) fn for_tests() -> Self {
+        Self { threads: 1, memory_limit: u64::MAX, json: false, quiet: true, verbose: false }
+    }
+
     pub(crate) fn threads(&self) -> usize {
         self.threads
     }
