@@ -110,15 +110,15 @@ fn one(workshop: &Workshop<'_>, asked: &EvaluationSettings, done: &Finished) -> 
     Ok(Outcome { stage: done.name.clone(), parameters: model.shape.parameter_count(), answers })
 }
 
-/// An evaluation that was interrupted leaves the trained stages.
+/// Work that was interrupted leaves what was finished before it.
 pub(crate) fn interruption(error: anyhow::Error, out: &Path) -> anyhow::Error {
     let cancelled = error.chain().any(|cause| {
         matches!(cause.downcast_ref(), Some(SectionError::Cancelled))
             || matches!(cause.downcast_ref(), Some(EvaluationError::Section(SectionError::Cancelled)))
     });
     if cancelled {
-        return Interrupted(format!("the trained stages are kept in {}; {GO_ON} to go on", out.display()))
-            .into();
+        let kept = format!("what was finished is kept in {}; {GO_ON} to go on", out.display());
+        return Interrupted(kept).into();
     }
     error
 }

@@ -160,24 +160,34 @@ pub(super) fn fields(
 
     let solid = slices::mask(&scene.obstacle, axis, middle);
     let axes = slices::axes(&grid, scene.record.unit, axis);
-    let shown: Vec<_> =
-        rows.iter().flat_map(|r| r.learnt.iter().chain([&r.exact])).map(|array| array.view()).collect();
-    let measure = Scale::measure_of(&shown, "share of the tool's volume");
-    let differences: Vec<_> =
-        rows.iter().flat_map(|row| &row.differences).map(|array| array.view()).collect();
-    let signed = Scale::difference_of(&differences, "learnt − exact");
+    // Sections share their scales; the measure is far smaller and has its own.
+    let (sections, least) = rows.split_at(2);
+    let scales = |rows: &[Slices], what: &str| {
+        let fields: Vec<_> =
+            rows.iter().flat_map(|r| r.learnt.iter().chain([&r.exact])).map(|array| array.view()).collect();
+        let differences: Vec<_> =
+            rows.iter().flat_map(|r| &r.differences).map(|array| array.view()).collect();
+        (
+            Scale::measure_of(&fields, what),
+            Scale::difference_of(&differences, &format!("{what}: learnt − exact")),
+        )
+    };
+    let of_sections = scales(sections, "sections CMF");
+    let of_least = scales(least, "measure IMF");
     let sheet = PanelSheet {
         title: format!("{}: exact field and networks", part.name()),
         rows: rows
             .iter()
-            .map(|row| {
-                let mut panels = vec![slices::panel("exact", &row.exact, &solid, &measure, &axes)];
+            .enumerate()
+            .map(|(index, row)| {
+                let (measure, signed) = if index < sections.len() { &of_sections } else { &of_least };
+                let mut panels = vec![slices::panel("exact", &row.exact, &solid, measure, &axes)];
                 for ((name, _), learnt) in runs.iter().zip(&row.learnt) {
-                    panels.push(slices::panel(name, learnt, &solid, &measure, &axes));
+                    panels.push(slices::panel(name, learnt, &solid, measure, &axes));
                 }
                 for ((name, _), difference) in runs.iter().zip(&row.differences) {
                     let title = format!("{name} − exact");
-                    panels.push(slices::panel(&title, difference, &solid, &signed, &axes));
+                    panels.push(slices::panel(&title, difference, &solid, signed, &axes));
                 }
                 PanelRow { title: row.title.clone(), panels }
             })

@@ -6,12 +6,10 @@ use imf_core::scene::Scene;
 
 use super::baselines::{self, Method};
 use super::questions::Questions;
-use super::table::{Row, Table};
+use super::table::{Kind, Row, Table};
 use super::{Bench, Run, figures, published};
 use crate::arguments::paper::PaperPart;
 use crate::commands::regime::Scenes;
-use crate::progress::show_seconds;
-use crate::session::show_bytes;
 
 /// The regimes of the table.
 pub(super) const REGIMES: [&str; 2] = ["single", "multi"];
@@ -76,8 +74,8 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
             table.notes.push(format!(
                 "{name}, {regime}: {} parameters ({}), trained in {}.",
                 outcome.parameters,
-                show_bytes(4 * outcome.parameters as u64),
-                show_seconds(run.summary.seconds())
+                Kind::Bytes.show(4.0 * outcome.parameters as f64),
+                Kind::Seconds.show(run.summary.seconds())
             ));
             runs.push((regime, run));
         }
@@ -90,10 +88,10 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
             table.notes.push(format!(
                 "{name}, {}: {}, made in {}; {} sections in {}.",
                 method.name,
-                show_bytes(method.bytes),
-                show_seconds(method.made),
+                Kind::Bytes.show(method.bytes as f64),
+                Kind::Seconds.show(method.made),
                 questions.imf[0].len(),
-                show_seconds(method.sections)
+                Kind::Seconds.show(method.sections)
             ));
         }
         table.figures.push(figures::fields(bench, part, &questions, &runs)?);

@@ -19,7 +19,8 @@ pub(super) enum Kind {
 impl Kind {
     pub(super) fn show(self, value: f64) -> String {
         match self {
-            Self::Error if value != 0.0 && value.abs() < 1e-3 => format!("{value:.2e}"),
+            Self::Error if value == 0.0 => "0".into(),
+            Self::Error if value.abs() < 1e-3 => format!("{value:.2e}"),
             Self::Error => format!("{value:.4}"),
             // Fractions of a second tell apart what takes milliseconds.
             Self::Seconds if value < 1.0 => format!("{value:.3} s"),
