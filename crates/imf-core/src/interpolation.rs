@@ -90,7 +90,7 @@ fn cardinal(count: usize, turns: f64) -> f64 {
     if half.sin().abs() < 1e-12 {
         return 1.0;
     }
-    let denominator = if count % 2 == 0 { half.tan() } else { half.sin() };
+    let denominator = if count.is_multiple_of(2) { half.tan() } else { half.sin() };
     (n * half).sin() / (n * denominator)
 }
 

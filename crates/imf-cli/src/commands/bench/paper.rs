@@ -69,8 +69,7 @@ impl Run {
 impl Bench<'_> {
     /// Runs a regime to its end, or finds that it was.
     fn run(&self, name: &str, table: &toml::Table) -> Result<Run> {
-        let mark = crc32fast::hash(toml::to_string(table)?.as_bytes());
-        let folder = self.out.join("runs").join(format!("{name}-{mark:08x}"));
+        let folder = self.out.join("runs").join(format!("{name}-{}", self.cells.mark(table)?));
         let summary = self.cells.get(name, table, || run_or_read(&self.workshop, table, &folder))?;
         Ok(Run { summary, folder })
     }

@@ -38,6 +38,18 @@ impl<'a> Cells<'a> {
         Ok(Self { session, out: out.to_owned(), folder, common })
     }
 
+    /// All that decides a cell, and its checksum.
+    fn key(&self, key: &impl Serialize) -> Result<(Value, String)> {
+        let made_by = json!({ "common": self.common, "cell": serde_json::to_value(key)? });
+        let mark = crc32fast::hash(&serde_json::to_vec(&made_by)?);
+        Ok((made_by, format!("{mark:08x}")))
+    }
+
+    /// What tells the files of this key from those of others.
+    pub(super) fn mark(&self, key: &impl Serialize) -> Result<String> {
+        Ok(self.key(key)?.1)
+    }
+
     /// The cell of that name and key, read where it is kept, else made by `make` and kept.
     pub(super) fn get<T: Serialize + DeserializeOwned>(
         &self,
@@ -45,9 +57,8 @@ impl<'a> Cells<'a> {
         key: &impl Serialize,
         make: impl FnOnce() -> Result<T>,
     ) -> Result<T> {
-        let made_by = json!({ "common": self.common, "cell": serde_json::to_value(key)? });
-        let mark = crc32fast::hash(&serde_json::to_vec(&made_by)?);
-        let path = self.folder.join(format!("{name}-{mark:08x}.json"));
+        let (made_by, mark) = self.key(key)?;
+        let path = self.folder.join(format!("{name}-{mark}.json"));
         let kept = std::fs::read_to_string(&path).ok();
         let kept: Option<Cell<T>> = kept.and_then(|text| serde_json::from_str(&text).ok());
         if let Some(cell) = kept.filter(|cell| cell.made_by == made_by) {

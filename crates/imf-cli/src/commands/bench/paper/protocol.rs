@@ -37,9 +37,9 @@ const REDUCED: Changes = Changes {
 
 const TINY: Changes = Changes {
     about: "a quarter of the resolution along each axis, networks an eighth as wide (64, 128 and 256 for the \
-            architecture's 256, 512 and 1024), a few thousand steps with a cosine schedule instead of 50 epochs; single and multi learn from 64 \
-            sections (multi from 256 first), so that what lies between them is as hard as the paper's 225 are for its larger \
-            network, and (22.5°, 11.25°) stands for the paper's (12°, 6°): on multi's coarse grid, not on single's",
+            architecture's 256, 512 and 1024), a few thousand steps with a cosine schedule instead of 50 epochs; single \
+            and multi learn from 64 sections (multi from 256 first), so that what lies between them is hard for a small \
+            network too, and (22.5°, 11.25°) stands for the paper's (12°, 6°): on multi's coarse grid, not on single's",
     all: &[
         "scene.scale=0.25",
         "network.width=64",
@@ -95,6 +95,11 @@ pub(super) struct Protocol {
 impl Protocol {
     pub(super) fn new(scale: PaperScale) -> Self {
         Self { scale }
+    }
+
+    /// True where nothing of the paper's protocol is changed.
+    pub(super) fn is_the_papers(self) -> bool {
+        self.scale == PaperScale::Full
     }
 
     fn changes(self) -> &'static Changes {

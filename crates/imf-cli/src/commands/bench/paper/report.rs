@@ -22,6 +22,9 @@ const READING: &str = "MSE is the mean squared, MPE the largest error against th
                        screw gear are our parts in the style of the paper's, not the paper's: their ratios compare \
                        different shapes.";
 
+const ANOTHER_SIZE: &str = "At this scale the ratios compare another resolution, network and length of training than the \
+                            paper's: what holds are the comparisons within a table. Times are not judged.";
+
 /// Everything that was measured.
 #[derive(Serialize)]
 pub(super) struct Report {
@@ -71,6 +74,9 @@ impl Report {
         to.list(&self.protocol);
         to.paragraph(SOURCE);
         to.paragraph(&format!("{READING} Here τ = {}.", self.threshold));
+        if self.scale != PaperScale::Full {
+            to.paragraph(ANOTHER_SIZE);
+        }
         for table in &self.tables {
             to.title(2, &table.title);
             table.notes.iter().for_each(|note| to.paragraph(note));

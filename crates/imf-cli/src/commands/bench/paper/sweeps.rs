@@ -1,10 +1,12 @@
 //! Transfer, sparsity and architecture: the regimes that exist, beside the paper's numbers.
 
 use anyhow::{Context as _, Result};
+use imf_core::regime::Regime;
 
 use super::questions::Questions;
 use super::table::{Row, Table};
 use super::{Bench, published};
+use crate::arguments::paper::PaperPart;
 use crate::progress::show_seconds;
 
 /// From bracket-raw to bracket, and as many epochs from random weights.
@@ -47,7 +49,7 @@ pub(super) fn sparsity(bench: &Bench<'_>) -> Result<Table> {
          its table."
             .into(),
     );
-    sweep(bench, "sparsity", table)
+    sweep(bench, "sparsity", PaperPart::Teapot, table)
 }
 
 /// The screw gear by smaller and larger networks.
@@ -58,13 +60,27 @@ pub(super) fn architecture(bench: &Bench<'_>) -> Result<Table> {
          MSE and MPE are swapped in its table."
             .into(),
     );
-    sweep(bench, "architecture", table)
+    sweep(bench, "architecture", PaperPart::ScrewGear, table)
 }
 
-fn sweep(bench: &Bench<'_>, name: &str, mut table: Table) -> Result<Table> {
+/// True where both train the same network on the same samples and ask it the same, whatever they are called.
+fn same_training(one: &toml::Table, other: &toml::Table) -> Result<bool> {
+    let read = |table: &toml::Table| -> Result<Regime> {
+        let regime = Regime::from_table(table.clone())?;
+        Ok(Regime { name: String::new(), about: String::new(), variants: Vec::new(), ..regime })
+    };
+    Ok(read(one)? == read(other)?)
+}
+
+fn sweep(bench: &Bench<'_>, name: &str, part: PaperPart, mut table: Table) -> Result<Table> {
     let questions = Questions::of(&bench.protocol.settings(name)?.evaluation)?;
     for variant in bench.protocol.sweep(name)? {
-        let run = bench.run(&format!("{name}-{}", variant.name), &variant.table)?;
+        // One of the variants may be the training of the table of the parts.
+        let run = if same_training(&variant.table, &bench.protocol.regime("single", Some(part.name()))?)? {
+            bench.trained(part, "single")?
+        } else {
+            bench.run(&format!("{name}-{}", variant.name), &variant.table)?
+        };
         let outcome = run.summary.results.first().context("a regime without results")?;
         let papers = published::sweep(variant.name);
         // Named as at this scale, and by what stands there in the paper.
@@ -88,4 +104,29 @@ fn sweep(bench: &Bench<'_>, name: &str, mut table: Table) -> Result<Table> {
         ));
     }
     Ok(table)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arguments::paper::PaperScale;
+    use crate::commands::bench::paper::protocol::Protocol;
+
+    #[test]
+    fn a_variant_that_single_is_already_is_not_trained_again() {
+        for (scale, again) in
+            [(PaperScale::Full, true), (PaperScale::Reduced, true), (PaperScale::Tiny, false)]
+        {
+            let protocol = Protocol::new(scale);
+            for (name, part, same) in
+                [("sparsity", "teapot", "35-percent"), ("architecture", "screw-gear", "5x512")]
+            {
+                let single = protocol.regime("single", Some(part)).unwrap();
+                for variant in protocol.sweep(name).unwrap() {
+                    let expected = again && variant.name == same;
+                    assert_eq!(same_training(&variant.table, &single).unwrap(), expected, "{}", variant.name);
+                }
+            }
+        }
+    }
 }

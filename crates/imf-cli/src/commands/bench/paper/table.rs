@@ -106,6 +106,8 @@ pub(super) struct Table {
     /// As on the command line.
     pub(super) id: String,
     pub(super) title: String,
+    /// False where ours and the paper's cannot be held against each other, such as times at another resolution.
+    pub(super) judged: bool,
     /// What must be known to read it.
     pub(super) notes: Vec<String>,
     pub(super) labels: Vec<String>,
@@ -126,6 +128,7 @@ impl Table {
         Self {
             id: id.into(),
             title: title.into(),
+            judged: true,
             notes: Vec::new(),
             labels: labels.iter().map(|&label| label.into()).collect(),
             values: values.iter().map(|&(name, kind)| (name.into(), kind)).collect(),
@@ -136,6 +139,9 @@ impl Table {
 
     /// Rows with something of the paper's, and those of them that fall short.
     pub(super) fn standing(&self) -> (usize, usize) {
+        if !self.judged {
+            return (0, 0);
+        }
         let compared = self.rows.iter().filter(|row| row.values.iter().any(|value| value.ratio.is_some()));
         compared.fold((0, 0), |(all, short), row| {
             (all + 1, short + usize::from(row.values.iter().any(Compared::falls_short)))
@@ -158,7 +164,8 @@ impl Table {
         if decided {
             head.extend(["false-free", "false-blocked", "IoU"].map(String::from));
         }
-        if compared.contains(&true) {
+        let judged = self.judged && compared.contains(&true);
+        if judged {
             head.push("against the paper".into());
         }
         let row = |row: &Row| {
@@ -182,7 +189,7 @@ impl Table {
                     None => ["–"; 3].map(String::from),
                 });
             }
-            if compared.contains(&true) {
+            if judged {
                 cells.push(row.verdict());
             }
             cells
@@ -218,5 +225,7 @@ mod tests {
         assert_eq!(cells[0], ["teapot", "1.00e-6", "2.00e-6", "2.00", "0.5000", "**falls short**"]);
         assert_eq!(cells[1][5], "at or below");
         assert_eq!(cells[2], ["teapot", "–", "7.0000", "–", "0.5000", ""]);
+        table.judged = false;
+        assert_eq!((table.standing(), table.cells().0.len()), ((0, 0), 5));
     }
 }
