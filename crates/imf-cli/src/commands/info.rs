@@ -86,6 +86,9 @@ fn scene_lines(scene: &SceneRecord) -> Vec<(&'static str, String)> {
             ),
         ),
     ];
+    if let Some(depth) = scene.contact {
+        lines.push(("contact", format!("the cutter may reach {depth} {unit} below the part's surface")));
+    }
     if let Some(text) = clearance_text(&scene.clearance, unit) {
         lines.push(("clearance", format!("{text}: the field is that of the grown tool")));
     }

@@ -12,8 +12,9 @@ use std::path::Path;
 use anyhow::{Context as _, Result};
 use glam::DVec3;
 use imf_core::atomic_file::write_atomically;
-use imf_core::field::{ExactField, Field, LearntField, Pose, collision_measures};
+use imf_core::field::{ContactField, ExactField, Field, LearntField, Pose, collision_measures};
 use imf_core::model::Model;
+use imf_core::section::Contact;
 
 use self::answers::{AnswerWriter, Answers};
 use self::poses::PoseReader;
@@ -48,11 +49,20 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     if let Some(text) = clearance_text(&record.clearance, record.unit) {
         session.note(&format!("answers are for the tool grown by a clearance ({text})"));
     }
+    if let Some(depth) = record.contact {
+        session.note(&format!("the cutter may reach {depth} {} below the part's surface", record.unit));
+    }
     session.note(&format!("a learnt field is no proof; --exact answers: {}", record.promise()));
+    let (contact, rest) = (Contact::of_scene(&model.scene), record.tool_without_cutter()?);
     let mut work = Work {
         model: &model,
         learnt: LearntField::new(model.scene.record.grid, engine.as_mut()),
-        exact: arguments.exact.then(|| ExactField::new(&model.scene)),
+        exact: arguments.exact.then(|| match &contact {
+            Some(contact) => {
+                Box::new(ContactField::new(contact, &record.tool, rest.as_ref())) as Box<dyn Field>
+            }
+            None => Box::new(ExactField::new(&model.scene)),
+        }),
         sharp_points: arguments.sharp.then(|| model.scene.record.tool.sharp_point_positions()),
     };
     let Some(out) = &arguments.out else {
@@ -89,7 +99,7 @@ fn open(path: &Path) -> Result<(Box<dyn Read>, Option<u64>, String)> {
 struct Work<'a> {
     model: &'a Model,
     learnt: LearntField<'a>,
-    exact: Option<ExactField<'a>>,
+    exact: Option<Box<dyn Field + 'a>>,
     sharp_points: Option<Vec<DVec3>>,
 }
 
@@ -122,7 +132,7 @@ impl Work<'_> {
             let sharp = self.sharp_points.as_deref();
             ask(&mut self.learnt, sharp, &answers.poses, &mut answers.learnt)?;
             if let Some(exact) = &mut self.exact {
-                ask(exact, sharp, &answers.poses, &mut answers.exact)?;
+                ask(exact.as_mut(), sharp, &answers.poses, &mut answers.exact)?;
             }
             writer.write(&answers, out)?;
             answered += answers.poses.len() as u64;
