@@ -65,7 +65,7 @@ pub(super) fn measure(
         + settings.memory(Domain::Directions, voxels).0
         + SectionPlan::memory_estimate(&scene.record.grid, &tool, session.threads());
     session.require_memory(needed, || format!("{} stored sections and a harmonic field of them", n * n))?;
-    let plan = SectionPlan::new(&scene.obstacle, &tool)?;
+    let plan = SectionPlan::of_scene(scene)?;
     let repeated = &questions.imf[0].orientations;
     let asked = 3 * (questions.field_sections() + repeated.len());
     let total = n * n + questions.exact_sections() + section_count(Domain::Directions, &settings) + asked;

@@ -117,7 +117,7 @@ pub(super) fn fields(
     let grid = scene.record.grid;
     let (axis, middle) = (1, slices::middle(&grid, 1));
     let cut = |values: &[f32]| slices::slice(values, &grid, axis, middle);
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool.with_tip_only())?;
+    let plan = SectionPlan::of_scene(scene)?;
     let set = &questions.imf[0];
     let stage = bench.session.stage("drawing", "sections", set.len() as u64 + 2);
     let advance = |n| stage.advance(n);

@@ -36,7 +36,7 @@ fn measure(bench: &Bench<'_>, run: &Run) -> Result<Measured> {
     let model = run.model()?;
     let grid = model.scene.record.grid;
     let set = OrientationSet::parse(SECTIONS)?.orientations;
-    let plan = SectionPlan::new(&model.scene.obstacle, &model.scene.record.tool.with_tip_only())?;
+    let plan = SectionPlan::of_scene(&model.scene)?;
     let stage = session.stage("timing", "sections", 3 * set.len() as u64);
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
