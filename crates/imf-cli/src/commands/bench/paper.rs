@@ -27,6 +27,8 @@ use std::path::PathBuf;
 
 use anyhow::{Context as _, Result};
 use imf_core::model::Model;
+use imf_core::training::run::TrainError;
+use serde::{Deserialize, Serialize};
 
 use super::machine::Machine;
 use crate::arguments::paper::{PaperBenchArguments, PaperPart, PaperTable};
@@ -56,6 +58,14 @@ struct Run {
     folder: PathBuf,
 }
 
+/// What a training came to, as it is kept.
+#[derive(Serialize, Deserialize)]
+enum Trained {
+    Finished(Box<Summary>),
+    /// The loss rose for good: a finding (the paper has one too), not a failure of the report. In words, where.
+    Diverged(String),
+}
+
 impl Run {
     /// The first result's model.
     fn model(&self) -> Result<Model> {
@@ -67,12 +77,27 @@ impl Run {
 }
 
 impl Bench<'_> {
-    /// Runs a regime to its end, or finds that it was.
-    fn run(&self, name: &str, table: &toml::Table) -> Result<Run> {
+    /// Runs a regime to its end, or finds that it was; or why it has none.
+    fn run(&self, name: &str, table: &toml::Table) -> Result<Result<Run, String>> {
         let folder = self.out.join("runs").join(format!("{name}-{}", self.cells.mark(table)?));
-        let summary = self.cells.get(name, table, || run_or_read(&self.workshop, table, &folder))?;
-        Ok(Run { summary, folder })
+        let trained = self.cells.get(name, table, || match run_or_read(&self.workshop, table, &folder) {
+            Ok(summary) => Ok(Trained::Finished(Box::new(summary))),
+            Err(error) => match divergence(&error) {
+                Some(what) => Ok(Trained::Diverged(what)),
+                None => Err(error),
+            },
+        })?;
+        Ok(match trained {
+            Trained::Finished(summary) => Ok(Run { summary: *summary, folder }),
+            Trained::Diverged(what) => Err(what),
+        })
     }
+}
+
+/// In words that a training diverged; nothing where it failed otherwise.
+fn divergence(error: &anyhow::Error) -> Option<String> {
+    let causes = error.chain().filter_map(|cause| cause.downcast_ref::<TrainError>());
+    causes.filter(|cause| cause.is_divergence()).map(ToString::to_string).next()
 }
 
 pub(super) fn run(session: &Session, arguments: &PaperBenchArguments) -> Result<()> {
@@ -146,4 +171,18 @@ pub(super) fn run(session: &Session, arguments: &PaperBenchArguments) -> Result<
         report.summary(),
         arguments.out.display()
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_training_that_diverged_is_a_finding_and_other_failures_are_not() {
+        let rose = TrainError::NotFinite { loss: f64::NAN, after: 20, step: 40, learning_rate: 1.0 };
+        let explained = anyhow::Error::from(rose).context("training stopped");
+        assert!(divergence(&explained).is_some_and(|what| what.contains("between steps 20 and 40")));
+        assert_eq!(divergence(&anyhow::Error::from(TrainError::NoSamples)), None);
+        assert_eq!(divergence(&anyhow::anyhow!("disk full")), None);
+    }
 }

@@ -16,7 +16,7 @@ pub(super) const REGIMES: [&str; 2] = ["single", "multi"];
 
 impl Bench<'_> {
     /// A part's training by a regime.
-    pub(super) fn trained(&self, part: PaperPart, regime: &str) -> Result<Run> {
+    pub(super) fn trained(&self, part: PaperPart, regime: &str) -> Result<Result<Run, String>> {
         let part = part.name();
         self.run(&format!("{regime}-{part}"), &self.protocol.regime(regime, Some(part))?)
     }
@@ -61,16 +61,26 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
         let name = format!("{}{own}", part.name());
         let mut runs = Vec::new();
         for regime in REGIMES {
-            let run = bench.trained(part, regime)?;
             let questions = Questions::of(&bench.protocol.settings(regime)?.evaluation)?;
-            let outcome = run.summary.results.first().context("a regime without results")?;
             let papers = published::space(part.name(), regime);
-            for (index, (question, errors)) in
-                questions.names().into_iter().zip(questions.answers(outcome)?).enumerate()
-            {
-                let paper = papers.and_then(|papers| papers.get(index).copied());
-                table.rows.push(Row::errors(vec![name.clone(), regime.into(), question], paper, &errors));
-            }
+            let paper = |index: usize| papers.and_then(|papers| papers.get(index).copied());
+            let labels = |question: String| vec![name.clone(), regime.into(), question];
+            let run = match bench.trained(part, regime)? {
+                Ok(run) => run,
+                Err(diverged) => {
+                    let rows = questions.names().into_iter().enumerate();
+                    table.rows.extend(rows.map(|(index, asked)| Row::diverged(labels(asked), paper(index))));
+                    table.notes.push(format!("{name}, {regime}: no result. {diverged}"));
+                    continue;
+                }
+            };
+            let outcome = run.summary.results.first().context("a regime without results")?;
+            let answers = questions.names().into_iter().zip(questions.answers(outcome)?);
+            table.rows.extend(
+                answers
+                    .enumerate()
+                    .map(|(index, (asked, errors))| Row::errors(labels(asked), paper(index), &errors)),
+            );
             table.notes.push(format!(
                 "{name}, {regime}: {} parameters ({}), trained in {}.",
                 outcome.parameters,
@@ -94,7 +104,9 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
                 Kind::Seconds.show(method.sections)
             ));
         }
-        table.figures.push(figures::fields(bench, part, &questions, &runs)?);
+        if !runs.is_empty() {
+            table.figures.push(figures::fields(bench, part, &questions, &runs)?);
+        }
     }
     table.figures.insert(0, figures::scenes(bench)?);
     Ok(table)

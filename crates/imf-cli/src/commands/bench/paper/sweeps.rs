@@ -14,6 +14,13 @@ pub(super) fn transfer(bench: &Bench<'_>) -> Result<Table> {
     let mut table = Table::of_errors("transfer", "Transfer to a changed part", &["start", "compared"]);
     let regime = bench.protocol.regime("transfer", None)?;
     let run = bench.run("transfer", &regime)?;
+    let run = match run {
+        Ok(run) => run,
+        Err(diverged) => {
+            table.notes.push(format!("No result. {diverged}"));
+            return Ok(table);
+        }
+    };
     let questions = Questions::of(&bench.protocol.settings("transfer")?.evaluation)?;
     table.notes.push(
         "Our bracket and its design domain, in the style of the paper's: fine-tuned from the network of the design domain, \
@@ -81,7 +88,6 @@ fn sweep(bench: &Bench<'_>, name: &str, part: PaperPart, mut table: Table) -> Re
         } else {
             bench.run(&format!("{name}-{}", variant.name), &variant.table)?
         };
-        let outcome = run.summary.results.first().context("a regime without results")?;
         let papers = published::sweep(variant.name);
         // Named as at this scale, and by what stands there in the paper.
         let same = variant.about.replace('×', "x") == variant.name || name == "sparsity";
@@ -90,11 +96,22 @@ fn sweep(bench: &Bench<'_>, name: &str, part: PaperPart, mut table: Table) -> Re
         } else {
             format!("{} (for {})", variant.about, variant.name.replace('x', "×"))
         };
+        // Two sections stand before the two IMFs.
+        let paper = |index: usize| papers.and_then(|papers| papers.get(index.checked_sub(2)?).copied());
+        let run = match run {
+            Ok(run) => run,
+            Err(diverged) => {
+                let rows = questions.names().into_iter().enumerate();
+                let rows = rows.map(|(index, asked)| Row::diverged(vec![label.clone(), asked], paper(index)));
+                table.rows.extend(rows);
+                table.notes.push(format!("{label}: no result. {diverged}"));
+                continue;
+            }
+        };
+        let outcome = run.summary.results.first().context("a regime without results")?;
         let answers = questions.names().into_iter().zip(questions.answers(outcome)?);
         for (index, (question, errors)) in answers.enumerate() {
-            // Two sections stand before the two IMFs.
-            let paper = papers.and_then(|papers| papers.get(index.wrapping_sub(2)).copied());
-            table.rows.push(Row::errors(vec![label.clone(), question], paper, &errors));
+            table.rows.push(Row::errors(vec![label.clone(), question], paper(index), &errors));
         }
         table.notes.push(format!(
             "{label}: {} parameters, {} steps in {}.",

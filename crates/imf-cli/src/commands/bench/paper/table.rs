@@ -46,9 +46,9 @@ impl Compared {
         Self { paper, ours, ratio }
     }
 
-    /// More than the paper's: of an error, a time or a size that is worse.
+    /// More than the paper's, which is worse of an error, a time or a size; or nothing where the paper has something.
     pub(super) fn falls_short(&self) -> bool {
-        self.ratio.is_some_and(|ratio| ratio > 1.0)
+        self.paper.is_some() && self.ratio.is_none_or(|ratio| ratio > 1.0)
     }
 }
 
@@ -87,9 +87,15 @@ impl Row {
         }
     }
 
+    /// A row of errors of a training that diverged.
+    pub(super) fn diverged(labels: Vec<String>, paper: Option<Published>) -> Self {
+        let values = [paper.map(|p| p.mse), paper.map(|p| p.mpe)];
+        Self { labels, values: values.map(|paper| Compared::new(paper, None)).into(), decisions: None }
+    }
+
     /// In words whether it stands up to the paper; empty where the paper has nothing.
     fn verdict(&self) -> String {
-        if self.values.iter().all(|value| value.ratio.is_none()) {
+        if self.values.iter().all(|value| value.paper.is_none()) {
             return String::new();
         }
         let short = self.values.iter().filter(|value| value.falls_short()).count();
@@ -142,7 +148,7 @@ impl Table {
         if !self.judged {
             return (0, 0);
         }
-        let compared = self.rows.iter().filter(|row| row.values.iter().any(|value| value.ratio.is_some()));
+        let compared = self.rows.iter().filter(|row| row.values.iter().any(|value| value.paper.is_some()));
         compared.fold((0, 0), |(all, short), row| {
             (all + 1, short + usize::from(row.values.iter().any(Compared::falls_short)))
         })
@@ -225,6 +231,8 @@ mod tests {
         assert_eq!(cells[0], ["teapot", "1.00e-6", "2.00e-6", "2.00", "0.5000", "**falls short**"]);
         assert_eq!(cells[1][5], "at or below");
         assert_eq!(cells[2], ["teapot", "–", "7.0000", "–", "0.5000", ""]);
+        let none = Row::diverged(vec!["teapot".into()], Some(Published { mse: 1e-6, mpe: 0.1 }));
+        assert!(none.verdict().contains("short") && none.values.iter().all(|value| value.ours.is_none()));
         table.judged = false;
         assert_eq!((table.standing(), table.cells().0.len()), ((0, 0), 5));
     }

@@ -89,7 +89,13 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
     );
     table.judged = bench.protocol.is_the_papers();
     for &part in &bench.parts {
-        let run = bench.trained(part, "single")?;
+        let run = match bench.trained(part, "single")? {
+            Ok(run) => run,
+            Err(diverged) => {
+                table.notes.push(format!("{}: no network to time. {diverged}", part.name()));
+                continue;
+            }
+        };
         let key = (bench.protocol.regime("single", Some(part.name()))?, SECTIONS);
         let measured = bench.cells.get(&format!("time-{}", part.name()), &key, || measure(bench, &run))?;
         let paper = published::seconds(part.name());
