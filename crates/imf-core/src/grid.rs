@@ -190,6 +190,14 @@ impl Grid {
         (point - self.origin) / self.pitch - 0.5
     }
 
+    /// True in the box of the voxel centres, where values given at centres can be interpolated; false for positions that
+    /// are not finite. A centre's own coordinate may be off by rounding.
+    #[must_use]
+    pub fn is_between_centres(&self, point: DVec3) -> bool {
+        let continuous = self.continuous(point);
+        (0..3).all(|axis| (-1e-9..=(self.dims[axis] - 1) as f64 + 1e-9).contains(&continuous[axis]))
+    }
+
     /// Volume of one voxel in world units cubed.
     #[must_use]
     pub fn voxel_volume(&self) -> f64 {

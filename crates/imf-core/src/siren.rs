@@ -20,18 +20,20 @@ mod adam;
 mod backward;
 pub mod engine;
 mod evaluator;
-mod forward;
-mod lanes;
+pub(crate) mod forward;
+pub(crate) mod lanes;
 pub mod matrix;
-mod plan;
+pub mod muon;
+pub(crate) mod plan;
 pub mod reference;
-mod scratch;
+pub(crate) mod scratch;
 pub mod sine;
+pub(crate) mod stack;
 
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
+
+use stack::{Ending, Stack};
 
 /// Number of inputs of the network: three for the point, two for the tool's direction.
 pub const INPUTS: usize = 5;
@@ -97,44 +99,30 @@ pub enum ShapeError {
 }
 
 impl SirenShape {
+    /// The network as a stack of layers.
+    pub(crate) fn stack(&self) -> Stack {
+        let Self { width, hidden, skip_after, omega } = *self;
+        Stack { inputs: INPUTS, width, hidden, skip_after, omega, outputs: 1, ending: Ending::Sigmoid }
+    }
+
     /// Checks width, depth and ω.
     ///
     /// # Errors
     /// Names the value that is out of range.
     pub fn check(&self) -> Result<(), ShapeError> {
-        if !(1..=64).contains(&self.hidden) || !(1..=8192).contains(&self.width) {
-            return Err(ShapeError::Size { hidden: self.hidden, width: self.width });
-        }
-        if !(self.omega.is_finite() && self.omega > 0.0) {
-            return Err(ShapeError::Omega(self.omega));
-        }
-        Ok(())
+        self.stack().check()
     }
 
     /// The layers in order, hidden ones first, the output layer last: the one definition of the flat layout.
     #[must_use]
     pub fn layers(&self) -> Vec<Layer> {
-        let mut layers = Vec::with_capacity(self.hidden + 1);
-        let mut offset = 0;
-        for index in 0..=self.hidden {
-            let skip = index > 0 && index < self.hidden && self.skip_after == Some(index);
-            let inputs = match index {
-                0 => INPUTS,
-                _ if skip => self.width + INPUTS,
-                _ => self.width,
-            };
-            let outputs = if index == self.hidden { 1 } else { self.width };
-            let biases = offset + inputs * outputs;
-            layers.push(Layer { inputs, outputs, weights: offset, biases, skip });
-            offset = biases + outputs;
-        }
-        layers
+        self.stack().layers()
     }
 
     /// Number of parameters, weights and biases together.
     #[must_use]
     pub fn parameter_count(&self) -> usize {
-        self.layers().last().map_or(0, |layer| layer.biases + layer.outputs)
+        self.stack().parameter_count()
     }
 
     /// Floating-point operations of one forward pass of one sample (products and sums of the layers).
@@ -147,19 +135,7 @@ impl SirenShape {
     /// the paper is silent. The same seed gives the same bits on every machine.
     #[must_use]
     pub fn initial_parameters(&self, seed: u64) -> Vec<f32> {
-        let mut generator = ChaCha8Rng::seed_from_u64(seed);
-        let mut parameters = vec![0.0; self.parameter_count()];
-        for (index, layer) in self.layers().iter().enumerate() {
-            let inputs = layer.inputs as f32;
-            let bound = if index == 0 { 1.0 / inputs } else { (6.0 / inputs).sqrt() / self.omega };
-            for weight in &mut parameters[layer.weights..layer.biases] {
-                *weight = symmetric_uniform(&mut generator, bound);
-            }
-            for bias in &mut parameters[layer.biases..layer.biases + layer.outputs] {
-                *bias = symmetric_uniform(&mut generator, 1.0 / inputs.sqrt());
-            }
-        }
-        parameters
+        self.stack().initial_parameters(seed)
     }
 
     /// Checks that a parameter array fits the description.
@@ -167,20 +143,8 @@ impl SirenShape {
     /// # Errors
     /// [`ShapeError::Parameters`] with both lengths.
     pub fn check_parameters(&self, parameters: &[f32]) -> Result<(), ShapeError> {
-        let expected = self.parameter_count();
-        if parameters.len() == expected {
-            Ok(())
-        } else {
-            Err(ShapeError::Parameters { expected, found: parameters.len() })
-        }
+        self.stack().check_parameters(parameters)
     }
-}
-
-/// A value of U(−bound, bound) from 24 random bits, so that it does not depend on a library's sampling code.
-fn symmetric_uniform(generator: &mut ChaCha8Rng, bound: f32) -> f32 {
-    use rand::Rng;
-    let unit = (generator.next_u32() >> 8) as f32 / (1u32 << 24) as f32;
-    (2.0 * unit - 1.0) * bound
 }
 
 /// The five inputs of one pose: unit coordinates of the point in its grid and the angle pair in degrees.

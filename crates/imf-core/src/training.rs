@@ -10,7 +10,7 @@ pub mod schedule;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::siren::SirenShape;
+use crate::siren::{INPUTS, SirenShape};
 
 /// What a step minimises, averaged over the batch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -120,9 +120,19 @@ pub trait TrainingEngine {
     /// The engine's name for people: device, driver, threads.
     fn describe(&self) -> String;
 
+    /// Values that describe a sample.
+    fn inputs(&self) -> usize {
+        INPUTS
+    }
+
+    /// Values that are learnt of a sample.
+    fn outputs(&self) -> usize {
+        1
+    }
+
     /// One step on a batch: forward, backward, update.
     ///
-    /// `inputs` is `[batch][5]`, `targets` is `[batch]`; any batch size from 1 up to the one the engine was made
+    /// `inputs` is `[batch][inputs]`, `targets` is `[batch][outputs]`; any batch size from 1 up to the one the engine was made
     /// for. Work may still be under way on the device when the call returns.
     ///
     /// # Errors

@@ -6,6 +6,7 @@ use pulp::Arch;
 use rayon::prelude::*;
 
 use super::HarmonicField;
+use super::basis::Basis;
 use crate::orientation::Orientation;
 use crate::section::Imf;
 use crate::siren::matrix::{Matrix, multiply};
@@ -19,6 +20,71 @@ pub struct Heads {
 }
 
 impl Heads {
+    /// Orientations for the functions of a basis, their `axes` `[K][axes]` and `mean` `[K]`.
+    pub(crate) fn new(basis: &Basis, axes: &[f32], mean: &[f32], orientations: &[Orientation]) -> Self {
+        let functions = basis.len();
+        let width = axes.len() / functions;
+        let mut values = vec![0.0f32; functions * orientations.len()];
+        values.par_chunks_mut(functions).zip(orientations).for_each_init(
+            || vec![0.0; functions],
+            |row, (out, orientation)| {
+                basis.values(orientation, row);
+                out.iter_mut().zip(row).for_each(|(out, &mut v)| *out = v as f32);
+            },
+        );
+        let constant = values
+            .par_chunks(functions)
+            .map(|row| row.iter().zip(mean).map(|(&b, &m)| f64::from(b) * f64::from(m)).sum::<f64>() as f32)
+            .collect();
+        let mut along = vec![0.0; width * orientations.len()];
+        multiply(
+            &mut along,
+            orientations.len(),
+            Matrix::row_major(axes, functions, width, width).transposed(),
+            Matrix::row_major(&values, orientations.len(), functions, functions).transposed(),
+            false,
+        );
+        Self { along, constant }
+    }
+
+    /// The same orientations, each one's values side by side, for poses in no order.
+    pub(crate) fn by_orientation(&self) -> TurnedHeads<'_> {
+        let (count, axes) = (self.len(), self.along.len() / self.len().max(1));
+        let mut along = vec![0.0; self.along.len()];
+        along.par_chunks_mut(TURNED * axes.max(1)).enumerate().for_each(|(part, along)| {
+            let first = part * TURNED;
+            for (axis, row) in self.along.chunks_exact(count).enumerate() {
+                for (place, &value) in row[first..].iter().take(along.len() / axes).enumerate() {
+                    along[place * axes + axis] = value;
+                }
+            }
+        });
+        TurnedHeads { axes, along, constant: &self.constant }
+    }
+
+    /// The orientations in chunks whose values stay in the inner caches.
+    pub(super) fn chunks(&self) -> impl Iterator<Item = Range<usize>> + use<> {
+        let count = self.len();
+        (0..count).step_by(CHUNK).map(move |start| start..(start + CHUNK).min(count))
+    }
+
+    /// Values of some voxels, whose coefficients `z` are `[voxel][axes]`, in the orientations of a chunk:
+    /// `[voxel][orientation]`, not clipped.
+    pub(super) fn values(&self, z: &[f32], axes: usize, chunk: Range<usize>, values: &mut Vec<f32>) {
+        let (rows, columns) = (z.len() / axes, chunk.len());
+        values.resize(rows * columns, 0.0);
+        for row in values.chunks_exact_mut(columns) {
+            row.copy_from_slice(&self.constant[chunk.clone()]);
+        }
+        multiply(
+            values,
+            columns,
+            Matrix::row_major(z, rows, axes, axes),
+            Matrix::row_major(&self.along[chunk.start..], axes, columns, self.len()),
+            true,
+        );
+    }
+
     /// Number of orientations.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -32,63 +98,45 @@ impl Heads {
     }
 }
 
+/// [`Heads`] with each orientation's values side by side.
+pub(crate) struct TurnedHeads<'a> {
+    axes: usize,
+    /// `[orientation][axes]`.
+    along: Vec<f32>,
+    constant: &'a [f32],
+}
+
+impl TurnedHeads<'_> {
+    /// `μ·b(R)` and `Uᵀ b(R)` of an orientation.
+    #[inline(always)]
+    pub(crate) fn of(&self, orientation: usize) -> (f32, &[f32]) {
+        (self.constant[orientation], &self.along[orientation * self.axes..][..self.axes])
+    }
+}
+
+/// Where the coefficients of a block of voxels come from: an array, or a network.
+pub(crate) trait VoxelCoefficients: Sync {
+    /// Voxels of the grid.
+    fn voxels(&self) -> usize;
+    /// Coefficients of a voxel.
+    fn axes(&self) -> usize;
+    /// `[voxel][axes]` of a range: where they lie, or computed into `scratch`.
+    fn read<'a>(&'a self, voxels: Range<usize>, scratch: &'a mut Vec<f32>) -> &'a [f32];
+}
+
+/// Orientations of a chunk.
+const CHUNK: usize = 512;
+/// Orientations that one thread turns at a time.
+const TURNED: usize = 256;
+
 impl HarmonicField {
     /// Voxels of a block: its coefficients and a chunk's values stay in the inner caches.
-    pub(super) const BLOCK: usize = 256;
-    /// Orientations of a chunk.
-    pub(super) const CHUNK: usize = 512;
+    pub(crate) const BLOCK: usize = 256;
 
     /// Prepares orientations.
     #[must_use]
     pub fn heads(&self, orientations: &[Orientation]) -> Heads {
-        let (functions, axes) = (self.basis.len(), self.axis_count());
-        let mut values = vec![0.0f32; functions * orientations.len()];
-        values.par_chunks_mut(functions).zip(orientations).for_each_init(
-            || vec![0.0; functions],
-            |row, (out, orientation)| {
-                self.basis.values(orientation, row);
-                out.iter_mut().zip(row).for_each(|(out, &mut v)| *out = v as f32);
-            },
-        );
-        let constant = values
-            .par_chunks(functions)
-            .map(|row| {
-                row.iter().zip(&self.mean).map(|(&b, &m)| f64::from(b) * f64::from(m)).sum::<f64>() as f32
-            })
-            .collect();
-        let mut along = vec![0.0; axes * orientations.len()];
-        multiply(
-            &mut along,
-            orientations.len(),
-            Matrix::row_major(&self.axes, functions, axes, axes).transposed(),
-            Matrix::row_major(&values, orientations.len(), functions, functions).transposed(),
-            false,
-        );
-        Heads { along, constant }
-    }
-
-    /// Values at the voxels of a block for the orientations of a range, `[voxel][orientation]`, not clipped.
-    pub(super) fn block_values(
-        &self,
-        voxels: Range<usize>,
-        heads: &Heads,
-        chunk: Range<usize>,
-        scratch: &mut Scratch,
-    ) {
-        let axes = self.axis_count();
-        let (rows, columns) = (voxels.len(), chunk.len());
-        let z = self.coefficients.read(voxels.start * axes, voxels.end * axes, &mut scratch.coefficients);
-        scratch.values.resize(rows * columns, 0.0);
-        for row in scratch.values.chunks_exact_mut(columns) {
-            row.copy_from_slice(&heads.constant[chunk.clone()]);
-        }
-        multiply(
-            &mut scratch.values,
-            columns,
-            Matrix::row_major(z, rows, axes, axes),
-            Matrix::row_major(&heads.along[chunk.start..], axes, columns, heads.len()),
-            true,
-        );
+        Heads::new(&self.basis, &self.axes, &self.mean, orientations)
     }
 
     /// The sections of some orientations, `[orientation][voxel]` into `sections`, in [0, 1].
@@ -96,67 +144,92 @@ impl HarmonicField {
     /// # Panics
     /// If `sections` has not that length.
     pub fn sections(&self, heads: &Heads, sections: &mut [f32]) {
-        let voxels = self.grid.len();
-        assert_eq!(sections.len(), voxels * heads.len(), "one value for each orientation and voxel");
-        // The same array by blocks of voxels: one piece of each section.
-        let blocks = voxels.div_ceil(Self::BLOCK);
-        let mut pieces: Vec<Vec<&mut [f32]>> = (0..blocks).map(|_| Vec::with_capacity(heads.len())).collect();
-        for section in sections.chunks_exact_mut(voxels) {
-            for (block, piece) in section.chunks_mut(Self::BLOCK).enumerate() {
-                pieces[block].push(piece);
-            }
-        }
-        pieces.par_iter_mut().enumerate().for_each_init(Scratch::default, |scratch, (block, pieces)| {
-            let from = block * Self::BLOCK;
-            let range = from..(from + Self::BLOCK).min(voxels);
-            for start in (0..heads.len()).step_by(Self::CHUNK) {
-                let chunk = start..(start + Self::CHUNK).min(heads.len());
-                self.block_values(range.clone(), heads, chunk.clone(), scratch);
-                let columns = chunk.len();
-                for (column, piece) in pieces[chunk].iter_mut().enumerate() {
-                    let values = scratch.values[column..].iter().step_by(columns);
-                    piece.iter_mut().zip(values).for_each(|(out, &value)| *out = value.clamp(0.0, 1.0));
-                }
-            }
-        });
+        sections_of(self, heads, sections);
     }
 
     /// The least value over the orientations at every voxel, in [0, 1], with the first orientation that has it before
     /// clipping. Memory does not grow with the number of orientations but for [`Heads`].
     #[must_use]
     pub fn minimum(&self, heads: &Heads) -> Imf {
-        let voxels = self.grid.len();
-        let mut whole = Imf::new(voxels);
-        let values = whole.value.par_chunks_mut(Self::BLOCK);
-        values.zip(whole.best.par_chunks_mut(Self::BLOCK)).enumerate().for_each_init(
-            Scratch::default,
-            |scratch, (block, (least, best))| {
-                let range = block * Self::BLOCK..block * Self::BLOCK + least.len();
-                for start in (0..heads.len()).step_by(Self::CHUNK) {
-                    let chunk = start..(start + Self::CHUNK).min(heads.len());
-                    self.block_values(range.clone(), heads, chunk.clone(), scratch);
-                    let rows = scratch.values.chunks_exact(chunk.len());
-                    for ((least, best), row) in least.iter_mut().zip(best.iter_mut()).zip(rows) {
-                        let lowest = scratch
-                            .arch
-                            .dispatch(|| row.iter().fold(f32::INFINITY, |a, &b| if b < a { b } else { a }));
-                        if lowest < *least {
-                            let place = row.iter().position(|&v| v == lowest).unwrap_or(0);
-                            (*least, *best) = (lowest, (start + place) as u32);
-                        }
+        minimum_of(self, heads)
+    }
+}
+
+impl VoxelCoefficients for HarmonicField {
+    fn voxels(&self) -> usize {
+        self.grid.len()
+    }
+
+    fn axes(&self) -> usize {
+        self.axis_count()
+    }
+
+    fn read<'a>(&'a self, voxels: Range<usize>, scratch: &'a mut Vec<f32>) -> &'a [f32] {
+        let axes = self.axis_count();
+        self.coefficients.read(voxels.start * axes, voxels.end * axes, scratch)
+    }
+}
+
+/// [`HarmonicField::sections`] of coefficients from anywhere.
+pub(crate) fn sections_of(source: &impl VoxelCoefficients, heads: &Heads, sections: &mut [f32]) {
+    let (voxels, axes) = (source.voxels(), source.axes());
+    assert_eq!(sections.len(), voxels * heads.len(), "one value for each orientation and voxel");
+    // The same array by blocks of voxels: one piece of each section.
+    let blocks = voxels.div_ceil(HarmonicField::BLOCK);
+    let mut pieces: Vec<Vec<&mut [f32]>> = (0..blocks).map(|_| Vec::with_capacity(heads.len())).collect();
+    for section in sections.chunks_exact_mut(voxels) {
+        for (block, piece) in section.chunks_mut(HarmonicField::BLOCK).enumerate() {
+            pieces[block].push(piece);
+        }
+    }
+    pieces.par_iter_mut().enumerate().for_each_init(Scratch::default, |scratch, (block, pieces)| {
+        let Scratch { coefficients, values, .. } = scratch;
+        let from = block * HarmonicField::BLOCK;
+        let z = source.read(from..(from + HarmonicField::BLOCK).min(voxels), coefficients);
+        for chunk in heads.chunks() {
+            heads.values(z, axes, chunk.clone(), values);
+            let columns = chunk.len();
+            for (column, piece) in pieces[chunk].iter_mut().enumerate() {
+                let values = values[column..].iter().step_by(columns);
+                piece.iter_mut().zip(values).for_each(|(out, &value)| *out = value.clamp(0.0, 1.0));
+            }
+        }
+    });
+}
+
+/// [`HarmonicField::minimum`] of coefficients from anywhere.
+pub(crate) fn minimum_of(source: &impl VoxelCoefficients, heads: &Heads) -> Imf {
+    let axes = source.axes();
+    let mut whole = Imf::new(source.voxels());
+    let values = whole.value.par_chunks_mut(HarmonicField::BLOCK);
+    values.zip(whole.best.par_chunks_mut(HarmonicField::BLOCK)).enumerate().for_each_init(
+        Scratch::default,
+        |scratch, (block, (least, best))| {
+            let Scratch { arch, coefficients, values } = scratch;
+            let from = block * HarmonicField::BLOCK;
+            let z = source.read(from..from + least.len(), coefficients);
+            for chunk in heads.chunks() {
+                heads.values(z, axes, chunk.clone(), values);
+                let rows = values.chunks_exact(chunk.len());
+                for ((least, best), row) in least.iter_mut().zip(best.iter_mut()).zip(rows) {
+                    let lowest =
+                        arch.dispatch(|| row.iter().fold(f32::INFINITY, |a, &b| if b < a { b } else { a }));
+                    if lowest < *least {
+                        let place = row.iter().position(|&v| v == lowest).unwrap_or(0);
+                        (*least, *best) = (lowest, (chunk.start + place) as u32);
                     }
                 }
-                least.iter_mut().for_each(|v| *v = v.clamp(0.0, 1.0));
-            },
-        );
-        whole
-    }
+            }
+            least.iter_mut().for_each(|v| *v = v.clamp(0.0, 1.0));
+        },
+    );
+    whole
 }
 
 /// Working memory of one thread.
 pub(super) struct Scratch {
     pub(super) arch: Arch,
-    coefficients: Vec<f32>,
+    pub(super) coefficients: Vec<f32>,
     /// `[voxel][orientation]` of the block and chunk last computed.
     pub(super) values: Vec<f32>,
 }

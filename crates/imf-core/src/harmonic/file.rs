@@ -98,11 +98,7 @@ impl HarmonicFile {
     /// True for a file whose header names this format, read or not.
     #[must_use]
     pub fn is_one(path: &Path) -> bool {
-        use std::io::Read as _;
-        // The JSON header of a safetensors file follows its length, and `imf` stands at its beginning.
-        let mut start = [0; 512];
-        let read = std::fs::File::open(path).and_then(|mut file| file.read(&mut start)).unwrap_or(0);
-        start[..read].windows(FORMAT.len()).any(|window| window == FORMAT.as_bytes())
+        names_format(path, FORMAT)
     }
 
     /// Writes the field whole or not at all. Equal fields give equal bytes.
@@ -126,7 +122,7 @@ impl HarmonicFile {
             scene: self.scene.record.clone(),
             settings: self.settings,
             report: field.report,
-            crc32: checksum([&coefficients, &axes_bytes, &mean]),
+            crc32: checksum(&[&coefficients, &axes_bytes, &mean]),
         };
         let json = serde_json::to_string(&description).map_err(|e| damaged(e.to_string()))?;
         let voxels = self.scene.packed_voxels();
@@ -188,7 +184,7 @@ impl HarmonicFile {
         let coefficients = tensor("coefficients", kind, &[nx, ny, nz, sizes.axes])?;
         let axes = tensor("axes", Dtype::F32, &[sizes.functions, sizes.axes])?;
         let mean = tensor("mean", Dtype::F32, &[sizes.functions])?;
-        if checksum([&coefficients, &axes, &mean]) != description.crc32 {
+        if checksum(&[&coefficients, &axes, &mean]) != description.crc32 {
             return Err(damaged("the checksum of its coefficients is wrong".into()));
         }
         let bits = |name: &str| tensors.tensor(name).ok().map(|view| view.data());
@@ -211,15 +207,24 @@ impl HarmonicFile {
     }
 }
 
-fn little_endian(values: &[f32]) -> Vec<u8> {
+/// True for a safetensors file whose metadata begin with a format of ours.
+pub(crate) fn names_format(path: &Path, format: &str) -> bool {
+    use std::io::Read as _;
+    // The JSON header follows its length, and `imf` stands at its beginning.
+    let mut start = [0; 512];
+    let read = std::fs::File::open(path).and_then(|mut file| file.read(&mut start)).unwrap_or(0);
+    start[..read].windows(format.len()).any(|window| window == format.as_bytes())
+}
+
+pub(crate) fn little_endian(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|v| v.to_le_bytes()).collect()
 }
 
-fn floats(bytes: &[u8]) -> Vec<f32> {
+pub(crate) fn floats(bytes: &[u8]) -> Vec<f32> {
     bytes.as_chunks::<4>().0.iter().map(|&b| f32::from_le_bytes(b)).collect()
 }
 
-fn checksum(parts: [&[u8]; 3]) -> u32 {
+pub(crate) fn checksum(parts: &[&[u8]]) -> u32 {
     let mut hasher = crc32fast::Hasher::new();
     parts.iter().for_each(|part| hasher.update(part));
     hasher.finalize()

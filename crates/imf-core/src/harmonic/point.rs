@@ -109,15 +109,14 @@ impl HarmonicField {
 
     /// `None` outside the box of the voxel centres, and for positions that are not finite.
     fn cell(&self, position: DVec3) -> Option<Cell> {
+        if !self.grid.is_between_centres(position) {
+            return None;
+        }
         let continuous = self.grid.continuous(position);
         let mut cell = Cell { low: [0; 3], high: [0; 3], fraction: [0.0; 3] };
         for axis in 0..3 {
             let last = self.grid.dims[axis] - 1;
             let at = continuous[axis];
-            // A centre's own coordinate may be off by rounding.
-            if !(-1e-9..=last as f64 + 1e-9).contains(&at) {
-                return None;
-            }
             let low = (at.max(0.0) as usize).min(last.saturating_sub(1));
             cell.low[axis] = low;
             cell.high[axis] = (low + 1).min(last);

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
-use super::evaluate::{Heads, Scratch};
+use super::evaluate::{Heads, Scratch, VoxelCoefficients as _};
 use super::{HarmonicError, HarmonicField};
 use crate::control::Control;
 use crate::field::{ExactField, Pose};
@@ -87,15 +87,16 @@ impl HarmonicField {
         scratch: &mut Scratch,
     ) -> Vec<Candidates> {
         let mut all = vec![Candidates::default(); voxels.len()];
-        for start in (0..heads.len()).step_by(Self::CHUNK) {
-            let chunk = start..(start + Self::CHUNK).min(heads.len());
-            self.block_values(voxels.clone(), heads, chunk.clone(), scratch);
-            for (own, row) in all.iter_mut().zip(scratch.values.chunks_exact(chunk.len())) {
+        let Scratch { arch, coefficients, values } = scratch;
+        let z = self.read(voxels, coefficients);
+        for chunk in heads.chunks() {
+            heads.values(z, self.axis_count(), chunk.clone(), values);
+            for (own, row) in all.iter_mut().zip(values.chunks_exact(chunk.len())) {
                 // Most pieces hold nothing that is low enough: their least value alone is looked at.
                 for (piece, values) in row.chunks(PIECE).enumerate() {
-                    if scratch.arch.dispatch(|| lowest(values)) < own.last() {
+                    if arch.dispatch(|| lowest(values)) < own.last() {
                         for (place, &value) in values.iter().enumerate() {
-                            own.insert(value, (start + piece * PIECE + place) as u32);
+                            own.insert(value, (chunk.start + piece * PIECE + place) as u32);
                         }
                     }
                 }

@@ -7,10 +7,9 @@ use super::forward::Network;
 use super::lanes::{load, store};
 use super::matrix::{Matrix, multiply};
 use super::plan::BLOCK;
-use crate::siren::INPUTS;
 
 impl Network<'_> {
-    /// δ of the last hidden layer and the output layer's sums. `output_deltas [rows]` is δ of the output; `slopes` are
+    /// δ of the last hidden layer and the output layer's sums, before a sigmoid. `output_deltas [rows]` is δ of the output; `slopes` are
     /// the layer's, `last` its activations, both `[rows][stride]`.
     pub(crate) fn output_backward(
         &self,
@@ -21,17 +20,27 @@ impl Network<'_> {
         partial: &mut [f32],
     ) {
         let plan = self.plan;
-        let width = plan.shape.width;
-        let output = plan.layers[plan.shape.hidden];
+        let width = plan.stack.width;
+        let output = plan.layers[plan.stack.hidden];
         let (sums, bias) = partial[plan.partial_output()..].split_at_mut(width);
         bias[0] = output_deltas.iter().sum();
         self.arch.dispatch(WeightedRows { rows: last, stride: plan.stride(), scales: output_deltas, sums });
         let weights = &self.parameters[output.weights..output.biases];
         let upstream = Upstream::Outer { scales: output_deltas, weights };
-        self.deltas(plan.shape.hidden - 1, 0, width, inputs, upstream, slopes, partial);
+        self.deltas(plan.stack.hidden - 1, 0, width, inputs, upstream, slopes, partial);
     }
 
-    /// δ of hidden layer `layer` from δ of the one behind it, `next [rows][stride]`. `scratch` holds one panel of a
+    /// The bias sums of a linear output from its `deltas [rows][outputs]`.
+    pub(crate) fn output_biases(&self, deltas: &[f32], partial: &mut [f32]) {
+        let outputs = self.plan.stack.outputs;
+        let sums = &mut partial[self.plan.partial_output()..][..outputs];
+        sums.fill(0.0);
+        for row in deltas.chunks_exact(outputs) {
+            sums.iter_mut().zip(row).for_each(|(sum, delta)| *sum += delta);
+        }
+    }
+
+    /// δ of hidden layer `layer` from δ of the one behind it, `next [rows]` with [`super::plan::Plan::row_stride`]. `scratch` holds one panel of a
     /// block.
     pub(crate) fn hidden_backward(
         &self,
@@ -43,14 +52,14 @@ impl Network<'_> {
         scratch: &mut [f32],
     ) {
         let plan = self.plan;
-        let width = plan.shape.width;
-        let rows = inputs.len() / INPUTS;
+        let rows = inputs.len() / plan.stack.inputs;
         let behind = plan.layers[layer + 1];
-        for neurons in plan.panels() {
+        let next = Matrix::row_major(next, rows, behind.outputs, plan.row_stride(layer + 1));
+        for neurons in plan.panels(layer) {
             let (first, columns) = (neurons.start, neurons.len());
             let weights = &self.parameters[behind.weights + first..behind.biases];
-            let weights = Matrix::row_major(weights, width, columns, behind.inputs);
-            multiply(scratch, columns, Matrix::row_major(next, rows, width, plan.stride()), weights, false);
+            let weights = Matrix::row_major(weights, behind.outputs, columns, behind.inputs);
+            multiply(scratch, columns, next, weights, false);
             self.deltas(layer, first, columns, inputs, Upstream::Rows(scratch), slopes, partial);
         }
     }
@@ -66,16 +75,17 @@ impl Network<'_> {
         partial: &mut [f32],
     ) {
         let plan = self.plan;
-        let width = plan.shape.width;
+        let width = plan.stack.width;
         // Biases stand before the sums of the input weights in a partial.
-        let (biases, rest) = partial.split_at_mut(plan.shape.hidden * width);
-        let offset = plan.partial_inputs(layer) - plan.shape.hidden * width;
+        let (biases, rest) = partial.split_at_mut(plan.stack.hidden * width);
+        let offset = plan.partial_inputs(layer) - plan.stack.hidden * width;
         let pass = Deltas {
             upstream,
             slopes: &mut slopes[first..],
             stride: plan.stride(),
             width,
             inputs,
+            axes: plan.stack.inputs,
             biases: &mut biases[plan.partial_biases(layer) + first..][..columns],
             input_sums: plan.sees_input(layer).then(|| &mut rest[offset + first..]),
         };
@@ -99,24 +109,26 @@ struct Deltas<'a> {
     stride: usize,
     /// Distance of two axes in `input_sums`.
     width: usize,
-    /// `[rows][5]`.
+    /// `[rows][axes]`.
     inputs: &'a [f32],
+    /// Inputs of the network.
+    axes: usize,
     /// `[columns]`.
     biases: &'a mut [f32],
-    /// Five rows `width` apart, from the panel's first neuron on.
+    /// `axes` rows `width` apart, from the panel's first neuron on.
     input_sums: Option<&'a mut [f32]>,
 }
 
 impl Deltas<'_> {
     #[inline(always)]
-    fn run<S: Simd, const INPUT: bool>(self, simd: S) {
+    fn run<S: Simd, const INPUT: bool, const AXES: usize>(self, simd: S) {
         let columns = self.biases.len();
         let input_sums = self.input_sums.unwrap_or_default();
         // A register of neurons at a time down the rows: its sums stay in registers.
         for at in (0..columns).step_by(S::F32_LANES) {
             let mut bias = simd.splat_f32s(0.0);
-            let mut axes = [simd.splat_f32s(0.0); INPUTS];
-            for (row, sample) in self.inputs.chunks_exact(INPUTS).enumerate() {
+            let mut axes = [simd.splat_f32s(0.0); AXES];
+            for (row, sample) in self.inputs.chunks_exact(AXES).enumerate() {
                 let factor = match &self.upstream {
                     Upstream::Rows(rows) => load(simd, &rows[row * columns..][..columns], at),
                     Upstream::Outer { scales, weights } => {
@@ -147,10 +159,12 @@ impl WithSimd for Deltas<'_> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        if self.input_sums.is_some() {
-            self.run::<S, true>(simd);
-        } else {
-            self.run::<S, false>(simd);
+        match (self.axes, self.input_sums.is_some()) {
+            (5, true) => self.run::<S, true, 5>(simd),
+            (5, false) => self.run::<S, false, 5>(simd),
+            (3, true) => self.run::<S, true, 3>(simd),
+            (3, false) => self.run::<S, false, 3>(simd),
+            (axes, _) => unreachable!("kernels are made for 3 and 5 inputs, not {axes}"),
         }
     }
 }

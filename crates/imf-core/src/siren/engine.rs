@@ -12,9 +12,11 @@ use super::adam::AdamFactors;
 use super::backward::scratch_length;
 use super::forward::{Network, sigmoid};
 use super::matrix::{Matrix, multiply, prefer_unpacked};
+use super::muon::{Muon, MuonConfig};
 use super::plan::{BLOCK, Part, Piece, Plan, WINDOW, transpose, transpose_all};
 use super::scratch::{ScratchPool, describe};
-use crate::siren::{INPUTS, SirenShape};
+use super::stack::{Ending, Stack};
+use crate::siren::SirenShape;
 use crate::training::{AdamConfig, EngineError, Loss, TrainingEngine, TrainingState};
 
 pub use super::evaluator::CpuEvaluator;
@@ -38,11 +40,15 @@ pub struct CpuTrainer {
     activations: Vec<f32>,
     /// `[hidden][window][stride]`: derivatives of the sines after the forward pass, δ after the backward pass.
     slopes: Vec<f32>,
+    /// `[window][outputs]`: the output layer's sums, then its δ.
+    outputs: Vec<f32>,
     /// One for each block of a window.
     partials: Vec<f32>,
     /// Summed loss of each block of a window.
     losses: Vec<f64>,
     scratch: ScratchPool,
+    /// For the matrices between hidden layers, where Adam does not serve them.
+    muon: Option<Muon>,
     loss_sum: f64,
     loss_steps: u64,
 }
@@ -62,16 +68,27 @@ impl CpuTrainer {
         max_batch: usize,
         state: TrainingState,
     ) -> Result<Self, EngineError> {
+        Self::of_stack(shape.stack(), adam, loss, max_batch, state)
+    }
+
+    /// As [`CpuTrainer::new`], of any stack.
+    pub(crate) fn of_stack(
+        stack: Stack,
+        adam: AdamConfig,
+        loss: Loss,
+        max_batch: usize,
+        state: TrainingState,
+    ) -> Result<Self, EngineError> {
         let refused = |error: crate::siren::ShapeError| EngineError::Shape(error.to_string());
-        shape.check().map_err(refused)?;
+        stack.check().map_err(refused)?;
         for array in [&state.parameters, &state.first_moment, &state.second_moment] {
-            shape.check_parameters(array).map_err(refused)?;
+            stack.check_parameters(array).map_err(refused)?;
         }
         if max_batch == 0 {
             return Err(EngineError::Shape("a batch needs at least one sample".into()));
         }
         prefer_unpacked();
-        let plan = Plan::new(shape);
+        let plan = Plan::new(stack);
         let window = WINDOW.min(max_batch);
         let blocks = window.div_ceil(BLOCK);
         let mut panels = vec![0.0; state.parameters.len()];
@@ -84,11 +101,13 @@ impl CpuTrainer {
             window,
             gradient: vec![0.0; state.parameters.len()],
             panels,
-            activations: vec![0.0; shape.hidden * window * plan.stride()],
-            slopes: vec![0.0; shape.hidden * window * plan.stride()],
+            activations: vec![0.0; stack.hidden * window * plan.stride()],
+            slopes: vec![0.0; stack.hidden * window * plan.stride()],
+            outputs: vec![0.0; window * stack.outputs],
             partials: vec![0.0; blocks * plan.partial_length()],
             losses: vec![0.0; blocks],
             scratch: ScratchPool::new(scratch_length(plan.widest_panel())),
+            muon: None,
             loss_sum: 0.0,
             loss_steps: 0,
             plan,
@@ -96,7 +115,44 @@ impl CpuTrainer {
         })
     }
 
-    /// The weights as they are now, in the layout of [`SirenShape::layers`].
+    /// Leaves the matrices between hidden layers to Muon.
+    pub(crate) fn use_muon(&mut self, config: MuonConfig) {
+        let Stack { inputs, width, .. } = self.plan.stack;
+        self.muon = Some(Muon::new(config, width, width + inputs));
+    }
+
+    /// Muon's part of a step, once the gradient is whole.
+    fn step_matrices(&mut self, learning_rate: f32) {
+        let Some(muon) = &mut self.muon else { return };
+        for (index, layer) in self.plan.layers.iter().enumerate() {
+            if !is_between(&self.plan, index) {
+                continue;
+            }
+            let range = layer.weights..layer.biases;
+            let gradient = &self.gradient[range.clone()];
+            let momentum = &mut self.state.first_moment[range.clone()];
+            let weights = &mut self.state.parameters[range];
+            muon.step(learning_rate, layer.outputs, weights, gradient, momentum);
+            for neurons in self.plan.panels(index) {
+                let range = self.plan.panel_range(index, &neurons);
+                let rows = &self.state.parameters[range.clone()];
+                transpose(rows, neurons.len(), layer.inputs, &mut self.panels[range]);
+            }
+        }
+    }
+
+    /// Steps since the moments were zero.
+    pub(crate) fn steps(&self) -> u64 {
+        self.state.step
+    }
+
+    /// The last step's gradient.
+    #[cfg(test)]
+    pub(crate) fn gradient(&self) -> &[f32] {
+        &self.gradient
+    }
+
+    /// The weights as they are now, in the layout of the network's layers.
     #[must_use]
     pub fn parameters(&self) -> &[f32] {
         &self.state.parameters
@@ -104,7 +160,7 @@ impl CpuTrainer {
 
     /// Summed loss of one window; leaves its activations, δ and partials behind.
     fn forward_backward(&mut self, inputs: &[f32], targets: &[f32], batch: usize) -> f64 {
-        let blocks = targets.len().div_ceil(BLOCK);
+        let blocks = (inputs.len() / self.plan.stack.inputs).div_ceil(BLOCK);
         let layer_length = self.window * self.plan.stride();
         let pass = BlockPass {
             network: Network {
@@ -122,6 +178,7 @@ impl CpuTrainer {
             targets,
             Layers::new(&mut self.activations, layer_length),
             Layers::new(&mut self.slopes, layer_length),
+            &mut self.outputs[..targets.len()],
             &mut self.partials[..blocks * self.plan.partial_length()],
             &mut self.losses[..blocks],
         );
@@ -134,18 +191,27 @@ impl TrainingEngine for CpuTrainer {
         describe(self.arch)
     }
 
+    fn inputs(&self) -> usize {
+        self.plan.stack.inputs
+    }
+
+    fn outputs(&self) -> usize {
+        self.plan.stack.outputs
+    }
+
     fn step(&mut self, inputs: &[f32], targets: &[f32], learning_rate: f32) -> Result<(), EngineError> {
-        let batch = targets.len();
+        let Stack { inputs: axes, outputs, .. } = self.plan.stack;
+        let batch = targets.len() / outputs;
         if batch == 0 || batch > self.max_batch {
             let most = self.max_batch;
             return Err(EngineError::Shape(format!(
                 "a batch of {batch} samples; this engine takes 1 to {most}"
             )));
         }
-        if inputs.len() != batch * INPUTS {
-            let found = inputs.len();
+        if inputs.len() != batch * axes || targets.len() != batch * outputs {
+            let (inputs, targets) = (inputs.len(), targets.len());
             return Err(EngineError::Shape(format!(
-                "{found} inputs for {batch} targets; {INPUTS} belong to each"
+                "{inputs} inputs for {targets} targets; {axes} belong to {outputs}"
             )));
         }
         self.state.step += 1;
@@ -153,20 +219,23 @@ impl TrainingEngine for CpuTrainer {
         let windows = batch.div_ceil(self.window);
         let mut total = 0.0;
         for (index, (inputs, targets)) in
-            inputs.chunks(self.window * INPUTS).zip(targets.chunks(self.window)).enumerate()
+            inputs.chunks(self.window * axes).zip(targets.chunks(self.window * outputs)).enumerate()
         {
             total += self.forward_backward(inputs, targets, batch);
-            let blocks = targets.len().div_ceil(BLOCK);
+            let samples = inputs.len() / axes;
+            let blocks = samples.div_ceil(BLOCK);
             let update = Update {
                 arch: self.arch,
                 plan: &self.plan,
-                samples: targets.len(),
+                samples,
                 layer_length: self.window * self.plan.stride(),
                 activations: &self.activations,
                 deltas: &self.slopes,
+                outputs: &self.outputs,
                 partials: &self.partials[..blocks * self.plan.partial_length()],
                 accumulate: index > 0,
                 factors: (index + 1 == windows).then_some(factors),
+                spare_matrices: self.muon.is_some(),
             };
             update.run(
                 &self.plan.pieces,
@@ -179,6 +248,7 @@ impl TrainingEngine for CpuTrainer {
                 },
             );
         }
+        self.step_matrices(learning_rate);
         self.loss_sum += total / batch as f64;
         self.loss_steps += 1;
         Ok(())
@@ -234,6 +304,7 @@ impl BlockPass<'_> {
         targets: &[f32],
         activations: Layers<'_>,
         slopes: Layers<'_>,
+        outputs: &mut [f32],
         partials: &mut [f32],
         losses: &mut [f64],
     ) {
@@ -241,21 +312,23 @@ impl BlockPass<'_> {
         if blocks == 1 {
             losses[0] = self
                 .scratch
-                .with(|scratch| self.block(inputs, targets, activations, slopes, partials, scratch));
+                .with(|scratch| self.block(inputs, targets, activations, slopes, outputs, partials, scratch));
             return;
         }
+        let stack = self.network.plan.stack;
         let middle = blocks / 2;
         let samples = middle * BLOCK;
         let values = samples * self.network.plan.stride();
-        let inputs = inputs.split_at(samples * INPUTS);
-        let targets = targets.split_at(samples);
+        let inputs = inputs.split_at(samples * stack.inputs);
+        let targets = targets.split_at(samples * stack.outputs);
+        let outputs = outputs.split_at_mut(samples * stack.outputs);
         let activations = activations.split(values);
         let slopes = slopes.split(values);
         let partials = partials.split_at_mut(middle * self.network.plan.partial_length());
         let losses = losses.split_at_mut(middle);
         rayon::join(
-            || self.run(inputs.0, targets.0, activations.0, slopes.0, partials.0, losses.0),
-            || self.run(inputs.1, targets.1, activations.1, slopes.1, partials.1, losses.1),
+            || self.run(inputs.0, targets.0, activations.0, slopes.0, outputs.0, partials.0, losses.0),
+            || self.run(inputs.1, targets.1, activations.1, slopes.1, outputs.1, partials.1, losses.1),
         );
     }
 
@@ -266,12 +339,13 @@ impl BlockPass<'_> {
         targets: &[f32],
         activations: Layers<'_>,
         slopes: Layers<'_>,
+        outputs: &mut [f32],
         partial: &mut [f32],
         scratch: &mut [f32],
     ) -> f64 {
         let network = &self.network;
-        let hidden = network.plan.shape.hidden;
-        let values = targets.len() * network.plan.stride();
+        let Stack { inputs: axes, hidden, ending, .. } = network.plan.stack;
+        let values = inputs.len() / axes * network.plan.stride();
         let (Layers(mut activations), Layers(mut slopes)) = (activations, slopes);
         for layer in 0..hidden {
             let (before, from) = activations.split_at_mut(layer);
@@ -279,20 +353,34 @@ impl BlockPass<'_> {
             network.hidden_layer(layer, inputs, previous, from[0], Some(slopes[layer]));
         }
         let last = &activations[hidden - 1][..values];
-        let mut deltas = [0.0; BLOCK];
-        let deltas = &mut deltas[..targets.len()];
-        network.logits(last, deltas);
+        network.outputs(last, outputs);
         let mut loss = 0.0;
-        for (delta, &target) in deltas.iter_mut().zip(targets) {
-            let output = sigmoid(*delta);
+        for (delta, &target) in outputs.iter_mut().zip(targets) {
             let target = f64::from(target);
+            let (output, slope) = match ending {
+                Ending::Sigmoid => {
+                    let output = sigmoid(*delta);
+                    (output, output * (1.0 - output))
+                }
+                Ending::Linear => (f64::from(*delta), 1.0),
+            };
             loss += self.loss.value(output, target);
-            *delta = (self.loss.slope(output, target) / self.batch * output * (1.0 - output)) as f32;
+            *delta = (self.loss.slope(output, target) / self.batch * slope) as f32;
         }
-        network.output_backward(inputs, deltas, last, slopes[hidden - 1], partial);
-        for layer in (0..hidden - 1).rev() {
+        let front = match ending {
+            Ending::Sigmoid => {
+                network.output_backward(inputs, outputs, last, slopes[hidden - 1], partial);
+                hidden - 1
+            }
+            Ending::Linear => {
+                network.output_biases(outputs, partial);
+                hidden
+            }
+        };
+        for layer in (0..front).rev() {
             let (before, behind) = slopes.split_at_mut(layer + 1);
-            network.hidden_backward(layer, inputs, &behind[0][..values], before[layer], partial, scratch);
+            let next = if layer + 1 == hidden { &*outputs } else { &behind[0][..values] };
+            network.hidden_backward(layer, inputs, next, before[layer], partial, scratch);
         }
         loss
     }
@@ -342,10 +430,19 @@ struct Update<'a> {
     layer_length: usize,
     activations: &'a [f32],
     deltas: &'a [f32],
+    /// δ of the output layer.
+    outputs: &'a [f32],
     partials: &'a [f32],
     /// An earlier window has left its gradient.
     accumulate: bool,
     factors: Option<AdamFactors>,
+    /// Leave the matrices between hidden layers as they are, but for their gradient.
+    spare_matrices: bool,
+}
+
+/// True for a hidden layer behind another one.
+fn is_between(plan: &Plan, layer: usize) -> bool {
+    (1..plan.stack.hidden).contains(&layer)
 }
 
 impl Update<'_> {
@@ -365,24 +462,31 @@ impl Update<'_> {
             Part::Biases => self.sum_partials(plan.partial_biases(piece.layer), gradient, 1),
             Part::Output => self.sum_partials(plan.partial_output(), gradient, 1),
             Part::Panel(neurons) => {
-                let (width, inputs) = (plan.shape.width, plan.layers[piece.layer].inputs);
+                let (width, inputs) = (plan.stack.width, plan.layers[piece.layer].inputs);
                 let neurons_in = plan.neurons_in(piece.layer);
                 if piece.layer > 0 {
-                    let deltas = &self.deltas[piece.layer * self.layer_length + neurons.start..];
-                    let deltas = Matrix::row_major(deltas, self.samples, neurons.len(), plan.stride());
+                    let deltas = if piece.layer == plan.stack.hidden {
+                        self.outputs
+                    } else {
+                        &self.deltas[piece.layer * self.layer_length..]
+                    };
+                    let stride = plan.row_stride(piece.layer);
+                    let deltas =
+                        Matrix::row_major(&deltas[neurons.start..], self.samples, neurons.len(), stride);
                     let before = &self.activations[(piece.layer - 1) * self.layer_length..];
                     let before = Matrix::row_major(before, self.samples, width, plan.stride());
                     multiply(gradient, inputs, deltas.transposed(), before, self.accumulate);
                 }
                 if plan.sees_input(piece.layer) {
-                    for axis in 0..INPUTS {
+                    for axis in 0..plan.stack.inputs {
                         let sums = plan.partial_inputs(piece.layer) + axis * width + neurons.start;
                         self.sum_partials(sums, &mut gradient[neurons_in + axis..], inputs);
                     }
                 }
             }
         }
-        if let Some(factors) = &self.factors {
+        let spared = self.spare_matrices && is_between(plan, piece.layer);
+        if let Some(factors) = self.factors.filter(|_| !(spared && matches!(piece.part, Part::Panel(_)))) {
             factors.apply(self.arch, arrays.parameters, gradient, arrays.first_moment, arrays.second_moment);
             if let Part::Panel(neurons) = &piece.part {
                 transpose(arrays.parameters, neurons.len(), plan.layers[piece.layer].inputs, arrays.panels);

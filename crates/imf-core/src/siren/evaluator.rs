@@ -33,7 +33,7 @@ impl CpuEvaluator {
         shape.check().map_err(refused)?;
         shape.check_parameters(parameters).map_err(refused)?;
         prefer_unpacked();
-        let plan = Plan::new(shape);
+        let plan = Plan::new(shape.stack());
         let mut panels = vec![0.0; parameters.len()];
         transpose_all(&plan, parameters, &mut panels);
         let scratch = ScratchPool::new(BLOCK * (2 * plan.stride() + INPUTS + 1));
@@ -46,7 +46,7 @@ impl CpuEvaluator {
     /// Parameters that do not fit the shape.
     pub fn set_parameters(&mut self, parameters: &[f32]) -> Result<(), EngineError> {
         self.plan
-            .shape
+            .stack
             .check_parameters(parameters)
             .map_err(|error| EngineError::Shape(error.to_string()))?;
         self.parameters.copy_from_slice(parameters);
@@ -58,13 +58,9 @@ impl CpuEvaluator {
     fn block(&self, inputs: &[f32], outputs: &mut [f32], scratch: &mut [f32]) {
         let network =
             Network { arch: self.arch, plan: &self.plan, parameters: &self.parameters, panels: &self.panels };
-        let values = outputs.len() * self.plan.stride();
-        let (mut previous, mut next) = scratch.split_at_mut(BLOCK * self.plan.stride());
-        for layer in 0..self.plan.shape.hidden {
-            network.hidden_layer(layer, inputs, &previous[..values], next, None);
-            std::mem::swap(&mut previous, &mut next);
-        }
-        network.logits(&previous[..values], outputs);
+        let (first, second) = scratch.split_at_mut(BLOCK * self.plan.stride());
+        let last = network.hidden_layers(inputs, first, second);
+        network.outputs(last, outputs);
         for output in outputs {
             *output = sigmoid(*output) as f32;
         }

@@ -7,7 +7,7 @@ use super::lanes::{load, store};
 use super::matrix::{Matrix, multiply};
 use super::plan::Plan;
 use super::sine::{sine, sine_cosine};
-use crate::siren::INPUTS;
+use super::stack::Ending;
 
 /// A network ready to run: its plan, its flat parameters and their transposed panels.
 #[derive(Clone, Copy)]
@@ -22,7 +22,7 @@ impl Network<'_> {
     /// One hidden layer for one block: `sums [rows][stride]` becomes `sin(ω(W·a + b))` and, where asked for,
     /// `slopes [rows][stride]` its derivative `ω·cos(ω(W·a + b))` by the sum `W·a + b`.
     ///
-    /// `previous [rows][stride]` are the activations before (unused by layer 0), `inputs [rows][5]` the samples.
+    /// `previous [rows][stride]` are the activations before (unused by layer 0), `inputs [rows][inputs]` the samples.
     pub(crate) fn hidden_layer(
         &self,
         layer: usize,
@@ -33,9 +33,9 @@ impl Network<'_> {
     ) {
         let plan = self.plan;
         let stride = plan.stride();
-        let rows = inputs.len() / INPUTS;
+        let rows = inputs.len() / plan.stack.inputs;
         let neurons_in = plan.neurons_in(layer);
-        for neurons in plan.panels() {
+        for neurons in plan.panels(layer) {
             let (first, columns) = (neurons.start, neurons.len());
             let panel = &self.panels[plan.panel_range(layer, &neurons)];
             if layer > 0 {
@@ -49,20 +49,56 @@ impl Network<'_> {
                 stride,
                 biases: &self.parameters[plan.layers[layer].biases + first..][..columns],
                 inputs,
+                axes: plan.stack.inputs,
                 input_weights: plan.sees_input(layer).then(|| &panel[neurons_in * columns..]),
                 fresh: layer == 0,
-                omega: plan.shape.omega,
+                omega: plan.stack.omega,
             };
             self.arch.dispatch(pass);
         }
     }
 
-    /// The output layer's sums (before the sigmoid) of a block: `last [rows][stride]` into `out [rows]`.
-    pub(crate) fn logits(&self, last: &[f32], out: &mut [f32]) {
-        let layer = self.plan.layers[self.plan.shape.hidden];
-        let weights = &self.parameters[layer.weights..layer.biases];
-        let bias = self.parameters[layer.biases];
-        self.arch.dispatch(Dots { rows: last, stride: self.plan.stride(), weights, bias, out });
+    /// All hidden layers of a block without their slopes, by turns in two buffers `[rows][stride]`; the last one's
+    /// activations are returned.
+    pub(crate) fn hidden_layers<'b>(
+        &self,
+        inputs: &[f32],
+        mut previous: &'b mut [f32],
+        mut next: &'b mut [f32],
+    ) -> &'b [f32] {
+        let values = inputs.len() / self.plan.stack.inputs * self.plan.stride();
+        for layer in 0..self.plan.stack.hidden {
+            self.hidden_layer(layer, inputs, &previous[..values], next, None);
+            std::mem::swap(&mut previous, &mut next);
+        }
+        &previous[..values]
+    }
+
+    /// The output layer's sums of a block: `last [rows][stride]` into `out [rows][outputs]`.
+    pub(crate) fn outputs(&self, last: &[f32], out: &mut [f32]) {
+        let Plan { stack, .. } = *self.plan;
+        let layer = self.plan.layers[stack.hidden];
+        let biases = &self.parameters[layer.biases..][..stack.outputs];
+        if stack.ending == Ending::Sigmoid {
+            let weights = &self.parameters[layer.weights..layer.biases];
+            self.arch.dispatch(Dots {
+                rows: last,
+                stride: self.plan.stride(),
+                weights,
+                bias: biases[0],
+                out,
+            });
+            return;
+        }
+        let rows = out.len() / stack.outputs;
+        out.chunks_exact_mut(stack.outputs).for_each(|row| row.copy_from_slice(biases));
+        let last = Matrix::row_major(last, rows, stack.width, self.plan.stride());
+        for neurons in self.plan.panels(stack.hidden) {
+            let (first, columns) = (neurons.start, neurons.len());
+            let panel = &self.panels[self.plan.panel_range(stack.hidden, &neurons)];
+            let weights = Matrix::row_major(panel, stack.width, columns, columns);
+            multiply(&mut out[first..], stack.outputs, last, weights, true);
+        }
     }
 }
 
@@ -79,9 +115,11 @@ struct Activation<'a> {
     stride: usize,
     /// `[columns]`.
     biases: &'a [f32],
-    /// `[rows][5]`.
+    /// `[rows][axes]`.
     inputs: &'a [f32],
-    /// `[5][columns]`, where the layer sees the network's inputs.
+    /// Inputs of the network.
+    axes: usize,
+    /// `[axes][columns]`, where the layer sees the network's inputs.
     input_weights: Option<&'a [f32]>,
     /// There is no product yet to add to.
     fresh: bool,
@@ -90,7 +128,7 @@ struct Activation<'a> {
 
 impl Activation<'_> {
     #[inline(always)]
-    fn run<S: Simd, const FRESH: bool, const INPUT: bool>(self, simd: S) {
+    fn run<S: Simd, const FRESH: bool, const INPUT: bool, const AXES: usize>(self, simd: S) {
         let columns = self.biases.len();
         let omega = simd.splat_f32s(self.omega);
         let input_weights = self.input_weights.unwrap_or_default();
@@ -98,13 +136,13 @@ impl Activation<'_> {
         // A register of neurons at a time down the rows: its biases and input weights stay in registers.
         for at in (0..columns).step_by(S::F32_LANES) {
             let bias = load(simd, self.biases, at);
-            let mut axes = [simd.splat_f32s(0.0); INPUTS];
+            let mut axes = [simd.splat_f32s(0.0); AXES];
             if INPUT {
                 for (weights, line) in axes.iter_mut().zip(input_weights.chunks_exact(columns)) {
                     *weights = load(simd, line, at);
                 }
             }
-            for (row, sample) in self.inputs.chunks_exact(INPUTS).enumerate() {
+            for (row, sample) in self.inputs.chunks_exact(AXES).enumerate() {
                 let sums = &mut self.sums[row * self.stride..][..columns];
                 let mut sum = bias;
                 if !FRESH {
@@ -137,10 +175,14 @@ impl WithSimd for Activation<'_> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        match (self.fresh, self.input_weights.is_some()) {
-            (true, _) => self.run::<S, true, true>(simd),
-            (false, true) => self.run::<S, false, true>(simd),
-            (false, false) => self.run::<S, false, false>(simd),
+        match (self.axes, self.fresh, self.input_weights.is_some()) {
+            (5, true, _) => self.run::<S, true, true, 5>(simd),
+            (5, false, true) => self.run::<S, false, true, 5>(simd),
+            (5, false, false) => self.run::<S, false, false, 5>(simd),
+            (3, true, _) => self.run::<S, true, true, 3>(simd),
+            (3, false, true) => self.run::<S, false, true, 3>(simd),
+            (3, false, false) => self.run::<S, false, false, 3>(simd),
+            (axes, ..) => unreachable!("kernels are made for 3 and 5 inputs, not {axes}"),
         }
     }
 }

@@ -7,18 +7,21 @@
 //!   parameters, and transposed, `[inputs][neurons of the panel]`, for the forward product, which is a third slower on
 //!   a transposed view. The transposed panel has the same offset and length in its own array as the rows have in the
 //!   parameters.
-//! - The five inputs of the network, in the first layer and behind the skip, never become columns of a product:
+//! - The few inputs of the network, in the first layer and behind the skip, never become columns of a product:
 //!   they are added where bias and sine are computed.
+//! - A linear output layer is cut into panels as a hidden one; the one neuron of a sigmoid is a piece of its own.
 //!
 //! What a block adds up over its samples for the gradient is one *partial*:
 //!
 //! ```text
-//! | biases [hidden][width] | first layer's weights [5][width] | skip's weights [5][width], if any | output weights [width] | output bias |
+//! | biases [hidden][width] | first layer's weights [inputs][width] | skip's weights [inputs][width], if any | the end |
+//! the end of a sigmoid: | output weights [width] | output bias |      of a linear output: | output biases [outputs] |
 //! ```
 
 use std::ops::Range;
 
-use crate::siren::{INPUTS, Layer, SirenShape};
+use super::stack::{Ending, Stack};
+use crate::siren::Layer;
 
 /// Samples that one core takes through the network at a time: at width 512 a layer's values are 256 KiB, a quarter of
 /// the level-2 cache; 64 lose 5 % in the products, 256 gain 2 % but halve the number of pieces.
@@ -46,34 +49,34 @@ pub(crate) struct Piece {
 /// What a piece of the update holds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Part {
-    /// Weights of one panel of neurons of a hidden layer.
+    /// Weights of one panel of neurons of a hidden layer or a linear output.
     Panel(Range<usize>),
-    /// All biases of a hidden layer.
+    /// All biases of such a layer.
     Biases,
-    /// Weights and bias of the output layer.
+    /// Weights and bias of the one neuron behind a sigmoid.
     Output,
 }
 
 /// A network cut into pieces.
 #[derive(Clone, Debug)]
 pub(crate) struct Plan {
-    pub(crate) shape: SirenShape,
+    pub(crate) stack: Stack,
     pub(crate) layers: Vec<Layer>,
     /// Pieces of the update in the order of the flat parameters, which they tile.
     pub(crate) pieces: Vec<Piece>,
 }
 
 impl Plan {
-    pub(crate) fn new(shape: SirenShape) -> Self {
-        let layers = shape.layers();
-        let mut plan = Self { shape, layers, pieces: Vec::new() };
+    pub(crate) fn new(stack: Stack) -> Self {
+        let layers = stack.layers();
+        let mut plan = Self { stack, layers, pieces: Vec::new() };
         for (index, layer) in plan.layers.iter().enumerate() {
             let end = layer.biases + layer.outputs;
-            if index == shape.hidden {
+            if index == stack.hidden && stack.ending == Ending::Sigmoid {
                 plan.pieces.push(Piece { layer: index, part: Part::Output, range: layer.weights..end });
                 continue;
             }
-            for neurons in plan.panels() {
+            for neurons in plan.panels(index) {
                 let range = plan.panel_range(index, &neurons);
                 plan.pieces.push(Piece { layer: index, part: Part::Panel(neurons), range });
             }
@@ -82,15 +85,15 @@ impl Plan {
         plan
     }
 
-    /// The panels of a hidden layer, as ranges of neurons.
-    pub(crate) fn panels(&self) -> impl Iterator<Item = Range<usize>> + use<> {
-        let width = self.shape.width;
+    /// The panels of a layer, as ranges of neurons.
+    pub(crate) fn panels(&self, layer: usize) -> impl Iterator<Item = Range<usize>> + use<> {
+        let width = self.layers[layer].outputs;
         (0..width).step_by(PANEL).map(move |first| first..(first + PANEL).min(width))
     }
 
     /// Neurons of the widest panel.
     pub(crate) fn widest_panel(&self) -> usize {
-        PANEL.min(self.shape.width)
+        PANEL.min(self.stack.width.max(self.stack.outputs))
     }
 
     /// Where a panel's rows stand in the flat parameters and, transposed, in the array of panels.
@@ -99,42 +102,51 @@ impl Plan {
         weights + neurons.start * inputs..weights + neurons.end * inputs
     }
 
-    /// Distance of two samples' rows in arrays of activations and slopes. Rows 2 KiB or a multiple apart compete for
+    /// Distance of two samples' rows in arrays of a hidden layer's activations and slopes. Rows 2 KiB or a multiple apart compete for
     /// few sets of the cache: 16 values more make the gradient's products 3 % faster.
     pub(crate) fn stride(&self) -> usize {
-        let width = self.shape.width;
+        let width = self.stack.width;
         if width.is_multiple_of(256) { width + 16 } else { width }
     }
 
-    /// Inputs of a hidden layer that are neurons of the one before.
-    pub(crate) fn neurons_in(&self, layer: usize) -> usize {
-        if layer == 0 { 0 } else { self.shape.width }
+    /// Distance of two samples' rows in the arrays of a layer's values and δ, the output layer's among them.
+    pub(crate) fn row_stride(&self, layer: usize) -> usize {
+        if layer == self.stack.hidden { self.stack.outputs } else { self.stride() }
     }
 
-    /// True where the five inputs of the network are inputs of this hidden layer.
+    /// Inputs of a layer that are neurons of the one before.
+    pub(crate) fn neurons_in(&self, layer: usize) -> usize {
+        if layer == 0 { 0 } else { self.stack.width }
+    }
+
+    /// True where the inputs of the network are inputs of this hidden layer.
     pub(crate) fn sees_input(&self, layer: usize) -> bool {
         layer == 0 || self.layers[layer].skip
     }
 
-    /// A hidden layer's bias sums in a partial.
+    /// The bias sums of a hidden layer or a linear output in a partial.
     pub(crate) fn partial_biases(&self, layer: usize) -> usize {
-        layer * self.shape.width
+        if layer == self.stack.hidden { self.partial_output() } else { layer * self.stack.width }
     }
 
-    /// The sums `[5][width]` for the weights of the network's inputs in a partial.
+    /// The sums `[inputs][width]` for the weights of the network's inputs in a partial.
     pub(crate) fn partial_inputs(&self, layer: usize) -> usize {
-        (self.shape.hidden + if layer == 0 { 0 } else { INPUTS }) * self.shape.width
+        (self.stack.hidden + if layer == 0 { 0 } else { self.stack.inputs }) * self.stack.width
     }
 
-    /// The output layer's sums in a partial, weights then bias.
+    /// The output layer's sums in a partial: weights then bias of a sigmoid, biases of a linear output.
     pub(crate) fn partial_output(&self) -> usize {
         let skips = self.layers.iter().filter(|layer| layer.skip).count();
-        (self.shape.hidden + INPUTS * (1 + skips)) * self.shape.width
+        (self.stack.hidden + self.stack.inputs * (1 + skips)) * self.stack.width
     }
 
     /// Length of a partial.
     pub(crate) fn partial_length(&self) -> usize {
-        self.partial_output() + self.shape.width + 1
+        self.partial_output()
+            + match self.stack.ending {
+                Ending::Sigmoid => self.stack.width + 1,
+                Ending::Linear => self.stack.outputs,
+            }
     }
 }
 
@@ -172,18 +184,21 @@ pub(crate) fn transpose_all(plan: &Plan, parameters: &[f32], panels: &mut [f32])
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::siren::SirenShape;
 
     #[test]
     fn pieces_tile_the_parameters_in_order() {
         for width in [1, 37, 64, 130, 512] {
-            let shape = SirenShape { width, ..SirenShape::default() };
-            let plan = Plan::new(shape);
-            let mut end = 0;
-            for piece in &plan.pieces {
-                assert_eq!(piece.range.start, end, "width {width}");
-                end = piece.range.end;
+            let sigmoid = SirenShape { width, ..SirenShape::default() }.stack();
+            for stack in [sigmoid, Stack { inputs: 3, outputs: 99, ending: Ending::Linear, ..sigmoid }] {
+                let plan = Plan::new(stack);
+                let mut end = 0;
+                for piece in &plan.pieces {
+                    assert_eq!(piece.range.start, end, "width {width}");
+                    end = piece.range.end;
+                }
+                assert_eq!(end, stack.parameter_count());
             }
-            assert_eq!(end, shape.parameter_count());
         }
     }
 

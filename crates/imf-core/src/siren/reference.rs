@@ -1,6 +1,7 @@
 //! The network, its loss and one Adam step in f64, written as the mathematics: the definition that every fast
 //! engine is tested against. Slow on purpose.
 
+use super::stack::Stack;
 use super::{INPUTS, SirenShape};
 use crate::training::{AdamConfig, Loss};
 
@@ -10,23 +11,23 @@ use crate::training::{AdamConfig, Loss};
 /// If `parameters` does not fit `shape`.
 #[must_use]
 pub fn forward(shape: &SirenShape, parameters: &[f64], input: &[f64; INPUTS]) -> f64 {
-    activations(shape, parameters, input).output
+    output(&activations(&shape.stack(), parameters, input))
 }
 
 /// What a forward pass keeps for the backward pass.
-struct Activations {
+pub(crate) struct Activations {
     /// Input of every layer, the skip's input appended.
     inputs: Vec<Vec<f64>>,
-    /// Pre-activation `W·a + b` of every layer.
-    sums: Vec<Vec<f64>>,
-    output: f64,
+    /// Pre-activation `W·a + b` of every layer; the last one's are the stack's outputs.
+    pub(crate) sums: Vec<Vec<f64>>,
 }
 
-fn activations(shape: &SirenShape, parameters: &[f64], input: &[f64; INPUTS]) -> Activations {
-    let omega = f64::from(shape.omega);
-    let mut kept = Activations { inputs: Vec::new(), sums: Vec::new(), output: 0.0 };
+/// A stack's forward pass for one sample.
+pub(crate) fn activations(stack: &Stack, parameters: &[f64], input: &[f64]) -> Activations {
+    let omega = f64::from(stack.omega);
+    let mut kept = Activations { inputs: Vec::new(), sums: Vec::new() };
     let mut signal = input.to_vec();
-    for layer in shape.layers() {
+    for layer in stack.layers() {
         if layer.skip {
             signal.extend_from_slice(input);
         }
@@ -40,9 +41,47 @@ fn activations(shape: &SirenShape, parameters: &[f64], input: &[f64; INPUTS]) ->
         kept.inputs.push(std::mem::replace(&mut signal, sums.iter().map(|s| (omega * s).sin()).collect()));
         kept.sums.push(sums);
     }
-    let last = kept.sums.last().map_or(0.0, |sums| sums[0]);
-    kept.output = 1.0 / (1.0 + (-last).exp());
     kept
+}
+
+/// A stack's backward pass for one sample, from `delta` of its outputs: adds to `gradient`, the parameters', and returns
+/// the inputs'.
+pub(crate) fn backward(
+    stack: &Stack,
+    parameters: &[f64],
+    kept: &Activations,
+    mut delta: Vec<f64>,
+    gradient: &mut [f64],
+) -> Vec<f64> {
+    let omega = f64::from(stack.omega);
+    let mut of_inputs = vec![0.0; stack.inputs];
+    // δ = ∂loss/∂(W·a + b) of the layer at hand, from the output backwards.
+    for (index, layer) in stack.layers().iter().enumerate().rev() {
+        let signal = &kept.inputs[index];
+        let mut upstream = vec![0.0; layer.inputs];
+        for row in 0..layer.outputs {
+            for column in 0..layer.inputs {
+                gradient[layer.weights + row * layer.inputs + column] += delta[row] * signal[column];
+                upstream[column] += delta[row] * parameters[layer.weights + row * layer.inputs + column];
+            }
+            gradient[layer.biases + row] += delta[row];
+        }
+        let neurons = layer.inputs - if layer.skip || index == 0 { stack.inputs } else { 0 };
+        of_inputs.iter_mut().zip(&upstream[neurons..]).for_each(|(slope, up)| *slope += up);
+        if index > 0 {
+            delta = kept.sums[index - 1]
+                .iter()
+                .zip(&upstream)
+                .map(|(sum, up)| up * omega * (omega * sum).cos())
+                .collect();
+        }
+    }
+    of_inputs
+}
+
+fn output(kept: &Activations) -> f64 {
+    let last = kept.sums.last().map_or(0.0, |sums| sums[0]);
+    1.0 / (1.0 + (-last).exp())
 }
 
 /// Mean loss of a batch and its gradient with respect to every parameter.
@@ -58,34 +97,16 @@ pub fn loss_and_gradient(
     loss: Loss,
 ) -> (f64, Vec<f64>) {
     assert_eq!(inputs.len(), targets.len(), "one target for each input");
-    let omega = f64::from(shape.omega);
-    let layers = shape.layers();
+    let stack = shape.stack();
     let mut gradient = vec![0.0; parameters.len()];
     let mut total = 0.0;
     let count = inputs.len() as f64;
     for (input, &target) in inputs.iter().zip(targets) {
-        let kept = activations(shape, parameters, input);
-        total += loss.value(kept.output, target) / count;
-        // δ = ∂loss/∂(W·a + b) of the layer at hand, from the output backwards.
-        let mut delta = vec![loss.slope(kept.output, target) / count * kept.output * (1.0 - kept.output)];
-        for (index, layer) in layers.iter().enumerate().rev() {
-            let signal = &kept.inputs[index];
-            let mut upstream = vec![0.0; layer.inputs];
-            for row in 0..layer.outputs {
-                for column in 0..layer.inputs {
-                    gradient[layer.weights + row * layer.inputs + column] += delta[row] * signal[column];
-                    upstream[column] += delta[row] * parameters[layer.weights + row * layer.inputs + column];
-                }
-                gradient[layer.biases + row] += delta[row];
-            }
-            if index > 0 {
-                delta = kept.sums[index - 1]
-                    .iter()
-                    .zip(&upstream)
-                    .map(|(sum, up)| up * omega * (omega * sum).cos())
-                    .collect();
-            }
-        }
+        let kept = activations(&stack, parameters, input);
+        let output = output(&kept);
+        total += loss.value(output, target) / count;
+        let delta = loss.slope(output, target) / count * output * (1.0 - output);
+        backward(&stack, parameters, &kept, vec![delta], &mut gradient);
     }
     (total, gradient)
 }
@@ -96,30 +117,12 @@ pub fn loss_and_gradient(
 /// If `parameters` does not fit `shape`.
 #[must_use]
 pub fn input_gradient(shape: &SirenShape, parameters: &[f64], input: &[f64; INPUTS]) -> [f64; INPUTS] {
-    let omega = f64::from(shape.omega);
-    let kept = activations(shape, parameters, input);
-    let mut gradient = [0.0; INPUTS];
-    let mut delta = vec![kept.output * (1.0 - kept.output)];
-    for (index, layer) in shape.layers().iter().enumerate().rev() {
-        let mut upstream = vec![0.0; layer.inputs];
-        for row in 0..layer.outputs {
-            for column in 0..layer.inputs {
-                upstream[column] += delta[row] * parameters[layer.weights + row * layer.inputs + column];
-            }
-        }
-        let activations = layer.inputs - if layer.skip || index == 0 { INPUTS } else { 0 };
-        for (slope, up) in gradient.iter_mut().zip(&upstream[activations..]) {
-            *slope += up;
-        }
-        if index > 0 {
-            delta = kept.sums[index - 1]
-                .iter()
-                .zip(&upstream)
-                .map(|(sum, up)| up * omega * (omega * sum).cos())
-                .collect();
-        }
-    }
-    gradient
+    let stack = shape.stack();
+    let kept = activations(&stack, parameters, input);
+    let output = output(&kept);
+    let slopes =
+        backward(&stack, parameters, &kept, vec![output * (1.0 - output)], &mut vec![0.0; parameters.len()]);
+    std::array::from_fn(|axis| slopes[axis])
 }
 
 /// One Adam step with coupled L2: the gradient grows by `weight_decay · w` before the moments see it.

@@ -219,7 +219,8 @@ impl TrainError {
     }
 }
 
-/// Fills the batch of a step: its cursor, its number from the run's beginning, `inputs` `[n][5]` and `targets` `[n]`. What it
+/// Fills the batch of a step: its cursor, its number from the run's beginning, `inputs` and `targets` as
+/// [`TrainingEngine::step`] takes them. What it
 /// writes must follow from cursor and step alone.
 pub type Feed<'a> = dyn FnMut(Cursor, u64, &mut [f32], &mut [f32]) -> Result<(), TrainError> + 'a;
 
@@ -274,13 +275,14 @@ pub fn train_by(
         return Err(TrainError::Cursor { epoch, step: step_in_epoch, steps_per_epoch });
     };
     let most = plan.batch.min(samples);
-    let (mut inputs, mut targets) = (vec![0.0; most * INPUTS], vec![0.0; most]);
+    let (wide, learnt) = (engine.inputs(), engine.outputs());
+    let (mut inputs, mut targets) = (vec![0.0; most * wide], vec![0.0; most * learnt]);
     let mut since = Since { step, samples: 0, start: Instant::now() };
     let mut watch = Watch::default();
     while step < total_steps {
         let first = step_in_epoch as usize * plan.batch;
         let count = plan.batch.min(samples - first);
-        let (inputs, targets) = (&mut inputs[..count * INPUTS], &mut targets[..count]);
+        let (inputs, targets) = (&mut inputs[..count * wide], &mut targets[..count * learnt]);
         feed(Cursor { epoch, step: step_in_epoch }, step, inputs, targets)?;
         let learning_rate = plan.schedule.rate(epoch, step, total_steps);
         engine.step(inputs, targets, learning_rate)?;

@@ -1,6 +1,7 @@
 //! The CPU engine against the f64 definition, and its promise that threads change nothing.
 
 use super::*;
+use crate::siren::INPUTS;
 use crate::siren::lanes::archs;
 use crate::siren::reference;
 use crate::training::EvaluationEngine;

@@ -1,0 +1,171 @@
+//! The factored field: the harmonic field in a megabyte, differentiable in space.
+//!
+//! `CMF(x, d) ≈ clamp(mean(d) + ⟨g(x), h(d)⟩)`. h are a harmonic field's functions of the orientation, turned to their
+//! principal axes and fixed; g is a sine network from the point to the coefficients along those axes. The axes are
+//! orthonormal functions of mean square 1, so the squared error of the coefficients is the mean squared error over the
+//! whole sphere (Parseval): every voxel teaches all directions at once, and no direction is ever sampled ([`teach()`]).
+//! Once g is known at a point every orientation costs one short dot product, by the harmonic field's own evaluation
+//! ([`FactoredEvaluator`]), and derivatives by position and direction are exact.
+//!
+//! The network sees positions scaled alike along x, y and z: the longest edge of the grid is [−1, 1]. Its outputs times
+//! one scale, the teacher's root mean square, are the coefficients. Outside the box of the voxel centres, where nothing
+//! was taught, there is no answer.
+
+mod evaluate;
+pub mod file;
+mod point;
+pub mod reference;
+mod teach;
+mod trainer;
+
+pub use evaluate::FactoredEvaluator;
+pub use point::{FactoredPoint, PointScratch};
+pub use teach::{TeachSettings, teach};
+pub use trainer::{FactoredState, FactoredTrainer, Optimiser};
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::grid::Grid;
+use crate::harmonic::basis::Basis;
+use crate::harmonic::{HarmonicField, Heads};
+use crate::orientation::Orientation;
+use crate::siren::stack::{Ending, Stack};
+use crate::siren::{Layer, ShapeError};
+
+/// Inputs of g: the point.
+pub const INPUTS: usize = 3;
+
+/// What g looks like; its weights are a flat array beside it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FactoredShape {
+    /// Neurons of every hidden layer.
+    pub width: usize,
+    /// Number of hidden layers.
+    pub hidden: usize,
+    /// Frequency factor ω inside every sine.
+    pub omega: f32,
+    /// Outputs: principal axes of the harmonic field.
+    pub axes: usize,
+}
+
+impl FactoredShape {
+    /// The network as a stack of layers.
+    pub(crate) fn stack(&self) -> Stack {
+        let Self { width, hidden, omega, axes } = *self;
+        Stack {
+            inputs: INPUTS,
+            width,
+            hidden,
+            skip_after: None,
+            omega,
+            outputs: axes,
+            ending: Ending::Linear,
+        }
+    }
+
+    /// Checks width, depth and ω.
+    ///
+    /// # Errors
+    /// Names the value that is out of range.
+    pub fn check(&self) -> Result<(), ShapeError> {
+        self.stack().check()
+    }
+
+    /// The layers in order, the linear one last: the layout of the flat parameters.
+    #[must_use]
+    pub fn layers(&self) -> Vec<Layer> {
+        self.stack().layers()
+    }
+
+    /// Number of parameters, weights and biases together.
+    #[must_use]
+    pub fn parameter_count(&self) -> usize {
+        self.stack().parameter_count()
+    }
+
+    /// Random starting weights, in the ranges of the paper's network; the same seed gives the same bits everywhere.
+    #[must_use]
+    pub fn initial_parameters(&self, seed: u64) -> Vec<f32> {
+        self.stack().initial_parameters(seed)
+    }
+}
+
+/// The overlap of tool and obstacle at any point of a grid's box, in any orientation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FactoredField {
+    /// Where the voxels are that it was taught at.
+    pub grid: Grid,
+    /// The functions of the orientation, K of them.
+    pub basis: Basis,
+    /// U: `[K][axes]`, orthonormal columns.
+    pub axes: Vec<f32>,
+    /// μ: `[K]`.
+    pub mean: Vec<f32>,
+    /// What g looks like.
+    pub shape: FactoredShape,
+    /// g's weights, in the layout of [`FactoredShape::layers`].
+    pub parameters: Vec<f32>,
+    /// Coefficients are g's outputs times this.
+    pub scale: f32,
+}
+
+impl FactoredField {
+    /// The field of a teacher's functions and a network taught by it.
+    ///
+    /// # Errors
+    /// Parameters that do not fit the shape, or a shape of other axes than the teacher's.
+    pub fn new(
+        teacher: &HarmonicField,
+        shape: FactoredShape,
+        parameters: Vec<f32>,
+    ) -> Result<Self, ShapeError> {
+        shape.check()?;
+        shape.stack().check_parameters(&parameters)?;
+        let expected = FactoredShape { axes: teacher.axis_count(), ..shape }.parameter_count();
+        if expected != parameters.len() {
+            return Err(ShapeError::Parameters { expected, found: parameters.len() });
+        }
+        Ok(Self {
+            grid: teacher.grid,
+            basis: teacher.basis.clone(),
+            axes: teacher.axes.clone(),
+            mean: teacher.mean.clone(),
+            shape,
+            parameters,
+            scale: teach::scale(teacher),
+        })
+    }
+
+    /// Prepares orientations.
+    #[must_use]
+    pub fn heads(&self, orientations: &[Orientation]) -> Heads {
+        Heads::new(&self.basis, &self.axes, &self.mean, orientations)
+    }
+
+    /// Bytes of weights, axes and mean in f32.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        4 * (self.parameters.len() + self.axes.len() + self.mean.len()) as u64
+    }
+
+    /// Network units for one unit of length.
+    fn inverse_length(&self) -> f64 {
+        2.0 / self.grid.size().max_element()
+    }
+
+    /// What the network sees of a position.
+    fn input(&self, position: DVec3) -> [f32; INPUTS] {
+        input(&self.grid, position)
+    }
+}
+
+/// What a network over a grid sees of a position: the grid's middle is 0, its longest edge is [−1, 1].
+fn input(grid: &Grid, position: DVec3) -> [f32; INPUTS] {
+    let size = grid.size();
+    ((position - grid.origin - 0.5 * size) * (2.0 / size.max_element())).as_vec3().to_array()
+}
+
+#[cfg(test)]
+mod tests;

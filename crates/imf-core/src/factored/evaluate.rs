@@ -1,0 +1,166 @@
+//! The field over a whole grid: g once at every voxel, then the harmonic field's products with all orientations.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use pulp::Arch;
+use rayon::prelude::*;
+
+use super::{FactoredField, INPUTS};
+use crate::harmonic::coefficients::{Coefficients, Precision};
+use crate::harmonic::{FitReport, HarmonicField, Heads, VoxelCoefficients, minimum_of, sections_of};
+use crate::section::Imf;
+use crate::siren::forward::Network;
+use crate::siren::matrix::prefer_unpacked;
+use crate::siren::plan::{Plan, transpose_all};
+use crate::siren::scratch::ScratchPool;
+
+/// A field ready to be evaluated, on the current rayon pool.
+pub struct FactoredEvaluator<'a> {
+    pub(super) field: &'a FactoredField,
+    pub(super) arch: Arch,
+    pub(super) plan: Plan,
+    pub(super) panels: Vec<f32>,
+    /// Two layers of a block.
+    layers: ScratchPool,
+}
+
+/// Points that pass through the network together.
+const BLOCK: usize = HarmonicField::BLOCK;
+
+impl FactoredField {
+    /// Lays the weights out for evaluation.
+    #[must_use]
+    pub fn evaluator(&self) -> FactoredEvaluator<'_> {
+        prefer_unpacked();
+        let plan = Plan::new(self.shape.stack());
+        let mut panels = vec![0.0; self.parameters.len()];
+        transpose_all(&plan, &self.parameters, &mut panels);
+        let layers = ScratchPool::new(2 * BLOCK * plan.stride());
+        FactoredEvaluator { field: self, arch: Arch::new(), plan, panels, layers }
+    }
+}
+
+impl FactoredEvaluator<'_> {
+    fn network(&self) -> Network<'_> {
+        Network {
+            arch: self.arch,
+            plan: &self.plan,
+            parameters: &self.field.parameters,
+            panels: &self.panels,
+        }
+    }
+
+    /// The coefficients at up to a block's points, into `z` as `[point][axes]`.
+    fn block(&self, points: impl ExactSizeIterator<Item = DVec3>, z: &mut [f32]) {
+        let mut inputs = [0.0; BLOCK * INPUTS];
+        let inputs = &mut inputs[..points.len() * INPUTS];
+        for (input, point) in inputs.as_chunks_mut::<INPUTS>().0.iter_mut().zip(points) {
+            *input = self.field.input(point);
+        }
+        self.layers.with(|layers| {
+            let (first, second) = layers.split_at_mut(BLOCK * self.plan.stride());
+            let network = self.network();
+            let last = network.hidden_layers(inputs, first, second);
+            network.outputs(last, z);
+        });
+        z.iter_mut().for_each(|z| *z *= self.field.scale);
+    }
+
+    /// The sections of some orientations, `[orientation][voxel]` into `sections`, in [0, 1].
+    ///
+    /// # Panics
+    /// If `sections` has not that length.
+    pub fn sections(&self, heads: &Heads, sections: &mut [f32]) {
+        sections_of(self, heads, sections);
+    }
+
+    /// The least value over the orientations at every voxel with the first orientation that has it, as
+    /// [`HarmonicField::minimum`].
+    #[must_use]
+    pub fn minimum(&self, heads: &Heads) -> Imf {
+        minimum_of(self, heads)
+    }
+
+    /// The coefficients at every voxel, for many evaluations; `report` is the teacher's.
+    #[must_use]
+    pub fn expanded(&self, precision: Precision, report: FitReport) -> HarmonicField {
+        let (field, axes) = (self.field, self.field.shape.axes);
+        let mut coefficients = vec![0.0; field.grid.len() * axes];
+        coefficients.par_chunks_mut(BLOCK * axes).enumerate().for_each(|(block, z)| {
+            let from = block * BLOCK;
+            let voxels = from..from + z.len() / axes;
+            self.block(voxels.map(|voxel| field.grid.centre(field.grid.voxel(voxel))), z);
+        });
+        HarmonicField {
+            grid: field.grid,
+            basis: field.basis.clone(),
+            axes: field.axes.clone(),
+            mean: field.mean.clone(),
+            coefficients: Coefficients::new(coefficients, precision),
+            report,
+        }
+    }
+
+    /// Overlaps, in [0, 1], of many poses: `poses` are pairs of a point's and an orientation's index. The network runs
+    /// once a point and the functions once an orientation, however often poses name them. NaN outside the box of the
+    /// voxel centres.
+    ///
+    /// # Panics
+    /// If an index is out of range, or there are not as many `overlaps` as poses.
+    pub fn poses(&self, points: &[DVec3], heads: &Heads, poses: &[[u32; 2]], overlaps: &mut [f32]) {
+        assert_eq!(poses.len(), overlaps.len(), "one overlap for each pose");
+        let axes = self.field.shape.axes;
+        let mut z = vec![0.0; points.len() * axes];
+        z.par_chunks_mut(BLOCK * axes).zip(points.par_chunks(BLOCK)).for_each(|(z, points)| {
+            self.block(points.iter().copied(), z);
+            for (z, &point) in z.chunks_exact_mut(axes).zip(points) {
+                if !self.field.grid.is_between_centres(point) {
+                    z.fill(f32::NAN);
+                }
+            }
+        });
+        let turned = heads.by_orientation();
+        overlaps.par_chunks_mut(BLOCK).zip(poses.par_chunks(BLOCK)).for_each(|(overlaps, poses)| {
+            self.arch.dispatch(|| {
+                for (overlap, &[point, orientation]) in overlaps.iter_mut().zip(poses) {
+                    let z = &z[point as usize * axes..][..axes];
+                    let (constant, along) = turned.of(orientation as usize);
+                    *overlap = (constant + dot(z, along)).clamp(0.0, 1.0);
+                }
+            });
+        });
+    }
+}
+
+/// In sixteen sums, which the compiler keeps in registers.
+#[inline(always)]
+pub(super) fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let mut sums = [0.0f32; 16];
+    let (a, a_rest) = a.as_chunks::<16>();
+    let (b, b_rest) = b.as_chunks::<16>();
+    for (a, b) in a.iter().zip(b) {
+        for lane in 0..16 {
+            sums[lane] += a[lane] * b[lane];
+        }
+    }
+    let rest: f32 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    sums.iter().sum::<f32>() + rest
+}
+
+impl VoxelCoefficients for FactoredEvaluator<'_> {
+    fn voxels(&self) -> usize {
+        self.field.grid.len()
+    }
+
+    fn axes(&self) -> usize {
+        self.field.shape.axes
+    }
+
+    fn read<'a>(&'a self, voxels: Range<usize>, scratch: &'a mut Vec<f32>) -> &'a [f32] {
+        scratch.resize(voxels.len() * self.axes(), 0.0);
+        let grid = &self.field.grid;
+        self.block(voxels.map(|voxel| grid.centre(grid.voxel(voxel))), scratch);
+        scratch
+    }
+}

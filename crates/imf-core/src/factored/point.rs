@@ -1,0 +1,242 @@
+//! Single poses: value and exact derivatives in position and direction.
+//!
+//! A point passes through the network with its three tangents beside it, four rows that share one reading of the
+//! weights; what comes out are the coefficients and their derivatives by position, whatever the direction. Each direction
+//! asked there then costs two readings of the axes.
+
+use glam::DVec3;
+use pulp::{Simd, WithSimd};
+
+use super::evaluate::dot;
+use super::{FactoredEvaluator, INPUTS};
+use crate::harmonic::Gradient;
+use crate::harmonic::basis::Domain;
+use crate::orientation::Orientation;
+use crate::siren::lanes::{load, store};
+use crate::siren::sine::sine_cosine;
+
+/// Working memory of a thread that asks for single poses; nothing is allocated once it has its size.
+#[derive(Default)]
+pub struct PointScratch {
+    /// `[neuron][rows]`: activations, and their tangents.
+    signal: Vec<f32>,
+    next: Vec<f32>,
+    /// `[rows][axes]`: coefficients, and their derivatives along x, y and z.
+    z: Vec<f32>,
+    /// h of the direction, `[axes]`.
+    along: Vec<f32>,
+    functions: Vec<f64>,
+    gradients: Vec<DVec3>,
+}
+
+/// The field at one point: ask it for any number of directions.
+pub struct FactoredPoint<'a> {
+    evaluator: &'a FactoredEvaluator<'a>,
+    scratch: &'a mut PointScratch,
+}
+
+impl FactoredEvaluator<'_> {
+    /// The overlap with the tool's tip at a world position, in [0, 1]. `None` outside the box of the voxel centres.
+    #[must_use]
+    pub fn overlap(
+        &self,
+        position: DVec3,
+        orientation: &Orientation,
+        scratch: &mut PointScratch,
+    ) -> Option<f32> {
+        self.pass::<1>(position, scratch)?;
+        Some(self.value(orientation, scratch).clamp(0.0, 1.0))
+    }
+
+    /// The overlap, not clipped, with its gradients in position and direction. `None` outside the box of the voxel
+    /// centres, and for fields over rotations.
+    #[must_use]
+    pub fn overlap_with_gradient(
+        &self,
+        position: DVec3,
+        direction: DVec3,
+        scratch: &mut PointScratch,
+    ) -> Option<Gradient> {
+        self.point(position, scratch)?.gradient(direction)
+    }
+
+    /// The field at a world position, with its derivatives. `None` outside the box of the voxel centres.
+    #[must_use]
+    pub fn point<'a>(&'a self, position: DVec3, scratch: &'a mut PointScratch) -> Option<FactoredPoint<'a>> {
+        self.pass::<4>(position, scratch)?;
+        Some(FactoredPoint { evaluator: self, scratch })
+    }
+
+    /// Fills the first `ROWS` rows of `z`: the coefficients, then their derivatives by position.
+    fn pass<const ROWS: usize>(&self, position: DVec3, scratch: &mut PointScratch) -> Option<()> {
+        let field = self.field;
+        if !field.grid.is_between_centres(position) {
+            return None;
+        }
+        let stack = self.plan.stack;
+        let widest = stack.width.max(stack.outputs).max(INPUTS) * ROWS;
+        let PointScratch { signal, next, z, .. } = scratch;
+        signal.resize(widest, 0.0);
+        next.resize(widest, 0.0);
+        for (axis, &value) in field.input(position).iter().enumerate() {
+            for row in 0..ROWS {
+                signal[axis * ROWS + row] =
+                    if row == 0 { value } else { f32::from(u8::from(row == axis + 1)) };
+            }
+        }
+        for (index, layer) in self.plan.layers.iter().enumerate() {
+            for neurons in self.plan.panels(index) {
+                self.arch.dispatch(PanelOfPoint::<ROWS> {
+                    panel: &self.panels[self.plan.panel_range(index, &neurons)],
+                    biases: &field.parameters[layer.biases + neurons.start..][..neurons.len()],
+                    signal: &signal[..layer.inputs * ROWS],
+                    out: &mut next[neurons.start * ROWS..neurons.end * ROWS],
+                    omega: (index < stack.hidden).then_some(stack.omega),
+                });
+            }
+            std::mem::swap(signal, next);
+        }
+        let axes = stack.outputs;
+        z.resize(4 * axes, 0.0);
+        let slope = field.scale * field.inverse_length() as f32;
+        for (axis, values) in signal.as_chunks::<ROWS>().0[..axes].iter().enumerate() {
+            for (row, &value) in values.iter().enumerate() {
+                z[row * axes + axis] = value * if row == 0 { field.scale } else { slope };
+            }
+        }
+        Some(())
+    }
+
+    /// The value at an orientation of what the first row of `z` holds.
+    fn value(&self, orientation: &Orientation, scratch: &mut PointScratch) -> f32 {
+        let field = self.field;
+        let axes = self.plan.stack.outputs;
+        let PointScratch { z, functions, .. } = scratch;
+        functions.resize(field.basis.len(), 0.0);
+        field.basis.values(orientation, functions);
+        let rows = field.axes.chunks_exact(axes).zip(&field.mean);
+        self.arch.dispatch(|| {
+            rows.zip(functions.iter())
+                .map(|((row, &mean), &value)| f64::from(mean + dot(row, &z[..axes])) * value)
+                .sum::<f64>() as f32
+        })
+    }
+}
+
+impl FactoredPoint<'_> {
+    /// The overlap in an orientation, in [0, 1].
+    #[must_use]
+    pub fn overlap(&mut self, orientation: &Orientation) -> f32 {
+        self.evaluator.value(orientation, self.scratch).clamp(0.0, 1.0)
+    }
+
+    /// The overlap, not clipped, with its gradients; `None` for fields over rotations, or a direction of no length.
+    #[must_use]
+    pub fn gradient(&mut self, direction: DVec3) -> Option<Gradient> {
+        let field = self.evaluator.field;
+        if field.basis.domain() != Domain::Directions {
+            return None;
+        }
+        let direction = direction.try_normalize()?;
+        let axes = self.evaluator.plan.stack.outputs;
+        let PointScratch { z, along, functions, gradients, .. } = &mut *self.scratch;
+        functions.resize(field.basis.len(), 0.0);
+        gradients.resize(field.basis.len(), DVec3::ZERO);
+        field.basis.gradients_of_direction(direction, functions, gradients);
+        along.clear();
+        along.resize(axes, 0.0);
+        let rows = field.axes.chunks_exact(axes).zip(&field.mean);
+        let (z, slopes) = z.split_at(axes);
+        let (value, turn) = self.evaluator.arch.dispatch(|| {
+            let (mut value, mut turn) = (0.0, DVec3::ZERO);
+            for ((row, &mean), (&function, &gradient)) in rows.zip(functions.iter().zip(&*gradients)) {
+                let weight = f64::from(mean + dot(row, z));
+                value += weight * function;
+                turn += weight * gradient;
+                let function = function as f32;
+                along.iter_mut().zip(row).for_each(|(along, &axis)| *along += function * axis);
+            }
+            (value, turn)
+        });
+        let mut position = [0.0; INPUTS];
+        for (slope, row) in position.iter_mut().zip(slopes.chunks_exact(axes)) {
+            *slope = f64::from(dot(row, along));
+        }
+        Some(Gradient { value: value as f32, position: position.into(), direction: turn })
+    }
+}
+
+/// One panel of neurons for one point, its tangents beside it: `out [neuron][ROWS]`.
+struct PanelOfPoint<'a, const ROWS: usize> {
+    /// `[inputs][neurons]`.
+    panel: &'a [f32],
+    biases: &'a [f32],
+    /// `[inputs][ROWS]`.
+    signal: &'a [f32],
+    out: &'a mut [f32],
+    /// `None` for the linear layer.
+    omega: Option<f32>,
+}
+
+/// Registers of neurons taken together: with four rows their sums hide the latency of a product.
+const TOGETHER: usize = 4;
+
+impl<const ROWS: usize> PanelOfPoint<'_, ROWS> {
+    #[inline(always)]
+    fn registers<S: Simd, const N: usize>(&mut self, simd: S, at: usize) {
+        let columns = self.biases.len();
+        let mut sums = [[simd.splat_f32s(0.0); N]; ROWS];
+        for (weights, signal) in self.panel.chunks_exact(columns).zip(self.signal.as_chunks::<ROWS>().0) {
+            for place in 0..N {
+                let weights = load(simd, weights, at + place * S::F32_LANES);
+                for row in 0..ROWS {
+                    sums[row][place] =
+                        simd.mul_add_e_f32s(simd.splat_f32s(signal[row]), weights, sums[row][place]);
+                }
+            }
+        }
+        for place in 0..N {
+            let at = at + place * S::F32_LANES;
+            let mut values = [sums[0][place]; ROWS];
+            for row in 1..ROWS {
+                values[row] = sums[row][place];
+            }
+            values[0] = simd.add_f32s(values[0], load(simd, self.biases, at));
+            if let Some(omega) = self.omega {
+                let omega = simd.splat_f32s(omega);
+                let (sine, cosine) = sine_cosine(simd, simd.mul_f32s(omega, values[0]));
+                let slope = simd.mul_f32s(omega, cosine);
+                values[0] = sine;
+                for value in &mut values[1..] {
+                    *value = simd.mul_f32s(slope, *value);
+                }
+            }
+            // Sixteen lanes are the widest registers there are.
+            let mut spread = [0.0; 16];
+            let lanes = S::F32_LANES.min(columns - at);
+            for (row, &value) in values.iter().enumerate() {
+                store(simd, &mut spread[..S::F32_LANES], 0, value);
+                for lane in 0..lanes {
+                    self.out[(at + lane) * ROWS + row] = spread[lane];
+                }
+            }
+        }
+    }
+}
+
+impl<const ROWS: usize> WithSimd for PanelOfPoint<'_, ROWS> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        let columns = self.biases.len();
+        let mut at = 0;
+        while at + TOGETHER * S::F32_LANES <= columns {
+            self.registers::<S, TOGETHER>(simd, at);
+            at += TOGETHER * S::F32_LANES;
+        }
+        while at < columns {
+            self.registers::<S, 1>(simd, at);
+            at += S::F32_LANES;
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! Teaching g: batches of voxels, their coefficients as targets, the house's training loop.
+
+use std::ops::ControlFlow;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::trainer::Optimiser;
+use super::{FactoredShape, FactoredState, FactoredTrainer, INPUTS, input};
+use crate::control::Control;
+use crate::harmonic::HarmonicField;
+use crate::training::permutation::Permutation;
+use crate::training::run::{Cursor, Length, Outcome, Report, TrainError, TrainingPlan, train_by};
+use crate::training::schedule::Schedule;
+use crate::training::{AdamConfig, Loss};
+
+/// What a factored field is made by, beside its teacher.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TeachSettings {
+    /// Neurons of every hidden layer.
+    pub width: usize,
+    /// Hidden layers.
+    pub hidden: usize,
+    /// Frequency factor ω.
+    pub omega: f32,
+    /// Length, batch, rate, loss, seed: an epoch is every voxel once.
+    pub plan: TrainingPlan,
+    /// How the weights follow the gradient.
+    pub optimiser: Optimiser,
+    /// Share of the averaged weights that a step leaves; 0 keeps no average.
+    pub averaging: f32,
+}
+
+impl Default for TeachSettings {
+    fn default() -> Self {
+        Self {
+            width: 384,
+            hidden: 3,
+            omega: 30.0,
+            plan: TrainingPlan {
+                length: Length::Epochs(40),
+                batch: 1024,
+                schedule: Schedule::Cosine { initial: 1e-3, last: 0.0, warmup: 100 },
+                adam: AdamConfig { weight_decay: 0.0, ..AdamConfig::default() },
+                loss: Loss::L2,
+                seed: 0,
+                report_every: 20,
+            },
+            optimiser: Optimiser::default(),
+            averaging: 0.0,
+        }
+    }
+}
+
+impl TeachSettings {
+    /// The network for so many axes.
+    #[must_use]
+    pub fn shape(&self, axes: usize) -> FactoredShape {
+        FactoredShape { width: self.width, hidden: self.hidden, omega: self.omega, axes }
+    }
+
+    /// The random start of a training.
+    #[must_use]
+    pub fn start(&self, axes: usize) -> FactoredState {
+        FactoredState::new(&self.shape(axes), self.plan.seed, self.averaging > 0.0)
+    }
+
+    /// Checks the values that no type keeps in range.
+    ///
+    /// # Errors
+    /// A plan, shape or average out of range, by name.
+    pub fn check(&self) -> Result<(), TrainError> {
+        self.plan.check()?;
+        self.shape(1).check().map_err(|error| TrainError::Plan(error.to_string()))?;
+        if !(0.0..1.0).contains(&self.averaging) {
+            let found = self.averaging;
+            return Err(TrainError::Plan(format!("`averaging` must be from 0 to below 1, not {found}")));
+        }
+        Ok(())
+    }
+}
+
+/// Voxels of which the scale is taken at a time: sums of a part are added in the parts' order.
+const PART: usize = 4096;
+
+/// The root mean square of a teacher's coefficients, 1 where all are 0.
+pub(super) fn scale(teacher: &HarmonicField) -> f32 {
+    let axes = teacher.axis_count();
+    let voxels = teacher.grid.len();
+    let parts: Vec<f64> = (0..voxels.div_ceil(PART))
+        .into_par_iter()
+        .map_init(Vec::new, |scratch, part| {
+            let range = part * PART..((part + 1) * PART).min(voxels);
+            let z = teacher.coefficients.read(range.start * axes, range.end * axes, scratch);
+            z.iter().map(|&z| f64::from(z) * f64::from(z)).sum()
+        })
+        .collect();
+    let mean = parts.iter().sum::<f64>() / (voxels * axes) as f64;
+    if mean > 0.0 { mean.sqrt() as f32 } else { 1.0 }
+}
+
+/// Teaches the network of `state` the coefficients of `teacher` up to the plan's end, or until `control` asks to stop,
+/// which is looked at wherever the observer is told something; `state` then is where teaching goes on, to the same bits.
+/// One unit of progress is one step. The report's loss is the mean squared error over the sphere where the loss is L2.
+///
+/// # Errors
+/// Settings or a state out of range, or a loss that is not finite or has risen for good; `state` is untouched then.
+pub fn teach(
+    teacher: &HarmonicField,
+    settings: &TeachSettings,
+    state: &mut FactoredState,
+    control: Control<'_>,
+    observer: &mut dyn FnMut(&Report),
+) -> Result<Outcome, TrainError> {
+    settings.check()?;
+    let TeachSettings { plan, .. } = settings;
+    let (voxels, axes) = (teacher.grid.len(), teacher.axis_count());
+    let batch = plan.batch.min(voxels);
+    let shape = settings.shape(axes);
+    let mut trainer = FactoredTrainer::new(
+        shape,
+        plan.adam,
+        plan.loss,
+        settings.optimiser,
+        settings.averaging,
+        batch,
+        state,
+    )?;
+    let scale = scale(teacher);
+    // A loss in units of the field: outputs are coefficients over the scale.
+    let unit = match plan.loss {
+        Loss::L1 => f64::from(scale),
+        Loss::L2 => f64::from(scale) * f64::from(scale),
+    };
+    let start = state.cursor;
+    let mut order = (start.epoch, Permutation::new(voxels, plan.seed, start.epoch));
+    let mut feed = |cursor: Cursor, _: u64, inputs: &mut [f32], targets: &mut [f32]| {
+        if order.0 != cursor.epoch {
+            order = (cursor.epoch, Permutation::new(voxels, plan.seed, cursor.epoch));
+        }
+        let first = cursor.step as usize * plan.batch;
+        let rows = inputs.par_chunks_exact_mut(INPUTS).zip(targets.par_chunks_exact_mut(axes)).enumerate();
+        rows.with_min_len(ROWS).for_each_init(Vec::new, |scratch, (row, (inputs, targets))| {
+            let voxel = order.1.at(first + row);
+            inputs.copy_from_slice(&input(&teacher.grid, teacher.grid.centre(teacher.grid.voxel(voxel))));
+            let z = teacher.coefficients.read(voxel * axes, (voxel + 1) * axes, scratch);
+            targets.iter_mut().zip(z).for_each(|(target, &z)| *target = z / scale);
+        });
+        Ok(())
+    };
+    let mut told = start.epoch * plan.steps_per_epoch(voxels) + start.step;
+    let mut last = start;
+    let outcome = train_by(plan, voxels, &mut feed, &mut trainer, start, &mut |report, _| {
+        (control.progress)(report.step - told);
+        (told, last) = (report.step, report.cursor);
+        observer(&Report { mean_loss: report.mean_loss * unit, ..*report });
+        if control.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })?;
+    *state = trainer.state_at(last)?;
+    Ok(outcome)
+}
+
+/// Rows of a batch that one thread gathers at a time.
+const ROWS: usize = 64;

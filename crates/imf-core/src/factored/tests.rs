@@ -1,0 +1,417 @@
+//! The fast engine against the f64 definition, the field against its teacher and central differences, and against itself
+//! read back.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use glam::{DMat4, DVec3};
+
+use super::file::{FactoredFile, FactoredFileError};
+use super::*;
+use crate::control::Control;
+use crate::harmonic::basis::Domain;
+use crate::harmonic::coefficients::Precision;
+use crate::harmonic::{FitSettings, HarmonicField, fit};
+use crate::orientation::OrientationSet;
+use crate::parts::ReferencePart;
+use crate::scene::{Around, Resolution, Scene, SceneSpec};
+use crate::section::{Imf, SectionPlan};
+use crate::siren::lanes::archs;
+use crate::siren::muon::MuonConfig;
+use crate::tool::Tool;
+use crate::training::run::{Cursor, Length, Outcome, TrainError, TrainingPlan};
+use crate::training::schedule::Schedule;
+use crate::training::{AdamConfig, Loss, TrainingEngine};
+use crate::unit::LengthUnit;
+
+fn scene() -> Scene {
+    SceneSpec {
+        part: "teapot",
+        mesh: &ReferencePart::Teapot.mesh(),
+        unit: LengthUnit::Mm,
+        transform: DMat4::IDENTITY,
+        resolution: Resolution::Dims([15, 19, 31]),
+        margin: 0,
+        conservative: false,
+        tool: &Tool::paper(),
+        fixtures: &[],
+        around: Around::Part,
+    }
+    .scene()
+    .unwrap()
+}
+
+const FIT: FitSettings = FitSettings {
+    degree: 5,
+    sections_per_function: 3.0,
+    axes: 21,
+    precision: Precision::F32,
+    sample: 4096,
+    held_out: 16,
+    seed: 0,
+};
+
+fn teacher(scene: &Scene) -> HarmonicField {
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    fit(&plan, Domain::Directions, &FIT, Control::quiet()).unwrap()
+}
+
+fn settings(steps: u64) -> TeachSettings {
+    TeachSettings {
+        width: 40,
+        hidden: 2,
+        omega: 10.0,
+        plan: TrainingPlan {
+            length: Length::Steps(steps),
+            batch: 300,
+            schedule: Schedule::Cosine { initial: 3e-3, last: 0.0, warmup: 10 },
+            report_every: 7,
+            ..TeachSettings::default().plan
+        },
+        averaging: 0.9,
+        ..TeachSettings::default()
+    }
+}
+
+/// Seeded numbers in ±1 without pattern: the starting weights of a first layer of three inputs, which are in ±1/3.
+fn numbers(count: usize, seed: u64) -> Vec<f32> {
+    let shape = FactoredShape { width: count, hidden: 1, omega: 1.0, axes: 1 };
+    shape.initial_parameters(seed)[..count].iter().map(|v| v * 3.0).collect()
+}
+
+fn as_f64(values: &[f32]) -> Vec<f64> {
+    values.iter().map(|&v| f64::from(v)).collect()
+}
+
+fn rows(inputs: &[f32]) -> Vec<[f64; INPUTS]> {
+    inputs.chunks_exact(INPUTS).map(|row| std::array::from_fn(|axis| f64::from(row[axis]))).collect()
+}
+
+/// As of the engine of the paper's network: some 100 units in the last place of the largest gradient.
+const GRADIENT_TOLERANCE: f64 = 2e-5;
+
+#[test]
+fn the_gradient_is_the_definitions() {
+    for (width, hidden, axes, count) in [(37, 3, 21, 77), (70, 2, 130, 300), (9, 1, 1, 5), (300, 2, 64, 130)]
+    {
+        let shape = FactoredShape { width, hidden, omega: 20.0, axes };
+        for loss in [Loss::L1, Loss::L2] {
+            let state = FactoredState::new(&shape, 5, false);
+            let adam = AdamConfig::default();
+            let mut trainer =
+                FactoredTrainer::new(shape, adam, loss, Optimiser::Adam, 0.0, count, &state).unwrap();
+            let (inputs, targets) = (numbers(count * INPUTS, 1), numbers(count * axes, 2));
+            let weights = as_f64(&state.training.parameters);
+            let (value, gradient) =
+                reference::loss_and_gradient(&shape, &weights, &rows(&inputs), &as_f64(&targets), loss);
+            trainer.step(&inputs, &targets, 1e-4).unwrap();
+            let scale = gradient.iter().fold(0.0f64, |top, g| top.max(g.abs()));
+            for (index, (&found, &expected)) in trainer.gradient().iter().zip(&gradient).enumerate() {
+                let error = (f64::from(found) - expected).abs();
+                assert!(
+                    error <= GRADIENT_TOLERANCE * scale,
+                    "{shape:?} {loss:?} {index}: {found}, not {expected}"
+                );
+            }
+            let found = trainer.take_mean_loss().unwrap();
+            assert!((found - value).abs() <= 1e-5 * value, "{shape:?} {loss:?}: loss {found}, not {value}");
+        }
+    }
+}
+
+#[test]
+fn the_definitions_gradient_and_jacobian_are_central_differences() {
+    let shape = FactoredShape { width: 6, hidden: 3, omega: 3.0, axes: 4 };
+    let weights = as_f64(&shape.initial_parameters(3));
+    let (inputs, targets) = ([[0.3, -0.2, 0.7], [0.9, 0.4, -0.6]], as_f64(&numbers(8, 4)));
+    let value = |w: &[f64]| reference::loss_and_gradient(&shape, w, &inputs, &targets, Loss::L2).0;
+    let (_, gradient) = reference::loss_and_gradient(&shape, &weights, &inputs, &targets, Loss::L2);
+    // h²·|f‴|/6 + ε/h at h = 1e-5.
+    let tolerance = 2e-8;
+    for index in 0..weights.len() {
+        let mut probe = weights.clone();
+        probe[index] += 1e-5;
+        let above = value(&probe);
+        probe[index] -= 2e-5;
+        let slope = (above - value(&probe)) / 2e-5;
+        assert!((slope - gradient[index]).abs() < tolerance, "{index}: {slope}, {}", gradient[index]);
+    }
+    let jacobian = reference::jacobian(&shape, &weights, &inputs[0]);
+    for axis in 0..INPUTS {
+        let mut probe = inputs[0];
+        probe[axis] += 1e-5;
+        let above = reference::forward(&shape, &weights, &probe);
+        probe[axis] -= 2e-5;
+        let below = reference::forward(&shape, &weights, &probe);
+        for output in 0..shape.axes {
+            let slope = (above[output] - below[output]) / 2e-5;
+            assert!((slope - jacobian[output][axis]).abs() < tolerance, "{output} by {axis}");
+        }
+    }
+}
+
+/// A state of random weights whose field is no constant.
+fn field(teacher: &HarmonicField, width: usize) -> FactoredField {
+    let shape = FactoredShape { width, hidden: 3, omega: 8.0, axes: teacher.axis_count() };
+    FactoredField::new(teacher, shape, shape.initial_parameters(2)).unwrap()
+}
+
+#[test]
+fn every_way_to_evaluate_is_the_definition() {
+    let scene = scene();
+    let teacher = teacher(&scene);
+    let set = OrientationSet::parse("random:530:4").unwrap().orientations;
+    let mut functions = vec![0.0; teacher.basis.len()];
+    for width in [37, 130] {
+        let field = field(&teacher, width);
+        let (grid, weights) = (field.grid, as_f64(&field.parameters));
+        let evaluator = field.evaluator();
+        let heads = field.heads(&set);
+        let mut sections = vec![f32::NAN; grid.len() * set.len()];
+        evaluator.sections(&heads, &mut sections);
+        let expanded = evaluator.expanded(Precision::F32, teacher.report);
+        let mut again = vec![f32::NAN; sections.len()];
+        expanded.sections(&heads, &mut again);
+        assert_eq!(sections, again);
+        let least = evaluator.minimum(&heads);
+        let mut expected = Imf::new(grid.len());
+        for (index, section) in sections.chunks_exact(grid.len()).enumerate() {
+            expected.lower_to(index, section);
+        }
+        let voxels = [[0, 0, 0], [14, 18, 30], [7, 3, 20], [3, 11, 9]];
+        let points: Vec<DVec3> =
+            voxels.iter().map(|&v| grid.centre(v)).chain([grid.origin, DVec3::NAN]).collect();
+        let poses: Vec<[u32; 2]> = (0..points.len() as u32 * 11).map(|i| [i / 11, i % 11 * 48]).collect();
+        let mut overlaps = vec![7.0; poses.len()];
+        evaluator.poses(&points, &heads, &poses, &mut overlaps);
+        let mut scratch = PointScratch::default();
+        for (&[point, orientation], &overlap) in poses.iter().zip(&overlaps) {
+            let (point, orientation) = (point as usize, orientation as usize);
+            if point >= voxels.len() {
+                assert!(overlap.is_nan());
+                assert_eq!(evaluator.overlap(points[point], &set[orientation], &mut scratch), None);
+                continue;
+            }
+            let input = field.input(points[point]).map(f64::from);
+            let z = reference::forward(&field.shape, &weights, &input);
+            field.basis.values(&set[orientation], &mut functions);
+            let defined: f64 = functions
+                .iter()
+                .enumerate()
+                .map(|(k, b)| {
+                    let row = &field.axes[k * z.len()..][..z.len()];
+                    let sum: f64 = row.iter().zip(&z).map(|(&u, z)| f64::from(u) * z).sum();
+                    b * (f64::from(field.mean[k]) + f64::from(field.scale) * sum)
+                })
+                .sum();
+            let defined = defined.clamp(0.0, 1.0);
+            let section = sections[orientation * grid.len() + grid.index(voxels[point])];
+            let single = evaluator.overlap(points[point], &set[orientation], &mut scratch).unwrap();
+            let known = evaluator.point(points[point], &mut scratch).unwrap().overlap(&set[orientation]);
+            for found in [overlap, section, single, known] {
+                // Sums of some hundred products in f32, of values up to one.
+                assert!((f64::from(found) - defined).abs() < 2e-5, "{found}, not {defined}");
+            }
+        }
+        for voxel in 0..grid.len() {
+            let value = least.value[voxel];
+            assert!((value - expected.value[voxel]).abs() < 1e-6);
+            let of_best = sections[least.best[voxel] as usize * grid.len() + voxel];
+            assert!((of_best - value).abs() < 1e-6, "voxel {voxel}: {of_best}, {value}");
+        }
+    }
+}
+
+#[test]
+fn gradients_of_single_poses_are_central_differences_on_every_instruction_set() {
+    let scene = scene();
+    let teacher = teacher(&scene);
+    let field = field(&teacher, 70);
+    let grid = field.grid;
+    let mut scratch = PointScratch::default();
+    for arch in archs() {
+        let mut evaluator = field.evaluator();
+        evaluator.arch = arch;
+        for (fraction, direction) in [
+            (DVec3::new(0.31, 0.52, 0.44), DVec3::new(0.4, 0.5, -0.7)),
+            (DVec3::new(0.61, 0.42, 0.74), DVec3::Z),
+            (DVec3::new(0.47, 0.22, 0.58), -DVec3::Z),
+        ] {
+            let position = grid.origin + grid.size() * fraction;
+            let direction = direction.normalize();
+            let found = evaluator.overlap_with_gradient(position, direction, &mut scratch).unwrap();
+            let mut at = |position, direction| {
+                f64::from(evaluator.overlap_with_gradient(position, direction, &mut scratch).unwrap().value)
+            };
+            // Values in f32: about 1e-6 over a tenth of a voxel, whose third derivative the second order leaves out.
+            let step = 0.1;
+            for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+                let by = axis * step * grid.pitch;
+                let expected =
+                    (at(position + by, direction) - at(position - by, direction)) / (2.0 * step * grid.pitch);
+                let slope = found.position.dot(axis);
+                assert!((slope - expected).abs() < 2e-3 / grid.pitch, "{arch:?}: {slope}, {expected}");
+            }
+            let step = 1e-2;
+            let (u, v) = direction.any_orthonormal_pair();
+            for tangent in [u, v] {
+                let ahead = at(position, direction + tangent * step);
+                let behind = at(position, direction - tangent * step);
+                let expected = (ahead - behind) / (2.0 * step);
+                let slope = found.direction.dot(tangent);
+                assert!((slope - expected).abs() < 2e-3, "{arch:?}: {slope}, {expected}");
+            }
+        }
+    }
+}
+
+/// The mean squared error of the coefficients, which is that of the field over the sphere.
+fn error(field: &FactoredField, teacher: &HarmonicField) -> f64 {
+    let expanded = field.evaluator().expanded(Precision::F32, teacher.report);
+    let (mut a, mut b) = (Vec::new(), Vec::new());
+    let (found, taught) = (
+        expanded.coefficients.read(0, expanded.coefficients.len(), &mut a),
+        teacher.coefficients.read(0, teacher.coefficients.len(), &mut b),
+    );
+    let sum: f64 = found.iter().zip(taught).map(|(&f, &t)| f64::from(f - t).powi(2)).sum();
+    sum / teacher.grid.len() as f64
+}
+
+#[test]
+fn teaching_brings_the_field_to_its_teacher_with_either_optimiser() {
+    let scene = scene();
+    let teacher = teacher(&scene);
+    let axes = teacher.axis_count();
+    let constant = f64::from(teach::scale(&teacher)).powi(2) * axes as f64;
+    for optimiser in [Optimiser::Adam, Optimiser::Muon(MuonConfig::default())] {
+        let settings = TeachSettings { optimiser, ..settings(400) };
+        let mut state = settings.start(axes);
+        let mut told = 0.0;
+        let steps = AtomicU64::new(0);
+        let count = |done| {
+            steps.fetch_add(done, Ordering::Relaxed);
+        };
+        let control = Control { progress: &count, ..Control::quiet() };
+        teach(&teacher, &settings, &mut state, control, &mut |report| told = report.mean_loss).unwrap();
+        assert_eq!(steps.into_inner(), 400);
+        let field = FactoredField::new(&teacher, settings.shape(axes), state.best().to_vec()).unwrap();
+        let found = error(&field, &teacher);
+        assert!(found < 0.02 * constant, "{optimiser:?}: {found} of {constant}");
+        // The loss of the last steps' batches is that of all voxels, nearly.
+        assert!((0.5..2.0).contains(&(told / found)), "{optimiser:?}: told {told}, found {found}");
+    }
+}
+
+#[test]
+fn threads_and_interruptions_change_no_bit() {
+    let scene = scene();
+    let teacher = teacher(&scene);
+    let axes = teacher.axis_count();
+    for optimiser in [Optimiser::Adam, Optimiser::Muon(MuonConfig::default())] {
+        // Across the end of an epoch of 30 steps, whose last batch is smaller.
+        let settings = TeachSettings { optimiser, ..settings(50) };
+        let run = |threads: usize, stop: bool| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let mut state = settings.start(axes);
+                if stop {
+                    let cancelled = AtomicBool::new(true);
+                    let control = Control { cancelled: &cancelled, ..Control::quiet() };
+                    for _ in 0..3 {
+                        let outcome = teach(&teacher, &settings, &mut state, control, &mut |_| {}).unwrap();
+                        assert_eq!(outcome, Outcome::Stopped(state.cursor));
+                    }
+                    assert_eq!(state.cursor, Cursor { epoch: 0, step: 21 });
+                }
+                let quiet = Control::quiet();
+                let outcome = teach(&teacher, &settings, &mut state, quiet, &mut |_| {}).unwrap();
+                assert_eq!(outcome, Outcome::Finished);
+                state
+            })
+        };
+        let one = run(1, false);
+        assert_ne!(one.averaged, one.training.parameters);
+        for (threads, stop) in [(2, false), (3, true), (1, true)] {
+            assert!(run(threads, stop) == one, "{optimiser:?}: {threads} threads, interrupted: {stop}");
+        }
+    }
+}
+
+#[test]
+fn what_does_not_fit_is_refused_by_name() {
+    let scene = scene();
+    let teacher = teacher(&scene);
+    let axes = teacher.axis_count();
+    let start = settings(5).start(axes);
+    let refused = |settings: TeachSettings, words: &str| {
+        let mut state = start.clone();
+        let before = state.clone();
+        let error = teach(&teacher, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap_err();
+        assert!(error.to_string().contains(words), "{error}");
+        assert_eq!(state, before);
+    };
+    refused(TeachSettings { averaging: 1.0, ..settings(5) }, "averaging");
+    refused(TeachSettings { omega: f32::NAN, ..settings(5) }, "frequency");
+    refused(TeachSettings { width: 41, ..settings(5) }, "parameters");
+    let mut plan = settings(2000).plan;
+    plan.schedule = Schedule::Exponential { initial: 1e30, factor: 1.0, warmup: 0 };
+    let mut state = settings(5).start(axes);
+    let result =
+        teach(&teacher, &TeachSettings { plan, ..settings(5) }, &mut state, Control::quiet(), &mut |_| {});
+    assert!(result.as_ref().is_err_and(TrainError::is_divergence), "{result:?}");
+    let shape = settings(5).shape(axes + 1);
+    assert!(FactoredField::new(&teacher, shape, shape.initial_parameters(1)).is_err());
+}
+
+#[test]
+fn files_read_back_bit_for_bit_and_damage_is_named() {
+    let scene = scene();
+    let teacher = teacher(&scene);
+    let axes = teacher.axis_count();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("field.safetensors");
+    for (precision, averaging, resumable) in
+        [(Precision::F32, 0.9, true), (Precision::F32, 0.0, true), (Precision::F16, 0.9, false)]
+    {
+        let settings = TeachSettings { averaging, ..settings(8) };
+        let mut state = settings.start(axes);
+        teach(&teacher, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
+        let field = FactoredField::new(&teacher, settings.shape(axes), state.best().to_vec()).unwrap();
+        let mut file = FactoredFile {
+            field,
+            scene: Scene::from_union(scene.record.clone(), scene.obstacle.clone()),
+            fit: FIT,
+            report: teacher.report,
+            settings,
+            precision,
+            state: resumable.then_some(state),
+        };
+        file.write(&path).unwrap();
+        assert!(FactoredFile::is_one(&path));
+        let read = FactoredFile::read(&path).unwrap();
+        if precision == Precision::F16 {
+            let parameters = &mut file.field.parameters;
+            parameters.iter_mut().for_each(|w| *w = half::f16::from_f32(*w).to_f32());
+        }
+        assert_eq!(read, file);
+        let bytes = std::fs::read(&path).unwrap();
+        for cut in [0, 7, 100, bytes.len() / 2, bytes.len() - 1] {
+            std::fs::write(&path, &bytes[..cut]).unwrap();
+            let error = FactoredFile::read(&path).unwrap_err();
+            assert!(error.to_string().contains("field.safetensors"), "{error}");
+        }
+        let header = 8 + u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
+        for place in [header + 11, (header + bytes.len()) / 2, bytes.len() - 3] {
+            let mut flipped = bytes.clone();
+            flipped[place] ^= 0x10;
+            std::fs::write(&path, flipped).unwrap();
+            let error = FactoredFile::read(&path).unwrap_err();
+            assert!(matches!(error, FactoredFileError::Damaged { .. }), "byte {place}: {error}");
+        }
+        let text = std::str::from_utf8(&bytes[8..header]).unwrap();
+        let newer = text.replacen(r#"\"version\":1"#, r#"\"version\":9"#, 1);
+        let other = [&bytes[..8], newer.as_bytes(), &bytes[header..]].concat();
+        std::fs::write(&path, other).unwrap();
+        assert!(matches!(FactoredFile::read(&path), Err(FactoredFileError::Newer { found: 9, .. })));
+    }
+    assert!(matches!(FactoredFile::read(&folder.path().join("none")), Err(FactoredFileError::Read { .. })));
+}

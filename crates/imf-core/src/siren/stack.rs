@@ -1,0 +1,110 @@
+//! A stack of sine layers with one linear layer behind them: what every network of the house has in common.
+//!
+//! Parameters are one flat array; [`Stack::layers`] is the one place that knows its layout. The fast engines and the
+//! f64 definition work on stacks; what the inputs mean and what the outputs are for is their owners' affair.
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use super::{Layer, ShapeError};
+
+/// What stands behind the last sum.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Ending {
+    /// One output, through the sigmoid: a collision measure.
+    Sigmoid,
+    /// Any number of outputs, as they are.
+    Linear,
+}
+
+/// Sizes of a stack.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Stack {
+    /// Values of a sample: 3 or 5, which the kernels are made for.
+    pub(crate) inputs: usize,
+    /// Neurons of every hidden layer.
+    pub(crate) width: usize,
+    /// Hidden layers.
+    pub(crate) hidden: usize,
+    /// The input is appended to the activations of this hidden layer, counted from 1, if there is one behind it.
+    pub(crate) skip_after: Option<usize>,
+    /// Frequency factor ω inside every sine.
+    pub(crate) omega: f32,
+    /// Values of the last layer.
+    pub(crate) outputs: usize,
+    /// What becomes of them.
+    pub(crate) ending: Ending,
+}
+
+impl Stack {
+    /// Checks width, depth and ω.
+    pub(crate) fn check(&self) -> Result<(), ShapeError> {
+        let Self { width, hidden, omega, .. } = *self;
+        if !(1..=64).contains(&hidden) || !(1..=8192).contains(&width) {
+            return Err(ShapeError::Size { hidden, width });
+        }
+        if !(omega.is_finite() && omega > 0.0) {
+            return Err(ShapeError::Omega(omega));
+        }
+        Ok(())
+    }
+
+    /// The layers in order, hidden ones first, the output layer last: the one definition of the flat layout.
+    pub(crate) fn layers(&self) -> Vec<Layer> {
+        let mut layers = Vec::with_capacity(self.hidden + 1);
+        let mut offset = 0;
+        for index in 0..=self.hidden {
+            let skip = index > 0 && index < self.hidden && self.skip_after == Some(index);
+            let inputs = match index {
+                0 => self.inputs,
+                _ if skip => self.width + self.inputs,
+                _ => self.width,
+            };
+            let outputs = if index == self.hidden { self.outputs } else { self.width };
+            let biases = offset + inputs * outputs;
+            layers.push(Layer { inputs, outputs, weights: offset, biases, skip });
+            offset = biases + outputs;
+        }
+        layers
+    }
+
+    /// Number of parameters, weights and biases together.
+    pub(crate) fn parameter_count(&self) -> usize {
+        self.layers().last().map_or(0, |layer| layer.biases + layer.outputs)
+    }
+
+    /// Starting weights: the first layer U(±1/inputs), the others U(±√(6/inputs)/ω); biases U(±1/√inputs). The same
+    /// seed gives the same bits on every machine.
+    pub(crate) fn initial_parameters(&self, seed: u64) -> Vec<f32> {
+        let mut generator = ChaCha8Rng::seed_from_u64(seed);
+        let mut parameters = vec![0.0; self.parameter_count()];
+        for (index, layer) in self.layers().iter().enumerate() {
+            let inputs = layer.inputs as f32;
+            let bound = if index == 0 { 1.0 / inputs } else { (6.0 / inputs).sqrt() / self.omega };
+            for weight in &mut parameters[layer.weights..layer.biases] {
+                *weight = symmetric_uniform(&mut generator, bound);
+            }
+            for bias in &mut parameters[layer.biases..layer.biases + layer.outputs] {
+                *bias = symmetric_uniform(&mut generator, 1.0 / inputs.sqrt());
+            }
+        }
+        parameters
+    }
+
+    /// Checks that a parameter array fits.
+    pub(crate) fn check_parameters(&self, parameters: &[f32]) -> Result<(), ShapeError> {
+        let expected = self.parameter_count();
+        if parameters.len() == expected {
+            Ok(())
+        } else {
+            Err(ShapeError::Parameters { expected, found: parameters.len() })
+        }
+    }
+}
+
+/// A value of U(−bound, bound) from 24 random bits, so that it does not depend on a library's sampling code.
+fn symmetric_uniform(generator: &mut ChaCha8Rng, bound: f32) -> f32 {
+    use rand::Rng;
+    let unit = (generator.next_u32() >> 8) as f32 / (1u32 << 24) as f32;
+    (2.0 * unit - 1.0) * bound
+}
