@@ -5,6 +5,7 @@ pub(crate) mod check;
 pub(crate) mod clearance;
 pub(crate) mod fixture;
 pub(crate) mod harmonic;
+pub(crate) mod paper;
 pub(crate) mod regime;
 pub(crate) mod scene;
 pub(crate) mod transform;
@@ -105,6 +106,7 @@ pub(crate) struct BenchArguments {
 #[derive(Subcommand)]
 pub(crate) enum Bench {
     Exact(ExactBenchArguments),
+    Paper(paper::PaperBenchArguments),
     Train(TrainBenchArguments),
 }
 

@@ -44,6 +44,19 @@ impl Session {
         })
     }
 
+    /// A silent session on the threads there are.
+    #[cfg(test)]
+    pub(crate) fn for_tests() -> Self {
+        Self {
+            threads: 1,
+            rank: Rank::alone(),
+            memory_limit: u64::MAX,
+            json: false,
+            quiet: true,
+            verbose: false,
+        }
+    }
+
     pub(crate) fn threads(&self) -> usize {
         self.threads
     }

@@ -54,6 +54,51 @@ pub fn learnt_sections(
     })
 }
 
+/// Errors of any field's sections at `orientations`: `field` writes the section of an orientation. One unit of
+/// progress is one section.
+///
+/// # Errors
+/// A failed section, or cancellation.
+pub fn field_sections(
+    plan: &SectionPlan,
+    orientations: &[Orientation],
+    threshold: f64,
+    control: Control<'_>,
+    mut field: impl FnMut(&Orientation, &mut [f32]),
+) -> Result<SectionErrors, EvaluationError> {
+    compare(plan, orientations, threshold, control, |_, orientation, values| {
+        field(orientation, values);
+        Ok(())
+    })
+}
+
+/// Errors of the least of any field's sections over `orientations`, against the `exact` one of the same orientations.
+/// One unit of progress is one section.
+///
+/// # Errors
+/// Cancellation.
+pub fn field_imf(
+    exact: &Imf,
+    orientations: &[Orientation],
+    threshold: f64,
+    control: Control<'_>,
+    mut field: impl FnMut(&Orientation, &mut [f32]),
+) -> Result<ErrorReport, EvaluationError> {
+    let mut least = Imf::new(exact.value.len());
+    let mut values = vec![0.0; exact.value.len()];
+    for (index, orientation) in orientations.iter().enumerate() {
+        if control.is_cancelled() {
+            return Err(SectionError::Cancelled.into());
+        }
+        field(orientation, &mut values);
+        least.lower_to(index, &values);
+        (control.progress)(1);
+    }
+    let mut errors = Errors::default();
+    errors.add(&exact.value, &least.value, threshold);
+    Ok(errors.report(threshold))
+}
+
 /// Errors made by answering with the exact section of the nearest orientation of `training`.
 ///
 /// # Errors
@@ -224,6 +269,21 @@ mod tests {
             nearest_sections(&plan, &set, &[], 0.0, Control::quiet()),
             Err(EvaluationError::NoTraining)
         ));
+    }
+
+    #[test]
+    fn a_field_of_exact_sections_has_no_error() {
+        let plan = plan();
+        let set = OrientationSet::parse("fibonacci:11").unwrap().orientations;
+        let mut scratch = crate::section::SectionScratch::default();
+        let mut exact = |o: &Orientation, values: &mut [f32]| plan.cmf(o, &mut scratch, values).unwrap();
+        let same = field_sections(&plan, &set, 0.0, Control::quiet(), &mut exact).unwrap();
+        assert_eq!((same.overall.mpe, same.overall.iou, same.sections.len()), (0.0, 1.0, 11));
+        let least = imf(&plan, &set, Control::quiet()).unwrap();
+        assert_eq!(field_imf(&least, &set, 0.0, Control::quiet(), &mut exact).unwrap().mpe, 0.0);
+        // The least over fewer orientations is larger somewhere.
+        let fewer = field_imf(&least, &set[..3], 0.0, Control::quiet(), &mut exact).unwrap();
+        assert!(fewer.mpe > 0.0 && fewer.false_free == 0.0);
     }
 
     #[test]

@@ -1,9 +1,11 @@
 //! `imf bench`: measurements that a user can repeat. `exact` compares the exact sections with what one would
-//! write oneself, and shows how their cost grows; `train` compares the training engine with PyTorch.
+//! write oneself, and shows how their cost grows; `train` compares the training engine with PyTorch; `paper` makes the
+//! paper's tables and figures.
 
 mod device;
 mod growth;
 mod machine;
+mod paper;
 mod plain_fft;
 mod scipy;
 mod train;
@@ -42,6 +44,7 @@ const ROUNDS: usize = 3;
 pub(crate) fn run(session: &Session, arguments: &BenchArguments) -> Result<()> {
     match &arguments.bench {
         Bench::Exact(arguments) => exact(session, arguments),
+        Bench::Paper(arguments) => paper::run(session, arguments),
         Bench::Train(arguments) => train::run(session, arguments),
     }
 }

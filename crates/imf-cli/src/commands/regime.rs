@@ -21,6 +21,11 @@ mod sweep;
 use std::path::Path;
 use std::time::Instant;
 
+pub(crate) use results::{Outcome, interruption};
+pub(crate) use scenes::Scenes;
+pub(crate) use stage::Workshop;
+pub(crate) use summary::Summary;
+
 use anyhow::{Context as _, Result, bail};
 use imf_core::regime::{self, PRESETS, Regime, preset};
 use serde_json::json;
@@ -31,12 +36,9 @@ use crate::job::Settings;
 use crate::output::{prepare_folder, print, print_json, write_text};
 use crate::progress::show_seconds;
 use crate::session::Session;
-use scenes::Scenes;
-use stage::Workshop;
-use summary::Summary;
 
 /// What to do after an interruption.
-pub(super) const GO_ON: &str = "run the same command again";
+pub(crate) const GO_ON: &str = "run the same command again";
 
 pub(crate) fn run(session: &Session, arguments: &RegimeArguments) -> Result<()> {
     match &arguments.command {
@@ -135,6 +137,19 @@ fn claim(out: &Path, table: &toml::Table) -> Result<()> {
             path.display()
         ),
         Err(_) => write_text(&path, &text),
+    }
+}
+
+/// Runs a regime without variants in a folder of its own; one that came to its end there is only read.
+pub(crate) fn run_or_read(workshop: &Workshop<'_>, table: &toml::Table, out: &Path) -> Result<Summary> {
+    prepare_folder(out)?;
+    claim(out, table)?;
+    match Summary::read(out) {
+        Some(summary) => {
+            workshop.session.note("finished already");
+            Ok(summary)
+        }
+        None => run_once(workshop, table, out),
     }
 }
 

@@ -9,6 +9,7 @@ mod damage;
 mod demo;
 mod interruption;
 mod long_runs;
+mod paper;
 mod pipeline;
 mod regime;
 mod shares;

@@ -17,33 +17,38 @@ use crate::report::{Questions, evaluate as compare};
 
 /// One comparison with the exact field.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Answer {
+pub(crate) struct Answer {
     /// What was compared.
-    pub(super) name: String,
+    pub(crate) name: String,
     /// Its errors.
     #[serde(flatten)]
-    pub(super) errors: ErrorReport,
+    pub(crate) errors: ErrorReport,
 }
 
 /// A result with all its comparisons.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Outcome {
+pub(crate) struct Outcome {
     /// Its stage.
-    pub(super) stage: String,
+    pub(crate) stage: String,
     /// Parameters of the network.
-    pub(super) parameters: usize,
+    pub(crate) parameters: usize,
     /// In the order of the report: sections, random orientations, IMF.
-    pub(super) answers: Vec<Answer>,
+    pub(crate) answers: Vec<Answer>,
 }
 
 impl Outcome {
+    /// The comparisons of single sections: the one asked for as in-sample, then the one asked for as out-of-sample.
+    pub(crate) fn sections(&self) -> impl Iterator<Item = &Answer> {
+        self.answers.iter().filter(|answer| answer.name.starts_with("section ("))
+    }
+
     /// The comparison at random orientations.
-    pub(super) fn random(&self) -> Option<&Answer> {
+    pub(crate) fn random(&self) -> Option<&Answer> {
         self.answers.iter().find(|answer| answer.name.ends_with("random sections"))
     }
 
     /// Those of the inaccessibility measure.
-    pub(super) fn imf(&self) -> impl Iterator<Item = &Answer> {
+    pub(crate) fn imf(&self) -> impl Iterator<Item = &Answer> {
         self.answers.iter().filter(|answer| answer.name.starts_with("IMF"))
     }
 }
@@ -105,15 +110,15 @@ fn one(workshop: &Workshop<'_>, asked: &EvaluationSettings, done: &Finished) -> 
     Ok(Outcome { stage: done.name.clone(), parameters: model.shape.parameter_count(), answers })
 }
 
-/// An evaluation that was interrupted leaves the trained stages.
-fn interruption(error: anyhow::Error, out: &Path) -> anyhow::Error {
+/// Work that was interrupted leaves what was finished before it.
+pub(crate) fn interruption(error: anyhow::Error, out: &Path) -> anyhow::Error {
     let cancelled = error.chain().any(|cause| {
         matches!(cause.downcast_ref(), Some(SectionError::Cancelled))
             || matches!(cause.downcast_ref(), Some(EvaluationError::Section(SectionError::Cancelled)))
     });
     if cancelled {
-        return Interrupted(format!("the trained stages are kept in {}; {GO_ON} to go on", out.display()))
-            .into();
+        let kept = format!("what was finished is kept in {}; {GO_ON} to go on", out.display());
+        return Interrupted(kept).into();
     }
     error
 }

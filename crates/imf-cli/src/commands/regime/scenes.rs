@@ -11,13 +11,13 @@ use crate::arguments::scene::{AroundKind, SceneArguments};
 use crate::session::Session;
 
 /// Scenes by part and resolution.
-pub(super) struct Scenes<'a> {
+pub(crate) struct Scenes<'a> {
     settings: &'a SceneSettings,
     made: BTreeMap<(String, u64), Scene>,
 }
 
 impl<'a> Scenes<'a> {
-    pub(super) fn new(settings: &'a SceneSettings) -> Self {
+    pub(crate) fn new(settings: &'a SceneSettings) -> Self {
         Self { settings, made: BTreeMap::new() }
     }
 
@@ -32,13 +32,18 @@ impl<'a> Scenes<'a> {
     }
 
     fn at(&mut self, session: &Session, stage: &Stage, resolution: f64) -> Result<Scene> {
-        let part = stage.part.as_ref().unwrap_or(&self.settings.part);
-        let key = (part.clone(), resolution.to_bits());
+        let part = stage.part.clone().unwrap_or_else(|| self.settings.part.clone());
+        self.of_part(session, &part, resolution)
+    }
+
+    /// The scene of a part at a share of the full resolution.
+    pub(crate) fn of_part(&mut self, session: &Session, part: &str, resolution: f64) -> Result<Scene> {
+        let key = (part.to_owned(), resolution.to_bits());
         if let Some(scene) = self.made.get(&key) {
             return Ok(scene.clone());
         }
         let given = SceneArguments {
-            part: part.clone(),
+            part: part.to_owned(),
             unit: self.settings.unit.clone(),
             pitch: self.settings.pitch,
             dims: None,

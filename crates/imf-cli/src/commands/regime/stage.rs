@@ -21,13 +21,13 @@ use crate::output::{prepare_folder, write_json};
 use crate::session::Session;
 
 /// Where the work is done.
-pub(super) struct Workshop<'a> {
-    pub(super) session: &'a Session,
-    pub(super) device: &'a Device,
+pub(crate) struct Workshop<'a> {
+    pub(crate) session: &'a Session,
+    pub(crate) device: &'a Device,
     /// What happens beside the steps.
-    pub(super) settings: job::Settings,
+    pub(crate) settings: job::Settings,
     /// Datasets of all stages and variants.
-    pub(super) datasets: PathBuf,
+    pub(crate) datasets: PathBuf,
 }
 
 /// A finished stage.

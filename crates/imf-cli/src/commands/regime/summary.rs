@@ -16,18 +16,18 @@ use crate::picture::{AxisScale, Chart, Series};
 
 /// What a stage came to.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct StageRow {
-    name: String,
+pub(crate) struct StageRow {
+    pub(crate) name: String,
     start: String,
-    part: String,
+    pub(crate) part: String,
     /// Voxels of its sections.
-    dims: [usize; 3],
+    pub(crate) dims: [usize; 3],
     /// Orientations of the fixed set; of an online stage all that it met.
     sections: String,
-    samples: u64,
-    steps: u64,
-    batch: usize,
-    seconds: f64,
+    pub(crate) samples: u64,
+    pub(crate) steps: u64,
+    pub(crate) batch: usize,
+    pub(crate) seconds: f64,
     /// Mean loss over the last point of its curve.
     loss: f64,
     /// (step, mean loss), steps of the stages before it included.
@@ -38,12 +38,12 @@ pub(super) struct StageRow {
 
 /// What a regime came to.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Summary {
+pub(crate) struct Summary {
     program: String,
-    pub(super) regime: String,
+    pub(crate) regime: String,
     about: String,
-    pub(super) stages: Vec<StageRow>,
-    pub(super) results: Vec<Outcome>,
+    pub(crate) stages: Vec<StageRow>,
+    pub(crate) results: Vec<Outcome>,
 }
 
 impl Summary {
@@ -78,8 +78,13 @@ impl Summary {
         }
     }
 
+    /// What a regime came to in an earlier run, if it came to its end.
+    pub(super) fn read(folder: &Path) -> Option<Self> {
+        serde_json::from_str(&std::fs::read_to_string(folder.join("regime.json")).ok()?).ok()
+    }
+
     /// Seconds of all stages' training.
-    pub(super) fn seconds(&self) -> f64 {
+    pub(crate) fn seconds(&self) -> f64 {
         self.stages.iter().map(|stage| stage.seconds).sum()
     }
 

@@ -7,10 +7,10 @@ use anyhow::{Context as _, Result};
 use imf_core::regime::Regime;
 use serde::Serialize;
 
+use super::run_or_read;
 use super::stage::Workshop;
 use super::summary::{Summary, loss_chart};
-use super::{claim, run_once};
-use crate::output::{prepare_folder, print, print_json, table, write_json, write_text};
+use crate::output::{print, print_json, table, write_json, write_text};
 
 /// A variant and what it came to.
 #[derive(Serialize)]
@@ -30,19 +30,8 @@ pub(super) fn run(
     let mut lines = Vec::new();
     for (name, own) in runs {
         let variant = name.clone().context("a sweep without variants")?;
-        let folder = out.join(&variant);
-        prepare_folder(&folder)?;
-        claim(&folder, own)?;
-        let summary = match finished(&folder) {
-            Some(summary) => {
-                workshop.session.note(&format!("variant {variant}: finished already"));
-                summary
-            }
-            None => {
-                workshop.session.note(&format!("variant {variant}:"));
-                run_once(workshop, own, &folder)?
-            }
-        };
+        workshop.session.note(&format!("variant {variant}:"));
+        let summary = run_or_read(workshop, own, &out.join(&variant))?;
         lines.push(Line { variant, summary });
     }
     write_json(&out.join("sweep.json"), &lines)?;
@@ -66,11 +55,6 @@ pub(super) fn run(
         table(&head, &rows),
         out.display()
     ))
-}
-
-/// What a variant came to in an earlier run, if it came to its end.
-fn finished(folder: &Path) -> Option<Summary> {
-    serde_json::from_str(&std::fs::read_to_string(folder.join("regime.json")).ok()?).ok()
 }
 
 /// The table's head, and a row for each result of each variant.
