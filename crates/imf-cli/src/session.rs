@@ -45,6 +45,11 @@ impl Session {
         self.threads
     }
 
+    /// Bytes that may be used.
+    pub(crate) fn memory_limit(&self) -> u64 {
+        self.memory_limit
+    }
+
     /// Refuses work that would not fit; `what` names the work and the remedy.
     pub(crate) fn require_memory(&self, bytes: u64, what: impl FnOnce() -> String) -> Result<()> {
         if bytes > self.memory_limit {

@@ -81,7 +81,7 @@ pub fn collision_measures(
     Ok(())
 }
 
-fn check_lengths(poses: &[Pose], answers: &[f32]) -> Result<(), QueryError> {
+pub(crate) fn check_lengths(poses: &[Pose], answers: &[f32]) -> Result<(), QueryError> {
     if poses.len() == answers.len() {
         Ok(())
     } else {
