@@ -297,6 +297,8 @@ pub(crate) struct DatasetFinishArguments {
 pub(crate) struct DatasetMakeArguments {
     #[command(flatten)]
     pub(crate) scene: SceneArguments,
+    #[command(flatten)]
+    pub(crate) contact: clearance::ContactArguments,
     /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, pairs θ,φ;θ,φ or a CSV file
     #[arg(long, value_name = "SET")]
     pub(crate) orientations: String,

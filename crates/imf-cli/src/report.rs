@@ -50,6 +50,8 @@ pub(crate) struct Report {
     unit: String,
     /// By how much the tool is grown, in `unit`.
     clearance: Clearance,
+    /// How deep the cutter may reach below the part's surface, in `unit`.
+    contact: Option<f64>,
     promise: String,
     parameters: usize,
     training_sections: usize,
@@ -87,7 +89,7 @@ pub(crate) fn evaluate(
         bail!("at least one random orientation is needed");
     }
     let record = &model.scene.record;
-    let plan = SectionPlan::new(&model.scene.obstacle, &record.tool.with_tip_only())?;
+    let plan = SectionPlan::of_scene(&model.scene)?;
     session.detail(&format!("sections: {}", plan.describe()));
     let training = &model.record.orientations.orientations;
     let singles: Vec<(&str, Orientation)> = [("in", questions.in_sample), ("out", questions.out_of_sample)]
@@ -137,6 +139,7 @@ pub(crate) fn evaluate(
         pitch: record.grid.pitch,
         unit: record.unit.to_string(),
         clearance: record.clearance,
+        contact: record.contact,
         promise: record.promise().to_string(),
         parameters: model.shape.parameter_count(),
         training_sections: training.len(),

@@ -78,7 +78,7 @@ pub fn generate_share(
     sampling.check()?;
     let mut manifest = Manifest::start(folder, scene, set, sampling, layout)?;
     // A learnt field is made for the tip, and serves every sharp point k when read at x − R k.
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool.with_tip_only())?;
+    let plan = SectionPlan::of_scene(scene)?;
     let mut done = Generated { kept: 0, made: 0, others: 0, samples: 0 };
     for index in 0..manifest.shard_count() {
         let sections = manifest.sections_of(index);

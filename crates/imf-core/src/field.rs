@@ -3,9 +3,11 @@
 //! `query` answers "does the tool collide when its tip is *here*": `overlap(x, R)` in [0, 1]. The collision measure
 //! of a tool with other sharp points is the least of `overlap(x − R k, R)` over them: [`collision_measures`].
 
+mod contact;
 mod exact;
 mod learnt;
 
+pub use contact::ContactField;
 pub use exact::ExactField;
 pub use learnt::LearntField;
 
@@ -79,7 +81,7 @@ pub fn collision_measures(
     Ok(())
 }
 
-fn check_lengths(poses: &[Pose], answers: &[f32]) -> Result<(), QueryError> {
+pub(crate) fn check_lengths(poses: &[Pose], answers: &[f32]) -> Result<(), QueryError> {
     if poses.len() == answers.len() {
         Ok(())
     } else {

@@ -10,19 +10,24 @@
 //! least over the sharp points itself, which bends more sharply and needs a higher degree. Values are for voxel centres and
 //! trilinear between them; outside the box of the voxel centres there is no answer ([`HarmonicField::overlap`]).
 
+mod answers;
 pub mod basis;
 pub mod coefficients;
+mod degree;
 mod evaluate;
 pub mod file;
 mod fit;
+mod npz;
 mod point;
 pub mod radial;
 pub mod rotations;
 mod screen;
 pub mod sphere;
 
+pub use answers::HarmonicAnswers;
+pub use degree::{degree_for, sections_tried};
 pub use evaluate::Heads;
-pub use fit::{FitReport, FitSettings, Sizes, fit, section_count};
+pub use fit::{FitReport, FitSettings, Sizes, estimate, fit, section_count};
 pub use point::{Gradient, PointScratch};
 pub use screen::{CANDIDATES, Screened};
 

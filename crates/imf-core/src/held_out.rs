@@ -62,7 +62,7 @@ impl HeldOut {
         control: Control<'_>,
     ) -> Result<Self, SectionError> {
         let orientations = unseen(choice.orientations.clamp(1, choice.poses.max(1)), choice.seed, trained);
-        let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool.with_tip_only())?;
+        let plan = SectionPlan::of_scene(scene)?;
         let grid = scene.record.grid;
         let share = |index: usize| (index * choice.poses) / orientations.len();
         let drawn =
@@ -164,6 +164,7 @@ mod tests {
             clearance: Default::default(),
             ungrown: None,
             fixtures: Vec::new(),
+            contact: None,
             obstacle_crc32: crc32fast::hash(&obstacle.packed()),
         };
         Scene::from_union(record, obstacle)

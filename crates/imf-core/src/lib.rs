@@ -76,6 +76,7 @@ pub mod samples;
 pub mod scene;
 pub mod section;
 pub mod siren;
+pub mod stored;
 pub mod tool;
 pub mod toolpath;
 pub mod training;

@@ -26,7 +26,6 @@ use thiserror::Error;
 use crate::atomic_file::{AtomicFileError, write_atomically, write_keeping_previous};
 use crate::dataset::Sampling;
 use crate::held_out::HeldOutChoice;
-use crate::occupancy::Occupancy;
 use crate::orientation::OrientationSet;
 use crate::scene::{Scene, SceneRecord};
 use crate::siren::SirenShape;
@@ -225,7 +224,7 @@ impl Model {
             optimiser_step: self.state.step,
         };
         let json = serde_json::to_string(&description).map_err(|e| damaged(e.to_string()))?;
-        let packed = self.scene.obstacle.packed();
+        let voxels = self.scene.packed_voxels();
         let mut tensors: Vec<(String, Vec<usize>, &[f32])> = Vec::new();
         for (index, layer) in self.shape.layers().iter().enumerate() {
             let weights = &self.state.parameters[layer.weights..layer.biases];
@@ -245,11 +244,13 @@ impl Model {
             .map(|(_, _, values)| values.iter().flat_map(|v| v.to_le_bytes()).collect())
             .collect();
         let serialized = || {
-            let mut views = Vec::with_capacity(tensors.len() + 1);
+            let mut views = Vec::with_capacity(tensors.len() + voxels.len());
             for ((name, shape, _), bytes) in tensors.iter().zip(&little_endian) {
                 views.push((name.clone(), TensorView::new(Dtype::F32, shape.clone(), bytes)?));
             }
-            views.push(("obstacle".to_owned(), TensorView::new(Dtype::U8, vec![packed.len()], &packed)?));
+            for (name, bits) in &voxels {
+                views.push(((*name).to_owned(), TensorView::new(Dtype::U8, vec![bits.len()], bits)?));
+            }
             safetensors::serialize(views, Some(HashMap::from([("imf".to_owned(), json.clone())])))
         };
         let mut bytes = serialized().map_err(|e| damaged(e.to_string()))?;
@@ -320,15 +321,11 @@ impl Model {
             first_moment = floats("adam.first", &[parameters.len()])?;
             second_moment = floats("adam.second", &[parameters.len()])?;
         }
-        let packed = tensors.tensor("obstacle").map_err(|e| damaged(e.to_string()))?;
-        if crc32fast::hash(packed.data()) != description.scene.obstacle_crc32 {
-            return Err(damaged("the obstacle's checksum is wrong".into()));
-        }
-        let obstacle = Occupancy::from_packed(description.scene.grid, packed.data())
-            .map_err(|e| damaged(e.to_string()))?;
+        let bits = |name: &str| tensors.tensor(name).ok().map(|view| view.data());
+        let scene = Scene::from_packed_voxels(description.scene, bits).map_err(|e| damaged(e.to_string()))?;
         Ok(Self {
             shape,
-            scene: Scene::from_union(description.scene, obstacle),
+            scene,
             record: description.training,
             state: TrainingState {
                 parameters,

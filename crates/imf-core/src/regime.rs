@@ -19,6 +19,7 @@ use thiserror::Error;
 use crate::dataset::Sampling;
 use crate::orientation::OrientationSet;
 use crate::siren::SirenShape;
+use crate::tool::Clearance;
 use crate::training::online::OnlineSettings;
 use crate::training::run::{Length, TrainingPlan};
 use crate::training::schedule::RateRule;
@@ -91,6 +92,12 @@ pub struct SceneSettings {
     pub conservative: bool,
     /// `paper` or a tool file.
     pub tool: String,
+    /// How deep the cutter may reach below the part's surface; it may not touch where nothing is said.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contact: Option<f64>,
+    /// Room that the tool's elements must keep.
+    #[serde(skip_serializing_if = "Clearance::is_zero")]
+    pub clearance: Clearance,
 }
 
 impl Default for SceneSettings {
@@ -103,6 +110,8 @@ impl Default for SceneSettings {
             margin: 0,
             conservative: false,
             tool: "paper".into(),
+            contact: None,
+            clearance: Clearance::default(),
         }
     }
 }

@@ -5,13 +5,16 @@
 //! out of it and still be hit: [`SceneSpec::bodies`] gives all that a tool can meet from the grid's voxels.
 
 mod promise;
+mod stored;
 
 pub use promise::Promise;
+pub use stored::StoredVoxelsError;
 
 use glam::{DMat4, DVec3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::distance::deeper_than;
 use crate::grid::{Grid, GridError};
 use crate::mesh::Mesh;
 use crate::mesh::topology::MeshReport;
@@ -79,6 +82,9 @@ pub struct SceneRecord {
     /// Names of the fixtures, whose voxels are part of the obstacle.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fixtures: Vec<String>,
+    /// How deep below the part's surface the cutter may reach, in `unit`; see [`Scene::with_contact`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contact: Option<f64>,
     /// CRC-32 of the obstacle's packed voxels.
     pub obstacle_crc32: u32,
 }
@@ -92,6 +98,8 @@ pub struct Scene {
     pub obstacle: Occupancy,
     /// The fixtures' solid voxels alone; empty where the scene was read from a file, which keeps only the union.
     pub fixtures: Occupancy,
+    /// The layer of the part that only the cutter may enter, where there is contact; also part of `obstacle`.
+    pub layer: Option<Occupancy>,
 }
 
 impl Scene {
@@ -99,7 +107,16 @@ impl Scene {
     #[must_use]
     pub fn from_union(record: SceneRecord, obstacle: Occupancy) -> Self {
         let fixtures = Occupancy::empty(obstacle.grid);
-        Self { record, obstacle, fixtures }
+        Self { record, obstacle, fixtures, layer: None }
+    }
+
+    /// The scene with a cutter that may reach `depth` (in the scene's unit) below the part's surface: `bodies` are its
+    /// part and fixtures.
+    #[must_use]
+    pub fn with_contact(mut self, bodies: &Bodies, depth: f64) -> Self {
+        self.record.contact = Some(depth);
+        self.layer = Some(bodies.layer(depth));
+        self
     }
 
     /// The scene with its tool grown by a clearance in the scene's unit, instead of any that it had.
@@ -147,6 +164,18 @@ impl Bodies {
     pub fn obstacle(&self) -> Occupancy {
         let solid = self.part.solid.iter().zip(&self.fixtures.solid).map(|(a, b)| a | b).collect();
         Occupancy { grid: self.part.grid, solid }
+    }
+
+    /// The part's voxels down to `depth` (in the grid's unit) below its surface; where part and fixture share a voxel it
+    /// stays forbidden.
+    #[must_use]
+    pub fn layer(&self, depth: f64) -> Occupancy {
+        let mut layer = self.part.clone();
+        let deep = deeper_than(&self.part, depth);
+        for ((own, deep), held) in layer.solid.iter_mut().zip(&deep.solid).zip(&self.fixtures.solid) {
+            *own &= (1 - deep) & (1 - held);
+        }
+        layer
     }
 }
 
@@ -254,9 +283,10 @@ impl SceneSpec<'_> {
             clearance: Clearance::default(),
             ungrown: None,
             fixtures: self.fixtures.iter().map(|fixture| fixture.name.to_owned()).collect(),
+            contact: None,
             obstacle_crc32: crc32fast::hash(&obstacle.packed()),
         };
-        Ok(Scene { record, obstacle, fixtures: bodies.fixtures })
+        Ok(Scene { record, obstacle, fixtures: bodies.fixtures, layer: None })
     }
 
     /// The grid of all that a tool can meet which reaches `reach` (in the part's unit) from the voxels of `query`: it

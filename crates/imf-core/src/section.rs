@@ -35,7 +35,8 @@ use crate::control::Control;
 use crate::grid::Grid;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
-use crate::tool::{RotatedTool, Tool, ToolError};
+use crate::scene::Scene;
+use crate::tool::{ClearanceError, RotatedTool, Tool, ToolError};
 
 use bit_adder::TILE_BITS;
 use bit_obstacle::BitObstacle;
@@ -50,6 +51,9 @@ pub enum SectionError {
     /// The tool does not fit the grid.
     #[error(transparent)]
     Tool(#[from] ToolError),
+    /// A clearance that is no length.
+    #[error(transparent)]
+    Clearance(#[from] ClearanceError),
     /// A direct sum disagreed with the convolution: a defect of this program or of the machine.
     #[error(
         "the convolution gave {found} at voxel {voxel:?}, a direct sum {expected}: please report this; \
@@ -120,6 +124,19 @@ impl SectionPlan {
     pub fn new<'a>(obstacle: impl Into<Obstacles<'a>>, tool: &Tool) -> Result<Self, SectionError> {
         let obstacle = obstacle.into();
         Self::with_query(obstacle, &obstacle.solid.grid, tool)
+    }
+
+    /// Plans sections of a scene at its tool's tip, with contact where the scene has it: what fields are learnt from.
+    ///
+    /// # Errors
+    /// A tool without volume.
+    pub fn of_scene(scene: &Scene) -> Result<Self, SectionError> {
+        let (contact, rest) = (Contact::of_scene(scene), scene.record.tool_without_cutter()?);
+        let obstacles = match &contact {
+            Some(contact) => contact.obstacles(rest.as_ref()),
+            None => Obstacles::from(&scene.obstacle),
+        };
+        Self::new(obstacles, &scene.record.tool.with_tip_only())
     }
 
     /// Plans sections at every voxel of `query_grid`, which lies on the obstacle's voxels and may be a part of its grid,

@@ -82,6 +82,14 @@ impl AdapterSummary {
     }
 }
 
+impl AdapterSummary {
+    /// True for a device that computes on the CPU.
+    #[must_use]
+    pub fn is_software(&self) -> bool {
+        self.kind == DeviceType::Cpu
+    }
+}
+
 impl fmt::Display for AdapterSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let kind = match self.kind {

@@ -1,4 +1,5 @@
-//! Training on the GPU: weights and moments stay on the device, a step is one submission that nobody waits for.
+//! Training on the GPU: weights and moments stay on the device, many steps are one submission that nobody waits for, and
+//! only losses are read back.
 //!
 //! ```text
 //! inputs → forward (keeps slopes) → loss, Δ → backward (slopes become Δ) → partial gradients → reduce → Adam
@@ -17,7 +18,7 @@ use crate::forward::{Forward, Network, layout_for};
 use crate::kernel::{Bound, Kernel, uniform};
 use crate::layout::PaddedLayout;
 use crate::shader::{LOSS_L1, LOSS_L2, Shader};
-use crate::submit::Submissions;
+use crate::submit::Recorder;
 use crate::uniforms::{Batch, Step};
 use plan::{LOSS_SLOTS, plan, slice};
 
@@ -34,7 +35,7 @@ pub struct GpuTrainer {
     network: Network,
     kernels: Kernels,
     buffers: Buffers,
-    submissions: Submissions,
+    recorder: Recorder,
     /// Steps since the moments were zero.
     step: u64,
     /// Steps whose losses are on the device.
@@ -103,6 +104,7 @@ impl GpuTrainer {
         {
             gpu.queue().write_buffer(&buffers[place], 0, bytemuck::cast_slice(&layout.pad(moments)));
         }
+        let upload = at(places.upload);
         let network = Network::new(gpu, layout, at(places.parameters), &state.parameters)?;
         let mut scratch = all(&places.signals);
         scratch.extend(all(&places.deltas));
@@ -137,7 +139,7 @@ impl GpuTrainer {
             network,
             kernels,
             buffers: host,
-            submissions: Submissions::default(),
+            recorder: Recorder::new(upload),
             step: state.step,
             slot: 0,
             read_losses: (0.0, 0),
@@ -165,17 +167,23 @@ impl GpuTrainer {
     ) -> Result<(f64, Vec<f32>), EngineError> {
         self.read_losses_if(self.slot == LOSS_SLOTS)?;
         self.run(inputs, targets, None)?;
+        self.recorder.submit(&self.gpu)?;
         let losses: Vec<f32> = self.gpu.read(&self.buffers.losses, self.slot + 1)?;
         let gradient = self.gpu.read(&self.buffers.gradient, self.network.layout.parameters)?;
         Ok((f64::from(losses[self.slot]), self.network.layout.unpad(&gradient)))
     }
 
     /// Fills all scratch memory of a step with `value`, on which no result may depend: for tests.
-    pub fn fill_scratch(&mut self, value: f32) {
+    ///
+    /// # Errors
+    /// A device that failed.
+    pub fn fill_scratch(&mut self, value: f32) -> Result<(), EngineError> {
+        self.recorder.submit(&self.gpu)?;
         for buffer in &self.buffers.scratch {
             let values = vec![value; buffer.size() as usize / 4];
             self.gpu.queue().write_buffer(buffer, 0, bytemuck::cast_slice(&values));
         }
+        Ok(())
     }
 
     /// Loss and gradient of a batch, followed by the update if there is a learning rate.
@@ -209,14 +217,15 @@ impl GpuTrainer {
                 slices: slices as u32,
             };
             step.first = u32::from(index == 0);
-            let queue = self.gpu.queue();
-            queue.write_buffer(&self.network.batch, 0, bytemuck::bytes_of(&batch));
-            queue.write_buffer(&self.buffers.step, 0, bytemuck::bytes_of(&step));
-            queue.write_buffer(&self.buffers.samples, 0, bytemuck::cast_slice(inputs));
-            queue.write_buffer(&self.buffers.targets, 0, bytemuck::cast_slice(targets));
+            let writes = [
+                (&self.network.batch, bytemuck::bytes_of(&batch)),
+                (&self.buffers.step, bytemuck::bytes_of(&step)),
+                (&self.buffers.samples, bytemuck::cast_slice(inputs)),
+                (&self.buffers.targets, bytemuck::cast_slice(targets)),
+            ];
             let workgroups = self.gpu.limits().workgroups;
             let (kernels, layout) = (&self.kernels, &self.network.layout);
-            self.submissions.pass(&self.gpu, |pass| {
+            self.recorder.pass(&self.gpu, &writes, |pass| {
                 kernels.record_gradient(pass, layout, padded_rows, slices, workgroups);
                 if index == last && rate.is_some() {
                     kernels.adam.linear(pass, layout.parameters / 4, workgroups);
@@ -252,6 +261,7 @@ impl GpuTrainer {
     /// Adds the losses on the device to those read, if `wanted`.
     fn read_losses_if(&mut self, wanted: bool) -> Result<(), EngineError> {
         if wanted {
+            self.recorder.submit(&self.gpu)?;
             let losses: Vec<f32> = self.gpu.read(&self.buffers.losses, self.slot)?;
             self.read_losses.0 += losses.iter().map(|&loss| f64::from(loss)).sum::<f64>();
             self.read_losses.1 += losses.len() as u64;
@@ -356,6 +366,7 @@ impl TrainingEngine for GpuTrainer {
     }
 
     fn state(&mut self) -> Result<TrainingState, EngineError> {
+        self.recorder.submit(&self.gpu)?;
         let read = |buffer: &wgpu::Buffer| {
             let padded = self.gpu.read(buffer, self.network.layout.parameters)?;
             Ok::<_, EngineError>(self.network.layout.unpad(&padded))

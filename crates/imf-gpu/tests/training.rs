@@ -86,7 +86,7 @@ fn loss_and_gradient_agree_with_the_definition() {
                 );
                 // Room for more samples than there are: the rows behind must not matter.
                 let mut trainer = GpuTrainer::new(&gpu, shape, ADAM, loss, count + 13, &state).unwrap();
-                trainer.fill_scratch(f32::NAN);
+                trainer.fill_scratch(f32::NAN).unwrap();
                 let (found_loss, found) = trainer.loss_and_gradient(&inputs, &targets).unwrap();
                 let case =
                     format!("{loss:?}, {hidden} × {width}, batch {count}, {}", gpu.matrix_kernel().name());
@@ -171,7 +171,7 @@ fn the_same_seed_gives_the_same_bits_whatever_scratch_held_and_wherever_it_resum
         let mut trainer = make(&TrainingState::new(&SHAPE, 9));
         for step in 0..6 {
             if let Some(value) = sentinel {
-                trainer.fill_scratch(value);
+                trainer.fill_scratch(value).unwrap();
             }
             if resume && step == 3 {
                 trainer = make(&trainer.state().unwrap());
@@ -202,7 +202,7 @@ fn a_batch_in_parts_has_the_gradient_of_the_whole() {
     let gradient = |gpu: &Gpu| {
         let mut trainer =
             GpuTrainer::new(gpu, SHAPE, ADAM, Loss::L2, 300, &TrainingState::new(&SHAPE, 2)).unwrap();
-        trainer.fill_scratch(f32::NAN);
+        trainer.fill_scratch(f32::NAN).unwrap();
         trainer.loss_and_gradient(&inputs, &targets).unwrap()
     };
     let shape_bytes = GpuTrainer::memory_bytes(&parts, SHAPE, 300).unwrap();

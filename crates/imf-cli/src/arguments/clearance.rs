@@ -31,12 +31,29 @@ impl ClearanceArguments {
     }
 }
 
+impl From<Clearance> for ClearanceArguments {
+    fn from(Clearance { holder, shank, cutter }: Clearance) -> Self {
+        Self {
+            clearance: 0.0,
+            clearance_holder: Some(holder),
+            clearance_shank: Some(shank),
+            clearance_cutter: cutter,
+        }
+    }
+}
+
 /// Contact of the cutter with what it cuts, for fields.
 #[derive(Args, Clone, Default)]
 pub(crate) struct ContactArguments {
     /// The cutter may reach this deep below the part's surface (in the part's unit); shank, holder and fixtures may not
     #[arg(long, value_name = "LENGTH")]
     contact: Option<f64>,
+}
+
+impl From<Option<f64>> for ContactArguments {
+    fn from(contact: Option<f64>) -> Self {
+        Self { contact }
+    }
 }
 
 impl ContactArguments {

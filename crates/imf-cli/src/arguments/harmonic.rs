@@ -24,9 +24,15 @@ pub(crate) struct HarmonicArguments {
     /// Highest degree of the harmonics: more is finer and costs memory and time by its square
     #[arg(long, default_value_t = 14, value_name = "L", requires = "method")]
     pub(crate) degree: usize,
-    /// Principal axes kept of the harmonics' coefficients
-    #[arg(long, default_value_t = 128, value_name = "N", requires = "method")]
-    pub(crate) axes: usize,
+    /// Choose the lowest degree whose mean squared error, estimated on a sample, is at most this
+    #[arg(long, value_name = "MSE", requires = "method", conflicts_with = "degree", value_parser = parse_target)]
+    pub(crate) target_mse: Option<f64>,
+    /// Choose the highest degree that the memory limit allows; with --target-mse, look no further than it
+    #[arg(long, requires = "method", conflicts_with = "degree")]
+    pub(crate) fill_memory: bool,
+    /// Principal axes kept of the harmonics' coefficients; by default 128, and all where the degree is chosen
+    #[arg(long, value_name = "N", requires = "method")]
+    pub(crate) axes: Option<usize>,
     /// Exact sections for each harmonic
     #[arg(long, default_value_t = 2.0, value_name = "N", requires = "method")]
     pub(crate) sections_per_function: f64,
@@ -36,17 +42,32 @@ pub(crate) struct HarmonicArguments {
     /// With --imf: count the best orientations of every voxel exactly, so that values are exact and zeros proven
     #[arg(long, requires = "method", requires = "imf")]
     pub(crate) confirm: bool,
-    /// Keep the harmonic field in this file
+    /// Keep the harmonic field in this file, for imf query and imf info; NAME.npz for NumPy
     #[arg(long, value_name = "FILE", requires = "method")]
     pub(crate) save: Option<PathBuf>,
 }
 
+/// Axes that hold most of a field of degree 14.
+const DEFAULT_AXES: usize = 128;
+
+fn parse_target(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(target) if target > 0.0 => Ok(target),
+        _ => Err("a mean squared error above 0, such as 1e-5".into()),
+    }
+}
+
 impl HarmonicArguments {
+    /// True where the degree follows from an error or from the memory.
+    pub(crate) fn chooses_degree(&self) -> bool {
+        self.target_mse.is_some() || self.fill_memory
+    }
+
     /// The settings of the fit.
     pub(crate) fn settings(&self) -> FitSettings {
         FitSettings {
             degree: self.degree,
-            axes: self.axes,
+            axes: self.axes.unwrap_or(if self.chooses_degree() { usize::MAX } else { DEFAULT_AXES }),
             sections_per_function: self.sections_per_function,
             precision: if self.single { Precision::F32 } else { Precision::F16 },
             ..FitSettings::default()

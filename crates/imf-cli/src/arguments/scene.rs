@@ -12,7 +12,7 @@ use imf_core::mesh::topology::MeshReport;
 use imf_core::occupancy::Occupancy;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Around, Fixture, Resolution, Scene, SceneSpec};
-use imf_core::section::{Contact, ElementPlans, SectionPlan};
+use imf_core::section::{ElementPlans, SectionPlan};
 use imf_core::tool::Tool;
 use imf_core::unit::{LengthUnit, unit_check};
 
@@ -153,19 +153,15 @@ impl Reading {
 }
 
 impl SceneArguments {
-    /// Reads part, fixtures and tool, checks them, estimates the memory, and voxelises. Remarks go to the session.
-    pub(crate) fn scene(&self, session: &Session) -> Result<Scene> {
-        Ok(self.scene_and_contact(session, &ContactArguments::default(), false)?.0)
-    }
-
-    /// As [`Self::scene`], with the layer that the cutter may enter where it may enter one; `elements` keeps room for
-    /// sections of every element too.
-    pub(crate) fn scene_and_contact(
+    /// Reads part, fixtures and tool, checks them, estimates the memory, and voxelises, with the layer that the cutter
+    /// may enter where it may enter one; `elements` keeps room for sections of every element too. Remarks go to the
+    /// session.
+    pub(crate) fn scene_with(
         &self,
         session: &Session,
         contact: &ContactArguments,
         elements: bool,
-    ) -> Result<(Scene, Option<Contact>)> {
+    ) -> Result<Scene> {
         let reading = self.read(session)?;
         let tool = reading.only_tool()?;
         let fixtures = reading.fixtures();
@@ -192,14 +188,13 @@ impl SceneArguments {
         })?;
         let scene = self.voxelised(session, &spec)?;
         session.detail(&format!("sections need about {}", show_bytes(needed)));
-        let contact = match depth {
-            Some(depth) => Some(Contact::new(&spec.bodies(&grid)?.part, &scene.fixtures, depth)),
-            None => None,
-        };
-        Ok((scene, contact))
+        Ok(match depth {
+            Some(depth) => scene.with_contact(&spec.bodies(&grid)?, depth),
+            None => scene,
+        })
     }
 
-    /// As [`Self::scene`], with no room kept for sections: the tool is only written down. Also gives what is known of
+    /// As [`Self::scene_with`], with no room kept for sections: the tool is only written down. Also gives what is known of
     /// the mesh.
     pub(crate) fn scene_without_sections(&self, session: &Session) -> Result<(Scene, MeshReport)> {
         let (scene, _, report) = self.scene_and_part(session)?;

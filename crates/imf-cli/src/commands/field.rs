@@ -10,8 +10,8 @@ mod sections;
 use anyhow::{Result, bail};
 use imf_core::atomic_file::write_atomically;
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::scene::{Promise, Scene};
-use imf_core::section::{ElementPlans, Obstacles, SectionPlan};
+use imf_core::scene::Scene;
+use imf_core::section::{Contact, ElementPlans, Obstacles, SectionPlan};
 use serde_json::{Value, json};
 
 use self::check::Check;
@@ -29,14 +29,13 @@ const SUMMARY: &str = "summary.json";
 pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
     let set = OrientationSet::parse(&arguments.orientations)?;
     let folder = OutputFolder::check(&arguments.out)?;
-    let (scene, contact) =
-        arguments.scene.scene_and_contact(session, &arguments.contact, arguments.elements)?;
+    let scene = arguments.scene.scene_with(session, &arguments.contact, arguments.elements)?;
     let tool = &scene.record.tool;
     if !scene.record.bare_tool().is_axisymmetric() && set.orientations.iter().all(|o| o.roll == 0.0) {
         session.note("the tool is not axisymmetric, and no orientation rolls it: see so3:N");
     }
     let device = Device::open(&arguments.device, session)?;
-    let rest = scene.record.tool_without_cutter()?;
+    let (contact, rest) = (Contact::of_scene(&scene), scene.record.tool_without_cutter()?);
     let obstacles = match &contact {
         Some(contact) => contact.obstacles(rest.as_ref()),
         None => Obstacles::from(&scene.obstacle),
@@ -52,7 +51,6 @@ pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
         session,
         folder,
         scene: &scene,
-        contact: contact.is_some(),
         plan: &plan,
         device: &device,
         harmonic: harmonic.as_ref(),
@@ -69,8 +67,6 @@ struct Work<'a> {
     session: &'a Session,
     folder: OutputFolder,
     scene: &'a Scene,
-    /// The cutter may touch the part.
-    contact: bool,
     plan: &'a SectionPlan,
     device: &'a Device,
     /// Where values are not exact sections.
@@ -110,7 +106,6 @@ impl Work<'_> {
             "solid_voxels": self.scene.obstacle.count(),
             "orientations": { "set": self.set.spec, "count": self.set.len(), "file": ORIENTATIONS },
             "computed_by": self.computed_by(),
-            "contact": self.contact,
             "promise": self.promise(),
             "harmonic": self.harmonic.map(Harmonic::summary),
             "check": self.check.summary(),
@@ -126,9 +121,7 @@ impl Work<'_> {
         if let Some(harmonic) = self.harmonic {
             return harmonic.promise();
         }
-        let record = &self.scene.record;
-        let (tool, pitch) = (record.bare_tool(), record.grid.pitch);
-        Promise::new(record.conservative, tool, &record.clearance, self.contact, pitch).to_string()
+        self.scene.record.promise().to_string()
     }
 
     /// What values are, for a note beside a picture.

@@ -1,6 +1,7 @@
 //! `imf info`: what a mesh, a tool, a dataset or a model is.
 
 mod dataset;
+mod harmonic;
 mod mesh;
 mod model;
 mod tool;
@@ -12,6 +13,7 @@ use anyhow::{Result, bail};
 use glam::DMat4;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneRecord;
+use imf_core::stored::StoredField;
 use imf_core::tool::Tool;
 use serde_json::Value;
 
@@ -62,7 +64,10 @@ fn describe(session: &Session, arguments: &InfoArguments) -> Result<Description>
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     match ending.as_deref() {
         Some("toml") => Ok(tool::describe(&Tool::read(path)?)),
-        Some("safetensors") => model::describe(path),
+        Some("safetensors") => match StoredField::read(path)? {
+            StoredField::Siren(model) => model::describe(path, &model),
+            StoredField::Harmonic(file) => harmonic::describe(path, &file),
+        },
         _ => mesh::describe_file(session, path, unit),
     }
 }
@@ -86,6 +91,9 @@ fn scene_lines(scene: &SceneRecord) -> Vec<(&'static str, String)> {
             ),
         ),
     ];
+    if let Some(depth) = scene.contact {
+        lines.push(("contact", format!("the cutter may reach {depth} {unit} below the part's surface")));
+    }
     if let Some(text) = clearance_text(&scene.clearance, unit) {
         lines.push(("clearance", format!("{text}: the field is that of the grown tool")));
     }

@@ -1,4 +1,4 @@
-//! `imf query`: poses from a CSV file, answered by a trained model, and by counting where that is asked for.
+//! `imf query`: poses from a CSV file, answered by a learnt or harmonic field, and by counting where that is asked for.
 //!
 //! Poses are read, answered and written in chunks: memory does not grow with their number.
 
@@ -12,8 +12,11 @@ use std::path::Path;
 use anyhow::{Context as _, Result};
 use glam::DVec3;
 use imf_core::atomic_file::write_atomically;
-use imf_core::field::{ExactField, Field, LearntField, Pose, collision_measures};
-use imf_core::model::Model;
+use imf_core::field::{ContactField, ExactField, Field, LearntField, Pose, collision_measures};
+use imf_core::grid::Grid;
+use imf_core::harmonic::HarmonicAnswers;
+use imf_core::section::Contact;
+use imf_core::stored::StoredField;
 
 use self::answers::{AnswerWriter, Answers};
 use self::poses::PoseReader;
@@ -37,23 +40,40 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     }
     let (input, bytes, name) = open(&arguments.poses)?;
     let poses = PoseReader::new(input, name)?;
-    let model = Model::read(&arguments.model)?;
-    let device = Device::open(&arguments.device.device, session)?;
-    let mut engine = device.evaluator(model.shape, &model.state.parameters)?;
-    session.detail(&engine.describe());
-    if !model.record.finished {
-        session.note(&format!("{} is not trained to its end", arguments.model.display()));
-    }
-    let record = &model.scene.record;
+    let stored = StoredField::read(&arguments.model)?;
+    let scene = stored.scene();
+    let record = &scene.record;
+    let mut engine;
+    let learnt: Box<dyn Field + '_> = match &stored {
+        StoredField::Siren(model) => {
+            engine = Device::open(&arguments.device.device, session)?
+                .evaluator(model.shape, &model.state.parameters)?;
+            session.detail(&engine.describe());
+            if !model.record.finished {
+                session.note(&format!("{} is not trained to its end", arguments.model.display()));
+            }
+            Box::new(LearntField::new(record.grid, engine.as_mut()))
+        }
+        StoredField::Harmonic(file) => Box::new(HarmonicAnswers(&file.field)),
+    };
     if let Some(text) = clearance_text(&record.clearance, record.unit) {
         session.note(&format!("answers are for the tool grown by a clearance ({text})"));
     }
-    session.note(&format!("a learnt field is no proof; --exact answers: {}", record.promise()));
+    if let Some(depth) = record.contact {
+        session.note(&format!("the cutter may reach {depth} {} below the part's surface", record.unit));
+    }
+    session.note(&format!("a field is no proof; --exact answers: {}", record.promise()));
+    let (contact, rest) = (Contact::of_scene(scene), record.tool_without_cutter()?);
     let mut work = Work {
-        model: &model,
-        learnt: LearntField::new(model.scene.record.grid, engine.as_mut()),
-        exact: arguments.exact.then(|| ExactField::new(&model.scene)),
-        sharp_points: arguments.sharp.then(|| model.scene.record.tool.sharp_point_positions()),
+        grid: record.grid,
+        learnt,
+        exact: arguments.exact.then(|| match &contact {
+            Some(contact) => {
+                Box::new(ContactField::new(contact, &record.tool, rest.as_ref())) as Box<dyn Field>
+            }
+            None => Box::new(ExactField::new(scene)),
+        }),
+        sharp_points: arguments.sharp.then(|| record.tool.sharp_point_positions()),
     };
     let Some(out) = &arguments.out else {
         return work.answer(session, poses, bytes, &mut stdout().lock(), false);
@@ -87,9 +107,10 @@ fn open(path: &Path) -> Result<(Box<dyn Read>, Option<u64>, String)> {
 }
 
 struct Work<'a> {
-    model: &'a Model,
-    learnt: LearntField<'a>,
-    exact: Option<ExactField<'a>>,
+    /// The field was made for its voxels.
+    grid: Grid,
+    learnt: Box<dyn Field + 'a>,
+    exact: Option<Box<dyn Field + 'a>>,
     sharp_points: Option<Vec<DVec3>>,
 }
 
@@ -120,9 +141,9 @@ impl Work<'_> {
                 return Err(Interrupted(format!("{answered} poses were answered; {kept}")).into());
             }
             let sharp = self.sharp_points.as_deref();
-            ask(&mut self.learnt, sharp, &answers.poses, &mut answers.learnt)?;
+            ask(self.learnt.as_mut(), sharp, &answers.poses, &mut answers.learnt)?;
             if let Some(exact) = &mut self.exact {
-                ask(exact, sharp, &answers.poses, &mut answers.exact)?;
+                ask(exact.as_mut(), sharp, &answers.poses, &mut answers.exact)?;
             }
             writer.write(&answers, out)?;
             answered += answers.poses.len() as u64;
@@ -135,15 +156,14 @@ impl Work<'_> {
         stage.finish(&format!("{answered} poses answered"));
         if outside > 0 {
             session.note(&format!(
-                "{outside} of {answered} poses lie outside the box the model was made for: extrapolated"
+                "{outside} of {answered} poses lie outside the box the field was made for: extrapolated"
             ));
         }
         Ok(())
     }
 
     fn is_outside(&self, pose: &Pose) -> bool {
-        let grid = &self.model.scene.record.grid;
-        let unit = grid.unit(pose.position);
+        let unit = self.grid.unit(pose.position);
         unit.min_element() < 0.0 || unit.max_element() > 1.0
     }
 }

@@ -43,6 +43,39 @@ fn sections_are_near_the_exact_ones_and_the_file_gives_them_again() {
         + summary["harmonic"]["report"]["dropped"].as_f64().unwrap();
     assert!(mse < 3.0 * told && mse < 5e-3, "{mse} against {told}");
     assert!(summary["promise"].as_str().unwrap().starts_with("approximate"));
+
+    let info = folder.json(&["info", "field.safetensors"]);
+    assert_eq!((&info["kind"], &info["settings"]["degree"]), (&"harmonic".into(), &6.into()));
+    assert!(folder.succeed(&["info", "field.safetensors"]).stdout.contains("49 functions of degree 6"));
+    // At a voxel's centre a pose is answered as its section is.
+    let grid = *plan.grid();
+    let voxel = grid.index([2, 7, 8]);
+    let [x, y, z] = grid.centre([2, 7, 8]).to_array();
+    let (theta, phi) = (orientations[4].theta, orientations[4].phi);
+    folder.write("poses.csv", format!("x,y,z,theta,phi\n{x},{y},{z},{theta},{phi}\n9e9,0,0,10,20\n"));
+    let run = folder.succeed(&["query", "field.safetensors", "poses.csv", "--exact", "--json"]);
+    assert!(run.stderr.contains("1 of 2 poses lie outside the box"), "{}", run.stderr);
+    let answers: Vec<serde_json::Value> = serde_json::from_str(&run.stdout).unwrap();
+    let overlap = answers[0]["overlap"].as_f64().unwrap() as f32;
+    assert!((overlap - again[4 * grid.len() + voxel].clamp(0.0, 1.0)).abs() < 1e-5);
+    assert_eq!(answers[0]["overlap_exact"].as_f64().unwrap() as f32, exact[4][voxel]);
+}
+
+#[test]
+fn the_degree_follows_from_an_error_or_from_the_memory() {
+    let folder = Folder::new();
+    let field = |more: &[&str]| {
+        let bracket = ["field", "bracket", "--dims", "5,15,9", "--method", "harmonic"];
+        folder.json(&[&bracket[..], &["--orientations", "0,0", "--out", "out"], more].concat())
+    };
+    let loose = field(&["--target-mse", "2e-3"]);
+    let tight = field(&["--target-mse", "5e-4"]);
+    let degree = |summary: &serde_json::Value| summary["harmonic"]["settings"]["degree"].as_u64().unwrap();
+    assert!(degree(&loose) < degree(&tight), "{} {}", degree(&loose), degree(&tight));
+    assert!(tight["harmonic"]["report"]["held_out_mse"].as_f64().unwrap() <= 5e-4);
+    let small = field(&["--fill-memory", "--memory", "6MiB"]);
+    let large = field(&["--fill-memory", "--memory", "12MiB"]);
+    assert!(0 < degree(&small) && degree(&small) < degree(&large));
 }
 
 #[test]

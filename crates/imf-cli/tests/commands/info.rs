@@ -140,3 +140,33 @@ fn a_clearance_is_recorded_in_datasets_and_models_and_said() {
     let run = folder.succeed(&["query", "m.safetensors", "poses.csv", "--exact"]);
     assert!(run.stderr.contains("grown by a clearance (holder 4, shank 4, cutter 1 mm)"), "{}", run.stderr);
 }
+
+#[test]
+fn contact_is_recorded_with_its_layer_and_exact_answers_know_it() {
+    let folder = Folder::new();
+    let data = ["dataset", "bracket", "--dims", "5,15,9", "--orientations", "fibonacci:2"];
+    folder.succeed(&[&data[..], &["--contact", "12", "--out", "data"]].concat());
+    assert_eq!(folder.json(&["info", "data"])["scene"]["contact"], 12.0);
+    assert!(folder.succeed(&["info", "data"]).stdout.contains("may reach 12 mm below"));
+    let (_, scene, _) = imf_core::dataset::load(&folder.path("data")).unwrap();
+    assert!(scene.layer.as_ref().unwrap().count() > 0);
+    let contact = imf_core::section::Contact::of_scene(&scene).unwrap();
+    let mut model = model();
+    let plain = model.scene.clone();
+    model.scene = scene;
+    model.write(&folder.path("m.safetensors")).unwrap();
+    assert_eq!(imf_core::model::Model::read(&folder.path("m.safetensors")).unwrap(), model);
+    // The tip stands in a voxel of the layer: the cutter collides with the part, and touches it by contact.
+    let grid = plain.record.grid;
+    let voxel = contact.skin.solid.iter().position(|&s| s != 0).unwrap();
+    let [x, y, z] = grid.centre(grid.voxel(voxel)).to_array();
+    folder.write("poses.csv", format!("x,y,z,theta,phi\n{x},{y},{z},0,0\n"));
+    let run = folder.json(&["query", "m.safetensors", "poses.csv", "--exact"]);
+    let rest = model.scene.record.tool_without_cutter().unwrap();
+    let pose = imf_core::field::Pose { position: [x, y, z].into(), orientation: Default::default() };
+    let field = imf_core::field::ContactField::new(&contact, &model.scene.record.tool, rest.as_ref());
+    let whole = imf_core::field::ExactField::new(&plain);
+    let expected = f64::from(field.count(&pose)) / f64::from(whole.normaliser(&pose.orientation).unwrap());
+    assert!((run[0]["overlap_exact"].as_f64().unwrap() - expected).abs() < 1e-6, "{run}");
+    assert!(field.count(&pose) < whole.count(&pose));
+}

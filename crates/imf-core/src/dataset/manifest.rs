@@ -16,7 +16,6 @@ use super::sampling::{Sampling, SamplingError};
 use super::shard;
 use super::share::Share;
 use crate::atomic_file::{AtomicFileError, write_atomically};
-use crate::occupancy::Occupancy;
 use crate::orientation::OrientationSet;
 use crate::scene::{Scene, SceneRecord};
 use crate::section::SectionError;
@@ -317,13 +316,8 @@ impl Manifest {
         let bytes = read_file(&path)?;
         let damaged = |what: String| DatasetError::Damaged { path: path.display().to_string(), what };
         let tensors = SafeTensors::deserialize(&bytes).map_err(|e| damaged(e.to_string()))?;
-        let packed = tensors.tensor("obstacle").map_err(|e| damaged(e.to_string()))?;
-        if crc32fast::hash(packed.data()) != self.scene.obstacle_crc32 {
-            return Err(damaged("its checksum is not the scene's".into()));
-        }
-        let obstacle =
-            Occupancy::from_packed(self.scene.grid, packed.data()).map_err(|e| damaged(e.to_string()))?;
-        Ok(Scene::from_union(self.scene.clone(), obstacle))
+        let bits = |name: &str| tensors.tensor(name).ok().map(|view| view.data());
+        Scene::from_packed_voxels(self.scene.clone(), bits).map_err(|e| damaged(e.to_string()))
     }
 
     /// Number of shards, finished or not.
@@ -370,11 +364,13 @@ impl Manifest {
 
 /// Writes the scene's solid voxels.
 pub(super) fn write_obstacle(folder: &Path, scene: &Scene) -> Result<(), DatasetError> {
-    let packed = scene.obstacle.packed();
-    let view = TensorView::new(Dtype::U8, vec![packed.len()], &packed);
+    let voxels = scene.packed_voxels();
     let path = folder.join(OBSTACLE);
-    let bytes = view
-        .and_then(|view| safetensors::serialize([("obstacle", view)], None::<HashMap<String, String>>))
+    let views =
+        voxels.iter().map(|(name, bits)| Ok((*name, TensorView::new(Dtype::U8, vec![bits.len()], bits)?)));
+    let bytes = views
+        .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()
+        .and_then(|views| safetensors::serialize(views, None::<HashMap<String, String>>))
         .map_err(|e| DatasetError::Damaged { path: path.display().to_string(), what: e.to_string() })?;
     Ok(write_atomically(&path, |file| file.write_all(&bytes))?)
 }

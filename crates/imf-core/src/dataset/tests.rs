@@ -29,6 +29,7 @@ fn scene() -> Scene {
         clearance: crate::tool::Clearance::default(),
         ungrown: None,
         fixtures: Vec::new(),
+        contact: None,
         obstacle_crc32: crc32fast::hash(&obstacle.packed()),
     };
     Scene::from_union(record, obstacle)

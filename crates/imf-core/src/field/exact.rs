@@ -314,23 +314,33 @@ fn ratio(inside: u32, whole: u32) -> f64 {
 /// Poses that one thread answers at a time.
 const CHUNK: usize = 256;
 
+/// Counts of poses over the tool's own, orientation by orientation, in parallel.
+pub(super) fn answer(
+    poses: &[Pose],
+    answers: &mut [f32],
+    normaliser: impl Fn(&Orientation) -> Result<u32, ToolError> + Sync,
+    count: impl Fn(&Pose) -> u32 + Sync,
+) -> Result<(), QueryError> {
+    check_lengths(poses, answers)?;
+    poses.par_chunks(CHUNK).zip(answers.par_chunks_mut(CHUNK)).try_for_each(|(poses, answers)| {
+        // Poses of one orientation tend to stand together.
+        let mut last: Option<(Orientation, u32)> = None;
+        for (pose, answer) in poses.iter().zip(answers) {
+            let whole = match last {
+                Some((orientation, whole)) if orientation == pose.orientation => whole,
+                _ => normaliser(&pose.orientation)?,
+            };
+            last = Some((pose.orientation, whole));
+            *answer = ratio(count(pose), whole) as f32;
+        }
+        Ok(())
+    })
+}
+
 impl Field for ExactField<'_> {
     fn query(&mut self, poses: &[Pose], answers: &mut [f32]) -> Result<(), QueryError> {
-        check_lengths(poses, answers)?;
         let field = &*self;
-        poses.par_chunks(CHUNK).zip(answers.par_chunks_mut(CHUNK)).try_for_each(|(poses, answers)| {
-            // Poses of one orientation tend to stand together.
-            let mut last: Option<(Orientation, u32)> = None;
-            for (pose, answer) in poses.iter().zip(answers) {
-                let whole = match last {
-                    Some((orientation, whole)) if orientation == pose.orientation => whole,
-                    _ => field.normaliser(&pose.orientation)?,
-                };
-                last = Some((pose.orientation, whole));
-                *answer = ratio(field.count(pose), whole) as f32;
-            }
-            Ok(())
-        })
+        answer(poses, answers, |orientation| field.normaliser(orientation), |pose| field.count(pose))
     }
 }
 

@@ -25,7 +25,6 @@ use super::basis::{Basis, Domain};
 use super::coefficients::{Coefficients, Precision};
 use super::{FitReport, FitSettings, HarmonicField};
 use crate::atomic_file::{AtomicFileError, write_atomically};
-use crate::occupancy::Occupancy;
 use crate::scene::{Scene, SceneRecord};
 
 const FORMAT: &str = "imf-harmonic";
@@ -130,14 +129,16 @@ impl HarmonicFile {
             crc32: checksum([&coefficients, &axes_bytes, &mean]),
         };
         let json = serde_json::to_string(&description).map_err(|e| damaged(e.to_string()))?;
-        let packed = self.scene.obstacle.packed();
+        let voxels = self.scene.packed_voxels();
         let serialized = || {
-            let views = [
+            let mut views = vec![
                 ("axes", TensorView::new(Dtype::F32, vec![functions, axes], &axes_bytes)?),
                 ("coefficients", TensorView::new(kind, vec![nx, ny, nz, axes], &coefficients)?),
                 ("mean", TensorView::new(Dtype::F32, vec![functions], &mean)?),
-                ("obstacle", TensorView::new(Dtype::U8, vec![packed.len()], &packed)?),
             ];
+            for (name, bits) in &voxels {
+                views.push((*name, TensorView::new(Dtype::U8, vec![bits.len()], bits)?));
+            }
             safetensors::serialize(views, Some(HashMap::from([("imf".to_owned(), json.clone())])))
         };
         let bytes = serialized().map_err(|e| damaged(e.to_string()))?;
@@ -190,11 +191,8 @@ impl HarmonicFile {
         if checksum([&coefficients, &axes, &mean]) != description.crc32 {
             return Err(damaged("the checksum of its coefficients is wrong".into()));
         }
-        let packed = tensors.tensor("obstacle").map_err(|e| damaged(e.to_string()))?;
-        if crc32fast::hash(packed.data()) != description.scene.obstacle_crc32 {
-            return Err(damaged("the obstacle's checksum is wrong".into()));
-        }
-        let obstacle = Occupancy::from_packed(grid, packed.data()).map_err(|e| damaged(e.to_string()))?;
+        let bits = |name: &str| tensors.tensor(name).ok().map(|view| view.data());
+        let scene = Scene::from_packed_voxels(description.scene, bits).map_err(|e| damaged(e.to_string()))?;
         let coefficients = match settings.precision {
             Precision::F32 => Coefficients::F32(floats(&coefficients)),
             Precision::F16 => Coefficients::F16(
@@ -209,7 +207,7 @@ impl HarmonicFile {
             coefficients,
             report: description.report,
         };
-        Ok(Self { field, scene: Scene::from_union(description.scene, obstacle), settings })
+        Ok(Self { field, scene, settings })
     }
 }
 

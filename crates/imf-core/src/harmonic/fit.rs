@@ -96,7 +96,7 @@ impl FitSettings {
 }
 
 /// Higher degrees are refused as a slip of the keyboard: 1681 functions of a direction already.
-const MOST_DEGREE: usize = 40;
+pub(super) const MOST_DEGREE: usize = 40;
 
 /// How large a field becomes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -146,17 +146,9 @@ pub fn fit(
     settings: &FitSettings,
     control: Control<'_>,
 ) -> Result<HarmonicField, HarmonicError> {
-    settings.check()?;
-    let basis = Basis::new(domain, settings.degree);
+    let Prepared { basis, set, values, normal, solved, axes_matrix, report } =
+        prepare(plan, domain, settings, control)?;
     let Sizes { functions, sections, axes } = settings.sizes(domain);
-    let set = basis.even_set(sections)?.orientations;
-    let values = function_values(&basis, &set);
-    let normal = NormalMatrix::new(&values, functions)?;
-    let sample = Sample::take(plan, settings, &basis, &set, control)?;
-    let moments = sample.moments(&values, functions);
-    let solved = moments.solve(&normal);
-    let report = sample.report(&solved, &basis, settings, sections)?;
-    let (axes_matrix, dropped) = principal_axes(&solved.covariance, axes);
 
     // z = Uᵀ G⁻¹ Bᵀ s − Uᵀ μ: an N × axes matrix and a start.
     let projected = normal.solve(&axes_matrix);
@@ -189,8 +181,54 @@ pub fn fit(
         axes: row_major(&axes_matrix),
         mean: solved.mean.iter().map(|&v| v as f32).collect(),
         coefficients: Coefficients::new(coefficients, settings.precision),
-        report: FitReport { dropped, ..report },
+        report,
     })
+}
+
+/// What a fit with these settings would err, told by the sample's voxels alone. One unit of progress is one section;
+/// there are half as many as for the fit.
+///
+/// # Errors
+/// As [`fit`].
+pub fn estimate(
+    plan: &SectionPlan,
+    domain: Domain,
+    settings: &FitSettings,
+    control: Control<'_>,
+) -> Result<FitReport, HarmonicError> {
+    Ok(prepare(plan, domain, settings, control)?.report)
+}
+
+/// All that the sample's voxels decide.
+struct Prepared {
+    basis: Basis,
+    set: Vec<Orientation>,
+    /// B: `[orientation][function]`.
+    values: Vec<f32>,
+    normal: NormalMatrix,
+    solved: Solved,
+    axes_matrix: DMatrix<f64>,
+    report: FitReport,
+}
+
+fn prepare(
+    plan: &SectionPlan,
+    domain: Domain,
+    settings: &FitSettings,
+    control: Control<'_>,
+) -> Result<Prepared, HarmonicError> {
+    settings.check()?;
+    let basis = Basis::new(domain, settings.degree);
+    let Sizes { functions, sections, axes } = settings.sizes(domain);
+    let set = basis.even_set(sections)?.orientations;
+    let values = function_values(&basis, &set);
+    let normal = NormalMatrix::new(&values, functions)?;
+    let sample = Sample::take(plan, settings, &basis, &set, control)?;
+    let solved = sample.moments(&values, functions).solve(&normal);
+    let report = sample.report(&solved, &basis, settings, sections)?;
+    let (axes_matrix, dropped) = principal_axes(&solved.covariance, axes);
+    let report = FitReport { dropped, ..report };
+    Ok(Prepared { basis, set, values, normal, solved, axes_matrix, report })
 }
 
 /// Sections that [`fit`] computes.

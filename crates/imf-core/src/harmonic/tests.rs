@@ -6,9 +6,9 @@ use super::basis::{Basis, Domain};
 use super::coefficients::Precision;
 use super::file::{HarmonicFile, HarmonicFileError};
 use super::radial::direct_coefficients;
-use super::{FitSettings, HarmonicField, PointScratch, fit};
+use super::{FitSettings, HarmonicAnswers, HarmonicField, PointScratch, fit};
 use crate::control::Control;
-use crate::field::ExactField;
+use crate::field::{ExactField, Field as _, Pose};
 use crate::metrics::Errors;
 use crate::orientation::{Orientation, OrientationSet};
 use crate::parts::ReferencePart;
@@ -274,4 +274,85 @@ fn files_read_back_bit_for_bit_and_damage_is_named() {
         assert!(matches!(HarmonicFile::read(&path), Err(HarmonicFileError::Damaged { .. })));
     }
     assert!(matches!(HarmonicFile::read(&folder.path().join("none")), Err(HarmonicFileError::Read { .. })));
+}
+
+#[test]
+fn a_degree_is_found_for_an_error_and_for_a_memory_limit() {
+    let scene = scene();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let settings = FitSettings { sample: 2000, ..settings() };
+    let at = |degree| {
+        let settings = FitSettings { degree, ..settings };
+        super::estimate(&plan, Domain::Directions, &settings, Control::quiet()).unwrap().expected_mse()
+    };
+    // Between what degrees 5 and 7 reach: 7 is the first that is good enough.
+    let target = 0.5 * (at(5) + at(7));
+    let find = |target, most| {
+        super::degree_for(&plan, Domain::Directions, &settings, target, most, Control::quiet()).unwrap()
+    };
+    let (found, report) = find(target, 12);
+    assert_eq!(found.degree, 7);
+    assert!(report.expected_mse() <= target);
+    // Out of reach: the best below the limit.
+    let (found, report) = find(0.0, 6);
+    assert_eq!(found.degree, 6);
+    assert!(report.expected_mse() > 0.0);
+
+    let voxels = plan.grid().len();
+    let bytes = |degree| FitSettings { degree, ..settings }.memory(Domain::Directions, voxels).0;
+    let within = |limit| settings.degree_within(Domain::Directions, voxels, limit);
+    assert_eq!(within(bytes(9)), Some(9));
+    assert_eq!(within(bytes(9) - 1), Some(8));
+    assert_eq!(within(10), None);
+}
+
+#[test]
+fn poses_are_answered_as_points_are_and_beyond_the_box_as_its_nearest_point() {
+    let scene = scene();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let field = made(&plan, &FitSettings { degree: 4, ..settings() });
+    let grid = *plan.grid();
+    let orientation = Orientation::new(40.0, 65.0);
+    let inside = grid.origin + 0.4 * grid.size();
+    let corner = grid.centre(grid.dims.map(|n| n - 1));
+    let poses = [inside, corner, grid.origin + 2.0 * grid.size(), DVec3::splat(f64::NAN)]
+        .map(|position| Pose { position, orientation });
+    let mut answers = [0.5; 4];
+    HarmonicAnswers(&field).query(&poses, &mut answers).unwrap();
+    let mut scratch = PointScratch::default();
+    assert_eq!(Some(answers[0]), field.overlap(inside, &orientation, &mut scratch));
+    assert_eq!(Some(answers[1]), field.overlap(corner, &orientation, &mut scratch));
+    assert_eq!(answers[2], answers[1]);
+    assert!(answers[3].is_nan());
+    assert!(HarmonicAnswers(&field).query(&poses, &mut answers[..3]).is_err());
+}
+
+#[test]
+fn numpys_arrays_are_the_fields() {
+    let scene = scene();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let settings = FitSettings { degree: 3, axes: 11, precision: Precision::F16, ..settings() };
+    let field = fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap();
+    let file = HarmonicFile { field, scene, settings };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("field.npz");
+    file.write_npz(&path).unwrap();
+    let mut npz = ndarray_npy::NpzReader::new(std::fs::File::open(&path).unwrap()).unwrap();
+    let coefficients: ndarray::Array4<f32> = npz.by_name("coefficients").unwrap();
+    let axes: ndarray::Array2<f32> = npz.by_name("axes").unwrap();
+    let mean: ndarray::Array1<f32> = npz.by_name("mean").unwrap();
+    let degree: ndarray::Array1<u32> = npz.by_name("degree").unwrap();
+    let obstacle: ndarray::Array3<u8> = npz.by_name("obstacle").unwrap();
+    assert_eq!((degree[0], mean.len(), axes.dim()), (3, 16, (16, 11)));
+    assert_eq!(obstacle.as_slice().unwrap(), file.scene.obstacle.solid);
+    // As a reader would: b · (μ + U z).
+    let grid = file.field.grid;
+    let (voxel, orientation) = ([7, 9, 15], Orientation::new(30.0, 70.0));
+    let mut functions = vec![0.0; 16];
+    file.field.basis.values(&orientation, &mut functions);
+    let z = coefficients.slice(ndarray::s![voxel[0], voxel[1], voxel[2], ..]);
+    let value = (&mean + &axes.dot(&z)).iter().zip(&functions).map(|(&c, &b)| f64::from(c) * b).sum::<f64>();
+    let expected =
+        file.field.overlap(grid.centre(voxel), &orientation, &mut PointScratch::default()).unwrap();
+    assert!((value.clamp(0.0, 1.0) - f64::from(expected)).abs() < 1e-5, "{value} {expected}");
 }

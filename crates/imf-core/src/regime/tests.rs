@@ -158,3 +158,16 @@ fn values_are_set_by_path_and_checked_like_the_file() {
     }
     assert!(assignment("network.width").is_err());
 }
+
+#[test]
+fn clearance_and_contact_are_set_by_path_and_written_again() {
+    let mut table: toml::Table = preset("single").unwrap().text.parse().unwrap();
+    for text in ["scene.clearance.holder=2", "scene.contact=0.5"] {
+        let (path, value) = assignment(text).unwrap();
+        set(&mut table, &path, value).unwrap();
+    }
+    let regime = Regime::parse(&toml::to_string(&table).unwrap()).unwrap();
+    assert_eq!(regime.scene.clearance, Clearance { holder: 2.0, ..Clearance::default() });
+    assert_eq!(regime.scene.contact, Some(0.5));
+    assert_eq!(Regime::parse(&toml::to_string(&regime).unwrap()).unwrap(), regime);
+}

@@ -67,7 +67,8 @@ impl SceneRecord {
     /// Which promise holds for this scene's field.
     #[must_use]
     pub fn promise(&self) -> Promise {
-        Promise::new(self.conservative, self.bare_tool(), &self.clearance, false, self.grid.pitch)
+        let contact = self.contact.is_some();
+        Promise::new(self.conservative, self.bare_tool(), &self.clearance, contact, self.grid.pitch)
     }
 }
 

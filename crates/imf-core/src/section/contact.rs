@@ -9,9 +9,9 @@ use super::counter::Counter;
 use super::direct::spot_check;
 use super::size::{CircularSize, QueryBox};
 use super::{SectionError, SectionScratch};
-use crate::distance::deeper_than;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
+use crate::scene::Scene;
 use crate::tool::{RotatedTool, Tool, ToolError};
 
 /// What a tool must stay out of.
@@ -48,18 +48,18 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// Lets the cutter reach `depth` (in the grid's unit) below the part's surface; where part and fixture share a
-    /// voxel it stays forbidden. Both stand on one grid.
-    ///
-    /// # Panics
-    /// If the grids differ.
+    /// Lets the cutter into a layer of an obstacle ([`Bodies::layer`](crate::scene::Bodies::layer)).
     #[must_use]
-    pub fn new(part: &Occupancy, fixtures: &Occupancy, depth: f64) -> Self {
-        assert_eq!(part.grid, fixtures.grid, "part and fixtures on one grid");
-        let mut solid = deeper_than(part, depth);
-        solid.solid.iter_mut().zip(&fixtures.solid).for_each(|(s, &f)| *s |= f);
-        let skin = part.solid.iter().zip(&solid.solid).map(|(&p, &s)| p & (1 - s)).collect();
-        Self { skin: Occupancy { grid: part.grid, solid: skin }, solid }
+    pub fn new(obstacle: &Occupancy, layer: Occupancy) -> Self {
+        let mut solid = obstacle.clone();
+        solid.solid.iter_mut().zip(&layer.solid).for_each(|(s, &l)| *s &= 1 - l);
+        Self { skin: layer, solid }
+    }
+
+    /// The division of a scene with contact.
+    #[must_use]
+    pub fn of_scene(scene: &Scene) -> Option<Self> {
+        scene.layer.clone().map(|layer| Self::new(&scene.obstacle, layer))
     }
 
     /// What a tool must stay out of; `rest` is what of it must stay out of the layer too, if there is any.

@@ -18,6 +18,7 @@ use envelope::{Curve, envelope};
 
 /// How much room each kind of element must keep from the obstacle, in the tool's unit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Clearance {
     /// Around every holder segment.
     pub holder: f64,

@@ -6,12 +6,16 @@ use crate::device::GpuLimits;
 use crate::forward::rows_per_pass;
 use crate::layout::PaddedLayout;
 use crate::memory::Plan;
+use crate::submit::PASSES_AT_ONCE;
+use crate::uniforms::{Batch, Step};
 
 /// Rows that one partial gradient sums: four slices of the paper's batch of 1024 give a GPU four times the workgroups
 /// in the weight gradients.
 const SLICE_ROWS: usize = 256;
 /// Partial gradients at most: each costs the memory of all parameters.
 const MAX_SLICES: usize = 8;
+/// Elements of several batches that go up together, at most: 16 MiB.
+const MOST_UPLOADED: usize = 1 << 22;
 /// Steps whose losses wait on the device before they are read.
 pub(super) const LOSS_SLOTS: usize = 4096;
 
@@ -22,6 +26,7 @@ pub(super) struct Places {
     pub(super) second_moment: usize,
     pub(super) gradient: usize,
     pub(super) partials: usize,
+    pub(super) upload: usize,
     pub(super) samples: usize,
     pub(super) targets: usize,
     pub(super) row_losses: usize,
@@ -42,6 +47,9 @@ pub(super) fn plan(
     let max_slices = (binding / (4 * layout.parameters)).clamp(1, MAX_SLICES);
     // A smaller batch may have more slices than the largest one, never more than this.
     let slices = rows.div_ceil(SLICE_ROWS).min(max_slices);
+    // The host's data of one part of a batch, and of as many as go in one submission while that is little.
+    let one = rows * (INPUTS + 1) + (size_of::<Batch>() + size_of::<Step>()) / 4;
+    let upload = (PASSES_AT_ONCE * one).min(MOST_UPLOADED.min(binding / 4)).max(one);
     let mut plan = Plan::default();
     let places = Places {
         parameters: plan.add("parameters", layout.parameters),
@@ -49,6 +57,7 @@ pub(super) fn plan(
         second_moment: plan.add("second moments", layout.parameters),
         gradient: plan.add("gradient", layout.parameters),
         partials: plan.add("partial gradients", slices * layout.parameters),
+        upload: plan.add("upload of the batches", upload),
         samples: plan.add("samples", rows * INPUTS),
         targets: plan.add("targets", rows),
         row_losses: plan.add("losses of the rows", rows),

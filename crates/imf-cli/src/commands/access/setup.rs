@@ -146,15 +146,15 @@ impl Setup {
         session.detail(&format!("this needs about {}", show_bytes(needed)));
 
         let bodies = spec.bodies(&obstacle_grid)?;
+        let obstacle = bodies.obstacle();
         let contact =
-            depth.map(|depth| Touch { depth, divided: Contact::new(&bodies.part, &bodies.fixtures, depth) });
+            depth.map(|depth| Touch { depth, divided: Contact::new(&obstacle, bodies.layer(depth)) });
         let conservative = arguments.scene.conservative;
         let promise = tools
             .iter()
             .map(|tool| Promise::new(conservative, &tool.bare, &clearance, depth.is_some(), query.pitch))
             .min_by_key(Promise::strength)
             .unwrap_or(Promise::Centres);
-        let obstacle = bodies.obstacle();
         let on = |occupancy: &Occupancy, grid: &Grid| {
             occupancy.on(grid).ok_or_else(|| anyhow::anyhow!("the grids of part and stock do not meet"))
         };

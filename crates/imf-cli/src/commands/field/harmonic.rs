@@ -6,7 +6,9 @@ use anyhow::{Result, bail};
 use imf_core::field::ExactField;
 use imf_core::harmonic::basis::Domain;
 use imf_core::harmonic::file::HarmonicFile;
-use imf_core::harmonic::{CANDIDATES, FitSettings, HarmonicError, HarmonicField, fit, section_count};
+use imf_core::harmonic::{
+    CANDIDATES, FitSettings, HarmonicError, HarmonicField, degree_for, fit, section_count, sections_tried,
+};
 use imf_core::scene::Scene;
 use imf_core::section::{Imf, SectionError, SectionPlan};
 use serde_json::{Value, json};
@@ -14,9 +16,9 @@ use serde_json::{Value, json};
 use super::Work;
 use super::counting::Streamed;
 use crate::arguments::FieldArguments;
-use crate::arguments::harmonic::FieldMethod;
+use crate::arguments::harmonic::{FieldMethod, HarmonicArguments};
 use crate::interrupt::{self, Interrupted};
-use crate::session::Session;
+use crate::session::{Session, show_bytes};
 
 /// Sections evaluated at a time.
 const AT_ONCE: usize = 16;
@@ -27,6 +29,54 @@ pub(super) struct Harmonic {
     settings: FitSettings,
     /// Best orientations are counted exactly.
     confirm: bool,
+}
+
+/// The settings, with the degree that the memory allows or the error asks for.
+fn chosen(
+    session: &Session,
+    plan: &SectionPlan,
+    domain: Domain,
+    asked: &HarmonicArguments,
+) -> Result<FitSettings> {
+    let settings = asked.settings();
+    if !asked.chooses_degree() {
+        return Ok(settings);
+    }
+    let room = session.memory_limit();
+    let Some(most) = settings.degree_within(domain, plan.grid().len(), room) else {
+        bail!(
+            "no harmonic field fits into {} of memory; use a larger --pitch, or raise --memory",
+            show_bytes(room)
+        );
+    };
+    let Some(target) = asked.target_mse else {
+        session.note(&format!("degree {most} is the highest that {} of memory allow", show_bytes(room)));
+        return Ok(FitSettings { degree: most, ..settings });
+    };
+    let stage =
+        session.stage("choosing the degree", "sections", sections_tried(domain, &settings, most) as u64);
+    let advance = |sections| stage.advance(sections);
+    let found = degree_for(plan, domain, &settings, target, most, session.control(&advance));
+    let (settings, report) = found.map_err(|error| interruption(error, "choosing the degree"))?;
+    stage.finish(&format!("{}: MSE {:.1e} expected", settings.degree, report.expected_mse()));
+    if report.expected_mse() > target {
+        session.warn(&format!(
+            "an MSE of {target:e} is out of reach: degree {}, the best up to {most}, is expected to have {:.1e}",
+            settings.degree,
+            report.expected_mse()
+        ));
+    }
+    Ok(settings)
+}
+
+/// An interrupted fit says that nothing is kept; other errors stay as they are.
+fn interruption(error: HarmonicError, what: &str) -> anyhow::Error {
+    match error {
+        HarmonicError::Section(SectionError::Cancelled) => {
+            Interrupted(format!("{what} needs every section; nothing was written")).into()
+        }
+        other => other.into(),
+    }
 }
 
 impl Harmonic {
@@ -52,9 +102,9 @@ impl Harmonic {
                  sharp or --contact is given"
             );
         }
-        let settings = asked.settings();
         let bare = scene.record.bare_tool();
         let domain = if bare.is_axisymmetric() { Domain::Directions } else { Domain::Rotations };
+        let settings = chosen(session, plan, domain, asked)?;
         let (needed, _) = settings.memory(domain, plan.grid().len());
         session.require_memory(needed, || {
             format!(
@@ -64,19 +114,19 @@ impl Harmonic {
         })?;
         let stage = session.stage("sections to fit", "sections", section_count(domain, &settings) as u64);
         let advance = |sections| stage.advance(sections);
-        let field = match fit(plan, domain, &settings, session.control(&advance)) {
-            Err(HarmonicError::Section(SectionError::Cancelled)) => {
-                return Err(Interrupted("a fit needs every section; nothing was written".into()).into());
-            }
-            other => other?,
-        };
+        let field = fit(plan, domain, &settings, session.control(&advance));
+        let field = field.map_err(|error| interruption(error, "a fit"))?;
         stage.finish(&errors_text(&field));
+        let file = HarmonicFile { field, scene: scene.clone(), settings };
         if let Some(path) = &asked.save {
-            let file = HarmonicFile { field: field.clone(), scene: scene.clone(), settings };
-            file.write(path)?;
+            if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("npz")) {
+                file.write_npz(path)?;
+            } else {
+                file.write(path)?;
+            }
             session.note(&format!("wrote {}", path.display()));
         }
-        Ok(Some(Self { field, settings, confirm: asked.confirm }))
+        Ok(Some(Self { field: file.field, settings, confirm: asked.confirm }))
     }
 
     /// How values are computed, for people.

@@ -11,8 +11,7 @@ use super::{Description, scene_lines};
 use crate::progress::show_seconds;
 use crate::session::show_bytes;
 
-pub(super) fn describe(path: &Path) -> Result<Description> {
-    let model = Model::read(path)?;
+pub(super) fn describe(path: &Path, model: &Model) -> Result<Description> {
     let bytes = std::fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len();
     let SirenShape { width, hidden, skip_after, omega } = model.shape;
     let skip = skip_after

@@ -92,7 +92,7 @@ fn one(workshop: &Workshop<'_>, asked: &EvaluationSettings, done: &Finished) -> 
         .iter()
         .map(|row| Answer { name: row.name.clone(), errors: row.errors })
         .collect();
-    let plan = SectionPlan::new(&model.scene.obstacle, &record.tool.with_tip_only())?;
+    let plan = SectionPlan::of_scene(&model.scene)?;
     for set in others {
         let stage = session.stage("evaluating", "sections", set.len() as u64);
         let advance = |n| stage.advance(n);

@@ -6,7 +6,7 @@ use anyhow::Result;
 use imf_core::regime::{SceneSettings, Stage};
 use imf_core::scene::Scene;
 
-use crate::arguments::clearance::ClearanceArguments;
+use crate::arguments::clearance::{ClearanceArguments, ContactArguments};
 use crate::arguments::scene::{AroundKind, SceneArguments};
 use crate::session::Session;
 
@@ -48,9 +48,11 @@ impl<'a> Scenes<'a> {
             tool: vec![self.settings.tool.clone()],
             fixture: Vec::new(),
             around: AroundKind::Part,
-            clearance: ClearanceArguments::default(),
+            clearance: ClearanceArguments::from(self.settings.clearance),
         };
-        let scene = given.scaled(session, self.settings.scale * resolution)?.scene(session)?;
+        let contact = ContactArguments::from(self.settings.contact);
+        let scaled = given.scaled(session, self.settings.scale * resolution)?;
+        let scene = scaled.scene_with(session, &contact, false)?;
         self.made.insert(key, scene.clone());
         Ok(scene)
     }

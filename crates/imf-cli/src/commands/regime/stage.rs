@@ -193,7 +193,7 @@ impl Workshop<'_> {
         if !coarse.record.tool.is_axisymmetric() {
             bail!("an online stage needs a tool that is the same all around its axis");
         }
-        let plan = SectionPlan::new(&coarse.obstacle, &coarse.record.tool.with_tip_only())?;
+        let plan = SectionPlan::of_scene(coarse)?;
         let sections = OnlineSections { plan, frame: full.record.grid, sampling: stage.sampling, settings };
         Ok((sections, bytes))
     }

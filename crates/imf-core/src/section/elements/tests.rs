@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::*;
+use crate::scene::Bodies;
 use crate::section::{Contact, direct_element_measures, imf};
 use crate::tool::{Clearance, Segment};
 use crate::unit::LengthUnit;
@@ -101,7 +102,8 @@ fn elements_are_their_definition_and_sum_to_the_section_flat_and_deep() {
 #[test]
 fn contact_and_clearance_are_counted_by_their_definition() {
     let (part, clamp) = held();
-    let contact = Contact::new(&part, &clamp, 1.0);
+    let bodies = Bodies { part: part.clone(), fixtures: clamp.clone() };
+    let contact = Contact::new(&bodies.obstacle(), bodies.layer(1.0));
     assert!(contact.solid.solid.iter().zip(&contact.skin.solid).all(|(a, b)| a & b == 0));
     assert!(contact.skin.count() > 0 && contact.solid.count() > clamp.count());
     let sharp = SharpPoints::Points(vec![DVec3::ZERO, DVec3::new(0.7, 0.2, 0.5)]);

@@ -1,0 +1,48 @@
+//! Harmonic fields: functions, size, and the errors that making them told.
+
+use std::path::Path;
+
+use anyhow::{Context as _, Result};
+use imf_core::harmonic::file::HarmonicFile;
+use serde_json::json;
+
+use super::{Description, scene_lines};
+use crate::session::show_bytes;
+
+pub(super) fn describe(path: &Path, file: &HarmonicFile) -> Result<Description> {
+    let bytes = std::fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len();
+    let HarmonicFile { field, scene, settings } = file;
+    let report = &field.report;
+    let mut lines = vec![
+        ("field", path.display().to_string()),
+        (
+            "family",
+            format!(
+                "harmonic, {} functions of degree {} along {} axes, file of {}",
+                report.functions,
+                settings.degree,
+                field.axis_count(),
+                show_bytes(bytes)
+            ),
+        ),
+    ];
+    lines.extend(scene_lines(&scene.record));
+    lines.push(("fitted to", format!("{} exact sections", report.sections)));
+    lines.push((
+        "errors",
+        format!(
+            "MSE {:.1e}, at most {:.3}, at {} orientations that were not fitted; dropped axes {:.1e}",
+            report.held_out_mse, report.held_out_mpe, settings.held_out, report.dropped
+        ),
+    ));
+    let json = json!({
+        "kind": "harmonic",
+        "file": path,
+        "bytes": bytes,
+        "axes": field.axis_count(),
+        "settings": settings,
+        "report": report,
+        "scene": scene.record,
+    });
+    Ok(Description { lines, json })
+}

@@ -1,0 +1,51 @@
+//! A field read from a file, whichever family it is of.
+
+use std::path::Path;
+
+use thiserror::Error;
+
+use crate::harmonic::file::{HarmonicFile, HarmonicFileError};
+use crate::model::{Model, ModelError};
+use crate::scene::Scene;
+
+/// A field and the scene that it is of.
+#[derive(Clone, Debug, PartialEq)]
+pub enum StoredField {
+    /// The paper's network.
+    Siren(Box<Model>),
+    /// Exact sections fitted by harmonics.
+    Harmonic(Box<HarmonicFile>),
+}
+
+/// Why a file gives no field; the message names it.
+#[derive(Debug, Error)]
+pub enum StoredFieldError {
+    /// A network's file.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// A harmonic field's file.
+    #[error(transparent)]
+    Harmonic(#[from] HarmonicFileError),
+}
+
+impl StoredField {
+    /// Reads and checks a field of any family.
+    ///
+    /// # Errors
+    /// A missing, foreign, newer, truncated or damaged file.
+    pub fn read(path: &Path) -> Result<Self, StoredFieldError> {
+        if HarmonicFile::is_one(path) {
+            return Ok(Self::Harmonic(Box::new(HarmonicFile::read(path)?)));
+        }
+        Ok(Self::Siren(Box::new(Model::read(path)?)))
+    }
+
+    /// What the field is of.
+    #[must_use]
+    pub fn scene(&self) -> &Scene {
+        match self {
+            Self::Siren(model) => &model.scene,
+            Self::Harmonic(file) => &file.scene,
+        }
+    }
+}
