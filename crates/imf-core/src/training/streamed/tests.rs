@@ -33,6 +33,7 @@ fn dataset(folder: &Path) -> Shards {
         tool: Tool::paper(),
         clearance: crate::tool::Clearance::default(),
         ungrown: None,
+        contact: None,
         fixtures: Vec::new(),
         contact: None,
         obstacle_crc32: crc32fast::hash(&obstacle.packed()),
