@@ -35,7 +35,6 @@ fn dataset(folder: &Path) -> Shards {
         ungrown: None,
         contact: None,
         fixtures: Vec::new(),
-        contact: None,
         obstacle_crc32: crc32fast::hash(&obstacle.packed()),
     };
     let scene = Scene::from_union(record, obstacle);
