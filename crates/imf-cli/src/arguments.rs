@@ -3,6 +3,7 @@
 pub(crate) mod access;
 pub(crate) mod check;
 pub(crate) mod clearance;
+pub(crate) mod compress;
 pub(crate) mod fixture;
 pub(crate) mod harmonic;
 pub(crate) mod paper;
@@ -85,6 +86,7 @@ pub(crate) enum Command {
     Dataset(DatasetArguments),
     Train(TrainArguments),
     Finetune(FinetuneArguments),
+    Compress(compress::CompressArguments),
     Regime(regime::RegimeArguments),
     Eval(EvalArguments),
     Query(QueryArguments),
@@ -521,7 +523,7 @@ pub(crate) struct EvalArguments {
                         x,y,z,theta,phi (degrees). Other columns are kept. Answers add the column overlap, from 0 to \
                         1; with --exact also overlap_exact; with --sharp they are called cmf and cmf_exact.")]
 pub(crate) struct QueryArguments {
-    /// Trained model
+    /// Trained model, or a harmonic or factored field
     pub(crate) model: PathBuf,
     /// CSV file of poses, or - for standard input
     pub(crate) poses: PathBuf,
@@ -538,13 +540,13 @@ pub(crate) struct QueryArguments {
     pub(crate) device: DeviceArguments,
 }
 
-/// Describe a mesh, a tool, a dataset or a model
+/// Describe a mesh, a tool, a dataset, a model or a field
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  imf info part.obj\n  imf info mill.toml\n  imf info model/model.safetensors"
 )]
 pub(crate) struct InfoArguments {
-    /// A mesh, a reference part, a tool file, a dataset's folder or a model
+    /// A mesh, a reference part, a tool file, a dataset's folder, a model or a field
     pub(crate) what: PathBuf,
     /// Unit of a mesh: mm, cm, m or inch
     #[arg(long, default_value = "mm", value_name = "UNIT")]

@@ -3,6 +3,7 @@
 pub(crate) mod access;
 pub(crate) mod bench;
 pub(crate) mod check;
+pub(crate) mod compress;
 pub(crate) mod dataset;
 pub(crate) mod demo;
 pub(crate) mod devices;

@@ -11,6 +11,7 @@
 //! one scale, the teacher's root mean square, are the coefficients. Outside the box of the voxel centres, where nothing
 //! was taught, there is no answer.
 
+mod answers;
 mod evaluate;
 pub mod file;
 mod point;
@@ -18,6 +19,7 @@ pub mod reference;
 mod teach;
 mod trainer;
 
+pub use answers::FactoredAnswers;
 pub use evaluate::FactoredEvaluator;
 pub use point::{FactoredPoint, PointScratch};
 pub use teach::{TeachSettings, teach};

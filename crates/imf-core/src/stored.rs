@@ -4,6 +4,7 @@ use std::path::Path;
 
 use thiserror::Error;
 
+use crate::factored::file::{FactoredFile, FactoredFileError};
 use crate::harmonic::file::{HarmonicFile, HarmonicFileError};
 use crate::model::{Model, ModelError};
 use crate::scene::Scene;
@@ -15,6 +16,8 @@ pub enum StoredField {
     Siren(Box<Model>),
     /// Exact sections fitted by harmonics.
     Harmonic(Box<HarmonicFile>),
+    /// A harmonic field in a network of the point.
+    Factored(Box<FactoredFile>),
 }
 
 /// Why a file gives no field; the message names it.
@@ -26,6 +29,9 @@ pub enum StoredFieldError {
     /// A harmonic field's file.
     #[error(transparent)]
     Harmonic(#[from] HarmonicFileError),
+    /// A factored field's file.
+    #[error(transparent)]
+    Factored(#[from] FactoredFileError),
 }
 
 impl StoredField {
@@ -37,6 +43,9 @@ impl StoredField {
         if HarmonicFile::is_one(path) {
             return Ok(Self::Harmonic(Box::new(HarmonicFile::read(path)?)));
         }
+        if FactoredFile::is_one(path) {
+            return Ok(Self::Factored(Box::new(FactoredFile::read(path)?)));
+        }
         Ok(Self::Siren(Box::new(Model::read(path)?)))
     }
 
@@ -46,6 +55,7 @@ impl StoredField {
         match self {
             Self::Siren(model) => &model.scene,
             Self::Harmonic(file) => &file.scene,
+            Self::Factored(file) => &file.scene,
         }
     }
 }

@@ -1,6 +1,7 @@
 //! `imf info`: what a mesh, a tool, a dataset or a model is.
 
 mod dataset;
+mod factored;
 mod harmonic;
 mod mesh;
 mod model;
@@ -67,6 +68,7 @@ fn describe(session: &Session, arguments: &InfoArguments) -> Result<Description>
         Some("safetensors") => match StoredField::read(path)? {
             StoredField::Siren(model) => model::describe(path, &model),
             StoredField::Harmonic(file) => harmonic::describe(path, &file),
+            StoredField::Factored(file) => factored::describe(path, &file),
         },
         _ => mesh::describe_file(session, path, unit),
     }

@@ -12,6 +12,7 @@ use std::path::Path;
 use anyhow::{Context as _, Result};
 use glam::DVec3;
 use imf_core::atomic_file::write_atomically;
+use imf_core::factored::FactoredAnswers;
 use imf_core::field::{ContactField, ExactField, Field, LearntField, Pose, collision_measures};
 use imf_core::grid::Grid;
 use imf_core::harmonic::HarmonicAnswers;
@@ -55,6 +56,7 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
             Box::new(LearntField::new(record.grid, engine.as_mut()))
         }
         StoredField::Harmonic(file) => Box::new(HarmonicAnswers(&file.field)),
+        StoredField::Factored(file) => Box::new(FactoredAnswers(file.field.evaluator())),
     };
     if let Some(text) = clearance_text(&record.clearance, record.unit) {
         session.note(&format!("answers are for the tool grown by a clearance ({text})"));

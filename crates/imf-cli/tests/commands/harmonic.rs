@@ -107,3 +107,39 @@ fn what_belongs_to_exact_sections_is_refused() {
     refuse(&["--memory", "80KiB"], &["--degree", "--memory"]);
     refuse(&["--imf", "--confirm", "--contact", "1"], &["--confirm", "--contact"]);
 }
+
+#[test]
+fn a_field_is_compressed_into_a_network_through_an_interruption() {
+    let folder = Folder::new();
+    folder.succeed(&arguments(&["--orientations", "0,0", "--save", "field.safetensors"]));
+    fn compress<'a>(more: &[&'a str]) -> Vec<&'a str> {
+        let small = ["compress", "field.safetensors", "--width", "32", "--layers", "2", "--batch", "128"];
+        [&small[..], &["--steps", "600", "--rate", "4e-3"], more].concat()
+    }
+    let whole = folder.json(&compress(&["--out", "whole"]));
+    let variance = 1e-2;
+    assert!(whole["loss"].as_f64().unwrap() < 0.1 * variance, "{whole}");
+    // A checkpoint after every report is as many stops and goes.
+    folder.succeed(&compress(&["--out", "often", "--checkpoint-every", "0"]));
+    let bytes = |name: &str| std::fs::read(folder.path(name)).unwrap();
+    assert_eq!(bytes("whole/field.safetensors"), bytes("often/field.safetensors"));
+    std::fs::remove_file(folder.path("often/field.safetensors")).unwrap();
+    folder.refuse(&compress(&["--out", "often"]), &["unfinished", "--resume"]);
+    folder.succeed(&compress(&["--out", "often", "--resume"]));
+    assert_eq!(bytes("whole/field.safetensors"), bytes("often/field.safetensors"));
+    folder.refuse(&compress(&["--out", "often", "--resume", "--seed", "3"]), &["other settings"]);
+
+    let info = folder.json(&["info", "whole/field.safetensors"]);
+    assert_eq!((&info["kind"], &info["network"]["width"]), (&"factored".into(), &32.into()));
+    let file = imf_core::factored::file::FactoredFile::read(&folder.path("whole/field.safetensors")).unwrap();
+    let grid = file.field.grid;
+    let [x, y, z] = grid.centre([2, 7, 4]).to_array();
+    folder.write("poses.csv", format!("x,y,z,theta,phi\n{x},{y},{z},40,70\n"));
+    let answer = &folder.json(&["query", "whole/field.safetensors", "poses.csv"])[0]["overlap"];
+    let expected = file.field.evaluator().overlap(
+        grid.centre([2, 7, 4]),
+        &imf_core::orientation::Orientation::new(40.0, 70.0),
+        &mut imf_core::factored::PointScratch::default(),
+    );
+    assert!((answer.as_f64().unwrap() - f64::from(expected.unwrap())).abs() < 1e-6);
+}

@@ -1,0 +1,89 @@
+//! What `imf compress` is asked.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use imf_core::factored::{Optimiser, TeachSettings};
+use imf_core::harmonic::coefficients::Precision;
+use imf_core::siren::muon::MuonConfig;
+use imf_core::training::run::{Length, TrainingPlan};
+use imf_core::training::schedule::Schedule;
+
+/// Teach a harmonic field to a network of about a megabyte that answers every point and direction
+#[derive(Args)]
+#[command(
+    after_help = "Example:\n  imf field teapot --method harmonic --orientations 0,0 --out sections --save \
+                        teapot.safetensors\n  imf compress teapot.safetensors --out small\n  imf query \
+                        small/field.safetensors poses.csv\n\nWrites field.safetensors and checkpoint.safetensors (for \
+                        --resume). Ctrl-C writes a checkpoint and stops."
+)]
+pub(crate) struct CompressArguments {
+    /// Harmonic field, from imf field --method harmonic --save
+    pub(crate) field: PathBuf,
+    /// Folder to write to
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Continue from the checkpoint in the output folder
+    #[arg(long)]
+    pub(crate) resume: bool,
+    /// Neurons of every hidden layer
+    #[arg(long, default_value_t = 256, value_name = "N")]
+    pub(crate) width: usize,
+    /// Hidden layers
+    #[arg(long, default_value_t = 3, value_name = "N")]
+    pub(crate) layers: usize,
+    /// Frequency factor ω inside every sine
+    #[arg(long, default_value_t = 20.0, value_name = "ω")]
+    pub(crate) omega: f32,
+    /// Times that every voxel is seen
+    #[arg(long, default_value_t = 5, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) epochs: u64,
+    /// Steps, instead of epochs
+    #[arg(long, value_name = "N", conflicts_with = "epochs", value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) steps: Option<u64>,
+    /// Voxels of a step
+    #[arg(long, default_value_t = 1024, value_name = "N")]
+    pub(crate) batch: usize,
+    /// Learning rate at the beginning; it falls to 0 by a cosine
+    #[arg(long, default_value_t = 1.5e-3, value_name = "RATE")]
+    pub(crate) rate: f32,
+    /// Adam for every weight, not orthogonalised momentum (Muon) for the matrices between hidden layers
+    #[arg(long)]
+    pub(crate) adam: bool,
+    /// Seed of the weights and of the order of voxels
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Keep weights in f16: half the file
+    #[arg(long)]
+    pub(crate) half: bool,
+    /// Seconds between checkpoints
+    #[arg(long, default_value_t = 60.0, value_name = "SECONDS", value_parser = super::parse_seconds)]
+    pub(crate) checkpoint_every: f64,
+}
+
+impl CompressArguments {
+    /// How the network is taught.
+    pub(crate) fn settings(&self) -> TeachSettings {
+        let length = self.steps.map_or(Length::Epochs(self.epochs), Length::Steps);
+        let defaults = TeachSettings::default();
+        TeachSettings {
+            width: self.width,
+            hidden: self.layers,
+            omega: self.omega,
+            plan: TrainingPlan {
+                length,
+                batch: self.batch,
+                schedule: Schedule::Cosine { initial: self.rate, last: 0.0, warmup: 100 },
+                seed: self.seed,
+                ..defaults.plan
+            },
+            optimiser: if self.adam { Optimiser::Adam } else { Optimiser::Muon(MuonConfig::default()) },
+            averaging: 0.0,
+        }
+    }
+
+    /// How the finished weights are kept.
+    pub(crate) fn precision(&self) -> Precision {
+        if self.half { Precision::F16 } else { Precision::F32 }
+    }
+}

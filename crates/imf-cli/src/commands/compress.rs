@@ -1,0 +1,153 @@
+//! `imf compress`: a harmonic field taught to a network, with checkpoints that go on to the same bits.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use anyhow::{Context as _, Result, bail, ensure};
+use imf_core::control::Control;
+use imf_core::factored::file::FactoredFile;
+use imf_core::factored::{FactoredField, FactoredState, TeachSettings, teach};
+use imf_core::harmonic::coefficients::Precision;
+use imf_core::harmonic::file::HarmonicFile;
+use imf_core::training::run::Outcome;
+use serde_json::json;
+
+use crate::arguments::compress::CompressArguments;
+use crate::interrupt::{self, Interrupted};
+use crate::output::{prepare_folder, print, print_json};
+use crate::session::{Session, show_bytes};
+
+const CHECKPOINT: &str = "checkpoint.safetensors";
+const FIELD: &str = "field.safetensors";
+/// Bytes of a weight: itself, transposed, gradient, two moments, and a copy of weights and moments in a checkpoint.
+const BYTES_PER_PARAMETER: u64 = 4 * 8;
+
+pub(crate) fn run(session: &Session, arguments: &CompressArguments) -> Result<()> {
+    let settings = arguments.settings();
+    settings.check()?;
+    prepare_folder(&arguments.out)?;
+    let teacher = HarmonicFile::read(&arguments.field)?;
+    let axes = teacher.field.axis_count();
+    let shape = settings.shape(axes);
+    let batch = settings.plan.batch as u64;
+    let signals = 8 * batch * (settings.width * settings.hidden + axes) as u64;
+    let needed = teacher.field.bytes() + BYTES_PER_PARAMETER * shape.parameter_count() as u64 + signals;
+    session.require_memory(needed, || {
+        "the harmonic field and the network; use a smaller --width or --batch".into()
+    })?;
+    let path = arguments.out.join(CHECKPOINT);
+    let mut work = Work { teacher: &teacher, settings, precision: arguments.precision() };
+    let mut state = work.start(&path, arguments.resume)?;
+    let voxels = teacher.field.grid.len();
+    let total = settings.plan.total_steps(voxels);
+    session.note(&format!(
+        "teaching 3→{}×{}→{axes} ({} parameters, {}) the coefficients of {voxels} voxels, {total} steps of {batch}",
+        settings.width,
+        settings.hidden,
+        shape.parameter_count(),
+        show_bytes(work.field(&state)?.bytes()),
+    ));
+    let mut stage = session.stage("teaching", "steps", total);
+    stage.begin_at(state.training.step);
+    let mut loss = f64::NAN;
+    loop {
+        // A checkpoint is a stop of a moment: teaching goes on from its state to the same bits.
+        let (begun, pause) = (Instant::now(), AtomicBool::new(false));
+        let advance = |steps| stage.advance(steps);
+        let control = Control { progress: &advance, cancelled: &pause };
+        let outcome = teach(&teacher.field, &settings, &mut state, control, &mut |report| {
+            loss = report.mean_loss;
+            let due = begun.elapsed().as_secs_f64() >= arguments.checkpoint_every;
+            pause.store(due || interrupt::requested(), Ordering::Relaxed);
+        });
+        let outcome =
+            outcome.with_context(|| format!("the last checkpoint, if any, is {}", path.display()))?;
+        work.write(&path, &state, true).context("the checkpoint could not be written")?;
+        match outcome {
+            Outcome::Finished => break,
+            Outcome::Stopped(_) if interrupt::requested() => {
+                let kept = format!("the checkpoint is {}; add --resume to go on", path.display());
+                return Err(Interrupted(kept).into());
+            }
+            Outcome::Stopped(_) => {}
+        }
+    }
+    stage.finish(&format!("loss {loss:.2e}"));
+    let out = arguments.out.join(FIELD);
+    let file = work.write(&out, &state, false)?;
+    report(session, &out, &file, loss)
+}
+
+/// What is the same from beginning to end.
+struct Work<'a> {
+    teacher: &'a HarmonicFile,
+    settings: TeachSettings,
+    precision: Precision,
+}
+
+impl Work<'_> {
+    /// Where teaching begins: at random weights, or at the checkpoint.
+    fn start(&mut self, path: &Path, resume: bool) -> Result<FactoredState> {
+        if !resume {
+            ensure!(
+                !path.exists() || path.with_file_name(FIELD).exists(),
+                "{} holds an unfinished training: add --resume, choose another --out, or remove it",
+                path.display()
+            );
+            return Ok(self.settings.start(self.teacher.field.axis_count()));
+        }
+        let found = FactoredFile::read(path)?;
+        let Some(state) = found.state else {
+            bail!("{} has no optimiser's state to go on from", path.display())
+        };
+        ensure!(
+            found.scene.record == self.teacher.scene.record && found.fit == self.teacher.settings,
+            "{} was taught by another harmonic field: resume with that, or choose another --out",
+            path.display()
+        );
+        ensure!(
+            found.settings == self.settings,
+            "{} was begun with other settings: give the same ones, or choose another --out",
+            path.display()
+        );
+        Ok(state)
+    }
+
+    fn field(&self, state: &FactoredState) -> Result<FactoredField> {
+        let shape = self.settings.shape(self.teacher.field.axis_count());
+        Ok(FactoredField::new(&self.teacher.field, shape, state.best().to_vec())?)
+    }
+
+    /// Writes a checkpoint, which goes on, or the finished field.
+    fn write(&self, path: &Path, state: &FactoredState, goes_on: bool) -> Result<FactoredFile> {
+        let file = FactoredFile {
+            field: self.field(state)?,
+            scene: self.teacher.scene.clone(),
+            fit: self.teacher.settings,
+            report: self.teacher.field.report,
+            settings: self.settings,
+            precision: if goes_on { Precision::F32 } else { self.precision },
+            state: goes_on.then(|| state.clone()),
+        };
+        file.write(path)?;
+        Ok(file)
+    }
+}
+
+fn report(session: &Session, path: &Path, file: &FactoredFile, loss: f64) -> Result<()> {
+    let bytes = std::fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len();
+    if session.json {
+        return print_json(&json!({
+            "field": path, "bytes": bytes, "parameters": file.field.parameters.len(), "loss": loss,
+            "settings": file.settings, "teacher": file.report,
+        }));
+    }
+    print(&format!(
+        "{}: {}, mean squared error from its teacher {loss:.1e}, its teacher's own {:.1e}; ask it by: imf query {}",
+        path.display(),
+        show_bytes(bytes),
+        file.report.expected_mse(),
+        path.display()
+    ))
+}

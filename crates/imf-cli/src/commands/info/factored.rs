@@ -1,0 +1,55 @@
+//! Factored fields: the network, its teacher, and how it was taught.
+
+use std::path::Path;
+
+use anyhow::{Context as _, Result};
+use imf_core::factored::file::FactoredFile;
+use serde_json::json;
+
+use super::{Description, scene_lines};
+use crate::session::show_bytes;
+
+pub(super) fn describe(path: &Path, file: &FactoredFile) -> Result<Description> {
+    let bytes = std::fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len();
+    let FactoredFile { field, scene, fit, report, settings, state, .. } = file;
+    let mut lines = vec![
+        ("field", path.display().to_string()),
+        (
+            "family",
+            format!(
+                "factored, 3→{}×{}→{}, ω = {}, {} parameters, file of {}",
+                field.shape.width,
+                field.shape.hidden,
+                field.shape.axes,
+                field.shape.omega,
+                field.parameters.len(),
+                show_bytes(bytes)
+            ),
+        ),
+    ];
+    lines.extend(scene_lines(&scene.record));
+    lines.push((
+        "teacher",
+        format!(
+            "harmonic field of degree {} from {} exact sections, MSE {:.1e}, at most {:.3}, at orientations that were \
+             not fitted",
+            fit.degree, report.sections, report.held_out_mse, report.held_out_mpe
+        ),
+    ));
+    lines.push((
+        "resumable",
+        if state.is_some() { "yes: it holds the optimiser's state" } else { "no: weights alone" }.to_owned(),
+    ));
+    let json = json!({
+        "kind": "factored",
+        "file": path,
+        "bytes": bytes,
+        "network": field.shape,
+        "parameters": field.parameters.len(),
+        "settings": settings,
+        "teacher": { "settings": fit, "report": report },
+        "scene": scene.record,
+        "resumable": state.is_some(),
+    });
+    Ok(Description { lines, json })
+}
