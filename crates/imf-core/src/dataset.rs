@@ -91,10 +91,10 @@ pub fn generate_share(
             done.kept += 1;
             (control.progress)(sections.len() as u64);
         } else {
-            let orientations = &set.orientations[sections.clone()];
+            let orientations: Vec<_> = sections.iter().map(|&section| set.orientations[section]).collect();
             let parts =
-                stream_sections(&plan, orientations, control, Vec::new, |list: &mut Vec<_>, local, cmf| {
-                    let voxels = draw(cmf, scene.record.grid.dims, sampling, (sections.start + local) as u64);
+                stream_sections(&plan, &orientations, control, Vec::new, |list: &mut Vec<_>, local, cmf| {
+                    let voxels = draw(cmf, scene.record.grid.dims, sampling, sections[local] as u64);
                     let values: Vec<f32> = voxels.iter().map(|&v| cmf[v as usize]).collect();
                     list.push((local, voxels, values));
                 })?;

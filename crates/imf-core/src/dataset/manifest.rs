@@ -5,7 +5,6 @@
 
 use std::collections::HashMap;
 use std::io::Write;
-use std::ops::Range;
 use std::path::Path;
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
@@ -21,7 +20,7 @@ use crate::scene::{Scene, SceneRecord};
 use crate::section::SectionError;
 
 const FORMAT: &str = "imf-dataset";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 const MANIFEST: &str = "manifest.json";
 const OBSTACLE: &str = "obstacle.safetensors";
 /// Samples that a shard holds at most unless told, and unless one section has more: 8 bytes each.
@@ -166,8 +165,12 @@ pub struct Manifest {
     pub orientations: OrientationSet,
     /// How the sections are sampled.
     pub sampling: Sampling,
-    /// Sections in every shard but the last.
+    /// Sections in a shard, at most.
     pub sections_per_shard: usize,
+    /// True where a shard holds every so-manieth section, so that each shard has directions from everywhere; false in
+    /// version 1, where it holds neighbours.
+    #[serde(default)]
+    pub interleaved: bool,
     /// Finished shards; `null` where one is still missing.
     pub shards: Vec<Option<ShardRecord>>,
     /// Whose books these are: a share's, or the whole dataset's. The file's name says so, not its content.
@@ -203,6 +206,7 @@ impl Manifest {
             orientations: set.clone(),
             sampling: *sampling,
             sections_per_shard,
+            interleaved: true,
             shards: vec![None; set.len().div_ceil(sections_per_shard)],
             share: layout.share,
         };
@@ -211,7 +215,8 @@ impl Manifest {
         if let Some(name) = names.iter().find(|name| folder.join(name).exists()) {
             let found = Self { share: layout.share, ..Self::read_named(folder, name)? };
             // How an existing dataset is cut up stays.
-            let comparable = Self { sections_per_shard: found.sections_per_shard, ..fresh };
+            let (sections_per_shard, interleaved) = (found.sections_per_shard, found.interleaved);
+            let comparable = Self { sections_per_shard, interleaved, ..fresh };
             if let Some(what) = found.difference(&comparable) {
                 return Err(DatasetError::Other { path: folder.display().to_string(), what });
             }
@@ -232,6 +237,8 @@ impl Manifest {
             Some("the sampling")
         } else if self.sections_per_shard != other.sections_per_shard {
             Some("the number of samples in a shard")
+        } else if self.interleaved != other.interleaved {
+            Some("which sections a shard holds")
         } else {
             None
         }
@@ -326,11 +333,15 @@ impl Manifest {
         self.shards.len()
     }
 
-    /// Sections that a shard holds.
+    /// Sections that a shard holds, ascending.
     #[must_use]
-    pub fn sections_of(&self, shard: usize) -> Range<usize> {
+    pub fn sections_of(&self, shard: usize) -> Vec<usize> {
+        let all = self.orientations.len();
+        if self.interleaved {
+            return (shard..all).step_by(self.shard_count()).collect();
+        }
         let start = shard * self.sections_per_shard;
-        start..(start + self.sections_per_shard).min(self.orientations.len())
+        (start..(start + self.sections_per_shard).min(all)).collect()
     }
 
     /// CRC-32 over the checksums of all shards: two datasets of the same samples have the same.

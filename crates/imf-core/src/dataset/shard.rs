@@ -9,7 +9,6 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
 use super::manifest::{DatasetError, Manifest, ShardRecord};
 use crate::atomic_file::write_atomically;
-use crate::orientation::Orientation;
 use crate::samples::Samples;
 
 /// What a file holds beside its tables, at most: names, types and offsets of three tensors take some 200 bytes.
@@ -119,7 +118,8 @@ pub(super) fn read_into(
         return Err(damaged("a value is not a number from 0 to 1".into()));
     }
     let before = into.len();
-    into.angles.extend(manifest.orientations.orientations[sections].iter().map(Orientation::angles));
+    let orientations = &manifest.orientations.orientations;
+    into.angles.extend(sections.iter().map(|&section| orientations[section].angles()));
     into.starts.extend(starts[1..].iter().map(|start| before + start));
     into.voxels.extend(voxels.iter().map(|&v| u32::from_le_bytes(v)));
     into.values.extend(values.iter().map(|&v| f32::from_le_bytes(v)));

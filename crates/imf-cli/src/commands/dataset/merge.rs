@@ -27,10 +27,10 @@ pub(super) fn run(session: &Session, arguments: &DatasetMergeArguments) -> Resul
     if session.json {
         let absent = |&shard: &usize| {
             let sections = manifest.sections_of(shard);
-            let orientations = &manifest.orientations.orientations[sections.clone()];
+            let orientations = sections.iter().map(|&section| manifest.orientations.orientations[section]);
             json!({
-                "shard": shard, "first_section": sections.start, "sections": sections.len(),
-                "orientations": orientations.iter().map(|o| [o.theta, o.phi]).collect::<Vec<_>>(),
+                "shard": shard, "sections": sections,
+                "orientations": orientations.map(|o| [o.theta, o.phi]).collect::<Vec<_>>(),
             })
         };
         print_json(&json!({
@@ -61,15 +61,16 @@ pub(super) fn run(session: &Session, arguments: &DatasetMergeArguments) -> Resul
 
 fn missing_line(manifest: &Manifest, shard: usize) -> String {
     let sections = manifest.sections_of(shard);
-    let orientations = &manifest.orientations.orientations[sections.clone()];
-    let shown: Vec<String> =
-        orientations.iter().take(LISTED).map(|o| format!("{:.3},{:.3}", o.theta, o.phi)).collect();
-    let more = if orientations.len() > LISTED { "; …" } else { "" };
+    let listed = sections.iter().take(LISTED);
+    let orientations = listed.clone().map(|&section| manifest.orientations.orientations[section]);
+    let numbers: Vec<String> = listed.map(|section| (section + 1).to_string()).collect();
+    let shown: Vec<String> = orientations.map(|o| format!("{:.3},{:.3}", o.theta, o.phi)).collect();
+    let more = if sections.len() > LISTED { "; …" } else { "" };
     format!(
-        "missing: shard {shard}, orientations {} to {} of {} (θ,φ: {}{more})\n",
-        sections.start + 1,
-        sections.end,
+        "missing: shard {shard}, {} of {} orientations: number {}{more} (θ,φ: {}{more})\n",
+        sections.len(),
         manifest.orientations.len(),
+        numbers.join(", "),
         shown.join(";")
     )
 }
