@@ -197,6 +197,17 @@ pub enum SceneError {
          or a larger --margin"
     )]
     FixtureOutside(String),
+    /// A fixture between the voxels' centres.
+    #[error(
+        "the fixture '{fixture}' holds no voxel centre at pitch {pitch}, and would be overlooked: it is too thin for this \
+         grid; choose a smaller pitch or --conservative"
+    )]
+    ThinFixture {
+        /// The fixture.
+        fixture: String,
+        /// The grid's pitch.
+        pitch: f64,
+    },
     /// Nothing of the part is left at this resolution.
     #[error(
         "the part '{part}' holds no voxel centre at pitch {pitch}: it is too thin for this grid; choose a smaller \
@@ -320,8 +331,12 @@ impl SceneSpec<'_> {
         let mut fixtures = Occupancy::empty(*grid);
         for fixture in self.fixtures {
             fixture_bounds(fixture)?;
-            let solid =
-                voxelize(&fixture.mesh.transformed(&fixture.transform), grid, self.conservative).solid;
+            let mesh = fixture.mesh.transformed(&fixture.transform);
+            let solid = voxelize(&mesh, grid, self.conservative).solid;
+            // Its surface passes through the grid, and yet it holds none of the centres: it is too thin for them.
+            if !solid.contains(&1) && voxelize(&mesh, grid, true).count() > 0 {
+                return Err(SceneError::ThinFixture { fixture: fixture.name.to_owned(), pitch: grid.pitch });
+            }
             fixtures.solid.iter_mut().zip(solid).for_each(|(all, one)| *all |= one);
         }
         Ok(Bodies { part, fixtures })
@@ -399,6 +414,23 @@ mod tests {
         let near = spec.bodies(&spec.obstacle_grid(&query, 2.0).unwrap()).unwrap();
         assert_eq!(near.part.count(), 512);
         assert!((160..256).contains(&near.fixtures.count()), "{}", near.fixtures.count());
+    }
+
+    #[test]
+    fn a_fixture_between_the_centres_is_refused() {
+        let (cube, tool) = (unit_cube(), Tool::paper());
+        let plate = |z: f64| Fixture {
+            name: "plate",
+            mesh: &cube,
+            transform: DMat4::from_translation(DVec3::new(0.5, 0.5, z))
+                * DMat4::from_scale(DVec3::new(2.0, 2.0, 0.1)),
+        };
+        // Centres stand at 0.25 and 0.75 above every millimetre.
+        let thin = [plate(1.4)];
+        let thin = spec(&cube, &tool, &thin);
+        assert!(matches!(thin.scene(), Err(SceneError::ThinFixture { fixture, .. }) if fixture == "plate"));
+        assert_eq!(SceneSpec { conservative: true, ..thin }.scene().unwrap().fixtures.count(), 5 * 5 * 2);
+        assert_eq!(spec(&cube, &tool, &[plate(1.2)]).scene().unwrap().fixtures.count(), 4 * 4);
     }
 
     #[test]

@@ -1,10 +1,12 @@
 //! `imf check`: a toolpath against the part, line by line and element by element.
 
+use std::f64::consts::SQRT_2;
 use std::fmt::Write;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use imf_core::check::{Against, CheckError, CheckReport, CheckSettings, Collision, check_toolpath};
 use imf_core::scene::{Promise, SceneRecord};
+use imf_core::tool::{Segment, ToolShape};
 use imf_core::toolpath::Toolpath;
 use serde_json::json;
 
@@ -28,6 +30,7 @@ impl std::error::Error for CollisionFound {}
 pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let (scene, part, _) = arguments.scene.scene_and_part(session)?;
     let record = &scene.record;
+    refuse_thin_elements(record)?;
     let toolpath = Toolpath::read(&arguments.toolpath, record.unit)?;
     for unknown in &toolpath.unknown {
         let times = if unknown.times > 1 { format!(" ({} times)", unknown.times) } else { String::new() };
@@ -58,6 +61,25 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         print(text(&report, record).trim_end())?;
     }
     if report.colliding.is_empty() { Ok(()) } else { Err(CollisionFound.into()) }
+}
+
+/// Between the centres' columns there is room for a tool that is thinner than a voxel's diagonal: it would pass through
+/// anything unseen.
+fn refuse_thin_elements(record: &SceneRecord) -> Result<()> {
+    let ToolShape::Revolved(elements) = &record.bare_tool().shape else { return Ok(()) };
+    let (unit, pitch) = (record.unit, record.grid.pitch);
+    for element in elements {
+        let radius = element.profile.iter().map(Segment::max_radius).fold(0.0, f64::max);
+        let most = 2.0 * radius / SQRT_2;
+        ensure!(
+            most >= pitch,
+            "the {} is {:.4} {unit} thick at most and would pass between the centres of voxels of {pitch:.4} {unit} \
+             unseen: choose a --pitch of at most {most:.4}",
+            element.kind,
+            2.0 * radius
+        );
+    }
+    Ok(())
 }
 
 /// The report for people: one line a collision, then what was checked and what was accepted.

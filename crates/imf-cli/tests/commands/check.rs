@@ -18,11 +18,11 @@ fn check(name: &str, toolpath: &str, more: &[&str]) -> Run {
 
 #[test]
 fn a_finishing_pass_is_free_and_says_what_was_accepted() {
-    let run = check("pass.cl", "GOTO/-12,0,19.4,0,0,1\nCYCLE/ON\nGOTO/12,0,19.4\n", &[]);
+    let run = check("pass.cl", "GOTO/-12,0,19.4,0,0,1\nFIXTUR/ON\nGOTO/12,0,19.4\n", &[]);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     assert!(run.stdout.starts_with("no collision: 2 lines"), "{}", run.stdout);
     assert!(run.stdout.contains("down to 1.0000 mm below the part's surface"), "{}", run.stdout);
-    assert!(run.stderr.contains("line 2: 'CYCLE' is not understood"), "{}", run.stderr);
+    assert!(run.stderr.contains("line 2: 'FIXTUR' is not understood"), "{}", run.stderr);
 }
 
 #[test]
@@ -47,6 +47,37 @@ fn mistakes_name_their_line() {
     run.is_refusal(&["tolerance", "above 0"], &["check"]);
     let run = check("path.csv", "", &[]);
     run.is_refusal(&["path.csv", "no tool location"], &["check"]);
+}
+
+#[test]
+fn what_would_be_overlooked_is_refused() {
+    let run = check("drill.cl", "GOTO/0,0,30\nCYCLE/DRILL,29,100\nGOTO/0,0,21\nCYCLE/OFF\n", &[]);
+    run.is_refusal(&["drill.cl, line 2", "CYCLE moves the tool", "GOTO/"], &["check"]);
+    let folder = Folder::new();
+    folder.write("block.obj", BLOCK);
+    folder.write("path.csv", "0,0,40\n0,0,4\n");
+    folder.write("thin.toml", "name = \"thin\"\n[cutter]\nshape = \"flat\"\ndiameter = 3.0\nlength = 30.0\n");
+    let run = |pitch: &str| {
+        folder.run(&[
+            "check",
+            "block.obj",
+            "path.csv",
+            "--tool",
+            "thin.toml",
+            "--contact",
+            "0",
+            "--pitch",
+            pitch,
+        ])
+    };
+    run("4").is_refusal(&["cutter", "3.0000 mm thick", "--pitch of at most 2.1213"], &["check"]);
+    assert_eq!(run("2").code, Some(3));
+    folder.write("plate.obj", BLOCK.replace("20", "0.4"));
+    let held = ["check", "block.obj", "path.csv", "--pitch", "2", "--margin", "4"];
+    folder.refuse(
+        &[&held[..], &["--fixture", "plate.obj@translate:0,0,21.3"]].concat(),
+        &["plate.obj", "overlooked", "smaller pitch"],
+    );
 }
 
 #[test]

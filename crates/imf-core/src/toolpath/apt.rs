@@ -2,7 +2,8 @@
 //!
 //! Read are `GOTO/` and `FROM/` (x, y, z and, with an axis, i, j, k; the last axis holds on), `GODLTA/` (a step from
 //! where the tool is), `TLAXIS/` (the axis alone) and `UNITS/`. `$$` begins a comment, a `$` at the end continues the
-//! statement on the next line. Words that move nothing are skipped; any other word is reported, once.
+//! statement on the next line. Words that move nothing are skipped, words that move the tool along a way that is not
+//! followed here are refused, and any other word is reported, once.
 
 use std::str::FromStr;
 
@@ -10,12 +11,52 @@ use super::{Toolpath, UnknownWord, Wrong, location};
 use crate::unit::LengthUnit;
 
 /// Words without a movement of their own.
-const STILL: [&str; 36] = [
-    "AUXFUN", "CLEARP", "COOLNT", "CUTCOM", "CUTTER", "DELAY", "DISPLY", "END", "FEDRAT", "FINI", "HEAD",
-    "INSERT", "INTOL", "LEADER", "LOADTL", "MACHIN", "MODE", "MULTAX", "OPSKIP", "OPSTOP", "OUTTOL", "PAINT",
-    "PARTNO", "PPRINT", "PREFUN", "RAPID", "REMARK", "SELCTL", "SEQNO", "SPINDL", "STOP", "TLENGTH", "TOLER",
-    "TOOLNO", "TPRINT", "TURRET",
+const STILL: [&str; 40] = [
+    "AUXFUN",
+    "CLEARP",
+    "COOLNT",
+    "CUTCOM",
+    "CUTTER",
+    "DELAY",
+    "DISPLY",
+    "END",
+    "END-OF-PATH",
+    "FEDRAT",
+    "FINI",
+    "HEAD",
+    "INSERT",
+    "INTOL",
+    "LEADER",
+    "LOADTL",
+    "MACHIN",
+    "MODE",
+    "MSYS",
+    "MULTAX",
+    "OPSKIP",
+    "OPSTOP",
+    "OUTTOL",
+    "PAINT",
+    "PARTNO",
+    "PPRINT",
+    "PREFUN",
+    "RAPID",
+    "REMARK",
+    "SELCTL",
+    "SEQNO",
+    "SPINDL",
+    "STOP",
+    "TLENGTH",
+    "TOLER",
+    "TLDATA",
+    "TOOL",
+    "TOOLNO",
+    "TPRINT",
+    "TURRET",
 ];
+
+/// Words that move the tool along a way of their own; `CYCLE` does at every location that follows.
+const MOVING: [&str; 9] =
+    ["CIRCLE", "CYCLE", "GOBACK", "GODOWN", "GOFWD", "GOLFT", "GORGT", "GOUP", "SPLINE"];
 
 pub(super) fn parse(text: &str, unit: LengthUnit) -> Result<Toolpath, Wrong> {
     let mut toolpath = Toolpath::default();
@@ -61,6 +102,13 @@ pub(super) fn parse(text: &str, unit: LengthUnit) -> Result<Toolpath, Wrong> {
                 factor = file.in_mm() / unit.in_mm();
             }
             known if STILL.contains(&known) => {}
+            "CYCLE" if rest.trim().eq_ignore_ascii_case("OFF") => {}
+            moving if MOVING.contains(&moving) => {
+                return Err(wrong(format!(
+                    "{moving} moves the tool along a way that is not followed here; let the CAM program write that \
+                     motion as GOTO/ lines"
+                )));
+            }
             _ => match toolpath.unknown.iter_mut().find(|u| u.word == word) {
                 Some(unknown) => unknown.times += 1,
                 None => toolpath.unknown.push(UnknownWord { word, line, times: 1 }),
@@ -119,10 +167,10 @@ mod tests {
 
     #[test]
     fn unknown_words_are_reported_once() {
-        let text = "CYCLE/DRILL,5\nGOTO/1,2,3\nCYCLE/OFF\nCIRCLE/0,0,0,0,0,1,5\n";
+        let text = "FIXTUR/1\nGOTO/1,2,3\nCYCLE/OFF\nFIXTUR/2\nVERIFY\nTOOL PATH/A\n";
         let path = parse(text, LengthUnit::Mm).ok().unwrap();
         let unknown: Vec<_> = path.unknown.iter().map(|u| (u.word.as_str(), u.line, u.times)).collect();
-        assert_eq!(unknown, [("CYCLE", 1, 2), ("CIRCLE", 4, 1)]);
+        assert_eq!(unknown, [("FIXTUR", 1, 2), ("VERIFY", 5, 1)]);
     }
 
     #[test]
@@ -133,6 +181,8 @@ mod tests {
             ("GODLTA/1,2,3\n", 1, "before any"),
             ("UNITS/FURLONG\n", 1, "furlong"),
             ("GOTO/1,2,3,0,0,0\n", 1, "zero"),
+            ("GOTO/1,2,3\nCYCLE/DRILL,9,1\n", 2, "CYCLE moves"),
+            ("CIRCLE/0,0,0,0,0,1,5\n", 1, "GOTO/ lines"),
         ];
         for (text, line, what) in cases {
             let Err(wrong) = parse(text, LengthUnit::Mm) else { panic!("{text}") };
