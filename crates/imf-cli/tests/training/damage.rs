@@ -16,7 +16,7 @@ fn damaged_datasets_are_named() {
     let manifest = "data/manifest.json";
     let whole = work.bytes(manifest);
     let foreign = replaced(&whole, "imf-dataset", "someone-else");
-    let newer = replaced(&whole, "\"version\": 1", "\"version\": 9");
+    let newer = replaced(&whole, "\"version\": 2", "\"version\": 9");
     for (bytes, words) in [
         (&whole[..whole.len() / 2], ["no intact dataset file", "EOF"]),
         (b"", ["no intact dataset file", "EOF"]),
