@@ -17,6 +17,8 @@ use super::scene::SceneArguments;
                   Writes imf.vti (ParaView) and the same fields as .npy, slices.png, orientations.csv and summary.json; \
                   with --surface surface.ply (MeshLab, ParaView), with --removable removable.vti and .npy, with --map \
                   map.png and map.npy, with --lists free_lists.npy.\n\
+                  map.npy is [1, longitude, latitude] by cells, θ from 0° up, φ from 180° down; free_lists.npy is bytes \
+                  [orientation, x·ny + y, z/8], bit z mod 8 (the lowest first) set where the voxel is free.\n\
                   Machine limits, in degrees: ac: d = Rz(C) Rx(A) z, bc: d = Rz(C) Ry(B) z, d from tip to holder."
 )]
 pub(crate) struct AccessArguments {

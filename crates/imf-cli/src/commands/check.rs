@@ -106,7 +106,8 @@ fn text(report: &CheckReport, record: &SceneRecord) -> String {
     let clearance = &settings.clearance;
     let _ = writeln!(
         text,
-        "accepted: the cutter's overlap down to {:.4} {unit} below the part's surface; clearance: holder {}, shank {}, \
+        "accepted: the cutter's overlap with voxels down to {:.4} {unit} below the part's surface, by their centres; \
+         clearance: holder {}, shank {}, \
          cutter {} {unit}",
         settings.contact, clearance.holder, clearance.shank, clearance.cutter
     );

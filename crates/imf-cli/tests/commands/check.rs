@@ -21,7 +21,11 @@ fn a_finishing_pass_is_free_and_says_what_was_accepted() {
     let run = check("pass.cl", "GOTO/-12,0,19.4,0,0,1\nFIXTUR/ON\nGOTO/12,0,19.4\n", &[]);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     assert!(run.stdout.starts_with("no collision: 2 lines"), "{}", run.stdout);
-    assert!(run.stdout.contains("down to 1.0000 mm below the part's surface"), "{}", run.stdout);
+    assert!(
+        run.stdout.contains("down to 1.0000 mm below the part's surface, by their centres"),
+        "{}",
+        run.stdout
+    );
     assert!(run.stderr.contains("line 2: 'FIXTUR' is not understood"), "{}", run.stderr);
 }
 

@@ -59,6 +59,10 @@ fn sections_are_near_the_exact_ones_and_the_file_gives_them_again() {
     let overlap = answers[0]["overlap"].as_f64().unwrap() as f32;
     assert!((overlap - again[4 * grid.len() + voxel].clamp(0.0, 1.0)).abs() < 1e-5);
     assert_eq!(answers[0]["overlap_exact"].as_f64().unwrap() as f32, exact[4][voxel]);
+    folder.refuse(
+        &["query", "field.safetensors", "poses.csv", "--device", "software"],
+        &["on the CPU", "software"],
+    );
 }
 
 #[test]
