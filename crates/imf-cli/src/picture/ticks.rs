@@ -1,7 +1,7 @@
 //! Round numbers for axes, and how they are written.
 
-/// Multiples of 1, 2 or 5 times a power of ten in [`low`, `high`], at most `most` of them (at least two are aimed for),
-/// with the number of decimals that tells them apart.
+/// Multiples of 1, 2 or 5 times a power of ten in [`low`, `high`], at most `most` of them, with the number of decimals that
+/// tells them apart; of 4 times one where otherwise there would be one tick alone, which tells no scale.
 pub(super) fn ticks(low: f64, high: f64, most: usize) -> (Vec<f64>, usize) {
     let span = high - low;
     if !(span.is_finite() && span > 0.0) {
@@ -9,18 +9,25 @@ pub(super) fn ticks(low: f64, high: f64, most: usize) -> (Vec<f64>, usize) {
     }
     let mut exponent = (span / most.max(1) as f64).log10().floor() as i32;
     loop {
-        for step in [1.0, 2.0, 5.0] {
-            let step = step * 10f64.powi(exponent);
-            // A tick that rounding puts a hair outside still belongs to the end.
-            let first = (low / step - 1e-9).ceil() as i64;
-            let last = (high / step + 1e-9).floor() as i64;
-            if (last - first + 1) as usize <= most.max(1) {
-                let decimals = usize::try_from(-exponent).unwrap_or(0);
-                return ((first..=last).map(|count| count as f64 * step).collect(), decimals);
+        let decimals = usize::try_from(-exponent).unwrap_or(0);
+        for step in [1.0, 2.0, 4.0, 5.0] {
+            let found = multiples(low, high, step * 10f64.powi(exponent));
+            if found.len() > most.max(1) {
+                continue;
             }
+            // Fours look odd where fives do as well.
+            let fives = (step == 4.0).then(|| multiples(low, high, 5.0 * 10f64.powi(exponent)));
+            return (fives.filter(|fives| fives.len() > 1).unwrap_or(found), decimals);
         }
         exponent += 1;
     }
+}
+
+fn multiples(low: f64, high: f64, step: f64) -> Vec<f64> {
+    // A tick that rounding puts a hair outside still belongs to the end.
+    let first = (low / step - 1e-9).ceil() as i64;
+    let last = (high / step + 1e-9).floor() as i64;
+    (first..=last).map(|count| count as f64 * step).collect()
 }
 
 /// A number with a true minus sign.
@@ -76,6 +83,8 @@ mod tests {
         assert_eq!(ticks(-3.0, 61.0, 5).0, [0.0, 20.0, 40.0, 60.0]);
         assert_eq!(ticks(0.0, 0.0123, 4), (vec![0.0, 0.005, 0.01], 3));
         assert_eq!(ticks(2.0, 2.0, 4).0, [2.0]);
+        assert_eq!(ticks(-0.0047, 0.0047, 3), (vec![-0.004, 0.0, 0.004], 3));
+        assert_eq!(ticks(-0.0057, 0.0057, 3), (vec![-0.005, 0.0, 0.005], 3));
         for most in 1..10 {
             assert!(ticks(-17.3, 1234.5, most).0.len() <= most);
         }
