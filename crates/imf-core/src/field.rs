@@ -12,8 +12,10 @@ pub use exact::ExactField;
 pub use learnt::LearntField;
 
 use glam::DVec3;
+use rayon::prelude::*;
 use thiserror::Error;
 
+use crate::grid::Grid;
 use crate::orientation::Orientation;
 use crate::tool::ToolError;
 use crate::training::EngineError;
@@ -81,7 +83,33 @@ pub fn collision_measures(
     Ok(())
 }
 
-pub(crate) fn check_lengths(poses: &[Pose], answers: &[f32]) -> Result<(), QueryError> {
+/// Poses that a thread answers at a time.
+const CHUNK: usize = 256;
+
+/// Answers poses of a field that is known between the voxel centres of `grid`: positions outside are answered as the
+/// nearest point inside, without promise, and with no number where they are none.
+pub(crate) fn answer_between_centres<S: Default>(
+    grid: &Grid,
+    poses: &[Pose],
+    answers: &mut [f32],
+    overlap: impl Fn(DVec3, &Orientation, &mut S) -> Option<f32> + Sync,
+) -> Result<(), QueryError> {
+    check_lengths(poses, answers)?;
+    let (low, high) = (grid.centre([0; 3]), grid.centre(grid.dims.map(|n| n - 1)));
+    poses.par_chunks(CHUNK).zip(answers.par_chunks_mut(CHUNK)).for_each_init(
+        S::default,
+        |scratch, (poses, answers)| {
+            for (pose, answer) in poses.iter().zip(answers) {
+                let found = overlap(pose.position.clamp(low, high), &pose.orientation, scratch);
+                // `clamp` makes a number of what is none.
+                *answer = found.filter(|_| !pose.position.is_nan()).unwrap_or(f32::NAN);
+            }
+        },
+    );
+    Ok(())
+}
+
+fn check_lengths(poses: &[Pose], answers: &[f32]) -> Result<(), QueryError> {
     if poses.len() == answers.len() {
         Ok(())
     } else {
