@@ -136,7 +136,7 @@ pub(crate) struct TrainBenchArguments {
 /// Exact sections against scipy and rustfft, and how their cost grows
 #[derive(Args)]
 #[command(after_help = "Example:\n  imf bench exact --out bench-exact\n\n\
-                        Writes exact.json, exact.md and growth.png. About a minute without --full.")]
+                        Writes exact.json, exact.md and how time and memory grow as pictures. About a minute without --full.")]
 pub(crate) struct ExactBenchArguments {
     /// Folder to write to
     #[arg(long, default_value = "imf-bench", value_name = "DIR")]
@@ -211,7 +211,7 @@ pub(crate) struct FieldArguments {
     #[command(flatten)]
     pub(crate) scene: SceneArguments,
     /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, so3:N, pairs θ,φ;θ,φ or a CSV file
-    #[arg(long, value_name = "SET")]
+    #[arg(long, value_name = "SET", allow_hyphen_values = true)]
     pub(crate) orientations: String,
     /// The inaccessibility measure (least over the orientations) with its best orientation, not every section
     #[arg(long)]
@@ -304,7 +304,7 @@ pub(crate) struct DatasetMakeArguments {
     #[command(flatten)]
     pub(crate) contact: clearance::ContactArguments,
     /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, pairs θ,φ;θ,φ or a CSV file
-    #[arg(long, value_name = "SET")]
+    #[arg(long, value_name = "SET", allow_hyphen_values = true)]
     pub(crate) orientations: String,
     /// Share of every section's voxels to sample
     #[arg(long, default_value_t = 0.35)]

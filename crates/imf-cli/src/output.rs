@@ -2,6 +2,8 @@
 //!
 //! Answers go through `write`, not `println`: a reader that closes the pipe early then ends the command quietly.
 
+mod earlier;
+
 use std::fs;
 use std::io::{Write as _, stdout};
 use std::path::{Path, PathBuf};
@@ -10,6 +12,10 @@ use anyhow::{Context as _, Result, bail, ensure};
 use imf_core::atomic_file::write_atomically;
 use imf_core::tool::ElementKind;
 use serde::Serialize;
+
+pub(crate) use self::earlier::SUMMARY;
+use self::earlier::remove_earlier;
+use crate::session::Session;
 
 /// A folder for results. It is made only when there is a result to put into it.
 #[derive(Debug)]
@@ -39,6 +45,17 @@ impl OutputFolder {
     pub(crate) fn create(&self) -> Result<()> {
         fs::create_dir_all(&self.path)
             .with_context(|| format!("cannot create the folder {}", self.path.display()))
+    }
+
+    /// Makes the folder, or clears it of what an earlier run of this program left there.
+    pub(crate) fn begin(&self, session: &Session) -> Result<()> {
+        self.create()?;
+        let removed = remove_earlier(&self.path)?;
+        if removed > 0 {
+            session
+                .note(&format!("{removed} files of an earlier run in {} are replaced", self.path.display()));
+        }
+        Ok(())
     }
 
     /// Path of a file in the folder.

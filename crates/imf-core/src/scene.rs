@@ -111,11 +111,11 @@ impl Scene {
     }
 
     /// The scene with a cutter that may reach `depth` (in the scene's unit) below the part's surface: `bodies` are its
-    /// part and fixtures.
+    /// part and fixtures, on its grid or a wider one of the same voxels.
     #[must_use]
     pub fn with_contact(mut self, bodies: &Bodies, depth: f64) -> Self {
         self.record.contact = Some(depth);
-        self.layer = Some(bodies.layer(depth));
+        self.layer = bodies.layer(depth).on(&self.record.grid);
         self
     }
 
@@ -280,7 +280,32 @@ impl SceneSpec<'_> {
                 return Err(SceneError::FixtureOutside(fixture.name.to_owned()));
             }
         }
-        let bodies = self.bodies(&grid)?;
+        Ok(self.scene_of(grid, self.bodies(&grid)?))
+    }
+
+    /// As [`SceneSpec::scene`], but fixtures may stick out of the scene's grid: also gives part and fixtures on a grid that
+    /// holds all that a tool can meet which reaches `reach` (in the part's unit) from the scene's voxels. The scene's own
+    /// obstacle is what of them lies on its grid.
+    ///
+    /// # Errors
+    /// As [`SceneSpec::scene`], but for fixtures that stick out.
+    pub fn scene_and_bodies(&self, reach: f64) -> Result<(Scene, Bodies), SceneError> {
+        let grid = self.grid()?;
+        let bodies = self.bodies(&self.wide_grid(&grid, reach)?)?;
+        let on = |occupancy: &Occupancy| occupancy.on(&grid).unwrap_or_else(|| Occupancy::empty(grid));
+        let here = Bodies { part: on(&bodies.part), fixtures: on(&bodies.fixtures) };
+        Ok((self.scene_of(grid, here), bodies))
+    }
+
+    /// The grid of the bodies that [`SceneSpec::scene_and_bodies`] gives around its scene's `grid`.
+    ///
+    /// # Errors
+    /// As [`SceneSpec::obstacle_grid`].
+    pub fn wide_grid(&self, grid: &Grid, reach: f64) -> Result<Grid, SceneError> {
+        if self.fixtures.is_empty() { Ok(*grid) } else { self.obstacle_grid(grid, reach) }
+    }
+
+    fn scene_of(&self, grid: Grid, bodies: Bodies) -> Scene {
         let obstacle = bodies.obstacle();
         let record = SceneRecord {
             part: self.part.to_owned(),
@@ -297,7 +322,7 @@ impl SceneSpec<'_> {
             contact: None,
             obstacle_crc32: crc32fast::hash(&obstacle.packed()),
         };
-        Ok(Scene { record, obstacle, fixtures: bodies.fixtures, layer: None })
+        Scene { record, obstacle, fixtures: bodies.fixtures, layer: None }
     }
 
     /// The grid of all that a tool can meet which reaches `reach` (in the part's unit) from the voxels of `query`: it
@@ -414,6 +439,21 @@ mod tests {
         let near = spec.bodies(&spec.obstacle_grid(&query, 2.0).unwrap()).unwrap();
         assert_eq!(near.part.count(), 512);
         assert!((160..256).contains(&near.fixtures.count()), "{}", near.fixtures.count());
+    }
+
+    #[test]
+    fn a_scene_may_stand_among_fixtures_that_stick_out() {
+        let (cube, tool) = (unit_cube(), Tool::paper());
+        let fixtures = [clamp(&cube)];
+        let spec = spec(&cube, &tool, &fixtures);
+        let (scene, bodies) = spec.scene_and_bodies(f64::INFINITY).unwrap();
+        assert_eq!((scene.record.grid.dims, bodies.fixtures.count()), ([8; 3], 256));
+        assert_eq!(scene.obstacle, bodies.obstacle().on(&scene.record.grid).unwrap());
+        // The clamp stands on the cube, above its grid.
+        assert_eq!((scene.obstacle.count(), scene.fixtures.count()), (512, 0));
+        let alone = SceneSpec { fixtures: &[], ..spec };
+        let (scene, bodies) = alone.scene_and_bodies(100.0).unwrap();
+        assert_eq!((&scene, bodies.obstacle()), (&alone.scene().unwrap(), scene.obstacle.clone()));
     }
 
     #[test]

@@ -26,7 +26,7 @@ pub use direct::{direct_cmf, direct_count, direct_element_measures};
 pub use elements::{ElementMeasures, ElementPlans, ElementScratch, elements_at_best};
 pub use imf::{Imf, imf, stream_orientations, stream_sections};
 pub use size::QueryBox;
-pub use stepped::{StepEnds, StepSpace, SteppedTool};
+pub use stepped::{SectionLayer, StepEnds, StepSpace, SteppedTool};
 
 use glam::DVec3;
 use thiserror::Error;
@@ -157,7 +157,7 @@ impl SectionPlan {
             obstacle: obstacle.grid.origin,
             pitch: obstacle.grid.pitch,
         })?;
-        let sharp_points = tool.sharp_point_positions();
+        let sharp_points = tool.sharp_point_positions(obstacle.grid.pitch);
         let (query, size) = Self::sizes(&obstacle.grid, offset, query_grid.dims, tool);
         // A tool too large or too small is refused now rather than at the first section.
         let upright = RotatedTool::new(tool, &Orientation::default(), obstacle.grid.pitch)?;
@@ -188,7 +188,7 @@ impl SectionPlan {
     }
 
     fn sizes(grid: &Grid, offset: [i64; 3], dims: [usize; 3], tool: &Tool) -> (QueryBox, CircularSize) {
-        let farthest = tool.sharp_point_positions().iter().map(|k| k.length()).fold(0.0, f64::max);
+        let farthest = tool.sharp_point_positions(grid.pitch).iter().map(|k| k.length()).fold(0.0, f64::max);
         let grow = if farthest > 0.0 { (farthest / grid.pitch).ceil() as i64 + 1 } else { 0 };
         let query = QueryBox::around(offset, dims, grow);
         (query, CircularSize::new(grid.dims, query, tool.reach() / grid.pitch))
@@ -307,25 +307,50 @@ impl SectionPlan {
         Ok(())
     }
 
-    /// The same from overlaps that were counted elsewhere, `counts` over [`SectionPlan::query_box`] for `rotated`, the
-    /// plan's tool in this orientation.
+    /// The same from overlaps that were counted elsewhere, over [`SectionPlan::query_box`]: those of
+    /// [`SectionPlan::layer`] with its tool in this orientation, and where the plan has a [`SectionPlan::skin_layer`] those
+    /// of it, or none where its tool holds no voxel centre.
     ///
     /// # Errors
     /// A failed spot check.
     ///
     /// # Panics
-    /// If `counts` has not the query box's length, or `cmf` the grid's.
+    /// If counts have not the query box's length, or `cmf` the grid's.
     pub fn cmf_of_counts(
         &self,
         orientation: &Orientation,
-        rotated: &RotatedTool,
-        counts: &[u32],
+        (rotated, mut counts): (&RotatedTool, Vec<u32>),
+        skin: Option<(&RotatedTool, &[u32])>,
         cmf: &mut [f32],
     ) -> Result<(), SectionError> {
         assert_eq!(counts.len(), self.query.len(), "one count for each voxel of the query box");
-        self.spot_check(rotated, &self.query, counts)?;
-        self.read_values(orientation, rotated.count, counts, cmf);
+        self.spot_check(rotated, &self.query, &counts)?;
+        if let (Some((rest, more)), Some(Skin { voxels, .. })) = (skin, self.skin()) {
+            direct::spot_check(voxels, rest, &self.query, more)?;
+            counts.iter_mut().zip(more).for_each(|(count, more)| *count += more);
+        }
+        self.read_values(orientation, rotated.count, &counts, cmf);
         Ok(())
+    }
+
+    /// The collision measure at a voxel of the grid by direct sums: the definition, for the plan's tool rotated into the
+    /// orientation. With a skin it is the sum of the elements' measures.
+    ///
+    /// # Errors
+    /// A tool that does not fit the grid.
+    pub fn direct(
+        &self,
+        orientation: &Orientation,
+        rotated: &RotatedTool,
+        voxel: [usize; 3],
+    ) -> Result<f64, ToolError> {
+        let at = [0, 1, 2].map(|axis| voxel[axis] as i64 + self.offset[axis]);
+        if let Some(skin) = self.skin() {
+            let obstacles = Obstacles { solid: &self.obstacle, skin: Some(skin) };
+            let elements = direct::element_measures(obstacles, &self.tool, orientation, at)?;
+            return Ok(elements.iter().map(|&(_, measure)| measure).sum());
+        }
+        Ok(direct::least_mean(&self.obstacle, rotated, &self.sharp_points, orientation, at))
     }
 
     /// The voxels where overlaps are counted: those of the grid, and where points off the tip are sharp as many
@@ -341,11 +366,22 @@ impl SectionPlan {
         self.sharp_points == [DVec3::ZERO]
     }
 
-    /// What a device needs to know to count overlaps over the query box or parts of it.
+    /// What a device needs to know to count overlaps of the whole tool over the query box or parts of it.
     #[must_use]
-    pub fn step_space(&self) -> StepSpace {
-        let reach = self.tool.reach() / self.obstacle.grid.pitch;
-        StepSpace::new(self.obstacle.grid.dims, self.query, reach)
+    pub fn layer(&self) -> SectionLayer<'_> {
+        self.layer_of(&self.obstacle, &self.tool)
+    }
+
+    /// The same for what a part of the tool must stay out of as well, where there is such a thing.
+    #[must_use]
+    pub fn skin_layer(&self) -> Option<SectionLayer<'_>> {
+        self.skin().map(|Skin { voxels, rest }| self.layer_of(voxels, rest))
+    }
+
+    fn layer_of<'a>(&self, obstacle: &'a Occupancy, tool: &'a Tool) -> SectionLayer<'a> {
+        let grid = &obstacle.grid;
+        let space = StepSpace::new(grid.dims, self.query, tool.reach() / grid.pitch);
+        SectionLayer { obstacle, tool, space }
     }
 
     fn read_values(&self, orientation: &Orientation, normaliser: u32, counts: &[u32], cmf: &mut [f32]) {
@@ -444,6 +480,10 @@ impl SectionPlan {
         for x in 0..nx {
             for y in 0..ny {
                 let line = &mut cmf[(x * ny + y) * nz..][..nz];
+                // Most of space is free for the first sharp point, and nothing is below that.
+                if !first && line.iter().all(|&value| value == 0.0) {
+                    continue;
+                }
                 let starts: Vec<(usize, f64)> = corners
                     .iter()
                     .map(|&([dx, dy, dz], w)| (self.query.index([x as i64 + dx, y as i64 + dy, dz]), w))

@@ -8,6 +8,7 @@ mod inflate;
 mod posed;
 mod profile;
 mod rotated;
+mod sharp;
 
 pub use file::ToolFileError;
 pub use inflate::{Clearance, ClearanceError};
@@ -15,6 +16,7 @@ pub(crate) use posed::snapped;
 pub use profile::{Element, ElementKind, Segment};
 pub use rotated::RotatedTool;
 pub(crate) use rotated::{SLACK, holds};
+pub use sharp::SharpPoints;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -44,19 +46,6 @@ pub enum ToolShape {
     Revolved(Vec<Element>),
     /// A mesh in the tool frame; it has no elements and no symmetry.
     Mesh(Mesh),
-}
-
-/// The points of a tool at which it cuts: the collision measure is the least over them.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum SharpPoints {
-    /// The tip alone.
-    #[default]
-    Tip,
-    /// The tip and rings of points over the cutter's surface, this many in all.
-    Cutter(usize),
-    /// These points, in the tool frame.
-    Points(Vec<DVec3>),
 }
 
 /// Why a tool is refused.
@@ -130,11 +119,7 @@ impl Tool {
                 ToolShape::Mesh(mesh.transformed(&glam::DMat4::from_scale(DVec3::splat(factor))))
             }
         };
-        let sharp_points = match &self.sharp_points {
-            SharpPoints::Points(points) => SharpPoints::Points(points.iter().map(|&p| p * factor).collect()),
-            other => other.clone(),
-        };
-        Self { name: self.name.clone(), unit, shape, sharp_points }
+        Self { name: self.name.clone(), unit, shape, sharp_points: self.sharp_points.scaled(factor) }
     }
 
     /// The tool with its tip as the only sharp point: its collision measure is the overlap at the tip.
@@ -143,13 +128,13 @@ impl Tool {
         Self { sharp_points: SharpPoints::Tip, ..self.clone() }
     }
 
-    /// Shank and holder alone, with the whole tool's sharp points as a list; `None` where the tool is all cutter, or a
+    /// Shank and holder alone, sharp where the whole tool is; `None` where the tool is all cutter, or a
     /// mesh, which has no elements.
     #[must_use]
     pub fn without_cutter(&self) -> Option<Self> {
         let ToolShape::Revolved(elements) = &self.shape else { return None };
         let rest: Vec<Element> = elements.iter().filter(|e| e.kind != ElementKind::Cutter).cloned().collect();
-        let sharp_points = SharpPoints::Points(self.sharp_point_positions());
+        let sharp_points = self.inherited_sharp_points();
         (!rest.is_empty()).then(|| Self { shape: ToolShape::Revolved(rest), sharp_points, ..self.clone() })
     }
 
@@ -166,7 +151,7 @@ impl Tool {
         matches!(self.shape, ToolShape::Revolved(_))
             && match &self.sharp_points {
                 SharpPoints::Points(points) => points.iter().all(|p| p.x == 0.0 && p.y == 0.0),
-                SharpPoints::Tip | SharpPoints::Cutter(_) => true,
+                SharpPoints::Tip | SharpPoints::Cutter(_) | SharpPoints::Boundary(_) => true,
             }
     }
 
@@ -202,25 +187,6 @@ impl Tool {
                 elements.last().and_then(|e| e.profile.last()).map_or(0.0, |s| s.range().1)
             }
             ToolShape::Mesh(mesh) => mesh.bounds().map_or(0.0, |(_, upper)| upper.z),
-        }
-    }
-
-    /// The sharp points in the tool frame.
-    #[must_use]
-    pub fn sharp_point_positions(&self) -> Vec<DVec3> {
-        match &self.sharp_points {
-            SharpPoints::Tip => vec![DVec3::ZERO],
-            SharpPoints::Points(points) => points.clone(),
-            SharpPoints::Cutter(count) => match &self.shape {
-                ToolShape::Revolved(elements) => {
-                    let cutter = elements.iter().filter(|e| e.kind == ElementKind::Cutter);
-                    profile::surface_points(
-                        &cutter.flat_map(|e| e.profile.clone()).collect::<Vec<_>>(),
-                        *count,
-                    )
-                }
-                ToolShape::Mesh(_) => vec![DVec3::ZERO],
-            },
         }
     }
 
@@ -264,21 +230,8 @@ mod tests {
         let inches = tool.in_unit(LengthUnit::Inch);
         assert!((inches.reach() * 25.4 - tool.reach()).abs() < 1e-9);
         assert!((inches.volume() * 25.4f64.powi(3) - tool.volume()).abs() < 1e-6);
-        assert!((inches.sharp_point_positions()[0].x * 25.4 - 1.0).abs() < 1e-12);
+        assert!((inches.sharp_point_positions(1.0)[0].x * 25.4 - 1.0).abs() < 1e-12);
         assert!(!inches.is_axisymmetric() && Tool::paper().is_axisymmetric());
-    }
-
-    #[test]
-    fn sharp_points_lie_on_the_cutter() {
-        let tool = Tool { sharp_points: SharpPoints::Cutter(40), ..Tool::paper() };
-        let points = tool.sharp_point_positions();
-        assert_eq!(points.len(), 40);
-        assert_eq!(points[0], DVec3::ZERO);
-        for p in &points {
-            let r = p.x.hypot(p.y);
-            let expected = if p.z < 5.0 { (25.0 - (5.0 - p.z).powi(2)).sqrt() } else { 5.0 };
-            assert!((r - expected).abs() < 1e-9 && p.z <= 35.0, "{p}");
-        }
     }
 
     #[test]

@@ -8,8 +8,9 @@ use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
-use imf_core::section::{SectionError, SectionPlan, imf, sections};
-use imf_core::tool::{SharpPoints, Tool, ToolShape};
+use imf_core::scene::Bodies;
+use imf_core::section::{Contact, SectionError, SectionPlan, imf, sections};
+use imf_core::tool::{Element, RotatedTool, Segment, SharpPoints, Tool, ToolShape};
 use imf_core::voxelize::voxelize;
 use imf_gpu::{Gpu, GpuLimits, GpuSectionError, GpuSections};
 
@@ -104,6 +105,7 @@ fn sharp_points_and_tools_without_symmetry_agree() {
     let points = |point: [f64; 3]| SharpPoints::Points(vec![point.into()]);
     for tool in [
         with_sharp_points(SharpPoints::Cutter(5)),
+        with_sharp_points(SharpPoints::Boundary(None)),
         with_sharp_points(points([1.0, 0.0, 3.0])),
         wedge(),
         Tool { sharp_points: points([4.0, 0.5, 1.0]), ..wedge() },
@@ -136,6 +138,42 @@ fn query_grids_inside_across_and_beside_the_obstacle_agree() {
         }
         let plan = SectionPlan::with_query(&obstacle, &query, &Tool::paper()).unwrap();
         agree(&plan, &orientations(), 40_000).unwrap();
+    }
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn a_layer_that_only_the_cutter_may_enter_is_counted_for_the_rest() {
+    let grid = grid(3.0, [14, 13, 15]);
+    let inside = |index: usize, from: usize, to: usize| {
+        u8::from(grid.voxel(index).iter().all(|voxel| (from..to).contains(voxel)))
+    };
+    let part = Occupancy { grid, solid: (0..grid.len()).map(|i| inside(i, 2, 11)).collect() };
+    let fixtures = Occupancy { grid, solid: (0..grid.len()).map(|i| inside(i, 10, 13)).collect() };
+    let bodies = Bodies { part, fixtures };
+    let contact = Contact::new(&bodies.obstacle(), bodies.layer(4.0));
+    assert!(contact.skin.count() > 0 && contact.solid.count() > 0);
+    for sharp_points in [SharpPoints::Tip, SharpPoints::Points(vec![[1.0, 0.0, 3.0].into()])] {
+        let tool = with_sharp_points(sharp_points);
+        // A holder so thin that it holds no voxel centre when it stands askew.
+        let thin = match &tool.shape {
+            ToolShape::Revolved(elements) => {
+                let segment = Segment::Line { from: 40.0, to: 41.0, radius_from: 0.4, radius_to: 0.4 };
+                let holder = Element { profile: vec![segment], ..elements[1].clone() };
+                Tool { shape: ToolShape::Revolved(vec![holder]), ..tool.clone() }
+            }
+            ToolShape::Mesh(_) => unreachable!("the paper's tool has elements"),
+        };
+        let pitch = grid.pitch;
+        let holds = |o: &Orientation| RotatedTool::new(&thin, o, pitch).is_ok();
+        assert!(!orientations().iter().all(holds), "thin in some orientation");
+        for rest in [tool.without_cutter().unwrap(), thin] {
+            let plan = SectionPlan::new(contact.obstacles(Some(&rest)), &tool).unwrap();
+            assert!(!GpuSections::new(&adapter::open(), &plan).unwrap().keeps_minimum());
+            agree(&plan, &orientations(), 40_000).unwrap();
+        }
+        // A tool that is all cutter: nothing of it must stay out of the layer.
+        agree(&SectionPlan::new(contact.obstacles(None), &tool).unwrap(), &orientations(), 40_000).unwrap();
     }
 }
 

@@ -25,7 +25,7 @@ pub(crate) struct AccessArguments {
     #[command(flatten)]
     pub(crate) scene: SceneArguments,
     /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, ac:A0:A1:C0:C1:NA:NC, bc:…, so3:N, pairs or a CSV
-    #[arg(long, default_value = "fibonacci:225", value_name = "SET")]
+    #[arg(long, default_value = "fibonacci:225", value_name = "SET", allow_hyphen_values = true)]
     pub(crate) orientations: String,
     /// Only orientations that the machine reaches: ac:A0:A1:C0:C1, bc:B0:B1:C0:C1 or cone:X,Y,Z:HALF_ANGLE
     #[arg(long, value_name = "LIMITS")]

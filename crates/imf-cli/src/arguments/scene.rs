@@ -6,12 +6,12 @@ use std::str::FromStr;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use glam::DMat4;
+use imf_core::grid::Grid;
 use imf_core::mesh::Mesh;
 use imf_core::mesh::read::read_mesh;
 use imf_core::mesh::topology::MeshReport;
-use imf_core::occupancy::Occupancy;
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{Around, Fixture, Resolution, Scene, SceneSpec};
+use imf_core::scene::{Around, Bodies, Fixture, Resolution, Scene, SceneSpec};
 use imf_core::section::{ElementPlans, SectionPlan};
 use imf_core::tool::Tool;
 use imf_core::unit::{LengthUnit, unit_check};
@@ -27,7 +27,7 @@ const DEFAULT_LONGEST: f64 = 96.0;
 /// Which part, on which grid, against which tool.
 #[derive(Args, Clone)]
 pub(crate) struct SceneArguments {
-    /// An OBJ or STL file, or a built-in part: teapot, bracket, bracket-raw, screw-gear
+    /// An OBJ, STL or PLY file, or a built-in part: teapot, bracket, bracket-raw, screw-gear
     pub(crate) part: String,
     /// Unit of the part: mm, cm, m or inch; STL files need it, others are in mm by default
     #[arg(long, value_name = "UNIT")]
@@ -50,7 +50,7 @@ pub(crate) struct SceneArguments {
     /// A tool file (TOML), or paper, the built-in ball-end mill; imf access takes several
     #[arg(long, default_value = "paper", value_name = "TOOL")]
     pub(crate) tool: Vec<String>,
-    /// What holds the part: an OBJ or STL file in the part's unit, with its set-up after an @; may be repeated
+    /// What holds the part: an OBJ, STL or PLY file in the part's unit, with its set-up after an @; may be repeated
     #[arg(long, value_name = "FILE[@STEPS]")]
     pub(crate) fixture: Vec<String>,
     /// What the grid is chosen around
@@ -154,14 +154,9 @@ impl Reading {
 
 impl SceneArguments {
     /// Reads part, fixtures and tool, checks them, estimates the memory, and voxelises, with the layer that the cutter
-    /// may enter where it may enter one; `elements` keeps room for sections of every element too. Remarks go to the
-    /// session.
-    pub(crate) fn scene_with(
-        &self,
-        session: &Session,
-        contact: &ContactArguments,
-        elements: bool,
-    ) -> Result<Scene> {
+    /// may enter where it may enter one. Fixtures must lie within the grid: the scene is all that is kept. Remarks go to
+    /// the session.
+    pub(crate) fn scene_with(&self, session: &Session, contact: &ContactArguments) -> Result<Scene> {
         let reading = self.read(session)?;
         let tool = reading.only_tool()?;
         let fixtures = reading.fixtures();
@@ -169,53 +164,58 @@ impl SceneArguments {
         let grid = spec.grid()?;
         let depth = contact.depth([tool])?;
         let tool_here = tool.in_unit(reading.part.unit).inflated(&self.clearance.clearance())?;
-        let mut needed = SectionPlan::memory_estimate(&grid, &tool_here, session.threads());
-        if depth.is_some() {
-            // A second section is added, of shank and holder, and part and layer are kept apart.
-            needed = 2 * (needed + grid.len() as u64);
-        }
-        if elements {
-            needed += ElementPlans::memory_estimate(&grid, &grid, &tool_here, session.threads());
-        }
-        session.require_memory(needed, || {
-            let [x, y, z] = grid.dims;
-            format!(
-                "sections of {x}×{y}×{z} voxels with a tool that reaches {:.0} voxels, on {} threads; use a larger \
-                 --pitch or fewer --threads",
-                tool_here.reach() / grid.pitch,
-                session.threads()
-            )
-        })?;
-        let scene = self.voxelised(session, &spec)?;
-        session.detail(&format!("sections need about {}", show_bytes(needed)));
+        require_memory_for_sections(session, &grid, &grid, &tool_here, depth.is_some(), false)?;
+        let scene = self.announced(session, spec.scene()?)?;
         Ok(match depth {
             Some(depth) => scene.with_contact(&spec.bodies(&grid)?, depth),
             None => scene,
         })
     }
 
-    /// As [`Self::scene_with`], with no room kept for sections: the tool is only written down. Also gives what is known of
-    /// the mesh.
-    pub(crate) fn scene_without_sections(&self, session: &Session) -> Result<(Scene, MeshReport)> {
-        let (scene, _, report) = self.scene_and_part(session)?;
-        Ok((scene, report))
-    }
-
-    /// As [`Self::scene_without_sections`], with the part's own voxels, the fixtures' left out.
-    pub(crate) fn scene_and_part(&self, session: &Session) -> Result<(Scene, Occupancy, MeshReport)> {
+    /// As [`Self::scene_with`] for sections alone: fixtures may stick out of the scene's grid, and the bodies are all that
+    /// the tool can meet from its voxels. `elements` keeps room for sections of every element too.
+    pub(crate) fn scene_among(
+        &self,
+        session: &Session,
+        contact: &ContactArguments,
+        elements: bool,
+    ) -> Result<(Scene, Bodies)> {
         let reading = self.read(session)?;
         let tool = reading.only_tool()?;
         let fixtures = reading.fixtures();
         let spec = self.spec(&reading, &fixtures, tool);
         let grid = spec.grid()?;
-        // The voxels of part, fixtures and both, the voxeliser's, and a copy to write.
-        session.require_memory(6 * grid.len() as u64, || {
-            let [x, y, z] = grid.dims;
-            format!("{x}×{y}×{z} voxels; use a larger --pitch")
-        })?;
-        let scene = self.voxelised(session, &spec)?;
-        let part = if fixtures.is_empty() { scene.obstacle.clone() } else { spec.bodies(&grid)?.part };
-        Ok((scene, part, reading.report))
+        let depth = contact.depth([tool])?;
+        let tool_here = tool.in_unit(reading.part.unit).inflated(&self.clearance.clearance())?;
+        let reach = tool_here.reach_from_sharp_points(grid.pitch);
+        let wide = spec.wide_grid(&grid, reach)?;
+        require_memory_for_sections(session, &wide, &grid, &tool_here, depth.is_some(), elements)?;
+        let (scene, bodies) = spec.scene_and_bodies(reach)?;
+        let scene = self.announced(session, scene)?;
+        Ok(match depth {
+            Some(depth) => (scene.with_contact(&bodies, depth), bodies),
+            None => (scene, bodies),
+        })
+    }
+
+    /// A scene that is read and voxelised, with no room kept for sections: the tool is only written down. Also gives what
+    /// is known of the mesh.
+    pub(crate) fn scene_without_sections(&self, session: &Session) -> Result<(Scene, MeshReport)> {
+        let reading = self.read(session)?;
+        let fixtures = reading.fixtures();
+        let spec = self.spec(&reading, &fixtures, reading.only_tool()?);
+        require_memory_for_voxels(session, &spec.grid()?)?;
+        Ok((self.announced(session, spec.scene()?)?, reading.report))
+    }
+
+    /// The scene as [`Self::scene_without_sections`] makes it, and part and fixtures apart on a grid that holds them all.
+    pub(crate) fn scene_and_bodies(&self, session: &Session) -> Result<(Scene, Bodies)> {
+        let reading = self.read(session)?;
+        let fixtures = reading.fixtures();
+        let spec = self.spec(&reading, &fixtures, reading.only_tool()?);
+        require_memory_for_voxels(session, &spec.wide_grid(&spec.grid()?, f64::INFINITY)?)?;
+        let (scene, bodies) = spec.scene_and_bodies(f64::INFINITY)?;
+        Ok((self.announced(session, scene)?, bodies))
     }
 
     /// The same scene on a grid of `scale` times as many voxels along each axis.
@@ -230,9 +230,10 @@ impl SceneArguments {
         Ok(Self { pitch: Some(grid.pitch / scale), dims: None, margin, ..self.clone() })
     }
 
-    fn voxelised(&self, session: &Session, spec: &SceneSpec<'_>) -> Result<Scene> {
+    /// Grows the tool and says what the scene is.
+    fn announced(&self, session: &Session, scene: Scene) -> Result<Scene> {
         let clearance = self.clearance.clearance();
-        let scene = spec.scene()?.with_clearance(&clearance)?;
+        let scene = scene.with_clearance(&clearance)?;
         let grid = scene.record.grid;
         let [x, y, z] = grid.dims;
         let grown = clearance_text(&clearance, scene.record.unit);
@@ -312,6 +313,46 @@ impl SceneArguments {
             (None, None, None) => Resolution::Pitch(report.extents.max_element() / DEFAULT_LONGEST),
         }
     }
+}
+
+/// Refuses sections over `query` that would take more memory than there is; `elements` asks for those of every element
+/// too.
+fn require_memory_for_sections(
+    session: &Session,
+    obstacle: &Grid,
+    query: &Grid,
+    tool: &Tool,
+    contact: bool,
+    elements: bool,
+) -> Result<()> {
+    let threads = session.threads();
+    let mut needed = SectionPlan::memory_estimate_with_query(obstacle, query, tool, threads);
+    if contact {
+        // A second section is added, of shank and holder, and part and layer are kept apart.
+        needed = 2 * (needed + obstacle.len() as u64);
+    }
+    if elements {
+        needed += ElementPlans::memory_estimate(obstacle, query, tool, threads);
+    }
+    session.require_memory(needed, || {
+        let [x, y, z] = query.dims;
+        format!(
+            "sections of {x}×{y}×{z} voxels with a tool that reaches {:.0} voxels, on {threads} threads; use a larger \
+             --pitch or fewer --threads",
+            tool.reach() / query.pitch,
+        )
+    })?;
+    session.detail(&format!("sections need about {}", show_bytes(needed)));
+    Ok(())
+}
+
+/// Refuses grids whose voxels would take more memory than there is.
+fn require_memory_for_voxels(session: &Session, grid: &Grid) -> Result<()> {
+    // The voxels of part, fixtures and both, the voxeliser's, and a copy to write.
+    session.require_memory(6 * grid.len() as u64, || {
+        let [x, y, z] = grid.dims;
+        format!("{x}×{y}×{z} voxels; use a larger --pitch")
+    })
 }
 
 fn read_tool(text: &str) -> Result<Tool> {

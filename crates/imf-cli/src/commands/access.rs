@@ -18,7 +18,7 @@ use imf_core::section::{ElementMeasures, ElementPlans, SectionError, elements_at
 
 use crate::arguments::access::AccessArguments;
 use crate::interrupt::Interrupted;
-use crate::output::{prepare_folder, print, print_json, write_json};
+use crate::output::{OutputFolder, SUMMARY, print, print_json, write_json};
 use crate::session::Session;
 
 use setup::Setup;
@@ -41,8 +41,9 @@ struct Findings {
 pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> {
     let begun = Instant::now();
     let setup = Setup::new(session, arguments)?;
-    prepare_folder(&arguments.out)?;
+    let folder = OutputFolder::check(&arguments.out)?;
     let findings = find(session, &setup)?;
+    folder.begin(session)?;
     let surface = setup.surface.then(|| surface::Surface::read(&setup, &findings));
     let mut written = files::write(&setup, &findings, &arguments.out)?;
     if let Some(surface) = &surface {
@@ -50,9 +51,9 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
         written.push("surface.ply".into());
     }
     written.extend(pictures::draw(&setup, &findings, &arguments.out)?);
-    written.push("summary.json".into());
+    written.push(SUMMARY.into());
     let summary = Summary::new(&setup, &findings, surface.as_ref(), begun.elapsed().as_secs_f64(), written);
-    write_json(&arguments.out.join("summary.json"), &summary).context("summary.json")?;
+    write_json(&arguments.out.join(SUMMARY), &summary).context(SUMMARY)?;
     session.note(&format!("wrote {} to {}", summary.files.join(", "), arguments.out.display()));
     if session.json { print_json(&summary) } else { print(&summary.table()) }
 }
@@ -106,9 +107,12 @@ fn find(session: &Session, setup: &Setup) -> Result<Findings> {
             let stage =
                 session.stage(&format!("map, {}", tool.name), "directions", (cells[0] * cells[1]) as u64);
             let advance = |n| stage.advance(n);
-            maps.push(
-                access_map(obstacles, tool, point, cells, session.control(&advance)).map_err(interrupted)?,
-            );
+            let map = access_map(obstacles, tool, point, cells, session.control(&advance));
+            let map = map.map_err(interrupted)?;
+            maps.push(match &setup.limits {
+                Some(limits) => map.within(limits),
+                None => map,
+            });
             stage.finish("");
         }
     }

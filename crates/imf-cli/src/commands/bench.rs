@@ -102,6 +102,8 @@ fn exact(session: &Session, arguments: &ExactBenchArguments) -> Result<()> {
     }
     let ours = sections_seconds / SECTIONS as f64;
 
+    // First what shows the memory that sections take: the rivals' counts would hide it.
+    let growth = growth::measure(session, arguments)?;
     // Every so many of the set, so that all directions are there.
     let step = if arguments.full { 1 } else { SECTIONS / RIVAL_SECTIONS };
     let compared: Vec<Orientation> = orientations.iter().copied().step_by(step).collect();
@@ -126,10 +128,8 @@ fn exact(session: &Session, arguments: &ExactBenchArguments) -> Result<()> {
         Ok(rival) => rivals.push(rival),
         Err(advice) => missing.push(advice),
     }
-    // Its counts would show in the memory that sections take.
     drop(trial);
     let sphere_voxels_milliseconds = voxels_of_a_sphere();
-    let growth = growth::measure(session, arguments)?;
     machine.finish();
     let report = Report {
         machine,
@@ -148,7 +148,9 @@ fn exact(session: &Session, arguments: &ExactBenchArguments) -> Result<()> {
     let text = report.markdown();
     write_json(&arguments.out.join("exact.json"), &report)?;
     write_text(&arguments.out.join("exact.md"), &text)?;
-    report.growth.chart().save(&arguments.out.join("growth.png"))?;
+    for (name, chart) in report.growth.charts() {
+        chart.save(&arguments.out.join(name))?;
+    }
     if session.json { print_json(&report) } else { print(&text) }
 }
 

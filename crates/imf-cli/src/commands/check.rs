@@ -28,7 +28,7 @@ impl std::fmt::Display for CollisionFound {
 impl std::error::Error for CollisionFound {}
 
 pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
-    let (scene, part, _) = arguments.scene.scene_and_part(session)?;
+    let (scene, bodies) = arguments.scene.scene_and_bodies(session)?;
     let record = &scene.record;
     refuse_thin_elements(record)?;
     let toolpath = Toolpath::read(&arguments.toolpath, record.unit)?;
@@ -40,12 +40,12 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         ));
     }
     // Contact is accepted with the part alone, never with a fixture.
-    let fixtures = (!record.fixtures.is_empty()).then_some(&scene.fixtures);
+    let fixtures = (!record.fixtures.is_empty()).then_some(&bodies.fixtures);
     let settings = arguments.settings(record.grid.pitch);
     let stage = session.stage("checking", "lines", toolpath.locations.len() as u64);
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
-    let report = check_toolpath(&part, fixtures, record.bare_tool(), &toolpath, &settings, control);
+    let report = check_toolpath(&bodies.part, fixtures, record.bare_tool(), &toolpath, &settings, control);
     let report = report.map_err(|error| match error {
         CheckError::Cancelled => Interrupted("the toolpath was not checked to its end".into()).into(),
         other => anyhow::Error::from(other),
@@ -104,12 +104,18 @@ fn text(report: &CheckReport, record: &SceneRecord) -> String {
         report.locations, report.poses, settings.tolerance
     );
     let clearance = &settings.clearance;
+    let accepted = if record.bare_tool().has_cutter() {
+        format!(
+            "the cutter's overlap with voxels down to {:.4} {unit} below the part's surface, by their centres",
+            settings.contact
+        )
+    } else {
+        "no overlap at all, for no element of the tool is a cutter".to_owned()
+    };
     let _ = writeln!(
         text,
-        "accepted: the cutter's overlap with voxels down to {:.4} {unit} below the part's surface, by their centres; \
-         clearance: holder {}, shank {}, \
-         cutter {} {unit}",
-        settings.contact, clearance.holder, clearance.shank, clearance.cutter
+        "accepted: {accepted}; clearance: holder {}, shank {}, cutter {} {unit}",
+        clearance.holder, clearance.shank, clearance.cutter
     );
     let promise = promise(report, record);
     let _ = writeln!(text, "{promise} (voxels of {:.4} {unit})", record.grid.pitch);

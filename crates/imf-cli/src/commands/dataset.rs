@@ -34,7 +34,7 @@ fn make_new(session: &Session, arguments: &DatasetMakeArguments) -> Result<()> {
         seed: arguments.seed,
     };
     sampling.check()?;
-    let scene = arguments.scene.scene_with(session, &arguments.contact, false)?;
+    let scene = arguments.scene.scene_with(session, &arguments.contact)?;
     if set.orientations.iter().any(|o| o.roll != 0.0) {
         bail!(
             "'{}' rolls the tool about its own axis, which a learnt field of directions cannot express; use fibonacci:N",

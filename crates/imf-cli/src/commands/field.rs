@@ -10,7 +10,7 @@ mod sections;
 use anyhow::{Result, bail};
 use imf_core::atomic_file::write_atomically;
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::scene::Scene;
+use imf_core::scene::{Bodies, Scene};
 use imf_core::section::{Contact, ElementPlans, Obstacles, SectionPlan};
 use serde_json::{Value, json};
 
@@ -18,29 +18,42 @@ use self::check::Check;
 use self::counting::Streamed;
 use self::harmonic::Harmonic;
 use crate::arguments::FieldArguments;
+use crate::arguments::harmonic::FieldMethod;
 use crate::engine::Device;
-use crate::output::OutputFolder;
+use crate::output::{OutputFolder, SUMMARY};
 use crate::session::Session;
 
 /// The list of orientations beside the fields: their indices count its lines.
 const ORIENTATIONS: &str = "orientations.csv";
-const SUMMARY: &str = "summary.json";
 
 pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
     let set = OrientationSet::parse(&arguments.orientations)?;
     let folder = OutputFolder::check(&arguments.out)?;
-    let scene = arguments.scene.scene_with(session, &arguments.contact, arguments.elements)?;
+    // A harmonic field is kept with its scene, which must then hold every fixture.
+    let (scene, bodies) = match arguments.harmonic.method {
+        FieldMethod::Exact => {
+            let (scene, bodies) =
+                arguments.scene.scene_among(session, &arguments.contact, arguments.elements)?;
+            (scene, Some(bodies))
+        }
+        FieldMethod::Harmonic => (arguments.scene.scene_with(session, &arguments.contact)?, None),
+    };
+    let obstacle = bodies.as_ref().map_or_else(|| scene.obstacle.clone(), Bodies::obstacle);
     let tool = &scene.record.tool;
     if !scene.record.bare_tool().is_axisymmetric() && set.orientations.iter().all(|o| o.roll == 0.0) {
         session.note("the tool is not axisymmetric, and no orientation rolls it: see so3:N");
     }
     let device = Device::open(&arguments.device, session)?;
-    let (contact, rest) = (Contact::of_scene(&scene), scene.record.tool_without_cutter()?);
+    let contact = match (&bodies, scene.record.contact) {
+        (Some(bodies), Some(depth)) => Some(Contact::new(&obstacle, bodies.layer(depth))),
+        _ => Contact::of_scene(&scene),
+    };
+    let rest = scene.record.tool_without_cutter()?;
     let obstacles = match &contact {
         Some(contact) => contact.obstacles(rest.as_ref()),
-        None => Obstacles::from(&scene.obstacle),
+        None => Obstacles::from(&obstacle),
     };
-    let plan = SectionPlan::new(obstacles, tool)?;
+    let plan = SectionPlan::with_query(obstacles, &scene.record.grid, tool)?;
     let elements =
         arguments.elements.then(|| ElementPlans::new(obstacles, &scene.record.grid, tool)).transpose()?;
     if elements.as_ref().is_some_and(|elements| elements.elements().next().is_none()) {

@@ -80,7 +80,7 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
             }
             None => Box::new(ExactField::new(scene)),
         }),
-        sharp_points: arguments.sharp.then(|| record.tool.sharp_point_positions()),
+        sharp_points: arguments.sharp.then(|| record.tool.sharp_point_positions(record.grid.pitch)),
     };
     let Some(out) = &arguments.out else {
         return work.answer(session, poses, bytes, &mut stdout().lock(), false);
@@ -131,18 +131,16 @@ impl Work<'_> {
         out: &mut dyn Write,
         whole: bool,
     ) -> Result<()> {
+        let size = if self.exact.is_some() { EXACT_CHUNK } else { CHUNK };
+        let mut answers = Answers::default();
+        // Before the header: poses that cannot be read at all leave no half of an answer.
+        poses.read(size, &mut answers.records, &mut answers.poses)?;
         let measure = if self.sharp_points.is_some() { "cmf" } else { "overlap" };
         let mut writer =
             AnswerWriter::start(poses.header(), measure, self.exact.is_some(), session.json, out)?;
-        let size = if self.exact.is_some() { EXACT_CHUNK } else { CHUNK };
         let stage = session.stage("poses", "kB", bytes.unwrap_or(0) / KILOBYTE);
         let (mut answered, mut outside, mut shown) = (0u64, 0u64, 0);
-        let mut answers = Answers::default();
-        loop {
-            poses.read(size, &mut answers.records, &mut answers.poses)?;
-            if answers.poses.is_empty() {
-                break;
-            }
+        while !answers.poses.is_empty() {
             if interrupt::requested() {
                 let kept = if whole { "nothing was written" } else { "no further pose is answered" };
                 return Err(Interrupted(format!("{answered} poses were answered; {kept}")).into());
@@ -158,6 +156,7 @@ impl Work<'_> {
             let done = poses.bytes() / KILOBYTE;
             stage.advance(done - shown);
             shown = done;
+            poses.read(size, &mut answers.records, &mut answers.poses)?;
         }
         writer.finish(out)?;
         stage.finish(&format!("{answered} poses answered"));

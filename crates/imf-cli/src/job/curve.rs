@@ -21,6 +21,7 @@ pub(crate) fn loss_chart(record: &TrainingRecord) -> Chart {
     Chart {
         title: format!("Training loss, {} samples", record.samples),
         x_name: "steps".into(),
+        x_scale: AxisScale::Linear,
         value_name: "mean loss".into(),
         value_scale: AxisScale::Logarithmic,
         series,

@@ -37,7 +37,7 @@ impl Data {
     pub(crate) fn open(folder: &Path) -> Result<Self> {
         let shards = Shards::open(folder)?;
         let scene = shards.manifest().scene(folder)?;
-        if !scene.record.tool.is_axisymmetric()
+        if !scene.record.bare_tool().is_axisymmetric()
             && shards.manifest().orientations.orientations.iter().any(|o| o.roll != 0.0)
         {
             bail!(

@@ -1,4 +1,4 @@
-//! Curves over a linear axis, with a linear or logarithmic value axis and a legend above: how training went.
+//! Curves over axes that are each linear or logarithmic, with a legend above.
 
 use std::path::Path;
 
@@ -52,6 +52,8 @@ pub(crate) struct Chart {
     pub(crate) title: String,
     /// Name of the axis to the right, with its unit.
     pub(crate) x_name: String,
+    /// Spread of that axis.
+    pub(crate) x_scale: AxisScale,
     /// Name of the value axis, with its unit.
     pub(crate) value_name: String,
     /// Spread of the value axis.
@@ -86,7 +88,7 @@ impl Chart {
         ensure!(!self.series.is_empty(), "a chart without curves");
         let mut image = blank(WIDTH, HEIGHT)?;
         let points = || self.series.iter().flat_map(|series| &series.points);
-        let across = Axis::around(AxisScale::Linear, points().map(|point| point.0), 0.01);
+        let across = Axis::around(self.x_scale, points().map(|point| point.0), 0.01);
         let up = Axis::around(self.value_scale, points().map(|point| point.1), 0.04);
         let (columns, rows) = (across.grid(8), up.grid(8));
 
@@ -273,6 +275,7 @@ mod tests {
         Chart {
             title: "Training".into(),
             x_name: "steps".into(),
+            x_scale: AxisScale::Linear,
             value_name: "loss".into(),
             value_scale: AxisScale::Logarithmic,
             series: vec![Series { name: "training loss".into(), points, markers: false }],

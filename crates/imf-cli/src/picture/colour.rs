@@ -16,6 +16,8 @@ enum Sequence {
     Measure,
     /// Blue through white to red, from minus the limit to the limit.
     Difference,
+    /// Viridis at even steps, from 0 to the limit: the last of the classes.
+    Classes,
 }
 
 /// A range of values, its colours, and the words beside its colour bar. Panels with equal scales share one bar.
@@ -24,35 +26,59 @@ pub(crate) struct Scale {
     sequence: Sequence,
     limit: f32,
     label: String,
+    /// Names of the classes 0, 1, 2, …; empty for other scales.
+    classes: Vec<String>,
 }
 
 impl Scale {
     /// A measure's scale up to the largest finite value of all `slices`; up to 1 if there is none above 0.
     pub(crate) fn measure_of(slices: &[ArrayView2<'_, f32>], label: &str) -> Self {
-        Self { sequence: Sequence::Measure, limit: largest(slices, |value| value), label: label.to_owned() }
+        Self {
+            sequence: Sequence::Measure,
+            limit: largest(slices, |value| value),
+            label: label.to_owned(),
+            classes: Vec::new(),
+        }
     }
 
     /// A difference's scale up to the largest finite magnitude of all `slices`; up to 1 if there is none above 0.
     pub(crate) fn difference_of(slices: &[ArrayView2<'_, f32>], label: &str) -> Self {
-        Self { sequence: Sequence::Difference, limit: largest(slices, f32::abs), label: label.to_owned() }
+        Self {
+            sequence: Sequence::Difference,
+            limit: largest(slices, f32::abs),
+            label: label.to_owned(),
+            classes: Vec::new(),
+        }
     }
 
     /// From 0 to `max`, for values that know their range.
     pub(crate) fn measure(max: f32, label: &str) -> Self {
-        Self { sequence: Sequence::Measure, limit: max, label: label.to_owned() }
+        Self { sequence: Sequence::Measure, limit: max, label: label.to_owned(), classes: Vec::new() }
     }
 
     /// From −`limit` to `limit`, for tests.
     #[cfg(test)]
     pub(super) fn difference(limit: f32, label: &str) -> Self {
-        Self { sequence: Sequence::Difference, limit, label: label.to_owned() }
+        Self { sequence: Sequence::Difference, limit, label: label.to_owned(), classes: Vec::new() }
+    }
+
+    /// Values that are the numbers of classes: each has its colour, and its name beside it.
+    pub(crate) fn classes(names: &[&str]) -> Self {
+        let limit = names.len().saturating_sub(1).max(1) as f32;
+        let classes = names.iter().map(|&name| name.to_owned()).collect();
+        Self { sequence: Sequence::Classes, limit, label: String::new(), classes }
+    }
+
+    /// Names of the classes; none of a scale of values.
+    pub(super) fn class_names(&self) -> &[String] {
+        &self.classes
     }
 
     /// First and last value.
     pub(super) fn range(&self) -> (f64, f64) {
         let limit = f64::from(self.limit);
         match self.sequence {
-            Sequence::Measure => (0.0, limit),
+            Sequence::Measure | Sequence::Classes => (0.0, limit),
             Sequence::Difference => (-limit, limit),
         }
     }
@@ -65,7 +91,7 @@ impl Scale {
     /// Colour of the part's outline that stands out from this scale's colours.
     pub(super) fn outline(&self) -> Rgb<u8> {
         match self.sequence {
-            Sequence::Measure => Rgb([255, 255, 255]),
+            Sequence::Measure | Sequence::Classes => Rgb([255, 255, 255]),
             Sequence::Difference => Rgb([60, 60, 60]),
         }
     }
@@ -84,7 +110,7 @@ impl Scale {
         let value = f64::from(value);
         let place = (value.clamp(low, high) - low) / (high - low);
         let colour = match self.sequence {
-            Sequence::Measure => colorous::VIRIDIS.eval_continuous(place),
+            Sequence::Measure | Sequence::Classes => colorous::VIRIDIS.eval_continuous(place),
             // The sequence begins with red; red shall mean too large.
             Sequence::Difference => colorous::RED_BLUE.eval_continuous(1.0 - place),
         };

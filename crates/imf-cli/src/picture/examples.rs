@@ -108,6 +108,7 @@ fn example_curves() {
     let chart = Chart {
         title: "Training of the sine network".into(),
         x_name: "samples seen [millions]".into(),
+        x_scale: AxisScale::Linear,
         value_name: "mean absolute error".into(),
         value_scale: AxisScale::Logarithmic,
         series: vec![

@@ -53,6 +53,71 @@ fn many_sections_have_a_file_each() {
 }
 
 #[test]
+fn a_folder_used_again_holds_the_last_run_alone() {
+    let folder = Folder::new();
+    folder.write("out/notes.txt", "mine");
+    folder.succeed(&arguments(&["--orientations", "fibonacci:20", "--elements", "--out", "out"]));
+    let names = || {
+        let mut names: Vec<_> = std::fs::read_dir(folder.path("out"))
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort_unstable();
+        names
+    };
+    let listed = |own: &[&str]| {
+        let summary: serde_json::Value = serde_json::from_str(&folder.read("out/summary.json")).unwrap();
+        let files = summary["files"].as_array().unwrap().iter().map(|file| file.as_str().unwrap());
+        let mut all: Vec<String> = files.chain(own.iter().copied()).map(str::to_owned).collect();
+        all.sort_unstable();
+        all
+    };
+    assert_eq!(names(), listed(&["notes.txt"]));
+    let run = folder.succeed(&arguments(&["--orientations", "0,0;12,6", "--out", "out"]));
+    assert!(run.stderr.contains("of an earlier run in out are replaced"), "{}", run.stderr);
+    let two = ["cmf-00000.npy", "cmf-00001.npy", "notes.txt", "orientations.csv", "sections.vti"];
+    assert_eq!(names(), [&two[..], &["slices.png", "summary.json"]].concat());
+    assert_eq!(names(), listed(&["notes.txt"]));
+    folder.succeed(&arguments(&["--orientations", "0,0;12,6", "--imf", "--elements", "--out", "out"]));
+    assert!(!names().contains(&"cmf-00000.npy".to_owned()), "{:?}", names());
+    assert_eq!(names(), listed(&["notes.txt"]));
+    let access = ["access", "bracket", "--dims", "5,15,9", "--orientations", "fibonacci:5", "--out", "out"];
+    folder.succeed(&access);
+    assert!(!names().contains(&"imf-cutter.npy".to_owned()), "{:?}", names());
+    assert_eq!(names(), listed(&["notes.txt"]));
+}
+
+#[test]
+fn fixtures_beside_the_grid_count_as_far_as_the_tool_reaches() {
+    let folder = Folder::new();
+    folder.write("block.obj", [crate::folder::OPEN_CUBE, crate::folder::LAST_FACE].concat());
+    let field = |more: &[&str]| {
+        let asked = ["field", "block.obj", "--pitch", "10", "--orientations", "0,0;90,90", "--out", "out"];
+        folder.json(&[&asked[..], more].concat())
+    };
+    // A second block 40 mm beside the first: the tool hits it lying down, never standing up.
+    let beside = ["--fixture", "block.obj@translate:0,140,0", "--margin", "2", "--check", "200"];
+    let summary = field(&beside);
+    assert_eq!(summary["check"]["agreed"], 400);
+    let found: Vec<_> = (0..2).map(|index| folder.npy::<f32>(&format!("out/cmf-0000{index}.npy"))).collect();
+    assert_eq!(found[0].dim(), (14, 14, 14), "the grid is the part's");
+    let contact = field(&[&beside[..], &["--contact", "15"]].concat());
+    assert_eq!(contact["check"]["agreed"], 400);
+    field(&[&beside[..], &["--around", "all"]].concat());
+    for (index, near) in found.iter().enumerate() {
+        let whole = folder.npy::<f32>(&format!("out/cmf-0000{index}.npy"));
+        assert_eq!(whole.dim(), (14, 28, 14));
+        assert!(near.indexed_iter().all(|((x, y, z), value)| *value == whole[[x, y, z]]), "section {index}");
+    }
+    field(&beside[2..4]);
+    let alone: Vec<_> = (0..2).map(|index| folder.npy::<f32>(&format!("out/cmf-0000{index}.npy"))).collect();
+    assert_eq!(alone[0], found[0]);
+    assert!(alone[1] != found[1]);
+    let arguments = ["dataset", "block.obj", "--pitch", "10", "--orientations", "0,0", "--out", "set"];
+    folder.refuse(&[&arguments[..], &beside[..2]].concat(), &["block.obj", "--around all"]);
+}
+
+#[test]
 fn the_imf_keeps_its_best_orientation() {
     let folder = Folder::new();
     let run = folder.succeed(&arguments(&[
@@ -167,5 +232,12 @@ fn ctrl_c_keeps_finished_sections() {
     for file in files {
         assert_eq!(folder.npy::<f32>(file.to_str().unwrap()).dim(), (49, 147, 87));
     }
-    assert!(folder.path("out/orientations.csv").exists() && !folder.path("out/summary.json").exists());
+    assert!(folder.path("out/orientations.csv").exists());
+    let summary: serde_json::Value = serde_json::from_str(&folder.read("out/summary.json")).unwrap();
+    assert_eq!(summary["finished"], false);
+    // The next run clears what this one left, though it did not come to its end.
+    let again = ["field", "bracket", "--orientations", "0,0", "--imf", "--out", "out"];
+    folder.succeed(&again);
+    let left = folder.entries().into_iter().filter(|path| path.to_string_lossy().contains("cmf-")).count();
+    assert_eq!(left, 0);
 }

@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::control::Control;
-use crate::orientation::Orientation;
+use crate::orientation::{Limits, Orientation};
 use crate::section::{Obstacles, SectionError};
 use crate::tool::{RotatedTool, Tool};
 
@@ -13,7 +13,8 @@ use crate::tool::{RotatedTool, Tool};
 pub struct AccessMap {
     /// Cells along longitude (0° to 360°) and latitude (−90° to 90°).
     pub cells: [usize; 2],
-    /// The measure at each cell's middle, `[longitude][latitude]`, in [0, 1].
+    /// The measure at each cell's middle, `[longitude][latitude]`, in [0, 1]; no number where it is out of a machine's
+    /// limits ([`AccessMap::within`]).
     pub values: Vec<f32>,
 }
 
@@ -25,15 +26,30 @@ impl AccessMap {
         Orientation::new(middle(longitude, cells[0], 360.0), 180.0 - middle(latitude, cells[1], 180.0))
     }
 
-    /// The share of the sphere of directions whose measure is at most `tau`.
+    /// The map without the directions that a machine cannot give the tool.
+    #[must_use]
+    pub fn within(mut self, limits: &Limits) -> Self {
+        for (cell, value) in self.values.iter_mut().enumerate() {
+            let orientation = Self::orientation(self.cells, cell / self.cells[1], cell % self.cells[1]);
+            if !limits.reach(orientation.direction()) {
+                *value = f32::NAN;
+            }
+        }
+        self
+    }
+
+    /// The share of the map's directions, by their area on the sphere, whose measure is at most `tau`; 0 of none.
     #[must_use]
     pub fn free_share(&self, tau: f64) -> f64 {
         let step = std::f64::consts::PI / self.cells[1] as f64;
         let area = |j: usize| ((j as f64) * step).cos() - ((j + 1) as f64 * step).cos();
-        let free = self.values.iter().enumerate().filter(|&(_, &v)| f64::from(v) <= tau);
-        // From a positive zero: the sum of nothing is −0.
-        free.map(|(index, _)| area(index % self.cells[1])).fold(0.0, |sum: f64, a| sum + a)
-            / (2.0 * self.cells[0] as f64)
+        let (mut free, mut all) = (0.0, 0.0);
+        for (index, &value) in self.values.iter().enumerate().filter(|(_, value)| !value.is_nan()) {
+            let area = area(index % self.cells[1]);
+            all += area;
+            free += if f64::from(value) <= tau { area } else { 0.0 };
+        }
+        if all > 0.0 { free / all } else { 0.0 }
     }
 }
 
@@ -52,7 +68,7 @@ pub fn access_map<'a>(
 ) -> Result<AccessMap, SectionError> {
     let obstacles = obstacles.into();
     tool.check()?;
-    let sharp_points = tool.sharp_point_positions();
+    let sharp_points = tool.sharp_point_positions(obstacles.solid.grid.pitch);
     let values = (0..cells[0] * cells[1]).into_par_iter().map(|cell| {
         if control.is_cancelled() {
             return Err(SectionError::Cancelled);
@@ -91,6 +107,15 @@ mod tests {
             assert!((f64::from(value) - expected).abs() < 1e-6, "{orientation:?}");
         }
         assert!((map.free_share(1.0) - 1.0).abs() < 1e-12 && map.free_share(-1.0) == 0.0);
+        // Of the lower half, which a machine with a cone about +z does not reach, nothing is left.
+        let limits = Limits::parse("cone:0,0,1:90").unwrap();
+        let upper = map.clone().within(&limits);
+        for (cell, (&value, &whole)) in upper.values.iter().zip(&map.values).enumerate() {
+            let reached = AccessMap::orientation(cells, cell / 5, cell % 5).direction().z >= -1e-12;
+            assert!(if reached { value == whole } else { value.is_nan() }, "{cell}");
+        }
+        assert!((upper.free_share(1.0) - 1.0).abs() < 1e-12);
+        assert_eq!(map.within(&Limits::parse("cone:0,0,1:0").unwrap()).free_share(1.0), 0.0);
         // The last cell along latitude looks nearly straight up.
         assert!(AccessMap::orientation(cells, 3, 4).direction().z > 0.9);
     }

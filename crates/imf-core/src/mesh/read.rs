@@ -1,4 +1,4 @@
-//! Reading meshes from OBJ and STL files.
+//! Reading meshes from OBJ, STL and PLY files.
 //!
 //! A mesh that is read has finite vertices, each used by a triangle, no two of them equal, numbered in the order of
 //! their first use: its indices are its topology ([`Mesh::welded`]). Positions are in the file's own unit. Files are
@@ -13,6 +13,7 @@ use thiserror::Error;
 use super::Mesh;
 
 mod obj;
+mod ply;
 mod stl;
 
 /// Why a mesh could not be read. Every text names the file, the cause and a remedy.
@@ -33,7 +34,7 @@ pub enum MeshFileError {
         source: io::Error,
     },
     /// The name's ending belongs to no format that is read.
-    #[error("{path} is {found}; meshes are read from .obj and .stl files: {remedy}")]
+    #[error("{path} is {found}; meshes are read from .obj, .stl and .ply files: {remedy}")]
     Format {
         /// The file.
         path: PathBuf,
@@ -84,7 +85,7 @@ pub enum MeshFileError {
         path: PathBuf,
         /// The line of the face, from 1, where it is known.
         line: Option<usize>,
-        /// The index as the file gives it: from 1, negative from the end.
+        /// The index as the file gives it: in OBJ from 1, or negative from the end; in PLY from 0.
         index: i64,
         /// Number of vertices in the file.
         vertices: usize,
@@ -118,10 +119,11 @@ fn at_line(line: Option<usize>) -> String {
 enum Format {
     Obj,
     Stl,
+    Ply,
 }
 
 /// Reads a mesh: OBJ (polygons become triangle fans; groups are merged; materials, normals and texture coordinates
-/// are ignored) or STL, binary or ASCII. The format follows from the name's ending.
+/// are ignored), STL or PLY, binary or ASCII. The format follows from the name's ending.
 ///
 /// # Errors
 /// The file is missing, unreadable, empty, in another format, malformed or cut short; it has no faces, a vertex
@@ -148,6 +150,7 @@ fn parse(bytes: Vec<u8>, format: Format, path: &Path) -> Result<Mesh, MeshFileEr
     let mesh = match format {
         Format::Obj => obj::parse(&bytes, path),
         Format::Stl => stl::parse(bytes, path),
+        Format::Ply => ply::parse(&bytes, path),
     }?;
     if mesh.triangles.is_empty() {
         return Err(MeshFileError::NoFaces { path: path.into() });
@@ -160,13 +163,14 @@ fn format_of(path: &Path) -> Result<Format, MeshFileError> {
     let (found, remedy) = match extension.as_str() {
         "obj" => return Ok(Format::Obj),
         "stl" => return Ok(Format::Stl),
+        "ply" => return Ok(Format::Ply),
         "step" | "stp" | "iges" | "igs" | "brep" => (
             "a CAD file of exact surfaces".to_owned(),
             "convert it to triangles at a deviation well below the voxel pitch, with gmsh \
              (`gmsh part.step -2 -clmax 1 -o part.stl`) or with FreeCAD (Mesh workbench, Create mesh from shape, then \
              export as STL)",
         ),
-        "ply" | "3mf" | "off" | "glb" | "gltf" | "amf" => (
+        "3mf" | "off" | "glb" | "gltf" | "amf" => (
             format!("a mesh in the .{extension} format, which is not read"),
             "open it in MeshLab or Blender and export it as OBJ or STL",
         ),
@@ -210,21 +214,21 @@ mod tests {
         };
         assert!(matches!(failure(at("none.obj")), MeshFileError::Missing { .. }));
         assert!(matches!(failure(folder.path().into()), MeshFileError::Unreadable { .. }));
-        for name in ["empty.obj", "empty.stl"] {
+        for name in ["empty.obj", "empty.stl", "empty.ply"] {
             fs::write(at(name), " \n").unwrap();
             assert!(matches!(failure(at(name)), MeshFileError::Empty { .. }));
         }
         for (name, hint) in [
             ("a.STEP", "gmsh"),
             ("a.stp", "FreeCAD"),
-            ("a.ply", "MeshLab"),
+            ("a.off", "MeshLab"),
             ("a.3mf", "MeshLab"),
             ("a.xyz", "xyz"),
             ("a", "ending"),
         ] {
             fs::write(at(name), "something").unwrap();
             let text = failure(at(name)).to_string();
-            assert!(text.contains(hint) && text.contains(".obj and .stl"), "{text}");
+            assert!(text.contains(hint) && text.contains(".obj, .stl and .ply"), "{text}");
         }
         assert!(matches!(
             check_count(MAX_TRIANGLES + 1, Path::new("a")),
@@ -263,6 +267,9 @@ mod tests {
             (obj.into_bytes(), Format::Obj),
             (stl::tests::ascii(&cube).into_bytes(), Format::Stl),
             (stl::tests::binary(&cube), Format::Stl),
+            (ply::tests::ascii(&cube).into_bytes(), Format::Ply),
+            (ply::tests::binary(&cube, true), Format::Ply),
+            (ply::tests::binary(&cube, false), Format::Ply),
         ];
         let telling = b"0123456789-+e./ \n#\\fv";
         let mut random = ChaCha8Rng::seed_from_u64(3);

@@ -51,28 +51,42 @@ pub fn direct_cmf(
     voxel: [usize; 3],
 ) -> Result<f64, ToolError> {
     let rotated = RotatedTool::new(tool, orientation, obstacle.grid.pitch)?;
+    let sharp_points = tool.sharp_point_positions(obstacle.grid.pitch);
+    Ok(least_mean(obstacle, &rotated, &sharp_points, orientation, voxel.map(|v| v as i64)))
+}
+
+/// The least over sharp points of the trilinear means of direct sums around `x − R k`, over the rotated tool's own count;
+/// `voxel`, x, may lie outside the obstacle's grid.
+pub(super) fn least_mean(
+    obstacle: &Occupancy,
+    rotated: &RotatedTool,
+    sharp_points: &[DVec3],
+    orientation: &Orientation,
+    voxel: [i64; 3],
+) -> f64 {
     let mut least = f64::INFINITY;
-    for sharp in tool.sharp_point_positions() {
+    for &sharp in sharp_points {
         let mut mean = 0.0;
         for (position, weight) in around(orientation.rotation() * sharp / obstacle.grid.pitch, voxel) {
-            mean += weight * f64::from(direct_count(obstacle, &rotated, position));
+            mean += weight * f64::from(direct_count(obstacle, rotated, position));
         }
         least = least.min(mean / f64::from(rotated.count));
     }
-    Ok(least)
+    least
 }
 
-/// The eight voxels around `voxel − shift`, and the weights of their trilinear mean.
-fn around(shift: DVec3, voxel: [usize; 3]) -> impl Iterator<Item = ([i64; 3], f64)> {
+/// The voxels around `voxel − shift` that count, and the weights of their trilinear mean.
+fn around(shift: DVec3, voxel: [i64; 3]) -> impl Iterator<Item = ([i64; 3], f64)> {
     let at = DVec3::from_array(voxel.map(|v| v as f64)) - shift;
     let low = at.floor();
     let share = at - low;
-    (0..8).map(move |corner| {
+    let corners = (0..8).map(move |corner| {
         let bits = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
         let weight: f64 =
             (0..3).map(|axis| if bits[axis] == 1 { share[axis] } else { 1.0 - share[axis] }).product();
         ([0, 1, 2].map(|axis| low[axis] as i64 + bits[axis]), weight)
-    })
+    });
+    corners.filter(|&(_, weight)| weight > 0.0)
 }
 
 /// The collision measure at the centre of `voxel` (of the obstacles' grid), element by element, from the tip upwards:
@@ -88,7 +102,16 @@ pub fn direct_element_measures<'a>(
     orientation: &Orientation,
     voxel: [usize; 3],
 ) -> Result<Vec<(ElementKind, f64)>, ToolError> {
-    let obstacles = obstacles.into();
+    element_measures(obstacles.into(), tool, orientation, voxel.map(|v| v as i64))
+}
+
+/// The same, at a voxel that may lie outside the obstacles' grid.
+pub(super) fn element_measures(
+    obstacles: Obstacles<'_>,
+    tool: &Tool,
+    orientation: &Orientation,
+    voxel: [i64; 3],
+) -> Result<Vec<(ElementKind, f64)>, ToolError> {
     let grid = &obstacles.solid.grid;
     let normaliser = f64::from(RotatedTool::new(tool, orientation, grid.pitch)?.count);
     let rest = obstacles.skin.map(|skin| elements_of(skin.rest)).unwrap_or_default();
@@ -98,7 +121,7 @@ pub fn direct_element_measures<'a>(
     kinds.dedup();
     let slack = SLACK * grid.pitch * grid.pitch;
     let mut least = (f32::INFINITY, Vec::new());
-    for sharp in tool.sharp_point_positions() {
+    for sharp in tool.sharp_point_positions(grid.pitch) {
         let mut measures = vec![0.0; kinds.len()];
         for (tip, weight) in around(orientation.rotation() * sharp / grid.pitch, voxel) {
             for index in 0..grid.len() {

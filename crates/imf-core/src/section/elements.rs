@@ -71,7 +71,7 @@ impl ElementPlans {
             let against =
                 [(obstacles.solid, tool)].into_iter().chain(skin.map(|Skin { voxels, rest }| (voxels, rest)));
             let layers = against
-                .filter_map(|(obstacle, owner)| Some((obstacle, alone(owner, kind, tool)?)))
+                .filter_map(|(obstacle, owner)| Some((obstacle, alone(owner, kind, tool, query_grid.pitch)?)))
                 .map(|(obstacle, alone)| Layer::new(obstacle, query_grid, alone))
                 .collect::<Result<_, _>>()?;
             Ok(Planned { kind, layers })
@@ -104,7 +104,7 @@ impl ElementPlans {
     pub fn memory_estimate(obstacle: &Grid, query_grid: &Grid, tool: &Tool, threads: usize) -> u64 {
         let kinds = kinds_of(tool);
         let each = |&kind: &ElementKind| {
-            alone(tool, kind, tool).map_or(0, |alone| {
+            alone(tool, kind, tool, obstacle.pitch).map_or(0, |alone| {
                 SectionPlan::memory_estimate_with_query(obstacle, query_grid, &alone, threads)
             })
         };
@@ -160,6 +160,9 @@ impl ElementPlans {
         at.resize(voxels, 0);
         for (k, corners) in corners.iter().enumerate() {
             self.each_line(corners, |line, starts| {
+                if k > 0 && least[line.clone()].iter().all(|&least| least == 0.0) {
+                    return;
+                }
                 let places = least[line.clone()].iter_mut().zip(&mut at[line]);
                 for (z, (least, at)) in places.enumerate() {
                     let overlap = read(total, starts, z);
@@ -216,10 +219,10 @@ fn kinds_of(tool: &Tool) -> Vec<ElementKind> {
 }
 
 /// The pieces of `owner` that are of one kind, sharp where `tool` is, so that all are read over the same box.
-fn alone(owner: &Tool, kind: ElementKind, tool: &Tool) -> Option<Tool> {
+fn alone(owner: &Tool, kind: ElementKind, tool: &Tool, pitch: f64) -> Option<Tool> {
     let ToolShape::Revolved(elements) = &owner.shape else { return None };
     let pieces: Vec<Element> = elements.iter().filter(|e| e.kind == kind).cloned().collect();
-    let sharp_points = SharpPoints::Points(tool.sharp_point_positions());
+    let sharp_points = SharpPoints::Points(tool.sharp_point_positions(pitch));
     (!pieces.is_empty()).then(|| Tool { shape: ToolShape::Revolved(pieces), sharp_points, ..owner.clone() })
 }
 

@@ -10,7 +10,8 @@ use super::clipped::ClippedTool;
 use super::run_ends::{Axis, Offsets, RunEnds};
 use super::size::{CircularSize, QueryBox};
 use super::sweep::Sweep;
-use crate::tool::RotatedTool;
+use crate::occupancy::Occupancy;
+use crate::tool::{RotatedTool, Tool};
 
 /// Run ends, sorted by x, then y, then z.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -50,6 +51,17 @@ pub struct StepSpace {
     pub spacing: [usize; 3],
     /// At most so many differences are taken along each axis.
     pub most_steps: [usize; 3],
+}
+
+/// What a device needs to know to count overlaps of a tool with an obstacle over a plan's query box or parts of it.
+#[derive(Clone, Copy, Debug)]
+pub struct SectionLayer<'a> {
+    /// The obstacle.
+    pub obstacle: &'a Occupancy,
+    /// What must stay out of it, in the grid's unit.
+    pub tool: &'a Tool,
+    /// Sizes.
+    pub space: StepSpace,
 }
 
 impl StepSpace {

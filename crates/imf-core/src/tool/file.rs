@@ -4,7 +4,8 @@
 //! name = "10 mm ball end mill"
 //! unit = "mm"
 //! stick_out = 35.0              # from the tip to the holder's face; by default the cutter and shank laid end to end
-//! sharp_points = "tip"          # or 40 (points on the cutter), or [[x, y, z], …] in the tool frame
+//! sharp_points = "tip"          # or 40 (points on the cutter), "boundary" (every voxel of its surface), or
+//!                               # [[x, y, z], …] in the tool frame
 //!
 //! [cutter]
 //! shape = "ball"                # flat | ball | bull | tapered
@@ -174,6 +175,11 @@ impl Reader<'_> {
         let sharp_points = match text.sharp_points.as_ref().map(|s| (s.get_ref(), s.span().start)) {
             None => SharpPoints::Tip,
             Some((SharpText::Name(name), _)) if name == "tip" => SharpPoints::Tip,
+            Some((SharpText::Name(name), _))
+                if name == "boundary" && matches!(shape, ToolShape::Revolved(_)) =>
+            {
+                SharpPoints::Boundary(None)
+            }
             Some((SharpText::Count(count), _)) if *count > 0 && matches!(shape, ToolShape::Revolved(_)) => {
                 SharpPoints::Cutter(*count)
             }
@@ -183,8 +189,8 @@ impl Reader<'_> {
                 SharpPoints::Points(points.iter().map(|&p| DVec3::from_array(p)).collect())
             }
             Some((_, offset)) => {
-                let what = "sharp_points must be \"tip\", a positive number of points on the cutter (not for a mesh), \
-                            or a list of points [[x, y, z], …]";
+                let what = "sharp_points must be \"tip\", a positive number of points on the cutter or \"boundary\" \
+                            (neither for a mesh), or a list of points [[x, y, z], …]";
                 return Err(self.at(self.line(offset), what.into()));
             }
         };

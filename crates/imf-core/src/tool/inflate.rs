@@ -13,7 +13,7 @@ mod envelope;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
+use super::{Element, ElementKind, Segment, Tool, ToolShape};
 use envelope::{Curve, envelope};
 
 /// How much room each kind of element must keep from the obstacle, in the tool's unit.
@@ -128,10 +128,7 @@ impl Tool {
                 element.profile.push(curve.segment);
             }
         }
-        let sharp_points = match &self.sharp_points {
-            SharpPoints::Cutter(_) => SharpPoints::Points(self.sharp_point_positions()),
-            other => other.clone(),
-        };
+        let sharp_points = self.inherited_sharp_points();
         Ok(Self { shape: ToolShape::Revolved(elements), sharp_points, ..self.clone() })
     }
 }

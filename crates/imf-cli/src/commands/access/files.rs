@@ -13,7 +13,7 @@ use crate::output::{element_name, write_text};
 /// What a voxel of the removable field is.
 const STAYS: u8 = 1;
 const REMOVABLE: u8 = 2;
-const OBSTACLE: u8 = 3;
+pub(super) const OBSTACLE: u8 = 3;
 
 /// Writes the fields and gives back the files' names.
 pub(super) fn write(setup: &Setup, findings: &Findings, folder: &Path) -> Result<Vec<String>> {

@@ -7,9 +7,9 @@ use imf_core::occupancy::Occupancy;
 use ndarray::Array2;
 
 use super::Findings;
-use super::files::{named, removable_classes};
+use super::files::{OBSTACLE, named, removable_classes};
 use super::setup::Setup;
-use crate::picture::{Axes, MaskStyle, Panel, PanelRow, PanelSheet, Scale};
+use crate::picture::{Axes, Mask, MaskStyle, Panel, PanelRow, PanelSheet, Scale};
 use crate::slices;
 
 /// Draws the pictures and gives back the files' names.
@@ -89,17 +89,18 @@ fn draw_slices(setup: &Setup, findings: &Findings, path: &Path) -> Result<()> {
 fn draw_removable(setup: &Setup, findings: &Findings, path: &Path) -> Result<bool> {
     let Some(stock) = &setup.stock else { return Ok(false) };
     let (grid, unit) = (&stock.solid.grid, setup.unit.to_string());
-    // 1 where stock stays, 0.45 where it is removed, 0 elsewhere; the part hides its own voxels.
+    // The part hides its own voxels.
     let classes = removable_classes(setup, stock, findings);
-    let values: Vec<f32> = classes.iter().map(|&class| [0.0, 1.0, 0.45, 0.0][usize::from(class)]).collect();
-    let held = Occupancy { grid: *grid, solid: classes.iter().map(|&class| u8::from(class == 3)).collect() };
+    let values: Vec<f32> = classes.iter().map(|&class| f32::from(class % OBSTACLE)).collect();
+    let held =
+        Occupancy { grid: *grid, solid: classes.iter().map(|&class| u8::from(class == OBSTACLE)).collect() };
     let cuts: Vec<_> = (0..3)
         .map(|axis| {
             let middle = grid.dims[axis] / 2;
             (axis, slices::slice(&values, grid, axis, middle), slices::mask(&held, axis, middle))
         })
         .collect();
-    let scale = Scale::measure(1.0, "0: no stock; 0.45: some cutter removes it; 1: stays");
+    let scale = Scale::classes(&["no stock", "stays", "a cutter removes it"]);
     let rows = cuts
         .iter()
         .map(|(axis, values, solid)| {
@@ -128,20 +129,29 @@ fn draw_map(setup: &Setup, findings: &Findings, index: usize, tool: &str, path: 
     };
     let scale = Scale::measure_of(&[values.view()], "collision measure CMF");
     let name = format!("directions of {tool}, tip to holder");
-    let panel = Panel { title: name, values: values.view(), mask: None, scale, axes };
+    let outside = values.mapv(|value| u8::from(value.is_nan()));
+    let mask = setup.limits.map(|_| Mask { voxels: outside.view(), style: MaskStyle::Fill });
+    let panel = Panel { title: name, values: values.view(), mask, scale, axes };
     let side = (720 / map.cells[0]).clamp(1, 40) as u32;
     PanelSheet {
         title: format!("{} at ({}, {}, {}) {}", setup.part, point.x, point.y, point.z, setup.unit),
         rows: vec![PanelRow { title: String::new(), panels: vec![panel] }],
         notes: vec![format!(
-            "{:.1} % of all directions are free (τ = {})",
+            "{:.1} % of {} are free (τ = {}){}",
             100.0 * map.free_share(setup.tau),
-            setup.tau
+            directions(setup),
+            setup.tau,
+            if setup.limits.is_some() { "; grey: out of the machine's limits" } else { "" }
         )],
         pixels_per_voxel: Some(side),
     }
     .save(path)?;
     Ok(())
+}
+
+/// Which directions a map is of.
+pub(super) fn directions(setup: &Setup) -> &'static str {
+    if setup.limits.is_some() { "the directions within the machine's limits" } else { "all directions" }
 }
 
 /// The panel with its solid voxels in grey.

@@ -58,6 +58,8 @@ pub(super) struct Setup {
     pub(super) surface: bool,
     /// A point and the map's cells.
     pub(super) map: Option<(DVec3, [usize; 2])>,
+    /// The machine's, where they are given: the orientations are within them.
+    pub(super) limits: Option<Limits>,
     /// The voxels to be examined.
     pub(super) query: Grid,
     /// All that the tools can meet, on its own grid.
@@ -72,8 +74,14 @@ pub(super) struct Setup {
 impl Setup {
     pub(super) fn new(session: &Session, arguments: &AccessArguments) -> Result<Self> {
         ensure!((0.0..1.0).contains(&arguments.tau), "--tau must be at least 0 and below 1");
-        let orientations = orientations(arguments)?;
-        let reading = arguments.scene.read(session)?;
+        let limits = arguments.limits.as_deref().map(Limits::parse).transpose()?;
+        let orientations = OrientationSet::parse(&arguments.orientations)?;
+        let orientations = match &limits {
+            Some(limits) => orientations.within(limits)?,
+            None => orientations,
+        };
+        let mut reading = arguments.scene.read(session)?;
+        number_equal_names(&mut reading.tools);
         let unit = reading.part.unit;
         let clearance = arguments.scene.clearance.clearance();
         let depth = arguments.contact.depth(&reading.tools)?;
@@ -124,7 +132,8 @@ impl Setup {
             let whole = (positions.origin, positions.origin + positions.size());
             positions = positions.covering(lower.min(whole.0), upper.max(whole.1), 0)?;
         }
-        let reach = tools.iter().map(|tool| farthest(&tool.grown)).fold(0.0, f64::max);
+        let reach =
+            tools.iter().map(|tool| tool.grown.reach_from_sharp_points(query.pitch)).fold(0.0, f64::max);
         let obstacle_grid = spec.obstacle_grid(&positions, reach)?;
 
         let settings = AccessSettings { tau: arguments.tau, lists: arguments.lists };
@@ -194,6 +203,7 @@ impl Setup {
             lists: arguments.lists,
             surface: arguments.surface,
             map,
+            limits,
             query,
             obstacle,
             stock,
@@ -211,11 +221,13 @@ impl Setup {
     }
 }
 
-fn orientations(arguments: &AccessArguments) -> Result<OrientationSet> {
-    let set = OrientationSet::parse(&arguments.orientations)?;
-    match &arguments.limits {
-        Some(limits) => Ok(set.within(&Limits::parse(limits)?)?),
-        None => Ok(set),
+/// Tells tools of the same name apart by their place in the list, counted from 1.
+fn number_equal_names(tools: &mut [Tool]) {
+    let names: Vec<String> = tools.iter().map(|tool| tool.name.clone()).collect();
+    for (index, tool) in tools.iter_mut().enumerate() {
+        if names.iter().filter(|name| **name == tool.name).count() > 1 {
+            tool.name = format!("{} ({})", tool.name, index + 1);
+        }
     }
 }
 
@@ -224,12 +236,6 @@ fn map_cells(step: f64) -> Result<[usize; 2]> {
     ensure!((0.25..=90.0).contains(&step), "--map-step must be from 0.25 to 90 degrees");
     let cells = (180.0 / step).round() as usize;
     Ok([2 * cells, cells])
-}
-
-/// Largest distance from a point that a sharp point of the tool reaches to any point of the tool.
-fn farthest(tool: &Tool) -> f64 {
-    let sharp = tool.sharp_point_positions().iter().map(|k| k.length()).fold(0.0, f64::max);
-    tool.reach() + sharp
 }
 
 fn needed(
@@ -263,4 +269,17 @@ fn needed(
     // And up to half a dozen elements of each tool.
     let results = query.len() as u64 * (40 + 32 * tools.len() as u64);
     Ok(most + 4 * obstacle.len() as u64 + results + lists + stock)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tools_of_the_same_name_are_told_apart() {
+        let named = |name: &str| Tool { name: name.into(), ..Tool::paper() };
+        let mut tools = [named("mill"), named("drill"), named("mill")];
+        number_equal_names(&mut tools);
+        assert_eq!(tools.map(|tool| tool.name), ["mill (1)", "drill", "mill (3)"]);
+    }
 }

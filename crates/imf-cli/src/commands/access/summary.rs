@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::Findings;
 use super::blocked::{self, BlockedRow};
+use super::pictures::directions;
 use super::setup::Setup;
 use super::surface::Surface;
 use crate::arguments::clearance::clearance_text;
@@ -80,6 +81,9 @@ pub(super) struct Summary {
     /// What of the best tool collides where none reaches.
     blocked_by: Vec<BlockedRow>,
     tools: Vec<ToolRow>,
+    /// Which directions the tools' shares are of.
+    #[serde(skip)]
+    map_directions: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
     stock: Option<StockRow>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -143,6 +147,7 @@ impl Summary {
             inaccessible: region(space.inaccessible_volume(), &space.inaccessible),
             blocked_by: blocked::together(setup, findings),
             tools: tools.collect(),
+            map_directions: directions(setup),
             stock,
             surface: surface.map(|surface| SurfaceRow {
                 vertices: surface.vertices(),
@@ -209,9 +214,10 @@ impl Summary {
             if let Some(share) = tool.map_free_share {
                 let _ = writeln!(
                     text,
-                    "\n{}: {:.1} % of all directions are free at the point",
+                    "\n{}: {:.1} % of {} are free at the point",
                     tool.tool,
-                    100.0 * share
+                    100.0 * share,
+                    self.map_directions
                 );
             }
         }

@@ -126,35 +126,100 @@ fn time_sections(session: &Session, plan: &SectionPlan, orientations: &[Orientat
 }
 
 impl Growth {
-    /// Time against the side of the grid, with the line of n³ log n through the scaled tool's point at 128³.
-    pub(super) fn chart(&self) -> Chart {
-        let series = |scaled: bool, name: &str| Series {
+    /// Pictures by the names of their files: time and memory against the side of the grid and against the number of
+    /// orientations.
+    pub(super) fn charts(&self) -> [(&'static str, Chart); 4] {
+        let seconds = |size: &Size| Some(size.seconds_per_section);
+        let memory = |size: &Size| size.peak_bytes.map(mebibytes);
+        let side = "voxels along each side of the grid";
+        let count = "orientations";
+        [
+            (
+                "growth.png",
+                chart(
+                    "Exact sections as the grid grows",
+                    side,
+                    "seconds a section",
+                    with_line(self.by_side(seconds), 128.0, "n³ log n", |n| n.powi(3) * n.log2()),
+                ),
+            ),
+            (
+                "growth-memory.png",
+                chart(
+                    "Peak memory as the grid grows",
+                    side,
+                    "peak memory, MiB",
+                    with_line(self.by_side(memory), 384.0, "n³", |n| n.powi(3)),
+                ),
+            ),
+            (
+                "orientations.png",
+                chart(
+                    "The IMF as orientations grow",
+                    count,
+                    "seconds",
+                    with_line(vec![self.by_count("IMF", |s| Some(s.seconds))], 1e3, "proportional", |n| n),
+                ),
+            ),
+            (
+                "orientations-memory.png",
+                chart(
+                    "Peak memory of the IMF as orientations grow",
+                    count,
+                    "peak memory, MiB",
+                    vec![self.by_count("IMF", |s| s.peak_bytes.map(mebibytes))],
+                ),
+            ),
+        ]
+    }
+
+    /// A quantity against the side of the grid, for the fixed tool and the one that grows.
+    fn by_side(&self, value: impl Fn(&Size) -> Option<f64>) -> Vec<Series> {
+        let series = |(scaled, name): (bool, &str)| Series {
             name: name.into(),
             points: self
                 .sizes
                 .iter()
                 .filter(|size| size.scaled == scaled)
-                .map(|size| (size.side as f64, size.seconds_per_section))
+                .filter_map(|size| Some((size.side as f64, value(size)?)))
                 .collect(),
             markers: true,
         };
-        let (fixed, scaled) = (series(false, "the paper's tool"), series(true, "tool scaled with the grid"));
-        let growth = |side: f64| side.powi(3) * side.log2();
-        let anchor =
-            scaled.points.iter().copied().find(|&(side, _)| side >= 128.0).or(scaled.points.last().copied());
-        let line = anchor.map(|(at, seconds)| Series {
-            name: "n³ log n".into(),
-            points: scaled.points.iter().map(|&(n, _)| (n, seconds * growth(n) / growth(at))).collect(),
-            markers: false,
-        });
-        Chart {
-            title: "Exact sections as the grid grows".into(),
-            x_name: "voxels along each side of the grid".into(),
-            value_name: "seconds a section".into(),
-            value_scale: AxisScale::Logarithmic,
-            series: [fixed, scaled].into_iter().chain(line).collect(),
-        }
+        [(false, "the paper's tool"), (true, "tool scaled with the grid")].map(series).into()
     }
+
+    /// A quantity against the number of orientations.
+    fn by_count(&self, name: &str, value: impl Fn(&Stream) -> Option<f64>) -> Series {
+        let points = self.streams.iter().filter_map(|s| Some((s.orientations as f64, value(s)?))).collect();
+        Series { name: name.into(), points, markers: true }
+    }
+}
+
+fn chart(title: &str, x_name: &str, value_name: &str, series: Vec<Series>) -> Chart {
+    Chart {
+        title: title.into(),
+        x_name: x_name.into(),
+        x_scale: AxisScale::Logarithmic,
+        value_name: value_name.into(),
+        value_scale: AxisScale::Logarithmic,
+        series,
+    }
+}
+
+/// The curves with a line of known growth through the last one's point at `at`, or its last point where it ends before.
+fn with_line(mut series: Vec<Series>, at: f64, name: &str, growth: impl Fn(f64) -> f64) -> Vec<Series> {
+    let line = series.last().and_then(|last| {
+        let anchor = last.points.iter().find(|point| point.0 >= at).or(last.points.last())?;
+        let scale = anchor.1 / growth(anchor.0);
+        let points = last.points.iter().map(|&(n, _)| (n, scale * growth(n))).collect();
+        Some(Series { name: name.into(), points, markers: false })
+    });
+    series.extend(line);
+    series
+}
+
+fn mebibytes(bytes: u64) -> f64 {
+    bytes as f64 / f64::from(1 << 20)
 }
 
 fn bytes(peak: Option<u64>) -> String {

@@ -4,8 +4,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Result, bail};
 use imf_core::orientation::Orientation;
-use imf_core::section::{Obstacles, SectionPlan, direct_cmf, direct_count, direct_element_measures};
-use imf_core::tool::{RotatedTool, SharpPoints};
+use imf_core::section::SectionPlan;
+use imf_core::tool::RotatedTool;
 use imf_core::training::permutation::Permutation;
 use serde_json::{Value, json};
 
@@ -49,18 +49,7 @@ impl Check {
         for place in 0..self.voxels.min(cmf.len()) {
             let at = order.at(place);
             let voxel = grid.voxel(at);
-            let direct = match (plan.skin(), &tool.sharp_points) {
-                (skin @ Some(_), _) => {
-                    let obstacles = Obstacles { solid: plan.obstacle(), skin };
-                    let elements = direct_element_measures(obstacles, tool, orientation, voxel)?;
-                    elements.iter().map(|&(_, measure)| measure).sum()
-                }
-                (None, SharpPoints::Tip) => {
-                    let count = direct_count(plan.obstacle(), &rotated, voxel.map(|v| v as i64));
-                    f64::from(count) / f64::from(rotated.count)
-                }
-                _ => direct_cmf(plan.obstacle(), tool, orientation, voxel)?,
-            };
+            let direct = plan.direct(orientation, &rotated, voxel)?;
             if (f64::from(cmf[at]) - direct).abs() > f64::from(f32::EPSILON) * direct {
                 bail!(
                     "section {index} (θ {}°, φ {}°) is {} at voxel {voxel:?}, and the direct sum gives {direct}: \
@@ -93,7 +82,7 @@ mod tests {
     use imf_core::grid::Grid;
     use imf_core::occupancy::Occupancy;
     use imf_core::section::SectionScratch;
-    use imf_core::tool::Tool;
+    use imf_core::tool::{SharpPoints, Tool};
 
     use super::*;
 

@@ -72,12 +72,14 @@ impl Work<'_> {
             return harmonic.least(self);
         }
         if let Device::Gpu(gpu) = self.device {
-            let why = match (self.plan.tip_alone(), self.check.is_wanted()) {
+            let whole = self.plan.tip_alone() && self.plan.skin().is_none();
+            let why = match (whole, self.check.is_wanted()) {
                 (true, false) => {
                     return self.staged(|control, _| {
                         Ok(self.on_device(gpu)?.imf(&self.set.orientations, control)?)
                     });
                 }
+                (false, _) if self.plan.tip_alone() => "the cutter may touch the part",
                 (false, _) => "points off the tip are sharp",
                 (true, true) => "--check compares sections",
             };

@@ -13,6 +13,9 @@ use crate::output::element_name;
 use crate::picture::MaskStyle;
 use crate::slices::{MidPlaneSheet, MidPlanes};
 
+/// All elements in one picture.
+pub(super) const PICTURE: &str = "elements.png";
+
 /// One element in the summary.
 #[derive(Debug, Serialize)]
 pub(super) struct ElementRow {
@@ -68,7 +71,7 @@ pub(super) fn write(
 ) -> Result<Vec<ElementRow>> {
     let grid = &work.scene.record.grid;
     let row = |&(kind, values): &(ElementKind, &[f32])| {
-        let array = format!("{prefix}-{}", element_name(kind));
+        let array = array(prefix, kind);
         let view = ArrayView3::from_shape(grid.dims, values).context("a measure does not fit its grid")?;
         write_npy(work.folder.file(&format!("{array}.npy")), view)?;
         let outside = values.iter().zip(&work.scene.obstacle.solid).filter(|&(_, &solid)| solid == 0);
@@ -83,7 +86,12 @@ pub(super) fn write(
     measures.iter().map(row).collect()
 }
 
-/// Draws the elements' mid-planes in one scale: `elements.png`.
+/// Name of an element's array.
+pub(super) fn array(prefix: &str, kind: ElementKind) -> String {
+    format!("{prefix}-{}", element_name(kind))
+}
+
+/// Draws the elements' mid-planes in one scale.
 pub(super) fn draw<'a>(
     work: &Work<'_>,
     rows: impl Iterator<Item = &'a mut ElementRow>,
@@ -98,6 +106,6 @@ pub(super) fn draw<'a>(
         unit: work.scene.record.unit,
         notes: vec![format!("{what}; they sum to the whole tool's measure; white line: the part")],
     };
-    sheet.save(&planes, &work.folder.file("elements.png"))?;
+    sheet.save(&planes, &work.folder.file(PICTURE))?;
     Ok(())
 }

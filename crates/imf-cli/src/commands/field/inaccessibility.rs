@@ -20,7 +20,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         return Err(Interrupted("the IMF needs every section; nothing was written".into()).into());
     };
 
-    work.folder.create()?;
+    work.folder.begin(work.session)?;
     let elements = elements::at_best(work, &whole)?;
     let borrowed: Vec<_> = elements.iter().map(|(kind, values)| (*kind, values.as_slice())).collect();
     let mut rows = elements::write(work, "imf", &borrowed, true)?;
@@ -45,6 +45,10 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     }
     let outside = work.accessible_outside(&whole.value);
     let largest = whole.value.iter().copied().fold(0.0, f32::max);
+    let mut files: Vec<String> =
+        ["imf.npy", "best.npy", "imf.vti", "imf.png", ORIENTATIONS, SUMMARY].map(str::to_owned).to_vec();
+    files.extend(rows.iter().map(|row| format!("{}.npy", row.array)));
+    files.extend((!rows.is_empty()).then(|| elements::PICTURE.to_owned()));
     let summary = work.summary(
         "imf",
         json!({
@@ -52,7 +56,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
             "accessible_outside": outside.accessible,
             "inaccessible_outside": outside.inaccessible,
             "elements": rows,
-            "files": ["imf.npy", "best.npy", "imf.vti", "imf.png", ORIENTATIONS],
+            "files": files,
         }),
     );
     write_json(&work.folder.file(SUMMARY), &summary)?;

@@ -45,9 +45,12 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let (grid, set) = (&work.scene.record.grid, work.set);
     let arrays = 1 + work.elements.map_or(0, |plans| plans.elements().count());
     let shared = set.len() <= SHARED_SECTIONS && 4 * set.len() * arrays * grid.len() <= SHARED_BYTES;
-    work.folder.create()?;
-    // First, so that sections kept after Ctrl-C can be told apart.
+    work.folder.begin(work.session)?;
+    // First, so that sections kept after Ctrl-C can be told apart, and are found by the next run.
     work.write_orientations()?;
+    let files = files(work, shared);
+    let begun = work.summary("sections", json!({ "finished": false, "files": files }));
+    write_json(&work.folder.file(SUMMARY), &begun)?;
     let written = AtomicUsize::new(0);
     let visit = |own: &mut Own, index: usize, cmf: &[f32]| -> Result<()> {
         let array = ArrayView3::from_shape(grid.dims, cmf).context("a section does not fit its grid")?;
@@ -97,8 +100,11 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         elements::draw(work, first.elements.iter_mut(), "section 0, by element")?;
     }
 
-    let files = if shared { "sections.vti" } else { "one .vti for each section" };
-    let summary = work.summary("sections", json!({ "sections": list(work, &kept), "vti": files }));
+    let vti = if shared { "sections.vti" } else { "one .vti for each section" };
+    let summary = work.summary(
+        "sections",
+        json!({ "finished": true, "sections": list(work, &kept), "vti": vti, "files": files }),
+    );
     write_json(&work.folder.file(SUMMARY), &summary)?;
     if work.session.json {
         return print_json(&summary);
@@ -110,7 +116,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     }
     text += &work.check.describe().map(|line| line + "\n").unwrap_or_default();
     text += &format!(
-        "written to {}: cmf-*.npy, {files}, slices.png, {ORIENTATIONS}, {SUMMARY}\n",
+        "written to {}: cmf-*.npy, {vti}, slices.png, {ORIENTATIONS}, {SUMMARY}\n",
         work.folder.path().display()
     );
     print(&text)
@@ -118,6 +124,22 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
 
 fn name(index: usize) -> String {
     format!("cmf-{index:05}")
+}
+
+/// Every file that the run writes.
+fn files(work: &Work<'_>, shared: bool) -> Vec<String> {
+    let mut files = Vec::new();
+    for section in (0..work.set.len()).map(name) {
+        let elements = work.elements.iter().flat_map(|plans| plans.elements());
+        files.extend(elements.map(|kind| format!("{}.npy", elements::array(&section, kind))));
+        files.push(format!("{section}.npy"));
+        files.extend((!shared).then(|| format!("{section}.vti")));
+    }
+    files.extend(shared.then(|| "sections.vti".to_owned()));
+    files.push("slices.png".into());
+    files.extend(work.elements.map(|_| elements::PICTURE.to_owned()));
+    files.extend([ORIENTATIONS, SUMMARY].map(str::to_owned));
+    files
 }
 
 /// All sections as named arrays of one file.

@@ -19,12 +19,19 @@ pub(super) fn describe(tool: &Tool) -> Description {
             Vec::new()
         }
     };
-    let sharp = tool.sharp_point_positions();
+    // Voxels of the boundary are points at a pitch, which a tool alone does not know.
+    let sharp =
+        (!matches!(tool.sharp_points, SharpPoints::Boundary(_))).then(|| tool.sharp_point_positions(1.0));
+    let count = sharp.as_ref().map_or(0, Vec::len);
     let sharp_text = match &tool.sharp_points {
         SharpPoints::Tip => "the tip".to_owned(),
-        SharpPoints::Cutter(_) => format!("{} on the cutter's surface, tip included", sharp.len()),
-        SharpPoints::Points(_) => format!("{} given", sharp.len()),
+        SharpPoints::Cutter(_) => format!("{count} on the cutter's surface, tip included"),
+        SharpPoints::Boundary(_) => {
+            "every voxel of the cutter's surface, at the pitch of the grid".to_owned()
+        }
+        SharpPoints::Points(_) => format!("{count} given"),
     };
+    let sharp = sharp.map_or_else(|| json!("boundary"), |points| json!(points));
     let symmetric = tool.is_axisymmetric();
     lines.extend([
         ("length", format!("{} {unit}", short(tool.length()))),

@@ -57,7 +57,7 @@ impl<'a> Scenes<'a> {
         };
         let contact = ContactArguments::from(self.settings.contact);
         let scaled = given.scaled(session, self.settings.scale * resolution)?;
-        let scene = scaled.scene_with(session, &contact, false)?;
+        let scene = scaled.scene_with(session, &contact)?;
         self.made.insert(key, scene.clone());
         Ok(scene)
     }

@@ -182,6 +182,7 @@ pub(super) fn loss_chart(regime: &str, series: Vec<Series>) -> Chart {
     Chart {
         title: format!("{regime}: training loss"),
         x_name: "steps".into(),
+        x_scale: AxisScale::Linear,
         value_name: "mean loss".into(),
         value_scale: AxisScale::Logarithmic,
         series,

@@ -87,7 +87,8 @@ fn elements_are_their_definition_and_sum_to_the_section_flat_and_deep() {
     for dims in [[7, 8, 6], [1, 9, 7], [6, 8, 1]] {
         let obstacle = scattered(dims);
         let mut seen = [false; 4];
-        for sharp in [SharpPoints::Tip, off_tip.clone(), SharpPoints::Cutter(9)] {
+        for sharp in [SharpPoints::Tip, off_tip.clone(), SharpPoints::Cutter(9), SharpPoints::Boundary(None)]
+        {
             for orientation in [Orientation::default(), Orientation::new(40.0, 75.0)] {
                 let measures = agrees(&obstacle, &tool(sharp.clone()), &orientation);
                 let hits = measures.iter().map(|m| m.iter().any(|&v| v > 0.0));

@@ -1,0 +1,80 @@
+//! What an earlier run left in a folder: its files go, so that none is taken for one of the new run.
+
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Component, Path};
+
+use anyhow::{Context as _, Result};
+use serde::Deserialize;
+
+/// The last file of every run that keeps its results in a folder; it names them all.
+pub(crate) const SUMMARY: &str = "summary.json";
+
+/// What is read of a summary.
+#[derive(Deserialize)]
+struct Earlier {
+    program: String,
+    files: Vec<String>,
+}
+
+/// Removes the files that a summary of this program names, the summary last, and tells how many there were. Files that
+/// no summary names are left alone, and so is everything outside the folder.
+///
+/// # Errors
+/// A file that cannot be removed.
+pub(super) fn remove_earlier(folder: &Path) -> Result<usize> {
+    let summary = folder.join(SUMMARY);
+    let Ok(text) = fs::read_to_string(&summary) else { return Ok(0) };
+    let Ok(Earlier { program, files }) = serde_json::from_str(&text) else { return Ok(0) };
+    if !program.starts_with("imf ") {
+        return Ok(0);
+    }
+    let is_name = |file: &&String| {
+        let mut parts = Path::new(file.as_str()).components();
+        matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None)) && *file != SUMMARY
+    };
+    let mut removed = 0;
+    for path in files.iter().filter(is_name).map(|file| folder.join(file)).chain([summary.clone()]) {
+        match fs::remove_file(&path) {
+            Ok(()) => removed += 1,
+            Err(error) if error.kind() == ErrorKind::NotFound => {}
+            Err(error) => {
+                return Err(error).with_context(|| {
+                    format!("cannot replace {} of an earlier run; choose another --out", path.display())
+                });
+            }
+        }
+    }
+    Ok(removed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_files_that_the_summary_names_within_the_folder_are_removed() {
+        let outside = tempfile::tempdir().unwrap();
+        let folder = outside.path().join("out");
+        fs::create_dir(&folder).unwrap();
+        let above = outside.path().join("above.npy");
+        for path in [&above, &folder.join("imf.npy"), &folder.join("mine.npy")] {
+            fs::write(path, "x").unwrap();
+        }
+        let absolute = above.to_str().unwrap();
+        let files = ["imf.npy", "gone.npy", "../above.npy", absolute, SUMMARY];
+        let summary = serde_json::json!({ "program": "imf 0.1.0", "files": files });
+        fs::write(folder.join(SUMMARY), summary.to_string()).unwrap();
+        assert_eq!(remove_earlier(&folder).unwrap(), 2, "imf.npy and the summary");
+        let left: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        assert_eq!(left, ["mine.npy"]);
+        assert!(above.exists());
+        assert_eq!(remove_earlier(&folder).unwrap(), 0);
+        // Somebody else's summary names nothing of ours.
+        for text in ["{}", "no JSON", r#"{"program": "other 1", "files": ["mine.npy"]}"#] {
+            fs::write(folder.join(SUMMARY), text).unwrap();
+            assert_eq!(remove_earlier(&folder).unwrap(), 0);
+        }
+        assert!(folder.join("mine.npy").exists());
+    }
+}

@@ -1,0 +1,216 @@
+//! PLY, ASCII and binary, through `ply-rs-bw`.
+//!
+//! What is read is the element `vertex` with its `x`, `y`, `z` and the element `face` with its list of vertices; polygons
+//! become triangle fans, and everything else that a file may hold (normals, colours, qualities, edges) is passed over.
+
+use std::io::{Cursor, ErrorKind};
+use std::path::Path;
+
+use glam::DVec3;
+use ply_rs_bw::parser::{ParseError, Parser};
+use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
+
+use super::{MeshFileError, check_count};
+use crate::mesh::Mesh;
+use crate::mesh::weld::Welder;
+
+/// A vertex or a face, whichever properties it has; unset coordinates are no numbers.
+struct Item {
+    position: DVec3,
+    corners: Vec<i64>,
+}
+
+impl PropertyAccess for Item {
+    fn new() -> Self {
+        Self { position: DVec3::NAN, corners: Vec::new() }
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        let set = match name {
+            "x" => scalar(&property).map(|value| self.position.x = value),
+            "y" => scalar(&property).map(|value| self.position.y = value),
+            "z" => scalar(&property).map(|value| self.position.z = value),
+            // Both names are in use.
+            "vertex_indices" | "vertex_index" => indices(property).map(|corners| self.corners = corners),
+            _ => return PropertyAccessResult::Ignored,
+        };
+        set.map_or(PropertyAccessResult::Ignored, |()| PropertyAccessResult::Set)
+    }
+}
+
+fn scalar(property: &Property) -> Option<f64> {
+    Some(match *property {
+        Property::Char(value) => value.into(),
+        Property::UChar(value) => value.into(),
+        Property::Short(value) => value.into(),
+        Property::UShort(value) => value.into(),
+        Property::Int(value) => value.into(),
+        Property::UInt(value) => value.into(),
+        Property::Float(value) => value.into(),
+        Property::Double(value) => value,
+        _ => return None,
+    })
+}
+
+fn indices(property: Property) -> Option<Vec<i64>> {
+    fn widened<T: Into<i64>>(list: Vec<T>) -> Option<Vec<i64>> {
+        Some(list.into_iter().map(Into::into).collect())
+    }
+    match property {
+        Property::ListChar(list) => widened(list),
+        Property::ListUChar(list) => widened(list),
+        Property::ListShort(list) => widened(list),
+        Property::ListUShort(list) => widened(list),
+        Property::ListInt(list) => widened(list),
+        Property::ListUInt(list) => widened(list),
+        _ => None,
+    }
+}
+
+pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Mesh, MeshFileError> {
+    let read = Parser::<Item>::new().read_ply(&mut Cursor::new(bytes));
+    let mut payload = read.map_err(|error| explain(&error, path))?.payload;
+    let malformed =
+        |cause: &str| MeshFileError::Malformed { path: path.into(), line: None, cause: cause.into() };
+    let Some(vertices) = payload.swap_remove("vertex") else {
+        return Err(malformed("it has no element `vertex`"));
+    };
+    let faces = payload.swap_remove("face").unwrap_or_default();
+    if !faces.is_empty() && faces.iter().all(|face| face.corners.is_empty()) {
+        return Err(malformed("its faces have no list `vertex_indices` or `vertex_index`"));
+    }
+    check_count(faces.iter().map(|face| face.corners.len().saturating_sub(2)).sum(), path)?;
+    let mut welder = Welder::default();
+    for face in &faces {
+        let corner = |&index: &i64| {
+            let found = usize::try_from(index).ok().and_then(|at| vertices.get(at));
+            let Some(Item { position, .. }) = found else {
+                let (path, vertices) = (path.into(), vertices.len());
+                return Err(MeshFileError::VertexIndex { path, line: None, index, vertices });
+            };
+            if position.is_finite() {
+                Ok(*position)
+            } else {
+                let vertex = format!("vertex {index} (counted from 0)");
+                Err(MeshFileError::NotFinite { path: path.into(), line: None, vertex })
+            }
+        };
+        let corners = face.corners.iter().map(corner).collect::<Result<Vec<DVec3>, _>>()?;
+        for at in 2..corners.len() {
+            let triangle = [corners[0], corners[at - 1], corners[at]];
+            welder.push(triangle).ok_or_else(|| MeshFileError::TooLarge { path: path.into() })?;
+        }
+    }
+    Ok(welder.finish())
+}
+
+fn explain(error: &ParseError, path: &Path) -> MeshFileError {
+    let path = path.into();
+    // Of its several lines the first names the cause.
+    let cause = error.to_string().lines().next().unwrap_or_default().to_owned();
+    match error.kind() {
+        ErrorKind::UnexpectedEof => MeshFileError::Truncated { path, cause },
+        _ => {
+            let prefix = error.line().map(|line| format!("Line {line}: ")).unwrap_or_default();
+            let cause = cause.strip_prefix(&prefix).unwrap_or(&cause).to_owned();
+            MeshFileError::Malformed { path, line: error.line(), cause }
+        }
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::mesh::tests::unit_cube;
+
+    fn parse_text(text: &str) -> Result<Mesh, MeshFileError> {
+        parse(text.as_bytes(), Path::new("part.ply"))
+    }
+
+    /// The mesh with a colour at each vertex and a quality at each face.
+    pub(in crate::mesh::read) fn ascii(mesh: &Mesh) -> String {
+        let mut text = format!(
+            "ply\nformat ascii 1.0\ncomment by hand\nelement vertex {}\nproperty float x\nproperty double y\n\
+             property float z\nproperty uchar red\nelement face {}\nproperty list uchar int vertex_indices\n\
+             property float quality\nend_header\n",
+            mesh.vertices.len(),
+            mesh.triangles.len()
+        );
+        for v in &mesh.vertices {
+            text += &format!("{} {} {} 200\n", v.x, v.y, v.z);
+        }
+        for t in &mesh.triangles {
+            text += &format!("3 {} {} {} 0.5\n", t[0], t[1], t[2]);
+        }
+        text
+    }
+
+    /// The mesh in little or big endian.
+    pub(in crate::mesh::read) fn binary(mesh: &Mesh, little: bool) -> Vec<u8> {
+        let order = if little { "little" } else { "big" };
+        let mut bytes = format!(
+            "ply\nformat binary_{order}_endian 1.0\nelement vertex {}\nproperty double x\nproperty double y\n\
+             property double z\nelement face {}\nproperty list uchar uint vertex_index\nend_header\n",
+            mesh.vertices.len(),
+            mesh.triangles.len()
+        )
+        .into_bytes();
+        for value in mesh.vertices.iter().flat_map(DVec3::to_array) {
+            bytes.extend(if little { value.to_le_bytes() } else { value.to_be_bytes() });
+        }
+        for triangle in &mesh.triangles {
+            bytes.push(3);
+            bytes
+                .extend(triangle.iter().flat_map(|i| if little { i.to_le_bytes() } else { i.to_be_bytes() }));
+        }
+        bytes
+    }
+
+    #[test]
+    fn text_and_both_orders_of_bytes_give_the_same_mesh() {
+        let cube = unit_cube().welded();
+        assert_eq!(parse_text(&ascii(&cube)).unwrap(), cube);
+        for little in [true, false] {
+            assert_eq!(parse(&binary(&cube, little), Path::new("part.ply")).unwrap(), cube);
+        }
+    }
+
+    #[test]
+    fn polygons_become_fans_and_elements_beside_are_passed_over() {
+        let text = "ply\nformat ascii 1.0\nelement edge 1\nproperty int vertex1\nproperty int vertex2\n\
+                    element vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+                    element face 1\nproperty list uchar short vertex_index\nend_header\n\
+                    0 1\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n";
+        let mesh = parse_text(text).unwrap();
+        assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3]]);
+    }
+
+    #[test]
+    fn mistakes_are_told_apart() {
+        let cube = unit_cube();
+        let text = ascii(&cube);
+        let failure = |text: &str| parse_text(text).unwrap_err();
+        assert!(matches!(
+            failure(&text.replace("3 0 ", "3 9 ")),
+            MeshFileError::VertexIndex { index: 9, .. }
+        ));
+        assert!(matches!(
+            failure(&text.replace("3 0 ", "3 -1 ")),
+            MeshFileError::VertexIndex { index: -1, .. }
+        ));
+        // In text the word is refused, in binary the number is found.
+        assert!(parse_text(&text.replace("0 0 0 200", "nan 0 0 200")).is_err());
+        let mut broken = cube.clone();
+        broken.vertices[0].x = f64::NAN;
+        let error = parse(&binary(&broken, true), Path::new("part.ply")).unwrap_err();
+        assert!(matches!(error, MeshFileError::NotFinite { .. }), "{error}");
+        assert!(matches!(failure(&text.replace("property float z\n", "")), MeshFileError::Malformed { .. }));
+        let message = failure(&text.replace("vertex_indices", "corners")).to_string();
+        assert!(message.contains("vertex_indices"), "{message}");
+        let message = failure(&text.replace("format ascii", "format strange")).to_string();
+        assert!(message.contains("line 2") && !message.contains("Line 2"), "{message}");
+        let cut = binary(&cube, true);
+        let error = parse(&cut[..cut.len() - 5], Path::new("part.ply")).unwrap_err();
+        assert!(matches!(error, MeshFileError::Truncated { .. }), "{error}");
+    }
+}

@@ -1,0 +1,195 @@
+//! Sharp points: where a tool cuts.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::profile::{self, Element, ElementKind, Segment};
+use super::{SLACK, Tool, ToolShape, holds};
+
+/// The points of a tool at which it cuts: the collision measure is the least over them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SharpPoints {
+    /// The tip alone.
+    #[default]
+    Tip,
+    /// The tip and rings of points over the cutter's surface, this many in all.
+    Cutter(usize),
+    /// Every voxel of the upright cutter that has a face neighbour outside the tool, at the grid's pitch and with the tip
+    /// on a voxel centre. Where elements are given they are the tool meant: those of a tool that has since been grown or
+    /// taken apart.
+    Boundary(Option<Vec<Element>>),
+    /// These points, in the tool frame.
+    Points(Vec<DVec3>),
+}
+
+impl Tool {
+    /// The sharp points in the tool frame, for voxels of `pitch` in the tool's unit. A mesh has no cutter of its own: the
+    /// tip alone, unless its points are a list.
+    #[must_use]
+    pub fn sharp_point_positions(&self, pitch: f64) -> Vec<DVec3> {
+        match (&self.sharp_points, &self.shape) {
+            (SharpPoints::Points(points), _) => points.clone(),
+            (SharpPoints::Boundary(Some(elements)), _) => boundary(elements, pitch),
+            (SharpPoints::Boundary(None), ToolShape::Revolved(elements)) => boundary(elements, pitch),
+            (SharpPoints::Cutter(count), ToolShape::Revolved(elements)) => {
+                let cutter = elements.iter().filter(|e| e.kind == ElementKind::Cutter);
+                let profile: Vec<Segment> = cutter.flat_map(|e| e.profile.iter().copied()).collect();
+                profile::surface_points(&profile, *count)
+            }
+            _ => vec![DVec3::ZERO],
+        }
+    }
+
+    /// An upper bound of the distance from a point that some sharp point reaches to any point of the tool, at `pitch`.
+    #[must_use]
+    pub fn reach_from_sharp_points(&self, pitch: f64) -> f64 {
+        let sharp = self.sharp_point_positions(pitch).iter().map(|k| k.length()).fold(0.0, f64::max);
+        self.reach() + sharp
+    }
+
+    /// The sharp points as they stand, for a tool made of this one by growing it or taking it apart.
+    pub(super) fn inherited_sharp_points(&self) -> SharpPoints {
+        match (&self.sharp_points, &self.shape) {
+            (SharpPoints::Boundary(None), ToolShape::Revolved(elements)) => {
+                SharpPoints::Boundary(Some(elements.clone()))
+            }
+            // They depend on no pitch.
+            (SharpPoints::Cutter(_), _) => SharpPoints::Points(self.sharp_point_positions(1.0)),
+            (other, _) => other.clone(),
+        }
+    }
+}
+
+impl SharpPoints {
+    /// The same points with every length multiplied.
+    pub(super) fn scaled(&self, factor: f64) -> Self {
+        match self {
+            Self::Points(points) => Self::Points(points.iter().map(|&p| p * factor).collect()),
+            Self::Boundary(Some(elements)) => {
+                Self::Boundary(Some(elements.iter().map(|e| e.scaled(factor)).collect()))
+            }
+            other => other.clone(),
+        }
+    }
+}
+
+/// Centres of the cutter's voxels that have a face neighbour outside all elements, from the tip upwards; the tip's own
+/// first. The tip alone where there is no cutter.
+fn boundary(elements: &[Element], pitch: f64) -> Vec<DVec3> {
+    let slack = SLACK * pitch * pitch;
+    let at = |voxel: [i64; 3]| DVec3::from_array(voxel.map(|i| i as f64)) * pitch;
+    let in_tool = |voxel| elements.iter().any(|e| holds(&e.profile, DVec3::Z, at(voxel), slack));
+    let cutter: Vec<&Element> = elements.iter().filter(|e| e.kind == ElementKind::Cutter).collect();
+    let mut points = vec![DVec3::ZERO];
+    for element in cutter {
+        let widest = element.profile.iter().map(Segment::max_radius).fold(0.0, f64::max);
+        let reach = (widest / pitch).ceil() as i64;
+        let from = element.profile.first().map_or(0.0, |s| s.range().0);
+        let to = element.profile.last().map_or(0.0, |s| s.range().1);
+        for z in (from / pitch).floor() as i64..=(to / pitch).ceil() as i64 {
+            for (x, y) in (-reach..=reach).flat_map(|x| (-reach..=reach).map(move |y| (x, y))) {
+                let around = [
+                    [x - 1, y, z],
+                    [x + 1, y, z],
+                    [x, y - 1, z],
+                    [x, y + 1, z],
+                    [x, y, z - 1],
+                    [x, y, z + 1],
+                ];
+                let inside = holds(&element.profile, DVec3::Z, at([x, y, z]), slack);
+                if inside && [x, y, z] != [0; 3] && !around.into_iter().all(in_tool) {
+                    points.push(at([x, y, z]));
+                }
+            }
+        }
+    }
+    points
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::orientation::Orientation;
+    use crate::tool::{Clearance, RotatedTool};
+    use crate::unit::LengthUnit;
+
+    #[test]
+    fn rings_of_sharp_points_lie_on_the_cutter() {
+        let tool = Tool { sharp_points: SharpPoints::Cutter(40), ..Tool::paper() };
+        let points = tool.sharp_point_positions(1.0);
+        assert_eq!(points.len(), 40);
+        assert_eq!(points[0], DVec3::ZERO);
+        for p in &points {
+            let r = p.x.hypot(p.y);
+            let expected = if p.z < 5.0 { (25.0 - (5.0 - p.z).powi(2)).sqrt() } else { 5.0 };
+            assert!((r - expected).abs() < 1e-9 && p.z <= 35.0, "{p}");
+        }
+    }
+
+    #[test]
+    fn boundary_points_are_the_voxels_of_the_cutter_that_touch_what_is_not_tool() {
+        let tool = Tool { sharp_points: SharpPoints::Boundary(None), ..Tool::paper() };
+        for pitch in [1.0, 1.7] {
+            let voxels = RotatedTool::new(&tool, &Orientation::default(), pitch).unwrap();
+            let solid = |offset: [i64; 3]| {
+                let at = [0, 1, 2].map(|a| offset[a] - i64::from(voxels.lower[a]));
+                let within = (0..3).all(|a| (0..voxels.dims[a] as i64).contains(&at[a]));
+                within
+                    && voxels.solid[((at[0] as usize) * voxels.dims[1] + at[1] as usize) * voxels.dims[2]
+                        + at[2] as usize]
+                        != 0
+            };
+            let mut expected = Vec::new();
+            let [nx, ny, nz] = voxels.dims;
+            for index in 0..nx * ny * nz {
+                let at = [index / (ny * nz), index / nz % ny, index % nz];
+                let o = [0, 1, 2].map(|a| at[a] as i64 + i64::from(voxels.lower[a]));
+                let open = (0..3).any(|a| {
+                    [-1, 1].into_iter().any(|step| {
+                        let mut next = o;
+                        next[a] += step;
+                        !solid(next)
+                    })
+                });
+                // The holder begins at height 35.
+                if solid(o) && open && (o[2] as f64 * pitch) < 35.0 {
+                    expected.push(o);
+                }
+            }
+            let mut found: Vec<[i64; 3]> = tool
+                .sharp_point_positions(pitch)
+                .iter()
+                .map(|p| (*p / pitch).to_array().map(|v| v.round() as i64))
+                .collect();
+            assert_eq!(found[0], [0; 3]);
+            found.sort_unstable();
+            expected.sort_unstable();
+            assert_eq!(found, expected);
+            assert!(found.len() > 200, "{}", found.len());
+        }
+    }
+
+    #[test]
+    fn a_grown_or_divided_tool_is_sharp_where_the_bare_one_is() {
+        for sharp_points in [SharpPoints::Cutter(12), SharpPoints::Boundary(None)] {
+            let tool = Tool { sharp_points, ..Tool::paper() };
+            let bare = tool.sharp_point_positions(1.0);
+            let clearance = Clearance { cutter: 0.5, shank: 0.0, holder: 3.0 };
+            let grown = tool.inflated(&clearance).unwrap();
+            assert_eq!(grown.sharp_point_positions(1.0), bare);
+            assert_eq!(tool.without_cutter().unwrap().sharp_point_positions(1.0), bare);
+            let inches = grown.in_unit(LengthUnit::Inch).sharp_point_positions(1.0 / 25.4);
+            assert_eq!(inches.len(), bare.len());
+            assert!(inches.iter().zip(&bare).all(|(a, b)| (*a * 25.4 - *b).length() < 1e-9));
+        }
+    }
+
+    #[test]
+    fn the_boundary_of_the_cutter_is_the_same_from_every_side() {
+        let tool = Tool { sharp_points: SharpPoints::Boundary(None), ..Tool::paper() };
+        assert!(tool.is_axisymmetric());
+        let grown = tool.inflated(&Clearance { cutter: 0.0, shank: 0.0, holder: 1.0 }).unwrap();
+        assert!(grown.is_axisymmetric());
+    }
+}
