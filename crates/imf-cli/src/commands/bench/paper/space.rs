@@ -21,7 +21,7 @@ impl Bench<'_> {
         self.run(&format!("{regime}-{part}"), &self.protocol.regime(regime, Some(part))?)
     }
 
-    /// What needs no training, for a part.
+    /// What stands beside the paper's network, for a part.
     pub(super) fn baselines(&self, part: PaperPart) -> Result<Vec<Method>> {
         let regime = Regime::from_table(self.protocol.regime("single", Some(part.name()))?)?;
         let n = trained_grid(&regime)?;
