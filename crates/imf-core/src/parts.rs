@@ -23,9 +23,9 @@ use crate::mesh::Mesh;
 pub enum ReferencePart {
     /// Newell's teapot, lying with its height along x, its depth along y and its length along z.
     Teapot,
-    /// A fork bracket on a base plate: what is left of [`ReferencePart::BracketRaw`].
+    /// A topology-optimised bracket: what is left of [`ReferencePart::BracketRaw`].
     Bracket,
-    /// The block that the bracket is cut from, with the same holes for bolts and pin.
+    /// The bracket's design domain, a box with the same holes for bolts and pin.
     BracketRaw,
     /// A helical gear on a threaded bore, its axis along z.
     ScrewGear,
@@ -56,8 +56,10 @@ impl ReferencePart {
     pub fn description(self) -> &'static str {
         match self {
             Self::Teapot => "Newell's teapot of 32 Bézier patches, solid where the winding number says so",
-            Self::Bracket => "a hand-shaped fork bracket: base plate, two cheeks with a pin bore, cross web",
-            Self::BracketRaw => "the bracket's design domain: the same plate and holes under a solid block",
+            Self::Bracket => {
+                "a topology-optimised bracket between four bolts and a pin: 15 % of its design domain"
+            }
+            Self::BracketRaw => "the bracket's design domain: a box with the same holes for bolts and pin",
             Self::ScrewGear => "a helical gear of 14 teeth with recessed web and hub on a threaded bore",
         }
     }

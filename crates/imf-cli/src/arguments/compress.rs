@@ -9,6 +9,13 @@ use imf_core::siren::muon::MuonConfig;
 use imf_core::training::run::{Length, TrainingPlan};
 use imf_core::training::schedule::Schedule;
 
+/// What is taught where nothing else is asked; `imf bench paper` takes the same.
+const WIDTH: usize = 256;
+const LAYERS: usize = 3;
+const OMEGA: f32 = 20.0;
+const BATCH: usize = 1024;
+const RATE: f32 = 1.5e-3;
+
 /// Teach a harmonic field to a network of about a megabyte that answers every point and direction
 #[derive(Args)]
 #[command(
@@ -27,13 +34,13 @@ pub(crate) struct CompressArguments {
     #[arg(long)]
     pub(crate) resume: bool,
     /// Neurons of every hidden layer
-    #[arg(long, default_value_t = 256, value_name = "N")]
+    #[arg(long, default_value_t = WIDTH, value_name = "N")]
     pub(crate) width: usize,
     /// Hidden layers
-    #[arg(long, default_value_t = 3, value_name = "N")]
+    #[arg(long, default_value_t = LAYERS, value_name = "N")]
     pub(crate) layers: usize,
     /// Frequency factor ω inside every sine
-    #[arg(long, default_value_t = 20.0, value_name = "ω")]
+    #[arg(long, default_value_t = OMEGA, value_name = "ω")]
     pub(crate) omega: f32,
     /// Times that every voxel is seen
     #[arg(long, default_value_t = 5, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
@@ -42,10 +49,10 @@ pub(crate) struct CompressArguments {
     #[arg(long, value_name = "N", conflicts_with = "epochs", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) steps: Option<u64>,
     /// Voxels of a step
-    #[arg(long, default_value_t = 1024, value_name = "N")]
+    #[arg(long, default_value_t = BATCH, value_name = "N")]
     pub(crate) batch: usize,
     /// Learning rate at the beginning; it falls to 0 by a cosine
-    #[arg(long, default_value_t = 1.5e-3, value_name = "RATE")]
+    #[arg(long, default_value_t = RATE, value_name = "RATE")]
     pub(crate) rate: f32,
     /// Adam for every weight, not orthogonalised momentum (Muon) for the matrices between hidden layers
     #[arg(long)]
@@ -61,24 +68,40 @@ pub(crate) struct CompressArguments {
     pub(crate) checkpoint_every: f64,
 }
 
+/// How a network is taught where nothing is asked but the length.
+pub(crate) fn teaching(length: Length) -> TeachSettings {
+    let defaults = TeachSettings::default();
+    TeachSettings {
+        width: WIDTH,
+        hidden: LAYERS,
+        omega: OMEGA,
+        plan: TrainingPlan {
+            length,
+            batch: BATCH,
+            schedule: Schedule::Cosine { initial: RATE, last: 0.0, warmup: 100 },
+            ..defaults.plan
+        },
+        optimiser: Optimiser::Muon(MuonConfig::default()),
+        averaging: 0.0,
+    }
+}
+
 impl CompressArguments {
     /// How the network is taught.
     pub(crate) fn settings(&self) -> TeachSettings {
-        let length = self.steps.map_or(Length::Epochs(self.epochs), Length::Steps);
-        let defaults = TeachSettings::default();
+        let defaults = teaching(self.steps.map_or(Length::Epochs(self.epochs), Length::Steps));
         TeachSettings {
             width: self.width,
             hidden: self.layers,
             omega: self.omega,
             plan: TrainingPlan {
-                length,
                 batch: self.batch,
                 schedule: Schedule::Cosine { initial: self.rate, last: 0.0, warmup: 100 },
                 seed: self.seed,
                 ..defaults.plan
             },
-            optimiser: if self.adam { Optimiser::Adam } else { Optimiser::Muon(MuonConfig::default()) },
-            averaging: 0.0,
+            optimiser: if self.adam { Optimiser::Adam } else { defaults.optimiser },
+            ..defaults
         }
     }
 

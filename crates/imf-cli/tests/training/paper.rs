@@ -46,6 +46,8 @@ fn the_tiny_tables_hold_in_direction() {
         let random = |field| mse(&report, "3d", &[part, field, "64 random"]);
         assert!(random("single") < random("nearest"), "{part}");
         assert!(random("linear") < random("nearest") && random("harmonic") < random("nearest"), "{part}");
+        // It was taught the harmonic field.
+        assert!(random("factored") < 1.1 * random("harmonic"), "{part}");
         assert_eq!(mse(&report, "3d", &[part, "linear", "section (0°, 0°)"]), 0.0);
     }
     let imf = |method| mse(&report, "2d", &[method, "IMF over 145"]);
@@ -62,6 +64,7 @@ fn the_tiny_tables_hold_in_direction() {
         "{text}"
     );
     assert!(text.contains("screw-gear (ours)"), "our parts are marked");
+    assert!(text.contains("| siren5 paper | siren5 ours |") && text.contains("this was tried"), "{text}");
     let page = work.text("out/report.html");
     assert!(page.matches("src=\"").count() >= 5, "pictures");
     assert_eq!(page.matches("src=\"").count(), page.matches("src=\"data:image/png;base64,").count());

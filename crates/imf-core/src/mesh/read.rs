@@ -143,6 +143,14 @@ pub fn read_mesh(path: impl AsRef<Path>) -> Result<Mesh, MeshFileError> {
     parse(bytes, format, path)
 }
 
+/// Reads an OBJ that is in memory already, as [`read_mesh`] reads its file; errors name `path`.
+///
+/// # Errors
+/// As those of [`read_mesh`] for a file's content.
+pub fn parse_obj(content: &[u8], path: &Path) -> Result<Mesh, MeshFileError> {
+    parse(content.to_vec(), Format::Obj, path)
+}
+
 fn parse(bytes: Vec<u8>, format: Format, path: &Path) -> Result<Mesh, MeshFileError> {
     if bytes.trim_ascii().is_empty() {
         return Err(MeshFileError::Empty { path: path.into() });

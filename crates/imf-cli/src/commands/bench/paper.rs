@@ -139,7 +139,9 @@ pub(super) fn run(session: &Session, arguments: &PaperBenchArguments) -> Result<
         tables.push(plane::table(&bench)?);
     }
     if asked(PaperTable::Space) {
-        tables.push(space::table(&bench)?);
+        let table = space::table(&bench)?;
+        let beside = space::side_by_side(&table);
+        tables.extend([table, beside]);
     }
     if asked(PaperTable::Time) {
         tables.push(time::table(&bench)?);
@@ -152,6 +154,9 @@ pub(super) fn run(session: &Session, arguments: &PaperBenchArguments) -> Result<
     }
     if asked(PaperTable::Architecture) {
         tables.push(sweeps::architecture(&bench)?);
+    }
+    for table in &mut tables {
+        table.tried = Some(bench.protocol.tried());
     }
     machine.finish();
     let report = Report {

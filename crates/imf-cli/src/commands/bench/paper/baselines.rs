@@ -1,17 +1,19 @@
-//! What needs no training: the nearest of the stored sections, linear interpolation between them, and the harmonic field
-//! fitted to as many.
+//! What stands beside the paper's network: the nearest of the stored sections, linear interpolation between them, the
+//! harmonic field fitted to as many, and that taught to a small network of the point (the factored field).
 
 use std::time::Instant;
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
+use imf_core::factored::{FactoredField, TeachSettings, teach};
 use imf_core::harmonic::basis::{Basis, Domain};
 use imf_core::harmonic::coefficients::Precision;
-use imf_core::harmonic::{FitSettings, fit, section_count};
+use imf_core::harmonic::{FitSettings, HarmonicField, fit, section_count};
 use imf_core::interpolation::{AngleGrid, StoredSections};
 use imf_core::metrics::ErrorReport;
 use imf_core::orientation::Orientation;
 use imf_core::scene::Scene;
-use imf_core::section::SectionPlan;
+use imf_core::section::{SectionError, SectionPlan};
+use imf_core::training::run::Outcome;
 use serde::{Deserialize, Serialize};
 
 use super::questions::Questions;
@@ -20,7 +22,7 @@ use crate::session::Session;
 /// Sections for each function at least: with fewer the fit has no firm minimum.
 const LEAST_SECTIONS: f64 = 1.3;
 
-/// A field without training, and what it came to.
+/// A field beside the paper's network, and what it came to.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Method {
     pub(super) name: String,
@@ -50,12 +52,34 @@ fn settings(sections: usize) -> FitSettings {
     }
 }
 
-/// Makes and asks all of them from the n × n sections of `grid:n`, or as many.
+/// The harmonic field taught to a network, as `imf compress` does, and the seconds that took.
+fn taught(
+    session: &Session,
+    teacher: &HarmonicField,
+    settings: &TeachSettings,
+) -> Result<(FactoredField, f64)> {
+    let axes = teacher.axis_count();
+    let stage = session.stage("teaching", "steps", settings.plan.total_steps(teacher.grid.len()));
+    let advance = |steps| stage.advance(steps);
+    let mut state = settings.start(axes);
+    let (begun, mut loss) = (Instant::now(), f64::NAN);
+    let outcome =
+        teach(teacher, settings, &mut state, session.control(&advance), &mut |step| loss = step.mean_loss)?;
+    if let Outcome::Stopped(_) = outcome {
+        return Err(SectionError::Cancelled.into());
+    }
+    stage.finish(&format!("loss {loss:.2e}"));
+    let field = FactoredField::new(teacher, settings.shape(axes), state.best().to_vec())?;
+    Ok((field, begun.elapsed().as_secs_f64()))
+}
+
+/// Makes and asks all of them from the n × n sections of `grid:n`, or as many; the factored field by `teaching`.
 pub(super) fn measure(
     session: &Session,
     scene: &Scene,
     questions: &Questions,
     n: usize,
+    teaching: &TeachSettings,
 ) -> Result<Vec<Method>> {
     let angles = AngleGrid::new(n);
     let voxels = scene.record.grid.len();
@@ -63,11 +87,13 @@ pub(super) fn measure(
     let settings = settings(n * n);
     let needed = StoredSections::memory(angles, voxels)
         + settings.memory(Domain::Directions, voxels).0
+        // The factored field's coefficients at every voxel.
+        + 2 * (voxels * settings.axes) as u64
         + SectionPlan::memory_estimate(&scene.record.grid, &tool, session.threads());
     session.require_memory(needed, || format!("{} stored sections and a harmonic field of them", n * n))?;
     let plan = SectionPlan::of_scene(scene)?;
     let repeated = &questions.imf[0].orientations;
-    let asked = 3 * (questions.field_sections() + repeated.len());
+    let asked = 4 * (questions.field_sections() + repeated.len());
     let total = n * n + questions.exact_sections() + section_count(Domain::Directions, &settings) + asked;
     let stage = session.stage("baselines", "sections", total as u64);
     let advance = |sections| stage.advance(sections);
@@ -100,6 +126,15 @@ pub(super) fn measure(
     judge("linear in angle".into(), stored_in, bytes, &|o, values| stored.linear(o, values))?;
     let name = format!("harmonic, degree {}", settings.degree);
     judge(name, fitted_in, harmonic.bytes(), &|o, values| harmonic.sections(&harmonic.heads(&[*o]), values))?;
+    let (factored, taught_in) = taught(session, &harmonic, teaching)?;
+    // Its coefficients at every voxel, once for all sections.
+    let begun = Instant::now();
+    let known = factored.evaluator().expanded(Precision::F16, harmonic.report);
+    let known_in = begun.elapsed().as_secs_f64();
+    let name = format!("factored, {}×{}", teaching.hidden, teaching.width);
+    let made = fitted_in + taught_in;
+    judge(name, made, factored.bytes(), &|o, values| known.sections(&known.heads(&[*o]), values))?;
+    measured.last_mut().context("a field without answers")?.sections += known_in;
     stage.finish("");
     Ok(measured)
 }

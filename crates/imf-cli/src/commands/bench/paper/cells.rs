@@ -6,6 +6,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
+use imf_core::mesh::Mesh;
+use imf_core::parts::ReferencePart;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -40,7 +42,11 @@ impl<'a> Cells<'a> {
 
     /// All that decides a cell, and its checksum.
     fn key(&self, key: &impl Serialize) -> Result<(Value, String)> {
-        let made_by = json!({ "common": self.common, "cell": serde_json::to_value(key)? });
+        let mut made_by = json!({ "common": self.common, "cell": serde_json::to_value(key)? });
+        // Of the parts the bracket is a stored file, which may be made again under its name.
+        if made_by["cell"].to_string().contains("\"bracket\"") {
+            made_by["bracket"] = shape(&ReferencePart::Bracket.mesh()).into();
+        }
         let mark = crc32fast::hash(&serde_json::to_vec(&made_by)?);
         Ok((made_by, format!("{mark:08x}")))
     }
@@ -73,9 +79,30 @@ impl<'a> Cells<'a> {
     }
 }
 
+/// A checksum of a mesh's vertices.
+fn shape(mesh: &Mesh) -> u32 {
+    let mut hasher = crc32fast::Hasher::new();
+    mesh.vertices.iter().flat_map(|v| v.to_array()).for_each(|v| hasher.update(&v.to_le_bytes()));
+    hasher.finalize()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn cells_of_the_bracket_know_its_shape() {
+        let folder = tempfile::tempdir().unwrap();
+        let session = Session::for_tests();
+        let cells = Cells::new(&session, folder.path(), "cpu").unwrap();
+        let of_part = |part: &str| cells.key(&json!({ "scene": { "part": part } })).unwrap().0;
+        assert!(of_part("bracket")["bracket"].is_u64());
+        assert!(of_part("teapot")["bracket"].is_null());
+        let mut mesh = ReferencePart::Bracket.mesh();
+        let before = shape(&mesh);
+        mesh.vertices[7].z += 0.001;
+        assert_ne!(before, shape(&mesh));
+    }
 
     #[test]
     fn a_cell_is_made_once_for_each_key() {

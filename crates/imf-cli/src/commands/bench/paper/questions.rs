@@ -11,6 +11,9 @@ use imf_core::section::{Imf, SectionPlan, imf};
 use crate::commands::regime::Outcome;
 use crate::output::short;
 
+/// How the name of the last question ends.
+pub(super) const RANDOM: &str = "random sections";
+
 /// Two sections, the inaccessibility measure over some sets, and random sections, in this order.
 pub(super) struct Questions {
     pub(super) in_sample: Orientation,
@@ -49,7 +52,7 @@ impl Questions {
             format!("section {}, out-of-sample", pair(&self.out_of_sample)),
         ];
         names.extend(self.imf.iter().map(|set| format!("IMF over {}", set.len())));
-        names.push(format!("{} random sections", self.random.len()));
+        names.push(format!("{} {RANDOM}", self.random.len()));
         names
     }
 

@@ -82,6 +82,9 @@ impl Report {
             table.notes.iter().for_each(|note| to.paragraph(note));
             let (head, rows) = table.cells();
             to.table(&head, &rows);
+            if let Some(tried) = table.footnote() {
+                to.paragraph(&tried);
+            }
             for (file, caption) in &table.figures {
                 to.figure(file, caption)?;
             }

@@ -93,15 +93,16 @@ impl Row {
         Self { labels, values: values.map(|paper| Compared::new(paper, None)).into(), decisions: None }
     }
 
-    /// In words whether it stands up to the paper; empty where the paper has nothing.
-    fn verdict(&self) -> String {
+    /// In words whether it stands up to the paper, and what of it does not; empty where the paper has nothing.
+    fn verdict(&self, values: &[(String, Kind)]) -> String {
         if self.values.iter().all(|value| value.paper.is_none()) {
             return String::new();
         }
-        let short = self.values.iter().filter(|value| value.falls_short()).count();
-        match short {
-            0 => "at or below".into(),
-            _ => "**falls short**".into(),
+        let short = self.values.iter().zip(values).filter(|(value, _)| value.falls_short());
+        let short: Vec<&str> = short.map(|(_, (name, _))| name.as_str()).collect();
+        match short.as_slice() {
+            [] => "at or below".into(),
+            names => format!("**falls short**: {}", names.join(", ")),
         }
     }
 }
@@ -116,6 +117,8 @@ pub(super) struct Table {
     pub(super) judged: bool,
     /// What must be known to read it.
     pub(super) notes: Vec<String>,
+    /// What was tried where a row falls short of the paper.
+    pub(super) tried: Option<String>,
     pub(super) labels: Vec<String>,
     pub(super) values: Vec<(String, Kind)>,
     pub(super) rows: Vec<Row>,
@@ -136,6 +139,7 @@ impl Table {
             title: title.into(),
             judged: true,
             notes: Vec::new(),
+            tried: None,
             labels: labels.iter().map(|&label| label.into()).collect(),
             values: values.iter().map(|&(name, kind)| (name.into(), kind)).collect(),
             rows: Vec::new(),
@@ -152,6 +156,12 @@ impl Table {
         compared.fold((0, 0), |(all, short), row| {
             (all + 1, short + usize::from(row.values.iter().any(Compared::falls_short)))
         })
+    }
+
+    /// Below the rows what was tried, where one of them falls short.
+    pub(super) fn footnote(&self) -> Option<String> {
+        let tried = self.tried.as_ref().filter(|_| self.standing().1 > 0)?;
+        Some(format!("Where a row falls short, this was tried: {tried}"))
     }
 
     /// Head and cells as they are shown.
@@ -196,7 +206,7 @@ impl Table {
                 });
             }
             if judged {
-                cells.push(row.verdict());
+                cells.push(row.verdict(&self.values));
             }
             cells
         };
@@ -226,13 +236,19 @@ mod tests {
         };
         table.rows = vec![row(Some(1e-6), 2e-6), row(Some(1e-6), 1e-6), row(None, 7.0)];
         assert_eq!(table.standing(), (2, 1));
+        assert_eq!(table.footnote(), None, "nothing is said to have been tried");
+        table.tried = Some("a wider network".into());
+        assert!(table.footnote().is_some_and(|text| text.contains("a wider network")));
         let (head, cells) = table.cells();
         assert_eq!(head, ["part", "MSE paper", "MSE ours", "ours / paper", "MPE", "against the paper"]);
-        assert_eq!(cells[0], ["teapot", "1.00e-6", "2.00e-6", "2.00", "0.5000", "**falls short**"]);
+        assert_eq!(cells[0], ["teapot", "1.00e-6", "2.00e-6", "2.00", "0.5000", "**falls short**: MSE"]);
         assert_eq!(cells[1][5], "at or below");
         assert_eq!(cells[2], ["teapot", "–", "7.0000", "–", "0.5000", ""]);
         let none = Row::diverged(vec!["teapot".into()], Some(Published { mse: 1e-6, mpe: 0.1 }));
-        assert!(none.verdict().contains("short") && none.values.iter().all(|value| value.ours.is_none()));
+        assert!(
+            none.verdict(&table.values).ends_with("MSE, MPE")
+                && none.values.iter().all(|value| value.ours.is_none())
+        );
         table.judged = false;
         assert_eq!((table.standing(), table.cells().0.len()), ((0, 0), 5));
     }

@@ -1,0 +1,293 @@
+//! Displacements under forces: conjugate gradients (faer's), preconditioned by a multigrid V-cycle.
+//!
+//! Every coarser lattice takes the stiffness that interpolation makes of the finer one's (Galerkin), so that thin members
+//! beside empty space are still felt there; a displacement is held on it where it is held at the same point of the finest.
+//! Smoothing is damped Jacobi, the coarsest system is factorised. (Amir, Aage, Lazarov, On multigrid-CG for efficient topology
+//! optimization, 2014.)
+
+use std::fmt;
+
+use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
+use faer::linalg::solvers::{Llt, Solve};
+use faer::matrix_free::conjugate_gradient::{CgParams, conjugate_gradient, conjugate_gradient_scratch};
+use faer::matrix_free::{LinOp, Precond};
+use faer::{Col, Mat, MatMut, MatRef, Par, Side};
+use thiserror::Error;
+
+use crate::lattice::Lattice;
+use crate::stiffness::Stiffness;
+
+/// Sweeps of Jacobi before and after the coarser lattice's correction.
+const SWEEPS: usize = 2;
+/// Iterations after which a system counts as not solvable; well-posed ones take some tens.
+const MOST_ITERATIONS: usize = 1000;
+
+/// Why there are no displacements.
+#[derive(Debug, Error)]
+pub(crate) enum SolveError {
+    /// A part that nothing holds, or a lattice without stiffness.
+    #[error("the coarsest stiffness is not positive definite: is every piece held in all directions?")]
+    NotHeld,
+    #[error("conjugate gradients failed: {0}")]
+    Iteration(String),
+}
+
+/// All lattices' stiffness, finest first; the same for every load.
+pub(crate) struct Hierarchy {
+    levels: Vec<Stiffness>,
+    diagonals: Vec<Vec<f64>>,
+    /// Of damped Jacobi.
+    damping: f64,
+}
+
+impl Hierarchy {
+    /// `largest` bounds the eigenvalues of `D⁻¹K` on the finest lattice.
+    pub(crate) fn new(finest: Stiffness, largest: f64) -> Self {
+        let mut levels = vec![finest];
+        while let Some(coarser) = levels[levels.len() - 1].halved() {
+            levels.push(coarser);
+        }
+        let diagonals = levels.iter().map(Stiffness::diagonal).collect();
+        // Up to 2 / largest converges; the upper half of the spectrum falls fastest near 4/3.
+        Self { levels, diagonals, damping: 1.33 / largest }
+    }
+
+    /// A solver for what is held: `held` marks displacements of the finest lattice that stay zero.
+    pub(crate) fn solver(&self, held: &[bool]) -> Result<Solver<'_>, SolveError> {
+        let mut free: Vec<Vec<f64>> = vec![held.iter().map(|&held| f64::from(u8::from(!held))).collect()];
+        for pair in self.levels.windows(2) {
+            let (fine, coarse) = (pair[0].lattice, pair[1].lattice);
+            let above = &free[free.len() - 1];
+            free.push(injected(fine, coarse, above));
+        }
+        let inverses = free.iter().zip(&self.diagonals).map(|(free, diagonal)| {
+            free.iter().zip(diagonal).map(|(free, d)| if *d > 0.0 { free / d } else { 0.0 }).collect()
+        });
+        let inverses = inverses.collect();
+        let last = &self.levels[self.levels.len() - 1];
+        let kept = &free[free.len() - 1];
+        let n = last.lattice.unknowns();
+        let mut matrix = Mat::<f64>::zeros(n, n);
+        last.entries_of_all(|row, column, value| matrix[(row, column)] += value * kept[row] * kept[column]);
+        for row in (0..n).filter(|&row| kept[row] == 0.0) {
+            matrix[(row, row)] = 1.0;
+        }
+        let coarsest = matrix.llt(Side::Lower).map_err(|_| SolveError::NotHeld)?;
+        Ok(Solver { hierarchy: self, free, inverses, coarsest })
+    }
+}
+
+/// Values of the nodes that both lattices have.
+fn injected(fine: Lattice, coarse: Lattice, values: &[f64]) -> Vec<f64> {
+    let mut injected = vec![0.0; coarse.unknowns()];
+    for (node, d) in coarse.nodes().flat_map(|node| (0..3).map(move |d| (node, d))) {
+        injected[coarse.unknown(node, d)] = values[fine.unknown(node.map(|i| 2 * i), d)];
+    }
+    injected
+}
+
+/// Solves for one set of held displacements.
+pub(crate) struct Solver<'a> {
+    hierarchy: &'a Hierarchy,
+    /// 1 where a displacement is free, 0 where it is held; by level.
+    free: Vec<Vec<f64>>,
+    /// The diagonal's inverse, 0 where held; by level.
+    inverses: Vec<Vec<f64>>,
+    coarsest: Llt<f64>,
+}
+
+impl fmt::Debug for Solver<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Solver").field("levels", &self.free.len()).finish_non_exhaustive()
+    }
+}
+
+impl Solver<'_> {
+    /// Displacements under `force`, beginning from those in `u`, until the residual is `tolerance` of the force. Answers
+    /// with the number of iterations.
+    pub(crate) fn solve(&self, force: &[f64], u: &mut [f64], tolerance: f64) -> Result<usize, SolveError> {
+        let mask = |values: &mut [f64]| values.iter_mut().zip(&self.free[0]).for_each(|(v, free)| *v *= free);
+        let mut force = force.to_vec();
+        mask(&mut force);
+        mask(u);
+        let n = force.len();
+        let (operator, cycle) = (Masked(self), Cycle(self));
+        let mut memory = MemBuffer::new(conjugate_gradient_scratch(&cycle, &operator, 1, Par::Seq));
+        let params = CgParams { rel_tolerance: tolerance, max_iters: MOST_ITERATIONS, ..CgParams::default() };
+        let solved = conjugate_gradient(
+            MatMut::from_column_major_slice_mut(u, n, 1),
+            &cycle,
+            &operator,
+            MatRef::from_column_major_slice(&force, n, 1),
+            params,
+            |_| {},
+            Par::Seq,
+            MemStack::new(&mut memory),
+        );
+        solved.map(|info| info.iter_count).map_err(|error| SolveError::Iteration(format!("{error:?}")))
+    }
+
+    /// `out = M K u` with M the free displacements; `u` is zero where it is held.
+    fn apply(&self, level: usize, u: &[f64], out: &mut [f64]) {
+        self.hierarchy.levels[level].apply(u, out);
+        out.iter_mut().zip(&self.free[level]).for_each(|(v, free)| *v *= free);
+    }
+
+    /// Approximately `K⁻¹ r`, symmetric in `r`.
+    fn cycle(&self, level: usize, r: &[f64], x: &mut [f64]) {
+        let levels = &self.hierarchy.levels;
+        if level + 1 == levels.len() {
+            let mut column = Col::from_fn(r.len(), |i| r[i] * self.free[level][i]);
+            self.coarsest.solve_in_place(column.as_mat_mut());
+            x.iter_mut().zip(column.iter()).for_each(|(x, v)| *x = *v);
+            return;
+        }
+        let damping = self.hierarchy.damping;
+        let inverse = &self.inverses[level];
+        let mut image = vec![0.0; r.len()];
+        for i in 0..r.len() {
+            x[i] = damping * inverse[i] * r[i];
+        }
+        let sweep = |x: &mut [f64], image: &mut [f64]| {
+            self.apply(level, x, image);
+            for i in 0..r.len() {
+                x[i] += damping * inverse[i] * (r[i] - image[i]);
+            }
+        };
+        for _ in 1..SWEEPS {
+            sweep(x, &mut image);
+        }
+        self.apply(level, x, &mut image);
+        for i in 0..r.len() {
+            image[i] = self.free[level][i] * (r[i] - image[i]);
+        }
+        let (lattice, free) = (levels[level].lattice, &self.free[level + 1]);
+        let mut below = vec![0.0; free.len()];
+        lattice.restricted(&image, &mut below);
+        below.iter_mut().zip(free).for_each(|(v, free)| *v *= free);
+        let mut correction = vec![0.0; free.len()];
+        self.cycle(level + 1, &below, &mut correction);
+        image.fill(0.0);
+        lattice.add_interpolated(&correction, &mut image);
+        for i in 0..r.len() {
+            x[i] += self.free[level][i] * image[i];
+        }
+        for _ in 0..SWEEPS {
+            sweep(x, &mut image);
+        }
+    }
+}
+
+/// The stiffness between free displacements.
+#[derive(Debug)]
+struct Masked<'a>(&'a Solver<'a>);
+
+/// The V-cycle.
+#[derive(Debug)]
+struct Cycle<'a>(&'a Solver<'a>);
+
+/// Runs `work` on each column, which conjugate gradients keep contiguous.
+fn by_column(mut out: MatMut<'_, f64>, rhs: MatRef<'_, f64>, work: impl Fn(&[f64], &mut [f64])) {
+    let n = rhs.nrows();
+    let (mut from, mut to) = (vec![0.0; n], vec![0.0; n]);
+    for column in 0..rhs.ncols() {
+        from.iter_mut().zip(rhs.col(column).iter()).for_each(|(to, v)| *to = *v);
+        work(&from, &mut to);
+        out.as_mut().col_mut(column).iter_mut().zip(&to).for_each(|(out, v)| *out = *v);
+    }
+}
+
+macro_rules! operator {
+    ($name:ident, $work:expr) => {
+        impl LinOp<f64> for $name<'_> {
+            fn apply_scratch(&self, _: usize, _: Par) -> StackReq {
+                StackReq::EMPTY
+            }
+            fn nrows(&self) -> usize {
+                self.0.free[0].len()
+            }
+            fn ncols(&self) -> usize {
+                self.nrows()
+            }
+            fn apply(&self, out: MatMut<'_, f64>, rhs: MatRef<'_, f64>, _: Par, _: &mut MemStack) {
+                by_column(out, rhs, |from, to| $work(self.0, from, to));
+            }
+            fn conj_apply(&self, out: MatMut<'_, f64>, rhs: MatRef<'_, f64>, par: Par, stack: &mut MemStack) {
+                self.apply(out, rhs, par, stack);
+            }
+        }
+    };
+}
+operator!(Masked, |solver: &Solver<'_>, from: &[f64], to: &mut [f64]| solver.apply(0, from, to));
+operator!(Cycle, |solver: &Solver<'_>, from: &[f64], to: &mut [f64]| solver.cycle(0, from, to));
+
+impl Precond<f64> for Cycle<'_> {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::element::{largest_eigenvalue, stiffness};
+
+    /// A cantilever held at x = 0, with a soft core.
+    fn cantilever() -> (Hierarchy, Vec<bool>, Vec<f64>) {
+        let lattice = Lattice { n: [8, 4, 4] };
+        let matrix = stiffness([1.0; 3]);
+        let soft = |e: usize| if e % 16 == 5 || e % 16 == 10 { 1e-4 } else { 1.0 };
+        let largest = largest_eigenvalue(&matrix);
+        let factors = (0..lattice.elements()).map(soft).collect();
+        let hierarchy = Hierarchy::new(Stiffness::scaled(lattice, matrix, factors), largest);
+        let mut held = vec![false; lattice.unknowns()];
+        let mut force = vec![0.0; held.len()];
+        for node in lattice.nodes() {
+            (0..3).for_each(|d| held[lattice.unknown(node, d)] = node[0] == 0);
+            force[lattice.unknown(node, 2)] = if node[0] == 8 { -0.01 } else { 0.0 };
+        }
+        (hierarchy, held, force)
+    }
+
+    #[test]
+    fn displacements_are_those_of_the_factorised_system() {
+        let (hierarchy, held, force) = cantilever();
+        assert_eq!(hierarchy.levels.len(), 3);
+        let mut u = vec![0.0; force.len()];
+        let solver = hierarchy.solver(&held).unwrap();
+        let iterations = solver.solve(&force, &mut u, 1e-11).unwrap();
+        assert!(iterations < 40, "{iterations}");
+        let n = force.len();
+        let mut matrix = Mat::<f64>::zeros(n, n);
+        hierarchy.levels[0].entries_of_all(|row, column, value| {
+            if !held[row] && !held[column] {
+                matrix[(row, column)] += value;
+            }
+        });
+        (0..n).filter(|&row| held[row]).for_each(|row| matrix[(row, row)] = 1.0);
+        let mut expected = Col::from_fn(n, |i| if held[i] { 0.0 } else { force[i] });
+        matrix.llt(Side::Lower).unwrap().solve_in_place(expected.as_mat_mut());
+        let scale = expected.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
+        for i in 0..n {
+            // The residual's tolerance times a slender beam's condition.
+            assert!((u[i] - expected[i]).abs() < 1e-7 * scale, "{i}: {} against {}", u[i], expected[i]);
+        }
+        // From the answer itself there is nothing to do.
+        assert_eq!(solver.solve(&force, &mut u, 1e-9).unwrap(), 0);
+    }
+
+    #[test]
+    fn the_cycle_is_symmetric_and_what_nothing_holds_is_refused() {
+        let (hierarchy, held, force) = cantilever();
+        let solver = hierarchy.solver(&held).unwrap();
+        let free = |seed: usize| -> Vec<f64> {
+            let value = |i: usize| ((i * seed + 3) % 97) as f64 / 48.0 - 1.0;
+            (0..force.len()).map(|i| if held[i] { 0.0 } else { value(i) }).collect()
+        };
+        let (a, b) = (free(31), free(57));
+        let (mut x, mut y) = (vec![0.0; a.len()], vec![0.0; a.len()]);
+        solver.cycle(0, &a, &mut x);
+        solver.cycle(0, &b, &mut y);
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let (one, other) = (dot(&b, &x), dot(&a, &y));
+        assert!((one - other).abs() < 1e-9 * dot(&a, &x).abs(), "{one} against {other}");
+        assert!(dot(&a, &x) > 0.0);
+        assert!(matches!(hierarchy.solver(&vec![false; held.len()]), Err(SolveError::NotHeld)));
+    }
+}
