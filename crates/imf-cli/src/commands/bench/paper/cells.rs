@@ -82,7 +82,9 @@ impl<'a> Cells<'a> {
 /// A checksum of a mesh's vertices.
 fn shape(mesh: &Mesh) -> u32 {
     let mut hasher = crc32fast::Hasher::new();
-    mesh.vertices.iter().flat_map(|v| v.to_array()).for_each(|v| hasher.update(&v.to_le_bytes()));
+    for vertex in &mesh.vertices {
+        vertex.to_array().iter().for_each(|v| hasher.update(&v.to_le_bytes()));
+    }
     hasher.finalize()
 }
 
