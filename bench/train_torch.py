@@ -3,7 +3,8 @@
 Started by `imf bench train`, which writes one request a line to standard input and reads one answer a line:
 {"mode": "eager" | "compiled", "batch": 1024, "seconds": 0.5} gives {"samples_per_second": ..}. The first line answers
 with the version. Same network as siren5 (five hidden layers of sines, the five inputs again after the second, one
-sigmoid), same loss (L1), same optimiser (Adam with coupled weight decay), f32, the threads given by --threads.
+sigmoid), same loss (L1), same optimiser (Adam with coupled weight decay), f32 or, with --precision bf16, products under
+autocast to bfloat16; the threads given by --threads.
 """
 
 import argparse
@@ -37,15 +38,18 @@ class Siren5(torch.nn.Module):
 
 
 class Trainer:
-    def __init__(self, width: int, compiled: bool):
+    def __init__(self, width: int, compiled: bool, precision: str):
         torch.manual_seed(0)
         self.model = Siren5(width)
+        self.rounds = precision == "bf16"
         self.forward = torch.compile(self.model) if compiled else self.model
         self.adam = torch.optim.Adam(self.model.parameters(), lr=1e-5, weight_decay=1e-6, foreach=True)
 
     def step(self, x, y):
         self.adam.zero_grad(set_to_none=True)
-        torch.nn.functional.l1_loss(self.forward(x), y).backward()
+        with torch.autocast("cpu", torch.bfloat16, enabled=self.rounds):
+            values = self.forward(x)
+        torch.nn.functional.l1_loss(values.float(), y).backward()
         self.adam.step()
 
 
@@ -61,6 +65,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--threads", type=int, required=True)
     parser.add_argument("--width", type=int, default=512)
+    parser.add_argument("--precision", choices=["f32", "bf16"], default="f32")
     arguments = parser.parse_args()
     torch.set_num_threads(arguments.threads)
     print(json.dumps({"version": torch.__version__}), flush=True)
@@ -70,7 +75,7 @@ def main():
         mode, batch = request["mode"], request["batch"]
         try:
             if mode not in trainers:
-                trainers[mode] = Trainer(arguments.width, mode == "compiled")
+                trainers[mode] = Trainer(arguments.width, mode == "compiled", arguments.precision)
             if batch not in batches:
                 generator = torch.Generator().manual_seed(1)
                 batches[batch] = (

@@ -26,6 +26,9 @@ pub(crate) fn run() -> Result<()> {
             "{program} is not found: install MPI and libclang, on Debian and Ubuntu by\n    sudo {DEBIAN_INSTALL}"
         );
     }
-    cargo(&["clippy", "-p", "imf-cli", "--features", "mpi", "--all-targets", "--", "-D", "warnings"], &[])?;
-    cargo(&["test", "-p", "imf-cli", "--features", "mpi", "--test", "ranks", "--", "--nocapture"], &[])
+    // The whole workspace, so that what the other chores have compiled serves here too: of one package alone every
+    // dependency would be compiled again with the features that this package asks for.
+    let workspace = ["--workspace", "--features", "imf-cli/mpi"];
+    cargo(&[&["clippy"], &workspace[..], &["--all-targets", "--", "-D", "warnings"]].concat(), &[])?;
+    cargo(&[&["test"], &workspace[..], &["--test", "ranks", "--", "--nocapture"]].concat(), &[])
 }

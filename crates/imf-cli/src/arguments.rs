@@ -15,8 +15,8 @@ use std::path::PathBuf;
 
 use clap::{ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum};
 use imf_core::dataset::Share;
-use imf_core::training::Loss;
 use imf_core::training::schedule::RateRule;
+use imf_core::training::{Loss, Precision};
 
 use scene::SceneArguments;
 
@@ -126,6 +126,9 @@ pub(crate) struct TrainBenchArguments {
     /// Neurons of every hidden layer
     #[arg(long, default_value_t = 512, value_name = "N")]
     pub(crate) width: usize,
+    /// What products of layers are computed in, PyTorch's too (bf16: by its autocast)
+    #[arg(long, value_enum, default_value = "f32")]
+    pub(crate) precision: PrecisionKind,
     /// Python with PyTorch
     #[arg(long, default_value = "python3", value_name = "COMMAND")]
     pub(crate) python: String,
@@ -356,6 +359,10 @@ pub(crate) struct PlanArguments {
     /// What a step minimises
     #[arg(long, value_enum, default_value = "l1")]
     pub(crate) loss: LossKind,
+    /// What products of layers are computed in: f32, or bf16 (factors rounded to bfloat16, sums in f32), faster on CPUs with
+    /// AVX-512 BF16; a resumed training keeps its own
+    #[arg(long, value_enum, default_value = "f32")]
+    pub(crate) precision: PrecisionKind,
     /// Coupled L2 of Adam
     #[arg(long, default_value_t = 1e-6, value_name = "W")]
     pub(crate) weight_decay: f32,
@@ -412,6 +419,21 @@ impl From<RuleKind> for RateRule {
             RuleKind::Constant => Self::Constant,
             RuleKind::Sqrt => Self::Sqrt,
             RuleKind::Linear => Self::Linear,
+        }
+    }
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub(crate) enum PrecisionKind {
+    F32,
+    Bf16,
+}
+
+impl From<PrecisionKind> for Precision {
+    fn from(kind: PrecisionKind) -> Self {
+        match kind {
+            PrecisionKind::F32 => Self::F32,
+            PrecisionKind::Bf16 => Self::Bf16,
         }
     }
 }

@@ -4,7 +4,7 @@ use anyhow::{Context, Result, ensure};
 use imf_core::siren::SirenShape;
 use imf_core::siren::engine::{CpuEvaluator, CpuTrainer};
 use imf_core::training::run::TrainingPlan;
-use imf_core::training::{EvaluationEngine, TrainingEngine, TrainingState};
+use imf_core::training::{EvaluationEngine, Precision, TrainingEngine, TrainingState};
 use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuTrainer};
 
 use crate::ranks::Rank;
@@ -42,11 +42,31 @@ impl Device {
     }
 
     /// Bytes of this machine's memory, or of the GPU's, that an engine takes, about.
-    pub(crate) fn training_memory(&self, shape: SirenShape, batch: usize) -> Result<u64> {
+    pub(crate) fn training_memory(
+        &self,
+        shape: SirenShape,
+        batch: usize,
+        precision: Precision,
+    ) -> Result<u64> {
         Ok(match self {
-            Self::Cpu => CpuTrainer::memory_bytes(shape, batch),
+            Self::Cpu => CpuTrainer::memory_bytes(shape, batch, precision),
             Self::Gpu(gpu) => GpuTrainer::memory_bytes(gpu, shape, batch)?,
         })
+    }
+
+    /// Refuses a precision that this device does not have, before anything is spent.
+    pub(crate) fn require_precision(&self, precision: Precision) -> Result<()> {
+        match self {
+            Self::Cpu => Ok(CpuTrainer::check_precision(precision)?),
+            Self::Gpu(gpu) => {
+                ensure!(
+                    precision == Precision::F32,
+                    "precision bf16 is computed on CPUs alone, not on {}: add --device cpu, or train with precision f32",
+                    gpu.describe()
+                );
+                Ok(())
+            }
+        }
     }
 
     /// An engine for batches of up to `batch` samples, of which `rank` has its share.
@@ -58,10 +78,11 @@ impl Device {
         batch: usize,
         state: TrainingState,
     ) -> Result<Box<dyn TrainingEngine>> {
+        self.require_precision(plan.precision)?;
         Ok(match self {
             Self::Cpu => {
-                let rows = rank.most_rows(batch);
-                rank.trainer(CpuTrainer::new(shape, plan.adam, plan.loss, rows, state)?)
+                let cpu = CpuTrainer::new(shape, plan.adam, plan.loss, rank.most_rows(batch), state)?;
+                rank.trainer(cpu.with_precision(plan.precision)?)
             }
             Self::Gpu(gpu) => Box::new(GpuTrainer::new(gpu, shape, plan.adam, plan.loss, batch, &state)?),
         })

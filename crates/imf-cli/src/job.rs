@@ -106,8 +106,8 @@ pub(crate) fn run(
     let mut waited = Duration::ZERO;
     let by: &mut Loop<'_> = &mut |plan, engine, start, observer| match &source {
         Source::Memory(samples) => train(plan, samples, engine, start, observer),
-        Source::Groups(group) => {
-            let (outcome, seconds) = train_streamed(plan, &data.shards, *group, engine, start, observer)?;
+        Source::Groups(groups) => {
+            let (outcome, seconds) = train_streamed(plan, &data.shards, *groups, engine, start, observer)?;
             waited = seconds;
             Ok(outcome)
         }
@@ -248,7 +248,7 @@ fn fingerprint(model: &Model) -> Result<u64> {
         record.cursor,
         record.steps,
         record.dataset_crc32,
-        record.shards_per_group,
+        record.groups_per_epoch,
     ))?);
     let state = &model.state;
     for array in [&state.parameters, &state.first_moment, &state.second_moment] {

@@ -96,9 +96,9 @@ pub struct TrainingRecord {
     pub samples: u64,
     /// CRC-32 over the checksums of the dataset's shards, to know it again.
     pub dataset_crc32: u32,
-    /// Shards that are read at a time, which decides the order of the samples; nothing where all were in memory.
+    /// Groups that an epoch is read in, which decides the order of the samples; nothing where all were in memory.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub shards_per_group: Option<usize>,
+    pub groups_per_epoch: Option<usize>,
     /// Part of the model that fine-tuning started from.
     #[serde(default)]
     pub fine_tuned_from: Option<String>,
@@ -402,7 +402,7 @@ mod tests {
             sampling: Sampling::default(),
             samples: 100,
             dataset_crc32: 7,
-            shards_per_group: None,
+            groups_per_epoch: None,
             fine_tuned_from: None,
             losses: vec![LossPoint { step: 12, loss: 0.3 }],
             pending_loss: (0.1, 3),

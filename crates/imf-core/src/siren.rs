@@ -18,6 +18,7 @@
 
 mod adam;
 mod backward;
+mod bf16;
 pub mod engine;
 mod evaluator;
 pub(crate) mod forward;

@@ -8,6 +8,7 @@ pub mod run;
 pub mod schedule;
 pub mod streamed;
 
+use std::fmt;
 use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
@@ -46,6 +47,26 @@ impl Loss {
             Self::L1 => error.signum(),
             Self::L2 => 2.0 * error,
         }
+    }
+}
+
+/// What the products between hidden layers are computed in; everything else is `f32`, sums of products among it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// `f32`.
+    #[default]
+    F32,
+    /// Factors rounded to bfloat16 (8 bits of mantissa), on CPUs that have instructions for them.
+    Bf16,
+}
+
+impl fmt::Display for Precision {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::F32 => "f32",
+            Self::Bf16 => "bf16",
+        })
     }
 }
 

@@ -113,7 +113,7 @@ fn a_model_that_was_written_and_read_evaluates_as_before() {
         sampling: manifest.sampling,
         samples: samples.len() as u64,
         dataset_crc32: manifest.fingerprint(),
-        shards_per_group: None,
+        groups_per_epoch: None,
         fine_tuned_from: None,
         losses: Vec::new(),
         pending_loss: (0.0, 0),

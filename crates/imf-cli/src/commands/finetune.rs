@@ -22,6 +22,7 @@ pub(crate) fn run(session: &Session, arguments: &FinetuneArguments) -> Result<()
         session.warn("the model was made for another tool than the dataset; it will be adapted all the same");
     }
     let device = Device::open(&arguments.device.device, session)?;
+    device.require_precision(plan.precision)?;
     let model = if arguments.resume {
         job::resumed_model(session, &arguments.out, &data, arguments.plan.rate)?
     } else {

@@ -25,6 +25,7 @@ pub(crate) fn run(session: &Session, arguments: &TrainArguments) -> Result<()> {
     prepare_folder(&arguments.out)?;
     let data = Data::open(&arguments.dataset)?;
     let device = Device::open(&arguments.device.device, session)?;
+    device.require_precision(plan.precision)?;
     let model = if arguments.resume {
         job::resumed_model(session, &arguments.out, &data, arguments.plan.rate)?
     } else {

@@ -1,7 +1,7 @@
-//! What a training learns from: a dataset, in memory where it fits, else read in groups of shards.
+//! What a training learns from: a dataset, in memory where it fits, else read in groups while training runs.
 //!
-//! How many shards a group has decides the order of the samples. A fresh training takes as many as fit; it is recorded,
-//! and whoever goes on keeps it, on whatever machine.
+//! How many groups an epoch has decides the order of the samples. A fresh training takes as few as fit; their number is
+//! recorded, and whoever goes on keeps it, on whatever machine.
 
 use std::path::Path;
 
@@ -16,8 +16,10 @@ use super::memory::Footprint;
 use crate::interrupt::{self, Interrupted};
 use crate::session::{Session, show_bytes};
 
-/// What a rank that has room for all shards says instead of their number.
-const WHOLE: u64 = u64::MAX;
+/// What a rank that has room for all samples says: one group has their order.
+const WHOLE: u64 = 1;
+/// What a rank says that has no room for any number of groups.
+const NEVER: u64 = u64::MAX;
 
 /// A dataset with what is known about it; its samples are not read yet.
 pub(crate) struct Data {
@@ -28,7 +30,7 @@ pub(crate) struct Data {
 /// Where the samples of a training are.
 pub(super) enum Source {
     Memory(Samples),
-    /// In so many shards at a time.
+    /// In so many groups an epoch.
     Groups(usize),
 }
 
@@ -64,39 +66,39 @@ impl Data {
         let shards = &self.shards;
         let room = session.memory_limit().saturating_sub(footprint.bytes());
         let fresh = model.record.steps == 0;
-        let recorded = model.record.shards_per_group;
-        let mut least = WHOLE;
+        let recorded = model.record.groups_per_epoch;
+        let mut most = WHOLE;
         if fresh {
             let fits = if shards.memory_whole() <= room {
                 WHOLE
             } else {
-                shards.group_within(room).map_or(0, |group| group as u64)
+                shards.groups_within(room).map_or(NEVER, |groups| groups as u64)
             };
             // One order for all ranks: that of the one with the least memory.
-            least = session.rank().least(fits)?;
-            // A group of one is what the refusal speaks of where nothing fits.
-            model.record.shards_per_group = (least != WHOLE).then_some(least.max(1) as usize);
+            most = NEVER - session.rank().least(NEVER - fits)?;
+            // Where nothing fits, the refusal speaks of the most groups that there can be.
+            let groups = usize::try_from(most).unwrap_or(usize::MAX);
+            model.record.groups_per_epoch = (most != WHOLE).then_some(groups);
         }
-        let needed = footprint.bytes().saturating_add(self.memory(model.record.shards_per_group));
+        let needed = footprint.bytes().saturating_add(self.memory(model.record.groups_per_epoch));
         session.require_memory(needed, || self.refusal(footprint, fresh, recorded))?;
-        ensure!(least > 0, "another rank has too little memory for even one shard at a time");
-        let Some(group) = model.record.shards_per_group else {
+        ensure!(most < NEVER, "another rank has too little memory for any part of the dataset");
+        let Some(groups) = model.record.groups_per_epoch else {
             return Ok(Source::Memory(shards.read_all(interrupt::flag()).map_err(interruption)?));
         };
         session.note(&format!(
-            "{} samples take {} of memory, so {} is read in groups of {group} of its {} shards, {} in all",
+            "{} samples take {} of memory, so {} is read in {groups} groups an epoch, {} at a time",
             shards.samples(),
             show_bytes(shards.memory_whole()),
             shards.folder().display(),
-            shards.count(),
-            show_bytes(shards.memory_in_groups(group)),
+            show_bytes(shards.memory_in_groups(groups)),
         ));
-        Ok(Source::Groups(group))
+        Ok(Source::Groups(groups))
     }
 
     /// Bytes of the samples, all of them or in groups.
-    fn memory(&self, group: Option<usize>) -> u64 {
-        group.map_or_else(|| self.shards.memory_whole(), |group| self.shards.memory_in_groups(group))
+    fn memory(&self, groups: Option<usize>) -> u64 {
+        groups.map_or_else(|| self.shards.memory_whole(), |groups| self.shards.memory_in_groups(groups))
     }
 
     /// What takes the memory, and what can be done.
@@ -112,15 +114,14 @@ impl Data {
         let smaller = "make a dataset of smaller --shard-samples or lower --density";
         match recorded {
             _ if fresh => format!(
-                "{footprint}; {samples}, or {} where one shard is read while another is used; use a smaller --width or \
-                 --batch, or {smaller}",
-                show_bytes(shards.memory_in_groups(1))
+                "{footprint}; {samples}, or {} where one file is read after another and next to nothing of each is kept; use \
+                 a smaller --width or --batch, or {smaller}",
+                show_bytes(shards.memory_in_groups(usize::MAX))
             ),
-            Some(group) => format!(
-                "{footprint}; the training was begun on groups of {group} of the {} shards of {folder}, two of which take \
-                 {}, and another size would change the order of the samples; go on where that much is free",
-                shards.count(),
-                show_bytes(shards.memory_in_groups(group))
+            Some(groups) => format!(
+                "{footprint}; the training was begun on {groups} groups an epoch of {folder}, two of which take {}, and \
+                 another number would change the order of the samples; go on where that much is free",
+                show_bytes(shards.memory_in_groups(groups))
             ),
             None => format!(
                 "{footprint}; {samples}, and the training was begun with all of them in memory: reading them in groups \

@@ -59,8 +59,11 @@ impl Footprint {
         Ok(Self {
             shape: model.shape,
             batch,
-            training: device.training_memory(model.shape, rank.most_rows(batch))?
-                + beside_engine * model.shape.parameter_count() as u64
+            training: device.training_memory(
+                model.shape,
+                rank.most_rows(batch),
+                model.record.plan.precision,
+            )? + beside_engine * model.shape.parameter_count() as u64
                 + 4 * (INPUTS as u64 + 1) * batch as u64,
             beside_engine,
             held_out: if held_out { sections } else { 0 },

@@ -25,6 +25,7 @@ pub(crate) fn plan(arguments: &PlanArguments, rate: f32, epochs: u64) -> Trainin
         schedule: RateRule::from(arguments.rate_rule).apply(schedule, arguments.batch),
         adam: AdamConfig { weight_decay: arguments.weight_decay, ..AdamConfig::default() },
         loss: arguments.loss.into(),
+        precision: arguments.precision.into(),
         seed: arguments.seed,
         report_every: REPORT_EVERY,
     }

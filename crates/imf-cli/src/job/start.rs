@@ -44,7 +44,7 @@ pub(crate) fn fresh_model(
         sampling: data.manifest().sampling,
         samples: data.shards.samples() as u64,
         dataset_crc32: data.manifest().fingerprint(),
-        shards_per_group: None,
+        groups_per_epoch: None,
         fine_tuned_from,
         losses: Vec::new(),
         pending_loss: (0.0, 0),

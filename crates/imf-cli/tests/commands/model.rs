@@ -40,7 +40,7 @@ pub(crate) fn model() -> Model {
         sampling: Sampling::default(),
         samples: 100,
         dataset_crc32: 7,
-        shards_per_group: None,
+        groups_per_epoch: None,
         fine_tuned_from: None,
         losses: vec![LossPoint { step: 12, loss: 0.25 }],
         pending_loss: (0.0, 0),

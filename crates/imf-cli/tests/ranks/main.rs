@@ -197,8 +197,8 @@ fn ranks_with_unlike_memory_read_a_large_dataset_in_one_order() {
     };
     let of_whole = trained("900MiB", "whole");
     let of_groups = trained("27500KiB", "groups");
-    assert_eq!(of_whole.record.shards_per_group, None);
-    assert!(of_groups.record.shards_per_group.is_some_and(|group| (1..16).contains(&group)));
+    assert_eq!(of_whole.record.groups_per_epoch, None);
+    assert!(of_groups.record.groups_per_epoch.is_some_and(|groups| (2..16).contains(&groups)));
     assert!(of_groups.state != of_whole.state);
     on_ranks(&work, 2, &format!("{train} --memory 27500KiB --out again")).done();
     assert!(work.model("again/model.safetensors").state == of_groups.state);

@@ -28,6 +28,12 @@ fn a_training_on_the_adapter_resumes_to_the_same_bits_and_evaluates_as_on_the_cp
     let engine = whole.json()["engine"].as_str().unwrap().to_owned();
     assert!(name.into_iter().any(|name| engine.contains(&name)), "{engine}");
 
+    work.imf(&format!("{train} --precision bf16 --out none")).refused(&[
+        "bf16",
+        "on CPUs alone",
+        "--device cpu",
+    ]);
+
     let checkpoint = "broken/checkpoint.safetensors";
     work.interrupted_once_there_is(checkpoint, &format!("{train} --out broken --checkpoint-every 0.02"))
         .interrupted(&["is saved in", checkpoint, "--resume"]);

@@ -11,6 +11,7 @@ mod interruption;
 mod long_runs;
 mod paper;
 mod pipeline;
+mod precision;
 mod regime;
 mod shares;
 mod streaming;

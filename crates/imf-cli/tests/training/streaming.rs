@@ -13,7 +13,7 @@ const SAMPLE_BYTES: u64 = 64 * 75_336 * 8;
 /// More than an epoch, which has 2,355 steps.
 const TRAIN: &str = "train data --device cpu --width 24 --layers 3 --omega 10 --rate 1e-3 --batch 2048 --steps 2600 \
                      --threads 2 --held-out 500";
-/// Too little for all samples, and enough for several shards at a time.
+/// Too little for all samples, and enough for a few groups of them.
 const LITTLE: &str = "--memory 60MiB";
 const LITTLE_BYTES: u64 = 60 << 20;
 const PLENTY: &str = "--memory 2GiB";
@@ -42,19 +42,19 @@ fn a_dataset_larger_than_memory_trains_from_its_shards_and_resumes_to_the_same_b
     // In memory, and with its order.
     let (finished, peak) = with_peak(&work, &format!("{TRAIN} {PLENTY} --out whole"));
     let finished = finished.done();
-    assert!(!finished.stderr.contains("in groups of"), "{}", finished.stderr);
+    assert!(!finished.stderr.contains("groups an epoch"), "{}", finished.stderr);
     assert!(peak > SAMPLE_BYTES, "all samples in {peak} bytes");
     let in_memory = work.model("whole/model.safetensors");
-    assert_eq!(in_memory.record.shards_per_group, None);
+    assert_eq!(in_memory.record.groups_per_epoch, None);
 
     // From the shards, in the memory that was allowed.
     let (finished, peak) = with_peak(&work, &format!("{TRAIN} {LITTLE} --out streamed"));
     let finished = finished.done();
     assert!(peak < LITTLE_BYTES, "{peak} bytes instead of {LITTLE_BYTES}\n{}", finished.stderr);
     let streamed = work.model("streamed/model.safetensors");
-    let group = streamed.record.shards_per_group.expect("groups of shards");
-    assert!((2..16).contains(&group), "groups of {group}");
-    for words in [&*format!("in groups of {group} of its 32 shards"), "training waited"] {
+    let groups = streamed.record.groups_per_epoch.expect("groups");
+    assert!((2..16).contains(&groups), "{groups} groups");
+    for words in [&*format!("is read in {groups} groups an epoch"), "training waited"] {
         assert!(finished.stderr.contains(words), "no '{words}' in\n{}", finished.stderr);
     }
     assert!(streamed.state != in_memory.state, "the order is another one");
@@ -70,10 +70,10 @@ fn a_dataset_larger_than_memory_trains_from_its_shards_and_resumes_to_the_same_b
     work.interrupted_once_there_is(checkpoint, &begin).interrupted(&["is saved in", checkpoint, "--resume"]);
     let saved = work.model(checkpoint);
     assert!((1..2600).contains(&saved.record.steps), "{}", saved.record.steps);
-    assert_eq!(saved.record.shards_per_group, Some(group));
+    assert_eq!(saved.record.groups_per_epoch, Some(groups));
     work.imf(&format!("{TRAIN} --memory 30MiB --out broken --resume")).refused(&[
         "this needs about",
-        &format!("begun on groups of {group} of the 32 shards of data"),
+        &format!("begun on {groups} groups an epoch of data"),
         "raise --memory",
     ]);
     assert!(work.model(checkpoint) == saved, "a refusal changed the checkpoint");
@@ -81,7 +81,7 @@ fn a_dataset_larger_than_memory_trains_from_its_shards_and_resumes_to_the_same_b
     for file in ["model.safetensors", "checkpoint.safetensors"] {
         let [whole, broken] = ["streamed", "broken"].map(|folder| work.model(&format!("{folder}/{file}")));
         assert!(whole.state == broken.state, "{file}: the pieces ended elsewhere");
-        assert_eq!(broken.record.shards_per_group, Some(group));
+        assert_eq!(broken.record.groups_per_epoch, Some(groups));
     }
 
     // Begun in memory, it does not go on in another order.
@@ -93,7 +93,7 @@ fn a_dataset_larger_than_memory_trains_from_its_shards_and_resumes_to_the_same_b
     work.imf(&format!("{TRAIN} {LITTLE} --out held --resume"))
         .refused(&["begun with all of them in memory", "8 bytes each"]);
 
-    // Not even a shard at a time.
+    // Not even a sample of each shard at a time.
     work.imf(&format!("{TRAIN} --memory 1MiB --out none")).refused(&[
         "parameters at 64 bytes each",
         "4821504 samples of data",

@@ -129,7 +129,9 @@ fn take(
     let (here, elsewhere): (Vec<_>, Vec<_>) = holders().partition(|source| source.folder == out);
     for source in here.into_iter().chain(elsewhere) {
         let mut samples = Samples::new(source.manifest.scene.grid);
-        match shard::read_into(&source.folder, &source.manifest, index, &mut Vec::new(), &mut samples) {
+        match shard::read_into(&source.folder, &source.manifest, index, &mut Vec::new(), &mut samples, |_| {
+            true
+        }) {
             Ok(()) => {
                 let is_copied = source.folder != out;
                 if is_copied {

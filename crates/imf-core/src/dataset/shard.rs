@@ -70,14 +70,15 @@ pub(super) fn open<'a>(
     Ok((record, file, most))
 }
 
-/// Adds the samples of a shard to `into`, after checking everything that training relies on. `file` is room for the
-/// file's content. Where it fails, `into` is as it was.
+/// Adds the samples of a shard that `keep` wants, by number in the shard, to `into`, after checking everything that training
+/// relies on, and all its sections. `file` is room for the file's content. Where it fails, `into` is as it was.
 pub(super) fn read_into(
     folder: &Path,
     manifest: &Manifest,
     index: usize,
     file: &mut Vec<u8>,
     into: &mut Samples,
+    keep: impl Fn(usize) -> bool,
 ) -> Result<(), DatasetError> {
     let path = folder.join(file_name(index));
     let damaged = |what: String| DatasetError::Damaged { path: path.display().to_string(), what };
@@ -117,11 +118,14 @@ pub(super) fn read_into(
     if !values.iter().all(|&v| (0.0..=1.0).contains(&f32::from_le_bytes(v))) {
         return Err(damaged("a value is not a number from 0 to 1".into()));
     }
-    let before = into.len();
     let orientations = &manifest.orientations.orientations;
     into.angles.extend(sections.iter().map(|&section| orientations[section].angles()));
-    into.starts.extend(starts[1..].iter().map(|start| before + start));
-    into.voxels.extend(voxels.iter().map(|&v| u32::from_le_bytes(v)));
-    into.values.extend(values.iter().map(|&v| f32::from_le_bytes(v)));
+    for section in starts.windows(2) {
+        for sample in (section[0]..section[1]).filter(|&sample| keep(sample)) {
+            into.voxels.push(u32::from_le_bytes(voxels[sample]));
+            into.values.push(f32::from_le_bytes(values[sample]));
+        }
+        into.starts.push(into.voxels.len());
+    }
     Ok(())
 }

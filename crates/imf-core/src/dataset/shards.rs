@@ -1,8 +1,8 @@
-//! A complete dataset whose shards are read when they are wanted: all of them, or a few at a time.
+//! A complete dataset whose shards are read when they are wanted: whole, or a part of every section.
 //!
 //! What both cost is computed here and nowhere else. In memory a dataset takes its samples
-//! ([`Samples::memory_bytes`]) and, while they are read, the largest shard's file. In groups of `g` shards it takes
-//! twice the `g` largest shards, one group that is used and one that is read, and again one file.
+//! ([`Samples::memory_bytes`]) and, while they are read, the largest shard's file. In `g` groups it takes twice a `g`-th of
+//! all samples, one group that is used and one that is read, and again one file.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -79,23 +79,20 @@ impl Shards {
         (0..self.count()).map(|shard| self.samples_of(shard)).sum()
     }
 
-    /// Most samples that `shards` shards have, whichever they are.
-    #[must_use]
-    pub fn most_samples(&self, shards: usize) -> usize {
-        let mut samples: Vec<usize> = (0..self.count()).map(|shard| self.samples_of(shard)).collect();
-        samples.sort_unstable_by(|a, b| b.cmp(a));
-        samples.iter().take(shards).sum()
+    /// Samples of the largest shard.
+    fn most_samples(&self) -> usize {
+        (0..self.count()).map(|shard| self.samples_of(shard)).max().unwrap_or(0)
     }
 
-    /// Most sections that `shards` shards have.
+    /// Samples that a group has at most where every shard's are dealt to `groups` groups.
     #[must_use]
-    pub fn most_sections(&self, shards: usize) -> usize {
-        (shards.saturating_mul(self.manifest.sections_per_shard)).min(self.manifest.orientations.len())
+    pub fn most_of_group(&self, groups: usize) -> usize {
+        (0..self.count()).map(|shard| self.samples_of(shard).div_ceil(groups.max(1))).sum()
     }
 
     /// Bytes that the largest file takes while it is read.
     fn largest_file(&self) -> u64 {
-        shard::file_bytes(self.manifest.sections_per_shard as u64, self.most_samples(1) as u64)
+        shard::file_bytes(self.manifest.sections_per_shard as u64, self.most_samples() as u64)
     }
 
     /// Memory of the whole dataset, while it is read and after.
@@ -105,52 +102,59 @@ impl Shards {
         Samples::memory_bytes(sections, self.samples() as u64).saturating_add(self.largest_file())
     }
 
-    /// Memory of a training that reads `group` shards at a time: a group that is used, one that is read, and a file.
+    /// Memory of a training that reads the dataset in `groups` groups: one that is used, one that is read, and a file.
     #[must_use]
-    pub fn memory_in_groups(&self, group: usize) -> u64 {
-        let (sections, samples) = (self.most_sections(group) as u64, self.most_samples(group) as u64);
+    pub fn memory_in_groups(&self, groups: usize) -> u64 {
+        let (sections, samples) =
+            (self.manifest.orientations.len() as u64, self.most_of_group(groups) as u64);
         Samples::memory_bytes(sections, samples).saturating_mul(2).saturating_add(self.largest_file())
     }
 
-    /// Shards of a group, as many as fit `bytes` ([`Self::memory_in_groups`]); fewer where as few groups can have
-    /// more equal sizes. Nothing where not even one shard fits.
+    /// The fewest groups that fit `bytes` ([`Self::memory_in_groups`]). Nothing where not even one sample of each shard
+    /// at a time does.
     #[must_use]
-    pub fn group_within(&self, bytes: u64) -> Option<usize> {
-        let fits = |group: &usize| self.memory_in_groups(*group) <= bytes;
-        let most = (1..=self.count()).rev().find(fits)?;
-        Some(self.count().div_ceil(self.count().div_ceil(most)))
+    pub fn groups_within(&self, bytes: u64) -> Option<usize> {
+        let most = self.most_samples().max(1);
+        let fits = |groups: usize| self.memory_in_groups(groups) <= bytes;
+        // More groups never take more memory: the first that fits lies in (low, high].
+        let (mut low, mut high) = (0, most);
+        if !fits(high) {
+            return None;
+        }
+        while high - low > 1 {
+            let middle = low + (high - low) / 2;
+            if fits(middle) { high = middle } else { low = middle }
+        }
+        Some(high)
     }
 
-    /// Reads shards in the order given into `into`, whose samples go; its room is used again. `file` is room for one
-    /// file's content.
+    /// Reads the samples of all shards that `keep` wants, by shard and number in it, into `into`, whose samples go; its
+    /// room is used again. `file` is room for one file's content.
     ///
     /// # Errors
     /// A damaged shard, or cancellation between two shards once `cancelled` is set.
     pub fn read_into(
         &self,
-        shards: &[usize],
         file: &mut Vec<u8>,
         into: &mut Samples,
         cancelled: &AtomicBool,
+        keep: &dyn Fn(usize, usize) -> bool,
     ) -> Result<(), DatasetError> {
         into.clear();
-        for &shard in shards {
+        for shard in 0..self.count() {
             if cancelled.load(Ordering::Relaxed) {
                 return Err(SectionError::Cancelled.into());
             }
-            shard::read_into(&self.folder, &self.manifest, shard, file, into)?;
+            shard::read_into(&self.folder, &self.manifest, shard, file, into, |sample| keep(shard, sample))?;
         }
         Ok(())
     }
 
-    /// Room for the samples of any `shards` shards.
+    /// Room for the samples of any of `groups` groups.
     #[must_use]
-    pub fn room_for(&self, shards: usize) -> Samples {
-        let room = Samples::with_capacity(
-            self.manifest.scene.grid,
-            self.most_sections(shards),
-            self.most_samples(shards),
-        );
+    pub fn room_for(&self, groups: usize) -> Samples {
+        let sections = self.manifest.orientations.len();
+        let room = Samples::with_capacity(self.manifest.scene.grid, sections, self.most_of_group(groups));
         Samples { frame: self.frame, ..room }
     }
 
@@ -159,9 +163,8 @@ impl Shards {
     /// # Errors
     /// As [`Self::read_into`].
     pub fn read_all(&self, cancelled: &AtomicBool) -> Result<Samples, DatasetError> {
-        let all: Vec<usize> = (0..self.count()).collect();
-        let mut samples = self.room_for(all.len());
-        self.read_into(&all, &mut Vec::new(), &mut samples, cancelled)?;
+        let mut samples = self.room_for(1);
+        self.read_into(&mut Vec::new(), &mut samples, cancelled, &|_, _| true)?;
         Ok(samples)
     }
 }

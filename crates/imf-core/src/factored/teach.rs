@@ -44,8 +44,8 @@ impl Default for TeachSettings {
                 schedule: Schedule::Cosine { initial: 1e-3, last: 0.0, warmup: 100 },
                 adam: AdamConfig { weight_decay: 0.0, ..AdamConfig::default() },
                 loss: Loss::L2,
-                seed: 0,
                 report_every: 20,
+                ..TrainingPlan::default()
             },
             optimiser: Optimiser::default(),
             averaging: 0.0,

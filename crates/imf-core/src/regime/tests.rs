@@ -1,6 +1,6 @@
 use super::*;
 use crate::training::schedule::Schedule;
-use crate::training::{AdamConfig, Loss};
+use crate::training::{AdamConfig, Loss, Precision};
 
 fn regime(name: &str) -> Regime {
     Regime::parse(preset(name).unwrap().text).unwrap_or_else(|error| panic!("{name}: {error}"))
@@ -14,6 +14,7 @@ fn is_the_papers(stage: &Stage, epochs: u64, rate: f32) {
         schedule: Schedule::Exponential { initial: rate, factor: 0.93, warmup: 0 },
         adam: AdamConfig { beta1: 0.9, beta2: 0.999, epsilon: 1e-8, weight_decay: 1e-6 },
         loss: Loss::L1,
+        precision: Precision::F32,
         seed: 0,
         report_every: 20,
     };

@@ -1,6 +1,8 @@
 //! The backward pass of a block of samples: from the loss's slope to every layer's `δ = ∂loss/∂(W·a + b)`, which
 //! replaces the slopes that the forward pass kept, and to the block's partial sums (see `plan.rs`).
 
+use std::ops::Range;
+
 use pulp::{Simd, WithSimd};
 
 use super::forward::Network;
@@ -60,8 +62,22 @@ impl Network<'_> {
             let weights = &self.parameters[behind.weights + first..behind.biases];
             let weights = Matrix::row_major(weights, behind.outputs, columns, behind.inputs);
             multiply(scratch, columns, next, weights, false);
-            self.deltas(layer, first, columns, inputs, Upstream::Rows(scratch), slopes, partial);
+            self.panel_deltas(layer, &neurons, inputs, scratch, slopes, partial);
         }
+    }
+
+    /// δ of a panel of a hidden layer from `upstream [rows][neurons]`, the panel's part of δ·W of the layer behind.
+    pub(crate) fn panel_deltas(
+        &self,
+        layer: usize,
+        neurons: &Range<usize>,
+        inputs: &[f32],
+        upstream: &[f32],
+        slopes: &mut [f32],
+        partial: &mut [f32],
+    ) {
+        let upstream = Upstream::Rows(upstream);
+        self.deltas(layer, neurons.start, neurons.len(), inputs, upstream, slopes, partial);
     }
 
     fn deltas(

@@ -6,6 +6,7 @@
 //! All pieces and all orders of addition are fixed by the network and the batch: the number of threads changes nothing,
 //! and no memory of ours is allocated in a step.
 
+mod bf16;
 pub mod ranks;
 mod update;
 
@@ -13,6 +14,7 @@ use pulp::Arch;
 
 use super::adam::AdamFactors;
 use super::backward::scratch_length;
+use super::bf16::Kernel;
 use super::forward::{Network, sigmoid};
 use super::matrix::prefer_unpacked;
 use super::muon::{Muon, MuonConfig};
@@ -20,8 +22,9 @@ use super::plan::{BLOCK, Plan, WINDOW, transpose, transpose_all};
 use super::scratch::{ScratchPool, describe};
 use super::stack::{Ending, Stack};
 use crate::siren::SirenShape;
-use crate::training::{AdamConfig, EngineError, Loss, TrainingEngine, TrainingState};
+use crate::training::{AdamConfig, EngineError, Loss, Precision, TrainingEngine, TrainingState};
 
+use bf16::Pairs;
 use update::{Arrays, Step, Update, is_between};
 
 pub use super::evaluator::CpuEvaluator;
@@ -54,6 +57,8 @@ pub struct CpuTrainer {
     scratch: ScratchPool,
     /// For the matrices between hidden layers, where Adam does not serve them.
     muon: Option<Muon>,
+    /// For products in bfloat16; the arrays of a window above are then empty, but for the outputs.
+    pairs: Option<Pairs>,
     loss_sum: f64,
     loss_steps: u64,
 }
@@ -65,13 +70,21 @@ impl CpuTrainer {
     /// Bytes that an engine takes for batches of up to `max_batch` samples: those of the parameters, and for a window of
     /// samples, whatever the batch, the activations and slopes of every layer.
     #[must_use]
-    pub fn memory_bytes(shape: SirenShape, max_batch: usize) -> u64 {
+    pub fn memory_bytes(shape: SirenShape, max_batch: usize, precision: Precision) -> u64 {
         let plan = Plan::new(shape.stack());
         let window = WINDOW.min(max_batch);
-        let layers = 2 * shape.hidden * window * plan.stride();
-        let partials = window.div_ceil(BLOCK) * plan.partial_length();
-        let scratch = rayon::current_num_threads() * scratch_length(plan.widest_panel());
-        Self::BYTES_PER_PARAMETER * shape.parameter_count() as u64 + 4 * (layers + partials + scratch) as u64
+        let blocks = window.div_ceil(BLOCK);
+        let parameters = Self::BYTES_PER_PARAMETER * shape.parameter_count() as u64;
+        let partials = 4 * (blocks * plan.partial_length()) as u64;
+        let window = match precision {
+            Precision::F32 => {
+                let layers = 2 * shape.hidden * window * plan.stride();
+                let scratch = rayon::current_num_threads() * scratch_length(plan.widest_panel());
+                4 * (layers + scratch) as u64
+            }
+            Precision::Bf16 => Pairs::memory_bytes(&plan, blocks),
+        };
+        parameters + partials + window
     }
 
     /// An engine for batches of up to `max_batch` samples that continues from `state`.
@@ -127,11 +140,48 @@ impl CpuTrainer {
             losses: vec![0.0; blocks],
             scratch: ScratchPool::new(scratch_length(plan.widest_panel())),
             muon: None,
+            pairs: None,
             loss_sum: 0.0,
             loss_steps: 0,
             plan,
             state,
         })
+    }
+
+    /// The same engine with the products between hidden layers in this precision.
+    ///
+    /// # Errors
+    /// A CPU without bfloat16 products, or a network whose end is none of [`SirenShape`]'s.
+    pub fn with_precision(self, precision: Precision) -> Result<Self, EngineError> {
+        Self::check_precision(precision)?;
+        match (precision, Kernel::of_this_machine()) {
+            (Precision::Bf16, Some(kernel)) => self.with_kernel(kernel),
+            _ => Ok(self),
+        }
+    }
+
+    /// Whether this CPU has the products of a precision.
+    ///
+    /// # Errors
+    /// It has not.
+    pub fn check_precision(precision: Precision) -> Result<(), EngineError> {
+        if precision == Precision::Bf16 && Kernel::of_this_machine().is_none() {
+            let why = "this CPU has no bfloat16 products (AVX-512 BF16)";
+            return Err(EngineError::Device(format!("{why}; train with precision f32")));
+        }
+        Ok(())
+    }
+
+    /// As [`Self::with_precision`], by a kernel that is there.
+    fn with_kernel(mut self, kernel: Kernel) -> Result<Self, EngineError> {
+        if self.plan.stack.ending != Ending::Sigmoid || self.muon.is_some() {
+            return Err(EngineError::Shape(
+                "bfloat16 products are made for the paper's network alone".into(),
+            ));
+        }
+        self.pairs = Some(Pairs::new(kernel, &self.plan, self.window.div_ceil(BLOCK)));
+        (self.activations, self.slopes) = (Vec::new(), Vec::new());
+        Ok(self)
     }
 
     /// Leaves the matrices between hidden layers to Muon.
@@ -249,6 +299,9 @@ impl CpuTrainer {
         let Stack { inputs: axes, outputs, .. } = self.plan.stack;
         let windows = (targets.len() / outputs).div_ceil(self.window);
         let mut total = 0.0;
+        if let Some(pairs) = &mut self.pairs {
+            pairs.pack(&self.plan, &self.state.parameters, &self.panels);
+        }
         for (index, (inputs, targets)) in
             inputs.chunks(self.window * axes).zip(targets.chunks(self.window * outputs)).enumerate()
         {
@@ -264,6 +317,7 @@ impl CpuTrainer {
                 deltas: &self.slopes,
                 outputs: &self.outputs,
                 partials: &self.partials[..blocks * self.plan.partial_length()],
+                pairs: self.pairs.as_ref(),
                 accumulate: index > 0,
                 factors: factors.filter(|_| index + 1 == windows),
                 spare_matrices: self.muon.is_some(),
@@ -286,33 +340,32 @@ impl CpuTrainer {
     fn forward_backward(&mut self, inputs: &[f32], targets: &[f32], batch: usize) -> f64 {
         let blocks = (inputs.len() / self.plan.stack.inputs).div_ceil(BLOCK);
         let layer_length = self.window * self.plan.stride();
-        let pass = BlockPass {
-            network: Network {
-                arch: self.arch,
-                plan: &self.plan,
-                parameters: &self.state.parameters,
-                panels: &self.panels,
-            },
-            loss: self.loss,
-            batch: batch as f64,
-            scratch: &self.scratch,
+        let network = Network {
+            arch: self.arch,
+            plan: &self.plan,
+            parameters: &self.state.parameters,
+            panels: &self.panels,
         };
-        pass.run(
-            inputs,
-            targets,
-            Layers::new(&mut self.activations, layer_length),
-            Layers::new(&mut self.slopes, layer_length),
-            &mut self.outputs[..targets.len()],
-            &mut self.partials[..blocks * self.plan.partial_length()],
-            &mut self.losses[..blocks],
-        );
+        let loss = BlockLoss { loss: self.loss, batch: batch as f64, ending: self.plan.stack.ending };
+        let outputs = &mut self.outputs[..targets.len()];
+        let partials = &mut self.partials[..blocks * self.plan.partial_length()];
+        let losses = &mut self.losses[..blocks];
+        if let Some(pairs) = &mut self.pairs {
+            pairs.forward_backward(network, loss, inputs, targets, outputs, partials, losses);
+        } else {
+            let activations = Layers::new(&mut self.activations, layer_length);
+            let slopes = Layers::new(&mut self.slopes, layer_length);
+            let pass = BlockPass { network, loss, scratch: &self.scratch };
+            pass.run(inputs, targets, activations, slopes, outputs, partials, losses);
+        }
         self.losses[..blocks].iter().sum()
     }
 }
 
 impl TrainingEngine for CpuTrainer {
     fn describe(&self) -> String {
-        describe(self.arch)
+        let engine = describe(self.arch);
+        if self.pairs.is_some() { format!("{engine}, products in bfloat16") } else { engine }
     }
 
     fn inputs(&self) -> usize {
@@ -371,12 +424,39 @@ impl<'a> Layers<'a> {
     }
 }
 
-/// Takes blocks of samples through the network and back.
-struct BlockPass<'a> {
-    network: Network<'a>,
+/// The loss at the end of a network.
+#[derive(Clone, Copy)]
+struct BlockLoss {
     loss: Loss,
     /// Samples of the whole batch, which the loss is averaged over.
     batch: f64,
+    ending: Ending,
+}
+
+impl BlockLoss {
+    /// The summed loss of some samples; the output layer's sums become its δ.
+    fn take(self, outputs: &mut [f32], targets: &[f32]) -> f64 {
+        let mut loss = 0.0;
+        for (delta, &target) in outputs.iter_mut().zip(targets) {
+            let target = f64::from(target);
+            let (output, slope) = match self.ending {
+                Ending::Sigmoid => {
+                    let output = sigmoid(*delta);
+                    (output, output * (1.0 - output))
+                }
+                Ending::Linear => (f64::from(*delta), 1.0),
+            };
+            loss += self.loss.value(output, target);
+            *delta = (self.loss.slope(output, target) / self.batch * slope) as f32;
+        }
+        loss
+    }
+}
+
+/// Takes blocks of samples through the network and back.
+struct BlockPass<'a> {
+    network: Network<'a>,
+    loss: BlockLoss,
     scratch: &'a ScratchPool,
 }
 
@@ -438,19 +518,7 @@ impl BlockPass<'_> {
         }
         let last = &activations[hidden - 1][..values];
         network.outputs(last, outputs);
-        let mut loss = 0.0;
-        for (delta, &target) in outputs.iter_mut().zip(targets) {
-            let target = f64::from(target);
-            let (output, slope) = match ending {
-                Ending::Sigmoid => {
-                    let output = sigmoid(*delta);
-                    (output, output * (1.0 - output))
-                }
-                Ending::Linear => (f64::from(*delta), 1.0),
-            };
-            loss += self.loss.value(output, target);
-            *delta = (self.loss.slope(output, target) / self.batch * slope) as f32;
-        }
+        let loss = self.loss.take(outputs, targets);
         let front = match ending {
             Ending::Sigmoid => {
                 network.output_backward(inputs, outputs, last, slopes[hidden - 1], partial);

@@ -1,6 +1,8 @@
 //! The forward pass of a block of samples: products of panels, then bias, sine and slope while the panel's sums are
 //! still in the core's cache.
 
+use std::ops::Range;
+
 use pulp::{Arch, Simd, WithSimd};
 
 use super::lanes::{load, store};
@@ -36,26 +38,41 @@ impl Network<'_> {
         let rows = inputs.len() / plan.stack.inputs;
         let neurons_in = plan.neurons_in(layer);
         for neurons in plan.panels(layer) {
-            let (first, columns) = (neurons.start, neurons.len());
-            let panel = &self.panels[plan.panel_range(layer, &neurons)];
             if layer > 0 {
+                let panel = &self.panels[plan.panel_range(layer, &neurons)];
                 let activations = Matrix::row_major(previous, rows, neurons_in, stride);
-                let weights = Matrix::row_major(panel, neurons_in, columns, columns);
-                multiply(&mut sums[first..], stride, activations, weights, false);
+                let weights = Matrix::row_major(panel, neurons_in, neurons.len(), neurons.len());
+                multiply(&mut sums[neurons.start..], stride, activations, weights, false);
             }
-            let pass = Activation {
-                sums: &mut sums[first..],
-                slopes: slopes.as_mut().map(|slopes| &mut slopes[first..]),
-                stride,
-                biases: &self.parameters[plan.layers[layer].biases + first..][..columns],
-                inputs,
-                axes: plan.stack.inputs,
-                input_weights: plan.sees_input(layer).then(|| &panel[neurons_in * columns..]),
-                fresh: layer == 0,
-                omega: plan.stack.omega,
-            };
-            self.arch.dispatch(pass);
+            self.activate(layer, neurons, inputs, sums, slopes.as_deref_mut());
         }
+    }
+
+    /// From the sums of a panel's products (of layer 0: from nothing) to its activations and slopes, as
+    /// [`Self::hidden_layer`].
+    pub(crate) fn activate(
+        &self,
+        layer: usize,
+        neurons: Range<usize>,
+        inputs: &[f32],
+        sums: &mut [f32],
+        slopes: Option<&mut [f32]>,
+    ) {
+        let plan = self.plan;
+        let (first, columns) = (neurons.start, neurons.len());
+        let panel = &self.panels[plan.panel_range(layer, &neurons)];
+        let pass = Activation {
+            sums: &mut sums[first..],
+            slopes: slopes.map(|slopes| &mut slopes[first..]),
+            stride: plan.stride(),
+            biases: &self.parameters[plan.layers[layer].biases + first..][..columns],
+            inputs,
+            axes: plan.stack.inputs,
+            input_weights: plan.sees_input(layer).then(|| &panel[plan.neurons_in(layer) * columns..]),
+            fresh: layer == 0,
+            omega: plan.stack.omega,
+        };
+        self.arch.dispatch(pass);
     }
 
     /// All hidden layers of a block without their slopes, by turns in two buffers `[rows][stride]`; the last one's

@@ -29,7 +29,7 @@ pub(crate) const BLOCK: usize = 128;
 
 /// Neurons of a panel; the last one of a layer may have fewer. Products of 64 columns are as fast as of 128 and spread
 /// over more cores.
-const PANEL: usize = 64;
+pub(crate) const PANEL: usize = 64;
 
 /// Samples of a window, a whole number of blocks: at width 512 its activations and slopes are 21 MiB. Windows of 2048
 /// and 4096 samples cost small networks 5 and 8 %, because their values leave the cache before they are used again.

@@ -14,7 +14,7 @@ use thiserror::Error;
 use super::divergence::{Verdict, Watch};
 use super::permutation::Permutation;
 use super::schedule::Schedule;
-use super::{AdamConfig, EngineError, Loss, TrainingEngine};
+use super::{AdamConfig, EngineError, Loss, Precision, TrainingEngine};
 use crate::dataset::DatasetError;
 use crate::samples::Samples;
 use crate::section::SectionError;
@@ -47,10 +47,18 @@ pub struct TrainingPlan {
     pub adam: AdamConfig,
     /// What a step minimises; as `adam`.
     pub loss: Loss,
+    /// What products are computed in; as `adam`.
+    #[serde(skip_serializing_if = "is_default")]
+    pub precision: Precision,
     /// Decides the order of the samples.
     pub seed: u64,
     /// Steps between two reports.
     pub report_every: u64,
+}
+
+/// What stands in no file unless it was chosen.
+fn is_default(precision: &Precision) -> bool {
+    *precision == Precision::default()
 }
 
 impl Default for TrainingPlan {
@@ -61,6 +69,7 @@ impl Default for TrainingPlan {
             schedule: Schedule::default(),
             adam: AdamConfig::default(),
             loss: Loss::default(),
+            precision: Precision::default(),
             seed: 0,
             report_every: 50,
         }

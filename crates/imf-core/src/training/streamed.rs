@@ -1,17 +1,17 @@
-//! Training from a dataset larger than memory: its shards are read in groups while training runs.
+//! Training from a dataset larger than memory: it is read in groups while training runs.
 //!
-//! An epoch's order follows from the plan's seed, the epoch, the number of shards in a group and the dataset, from
-//! nothing else:
+//! An epoch's order follows from the plan's seed, the epoch, the number of groups and the dataset, from nothing else:
 //!
-//! 1. The shards are permuted by seed and epoch, and cut into groups of as many shards as were asked for; the last
-//!    group may have fewer.
-//! 2. The samples of a group, its shards in the order of the dataset, are permuted by seed, epoch and the group's
-//!    number. One group of all shards has the order of [`super::run::train`].
+//! 1. Every shard's samples are dealt to the groups like cards: each run of as many neighbours as there are groups has one for
+//!    each, by a turn that depends on seed, epoch, shard and run. So every group has its share of every section, evenly over the
+//!    part, and all groups of an epoch together have every sample once.
+//! 2. The samples of a group, in the order of the dataset, are permuted by seed, epoch and the group's number. One group has
+//!    the order of [`super::run::train`].
 //!
 //! Groups follow each other without a seam: a batch may have its first samples from one and its others from the next,
-//! so an epoch has every sample once, and as many steps as in memory. Samples of different groups never meet in a batch
-//! but there, and a training ends on those of one group, which costs accuracy at the sections of the others: the fewer
-//! groups, the better.
+//! so an epoch has as many steps as in memory. Batches are as mixed as those of a training in memory, and so are the last ones
+//! that a network sees, for the price of reading all files once for every group. Where a group was a few whole shards instead,
+//! the network ended on the sections of the last ones and erred twice as much at others.
 //!
 //! A second thread reads the next group while the present one is trained on. Two groups' room is allocated once and
 //! goes to and fro between the threads; [`Shards::memory_in_groups`] says how much that is.
@@ -29,37 +29,64 @@ use crate::samples::Samples;
 use crate::section::SectionError;
 use crate::siren::INPUTS;
 
-/// Sets the order of the shards apart from that of the samples.
-const SHARDS_KEY: u64 = 0x7368_6172_6473;
+/// Sets the turns of dealing apart from the order of the samples.
+const DEAL_KEY: u64 = 0x7368_6172_6473;
 /// Buffers for groups: one in use, one being read.
 const BUFFERS: usize = 2;
 
-/// Shards of one group of an epoch, and where its samples stand in the epoch's order.
+/// Who gets which samples of an epoch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Deal {
+    groups: usize,
+    key: u64,
+}
+
+impl Deal {
+    fn new(groups: usize, seed: u64, epoch: u64) -> Self {
+        Self { groups, key: mix(mix(mix(seed) ^ DEAL_KEY) ^ epoch) }
+    }
+
+    /// The group of a shard's sample.
+    fn group_of(self, shard: usize, sample: usize) -> usize {
+        let run = sample / self.groups;
+        (sample % self.groups + self.turn(shard, run)) % self.groups
+    }
+
+    /// Which group has the first sample of a run.
+    fn turn(self, shard: usize, run: usize) -> usize {
+        (mix(mix(self.key ^ shard as u64) ^ run as u64) % self.groups as u64) as usize
+    }
+
+    /// How many of a shard's samples a group has.
+    fn count(self, group: usize, shard: usize, samples: usize) -> usize {
+        let (runs, rest) = (samples / self.groups, samples % self.groups);
+        let place = (group + self.groups - self.turn(shard, runs)) % self.groups;
+        runs + usize::from(place < rest)
+    }
+}
+
+/// One group of an epoch, and where its samples stand in the epoch's order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Group {
     epoch: u64,
     /// Number in the epoch, from 0.
     number: usize,
-    /// In the order of the dataset.
-    shards: Vec<usize>,
+    deal: Deal,
     places: Range<usize>,
 }
 
 impl Group {
-    /// The groups of an epoch: `size` shards each.
-    fn of_epoch(shards: &Shards, size: usize, seed: u64, epoch: u64) -> Vec<Self> {
-        let order = Permutation::new(shards.count(), mix(mix(seed) ^ SHARDS_KEY), epoch);
-        let order: Vec<usize> = (0..shards.count()).map(|place| order.at(place)).collect();
+    /// The groups of an epoch.
+    fn of_epoch(shards: &Shards, groups: usize, seed: u64, epoch: u64) -> impl Iterator<Item = Self> {
+        let deal = Deal::new(groups, seed, epoch);
         let mut start = 0;
-        let groups = order.chunks(size).enumerate().map(|(number, group)| {
-            let mut group = group.to_vec();
-            group.sort_unstable();
-            let samples: usize = group.iter().map(|&shard| shards.samples_of(shard)).sum();
+        (0..groups).map(move |number| {
+            let of_shard = |shard| deal.count(number, shard, shards.samples_of(shard));
+            let samples: usize = (0..shards.count()).map(of_shard).sum();
             let places = start..start + samples;
             start += samples;
-            Self { epoch, number, shards: group, places }
-        });
-        groups.collect()
+            Self { epoch, number, deal, places }
+        })
     }
 
     /// The order of its samples.
@@ -84,7 +111,7 @@ struct Loaded {
 /// back from the trainer.
 struct Reader<'a> {
     shards: &'a Shards,
-    size: usize,
+    groups: usize,
     seed: u64,
     /// Epoch and place of the first and of the last sample of the run.
     run: [(u64, usize); 2],
@@ -96,7 +123,7 @@ impl Reader<'_> {
         let [(first_epoch, first), (last_epoch, last)] = self.run;
         let mut file = Vec::new();
         for epoch in first_epoch..=last_epoch {
-            for group in Group::of_epoch(self.shards, self.size, self.seed, epoch) {
+            for group in Group::of_epoch(self.shards, self.groups, self.seed, epoch) {
                 let before = epoch == first_epoch && group.places.end <= first;
                 let after = epoch == last_epoch && group.places.start > last;
                 if before || after || group.places.is_empty() {
@@ -104,7 +131,9 @@ impl Reader<'_> {
                 }
                 // The trainer is gone where nothing comes back, and where nobody takes what was read.
                 let Ok(mut samples) = empty.recv() else { return };
-                let read = self.shards.read_into(&group.shards, &mut file, &mut samples, self.stopped);
+                let Group { number, deal, .. } = group;
+                let keep = |shard: usize, sample: usize| deal.group_of(shard, sample) == number;
+                let read = self.shards.read_into(&mut file, &mut samples, self.stopped, &keep);
                 let failed = read.is_err();
                 let loaded = read.map(|()| Loaded { order: group.order(self.seed), group, samples });
                 if full.send(loaded).is_err() || failed {
@@ -161,7 +190,7 @@ impl Groups {
     }
 }
 
-/// As [`super::run::train`], on a dataset that is read `group` shards at a time. Also returns how long the trainer
+/// As [`super::run::train`], on a dataset that is read in `groups` groups an epoch. Also returns how long the trainer
 /// waited for shards.
 ///
 /// # Errors
@@ -169,14 +198,14 @@ impl Groups {
 pub fn train_streamed(
     plan: &TrainingPlan,
     shards: &Shards,
-    group: usize,
+    groups: usize,
     engine: &mut dyn TrainingEngine,
     start: Cursor,
     observer: &mut dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()>,
 ) -> Result<(Outcome, Duration), TrainError> {
     plan.check()?;
-    if group == 0 {
-        return Err(TrainError::Plan("a group needs at least one shard".into()));
+    if groups == 0 {
+        return Err(TrainError::Plan("an epoch needs at least one group".into()));
     }
     let samples = shards.samples();
     if samples == 0 {
@@ -188,7 +217,7 @@ pub fn train_streamed(
     let stopped = AtomicBool::new(false);
     let reader = Reader {
         shards,
-        size: group,
+        groups,
         seed: plan.seed,
         run: [(start.epoch, (start.step as usize).saturating_mul(plan.batch)), (last_step / per_epoch, last)],
         stopped: &stopped,
@@ -198,19 +227,19 @@ pub fn train_streamed(
         let (send, full) = sync_channel(1);
         for _ in 0..BUFFERS {
             // The other end stands two lines above.
-            let _ = give.send(shards.room_for(group));
+            let _ = give.send(shards.room_for(groups));
         }
         let thread = scope.spawn(move || reader.run(&empty, &send));
-        let mut groups = Groups { full, empty: give, current: None, waited: Duration::ZERO };
+        let mut loaded = Groups { full, empty: give, current: None, waited: Duration::ZERO };
         let mut feed =
             |cursor: Cursor, _: u64, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
-                groups.fill(cursor.epoch, cursor.step as usize * plan.batch + rows.start, inputs, targets)
+                loaded.fill(cursor.epoch, cursor.step as usize * plan.batch + rows.start, inputs, targets)
             };
         let outcome = train_by(plan, samples, &mut feed, engine, start, observer);
-        let waited = groups.waited;
+        let waited = loaded.waited;
         stopped.store(true, std::sync::atomic::Ordering::Relaxed);
         // With its channels closed a reader that still has work stops.
-        drop(groups);
+        drop(loaded);
         thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         Ok((outcome?, waited))
     })

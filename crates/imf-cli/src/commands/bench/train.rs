@@ -10,7 +10,7 @@ use anyhow::{Context as _, Result, ensure};
 use imf_core::siren::matrix::{Matrix, multiply};
 use imf_core::siren::{INPUTS, SirenShape};
 use imf_core::training::run::TrainingPlan;
-use imf_core::training::{TrainingEngine, TrainingState};
+use imf_core::training::{Precision, TrainingEngine, TrainingState};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -42,7 +42,7 @@ struct Row {
     batch: usize,
     samples_per_second: f64,
     gflops: f64,
-    /// Of a 1024×512×512 product on all cores, the best of the same rounds; on the CPU alone.
+    /// Of a 1024×512×512 product in f32 on all cores, the best of the same rounds; on the CPU alone.
     peak_gflops: Option<f64>,
     share: Option<f64>,
     rivals: Vec<Rival>,
@@ -62,14 +62,15 @@ pub(super) fn run(session: &Session, arguments: &TrainBenchArguments) -> Result<
     let device = Device::open(&arguments.device.device, session)?;
     let shape = SirenShape { width: arguments.width, ..SirenShape::default() };
     shape.check()?;
+    let plan = TrainingPlan { precision: arguments.precision.into(), ..TrainingPlan::default() };
+    device.require_precision(plan.precision)?;
     let on_cpu = matches!(device, Device::Cpu);
     let mut torch =
         if on_cpu { Torch::start(session, arguments)? } else { Err("measured on the CPU alone".into()) };
-    let plan = TrainingPlan::default();
     let mut rows = Vec::new();
     let mut engine_name = String::new();
     for &batch in &arguments.batch {
-        let needed = device.training_memory(shape, batch)?;
+        let needed = device.training_memory(shape, batch, plan.precision)?;
         session.require_memory(needed, || format!("a batch of {batch}; use a smaller --batch"))?;
         let mut engine =
             device.trainer(session.rank(), shape, &plan, batch, TrainingState::new(&shape, 1))?;
@@ -79,7 +80,7 @@ pub(super) fn run(session: &Session, arguments: &TrainBenchArguments) -> Result<
     }
     let report = Report {
         machine: Machine::new(session.threads()),
-        network: format!("{}×{}, f32, L1, Adam", shape.hidden, shape.width),
+        network: format!("{}×{}, {}, L1, Adam", shape.hidden, shape.width, plan.precision),
         engine: engine_name,
         rows,
         torch: torch.map_or_else(|why| why, |torch| format!("PyTorch {}", torch.version)),
@@ -152,7 +153,7 @@ fn markdown(report: &Report) -> Result<String> {
         "batch",
         "samples/s",
         "GFLOP/s",
-        "share of the peak",
+        "share of the f32 peak",
         "PyTorch eager",
         "ours over it",
         "compiled",
@@ -230,6 +231,7 @@ impl Torch {
         let mut process = Command::new(python)
             .arg(&script)
             .args(["--threads", &session.threads().to_string(), "--width", &arguments.width.to_string()])
+            .args(["--precision", &Precision::from(arguments.precision).to_string()])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())

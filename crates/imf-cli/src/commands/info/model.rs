@@ -46,8 +46,8 @@ pub(super) fn describe(path: &Path, model: &Model) -> Result<Description> {
             ),
         ),
     ]);
-    if let Some(group) = record.shards_per_group {
-        lines.push(("order of samples", format!("groups of {group} shards, read while training")));
+    if let Some(groups) = record.groups_per_epoch {
+        lines.push(("order of samples", format!("{groups} groups an epoch, read while training")));
     }
     if let Some(last) = record.losses.last() {
         lines.push(("loss", format!("{:.6} at step {}", last.loss, last.step)));
@@ -72,7 +72,7 @@ pub(super) fn describe(path: &Path, model: &Model) -> Result<Description> {
             "orientations": { "set": record.orientations.spec, "count": record.orientations.len() },
             "sampling": record.sampling,
             "samples": record.samples,
-            "shards_per_group": record.shards_per_group,
+            "groups_per_epoch": record.groups_per_epoch,
             "steps": record.steps,
             "seconds": record.seconds,
             "engine": record.engine,

@@ -86,7 +86,7 @@ impl Workshop<'_> {
                 sampling: stage.sampling,
                 samples: samples as u64,
                 dataset_crc32: fingerprint(&sections)?,
-                shards_per_group: None,
+                groups_per_epoch: None,
                 fine_tuned_from: from,
                 losses: Vec::new(),
                 pending_loss: (0.0, 0),

@@ -7,7 +7,7 @@ use crate::siren::reference;
 use crate::training::EvaluationEngine;
 
 /// Samples without pattern; `count` of them, from a generator of their own.
-fn batch(count: usize, seed: u64) -> (Vec<f32>, Vec<f32>) {
+pub(super) fn batch(count: usize, seed: u64) -> (Vec<f32>, Vec<f32>) {
     let shape = SirenShape { width: count.max(8), hidden: 1, skip_after: None, omega: 1.0 };
     // Starting weights are a ready source of seeded uniform numbers: layer 0 has five a neuron, in ±1/5.
     let numbers = shape.initial_parameters(seed);
@@ -16,19 +16,19 @@ fn batch(count: usize, seed: u64) -> (Vec<f32>, Vec<f32>) {
     (inputs, targets)
 }
 
-fn as_f64(values: &[f32]) -> Vec<f64> {
+pub(super) fn as_f64(values: &[f32]) -> Vec<f64> {
     values.iter().map(|&v| f64::from(v)).collect()
 }
 
-fn samples_f64(inputs: &[f32]) -> Vec<[f64; INPUTS]> {
+pub(super) fn samples_f64(inputs: &[f32]) -> Vec<[f64; INPUTS]> {
     inputs.chunks_exact(INPUTS).map(|s| std::array::from_fn(|axis| f64::from(s[axis]))).collect()
 }
 
-fn engine(shape: SirenShape, loss: Loss, max_batch: usize, seed: u64) -> CpuTrainer {
+pub(super) fn engine(shape: SirenShape, loss: Loss, max_batch: usize, seed: u64) -> CpuTrainer {
     CpuTrainer::new(shape, AdamConfig::default(), loss, max_batch, TrainingState::new(&shape, seed)).unwrap()
 }
 
-fn shape(width: usize, hidden: usize, skip_after: Option<usize>) -> SirenShape {
+pub(super) fn shape(width: usize, hidden: usize, skip_after: Option<usize>) -> SirenShape {
     SirenShape { width, hidden, skip_after, omega: 30.0 }
 }
 

@@ -5,7 +5,8 @@ use pulp::Arch;
 
 use super::super::adam::AdamFactors;
 use super::super::matrix::{Matrix, multiply};
-use super::super::plan::{Part, Piece, Plan, transpose};
+use super::super::plan::{BLOCK, Part, Piece, Plan, transpose};
+use super::bf16::Pairs;
 
 /// What the update writes, all in the layout of the flat parameters.
 pub(super) struct Arrays<'a> {
@@ -54,6 +55,8 @@ pub(super) struct Update<'a> {
     /// δ of the output layer.
     pub(super) outputs: &'a [f32],
     pub(super) partials: &'a [f32],
+    /// Products in bfloat16, which have what `activations` and `deltas` would.
+    pub(super) pairs: Option<&'a Pairs>,
     /// An earlier window has left its gradient.
     pub(super) accumulate: bool,
     pub(super) factors: Option<AdamFactors>,
@@ -85,7 +88,10 @@ impl Update<'_> {
             Part::Panel(neurons) => {
                 let (width, inputs) = (plan.stack.width, plan.layers[piece.layer].inputs);
                 let neurons_in = plan.neurons_in(piece.layer);
-                if piece.layer > 0 {
+                if let Some(pairs) = self.pairs.filter(|_| piece.layer > 0) {
+                    let blocks = self.samples.div_ceil(BLOCK);
+                    pairs.gradient(piece.layer, neurons.clone(), blocks, gradient, inputs, self.accumulate);
+                } else if piece.layer > 0 {
                     let deltas = if piece.layer == plan.stack.hidden {
                         self.outputs
                     } else {
