@@ -343,6 +343,22 @@ impl SceneSpec<'_> {
         Ok(query.covering(lower, upper, 1)?)
     }
 
+    /// Names of the fixtures whose box does not meet a grid, such as [`SceneSpec::wide_grid`]: nothing there can touch them.
+    ///
+    /// # Errors
+    /// A fixture without triangles.
+    pub fn fixtures_out_of(&self, grid: &Grid) -> Result<Vec<&str>, SceneError> {
+        let (lower, upper) = (grid.origin, grid.origin + grid.size());
+        let mut out = Vec::new();
+        for fixture in self.fixtures {
+            let bounds = fixture_bounds(fixture)?;
+            if bounds.0.cmpgt(upper).any() || bounds.1.cmplt(lower).any() {
+                out.push(fixture.name);
+            }
+        }
+        Ok(out)
+    }
+
     /// Voxelises part and fixtures, apart, on a grid.
     ///
     /// # Errors
@@ -451,6 +467,15 @@ mod tests {
         assert_eq!(scene.obstacle, bodies.obstacle().on(&scene.record.grid).unwrap());
         // The clamp stands on the cube, above its grid.
         assert_eq!((scene.obstacle.count(), scene.fixtures.count()), (512, 0));
+        let wide = |reach: f64| spec.wide_grid(&scene.record.grid, reach).unwrap();
+        assert!(spec.fixtures_out_of(&wide(1.0)).unwrap().is_empty());
+        let far =
+            [Fixture { transform: DMat4::from_translation(DVec3::new(0.0, 90.0, 0.0)), ..clamp(&cube) }];
+        let far = SceneSpec { fixtures: &far, ..spec.clone() };
+        assert_eq!(
+            far.fixtures_out_of(&far.wide_grid(&scene.record.grid, 10.0).unwrap()).unwrap(),
+            ["clamp"]
+        );
         let alone = SceneSpec { fixtures: &[], ..spec };
         let (scene, bodies) = alone.scene_and_bodies(100.0).unwrap();
         assert_eq!((&scene, bodies.obstacle()), (&alone.scene().unwrap(), scene.obstacle.clone()));

@@ -22,6 +22,7 @@ mod sweep;
 
 pub use contact::{Contact, Obstacles, Skin};
 pub use counter::Method;
+pub(crate) use direct::least_mean;
 pub use direct::{direct_cmf, direct_count, direct_element_measures};
 pub use elements::{ElementMeasures, ElementPlans, ElementScratch, elements_at_best};
 pub use imf::{Imf, imf, stream_orientations, stream_sections};
@@ -350,7 +351,8 @@ impl SectionPlan {
             let elements = direct::element_measures(obstacles, &self.tool, orientation, at)?;
             return Ok(elements.iter().map(|&(_, measure)| measure).sum());
         }
-        Ok(direct::least_mean(&self.obstacle, rotated, &self.sharp_points, orientation, at))
+        let (obstacle, at) = (Obstacles::from(&self.obstacle), DVec3::from_array(at.map(|v| v as f64)));
+        Ok(least_mean(obstacle, rotated, None, &self.sharp_points, orientation, at))
     }
 
     /// The voxels where overlaps are counted: those of the grid, and where points off the tip are sharp as many
@@ -455,21 +457,8 @@ impl SectionPlan {
 
     /// The voxels around `x + shift` (in voxels) from the voxel `x` of the grid, and the weights of their trilinear mean.
     fn corners(&self, shift: DVec3) -> Vec<([i64; 3], f64)> {
-        let whole = shift.floor();
-        let fraction = shift - whole;
-        let [ox, oy, oz] = self.offset;
-        let base = [whole.x as i64 + ox, whole.y as i64 + oy, whole.z as i64 + oz];
         // Corners of weight zero are not read: a whole shift reads one voxel.
-        (0..8)
-            .map(|corner: i64| {
-                let bits = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
-                let weight: f64 = (0..3)
-                    .map(|axis| if bits[axis] == 1 { fraction[axis] } else { 1.0 - fraction[axis] })
-                    .product();
-                ([0, 1, 2].map(|axis| base[axis] + bits[axis]), weight)
-            })
-            .filter(|&(_, weight)| weight > 0.0)
-            .collect()
+        direct::around(shift + DVec3::from_array(self.offset.map(|v| v as f64))).collect()
     }
 
     /// `cmf[x] = min(cmf[x], overlap(x + shift))` with `shift` in voxels; the first call of a section sets.

@@ -133,7 +133,7 @@ pub enum MissingAdapter {
     )]
     OnlySoftware(String),
     /// No adapter has the wanted name, index or kind.
-    #[error("no adapter is `{wanted}`; there are {}. Choose one of them by name or index", found.join("; "))]
+    #[error("no adapter is `{wanted}`; the adapters are [{}]: choose one of them by name or index", found.join("; "))]
     Wanted {
         /// What was asked for.
         wanted: String,

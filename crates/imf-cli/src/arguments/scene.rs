@@ -190,6 +190,7 @@ impl SceneArguments {
         let reach = tool_here.reach_from_sharp_points(grid.pitch);
         let wide = spec.wide_grid(&grid, reach)?;
         require_memory_for_sections(session, &wide, &grid, &tool_here, depth.is_some(), elements)?;
+        warn_of_fixtures_out_of_reach(session, &spec, &wide)?;
         let (scene, bodies) = spec.scene_and_bodies(reach)?;
         let scene = self.announced(session, scene)?;
         Ok(match depth {
@@ -313,6 +314,21 @@ impl SceneArguments {
             (None, None, None) => Resolution::Pitch(report.extents.max_element() / DEFAULT_LONGEST),
         }
     }
+}
+
+/// A fixture that nothing can touch changes no result, and was hardly meant to stand where it does.
+pub(crate) fn warn_of_fixtures_out_of_reach(
+    session: &Session,
+    spec: &SceneSpec<'_>,
+    wide: &Grid,
+) -> Result<()> {
+    for name in spec.fixtures_out_of(wide)? {
+        session.warn(&format!(
+            "the fixture {name} is beyond the tool's reach from every voxel of the grid: it changes nothing; check \
+             where it stands (FILE@STEPS) and its unit"
+        ));
+    }
+    Ok(())
 }
 
 /// Refuses sections over `query` that would take more memory than there is; `elements` asks for those of every element

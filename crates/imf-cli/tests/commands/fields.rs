@@ -109,6 +109,9 @@ fn fixtures_beside_the_grid_count_as_far_as_the_tool_reaches() {
         assert_eq!(whole.dim(), (14, 28, 14));
         assert!(near.indexed_iter().all(|((x, y, z), value)| *value == whole[[x, y, z]]), "section {index}");
     }
+    let far = ["--fixture", "block.obj@translate:0,9140,0", "--orientations", "0,0", "--out", "far"];
+    let run = folder.succeed(&[&["field", "block.obj", "--pitch", "10"], &far[..]].concat());
+    assert!(run.stderr.contains("block.obj is beyond the tool's reach"), "{}", run.stderr);
     field(&beside[2..4]);
     let alone: Vec<_> = (0..2).map(|index| folder.npy::<f32>(&format!("out/cmf-0000{index}.npy"))).collect();
     assert_eq!(alone[0], found[0]);

@@ -5,8 +5,8 @@ use rayon::prelude::*;
 
 use crate::control::Control;
 use crate::orientation::{Limits, Orientation};
-use crate::section::{Obstacles, SectionError};
-use crate::tool::{RotatedTool, Tool};
+use crate::section::{Obstacles, SectionError, least_mean};
+use crate::tool::{RotatedTool, Tool, ToolError};
 
 /// Collision measures over cells of longitude θ and latitude 90° − φ of the tool's axis.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,9 +53,9 @@ impl AccessMap {
     }
 }
 
-/// The collision measure at the world point `point` for every cell of directions, by direct counts: the least over the
-/// sharp points `k` of the obstacle's voxel centres in the tool at `point − R k`, divided by the tool's own count with
-/// its tip on a voxel centre. The tool's lengths are in the grid's unit. One unit of progress is one direction.
+/// The collision measure at the world point `point` for every cell of directions, by direct counts: what a section of
+/// that direction reads there, the least over the sharp points `k` of the trilinear mean around `point − R k`. The tool's
+/// lengths are in the grid's unit. One unit of progress is one direction.
 ///
 /// # Errors
 /// A tool that does not fit the grid; [`SectionError::Cancelled`] when the control asks to stop.
@@ -68,23 +68,22 @@ pub fn access_map<'a>(
 ) -> Result<AccessMap, SectionError> {
     let obstacles = obstacles.into();
     tool.check()?;
-    let sharp_points = tool.sharp_point_positions(obstacles.solid.grid.pitch);
+    let grid = &obstacles.solid.grid;
+    let sharp_points = tool.sharp_point_positions(grid.pitch);
+    let at = (point - grid.centre([0; 3])) / grid.pitch;
     let values = (0..cells[0] * cells[1]).into_par_iter().map(|cell| {
         if control.is_cancelled() {
             return Err(SectionError::Cancelled);
         }
         let orientation = AccessMap::orientation(cells, cell / cells[1], cell % cells[1]);
-        let whole = RotatedTool::new(tool, &orientation, obstacles.solid.grid.pitch)?.count;
-        let rotation = orientation.rotation();
-        let counts = sharp_points.iter().map(|&k| {
-            let tip = point - rotation * k;
-            let skin = obstacles.skin.map_or(0, |s| s.rest.count_inside(s.voxels, tip, &orientation));
-            tool.count_inside(obstacles.solid, tip, &orientation) + skin
-        });
-        let least = counts.min().unwrap_or(0);
+        let rotated = RotatedTool::new(tool, &orientation, grid.pitch)?;
+        let rest = match obstacles.skin.map(|skin| RotatedTool::new(skin.rest, &orientation, grid.pitch)) {
+            // Too thin to hold a centre in this orientation.
+            None | Some(Err(ToolError::TooSmall { .. })) => None,
+            Some(rest) => Some(rest?),
+        };
         (control.progress)(1);
-        // Off the grid more centres may fall into the tool than on it.
-        Ok((f64::from(least) / f64::from(whole)).min(1.0) as f32)
+        Ok(least_mean(obstacles, &rotated, rest.as_ref(), &sharp_points, &orientation, at).min(1.0) as f32)
     });
     Ok(AccessMap { cells, values: values.collect::<Result<_, SectionError>>()? })
 }
@@ -93,7 +92,8 @@ pub fn access_map<'a>(
 mod tests {
     use super::*;
     use crate::access::tests::{slotted, small_tool};
-    use crate::section::direct_cmf;
+    use crate::section::{SectionPlan, SectionScratch, direct_cmf};
+    use crate::tool::SharpPoints;
 
     #[test]
     fn at_a_voxel_centre_it_is_the_direct_measure_of_every_direction() {
@@ -118,5 +118,41 @@ mod tests {
         assert_eq!(map.within(&Limits::parse("cone:0,0,1:0").unwrap()).free_share(1.0), 0.0);
         // The last cell along latitude looks nearly straight up.
         assert!(AccessMap::orientation(cells, 3, 4).direction().z > 0.9);
+    }
+
+    #[test]
+    fn it_is_what_sections_read_whatever_is_sharp_and_at_any_point() {
+        let obstacle = slotted();
+        let sharp = SharpPoints::Points(vec![DVec3::new(0.4, -0.3, 0.8), DVec3::new(0.0, 0.0, 1.7)]);
+        let cells = [4, 3];
+        for sharp_points in [SharpPoints::Tip, sharp, SharpPoints::Boundary(None)] {
+            let tool = Tool { sharp_points, ..small_tool() };
+            let (at, step) = ([6, 5, 4], DVec3::new(0.25, 0.5, 0.75));
+            let centre = obstacle.grid.centre(at);
+            let map = |point| access_map(&obstacle, &tool, point, cells, Control::quiet()).unwrap().values;
+            let (there, between) = (map(centre), map(centre + step * obstacle.grid.pitch));
+            let plan = SectionPlan::new(&obstacle, &tool.with_tip_only()).unwrap();
+            let whole = SectionPlan::new(&obstacle, &tool).unwrap();
+            let mut cmf = vec![0.0; obstacle.grid.len()];
+            for cell in 0..12 {
+                let orientation = AccessMap::orientation(cells, cell / 3, cell % 3);
+                whole.cmf(&orientation, &mut SectionScratch::default(), &mut cmf).unwrap();
+                assert_eq!(there[cell], cmf[obstacle.grid.index(at)], "{:?} {cell}", tool.sharp_points);
+                if tool.sharp_points == SharpPoints::Tip {
+                    // Between centres the tip's measure is the mean of the eight sections' values around.
+                    plan.cmf(&orientation, &mut SectionScratch::default(), &mut cmf).unwrap();
+                    let mean: f64 = (0..8usize)
+                        .map(|corner| {
+                            let bits = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
+                            let weight: f64 =
+                                (0..3).map(|a| if bits[a] == 1 { step[a] } else { 1.0 - step[a] }).product();
+                            let voxel = [0, 1, 2].map(|a| at[a] + bits[a]);
+                            weight * f64::from(cmf[obstacle.grid.index(voxel)])
+                        })
+                        .sum();
+                    assert!((f64::from(between[cell]) - mean).abs() < 1e-6, "{cell}");
+                }
+            }
+        }
     }
 }

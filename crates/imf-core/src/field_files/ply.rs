@@ -76,6 +76,12 @@ pub fn write_ply(
     Ok(())
 }
 
+/// A header's line as readers take it: in ASCII alone.
+fn ascii(line: &str) -> String {
+    let line = line.replace("√3", "sqrt(3)").replace('°', " deg").replace('×', "x");
+    line.chars().map(|c| if c.is_ascii() { c } else { '?' }).collect()
+}
+
 fn write_header(
     out: &mut impl Write,
     mesh: &Mesh,
@@ -84,7 +90,7 @@ fn write_header(
 ) -> io::Result<()> {
     writeln!(out, "ply\nformat binary_little_endian 1.0")?;
     for line in comments.iter().flat_map(|comment| comment.lines()) {
-        writeln!(out, "comment {line}")?;
+        writeln!(out, "comment {}", ascii(line))?;
     }
     writeln!(out, "element vertex {}", mesh.vertices.len())?;
     let names = ["x", "y", "z"].into_iter().chain(values.iter().map(|v| v.name));
@@ -108,12 +114,24 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("surface.ply");
         let values = [VertexValues { name: "imf", values: &imf }];
-        write_ply(&path, &mesh, &values, &colours, &["unit mm\nof a cube".into()]).unwrap();
+        write_ply(
+            &path,
+            &mesh,
+            &values,
+            &colours,
+            &["unit mm\nof a cube, √3/2 pitch wide at 60°, '½'".into()],
+        )
+        .unwrap();
         let file = std::fs::read(&path).unwrap();
         let end = b"end_header\n";
         let body = file.windows(end.len()).position(|w| w == end).unwrap() + end.len();
         let header = String::from_utf8_lossy(&file[..body]);
-        assert!(header.contains("comment unit mm\ncomment of a cube\nelement vertex 8\n"), "{header}");
+        assert!(
+            header.contains(
+                "comment unit mm\ncomment of a cube, sqrt(3)/2 pitch wide at 60 deg, '?'\nelement vertex 8\n"
+            ),
+            "{header}"
+        );
         assert!(header.contains("property float z\nproperty float imf\nproperty uchar red\n"), "{header}");
         assert_eq!(file.len(), body + 8 * 19 + 12 * 13);
         let fifth = &file[body + 5 * 19..][..19];

@@ -52,35 +52,45 @@ pub fn direct_cmf(
 ) -> Result<f64, ToolError> {
     let rotated = RotatedTool::new(tool, orientation, obstacle.grid.pitch)?;
     let sharp_points = tool.sharp_point_positions(obstacle.grid.pitch);
-    Ok(least_mean(obstacle, &rotated, &sharp_points, orientation, voxel.map(|v| v as i64)))
+    let at = DVec3::from_array(voxel.map(|v| v as f64));
+    Ok(least_mean(obstacle.into(), &rotated, None, &sharp_points, orientation, at))
 }
 
-/// The least over sharp points of the trilinear means of direct sums around `x − R k`, over the rotated tool's own count;
-/// `voxel`, x, may lie outside the obstacle's grid.
-pub(super) fn least_mean(
-    obstacle: &Occupancy,
+/// The least over sharp points of the trilinear means of direct sums around `x − R k`, over the rotated tool's own count.
+/// `rest` is the rotated tool of the skin, where there is a skin and that tool holds a voxel centre. `at`, x, counts in
+/// voxels from the centre of the obstacle's first one, and may lie outside its grid.
+pub(crate) fn least_mean(
+    obstacles: Obstacles<'_>,
     rotated: &RotatedTool,
+    rest: Option<&RotatedTool>,
     sharp_points: &[DVec3],
     orientation: &Orientation,
-    voxel: [i64; 3],
+    at: DVec3,
 ) -> f64 {
+    let (rotation, pitch) = (orientation.rotation(), obstacles.solid.grid.pitch);
+    let skin = obstacles.skin.zip(rest);
     let mut least = f64::INFINITY;
     for &sharp in sharp_points {
         let mut mean = 0.0;
-        for (position, weight) in around(orientation.rotation() * sharp / obstacle.grid.pitch, voxel) {
-            mean += weight * f64::from(direct_count(obstacle, rotated, position));
+        for (position, weight) in around(at - rotation * sharp / pitch) {
+            let more = skin.map_or(0, |(skin, rest)| direct_count(skin.voxels, rest, position));
+            mean += weight * f64::from(direct_count(obstacles.solid, rotated, position) + more);
         }
         least = least.min(mean / f64::from(rotated.count));
     }
     least
 }
 
-/// The voxels around `voxel − shift` that count, and the weights of their trilinear mean.
-fn around(shift: DVec3, voxel: [i64; 3]) -> impl Iterator<Item = ([i64; 3], f64)> {
-    let at = DVec3::from_array(voxel.map(|v| v as f64)) - shift;
+/// Points this close to a voxel's centre, in voxels, are at it: rounding of a rotation must not make a neighbour count.
+const AT_CENTRE: f64 = 1e-9;
+
+/// The voxels around a point (in voxels) that count, and the weights of their trilinear mean.
+pub(super) fn around(at: DVec3) -> impl Iterator<Item = ([i64; 3], f64)> {
+    let nearest = at.round();
+    let at = DVec3::select((at - nearest).abs().cmplt(DVec3::splat(AT_CENTRE)), nearest, at);
     let low = at.floor();
     let share = at - low;
-    let corners = (0..8).map(move |corner| {
+    let corners = (0..8).map(move |corner: i64| {
         let bits = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
         let weight: f64 =
             (0..3).map(|axis| if bits[axis] == 1 { share[axis] } else { 1.0 - share[axis] }).product();
@@ -123,7 +133,8 @@ pub(super) fn element_measures(
     let mut least = (f32::INFINITY, Vec::new());
     for sharp in tool.sharp_point_positions(grid.pitch) {
         let mut measures = vec![0.0; kinds.len()];
-        for (tip, weight) in around(orientation.rotation() * sharp / grid.pitch, voxel) {
+        let at = DVec3::from_array(voxel.map(|v| v as f64)) - orientation.rotation() * sharp / grid.pitch;
+        for (tip, weight) in around(at) {
             for index in 0..grid.len() {
                 let there = [0, 1, 2].map(|axis| (grid.voxel(index)[axis] as i64 - tip[axis]) as f64);
                 let point = DVec3::from_array(there) * grid.pitch;

@@ -180,6 +180,23 @@ fn sharp_points_are_read_by_trilinear_means() {
 }
 
 #[test]
+fn rounding_of_a_rotation_makes_no_neighbour_count() {
+    // At φ = 60° half of a height of 2 is a whole voxel, but for a last bit.
+    let tool =
+        Tool { sharp_points: SharpPoints::Points(vec![DVec3::new(0.0, 0.0, 2.0)]), ..cylinder(0.4, 4.5) };
+    let orientation = Orientation::new(0.0, 60.0);
+    let z = (orientation.rotation() * DVec3::new(0.0, 0.0, 2.0)).z;
+    assert!(z != 1.0 && (z - 1.0).abs() < 1e-9, "{z:e}");
+    let plan = SectionPlan::new(&scattered(DIMS), &tool).unwrap();
+    let mut cmf = vec![0.0; plan.grid().len()];
+    plan.cmf(&orientation, &mut SectionScratch::default(), &mut cmf).unwrap();
+    let least = cmf.iter().copied().filter(|&value| value > 0.0).fold(f32::INFINITY, f32::min);
+    // The least share of a voxel that a trilinear mean can have here is that of the one fraction, along x.
+    assert!(least > 1e-3, "{least:e}");
+    assert!(cmf.contains(&0.0));
+}
+
+#[test]
 fn a_box_of_voxels_under_a_one_voxel_line_is_counted_in_closed_form() {
     // A line of 5 voxels going up over a block that fills z < 4: overlap = clamp(4 − z, 0, 5).
     let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [4, 4, 8] };

@@ -15,6 +15,7 @@ use imf_core::voxelize::voxelize;
 
 use crate::arguments::access::AccessArguments;
 use crate::arguments::fixture;
+use crate::arguments::scene::warn_of_fixtures_out_of_reach;
 use crate::session::{Session, show_bytes};
 
 /// What is cut.
@@ -154,6 +155,7 @@ impl Setup {
         })?;
         session.detail(&format!("this needs about {}", show_bytes(needed)));
 
+        warn_of_fixtures_out_of_reach(session, &spec, &obstacle_grid)?;
         let bodies = spec.bodies(&obstacle_grid)?;
         let obstacle = bodies.obstacle();
         let contact =

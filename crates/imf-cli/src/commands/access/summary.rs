@@ -81,6 +81,9 @@ pub(super) struct Summary {
     /// What of the best tool collides where none reaches.
     blocked_by: Vec<BlockedRow>,
     tools: Vec<ToolRow>,
+    /// The point of the access maps, and their cells along longitude and latitude.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    map: Option<([f64; 3], [usize; 2])>,
     /// Which directions the tools' shares are of.
     #[serde(skip)]
     map_directions: &'static str,
@@ -147,6 +150,7 @@ impl Summary {
             inaccessible: region(space.inaccessible_volume(), &space.inaccessible),
             blocked_by: blocked::together(setup, findings),
             tools: tools.collect(),
+            map: setup.map.map(|(point, cells)| (point.to_array(), cells)),
             map_directions: directions(setup),
             stock,
             surface: surface.map(|surface| SurfaceRow {

@@ -69,12 +69,18 @@ fn indices(property: Property) -> Option<Vec<i64>> {
 
 pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Mesh, MeshFileError> {
     let read = Parser::<Item>::new().read_ply(&mut Cursor::new(bytes));
-    let mut payload = read.map_err(|error| explain(&error, path))?.payload;
+    let read = read.map_err(|error| explain(&error, path))?;
+    let (header, mut payload) = (read.header, read.payload);
     let malformed =
         |cause: &str| MeshFileError::Malformed { path: path.into(), line: None, cause: cause.into() };
     let Some(vertices) = payload.swap_remove("vertex") else {
         return Err(malformed("it has no element `vertex`"));
     };
+    for name in ["x", "y", "z"] {
+        if header.elements.get("vertex").is_some_and(|vertex| !vertex.properties.contains_key(name)) {
+            return Err(malformed(&format!("its vertices have no property `{name}`")));
+        }
+    }
     let faces = payload.swap_remove("face").unwrap_or_default();
     if !faces.is_empty() && faces.iter().all(|face| face.corners.is_empty()) {
         return Err(malformed("its faces have no list `vertex_indices` or `vertex_index`"));
