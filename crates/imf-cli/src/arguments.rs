@@ -4,6 +4,7 @@ pub(crate) mod access;
 pub(crate) mod check;
 pub(crate) mod clearance;
 pub(crate) mod compress;
+pub(crate) mod families;
 pub(crate) mod fixture;
 pub(crate) mod harmonic;
 pub(crate) mod paper;
@@ -108,6 +109,7 @@ pub(crate) struct BenchArguments {
 #[derive(Subcommand)]
 pub(crate) enum Bench {
     Exact(ExactBenchArguments),
+    Families(families::FamiliesBenchArguments),
     Paper(paper::PaperBenchArguments),
     Train(TrainBenchArguments),
 }
@@ -506,12 +508,12 @@ pub(crate) struct FinetuneArguments {
     pub(crate) device: DeviceArguments,
 }
 
-/// Compare a model with the exact field
+/// Compare a model, or a harmonic or factored field, with the exact field
 #[derive(Args)]
 #[command(after_help = "Examples:\n  imf eval model/model.safetensors\n  imf eval model/model.safetensors \
                         --random 256 --imf grid:25 --out report")]
 pub(crate) struct EvalArguments {
-    /// Model to evaluate
+    /// Model or field to evaluate
     pub(crate) model: PathBuf,
     /// Section that training saw, θ,φ
     #[arg(long, default_value = "0,0", value_name = "θ,φ")]
@@ -522,7 +524,7 @@ pub(crate) struct EvalArguments {
     /// Number of random orientations
     #[arg(long, default_value_t = 64, value_name = "N")]
     pub(crate) random: usize,
-    /// Orientation set of the IMF; the training set by default
+    /// Orientation set of the IMF; a model's training set by default, 225 spread evenly for other fields
     #[arg(long, value_name = "SET")]
     pub(crate) imf: Option<String>,
     /// CMF above which a pose is called blocked

@@ -41,6 +41,13 @@ impl Device {
         }
     }
 
+    /// Refuses a device for fields that are evaluated on the CPU alone.
+    pub(crate) fn require_cpu(name: &str) -> Result<()> {
+        let cpu = ["auto", "cpu"].iter().any(|cpu| name.eq_ignore_ascii_case(cpu));
+        ensure!(cpu, "harmonic and factored fields are answered on the CPU: leave out --device {name}");
+        Ok(())
+    }
+
     /// Bytes of this machine's memory, or of the GPU's, that an engine takes, about.
     pub(crate) fn training_memory(
         &self,

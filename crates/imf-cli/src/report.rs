@@ -1,23 +1,27 @@
-//! The evaluation of a model as a table, as JSON and as pictures.
+//! The evaluation of a field of any family as a table, as JSON and as pictures.
+
+mod subject;
+
+pub(crate) use subject::Subject;
 
 use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use imf_core::control::Control;
-use imf_core::evaluation::{ImfComparison, learnt_imf, learnt_sections, nearest_sections};
+use imf_core::evaluation::{ImfComparison, nearest_sections, whole_imf, whole_sections};
+use imf_core::field::WholeField;
 use imf_core::metrics::ErrorReport;
-use imf_core::model::Model;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::SectionPlan;
 use imf_core::tool::Clearance;
-use imf_core::training::EvaluationEngine;
 use serde::Serialize;
 
 use crate::output::{write_json, write_text};
 use crate::picture::{AxisScale, Bar, BarChart, PanelRow, PanelSheet, Scale};
 use crate::session::Session;
 use crate::slices;
+use subject::Made;
 
 /// What to evaluate.
 pub(crate) struct Questions {
@@ -53,15 +57,13 @@ pub(crate) struct Report {
     /// How deep the cutter may reach below the part's surface, in `unit`.
     contact: Option<f64>,
     promise: String,
-    parameters: usize,
+    #[serde(flatten)]
+    made: Made,
+    /// Sections that it was made from.
     training_sections: usize,
-    training_samples: u64,
-    training_steps: u64,
-    training_seconds: f64,
-    training_engine: String,
     evaluation_engine: String,
     pub(crate) rows: Vec<Row>,
-    /// MSE of the learnt field at random orientations over the exact field's variance there.
+    /// MSE of the field at random orientations over the exact field's variance there.
     mse_over_variance: f64,
     /// The same over the MSE of the nearest training section.
     mse_over_nearest: f64,
@@ -78,20 +80,21 @@ pub(crate) struct Evaluation {
     plan: SectionPlan,
 }
 
-/// Compares a model with the exact field.
+/// Compares a field with the exact one; `engine` says what evaluates it.
 pub(crate) fn evaluate(
     session: &Session,
-    model: &Model,
-    engine: &mut dyn EvaluationEngine,
+    subject: &Subject<'_>,
+    field: &mut dyn WholeField,
+    engine: String,
     questions: &Questions,
 ) -> Result<Evaluation> {
     if questions.random.is_empty() {
         bail!("at least one random orientation is needed");
     }
-    let record = &model.scene.record;
-    let plan = SectionPlan::of_scene(&model.scene)?;
+    let record = &subject.scene.record;
+    let plan = SectionPlan::of_scene(subject.scene)?;
     session.detail(&format!("sections: {}", plan.describe()));
-    let training = &model.record.orientations.orientations;
+    let training = subject.seen.as_ref();
     let singles: Vec<(&str, Orientation)> = [("in", questions.in_sample), ("out", questions.out_of_sample)]
         .into_iter()
         .filter_map(|(kind, orientation)| Some((kind, orientation?)))
@@ -107,7 +110,7 @@ pub(crate) fn evaluate(
         // Whether training saw it is looked up, not assumed.
         let seen = training.iter().any(|o| (o.direction() - orientation.direction()).length() < 1e-9);
         let kind = if seen { "in-sample" } else { "out-of-sample" };
-        let errors = learnt_sections(&plan, &[*orientation], engine, tau, control)?.overall;
+        let errors = whole_sections(&plan, &[*orientation], field, tau, control)?.overall;
         let degrees =
             |angle: f64| format!("{angle:.2}").trim_end_matches('0').trim_end_matches('.').to_owned();
         let name =
@@ -115,16 +118,16 @@ pub(crate) fn evaluate(
         rows.push(Row { name, orientations: 1, errors });
     }
     let random = &questions.random.orientations;
-    let learnt = learnt_sections(&plan, random, engine, tau, control)?.overall;
+    let learnt = whole_sections(&plan, random, field, tau, control)?.overall;
     let nearest = nearest_sections(&plan, random, training, tau, control)?.overall;
     let n = random.len();
     rows.push(Row { name: format!("{n} random sections"), orientations: n, errors: learnt });
     rows.push(Row {
-        name: format!("{n} random sections by nearest trained section"),
+        name: format!("{n} random sections by nearest {} section", subject.made.participle),
         orientations: n,
         errors: nearest,
     });
-    let imf = learnt_imf(&plan, &questions.imf.orientations, engine, tau, control)?;
+    let imf = whole_imf(&plan, &questions.imf.orientations, field, tau, control)?;
     let name = format!("IMF over {} ({})", questions.imf.len(), questions.imf.spec);
     rows.push(Row { name, orientations: questions.imf.len(), errors: imf.errors });
     stage.finish("");
@@ -141,13 +144,9 @@ pub(crate) fn evaluate(
         clearance: record.clearance,
         contact: record.contact,
         promise: record.promise().to_string(),
-        parameters: model.shape.parameter_count(),
+        made: subject.made.clone(),
         training_sections: training.len(),
-        training_samples: model.record.samples,
-        training_steps: model.record.steps,
-        training_seconds: model.record.seconds,
-        training_engine: model.record.engine.clone(),
-        evaluation_engine: engine.describe(),
+        evaluation_engine: engine,
         rows,
         mse_over_variance,
         mse_over_nearest,
@@ -197,33 +196,28 @@ impl Report {
     /// Whether the field was learnt, in one sentence.
     pub(crate) fn verdict(&self) -> String {
         let numbers = format!(
-            "its MSE at random orientations is {:.4} of the exact field's variance and {:.4} of the nearest trained \
+            "its MSE at random orientations is {:.4} of the exact field's variance and {:.4} of the nearest {} \
              section's",
-            self.mse_over_variance, self.mse_over_nearest
+            self.mse_over_variance, self.mse_over_nearest, self.made.participle
         );
+        let verb = self.made.verb;
         if self.learnt {
-            format!("The field is learnt: {numbers}.")
+            format!("The field is {verb}: {numbers}.")
         } else {
-            format!("The field is NOT learnt well: {numbers} (asked: at most 0.1, and below 1).")
+            format!("The field is NOT {verb} well: {numbers} (asked: at most 0.1, and below 1).")
         }
     }
 
     fn markdown(&self, pictures: &[(&str, &str)]) -> String {
         let [x, y, z] = self.dims;
         let mut text = format!(
-            "# {}, tool {}\n\n{} · {x}×{y}×{z} voxels of {:.4} {} · network of {} parameters · {} sections, {} \
-             samples, {} steps, {:.1} s of training on {}\n\n",
+            "# {}, tool {}\n\n{} · {x}×{y}×{z} voxels of {:.4} {} · {}\n\n",
             self.part,
             self.tool,
             self.program,
             self.pitch,
             self.unit,
-            self.parameters,
-            self.training_sections,
-            self.training_samples,
-            self.training_steps,
-            self.training_seconds,
-            self.training_engine
+            self.made.describe(self.training_sections)
         );
         text.push_str("| | MSE | MAE | MPE | false-free | false-blocked | IoU |\n");
         text.push_str("| --- | --- | --- | --- | --- | --- | --- |\n");
@@ -262,49 +256,50 @@ impl Evaluation {
     pub(crate) fn write(
         &self,
         folder: &Path,
-        model: &Model,
-        engine: &mut dyn EvaluationEngine,
+        subject: &Subject<'_>,
+        field: &mut dyn WholeField,
     ) -> Result<()> {
-        self.draw_sections(&folder.join("sections.png"), model, engine).context("sections.png")?;
-        self.draw_imf(&folder.join("imf.png"), model).context("imf.png")?;
+        self.draw_sections(&folder.join("sections.png"), subject, field).context("sections.png")?;
+        self.draw_imf(&folder.join("imf.png"), subject).context("imf.png")?;
         self.error_bars().save(&folder.join("errors.png"))?;
         let mut pictures = vec![
             (
                 "sections.png",
-                "Exact and learnt sections at orientations that training never saw, and their difference",
+                "Sections of the exact field and of this one at orientations that it was not made from, and their \
+                 difference",
             ),
-            ("imf.png", "Inaccessibility measure, exact and learnt, and their difference"),
-            ("errors.png", "Error of the learnt field beside what any field must beat"),
+            ("imf.png", "Inaccessibility measure, exact and of this field, and their difference"),
+            ("errors.png", "Error of the field beside what any field must beat"),
         ];
-        if !model.record.losses.is_empty() {
-            crate::job::loss_chart(&model.record).save(&folder.join("loss.png"))?;
+        if let Some(record) = subject.training.filter(|record| !record.losses.is_empty()) {
+            crate::job::loss_chart(record).save(&folder.join("loss.png"))?;
             pictures.push(("loss.png", "Training loss"));
         }
         write_json(&folder.join("report.json"), &self.report)?;
         write_text(&folder.join("report.md"), &self.report.markdown(&pictures))
     }
 
-    fn draw_sections(&self, path: &Path, model: &Model, engine: &mut dyn EvaluationEngine) -> Result<()> {
-        let (grid, unit) = (*self.plan.grid(), model.scene.record.unit);
+    fn draw_sections(&self, path: &Path, subject: &Subject<'_>, field: &mut dyn WholeField) -> Result<()> {
+        let (grid, unit) = (*self.plan.grid(), subject.scene.record.unit);
+        let shown_as = self.report.made.shown_as;
         let axis = 1;
         let middle = slices::middle(&grid, axis);
         let shown = &self.random.orientations[..self.random.len().min(3)];
         let exact = imf_core::section::sections(&self.plan, shown, Control::quiet())?;
-        let mut field = imf_core::field::LearntField::new(grid, engine);
         let mut slices_shown = Vec::new();
         for (orientation, section) in shown.iter().zip(&exact) {
             let mut learnt = vec![0.0; grid.len()];
-            field.section(orientation.angles(), &mut learnt)?;
+            field.section_at(orientation, &mut learnt)?;
             let exact = slices::slice(section, &grid, axis, middle);
             let learnt = slices::slice(&learnt, &grid, axis, middle);
             let difference = &learnt - &exact;
             slices_shown.push((orientation, exact, learnt, difference));
         }
-        let solid = slices::mask(&model.scene.obstacle, axis, middle);
+        let solid = slices::mask(&subject.scene.obstacle, axis, middle);
         let all: Vec<_> = slices_shown.iter().flat_map(|(_, e, l, _)| [e.view(), l.view()]).collect();
         let measure = Scale::measure_of(&all, "overlap, share of the tool's volume");
         let differences: Vec<_> = slices_shown.iter().map(|(.., d)| d.view()).collect();
-        let difference = Scale::difference_of(&differences, "learnt − exact");
+        let difference = Scale::difference_of(&differences, &format!("{shown_as} − exact"));
         let axes = slices::axes(&grid, unit, axis);
         let rows = slices_shown
             .iter()
@@ -312,7 +307,7 @@ impl Evaluation {
                 title: format!("θ = {:.1}°, φ = {:.1}°", orientation.theta, orientation.phi),
                 panels: vec![
                     slices::panel("exact", e, &solid, &measure, &axes),
-                    slices::panel("learnt", l, &solid, &measure, &axes),
+                    slices::panel(shown_as, l, &solid, &measure, &axes),
                     slices::panel("difference", d, &solid, &difference, &axes),
                 ],
             })
@@ -321,7 +316,7 @@ impl Evaluation {
             title: format!("{}, tool {}", self.report.part, self.report.tool),
             rows,
             notes: vec![format!(
-                "Random orientations that training never saw; plane {}; outline: the part",
+                "Random orientations that the field was not made from; plane {}; outline: the part",
                 slices::layer_title(&grid, unit, axis, middle)
             )],
             pixels_per_voxel: None,
@@ -330,8 +325,9 @@ impl Evaluation {
         Ok(())
     }
 
-    fn draw_imf(&self, path: &Path, model: &Model) -> Result<()> {
-        let (grid, unit) = (*self.plan.grid(), model.scene.record.unit);
+    fn draw_imf(&self, path: &Path, subject: &Subject<'_>) -> Result<()> {
+        let (grid, unit) = (*self.plan.grid(), subject.scene.record.unit);
+        let shown_as = self.report.made.shown_as;
         let difference: Vec<f32> =
             self.imf.learnt.value.iter().zip(&self.imf.exact.value).map(|(l, e)| l - e).collect();
         let cut =
@@ -344,13 +340,13 @@ impl Evaluation {
                     cut(&self.imf.learnt.value, axis),
                     cut(&difference, axis),
                 );
-                (axis, fields, slices::mask(&model.scene.obstacle, axis, slices::middle(&grid, axis)))
+                (axis, fields, slices::mask(&subject.scene.obstacle, axis, slices::middle(&grid, axis)))
             })
             .collect();
         let all: Vec<_> = planes.iter().flat_map(|(_, (e, l, _), _)| [e.view(), l.view()]).collect();
         let measure = Scale::measure_of(&all, "inaccessibility measure IMF");
         let differences: Vec<_> = planes.iter().map(|(_, (.., d), _)| d.view()).collect();
-        let signed = Scale::difference_of(&differences, "learnt − exact");
+        let signed = Scale::difference_of(&differences, &format!("{shown_as} − exact"));
         let rows = planes
             .iter()
             .map(|(axis, (e, l, d), solid)| {
@@ -359,7 +355,7 @@ impl Evaluation {
                     title: slices::layer_title(&grid, unit, *axis, slices::middle(&grid, *axis)),
                     panels: vec![
                         slices::panel("exact", e, solid, &measure, &axes),
-                        slices::panel("learnt", l, solid, &measure, &axes),
+                        slices::panel(shown_as, l, solid, &measure, &axes),
                         slices::panel("difference", d, solid, &signed, &axes),
                     ],
                 }
@@ -378,11 +374,13 @@ impl Evaluation {
     fn error_bars(&self) -> BarChart {
         let mse = |name: &str| self.report.rows.iter().find(|r| r.name.ends_with(name)).map(|r| r.errors);
         let mut bars = Vec::new();
-        if let (Some(learnt), Some(nearest)) = (mse("random sections"), mse("nearest trained section")) {
+        let made = &self.report.made;
+        let nearest = format!("nearest {} section", made.participle);
+        if let (Some(learnt), Some(others)) = (mse("random sections"), mse(&nearest)) {
             let bar = |name: &str, value, marked| Bar { name: name.into(), value, marked };
             bars = vec![
-                bar("learnt field", learnt.mse, true),
-                bar("nearest trained section", nearest.mse, false),
+                bar(&format!("{} field", made.shown_as), learnt.mse, true),
+                bar(&nearest, others.mse, false),
                 bar("constant (variance)", learnt.variance, false),
             ];
         }

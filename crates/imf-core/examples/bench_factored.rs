@@ -4,6 +4,7 @@
 //! `part=teapot scale=1 degree=20 axes=128 ratio=2 width=384 hidden=3 omega=30 rate=1e-3 batch=1024 seconds=240 average=0
 //! muon=0 momentum=0.95 loss=l2 seed=0 evaluate=1`. `steps=N` in place of `seconds` gives the same field each time; `seconds`
 //! are of training, found by a first trial of a few steps. Several trainings of one teacher: `then` between their values.
+//! `from=bracket-raw` teaches that part first, and the trainings with `fine=1` start from its network.
 
 use std::collections::HashMap;
 use std::error::Error;
@@ -12,21 +13,20 @@ use std::time::Instant;
 
 use glam::DVec3;
 use imf_core::control::Control;
-use imf_core::factored::{FactoredField, Optimiser, PointScratch, TeachSettings, teach};
+use imf_core::factored::{FactoredField, FactoredState, Optimiser, PointScratch, TeachSettings, teach};
 use imf_core::harmonic::basis::Domain;
 use imf_core::harmonic::coefficients::Precision;
 use imf_core::harmonic::{FitSettings, HarmonicField, fit, section_count};
 use imf_core::metrics::Errors;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{Around, Resolution, SceneSpec};
+use imf_core::scene::SceneSpec;
 use imf_core::section::{SectionPlan, sections};
 use imf_core::siren::muon::MuonConfig;
 use imf_core::tool::Tool;
 use imf_core::training::run::Length;
 use imf_core::training::schedule::Schedule;
 use imf_core::training::{AdamConfig, Loss};
-use imf_core::unit::LengthUnit;
 
 type Failure = Box<dyn Error>;
 
@@ -56,36 +56,16 @@ fn main() -> Result<(), Failure> {
     }
     let first = &trials[0];
     let part: ReferencePart = first.get("part", "teapot".to_owned())?.parse()?;
-    let scale: f64 = first.get("scale", 1.0)?;
-    let dims = part.dims().map(|n| (n as f64 * scale).round() as usize);
-    let scene = SceneSpec {
-        part: part.name(),
-        mesh: &part.mesh(),
-        unit: LengthUnit::Mm,
-        transform: glam::DMat4::IDENTITY,
-        resolution: Resolution::Dims(dims),
-        margin: 0,
-        conservative: false,
-        tool: &Tool::paper(),
-        fixtures: &[],
-        around: Around::Part,
-    }
-    .scene()?;
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool)?;
     let threads = rayon::current_num_threads();
-    println!("{} {dims:?}, {threads} thread(s)", part.name());
-
-    let settings = FitSettings {
-        degree: first.get("degree", 14)?,
-        axes: first.get("axes", 128)?,
-        sections_per_function: first.get("ratio", 2.0)?,
-        precision: Precision::F32,
-        ..FitSettings::default()
+    println!("{}, {threads} thread(s)", part.name());
+    let source = match first.0.get("from") {
+        Some(name) => {
+            let (_, teacher) = taught_from(first, name.parse()?)?;
+            Some(one(first, &teacher, None, None)?)
+        }
+        None => None,
     };
-    let start = Instant::now();
-    let teacher = fit(&plan, Domain::Directions, &settings, Control::quiet())?;
-    let convolutions = section_count(Domain::Directions, &settings);
-    println!("teacher in {:.1} s from {convolutions} sections: {:?}", seconds(start), teacher.report);
+    let (plan, teacher) = taught_from(first, part)?;
     let random = OrientationSet::parse("random:256:77")?.orientations;
     let exact = sections(&plan, &random, Control::quiet())?;
     let judge = Judge { random: &random, exact: &exact };
@@ -95,13 +75,45 @@ fn main() -> Result<(), Failure> {
         values
     });
     for trial in &trials {
-        one(trial, &teacher, &judge)?;
+        let from = if trial.get("fine", 0)? == 1 { source.as_ref() } else { None };
+        one(trial, &teacher, Some(&judge), from)?;
     }
     Ok(())
 }
 
-/// Teaches one network and measures it.
-fn one(values: &Values, teacher: &HarmonicField, judge: &Judge<'_>) -> Result<(), Failure> {
+/// The teacher of a part.
+fn taught_from(values: &Values, part: ReferencePart) -> Result<(SectionPlan, HarmonicField), Failure> {
+    let scale: f64 = values.get("scale", 1.0)?;
+    let dims = part.dims().map(|n| (n as f64 * scale).round() as usize);
+    let (mesh, tool) = (part.mesh(), Tool::paper());
+    let scene = SceneSpec::of_reference(part, &mesh, dims, &tool).scene()?;
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool)?;
+    let settings = FitSettings {
+        degree: values.get("degree", 14)?,
+        axes: values.get("axes", 128)?,
+        sections_per_function: values.get("ratio", 2.0)?,
+        precision: Precision::F32,
+        ..FitSettings::default()
+    };
+    let start = Instant::now();
+    let teacher = fit(&plan, Domain::Directions, &settings, Control::quiet())?;
+    let convolutions = section_count(Domain::Directions, &settings);
+    println!(
+        "{} {dims:?}: teacher in {:.1} s from {convolutions} sections: {:?}",
+        part.name(),
+        seconds(start),
+        teacher.report
+    );
+    Ok((plan, teacher))
+}
+
+/// Teaches one network and measures it; `from` is where its weights start.
+fn one(
+    values: &Values,
+    teacher: &HarmonicField,
+    judge: Option<&Judge<'_>>,
+    from: Option<&FactoredField>,
+) -> Result<FactoredField, Failure> {
     let mut settings = TeachSettings {
         width: values.get("width", 384)?,
         hidden: values.get("hidden", 3)?,
@@ -140,7 +152,10 @@ fn one(values: &Values, teacher: &HarmonicField, judge: &Judge<'_>) -> Result<()
         steps => steps,
     };
     settings.plan.length = Length::Steps(steps);
-    let mut state = settings.start(teacher.axis_count());
+    let mut state = match from {
+        Some(from) => FactoredState::from_parameters(from.parameters_for(teacher)?, settings.averaging > 0.0),
+        None => settings.start(teacher.axis_count()),
+    };
     let start = Instant::now();
     let mut next = steps / 8;
     teach(teacher, &settings, &mut state, Control::quiet(), &mut |report| {
@@ -170,6 +185,7 @@ fn one(values: &Values, teacher: &HarmonicField, judge: &Judge<'_>) -> Result<()
         field.bytes(),
         field.bytes() - 2 * count as u64
     );
+    let Some(judge) = judge else { return Ok(field) };
     judge.tell("  factored", |group| judge.factored(&field, group));
     if !state.averaged.is_empty() {
         let last = FactoredField { parameters: state.training.parameters.clone(), ..field.clone() };
@@ -183,7 +199,7 @@ fn one(values: &Values, teacher: &HarmonicField, judge: &Judge<'_>) -> Result<()
         judge.tell("  weights in f16", |group| judge.factored(&halves, group));
         evaluate(&field, teacher)?;
     }
-    Ok(())
+    Ok(field)
 }
 
 /// Times of whole fields, single poses and batches; the best of a few.

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::control::Control;
-use crate::field::{LearntField, QueryError};
+use crate::field::{LearntField, QueryError, WholeField};
 use crate::metrics::{ErrorReport, Errors};
 use crate::orientation::Orientation;
 use crate::section::{Imf, SectionError, SectionPlan, imf, sections};
@@ -48,9 +48,22 @@ pub fn learnt_sections(
     threshold: f64,
     control: Control<'_>,
 ) -> Result<SectionErrors, EvaluationError> {
-    let mut field = LearntField::new(*plan.grid(), engine);
+    whole_sections(plan, orientations, &mut LearntField::new(*plan.grid(), engine), threshold, control)
+}
+
+/// Errors of a field's sections at `orientations`, whatever its family. One unit of progress is one section.
+///
+/// # Errors
+/// A failed section, a field that failed, or cancellation.
+pub fn whole_sections(
+    plan: &SectionPlan,
+    orientations: &[Orientation],
+    field: &mut dyn WholeField,
+    threshold: f64,
+    control: Control<'_>,
+) -> Result<SectionErrors, EvaluationError> {
     compare(plan, orientations, threshold, control, |_, orientation, values| {
-        Ok(field.section(orientation.angles(), values)?)
+        Ok(field.section_at(orientation, values)?)
     })
 }
 
@@ -144,7 +157,7 @@ pub fn nearest_sections(
 pub struct ImfComparison {
     /// Exact IMF with its best orientations.
     pub exact: Imf,
-    /// The network's.
+    /// The field's.
     pub learnt: Imf,
     /// Errors of the values.
     pub errors: ErrorReport,
@@ -162,10 +175,23 @@ pub fn learnt_imf(
     threshold: f64,
     control: Control<'_>,
 ) -> Result<ImfComparison, EvaluationError> {
+    whole_imf(plan, orientations, &mut LearntField::new(*plan.grid(), engine), threshold, control)
+}
+
+/// Errors of a field's inaccessibility measure over `orientations`, whatever its family; exact sections run over them
+/// too. One unit of progress is one orientation.
+///
+/// # Errors
+/// A failed section, a field that failed, or cancellation.
+pub fn whole_imf(
+    plan: &SectionPlan,
+    orientations: &[Orientation],
+    field: &mut dyn WholeField,
+    threshold: f64,
+    control: Control<'_>,
+) -> Result<ImfComparison, EvaluationError> {
     let exact = imf(plan, orientations, control)?;
-    let directions: Vec<[f32; 2]> = orientations.iter().map(Orientation::angles).collect();
-    let (value, best) = LearntField::new(*plan.grid(), engine).imf(&directions)?;
-    let learnt = Imf { value, best };
+    let learnt = field.least_over(orientations)?;
     let mut errors = Errors::default();
     errors.add(&exact.value, &learnt.value, threshold);
     Ok(ImfComparison { exact, learnt, errors: errors.report(threshold) })

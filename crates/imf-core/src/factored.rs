@@ -11,6 +11,7 @@
 //! one scale, the teacher's root mean square, are the coefficients. Outside the box of the voxel centres, where nothing
 //! was taught, there is no answer.
 
+mod adapt;
 mod answers;
 mod evaluate;
 pub mod file;

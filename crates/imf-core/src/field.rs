@@ -6,10 +6,12 @@
 mod contact;
 mod exact;
 mod learnt;
+mod whole;
 
 pub use contact::ContactField;
 pub use exact::ExactField;
 pub use learnt::LearntField;
+pub use whole::WholeField;
 
 use glam::DVec3;
 use rayon::prelude::*;

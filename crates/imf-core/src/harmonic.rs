@@ -20,6 +20,7 @@ mod fit;
 mod npz;
 mod point;
 pub mod radial;
+mod refine;
 pub mod rotations;
 mod screen;
 pub mod sphere;
@@ -30,6 +31,7 @@ pub use evaluate::Heads;
 pub(crate) use evaluate::{VoxelCoefficients, minimum_of, sections_of};
 pub use fit::{FitReport, FitSettings, Sizes, estimate, fit, section_count};
 pub use point::{Gradient, PointScratch};
+pub use refine::Refined;
 pub use screen::{CANDIDATES, Screened};
 
 use thiserror::Error;

@@ -3,7 +3,11 @@
 //!
 //! [`Periodic`] continues values at equal steps of one full turn, as weights of these values. [`AngleGrid`] does so
 //! over the `grid:N` of angle pairs: bilinear in θ and φ, periodic in θ; beyond the last φ, which lies one step before 180°,
-//! over the pole to the opposite meridian.
+//! over the pole to the opposite meridian. [`CoarseTable`] keeps fewer voxels too: what a given memory is worth.
+
+mod coarse;
+
+pub use coarse::CoarseTable;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -119,6 +123,16 @@ impl AngleGrid {
         OrientationSet::parse(&format!("grid:{}", self.n))
     }
 
+    fn orientations_in_order(&self) -> Vec<Orientation> {
+        let n = self.n;
+        (0..n * n)
+            .map(|index| {
+                let [theta, phi] = [index / n, index % n].map(|step| step as f64 / n as f64);
+                Orientation::new(360.0 * theta, 180.0 * phi)
+            })
+            .collect()
+    }
+
     /// Which sections make up the one at `orientation`, and with which weights; these sum to 1.
     #[must_use]
     pub fn weights(&self, orientation: &Orientation) -> Vec<(usize, f64)> {
@@ -159,13 +173,7 @@ impl StoredSections {
     /// # Errors
     /// A failed section, or cancellation.
     pub fn new(plan: &SectionPlan, angles: AngleGrid, control: Control<'_>) -> Result<Self, SectionError> {
-        let n = angles.n;
-        let orientations: Vec<Orientation> = (0..n * n)
-            .map(|index| {
-                let [theta, phi] = [index / n, index % n].map(|step| step as f64 / n as f64);
-                Orientation::new(360.0 * theta, 180.0 * phi)
-            })
-            .collect();
+        let orientations = angles.orientations_in_order();
         let sections = sections(plan, &orientations, control)?;
         Ok(Self { angles, orientations, sections })
     }

@@ -80,6 +80,7 @@ pub mod scene;
 pub mod section;
 pub mod siren;
 pub mod stored;
+pub mod tensor_file;
 pub mod tool;
 pub mod toolpath;
 pub mod training;

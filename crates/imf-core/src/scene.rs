@@ -19,6 +19,7 @@ use crate::grid::{Grid, GridError};
 use crate::mesh::Mesh;
 use crate::mesh::topology::MeshReport;
 use crate::occupancy::Occupancy;
+use crate::parts::ReferencePart;
 use crate::tool::{Clearance, ClearanceError, Tool};
 use crate::unit::LengthUnit;
 use crate::voxelize::voxelize;
@@ -246,7 +247,24 @@ pub struct SceneSpec<'a> {
     pub around: Around,
 }
 
-impl SceneSpec<'_> {
+impl<'a> SceneSpec<'a> {
+    /// A reference part on so many voxels, alone and as it lies. `mesh` is the part's own.
+    #[must_use]
+    pub fn of_reference(part: ReferencePart, mesh: &'a Mesh, dims: [usize; 3], tool: &'a Tool) -> Self {
+        Self {
+            part: part.name(),
+            mesh,
+            unit: LengthUnit::Mm,
+            transform: DMat4::IDENTITY,
+            resolution: Resolution::Dims(dims),
+            margin: 0,
+            conservative: false,
+            tool,
+            fixtures: &[],
+            around: Around::Part,
+        }
+    }
+
     /// The grid that the scene will have. With [`Around::All`] and [`Resolution::Dims`] the pitch is the smallest at
     /// which everything fits.
     ///

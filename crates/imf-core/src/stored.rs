@@ -4,10 +4,11 @@ use std::path::Path;
 
 use thiserror::Error;
 
-use crate::factored::file::{FactoredFile, FactoredFileError};
-use crate::harmonic::file::{HarmonicFile, HarmonicFileError};
+use crate::factored::file::FactoredFile;
+use crate::harmonic::file::HarmonicFile;
 use crate::model::{Model, ModelError};
 use crate::scene::Scene;
+use crate::tensor_file::TensorFileError;
 
 /// A field and the scene that it is of.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,12 +27,9 @@ pub enum StoredFieldError {
     /// A network's file.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// A harmonic field's file.
+    /// A harmonic or factored field's file.
     #[error(transparent)]
-    Harmonic(#[from] HarmonicFileError),
-    /// A factored field's file.
-    #[error(transparent)]
-    Factored(#[from] FactoredFileError),
+    Tensors(#[from] TensorFileError),
 }
 
 impl StoredField {

@@ -21,7 +21,8 @@ const RATE: f32 = 1.5e-3;
 #[command(
     after_help = "Example:\n  imf field teapot --method harmonic --orientations 0,0 --out sections --save \
                         teapot.safetensors\n  imf compress teapot.safetensors --out small\n  imf query \
-                        small/field.safetensors poses.csv\n\nWrites field.safetensors and checkpoint.safetensors (for \
+                        small/field.safetensors poses.csv\n  imf compress changed.safetensors --from \
+                        small/field.safetensors --epochs 1 --out changed\n\nWrites field.safetensors and checkpoint.safetensors (for \
                         --resume). Ctrl-C writes a checkpoint and stops."
 )]
 pub(crate) struct CompressArguments {
@@ -33,6 +34,10 @@ pub(crate) struct CompressArguments {
     /// Continue from the checkpoint in the output folder
     #[arg(long)]
     pub(crate) resume: bool,
+    /// Start from the network of another field, such as that of the part before it was changed: fewer epochs are enough.
+    /// Its width, layers and ω are taken over
+    #[arg(long, value_name = "FIELD")]
+    pub(crate) from: Option<PathBuf>,
     /// Neurons of every hidden layer
     #[arg(long, default_value_t = WIDTH, value_name = "N")]
     pub(crate) width: usize,

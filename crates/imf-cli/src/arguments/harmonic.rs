@@ -42,6 +42,9 @@ pub(crate) struct HarmonicArguments {
     /// With --imf: count the best orientations of every voxel exactly, so that values are exact and zeros proven
     #[arg(long, requires = "method", requires = "imf")]
     pub(crate) confirm: bool,
+    /// With --imf: the least over all directions, not only over the set: from its best direction down the field's gradient
+    #[arg(long, requires = "method", requires = "imf", conflicts_with = "confirm")]
+    pub(crate) refine: bool,
     /// Keep the harmonic field in this file, for imf query and imf info; NAME.npz for NumPy
     #[arg(long, value_name = "FILE", requires = "method")]
     pub(crate) save: Option<PathBuf>,

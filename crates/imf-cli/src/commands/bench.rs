@@ -1,8 +1,9 @@
 //! `imf bench`: measurements that a user can repeat. `exact` compares the exact sections with what one would
 //! write oneself, and shows how their cost grows; `train` compares the training engine with PyTorch; `paper` makes the
-//! paper's tables and figures.
+//! paper's tables and figures; `families` sets every family of fields side by side.
 
 mod device;
+mod families;
 mod growth;
 mod machine;
 mod paper;
@@ -14,16 +15,15 @@ use std::fmt::Write;
 use std::time::Instant;
 
 use anyhow::{Result, ensure};
-use glam::{DMat4, DVec3};
+use glam::DVec3;
 use imf_core::grid::Grid;
 use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{Around, Resolution, Scene, SceneSpec};
+use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::{SectionPlan, SectionScratch, stream_sections};
 use imf_core::tool::{RotatedTool, Tool};
-use imf_core::unit::LengthUnit;
 use imf_core::voxelize::voxelize;
 use serde::Serialize;
 
@@ -44,6 +44,7 @@ const ROUNDS: usize = 3;
 pub(crate) fn run(session: &Session, arguments: &BenchArguments) -> Result<()> {
     match &arguments.bench {
         Bench::Exact(arguments) => exact(session, arguments),
+        Bench::Families(arguments) => families::run(session, arguments),
         Bench::Paper(arguments) => paper::run(session, arguments),
         Bench::Train(arguments) => train::run(session, arguments),
     }
@@ -156,19 +157,7 @@ fn exact(session: &Session, arguments: &ExactBenchArguments) -> Result<()> {
 
 /// A reference part on so many voxels, alone.
 fn scene(part: ReferencePart, mesh: &Mesh, dims: [usize; 3], tool: &Tool) -> Result<Scene> {
-    let spec = SceneSpec {
-        fixtures: &[],
-        around: Around::Part,
-        part: part.name(),
-        mesh,
-        unit: LengthUnit::Mm,
-        transform: DMat4::IDENTITY,
-        resolution: Resolution::Dims(dims),
-        margin: 0,
-        conservative: false,
-        tool,
-    };
-    Ok(spec.scene()?)
+    Ok(SceneSpec::of_reference(part, mesh, dims, tool).scene()?)
 }
 
 /// What the rivals are given: voxels of obstacle and tools, and what we counted.

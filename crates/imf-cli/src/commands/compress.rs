@@ -24,8 +24,13 @@ const FIELD: &str = "field.safetensors";
 const BYTES_PER_PARAMETER: u64 = 4 * 8;
 
 pub(crate) fn run(session: &Session, arguments: &CompressArguments) -> Result<()> {
-    let settings = arguments.settings();
+    let mut settings = arguments.settings();
     settings.check()?;
+    let from = arguments.from.as_deref().map(FactoredFile::read).transpose()?;
+    if let Some(from) = &from {
+        let TeachSettings { width, hidden, omega, .. } = from.settings;
+        settings = TeachSettings { width, hidden, omega, ..settings };
+    }
     prepare_folder(&arguments.out)?;
     let teacher = HarmonicFile::read(&arguments.field)?;
     let axes = teacher.field.axis_count();
@@ -38,7 +43,7 @@ pub(crate) fn run(session: &Session, arguments: &CompressArguments) -> Result<()
     })?;
     let path = arguments.out.join(CHECKPOINT);
     let mut work = Work { teacher: &teacher, settings, precision: arguments.precision() };
-    let mut state = work.start(&path, arguments.resume)?;
+    let mut state = work.start(&path, arguments.resume, from.as_ref())?;
     let voxels = teacher.field.grid.len();
     let total = settings.plan.total_steps(voxels);
     session.note(&format!(
@@ -87,15 +92,23 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    /// Where teaching begins: at random weights, or at the checkpoint.
-    fn start(&mut self, path: &Path, resume: bool) -> Result<FactoredState> {
+    /// Where teaching begins: at random weights, at those of another field, or at the checkpoint.
+    fn start(&mut self, path: &Path, resume: bool, from: Option<&FactoredFile>) -> Result<FactoredState> {
         if !resume {
             ensure!(
                 !path.exists() || path.with_file_name(FIELD).exists(),
                 "{} holds an unfinished training: add --resume, choose another --out, or remove it",
                 path.display()
             );
-            return Ok(self.settings.start(self.teacher.field.axis_count()));
+            let Some(from) = from else {
+                return Ok(self.settings.start(self.teacher.field.axis_count()));
+            };
+            ensure!(
+                from.field.basis.domain() == self.teacher.field.basis.domain(),
+                "--from is a field of another kind of tool: one is symmetric about its axis, the other is not"
+            );
+            let parameters = from.field.parameters_for(&self.teacher.field)?;
+            return Ok(FactoredState::from_parameters(parameters, false));
         }
         let found = FactoredFile::read(path)?;
         let Some(state) = found.state else {

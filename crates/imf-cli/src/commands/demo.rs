@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use anyhow::Result;
 use imf_core::dataset::{Sampling, generate};
+use imf_core::field::LearntField;
 use imf_core::held_out::HeldOutChoice;
 use imf_core::mesh::topology::MeshReport;
 use imf_core::orientation::{Orientation, OrientationSet};
@@ -22,7 +23,7 @@ use crate::engine::Device;
 use crate::job::{self, Data, Settings};
 use crate::output::{prepare_folder, print, print_json};
 use crate::progress::show_seconds;
-use crate::report::{Questions, evaluate};
+use crate::report::{Questions, Subject, evaluate};
 use crate::session::Session;
 
 /// Training steps: a minute on two fast cores.
@@ -33,7 +34,7 @@ const DIMS: [usize; 3] = [29, 38, 61];
 const SECTIONS: usize = 225;
 /// A narrow network and a lower frequency than the paper's 30: trained on 225 sections for a minute, ω = 10 reaches an
 /// MSE of 2e-6 at unseen orientations, ω = 30 2e-5.
-const SHAPE: SirenShape = SirenShape { width: 128, hidden: 5, skip_after: Some(2), omega: 10.0 };
+pub(crate) const SHAPE: SirenShape = SirenShape { width: 128, hidden: 5, skip_after: Some(2), omega: 10.0 };
 
 pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
     let begun = Instant::now();
@@ -103,8 +104,10 @@ pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
         imf: set,
         threshold: 0.001,
     };
-    let evaluation = evaluate(session, &model, engine.as_mut(), &questions)?;
-    evaluation.write(&arguments.out, &model, engine.as_mut())?;
+    let (subject, evaluated_by) = (Subject::of_model(&model), engine.describe());
+    let mut field = LearntField::new(model.scene.record.grid, engine.as_mut());
+    let evaluation = evaluate(session, &subject, &mut field, evaluated_by, &questions)?;
+    evaluation.write(&arguments.out, &subject, &mut field)?;
     if session.json {
         return print_json(&evaluation.report);
     }

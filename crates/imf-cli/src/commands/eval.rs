@@ -1,44 +1,107 @@
-//! `imf eval`: a model against the exact field.
+//! `imf eval`: a field of any family against the exact one.
 
 use anyhow::{Result, bail};
-use imf_core::model::Model;
+use imf_core::factored::file::FactoredFile;
+use imf_core::field::{LearntField, WholeField};
+use imf_core::harmonic::basis::Basis;
+use imf_core::harmonic::coefficients::Precision;
+use imf_core::harmonic::{HarmonicAnswers, HarmonicField};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::SectionPlan;
+use imf_core::stored::StoredField;
 
 use crate::arguments::EvalArguments;
 use crate::engine::Device;
 use crate::output::{prepare_folder, print, print_json};
-use crate::report::{Questions, evaluate};
+use crate::report::{Evaluation, Questions, Subject, evaluate};
 use crate::session::Session;
+
+/// Orientations of the IMF by default, of a field that has no training set: as many as the paper's.
+const IMF_ORIENTATIONS: usize = 225;
 
 pub(crate) fn run(session: &Session, arguments: &EvalArguments) -> Result<()> {
     if let Some(folder) = &arguments.out {
         prepare_folder(folder)?;
     }
-    let model = Model::read(&arguments.model)?;
-    let record = &model.scene.record;
+    let stored = StoredField::read(&arguments.model)?;
+    let record = &stored.scene().record;
+    let coefficients = match &stored {
+        StoredField::Factored(file) => 4 * (record.grid.len() * file.field.shape.axes) as u64,
+        StoredField::Siren(_) | StoredField::Harmonic(_) => 0,
+    };
     let needed = SectionPlan::memory_estimate(&record.grid, &record.tool, session.threads())
-        + 40 * record.grid.len() as u64 * session.threads() as u64;
-    session.require_memory(needed, || "the exact field beside the learnt one; use fewer --threads".into())?;
-    let questions = Questions {
+        + 40 * record.grid.len() as u64 * session.threads() as u64
+        + coefficients;
+    session.require_memory(needed, || "the exact field beside the other one; use fewer --threads".into())?;
+    let subject = Subject::of_stored(&stored)?;
+    let evaluation = match &stored {
+        StoredField::Siren(model) => {
+            let questions = questions(arguments, None, &model.record.orientations)?;
+            let device = Device::open(&arguments.device.device, session)?;
+            let mut engine = device.evaluator(model.shape, &model.state.parameters)?;
+            let engine_name = engine.describe();
+            session.note(&format!("evaluating on {engine_name}"));
+            let mut field = LearntField::new(record.grid, engine.as_mut());
+            let evaluation = evaluate(session, &subject, &mut field, engine_name, &questions)?;
+            write(session, arguments, &evaluation, &subject, &mut field)?;
+            evaluation
+        }
+        StoredField::Harmonic(file) => harmonic(session, arguments, &subject, &file.field)?,
+        StoredField::Factored(file) => harmonic(session, arguments, &subject, &expanded(file))?,
+    };
+    if session.json { print_json(&evaluation.report) } else { print(&evaluation.report.table()) }
+}
+
+/// The network's coefficients at every voxel, taken once for all sections.
+fn expanded(file: &FactoredFile) -> HarmonicField {
+    file.field.evaluator().expanded(Precision::F32, file.report)
+}
+
+fn harmonic(
+    session: &Session,
+    arguments: &EvalArguments,
+    subject: &Subject<'_>,
+    field: &HarmonicField,
+) -> Result<Evaluation> {
+    Device::require_cpu(&arguments.device.device)?;
+    let basis = &field.basis;
+    let questions = questions(arguments, Some(basis), &basis.even_set(IMF_ORIENTATIONS)?)?;
+    let engine = format!("CPU, {} threads", session.threads());
+    let mut answers = HarmonicAnswers(field);
+    let evaluation = evaluate(session, subject, &mut answers, engine, &questions)?;
+    write(session, arguments, &evaluation, subject, &mut answers)?;
+    Ok(evaluation)
+}
+
+/// What is asked; of a harmonic field over rotations the random orientations roll too.
+fn questions(arguments: &EvalArguments, fitted: Option<&Basis>, imf: &OrientationSet) -> Result<Questions> {
+    Ok(Questions {
         in_sample: Some(pair(&arguments.in_sample)?),
         out_of_sample: Some(pair(&arguments.out_of_sample)?),
-        random: OrientationSet::parse(&format!("random:{}:{}", arguments.random, arguments.seed))?,
+        random: match fitted {
+            Some(basis) => basis.random_set(arguments.random, arguments.seed)?,
+            None => OrientationSet::parse(&format!("random:{}:{}", arguments.random, arguments.seed))?,
+        },
         imf: match &arguments.imf {
             Some(spec) => OrientationSet::parse(spec)?,
-            None => model.record.orientations.clone(),
+            None => imf.clone(),
         },
         threshold: arguments.threshold,
-    };
-    let device = Device::open(&arguments.device.device, session)?;
-    let mut engine = device.evaluator(model.shape, &model.state.parameters)?;
-    session.note(&format!("evaluating on {}", engine.describe()));
-    let evaluation = evaluate(session, &model, engine.as_mut(), &questions)?;
+    })
+}
+
+fn write(
+    session: &Session,
+    arguments: &EvalArguments,
+    evaluation: &Evaluation,
+    subject: &Subject<'_>,
+    field: &mut dyn WholeField,
+) -> Result<()> {
     if let Some(folder) = &arguments.out {
-        evaluation.write(folder, &model, engine.as_mut())?;
+        evaluation.write(folder, subject, field)?;
         session.note(&format!("wrote {}", folder.join("report.md").display()));
     }
-    if session.json { print_json(&evaluation.report) } else { print(&evaluation.report.table()) }
+    Ok(())
 }
 
 fn pair(text: &str) -> Result<Orientation> {

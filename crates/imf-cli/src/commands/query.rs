@@ -9,7 +9,7 @@ use std::fs::File;
 use std::io::{Error as IoError, Read, Write, stdin, stdout};
 use std::path::Path;
 
-use anyhow::{Context as _, Result, ensure};
+use anyhow::{Context as _, Result};
 use glam::DVec3;
 use imf_core::atomic_file::write_atomically;
 use imf_core::factored::FactoredAnswers;
@@ -44,11 +44,9 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     let stored = StoredField::read(&arguments.model)?;
     let scene = stored.scene();
     let record = &scene.record;
-    let asked = arguments.device.device.as_str();
-    ensure!(
-        matches!(stored, StoredField::Siren(_)) || matches!(asked, "auto" | "cpu"),
-        "harmonic and factored fields are answered on the CPU: leave out --device {asked}"
-    );
+    if !matches!(stored, StoredField::Siren(_)) {
+        Device::require_cpu(&arguments.device.device)?;
+    }
     let mut engine;
     let learnt: Box<dyn Field + '_> = match &stored {
         StoredField::Siren(model) => {

@@ -101,6 +101,36 @@ fn confirmed_minima_are_exact_counts_and_zeros_are_proven() {
 }
 
 #[test]
+fn a_refined_minimum_is_nowhere_above_the_sets() {
+    let folder = Folder::new();
+    let run = |more: &[&str], out: &'static str| {
+        let mut asked = arguments(&["--orientations", "fibonacci:30", "--imf"]);
+        asked[11] = out;
+        folder.json(&[&asked[..], more].concat())
+    };
+    run(&[], "set");
+    let summary = run(&["--refine", "--save", "field.safetensors"], "refined");
+    let (set, refined) = (folder.npy::<f32>("set/imf.npy"), folder.npy::<f32>("refined/imf.npy"));
+    let lower = set.iter().zip(&refined).filter(|(set, refined)| refined < set).count();
+    assert!(set.iter().zip(&refined).all(|(set, refined)| refined <= set) && lower > 10, "{lower} lower");
+    assert_eq!(folder.npy::<u32>("set/best.npy"), folder.npy::<u32>("refined/best.npy"));
+    // The value is the field's own in the direction named.
+    let (theta, phi) = (folder.npy::<f32>("refined/theta.npy"), folder.npy::<f32>("refined/phi.npy"));
+    let field = HarmonicFile::read(&folder.path("field.safetensors")).unwrap().field;
+    for index in (0..field.grid.len()).step_by(7) {
+        let voxel = field.grid.voxel(index);
+        let orientation =
+            imf_core::orientation::Orientation::new(f64::from(theta[voxel]), f64::from(phi[voxel]));
+        let mut scratch = imf_core::harmonic::PointScratch::default();
+        let found = field.overlap(field.grid.centre(voxel), &orientation, &mut scratch).unwrap();
+        // Angles in f32, and another order of sums.
+        assert!((found - refined[voxel]).abs() < 1e-5, "{voxel:?}: {found} {}", refined[voxel]);
+    }
+    let files = summary["files"].as_array().unwrap();
+    assert!(files.contains(&"theta.npy".into()) && summary["harmonic"]["refined"] == true);
+}
+
+#[test]
 fn what_belongs_to_exact_sections_is_refused() {
     let folder = Folder::new();
     let refuse = |more: &[&str], expected: &[&str]| {
@@ -133,6 +163,19 @@ fn a_field_is_compressed_into_a_network_through_an_interruption() {
     assert_eq!(bytes("whole/field.safetensors"), bytes("often/field.safetensors"));
     folder.refuse(&compress(&["--out", "often", "--resume", "--seed", "3"]), &["other settings"]);
 
+    // From its own network a few steps are enough, and a network of another shape is taken over.
+    let few: &[&str] =
+        &["compress", "field.safetensors", "--batch", "128", "--steps", "20", "--rate", "1e-4"];
+    let loss = |more: &[&str]| folder.json(&[few, more].concat())["loss"].as_f64().unwrap();
+    let (tuned, fresh) = (
+        loss(&["--from", "whole/field.safetensors", "--out", "tuned"]),
+        loss(&["--width", "32", "--layers", "2", "--out", "fresh"]),
+    );
+    assert!(tuned < 1.5 * whole["loss"].as_f64().unwrap() && tuned < 0.2 * fresh, "{tuned} {fresh}");
+    let info = folder.json(&["info", "tuned/field.safetensors"]);
+    assert_eq!(info["network"]["width"], 32);
+    folder.refuse(&[few, &["--from", "field.safetensors", "--out", "no"]].concat(), &["field.safetensors"]);
+
     let info = folder.json(&["info", "whole/field.safetensors"]);
     assert_eq!((&info["kind"], &info["network"]["width"]), (&"factored".into(), &32.into()));
     let file = imf_core::factored::file::FactoredFile::read(&folder.path("whole/field.safetensors")).unwrap();
@@ -146,4 +189,66 @@ fn a_field_is_compressed_into_a_network_through_an_interruption() {
         &mut imf_core::factored::PointScratch::default(),
     );
     assert!((answer.as_f64().unwrap() - f64::from(expected.unwrap())).abs() < 1e-6);
+}
+
+/// Errors of a field's sections against exact ones, and the variance of these, by plain sums.
+fn errors(
+    field: &imf_core::harmonic::HarmonicField,
+    plan: &SectionPlan,
+    set: &[imf_core::orientation::Orientation],
+) -> (f64, f64, f64) {
+    let exact = sections(plan, set, Control::quiet()).unwrap().concat();
+    let mut values = vec![0.0; exact.len()];
+    field.sections(&field.heads(set), &mut values);
+    let n = exact.len() as f64;
+    let difference = |(&e, &v): (&f32, &f32)| f64::from(v) - f64::from(e);
+    let squared: f64 = exact.iter().zip(&values).map(difference).map(|d| d * d).sum();
+    let largest = exact.iter().zip(&values).map(difference).fold(0.0f64, |a, d| a.max(d.abs()));
+    let mean = exact.iter().map(|&e| f64::from(e)).sum::<f64>() / n;
+    let spread: f64 = exact.iter().map(|&e| (f64::from(e) - mean).powi(2)).sum();
+    (squared / n, largest, spread / n)
+}
+
+#[test]
+fn eval_says_of_both_families_what_plain_sums_say() {
+    let folder = Folder::new();
+    folder.succeed(&arguments(&["--orientations", "0,0", "--save", "field.safetensors"]));
+    let small = ["compress", "field.safetensors", "--width", "32", "--layers", "2", "--batch", "128"];
+    folder.succeed(&[&small[..], &["--steps", "600", "--rate", "4e-3", "--out", "small"]].concat());
+    let scene = model().scene;
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let random = OrientationSet::parse("random:20:3").unwrap().orientations;
+    let harmonic = HarmonicFile::read(&folder.path("field.safetensors")).unwrap();
+    let factored =
+        imf_core::factored::file::FactoredFile::read(&folder.path("small/field.safetensors")).unwrap();
+    let expanded = factored
+        .field
+        .evaluator()
+        .expanded(imf_core::harmonic::coefficients::Precision::F32, factored.report);
+    for (file, family, field) in [
+        ("field.safetensors", "harmonic", &harmonic.field),
+        ("small/field.safetensors", "factored", &expanded),
+    ] {
+        let asked = ["eval", file, "--random", "20", "--seed", "3", "--imf", "fibonacci:30", "--out", family];
+        let report = folder.json(&asked);
+        let (mse, mpe, variance) = errors(field, &plan, &random);
+        let row = &report["rows"][2];
+        assert_eq!((&row["name"], &report["family"]), (&"20 random sections".into(), &family.into()));
+        for (name, expected) in [("mse", mse), ("mpe", mpe), ("variance", variance)] {
+            let found = row[name].as_f64().unwrap();
+            // One section at a time, in blocks of other sizes: the same product up to rounding.
+            assert!(
+                (found - expected).abs() < 1e-6 + 1e-3 * expected,
+                "{family} {name}: {found}, {expected}"
+            );
+        }
+        let nearest = report["rows"][3]["name"].as_str().unwrap();
+        assert!(nearest.ends_with("by nearest fitted section"), "{nearest}");
+        assert_eq!(report["training_sections"], 98);
+        for file in ["report.md", "sections.png", "imf.png", "errors.png"] {
+            assert!(folder.path(family).join(file).exists(), "{file}");
+        }
+        assert!(folder.read(&format!("{family}/report.md")).contains("made from 98 exact sections"));
+        folder.refuse(&["eval", file, "--device", "software"], &["on the CPU", "software"]);
+    }
 }

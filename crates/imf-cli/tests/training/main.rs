@@ -7,6 +7,7 @@ mod arguments;
 mod binary;
 mod damage;
 mod demo;
+mod families;
 mod interruption;
 mod long_runs;
 mod paper;

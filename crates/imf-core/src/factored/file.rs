@@ -12,27 +12,25 @@
 //! state       f32 [3 or 4, weights]            where teaching can go on: weights, both moments, average if one is kept
 //! ```
 
-use std::collections::HashMap;
-use std::io::Write;
 use std::path::Path;
 
 use half::f16;
-use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use safetensors::tensor::Dtype;
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
 use super::{FactoredField, FactoredState, TeachSettings};
-use crate::atomic_file::{AtomicFileError, write_atomically};
 use crate::harmonic::basis::{Basis, Domain};
 use crate::harmonic::coefficients::Precision;
-use crate::harmonic::file::{checksum, floats, little_endian};
+use crate::harmonic::file::kind;
 use crate::harmonic::{FitReport, FitSettings};
 use crate::scene::{Scene, SceneRecord};
+use crate::tensor_file::{
+    Format, Header, TensorFileError, checksum, floats, halves, little_endian, little_endian_halves,
+};
 use crate::training::TrainingState;
 use crate::training::run::Cursor;
 
-const FORMAT: &str = "imf-factored";
-const VERSION: u32 = 1;
+const FORMAT: Format = Format { id: "imf-factored", name: "factored field", version: 1 };
 
 /// A factored field with everything that is known about it.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,44 +51,10 @@ pub struct FactoredFile {
     pub state: Option<FactoredState>,
 }
 
-/// Why a factored field cannot be read or written. Every message names the file.
-#[derive(Debug, Error)]
-pub enum FactoredFileError {
-    /// The file cannot be read.
-    #[error("cannot read the factored field {path}: {source}")]
-    Read {
-        /// The file.
-        path: String,
-        /// The system's reason.
-        source: std::io::Error,
-    },
-    /// No factored field, or a damaged one.
-    #[error("{path} is no intact factored field: {what}")]
-    Damaged {
-        /// The file.
-        path: String,
-        /// What is wrong.
-        what: String,
-    },
-    /// Made by a newer program.
-    #[error(
-        "{path} is a factored field of version {found}, and this program reads up to {VERSION}: use a newer imf"
-    )]
-    Newer {
-        /// The file.
-        path: String,
-        /// Its version.
-        found: u32,
-    },
-    /// The file cannot be written.
-    #[error(transparent)]
-    Write(#[from] AtomicFileError),
-}
-
 #[derive(Serialize, Deserialize)]
 struct Description {
-    format: String,
-    version: u32,
+    #[serde(flatten)]
+    header: Header,
     domain: Domain,
     scene: SceneRecord,
     fit: FitSettings,
@@ -104,33 +68,23 @@ struct Description {
     crc32: u32,
 }
 
-/// The part of the description that can be read whatever its version.
-#[derive(Deserialize)]
-struct Header {
-    format: String,
-    version: u32,
-}
-
 impl FactoredFile {
     /// True for a file whose header names this format, read or not.
     #[must_use]
     pub fn is_one(path: &Path) -> bool {
-        crate::harmonic::file::names_format(path, FORMAT)
+        FORMAT.is_of(path)
     }
 
     /// Writes the field whole or not at all. Equal fields give equal bytes.
     ///
     /// # Errors
     /// A file that cannot be written.
-    pub fn write(&self, path: &Path) -> Result<(), FactoredFileError> {
-        let damaged = |what: String| FactoredFileError::Damaged { path: path.display().to_string(), what };
+    pub fn write(&self, path: &Path) -> Result<(), TensorFileError> {
         let field = &self.field;
         let count = field.parameters.len();
-        let (kind, parameters): (Dtype, Vec<u8>) = match self.precision {
-            Precision::F32 => (Dtype::F32, little_endian(&field.parameters)),
-            Precision::F16 => {
-                (Dtype::F16, field.parameters.iter().flat_map(|&w| f16::from_f32(w).to_le_bytes()).collect())
-            }
+        let parameters = match self.precision {
+            Precision::F32 => little_endian(&field.parameters),
+            Precision::F16 => little_endian_halves(field.parameters.iter().map(|&w| f16::from_f32(w))),
         };
         let (axes, mean) = (little_endian(&field.axes), little_endian(&field.mean));
         let state = self.state.as_ref().map_or(Vec::new(), |state| {
@@ -139,8 +93,7 @@ impl FactoredFile {
             arrays.iter().flat_map(|values| little_endian(values)).collect()
         });
         let description = Description {
-            format: FORMAT.into(),
-            version: VERSION,
+            header: FORMAT.header(),
             domain: field.basis.domain(),
             scene: self.scene.record.clone(),
             fit: self.fit,
@@ -151,97 +104,60 @@ impl FactoredFile {
             progress: self.state.as_ref().map(|state| (state.cursor, state.training.step)),
             crc32: checksum(&[&parameters, &axes, &mean, &state]),
         };
-        let json = serde_json::to_string(&description).map_err(|e| damaged(e.to_string()))?;
         let voxels = self.scene.packed_voxels();
-        let serialized = || {
-            let functions = field.basis.len();
-            let mut views = vec![
-                ("axes", TensorView::new(Dtype::F32, vec![functions, field.shape.axes], &axes)?),
-                ("mean", TensorView::new(Dtype::F32, vec![functions], &mean)?),
-                ("parameters", TensorView::new(kind, vec![count], &parameters)?),
-            ];
-            for (name, bits) in &voxels {
-                views.push((*name, TensorView::new(Dtype::U8, vec![bits.len()], bits)?));
-            }
-            if !state.is_empty() {
-                let arrays = state.len() / (4 * count);
-                views.push(("state", TensorView::new(Dtype::F32, vec![arrays, count], &state)?));
-            }
-            safetensors::serialize(views, Some(HashMap::from([("imf".to_owned(), json.clone())])))
-        };
-        let bytes = serialized().map_err(|e| damaged(e.to_string()))?;
-        Ok(write_atomically(path, |file| file.write_all(&bytes))?)
+        let functions = field.basis.len();
+        let mut tensors = vec![
+            ("axes", Dtype::F32, vec![functions, field.shape.axes], axes.as_slice()),
+            ("mean", Dtype::F32, vec![functions], &mean),
+            ("parameters", kind(self.precision), vec![count], &parameters),
+        ];
+        tensors.extend(voxels.iter().map(|(name, bits)| (*name, Dtype::U8, vec![bits.len()], &bits[..])));
+        if !state.is_empty() {
+            tensors.push(("state", Dtype::F32, vec![state.len() / (4 * count), count], &state));
+        }
+        FORMAT.write(path, &description, &tensors)
     }
 
     /// Reads and checks a field.
     ///
     /// # Errors
     /// A missing, foreign, newer, truncated or damaged file; the message names it and what is wrong.
-    pub fn read(path: &Path) -> Result<Self, FactoredFileError> {
-        let shown = path.display().to_string();
-        let damaged = |what: String| FactoredFileError::Damaged { path: shown.clone(), what };
-        let bytes =
-            std::fs::read(path).map_err(|source| FactoredFileError::Read { path: shown.clone(), source })?;
-        let (_, metadata) = SafeTensors::read_metadata(&bytes)
-            .map_err(|e| damaged(format!("{e}; it was cut short, or is no safetensors file")))?;
-        let json = metadata.metadata().as_ref().and_then(|m| m.get("imf"));
-        let json = json.ok_or_else(|| damaged("it is a safetensors file, but not one of imf's".into()))?;
-        let header: Header = serde_json::from_str(json).map_err(|e| damaged(e.to_string()))?;
-        if header.format != FORMAT {
-            return Err(damaged(format!("its format is '{}', not '{FORMAT}'", header.format)));
-        }
-        if header.version > VERSION {
-            return Err(FactoredFileError::Newer { path: shown, found: header.version });
-        }
+    pub fn read(path: &Path) -> Result<Self, TensorFileError> {
+        let file = FORMAT.read(path)?;
         let Description { domain, scene, fit, report, settings, precision, scale, progress, crc32, .. } =
-            serde_json::from_str(json).map_err(|e| damaged(e.to_string()))?;
-        let tensors =
-            SafeTensors::deserialize(&bytes).map_err(|e| damaged(format!("{e}; it was cut short")))?;
-        fit.check().map_err(|e| damaged(e.to_string()))?;
-        settings.check().map_err(|e| damaged(e.to_string()))?;
+            file.description()?;
+        let tensors = file.tensors()?;
+        fit.check().map_err(|e| file.damaged(&e))?;
+        settings.check().map_err(|e| file.damaged(&e))?;
         if !(scale.is_finite() && scale > 0.0) {
-            return Err(damaged(format!("its scale is {scale}")));
+            return Err(file.damaged(&format!("its scale is {scale}")));
         }
         let sizes = fit.sizes(domain);
         let shape = settings.shape(sizes.axes);
         let count = shape.parameter_count();
-        let tensor = |name: &str, kind: Dtype, dims: &[usize]| {
-            let view = tensors.tensor(name).map_err(|e| damaged(e.to_string()))?;
-            if view.dtype() != kind || view.shape() != dims {
-                let (found, shape) = (view.dtype(), view.shape());
-                return Err(damaged(format!("'{name}' is {found:?} {shape:?}, not {kind:?} {dims:?}")));
-            }
-            Ok(view.data().to_vec())
-        };
-        let kind = match precision {
-            Precision::F32 => Dtype::F32,
-            Precision::F16 => Dtype::F16,
-        };
-        let parameters = tensor("parameters", kind, &[count])?;
-        let axes = tensor("axes", Dtype::F32, &[sizes.functions, sizes.axes])?;
-        let mean = tensor("mean", Dtype::F32, &[sizes.functions])?;
+        let parameters = tensors.bytes("parameters", kind(precision), &[count])?;
+        let axes = tensors.bytes("axes", Dtype::F32, &[sizes.functions, sizes.axes])?;
+        let mean = tensors.bytes("mean", Dtype::F32, &[sizes.functions])?;
         let arrays = if settings.averaging > 0.0 { 4 } else { 3 };
         let state = match progress {
-            Some(_) => tensor("state", Dtype::F32, &[arrays, count])?,
-            None => Vec::new(),
+            Some(_) => tensors.bytes("state", Dtype::F32, &[arrays, count])?,
+            None => &[],
         };
-        if checksum(&[&parameters, &axes, &mean, &state]) != crc32 {
-            return Err(damaged("the checksum of its weights is wrong".into()));
+        if checksum(&[parameters, axes, mean, state]) != crc32 {
+            return Err(file.damaged("the checksum of its weights is wrong"));
         }
-        let bits = |name: &str| tensors.tensor(name).ok().map(|view| view.data());
-        let scene = Scene::from_packed_voxels(scene, bits).map_err(|e| damaged(e.to_string()))?;
-        let parameters = match precision {
-            Precision::F32 => floats(&parameters),
-            Precision::F16 => {
-                parameters.as_chunks::<2>().0.iter().map(|&b| f16::from_le_bytes(b).to_f32()).collect()
-            }
+        let scene =
+            Scene::from_packed_voxels(scene, |name| tensors.optional(name)).map_err(|e| file.damaged(&e))?;
+        let parameters: Vec<f32> = match precision {
+            Precision::F32 => floats(parameters),
+            Precision::F16 => halves(parameters).into_iter().map(f16::to_f32).collect(),
         };
-        if parameters.iter().any(|w: &f32| !w.is_finite()) {
-            return Err(damaged("a weight is not a finite number".into()));
+        if parameters.iter().any(|w| !w.is_finite()) {
+            return Err(file.damaged("a weight is not a finite number"));
         }
         let state = progress.map(|(cursor, step)| {
             let mut arrays =
-                floats(&state).chunks_exact(count).map(<[f32]>::to_vec).collect::<Vec<_>>().into_iter();
+                floats(state).chunks_exact(count).map(<[f32]>::to_vec).collect::<Vec<_>>().into_iter();
             let mut next = || arrays.next().unwrap_or_default();
             let training =
                 TrainingState { parameters: next(), first_moment: next(), second_moment: next(), step };
@@ -250,8 +166,8 @@ impl FactoredFile {
         let field = FactoredField {
             grid: scene.record.grid,
             basis: Basis::new(domain, fit.degree),
-            axes: floats(&axes),
-            mean: floats(&mean),
+            axes: floats(axes),
+            mean: floats(mean),
             shape,
             parameters,
             scale,

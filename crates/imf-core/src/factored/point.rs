@@ -18,7 +18,7 @@ use crate::siren::sine::sine_cosine;
 /// Working memory of a thread that asks for single poses; nothing is allocated once it has its size.
 #[derive(Default)]
 pub struct PointScratch {
-    /// `[neuron][rows]`: activations, and their tangents.
+    /// `[rows][neuron]`, rows as long as the widest layer: activations, and their tangents.
     signal: Vec<f32>,
     next: Vec<f32>,
     /// `[rows][axes]`: coefficients, and their derivatives along x, y and z.
@@ -26,6 +26,8 @@ pub struct PointScratch {
     /// h of the direction, `[axes]`.
     along: Vec<f32>,
     functions: Vec<f64>,
+    /// The same in f32.
+    narrow: Vec<f32>,
     gradients: Vec<DVec3>,
 }
 
@@ -74,13 +76,13 @@ impl FactoredEvaluator<'_> {
             return None;
         }
         let stack = self.plan.stack;
-        let widest = stack.width.max(stack.outputs).max(INPUTS) * ROWS;
+        let widest = stack.width.max(stack.outputs).max(INPUTS);
         let PointScratch { signal, next, z, .. } = scratch;
-        signal.resize(widest, 0.0);
-        next.resize(widest, 0.0);
+        signal.resize(widest * ROWS, 0.0);
+        next.resize(widest * ROWS, 0.0);
         for (axis, &value) in field.input(position).iter().enumerate() {
             for row in 0..ROWS {
-                signal[axis * ROWS + row] =
+                signal[row * widest + axis] =
                     if row == 0 { value } else { f32::from(u8::from(row == axis + 1)) };
             }
         }
@@ -89,8 +91,10 @@ impl FactoredEvaluator<'_> {
                 self.arch.dispatch(PanelOfPoint::<ROWS> {
                     panel: &self.panels[self.plan.panel_range(index, &neurons)],
                     biases: &field.parameters[layer.biases + neurons.start..][..neurons.len()],
-                    signal: &signal[..layer.inputs * ROWS],
-                    out: &mut next[neurons.start * ROWS..neurons.end * ROWS],
+                    signal: std::array::from_fn(|row| &signal[row * widest..][..layer.inputs]),
+                    out: next,
+                    widest,
+                    first: neurons.start,
                     omega: (index < stack.hidden).then_some(stack.omega),
                 });
             }
@@ -99,10 +103,9 @@ impl FactoredEvaluator<'_> {
         let axes = stack.outputs;
         z.resize(4 * axes, 0.0);
         let slope = field.scale * field.inverse_length() as f32;
-        for (axis, values) in signal.as_chunks::<ROWS>().0[..axes].iter().enumerate() {
-            for (row, &value) in values.iter().enumerate() {
-                z[row * axes + axis] = value * if row == 0 { field.scale } else { slope };
-            }
+        for (row, (z, signal)) in z.chunks_exact_mut(axes).zip(signal.chunks_exact(widest)).enumerate() {
+            let scale = if row == 0 { field.scale } else { slope };
+            z.iter_mut().zip(signal).for_each(|(z, &value)| *z = value * scale);
         }
         Some(())
     }
@@ -111,16 +114,46 @@ impl FactoredEvaluator<'_> {
     fn value(&self, orientation: &Orientation, scratch: &mut PointScratch) -> f32 {
         let field = self.field;
         let axes = self.plan.stack.outputs;
-        let PointScratch { z, functions, .. } = scratch;
+        let PointScratch { z, along, functions, narrow, .. } = scratch;
         functions.resize(field.basis.len(), 0.0);
         field.basis.values(orientation, functions);
-        let rows = field.axes.chunks_exact(axes).zip(&field.mean);
+        narrow.clear();
+        narrow.extend(functions.iter().map(|&value| value as f32));
+        along.resize(axes, 0.0);
+        let mean: f64 =
+            field.mean.iter().zip(&*functions).map(|(&mean, &value)| f64::from(mean) * value).sum();
         self.arch.dispatch(|| {
-            rows.zip(functions.iter())
-                .map(|((row, &mean), &value)| f64::from(mean + dot(row, &z[..axes])) * value)
-                .sum::<f64>() as f32
+            turn(&field.axes, narrow, along);
+            mean as f32 + dot(along, &z[..axes])
         })
     }
+}
+
+/// h = Uᵀb: `rows` are `[function][axis]`. Columns are taken in pieces whose sums stay in registers.
+#[inline(always)]
+fn turn(rows: &[f32], functions: &[f32], along: &mut [f32]) {
+    let axes = along.len();
+    let mut first = 0;
+    while first < axes {
+        first += match axes - first {
+            64.. => columns::<64>(rows, functions, along, first),
+            16.. => columns::<16>(rows, functions, along, first),
+            _ => columns::<1>(rows, functions, along, first),
+        };
+    }
+}
+
+/// Some columns of [`turn`]; how many.
+#[inline(always)]
+fn columns<const COUNT: usize>(rows: &[f32], functions: &[f32], along: &mut [f32], first: usize) -> usize {
+    let mut sums = [0.0f32; COUNT];
+    for (row, &function) in rows.chunks_exact(along.len()).zip(functions) {
+        for (sum, &value) in sums.iter_mut().zip(&row[first..first + COUNT]) {
+            *sum += function * value;
+        }
+    }
+    along[first..first + COUNT].copy_from_slice(&sums);
+    COUNT
 }
 
 impl FactoredPoint<'_> {
@@ -166,40 +199,59 @@ impl FactoredPoint<'_> {
     }
 }
 
-/// One panel of neurons for one point, its tangents beside it: `out [neuron][ROWS]`.
+/// One panel of neurons for one point, its tangents beside it: `out [ROWS][neuron]`, rows `widest` apart.
 struct PanelOfPoint<'a, const ROWS: usize> {
     /// `[inputs][neurons]`.
     panel: &'a [f32],
     biases: &'a [f32],
-    /// `[inputs][ROWS]`.
-    signal: &'a [f32],
+    /// `[ROWS][inputs]`.
+    signal: [&'a [f32]; ROWS],
     out: &'a mut [f32],
+    widest: usize,
+    /// The panel's first neuron.
+    first: usize,
     /// `None` for the linear layer.
     omega: Option<f32>,
 }
 
 /// Registers of neurons taken together: with four rows their sums hide the latency of a product.
 const TOGETHER: usize = 4;
+/// With one row it takes two sums a register: over every other input.
+const SPLIT: usize = 2;
 
 impl<const ROWS: usize> PanelOfPoint<'_, ROWS> {
     #[inline(always)]
-    fn registers<S: Simd, const N: usize>(&mut self, simd: S, at: usize) {
+    fn registers<S: Simd, const N: usize, const SUMS: usize>(&mut self, simd: S, at: usize) {
         let columns = self.biases.len();
-        let mut sums = [[simd.splat_f32s(0.0); N]; ROWS];
-        for (weights, signal) in self.panel.chunks_exact(columns).zip(self.signal.as_chunks::<ROWS>().0) {
+        let mut sums = [[[simd.splat_f32s(0.0); N]; ROWS]; SUMS];
+        let add = |sums: &mut [[S::f32s; N]; ROWS], weights: &[f32], input: usize| {
             for place in 0..N {
                 let weights = load(simd, weights, at + place * S::F32_LANES);
                 for row in 0..ROWS {
-                    sums[row][place] =
-                        simd.mul_add_e_f32s(simd.splat_f32s(signal[row]), weights, sums[row][place]);
+                    let signal = simd.splat_f32s(self.signal[row][input]);
+                    sums[row][place] = simd.mul_add_e_f32s(signal, weights, sums[row][place]);
                 }
             }
+        };
+        let mut groups = self.panel.chunks_exact(SUMS * columns);
+        let mut input = 0;
+        for group in groups.by_ref() {
+            for (sums, weights) in sums.iter_mut().zip(group.chunks_exact(columns)) {
+                add(sums, weights, input);
+                input += 1;
+            }
+        }
+        for weights in groups.remainder().chunks_exact(columns) {
+            add(&mut sums[0], weights, input);
+            input += 1;
         }
         for place in 0..N {
             let at = at + place * S::F32_LANES;
-            let mut values = [sums[0][place]; ROWS];
-            for row in 1..ROWS {
-                values[row] = sums[row][place];
+            let mut values = sums[0].map(|row| row[place]);
+            for others in &sums[1..] {
+                for row in 0..ROWS {
+                    values[row] = simd.add_f32s(values[row], others[row][place]);
+                }
             }
             values[0] = simd.add_f32s(values[0], load(simd, self.biases, at));
             if let Some(omega) = self.omega {
@@ -211,16 +263,17 @@ impl<const ROWS: usize> PanelOfPoint<'_, ROWS> {
                     *value = simd.mul_f32s(slope, *value);
                 }
             }
-            // Sixteen lanes are the widest registers there are.
-            let mut spread = [0.0; 16];
-            let lanes = S::F32_LANES.min(columns - at);
             for (row, &value) in values.iter().enumerate() {
-                store(simd, &mut spread[..S::F32_LANES], 0, value);
-                for lane in 0..lanes {
-                    self.out[(at + lane) * ROWS + row] = spread[lane];
-                }
+                let out = &mut self.out[row * self.widest + self.first..][..columns];
+                store(simd, out, at, value);
             }
         }
+    }
+
+    /// The sums that one row needs, or several.
+    #[inline(always)]
+    fn group<S: Simd, const N: usize>(&mut self, simd: S, at: usize) {
+        if ROWS == 1 { self.registers::<S, N, SPLIT>(simd, at) } else { self.registers::<S, N, 1>(simd, at) }
     }
 }
 
@@ -231,11 +284,11 @@ impl<const ROWS: usize> WithSimd for PanelOfPoint<'_, ROWS> {
         let columns = self.biases.len();
         let mut at = 0;
         while at + TOGETHER * S::F32_LANES <= columns {
-            self.registers::<S, TOGETHER>(simd, at);
+            self.group::<S, TOGETHER>(simd, at);
             at += TOGETHER * S::F32_LANES;
         }
         while at < columns {
-            self.registers::<S, 1>(simd, at);
+            self.group::<S, 1>(simd, at);
             at += S::F32_LANES;
         }
     }

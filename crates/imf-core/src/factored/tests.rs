@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use glam::{DMat4, DVec3};
 
-use super::file::{FactoredFile, FactoredFileError};
+use super::file::FactoredFile;
 use super::*;
 use crate::control::Control;
 use crate::harmonic::basis::Domain;
@@ -17,6 +17,7 @@ use crate::scene::{Around, Resolution, Scene, SceneSpec};
 use crate::section::{Imf, SectionPlan};
 use crate::siren::lanes::archs;
 use crate::siren::muon::MuonConfig;
+use crate::tensor_file::TensorFileError;
 use crate::tool::Tool;
 use crate::training::run::{Cursor, Length, Outcome, TrainError, TrainingPlan};
 use crate::training::schedule::Schedule;
@@ -48,6 +49,7 @@ const FIT: FitSettings = FitSettings {
     sample: 4096,
     held_out: 16,
     seed: 0,
+    one_pass: true,
 };
 
 fn teacher(scene: &Scene) -> HarmonicField {
@@ -405,13 +407,60 @@ fn files_read_back_bit_for_bit_and_damage_is_named() {
             flipped[place] ^= 0x10;
             std::fs::write(&path, flipped).unwrap();
             let error = FactoredFile::read(&path).unwrap_err();
-            assert!(matches!(error, FactoredFileError::Damaged { .. }), "byte {place}: {error}");
+            assert!(matches!(error, TensorFileError::Damaged { .. }), "byte {place}: {error}");
         }
         let text = std::str::from_utf8(&bytes[8..header]).unwrap();
         let newer = text.replacen(r#"\"version\":1"#, r#"\"version\":9"#, 1);
         let other = [&bytes[..8], newer.as_bytes(), &bytes[header..]].concat();
         std::fs::write(&path, other).unwrap();
-        assert!(matches!(FactoredFile::read(&path), Err(FactoredFileError::Newer { found: 9, .. })));
+        assert!(matches!(FactoredFile::read(&path), Err(TensorFileError::Newer { found: 9, .. })));
     }
-    assert!(matches!(FactoredFile::read(&folder.path().join("none")), Err(FactoredFileError::Read { .. })));
+    assert!(matches!(FactoredFile::read(&folder.path().join("none")), Err(TensorFileError::Read { .. })));
+}
+
+#[test]
+fn weights_turned_to_another_teacher_answer_as_before() {
+    let scene = scene();
+    let own = field(&teacher(&scene), 40);
+    // Another grid, all axes, a higher degree: nothing is left out.
+    let spec = SceneSpec {
+        part: "teapot",
+        mesh: &ReferencePart::Teapot.mesh(),
+        unit: LengthUnit::Mm,
+        transform: DMat4::IDENTITY,
+        resolution: Resolution::Dims([16, 22, 29]),
+        margin: 1,
+        conservative: false,
+        tool: &Tool::paper(),
+        fixtures: &[],
+        around: Around::Part,
+    };
+    let other = spec.scene().unwrap();
+    let plan = SectionPlan::new(&other.obstacle, &other.record.tool).unwrap();
+    let richer = FitSettings { degree: 6, axes: usize::MAX, ..FIT };
+    let richer = fit(&plan, Domain::Directions, &richer, Control::quiet()).unwrap();
+    let shape = FactoredShape { axes: richer.axis_count(), ..own.shape };
+    let turned = FactoredField::new(&richer, shape, own.parameters_for(&richer).unwrap()).unwrap();
+    assert_ne!((turned.grid, turned.scale), (own.grid, own.scale));
+    let (before, after) = (own.evaluator(), turned.evaluator());
+    let mut scratch = PointScratch::default();
+    let mut spread = 0.0f32;
+    for (index, orientation) in OrientationSet::parse("random:30:8").unwrap().orientations.iter().enumerate()
+    {
+        let fraction = DVec3::new(0.618, 0.755, 0.57) * (index as f64 + 0.5);
+        let position = own.grid.origin + own.grid.size() * (0.15 + 0.7 * fraction.fract());
+        let mut at = |evaluator: &FactoredEvaluator<'_>| {
+            let direction = orientation.direction();
+            evaluator.overlap_with_gradient(position, direction, &mut scratch).unwrap().value
+        };
+        let (expected, found) = (at(&before), at(&after));
+        // Sums of some hundred products in f32, through sines of a frequency of 8.
+        assert!((found - expected).abs() < 5e-5, "{position}: {found}, not {expected}");
+        spread = spread.max(expected.abs());
+    }
+    assert!(spread > 0.01, "a field that is not zero everywhere");
+    // With fewer axes it is what these leave of it: still closer than nothing.
+    let same = own.parameters_for(&teacher(&scene)).unwrap();
+    let worst = same.iter().zip(&own.parameters).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(worst < 1e-4, "to its own teacher nothing changes: {worst}");
 }

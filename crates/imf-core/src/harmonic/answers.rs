@@ -1,7 +1,9 @@
-//! A harmonic field answers poses as every family does.
+//! A harmonic field answers poses and whole grids as every family does.
 
 use super::HarmonicField;
-use crate::field::{Field, Pose, QueryError, answer_between_centres};
+use crate::field::{Field, Pose, QueryError, WholeField, answer_between_centres};
+use crate::orientation::Orientation;
+use crate::section::Imf;
 
 /// A harmonic field asked for poses. Positions outside the box of the voxel centres, where it knows nothing, are answered
 /// as the nearest point inside, without promise.
@@ -13,5 +15,16 @@ impl Field for HarmonicAnswers<'_> {
         answer_between_centres(&field.grid, poses, answers, |position, orientation, scratch| {
             field.overlap(position, orientation, scratch)
         })
+    }
+}
+
+impl WholeField for HarmonicAnswers<'_> {
+    fn section_at(&mut self, orientation: &Orientation, values: &mut [f32]) -> Result<(), QueryError> {
+        self.0.sections(&self.0.heads(&[*orientation]), values);
+        Ok(())
+    }
+
+    fn least_over(&mut self, orientations: &[Orientation]) -> Result<Imf, QueryError> {
+        Ok(self.0.minimum(&self.0.heads(orientations)))
     }
 }

@@ -45,6 +45,14 @@ impl Basis {
         }
     }
 
+    /// Number of functions of one degree.
+    pub(super) const fn count_of_degree(domain: Domain, degree: usize) -> usize {
+        match domain {
+            Domain::Directions => 2 * degree + 1,
+            Domain::Rotations => (2 * degree + 1) * (2 * degree + 1),
+        }
+    }
+
     /// Where the functions live.
     #[must_use]
     pub fn domain(&self) -> Domain {

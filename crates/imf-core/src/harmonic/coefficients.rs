@@ -2,6 +2,7 @@
 
 use half::f16;
 use half::slice::HalfFloatSliceExt as _;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// How coefficients are kept.
@@ -45,6 +46,39 @@ impl Coefficients {
                 let mut halves = vec![f16::ZERO; values.len()];
                 halves.convert_from_f32_slice(&values);
                 Self::F16(halves)
+            }
+        }
+    }
+
+    /// Coefficients that are made block by block: `make(first, values)` fills `[voxel][axes]` of the voxels from `first` on,
+    /// up to `block` of them, on the threads of the current pool.
+    #[must_use]
+    pub(super) fn by_blocks(
+        voxels: usize,
+        axes: usize,
+        block: usize,
+        precision: Precision,
+        make: impl Fn(usize, &mut [f32]) + Sync,
+    ) -> Self {
+        match precision {
+            Precision::F32 => {
+                let mut all = vec![0.0; voxels * axes];
+                let blocks = all.par_chunks_mut(block * axes).enumerate();
+                blocks.for_each(|(index, values)| make(index * block, values));
+                Self::F32(all)
+            }
+            Precision::F16 => {
+                let mut all = vec![f16::ZERO; voxels * axes];
+                let blocks = all.par_chunks_mut(block * axes).enumerate();
+                blocks.for_each_init(
+                    || vec![0.0; block * axes],
+                    |values, (index, halves)| {
+                        let values = &mut values[..halves.len()];
+                        make(index * block, values);
+                        halves.convert_from_f32_slice(values);
+                    },
+                );
+                Self::F16(all)
             }
         }
     }

@@ -1,8 +1,8 @@
 //! The degree that a memory limit allows, or that an error asks for.
 
+use super::HarmonicError;
 use super::basis::Domain;
 use super::fit::{FitReport, FitSettings, MOST_DEGREE, estimate};
-use super::{HarmonicError, section_count};
 use crate::control::Control;
 use crate::section::SectionPlan;
 
@@ -19,10 +19,11 @@ impl FitReport {
 
 impl FitSettings {
     /// The highest degree at which making a field over `voxels` voxels takes at most `bytes`; `None` where degree 0 takes
-    /// more. All axes are kept where these settings say so.
+    /// more. All axes are kept where these settings say so; where one pass does not fit, two may.
     #[must_use]
     pub fn degree_within(&self, domain: Domain, voxels: usize, bytes: u64) -> Option<usize> {
-        let fits = |&degree: &usize| Self { degree, ..*self }.memory(domain, voxels).0 <= bytes;
+        let fits =
+            |&degree: &usize| Self { degree, one_pass: false, ..*self }.memory(domain, voxels).0 <= bytes;
         (0..=MOST_DEGREE).take_while(fits).last()
     }
 }
@@ -60,7 +61,7 @@ pub fn degree_for(
 pub fn sections_tried(domain: Domain, settings: &FitSettings, most: usize) -> usize {
     let of = |degree| {
         let tried = FitSettings { degree, ..*settings };
-        (section_count(domain, &tried) + tried.held_out) / 2
+        tried.sizes(domain).sections + tried.held_out
     };
     degrees(most).map(of).sum()
 }

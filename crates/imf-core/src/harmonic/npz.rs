@@ -19,15 +19,16 @@ use std::path::Path;
 use ndarray::{ArrayView1, ArrayView2, ArrayView3, ArrayView4, ShapeError};
 use ndarray_npy::{NpzWriter, WriteNpzError};
 
-use super::file::{HarmonicFile, HarmonicFileError};
+use super::file::HarmonicFile;
 use crate::atomic_file::write_atomically;
+use crate::tensor_file::TensorFileError;
 
 impl HarmonicFile {
     /// Writes the field as `.npz`, whole or not at all; coefficients in f32 whatever they are kept in.
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn write_npz(&self, path: &Path) -> Result<(), HarmonicFileError> {
+    pub fn write_npz(&self, path: &Path) -> Result<(), TensorFileError> {
         let field = &self.field;
         let (grid, axes) = (&field.grid, field.axis_count());
         let ([nx, ny, nz], functions) = (grid.dims, field.basis.len());

@@ -4,9 +4,9 @@ use glam::{DMat4, DVec3};
 
 use super::basis::{Basis, Domain};
 use super::coefficients::Precision;
-use super::file::{HarmonicFile, HarmonicFileError};
+use super::file::HarmonicFile;
 use super::radial::direct_coefficients;
-use super::{FitSettings, HarmonicAnswers, HarmonicField, PointScratch, fit};
+use super::{FitSettings, HarmonicAnswers, HarmonicField, PointScratch, fit, section_count};
 use crate::control::Control;
 use crate::field::{ExactField, Field as _, Pose};
 use crate::metrics::Errors;
@@ -14,6 +14,7 @@ use crate::orientation::{Orientation, OrientationSet};
 use crate::parts::ReferencePart;
 use crate::scene::{Around, Resolution, Scene, SceneSpec};
 use crate::section::{Imf, SectionPlan, imf, sections};
+use crate::tensor_file::TensorFileError;
 use crate::tool::Tool;
 use crate::unit::LengthUnit;
 
@@ -70,6 +71,51 @@ fn unseen_directions_are_near_the_exact_sections_and_the_report_says_how_near() 
     assert!((0.6..1.6).contains(&(told / mse)), "told {told}, found {mse}");
     let coarse = made(&plan, &FitSettings { degree: 4, ..settings() });
     assert!(mean_squared(&plan, &coarse, &unseen) > 2.0 * mse);
+}
+
+#[test]
+fn one_pass_and_two_make_the_same_field() {
+    let scene = scene();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let some = FitSettings { axes: 30, ..settings() };
+    let (one, two) = (made(&plan, &some), made(&plan, &FitSettings { one_pass: false, ..some }));
+    let set = OrientationSet::parse("random:20:4").unwrap().orientations;
+    let mut values = [&one, &two].map(|field| {
+        let mut values = vec![0.0; plan.grid().len() * set.len()];
+        field.sections(&field.heads(&set), &mut values);
+        values.into_iter()
+    });
+    let [a, b] = &mut values;
+    // The same sums of products in another order; the axes follow from covariances that differ as little.
+    assert!(a.zip(b).all(|(a, b)| (a - b).abs() < 1e-4));
+    let close = |a: f64, b: f64| (a - b).abs() < 1e-3 * b;
+    assert!(close(one.report.held_out_mse, two.report.held_out_mse));
+    assert!(close(one.report.dropped, two.report.dropped));
+    let counts =
+        [true, false].map(|one_pass| section_count(Domain::Directions, &FitSettings { one_pass, ..some }));
+    assert_eq!(counts[1] - counts[0], one.report.sections);
+    let bytes = [true, false]
+        .map(|one_pass| FitSettings { one_pass, ..some }.memory(Domain::Directions, plan.grid().len()).0);
+    assert!(bytes[0] > bytes[1]);
+}
+
+#[test]
+fn as_many_sections_as_functions_make_a_field_that_is_no_worse_than_a_lower_degrees() {
+    let scene = scene();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let unseen = OrientationSet::parse("random:40:5").unwrap().orientations;
+    let error = |degree, sections_per_function| {
+        mean_squared(
+            &plan,
+            &made(&plan, &FitSettings { degree, sections_per_function, ..settings() }),
+            &unseen,
+        )
+    };
+    // 81 sections: all of degree 8's functions, or 1.65 times those of degree 6.
+    let (full, lower) = (error(8, 1.0), error(6, 81.0 / 49.0));
+    assert!(full < lower, "{full} against {lower}");
+    // With many sections a function, what is known beforehand no longer matters: the least sum of squares.
+    assert!(error(8, 4.0) < full);
 }
 
 #[test]
@@ -212,21 +258,31 @@ fn screened_values_are_exact_and_zeros_are_proven() {
     let scene = scene();
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
     let field = made(&plan, &settings());
-    let set = OrientationSet::parse("fibonacci:300").unwrap().orientations;
-    let streamed = imf(&plan, &set, Control::quiet()).unwrap();
     let exact = ExactField::new(&scene);
-    let screened = field.screened(&set, &exact, Control::quiet()).unwrap();
-    let all = sections(&plan, &set, Control::quiet()).unwrap();
-    let mut missed = 0;
-    for voxel in 0..plan.grid().len() {
-        let (value, best) = (screened.imf.value[voxel], screened.imf.best[voxel] as usize);
-        assert!((all[best][voxel] - value).abs() < 1e-6, "voxel {voxel}: not the value of its orientation");
-        assert!(value >= streamed.value[voxel] - 1e-6);
-        assert_eq!(screened.proven[voxel] == 1, value == 0.0);
-        missed += usize::from(value > streamed.value[voxel] + 1e-6);
+    // The larger set is looked at in part first.
+    for count in [300, 1200] {
+        let set = OrientationSet::parse(&format!("fibonacci:{count}")).unwrap().orientations;
+        let streamed = imf(&plan, &set, Control::quiet()).unwrap();
+        let screened = field.screened(&set, &exact, Control::quiet()).unwrap();
+        let all = sections(&plan, &set, Control::quiet()).unwrap();
+        let (mut missed, mut free_missed) = (0, 0);
+        for voxel in 0..plan.grid().len() {
+            let (value, best) = (screened.imf.value[voxel], screened.imf.best[voxel] as usize);
+            assert!(
+                (all[best][voxel] - value).abs() < 1e-6,
+                "voxel {voxel}: not the value of its orientation"
+            );
+            assert!(value >= streamed.value[voxel] - 1e-6);
+            assert_eq!(screened.proven[voxel] == 1, value == 0.0);
+            missed += usize::from(value > streamed.value[voxel] + 1e-6);
+            free_missed += usize::from(value > 0.0 && streamed.value[voxel] == 0.0);
+        }
+        // A field of degree 8 on a coarse grid ranks most voxels rightly: of 300 orientations it misses the best at 15 %
+        // of the voxels, of 1,200, whose best ones differ by less, at more, and free ones hardly ever.
+        let most = if count == 300 { 5 } else { 3 };
+        assert!(missed * most < plan.grid().len(), "{missed} of {}", plan.grid().len());
+        assert!(free_missed * 100 < plan.grid().len(), "{free_missed} of {}", plan.grid().len());
     }
-    // A field of degree 8 on a coarse grid ranks most voxels rightly: it misses 15 % of them.
-    assert!(missed * 5 < plan.grid().len(), "{missed} of {}", plan.grid().len());
 }
 
 #[test]
@@ -271,9 +327,9 @@ fn files_read_back_bit_for_bit_and_damage_is_named() {
         let place = bytes.len() - 5000;
         flipped[place] ^= 0x10;
         std::fs::write(&path, flipped).unwrap();
-        assert!(matches!(HarmonicFile::read(&path), Err(HarmonicFileError::Damaged { .. })));
+        assert!(matches!(HarmonicFile::read(&path), Err(TensorFileError::Damaged { .. })));
     }
-    assert!(matches!(HarmonicFile::read(&folder.path().join("none")), Err(HarmonicFileError::Read { .. })));
+    assert!(matches!(HarmonicFile::read(&folder.path().join("none")), Err(TensorFileError::Read { .. })));
 }
 
 #[test]
@@ -299,7 +355,9 @@ fn a_degree_is_found_for_an_error_and_for_a_memory_limit() {
     assert!(report.expected_mse() > 0.0);
 
     let voxels = plan.grid().len();
-    let bytes = |degree| FitSettings { degree, ..settings }.memory(Domain::Directions, voxels).0;
+    // Where one pass does not fit, two do.
+    let bytes =
+        |degree| FitSettings { degree, one_pass: false, ..settings }.memory(Domain::Directions, voxels).0;
     let within = |limit| settings.degree_within(Domain::Directions, voxels, limit);
     assert_eq!(within(bytes(9)), Some(9));
     assert_eq!(within(bytes(9) - 1), Some(8));

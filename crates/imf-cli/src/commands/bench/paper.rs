@@ -23,6 +23,8 @@ mod sweeps;
 mod table;
 mod time;
 
+pub(super) use baselines::settings as harmonic_settings;
+
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result};

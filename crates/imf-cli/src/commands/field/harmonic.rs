@@ -7,7 +7,8 @@ use imf_core::field::ExactField;
 use imf_core::harmonic::basis::Domain;
 use imf_core::harmonic::file::HarmonicFile;
 use imf_core::harmonic::{
-    CANDIDATES, FitSettings, HarmonicError, HarmonicField, degree_for, fit, section_count, sections_tried,
+    CANDIDATES, FitSettings, HarmonicError, HarmonicField, Refined, degree_for, fit, section_count,
+    sections_tried,
 };
 use imf_core::scene::Scene;
 use imf_core::section::{Imf, SectionError, SectionPlan};
@@ -29,6 +30,8 @@ pub(super) struct Harmonic {
     settings: FitSettings,
     /// Best orientations are counted exactly.
     confirm: bool,
+    /// The minimum is over all directions.
+    refine: bool,
 }
 
 /// The settings, with the degree that the memory allows or the error asks for.
@@ -104,7 +107,11 @@ impl Harmonic {
         }
         let bare = scene.record.bare_tool();
         let domain = if bare.is_axisymmetric() { Domain::Directions } else { Domain::Rotations };
-        let settings = chosen(session, plan, domain, asked)?;
+        if asked.refine && domain == Domain::Rotations {
+            bail!("--refine is for tools that are symmetric about their axis: leave it out");
+        }
+        let mut settings = chosen(session, plan, domain, asked)?;
+        settings.one_pass = settings.memory(domain, plan.grid().len()).0 <= session.memory_limit();
         let (needed, _) = settings.memory(domain, plan.grid().len());
         session.require_memory(needed, || {
             format!(
@@ -126,7 +133,7 @@ impl Harmonic {
             }
             session.note(&format!("wrote {}", path.display()));
         }
-        Ok(Some(Self { field: file.field, settings, confirm: asked.confirm }))
+        Ok(Some(Self { field: file.field, settings, confirm: asked.confirm, refine: asked.refine }))
     }
 
     /// How values are computed, for people.
@@ -163,6 +170,7 @@ impl Harmonic {
             "report": self.field.report,
             "bytes": self.field.bytes(),
             "confirmed": self.confirm,
+            "refined": self.refine,
         })
     }
 
@@ -215,6 +223,26 @@ impl Harmonic {
                 let proven = screened.proven.iter().filter(|&&proven| proven == 1).count();
                 stage.finish(&format!("{} exact answers, {proven} voxels proven free", screened.counted));
                 Ok(Streamed::Whole(screened.imf))
+            }
+        }
+    }
+}
+
+impl Harmonic {
+    /// The minimum over all directions, where that is asked for.
+    pub(super) fn refined(&self, work: &Work<'_>, least: &Imf) -> Result<Option<Streamed<Refined>>> {
+        if !self.refine {
+            return Ok(None);
+        }
+        let stage = work.session.stage("refining", "voxels", self.field.grid.len() as u64);
+        let advance = |voxels| stage.advance(voxels);
+        let found = self.field.refined(least, &work.set.orientations, work.session.control(&advance));
+        match found {
+            Err(SectionError::Cancelled) => Ok(Some(Streamed::Interrupted)),
+            Err(error) => Err(error.into()),
+            Ok(refined) => {
+                stage.finish("");
+                Ok(refined.map(Streamed::Whole))
             }
         }
     }

@@ -1,7 +1,10 @@
 //! The inaccessibility measure: the least section over all orientations, and which orientation has it.
 
 use anyhow::Result;
+use glam::DVec3;
 use imf_core::field_files::{NamedField, write_npy, write_vti};
+use imf_core::harmonic::Refined;
+use imf_core::orientation::Orientation;
 use imf_core::section::Imf;
 use imf_core::tool::ElementKind;
 use ndarray::{ArrayView3, aview1};
@@ -16,15 +19,23 @@ use crate::slices::{MidPlaneSheet, MidPlanes};
 
 pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let (grid, obstacle) = (&work.scene.record.grid, &work.scene.obstacle);
-    let Streamed::Whole(whole) = work.least()? else {
-        return Err(Interrupted("the IMF needs every section; nothing was written".into()).into());
+    let unfinished = || Err(Interrupted("the IMF needs every section; nothing was written".into()).into());
+    let Streamed::Whole(mut whole) = work.least()? else { return unfinished() };
+    let refined = work.harmonic.map(|harmonic| harmonic.refined(work, &whole)).transpose()?.flatten();
+    let refined = match refined {
+        Some(Streamed::Interrupted) => return unfinished(),
+        Some(Streamed::Whole(Refined { value, direction })) => {
+            whole.value = value;
+            Some(direction)
+        }
+        None => None,
     };
 
     work.folder.begin(work.session)?;
     let elements = elements::at_best(work, &whole)?;
     let borrowed: Vec<_> = elements.iter().map(|(kind, values)| (*kind, values.as_slice())).collect();
     let mut rows = elements::write(work, "imf", &borrowed, true)?;
-    write_fields(work, &whole, &elements, &rows)?;
+    write_fields(work, &whole, refined.as_deref(), &elements, &rows)?;
     let sheet = MidPlaneSheet {
         title: work.title(),
         label: "inaccessibility measure IMF",
@@ -32,7 +43,8 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         style: Some(MaskStyle::Outline),
         unit: work.scene.record.unit,
         notes: vec![format!(
-            "least over {} orientations ({}); white line: the part; {}",
+            "least over {}{} orientations ({}); white line: the part; {}",
+            if refined.is_some() { "all directions, from the best of " } else { "" },
             work.set.len(),
             work.set.spec,
             work.exactness()
@@ -49,6 +61,9 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         ["imf.npy", "best.npy", "imf.vti", "imf.png", ORIENTATIONS, SUMMARY].map(str::to_owned).to_vec();
     files.extend(rows.iter().map(|row| format!("{}.npy", row.array)));
     files.extend((!rows.is_empty()).then(|| elements::PICTURE.to_owned()));
+    if refined.is_some() {
+        files.extend(["theta.npy", "phi.npy"].map(str::to_owned));
+    }
     let summary = work.summary(
         "imf",
         json!({
@@ -90,22 +105,32 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     print(&text)
 }
 
-/// The arrays, and the best orientation's angles in degrees for viewers that know no list of orientations.
+/// The arrays, and the best orientation's angles in degrees for viewers that know no list of orientations: the direction
+/// found by refining, where there was such.
 fn write_fields(
     work: &Work<'_>,
     whole: &Imf,
+    refined: Option<&[DVec3]>,
     elements: &[(ElementKind, Vec<f32>)],
     rows: &[ElementRow],
 ) -> Result<()> {
     let grid = &work.scene.record.grid;
-    let of_best = |angle: fn(&imf_core::orientation::Orientation) -> f64| -> Vec<f32> {
-        whole.best.iter().map(|&best| angle(&work.set.orientations[best as usize]) as f32).collect()
+    let best_orientation = |voxel: usize| {
+        let refined = refined.and_then(|directions| Orientation::from_direction(directions[voxel]));
+        refined.unwrap_or(work.set.orientations[whole.best[voxel] as usize])
+    };
+    let of_best = |angle: fn(&Orientation) -> f64| -> Vec<f32> {
+        (0..whole.best.len()).map(|voxel| angle(&best_orientation(voxel)) as f32).collect()
     };
     let (theta, phi) = (of_best(|o| o.theta), of_best(|o| o.phi));
     let value = aview1(&whole.value).into_shape_with_order(grid.dims)?;
     let best = aview1(&whole.best).into_shape_with_order(grid.dims)?;
     write_npy(work.folder.file("imf.npy"), value)?;
     write_npy(work.folder.file("best.npy"), best)?;
+    if refined.is_some() {
+        write_npy(work.folder.file("theta.npy"), aview1(&theta).into_shape_with_order(grid.dims)?)?;
+        write_npy(work.folder.file("phi.npy"), aview1(&phi).into_shape_with_order(grid.dims)?)?;
+    }
     let mut fields = vec![
         NamedField::new("imf", value),
         NamedField::new("best", best),

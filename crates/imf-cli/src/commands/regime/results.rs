@@ -4,6 +4,7 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 use imf_core::evaluation::{EvaluationError, learnt_imf};
+use imf_core::field::LearntField;
 use imf_core::metrics::ErrorReport;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::regime::{EvaluationSettings, Regime};
@@ -13,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::GO_ON;
 use super::stage::{Finished, Workshop};
 use crate::interrupt::Interrupted;
-use crate::report::{Questions, evaluate as compare};
+use crate::report::{Questions, Subject, evaluate as compare};
 
 /// One comparison with the exact field.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -89,8 +90,10 @@ fn one(workshop: &Workshop<'_>, asked: &EvaluationSettings, done: &Finished) -> 
         + 40 * record.grid.len() as u64 * session.threads() as u64;
     session.require_memory(needed, || "the exact field beside the learnt one; use fewer --threads".into())?;
     let mut engine = workshop.device.evaluator(model.shape, &model.state.parameters)?;
-    let evaluation = compare(session, model, engine.as_mut(), &questions)?;
-    evaluation.write(&done.folder, model, engine.as_mut())?;
+    let (subject, evaluated_by) = (Subject::of_model(model), engine.describe());
+    let mut field = LearntField::new(record.grid, engine.as_mut());
+    let evaluation = compare(session, &subject, &mut field, evaluated_by, &questions)?;
+    evaluation.write(&done.folder, &subject, &mut field)?;
     let mut answers: Vec<Answer> = evaluation
         .report
         .rows

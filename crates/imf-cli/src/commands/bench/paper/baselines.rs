@@ -37,7 +37,7 @@ pub(super) struct Method {
 }
 
 /// Settings of the harmonic field of the highest degree that `sections` sections determine.
-fn settings(sections: usize) -> FitSettings {
+pub(in super::super) fn settings(sections: usize) -> FitSettings {
     let fits =
         |degree: &usize| Basis::count(Domain::Directions, *degree) as f64 * LEAST_SECTIONS <= sections as f64;
     let degree = (0..40).take_while(fits).last().unwrap_or(0);

@@ -1,0 +1,153 @@
+//! What an evaluation is of: a field of any family, its scene, and the sections that it was made from.
+
+use std::borrow::Cow;
+
+use anyhow::Result;
+use imf_core::harmonic::FitReport;
+use imf_core::harmonic::basis::{Basis, Domain};
+use imf_core::model::{Model, TrainingRecord};
+use imf_core::orientation::Orientation;
+use imf_core::scene::Scene;
+use imf_core::stored::StoredField;
+use serde::Serialize;
+
+/// A field to be evaluated.
+pub(crate) struct Subject<'a> {
+    pub(crate) scene: &'a Scene,
+    /// Orientations of the sections that it was made from.
+    pub(super) seen: Cow<'a, [Orientation]>,
+    pub(super) made: Made,
+    /// Where there is a curve of the training's loss.
+    pub(super) training: Option<&'a TrainingRecord>,
+}
+
+/// How a field was made, for the report.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Made {
+    family: &'static str,
+    /// Numbers that make up the field: weights, or coefficients of all voxels.
+    parameters: usize,
+    #[serde(flatten)]
+    training: Option<Training>,
+    #[serde(skip)]
+    how: String,
+    /// In titles of panels.
+    #[serde(skip)]
+    pub(super) shown_as: &'static str,
+    /// What the field is when it is good.
+    #[serde(skip)]
+    pub(super) verb: &'static str,
+    /// What the sections were that it was made from.
+    #[serde(skip)]
+    pub(super) participle: &'static str,
+}
+
+/// A training on samples.
+#[derive(Clone, Debug, Serialize)]
+struct Training {
+    training_samples: u64,
+    training_steps: u64,
+    training_seconds: f64,
+    training_engine: String,
+}
+
+impl Made {
+    /// In words, for the head of the report.
+    pub(super) fn describe(&self, sections: usize) -> String {
+        format!("{}, made from {sections} exact sections", self.how)
+    }
+}
+
+impl<'a> Subject<'a> {
+    /// A trained network.
+    pub(crate) fn of_model(model: &'a Model) -> Self {
+        let record = &model.record;
+        let parameters = model.shape.parameter_count();
+        Self {
+            scene: &model.scene,
+            seen: Cow::Borrowed(&record.orientations.orientations),
+            made: Made {
+                family: "siren5",
+                parameters,
+                training: Some(Training {
+                    training_samples: record.samples,
+                    training_steps: record.steps,
+                    training_seconds: record.seconds,
+                    training_engine: record.engine.clone(),
+                }),
+                how: format!(
+                    "network of {parameters} parameters, {} samples, {} steps, {:.1} s of training on {}",
+                    record.samples, record.steps, record.seconds, record.engine
+                ),
+                shown_as: "learnt",
+                verb: "learnt",
+                participle: "trained",
+            },
+            training: Some(record),
+        }
+    }
+
+    /// A field from a file of any family.
+    ///
+    /// # Errors
+    /// A number of sections that no set can have.
+    pub(crate) fn of_stored(stored: &'a StoredField) -> Result<Self> {
+        let made = |family, parameters, how, verb| Made {
+            family,
+            parameters,
+            training: None,
+            how,
+            shown_as: family,
+            verb,
+            participle: "fitted",
+        };
+        let seen = |basis: &Basis, report: &FitReport| -> Result<Cow<'a, [Orientation]>> {
+            Ok(Cow::Owned(basis.even_set(report.sections)?.orientations))
+        };
+        Ok(match stored {
+            StoredField::Siren(model) => Self::of_model(model),
+            StoredField::Harmonic(file) => {
+                let field = &file.field;
+                let how = format!(
+                    "harmonic field of degree {}, {} functions of the {} along {} axes, {:.0} MB",
+                    field.basis.degree(),
+                    field.basis.len(),
+                    domain_name(field.basis.domain()),
+                    field.axis_count(),
+                    field.bytes() as f64 / 1e6
+                );
+                Self {
+                    scene: &file.scene,
+                    seen: seen(&field.basis, &field.report)?,
+                    made: made("harmonic", field.coefficients.len(), how, "fitted"),
+                    training: None,
+                }
+            }
+            StoredField::Factored(file) => {
+                let field = &file.field;
+                let how = format!(
+                    "factored field, 3→{}×{}→{} ({} parameters, {:.2} MB), taught a harmonic field of degree {}",
+                    field.shape.width,
+                    field.shape.hidden,
+                    field.shape.axes,
+                    field.parameters.len(),
+                    field.bytes() as f64 / 1e6,
+                    field.basis.degree()
+                );
+                Self {
+                    scene: &file.scene,
+                    seen: seen(&field.basis, &file.report)?,
+                    made: made("factored", field.parameters.len(), how, "learnt"),
+                    training: None,
+                }
+            }
+        })
+    }
+}
+
+fn domain_name(domain: Domain) -> &'static str {
+    match domain {
+        Domain::Directions => "direction",
+        Domain::Rotations => "rotation",
+    }
+}

@@ -1,0 +1,115 @@
+//! Exact values at a sample of voxels: what decides on the axes, and what the errors are told by.
+
+use rayon::prelude::*;
+
+use super::solve::{Moments, Solved, column_means, function_values, gram};
+use super::{BLOCK, FitReport, FitSettings};
+use crate::control::Control;
+use crate::harmonic::HarmonicError;
+use crate::harmonic::basis::Basis;
+use crate::orientation::Orientation;
+use crate::section::{SectionError, SectionPlan, SectionScratch};
+use crate::siren::matrix::{Matrix, multiply};
+
+/// Voxels of a sample, and exact values there at orientations that are not fitted.
+pub(super) struct Sample {
+    pub(super) places: Vec<usize>,
+    held_out: Vec<Orientation>,
+    /// `[held-out orientation][voxel]`.
+    judged: Vec<f32>,
+}
+
+impl Sample {
+    pub(super) fn take(
+        plan: &SectionPlan,
+        settings: &FitSettings,
+        basis: &Basis,
+        control: Control<'_>,
+    ) -> Result<Self, HarmonicError> {
+        let total = plan.grid().len();
+        let voxels = settings.sample.min(total);
+        // A golden step visits every part of the grid evenly, and every voxel once where all are taken.
+        let places: Vec<usize> = if voxels == total {
+            (0..total).collect()
+        } else {
+            (0..voxels)
+                .map(|i| ((i as f64 * 0.618_033_988_749_894_9).fract() * total as f64) as usize)
+                .collect()
+        };
+        let held_out = basis.random_set(settings.held_out, settings.seed)?.orientations;
+        let judged = gather(plan, &held_out, &places, control)?;
+        Ok(Self { places, held_out, judged })
+    }
+
+    /// Exact values of some orientations at the sample's voxels, `[orientation][voxel]`.
+    pub(super) fn gather(
+        &self,
+        plan: &SectionPlan,
+        set: &[Orientation],
+        control: Control<'_>,
+    ) -> Result<Vec<f32>, SectionError> {
+        gather(plan, set, &self.places, control)
+    }
+
+    /// `Bᵀ S` of the sections that are fitted, `[orientation][voxel]` at the sample's voxels, with its mean over voxels and
+    /// its second moments.
+    pub(super) fn moments(&self, fitted: &[f32], values: &[f32]) -> Moments {
+        let voxels = self.places.len();
+        let sections = fitted.len() / voxels;
+        let functions = values.len() / sections;
+        // [voxel][function], so that voxels are rows.
+        let mut right = vec![0.0; voxels * functions];
+        right.par_chunks_mut(BLOCK * functions).enumerate().for_each(|(block, out)| {
+            let count = out.len() / functions;
+            let own = Matrix::row_major(&fitted[block * BLOCK..], sections, count, voxels);
+            let values = Matrix::row_major(values, sections, functions, functions);
+            multiply(out, functions, own.transposed(), values, false);
+        });
+        let mean = column_means(&right, functions);
+        let second = gram(&right, functions) / voxels as f64;
+        Moments { right, mean, second }
+    }
+
+    /// The errors of the sample's coefficients where they were not fitted; `dropped` by the axes left out.
+    pub(super) fn report(&self, solved: &Solved, basis: &Basis, sections: usize, dropped: f64) -> FitReport {
+        let functions = basis.len();
+        let values = function_values(basis, &self.held_out);
+        let (count, voxels) = (self.held_out.len(), self.places.len());
+        let mut predicted = vec![0.0; count * voxels];
+        multiply(
+            &mut predicted,
+            voxels,
+            Matrix::row_major(&values, count, functions, functions),
+            Matrix::row_major(&solved.coefficients, voxels, functions, functions).transposed(),
+            false,
+        );
+        let errors = predicted.iter().zip(&self.judged).map(|(&p, &e)| f64::from(p.clamp(0.0, 1.0) - e));
+        let (sum, largest) =
+            errors.fold((0.0, 0.0f64), |(sum, largest), e| (sum + e * e, largest.max(e.abs())));
+        let held_out_mse = sum / (count * voxels) as f64;
+        FitReport { functions, sections, dropped, held_out_mse, held_out_mpe: largest }
+    }
+}
+
+/// Exact values of some orientations at some voxels, `[orientation][voxel]`.
+fn gather(
+    plan: &SectionPlan,
+    set: &[Orientation],
+    places: &[usize],
+    control: Control<'_>,
+) -> Result<Vec<f32>, SectionError> {
+    let mut all = vec![0.0; set.len() * places.len()];
+    all.par_chunks_mut(places.len()).zip(set).try_for_each_init(
+        || (SectionScratch::default(), vec![0.0; plan.grid().len()]),
+        |(scratch, cmf), (values, orientation)| {
+            if control.is_cancelled() {
+                return Err(SectionError::Cancelled);
+            }
+            plan.cmf(orientation, scratch, cmf)?;
+            values.iter_mut().zip(places).for_each(|(value, &place)| *value = cmf[place]);
+            (control.progress)(1);
+            Ok(())
+        },
+    )?;
+    Ok(all)
+}

@@ -1,0 +1,171 @@
+//! The dense algebra of a fit: the functions' values, the normal matrix, moments of a sample, principal axes.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SymmetricEigen};
+use rayon::prelude::*;
+
+use super::BLOCK;
+use crate::harmonic::HarmonicError;
+use crate::harmonic::basis::Basis;
+use crate::orientation::Orientation;
+use crate::siren::matrix::{Matrix, multiply};
+
+/// B: `[orientation][function]`.
+pub(super) fn function_values(basis: &Basis, set: &[Orientation]) -> Vec<f32> {
+    let mut all = vec![0.0f32; set.len() * basis.len()];
+    all.par_chunks_mut(basis.len()).zip(set).for_each_init(
+        || vec![0.0; basis.len()],
+        |row, (out, orientation)| {
+            basis.values(orientation, row);
+            out.iter_mut().zip(row).for_each(|(out, &mut v)| *out = v as f32);
+        },
+    );
+    all
+}
+
+/// A matrix by rows, in f32.
+pub(super) fn row_major(matrix: &DMatrix<f64>) -> Vec<f32> {
+    matrix.transpose().iter().map(|&v| v as f32).collect()
+}
+
+/// G = BᵀB + R, factored.
+///
+/// R is what is known before any section is counted: a coefficient's mean square falls with its degree l as l⁻⁷, so what
+/// the degrees left out add to a section is no larger than `Σ_(l > L) n_l l⁻⁷` beside `l⁻⁷` of a coefficient kept, whatever
+/// the scale. Their quotient on the diagonal makes the sum of squares' minimum the likeliest coefficients (ridge
+/// regression): with four sections a function it changes nothing, with one it replaces a singular matrix.
+pub(super) struct NormalMatrix(Cholesky<f64, Dyn>);
+
+/// Measured: 900 sections of the half-resolution teapot, degrees 5 to 18, fall as l^−6.97. Powers 6 to 8 give errors within
+/// 4 % of each other.
+const FALL: i32 = 7;
+/// Degrees beyond this add nothing to the sum of those left out.
+const LAST_DEGREE: usize = 400;
+
+impl NormalMatrix {
+    pub(super) fn new(basis: &Basis, values: &[f32]) -> Result<Self, HarmonicError> {
+        let mut gram = gram(values, basis.len());
+        let power = |degree: usize| (degree.max(1) as f64).powi(-FALL);
+        let left_out: f64 = (basis.degree() + 1..LAST_DEGREE)
+            .map(|degree| Basis::count_of_degree(basis.domain(), degree) as f64 * power(degree))
+            .sum();
+        let degrees = (0..=basis.degree())
+            .flat_map(|degree| std::iter::repeat_n(degree, Basis::count_of_degree(basis.domain(), degree)));
+        for (place, degree) in degrees.enumerate() {
+            // The constant may be anything.
+            gram[(place, place)] += if degree == 0 { 0.0 } else { left_out / power(degree) };
+        }
+        Cholesky::new(gram).map(Self).ok_or(HarmonicError::Singular)
+    }
+
+    pub(super) fn solve(&self, right: &DMatrix<f64>) -> DMatrix<f64> {
+        self.0.solve(right)
+    }
+
+    /// `B (G + R)⁻¹ U`: what a section's value adds to every coefficient along `axes`, `[orientation][axis]`.
+    pub(super) fn weights(&self, values: &[f32], axes: &DMatrix<f64>) -> Vec<f32> {
+        let (functions, count) = axes.shape();
+        let sections = values.len() / functions;
+        let projected = row_major(&self.solve(axes));
+        let mut weights = vec![0.0; sections * count];
+        multiply(
+            &mut weights,
+            count,
+            Matrix::row_major(values, sections, functions, functions),
+            Matrix::row_major(&projected, functions, count, count),
+            false,
+        );
+        weights
+    }
+}
+
+/// AᵀA of a row-major matrix with `columns` columns; products in f32, sums of row blocks in f64.
+pub(super) fn gram(values: &[f32], columns: usize) -> DMatrix<f64> {
+    let rows_at_once = 256;
+    let parts: Vec<Vec<f32>> = values
+        .par_chunks(rows_at_once * columns)
+        .map(|rows| {
+            let count = rows.len() / columns;
+            let matrix = Matrix::row_major(rows, count, columns, columns);
+            let mut product = vec![0.0; columns * columns];
+            multiply(&mut product, columns, matrix.transposed(), matrix, false);
+            product
+        })
+        .collect();
+    let mut sum = DMatrix::zeros(columns, columns);
+    for part in &parts {
+        sum.iter_mut().zip(part).for_each(|(sum, &v)| *sum += f64::from(v));
+    }
+    sum
+}
+
+/// Sums over a sample of voxels.
+pub(super) struct Moments {
+    /// Bᵀs of every voxel of the sample, `[voxel][function]`.
+    pub(super) right: Vec<f32>,
+    pub(super) mean: DVector<f64>,
+    pub(super) second: DMatrix<f64>,
+}
+
+/// What a sample tells of the coefficients.
+pub(super) struct Solved {
+    pub(super) mean: DVector<f64>,
+    pub(super) covariance: DMatrix<f64>,
+    /// `[voxel][function]` of the sample.
+    pub(super) coefficients: Vec<f32>,
+}
+
+impl Moments {
+    pub(super) fn solve(&self, normal: &NormalMatrix) -> Solved {
+        let functions = self.mean.len();
+        let mean = normal.0.solve(&self.mean);
+        let half = normal.solve(&self.second);
+        let covariance = normal.solve(&half.transpose()) - &mean * mean.transpose();
+        let inverse = row_major(&normal.solve(&DMatrix::identity(functions, functions)));
+        let mut coefficients = vec![0.0; self.right.len()];
+        coefficients.par_chunks_mut(BLOCK * functions).enumerate().for_each(|(block, out)| {
+            let count = out.len() / functions;
+            let right = &self.right[block * BLOCK * functions..];
+            let right = Matrix::row_major(right, count, functions, functions);
+            multiply(
+                out,
+                functions,
+                right,
+                Matrix::row_major(&inverse, functions, functions, functions),
+                false,
+            );
+        });
+        Solved { mean, covariance, coefficients }
+    }
+}
+
+/// Means of the columns of a row-major matrix.
+pub(super) fn column_means(values: &[f32], columns: usize) -> DVector<f64> {
+    let mut mean = DVector::zeros(columns);
+    for row in values.chunks_exact(columns) {
+        mean.iter_mut().zip(row).for_each(|(mean, &v)| *mean += f64::from(v));
+    }
+    mean / (values.len() / columns) as f64
+}
+
+/// The leading eigenvectors as columns, functions × axes, and the sum of the other eigenvalues.
+pub(super) fn principal_axes(covariance: &DMatrix<f64>, axes: usize) -> (DMatrix<f64>, f64) {
+    let functions = covariance.nrows();
+    if axes == functions {
+        return (DMatrix::identity(functions, functions), 0.0);
+    }
+    let symmetric = (covariance + covariance.transpose()) * 0.5;
+    let SymmetricEigen { eigenvectors, eigenvalues } = SymmetricEigen::new(symmetric);
+    let mut order: Vec<usize> = (0..functions).collect();
+    order.sort_by(|&a, &b| eigenvalues[b].total_cmp(&eigenvalues[a]));
+    let dropped = order[axes..].iter().map(|&i| eigenvalues[i].max(0.0)).sum();
+    let columns: Vec<_> = order[..axes]
+        .iter()
+        .map(|&i| {
+            let column = eigenvectors.column(i);
+            // One sign for all machines: the largest component is positive.
+            let largest = column.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(1.0);
+            column * largest.signum()
+        })
+        .collect();
+    (DMatrix::from_columns(&columns), dropped)
+}
