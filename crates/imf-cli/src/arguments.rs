@@ -1,6 +1,7 @@
 //! The command line: what can be said, with an example for each command.
 
 pub(crate) mod access;
+pub(crate) mod calibrate;
 pub(crate) mod check;
 pub(crate) mod clearance;
 pub(crate) mod compress;
@@ -8,6 +9,7 @@ pub(crate) mod families;
 pub(crate) mod fixture;
 pub(crate) mod harmonic;
 pub(crate) mod paper;
+pub(crate) mod query_bench;
 pub(crate) mod regime;
 pub(crate) mod scene;
 pub(crate) mod transform;
@@ -88,6 +90,7 @@ pub(crate) enum Command {
     Train(TrainArguments),
     Finetune(FinetuneArguments),
     Compress(compress::CompressArguments),
+    Calibrate(calibrate::CalibrateArguments),
     Regime(regime::RegimeArguments),
     Eval(EvalArguments),
     Query(QueryArguments),
@@ -111,6 +114,7 @@ pub(crate) enum Bench {
     Exact(ExactBenchArguments),
     Families(families::FamiliesBenchArguments),
     Paper(paper::PaperBenchArguments),
+    Query(query_bench::QueryBenchArguments),
     Train(TrainBenchArguments),
 }
 

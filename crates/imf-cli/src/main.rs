@@ -83,6 +83,7 @@ fn run(cli: Cli, rank: Rank) -> anyhow::Result<()> {
         Command::Train(arguments) => commands::train::run(&session, &arguments),
         Command::Finetune(arguments) => commands::finetune::run(&session, &arguments),
         Command::Compress(arguments) => commands::compress::run(&session, &arguments),
+        Command::Calibrate(arguments) => commands::calibrate::run(&session, &arguments),
         Command::Regime(arguments) => commands::regime::run(&session, &arguments),
         Command::Eval(arguments) => commands::eval::run(&session, &arguments),
         Command::Query(arguments) => commands::query::run(&session, &arguments),

@@ -161,6 +161,24 @@ pub fn check_toolpath(
     settings: &CheckSettings,
     control: Control<'_>,
 ) -> Result<CheckReport, CheckError> {
+    check_toolpath_with(part, fixtures, tool, toolpath, settings, &|_| false, control)
+}
+
+/// As [`check_toolpath`], counting only the poses of which `is_free` does not know that the whole tool, grown by the
+/// clearance, is free of part and fixtures: what it knows must be proven
+/// ([`GuardedField::is_free`](crate::planner::GuardedField::is_free)). Then the report is the same.
+///
+/// # Errors
+/// As [`check_toolpath`].
+pub fn check_toolpath_with(
+    part: &Occupancy,
+    fixtures: Option<&Occupancy>,
+    tool: &Tool,
+    toolpath: &Toolpath,
+    settings: &CheckSettings,
+    is_free: &(dyn Fn(&Pose) -> bool + Sync),
+    control: Control<'_>,
+) -> Result<CheckReport, CheckError> {
     check_settings(settings)?;
     tool.check()?;
     let elements = tool.inflated_elements(&settings.clearance)?;
@@ -178,7 +196,7 @@ pub fn check_toolpath(
             if control.is_cancelled() {
                 return Err(CheckError::Cancelled);
             }
-            let line = check_motion(&guards, motion, part.grid.voxel_volume());
+            let line = check_motion(&guards, motion, is_free, part.grid.voxel_volume());
             (control.progress)(1);
             Ok(line)
         })
@@ -247,30 +265,38 @@ fn whole_tool<'a>(part: &'a Occupancy, fixtures: Option<&'a Occupancy>, tool: &'
         .collect()
 }
 
-fn check_motion(guards: &[Guard<'_>], motion: &Poses, voxel_volume: f64) -> LineCollisions {
+fn check_motion(
+    guards: &[Guard<'_>],
+    motion: &Poses,
+    is_free: &dyn Fn(&Pose) -> bool,
+    voxel_volume: f64,
+) -> LineCollisions {
     let mut line = LineCollisions { line: motion.line(), poses: motion.len(), collisions: Vec::new() };
-    for guard in guards {
-        let mut counts = vec![0; guard.names.len()];
-        let mut worst: Vec<Option<Collision>> = vec![None; guard.names.len()];
-        for (position, axis, orientation) in motion.iter() {
-            let pose = Pose { position, orientation };
+    let mut found: Vec<_> =
+        guards.iter().map(|g| (vec![0; g.names.len()], vec![None::<Collision>; g.names.len()])).collect();
+    for (position, axis, orientation) in motion.iter() {
+        let pose = Pose { position, orientation };
+        if is_free(&pose) {
+            continue;
+        }
+        for (guard, (counts, worst)) in guards.iter().zip(&mut found) {
             if !guard.field.collides(&pose) {
                 continue;
             }
             if guard.field.elements().next().is_none() {
                 counts[0] = guard.field.count(&pose);
             } else {
-                guard.field.element_counts(&pose, &mut counts);
+                guard.field.element_counts(&pose, counts);
             }
-            for ((worst, name), &voxels) in worst.iter_mut().zip(&guard.names).zip(&counts) {
+            for ((worst, name), &voxels) in worst.iter_mut().zip(&guard.names).zip(counts.iter()) {
                 if voxels > 0 {
                     let place = (guard.against, position, axis);
                     note(worst, name, place, voxels, voxel_volume);
                 }
             }
         }
-        line.collisions.extend(worst.into_iter().flatten());
     }
+    line.collisions.extend(found.into_iter().flat_map(|(_, worst)| worst).flatten());
     line
 }
 

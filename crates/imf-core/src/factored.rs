@@ -22,6 +22,7 @@ mod trainer;
 
 pub use answers::FactoredAnswers;
 pub use evaluate::FactoredEvaluator;
+pub(crate) use evaluate::dot;
 pub use point::{FactoredPoint, PointScratch};
 pub use teach::{TeachSettings, teach};
 pub use trainer::{FactoredState, FactoredTrainer, Optimiser};

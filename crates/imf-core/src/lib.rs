@@ -55,6 +55,7 @@
 
 pub mod access;
 pub mod atomic_file;
+pub mod calibration;
 pub mod check;
 pub mod control;
 pub mod dataset;
@@ -74,6 +75,7 @@ pub mod occupancy;
 pub mod orientation;
 pub mod parts;
 pub mod planar;
+pub mod planner;
 pub mod regime;
 pub mod samples;
 pub mod scene;

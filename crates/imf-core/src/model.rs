@@ -24,6 +24,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::atomic_file::{AtomicFileError, write_atomically, write_keeping_previous};
+use crate::calibration::Calibration;
 use crate::dataset::Sampling;
 use crate::held_out::HeldOutChoice;
 use crate::orientation::OrientationSet;
@@ -123,6 +124,8 @@ pub struct Model {
     pub record: TrainingRecord,
     /// Weights; with moments where training can be resumed, else moments are empty.
     pub state: TrainingState,
+    /// What its decisions are worth, where that was measured of these weights.
+    pub calibration: Option<Calibration>,
 }
 
 /// Why a model cannot be read or written. Every message names the file.
@@ -168,6 +171,9 @@ struct Description {
     scene: SceneRecord,
     training: TrainingRecord,
     optimiser_step: u64,
+    /// Nothing in files that were never calibrated; programs that know of none pass it over.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    calibration: Option<Calibration>,
 }
 
 /// The part of the description that can be read whatever its version.
@@ -222,6 +228,7 @@ impl Model {
             scene: self.scene.record.clone(),
             training: self.record.clone(),
             optimiser_step: self.state.step,
+            calibration: self.calibration,
         };
         let json = serde_json::to_string(&description).map_err(|e| damaged(e.to_string()))?;
         let voxels = self.scene.packed_voxels();
@@ -290,6 +297,9 @@ impl Model {
                 return Err(damaged("its checksum is wrong: it was changed after it was written".into()));
             }
         }
+        if let Some(fault) = description.calibration.and_then(|c| c.fault()) {
+            return Err(damaged(fault.into()));
+        }
         let shape = description.network;
         shape.check().map_err(|e| damaged(e.to_string()))?;
         let tensors =
@@ -333,6 +343,7 @@ impl Model {
                 second_moment,
                 step: description.optimiser_step,
             },
+            calibration: description.calibration,
         })
     }
 }
@@ -408,7 +419,7 @@ mod tests {
             pending_loss: (0.1, 3),
             held_out: None,
         };
-        Model { shape, scene: spec.scene().unwrap(), record, state }
+        Model { shape, scene: spec.scene().unwrap(), record, state, calibration: None }
     }
 
     #[test]

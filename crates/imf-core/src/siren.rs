@@ -20,7 +20,7 @@ mod adam;
 mod backward;
 mod bf16;
 pub mod engine;
-mod evaluator;
+pub(crate) mod evaluator;
 pub(crate) mod forward;
 pub(crate) mod lanes;
 pub mod matrix;
@@ -30,6 +30,7 @@ pub mod reference;
 pub(crate) mod scratch;
 pub mod sine;
 pub(crate) mod stack;
+pub(crate) mod tangent;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;

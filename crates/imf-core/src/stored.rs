@@ -4,6 +4,7 @@ use std::path::Path;
 
 use thiserror::Error;
 
+use crate::calibration::Calibration;
 use crate::factored::file::FactoredFile;
 use crate::harmonic::file::HarmonicFile;
 use crate::model::{Model, ModelError};
@@ -45,6 +46,38 @@ impl StoredField {
             return Ok(Self::Factored(Box::new(FactoredFile::read(path)?)));
         }
         Ok(Self::Siren(Box::new(Model::read(path)?)))
+    }
+
+    /// What its decisions are worth, where that was measured.
+    #[must_use]
+    pub fn calibration(&self) -> Option<&Calibration> {
+        match self {
+            Self::Siren(model) => model.calibration.as_ref(),
+            Self::Harmonic(file) => file.calibration.as_ref(),
+            Self::Factored(file) => file.calibration.as_ref(),
+        }
+    }
+
+    /// Keeps what was measured of its decisions.
+    pub fn set_calibration(&mut self, calibration: Calibration) {
+        match self {
+            Self::Siren(model) => model.calibration = Some(calibration),
+            Self::Harmonic(file) => file.calibration = Some(calibration),
+            Self::Factored(file) => file.calibration = Some(calibration),
+        }
+    }
+
+    /// Writes the field whole or not at all.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write(&self, path: &Path) -> Result<(), StoredFieldError> {
+        match self {
+            Self::Siren(model) => model.write(path)?,
+            Self::Harmonic(file) => file.write(path)?,
+            Self::Factored(file) => file.write(path)?,
+        }
+        Ok(())
     }
 
     /// What the field is of.

@@ -119,7 +119,7 @@ fn a_model_that_was_written_and_read_evaluates_as_before() {
         pending_loss: (0.0, 0),
         held_out: None,
     };
-    let model = Model { shape: SHAPE, scene, record, state };
+    let model = Model { shape: SHAPE, scene, record, state, calibration: None };
     let angles: Vec<[f32; 2]> =
         set.orientations.iter().map(imf_core::orientation::Orientation::angles).collect();
     let evaluate = |model: &Model| {

@@ -23,6 +23,9 @@ pub(crate) struct CheckArguments {
     /// Farthest that any point of the tool moves between two checked poses; a quarter of a voxel by default
     #[arg(long, value_name = "LENGTH")]
     pub(crate) tolerance: Option<f64>,
+    /// A field of this part, grid and tool: what its guard proves free is not counted again. The report is the same
+    #[arg(long, value_name = "MODEL")]
+    pub(crate) field: Option<PathBuf>,
     /// How deep below the part's surface the cutter may reach; one voxel by default
     #[arg(long, value_name = "LENGTH")]
     pub(crate) contact: Option<f64>,

@@ -1,6 +1,7 @@
 //! `imf bench`: measurements that a user can repeat. `exact` compares the exact sections with what one would
 //! write oneself, and shows how their cost grows; `train` compares the training engine with PyTorch; `paper` makes the
-//! paper's tables and figures; `families` sets every family of fields side by side.
+//! paper's tables and figures; `families` sets every family of fields side by side; `query` asks fields and collision
+//! libraries for random poses.
 
 mod device;
 mod families;
@@ -8,6 +9,7 @@ mod growth;
 mod machine;
 mod paper;
 mod plain_fft;
+mod query;
 mod scipy;
 mod train;
 
@@ -46,6 +48,7 @@ pub(crate) fn run(session: &Session, arguments: &BenchArguments) -> Result<()> {
         Bench::Exact(arguments) => exact(session, arguments),
         Bench::Families(arguments) => families::run(session, arguments),
         Bench::Paper(arguments) => paper::run(session, arguments),
+        Bench::Query(arguments) => query::run(session, arguments),
         Bench::Train(arguments) => train::run(session, arguments),
     }
 }

@@ -2,10 +2,15 @@
 
 use std::f64::consts::SQRT_2;
 use std::fmt::Write;
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Result, ensure};
-use imf_core::check::{Against, CheckError, CheckReport, CheckSettings, Collision, check_toolpath};
-use imf_core::scene::{Promise, SceneRecord};
+use imf_core::check::{Against, CheckError, CheckReport, CheckSettings, Collision, check_toolpath_with};
+use imf_core::field::Pose;
+use imf_core::occupancy::Occupancy;
+use imf_core::planner::{GuardedField, NeuralField};
+use imf_core::scene::{Promise, Scene, SceneRecord};
 use imf_core::tool::{Segment, ToolShape};
 use imf_core::toolpath::Toolpath;
 use serde_json::json;
@@ -42,15 +47,30 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     // Contact is accepted with the part alone, never with a fixture.
     let fixtures = (!record.fixtures.is_empty()).then_some(&bodies.fixtures);
     let settings = arguments.settings(record.grid.pitch);
+    let guarded = match &arguments.field {
+        Some(path) => Some(guarded(path, &scene, &bodies.part, fixtures, &settings)?),
+        None => None,
+    };
+    let proven = AtomicU64::new(0);
+    let is_free = |pose: &Pose| {
+        let free = guarded.as_ref().is_some_and(|field| field.is_free(pose));
+        proven.fetch_add(u64::from(free), Ordering::Relaxed);
+        free
+    };
     let stage = session.stage("checking", "lines", toolpath.locations.len() as u64);
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
-    let report = check_toolpath(&bodies.part, fixtures, record.bare_tool(), &toolpath, &settings, control);
+    let tool = record.bare_tool();
+    let report = check_toolpath_with(&bodies.part, fixtures, tool, &toolpath, &settings, &is_free, control);
     let report = report.map_err(|error| match error {
         CheckError::Cancelled => Interrupted("the toolpath was not checked to its end".into()).into(),
         other => anyhow::Error::from(other),
     })?;
     stage.finish(&format!("{} poses", report.poses));
+    if guarded.is_some() {
+        let free = proven.into_inner();
+        session.note(&format!("{free} of {} poses were proven free by the guarded field", report.poses));
+    }
     if session.json {
         print_json(&json!({
             "toolpath": arguments.toolpath, "part": record.part, "tool": record.tool.name, "unit": record.unit,
@@ -61,6 +81,42 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         print(text(&report, record).trim_end())?;
     }
     if report.colliding.is_empty() { Ok(()) } else { Err(CollisionFound.into()) }
+}
+
+/// A field's guard of the very part, fixtures and tool that are checked.
+fn guarded(
+    path: &Path,
+    scene: &Scene,
+    part: &Occupancy,
+    fixtures: Option<&Occupancy>,
+    settings: &CheckSettings,
+) -> Result<GuardedField> {
+    let model = NeuralField::load(path)?;
+    let known = model.scene();
+    let name = path.display();
+    ensure!(
+        known.record.bare_tool() == scene.record.bare_tool(),
+        "{name} is of the tool {}, not of the {} that is checked: leave out --field, or choose the same --tool",
+        known.record.bare_tool().name,
+        scene.record.bare_tool().name
+    );
+    // What is not in the field's voxels its guard would not see.
+    let holds = |body: &Occupancy| {
+        known
+            .obstacle
+            .on(&body.grid)
+            .is_some_and(|seen| seen.solid.iter().zip(&body.solid).all(|(seen, body)| body & (1 - seen) == 0))
+    };
+    ensure!(
+        holds(part) && fixtures.is_none_or(holds),
+        "{name} is of other voxels than those that are checked: leave out --field, or choose the part, grid, set-up and \
+         fixtures that it was made for (imf info {name})"
+    );
+    // Contact is the check's affair: the guard proves that nothing at all is touched.
+    let mut whole = known.clone();
+    whole.record.contact = None;
+    whole.layer = None;
+    Ok(GuardedField::of_scene(model, &whole, settings.clearance)?)
 }
 
 /// Between the centres' columns there is room for a tool that is thinner than a voxel's diagonal: it would pass through

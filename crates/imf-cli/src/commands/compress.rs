@@ -142,6 +142,7 @@ impl Work<'_> {
             settings: self.settings,
             precision: if goes_on { Precision::F32 } else { self.precision },
             state: goes_on.then(|| state.clone()),
+            calibration: None,
         };
         file.write(path)?;
         Ok(file)

@@ -12,12 +12,14 @@ use std::str::FromStr;
 
 use anyhow::{Result, bail};
 use glam::DMat4;
+use imf_core::calibration::Calibration;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneRecord;
 use imf_core::stored::StoredField;
 use imf_core::tool::Tool;
 use serde_json::Value;
 
+use super::calibrate::judgement;
 use crate::arguments::InfoArguments;
 use crate::arguments::clearance::clearance_text;
 use crate::output::{print, print_json, short};
@@ -72,6 +74,27 @@ fn describe(session: &Session, arguments: &InfoArguments) -> Result<Description>
         },
         _ => mesh::describe_file(session, path, unit),
     }
+}
+
+/// What a field's decisions are worth.
+fn calibration_lines(calibration: Option<&Calibration>) -> Vec<(&'static str, String)> {
+    let Some(known) = calibration else {
+        return vec![("decisions", "not calibrated: imf calibrate measures what they are worth".into())];
+    };
+    let threshold = |value: Option<f32>| value.map_or("never".into(), |v| format!("{v:.3e}"));
+    vec![
+        (
+            "decisions",
+            format!(
+                "free up to {}, blocked from {}, near between; bounds at {} % confidence",
+                threshold(known.free_up_to),
+                threshold(known.blocked_from),
+                known.goals.confidence * 100.0
+            ),
+        ),
+        ("  anywhere", judgement(&known.uniform)),
+        ("  at contact", judgement(&known.boundary)),
+    ]
 }
 
 /// What a field was made for.

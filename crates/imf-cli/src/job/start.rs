@@ -50,13 +50,15 @@ pub(crate) fn fresh_model(
         pending_loss: (0.0, 0),
         held_out: None,
     };
-    Model { shape, scene: data.scene.clone(), record, state }
+    Model { shape, scene: data.scene.clone(), record, state, calibration: None }
 }
 
 /// The checkpoint of an output folder, if it belongs to this dataset. Its plan goes on, but for a learning rate given
 /// anew, which is the way out of a divergence.
 pub(crate) fn resumed_model(session: &Session, out: &Path, data: &Data, rate: Option<f32>) -> Result<Model> {
     let Latest { mut model, path, damage } = latest(out).context("there is nothing to resume")?;
+    // Of the weights as they were.
+    model.calibration = None;
     if model.record.dataset_crc32 != data.manifest().fingerprint() {
         bail!(
             "{} was trained on another dataset: resume with the one that it was started on",

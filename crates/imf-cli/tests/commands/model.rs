@@ -47,7 +47,7 @@ pub(crate) fn model() -> Model {
         held_out: None,
     };
     let state = TrainingState::new(&shape, 1);
-    Model { shape, scene: spec.scene().unwrap(), record, state }
+    Model { shape, scene: spec.scene().unwrap(), record, state, calibration: None }
 }
 
 pub(crate) fn write_model(path: &Path) -> Model {

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::grid::Grid;
+use crate::scene::Bodies;
 use crate::unit::LengthUnit;
 
 /// A block of 40×40×20 mm with its top at z = 20, on a grid of 1 mm with room around it.
@@ -148,4 +149,32 @@ fn depth_is_counted_from_the_surface() {
     assert_eq!(shell(0.5), 40 * 40 * 20 - 38 * 38 * 18);
     assert_eq!(shell(1.0), 40 * 40 * 20 - 38 * 38 * 18);
     assert_eq!(shell(1.5), 40 * 40 * 20 - 36 * 36 * 16);
+}
+
+#[test]
+fn what_a_proof_knows_free_changes_no_line_of_the_report() {
+    let (part, post) = (block(), post());
+    let obstacle = Bodies { part: part.clone(), fixtures: post.clone() }.obstacle();
+    let text = "-25,0,24,0,0,1\n25,0,24,0,0.3,1\n0,0,16,0,0,1\n12,0,22,0,0,1\n-40,-40,40,1,0,0.2\n";
+    for room in [0.0, 1.5] {
+        let clearance = Clearance { holder: room, shank: room, cutter: 0.0 };
+        let settings = CheckSettings { clearance, ..CheckSettings::of_pitch(1.0) };
+        let plain = check(Some(&post), text, &settings);
+        assert!(plain.colliding.len() > 1);
+        let grown = Tool::paper().inflated(&clearance).unwrap();
+        let exact = ExactField::of_tool(&obstacle, &grown);
+        let known = std::sync::atomic::AtomicU64::new(0);
+        let is_free = |pose: &Pose| {
+            let free = !exact.collides(pose);
+            known.fetch_add(u64::from(free), std::sync::atomic::Ordering::Relaxed);
+            free
+        };
+        let (tool, path) = (Tool::paper(), path(text));
+        let control = Control::quiet();
+        let guarded =
+            check_toolpath_with(&part, Some(&post), &tool, &path, &settings, &is_free, control).unwrap();
+        assert_eq!(guarded, plain);
+        let known = known.into_inner();
+        assert!(known > 0 && known < plain.poses, "{known} of {}", plain.poses);
+    }
 }

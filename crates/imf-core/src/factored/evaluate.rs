@@ -1,5 +1,6 @@
 //! The field over a whole grid: g once at every voxel, then the harmonic field's products with all orientations.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use glam::DVec3;
@@ -17,7 +18,7 @@ use crate::siren::scratch::ScratchPool;
 
 /// A field ready to be evaluated, on the current rayon pool.
 pub struct FactoredEvaluator<'a> {
-    pub(super) field: &'a FactoredField,
+    pub(super) field: Cow<'a, FactoredField>,
     pub(super) arch: Arch,
     pub(super) plan: Plan,
     pub(super) panels: Vec<f32>,
@@ -32,12 +33,30 @@ impl FactoredField {
     /// Lays the weights out for evaluation.
     #[must_use]
     pub fn evaluator(&self) -> FactoredEvaluator<'_> {
+        FactoredEvaluator::new(Cow::Borrowed(self))
+    }
+
+    /// As [`FactoredField::evaluator`], with the field inside.
+    #[must_use]
+    pub fn into_evaluator(self) -> FactoredEvaluator<'static> {
+        FactoredEvaluator::new(Cow::Owned(self))
+    }
+}
+
+impl<'a> FactoredEvaluator<'a> {
+    fn new(field: Cow<'a, FactoredField>) -> Self {
         prefer_unpacked();
-        let plan = Plan::new(self.shape.stack());
-        let mut panels = vec![0.0; self.parameters.len()];
-        transpose_all(&plan, &self.parameters, &mut panels);
+        let plan = Plan::new(field.shape.stack());
+        let mut panels = vec![0.0; field.parameters.len()];
+        transpose_all(&plan, &field.parameters, &mut panels);
         let layers = ScratchPool::new(2 * BLOCK * plan.stride());
-        FactoredEvaluator { field: self, arch: Arch::new(), plan, panels, layers }
+        FactoredEvaluator { field, arch: Arch::new(), plan, panels, layers }
+    }
+
+    /// The field that is evaluated.
+    #[must_use]
+    pub fn field(&self) -> &FactoredField {
+        &self.field
     }
 }
 
@@ -52,7 +71,7 @@ impl FactoredEvaluator<'_> {
     }
 
     /// The coefficients at up to a block's points, into `z` as `[point][axes]`.
-    fn block(&self, points: impl ExactSizeIterator<Item = DVec3>, z: &mut [f32]) {
+    pub(crate) fn block(&self, points: impl ExactSizeIterator<Item = DVec3>, z: &mut [f32]) {
         let mut inputs = [0.0; BLOCK * INPUTS];
         let inputs = &mut inputs[..points.len() * INPUTS];
         for (input, point) in inputs.as_chunks_mut::<INPUTS>().0.iter_mut().zip(points) {
@@ -85,7 +104,7 @@ impl FactoredEvaluator<'_> {
     /// The coefficients at every voxel, for many evaluations; `report` is the teacher's.
     #[must_use]
     pub fn expanded(&self, precision: Precision, report: FitReport) -> HarmonicField {
-        let (field, axes) = (self.field, self.field.shape.axes);
+        let (field, axes) = (&self.field, self.field.shape.axes);
         let mut coefficients = vec![0.0; field.grid.len() * axes];
         coefficients.par_chunks_mut(BLOCK * axes).enumerate().for_each(|(block, z)| {
             let from = block * BLOCK;
@@ -135,7 +154,7 @@ impl FactoredEvaluator<'_> {
 
 /// In sixteen sums, which the compiler keeps in registers.
 #[inline(always)]
-pub(super) fn dot(a: &[f32], b: &[f32]) -> f32 {
+pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
     let mut sums = [0.0f32; 16];
     let (a, a_rest) = a.as_chunks::<16>();
     let (b, b_rest) = b.as_chunks::<16>();

@@ -19,6 +19,7 @@ use safetensors::tensor::Dtype;
 use serde::{Deserialize, Serialize};
 
 use super::{FactoredField, FactoredState, TeachSettings};
+use crate::calibration::Calibration;
 use crate::harmonic::basis::{Basis, Domain};
 use crate::harmonic::coefficients::Precision;
 use crate::harmonic::file::kind;
@@ -49,6 +50,8 @@ pub struct FactoredFile {
     pub precision: Precision,
     /// Where teaching goes on.
     pub state: Option<FactoredState>,
+    /// What its decisions are worth, where that was measured of these weights.
+    pub calibration: Option<Calibration>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -64,6 +67,9 @@ struct Description {
     scale: f32,
     /// Cursor and steps of the state.
     progress: Option<(Cursor, u64)>,
+    /// Nothing in files that were never calibrated; programs that know of none pass it over.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    calibration: Option<Calibration>,
     /// CRC-32 over parameters, axes, mean and state.
     crc32: u32,
 }
@@ -102,6 +108,7 @@ impl FactoredFile {
             precision: self.precision,
             scale: field.scale,
             progress: self.state.as_ref().map(|state| (state.cursor, state.training.step)),
+            calibration: self.calibration,
             crc32: checksum(&[&parameters, &axes, &mean, &state]),
         };
         let voxels = self.scene.packed_voxels();
@@ -124,11 +131,25 @@ impl FactoredFile {
     /// A missing, foreign, newer, truncated or damaged file; the message names it and what is wrong.
     pub fn read(path: &Path) -> Result<Self, TensorFileError> {
         let file = FORMAT.read(path)?;
-        let Description { domain, scene, fit, report, settings, precision, scale, progress, crc32, .. } =
-            file.description()?;
+        let Description {
+            domain,
+            scene,
+            fit,
+            report,
+            settings,
+            precision,
+            scale,
+            progress,
+            calibration,
+            crc32,
+            ..
+        } = file.description()?;
         let tensors = file.tensors()?;
         fit.check().map_err(|e| file.damaged(&e))?;
         settings.check().map_err(|e| file.damaged(&e))?;
+        if let Some(fault) = calibration.and_then(|c| c.fault()) {
+            return Err(file.damaged(&fault));
+        }
         if !(scale.is_finite() && scale > 0.0) {
             return Err(file.damaged(&format!("its scale is {scale}")));
         }
@@ -172,6 +193,6 @@ impl FactoredFile {
             parameters,
             scale,
         };
-        Ok(Self { field, scene, fit, report, settings, precision, state })
+        Ok(Self { field, scene, fit, report, settings, precision, state, calibration })
     }
 }

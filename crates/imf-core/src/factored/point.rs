@@ -5,15 +5,13 @@
 //! asked there then costs two readings of the axes.
 
 use glam::DVec3;
-use pulp::{Simd, WithSimd};
 
 use super::evaluate::dot;
 use super::{FactoredEvaluator, INPUTS};
 use crate::harmonic::Gradient;
 use crate::harmonic::basis::Domain;
 use crate::orientation::Orientation;
-use crate::siren::lanes::{load, store};
-use crate::siren::sine::sine_cosine;
+use crate::siren::tangent::PanelOfPoint;
 
 /// Working memory of a thread that asks for single poses; nothing is allocated once it has its size.
 #[derive(Default)]
@@ -71,7 +69,7 @@ impl FactoredEvaluator<'_> {
 
     /// Fills the first `ROWS` rows of `z`: the coefficients, then their derivatives by position.
     fn pass<const ROWS: usize>(&self, position: DVec3, scratch: &mut PointScratch) -> Option<()> {
-        let field = self.field;
+        let field = &*self.field;
         if !field.grid.is_between_centres(position) {
             return None;
         }
@@ -112,7 +110,7 @@ impl FactoredEvaluator<'_> {
 
     /// The value at an orientation of what the first row of `z` holds.
     fn value(&self, orientation: &Orientation, scratch: &mut PointScratch) -> f32 {
-        let field = self.field;
+        let field = &*self.field;
         let axes = self.plan.stack.outputs;
         let PointScratch { z, along, functions, narrow, .. } = scratch;
         functions.resize(field.basis.len(), 0.0);
@@ -166,7 +164,7 @@ impl FactoredPoint<'_> {
     /// The overlap, not clipped, with its gradients; `None` for fields over rotations, or a direction of no length.
     #[must_use]
     pub fn gradient(&mut self, direction: DVec3) -> Option<Gradient> {
-        let field = self.evaluator.field;
+        let field = &*self.evaluator.field;
         if field.basis.domain() != Domain::Directions {
             return None;
         }
@@ -196,100 +194,5 @@ impl FactoredPoint<'_> {
             *slope = f64::from(dot(row, along));
         }
         Some(Gradient { value: value as f32, position: position.into(), direction: turn })
-    }
-}
-
-/// One panel of neurons for one point, its tangents beside it: `out [ROWS][neuron]`, rows `widest` apart.
-struct PanelOfPoint<'a, const ROWS: usize> {
-    /// `[inputs][neurons]`.
-    panel: &'a [f32],
-    biases: &'a [f32],
-    /// `[ROWS][inputs]`.
-    signal: [&'a [f32]; ROWS],
-    out: &'a mut [f32],
-    widest: usize,
-    /// The panel's first neuron.
-    first: usize,
-    /// `None` for the linear layer.
-    omega: Option<f32>,
-}
-
-/// Registers of neurons taken together: with four rows their sums hide the latency of a product.
-const TOGETHER: usize = 4;
-/// With one row it takes two sums a register: over every other input.
-const SPLIT: usize = 2;
-
-impl<const ROWS: usize> PanelOfPoint<'_, ROWS> {
-    #[inline(always)]
-    fn registers<S: Simd, const N: usize, const SUMS: usize>(&mut self, simd: S, at: usize) {
-        let columns = self.biases.len();
-        let mut sums = [[[simd.splat_f32s(0.0); N]; ROWS]; SUMS];
-        let add = |sums: &mut [[S::f32s; N]; ROWS], weights: &[f32], input: usize| {
-            for place in 0..N {
-                let weights = load(simd, weights, at + place * S::F32_LANES);
-                for row in 0..ROWS {
-                    let signal = simd.splat_f32s(self.signal[row][input]);
-                    sums[row][place] = simd.mul_add_e_f32s(signal, weights, sums[row][place]);
-                }
-            }
-        };
-        let mut groups = self.panel.chunks_exact(SUMS * columns);
-        let mut input = 0;
-        for group in groups.by_ref() {
-            for (sums, weights) in sums.iter_mut().zip(group.chunks_exact(columns)) {
-                add(sums, weights, input);
-                input += 1;
-            }
-        }
-        for weights in groups.remainder().chunks_exact(columns) {
-            add(&mut sums[0], weights, input);
-            input += 1;
-        }
-        for place in 0..N {
-            let at = at + place * S::F32_LANES;
-            let mut values = sums[0].map(|row| row[place]);
-            for others in &sums[1..] {
-                for row in 0..ROWS {
-                    values[row] = simd.add_f32s(values[row], others[row][place]);
-                }
-            }
-            values[0] = simd.add_f32s(values[0], load(simd, self.biases, at));
-            if let Some(omega) = self.omega {
-                let omega = simd.splat_f32s(omega);
-                let (sine, cosine) = sine_cosine(simd, simd.mul_f32s(omega, values[0]));
-                let slope = simd.mul_f32s(omega, cosine);
-                values[0] = sine;
-                for value in &mut values[1..] {
-                    *value = simd.mul_f32s(slope, *value);
-                }
-            }
-            for (row, &value) in values.iter().enumerate() {
-                let out = &mut self.out[row * self.widest + self.first..][..columns];
-                store(simd, out, at, value);
-            }
-        }
-    }
-
-    /// The sums that one row needs, or several.
-    #[inline(always)]
-    fn group<S: Simd, const N: usize>(&mut self, simd: S, at: usize) {
-        if ROWS == 1 { self.registers::<S, N, SPLIT>(simd, at) } else { self.registers::<S, N, 1>(simd, at) }
-    }
-}
-
-impl<const ROWS: usize> WithSimd for PanelOfPoint<'_, ROWS> {
-    type Output = ();
-    #[inline(always)]
-    fn with_simd<S: Simd>(mut self, simd: S) {
-        let columns = self.biases.len();
-        let mut at = 0;
-        while at + TOGETHER * S::F32_LANES <= columns {
-            self.group::<S, TOGETHER>(simd, at);
-            at += TOGETHER * S::F32_LANES;
-        }
-        while at < columns {
-            self.group::<S, 1>(simd, at);
-            at += S::F32_LANES;
-        }
     }
 }

@@ -386,6 +386,7 @@ fn files_read_back_bit_for_bit_and_damage_is_named() {
             settings,
             precision,
             state: resumable.then_some(state),
+            calibration: None,
         };
         file.write(&path).unwrap();
         assert!(FactoredFile::is_one(&path));

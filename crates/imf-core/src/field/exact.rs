@@ -11,13 +11,16 @@ mod runs;
 mod spine;
 mod sweep;
 
+use std::borrow::Cow;
 use std::sync::OnceLock;
 
+use glam::DVec3;
 use pulp::Arch;
 use rayon::prelude::*;
 
 use super::{Field, Pose, QueryError, check_lengths};
 use crate::distance::DistanceField;
+use crate::grid::Grid;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
 use crate::scene::Scene;
@@ -34,11 +37,15 @@ use sweep::{Placed, Sweep};
 /// Every method takes `&self` and allocates nothing for tools of revolution; threads share one field. Lengths are in
 /// the unit of the obstacle's grid. A position that is not finite holds nothing.
 pub struct ExactField<'a> {
-    obstacle: &'a Occupancy,
+    obstacle: Cow<'a, Occupancy>,
     /// The tool's, for messages.
     name: String,
     shape: Shape<'a>,
     columns: Columns,
+    /// Largest distance of any of the tool's points from its tip.
+    reach: f64,
+    /// In the tool's frame.
+    sharp_points: Vec<DVec3>,
     arch: Arch,
     /// Made at the first yes/no question.
     proof: OnceLock<(DistanceField, Spine)>,
@@ -49,7 +56,7 @@ pub struct ExactField<'a> {
 enum Shape<'a> {
     Bodies(Vec<Body>),
     /// Counted by the definition.
-    Definition(&'a Tool),
+    Definition(Cow<'a, Tool>),
 }
 
 /// An element as the fast paths read it.
@@ -103,13 +110,26 @@ impl<'a> ExactField<'a> {
     /// The exact field of a tool around an obstacle.
     #[must_use]
     pub fn of_tool(obstacle: &'a Occupancy, tool: &'a Tool) -> Self {
+        Self::with_tool(Cow::Borrowed(obstacle), Cow::Borrowed(tool))
+    }
+
+    /// As [`ExactField::of_tool`], of an obstacle and a tool of its own: it outlives what it was made from.
+    #[must_use]
+    pub fn owned(obstacle: Occupancy, tool: Tool) -> ExactField<'static> {
+        ExactField::with_tool(Cow::Owned(obstacle), Cow::Owned(tool))
+    }
+
+    fn with_tool(obstacle: Cow<'a, Occupancy>, tool: Cow<'a, Tool>) -> Self {
         let bodies = match &tool.shape {
             ToolShape::Revolved(elements) => {
                 elements.iter().map(|e| Body::new(e, obstacle.grid.pitch)).collect::<Option<Vec<_>>>()
             }
             ToolShape::Mesh(_) => None,
         };
-        Self::with_shape(obstacle, &tool.name, bodies.map_or(Shape::Definition(tool), Shape::Bodies))
+        let (name, reach, sharp_points) =
+            (tool.name.clone(), tool.reach(), tool.sharp_point_positions(obstacle.grid.pitch));
+        let shape = bodies.map_or(Shape::Definition(tool), Shape::Bodies);
+        Self { reach, sharp_points, ..Self::with_shape(obstacle, &name, shape) }
     }
 
     /// The exact field of bodies that may overlap, such as [`Tool::inflated_elements`]: each is counted by itself, and
@@ -119,15 +139,19 @@ impl<'a> ExactField<'a> {
     pub fn of_elements(obstacle: &'a Occupancy, elements: &[Element]) -> Option<Self> {
         let bodies =
             elements.iter().map(|e| Body::new(e, obstacle.grid.pitch)).collect::<Option<Vec<_>>>()?;
-        Some(Self::with_shape(obstacle, "elements", Shape::Bodies(bodies)))
+        let farthest = |s: &Segment| s.max_radius().hypot(s.range().0.abs().max(s.range().1.abs()));
+        let reach = elements.iter().flat_map(|e| &e.profile).map(farthest).fold(0.0, f64::max);
+        Some(Self { reach, ..Self::with_shape(Cow::Borrowed(obstacle), "elements", Shape::Bodies(bodies)) })
     }
 
-    fn with_shape(obstacle: &'a Occupancy, name: &str, shape: Shape<'a>) -> Self {
+    fn with_shape(obstacle: Cow<'a, Occupancy>, name: &str, shape: Shape<'a>) -> Self {
         Self {
+            columns: Columns::new(&obstacle),
             obstacle,
             name: name.to_owned(),
             shape,
-            columns: Columns::new(obstacle),
+            reach: 0.0,
+            sharp_points: vec![DVec3::ZERO],
             arch: Arch::new(),
             proof: OnceLock::new(),
             depths: OnceLock::new(),
@@ -148,12 +172,21 @@ impl<'a> ExactField<'a> {
     #[must_use]
     pub fn count(&self, pose: &Pose) -> u32 {
         match &self.shape {
-            Shape::Bodies(bodies) => {
-                let placed = self.placed(pose);
-                bodies.iter().map(|body| self.body_count(body, placed, false)).sum()
-            }
-            Shape::Definition(tool) => tool.count_inside(self.obstacle, pose.position, &pose.orientation),
+            Shape::Bodies(bodies) => self.bodies_count(bodies, self.placed(pose)),
+            Shape::Definition(tool) => tool.count_inside(&self.obstacle, pose.position, &pose.orientation),
         }
+    }
+
+    /// [`ExactField::count`] of a tool of revolution by the unit vector along its axis; `None` for tools that are counted
+    /// by the definition.
+    #[must_use]
+    pub(crate) fn count_along(&self, position: DVec3, direction: DVec3) -> Option<u32> {
+        let Shape::Bodies(bodies) = &self.shape else { return None };
+        Some(self.bodies_count(bodies, self.placed_along(position, direction)))
+    }
+
+    fn bodies_count(&self, bodies: &[Body], placed: Placed) -> u32 {
+        bodies.iter().map(|body| self.body_count(body, placed, false)).sum()
     }
 
     /// Solid voxels in each element, in the order of [`ExactField::elements`].
@@ -183,26 +216,34 @@ impl<'a> ExactField<'a> {
     /// # Errors
     /// A tool that holds no voxel centre, or a mesh tool too large to be voxelised.
     pub fn normaliser(&self, orientation: &Orientation) -> Result<u32, ToolError> {
-        let pitch = self.obstacle.grid.pitch;
         match &self.shape {
-            Shape::Definition(tool) => Ok(RotatedTool::new(tool, orientation, pitch)?.count),
-            Shape::Bodies(bodies) => {
-                let placed = Placed { tip: glam::DVec3::ZERO, direction: orientation.direction(), pitch };
-                let all = |body: &Body| -> u32 {
-                    let reach =
-                        |p: &Part| p.segment.range().1.abs().max(p.segment.range().0.abs()) + p.widest;
-                    let reach = body.parts.iter().map(reach).fold(0.0, f64::max);
-                    body_segments(body, placed)
-                        .map(|sweep| {
-                            count(self.arch, &sweep, Within::Everything(reach.ceil() as i64 + 2), false)
-                        })
-                        .sum()
-                };
-                match bodies.iter().map(all).sum() {
-                    0 => Err(ToolError::TooSmall { name: self.name.clone(), pitch }),
-                    count => Ok(count),
-                }
+            Shape::Definition(tool) => {
+                Ok(RotatedTool::new(tool, orientation, self.obstacle.grid.pitch)?.count)
             }
+            Shape::Bodies(bodies) => self.bodies_normaliser(bodies, orientation.direction()),
+        }
+    }
+
+    /// [`ExactField::normaliser`] of a tool of revolution by the unit vector along its axis; `None` for tools that are
+    /// counted by the definition.
+    pub(crate) fn normaliser_along(&self, direction: DVec3) -> Option<Result<u32, ToolError>> {
+        let Shape::Bodies(bodies) = &self.shape else { return None };
+        Some(self.bodies_normaliser(bodies, direction))
+    }
+
+    fn bodies_normaliser(&self, bodies: &[Body], direction: DVec3) -> Result<u32, ToolError> {
+        let pitch = self.obstacle.grid.pitch;
+        let placed = Placed { tip: DVec3::ZERO, direction, pitch };
+        let all = |body: &Body| -> u32 {
+            let reach = |p: &Part| p.segment.range().1.abs().max(p.segment.range().0.abs()) + p.widest;
+            let reach = body.parts.iter().map(reach).fold(0.0, f64::max);
+            body_segments(body, placed)
+                .map(|sweep| count(self.arch, &sweep, Within::Everything(reach.ceil() as i64 + 2), false))
+                .sum()
+        };
+        match bodies.iter().map(all).sum() {
+            0 => Err(ToolError::TooSmall { name: self.name.clone(), pitch }),
+            count => Ok(count),
         }
     }
 
@@ -217,8 +258,19 @@ impl<'a> ExactField<'a> {
     /// True where the tool holds any solid voxel's centre. Equal to `count(pose) > 0`.
     #[must_use]
     pub fn collides(&self, pose: &Pose) -> bool {
-        let Shape::Bodies(bodies) = &self.shape else { return self.count(pose) > 0 };
-        let placed = self.placed(pose);
+        let collides = self.collides_along(pose.position, pose.orientation.direction());
+        collides.unwrap_or_else(|| self.count(pose) > 0)
+    }
+
+    /// [`ExactField::collides`] of a tool of revolution by the unit vector along its axis; `None` for tools that are
+    /// counted by the definition.
+    #[must_use]
+    pub(crate) fn collides_along(&self, position: DVec3, direction: DVec3) -> Option<bool> {
+        let Shape::Bodies(bodies) = &self.shape else { return None };
+        Some(self.bodies_collide(bodies, self.placed_along(position, direction)))
+    }
+
+    fn bodies_collide(&self, bodies: &[Body], placed: Placed) -> bool {
         if !placed.tip.is_finite() {
             return false;
         }
@@ -245,9 +297,15 @@ impl<'a> ExactField<'a> {
     /// by the balls' excess. At most 0 where the tool may hold a centre. `None` for mesh tools.
     #[must_use]
     pub fn clearance_bound(&self, pose: &Pose) -> Option<f64> {
+        self.clearance_along(pose.position, pose.orientation.direction())
+    }
+
+    /// [`ExactField::clearance_bound`] by the unit vector along the tool's axis.
+    #[must_use]
+    pub(crate) fn clearance_along(&self, position: DVec3, direction: DVec3) -> Option<f64> {
         let Shape::Bodies(bodies) = &self.shape else { return None };
         let (distances, spine) = self.proof(bodies);
-        Some(spine.clearance(self.placed(pose), distances) * self.obstacle.grid.pitch)
+        Some(spine.clearance(self.placed_along(position, direction), distances) * self.obstacle.grid.pitch)
     }
 
     /// Lower bound of the length of any translation that frees the tool, in world units, by balls inside the tool; 0
@@ -261,8 +319,8 @@ impl<'a> ExactField<'a> {
             return Some(0.0);
         }
         let (distances, _) = self.proof(bodies);
-        let depths = self.depths.get_or_init(|| Depths::new(bodies, self.obstacle));
-        Some(depths.bound(placed, distances, self.obstacle) * self.obstacle.grid.pitch)
+        let depths = self.depths.get_or_init(|| Depths::new(bodies, &self.obstacle));
+        Some(depths.bound(placed, distances, &self.obstacle) * self.obstacle.grid.pitch)
     }
 
     /// Signed clearance in world units, as far as the distance transform proves it. Above 0 the tool is free, and no
@@ -276,16 +334,32 @@ impl<'a> ExactField<'a> {
     }
 
     fn proof(&self, bodies: &[Body]) -> &(DistanceField, Spine) {
-        self.proof.get_or_init(|| (DistanceField::new(self.obstacle), Spine::new(bodies)))
+        self.proof.get_or_init(|| (DistanceField::new(&self.obstacle), Spine::new(bodies)))
     }
 
     fn placed(&self, pose: &Pose) -> Placed {
+        self.placed_along(pose.position, pose.orientation.direction())
+    }
+
+    fn placed_along(&self, position: DVec3, direction: DVec3) -> Placed {
         let grid = &self.obstacle.grid;
-        Placed {
-            tip: crate::tool::snapped(grid, pose.position),
-            direction: pose.orientation.direction(),
-            pitch: grid.pitch,
-        }
+        Placed { tip: crate::tool::snapped(grid, position), direction, pitch: grid.pitch }
+    }
+
+    /// Largest distance of any of the tool's points from its tip, in world units.
+    pub(crate) fn reach(&self) -> f64 {
+        self.reach
+    }
+
+    /// The tool's sharp points in its frame; the tip alone of bare elements.
+    pub(crate) fn sharp_points(&self) -> &[DVec3] {
+        &self.sharp_points
+    }
+
+    /// The grid of the obstacle.
+    #[must_use]
+    pub fn grid(&self) -> &Grid {
+        &self.obstacle.grid
     }
 
     fn body_count(&self, body: &Body, placed: Placed, stop: bool) -> u32 {

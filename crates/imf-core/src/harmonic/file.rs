@@ -20,6 +20,7 @@ use serde::{Deserialize, Serialize};
 use super::basis::{Basis, Domain};
 use super::coefficients::{Coefficients, Precision};
 use super::{FitReport, FitSettings, HarmonicField};
+use crate::calibration::Calibration;
 use crate::scene::{Scene, SceneRecord};
 use crate::tensor_file::{
     Format, Header, TensorFileError, checksum, floats, halves, little_endian, little_endian_halves,
@@ -36,6 +37,8 @@ pub struct HarmonicFile {
     pub scene: Scene,
     /// How it was made.
     pub settings: FitSettings,
+    /// What its decisions are worth, where that was measured.
+    pub calibration: Option<Calibration>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -46,6 +49,9 @@ struct Description {
     scene: SceneRecord,
     settings: FitSettings,
     report: FitReport,
+    /// Nothing in files that were never calibrated; programs that know of none pass it over.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    calibration: Option<Calibration>,
     /// CRC-32 over coefficients, axes and mean.
     crc32: u32,
 }
@@ -75,6 +81,7 @@ impl HarmonicFile {
             scene: self.scene.record.clone(),
             settings: self.settings,
             report: field.report,
+            calibration: self.calibration,
             crc32: checksum(&[&coefficients, &axes_bytes, &mean]),
         };
         let voxels = self.scene.packed_voxels();
@@ -93,11 +100,14 @@ impl HarmonicFile {
     /// A missing, foreign, newer, truncated or damaged file; the message names it and what is wrong.
     pub fn read(path: &Path) -> Result<Self, TensorFileError> {
         let file = FORMAT.read(path)?;
-        let Description { domain, scene, settings, report, crc32, .. } = file.description()?;
+        let Description { domain, scene, settings, report, calibration, crc32, .. } = file.description()?;
         let tensors = file.tensors()?;
         settings.check().map_err(|e| file.damaged(&e))?;
         let grid = scene.grid;
         let sizes = settings.sizes(domain);
+        if let Some(fault) = calibration.and_then(|c| c.fault()) {
+            return Err(file.damaged(&fault));
+        }
         let [nx, ny, nz] = grid.dims;
         let shape = [nx, ny, nz, sizes.axes];
         let coefficients = tensors.bytes("coefficients", kind(settings.precision), &shape)?;
@@ -119,7 +129,7 @@ impl HarmonicFile {
             },
             report,
         };
-        Ok(Self { field, scene, settings })
+        Ok(Self { field, scene, settings, calibration })
     }
 }
 

@@ -85,6 +85,37 @@ impl HarmonicField {
         let PointScratch { mixed, corner, spread, .. } = scratch;
         mixed.clear();
         mixed.resize(rows * axes, 0.0);
+        self.add_corners(&cell, mixed, corner);
+        spread.clear();
+        spread.resize(rows * functions, 0.0);
+        spread[..functions].copy_from_slice(&self.mean);
+        for (spread, mixed) in spread.chunks_exact_mut(functions).zip(mixed.chunks_exact(axes)) {
+            for (out, row) in spread.iter_mut().zip(self.axes.chunks_exact(axes)) {
+                *out += row.iter().zip(mixed).map(|(&u, &z)| u * z).sum::<f32>();
+            }
+        }
+        Some(())
+    }
+
+    /// The coefficients z at a position, `[axes]`; `corner` is working memory. `None` outside the box of the voxel
+    /// centres.
+    pub(crate) fn coefficients_at(
+        &self,
+        position: DVec3,
+        z: &mut [f32],
+        corner: &mut Vec<f32>,
+    ) -> Option<()> {
+        let cell = self.cell(position)?;
+        z.fill(0.0);
+        self.add_corners(&cell, z, corner);
+        Some(())
+    }
+
+    /// Adds the eight corners' coefficients by their weights, and by as many of the weights' derivatives as `mixed`
+    /// has further rows.
+    fn add_corners(&self, cell: &Cell, mixed: &mut [f32], corner: &mut Vec<f32>) {
+        let axes = self.axis_count();
+        let rows = mixed.len() / axes;
         for bits in 0..8 {
             let (voxel, weights) = cell.corner(bits);
             if weights[..rows].iter().all(|&w| w == 0.0) {
@@ -96,15 +127,6 @@ impl HarmonicField {
                 mixed.iter_mut().zip(z).for_each(|(m, &z)| *m += weight * z);
             }
         }
-        spread.clear();
-        spread.resize(rows * functions, 0.0);
-        spread[..functions].copy_from_slice(&self.mean);
-        for (spread, mixed) in spread.chunks_exact_mut(functions).zip(mixed.chunks_exact(axes)) {
-            for (out, row) in spread.iter_mut().zip(self.axes.chunks_exact(axes)) {
-                *out += row.iter().zip(mixed).map(|(&u, &z)| u * z).sum::<f32>();
-            }
-        }
-        Some(())
     }
 
     /// `None` outside the box of the voxel centres, and for positions that are not finite.

@@ -313,7 +313,7 @@ fn files_read_back_bit_for_bit_and_damage_is_named() {
         let settings = FitSettings { axes: 20, precision, ..settings() };
         let path = folder.path().join("field.safetensors");
         let stored = Scene::from_union(scene.record.clone(), scene.obstacle.clone());
-        let file = HarmonicFile { field: made(&plan, &settings), scene: stored, settings };
+        let file = HarmonicFile { field: made(&plan, &settings), scene: stored, settings, calibration: None };
         file.write(&path).unwrap();
         assert!(HarmonicFile::is_one(&path));
         assert_eq!(HarmonicFile::read(&path).unwrap(), file);
@@ -391,7 +391,7 @@ fn numpys_arrays_are_the_fields() {
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
     let settings = FitSettings { degree: 3, axes: 11, precision: Precision::F16, ..settings() };
     let field = fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap();
-    let file = HarmonicFile { field, scene, settings };
+    let file = HarmonicFile { field, scene, settings, calibration: None };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("field.npz");
     file.write_npz(&path).unwrap();

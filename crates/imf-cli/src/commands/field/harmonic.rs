@@ -124,7 +124,7 @@ impl Harmonic {
         let field = fit(plan, domain, &settings, session.control(&advance));
         let field = field.map_err(|error| interruption(error, "a fit"))?;
         stage.finish(&errors_text(&field));
-        let file = HarmonicFile { field, scene: scene.clone(), settings };
+        let file = HarmonicFile { field, scene: scene.clone(), settings, calibration: None };
         if let Some(path) = &asked.save {
             if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("npz")) {
                 file.write_npz(path)?;

@@ -6,7 +6,7 @@ use anyhow::{Context as _, Result};
 use imf_core::factored::file::FactoredFile;
 use serde_json::json;
 
-use super::{Description, scene_lines};
+use super::{Description, calibration_lines, scene_lines};
 use crate::session::show_bytes;
 
 pub(super) fn describe(path: &Path, file: &FactoredFile) -> Result<Description> {
@@ -40,8 +40,10 @@ pub(super) fn describe(path: &Path, file: &FactoredFile) -> Result<Description> 
         "resumable",
         if state.is_some() { "yes: it holds the optimiser's state" } else { "no: weights alone" }.to_owned(),
     ));
+    lines.extend(calibration_lines(file.calibration.as_ref()));
     let json = json!({
         "kind": "factored",
+        "calibration": file.calibration,
         "file": path,
         "bytes": bytes,
         "network": field.shape,

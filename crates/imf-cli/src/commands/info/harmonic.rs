@@ -6,12 +6,12 @@ use anyhow::{Context as _, Result};
 use imf_core::harmonic::file::HarmonicFile;
 use serde_json::json;
 
-use super::{Description, scene_lines};
+use super::{Description, calibration_lines, scene_lines};
 use crate::session::show_bytes;
 
 pub(super) fn describe(path: &Path, file: &HarmonicFile) -> Result<Description> {
     let bytes = std::fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len();
-    let HarmonicFile { field, scene, settings } = file;
+    let HarmonicFile { field, scene, settings, .. } = file;
     let report = &field.report;
     let mut lines = vec![
         ("field", path.display().to_string()),
@@ -35,8 +35,10 @@ pub(super) fn describe(path: &Path, file: &HarmonicFile) -> Result<Description> 
             report.held_out_mse, report.held_out_mpe, settings.held_out, report.dropped
         ),
     ));
+    lines.extend(calibration_lines(file.calibration.as_ref()));
     let json = json!({
         "kind": "harmonic",
+        "calibration": file.calibration,
         "file": path,
         "bytes": bytes,
         "axes": field.axis_count(),

@@ -7,7 +7,7 @@ use imf_core::model::Model;
 use imf_core::siren::SirenShape;
 use serde_json::json;
 
-use super::{Description, scene_lines};
+use super::{Description, calibration_lines, scene_lines};
 use crate::progress::show_seconds;
 use crate::session::show_bytes;
 
@@ -55,6 +55,7 @@ pub(super) fn describe(path: &Path, model: &Model) -> Result<Description> {
     if let Some(origin) = &record.fine_tuned_from {
         lines.push(("fine-tuned from", origin.clone()));
     }
+    lines.extend(calibration_lines(model.calibration.as_ref()));
     lines.push((
         "resumable",
         if resumable { "yes: it holds the optimiser's state" } else { "no: weights alone" }.to_owned(),
@@ -65,6 +66,7 @@ pub(super) fn describe(path: &Path, model: &Model) -> Result<Description> {
         "network": model.shape,
         "parameters": model.shape.parameter_count(),
         "bytes": bytes,
+        "calibration": model.calibration,
         "scene": model.scene.record,
         "training": {
             "program": record.program,

@@ -92,7 +92,11 @@ impl Workshop<'_> {
                 pending_loss: (0.0, 0),
                 held_out: None,
             };
-            let model = match standing(session, &folder, Model { shape, scene: full, record, state }) {
+            let model = match standing(
+                session,
+                &folder,
+                Model { shape, scene: full, record, state, calibration: None },
+            ) {
                 Standing::Finished(model) => {
                     return Ok(done(*model, read_waits(&waits_path), folder));
                 }

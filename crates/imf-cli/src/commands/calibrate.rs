@@ -1,0 +1,100 @@
+//! `imf calibrate`: what a field's decisions are worth, kept in its file.
+
+use std::fmt::Write;
+
+use anyhow::{Result, bail};
+use imf_core::calibration::{Calibration, Judgement, Rate};
+use imf_core::planner::NeuralField;
+use imf_core::planner::calibrate::{CHUNK, CalibrationError, calibrate, judge};
+use imf_core::stored::StoredField;
+use serde_json::json;
+
+use crate::arguments::calibrate::CalibrateArguments;
+use crate::interrupt::Interrupted;
+use crate::output::{print, print_json};
+use crate::session::Session;
+
+pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<()> {
+    let field = NeuralField::load(&arguments.field)?;
+    let settings = arguments.settings();
+    let known = field.calibration().copied();
+    let (units, found) = if arguments.verify {
+        let Some(known) = known else {
+            bail!("{} was never calibrated: leave out --verify", arguments.field.display());
+        };
+        if known.seed == arguments.seed {
+            bail!("--seed {} drew the poses of the calibration: choose another one", known.seed);
+        }
+        ((settings.uniform.div_ceil(CHUNK) + settings.boundary.div_ceil(CHUNK)) as u64, Some(known))
+    } else {
+        (settings.units(), None)
+    };
+    let stage = session.stage(if arguments.verify { "judging" } else { "calibrating" }, "batches", units);
+    let advance = |n| stage.advance(n);
+    let control = session.control(&advance);
+    let calibration = match found {
+        Some(known) => judge(&field, &known, &settings, control).map(|[uniform, boundary]| Calibration {
+            uniform,
+            boundary,
+            goals: settings.goals,
+            seed: settings.seed,
+            ..known
+        }),
+        None => calibrate(&field, &settings, control),
+    };
+    let calibration = calibration.map_err(|error| match error {
+        CalibrationError::Cancelled => Interrupted("nothing was written".into()).into(),
+        other => anyhow::Error::from(other),
+    })?;
+    stage.finish(if calibration.keeps_its_goals() { "goals kept" } else { "goals missed" });
+    // Two of a field need not be in memory at once.
+    drop(field);
+    if !arguments.verify {
+        let mut stored = StoredField::read(&arguments.field)?;
+        stored.set_calibration(calibration);
+        let out = arguments.out.as_ref().unwrap_or(&arguments.field);
+        stored.write(out)?;
+        session.note(&format!("wrote {}", out.display()));
+    }
+    if session.json {
+        return print_json(&json!({
+            "field": arguments.field, "verified": arguments.verify, "keeps_its_goals": calibration.keeps_its_goals(),
+            "calibration": calibration,
+        }));
+    }
+    print(&text(&calibration))
+}
+
+/// The record as a table.
+fn text(calibration: &Calibration) -> String {
+    let threshold = |value: Option<f32>| value.map_or("never".into(), |v| format!("{v:.3e}"));
+    let goals = &calibration.goals;
+    let mut text = format!(
+        "free up to {}, blocked from {}; bounds at {} % confidence, goals {:.1e} false-free and {:.1e} false-blocked\n",
+        threshold(calibration.free_up_to),
+        threshold(calibration.blocked_from),
+        goals.confidence * 100.0,
+        goals.false_free,
+        goals.false_blocked
+    );
+    for (name, judged) in [("uniform", &calibration.uniform), ("boundary", &calibration.boundary)] {
+        // Writing to a string does not fail.
+        let _ = writeln!(text, "{name:<8}  {}", judgement(judged));
+    }
+    text
+}
+
+/// One kind of poses in a line.
+pub(crate) fn judgement(judged: &Judgement) -> String {
+    let rate = |rate: &Rate| {
+        format!("{} of {} ({:.1e}, at most {:.1e})", rate.wrong, rate.of, rate.share(), rate.bound)
+    };
+    format!(
+        "{} poses: colliding called free {}; clear called blocked {}; near {:.2} %; largest error {:.4}",
+        judged.poses,
+        rate(&judged.false_free),
+        rate(&judged.false_blocked),
+        100.0 * judged.near_share(),
+        judged.largest_error
+    )
+}

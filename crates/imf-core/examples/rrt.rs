@@ -1,0 +1,100 @@
+//! A sampling planner from another crate (dual RRT-connect) finds a way for the tool around the bracket, asking a guarded
+//! field whether poses are free; then every piece of the way is proven free as a motion.
+//!
+//! `cargo run --release -p imf-core --example rrt`
+
+#[path = "bracket/mod.rs"]
+mod bracket;
+
+use std::cell::RefCell;
+use std::error::Error;
+use std::time::Instant;
+
+use glam::Vec3;
+use imf_core::planner::{Decision, GuardedField, Passage, Pose, PoseField};
+use imf_core::tool::Clearance;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rrt::dual_rrt_connect;
+
+/// A tilt of a radian is as far as this many millimetres.
+const RADIAN: f32 = 50.0;
+/// Between two poses of the way no point of the tool, 84 mm long, moves farther than √(1 + (84/50)²) < 2 of these.
+const STEP: f32 = 1.0;
+/// So a pose that keeps this clearance is free half a step in every direction.
+const CLEARANCE: f64 = 1.0;
+
+/// Tip, and tilt from upright along x and y.
+type State = [f32; 5];
+
+fn pose(state: &[f32]) -> Pose {
+    let axis = Vec3::new(state[3] / RADIAN, state[4] / RADIAN, 1.0);
+    Pose::along(Vec3::new(state[0], state[1], state[2]), axis)
+}
+
+/// A way found, and what finding it took.
+struct Found {
+    way: Vec<Pose>,
+    asked: usize,
+    seconds: f64,
+    /// Pieces proven free, of all pieces.
+    proven: usize,
+}
+
+fn plan(seed: u64) -> Result<Found, Box<dyn Error>> {
+    let room = Clearance { holder: CLEARANCE, shank: CLEARANCE, cutter: CLEARANCE };
+    // Poses are asked with the clearance, motions are proven of the tool itself.
+    let field = GuardedField::keeping(bracket::field(0.0)?, room)?;
+    let tool = GuardedField::new(bracket::field(0.0)?)?;
+    let grid = field.model().scene().record.grid;
+    let random = RefCell::new(ChaCha8Rng::seed_from_u64(seed));
+    let number = || random.borrow_mut().next_u32() as f32 / u32::MAX as f32;
+    let (low, size) = (grid.origin.as_vec3() - 40.0, grid.size().as_vec3() + 80.0);
+    let sample = || -> Vec<f32> {
+        let tip = low + size * Vec3::new(number(), number(), number());
+        vec![tip.x, tip.y, tip.z, 80.0 * (number() - 0.5), 80.0 * (number() - 0.5)]
+    };
+    let seconds = RefCell::new((0, 0.0));
+    let is_free = |state: &[f32]| {
+        let begun = Instant::now();
+        let mut decision = [Decision::Near];
+        let answered = field.classify(&[pose(state)], &mut decision);
+        let mut spent = seconds.borrow_mut();
+        spent.0 += 1;
+        spent.1 += begun.elapsed().as_secs_f64();
+        answered.is_ok() && decision == [Decision::Free]
+    };
+    // From beside the part to a free pose low among its walls that no straight motion reaches.
+    let middle = grid.origin.as_vec3() + 0.5 * grid.size().as_vec3();
+    let start: State = [low.x, middle.y, middle.z, 0.0, 0.0];
+    let goal = (0..100_000).map(|_| sample()).find(|state| {
+        let inside = grid.is_between_centres(pose(state).position.as_dvec3());
+        let straight = || tool.free_along(&pose(&start), &pose(state));
+        inside && state[2] < middle.z && is_free(state) && matches!(straight(), Ok(Passage::Blocked { .. }))
+    });
+    let goal = goal.ok_or("no pose among the walls is free")?;
+    let found = dual_rrt_connect(&start, &goal, is_free, sample, STEP, 20_000)?;
+    let way: Vec<Pose> = found.iter().map(|state| pose(state)).collect();
+    let free = |pair: &&[Pose]| matches!(tool.free_along(&pair[0], &pair[1]), Ok(Passage::Free));
+    let proven = way.windows(2).filter(free).count();
+    let (asked, seconds) = seconds.into_inner();
+    Ok(Found { way, asked, seconds, proven })
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let Found { way, asked, seconds, proven } = plan(1)?;
+    println!(
+        "a way of {} poses; {asked} poses asked one by one, {:.0} poses/s; {proven} of {} pieces proven free",
+        way.len(),
+        asked as f64 / seconds,
+        way.len() - 1
+    );
+    Ok(())
+}
+
+#[test]
+fn the_way_is_proven_free() {
+    let found = plan(1).unwrap();
+    assert!(found.way.len() > 20 && found.asked > found.way.len());
+    assert_eq!(found.proven, found.way.len() - 1);
+}

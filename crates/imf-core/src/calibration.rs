@@ -1,0 +1,198 @@
+//! What a field's decisions are worth: thresholds for "free" and "blocked", and the rates measured with them.
+//!
+//! A record that a field's file carries. The thresholds are chosen on some poses and judged on others, drawn apart; the
+//! rates here are the judges'. "Colliding" and "free" are about two tools: a *colliding* pose is one of the true tool's, a
+//! *clear* pose is one where the tool grown by the scene's clearance is free. What lies between may be answered either way.
+
+use serde::{Deserialize, Serialize};
+use statrs::function::beta::beta_reg;
+
+/// Errors of one kind among poses of one kind.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Rate {
+    /// Poses with the error.
+    pub wrong: u64,
+    /// Poses that could have had it.
+    pub of: u64,
+    /// Upper bound of the rate at the record's confidence, by Clopper and Pearson.
+    pub bound: f64,
+}
+
+impl Rate {
+    /// So many errors, with their bound.
+    #[must_use]
+    pub fn new(wrong: u64, of: u64, confidence: f64) -> Self {
+        Self { wrong, of, bound: upper_bound(wrong, of, confidence) }
+    }
+
+    /// The share itself; 0 of none.
+    #[must_use]
+    pub fn share(&self) -> f64 {
+        self.wrong as f64 / self.of.max(1) as f64
+    }
+}
+
+/// What was asked of the thresholds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Goals {
+    /// Most of the colliding poses that may be called free.
+    pub false_free: f64,
+    /// Most of the clear poses that may be called blocked.
+    pub false_blocked: f64,
+    /// How sure both should be.
+    pub confidence: f64,
+}
+
+impl Default for Goals {
+    /// One colliding pose in ten thousand, one clear pose in twenty, at 99 %.
+    fn default() -> Self {
+        Self { false_free: 1e-4, false_blocked: 0.05, confidence: 0.99 }
+    }
+}
+
+/// Poses of one kind, judged.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Judgement {
+    /// Poses in all.
+    pub poses: u64,
+    /// Colliding poses called free.
+    pub false_free: Rate,
+    /// Clear poses called blocked.
+    pub false_blocked: Rate,
+    /// Poses that are neither called free nor blocked.
+    pub near: u64,
+    /// Clear poses called free.
+    pub found_free: u64,
+    /// Largest error of a value against the exact one of the grown tool.
+    pub largest_error: f64,
+}
+
+impl Judgement {
+    /// Share of the poses that are left to an exact check.
+    #[must_use]
+    pub fn near_share(&self) -> f64 {
+        self.near as f64 / self.poses.max(1) as f64
+    }
+}
+
+/// Thresholds of a field, and what they are worth.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Calibration {
+    /// Values up to this one, not clipped to [0, 1], are called free; `None` where no value is safe enough.
+    pub free_up_to: Option<f32>,
+    /// Values from this one on are called blocked; `None` where none is.
+    pub blocked_from: Option<f32>,
+    /// What was asked for.
+    pub goals: Goals,
+    /// Seed of the poses.
+    pub seed: u64,
+    /// Uniform positions in the query box, uniform orientations.
+    pub uniform: Judgement,
+    /// Poses within one pitch of the true tool's contact.
+    pub boundary: Judgement,
+}
+
+impl Calibration {
+    /// True where the bounds of the uniform poses' rates keep the goals.
+    #[must_use]
+    pub fn keeps_its_goals(&self) -> bool {
+        let Self { goals, uniform, .. } = self;
+        uniform.false_free.bound <= goals.false_free && uniform.false_blocked.bound <= goals.false_blocked
+    }
+
+    /// What is wrong with a record from a file, if anything is.
+    #[must_use]
+    pub fn fault(&self) -> Option<&'static str> {
+        let finite = |threshold: Option<f32>| threshold.is_none_or(f32::is_finite);
+        if !finite(self.free_up_to) || !finite(self.blocked_from) {
+            return Some("a threshold of its calibration is not a finite number");
+        }
+        match (self.free_up_to, self.blocked_from) {
+            (Some(free), Some(blocked)) if free >= blocked => Some("its thresholds cross"),
+            _ => None,
+        }
+    }
+}
+
+/// The largest rate at which `wrong` or fewer errors among `of` still have the probability 1 − `confidence`; 1 where
+/// nothing was tried.
+///
+/// Clopper and Pearson (1934): the quantile of the beta distribution Beta(wrong + 1, of − wrong).
+#[must_use]
+pub fn upper_bound(wrong: u64, of: u64, confidence: f64) -> f64 {
+    if wrong >= of || !(confidence > 0.0 && confidence < 1.0) {
+        return 1.0;
+    }
+    let (a, b) = (wrong as f64 + 1.0, (of - wrong) as f64);
+    let (mut low, mut high) = (0.0, 1.0);
+    // Sixty halvings reach the last bit of any rate above 1e-3, and nine digits of one in a thousand million.
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if beta_reg(a, b, middle) < confidence {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    high
+}
+
+/// The most errors among `of` poses whose bound still keeps `rate`; `None` where even none is too many.
+#[must_use]
+pub fn most_errors(of: u64, rate: f64, confidence: f64) -> Option<u64> {
+    if upper_bound(0, of, confidence) > rate {
+        return None;
+    }
+    let (mut low, mut high) = (0, of);
+    while high - low > 1 {
+        let middle = low + (high - low) / 2;
+        if upper_bound(middle, of, confidence) <= rate {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    Some(low)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The definition: the probability of at most `wrong` errors at rate `p`, summed term by term.
+    fn at_most(wrong: u64, of: u64, p: f64) -> f64 {
+        let mut term = (of as f64 * (-p).ln_1p()).exp();
+        let mut sum = term;
+        for k in 0..wrong {
+            term *= (of - k) as f64 / (k + 1) as f64 * p / (1.0 - p);
+            sum += term;
+        }
+        sum
+    }
+
+    #[test]
+    fn bounds_are_where_the_binomial_sum_says() {
+        for (wrong, of) in [(0, 1), (0, 46_052), (3, 46_052), (1, 40), (17, 500), (40, 1_000_000)] {
+            for confidence in [0.9, 0.99] {
+                let bound = upper_bound(wrong, of, confidence);
+                let left = at_most(wrong, of, bound);
+                assert!((left - (1.0 - confidence)).abs() < 1e-7, "{wrong} of {of}: {bound}, {left}");
+            }
+        }
+        // The known closed form: with no error the bound is 1 − (1 − c)^(1/n).
+        let bound = upper_bound(0, 46_052, 0.99);
+        assert!((bound - (1.0 - 0.01_f64.powf(1.0 / 46_052.0))).abs() < 1e-12 && bound <= 1e-4);
+        assert!(upper_bound(0, 46_000, 0.99) > 1e-4);
+        assert_eq!((upper_bound(0, 0, 0.99), upper_bound(5, 5, 0.99)), (1.0, 1.0));
+    }
+
+    #[test]
+    fn as_many_errors_are_allowed_as_keep_the_rate() {
+        assert_eq!(most_errors(46_000, 1e-4, 0.99), None);
+        assert_eq!(most_errors(46_052, 1e-4, 0.99), Some(0));
+        for of in [100_000, 500_000] {
+            let most = most_errors(of, 1e-4, 0.99).unwrap();
+            assert!(upper_bound(most, of, 0.99) <= 1e-4 && upper_bound(most + 1, of, 0.99) > 1e-4);
+        }
+    }
+}

@@ -1,0 +1,25 @@
+//! Working memory for whichever thread asks.
+
+use std::sync::{Mutex, PoisonError};
+
+/// Working memories, as many as threads ever asked at once.
+pub(super) struct Workspaces<T> {
+    free: Mutex<Vec<T>>,
+}
+
+impl<T> Default for Workspaces<T> {
+    fn default() -> Self {
+        Self { free: Mutex::new(Vec::new()) }
+    }
+}
+
+impl<T: Default> Workspaces<T> {
+    /// Runs `work` with a memory whose content is left over from earlier work.
+    pub(super) fn with<R>(&self, work: impl FnOnce(&mut T) -> R) -> R {
+        let free = self.free.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let mut memory = free.unwrap_or_default();
+        let result = work(&mut memory);
+        self.free.lock().unwrap_or_else(PoisonError::into_inner).push(memory);
+        result
+    }
+}
