@@ -25,7 +25,7 @@
 //! use glam::Vec3;
 //! use imf_core::planner::{Decision, GuardedField, PoseField, Pose};
 //!
-//! let field = GuardedField::load("field.safetensors".as_ref())?;
+//! let field = GuardedField::load("field.safetensors")?;
 //! let pose = Pose::along(Vec3::new(10.0, 20.0, 30.0), Vec3::Z);
 //! let mut decisions = [Decision::Near];
 //! field.classify(&[pose], &mut decisions)?;

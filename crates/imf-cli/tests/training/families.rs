@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use crate::binary::Workdir;
 
-const TINY: &str = "bench families --part bracket --scale 0.14 --angles 8 --random 12 --siren-steps 400 \
+const TINY: &str = "bench families --part screw-gear --scale 0.14 --angles 8 --random 12 --siren-steps 400 \
                     --factored-steps 400 --device cpu --out out";
 
 #[test]
@@ -12,7 +12,7 @@ fn families_are_judged_alike_and_tables_fit_the_memory_that_they_are_given() {
     let work = Workdir::new();
     let report = work.imf(&format!("{TINY} --json")).done().json();
     let comparison = &report["comparisons"][0];
-    assert_eq!((&comparison["part"], &comparison["sections"]), (&"bracket".into(), &64.into()));
+    assert_eq!((&comparison["part"], &comparison["sections"]), (&"screw-gear".into(), &64.into()));
     let row = |name: &str| -> &Value {
         let rows = comparison["rows"].as_array().unwrap();
         rows.iter().find(|row| row["name"] == name).unwrap_or_else(|| panic!("no row {name}"))
@@ -34,11 +34,11 @@ fn families_are_judged_alike_and_tables_fit_the_memory_that_they_are_given() {
     assert!(of("/near/count") < 0.6 * of("/everywhere/count") && of("/near/iou") < of("/everywhere/iou"));
     for (table, model) in [("factored", "factored"), ("siren5", "siren5")] {
         let size = number(&format!("coarse table, as large as {table}"), "/bytes");
-        let whole = 4.0 * 400.0 * f64::from(7 * 21 * 12);
+        let whole = 4.0 * 400.0 * f64::from(14 * 14 * 9);
         let asked = number(model, "/bytes").min(whole);
         assert!((0.5 * asked..1.6 * asked).contains(&size), "{size} bytes for {asked}");
     }
     let text = work.text("out/families.md");
     assert!(text.contains("| siren5 |") && text.contains("(our part)"), "{text}");
-    work.picture("out/bracket.png");
+    work.picture("out/screw-gear.png");
 }
