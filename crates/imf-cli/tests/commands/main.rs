@@ -4,6 +4,7 @@
 
 mod access;
 mod check;
+mod decisions;
 mod fields;
 mod folder;
 mod harmonic;
