@@ -561,7 +561,8 @@ pub(crate) struct QueryArguments {
     /// Also count the exact overlap
     #[arg(long)]
     pub(crate) exact: bool,
-    /// The least over the tool's sharp points (CMF), not the tip's overlap
+    /// The least over the tool's sharp points k (CMF), not the tip's overlap: each read or counted at x − R k itself, where
+    /// sections take the mean of the voxels around
     #[arg(long)]
     pub(crate) sharp: bool,
     #[command(flatten)]
