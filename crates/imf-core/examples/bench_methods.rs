@@ -8,13 +8,11 @@
 
 use std::time::Instant;
 
-use glam::DMat4;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{Around, Resolution, SceneSpec};
+use imf_core::scene::SceneSpec;
 use imf_core::section::{Method, SectionPlan, SectionScratch};
 use imf_core::tool::Tool;
-use imf_core::unit::LengthUnit;
 
 /// The side at which the paper's tool and the scaled one are the same.
 const PAPER_SIDE: f64 = 121.0;
@@ -25,18 +23,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (mesh, tool) = (part.mesh(), Tool::paper());
     let orientations = OrientationSet::parse("fibonacci:3")?.orientations;
     for side in [32, 64, 96, 128, 192, 224, 256, 288, 320, 384].into_iter().filter(|&side| side <= most) {
-        let spec = SceneSpec {
-            part: part.name(),
-            mesh: &mesh,
-            unit: LengthUnit::Mm,
-            transform: DMat4::IDENTITY,
-            resolution: Resolution::Dims([side; 3]),
-            margin: 0,
-            conservative: false,
-            tool: &tool,
-            fixtures: &[],
-            around: Around::Part,
-        };
+        let spec = SceneSpec::of_reference(part, &mesh, [side; 3], &tool);
         let mut obstacle = spec.scene()?.obstacle;
         for scaled in [false, true] {
             // In a grid of another pitch the same tool spans as many voxels as are asked for.

@@ -5,13 +5,12 @@
 
 use std::time::Instant;
 
-use glam::{DMat4, DVec3};
+use glam::DVec3;
 use imf_core::field::{ExactField, Pose};
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{Resolution, Scene, SceneSpec};
+use imf_core::scene::{Scene, SceneSpec};
 use imf_core::tool::Tool;
-use imf_core::unit::LengthUnit;
 
 /// Each figure is the best of this many rounds.
 const ROUNDS: usize = 5;
@@ -82,17 +81,7 @@ fn random_poses(scene: &Scene, count: usize) -> Vec<Pose> {
 
 fn scene(part: ReferencePart) -> Scene {
     let mesh = part.mesh();
-    let spec = SceneSpec {
-        fixtures: &[],
-        around: imf_core::scene::Around::Part,
-        part: part.name(),
-        mesh: &mesh,
-        unit: LengthUnit::Mm,
-        transform: DMat4::IDENTITY,
-        resolution: Resolution::Dims(part.dims()),
-        margin: 0,
-        conservative: false,
-        tool: &Tool::paper(),
-    };
+    let tool = Tool::paper();
+    let spec = SceneSpec::of_reference(part, &mesh, part.dims(), &tool);
     spec.scene().expect("a reference scene")
 }

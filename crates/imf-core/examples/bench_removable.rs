@@ -4,15 +4,13 @@
 
 use std::time::Instant;
 
-use glam::DMat4;
 use imf_core::access::{cutter_of, position_grid, removable};
 use imf_core::control::Control;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{Around, Resolution, SceneSpec};
+use imf_core::scene::SceneSpec;
 use imf_core::tool::Tool;
-use imf_core::unit::LengthUnit;
 
 /// The least time of so many rounds counts.
 const ROUNDS: usize = 3;
@@ -24,18 +22,7 @@ fn main() {
     let tool = Tool::paper();
     let cutter = cutter_of(&tool).expect("the paper's tool has a cutter");
     let mesh = part.mesh();
-    let spec = SceneSpec {
-        fixtures: &[],
-        around: Around::Part,
-        part: part.name(),
-        mesh: &mesh,
-        unit: LengthUnit::Mm,
-        transform: DMat4::IDENTITY,
-        resolution: Resolution::Dims(part.dims()),
-        margin: 0,
-        conservative: false,
-        tool: &tool,
-    };
+    let spec = SceneSpec::of_reference(part, &mesh, part.dims(), &tool);
     let obstacle = spec.scene().expect("a scene").obstacle;
     let mut stock = Occupancy { grid: obstacle.grid, solid: Vec::new() };
     stock.solid = obstacle.solid.iter().map(|&s| 1 - s).collect();

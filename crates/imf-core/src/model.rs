@@ -380,23 +380,13 @@ pub fn steps_said(path: &Path) -> Option<u64> {
 mod tests {
     use super::*;
     use crate::parts::ReferencePart;
-    use crate::scene::{Around, Resolution, SceneSpec};
+    use crate::scene::SceneSpec;
     use crate::tool::Tool;
-    use crate::unit::LengthUnit;
 
     fn model() -> Model {
-        let spec = SceneSpec {
-            part: "bracket",
-            mesh: &ReferencePart::Bracket.mesh(),
-            unit: LengthUnit::Mm,
-            transform: glam::DMat4::IDENTITY,
-            resolution: Resolution::Dims([5, 15, 9]),
-            margin: 0,
-            conservative: false,
-            tool: &Tool::paper(),
-            fixtures: &[],
-            around: Around::Part,
-        };
+        let mesh = ReferencePart::Bracket.mesh();
+        let tool = Tool::paper();
+        let spec = SceneSpec::of_reference(ReferencePart::Bracket, &mesh, [5, 15, 9], &tool);
         let shape = SirenShape { width: 7, hidden: 3, ..SirenShape::default() };
         let mut state = TrainingState::new(&shape, 1);
         state.step = 12;

@@ -4,7 +4,7 @@
 #![expect(clippy::unwrap_used, reason = "a failed helper is a failed test")]
 
 use allocation_counter::measure;
-use glam::{DMat4, Quat, Vec3};
+use glam::{Quat, Vec3};
 use imf_core::control::Control;
 use imf_core::dataset::Sampling;
 use imf_core::factored::file::FactoredFile;
@@ -18,28 +18,18 @@ use imf_core::model::Model;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::planner::{Best, Decision, Gradient, GuardedField, NeuralField, Pose, PoseField};
-use imf_core::scene::{Around, Resolution, Scene, SceneSpec};
+use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::SectionPlan;
 use imf_core::siren::SirenShape;
 use imf_core::stored::StoredField;
 use imf_core::tool::Tool;
 use imf_core::training::TrainingState;
 use imf_core::training::run::{Cursor, TrainingPlan};
-use imf_core::unit::LengthUnit;
 
 fn scene() -> Scene {
-    let spec = SceneSpec {
-        part: "bracket",
-        mesh: &ReferencePart::Bracket.mesh(),
-        unit: LengthUnit::Mm,
-        transform: DMat4::IDENTITY,
-        resolution: Resolution::Dims([8, 24, 15]),
-        margin: 0,
-        conservative: false,
-        tool: &Tool::paper(),
-        fixtures: &[],
-        around: Around::Part,
-    };
+    let mesh = ReferencePart::Bracket.mesh();
+    let tool = Tool::paper();
+    let spec = SceneSpec::of_reference(ReferencePart::Bracket, &mesh, [8, 24, 15], &tool);
     spec.scene().unwrap()
 }
 

@@ -5,10 +5,9 @@ use imf_core::dataset::{self, Manifest, Sampling};
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::samples::Samples;
-use imf_core::scene::{Resolution, Scene, SceneSpec};
+use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::SectionPlan;
 use imf_core::tool::Tool;
-use imf_core::unit::LengthUnit;
 use imf_gpu::{DeviceChoice, Gpu};
 
 /// A seventh of the paper's grid of the bracket: 1,764 voxels of 7 mm, no side a multiple of a tile.
@@ -16,18 +15,9 @@ pub(crate) const SMALL: [usize; 3] = [7, 21, 12];
 
 /// A reference part under the paper's tool.
 pub(crate) fn scene(part: ReferencePart, dims: [usize; 3]) -> Scene {
-    let spec = SceneSpec {
-        fixtures: &[],
-        around: imf_core::scene::Around::Part,
-        part: part.name(),
-        mesh: &part.mesh(),
-        unit: LengthUnit::Mm,
-        transform: glam::DMat4::IDENTITY,
-        resolution: Resolution::Dims(dims),
-        margin: 0,
-        conservative: false,
-        tool: &Tool::paper(),
-    };
+    let mesh = part.mesh();
+    let tool = Tool::paper();
+    let spec = SceneSpec::of_reference(part, &mesh, dims, &tool);
     spec.scene().unwrap()
 }
 

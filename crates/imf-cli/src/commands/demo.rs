@@ -9,13 +9,12 @@ use imf_core::held_out::HeldOutChoice;
 use imf_core::mesh::topology::MeshReport;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{Around, Resolution, SceneSpec};
+use imf_core::scene::SceneSpec;
 use imf_core::siren::SirenShape;
 use imf_core::tool::Tool;
 use imf_core::training::run::{Length, TrainingPlan};
 use imf_core::training::schedule::Schedule;
 use imf_core::training::{AdamConfig, TrainingState};
-use imf_core::unit::LengthUnit;
 
 use super::dataset::interruption;
 use crate::arguments::DemoArguments;
@@ -44,18 +43,7 @@ pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
     let part = ReferencePart::Teapot;
     let mesh = part.mesh();
     let tool = Tool::paper();
-    let spec = SceneSpec {
-        part: part.name(),
-        mesh: &mesh,
-        unit: LengthUnit::Mm,
-        transform: glam::DMat4::IDENTITY,
-        resolution: Resolution::Dims(DIMS),
-        margin: 0,
-        conservative: false,
-        tool: &tool,
-        fixtures: &[],
-        around: Around::Part,
-    };
+    let spec = SceneSpec::of_reference(part, &mesh, DIMS, &tool);
     let scene = spec.scene()?;
     let [x, y, z] = DIMS;
     session.note(&format!(

@@ -6,27 +6,17 @@ use imf_core::dataset::Sampling;
 use imf_core::model::{LossPoint, Model, TrainingRecord};
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{Resolution, SceneSpec};
+use imf_core::scene::SceneSpec;
 use imf_core::siren::SirenShape;
 use imf_core::tool::Tool;
 use imf_core::training::TrainingState;
 use imf_core::training::run::{Cursor, TrainingPlan};
-use imf_core::unit::LengthUnit;
 
 /// A tiny network for the bracket on 5×15×9 voxels.
 pub(crate) fn model() -> Model {
-    let spec = SceneSpec {
-        fixtures: &[],
-        around: imf_core::scene::Around::Part,
-        part: "bracket",
-        mesh: &ReferencePart::Bracket.mesh(),
-        unit: LengthUnit::Mm,
-        transform: glam::DMat4::IDENTITY,
-        resolution: Resolution::Dims([5, 15, 9]),
-        margin: 0,
-        conservative: false,
-        tool: &Tool::paper(),
-    };
+    let mesh = ReferencePart::Bracket.mesh();
+    let tool = Tool::paper();
+    let spec = SceneSpec::of_reference(ReferencePart::Bracket, &mesh, [5, 15, 9], &tool);
     let shape = SirenShape { width: 9, hidden: 3, ..SirenShape::default() };
     let record = TrainingRecord {
         program: "0".into(),

@@ -1,32 +1,24 @@
 //! The bracket of the examples: a coarse one, with a harmonic field made in a moment.
 
-use glam::DMat4;
 use imf_core::control::Control;
 use imf_core::harmonic::basis::Domain;
 use imf_core::harmonic::file::HarmonicFile;
 use imf_core::harmonic::{FitSettings, fit};
 use imf_core::parts::ReferencePart;
 use imf_core::planner::NeuralField;
-use imf_core::scene::{Around, Resolution, SceneSpec};
+use imf_core::scene::SceneSpec;
 use imf_core::section::SectionPlan;
 use imf_core::stored::StoredField;
 use imf_core::tool::{Clearance, Tool};
-use imf_core::unit::LengthUnit;
 
 /// The field of the paper's tool, its holder grown by `clearance`. A program would load it: `NeuralField::load`.
 pub(crate) fn field(clearance: f64) -> Result<NeuralField, Box<dyn std::error::Error>> {
-    let scene = SceneSpec {
-        part: "bracket",
-        mesh: &ReferencePart::Bracket.mesh(),
-        unit: LengthUnit::Mm,
-        transform: DMat4::IDENTITY,
-        resolution: Resolution::Dims([17, 49, 29]),
-        margin: 0,
-        conservative: false,
-        tool: &Tool::paper(),
-        fixtures: &[],
-        around: Around::Part,
-    }
+    let scene = SceneSpec::of_reference(
+        ReferencePart::Bracket,
+        &ReferencePart::Bracket.mesh(),
+        [17, 49, 29],
+        &Tool::paper(),
+    )
     .scene()?
     .with_clearance(&Clearance::around_holder_and_shank(clearance))?;
     let settings = FitSettings { degree: 6, sections_per_function: 2.0, axes: 49, ..FitSettings::default() };

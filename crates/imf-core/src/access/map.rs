@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::control::Control;
 use crate::orientation::{Limits, Orientation};
 use crate::section::{Obstacles, SectionError, least_mean};
-use crate::tool::{RotatedTool, Tool, ToolError};
+use crate::tool::{RotatedTool, Tool};
 
 /// Collision measures over cells of longitude θ and latitude 90° − φ of the tool's axis.
 #[derive(Clone, Debug, PartialEq)]
@@ -77,11 +77,7 @@ pub fn access_map<'a>(
         }
         let orientation = AccessMap::orientation(cells, cell / cells[1], cell % cells[1]);
         let rotated = RotatedTool::new(tool, &orientation, grid.pitch)?;
-        let rest = match obstacles.skin.map(|skin| RotatedTool::new(skin.rest, &orientation, grid.pitch)) {
-            // Too thin to hold a centre in this orientation.
-            None | Some(Err(ToolError::TooSmall { .. })) => None,
-            Some(rest) => Some(rest?),
-        };
+        let rest = obstacles.skin.map(|skin| skin.rotated(&orientation)).transpose()?.flatten();
         (control.progress)(1);
         Ok(least_mean(obstacles, &rotated, rest.as_ref(), &sharp_points, &orientation, at).min(1.0) as f32)
     });

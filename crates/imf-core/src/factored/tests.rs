@@ -3,7 +3,7 @@
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use glam::{DMat4, DVec3};
+use glam::DVec3;
 
 use super::file::FactoredFile;
 use super::*;
@@ -13,7 +13,7 @@ use crate::harmonic::coefficients::Precision;
 use crate::harmonic::{FitSettings, HarmonicField, fit};
 use crate::orientation::OrientationSet;
 use crate::parts::ReferencePart;
-use crate::scene::{Around, Resolution, Scene, SceneSpec};
+use crate::scene::{Scene, SceneSpec};
 use crate::section::{Imf, SectionPlan};
 use crate::siren::lanes::archs;
 use crate::siren::muon::MuonConfig;
@@ -22,21 +22,14 @@ use crate::tool::Tool;
 use crate::training::run::{Cursor, Length, Outcome, TrainError, TrainingPlan};
 use crate::training::schedule::Schedule;
 use crate::training::{AdamConfig, Loss, TrainingEngine};
-use crate::unit::LengthUnit;
 
 fn scene() -> Scene {
-    SceneSpec {
-        part: "teapot",
-        mesh: &ReferencePart::Teapot.mesh(),
-        unit: LengthUnit::Mm,
-        transform: DMat4::IDENTITY,
-        resolution: Resolution::Dims([15, 19, 31]),
-        margin: 0,
-        conservative: false,
-        tool: &Tool::paper(),
-        fixtures: &[],
-        around: Around::Part,
-    }
+    SceneSpec::of_reference(
+        ReferencePart::Teapot,
+        &ReferencePart::Teapot.mesh(),
+        [15, 19, 31],
+        &Tool::paper(),
+    )
     .scene()
     .unwrap()
 }
@@ -424,18 +417,10 @@ fn weights_turned_to_another_teacher_answer_as_before() {
     let scene = scene();
     let own = field(&teacher(&scene), 40);
     // Another grid, all axes, a higher degree: nothing is left out.
-    let spec = SceneSpec {
-        part: "teapot",
-        mesh: &ReferencePart::Teapot.mesh(),
-        unit: LengthUnit::Mm,
-        transform: DMat4::IDENTITY,
-        resolution: Resolution::Dims([16, 22, 29]),
-        margin: 1,
-        conservative: false,
-        tool: &Tool::paper(),
-        fixtures: &[],
-        around: Around::Part,
-    };
+    let mesh = ReferencePart::Teapot.mesh();
+    let tool = Tool::paper();
+    let spec =
+        SceneSpec { margin: 1, ..SceneSpec::of_reference(ReferencePart::Teapot, &mesh, [16, 22, 29], &tool) };
     let other = spec.scene().unwrap();
     let plan = SectionPlan::new(&other.obstacle, &other.record.tool).unwrap();
     let richer = FitSettings { degree: 6, axes: usize::MAX, ..FIT };

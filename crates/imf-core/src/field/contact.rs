@@ -48,24 +48,17 @@ mod tests {
     use crate::control::Control;
     use crate::orientation::OrientationSet;
     use crate::parts::ReferencePart;
-    use crate::scene::{Around, Resolution, SceneSpec};
+    use crate::scene::SceneSpec;
     use crate::section::{SectionPlan, sections};
     use crate::tool::Clearance;
-    use crate::unit::LengthUnit;
 
     #[test]
     fn poses_at_voxel_centres_are_the_sections_with_contact() {
+        let mesh = ReferencePart::Bracket.mesh();
+        let tool = Tool::paper();
         let spec = SceneSpec {
-            part: "bracket",
-            mesh: &ReferencePart::Bracket.mesh(),
-            unit: LengthUnit::Mm,
-            transform: glam::DMat4::IDENTITY,
-            resolution: Resolution::Dims([9, 27, 16]),
             margin: 1,
-            conservative: false,
-            tool: &Tool::paper(),
-            fixtures: &[],
-            around: Around::Part,
+            ..SceneSpec::of_reference(ReferencePart::Bracket, &mesh, [9, 27, 16], &tool)
         };
         let clearance = Clearance { holder: 2.0, shank: 1.0, cutter: 0.0 };
         let scene = spec.scene().unwrap().with_clearance(&clearance).unwrap();

@@ -12,25 +12,18 @@ use crate::field::{ExactField, Field as _, Pose};
 use crate::metrics::Errors;
 use crate::orientation::{Orientation, OrientationSet};
 use crate::parts::ReferencePart;
-use crate::scene::{Around, Resolution, Scene, SceneSpec};
+use crate::scene::{Scene, SceneSpec};
 use crate::section::{Imf, SectionPlan, imf, sections};
 use crate::tensor_file::TensorFileError;
 use crate::tool::Tool;
-use crate::unit::LengthUnit;
 
 fn scene() -> Scene {
-    SceneSpec {
-        part: "teapot",
-        mesh: &ReferencePart::Teapot.mesh(),
-        unit: LengthUnit::Mm,
-        transform: DMat4::IDENTITY,
-        resolution: Resolution::Dims([15, 19, 31]),
-        margin: 0,
-        conservative: false,
-        tool: &Tool::paper(),
-        fixtures: &[],
-        around: Around::Part,
-    }
+    SceneSpec::of_reference(
+        ReferencePart::Teapot,
+        &ReferencePart::Teapot.mesh(),
+        [15, 19, 31],
+        &Tool::paper(),
+    )
     .scene()
     .unwrap()
 }

@@ -1,6 +1,6 @@
 //! Small fields of every family for the tests.
 
-use glam::{DMat4, Vec3};
+use glam::Vec3;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -14,28 +14,18 @@ use crate::harmonic::file::HarmonicFile;
 use crate::harmonic::{FitSettings, fit};
 use crate::model::{Model, TrainingRecord};
 use crate::parts::ReferencePart;
-use crate::scene::{Around, Resolution, Scene, SceneSpec};
+use crate::scene::{Scene, SceneSpec};
 use crate::section::SectionPlan;
 use crate::siren::SirenShape;
 use crate::stored::StoredField;
 use crate::tool::{Clearance, Tool};
 use crate::training::TrainingState;
-use crate::unit::LengthUnit;
 
 /// A coarse bracket and a tool, grown all around by a clearance in voxels.
 pub(super) fn scene(tool: &Tool, clearance: f64) -> Scene {
-    let spec = SceneSpec {
-        part: "bracket",
-        mesh: &ReferencePart::Bracket.mesh(),
-        unit: LengthUnit::Mm,
-        transform: DMat4::IDENTITY,
-        resolution: Resolution::Dims([12, 36, 22]),
-        margin: 1,
-        conservative: false,
-        tool,
-        fixtures: &[],
-        around: Around::Part,
-    };
+    let mesh = ReferencePart::Bracket.mesh();
+    let spec =
+        SceneSpec { margin: 1, ..SceneSpec::of_reference(ReferencePart::Bracket, &mesh, [12, 36, 22], tool) };
     let scene = spec.scene().unwrap();
     let room = clearance * scene.record.grid.pitch;
     scene.with_clearance(&Clearance { holder: room, shank: room, cutter: room }).unwrap()

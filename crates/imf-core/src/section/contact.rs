@@ -32,6 +32,19 @@ pub struct Skin<'a> {
     pub rest: &'a Tool,
 }
 
+impl Skin<'_> {
+    /// What must stay out of the voxels, rotated; `None` where it is too thin to hold a voxel centre in this orientation.
+    ///
+    /// # Errors
+    /// A tool of absurd size.
+    pub(crate) fn rotated(&self, orientation: &Orientation) -> Result<Option<RotatedTool>, ToolError> {
+        match RotatedTool::new(self.rest, orientation, self.voxels.grid.pitch) {
+            Err(ToolError::TooSmall { .. }) => Ok(None),
+            rotated => rotated.map(Some),
+        }
+    }
+}
+
 impl<'a> From<&'a Occupancy> for Obstacles<'a> {
     fn from(solid: &'a Occupancy) -> Self {
         Self { solid, skin: None }
@@ -95,11 +108,7 @@ impl PlannedSkin {
         orientation: &Orientation,
         scratch: &mut SectionScratch,
     ) -> Result<(), SectionError> {
-        let rotated = match RotatedTool::new(&self.rest, orientation, self.voxels.grid.pitch) {
-            // Too thin to hold a centre in this orientation.
-            Err(ToolError::TooSmall { .. }) => return Ok(()),
-            other => other?,
-        };
+        let Some(rotated) = self.skin().rotated(orientation)? else { return Ok(()) };
         scratch.more.resize(query.len(), 0);
         self.counter.count(&self.voxels, &rotated, query, &mut scratch.counter, &mut scratch.more);
         spot_check(&self.voxels, &rotated, query, &scratch.more)?;

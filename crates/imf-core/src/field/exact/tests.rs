@@ -4,26 +4,15 @@ use super::*;
 use crate::control::Control;
 use crate::orientation::OrientationSet;
 use crate::parts::ReferencePart;
-use crate::scene::{Resolution, SceneSpec};
+use crate::scene::SceneSpec;
 use crate::section::{SectionPlan, sections};
 use crate::tool::Tool;
-use crate::unit::LengthUnit;
 
 #[test]
 fn at_voxel_centres_it_is_the_section() {
     let mesh = ReferencePart::Bracket.mesh();
-    let spec = SceneSpec {
-        fixtures: &[],
-        around: crate::scene::Around::Part,
-        part: "bracket",
-        mesh: &mesh,
-        unit: LengthUnit::Mm,
-        transform: glam::DMat4::IDENTITY,
-        resolution: Resolution::Dims([10, 30, 18]),
-        margin: 0,
-        conservative: false,
-        tool: &Tool::paper(),
-    };
+    let tool = Tool::paper();
+    let spec = SceneSpec::of_reference(ReferencePart::Bracket, &mesh, [10, 30, 18], &tool);
     let scene = spec.scene().unwrap();
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
     let orientations = OrientationSet::parse("0,0;90,90;0,180;37,61;200,100").unwrap().orientations;
@@ -52,18 +41,7 @@ use rand_chacha::ChaCha8Rng;
 /// A part at half the paper's resolution; the tool is full-sized for half of them, to reach out of the grid.
 fn half(part: ReferencePart, tool: &Tool) -> Scene {
     let mesh = part.mesh();
-    let spec = SceneSpec {
-        fixtures: &[],
-        around: crate::scene::Around::Part,
-        part: part.name(),
-        mesh: &mesh,
-        unit: LengthUnit::Mm,
-        transform: glam::DMat4::IDENTITY,
-        resolution: Resolution::Dims(part.dims().map(|n| n.div_ceil(2))),
-        margin: 0,
-        conservative: false,
-        tool,
-    };
+    let spec = SceneSpec::of_reference(part, &mesh, part.dims().map(|n| n.div_ceil(2)), tool);
     spec.scene().unwrap()
 }
 
