@@ -3,8 +3,8 @@
 Started by `imf bench train`, which writes one request a line to standard input and reads one answer a line:
 {"mode": "eager" | "compiled", "batch": 1024, "seconds": 0.5} gives {"samples_per_second": ..}. The first line answers
 with the version. Same network as siren5 (five hidden layers of sines, the five inputs again after the second, one
-sigmoid), same loss (L1), same optimiser (Adam with coupled weight decay), f32 or, with --precision bf16, products under
-autocast to bfloat16; the threads given by --threads.
+sigmoid), same loss (L1), same optimiser (Adam with coupled weight decay), f32 or, with --precision bf16 or f16, products under
+autocast; on the CPU with the threads given by --threads, or on CUDA.
 """
 
 import argparse
@@ -38,26 +38,39 @@ class Siren5(torch.nn.Module):
 
 
 class Trainer:
-    def __init__(self, width: int, compiled: bool, precision: str):
+    def __init__(self, width: int, compiled: bool, precision: str, device: str):
         torch.manual_seed(0)
-        self.model = Siren5(width)
-        self.rounds = precision == "bf16"
+        self.device = device
+        self.model = Siren5(width).to(device)
+        self.rounded = {"bf16": torch.bfloat16, "f16": torch.float16}.get(precision)
+        # Gradients of a mean over a batch are below the smallest f16.
+        self.scaler = torch.amp.GradScaler(device, enabled=precision == "f16")
         self.forward = torch.compile(self.model) if compiled else self.model
         self.adam = torch.optim.Adam(self.model.parameters(), lr=1e-5, weight_decay=1e-6, foreach=True)
 
     def step(self, x, y):
         self.adam.zero_grad(set_to_none=True)
-        with torch.autocast("cpu", torch.bfloat16, enabled=self.rounds):
+        with torch.autocast(self.device, self.rounded, enabled=self.rounded is not None):
             values = self.forward(x)
-        torch.nn.functional.l1_loss(values.float(), y).backward()
-        self.adam.step()
+        self.scaler.scale(torch.nn.functional.l1_loss(values.float(), y)).backward()
+        self.scaler.step(self.adam)
+        self.scaler.update()
+
+    def finish(self):
+        if self.device == "cuda":
+            torch.cuda.synchronize()
 
 
 def rate(trainer, x, y, seconds: float) -> float:
+    trainer.finish()
     steps, start = 0, time.perf_counter()
     while steps < 3 or time.perf_counter() - start < seconds:
         trainer.step(x, y)
         steps += 1
+        # A queue of some steps keeps a GPU busy; one without end would not be timed.
+        if steps % 16 == 0:
+            trainer.finish()
+    trainer.finish()
     return steps * len(y) / (time.perf_counter() - start)
 
 
@@ -65,7 +78,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--threads", type=int, required=True)
     parser.add_argument("--width", type=int, default=512)
-    parser.add_argument("--precision", choices=["f32", "bf16"], default="f32")
+    parser.add_argument("--precision", choices=["f32", "bf16", "f16"], default="f32")
+    parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu")
     arguments = parser.parse_args()
     torch.set_num_threads(arguments.threads)
     print(json.dumps({"version": torch.__version__}), flush=True)
@@ -75,12 +89,12 @@ def main():
         mode, batch = request["mode"], request["batch"]
         try:
             if mode not in trainers:
-                trainers[mode] = Trainer(arguments.width, mode == "compiled", arguments.precision)
+                trainers[mode] = Trainer(arguments.width, mode == "compiled", arguments.precision, arguments.device)
             if batch not in batches:
                 generator = torch.Generator().manual_seed(1)
                 batches[batch] = (
-                    torch.rand(batch, 5, generator=generator) * 2 - 1,
-                    torch.rand(batch, generator=generator),
+                    (torch.rand(batch, 5, generator=generator) * 2 - 1).to(arguments.device),
+                    torch.rand(batch, generator=generator).to(arguments.device),
                 )
             x, y = batches[batch]
             # The first steps compile and allocate.

@@ -1,5 +1,5 @@
 // Purpose: loss of every sample and the delta that starts the backward pass:
-//   y = sigmoid(s);  Δ = ∂loss/∂y · y·(1 − y) / count
+//   y = sigmoid(s);  Δ = scale · ∂loss/∂y · y·(1 − y) / count
 //
 // One invocation computes every (invocations)-th row. Rows of padding get loss and delta 0, which keeps them out of
 // every gradient.
@@ -26,7 +26,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
             let error = y - targets[row];
             let slope = select(sign(error), 2.0 * error, step.loss == LOSS_L2);
             loss = select(abs(error), error * error, step.loss == LOSS_L2);
-            delta = slope * y * (1.0 - y) * step.inverse_count;
+            delta = slope * y * (1.0 - y) * (step.scale * step.inverse_count);
         }
         row_losses[row] = loss;
         deltas[row * layer.outputs] = delta;

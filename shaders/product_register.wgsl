@@ -17,6 +17,11 @@ struct Extent {
     end: u32,
 }
 
+/// The factors as products take them: `rounded` (`shader.rs`) leaves them, or rounds them to f16.
+fn factors(m: mat4x4<f32>) -> mat4x4<f32> {
+    return mat4x4<f32>(rounded(m[0]), rounded(m[1]), rounded(m[2]), rounded(m[3]));
+}
+
 /// sums + left·right for one 4 × 4 block; column i of the sums is row i of the output.
 fn block(sums: mat4x4<f32>, l: mat4x4<f32>, r: mat4x4<f32>) -> mat4x4<f32> {
     return mat4x4<f32>(
@@ -48,10 +53,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var c10 = mat4x4<f32>();
     var c11 = mat4x4<f32>();
     for (var k = e.first; k < e.end; k += 4u) {
-        let l0 = left(row, k);
-        let l1 = left(row + 4u, k);
-        let r0 = right(k, column);
-        let r1 = right(k, column + 4u);
+        let l0 = factors(left(row, k));
+        let l1 = factors(left(row + 4u, k));
+        let r0 = factors(right(k, column));
+        let r1 = factors(right(k, column + 4u));
         c00 = block(c00, l0, r0);
         c01 = block(c01, l0, r1);
         c10 = block(c10, l1, r0);

@@ -5,6 +5,8 @@
 // of the left operand, the second half of the right: 16 KiB, what every adapter has. The sum runs over k in the same
 // order as in `product_register.wgsl`, so both give the same bits where the compiler contracts both alike.
 //
+// Operands are staged as `Factors` (`shader.rs`): vec4<f32>, or vec4<f16>, half the memory; f32 holds their products exactly.
+//
 // The layer's file defines `extent`, `left`, `right` and `store` as `product_register.wgsl` describes; rows and columns
 // are multiples of TILE, the range of k of TILE_DEPTH.
 
@@ -18,8 +20,8 @@ struct Extent {
 const QUADS: u32 = TILE / 4u;
 
 // [k][row / 4] and [k][column / 4], k within the stage.
-var<workgroup> lefts: array<vec4<f32>, TILE_DEPTH * QUADS>;
-var<workgroup> rights: array<vec4<f32>, TILE_DEPTH * QUADS>;
+var<workgroup> lefts: array<Factors, TILE_DEPTH * QUADS>;
+var<workgroup> rights: array<Factors, TILE_DEPTH * QUADS>;
 
 @compute @workgroup_size(TILED_GROUP, TILED_GROUP)
 fn main(
@@ -41,21 +43,21 @@ fn main(
     for (var k = e.first; k < e.end; k += TILE_DEPTH) {
         if index < half {
             let fetched = left(first_row + 4u * quad, k + depth);
-            lefts[at] = fetched[0];
-            lefts[at + QUADS] = fetched[1];
-            lefts[at + 2u * QUADS] = fetched[2];
-            lefts[at + 3u * QUADS] = fetched[3];
+            lefts[at] = Factors(fetched[0]);
+            lefts[at + QUADS] = Factors(fetched[1]);
+            lefts[at + 2u * QUADS] = Factors(fetched[2]);
+            lefts[at + 3u * QUADS] = Factors(fetched[3]);
         } else {
             let fetched = right(k + depth, first_column + 4u * quad);
-            rights[at] = fetched[0];
-            rights[at + QUADS] = fetched[1];
-            rights[at + 2u * QUADS] = fetched[2];
-            rights[at + 3u * QUADS] = fetched[3];
+            rights[at] = Factors(fetched[0]);
+            rights[at + QUADS] = Factors(fetched[1]);
+            rights[at + 2u * QUADS] = Factors(fetched[2]);
+            rights[at + 3u * QUADS] = Factors(fetched[3]);
         }
         workgroupBarrier();
         for (var j = 0u; j < TILE_DEPTH; j += 1u) {
-            let l = lefts[j * QUADS + local.y];
-            let r = rights[j * QUADS + local.x];
+            let l = vec4<f32>(lefts[j * QUADS + local.y]);
+            let r = vec4<f32>(rights[j * QUADS + local.x]);
             sums = mat4x4<f32>(sums[0] + l.x * r, sums[1] + l.y * r, sums[2] + l.z * r, sums[3] + l.w * r);
         }
         workgroupBarrier();

@@ -15,11 +15,12 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     let count = arrayLength(&gradient);
     for (var i = id.x; i < count; i += groups.x * LINEAR_GROUP) {
         var sum = vec4<f32>();
-        if step.first == 0u {
-            sum = gradient[i];
-        }
         for (var slice = 0u; slice < batch.slices; slice += 1u) {
             sum += partials[slice * count + i];
+        }
+        sum /= step.scale;
+        if step.first == 0u {
+            sum += gradient[i];
         }
         gradient[i] = sum;
     }

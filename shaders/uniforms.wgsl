@@ -42,6 +42,9 @@ struct Placement {
 struct Step {
     /// 1 / samples of the whole batch.
     inverse_count: f32,
+    /// A power of two near the samples: deltas are so many times larger than they are, so that f16 holds them, and the
+    /// gradient is divided by it again. Exact in f32.
+    scale: f32,
     /// `LOSS_L1` or `LOSS_L2`.
     loss: u32,
     /// Where the step's mean loss goes.

@@ -132,7 +132,7 @@ pub(crate) struct TrainBenchArguments {
     /// Neurons of every hidden layer
     #[arg(long, default_value_t = 512, value_name = "N")]
     pub(crate) width: usize,
-    /// What products of layers are computed in, PyTorch's too (bf16: by its autocast)
+    /// What products of layers are computed in, PyTorch's too (bf16 and f16: by its autocast)
     #[arg(long, value_enum, default_value = "f32")]
     pub(crate) precision: PrecisionKind,
     /// Python with PyTorch
@@ -365,8 +365,9 @@ pub(crate) struct PlanArguments {
     /// What a step minimises
     #[arg(long, value_enum, default_value = "l1")]
     pub(crate) loss: LossKind,
-    /// What products of layers are computed in: f32, or bf16 (factors rounded to bfloat16, sums in f32), faster on CPUs with
-    /// AVX-512 BF16; a resumed training keeps its own
+    /// What products of layers are computed in, sums being f32: f32; bf16 (factors rounded to bfloat16), faster on CPUs with
+    /// AVX-512 BF16; or f16 (factors rounded to f16) on GPUs, by their matrix units where they have them; a resumed
+    /// training keeps its own
     #[arg(long, value_enum, default_value = "f32")]
     pub(crate) precision: PrecisionKind,
     /// Coupled L2 of Adam
@@ -433,6 +434,7 @@ impl From<RuleKind> for RateRule {
 pub(crate) enum PrecisionKind {
     F32,
     Bf16,
+    F16,
 }
 
 impl From<PrecisionKind> for Precision {
@@ -440,6 +442,7 @@ impl From<PrecisionKind> for Precision {
         match kind {
             PrecisionKind::F32 => Self::F32,
             PrecisionKind::Bf16 => Self::Bf16,
+            PrecisionKind::F16 => Self::F16,
         }
     }
 }

@@ -65,14 +65,7 @@ impl Device {
     pub(crate) fn require_precision(&self, precision: Precision) -> Result<()> {
         match self {
             Self::Cpu => Ok(CpuTrainer::check_precision(precision)?),
-            Self::Gpu(gpu) => {
-                ensure!(
-                    precision == Precision::F32,
-                    "precision bf16 is computed on CPUs alone, not on {}: add --device cpu, or train with precision f32",
-                    gpu.describe()
-                );
-                Ok(())
-            }
+            Self::Gpu(gpu) => Ok(GpuTrainer::check_precision(gpu, precision)?),
         }
     }
 
@@ -91,7 +84,10 @@ impl Device {
                 let cpu = CpuTrainer::new(shape, plan.adam, plan.loss, rank.most_rows(batch), state)?;
                 rank.trainer(cpu.with_precision(plan.precision)?)
             }
-            Self::Gpu(gpu) => Box::new(GpuTrainer::new(gpu, shape, plan.adam, plan.loss, batch, &state)?),
+            Self::Gpu(gpu) => {
+                let (adam, loss, precision) = (plan.adam, plan.loss, plan.precision);
+                Box::new(GpuTrainer::with_precision(gpu, shape, adam, loss, batch, &state, precision)?)
+            }
         })
     }
 

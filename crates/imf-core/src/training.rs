@@ -59,6 +59,8 @@ pub enum Precision {
     F32,
     /// Factors rounded to bfloat16 (8 bits of mantissa), on CPUs that have instructions for them.
     Bf16,
+    /// Factors rounded to binary16 (11 bits of mantissa), on GPUs that have it.
+    F16,
 }
 
 impl fmt::Display for Precision {
@@ -66,6 +68,7 @@ impl fmt::Display for Precision {
         f.write_str(match self {
             Self::F32 => "f32",
             Self::Bf16 => "bf16",
+            Self::F16 => "f16",
         })
     }
 }

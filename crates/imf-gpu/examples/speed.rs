@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use imf_core::siren::{INPUTS, SirenShape};
 use imf_core::training::{AdamConfig, EngineError, EvaluationEngine, Loss, TrainingEngine, TrainingState};
+use imf_gpu::shader::Factors;
 use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuTrainer, MatrixKernel};
 
 /// Seconds that each measurement lasts at least, and operations of a step beside those of a forward pass.
@@ -22,16 +23,24 @@ fn main() -> Result<(), EngineError> {
     println!("imf-gpu {} on {}", env!("CARGO_PKG_VERSION"), gpu.describe());
     println!("{} hidden layers of {}, batch {batch}", shape.hidden, shape.width);
     for kernel in MatrixKernel::ALL {
-        measure(&gpu.clone().with_matrix_kernel(kernel), shape, batch)?;
+        let gpu = gpu.clone().with_matrix_kernel(kernel);
+        measure(&gpu, shape, batch, Factors::Single)?;
+        if gpu.adapter().half.is_some() {
+            measure(&gpu.for_half(Some(Factors::Half))?, shape, batch, Factors::Half)?;
+        }
+    }
+    if let Some(units @ Factors::Fragments(_)) = gpu.adapter().half {
+        measure(&gpu.with_matrix_kernel(MatrixKernel::Tiled).for_half(None)?, shape, batch, units)?;
     }
     Ok(())
 }
 
-fn measure(gpu: &Gpu, shape: SirenShape, batch: usize) -> Result<(), EngineError> {
+fn measure(gpu: &Gpu, shape: SirenShape, batch: usize, factors: Factors) -> Result<(), EngineError> {
     let (inputs, targets) = (vec![0.1; INPUTS * batch], vec![0.5; batch]);
     let state = TrainingState::new(&shape, 1);
     let mut evaluator = GpuEvaluator::new(gpu, shape, &state.parameters)?;
-    let mut trainer = GpuTrainer::new(gpu, shape, AdamConfig::default(), Loss::L1, batch, &state)?;
+    let mut trainer =
+        GpuTrainer::with_factors(gpu, shape, AdamConfig::default(), Loss::L1, batch, &state, factors)?;
     let steps = rate(|| {
         for _ in 0..4 {
             trainer.step(&inputs, &targets, 1e-5)?;
@@ -47,9 +56,10 @@ fn measure(gpu: &Gpu, shape: SirenShape, batch: usize) -> Result<(), EngineError
     let poses = rate(|| evaluator.minimum(&points, &directions, &mut least, &mut best))? * rows as f64;
     let giga = |samples: f64| samples * shape.forward_flops() as f64 / 1e9;
     println!(
-        "{:8} {steps:8.1} steps/s ({:.0} samples/s, {:.1} GFLOP/s); evaluation {values:.0} values/s ({:.1} GFLOP/s); \
+        "{:8} {:19} {steps:8.1} steps/s ({:.0} samples/s, {:.1} GFLOP/s); evaluation {values:.0} values/s ({:.1} GFLOP/s); \
          minimum {poses:.0} poses/s",
         gpu.matrix_kernel().name(),
+        factors.name(),
         steps * batch as f64,
         giga(steps * batch as f64) * STEP_OVER_FORWARD,
         giga(values),

@@ -11,6 +11,8 @@ use imf_core::training::EngineError;
 use thiserror::Error;
 use wgpu::DeviceType;
 
+use crate::shader::{FRAGMENTS_MEMORY, Factors, Fragment};
+
 /// Which adapter is wanted.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum DeviceChoice {
@@ -62,6 +64,8 @@ pub struct AdapterSummary {
     pub workgroup_memory: u32,
     /// Workgroups in one dimension of a dispatch.
     pub workgroups: u32,
+    /// What products in half precision would be computed with; none where shaders have no f16.
+    pub half: Option<Factors>,
 }
 
 impl AdapterSummary {
@@ -78,8 +82,33 @@ impl AdapterSummary {
             buffer: limits.max_buffer_size,
             workgroup_memory: limits.max_compute_workgroup_storage_size,
             workgroups: limits.max_compute_workgroups_per_dimension,
+            half: half(adapter, limits.max_compute_workgroup_storage_size),
         }
     }
+}
+
+/// The best way of an adapter to multiply f16.
+fn half(adapter: &wgpu::Adapter, workgroup_memory: u32) -> Option<Factors> {
+    let offered = adapter.features();
+    if !offered.contains(wgpu::Features::SHADER_F16) {
+        return None;
+    }
+    let info = adapter.get_info();
+    let fits = |fragment: &Fragment| {
+        let side = fragment.side();
+        info.subgroup_min_size == fragment.subgroup()
+            && info.subgroup_max_size == fragment.subgroup()
+            && adapter.cooperative_matrix_properties().iter().any(|found| {
+                [found.m_size, found.n_size, found.k_size] == [side; 3]
+                    && found.ab_type == wgpu::CooperativeScalarType::F16
+                    && found.cr_type == wgpu::CooperativeScalarType::F32
+            })
+    };
+    let fragment = Fragment::ALL.into_iter().find(fits).filter(|_| {
+        offered.contains(wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX | wgpu::Features::SUBGROUP)
+            && workgroup_memory >= FRAGMENTS_MEMORY
+    });
+    Some(fragment.map_or(Factors::Half, Factors::Fragments))
 }
 
 impl AdapterSummary {
@@ -103,7 +132,7 @@ impl fmt::Display for AdapterSummary {
         write!(
             f,
             "{}: {} ({}, {kind}; driver {}; storage binding {} MiB, buffer {} MiB, workgroup memory {} KiB, {} \
-             workgroups per dimension)",
+             workgroups per dimension; {})",
             self.index,
             self.name,
             self.backend,
@@ -112,6 +141,7 @@ impl fmt::Display for AdapterSummary {
             mebibytes(self.buffer),
             self.workgroup_memory >> 10,
             self.workgroups,
+            self.half.map_or("no f16", Factors::name),
         )
     }
 }
@@ -224,6 +254,7 @@ mod tests {
             buffer: 1 << 31,
             workgroup_memory: 32 << 10,
             workgroups: 65_535,
+            half: None,
         };
         kinds.iter().enumerate().map(adapter).collect()
     }

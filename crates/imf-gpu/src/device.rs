@@ -11,7 +11,7 @@ use imf_core::training::EngineError;
 use wgpu::DeviceType;
 
 use crate::adapter::{self, AdapterSummary, DeviceChoice};
-use crate::shader::MatrixKernel;
+use crate::shader::{Factors, MatrixKernel};
 
 /// Limits that buffers and dispatches keep to: the adapter's, or smaller ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,6 +32,8 @@ pub struct Gpu {
     adapter: AdapterSummary,
     limits: GpuLimits,
     matrix: MatrixKernel,
+    /// What products in half precision are computed with, on a device opened for them.
+    half: Option<Factors>,
     faults: Faults,
 }
 
@@ -58,13 +60,41 @@ impl Gpu {
     /// # Errors
     /// [`EngineError::Device`] naming cause and remedy: no such adapter, no driver or loader, or a driver that refuses.
     pub fn open(choice: &DeviceChoice) -> Result<Self, EngineError> {
+        Self::open_with(choice, None)
+    }
+
+    /// The same adapter opened anew for products in half precision, with the best that it offers
+    /// ([`AdapterSummary::half`]) or with `factors`.
+    ///
+    /// # Errors
+    /// [`EngineError::Device`]: it has no f16, or the driver refuses.
+    pub fn for_half(&self, factors: Option<Factors>) -> Result<Self, EngineError> {
+        let Some(half) = factors.or(self.adapter.half) else {
+            return Err(EngineError::Device(format!(
+                "{} has no f16 in shaders: train with precision f32, or choose another adapter",
+                self.adapter.name
+            )));
+        };
+        let opened = Self::open_with(&DeviceChoice::Index(self.adapter.index), Some(half))?;
+        Ok(opened.with_limits(self.limits).with_matrix_kernel(self.matrix))
+    }
+
+    fn open_with(choice: &DeviceChoice, half: Option<Factors>) -> Result<Self, EngineError> {
         let (summary, adapter) = adapter::choose(choice)?;
         let limits = adapter.limits();
+        let fragments = matches!(half, Some(Factors::Fragments(_)));
+        let mut features = wgpu::Features::empty();
+        features.set(wgpu::Features::SHADER_F16, half.is_some());
+        features.set(wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX | wgpu::Features::SUBGROUP, fragments);
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("imf"),
-            required_features: wgpu::Features::empty(),
+            required_features: features,
             required_limits: limits.clone(),
-            experimental_features: wgpu::ExperimentalFeatures::disabled(),
+            experimental_features: if fragments {
+                experimental()
+            } else {
+                wgpu::ExperimentalFeatures::disabled()
+            },
             memory_hints: wgpu::MemoryHints::Performance,
             trace: wgpu::Trace::Off,
         }))
@@ -92,7 +122,7 @@ impl Gpu {
             buffer: limits.max_buffer_size,
             workgroups: limits.max_compute_workgroups_per_dimension,
         };
-        Ok(Self { device, queue, adapter: summary, limits, matrix, faults })
+        Ok(Self { device, queue, adapter: summary, limits, matrix, half, faults })
     }
 
     /// The same device held to smaller limits where `limits` has smaller ones.
@@ -135,6 +165,12 @@ impl Gpu {
     #[must_use]
     pub fn matrix_kernel(&self) -> MatrixKernel {
         self.matrix
+    }
+
+    /// What products in half precision are computed with; none on a device that is not opened by [`Self::for_half`].
+    #[must_use]
+    pub fn half(&self) -> Option<Factors> {
+        self.half
     }
 
     /// The device, for kernels of one's own.
@@ -215,6 +251,15 @@ impl Gpu {
         })?;
         Ok(bytemuck::pod_collect_to_vec(&view))
     }
+}
+
+/// Leave to use the matrix units, whose interface wgpu calls experimental: who trains in f16 asks for it, and
+/// `trainer/proof.rs` compares their products with plain ones before anything is trained.
+#[expect(unsafe_code, reason = "wgpu's way of saying that an interface may change and is less tried")]
+fn experimental() -> wgpu::ExperimentalFeatures {
+    // SAFETY: nothing that this crate relies on for memory safety hangs on it; wgpu's notes ask that its users know
+    // that the interface is not yet proven against ill-formed shaders, and ours are fixed and validated in tests.
+    unsafe { wgpu::ExperimentalFeatures::enabled() }
 }
 
 /// A copy to the host that is under way.

@@ -11,7 +11,7 @@ use crate::forward::{Forward, Network, layout_for, rows_per_pass};
 use crate::kernel::{Bound, Kernel, uniform};
 use crate::layout::PaddedLayout;
 use crate::memory::Plan;
-use crate::shader::{DIRECTION_INPUTS, POINT_INPUTS, Shader};
+use crate::shader::{DIRECTION_INPUTS, Factors, POINT_INPUTS, Shader};
 use crate::submit::Submissions;
 use crate::uniforms::{Batch, Sweep};
 
@@ -109,7 +109,7 @@ impl GpuEvaluator {
                 &[&sweep, &points, &directions],
                 &turns,
             )?,
-            forward: Forward::new(gpu, &network, &turns, &results, None)?,
+            forward: Forward::new(gpu, &network, &turns, &results, None, Factors::Single)?,
             values: kernel(Shader::Outputs)?.bind(gpu, &[&network.batch, last, &sweep, &results, &outputs]),
             minimum: kernel(Shader::Minimum)?.bind(gpu, &[&sweep, &outputs, &least, &best]),
             scratch: [places.signals[0], places.signals[1], places.results, places.outputs].map(at).to_vec(),

@@ -6,7 +6,7 @@ use imf_core::training::EngineError;
 use crate::device::{Gpu, GpuLimits};
 use crate::kernel::{Bound, Kernel, uniform};
 use crate::layout::PaddedLayout;
-use crate::shader::{Shader, TILE};
+use crate::shader::{Factors, Shader, TILE};
 use crate::uniforms::{Batch, Layer, Placement};
 
 /// The padded layout and the small buffers that describe it to the kernels.
@@ -105,17 +105,21 @@ pub(crate) struct Forward {
 
 impl Forward {
     /// Layer l reads `signals[l]` and writes `signals[l + 1]`, the last one `results`. With `slopes` (one buffer for
-    /// each hidden layer) the pass keeps what the backward pass needs.
+    /// each hidden layer) the pass keeps what the backward pass needs. `factors` are those of the products between
+    /// hidden layers; the first layer's inputs and the output are f32.
     pub(crate) fn new(
         gpu: &Gpu,
         network: &Network,
         signals: &[wgpu::Buffer],
         results: &wgpu::Buffer,
         slopes: Option<&[wgpu::Buffer]>,
+        factors: Factors,
     ) -> Result<Self, EngineError> {
-        let hidden = match slopes {
-            Some(_) => Kernel::new(gpu, Shader::HiddenTrain)?,
-            None => Kernel::new(gpu, Shader::HiddenEvaluate)?,
+        let shader = if slopes.is_some() { Shader::HiddenTrain } else { Shader::HiddenEvaluate };
+        let first = Kernel::new(gpu, shader)?;
+        let hidden = match factors {
+            Factors::Single => first.clone(),
+            _ => Kernel::with_factors(gpu, shader, factors)?,
         };
         let linear = Kernel::new(gpu, Shader::Linear)?;
         let last = network.layers.len() - 1;
@@ -127,7 +131,7 @@ impl Forward {
                 return linear.bind(gpu, &buffers);
             }
             buffers.extend(slopes.map(|slopes| &slopes[index]));
-            hidden.bind(gpu, &buffers)
+            if index == 0 { first.bind(gpu, &buffers) } else { hidden.bind(gpu, &buffers) }
         };
         let layers = (0..=last).map(|index| (bind(index), network.layout.layers[index].outputs)).collect();
         Ok(Self { layers })

@@ -3,10 +3,10 @@
 use imf_core::training::EngineError;
 
 use crate::device::Gpu;
-use crate::shader::{LINEAR_GROUP, Shader, TILE};
+use crate::shader::{Factors, LINEAR_GROUP, Shader, TILE};
 
-/// A compiled kernel.
-#[derive(Debug)]
+/// A compiled kernel. Clones share it.
+#[derive(Clone, Debug)]
 pub(crate) struct Kernel {
     pipeline: wgpu::ComputePipeline,
     name: String,
@@ -22,11 +22,16 @@ pub(crate) struct Bound {
 impl Kernel {
     /// Compiles a shader for the device's matrix kernel.
     pub(crate) fn new(gpu: &Gpu, shader: Shader) -> Result<Self, EngineError> {
-        let name = format!("{shader:?}");
+        Self::with_factors(gpu, shader, Factors::Single)
+    }
+
+    /// As [`Self::new`], for a matrix product with these factors.
+    pub(crate) fn with_factors(gpu: &Gpu, shader: Shader, factors: Factors) -> Result<Self, EngineError> {
+        let name = format!("{shader:?}, {}", factors.name());
         let pipeline = gpu.guarded(|| {
             let module = gpu.device().create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(&name),
-                source: wgpu::ShaderSource::Wgsl(shader.source(gpu.matrix_kernel()).into()),
+                source: wgpu::ShaderSource::Wgsl(shader.source(gpu.matrix_kernel(), factors).into()),
             });
             gpu.device().create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(&name),
@@ -34,7 +39,7 @@ impl Kernel {
                 module: &module,
                 entry_point: Some("main"),
                 compilation_options: wgpu::PipelineCompilationOptions {
-                    // The tiled product writes all of its workgroup memory before it reads it; so does the loss.
+                    // Products in tiles write all of their workgroup memory before they read it; so does the loss.
                     zero_initialize_workgroup_memory: false,
                     ..Default::default()
                 },

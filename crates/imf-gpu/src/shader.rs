@@ -12,6 +12,8 @@ pub const REGISTER_GROUP: u32 = 8;
 pub const TILED_GROUP: u32 = 16;
 /// Values of k that the tiled kernel stages at a time.
 pub const TILE_DEPTH: u32 = 32;
+/// Bytes of workgroup memory that products by matrix units take: two stages of f16 and a tile of f32.
+pub const FRAGMENTS_MEMORY: u32 = 2 * 2 * TILE * TILE_DEPTH + 4 * TILE * TILE;
 /// Invocations of a workgroup of every kernel that is no matrix product.
 pub const LINEAR_GROUP: u32 = 64;
 /// Inputs that come from the point.
@@ -60,10 +62,99 @@ impl MatrixKernel {
         }
     }
 
-    fn source(self) -> &'static str {
+    fn source(self, factors: Factors) -> &'static str {
+        match (self, factors) {
+            (_, Factors::Fragments(_)) => include_str!("../../../shaders/product_cooperative.wgsl"),
+            (Self::Register, _) => include_str!("../../../shaders/product_register.wgsl"),
+            (Self::Tiled, _) => include_str!("../../../shaders/product_tiled.wgsl"),
+        }
+    }
+}
+
+/// What the factors of a matrix product are rounded to. Sums are f32 always, and f32 holds the product of two f16 exactly,
+/// so [`Factors::Half`] and [`Factors::Fragments`] differ in the order of sums alone.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Factors {
+    /// f32.
+    #[default]
+    Single,
+    /// f16.
+    Half,
+    /// f16, multiplied by the hardware's matrix units; needs dimensions padded as for [`MatrixKernel::Tiled`].
+    Fragments(Fragment),
+}
+
+/// Side of the square fragments that one subgroup multiplies, and how many invocations a subgroup has: two fragments a
+/// subgroup are a tile of 64 × 64 for a workgroup of 256.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fragment {
+    /// 8 × 8, subgroups of 8 (Mesa's lavapipe).
+    Eight,
+    /// 16 × 16, subgroups of 32 (NVIDIA).
+    Sixteen,
+}
+
+impl Fragment {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Eight, Self::Sixteen];
+
+    /// Rows and columns.
+    #[must_use]
+    pub fn side(self) -> u32 {
         match self {
-            Self::Register => include_str!("../../../shaders/product_register.wgsl"),
-            Self::Tiled => include_str!("../../../shaders/product_tiled.wgsl"),
+            Self::Eight => 8,
+            Self::Sixteen => 16,
+        }
+    }
+
+    /// Invocations of a subgroup.
+    #[must_use]
+    pub fn subgroup(self) -> u32 {
+        let subgroups = TILE / self.side() * (TILE / self.side()) / 2;
+        TILED_GROUP * TILED_GROUP / subgroups
+    }
+}
+
+impl Factors {
+    /// Its name for people.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Single => "f32",
+            Self::Half => "f16",
+            Self::Fragments(_) => "f16 by matrix units",
+        }
+    }
+
+    /// What WGSL has to be told first.
+    fn enabled(self) -> &'static str {
+        match self {
+            Self::Single => "",
+            Self::Half => "enable f16;\n",
+            Self::Fragments(_) => "enable f16;\nenable wgpu_cooperative_matrix;\n",
+        }
+    }
+
+    /// What the products name.
+    fn types(self) -> String {
+        match self {
+            Self::Single => {
+                "alias Factors = vec4<f32>;\nfn rounded(v: vec4<f32>) -> vec4<f32> { return v; }\n".to_owned()
+            }
+            // Not by a conversion and back, which compilers leave out.
+            Self::Half => "alias Factors = vec4<f16>;\n\
+                           fn rounded(v: vec4<f32>) -> vec4<f32> { return quantizeToF16(v); }\n"
+                .to_owned(),
+            Self::Fragments(fragment) => {
+                let side = fragment.side();
+                let alias = |name: &str, scalar: &str, role: &str| {
+                    format!("alias {name} = coop_mat{side}x{side}<{scalar}, {role}>;\n")
+                };
+                format!("const FRAGMENT: u32 = {side}u;\n")
+                    + &alias("Left", "f16", "A")
+                    + &alias("Right", "f16", "B")
+                    + &alias("Sums", "f32", "C")
+            }
         }
     }
 }
@@ -132,10 +223,19 @@ impl Shader {
         Self::CountLeast,
     ];
 
+    /// Whether it is a matrix product.
+    #[must_use]
+    pub fn is_product(self) -> bool {
+        matches!(
+            self,
+            Self::HiddenTrain | Self::HiddenEvaluate | Self::Linear | Self::Backward | Self::WeightGradient
+        )
+    }
+
     /// The whole WGSL text: prelude, uniform blocks, then the kernel's files.
     #[must_use]
-    pub fn source(self, matrix: MatrixKernel) -> String {
-        let product = matrix.source();
+    pub fn source(self, matrix: MatrixKernel, factors: Factors) -> String {
+        let product = matrix.source(factors);
         let sine = sine_source();
         let sigmoid = include_str!("../../../shaders/sigmoid.wgsl");
         let forward = include_str!("../../../shaders/forward.wgsl");
@@ -164,7 +264,14 @@ impl Shader {
             Self::CountSections => &[overlap, include_str!("../../../shaders/count_sections.wgsl")],
             Self::CountLeast => &[overlap, include_str!("../../../shaders/count_least.wgsl")],
         };
-        let mut source = prelude();
+        let mut source = String::new();
+        if self.is_product() {
+            source.push_str(factors.enabled());
+        }
+        source.push_str(&prelude());
+        if self.is_product() {
+            source.push_str(&factors.types());
+        }
         source.push_str(include_str!("../../../shaders/uniforms.wgsl"));
         for part in parts {
             source.push('\n');

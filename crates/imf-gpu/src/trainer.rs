@@ -9,15 +9,16 @@
 //! the batch and the limits alone.
 
 mod plan;
+mod proof;
 
 use imf_core::siren::{INPUTS, SirenShape};
-use imf_core::training::{AdamConfig, EngineError, Loss, TrainingEngine, TrainingState};
+use imf_core::training::{AdamConfig, EngineError, Loss, Precision, TrainingEngine, TrainingState};
 
 use crate::device::Gpu;
 use crate::forward::{Forward, Network, layout_for};
 use crate::kernel::{Bound, Kernel, uniform};
 use crate::layout::PaddedLayout;
-use crate::shader::{LOSS_L1, LOSS_L2, Shader};
+use crate::shader::{Factors, LOSS_L1, LOSS_L2, MatrixKernel, Shader};
 use crate::submit::Recorder;
 use crate::uniforms::{Batch, Step};
 use plan::{LOSS_SLOTS, plan, slice};
@@ -28,6 +29,8 @@ pub struct GpuTrainer {
     gpu: Gpu,
     adam: AdamConfig,
     loss: Loss,
+    /// Of the products between hidden layers.
+    factors: Factors,
     max_batch: usize,
     /// Rows that one pass holds.
     part_rows: usize,
@@ -87,6 +90,78 @@ impl GpuTrainer {
         max_batch: usize,
         state: &TrainingState,
     ) -> Result<Self, EngineError> {
+        Self::with_factors(gpu, shape, adam, loss, max_batch, state, Factors::Single)
+    }
+
+    /// As [`Self::new`], with the products between hidden layers in `precision`. For f16 the adapter is opened anew
+    /// ([`Gpu::for_half`]); matrix units are used once their products have been found to be those of plain f16.
+    ///
+    /// # Errors
+    /// As [`Self::new`]; an adapter without f16; bf16, which GPUs do not have here.
+    pub fn with_precision(
+        gpu: &Gpu,
+        shape: SirenShape,
+        adam: AdamConfig,
+        loss: Loss,
+        max_batch: usize,
+        state: &TrainingState,
+        precision: Precision,
+    ) -> Result<Self, EngineError> {
+        Self::check_precision(gpu, precision)?;
+        if precision != Precision::F16 {
+            return Self::new(gpu, shape, adam, loss, max_batch, state);
+        }
+        let gpu = proof::proven(gpu.for_half(None)?)?;
+        let factors = gpu.half().unwrap_or_default();
+        Self::with_factors(&gpu, shape, adam, loss, max_batch, state, factors)
+    }
+
+    /// Whether an adapter has the products of a precision.
+    ///
+    /// # Errors
+    /// [`EngineError::Device`] naming the remedy: it has not.
+    pub fn check_precision(gpu: &Gpu, precision: Precision) -> Result<(), EngineError> {
+        let device = gpu.describe();
+        Err(EngineError::Device(match precision {
+            Precision::F32 => return Ok(()),
+            Precision::F16 if gpu.adapter().half.is_some() => return Ok(()),
+            Precision::F16 => {
+                format!("{device}: its shaders have no f16; train with precision f32, or on another adapter")
+            }
+            Precision::Bf16 => format!(
+                "precision bf16 is computed on CPUs alone, not on {device}: add --device cpu, or train with precision f32"
+            ),
+        }))
+    }
+
+    /// As [`Self::new`], with these factors in the products between hidden layers; anything but
+    /// [`Factors::Single`] needs a device [opened for it](Gpu::for_half).
+    ///
+    /// # Errors
+    /// As [`Self::new`]; factors that the device was not opened for.
+    pub fn with_factors(
+        gpu: &Gpu,
+        shape: SirenShape,
+        adam: AdamConfig,
+        loss: Loss,
+        max_batch: usize,
+        state: &TrainingState,
+        factors: Factors,
+    ) -> Result<Self, EngineError> {
+        let opened = match factors {
+            Factors::Single => true,
+            Factors::Half => gpu.half().is_some(),
+            Factors::Fragments(_) => {
+                gpu.half() == Some(factors) && gpu.matrix_kernel() == MatrixKernel::Tiled
+            }
+        };
+        if !opened {
+            return Err(EngineError::Device(format!(
+                "{} is not opened for {}",
+                gpu.describe(),
+                factors.name()
+            )));
+        }
         let layout = layout_for(gpu, shape)?;
         check_state(&shape, state)?;
         if max_batch == 0 {
@@ -127,12 +202,14 @@ impl GpuTrainer {
                 &all(&places.signals),
                 &all(&places.deltas),
                 [&at(places.results), &at(places.row_losses), &at(places.partials)],
+                factors,
             )
         })??;
         Ok(Self {
             gpu: gpu.clone(),
             adam,
             loss,
+            factors,
             max_batch,
             part_rows,
             max_slices,
@@ -240,6 +317,7 @@ impl GpuTrainer {
         let correction = |beta: f64| (1.0 / (1.0 - beta.powf((self.step + 1) as f64))) as f32;
         Step {
             inverse_count: (1.0 / count as f64) as f32,
+            scale: count.next_power_of_two() as f32,
             loss: match self.loss {
                 Loss::L1 => LOSS_L1,
                 Loss::L2 => LOSS_L2,
@@ -279,25 +357,36 @@ impl Kernels {
         signals: &[wgpu::Buffer],
         deltas: &[wgpu::Buffer],
         [results, row_losses, partials]: [&wgpu::Buffer; 3],
+        factors: Factors,
     ) -> Result<Self, EngineError> {
         let kernel = |shader| Kernel::new(gpu, shader);
         let (backward, weight, bias) =
             (kernel(Shader::Backward)?, kernel(Shader::WeightGradient)?, kernel(Shader::BiasGradient)?);
+        let between = |plain: &Kernel, shader| match factors {
+            Factors::Single => Ok(plain.clone()),
+            _ => Kernel::with_factors(gpu, shader, factors),
+        };
+        let hidden_backward = between(&backward, Shader::Backward)?;
+        let hidden_weight = between(&weight, Shader::WeightGradient)?;
         let (batch, layers, parameters) = (&network.batch, &network.layers, &network.parameters);
         let last = layers.len() - 1;
         let each = |bind: &dyn Fn(usize) -> Bound| (0..=last).map(bind).collect::<Vec<_>>();
         Ok(Self {
             inputs: network.bind_inputs(gpu, &kernel(Shader::Inputs)?, &[&host.samples], signals)?,
-            forward: Forward::new(gpu, network, signals, results, Some(deltas))?,
+            forward: Forward::new(gpu, network, signals, results, Some(deltas), factors)?,
             loss: kernel(Shader::Loss)?.bind(
                 gpu,
                 &[batch, &layers[last], &host.step, results, &host.targets, &deltas[last], row_losses],
             ),
             loss_sum: kernel(Shader::LossSum)?.bind(gpu, &[batch, &host.step, row_losses, &host.losses]),
             backward: (1..=last)
-                .map(|l| backward.bind(gpu, &[batch, &layers[l], parameters, &deltas[l], &deltas[l - 1]]))
+                .map(|l| {
+                    let backward = if l == last { &backward } else { &hidden_backward };
+                    backward.bind(gpu, &[batch, &layers[l], parameters, &deltas[l], &deltas[l - 1]])
+                })
                 .collect(),
             weight_gradient: each(&|l| {
+                let weight = if l == 0 || l == last { &weight } else { &hidden_weight };
                 weight.bind(gpu, &[batch, &layers[l], &deltas[l], &signals[l], partials])
             }),
             bias_gradient: each(&|l| bias.bind(gpu, &[batch, &layers[l], &deltas[l], partials])),
@@ -348,7 +437,10 @@ fn check_state(shape: &SirenShape, state: &TrainingState) -> Result<(), EngineEr
 
 impl TrainingEngine for GpuTrainer {
     fn describe(&self) -> String {
-        self.gpu.describe()
+        match self.factors {
+            Factors::Single => self.gpu.describe(),
+            factors => format!("{}, products in {}", self.gpu.describe(), factors.name()),
+        }
     }
 
     fn step(&mut self, inputs: &[f32], targets: &[f32], learning_rate: f32) -> Result<(), EngineError> {

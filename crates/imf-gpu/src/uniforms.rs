@@ -46,6 +46,7 @@ pub struct Placement {
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct Step {
     pub inverse_count: f32,
+    pub scale: f32,
     pub loss: u32,
     pub slot: u32,
     pub first: u32,

@@ -3,44 +3,73 @@
 
 use std::mem::offset_of;
 
-use imf_gpu::shader::{LINEAR_GROUP, MatrixKernel, REGISTER_GROUP, Shader, TILED_GROUP};
+use imf_gpu::shader::{
+    FRAGMENTS_MEMORY, Factors, Fragment, LINEAR_GROUP, MatrixKernel, REGISTER_GROUP, Shader, TILED_GROUP,
+};
 use imf_gpu::uniforms::{Batch, Counting, Job, Layer, Placement, Step, Sweep};
-use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
+use naga::valid::{Capabilities, ModuleInfo, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 
-/// Every shader with every matrix kernel, parsed and validated against WebGPU's core features alone.
-fn modules() -> impl Iterator<Item = (String, Shader, MatrixKernel, Module, ModuleInfo)> {
-    MatrixKernel::ALL.into_iter().flat_map(|matrix| {
-        Shader::ALL.into_iter().map(move |shader| {
-            let name = format!("{shader:?} ({})", matrix.name());
-            let source = shader.source(matrix);
-            let module = naga::front::wgsl::parse_str(&source)
-                .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(&source)));
-            let info = Validator::new(ValidationFlags::all(), Capabilities::empty())
-                .validate(&module)
-                .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(&source)));
-            (name, shader, matrix, module, info)
-        })
+/// What a shader is made for.
+#[derive(Clone, Copy)]
+struct Made {
+    shader: Shader,
+    matrix: MatrixKernel,
+    factors: Factors,
+}
+
+impl Made {
+    /// What its factors need beyond WebGPU's core features.
+    fn capabilities(self) -> Capabilities {
+        match self.factors {
+            Factors::Single => Capabilities::empty(),
+            Factors::Half => Capabilities::SHADER_FLOAT16 | Capabilities::SHADER_FLOAT16_IN_FLOAT32,
+            Factors::Fragments(_) => {
+                Capabilities::SHADER_FLOAT16 | Capabilities::COOPERATIVE_MATRIX | Capabilities::SUBGROUP
+            }
+        }
+    }
+}
+
+/// Every shader with every matrix kernel and its factors.
+fn made() -> impl Iterator<Item = Made> {
+    let units = Fragment::ALL.map(|fragment| (MatrixKernel::Tiled, Factors::Fragments(fragment)));
+    let plain = [Factors::Single, Factors::Half];
+    let ways = MatrixKernel::ALL.into_iter().flat_map(move |matrix| plain.map(|factors| (matrix, factors)));
+    ways.chain(units).flat_map(|(matrix, factors)| {
+        let shaders = Shader::ALL.into_iter();
+        let shaders = shaders.filter(move |shader| factors == Factors::Single || shader.is_product());
+        shaders.map(move |shader| Made { shader, matrix, factors })
+    })
+}
+
+/// All of them, parsed, and validated against what they need and no more.
+fn modules() -> impl Iterator<Item = (String, Made, Module, ModuleInfo)> {
+    made().map(|made| {
+        let name = format!("{:?} ({}, {})", made.shader, made.matrix.name(), made.factors.name());
+        let source = made.shader.source(made.matrix, made.factors);
+        let module = naga::front::wgsl::parse_str(&source)
+            .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(&source)));
+        let info = Validator::new(ValidationFlags::all(), made.capabilities())
+            .subgroup_stages(ShaderStages::COMPUTE)
+            .subgroup_operations(SubgroupOperationSet::all())
+            .validate(&module)
+            .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(&source)));
+        (name, made, module, info)
     })
 }
 
 #[test]
 fn every_shader_is_valid_and_has_one_entry_point() {
-    for (name, shader, matrix, module, _) in modules() {
+    for (name, made, module, _) in modules() {
         assert_eq!(module.entry_points.len(), 1, "{name}");
         let entry = &module.entry_points[0];
         assert_eq!(entry.name, "main", "{name}");
-        let side = match matrix {
-            MatrixKernel::Register => REGISTER_GROUP,
-            MatrixKernel::Tiled => TILED_GROUP,
-        };
-        let expected = match shader {
-            Shader::HiddenTrain
-            | Shader::HiddenEvaluate
-            | Shader::Linear
-            | Shader::Backward
-            | Shader::WeightGradient => [side, side, 1],
-            _ => [LINEAR_GROUP, 1, 1],
+        let expected = match (made.shader.is_product(), made.factors, made.matrix) {
+            (false, ..) => [LINEAR_GROUP, 1, 1],
+            (true, Factors::Fragments(_), _) => [TILED_GROUP * TILED_GROUP, 1, 1],
+            (true, _, MatrixKernel::Register) => [REGISTER_GROUP, REGISTER_GROUP, 1],
+            (true, _, MatrixKernel::Tiled) => [TILED_GROUP, TILED_GROUP, 1],
         };
         assert_eq!(entry.workgroup_size, expected, "{name}");
     }
@@ -69,7 +98,7 @@ fn expected_bindings(shader: Shader) -> &'static str {
 
 #[test]
 fn bindings_and_their_access_are_as_the_engine_binds_them() {
-    for (name, shader, _, module, _) in modules() {
+    for (name, Made { shader, .. }, module, _) in modules() {
         let mut found: Vec<(u32, char)> = module
             .global_variables
             .iter()
@@ -98,15 +127,18 @@ fn bindings_and_their_access_are_as_the_engine_binds_them() {
 
 #[test]
 fn workgroup_memory_fits_every_adapter() {
-    // WebGPU guarantees 16 KiB.
-    for (name, _, _, module, _) in modules() {
+    // WebGPU guarantees 16 KiB; adapters are asked for what matrix units need.
+    for (name, made, module, _) in modules() {
         let bytes: u32 = module
             .global_variables
             .iter()
             .filter(|(_, variable)| variable.space == AddressSpace::WorkGroup)
             .map(|(_, variable)| module.types[variable.ty].inner.size(module.to_ctx()))
             .sum();
-        assert!(bytes <= 16 << 10, "{name}: {bytes} bytes");
+        match made.factors {
+            Factors::Fragments(_) => assert_eq!(bytes, FRAGMENTS_MEMORY, "{name}"),
+            _ => assert!(bytes <= 16 << 10, "{name}: {bytes} bytes"),
+        }
     }
 }
 
@@ -124,7 +156,7 @@ fn uniform_blocks_have_the_same_size_and_offsets_in_rust_and_wgsl() {
         block!(Layer: inputs, outputs, weights, biases, stride, upstream, parameters, omega),
         block!(Placement: stride, offset, columns),
         block!(
-            Step: inverse_count, loss, slot, first, learning_rate, beta1, one_minus_beta1, beta2, one_minus_beta2,
+            Step: inverse_count, scale, loss, slot, first, learning_rate, beta1, one_minus_beta1, beta2, one_minus_beta2,
             correction1, correction2, epsilon, weight_decay
         ),
         block!(Sweep: base, points, directions, first_direction),
@@ -137,7 +169,7 @@ fn uniform_blocks_have_the_same_size_and_offsets_in_rust_and_wgsl() {
             covered_starts, uncovered_first, uncovered_planes, uncovered_starts, shares, orientation
         ),
     ];
-    for (name, _, _, module, _) in modules() {
+    for (name, _, module, _) in modules() {
         for (block, size, fields) in &blocks {
             let found = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(block));
             let Some((_, naga::Type { inner: TypeInner::Struct { members, span }, .. })) = found else {
@@ -155,7 +187,7 @@ fn uniform_blocks_have_the_same_size_and_offsets_in_rust_and_wgsl() {
 
 #[test]
 fn every_shader_translates_to_metal_direct3d_and_vulkan() {
-    for (name, _, _, module, info) in modules() {
+    for (name, made, module, info) in modules() {
         let msl = naga::back::msl::Options {
             lang_version: (2, 4),
             fake_missing_bindings: true,
@@ -165,13 +197,19 @@ fn every_shader_translates_to_metal_direct3d_and_vulkan() {
             .unwrap_or_else(|error| panic!("{name}: MSL: {error}"));
         assert!(text.contains("kernel void"), "{name}");
 
-        let mut text = String::new();
-        let hlsl =
-            naga::back::hlsl::Options { fake_missing_bindings: true, ..naga::back::hlsl::Options::default() };
-        naga::back::hlsl::Writer::new(&mut text, &hlsl, &Default::default())
-            .write(&module, &info, None)
-            .unwrap_or_else(|error| panic!("{name}: HLSL: {error}"));
-        assert!(text.contains("numthreads"), "{name}");
+        // Direct3D has no cooperative matrices; its adapters do not offer them.
+        if !matches!(made.factors, Factors::Fragments(_)) {
+            let mut text = String::new();
+            let hlsl = naga::back::hlsl::Options {
+                fake_missing_bindings: true,
+                shader_model: naga::back::hlsl::ShaderModel::V6_2,
+                ..naga::back::hlsl::Options::default()
+            };
+            naga::back::hlsl::Writer::new(&mut text, &hlsl, &Default::default())
+                .write(&module, &info, None)
+                .unwrap_or_else(|error| panic!("{name}: HLSL: {error}"));
+            assert!(text.contains("numthreads"), "{name}");
+        }
 
         let words = naga::back::spv::write_vec(&module, &info, &naga::back::spv::Options::default(), None)
             .unwrap_or_else(|error| panic!("{name}: SPIR-V: {error}"));

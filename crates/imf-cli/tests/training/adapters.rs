@@ -1,6 +1,7 @@
 //! Training on the machine's adapter through the command; `IMF_NO_GPU_TESTS=1` leaves it out.
 #![cfg(unix)]
 
+use imf_core::training::Precision;
 use imf_gpu::adapters;
 use imf_gpu::wgpu::DeviceType;
 
@@ -33,6 +34,15 @@ fn a_training_on_the_adapter_resumes_to_the_same_bits_and_evaluates_as_on_the_cp
         "on CPUs alone",
         "--device cpu",
     ]);
+
+    work.imf(&format!("{train} --precision f16 --out half")).done();
+    let half = work.model("half/model.safetensors");
+    assert_eq!(half.record.plan.precision, Precision::F16);
+    let plain = work.model("whole/model.safetensors");
+    assert!(half.state != plain.state, "nothing was rounded");
+    let [half, plain] = [half, plain].map(|model| model.record.losses.last().unwrap().loss);
+    // Chance parts two trainings of 400 steps by some percent.
+    assert!(half < 1.25 * plain, "{half} in f16, {plain} in f32");
 
     let checkpoint = "broken/checkpoint.safetensors";
     work.interrupted_once_there_is(checkpoint, &format!("{train} --out broken --checkpoint-every 0.02"))

@@ -77,7 +77,8 @@ impl CpuTrainer {
         let parameters = Self::BYTES_PER_PARAMETER * shape.parameter_count() as u64;
         let partials = 4 * (blocks * plan.partial_length()) as u64;
         let window = match precision {
-            Precision::F32 => {
+            // f16 is refused by `check_precision`.
+            Precision::F32 | Precision::F16 => {
                 let layers = 2 * shape.hidden * window * plan.stride();
                 let scratch = rayon::current_num_threads() * scratch_length(plan.widest_panel());
                 4 * (layers + scratch) as u64
@@ -165,11 +166,14 @@ impl CpuTrainer {
     /// # Errors
     /// It has not.
     pub fn check_precision(precision: Precision) -> Result<(), EngineError> {
-        if precision == Precision::Bf16 && Kernel::of_this_machine().is_none() {
-            let why = "this CPU has no bfloat16 products (AVX-512 BF16)";
-            return Err(EngineError::Device(format!("{why}; train with precision f32")));
-        }
-        Ok(())
+        let why = match precision {
+            Precision::Bf16 if Kernel::of_this_machine().is_none() => {
+                "this CPU has no bfloat16 products (AVX-512 BF16)"
+            }
+            Precision::F16 => "precision f16 is computed on GPUs alone",
+            Precision::F32 | Precision::Bf16 => return Ok(()),
+        };
+        Err(EngineError::Device(format!("{why}; train with precision f32")))
     }
 
     /// As [`Self::with_precision`], by a kernel that is there.

@@ -65,8 +65,7 @@ pub(super) fn run(session: &Session, arguments: &TrainBenchArguments) -> Result<
     let plan = TrainingPlan { precision: arguments.precision.into(), ..TrainingPlan::default() };
     device.require_precision(plan.precision)?;
     let on_cpu = matches!(device, Device::Cpu);
-    let mut torch =
-        if on_cpu { Torch::start(session, arguments)? } else { Err("measured on the CPU alone".into()) };
+    let mut torch = Torch::start(session, arguments, if on_cpu { "cpu" } else { "cuda" })?;
     let mut rows = Vec::new();
     let mut engine_name = String::new();
     for &batch in &arguments.batch {
@@ -217,13 +216,23 @@ struct Answer {
 
 impl Torch {
     /// The rival, or why there is none and what would help.
-    fn start(session: &Session, arguments: &TrainBenchArguments) -> Result<Result<Self, String>> {
+    fn start(
+        session: &Session,
+        arguments: &TrainBenchArguments,
+        device: &str,
+    ) -> Result<Result<Self, String>> {
         let python = &arguments.python;
-        let found = Command::new(python).args(["-c", "import torch"]).output();
-        if !found.is_ok_and(|output| output.status.success()) {
+        let runs = |code: &str| {
+            let found = Command::new(python).args(["-c", code]).output();
+            found.is_ok_and(|output| output.status.success())
+        };
+        if !runs("import torch") {
             return Ok(Err(format!(
                 "PyTorch was not compared: {python} has none. Install it: {REQUIREMENTS}"
             )));
+        }
+        if !runs(&format!("import torch; torch.zeros(1, device='{device}')")) {
+            return Ok(Err(format!("PyTorch was not compared: that of {python} has no {device}")));
         }
         let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
         let script = folder.path().join("train_torch.py");
@@ -231,6 +240,7 @@ impl Torch {
         let mut process = Command::new(python)
             .arg(&script)
             .args(["--threads", &session.threads().to_string(), "--width", &arguments.width.to_string()])
+            .args(["--device", device])
             .args(["--precision", &Precision::from(arguments.precision).to_string()])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
