@@ -2,7 +2,7 @@
 // columns behind the activations where the network concatenates its input again.
 //
 // One invocation computes every (invocations)-th row.
-//   samples  [rows][INPUTS]
+//   samples  [rows][inputs]
 //   signal   [padded_rows][stride], written at columns offset..offset + columns
 
 @group(0) @binding(0) var<uniform> batch: Batch;
@@ -16,8 +16,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         let at = row * placement.stride + placement.offset;
         for (var column = 0u; column < placement.columns; column += 1u) {
             var value = 0.0;
-            if row < batch.rows && column < INPUTS {
-                value = samples[row * INPUTS + column];
+            if row < batch.rows && column < placement.inputs {
+                value = samples[row * placement.inputs + column];
             }
             signal[at + column] = value;
         }

@@ -36,6 +36,8 @@ struct Placement {
     offset: u32,
     /// Columns of the block: the network's inputs, then zeros.
     columns: u32,
+    /// The network's inputs.
+    inputs: u32,
 }
 
 /// One training step.
@@ -45,6 +47,8 @@ struct Step {
     /// A power of two near the samples: deltas are so many times larger than they are, so that f16 holds them, and the
     /// gradient is divided by it again. Exact in f32.
     scale: f32,
+    /// Values learnt of a sample, padding left out.
+    learnt: u32,
     /// `LOSS_L1` or `LOSS_L2`.
     loss: u32,
     /// Where the step's mean loss goes.

@@ -24,7 +24,7 @@ pub use answers::FactoredAnswers;
 pub use evaluate::FactoredEvaluator;
 pub(crate) use evaluate::dot;
 pub use point::{FactoredPoint, PointScratch};
-pub use teach::{TeachSettings, teach};
+pub use teach::{TeachSettings, teach, teach_on};
 pub use trainer::{FactoredState, FactoredTrainer, Optimiser};
 
 use glam::DVec3;
@@ -56,7 +56,8 @@ pub struct FactoredShape {
 
 impl FactoredShape {
     /// The network as a stack of layers.
-    pub(crate) fn stack(&self) -> Stack {
+    #[must_use]
+    pub fn stack(&self) -> Stack {
         let Self { width, hidden, omega, axes } = *self;
         Stack {
             inputs: INPUTS,
@@ -160,7 +161,8 @@ impl FactoredField {
     }
 
     /// What the network sees of a position.
-    fn input(&self, position: DVec3) -> [f32; INPUTS] {
+    #[must_use]
+    pub fn input(&self, position: DVec3) -> [f32; INPUTS] {
         input(&self.grid, position)
     }
 }

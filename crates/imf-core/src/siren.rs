@@ -29,7 +29,7 @@ pub(crate) mod plan;
 pub mod reference;
 pub(crate) mod scratch;
 pub mod sine;
-pub(crate) mod stack;
+pub mod stack;
 pub(crate) mod tangent;
 
 use serde::{Deserialize, Serialize};
@@ -102,7 +102,8 @@ pub enum ShapeError {
 
 impl SirenShape {
     /// The network as a stack of layers.
-    pub(crate) fn stack(&self) -> Stack {
+    #[must_use]
+    pub fn stack(&self) -> Stack {
         let Self { width, hidden, skip_after, omega } = *self;
         Stack { inputs: INPUTS, width, hidden, skip_after, omega, outputs: 1, ending: Ending::Sigmoid }
     }

@@ -87,7 +87,7 @@ impl GpuEvaluator {
     /// [`EngineError::Shape`] if `parameters` do not fit `shape`; [`EngineError::Device`] for a network beyond the
     /// adapter's limits (with the estimate), too little memory, or a device that failed.
     pub fn new(gpu: &Gpu, shape: SirenShape, parameters: &[f32]) -> Result<Self, EngineError> {
-        let layout = layout_for(gpu, shape)?;
+        let layout = layout_for(gpu, shape.stack())?;
         shape.check_parameters(parameters).map_err(|error| EngineError::Shape(error.to_string()))?;
         let (plan, places, part_rows, gathered) = plan(&layout, gpu.limits());
         let buffers = plan.allocate(gpu)?;
@@ -133,7 +133,7 @@ impl GpuEvaluator {
     /// # Errors
     /// As [`GpuEvaluator::new`], without allocating anything.
     pub fn memory_bytes(gpu: &Gpu, shape: SirenShape) -> Result<u64, EngineError> {
-        let plan = plan(&layout_for(gpu, shape)?, gpu.limits()).0;
+        let plan = plan(&layout_for(gpu, shape.stack())?, gpu.limits()).0;
         plan.check(gpu.limits())?;
         Ok(plan.bytes())
     }

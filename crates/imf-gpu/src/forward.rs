@@ -1,6 +1,6 @@
 //! The network on the device and its forward pass, shared by training and evaluation.
 
-use imf_core::siren::SirenShape;
+use imf_core::siren::stack::Stack;
 use imf_core::training::EngineError;
 
 use crate::device::{Gpu, GpuLimits};
@@ -21,9 +21,9 @@ pub(crate) struct Network {
 }
 
 /// Layout of a network on a device, after its shape was checked.
-pub(crate) fn layout_for(gpu: &Gpu, shape: SirenShape) -> Result<PaddedLayout, EngineError> {
-    shape.check().map_err(|error| EngineError::Shape(error.to_string()))?;
-    let layout = PaddedLayout::new(shape, gpu.matrix_kernel().padding());
+pub(crate) fn layout_for(gpu: &Gpu, stack: Stack) -> Result<PaddedLayout, EngineError> {
+    stack.check().map_err(|error| EngineError::Shape(error.to_string()))?;
+    let layout = PaddedLayout::new(stack, gpu.matrix_kernel().padding());
     let columns = layout.layers.iter().map(|layer| layer.inputs.max(layer.outputs)).max().unwrap_or(0);
     let groups = columns.div_ceil(TILE as usize);
     if groups > gpu.limits().workgroups as usize {
@@ -64,7 +64,7 @@ impl Network {
                 stride: layout.layers.get(index + 1).map_or(layer.outputs, |next| next.inputs) as u32,
                 upstream: index.checked_sub(1).map_or(0, |below| layout.layers[below].outputs) as u32,
                 parameters: layout.parameters as u32,
-                omega: layout.shape.omega,
+                omega: layout.stack.omega,
             };
             layers.push(uniform(gpu, "layer", &block)?);
         }
@@ -86,6 +86,7 @@ impl Network {
                 stride: layer.inputs as u32,
                 offset: offset as u32,
                 columns: self.layout.input_columns() as u32,
+                inputs: self.layout.stack.inputs as u32,
             };
             let placement = uniform(gpu, "placement", &block)?;
             let mut buffers = vec![&self.batch, &placement];

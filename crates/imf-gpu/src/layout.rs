@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! | W₀ [out₀'][in₀'] | b₀ [out₀'] | W₁ [out₁'][in₁'] | b₁ [out₁'] | …
-//! in₀' = ⌈5⌉;  in_skip' = ⌈width⌉ + ⌈5⌉;  other in' = ⌈width⌉;  out' = ⌈width⌉, ⌈1⌉ for the output;  ⌈n⌉ = n rounded up to P
+//! in₀' = ⌈inputs⌉;  in_skip' = ⌈width⌉ + ⌈inputs⌉;  other in' = ⌈width⌉;  out' = ⌈width⌉, at the end ⌈outputs⌉;  ⌈n⌉ = n rounded up to P
 //! ```
 //!
 //! Why the zeros alter nothing: a neuron of padding has no weights and no bias, so it is sin(0) = 0 and adds nothing
@@ -13,7 +13,8 @@
 //! it have gradient Δ·0. Adam leaves a parameter alone whose value, moments and gradient are 0. Rows of padding have a delta of
 //! 0 from the start. `tests/training.rs` fills all scratch memory with NaN first and finds the same bits.
 
-use imf_core::siren::{INPUTS, Layer, SirenShape};
+use imf_core::siren::Layer;
+use imf_core::siren::stack::Stack;
 
 /// One layer in the padded layout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,7 +30,7 @@ pub(crate) struct PaddedLayer {
 /// A network's parameters in both layouts.
 #[derive(Clone, Debug)]
 pub(crate) struct PaddedLayout {
-    pub(crate) shape: SirenShape,
+    pub(crate) stack: Stack,
     pub(crate) padding: usize,
     pub(crate) layers: Vec<PaddedLayer>,
     /// Parameters, padding included.
@@ -38,9 +39,9 @@ pub(crate) struct PaddedLayout {
 }
 
 impl PaddedLayout {
-    pub(crate) fn new(shape: SirenShape, padding: usize) -> Self {
-        let plain = shape.layers();
-        let width = shape.width.next_multiple_of(padding);
+    pub(crate) fn new(stack: Stack, padding: usize) -> Self {
+        let plain = stack.layers();
+        let width = stack.width.next_multiple_of(padding);
         let mut parameters = 0;
         let layers = plain
             .iter()
@@ -50,7 +51,8 @@ impl PaddedLayout {
                     0 => Some(0),
                     _ => layer.skip.then_some(width),
                 };
-                let inputs = input_block.map_or(width, |offset| offset + INPUTS.next_multiple_of(padding));
+                let inputs =
+                    input_block.map_or(width, |offset| offset + stack.inputs.next_multiple_of(padding));
                 let outputs = layer.outputs.next_multiple_of(padding);
                 let weights = parameters;
                 let biases = weights + inputs * outputs;
@@ -58,12 +60,12 @@ impl PaddedLayout {
                 PaddedLayer { inputs, outputs, weights, biases, input_block }
             })
             .collect();
-        Self { shape, padding, layers, parameters, plain }
+        Self { stack, padding, layers, parameters, plain }
     }
 
     /// Columns that the network's inputs take in a signal.
     pub(crate) fn input_columns(&self) -> usize {
-        INPUTS.next_multiple_of(self.padding)
+        self.stack.inputs.next_multiple_of(self.padding)
     }
 
     /// Flat parameters into the padded layout, zeros in the padding.
@@ -75,7 +77,7 @@ impl PaddedLayout {
 
     /// Padded parameters into the flat layout.
     pub(crate) fn unpad(&self, padded: &[f32]) -> Vec<f32> {
-        let mut flat = vec![0.0; self.shape.parameter_count()];
+        let mut flat = vec![0.0; self.stack.parameter_count()];
         self.for_each(|to, at| flat[to] = padded[at]);
         flat
     }
@@ -86,8 +88,8 @@ impl PaddedLayout {
             for row in 0..plain.outputs {
                 for column in 0..plain.inputs {
                     let to = match padded.input_block {
-                        Some(offset) if plain.skip && column >= self.shape.width => {
-                            offset + column - self.shape.width
+                        Some(offset) if plain.skip && column >= self.stack.width => {
+                            offset + column - self.stack.width
                         }
                         _ => column,
                     };
@@ -104,13 +106,15 @@ impl PaddedLayout {
 
 #[cfg(test)]
 mod tests {
+    use imf_core::siren::SirenShape;
+
     use super::*;
 
     #[test]
     fn padding_and_back_is_the_identity_and_the_rest_is_zero() {
         for (width, padding) in [(37, 8), (64, 8), (37, 64), (1, 64)] {
             let shape = SirenShape { width, hidden: 4, skip_after: Some(2), omega: 30.0 };
-            let layout = PaddedLayout::new(shape, padding);
+            let layout = PaddedLayout::new(shape.stack(), padding);
             let flat: Vec<f32> = (1..=shape.parameter_count()).map(|value| value as f32).collect();
             let padded = layout.pad(&flat);
             assert_eq!(layout.unpad(&padded), flat);
@@ -121,7 +125,7 @@ mod tests {
     #[test]
     fn every_dimension_is_a_multiple_of_the_padding() {
         let shape = SirenShape { width: 37, hidden: 3, skip_after: Some(1), omega: 30.0 };
-        let layout = PaddedLayout::new(shape, 8);
+        let layout = PaddedLayout::new(shape.stack(), 8);
         assert_eq!(layout.layers[1].inputs, 48);
         assert_eq!(layout.layers[1].input_block, Some(40));
         for layer in &layout.layers {

@@ -1,4 +1,4 @@
-//! Training and batched evaluation of the sine network, and exact sections, on the GPU, through wgpu (Vulkan, Metal,
+//! Training and batched evaluation of the sine networks, and exact sections, on the GPU, through wgpu (Vulkan, Metal,
 //! Direct3D 12).
 //!
 //! ```no_run
@@ -28,6 +28,7 @@
 mod adapter;
 mod device;
 mod evaluator;
+mod factored;
 mod forward;
 mod kernel;
 mod layout;
@@ -41,6 +42,7 @@ pub mod uniforms;
 pub use adapter::{AdapterSummary, DeviceChoice, MissingAdapter, adapters};
 pub use device::{Gpu, GpuLimits};
 pub use evaluator::GpuEvaluator;
+pub use factored::GpuFactored;
 pub use sections::{GpuSectionError, GpuSections};
 pub use shader::MatrixKernel;
 pub use trainer::GpuTrainer;

@@ -174,6 +174,8 @@ pub enum Shader {
     Linear,
     /// Loss and first delta.
     Loss,
+    /// The same behind linear outputs.
+    LossLinear,
     /// A batch's mean loss.
     LossSum,
     /// Delta of the layer below.
@@ -190,6 +192,8 @@ pub enum Shader {
     Outputs,
     /// Running minimum over directions.
     Minimum,
+    /// Running minimum over the columns of a product.
+    RowMinimum,
     /// How overlaps change when a tool is stepped.
     CountDifferences,
     /// Overlaps from their differences.
@@ -202,13 +206,14 @@ pub enum Shader {
 
 impl Shader {
     /// All kernels.
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 20] = [
         Self::Inputs,
         Self::Poses,
         Self::HiddenTrain,
         Self::HiddenEvaluate,
         Self::Linear,
         Self::Loss,
+        Self::LossLinear,
         Self::LossSum,
         Self::Backward,
         Self::WeightGradient,
@@ -217,6 +222,7 @@ impl Shader {
         Self::Adam,
         Self::Outputs,
         Self::Minimum,
+        Self::RowMinimum,
         Self::CountDifferences,
         Self::CountTotals,
         Self::CountSections,
@@ -251,6 +257,7 @@ impl Shader {
             }
             Self::Linear => &[product, forward, include_str!("../../../shaders/linear.wgsl")],
             Self::Loss => &[sigmoid, include_str!("../../../shaders/loss.wgsl")],
+            Self::LossLinear => &[include_str!("../../../shaders/loss_linear.wgsl")],
             Self::LossSum => &[include_str!("../../../shaders/loss_sum.wgsl")],
             Self::Backward => &[product, include_str!("../../../shaders/backward.wgsl")],
             Self::WeightGradient => &[product, include_str!("../../../shaders/weight_gradient.wgsl")],
@@ -259,6 +266,7 @@ impl Shader {
             Self::Adam => &[include_str!("../../../shaders/adam.wgsl")],
             Self::Outputs => &[sigmoid, include_str!("../../../shaders/outputs.wgsl")],
             Self::Minimum => &[include_str!("../../../shaders/minimum.wgsl")],
+            Self::RowMinimum => &[include_str!("../../../shaders/row_minimum.wgsl")],
             Self::CountDifferences => &[include_str!("../../../shaders/count_differences.wgsl")],
             Self::CountTotals => &[include_str!("../../../shaders/count_totals.wgsl")],
             Self::CountSections => &[overlap, include_str!("../../../shaders/count_sections.wgsl")],

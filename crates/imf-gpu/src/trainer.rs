@@ -11,7 +11,8 @@
 mod plan;
 mod proof;
 
-use imf_core::siren::{INPUTS, SirenShape};
+use imf_core::siren::SirenShape;
+use imf_core::siren::stack::{Ending, Stack};
 use imf_core::training::{AdamConfig, EngineError, Loss, Precision, TrainingEngine, TrainingState};
 
 use crate::device::Gpu;
@@ -148,6 +149,22 @@ impl GpuTrainer {
         state: &TrainingState,
         factors: Factors,
     ) -> Result<Self, EngineError> {
+        Self::of_stack(gpu, shape.stack(), adam, loss, max_batch, state, factors)
+    }
+
+    /// As [`Self::with_factors`], of any stack of sine layers: factored fields' networks are others than the paper's.
+    ///
+    /// # Errors
+    /// As [`Self::with_factors`].
+    pub fn of_stack(
+        gpu: &Gpu,
+        stack: Stack,
+        adam: AdamConfig,
+        loss: Loss,
+        max_batch: usize,
+        state: &TrainingState,
+        factors: Factors,
+    ) -> Result<Self, EngineError> {
         let opened = match factors {
             Factors::Single => true,
             Factors::Half => gpu.half().is_some(),
@@ -162,8 +179,8 @@ impl GpuTrainer {
                 factors.name()
             )));
         }
-        let layout = layout_for(gpu, shape)?;
-        check_state(&shape, state)?;
+        let layout = layout_for(gpu, stack)?;
+        check_state(&stack, state)?;
         if max_batch == 0 {
             return Err(EngineError::Shape("a batch needs at least one sample".to_owned()));
         }
@@ -228,7 +245,7 @@ impl GpuTrainer {
     /// # Errors
     /// As [`GpuTrainer::new`], without allocating anything.
     pub fn memory_bytes(gpu: &Gpu, shape: SirenShape, max_batch: usize) -> Result<u64, EngineError> {
-        let plan = plan(&layout_for(gpu, shape)?, gpu.limits(), max_batch).0;
+        let plan = plan(&layout_for(gpu, shape.stack())?, gpu.limits(), max_batch).0;
         plan.check(gpu.limits())?;
         Ok(plan.bytes())
     }
@@ -265,11 +282,13 @@ impl GpuTrainer {
 
     /// Loss and gradient of a batch, followed by the update if there is a learning rate.
     fn run(&mut self, inputs: &[f32], targets: &[f32], rate: Option<f32>) -> Result<(), EngineError> {
-        let count = targets.len();
-        if inputs.len() != INPUTS * count {
+        let Stack { inputs: of_sample, outputs: learnt, .. } = self.network.layout.stack;
+        let count = targets.len() / learnt;
+        if inputs.len() != of_sample * count || targets.len() != learnt * count {
             return Err(EngineError::Shape(format!(
-                "{count} targets need {} inputs, but {} were given",
-                INPUTS * count,
+                "{} targets, {learnt} of a sample, need {} inputs, but {} were given",
+                targets.len(),
+                of_sample * count,
                 inputs.len()
             )));
         }
@@ -281,10 +300,10 @@ impl GpuTrainer {
         }
         self.gpu.check()?;
         let mut step = self.step_uniform(count, rate.unwrap_or(0.0));
-        let parts = inputs.chunks(INPUTS * self.part_rows).zip(targets.chunks(self.part_rows));
+        let parts = inputs.chunks(of_sample * self.part_rows).zip(targets.chunks(learnt * self.part_rows));
         let last = count.div_ceil(self.part_rows) - 1;
         for (index, (inputs, targets)) in parts.enumerate() {
-            let rows = targets.len();
+            let rows = targets.len() / learnt;
             let padded_rows = rows.next_multiple_of(self.network.layout.padding);
             let (slice_rows, slices) = slice(padded_rows, self.max_slices);
             let batch = Batch {
@@ -318,6 +337,7 @@ impl GpuTrainer {
         Step {
             inverse_count: (1.0 / count as f64) as f32,
             scale: count.next_power_of_two() as f32,
+            learnt: self.network.layout.stack.outputs as u32,
             loss: match self.loss {
                 Loss::L1 => LOSS_L1,
                 Loss::L2 => LOSS_L2,
@@ -374,7 +394,11 @@ impl Kernels {
         Ok(Self {
             inputs: network.bind_inputs(gpu, &kernel(Shader::Inputs)?, &[&host.samples], signals)?,
             forward: Forward::new(gpu, network, signals, results, Some(deltas), factors)?,
-            loss: kernel(Shader::Loss)?.bind(
+            loss: kernel(match network.layout.stack.ending {
+                Ending::Sigmoid => Shader::Loss,
+                Ending::Linear => Shader::LossLinear,
+            })?
+            .bind(
                 gpu,
                 &[batch, &layers[last], &host.step, results, &host.targets, &deltas[last], row_losses],
             ),
@@ -424,13 +448,13 @@ impl Kernels {
 }
 
 /// Refuses a state that does not fit the network.
-fn check_state(shape: &SirenShape, state: &TrainingState) -> Result<(), EngineError> {
+fn check_state(stack: &Stack, state: &TrainingState) -> Result<(), EngineError> {
     for (name, values) in [
         ("parameters", &state.parameters),
         ("first moments", &state.first_moment),
         ("second moments", &state.second_moment),
     ] {
-        shape.check_parameters(values).map_err(|error| EngineError::Shape(format!("{name}: {error}")))?;
+        stack.check_parameters(values).map_err(|error| EngineError::Shape(format!("{name}: {error}")))?;
     }
     Ok(())
 }
@@ -441,6 +465,14 @@ impl TrainingEngine for GpuTrainer {
             Factors::Single => self.gpu.describe(),
             factors => format!("{}, products in {}", self.gpu.describe(), factors.name()),
         }
+    }
+
+    fn inputs(&self) -> usize {
+        self.network.layout.stack.inputs
+    }
+
+    fn outputs(&self) -> usize {
+        self.network.layout.stack.outputs
     }
 
     fn step(&mut self, inputs: &[f32], targets: &[f32], learning_rate: f32) -> Result<(), EngineError> {

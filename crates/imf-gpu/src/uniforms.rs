@@ -39,6 +39,7 @@ pub struct Placement {
     pub stride: u32,
     pub offset: u32,
     pub columns: u32,
+    pub inputs: u32,
 }
 
 /// One training step.
@@ -47,6 +48,7 @@ pub struct Placement {
 pub struct Step {
     pub inverse_count: f32,
     pub scale: f32,
+    pub learnt: u32,
     pub loss: u32,
     pub slot: u32,
     pub first: u32,

@@ -82,13 +82,14 @@ fn expected_bindings(shader: Shader) -> &'static str {
         Shader::Poses => "uuurrw",
         Shader::HiddenTrain => "uurrww",
         Shader::HiddenEvaluate | Shader::Linear | Shader::Backward => "uurrw",
-        Shader::Loss => "uuurrww",
+        Shader::Loss | Shader::LossLinear => "uuurrww",
         Shader::LossSum | Shader::Reduce => "uurw",
         Shader::WeightGradient => "uurrw",
         Shader::BiasGradient => "uurw",
         Shader::Adam => "urwww",
         Shader::Outputs => "uuurw",
         Shader::Minimum => "urww",
+        Shader::RowMinimum => "uuurww",
         Shader::CountDifferences => "urrrrw",
         Shader::CountTotals => "urw",
         Shader::CountSections => "urrw",
@@ -154,9 +155,9 @@ fn uniform_blocks_have_the_same_size_and_offsets_in_rust_and_wgsl() {
     let blocks = [
         block!(Batch: rows, padded_rows, slice_rows, slices),
         block!(Layer: inputs, outputs, weights, biases, stride, upstream, parameters, omega),
-        block!(Placement: stride, offset, columns),
+        block!(Placement: stride, offset, columns, inputs),
         block!(
-            Step: inverse_count, scale, loss, slot, first, learning_rate, beta1, one_minus_beta1, beta2, one_minus_beta2,
+            Step: inverse_count, scale, learnt, loss, slot, first, learning_rate, beta1, one_minus_beta1, beta2, one_minus_beta2,
             correction1, correction2, epsilon, weight_decay
         ),
         block!(Sweep: base, points, directions, first_direction),

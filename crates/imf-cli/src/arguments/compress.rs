@@ -62,6 +62,10 @@ pub(crate) struct CompressArguments {
     /// Adam for every weight, not orthogonalised momentum (Muon) for the matrices between hidden layers
     #[arg(long)]
     pub(crate) adam: bool,
+    /// Where it is taught: cpu; or auto, gpu, software, a name or an index as `imf devices` has them, with --adam, since Muon
+    /// is computed on the CPU alone
+    #[arg(long, default_value = "cpu", value_name = "DEVICE")]
+    pub(crate) device: String,
     /// Seed of the weights and of the order of voxels
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,

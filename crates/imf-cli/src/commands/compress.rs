@@ -7,13 +7,17 @@ use std::time::Instant;
 use anyhow::{Context as _, Result, bail, ensure};
 use imf_core::control::Control;
 use imf_core::factored::file::FactoredFile;
-use imf_core::factored::{FactoredField, FactoredState, TeachSettings, teach};
+use imf_core::factored::{FactoredField, FactoredState, Optimiser, TeachSettings, teach, teach_on};
+use imf_core::harmonic::HarmonicField;
 use imf_core::harmonic::coefficients::Precision;
 use imf_core::harmonic::file::HarmonicFile;
-use imf_core::training::run::Outcome;
+use imf_core::training::run::{Outcome, Report};
+use imf_gpu::shader::Factors;
+use imf_gpu::{Gpu, GpuTrainer};
 use serde_json::json;
 
 use crate::arguments::compress::CompressArguments;
+use crate::engine::Device;
 use crate::interrupt::{self, Interrupted};
 use crate::output::{prepare_folder, print, print_json};
 use crate::session::{Session, show_bytes};
@@ -31,6 +35,11 @@ pub(crate) fn run(session: &Session, arguments: &CompressArguments) -> Result<()
         let TeachSettings { width, hidden, omega, .. } = from.settings;
         settings = TeachSettings { width, hidden, omega, ..settings };
     }
+    let device = Device::open(&arguments.device, session)?;
+    ensure!(
+        matches!(device, Device::Cpu) || settings.optimiser == Optimiser::Adam,
+        "Muon is computed on the CPU alone: add --adam to teach on another device"
+    );
     prepare_folder(&arguments.out)?;
     let teacher = HarmonicFile::read(&arguments.field)?;
     let axes = teacher.field.axis_count();
@@ -56,16 +65,30 @@ pub(crate) fn run(session: &Session, arguments: &CompressArguments) -> Result<()
     let mut stage = session.stage("teaching", "steps", total);
     stage.begin_at(state.training.step);
     let mut loss = f64::NAN;
+    let mut engine: Option<GpuTrainer> = None;
     loop {
         // A checkpoint is a stop of a moment: teaching goes on from its state to the same bits.
         let (begun, pause) = (Instant::now(), AtomicBool::new(false));
         let advance = |steps| stage.advance(steps);
         let control = Control { progress: &advance, cancelled: &pause };
-        let outcome = teach(&teacher.field, &settings, &mut state, control, &mut |report| {
+        let observe = &mut |report: &Report| {
             loss = report.mean_loss;
             let due = begun.elapsed().as_secs_f64() >= arguments.checkpoint_every;
             pause.store(due || interrupt::requested(), Ordering::Relaxed);
-        });
+        };
+        let outcome = match &device {
+            Device::Cpu => teach(&teacher.field, &settings, &mut state, control, observe),
+            Device::Gpu(gpu) => {
+                // Made once: it goes on from where it is.
+                let mut trainer = match engine.take() {
+                    Some(trainer) => trainer,
+                    None => trainer_on(gpu, &settings, &teacher.field, &state)?,
+                };
+                let outcome = teach_on(&teacher.field, &settings, &mut state, &mut trainer, control, observe);
+                engine = Some(trainer);
+                outcome
+            }
+        };
         let outcome =
             outcome.with_context(|| format!("the last checkpoint, if any, is {}", path.display()))?;
         work.write(&path, &state, true).context("the checkpoint could not be written")?;
@@ -82,6 +105,18 @@ pub(crate) fn run(session: &Session, arguments: &CompressArguments) -> Result<()
     let out = arguments.out.join(FIELD);
     let file = work.write(&out, &state, false)?;
     report(session, &out, &file, loss)
+}
+
+/// An engine on a GPU that goes on from `state`.
+fn trainer_on(
+    gpu: &Gpu,
+    settings: &TeachSettings,
+    teacher: &HarmonicField,
+    state: &FactoredState,
+) -> Result<GpuTrainer> {
+    let (stack, plan) = (settings.shape(teacher.axis_count()).stack(), settings.plan);
+    let (batch, state) = (settings.batch(teacher), &state.training);
+    Ok(GpuTrainer::of_stack(gpu, stack, plan.adam, plan.loss, batch, state, Factors::Single)?)
 }
 
 /// What is the same from beginning to end.

@@ -67,3 +67,28 @@ fn a_training_on_the_adapter_resumes_to_the_same_bits_and_evaluates_as_on_the_cp
         assert!((gpu - cpu).abs() < 1e-5, "{gpu} {cpu}");
     }
 }
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn a_harmonic_field_is_compressed_on_the_adapter_and_goes_on_there() {
+    let work = Workdir::new();
+    work.imf(
+        "field teapot --dims 15,19,31 --method harmonic --degree 4 --orientations 0,0 --out sections --save \
+         field.safetensors",
+    )
+    .done();
+    let small = "compress field.safetensors --width 32 --layers 2 --batch 128 --steps 200 --rate 4e-3 --json";
+    let compress = format!("{small} --device {}", device());
+    work.imf(&format!("{compress} --out none")).refused(&["Muon", "--adam"]);
+    let whole = work.imf(&format!("{compress} --adam --out whole")).done().json();
+    let cpu = work.imf(&format!("{small} --adam --out cpu")).done().json();
+    let [whole, cpu] = [whole, cpu].map(|report| report["loss"].as_f64().unwrap());
+    // Roundings part the two a little more with every step.
+    assert!((whole / cpu - 1.0).abs() < 0.1, "{whole} and {cpu}");
+    // A checkpoint after every report is as many stops and goes.
+    work.imf(&format!("{compress} --adam --out often --checkpoint-every 0")).done();
+    assert!(work.bytes("whole/field.safetensors") == work.bytes("often/field.safetensors"));
+    std::fs::remove_file(work.path("often/field.safetensors")).unwrap();
+    work.imf(&format!("{compress} --adam --out often --resume")).done();
+    assert!(work.bytes("whole/field.safetensors") == work.bytes("often/field.safetensors"));
+}

@@ -12,7 +12,7 @@ use crate::harmonic::HarmonicField;
 use crate::training::permutation::Permutation;
 use crate::training::run::{Cursor, Length, Outcome, Report, TrainError, TrainingPlan, train_by};
 use crate::training::schedule::Schedule;
-use crate::training::{AdamConfig, Loss};
+use crate::training::{AdamConfig, Loss, TrainingEngine};
 
 /// What a factored field is made by, beside its teacher.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -66,6 +66,12 @@ impl TeachSettings {
         FactoredState::new(&self.shape(axes), self.plan.seed, self.averaging > 0.0)
     }
 
+    /// Voxels of a step at a teacher.
+    #[must_use]
+    pub fn batch(&self, teacher: &HarmonicField) -> usize {
+        self.plan.batch.min(teacher.grid.len())
+    }
+
     /// Checks the values that no type keeps in range.
     ///
     /// # Errors
@@ -115,25 +121,59 @@ pub fn teach(
 ) -> Result<Outcome, TrainError> {
     settings.check()?;
     let TeachSettings { plan, .. } = settings;
-    let (voxels, axes) = (teacher.grid.len(), teacher.axis_count());
-    let batch = plan.batch.min(voxels);
-    let shape = settings.shape(axes);
     let mut trainer = FactoredTrainer::new(
-        shape,
+        settings.shape(teacher.axis_count()),
         plan.adam,
         plan.loss,
         settings.optimiser,
         settings.averaging,
-        batch,
+        settings.batch(teacher),
         state,
     )?;
+    let (outcome, last) = run(teacher, settings, state.cursor, &mut trainer, control, observer)?;
+    *state = trainer.state_at(last)?;
+    Ok(outcome)
+}
+
+/// As [`teach`], on an engine that continues from `state`, such as a GPU's: made for the stack of
+/// [`TeachSettings::shape`] and batches of [`TeachSettings::batch`], with Adam for every weight; no average is kept.
+///
+/// # Errors
+/// As [`teach`]; another optimiser, or an average, which only the CPU has.
+pub fn teach_on(
+    teacher: &HarmonicField,
+    settings: &TeachSettings,
+    state: &mut FactoredState,
+    engine: &mut dyn TrainingEngine,
+    control: Control<'_>,
+    observer: &mut dyn FnMut(&Report),
+) -> Result<Outcome, TrainError> {
+    settings.check()?;
+    if settings.optimiser != Optimiser::Adam || settings.averaging > 0.0 {
+        return Err(TrainError::Plan("Muon and averages of weights are computed on the CPU alone".into()));
+    }
+    let (outcome, cursor) = run(teacher, settings, state.cursor, engine, control, observer)?;
+    *state = FactoredState { training: engine.state()?, averaged: Vec::new(), cursor };
+    Ok(outcome)
+}
+
+/// Teaches on any engine from `start` on; says how it ended, and where.
+fn run(
+    teacher: &HarmonicField,
+    settings: &TeachSettings,
+    start: Cursor,
+    engine: &mut dyn TrainingEngine,
+    control: Control<'_>,
+    observer: &mut dyn FnMut(&Report),
+) -> Result<(Outcome, Cursor), TrainError> {
+    let TeachSettings { plan, .. } = settings;
+    let (voxels, axes) = (teacher.grid.len(), teacher.axis_count());
     let scale = scale(teacher);
     // A loss in units of the field: outputs are coefficients over the scale.
     let unit = match plan.loss {
         Loss::L1 => f64::from(scale),
         Loss::L2 => f64::from(scale) * f64::from(scale),
     };
-    let start = state.cursor;
     let mut order = (start.epoch, Permutation::new(voxels, plan.seed, start.epoch));
     let mut feed = |cursor: Cursor, _: u64, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
         if order.0 != cursor.epoch {
@@ -151,14 +191,13 @@ pub fn teach(
     };
     let mut told = start.epoch * plan.steps_per_epoch(voxels) + start.step;
     let mut last = start;
-    let outcome = train_by(plan, voxels, &mut feed, &mut trainer, start, &mut |report, _| {
+    let outcome = train_by(plan, voxels, &mut feed, engine, start, &mut |report, _| {
         (control.progress)(report.step - told);
         (told, last) = (report.step, report.cursor);
         observer(&Report { mean_loss: report.mean_loss * unit, ..*report });
         if control.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
-    *state = trainer.state_at(last)?;
-    Ok(outcome)
+    Ok((outcome, last))
 }
 
 /// Rows of a batch that one thread gathers at a time.

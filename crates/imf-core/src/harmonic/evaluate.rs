@@ -47,6 +47,18 @@ impl Heads {
         Self { along, constant }
     }
 
+    /// `Uᵀ b(R)` of every orientation: `[axes][orientation]`.
+    #[must_use]
+    pub fn along(&self) -> &[f32] {
+        &self.along
+    }
+
+    /// `μ·b(R)` of every orientation.
+    #[must_use]
+    pub fn constants(&self) -> &[f32] {
+        &self.constant
+    }
+
     /// The same orientations, each one's values side by side, for poses in no order.
     pub(crate) fn by_orientation(&self) -> TurnedHeads<'_> {
         let (count, axes) = (self.len(), self.along.len() / self.len().max(1));

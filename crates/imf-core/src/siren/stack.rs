@@ -10,7 +10,7 @@ use super::{Layer, ShapeError};
 
 /// What stands behind the last sum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Ending {
+pub enum Ending {
     /// One output, through the sigmoid: a collision measure.
     Sigmoid,
     /// Any number of outputs, as they are.
@@ -19,26 +19,29 @@ pub(crate) enum Ending {
 
 /// Sizes of a stack.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Stack {
+pub struct Stack {
     /// Values of a sample: 3 or 5, which the kernels are made for.
-    pub(crate) inputs: usize,
+    pub inputs: usize,
     /// Neurons of every hidden layer.
-    pub(crate) width: usize,
+    pub width: usize,
     /// Hidden layers.
-    pub(crate) hidden: usize,
+    pub hidden: usize,
     /// The input is appended to the activations of this hidden layer, counted from 1, if there is one behind it.
-    pub(crate) skip_after: Option<usize>,
+    pub skip_after: Option<usize>,
     /// Frequency factor ω inside every sine.
-    pub(crate) omega: f32,
+    pub omega: f32,
     /// Values of the last layer.
-    pub(crate) outputs: usize,
+    pub outputs: usize,
     /// What becomes of them.
-    pub(crate) ending: Ending,
+    pub ending: Ending,
 }
 
 impl Stack {
     /// Checks width, depth and ω.
-    pub(crate) fn check(&self) -> Result<(), ShapeError> {
+    ///
+    /// # Errors
+    /// Names the value that is out of range.
+    pub fn check(&self) -> Result<(), ShapeError> {
         let Self { width, hidden, omega, .. } = *self;
         if !(1..=64).contains(&hidden) || !(1..=8192).contains(&width) {
             return Err(ShapeError::Size { hidden, width });
@@ -50,7 +53,8 @@ impl Stack {
     }
 
     /// The layers in order, hidden ones first, the output layer last: the one definition of the flat layout.
-    pub(crate) fn layers(&self) -> Vec<Layer> {
+    #[must_use]
+    pub fn layers(&self) -> Vec<Layer> {
         let mut layers = Vec::with_capacity(self.hidden + 1);
         let mut offset = 0;
         for index in 0..=self.hidden {
@@ -69,13 +73,15 @@ impl Stack {
     }
 
     /// Number of parameters, weights and biases together.
-    pub(crate) fn parameter_count(&self) -> usize {
+    #[must_use]
+    pub fn parameter_count(&self) -> usize {
         self.layers().last().map_or(0, |layer| layer.biases + layer.outputs)
     }
 
     /// Starting weights: the first layer U(±1/inputs), the others U(±√(6/inputs)/ω); biases U(±1/√inputs). The same
     /// seed gives the same bits on every machine.
-    pub(crate) fn initial_parameters(&self, seed: u64) -> Vec<f32> {
+    #[must_use]
+    pub fn initial_parameters(&self, seed: u64) -> Vec<f32> {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
         let mut parameters = vec![0.0; self.parameter_count()];
         for (index, layer) in self.layers().iter().enumerate() {
@@ -92,7 +98,10 @@ impl Stack {
     }
 
     /// Checks that a parameter array fits.
-    pub(crate) fn check_parameters(&self, parameters: &[f32]) -> Result<(), ShapeError> {
+    ///
+    /// # Errors
+    /// Names both lengths.
+    pub fn check_parameters(&self, parameters: &[f32]) -> Result<(), ShapeError> {
         let expected = self.parameter_count();
         if parameters.len() == expected {
             Ok(())

@@ -1,7 +1,5 @@
 //! What a trainer allocates, and how a batch is cut into slices of rows.
 
-use imf_core::siren::INPUTS;
-
 use crate::device::GpuLimits;
 use crate::forward::rows_per_pass;
 use crate::layout::PaddedLayout;
@@ -42,13 +40,14 @@ pub(super) fn plan(
     limits: GpuLimits,
     max_batch: usize,
 ) -> (Plan, Places, usize, usize) {
+    let (inputs, outputs) = (layout.stack.inputs, layout.stack.outputs);
     let rows = rows_per_pass(layout, limits, max_batch);
     let binding = limits.storage_binding.min(limits.buffer) as usize;
     let max_slices = (binding / (4 * layout.parameters)).clamp(1, MAX_SLICES);
     // A smaller batch may have more slices than the largest one, never more than this.
     let slices = rows.div_ceil(SLICE_ROWS).min(max_slices);
     // The host's data of one part of a batch, and of as many as go in one submission while that is little.
-    let one = rows * (INPUTS + 1) + (size_of::<Batch>() + size_of::<Step>()) / 4;
+    let one = rows * (inputs + outputs) + (size_of::<Batch>() + size_of::<Step>()) / 4;
     let upload = (PASSES_AT_ONCE * one).min(MOST_UPLOADED.min(binding / 4)).max(one);
     let mut plan = Plan::default();
     let places = Places {
@@ -58,8 +57,8 @@ pub(super) fn plan(
         gradient: plan.add("gradient", layout.parameters),
         partials: plan.add("partial gradients", slices * layout.parameters),
         upload: plan.add("upload of the batches", upload),
-        samples: plan.add("samples", rows * INPUTS),
-        targets: plan.add("targets", rows),
+        samples: plan.add("samples", rows * inputs),
+        targets: plan.add("targets", rows * outputs),
         row_losses: plan.add("losses of the rows", rows),
         losses: plan.add("losses of the steps", LOSS_SLOTS),
         results: plan.add("results", rows * layout.layers.last().map_or(0, |layer| layer.outputs)),
