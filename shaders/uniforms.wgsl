@@ -77,6 +77,28 @@ struct Sweep {
     first_direction: u32,
 }
 
+/// The box of a field in the world; the fourth numbers are idle.
+struct World {
+    /// Centres of the first and of the last voxel.
+    low: vec4<f32>,
+    high: vec4<f32>,
+    /// Corner and edges of the grid.
+    origin: vec4<f32>,
+    size: vec4<f32>,
+}
+
+/// The weights that the network's inputs meet: in the first layer, and in the one behind the skip, where there is one.
+struct Descent {
+    first_weights: u32,
+    /// Weights from a neuron to the next.
+    first_stride: u32,
+    neurons: u32,
+    skip_weights: u32,
+    skip_stride: u32,
+    /// 0 without a skip.
+    skip_neurons: u32,
+}
+
 /// Jobs that count overlaps: one job is one orientation over one slab of the query box. Bits are the obstacle's.
 struct Counting {
     /// Planes of the obstacle along x.

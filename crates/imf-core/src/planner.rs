@@ -124,6 +124,9 @@ pub enum PlannerError {
     /// The tool does not fit the grid.
     #[error(transparent)]
     Tool(#[from] ToolError),
+    /// The device that answers failed.
+    #[error(transparent)]
+    Device(#[from] EngineError),
 }
 
 /// Why a file gives no field for planners.

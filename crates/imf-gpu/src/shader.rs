@@ -194,6 +194,12 @@ pub enum Shader {
     Minimum,
     /// Running minimum over the columns of a product.
     RowMinimum,
+    /// Poses of the world into samples.
+    PoseInputs,
+    /// Values of poses, and where the way back begins.
+    PoseValues,
+    /// Derivatives of poses.
+    PoseGradient,
     /// How overlaps change when a tool is stepped.
     CountDifferences,
     /// Overlaps from their differences.
@@ -206,7 +212,7 @@ pub enum Shader {
 
 impl Shader {
     /// All kernels.
-    pub const ALL: [Self; 20] = [
+    pub const ALL: [Self; 23] = [
         Self::Inputs,
         Self::Poses,
         Self::HiddenTrain,
@@ -223,6 +229,9 @@ impl Shader {
         Self::Outputs,
         Self::Minimum,
         Self::RowMinimum,
+        Self::PoseInputs,
+        Self::PoseValues,
+        Self::PoseGradient,
         Self::CountDifferences,
         Self::CountTotals,
         Self::CountSections,
@@ -245,6 +254,7 @@ impl Shader {
         let sine = sine_source();
         let sigmoid = include_str!("../../../shaders/sigmoid.wgsl");
         let forward = include_str!("../../../shaders/forward.wgsl");
+        let world = include_str!("../../../shaders/pose_world.wgsl");
         let overlap = include_str!("../../../shaders/count_overlap.wgsl");
         let parts: &[&str] = match self {
             Self::Inputs => &[include_str!("../../../shaders/inputs.wgsl")],
@@ -267,6 +277,9 @@ impl Shader {
             Self::Outputs => &[sigmoid, include_str!("../../../shaders/outputs.wgsl")],
             Self::Minimum => &[include_str!("../../../shaders/minimum.wgsl")],
             Self::RowMinimum => &[include_str!("../../../shaders/row_minimum.wgsl")],
+            Self::PoseInputs => &[world, include_str!("../../../shaders/pose_inputs.wgsl")],
+            Self::PoseValues => &[sigmoid, world, include_str!("../../../shaders/pose_values.wgsl")],
+            Self::PoseGradient => &[sine, world, include_str!("../../../shaders/pose_gradient.wgsl")],
             Self::CountDifferences => &[include_str!("../../../shaders/count_differences.wgsl")],
             Self::CountTotals => &[include_str!("../../../shaders/count_totals.wgsl")],
             Self::CountSections => &[overlap, include_str!("../../../shaders/count_sections.wgsl")],

@@ -73,6 +73,28 @@ pub struct Sweep {
     pub first_direction: u32,
 }
 
+/// The box of a field in the world.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct World {
+    pub low: [f32; 4],
+    pub high: [f32; 4],
+    pub origin: [f32; 4],
+    pub size: [f32; 4],
+}
+
+/// The weights that the network's inputs meet.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Descent {
+    pub first_weights: u32,
+    pub first_stride: u32,
+    pub neurons: u32,
+    pub skip_weights: u32,
+    pub skip_stride: u32,
+    pub skip_neurons: u32,
+}
+
 /// Jobs that count overlaps over one slab.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

@@ -6,7 +6,7 @@ use std::mem::offset_of;
 use imf_gpu::shader::{
     FRAGMENTS_MEMORY, Factors, Fragment, LINEAR_GROUP, MatrixKernel, REGISTER_GROUP, Shader, TILED_GROUP,
 };
-use imf_gpu::uniforms::{Batch, Counting, Job, Layer, Placement, Step, Sweep};
+use imf_gpu::uniforms::{Batch, Counting, Descent, Job, Layer, Placement, Step, Sweep, World};
 use naga::valid::{Capabilities, ModuleInfo, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 
@@ -90,6 +90,9 @@ fn expected_bindings(shader: Shader) -> &'static str {
         Shader::Outputs => "uuurw",
         Shader::Minimum => "urww",
         Shader::RowMinimum => "uuurww",
+        Shader::PoseInputs => "uuurw",
+        Shader::PoseValues => "uuurrww",
+        Shader::PoseGradient => "uuuurrrrrw",
         Shader::CountDifferences => "urrrrw",
         Shader::CountTotals => "urw",
         Shader::CountSections => "urrw",
@@ -160,6 +163,8 @@ fn uniform_blocks_have_the_same_size_and_offsets_in_rust_and_wgsl() {
             Step: inverse_count, scale, learnt, loss, slot, first, learning_rate, beta1, one_minus_beta1, beta2, one_minus_beta2,
             correction1, correction2, epsilon, weight_decay
         ),
+        block!(World: low, high, origin, size),
+        block!(Descent: first_weights, first_stride, neurons, skip_weights, skip_stride, skip_neurons),
         block!(Sweep: base, points, directions, first_direction),
         block!(
             Counting: planes, lead_bits, plane_bits, line_bits, jobs, groups, lines, lower_x, lower_y, lower_z, nx, ny,

@@ -98,8 +98,9 @@ impl NeuralField {
         Ok(())
     }
 
-    /// The decision of an unclipped value with the tip at a point.
-    fn decide(&self, position: Vec3, value: f32) -> Decision {
+    /// The decision of an unclipped value of this field with the tip at a point, for those who have values by other ways.
+    #[must_use]
+    pub fn decide(&self, position: Vec3, value: f32) -> Decision {
         if value.is_nan() {
             return Decision::Blocked;
         }
