@@ -1,1 +1,6 @@
-//! Cross-crate tests live in this package's `tests` folder.
+//! Cross-crate tests live in this package's `tests` folder. The guide's Rust is compiled and run from here.
+
+/// A planner's example, docs/guide/planner.md.
+#[cfg(doctest)]
+#[doc = include_str!("../../docs/guide/planner.md")]
+pub struct Planner;

@@ -28,7 +28,6 @@ use scene::SceneArguments;
 #[command(
     name = "imf",
     version,
-    about,
     after_help = "Exit codes: 0 done; 1 failed, one message says why; 2 wrong arguments; 3 imf check found a \
                   collision; 130 stopped by Ctrl-C, \
                   finished work kept.\n\nStart with: imf demo"
@@ -40,23 +39,26 @@ pub(crate) struct Cli {
     pub(crate) command: Command,
 }
 
+/// Heading of the options that every command has.
+const EVERYWHERE: &str = "Options of every command";
+
 /// Options of every command.
 #[derive(Args)]
 pub(crate) struct GlobalArguments {
     /// Threads to compute with; all cores by default
-    #[arg(long, global = true, value_name = "N")]
+    #[arg(long, global = true, help_heading = EVERYWHERE, value_name = "N")]
     pub(crate) threads: Option<usize>,
     /// Memory to stay within, such as 2GiB; four fifths of what is free by default
-    #[arg(long, global = true, value_name = "SIZE", value_parser = crate::session::parse_size)]
+    #[arg(long, global = true, help_heading = EVERYWHERE, value_name = "SIZE", value_parser = crate::session::parse_size)]
     pub(crate) memory: Option<u64>,
     /// Answers as JSON on standard output
-    #[arg(long, global = true)]
+    #[arg(long, global = true, help_heading = EVERYWHERE)]
     pub(crate) json: bool,
     /// No progress and no remarks, only results and errors
-    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    #[arg(short, long, global = true, help_heading = EVERYWHERE, conflicts_with = "verbose")]
     pub(crate) quiet: bool,
     /// Also say how it is computed: transform sizes, devices, limits
-    #[arg(short, long, global = true)]
+    #[arg(short, long, global = true, help_heading = EVERYWHERE)]
     pub(crate) verbose: bool,
 }
 
@@ -210,7 +212,7 @@ pub(crate) struct VoxelizeArguments {
     pub(crate) out: PathBuf,
 }
 
-/// Compute the exact field: sections of the collision measure, or its minimum over orientations
+/// Compute the field: how much the tool hits at every point, for each direction or at the best of them
 #[derive(Args)]
 #[command(after_help = "Examples:\n  imf field teapot --orientations '0,0;12,6' --out sections\n  \
                         imf field part.obj --tool mill.toml --orientations fibonacci:225 --imf --out imf\n  \

@@ -1,6 +1,12 @@
 //! The command `imf`: where, and from which directions, a tool reaches a part without collision.
 //!
-//! `main` parses arguments, hands them to one command, and maps its result to an exit code.
+//! ```sh
+//! imf access bracket --pitch 4 --orientations fibonacci:16 --out access
+//! ```
+//!
+//! Every command, with what it prints, is in the guide (`docs/guide` in the sources). Here `main` parses arguments, hands them
+//! to one command, and maps its result to an exit code. A command is a file in `commands`; its arguments, in `arguments`,
+//! become validated settings in one step; what computes is in `imf-core` and `imf-gpu`.
 
 mod arguments;
 mod commands;

@@ -9,7 +9,7 @@ use std::io::{Write as _, stdout};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail, ensure};
-use imf_core::atomic_file::write_atomically;
+use imf_core::atomic_file::{remove_all_leftovers, remove_leftovers, write_atomically};
 use imf_core::tool::ElementKind;
 use serde::Serialize;
 
@@ -47,9 +47,10 @@ impl OutputFolder {
             .with_context(|| format!("cannot create the folder {}", self.path.display()))
     }
 
-    /// Makes the folder, or clears it of what an earlier run of this program left there.
+    /// Makes the folder, or clears it of what an earlier run of this program left there, killed ones included.
     pub(crate) fn begin(&self, session: &Session) -> Result<()> {
         self.create()?;
+        remove_all_leftovers(&self.path);
         let removed = remove_earlier(&self.path)?;
         if removed > 0 {
             session
@@ -74,22 +75,34 @@ fn exists(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok()
 }
 
-/// Finds out whether a file can be written before the work for it starts.
-///
-/// # Errors
-/// A folder in its place, or a folder around it that is missing or may not be written.
-pub(crate) fn check_file(path: &Path) -> Result<()> {
-    if path.is_dir() {
-        bail!("cannot write {}: it names a folder; give the name of a file", path.display());
+/// A single file for results. The folder around it is made only when there is a result to put into it.
+#[derive(Debug)]
+pub(crate) struct OutputFile {
+    path: PathBuf,
+    folder: OutputFolder,
+}
+
+impl OutputFile {
+    /// Finds out whether the file can be written before the work for it starts, without leaving a trace.
+    ///
+    /// # Errors
+    /// A folder in its place, or a place that may not be written.
+    pub(crate) fn check(path: &Path) -> Result<Self> {
+        if path.is_dir() {
+            bail!("cannot write {}: it names a folder; give the name of a file", path.display());
+        }
+        let around = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder =
+            OutputFolder::check(around).with_context(|| format!("cannot write {}", path.display()))?;
+        Ok(Self { path: path.to_owned(), folder })
     }
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    ensure!(
-        folder.is_dir(),
-        "cannot write {}: there is no folder {}; create it first",
-        path.display(),
-        folder.display()
-    );
-    OutputFolder::check(folder).map(|_| ()).with_context(|| format!("cannot write {}", path.display()))
+
+    /// Makes the folder where it does not exist yet, removes what a killed run left of this file, and gives its path.
+    pub(crate) fn begin(&self) -> Result<&Path> {
+        self.folder.create()?;
+        remove_leftovers(&self.path);
+        Ok(&self.path)
+    }
 }
 
 /// Writes text to standard output.
@@ -180,12 +193,24 @@ mod tests {
     }
 
     #[test]
-    fn a_file_needs_its_folder() {
+    fn a_file_gets_its_folder_when_it_is_written_and_not_before() {
         let folder = tempfile::tempdir().unwrap();
-        assert!(check_file(&folder.path().join("answers.csv")).is_ok());
-        assert!(check_file(folder.path()).unwrap_err().to_string().contains("names a folder"));
-        let message = check_file(&folder.path().join("no/answers.csv")).unwrap_err().to_string();
-        assert!(message.contains("create it first"), "{message}");
+        let path = folder.path().join("new/answers.csv");
+        let file = OutputFile::check(&path).unwrap();
+        assert!(!path.parent().unwrap().exists());
+        fs::create_dir(folder.path().join("new")).unwrap();
+        let (left, other) =
+            (folder.path().join("new/.answers.csv.x1.part"), folder.path().join("new/.b.csv.x1.part"));
+        fs::write(&left, []).unwrap();
+        fs::write(&other, []).unwrap();
+        assert_eq!(file.begin().unwrap(), path);
+        assert!(!left.exists() && other.exists());
+        assert!(OutputFile::check(Path::new("answers.csv")).is_ok());
+        let message = OutputFile::check(folder.path()).unwrap_err().to_string();
+        assert!(message.contains("names a folder"), "{message}");
+        fs::write(&path, []).unwrap();
+        let message = format!("{:#}", OutputFile::check(&path.join("below.csv")).unwrap_err());
+        assert!(message.contains("answers.csv is a file"), "{message}");
     }
 
     #[test]

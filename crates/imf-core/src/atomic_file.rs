@@ -115,6 +115,20 @@ pub fn remove_leftovers(path: impl AsRef<Path>) -> usize {
     entries.filter(is_leftover).filter(|entry| fs::remove_file(entry.path()).is_ok()).count()
 }
 
+/// Removes the temporary files that killed processes left in a folder, whatever they were writing. Nobody may be writing
+/// there now. Returns how many there were; what cannot be removed stays.
+pub fn remove_all_leftovers(folder: impl AsRef<Path>) -> usize {
+    let is_leftover = |entry: &fs::DirEntry| {
+        let file = entry.file_name();
+        let inner = file.to_str().and_then(|file| file.strip_prefix('.')?.strip_suffix(PART));
+        let name = inner.and_then(|inner| inner.rsplit_once('.'));
+        name.is_some_and(|(name, random)| !name.is_empty() && !random.is_empty())
+            && entry.file_type().is_ok_and(|kind| kind.is_file())
+    };
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.filter(is_leftover).filter(|entry| fs::remove_file(entry.path()).is_ok()).count()
+}
+
 fn replace(
     path: &Path,
     previous: Option<&Path>,
@@ -275,6 +289,13 @@ mod tests {
         let mut left = entries(folder.path());
         left.sort();
         assert_eq!(left, [".b.bin.x1.part", "a.bin", "a.bin.part"]);
+        for name in [".part", ".mine.part", "..x1.part"] {
+            fs::write(folder.path().join(name), b"").unwrap();
+        }
+        fs::create_dir(folder.path().join(".c.bin.x1.part")).unwrap();
+        assert_eq!(remove_all_leftovers(folder.path()), 1, "that of b.bin");
+        assert_eq!(entries(folder.path()).len(), 6);
+        assert_eq!(remove_all_leftovers(folder.path().join("a.bin")), 0);
     }
 
     #[test]

@@ -8,9 +8,20 @@
 //!   sharp point reach `x`;
 //! - `IMF(x) = min_R CMF(x, R)`: the inaccessibility measure field.
 //!
-//! Exact values are whole numbers of voxels, computed for one rotation at a time ([`section`]). A network
-//! with sine activations holds the field over all poses, continuous and differentiable, in about a megabyte
-//! ([`siren`], [`training`], [`model`]). [`field`] asks either the same question.
+//! Exact values are whole numbers of voxels, computed for one rotation at a time ([`section`]). Harmonics fitted to some of
+//! them hold every direction at once ([`harmonic`]); networks with sine activations hold the field over all poses,
+//! continuous and differentiable, in about a megabyte ([`factored`], taught by harmonics; [`siren`], [`training`],
+//! [`model`], the paper's). [`field`] asks all of them the same question, and [`stored`] reads any from its file.
+//!
+//! # Where to begin
+//! | to | see |
+//! | --- | --- |
+//! | read a mesh and make voxels of it | [`mesh::read`], [`voxelize`](mod@voxelize), [`scene::SceneSpec`] |
+//! | describe a tool | [`tool::Tool`]: from a file, or element by element |
+//! | know what a tool reaches | [`section::SectionPlan`], [`access`] |
+//! | check a toolpath | [`check`](mod@check), [`toolpath`] |
+//! | move a tool in a planner | [`planner`]: decisions, gradients, proofs |
+//! | make a field for that | [`harmonic::fit`](fn@harmonic::fit), [`factored::teach`](fn@factored::teach), [`calibration`] |
 //!
 //! # Conventions
 //! - Lengths are in the mesh's own unit, millimetres unless told; angles are degrees, pairs always (θ, φ).

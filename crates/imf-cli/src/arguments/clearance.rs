@@ -4,20 +4,23 @@ use anyhow::{Result, ensure};
 use clap::Args;
 use imf_core::tool::{Clearance, Tool};
 
+/// Heading of these options.
+const HEADING: &str = "Clearance, in the part's unit";
+
 /// Room around each kind of element, in the part's unit.
 #[derive(Args, Clone, Default)]
 pub(crate) struct ClearanceArguments {
     /// Room that holder and shank must keep: they are grown by it
-    #[arg(long, default_value_t = 0.0, value_name = "LENGTH")]
+    #[arg(help_heading = HEADING, long, default_value_t = 0.0, value_name = "LENGTH")]
     clearance: f64,
     /// Room that the holder must keep, instead of --clearance
-    #[arg(long, value_name = "LENGTH")]
+    #[arg(help_heading = HEADING, long, value_name = "LENGTH")]
     clearance_holder: Option<f64>,
     /// Room that the shank must keep, instead of --clearance
-    #[arg(long, value_name = "LENGTH")]
+    #[arg(help_heading = HEADING, long, value_name = "LENGTH")]
     clearance_shank: Option<f64>,
     /// Room that the cutter must keep from what it may not touch
-    #[arg(long, default_value_t = 0.0, value_name = "LENGTH")]
+    #[arg(help_heading = HEADING, long, default_value_t = 0.0, value_name = "LENGTH")]
     clearance_cutter: f64,
 }
 

@@ -13,7 +13,7 @@ use super::paper::PaperPart;
                         imf bench families --part teapot,bracket,screw-gear --scale 1 --siren-steps 30000 --factored-steps \
                         2500 --out families-full\n\nAbout a minute a part at half resolution on two cores, most of it \
                         training. Writes families.md, families.json and a picture for each part. Which family when: \
-                        docs/FAMILIES.md")]
+                        docs/guide/families.md")]
 pub(crate) struct FamiliesBenchArguments {
     /// Parts; several with commas
     #[arg(long, value_enum, value_delimiter = ',', default_value = "teapot", value_name = "PART")]

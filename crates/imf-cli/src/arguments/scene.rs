@@ -24,37 +24,40 @@ use crate::session::{Session, show_bytes};
 /// Voxels along the longest side where neither pitch nor dims are given.
 const DEFAULT_LONGEST: f64 = 96.0;
 
+/// Heading of these options.
+const HEADING: &str = "Part, voxels and tool";
+
 /// Which part, on which grid, against which tool.
 #[derive(Args, Clone)]
 pub(crate) struct SceneArguments {
     /// An OBJ, STL or PLY file, or a built-in part: teapot, bracket, bracket-raw, screw-gear
     pub(crate) part: String,
     /// Unit of the part: mm, cm, m or inch; STL files need it, others are in mm by default
-    #[arg(long, value_name = "UNIT")]
+    #[arg(help_heading = HEADING, long, value_name = "UNIT")]
     pub(crate) unit: Option<String>,
     /// Edge of a voxel in the part's unit
-    #[arg(long, value_name = "LENGTH", conflicts_with = "dims", value_parser = parse_pitch)]
+    #[arg(help_heading = HEADING, long, value_name = "LENGTH", conflicts_with = "dims", value_parser = parse_pitch)]
     pub(crate) pitch: Option<f64>,
     /// Voxels along x, y and z, the part fitted between them; built-in parts have their own by default
-    #[arg(long, value_name = "NX,NY,NZ", value_parser = parse_dims)]
+    #[arg(help_heading = HEADING, long, value_name = "NX,NY,NZ", value_parser = parse_dims)]
     pub(crate) dims: Option<Dims>,
     /// Empty voxels on each side of the part
-    #[arg(long, default_value_t = 0, value_name = "VOXELS")]
+    #[arg(help_heading = HEADING, long, default_value_t = 0, value_name = "VOXELS")]
     pub(crate) margin: usize,
     /// Set-up of the part, steps applied in order: 'rotate:X,Y,Z:ANGLE; translate:X,Y,Z; matrix:…'
-    #[arg(long, value_name = "STEPS")]
+    #[arg(help_heading = HEADING, long, value_name = "STEPS")]
     pub(crate) transform: Option<String>,
     /// Every voxel that the surface touches is solid, not only those whose centre is inside
-    #[arg(long)]
+    #[arg(help_heading = HEADING, long)]
     pub(crate) conservative: bool,
     /// A tool file (TOML), or paper, the built-in ball-end mill; imf access takes several
-    #[arg(long, default_value = "paper", value_name = "TOOL")]
+    #[arg(help_heading = HEADING, long, default_value = "paper", value_name = "TOOL")]
     pub(crate) tool: Vec<String>,
     /// What holds the part: an OBJ, STL or PLY file in the part's unit, with its set-up after an @; may be repeated
-    #[arg(long, value_name = "FILE[@STEPS]")]
+    #[arg(help_heading = HEADING, long, value_name = "FILE[@STEPS]")]
     pub(crate) fixture: Vec<String>,
     /// What the grid is chosen around
-    #[arg(long, value_enum, default_value = "part")]
+    #[arg(help_heading = HEADING, long, value_enum, default_value = "part")]
     pub(crate) around: AroundKind,
     #[command(flatten)]
     pub(crate) clearance: ClearanceArguments,

@@ -11,10 +11,14 @@ use serde_json::json;
 
 use crate::arguments::calibrate::CalibrateArguments;
 use crate::interrupt::Interrupted;
-use crate::output::{print, print_json};
+use crate::output::{OutputFile, print, print_json};
 use crate::session::Session;
 
 pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<()> {
+    let out = match arguments.verify {
+        true => None,
+        false => Some(OutputFile::check(arguments.out.as_ref().unwrap_or(&arguments.field))?),
+    };
     let field = NeuralField::load(&arguments.field)?;
     let settings = arguments.settings();
     let known = field.calibration().copied();
@@ -49,10 +53,10 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
     stage.finish(if calibration.keeps_its_goals() { "goals kept" } else { "goals missed" });
     // Two of a field need not be in memory at once.
     drop(field);
-    if !arguments.verify {
+    if let Some(out) = out {
         let mut stored = StoredField::read(&arguments.field)?;
         stored.set_calibration(calibration);
-        let out = arguments.out.as_ref().unwrap_or(&arguments.field);
+        let out = out.begin()?;
         stored.write(out)?;
         session.note(&format!("wrote {}", out.display()));
     }

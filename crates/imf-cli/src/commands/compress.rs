@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use anyhow::{Context as _, Result, bail, ensure};
+use imf_core::atomic_file::remove_all_leftovers;
 use imf_core::control::Control;
 use imf_core::factored::file::FactoredFile;
 use imf_core::factored::{FactoredField, FactoredState, Optimiser, TeachSettings, teach, teach_on};
@@ -41,6 +42,7 @@ pub(crate) fn run(session: &Session, arguments: &CompressArguments) -> Result<()
         "Muon is computed on the CPU alone: add --adam to teach on another device"
     );
     prepare_folder(&arguments.out)?;
+    remove_all_leftovers(&arguments.out);
     let teacher = HarmonicFile::read(&arguments.field)?;
     let axes = teacher.field.axis_count();
     let shape = settings.shape(axes);

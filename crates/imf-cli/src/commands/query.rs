@@ -25,7 +25,7 @@ use crate::arguments::QueryArguments;
 use crate::arguments::clearance::clearance_text;
 use crate::engine::Device;
 use crate::interrupt::{self, Interrupted};
-use crate::output::check_file;
+use crate::output::OutputFile;
 use crate::session::Session;
 
 /// Poses answered at a time: large enough for a GPU, less than seconds of work.
@@ -36,9 +36,7 @@ const EXACT_CHUNK: usize = 1 << 8;
 const KILOBYTE: u64 = 1000;
 
 pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
-    if let Some(out) = &arguments.out {
-        check_file(out)?;
-    }
+    let out = arguments.out.as_deref().map(OutputFile::check).transpose()?;
     let (input, bytes, name) = open(&arguments.poses)?;
     let poses = PoseReader::new(input, name)?;
     let stored = StoredField::read(&arguments.model)?;
@@ -80,11 +78,11 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
         }),
         sharp_points: arguments.sharp.then(|| record.tool.sharp_point_positions(record.grid.pitch)),
     };
-    let Some(out) = &arguments.out else {
+    let Some(out) = out else {
         return work.answer(session, poses, bytes, &mut stdout().lock(), false);
     };
     let mut failure = None;
-    let written = write_atomically(out, |file| {
+    let written = write_atomically(out.begin()?, |file| {
         work.answer(session, poses, bytes, file, true).map_err(|error| {
             failure = Some(error);
             IoError::other("the poses were not answered")

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context as _, Result};
-use imf_core::atomic_file::remove_leftovers;
+use imf_core::atomic_file::remove_all_leftovers;
 use imf_core::model::{Model, ModelError, steps_said};
 
 use crate::session::Session;
@@ -86,7 +86,7 @@ impl Checkpoints {
             let content = Content::Foreign;
             return Self { writing, current, previous, seconds_between, tried, failing: false, content };
         }
-        remove_leftovers(&current);
+        remove_all_leftovers(out);
         let content = if steps == 0 {
             Content::Foreign
         } else if Model::read(&current).is_ok_and(|model| model.record.steps == steps) {

@@ -8,7 +8,7 @@ use std::path::Path;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
 use super::manifest::{DatasetError, Manifest, ShardRecord};
-use crate::atomic_file::write_atomically;
+use crate::atomic_file::{remove_leftovers, write_atomically};
 use crate::samples::Samples;
 
 /// What a file holds beside its tables, at most: names, types and offsets of three tensors take some 200 bytes.
@@ -35,6 +35,8 @@ pub(super) fn write(folder: &Path, index: usize, samples: &Samples) -> Result<Sh
     };
     let bytes = serialized()
         .map_err(|e| DatasetError::Damaged { path: path.display().to_string(), what: e.to_string() })?;
+    // Of this shard alone: other processes may be writing theirs beside it.
+    remove_leftovers(&path);
     write_atomically(&path, |out| out.write_all(&bytes))?;
     Ok(ShardRecord { file, samples: samples.len() as u64, crc32: crc32fast::hash(&bytes) })
 }

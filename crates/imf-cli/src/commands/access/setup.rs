@@ -82,7 +82,7 @@ impl Setup {
             None => orientations,
         };
         let mut reading = arguments.scene.read(session)?;
-        number_equal_names(&mut reading.tools);
+        number_names(&mut reading.tools);
         let unit = reading.part.unit;
         let clearance = arguments.scene.clearance.clearance();
         let depth = arguments.contact.depth(&reading.tools)?;
@@ -223,12 +223,11 @@ impl Setup {
     }
 }
 
-/// Tells tools of the same name apart by their place in the list, counted from 1.
-fn number_equal_names(tools: &mut [Tool]) {
-    let names: Vec<String> = tools.iter().map(|tool| tool.name.clone()).collect();
-    for (index, tool) in tools.iter_mut().enumerate() {
-        if names.iter().filter(|name| **name == tool.name).count() > 1 {
-            tool.name = format!("{} ({})", tool.name, index + 1);
+/// Adds to the name of each of several tools its place in the list, as their files and `best_tool` count it: from 0.
+fn number_names(tools: &mut [Tool]) {
+    if tools.len() > 1 {
+        for (index, tool) in tools.iter_mut().enumerate() {
+            tool.name = format!("{} (tool {index})", tool.name);
         }
     }
 }
@@ -278,10 +277,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tools_of_the_same_name_are_told_apart() {
+    fn several_tools_are_numbered_as_their_files_are() {
         let named = |name: &str| Tool { name: name.into(), ..Tool::paper() };
         let mut tools = [named("mill"), named("drill"), named("mill")];
-        number_equal_names(&mut tools);
-        assert_eq!(tools.map(|tool| tool.name), ["mill (1)", "drill", "mill (3)"]);
+        number_names(&mut tools);
+        assert_eq!(tools.map(|tool| tool.name), ["mill (tool 0)", "drill (tool 1)", "mill (tool 2)"]);
+        let mut alone = [named("mill")];
+        number_names(&mut alone);
+        assert_eq!(alone[0].name, "mill");
     }
 }

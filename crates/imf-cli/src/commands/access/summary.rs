@@ -16,6 +16,8 @@ use crate::progress::show_seconds;
 
 /// Pieces of space that the summary lists; the label fields have them all.
 const LISTED: usize = 20;
+/// Width of the table's names, where no tool's name is longer.
+const NAMES: usize = 32;
 
 /// A set of voxels in its connected pieces.
 #[derive(Debug, Serialize)]
@@ -165,8 +167,12 @@ impl Summary {
     /// The table for people.
     pub(super) fn table(&self) -> String {
         let [x, y, z] = self.dims;
+        let accessible_to = |tool: &ToolRow| format!("  accessible to {}", tool.tool);
+        let names =
+            self.tools.iter().filter(|_| self.tools.len() > 1).map(|t| accessible_to(t).chars().count());
+        let wide = names.max().unwrap_or(0).max(NAMES);
         let mut text = format!(
-            "{}: {x}×{y}×{z} voxels of {:.4} {}, {} orientations ({}), τ = {}\n\n{:32}{:>12}{:>16}   pieces\n",
+            "{}: {x}×{y}×{z} voxels of {:.4} {}, {} orientations ({}), τ = {}\n\n{:wide$}{:>12}{:>16}   pieces\n",
             self.part,
             self.pitch,
             self.unit,
@@ -178,7 +184,7 @@ impl Summary {
             format!("volume {}³", self.unit)
         );
         let mut row = |name: &str, volume: Volume, rest: &str| {
-            let _ = writeln!(text, "{name:32}{:>12}{:>16.1}   {rest}", volume.voxels, volume.volume);
+            let _ = writeln!(text, "{name:wide$}{:>12}{:>16.1}   {rest}", volume.voxels, volume.volume);
         };
         row("part and fixtures", self.solid, "");
         row("accessible around it", self.accessible.volume, &self.accessible.pieces());
@@ -190,7 +196,7 @@ impl Summary {
         }
         if self.tools.len() > 1 {
             for tool in &self.tools {
-                row(&format!("  accessible to {}", tool.tool), tool.accessible, "");
+                row(&accessible_to(tool), tool.accessible, "");
                 for blocked in &tool.blocked_by {
                     row(&format!("    else the {} hits", blocked.element), blocked.hits, "");
                 }

@@ -19,6 +19,7 @@ use super::counting::Streamed;
 use crate::arguments::FieldArguments;
 use crate::arguments::harmonic::{FieldMethod, HarmonicArguments};
 use crate::interrupt::{self, Interrupted};
+use crate::output::OutputFile;
 use crate::session::{Session, show_bytes};
 
 /// Sections evaluated at a time.
@@ -105,6 +106,7 @@ impl Harmonic {
                  sharp or --contact is given"
             );
         }
+        let save = asked.save.as_deref().map(OutputFile::check).transpose()?;
         let bare = scene.record.bare_tool();
         let domain = if bare.is_axisymmetric() { Domain::Directions } else { Domain::Rotations };
         if asked.refine && domain == Domain::Rotations {
@@ -125,7 +127,8 @@ impl Harmonic {
         let field = field.map_err(|error| interruption(error, "a fit"))?;
         stage.finish(&errors_text(&field));
         let file = HarmonicFile { field, scene: scene.clone(), settings, calibration: None };
-        if let Some(path) = &asked.save {
+        if let Some(save) = save {
+            let path = save.begin()?;
             if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("npz")) {
                 file.write_npz(path)?;
             } else {

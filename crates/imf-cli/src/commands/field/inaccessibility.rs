@@ -57,13 +57,13 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     }
     let outside = work.accessible_outside(&whole.value);
     let largest = whole.value.iter().copied().fold(0.0, f32::max);
-    let mut files: Vec<String> =
-        ["imf.npy", "best.npy", "imf.vti", "imf.png", ORIENTATIONS, SUMMARY].map(str::to_owned).to_vec();
+    let mut files: Vec<String> = ["imf.npy", "best.npy", "imf.vti", "imf.png"].map(str::to_owned).to_vec();
     files.extend(rows.iter().map(|row| format!("{}.npy", row.array)));
     files.extend((!rows.is_empty()).then(|| elements::PICTURE.to_owned()));
     if refined.is_some() {
         files.extend(["theta.npy", "phi.npy"].map(str::to_owned));
     }
+    files.extend([ORIENTATIONS, SUMMARY].map(str::to_owned));
     let summary = work.summary(
         "imf",
         json!({
@@ -71,7 +71,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
             "accessible_outside": outside.accessible,
             "inaccessible_outside": outside.inaccessible,
             "elements": rows,
-            "files": files,
+            "files": &files,
         }),
     );
     write_json(&work.folder.file(SUMMARY), &summary)?;
@@ -98,10 +98,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         );
     }
     text += &work.check.describe().map(|line| format!("check         {line}\n")).unwrap_or_default();
-    text += &format!(
-        "written to    {}: imf.npy, best.npy, imf.vti, imf.png, {ORIENTATIONS}, {SUMMARY}\n",
-        work.folder.path().display()
-    );
+    text += &format!("written to    {}: {}\n", work.folder.path().display(), files.join(", "));
     print(&text)
 }
 

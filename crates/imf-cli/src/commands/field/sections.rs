@@ -115,8 +115,10 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         text += &format!("… and {} more, see {SUMMARY}\n", kept.len() - LISTED);
     }
     text += &work.check.describe().map(|line| line + "\n").unwrap_or_default();
+    // Those of the elements begin like their section's.
+    let pictures = if work.elements.is_some() { "slices.png, elements.png" } else { "slices.png" };
     text += &format!(
-        "written to {}: cmf-*.npy, {vti}, slices.png, {ORIENTATIONS}, {SUMMARY}\n",
+        "written to {}: cmf-*.npy, {vti}, {pictures}, {ORIENTATIONS}, {SUMMARY}\n",
         work.folder.path().display()
     );
     print(&text)

@@ -20,6 +20,9 @@ impl JsonLines {
     /// short, are removed.
     pub(super) fn open(path: &Path, steps: u64) -> Result<Self> {
         let cannot = || format!("cannot write the log {}", path.display());
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder).with_context(cannot)?;
+        }
         let text = match std::fs::read_to_string(path) {
             Ok(text) => text,
             Err(error) if error.kind() == ErrorKind::NotFound => String::new(),

@@ -7,7 +7,7 @@ use std::io::{Cursor, ErrorKind};
 use std::path::Path;
 
 use glam::DVec3;
-use ply_rs_bw::parser::{ParseError, Parser};
+use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 
 use super::{MeshFileError, check_count};
@@ -68,11 +68,18 @@ fn indices(property: Property) -> Option<Vec<i64>> {
 }
 
 pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Mesh, MeshFileError> {
-    let read = Parser::<Item>::new().read_ply(&mut Cursor::new(bytes));
-    let read = read.map_err(|error| explain(&error, path))?;
-    let (header, mut payload) = (read.header, read.payload);
+    let parser = Parser::<Item>::new();
+    let mut reader = Reader::new(Cursor::new(bytes));
+    let header = parser.read_header(&mut reader).map_err(|error| explain(&error, path))?;
+    let mut payload = parser.read_payload(&mut reader, &header).map_err(|error| explain(&error, path))?;
     let malformed =
         |cause: &str| MeshFileError::Malformed { path: path.into(), line: None, cause: cause.into() };
+    // More than the header promises: the header counts wrongly, or two files have become one.
+    let read = usize::try_from(reader.into_inner().position()).unwrap_or(bytes.len());
+    let beyond = bytes.get(read..).unwrap_or_default();
+    if !beyond.iter().all(u8::is_ascii_whitespace) {
+        return Err(malformed(&format!("{} bytes follow the elements that its header names", beyond.len())));
+    }
     let Some(vertices) = payload.swap_remove("vertex") else {
         return Err(malformed("it has no element `vertex`"));
     };
@@ -189,6 +196,22 @@ pub(super) mod tests {
                     0 1\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n";
         let mesh = parse_text(text).unwrap();
         assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3]]);
+    }
+
+    #[test]
+    fn what_follows_the_elements_is_refused_but_for_blank_lines() {
+        let cube = unit_cube().welded();
+        assert_eq!(parse_text(&(ascii(&cube) + "\n \n")).unwrap(), cube);
+        let message = parse_text(&(ascii(&cube) + "3 0 1 2 0.5\n")).unwrap_err().to_string();
+        assert!(message.contains("12 bytes follow"), "{message}");
+        for little in [true, false] {
+            let mut bytes = binary(&cube, little);
+            bytes.push(b'\n');
+            assert_eq!(parse(&bytes, Path::new("part.ply")).unwrap(), cube);
+            bytes.push(3);
+            let error = parse(&bytes, Path::new("part.ply")).unwrap_err();
+            assert!(error.to_string().contains("2 bytes follow"), "{error}");
+        }
     }
 
     #[test]
