@@ -22,7 +22,6 @@ mod trainer;
 
 pub use answers::FactoredAnswers;
 pub use evaluate::FactoredEvaluator;
-pub(crate) use evaluate::dot;
 pub use point::{FactoredPoint, PointScratch};
 pub use teach::{TeachSettings, teach, teach_on};
 pub use trainer::{FactoredState, FactoredTrainer, Optimiser};

@@ -12,11 +12,14 @@
 
 mod answers;
 pub mod basis;
+mod both_ways;
+mod cells;
 pub mod coefficients;
 mod degree;
 mod evaluate;
 pub mod file;
 mod fit;
+mod fours;
 mod npz;
 mod point;
 pub mod radial;
@@ -30,6 +33,7 @@ pub use degree::{degree_for, sections_tried};
 pub use evaluate::Heads;
 pub(crate) use evaluate::{VoxelCoefficients, minimum_of, sections_of};
 pub use fit::{FitReport, FitSettings, Sizes, estimate, fit, section_count};
+pub(crate) use point::{Functions, TurnScratch, dot};
 pub use point::{Gradient, PointScratch};
 pub use refine::Refined;
 pub use screen::{CANDIDATES, Screened};

@@ -102,7 +102,7 @@ impl<'a> Subject<'a> {
             participle: "fitted",
         };
         let seen = |basis: &Basis, report: &FitReport| -> Result<Cow<'a, [Orientation]>> {
-            Ok(Cow::Owned(basis.even_set(report.sections)?.orientations))
+            Ok(Cow::Owned(basis.fitted_set(report.sections)?))
         };
         Ok(match stored {
             StoredField::Siren(model) => Self::of_model(model),

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::{FactoredField, INPUTS};
 use crate::harmonic::coefficients::{Coefficients, Precision};
-use crate::harmonic::{FitReport, HarmonicField, Heads, VoxelCoefficients, minimum_of, sections_of};
+use crate::harmonic::{FitReport, HarmonicField, Heads, VoxelCoefficients, dot, minimum_of, sections_of};
 use crate::section::Imf;
 use crate::siren::forward::Network;
 use crate::siren::matrix::prefer_unpacked;
@@ -150,21 +150,6 @@ impl FactoredEvaluator<'_> {
             });
         });
     }
-}
-
-/// In sixteen sums, which the compiler keeps in registers.
-#[inline(always)]
-pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
-    let mut sums = [0.0f32; 16];
-    let (a, a_rest) = a.as_chunks::<16>();
-    let (b, b_rest) = b.as_chunks::<16>();
-    for (a, b) in a.iter().zip(b) {
-        for lane in 0..16 {
-            sums[lane] += a[lane] * b[lane];
-        }
-    }
-    let rest: f32 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
-    sums.iter().sum::<f32>() + rest
 }
 
 impl VoxelCoefficients for FactoredEvaluator<'_> {

@@ -6,10 +6,9 @@
 
 use glam::DVec3;
 
-use super::evaluate::dot;
 use super::{FactoredEvaluator, INPUTS};
-use crate::harmonic::Gradient;
 use crate::harmonic::basis::Domain;
+use crate::harmonic::{Functions, Gradient, TurnScratch};
 use crate::orientation::Orientation;
 use crate::siren::tangent::PanelOfPoint;
 
@@ -21,12 +20,7 @@ pub struct PointScratch {
     next: Vec<f32>,
     /// `[rows][axes]`: coefficients, and their derivatives along x, y and z.
     z: Vec<f32>,
-    /// h of the direction, `[axes]`.
-    along: Vec<f32>,
-    functions: Vec<f64>,
-    /// The same in f32.
-    narrow: Vec<f32>,
-    gradients: Vec<DVec3>,
+    turns: TurnScratch,
 }
 
 /// The field at one point: ask it for any number of directions.
@@ -110,48 +104,14 @@ impl FactoredEvaluator<'_> {
 
     /// The value at an orientation of what the first row of `z` holds.
     fn value(&self, orientation: &Orientation, scratch: &mut PointScratch) -> f32 {
+        let PointScratch { z, turns, .. } = scratch;
+        self.functions().value(orientation, &z[..self.plan.stack.outputs], turns)
+    }
+
+    fn functions(&self) -> Functions<'_> {
         let field = &*self.field;
-        let axes = self.plan.stack.outputs;
-        let PointScratch { z, along, functions, narrow, .. } = scratch;
-        functions.resize(field.basis.len(), 0.0);
-        field.basis.values(orientation, functions);
-        narrow.clear();
-        narrow.extend(functions.iter().map(|&value| value as f32));
-        along.resize(axes, 0.0);
-        let mean: f64 =
-            field.mean.iter().zip(&*functions).map(|(&mean, &value)| f64::from(mean) * value).sum();
-        self.arch.dispatch(|| {
-            turn(&field.axes, narrow, along);
-            mean as f32 + dot(along, &z[..axes])
-        })
+        Functions { arch: self.arch, basis: &field.basis, axes: &field.axes, mean: &field.mean }
     }
-}
-
-/// h = Uᵀb: `rows` are `[function][axis]`. Columns are taken in pieces whose sums stay in registers.
-#[inline(always)]
-fn turn(rows: &[f32], functions: &[f32], along: &mut [f32]) {
-    let axes = along.len();
-    let mut first = 0;
-    while first < axes {
-        first += match axes - first {
-            64.. => columns::<64>(rows, functions, along, first),
-            16.. => columns::<16>(rows, functions, along, first),
-            _ => columns::<1>(rows, functions, along, first),
-        };
-    }
-}
-
-/// Some columns of [`turn`]; how many.
-#[inline(always)]
-fn columns<const COUNT: usize>(rows: &[f32], functions: &[f32], along: &mut [f32], first: usize) -> usize {
-    let mut sums = [0.0f32; COUNT];
-    for (row, &function) in rows.chunks_exact(along.len()).zip(functions) {
-        for (sum, &value) in sums.iter_mut().zip(&row[first..first + COUNT]) {
-            *sum += function * value;
-        }
-    }
-    along[first..first + COUNT].copy_from_slice(&sums);
-    COUNT
 }
 
 impl FactoredPoint<'_> {
@@ -169,30 +129,8 @@ impl FactoredPoint<'_> {
             return None;
         }
         let direction = direction.try_normalize()?;
-        let axes = self.evaluator.plan.stack.outputs;
-        let PointScratch { z, along, functions, gradients, .. } = &mut *self.scratch;
-        functions.resize(field.basis.len(), 0.0);
-        gradients.resize(field.basis.len(), DVec3::ZERO);
-        field.basis.gradients_of_direction(direction, functions, gradients);
-        along.clear();
-        along.resize(axes, 0.0);
-        let rows = field.axes.chunks_exact(axes).zip(&field.mean);
-        let (z, slopes) = z.split_at(axes);
-        let (value, turn) = self.evaluator.arch.dispatch(|| {
-            let (mut value, mut turn) = (0.0, DVec3::ZERO);
-            for ((row, &mean), (&function, &gradient)) in rows.zip(functions.iter().zip(&*gradients)) {
-                let weight = f64::from(mean + dot(row, z));
-                value += weight * function;
-                turn += weight * gradient;
-                let function = function as f32;
-                along.iter_mut().zip(row).for_each(|(along, &axis)| *along += function * axis);
-            }
-            (value, turn)
-        });
-        let mut position = [0.0; INPUTS];
-        for (slope, row) in position.iter_mut().zip(slopes.chunks_exact(axes)) {
-            *slope = f64::from(dot(row, along));
-        }
-        Some(Gradient { value: value as f32, position: position.into(), direction: turn })
+        let PointScratch { z, turns, .. } = &mut *self.scratch;
+        let (z, slopes) = z.split_at(self.evaluator.plan.stack.outputs);
+        Some(self.evaluator.functions().gradient(direction, z, slopes, turns))
     }
 }

@@ -8,6 +8,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::fours::{IMAGES, directions_in_fours};
 use super::rotations::{self, rotation_functions};
 use super::sphere::{self, SphereBasis};
 use crate::orientation::{Orientation, OrientationSet, OrientationSetError};
@@ -120,6 +121,36 @@ impl Basis {
             Domain::Directions => format!("fibonacci:{count}"),
             Domain::Rotations => format!("so3:{count}"),
         })
+    }
+
+    /// The `count` orientations that a field of so many sections is fitted to: directions come in fours.
+    ///
+    /// # Errors
+    /// A count that no set can have.
+    pub fn fitted_set(&self, count: usize) -> Result<Vec<Orientation>, OrientationSetError> {
+        if self.domain == Domain::Rotations || !count.is_multiple_of(IMAGES) {
+            return Ok(self.even_set(count)?.orientations);
+        }
+        let directions = directions_in_fours(count / IMAGES).into_iter();
+        Ok(directions.filter_map(Orientation::from_direction).collect())
+    }
+
+    /// Nearly `count` sections, as many as a set of this domain can have; no fewer than `least`.
+    #[must_use]
+    pub(super) const fn fitted_count(domain: Domain, count: usize, least: usize) -> usize {
+        match domain {
+            Domain::Rotations => {
+                if count < least {
+                    least
+                } else {
+                    count
+                }
+            }
+            Domain::Directions => {
+                let below = count / IMAGES * IMAGES;
+                if below < least { least.next_multiple_of(IMAGES) } else { below }
+            }
+        }
     }
 
     /// `count` orientations at random, of a seed, for a judgement that owes nothing to the even set.

@@ -50,31 +50,33 @@ impl Coefficients {
         }
     }
 
-    /// Coefficients that are made block by block: `make(first, values)` fills `[voxel][axes]` of the voxels from `first` on,
-    /// up to `block` of them, on the threads of the current pool.
+    /// Coefficients that are made block by block: `make(scratch, first, values)` fills `[voxel][axes]` of the voxels from
+    /// `first` on, up to `block` of them, on the threads of the current pool; `scratch` is the thread's own.
     #[must_use]
     pub(super) fn by_blocks(
         voxels: usize,
         axes: usize,
         block: usize,
         precision: Precision,
-        make: impl Fn(usize, &mut [f32]) + Sync,
+        make: impl Fn(&mut Vec<f32>, usize, &mut [f32]) + Sync,
     ) -> Self {
         match precision {
             Precision::F32 => {
                 let mut all = vec![0.0; voxels * axes];
                 let blocks = all.par_chunks_mut(block * axes).enumerate();
-                blocks.for_each(|(index, values)| make(index * block, values));
+                blocks.for_each_init(Vec::new, |scratch, (index, values)| {
+                    make(scratch, index * block, values);
+                });
                 Self::F32(all)
             }
             Precision::F16 => {
                 let mut all = vec![f16::ZERO; voxels * axes];
                 let blocks = all.par_chunks_mut(block * axes).enumerate();
                 blocks.for_each_init(
-                    || vec![0.0; block * axes],
-                    |values, (index, halves)| {
+                    || (Vec::new(), vec![0.0; block * axes]),
+                    |(scratch, values), (index, halves)| {
                         let values = &mut values[..halves.len()];
-                        make(index * block, values);
+                        make(scratch, index * block, values);
                         halves.convert_from_f32_slice(values);
                     },
                 );

@@ -74,6 +74,11 @@ impl Heads {
         TurnedHeads { axes, along, constant: &self.constant }
     }
 
+    /// `Uᵀ b(R)`, `[axes][orientation]`, and `μ·b(R)`.
+    pub(super) fn into_parts(self) -> (Vec<f32>, Vec<f32>) {
+        (self.along, self.constant)
+    }
+
     /// The orientations in chunks whose values stay in the inner caches.
     pub(super) fn chunks(&self) -> impl Iterator<Item = Range<usize>> + use<> {
         let count = self.len();
@@ -239,15 +244,10 @@ pub(crate) fn minimum_of(source: &impl VoxelCoefficients, heads: &Heads) -> Imf 
 }
 
 /// Working memory of one thread.
+#[derive(Default)]
 pub(super) struct Scratch {
     pub(super) arch: Arch,
     pub(super) coefficients: Vec<f32>,
     /// `[voxel][orientation]` of the block and chunk last computed.
     pub(super) values: Vec<f32>,
-}
-
-impl Default for Scratch {
-    fn default() -> Self {
-        Self { arch: Arch::new(), coefficients: Vec::new(), values: Vec::new() }
-    }
 }

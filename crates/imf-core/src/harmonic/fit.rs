@@ -10,7 +10,12 @@
 //! eigenvectors U turn the solution into `z = Uᵀ(G⁻¹ Bᵀ s − μ)`. Where memory holds all sections
 //! ([`FitSettings::one_pass`]), they are counted once; else a first pass looks at the sample alone, and a second makes the
 //! compressed coefficients as it goes.
+//!
+//! Directions are fitted in fours (`fours`), which cuts B and G into four classes. Where all axes are kept, one pass uses
+//! this (`classes`): axes are then the functions themselves, class by class.
 
+mod classes;
+mod kept;
 mod passes;
 mod sample;
 mod solve;
@@ -43,8 +48,8 @@ pub struct FitSettings {
     pub held_out: usize,
     /// Seed of the held-out orientations.
     pub seed: u64,
-    /// One pass over the sections, which stay in memory; else two: less memory, twice the time, the same field. Not kept
-    /// in files.
+    /// One pass over the sections, which stay in memory; else two: less memory, twice the time, the same field to the
+    /// rounding of sections kept in 16 bits. Not kept in files.
     #[serde(skip)]
     pub one_pass: bool,
 }
@@ -57,7 +62,8 @@ impl Default for FitSettings {
             axes: 128,
             precision: Precision::default(),
             sample: 8192,
-            held_out: 64,
+            // Their mean error over the sample is that of 256 within a sixth, in a quarter of the time of 64.
+            held_out: 16,
             seed: 0,
             one_pass: true,
         }
@@ -70,7 +76,8 @@ impl FitSettings {
     pub fn sizes(&self, domain: Domain) -> Sizes {
         let functions = Basis::count(domain, self.degree);
         let sections = (functions as f64 * self.sections_per_function).ceil() as usize;
-        Sizes { functions, sections: sections.max(functions), axes: self.axes.clamp(1, functions) }
+        let sections = Basis::fitted_count(domain, sections, functions);
+        Sizes { functions, sections, axes: self.axes.clamp(1, functions) }
     }
 
     /// Bytes at the peak of making a field over `voxels` voxels, and of the field itself.
@@ -83,7 +90,7 @@ impl FitSettings {
         let sampled = (self.sample.min(voxels) * (sections + self.held_out + functions) * 4) as u64;
         let square = (functions * functions * 8 * 6) as u64;
         let peak = if self.one_pass {
-            (sections * voxels * 4) as u64 + field.max(sampled)
+            (sections * voxels * 2) as u64 + field.max(sampled)
         } else {
             made.max(sampled) + batch
         };
@@ -160,10 +167,10 @@ pub fn fit(
     control: Control<'_>,
 ) -> Result<HarmonicField, HarmonicError> {
     let start = Start::new(plan, domain, settings, control)?;
-    let Fitted { axes, mean, coefficients, report } = if settings.one_pass {
-        start.in_one_pass(plan, settings.precision, control)?
-    } else {
-        start.in_two_passes(plan, settings.precision, control)?
+    let Fitted { axes, mean, coefficients, report } = match settings.one_pass {
+        true if start.in_classes() => start.class_by_class(plan, settings.precision, control)?,
+        true => start.in_one_pass(plan, settings.precision, control)?,
+        false => start.in_two_passes(plan, settings.precision, control)?,
     };
     Ok(HarmonicField {
         grid: *plan.grid(),
@@ -186,8 +193,7 @@ pub fn estimate(
     settings: &FitSettings,
     control: Control<'_>,
 ) -> Result<FitReport, HarmonicError> {
-    let (_, _, report) = Start::new(plan, domain, settings, control)?.sampled(plan, control)?;
-    Ok(report)
+    Start::new(plan, domain, settings, control)?.estimated(plan, control)
 }
 
 /// Sections that [`fit`] computes.

@@ -1,9 +1,11 @@
 //! Values and gradients at single poses, between voxel centres and between orientations.
 
 use glam::DVec3;
+use pulp::Arch;
 
 use super::HarmonicField;
-use super::basis::Domain;
+use super::basis::{Basis, Domain};
+use super::both_ways::both_ways;
 use crate::orientation::Orientation;
 
 /// What a pose's overlap is and how it changes.
@@ -20,16 +22,115 @@ pub struct Gradient {
 /// Working memory of a thread that asks for single poses.
 #[derive(Default)]
 pub struct PointScratch {
-    functions: Vec<f64>,
-    gradients: Vec<DVec3>,
     /// The eight corners' mean coefficients, and their differences along x, y and z: `[4][axes]`.
     mixed: Vec<f32>,
     corner: Vec<f32>,
-    /// `[4][K]`: U times `mixed`, with μ in the first.
-    spread: Vec<f32>,
+    turns: TurnScratch,
+}
+
+/// Working memory for what a direction adds to a point's coefficients.
+#[derive(Default)]
+pub(crate) struct TurnScratch {
+    functions: Vec<f64>,
+    /// The same in f32.
+    narrow: Vec<f32>,
+    gradients: Vec<DVec3>,
+    /// `U z`, `[K]`.
+    weights: Vec<f32>,
+    /// `Uᵀ b`, `[axes]`.
+    along: Vec<f32>,
+}
+
+/// What turns a point's coefficients into overlaps.
+#[derive(Clone, Copy)]
+pub(crate) struct Functions<'a> {
+    pub(crate) arch: Arch,
+    pub(crate) basis: &'a Basis,
+    /// U: `[K][axes]`.
+    pub(crate) axes: &'a [f32],
+    /// μ: `[K]`.
+    pub(crate) mean: &'a [f32],
+}
+
+impl Functions<'_> {
+    /// The overlap, not clipped, of coefficients `z` in an orientation.
+    pub(crate) fn value(self, orientation: &Orientation, z: &[f32], scratch: &mut TurnScratch) -> f32 {
+        scratch.functions.resize(self.basis.len(), 0.0);
+        self.basis.values(orientation, &mut scratch.functions);
+        self.weigh(z, scratch);
+        let weights = scratch.weights.iter().zip(self.mean);
+        let terms = weights.zip(&scratch.functions).map(|((&w, &m), &b)| f64::from(w + m) * b);
+        terms.sum::<f64>() as f32
+    }
+
+    /// The overlap with its gradients, of coefficients `z` and their `slopes` along x, y and z, `[3][axes]`. The basis is one
+    /// of directions.
+    pub(crate) fn gradient(
+        self,
+        direction: DVec3,
+        z: &[f32],
+        slopes: &[f32],
+        scratch: &mut TurnScratch,
+    ) -> Gradient {
+        scratch.functions.resize(self.basis.len(), 0.0);
+        scratch.gradients.resize(self.basis.len(), DVec3::ZERO);
+        self.basis.gradients_of_direction(direction, &mut scratch.functions, &mut scratch.gradients);
+        self.weigh(z, scratch);
+        let TurnScratch { functions, gradients, weights, along, .. } = scratch;
+        let (mut value, mut turn) = (0.0, DVec3::ZERO);
+        let weights = weights.iter().zip(self.mean).map(|(&w, &m)| f64::from(w + m));
+        for ((weight, &function), &gradient) in weights.zip(&*functions).zip(&*gradients) {
+            value += weight * function;
+            turn += weight * gradient;
+        }
+        let mut position = [0.0; 3];
+        self.arch.dispatch(|| {
+            for (slope, row) in position.iter_mut().zip(slopes.chunks_exact(z.len())) {
+                *slope = f64::from(dot(row, along));
+            }
+        });
+        Gradient { value: value as f32, position: position.into(), direction: turn }
+    }
+
+    /// Fills `weights` and `along` for the functions' values.
+    fn weigh(self, z: &[f32], scratch: &mut TurnScratch) {
+        let TurnScratch { functions, narrow, weights, along, .. } = scratch;
+        narrow.clear();
+        narrow.extend(functions.iter().map(|&value| value as f32));
+        weights.resize(functions.len(), 0.0);
+        along.resize(z.len(), 0.0);
+        both_ways(self.arch, self.axes, z, narrow, weights, along);
+    }
+}
+
+/// In sixteen sums, which the compiler keeps in registers.
+#[inline(always)]
+pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let mut sums = [0.0f32; 16];
+    let (a, a_rest) = a.as_chunks::<16>();
+    let (b, b_rest) = b.as_chunks::<16>();
+    for (a, b) in a.iter().zip(b) {
+        for lane in 0..16 {
+            sums[lane] += a[lane] * b[lane];
+        }
+    }
+    let rest: f32 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    // Halves upon halves: sixteen additions one after the other would take longer than the products.
+    let mut width = 8;
+    while width > 0 {
+        for lane in 0..width {
+            sums[lane] += sums[lane + width];
+        }
+        width /= 2;
+    }
+    sums[0] + rest
 }
 
 impl HarmonicField {
+    fn functions(&self) -> Functions<'_> {
+        Functions { arch: Arch::new(), basis: &self.basis, axes: &self.axes, mean: &self.mean }
+    }
+
     /// The overlap with the tool's tip at a world position, clipped to [0, 1]; trilinear between voxel centres.
     /// `None` outside the box of the voxel centres.
     #[must_use]
@@ -40,10 +141,8 @@ impl HarmonicField {
         scratch: &mut PointScratch,
     ) -> Option<f32> {
         self.mix(position, 1, scratch)?;
-        scratch.functions.resize(self.basis.len(), 0.0);
-        self.basis.values(orientation, &mut scratch.functions);
-        let sum: f64 = scratch.spread.iter().zip(&scratch.functions).map(|(&w, &b)| f64::from(w) * b).sum();
-        Some((sum as f32).clamp(0.0, 1.0))
+        let value = self.functions().value(orientation, &scratch.mixed, &mut scratch.turns);
+        Some(value.clamp(0.0, 1.0))
     }
 
     /// The overlap with its gradients in position and direction. One-sided where a position lies on a voxel centre's
@@ -61,39 +160,18 @@ impl HarmonicField {
         }
         let direction = direction.try_normalize()?;
         self.mix(position, 4, scratch)?;
-        let functions = self.basis.len();
-        let PointScratch { functions: values, gradients, spread, .. } = scratch;
-        values.resize(functions, 0.0);
-        gradients.resize(functions, DVec3::ZERO);
-        self.basis.gradients_of_direction(direction, values, gradients);
-        let mut sums = [0.0; 4];
-        for (sum, weights) in sums.iter_mut().zip(spread.chunks_exact(functions)) {
-            *sum = weights.iter().zip(values.iter()).map(|(&w, &b)| f64::from(w) * b).sum();
-        }
-        let turn = spread.iter().zip(gradients.iter()).map(|(&w, &g)| f64::from(w) * g).sum();
-        Some(Gradient {
-            value: sums[0] as f32,
-            position: DVec3::new(sums[1], sums[2], sums[3]) / self.grid.pitch,
-            direction: turn,
-        })
+        let (z, slopes) = scratch.mixed.split_at(self.axis_count());
+        let found = self.functions().gradient(direction, z, slopes, &mut scratch.turns);
+        Some(Gradient { position: found.position / self.grid.pitch, ..found })
     }
 
-    /// Fills the first `rows` of `spread`: the mean coefficients at a position and their differences along the axes.
+    /// Fills `mixed` with `rows` rows: the mean coefficients at a position and their differences along the axes.
     fn mix(&self, position: DVec3, rows: usize, scratch: &mut PointScratch) -> Option<()> {
         let cell = self.cell(position)?;
-        let (axes, functions) = (self.axis_count(), self.basis.len());
-        let PointScratch { mixed, corner, spread, .. } = scratch;
+        let PointScratch { mixed, corner, .. } = scratch;
         mixed.clear();
-        mixed.resize(rows * axes, 0.0);
+        mixed.resize(rows * self.axis_count(), 0.0);
         self.add_corners(&cell, mixed, corner);
-        spread.clear();
-        spread.resize(rows * functions, 0.0);
-        spread[..functions].copy_from_slice(&self.mean);
-        for (spread, mixed) in spread.chunks_exact_mut(functions).zip(mixed.chunks_exact(axes)) {
-            for (out, row) in spread.iter_mut().zip(self.axes.chunks_exact(axes)) {
-                *out += row.iter().zip(mixed).map(|(&u, &z)| u * z).sum::<f32>();
-            }
-        }
         Some(())
     }
 
@@ -114,7 +192,7 @@ impl HarmonicField {
     /// Adds the eight corners' coefficients by their weights, and by as many of the weights' derivatives as `mixed`
     /// has further rows.
     fn add_corners(&self, cell: &Cell, mixed: &mut [f32], corner: &mut Vec<f32>) {
-        let axes = self.axis_count();
+        let (axes, arch) = (self.axis_count(), Arch::new());
         let rows = mixed.len() / axes;
         for bits in 0..8 {
             let (voxel, weights) = cell.corner(bits);
@@ -123,9 +201,11 @@ impl HarmonicField {
             }
             let from = self.grid.index(voxel) * axes;
             let z = self.coefficients.read(from, from + axes, corner);
-            for (mixed, weight) in mixed.chunks_exact_mut(axes).zip(weights) {
-                mixed.iter_mut().zip(z).for_each(|(m, &z)| *m += weight * z);
-            }
+            arch.dispatch(|| {
+                for (mixed, weight) in mixed.chunks_exact_mut(axes).zip(weights) {
+                    mixed.iter_mut().zip(z).for_each(|(m, &z)| *m += weight * z);
+                }
+            });
         }
     }
 

@@ -4,20 +4,24 @@
 //! of the exact minimum. Where that value is 0 it is the minimum: proven. Elsewhere an orientation that the ranking put
 //! behind the counted ones might be lower by chance: checked, not proven. The miss rate is measured by streaming all.
 //!
-//! Most voxels outside a part are free in many directions. So every so-manieth orientation is ranked and confirmed first,
-//! and only voxels that none of these reaches freely are ranked over all.
+//! A large set is looked at in three stages, since a field of some degree has no valleys narrower than that degree
+//! allows. A few orientations, evenly spread, find most of the voxels that are free in many directions. The others
+//! are valued at the centres of [`Cells`], and only the orientations of the cells whose centres are lowest are ranked.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use glam::DVec3;
 use pulp::Arch;
 use rayon::prelude::*;
 
-use super::evaluate::{Heads, Scratch, VoxelCoefficients as _};
+use super::cells::Cells;
+use super::evaluate::{Heads, VoxelCoefficients as _};
 use super::{HarmonicError, HarmonicField};
 use crate::control::Control;
 use crate::field::{ExactField, Pose};
 use crate::orientation::Orientation;
 use crate::section::{Imf, SectionError};
+use crate::siren::matrix::{Matrix, multiply};
 use crate::tool::ToolError;
 
 /// What screening found.
@@ -33,10 +37,18 @@ pub struct Screened {
 
 /// Orientations that are confirmed at a voxel, most likely first.
 pub const CANDIDATES: usize = 8;
-/// One of so many orientations is looked at first.
-const EVERY: usize = 16;
 /// Sets below this size are ranked at once.
 const LARGE: usize = 1000;
+/// Orientations of a cell, in the mean.
+const MEMBERS: usize = 10;
+/// Cells at most: no field of a degree in use has more valleys.
+const MOST_CELLS: usize = 4000;
+/// Of the cells' centres so many are looked at first.
+const FIRST: usize = 250;
+/// Cells whose orientations are ranked.
+const NEAR: usize = 20;
+/// Voxels of a block: its pairs of voxel and cell are sorted by cell, and then as many voxels share a cell's orientations.
+const BLOCK: usize = 2048;
 
 impl HarmonicField {
     /// The inaccessibility measure over `orientations`, ranked by this field and confirmed by `exact`. One unit of
@@ -50,55 +62,30 @@ impl HarmonicField {
         exact: &ExactField<'_>,
         control: Control<'_>,
     ) -> Result<Screened, HarmonicError> {
-        let heads = self.heads(orientations);
-        let few: Vec<u32> = if orientations.len() < LARGE {
-            Vec::new()
-        } else {
-            (0..orientations.len() as u32).step_by(EVERY).collect()
-        };
-        let few_heads =
-            self.heads(&few.iter().map(|&index| orientations[index as usize]).collect::<Vec<_>>());
         let normalisers = orientations
             .par_iter()
             .map(|o| exact.normaliser(o))
             .collect::<Result<Vec<u32>, ToolError>>()
             .map_err(|error| HarmonicError::Section(error.into()))?;
-        let (voxels, axes) = (self.grid.len(), self.axis_count());
+        let directions = orientations.iter().map(Orientation::direction).collect();
+        let judge = Judge { field: self, orientations, directions, normalisers: &normalisers, exact };
+        let stages = Stages::new(self, orientations);
+        let voxels = self.grid.len();
         let mut whole = Imf::new(voxels);
         let mut proven = vec![0; voxels];
         let counted = AtomicU64::new(0);
-        let judge = Judge { field: self, orientations, normalisers: &normalisers, exact };
         whole
             .value
-            .par_chunks_mut(Self::BLOCK)
-            .zip(whole.best.par_chunks_mut(Self::BLOCK))
-            .zip(proven.par_chunks_mut(Self::BLOCK))
+            .par_chunks_mut(BLOCK)
+            .zip(whole.best.par_chunks_mut(BLOCK))
+            .zip(proven.par_chunks_mut(BLOCK))
             .enumerate()
             .try_for_each_init(Scratch::default, |scratch, (block, ((value, best), proven))| {
                 if control.is_cancelled() {
                     return Err(HarmonicError::Section(SectionError::Cancelled));
                 }
-                let from = block * Self::BLOCK;
                 let mut own = 0;
-                let Scratch { arch, coefficients, values } = scratch;
-                let z = self.read(from..from + value.len(), coefficients);
-                value.fill(f32::INFINITY);
-                if !few.is_empty() {
-                    for (index, candidates) in
-                        ranked(z, axes, &few_heads, *arch, values).into_iter().enumerate()
-                    {
-                        let candidates = candidates.renamed(&few);
-                        if let Some(found) = judge.free_of(from + index, &candidates, &mut own) {
-                            (value[index], best[index]) = (0.0, found);
-                        }
-                    }
-                }
-                let left: Vec<usize> = (0..value.len()).filter(|&index| value[index] != 0.0).collect();
-                let rows: Vec<f32> =
-                    left.iter().flat_map(|&index| &z[index * axes..][..axes]).copied().collect();
-                for (&index, candidates) in left.iter().zip(ranked(&rows, axes, &heads, *arch, values)) {
-                    (value[index], best[index]) = judge.best_of(from + index, &candidates, &mut own);
-                }
+                stages.screen(&judge, block * BLOCK, (value, best), scratch, &mut own);
                 proven.iter_mut().zip(&*value).for_each(|(proven, &value)| *proven = u8::from(value == 0.0));
                 counted.fetch_add(own, Ordering::Relaxed);
                 (control.progress)(value.len() as u64);
@@ -108,20 +95,188 @@ impl HarmonicField {
     }
 }
 
-/// The orientations of least value at every voxel of a block with coefficients `z` `[voxel][axes]`, ascending.
-fn ranked(z: &[f32], axes: usize, heads: &Heads, arch: Arch, values: &mut Vec<f32>) -> Vec<Candidates> {
-    let mut all = vec![Candidates::default(); z.len() / axes];
-    if all.is_empty() {
-        return all;
+/// Working memory of one thread.
+#[derive(Default)]
+struct Scratch {
+    arch: Arch,
+    coefficients: Vec<f32>,
+    values: Vec<f32>,
+    /// `[voxel][axes]` of the voxels that are left.
+    rows: Vec<f32>,
+    /// `[voxel][axes]` of those that share a cell.
+    gathered: Vec<f32>,
+}
+
+/// A set of orientations as screening looks at it.
+enum Stages {
+    /// All of them.
+    One(Heads),
+    /// A few, the centres of all cells, the orientations of some cells.
+    Three { few: Heads, centres: Heads, cells: Cells, members: CellHeads },
+}
+
+impl Stages {
+    fn new(field: &HarmonicField, orientations: &[Orientation]) -> Self {
+        if orientations.len() < LARGE {
+            return Self::One(field.heads(orientations));
+        }
+        let count = (orientations.len() / MEMBERS).min(MOST_CELLS);
+        let cells = Cells::new(orientations, field.basis.domain(), count);
+        let chosen = |list: &[u32]| -> Vec<Orientation> {
+            list.iter().map(|&index| orientations[index as usize]).collect()
+        };
+        let first = &cells.centres[..FIRST.min(cells.centres.len())];
+        Self::Three {
+            few: field.heads(&chosen(first)),
+            centres: field.heads(&chosen(&cells.centres)),
+            members: CellHeads::new(field.heads(&chosen(&cells.members)), &cells),
+            cells,
+        }
     }
-    for chunk in heads.chunks() {
-        heads.values(z, axes, chunk.clone(), values);
-        for (own, row) in all.iter_mut().zip(values.chunks_exact(chunk.len())) {
-            // Most pieces hold nothing that is low enough: their least value alone is looked at.
-            for (piece, values) in row.chunks(PIECE).enumerate() {
-                if arch.dispatch(|| lowest(values)) < own.last() {
-                    for (place, &value) in values.iter().enumerate() {
-                        own.insert(value, (chunk.start + piece * PIECE + place) as u32);
+
+    /// Fills a block of voxels that begins at `from`.
+    fn screen(
+        &self,
+        judge: &Judge<'_>,
+        from: usize,
+        (value, best): (&mut [f32], &mut [u32]),
+        scratch: &mut Scratch,
+        counted: &mut u64,
+    ) {
+        let field = judge.field;
+        let axes = field.axis_count();
+        let Scratch { arch, coefficients, values, rows, gathered } = scratch;
+        let z = field.read(from..from + value.len(), coefficients);
+        let (few, centres, cells, members) = match self {
+            Self::One(heads) => {
+                for (index, candidates) in
+                    ranked::<CANDIDATES>(z, axes, heads, *arch, values).iter().enumerate()
+                {
+                    (value[index], best[index]) = judge.best_of(from + index, candidates, counted);
+                }
+                return;
+            }
+            Self::Three { few, centres, cells, members } => (few, centres, cells, members),
+        };
+        value.fill(f32::INFINITY);
+        for (index, candidates) in ranked::<CANDIDATES>(z, axes, few, *arch, values).iter().enumerate() {
+            let found = judge.free_of(from + index, &candidates.renamed(&cells.centres), counted);
+            if let Some(found) = found {
+                (value[index], best[index]) = (0.0, found);
+            }
+        }
+        let mut left: Vec<usize> = (0..value.len()).filter(|&index| value[index] != 0.0).collect();
+        rows.clear();
+        rows.extend(left.iter().flat_map(|&index| &z[index * axes..][..axes]));
+        let near = ranked::<NEAR>(rows, axes, centres, *arch, values);
+        // The cells of each voxel that is still left, and its row.
+        let mut kept = Vec::with_capacity(left.len());
+        for (row, (&index, near)) in left.iter().zip(&near).enumerate() {
+            let best_centres = near.first::<CANDIDATES>().renamed(&cells.centres);
+            match judge.free_of(from + index, &best_centres, counted) {
+                Some(found) => (value[index], best[index]) = (0.0, found),
+                None => kept.push(row),
+            }
+        }
+        let mut candidates = vec![Candidates::<CANDIDATES>::default(); kept.len()];
+        members.rank(&near, &kept, rows, axes, gathered, values, &mut candidates);
+        left = kept.iter().map(|&row| left[row]).collect();
+        for (&index, candidates) in left.iter().zip(&candidates) {
+            let candidates = candidates.renamed(&cells.members);
+            (value[index], best[index]) = judge.best_of(from + index, &candidates, counted);
+        }
+    }
+}
+
+/// Orientations as the field reads them, each cell's side by side.
+struct CellHeads {
+    /// `[axes][member]` of one cell after the other.
+    along: Vec<f32>,
+    /// `[member]`.
+    constant: Vec<f32>,
+    /// Where each cell begins among all members; one more at the end.
+    starts: Vec<usize>,
+}
+
+impl CellHeads {
+    /// From orientations in the order of the cells' members.
+    fn new(heads: Heads, cells: &Cells) -> Self {
+        let (all, constant) = heads.into_parts();
+        let (count, axes) = (constant.len(), all.len() / constant.len().max(1));
+        let mut along = vec![0.0; all.len()];
+        for cell in 0..cells.centres.len() {
+            let own = cells.of(cell);
+            let target = along[own.start * axes..own.end * axes].chunks_exact_mut(own.len());
+            for (target, row) in target.zip(all.chunks_exact(count)) {
+                target.copy_from_slice(&row[own.clone()]);
+            }
+        }
+        Self { along, constant, starts: cells.starts.clone() }
+    }
+
+    /// The best members, by their place among all, of the cells that are `near` to each of the `kept` rows.
+    fn rank(
+        &self,
+        near: &[Candidates<NEAR>],
+        kept: &[usize],
+        rows: &[f32],
+        axes: usize,
+        gathered: &mut Vec<f32>,
+        values: &mut Vec<f32>,
+        best: &mut [Candidates<CANDIDATES>],
+    ) {
+        let mut pairs: Vec<(u32, u32)> = kept
+            .iter()
+            .enumerate()
+            .flat_map(|(place, &row)| near[row].known().map(move |cell| (cell, place as u32)))
+            .collect();
+        pairs.sort_unstable();
+        for own in pairs.chunk_by(|a, b| a.0 == b.0) {
+            let cell = own[0].0 as usize;
+            let members = self.starts[cell]..self.starts[cell + 1];
+            let count = members.len();
+            gathered.clear();
+            values.clear();
+            for &(_, place) in own {
+                gathered.extend_from_slice(&rows[kept[place as usize] * axes..][..axes]);
+                values.extend_from_slice(&self.constant[members.clone()]);
+            }
+            multiply(
+                values,
+                count,
+                Matrix::row_major(gathered, own.len(), axes, axes),
+                Matrix::row_major(&self.along[members.start * axes..], axes, count, count),
+                true,
+            );
+            for (&(_, place), values) in own.iter().zip(values.chunks_exact(count)) {
+                for (&value, member) in values.iter().zip(members.clone()) {
+                    best[place as usize].insert(value, member as u32);
+                }
+            }
+        }
+    }
+}
+
+/// The orientations of least value at every voxel of rows with coefficients `z` `[voxel][axes]`, ascending.
+fn ranked<const COUNT: usize>(
+    z: &[f32],
+    axes: usize,
+    heads: &Heads,
+    arch: Arch,
+    values: &mut Vec<f32>,
+) -> Vec<Candidates<COUNT>> {
+    let mut all = vec![Candidates::default(); z.len() / axes];
+    let blocks = z.chunks(HarmonicField::BLOCK * axes).zip(all.chunks_mut(HarmonicField::BLOCK));
+    for (z, all) in blocks {
+        for chunk in heads.chunks() {
+            heads.values(z, axes, chunk.clone(), values);
+            for (own, row) in all.iter_mut().zip(values.chunks_exact(chunk.len())) {
+                // Most pieces hold nothing that is low enough: their least value alone is looked at.
+                for (piece, values) in row.chunks(PIECE).enumerate() {
+                    if arch.dispatch(|| lowest(values)) < own.last() {
+                        for (place, &value) in values.iter().enumerate() {
+                            own.insert(value, (chunk.start + piece * PIECE + place) as u32);
+                        }
                     }
                 }
             }
@@ -139,25 +294,33 @@ fn lowest(values: &[f32]) -> f32 {
 }
 
 /// The least values seen, ascending.
-#[derive(Clone, Debug)]
-struct Candidates {
-    values: [f32; CANDIDATES],
-    orientations: [u32; CANDIDATES],
+#[derive(Clone, Copy, Debug)]
+struct Candidates<const COUNT: usize> {
+    values: [f32; COUNT],
+    orientations: [u32; COUNT],
 }
 
-impl Default for Candidates {
+impl<const COUNT: usize> Default for Candidates<COUNT> {
     fn default() -> Self {
-        Self { values: [f32::INFINITY; CANDIDATES], orientations: [u32::MAX; CANDIDATES] }
+        Self { values: [f32::INFINITY; COUNT], orientations: [u32::MAX; COUNT] }
     }
 }
 
-impl Candidates {
-    fn known(&self) -> impl Iterator<Item = u32> {
+impl<const COUNT: usize> Candidates<COUNT> {
+    fn known(&self) -> impl Iterator<Item = u32> + use<COUNT> {
         self.orientations.into_iter().filter(|&index| index != u32::MAX)
     }
 
     fn last(&self) -> f32 {
-        self.values[CANDIDATES - 1]
+        self.values[COUNT - 1]
+    }
+
+    /// The lowest of them.
+    fn first<const FEWER: usize>(&self) -> Candidates<FEWER> {
+        Candidates {
+            values: std::array::from_fn(|place| self.values[place]),
+            orientations: std::array::from_fn(|place| self.orientations[place]),
+        }
     }
 
     /// The same of a set in which `names` are the indices.
@@ -170,7 +333,7 @@ impl Candidates {
         if value >= self.last() {
             return;
         }
-        let mut place = CANDIDATES - 1;
+        let mut place = COUNT - 1;
         while place > 0 && self.values[place - 1] > value {
             self.values[place] = self.values[place - 1];
             self.orientations[place] = self.orientations[place - 1];
@@ -184,39 +347,51 @@ impl Candidates {
 struct Judge<'a> {
     field: &'a HarmonicField,
     orientations: &'a [Orientation],
+    directions: Vec<DVec3>,
     normalisers: &'a [u32],
     exact: &'a ExactField<'a>,
 }
 
 impl Judge<'_> {
-    fn pose(&self, voxel: usize, orientation: u32) -> Pose {
+    fn position(&self, voxel: usize) -> DVec3 {
         let grid = &self.field.grid;
-        let position = grid.centre(grid.voxel(voxel));
-        Pose { position, orientation: self.orientations[orientation as usize] }
+        grid.centre(grid.voxel(voxel))
+    }
+
+    fn collides(&self, position: DVec3, orientation: u32) -> bool {
+        let along = self.exact.collides_along(position, self.directions[orientation as usize]);
+        along.unwrap_or_else(|| self.count(position, orientation) > 0)
+    }
+
+    fn count(&self, position: DVec3, orientation: u32) -> u32 {
+        let along = self.exact.count_along(position, self.directions[orientation as usize]);
+        let pose = || Pose { position, orientation: self.orientations[orientation as usize] };
+        along.unwrap_or_else(|| self.exact.count(&pose()))
     }
 
     /// The first candidate that is free, which is cheap to ask.
-    fn free_of(&self, voxel: usize, candidates: &Candidates, counted: &mut u64) -> Option<u32> {
+    fn free_of(&self, voxel: usize, candidates: &Candidates<CANDIDATES>, counted: &mut u64) -> Option<u32> {
         // A value far above zero is hardly free.
         if candidates.values[0] >= FREE_BELOW {
             return None;
         }
+        let position = self.position(voxel);
         candidates.known().find(|&index| {
             *counted += 1;
-            !self.exact.collides(&self.pose(voxel, index))
+            !self.collides(position, index)
         })
     }
 
     /// First whether any candidate is free; only then how much each overlaps.
-    fn best_of(&self, voxel: usize, candidates: &Candidates, counted: &mut u64) -> (f32, u32) {
+    fn best_of(&self, voxel: usize, candidates: &Candidates<CANDIDATES>, counted: &mut u64) -> (f32, u32) {
         if let Some(index) = self.free_of(voxel, candidates, counted) {
             return (0.0, index);
         }
+        let position = self.position(voxel);
         let mut found = (f32::INFINITY, u32::MAX);
         for index in candidates.known() {
             *counted += 1;
-            let share = f64::from(self.exact.count(&self.pose(voxel, index)))
-                / f64::from(self.normalisers[index as usize]);
+            let share = f64::from(self.count(position, index)) / f64::from(self.normalisers[index as usize]);
             let value = share.min(1.0) as f32;
             if value < found.0 || (value == found.0 && index < found.1) {
                 found = (value, index);

@@ -244,7 +244,7 @@ impl Source<'_> {
         let each = coefficients.chunks_exact(axes).zip(heads.chunks_exact(axes));
         Arch::new().dispatch(|| {
             for ((value, (z, head)), constant) in values.iter_mut().zip(each).zip(constants) {
-                *value = *constant + factored::dot(z, head);
+                *value = *constant + harmonic::dot(z, head);
             }
         });
     }

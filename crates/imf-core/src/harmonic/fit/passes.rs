@@ -1,8 +1,11 @@
 //! The passes over the orientations: one where memory holds all sections, else two.
 
 use nalgebra::{DMatrix, DVector};
+use pulp::Arch;
 use rayon::prelude::*;
 
+use super::classes::ClassWeights;
+use super::kept::KeptSections;
 use super::sample::Sample;
 use super::solve::{NormalMatrix, Solved, function_values, principal_axes};
 use super::{BLOCK, FitReport, FitSettings, Sizes, batch_size};
@@ -14,16 +17,23 @@ use crate::orientation::Orientation;
 use crate::section::{SectionError, SectionPlan, SectionScratch};
 use crate::siren::matrix::{Matrix, multiply};
 
-/// What both ways begin with.
+/// What all ways begin with.
 pub(super) struct Start {
     pub(super) basis: Basis,
     set: Vec<Orientation>,
-    /// B: `[orientation][function]`.
-    values: Vec<f32>,
-    normal: NormalMatrix,
     sample: Sample,
     sizes: Sizes,
 }
+
+/// The least squares of all functions together.
+struct Dense {
+    /// B: `[orientation][function]`.
+    values: Vec<f32>,
+    normal: NormalMatrix,
+}
+
+/// Voxels of a block whose classes' sums, a quarter of a megabyte, stay in the inner caches.
+const CLASS_BLOCK: usize = 256;
 
 /// The field's numbers: its axes as columns, the mean, the coefficients and what is known of the errors.
 pub(super) struct Fitted {
@@ -43,37 +53,92 @@ impl Start {
         settings.check()?;
         let basis = Basis::new(domain, settings.degree);
         let sizes = settings.sizes(domain);
-        let set = basis.even_set(sizes.sections)?.orientations;
-        let values = function_values(&basis, &set);
-        let normal = NormalMatrix::new(&basis, &values)?;
+        let set = basis.fitted_set(sizes.sections)?;
         let sample = Sample::take(plan, settings, &basis, control)?;
-        Ok(Self { basis, set, values, normal, sample, sizes })
+        Ok(Self { basis, set, sample, sizes })
+    }
+
+    /// True where functions are kept as they are and fall into classes.
+    pub(super) fn in_classes(&self) -> bool {
+        self.basis.domain() == Domain::Directions && self.sizes.axes == self.sizes.functions
+    }
+
+    fn dense(&self) -> Result<Dense, HarmonicError> {
+        let values = function_values(&self.basis, &self.set);
+        let normal = NormalMatrix::new(&self.basis, &values)?;
+        Ok(Dense { values, normal })
     }
 
     /// What the sample's voxels alone tell, by a pass over the orientations.
-    pub(super) fn sampled(
+    fn sampled(
         &self,
+        dense: &Dense,
         plan: &SectionPlan,
         control: Control<'_>,
     ) -> Result<(Solved, DMatrix<f64>, FitReport), HarmonicError> {
-        let solved = self
-            .sample
-            .moments(&self.sample.gather(plan, &self.set, control)?, &self.values)
-            .solve(&self.normal);
+        let own = self.sample.gather(plan, &self.set, control)?;
+        let solved = self.sample.moments(&own, &dense.values).solve(&dense.normal);
         let (axes, report) = self.axes_of(&solved);
         Ok((solved, axes, report))
     }
 
+    /// The errors to expect, by a pass over the orientations at the sample's voxels alone.
+    pub(super) fn estimated(
+        &self,
+        plan: &SectionPlan,
+        control: Control<'_>,
+    ) -> Result<FitReport, HarmonicError> {
+        Ok(self.sampled(&self.dense()?, plan, control)?.2)
+    }
+
     fn axes_of(&self, solved: &Solved) -> (DMatrix<f64>, FitReport) {
         let (axes, dropped) = principal_axes(&solved.covariance, self.sizes.axes);
-        let report = self.sample.report(solved, &self.basis, self.sizes.sections, dropped);
+        let sections = self.sizes.sections;
+        let report = self.sample.report(&solved.coefficients, &self.basis, |place| place, sections, dropped);
         (axes, report)
     }
 
-    /// What turns sections to coefficients along some axes, `z = Uᵀ (G + R)⁻¹ Bᵀ s − Uᵀ μ`: an N × axes matrix, and a start.
-    fn weights(&self, axes: &DMatrix<f64>, mean: &DVector<f64>) -> (Vec<f32>, Vec<f32>) {
-        let start = (axes.transpose() * mean).iter().map(|&v| -v as f32).collect();
-        (self.normal.weights(&self.values, axes), start)
+    /// One pass, whose sections stay in memory, each class of functions by itself.
+    pub(super) fn class_by_class(
+        &self,
+        plan: &SectionPlan,
+        precision: Precision,
+        control: Control<'_>,
+    ) -> Result<Fitted, HarmonicError> {
+        let weights = ClassWeights::new(&self.basis, &self.set)?;
+        let sections = KeptSections::count(plan, &self.set, control)?;
+        let (arch, functions) = (Arch::new(), self.basis.len());
+        let solve = |sections: &KeptSections, start: &[f32], precision| {
+            Coefficients::by_blocks(sections.voxels, functions, CLASS_BLOCK, precision, |sums, first, z| {
+                z.chunks_exact_mut(functions).for_each(|z| z.copy_from_slice(start));
+                weights.add(arch, sections, first, z, sums);
+            })
+        };
+        let of_sample = sections.at(&self.sample.places);
+        let mean_of =
+            |values: &[u16]| values.iter().map(|&v| u64::from(v)).sum::<u64>() as f64 / values.len() as f64;
+        let means: Vec<f64> = of_sample.values.chunks_exact(of_sample.voxels).map(mean_of).collect();
+        let mean = weights.of_values(&means);
+        let start: Vec<f32> = mean.iter().map(|&v| -v as f32).collect();
+        let coefficients = solve(&sections, &start, precision);
+        drop(sections);
+        let at_sample = solve(&of_sample, &vec![0.0; functions], Precision::F32);
+        let order = &weights.order;
+        let mut scratch = Vec::new();
+        let report = self.sample.report(
+            at_sample.read(0, at_sample.len(), &mut scratch),
+            &self.basis,
+            |place| order[place],
+            self.sizes.sections,
+            0.0,
+        );
+        let mut axes = DMatrix::zeros(functions, functions);
+        let mut whole_mean = DVector::zeros(functions);
+        for (axis, (&function, &mean)) in order.iter().zip(&mean).enumerate() {
+            axes[(function, axis)] = 1.0;
+            whole_mean[function] = mean;
+        }
+        Ok(Fitted { axes, mean: whole_mean, coefficients, report })
     }
 
     /// One pass, whose sections stay in memory: those of the sample decide on the axes, then every block of voxels becomes
@@ -84,22 +149,24 @@ impl Start {
         precision: Precision,
         control: Control<'_>,
     ) -> Result<Fitted, HarmonicError> {
-        let voxels = plan.grid().len();
-        let mut sections = vec![0.0; self.set.len() * voxels];
-        count_sections(plan, &self.set, &mut sections, control)?;
-        let of_sample = sections.chunks_exact(voxels);
-        let of_sample: Vec<f32> =
-            of_sample.flat_map(|section| self.sample.places.iter().map(|&place| section[place])).collect();
-        let solved = self.sample.moments(&of_sample, &self.values).solve(&self.normal);
+        let dense = self.dense()?;
+        let sections = KeptSections::count(plan, &self.set, control)?;
+        let of_sample = sections.at(&self.sample.places);
+        let mut own = Vec::new();
+        of_sample.read(Arch::new(), 0, of_sample.voxels, &mut own);
+        let solved = self.sample.moments(&own, &dense.values).solve(&dense.normal);
         let (axes, report) = self.axes_of(&solved);
-        let (weights, start) = self.weights(&axes, &solved.mean);
-        let (count, width) = (self.set.len(), axes.ncols());
+        let (weights, start) = dense.weights(&axes, &solved.mean);
+        let (count, width, arch) = (self.set.len(), axes.ncols(), Arch::new());
         let weights = Matrix::row_major(&weights, count, width, width);
-        let coefficients = Coefficients::by_blocks(voxels, width, BLOCK, precision, |first, z| {
-            z.chunks_exact_mut(width).for_each(|z| z.copy_from_slice(&start));
-            let own = Matrix::row_major(&sections[first..], count, z.len() / width, voxels).transposed();
-            multiply(z, width, own, weights, true);
-        });
+        let coefficients =
+            Coefficients::by_blocks(sections.voxels, width, BLOCK, precision, |own, first, z| {
+                z.chunks_exact_mut(width).for_each(|z| z.copy_from_slice(&start));
+                let voxels = z.len() / width;
+                sections.read(arch, first, voxels, own);
+                let own = Matrix::row_major(own, count, voxels, voxels).transposed();
+                multiply(z, width, own, weights, true);
+            });
         Ok(Fitted { axes, mean: solved.mean, coefficients, report })
     }
 
@@ -110,8 +177,9 @@ impl Start {
         precision: Precision,
         control: Control<'_>,
     ) -> Result<Fitted, HarmonicError> {
-        let (solved, axes, report) = self.sampled(plan, control)?;
-        let (weights, start) = self.weights(&axes, &solved.mean);
+        let dense = self.dense()?;
+        let (solved, axes, report) = self.sampled(&dense, plan, control)?;
+        let (weights, start) = dense.weights(&axes, &solved.mean);
         let (voxels, width) = (plan.grid().len(), axes.ncols());
         let mut coefficients = vec![0.0; voxels * width];
         coefficients.par_chunks_mut(width).for_each(|z| z.copy_from_slice(&start));
@@ -128,6 +196,14 @@ impl Start {
         }
         let coefficients = Coefficients::new(coefficients, precision);
         Ok(Fitted { axes, mean: solved.mean, coefficients, report })
+    }
+}
+
+impl Dense {
+    /// What turns sections to coefficients along some axes, `z = Uᵀ (G + R)⁻¹ Bᵀ s − Uᵀ μ`: an N × axes matrix, and a start.
+    fn weights(&self, axes: &DMatrix<f64>, mean: &DVector<f64>) -> (Vec<f32>, Vec<f32>) {
+        let start = (axes.transpose() * mean).iter().map(|&v| -v as f32).collect();
+        (self.normal.weights(&self.values, axes), start)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::solve::{Moments, Solved, column_means, function_values, gram};
+use super::solve::{Moments, column_means, function_values, gram};
 use super::{BLOCK, FitReport, FitSettings};
 use crate::control::Control;
 use crate::harmonic::HarmonicError;
@@ -70,17 +70,28 @@ impl Sample {
         Moments { right, mean, second }
     }
 
-    /// The errors of the sample's coefficients where they were not fitted; `dropped` by the axes left out.
-    pub(super) fn report(&self, solved: &Solved, basis: &Basis, sections: usize, dropped: f64) -> FitReport {
+    /// The errors of the sample's coefficients, `[voxel][function]`, where they were not fitted; `dropped` by the axes left
+    /// out. The functions stand in `order`.
+    pub(super) fn report(
+        &self,
+        coefficients: &[f32],
+        basis: &Basis,
+        order: impl Fn(usize) -> usize,
+        sections: usize,
+        dropped: f64,
+    ) -> FitReport {
         let functions = basis.len();
         let values = function_values(basis, &self.held_out);
+        let (rows, order) = (values.chunks_exact(functions), &order);
+        let values: Vec<f32> =
+            rows.flat_map(|row| (0..functions).map(move |place| row[order(place)])).collect();
         let (count, voxels) = (self.held_out.len(), self.places.len());
         let mut predicted = vec![0.0; count * voxels];
         multiply(
             &mut predicted,
             voxels,
             Matrix::row_major(&values, count, functions, functions),
-            Matrix::row_major(&solved.coefficients, voxels, functions, functions).transposed(),
+            Matrix::row_major(coefficients, voxels, functions, functions).transposed(),
             false,
         );
         let errors = predicted.iter().zip(&self.judged).map(|(&p, &e)| f64::from(p.clamp(0.0, 1.0) - e));

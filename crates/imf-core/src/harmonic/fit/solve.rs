@@ -41,18 +41,22 @@ const FALL: i32 = 7;
 /// Degrees beyond this add nothing to the sum of those left out.
 const LAST_DEGREE: usize = 400;
 
+/// R's diagonal, function by function.
+pub(super) fn ridge(basis: &Basis) -> Vec<f64> {
+    let power = |degree: usize| (degree.max(1) as f64).powi(-FALL);
+    let count = |degree| Basis::count_of_degree(basis.domain(), degree);
+    let left_out: f64 =
+        (basis.degree() + 1..LAST_DEGREE).map(|degree| count(degree) as f64 * power(degree)).sum();
+    let degrees = (0..=basis.degree()).flat_map(|degree| std::iter::repeat_n(degree, count(degree)));
+    // The constant may be anything.
+    degrees.map(|degree| if degree == 0 { 0.0 } else { left_out / power(degree) }).collect()
+}
+
 impl NormalMatrix {
     pub(super) fn new(basis: &Basis, values: &[f32]) -> Result<Self, HarmonicError> {
         let mut gram = gram(values, basis.len());
-        let power = |degree: usize| (degree.max(1) as f64).powi(-FALL);
-        let left_out: f64 = (basis.degree() + 1..LAST_DEGREE)
-            .map(|degree| Basis::count_of_degree(basis.domain(), degree) as f64 * power(degree))
-            .sum();
-        let degrees = (0..=basis.degree())
-            .flat_map(|degree| std::iter::repeat_n(degree, Basis::count_of_degree(basis.domain(), degree)));
-        for (place, degree) in degrees.enumerate() {
-            // The constant may be anything.
-            gram[(place, place)] += if degree == 0 { 0.0 } else { left_out / power(degree) };
+        for (place, ridge) in ridge(basis).into_iter().enumerate() {
+            gram[(place, place)] += ridge;
         }
         Cholesky::new(gram).map(Self).ok_or(HarmonicError::Singular)
     }

@@ -44,7 +44,7 @@ pub(in super::super) fn settings(sections: usize) -> FitSettings {
     let functions = Basis::count(Domain::Directions, degree);
     FitSettings {
         degree,
-        // Rounded up by the fit to the number of sections exactly.
+        // Rounded up by the fit to the number of sections exactly, and down to whole fours.
         sections_per_function: (sections as f64 - 0.5) / functions as f64,
         axes: functions,
         precision: Precision::F16,
@@ -144,11 +144,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_harmonic_field_takes_as_many_sections_as_are_stored() {
+    fn the_harmonic_field_takes_as_many_sections_as_are_stored_in_whole_fours() {
         for n in [4, 8, 15, 30] {
             let settings = settings(n * n);
             let sizes = settings.sizes(Domain::Directions);
-            assert_eq!(sizes.sections, n * n);
+            // Directions are fitted in fours.
+            assert_eq!(sizes.sections, n * n / 4 * 4);
             assert!(sizes.sections as f64 >= LEAST_SECTIONS * sizes.functions as f64);
             let next = Basis::count(Domain::Directions, settings.degree + 1);
             assert!((n * n) as f64 / (next as f64) < LEAST_SECTIONS, "a higher degree would do");

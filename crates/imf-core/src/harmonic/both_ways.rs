@@ -1,0 +1,135 @@
+//! `U z` and `Uᵀ b` in one reading of U: what a direction asked at a point costs.
+
+use pulp::{Arch, Simd, WithSimd};
+
+use crate::siren::lanes::{load, store};
+
+/// `weights = U z` and `along = Uᵀ b` of `u` `[functions][axes]`.
+///
+/// # Panics
+/// If a length does not fit.
+pub(crate) fn both_ways(
+    arch: Arch,
+    u: &[f32],
+    z: &[f32],
+    functions: &[f32],
+    weights: &mut [f32],
+    along: &mut [f32],
+) {
+    assert_eq!(u.len(), functions.len() * z.len(), "a row for each function, a column for each axis");
+    assert_eq!((weights.len(), along.len()), (functions.len(), z.len()), "one result each");
+    arch.dispatch(BothWays { u, z, functions, weights, along });
+}
+
+struct BothWays<'a> {
+    u: &'a [f32],
+    z: &'a [f32],
+    functions: &'a [f32],
+    weights: &'a mut [f32],
+    along: &'a mut [f32],
+}
+
+/// Rows taken together, so that their sums hide each other's latency.
+const ROWS: usize = 4;
+
+impl BothWays<'_> {
+    /// Some registers of columns, from column `first` on: their z and the sums of their `along` stay in registers.
+    #[inline(always)]
+    fn columns<S: Simd, const N: usize>(&mut self, simd: S, first: usize) {
+        let axes = self.z.len();
+        let z: [S::f32s; N] = std::array::from_fn(|place| load(simd, self.z, first + place * S::F32_LANES));
+        let mut along = [simd.splat_f32s(0.0); N];
+        let mut rows = self.u.chunks_exact(ROWS * axes);
+        let mut functions = self.functions.chunks_exact(ROWS);
+        let mut weights = self.weights.chunks_exact_mut(ROWS);
+        for ((rows, functions), weights) in rows.by_ref().zip(functions.by_ref()).zip(weights.by_ref()) {
+            let mut sums = [simd.splat_f32s(0.0); ROWS];
+            let factors: [S::f32s; ROWS] = std::array::from_fn(|row| simd.splat_f32s(functions[row]));
+            for place in 0..N {
+                let at = first + place * S::F32_LANES;
+                for row in 0..ROWS {
+                    let u = load(simd, &rows[row * axes..][..axes], at);
+                    sums[row] = simd.mul_add_e_f32s(u, z[place], sums[row]);
+                    along[place] = simd.mul_add_e_f32s(u, factors[row], along[place]);
+                }
+            }
+            for (weight, sum) in weights.iter_mut().zip(sums) {
+                *weight += simd.reduce_sum_f32s(sum);
+            }
+        }
+        let rest = rows.remainder().chunks_exact(axes).zip(functions.remainder());
+        for ((row, &function), weight) in rest.zip(weights.into_remainder()) {
+            let factor = simd.splat_f32s(function);
+            let mut sum = simd.splat_f32s(0.0);
+            for place in 0..N {
+                let u = load(simd, row, first + place * S::F32_LANES);
+                sum = simd.mul_add_e_f32s(u, z[place], sum);
+                along[place] = simd.mul_add_e_f32s(u, factor, along[place]);
+            }
+            *weight += simd.reduce_sum_f32s(sum);
+        }
+        for (place, sum) in along.into_iter().enumerate() {
+            store(simd, self.along, first + place * S::F32_LANES, sum);
+        }
+    }
+}
+
+impl WithSimd for BothWays<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        self.weights.fill(0.0);
+        let axes = self.z.len();
+        let mut first = 0;
+        while first < axes {
+            let left = (axes - first).div_ceil(S::F32_LANES);
+            let taken = match left {
+                8.. => {
+                    self.columns::<S, 8>(simd, first);
+                    8
+                }
+                4.. => {
+                    self.columns::<S, 4>(simd, first);
+                    4
+                }
+                2.. => {
+                    self.columns::<S, 2>(simd, first);
+                    2
+                }
+                _ => {
+                    self.columns::<S, 1>(simd, first);
+                    1
+                }
+            };
+            first += taken * S::F32_LANES;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::siren::lanes::archs;
+
+    #[test]
+    fn both_products_are_their_definitions() {
+        for (functions, axes) in [(1, 1), (9, 7), (81, 30), (50, 64), (67, 225), (289, 160)] {
+            let filled = |length: usize, seed: usize| -> Vec<f32> {
+                (0..length).map(|i| ((i * 37 + seed * 11) % 23) as f32 - 11.0).collect()
+            };
+            let (u, z, b) = (filled(functions * axes, 1), filled(axes, 2), filled(functions, 3));
+            for arch in archs() {
+                let (mut weights, mut along) = (vec![f32::NAN; functions], vec![f32::NAN; axes]);
+                both_ways(arch, &u, &z, &b, &mut weights, &mut along);
+                // Small whole numbers: exact in any order.
+                for (weight, row) in weights.iter().zip(u.chunks_exact(axes)) {
+                    assert_eq!(*weight, row.iter().zip(&z).map(|(u, z)| u * z).sum::<f32>());
+                }
+                for (axis, along) in along.iter().enumerate() {
+                    let column = u[axis..].iter().step_by(axes);
+                    assert_eq!(*along, column.zip(&b).map(|(u, b)| u * b).sum::<f32>());
+                }
+            }
+        }
+    }
+}
