@@ -63,7 +63,8 @@ pub struct Judgement {
     pub near: u64,
     /// Clear poses called free.
     pub found_free: u64,
-    /// Largest error of a value against the exact one of the grown tool.
+    /// Largest error of a value against the exact one of the grown tool. Of a field of depth: how far a value lies on the
+    /// wrong side, of 0 for poses where the grown tool is free or only just not, of the clearance for colliding ones.
     pub largest_error: f64,
 }
 

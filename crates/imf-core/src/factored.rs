@@ -33,6 +33,7 @@ use crate::grid::Grid;
 use crate::harmonic::basis::Basis;
 use crate::harmonic::{HarmonicField, Heads};
 use crate::orientation::Orientation;
+use crate::section::Quantity;
 use crate::siren::stack::{Ending, Stack};
 use crate::siren::{Layer, ShapeError};
 
@@ -96,9 +97,11 @@ impl FactoredShape {
     }
 }
 
-/// The overlap of tool and obstacle at any point of a grid's box, in any orientation.
+/// The overlap of tool and obstacle at any point of a grid's box, in any orientation, or the depth of that.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FactoredField {
+    /// What its values are.
+    pub quantity: Quantity,
     /// Where the voxels are that it was taught at.
     pub grid: Grid,
     /// The functions of the orientation, K of them.
@@ -132,6 +135,7 @@ impl FactoredField {
             return Err(ShapeError::Parameters { expected, found: parameters.len() });
         }
         Ok(Self {
+            quantity: teacher.quantity,
             grid: teacher.grid,
             basis: teacher.basis.clone(),
             axes: teacher.axes.clone(),

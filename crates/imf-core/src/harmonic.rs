@@ -42,7 +42,7 @@ use thiserror::Error;
 
 use crate::grid::Grid;
 use crate::orientation::OrientationSetError;
-use crate::section::SectionError;
+use crate::section::{Quantity, SectionError};
 use basis::Basis;
 use coefficients::Coefficients;
 
@@ -63,9 +63,11 @@ pub enum HarmonicError {
     Orientations(#[from] OrientationSetError),
 }
 
-/// The overlap of tool and obstacle at every voxel as a function of the orientation.
+/// The overlap of tool and obstacle at every voxel as a function of the orientation, or the depth of that.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HarmonicField {
+    /// What its values are.
+    pub quantity: Quantity,
     /// Where the voxels are.
     pub grid: Grid,
     /// The functions of the orientation, K of them.

@@ -9,7 +9,9 @@
 //! multiplies takes some buffers of a few kilobytes a block of 256 poses, and gives them back.
 //!
 //! # What is answered
-//! - Values are `overlap(x, R)`: the share of the tool's volume that lies in the obstacle with the tool's tip at x.
+//! - Values are `overlap(x, R)`: the share of the tool's volume that lies in the obstacle with the tool's tip at x. Those of
+//!   a field of signed depth ([`NeuralField::quantity`]) are lengths: how far the tool must be moved to be free, below 0 how
+//!   far it may be moved. Decisions by depth are the sharper ones by far; either falls towards freedom.
 //! - [`Decision::Free`] and [`Decision::Blocked`] are decisions by a field's calibration; [`Decision::Near`] is for an
 //!   exact check to decide. A field without calibration answers `Near` everywhere. `ExactField` and `GuardedField`
 //!   decide every pose.
@@ -74,7 +76,7 @@ pub enum Decision {
 /// A value and how it changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gradient {
-    /// The overlap, not clipped: a model's may lie a little outside [0, 1].
+    /// The overlap, not clipped: a model's may lie a little outside [0, 1]. Of a field of depth the depth.
     pub value: f32,
     /// Change for a move of the tip by one unit of length.
     pub position: Vec3,
@@ -94,7 +96,7 @@ impl Gradient {
 /// The best way to reach a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Best {
-    /// The least collision measure, in [0, 1]; NaN for a point that is not finite.
+    /// The least collision measure, in [0, 1], or the least depth; NaN for a point that is not finite.
     pub value: f32,
     /// Its orientation, by its place in the list: the first of equals, one that is decided free before all others.
     pub orientation: u32,
@@ -148,7 +150,7 @@ pub enum LoadError {
 /// # Errors
 /// All methods: as many answers as questions are needed; an exact field may find that a tool holds no voxel.
 pub trait PoseField: Send + Sync {
-    /// `overlap(x, R)` in [0, 1] of every pose.
+    /// `overlap(x, R)` in [0, 1] of every pose, or its depth.
     ///
     /// # Errors
     /// See the trait.

@@ -11,6 +11,7 @@ mod clipped;
 mod contact;
 mod convolution;
 mod counter;
+mod depth;
 mod direct;
 mod elements;
 mod imf;
@@ -22,6 +23,7 @@ mod sweep;
 
 pub use contact::{Contact, Obstacles, Skin};
 pub use counter::Method;
+pub use depth::{DepthPlan, DepthScratch, Quantity};
 pub(crate) use direct::least_mean;
 pub use direct::{direct_cmf, direct_count, direct_element_measures};
 pub use elements::{ElementMeasures, ElementPlans, ElementScratch, elements_at_best};

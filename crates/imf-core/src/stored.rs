@@ -9,6 +9,7 @@ use crate::factored::file::FactoredFile;
 use crate::harmonic::file::HarmonicFile;
 use crate::model::{Model, ModelError};
 use crate::scene::Scene;
+use crate::section::Quantity;
 use crate::tensor_file::TensorFileError;
 
 /// A field and the scene that it is of.
@@ -78,6 +79,16 @@ impl StoredField {
             Self::Factored(file) => file.write(path)?,
         }
         Ok(())
+    }
+
+    /// What its values are.
+    #[must_use]
+    pub fn quantity(&self) -> Quantity {
+        match self {
+            Self::Siren(_) => Quantity::Overlap,
+            Self::Harmonic(file) => file.field.quantity,
+            Self::Factored(file) => file.field.quantity,
+        }
     }
 
     /// What the field is of.

@@ -104,7 +104,7 @@ impl GpuFactored {
         })
     }
 
-    /// The least value over the orientations at every point, in [0, 1], with the first orientation that has it before
+    /// The least value over the orientations at every point, an overlap in [0, 1], with the first orientation that has it before
     /// values are clipped, as [`imf_core::factored::FactoredEvaluator::minimum`]. Waits for the device.
     ///
     /// # Errors
@@ -122,13 +122,14 @@ impl GpuFactored {
                 self.product_with(chunk, points.len(), true)?;
             }
             let values = self.gpu.read::<f32>(&self.least, points.len())?;
-            least.extend(values.into_iter().map(|value| value.clamp(0.0, 1.0)));
+            let quantity = self.field.quantity;
+            least.extend(values.into_iter().map(|value| quantity.held(value)));
             best.extend(self.gpu.read::<u32>(&self.best, points.len())?);
         }
         Ok((least, best))
     }
 
-    /// Overlaps in [0, 1] at every point in every orientation, `[orientation][point]`. Waits for the device.
+    /// Overlaps in [0, 1], or depths, at every point in every orientation, `[orientation][point]`. Waits for the device.
     ///
     /// # Errors
     /// As [`Self::minimum`].
@@ -148,7 +149,7 @@ impl GpuFactored {
                     let point = block * self.rows + row;
                     for (column, value) in values[..chunk.sweep.directions as usize].iter().enumerate() {
                         let orientation = chunk.sweep.first_direction as usize + column;
-                        sections[orientation * points.len() + point] = value.clamp(0.0, 1.0);
+                        sections[orientation * points.len() + point] = self.field.quantity.held(*value);
                     }
                 }
             }

@@ -15,7 +15,7 @@ use imf_core::harmonic::{FitSettings, HarmonicField, fit};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
-use imf_core::section::SectionPlan;
+use imf_core::section::{Quantity, SectionPlan};
 use imf_core::tool::Tool;
 use imf_core::training::run::{Length, TrainingPlan};
 use imf_core::training::schedule::Schedule;
@@ -30,6 +30,7 @@ fn teacher() -> HarmonicField {
     let scene = scene.scene().expect("a scene");
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).expect("a plan");
     let settings = FitSettings {
+        quantity: Quantity::Overlap,
         degree: 5,
         sections_per_function: 3.0,
         axes: 21,

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use imf_core::harmonic::FitSettings;
 use imf_core::harmonic::coefficients::Precision;
+use imf_core::section::Quantity;
 
 /// The families that `imf field` can compute with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -18,12 +19,24 @@ pub(crate) enum FieldMethod {
 /// Heading of these options.
 const HEADING: &str = "Every direction at once (--method harmonic)";
 
+/// What a field's values are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum FieldQuantity {
+    /// The share of the tool's volume that lies in the part
+    Overlap,
+    /// How far the tool must be moved to be free, below 0 how far it may be moved: what decides best
+    Depth,
+}
+
 /// Options of --method harmonic.
 #[derive(Args, Clone)]
 pub(crate) struct HarmonicArguments {
     /// How the field is computed
     #[arg(help_heading = HEADING, long, value_enum, default_value = "exact")]
     pub(crate) method: FieldMethod,
+    /// What the field's values are
+    #[arg(help_heading = HEADING, long, value_enum, default_value = "overlap", requires = "method")]
+    pub(crate) quantity: FieldQuantity,
     /// Highest degree of the harmonics: more is finer and costs memory and time by its square
     #[arg(help_heading = HEADING, long, default_value_t = 14, value_name = "L", requires = "method")]
     pub(crate) degree: usize,
@@ -51,6 +64,9 @@ pub(crate) struct HarmonicArguments {
     /// Keep the harmonic field in this file, for imf query and imf info; NAME.npz for NumPy
     #[arg(help_heading = HEADING, long, value_name = "FILE", requires = "method")]
     pub(crate) save: Option<PathBuf>,
+    /// With --save: leave out measuring what the field's decisions are worth (imf calibrate), which takes a few seconds
+    #[arg(help_heading = HEADING, long, requires = "save")]
+    pub(crate) no_calibrate: bool,
 }
 
 /// Measured: beyond a third more sections than functions, a higher degree is the better use of sections.
@@ -74,6 +90,10 @@ impl HarmonicArguments {
     /// The settings of the fit.
     pub(crate) fn settings(&self) -> FitSettings {
         FitSettings {
+            quantity: match self.quantity {
+                FieldQuantity::Overlap => Quantity::Overlap,
+                FieldQuantity::Depth => Quantity::Depth,
+            },
             degree: self.degree,
             axes: self.axes.unwrap_or(if self.chooses_degree() { usize::MAX } else { DEFAULT_AXES }),
             sections_per_function: self.sections_per_function,

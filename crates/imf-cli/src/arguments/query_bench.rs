@@ -8,8 +8,8 @@ use clap::Args;
 #[derive(Args)]
 #[command(
     after_help = "Example:\n  imf bench query bracket.safetensors small/field.safetensors --python venv/bin/python\n\n\
-                        The fields are of one scene. Where its part is built in, Coal and FCL are asked for collision of \
-                        the same tool and part as meshes at the same poses. Writes query.json and query.md."
+                        The fields are of one scene. Where its part is built in, parry3d, Coal and FCL are asked for \
+                        collision of the same tool and part as meshes at the same poses. Writes query.json and query.md."
 )]
 pub(crate) struct QueryBenchArguments {
     /// Fields of one scene: models, harmonic or factored fields
@@ -27,6 +27,9 @@ pub(crate) struct QueryBenchArguments {
     /// Python with coal, python-fcl and numpy (bench/requirements-query.txt)
     #[arg(long, default_value = "python3", value_name = "COMMAND")]
     pub(crate) python: String,
+    /// Program that asks parry3d: cargo build --release --manifest-path bench/parry3d/Cargo.toml
+    #[arg(long, default_value = "bench/parry3d/target/release/parry3d-rival", value_name = "COMMAND")]
+    pub(crate) parry3d: String,
     /// Seed of the poses
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,

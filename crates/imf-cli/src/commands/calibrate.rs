@@ -1,11 +1,12 @@
 //! `imf calibrate`: what a field's decisions are worth, kept in its file.
 
 use std::fmt::Write;
+use std::path::Path;
 
 use anyhow::{Result, bail};
 use imf_core::calibration::{Calibration, Judgement, Rate};
 use imf_core::planner::NeuralField;
-use imf_core::planner::calibrate::{CHUNK, CalibrationError, calibrate, judge};
+use imf_core::planner::calibrate::{CHUNK, CalibrationError, CalibrationSettings, calibrate, judge};
 use imf_core::stored::StoredField;
 use serde_json::json;
 
@@ -67,6 +68,42 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
         }));
     }
     print(&text(&calibration))
+}
+
+/// Measures what the decisions of a field just written are worth, and keeps it in its file: the end of making or training
+/// one. Where that cannot be told the file stays as it is, and a note says why.
+pub(super) fn afterwards(session: &Session, path: &Path) -> Result<()> {
+    let settings = CalibrationSettings::default();
+    let field = NeuralField::load(path)?;
+    let stage = session.stage("calibrating", "batches", settings.units());
+    let advance = |n| stage.advance(n);
+    match calibrate(&field, &settings, session.control(&advance)) {
+        Err(CalibrationError::Cancelled) => {
+            let kept = format!("{} is written; imf calibrate goes on", path.display());
+            Err(Interrupted(kept).into())
+        }
+        Err(error) => {
+            stage.finish("not calibrated");
+            session.note(&format!("decisions are not calibrated: {error}"));
+            Ok(())
+        }
+        Ok(calibration) => {
+            stage.finish(if calibration.keeps_its_goals() { "goals kept" } else { "goals missed" });
+            drop(field);
+            let mut stored = StoredField::read(path)?;
+            stored.set_calibration(calibration);
+            stored.write(path)?;
+            session.note(&format!("decisions: {}", judgement(&calibration.uniform)));
+            Ok(())
+        }
+    }
+}
+
+/// Samples that a training must at least have seen for its calibration to take an eighth of its time: an evaluation takes a
+/// third of a step.
+pub(super) fn is_short_beside(samples: u64) -> bool {
+    let CalibrationSettings { uniform, boundary, .. } = CalibrationSettings::default();
+    3 * samples >= 8 * (2 * uniform + boundary) as u64
 }
 
 /// The record as a table.

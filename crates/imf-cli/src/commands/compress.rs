@@ -17,6 +17,7 @@ use imf_gpu::shader::Factors;
 use imf_gpu::{Gpu, GpuTrainer};
 use serde_json::json;
 
+use super::calibrate;
 use crate::arguments::compress::CompressArguments;
 use crate::engine::Device;
 use crate::interrupt::{self, Interrupted};
@@ -106,7 +107,12 @@ pub(crate) fn run(session: &Session, arguments: &CompressArguments) -> Result<()
     stage.finish(&format!("loss {loss:.2e}"));
     let out = arguments.out.join(FIELD);
     let file = work.write(&out, &state, false)?;
-    report(session, &out, &file, loss)
+    report(session, &out, &file, loss)?;
+    drop((file, teacher));
+    if arguments.no_calibrate || !calibrate::is_short_beside(total * batch) {
+        return Ok(());
+    }
+    calibrate::afterwards(session, &out)
 }
 
 /// An engine on a GPU that goes on from `state`.
@@ -143,6 +149,10 @@ impl Work<'_> {
             ensure!(
                 from.field.basis.domain() == self.teacher.field.basis.domain(),
                 "--from is a field of another kind of tool: one is symmetric about its axis, the other is not"
+            );
+            ensure!(
+                from.field.quantity == self.teacher.field.quantity,
+                "--from is a field of another quantity: one is of overlaps, the other of depths"
             );
             let parameters = from.field.parameters_for(&self.teacher.field)?;
             return Ok(FactoredState::from_parameters(parameters, false));

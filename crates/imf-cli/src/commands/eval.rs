@@ -7,7 +7,7 @@ use imf_core::harmonic::basis::Basis;
 use imf_core::harmonic::coefficients::Precision;
 use imf_core::harmonic::{HarmonicAnswers, HarmonicField};
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::section::SectionPlan;
+use imf_core::section::{Quantity, SectionPlan};
 use imf_core::stored::StoredField;
 
 use crate::arguments::EvalArguments;
@@ -24,6 +24,12 @@ pub(crate) fn run(session: &Session, arguments: &EvalArguments) -> Result<()> {
         prepare_folder(folder)?;
     }
     let stored = StoredField::read(&arguments.model)?;
+    if stored.quantity() == Quantity::Depth {
+        bail!(
+            "{} is a field of depth, which exact sections do not hold: imf calibrate --verify judges its decisions",
+            arguments.model.display()
+        );
+    }
     let record = &stored.scene().record;
     let coefficients = match &stored {
         StoredField::Factored(file) => 4 * (record.grid.len() * file.field.shape.axes) as u64,

@@ -16,19 +16,25 @@ use serde_json::{Value, json};
 
 use self::check::Check;
 use self::counting::Streamed;
-use self::harmonic::Harmonic;
+use self::harmonic::{Harmonic, is_npz};
+use super::calibrate;
 use crate::arguments::FieldArguments;
-use crate::arguments::harmonic::FieldMethod;
+use crate::arguments::harmonic::{FieldMethod, FieldQuantity};
 use crate::engine::Device;
-use crate::output::{OutputFolder, SUMMARY};
+use crate::output::{OutputFolder, SUMMARY, print, print_json};
 use crate::session::Session;
 
 /// The list of orientations beside the fields: their indices count its lines.
 const ORIENTATIONS: &str = "orientations.csv";
 
 pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
-    let set = OrientationSet::parse(&arguments.orientations)?;
-    let folder = OutputFolder::check(&arguments.out)?;
+    let asked = match (&arguments.orientations, &arguments.out) {
+        (Some(set), Some(out)) => Some((OrientationSet::parse(set)?, OutputFolder::check(out)?)),
+        _ => None,
+    };
+    if asked.is_some() && arguments.harmonic.quantity == FieldQuantity::Depth {
+        bail!("a field of depth is kept, not written as sections: leave out --orientations and --out");
+    }
     // A harmonic field is kept with its scene, which must then hold every fixture.
     let (scene, bodies) = match arguments.harmonic.method {
         FieldMethod::Exact => {
@@ -40,7 +46,8 @@ pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
     };
     let obstacle = bodies.as_ref().map_or_else(|| scene.obstacle.clone(), Bodies::obstacle);
     let tool = &scene.record.tool;
-    if !scene.record.bare_tool().is_axisymmetric() && set.orientations.iter().all(|o| o.roll == 0.0) {
+    let rolls = |(set, _): &(OrientationSet, _)| set.orientations.iter().any(|o| o.roll != 0.0);
+    if !scene.record.bare_tool().is_axisymmetric() && !asked.as_ref().is_none_or(rolls) {
         session.note("the tool is not axisymmetric, and no orientation rolls it: see so3:N");
     }
     let device = Device::open(&arguments.device, session)?;
@@ -60,6 +67,13 @@ pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
         bail!("--elements needs a tool of cutter, shank and holder, and the tool '{}' is a mesh", tool.name);
     }
     let harmonic = Harmonic::make(session, &scene, &plan, arguments)?;
+    let Some((set, folder)) = asked else {
+        let told = harmonic.as_ref().map(|made| json!({ "harmonic": made.summary(), "scene": scene.record }));
+        let described = harmonic.as_ref().map(Harmonic::describe).unwrap_or_default();
+        drop(harmonic);
+        calibrated(session, arguments)?;
+        return if session.json { print_json(&told) } else { print(&format!("{described}\n")) };
+    };
     let work = Work {
         session,
         folder,
@@ -72,7 +86,23 @@ pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
         check: Check::new(arguments.check),
     };
     session.detail(&work.computed_by());
-    if arguments.imf { inaccessibility::run(&work) } else { sections::run(&work) }
+    if arguments.imf {
+        inaccessibility::run(&work)?;
+    } else {
+        sections::run(&work)?;
+    }
+    drop(harmonic);
+    calibrated(session, arguments)
+}
+
+/// Measures what the decisions of a field that was kept are worth; two of it need not be in memory at once.
+fn calibrated(session: &Session, arguments: &FieldArguments) -> Result<()> {
+    match &arguments.harmonic.save {
+        Some(path) if !arguments.harmonic.no_calibrate && !is_npz(path) => {
+            calibrate::afterwards(session, path)
+        }
+        _ => Ok(()),
+    }
 }
 
 /// What both kinds of field are made from.

@@ -4,7 +4,7 @@ use anyhow::Result;
 use imf_core::model::Model;
 use imf_core::training::TrainingState;
 
-use super::train::announce;
+use super::train::{announce, calibrated};
 use crate::arguments::FinetuneArguments;
 use crate::engine::Device;
 use crate::job::{self, Data, Settings};
@@ -38,5 +38,7 @@ pub(crate) fn run(session: &Session, arguments: &FinetuneArguments) -> Result<()
     };
     let settings = Settings::new(&arguments.plan);
     let model = job::run(session, &device, &data, model, &arguments.out, &settings)?;
-    announce(session, arguments.out.join("model.safetensors").as_path(), &model)
+    let path = arguments.out.join("model.safetensors");
+    announce(session, &path, &model)?;
+    calibrated(session, &path, &model, arguments.no_calibrate)
 }

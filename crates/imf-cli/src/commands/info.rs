@@ -15,8 +15,10 @@ use glam::DMat4;
 use imf_core::calibration::Calibration;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneRecord;
+use imf_core::section::Quantity;
 use imf_core::stored::StoredField;
 use imf_core::tool::Tool;
+use imf_core::unit::LengthUnit;
 use serde_json::Value;
 
 use super::calibrate::judgement;
@@ -95,6 +97,18 @@ fn calibration_lines(calibration: Option<&Calibration>) -> Vec<(&'static str, St
         ("  anywhere", judgement(&known.uniform)),
         ("  at contact", judgement(&known.boundary)),
     ]
+}
+
+/// What a field's values are.
+fn quantity_text(quantity: Quantity, unit: LengthUnit) -> String {
+    match quantity {
+        Quantity::Overlap => "overlap: the share of the tool's volume that lies in the part".into(),
+        Quantity::Depth => {
+            format!(
+                "depth in {unit}: how far the tool must be moved to be free, below 0 how far it may be moved"
+            )
+        }
+    }
 }
 
 /// What a field was made for.

@@ -9,14 +9,14 @@ use std::fs::File;
 use std::io::{Error as IoError, Read, Write, stdin, stdout};
 use std::path::Path;
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, bail};
 use glam::DVec3;
 use imf_core::atomic_file::write_atomically;
 use imf_core::factored::FactoredAnswers;
 use imf_core::field::{ContactField, ExactField, Field, LearntField, Pose, collision_measures};
 use imf_core::grid::Grid;
 use imf_core::harmonic::HarmonicAnswers;
-use imf_core::section::Contact;
+use imf_core::section::{Contact, Quantity};
 use imf_core::stored::StoredField;
 
 use self::answers::{AnswerWriter, Answers};
@@ -40,6 +40,10 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     let (input, bytes, name) = open(&arguments.poses)?;
     let poses = PoseReader::new(input, name)?;
     let stored = StoredField::read(&arguments.model)?;
+    let quantity = stored.quantity();
+    if quantity == Quantity::Depth && arguments.exact {
+        bail!("{} answers depths, and --exact counts overlaps: leave it out", arguments.model.display());
+    }
     let scene = stored.scene();
     let record = &scene.record;
     if !matches!(stored, StoredField::Siren(_)) {
@@ -69,6 +73,7 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     let (contact, rest) = (Contact::of_scene(scene), record.tool_without_cutter()?);
     let mut work = Work {
         grid: record.grid,
+        quantity,
         learnt,
         exact: arguments.exact.then(|| match &contact {
             Some(contact) => {
@@ -112,6 +117,7 @@ fn open(path: &Path) -> Result<(Box<dyn Read>, Option<u64>, String)> {
 struct Work<'a> {
     /// The field was made for its voxels.
     grid: Grid,
+    quantity: Quantity,
     learnt: Box<dyn Field + 'a>,
     exact: Option<Box<dyn Field + 'a>>,
     sharp_points: Option<Vec<DVec3>>,
@@ -131,7 +137,11 @@ impl Work<'_> {
         let mut answers = Answers::default();
         // Before the header: poses that cannot be read at all leave no half of an answer.
         poses.read(size, &mut answers.records, &mut answers.poses)?;
-        let measure = if self.sharp_points.is_some() { "cmf" } else { "overlap" };
+        let measure = match (self.quantity, &self.sharp_points) {
+            (Quantity::Depth, _) => "depth",
+            (Quantity::Overlap, Some(_)) => "cmf",
+            (Quantity::Overlap, None) => "overlap",
+        };
         let mut writer =
             AnswerWriter::start(poses.header(), measure, self.exact.is_some(), session.json, out)?;
         let stage = session.stage("poses", "kB", bytes.unwrap_or(0) / KILOBYTE);

@@ -5,6 +5,7 @@ use imf_core::siren::SirenShape;
 use imf_core::training::TrainingState;
 use serde_json::json;
 
+use super::calibrate;
 use crate::arguments::TrainArguments;
 use crate::engine::Device;
 use crate::job::{self, Data, Settings};
@@ -34,7 +35,23 @@ pub(crate) fn run(session: &Session, arguments: &TrainArguments) -> Result<()> {
     };
     let settings = Settings::new(&arguments.plan);
     let model = job::run(session, &device, &data, model, &arguments.out, &settings)?;
-    announce(session, arguments.out.join("model.safetensors").as_path(), &model)
+    let path = arguments.out.join("model.safetensors");
+    announce(session, &path, &model)?;
+    calibrated(session, &path, &model, arguments.no_calibrate)
+}
+
+/// Measures what a trained model's decisions are worth, where that is short beside its training.
+pub(super) fn calibrated(
+    session: &Session,
+    path: &std::path::Path,
+    model: &imf_core::model::Model,
+    left_out: bool,
+) -> Result<()> {
+    let samples = model.record.steps * model.record.plan.batch as u64;
+    if left_out || !session.rank().is_first() || !calibrate::is_short_beside(samples) {
+        return Ok(());
+    }
+    calibrate::afterwards(session, path)
 }
 
 /// The closing line of a training.

@@ -9,9 +9,8 @@ const SCENE: [&str; 7] = ["teapot", "--dims", "15,20,31", "--clearance", "4", "-
 #[test]
 fn a_calibrated_field_tells_what_it_is_worth_and_proves_what_a_check_may_leave_out() {
     let folder = Folder::new();
-    let made =
-        ["--method", "harmonic", "--degree", "6", "--orientations", "0,0", "--save", "field.safetensors"];
-    folder.succeed(&[&["field"], &SCENE[..], &made, &["--out", "sections"]].concat());
+    let made = ["--method", "harmonic", "--degree", "6", "--no-calibrate", "--save", "field.safetensors"];
+    folder.succeed(&[&["field"], &SCENE[..], &made].concat());
     folder.refuse(
         &["calibrate", "field.safetensors", "--verify"],
         &["field.safetensors", "leave out --verify"],
@@ -39,4 +38,37 @@ fn a_calibrated_field_tells_what_it_is_worth_and_proves_what_a_check_may_leave_o
     assert!(guarded.stderr.contains("were proven free by the guarded field"), "{}", guarded.stderr);
     let other = [&check[..], &["--field", "field.safetensors", "--margin", "3"]].concat();
     folder.run(&other).is_refusal(&["field.safetensors"], &other);
+}
+
+#[test]
+fn a_field_of_depth_is_calibrated_when_it_is_made_and_leaves_little_near() {
+    let folder = Folder::new();
+    let made =
+        ["--method", "harmonic", "--quantity", "depth", "--degree", "8", "--save", "depth.safetensors"];
+    // Two voxels of clearance.
+    let scene = ["teapot", "--dims", "15,20,31", "--clearance", "8", "--clearance-cutter", "8"];
+    let making = [&["field"], &scene[..], &made].concat();
+    let run = folder.run(&[&making[..], &["--json"]].concat());
+    let told: Value = serde_json::from_str(&run.stdout).unwrap();
+    assert_eq!(told["harmonic"]["settings"]["quantity"], "depth");
+    let info = folder.json(&["info", "depth.safetensors"]);
+    assert_eq!(info["settings"]["quantity"], "depth");
+    let uniform = &info["calibration"]["uniform"];
+    let count = |value: &Value| value.as_u64().unwrap_or_else(|| panic!("{info}"));
+    assert!(count(&uniform["false_free"]["of"]) >= 46_052, "{uniform}");
+    assert!(uniform["false_free"]["bound"].as_f64().unwrap() <= 1e-4, "{uniform}");
+    assert!(uniform["false_blocked"]["bound"].as_f64().unwrap() <= 0.05, "{uniform}");
+    assert!(10 * count(&uniform["near"]) <= count(&uniform["poses"]), "{uniform}");
+    // The stated rates hold on fresh poses.
+    folder.succeed(&["calibrate", "depth.safetensors", "--verify", "--seed", "1"]);
+
+    folder.write("poses.csv", "x,y,z,theta,phi\n0,0,0,10,20\n");
+    let answers = folder.succeed(&["query", "depth.safetensors", "poses.csv"]).stdout;
+    assert!(answers.lines().next().unwrap().ends_with("depth"), "{answers}");
+    let exact = ["query", "depth.safetensors", "poses.csv", "--exact"];
+    folder.run(&exact).is_refusal(&["depth.safetensors", "--exact counts overlaps"], &exact);
+    let eval = ["eval", "depth.safetensors"];
+    folder.run(&eval).is_refusal(&["imf calibrate --verify"], &eval);
+    let sections = [&making[..], &["--orientations", "0,0", "--out", "sections"]].concat();
+    folder.run(&sections).is_refusal(&["leave out --orientations"], &sections);
 }

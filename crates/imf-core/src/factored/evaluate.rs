@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::{FactoredField, INPUTS};
 use crate::harmonic::coefficients::{Coefficients, Precision};
 use crate::harmonic::{FitReport, HarmonicField, Heads, VoxelCoefficients, dot, minimum_of, sections_of};
-use crate::section::Imf;
+use crate::section::{Imf, Quantity};
 use crate::siren::forward::Network;
 use crate::siren::matrix::prefer_unpacked;
 use crate::siren::plan::{Plan, transpose_all};
@@ -112,6 +112,7 @@ impl FactoredEvaluator<'_> {
             self.block(voxels.map(|voxel| field.grid.centre(field.grid.voxel(voxel))), z);
         });
         HarmonicField {
+            quantity: field.quantity,
             grid: field.grid,
             basis: field.basis.clone(),
             axes: field.axes.clone(),
@@ -145,7 +146,7 @@ impl FactoredEvaluator<'_> {
                 for (overlap, &[point, orientation]) in overlaps.iter_mut().zip(poses) {
                     let z = &z[point as usize * axes..][..axes];
                     let (constant, along) = turned.of(orientation as usize);
-                    *overlap = (constant + dot(z, along)).clamp(0.0, 1.0);
+                    *overlap = self.field.quantity.held(constant + dot(z, along));
                 }
             });
         });
@@ -153,6 +154,10 @@ impl FactoredEvaluator<'_> {
 }
 
 impl VoxelCoefficients for FactoredEvaluator<'_> {
+    fn quantity(&self) -> Quantity {
+        self.field.quantity
+    }
+
     fn voxels(&self) -> usize {
         self.field.grid.len()
     }

@@ -185,6 +185,7 @@ impl FactoredFile {
             FactoredState { training, averaged: next(), cursor }
         });
         let field = FactoredField {
+            quantity: fit.quantity,
             grid: scene.record.grid,
             basis: Basis::new(domain, fit.degree),
             axes: floats(axes),

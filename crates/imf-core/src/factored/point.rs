@@ -39,7 +39,7 @@ impl FactoredEvaluator<'_> {
         scratch: &mut PointScratch,
     ) -> Option<f32> {
         self.pass::<1>(position, scratch)?;
-        Some(self.value(orientation, scratch).clamp(0.0, 1.0))
+        Some(self.field.quantity.held(self.value(orientation, scratch)))
     }
 
     /// The overlap, not clipped, with its gradients in position and direction. `None` outside the box of the voxel
@@ -118,7 +118,7 @@ impl FactoredPoint<'_> {
     /// The overlap in an orientation, in [0, 1].
     #[must_use]
     pub fn overlap(&mut self, orientation: &Orientation) -> f32 {
-        self.evaluator.value(orientation, self.scratch).clamp(0.0, 1.0)
+        self.evaluator.field.quantity.held(self.evaluator.value(orientation, self.scratch))
     }
 
     /// The overlap, not clipped, with its gradients; `None` for fields over rotations, or a direction of no length.

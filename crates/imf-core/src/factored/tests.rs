@@ -14,7 +14,7 @@ use crate::harmonic::{FitSettings, HarmonicField, fit};
 use crate::orientation::OrientationSet;
 use crate::parts::ReferencePart;
 use crate::scene::{Scene, SceneSpec};
-use crate::section::{Imf, SectionPlan};
+use crate::section::{Imf, Quantity, SectionPlan};
 use crate::siren::lanes::archs;
 use crate::siren::muon::MuonConfig;
 use crate::tensor_file::TensorFileError;
@@ -35,6 +35,7 @@ fn scene() -> Scene {
 }
 
 const FIT: FitSettings = FitSettings {
+    quantity: Quantity::Overlap,
     degree: 5,
     sections_per_function: 3.0,
     axes: 21,

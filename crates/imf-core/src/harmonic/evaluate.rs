@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::HarmonicField;
 use super::basis::Basis;
 use crate::orientation::Orientation;
-use crate::section::Imf;
+use crate::section::{Imf, Quantity};
 use crate::siren::matrix::{Matrix, multiply};
 
 /// Orientations as the field reads them: `Uᵀ b(R)` and `μ·b(R)` for each.
@@ -135,6 +135,8 @@ impl TurnedHeads<'_> {
 pub(crate) trait VoxelCoefficients: Sync {
     /// Voxels of the grid.
     fn voxels(&self) -> usize;
+    /// What the values are.
+    fn quantity(&self) -> Quantity;
     /// Coefficients of a voxel.
     fn axes(&self) -> usize;
     /// `[voxel][axes]` of a range: where they lie, or computed into `scratch`.
@@ -156,7 +158,7 @@ impl HarmonicField {
         Heads::new(&self.basis, &self.axes, &self.mean, orientations)
     }
 
-    /// The sections of some orientations, `[orientation][voxel]` into `sections`, in [0, 1].
+    /// The sections of some orientations, `[orientation][voxel]` into `sections`; overlaps in [0, 1].
     ///
     /// # Panics
     /// If `sections` has not that length.
@@ -164,7 +166,7 @@ impl HarmonicField {
         sections_of(self, heads, sections);
     }
 
-    /// The least value over the orientations at every voxel, in [0, 1], with the first orientation that has it before
+    /// The least value over the orientations at every voxel, an overlap in [0, 1], with the first orientation that has it before
     /// clipping. Memory does not grow with the number of orientations but for [`Heads`].
     #[must_use]
     pub fn minimum(&self, heads: &Heads) -> Imf {
@@ -173,6 +175,10 @@ impl HarmonicField {
 }
 
 impl VoxelCoefficients for HarmonicField {
+    fn quantity(&self) -> Quantity {
+        self.quantity
+    }
+
     fn voxels(&self) -> usize {
         self.grid.len()
     }
@@ -189,7 +195,7 @@ impl VoxelCoefficients for HarmonicField {
 
 /// [`HarmonicField::sections`] of coefficients from anywhere.
 pub(crate) fn sections_of(source: &impl VoxelCoefficients, heads: &Heads, sections: &mut [f32]) {
-    let (voxels, axes) = (source.voxels(), source.axes());
+    let (voxels, axes, quantity) = (source.voxels(), source.axes(), source.quantity());
     assert_eq!(sections.len(), voxels * heads.len(), "one value for each orientation and voxel");
     // The same array by blocks of voxels: one piece of each section.
     let blocks = voxels.div_ceil(HarmonicField::BLOCK);
@@ -208,7 +214,7 @@ pub(crate) fn sections_of(source: &impl VoxelCoefficients, heads: &Heads, sectio
             let columns = chunk.len();
             for (column, piece) in pieces[chunk].iter_mut().enumerate() {
                 let values = values[column..].iter().step_by(columns);
-                piece.iter_mut().zip(values).for_each(|(out, &value)| *out = value.clamp(0.0, 1.0));
+                piece.iter_mut().zip(values).for_each(|(out, &value)| *out = quantity.held(value));
             }
         }
     });
@@ -237,7 +243,7 @@ pub(crate) fn minimum_of(source: &impl VoxelCoefficients, heads: &Heads) -> Imf 
                     }
                 }
             }
-            least.iter_mut().for_each(|v| *v = v.clamp(0.0, 1.0));
+            least.iter_mut().for_each(|v| *v = source.quantity().held(*v));
         },
     );
     whole

@@ -119,6 +119,7 @@ impl HarmonicFile {
         let scene =
             Scene::from_packed_voxels(scene, |name| tensors.optional(name)).map_err(|e| file.damaged(&e))?;
         let field = HarmonicField {
+            quantity: settings.quantity,
             grid,
             basis: Basis::new(domain, settings.degree),
             axes: floats(axes),

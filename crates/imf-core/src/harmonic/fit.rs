@@ -19,6 +19,7 @@ mod kept;
 mod passes;
 mod sample;
 mod solve;
+mod source;
 
 use serde::{Deserialize, Serialize};
 
@@ -26,14 +27,18 @@ use super::basis::{Basis, Domain};
 use super::coefficients::Precision;
 use super::{HarmonicError, HarmonicField};
 use crate::control::Control;
-use crate::section::SectionPlan;
+use crate::section::{Quantity, SectionPlan};
 use passes::{Fitted, Start};
 use solve::row_major;
+use source::Source;
 
 /// What a harmonic field is made by.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FitSettings {
+    /// What is fitted. Files of overlaps do not name it: they are what all were before.
+    #[serde(skip_serializing_if = "Quantity::is_overlap")]
+    pub quantity: Quantity,
     /// Highest degree L of the functions.
     pub degree: usize,
     /// Sections for each function, at least 1.
@@ -57,6 +62,7 @@ pub struct FitSettings {
 impl Default for FitSettings {
     fn default() -> Self {
         Self {
+            quantity: Quantity::Overlap,
             degree: 14,
             sections_per_function: 4.0,
             axes: 128,
@@ -156,7 +162,7 @@ fn batch_size(voxels: usize, sections: usize) -> usize {
 }
 
 /// Makes a field of what `plan`'s sections are: the overlap at the tip where the tip alone is sharp, else the least over
-/// the sharp points. One unit of progress is one section; there are [`section_count`] of them.
+/// the sharp points; or of the depth of that. One unit of progress is one section; there are [`section_count`] of them.
 ///
 /// # Errors
 /// Settings out of range, a failed section, or cancellation.
@@ -166,13 +172,15 @@ pub fn fit(
     settings: &FitSettings,
     control: Control<'_>,
 ) -> Result<HarmonicField, HarmonicError> {
-    let start = Start::new(plan, domain, settings, control)?;
+    let source = Source::new(plan, settings.quantity)?;
+    let start = Start::new(&source, domain, settings, control)?;
     let Fitted { axes, mean, coefficients, report } = match settings.one_pass {
-        true if start.in_classes() => start.class_by_class(plan, settings.precision, control)?,
-        true => start.in_one_pass(plan, settings.precision, control)?,
-        false => start.in_two_passes(plan, settings.precision, control)?,
+        true if start.in_classes() => start.class_by_class(&source, settings.precision, control)?,
+        true => start.in_one_pass(&source, settings.precision, control)?,
+        false => start.in_two_passes(&source, settings.precision, control)?,
     };
     Ok(HarmonicField {
+        quantity: settings.quantity,
         grid: *plan.grid(),
         basis: start.basis,
         axes: row_major(&axes),
@@ -193,7 +201,8 @@ pub fn estimate(
     settings: &FitSettings,
     control: Control<'_>,
 ) -> Result<FitReport, HarmonicError> {
-    Start::new(plan, domain, settings, control)?.estimated(plan, control)
+    let source = Source::new(plan, settings.quantity)?;
+    Start::new(&source, domain, settings, control)?.estimated(&source, control)
 }
 
 /// Sections that [`fit`] computes.

@@ -11,7 +11,7 @@ use crate::orientation::Orientation;
 /// What a pose's overlap is and how it changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gradient {
-    /// The overlap, not clipped to [0, 1].
+    /// The overlap, not clipped to [0, 1], or the depth.
     pub value: f32,
     /// Change for a move of the tip by one unit of length.
     pub position: DVec3,
@@ -131,7 +131,7 @@ impl HarmonicField {
         Functions { arch: Arch::new(), basis: &self.basis, axes: &self.axes, mean: &self.mean }
     }
 
-    /// The overlap with the tool's tip at a world position, clipped to [0, 1]; trilinear between voxel centres.
+    /// The overlap with the tool's tip at a world position, clipped to [0, 1], or the depth; trilinear between voxel centres.
     /// `None` outside the box of the voxel centres.
     #[must_use]
     pub fn overlap(
@@ -142,7 +142,7 @@ impl HarmonicField {
     ) -> Option<f32> {
         self.mix(position, 1, scratch)?;
         let value = self.functions().value(orientation, &scratch.mixed, &mut scratch.turns);
-        Some(value.clamp(0.0, 1.0))
+        Some(self.quantity.held(value))
     }
 
     /// The overlap with its gradients in position and direction. One-sided where a position lies on a voxel centre's

@@ -33,7 +33,7 @@ const PROMISED: f64 = 1e-4;
 impl HarmonicField {
     /// Lowers the minimum over `orientations`, as [`HarmonicField::minimum`] found it, along the sphere to the bottom of
     /// the valley that each voxel's best orientation lies in. Voxels whose value is 0 stay: nothing is lower. One unit
-    /// of progress is one voxel. `None` for fields over rotations.
+    /// of progress is one voxel. `None` for fields over rotations and for depths.
     ///
     /// # Errors
     /// Cancellation.
@@ -46,7 +46,7 @@ impl HarmonicField {
         orientations: &[Orientation],
         control: Control<'_>,
     ) -> Result<Option<Refined>, SectionError> {
-        if self.basis.domain() != Domain::Directions {
+        if self.basis.domain() != Domain::Directions || !self.quantity.is_overlap() {
             return Ok(None);
         }
         let voxels = self.grid.len();

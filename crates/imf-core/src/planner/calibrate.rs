@@ -7,7 +7,8 @@
 //!
 //! The threshold of "free" is the largest at which the bound of the false-free rate keeps half the goal, which leaves
 //! room for the judging poses to differ; that of "blocked" is the smallest at which the rate among clear poses
-//! keeps nine tenths of its goal.
+//! keeps nine tenths of its goal. Where the second lies below the first every pose can be decided, and both are moved to the
+//! middle between: then either rate is far below its goal.
 
 use glam::{DQuat, DVec3, Vec3};
 use rand::{Rng, SeedableRng};
@@ -19,6 +20,7 @@ use super::guard::Guard;
 use super::{Decision, NeuralField, PlannerError, Pose};
 use crate::calibration::{Calibration, Goals, Judgement, Rate, most_errors};
 use crate::control::Control;
+use crate::section::Quantity;
 use crate::tool::{ClearanceError, ToolError};
 
 /// How many poses are drawn, and what is asked.
@@ -28,7 +30,7 @@ pub struct CalibrationSettings {
     pub uniform: usize,
     /// Boundary poses to judge by.
     pub boundary: usize,
-    /// Of either kind, poses whose value is compared with the exact one.
+    /// Of either kind, poses whose overlap is compared with the exact one; depths are judged at all.
     pub errors: usize,
     /// Seed of all poses.
     pub seed: u64,
@@ -132,10 +134,16 @@ pub fn calibrate(
         Some(most) => clear.iter().rev().nth(most as usize).map(|value| value.next_up()),
         None => clear.last().map(|value| value.next_up()),
     };
-    let blocked_from = blocked_from.or(Some(f32::MIN)).map(|blocked| match free_up_to {
-        Some(free) => blocked.max(free.next_up()),
-        None => blocked,
-    });
+    let (free_up_to, blocked_from) = match (free_up_to, blocked_from) {
+        // Every pose can be decided: in the middle of what the goals allow.
+        (Some(free), Some(blocked)) if blocked <= free => {
+            let middle = 0.5 * (free + blocked);
+            (Some(middle), Some(middle.next_up()))
+        }
+        (Some(free), None) => (Some(free), Some(free.next_up())),
+        (None, None) => (None, Some(f32::MIN)),
+        apart => apart,
+    };
     let thresholds = Thresholds { free_up_to, blocked_from, goals };
     let [uniform, boundary] = thresholds.judge(&truth, settings, control)?;
     Ok(Calibration { free_up_to, blocked_from, goals, seed: settings.seed, uniform, boundary })
@@ -187,6 +195,8 @@ struct Truth<'a> {
     field: &'a NeuralField,
     bare: Guard,
     grown: Guard,
+    /// Least clearance of any element.
+    room: f64,
 }
 
 impl<'a> Truth<'a> {
@@ -194,7 +204,9 @@ impl<'a> Truth<'a> {
         let scene = field.scene();
         let bare = Guard::new(scene, &Default::default())?;
         let grown = Guard::new(scene, &scene.record.clearance)?;
-        Ok(Self { field, bare, grown })
+        let clearance = scene.record.clearance;
+        let room = bare.elements().map(|kind| clearance.of(kind)).fold(f64::INFINITY, f64::min);
+        Ok(Self { field, bare, grown, room: if room.is_finite() { room } else { 0.0 } })
     }
 
     /// So many poses, the first `errors` of them compared with the exact value. `part` keeps draws of one seed apart.
@@ -226,10 +238,12 @@ impl<'a> Truth<'a> {
                         (false, true) => Kind::Between,
                         (false, false) => Kind::Clear,
                     };
-                    let error = if first + place < errors {
-                        (self.grown.overlap(pose)? - f64::from(value.clamp(0.0, 1.0))).abs()
-                    } else {
-                        0.0
+                    let error = match self.field.quantity() {
+                        Quantity::Depth => self.wrong_side(kind, value),
+                        Quantity::Overlap if first + place < errors => {
+                            (self.grown.overlap(pose)? - f64::from(value.clamp(0.0, 1.0))).abs()
+                        }
+                        Quantity::Overlap => 0.0,
                     };
                     Ok(Seen { value, kind, error })
                 });
@@ -239,6 +253,17 @@ impl<'a> Truth<'a> {
             })
             .collect::<Result<_, _>>()?;
         Ok(chunks.into_iter().flatten().collect())
+    }
+
+    /// How far a depth lies beyond what its pose allows: a colliding tool is at least as deep as its clearance.
+    fn wrong_side(&self, kind: Kind, depth: f32) -> f64 {
+        let depth = f64::from(depth);
+        let wrong = match kind {
+            Kind::Colliding => self.room - depth,
+            Kind::Between => -depth,
+            Kind::Clear => depth,
+        };
+        wrong.max(0.0)
     }
 
     fn pose(&self, draw: Draw, random: &mut ChaCha8Rng) -> Pose {

@@ -9,6 +9,7 @@ use crate::factored::{self, FactoredEvaluator};
 use crate::grid::Grid;
 use crate::harmonic::basis::{Basis, Domain};
 use crate::harmonic::{self, HarmonicField};
+use crate::section::Quantity;
 use crate::siren::evaluator::{CpuEvaluator, TangentScratch};
 use crate::siren::matrix::{Matrix, multiply, prefer_unpacked};
 use crate::siren::{INPUTS, features};
@@ -64,6 +65,15 @@ impl Family {
     /// The box of voxel centres.
     fn bounds(grid: &Grid) -> (DVec3, DVec3) {
         (grid.centre([0; 3]), grid.centre(grid.dims.map(|n| n - 1)))
+    }
+
+    /// What its values are.
+    pub(super) fn quantity(&self) -> Quantity {
+        match self {
+            Self::Siren(_) => Quantity::Overlap,
+            Self::Harmonic(field) => field.quantity,
+            Self::Factored(evaluator) => evaluator.field().quantity,
+        }
     }
 
     fn source(&self) -> Option<Source<'_>> {
@@ -131,7 +141,7 @@ impl Family {
         })
     }
 
-    /// The least value over orientations at every point inside the box, for a tool with its tip alone, by products of all
+    /// The least value, not clipped, over orientations at every point inside the box, for a tool with its tip alone, by products of all
     /// points with all orientations; `false` where the family has none. `decide` gives the decision of a value.
     pub(super) fn least(
         &self,
@@ -297,9 +307,6 @@ impl Source<'_> {
                     }
                 }
             }
-        }
-        for best in best.iter_mut() {
-            best.value = best.value.clamp(0.0, 1.0);
         }
     }
 }

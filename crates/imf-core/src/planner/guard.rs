@@ -5,7 +5,7 @@ use super::exact::{count, normaliser, touches};
 use crate::field::ExactField;
 use crate::scene::Scene;
 use crate::section::Contact;
-use crate::tool::{Clearance, ClearanceError, Tool, ToolError};
+use crate::tool::{Clearance, ClearanceError, ElementKind, Tool, ToolError};
 
 /// The scene's tool, without or with a clearance, against the scene's voxels.
 pub(super) struct Guard {
@@ -26,6 +26,11 @@ impl Guard {
         let mut bodies = vec![ExactField::owned(contact.solid, tool)];
         bodies.extend(rest.map(|rest| ExactField::owned(contact.skin, rest)));
         Ok(Self { bodies })
+    }
+
+    /// The elements of the tool; none of a mesh.
+    pub(super) fn elements(&self) -> impl Iterator<Item = ElementKind> {
+        self.bodies.iter().take(1).flat_map(ExactField::elements)
     }
 
     /// Largest distance of any of the tool's points from its tip, in world units.

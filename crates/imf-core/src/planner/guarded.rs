@@ -115,6 +115,8 @@ impl PoseField for GuardedField {
         least(points, orientations, sharp_points, best, |poses, values, decisions| {
             self.model.query_unclipped(poses, values)?;
             self.classify(poses, decisions)
-        })
+        })?;
+        self.model.hold(best);
+        Ok(())
     }
 }

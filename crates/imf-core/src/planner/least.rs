@@ -60,7 +60,6 @@ pub(super) fn least(
                 }
             }
         }
-        best.value = best.value.clamp(0.0, 1.0);
     }
     Ok(())
 }

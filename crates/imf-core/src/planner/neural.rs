@@ -11,6 +11,7 @@ use super::workspaces::Workspaces;
 use super::{Best, Decision, Gradient, LoadError, PlannerError, Pose, PoseField, check_lengths};
 use crate::calibration::Calibration;
 use crate::scene::Scene;
+use crate::section::Quantity;
 use crate::siren::evaluator::CpuEvaluator;
 use crate::stored::StoredField;
 
@@ -61,6 +62,12 @@ impl NeuralField {
         &self.scene
     }
 
+    /// What its values are.
+    #[must_use]
+    pub fn quantity(&self) -> Quantity {
+        self.family.quantity()
+    }
+
     /// What its decisions are worth, where that was measured.
     #[must_use]
     pub fn calibration(&self) -> Option<&Calibration> {
@@ -78,7 +85,7 @@ impl NeuralField {
         Self { calibration, ..self }
     }
 
-    /// Values that are not clipped to [0, 1]; NaN of what is no pose.
+    /// Values that are not clipped; NaN of what is no pose.
     ///
     /// # Errors
     /// Lengths that differ.
@@ -96,6 +103,12 @@ impl NeuralField {
             }
         }
         Ok(())
+    }
+
+    /// Values as they are answered.
+    pub(super) fn hold(&self, best: &mut [Best]) {
+        let quantity = self.quantity();
+        best.iter_mut().for_each(|best| best.value = quantity.held(best.value));
     }
 
     /// The decision of an unclipped value of this field with the tip at a point, for those who have values by other ways.
@@ -121,7 +134,8 @@ impl NeuralField {
 impl PoseField for NeuralField {
     fn query(&self, poses: &[Pose], values: &mut [f32]) -> Result<(), PlannerError> {
         self.query_unclipped(poses, values)?;
-        values.iter_mut().for_each(|value| *value = value.clamp(0.0, 1.0));
+        let quantity = self.quantity();
+        values.iter_mut().for_each(|value| *value = quantity.held(*value));
         Ok(())
     }
 
@@ -161,15 +175,16 @@ impl PoseField for NeuralField {
                 let decide = |point, value| self.decide(point, value);
                 self.family.least(grid, points, orientations, best, scratch, decide)
             });
-        if by_products {
-            return Ok(());
+        if !by_products {
+            least(points, orientations, &self.sharp_points, best, |poses, values, decisions| {
+                self.query_unclipped(poses, values)?;
+                for ((pose, value), decision) in poses.iter().zip(values.iter()).zip(decisions) {
+                    *decision = self.decide(pose.position, *value);
+                }
+                Ok(())
+            })?;
         }
-        least(points, orientations, &self.sharp_points, best, |poses, values, decisions| {
-            self.query_unclipped(poses, values)?;
-            for ((pose, value), decision) in poses.iter().zip(values.iter()).zip(decisions) {
-                *decision = self.decide(pose.position, *value);
-            }
-            Ok(())
-        })
+        self.hold(best);
+        Ok(())
     }
 }

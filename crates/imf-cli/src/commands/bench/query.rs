@@ -11,6 +11,7 @@ use glam::{DQuat, Vec3};
 use imf_core::field::ExactField;
 use imf_core::orientation::OrientationSet;
 use imf_core::planner::{Decision, Gradient, GuardedField, NeuralField, Pose, PoseField};
+use imf_core::section::Quantity;
 use imf_core::stored::StoredField;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -93,11 +94,21 @@ pub(super) fn run(session: &Session, arguments: &QueryBenchArguments) -> Result<
             &guarded,
         )?);
         rows.push(trial.classified(&name("NeuralField"), "yes, no or near, by calibration", &how, model)?);
-        rows.push(trial.valued(&name("NeuralField"), "overlap, approximate", &how, model)?);
-        rows.push(trial.sloped(&name("NeuralField"), "overlap with both gradients", &how, model)?);
+        let (value, slopes) = match model.quantity() {
+            Quantity::Overlap => ("overlap, approximate", "overlap with both gradients"),
+            Quantity::Depth => ("depth, approximate", "depth with both gradients"),
+        };
+        rows.push(trial.valued(&name("NeuralField"), value, &how, model)?);
+        rows.push(trial.sloped(&name("NeuralField"), slopes, &how, model)?);
     }
     let asked = &poses[..poses.len().min(arguments.rival_poses as usize)];
-    let (found, missing) = libraries::measure(session, arguments, &scene, asked, &truth)?;
+    let (found, missing) = match libraries::meshes(record) {
+        Some([part, tool]) => {
+            session.note("Coal, FCL and parry3d");
+            libraries::measure(arguments, [&part, &tool], asked, &truth)?
+        }
+        None => (Vec::new(), vec!["the libraries need a built-in part, whose mesh is at hand".into()]),
+    };
     rows.extend(found);
     machine.finish();
     let [x, y, z] = record.grid.dims;

@@ -1,5 +1,6 @@
 //! `imf field --method harmonic`: a fit to exact sections answers for any orientations.
 
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Result, bail};
@@ -21,6 +22,11 @@ use crate::arguments::harmonic::{FieldMethod, HarmonicArguments};
 use crate::interrupt::{self, Interrupted};
 use crate::output::OutputFile;
 use crate::session::{Session, show_bytes};
+
+/// True where a field is kept for NumPy.
+pub(super) fn is_npz(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("npz"))
+}
 
 /// Sections evaluated at a time.
 const AT_ONCE: usize = 16;
@@ -129,7 +135,7 @@ impl Harmonic {
         let file = HarmonicFile { field, scene: scene.clone(), settings, calibration: None };
         if let Some(save) = save {
             let path = save.begin()?;
-            if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("npz")) {
+            if is_npz(path) {
                 file.write_npz(path)?;
             } else {
                 file.write(path)?;

@@ -6,7 +6,7 @@ use anyhow::{Context as _, Result};
 use imf_core::harmonic::file::HarmonicFile;
 use serde_json::json;
 
-use super::{Description, calibration_lines, scene_lines};
+use super::{Description, calibration_lines, quantity_text, scene_lines};
 use crate::session::show_bytes;
 
 pub(super) fn describe(path: &Path, file: &HarmonicFile) -> Result<Description> {
@@ -26,6 +26,7 @@ pub(super) fn describe(path: &Path, file: &HarmonicFile) -> Result<Description> 
             ),
         ),
     ];
+    lines.push(("values", quantity_text(field.quantity, scene.record.unit)));
     lines.extend(scene_lines(&scene.record));
     lines.push(("fitted to", format!("{} exact sections", report.sections)));
     lines.push((

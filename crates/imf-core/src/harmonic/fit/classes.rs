@@ -142,7 +142,7 @@ mod tests {
         assert_eq!(order, (0..16).collect::<Vec<_>>());
         let voxels = 37;
         let values = (0..set.len() * voxels).map(|i| (i * 7919 % 65536) as u16).collect();
-        let sections = KeptSections { voxels, values };
+        let sections = KeptSections::of_overlaps(voxels, values);
         let (first, count) = (5, 29);
         let mut z = vec![0.25; count * 16];
         weights.add(Arch::new(), &sections, first, &mut z, &mut Vec::new());

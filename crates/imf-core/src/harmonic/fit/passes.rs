@@ -8,13 +8,14 @@ use super::classes::ClassWeights;
 use super::kept::KeptSections;
 use super::sample::Sample;
 use super::solve::{NormalMatrix, Solved, function_values, principal_axes};
+use super::source::{Source, SourceScratch};
 use super::{BLOCK, FitReport, FitSettings, Sizes, batch_size};
 use crate::control::Control;
 use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::{Basis, Domain};
 use crate::harmonic::coefficients::{Coefficients, Precision};
 use crate::orientation::Orientation;
-use crate::section::{SectionError, SectionPlan, SectionScratch};
+use crate::section::SectionError;
 use crate::siren::matrix::{Matrix, multiply};
 
 /// What all ways begin with.
@@ -45,7 +46,7 @@ pub(super) struct Fitted {
 
 impl Start {
     pub(super) fn new(
-        plan: &SectionPlan,
+        source: &Source<'_>,
         domain: Domain,
         settings: &FitSettings,
         control: Control<'_>,
@@ -54,13 +55,15 @@ impl Start {
         let basis = Basis::new(domain, settings.degree);
         let sizes = settings.sizes(domain);
         let set = basis.fitted_set(sizes.sections)?;
-        let sample = Sample::take(plan, settings, &basis, control)?;
+        let sample = Sample::take(source, settings, &basis, control)?;
         Ok(Self { basis, set, sample, sizes })
     }
 
-    /// True where functions are kept as they are and fall into classes.
+    /// True where functions are kept as they are and fall into classes, of values that begin at 0.
     pub(super) fn in_classes(&self) -> bool {
-        self.basis.domain() == Domain::Directions && self.sizes.axes == self.sizes.functions
+        self.basis.domain() == Domain::Directions
+            && self.sizes.axes == self.sizes.functions
+            && self.sample.quantity.is_overlap()
     }
 
     fn dense(&self) -> Result<Dense, HarmonicError> {
@@ -73,10 +76,10 @@ impl Start {
     fn sampled(
         &self,
         dense: &Dense,
-        plan: &SectionPlan,
+        source: &Source<'_>,
         control: Control<'_>,
     ) -> Result<(Solved, DMatrix<f64>, FitReport), HarmonicError> {
-        let own = self.sample.gather(plan, &self.set, control)?;
+        let own = self.sample.gather(source, &self.set, control)?;
         let solved = self.sample.moments(&own, &dense.values).solve(&dense.normal);
         let (axes, report) = self.axes_of(&solved);
         Ok((solved, axes, report))
@@ -85,10 +88,10 @@ impl Start {
     /// The errors to expect, by a pass over the orientations at the sample's voxels alone.
     pub(super) fn estimated(
         &self,
-        plan: &SectionPlan,
+        source: &Source<'_>,
         control: Control<'_>,
     ) -> Result<FitReport, HarmonicError> {
-        Ok(self.sampled(&self.dense()?, plan, control)?.2)
+        Ok(self.sampled(&self.dense()?, source, control)?.2)
     }
 
     fn axes_of(&self, solved: &Solved) -> (DMatrix<f64>, FitReport) {
@@ -101,12 +104,12 @@ impl Start {
     /// One pass, whose sections stay in memory, each class of functions by itself.
     pub(super) fn class_by_class(
         &self,
-        plan: &SectionPlan,
+        source: &Source<'_>,
         precision: Precision,
         control: Control<'_>,
     ) -> Result<Fitted, HarmonicError> {
         let weights = ClassWeights::new(&self.basis, &self.set)?;
-        let sections = KeptSections::count(plan, &self.set, control)?;
+        let sections = KeptSections::count(source, &self.set, control)?;
         let (arch, functions) = (Arch::new(), self.basis.len());
         let solve = |sections: &KeptSections, start: &[f32], precision| {
             Coefficients::by_blocks(sections.voxels, functions, CLASS_BLOCK, precision, |sums, first, z| {
@@ -145,12 +148,12 @@ impl Start {
     /// coefficients in one product.
     pub(super) fn in_one_pass(
         &self,
-        plan: &SectionPlan,
+        source: &Source<'_>,
         precision: Precision,
         control: Control<'_>,
     ) -> Result<Fitted, HarmonicError> {
         let dense = self.dense()?;
-        let sections = KeptSections::count(plan, &self.set, control)?;
+        let sections = KeptSections::count(source, &self.set, control)?;
         let of_sample = sections.at(&self.sample.places);
         let mut own = Vec::new();
         of_sample.read(Arch::new(), 0, of_sample.voxels, &mut own);
@@ -173,21 +176,21 @@ impl Start {
     /// A first pass decides on the axes, a second makes the coefficients along them, some sections at a time.
     pub(super) fn in_two_passes(
         &self,
-        plan: &SectionPlan,
+        source: &Source<'_>,
         precision: Precision,
         control: Control<'_>,
     ) -> Result<Fitted, HarmonicError> {
         let dense = self.dense()?;
-        let (solved, axes, report) = self.sampled(&dense, plan, control)?;
+        let (solved, axes, report) = self.sampled(&dense, source, control)?;
         let (weights, start) = dense.weights(&axes, &solved.mean);
-        let (voxels, width) = (plan.grid().len(), axes.ncols());
+        let (voxels, width) = (source.grid().len(), axes.ncols());
         let mut coefficients = vec![0.0; voxels * width];
         coefficients.par_chunks_mut(width).for_each(|z| z.copy_from_slice(&start));
         let at_once = batch_size(voxels, self.set.len());
         let mut batch = vec![0.0; at_once * voxels];
         for (set, weights) in self.set.chunks(at_once).zip(weights.chunks(at_once * width)) {
             let batch = &mut batch[..set.len() * voxels];
-            count_sections(plan, set, batch, control)?;
+            count_sections(source, set, batch, control)?;
             let weights = Matrix::row_major(weights, set.len(), width, width);
             coefficients.par_chunks_mut(BLOCK * width).enumerate().for_each(|(block, z)| {
                 let own = Matrix::row_major(&batch[block * BLOCK..], set.len(), z.len() / width, voxels);
@@ -209,17 +212,17 @@ impl Dense {
 
 /// Exact sections, `[orientation][voxel]`.
 fn count_sections(
-    plan: &SectionPlan,
+    source: &Source<'_>,
     set: &[Orientation],
     sections: &mut [f32],
     control: Control<'_>,
 ) -> Result<(), SectionError> {
-    let sections = sections.par_chunks_exact_mut(plan.grid().len());
-    sections.zip(set).try_for_each_init(SectionScratch::default, |scratch, (cmf, orientation)| {
+    let sections = sections.par_chunks_exact_mut(source.grid().len());
+    sections.zip(set).try_for_each_init(SourceScratch::default, |scratch, (values, orientation)| {
         if control.is_cancelled() {
             return Err(SectionError::Cancelled);
         }
-        plan.cmf(orientation, scratch, cmf)?;
+        source.section(orientation, scratch, values)?;
         (control.progress)(1);
         Ok(())
     })

@@ -3,12 +3,13 @@
 use rayon::prelude::*;
 
 use super::solve::{Moments, column_means, function_values, gram};
+use super::source::{Source, SourceScratch};
 use super::{BLOCK, FitReport, FitSettings};
 use crate::control::Control;
 use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::Basis;
 use crate::orientation::Orientation;
-use crate::section::{SectionError, SectionPlan, SectionScratch};
+use crate::section::{Quantity, SectionError};
 use crate::siren::matrix::{Matrix, multiply};
 
 /// Voxels of a sample, and exact values there at orientations that are not fitted.
@@ -17,16 +18,17 @@ pub(super) struct Sample {
     held_out: Vec<Orientation>,
     /// `[held-out orientation][voxel]`.
     judged: Vec<f32>,
+    pub(super) quantity: Quantity,
 }
 
 impl Sample {
     pub(super) fn take(
-        plan: &SectionPlan,
+        source: &Source<'_>,
         settings: &FitSettings,
         basis: &Basis,
         control: Control<'_>,
     ) -> Result<Self, HarmonicError> {
-        let total = plan.grid().len();
+        let total = source.grid().len();
         let voxels = settings.sample.min(total);
         // A golden step visits every part of the grid evenly, and every voxel once where all are taken.
         let places: Vec<usize> = if voxels == total {
@@ -37,18 +39,18 @@ impl Sample {
                 .collect()
         };
         let held_out = basis.random_set(settings.held_out, settings.seed)?.orientations;
-        let judged = gather(plan, &held_out, &places, control)?;
-        Ok(Self { places, held_out, judged })
+        let judged = gather(source, &held_out, &places, control)?;
+        Ok(Self { places, held_out, judged, quantity: settings.quantity })
     }
 
     /// Exact values of some orientations at the sample's voxels, `[orientation][voxel]`.
     pub(super) fn gather(
         &self,
-        plan: &SectionPlan,
+        source: &Source<'_>,
         set: &[Orientation],
         control: Control<'_>,
     ) -> Result<Vec<f32>, SectionError> {
-        gather(plan, set, &self.places, control)
+        gather(source, set, &self.places, control)
     }
 
     /// `Bᵀ S` of the sections that are fitted, `[orientation][voxel]` at the sample's voxels, with its mean over voxels and
@@ -94,7 +96,7 @@ impl Sample {
             Matrix::row_major(coefficients, voxels, functions, functions).transposed(),
             false,
         );
-        let errors = predicted.iter().zip(&self.judged).map(|(&p, &e)| f64::from(p.clamp(0.0, 1.0) - e));
+        let errors = predicted.iter().zip(&self.judged).map(|(&p, &e)| f64::from(self.quantity.held(p) - e));
         let (sum, largest) =
             errors.fold((0.0, 0.0f64), |(sum, largest), e| (sum + e * e, largest.max(e.abs())));
         let held_out_mse = sum / (count * voxels) as f64;
@@ -104,20 +106,20 @@ impl Sample {
 
 /// Exact values of some orientations at some voxels, `[orientation][voxel]`.
 fn gather(
-    plan: &SectionPlan,
+    source: &Source<'_>,
     set: &[Orientation],
     places: &[usize],
     control: Control<'_>,
 ) -> Result<Vec<f32>, SectionError> {
     let mut all = vec![0.0; set.len() * places.len()];
     all.par_chunks_mut(places.len()).zip(set).try_for_each_init(
-        || (SectionScratch::default(), vec![0.0; plan.grid().len()]),
-        |(scratch, cmf), (values, orientation)| {
+        || (SourceScratch::default(), vec![0.0; source.grid().len()]),
+        |(scratch, section), (values, orientation)| {
             if control.is_cancelled() {
                 return Err(SectionError::Cancelled);
             }
-            plan.cmf(orientation, scratch, cmf)?;
-            values.iter_mut().zip(places).for_each(|(value, &place)| *value = cmf[place]);
+            source.section(orientation, scratch, section)?;
+            values.iter_mut().zip(places).for_each(|(value, &place)| *value = section[place]);
             (control.progress)(1);
             Ok(())
         },

@@ -1,0 +1,274 @@
+//! A part that changes in steps, as in topology optimisation, and a field that keeps up: from the bracket's solid design
+//! domain towards the optimised bracket ever more material goes, and at every step the factored field of the last one is
+//! fine-tuned to the new part's signed depth. Beside it the same network from random weights, in as many steps, and the
+//! old field as it was.
+//!
+//! `cargo run --release -p imf-core --example redesign [redesign.png]`
+
+#[path = "chart/mod.rs"]
+mod chart;
+
+use std::error::Error;
+use std::path::Path;
+use std::time::Instant;
+
+use imf_core::control::Control;
+use imf_core::distance::DistanceField;
+use imf_core::factored::{FactoredField, FactoredState, Optimiser, TeachSettings, teach};
+use imf_core::harmonic::basis::Domain;
+use imf_core::harmonic::{FitSettings, HarmonicField, fit};
+use imf_core::occupancy::Occupancy;
+use imf_core::orientation::{Orientation, OrientationSet};
+use imf_core::parts::ReferencePart;
+use imf_core::scene::{Scene, SceneSpec};
+use imf_core::section::{DepthPlan, DepthScratch, Quantity, SectionPlan};
+use imf_core::siren::muon::MuonConfig;
+use imf_core::tool::Tool;
+use imf_core::training::run::{Length, TrainingPlan};
+use imf_core::training::schedule::Schedule;
+use plotters::prelude::{
+    ChartBuilder, Circle, Color as _, LineSeries, PathElement, RGBColor, SeriesLabelPosition, WHITE,
+};
+
+/// How large the study is.
+struct Study {
+    dims: [usize; 3],
+    degree: usize,
+    axes: usize,
+    width: usize,
+    /// Steps of teaching: from random weights at the first part, then at each change.
+    first: u64,
+    each: u64,
+}
+
+/// Material is kept up to these distances from the optimised bracket, in voxels.
+const KEPT: [f64; 7] = [f64::INFINITY, 5.0, 3.5, 2.3, 1.5, 1.0, 0.0];
+/// Orientations at which fields are judged; no fit has seen them.
+const JUDGED: &str = "random:24:9";
+
+/// What a step came to; errors are root mean squares in mm against exact depths.
+struct Step {
+    /// Share of the design domain that is solid.
+    solid: f64,
+    fine_tuned: f64,
+    from_random: f64,
+    not_adapted: Option<f64>,
+    /// Seconds: fitting the teacher to exact sections, fine-tuning.
+    fitting: f64,
+    tuning: f64,
+}
+
+fn study(study: &Study) -> Result<Vec<Step>, Box<dyn Error>> {
+    let voxelised =
+        |part: ReferencePart| SceneSpec::of_reference(part, &part.mesh(), study.dims, &Tool::paper()).scene();
+    let domain = voxelised(ReferencePart::BracketRaw)?;
+    let Scene { record, obstacle: goal, .. } = voxelised(ReferencePart::Bracket)?;
+    let away = DistanceField::new(&goal);
+    let judged = OrientationSet::parse(JUDGED)?.orientations;
+    let mut steps: Vec<Step> = Vec::new();
+    let mut field: Option<FactoredField> = None;
+    for kept in KEPT {
+        let near = |index: usize| away.squared(index).is_some_and(|d| (d as f64).sqrt() <= kept);
+        let solid = (0..goal.solid.len())
+            .map(|index| {
+                u8::from(goal.solid[index] != 0 || (domain.obstacle.solid[index] != 0 && near(index)))
+            })
+            .collect();
+        let part = Occupancy { grid: goal.grid, solid };
+        let plan = SectionPlan::new(&part, &record.tool)?;
+        let begun = Instant::now();
+        let settings = FitSettings {
+            quantity: Quantity::Depth,
+            degree: study.degree,
+            axes: study.axes,
+            sections_per_function: 2.0,
+            ..FitSettings::default()
+        };
+        let teacher = fit(&plan, Domain::Directions, &settings, Control::quiet())?;
+        let fitting = begun.elapsed().as_secs_f64();
+        let exact = depths(&plan, &judged)?;
+        let error = |field: &FactoredField| root_mean_square(field, &judged, &exact);
+        let not_adapted = field.as_ref().map(error);
+        let begun = Instant::now();
+        let tuned = match &field {
+            Some(old) => taught(study, &teacher, old.parameters_for(&teacher)?, study.each)?,
+            None => taught(study, &teacher, random(study, &teacher), study.first)?,
+        };
+        let tuning = begun.elapsed().as_secs_f64();
+        let length = if field.is_some() { study.each } else { study.first };
+        let anew = taught(study, &teacher, random(study, &teacher), length)?;
+        steps.push(Step {
+            solid: part.count() as f64 / domain.obstacle.count() as f64,
+            fine_tuned: error(&tuned),
+            from_random: error(&anew),
+            not_adapted,
+            fitting,
+            tuning,
+        });
+        field = Some(tuned);
+    }
+    Ok(steps)
+}
+
+fn settings(study: &Study, steps: u64) -> TeachSettings {
+    TeachSettings {
+        width: study.width,
+        hidden: 3,
+        omega: 20.0,
+        plan: TrainingPlan {
+            length: Length::Steps(steps),
+            batch: 512,
+            schedule: Schedule::Cosine { initial: 1.5e-3, last: 0.0, warmup: steps / 10 },
+            ..TeachSettings::default().plan
+        },
+        optimiser: Optimiser::Muon(MuonConfig::default()),
+        averaging: 0.0,
+    }
+}
+
+fn random(study: &Study, teacher: &HarmonicField) -> Vec<f32> {
+    settings(study, 1).start(teacher.axis_count()).training.parameters
+}
+
+/// The network after so many steps from some weights.
+fn taught(
+    study: &Study,
+    teacher: &HarmonicField,
+    weights: Vec<f32>,
+    steps: u64,
+) -> Result<FactoredField, Box<dyn Error>> {
+    let settings = settings(study, steps);
+    let mut state = FactoredState::from_parameters(weights, false);
+    teach(teacher, &settings, &mut state, Control::quiet(), &mut |_| {})?;
+    Ok(FactoredField::new(teacher, settings.shape(teacher.axis_count()), state.best().to_vec())?)
+}
+
+/// Exact depths, `[orientation][voxel]`.
+fn depths(plan: &SectionPlan, set: &[Orientation]) -> Result<Vec<f32>, Box<dyn Error>> {
+    let (plan, mut scratch) = (DepthPlan::of(plan)?, DepthScratch::default());
+    let voxels = plan.grid().len();
+    let mut all = vec![0.0; voxels * set.len()];
+    for (orientation, depths) in set.iter().zip(all.chunks_exact_mut(voxels)) {
+        plan.depths(orientation, &mut scratch, depths)?;
+    }
+    Ok(all)
+}
+
+fn root_mean_square(field: &FactoredField, set: &[Orientation], exact: &[f32]) -> f64 {
+    let mut found = vec![0.0; exact.len()];
+    field.evaluator().sections(&field.heads(set), &mut found);
+    let squares: f64 = found.iter().zip(exact).map(|(&a, &b)| f64::from(a - b).powi(2)).sum();
+    (squares / exact.len() as f64).sqrt()
+}
+
+/// Error and time by step.
+fn draw(path: &Path, steps: &[Step]) -> Result<(), Box<dyn Error>> {
+    const BLUE: RGBColor = RGBColor(31, 119, 180);
+    const RED: RGBColor = RGBColor(190, 50, 50);
+    const GREY: RGBColor = RGBColor(120, 120, 120);
+    type Series<'a> = (&'a str, RGBColor, Box<dyn Fn(&Step) -> Option<f64>>);
+    let charts: [(&str, &str, Vec<Series<'_>>); 2] = [
+        (
+            "error as the part changes",
+            "root mean square of the depth's error, mm",
+            vec![
+                ("fine-tuned from the last step", BLUE, Box::new(|s| Some(s.fine_tuned))),
+                ("from random weights, as many steps", RED, Box::new(|s| Some(s.from_random))),
+                ("last step's field as it was", GREY, Box::new(|s| s.not_adapted)),
+            ],
+        ),
+        (
+            "time of a step",
+            "seconds",
+            vec![
+                ("exact sections and their fit", GREY, Box::new(|s| Some(s.fitting))),
+                ("fine-tuning", BLUE, Box::new(|s| Some(s.tuning))),
+            ],
+        ),
+    ];
+    chart::save(path, (1500, 640), |area| {
+        for (area, (title, unit, series)) in area.split_evenly((1, 2)).iter().zip(&charts) {
+            let all = steps.iter().flat_map(|step| series.iter().filter_map(|(_, _, value)| value(step)));
+            let most = all.fold(0.0, f64::max);
+            let mut chart = ChartBuilder::on(area)
+                .caption(title, ("sans-serif", 22))
+                .margin(14)
+                .x_label_area_size(48)
+                .y_label_area_size(64)
+                .build_cartesian_2d(-0.2..steps.len() as f64 - 0.8, 0.0..1.1 * most)?;
+            let solid = |place: &f64| {
+                let step = place.round();
+                let known = (place - step).abs() < 1e-6 && step >= 0.0;
+                let step = known.then(|| steps.get(step as usize)).flatten();
+                step.map_or(String::new(), |step| format!("{:.0} %", 100.0 * step.solid))
+            };
+            chart
+                .configure_mesh()
+                .light_line_style(WHITE)
+                .bold_line_style(RGBColor(230, 230, 230))
+                .x_labels(steps.len())
+                .x_label_formatter(&solid)
+                .x_desc("material left of the design domain, step by step")
+                .y_desc(*unit)
+                .draw()?;
+            for (name, colour, value) in series {
+                let colour = *colour;
+                let points: Vec<(f64, f64)> = steps
+                    .iter()
+                    .enumerate()
+                    .filter_map(|(place, step)| Some((place as f64, value(step)?)))
+                    .collect();
+                chart
+                    .draw_series(LineSeries::new(points.iter().copied(), colour.stroke_width(3)))?
+                    .label(*name)
+                    .legend(move |(x, y)| {
+                        PathElement::new(vec![(x, y), (x + 22, y)], colour.stroke_width(3))
+                    });
+                chart.draw_series(points.into_iter().map(|at| Circle::new(at, 4, colour.filled())))?;
+            }
+            chart
+                .configure_series_labels()
+                .position(SeriesLabelPosition::UpperRight)
+                .background_style(WHITE.mix(0.85))
+                .border_style(RGBColor(200, 200, 200))
+                .draw()?;
+        }
+        Ok(())
+    })
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let path = std::env::args().nth(1).unwrap_or_else(|| "redesign.png".into());
+    let whole = Study { dims: [17, 49, 29], degree: 8, axes: 60, width: 128, first: 1500, each: 200 };
+    let steps = study(&whole)?;
+    println!("solid   fine-tuned  from random  not adapted   fit    fine-tuning");
+    for Step { solid, fine_tuned, from_random, not_adapted, fitting, tuning } in &steps {
+        let not_adapted = not_adapted.map_or("          -".into(), |error| format!("{error:8.2} mm"));
+        println!(
+            "{:4.0} %  {fine_tuned:8.2} mm {from_random:9.2} mm  {not_adapted}  {fitting:4.1} s  {tuning:5.1} s",
+            100.0 * solid
+        );
+    }
+    draw(Path::new(&path), &steps)?;
+    println!("wrote {path}");
+    Ok(())
+}
+
+#[test]
+fn fine_tuning_keeps_up_with_the_part() {
+    let small = Study { dims: [9, 25, 15], degree: 5, axes: 24, width: 48, first: 400, each: 60 };
+    let steps = study(&small).unwrap();
+    assert!(steps.windows(2).all(|pair| pair[1].solid < pair[0].solid));
+    for (place, step) in steps.iter().enumerate().skip(1) {
+        let old = step.not_adapted.unwrap();
+        assert!(step.fine_tuned < old, "step {place}: {} against {old} unadapted", step.fine_tuned);
+        let anew = step.from_random;
+        assert!(step.fine_tuned < anew, "step {place}: {} against {anew} anew", step.fine_tuned);
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("redesign.png");
+    draw(&path, &steps).unwrap();
+    let picture = image::open(&path).unwrap().into_rgb8();
+    let coloured = picture.pixels().filter(|p| p.0[0].abs_diff(p.0[2]) > 60).count();
+    assert!(coloured > 1000, "{coloured} pixels of the lines");
+}
