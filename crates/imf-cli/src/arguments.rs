@@ -5,6 +5,7 @@ pub(crate) mod calibrate;
 pub(crate) mod check;
 pub(crate) mod clearance;
 pub(crate) mod compress;
+pub(crate) mod export;
 pub(crate) mod families;
 pub(crate) mod fixture;
 pub(crate) mod harmonic;
@@ -96,6 +97,7 @@ pub(crate) enum Command {
     Regime(regime::RegimeArguments),
     Eval(EvalArguments),
     Query(QueryArguments),
+    Export(export::ExportArguments),
     Check(check::CheckArguments),
     Bench(BenchArguments),
     Info(InfoArguments),
@@ -598,7 +600,7 @@ pub(crate) struct QueryArguments {
 pub(crate) struct InfoArguments {
     /// A mesh, a reference part, a tool file, a dataset's folder, a model or a field
     pub(crate) what: PathBuf,
-    /// Unit of a mesh: mm, cm, m or inch
-    #[arg(long, default_value = "mm", value_name = "UNIT")]
-    pub(crate) unit: String,
+    /// Unit of a mesh: mm (the default), cm, m or inch; 3MF files state theirs
+    #[arg(long, value_name = "UNIT")]
+    pub(crate) unit: Option<String>,
 }

@@ -9,6 +9,7 @@ pub(crate) mod dataset;
 pub(crate) mod demo;
 pub(crate) mod devices;
 pub(crate) mod eval;
+pub(crate) mod export;
 pub(crate) mod field;
 pub(crate) mod finetune;
 pub(crate) mod info;

@@ -83,6 +83,7 @@ pub mod mesh;
 pub mod metrics;
 pub mod model;
 pub mod occupancy;
+pub mod onnx;
 pub mod orientation;
 pub mod parts;
 pub mod planar;

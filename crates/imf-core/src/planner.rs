@@ -48,7 +48,7 @@ mod pose;
 mod workspaces;
 
 #[cfg(test)]
-mod scenes;
+pub(crate) mod scenes;
 
 pub use guarded::GuardedField;
 pub use motion::{MotionError, Passage};

@@ -5,6 +5,7 @@
 
 mod file;
 mod inflate;
+mod library;
 mod posed;
 mod profile;
 mod rotated;
@@ -12,6 +13,7 @@ mod sharp;
 
 pub use file::ToolFileError;
 pub use inflate::{Clearance, ClearanceError};
+pub use library::ToolLibraryError;
 pub(crate) use posed::snapped;
 pub use profile::{Element, ElementKind, Segment};
 pub use rotated::RotatedTool;
@@ -143,6 +145,16 @@ impl Tool {
     pub fn has_cutter(&self) -> bool {
         let is_cutter = |e: &Element| e.kind == ElementKind::Cutter;
         matches!(&self.shape, ToolShape::Revolved(elements) if elements.iter().any(is_cutter))
+    }
+
+    /// True where one of its elements is a holder; true of a mesh, which is all that there is.
+    #[must_use]
+    pub fn has_holder(&self) -> bool {
+        let is_holder = |e: &Element| matches!(e.kind, ElementKind::Holder(_));
+        match &self.shape {
+            ToolShape::Revolved(elements) => elements.iter().any(is_holder),
+            ToolShape::Mesh(_) => true,
+        }
     }
 
     /// True where turning the tool about its axis changes nothing, sharp points included (rings count as whole).

@@ -122,9 +122,17 @@ fn the_core_needs_no_gpu_and_no_command_line() {
 }
 
 #[test]
+fn the_c_interface_needs_the_core_alone() {
+    let manifest: toml::Table = read(&root().join("crates/imf-c/Cargo.toml")).parse().unwrap();
+    let needed: Vec<&String> = manifest["dependencies"].as_table().unwrap().keys().collect();
+    // glam: the types at the core's surface.
+    assert_eq!(needed, ["glam", "imf-core"]);
+}
+
+#[test]
 fn mpi_comes_only_where_it_is_asked_for() {
     let mut users = Vec::new();
-    for folder in ["crates/imf-core", "crates/imf-gpu", "crates/imf-cli", "tests", "xtask"] {
+    for folder in ["crates/imf-core", "crates/imf-gpu", "crates/imf-cli", "crates/imf-c", "tests", "xtask"] {
         let manifest: toml::Table = read(&root().join(folder).join("Cargo.toml")).parse().unwrap();
         let tables = ["dependencies", "dev-dependencies", "build-dependencies"];
         let dependency = tables.iter().find_map(|table| manifest.get(*table)?.get("mpi"));

@@ -4,6 +4,7 @@ use anyhow::{Context, Result, ensure};
 use glam::{DMat4, DVec3};
 use imf_core::mesh::Mesh;
 use imf_core::scene::Fixture;
+use imf_core::unit::LengthUnit;
 
 use super::scene::Part;
 use super::transform::parse_transform;
@@ -16,10 +17,12 @@ pub(crate) struct FixtureMesh {
 }
 
 impl FixtureMesh {
-    /// Reads `FILE` or `FILE@STEPS`; lengths are in the part's unit, which an STL file does not say.
-    pub(crate) fn read(text: &str, unit: Option<&str>) -> Result<Self> {
+    /// Reads `FILE` or `FILE@STEPS`; lengths are in the part's unit, `part_unit`, unless the file states its own and no `unit` is
+    /// given.
+    pub(crate) fn read(text: &str, unit: Option<&str>, part_unit: LengthUnit) -> Result<Self> {
         let (file, steps) = text.split_once('@').unwrap_or((text, ""));
         let part = Part::read(file, unit).with_context(|| format!("the fixture {file} cannot be used"))?;
+        let part = part.around_part_in(part_unit);
         let transform = parse_transform(steps).with_context(|| format!("set-up of the fixture {file}"))?;
         Ok(Self { name: part.name, mesh: part.mesh, transform })
     }
@@ -45,6 +48,7 @@ impl Stock {
         part_box: (DVec3, DVec3),
         transform: &DMat4,
         unit: Option<&str>,
+        part_unit: LengthUnit,
     ) -> Result<Self> {
         let margin = match text.split_once(':') {
             _ if text == "box" => Some(0.0),
@@ -60,6 +64,7 @@ impl Stock {
             return Ok(Self { name: format!("the part's box and {margin} around"), mesh });
         }
         let file = Part::read(text, unit).with_context(|| format!("the stock {text} cannot be used"))?;
+        let file = file.around_part_in(part_unit);
         Ok(Self { name: file.name, mesh: file.mesh.transformed(transform) })
     }
 }
@@ -85,19 +90,19 @@ mod tests {
     #[test]
     fn a_box_of_stock_stands_around_the_part() {
         let part = (DVec3::ZERO, DVec3::new(1.0, 2.0, 3.0));
-        let stock = Stock::read("box:0.5", part, &DMat4::IDENTITY, None).unwrap();
+        let stock = Stock::read("box:0.5", part, &DMat4::IDENTITY, None, LengthUnit::Mm).unwrap();
         assert!((stock.mesh.signed_volume() - 2.0 * 3.0 * 4.0).abs() < 1e-9);
         for text in ["box:-1", "box:x", "no such file.obj"] {
-            assert!(Stock::read(text, part, &DMat4::IDENTITY, None).is_err(), "{text}");
+            assert!(Stock::read(text, part, &DMat4::IDENTITY, None, LengthUnit::Mm).is_err(), "{text}");
         }
     }
 
     #[test]
     fn a_fixture_has_its_own_set_up() {
-        let fixture = FixtureMesh::read("bracket@translate:0,0,5", None).unwrap();
+        let fixture = FixtureMesh::read("bracket@translate:0,0,5", None, LengthUnit::Mm).unwrap();
         assert_eq!(fixture.transform.transform_point3(DVec3::ZERO), DVec3::new(0.0, 0.0, 5.0));
-        assert!(FixtureMesh::read("bracket@scale:2", None).is_err());
-        let refusal = format!("{:#}", FixtureMesh::read("nowhere.stl", None).err().unwrap());
+        assert!(FixtureMesh::read("bracket@scale:2", None, LengthUnit::Mm).is_err());
+        let refusal = format!("{:#}", FixtureMesh::read("nowhere.stl", None, LengthUnit::Mm).err().unwrap());
         assert!(refusal.contains("nowhere.stl"), "{refusal}");
     }
 }

@@ -1,14 +1,14 @@
 //! From arguments to a scene: part, fixtures, unit, set-up, grid and tool, checked in one step.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::str::FromStr;
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
-use glam::DMat4;
+use glam::{DMat4, DVec3};
 use imf_core::grid::Grid;
 use imf_core::mesh::Mesh;
-use imf_core::mesh::read::read_mesh;
+use imf_core::mesh::read::{MeshFile, read_mesh_file};
 use imf_core::mesh::topology::MeshReport;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Around, Bodies, Fixture, Resolution, Scene, SceneSpec};
@@ -30,9 +30,10 @@ const HEADING: &str = "Part, voxels and tool";
 /// Which part, on which grid, against which tool.
 #[derive(Args, Clone)]
 pub(crate) struct SceneArguments {
-    /// An OBJ, STL or PLY file, or a built-in part: teapot, bracket, bracket-raw, screw-gear
+    /// An OBJ, STL, PLY or 3MF file, or a built-in part: teapot, bracket, bracket-raw, screw-gear
     pub(crate) part: String,
-    /// Unit of the part: mm, cm, m or inch; STL files need it, others are in mm by default
+    /// Unit of the part: mm, cm, m or inch; STL files need it, 3MF files state theirs, others are in mm by
+    /// default
     #[arg(help_heading = HEADING, long, value_name = "UNIT")]
     pub(crate) unit: Option<String>,
     /// Edge of a voxel in the part's unit
@@ -50,10 +51,11 @@ pub(crate) struct SceneArguments {
     /// Every voxel that the surface touches is solid, not only those whose centre is inside
     #[arg(help_heading = HEADING, long)]
     pub(crate) conservative: bool,
-    /// A tool file (TOML), or paper, the built-in ball-end mill; imf access takes several
+    /// A tool file (TOML), a tool of FreeCAD (.fctb) or of Fusion (LIBRARY.json#NAME or #NUMBER), or paper, the built-in
+    /// ball-end mill; imf access takes several
     #[arg(help_heading = HEADING, long, default_value = "paper", value_name = "TOOL")]
     pub(crate) tool: Vec<String>,
-    /// What holds the part: an OBJ, STL or PLY file in the part's unit, with its set-up after an @; may be repeated
+    /// What holds the part: an OBJ, STL, PLY or 3MF file in the part's unit (3MF: in its own), with its set-up after an @; may be repeated
     #[arg(help_heading = HEADING, long, value_name = "FILE[@STEPS]")]
     pub(crate) fixture: Vec<String>,
     /// What the grid is chosen around
@@ -103,6 +105,10 @@ pub(crate) struct Part {
     pub(crate) mesh: Mesh,
     pub(crate) unit: LengthUnit,
     pub(crate) reference: Option<ReferencePart>,
+    /// True where the unit is neither given nor assumed, but the file's own.
+    pub(crate) unit_is_its_own: bool,
+    /// The file's own unit, where another one was given.
+    pub(crate) overruled: Option<LengthUnit>,
 }
 
 impl Part {
@@ -119,15 +125,34 @@ impl Part {
                 mesh: reference.mesh(),
                 unit,
                 reference: Some(reference),
+                unit_is_its_own: true,
+                overruled: None,
             });
         }
         let is_stl = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("stl"));
         if is_stl && given.is_none() && path.exists() {
             bail!("{part}: an STL file does not say its unit; add --unit mm (or cm, m, inch)");
         }
-        let mesh = read_mesh(path)?;
+        let MeshFile { mesh, unit: stated } = read_mesh_file(path)?;
         let name = path.file_name().map_or_else(|| part.to_owned(), |n| n.to_string_lossy().into_owned());
-        Ok(Self { name, mesh, unit: given.unwrap_or_default(), reference: None })
+        Ok(Self {
+            name,
+            mesh,
+            unit: given.or(stated).unwrap_or_default(),
+            reference: None,
+            unit_is_its_own: given.is_none() && stated.is_some(),
+            overruled: stated.filter(|stated| given.is_some_and(|given| given != *stated)),
+        })
+    }
+
+    /// What stands around a part in `unit`: scaled where its own unit is known to be another.
+    pub(crate) fn around_part_in(mut self, unit: LengthUnit) -> Self {
+        if self.unit_is_its_own && self.unit != unit {
+            let factor = self.unit.in_mm() / unit.in_mm();
+            self.mesh = self.mesh.transformed(&DMat4::from_scale(DVec3::splat(factor)));
+            self.unit = unit;
+        }
+        self
     }
 }
 
@@ -264,7 +289,17 @@ impl SceneArguments {
         let tools = self.tool.iter().map(|tool| read_tool(tool)).collect::<Result<Vec<_>>>()?;
         tools.iter().try_for_each(Tool::check)?;
         let transform = self.transform.as_deref().map_or(Ok(DMat4::IDENTITY), parse_transform)?;
-        let fixtures = self.fixture.iter().map(|text| FixtureMesh::read(text, self.unit.as_deref()));
+        if let Some(stated) = part.overruled {
+            session.warn(&format!(
+                "{} says that it is in {stated}; --unit {} overrules it",
+                part.name, part.unit
+            ));
+        }
+        for tool in tools.iter().filter(|tool| !tool.has_holder()) {
+            session.note(&format!("the tool {} has no holder: what holds it is not seen", tool.name));
+        }
+        let given = self.unit.as_deref();
+        let fixtures = self.fixture.iter().map(|text| FixtureMesh::read(text, given, part.unit));
         let fixtures = fixtures.collect::<Result<_>>()?;
         let report = MeshReport::new(&part.mesh);
         if let Some(implausible) = unit_check(report.extents, part.unit) {
@@ -375,11 +410,10 @@ fn require_memory_for_voxels(session: &Session, grid: &Grid) -> Result<()> {
 }
 
 fn read_tool(text: &str) -> Result<Tool> {
-    let path = PathBuf::from(text);
-    if text == "paper" && !path.exists() {
+    if text == "paper" && !Path::new(text).exists() {
         return Ok(Tool::paper());
     }
-    Tool::read(&path).with_context(|| format!("the tool {text} cannot be used"))
+    Tool::find(text).with_context(|| format!("the tool {text} cannot be used"))
 }
 
 #[cfg(test)]

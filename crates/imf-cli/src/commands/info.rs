@@ -47,7 +47,7 @@ pub(crate) fn run(session: &Session, arguments: &InfoArguments) -> Result<()> {
 /// Decides by what is there: a folder, else the ending of a file; a name of which there is no file is built in.
 fn describe(session: &Session, arguments: &InfoArguments) -> Result<Description> {
     let path: &Path = &arguments.what;
-    let unit = arguments.unit.parse()?;
+    let unit = arguments.unit.as_deref().map(str::parse).transpose()?;
     if !path.exists() {
         let name = path.to_string_lossy();
         if let Ok(part) = ReferencePart::from_str(&name) {
@@ -55,6 +55,9 @@ fn describe(session: &Session, arguments: &InfoArguments) -> Result<Description>
         }
         if name == "paper" {
             return Ok(tool::describe(&Tool::paper()));
+        }
+        if name.contains('#') {
+            return Ok(tool::describe(&Tool::find(&name)?));
         }
         if path.extension().is_none() {
             bail!(
@@ -68,7 +71,7 @@ fn describe(session: &Session, arguments: &InfoArguments) -> Result<Description>
     }
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     match ending.as_deref() {
-        Some("toml") => Ok(tool::describe(&Tool::read(path)?)),
+        Some("toml" | "fctb" | "json" | "tools") => Ok(tool::describe(&Tool::read(path)?)),
         Some("safetensors") => match StoredField::read(path)? {
             StoredField::Siren(model) => model::describe(path, &model),
             StoredField::Harmonic(file) => harmonic::describe(path, &file),

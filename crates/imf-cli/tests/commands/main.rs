@@ -5,6 +5,7 @@
 mod access;
 mod check;
 mod decisions;
+mod export;
 mod fields;
 mod folder;
 mod harmonic;

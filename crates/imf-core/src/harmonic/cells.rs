@@ -107,11 +107,14 @@ mod tests {
                     assert!(cells.centres.iter().all(|&centre| cosine(member, centre) <= own + 1e-6));
                 }
             }
-            // Ten members each: none of the first seventy may lie within half of what their share of the space allows.
-            let nearest = (1..70).flat_map(|a| (0..a).map(move |b| (a, b)));
-            let nearest =
-                nearest.map(|(a, b)| cosine(cells.centres[a], cells.centres[b])).fold(-1.0, f32::max);
-            assert!(nearest < if domain == Domain::Directions { 0.95 } else { 0.9 }, "{spec}: {nearest}");
+            // Each centre was the farthest orientation when it was chosen, so no two centres are nearer to each other than
+            // an orientation may be to its own.
+            let pairs = (1..70).flat_map(|a| (0..a).map(move |b| (a, b)));
+            let nearest = pairs.map(|(a, b)| cosine(cells.centres[a], cells.centres[b])).fold(-1.0, f32::max);
+            let own = |cell: usize| cells.members[cells.of(cell)].iter().map(move |&member| (member, cell));
+            let farthest = (0..70).flat_map(own).map(|(member, cell)| cosine(member, cells.centres[cell]));
+            let farthest = farthest.fold(1.0, f32::min);
+            assert!(nearest <= farthest + 1e-6, "{spec}: {nearest} {farthest}");
         }
     }
 

@@ -1,20 +1,23 @@
-//! Reading meshes from OBJ, STL and PLY files.
+//! Reading meshes from OBJ, STL, PLY and 3MF files.
 //!
 //! A mesh that is read has finite vertices, each used by a triangle, no two of them equal, numbered in the order of
-//! their first use: its indices are its topology ([`Mesh::welded`]). Positions are in the file's own unit. Files are
+//! their first use: its indices are its topology ([`Mesh::welded`]). Positions are in the file's own unit, which 3MF alone states. Files are
 //! not trusted: whatever they hold, the answer is a mesh or an error that says what is wrong and what to do.
 
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use glam::{DMat4, DVec3};
 use thiserror::Error;
 
 use super::Mesh;
+use crate::unit::LengthUnit;
 
 mod obj;
 mod ply;
 mod stl;
+mod three_mf;
 
 /// Why a mesh could not be read. Every text names the file, the cause and a remedy.
 #[derive(Debug, Error)]
@@ -34,7 +37,7 @@ pub enum MeshFileError {
         source: io::Error,
     },
     /// The name's ending belongs to no format that is read.
-    #[error("{path} is {found}; meshes are read from .obj, .stl and .ply files: {remedy}")]
+    #[error("{path} is {found}; meshes are read from .obj, .stl, .ply and .3mf files: {remedy}")]
     Format {
         /// The file.
         path: PathBuf,
@@ -120,15 +123,48 @@ enum Format {
     Obj,
     Stl,
     Ply,
+    ThreeMf,
+}
+
+/// A mesh and what its file says of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshFile {
+    /// The mesh.
+    pub mesh: Mesh,
+    /// The unit of its positions, where the file states one.
+    pub unit: Option<LengthUnit>,
+}
+
+impl MeshFile {
+    /// The mesh with every length in `unit`; as it is where the file states none.
+    #[must_use]
+    pub fn in_unit(self, unit: LengthUnit) -> Mesh {
+        match self.unit {
+            Some(stated) if stated != unit => {
+                let factor = stated.in_mm() / unit.in_mm();
+                self.mesh.transformed(&DMat4::from_scale(DVec3::splat(factor)))
+            }
+            _ => self.mesh,
+        }
+    }
+}
+
+/// Reads a mesh, in whatever unit its file is in; see [`read_mesh_file`].
+///
+/// # Errors
+/// As [`read_mesh_file`].
+pub fn read_mesh(path: impl AsRef<Path>) -> Result<Mesh, MeshFileError> {
+    Ok(read_mesh_file(path)?.mesh)
 }
 
 /// Reads a mesh: OBJ (polygons become triangle fans; groups are merged; materials, normals and texture coordinates
-/// are ignored), STL or PLY, binary or ASCII. The format follows from the name's ending.
+/// are ignored), STL or PLY, binary or ASCII, or 3MF (the objects of its build, placed and joined, but for a printer's
+/// supports). The format follows from the name's ending.
 ///
 /// # Errors
 /// The file is missing, unreadable, empty, in another format, malformed or cut short; it has no faces, a vertex
 /// index out of range, a NaN or infinite coordinate, or more than 2³¹ triangles.
-pub fn read_mesh(path: impl AsRef<Path>) -> Result<Mesh, MeshFileError> {
+pub fn read_mesh_file(path: impl AsRef<Path>) -> Result<MeshFile, MeshFileError> {
     let path = path.as_ref();
     let metadata = fs::metadata(path).map_err(|source| match source.kind() {
         io::ErrorKind::NotFound => MeshFileError::Missing { path: path.into() },
@@ -148,22 +184,26 @@ pub fn read_mesh(path: impl AsRef<Path>) -> Result<Mesh, MeshFileError> {
 /// # Errors
 /// As those of [`read_mesh`] for a file's content.
 pub fn parse_obj(content: &[u8], path: &Path) -> Result<Mesh, MeshFileError> {
-    parse(content.to_vec(), Format::Obj, path)
+    Ok(parse(content.to_vec(), Format::Obj, path)?.mesh)
 }
 
-fn parse(bytes: Vec<u8>, format: Format, path: &Path) -> Result<Mesh, MeshFileError> {
+fn parse(bytes: Vec<u8>, format: Format, path: &Path) -> Result<MeshFile, MeshFileError> {
     if bytes.trim_ascii().is_empty() {
         return Err(MeshFileError::Empty { path: path.into() });
     }
-    let mesh = match format {
-        Format::Obj => obj::parse(&bytes, path),
-        Format::Stl => stl::parse(bytes, path),
-        Format::Ply => ply::parse(&bytes, path),
-    }?;
+    let (mesh, unit) = match format {
+        Format::Obj => (obj::parse(&bytes, path)?, None),
+        Format::Stl => (stl::parse(bytes, path)?, None),
+        Format::Ply => (ply::parse(&bytes, path)?, None),
+        Format::ThreeMf => {
+            let (mesh, unit) = three_mf::parse(&bytes, path)?;
+            (mesh, Some(unit))
+        }
+    };
     if mesh.triangles.is_empty() {
         return Err(MeshFileError::NoFaces { path: path.into() });
     }
-    Ok(mesh)
+    Ok(MeshFile { mesh, unit })
 }
 
 fn format_of(path: &Path) -> Result<Format, MeshFileError> {
@@ -172,13 +212,14 @@ fn format_of(path: &Path) -> Result<Format, MeshFileError> {
         "obj" => return Ok(Format::Obj),
         "stl" => return Ok(Format::Stl),
         "ply" => return Ok(Format::Ply),
+        "3mf" => return Ok(Format::ThreeMf),
         "step" | "stp" | "iges" | "igs" | "brep" => (
             "a CAD file of exact surfaces".to_owned(),
             "convert it to triangles at a deviation well below the voxel pitch, with gmsh \
              (`gmsh part.step -2 -clmax 1 -o part.stl`) or with FreeCAD (Mesh workbench, Create mesh from shape, then \
              export as STL)",
         ),
-        "3mf" | "off" | "glb" | "gltf" | "amf" => (
+        "off" | "glb" | "gltf" | "amf" => (
             format!("a mesh in the .{extension} format, which is not read"),
             "open it in MeshLab or Blender and export it as OBJ or STL",
         ),
@@ -204,11 +245,11 @@ mod tests {
     use crate::mesh::tests::unit_cube;
 
     pub(super) fn parse_obj(text: &str) -> Result<Mesh, MeshFileError> {
-        parse(text.as_bytes().to_vec(), Format::Obj, Path::new("part.obj"))
+        Ok(parse(text.as_bytes().to_vec(), Format::Obj, Path::new("part.obj"))?.mesh)
     }
 
     pub(super) fn parse_stl(bytes: &[u8]) -> Result<Mesh, MeshFileError> {
-        parse(bytes.to_vec(), Format::Stl, Path::new("part.stl"))
+        Ok(parse(bytes.to_vec(), Format::Stl, Path::new("part.stl"))?.mesh)
     }
 
     #[test]
@@ -222,7 +263,7 @@ mod tests {
         };
         assert!(matches!(failure(at("none.obj")), MeshFileError::Missing { .. }));
         assert!(matches!(failure(folder.path().into()), MeshFileError::Unreadable { .. }));
-        for name in ["empty.obj", "empty.stl", "empty.ply"] {
+        for name in ["empty.obj", "empty.stl", "empty.ply", "empty.3mf"] {
             fs::write(at(name), " \n").unwrap();
             assert!(matches!(failure(at(name)), MeshFileError::Empty { .. }));
         }
@@ -230,13 +271,13 @@ mod tests {
             ("a.STEP", "gmsh"),
             ("a.stp", "FreeCAD"),
             ("a.off", "MeshLab"),
-            ("a.3mf", "MeshLab"),
+            ("a.amf", "MeshLab"),
             ("a.xyz", "xyz"),
             ("a", "ending"),
         ] {
             fs::write(at(name), "something").unwrap();
             let text = failure(at(name)).to_string();
-            assert!(text.contains(hint) && text.contains(".obj, .stl and .ply"), "{text}");
+            assert!(text.contains(hint) && text.contains(".obj, .stl, .ply and .3mf"), "{text}");
         }
         assert!(matches!(
             check_count(MAX_TRIANGLES + 1, Path::new("a")),
@@ -255,7 +296,7 @@ mod tests {
 
     /// Whatever the bytes are, the answer is an error or a mesh that keeps the module's promise.
     fn survives(bytes: &[u8], format: Format) {
-        if let Ok(mesh) = parse(bytes.to_vec(), format, Path::new("part")) {
+        if let Ok(MeshFile { mesh, .. }) = parse(bytes.to_vec(), format, Path::new("part")) {
             assert!(mesh.vertices.iter().all(|v| v.is_finite()));
             assert_eq!(mesh.welded(), mesh);
         }
@@ -278,11 +319,12 @@ mod tests {
             (ply::tests::ascii(&cube).into_bytes(), Format::Ply),
             (ply::tests::binary(&cube, true), Format::Ply),
             (ply::tests::binary(&cube, false), Format::Ply),
+            (three_mf::tests::archive(&three_mf::tests::cube(&cube)), Format::ThreeMf),
         ];
         let telling = b"0123456789-+e./ \n#\\fv";
         let mut random = ChaCha8Rng::seed_from_u64(3);
         for (sample, format) in &samples {
-            assert_eq!(parse(sample.clone(), *format, Path::new("part")).unwrap().triangles.len(), 12);
+            assert_eq!(parse(sample.clone(), *format, Path::new("part")).unwrap().mesh.triangles.len(), 12);
             for length in 0..sample.len() {
                 survives(&sample[..length], *format);
             }

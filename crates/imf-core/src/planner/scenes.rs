@@ -22,7 +22,7 @@ use crate::tool::{Clearance, Tool};
 use crate::training::TrainingState;
 
 /// A coarse bracket and a tool, grown all around by a clearance in voxels.
-pub(super) fn scene(tool: &Tool, clearance: f64) -> Scene {
+pub(crate) fn scene(tool: &Tool, clearance: f64) -> Scene {
     let mesh = ReferencePart::Bracket.mesh();
     let spec =
         SceneSpec { margin: 1, ..SceneSpec::of_reference(ReferencePart::Bracket, &mesh, [12, 36, 22], tool) };
@@ -31,7 +31,7 @@ pub(super) fn scene(tool: &Tool, clearance: f64) -> Scene {
     scene.with_clearance(&Clearance { holder: room, shank: room, cutter: room }).unwrap()
 }
 
-pub(super) fn harmonic_file(scene: &Scene, degree: usize) -> HarmonicFile {
+pub(crate) fn harmonic_file(scene: &Scene, degree: usize) -> HarmonicFile {
     let settings = FitSettings {
         degree,
         sections_per_function: 1.5,
@@ -47,12 +47,12 @@ pub(super) fn harmonic_file(scene: &Scene, degree: usize) -> HarmonicFile {
     HarmonicFile { field, scene: scene.clone(), settings, calibration: None }
 }
 
-pub(super) fn harmonic(scene: &Scene) -> NeuralField {
+pub(crate) fn harmonic(scene: &Scene) -> NeuralField {
     NeuralField::new(StoredField::Harmonic(Box::new(harmonic_file(scene, 8)))).unwrap()
 }
 
 /// Weights as they are before teaching: a field as bumpy as any.
-pub(super) fn factored_file(scene: &Scene) -> FactoredFile {
+pub(crate) fn factored_file(scene: &Scene) -> FactoredFile {
     let teacher = harmonic_file(scene, 6);
     let settings = TeachSettings { width: 24, hidden: 2, omega: 6.0, ..TeachSettings::default() };
     let shape = FactoredShape { width: 24, hidden: 2, omega: 6.0, axes: teacher.field.axis_count() };
@@ -68,12 +68,12 @@ pub(super) fn factored_file(scene: &Scene) -> FactoredFile {
     }
 }
 
-pub(super) fn factored(scene: &Scene) -> NeuralField {
+pub(crate) fn factored(scene: &Scene) -> NeuralField {
     NeuralField::new(StoredField::Factored(Box::new(factored_file(scene)))).unwrap()
 }
 
 /// Starting weights, of the paper's shape but narrow.
-pub(super) fn siren_model(scene: &Scene) -> Model {
+pub(crate) fn siren_model(scene: &Scene) -> Model {
     let shape = SirenShape { width: 33, hidden: 3, omega: 3.0, ..SirenShape::default() };
     let record: TrainingRecord = serde_json::from_value(serde_json::json!({
         "program": "0", "plan": crate::training::run::TrainingPlan::default(),
@@ -86,12 +86,12 @@ pub(super) fn siren_model(scene: &Scene) -> Model {
     Model { shape, scene: scene.clone(), record, state, calibration: None }
 }
 
-pub(super) fn siren(scene: &Scene) -> NeuralField {
+pub(crate) fn siren(scene: &Scene) -> NeuralField {
     NeuralField::new(StoredField::Siren(Box::new(siren_model(scene)))).unwrap()
 }
 
 /// Uniform positions in the box of the voxel centres, uniform axes.
-pub(super) fn poses(scene: &Scene, count: usize, seed: u64) -> Vec<Pose> {
+pub(crate) fn poses(scene: &Scene, count: usize, seed: u64) -> Vec<Pose> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut number = || f64::from(random.next_u32()) / f64::from(u32::MAX);
     let grid = scene.record.grid;

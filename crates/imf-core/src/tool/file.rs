@@ -36,9 +36,11 @@ use thiserror::Error;
 use toml::Spanned;
 
 use cutter::CutterText;
+pub(super) use cutter::rounded;
 
+use super::library::{self, ToolLibraryError};
 use super::{Element, ElementKind, Segment, SharpPoints, Tool, ToolError, ToolShape};
-use crate::mesh::read::{MeshFileError, read_mesh};
+use crate::mesh::read::{MeshFileError, read_mesh_file};
 use crate::unit::LengthUnit;
 
 /// Why a tool file is refused.
@@ -65,6 +67,9 @@ pub enum ToolFileError {
     /// The mesh that the file names cannot be read.
     #[error(transparent)]
     Mesh(#[from] MeshFileError),
+    /// The library of a CAM program.
+    #[error(transparent)]
+    Library(#[from] ToolLibraryError),
     /// The assembly has no volume.
     #[error("{path}: {source}")]
     Tool {
@@ -113,11 +118,14 @@ struct HolderText {
 }
 
 impl Tool {
-    /// Reads a tool file.
+    /// Reads a tool file, or the only tool of a CAM program's library (`.fctb`, `.json`, `.tools`).
     ///
     /// # Errors
     /// Names the file, the line and the key.
     pub fn read(path: &Path) -> Result<Self, ToolFileError> {
+        if library::is_library(path) {
+            return Ok(library::read(path, None)?);
+        }
         let shown = path.display().to_string();
         let text = std::fs::read_to_string(path)
             .map_err(|source| ToolFileError::Read { path: shown.clone(), source })?;
@@ -129,6 +137,19 @@ impl Tool {
         let tool = reader.tool(&parsed, path.parent().unwrap_or(Path::new(".")))?;
         tool.check().map_err(|source| ToolFileError::Tool { path: shown.clone(), source })?;
         Ok(tool)
+    }
+}
+
+impl Tool {
+    /// As [`Tool::read`], of a path, or of `LIBRARY#TOOL`: a tool of several by its name or number.
+    ///
+    /// # Errors
+    /// As [`Tool::read`]; a name that no tool of the library has, or several.
+    pub fn find(text: &str) -> Result<Self, ToolFileError> {
+        match library::location(text) {
+            (path, Some(tool)) if library::is_library(path) => Ok(library::read(path, Some(tool))?),
+            _ => Self::read(Path::new(text)),
+        }
     }
 }
 
@@ -159,11 +180,14 @@ impl Reader<'_> {
     }
 
     fn tool(&self, text: &ToolText, folder: &Path) -> Result<Tool, ToolFileError> {
+        let mut unit = text.unit.unwrap_or_default();
         let shape = match (&text.mesh, &text.cutter) {
             (Some(mesh), None)
                 if text.shank.is_none() && text.holder.is_empty() && text.stick_out.is_none() =>
             {
-                ToolShape::Mesh(read_mesh(folder.join(mesh.get_ref()))?)
+                let file = read_mesh_file(folder.join(mesh.get_ref()))?;
+                unit = text.unit.or(file.unit).unwrap_or_default();
+                ToolShape::Mesh(file.in_unit(unit))
             }
             (Some(mesh), _) => {
                 let what = "mesh stands alone: remove cutter, shank, holder and stick_out, or remove mesh";
@@ -199,7 +223,7 @@ impl Reader<'_> {
                 .file_stem()
                 .map_or_else(|| "tool".into(), |s| s.to_string_lossy().into_owned())
         });
-        Ok(Tool { name, unit: text.unit.unwrap_or_default(), shape, sharp_points })
+        Ok(Tool { name, unit, shape, sharp_points })
     }
 
     fn elements(&self, text: &ToolText, cutter: &CutterText) -> Result<Vec<Element>, ToolFileError> {

@@ -114,7 +114,13 @@ impl Setup {
             .then(|| {
                 let text = arguments.stock.as_deref().unwrap_or("box");
                 let part_box = spec.part_bounds()?;
-                fixture::Stock::read(text, part_box, &reading.transform, arguments.scene.unit.as_deref())
+                fixture::Stock::read(
+                    text,
+                    part_box,
+                    &reading.transform,
+                    arguments.scene.unit.as_deref(),
+                    reading.part.unit,
+                )
             })
             .transpose()?;
         let stock_grid = match &stock_mesh {

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::Result;
-use imf_core::mesh::read::read_mesh;
+use imf_core::mesh::read::read_mesh_file;
 use imf_core::mesh::topology::MeshReport;
 use imf_core::parts::ReferencePart;
 use imf_core::unit::{LengthUnit, unit_check};
@@ -33,8 +33,14 @@ pub(super) fn describe_part(part: ReferencePart) -> Description {
     Description { lines, json }
 }
 
-pub(super) fn describe_file(session: &Session, path: &Path, unit: LengthUnit) -> Result<Description> {
-    let report = MeshReport::new(&read_mesh(path)?);
+pub(super) fn describe_file(
+    session: &Session,
+    path: &Path,
+    given: Option<LengthUnit>,
+) -> Result<Description> {
+    let file = read_mesh_file(path)?;
+    let unit = given.or(file.unit).unwrap_or_default();
+    let report = MeshReport::new(&file.mesh);
     let implausible = unit_check(report.extents, unit).map(|what| what.to_string());
     if let Some(what) = &implausible {
         session.warn(&format!("{}: {what}", path.display()));

@@ -67,25 +67,38 @@ impl Reader<'_> {
             }
             None => 0.0,
         };
-        // The arc ends where it is tangent to the flank.
-        let arc_top = corner * (1.0 - half_angle.sin());
-        if length <= arc_top {
-            let what = format!("cutter.length {length} is shorter than the cutter's rounded end ({arc_top})");
-            return Err(self.at(self.line(cutter.length.span().start), what));
-        }
-        let flank = radius - corner + corner * half_angle.cos();
-        let mut profile = Vec::new();
-        if corner > 0.0 {
-            profile.push(Segment::Arc {
-                from: 0.0,
-                to: arc_top,
-                centre_height: corner,
-                centre_radius: radius - corner,
-                arc_radius: corner,
-            });
-        }
-        let radius_to = flank + (length - arc_top) * half_angle.tan();
-        profile.push(Segment::Line { from: arc_top, to: length, radius_from: flank, radius_to });
-        Ok(profile)
+        rounded(radius, corner, half_angle, length).ok_or_else(|| {
+            let what = format!("cutter.length {length} is shorter than the cutter's rounded end");
+            self.at(self.line(cutter.length.span().start), what)
+        })
     }
+}
+
+/// Outline of a cutter whose end has a radius and a corner of another (all of it for ball ends), and whose flank is a cylinder or
+/// a cone of a half angle in radians; `None` where the length ends within the corner.
+pub(in crate::tool) fn rounded(
+    radius: f64,
+    corner: f64,
+    half_angle: f64,
+    length: f64,
+) -> Option<Vec<Segment>> {
+    // The arc ends where it is tangent to the flank.
+    let arc_top = corner * (1.0 - half_angle.sin());
+    if length <= arc_top {
+        return None;
+    }
+    let flank = radius - corner + corner * half_angle.cos();
+    let mut profile = Vec::new();
+    if corner > 0.0 {
+        profile.push(Segment::Arc {
+            from: 0.0,
+            to: arc_top,
+            centre_height: corner,
+            centre_radius: radius - corner,
+            arc_radius: corner,
+        });
+    }
+    let radius_to = flank + (length - arc_top) * half_angle.tan();
+    profile.push(Segment::Line { from: arc_top, to: length, radius_from: flank, radius_to });
+    Some(profile)
 }

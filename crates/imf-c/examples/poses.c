@@ -1,0 +1,110 @@
+/* Answers poses by a field of imf.
+ *
+ *     poses FIELD.safetensors < poses.txt
+ *
+ * Every line of the input is a pose: x y z of the tool's tip and i j k of its axis, from tip to holder. Every line of the
+ * output answers one: the model's value and its gradient by position and by direction, the exact value, whether the
+ * pose is proven free, and which of all poses' orientations is best at its point with the measure there. A last line tells
+ * of the straight motion from the first to the last pose.
+ *
+ *     cc -I include examples/poses.c -L ../../target/release -limf_c -o poses
+ */
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "imf.h"
+
+static void require(ImfStatus status) {
+    if (status != IMF_STATUS_OK) {
+        fprintf(stderr, "poses: %s\n", imf_last_error());
+        exit(1);
+    }
+}
+
+static void *room(size_t count, size_t size) {
+    void *memory = calloc(count > 0 ? count : 1, size);
+    if (memory == NULL) {
+        fprintf(stderr, "poses: out of memory\n");
+        exit(1);
+    }
+    return memory;
+}
+
+static const char *name(ImfDecision decision) {
+    switch (decision) {
+    case IMF_DECISION_FREE:
+        return "free";
+    case IMF_DECISION_BLOCKED:
+        return "blocked";
+    case IMF_DECISION_NEAR:
+        return "near";
+    }
+    return "unknown";
+}
+
+int main(int count_of_arguments, char **arguments) {
+    if (count_of_arguments != 2) {
+        fprintf(stderr, "usage: poses FIELD.safetensors < poses.txt\n");
+        return 2;
+    }
+    ImfField *guarded = NULL, *exact = NULL;
+    require(imf_open_guarded(arguments[1], &guarded));
+    require(imf_open_exact(arguments[1], &exact));
+
+    size_t count = 0, capacity = 64;
+    ImfPose *poses = room(capacity, sizeof *poses);
+    float n[6];
+    while (scanf("%f %f %f %f %f %f", &n[0], &n[1], &n[2], &n[3], &n[4], &n[5]) == 6) {
+        if (count == capacity) {
+            capacity *= 2;
+            poses = realloc(poses, capacity * sizeof *poses);
+            if (poses == NULL) {
+                fprintf(stderr, "poses: out of memory\n");
+                return 1;
+            }
+        }
+        poses[count++] = imf_pose_along(n[0], n[1], n[2], n[3], n[4], n[5]);
+    }
+
+    ImfGradient *gradients = room(count, sizeof *gradients);
+    float *counted = room(count, sizeof *counted);
+    ImfDecision *decisions = room(count, sizeof *decisions);
+    float *points = room(count, 3 * sizeof *points), *rotations = room(count, 4 * sizeof *rotations);
+    ImfBest *best = room(count, sizeof *best);
+    for (size_t i = 0; i < count; i++) {
+        for (int axis = 0; axis < 3; axis++) {
+            points[3 * i + axis] = poses[i].position[axis];
+        }
+        for (int part = 0; part < 4; part++) {
+            rotations[4 * i + part] = poses[i].rotation[part];
+        }
+    }
+    require(imf_query_with_gradient(guarded, poses, count, gradients));
+    require(imf_query(exact, poses, count, counted));
+    require(imf_classify(guarded, poses, count, decisions));
+    require(imf_best(guarded, points, count, rotations, count, best));
+
+    /* Nine digits tell every float from its neighbours. */
+    for (size_t i = 0; i < count; i++) {
+        const ImfGradient *g = &gradients[i];
+        printf("%.9g %.9g %.9g %.9g %.9g %.9g %.9g %.9g %s %u %.9g\n", g->value, g->position[0],
+               g->position[1], g->position[2], g->direction[0], g->direction[1], g->direction[2],
+               counted[i], name(decisions[i]), best[i].orientation, best[i].value);
+    }
+    if (count > 0) {
+        ImfPassage passage;
+        require(imf_free_along(guarded, &poses[0], &poses[count - 1], &passage));
+        printf("motion %d %.17g %.17g\n", (int)passage.kind, passage.free_until, passage.until);
+    }
+
+    free(best);
+    free(rotations);
+    free(points);
+    free(decisions);
+    free(counted);
+    free(gradients);
+    free(poses);
+    imf_close(exact);
+    imf_close(guarded);
+    return 0;
+}

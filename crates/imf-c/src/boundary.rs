@@ -1,0 +1,205 @@
+//! What stands between C and Rust: statuses and messages, pointers turned into slices, panics caught.
+
+use std::any::Any;
+use std::cell::RefCell;
+use std::ffi::{CStr, CString, c_char};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+/// What became of a call.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImfStatus {
+    /// It is done.
+    Ok = 0,
+    /// A pointer that must not be NULL is.
+    NullPointer = 1,
+    /// An argument that cannot be: a misaligned pointer, an absurd count, no orientation, a path that is no UTF-8.
+    Argument = 2,
+    /// The file is missing, foreign, newer, damaged, or its tool cannot be used.
+    File = 3,
+    /// This kind of field does not answer that.
+    Unsupported = 4,
+    /// The question has no answer: an end of a motion that is no pose, a tool that holds no voxel.
+    NoAnswer = 5,
+    /// A defect of the library, caught. The field may be asked on.
+    Defect = 6,
+}
+
+/// Why a call fails.
+#[derive(Debug)]
+pub(crate) struct Refusal {
+    pub(crate) status: ImfStatus,
+    pub(crate) message: String,
+}
+
+impl Refusal {
+    pub(crate) fn new(status: ImfStatus, message: impl Into<String>) -> Self {
+        Self { status, message: message.into() }
+    }
+
+    fn null(what: &str) -> Self {
+        Self::new(ImfStatus::NullPointer, format!("{what} is NULL"))
+    }
+}
+
+thread_local! {
+    static LAST: RefCell<CString> = RefCell::new(CString::default());
+}
+
+/// The message of the last call of this thread that failed; empty before any. It stays until the thread's next failure or
+/// end, and is never NULL.
+#[unsafe(no_mangle)]
+pub extern "C" fn imf_last_error() -> *const c_char {
+    // A thread that is ending has none any more.
+    LAST.try_with(|last| last.borrow().as_ptr()).unwrap_or(c"".as_ptr())
+}
+
+/// The library's version, such as "0.1.0".
+#[unsafe(no_mangle)]
+pub extern "C" fn imf_version() -> *const c_char {
+    const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "\0");
+    VERSION.as_ptr().cast()
+}
+
+/// Runs what a call does; failures and panics become a status and this thread's message.
+pub(crate) fn call(work: impl FnOnce() -> Result<(), Refusal>) -> ImfStatus {
+    // What a panic leaves half done is results only, which its status disowns: fields keep no state but working memory, which is
+    // overwritten by each question.
+    let outcome = catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
+        Err(Refusal::new(
+            ImfStatus::Defect,
+            format!("a defect of the library: {}", panic_text(panic.as_ref())),
+        ))
+    });
+    let Err(Refusal { status, message }) = outcome else { return ImfStatus::Ok };
+    let text = CString::new(message.replace('\0', " ")).unwrap_or_default();
+    // Nobody is left to read it where this fails.
+    let _ = LAST.try_with(|last| last.replace(text));
+    status
+}
+
+fn panic_text(panic: &(dyn Any + Send)) -> &str {
+    let text = panic.downcast_ref::<&str>().copied();
+    text.or_else(|| panic.downcast_ref::<String>().map(String::as_str)).unwrap_or("no message")
+}
+
+/// Refuses what no memory can hold.
+fn check<T>(pointer: *const T, count: usize, what: &str) -> Result<(), Refusal> {
+    if pointer.is_null() {
+        return Err(Refusal::null(what));
+    }
+    if !pointer.is_aligned() {
+        return Err(Refusal::new(ImfStatus::Argument, format!("{what} is not aligned")));
+    }
+    if count.checked_mul(size_of::<T>()).is_none_or(|bytes| isize::try_from(bytes).is_err()) {
+        return Err(Refusal::new(ImfStatus::Argument, format!("{what}: no memory holds {count} of them")));
+    }
+    Ok(())
+}
+
+/// What C gives to be read.
+///
+/// # Safety
+/// `pointer` holds `count` elements that nobody writes for as long as the slice is used.
+pub(crate) unsafe fn read<'a, T>(pointer: *const T, count: usize, what: &str) -> Result<&'a [T], Refusal> {
+    if count == 0 {
+        return Ok(&[]);
+    }
+    check(pointer, count, what)?;
+    // SAFETY: not null, aligned, of a size that can be; the rest is promised by the caller.
+    Ok(unsafe { std::slice::from_raw_parts(pointer, count) })
+}
+
+/// One thing that C gives to be read.
+///
+/// # Safety
+/// As [`read`], of one element.
+pub(crate) unsafe fn read_one<'a, T>(pointer: *const T, what: &str) -> Result<&'a T, Refusal> {
+    check(pointer, 1, what)?;
+    // SAFETY: not null and aligned; the rest is promised by the caller.
+    Ok(unsafe { &*pointer })
+}
+
+/// Where C wants answers. The memory need not hold anything yet: it is only written.
+pub(crate) struct Places<T> {
+    pointer: *mut T,
+    count: usize,
+}
+
+impl<T: Copy> Places<T> {
+    /// Checks the pointer.
+    ///
+    /// # Safety
+    /// `pointer` has room for `count` elements that nobody else reads or writes for as long as the places are used.
+    pub(crate) unsafe fn new(pointer: *mut T, count: usize, what: &str) -> Result<Self, Refusal> {
+        if count > 0 {
+            check(pointer, count, what)?;
+        }
+        Ok(Self { pointer, count })
+    }
+
+    /// Writes one answer.
+    ///
+    /// # Panics
+    /// If there is no such place.
+    pub(crate) fn write(&mut self, place: usize, value: T) {
+        assert!(place < self.count, "a place beyond the end");
+        // SAFETY: checked in `new` and here; the memory is promised there.
+        unsafe { self.pointer.add(place).write(value) };
+    }
+}
+
+/// A path that C gives.
+///
+/// # Safety
+/// `pointer` is NULL or a text that ends with 0.
+pub(crate) unsafe fn path<'a>(pointer: *const c_char) -> Result<&'a str, Refusal> {
+    if pointer.is_null() {
+        return Err(Refusal::null("path"));
+    }
+    // SAFETY: not null; the end is promised by the caller.
+    let text = unsafe { CStr::from_ptr(pointer) };
+    text.to_str().map_err(|_| Refusal::new(ImfStatus::Argument, "path is no text in UTF-8"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn message() -> String {
+        // SAFETY: read at once.
+        unsafe { CStr::from_ptr(imf_last_error()) }.to_str().unwrap().to_owned()
+    }
+
+    #[test]
+    fn failures_and_panics_are_told_apart_and_stay_with_their_thread() {
+        assert_eq!(message(), "");
+        assert_eq!(call(|| Ok(())), ImfStatus::Ok);
+        assert_eq!(call(|| Err(Refusal::new(ImfStatus::File, "a\0b"))), ImfStatus::File);
+        assert_eq!(message(), "a b");
+        assert_eq!(call(|| panic!("of {}", 3)), ImfStatus::Defect);
+        assert_eq!(message(), "a defect of the library: of 3");
+        assert_eq!(call(|| Ok(())), ImfStatus::Ok);
+        assert!(message().ends_with("of 3"));
+        std::thread::spawn(|| assert_eq!(message(), "")).join().unwrap();
+    }
+
+    #[test]
+    fn pointers_that_cannot_be_are_refused() {
+        let numbers = [1.0_f32, 2.0];
+        let status = |result: Result<&[f32], Refusal>| result.err().map(|refusal| refusal.status);
+        // SAFETY: what is accepted is there; what is not is refused before it is read.
+        unsafe {
+            assert_eq!(read(numbers.as_ptr(), 2, "poses").unwrap(), numbers);
+            assert!(read::<f32>(std::ptr::null(), 0, "poses").unwrap().is_empty());
+            assert_eq!(status(read(std::ptr::null(), 1, "poses")), Some(ImfStatus::NullPointer));
+            let askew = numbers.as_ptr().byte_add(1);
+            assert_eq!(status(read(askew, 1, "poses")), Some(ImfStatus::Argument));
+            assert_eq!(status(read(numbers.as_ptr(), usize::MAX / 2, "poses")), Some(ImfStatus::Argument));
+            assert!(Places::<f32>::new(std::ptr::null_mut(), 0, "values").is_ok());
+            assert!(Places::<f32>::new(std::ptr::null_mut(), 1, "values").is_err());
+            assert_eq!(path(std::ptr::null()).unwrap_err().status, ImfStatus::NullPointer);
+            assert_eq!(path(c"\xff".as_ptr()).unwrap_err().status, ImfStatus::Argument);
+        }
+    }
+}

@@ -1,0 +1,203 @@
+//! Fields that are opened, described and closed.
+
+use std::ffi::c_char;
+use std::path::Path;
+
+use imf_core::calibration::Calibration;
+use imf_core::field::ExactField;
+use imf_core::planner::{GuardedField, LoadError, NeuralField, PoseField};
+use imf_core::scene::Scene;
+use imf_core::stored::StoredField;
+
+use crate::boundary::{ImfStatus, Places, Refusal, call, path, read_one};
+
+/// A field, opened from a file.
+pub struct ImfField {
+    pub(crate) kind: Kind,
+    info: ImfInfo,
+}
+
+/// Which of the three.
+pub(crate) enum Kind {
+    Neural(Box<NeuralField>),
+    Guarded(Box<GuardedField>),
+    Exact(Box<ExactField<'static>>),
+}
+
+/// What a field is of. Lengths are in its scene's unit.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImfInfo {
+    /// Lower corner of the box in which a model is known: that of the voxels' centres.
+    pub lower: [f64; 3],
+    /// Upper corner of that box.
+    pub upper: [f64; 3],
+    /// Edge of a voxel.
+    pub pitch: f64,
+    /// Millimetres in one unit of length.
+    pub unit_in_mm: f64,
+    /// Clearance by which holder, shank and cutter of the tool are grown in the file's values.
+    pub clearance: [f64; 3],
+    /// True where the file has thresholds for the model's own decisions: without, it answers near.
+    pub calibrated: bool,
+}
+
+impl ImfField {
+    fn new(kind: Kind, scene: &Scene, calibration: Option<&Calibration>) -> Self {
+        let record = &scene.record;
+        let grid = record.grid;
+        let clearance = record.clearance;
+        let info = ImfInfo {
+            lower: grid.centre([0; 3]).to_array(),
+            upper: grid.centre(grid.dims.map(|n| n - 1)).to_array(),
+            pitch: grid.pitch,
+            unit_in_mm: record.unit.in_mm(),
+            clearance: [clearance.holder, clearance.shank, clearance.cutter],
+            calibrated: calibration.is_some(),
+        };
+        Self { kind, info }
+    }
+
+    /// The interface that all kinds share.
+    pub(crate) fn poses(&self) -> &dyn PoseField {
+        match &self.kind {
+            Kind::Neural(field) => field.as_ref(),
+            Kind::Guarded(field) => field.as_ref(),
+            Kind::Exact(field) => field.as_ref(),
+        }
+    }
+}
+
+fn of_file(error: impl Into<LoadError>) -> Refusal {
+    let error: LoadError = error.into();
+    Refusal::new(ImfStatus::File, error.to_string())
+}
+
+fn guarded(field: GuardedField) -> ImfField {
+    let scene = field.model().scene().clone();
+    let calibration = field.model().calibration().copied();
+    ImfField::new(Kind::Guarded(Box::new(field)), &scene, calibration.as_ref())
+}
+
+fn exact(path: &Path) -> Result<ImfField, Refusal> {
+    let stored = StoredField::read(path).map_err(of_file)?;
+    let scene = stored.scene();
+    if scene.record.contact.is_some() {
+        return Err(Refusal::new(
+            ImfStatus::Unsupported,
+            format!(
+                "{}: its cutter may enter a layer of the part, which one exact field does not count: open it guarded",
+                path.display()
+            ),
+        ));
+    }
+    let field = ExactField::owned(scene.obstacle.clone(), scene.record.tool.clone());
+    Ok(ImfField::new(Kind::Exact(Box::new(field)), scene, stored.calibration()))
+}
+
+/// Opens and hands over, or leaves `*field` NULL.
+///
+/// # Safety
+/// As the functions below.
+unsafe fn open(
+    path_text: *const c_char,
+    field: *mut *mut ImfField,
+    opened: impl FnOnce(&Path) -> Result<ImfField, Refusal>,
+) -> ImfStatus {
+    call(|| {
+        // SAFETY: promised by the caller.
+        let mut place = unsafe { Places::new(field, 1, "field") }?;
+        place.write(0, std::ptr::null_mut());
+        // SAFETY: promised by the caller.
+        let path = unsafe { path(path_text) }?;
+        place.write(0, Box::into_raw(Box::new(opened(Path::new(path))?)));
+        Ok(())
+    })
+}
+
+/// Opens a model of any family: approximate values, gradients, and decisions as good as its calibration. On failure *field
+/// is NULL.
+///
+/// # Safety
+/// path is a text that ends with 0, in UTF-8; field has room for a pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_open_neural(path: *const c_char, field: *mut *mut ImfField) -> ImfStatus {
+    let opened = |path: &Path| {
+        let field = NeuralField::load(path).map_err(of_file)?;
+        let (scene, calibration) = (field.scene().clone(), field.calibration().copied());
+        Ok(ImfField::new(Kind::Neural(Box::new(field)), &scene, calibration.as_ref()))
+    };
+    // SAFETY: promised by the caller.
+    unsafe { open(path, field, opened) }
+}
+
+/// Opens a model whose decisions are proven: free only where no solid voxel's centre lies in the scene's true tool. Values
+/// and gradients are the model's. On failure *field is NULL.
+///
+/// # Safety
+/// path is a text that ends with 0, in UTF-8; field has room for a pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_open_guarded(path: *const c_char, field: *mut *mut ImfField) -> ImfStatus {
+    let opened = |path: &Path| Ok(guarded(GuardedField::load(path).map_err(of_file)?));
+    // SAFETY: promised by the caller.
+    unsafe { open(path, field, opened) }
+}
+
+/// As imf_open_guarded, for the true tool grown by the clearance that the file was made with. On failure *field is NULL.
+///
+/// # Safety
+/// path is a text that ends with 0, in UTF-8; field has room for a pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_open_guarded_keeping(
+    path: *const c_char,
+    field: *mut *mut ImfField,
+) -> ImfStatus {
+    let opened = |path: &Path| {
+        let model = NeuralField::load(path).map_err(of_file)?;
+        let clearance = model.scene().record.clearance;
+        Ok(guarded(GuardedField::keeping(model, clearance).map_err(of_file)?))
+    };
+    // SAFETY: promised by the caller.
+    unsafe { open(path, field, opened) }
+}
+
+/// Opens the exact field of the scene in a model's file: voxels are counted in the scene's tool, grown by the file's
+/// clearance where it has one; the model itself is not used. On failure *field is NULL.
+///
+/// # Safety
+/// path is a text that ends with 0, in UTF-8; field has room for a pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_open_exact(path: *const c_char, field: *mut *mut ImfField) -> ImfStatus {
+    // SAFETY: promised by the caller.
+    unsafe { open(path, field, exact) }
+}
+
+/// What the field is of.
+///
+/// # Safety
+/// field was opened and not closed; info has room for one.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_info(field: *const ImfField, info: *mut ImfInfo) -> ImfStatus {
+    call(|| {
+        // SAFETY: promised by the caller.
+        let (field, mut place) = unsafe { (read_one(field, "field")?, Places::new(info, 1, "info")?) };
+        place.write(0, field.info);
+        Ok(())
+    })
+}
+
+/// Closes a field; NULL is passed over.
+///
+/// # Safety
+/// field is NULL, or was opened, not closed yet, and is asked by no thread any more.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_close(field: *mut ImfField) {
+    if !field.is_null() {
+        // Memory is given back; there is nothing to tell.
+        let _ = call(|| {
+            // SAFETY: made by `Box::into_raw` and closed once, as the caller promises.
+            drop(unsafe { Box::from_raw(field) });
+            Ok(())
+        });
+    }
+}

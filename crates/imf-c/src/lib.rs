@@ -1,0 +1,44 @@
+//! The C interface: fields that answer poses, for planners that are not written in Rust.
+//!
+//! It owns the boundary between C and [`imf_core::planner`], and computes nothing itself: values, gradients, decisions
+//! and proofs are those of the Rust calls, bit for bit. Conventions of the boundary:
+//!
+//! - every function that can fail returns an [`ImfStatus`]; [`imf_last_error`] has the message of this thread's last failure;
+//! - results go to memory of the caller; a field is the only thing that is opened and closed;
+//! - no panic crosses: one that happens all the same is a status;
+//! - null and misaligned pointers, and counts that no memory could hold, are refused; what else a pointer promises cannot be
+//!   checked.
+//!
+//! `include/imf.h` is generated from these sources; a test keeps it the same. `examples/poses.c` is compiled and run by the tests.
+//! Build with `cargo build --release -p imf-c`, and link `target/release/libimf_c.so` (`.dylib`, `.dll`), or `libimf_c.a` with the
+//! system's libraries (`-lpthread -ldl -lm` on Linux).
+//!
+//! The same calls, from Rust:
+//! ```
+//! use std::ptr::null_mut;
+//!
+//! use imf_c::{ImfStatus, imf_last_error, imf_open_guarded};
+//!
+//! let mut field = null_mut();
+//! // SAFETY: a text that ends with 0, and a place for the field.
+//! let status = unsafe { imf_open_guarded(c"no/such/file.safetensors".as_ptr(), &mut field) };
+//! assert_eq!(status, ImfStatus::File);
+//! // SAFETY: read before the next call.
+//! let why = unsafe { std::ffi::CStr::from_ptr(imf_last_error()) };
+//! assert!(why.to_string_lossy().contains("no/such/file.safetensors"));
+//! ```
+
+#![allow(unsafe_code, reason = "C hands over raw pointers, and its names must not be mangled")]
+
+mod boundary;
+mod field;
+mod query;
+mod values;
+
+pub use boundary::{ImfStatus, imf_last_error, imf_version};
+pub use field::{
+    ImfField, ImfInfo, imf_close, imf_info, imf_open_exact, imf_open_guarded, imf_open_guarded_keeping,
+    imf_open_neural,
+};
+pub use query::{imf_best, imf_classify, imf_free_along, imf_query, imf_query_with_gradient};
+pub use values::{ImfBest, ImfDecision, ImfGradient, ImfPassage, ImfPassageKind, ImfPose, imf_pose_along};

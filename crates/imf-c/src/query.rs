@@ -1,0 +1,167 @@
+//! Questions: poses in C's layout are turned into the planner's a block at a time, on the stack.
+
+use glam::{Quat, Vec3};
+use imf_core::planner::{Best, Decision, Gradient, PlannerError, Pose};
+
+use crate::boundary::{ImfStatus, Places, Refusal, call, read, read_one};
+use crate::field::{ImfField, Kind};
+use crate::values::{ImfBest, ImfDecision, ImfGradient, ImfPassage, ImfPose};
+
+/// Poses turned at a time: the block that the planner's fields work in, so that batches are cut alike.
+const BLOCK: usize = 256;
+
+fn of_planner(error: &PlannerError) -> Refusal {
+    let status = match error {
+        PlannerError::Length { .. } | PlannerError::Orientations(_) => ImfStatus::Argument,
+        PlannerError::Tool(_) | PlannerError::Device(_) => ImfStatus::NoAnswer,
+    };
+    Refusal::new(status, error.to_string())
+}
+
+/// Asks `ask` about every block of poses and writes its answers, `blank` before.
+///
+/// # Safety
+/// As the functions below.
+unsafe fn each<T: Copy, C: Copy + From<T>>(
+    field: *const ImfField,
+    poses: *const ImfPose,
+    count: usize,
+    answers: *mut C,
+    what: &str,
+    blank: T,
+    ask: impl Fn(&ImfField, &[Pose], &mut [T]) -> Result<(), PlannerError>,
+) -> ImfStatus {
+    call(|| {
+        // SAFETY: promised by the caller.
+        let field = unsafe { read_one(field, "field") }?;
+        // SAFETY: promised by the caller.
+        let (poses, mut answers) =
+            unsafe { (read(poses, count, "poses")?, Places::new(answers, count, what)?) };
+        let mut turned = [Pose::new(Vec3::ZERO, Quat::IDENTITY); BLOCK];
+        let mut found = [blank; BLOCK];
+        for (block, poses) in poses.chunks(BLOCK).enumerate() {
+            for (turned, pose) in turned.iter_mut().zip(poses) {
+                *turned = pose.to_pose();
+            }
+            let found = &mut found[..poses.len()];
+            ask(field, &turned[..poses.len()], found).map_err(|error| of_planner(&error))?;
+            for (place, &answer) in found.iter().enumerate() {
+                answers.write(block * BLOCK + place, answer.into());
+            }
+        }
+        Ok(())
+    })
+}
+
+/// The overlap, 0 to 1, of every pose: the share of the tool's volume that lies in the obstacle. NaN for what is no pose.
+///
+/// # Safety
+/// field was opened and not closed; there are count poses, and room for as many values.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_query(
+    field: *const ImfField,
+    poses: *const ImfPose,
+    count: usize,
+    values: *mut f32,
+) -> ImfStatus {
+    // SAFETY: promised by the caller.
+    unsafe { each(field, poses, count, values, "values", 0.0_f32, |f, p, v| f.poses().query(p, v)) }
+}
+
+/// Overlaps with their derivatives. Those of an exact field, whose values are steps, are differences over a voxel's
+/// width.
+///
+/// # Safety
+/// field was opened and not closed; there are count poses, and room for as many gradients.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_query_with_gradient(
+    field: *const ImfField,
+    poses: *const ImfPose,
+    count: usize,
+    gradients: *mut ImfGradient,
+) -> ImfStatus {
+    let ask = |f: &ImfField, p: &[Pose], g: &mut [Gradient]| f.poses().query_with_gradient(p, g);
+    // SAFETY: promised by the caller.
+    unsafe { each(field, poses, count, gradients, "gradients", Gradient::NAN, ask) }
+}
+
+/// Whether the tool collides at every pose. Exact and guarded fields decide every pose; a model answers near where its
+/// calibration leaves it open, and everywhere outside its box.
+///
+/// # Safety
+/// field was opened and not closed; there are count poses, and room for as many decisions.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_classify(
+    field: *const ImfField,
+    poses: *const ImfPose,
+    count: usize,
+    decisions: *mut ImfDecision,
+) -> ImfStatus {
+    let ask = |f: &ImfField, p: &[Pose], d: &mut [Decision]| f.poses().classify(p, d);
+    // SAFETY: promised by the caller.
+    unsafe { each(field, poses, count, decisions, "decisions", Decision::Near, ask) }
+}
+
+/// The inaccessibility measure with the best orientation of every point: points are x, y, z, three numbers each; rotations are
+/// quaternions x, y, z, w, four numbers each, at least one. Takes memory for a copy of both for the time of the call.
+///
+/// # Safety
+/// field was opened and not closed; there are 3 * point_count numbers of points, 4 * rotation_count of rotations, and room for
+/// point_count answers.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_best(
+    field: *const ImfField,
+    points: *const f32,
+    point_count: usize,
+    rotations: *const f32,
+    rotation_count: usize,
+    best: *mut ImfBest,
+) -> ImfStatus {
+    call(|| {
+        // SAFETY: promised by the caller.
+        let field = unsafe { read_one(field, "field") }?;
+        // SAFETY: promised by the caller; a count that overflows is absurd and refused as such.
+        let (points, rotations, mut places) = unsafe {
+            (
+                read(points, point_count.saturating_mul(3), "points")?,
+                read(rotations, rotation_count.saturating_mul(4), "rotations")?,
+                Places::new(best, point_count, "best")?,
+            )
+        };
+        let points: Vec<Vec3> = points.as_chunks().0.iter().copied().map(Vec3::from_array).collect();
+        let rotations: Vec<Quat> = rotations.as_chunks().0.iter().copied().map(Quat::from_array).collect();
+        let mut found = vec![Best::NONE; points.len()];
+        field.poses().imf(&points, &rotations, &mut found).map_err(|error| of_planner(&error))?;
+        for (place, best) in found.into_iter().enumerate() {
+            places.write(place, best.into());
+        }
+        Ok(())
+    })
+}
+
+/// Whether the tool may move from a to b: the tip along the straight line, the axis along the great circle, both evenly.
+/// Guarded fields alone answer it.
+///
+/// # Safety
+/// field was opened and not closed; a and b are poses; passage has room for one.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_free_along(
+    field: *const ImfField,
+    a: *const ImfPose,
+    b: *const ImfPose,
+    passage: *mut ImfPassage,
+) -> ImfStatus {
+    call(|| {
+        // SAFETY: promised by the caller.
+        let (field, a, b) = unsafe { (read_one(field, "field")?, read_one(a, "a")?, read_one(b, "b")?) };
+        // SAFETY: promised by the caller.
+        let mut place = unsafe { Places::new(passage, 1, "passage") }?;
+        let Kind::Guarded(guarded) = &field.kind else {
+            let message = "motions are proven by guarded fields alone: open the file by imf_open_guarded";
+            return Err(Refusal::new(ImfStatus::Unsupported, message));
+        };
+        let found = guarded.free_along(&a.to_pose(), &b.to_pose());
+        place.write(0, found.map_err(|error| Refusal::new(ImfStatus::NoAnswer, error.to_string()))?.into());
+        Ok(())
+    })
+}

@@ -1,0 +1,146 @@
+//! Poses and answers as C holds them.
+
+use glam::{Quat, Vec3};
+use imf_core::planner::{Best, Decision, Gradient, Passage, Pose, rotation_along};
+
+/// Where the tool is.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImfPose {
+    /// Position of the tool's tip in the world.
+    pub position: [f32; 3],
+    /// Rotation from the tool's frame (tip at the origin, axis +z from tip to holder) to the world: a quaternion x, y, z, w of
+    /// any length but 0. The roll about the tool's axis is idle for tools of revolution.
+    pub rotation: [f32; 4],
+}
+
+/// Whether the tool collides.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImfDecision {
+    /// It does not.
+    Free = 0,
+    /// It does; or the pose is none.
+    Blocked = 1,
+    /// Too close to tell: an exact or guarded field must decide.
+    Near = 2,
+}
+
+/// A value and how it changes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImfGradient {
+    /// The overlap, not clipped: a model's may lie a little outside 0 to 1.
+    pub value: f32,
+    /// Change for a move of the tip by one unit of length.
+    pub position: [f32; 3],
+    /// Change for a turn of the tool's axis by a radian: tangent to the sphere at the axis.
+    pub direction: [f32; 3],
+    /// Change for a turn of the whole tool by a radian, as a vector w in the world's frame (R becomes exp(w) R).
+    pub rotation: [f32; 3],
+}
+
+/// The best way to reach a point.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImfBest {
+    /// The least collision measure, in 0 to 1; NaN for a point that is not finite.
+    pub value: f32,
+    /// Its orientation, by its place in the list: the first of equals, one that is decided free before all others.
+    pub orientation: u32,
+    /// What is decided there.
+    pub decision: ImfDecision,
+}
+
+/// What is known of a motion.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImfPassageKind {
+    /// No pose of it collides.
+    Free = 0,
+    /// A pose of it collides.
+    Blocked = 1,
+    /// No pose was seen to collide, and a stretch could not be decided: the tool passes by very closely.
+    Unknown = 2,
+}
+
+/// What is known of a motion; times run from 0 at its beginning to 1 at its end.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImfPassage {
+    /// Which of the three.
+    pub kind: ImfPassageKind,
+    /// Before this time no pose collides; 1 where it is free.
+    pub free_until: f64,
+    /// Blocked: time of the first pose that was found to collide. Unknown: end of the first stretch that could not be decided.
+    /// Free: 1.
+    pub until: f64,
+    /// Blocked: the pose that collides. Else no pose (NaN).
+    pub pose: ImfPose,
+}
+
+const NO_POSE: ImfPose = ImfPose { position: [f32::NAN; 3], rotation: [f32::NAN; 4] };
+
+/// The pose of a tool whose tip is at (x, y, z) and whose axis, from tip to holder, points along (i, j, k), of any length
+/// but 0; without roll. An axis without direction gives no pose (NaN), which every field answers with NaN and blocked.
+#[unsafe(no_mangle)]
+pub extern "C" fn imf_pose_along(x: f32, y: f32, z: f32, i: f32, j: f32, k: f32) -> ImfPose {
+    let pose = std::panic::catch_unwind(|| ImfPose {
+        position: [x, y, z],
+        rotation: rotation_along(Vec3::new(i, j, k)).to_array(),
+    });
+    pose.unwrap_or(NO_POSE)
+}
+
+impl ImfPose {
+    pub(crate) fn to_pose(self) -> Pose {
+        Pose::new(Vec3::from_array(self.position), Quat::from_array(self.rotation))
+    }
+}
+
+impl From<Pose> for ImfPose {
+    fn from(pose: Pose) -> Self {
+        Self { position: pose.position.to_array(), rotation: pose.rotation.to_array() }
+    }
+}
+
+impl From<Decision> for ImfDecision {
+    fn from(decision: Decision) -> Self {
+        match decision {
+            Decision::Free => Self::Free,
+            Decision::Blocked => Self::Blocked,
+            Decision::Near => Self::Near,
+        }
+    }
+}
+
+impl From<Gradient> for ImfGradient {
+    fn from(found: Gradient) -> Self {
+        Self {
+            value: found.value,
+            position: found.position.to_array(),
+            direction: found.direction.to_array(),
+            rotation: found.rotation.to_array(),
+        }
+    }
+}
+
+impl From<Best> for ImfBest {
+    fn from(best: Best) -> Self {
+        Self { value: best.value, orientation: best.orientation, decision: best.decision.into() }
+    }
+}
+
+impl From<Passage> for ImfPassage {
+    fn from(passage: Passage) -> Self {
+        match passage {
+            Passage::Free => Self { kind: ImfPassageKind::Free, free_until: 1.0, until: 1.0, pose: NO_POSE },
+            Passage::Blocked { free_until, at, pose } => {
+                Self { kind: ImfPassageKind::Blocked, free_until, until: at, pose: pose.into() }
+            }
+            Passage::Unknown { from, to } => {
+                Self { kind: ImfPassageKind::Unknown, free_until: from, until: to, pose: NO_POSE }
+            }
+        }
+    }
+}

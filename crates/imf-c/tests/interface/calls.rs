@@ -1,0 +1,182 @@
+//! The functions as C calls them, against the Rust calls.
+
+use std::ffi::{CStr, CString};
+use std::path::Path;
+use std::ptr::{null, null_mut};
+
+use glam::{Quat, Vec3};
+use imf_c::*;
+use imf_core::planner::{Best, Decision, Gradient, NeuralField, Pose, PoseField};
+
+use crate::files::{harmonic, scene, siren, spread};
+
+fn last_error() -> String {
+    // SAFETY: read at once.
+    unsafe { CStr::from_ptr(imf_last_error()) }.to_str().unwrap().to_owned()
+}
+
+type Open = unsafe extern "C" fn(*const std::ffi::c_char, *mut *mut ImfField) -> ImfStatus;
+
+fn open(by: Open, path: &Path) -> *mut ImfField {
+    let path = CString::new(path.to_str().unwrap()).unwrap();
+    let mut field = null_mut();
+    // SAFETY: a text that ends with 0, and a place.
+    let status = unsafe { by(path.as_ptr(), &mut field) };
+    assert_eq!(status, ImfStatus::Ok, "{}", last_error());
+    field
+}
+
+const NO: ImfPose = ImfPose { position: [f32::NAN; 3], rotation: [0.0; 4] };
+
+#[test]
+fn batches_of_any_size_are_answered_as_in_rust() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = scene();
+    // More than two blocks, and one pose that is none.
+    let mut poses: Vec<ImfPose> =
+        spread(&scene, 600).into_iter().map(|(p, a)| imf_pose_along(p.x, p.y, p.z, a.x, a.y, a.z)).collect();
+    poses[300] = NO;
+    let in_rust: Vec<Pose> =
+        poses.iter().map(|p| Pose::new(Vec3::from_array(p.position), Quat::from_array(p.rotation))).collect();
+    let n = poses.len();
+    for path in [siren(&scene, folder.path()), harmonic(&scene, folder.path())] {
+        let rust = NeuralField::load(&path).unwrap();
+        let field = open(imf_open_neural, &path);
+        let (mut values, mut expected) = (vec![-1.0; n], vec![0.0; n]);
+        let blank = ImfGradient { value: 0.0, position: [0.0; 3], direction: [0.0; 3], rotation: [0.0; 3] };
+        let (mut gradients, mut expected_gradients) = (vec![blank; n], vec![Gradient::NAN; n]);
+        let (mut decisions, mut expected_decisions) = (vec![ImfDecision::Free; n], vec![Decision::Near; n]);
+        // SAFETY: as many places as poses.
+        unsafe {
+            assert_eq!(imf_query(field, poses.as_ptr(), n, values.as_mut_ptr()), ImfStatus::Ok);
+            let status = imf_query_with_gradient(field, poses.as_ptr(), n, gradients.as_mut_ptr());
+            assert_eq!(status, ImfStatus::Ok);
+            assert_eq!(imf_classify(field, poses.as_ptr(), n, decisions.as_mut_ptr()), ImfStatus::Ok);
+        }
+        rust.query(&in_rust, &mut expected).unwrap();
+        rust.query_with_gradient(&in_rust, &mut expected_gradients).unwrap();
+        rust.classify(&in_rust, &mut expected_decisions).unwrap();
+        for i in 0..n {
+            assert_eq!(values[i].to_bits(), expected[i].to_bits(), "pose {i}");
+            let (found, wanted) = (gradients[i], expected_gradients[i]);
+            let flat = |value: f32, parts: [[f32; 3]; 3]| {
+                let mut all = vec![value.to_bits()];
+                all.extend(parts.as_flattened().iter().map(|v| v.to_bits()));
+                all
+            };
+            assert_eq!(
+                flat(found.value, [found.position, found.direction, found.rotation]),
+                flat(
+                    wanted.value,
+                    [wanted.position, wanted.direction, wanted.rotation].map(|v| v.to_array())
+                ),
+                "pose {i}"
+            );
+            assert_eq!(format!("{:?}", decisions[i]), format!("{:?}", expected_decisions[i]));
+        }
+        assert!(values[300].is_nan() && decisions[300] == ImfDecision::Blocked);
+
+        let points: Vec<[f32; 3]> = poses.iter().take(300).map(|p| p.position).collect();
+        let rotations: Vec<[f32; 4]> = poses.iter().take(20).map(|p| p.rotation).collect();
+        let mut best = vec![ImfBest { value: 9.0, orientation: 9, decision: ImfDecision::Near }; 300];
+        // SAFETY: 300 points, 20 rotations, 300 places.
+        let status = unsafe {
+            imf_best(field, points.as_ptr().cast(), 300, rotations.as_ptr().cast(), 20, best.as_mut_ptr())
+        };
+        assert_eq!(status, ImfStatus::Ok);
+        let mut expected = vec![Best::NONE; 300];
+        let points: Vec<Vec3> = in_rust.iter().take(300).map(|p| p.position).collect();
+        let rotations: Vec<Quat> = in_rust.iter().take(20).map(|p| p.rotation).collect();
+        rust.imf(&points, &rotations, &mut expected).unwrap();
+        for (found, wanted) in best.iter().zip(&expected) {
+            assert_eq!((found.value, found.orientation), (wanted.value, wanted.orientation));
+        }
+
+        let mut info = ImfInfo {
+            lower: [0.0; 3],
+            upper: [0.0; 3],
+            pitch: 0.0,
+            unit_in_mm: 0.0,
+            clearance: [0.0; 3],
+            calibrated: true,
+        };
+        // SAFETY: one place.
+        assert_eq!(unsafe { imf_info(field, &mut info) }, ImfStatus::Ok);
+        let grid = scene.record.grid;
+        assert_eq!((info.pitch, info.unit_in_mm, info.calibrated), (grid.pitch, 1.0, false));
+        assert_eq!((info.lower, info.clearance), (grid.centre([0; 3]).to_array(), [grid.pitch; 3]));
+        assert_eq!(info.upper, grid.centre([7, 23, 14]).to_array());
+        // SAFETY: opened above, closed once.
+        unsafe { imf_close(field) };
+    }
+}
+
+#[test]
+fn clearance_is_kept_only_by_the_field_that_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = scene();
+    let path = harmonic(&scene, folder.path());
+    let poses: Vec<ImfPose> =
+        spread(&scene, 700).into_iter().map(|(p, a)| imf_pose_along(p.x, p.y, p.z, a.x, a.y, a.z)).collect();
+    let free = |by: Open| -> Vec<bool> {
+        let field = open(by, &path);
+        let mut decisions = vec![ImfDecision::Near; poses.len()];
+        // SAFETY: as many places as poses; opened here, closed once.
+        unsafe {
+            let status = imf_classify(field, poses.as_ptr(), poses.len(), decisions.as_mut_ptr());
+            assert_eq!(status, ImfStatus::Ok);
+            imf_close(field);
+        }
+        decisions.into_iter().map(|d| d == ImfDecision::Free).collect()
+    };
+    let (bare, keeping, exact) =
+        (free(imf_open_guarded), free(imf_open_guarded_keeping), free(imf_open_exact));
+    // The exact field counts the grown tool.
+    assert_eq!(keeping, exact);
+    assert!(bare.iter().zip(&keeping).all(|(bare, keeping)| *bare || !keeping) && bare != keeping);
+}
+
+#[test]
+fn what_c_must_not_do_is_a_status() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = scene();
+    let path = siren(&scene, folder.path());
+    let field = open(imf_open_exact, &path);
+    let pose = imf_pose_along(0.0, 0.0, 0.0, 0.0, 0.0, 2.0);
+    let mut value = 7.0;
+    let mut best = ImfBest { value: 0.0, orientation: 0, decision: ImfDecision::Near };
+    // SAFETY: refused before anything is read through what is no memory.
+    unsafe {
+        assert_eq!(imf_query(null(), &pose, 1, &mut value), ImfStatus::NullPointer);
+        assert!(last_error().contains("field is NULL"));
+        assert_eq!(imf_query(field, null(), 1, &mut value), ImfStatus::NullPointer);
+        assert_eq!(imf_query(field, &pose, 1, null_mut()), ImfStatus::NullPointer);
+        assert_eq!(imf_query(field, &pose, usize::MAX, &mut value), ImfStatus::Argument);
+        assert_eq!(imf_query(field, null(), 0, null_mut()), ImfStatus::Ok);
+        assert_eq!(value, 7.0);
+        assert_eq!(imf_info(field, null_mut()), ImfStatus::NullPointer);
+        let point = [0.0_f32; 3];
+        assert_eq!(imf_best(field, point.as_ptr(), 1, null(), 0, &mut best), ImfStatus::Argument);
+        assert!(last_error().contains("orientations"), "{}", last_error());
+        assert_eq!(imf_best(field, point.as_ptr(), usize::MAX, null(), 0, &mut best), ImfStatus::Argument);
+        let mut passage = ImfPassage { kind: ImfPassageKind::Free, free_until: 0.0, until: 0.0, pose: NO };
+        assert_eq!(imf_free_along(field, &pose, &pose, &mut passage), ImfStatus::Unsupported);
+        let guarded = open(imf_open_guarded, &path);
+        assert_eq!(imf_free_along(guarded, &pose, &NO, &mut passage), ImfStatus::NoAnswer);
+        assert_eq!(imf_free_along(guarded, &pose, null(), &mut passage), ImfStatus::NullPointer);
+        let none = imf_pose_along(0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        assert!(none.rotation.iter().all(|v| v.is_nan()));
+        imf_close(guarded);
+        imf_close(field);
+        imf_close(null_mut());
+
+        let mut opened = field;
+        let missing = CString::new(folder.path().join("none").to_str().unwrap()).unwrap();
+        assert_eq!(imf_open_neural(missing.as_ptr(), &mut opened), ImfStatus::File);
+        assert!(opened.is_null() && last_error().contains("none"), "{}", last_error());
+        assert_eq!(imf_open_neural(null(), &mut opened), ImfStatus::NullPointer);
+        assert_eq!(imf_open_neural(missing.as_ptr(), null_mut()), ImfStatus::NullPointer);
+        let version = CStr::from_ptr(imf_version()).to_str().unwrap();
+        assert_eq!(version, env!("CARGO_PKG_VERSION"));
+    }
+}

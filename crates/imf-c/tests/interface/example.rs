@@ -1,0 +1,149 @@
+//! `examples/poses.c`, compiled by the system's C compiler and run against the shared and the static library that this
+//! test was built with.
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use glam::{Quat, Vec3};
+use imf_core::field::ExactField;
+use imf_core::planner::{Best, Decision, Gradient, GuardedField, Passage, Pose, PoseField};
+
+use crate::files::{harmonic, scene, siren, spread};
+
+/// Where the libraries lie: beside this test.
+fn libraries() -> PathBuf {
+    std::env::current_exe().unwrap().parent().unwrap().to_owned()
+}
+
+fn compile(out: &Path, link: &[String]) {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".into());
+    let output = Command::new(&compiler)
+        .args(["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-I"])
+        .arg(root.join("include"))
+        .arg(root.join("examples/poses.c"))
+        .args(link)
+        .arg("-o")
+        .arg(out)
+        .output()
+        .unwrap_or_else(|error| {
+            panic!("no C compiler: '{compiler}' does not start ({error}); install gcc or clang, or set CC")
+        });
+    assert!(output.status.success(), "{compiler} says\n{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// Standard output and error of the program asked about `poses`.
+fn run(program: &Path, field: &Path, poses: &str) -> (bool, String, String) {
+    let mut child = Command::new(program)
+        .arg(field)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // It may end before it reads.
+    let _ = child.stdin.take().unwrap().write_all(poses.as_bytes());
+    let output = child.wait_with_output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (output.status.success(), text(output.stdout), text(output.stderr))
+}
+
+#[test]
+#[cfg_attr(not(unix), ignore = "compiles as Unix compilers are called")]
+fn the_example_in_c_answers_as_rust_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let (shared, fixed) = (folder.path().join("shared"), folder.path().join("static"));
+    let lib = libraries().display().to_string();
+    compile(&shared, &[format!("-L{lib}"), "-limf_c".into(), format!("-Wl,-rpath,{lib}")]);
+    let archive = format!("{lib}/libimf_c.a");
+    compile(&fixed, &[archive, "-lpthread".into(), "-ldl".into(), "-lm".into()]);
+
+    let scene = scene();
+    let asked = spread(&scene, 100);
+    let mut text = String::new();
+    for (tip, axis) in &asked {
+        writeln!(text, "{} {} {} {} {} {}", tip.x, tip.y, tip.z, axis.x, axis.y, axis.z).unwrap();
+    }
+    let poses: Vec<Pose> = asked.iter().map(|&(tip, axis)| Pose::along(tip, axis)).collect();
+    for (program, field) in
+        [(&shared, harmonic(&scene, folder.path())), (&fixed, siren(&scene, folder.path()))]
+    {
+        let (done, answers, errors) = run(program, &field, &text);
+        assert!(done, "{errors}");
+        let expected = expected(&field, &poses);
+        for (line, (found, expected)) in answers.lines().zip(expected.lines()).enumerate() {
+            assert_eq!(found, expected, "line {line} of {}", field.display());
+        }
+        assert_eq!(answers, expected);
+        assert!(answers.contains(" free ") && answers.contains(" blocked "), "{answers}");
+    }
+    let missing = folder.path().join("none.safetensors");
+    let (done, _, errors) = run(&shared, &missing, &text);
+    assert!(!done && errors.contains("none.safetensors"), "{errors}");
+}
+
+/// What the program should write, by the Rust calls.
+fn expected(field: &Path, poses: &[Pose]) -> String {
+    let guarded = GuardedField::load(field).unwrap();
+    let scene = guarded.model().scene();
+    let exact = ExactField::new(scene);
+    let count = poses.len();
+    let (mut gradients, mut counted) = (vec![Gradient::NAN; count], vec![0.0; count]);
+    let (mut decisions, mut best) = (vec![Decision::Near; count], vec![Best::NONE; count]);
+    guarded.query_with_gradient(poses, &mut gradients).unwrap();
+    exact.query(poses, &mut counted).unwrap();
+    guarded.classify(poses, &mut decisions).unwrap();
+    let points: Vec<Vec3> = poses.iter().map(|p| p.position).collect();
+    let rotations: Vec<Quat> = poses.iter().map(|p| p.rotation).collect();
+    guarded.imf(&points, &rotations, &mut best).unwrap();
+    let mut text = String::new();
+    for i in 0..count {
+        let Gradient { value, position: p, direction: d, .. } = gradients[i];
+        for number in [value, p.x, p.y, p.z, d.x, d.y, d.z, counted[i]] {
+            write!(text, "{} ", general(number.into(), 9)).unwrap();
+        }
+        let decision = format!("{:?}", decisions[i]).to_lowercase();
+        writeln!(text, "{decision} {} {}", best[i].orientation, general(best[i].value.into(), 9)).unwrap();
+    }
+    let (kind, from, to) = match guarded.free_along(&poses[0], &poses[count - 1]).unwrap() {
+        Passage::Free => (0, 1.0, 1.0),
+        Passage::Blocked { free_until, at, .. } => (1, free_until, at),
+        Passage::Unknown { from, to } => (2, from, to),
+    };
+    writeln!(text, "motion {kind} {} {}", general(from, 17), general(to, 17)).unwrap();
+    text
+}
+
+/// A number as C's `%.{digits}g` writes it.
+fn general(number: f64, digits: usize) -> String {
+    if number == 0.0 {
+        return if number.is_sign_negative() { "-0".into() } else { "0".into() };
+    }
+    let scientific = format!("{number:.*e}", digits - 1);
+    let (mantissa, exponent) = scientific.split_once('e').unwrap();
+    let exponent: i32 = exponent.parse().unwrap();
+    let short = |text: &str| -> String {
+        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text.into() }
+    };
+    if exponent < -4 || exponent >= digits as i32 {
+        let sign = if exponent < 0 { '-' } else { '+' };
+        return format!("{}e{sign}{:02}", short(mantissa), exponent.abs());
+    }
+    short(&format!("{number:.*}", (digits as i32 - 1 - exponent) as usize))
+}
+
+#[test]
+fn numbers_are_written_as_c_writes_them() {
+    for (number, expected) in [
+        (0.1, "0.1"),
+        (-1234.5, "-1234.5"),
+        (1e-5, "1e-05"),
+        (123456789.0, "123456789"),
+        (1234567890.0, "1.23456789e+09"),
+        (-0.0, "-0"),
+    ] {
+        assert_eq!(general(number, 9), expected);
+    }
+}

@@ -1,0 +1,76 @@
+//! Small fields on disk, and poses around them.
+
+use std::path::{Path, PathBuf};
+
+use glam::{DVec3, Vec3};
+use imf_core::control::Control;
+use imf_core::dataset::Sampling;
+use imf_core::harmonic::basis::Domain;
+use imf_core::harmonic::coefficients::Precision;
+use imf_core::harmonic::file::HarmonicFile;
+use imf_core::harmonic::{FitSettings, fit};
+use imf_core::model::Model;
+use imf_core::orientation::OrientationSet;
+use imf_core::parts::ReferencePart;
+use imf_core::scene::{Scene, SceneSpec};
+use imf_core::section::SectionPlan;
+use imf_core::siren::SirenShape;
+use imf_core::tool::{Clearance, Tool};
+use imf_core::training::TrainingState;
+use imf_core::training::run::{Cursor, TrainingPlan};
+
+/// A coarse bracket with a tool that is grown by a clearance of a pitch.
+pub(crate) fn scene() -> Scene {
+    let mesh = ReferencePart::Bracket.mesh();
+    let tool = Tool::paper();
+    let spec = SceneSpec::of_reference(ReferencePart::Bracket, &mesh, [8, 24, 15], &tool);
+    let scene = spec.scene().unwrap();
+    let room = scene.record.grid.pitch;
+    scene.with_clearance(&Clearance { holder: room, shank: room, cutter: room }).unwrap()
+}
+
+/// A harmonic field of the scene.
+pub(crate) fn harmonic(scene: &Scene, folder: &Path) -> PathBuf {
+    let settings = FitSettings {
+        degree: 5,
+        sections_per_function: 1.5,
+        axes: 20,
+        sample: 500,
+        held_out: 2,
+        precision: Precision::F32,
+        ..FitSettings::default()
+    };
+    let plan = SectionPlan::of_scene(scene).unwrap();
+    let field = fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap();
+    let path = folder.join("harmonic.safetensors");
+    HarmonicFile { field, scene: scene.clone(), settings, calibration: None }.write(&path).unwrap();
+    path
+}
+
+/// A network of the paper's kind with its starting weights.
+pub(crate) fn siren(scene: &Scene, folder: &Path) -> PathBuf {
+    let shape = SirenShape { width: 33, hidden: 3, ..SirenShape::default() };
+    let record = serde_json::json!({
+        "program": "0", "plan": TrainingPlan::default(), "cursor": Cursor { epoch: 0, step: 0 }, "finished": true,
+        "steps": 0, "seconds": 0.0, "engine": "test", "orientations": OrientationSet::parse("fibonacci:3").unwrap(),
+        "sampling": Sampling::default(), "samples": 0, "dataset_crc32": 0, "losses": []
+    });
+    let record = serde_json::from_value(record).unwrap();
+    let state = TrainingState::new(&shape, 3);
+    let path = folder.join("siren.safetensors");
+    Model { shape, scene: scene.clone(), record, state, calibration: None }.write(&path).unwrap();
+    path
+}
+
+/// Tips and axes spread over the grid's box and a little beyond.
+pub(crate) fn spread(scene: &Scene, count: u32) -> Vec<(Vec3, Vec3)> {
+    let grid = scene.record.grid;
+    (0..count)
+        .map(|i| {
+            let share = |prime: u32| f64::from(i * prime % 701) / 701.0;
+            let unit = DVec3::new(share(37), share(53), share(71)) * 1.1 - 0.05;
+            let axis = Vec3::new(share(11) as f32 - 0.5, share(13) as f32 - 0.5, share(17) as f32 - 0.4);
+            ((grid.origin + unit * grid.size()).as_vec3(), axis)
+        })
+        .collect()
+}

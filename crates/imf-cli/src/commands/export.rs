@@ -1,0 +1,39 @@
+//! `imf export`: a field for other programs.
+
+use anyhow::{Result, ensure};
+use imf_core::onnx::{onnx_bytes, write_onnx};
+use imf_core::stored::StoredField;
+use serde_json::json;
+
+use crate::arguments::export::ExportArguments;
+use crate::output::{OutputFile, print_json};
+use crate::session::{Session, show_bytes};
+
+/// The field, its graph and the graph's bytes are in memory at once.
+const COPIES: u64 = 3;
+
+pub(crate) fn run(session: &Session, arguments: &ExportArguments) -> Result<()> {
+    let ExportArguments { field, out } = arguments;
+    let named = out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("onnx"));
+    ensure!(
+        named,
+        "{}: fields are exported as ONNX graphs; name the file so that it ends in .onnx",
+        out.display()
+    );
+    let file = OutputFile::check(out)?;
+    let stored = StoredField::read(field)?;
+    let bytes = onnx_bytes(&stored);
+    session.require_memory(COPIES * bytes, || format!("a graph of {}", show_bytes(bytes)))?;
+    write_onnx(&stored, file.begin()?)?;
+    let written = std::fs::metadata(out)?.len();
+    let family = match stored {
+        StoredField::Siren(_) => "siren5",
+        StoredField::Harmonic(_) => "harmonic",
+        StoredField::Factored(_) => "factored",
+    };
+    if session.json {
+        return print_json(&json!({ "file": out, "family": family, "bytes": written }));
+    }
+    session.note(&format!("wrote {}: a {family} field in {}", out.display(), show_bytes(written)));
+    Ok(())
+}

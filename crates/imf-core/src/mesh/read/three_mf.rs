@@ -1,0 +1,172 @@
+//! 3MF: a ZIP archive of XML models; the build's items are placed by their transforms and joined to one mesh.
+//!
+//! Objects may be made of components, and those may lie in other models of the archive (the production extension). Objects
+//! of the types `support` and `solidsupport` are what a printer adds, not the part, and are left out. Files that require an
+//! extension which changes what is solid are refused: slices, beams, booleans, displacement, encryption.
+//!
+//! The crates for this format drop vertices that they cannot read (`threemf2`) or read no components of other models
+//! (`threemf`), so that the XML is read here, by `quick-xml`, strictly.
+
+mod model;
+
+use std::collections::HashMap;
+use std::io::{Cursor, Read};
+use std::path::Path;
+
+use glam::DMat4;
+use zip::ZipArchive;
+
+use super::MeshFileError;
+use crate::mesh::Mesh;
+use crate::unit::LengthUnit;
+use model::{Body, Fault, Model, Relationships, Unit};
+
+/// The most bytes that an archive may unfold to, for each of its own: text of meshes is packed some ten times.
+const MOST_UNFOLDING: u64 = 200;
+/// The most placed triangles, and the most placements: a few objects can name each other to any number.
+const MOST_TRIANGLES: usize = 1 << 27;
+const MOST_PLACEMENTS: usize = 1 << 20;
+/// The deepest nesting of components.
+const DEEPEST: usize = 64;
+
+type Archive<'a> = ZipArchive<Cursor<&'a [u8]>>;
+
+/// The mesh and the unit it is in.
+pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<(Mesh, LengthUnit), MeshFileError> {
+    read(bytes).map_err(|fault| fault.at(path))
+}
+
+fn read(bytes: &[u8]) -> Result<(Mesh, LengthUnit), Fault> {
+    let mut archive = Archive::new(Cursor::new(bytes)).map_err(|error| Fault::of_archive(&error))?;
+    let mut budget = (bytes.len() as u64).saturating_mul(MOST_UNFOLDING);
+    let root = root_name(&mut archive, &mut budget)?;
+    let mut models = HashMap::new();
+    let first = read_model(&mut archive, &root, &mut budget)?;
+    let (unit, items) = (first.unit, first.items.clone());
+    models.insert(root.clone(), first);
+    // Models that items and components name, and those that these name.
+    let mut wanted: Vec<String> = items.iter().filter_map(|item| item.path.clone()).collect();
+    wanted.extend(models[&root].paths());
+    while let Some(name) = wanted.pop() {
+        let name = plain(&name);
+        if models.contains_key(&name) {
+            continue;
+        }
+        let model = read_model(&mut archive, &name, &mut budget)?;
+        if model.unit != unit {
+            return Err(Fault::Malformed(format!("{name} and {root} are in different units")));
+        }
+        wanted.extend(model.paths());
+        models.insert(name, model);
+    }
+    if items.is_empty() {
+        return Err(Fault::Malformed("its build has no item: nothing is placed".into()));
+    }
+    let mut placing = Placing { models: &models, mesh: Mesh::default(), placements: 0 };
+    for item in &items {
+        let model = item.path.as_ref().map_or_else(|| root.clone(), |path| plain(path));
+        placing.place(&model, item.object, &item.transform, 0)?;
+    }
+    let (scale, unit) = unit_of(unit);
+    let mesh = placing.mesh;
+    let mesh =
+        if scale == 1.0 { mesh } else { mesh.transformed(&DMat4::from_scale(glam::DVec3::splat(scale))) };
+    Ok((mesh.welded(), unit))
+}
+
+/// Our unit for a file's, and what its lengths are multiplied by.
+fn unit_of(unit: Unit) -> (f64, LengthUnit) {
+    match unit {
+        Unit::Micron => (1e-3, LengthUnit::Mm),
+        Unit::Millimeter => (1.0, LengthUnit::Mm),
+        Unit::Centimeter => (1.0, LengthUnit::Cm),
+        Unit::Meter => (1.0, LengthUnit::M),
+        Unit::Inch => (1.0, LengthUnit::Inch),
+        Unit::Foot => (12.0, LengthUnit::Inch),
+    }
+}
+
+/// A part's name in the archive, as paths in the XML begin with a slash.
+fn plain(name: &str) -> String {
+    name.trim_start_matches('/').to_owned()
+}
+
+/// The name of the model that the package's relationships call its root; where it usually is if they do not.
+fn root_name(archive: &mut Archive<'_>, budget: &mut u64) -> Result<String, Fault> {
+    const RELATIONSHIPS: &str = "_rels/.rels";
+    let known = archive.index_for_name(RELATIONSHIPS).is_some();
+    let found = if known {
+        let text = unpack(archive, RELATIONSHIPS, budget)?;
+        Relationships::read(&text)?.root
+    } else {
+        None
+    };
+    Ok(found.map_or_else(|| "3D/3dmodel.model".into(), |name| plain(&name)))
+}
+
+fn read_model(archive: &mut Archive<'_>, name: &str, budget: &mut u64) -> Result<Model, Fault> {
+    let text = unpack(archive, name, budget)?;
+    Model::read(&text).map_err(|fault| fault.within(name))
+}
+
+/// A part of the archive.
+fn unpack(archive: &mut Archive<'_>, name: &str, budget: &mut u64) -> Result<String, Fault> {
+    let Some(index) = archive.index_for_name(name) else {
+        return Err(Fault::Malformed(format!("the archive has no {name}")));
+    };
+    let file = archive.by_index(index).map_err(|error| Fault::of_archive(&error))?;
+    let mut text = Vec::new();
+    file.take(*budget + 1)
+        .read_to_end(&mut text)
+        .map_err(|error| Fault::Truncated(format!("{name}: {error}")))?;
+    let length = text.len() as u64;
+    if length > *budget {
+        return Err(Fault::Malformed(format!("{name} unfolds to more than {MOST_UNFOLDING} times the file")));
+    }
+    *budget -= length;
+    String::from_utf8(text).map_err(|_| Fault::Malformed(format!("{name} is no text in UTF-8")))
+}
+
+struct Placing<'a> {
+    models: &'a HashMap<String, Model>,
+    mesh: Mesh,
+    placements: usize,
+}
+
+impl Placing<'_> {
+    /// Appends an object and all that it is made of.
+    fn place(&mut self, model: &str, object: u32, transform: &DMat4, depth: usize) -> Result<(), Fault> {
+        self.placements += 1;
+        if depth > DEEPEST || self.placements > MOST_PLACEMENTS {
+            let cause = "its components nest too deeply, in a circle, or are too many";
+            return Err(Fault::Malformed(cause.into()));
+        }
+        let missing = || Fault::Malformed(format!("{model} has no object {object}, which is placed"));
+        let models = self.models;
+        let found = models.get(model).and_then(|model| model.objects.get(&object)).ok_or_else(missing)?;
+        match &found.body {
+            _ if found.support => {}
+            Body::Mesh(mesh) => {
+                if self.mesh.triangles.len() + mesh.triangles.len() > MOST_TRIANGLES {
+                    return Err(Fault::TooLarge);
+                }
+                let placed = mesh.transformed(transform);
+                if placed.vertices.iter().any(|vertex| !vertex.is_finite()) {
+                    let cause = format!("object {object} of {model} is placed beyond what numbers hold");
+                    return Err(Fault::Malformed(cause));
+                }
+                self.mesh.append(&placed);
+            }
+            Body::Components(components) => {
+                for part in components {
+                    let within = part.path.as_ref().map_or_else(|| model.to_owned(), |path| plain(path));
+                    self.place(&within, part.object, &(*transform * part.transform), depth + 1)?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests;

@@ -1,0 +1,88 @@
+//! From a library's measures to elements: the outlines that its cutters have, and the stack of cutter, shaft and holder.
+
+use crate::tool::file::rounded;
+use crate::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
+use crate::unit::LengthUnit;
+
+/// The parts of a tool from the tip upwards, heights from the tip.
+pub(super) struct Bodies {
+    pub(super) name: String,
+    pub(super) unit: LengthUnit,
+    /// Ends where its edges end.
+    pub(super) cutter: Vec<Segment>,
+    /// Goes on where the cutter ends.
+    pub(super) shank: Vec<Segment>,
+    /// Height of the holder's face, or of the tool's end where there is no holder: what reaches higher is not seen.
+    pub(super) face: f64,
+    /// Height, lower and upper diameter of every part of the holder, from the face upwards.
+    pub(super) holder: Vec<[f64; 3]>,
+}
+
+impl Bodies {
+    pub(super) fn tool(self) -> Tool {
+        let below = |profile: Vec<Segment>| -> Vec<Segment> {
+            profile.iter().filter_map(|segment| segment.below(self.face)).collect()
+        };
+        let mut elements = vec![Element { kind: ElementKind::Cutter, profile: below(self.cutter) }];
+        let shank = below(self.shank);
+        if !shank.is_empty() {
+            elements.push(Element { kind: ElementKind::Shank, profile: shank });
+        }
+        let mut from = self.face;
+        for (index, [height, lower, upper]) in self.holder.into_iter().enumerate() {
+            let profile = vec![line(from, from + height, lower / 2.0, upper / 2.0)];
+            elements.push(Element { kind: ElementKind::Holder(index), profile });
+            from += height;
+        }
+        let shape = ToolShape::Revolved(elements);
+        Tool { name: self.name, unit: self.unit, shape, sharp_points: SharpPoints::Tip }
+    }
+}
+
+pub(super) fn line(from: f64, to: f64, radius_from: f64, radius_to: f64) -> Segment {
+    Segment::Line { from, to, radius_from, radius_to }
+}
+
+/// A flank that is a cylinder, or a cone of a half angle in degrees, with a corner of some radius below; `radius` is that of the
+/// sharp end.
+pub(super) fn end_mill(
+    radius: f64,
+    corner: f64,
+    half_angle: f64,
+    length: f64,
+) -> Result<Vec<Segment>, String> {
+    if corner > radius * (1.0 + 1e-6) {
+        return Err(format!("its corner radius {corner} is larger than its radius {radius}"));
+    }
+    if !(0.0..80.0).contains(&half_angle) {
+        return Err(format!("its taper of {half_angle} degrees a side is not between 0 and 80"));
+    }
+    rounded(radius, corner.min(radius), half_angle.to_radians(), length)
+        .ok_or_else(|| format!("its cutting length {length} is shorter than its rounded end"))
+}
+
+/// A cone from a tip, flat where `tip_radius` is not 0, to `radius`, and a cylinder above it up to `length`.
+pub(super) fn pointed(
+    tip_radius: f64,
+    radius: f64,
+    half_angle: f64,
+    length: f64,
+) -> Result<Vec<Segment>, String> {
+    if !(half_angle > 0.0 && half_angle < 90.0) {
+        return Err(format!("its point's half angle of {half_angle} degrees is not between 0 and 90"));
+    }
+    if tip_radius >= radius {
+        return Err(format!("its tip's radius {tip_radius} is not below its radius {radius}"));
+    }
+    let point = (radius - tip_radius) / half_angle.to_radians().tan();
+    let mut profile = vec![line(0.0, point, tip_radius, radius)];
+    if length > point {
+        profile.push(line(point, length, radius, radius));
+    }
+    Ok(profile)
+}
+
+/// Height at which a profile ends.
+pub(super) fn top(profile: &[Segment]) -> f64 {
+    profile.last().map_or(0.0, |segment| segment.range().1)
+}

@@ -1,0 +1,157 @@
+//! FreeCAD's tool bits: one tool a file, its shape by name, its measures as texts with units.
+//!
+//! Diameter, cutting edge and length are those of FreeCAD's own shapes: `TipAngle` and `CuttingEdgeAngle` are the whole angle
+//! of the point. Above the cone of V-bits and chamfers a cylinder of the height of the cutting edge is taken, the
+//! larger of two readings. The tool is as long as its `Stickout`, where there is one, else as its `Length`.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::ToolLibraryError;
+use super::bodies::{Bodies, end_mill, line, pointed, top};
+use crate::tool::{Segment, Tool};
+use crate::unit::LengthUnit;
+
+#[derive(Deserialize)]
+struct Bit {
+    #[serde(default)]
+    name: String,
+    #[serde(default)]
+    shape: String,
+    #[serde(default, rename = "shape-type")]
+    shape_type: String,
+    parameter: HashMap<String, Value>,
+}
+
+/// The tool of a `.fctb` file.
+pub(super) fn tool(path: &Path, bytes: &[u8], wanted: Option<&str>) -> Result<Tool, ToolLibraryError> {
+    let bit: Bit = serde_json::from_slice(bytes)
+        .map_err(|error| ToolLibraryError::Damaged { path: path.into(), what: error.to_string() })?;
+    if let Some(wanted) = wanted
+        && !wanted.eq_ignore_ascii_case(&bit.name)
+    {
+        let what = format!("no tool of it is called '{wanted}'");
+        return Err(ToolLibraryError::Choice { path: path.into(), what, tools: vec![bit.name] });
+    }
+    let fail = |what| ToolLibraryError::Tool { path: path.into(), tool: bit.name.clone(), what };
+    Ok(bit.bodies().map_err(fail)?.tool())
+}
+
+impl Bit {
+    /// Lower-case name of the shape: that of its kind, or of its file.
+    fn kind(&self) -> String {
+        let name = if self.shape_type.is_empty() { &self.shape } else { &self.shape_type };
+        let name = name.to_lowercase();
+        let name = name.strip_suffix(".fcstd").unwrap_or(&name);
+        // Folders, and the spellings of one shape.
+        name.rsplit(['/', '\\']).next().unwrap_or(name).replace(['-', '_', ' '], "")
+    }
+
+    fn bodies(&self) -> Result<Bodies, String> {
+        let kind = self.kind();
+        let radius = 0.5 * self.length("Diameter")?;
+        let whole = self.length("Length")?;
+        let edge = |bit: &Self| bit.length("CuttingEdgeHeight");
+        let cutter = match kind.as_str() {
+            "endmill" | "reamer" => end_mill(radius, 0.0, 0.0, edge(self)?)?,
+            "ballend" => end_mill(radius, radius, 0.0, edge(self)?)?,
+            "bullnose" | "torus" => end_mill(radius, self.corner(radius)?, 0.0, edge(self)?)?,
+            "drill" => pointed(0.0, radius, 0.5 * self.angle("TipAngle")?, whole)?,
+            "vbit" | "chamfer" => {
+                let tip = 0.5 * self.optional_length("TipDiameter")?.unwrap_or(0.0);
+                let half_angle = 0.5 * self.angle("CuttingEdgeAngle")?;
+                let point = top(&pointed(tip, radius, half_angle, 0.0)?);
+                pointed(tip, radius, half_angle, point + edge(self)?)?
+            }
+            "" => return Err("the file names no shape".into()),
+            other => return Err(format!("its shape '{other}' has no place among our cutters")),
+        };
+        let shank = self.shank(&cutter, whole)?;
+        let face = self.optional_length("Stickout")?.filter(|&length| length > 0.0).unwrap_or(whole);
+        let end = top(&shank).max(top(&cutter));
+        Ok(Bodies {
+            name: self.name.clone(),
+            unit: LengthUnit::Mm,
+            cutter,
+            shank,
+            face: face.min(end),
+            holder: Vec::new(),
+        })
+    }
+
+    fn corner(&self, radius: f64) -> Result<f64, String> {
+        for name in ["CornerRadius", "TorusRadius"] {
+            if let Some(corner) = self.optional_length(name)? {
+                return Ok(corner);
+            }
+        }
+        match self.optional_length("FlatRadius")? {
+            Some(flat) => Ok(radius - flat),
+            None => Err("CornerRadius is missing".into()),
+        }
+    }
+
+    fn shank(&self, cutter: &[Segment], whole: f64) -> Result<Vec<Segment>, String> {
+        let from = top(cutter);
+        if whole <= from {
+            return Ok(Vec::new());
+        }
+        let radius = 0.5 * self.length("ShankDiameter")?;
+        Ok(vec![line(from, whole, radius, radius)])
+    }
+
+    /// A length in mm that must be there and positive.
+    fn length(&self, name: &str) -> Result<f64, String> {
+        let found = self.optional_length(name)?.ok_or_else(|| format!("{name} is missing"))?;
+        if found > 0.0 { Ok(found) } else { Err(format!("{name} is {found} mm, not positive")) }
+    }
+
+    /// A length in mm, not negative.
+    fn optional_length(&self, name: &str) -> Result<Option<f64>, String> {
+        let Some(value) = self.parameter.get(name) else { return Ok(None) };
+        let (number, unit) = measure(value).ok_or_else(|| format!("{name} is {value}, no length"))?;
+        let factor = match unit.as_str() {
+            // FreeCAD's own unit.
+            "" | "mm" => 1.0,
+            "um" | "µm" | "μm" => 1e-3,
+            "thou" | "mil" => 0.0254,
+            "in" | "inch" | "\"" => LengthUnit::Inch.in_mm(),
+            "ft" | "'" => 12.0 * LengthUnit::Inch.in_mm(),
+            "cm" => LengthUnit::Cm.in_mm(),
+            "m" => LengthUnit::M.in_mm(),
+            _ => return Err(format!("{name} is {value}: '{unit}' is no unit of length that is known")),
+        };
+        let length = number * factor;
+        if length >= 0.0 { Ok(Some(length)) } else { Err(format!("{name} is {value}, which is negative")) }
+    }
+
+    /// A whole angle in degrees.
+    fn angle(&self, name: &str) -> Result<f64, String> {
+        let value = self.parameter.get(name).ok_or_else(|| format!("{name} is missing"))?;
+        let (number, unit) = measure(value).ok_or_else(|| format!("{name} is {value}, no angle"))?;
+        match unit.as_str() {
+            "" | "°" | "deg" => Ok(number),
+            "rad" => Ok(number.to_degrees()),
+            _ => Err(format!("{name} is {value}: '{unit}' is no unit of angle that is known")),
+        }
+    }
+}
+
+/// Number and unit of a value such as 6, "6.0000 mm", "6,00 mm" or "60.0000 °".
+fn measure(value: &Value) -> Option<(f64, String)> {
+    let (number, unit) = match value {
+        Value::Number(number) => (number.as_f64()?, ""),
+        Value::String(text) => {
+            let text = text.trim();
+            let end = text
+                .find(|c: char| !matches!(c, '0'..='9' | '+' | '-' | '.' | ',' | 'e' | 'E'))
+                .unwrap_or(text.len());
+            (text[..end].replace(',', ".").parse().ok()?, text[end..].trim())
+        }
+        _ => return None,
+    };
+    number.is_finite().then(|| (number, unit.to_lowercase()))
+}

@@ -1,0 +1,284 @@
+//! Libraries as the programs write them, and tools by hand beside them.
+
+use std::io::Write as _;
+use std::path::PathBuf;
+
+use serde_json::{Value, json};
+
+use super::*;
+use crate::tool::{Element, ElementKind, Segment, ToolShape};
+use crate::unit::LengthUnit;
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn with(&self, name: &str, content: &Value) -> PathBuf {
+        let path = self.0.path().join(name);
+        std::fs::write(&path, content.to_string()).unwrap();
+        path
+    }
+}
+
+fn elements(tool: &Tool) -> &[Element] {
+    let ToolShape::Revolved(elements) = &tool.shape else { panic!() };
+    // Stacked without gaps.
+    let mut height = 0.0;
+    for segment in elements.iter().flat_map(|element| &element.profile) {
+        assert!((segment.range().0 - height).abs() < 1e-9, "{elements:?}");
+        height = segment.range().1;
+    }
+    elements
+}
+
+/// Radius of a tool at a height.
+fn radius(tool: &Tool, height: f64) -> f64 {
+    let all = elements(tool).iter().flat_map(|element| &element.profile);
+    let within = |s: &&Segment| s.range().0 <= height && height < s.range().1;
+    all.clone().find(within).unwrap().radius(height)
+}
+
+fn bit(shape: &str, parameter: Value) -> Value {
+    let mut bit = json!({
+        "version": 2, "name": "a bit", "shape": format!("{}.fcstd", shape.to_lowercase()), "shape-type": shape,
+        "attribute": {}
+    });
+    bit["parameter"] = parameter;
+    bit
+}
+
+fn close(found: f64, expected: f64) {
+    assert!((found - expected).abs() < 1e-9, "{found} against {expected}");
+}
+
+#[test]
+fn freecads_bits_become_cutter_and_shank() {
+    let folder = Folder::new();
+    let read = |content: &Value| Tool::read(&folder.with("bit.fctb", content));
+    let bullnose = bit(
+        "Bullnose",
+        json!({
+            "CuttingEdgeHeight": "40.0000 mm", "Diameter": "6.0000 mm", "CornerRadius": "1.5000 mm",
+            "Length": "50.0000 mm", "ShankDiameter": "3.0000 mm"
+        }),
+    );
+    let tool = read(&bullnose).unwrap();
+    assert_eq!((tool.name.as_str(), tool.unit, tool.length()), ("a bit", LengthUnit::Mm, 50.0));
+    let kinds: Vec<_> = elements(&tool).iter().map(|e| e.kind).collect();
+    assert_eq!(kinds, [ElementKind::Cutter, ElementKind::Shank]);
+    close(radius(&tool, 0.0), 1.5);
+    close(radius(&tool, 1.5), 3.0);
+    close(radius(&tool, 45.0), 1.5);
+
+    // Inches, a localised decimal sign, and a stick-out that cuts the shank off.
+    let end_mill = bit(
+        "Endmill",
+        json!({
+            "CuttingEdgeHeight": "0,5 in", "Diameter": "0.1250 in", "Length": "2.5000 in", "ShankDiameter": "3.175 mm",
+            "Stickout": "1.3650 in", "Flutes": 2, "Material": "Carbide"
+        }),
+    );
+    let tool = read(&end_mill).unwrap();
+    close(tool.length(), 1.365 * 25.4);
+    close(elements(&tool)[0].profile[0].range().1, 12.7);
+    close(radius(&tool, 1.0), 0.0625 * 25.4);
+
+    // No shape-type, and a shape in a folder; the whole of a drill cuts.
+    let mut drill =
+        bit("", json!({"Diameter": "5.0000 mm", "Length": "50.0000 mm", "TipAngle": "120.0000 \u{b0}"}));
+    drill["shape"] = json!("Shape/drill.fcstd");
+    let tool = read(&drill).unwrap();
+    close(radius(&tool, 0.0), 0.0);
+    close(radius(&tool, 0.5), 0.5 * 60.0_f64.to_radians().tan());
+    close(radius(&tool, 40.0), 2.5);
+
+    let ball = bit(
+        "Ballend",
+        json!({"CuttingEdgeHeight": 40, "Diameter": 6, "Length": "50 mm", "ShankDiameter": "3 mm"}),
+    );
+    close(radius(&read(&ball).unwrap(), 1.0), (9.0_f64 - 4.0).sqrt());
+    let pointed = bit(
+        "V-Bit",
+        json!({
+            "CuttingEdgeAngle": "60 °", "Diameter": "10 mm", "CuttingEdgeHeight": "1 mm", "TipDiameter": "0.1 mm",
+            "Length": "20 mm", "ShankDiameter": "5 mm"
+        }),
+    );
+    let tool = read(&pointed).unwrap();
+    let point = 4.95 / 30.0_f64.to_radians().tan();
+    close(radius(&tool, 0.0), 0.05);
+    close(elements(&tool)[0].profile[1].range().1, point + 1.0);
+}
+
+#[test]
+fn what_freecad_has_and_we_do_not_is_refused_by_name() {
+    let folder = Folder::new();
+    for (content, expected) in [
+        (bit("Probe", json!({"Diameter": "6 mm", "Length": "20 mm"})), "'probe'"),
+        (bit("Endmill", json!({"Diameter": "6 mm", "Length": "20 mm"})), "CuttingEdgeHeight is missing"),
+        (bit("Endmill", json!({"Diameter": "6 parsec", "Length": "20 mm"})), "'parsec' is no unit"),
+        (bit("Endmill", json!({"Diameter": "-6 mm", "Length": "20 mm"})), "negative"),
+        (bit("Endmill", json!({"Diameter": "six", "Length": "20 mm"})), "no length"),
+        (
+            bit("Ballend", json!({"Diameter": "6 mm", "Length": "20 mm", "CuttingEdgeHeight": "2 mm"})),
+            "shorter than its rounded end",
+        ),
+        (json!({"name": "none"}), "parameter"),
+    ] {
+        let error = Tool::read(&folder.with("bit.fctb", &content)).unwrap_err().to_string();
+        assert!(error.contains("bit.fctb") && error.contains(expected), "{error}");
+    }
+}
+
+/// As Fusion exports an end mill in a holder.
+fn fusion(kind: &str, name: &str, number: u32, geometry: Value) -> Value {
+    let mut all = json!({
+        "CSP": false, "HAND": true, "DC": 6.0, "LB": 30.0, "LCF": 18.0, "NOF": 3, "OAL": 57.0, "SFDM": 8.0,
+        "shoulder-length": 20.0, "shoulder-diameter": 5.8
+    });
+    let Value::Object(geometry) = geometry else { panic!("{geometry} is no object") };
+    for (key, value) in geometry {
+        all[key] = value;
+    }
+    json!({
+        "BMC": "carbide", "description": name, "geometry": all, "guid": "0", "product-id": format!("P-{number}"),
+        "type": kind, "unit": "millimeters", "vendor": "",
+        "holder": {
+            "description": "ER20", "type": "holder", "unit": "inches",
+            "segments": [
+                {"height": 1.0, "lower-diameter": 1.0, "upper-diameter": 1.5},
+                {"height": 0.0, "lower-diameter": 1.5, "upper-diameter": 1.75},
+                {"height": 0.5, "lower-diameter": 1.75, "upper-diameter": 1.75}
+            ]
+        },
+        "post-process": {"number": number, "comment": ""}, "start-values": {"presets": []}
+    })
+}
+
+#[test]
+fn fusions_tools_become_cutter_shoulder_shaft_and_holder() {
+    let folder = Folder::new();
+    let library =
+        json!({"data": [fusion("bull nose end mill", "6 mm bull", 3, json!({"RE": 1.0}))], "version": 1});
+    let tool = Tool::read(&folder.with("tools.json", &library)).unwrap();
+    assert_eq!((tool.name.as_str(), tool.unit), ("6 mm bull", LengthUnit::Mm));
+    close(tool.length(), 30.0 + 1.5 * 25.4);
+    let kinds: Vec<_> = elements(&tool).iter().map(|e| e.kind).collect();
+    let holder = ElementKind::Holder;
+    assert_eq!(kinds, [ElementKind::Cutter, ElementKind::Shank, holder(0), holder(1)]);
+    for (height, expected) in [
+        (0.0, 2.0),
+        (1.0, 3.0),
+        (19.0, 2.9),
+        (25.0, 4.0),
+        (30.0, 12.7),
+        (30.0 + 12.7, 12.7 * 1.25),
+        (30.0 + 25.4, 0.875 * 25.4),
+    ] {
+        close(radius(&tool, height), expected);
+    }
+
+    // A shaft of its own, and a length of the edges that reaches into the holder.
+    let mut entry = fusion("flat end mill", "flat", 1, json!({}));
+    entry["shaft"] =
+        json!({"type": "shaft", "segments": [{"height": 4.0, "lower-diameter": 5.8, "upper-diameter": 8.0}]});
+    let tool = Tool::read(&folder.with("tools.json", &json!({"data": [entry]}))).unwrap();
+    close(radius(&tool, 22.0), 0.25 * (5.8 + 8.0));
+    close(radius(&tool, 24.0), 4.0);
+    let entry = fusion("ball end mill", "ball", 1, json!({"LCF": 40.0, "shoulder-length": 40.0}));
+    let tool = Tool::read(&folder.with("tools.json", &json!({"data": [entry]}))).unwrap();
+    assert_eq!(elements(&tool).len(), 3);
+    close(radius(&tool, 29.0), 3.0);
+    close(radius(&tool, 31.0), 12.7 + 6.35 / 25.4);
+
+    let shapes = [
+        ("drill", json!({"SIG": 90.0}), 1.0, 1.0),
+        ("chamfer mill", json!({"TA": 45.0, "tip-diameter": 1.0}), 1.0, 1.5),
+        ("tapered mill", json!({"TA": 45.0, "RE": 0.0, "SFDM": 60.0}), 2.0, 5.0),
+        ("counter sink", json!({"SIG": 90.0}), 0.5, 0.5),
+        ("face mill", json!({"RE": 0.0, "DCX": 6.0}), 1.0, 3.0),
+    ];
+    for (kind, geometry, height, expected) in shapes {
+        let entry = fusion(kind, kind, 1, geometry);
+        let tool = Tool::read(&folder.with("tools.json", &json!({"data": [entry]}))).unwrap();
+        close(radius(&tool, height), expected);
+    }
+}
+
+#[test]
+fn a_tool_of_several_is_named_and_archives_are_unpacked() {
+    let folder = Folder::new();
+    let mut inch = fusion("flat end mill", "1/4 in flat", 5, json!({"DC": 0.25, "LB": 1.0, "LCF": 0.75}));
+    inch["unit"] = json!("inches");
+    inch["geometry"]["shoulder-length"] = json!(0.8);
+    let data = json!([
+        fusion("flat end mill", "flat", 1, json!({})),
+        inch,
+        fusion("ball end mill", "same", 2, json!({})),
+        fusion("ball end mill", "Same", 4, json!({})),
+        {"type": "holder", "description": "ER20", "segments": [], "unit": "inches"}
+    ]);
+    let library = json!({"data": data, "version": 1});
+    let plain = folder.with("shop.json", &library);
+    let archive = folder.0.path().join("shop.tools");
+    let mut writer = zip::ZipWriter::new(std::fs::File::create(&archive).unwrap());
+    let options = zip::write::SimpleFileOptions::default();
+    writer.start_file("tools.json", options).unwrap();
+    writer.write_all(library.to_string().as_bytes()).unwrap();
+    writer.finish().unwrap();
+    for path in [&plain, &archive] {
+        let find = |tool: &str| Tool::find(&format!("{}#{tool}", path.display()));
+        for name in ["1/4 IN flat", "P-5", "5"] {
+            let tool = find(name).unwrap();
+            assert_eq!((tool.name.as_str(), tool.unit), ("1/4 in flat", LengthUnit::Inch));
+            // The holder is in inches as well here.
+            close(tool.length(), 2.5);
+        }
+        for (name, expected) in
+            [("6", "called '6'"), ("same", "2 tools of it are called"), ("ER20", "'ER20'")]
+        {
+            let error = find(name).unwrap_err().to_string();
+            assert!(error.contains(expected) && error.contains("'1/4 in flat'"), "{error}");
+        }
+        let error = Tool::read(path).unwrap_err().to_string();
+        assert!(error.contains("4 tools; name one"), "{error}");
+    }
+    // A file of that very name comes first.
+    let odd = folder.with("odd#5.json", &json!({"data": [fusion("reamer", "odd", 1, json!({}))]}));
+    assert_eq!(Tool::find(odd.to_str().unwrap()).unwrap().name, "odd");
+}
+
+#[test]
+fn what_fusion_has_and_we_do_not_is_refused_by_name() {
+    let folder = Folder::new();
+    let mut without_unit = fusion("drill", "d", 1, json!({"SIG": 118.0}));
+    without_unit["unit"] = Value::Null;
+    let mut unknown_unit = without_unit.clone();
+    unknown_unit["unit"] = json!("furlongs");
+    let mut broken_holder = fusion("reamer", "d", 1, json!({}));
+    broken_holder["holder"]["segments"][0]["height"] = json!(-1.0);
+    for (entry, expected) in [
+        (fusion("lollipop mill", "l", 1, json!({})), "'lollipop mill'"),
+        (fusion("face mill", "f", 1, json!({"DCX": 9.0})), "DCX 9"),
+        (fusion("drill", "d", 1, json!({})), "no SIG"),
+        (fusion("flat end mill", "f", 1, json!({"DC": 0.0})), "DC is 0"),
+        (fusion("flat end mill", "f", 1, json!({"LB": "long"})), "LB is"),
+        (fusion("bull nose end mill", "b", 1, json!({"RE": 4.0})), "corner radius 4"),
+        (without_unit, "no unit"),
+        (unknown_unit, "'furlongs'"),
+        (broken_holder, "holder"),
+    ] {
+        let error = Tool::read(&folder.with("t.json", &json!({"data": [entry]}))).unwrap_err().to_string();
+        assert!(error.contains("t.json") && error.contains(expected), "{error}");
+        assert!(error.contains("TOML"), "{error}");
+    }
+    let path = folder.with("t.json", &json!({"tools": []}));
+    assert!(Tool::read(&path).unwrap_err().to_string().contains("no intact tool library"));
+    std::fs::write(&path, b"PK\x03\x04 cut short").unwrap();
+    assert!(Tool::read(&path).unwrap_err().to_string().contains("no intact tool library"));
+    let missing = folder.0.path().join("none.tools");
+    assert!(Tool::read(&missing).unwrap_err().to_string().contains("cannot read"));
+}

@@ -1,0 +1,104 @@
+"""imf's models in PyTorch: weights, scaling of the inputs and all from the safetensors file that `imf train` wrote.
+
+    from imf_torch import load
+    field = load("model/model.safetensors")             # a torch.nn.Module, differentiable in its inputs
+    overlap = field(position, angles)                   # [n, 3] in the scene's unit, [n, 2] of (theta, phi) in degrees
+
+    field = load("small/field.safetensors")             # what `imf compress` wrote
+    overlap = field(position, direction)                # [n, 3] of the tool's axis from tip to holder, of any length
+
+`overlap` is the share of the tool's volume inside the part, at the tip's position. Needs torch and safetensors.
+"""
+
+import json
+import math
+
+import torch
+from safetensors import safe_open
+from torch.nn.functional import linear
+
+
+def load(path):
+    """The field in a file of the family `siren5` or of a factored field."""
+    with safe_open(path, framework="pt") as file:
+        about = json.loads(file.metadata()["imf"])
+        tensors = {name: file.get_tensor(name) for name in file.keys()}
+    kinds = {"imf-model": Siren5, "imf-factored": Factored}
+    if about["format"] not in kinds:
+        raise ValueError(f"{path} is of the format {about['format']}, not one of {', '.join(kinds)}")
+    return kinds[about["format"]](about, tensors)
+
+
+class Siren5(torch.nn.Module):
+    """The paper's network: sines of five inputs in [-1, 1], the inputs again behind one layer, a sigmoid at the end."""
+
+    def __init__(self, about, tensors):
+        super().__init__()
+        network, grid = about["network"], about["scene"]["grid"]
+        self.omega, self.skip_after = network["omega"], network["skip_after"]
+        self.weights = torch.nn.ParameterList(tensors[f"layers.{i}.weight"] for i in range(network["hidden"] + 1))
+        self.biases = torch.nn.ParameterList(tensors[f"layers.{i}.bias"] for i in range(network["hidden"] + 1))
+        self.register_buffer("origin", torch.tensor(grid["origin"], dtype=torch.float64))
+        self.register_buffer("size", torch.tensor([grid["pitch"] * n for n in grid["dims"]], dtype=torch.float64))
+
+    def forward(self, position, angles):
+        unit = (position.double() - self.origin) / self.size
+        inputs = torch.cat([2.0 * unit - 1.0, angles.double() / angles.new_tensor([180.0, 90.0]) - 1.0], dim=1)
+        inputs = inputs.to(self.weights[0].dtype)
+        signal = inputs
+        for layer, (weight, bias) in enumerate(zip(self.weights, self.biases)):
+            if layer == self.skip_after and layer > 0:
+                signal = torch.cat([signal, inputs], dim=1)
+            signal = linear(signal, weight, bias)
+            if layer + 1 < len(self.weights):
+                signal = torch.sin(self.omega * signal)
+        return torch.sigmoid(signal[:, 0])
+
+
+class Factored(torch.nn.Module):
+    """A sine network from the point to coefficients, times harmonics of the tool's direction."""
+
+    def __init__(self, about, tensors):
+        super().__init__()
+        if about["domain"] != "directions":
+            raise ValueError("the field is one of rotations, not of directions")
+        settings, grid = about["settings"], about["scene"]["grid"]
+        self.omega, self.scale = settings["omega"], about["scale"]
+        self.register_buffer("axes", tensors["axes"])
+        self.register_buffer("mean", tensors["mean"])
+        sizes = [3] + [settings["width"]] * settings["hidden"] + [self.axes.shape[1]]
+        flat, self.weights, self.biases = tensors["parameters"].float(), torch.nn.ParameterList(), torch.nn.ParameterList()
+        for inputs, outputs in zip(sizes, sizes[1:]):
+            weight, bias, flat = flat.split([inputs * outputs, outputs, len(flat) - (inputs + 1) * outputs])
+            self.weights.append(weight.reshape(outputs, inputs).clone())
+            self.biases.append(bias.clone())
+        size = torch.tensor([grid["pitch"] * n for n in grid["dims"]], dtype=torch.float64)
+        self.register_buffer("middle", torch.tensor(grid["origin"], dtype=torch.float64) + 0.5 * size)
+        self.inverse_length = 2.0 / size.max().item()
+
+    def forward(self, position, direction):
+        signal = ((position.double() - self.middle) * self.inverse_length).to(self.axes.dtype)
+        for weight, bias in zip(self.weights[:-1], self.biases[:-1]):
+            signal = torch.sin(self.omega * linear(signal, weight, bias))
+        along = self.scale * linear(signal, self.weights[-1], self.biases[-1])
+        functions = harmonics(direction, math.isqrt(len(self.mean)) - 1).to(self.axes.dtype)
+        return ((along * (functions @ self.axes)).sum(dim=1) + functions @ self.mean).clamp(0.0, 1.0)
+
+
+def harmonics(direction, degree):
+    """Real spherical harmonics of mean square 1 up to a degree: [n, (degree + 1)^2], function l^2 + l + m."""
+    x, y, z = (direction.double() / direction.double().norm(dim=1, keepdim=True)).unbind(dim=1)
+    places = [None] * (degree + 1) ** 2
+    cosine, sine, sectoral = torch.ones_like(z), torch.zeros_like(z), 1.0
+    for m in range(degree + 1):
+        if m > 0:
+            cosine, sine = x * cosine - y * sine, x * sine + y * cosine
+            sectoral *= math.sqrt((2 * m + 1) / (2 * m))
+        before, value = torch.zeros_like(z), torch.full_like(z, sectoral * (math.sqrt(2.0) if m else 1.0))
+        for l in range(m, degree + 1):
+            if l > m:
+                a = math.sqrt((4 * l * l - 1) / (l * l - m * m))
+                b = math.sqrt(max((l - 1) ** 2 - m * m, 0) / abs(4 * (l - 1) ** 2 - 1))
+                before, value = value, a * (z * value - b * before)
+            places[l * l + l + m], places[l * l + l - m] = value * cosine, value * sine if m else value
+    return torch.stack(places, dim=1)
