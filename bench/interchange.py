@@ -122,11 +122,12 @@ def report(name: str, reader: str, found: np.ndarray, expected: np.ndarray) -> f
 
 
 def gradients(imf: str, field: pathlib.Path, work: pathlib.Path) -> float:
-    """PyTorch's gradient along one direction of motion against differences of imf's values over a hundredth of a pitch."""
+    """PyTorch's gradient along one direction of motion against differences of imf's values over some thousandths of a pitch."""
     about = {entry.key: entry.value for entry in onnx.load(work / "siren5.onnx").metadata_props}
     box = np.array([[float(v) for v in about[f"imf.box_{end}"].split()] for end in ("lower", "upper")])
-    position, angles, _ = random_poses(box, 2)
-    step = 0.02 * float(about["imf.pitch"])
+    step = 0.002 * float(about["imf.pitch"])
+    # Outside the box values are those of the nearest point inside.
+    position, angles, _ = random_poses(box + step * np.array([[1.0], [-1.0]]), 2)
     model = imf_torch.load(field).double()
     at = torch.tensor(position, requires_grad=True)
     model(at, torch.tensor(angles)).sum().backward()

@@ -28,13 +28,13 @@ const FULL: Changes = Changes {
 
 const REDUCED: Changes = Changes {
     about: "half the resolution along each axis, networks a quarter as wide, about a quarter of the epochs, over which the \
-            rate falls as far (0.74 = 0.93^4.15 an epoch); transfer keeps its epochs. ω = 10 instead of 30: 5×128 at 30 \
-            loses from the paper's rate what it learnt, and is ten times worse between its orientations from a lower one. The \
-            rate rises over 500 steps first",
+            rate falls as far (0.74 = 0.93^4.15 an epoch); transfer keeps its epochs. ω = 10 instead of 30: at 30 a network \
+            of 5×128 loses from the paper's rate what it learnt, and from a lower one errs up to nine times more. The rate \
+            rises over 500 steps first",
     tried: "ω = 30 with rates from 5e-4 (5×128 loses what it learnt) and from 3e-4 (`multi` of the teapot diverges, the other \
-            rows err two to ten times more than these), ω = 15; of depth, width and density what the tables of architecture and \
-            sparsity hold; without training the other fields of the table of the parts. The paper's own resolution, width, \
-            ω and epochs are `--scale full`.",
+            rows err one and a half to nine times more at random orientations), ω = 15 (`multi` of the teapot diverges); of \
+            depth, width and density what the tables of architecture and sparsity hold; without training the other fields of \
+            the table of the parts. The paper's own resolution, width, ω and epochs are `--scale full`.",
     all: &["scene.scale=0.5", "network.width=128", "network.omega=10"],
     own: &[
         ("single", &["stage.*.training.length={epochs=12}", QUARTER]),
