@@ -64,6 +64,7 @@ class Factored(torch.nn.Module):
             raise ValueError("the field is one of rotations, not of directions")
         settings, grid = about["settings"], about["scene"]["grid"]
         self.omega, self.scale = settings["omega"], about["scale"]
+        self.depth = about["fit"].get("quantity", "overlap") == "depth"
         self.register_buffer("axes", tensors["axes"])
         self.register_buffer("mean", tensors["mean"])
         sizes = [3] + [settings["width"]] * settings["hidden"] + [self.axes.shape[1]]
@@ -82,7 +83,8 @@ class Factored(torch.nn.Module):
             signal = torch.sin(self.omega * linear(signal, weight, bias))
         along = self.scale * linear(signal, self.weights[-1], self.biases[-1])
         functions = harmonics(direction, math.isqrt(len(self.mean)) - 1).to(self.axes.dtype)
-        return ((along * (functions @ self.axes)).sum(dim=1) + functions @ self.mean).clamp(0.0, 1.0)
+        values = (along * (functions @ self.axes)).sum(dim=1) + functions @ self.mean
+        return values if self.depth else values.clamp(0.0, 1.0)
 
 
 def harmonics(direction, degree):

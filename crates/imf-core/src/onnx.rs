@@ -6,7 +6,8 @@
 //! position   f32 [poses, 3]   the tool's tip in the scene's unit and world frame
 //! direction  f32 [poses, 3]   the tool's axis from tip to holder, of any length but 0     harmonic and factored fields
 //! angles     f32 [poses, 2]   (θ, φ) in degrees, θ in [0, 360), φ in [0, 180]             the paper's network
-//! overlap    f32 [poses]      the share of the tool's volume in the obstacle, in [0, 1]
+//! overlap    f32 [poses]      the share of the tool's volume in the obstacle, in [0, 1]; or, of fields of depth,
+//! depth      f32 [poses]      how far the tool must be moved to be free, below 0 how far it may be moved
 //! ```
 //!
 //! Answers are those of [`crate::field::Field`] but for the rounding of single precision. Outside the box of the voxel centres a
@@ -35,8 +36,9 @@ use crate::harmonic::basis::Domain;
 use crate::harmonic::file::HarmonicFile;
 use crate::model::Model;
 use crate::scene::SceneRecord;
+use crate::section::Quantity;
 use crate::stored::StoredField;
-use graph::Graph;
+use graph::{Graph, Value};
 use messages::{GraphProto, ModelProto, OperatorSetIdProto, StringStringEntryProto};
 
 /// The set of operators that graphs keep to.
@@ -49,6 +51,8 @@ const MOST_BYTES: u64 = (1 << 31) - (1 << 24);
 const POSITION: &str = "the tool's tip in the scene's unit and world frame";
 const DIRECTION: &str = "the tool's axis from tip to holder, of any length but 0";
 const ANGLES: &str = "(theta, phi) of the tool's axis in degrees: theta in [0, 360), phi in [0, 180]";
+const DEPTH: &str =
+    "how far the tool must be moved to be free, in the scene's unit; below 0 how far it may be moved";
 const OVERLAP: &str = "the share of the tool's volume in the obstacle, in [0, 1]";
 
 /// Why a field is not written.
@@ -105,10 +109,15 @@ fn model(stored: &StoredField) -> Result<ModelProto, OnnxError> {
         ir_version: IR_VERSION,
         producer_name: "imf".into(),
         producer_version: env!("CARGO_PKG_VERSION").into(),
-        doc_string: format!("How much of {} lies in {}, at any pose", record.tool.name, record.part),
+        doc_string: match stored.quantity() {
+            Quantity::Overlap => {
+                format!("How much of {} lies in {}, at any pose", record.tool.name, record.part)
+            }
+            Quantity::Depth => format!("How deep {} is in {}, at any pose", record.tool.name, record.part),
+        },
         graph: Some(graph),
         opset_import: vec![OperatorSetIdProto { domain: String::new(), version: OPSET }],
-        metadata_props: metadata(record),
+        metadata_props: metadata(record, stored.quantity()),
     })
 }
 
@@ -129,8 +138,8 @@ fn harmonic(file: &HarmonicFile) -> Result<GraphProto, OnnxError> {
     let direction = graph.input("direction", 3, DIRECTION);
     let z = interpolated::coefficients(&mut graph, &field.coefficients, &field.grid, &position);
     let degree = field.basis.degree();
-    let overlap = directions::overlap(&mut graph, &direction, degree, &field.axes, &field.mean, &z);
-    Ok(graph.answering("harmonic", "overlap", &overlap, OVERLAP))
+    let value = directions::value(&mut graph, &direction, degree, &field.axes, &field.mean, &z);
+    Ok(answering(graph, "harmonic", &value, field.quantity))
 }
 
 fn factored(file: &FactoredFile) -> Result<GraphProto, OnnxError> {
@@ -141,8 +150,19 @@ fn factored(file: &FactoredFile) -> Result<GraphProto, OnnxError> {
     let direction = graph.input("direction", 3, DIRECTION);
     let z = network::coefficients(&mut graph, field, &position);
     let degree = field.basis.degree();
-    let overlap = directions::overlap(&mut graph, &direction, degree, &field.axes, &field.mean, &z);
-    Ok(graph.answering("factored", "overlap", &overlap, OVERLAP))
+    let value = directions::value(&mut graph, &direction, degree, &field.axes, &field.mean, &z);
+    Ok(answering(graph, "factored", &value, field.quantity))
+}
+
+/// The graph whose answer is a value, held in [0, 1] where it is an overlap.
+fn answering(mut graph: Graph, family: &str, value: &Value, quantity: Quantity) -> GraphProto {
+    match quantity {
+        Quantity::Overlap => {
+            let overlap = graph.clip(value, 0.0, 1.0);
+            graph.answering(family, "overlap", &overlap, OVERLAP)
+        }
+        Quantity::Depth => graph.answering(family, "depth", value, DEPTH),
+    }
 }
 
 fn require_directions(domain: Domain) -> Result<(), OnnxError> {
@@ -150,7 +170,7 @@ fn require_directions(domain: Domain) -> Result<(), OnnxError> {
 }
 
 /// What a user of the graph must know of the scene.
-fn metadata(record: &SceneRecord) -> Vec<StringStringEntryProto> {
+fn metadata(record: &SceneRecord, quantity: Quantity) -> Vec<StringStringEntryProto> {
     let Grid { dims, pitch, .. } = record.grid;
     let corner = |voxel| {
         let [x, y, z] = record.grid.centre(voxel).to_array();
@@ -158,6 +178,13 @@ fn metadata(record: &SceneRecord) -> Vec<StringStringEntryProto> {
     };
     let clearance = record.clearance;
     let entries = [
+        (
+            "imf.quantity",
+            match quantity {
+                Quantity::Overlap => "overlap".to_owned(),
+                Quantity::Depth => "depth".to_owned(),
+            },
+        ),
         ("imf.part", record.part.clone()),
         ("imf.tool", record.tool.name.clone()),
         ("imf.unit", record.unit.to_string()),

@@ -69,7 +69,10 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     if let Some(depth) = record.contact {
         session.note(&format!("the cutter may reach {depth} {} below the part's surface", record.unit));
     }
-    session.note(&format!("a field is no proof; --exact answers: {}", record.promise()));
+    session.note(&match quantity.is_overlap() {
+        true => format!("a field is no proof; --exact answers: {}", record.promise()),
+        false => "a field is no proof; depths are held within eight pitches".to_owned(),
+    });
     let (contact, rest) = (Contact::of_scene(scene), record.tool_without_cutter()?);
     let mut work = Work {
         grid: record.grid,

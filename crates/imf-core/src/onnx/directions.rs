@@ -69,8 +69,8 @@ fn functions(graph: &mut Graph, direction: &Value, degree: usize) -> Value {
     graph.op_with("Concat", &columns, &[("axis", 1)])
 }
 
-/// `clamp(μ·b(d) + ⟨z, Uᵀ b(d)⟩)` of coefficients z `[poses, axes]`: `[poses, 1]`. `axes` is U `[functions][axes]`, `mean` μ.
-pub(super) fn overlap(
+/// `μ·b(d) + ⟨z, Uᵀ b(d)⟩` of coefficients z `[poses, axes]`: `[poses, 1]`. `axes` is U `[functions][axes]`, `mean` μ.
+pub(super) fn value(
     graph: &mut Graph,
     direction: &Value,
     degree: usize,
@@ -87,6 +87,5 @@ pub(super) fn overlap(
     let constant = graph.op("MatMul", &[&values, &mean]);
     let product = graph.mul(z, &along);
     let sum = graph.sum_of_columns(&product);
-    let overlap = graph.add(&sum, &constant);
-    graph.clip(&overlap, 0.0, 1.0)
+    graph.add(&sum, &constant)
 }

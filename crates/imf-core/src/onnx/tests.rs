@@ -153,7 +153,8 @@ fn answers(model: &ModelProto, poses: &[Pose]) -> Vec<f64> {
     }
     let [output] = &graph.output[..] else { panic!() };
     let answer = &values[output.name.as_str()];
-    assert_eq!((output.name.as_str(), answer.dims.as_slice()), ("overlap", &[poses.len()][..]));
+    let quantity = model.metadata_props.iter().find(|entry| entry.key == "imf.quantity").unwrap();
+    assert_eq!((&output.name, answer.dims.as_slice()), (&quantity.value, &[poses.len()][..]));
     answer.data.clone()
 }
 
@@ -167,8 +168,15 @@ fn graphs_of_every_family_answer_as_the_fields_do() {
     let single = StoredField::Harmonic(Box::new(harmonic.clone()));
     let Coefficients::F32(values) = harmonic.field.coefficients else { panic!() };
     harmonic.field.coefficients = Coefficients::new(values, Precision::F16);
+    // As if its values were depths: not held in [0, 1].
+    let mut deep = factored_file(&scene);
+    deep.field.quantity = Quantity::Depth;
+    let mut deep_harmonic = harmonic_file(&scene, 7);
+    deep_harmonic.field.quantity = Quantity::Depth;
     let asked = poses(&scene, 200, 21);
     for stored in [
+        StoredField::Harmonic(Box::new(deep_harmonic)),
+        StoredField::Factored(Box::new(deep)),
         StoredField::Siren(Box::new(siren_model(&scene))),
         single,
         StoredField::Harmonic(Box::new(harmonic)),
@@ -187,6 +195,8 @@ fn graphs_of_every_family_answer_as_the_fields_do() {
             assert!((found - f64::from(expected)).abs() < ROUNDING, "{name}: {found} against {expected}");
         }
         assert!(expected.iter().any(|v| *v > 0.05), "{name} answers more than nothing");
+        let output = &model.graph.as_ref().unwrap().output[0].name;
+        assert_eq!(expected.iter().any(|v| *v < 0.0), output == "depth", "{name}: {output}");
         let unit = model.metadata_props.iter().find(|entry| entry.key == "imf.unit").unwrap();
         assert_eq!(unit.value, "mm");
     }

@@ -170,7 +170,13 @@ impl CpuTrainer {
             Precision::Bf16 if Kernel::of_this_machine().is_none() => {
                 "this CPU has no bfloat16 products (AVX-512 BF16)"
             }
-            Precision::F16 => "precision f16 is computed on GPUs alone",
+            Precision::F16 => {
+                return Err(EngineError::Device(
+                    "precision f16 is computed on GPUs alone: choose one (--device; a resumed training keeps its \
+                     precision), or begin a training with precision f32"
+                        .to_owned(),
+                ));
+            }
             Precision::F32 | Precision::Bf16 => return Ok(()),
         };
         Err(EngineError::Device(format!("{why}; train with precision f32")))

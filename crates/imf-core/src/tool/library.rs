@@ -100,12 +100,16 @@ pub(super) fn is_library(path: &Path) -> bool {
 
 /// A path and, behind a `#`, the tool that is meant: only where there is no file of the whole name.
 pub(super) fn location(text: &str) -> (&Path, Option<&str>) {
-    if !Path::new(text).exists()
-        && let Some((path, tool)) = text.rsplit_once('#')
-    {
-        return (Path::new(path), Some(tool));
+    if Path::new(text).exists() {
+        return (Path::new(text), None);
     }
-    (Path::new(text), None)
+    // Names hold a `#` as well ("#7 drill"), and so may folders: the first one behind a library counts, else the last.
+    let mut places = text.match_indices('#').map(|(place, _)| text.split_at(place));
+    let found = places.find(|(path, _)| is_library(Path::new(path)));
+    match found.map(|(path, tool)| (path, &tool[1..])).or_else(|| text.rsplit_once('#')) {
+        Some((path, tool)) => (Path::new(path), Some(tool)),
+        None => (Path::new(text), None),
+    }
 }
 
 /// Reads the tool of a library that `wanted` names, or its only one.

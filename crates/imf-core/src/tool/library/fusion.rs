@@ -156,7 +156,8 @@ impl Entry {
         let (radius, edges) = (0.5 * self.positive("DC")?, self.positive("LCF")?);
         let face = self.positive("LB")?;
         let cutter = self.cutter(radius, edges)?;
-        let shank = self.shank(top(&cutter), radius, face)?;
+        let width = cutter.last().map_or(radius, |last| last.radius(top(&cutter)));
+        let shank = self.shank(top(&cutter), width, face)?;
         let mut holder = Vec::new();
         if let Some(Segments { unit: named, segments }) = &self.holder {
             let theirs = named.as_deref().map_or(Ok(unit_here), unit)?;
@@ -193,7 +194,7 @@ impl Entry {
         }
     }
 
-    /// Shoulder, shaft's segments and shaft, from the edges' end to the holder.
+    /// Shoulder, shaft's segments and shaft, from the edges' end, where the cutter has `radius`, to the holder.
     fn shank(&self, edges: f64, radius: f64, face: f64) -> Result<Vec<Segment>, String> {
         let mut profile = Vec::new();
         let mut from = edges;

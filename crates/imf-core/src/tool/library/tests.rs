@@ -55,6 +55,28 @@ fn close(found: f64, expected: f64) {
 }
 
 #[test]
+fn names_with_a_hash_are_found_behind_the_library() {
+    let of = |text: &'static str| {
+        let (path, tool) = location(text);
+        (path.to_str().unwrap().to_owned(), tool)
+    };
+    assert_eq!(of("no/shop.json##7 drill"), ("no/shop.json".to_owned(), Some("#7 drill")));
+    assert_eq!(of("no#1/shop.tools#5"), ("no#1/shop.tools".to_owned(), Some("5")));
+    assert_eq!(of("no/shop.json#a#b"), ("no/shop.json".to_owned(), Some("a#b")));
+    assert_eq!(of("no/mill.toml"), ("no/mill.toml".to_owned(), None));
+}
+
+#[test]
+fn a_shoulder_without_a_diameter_is_as_wide_as_the_cutters_end() {
+    let folder = Folder::new();
+    let entry = fusion("tapered mill", "taper", 1, json!({"DC": 1.0, "TA": 5.0, "shoulder-diameter": null}));
+    let tool = Tool::read(&folder.with("taper.json", &json!({"data": [entry]}))).unwrap();
+    // 18 mm of edges at 5°, and 2 mm of shoulder.
+    let end = 0.5 + 18.0 * 5f64.to_radians().tan();
+    close(radius(&tool, 19.0), end);
+}
+
+#[test]
 fn freecads_bits_become_cutter_and_shank() {
     let folder = Folder::new();
     let read = |content: &Value| Tool::read(&folder.with("bit.fctb", content));
