@@ -40,7 +40,7 @@ fn measure(gpu: &Gpu, shape: SirenShape, batch: usize, factors: Factors) -> Resu
     let state = TrainingState::new(&shape, 1);
     let mut evaluator = GpuEvaluator::new(gpu, shape, &state.parameters)?;
     let mut trainer =
-        GpuTrainer::with_factors(gpu, shape, AdamConfig::default(), Loss::L1, batch, &state, factors)?;
+        GpuTrainer::of_stack(gpu, shape.stack(), AdamConfig::default(), Loss::L1, batch, &state, factors)?;
     let steps = rate(|| {
         for _ in 0..4 {
             trainer.step(&inputs, &targets, 1e-5)?;

@@ -118,10 +118,7 @@ impl Forward {
     ) -> Result<Self, EngineError> {
         let shader = if slopes.is_some() { Shader::HiddenTrain } else { Shader::HiddenEvaluate };
         let first = Kernel::new(gpu, shader)?;
-        let hidden = match factors {
-            Factors::Single => first.clone(),
-            _ => Kernel::with_factors(gpu, shader, factors)?,
-        };
+        let hidden = first.between_layers(gpu, shader, factors)?;
         let linear = Kernel::new(gpu, Shader::Linear)?;
         let last = network.layers.len() - 1;
         let bind = |index: usize| {

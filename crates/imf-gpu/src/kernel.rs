@@ -25,8 +25,21 @@ impl Kernel {
         Self::with_factors(gpu, shader, Factors::Single)
     }
 
+    /// The same matrix product for the layers between the first and the last: itself where their factors are f32.
+    pub(crate) fn between_layers(
+        &self,
+        gpu: &Gpu,
+        shader: Shader,
+        factors: Factors,
+    ) -> Result<Self, EngineError> {
+        match factors {
+            Factors::Single => Ok(self.clone()),
+            _ => Self::with_factors(gpu, shader, factors),
+        }
+    }
+
     /// As [`Self::new`], for a matrix product with these factors.
-    pub(crate) fn with_factors(gpu: &Gpu, shader: Shader, factors: Factors) -> Result<Self, EngineError> {
+    fn with_factors(gpu: &Gpu, shader: Shader, factors: Factors) -> Result<Self, EngineError> {
         let name = format!("{shader:?}, {}", factors.name());
         let pipeline = gpu.guarded(|| {
             let module = gpu.device().create_shader_module(wgpu::ShaderModuleDescriptor {

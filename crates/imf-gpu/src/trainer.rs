@@ -91,7 +91,7 @@ impl GpuTrainer {
         max_batch: usize,
         state: &TrainingState,
     ) -> Result<Self, EngineError> {
-        Self::with_factors(gpu, shape, adam, loss, max_batch, state, Factors::Single)
+        Self::of_stack(gpu, shape.stack(), adam, loss, max_batch, state, Factors::Single)
     }
 
     /// As [`Self::new`], with the products between hidden layers in `precision`. For f16 the adapter is opened anew
@@ -114,7 +114,7 @@ impl GpuTrainer {
         }
         let gpu = proof::proven(gpu.for_half(None)?)?;
         let factors = gpu.half().unwrap_or_default();
-        Self::with_factors(&gpu, shape, adam, loss, max_batch, state, factors)
+        Self::of_stack(&gpu, shape.stack(), adam, loss, max_batch, state, factors)
     }
 
     /// Whether an adapter has the products of a precision.
@@ -135,27 +135,11 @@ impl GpuTrainer {
         }))
     }
 
-    /// As [`Self::new`], with these factors in the products between hidden layers; anything but
-    /// [`Factors::Single`] needs a device [opened for it](Gpu::for_half).
+    /// As [`Self::new`], of any stack of sine layers, factored fields' networks among them, with these factors in the
+    /// products between hidden layers; anything but [`Factors::Single`] needs a device [opened for it](Gpu::for_half).
     ///
     /// # Errors
     /// As [`Self::new`]; factors that the device was not opened for.
-    pub fn with_factors(
-        gpu: &Gpu,
-        shape: SirenShape,
-        adam: AdamConfig,
-        loss: Loss,
-        max_batch: usize,
-        state: &TrainingState,
-        factors: Factors,
-    ) -> Result<Self, EngineError> {
-        Self::of_stack(gpu, shape.stack(), adam, loss, max_batch, state, factors)
-    }
-
-    /// As [`Self::with_factors`], of any stack of sine layers: factored fields' networks are others than the paper's.
-    ///
-    /// # Errors
-    /// As [`Self::with_factors`].
     pub fn of_stack(
         gpu: &Gpu,
         stack: Stack,
@@ -382,12 +366,8 @@ impl Kernels {
         let kernel = |shader| Kernel::new(gpu, shader);
         let (backward, weight, bias) =
             (kernel(Shader::Backward)?, kernel(Shader::WeightGradient)?, kernel(Shader::BiasGradient)?);
-        let between = |plain: &Kernel, shader| match factors {
-            Factors::Single => Ok(plain.clone()),
-            _ => Kernel::with_factors(gpu, shader, factors),
-        };
-        let hidden_backward = between(&backward, Shader::Backward)?;
-        let hidden_weight = between(&weight, Shader::WeightGradient)?;
+        let hidden_backward = backward.between_layers(gpu, Shader::Backward, factors)?;
+        let hidden_weight = weight.between_layers(gpu, Shader::WeightGradient, factors)?;
         let (batch, layers, parameters) = (&network.batch, &network.layers, &network.parameters);
         let last = layers.len() - 1;
         let each = |bind: &dyn Fn(usize) -> Bound| (0..=last).map(bind).collect::<Vec<_>>();

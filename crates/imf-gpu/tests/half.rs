@@ -47,7 +47,7 @@ fn samples(count: usize, first: usize) -> (Vec<f32>, Vec<f32>) {
 
 fn trainer(gpu: &Gpu, factors: Factors, batch: usize) -> GpuTrainer {
     let state = TrainingState::new(&SHAPE, 3);
-    GpuTrainer::with_factors(gpu, SHAPE, AdamConfig::default(), Loss::L1, batch, &state, factors)
+    GpuTrainer::of_stack(gpu, SHAPE.stack(), AdamConfig::default(), Loss::L1, batch, &state, factors)
         .expect("a trainer")
 }
 
@@ -130,7 +130,7 @@ fn precisions_are_refused_by_name_and_unopened_devices_too() {
     let trainer = make(Precision::F16).unwrap();
     assert!(trainer.describe().contains("products in f16"), "{}", trainer.describe());
     let adam = AdamConfig::default();
-    let unopened = GpuTrainer::with_factors(&gpu, SHAPE, adam, Loss::L1, 8, &state, Factors::Half);
+    let unopened = GpuTrainer::of_stack(&gpu, SHAPE.stack(), adam, Loss::L1, 8, &state, Factors::Half);
     let Err(EngineError::Device(text)) = unopened else { panic!("the device was not opened for f16") };
     assert!(text.contains("not opened"), "{text}");
 }

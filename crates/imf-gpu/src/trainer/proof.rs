@@ -39,7 +39,7 @@ fn agree(gpu: &Gpu, units: Factors) -> Result<bool, EngineError> {
     let targets: Vec<f32> = (0..ROWS).map(|i| (i as f32 * 0.618_034).fract()).collect();
     let gradient = |factors| {
         let adam = AdamConfig::default();
-        let mut trainer = GpuTrainer::with_factors(gpu, SHAPE, adam, Loss::L2, ROWS, &state, factors)?;
+        let mut trainer = GpuTrainer::of_stack(gpu, SHAPE.stack(), adam, Loss::L2, ROWS, &state, factors)?;
         Ok::<_, EngineError>(trainer.loss_and_gradient(&inputs, &targets)?.1)
     };
     let (plain, found) = (gradient(Factors::Half)?, gradient(units)?);
