@@ -12,6 +12,7 @@ use anyhow::{Context as _, Result, bail, ensure};
 use imf_core::atomic_file::{remove_all_leftovers, remove_leftovers, write_atomically};
 use imf_core::tool::ElementKind;
 use serde::Serialize;
+use tempfile::{Builder, NamedTempFile};
 
 pub(crate) use self::earlier::SUMMARY;
 use self::earlier::remove_earlier;
@@ -36,8 +37,9 @@ impl OutputFolder {
             _ => Path::new("."),
         };
         ensure!(existing.is_dir(), "{}: {} is a file", fail(), existing.display());
-        let probe = existing.join(format!(".imf-{}.probe", std::process::id()));
-        fs::write(&probe, []).and_then(|()| fs::remove_file(&probe)).with_context(fail)?;
+        // A name of its own: other threads and processes may be asking about the same folder.
+        let probe = Builder::new().prefix(".imf-").suffix(".probe").tempfile_in(existing);
+        probe.and_then(NamedTempFile::close).with_context(fail)?;
         Ok(Self { path: path.to_owned() })
     }
 
@@ -190,6 +192,17 @@ mod tests {
         deep.create().unwrap();
         assert!(deep.path().is_dir());
         assert!(OutputFolder::check(Path::new("no-such-folder-here")).is_ok(), "below the current one");
+    }
+
+    #[test]
+    fn a_folder_is_checked_by_many_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let check = || (0..200).all(|_| OutputFolder::check(folder.path()).is_ok());
+        std::thread::scope(|scope| {
+            let threads: Vec<_> = (0..4).map(|_| scope.spawn(check)).collect();
+            assert!(threads.into_iter().all(|thread| thread.join().unwrap()));
+        });
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "no trace");
     }
 
     #[test]
