@@ -57,7 +57,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             omega: 20.0,
             plan: imf_core::training::run::TrainingPlan {
                 length: Length::Steps(steps),
-                schedule: Schedule::Cosine { initial: 1.5e-3, last: 0.0, warmup: 100 },
+                schedule: Schedule::Cosine { initial: 1.5e-3, last: 0.0, warmup: 10 },
                 ..defaults.plan
             },
             optimiser: Optimiser::Muon(MuonConfig::default()),
@@ -70,7 +70,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             "taught in {:.1} s, mean squared error from the teacher {loss:.2e}",
             begun.elapsed().as_secs_f64()
         );
-        let field = FactoredField::new(&made, settings.shape(made.axis_count()), state.best().to_vec())?;
+        let field = FactoredField::new(&made, settings.shape(made.axis_count()), state.training.parameters)?;
         Some((field, settings))
     } else {
         None

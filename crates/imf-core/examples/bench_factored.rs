@@ -1,7 +1,7 @@
 //! The factored field against exact sections: time to make, error at random directions, size, time to evaluate.
 //!
 //! `cargo run --release -p imf-core --example bench_factored -- [name=value]...`, for example
-//! `part=teapot scale=1 degree=20 axes=128 ratio=2 width=384 hidden=3 omega=30 rate=1e-3 batch=1024 seconds=240 average=0
+//! `part=teapot scale=1 degree=20 axes=128 ratio=2 width=384 hidden=3 omega=30 rate=1e-3 batch=1024 seconds=240 solve=25
 //! muon=0 momentum=0.95 loss=l2 seed=0 evaluate=1`. `steps=N` in place of `seconds` gives the same field each time; `seconds`
 //! are of training, found by a first trial of a few steps. Several trainings of one teacher: `then` between their values.
 //! `from=bracket-raw` teaches that part first, and the trainings with `fine=1` start from its network.
@@ -118,7 +118,7 @@ fn one(
         width: values.get("width", 384)?,
         hidden: values.get("hidden", 3)?,
         omega: values.get("omega", 30.0)?,
-        averaging: values.get("average", 0.0)?,
+        solve_every: values.get("solve", 25)?,
         ..TeachSettings::default()
     };
     let muon: f32 = values.get("muon", 0.0)?;
@@ -133,7 +133,7 @@ fn one(
     settings.plan.schedule = Schedule::Cosine {
         initial: values.get("rate", 1e-3)?,
         last: values.get("last", 0.0)?,
-        warmup: values.get("warmup", 100)?,
+        warmup: values.get("warmup", 10)?,
     };
     let steps: u64 = match values.get("steps", 0)? {
         0 => {
@@ -153,7 +153,7 @@ fn one(
     };
     settings.plan.length = Length::Steps(steps);
     let mut state = match from {
-        Some(from) => FactoredState::from_parameters(from.parameters_for(teacher)?, settings.averaging > 0.0),
+        Some(from) => FactoredState::of_another(from, teacher)?,
         None => settings.start(teacher.axis_count()),
     };
     let start = Instant::now();
@@ -170,7 +170,7 @@ fn one(
         }
     })?;
     let spent = seconds(start);
-    let names = ["width", "hidden", "omega", "rate", "batch", "muon", "average", "loss", "beta2"];
+    let names = ["width", "hidden", "omega", "rate", "batch", "muon", "solve", "loss", "beta2"];
     let told: Vec<String> =
         names.iter().filter_map(|&n| values.0.get(n).map(|v| format!("{n}={v}"))).collect();
     println!(
@@ -178,7 +178,7 @@ fn one(
         told.join(" "),
         spent * 1e3 / steps as f64
     );
-    let field = FactoredField::new(teacher, settings.shape(teacher.axis_count()), state.best().to_vec())?;
+    let field = FactoredField::new(teacher, settings.shape(teacher.axis_count()), state.training.parameters)?;
     let count = field.parameters.len();
     println!(
         "  {count} weights, with axes {} bytes in f32, {} with weights in f16",
@@ -187,10 +187,6 @@ fn one(
     );
     let Some(judge) = judge else { return Ok(field) };
     judge.tell("  factored", |group| judge.factored(&field, group));
-    if !state.averaged.is_empty() {
-        let last = FactoredField { parameters: state.training.parameters.clone(), ..field.clone() };
-        judge.tell("  last weights, not averaged", |group| judge.factored(&last, group));
-    }
     if values.get("evaluate", 0)? == 1 {
         let halves = FactoredField {
             parameters: field.parameters.iter().map(|&w| half::f16::from_f32(w).to_f32()).collect(),

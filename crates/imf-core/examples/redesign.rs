@@ -91,7 +91,7 @@ fn study(study: &Study) -> Result<Vec<Step>, Box<dyn Error>> {
         let not_adapted = field.as_ref().map(error);
         let begun = Instant::now();
         let tuned = match &field {
-            Some(old) => taught(study, &teacher, old.parameters_for(&teacher)?, study.each)?,
+            Some(old) => taught(study, &teacher, FactoredState::of_another(old, &teacher)?, study.each)?,
             None => taught(study, &teacher, random(study, &teacher), study.first)?,
         };
         let tuning = begun.elapsed().as_secs_f64();
@@ -122,25 +122,24 @@ fn settings(study: &Study, steps: u64) -> TeachSettings {
             ..TeachSettings::default().plan
         },
         optimiser: Optimiser::Muon(MuonConfig::default()),
-        averaging: 0.0,
+        ..TeachSettings::default()
     }
 }
 
-fn random(study: &Study, teacher: &HarmonicField) -> Vec<f32> {
-    settings(study, 1).start(teacher.axis_count()).training.parameters
+fn random(study: &Study, teacher: &HarmonicField) -> FactoredState {
+    settings(study, 1).start(teacher.axis_count())
 }
 
-/// The network after so many steps from some weights.
+/// The network after so many steps from a start.
 fn taught(
     study: &Study,
     teacher: &HarmonicField,
-    weights: Vec<f32>,
+    mut state: FactoredState,
     steps: u64,
 ) -> Result<FactoredField, Box<dyn Error>> {
     let settings = settings(study, steps);
-    let mut state = FactoredState::from_parameters(weights, false);
     teach(teacher, &settings, &mut state, Control::quiet(), &mut |_| {})?;
-    Ok(FactoredField::new(teacher, settings.shape(teacher.axis_count()), state.best().to_vec())?)
+    Ok(FactoredField::new(teacher, settings.shape(teacher.axis_count()), state.training.parameters)?)
 }
 
 /// Exact depths, `[orientation][voxel]`.

@@ -15,16 +15,17 @@ mod adapt;
 mod answers;
 mod evaluate;
 pub mod file;
+mod last_layer;
 mod point;
 pub mod reference;
+mod state;
 mod teach;
-mod trainer;
 
 pub use answers::FactoredAnswers;
 pub use evaluate::FactoredEvaluator;
 pub use point::{FactoredPoint, PointScratch};
+pub use state::{FactoredState, Optimiser};
 pub use teach::{TeachSettings, teach, teach_on};
-pub use trainer::{FactoredState, FactoredTrainer, Optimiser};
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -134,7 +135,12 @@ impl FactoredField {
         if expected != parameters.len() {
             return Err(ShapeError::Parameters { expected, found: parameters.len() });
         }
-        Ok(Self {
+        Ok(Self::of_scale(teacher, shape, parameters, teach::scale(teacher)))
+    }
+
+    /// As [`Self::new`], of weights known to fit, at the scale of the teacher's coefficients.
+    fn of_scale(teacher: &HarmonicField, shape: FactoredShape, parameters: Vec<f32>, scale: f32) -> Self {
+        Self {
             quantity: teacher.quantity,
             grid: teacher.grid,
             basis: teacher.basis.clone(),
@@ -142,8 +148,8 @@ impl FactoredField {
             mean: teacher.mean.clone(),
             shape,
             parameters,
-            scale: teach::scale(teacher),
-        })
+            scale,
+        }
     }
 
     /// Prepares orientations.

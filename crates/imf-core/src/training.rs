@@ -185,6 +185,12 @@ pub trait TrainingEngine {
     /// # Errors
     /// A device that failed.
     fn state(&mut self) -> Result<TrainingState, EngineError>;
+
+    /// Replaces the weights, such as by better ones for the last layer; moments and step count stay.
+    ///
+    /// # Errors
+    /// Weights that do not fit, or a device that failed.
+    fn replace_parameters(&mut self, parameters: &[f32]) -> Result<(), EngineError>;
 }
 
 /// Where a trained network is evaluated in batches.

@@ -53,7 +53,6 @@ impl Network {
         buffer: wgpu::Buffer,
         parameters: &[f32],
     ) -> Result<Self, EngineError> {
-        gpu.queue().write_buffer(&buffer, 0, bytemuck::cast_slice(&layout.pad(parameters)));
         let mut layers = Vec::with_capacity(layout.layers.len());
         for (index, layer) in layout.layers.iter().enumerate() {
             let block = Layer {
@@ -69,7 +68,14 @@ impl Network {
             layers.push(uniform(gpu, "layer", &block)?);
         }
         let batch = uniform(gpu, "batch", &Batch::default())?;
-        Ok(Self { layout, parameters: buffer, layers, batch })
+        let network = Self { layout, parameters: buffer, layers, batch };
+        network.write_parameters(gpu, parameters);
+        Ok(network)
+    }
+
+    /// Uploads other weights, flat ones.
+    pub(crate) fn write_parameters(&self, gpu: &Gpu, parameters: &[f32]) {
+        gpu.queue().write_buffer(&self.parameters, 0, bytemuck::cast_slice(&self.layout.pad(parameters)));
     }
 
     /// Binds a kernel that writes inputs to every signal that takes them: `batch`, `placement`, `sources`, signal.

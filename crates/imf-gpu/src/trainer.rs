@@ -482,4 +482,13 @@ impl TrainingEngine for GpuTrainer {
             step: self.step,
         })
     }
+
+    fn replace_parameters(&mut self, parameters: &[f32]) -> Result<(), EngineError> {
+        let refused = |error: imf_core::siren::ShapeError| EngineError::Shape(error.to_string());
+        self.network.layout.stack.check_parameters(parameters).map_err(refused)?;
+        // Steps that were recorded see the weights before.
+        self.recorder.submit(&self.gpu)?;
+        self.network.write_parameters(&self.gpu, parameters);
+        Ok(())
+    }
 }

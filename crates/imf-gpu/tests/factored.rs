@@ -16,6 +16,7 @@ use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
 use imf_core::section::{Quantity, SectionPlan};
+use imf_core::siren::muon::MuonConfig;
 use imf_core::tool::Tool;
 use imf_core::training::run::{Length, TrainingPlan};
 use imf_core::training::schedule::Schedule;
@@ -124,7 +125,7 @@ fn sections_and_minima_are_the_cpus() {
 fn the_gradient_is_the_definitions() {
     for (width, hidden, axes, count) in [(37, 3, 21, 77), (64, 2, 64, 128), (9, 1, 1, 5)] {
         let shape = FactoredShape { width, hidden, omega: 20.0, axes };
-        let state = FactoredState::new(&shape, 5, false);
+        let state = FactoredState::new(&shape, 5);
         let numbers = |count: usize, step: f64| -> Vec<f32> {
             (0..count).map(|i| ((i as f64 * step).fract() * 2.0 - 1.0) as f32).collect()
         };
@@ -196,7 +197,7 @@ fn teaching_reaches_the_cpus_error_and_goes_on_to_the_same_bits() {
     // Roundings part the two a little more with every step.
     assert!((told / of_cpu - 1.0).abs() < 0.1, "{told} on the GPU, {of_cpu} on the CPU");
 
-    let muon = TeachSettings { averaging: 0.9, ..all };
+    let muon = TeachSettings { optimiser: Optimiser::Muon(MuonConfig::default()), ..all };
     let mut engine = engine(&gpu, &all, &teacher, &state);
     let refused = teach_on(&teacher, &muon, &mut state, &mut engine, Control::quiet(), &mut |_| {});
     assert!(refused.unwrap_err().to_string().contains("on the CPU alone"));

@@ -61,6 +61,11 @@ impl TrainingEngine for Definition {
     fn state(&mut self) -> Result<TrainingState, EngineError> {
         Err(EngineError::Device("the definition keeps its state in f64".into()))
     }
+
+    fn replace_parameters(&mut self, parameters: &[f32]) -> Result<(), EngineError> {
+        self.parameters = wide(parameters);
+        Ok(())
+    }
 }
 
 fn wide(values: &[f32]) -> Vec<f64> {

@@ -15,6 +15,8 @@ const LAYERS: usize = 3;
 const OMEGA: f32 = 20.0;
 const BATCH: usize = 1024;
 const RATE: f32 = 1.5e-3;
+/// Steps in which the rate rises; a solved last layer needs few.
+const WARMUP: u64 = 10;
 
 /// Teach a harmonic field to a network of about a megabyte that answers every point and direction
 #[derive(Args)]
@@ -89,11 +91,11 @@ pub(crate) fn teaching(length: Length) -> TeachSettings {
         plan: TrainingPlan {
             length,
             batch: BATCH,
-            schedule: Schedule::Cosine { initial: RATE, last: 0.0, warmup: 100 },
+            schedule: Schedule::Cosine { initial: RATE, last: 0.0, warmup: WARMUP },
             ..defaults.plan
         },
         optimiser: Optimiser::Muon(MuonConfig::default()),
-        averaging: 0.0,
+        ..defaults
     }
 }
 
@@ -107,7 +109,7 @@ impl CompressArguments {
             omega: self.omega,
             plan: TrainingPlan {
                 batch: self.batch,
-                schedule: Schedule::Cosine { initial: self.rate, last: 0.0, warmup: 100 },
+                schedule: Schedule::Cosine { initial: self.rate, last: 0.0, warmup: WARMUP },
                 seed: self.seed,
                 ..defaults.plan
             },

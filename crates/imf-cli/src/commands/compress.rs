@@ -154,8 +154,7 @@ impl Work<'_> {
                 from.field.quantity == self.teacher.field.quantity,
                 "--from is a field of another quantity: one is of overlaps, the other of depths"
             );
-            let parameters = from.field.parameters_for(&self.teacher.field)?;
-            return Ok(FactoredState::from_parameters(parameters, false));
+            return Ok(FactoredState::of_another(&from.field, &self.teacher.field)?);
         }
         let found = FactoredFile::read(path)?;
         let Some(state) = found.state else {
@@ -176,7 +175,7 @@ impl Work<'_> {
 
     fn field(&self, state: &FactoredState) -> Result<FactoredField> {
         let shape = self.settings.shape(self.teacher.field.axis_count());
-        Ok(FactoredField::new(&self.teacher.field, shape, state.best().to_vec())?)
+        Ok(FactoredField::new(&self.teacher.field, shape, state.training.parameters.clone())?)
     }
 
     /// Writes a checkpoint, which goes on, or the finished field.

@@ -17,7 +17,7 @@ impl FactoredField {
     ///
     /// # Panics
     /// If one field is over directions and the other over rotations.
-    pub fn parameters_for(&self, teacher: &HarmonicField) -> Result<Vec<f32>, ShapeError> {
+    pub(super) fn parameters_for(&self, teacher: &HarmonicField) -> Result<Vec<f32>, ShapeError> {
         assert_eq!(self.basis.domain(), teacher.basis.domain(), "fields over the same orientations");
         self.shape.stack().check_parameters(&self.parameters)?;
         let axes = teacher.axis_count();

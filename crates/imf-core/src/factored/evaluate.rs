@@ -86,6 +86,31 @@ impl FactoredEvaluator<'_> {
         z.iter_mut().for_each(|z| *z *= self.field.scale);
     }
 
+    /// The last hidden layer's activations with a 1 behind them, into `last` as `[point][width + 1]`, and the network's own
+    /// outputs, not scaled, into `outputs` as `[point][axes]`.
+    pub(super) fn with_last_layer(
+        &self,
+        points: impl Iterator<Item = DVec3>,
+        last: &mut [f32],
+        outputs: &mut [f32],
+    ) {
+        let (width, stride, axes) = (self.plan.stack.width, self.plan.stride(), self.field.shape.axes);
+        let inputs: Vec<f32> = points.flat_map(|point| self.field.input(point)).collect();
+        let network = self.network();
+        self.layers.with(|layers| {
+            let (first, second) = layers.split_at_mut(BLOCK * stride);
+            let blocks = last.chunks_mut(BLOCK * (width + 1)).zip(outputs.chunks_mut(BLOCK * axes));
+            for (inputs, (last, outputs)) in inputs.chunks(BLOCK * INPUTS).zip(blocks) {
+                let hidden = network.hidden_layers(inputs, first, second);
+                network.outputs(hidden, outputs);
+                for (last, hidden) in last.chunks_exact_mut(width + 1).zip(hidden.chunks_exact(stride)) {
+                    last[..width].copy_from_slice(&hidden[..width]);
+                    last[width] = 1.0;
+                }
+            }
+        });
+    }
+
     /// The sections of some orientations, `[orientation][voxel]` into `sections`, in [0, 1].
     ///
     /// # Panics

@@ -9,7 +9,7 @@
 //! mean        f32 [functions]                  μ
 //! obstacle    u8  [⌈voxels/8⌉]                 the scene's solid voxels, eight a byte, first voxel in the lowest bit
 //! layer       u8  [⌈voxels/8⌉]                 where there is contact: the voxels that the cutter may enter
-//! state       f32 [3 or 4, weights]            where teaching can go on: weights, both moments, average if one is kept
+//! state       f32 [3, weights]                 where teaching can go on: weights and both moments
 //! ```
 
 use std::path::Path;
@@ -32,6 +32,9 @@ use crate::training::TrainingState;
 use crate::training::run::Cursor;
 
 const FORMAT: Format = Format { id: "imf-factored", name: "factored field", version: 1 };
+
+/// Arrays of a state.
+const STATE: usize = 3;
 
 /// A factored field with everything that is known about it.
 #[derive(Clone, Debug, PartialEq)]
@@ -94,8 +97,8 @@ impl FactoredFile {
         };
         let (axes, mean) = (little_endian(&field.axes), little_endian(&field.mean));
         let state = self.state.as_ref().map_or(Vec::new(), |state| {
-            let FactoredState { training, averaged, .. } = state;
-            let arrays = [&training.parameters, &training.first_moment, &training.second_moment, averaged];
+            let TrainingState { parameters, first_moment, second_moment, .. } = &state.training;
+            let arrays = [parameters, first_moment, second_moment];
             arrays.iter().flat_map(|values| little_endian(values)).collect()
         });
         let description = Description {
@@ -120,7 +123,7 @@ impl FactoredFile {
         ];
         tensors.extend(voxels.iter().map(|(name, bits)| (*name, Dtype::U8, vec![bits.len()], &bits[..])));
         if !state.is_empty() {
-            tensors.push(("state", Dtype::F32, vec![state.len() / (4 * count), count], &state));
+            tensors.push(("state", Dtype::F32, vec![STATE, count], &state));
         }
         FORMAT.write(path, &description, &tensors)
     }
@@ -159,9 +162,8 @@ impl FactoredFile {
         let parameters = tensors.bytes("parameters", kind(precision), &[count])?;
         let axes = tensors.bytes("axes", Dtype::F32, &[sizes.functions, sizes.axes])?;
         let mean = tensors.bytes("mean", Dtype::F32, &[sizes.functions])?;
-        let arrays = if settings.averaging > 0.0 { 4 } else { 3 };
         let state = match progress {
-            Some(_) => tensors.bytes("state", Dtype::F32, &[arrays, count])?,
+            Some(_) => tensors.bytes("state", Dtype::F32, &[STATE, count])?,
             None => &[],
         };
         if checksum(&[parameters, axes, mean, state]) != crc32 {
@@ -182,7 +184,7 @@ impl FactoredFile {
             let mut next = || arrays.next().unwrap_or_default();
             let training =
                 TrainingState { parameters: next(), first_moment: next(), second_moment: next(), step };
-            FactoredState { training, averaged: next(), cursor }
+            FactoredState { training, cursor }
         });
         let field = FactoredField {
             quantity: fit.quantity,

@@ -5,8 +5,9 @@ use std::ops::{ControlFlow, Range};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::trainer::Optimiser;
-use super::{FactoredShape, FactoredState, FactoredTrainer, INPUTS, input};
+use super::last_layer::Solving;
+use super::state::{Optimiser, cpu_engine};
+use super::{FactoredShape, FactoredState, INPUTS, input};
 use crate::control::Control;
 use crate::harmonic::HarmonicField;
 use crate::training::permutation::Permutation;
@@ -16,7 +17,7 @@ use crate::training::{AdamConfig, Loss, TrainingEngine};
 
 /// What a factored field is made by, beside its teacher.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(default)]
 pub struct TeachSettings {
     /// Neurons of every hidden layer.
     pub width: usize,
@@ -28,8 +29,9 @@ pub struct TeachSettings {
     pub plan: TrainingPlan,
     /// How the weights follow the gradient.
     pub optimiser: Optimiser,
-    /// Share of the averaged weights that a step leaves; 0 keeps no average.
-    pub averaging: f32,
+    /// Steps between two solutions of the last layer in closed form, one of which ends teaching; 0 for none. They are of
+    /// least squares, whatever the plan's loss.
+    pub solve_every: u64,
 }
 
 impl Default for TeachSettings {
@@ -48,7 +50,7 @@ impl Default for TeachSettings {
                 ..TrainingPlan::default()
             },
             optimiser: Optimiser::default(),
-            averaging: 0.0,
+            solve_every: 25,
         }
     }
 }
@@ -63,7 +65,7 @@ impl TeachSettings {
     /// The random start of a training.
     #[must_use]
     pub fn start(&self, axes: usize) -> FactoredState {
-        FactoredState::new(&self.shape(axes), self.plan.seed, self.averaging > 0.0)
+        FactoredState::new(&self.shape(axes), self.plan.seed)
     }
 
     /// Voxels of a step at a teacher.
@@ -75,15 +77,10 @@ impl TeachSettings {
     /// Checks the values that no type keeps in range.
     ///
     /// # Errors
-    /// A plan, shape or average out of range, by name.
+    /// A plan or shape out of range, by name.
     pub fn check(&self) -> Result<(), TrainError> {
         self.plan.check()?;
-        self.shape(1).check().map_err(|error| TrainError::Plan(error.to_string()))?;
-        if !(0.0..1.0).contains(&self.averaging) {
-            let found = self.averaging;
-            return Err(TrainError::Plan(format!("`averaging` must be from 0 to below 1, not {found}")));
-        }
-        Ok(())
+        self.shape(1).check().map_err(|error| TrainError::Plan(error.to_string()))
     }
 }
 
@@ -120,26 +117,18 @@ pub fn teach(
     observer: &mut dyn FnMut(&Report),
 ) -> Result<Outcome, TrainError> {
     settings.check()?;
-    let TeachSettings { plan, .. } = settings;
-    let mut trainer = FactoredTrainer::new(
-        settings.shape(teacher.axis_count()),
-        plan.adam,
-        plan.loss,
-        settings.optimiser,
-        settings.averaging,
-        settings.batch(teacher),
-        state,
-    )?;
-    let (outcome, last) = run(teacher, settings, state.cursor, &mut trainer, control, observer)?;
-    *state = trainer.state_at(last)?;
+    let shape = settings.shape(teacher.axis_count());
+    let mut trainer = cpu_engine(shape, &settings.plan, settings.optimiser, settings.batch(teacher), state)?;
+    let (outcome, cursor) = run(teacher, settings, state.cursor, &mut trainer, control, observer)?;
+    *state = FactoredState { training: trainer.state()?, cursor };
     Ok(outcome)
 }
 
 /// As [`teach`], on an engine that continues from `state`, such as a GPU's: made for the stack of
-/// [`TeachSettings::shape`] and batches of [`TeachSettings::batch`], with Adam for every weight; no average is kept.
+/// [`TeachSettings::shape`] and batches of [`TeachSettings::batch`], with Adam for every weight.
 ///
 /// # Errors
-/// As [`teach`]; another optimiser, or an average, which only the CPU has.
+/// As [`teach`]; another optimiser, which only the CPU has.
 pub fn teach_on(
     teacher: &HarmonicField,
     settings: &TeachSettings,
@@ -149,11 +138,11 @@ pub fn teach_on(
     observer: &mut dyn FnMut(&Report),
 ) -> Result<Outcome, TrainError> {
     settings.check()?;
-    if settings.optimiser != Optimiser::Adam || settings.averaging > 0.0 {
-        return Err(TrainError::Plan("Muon and averages of weights are computed on the CPU alone".into()));
+    if settings.optimiser != Optimiser::Adam {
+        return Err(TrainError::Plan("Muon is computed on the CPU alone".into()));
     }
     let (outcome, cursor) = run(teacher, settings, state.cursor, engine, control, observer)?;
-    *state = FactoredState { training: engine.state()?, averaged: Vec::new(), cursor };
+    *state = FactoredState { training: engine.state()?, cursor };
     Ok(outcome)
 }
 
@@ -191,7 +180,8 @@ fn run(
     };
     let mut told = start.epoch * plan.steps_per_epoch(voxels) + start.step;
     let mut last = start;
-    let outcome = train_by(plan, voxels, &mut feed, engine, start, &mut |report, _| {
+    let mut engine = Solving::new(engine, teacher, settings, told, scale);
+    let outcome = train_by(plan, voxels, &mut feed, &mut engine, start, &mut |report, _| {
         (control.progress)(report.step - told);
         (told, last) = (report.step, report.cursor);
         observer(&Report { mean_loss: report.mean_loss * unit, ..*report });

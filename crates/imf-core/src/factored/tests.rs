@@ -21,7 +21,7 @@ use crate::tensor_file::TensorFileError;
 use crate::tool::Tool;
 use crate::training::run::{Cursor, Length, Outcome, TrainError, TrainingPlan};
 use crate::training::schedule::Schedule;
-use crate::training::{AdamConfig, Loss, TrainingEngine};
+use crate::training::{Loss, TrainingEngine};
 
 fn scene() -> Scene {
     SceneSpec::of_reference(
@@ -63,7 +63,7 @@ fn settings(steps: u64) -> TeachSettings {
             report_every: 7,
             ..TeachSettings::default().plan
         },
-        averaging: 0.9,
+        solve_every: 20,
         ..TeachSettings::default()
     }
 }
@@ -91,17 +91,16 @@ fn the_gradient_is_the_definitions() {
     {
         let shape = FactoredShape { width, hidden, omega: 20.0, axes };
         for loss in [Loss::L1, Loss::L2] {
-            let state = FactoredState::new(&shape, 5, false);
-            let adam = AdamConfig::default();
-            let mut trainer =
-                FactoredTrainer::new(shape, adam, loss, Optimiser::Adam, 0.0, count, &state).unwrap();
+            let state = FactoredState::new(&shape, 5);
+            let plan = TrainingPlan { loss, ..TrainingPlan::default() };
+            let mut trainer = state::cpu_engine(shape, &plan, Optimiser::Adam, count, &state).unwrap();
             let (inputs, targets) = (numbers(count * INPUTS, 1), numbers(count * axes, 2));
             let weights = as_f64(&state.training.parameters);
             let (value, gradient) =
                 reference::loss_and_gradient(&shape, &weights, &rows(&inputs), &as_f64(&targets), loss);
             trainer.step(&inputs, &targets, 1e-4).unwrap();
             let scale = gradient.iter().fold(0.0f64, |top, g| top.max(g.abs()));
-            for (index, (&found, &expected)) in trainer.gradient().iter().zip(&gradient).enumerate() {
+            for (index, (&found, &expected)) in trainer.last_gradient().iter().zip(&gradient).enumerate() {
                 let error = (f64::from(found) - expected).abs();
                 assert!(
                     error <= GRADIENT_TOLERANCE * scale,
@@ -289,12 +288,57 @@ fn teaching_brings_the_field_to_its_teacher_with_either_optimiser() {
         let control = Control { progress: &count, ..Control::quiet() };
         teach(&teacher, &settings, &mut state, control, &mut |report| told = report.mean_loss).unwrap();
         assert_eq!(steps.into_inner(), 400);
-        let field = FactoredField::new(&teacher, settings.shape(axes), state.best().to_vec()).unwrap();
+        let field = FactoredField::new(&teacher, settings.shape(axes), state.training.parameters).unwrap();
         let found = error(&field, &teacher);
         assert!(found < 0.02 * constant, "{optimiser:?}: {found} of {constant}");
         // The loss of the last steps' batches is that of all voxels, nearly.
         assert!((0.5..2.0).contains(&(told / found)), "{optimiser:?}: told {told}, found {found}");
     }
+}
+
+#[test]
+fn the_solved_last_layer_is_that_of_least_squares() {
+    let scene = scene();
+    let teacher = teacher(&scene);
+    let axes = teacher.axis_count();
+    let mut field = field(&teacher, 17);
+    let shape = field.shape;
+    // All voxels: what the definition sums over.
+    field.solve_last_layer(&teacher, usize::MAX / 1000, 0.0);
+    let (columns, voxels) = (shape.width + 1, teacher.grid.len());
+    let (mut last, mut outputs) = (vec![0.0; voxels * columns], vec![0.0; voxels * axes]);
+    let centres = (0..voxels).map(|voxel| teacher.grid.centre(teacher.grid.voxel(voxel)));
+    field.evaluator().with_last_layer(centres, &mut last, &mut outputs);
+    let last = nalgebra::DMatrix::from_row_slice(voxels, columns, &as_f64(&last));
+    let mut scratch = Vec::new();
+    let z = teacher.coefficients.read(0, teacher.coefficients.len(), &mut scratch);
+    let targets = nalgebra::DMatrix::from_row_slice(voxels, axes, &as_f64(z)) / f64::from(field.scale);
+    let expected = last.clone().svd(true, true).solve(&targets, 1e-9).unwrap();
+    let layer = shape.layers()[shape.hidden];
+    let mean = |difference: nalgebra::DMatrix<f64>| difference.norm_squared() / voxels as f64;
+    let best = mean(&last * &expected - &targets);
+    let found = mean(nalgebra::DMatrix::from_row_slice(voxels, axes, &as_f64(&outputs)) - &targets);
+    // The pull to 0 is a millionth of the sines' mean square.
+    assert!(found >= best * (1.0 - 1e-6) && found <= best * 1.001, "{found}, the least is {best}");
+    assert_eq!(layer.outputs, axes);
+    assert_eq!((outputs.len(), layer.biases + axes), (voxels * axes, field.parameters.len()));
+}
+
+#[test]
+fn solving_now_and_then_teaches_more_in_as_many_steps() {
+    let scene = scene();
+    let teacher = teacher(&scene);
+    let axes = teacher.axis_count();
+    let after = |solve_every: u64| {
+        let optimiser = Optimiser::Muon(MuonConfig::default());
+        let settings = TeachSettings { solve_every, optimiser, ..settings(100) };
+        let mut state = settings.start(axes);
+        teach(&teacher, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
+        let field = FactoredField::new(&teacher, settings.shape(axes), state.training.parameters).unwrap();
+        error(&field, &teacher)
+    };
+    let [never, now_and_then] = [0, 20].map(after);
+    assert!(now_and_then < 0.8 * never, "{now_and_then}, without {never}");
 }
 
 #[test]
@@ -325,7 +369,6 @@ fn threads_and_interruptions_change_no_bit() {
             })
         };
         let one = run(1, false);
-        assert_ne!(one.averaged, one.training.parameters);
         for (threads, stop) in [(2, false), (3, true), (1, true)] {
             assert!(run(threads, stop) == one, "{optimiser:?}: {threads} threads, interrupted: {stop}");
         }
@@ -345,7 +388,6 @@ fn what_does_not_fit_is_refused_by_name() {
         assert!(error.to_string().contains(words), "{error}");
         assert_eq!(state, before);
     };
-    refused(TeachSettings { averaging: 1.0, ..settings(5) }, "averaging");
     refused(TeachSettings { omega: f32::NAN, ..settings(5) }, "frequency");
     refused(TeachSettings { width: 41, ..settings(5) }, "parameters");
     let mut plan = settings(2000).plan;
@@ -365,13 +407,12 @@ fn files_read_back_bit_for_bit_and_damage_is_named() {
     let axes = teacher.axis_count();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("field.safetensors");
-    for (precision, averaging, resumable) in
-        [(Precision::F32, 0.9, true), (Precision::F32, 0.0, true), (Precision::F16, 0.9, false)]
-    {
-        let settings = TeachSettings { averaging, ..settings(8) };
+    for (precision, resumable) in [(Precision::F32, true), (Precision::F32, false), (Precision::F16, false)] {
+        let settings = settings(8);
         let mut state = settings.start(axes);
         teach(&teacher, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
-        let field = FactoredField::new(&teacher, settings.shape(axes), state.best().to_vec()).unwrap();
+        let field =
+            FactoredField::new(&teacher, settings.shape(axes), state.training.parameters.clone()).unwrap();
         let mut file = FactoredFile {
             field,
             scene: Scene::from_union(scene.record.clone(), scene.obstacle.clone()),
@@ -446,6 +487,10 @@ fn weights_turned_to_another_teacher_answer_as_before() {
         spread = spread.max(expected.abs());
     }
     assert!(spread > 0.01, "a field that is not zero everywhere");
+    let start = FactoredState::of_another(&own, &richer).unwrap();
+    let solved = FactoredField::new(&richer, shape, start.training.parameters).unwrap();
+    let [solved, turned] = [&solved, &turned].map(|field| error(field, &richer));
+    assert!(solved < 0.5 * turned, "with its best last layer {solved}, as it was {turned}");
     // With fewer axes it is what these leave of it: still closer than nothing.
     let same = own.parameters_for(&teacher(&scene)).unwrap();
     let worst = same.iter().zip(&own.parameters).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);

@@ -153,7 +153,7 @@ fn coarse(part: ReferencePart) -> [StoredField; 2] {
     let mut state = teaching.start(field.axis_count());
     teach(&field, &teaching, &mut state, Control::quiet(), &mut |_| {}).unwrap();
     let small =
-        FactoredField::new(&field, teaching.shape(field.axis_count()), state.best().to_vec()).unwrap();
+        FactoredField::new(&field, teaching.shape(field.axis_count()), state.training.parameters).unwrap();
     let report = field.report;
     let harmonic = HarmonicFile { field, scene: scene.clone(), settings, calibration: None };
     let factored = FactoredFile {

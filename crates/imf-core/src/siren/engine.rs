@@ -220,11 +220,6 @@ impl CpuTrainer {
         }
     }
 
-    /// Steps since the moments were zero.
-    pub(crate) fn steps(&self) -> u64 {
-        self.state.step
-    }
-
     /// The last step's gradient.
     #[cfg(test)]
     pub(crate) fn last_gradient(&self) -> &[f32] {
@@ -409,6 +404,14 @@ impl TrainingEngine for CpuTrainer {
 
     fn state(&mut self) -> Result<TrainingState, EngineError> {
         Ok(self.state.clone())
+    }
+
+    fn replace_parameters(&mut self, parameters: &[f32]) -> Result<(), EngineError> {
+        let refused = |error: crate::siren::ShapeError| EngineError::Shape(error.to_string());
+        self.plan.stack.check_parameters(parameters).map_err(refused)?;
+        self.state.parameters.copy_from_slice(parameters);
+        transpose_all(&self.plan, parameters, &mut self.panels);
+        Ok(())
     }
 }
 

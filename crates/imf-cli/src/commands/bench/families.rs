@@ -201,7 +201,7 @@ impl Bench<'_> {
         let seconds = fitted + begun.elapsed().as_secs_f64();
         stage.finish("");
         let shape = settings.shape(teacher.axis_count());
-        let mut field = FactoredField::new(&teacher, shape, state.best().to_vec())?;
+        let mut field = FactoredField::new(&teacher, shape, state.training.parameters)?;
         drop(teacher);
         let bytes = field.bytes();
         let how = format!(

@@ -157,6 +157,10 @@ impl<E: Exchange> TrainingEngine for RankTrainer<E> {
     fn state(&mut self) -> Result<TrainingState, EngineError> {
         self.cpu.state()
     }
+
+    fn replace_parameters(&mut self, parameters: &[f32]) -> Result<(), EngineError> {
+        self.cpu.replace_parameters(parameters)
+    }
 }
 
 #[cfg(test)]

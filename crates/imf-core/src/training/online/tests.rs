@@ -83,6 +83,9 @@ impl TrainingEngine for Recorder {
     fn state(&mut self) -> Result<TrainingState, EngineError> {
         Ok(TrainingState::from_parameters(Vec::new()))
     }
+    fn replace_parameters(&mut self, _: &[f32]) -> Result<(), EngineError> {
+        Err(EngineError::Device("nothing to replace".into()))
+    }
 }
 
 #[test]

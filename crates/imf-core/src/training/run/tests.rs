@@ -126,6 +126,9 @@ fn an_epoch_shows_every_sample_once() {
         fn state(&mut self) -> Result<TrainingState, EngineError> {
             Err(EngineError::Device("a recorder has no state".into()))
         }
+        fn replace_parameters(&mut self, _: &[f32]) -> Result<(), EngineError> {
+            Err(EngineError::Device("nothing to replace".into()))
+        }
     }
     let samples = samples();
     let plan = TrainingPlan { length: Length::Epochs(1), ..plan() };
@@ -205,6 +208,9 @@ fn a_loss_that_rises_for_good_stops_the_run() {
         }
         fn state(&mut self) -> Result<TrainingState, EngineError> {
             Err(EngineError::Device("nothing to see".into()))
+        }
+        fn replace_parameters(&mut self, _: &[f32]) -> Result<(), EngineError> {
+            Err(EngineError::Device("nothing to replace".into()))
         }
     }
     let samples = samples();

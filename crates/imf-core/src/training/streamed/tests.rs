@@ -86,6 +86,9 @@ impl TrainingEngine for Recorder {
     fn state(&mut self) -> Result<TrainingState, EngineError> {
         Err(EngineError::Device("a recorder has no state".into()))
     }
+    fn replace_parameters(&mut self, _: &[f32]) -> Result<(), EngineError> {
+        Err(EngineError::Device("nothing to replace".into()))
+    }
 }
 
 fn fed(shards: &Shards, groups: usize, plan: &TrainingPlan, start: Cursor) -> Vec<Vec<[u32; INPUTS + 1]>> {

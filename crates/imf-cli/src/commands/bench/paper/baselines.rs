@@ -69,7 +69,7 @@ fn taught(
         return Err(SectionError::Cancelled.into());
     }
     stage.finish(&format!("loss {loss:.2e}"));
-    let field = FactoredField::new(teacher, settings.shape(axes), state.best().to_vec())?;
+    let field = FactoredField::new(teacher, settings.shape(axes), state.training.parameters)?;
     Ok((field, begun.elapsed().as_secs_f64()))
 }
 

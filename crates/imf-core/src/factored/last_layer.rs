@@ -1,0 +1,168 @@
+//! The best linear layer behind given hidden ones, in closed form.
+//!
+//! Behind its sines a network is linear, and its loss, summed over voxels, is a sum of squares: the last layer's best
+//! weights solve a linear system of the hidden layers' width (least squares). An optimiser follows them slowly: teaching
+//! that solves for them now and then needs a third of the steps (variable projection), and a network of another part
+//! begins where its hidden layers are worth most.
+
+use nalgebra::{Cholesky, DMatrix};
+use rayon::prelude::*;
+
+use super::{FactoredField, TeachSettings};
+use crate::harmonic::HarmonicField;
+use crate::siren::matrix::{Matrix, multiply};
+use crate::training::{EngineError, TrainingEngine, TrainingState};
+
+/// Voxels for each weight of an output while teaching goes on: their choice adds 2 % to the squared error, until the next.
+pub(super) const WHILE_TEACHING: usize = 64;
+/// Voxels for each weight of an output at the end.
+pub(super) const AT_THE_END: usize = 512;
+/// Voxels of a part; parts are added in their order, whatever thread does them.
+const PART: usize = 2048;
+/// What follows the last solution's choice of voxels.
+const GOLDEN: f64 = 0.618_033_988_749_895;
+/// What is added to the diagonal, over its mean: sums of products in f32 are good to about as much.
+const RIDGE: f64 = 1e-6;
+
+impl FactoredField {
+    /// Replaces the last layer's weights by those of least squared error from `teacher`, over so many voxels for each
+    /// weight of an output, evenly spread; `turn` in [0, 1) chooses which ones. What is solved for is the correction, with a
+    /// slight pull to 0 (ridge regression), so a direction in which the voxels say nothing keeps its weights.
+    pub(super) fn solve_last_layer(&mut self, teacher: &HarmonicField, voxels: usize, turn: f64) {
+        let Some(last) = self.shape.layers().pop() else { return };
+        let (axes, columns) = (last.outputs, last.inputs + 1);
+        let (gram, right) = self.normal_equations(teacher, columns, voxels, turn);
+        let mean = gram.trace() / columns as f64;
+        let regular = gram + DMatrix::identity(columns, columns) * (RIDGE * mean);
+        let Some(factored) = Cholesky::new(regular) else { return };
+        let change = factored.solve(&right);
+        let parameters = &mut self.parameters;
+        for axis in 0..axes {
+            let row = &mut parameters[last.weights + axis * last.inputs..][..last.inputs];
+            for (place, weight) in row.iter_mut().enumerate() {
+                *weight = (f64::from(*weight) + change[(place, axis)]) as f32;
+            }
+            let bias = &mut parameters[last.biases + axis];
+            *bias = (f64::from(*bias) + change[(last.inputs, axis)]) as f32;
+        }
+    }
+
+    /// `AᵀA` and `Aᵀ(T − Z)` over the voxels: A their last activations and a 1, T the teacher's coefficients in the
+    /// network's units, Z what the network says.
+    fn normal_equations(
+        &self,
+        teacher: &HarmonicField,
+        columns: usize,
+        voxels_each: usize,
+        turn: f64,
+    ) -> (DMatrix<f64>, DMatrix<f64>) {
+        let (axes, voxels) = (self.shape.axes, teacher.grid.len());
+        let count = voxels.min(voxels_each.saturating_mul(columns));
+        let apart = voxels as f64 / count as f64;
+        let place = |row: usize| (((row as f64 + turn) * apart) as usize).min(voxels - 1);
+        let evaluator = self.evaluator();
+        let parts: Vec<(Vec<f32>, Vec<f32>)> = (0..count.div_ceil(PART))
+            .into_par_iter()
+            .map(|part| {
+                let rows = part * PART..((part + 1) * PART).min(count);
+                let places: Vec<usize> = rows.map(place).collect();
+                let (mut last, mut rest) =
+                    (vec![0.0; places.len() * columns], vec![0.0; places.len() * axes]);
+                let points = places.iter().map(|&voxel| teacher.grid.centre(teacher.grid.voxel(voxel)));
+                evaluator.with_last_layer(points, &mut last, &mut rest);
+                let mut scratch = Vec::new();
+                for (rest, &voxel) in rest.chunks_exact_mut(axes).zip(&places) {
+                    let z = teacher.coefficients.read(voxel * axes, (voxel + 1) * axes, &mut scratch);
+                    rest.iter_mut().zip(z).for_each(|(rest, &z)| *rest = z / self.scale - *rest);
+                }
+                let left = Matrix::row_major(&last, places.len(), columns, columns);
+                let (mut gram, mut right) = (vec![0.0; columns * columns], vec![0.0; columns * axes]);
+                multiply(&mut gram, columns, left.transposed(), left, false);
+                let rest = Matrix::row_major(&rest, places.len(), axes, axes);
+                multiply(&mut right, axes, left.transposed(), rest, false);
+                (gram, right)
+            })
+            .collect();
+        let (mut gram, mut right) = (vec![0.0f64; columns * columns], vec![0.0f64; columns * axes]);
+        for (part_of_gram, part_of_right) in &parts {
+            gram.iter_mut().zip(part_of_gram).for_each(|(sum, &part)| *sum += f64::from(part));
+            right.iter_mut().zip(part_of_right).for_each(|(sum, &part)| *sum += f64::from(part));
+        }
+        (DMatrix::from_row_slice(columns, columns, &gram), DMatrix::from_row_slice(columns, axes, &right))
+    }
+}
+
+/// An engine whose last layer is solved for after every so many steps, and after the last. Which ones those are depends on
+/// the plan alone, so that a training that was interrupted goes on to the same bits. Random starts are not solved: the
+/// large weights that fit a field by random sines lead the hidden layers astray (measured, in the record).
+pub(super) struct Solving<'a> {
+    engine: &'a mut dyn TrainingEngine,
+    teacher: &'a HarmonicField,
+    /// Of the engine's weights at the last solution.
+    field: FactoredField,
+    every: u64,
+    /// Steps of the plan done, and in all.
+    done: u64,
+    total: u64,
+}
+
+impl<'a> Solving<'a> {
+    /// Goes on after `done` steps; `scale` is the teacher's.
+    pub(super) fn new(
+        engine: &'a mut dyn TrainingEngine,
+        teacher: &'a HarmonicField,
+        settings: &TeachSettings,
+        done: u64,
+        scale: f32,
+    ) -> Self {
+        let shape = settings.shape(teacher.axis_count());
+        let field = FactoredField::of_scale(teacher, shape, Vec::new(), scale);
+        let total = settings.plan.total_steps(teacher.grid.len());
+        Self { engine, teacher, field, every: settings.solve_every, done, total }
+    }
+
+    fn solve(&mut self, voxels: usize) -> Result<(), EngineError> {
+        self.field.parameters = self.engine.state()?.parameters;
+        // By the golden section no two solutions in a row see the same voxels.
+        let turn = (self.done as f64 * GOLDEN).fract();
+        self.field.solve_last_layer(self.teacher, voxels, turn);
+        self.engine.replace_parameters(&self.field.parameters)
+    }
+}
+
+impl TrainingEngine for Solving<'_> {
+    fn describe(&self) -> String {
+        self.engine.describe()
+    }
+
+    fn inputs(&self) -> usize {
+        self.engine.inputs()
+    }
+
+    fn outputs(&self) -> usize {
+        self.engine.outputs()
+    }
+
+    fn step(&mut self, inputs: &[f32], targets: &[f32], learning_rate: f32) -> Result<(), EngineError> {
+        self.engine.step(inputs, targets, learning_rate)?;
+        self.done += 1;
+        match self.every {
+            0 => Ok(()),
+            _ if self.done == self.total => self.solve(AT_THE_END),
+            every if self.done.is_multiple_of(every) => self.solve(WHILE_TEACHING),
+            _ => Ok(()),
+        }
+    }
+
+    fn take_mean_loss(&mut self) -> Result<f64, EngineError> {
+        self.engine.take_mean_loss()
+    }
+
+    fn state(&mut self) -> Result<TrainingState, EngineError> {
+        self.engine.state()
+    }
+
+    fn replace_parameters(&mut self, parameters: &[f32]) -> Result<(), EngineError> {
+        self.engine.replace_parameters(parameters)
+    }
+}
