@@ -184,11 +184,23 @@ pub(crate) struct DemoArguments {
     /// Seed of sampling, starting weights and order
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
-    /// Training steps
-    #[arg(long, default_value_t = crate::commands::demo::STEPS)]
-    pub(crate) steps: u64,
+    /// What is made: a harmonic field and the network of a megabyte that is taught it, or the paper's network
+    #[arg(long, value_enum, default_value = "factored")]
+    pub(crate) family: DemoFamily,
+    /// Training steps; by default 1,000 for the factored field, 30,000 for siren5
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) steps: Option<u64>,
     #[command(flatten)]
     pub(crate) device: DeviceArguments,
+}
+
+/// The families that a demo can make.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum DemoFamily {
+    /// A harmonic field of every direction, then the network of a megabyte that is taught it
+    Factored,
+    /// The paper's network, trained on samples of exact sections
+    Siren5,
 }
 
 /// Write the built-in reference parts as OBJ

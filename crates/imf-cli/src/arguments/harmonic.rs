@@ -70,7 +70,7 @@ pub(crate) struct HarmonicArguments {
 }
 
 /// Measured: beyond a third more sections than functions, a higher degree is the better use of sections.
-const DEFAULT_SECTIONS: f64 = 1.33;
+pub(crate) const DEFAULT_SECTIONS: f64 = 1.33;
 /// Axes that hold most of a field of degree 14.
 const DEFAULT_AXES: usize = 128;
 

@@ -30,89 +30,201 @@ const FIELD: &str = "field.safetensors";
 const BYTES_PER_PARAMETER: u64 = 4 * 8;
 
 pub(crate) fn run(session: &Session, arguments: &CompressArguments) -> Result<()> {
-    let mut settings = arguments.settings();
-    settings.check()?;
+    let mut teach = arguments.settings();
+    teach.check()?;
     let from = arguments.from.as_deref().map(FactoredFile::read).transpose()?;
     if let Some(from) = &from {
         let TeachSettings { width, hidden, omega, .. } = from.settings;
-        settings = TeachSettings { width, hidden, omega, ..settings };
+        teach = TeachSettings { width, hidden, omega, ..teach };
     }
     let device = Device::open(&arguments.device, session)?;
     ensure!(
-        matches!(device, Device::Cpu) || settings.optimiser == Optimiser::Adam,
+        matches!(device, Device::Cpu) || teach.optimiser == Optimiser::Adam,
         "Muon is computed on the CPU alone: add --adam to teach on another device"
     );
     prepare_folder(&arguments.out)?;
-    remove_all_leftovers(&arguments.out);
     let teacher = HarmonicFile::read(&arguments.field)?;
-    let axes = teacher.field.axis_count();
-    let shape = settings.shape(axes);
-    let batch = settings.plan.batch as u64;
-    let signals = 8 * batch * (settings.width * settings.hidden + axes) as u64;
-    let needed = teacher.field.bytes() + BYTES_PER_PARAMETER * shape.parameter_count() as u64 + signals;
-    session.require_memory(needed, || {
-        "the harmonic field and the network; use a smaller --width or --batch".into()
-    })?;
-    let path = arguments.out.join(CHECKPOINT);
-    let mut work = Work { teacher: &teacher, settings, precision: arguments.precision() };
-    let mut state = work.start(&path, arguments.resume, from.as_ref())?;
-    let voxels = teacher.field.grid.len();
-    let total = settings.plan.total_steps(voxels);
-    session.note(&format!(
-        "teaching 3→{}×{}→{axes} ({} parameters, {}) the coefficients of {voxels} voxels, {total} steps of {batch}",
-        settings.width,
-        settings.hidden,
-        shape.parameter_count(),
-        show_bytes(work.field(&state)?.bytes()),
-    ));
-    let mut stage = session.stage("teaching", "steps", total);
-    stage.begin_at(state.training.step);
-    let mut loss = f64::NAN;
-    let mut engine: Option<GpuTrainer> = None;
-    loop {
-        // A checkpoint is a stop of a moment: teaching goes on from its state to the same bits.
-        let (begun, pause) = (Instant::now(), AtomicBool::new(false));
-        let advance = |steps| stage.advance(steps);
-        let control = Control { progress: &advance, cancelled: &pause };
-        let observe = &mut |report: &Report| {
-            loss = report.mean_loss;
-            let due = begun.elapsed().as_secs_f64() >= arguments.checkpoint_every;
-            pause.store(due || interrupt::requested(), Ordering::Relaxed);
-        };
-        let outcome = match &device {
-            Device::Cpu => teach(&teacher.field, &settings, &mut state, control, observe),
-            Device::Gpu(gpu) => {
-                // Made once: it goes on from where it is.
-                let mut trainer = match engine.take() {
-                    Some(trainer) => trainer,
-                    None => trainer_on(gpu, &settings, &teacher.field, &state)?,
-                };
-                let outcome = teach_on(&teacher.field, &settings, &mut state, &mut trainer, control, observe);
-                engine = Some(trainer);
-                outcome
-            }
-        };
-        let outcome =
-            outcome.with_context(|| format!("the last checkpoint, if any, is {}", path.display()))?;
-        work.write(&path, &state, true).context("the checkpoint could not be written")?;
-        match outcome {
-            Outcome::Finished => break,
-            Outcome::Stopped(_) if interrupt::requested() => {
-                let kept = format!("the checkpoint is {}; add --resume to go on", path.display());
-                return Err(Interrupted(kept).into());
-            }
-            Outcome::Stopped(_) => {}
-        }
-    }
-    stage.finish(&format!("loss {loss:.2e}"));
+    let settings = Settings {
+        teach,
+        precision: arguments.precision(),
+        checkpoint_every: arguments.checkpoint_every,
+        go_on: "add --resume to go on",
+    };
+    let lesson = Lesson { teacher: &teacher, settings, out: &arguments.out };
+    ensure!(
+        arguments.resume || !lesson.is_unfinished(),
+        "{} holds an unfinished training: add --resume, choose another --out, or remove it",
+        arguments.out.join(CHECKPOINT).display()
+    );
+    let (file, loss) = lesson.taught(session, &device, arguments.resume, from.as_ref())?;
     let out = arguments.out.join(FIELD);
-    let file = work.write(&out, &state, false)?;
     report(session, &out, &file, loss)?;
+    let samples = teach.plan.total_steps(teacher.field.grid.len()) * teach.plan.batch as u64;
     drop((file, teacher));
-    if arguments.no_calibrate || !calibrate::is_short_beside(total * batch) {
+    if arguments.no_calibrate || !calibrate::is_short_beside(samples) {
         return Ok(());
     }
     calibrate::afterwards(session, &out)
+}
+
+/// How a network is taught and kept.
+#[derive(Clone, Copy)]
+pub(super) struct Settings {
+    pub(super) teach: TeachSettings,
+    /// How the finished weights are kept.
+    pub(super) precision: Precision,
+    /// Seconds between checkpoints.
+    pub(super) checkpoint_every: f64,
+    /// What an interrupted user is to do.
+    pub(super) go_on: &'static str,
+}
+
+/// A network taught a harmonic field, in a folder.
+pub(super) struct Lesson<'a> {
+    pub(super) teacher: &'a HarmonicFile,
+    pub(super) settings: Settings,
+    /// Where checkpoint and field are written.
+    pub(super) out: &'a Path,
+}
+
+impl Lesson<'_> {
+    /// True where an earlier run left a checkpoint and no field.
+    pub(super) fn is_unfinished(&self) -> bool {
+        self.out.join(CHECKPOINT).exists() && !self.out.join(FIELD).exists()
+    }
+
+    /// Teaches from the checkpoint on where `resume`, else from another field's network or from random weights; writes
+    /// checkpoints and the finished field. Returns that with the last loss.
+    pub(super) fn taught(
+        &self,
+        session: &Session,
+        device: &Device,
+        resume: bool,
+        from: Option<&FactoredFile>,
+    ) -> Result<(FactoredFile, f64)> {
+        remove_all_leftovers(self.out);
+        let Settings { teach: settings, .. } = &self.settings;
+        let teacher = &self.teacher.field;
+        let axes = teacher.axis_count();
+        let shape = settings.shape(axes);
+        let batch = settings.plan.batch as u64;
+        let signals = 8 * batch * (settings.width * settings.hidden + axes) as u64;
+        let needed = teacher.bytes()
+            + BYTES_PER_PARAMETER * shape.parameter_count() as u64
+            + signals
+            + settings.bytes_to_solve(teacher);
+        session.require_memory(needed, || {
+            "the harmonic field and the network; use a smaller --width or --batch".into()
+        })?;
+        let path = self.out.join(CHECKPOINT);
+        let mut state = if resume { self.resumed(&path)? } else { self.begun(from)? };
+        let voxels = teacher.grid.len();
+        let total = settings.plan.total_steps(voxels);
+        session.note(&format!(
+            "teaching 3→{}×{}→{axes} ({} parameters, {}) the coefficients of {voxels} voxels, {total} steps of {batch}",
+            settings.width,
+            settings.hidden,
+            shape.parameter_count(),
+            show_bytes(self.field(&state)?.bytes()),
+        ));
+        let mut stage = session.stage("teaching", "steps", total);
+        stage.begin_at(state.training.step);
+        let mut loss = f64::NAN;
+        let mut engine: Option<GpuTrainer> = None;
+        loop {
+            // A checkpoint is a stop of a moment: teaching goes on from its state to the same bits.
+            let (begun, pause) = (Instant::now(), AtomicBool::new(false));
+            let advance = |steps| stage.advance(steps);
+            let control = Control { progress: &advance, cancelled: &pause };
+            let observe = &mut |report: &Report| {
+                loss = report.mean_loss;
+                let due = begun.elapsed().as_secs_f64() >= self.settings.checkpoint_every;
+                pause.store(due || interrupt::requested(), Ordering::Relaxed);
+            };
+            let outcome = match device {
+                Device::Cpu => teach(teacher, settings, &mut state, control, observe),
+                Device::Gpu(gpu) => {
+                    // Made once: it goes on from where it is.
+                    let mut trainer = match engine.take() {
+                        Some(trainer) => trainer,
+                        None => trainer_on(gpu, settings, teacher, &state)?,
+                    };
+                    let outcome = teach_on(teacher, settings, &mut state, &mut trainer, control, observe);
+                    engine = Some(trainer);
+                    outcome
+                }
+            };
+            let outcome =
+                outcome.with_context(|| format!("the last checkpoint, if any, is {}", path.display()))?;
+            self.write(&path, &state, true).context("the checkpoint could not be written")?;
+            match outcome {
+                Outcome::Finished => break,
+                Outcome::Stopped(_) if interrupt::requested() => {
+                    let kept = format!("the checkpoint is {}; {}", path.display(), self.settings.go_on);
+                    return Err(Interrupted(kept).into());
+                }
+                Outcome::Stopped(_) => {}
+            }
+        }
+        stage.finish(&format!("loss {loss:.2e}"));
+        Ok((self.write(&self.out.join(FIELD), &state, false)?, loss))
+    }
+
+    /// Random weights, or those of another field.
+    fn begun(&self, from: Option<&FactoredFile>) -> Result<FactoredState> {
+        let teacher = &self.teacher.field;
+        let Some(from) = from else { return Ok(self.settings.teach.start(teacher.axis_count())) };
+        ensure!(
+            from.field.basis.domain() == teacher.basis.domain(),
+            "--from is a field of another kind of tool: one is symmetric about its axis, the other is not"
+        );
+        ensure!(
+            from.field.quantity == teacher.quantity,
+            "--from is a field of another quantity: one is of overlaps, the other of depths"
+        );
+        Ok(FactoredState::of_another(&from.field, teacher)?)
+    }
+
+    /// The checkpoint's state.
+    fn resumed(&self, path: &Path) -> Result<FactoredState> {
+        let found = FactoredFile::read(path)?;
+        let Some(state) = found.state else {
+            bail!("{} has no optimiser's state to go on from", path.display())
+        };
+        ensure!(
+            found.scene.record == self.teacher.scene.record && found.fit == self.teacher.settings,
+            "{} was taught by another harmonic field: resume with that, or choose another --out",
+            path.display()
+        );
+        ensure!(
+            found.settings == self.settings.teach,
+            "{} was begun with other settings: give the same ones, or choose another --out",
+            path.display()
+        );
+        Ok(state)
+    }
+
+    fn field(&self, state: &FactoredState) -> Result<FactoredField> {
+        let teacher = &self.teacher.field;
+        let shape = self.settings.teach.shape(teacher.axis_count());
+        Ok(FactoredField::new(teacher, shape, state.training.parameters.clone())?)
+    }
+
+    /// Writes a checkpoint, which goes on, or the finished field.
+    fn write(&self, path: &Path, state: &FactoredState, goes_on: bool) -> Result<FactoredFile> {
+        let file = FactoredFile {
+            field: self.field(state)?,
+            scene: self.teacher.scene.clone(),
+            fit: self.teacher.settings,
+            report: self.teacher.field.report,
+            settings: self.settings.teach,
+            precision: if goes_on { Precision::F32 } else { self.settings.precision },
+            state: goes_on.then(|| state.clone()),
+            calibration: None,
+        };
+        file.write(path)?;
+        Ok(file)
+    }
 }
 
 /// An engine on a GPU that goes on from `state`.
@@ -125,74 +237,6 @@ fn trainer_on(
     let (stack, plan) = (settings.shape(teacher.axis_count()).stack(), settings.plan);
     let (batch, state) = (settings.batch(teacher), &state.training);
     Ok(GpuTrainer::of_stack(gpu, stack, plan.adam, plan.loss, batch, state, Factors::Single)?)
-}
-
-/// What is the same from beginning to end.
-struct Work<'a> {
-    teacher: &'a HarmonicFile,
-    settings: TeachSettings,
-    precision: Precision,
-}
-
-impl Work<'_> {
-    /// Where teaching begins: at random weights, at those of another field, or at the checkpoint.
-    fn start(&mut self, path: &Path, resume: bool, from: Option<&FactoredFile>) -> Result<FactoredState> {
-        if !resume {
-            ensure!(
-                !path.exists() || path.with_file_name(FIELD).exists(),
-                "{} holds an unfinished training: add --resume, choose another --out, or remove it",
-                path.display()
-            );
-            let Some(from) = from else {
-                return Ok(self.settings.start(self.teacher.field.axis_count()));
-            };
-            ensure!(
-                from.field.basis.domain() == self.teacher.field.basis.domain(),
-                "--from is a field of another kind of tool: one is symmetric about its axis, the other is not"
-            );
-            ensure!(
-                from.field.quantity == self.teacher.field.quantity,
-                "--from is a field of another quantity: one is of overlaps, the other of depths"
-            );
-            return Ok(FactoredState::of_another(&from.field, &self.teacher.field)?);
-        }
-        let found = FactoredFile::read(path)?;
-        let Some(state) = found.state else {
-            bail!("{} has no optimiser's state to go on from", path.display())
-        };
-        ensure!(
-            found.scene.record == self.teacher.scene.record && found.fit == self.teacher.settings,
-            "{} was taught by another harmonic field: resume with that, or choose another --out",
-            path.display()
-        );
-        ensure!(
-            found.settings == self.settings,
-            "{} was begun with other settings: give the same ones, or choose another --out",
-            path.display()
-        );
-        Ok(state)
-    }
-
-    fn field(&self, state: &FactoredState) -> Result<FactoredField> {
-        let shape = self.settings.shape(self.teacher.field.axis_count());
-        Ok(FactoredField::new(&self.teacher.field, shape, state.training.parameters.clone())?)
-    }
-
-    /// Writes a checkpoint, which goes on, or the finished field.
-    fn write(&self, path: &Path, state: &FactoredState, goes_on: bool) -> Result<FactoredFile> {
-        let file = FactoredFile {
-            field: self.field(state)?,
-            scene: self.teacher.scene.clone(),
-            fit: self.teacher.settings,
-            report: self.teacher.field.report,
-            settings: self.settings,
-            precision: if goes_on { Precision::F32 } else { self.precision },
-            state: goes_on.then(|| state.clone()),
-            calibration: None,
-        };
-        file.write(path)?;
-        Ok(file)
-    }
 }
 
 fn report(session: &Session, path: &Path, file: &FactoredFile, loss: f64) -> Result<()> {

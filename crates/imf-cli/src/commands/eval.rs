@@ -17,7 +17,7 @@ use crate::report::{Evaluation, Questions, Subject, evaluate};
 use crate::session::Session;
 
 /// Orientations of the IMF by default, of a field that has no training set: as many as the paper's.
-const IMF_ORIENTATIONS: usize = 225;
+pub(super) const IMF_ORIENTATIONS: usize = 225;
 
 pub(crate) fn run(session: &Session, arguments: &EvalArguments) -> Result<()> {
     if let Some(folder) = &arguments.out {
@@ -59,7 +59,7 @@ pub(crate) fn run(session: &Session, arguments: &EvalArguments) -> Result<()> {
 }
 
 /// The network's coefficients at every voxel, taken once for all sections.
-fn expanded(file: &FactoredFile) -> HarmonicField {
+pub(super) fn expanded(file: &FactoredFile) -> HarmonicField {
     file.field.evaluator().expanded(Precision::F32, file.report)
 }
 

@@ -3,7 +3,7 @@
 mod check;
 mod counting;
 mod elements;
-mod harmonic;
+pub(super) mod harmonic;
 mod inaccessibility;
 mod sections;
 

@@ -6,9 +6,34 @@ use crate::binary::Workdir;
 use crate::pipeline::honest;
 
 #[test]
-fn a_short_demo_leaves_everything_and_says_how_well_it_learnt() {
+fn a_short_demo_fits_teaches_and_says_how_well_the_network_learnt() {
     let work = Workdir::new();
-    let demo = work.imf("demo --steps 300 --device cpu --out demo").done();
+    let demo = work.imf("demo --steps 60 --device cpu --out demo").done();
+    let report: Value = serde_json::from_str(&work.text("demo/report.json")).unwrap();
+    assert_eq!((&report["part"], &report["family"]), (&json!("teapot"), &json!("factored")));
+    assert_eq!(report["dims"], json!([58, 76, 121]));
+    assert!(honest(&report, &demo.stdout), "sixty steps are enough:\n{}", demo.stdout);
+    honest(&report, &work.text("demo/report.md"));
+    for picture in ["sections.png", "imf.png", "errors.png"] {
+        work.picture(&format!("demo/{picture}"));
+        assert!(work.text("demo/report.md").contains(picture), "{picture}");
+    }
+    for stage in ["sections to fit: 384 sections in", "teaching: 60 steps in", "evaluating: 355 sections in"]
+    {
+        let line = demo.stderr.lines().find(|line| line.starts_with(stage));
+        assert!(line.is_some_and(|line| line.contains("/s)")), "{stage} in\n{}", demo.stderr);
+    }
+    // Both fields are there to be asked.
+    std::fs::write(work.path("poses.csv"), "x,y,z,i,j,k\n0,0,0,0,0,1\n").unwrap();
+    for field in ["harmonic", "field"] {
+        work.imf(&format!("query demo/{field}.safetensors poses.csv")).done();
+    }
+}
+
+#[test]
+fn a_short_demo_of_the_papers_network_leaves_everything_and_says_how_well_it_learnt() {
+    let work = Workdir::new();
+    let demo = work.imf("demo --family siren5 --steps 300 --device cpu --out demo").done();
     let report: Value = serde_json::from_str(&work.text("demo/report.json")).unwrap();
     assert_eq!((&report["part"], &report["training_steps"]), (&json!("teapot"), &json!(300)));
     assert_eq!((&report["dims"], &report["training_sections"]), (&json!([29, 38, 61]), &json!(225)));

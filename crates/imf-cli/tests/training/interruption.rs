@@ -1,6 +1,7 @@
 //! Ctrl-C: what is finished is kept, and going on ends where a run in one go ends.
 #![cfg(unix)]
 
+use imf_core::factored::file::FactoredFile;
 use serde_json::json;
 
 use crate::binary::{DATASET, TRAIN, Workdir};
@@ -74,9 +75,25 @@ fn a_dataset_keeps_its_finished_shards() {
 }
 
 #[test]
-fn an_interrupted_demo_goes_on_with_the_same_command() {
+fn an_interrupted_teaching_goes_on_with_the_same_demo() {
     let work = Workdir::new();
     let demo = "demo --steps 100000 --device cpu --out demo";
+    work.interrupted_once_it_says("teaching 3→", demo)
+        .interrupted(&["the checkpoint is demo/checkpoint.safetensors", "same command"]);
+    let steps = || {
+        let file = FactoredFile::read(&work.path("demo/checkpoint.safetensors")).unwrap();
+        file.state.unwrap().training.step
+    };
+    let first = steps();
+    assert!((1..100_000).contains(&first), "{first} steps");
+    work.interrupted_once_it_says("teaching 3→", demo).interrupted(&["same command"]);
+    assert!(steps() > first, "{} steps after {first}", steps());
+}
+
+#[test]
+fn an_interrupted_demo_goes_on_with_the_same_command() {
+    let work = Workdir::new();
+    let demo = "demo --family siren5 --steps 100000 --device cpu --out demo";
     work.interrupted_once_there_is("demo/dataset/manifest.json", demo)
         .interrupted(&["finished shards are kept in demo/dataset", "same command"]);
     assert!(!work.path("demo/checkpoint.safetensors").exists());

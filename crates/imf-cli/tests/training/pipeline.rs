@@ -35,7 +35,8 @@ fn row<'a>(report: &'a Value, name: &str) -> &'a Value {
 
 /// What a report says about learning must follow from its own numbers.
 pub(crate) fn honest(report: &Value, text: &str) -> bool {
-    let (learnt, nearest) = (row(report, "random sections"), row(report, "nearest trained section"));
+    let made = if report["family"] == json!("siren5") { "trained" } else { "fitted" };
+    let (learnt, nearest) = (row(report, "random sections"), row(report, &format!("nearest {made} section")));
     let number = |value: &Value| value.as_f64().unwrap();
     let mse = number(&learnt["mse"]);
     let over_variance = mse / number(&learnt["variance"]);

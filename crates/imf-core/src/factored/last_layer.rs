@@ -24,6 +24,13 @@ const GOLDEN: f64 = 0.618_033_988_749_895;
 /// What is added to the diagonal, over its mean: sums of products in f32 are good to about as much.
 const RIDGE: f64 = 1e-6;
 
+/// Bytes of the parts' sums and of the whole system's.
+pub(super) fn bytes(settings: &TeachSettings, teacher: &HarmonicField) -> u64 {
+    let columns = settings.width + 1;
+    let parts = teacher.grid.len().min(AT_THE_END * columns).div_ceil(PART);
+    ((4 * parts + 3 * 8) * columns * (columns + teacher.axis_count())) as u64
+}
+
 impl FactoredField {
     /// Replaces the last layer's weights by those of least squared error from `teacher`, over so many voxels for each
     /// weight of an output, evenly spread; `turn` in [0, 1) chooses which ones. What is solved for is the correction, with a

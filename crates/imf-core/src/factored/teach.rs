@@ -5,7 +5,7 @@ use std::ops::{ControlFlow, Range};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::last_layer::Solving;
+use super::last_layer::{self, Solving};
 use super::state::{Optimiser, cpu_engine};
 use super::{FactoredShape, FactoredState, INPUTS, input};
 use crate::control::Control;
@@ -72,6 +72,12 @@ impl TeachSettings {
     #[must_use]
     pub fn batch(&self, teacher: &HarmonicField) -> usize {
         self.plan.batch.min(teacher.grid.len())
+    }
+
+    /// Bytes that a solution of the last layer takes for a moment.
+    #[must_use]
+    pub fn bytes_to_solve(&self, teacher: &HarmonicField) -> u64 {
+        if self.solve_every == 0 { 0 } else { last_layer::bytes(self, teacher) }
     }
 
     /// Checks the values that no type keeps in range.

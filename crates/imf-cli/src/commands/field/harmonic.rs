@@ -89,6 +89,22 @@ fn interruption(error: HarmonicError, what: &str) -> anyhow::Error {
     }
 }
 
+/// The field of a scene, in so many exact sections as the settings ask for.
+pub(in crate::commands) fn fitted(
+    session: &Session,
+    scene: &Scene,
+    plan: &SectionPlan,
+    domain: Domain,
+    settings: FitSettings,
+) -> Result<HarmonicFile> {
+    let stage = session.stage("sections to fit", "sections", section_count(domain, &settings) as u64);
+    let advance = |sections| stage.advance(sections);
+    let field = fit(plan, domain, &settings, session.control(&advance));
+    let field = field.map_err(|error| interruption(error, "a fit"))?;
+    stage.finish(&errors_text(&field));
+    Ok(HarmonicFile { field, scene: scene.clone(), settings, calibration: None })
+}
+
 impl Harmonic {
     /// Makes the field; `None` where exact sections are asked for.
     pub(super) fn make(
@@ -127,12 +143,7 @@ impl Harmonic {
                 settings.degree, settings.axes
             )
         })?;
-        let stage = session.stage("sections to fit", "sections", section_count(domain, &settings) as u64);
-        let advance = |sections| stage.advance(sections);
-        let field = fit(plan, domain, &settings, session.control(&advance));
-        let field = field.map_err(|error| interruption(error, "a fit"))?;
-        stage.finish(&errors_text(&field));
-        let file = HarmonicFile { field, scene: scene.clone(), settings, calibration: None };
+        let file = fitted(session, scene, plan, domain, settings)?;
         if let Some(save) = save {
             let path = save.begin()?;
             if is_npz(path) {
