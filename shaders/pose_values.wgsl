@@ -29,8 +29,3 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         }
     }
 }
-
-/// The bits of NaN, which WGSL refuses as a constant: `idle` is any number of the host's, so that no compiler knows them.
-fn world_nan(idle: u32) -> u32 {
-    return 0x7fc00000u | (idle & 0u);
-}

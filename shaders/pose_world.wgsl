@@ -1,5 +1,5 @@
-// Purpose: what a pose in world coordinates is to the paper's network; shared by the kernels that answer poses. The twin
-// in Rust is `planner/families.rs`.
+// Purpose: what a pose in world coordinates is to a network; shared by the kernels that answer poses. The twin in
+// Rust is `planner/families.rs`.
 
 struct Pose {
     /// Tip in the world; w is idle.
@@ -23,6 +23,11 @@ fn is_pose(pose: Pose) -> bool {
     return is_finite(vec4<f32>(pose.position.xyz, 0.0)) && is_finite(pose.rotation) && largest > 0.0;
 }
 
+/// The bits of NaN, which WGSL refuses as a constant: `idle` is any number of the host's, so that no compiler knows them.
+fn world_nan(idle: u32) -> u32 {
+    return 0x7fc00000u | (idle & 0u);
+}
+
 /// Unit vector from tip to holder.
 fn axis_of(pose: Pose) -> vec3<f32> {
     let largest = max(max(abs(pose.rotation.x), abs(pose.rotation.y)), max(abs(pose.rotation.z), abs(pose.rotation.w)));
@@ -33,6 +38,11 @@ fn axis_of(pose: Pose) -> vec3<f32> {
         q.w * q.w + q.z * q.z - q.x * q.x - q.y * q.y,
     );
     return normalize(select(axis, vec3<f32>(), abs(axis) < vec3<f32>(STEP)));
+}
+
+/// The longest edge.
+fn longest(size: vec4<f32>) -> f32 {
+    return max(size.x, max(size.y, size.z));
 }
 
 /// Angle of (x, y) in (−π, π]. WGSL's own may be off by 4096 units in the last place; this by a few. The polynomial is that

@@ -67,6 +67,31 @@ struct Step {
     weight_decay: f32,
 }
 
+/// Parameters from `first` to before `end`, in vec4.
+struct Span {
+    first: u32,
+    end: u32,
+}
+
+/// The matrices between hidden layers that Muon steps, kept beside each other.
+struct Muon {
+    /// Neurons of a layer.
+    rows: u32,
+    /// Inputs of the layer that has most.
+    columns: u32,
+    /// Share of the momentum that a step leaves.
+    momentum: f32,
+    one_minus_momentum: f32,
+}
+
+/// One of them among the parameters; an element of a storage buffer.
+struct MuonMatrix {
+    weights: u32,
+    columns: u32,
+    /// A step's length over the learning rate.
+    length: f32,
+}
+
 /// One part of an evaluation: rows of poses, or points × directions.
 struct Sweep {
     /// First output of this part.
@@ -97,6 +122,31 @@ struct Descent {
     skip_stride: u32,
     /// 0 without a skip.
     skip_neurons: u32,
+}
+
+/// The functions of a direction in a factored field.
+struct Harmonics {
+    degree: u32,
+    /// Functions, padding among them.
+    stride: u32,
+}
+
+/// The voxels of a harmonic field.
+struct Lattice {
+    nx: u32,
+    ny: u32,
+    nz: u32,
+    /// Coefficients of a voxel, a multiple of 4.
+    stride: u32,
+    /// Coefficients of a row, padding among them.
+    columns: u32,
+    pitch: f32,
+}
+
+/// What a field's calibration decides by; beyond all values where it decides nothing.
+struct Thresholds {
+    free_up_to: f32,
+    blocked_from: f32,
 }
 
 /// Jobs that count overlaps: one job is one orientation over one slab of the query box. Bits are the obstacle's.

@@ -179,7 +179,11 @@ pub trait PoseField: Send + Sync {
     fn imf(&self, points: &[Vec3], orientations: &[Quat], best: &mut [Best]) -> Result<(), PlannerError>;
 }
 
-fn check_lengths(asked: usize, answers: usize) -> Result<(), PlannerError> {
+/// That there are as many places for answers as questions: what every [`PoseField`] checks first.
+///
+/// # Errors
+/// [`PlannerError::Length`]: there are not.
+pub fn check_lengths(asked: usize, answers: usize) -> Result<(), PlannerError> {
     if asked == answers { Ok(()) } else { Err(PlannerError::Length { asked, answers }) }
 }
 

@@ -4,9 +4,9 @@
 use std::time::Instant;
 
 use imf_core::siren::{INPUTS, SirenShape};
-use imf_core::training::{AdamConfig, EngineError, EvaluationEngine, Loss, TrainingEngine, TrainingState};
+use imf_core::training::{EngineError, EvaluationEngine, TrainingEngine, TrainingState};
 use imf_gpu::shader::Factors;
-use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuTrainer, MatrixKernel};
+use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuTrainer, MatrixKernel, TrainerSettings};
 
 /// Seconds that each measurement lasts at least, and operations of a step beside those of a forward pass.
 const SECONDS: f64 = 3.0;
@@ -39,8 +39,8 @@ fn measure(gpu: &Gpu, shape: SirenShape, batch: usize, factors: Factors) -> Resu
     let (inputs, targets) = (vec![0.1; INPUTS * batch], vec![0.5; batch]);
     let state = TrainingState::new(&shape, 1);
     let mut evaluator = GpuEvaluator::new(gpu, shape, &state.parameters)?;
-    let mut trainer =
-        GpuTrainer::of_stack(gpu, shape.stack(), AdamConfig::default(), Loss::L1, batch, &state, factors)?;
+    let settings = TrainerSettings { factors, ..TrainerSettings::default() };
+    let mut trainer = GpuTrainer::of_stack(gpu, shape.stack(), &settings, batch, &state)?;
     let steps = rate(|| {
         for _ in 0..4 {
             trainer.step(&inputs, &targets, 1e-5)?;

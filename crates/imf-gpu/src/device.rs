@@ -246,10 +246,15 @@ impl Gpu {
     #[expect(clippy::needless_pass_by_value, reason = "a reading is finished once")]
     pub(crate) fn finish_read<T: Pod>(&self, reading: Reading) -> Result<Vec<T>, EngineError> {
         self.wait(None)?;
-        let view = reading.0.get_mapped_range(..).map_err(|error| {
-            EngineError::Device(format!("reading back from {} failed: {error}", self.adapter.name))
-        })?;
+        let view = self.mapped(&reading.0, reading.0.size())?;
         Ok(bytemuck::pod_collect_to_vec(&view))
+    }
+
+    /// The first bytes of a buffer whose mapping the device was waited for.
+    pub(crate) fn mapped(&self, buffer: &wgpu::Buffer, bytes: u64) -> Result<wgpu::BufferView, EngineError> {
+        buffer.get_mapped_range(..bytes).map_err(|error| {
+            EngineError::Device(format!("reading back from {} failed: {error}", self.adapter.name))
+        })
     }
 }
 

@@ -114,6 +114,17 @@ impl GpuFactored {
         points: &[DVec3],
         orientations: &[Orientation],
     ) -> Result<(Vec<f32>, Vec<u32>), EngineError> {
+        let (mut least, best) = self.minimum_unclipped(points, orientations)?;
+        least.iter_mut().for_each(|value| *value = self.field.quantity.held(*value));
+        Ok((least, best))
+    }
+
+    /// As [`Self::minimum`], of values that are not clipped.
+    pub(crate) fn minimum_unclipped(
+        &mut self,
+        points: &[DVec3],
+        orientations: &[Orientation],
+    ) -> Result<(Vec<f32>, Vec<u32>), EngineError> {
         let chunks = self.chunks(orientations)?;
         let (mut least, mut best) = (Vec::with_capacity(points.len()), Vec::with_capacity(points.len()));
         for points in points.chunks(self.rows) {
@@ -121,9 +132,7 @@ impl GpuFactored {
             for chunk in &chunks {
                 self.product_with(chunk, points.len(), true)?;
             }
-            let values = self.gpu.read::<f32>(&self.least, points.len())?;
-            let quantity = self.field.quantity;
-            least.extend(values.into_iter().map(|value| quantity.held(value)));
+            least.extend(self.gpu.read::<f32>(&self.least, points.len())?);
             best.extend(self.gpu.read::<u32>(&self.best, points.len())?);
         }
         Ok((least, best))

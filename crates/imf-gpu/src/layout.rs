@@ -68,6 +68,16 @@ impl PaddedLayout {
         self.stack.inputs.next_multiple_of(self.padding)
     }
 
+    /// The layers between hidden ones, whose matrices are neither the first nor the last.
+    pub(crate) fn between(&self) -> &[PaddedLayer] {
+        &self.layers[1..self.stack.hidden.max(1)]
+    }
+
+    /// Their inputs without padding.
+    pub(crate) fn learnt_between(&self) -> impl Iterator<Item = usize> {
+        self.plain[1..self.stack.hidden.max(1)].iter().map(|layer| layer.inputs)
+    }
+
     /// Flat parameters into the padded layout, zeros in the padding.
     pub(crate) fn pad(&self, flat: &[f32]) -> Vec<f32> {
         let mut padded = vec![0.0; self.parameters];

@@ -48,9 +48,9 @@ pub use adapter::{AdapterSummary, DeviceChoice, MissingAdapter, adapters};
 pub use device::{Gpu, GpuLimits};
 pub use evaluator::GpuEvaluator;
 pub use factored::GpuFactored;
-pub use planner::{DeviceGradient, DevicePose, GpuField};
+pub use planner::{DeviceGradient, DevicePose, GpuField, decision_of};
 pub use sections::{GpuSectionError, GpuSections};
 pub use shader::MatrixKernel;
-pub use trainer::GpuTrainer;
+pub use trainer::{GpuTrainer, TrainerSettings};
 /// The graphics interface in the version that [`Gpu::device`] and [`Gpu::queue`] belong to.
 pub use wgpu;

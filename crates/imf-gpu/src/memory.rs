@@ -83,8 +83,8 @@ impl Room {
         let limit = limits.buffer.min(limits.storage_binding) / 4 * 4;
         if wanted > limit {
             return Err(EngineError::Device(format!(
-                "{} take {} of GPU memory, but this adapter binds at most {}. Take a larger pitch, or count on the CPU \
-                 (--device cpu)",
+                "{} take {} of GPU memory, but this adapter binds at most {}. Ask for less at a time, take a larger pitch, or \
+                 the CPU (--device cpu)",
                 self.name,
                 mebibytes(wanted),
                 mebibytes(limit),
@@ -119,6 +119,60 @@ impl Room {
             let values = vec![value; buffer.size() as usize / 4];
             gpu.queue().write_buffer(buffer, 0, bytemuck::cast_slice(&values));
         }
+    }
+}
+
+/// A buffer that the host reads others by, kept from reading to reading; it grows when more is wanted.
+#[derive(Debug, Default)]
+pub(crate) struct ReadBack {
+    buffer: Option<wgpu::Buffer>,
+}
+
+impl ReadBack {
+    /// Hands over the first `count` elements of `source` with their places; waits for the device.
+    pub(crate) fn read<T: Pod>(
+        &mut self,
+        gpu: &Gpu,
+        source: &wgpu::Buffer,
+        count: usize,
+        mut take: impl FnMut(usize, T),
+    ) -> Result<(), EngineError> {
+        let bytes = (count * size_of::<T>()) as u64;
+        if bytes == 0 {
+            return Ok(());
+        }
+        // Taken out: after a failure it may still be mapped, and is not used again.
+        let buffer = match self.buffer.take().filter(|buffer| buffer.size() >= bytes) {
+            Some(buffer) => buffer,
+            None => gpu.guarded(|| {
+                gpu.device().create_buffer(&wgpu::BufferDescriptor {
+                    label: Some("read-back"),
+                    size: bytes.max(256).next_power_of_two(),
+                    usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+                    mapped_at_creation: false,
+                })
+            })?,
+        };
+        let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_buffer_to_buffer(source, 0, &buffer, 0, bytes);
+        gpu.queue().submit([encoder.finish()]);
+        // A failed mapping shows in `mapped`.
+        buffer.map_async(wgpu::MapMode::Read, ..bytes, |_| ());
+        gpu.wait(None)?;
+        let view = gpu.mapped(&buffer, bytes)?;
+        for (place, element) in view.chunks_exact(size_of::<T>()).enumerate() {
+            take(place, bytemuck::pod_read_unaligned(element));
+        }
+        drop(view);
+        buffer.unmap();
+        self.buffer = Some(buffer);
+        Ok(())
+    }
+
+    /// The buffer that is kept.
+    #[cfg(test)]
+    pub(crate) fn buffer(&self) -> Option<&wgpu::Buffer> {
+        self.buffer.as_ref()
     }
 }
 

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use imf_core::siren::INPUTS;
+use imf_core::siren::muon::QUINTIC;
 
 /// Rows and columns of the outputs that one workgroup of a matrix product covers, with either kernel.
 pub const TILE: u32 = 64;
@@ -28,6 +29,14 @@ pub const LOSS_L2: u32 = 1;
 pub const COUNT_PLACES: u32 = 128;
 /// Binary digits of such a count, as many as `count_differences.wgsl` writes out: at most 262,143 run ends an orientation.
 pub const COUNT_DIGITS: u32 = 18;
+/// Workgroups that share what Muon does element by element with one matrix: a thread takes four vec4 of 256 × 256.
+pub const MUON_GROUPS: u32 = 64;
+/// Decisions of poses as the device writes them.
+pub const FREE: u32 = 0;
+/// See [`FREE`].
+pub const BLOCKED: u32 = 1;
+/// See [`FREE`].
+pub const NEAR: u32 = 2;
 /// Where the sigmoid's argument is clamped.
 pub const SIGMOID_LIMIT: f32 = 80.0;
 
@@ -188,6 +197,18 @@ pub enum Shader {
     Reduce,
     /// Update of the weights.
     Adam,
+    /// Momentum of the matrices between hidden layers.
+    MuonMomentum,
+    /// The same over its norm.
+    MuonScale,
+    /// First product of a Newton-Schulz step.
+    MuonGram,
+    /// Second product.
+    MuonPolynomial,
+    /// Third product.
+    MuonTurn,
+    /// Update of the matrices.
+    MuonUpdate,
     /// Values of the network.
     Outputs,
     /// Running minimum over directions.
@@ -200,6 +221,20 @@ pub enum Shader {
     PoseValues,
     /// Derivatives of poses.
     PoseGradient,
+    /// Poses of the world into a factored field's points.
+    PosePoints,
+    /// Values of poses in a factored field.
+    HarmonicValues,
+    /// The same with derivatives by the direction.
+    HarmonicSlopes,
+    /// Derivatives of poses in a factored field by the position.
+    PoseDescent,
+    /// Coefficients of a harmonic field at the points of poses.
+    VoxelCoefficients,
+    /// Derivatives of poses in a harmonic field by the position.
+    VoxelDescent,
+    /// Decisions of poses by their values.
+    PoseDecisions,
     /// How overlaps change when a tool is stepped.
     CountDifferences,
     /// Overlaps from their differences.
@@ -212,7 +247,7 @@ pub enum Shader {
 
 impl Shader {
     /// All kernels.
-    pub const ALL: [Self; 23] = [
+    pub const ALL: [Self; 36] = [
         Self::Inputs,
         Self::Poses,
         Self::HiddenTrain,
@@ -226,12 +261,25 @@ impl Shader {
         Self::BiasGradient,
         Self::Reduce,
         Self::Adam,
+        Self::MuonMomentum,
+        Self::MuonScale,
+        Self::MuonGram,
+        Self::MuonPolynomial,
+        Self::MuonTurn,
+        Self::MuonUpdate,
         Self::Outputs,
         Self::Minimum,
         Self::RowMinimum,
         Self::PoseInputs,
         Self::PoseValues,
         Self::PoseGradient,
+        Self::PosePoints,
+        Self::HarmonicValues,
+        Self::HarmonicSlopes,
+        Self::PoseDescent,
+        Self::VoxelCoefficients,
+        Self::VoxelDescent,
+        Self::PoseDecisions,
         Self::CountDifferences,
         Self::CountTotals,
         Self::CountSections,
@@ -243,7 +291,14 @@ impl Shader {
     pub fn is_product(self) -> bool {
         matches!(
             self,
-            Self::HiddenTrain | Self::HiddenEvaluate | Self::Linear | Self::Backward | Self::WeightGradient
+            Self::HiddenTrain
+                | Self::HiddenEvaluate
+                | Self::Linear
+                | Self::Backward
+                | Self::WeightGradient
+                | Self::MuonGram
+                | Self::MuonPolynomial
+                | Self::MuonTurn
         )
     }
 
@@ -255,6 +310,8 @@ impl Shader {
         let sigmoid = include_str!("../../../shaders/sigmoid.wgsl");
         let forward = include_str!("../../../shaders/forward.wgsl");
         let world = include_str!("../../../shaders/pose_world.wgsl");
+        let cell = include_str!("../../../shaders/voxel_cell.wgsl");
+        let harmonics = include_str!("../../../shaders/harmonics.wgsl");
         let overlap = include_str!("../../../shaders/count_overlap.wgsl");
         let parts: &[&str] = match self {
             Self::Inputs => &[include_str!("../../../shaders/inputs.wgsl")],
@@ -274,12 +331,31 @@ impl Shader {
             Self::BiasGradient => &[include_str!("../../../shaders/bias_gradient.wgsl")],
             Self::Reduce => &[include_str!("../../../shaders/reduce.wgsl")],
             Self::Adam => &[include_str!("../../../shaders/adam.wgsl")],
+            Self::MuonMomentum => &[include_str!("../../../shaders/muon_momentum.wgsl")],
+            Self::MuonScale => &[include_str!("../../../shaders/muon_scale.wgsl")],
+            Self::MuonGram => &[product, include_str!("../../../shaders/muon_gram.wgsl")],
+            Self::MuonPolynomial => &[product, include_str!("../../../shaders/muon_polynomial.wgsl")],
+            Self::MuonTurn => &[product, include_str!("../../../shaders/muon_turn.wgsl")],
+            Self::MuonUpdate => &[include_str!("../../../shaders/muon_update.wgsl")],
             Self::Outputs => &[sigmoid, include_str!("../../../shaders/outputs.wgsl")],
             Self::Minimum => &[include_str!("../../../shaders/minimum.wgsl")],
             Self::RowMinimum => &[include_str!("../../../shaders/row_minimum.wgsl")],
             Self::PoseInputs => &[world, include_str!("../../../shaders/pose_inputs.wgsl")],
             Self::PoseValues => &[sigmoid, world, include_str!("../../../shaders/pose_values.wgsl")],
             Self::PoseGradient => &[sine, world, include_str!("../../../shaders/pose_gradient.wgsl")],
+            Self::PosePoints => &[world, include_str!("../../../shaders/pose_points.wgsl")],
+            Self::HarmonicValues => {
+                &[world, harmonics, include_str!("../../../shaders/harmonic_values.wgsl")]
+            }
+            Self::HarmonicSlopes => {
+                &[world, harmonics, include_str!("../../../shaders/harmonic_slopes.wgsl")]
+            }
+            Self::PoseDescent => &[world, include_str!("../../../shaders/pose_descent.wgsl")],
+            Self::VoxelCoefficients => {
+                &[world, cell, include_str!("../../../shaders/voxel_coefficients.wgsl")]
+            }
+            Self::VoxelDescent => &[world, cell, include_str!("../../../shaders/voxel_descent.wgsl")],
+            Self::PoseDecisions => &[world, include_str!("../../../shaders/pose_decisions.wgsl")],
             Self::CountDifferences => &[include_str!("../../../shaders/count_differences.wgsl")],
             Self::CountTotals => &[include_str!("../../../shaders/count_totals.wgsl")],
             Self::CountSections => &[overlap, include_str!("../../../shaders/count_sections.wgsl")],
@@ -324,9 +400,16 @@ fn prelude() -> String {
         ("LOSS_L2", LOSS_L2),
         ("COUNT_PLACES", COUNT_PLACES),
         ("COUNT_DIGITS", COUNT_DIGITS),
+        ("MUON_GROUPS", MUON_GROUPS),
+        ("FREE", FREE),
+        ("BLOCKED", BLOCKED),
+        ("NEAR", NEAR),
     ] {
         let _ = writeln!(text, "const {name}: u32 = {value}u;");
     }
-    let _ = writeln!(text, "const SIGMOID_LIMIT: f32 = {SIGMOID_LIMIT:?};");
+    let [a, b, c] = QUINTIC;
+    for (name, value) in [("SIGMOID_LIMIT", SIGMOID_LIMIT), ("MUON_A", a), ("MUON_B", b), ("MUON_C", c)] {
+        let _ = writeln!(text, "const {name}: f32 = {value:?};");
+    }
     text
 }

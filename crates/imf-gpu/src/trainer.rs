@@ -2,36 +2,51 @@
 //! only losses are read back.
 //!
 //! ```text
-//! inputs → forward (keeps slopes) → loss, Δ → backward (slopes become Δ) → partial gradients → reduce → Adam
+//! inputs → forward (keeps slopes) → loss, Δ → backward (slopes become Δ) → partial gradients → reduce → Adam, Muon
 //! ```
 //!
 //! A batch too large for the adapter's limits goes in parts whose gradients add up. The order of every sum depends on
 //! the batch and the limits alone.
 
+mod kernels;
+mod muon;
 mod plan;
 mod proof;
 
+use imf_core::factored::Optimiser;
 use imf_core::siren::SirenShape;
-use imf_core::siren::stack::{Ending, Stack};
+use imf_core::siren::stack::Stack;
 use imf_core::training::{AdamConfig, EngineError, Loss, Precision, TrainingEngine, TrainingState};
 
 use crate::device::Gpu;
-use crate::forward::{Forward, Network, layout_for};
-use crate::kernel::{Bound, Kernel, uniform};
-use crate::layout::PaddedLayout;
-use crate::shader::{Factors, LOSS_L1, LOSS_L2, MatrixKernel, Shader};
+use crate::forward::{Network, layout_for};
+use crate::kernel::uniform;
+use crate::shader::{Factors, LOSS_L1, LOSS_L2, MatrixKernel};
 use crate::submit::Recorder;
 use crate::uniforms::{Batch, Step};
+use kernels::Kernels;
+use muon::Matrices;
 use plan::{LOSS_SLOTS, plan, slice};
+
+/// How a trainer learns.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TrainerSettings {
+    /// Of every weight that Muon does not step.
+    pub adam: AdamConfig,
+    /// What a step minimises.
+    pub loss: Loss,
+    /// How the matrices between hidden layers follow the gradient.
+    pub optimiser: Optimiser,
+    /// Factors of the products between hidden layers; anything but [`Factors::Single`] needs a device
+    /// [opened for it](Gpu::for_half).
+    pub factors: Factors,
+}
 
 /// A training engine on one GPU.
 #[derive(Debug)]
 pub struct GpuTrainer {
     gpu: Gpu,
-    adam: AdamConfig,
-    loss: Loss,
-    /// Of the products between hidden layers.
-    factors: Factors,
+    settings: TrainerSettings,
     max_batch: usize,
     /// Rows that one pass holds.
     part_rows: usize,
@@ -46,21 +61,6 @@ pub struct GpuTrainer {
     slot: usize,
     /// Sum and number of the losses read so far.
     read_losses: (f64, u64),
-}
-
-/// Every kernel of a step, bound.
-#[derive(Debug)]
-struct Kernels {
-    inputs: Vec<Option<Bound>>,
-    forward: Forward,
-    loss: Bound,
-    loss_sum: Bound,
-    /// Layers 1 and up.
-    backward: Vec<Bound>,
-    weight_gradient: Vec<Bound>,
-    bias_gradient: Vec<Bound>,
-    reduce: Bound,
-    adam: Bound,
 }
 
 /// The buffers that the host writes or reads.
@@ -91,7 +91,8 @@ impl GpuTrainer {
         max_batch: usize,
         state: &TrainingState,
     ) -> Result<Self, EngineError> {
-        Self::of_stack(gpu, shape.stack(), adam, loss, max_batch, state, Factors::Single)
+        let settings = TrainerSettings { adam, loss, ..TrainerSettings::default() };
+        Self::of_stack(gpu, shape.stack(), &settings, max_batch, state)
     }
 
     /// As [`Self::new`], with the products between hidden layers in `precision`. For f16 the adapter is opened anew
@@ -114,7 +115,8 @@ impl GpuTrainer {
         }
         let gpu = proof::proven(gpu.for_half(None)?)?;
         let factors = gpu.half().unwrap_or_default();
-        Self::of_stack(&gpu, shape.stack(), adam, loss, max_batch, state, factors)
+        let settings = TrainerSettings { adam, loss, factors, ..TrainerSettings::default() };
+        Self::of_stack(&gpu, shape.stack(), &settings, max_batch, state)
     }
 
     /// Whether an adapter has the products of a precision.
@@ -135,20 +137,19 @@ impl GpuTrainer {
         }))
     }
 
-    /// As [`Self::new`], of any stack of sine layers, factored fields' networks among them, with these factors in the
-    /// products between hidden layers; anything but [`Factors::Single`] needs a device [opened for it](Gpu::for_half).
+    /// As [`Self::new`], of any stack of sine layers, factored fields' networks among them. The moments of `state` mean what
+    /// they mean on the CPU, whichever the optimiser, so that a training moves between the two.
     ///
     /// # Errors
     /// As [`Self::new`]; factors that the device was not opened for.
     pub fn of_stack(
         gpu: &Gpu,
         stack: Stack,
-        adam: AdamConfig,
-        loss: Loss,
+        settings: &TrainerSettings,
         max_batch: usize,
         state: &TrainingState,
-        factors: Factors,
     ) -> Result<Self, EngineError> {
+        let TrainerSettings { adam, optimiser, factors, .. } = *settings;
         let opened = match factors {
             Factors::Single => true,
             Factors::Half => gpu.half().is_some(),
@@ -171,7 +172,12 @@ impl GpuTrainer {
         if adam.epsilon <= 0.0 {
             return Err(EngineError::Shape(format!("Adam's epsilon must be positive, not {}", adam.epsilon)));
         }
-        let (plan, places, part_rows, max_slices) = plan(&layout, gpu.limits(), max_batch);
+        let muon = match optimiser {
+            Optimiser::Adam => None,
+            Optimiser::Muon(config) => Matrices::of(&layout).map(|matrices| (config, matrices)),
+        };
+        let matrices = muon.map(|(_, matrices)| matrices);
+        let (plan, places, part_rows, max_slices) = plan(&layout, gpu.limits(), max_batch, matrices);
         let buffers = plan.allocate(gpu)?;
         let at = |place: usize| buffers[place].clone();
         let all = |places: &[usize]| places.iter().map(|&place| at(place)).collect::<Vec<_>>();
@@ -185,6 +191,7 @@ impl GpuTrainer {
         let mut scratch = all(&places.signals);
         scratch.extend(all(&places.deltas));
         scratch.extend([places.gradient, places.partials, places.row_losses, places.results].map(at));
+        scratch.extend(places.muon.iter().flat_map(|muon| muon.scratch().map(at)));
         let host = Buffers {
             step: uniform(gpu, "step", &Step::default())?,
             samples: at(places.samples),
@@ -204,13 +211,12 @@ impl GpuTrainer {
                 &all(&places.deltas),
                 [&at(places.results), &at(places.row_losses), &at(places.partials)],
                 factors,
-            )
+            )?
+            .with_optimiser(gpu, &network, &host, muon, &places, &buffers)
         })??;
         Ok(Self {
             gpu: gpu.clone(),
-            adam,
-            loss,
-            factors,
+            settings: *settings,
             max_batch,
             part_rows,
             max_slices,
@@ -229,7 +235,7 @@ impl GpuTrainer {
     /// # Errors
     /// As [`GpuTrainer::new`], without allocating anything.
     pub fn memory_bytes(gpu: &Gpu, shape: SirenShape, max_batch: usize) -> Result<u64, EngineError> {
-        let plan = plan(&layout_for(gpu, shape.stack())?, gpu.limits(), max_batch).0;
+        let plan = plan(&layout_for(gpu, shape.stack())?, gpu.limits(), max_batch, None).0;
         plan.check(gpu.limits())?;
         Ok(plan.bytes())
     }
@@ -308,7 +314,7 @@ impl GpuTrainer {
             self.recorder.pass(&self.gpu, &writes, |pass| {
                 kernels.record_gradient(pass, layout, padded_rows, slices, workgroups);
                 if index == last && rate.is_some() {
-                    kernels.adam.linear(pass, layout.parameters / 4, workgroups);
+                    kernels.record_update(pass, workgroups);
                 }
             })?;
         }
@@ -316,27 +322,28 @@ impl GpuTrainer {
     }
 
     fn step_uniform(&self, count: usize, learning_rate: f32) -> Step {
-        let (beta1, beta2) = (f64::from(self.adam.beta1), f64::from(self.adam.beta2));
+        let TrainerSettings { adam, loss, .. } = self.settings;
+        let (beta1, beta2) = (f64::from(adam.beta1), f64::from(adam.beta2));
         let correction = |beta: f64| (1.0 / (1.0 - beta.powf((self.step + 1) as f64))) as f32;
         Step {
             inverse_count: (1.0 / count as f64) as f32,
             scale: count.next_power_of_two() as f32,
             learnt: self.network.layout.stack.outputs as u32,
-            loss: match self.loss {
+            loss: match loss {
                 Loss::L1 => LOSS_L1,
                 Loss::L2 => LOSS_L2,
             },
             slot: self.slot as u32,
             first: 1,
             learning_rate,
-            beta1: self.adam.beta1,
+            beta1: adam.beta1,
             one_minus_beta1: (1.0 - beta1) as f32,
-            beta2: self.adam.beta2,
+            beta2: adam.beta2,
             one_minus_beta2: (1.0 - beta2) as f32,
             correction1: correction(beta1),
             correction2: correction(beta2),
-            epsilon: self.adam.epsilon,
-            weight_decay: self.adam.weight_decay,
+            epsilon: adam.epsilon,
+            weight_decay: adam.weight_decay,
         }
     }
 
@@ -350,80 +357,6 @@ impl GpuTrainer {
             self.slot = 0;
         }
         Ok(())
-    }
-}
-
-impl Kernels {
-    fn new(
-        gpu: &Gpu,
-        network: &Network,
-        host: &Buffers,
-        signals: &[wgpu::Buffer],
-        deltas: &[wgpu::Buffer],
-        [results, row_losses, partials]: [&wgpu::Buffer; 3],
-        factors: Factors,
-    ) -> Result<Self, EngineError> {
-        let kernel = |shader| Kernel::new(gpu, shader);
-        let (backward, weight, bias) =
-            (kernel(Shader::Backward)?, kernel(Shader::WeightGradient)?, kernel(Shader::BiasGradient)?);
-        let hidden_backward = backward.between_layers(gpu, Shader::Backward, factors)?;
-        let hidden_weight = weight.between_layers(gpu, Shader::WeightGradient, factors)?;
-        let (batch, layers, parameters) = (&network.batch, &network.layers, &network.parameters);
-        let last = layers.len() - 1;
-        let each = |bind: &dyn Fn(usize) -> Bound| (0..=last).map(bind).collect::<Vec<_>>();
-        Ok(Self {
-            inputs: network.bind_inputs(gpu, &kernel(Shader::Inputs)?, &[&host.samples], signals)?,
-            forward: Forward::new(gpu, network, signals, results, Some(deltas), factors)?,
-            loss: kernel(match network.layout.stack.ending {
-                Ending::Sigmoid => Shader::Loss,
-                Ending::Linear => Shader::LossLinear,
-            })?
-            .bind(
-                gpu,
-                &[batch, &layers[last], &host.step, results, &host.targets, &deltas[last], row_losses],
-            ),
-            loss_sum: kernel(Shader::LossSum)?.bind(gpu, &[batch, &host.step, row_losses, &host.losses]),
-            backward: (1..=last)
-                .map(|l| {
-                    let backward = if l == last { &backward } else { &hidden_backward };
-                    backward.bind(gpu, &[batch, &layers[l], parameters, &deltas[l], &deltas[l - 1]])
-                })
-                .collect(),
-            weight_gradient: each(&|l| {
-                let weight = if l == 0 || l == last { &weight } else { &hidden_weight };
-                weight.bind(gpu, &[batch, &layers[l], &deltas[l], &signals[l], partials])
-            }),
-            bias_gradient: each(&|l| bias.bind(gpu, &[batch, &layers[l], &deltas[l], partials])),
-            reduce: kernel(Shader::Reduce)?.bind(gpu, &[batch, &host.step, partials, &host.gradient]),
-            adam: kernel(Shader::Adam)?.bind(
-                gpu,
-                &[&host.step, &host.gradient, parameters, &host.first_moment, &host.second_moment],
-            ),
-        })
-    }
-
-    /// Forward, loss, backward and gradient of one part of a batch.
-    fn record_gradient(
-        &self,
-        pass: &mut wgpu::ComputePass<'_>,
-        layout: &PaddedLayout,
-        padded_rows: usize,
-        slices: usize,
-        workgroups: u32,
-    ) {
-        self.forward.record(pass, &self.inputs, padded_rows, workgroups);
-        self.loss.linear(pass, padded_rows, workgroups);
-        self.loss_sum.single(pass);
-        for (below, backward) in self.backward.iter().enumerate().rev() {
-            backward.product(pass, padded_rows, layout.layers[below].outputs, 1);
-        }
-        for (layer, weight) in layout.layers.iter().zip(&self.weight_gradient) {
-            weight.product(pass, layer.outputs, layer.inputs, slices);
-        }
-        for (layer, bias) in layout.layers.iter().zip(&self.bias_gradient) {
-            bias.sliced(pass, layer.outputs / 4, slices);
-        }
-        self.reduce.linear(pass, layout.parameters / 4, workgroups);
     }
 }
 
@@ -441,7 +374,7 @@ fn check_state(stack: &Stack, state: &TrainingState) -> Result<(), EngineError> 
 
 impl TrainingEngine for GpuTrainer {
     fn describe(&self) -> String {
-        match self.factors {
+        match self.settings.factors {
             Factors::Single => self.gpu.describe(),
             factors => format!("{}, products in {}", self.gpu.describe(), factors.name()),
         }

@@ -63,6 +63,33 @@ pub struct Step {
     pub weight_decay: f32,
 }
 
+/// A stretch of parameters.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Span {
+    pub first: u32,
+    pub end: u32,
+}
+
+/// The matrices that Muon steps.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Muon {
+    pub rows: u32,
+    pub columns: u32,
+    pub momentum: f32,
+    pub one_minus_momentum: f32,
+}
+
+/// One of them; an element of a storage buffer.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct MuonMatrix {
+    pub weights: u32,
+    pub columns: u32,
+    pub length: f32,
+}
+
 /// One part of an evaluation.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -93,6 +120,34 @@ pub struct Descent {
     pub skip_weights: u32,
     pub skip_stride: u32,
     pub skip_neurons: u32,
+}
+
+/// The functions of a direction.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Harmonics {
+    pub degree: u32,
+    pub stride: u32,
+}
+
+/// The voxels of a harmonic field.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Lattice {
+    pub nx: u32,
+    pub ny: u32,
+    pub nz: u32,
+    pub stride: u32,
+    pub columns: u32,
+    pub pitch: f32,
+}
+
+/// What decisions are made by.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Thresholds {
+    pub free_up_to: f32,
+    pub blocked_from: f32,
 }
 
 /// Jobs that count overlaps over one slab.

@@ -18,11 +18,10 @@ use imf_core::scene::SceneSpec;
 use imf_core::section::{Quantity, SectionPlan};
 use imf_core::siren::muon::MuonConfig;
 use imf_core::tool::Tool;
+use imf_core::training::Loss;
 use imf_core::training::run::{Length, TrainingPlan};
 use imf_core::training::schedule::Schedule;
-use imf_core::training::{AdamConfig, Loss};
-use imf_gpu::shader::Factors;
-use imf_gpu::{Gpu, GpuFactored, GpuTrainer, MatrixKernel};
+use imf_gpu::{Gpu, GpuFactored, GpuTrainer, MatrixKernel, TrainerSettings};
 
 fn teacher() -> HarmonicField {
     let mesh = ReferencePart::Teapot.mesh();
@@ -72,8 +71,9 @@ fn every_device() -> [Gpu; 2] {
 fn engine(gpu: &Gpu, settings: &TeachSettings, teacher: &HarmonicField, state: &FactoredState) -> GpuTrainer {
     let stack = settings.shape(teacher.axis_count()).stack();
     let TrainingPlan { adam, loss, .. } = settings.plan;
-    let batch = settings.batch(teacher);
-    GpuTrainer::of_stack(gpu, stack, adam, loss, batch, &state.training, Factors::Single).expect("an engine")
+    let learning =
+        TrainerSettings { adam, loss, optimiser: settings.optimiser, ..TrainerSettings::default() };
+    GpuTrainer::of_stack(gpu, stack, &learning, settings.batch(teacher), &state.training).expect("an engine")
 }
 
 #[test]
@@ -138,17 +138,9 @@ fn the_gradient_is_the_definitions() {
             let (value, expected) = loss_and_gradient(&shape, &parameters, &rows, &wide(&targets), loss);
             let scale = expected.iter().fold(0.0f64, |top, g| top.max(g.abs()));
             for gpu in every_device() {
-                let (adam, stack) = (AdamConfig::default(), shape.stack());
-                let mut trainer = GpuTrainer::of_stack(
-                    &gpu,
-                    stack,
-                    adam,
-                    loss,
-                    count + 9,
-                    &state.training,
-                    Factors::Single,
-                )
-                .unwrap();
+                let learning = TrainerSettings { loss, ..TrainerSettings::default() };
+                let mut trainer =
+                    GpuTrainer::of_stack(&gpu, shape.stack(), &learning, count + 9, &state.training).unwrap();
                 trainer.fill_scratch(f32::NAN).unwrap();
                 let (found_value, found) = trainer.loss_and_gradient(&inputs, &targets).unwrap();
                 let name = format!("{shape:?}, {loss:?}, {}", gpu.matrix_kernel().name());
@@ -169,36 +161,33 @@ fn teaching_reaches_the_cpus_error_and_goes_on_to_the_same_bits() {
     let teacher = teacher();
     let gpu = adapter::open();
     let axes = teacher.axis_count();
-    let all = settings(300);
-    let run = |stop: bool| {
-        let mut state = all.start(axes);
-        let mut told = 0.0;
-        if stop {
-            // Asked to stop wherever the observer is told something: twice.
-            let cancelled = std::sync::atomic::AtomicBool::new(true);
-            let control = Control { cancelled: &cancelled, ..Control::quiet() };
-            for _ in 0..2 {
-                let mut engine = engine(&gpu, &all, &teacher, &state);
-                teach_on(&teacher, &all, &mut state, &mut engine, control, &mut |_| {}).unwrap();
+    for optimiser in [Optimiser::Adam, Optimiser::Muon(MuonConfig::default())] {
+        let all = TeachSettings { optimiser, ..settings(300) };
+        let run = |stop: bool| {
+            let mut state = all.start(axes);
+            let mut told = 0.0;
+            if stop {
+                // Asked to stop wherever the observer is told something: twice.
+                let cancelled = std::sync::atomic::AtomicBool::new(true);
+                let control = Control { cancelled: &cancelled, ..Control::quiet() };
+                for _ in 0..2 {
+                    let mut engine = engine(&gpu, &all, &teacher, &state);
+                    teach_on(&teacher, &all, &mut state, &mut engine, control, &mut |_| {}).unwrap();
+                }
+                assert!(state.training.step > 0 && state.training.step < 300, "{}", state.training.step);
             }
-            assert!(state.training.step > 0 && state.training.step < 300, "{}", state.training.step);
-        }
-        let mut engine = engine(&gpu, &all, &teacher, &state);
-        let mut observe = |report: &imf_core::training::run::Report| told = report.mean_loss;
-        teach_on(&teacher, &all, &mut state, &mut engine, Control::quiet(), &mut observe).unwrap();
-        (state.training.parameters, told)
-    };
-    let (parameters, told) = run(false);
-    assert!(run(true).0 == parameters, "stopped on the way, it ended elsewhere");
-    let mut state = all.start(axes);
-    let mut of_cpu = 0.0;
-    teach(&teacher, &all, &mut state, Control::quiet(), &mut |report| of_cpu = report.mean_loss).unwrap();
-    println!("GPU {told:.2e}, CPU {of_cpu:.2e}");
-    // Roundings part the two a little more with every step.
-    assert!((told / of_cpu - 1.0).abs() < 0.1, "{told} on the GPU, {of_cpu} on the CPU");
-
-    let muon = TeachSettings { optimiser: Optimiser::Muon(MuonConfig::default()), ..all };
-    let mut engine = engine(&gpu, &all, &teacher, &state);
-    let refused = teach_on(&teacher, &muon, &mut state, &mut engine, Control::quiet(), &mut |_| {});
-    assert!(refused.unwrap_err().to_string().contains("on the CPU alone"));
+            let mut engine = engine(&gpu, &all, &teacher, &state);
+            let mut observe = |report: &imf_core::training::run::Report| told = report.mean_loss;
+            teach_on(&teacher, &all, &mut state, &mut engine, Control::quiet(), &mut observe).unwrap();
+            (state.training, told)
+        };
+        let (training, told) = run(false);
+        assert!(run(true).0 == training, "{optimiser:?}: stopped on the way, it ended elsewhere");
+        let mut state = all.start(axes);
+        let mut of_cpu = 0.0;
+        teach(&teacher, &all, &mut state, Control::quiet(), &mut |report| of_cpu = report.mean_loss).unwrap();
+        println!("{optimiser:?}: GPU {told:.2e}, CPU {of_cpu:.2e}");
+        // Roundings part the two a little more with every step.
+        assert!((told / of_cpu - 1.0).abs() < 0.1, "{optimiser:?}: {told} on the GPU, {of_cpu} on the CPU");
+    }
 }

@@ -7,7 +7,7 @@ use imf_core::siren::reference::loss_and_gradient;
 use imf_core::siren::{INPUTS, SirenShape};
 use imf_core::training::{AdamConfig, EngineError, Loss, Precision, TrainingEngine, TrainingState};
 use imf_gpu::shader::Factors;
-use imf_gpu::{Gpu, GpuTrainer, MatrixKernel};
+use imf_gpu::{Gpu, GpuTrainer, MatrixKernel, TrainerSettings};
 
 const SHAPE: SirenShape = SirenShape { width: 64, hidden: 3, skip_after: Some(1), omega: 10.0 };
 
@@ -47,8 +47,8 @@ fn samples(count: usize, first: usize) -> (Vec<f32>, Vec<f32>) {
 
 fn trainer(gpu: &Gpu, factors: Factors, batch: usize) -> GpuTrainer {
     let state = TrainingState::new(&SHAPE, 3);
-    GpuTrainer::of_stack(gpu, SHAPE.stack(), AdamConfig::default(), Loss::L1, batch, &state, factors)
-        .expect("a trainer")
+    let settings = TrainerSettings { factors, ..TrainerSettings::default() };
+    GpuTrainer::of_stack(gpu, SHAPE.stack(), &settings, batch, &state).expect("a trainer")
 }
 
 #[test]
@@ -129,8 +129,8 @@ fn precisions_are_refused_by_name_and_unopened_devices_too() {
     // What a user's f16 is: opened anew, proven, and said.
     let trainer = make(Precision::F16).unwrap();
     assert!(trainer.describe().contains("products in f16"), "{}", trainer.describe());
-    let adam = AdamConfig::default();
-    let unopened = GpuTrainer::of_stack(&gpu, SHAPE.stack(), adam, Loss::L1, 8, &state, Factors::Half);
+    let settings = TrainerSettings { factors: Factors::Half, ..TrainerSettings::default() };
+    let unopened = GpuTrainer::of_stack(&gpu, SHAPE.stack(), &settings, 8, &state);
     let Err(EngineError::Device(text)) = unopened else { panic!("the device was not opened for f16") };
     assert!(text.contains("not opened"), "{text}");
 }

@@ -6,7 +6,10 @@ use std::mem::offset_of;
 use imf_gpu::shader::{
     FRAGMENTS_MEMORY, Factors, Fragment, LINEAR_GROUP, MatrixKernel, REGISTER_GROUP, Shader, TILED_GROUP,
 };
-use imf_gpu::uniforms::{Batch, Counting, Descent, Job, Layer, Placement, Step, Sweep, World};
+use imf_gpu::uniforms::{
+    Batch, Counting, Descent, Harmonics, Job, Lattice, Layer, Muon, MuonMatrix, Placement, Span, Step, Sweep,
+    Thresholds, World,
+};
 use naga::valid::{Capabilities, ModuleInfo, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 
@@ -86,13 +89,23 @@ fn expected_bindings(shader: Shader) -> &'static str {
         Shader::LossSum | Shader::Reduce => "uurw",
         Shader::WeightGradient => "uurrw",
         Shader::BiasGradient => "uurw",
-        Shader::Adam => "urwww",
+        Shader::Adam => "uurwww",
+        Shader::MuonMomentum => "urrwww",
+        Shader::MuonScale => "urw",
+        Shader::MuonGram | Shader::MuonPolynomial => "urw",
+        Shader::MuonTurn => "urrw",
+        Shader::MuonUpdate => "uurrw",
         Shader::Outputs => "uuurw",
         Shader::Minimum => "urww",
         Shader::RowMinimum => "uuurww",
-        Shader::PoseInputs => "uuurw",
+        Shader::PoseInputs | Shader::PosePoints => "uuurw",
         Shader::PoseValues => "uuurrww",
         Shader::PoseGradient => "uuuurrrrrw",
+        Shader::HarmonicValues => "uuurrrw",
+        Shader::HarmonicSlopes => "uuurrrwww",
+        Shader::VoxelCoefficients => "uuuurrw",
+        Shader::PoseDescent | Shader::VoxelDescent => "uuuurrrrw",
+        Shader::PoseDecisions => "uuurrw",
         Shader::CountDifferences => "urrrrw",
         Shader::CountTotals => "urw",
         Shader::CountSections => "urrw",
@@ -163,8 +176,14 @@ fn uniform_blocks_have_the_same_size_and_offsets_in_rust_and_wgsl() {
             Step: inverse_count, scale, learnt, loss, slot, first, learning_rate, beta1, one_minus_beta1, beta2, one_minus_beta2,
             correction1, correction2, epsilon, weight_decay
         ),
+        block!(Span: first, end),
+        block!(Muon: rows, columns, momentum, one_minus_momentum),
+        block!(MuonMatrix: weights, columns, length),
         block!(World: low, high, origin, size),
         block!(Descent: first_weights, first_stride, neurons, skip_weights, skip_stride, skip_neurons),
+        block!(Harmonics: degree, stride),
+        block!(Lattice: nx, ny, nz, stride, columns, pitch),
+        block!(Thresholds: free_up_to, blocked_from),
         block!(Sweep: base, points, directions, first_direction),
         block!(
             Counting: planes, lead_bits, plane_bits, line_bits, jobs, groups, lines, lower_x, lower_y, lower_z, nx, ny,

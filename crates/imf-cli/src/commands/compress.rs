@@ -8,13 +8,13 @@ use anyhow::{Context as _, Result, bail, ensure};
 use imf_core::atomic_file::remove_all_leftovers;
 use imf_core::control::Control;
 use imf_core::factored::file::FactoredFile;
-use imf_core::factored::{FactoredField, FactoredState, Optimiser, TeachSettings, teach, teach_on};
+use imf_core::factored::{FactoredField, FactoredState, TeachSettings, teach, teach_on};
 use imf_core::harmonic::HarmonicField;
 use imf_core::harmonic::coefficients::Precision;
 use imf_core::harmonic::file::HarmonicFile;
 use imf_core::training::run::{Outcome, Report};
 use imf_gpu::shader::Factors;
-use imf_gpu::{Gpu, GpuTrainer};
+use imf_gpu::{Gpu, GpuTrainer, TrainerSettings};
 use serde_json::json;
 
 use super::calibrate;
@@ -38,10 +38,6 @@ pub(crate) fn run(session: &Session, arguments: &CompressArguments) -> Result<()
         teach = TeachSettings { width, hidden, omega, ..teach };
     }
     let device = Device::open(&arguments.device, session)?;
-    ensure!(
-        matches!(device, Device::Cpu) || teach.optimiser == Optimiser::Adam,
-        "Muon is computed on the CPU alone: add --adam to teach on another device"
-    );
     prepare_folder(&arguments.out)?;
     let teacher = HarmonicFile::read(&arguments.field)?;
     let settings = Settings {
@@ -235,8 +231,13 @@ fn trainer_on(
     state: &FactoredState,
 ) -> Result<GpuTrainer> {
     let (stack, plan) = (settings.shape(teacher.axis_count()).stack(), settings.plan);
-    let (batch, state) = (settings.batch(teacher), &state.training);
-    Ok(GpuTrainer::of_stack(gpu, stack, plan.adam, plan.loss, batch, state, Factors::Single)?)
+    let learning = TrainerSettings {
+        adam: plan.adam,
+        loss: plan.loss,
+        optimiser: settings.optimiser,
+        factors: Factors::Single,
+    };
+    Ok(GpuTrainer::of_stack(gpu, stack, &learning, settings.batch(teacher), &state.training)?)
 }
 
 fn report(session: &Session, path: &Path, file: &FactoredFile, loss: f64) -> Result<()> {

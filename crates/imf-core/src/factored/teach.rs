@@ -131,10 +131,10 @@ pub fn teach(
 }
 
 /// As [`teach`], on an engine that continues from `state`, such as a GPU's: made for the stack of
-/// [`TeachSettings::shape`] and batches of [`TeachSettings::batch`], with Adam for every weight.
+/// [`TeachSettings::shape`] and batches of [`TeachSettings::batch`], with the settings' optimiser.
 ///
 /// # Errors
-/// As [`teach`]; another optimiser, which only the CPU has.
+/// As [`teach`].
 pub fn teach_on(
     teacher: &HarmonicField,
     settings: &TeachSettings,
@@ -144,9 +144,6 @@ pub fn teach_on(
     observer: &mut dyn FnMut(&Report),
 ) -> Result<Outcome, TrainError> {
     settings.check()?;
-    if settings.optimiser != Optimiser::Adam {
-        return Err(TrainError::Plan("Muon is computed on the CPU alone".into()));
-    }
     let (outcome, cursor) = run(teacher, settings, state.cursor, engine, control, observer)?;
     *state = FactoredState { training: engine.state()?, cursor };
     Ok(outcome)

@@ -71,12 +71,20 @@ impl SphereBasis {
     }
 
     /// `Q_mm`.
-    pub(crate) fn sectoral(&self, m: usize) -> f64 {
+    ///
+    /// # Panics
+    /// If m is beyond the degree.
+    #[must_use]
+    pub fn sectoral(&self, m: usize) -> f64 {
         self.sectoral[m]
     }
 
     /// `(a, b)` of `Q_lm = a (z Q_(l−1)m − b Q_(l−2)m)` for l > m.
-    pub(crate) fn step(&self, l: usize, m: usize) -> (f64, f64) {
+    ///
+    /// # Panics
+    /// If l or m is beyond the degree.
+    #[must_use]
+    pub fn step(&self, l: usize, m: usize) -> (f64, f64) {
         self.steps[l * (l + 1) / 2 + m]
     }
 

@@ -105,7 +105,10 @@ impl CpuTrainer {
     }
 
     /// As [`CpuTrainer::new`], of any stack.
-    pub(crate) fn of_stack(
+    ///
+    /// # Errors
+    /// As [`CpuTrainer::new`].
+    pub fn of_stack(
         stack: Stack,
         adam: AdamConfig,
         loss: Loss,
@@ -194,8 +197,8 @@ impl CpuTrainer {
         Ok(self)
     }
 
-    /// Leaves the matrices between hidden layers to Muon.
-    pub(crate) fn use_muon(&mut self, config: MuonConfig) {
+    /// Leaves the matrices between hidden layers to Muon, whose momentum stands in the place of their first moments.
+    pub fn use_muon(&mut self, config: MuonConfig) {
         let Stack { inputs, width, .. } = self.plan.stack;
         self.muon = Some(Muon::new(config, width, width + inputs));
     }

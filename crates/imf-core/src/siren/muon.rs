@@ -30,11 +30,11 @@ impl Default for MuonConfig {
 }
 
 /// Coefficients a, b, c of the iteration.
-const QUINTIC: [f32; 3] = [3.4445, -4.7750, 2.0315];
+pub const QUINTIC: [f32; 3] = [3.4445, -4.7750, 2.0315];
 /// Iterations: singular values end near 1, between about 0.7 and 1.2.
-const STEPS: usize = 5;
+pub const STEPS: usize = 5;
 /// A step's root mean square over the learning rate.
-const LENGTH: f32 = 0.2;
+pub const LENGTH: f32 = 0.2;
 /// Rows of a product that one thread does; fixed, so that threads change no bit.
 const ROWS: usize = 64;
 

@@ -4,9 +4,9 @@
 //! gradient of a small network is taken both ways first: by matrix units, and by plain products of the same f16.
 
 use imf_core::siren::{INPUTS, SirenShape};
-use imf_core::training::{AdamConfig, EngineError, Loss, TrainingState};
+use imf_core::training::{EngineError, Loss, TrainingState};
 
-use super::GpuTrainer;
+use super::{GpuTrainer, TrainerSettings};
 use crate::device::Gpu;
 use crate::shader::{Factors, MatrixKernel};
 
@@ -38,8 +38,8 @@ fn agree(gpu: &Gpu, units: Factors) -> Result<bool, EngineError> {
     let inputs: Vec<f32> = (0..INPUTS * ROWS).map(|i| (i as f32 * 0.618_034).fract() * 2.0 - 1.0).collect();
     let targets: Vec<f32> = (0..ROWS).map(|i| (i as f32 * 0.618_034).fract()).collect();
     let gradient = |factors| {
-        let adam = AdamConfig::default();
-        let mut trainer = GpuTrainer::of_stack(gpu, SHAPE.stack(), adam, Loss::L2, ROWS, &state, factors)?;
+        let settings = TrainerSettings { loss: Loss::L2, factors, ..TrainerSettings::default() };
+        let mut trainer = GpuTrainer::of_stack(gpu, SHAPE.stack(), &settings, ROWS, &state)?;
         Ok::<_, EngineError>(trainer.loss_and_gradient(&inputs, &targets)?.1)
     };
     let (plain, found) = (gradient(Factors::Half)?, gradient(units)?);

@@ -1,0 +1,96 @@
+//! Poses through a factored field: its network gives a point's coefficients, `planner/turns.rs` what they are worth at a
+//! direction.
+//!
+//! ```text
+//! poses → points → forward (keeps slopes) → coefficients → values, ∂/∂d → Δ → backward → ∂/∂x
+//! ```
+
+use imf_core::factored::FactoredField;
+use imf_core::training::EngineError;
+
+use super::Asked;
+use super::network::{Frame, TwoWay};
+use super::turns::{Coefficients, Functions, Turns};
+use crate::device::Gpu;
+use crate::factored::GpuFactored;
+use crate::kernel::{Bound, Kernel, uniform};
+use crate::shader::Shader;
+
+/// A factored field of a tool of revolution.
+pub(super) struct FactoredPasses {
+    pub(super) two_way: TwoWay,
+    /// Minima over orientations.
+    pub(super) minimum: GpuFactored,
+    turns: Turns,
+    points: Kernel,
+    descend: Kernel,
+    descent: wgpu::Buffer,
+}
+
+/// The kernels bound to the buffers of a call.
+pub(super) struct FactoredCall {
+    points: Bound,
+    values: Bound,
+    descend: Option<Bound>,
+}
+
+impl FactoredPasses {
+    pub(super) fn new(gpu: &Gpu, field: &FactoredField) -> Result<Self, EngineError> {
+        let FactoredField { basis, axes, mean, scale, .. } = field;
+        let functions = Functions { basis, axes, mean, scale: *scale };
+        functions.check()?;
+        let columns = functions.columns(gpu.matrix_kernel().padding());
+        let two_way = TwoWay::new(gpu, field.shape.stack(), &field.parameters, columns)?;
+        let TwoWay { network, rows, results, deltas, .. } = &two_way;
+        let last = network.layout.layers.len() - 1;
+        let at = Coefficients {
+            batch: &network.batch,
+            rows: *rows,
+            axes: network.layout.layers[last].outputs,
+            values: results,
+            slopes: &deltas[last],
+        };
+        Ok(Self {
+            minimum: GpuFactored::new(gpu, field)?,
+            turns: Turns::new(gpu, functions, &at)?,
+            points: Kernel::new(gpu, Shader::PosePoints)?,
+            descend: Kernel::new(gpu, Shader::PoseDescent)?,
+            descent: uniform(gpu, "descent", &two_way.descent().0)?,
+            two_way,
+        })
+    }
+
+    pub(super) fn bind(&self, frame: &Frame, asked: Asked<'_>) -> FactoredCall {
+        let Frame { gpu, world, sweep } = frame;
+        let Asked { poses, values, gradients } = asked;
+        let TwoWay { network, samples, deltas, .. } = &self.two_way;
+        let batch = &network.batch;
+        FactoredCall {
+            points: self.points.bind(gpu, &[batch, world, sweep, poses, samples]),
+            values: self.turns.bind(frame, asked),
+            descend: gradients.map(|gradients| {
+                let (parameters, first) = (&network.parameters, &deltas[0]);
+                let front = [batch, world, sweep, &self.descent, parameters, first];
+                self.descend.bind(gpu, &[&front[..], &[poses, values, gradients]].concat())
+            }),
+        }
+    }
+
+    pub(super) fn record(
+        &self,
+        call: &FactoredCall,
+        pass: &mut wgpu::ComputePass<'_>,
+        rows: usize,
+        padded_rows: usize,
+        limit: u32,
+    ) {
+        call.points.linear(pass, rows, limit);
+        self.two_way.record_forward(pass, padded_rows, limit);
+        self.turns.record(&call.values, pass, rows, padded_rows, limit);
+        if let Some(descend) = &call.descend {
+            self.turns.record_slopes(pass, padded_rows);
+            self.two_way.record_backward(pass, padded_rows);
+            descend.linear(pass, rows, limit);
+        }
+    }
+}

@@ -1,0 +1,56 @@
+// Purpose: as `harmonic_values.wgsl`, with the derivative by the direction, and with the functions themselves, from which the
+// way back to the point begins.
+//
+// One invocation computes every (invocations)-th row.
+//   poses      from `sweep.base`
+//   steps      see `harmonics.wgsl`
+//   weights    [padded_rows][stride], of function k in column k
+//   values     from `sweep.base`; NaN for what is no pose
+//   gradients  from `sweep.base`, two vec4 a pose, of which the second is written: ∂/∂d, tangent to the sphere at d, and 0
+//   functions  [padded_rows][stride], zeros behind the functions and for what is no pose
+
+@group(0) @binding(0) var<uniform> batch: Batch;
+@group(0) @binding(1) var<uniform> harmonics: Harmonics;
+@group(0) @binding(2) var<uniform> sweep: Sweep;
+@group(0) @binding(3) var<storage, read> poses: array<Pose>;
+@group(0) @binding(4) var<storage, read> steps: array<vec2<f32>>;
+@group(0) @binding(5) var<storage, read> weights: array<f32>;
+@group(0) @binding(6) var<storage, read_write> values: array<f32>;
+@group(0) @binding(7) var<storage, read_write> gradients: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read_write> functions: array<f32>;
+
+var<private> row_begins: u32;
+var<private> sum: f32;
+var<private> turn: vec3<f32>;
+
+fn take(place: u32, value: f32, slope: vec3<f32>) {
+    let weight = weights[row_begins + place];
+    functions[row_begins + place] = value;
+    sum += weight * value;
+    turn += weight * slope;
+}
+
+@compute @workgroup_size(LINEAR_GROUP)
+fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    for (var row = id.x; row < batch.rows; row += groups.x * LINEAR_GROUP) {
+        let pose = poses[sweep.base + row];
+        let count = (harmonics.degree + 1u) * (harmonics.degree + 1u);
+        row_begins = row * harmonics.stride;
+        sum = bitcast<f32>(world_nan(sweep.base));
+        turn = vec3<f32>(sum);
+        var written = 0u;
+        if is_pose(pose) {
+            let axis = axis_of(pose);
+            sum = 0.0;
+            turn = vec3<f32>();
+            each_function(harmonics.degree, axis);
+            turn -= axis * dot(turn, axis);
+            written = count;
+        }
+        for (var place = written; place < harmonics.stride; place += 1u) {
+            functions[row_begins + place] = 0.0;
+        }
+        values[sweep.base + row] = sum;
+        gradients[2u * (sweep.base + row) + 1u] = vec4<f32>(turn, 0.0);
+    }
+}

@@ -1,0 +1,28 @@
+// Purpose: the points of poses as a factored field's network sees them: the grid's middle is 0, its longest edge [−1, 1].
+// Positions are held in the box of the voxel centres; what is no pose gets some point, and NaN for its value later.
+//
+// One invocation computes every (invocations)-th row.
+//   poses    from `sweep.base`
+//   samples  [rows][POINT_INPUTS]
+
+@group(0) @binding(0) var<uniform> batch: Batch;
+@group(0) @binding(1) var<uniform> world: World;
+@group(0) @binding(2) var<uniform> sweep: Sweep;
+@group(0) @binding(3) var<storage, read> poses: array<Pose>;
+@group(0) @binding(4) var<storage, read_write> samples: array<f32>;
+
+@compute @workgroup_size(LINEAR_GROUP)
+fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    for (var row = id.x; row < batch.rows; row += groups.x * LINEAR_GROUP) {
+        let pose = poses[sweep.base + row];
+        var position = world.low.xyz;
+        if is_pose(pose) {
+            position = clamp(pose.position.xyz, world.low.xyz, world.high.xyz);
+        }
+        let point = ((position - world.origin.xyz) - 0.5 * world.size.xyz) * (2.0 / longest(world.size));
+        let at = row * POINT_INPUTS;
+        samples[at] = point.x;
+        samples[at + 1u] = point.y;
+        samples[at + 2u] = point.z;
+    }
+}

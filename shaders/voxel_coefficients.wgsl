@@ -1,0 +1,31 @@
+// Purpose: a harmonic field's coefficients at the points of poses.
+//
+// One invocation computes every (invocations)-th vec4 of the coefficients.
+//   poses         from `sweep.base`
+//   voxels        [voxel][stride], as vec4
+//   coefficients  [rows][columns], zeros behind the axes
+
+@group(0) @binding(0) var<uniform> batch: Batch;
+@group(0) @binding(1) var<uniform> world: World;
+@group(0) @binding(2) var<uniform> sweep: Sweep;
+@group(0) @binding(3) var<uniform> lattice: Lattice;
+@group(0) @binding(4) var<storage, read> poses: array<Pose>;
+@group(0) @binding(5) var<storage, read> voxels: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read_write> coefficients: array<vec4<f32>>;
+
+@compute @workgroup_size(LINEAR_GROUP)
+fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let quads = lattice.columns / 4u;
+    for (var i = id.x; i < batch.rows * quads; i += groups.x * LINEAR_GROUP) {
+        let quad = i % quads;
+        var sum = vec4<f32>();
+        if 4u * quad < lattice.stride {
+            let cell = cell_of(poses[sweep.base + i / quads]);
+            for (var corner = 0u; corner < 8u; corner += 1u) {
+                let weight = corner_weights(cell, corner);
+                sum += weight.x * weight.y * weight.z * voxels[corner_begins(cell, corner) / 4u + quad];
+            }
+        }
+        coefficients[i] = sum;
+    }
+}
