@@ -3,12 +3,13 @@
     python bench/interchange.py IMF [FOLDER]
 
 IMF is the command to test. In FOLDER (a temporary one unless given) a few small fields are made of the built-in bracket:
-a trained network, a harmonic and a factored field; sections as .vti and .npy. Then
+a trained network, a harmonic and a factored field, of overlaps and of signed depths; sections as .vti and .npy. Then
   onnxruntime  runs `imf export`'s graphs, after onnx's checker has passed them,
   PyTorch      runs the models as docs/imf_torch.py loads them, also its gradients (against differences of imf's values),
+  NumPy        evaluates a harmonic field from its .npz, at voxel centres,
   VTK          reads the .vti and must have every value of the .npy of the same name.
 The poses are random in the box of the voxel centres; values are compared with those that `imf query` prints. Prints Markdown;
-ends with 1 where a difference is above TOLERANCE.
+ends with 1 where a difference is above TOLERANCE of the largest value that the field's quantity can have.
 """
 
 import csv
@@ -60,15 +61,23 @@ def run(imf: str, *arguments: str, text: str | None = None) -> str:
 
 def make(imf: str, work: pathlib.Path) -> dict[str, pathlib.Path]:
     """A field of each family, and sections."""
-    run(imf, "field", *SCENE, "--orientations", "0,0;40,70", "--method", "harmonic", "--degree", "8", "--save",
-        work / "harmonic.safetensors", "--out", work / "sections")
+    run(imf, "field", *SCENE, "--orientations", "0,0;40,70", "--method", "harmonic", "--degree", "8", "--single",
+        "--save", work / "harmonic.safetensors", "--out", work / "sections")
     run(imf, "compress", work / "harmonic.safetensors", "--out", work / "factored", "--epochs", "5")
     run(imf, "dataset", *SCENE, "--orientations", "fibonacci:20", "--out", work / "samples")
     run(imf, "train", work / "samples", "--out", work / "model", "--steps", "200", "--device", "cpu")
+    deep = [*SCENE, "--method", "harmonic", "--quantity", "depth", "--degree", "8", "--single"]
+    run(imf, "field", *deep, "--no-calibrate", "--save", work / "harmonic-depth.safetensors")
+    run(imf, "compress", work / "harmonic-depth.safetensors", "--out", work / "factored-depth", "--epochs", "5")
+    # The same fits once more: they give the same fields.
+    run(imf, "field", *deep, "--save", work / "harmonic-depth.npz")
+    run(imf, "field", *SCENE, "--method", "harmonic", "--degree", "8", "--single", "--save", work / "harmonic.npz")
     return {
         "siren5": work / "model/model.safetensors",
         "harmonic": work / "harmonic.safetensors",
         "factored": work / "factored/field.safetensors",
+        "harmonic-depth": work / "harmonic-depth.safetensors",
+        "factored-depth": work / "factored-depth/field.safetensors",
     }
 
 
@@ -91,7 +100,7 @@ def query(imf: str, field: pathlib.Path, position: np.ndarray, turned: np.ndarra
     lines.writerow(columns)
     lines.writerows([repr(float(v)) for v in row] for row in np.hstack([position, turned]))
     answers = run(imf, "query", field, "-", "--device", "cpu", "--quiet", text=text.getvalue())
-    return np.array([float(row["overlap"]) for row in csv.DictReader(io.StringIO(answers))])
+    return np.array([float(list(row.values())[-1]) for row in csv.DictReader(io.StringIO(answers))])
 
 
 def compare(imf: str, name: str, field: pathlib.Path, work: pathlib.Path) -> float:
@@ -106,13 +115,34 @@ def compare(imf: str, name: str, field: pathlib.Path, work: pathlib.Path) -> flo
     turned = angles if "angles" in [value.name for value in session.get_inputs()] else direction
     expected = query(imf, field, position, turned)
     inputs = {"position": position, ("angles" if turned is angles else "direction"): turned}
-    found = session.run(["overlap"], {key: value.astype(np.float32) for key, value in inputs.items()})[0]
-    worst = report(name, "onnxruntime", found, expected)
-    if name != "harmonic":
+    found = session.run([about["imf.quantity"]], {key: value.astype(np.float32) for key, value in inputs.items()})[0]
+    # A depth is a length: eight pitches at most.
+    depth = about["imf.quantity"] == "depth"
+    unit = 8 * float(about["imf.pitch"]) if depth else 1.0
+    worst = report(name, "onnxruntime", found, expected) / unit
+    if not name.startswith("harmonic"):
         with torch.no_grad():
-            found = imf_torch.load(field)(torch.tensor(position), torch.tensor(turned)).numpy()
-        worst = max(worst, report(name, "PyTorch", found, expected))
+            loaded = imf_torch.load(field)
+            assert loaded.depth == depth, "a field of depth is not known as one"
+            found = loaded(torch.tensor(position), torch.tensor(turned)).numpy()
+        worst = max(worst, report(name, "PyTorch", found, expected) / unit)
+    else:
+        worst = max(worst, arrays(imf, name, field, depth, direction) / unit)
     return worst
+
+
+def arrays(imf: str, name: str, field: pathlib.Path, depth: bool, direction: np.ndarray) -> float:
+    """A harmonic field by its arrays, at random voxel centres."""
+    saved = np.load(field.with_suffix(".npz"))
+    assert bool(saved["depth"][0]) == depth, "the arrays do not say what they are of"
+    dims = saved["coefficients"].shape[:3]
+    voxel = np.stack([np.random.default_rng(3).integers(0, n, POSES) for n in dims], axis=1)
+    functions = imf_torch.harmonics(torch.tensor(direction), int(saved["degree"][0])).numpy()
+    along = saved["coefficients"][tuple(voxel.T)]
+    found = np.sum(functions * (saved["mean"] + along @ saved["axes"].T), axis=1)
+    found = found if depth else found.clip(0, 1)
+    position = saved["origin"] + (voxel + 0.5) * saved["pitch"]
+    return report(name, "NumPy", found, query(imf, field, position, direction))
 
 
 def report(name: str, reader: str, found: np.ndarray, expected: np.ndarray) -> float:

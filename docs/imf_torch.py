@@ -7,7 +7,9 @@
     field = load("small/field.safetensors")             # what `imf compress` wrote
     overlap = field(position, direction)                # [n, 3] of the tool's axis from tip to holder, of any length
 
-`overlap` is the share of the tool's volume inside the part, at the tip's position. Needs torch and safetensors.
+`overlap` is the share of the tool's volume inside the part, at the tip's position. A field of depth (`field.depth` is true)
+answers depths instead: how far the tool must be moved to be free, below zero how far it may be moved, in the scene's unit,
+held within eight pitches. Needs torch and safetensors.
 """
 
 import json
@@ -31,6 +33,8 @@ def load(path):
 
 class Siren5(torch.nn.Module):
     """The paper's network: sines of five inputs in [-1, 1], the inputs again behind one layer, a sigmoid at the end."""
+
+    depth = False
 
     def __init__(self, about, tensors):
         super().__init__()

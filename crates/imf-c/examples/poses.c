@@ -2,8 +2,8 @@
  *
  *     poses FIELD.safetensors < poses.txt
  *
- * Every line of the input is a pose: x y z of the tool's tip and i j k of its axis, from tip to holder. Every line of the
- * output answers one: the model's value and its gradient by position and by direction, the exact value, whether the
+ * Every line of the input is a pose: x y z of the tool's tip and i j k of its axis, from tip to holder. The first line of
+ * the output says what the model's values are and how far they go. Every further line answers a pose: the model's value and its gradient by position and by direction, the exact overlap, whether the
  * pose is proven free, and which of all poses' orientations is best at its point with the measure there. A last line tells
  * of the straight motion from the first to the last pose.
  *
@@ -50,6 +50,11 @@ int main(int count_of_arguments, char **arguments) {
     ImfField *guarded = NULL, *exact = NULL;
     require(imf_open_guarded(arguments[1], &guarded));
     require(imf_open_exact(arguments[1], &exact));
+
+    ImfInfo info;
+    require(imf_info(guarded, &info));
+    printf("%s %.9g %.9g\n", info.quantity == IMF_QUANTITY_DEPTH ? "depth" : "overlap", info.bounds[0],
+           info.bounds[1]);
 
     size_t count = 0, capacity = 64;
     ImfPose *poses = room(capacity, sizeof *poses);

@@ -46,6 +46,15 @@ typedef enum {
   IMF_STATUS_DEFECT = 6,
 } ImfStatus;
 
+// What a field's values are. Either falls towards freedom.
+typedef enum {
+  // The share of the tool's volume that lies in the obstacle, 0 to 1.
+  IMF_QUANTITY_OVERLAP = 0,
+  // How far the tool must be moved to be free, in the scene's unit; below 0 how far it may be moved. Held within eight
+  // pitches.
+  IMF_QUANTITY_DEPTH = 1,
+} ImfQuantity;
+
 // Whether the tool collides.
 typedef enum {
   // It does not.
@@ -92,11 +101,15 @@ typedef struct {
   double clearance[3];
   // True where the file has thresholds for the model's own decisions: without, it answers near.
   bool calibrated;
+  // What its values are. An exact field's are overlaps, whatever its file's are.
+  ImfQuantity quantity;
+  // What no exact value of that quantity lies below and above; a model's may a little, by its error.
+  double bounds[2];
 } ImfInfo;
 
 // A value and how it changes.
 typedef struct {
-  // The overlap, not clipped: a model's may lie a little outside 0 to 1.
+  // The overlap, not clipped: a model's may lie a little outside 0 to 1. Of a field of depth the depth (ImfInfo.quantity).
   float value;
   // Change for a move of the tip by one unit of length.
   float position[3];
@@ -108,7 +121,7 @@ typedef struct {
 
 // The best way to reach a point.
 typedef struct {
-  // The least collision measure, in 0 to 1; NaN for a point that is not finite.
+  // The least collision measure, in 0 to 1, or the least depth (ImfInfo.quantity); NaN for a point that is not finite.
   float value;
   // Its orientation, by its place in the list: the first of equals, one that is decided free before all others.
   uint32_t orientation;
@@ -192,7 +205,8 @@ ImfStatus imf_info(const ImfField *field, ImfInfo *info);
 // field is NULL, or was opened, not closed yet, and is asked by no thread any more.
 void imf_close(ImfField *field);
 
-// The overlap, 0 to 1, of every pose: the share of the tool's volume that lies in the obstacle. NaN for what is no pose.
+// The overlap, 0 to 1, of every pose: the share of the tool's volume that lies in the obstacle; of a field of depth the depth
+// (ImfInfo.quantity). NaN for what is no pose.
 //
 // # Safety
 // field was opened and not closed; there are count poses, and room for as many values.
@@ -201,8 +215,8 @@ ImfStatus imf_query(const ImfField *field,
                     size_t count,
                     float *values);
 
-// Overlaps with their derivatives. Those of an exact field, whose values are steps, are differences over a voxel's
-// width.
+// The values of imf_query, but overlaps not clipped, with their derivatives. Those of an exact field, whose values are steps,
+// are differences over a voxel's width.
 //
 // # Safety
 // field was opened and not closed; there are count poses, and room for as many gradients.

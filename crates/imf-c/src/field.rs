@@ -7,9 +7,11 @@ use imf_core::calibration::Calibration;
 use imf_core::field::ExactField;
 use imf_core::planner::{GuardedField, LoadError, NeuralField, PoseField};
 use imf_core::scene::Scene;
+use imf_core::section::Quantity;
 use imf_core::stored::StoredField;
 
 use crate::boundary::{ImfStatus, Places, Refusal, call, path, read_one};
+use crate::values::ImfQuantity;
 
 /// A field, opened from a file.
 pub struct ImfField {
@@ -40,10 +42,19 @@ pub struct ImfInfo {
     pub clearance: [f64; 3],
     /// True where the file has thresholds for the model's own decisions: without, it answers near.
     pub calibrated: bool,
+    /// What its values are. An exact field's are overlaps, whatever its file's are.
+    pub quantity: ImfQuantity,
+    /// What no exact value of that quantity lies below and above; a model's may a little, by its error.
+    pub bounds: [f64; 2],
 }
 
 impl ImfField {
     fn new(kind: Kind, scene: &Scene, calibration: Option<&Calibration>) -> Self {
+        let quantity = match &kind {
+            Kind::Neural(field) => field.quantity(),
+            Kind::Guarded(field) => field.model().quantity(),
+            Kind::Exact(_) => Quantity::Overlap,
+        };
         let record = &scene.record;
         let grid = record.grid;
         let clearance = record.clearance;
@@ -54,6 +65,8 @@ impl ImfField {
             unit_in_mm: record.unit.in_mm(),
             clearance: [clearance.holder, clearance.shank, clearance.cutter],
             calibrated: calibration.is_some(),
+            quantity: quantity.into(),
+            bounds: quantity.bounds(grid.pitch),
         };
         Self { kind, info }
     }

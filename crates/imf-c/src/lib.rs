@@ -41,4 +41,6 @@ pub use field::{
     imf_open_neural,
 };
 pub use query::{imf_best, imf_classify, imf_free_along, imf_query, imf_query_with_gradient};
-pub use values::{ImfBest, ImfDecision, ImfGradient, ImfPassage, ImfPassageKind, ImfPose, imf_pose_along};
+pub use values::{
+    ImfBest, ImfDecision, ImfGradient, ImfPassage, ImfPassageKind, ImfPose, ImfQuantity, imf_pose_along,
+};

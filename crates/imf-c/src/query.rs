@@ -53,7 +53,8 @@ unsafe fn each<T: Copy, C: Copy + From<T>>(
     })
 }
 
-/// The overlap, 0 to 1, of every pose: the share of the tool's volume that lies in the obstacle. NaN for what is no pose.
+/// The overlap, 0 to 1, of every pose: the share of the tool's volume that lies in the obstacle; of a field of depth the depth
+/// (ImfInfo.quantity). NaN for what is no pose.
 ///
 /// # Safety
 /// field was opened and not closed; there are count poses, and room for as many values.
@@ -68,8 +69,8 @@ pub unsafe extern "C" fn imf_query(
     unsafe { each(field, poses, count, values, "values", 0.0_f32, |f, p, v| f.poses().query(p, v)) }
 }
 
-/// Overlaps with their derivatives. Those of an exact field, whose values are steps, are differences over a voxel's
-/// width.
+/// The values of imf_query, but overlaps not clipped, with their derivatives. Those of an exact field, whose values are steps,
+/// are differences over a voxel's width.
 ///
 /// # Safety
 /// field was opened and not closed; there are count poses, and room for as many gradients.

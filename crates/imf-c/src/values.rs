@@ -2,6 +2,7 @@
 
 use glam::{Quat, Vec3};
 use imf_core::planner::{Best, Decision, Gradient, Passage, Pose, rotation_along};
+use imf_core::section::Quantity;
 
 /// Where the tool is.
 #[repr(C)]
@@ -26,11 +27,22 @@ pub enum ImfDecision {
     Near = 2,
 }
 
+/// What a field's values are. Either falls towards freedom.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImfQuantity {
+    /// The share of the tool's volume that lies in the obstacle, 0 to 1.
+    Overlap = 0,
+    /// How far the tool must be moved to be free, in the scene's unit; below 0 how far it may be moved. Held within eight
+    /// pitches.
+    Depth = 1,
+}
+
 /// A value and how it changes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImfGradient {
-    /// The overlap, not clipped: a model's may lie a little outside 0 to 1.
+    /// The overlap, not clipped: a model's may lie a little outside 0 to 1. Of a field of depth the depth (ImfInfo.quantity).
     pub value: f32,
     /// Change for a move of the tip by one unit of length.
     pub position: [f32; 3],
@@ -44,7 +56,7 @@ pub struct ImfGradient {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImfBest {
-    /// The least collision measure, in 0 to 1; NaN for a point that is not finite.
+    /// The least collision measure, in 0 to 1, or the least depth (ImfInfo.quantity); NaN for a point that is not finite.
     pub value: f32,
     /// Its orientation, by its place in the list: the first of equals, one that is decided free before all others.
     pub orientation: u32,
@@ -110,6 +122,15 @@ impl From<Decision> for ImfDecision {
             Decision::Free => Self::Free,
             Decision::Blocked => Self::Blocked,
             Decision::Near => Self::Near,
+        }
+    }
+}
+
+impl From<Quantity> for ImfQuantity {
+    fn from(quantity: Quantity) -> Self {
+        match quantity {
+            Quantity::Overlap => Self::Overlap,
+            Quantity::Depth => Self::Depth,
         }
     }
 }

@@ -1,15 +1,21 @@
-//! The command line: what can be said, with an example for each command.
+//! The command line: the commands, what all of them can be told, and what the small ones and the trainings are asked; what the
+//! others are asked has a file each.
 
 pub(crate) mod access;
+pub(crate) mod bench;
 pub(crate) mod calibrate;
 pub(crate) mod check;
 pub(crate) mod clearance;
 pub(crate) mod compress;
+pub(crate) mod dataset;
+pub(crate) mod eval;
 pub(crate) mod export;
 pub(crate) mod families;
+pub(crate) mod field;
 pub(crate) mod fixture;
 pub(crate) mod harmonic;
 pub(crate) mod paper;
+pub(crate) mod query;
 pub(crate) mod query_bench;
 pub(crate) mod regime;
 pub(crate) mod scene;
@@ -17,8 +23,7 @@ pub(crate) mod transform;
 
 use std::path::PathBuf;
 
-use clap::{ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum};
-use imf_core::dataset::Share;
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use imf_core::training::schedule::RateRule;
 use imf_core::training::{Loss, Precision};
 
@@ -79,7 +84,7 @@ pub(crate) enum Command {
     Demo(DemoArguments),
     Parts(PartsArguments),
     Voxelize(VoxelizeArguments),
-    Field(FieldArguments),
+    Field(field::FieldArguments),
     Access(access::AccessArguments),
     /// Sample exact sections into a dataset for training; continues one that was interrupted
     #[command(
@@ -89,80 +94,21 @@ pub(crate) enum Command {
                       imf dataset teapot --orientations grid:15 --out share-3 --shard 3/8\n  \
                       imf dataset merge teapot-225 share-1 share-2 share-3"
     )]
-    Dataset(DatasetArguments),
+    Dataset(dataset::DatasetArguments),
     Train(TrainArguments),
     Finetune(FinetuneArguments),
     Compress(compress::CompressArguments),
     Calibrate(calibrate::CalibrateArguments),
     Regime(regime::RegimeArguments),
-    Eval(EvalArguments),
-    Query(QueryArguments),
+    Eval(eval::EvalArguments),
+    Query(query::QueryArguments),
     Export(export::ExportArguments),
     Check(check::CheckArguments),
-    Bench(BenchArguments),
+    Bench(bench::BenchArguments),
     Info(InfoArguments),
     /// List the devices that can train and evaluate
     #[command(after_help = "Example:\n  imf devices")]
     Devices,
-}
-
-/// Measure speed, beside what one would write oneself
-#[derive(Args)]
-pub(crate) struct BenchArguments {
-    #[command(subcommand)]
-    pub(crate) bench: Bench,
-}
-
-#[derive(Subcommand)]
-pub(crate) enum Bench {
-    Exact(ExactBenchArguments),
-    Families(families::FamiliesBenchArguments),
-    Paper(paper::PaperBenchArguments),
-    Query(query_bench::QueryBenchArguments),
-    Train(TrainBenchArguments),
-}
-
-/// Training steps against the matrix products' own peak and against PyTorch, by turns in one run
-#[derive(Args)]
-#[command(after_help = "Example:\n  imf bench train --python venv/bin/python --out bench-train\n\n\
-                        Writes train.json and train.md. About half a minute without PyTorch.")]
-pub(crate) struct TrainBenchArguments {
-    /// Folder to write to
-    #[arg(long, default_value = "imf-bench", value_name = "DIR")]
-    pub(crate) out: PathBuf,
-    /// Samples in a step; several with commas
-    #[arg(long, value_delimiter = ',', default_value = "1024,8192", value_name = "N")]
-    pub(crate) batch: Vec<usize>,
-    /// Neurons of every hidden layer
-    #[arg(long, default_value_t = 512, value_name = "N")]
-    pub(crate) width: usize,
-    /// What products of layers are computed in, PyTorch's too (bf16 and f16: by its autocast)
-    #[arg(long, value_enum, default_value = "f32")]
-    pub(crate) precision: PrecisionKind,
-    /// Python with PyTorch
-    #[arg(long, default_value = "python3", value_name = "COMMAND")]
-    pub(crate) python: String,
-    #[command(flatten)]
-    pub(crate) device: DeviceArguments,
-}
-
-/// Exact sections against scipy and rustfft, and how their cost grows
-#[derive(Args)]
-#[command(after_help = "Example:\n  imf bench exact --out bench-exact\n\n\
-                        Writes exact.json, exact.md and how time and memory grow as pictures. About a minute without --full.")]
-pub(crate) struct ExactBenchArguments {
-    /// Folder to write to
-    #[arg(long, default_value = "imf-bench", value_name = "DIR")]
-    pub(crate) out: PathBuf,
-    /// All sizes up to 384³, all 225 sections of the rivals, 10,000 orientations
-    #[arg(long)]
-    pub(crate) full: bool,
-    /// Python with numpy and scipy
-    #[arg(long, default_value = "python3", value_name = "COMMAND")]
-    pub(crate) python: String,
-    /// Measure this device too: gpu, software (software Vulkan), or a number or part of a name from `imf devices`
-    #[arg(long, default_value = "cpu", value_name = "DEVICE")]
-    pub(crate) device: String,
 }
 
 /// Where networks are trained and evaluated.
@@ -222,145 +168,6 @@ pub(crate) struct VoxelizeArguments {
     #[command(flatten)]
     pub(crate) scene: SceneArguments,
     /// Folder to write to
-    #[arg(long, value_name = "DIR")]
-    pub(crate) out: PathBuf,
-}
-
-/// Compute the field: how much the tool hits at every point, for each direction or at the best of them
-#[derive(Args)]
-#[command(after_help = "Examples:\n  imf field teapot --orientations '0,0;12,6' --out sections\n  \
-                        imf field part.obj --tool mill.toml --orientations fibonacci:225 --imf --out imf\n  \
-                        imf field teapot --orientations fibonacci:10000 --imf --method harmonic --confirm --out imf\n  \
-                        imf field bracket --clearance 2 --clearance-cutter 2 --method harmonic --quantity depth --save \
-                        bracket.safetensors\n\n\
-                        Writes .npy, .vti (ParaView) and .png slices. Values are exact for voxel centres.")]
-pub(crate) struct FieldArguments {
-    #[command(flatten)]
-    pub(crate) scene: SceneArguments,
-    /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, so3:N, pairs θ,φ;θ,φ or a CSV file
-    #[arg(
-        long,
-        value_name = "SET",
-        allow_hyphen_values = true,
-        requires = "out",
-        required_unless_present = "save"
-    )]
-    pub(crate) orientations: Option<String>,
-    /// The inaccessibility measure (least over the orientations) with its best orientation, not every section
-    #[arg(long)]
-    pub(crate) imf: bool,
-    /// Also the measures of cutter, shank and each holder segment by themselves
-    #[arg(long)]
-    pub(crate) elements: bool,
-    #[command(flatten)]
-    pub(crate) contact: clearance::ContactArguments,
-    /// Compare this many voxels of every section with direct sums, and say so
-    #[arg(long, default_value_t = 0, value_name = "N")]
-    pub(crate) check: usize,
-    /// Where sections are counted: cpu, gpu, auto, software (software Vulkan), or a number or part of a name from
-    /// `imf devices`. All give the same values; a CPU, which takes a few milliseconds a section at most, is the default
-    #[arg(long, default_value = "cpu", value_name = "DEVICE")]
-    pub(crate) device: String,
-    #[command(flatten)]
-    pub(crate) harmonic: harmonic::HarmonicArguments,
-    /// Folder to write to
-    #[arg(long, value_name = "DIR", requires = "orientations", required_unless_present = "save")]
-    pub(crate) out: Option<PathBuf>,
-}
-
-/// A dataset is made, or what was made of it is joined or finished.
-pub(crate) enum DatasetArguments {
-    Make(Box<DatasetMakeArguments>),
-    Act(DatasetAction),
-}
-
-// By hand: an optional group of arguments that holds another group is never seen as present by the derived code.
-impl FromArgMatches for DatasetArguments {
-    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-        if matches.subcommand_name().is_some() {
-            return DatasetAction::from_arg_matches(matches).map(Self::Act);
-        }
-        DatasetMakeArguments::from_arg_matches(matches).map(|make| Self::Make(Box::new(make)))
-    }
-
-    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
-        *self = Self::from_arg_matches(matches)?;
-        Ok(())
-    }
-}
-
-impl Args for DatasetArguments {
-    fn augment_args(command: clap::Command) -> clap::Command {
-        DatasetAction::augment_subcommands(DatasetMakeArguments::augment_args(command))
-    }
-
-    fn augment_args_for_update(command: clap::Command) -> clap::Command {
-        Self::augment_args(command)
-    }
-}
-
-#[derive(Subcommand)]
-pub(crate) enum DatasetAction {
-    Merge(DatasetMergeArguments),
-    Finish(DatasetFinishArguments),
-}
-
-/// Join shares of a dataset that were made apart, after checking that they belong together and are whole
-#[derive(Args)]
-#[command(
-    after_help = "Examples:\n  imf dataset merge teapot-225 share-1 share-2\n  imf dataset merge together\n\n\
-                        What is missing is listed, and the exit code is 1 then."
-)]
-pub(crate) struct DatasetMergeArguments {
-    /// Folder of the joined dataset; it may hold shares itself
-    pub(crate) out: PathBuf,
-    /// Folders of shares
-    pub(crate) folders: Vec<PathBuf>,
-}
-
-/// Make what is missing of a dataset from what its folder says of itself; the part's mesh is not needed
-#[derive(Args)]
-#[command(after_help = "Example:\n  imf dataset finish teapot-225")]
-pub(crate) struct DatasetFinishArguments {
-    /// Folder of the dataset
-    pub(crate) folder: PathBuf,
-    /// Only share I of N
-    #[arg(long, value_name = "I/N")]
-    pub(crate) shard: Option<Share>,
-}
-
-/// Which sections to sample, how, and which of them here.
-#[derive(Args)]
-pub(crate) struct DatasetMakeArguments {
-    #[command(flatten)]
-    pub(crate) scene: SceneArguments,
-    #[command(flatten)]
-    pub(crate) contact: clearance::ContactArguments,
-    /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, pairs θ,φ;θ,φ or a CSV file
-    #[arg(long, value_name = "SET", allow_hyphen_values = true)]
-    pub(crate) orientations: String,
-    /// Share of every section's voxels to sample
-    #[arg(long, default_value_t = 0.35)]
-    pub(crate) density: f64,
-    /// Share of the samples to draw where the tool collides
-    #[arg(long, default_value_t = 0.75)]
-    pub(crate) positive_share: f64,
-    /// Share of the samples to draw at the boundary between free and colliding; --positive-share divides the rest
-    #[arg(long, default_value_t = 0.0)]
-    pub(crate) boundary_share: f64,
-    /// How far from the boundary still counts as at it
-    #[arg(long, default_value_t = 1, value_name = "VOXELS")]
-    pub(crate) boundary_width: usize,
-    /// Seed of the sampling
-    #[arg(long, default_value_t = 0)]
-    pub(crate) seed: u64,
-    /// Make only share I of N, on this machine or another; `imf dataset merge` joins them
-    #[arg(long, value_name = "I/N")]
-    pub(crate) shard: Option<Share>,
-    /// Samples in one file, at most
-    #[arg(long, default_value_t = 4_000_000, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
-    pub(crate) shard_samples: u64,
-    /// Folder of the dataset
     #[arg(long, value_name = "DIR")]
     pub(crate) out: PathBuf,
 }
@@ -543,63 +350,6 @@ pub(crate) struct FinetuneArguments {
     pub(crate) no_calibrate: bool,
     #[command(flatten)]
     pub(crate) plan: PlanArguments,
-    #[command(flatten)]
-    pub(crate) device: DeviceArguments,
-}
-
-/// Compare a model, or a harmonic or factored field, with the exact field
-#[derive(Args)]
-#[command(after_help = "Examples:\n  imf eval model/model.safetensors\n  imf eval model/model.safetensors \
-                        --random 256 --imf grid:25 --out report")]
-pub(crate) struct EvalArguments {
-    /// Model or field to evaluate
-    pub(crate) model: PathBuf,
-    /// Section that training saw, θ,φ
-    #[arg(long, default_value = "0,0", value_name = "θ,φ")]
-    pub(crate) in_sample: String,
-    /// Section that training did not see, θ,φ
-    #[arg(long, default_value = "12,6", value_name = "θ,φ")]
-    pub(crate) out_of_sample: String,
-    /// Number of random orientations
-    #[arg(long, default_value_t = 64, value_name = "N")]
-    pub(crate) random: usize,
-    /// Orientation set of the IMF; a model's training set by default, 225 spread evenly for other fields
-    #[arg(long, value_name = "SET")]
-    pub(crate) imf: Option<String>,
-    /// CMF above which a pose is called blocked
-    #[arg(long, default_value_t = 0.001, value_name = "τ")]
-    pub(crate) threshold: f64,
-    /// Seed of the random orientations
-    #[arg(long, default_value_t = 1)]
-    pub(crate) seed: u64,
-    /// Also write report.json, report.md and pictures to this folder
-    #[arg(long, value_name = "DIR")]
-    pub(crate) out: Option<PathBuf>,
-    #[command(flatten)]
-    pub(crate) device: DeviceArguments,
-}
-
-/// Answer poses from a CSV file: how much does the tool overlap the part when its tip is here
-#[derive(Args)]
-#[command(after_help = "Example:\n  imf query model/model.safetensors poses.csv --out answers.csv\n\n\
-                        The first line names the columns: x,y,z,i,j,k (tool axis from tip to holder) or \
-                        x,y,z,theta,phi (degrees). Other columns are kept. Answers add the column overlap, from 0 to \
-                        1; with --exact also overlap_exact; with --sharp they are called cmf and cmf_exact.")]
-pub(crate) struct QueryArguments {
-    /// Trained model, or a harmonic or factored field
-    pub(crate) model: PathBuf,
-    /// CSV file of poses, or - for standard input
-    pub(crate) poses: PathBuf,
-    /// CSV file of answers; standard output by default
-    #[arg(long, value_name = "FILE")]
-    pub(crate) out: Option<PathBuf>,
-    /// Also count the exact overlap
-    #[arg(long)]
-    pub(crate) exact: bool,
-    /// The least over the tool's sharp points k (CMF), not the tip's overlap: each read or counted at x − R k itself, where
-    /// sections take the mean of the voxels around
-    #[arg(long)]
-    pub(crate) sharp: bool,
     #[command(flatten)]
     pub(crate) device: DeviceArguments,
 }

@@ -6,9 +6,10 @@
 //! `c = μ + U z`, so that a section is `⟨z(x), Uᵀ b(R)⟩ + μ·b(R)`: one product for any number of orientations
 //! (`evaluate`), with exact gradients in the direction.
 //!
-//! A field of a tool with its tip alone serves every sharp point, read at x − R k; a field may also be made of the
-//! least over the sharp points itself, which bends more sharply and needs a higher degree. Values are for voxel centres and
-//! trilinear between them; outside the box of the voxel centres there is no answer ([`HarmonicField::overlap`]).
+//! A field of the overlap at the tip serves every sharp point, read at x − R k: files hold this kind alone
+//! (`SectionPlan::of_scene`). It is the same at every roll where the tool is a body of revolution, wherever its sharp points
+//! are. A fit may also be of the least over the sharp points itself, for sections: that one bends more sharply, needs a
+//! higher degree, and depends on the roll where the sharp points do. Values are for voxel centres and trilinear between them; outside the box of the voxel centres there is no answer ([`HarmonicField::overlap`]).
 
 mod answers;
 pub mod basis;

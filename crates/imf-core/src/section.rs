@@ -14,22 +14,26 @@ mod counter;
 mod depth;
 mod direct;
 mod elements;
+mod elsewhere;
 mod imf;
+mod memory;
 mod run_ends;
 mod size;
 mod stepped;
 mod surface;
 mod sweep;
+mod values;
 
 pub use contact::{Contact, Obstacles, Skin};
 pub use counter::Method;
-pub use depth::{DepthPlan, DepthScratch, Quantity};
+pub use depth::{DEPTH_CAP, DepthPlan, DepthScratch, Quantity};
 pub(crate) use direct::least_mean;
 pub use direct::{direct_cmf, direct_count, direct_element_measures};
 pub use elements::{ElementMeasures, ElementPlans, ElementScratch, elements_at_best};
 pub use imf::{Imf, imf, stream_orientations, stream_sections};
 pub use size::QueryBox;
 pub use stepped::{SectionLayer, StepEnds, StepSpace, SteppedTool};
+pub use values::share;
 
 use glam::DVec3;
 use thiserror::Error;
@@ -41,9 +45,6 @@ use crate::orientation::Orientation;
 use crate::scene::Scene;
 use crate::tool::{ClearanceError, RotatedTool, Tool, ToolError};
 
-use bit_adder::TILE_BITS;
-use bit_obstacle::BitObstacle;
-use clipped::ClippedTool;
 use contact::PlannedSkin;
 use counter::{Counter, Estimate};
 use size::CircularSize;
@@ -197,43 +198,6 @@ impl SectionPlan {
         (query, CircularSize::new(grid.dims, query, tool.reach() / grid.pitch))
     }
 
-    /// Bytes that a plan with this many threads will take, known before it is made.
-    #[must_use]
-    pub fn memory_estimate(grid: &Grid, tool: &Tool, threads: usize) -> u64 {
-        Self::memory_estimate_with_query(grid, grid, tool, threads)
-    }
-
-    /// The same for a query grid of its own ([`SectionPlan::with_query`]).
-    #[must_use]
-    pub fn memory_estimate_with_query(grid: &Grid, query_grid: &Grid, tool: &Tool, threads: usize) -> u64 {
-        let offset = grid.offset_of(query_grid).unwrap_or_default();
-        let (query, size) = Self::sizes(grid, offset, query_grid.dims, tool);
-        let voxels = query.len() as u64;
-        let threads = threads as u64;
-        let rotated = (2.0 * tool.reach() / grid.pitch + 3.0).powi(3).min(1e18) as u64;
-        let common = 2 * grid.len() as u64 + threads * (2 * rotated + 16 * voxels);
-        // A tool of absurd size is left to the plan, which refuses it.
-        let slanted = (rotated < 1 << 30).then(|| RotatedTool::new(tool, &SLANT, grid.pitch).ok()).flatten();
-        let Some(rotated) = slanted else { return common };
-        let clipped = ClippedTool::new(&rotated, &size);
-        // Half of the voxels solid is more than most parts have.
-        let single = size.error_bound::<f32>(grid.len() / 2, rotated.count as usize) < 0.5;
-        let arch = pulp::Arch::new();
-        if Estimate::new(arch, grid.dims, &query, &size, &clipped, single).prefers_run_ends() {
-            return common + BitObstacle::memory(grid.dims, &size, TILE_BITS);
-        }
-        let complex = if single { 8 } else { 16 };
-        let [nx, ny, nz] = size.n.map(|n| n as u64);
-        let lines = (clipped.dims[0] * clipped.dims[1] + query.dims[0] * query.dims[1]) as u64;
-        common + complex * (nz / 2 + 8) * (nx * ny + threads * lines)
-    }
-
-    /// Voxels of the query box: the query grid, grown by what sharp points reach.
-    fn query_voxels(grid: &Grid, query_grid: &Grid, tool: &Tool) -> u64 {
-        let offset = grid.offset_of(query_grid).unwrap_or_default();
-        Self::sizes(grid, offset, query_grid.dims, tool).0.len() as u64
-    }
-
     /// The grid whose voxels a section covers.
     #[must_use]
     pub fn grid(&self) -> &Grid {
@@ -310,32 +274,6 @@ impl SectionPlan {
         Ok(())
     }
 
-    /// The same from overlaps that were counted elsewhere, over [`SectionPlan::query_box`]: those of
-    /// [`SectionPlan::layer`] with its tool in this orientation, and where the plan has a [`SectionPlan::skin_layer`] those
-    /// of it, or none where its tool holds no voxel centre.
-    ///
-    /// # Errors
-    /// A failed spot check.
-    ///
-    /// # Panics
-    /// If counts have not the query box's length, or `cmf` the grid's.
-    pub fn cmf_of_counts(
-        &self,
-        orientation: &Orientation,
-        (rotated, mut counts): (&RotatedTool, Vec<u32>),
-        skin: Option<(&RotatedTool, &[u32])>,
-        cmf: &mut [f32],
-    ) -> Result<(), SectionError> {
-        assert_eq!(counts.len(), self.query.len(), "one count for each voxel of the query box");
-        self.spot_check(rotated, &self.query, &counts)?;
-        if let (Some((rest, more)), Some(Skin { voxels, .. })) = (skin, self.skin()) {
-            direct::spot_check(voxels, rest, &self.query, more)?;
-            counts.iter_mut().zip(more).for_each(|(count, more)| *count += more);
-        }
-        self.read_values(orientation, rotated.count, &counts, cmf);
-        Ok(())
-    }
-
     /// The collision measure at a voxel of the grid by direct sums: the definition, for the plan's tool rotated into the
     /// orientation. With a skin it is the sum of the elements' measures.
     ///
@@ -368,39 +306,6 @@ impl SectionPlan {
     #[must_use]
     pub fn tip_alone(&self) -> bool {
         self.sharp_points == [DVec3::ZERO]
-    }
-
-    /// What a device needs to know to count overlaps of the whole tool over the query box or parts of it.
-    #[must_use]
-    pub fn layer(&self) -> SectionLayer<'_> {
-        self.layer_of(&self.obstacle, &self.tool)
-    }
-
-    /// The same for what a part of the tool must stay out of as well, where there is such a thing.
-    #[must_use]
-    pub fn skin_layer(&self) -> Option<SectionLayer<'_>> {
-        self.skin().map(|Skin { voxels, rest }| self.layer_of(voxels, rest))
-    }
-
-    fn layer_of<'a>(&self, obstacle: &'a Occupancy, tool: &'a Tool) -> SectionLayer<'a> {
-        let grid = &obstacle.grid;
-        let space = StepSpace::new(grid.dims, self.query, tool.reach() / grid.pitch);
-        SectionLayer { obstacle, tool, space }
-    }
-
-    fn read_values(&self, orientation: &Orientation, normaliser: u32, counts: &[u32], cmf: &mut [f32]) {
-        assert_eq!(cmf.len(), self.grid.len(), "one value for each voxel of the grid");
-        if self.tip_alone() {
-            for (value, &count) in cmf.iter_mut().zip(counts) {
-                *value = share(count, normaliser);
-            }
-            return;
-        }
-        let rotation = orientation.rotation();
-        for (index, &sharp) in self.sharp_points.iter().enumerate() {
-            let shift = rotation * sharp / self.obstacle.grid.pitch;
-            self.read_shifted(counts, -shift, f64::from(normaliser), index == 0, cmf);
-        }
     }
 
     /// As [`SectionPlan::counts`], at the voxels of `window` alone: a box within the plan's grid, which may be another one
@@ -456,44 +361,6 @@ impl SectionPlan {
     ) -> Result<(), SectionError> {
         direct::spot_check(&self.obstacle, rotated, query, counts)
     }
-
-    /// The voxels around `x + shift` (in voxels) from the voxel `x` of the grid, and the weights of their trilinear mean.
-    fn corners(&self, shift: DVec3) -> Vec<([i64; 3], f64)> {
-        // Corners of weight zero are not read: a whole shift reads one voxel.
-        direct::around(shift + DVec3::from_array(self.offset.map(|v| v as f64))).collect()
-    }
-
-    /// `cmf[x] = min(cmf[x], overlap(x + shift))` with `shift` in voxels; the first call of a section sets.
-    fn read_shifted(&self, counts: &[u32], shift: DVec3, normaliser: f64, first: bool, cmf: &mut [f32]) {
-        let mut corners = self.corners(shift);
-        corners.iter_mut().for_each(|(_, weight)| *weight /= normaliser);
-        let [nx, ny, nz] = self.grid.dims;
-        for x in 0..nx {
-            for y in 0..ny {
-                let line = &mut cmf[(x * ny + y) * nz..][..nz];
-                // Most of space is free for the first sharp point, and nothing is below that.
-                if !first && line.iter().all(|&value| value == 0.0) {
-                    continue;
-                }
-                let starts: Vec<(usize, f64)> = corners
-                    .iter()
-                    .map(|&([dx, dy, dz], w)| (self.query.index([x as i64 + dx, y as i64 + dy, dz]), w))
-                    .collect();
-                for (z, value) in line.iter_mut().enumerate() {
-                    let overlap: f64 = starts.iter().map(|&(from, w)| w * f64::from(counts[from + z])).sum();
-                    let overlap = (overlap as f32).clamp(0.0, 1.0);
-                    *value = if first { overlap } else { value.min(overlap) };
-                }
-            }
-        }
-    }
-}
-
-/// The collision measure of so many shared voxels of a tool that has `normaliser`, rounded as every section is.
-#[inline]
-#[must_use]
-pub fn share(count: u32, normaliser: u32) -> f32 {
-    ((1.0 / f64::from(normaliser)) * f64::from(count)).min(1.0) as f32
 }
 
 /// Runs the sections of a set one after the other on the calling thread's pool and writes each into its own array.

@@ -7,8 +7,9 @@ use std::ptr::{null, null_mut};
 use glam::{Quat, Vec3};
 use imf_c::*;
 use imf_core::planner::{Best, Decision, Gradient, NeuralField, Pose, PoseField};
+use imf_core::section::Quantity;
 
-use crate::files::{harmonic, scene, siren, spread};
+use crate::files::{harmonic, harmonic_of, scene, siren, spread};
 
 fn last_error() -> String {
     // SAFETY: read at once.
@@ -39,7 +40,8 @@ fn batches_of_any_size_are_answered_as_in_rust() {
     let in_rust: Vec<Pose> =
         poses.iter().map(|p| Pose::new(Vec3::from_array(p.position), Quat::from_array(p.rotation))).collect();
     let n = poses.len();
-    for path in [siren(&scene, folder.path()), harmonic(&scene, folder.path())] {
+    let deep = harmonic_of(Quantity::Depth, &scene, folder.path());
+    for path in [siren(&scene, folder.path()), harmonic(&scene, folder.path()), deep.clone()] {
         let rust = NeuralField::load(&path).unwrap();
         let field = open(imf_open_neural, &path);
         let (mut values, mut expected) = (vec![-1.0; n], vec![0.0; n]);
@@ -99,6 +101,8 @@ fn batches_of_any_size_are_answered_as_in_rust() {
             unit_in_mm: 0.0,
             clearance: [0.0; 3],
             calibrated: true,
+            quantity: ImfQuantity::Depth,
+            bounds: [0.0; 2],
         };
         // SAFETY: one place.
         assert_eq!(unsafe { imf_info(field, &mut info) }, ImfStatus::Ok);
@@ -106,8 +110,21 @@ fn batches_of_any_size_are_answered_as_in_rust() {
         assert_eq!((info.pitch, info.unit_in_mm, info.calibrated), (grid.pitch, 1.0, false));
         assert_eq!((info.lower, info.clearance), (grid.centre([0; 3]).to_array(), [grid.pitch; 3]));
         assert_eq!(info.upper, grid.centre([7, 23, 14]).to_array());
+        let depth = path == deep;
+        assert_eq!(info.quantity, if depth { ImfQuantity::Depth } else { ImfQuantity::Overlap });
+        assert_eq!(info.bounds, if depth { [-8.0 * grid.pitch, 8.0 * grid.pitch] } else { [0.0, 1.0] });
+        // Values are what the field is said to be of.
+        assert_eq!(values.iter().any(|&value| value < 0.0), depth);
         // SAFETY: opened above, closed once.
         unsafe { imf_close(field) };
+        // Counts are overlaps, whatever the file's own field is of.
+        let exact = open(imf_open_exact, &path);
+        // SAFETY: one place; opened above, closed once.
+        unsafe {
+            assert_eq!(imf_info(exact, &mut info), ImfStatus::Ok);
+            imf_close(exact);
+        }
+        assert_eq!((info.quantity, info.bounds), (ImfQuantity::Overlap, [0.0, 1.0]));
     }
 }
 

@@ -13,7 +13,7 @@ use imf_core::model::Model;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::SectionPlan;
+use imf_core::section::{Quantity, SectionPlan};
 use imf_core::siren::SirenShape;
 use imf_core::tool::{Clearance, Tool};
 use imf_core::training::TrainingState;
@@ -29,9 +29,15 @@ pub(crate) fn scene() -> Scene {
     scene.with_clearance(&Clearance { holder: room, shank: room, cutter: room }).unwrap()
 }
 
-/// A harmonic field of the scene.
+/// A harmonic field of the scene's overlaps.
 pub(crate) fn harmonic(scene: &Scene, folder: &Path) -> PathBuf {
+    harmonic_of(Quantity::Overlap, scene, folder)
+}
+
+/// A harmonic field of the scene.
+pub(crate) fn harmonic_of(quantity: Quantity, scene: &Scene, folder: &Path) -> PathBuf {
     let settings = FitSettings {
+        quantity,
         degree: 5,
         sections_per_function: 1.5,
         axes: 20,
@@ -42,7 +48,7 @@ pub(crate) fn harmonic(scene: &Scene, folder: &Path) -> PathBuf {
     };
     let plan = SectionPlan::of_scene(scene).unwrap();
     let field = fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap();
-    let path = folder.join("harmonic.safetensors");
+    let path = folder.join(format!("harmonic-{quantity:?}.safetensors"));
     HarmonicFile { field, scene: scene.clone(), settings, calibration: None }.write(&path).unwrap();
     path
 }

@@ -24,7 +24,8 @@ const HEADING: &str = "Every direction at once (--method harmonic)";
 pub(crate) enum FieldQuantity {
     /// The share of the tool's volume that lies in the part
     Overlap,
-    /// How far the tool must be moved to be free, below 0 how far it may be moved: what decides best
+    /// How far the tool must be moved to be free, below 0 how far it may be moved, held within 8 pitches: what decides best.
+    /// With --save alone
     Depth,
 }
 
@@ -35,10 +36,10 @@ pub(crate) struct HarmonicArguments {
     #[arg(help_heading = HEADING, long, value_enum, default_value = "exact")]
     pub(crate) method: FieldMethod,
     /// What the field's values are
-    #[arg(help_heading = HEADING, long, value_enum, default_value = "overlap", requires = "method")]
+    #[arg(help_heading = HEADING, long, value_enum, default_value = "overlap")]
     pub(crate) quantity: FieldQuantity,
     /// Highest degree of the harmonics: more is finer and costs memory and time by its square
-    #[arg(help_heading = HEADING, long, default_value_t = 14, value_name = "L", requires = "method")]
+    #[arg(help_heading = HEADING, long, default_value_t = DEFAULT_DEGREE, value_name = "L", requires = "method")]
     pub(crate) degree: usize,
     /// Choose the lowest degree whose mean squared error, estimated on a sample, is at most this
     #[arg(help_heading = HEADING, long, value_name = "MSE", requires = "method", conflicts_with = "degree", value_parser = parse_target)]
@@ -69,6 +70,8 @@ pub(crate) struct HarmonicArguments {
     pub(crate) no_calibrate: bool,
 }
 
+/// Fine enough for a mean squared error of a few millionths.
+const DEFAULT_DEGREE: usize = 14;
 /// Measured: beyond a third more sections than functions, a higher degree is the better use of sections.
 pub(crate) const DEFAULT_SECTIONS: f64 = 1.33;
 /// Axes that hold most of a field of degree 14.
@@ -85,6 +88,22 @@ impl HarmonicArguments {
     /// True where the degree follows from an error or from the memory.
     pub(crate) fn chooses_degree(&self) -> bool {
         self.target_mse.is_some() || self.fill_memory
+    }
+
+    /// An option of a fit that was given and is not what it is by default.
+    pub(crate) fn first_given(&self) -> Option<&'static str> {
+        let given = [
+            (self.save.is_some(), "--save"),
+            (self.degree != DEFAULT_DEGREE, "--degree"),
+            (self.target_mse.is_some(), "--target-mse"),
+            (self.fill_memory, "--fill-memory"),
+            (self.axes.is_some(), "--axes"),
+            (self.sections_per_function != DEFAULT_SECTIONS, "--sections-per-function"),
+            (self.single, "--single"),
+            (self.confirm, "--confirm"),
+            (self.refine, "--refine"),
+        ];
+        given.into_iter().find_map(|(given, option)| given.then_some(option))
     }
 
     /// The settings of the fit.

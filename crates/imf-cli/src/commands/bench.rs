@@ -29,7 +29,7 @@ use imf_core::tool::{RotatedTool, Tool};
 use imf_core::voxelize::voxelize;
 use serde::Serialize;
 
-use crate::arguments::{Bench, BenchArguments, ExactBenchArguments};
+use crate::arguments::bench::{Bench, BenchArguments, ExactBenchArguments};
 use crate::engine::Device;
 use crate::output::{prepare_folder, print, print_json, write_json, write_text};
 use crate::session::Session;

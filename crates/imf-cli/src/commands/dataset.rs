@@ -11,7 +11,9 @@ use imf_core::scene::Scene;
 use imf_core::section::SectionError;
 use serde_json::json;
 
-use crate::arguments::{DatasetAction, DatasetArguments, DatasetFinishArguments, DatasetMakeArguments};
+use crate::arguments::dataset::{
+    DatasetAction, DatasetArguments, DatasetFinishArguments, DatasetMakeArguments,
+};
 use crate::interrupt::Interrupted;
 use crate::output::{prepare_folder, print, print_json};
 use crate::session::Session;

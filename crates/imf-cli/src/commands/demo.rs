@@ -25,7 +25,7 @@ pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
     let (report, made) = match arguments.family {
         DemoFamily::Factored => {
             let scene = teapot(session, ReferencePart::Teapot.dims())?;
-            (factored::made(session, arguments, &scene)?, "harmonic.safetensors, field.safetensors")
+            (factored::made(session, arguments, &scene)?, "field.safetensors")
         }
         DemoFamily::Siren5 => {
             let scene = teapot(session, siren::DIMS)?;
@@ -59,10 +59,11 @@ fn teapot(session: &Session, dims: [usize; 3]) -> Result<Scene> {
     Ok(scene)
 }
 
-/// What a demo's field is asked: 64 random directions that nothing was made from, and the IMF over `imf`.
-fn questions(seed: u64, imf: OrientationSet) -> Result<Questions> {
+/// What a demo's field is asked: 64 random directions that nothing was made from, the IMF over `imf`, and a section that it
+/// was made from where there is one that it saw alone.
+fn questions(seed: u64, in_sample: Option<Orientation>, imf: OrientationSet) -> Result<Questions> {
     Ok(Questions {
-        in_sample: imf.orientations.first().copied(),
+        in_sample,
         out_of_sample: Some(Orientation::new(12.0, 6.0)),
         random: OrientationSet::parse(&format!("random:64:{}", seed.wrapping_add(1)))?,
         imf,

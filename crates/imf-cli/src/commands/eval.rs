@@ -10,7 +10,7 @@ use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::{Quantity, SectionPlan};
 use imf_core::stored::StoredField;
 
-use crate::arguments::EvalArguments;
+use crate::arguments::eval::EvalArguments;
 use crate::engine::Device;
 use crate::output::{prepare_folder, print, print_json};
 use crate::report::{Evaluation, Questions, Subject, evaluate};

@@ -18,8 +18,8 @@ use self::check::Check;
 use self::counting::Streamed;
 use self::harmonic::{Harmonic, is_npz};
 use super::calibrate;
-use crate::arguments::FieldArguments;
-use crate::arguments::harmonic::{FieldMethod, FieldQuantity};
+use crate::arguments::field::FieldArguments;
+use crate::arguments::harmonic::FieldMethod;
 use crate::engine::Device;
 use crate::output::{OutputFolder, SUMMARY, print, print_json};
 use crate::session::Session;
@@ -28,13 +28,11 @@ use crate::session::Session;
 const ORIENTATIONS: &str = "orientations.csv";
 
 pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
+    arguments.check()?;
     let asked = match (&arguments.orientations, &arguments.out) {
         (Some(set), Some(out)) => Some((OrientationSet::parse(set)?, OutputFolder::check(out)?)),
         _ => None,
     };
-    if asked.is_some() && arguments.harmonic.quantity == FieldQuantity::Depth {
-        bail!("a field of depth is kept, not written as sections: leave out --orientations and --out");
-    }
     // A harmonic field is kept with its scene, which must then hold every fixture.
     let (scene, bodies) = match arguments.harmonic.method {
         FieldMethod::Exact => {
@@ -60,7 +58,9 @@ pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
         Some(contact) => contact.obstacles(rest.as_ref()),
         None => Obstacles::from(&obstacle),
     };
-    let plan = SectionPlan::with_query(obstacles, &scene.record.grid, tool)?;
+    // A field that is kept is of the tip, which serves every sharp point; sections are of the least over all of them.
+    let tip = asked.is_none().then(|| tool.with_tip_only());
+    let plan = SectionPlan::with_query(obstacles, &scene.record.grid, tip.as_ref().unwrap_or(tool))?;
     let elements =
         arguments.elements.then(|| ElementPlans::new(obstacles, &scene.record.grid, tool)).transpose()?;
     if elements.as_ref().is_some_and(|elements| elements.elements().next().is_none()) {

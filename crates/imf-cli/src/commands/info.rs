@@ -15,10 +15,9 @@ use glam::DMat4;
 use imf_core::calibration::Calibration;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneRecord;
-use imf_core::section::Quantity;
+use imf_core::section::{DEPTH_CAP, Quantity};
 use imf_core::stored::StoredField;
 use imf_core::tool::Tool;
-use imf_core::unit::LengthUnit;
 use serde_json::Value;
 
 use super::calibrate::judgement;
@@ -103,12 +102,16 @@ fn calibration_lines(calibration: Option<&Calibration>) -> Vec<(&'static str, St
 }
 
 /// What a field's values are.
-fn quantity_text(quantity: Quantity, unit: LengthUnit) -> String {
+fn quantity_text(quantity: Quantity, scene: &SceneRecord) -> String {
+    let unit = scene.unit;
     match quantity {
         Quantity::Overlap => "overlap: the share of the tool's volume that lies in the part".into(),
         Quantity::Depth => {
+            let [_, most] = quantity.bounds(scene.grid.pitch);
             format!(
-                "depth in {unit}: how far the tool must be moved to be free, below 0 how far it may be moved"
+                "depth in {unit}: how far the tool must be moved to be free, below 0 how far it may be moved; held within \
+                 {DEPTH_CAP} pitches, {} {unit}",
+                short(most)
             )
         }
     }

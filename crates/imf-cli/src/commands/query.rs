@@ -16,16 +16,16 @@ use imf_core::factored::FactoredAnswers;
 use imf_core::field::{ContactField, ExactField, Field, LearntField, Pose, collision_measures};
 use imf_core::grid::Grid;
 use imf_core::harmonic::HarmonicAnswers;
-use imf_core::section::{Contact, Quantity};
+use imf_core::section::{Contact, DEPTH_CAP, Quantity};
 use imf_core::stored::StoredField;
 
 use self::answers::{AnswerWriter, Answers};
 use self::poses::PoseReader;
-use crate::arguments::QueryArguments;
 use crate::arguments::clearance::clearance_text;
+use crate::arguments::query::QueryArguments;
 use crate::engine::Device;
 use crate::interrupt::{self, Interrupted};
-use crate::output::OutputFile;
+use crate::output::{OutputFile, short};
 use crate::session::Session;
 
 /// Poses answered at a time: large enough for a GPU, less than seconds of work.
@@ -71,7 +71,14 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     }
     session.note(&match quantity.is_overlap() {
         true => format!("a field is no proof; --exact answers: {}", record.promise()),
-        false => "a field is no proof; depths are held within eight pitches".to_owned(),
+        false => {
+            let [_, most] = quantity.bounds(record.grid.pitch);
+            format!(
+                "a field is no proof; depths are held within {DEPTH_CAP} pitches, {} {}",
+                short(most),
+                record.unit
+            )
+        }
     });
     let (contact, rest) = (Contact::of_scene(scene), record.tool_without_cutter()?);
     let mut work = Work {

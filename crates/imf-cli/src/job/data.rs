@@ -39,7 +39,8 @@ impl Data {
     pub(crate) fn open(folder: &Path) -> Result<Self> {
         let shards = Shards::open(folder)?;
         let scene = shards.manifest().scene(folder)?;
-        if !scene.record.bare_tool().is_axisymmetric()
+        // Samples are of the tip: where other sharp points lie makes no difference.
+        if !scene.record.bare_tool().with_tip_only().is_axisymmetric()
             && shards.manifest().orientations.orientations.iter().any(|o| o.roll != 0.0)
         {
             bail!(

@@ -53,6 +53,10 @@ fn a_field_of_depth_is_calibrated_when_it_is_made_and_leaves_little_near() {
     assert_eq!(told["harmonic"]["settings"]["quantity"], "depth");
     let info = folder.json(&["info", "depth.safetensors"]);
     assert_eq!(info["settings"]["quantity"], "depth");
+    let most = 8.0 * info["scene"]["grid"]["pitch"].as_f64().unwrap();
+    assert_eq!((&info["quantity"], &info["bounds"]), (&"depth".into(), &serde_json::json!([-most, most])));
+    let said = folder.succeed(&["info", "depth.safetensors"]).stdout;
+    assert!(said.contains("depth in mm: how far") && said.contains("held within 8 pitches, 30.93"), "{said}");
     let uniform = &info["calibration"]["uniform"];
     let count = |value: &Value| value.as_u64().unwrap_or_else(|| panic!("{info}"));
     assert!(count(&uniform["false_free"]["of"]) >= 46_052, "{uniform}");
@@ -63,12 +67,37 @@ fn a_field_of_depth_is_calibrated_when_it_is_made_and_leaves_little_near() {
     folder.succeed(&["calibrate", "depth.safetensors", "--verify", "--seed", "1"]);
 
     folder.write("poses.csv", "x,y,z,theta,phi\n0,0,0,10,20\n");
-    let answers = folder.succeed(&["query", "depth.safetensors", "poses.csv"]).stdout;
-    assert!(answers.lines().next().unwrap().ends_with("depth"), "{answers}");
+    let asked = folder.succeed(&["query", "depth.safetensors", "poses.csv"]);
+    assert!(asked.stdout.lines().next().unwrap().ends_with("depth"), "{}", asked.stdout);
+    assert!(asked.stderr.contains("held within 8 pitches, 30.93"), "{}", asked.stderr);
     let exact = ["query", "depth.safetensors", "poses.csv", "--exact"];
     folder.run(&exact).is_refusal(&["depth.safetensors", "--exact counts overlaps"], &exact);
     let eval = ["eval", "depth.safetensors"];
     folder.run(&eval).is_refusal(&["imf calibrate --verify"], &eval);
     let sections = [&making[..], &["--orientations", "0,0", "--out", "sections"]].concat();
     folder.run(&sections).is_refusal(&["leave out --orientations"], &sections);
+}
+
+#[test]
+fn what_a_field_of_depth_cannot_be_is_refused_for_what_it_is() {
+    let folder = Folder::new();
+    let field = |more: &[&str], expected: &[&str]| {
+        folder.refuse(&[&["field", "bracket", "--dims", "5,15,9"], more].concat(), expected);
+    };
+    let sections = ["--orientations", "0,0", "--out", "out"];
+    // Exact sections are not what is wrong with --orientations and --out, and no file is what is missing.
+    for more in [&sections[..], &["--save", "field.safetensors"], &[]] {
+        let exact = [&["--quantity", "depth", "--method", "exact"], more].concat();
+        field(&exact, &["exact sections are of overlaps", "--method harmonic --quantity depth --save FILE"]);
+    }
+    field(&["--quantity", "depth"], &["exact sections are of overlaps"]);
+    for more in [&sections[..], &[]] {
+        let unsaved = [&["--method", "harmonic", "--quantity", "depth"], more].concat();
+        field(&unsaved, &["kept in a file", "give --save FILE, and leave out --orientations and --out"]);
+    }
+    field(&["--quantity", "overlap"], &["nothing to write", "--orientations and --out", "--save FILE"]);
+    for option in [&["--save", "field.safetensors"][..], &["--degree", "5"], &["--single"]] {
+        let passed_over = [&["--method", "exact"], option, &sections].concat();
+        field(&passed_over, &[option[0], "is of --method harmonic"]);
+    }
 }

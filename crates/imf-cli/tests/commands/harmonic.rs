@@ -65,6 +65,51 @@ fn sections_are_near_the_exact_ones_and_the_file_gives_them_again() {
     );
 }
 
+/// Cuts at its flanks alone, and not all around.
+const SIDE: &str = "name = \"side\"\nunit = \"mm\"\nstick_out = 35.0\nsharp_points = [[5.0, 0.0, 20.0], [0.0, -5.0, 30.0]]\n\
+    [cutter]\nshape = \"ball\"\ndiameter = 10.0\nlength = 35.0\n[[holder]]\ndiameter = 29.0\nlength = 48.0\n";
+
+#[test]
+fn a_field_that_is_kept_is_of_the_tip_whatever_points_are_sharp() {
+    let folder = Folder::new();
+    folder.write("side.toml", SIDE);
+    let scene = ["field", "bracket", "--dims", "8,24,15", "--tool", "side.toml", "--method", "harmonic"];
+    let kept = [&scene[..], &["--degree", "10", "--save", "side.safetensors", "--no-calibrate"]].concat();
+    folder.succeed(&kept);
+    let info = folder.json(&["info", "side.safetensors"]);
+    // A body of revolution: functions of the direction, not of the whole rotation.
+    assert_eq!(info["report"]["functions"], 121);
+    let spread = |index: u32, prime: u32| f64::from(index * prime % 251) / 251.0;
+    let poses: String = (0..200)
+        .map(|i| {
+            let [x, y, z] =
+                [(37, 49.0), (53, 147.0), (71, 87.0)].map(|(prime, size)| size * spread(i, prime));
+            format!("{x},{y},{z},{},{}\n", 360.0 * spread(i, 11), 180.0 * spread(i, 13))
+        })
+        .collect();
+    folder.write("poses.csv", format!("x,y,z,theta,phi\n{poses}"));
+    let mean = |more: &[&str], name: &str| {
+        let answers = folder.json(&[&["query", "side.safetensors", "poses.csv", "--exact"], more].concat());
+        let difference = |a: &serde_json::Value| {
+            let exact = a[format!("{name}_exact")].as_f64().unwrap();
+            ((a[name].as_f64().unwrap() - exact).abs(), exact)
+        };
+        let all: Vec<(f64, f64)> = answers.as_array().unwrap().iter().map(difference).collect();
+        let n = all.len() as f64;
+        (all.iter().map(|a| a.0).sum::<f64>() / n, all.iter().map(|a| a.1).sum::<f64>() / n)
+    };
+    for (error, value) in [mean(&[], "overlap"), mean(&["--sharp"], "cmf")] {
+        // Counts step from voxel to voxel, which are coarse here; the other quantity is off by more than half.
+        assert!(error < 0.3 * value, "{error} of {value}");
+    }
+    // Sections are the least over the sharp points, which turn with the tool; one fit cannot be both.
+    let sections = ["--degree", "2", "--orientations", "0,0", "--out", "out"];
+    let summary = folder.json(&[&scene[..], &sections].concat());
+    assert_eq!(summary["harmonic"]["report"]["functions"], 35);
+    let both = [&scene[..], &sections, &["--save", "both.safetensors"]].concat();
+    folder.run(&both).is_refusal(&["tip", "leave out --orientations and --out"], &both);
+}
+
 #[test]
 fn the_degree_follows_from_an_error_or_from_the_memory() {
     let folder = Folder::new();

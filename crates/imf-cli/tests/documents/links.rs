@@ -63,6 +63,13 @@ fn links_that_lead_nowhere_are_found() {
     assert_eq!(fault(&from("README.md"), "docs/SUMMARY.md"), None);
 }
 
+/// `mdbook` shows the first page as `index.html` of the whole book as well, with its links as they are: they hold there only
+/// if it stands in the book's own folder.
+#[test]
+fn the_first_page_stands_where_the_book_begins() {
+    assert_eq!(chapters()[0], "README.md");
+}
+
 #[test]
 fn the_table_of_contents_has_every_page_once() {
     let book = root().join("docs");

@@ -7,11 +7,12 @@
 //! origin        f8 [3]                  lower corner of voxel (0, 0, 0)
 //! pitch         f8 [1]
 //! degree        u4 [1]                  L
+//! depth         b1 [1]                  true: values are signed depths, in the grid's unit; false: overlaps
 //! obstacle      u1 [nx, ny, nz]         1 where solid
 //! ```
 //!
-//! The overlap at voxel (i, j, k) in the orientation R is `b(R) @ (mean + axes @ coefficients[i, j, k])`, clipped to [0, 1],
-//! with b the functions of [`super::basis`].
+//! The value at voxel (i, j, k) in the orientation R is `b(R) @ (mean + axes @ coefficients[i, j, k])`, with b the functions of
+//! [`super::basis`]: an overlap, to be clipped to [0, 1], or a depth ([`Quantity`]), taken as it is.
 
 use std::io;
 use std::path::Path;
@@ -21,6 +22,7 @@ use ndarray_npy::{NpzWriter, WriteNpzError};
 
 use super::file::HarmonicFile;
 use crate::atomic_file::write_atomically;
+use crate::section::Quantity;
 use crate::tensor_file::TensorFileError;
 
 impl HarmonicFile {
@@ -49,6 +51,7 @@ impl HarmonicFile {
             npz.add_array("origin", &ArrayView1::from(&grid.origin.to_array())).map_err(write)?;
             npz.add_array("pitch", &ArrayView1::from(&[grid.pitch])).map_err(write)?;
             npz.add_array("degree", &ArrayView1::from(&[self.settings.degree as u32])).map_err(write)?;
+            npz.add_array("depth", &ArrayView1::from(&[field.quantity == Quantity::Depth])).map_err(write)?;
             let view = ArrayView3::from_shape((nx, ny, nz), &self.scene.obstacle.solid).map_err(shape)?;
             npz.add_array("obstacle", &view).map_err(write)?;
             npz.finish().map_err(write)?;

@@ -13,7 +13,7 @@ use crate::metrics::Errors;
 use crate::orientation::{Orientation, OrientationSet};
 use crate::parts::ReferencePart;
 use crate::scene::{Scene, SceneSpec};
-use crate::section::{Imf, SectionPlan, imf, sections};
+use crate::section::{Imf, Quantity, SectionPlan, imf, sections};
 use crate::tensor_file::TensorFileError;
 use crate::tool::Tool;
 
@@ -404,28 +404,37 @@ fn poses_are_answered_as_points_are_and_beyond_the_box_as_its_nearest_point() {
 fn numpys_arrays_are_the_fields() {
     let scene = scene();
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
-    let settings = FitSettings { degree: 3, axes: 11, precision: Precision::F16, ..settings() };
-    let field = fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap();
-    let file = HarmonicFile { field, scene, settings, calibration: None };
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("field.npz");
-    file.write_npz(&path).unwrap();
-    let mut npz = ndarray_npy::NpzReader::new(std::fs::File::open(&path).unwrap()).unwrap();
-    let coefficients: ndarray::Array4<f32> = npz.by_name("coefficients").unwrap();
-    let axes: ndarray::Array2<f32> = npz.by_name("axes").unwrap();
-    let mean: ndarray::Array1<f32> = npz.by_name("mean").unwrap();
-    let degree: ndarray::Array1<u32> = npz.by_name("degree").unwrap();
-    let obstacle: ndarray::Array3<u8> = npz.by_name("obstacle").unwrap();
-    assert_eq!((degree[0], mean.len(), axes.dim()), (3, 16, (16, 11)));
-    assert_eq!(obstacle.as_slice().unwrap(), file.scene.obstacle.solid);
-    // As a reader would: b · (μ + U z).
-    let grid = file.field.grid;
-    let (voxel, orientation) = ([7, 9, 15], Orientation::new(30.0, 70.0));
-    let mut functions = vec![0.0; 16];
-    file.field.basis.values(&orientation, &mut functions);
-    let z = coefficients.slice(ndarray::s![voxel[0], voxel[1], voxel[2], ..]);
-    let value = (&mean + &axes.dot(&z)).iter().zip(&functions).map(|(&c, &b)| f64::from(c) * b).sum::<f64>();
-    let expected =
-        file.field.overlap(grid.centre(voxel), &orientation, &mut PointScratch::default()).unwrap();
-    assert!((value.clamp(0.0, 1.0) - f64::from(expected)).abs() < 1e-5, "{value} {expected}");
+    for quantity in [Quantity::Overlap, Quantity::Depth] {
+        let settings = FitSettings { degree: 3, axes: 11, precision: Precision::F16, quantity, ..settings() };
+        let field = fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap();
+        let file = HarmonicFile { field, scene: scene.clone(), settings, calibration: None };
+        let path = folder.path().join("field.npz");
+        file.write_npz(&path).unwrap();
+        let mut npz = ndarray_npy::NpzReader::new(std::fs::File::open(&path).unwrap()).unwrap();
+        let coefficients: ndarray::Array4<f32> = npz.by_name("coefficients").unwrap();
+        let axes: ndarray::Array2<f32> = npz.by_name("axes").unwrap();
+        let mean: ndarray::Array1<f32> = npz.by_name("mean").unwrap();
+        let degree: ndarray::Array1<u32> = npz.by_name("degree").unwrap();
+        let depth: ndarray::Array1<bool> = npz.by_name("depth").unwrap();
+        let obstacle: ndarray::Array3<u8> = npz.by_name("obstacle").unwrap();
+        assert_eq!((degree[0], mean.len(), axes.dim()), (3, 16, (16, 11)));
+        assert_eq!(depth.as_slice().unwrap(), [quantity == Quantity::Depth]);
+        assert_eq!(obstacle.as_slice().unwrap(), file.scene.obstacle.solid);
+        // As a reader would: b · (μ + U z), clipped where it is an overlap.
+        let grid = file.field.grid;
+        for (voxel, theta) in [([7, 9, 15], 30.0), ([0, 1, 2], 200.0)] {
+            let orientation = Orientation::new(theta, 70.0);
+            let mut functions = vec![0.0; 16];
+            file.field.basis.values(&orientation, &mut functions);
+            let z = coefficients.slice(ndarray::s![voxel[0], voxel[1], voxel[2], ..]);
+            let products =
+                (&mean + &axes.dot(&z)).into_iter().zip(&functions).map(|(c, &b)| f64::from(c) * b);
+            let value: f64 = products.sum();
+            let value = if depth[0] { value } else { value.clamp(0.0, 1.0) };
+            let expected =
+                file.field.overlap(grid.centre(voxel), &orientation, &mut PointScratch::default()).unwrap();
+            assert!((value - f64::from(expected)).abs() < 1e-4, "{value} {expected}");
+        }
+    }
 }

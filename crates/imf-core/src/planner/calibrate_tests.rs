@@ -173,7 +173,7 @@ fn coarse(part: ReferencePart) -> [StoredField; 2] {
 fn depth_decides_nearly_all_poses_of_every_reference_part() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("field.safetensors");
-    for part in [ReferencePart::Teapot, ReferencePart::Bracket, ReferencePart::ScrewGear] {
+    for part in ReferencePart::ALL {
         for mut stored in coarse(part) {
             let calibration = calibrated(&NeuralField::new(stored.clone()).unwrap());
             assert!(calibration.keeps_its_goals(), "{part:?}: {calibration:?}");

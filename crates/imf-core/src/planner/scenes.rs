@@ -42,7 +42,7 @@ pub(crate) fn harmonic_file(scene: &Scene, degree: usize) -> HarmonicFile {
         ..FitSettings::default()
     };
     let tool = &scene.record.tool;
-    let domain = if tool.is_axisymmetric() { Domain::Directions } else { Domain::Rotations };
+    let domain = if tool.with_tip_only().is_axisymmetric() { Domain::Directions } else { Domain::Rotations };
     let field = fit(&SectionPlan::of_scene(scene).unwrap(), domain, &settings, Control::quiet()).unwrap();
     HarmonicFile { field, scene: scene.clone(), settings, calibration: None }
 }

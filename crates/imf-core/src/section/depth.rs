@@ -6,7 +6,7 @@
 //! and crosses zero with slope one, where an overlap leaves zero slowly, shallow contact having almost no volume. So
 //! an error of a tenth of a voxel in a learnt depth moves its decisions by a tenth of a voxel.
 //!
-//! Half a voxel is what whole positions cannot tell. Depths are held within eight pitches (`CAP`); positions as far around the
+//! Half a voxel is what whole positions cannot tell. Depths are held within eight pitches (`DEPTH_CAP`); positions as far around the
 //! grid are looked at as well, so that its faces make no difference.
 
 use pulp::Arch;
@@ -38,6 +38,15 @@ impl Quantity {
         }
     }
 
+    /// What no exact value lies below and above, on a grid of this pitch; a field's own values may, by its error.
+    #[must_use]
+    pub fn bounds(self, pitch: f64) -> [f64; 2] {
+        match self {
+            Self::Overlap => [0.0, 1.0],
+            Self::Depth => [-1.0, 1.0].map(|sign| sign * DEPTH_CAP as f64 * pitch),
+        }
+    }
+
     /// True of what all fields were before there were depths.
     #[must_use]
     pub fn is_overlap(&self) -> bool {
@@ -45,11 +54,12 @@ impl Quantity {
     }
 }
 
-/// Depths are held within so many pitches. Wider makes no better decisions (a harmonic fit of degree 14 errs as much near
+/// Depths are held within so many pitches: a tool that is deeper, or farther off, has a depth just below this, or just above
+/// its negative. Wider makes no better decisions (a harmonic fit of degree 14 errs as much near
 /// contact with 6 as without any), and a margin of as many voxels has to be counted around the grid.
-const CAP: usize = 8;
+pub const DEPTH_CAP: usize = 8;
 /// Its square: distances beyond it are this.
-const LIMIT: u8 = (CAP * CAP) as u8;
+const LIMIT: u8 = (DEPTH_CAP * DEPTH_CAP) as u8;
 
 /// What is computed once for depths of many orientations.
 pub struct DepthPlan {
@@ -80,9 +90,12 @@ impl DepthPlan {
     /// None for a plan that was made.
     pub fn of(plan: &SectionPlan) -> Result<Self, SectionError> {
         let grid = *plan.grid();
-        let margin = glam::DVec3::splat(CAP as f64 * grid.pitch);
-        let around =
-            Grid { origin: grid.origin - margin, dims: grid.dims.map(|n| n + 2 * CAP), pitch: grid.pitch };
+        let margin = glam::DVec3::splat(DEPTH_CAP as f64 * grid.pitch);
+        let around = Grid {
+            origin: grid.origin - margin,
+            dims: grid.dims.map(|n| n + 2 * DEPTH_CAP),
+            pitch: grid.pitch,
+        };
         let obstacles = Obstacles { solid: plan.obstacle(), skin: plan.skin() };
         Ok(Self {
             sections: SectionPlan::with_query(obstacles, &around, plan.tool())?,
@@ -94,7 +107,7 @@ impl DepthPlan {
     /// No depth is larger than this, in units of length, nor smaller than its negative.
     #[must_use]
     pub fn bound(&self) -> f32 {
-        CAP as f32 * self.grid().pitch as f32
+        Quantity::Depth.bounds(self.grid.pitch)[1] as f32
     }
 
     /// The grid whose voxels a section covers.
@@ -139,7 +152,7 @@ impl DepthPlan {
     /// From 0 and `LIMIT` over the wider grid to squared distances from the nearest 0, in voxels, over the grid.
     fn squared_distances(&self, all: &[u8], by_x: &mut Vec<u8>, by_y: &mut Vec<u8>, out: &mut Vec<u8>) {
         let [nx, ny, nz] = self.grid.dims;
-        let (wide_y, wide_z) = (ny + 2 * CAP, nz + 2 * CAP);
+        let (wide_y, wide_z) = (ny + 2 * DEPTH_CAP, nz + 2 * DEPTH_CAP);
         by_x.resize(nx * wide_y * wide_z, 0);
         by_y.resize(nx * ny * wide_z, 0);
         out.resize(nx * ny * nz, 0);
@@ -151,17 +164,17 @@ impl DepthPlan {
     }
 }
 
-/// `out[a][i][b] = min over j of values[a][i + j][b] + (j − CAP)²`, j from 0 to twice `CAP`: the middle axis of `values` is
+/// `out[a][i][b] = min over j of values[a][i + j][b] + (j − DEPTH_CAP)²`, j from 0 to twice `DEPTH_CAP`: the middle axis of `values` is
 /// so much longer than that of `out`, whose sizes are given.
 #[inline(always)]
 fn lower(values: &[u8], [outer, length, inner]: [usize; 3], out: &mut [u8]) {
-    let wide = (length + 2 * CAP) * inner;
+    let wide = (length + 2 * DEPTH_CAP) * inner;
     for a in 0..outer {
         let from = &values[a * wide..][..wide];
         let to = &mut out[a * length * inner..][..length * inner];
         to.fill(LIMIT);
-        for j in 0..=2 * CAP {
-            let square = (j.abs_diff(CAP) * j.abs_diff(CAP)) as u8;
+        for j in 0..=2 * DEPTH_CAP {
+            let square = (j.abs_diff(DEPTH_CAP) * j.abs_diff(DEPTH_CAP)) as u8;
             for (to, &value) in to.iter_mut().zip(&from[j * inner..]) {
                 *to = (*to).min(value + square);
             }
@@ -197,7 +210,7 @@ mod tests {
     fn depths_are_those_of_trying_every_position_around() {
         let scene = scene(2.0);
         let (grid, exact) = (scene.record.grid, ExactField::new(&scene));
-        let cap = CAP as i64;
+        let cap = DEPTH_CAP as i64;
         for orientation in
             [Orientation::default(), Orientation::new(25.0, 55.0), Orientation::new(200.0, 120.0)]
         {
@@ -244,7 +257,9 @@ mod tests {
             }
         }
         // Where neither is held, a tool grown by δ is deeper by δ, to the voxel that whole positions tell.
-        let held = (CAP as f32 - 1.5) * pitch;
+        let held = (DEPTH_CAP as f32 - 1.5) * pitch;
+        let [least, most] = Quantity::Depth.bounds(grid.pitch).map(|bound| bound as f32);
+        assert!(bare.iter().chain(&grown).all(|depth| (least..=most).contains(depth)));
         let (mut compared, mut worst) = (0, 0.0_f32);
         for (&a, &b) in bare.iter().zip(&grown) {
             if a < -0.5 * pitch && a > -held && b.abs() < held {

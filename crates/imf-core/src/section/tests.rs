@@ -1,3 +1,4 @@
+use super::clipped::ClippedTool;
 use super::*;
 use crate::orientation::OrientationSet;
 use crate::tool::{Element, ElementKind, Segment, SharpPoints, ToolShape};

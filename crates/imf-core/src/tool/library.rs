@@ -65,6 +65,9 @@ pub enum ToolLibraryError {
     },
 }
 
+/// What is wrong with `FILE#`: an empty name would be answered by whatever tool happens to have none.
+const NAMELESS: &str = "no tool is named behind the #";
+
 /// Names that a message lists.
 const LISTED: usize = 20;
 

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use super::machine::{peak_memory, reset_peak_memory};
 use super::scene;
-use crate::arguments::ExactBenchArguments;
+use crate::arguments::bench::ExactBenchArguments;
 use crate::picture::{AxisScale, Chart, Series};
 use crate::session::{Session, show_bytes};
 

@@ -9,7 +9,7 @@ use ndarray::ArrayView3;
 use serde::Deserialize;
 
 use super::{Rival, Trial};
-use crate::arguments::ExactBenchArguments;
+use crate::arguments::bench::ExactBenchArguments;
 use crate::output::write_json;
 use crate::session::Session;
 

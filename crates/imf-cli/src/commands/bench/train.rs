@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::machine::Machine;
-use crate::arguments::TrainBenchArguments;
+use crate::arguments::bench::TrainBenchArguments;
 use crate::engine::Device;
 use crate::output::{prepare_folder, print, print_json, table, write_json, write_text};
 use crate::session::Session;

@@ -5,7 +5,7 @@ use imf_core::dataset::{Manifest, Merged, merge};
 use serde_json::json;
 
 use super::interruption;
-use crate::arguments::DatasetMergeArguments;
+use crate::arguments::dataset::DatasetMergeArguments;
 use crate::output::{print, print_json};
 use crate::session::Session;
 

@@ -41,7 +41,6 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
         ..FitSettings::default()
     };
     let teacher = harmonic::fitted(session, scene, &plan, Domain::Directions, settings)?;
-    teacher.write(&arguments.out.join("harmonic.safetensors"))?;
 
     let defaults = teaching(Length::Steps(arguments.steps.unwrap_or(STEPS)));
     let settings = compress::Settings {
@@ -61,7 +60,8 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
     let subject = Subject::of_stored(&stored)?;
     let mut answers = HarmonicAnswers(&expanded);
     let engine = format!("CPU, {} threads", session.threads());
-    let evaluation = evaluate(session, &subject, &mut answers, engine, &questions(arguments.seed, imf)?)?;
+    let evaluation =
+        evaluate(session, &subject, &mut answers, engine, &questions(arguments.seed, None, imf)?)?;
     evaluation.write(&arguments.out, &subject, &mut answers)?;
     Ok(evaluation.report)
 }

@@ -62,7 +62,7 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
     let model = job::run(session, &device, &data, model, &arguments.out, &settings)?;
 
     let mut engine = device.evaluator(model.shape, &model.state.parameters)?;
-    let questions = questions(arguments.seed, set)?;
+    let questions = questions(arguments.seed, set.orientations.first().copied(), set)?;
     let (subject, evaluated_by) = (Subject::of_model(&model), engine.describe());
     let mut field = LearntField::new(model.scene.record.grid, engine.as_mut());
     let evaluation = evaluate(session, &subject, &mut field, evaluated_by, &questions)?;

@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 
 use super::Work;
 use super::counting::Streamed;
-use crate::arguments::FieldArguments;
+use crate::arguments::field::FieldArguments;
 use crate::arguments::harmonic::{FieldMethod, HarmonicArguments};
 use crate::interrupt::{self, Interrupted};
 use crate::output::OutputFile;
@@ -128,8 +128,16 @@ impl Harmonic {
                  sharp or --contact is given"
             );
         }
+        if asked.save.is_some() && !plan.tip_alone() {
+            bail!(
+                "a field that is kept is of the tool's tip, which serves every sharp point, and sections are the least over \
+                 all of them: leave out --orientations and --out to keep it, and --save for sections"
+            );
+        }
         let save = asked.save.as_deref().map(OutputFile::check).transpose()?;
         let bare = scene.record.bare_tool();
+        // Turning a tool of revolution about its axis moves its sharp points, not the overlap at its tip.
+        let bare = if plan.tip_alone() { &bare.with_tip_only() } else { bare };
         let domain = if bare.is_axisymmetric() { Domain::Directions } else { Domain::Rotations };
         if asked.refine && domain == Domain::Rotations {
             bail!("--refine is for tools that are symmetric about their axis: leave it out");

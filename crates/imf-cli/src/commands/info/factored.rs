@@ -27,7 +27,7 @@ pub(super) fn describe(path: &Path, file: &FactoredFile) -> Result<Description> 
             ),
         ),
     ];
-    lines.push(("values", quantity_text(field.quantity, scene.record.unit)));
+    lines.push(("values", quantity_text(field.quantity, &scene.record)));
     lines.extend(scene_lines(&scene.record));
     lines.push((
         "teacher",
@@ -44,6 +44,8 @@ pub(super) fn describe(path: &Path, file: &FactoredFile) -> Result<Description> 
     lines.extend(calibration_lines(file.calibration.as_ref()));
     let json = json!({
         "kind": "factored",
+        "quantity": field.quantity,
+        "bounds": field.quantity.bounds(scene.record.grid.pitch),
         "calibration": file.calibration,
         "file": path,
         "bytes": bytes,

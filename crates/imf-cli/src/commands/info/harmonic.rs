@@ -26,7 +26,7 @@ pub(super) fn describe(path: &Path, file: &HarmonicFile) -> Result<Description> 
             ),
         ),
     ];
-    lines.push(("values", quantity_text(field.quantity, scene.record.unit)));
+    lines.push(("values", quantity_text(field.quantity, &scene.record)));
     lines.extend(scene_lines(&scene.record));
     lines.push(("fitted to", format!("{} exact sections", report.sections)));
     lines.push((
@@ -39,6 +39,8 @@ pub(super) fn describe(path: &Path, file: &HarmonicFile) -> Result<Description> 
     lines.extend(calibration_lines(file.calibration.as_ref()));
     let json = json!({
         "kind": "harmonic",
+        "quantity": field.quantity,
+        "bounds": field.quantity.bounds(scene.record.grid.pitch),
         "calibration": file.calibration,
         "file": path,
         "bytes": bytes,

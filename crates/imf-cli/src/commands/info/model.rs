@@ -4,10 +4,11 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result};
 use imf_core::model::Model;
+use imf_core::section::Quantity;
 use imf_core::siren::SirenShape;
 use serde_json::json;
 
-use super::{Description, calibration_lines, scene_lines};
+use super::{Description, calibration_lines, quantity_text, scene_lines};
 use crate::progress::show_seconds;
 use crate::session::show_bytes;
 
@@ -24,6 +25,7 @@ pub(super) fn describe(path: &Path, model: &Model) -> Result<Description> {
         ("network", format!("siren5, {hidden} hidden layers of {width}{skip}, ω = {omega}")),
         ("parameters", format!("{}, file of {}", model.shape.parameter_count(), show_bytes(bytes))),
     ];
+    lines.push(("values", quantity_text(Quantity::Overlap, &model.scene.record)));
     lines.extend(scene_lines(&model.scene.record));
     lines.extend([
         (
@@ -66,6 +68,7 @@ pub(super) fn describe(path: &Path, model: &Model) -> Result<Description> {
         "network": model.shape,
         "parameters": model.shape.parameter_count(),
         "bytes": bytes,
+        "quantity": Quantity::Overlap,
         "calibration": model.calibration,
         "scene": model.scene.record,
         "training": {

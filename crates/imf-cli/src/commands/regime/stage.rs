@@ -194,7 +194,7 @@ impl Workshop<'_> {
         self.session.require_memory(bytes, || {
             "the pool of sections; choose a smaller online.pool or sampling.density".into()
         })?;
-        if !coarse.record.bare_tool().is_axisymmetric() {
+        if !coarse.record.bare_tool().with_tip_only().is_axisymmetric() {
             bail!("an online stage needs a tool that is the same all around its axis");
         }
         let plan = SectionPlan::of_scene(coarse)?;

@@ -1,8 +1,11 @@
 //! 3MF: a ZIP archive of XML models; the build's items are placed by their transforms and joined to one mesh.
 //!
 //! Objects may be made of components, and those may lie in other models of the archive (the production extension). Objects
-//! of the types `support` and `solidsupport` are what a printer adds, not the part, and are left out. Files that require an
-//! extension which changes what is solid are refused: slices, beams, booleans, displacement, encryption.
+//! of the types `support` and `solidsupport` are what a printer adds, not the part, and are left out; so are components of the
+//! type `other`, which slicers give to regions of other settings, and which the core specification allows in no item. Items that
+//! slicers mark `printable="0"` (an attribute of theirs, not of the specification) lie beside the part and are left out too.
+//! Files that require an extension which changes what is solid are refused: slices, beams, booleans, displacement,
+//! encryption.
 //!
 //! The crates for this format drop vertices that they cannot read (`threemf2`) or read no components of other models
 //! (`threemf`), so that the XML is read here, by `quick-xml`, strictly.
@@ -19,7 +22,7 @@ use zip::ZipArchive;
 use super::MeshFileError;
 use crate::mesh::Mesh;
 use crate::unit::LengthUnit;
-use model::{Body, Fault, Model, Relationships, Unit};
+use model::{Body, Fault, Model, Relationships, Role, Unit};
 
 /// The most bytes that an archive may unfold to, for each of its own: text of meshes is packed some ten times.
 const MOST_UNFOLDING: u64 = 200;
@@ -29,6 +32,9 @@ const MOST_PLACEMENTS: usize = 1 << 20;
 /// The deepest nesting of components.
 const DEEPEST: usize = 64;
 
+/// How every ZIP archive of files begins.
+const ZIP: &[u8] = b"PK";
+
 type Archive<'a> = ZipArchive<Cursor<&'a [u8]>>;
 
 /// The mesh and the unit it is in.
@@ -37,12 +43,17 @@ pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<(Mesh, LengthUnit), Mes
 }
 
 fn read(bytes: &[u8]) -> Result<(Mesh, LengthUnit), Fault> {
+    if !bytes.starts_with(ZIP) {
+        return Err(Fault::Malformed(
+            "it is no ZIP archive, which 3MF files are: is it of another kind?".into(),
+        ));
+    }
     let mut archive = Archive::new(Cursor::new(bytes)).map_err(|error| Fault::of_archive(&error))?;
     let mut budget = (bytes.len() as u64).saturating_mul(MOST_UNFOLDING);
     let root = root_name(&mut archive, &mut budget)?;
     let mut models = HashMap::new();
     let first = read_model(&mut archive, &root, &mut budget)?;
-    let (unit, items) = (first.unit, first.items.clone());
+    let (unit, items, unprinted) = (first.unit, first.items.clone(), first.unprinted);
     models.insert(root.clone(), first);
     // Models that items and components name, and those that these name.
     let mut wanted: Vec<String> = items.iter().filter_map(|item| item.path.clone()).collect();
@@ -60,11 +71,23 @@ fn read(bytes: &[u8]) -> Result<(Mesh, LengthUnit), Fault> {
         models.insert(name, model);
     }
     if items.is_empty() {
-        return Err(Fault::Malformed("its build has no item: nothing is placed".into()));
+        let cause = match unprinted {
+            0 => "its build has no item: nothing is placed".to_owned(),
+            count => format!("nothing of its build is to be printed: {count} items have printable=\"0\""),
+        };
+        return Err(Fault::Malformed(cause));
     }
     let mut placing = Placing { models: &models, mesh: Mesh::default(), placements: 0 };
     for item in &items {
         let model = item.path.as_ref().map_or_else(|| root.clone(), |path| plain(path));
+        if models.get(&model).and_then(|m| m.objects.get(&item.object)).is_some_and(|o| o.role == Role::Other)
+        {
+            let cause = format!(
+                "an item places object {} of {model}, whose type 'other' no item may have",
+                item.object
+            );
+            return Err(Fault::Malformed(cause));
+        }
         placing.place(&model, item.object, &item.transform, 0)?;
     }
     let (scale, unit) = unit_of(unit);
@@ -145,7 +168,7 @@ impl Placing<'_> {
         let models = self.models;
         let found = models.get(model).and_then(|model| model.objects.get(&object)).ok_or_else(missing)?;
         match &found.body {
-            _ if found.support => {}
+            _ if found.role != Role::Part => {}
             Body::Mesh(mesh) => {
                 if self.mesh.triangles.len() + mesh.triangles.len() > MOST_TRIANGLES {
                     return Err(Fault::TooLarge);

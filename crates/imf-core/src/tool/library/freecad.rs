@@ -30,10 +30,13 @@ struct Bit {
 pub(super) fn tool(path: &Path, bytes: &[u8], wanted: Option<&str>) -> Result<Tool, ToolLibraryError> {
     let bit: Bit = serde_json::from_slice(bytes)
         .map_err(|error| ToolLibraryError::Damaged { path: path.into(), what: error.to_string() })?;
-    if let Some(wanted) = wanted
-        && !wanted.eq_ignore_ascii_case(&bit.name)
+    if let Some(wanted) = wanted.map(str::trim)
+        && (wanted.is_empty() || !wanted.eq_ignore_ascii_case(bit.name.trim()))
     {
-        let what = format!("no tool of it is called '{wanted}'");
+        let what = match wanted {
+            "" => super::NAMELESS.to_owned(),
+            _ => format!("no tool of it is called '{wanted}'"),
+        };
         return Err(ToolLibraryError::Choice { path: path.into(), what, tools: vec![bit.name] });
     }
     let fail = |what| ToolLibraryError::Tool { path: path.into(), tool: bit.name.clone(), what };

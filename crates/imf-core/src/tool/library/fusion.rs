@@ -94,6 +94,9 @@ pub(super) fn tool(path: &Path, bytes: &[u8], wanted: Option<&str>) -> Result<To
         (None, all) => {
             return Err(choice(format!("it holds {} tools; name one, as in FILE#NAME", all.len())));
         }
+        (Some(wanted), _) if wanted.trim().is_empty() => {
+            return Err(choice(super::NAMELESS.into()));
+        }
         (Some(wanted), all) => {
             let found: Vec<_> = all.iter().filter(|entry| entry.answers_to(wanted)).collect();
             match found.as_slice() {

@@ -268,6 +268,17 @@ fn a_tool_of_several_is_named_and_archives_are_unpacked() {
         let error = Tool::read(path).unwrap_err().to_string();
         assert!(error.contains("4 tools; name one"), "{error}");
     }
+    // An empty name is nobody's, not that of the one tool that has no description.
+    let unnamed = [fusion("reamer", "", 1, json!({})), fusion("reamer", "named", 2, json!({}))];
+    let several = folder.with("few.json", &json!({"data": unnamed}));
+    let single = folder
+        .with("one.fctb", &bit("endmill", json!({"Diameter": 6, "Length": 30, "CuttingEdgeHeight": 9})));
+    for (path, listed) in [(&several, "'1', 'named'"), (&single, "'a bit'")] {
+        for nothing in ["#", "# "] {
+            let error = Tool::find(&format!("{}{nothing}", path.display())).unwrap_err().to_string();
+            assert!(error.contains("no tool is named behind the #") && error.contains(listed), "{error}");
+        }
+    }
     // A file of that very name comes first.
     let odd = folder.with("odd#5.json", &json!({"data": [fusion("reamer", "odd", 1, json!({}))]}));
     assert_eq!(Tool::find(odd.to_str().unwrap()).unwrap().name, "odd");

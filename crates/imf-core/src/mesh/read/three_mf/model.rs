@@ -109,10 +109,20 @@ pub(super) enum Body {
     Components(Vec<Placement>),
 }
 
+/// What an object is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Role {
+    /// The part or a piece of it.
+    Part,
+    /// What a printer adds.
+    Support,
+    /// What no item may place, such as a region that a slicer treats by other settings.
+    Other,
+}
+
 #[derive(Debug)]
 pub(super) struct Object {
-    /// True for what a printer adds.
-    pub(super) support: bool,
+    pub(super) role: Role,
     pub(super) body: Body,
 }
 
@@ -120,7 +130,10 @@ pub(super) struct Object {
 pub(super) struct Model {
     pub(super) unit: Unit,
     pub(super) objects: HashMap<u32, Object>,
+    /// What is to be printed.
     pub(super) items: Vec<Placement>,
+    /// How many items are not.
+    pub(super) unprinted: usize,
 }
 
 /// What an archive says of its parts.
@@ -249,8 +262,9 @@ struct Reading {
     seen: bool,
     objects: HashMap<u32, Object>,
     items: Vec<Placement>,
-    /// The object that is being read: its number, whether it is a printer's support, its mesh or components.
-    object: Option<(u32, bool)>,
+    unprinted: usize,
+    /// The object that is being read: its number, what it is for, its mesh or components.
+    object: Option<(u32, Role)>,
     mesh: Option<Mesh>,
     components: Option<Vec<Placement>>,
 }
@@ -263,11 +277,11 @@ impl Model {
             Part::End { name: "object" } => reading.end_object(),
             Part::End { .. } => Ok(()),
         })?;
-        let Reading { unit, seen, objects, items, .. } = reading;
+        let Reading { unit, seen, objects, items, unprinted, .. } = reading;
         if !seen {
             return Err(Fault::Malformed("it holds no model of the 3MF core specification".into()));
         }
-        Ok(Self { unit: unit.unwrap_or(Unit::Millimeter), objects, items })
+        Ok(Self { unit: unit.unwrap_or(Unit::Millimeter), objects, items, unprinted })
     }
 
     /// The other models that its components name.
@@ -290,8 +304,12 @@ impl Reading {
             }
             ("object", false) => {
                 let kind = attribute(element, "type")?;
-                let support = matches!(kind.as_deref(), Some("support" | "solidsupport"));
-                self.object = Some((number(element, "id")?, support));
+                let role = match kind.as_deref() {
+                    Some("support" | "solidsupport") => Role::Support,
+                    Some("other") => Role::Other,
+                    _ => Role::Part,
+                };
+                self.object = Some((number(element, "id")?, role));
             }
             ("mesh", true) => self.mesh = Some(Mesh::default()),
             ("components", true) => self.components = Some(Vec::new()),
@@ -312,14 +330,20 @@ impl Reading {
                 let [a, b, c] = ["v1", "v2", "v3"].map(|name| number(element, name));
                 self.mesh.get_or_insert_default().triangles.push([a?, b?, c?]);
             }
-            ("item", false) => self.items.push(placement(element)?),
+            ("item", false) => {
+                let placed = placement(element)?;
+                match attribute(element, "printable")?.as_deref().map(str::trim) {
+                    Some("0" | "false") => self.unprinted += 1,
+                    _ => self.items.push(placed),
+                }
+            }
             _ => {}
         }
         Ok(())
     }
 
     fn end_object(&mut self) -> Result<(), Fault> {
-        let Some((id, support)) = self.object.take() else { return Ok(()) };
+        let Some((id, role)) = self.object.take() else { return Ok(()) };
         let body = match (self.mesh.take(), self.components.take()) {
             (Some(mesh), None) => {
                 let vertices = mesh.vertices.len();
@@ -332,7 +356,7 @@ impl Reading {
             (None, Some(components)) => Body::Components(components),
             _ => return Err(Fault::Malformed(format!("object {id} is neither a mesh nor components"))),
         };
-        if self.objects.insert(id, Object { support, body }).is_some() {
+        if self.objects.insert(id, Object { role, body }).is_some() {
             return Err(Fault::Malformed(format!("there are two objects {id}")));
         }
         Ok(())

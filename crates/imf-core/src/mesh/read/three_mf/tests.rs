@@ -116,6 +116,28 @@ fn items_and_components_are_placed_by_their_transforms() {
 }
 
 #[test]
+fn what_is_not_to_be_printed_is_not_the_part() {
+    let objects = format!(
+        r#"<object id="1">{0}</object><object id="2" type="other">{0}</object>"#,
+        mesh_text(&unit_cube())
+    );
+    let both = r#"<object id="3"><components><component objectid="1"/>
+        <component objectid="2" transform="1 0 0 0 1 0 0 0 1 5 0 0"/></components></object>"#;
+    let read = |items: &str| archive(&model("", &format!("{objects}{both}"), items));
+    let shifted =
+        |x: u32, more: &str| format!(r#"<item objectid="1" transform="1 0 0 0 1 0 0 0 1 {x} 0 0"{more}/>"#);
+    for left_out in [r#" printable="0""#, r#" printable="false""#] {
+        let items = [shifted(0, ""), shifted(7, left_out), shifted(3, r#" printable="1""#)].concat();
+        assert_eq!(bounds(&read(&items)).1, DVec3::new(4.0, 1.0, 1.0), "{left_out}");
+        let error = refusal(&read(&shifted(0, left_out)));
+        assert!(error.contains("nothing of its build is to be printed"), "{error}");
+    }
+    // A slicer's region within an object is no material; as an item of its own it is against the specification.
+    assert_eq!(bounds(&read(r#"<item objectid="3"/>"#)).1, DVec3::ONE);
+    assert!(refusal(&read(r#"<item objectid="2"/>"#)).contains("'other'"));
+}
+
+#[test]
 fn components_may_lie_in_other_models() {
     let part = format!(r#"<object id="1">{}</object>"#, mesh_text(&unit_cube()));
     let part = model("", &part, "");
@@ -197,6 +219,9 @@ fn broken_files_are_named_with_what_is_wrong() {
     // Ten megabytes of spaces.
     let spaces = whole.replace("<resources>", &format!("<resources>{}", " ".repeat(10_000_000)));
     assert!(refusal(&archive(&spaces)).contains("unfolds"));
-    assert!(refusal(b"PK\x03\x04").contains("ZIP"));
-    assert!(refusal(b"no archive at all").contains("ZIP"));
+    // What begins as an archive was cut short, and what does not never was one.
+    for (bytes, cut) in [(b"PK\x03\x04".as_slice(), true), (b"solid of another kind", false)] {
+        let error = refusal(bytes);
+        assert!(error.contains("ZIP") && error.contains("cut short") == cut, "{error}");
+    }
 }

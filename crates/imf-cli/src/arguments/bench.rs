@@ -1,0 +1,66 @@
+//! What `imf bench` is asked: which measurement, and those of exact sections and of training steps.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+use super::{DeviceArguments, PrecisionKind, families, paper, query_bench};
+
+/// Measure speed, beside what one would write oneself
+#[derive(Args)]
+pub(crate) struct BenchArguments {
+    #[command(subcommand)]
+    pub(crate) bench: Bench,
+}
+
+#[derive(Subcommand)]
+pub(crate) enum Bench {
+    Exact(ExactBenchArguments),
+    Families(families::FamiliesBenchArguments),
+    Paper(paper::PaperBenchArguments),
+    Query(query_bench::QueryBenchArguments),
+    Train(TrainBenchArguments),
+}
+
+/// Training steps against the matrix products' own peak and against PyTorch, by turns in one run
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf bench train --python venv/bin/python --out bench-train\n\n\
+                        Writes train.json and train.md. About half a minute without PyTorch.")]
+pub(crate) struct TrainBenchArguments {
+    /// Folder to write to
+    #[arg(long, default_value = "imf-bench", value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Samples in a step; several with commas
+    #[arg(long, value_delimiter = ',', default_value = "1024,8192", value_name = "N")]
+    pub(crate) batch: Vec<usize>,
+    /// Neurons of every hidden layer
+    #[arg(long, default_value_t = 512, value_name = "N")]
+    pub(crate) width: usize,
+    /// What products of layers are computed in, PyTorch's too (bf16 and f16: by its autocast)
+    #[arg(long, value_enum, default_value = "f32")]
+    pub(crate) precision: PrecisionKind,
+    /// Python with PyTorch
+    #[arg(long, default_value = "python3", value_name = "COMMAND")]
+    pub(crate) python: String,
+    #[command(flatten)]
+    pub(crate) device: DeviceArguments,
+}
+
+/// Exact sections against scipy and rustfft, and how their cost grows
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf bench exact --out bench-exact\n\n\
+                        Writes exact.json, exact.md and how time and memory grow as pictures. About a minute without --full.")]
+pub(crate) struct ExactBenchArguments {
+    /// Folder to write to
+    #[arg(long, default_value = "imf-bench", value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// All sizes up to 384³, all 225 sections of the rivals, 10,000 orientations
+    #[arg(long)]
+    pub(crate) full: bool,
+    /// Python with numpy and scipy
+    #[arg(long, default_value = "python3", value_name = "COMMAND")]
+    pub(crate) python: String,
+    /// Measure this device too: gpu, software (software Vulkan), or a number or part of a name from `imf devices`
+    #[arg(long, default_value = "cpu", value_name = "DEVICE")]
+    pub(crate) device: String,
+}

@@ -1,0 +1,106 @@
+//! What `imf dataset` is asked: to make a dataset, or to join or finish what was made of it.
+
+use std::path::PathBuf;
+
+use clap::{ArgMatches, Args, FromArgMatches, Subcommand};
+use imf_core::dataset::Share;
+
+use super::clearance;
+use super::scene::SceneArguments;
+
+/// A dataset is made, or what was made of it is joined or finished.
+pub(crate) enum DatasetArguments {
+    Make(Box<DatasetMakeArguments>),
+    Act(DatasetAction),
+}
+
+// By hand: an optional group of arguments that holds another group is never seen as present by the derived code.
+impl FromArgMatches for DatasetArguments {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        if matches.subcommand_name().is_some() {
+            return DatasetAction::from_arg_matches(matches).map(Self::Act);
+        }
+        DatasetMakeArguments::from_arg_matches(matches).map(|make| Self::Make(Box::new(make)))
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl Args for DatasetArguments {
+    fn augment_args(command: clap::Command) -> clap::Command {
+        DatasetAction::augment_subcommands(DatasetMakeArguments::augment_args(command))
+    }
+
+    fn augment_args_for_update(command: clap::Command) -> clap::Command {
+        Self::augment_args(command)
+    }
+}
+
+#[derive(Subcommand)]
+pub(crate) enum DatasetAction {
+    Merge(DatasetMergeArguments),
+    Finish(DatasetFinishArguments),
+}
+
+/// Join shares of a dataset that were made apart, after checking that they belong together and are whole
+#[derive(Args)]
+#[command(
+    after_help = "Examples:\n  imf dataset merge teapot-225 share-1 share-2\n  imf dataset merge together\n\n\
+                        What is missing is listed, and the exit code is 1 then."
+)]
+pub(crate) struct DatasetMergeArguments {
+    /// Folder of the joined dataset; it may hold shares itself
+    pub(crate) out: PathBuf,
+    /// Folders of shares
+    pub(crate) folders: Vec<PathBuf>,
+}
+
+/// Make what is missing of a dataset from what its folder says of itself; the part's mesh is not needed
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf dataset finish teapot-225")]
+pub(crate) struct DatasetFinishArguments {
+    /// Folder of the dataset
+    pub(crate) folder: PathBuf,
+    /// Only share I of N
+    #[arg(long, value_name = "I/N")]
+    pub(crate) shard: Option<Share>,
+}
+
+/// Which sections to sample, how, and which of them here.
+#[derive(Args)]
+pub(crate) struct DatasetMakeArguments {
+    #[command(flatten)]
+    pub(crate) scene: SceneArguments,
+    #[command(flatten)]
+    pub(crate) contact: clearance::ContactArguments,
+    /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, pairs θ,φ;θ,φ or a CSV file
+    #[arg(long, value_name = "SET", allow_hyphen_values = true)]
+    pub(crate) orientations: String,
+    /// Share of every section's voxels to sample
+    #[arg(long, default_value_t = 0.35)]
+    pub(crate) density: f64,
+    /// Share of the samples to draw where the tool collides
+    #[arg(long, default_value_t = 0.75)]
+    pub(crate) positive_share: f64,
+    /// Share of the samples to draw at the boundary between free and colliding; --positive-share divides the rest
+    #[arg(long, default_value_t = 0.0)]
+    pub(crate) boundary_share: f64,
+    /// How far from the boundary still counts as at it
+    #[arg(long, default_value_t = 1, value_name = "VOXELS")]
+    pub(crate) boundary_width: usize,
+    /// Seed of the sampling
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Make only share I of N, on this machine or another; `imf dataset merge` joins them
+    #[arg(long, value_name = "I/N")]
+    pub(crate) shard: Option<Share>,
+    /// Samples in one file, at most
+    #[arg(long, default_value_t = 4_000_000, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) shard_samples: u64,
+    /// Folder of the dataset
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+}
