@@ -66,8 +66,8 @@ pub(crate) struct CompressArguments {
     /// Adam for every weight, not orthogonalised momentum (Muon) for the matrices between hidden layers
     #[arg(long)]
     pub(crate) adam: bool,
-    /// Where it is taught: cpu, auto, gpu, software, a name or an index as `imf devices` has them. A checkpoint of one goes
-    /// on on another
+    /// Where it is taught: cpu, auto, gpu, software, a name or an index as `imf devices` has them. A checkpoint made on one
+    /// is resumed on any
     #[arg(long, default_value = "cpu", value_name = "DEVICE")]
     pub(crate) device: String,
     /// Seed of the weights and of the order of voxels
