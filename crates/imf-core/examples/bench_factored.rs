@@ -194,6 +194,9 @@ fn one(
         };
         judge.tell("  weights in f16", |group| judge.factored(&halves, group));
         evaluate(&field, teacher)?;
+        single_poses(&field)?;
+        println!("  with weights in f16:");
+        single_poses(&halves)?;
     }
     Ok(field)
 }
@@ -225,10 +228,33 @@ fn evaluate(field: &FactoredField, teacher: &HarmonicField) -> Result<(), Failur
     black_box(evaluator.minimum(&heads));
     println!("  fibonacci:10000: IMF in {:.2} s (directions {prepared:.2} s of it)", seconds(start));
 
-    let position = |index: usize| {
-        let unit = DVec3::new(0.618_034, 0.754_878, 0.569_840) * (index as f64 + 0.5);
-        field.grid.origin + field.grid.pitch * 0.5 + unit.fract() * (field.grid.size() - field.grid.pitch)
-    };
+    let position = |index: usize| place(field, index);
+    let total = 100_000;
+    for (points, turns) in [(1000, 100), (1000, 10_000), (100_000, 10_000)] {
+        let positions: Vec<DVec3> = (0..points).map(position).collect();
+        let poses: Vec<[u32; 2]> =
+            (0..total).map(|i| [(i * 7919 % points) as u32, (i * 104_729 % turns) as u32]).collect();
+        let mut overlaps = vec![0.0; total];
+        let all = best(3, || {
+            let heads = field.heads(&many[..turns]);
+            evaluator.poses(&positions, &heads, &poses, &mut overlaps);
+        });
+        println!("  {total} poses of {points} points and {turns} orientations: {:.2} million/s", 0.1 / all);
+    }
+    Ok(())
+}
+
+/// A position inside, another for every index.
+fn place(field: &FactoredField, index: usize) -> DVec3 {
+    let unit = DVec3::new(0.618_034, 0.754_878, 0.569_840) * (index as f64 + 0.5);
+    field.grid.origin + field.grid.pitch * 0.5 + unit.fract() * (field.grid.size() - field.grid.pitch)
+}
+
+/// Times of single poses on one thread.
+fn single_poses(field: &FactoredField) -> Result<(), Failure> {
+    let evaluator = field.evaluator();
+    let many = OrientationSet::parse("fibonacci:10000")?.orientations;
+    let position = |index: usize| place(field, index);
     let mut scratch = PointScratch::default();
     // Short rounds, so that the best of them is one that no other process interrupted.
     let (count, rounds) = (50, 200);
@@ -257,18 +283,6 @@ fn evaluate(field: &FactoredField, teacher: &HarmonicField) -> Result<(), Failur
         each(gradient),
         each(repeated)
     );
-    let total = 100_000;
-    for (points, turns) in [(1000, 100), (1000, 10_000), (100_000, 10_000)] {
-        let positions: Vec<DVec3> = (0..points).map(position).collect();
-        let poses: Vec<[u32; 2]> =
-            (0..total).map(|i| [(i * 7919 % points) as u32, (i * 104_729 % turns) as u32]).collect();
-        let mut overlaps = vec![0.0; total];
-        let all = best(3, || {
-            let heads = field.heads(&many[..turns]);
-            evaluator.poses(&positions, &heads, &poses, &mut overlaps);
-        });
-        println!("  {total} poses of {points} points and {turns} orientations: {:.2} million/s", 0.1 / all);
-    }
     Ok(())
 }
 

@@ -22,6 +22,7 @@ mod bf16;
 pub mod engine;
 pub(crate) mod evaluator;
 pub(crate) mod forward;
+pub(crate) mod halves;
 pub(crate) mod lanes;
 pub mod matrix;
 pub mod muon;

@@ -12,6 +12,7 @@ use crate::harmonic::coefficients::{Coefficients, Precision};
 use crate::harmonic::{FitReport, HarmonicField, Heads, VoxelCoefficients, dot, minimum_of, sections_of};
 use crate::section::{Imf, Quantity};
 use crate::siren::forward::Network;
+use crate::siren::halves::HalfPanels;
 use crate::siren::matrix::prefer_unpacked;
 use crate::siren::plan::{Plan, transpose_all};
 use crate::siren::scratch::ScratchPool;
@@ -22,6 +23,8 @@ pub struct FactoredEvaluator<'a> {
     pub(super) arch: Arch,
     pub(super) plan: Plan,
     pub(super) panels: Vec<f32>,
+    /// The same in half the bytes, where that is exact and fast.
+    pub(super) halves: Option<HalfPanels>,
     /// Two layers of a block.
     layers: ScratchPool,
 }
@@ -50,7 +53,9 @@ impl<'a> FactoredEvaluator<'a> {
         let mut panels = vec![0.0; field.parameters.len()];
         transpose_all(&plan, &field.parameters, &mut panels);
         let layers = ScratchPool::new(2 * BLOCK * plan.stride());
-        FactoredEvaluator { field, arch: Arch::new(), plan, panels, layers }
+        let arch = Arch::new();
+        let halves = HalfPanels::of(arch, &panels);
+        FactoredEvaluator { field, arch, plan, panels, halves, layers }
     }
 
     /// The field that is evaluated.

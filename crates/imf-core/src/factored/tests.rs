@@ -259,6 +259,44 @@ fn gradients_of_single_poses_are_central_differences_on_every_instruction_set() 
     }
 }
 
+#[test]
+fn weights_kept_in_f16_answer_the_same_bits_from_half_the_bytes() {
+    let scene = scene();
+    // Widths that end panels and registers early.
+    for width in [40, 67, 96] {
+        let mut field = field(&teacher(&scene), width);
+        assert!(field.evaluator().halves.is_none(), "random weights need all of f32");
+        field.parameters.iter_mut().for_each(|w| *w = half::f16::from_f32(*w).to_f32());
+        let fast = field.evaluator();
+        if matches!(fast.arch, pulp::Arch::Scalar) || fast.halves.is_none() {
+            assert!(!is_avx512(fast.arch), "AVX-512 widens f16");
+            continue;
+        }
+        let mut plain = field.evaluator();
+        plain.halves = None;
+        let (mut of_fast, mut of_plain) = (PointScratch::default(), PointScratch::default());
+        for (index, orientation) in
+            OrientationSet::parse("random:40:9").unwrap().orientations.iter().enumerate()
+        {
+            let fraction = DVec3::new(0.618, 0.755, 0.57) * (index as f64 + 0.5);
+            let position = field.grid.origin + field.grid.size() * (0.1 + 0.8 * fraction.fract());
+            let direction = orientation.direction();
+            assert_eq!(
+                fast.overlap_with_gradient(position, direction, &mut of_fast),
+                plain.overlap_with_gradient(position, direction, &mut of_plain)
+            );
+            assert_eq!(
+                fast.overlap(position, orientation, &mut of_fast),
+                plain.overlap(position, orientation, &mut of_plain)
+            );
+        }
+    }
+}
+
+fn is_avx512(arch: pulp::Arch) -> bool {
+    format!("{arch:?}").starts_with("V4")
+}
+
 /// The mean squared error of the coefficients, which is that of the field over the sphere.
 fn error(field: &FactoredField, teacher: &HarmonicField) -> f64 {
     let expanded = field.evaluator().expanded(Precision::F32, teacher.report);

@@ -3,13 +3,14 @@
 
 use pulp::{Simd, WithSimd};
 
+use super::halves::Weight;
 use super::lanes::{load, store};
 use super::sine::sine_cosine;
 
 /// One panel of neurons for one point, its tangents beside it: `out [ROWS][neuron]`, rows `widest` apart.
-pub(crate) struct PanelOfPoint<'a, const ROWS: usize> {
+pub(crate) struct PanelOfPoint<'a, W, const ROWS: usize> {
     /// `[inputs][neurons]`.
-    pub(crate) panel: &'a [f32],
+    pub(crate) panel: &'a [W],
     pub(crate) biases: &'a [f32],
     /// `[ROWS][inputs]`.
     pub(crate) signal: [&'a [f32]; ROWS],
@@ -21,12 +22,20 @@ pub(crate) struct PanelOfPoint<'a, const ROWS: usize> {
     pub(crate) omega: Option<f32>,
 }
 
+impl<'a, const ROWS: usize> PanelOfPoint<'a, (), ROWS> {
+    /// The same of some weights.
+    pub(crate) fn of<W>(self, panel: &'a [W]) -> PanelOfPoint<'a, W, ROWS> {
+        let Self { biases, signal, out, widest, first, omega, .. } = self;
+        PanelOfPoint { panel, biases, signal, out, widest, first, omega }
+    }
+}
+
 /// Registers of neurons taken together: with four rows their sums hide the latency of a product.
 const TOGETHER: usize = 4;
 /// With one row it takes two sums a register: over every other input.
 const SPLIT: usize = 2;
 
-impl<const ROWS: usize> PanelOfPoint<'_, ROWS> {
+impl<W, const ROWS: usize> PanelOfPoint<'_, W, ROWS> {
     /// Adds what one input brings. Not a closure: one that the compiler does not inline knows no vector instructions, and
     /// takes ten times as long.
     #[inline(always)]
@@ -34,12 +43,14 @@ impl<const ROWS: usize> PanelOfPoint<'_, ROWS> {
         &self,
         simd: S,
         sums: &mut [[S::f32s; N]; ROWS],
-        weights: &[f32],
+        weights: &[W],
         at: usize,
         input: usize,
-    ) {
+    ) where
+        W: Weight<S>,
+    {
         for place in 0..N {
-            let weights = load(simd, weights, at + place * S::F32_LANES);
+            let weights = W::load(simd, weights, at + place * S::F32_LANES);
             for row in 0..ROWS {
                 let signal = simd.splat_f32s(self.signal[row][input]);
                 sums[row][place] = simd.mul_add_e_f32s(signal, weights, sums[row][place]);
@@ -48,7 +59,10 @@ impl<const ROWS: usize> PanelOfPoint<'_, ROWS> {
     }
 
     #[inline(always)]
-    fn registers<S: Simd, const N: usize, const SUMS: usize>(&mut self, simd: S, at: usize) {
+    fn registers<S: Simd, const N: usize, const SUMS: usize>(&mut self, simd: S, at: usize)
+    where
+        W: Weight<S>,
+    {
         let columns = self.biases.len();
         let mut sums = [[[simd.splat_f32s(0.0); N]; ROWS]; SUMS];
         let mut groups = self.panel.chunks_exact(SUMS * columns);
@@ -90,15 +104,19 @@ impl<const ROWS: usize> PanelOfPoint<'_, ROWS> {
 
     /// The sums that one row needs, or several.
     #[inline(always)]
-    fn group<S: Simd, const N: usize>(&mut self, simd: S, at: usize) {
+    fn group<S: Simd, const N: usize>(&mut self, simd: S, at: usize)
+    where
+        W: Weight<S>,
+    {
         if ROWS == 1 { self.registers::<S, N, SPLIT>(simd, at) } else { self.registers::<S, N, 1>(simd, at) }
     }
-}
 
-impl<const ROWS: usize> WithSimd for PanelOfPoint<'_, ROWS> {
-    type Output = ();
+    /// The whole panel.
     #[inline(always)]
-    fn with_simd<S: Simd>(mut self, simd: S) {
+    pub(super) fn run<S: Simd>(mut self, simd: S)
+    where
+        W: Weight<S>,
+    {
         let columns = self.biases.len();
         let mut at = 0;
         while at + TOGETHER * S::F32_LANES <= columns {
@@ -109,5 +127,13 @@ impl<const ROWS: usize> WithSimd for PanelOfPoint<'_, ROWS> {
             self.group::<S, 1>(simd, at);
             at += S::F32_LANES;
         }
+    }
+}
+
+impl<const ROWS: usize> WithSimd for PanelOfPoint<'_, f32, ROWS> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.run(simd);
     }
 }
