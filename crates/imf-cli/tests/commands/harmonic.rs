@@ -100,7 +100,7 @@ fn a_field_that_is_kept_is_of_the_tip_whatever_points_are_sharp() {
     };
     for (error, value) in [mean(&[], "overlap"), mean(&["--sharp"], "cmf")] {
         // Counts step from voxel to voxel, which are coarse here; the other quantity is off by more than half.
-        assert!(error < 0.3 * value, "{error} of {value}");
+        assert!(error < 0.4 * value, "{error} of {value}");
     }
     // Sections are the least over the sharp points, which turn with the tool; one fit cannot be both.
     let sections = ["--degree", "2", "--orientations", "0,0", "--out", "out"];

@@ -5,7 +5,8 @@
 //! clearance c is proven at one time, the motion is free as long as no point has moved by c, before and after. A clearance
 //! comes from the obstacle's distance transform; where that proves none, from tools grown by fixed lengths, which collide or
 //! not exactly. What is left are stretches where the tool passes closer than the least of these lengths and is not
-//! seen to collide: they are unknown.
+//! seen to collide: they are unknown. So is a motion to where single precision tells no voxel from the next one, but for its
+//! ends: it would take as many steps as there are numbers.
 //!
 //! Poses are rounded to single precision when they are asked, so that a colliding pose that is returned collides itself.
 //! Proofs leave room for that rounding.
@@ -132,7 +133,11 @@ pub(super) fn free_along(
     let speed = way.sweep(reach);
     // Single precision: of positions as large as the ends', of directions at the tool's far end.
     let largest = a.tip().abs().max(b.tip().abs()).max_element();
-    let margin = MARGIN * pitch + 2.0 * f64::from(f32::EPSILON) * largest + ANGLE * reach;
+    let rounding = 2.0 * f64::from(f32::EPSILON) * largest;
+    if rounding >= GROWTHS[0] * pitch {
+        return Ok(too_far(guard, a, b));
+    }
+    let margin = MARGIN * pitch + rounding + ANGLE * reach;
     let proven = |pose: &Pose| -> f64 {
         let coarse = guard.bodies.iter().map(|body| clearance(body, pose)).fold(f64::INFINITY, f64::min);
         let fine = || {
@@ -177,6 +182,14 @@ pub(super) fn free_along(
         unknown = unknown.or(Some((free_until, 1.0)));
     }
     Ok(unknown.map_or(Passage::Free, |(from, to)| Passage::Unknown { from, to }))
+}
+
+/// What is known of a motion that leads so far away, millions of voxels, that single precision tells no voxel there: its ends.
+fn too_far(guard: &Guard, a: &Pose, b: &Pose) -> Passage {
+    match [(0.0, a), (1.0, b)].into_iter().find(|(_, pose)| guard.touches(pose)) {
+        Some((at, pose)) => Passage::Blocked { free_until: 0.0, at, pose: *pose },
+        None => Passage::Unknown { from: 0.0, to: 1.0 },
+    }
 }
 
 /// The earliest colliding pose that halving finds between a time without and one with a collision.

@@ -102,3 +102,29 @@ fn motions_without_an_answer_say_why() {
     let stands = field.free_along(&inside, &inside).unwrap();
     assert!(matches!(stands, Passage::Blocked { free_until: 0.0, at: 0.0, .. }), "{stands:?}");
 }
+
+#[test]
+fn motions_to_the_end_of_numbers_are_answered_at_once() {
+    let scene = scene(&Tool::paper(), 0.0);
+    let field = GuardedField::new(harmonic(&scene)).unwrap();
+    let grid = scene.record.grid;
+    let inside = Pose::along((grid.origin + 0.5 * grid.size()).as_vec3(), Vec3::Z);
+    let outside = Pose { position: inside.position + Vec3::new(0.0, 0.0, 400.0), ..inside };
+    let mut decisions = [Decision::Near; 2];
+    field.classify(&[inside, outside], &mut decisions).unwrap();
+    assert_eq!(decisions, [Decision::Blocked, Decision::Free]);
+    // As far as a voxel is told from the next one a way through the part is found, and one away from it is free.
+    let far = |distance: f32| Pose { position: inside.position + Vec3::new(0.0, 0.0, distance), ..inside };
+    assert_eq!(field.free_along(&outside, &far(1e5)).unwrap(), Passage::Free);
+    let through = field.free_along(&far(1e5), &far(-1e5)).unwrap();
+    assert!(matches!(through, Passage::Blocked { .. }), "{through:?}");
+    for distance in [1e9, 1e20, f32::MAX] {
+        // Nothing but the ends is looked at.
+        let away = field.free_along(&outside, &far(distance)).unwrap();
+        assert_eq!(away, Passage::Unknown { from: 0.0, to: 1.0 });
+        let from_within = field.free_along(&inside, &far(distance)).unwrap();
+        assert_eq!(from_within, Passage::Blocked { free_until: 0.0, at: 0.0, pose: inside });
+        let into = field.free_along(&far(-distance), &inside).unwrap();
+        assert_eq!(into, Passage::Blocked { free_until: 0.0, at: 1.0, pose: inside });
+    }
+}

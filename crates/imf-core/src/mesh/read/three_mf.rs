@@ -44,9 +44,7 @@ pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<(Mesh, LengthUnit), Mes
 
 fn read(bytes: &[u8]) -> Result<(Mesh, LengthUnit), Fault> {
     if !bytes.starts_with(ZIP) {
-        return Err(Fault::Malformed(
-            "it is no ZIP archive, which 3MF files are: is it of another kind?".into(),
-        ));
+        return Err(Fault::Malformed("it is no 3MF file: it does not begin as a ZIP archive does".into()));
     }
     let mut archive = Archive::new(Cursor::new(bytes)).map_err(|error| Fault::of_archive(&error))?;
     let mut budget = (bytes.len() as u64).saturating_mul(MOST_UNFOLDING);
