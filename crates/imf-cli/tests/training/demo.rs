@@ -18,7 +18,7 @@ fn a_short_demo_fits_teaches_and_says_how_well_the_network_learnt() {
         work.picture(&format!("demo/{picture}"));
         assert!(work.text("demo/report.md").contains(picture), "{picture}");
     }
-    for stage in ["sections to fit: 384 sections in", "teaching: 60 steps in", "evaluating: 354 sections in"]
+    for stage in ["sections to fit: 400 sections in", "teaching: 60 steps in", "evaluating: 354 sections in"]
     {
         let line = demo.stderr.lines().find(|line| line.starts_with(stage));
         assert!(line.is_some_and(|line| line.contains("/s)")), "{stage} in\n{}", demo.stderr);
