@@ -23,7 +23,7 @@ const WARMUP: u64 = 10;
 #[command(after_help = "Example:\n  imf field teapot --method harmonic --save \
                         teapot.safetensors\n  imf compress teapot.safetensors --out small\n  imf query \
                         small/field.safetensors poses.csv\n  imf compress changed.safetensors --from \
-                        small/field.safetensors --epochs 1 --out changed\n\nWrites field.safetensors and checkpoint.safetensors (for \
+                        small/field.safetensors --epochs 1 --out changed\n\nWrites field.safetensors and teaching.safetensors (for \
                         --resume). Ctrl-C writes a checkpoint and stops.")]
 pub(crate) struct CompressArguments {
     /// Harmonic field, from imf field --method harmonic --save

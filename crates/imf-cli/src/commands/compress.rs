@@ -24,7 +24,8 @@ use crate::interrupt::{self, Interrupted};
 use crate::output::{prepare_folder, print, print_json};
 use crate::session::{Session, show_bytes};
 
-const CHECKPOINT: &str = "checkpoint.safetensors";
+/// Not the name of a training's on samples, which may lie in the same folder.
+const CHECKPOINT: &str = "teaching.safetensors";
 const FIELD: &str = "field.safetensors";
 /// Bytes of a weight: itself, transposed, gradient, two moments, and a copy of weights and moments in a checkpoint.
 const BYTES_PER_PARAMETER: u64 = 4 * 8;
@@ -45,6 +46,7 @@ pub(crate) fn run(session: &Session, arguments: &CompressArguments) -> Result<()
         precision: arguments.precision(),
         checkpoint_every: arguments.checkpoint_every,
         go_on: "add --resume to go on",
+        smaller: "use a smaller --width or --batch",
     };
     let lesson = Lesson { teacher: &teacher, settings, out: &arguments.out };
     ensure!(
@@ -73,6 +75,8 @@ pub(super) struct Settings {
     pub(super) checkpoint_every: f64,
     /// What an interrupted user is to do.
     pub(super) go_on: &'static str,
+    /// What takes less memory.
+    pub(super) smaller: &'static str,
 }
 
 /// A network taught a harmonic field, in a folder.
@@ -84,9 +88,13 @@ pub(super) struct Lesson<'a> {
 }
 
 impl Lesson<'_> {
-    /// True where an earlier run left a checkpoint and no field.
+    /// True where an earlier run left a checkpoint before its end, or no field.
     pub(super) fn is_unfinished(&self) -> bool {
-        self.out.join(CHECKPOINT).exists() && !self.out.join(FIELD).exists()
+        let path = self.out.join(CHECKPOINT);
+        if !path.exists() || !self.out.join(FIELD).exists() {
+            return path.exists();
+        }
+        FactoredFile::read(&path).is_ok_and(|file| file.is_unfinished())
     }
 
     /// Teaches from the checkpoint on where `resume`, else from another field's network or from random weights; writes
@@ -110,7 +118,7 @@ impl Lesson<'_> {
             + signals
             + settings.bytes_to_solve(teacher);
         session.require_memory(needed, || {
-            "the harmonic field and the network; use a smaller --width or --batch".into()
+            format!("the harmonic field and the network; {}", self.settings.smaller)
         })?;
         let path = self.out.join(CHECKPOINT);
         let mut state = if resume { self.resumed(&path)? } else { self.begun(from)? };
@@ -162,7 +170,7 @@ impl Lesson<'_> {
                 Outcome::Stopped(_) => {}
             }
         }
-        stage.finish(&format!("loss {loss:.2e}"));
+        stage.finish(&if loss.is_nan() { String::new() } else { format!("loss {loss:.2e}") });
         Ok((self.write(&self.out.join(FIELD), &state, false)?, loss))
     }
 
@@ -248,8 +256,14 @@ fn report(session: &Session, path: &Path, file: &FactoredFile, loss: f64) -> Res
             "settings": file.settings, "teacher": file.report,
         }));
     }
+    // None where a finished teaching was asked to go on.
+    let its_loss = if loss.is_nan() {
+        String::new()
+    } else {
+        format!("MSE from its teacher in the last steps {loss:.1e}, ")
+    };
     print(&format!(
-        "{}: {}, mean squared error from its teacher {loss:.1e}, its teacher's own {:.1e}; ask it by: imf query {}",
+        "{}: {}, {its_loss}its teacher's own error {:.1e}; ask it by: imf query {}",
         path.display(),
         show_bytes(bytes),
         file.report.expected_mse(),

@@ -7,6 +7,7 @@ use imf_core::harmonic::basis::Basis;
 use imf_core::harmonic::coefficients::Precision;
 use imf_core::harmonic::{HarmonicAnswers, HarmonicField};
 use imf_core::orientation::{Orientation, OrientationSet};
+use imf_core::scene::SceneRecord;
 use imf_core::section::{Quantity, SectionPlan};
 use imf_core::stored::StoredField;
 
@@ -31,14 +32,11 @@ pub(crate) fn run(session: &Session, arguments: &EvalArguments) -> Result<()> {
         );
     }
     let record = &stored.scene().record;
-    let coefficients = match &stored {
-        StoredField::Factored(file) => 4 * (record.grid.len() * file.field.shape.axes) as u64,
+    let axes = match &stored {
+        StoredField::Factored(file) => file.field.shape.axes,
         StoredField::Siren(_) | StoredField::Harmonic(_) => 0,
     };
-    let needed = SectionPlan::memory_estimate(&record.grid, &record.tool, session.threads())
-        + 40 * record.grid.len() as u64 * session.threads() as u64
-        + coefficients;
-    session.require_memory(needed, || "the exact field beside the other one; use fewer --threads".into())?;
+    require_memory(session, record, axes)?;
     let subject = Subject::of_stored(&stored)?;
     let evaluation = match &stored {
         StoredField::Siren(model) => {
@@ -56,6 +54,15 @@ pub(crate) fn run(session: &Session, arguments: &EvalArguments) -> Result<()> {
         StoredField::Factored(file) => harmonic(session, arguments, &subject, &expanded(file))?,
     };
     if session.json { print_json(&evaluation.report) } else { print(&evaluation.report.table()) }
+}
+
+/// Refuses what would not fit beside the exact field; `axes` are those of coefficients that are taken at every voxel.
+pub(super) fn require_memory(session: &Session, record: &SceneRecord, axes: usize) -> Result<()> {
+    let coefficients = 4 * (record.grid.len() * axes) as u64;
+    let needed = SectionPlan::memory_estimate(&record.grid, &record.tool, session.threads())
+        + 40 * record.grid.len() as u64 * session.threads() as u64
+        + coefficients;
+    session.require_memory(needed, || "the exact field beside the other one; use fewer --threads".into())
 }
 
 /// The network's coefficients at every voxel, taken once for all sections.

@@ -207,6 +207,8 @@ fn a_field_is_compressed_into_a_network_through_an_interruption() {
     folder.succeed(&compress(&["--out", "often", "--resume"]));
     assert_eq!(bytes("whole/field.safetensors"), bytes("often/field.safetensors"));
     folder.refuse(&compress(&["--out", "often", "--resume", "--seed", "3"]), &["other settings"]);
+    let again = folder.json(&compress(&["--out", "often", "--resume"]));
+    assert!(again["loss"].is_null(), "no step was taken: {again}");
 
     // From its own network a few steps are enough, and a network of another shape is taken over.
     let few: &[&str] =

@@ -77,11 +77,13 @@ fn a_dataset_keeps_its_finished_shards() {
 #[test]
 fn an_interrupted_teaching_goes_on_with_the_same_demo() {
     let work = Workdir::new();
+    // What is finished there is begun anew; what is not goes on, though an older field lies beside it.
+    work.imf("demo --steps 2 --device cpu --out demo").done();
     let demo = "demo --steps 100000 --device cpu --out demo";
     work.interrupted_once_it_says("teaching 3→", demo)
-        .interrupted(&["the checkpoint is demo/checkpoint.safetensors", "same command"]);
+        .interrupted(&["the checkpoint is demo/teaching.safetensors", "same command"]);
     let steps = || {
-        let file = FactoredFile::read(&work.path("demo/checkpoint.safetensors")).unwrap();
+        let file = FactoredFile::read(&work.path("demo/teaching.safetensors")).unwrap();
         file.state.unwrap().training.step
     };
     let first = steps();

@@ -78,6 +78,13 @@ struct Description {
 }
 
 impl FactoredFile {
+    /// True where teaching stopped before the end of its plan.
+    #[must_use]
+    pub fn is_unfinished(&self) -> bool {
+        let steps = self.settings.plan.total_steps(self.field.grid.len());
+        self.state.as_ref().is_some_and(|state| state.training.step < steps)
+    }
+
     /// True for a file whose header names this format, read or not.
     #[must_use]
     pub fn is_one(path: &Path) -> bool {

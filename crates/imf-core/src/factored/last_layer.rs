@@ -5,6 +5,8 @@
 //! that solves for them now and then needs a third of the steps (variable projection), and a network of another part
 //! begins where its hidden layers are worth most.
 
+use std::ops::Range;
+
 use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
 
@@ -148,6 +150,10 @@ impl TrainingEngine for Solving<'_> {
 
     fn outputs(&self) -> usize {
         self.engine.outputs()
+    }
+
+    fn share(&mut self, batch: usize) -> Range<usize> {
+        self.engine.share(batch)
     }
 
     fn step(&mut self, inputs: &[f32], targets: &[f32], learning_rate: f32) -> Result<(), EngineError> {

@@ -30,7 +30,8 @@ pub struct TeachSettings {
     /// How the weights follow the gradient.
     pub optimiser: Optimiser,
     /// Steps between two solutions of the last layer in closed form, one of which ends teaching; 0 for none. They are of
-    /// least squares, whatever the plan's loss.
+    /// least squares, whatever the plan's loss. Files from before there were any say nothing of them.
+    #[serde(default)]
     pub solve_every: u64,
 }
 

@@ -16,7 +16,7 @@ use crate::arguments::DemoArguments;
 use crate::arguments::compress::teaching;
 use crate::arguments::harmonic::DEFAULT_SECTIONS;
 use crate::commands::compress::{self, Lesson};
-use crate::commands::eval::{IMF_ORIENTATIONS, expanded};
+use crate::commands::eval::{IMF_ORIENTATIONS, expanded, require_memory};
 use crate::commands::field::harmonic;
 use crate::engine::Device;
 use crate::report::{Report, Subject, evaluate};
@@ -27,6 +27,8 @@ const STEPS: u64 = 1_000;
 /// Degree and axes that leave the teapot an error of a few millionths.
 const DEGREE: usize = 16;
 const AXES: usize = 160;
+/// What takes less memory than this demo.
+const SMALLER: &str = "raise --memory, or take the smaller demo: --family siren5";
 /// Seconds between checkpoints.
 const CHECKPOINT_EVERY: f64 = 30.0;
 
@@ -40,7 +42,7 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
         sections_per_function: DEFAULT_SECTIONS,
         ..FitSettings::default()
     };
-    let teacher = harmonic::fitted(session, scene, &plan, Domain::Directions, settings)?;
+    let teacher = harmonic::fitted(session, scene, &plan, Domain::Directions, settings, SMALLER)?;
 
     let defaults = teaching(Length::Steps(arguments.steps.unwrap_or(STEPS)));
     let settings = compress::Settings {
@@ -48,12 +50,14 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
         precision: Precision::F32,
         checkpoint_every: CHECKPOINT_EVERY,
         go_on: "run the same command again",
+        smaller: SMALLER,
     };
     let lesson = Lesson { teacher: &teacher, settings, out: &arguments.out };
     let resume = lesson.is_unfinished();
     let (file, _) = lesson.taught(session, &device, resume, None)?;
     drop(teacher);
 
+    require_memory(session, &file.scene.record, file.field.shape.axes)?;
     let imf = file.field.basis.even_set(IMF_ORIENTATIONS)?;
     let expanded = expanded(&file);
     let stored = StoredField::Factored(file.into());

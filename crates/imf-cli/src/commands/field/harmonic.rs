@@ -89,14 +89,20 @@ fn interruption(error: HarmonicError, what: &str) -> anyhow::Error {
     }
 }
 
-/// The field of a scene, in so many exact sections as the settings ask for.
+/// The field of a scene, in so many exact sections as the settings ask for; `smaller` says what takes less memory.
 pub(in crate::commands) fn fitted(
     session: &Session,
     scene: &Scene,
     plan: &SectionPlan,
     domain: Domain,
-    settings: FitSettings,
+    mut settings: FitSettings,
+    smaller: &str,
 ) -> Result<HarmonicFile> {
+    settings.one_pass = settings.memory(domain, plan.grid().len()).0 <= session.memory_limit();
+    let (needed, _) = settings.memory(domain, plan.grid().len());
+    session.require_memory(needed, || {
+        format!("a harmonic field of degree {} along {} axes; {smaller}", settings.degree, settings.axes)
+    })?;
     let stage = session.stage("sections to fit", "sections", section_count(domain, &settings) as u64);
     let advance = |sections| stage.advance(sections);
     let field = fit(plan, domain, &settings, session.control(&advance));
@@ -142,16 +148,9 @@ impl Harmonic {
         if asked.refine && domain == Domain::Rotations {
             bail!("--refine is for tools that are symmetric about their axis: leave it out");
         }
-        let mut settings = chosen(session, plan, domain, asked)?;
-        settings.one_pass = settings.memory(domain, plan.grid().len()).0 <= session.memory_limit();
-        let (needed, _) = settings.memory(domain, plan.grid().len());
-        session.require_memory(needed, || {
-            format!(
-                "a harmonic field of degree {} along {} axes; use a lower --degree or --axes, or a larger --pitch",
-                settings.degree, settings.axes
-            )
-        })?;
-        let file = fitted(session, scene, plan, domain, settings)?;
+        let settings = chosen(session, plan, domain, asked)?;
+        let smaller = "use a lower --degree or --axes, or a larger --pitch";
+        let file = fitted(session, scene, plan, domain, settings, smaller)?;
         if let Some(save) = save {
             let path = save.begin()?;
             if is_npz(path) {
