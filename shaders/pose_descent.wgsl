@@ -32,8 +32,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
             slopes += first[row * descent.neurons + neuron]
                 * vec3<f32>(parameters[weights], parameters[weights + 1u], parameters[weights + 2u]);
         }
-        let held = clamp(pose.position.xyz, world.low.xyz, world.high.xyz);
-        let position = select(vec3<f32>(), slopes * (2.0 / longest(world.size)), held == pose.position.xyz);
+        let position = held_slopes(pose, world.low.xyz, world.high.xyz, slopes * (2.0 / longest(world.size)));
         gradients[at] = vec4<f32>(value, position);
     }
 }

@@ -49,9 +49,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
                 slopes[input] += delta * parameters[weights + input];
             }
         }
-        let held = clamp(pose.position.xyz, world.low.xyz, world.high.xyz);
         let across = vec3<f32>(slopes[0], slopes[1], slopes[2]) * 2.0 / world.size.xyz;
-        let position = select(vec3<f32>(), across, held == pose.position.xyz);
+        let position = held_slopes(pose, world.low.xyz, world.high.xyz, across);
         // From inputs, which are θ/π − 1 and φ/(π/2) − 1, to radians.
         let axis = axis_of(pose);
         let angles = angles_of(axis);

@@ -15,10 +15,9 @@
 fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     for (var row = id.x; row < batch.rows; row += groups.x * LINEAR_GROUP) {
         let pose = poses[sweep.base + row];
-        var position = world.low.xyz;
+        let position = held_tip(pose, world.low.xyz, world.high.xyz);
         var axis = vec3<f32>(0.0, 0.0, 1.0);
         if is_pose(pose) {
-            position = clamp(pose.position.xyz, world.low.xyz, world.high.xyz);
             axis = axis_of(pose);
         }
         let unit = (position - world.origin.xyz) / world.size.xyz;

@@ -14,11 +14,7 @@
 @compute @workgroup_size(LINEAR_GROUP)
 fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     for (var row = id.x; row < batch.rows; row += groups.x * LINEAR_GROUP) {
-        let pose = poses[sweep.base + row];
-        var position = world.low.xyz;
-        if is_pose(pose) {
-            position = clamp(pose.position.xyz, world.low.xyz, world.high.xyz);
-        }
+        let position = held_tip(poses[sweep.base + row], world.low.xyz, world.high.xyz);
         let point = ((position - world.origin.xyz) - 0.5 * world.size.xyz) * (2.0 / longest(world.size));
         let at = row * POINT_INPUTS;
         samples[at] = point.x;

@@ -40,6 +40,19 @@ fn axis_of(pose: Pose) -> vec3<f32> {
     return normalize(select(axis, vec3<f32>(), abs(axis) < vec3<f32>(STEP)));
 }
 
+/// A pose's tip, held in a box; some point of it for what is no pose.
+fn held_tip(pose: Pose, low: vec3<f32>, high: vec3<f32>) -> vec3<f32> {
+    if is_pose(pose) {
+        return clamp(pose.position.xyz, low, high);
+    }
+    return low;
+}
+
+/// Slopes by the tip, 0 along the axes where the box holds it.
+fn held_slopes(pose: Pose, low: vec3<f32>, high: vec3<f32>, slopes: vec3<f32>) -> vec3<f32> {
+    return select(vec3<f32>(), slopes, held_tip(pose, low, high) == pose.position.xyz);
+}
+
 /// The longest edge.
 fn longest(size: vec4<f32>) -> f32 {
     return max(size.x, max(size.y, size.z));

@@ -9,10 +9,7 @@ struct Cell {
 
 /// The cell of a pose's point, which is held in the box of the voxel centres; of some point for what is no pose.
 fn cell_of(pose: Pose) -> Cell {
-    var position = world.low.xyz;
-    if is_pose(pose) {
-        position = clamp(pose.position.xyz, world.low.xyz, world.high.xyz);
-    }
+    let position = held_tip(pose, world.low.xyz, world.high.xyz);
     let at = max((position - world.low.xyz) / lattice.pitch, vec3<f32>());
     let last = vec3<u32>(lattice.nx, lattice.ny, lattice.nz) - 1u;
     let low = min(vec3<u32>(at), max(last, vec3<u32>(1u)) - 1u);

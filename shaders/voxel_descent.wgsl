@@ -38,8 +38,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
             let sign = select(vec3<f32>(-1.0), vec3<f32>(1.0), is_upper(corner));
             across += sum * sign * vec3<f32>(weight.y * weight.z, weight.x * weight.z, weight.x * weight.y);
         }
-        let held = clamp(pose.position.xyz, world.low.xyz, world.high.xyz);
-        let position = select(vec3<f32>(), across / lattice.pitch, held == pose.position.xyz);
+        let position = held_slopes(pose, world.low.xyz, world.high.xyz, across / lattice.pitch);
         gradients[at] = vec4<f32>(value, position);
     }
 }
