@@ -69,9 +69,11 @@ class Factored(torch.nn.Module):
         settings, grid = about["settings"], about["scene"]["grid"]
         self.omega, self.scale = settings["omega"], about["scale"]
         self.depth = about["fit"].get("quantity", "overlap") == "depth"
-        self.register_buffer("axes", tensors["axes"])
+        self.register_buffer("axes", tensors["axes"].float())
         self.register_buffer("mean", tensors["mean"])
-        sizes = [3] + [settings["width"]] * settings["hidden"] + [self.axes.shape[1]]
+        # Of a folded network the last sines are the coefficients.
+        self.folded = about.get("folded", False)
+        sizes = [3] + [settings["width"]] * settings["hidden"] + ([] if self.folded else [self.axes.shape[1]])
         flat, self.weights, self.biases = tensors["parameters"].float(), torch.nn.ParameterList(), torch.nn.ParameterList()
         for inputs, outputs in zip(sizes, sizes[1:]):
             weight, bias, flat = flat.split([inputs * outputs, outputs, len(flat) - (inputs + 1) * outputs])
@@ -83,9 +85,12 @@ class Factored(torch.nn.Module):
 
     def forward(self, position, direction):
         signal = ((position.double() - self.middle) * self.inverse_length).to(self.axes.dtype)
-        for weight, bias in zip(self.weights[:-1], self.biases[:-1]):
-            signal = torch.sin(self.omega * linear(signal, weight, bias))
-        along = self.scale * linear(signal, self.weights[-1], self.biases[-1])
+        sines = len(self.weights) - (0 if self.folded else 1)
+        for layer, (weight, bias) in enumerate(zip(self.weights, self.biases)):
+            signal = linear(signal, weight, bias)
+            if layer < sines:
+                signal = torch.sin(self.omega * signal)
+        along = self.scale * signal
         functions = harmonics(direction, math.isqrt(len(self.mean)) - 1).to(self.axes.dtype)
         values = (along * (functions @ self.axes)).sum(dim=1) + functions @ self.mean
         return values if self.depth else values.clamp(0.0, 1.0)

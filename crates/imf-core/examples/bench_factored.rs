@@ -179,19 +179,19 @@ fn one(
         spent * 1e3 / steps as f64
     );
     let field = FactoredField::new(teacher, settings.shape(teacher.axis_count()), state.training.parameters)?;
-    let count = field.parameters.len();
+    let field = if values.get("fold", 1)? == 1 { field.folded() } else { field };
     println!(
-        "  {count} weights, with axes {} bytes in f32, {} with weights in f16",
-        field.bytes(),
-        field.bytes() - 2 * count as u64
+        "  {}: {} weights, axes and mean among them, {} bytes in f32",
+        field.shape,
+        field.parameter_count(),
+        field.bytes()
     );
     let Some(judge) = judge else { return Ok(field) };
     judge.tell("  factored", |group| judge.factored(&field, group));
     if values.get("evaluate", 0)? == 1 {
-        let halves = FactoredField {
-            parameters: field.parameters.iter().map(|&w| half::f16::from_f32(w).to_f32()).collect(),
-            ..field.clone()
-        };
+        let half = |values: &[f32]| values.iter().map(|&w| half::f16::from_f32(w).to_f32()).collect();
+        let halves =
+            FactoredField { parameters: half(&field.parameters), axes: half(&field.axes), ..field.clone() };
         judge.tell("  weights in f16", |group| judge.factored(&halves, group));
         evaluate(&field, teacher)?;
         single_poses(&field)?;

@@ -10,11 +10,16 @@
 //! The network sees positions scaled alike along x, y and z: the longest edge of the grid is [−1, 1]. Its outputs times
 //! one scale, the teacher's root mean square, are the coefficients. Outside the box of the voxel centres, where nothing
 //! was taught, there is no answer.
+//!
+//! Behind its sines g is linear, and what follows is too: once taught, the last layer is folded into the functions
+//! ([`FactoredField::folded`]). The last sines are the coefficients then, along axes that teaching has found: the same
+//! field with fewer weights.
 
 mod adapt;
 mod answers;
 mod evaluate;
 pub mod file;
+mod fold;
 mod last_layer;
 mod point;
 pub mod reference;
@@ -51,15 +56,26 @@ pub struct FactoredShape {
     pub hidden: usize,
     /// Frequency factor ω inside every sine.
     pub omega: f32,
-    /// Outputs: principal axes of the harmonic field.
+    /// Outputs: principal axes of the harmonic field, or as many as neurons in a folded network.
     pub axes: usize,
+    /// There is no layer behind the last sines, which are the outputs.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub folded: bool,
+}
+
+impl std::fmt::Display for FactoredShape {
+    /// Inputs, hidden layers and, where there is a layer behind these, its outputs: `3→256×3→160`.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{INPUTS}→{}×{}", self.width, self.hidden)?;
+        if self.folded { Ok(()) } else { write!(f, "→{}", self.axes) }
+    }
 }
 
 impl FactoredShape {
     /// The network as a stack of layers.
     #[must_use]
     pub fn stack(&self) -> Stack {
-        let Self { width, hidden, omega, axes } = *self;
+        let Self { width, hidden, omega, axes, folded } = *self;
         Stack {
             inputs: INPUTS,
             width,
@@ -67,7 +83,7 @@ impl FactoredShape {
             skip_after: None,
             omega,
             outputs: axes,
-            ending: Ending::Linear,
+            ending: if folded { Ending::Sines } else { Ending::Linear },
         }
     }
 
@@ -79,10 +95,16 @@ impl FactoredShape {
         self.stack().check()
     }
 
-    /// The layers in order, the linear one last: the layout of the flat parameters.
+    /// The layers in order, the linear one last where there is one: the layout of the flat parameters.
     #[must_use]
     pub fn layers(&self) -> Vec<Layer> {
         self.stack().layers()
+    }
+
+    /// The same network without its linear layer.
+    #[must_use]
+    pub fn folded(self) -> Self {
+        Self { axes: self.width, folded: true, ..self }
     }
 
     /// Number of parameters, weights and biases together.
@@ -107,7 +129,7 @@ pub struct FactoredField {
     pub grid: Grid,
     /// The functions of the orientation, K of them.
     pub basis: Basis,
-    /// U: `[K][axes]`, orthonormal columns.
+    /// U: `[K][axes]`, orthonormal columns where the network is not folded.
     pub axes: Vec<f32>,
     /// μ: `[K]`.
     pub mean: Vec<f32>,
@@ -158,10 +180,16 @@ impl FactoredField {
         Heads::new(&self.basis, &self.axes, &self.mean, orientations)
     }
 
-    /// Bytes of weights, axes and mean in f32.
+    /// Numbers that the field consists of: weights, axes and mean.
+    #[must_use]
+    pub fn parameter_count(&self) -> usize {
+        self.parameters.len() + self.axes.len() + self.mean.len()
+    }
+
+    /// Bytes of these in f32.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        4 * (self.parameters.len() + self.axes.len() + self.mean.len()) as u64
+        4 * self.parameter_count() as u64
     }
 
     /// Network units for one unit of length.

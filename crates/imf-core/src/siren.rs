@@ -99,6 +99,9 @@ pub enum ShapeError {
         /// Parameters found.
         found: usize,
     },
+    /// Asked to learn, a network whose last sines are its outputs.
+    #[error("a network without a linear layer behind its sines is evaluated, not taught")]
+    NoLastLayer,
 }
 
 impl SirenShape {

@@ -51,7 +51,7 @@ fn harmonic(scene: &Scene, precision: Precision) -> HarmonicFile {
 fn factored(scene: &Scene) -> FactoredFile {
     let HarmonicFile { field: teacher, settings: fit, .. } = harmonic(scene, Precision::F32);
     let settings = TeachSettings { width: 40, hidden: 3, omega: 6.0, ..TeachSettings::default() };
-    let shape = FactoredShape { width: 40, hidden: 3, omega: 6.0, axes: teacher.axis_count() };
+    let shape = FactoredShape { width: 40, hidden: 3, omega: 6.0, axes: teacher.axis_count(), folded: false };
     FactoredFile {
         field: FactoredField::new(&teacher, shape, shape.initial_parameters(4)).unwrap(),
         scene: scene.clone(),

@@ -63,6 +63,7 @@ impl GpuFactored {
     /// # Errors
     /// [`EngineError::Device`] for a network beyond the adapter's limits, too little memory, or a device that failed.
     pub fn new(gpu: &Gpu, field: &FactoredField) -> Result<Self, EngineError> {
+        let field = field.unfolded().into_owned();
         let stack = field.shape.stack();
         let layout = layout_for(gpu, stack)?;
         let limits = gpu.limits();
@@ -91,7 +92,7 @@ impl GpuFactored {
             product: Kernel::new(gpu, Shader::Linear)?,
             minimum: Kernel::new(gpu, Shader::RowMinimum)?,
             gpu: gpu.clone(),
-            field: field.clone(),
+            field,
             network,
             rows,
             chunk,

@@ -85,18 +85,20 @@ fn sections_and_minima_are_the_cpus() {
     // Random weights at a scale where values lie on both sides of 0 and of 1, so that clipping is met.
     let mut field = FactoredField::new(&teacher, shape, shape.initial_parameters(3)).unwrap();
     field.scale = 1.0;
-    let evaluator = field.evaluator();
+    let folded = field.clone().folded();
+    assert!(folded.shape.folded);
     let grid = field.grid;
     let points: Vec<DVec3> = (0..grid.len()).map(|voxel| grid.centre(grid.voxel(voxel))).collect();
     // One chunk, and more than one with a last one that is not full.
-    for set in ["fibonacci:37", "fibonacci:700"] {
+    for (set, field) in [("fibonacci:37", &field), ("fibonacci:700", &field), ("fibonacci:37", &folded)] {
+        let evaluator = field.evaluator();
         let orientations = orientations(set);
         let heads = field.heads(&orientations);
         let mut expected = vec![0.0; orientations.len() * grid.len()];
         evaluator.sections(&heads, &mut expected);
         let least = evaluator.minimum(&heads);
         for gpu in every_device() {
-            let mut found = GpuFactored::new(&gpu, &field).unwrap();
+            let mut found = GpuFactored::new(&gpu, field).unwrap();
             let name = format!("{set}, {}", gpu.matrix_kernel().name());
             let sections = found.sections(&points, &orientations).unwrap();
             // Coefficients of some units from sums of f32 in another order, and a product of 21 of them.
@@ -124,7 +126,7 @@ fn sections_and_minima_are_the_cpus() {
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn the_gradient_is_the_definitions() {
     for (width, hidden, axes, count) in [(37, 3, 21, 77), (64, 2, 64, 128), (9, 1, 1, 5)] {
-        let shape = FactoredShape { width, hidden, omega: 20.0, axes };
+        let shape = FactoredShape { width, hidden, omega: 20.0, axes, folded: false };
         let state = FactoredState::new(&shape, 5);
         let numbers = |count: usize, step: f64| -> Vec<f32> {
             (0..count).map(|i| ((i as f64 * step).fract() * 2.0 - 1.0) as f32).collect()

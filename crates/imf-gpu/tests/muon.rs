@@ -151,7 +151,8 @@ const APART: f32 = 2e-3;
 fn training_is_the_cpus_and_states_move_between_the_two() {
     // Matrices narrower than a tile, wider than one, several of them, and none.
     for (width, hidden, axes) in [(37, 3, 7), (72, 4, 5), (16, 1, 3)] {
-        let course = Course { shape: FactoredShape { width, hidden, omega: 10.0, axes }, batch: 90 };
+        let course =
+            Course { shape: FactoredShape { width, hidden, omega: 10.0, axes, folded: false }, batch: 90 };
         let start = FactoredState::new(&course.shape, 5).training;
         let cpu = course.on_cpu(&start, 0..12);
         for gpu in every_device() {

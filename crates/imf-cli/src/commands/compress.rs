@@ -125,11 +125,8 @@ impl Lesson<'_> {
         let voxels = teacher.grid.len();
         let total = settings.plan.total_steps(voxels);
         session.note(&format!(
-            "teaching 3→{}×{}→{axes} ({} parameters, {}) the coefficients of {voxels} voxels, {total} steps of {batch}",
-            settings.width,
-            settings.hidden,
+            "teaching {shape} ({} parameters) the coefficients of {voxels} voxels, {total} steps of {batch}",
             shape.parameter_count(),
-            show_bytes(self.field(&state)?.bytes()),
         ));
         let mut stage = session.stage("teaching", "steps", total);
         stage.begin_at(state.training.step);
@@ -216,8 +213,9 @@ impl Lesson<'_> {
 
     /// Writes a checkpoint, which goes on, or the finished field.
     fn write(&self, path: &Path, state: &FactoredState, goes_on: bool) -> Result<FactoredFile> {
+        let field = self.field(state)?;
         let file = FactoredFile {
-            field: self.field(state)?,
+            field: if goes_on { field } else { field.folded() },
             scene: self.teacher.scene.clone(),
             fit: self.teacher.settings,
             report: self.teacher.field.report,
@@ -252,7 +250,7 @@ fn report(session: &Session, path: &Path, file: &FactoredFile, loss: f64) -> Res
     let bytes = std::fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len();
     if session.json {
         return print_json(&json!({
-            "field": path, "bytes": bytes, "parameters": file.field.parameters.len(), "loss": loss,
+            "field": path, "bytes": bytes, "parameters": file.field.parameter_count(), "loss": loss,
             "settings": file.settings, "teacher": file.report,
         }));
     }

@@ -126,18 +126,16 @@ impl<'a> Subject<'a> {
             StoredField::Factored(file) => {
                 let field = &file.field;
                 let how = format!(
-                    "factored field, 3→{}×{}→{} ({} parameters, {:.2} MB), taught a harmonic field of degree {}",
-                    field.shape.width,
-                    field.shape.hidden,
-                    field.shape.axes,
-                    field.parameters.len(),
+                    "factored field, {} ({} parameters, {:.2} MB), taught a harmonic field of degree {}",
+                    field.shape,
+                    field.parameter_count(),
                     field.bytes() as f64 / 1e6,
                     field.basis.degree()
                 );
                 Self {
                     scene: &file.scene,
                     seen: seen(&field.basis, &file.report)?,
-                    made: made("factored", field.parameters.len(), how, "learnt"),
+                    made: made("factored", field.parameter_count(), how, "learnt"),
                     training: None,
                 }
             }

@@ -20,6 +20,9 @@ impl FactoredField {
     pub(super) fn parameters_for(&self, teacher: &HarmonicField) -> Result<Vec<f32>, ShapeError> {
         assert_eq!(self.basis.domain(), teacher.basis.domain(), "fields over the same orientations");
         self.shape.stack().check_parameters(&self.parameters)?;
+        if self.shape.folded {
+            return self.unfolded().parameters_for(teacher);
+        }
         let axes = teacher.axis_count();
         let shape = FactoredShape { axes, ..self.shape };
         let mut parameters = vec![0.0; shape.parameter_count()];

@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! parameters  f16 or f32 [weights]             g, in the layout of FactoredShape::layers
-//! axes        f32 [functions, axes]            U: orthonormal columns
+//! axes        f32 [functions, axes]            U: orthonormal columns; of a folded network V, of the weights' kind
 //! mean        f32 [functions]                  μ
 //! obstacle    u8  [⌈voxels/8⌉]                 the scene's solid voxels, eight a byte, first voxel in the lowest bit
 //! layer       u8  [⌈voxels/8⌉]                 where there is contact: the voxels that the cutter may enter
@@ -31,7 +31,7 @@ use crate::tensor_file::{
 use crate::training::TrainingState;
 use crate::training::run::Cursor;
 
-const FORMAT: Format = Format { id: "imf-factored", name: "factored field", version: 1 };
+const FORMAT: Format = Format { id: "imf-factored", name: "factored field", version: 2 };
 
 /// Arrays of a state.
 const STATE: usize = 3;
@@ -68,6 +68,9 @@ struct Description {
     settings: TeachSettings,
     precision: Precision,
     scale: f32,
+    /// There is no layer behind the last sines. Files of version 1 had no such networks.
+    #[serde(default)]
+    folded: bool,
     /// Cursor and steps of the state.
     progress: Option<(Cursor, u64)>,
     /// Nothing in files that were never calibrated; programs that know of none pass it over.
@@ -98,11 +101,13 @@ impl FactoredFile {
     pub fn write(&self, path: &Path) -> Result<(), TensorFileError> {
         let field = &self.field;
         let count = field.parameters.len();
-        let parameters = match self.precision {
-            Precision::F32 => little_endian(&field.parameters),
-            Precision::F16 => little_endian_halves(field.parameters.iter().map(|&w| f16::from_f32(w))),
+        let kept = |values: &[f32], precision| match precision {
+            Precision::F32 => little_endian(values),
+            Precision::F16 => little_endian_halves(values.iter().map(|&w| f16::from_f32(w))),
         };
-        let (axes, mean) = (little_endian(&field.axes), little_endian(&field.mean));
+        let of_axes = precision_of_axes(self.precision, field.shape.folded);
+        let (parameters, axes) = (kept(&field.parameters, self.precision), kept(&field.axes, of_axes));
+        let mean = little_endian(&field.mean);
         let state = self.state.as_ref().map_or(Vec::new(), |state| {
             let TrainingState { parameters, first_moment, second_moment, .. } = &state.training;
             let arrays = [parameters, first_moment, second_moment];
@@ -117,6 +122,7 @@ impl FactoredFile {
             settings: self.settings,
             precision: self.precision,
             scale: field.scale,
+            folded: field.shape.folded,
             progress: self.state.as_ref().map(|state| (state.cursor, state.training.step)),
             calibration: self.calibration,
             crc32: checksum(&[&parameters, &axes, &mean, &state]),
@@ -124,7 +130,7 @@ impl FactoredFile {
         let voxels = self.scene.packed_voxels();
         let functions = field.basis.len();
         let mut tensors = vec![
-            ("axes", Dtype::F32, vec![functions, field.shape.axes], axes.as_slice()),
+            ("axes", kind(of_axes), vec![functions, field.shape.axes], axes.as_slice()),
             ("mean", Dtype::F32, vec![functions], &mean),
             ("parameters", kind(self.precision), vec![count], &parameters),
         ];
@@ -149,6 +155,7 @@ impl FactoredFile {
             settings,
             precision,
             scale,
+            folded,
             progress,
             calibration,
             crc32,
@@ -165,9 +172,14 @@ impl FactoredFile {
         }
         let sizes = fit.sizes(domain);
         let shape = settings.shape(sizes.axes);
+        let shape = if folded { shape.folded() } else { shape };
+        if folded && progress.is_some() {
+            return Err(file.damaged("it has a state, and a folded network is not taught"));
+        }
         let count = shape.parameter_count();
         let parameters = tensors.bytes("parameters", kind(precision), &[count])?;
-        let axes = tensors.bytes("axes", Dtype::F32, &[sizes.functions, sizes.axes])?;
+        let of_axes = precision_of_axes(precision, folded);
+        let axes = tensors.bytes("axes", kind(of_axes), &[sizes.functions, shape.axes])?;
         let mean = tensors.bytes("mean", Dtype::F32, &[sizes.functions])?;
         let state = match progress {
             Some(_) => tensors.bytes("state", Dtype::F32, &[STATE, count])?,
@@ -178,11 +190,12 @@ impl FactoredFile {
         }
         let scene =
             Scene::from_packed_voxels(scene, |name| tensors.optional(name)).map_err(|e| file.damaged(&e))?;
-        let parameters: Vec<f32> = match precision {
-            Precision::F32 => floats(parameters),
-            Precision::F16 => halves(parameters).into_iter().map(f16::to_f32).collect(),
+        let kept = |bytes, precision| match precision {
+            Precision::F32 => floats(bytes),
+            Precision::F16 => halves(bytes).into_iter().map(f16::to_f32).collect(),
         };
-        if parameters.iter().any(|w| !w.is_finite()) {
+        let (parameters, axes): (Vec<f32>, Vec<f32>) = (kept(parameters, precision), kept(axes, of_axes));
+        if parameters.iter().chain(&axes).any(|w| !w.is_finite()) {
             return Err(file.damaged("a weight is not a finite number"));
         }
         let state = progress.map(|(cursor, step)| {
@@ -197,7 +210,7 @@ impl FactoredFile {
             quantity: fit.quantity,
             grid: scene.record.grid,
             basis: Basis::new(domain, fit.degree),
-            axes: floats(axes),
+            axes,
             mean: floats(mean),
             shape,
             parameters,
@@ -205,4 +218,9 @@ impl FactoredFile {
         };
         Ok(Self { field, scene, fit, report, settings, precision, state, calibration })
     }
+}
+
+/// How the axes are kept: those of a folded network are most of its weights.
+fn precision_of_axes(weights: Precision, folded: bool) -> Precision {
+    if folded { weights } else { Precision::F32 }
 }

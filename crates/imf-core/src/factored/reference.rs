@@ -10,7 +10,11 @@ use crate::training::Loss;
 /// If `parameters` does not fit `shape`.
 #[must_use]
 pub fn forward(shape: &FactoredShape, parameters: &[f64], input: &[f64; INPUTS]) -> Vec<f64> {
-    activations(&shape.stack(), parameters, input).sums.pop().unwrap_or_default()
+    let mut outputs = activations(&shape.stack(), parameters, input).sums.pop().unwrap_or_default();
+    if shape.folded {
+        outputs.iter_mut().for_each(|sum| *sum = (f64::from(shape.omega) * *sum).sin());
+    }
+    outputs
 }
 
 /// Mean over a batch of the loss summed over outputs, and its gradient with respect to every parameter; `targets` is
@@ -45,9 +49,10 @@ pub fn loss_and_gradient(
 /// The derivatives of every output by the three inputs: `[axes][3]`.
 ///
 /// # Panics
-/// If `parameters` does not fit `shape`.
+/// If `parameters` does not fit `shape`, or the network is folded.
 #[must_use]
 pub fn jacobian(shape: &FactoredShape, parameters: &[f64], input: &[f64; INPUTS]) -> Vec<[f64; INPUTS]> {
+    assert!(!shape.folded, "a network with a linear layer");
     let stack = shape.stack();
     let kept = activations(&stack, parameters, input);
     let mut unused = vec![0.0; parameters.len()];

@@ -47,7 +47,7 @@ impl FactoredState {
     /// # Panics
     /// If one field is over directions and the other over rotations.
     pub fn of_another(from: &FactoredField, teacher: &HarmonicField) -> Result<Self, ShapeError> {
-        let shape = FactoredShape { axes: teacher.axis_count(), ..from.shape };
+        let shape = FactoredShape { axes: teacher.axis_count(), folded: false, ..from.shape };
         let mut field = FactoredField::new(teacher, shape, from.parameters_for(teacher)?)?;
         field.solve_last_layer(teacher, AT_THE_END, 0.0);
         Ok(Self::from_parameters(field.parameters))

@@ -60,7 +60,7 @@ impl TeachSettings {
     /// The network for so many axes.
     #[must_use]
     pub fn shape(&self, axes: usize) -> FactoredShape {
-        FactoredShape { width: self.width, hidden: self.hidden, omega: self.omega, axes }
+        FactoredShape { width: self.width, hidden: self.hidden, omega: self.omega, axes, folded: false }
     }
 
     /// The random start of a training.

@@ -70,7 +70,7 @@ fn settings(steps: u64) -> TeachSettings {
 
 /// Seeded numbers in ±1 without pattern: the starting weights of a first layer of three inputs, which are in ±1/3.
 fn numbers(count: usize, seed: u64) -> Vec<f32> {
-    let shape = FactoredShape { width: count, hidden: 1, omega: 1.0, axes: 1 };
+    let shape = FactoredShape { width: count, hidden: 1, omega: 1.0, axes: 1, folded: false };
     shape.initial_parameters(seed)[..count].iter().map(|v| v * 3.0).collect()
 }
 
@@ -89,7 +89,7 @@ const GRADIENT_TOLERANCE: f64 = 2e-5;
 fn the_gradient_is_the_definitions() {
     for (width, hidden, axes, count) in [(37, 3, 21, 77), (70, 2, 130, 300), (9, 1, 1, 5), (300, 2, 64, 130)]
     {
-        let shape = FactoredShape { width, hidden, omega: 20.0, axes };
+        let shape = FactoredShape { width, hidden, omega: 20.0, axes, folded: false };
         for loss in [Loss::L1, Loss::L2] {
             let state = FactoredState::new(&shape, 5);
             let plan = TrainingPlan { loss, ..TrainingPlan::default() };
@@ -115,7 +115,7 @@ fn the_gradient_is_the_definitions() {
 
 #[test]
 fn the_definitions_gradient_and_jacobian_are_central_differences() {
-    let shape = FactoredShape { width: 6, hidden: 3, omega: 3.0, axes: 4 };
+    let shape = FactoredShape { width: 6, hidden: 3, omega: 3.0, axes: 4, folded: false };
     let weights = as_f64(&shape.initial_parameters(3));
     let (inputs, targets) = ([[0.3, -0.2, 0.7], [0.9, 0.4, -0.6]], as_f64(&numbers(8, 4)));
     let value = |w: &[f64]| reference::loss_and_gradient(&shape, w, &inputs, &targets, Loss::L2).0;
@@ -146,7 +146,7 @@ fn the_definitions_gradient_and_jacobian_are_central_differences() {
 
 /// A state of random weights whose field is no constant.
 fn field(teacher: &HarmonicField, width: usize) -> FactoredField {
-    let shape = FactoredShape { width, hidden: 3, omega: 8.0, axes: teacher.axis_count() };
+    let shape = FactoredShape { width, hidden: 3, omega: 8.0, axes: teacher.axis_count(), folded: false };
     FactoredField::new(teacher, shape, shape.initial_parameters(2)).unwrap()
 }
 
@@ -156,8 +156,8 @@ fn every_way_to_evaluate_is_the_definition() {
     let teacher = teacher(&scene);
     let set = OrientationSet::parse("random:530:4").unwrap().orientations;
     let mut functions = vec![0.0; teacher.basis.len()];
-    for width in [37, 130] {
-        let field = field(&teacher, width);
+    let fields = [37, 130].map(|width| field(&teacher, width));
+    for field in fields.iter().cloned().chain(fields.iter().cloned().map(FactoredField::fold)) {
         let (grid, weights) = (field.grid, as_f64(&field.parameters));
         let evaluator = field.evaluator();
         let heads = field.heads(&set);
@@ -221,9 +221,10 @@ fn gradients_of_single_poses_are_central_differences_on_every_instruction_set() 
     let scene = scene();
     let teacher = teacher(&scene);
     let field = field(&teacher, 70);
+    let folded = field.clone().fold();
     let grid = field.grid;
     let mut scratch = PointScratch::default();
-    for arch in archs() {
+    for (arch, field) in archs().into_iter().flat_map(|arch| [(arch, &field), (arch, &folded)]) {
         let mut evaluator = field.evaluator();
         evaluator.arch = arch;
         for (fraction, direction) in [
@@ -263,8 +264,8 @@ fn gradients_of_single_poses_are_central_differences_on_every_instruction_set() 
 fn weights_kept_in_f16_answer_the_same_bits_from_half_the_bytes() {
     let scene = scene();
     // Widths that end panels and registers early.
-    for width in [40, 67, 96] {
-        let mut field = field(&teacher(&scene), width);
+    let fields = [40, 67, 96].map(|width| field(&teacher(&scene), width));
+    for mut field in fields.iter().cloned().chain(fields.iter().cloned().map(FactoredField::fold)) {
         assert!(field.evaluator().halves.is_none(), "random weights need all of f32");
         field.parameters.iter_mut().for_each(|w| *w = half::f16::from_f32(*w).to_f32());
         let fast = field.evaluator();
@@ -438,99 +439,4 @@ fn what_does_not_fit_is_refused_by_name() {
     assert!(FactoredField::new(&teacher, shape, shape.initial_parameters(1)).is_err());
 }
 
-#[test]
-fn files_read_back_bit_for_bit_and_damage_is_named() {
-    let scene = scene();
-    let teacher = teacher(&scene);
-    let axes = teacher.axis_count();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("field.safetensors");
-    for (precision, resumable) in [(Precision::F32, true), (Precision::F32, false), (Precision::F16, false)] {
-        let settings = settings(8);
-        let mut state = settings.start(axes);
-        teach(&teacher, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
-        let field =
-            FactoredField::new(&teacher, settings.shape(axes), state.training.parameters.clone()).unwrap();
-        let mut file = FactoredFile {
-            field,
-            scene: Scene::from_union(scene.record.clone(), scene.obstacle.clone()),
-            fit: FIT,
-            report: teacher.report,
-            settings,
-            precision,
-            state: resumable.then_some(state),
-            calibration: None,
-        };
-        file.write(&path).unwrap();
-        assert!(FactoredFile::is_one(&path));
-        let read = FactoredFile::read(&path).unwrap();
-        if precision == Precision::F16 {
-            let parameters = &mut file.field.parameters;
-            parameters.iter_mut().for_each(|w| *w = half::f16::from_f32(*w).to_f32());
-        }
-        assert_eq!(read, file);
-        let bytes = std::fs::read(&path).unwrap();
-        for cut in [0, 7, 100, bytes.len() / 2, bytes.len() - 1] {
-            std::fs::write(&path, &bytes[..cut]).unwrap();
-            let error = FactoredFile::read(&path).unwrap_err();
-            assert!(error.to_string().contains("field.safetensors"), "{error}");
-        }
-        let header = 8 + u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
-        for place in [header + 11, (header + bytes.len()) / 2, bytes.len() - 3] {
-            let mut flipped = bytes.clone();
-            flipped[place] ^= 0x10;
-            std::fs::write(&path, flipped).unwrap();
-            let error = FactoredFile::read(&path).unwrap_err();
-            assert!(matches!(error, TensorFileError::Damaged { .. }), "byte {place}: {error}");
-        }
-        let text = std::str::from_utf8(&bytes[8..header]).unwrap();
-        let newer = text.replacen(r#"\"version\":1"#, r#"\"version\":9"#, 1);
-        let other = [&bytes[..8], newer.as_bytes(), &bytes[header..]].concat();
-        std::fs::write(&path, other).unwrap();
-        assert!(matches!(FactoredFile::read(&path), Err(TensorFileError::Newer { found: 9, .. })));
-    }
-    assert!(matches!(FactoredFile::read(&folder.path().join("none")), Err(TensorFileError::Read { .. })));
-}
-
-#[test]
-fn weights_turned_to_another_teacher_answer_as_before() {
-    let scene = scene();
-    let own = field(&teacher(&scene), 40);
-    // Another grid, all axes, a higher degree: nothing is left out.
-    let mesh = ReferencePart::Teapot.mesh();
-    let tool = Tool::paper();
-    let spec =
-        SceneSpec { margin: 1, ..SceneSpec::of_reference(ReferencePart::Teapot, &mesh, [16, 22, 29], &tool) };
-    let other = spec.scene().unwrap();
-    let plan = SectionPlan::new(&other.obstacle, &other.record.tool).unwrap();
-    let richer = FitSettings { degree: 6, axes: usize::MAX, ..FIT };
-    let richer = fit(&plan, Domain::Directions, &richer, Control::quiet()).unwrap();
-    let shape = FactoredShape { axes: richer.axis_count(), ..own.shape };
-    let turned = FactoredField::new(&richer, shape, own.parameters_for(&richer).unwrap()).unwrap();
-    assert_ne!((turned.grid, turned.scale), (own.grid, own.scale));
-    let (before, after) = (own.evaluator(), turned.evaluator());
-    let mut scratch = PointScratch::default();
-    let mut spread = 0.0f32;
-    for (index, orientation) in OrientationSet::parse("random:30:8").unwrap().orientations.iter().enumerate()
-    {
-        let fraction = DVec3::new(0.618, 0.755, 0.57) * (index as f64 + 0.5);
-        let position = own.grid.origin + own.grid.size() * (0.15 + 0.7 * fraction.fract());
-        let mut at = |evaluator: &FactoredEvaluator<'_>| {
-            let direction = orientation.direction();
-            evaluator.overlap_with_gradient(position, direction, &mut scratch).unwrap().value
-        };
-        let (expected, found) = (at(&before), at(&after));
-        // Sums of some hundred products in f32, through sines of a frequency of 8.
-        assert!((found - expected).abs() < 5e-5, "{position}: {found}, not {expected}");
-        spread = spread.max(expected.abs());
-    }
-    assert!(spread > 0.01, "a field that is not zero everywhere");
-    let start = FactoredState::of_another(&own, &richer).unwrap();
-    let solved = FactoredField::new(&richer, shape, start.training.parameters).unwrap();
-    let [solved, turned] = [&solved, &turned].map(|field| error(field, &richer));
-    assert!(solved < 0.5 * turned, "with its best last layer {solved}, as it was {turned}");
-    // With fewer axes it is what these leave of it: still closer than nothing.
-    let same = own.parameters_for(&teacher(&scene)).unwrap();
-    let worst = same.iter().zip(&own.parameters).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-    assert!(worst < 1e-4, "to its own teacher nothing changes: {worst}");
-}
+mod kept;

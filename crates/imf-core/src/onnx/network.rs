@@ -8,12 +8,14 @@ use crate::siren::{Layer, SirenShape};
 /// What a layer's input is multiplied by before the sine; the layers are as they are trained.
 struct Sines<'a> {
     layers: &'a [Layer],
+    /// The last one has no sines.
+    is_linear: bool,
     omega: f32,
     parameters: &'a [f32],
 }
 
 impl Sines<'_> {
-    /// The outputs of the last, linear layer.
+    /// The outputs of the last layer, which is linear, or whose sines they are.
     fn outputs(&self, graph: &mut Graph, input: &Value) -> Value {
         let omega = graph.number(f64::from(self.omega));
         let mut signal = input.clone();
@@ -27,7 +29,7 @@ impl Sines<'_> {
             let bias = &self.parameters[biases..biases + outputs];
             let bias = graph.weights(&format!("layers.{index}.bias"), &[outputs], bias);
             let sum = graph.op_with("Gemm", &[&signal, &matrix, &bias], &[("transB", 1)]);
-            if index + 1 == self.layers.len() {
+            if self.is_linear && index + 1 == self.layers.len() {
                 return sum;
             }
             let scaled = graph.mul(&sum, &omega);
@@ -56,7 +58,7 @@ pub(super) fn siren(
     let both = graph.op_with("Concat", &[&unit, &turns], &[("axis", 1)]);
     let input = graph.sub(&both, &one);
     let layers = shape.layers();
-    let sines = Sines { layers: &layers, omega: shape.omega, parameters };
+    let sines = Sines { layers: &layers, is_linear: true, omega: shape.omega, parameters };
     let output = sines.outputs(graph, &input);
     graph.op("Sigmoid", &[&output])
 }
@@ -70,7 +72,12 @@ pub(super) fn coefficients(graph: &mut Graph, field: &FactoredField, position: &
     let from_middle = graph.sub(position, &middle);
     let input = graph.mul(&from_middle, &scale);
     let layers = field.shape.layers();
-    let sines = Sines { layers: &layers, omega: field.shape.omega, parameters: &field.parameters };
+    let sines = Sines {
+        layers: &layers,
+        is_linear: !field.shape.folded,
+        omega: field.shape.omega,
+        parameters: &field.parameters,
+    };
     let outputs = sines.outputs(graph, &input);
     let scale = graph.number(f64::from(field.scale));
     graph.mul(&outputs, &scale)

@@ -173,8 +173,12 @@ fn graphs_of_every_family_answer_as_the_fields_do() {
     deep.field.quantity = Quantity::Depth;
     let mut deep_harmonic = harmonic_file(&scene, 7);
     deep_harmonic.field.quantity = Quantity::Depth;
+    let mut folded = factored_file(&scene);
+    folded.field = folded.field.folded();
+    assert!(folded.field.shape.folded);
     let asked = poses(&scene, 200, 21);
     for stored in [
+        StoredField::Factored(Box::new(folded)),
         StoredField::Harmonic(Box::new(deep_harmonic)),
         StoredField::Factored(Box::new(deep)),
         StoredField::Siren(Box::new(siren_model(&scene))),

@@ -55,7 +55,8 @@ pub(crate) fn harmonic(scene: &Scene) -> NeuralField {
 pub(crate) fn factored_file(scene: &Scene) -> FactoredFile {
     let teacher = harmonic_file(scene, 6);
     let settings = TeachSettings { width: 24, hidden: 2, omega: 6.0, ..TeachSettings::default() };
-    let shape = FactoredShape { width: 24, hidden: 2, omega: 6.0, axes: teacher.field.axis_count() };
+    let shape =
+        FactoredShape { width: 24, hidden: 2, omega: 6.0, axes: teacher.field.axis_count(), folded: false };
     FactoredFile {
         field: FactoredField::new(&teacher.field, shape, shape.initial_parameters(4)).unwrap(),
         scene: scene.clone(),

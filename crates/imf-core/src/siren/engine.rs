@@ -116,7 +116,7 @@ impl CpuTrainer {
         state: TrainingState,
     ) -> Result<Self, EngineError> {
         let refused = |error: crate::siren::ShapeError| EngineError::Shape(error.to_string());
-        stack.check().map_err(refused)?;
+        stack.check_teachable().map_err(refused)?;
         for array in [&state.parameters, &state.first_moment, &state.second_moment] {
             stack.check_parameters(array).map_err(refused)?;
         }
@@ -460,7 +460,7 @@ impl BlockLoss {
                     let output = sigmoid(*delta);
                     (output, output * (1.0 - output))
                 }
-                Ending::Linear => (f64::from(*delta), 1.0),
+                Ending::Linear | Ending::Sines => (f64::from(*delta), 1.0),
             };
             loss += self.loss.value(output, target);
             *delta = (self.loss.slope(output, target) / self.batch * slope) as f32;
@@ -540,7 +540,7 @@ impl BlockPass<'_> {
                 network.output_backward(inputs, outputs, last, slopes[hidden - 1], partial);
                 hidden - 1
             }
-            Ending::Linear => {
+            Ending::Linear | Ending::Sines => {
                 network.output_biases(outputs, partial);
                 hidden
             }

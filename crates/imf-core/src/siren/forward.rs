@@ -91,9 +91,16 @@ impl Network<'_> {
         &previous[..values]
     }
 
-    /// The output layer's sums of a block: `last [rows][stride]` into `out [rows][outputs]`.
+    /// The output layer's sums of a block, or its last sines where there is none: `last [rows][stride]` into
+    /// `out [rows][outputs]`.
     pub(crate) fn outputs(&self, last: &[f32], out: &mut [f32]) {
         let Plan { stack, .. } = *self.plan;
+        if stack.ending == Ending::Sines {
+            for (out, last) in out.chunks_exact_mut(stack.width).zip(last.chunks_exact(self.plan.stride())) {
+                out.copy_from_slice(&last[..stack.width]);
+            }
+            return;
+        }
         let layer = self.plan.layers[stack.hidden];
         let biases = &self.parameters[layer.biases..][..stack.outputs];
         if stack.ending == Ending::Sigmoid {

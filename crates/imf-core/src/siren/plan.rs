@@ -146,6 +146,7 @@ impl Plan {
             + match self.stack.ending {
                 Ending::Sigmoid => self.stack.width + 1,
                 Ending::Linear => self.stack.outputs,
+                Ending::Sines => 0,
             }
     }
 }
@@ -190,7 +191,9 @@ mod tests {
     fn pieces_tile_the_parameters_in_order() {
         for width in [1, 37, 64, 130, 512] {
             let sigmoid = SirenShape { width, ..SirenShape::default() }.stack();
-            for stack in [sigmoid, Stack { inputs: 3, outputs: 99, ending: Ending::Linear, ..sigmoid }] {
+            let linear = Stack { inputs: 3, outputs: 99, ending: Ending::Linear, ..sigmoid };
+            let sines = Stack { outputs: width, ending: Ending::Sines, ..linear };
+            for stack in [sigmoid, linear, sines] {
                 let plan = Plan::new(stack);
                 let mut end = 0;
                 for piece in &plan.pieces {

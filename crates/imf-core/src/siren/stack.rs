@@ -1,4 +1,4 @@
-//! A stack of sine layers with one linear layer behind them: what every network of the house has in common.
+//! A stack of sine layers, with one linear layer behind them or none: what every network of the house has in common.
 //!
 //! Parameters are one flat array; [`Stack::layers`] is the one place that knows its layout. The fast engines and the
 //! f64 definition work on stacks; what the inputs mean and what the outputs are for is their owners' affair.
@@ -15,6 +15,8 @@ pub enum Ending {
     Sigmoid,
     /// Any number of outputs, as they are.
     Linear,
+    /// No sum at all: the last hidden layer's sines are the outputs. Such a stack is evaluated, never taught.
+    Sines,
 }
 
 /// Sizes of a stack.
@@ -30,7 +32,7 @@ pub struct Stack {
     pub skip_after: Option<usize>,
     /// Frequency factor ω inside every sine.
     pub omega: f32,
-    /// Values of the last layer.
+    /// Values of the last layer; as many as neurons where that is a hidden one.
     pub outputs: usize,
     /// What becomes of them.
     pub ending: Ending,
@@ -52,12 +54,22 @@ impl Stack {
         Ok(())
     }
 
-    /// The layers in order, hidden ones first, the output layer last: the one definition of the flat layout.
+    /// As [`Stack::check`], of a stack that is to be taught.
+    ///
+    /// # Errors
+    /// As [`Stack::check`]; a stack without a last layer.
+    pub fn check_teachable(&self) -> Result<(), ShapeError> {
+        self.check()?;
+        if self.ending == Ending::Sines { Err(ShapeError::NoLastLayer) } else { Ok(()) }
+    }
+
+    /// The layers in order, hidden ones first, the output layer last if there is one: the one definition of the flat layout.
     #[must_use]
     pub fn layers(&self) -> Vec<Layer> {
         let mut layers = Vec::with_capacity(self.hidden + 1);
         let mut offset = 0;
-        for index in 0..=self.hidden {
+        let count = self.hidden + usize::from(self.ending != Ending::Sines);
+        for index in 0..count {
             let skip = index > 0 && index < self.hidden && self.skip_after == Some(index);
             let inputs = match index {
                 0 => self.inputs,

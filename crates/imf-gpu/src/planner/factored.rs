@@ -36,6 +36,7 @@ pub(super) struct FactoredCall {
 
 impl FactoredPasses {
     pub(super) fn new(gpu: &Gpu, field: &FactoredField) -> Result<Self, EngineError> {
+        let field = &*field.unfolded();
         let FactoredField { basis, axes, mean, scale, .. } = field;
         let functions = Functions { basis, axes, mean, scale: *scale };
         functions.check()?;

@@ -56,7 +56,7 @@ impl Kernels {
             forward: Forward::new(gpu, network, signals, results, Some(deltas), factors)?,
             loss: kernel(match network.layout.stack.ending {
                 Ending::Sigmoid => Shader::Loss,
-                Ending::Linear => Shader::LossLinear,
+                Ending::Linear | Ending::Sines => Shader::LossLinear,
             })?
             .bind(
                 gpu,

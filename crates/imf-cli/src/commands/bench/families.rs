@@ -201,15 +201,13 @@ impl Bench<'_> {
         let seconds = fitted + begun.elapsed().as_secs_f64();
         stage.finish("");
         let shape = settings.shape(teacher.axis_count());
-        let mut field = FactoredField::new(&teacher, shape, state.training.parameters)?;
+        let mut field = FactoredField::new(&teacher, shape, state.training.parameters)?.folded();
         drop(teacher);
         let bytes = field.bytes();
         let how = format!(
-            "3→{}×{}→{}, {} weights, taught this harmonic field in {} steps",
-            shape.width,
-            shape.hidden,
-            shape.axes,
-            field.parameters.len(),
+            "{}, {} weights, taught this harmonic field in {} steps",
+            field.shape,
+            field.parameter_count(),
             self.arguments.factored_steps
         );
         self.measure(Making { name: "factored", how, seconds, bytes }, &mut field)?;

@@ -24,9 +24,8 @@ use crate::session::Session;
 
 /// Steps of teaching: twice through the grid, a dozen seconds on two fast cores.
 const STEPS: u64 = 1_000;
-/// Degree and axes that leave the teapot an error of a few millionths.
+/// A degree that leaves the teapot an error of a few millionths.
 const DEGREE: usize = 16;
-const AXES: usize = 160;
 /// What takes less memory than this demo.
 const SMALLER: &str = "raise --memory, or take the smaller demo: --family siren5";
 /// Seconds between checkpoints.
@@ -37,7 +36,7 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
     let plan = SectionPlan::of_scene(scene)?;
     let settings = FitSettings {
         degree: DEGREE,
-        axes: AXES,
+        axes: usize::MAX,
         precision: Precision::F32,
         sections_per_function: DEFAULT_SECTIONS,
         ..FitSettings::default()

@@ -17,12 +17,10 @@ pub(super) fn describe(path: &Path, file: &FactoredFile) -> Result<Description> 
         (
             "family",
             format!(
-                "factored, 3→{}×{}→{}, ω = {}, {} parameters, file of {}",
-                field.shape.width,
-                field.shape.hidden,
-                field.shape.axes,
+                "factored, {}, ω = {}, {} parameters, file of {}",
+                field.shape,
                 field.shape.omega,
-                field.parameters.len(),
+                field.parameter_count(),
                 show_bytes(bytes)
             ),
         ),
@@ -50,7 +48,7 @@ pub(super) fn describe(path: &Path, file: &FactoredFile) -> Result<Description> 
         "file": path,
         "bytes": bytes,
         "network": field.shape,
-        "parameters": field.parameters.len(),
+        "parameters": field.parameter_count(),
         "settings": settings,
         "teacher": { "settings": fit, "report": report },
         "scene": scene.record,

@@ -70,7 +70,7 @@ fn taught(
     }
     stage.finish(&format!("loss {loss:.2e}"));
     let field = FactoredField::new(teacher, settings.shape(axes), state.training.parameters)?;
-    Ok((field, begun.elapsed().as_secs_f64()))
+    Ok((field.folded(), begun.elapsed().as_secs_f64()))
 }
 
 /// Makes and asks all of them from the n × n sections of `grid:n`, or as many; the factored field by `teaching`.

@@ -1,0 +1,58 @@
+//! The last layer folded into the functions, and taken out again.
+//!
+//! ```text
+//! s U (W a + b) + μ = V a + μ',    V = s U W  [K][width],    μ' = μ + s U b
+//! ```
+//! a are the last sines. V takes `K · width` numbers where U and W take `axes · (K + width)`.
+
+use std::borrow::Cow;
+
+use super::{FactoredField, FactoredShape};
+use crate::siren::Layer;
+use crate::siren::matrix::{Matrix, multiply};
+
+impl FactoredField {
+    /// The same field, to the rounding of f32, whose last sines are its coefficients; as it is where that would take more
+    /// memory, and where it is so already.
+    #[must_use]
+    pub fn folded(self) -> Self {
+        let FactoredShape { width, axes, folded, .. } = self.shape;
+        let functions = self.basis.len();
+        if folded || functions * width > axes * (functions + width) { self } else { self.fold() }
+    }
+
+    pub(super) fn fold(self) -> Self {
+        let FactoredShape { width, axes, .. } = self.shape;
+        let functions = self.basis.len();
+        let Some(Layer { weights, biases, .. }) = self.shape.layers().pop() else { return self };
+        let (matrix, bias) = (&self.parameters[weights..biases], &self.parameters[biases..]);
+        let turned = Matrix::row_major(&self.axes, functions, axes, axes);
+        let mut along = vec![0.0; functions * width];
+        multiply(&mut along, width, turned, Matrix::row_major(matrix, axes, width, width), false);
+        along.iter_mut().for_each(|value| *value *= self.scale);
+        let mut mean = vec![0.0; functions];
+        multiply(&mut mean, 1, turned, Matrix::row_major(bias, axes, 1, 1), false);
+        mean.iter_mut().zip(&self.mean).for_each(|(sum, &mean)| *sum = mean + self.scale * *sum);
+        let mut parameters = self.parameters;
+        parameters.truncate(weights);
+        let shape = self.shape.folded();
+        Self { axes: along, mean, shape, parameters, scale: 1.0, ..self }
+    }
+
+    /// The same field with a linear layer behind its sines: that of a folded one changes nothing.
+    #[must_use]
+    pub fn unfolded(&self) -> Cow<'_, Self> {
+        if !self.shape.folded {
+            return Cow::Borrowed(self);
+        }
+        let width = self.shape.width;
+        let mut parameters = self.parameters.clone();
+        let first = parameters.len();
+        parameters.resize(first + width * (width + 1), 0.0);
+        for neuron in 0..width {
+            parameters[first + neuron * (width + 1)] = 1.0;
+        }
+        let shape = FactoredShape { folded: false, ..self.shape };
+        Cow::Owned(Self { shape, parameters, ..self.clone() })
+    }
+}
