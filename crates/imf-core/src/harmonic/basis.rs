@@ -100,16 +100,18 @@ impl Basis {
         values.iter_mut().for_each(|v| *v *= scale);
     }
 
-    /// All functions of a direction with their gradients along the sphere.
+    /// The sum of all functions of a direction, each by the weight that `weight` says of its place, with its gradient along
+    /// the sphere.
     ///
     /// # Panics
-    /// As [`Basis::values_of_direction`].
-    pub fn gradients_of_direction(&self, direction: DVec3, values: &mut [f64], gradients: &mut [DVec3]) {
+    /// If the functions are of rotations.
+    #[inline]
+    #[must_use]
+    pub fn sum_with_gradient(&self, direction: DVec3, weight: impl Fn(usize) -> f64) -> (f64, DVec3) {
         assert_eq!(self.domain, Domain::Directions, "a direction alone is no rotation");
-        self.sphere.values_with_gradients(direction, values, gradients);
+        let (sum, gradient) = self.sphere.sum_with_gradient(direction, weight);
         let scale = (4.0 * PI).sqrt();
-        values.iter_mut().for_each(|v| *v *= scale);
-        gradients.iter_mut().for_each(|g| *g *= scale);
+        (sum * scale, gradient * scale)
     }
 
     /// `count` orientations spread evenly over the domain.

@@ -33,24 +33,25 @@ struct BothWays<'a> {
 const ROWS: usize = 4;
 
 impl BothWays<'_> {
-    /// Some registers of columns, from column `first` on: their z and the sums of their `along` stay in registers.
+    /// Some registers of columns, from column `first` on: their z and the sums of their `along` stay in registers. `WHOLE`
+    /// ones are all within the columns: only loops without a way out for ends are unrolled, and take half the time.
     #[inline(always)]
-    fn columns<S: Simd, const N: usize>(&mut self, simd: S, first: usize) {
+    fn columns<S: Simd, const N: usize, const WHOLE: bool>(&mut self, simd: S, first: usize) {
         let axes = self.z.len();
-        let z: [S::f32s; N] = std::array::from_fn(|place| load(simd, self.z, first + place * S::F32_LANES));
+        let taken = (N * S::F32_LANES).min(axes - first);
+        let z: [S::f32s; N] = registers::<S, N, WHOLE>(simd, &self.z[first..][..taken]);
         let mut along = [simd.splat_f32s(0.0); N];
         let mut rows = self.u.chunks_exact(ROWS * axes);
         let mut functions = self.functions.chunks_exact(ROWS);
         let mut weights = self.weights.chunks_exact_mut(ROWS);
         for ((rows, functions), weights) in rows.by_ref().zip(functions.by_ref()).zip(weights.by_ref()) {
             let mut sums = [simd.splat_f32s(0.0); ROWS];
-            let factors: [S::f32s; ROWS] = std::array::from_fn(|row| simd.splat_f32s(functions[row]));
-            for place in 0..N {
-                let at = first + place * S::F32_LANES;
-                for row in 0..ROWS {
-                    let u = load(simd, &rows[row * axes..][..axes], at);
-                    sums[row] = simd.mul_add_e_f32s(u, z[place], sums[row]);
-                    along[place] = simd.mul_add_e_f32s(u, factors[row], along[place]);
+            for row in 0..ROWS {
+                let factor = simd.splat_f32s(functions[row]);
+                let u = registers::<S, N, WHOLE>(simd, &rows[row * axes + first..][..taken]);
+                for place in 0..N {
+                    sums[row] = simd.mul_add_e_f32s(u[place], z[place], sums[row]);
+                    along[place] = simd.mul_add_e_f32s(u[place], factor, along[place]);
                 }
             }
             for (weight, sum) in weights.iter_mut().zip(sums) {
@@ -60,17 +61,41 @@ impl BothWays<'_> {
         let rest = rows.remainder().chunks_exact(axes).zip(functions.remainder());
         for ((row, &function), weight) in rest.zip(weights.into_remainder()) {
             let factor = simd.splat_f32s(function);
+            let u = registers::<S, N, WHOLE>(simd, &row[first..][..taken]);
             let mut sum = simd.splat_f32s(0.0);
             for place in 0..N {
-                let u = load(simd, row, first + place * S::F32_LANES);
-                sum = simd.mul_add_e_f32s(u, z[place], sum);
-                along[place] = simd.mul_add_e_f32s(u, factor, along[place]);
+                sum = simd.mul_add_e_f32s(u[place], z[place], sum);
+                along[place] = simd.mul_add_e_f32s(u[place], factor, along[place]);
             }
             *weight += simd.reduce_sum_f32s(sum);
         }
         for (place, sum) in along.into_iter().enumerate() {
             store(simd, self.along, first + place * S::F32_LANES, sum);
         }
+    }
+
+    /// As [`Self::columns`]; returns the columns taken.
+    #[inline(always)]
+    fn group<S: Simd, const N: usize>(&mut self, simd: S, first: usize) -> usize {
+        let taken = N * S::F32_LANES;
+        if first + taken <= self.z.len() {
+            self.columns::<S, N, true>(simd, first);
+        } else {
+            self.columns::<S, N, false>(simd, first);
+        }
+        taken
+    }
+}
+
+/// A line in registers: `WHOLE` ones, or the last one filled up with zeros.
+#[inline(always)]
+fn registers<S: Simd, const N: usize, const WHOLE: bool>(simd: S, line: &[f32]) -> [S::f32s; N] {
+    if WHOLE {
+        let (whole, _) = S::as_simd_f32s(line);
+        let whole = &whole[..N];
+        std::array::from_fn(|place| whole[place])
+    } else {
+        std::array::from_fn(|place| load(simd, line, place * S::F32_LANES))
     }
 }
 
@@ -82,26 +107,12 @@ impl WithSimd for BothWays<'_> {
         let axes = self.z.len();
         let mut first = 0;
         while first < axes {
-            let left = (axes - first).div_ceil(S::F32_LANES);
-            let taken = match left {
-                8.. => {
-                    self.columns::<S, 8>(simd, first);
-                    8
-                }
-                4.. => {
-                    self.columns::<S, 4>(simd, first);
-                    4
-                }
-                2.. => {
-                    self.columns::<S, 2>(simd, first);
-                    2
-                }
-                _ => {
-                    self.columns::<S, 1>(simd, first);
-                    1
-                }
+            let left = (axes - first) / S::F32_LANES;
+            first += match left {
+                8.. => self.group::<S, 8>(simd, first),
+                4.. => self.group::<S, 4>(simd, first),
+                _ => self.group::<S, 1>(simd, first),
             };
-            first += taken * S::F32_LANES;
         }
     }
 }

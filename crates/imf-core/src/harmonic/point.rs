@@ -34,7 +34,6 @@ pub(crate) struct TurnScratch {
     functions: Vec<f64>,
     /// The same in f32.
     narrow: Vec<f32>,
-    gradients: Vec<DVec3>,
     /// `U z`, `[K]`.
     weights: Vec<f32>,
     /// `Uᵀ b`, `[axes]`.
@@ -73,16 +72,11 @@ impl Functions<'_> {
         scratch: &mut TurnScratch,
     ) -> Gradient {
         scratch.functions.resize(self.basis.len(), 0.0);
-        scratch.gradients.resize(self.basis.len(), DVec3::ZERO);
-        self.basis.gradients_of_direction(direction, &mut scratch.functions, &mut scratch.gradients);
+        self.basis.values_of_direction(direction, &mut scratch.functions);
         self.weigh(z, scratch);
-        let TurnScratch { functions, gradients, weights, along, .. } = scratch;
-        let (mut value, mut turn) = (0.0, DVec3::ZERO);
-        let weights = weights.iter().zip(self.mean).map(|(&w, &m)| f64::from(w + m));
-        for ((weight, &function), &gradient) in weights.zip(&*functions).zip(&*gradients) {
-            value += weight * function;
-            turn += weight * gradient;
-        }
+        let TurnScratch { weights, along, .. } = scratch;
+        let weight = |place: usize| f64::from(weights[place] + self.mean[place]);
+        let (value, turn) = self.basis.sum_with_gradient(direction, weight);
         let mut position = [0.0; 3];
         self.arch.dispatch(|| {
             for (slope, row) in position.iter_mut().zip(slopes.chunks_exact(z.len())) {

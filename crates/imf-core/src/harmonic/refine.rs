@@ -98,24 +98,14 @@ struct Descent {
     coefficients: Vec<f32>,
     /// `[voxel][function]` of a block.
     weights: Vec<f32>,
-    functions: Vec<f64>,
-    gradients: Vec<DVec3>,
 }
 
 impl Descent {
     /// Value and slope of a block's voxel in a direction.
-    fn at(&mut self, field: &HarmonicField, place: usize, direction: DVec3) -> (f64, DVec3) {
+    fn at(&self, field: &HarmonicField, place: usize, direction: DVec3) -> (f64, DVec3) {
         let count = field.basis.len();
-        self.functions.resize(count, 0.0);
-        self.gradients.resize(count, DVec3::ZERO);
-        field.basis.gradients_of_direction(direction, &mut self.functions, &mut self.gradients);
         let weights = &self.weights[place * count..][..count];
-        let (mut value, mut slope) = (0.0, DVec3::ZERO);
-        for ((&weight, &function), &gradient) in weights.iter().zip(&self.functions).zip(&self.gradients) {
-            value += f64::from(weight) * function;
-            slope += f64::from(weight) * gradient;
-        }
-        (value, slope)
+        field.basis.sum_with_gradient(direction, |place| f64::from(weights[place]))
     }
 
     /// Steps of steepest descent, each as long as the last two slopes tell (Barzilai and Borwein) and halved until the value

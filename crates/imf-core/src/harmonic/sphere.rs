@@ -107,6 +107,49 @@ impl SphereBasis {
         });
     }
 
+    /// The sum of all functions, each by the weight that `weight` says of its place, and its gradient along the sphere:
+    /// that of [`SphereBasis::values_with_gradients`]. Functions of one m share what depends on x and y.
+    #[inline]
+    #[must_use]
+    pub fn sum_with_gradient(&self, direction: DVec3, weight: impl Fn(usize) -> f64) -> (f64, DVec3) {
+        let DVec3 { x, y, z } = direction;
+        let (mut cosine, mut sine) = (1.0, 0.0);
+        let (mut cosine_before, mut sine_before) = (0.0, 0.0);
+        let (mut sum, mut gradient) = (0.0, DVec3::ZERO);
+        for m in 0..=self.degree {
+            let (mut before, mut value) = (0.0, self.sectoral[m]);
+            let (mut slope_before, mut slope) = (0.0, 0.0);
+            // Of the functions with the cosine and with the sine: values and slopes in z.
+            let (mut values, mut slopes) = ([0.0; 2], [0.0; 2]);
+            for l in m..=self.degree {
+                if l > m {
+                    let (a, b) = self.steps[l * (l + 1) / 2 + m];
+                    let next = a * (z * value - b * before);
+                    let next_slope = a * (value + z * slope - b * slope_before);
+                    (before, value) = (value, next);
+                    (slope_before, slope) = (slope, next_slope);
+                }
+                let middle = l * l + l;
+                for (side, place) in [middle + m, middle - m].into_iter().enumerate() {
+                    values[side] += weight(place) * value;
+                    slopes[side] += weight(place) * slope;
+                }
+            }
+            if m == 0 {
+                (sum, gradient.z) = (values[0], slopes[0]);
+            } else {
+                let ([c, s], turn) = (values.map(|v| SQRT_2 * v), m as f64);
+                sum += c * cosine + s * sine;
+                gradient.x += turn * (c * cosine_before + s * sine_before);
+                gradient.y += turn * (s * cosine_before - c * sine_before);
+                gradient.z += SQRT_2 * (slopes[0] * cosine + slopes[1] * sine);
+            }
+            (cosine_before, sine_before) = (cosine, sine);
+            (cosine, sine) = (x * cosine - y * sine, x * sine + y * cosine);
+        }
+        (sum, gradient - direction * gradient.dot(direction))
+    }
+
     /// Calls `take` with place, value and the gradient of the polynomial in (x, y, z) of every function.
     #[inline(always)]
     fn each(&self, direction: DVec3, mut take: impl FnMut(usize, f64, DVec3)) {
@@ -244,6 +287,24 @@ mod tests {
                     assert!((found - expected).abs() < 1e-6, "function {place} at {d}: {found}, {expected}");
                     assert!(gradients[place].dot(d).abs() < 1e-10);
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn a_sum_is_that_of_values_and_gradients() {
+        for degree in [0, 1, 5, 20] {
+            let basis = SphereBasis::new(degree);
+            let (mut values, mut gradients) = (vec![0.0; basis.len()], vec![DVec3::ZERO; basis.len()]);
+            let weight = |place: usize| ((place * 37 + 11) % 23) as f64 - 11.0;
+            for d in [DVec3::Z, -DVec3::Z, DVec3::X, DVec3::new(0.3, -0.5, 0.2).normalize()] {
+                basis.values_with_gradients(d, &mut values, &mut gradients);
+                let value: f64 = values.iter().enumerate().map(|(k, v)| weight(k) * v).sum();
+                let gradient: DVec3 = gradients.iter().enumerate().map(|(k, &g)| weight(k) * g).sum();
+                let (sum, slope) = basis.sum_with_gradient(d, weight);
+                // Some hundred terms of up to a thousand in f64.
+                assert!((sum - value).abs() < 1e-9, "degree {degree} at {d}: {sum}, {value}");
+                assert!(slope.distance(gradient) < 1e-8, "degree {degree} at {d}: {slope}, {gradient}");
             }
         }
     }
