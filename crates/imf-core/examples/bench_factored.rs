@@ -4,7 +4,7 @@
 //! `part=teapot scale=1 degree=20 axes=128 ratio=2 width=384 hidden=3 omega=30 rate=1e-3 batch=1024 seconds=240 solve=25
 //! muon=0 momentum=0.95 loss=l2 seed=0 evaluate=1`. `steps=N` in place of `seconds` gives the same field each time; `seconds`
 //! are of training, found by a first trial of a few steps. Several trainings of one teacher: `then` between their values.
-//! `from=bracket-raw` teaches that part first, and the trainings with `fine=1` start from its network.
+//! `pool=64 every=1` teaches by exact sections alone, 64 at a time and a fresh one every step. `from=bracket-raw` teaches that part first, and the trainings with `fine=1` start from its network.
 
 use std::collections::HashMap;
 use std::error::Error;
@@ -13,7 +13,10 @@ use std::time::Instant;
 
 use glam::DVec3;
 use imf_core::control::Control;
-use imf_core::factored::{FactoredField, FactoredState, Optimiser, PointScratch, TeachSettings, teach};
+use imf_core::factored::{
+    FactoredField, FactoredState, Optimiser, PointScratch, SectionTeacher, TeachSettings, teach,
+    teach_by_sections,
+};
 use imf_core::harmonic::basis::Domain;
 use imf_core::harmonic::coefficients::Precision;
 use imf_core::harmonic::{FitSettings, HarmonicField, fit, section_count};
@@ -24,6 +27,7 @@ use imf_core::scene::SceneSpec;
 use imf_core::section::{SectionPlan, sections};
 use imf_core::siren::muon::MuonConfig;
 use imf_core::tool::Tool;
+use imf_core::training::online::OnlineSettings;
 use imf_core::training::run::Length;
 use imf_core::training::schedule::Schedule;
 use imf_core::training::{AdamConfig, Loss};
@@ -75,6 +79,10 @@ fn main() -> Result<(), Failure> {
         values
     });
     for trial in &trials {
+        if trial.get("pool", 0)? > 0 {
+            by_sections(trial, &plan, &judge)?;
+            continue;
+        }
         let from = if trial.get("fine", 0)? == 1 { source.as_ref() } else { None };
         one(trial, &teacher, Some(&judge), from)?;
     }
@@ -88,13 +96,7 @@ fn taught_from(values: &Values, part: ReferencePart) -> Result<(SectionPlan, Har
     let (mesh, tool) = (part.mesh(), Tool::paper());
     let scene = SceneSpec::of_reference(part, &mesh, dims, &tool).scene()?;
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool)?;
-    let settings = FitSettings {
-        degree: values.get("degree", 14)?,
-        axes: values.get("axes", 128)?,
-        sections_per_function: values.get("ratio", 2.0)?,
-        precision: Precision::F32,
-        ..FitSettings::default()
-    };
+    let settings = fitting(values)?;
     let start = Instant::now();
     let teacher = fit(&plan, Domain::Directions, &settings, Control::quiet())?;
     let convolutions = section_count(Domain::Directions, &settings);
@@ -107,13 +109,8 @@ fn taught_from(values: &Values, part: ReferencePart) -> Result<(SectionPlan, Har
     Ok((plan, teacher))
 }
 
-/// Teaches one network and measures it; `from` is where its weights start.
-fn one(
-    values: &Values,
-    teacher: &HarmonicField,
-    judge: Option<&Judge<'_>>,
-    from: Option<&FactoredField>,
-) -> Result<FactoredField, Failure> {
+/// How a network is taught, but for how long.
+fn settings(values: &Values) -> Result<TeachSettings, Failure> {
     let mut settings = TeachSettings {
         width: values.get("width", 384)?,
         hidden: values.get("hidden", 3)?,
@@ -135,6 +132,62 @@ fn one(
         last: values.get("last", 0.0)?,
         warmup: values.get("warmup", 10)?,
     };
+    Ok(settings)
+}
+
+/// How a harmonic field is fitted.
+fn fitting(values: &Values) -> Result<FitSettings, Failure> {
+    Ok(FitSettings {
+        degree: values.get("degree", 14)?,
+        axes: values.get("axes", 128)?,
+        sections_per_function: values.get("ratio", 2.0)?,
+        precision: Precision::F32,
+        ..FitSettings::default()
+    })
+}
+
+/// Teaches one network by sections alone, `pool` of them at a time, a fresh one every `every` steps, and measures it.
+fn by_sections(values: &Values, plan: &SectionPlan, judge: &Judge<'_>) -> Result<(), Failure> {
+    let mut settings = settings(values)?;
+    let steps: u64 = values.get("steps", 1000)?;
+    settings.plan.length = Length::Steps(steps);
+    let online = OnlineSettings {
+        pool: values.get("pool", 64)?,
+        every: values.get("every", 1)?,
+        ..OnlineSettings::default()
+    };
+    let start = Instant::now();
+    let teacher = SectionTeacher::new(plan, Domain::Directions, &fitting(values)?, Control::quiet())?;
+    let mut state = settings.start(teacher.axis_count());
+    let mut next = steps / 8;
+    let (_, waits) =
+        teach_by_sections(&teacher, online, &settings, &mut state, Control::quiet(), &mut |report| {
+            if report.step >= next {
+                println!(
+                    "  {:6.1} s step {:6} of {steps}: MSE at the pool {:.3e}",
+                    seconds(start),
+                    report.step,
+                    report.mean_loss
+                );
+                next += steps / 8;
+            }
+        })?;
+    println!("by sections, {} at a time, {steps} steps in {:.1} s: {waits:?}", online.pool, seconds(start));
+    let shape = settings.shape(teacher.axis_count());
+    let field = teacher.field(shape, state.training.parameters)?.folded();
+    println!("  {}: {} numbers", field.shape, field.parameter_count());
+    judge.tell("  factored", |group| judge.factored(&field, group));
+    Ok(())
+}
+
+/// Teaches one network and measures it; `from` is where its weights start.
+fn one(
+    values: &Values,
+    teacher: &HarmonicField,
+    judge: Option<&Judge<'_>>,
+    from: Option<&FactoredField>,
+) -> Result<FactoredField, Failure> {
+    let mut settings = settings(values)?;
     let steps: u64 = match values.get("steps", 0)? {
         0 => {
             const TRIAL: u64 = 20;

@@ -17,6 +17,7 @@
 
 mod adapt;
 mod answers;
+mod by_sections;
 mod evaluate;
 pub mod file;
 mod fold;
@@ -27,6 +28,7 @@ mod state;
 mod teach;
 
 pub use answers::FactoredAnswers;
+pub use by_sections::{SectionTeacher, teach_by_sections};
 pub use evaluate::FactoredEvaluator;
 pub use point::{FactoredPoint, PointScratch};
 pub use state::{FactoredState, Optimiser};

@@ -186,6 +186,14 @@ pub trait TrainingEngine {
     /// A device that failed.
     fn state(&mut self) -> Result<TrainingState, EngineError>;
 
+    /// A copy of the weights alone. Waits for the device.
+    ///
+    /// # Errors
+    /// A device that failed.
+    fn weights(&mut self) -> Result<Vec<f32>, EngineError> {
+        Ok(self.state()?.parameters)
+    }
+
     /// Replaces the weights, such as by better ones for the last layer; moments and step count stay.
     ///
     /// # Errors

@@ -361,6 +361,14 @@ impl GpuTrainer {
 }
 
 /// Refuses a state that does not fit the network.
+impl GpuTrainer {
+    /// An array of the device in the flat layout.
+    fn unpadded(&self, buffer: &wgpu::Buffer) -> Result<Vec<f32>, EngineError> {
+        let padded = self.gpu.read(buffer, self.network.layout.parameters)?;
+        Ok(self.network.layout.unpad(&padded))
+    }
+}
+
 fn check_state(stack: &Stack, state: &TrainingState) -> Result<(), EngineError> {
     stack.check_teachable().map_err(|error| EngineError::Shape(error.to_string()))?;
     for (name, values) in [
@@ -404,17 +412,17 @@ impl TrainingEngine for GpuTrainer {
     }
 
     fn state(&mut self) -> Result<TrainingState, EngineError> {
-        self.recorder.submit(&self.gpu)?;
-        let read = |buffer: &wgpu::Buffer| {
-            let padded = self.gpu.read(buffer, self.network.layout.parameters)?;
-            Ok::<_, EngineError>(self.network.layout.unpad(&padded))
-        };
         Ok(TrainingState {
-            parameters: read(&self.network.parameters)?,
-            first_moment: read(&self.buffers.first_moment)?,
-            second_moment: read(&self.buffers.second_moment)?,
+            parameters: self.weights()?,
+            first_moment: self.unpadded(&self.buffers.first_moment)?,
+            second_moment: self.unpadded(&self.buffers.second_moment)?,
             step: self.step,
         })
+    }
+
+    fn weights(&mut self) -> Result<Vec<f32>, EngineError> {
+        self.recorder.submit(&self.gpu)?;
+        self.unpadded(&self.network.parameters)
     }
 
     fn replace_parameters(&mut self, parameters: &[f32]) -> Result<(), EngineError> {

@@ -91,6 +91,18 @@ impl FactoredEvaluator<'_> {
         z.iter_mut().for_each(|z| *z *= self.field.scale);
     }
 
+    /// The network's own outputs, not scaled, `[sample][axes]` into `out`, of `[sample][input]`.
+    pub(super) fn outputs(&self, inputs: &[f32], out: &mut [f32]) {
+        let (stride, axes) = (self.plan.stride(), self.field.shape.axes);
+        let network = self.network();
+        self.layers.with(|layers| {
+            let (first, second) = layers.split_at_mut(BLOCK * stride);
+            for (inputs, out) in inputs.chunks(BLOCK * INPUTS).zip(out.chunks_mut(BLOCK * axes)) {
+                network.outputs(network.hidden_layers(inputs, first, second), out);
+            }
+        });
+    }
+
     /// The last hidden layer's activations with a 1 behind them, into `last` as `[point][width + 1]`, and the network's own
     /// outputs, not scaled, into `outputs` as `[point][axes]`.
     pub(super) fn with_last_layer(

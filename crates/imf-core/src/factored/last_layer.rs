@@ -131,7 +131,7 @@ impl<'a> Solving<'a> {
     }
 
     fn solve(&mut self, voxels: usize) -> Result<(), EngineError> {
-        self.field.parameters = self.engine.state()?.parameters;
+        self.field.parameters = self.engine.weights()?;
         // By the golden section no two solutions in a row see the same voxels.
         let turn = (self.done as f64 * GOLDEN).fract();
         self.field.solve_last_layer(self.teacher, voxels, turn);
@@ -173,6 +173,10 @@ impl TrainingEngine for Solving<'_> {
 
     fn state(&mut self) -> Result<TrainingState, EngineError> {
         self.engine.state()
+    }
+
+    fn weights(&mut self) -> Result<Vec<f32>, EngineError> {
+        self.engine.weights()
     }
 
     fn replace_parameters(&mut self, parameters: &[f32]) -> Result<(), EngineError> {

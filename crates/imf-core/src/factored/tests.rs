@@ -439,4 +439,5 @@ fn what_does_not_fit_is_refused_by_name() {
     assert!(FactoredField::new(&teacher, shape, shape.initial_parameters(1)).is_err());
 }
 
+mod by_sections;
 mod kept;

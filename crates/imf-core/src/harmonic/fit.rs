@@ -19,7 +19,7 @@ mod kept;
 mod passes;
 mod sample;
 mod solve;
-mod source;
+pub(crate) mod source;
 
 use serde::{Deserialize, Serialize};
 
@@ -203,6 +203,41 @@ pub fn estimate(
 ) -> Result<FitReport, HarmonicError> {
     let source = Source::new(plan, settings.quantity)?;
     Start::new(&source, domain, settings, control)?.estimated(&source, control)
+}
+
+/// The functions of a field without its coefficients: what a sample of voxels tells of them.
+pub(crate) struct Outline {
+    pub(crate) basis: Basis,
+    /// U: `[K][axes]`, orthonormal columns.
+    pub(crate) axes: Vec<f32>,
+    /// μ: `[K]`.
+    pub(crate) mean: Vec<f32>,
+    /// Root mean square of the coefficients along the axes; 1 where all are 0.
+    pub(crate) scale: f32,
+    pub(crate) report: FitReport,
+}
+
+/// Decides on functions, mean and scale by a sample of voxels, and keeps no section. Progress as [`estimate`].
+///
+/// # Errors
+/// As [`fit`].
+pub(crate) fn outline(
+    plan: &SectionPlan,
+    domain: Domain,
+    settings: &FitSettings,
+    control: Control<'_>,
+) -> Result<Outline, HarmonicError> {
+    let source = Source::new(plan, settings.quantity)?;
+    let start = Start::new(&source, domain, settings, control)?;
+    let (solved, axes, report) = start.sampled(&start.dense()?, &source, control)?;
+    let kept = (axes.transpose() * &solved.covariance * &axes).trace().max(0.0) / axes.ncols() as f64;
+    Ok(Outline {
+        basis: start.basis,
+        axes: row_major(&axes),
+        mean: solved.mean.iter().map(|&v| v as f32).collect(),
+        scale: if kept > 0.0 { kept.sqrt() as f32 } else { 1.0 },
+        report,
+    })
 }
 
 /// Sections that [`fit`] computes.

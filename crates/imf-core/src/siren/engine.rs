@@ -409,6 +409,10 @@ impl TrainingEngine for CpuTrainer {
         Ok(self.state.clone())
     }
 
+    fn weights(&mut self) -> Result<Vec<f32>, EngineError> {
+        Ok(self.state.parameters.clone())
+    }
+
     fn replace_parameters(&mut self, parameters: &[f32]) -> Result<(), EngineError> {
         let refused = |error: crate::siren::ShapeError| EngineError::Shape(error.to_string());
         self.plan.stack.check_parameters(parameters).map_err(refused)?;

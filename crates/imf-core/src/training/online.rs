@@ -21,7 +21,7 @@ use crate::dataset::{Sampling, draw};
 use crate::grid::Grid;
 use crate::orientation::{Orientation, OrientationSet};
 use crate::section::{SectionError, SectionPlan, SectionScratch};
-use crate::siren::features;
+use crate::siren::{INPUTS, features};
 
 /// How sections come and go.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -71,6 +71,22 @@ impl OnlineSettings {
         let mut unit = || (generator.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
         let z = 2.0 * unit() - 1.0;
         Orientation::new(360.0 * unit(), z.acos().to_degrees())
+    }
+
+    /// As [`Self::orientation`] with a roll: uniform over the rotations.
+    #[must_use]
+    pub fn rotation(&self, number: u64) -> Orientation {
+        let mut generator = ChaCha8Rng::seed_from_u64(!self.seed);
+        generator.set_stream(number);
+        let unit = (generator.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+        Orientation { roll: 360.0 * unit, ..self.orientation(number) }
+    }
+
+    /// Numbers of what the pool holds at a step, slot after slot.
+    pub(crate) fn slots(&self, step: u64) -> impl Iterator<Item = u64> {
+        let pool = self.pool as u64;
+        let oldest = self.newest(step) + 1 - pool;
+        (0..pool).map(move |slot| oldest + (slot + pool - oldest % pool) % pool)
     }
 
     /// What the pool holds at a step, oldest first.
@@ -133,6 +149,14 @@ impl OnlineSections {
         8 * (settings.pool + settings.lead + 2) as u64 * sampling.count(grid.len()) as u64
     }
 
+    /// A sample of a section, as the network sees it.
+    fn sample(&self, section: &Section, at: usize) -> ([f32; INPUTS], f32) {
+        let grid = self.plan.grid();
+        let point = self.frame.unit(grid.centre(grid.voxel(section.voxels[at] as usize))).as_vec3();
+        let [theta, phi] = section.angles;
+        (features(point.to_array(), theta, phi), section.values[at])
+    }
+
     fn section(
         &self,
         number: u64,
@@ -145,46 +169,93 @@ impl OnlineSections {
         let values = voxels.iter().map(|&v| cmf[v as usize]).collect();
         Ok(Section { angles: orientation.angles(), voxels, values })
     }
+}
 
-    /// Computes sections `numbers` one after the other until nobody wants them; returns how long it waited, and how
-    /// many it made.
-    fn produce(
-        &self,
-        numbers: std::ops::RangeInclusive<u64>,
-        sender: &SyncSender<Result<Section, SectionError>>,
-    ) -> (Duration, u64) {
-        let mut scratch = SectionScratch::default();
-        let mut cmf = vec![0.0; self.plan.grid().len()];
-        let (mut waited, mut made) = (Duration::ZERO, 0);
-        for number in numbers {
-            let section = self.section(number, &mut scratch, &mut cmf);
-            let failed = section.is_err();
-            let begun = Instant::now();
-            if sender.send(section).is_err() || failed {
-                break;
-            }
-            waited += begun.elapsed();
-            made += 1;
+/// What a producer makes of a number.
+type Made<S> = Result<S, SectionError>;
+
+/// Makes something of the sections that a training from step `first` to step `last` meets, on a second thread, while
+/// `train` takes them; says how long everybody waited.
+pub(crate) fn with_arrivals<S: Send, T>(
+    settings: OnlineSettings,
+    [first, last]: [u64; 2],
+    make: impl FnMut(u64) -> Made<S> + Send,
+    train: impl FnOnce(&mut Arrivals<'_, S>) -> T,
+) -> (T, Waits) {
+    let begun = Instant::now();
+    let oldest = settings.newest(first) + 1 - settings.pool as u64;
+    let numbers = oldest..=settings.newest(last.max(first));
+    std::thread::scope(|scope| {
+        let (sender, receiver) = sync_channel(settings.lead);
+        let producer = scope.spawn(move || produce(numbers, make, &sender));
+        let mut arrivals = Arrivals {
+            receiver: &receiver,
+            settings,
+            first,
+            next: oldest,
+            pool: (0..settings.pool).map(|_| None).collect(),
+            waits: Waits::default(),
+        };
+        let trained = train(&mut arrivals);
+        let mut waits = arrivals.waits;
+        // A producer that still has work stops once nobody takes it.
+        drop(receiver);
+        let (waited, made) = producer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        (waits.producer, waits.sections) = (waited.as_secs_f64(), made);
+        waits.seconds = begun.elapsed().as_secs_f64();
+        (trained, waits)
+    })
+}
+
+/// Makes `numbers` one after the other until nobody wants them; returns how long it waited, and how many it made.
+fn produce<S>(
+    numbers: std::ops::RangeInclusive<u64>,
+    mut make: impl FnMut(u64) -> Made<S>,
+    sender: &SyncSender<Made<S>>,
+) -> (Duration, u64) {
+    let (mut waited, mut made) = (Duration::ZERO, 0);
+    for number in numbers {
+        let section = make(number);
+        let failed = section.is_err();
+        let begun = Instant::now();
+        if sender.send(section).is_err() || failed {
+            break;
         }
-        (waited, made)
+        waited += begun.elapsed();
+        made += 1;
     }
+    (waited, made)
 }
 
-/// The latest sections; section `n` stands in slot `n mod pool`.
-struct Pool {
-    frame: Grid,
-    grid: Grid,
-    sections: Vec<Section>,
-    per_section: usize,
+/// The latest of what was made; number `n` stands in slot `n mod pool`.
+pub(crate) struct Arrivals<'a, S> {
+    receiver: &'a Receiver<Made<S>>,
+    settings: OnlineSettings,
+    /// Step at which the pool is filled.
+    first: u64,
+    /// Number to be received next.
+    next: u64,
+    pool: Vec<Option<S>>,
+    waits: Waits,
 }
 
-impl Pool {
-    /// Sample `index` of all, slot after slot.
-    fn sample(&self, index: usize) -> ([f32; crate::siren::INPUTS], f32) {
-        let (section, at) = (&self.sections[index / self.per_section], index % self.per_section);
-        let point = self.frame.unit(self.grid.centre(self.grid.voxel(section.voxels[at] as usize))).as_vec3();
-        let [theta, phi] = section.angles;
-        (features(point.to_array(), theta, phi), section.values[at])
+impl<S> Arrivals<'_, S> {
+    /// Waits for what the pool holds at a step: that, slot after slot, none of them empty.
+    pub(crate) fn at(&mut self, step: u64) -> Result<&[Option<S>], SectionError> {
+        let begun = Instant::now();
+        while self.next <= self.settings.newest(step) {
+            // A producer that is gone has panicked, which is passed on when it is joined.
+            let made = self.receiver.recv().unwrap_or(Err(SectionError::Cancelled))?;
+            self.pool[(self.next % self.settings.pool as u64) as usize] = Some(made);
+            self.next += 1;
+        }
+        let waited = begun.elapsed().as_secs_f64();
+        if step == self.first {
+            self.waits.filling += waited;
+        } else {
+            self.waits.trainer += waited;
+        }
+        Ok(&self.pool)
     }
 }
 
@@ -205,71 +276,28 @@ pub fn train_online(
     plan.check()?;
     let samples = sections.pool_samples();
     let per_epoch = plan.steps_per_epoch(samples);
-    let first_step = start.epoch.saturating_mul(per_epoch).saturating_add(start.step);
-    let last_step = plan.total_steps(samples).saturating_sub(1).max(first_step);
-    let oldest = settings.newest(first_step) + 1 - settings.pool as u64;
-    let numbers = oldest..=settings.newest(last_step);
-    let begun = Instant::now();
-    let mut waits = Waits::default();
-    std::thread::scope(|scope| {
-        let (sender, receiver) = sync_channel(settings.lead);
-        let producer = scope.spawn(move || sections.produce(numbers, &sender));
-        let outcome =
-            feed_and_train(plan, sections, receiver, oldest, first_step, &mut waits, engine, start, observer);
-        // The receiver is gone now, so a producer that still has work stops.
-        let (waited, made) = producer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        (waits.producer, waits.sections) = (waited.as_secs_f64(), made);
-        waits.seconds = begun.elapsed().as_secs_f64();
-        Ok((outcome?, waits))
-    })
-}
-
-#[expect(clippy::needless_pass_by_value, reason = "dropping the receiver tells the producer to stop")]
-fn feed_and_train(
-    plan: &TrainingPlan,
-    sections: &OnlineSections,
-    receiver: Receiver<Result<Section, SectionError>>,
-    oldest: u64,
-    first_step: u64,
-    waits: &mut Waits,
-    engine: &mut dyn TrainingEngine,
-    start: Cursor,
-    observer: &mut dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()>,
-) -> Result<Outcome, TrainError> {
-    let settings = sections.settings;
-    let samples = sections.pool_samples();
-    let grid = *sections.plan.grid();
-    let empty = Section { angles: [0.0; 2], voxels: Vec::new(), values: Vec::new() };
-    let mut pool = Pool {
-        frame: sections.frame,
-        grid,
-        sections: vec![empty; settings.pool],
-        per_section: sections.sampling.count(grid.len()),
-    };
-    let mut next = oldest;
+    let first = start.epoch.saturating_mul(per_epoch).saturating_add(start.step);
+    let last = plan.total_steps(samples).saturating_sub(1);
+    let mut scratch = SectionScratch::default();
+    let mut cmf = vec![0.0; sections.plan.grid().len()];
+    let make = |number| sections.section(number, &mut scratch, &mut cmf);
     let key = mix(mix(plan.seed) ^ 0x6f6e_6c69_6e65);
-    let mut feed = |_: Cursor, step: u64, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
-        let begun = Instant::now();
-        while next <= settings.newest(step) {
-            // A producer that is gone has panicked, which is passed on when it is joined.
-            let section = receiver.recv().unwrap_or(Err(SectionError::Cancelled))?;
-            pool.sections[(next % settings.pool as u64) as usize] = section;
-            next += 1;
-        }
-        let waited = begun.elapsed().as_secs_f64();
-        if step == first_step {
-            waits.filling += waited;
-        } else {
-            waits.trainer += waited;
-        }
-        let base = mix(key ^ mix(step));
-        gather(inputs, targets, |row| {
-            let random = mix(base.wrapping_add((rows.start + row) as u64));
-            pool.sample(((u128::from(random) * samples as u128) >> 64) as usize)
-        });
-        Ok(())
-    };
-    train_by(plan, samples, &mut feed, engine, start, observer)
+    let per_section = sections.sampling.count(sections.plan.grid().len());
+    let (outcome, waits) = with_arrivals(settings, [first, last], make, |arrivals| {
+        let mut feed = |_: Cursor, step: u64, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
+            let pool = arrivals.at(step)?;
+            let base = mix(key ^ mix(step));
+            gather(inputs, targets, |row| {
+                let random = mix(base.wrapping_add((rows.start + row) as u64));
+                let index = ((u128::from(random) * samples as u128) >> 64) as usize;
+                let section = pool[index / per_section].as_ref();
+                section.map_or(([0.0; INPUTS], 0.0), |section| sections.sample(section, index % per_section))
+            });
+            Ok(())
+        };
+        train_by(plan, samples, &mut feed, engine, start, observer)
+    });
+    Ok((outcome?, waits))
 }
 
 #[cfg(test)]

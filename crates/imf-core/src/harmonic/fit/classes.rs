@@ -7,8 +7,9 @@
 use nalgebra::{Cholesky, DMatrix};
 use pulp::Arch;
 
-use super::kept::{KeptSections, UNIT};
+use super::kept::KeptSections;
 use super::solve::ridge;
+use super::source::UNIT;
 use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::Basis;
 use crate::harmonic::fours::{IMAGES, SIGNS, classes};

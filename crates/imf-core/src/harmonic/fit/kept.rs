@@ -8,8 +8,7 @@ use crate::control::Control;
 use crate::orientation::Orientation;
 use crate::section::SectionError;
 
-/// Exact values as parts of their range in steps of 1/65535: their rounding, 4e-6 of the range in the root mean square, is a
-/// thousandth of any field's error.
+/// Exact values as whole numbers ([`Source::keep`]).
 pub(super) struct KeptSections {
     /// The least value, and what one step is worth: 0 and [`UNIT`] of overlaps.
     low: f32,
@@ -20,9 +19,6 @@ pub(super) struct KeptSections {
     pub(super) values: Vec<u16>,
 }
 
-/// What one of the whole numbers stands for where values are overlaps.
-pub(super) const UNIT: f32 = 1.0 / 65535.0;
-
 impl KeptSections {
     pub(super) fn count(
         source: &Source<'_>,
@@ -30,8 +26,7 @@ impl KeptSections {
         control: Control<'_>,
     ) -> Result<Self, SectionError> {
         let (voxels, arch) = (source.grid().len(), Arch::new());
-        let [low, high] = source.range();
-        let step = (high - low) * UNIT;
+        let (low, step) = source.steps();
         let mut values = vec![0; set.len() * voxels];
         values.par_chunks_exact_mut(voxels).zip(set).try_for_each_init(
             || (SourceScratch::default(), vec![0.0; voxels]),
@@ -40,7 +35,7 @@ impl KeptSections {
                     return Err(SectionError::Cancelled);
                 }
                 source.section(orientation, scratch, section)?;
-                arch.dispatch(|| round(section, low, step, kept));
+                arch.dispatch(|| source.keep(section, kept));
                 (control.progress)(1);
                 Ok(())
             },
@@ -51,7 +46,7 @@ impl KeptSections {
     /// Overlaps that are known already.
     #[cfg(test)]
     pub(super) fn of_overlaps(voxels: usize, values: Vec<u16>) -> Self {
-        Self { low: 0.0, step: UNIT, voxels, values }
+        Self { low: 0.0, step: super::source::UNIT, voxels, values }
     }
 
     /// Sections kept.
@@ -74,13 +69,6 @@ impl KeptSections {
         for (values, section) in values.chunks_exact_mut(count).zip(sections) {
             arch.dispatch(|| widen(&section[first..first + count], self.low, self.step, values));
         }
-    }
-}
-
-#[inline(always)]
-fn round(values: &[f32], low: f32, step: f32, kept: &mut [u16]) {
-    for (kept, &value) in kept.iter_mut().zip(values) {
-        *kept = ((value - low) / step + 0.5) as u16;
     }
 }
 

@@ -27,7 +27,7 @@ pub(super) struct Start {
 }
 
 /// The least squares of all functions together.
-struct Dense {
+pub(super) struct Dense {
     /// B: `[orientation][function]`.
     values: Vec<f32>,
     normal: NormalMatrix,
@@ -66,14 +66,14 @@ impl Start {
             && self.sample.quantity.is_overlap()
     }
 
-    fn dense(&self) -> Result<Dense, HarmonicError> {
+    pub(super) fn dense(&self) -> Result<Dense, HarmonicError> {
         let values = function_values(&self.basis, &self.set);
         let normal = NormalMatrix::new(&self.basis, &values)?;
         Ok(Dense { values, normal })
     }
 
     /// What the sample's voxels alone tell, by a pass over the orientations.
-    fn sampled(
+    pub(super) fn sampled(
         &self,
         dense: &Dense,
         source: &Source<'_>,

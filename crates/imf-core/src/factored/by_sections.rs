@@ -1,0 +1,317 @@
+//! Teaching by exact sections themselves, where no harmonic field is to hand: none is kept, whatever the grid.
+//!
+//! A pool holds the latest sections at random orientations without end ([`crate::training::online`]); a step takes P voxels
+//! at all Q orientations of the pool. Let H be the field's functions there, `[Q][axes]`, s a voxel's exact values less the
+//! mean's, z what the network says now. The coefficients to expect of both are
+//!
+//! ```text
+//! t = z + Hᵀ (H Hᵀ + λ I)⁻¹ (s − H z)
+//! ```
+//! (a Gaussian around z, conditioned on s: Kalman's step), and towards these the network takes a step of least squares.
+//! What the pool does not see of a voxel stays as the network has it. The functions are learnt too: a sample of voxels
+//! chooses the axes, and the last layer, folded at the end, what the hidden layers mean along them.
+
+use std::ops::{ControlFlow, Range};
+
+use nalgebra::{Cholesky, DMatrix};
+use pulp::Arch;
+use rayon::prelude::*;
+
+use super::state::cpu_engine;
+use super::{FactoredField, FactoredShape, FactoredState, INPUTS, TeachSettings, input};
+use crate::control::Control;
+use crate::grid::Grid;
+use crate::harmonic::basis::Domain;
+use crate::harmonic::{FitReport, FitSettings, HarmonicError, Outline, Source, SourceScratch, outline};
+use crate::orientation::Orientation;
+use crate::section::{Quantity, SectionPlan};
+use crate::siren::ShapeError;
+use crate::siren::matrix::{Matrix, multiply};
+use crate::training::online::{OnlineSettings, Waits, with_arrivals};
+use crate::training::permutation::Permutation;
+use crate::training::run::{Cursor, Outcome, Report, TrainError, train_by};
+use crate::training::{EngineError, TrainingEngine, TrainingState};
+
+/// λ over the mean of H Hᵀ's diagonal. Of a field that is nearly learnt the functions left out say as much as is still to be
+/// learnt along any one axis.
+const RIDGE: f64 = 0.03;
+/// Rows of a batch that one thread takes at a time.
+const ROWS: usize = 64;
+
+/// The sections of a scene as a teacher, with the functions that its field is made of.
+pub struct SectionTeacher<'a> {
+    plan: &'a SectionPlan,
+    quantity: Quantity,
+    outline: Outline,
+}
+
+impl<'a> SectionTeacher<'a> {
+    /// Chooses functions, mean and scale by a sample of voxels. Progress as [`crate::harmonic::estimate`].
+    ///
+    /// # Errors
+    /// As [`crate::harmonic::fit`].
+    pub fn new(
+        plan: &'a SectionPlan,
+        domain: Domain,
+        fit: &FitSettings,
+        control: Control<'_>,
+    ) -> Result<Self, HarmonicError> {
+        Ok(Self { plan, quantity: fit.quantity, outline: outline(plan, domain, fit, control)? })
+    }
+
+    /// Axes of the field: outputs of its network.
+    #[must_use]
+    pub fn axis_count(&self) -> usize {
+        self.outline.axes.len() / self.outline.mean.len()
+    }
+
+    /// What the sample told of the functions' errors.
+    #[must_use]
+    pub fn report(&self) -> FitReport {
+        self.outline.report
+    }
+
+    /// Bytes of the pool and of what is being made, two a value.
+    #[must_use]
+    pub fn memory_bytes(grid: &Grid, online: &OnlineSettings) -> u64 {
+        2 * (online.pool + online.lead + 2) as u64 * grid.len() as u64
+    }
+
+    /// The field of a network's weights.
+    ///
+    /// # Errors
+    /// Weights that do not fit, or a shape of other axes.
+    pub fn field(&self, shape: FactoredShape, parameters: Vec<f32>) -> Result<FactoredField, ShapeError> {
+        let expected = FactoredShape { axes: self.axis_count(), ..shape };
+        expected.stack().check_parameters(&parameters)?;
+        let Outline { basis, axes, mean, scale, .. } = &self.outline;
+        Ok(FactoredField {
+            quantity: self.quantity,
+            grid: *self.plan.grid(),
+            basis: basis.clone(),
+            axes: axes.clone(),
+            mean: mean.clone(),
+            shape: expected,
+            parameters,
+            scale: *scale,
+        })
+    }
+
+    /// The orientation of a section.
+    fn orientation(&self, online: &OnlineSettings, number: u64) -> Orientation {
+        match self.outline.basis.domain() {
+            Domain::Directions => online.orientation(number),
+            Domain::Rotations => online.rotation(number),
+        }
+    }
+}
+
+/// Teaches the network of `state` by sections up to the plan's end, or until `control` asks to stop, which is looked at
+/// wherever the observer is told something; `state` then is where teaching goes on, to the same bits. One unit of progress is
+/// one step. The report's loss is the mean squared error at the pool's orientations before each step, most of which earlier
+/// steps have met.
+///
+/// # Errors
+/// Settings or a state out of range, a section that failed, or a loss that is not finite or has risen for good; `state` is
+/// untouched then.
+pub fn teach_by_sections(
+    teacher: &SectionTeacher<'_>,
+    online: OnlineSettings,
+    settings: &TeachSettings,
+    state: &mut FactoredState,
+    control: Control<'_>,
+    observer: &mut dyn FnMut(&Report),
+) -> Result<(Outcome, Waits), TrainError> {
+    settings.check()?;
+    online.check()?;
+    let grid = *teacher.plan.grid();
+    let shape = settings.shape(teacher.axis_count());
+    let batch = settings.plan.batch.min(grid.len());
+    let mut engine = cpu_engine(shape, &settings.plan, settings.optimiser, batch, state)?;
+    let (plan, start) = (&settings.plan, state.cursor);
+    let first = start.epoch * plan.steps_per_epoch(grid.len()) + start.step;
+    let last = plan.total_steps(grid.len()).saturating_sub(1);
+    let source = Source::new(teacher.plan, teacher.quantity)?;
+    let field = teacher.field(shape, state.training.parameters.clone());
+    let field = field.map_err(|error| EngineError::Shape(error.to_string()))?;
+    let mut corrected = Corrected::new(&mut engine, teacher, online, field, first);
+    let (mut told, mut cursor) = (first, start);
+    let arch = Arch::new();
+    let (mut scratch, mut values) = (SourceScratch::default(), vec![0.0; grid.len()]);
+    let make = |number| {
+        source.section(&teacher.orientation(&online, number), &mut scratch, &mut values)?;
+        let mut kept = vec![0; values.len()];
+        arch.dispatch(|| source.keep(&values, &mut kept));
+        Ok(kept)
+    };
+    let (low, unit) = source.steps();
+    let mut order = (start.epoch, Permutation::new(grid.len(), plan.seed, start.epoch));
+    let (outcome, waits) = with_arrivals(online, [first, last], make, |arrivals| {
+        let mut feed =
+            |at: Cursor, step: u64, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
+                let pool = arrivals.at(step)?;
+                if order.0 != at.epoch {
+                    order = (at.epoch, Permutation::new(grid.len(), plan.seed, at.epoch));
+                }
+                let begin = at.step as usize * plan.batch + rows.start;
+                let inputs = inputs.par_chunks_exact_mut(INPUTS);
+                let rows = inputs.zip(targets.par_chunks_exact_mut(online.pool)).enumerate();
+                rows.with_min_len(ROWS).for_each(|(row, (inputs, targets))| {
+                    let voxel = order.1.at(begin + row);
+                    inputs.copy_from_slice(&input(&grid, grid.centre(grid.voxel(voxel))));
+                    for (target, section) in targets.iter_mut().zip(pool.iter().flatten()) {
+                        *target = low + f32::from(section[voxel]) * unit;
+                    }
+                });
+                Ok(())
+            };
+        train_by(plan, grid.len(), &mut feed, &mut corrected, start, &mut |report, _| {
+            (control.progress)(report.step - told);
+            (told, cursor) = (report.step, report.cursor);
+            observer(report);
+            if control.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        })
+    });
+    let outcome = outcome?;
+    *state = FactoredState { training: engine.state()?, cursor };
+    Ok((outcome, waits))
+}
+
+/// What a pool's orientations make of a batch.
+struct Gain {
+    /// Number of the pool's newest section.
+    newest: u64,
+    /// H: `[slot][axes]`.
+    functions: Vec<f32>,
+    /// The mean's values there, `[slot]`.
+    mean: Vec<f32>,
+    /// `(H Hᵀ + λ I)⁻¹ H`, `[slot][axes]`.
+    weights: Vec<f32>,
+}
+
+impl Gain {
+    fn new(teacher: &SectionTeacher<'_>, online: &OnlineSettings, step: u64) -> Result<Self, EngineError> {
+        let Outline { basis, axes, mean, .. } = &teacher.outline;
+        let set: Vec<Orientation> =
+            online.slots(step).map(|number| teacher.orientation(online, number)).collect();
+        let (count, width, pool) = (basis.len(), teacher.axis_count(), online.pool);
+        let mut values = vec![0.0f64; count];
+        let mut rows = Vec::with_capacity(pool * count);
+        for orientation in &set {
+            basis.values(orientation, &mut values);
+            rows.extend(values.iter().map(|&v| v as f32));
+        }
+        let rows = Matrix::row_major(&rows, pool, count, count);
+        let (mut functions, mut at_mean) = (vec![0.0; pool * width], vec![0.0; pool]);
+        multiply(&mut functions, width, rows, Matrix::row_major(axes, count, width, width), false);
+        multiply(&mut at_mean, 1, rows, Matrix::row_major(mean, count, 1, 1), false);
+        let matrix = DMatrix::from_row_iterator(pool, width, functions.iter().map(|&v| f64::from(v)));
+        let mut gram = &matrix * matrix.transpose();
+        let ridge = RIDGE * gram.trace() / pool as f64;
+        (0..pool).for_each(|slot| gram[(slot, slot)] += ridge);
+        // With a ridge it is positive definite, unless a number is not finite.
+        let solved = Cholesky::new(gram)
+            .ok_or_else(|| EngineError::Shape("the functions of the sections are not finite".into()))?
+            .solve(&matrix);
+        let weights = solved.transpose().iter().map(|&v| v as f32).collect();
+        Ok(Self { newest: online.newest(step), functions, mean: at_mean, weights })
+    }
+}
+
+/// An engine that is told the values at the pool's orientations, and tells its own engine the coefficients that follow.
+pub(super) struct Corrected<'a> {
+    engine: &'a mut dyn TrainingEngine,
+    teacher: &'a SectionTeacher<'a>,
+    online: OnlineSettings,
+    /// Of the engine's weights at the last step.
+    field: FactoredField,
+    /// Steps of the plan done.
+    done: u64,
+    gain: Option<Gain>,
+    /// `[row][axes]` of a batch.
+    targets: Vec<f32>,
+    /// Sum of the steps' mean squared errors, and how many.
+    squares: f64,
+    steps: u64,
+}
+
+impl<'a> Corrected<'a> {
+    /// Goes on after `done` steps.
+    pub(super) fn new(
+        engine: &'a mut dyn TrainingEngine,
+        teacher: &'a SectionTeacher<'a>,
+        online: OnlineSettings,
+        field: FactoredField,
+        done: u64,
+    ) -> Self {
+        let (gain, targets) = (None, Vec::new());
+        Self { engine, teacher, online, field, done, gain, targets, squares: 0.0, steps: 0 }
+    }
+}
+
+impl TrainingEngine for Corrected<'_> {
+    fn describe(&self) -> String {
+        self.engine.describe()
+    }
+
+    fn inputs(&self) -> usize {
+        self.engine.inputs()
+    }
+
+    fn outputs(&self) -> usize {
+        self.online.pool
+    }
+
+    fn step(&mut self, inputs: &[f32], values: &[f32], learning_rate: f32) -> Result<(), EngineError> {
+        let gain = match self.gain.take() {
+            Some(gain) if gain.newest == self.online.newest(self.done) => gain,
+            _ => Gain::new(self.teacher, &self.online, self.done)?,
+        };
+        let (axes, pool, scale) = (self.field.shape.axes, self.online.pool, self.field.scale);
+        self.field.parameters = self.engine.weights()?;
+        let evaluator = self.field.evaluator();
+        self.targets.resize(inputs.len() / INPUTS * axes, 0.0);
+        let parts = self.targets.par_chunks_mut(ROWS * axes).zip(inputs.par_chunks(ROWS * INPUTS));
+        let squares: Vec<f64> = parts
+            .zip(values.par_chunks(ROWS * pool))
+            .map_init(Vec::new, |rest, ((targets, inputs), values)| {
+                let rows = values.len() / pool;
+                evaluator.outputs(inputs, targets);
+                // (s − μ − H z) over the scale.
+                rest.clear();
+                rest.extend(
+                    values
+                        .chunks_exact(pool)
+                        .flat_map(|row| row.iter().zip(&gain.mean).map(|(v, m)| (m - v) / scale)),
+                );
+                let along = Matrix::row_major(&gain.functions, pool, axes, axes).transposed();
+                multiply(rest, pool, Matrix::row_major(targets, rows, axes, axes), along, true);
+                rest.iter_mut().for_each(|v| *v = -*v);
+                let weights = Matrix::row_major(&gain.weights, pool, axes, axes);
+                multiply(targets, axes, Matrix::row_major(rest, rows, pool, pool), weights, true);
+                rest.iter().map(|&v| f64::from(v) * f64::from(v)).sum()
+            })
+            .collect();
+        drop(evaluator);
+        self.engine.step(inputs, &self.targets, learning_rate)?;
+        self.gain = Some(gain);
+        self.squares += squares.iter().sum::<f64>() * f64::from(scale).powi(2) / values.len() as f64;
+        (self.done, self.steps) = (self.done + 1, self.steps + 1);
+        Ok(())
+    }
+
+    fn take_mean_loss(&mut self) -> Result<f64, EngineError> {
+        self.engine.take_mean_loss()?;
+        let mean = if self.steps == 0 { 0.0 } else { self.squares / self.steps as f64 };
+        (self.squares, self.steps) = (0.0, 0);
+        Ok(mean)
+    }
+
+    fn state(&mut self) -> Result<TrainingState, EngineError> {
+        self.engine.state()
+    }
+
+    fn replace_parameters(&mut self, parameters: &[f32]) -> Result<(), EngineError> {
+        self.engine.replace_parameters(parameters)
+    }
+}
