@@ -156,22 +156,22 @@ fn by_sections(values: &Values, plan: &SectionPlan, judge: &Judge<'_>) -> Result
         every: values.get("every", 1)?,
         ..OnlineSettings::default()
     };
+    settings.online = Some(online);
     let start = Instant::now();
     let teacher = SectionTeacher::new(plan, Domain::Directions, &fitting(values)?, Control::quiet())?;
     let mut state = settings.start(teacher.axis_count());
     let mut next = steps / 8;
-    let (_, waits) =
-        teach_by_sections(&teacher, online, &settings, &mut state, Control::quiet(), &mut |report| {
-            if report.step >= next {
-                println!(
-                    "  {:6.1} s step {:6} of {steps}: MSE at the pool {:.3e}",
-                    seconds(start),
-                    report.step,
-                    report.mean_loss
-                );
-                next += steps / 8;
-            }
-        })?;
+    let (_, waits) = teach_by_sections(&teacher, &settings, &mut state, Control::quiet(), &mut |report| {
+        if report.step >= next {
+            println!(
+                "  {:6.1} s step {:6} of {steps}: MSE at the pool {:.3e}",
+                seconds(start),
+                report.step,
+                report.mean_loss
+            );
+            next += steps / 8;
+        }
+    })?;
     println!("by sections, {} at a time, {steps} steps in {:.1} s: {waits:?}", online.pool, seconds(start));
     let shape = settings.shape(teacher.axis_count());
     let field = teacher.field(shape, state.training.parameters)?.folded();

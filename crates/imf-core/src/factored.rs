@@ -28,7 +28,7 @@ mod state;
 mod teach;
 
 pub use answers::FactoredAnswers;
-pub use by_sections::{SectionTeacher, teach_by_sections};
+pub use by_sections::{SectionTeacher, teach_by_sections, teach_by_sections_on};
 pub use evaluate::FactoredEvaluator;
 pub use point::{FactoredPoint, PointScratch};
 pub use state::{FactoredState, Optimiser};

@@ -109,32 +109,48 @@ impl<'a> SectionTeacher<'a> {
 /// Teaches the network of `state` by sections up to the plan's end, or until `control` asks to stop, which is looked at
 /// wherever the observer is told something; `state` then is where teaching goes on, to the same bits. One unit of progress is
 /// one step. The report's loss is the mean squared error at the pool's orientations before each step, most of which earlier
-/// steps have met.
+/// steps have met. Sections come as [`TeachSettings::online`] says, or as its default.
 ///
 /// # Errors
 /// Settings or a state out of range, a section that failed, or a loss that is not finite or has risen for good; `state` is
 /// untouched then.
 pub fn teach_by_sections(
     teacher: &SectionTeacher<'_>,
-    online: OnlineSettings,
     settings: &TeachSettings,
     state: &mut FactoredState,
     control: Control<'_>,
     observer: &mut dyn FnMut(&Report),
 ) -> Result<(Outcome, Waits), TrainError> {
+    let shape = settings.shape(teacher.axis_count());
+    let batch = settings.plan.batch.min(teacher.plan.grid().len());
+    let mut engine = cpu_engine(shape, &settings.plan, settings.optimiser, batch, state)?;
+    teach_by_sections_on(teacher, settings, state, &mut engine, control, observer)
+}
+
+/// As [`teach_by_sections`], on an engine that continues from `state`, such as a GPU's: made for the stack of
+/// [`TeachSettings::shape`] and batches of the plan's size, with the settings' optimiser.
+///
+/// # Errors
+/// As [`teach_by_sections`].
+pub fn teach_by_sections_on(
+    teacher: &SectionTeacher<'_>,
+    settings: &TeachSettings,
+    state: &mut FactoredState,
+    engine: &mut dyn TrainingEngine,
+    control: Control<'_>,
+    observer: &mut dyn FnMut(&Report),
+) -> Result<(Outcome, Waits), TrainError> {
     settings.check()?;
-    online.check()?;
+    let online = settings.online.unwrap_or_default();
     let grid = *teacher.plan.grid();
     let shape = settings.shape(teacher.axis_count());
-    let batch = settings.plan.batch.min(grid.len());
-    let mut engine = cpu_engine(shape, &settings.plan, settings.optimiser, batch, state)?;
     let (plan, start) = (&settings.plan, state.cursor);
     let first = start.epoch * plan.steps_per_epoch(grid.len()) + start.step;
     let last = plan.total_steps(grid.len()).saturating_sub(1);
     let source = Source::new(teacher.plan, teacher.quantity)?;
     let field = teacher.field(shape, state.training.parameters.clone());
     let field = field.map_err(|error| EngineError::Shape(error.to_string()))?;
-    let mut corrected = Corrected::new(&mut engine, teacher, online, field, first);
+    let mut corrected = Corrected::new(engine, teacher, online, field, first);
     let (mut told, mut cursor) = (first, start);
     let arch = Arch::new();
     let (mut scratch, mut values) = (SourceScratch::default(), vec![0.0; grid.len()]);
@@ -173,7 +189,7 @@ pub fn teach_by_sections(
         })
     });
     let outcome = outcome?;
-    *state = FactoredState { training: engine.state()?, cursor };
+    *state = FactoredState { training: corrected.state()?, cursor };
     Ok((outcome, waits))
 }
 

@@ -10,6 +10,7 @@ use super::state::{Optimiser, cpu_engine};
 use super::{FactoredShape, FactoredState, INPUTS, input};
 use crate::control::Control;
 use crate::harmonic::HarmonicField;
+use crate::training::online::OnlineSettings;
 use crate::training::permutation::Permutation;
 use crate::training::run::{Cursor, Length, Outcome, Report, TrainError, TrainingPlan, train_by};
 use crate::training::schedule::Schedule;
@@ -33,6 +34,12 @@ pub struct TeachSettings {
     /// least squares, whatever the plan's loss. Files from before there were any say nothing of them.
     #[serde(default)]
     pub solve_every: u64,
+    /// How sections come and go where they teach by themselves ([`teach_by_sections`]): no last layer is solved for then.
+    /// Nothing where a harmonic field teaches.
+    ///
+    /// [`teach_by_sections`]: super::teach_by_sections
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub online: Option<OnlineSettings>,
 }
 
 impl Default for TeachSettings {
@@ -52,6 +59,7 @@ impl Default for TeachSettings {
             },
             optimiser: Optimiser::default(),
             solve_every: 25,
+            online: None,
         }
     }
 }
@@ -87,6 +95,7 @@ impl TeachSettings {
     /// A plan or shape out of range, by name.
     pub fn check(&self) -> Result<(), TrainError> {
         self.plan.check()?;
+        self.online.map_or(Ok(()), |online| online.check())?;
         self.shape(1).check().map_err(|error| TrainError::Plan(error.to_string()))
     }
 }
@@ -159,7 +168,12 @@ fn run(
     control: Control<'_>,
     observer: &mut dyn FnMut(&Report),
 ) -> Result<(Outcome, Cursor), TrainError> {
-    let TeachSettings { plan, .. } = settings;
+    let TeachSettings { plan, online, .. } = settings;
+    if online.is_some() {
+        return Err(TrainError::Plan(
+            "settings of a teaching by sections, and a harmonic field teaches".into(),
+        ));
+    }
     let (voxels, axes) = (teacher.grid.len(), teacher.axis_count());
     let scale = scale(teacher);
     // A loss in units of the field: outputs are coefficients over the scale.

@@ -7,6 +7,7 @@
 //! and no memory of ours is allocated in a step.
 
 mod bf16;
+mod matrices;
 pub mod ranks;
 mod update;
 
@@ -18,13 +19,14 @@ use super::bf16::Kernel;
 use super::forward::{Network, sigmoid};
 use super::matrix::prefer_unpacked;
 use super::muon::{Muon, MuonConfig};
-use super::plan::{BLOCK, Plan, WINDOW, transpose, transpose_all};
+use super::plan::{BLOCK, Plan, WINDOW, transpose_all};
 use super::scratch::{ScratchPool, describe};
 use super::stack::{Ending, Stack};
 use crate::siren::SirenShape;
 use crate::training::{AdamConfig, EngineError, Loss, Precision, TrainingEngine, TrainingState};
 
 use bf16::Pairs;
+use matrices::Matrices;
 use update::{Arrays, Step, Update, is_between};
 
 pub use super::evaluator::CpuEvaluator;
@@ -55,8 +57,8 @@ pub struct CpuTrainer {
     /// Summed loss of each block of a window.
     losses: Vec<f64>,
     scratch: ScratchPool,
-    /// For the matrices between hidden layers, where Adam does not serve them.
-    muon: Option<Muon>,
+    /// For each matrix between hidden layers, where Adam does not serve them.
+    muon: Option<Vec<Muon>>,
     /// For products in bfloat16; the arrays of a window above are then empty, but for the outputs.
     pairs: Option<Pairs>,
     loss_sum: f64,
@@ -199,28 +201,26 @@ impl CpuTrainer {
 
     /// Leaves the matrices between hidden layers to Muon, whose momentum stands in the place of their first moments.
     pub fn use_muon(&mut self, config: MuonConfig) {
-        let Stack { inputs, width, .. } = self.plan.stack;
-        self.muon = Some(Muon::new(config, width, width + inputs));
+        let between = self.plan.layers.iter().enumerate().filter(|&(index, _)| is_between(&self.plan, index));
+        self.muon = Some(between.map(|(_, layer)| Muon::new(config, layer.outputs, layer.inputs)).collect());
     }
 
-    /// Muon's part of a step, once the gradient is whole.
+    /// Muon's part of a step, once the gradient is whole: every matrix for itself.
     fn step_matrices(&mut self, learning_rate: f32) {
-        let Some(muon) = &mut self.muon else { return };
-        for (index, layer) in self.plan.layers.iter().enumerate() {
-            if !is_between(&self.plan, index) {
-                continue;
-            }
-            let range = layer.weights..layer.biases;
-            let gradient = &self.gradient[range.clone()];
-            let momentum = &mut self.state.first_moment[range.clone()];
-            let weights = &mut self.state.parameters[range];
-            muon.step(learning_rate, layer.outputs, weights, gradient, momentum);
-            for neurons in self.plan.panels(index) {
-                let range = self.plan.panel_range(index, &neurons);
-                let rows = &self.state.parameters[range.clone()];
-                transpose(rows, neurons.len(), layer.inputs, &mut self.panels[range]);
-            }
-        }
+        let Some(muons) = &mut self.muon else { return };
+        let Some(first) = self.plan.layers.get(1) else { return };
+        let from = first.weights;
+        let matrices = Matrices { plan: &self.plan, learning_rate };
+        matrices.step(
+            1,
+            muons,
+            [
+                &mut self.state.parameters[from..],
+                &mut self.state.first_moment[from..],
+                &mut self.panels[from..],
+            ],
+            &self.gradient,
+        );
     }
 
     /// The last step's gradient.

@@ -2,7 +2,7 @@
 //! bit.
 
 use super::*;
-use crate::factored::by_sections::{Corrected, SectionTeacher, teach_by_sections};
+use crate::factored::by_sections::Corrected;
 use crate::training::online::OnlineSettings;
 use crate::training::{EngineError, TrainingState};
 
@@ -124,7 +124,7 @@ fn error_of(field: &FactoredField, plan: &SectionPlan) -> f64 {
 fn sections_alone_teach_what_a_harmonic_field_would() {
     let scene = scene();
     let plan = plan(&scene);
-    let settings = settings(400);
+    let settings = TeachSettings { online: Some(ONLINE), ..settings(400) };
     // Degree 2 leaves out a third of the field by itself.
     for (domain, degree, left) in [(Domain::Directions, 5, 0.25), (Domain::Rotations, 2, 0.5)] {
         let fit = FitSettings { degree, ..FIT };
@@ -134,7 +134,7 @@ fn sections_alone_teach_what_a_harmonic_field_would() {
         let untaught = error_of(&teacher.field(shape, state.training.parameters.clone()).unwrap(), &plan);
         let quiet = Control::quiet();
         let (outcome, waits) =
-            teach_by_sections(&teacher, ONLINE, &settings, &mut state, quiet, &mut |_| {}).unwrap();
+            teach_by_sections(&teacher, &settings, &mut state, quiet, &mut |_| {}).unwrap();
         assert!(matches!(outcome, Outcome::Finished));
         assert_eq!(waits.sections, 400 - 1 + 40);
         let taught = error_of(&teacher.field(shape, state.training.parameters).unwrap(), &plan);
@@ -147,7 +147,7 @@ fn a_stop_and_the_number_of_threads_change_no_bit() {
     let scene = scene();
     let plan = plan(&scene);
     let teacher = SectionTeacher::new(&plan, Domain::Directions, &FIT, Control::quiet()).unwrap();
-    let settings = settings(30);
+    let settings = TeachSettings { online: Some(ONLINE), ..settings(30) };
     let run = |threads: usize, stop: bool| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
@@ -156,11 +156,10 @@ fn a_stop_and_the_number_of_threads_change_no_bit() {
                 let cancelled = AtomicBool::new(true);
                 let control = Control { cancelled: &cancelled, ..Control::quiet() };
                 let (outcome, _) =
-                    teach_by_sections(&teacher, ONLINE, &settings, &mut state, control, &mut |_| {}).unwrap();
+                    teach_by_sections(&teacher, &settings, &mut state, control, &mut |_| {}).unwrap();
                 assert!(matches!(outcome, Outcome::Stopped(_)));
             }
-            teach_by_sections(&teacher, ONLINE, &settings, &mut state, Control::quiet(), &mut |_| {})
-                .unwrap();
+            teach_by_sections(&teacher, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
             state
         })
     };
