@@ -1,5 +1,5 @@
-//! The command line: the commands, what all of them can be told, and what the small ones and the trainings are asked; what the
-//! others are asked has a file each.
+//! The command line: the commands, what all of them can be told, and what the small ones are asked; what the others are
+//! asked has a file each.
 
 pub(crate) mod access;
 pub(crate) mod bench;
@@ -19,11 +19,13 @@ pub(crate) mod query;
 pub(crate) mod query_bench;
 pub(crate) mod regime;
 pub(crate) mod scene;
+pub(crate) mod train;
 pub(crate) mod transform;
 
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use imf_core::training::run::Length;
 use imf_core::training::schedule::RateRule;
 use imf_core::training::{Loss, Precision};
 
@@ -95,7 +97,7 @@ pub(crate) enum Command {
                       imf dataset merge teapot-225 share-1 share-2 share-3"
     )]
     Dataset(dataset::DatasetArguments),
-    Train(TrainArguments),
+    Train(Box<train::TrainArguments>),
     Finetune(FinetuneArguments),
     Compress(compress::CompressArguments),
     Calibrate(calibrate::CalibrateArguments),
@@ -132,7 +134,7 @@ pub(crate) struct DemoArguments {
     pub(crate) seed: u64,
     /// What is made: a harmonic field and the network of a megabyte that is taught it, or the paper's network
     #[arg(long, value_enum, default_value = "factored")]
-    pub(crate) family: DemoFamily,
+    pub(crate) family: NetworkFamily,
     /// Training steps; by default 1,000 for the factored field, 30,000 for siren5
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) steps: Option<u64>,
@@ -140,9 +142,9 @@ pub(crate) struct DemoArguments {
     pub(crate) device: DeviceArguments,
 }
 
-/// The families that a demo can make.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum DemoFamily {
+/// The families of networks that imf demo and imf train make.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum NetworkFamily {
     /// A harmonic field of every direction, then the network of a megabyte that is taught it
     Factored,
     /// The paper's network, trained on samples of exact sections
@@ -172,14 +174,14 @@ pub(crate) struct VoxelizeArguments {
     pub(crate) out: PathBuf,
 }
 
-/// How long and how fast to train; shared by train and finetune.
+/// How long and how fast to train, whatever is learnt.
 #[derive(Args, Clone)]
-pub(crate) struct PlanArguments {
+pub(crate) struct LengthArguments {
     /// Passes over the dataset
-    #[arg(long, value_name = "N", conflicts_with = "steps")]
+    #[arg(long, value_name = "N", conflicts_with = "steps", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) epochs: Option<u64>,
     /// Steps, instead of epochs
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) steps: Option<u64>,
     /// Samples in a step
     #[arg(long, default_value_t = 1024, value_name = "N")]
@@ -187,6 +189,17 @@ pub(crate) struct PlanArguments {
     /// Highest learning rate; with --resume, the rate to go on from
     #[arg(long, value_name = "RATE")]
     pub(crate) rate: Option<f32>,
+    /// Seed of starting weights and order
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Seconds between checkpoints
+    #[arg(long, default_value_t = 60.0, value_name = "SECONDS", value_parser = parse_seconds)]
+    pub(crate) checkpoint_every: f64,
+}
+
+/// How siren5 learns samples; shared by train and finetune.
+#[derive(Args, Clone)]
+pub(crate) struct PlanArguments {
     /// How the rate follows the batch, from 1024 on; sqrt and linear begin with a rise of 100 steps
     #[arg(long, value_enum, default_value = "constant")]
     pub(crate) rate_rule: RuleKind,
@@ -204,12 +217,6 @@ pub(crate) struct PlanArguments {
     /// Coupled L2 of Adam
     #[arg(long, default_value_t = 1e-6, value_name = "W")]
     pub(crate) weight_decay: f32,
-    /// Seed of starting weights and order
-    #[arg(long, default_value_t = 0)]
-    pub(crate) seed: u64,
-    /// Seconds between checkpoints
-    #[arg(long, default_value_t = 60.0, value_name = "SECONDS", value_parser = parse_seconds)]
-    pub(crate) checkpoint_every: f64,
     /// Poses at random orientations that training never sees, to watch the error at; 0 for none
     #[arg(long, default_value_t = 16_384, value_name = "N")]
     pub(crate) held_out: usize,
@@ -226,6 +233,13 @@ pub(crate) struct PlanArguments {
     /// with the feature mpi
     #[arg(long)]
     pub(crate) mpi: bool,
+}
+
+impl LengthArguments {
+    /// The length asked for, else so many epochs.
+    pub(crate) fn or_epochs(&self, epochs: u64) -> Length {
+        self.steps.map_or(Length::Epochs(self.epochs.unwrap_or(epochs)), Length::Steps)
+    }
 }
 
 fn parse_seconds(text: &str) -> Result<f64, String> {
@@ -293,42 +307,6 @@ impl From<LossKind> for Loss {
     }
 }
 
-/// Train the paper's network (siren5) on a dataset
-#[derive(Args)]
-#[command(
-    after_help = "Examples:\n  imf train teapot-225 --out model\n  imf train teapot-225 --out model --width 128 \
-                        --epochs 10 --rate 3e-4 --schedule cosine\n  imf train teapot-225 --out model --resume\n\n\
-                        Writes model.safetensors, checkpoint.safetensors (for --resume) and loss.png. Ctrl-C writes a \
-                        checkpoint and stops. The defaults are the paper's: 5×512, 50 epochs."
-)]
-pub(crate) struct TrainArguments {
-    /// Folder of the dataset
-    pub(crate) dataset: PathBuf,
-    /// Folder to write to
-    #[arg(long, value_name = "DIR")]
-    pub(crate) out: PathBuf,
-    /// Continue from the checkpoint in the output folder
-    #[arg(long)]
-    pub(crate) resume: bool,
-    /// Neurons of every hidden layer
-    #[arg(long, default_value_t = 512, value_name = "N")]
-    pub(crate) width: usize,
-    /// Hidden layers
-    #[arg(long, default_value_t = 5, value_name = "N")]
-    pub(crate) layers: usize,
-    /// Frequency factor ω inside every sine; the paper's is 30, and 10 often does better between orientations
-    #[arg(long, default_value_t = 30.0, value_name = "ω")]
-    pub(crate) omega: f32,
-    /// Leave out measuring what the model's decisions are worth (imf calibrate), which a training of 2.3 million samples or
-    /// more ends with: it takes at most an eighth of its time
-    #[arg(long)]
-    pub(crate) no_calibrate: bool,
-    #[command(flatten)]
-    pub(crate) plan: PlanArguments,
-    #[command(flatten)]
-    pub(crate) device: DeviceArguments,
-}
-
 /// Adapt a trained model to another dataset, such as a changed part
 #[derive(Args)]
 #[command(after_help = "Example:\n  imf finetune raw/model.safetensors bracket-225 --out adapted\n\n\
@@ -348,6 +326,8 @@ pub(crate) struct FinetuneArguments {
     /// more ends with: it takes at most an eighth of its time
     #[arg(long)]
     pub(crate) no_calibrate: bool,
+    #[command(flatten)]
+    pub(crate) length: LengthArguments,
     #[command(flatten)]
     pub(crate) plan: PlanArguments,
     #[command(flatten)]

@@ -30,7 +30,7 @@ use imf_core::training::schedule::Schedule;
 use imf_core::training::streamed::train_streamed;
 use imf_core::training::{EngineError, TrainingEngine};
 
-use crate::arguments::PlanArguments;
+use crate::arguments::{LengthArguments, PlanArguments};
 use crate::engine::Device;
 use crate::interrupt::{self, Interrupted};
 use crate::progress::Stage;
@@ -64,9 +64,9 @@ pub(crate) struct Settings {
 
 impl Settings {
     /// What the arguments ask for.
-    pub(crate) fn new(arguments: &PlanArguments) -> Self {
+    pub(crate) fn new(length: &LengthArguments, arguments: &PlanArguments) -> Self {
         Self {
-            checkpoint_every: arguments.checkpoint_every,
+            checkpoint_every: length.checkpoint_every,
             go_on: "add --resume",
             held_out: arguments.held_out,
             held_out_every: arguments.held_out_every,

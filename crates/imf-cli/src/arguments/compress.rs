@@ -14,7 +14,9 @@ const WIDTH: usize = 256;
 const LAYERS: usize = 3;
 const OMEGA: f32 = 20.0;
 const BATCH: usize = 1024;
-const RATE: f32 = 1.5e-3;
+pub(super) const RATE: f32 = 1.5e-3;
+/// Times that every voxel is seen.
+pub(super) const EPOCHS: u64 = 5;
 /// Steps in which the rate rises; a solved last layer needs few.
 const WARMUP: u64 = 10;
 
@@ -52,7 +54,7 @@ pub(crate) struct CompressArguments {
     #[arg(long)]
     pub(crate) no_calibrate: bool,
     /// Times that every voxel is seen
-    #[arg(long, default_value_t = 5, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, default_value_t = EPOCHS, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) epochs: u64,
     /// Steps, instead of epochs
     #[arg(long, value_name = "N", conflicts_with = "epochs", value_parser = clap::value_parser!(u64).range(1..))]
@@ -63,9 +65,6 @@ pub(crate) struct CompressArguments {
     /// Learning rate at the beginning; it falls to 0 by a cosine
     #[arg(long, default_value_t = RATE, value_name = "RATE")]
     pub(crate) rate: f32,
-    /// Adam for every weight, not orthogonalised momentum (Muon) for the matrices between hidden layers
-    #[arg(long)]
-    pub(crate) adam: bool,
     /// Where it is taught: cpu, auto, gpu, software, a name or an index as `imf devices` has them. A checkpoint made on one
     /// is resumed on any
     #[arg(long, default_value = "cpu", value_name = "DEVICE")]
@@ -73,12 +72,39 @@ pub(crate) struct CompressArguments {
     /// Seed of the weights and of the order of voxels
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
-    /// Keep weights in f16: half the file
-    #[arg(long)]
-    pub(crate) half: bool,
+    #[command(flatten)]
+    pub(crate) teaching: TeachingArguments,
     /// Seconds between checkpoints
     #[arg(long, default_value_t = 60.0, value_name = "SECONDS", value_parser = super::parse_seconds)]
     pub(crate) checkpoint_every: f64,
+}
+
+/// How a network is taught and kept; shared by compress and train.
+#[derive(Args)]
+pub(crate) struct TeachingArguments {
+    /// Adam for every weight, not orthogonalised momentum (Muon) for the matrices between hidden layers
+    #[arg(long)]
+    adam: bool,
+    /// Keep weights in f16: half the file
+    #[arg(long)]
+    half: bool,
+}
+
+impl TeachingArguments {
+    /// What the weights are moved by.
+    pub(crate) fn optimiser(&self) -> Optimiser {
+        if self.adam { Optimiser::Adam } else { Optimiser::Muon(MuonConfig::default()) }
+    }
+
+    /// How the finished weights are kept.
+    pub(crate) fn precision(&self) -> Precision {
+        if self.half { Precision::F16 } else { Precision::F32 }
+    }
+}
+
+/// The rates of a teaching, from its first.
+pub(crate) fn falling_from(initial: f32) -> Schedule {
+    Schedule::Cosine { initial, last: 0.0, warmup: WARMUP }
 }
 
 /// How a network is taught where nothing is asked but the length.
@@ -88,12 +114,7 @@ pub(crate) fn teaching(length: Length) -> TeachSettings {
         width: WIDTH,
         hidden: LAYERS,
         omega: OMEGA,
-        plan: TrainingPlan {
-            length,
-            batch: BATCH,
-            schedule: Schedule::Cosine { initial: RATE, last: 0.0, warmup: WARMUP },
-            ..defaults.plan
-        },
+        plan: TrainingPlan { length, batch: BATCH, schedule: falling_from(RATE), ..defaults.plan },
         optimiser: Optimiser::Muon(MuonConfig::default()),
         ..defaults
     }
@@ -109,17 +130,12 @@ impl CompressArguments {
             omega: self.omega,
             plan: TrainingPlan {
                 batch: self.batch,
-                schedule: Schedule::Cosine { initial: self.rate, last: 0.0, warmup: WARMUP },
+                schedule: falling_from(self.rate),
                 seed: self.seed,
                 ..defaults.plan
             },
-            optimiser: if self.adam { Optimiser::Adam } else { defaults.optimiser },
+            optimiser: self.teaching.optimiser(),
             ..defaults
         }
-    }
-
-    /// How the finished weights are kept.
-    pub(crate) fn precision(&self) -> Precision {
-        if self.half { Precision::F16 } else { Precision::F32 }
     }
 }

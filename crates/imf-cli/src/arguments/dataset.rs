@@ -2,8 +2,10 @@
 
 use std::path::PathBuf;
 
+use anyhow::{Result, ensure};
 use clap::{ArgMatches, Args, FromArgMatches, Subcommand};
-use imf_core::dataset::Share;
+use imf_core::dataset::{Layout, Sampling, Share};
+use imf_core::orientation::OrientationSet;
 
 use super::clearance;
 use super::scene::SceneArguments;
@@ -79,28 +81,66 @@ pub(crate) struct DatasetMakeArguments {
     /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, pairs θ,φ;θ,φ or a CSV file
     #[arg(long, value_name = "SET", allow_hyphen_values = true)]
     pub(crate) orientations: String,
-    /// Share of every section's voxels to sample
-    #[arg(long, default_value_t = 0.35)]
-    pub(crate) density: f64,
-    /// Share of the samples to draw where the tool collides
-    #[arg(long, default_value_t = 0.75)]
-    pub(crate) positive_share: f64,
-    /// Share of the samples to draw at the boundary between free and colliding; --positive-share divides the rest
-    #[arg(long, default_value_t = 0.0)]
-    pub(crate) boundary_share: f64,
-    /// How far from the boundary still counts as at it
-    #[arg(long, default_value_t = 1, value_name = "VOXELS")]
-    pub(crate) boundary_width: usize,
+    #[command(flatten)]
+    pub(crate) sampling: SamplingArguments,
     /// Seed of the sampling
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
     /// Make only share I of N, on this machine or another; `imf dataset merge` joins them
     #[arg(long, value_name = "I/N")]
     pub(crate) shard: Option<Share>,
-    /// Samples in one file, at most
-    #[arg(long, default_value_t = 4_000_000, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
-    pub(crate) shard_samples: u64,
     /// Folder of the dataset
     #[arg(long, value_name = "DIR")]
     pub(crate) out: PathBuf,
+}
+
+/// How sections are sampled; shared by dataset and train.
+#[derive(Args)]
+pub(crate) struct SamplingArguments {
+    /// Share of every section's voxels to sample
+    #[arg(long, default_value_t = 0.35)]
+    density: f64,
+    /// Share of the samples to draw where the tool collides
+    #[arg(long, default_value_t = 0.75)]
+    positive_share: f64,
+    /// Share of the samples to draw at the boundary between free and colliding; --positive-share divides the rest
+    #[arg(long, default_value_t = 0.0)]
+    boundary_share: f64,
+    /// How far from the boundary still counts as at it
+    #[arg(long, default_value_t = 1, value_name = "VOXELS")]
+    boundary_width: usize,
+    /// Samples in one file, at most
+    #[arg(long, default_value_t = 4_000_000, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    shard_samples: u64,
+}
+
+impl SamplingArguments {
+    /// How many voxels of a section are drawn, and where.
+    pub(crate) fn sampling(&self, seed: u64) -> Result<Sampling> {
+        let sampling = Sampling {
+            density: self.density,
+            positive_share: self.positive_share,
+            boundary_share: self.boundary_share,
+            boundary_width: self.boundary_width,
+            seed,
+        };
+        sampling.check()?;
+        Ok(sampling)
+    }
+
+    /// How the samples are cut up.
+    pub(crate) fn layout(&self, share: Option<Share>) -> Layout {
+        Layout { shard_samples: self.shard_samples, share }
+    }
+}
+
+/// The orientations of a dataset: directions alone.
+pub(crate) fn directions(spec: &str) -> Result<OrientationSet> {
+    let set = OrientationSet::parse(spec)?;
+    ensure!(
+        set.orientations.iter().all(|o| o.roll == 0.0),
+        "'{}' rolls the tool about its own axis, which a learnt field of directions cannot express; use fibonacci:N",
+        set.spec
+    );
+    Ok(set)
 }

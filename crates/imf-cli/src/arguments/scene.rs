@@ -112,11 +112,11 @@ pub(crate) struct Part {
 }
 
 impl Part {
-    /// Reads a file or makes a built-in part. A file of that name wins over a built-in part.
+    /// Reads a file or makes a built-in part. A file of that name wins over a built-in part, a folder does not.
     pub(crate) fn read(part: &str, unit: Option<&str>) -> Result<Self> {
         let given = unit.map(LengthUnit::from_str).transpose()?;
         let path = Path::new(part);
-        if !path.exists()
+        if !path.is_file()
             && let Ok(reference) = ReferencePart::from_str(part)
         {
             let unit = LengthUnit::Mm;

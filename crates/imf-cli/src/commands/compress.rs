@@ -40,29 +40,61 @@ pub(crate) fn run(session: &Session, arguments: &CompressArguments) -> Result<()
     }
     let device = Device::open(&arguments.device, session)?;
     prepare_folder(&arguments.out)?;
+    check_beginning(&arguments.out, arguments.resume)?;
     let teacher = HarmonicFile::read(&arguments.field)?;
     let settings = Settings {
         teach,
-        precision: arguments.precision(),
+        precision: arguments.teaching.precision(),
         checkpoint_every: arguments.checkpoint_every,
         go_on: "add --resume to go on",
         smaller: "use a smaller --width or --batch",
     };
     let lesson = Lesson { teacher: &teacher, settings, out: &arguments.out };
-    ensure!(
-        arguments.resume || !lesson.is_unfinished(),
-        "{} holds an unfinished training: add --resume, choose another --out, or remove it",
-        arguments.out.join(CHECKPOINT).display()
-    );
-    let (file, loss) = lesson.taught(session, &device, arguments.resume, from.as_ref())?;
-    let out = arguments.out.join(FIELD);
-    report(session, &out, &file, loss)?;
-    let samples = teach.plan.total_steps(teacher.field.grid.len()) * teach.plan.batch as u64;
-    drop((file, teacher));
-    if arguments.no_calibrate || !calibrate::is_short_beside(samples) {
+    let taught = lesson.taught(session, &device, arguments.resume, from.as_ref())?;
+    drop(teacher);
+    concluded(session, &arguments.out, taught, arguments.no_calibrate)
+}
+
+/// True where an earlier run left a checkpoint in `out` before its end, or no field.
+pub(super) fn is_unfinished(out: &Path) -> bool {
+    let path = out.join(CHECKPOINT);
+    if !path.exists() || !out.join(FIELD).exists() {
+        return path.exists();
+    }
+    FactoredFile::read(&path).is_ok_and(|file| file.is_unfinished())
+}
+
+/// Refuses to begin where a teaching is unfinished, and to go on where there is none.
+pub(super) fn check_beginning(out: &Path, resume: bool) -> Result<()> {
+    let path = out.join(CHECKPOINT);
+    if resume {
+        ensure!(path.exists(), "there is nothing to resume: {} does not exist", path.display());
+    } else {
+        ensure!(
+            !is_unfinished(out),
+            "{} holds an unfinished training: add --resume, choose another --out, or remove it",
+            path.display()
+        );
+    }
+    Ok(())
+}
+
+/// The end of a teaching: its closing line, and what the field's decisions are worth, where that is short beside it.
+pub(super) fn concluded(
+    session: &Session,
+    out: &Path,
+    (file, loss): (FactoredFile, f64),
+    no_calibrate: bool,
+) -> Result<()> {
+    let path = out.join(FIELD);
+    report(session, &path, &file, loss)?;
+    let plan = file.settings.plan;
+    let samples = plan.total_steps(file.field.grid.len()) * plan.batch as u64;
+    drop(file);
+    if no_calibrate || !calibrate::is_short_beside(samples) {
         return Ok(());
     }
-    calibrate::afterwards(session, &out)
+    calibrate::afterwards(session, &path)
 }
 
 /// How a network is taught and kept.
@@ -88,15 +120,6 @@ pub(super) struct Lesson<'a> {
 }
 
 impl Lesson<'_> {
-    /// True where an earlier run left a checkpoint before its end, or no field.
-    pub(super) fn is_unfinished(&self) -> bool {
-        let path = self.out.join(CHECKPOINT);
-        if !path.exists() || !self.out.join(FIELD).exists() {
-            return path.exists();
-        }
-        FactoredFile::read(&path).is_ok_and(|file| file.is_unfinished())
-    }
-
     /// Teaches from the checkpoint on where `resume`, else from another field's network or from random weights; writes
     /// checkpoints and the finished field. Returns that with the last loss.
     pub(super) fn taught(

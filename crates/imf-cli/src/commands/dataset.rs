@@ -4,15 +4,15 @@ mod merge;
 
 use std::path::Path;
 
-use anyhow::{Result, bail};
-use imf_core::dataset::{DatasetError, Layout, Manifest, Sampling, generate_share};
+use anyhow::Result;
+use imf_core::dataset::{DatasetError, Generated, Layout, Manifest, Sampling, generate_share};
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::Scene;
 use imf_core::section::SectionError;
 use serde_json::json;
 
 use crate::arguments::dataset::{
-    DatasetAction, DatasetArguments, DatasetFinishArguments, DatasetMakeArguments,
+    DatasetAction, DatasetArguments, DatasetFinishArguments, DatasetMakeArguments, directions,
 };
 use crate::interrupt::Interrupted;
 use crate::output::{prepare_folder, print, print_json};
@@ -27,24 +27,11 @@ pub(crate) fn run(session: &Session, arguments: &DatasetArguments) -> Result<()>
 }
 
 fn make_new(session: &Session, arguments: &DatasetMakeArguments) -> Result<()> {
-    let set = OrientationSet::parse(&arguments.orientations)?;
-    let sampling = Sampling {
-        density: arguments.density,
-        positive_share: arguments.positive_share,
-        boundary_share: arguments.boundary_share,
-        boundary_width: arguments.boundary_width,
-        seed: arguments.seed,
-    };
-    sampling.check()?;
+    let set = directions(&arguments.orientations)?;
+    let sampling = arguments.sampling.sampling(arguments.seed)?;
     let scene = arguments.scene.scene_with(session, &arguments.contact)?;
-    if set.orientations.iter().any(|o| o.roll != 0.0) {
-        bail!(
-            "'{}' rolls the tool about its own axis, which a learnt field of directions cannot express; use fibonacci:N",
-            set.spec
-        );
-    }
     prepare_folder(&arguments.out)?;
-    let layout = Layout { shard_samples: arguments.shard_samples, share: arguments.shard };
+    let layout = arguments.sampling.layout(arguments.shard);
     make(session, &arguments.out, &scene, &set, &sampling, &layout)
 }
 
@@ -66,15 +53,7 @@ fn make(
     sampling: &Sampling,
     layout: &Layout,
 ) -> Result<()> {
-    let stage = session.stage("sampling", "sections", set.len() as u64);
-    let advance = |n| stage.advance(n);
-    let generated = generate_share(folder, scene, set, sampling, layout, session.control(&advance));
-    let generated = generated.map_err(|error| interruption(error, folder))?;
-    let others = match generated.others {
-        0 => String::new(),
-        others => format!(", {others} of other shares"),
-    };
-    stage.finish(&format!("{} shards made, {} kept{others}", generated.made, generated.kept));
+    let generated = sampled(session, folder, scene, set, sampling, layout)?;
     if session.json {
         return print_json(&json!({
             "folder": folder, "sections": set.len(), "samples": generated.samples,
@@ -97,6 +76,27 @@ fn make(
         set.len(),
         generated.made + generated.kept
     ))
+}
+
+/// Makes what a folder lacks of a dataset, or of a share of it.
+pub(super) fn sampled(
+    session: &Session,
+    folder: &Path,
+    scene: &Scene,
+    set: &OrientationSet,
+    sampling: &Sampling,
+    layout: &Layout,
+) -> Result<Generated> {
+    let stage = session.stage("sampling", "sections", set.len() as u64);
+    let advance = |n| stage.advance(n);
+    let generated = generate_share(folder, scene, set, sampling, layout, session.control(&advance));
+    let generated = generated.map_err(|error| interruption(error, folder))?;
+    let others = match generated.others {
+        0 => String::new(),
+        others => format!(", {others} of other shares"),
+    };
+    stage.finish(&format!("{} shards made, {} kept{others}", generated.made, generated.kept));
+    Ok(generated)
 }
 
 /// An interrupted dataset says what is kept; other errors stay as they are.

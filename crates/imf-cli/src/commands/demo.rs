@@ -13,7 +13,7 @@ use imf_core::scene::{Scene, SceneSpec};
 use imf_core::tool::Tool;
 
 pub(crate) use self::siren::SHAPE;
-use crate::arguments::{DemoArguments, DemoFamily};
+use crate::arguments::{DemoArguments, NetworkFamily};
 use crate::output::{prepare_folder, print, print_json};
 use crate::progress::show_seconds;
 use crate::report::Questions;
@@ -23,11 +23,11 @@ pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
     let begun = Instant::now();
     prepare_folder(&arguments.out)?;
     let (report, made) = match arguments.family {
-        DemoFamily::Factored => {
+        NetworkFamily::Factored => {
             let scene = teapot(session, ReferencePart::Teapot.dims())?;
             (factored::made(session, arguments, &scene)?, "field.safetensors")
         }
-        DemoFamily::Siren5 => {
+        NetworkFamily::Siren5 => {
             let scene = teapot(session, siren::DIMS)?;
             (siren::made(session, arguments, &scene)?, "model.safetensors")
         }

@@ -12,7 +12,7 @@ use crate::output::prepare_folder;
 use crate::session::Session;
 
 pub(crate) fn run(session: &Session, arguments: &FinetuneArguments) -> Result<()> {
-    let plan = job::plan(&arguments.plan, 1e-4, 5);
+    let plan = job::plan(&arguments.length, &arguments.plan, 1e-4, 5);
     plan.check()?;
     job::require_togetherness(session)?;
     prepare_folder(&arguments.out)?;
@@ -24,7 +24,7 @@ pub(crate) fn run(session: &Session, arguments: &FinetuneArguments) -> Result<()
     let device = Device::open(&arguments.device.device, session)?;
     device.require_precision(plan.precision)?;
     let model = if arguments.resume {
-        job::resumed_model(session, &arguments.out, &data, arguments.plan.rate)?
+        job::resumed_model(session, &arguments.out, &data, arguments.length.rate)?
     } else {
         job::refuse_unfinished(&arguments.out)?;
         let from = start.scene.record.part.clone();
@@ -36,7 +36,7 @@ pub(crate) fn run(session: &Session, arguments: &FinetuneArguments) -> Result<()
             Some(from),
         )
     };
-    let settings = Settings::new(&arguments.plan);
+    let settings = Settings::new(&arguments.length, &arguments.plan);
     let model = job::run(session, &device, &data, model, &arguments.out, &settings)?;
     let path = arguments.out.join("model.safetensors");
     announce(session, &path, &model)?;

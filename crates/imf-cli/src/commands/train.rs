@@ -1,52 +1,31 @@
-//! `imf train`: the paper's network on a dataset.
+//! `imf train`: a factored field of a part, or the paper's network on samples.
+
+pub(super) mod factored;
+mod siren;
+
+use std::path::Path;
 
 use anyhow::Result;
-use imf_core::siren::SirenShape;
-use imf_core::training::TrainingState;
+use imf_core::model::Model;
 use serde_json::json;
 
 use super::calibrate;
-use crate::arguments::TrainArguments;
-use crate::engine::Device;
-use crate::job::{self, Data, Settings};
-use crate::output::{prepare_folder, print, print_json};
+use crate::arguments::train::{TrainArguments, Training};
+use crate::job;
+use crate::output::{print, print_json};
 use crate::session::Session;
 
 pub(crate) fn run(session: &Session, arguments: &TrainArguments) -> Result<()> {
-    let shape = SirenShape {
-        width: arguments.width,
-        hidden: arguments.layers,
-        omega: arguments.omega,
-        ..SirenShape::default()
-    };
-    shape.check()?;
-    let plan = job::plan(&arguments.plan, 5e-4, 50);
-    plan.check()?;
+    let training = arguments.training()?;
     job::require_togetherness(session)?;
-    prepare_folder(&arguments.out)?;
-    let data = Data::open(&arguments.dataset)?;
-    let device = Device::open(&arguments.device.device, session)?;
-    device.require_precision(plan.precision)?;
-    let model = if arguments.resume {
-        job::resumed_model(session, &arguments.out, &data, arguments.plan.rate)?
-    } else {
-        job::refuse_unfinished(&arguments.out)?;
-        job::fresh_model(&data, shape, plan, TrainingState::new(&shape, plan.seed), None)
-    };
-    let settings = Settings::new(&arguments.plan);
-    let model = job::run(session, &device, &data, model, &arguments.out, &settings)?;
-    let path = arguments.out.join("model.safetensors");
-    announce(session, &path, &model)?;
-    calibrated(session, &path, &model, arguments.no_calibrate)
+    match training {
+        Training::Taught(teach) => factored::run(session, arguments, teach),
+        Training::Learnt(shape, samples) => siren::run(session, arguments, shape, &samples),
+    }
 }
 
 /// Measures what a trained model's decisions are worth, where that is short beside its training.
-pub(super) fn calibrated(
-    session: &Session,
-    path: &std::path::Path,
-    model: &imf_core::model::Model,
-    left_out: bool,
-) -> Result<()> {
+pub(super) fn calibrated(session: &Session, path: &Path, model: &Model, left_out: bool) -> Result<()> {
     let samples = model.record.steps * model.record.plan.batch as u64;
     if left_out || !session.rank().is_first() || !calibrate::is_short_beside(samples) {
         return Ok(());
@@ -55,11 +34,7 @@ pub(super) fn calibrated(
 }
 
 /// The closing line of a training.
-pub(super) fn announce(
-    session: &Session,
-    path: &std::path::Path,
-    model: &imf_core::model::Model,
-) -> Result<()> {
+pub(super) fn announce(session: &Session, path: &Path, model: &Model) -> Result<()> {
     if !session.rank().is_first() {
         return Ok(());
     }

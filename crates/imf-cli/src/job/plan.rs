@@ -1,32 +1,34 @@
 //! From arguments to a training plan.
 
 use imf_core::training::AdamConfig;
-use imf_core::training::run::{Length, TrainingPlan};
+use imf_core::training::run::TrainingPlan;
 use imf_core::training::schedule::{RateRule, Schedule};
 
-use crate::arguments::{PlanArguments, ScheduleKind};
+use crate::arguments::{LengthArguments, PlanArguments, ScheduleKind};
 
 /// Steps between two looks at the loss and at Ctrl-C.
 pub(super) const REPORT_EVERY: u64 = 20;
 
 /// The plan that arguments describe; `rate` and `epochs` stand where they are silent.
-pub(crate) fn plan(arguments: &PlanArguments, rate: f32, epochs: u64) -> TrainingPlan {
-    let initial = arguments.rate.unwrap_or(rate);
+pub(crate) fn plan(
+    length: &LengthArguments,
+    arguments: &PlanArguments,
+    rate: f32,
+    epochs: u64,
+) -> TrainingPlan {
+    let initial = length.rate.unwrap_or(rate);
     let schedule = match arguments.schedule {
         ScheduleKind::Exponential => Schedule::Exponential { initial, factor: 0.93, warmup: 0 },
         ScheduleKind::Cosine => Schedule::Cosine { initial, last: initial * 0.01, warmup: 200 },
     };
     TrainingPlan {
-        length: match arguments.steps {
-            Some(steps) => Length::Steps(steps),
-            None => Length::Epochs(arguments.epochs.unwrap_or(epochs)),
-        },
-        batch: arguments.batch,
-        schedule: RateRule::from(arguments.rate_rule).apply(schedule, arguments.batch),
+        length: length.or_epochs(epochs),
+        batch: length.batch,
+        schedule: RateRule::from(arguments.rate_rule).apply(schedule, length.batch),
         adam: AdamConfig { weight_decay: arguments.weight_decay, ..AdamConfig::default() },
         loss: arguments.loss.into(),
         precision: arguments.precision.into(),
-        seed: arguments.seed,
+        seed: length.seed,
         report_every: REPORT_EVERY,
     }
 }

@@ -56,6 +56,7 @@ fn arguments_that_make_no_sense_have_an_exit_code_of_their_own() {
         "train",
         "train data",
         "train data --out model --epochs 3 --steps 3",
+        "train bracket --out model --steps 0",
         "train data --out model --width many",
         "train data --out model --memory lots",
         "dataset bracket --dims 7,21 --orientations grid:2 --out data",

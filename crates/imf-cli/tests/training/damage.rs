@@ -11,7 +11,8 @@ fn replaced(bytes: &[u8], from: &str, to: &str) -> Vec<u8> {
 fn damaged_datasets_are_named() {
     let work = Workdir::with_dataset();
     let train = format!("{TRAIN} --steps 3 --out model");
-    work.imf(&train.replace("train data", "train nowhere")).refused(&["nowhere/manifest.json"]);
+    work.imf(&train.replace("train data", "train nowhere"))
+        .refused(&["nowhere", "nor the folder of a dataset"]);
 
     let manifest = "data/manifest.json";
     let whole = work.bytes(manifest);

@@ -11,6 +11,7 @@ mod families;
 mod interruption;
 mod long_runs;
 mod paper;
+mod part;
 mod pipeline;
 mod precision;
 mod regime;

@@ -256,6 +256,12 @@ impl Manifest {
         Self::read_named(folder, MANIFEST)
     }
 
+    /// True where a folder holds a dataset, or shares of one, in whatever state.
+    #[must_use]
+    pub fn is_in(folder: &Path) -> bool {
+        folder.join(MANIFEST).exists() || !share_manifests(folder).is_empty()
+    }
+
     /// The manifests of a folder: that of a whole dataset, if there is one, and those of shares.
     pub(super) fn read_all(folder: &Path) -> Result<Vec<Self>, DatasetError> {
         let whole = folder.join(MANIFEST).exists().then(|| MANIFEST.to_owned());

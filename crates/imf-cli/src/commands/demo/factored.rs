@@ -1,60 +1,41 @@
 //! The demo by the families that serve a newcomer best: a harmonic field of the full teapot from a few hundred exact
-//! sections, then the network of a megabyte that is taught it. As `imf field --method harmonic`, `imf compress` and `imf eval`.
+//! sections, then the network of a megabyte that is taught it. As `imf train` and `imf eval`.
 
 use anyhow::Result;
 use imf_core::factored::TeachSettings;
-use imf_core::harmonic::basis::Domain;
+use imf_core::harmonic::HarmonicAnswers;
 use imf_core::harmonic::coefficients::Precision;
-use imf_core::harmonic::{FitSettings, HarmonicAnswers};
 use imf_core::scene::Scene;
-use imf_core::section::SectionPlan;
 use imf_core::stored::StoredField;
 use imf_core::training::run::{Length, TrainingPlan};
 
 use super::questions;
 use crate::arguments::DemoArguments;
 use crate::arguments::compress::teaching;
-use crate::arguments::harmonic::DEFAULT_SECTIONS;
-use crate::commands::compress::{self, Lesson};
+use crate::commands::compress;
 use crate::commands::eval::{IMF_ORIENTATIONS, expanded, require_memory};
-use crate::commands::field::harmonic;
+use crate::commands::train::factored;
 use crate::engine::Device;
 use crate::report::{Report, Subject, evaluate};
 use crate::session::Session;
 
 /// Steps of teaching: twice through the grid, a dozen seconds on two fast cores.
 const STEPS: u64 = 1_000;
-/// A degree that leaves the teapot an error of a few millionths.
-const DEGREE: usize = 16;
-/// What takes less memory than this demo.
-const SMALLER: &str = "raise --memory, or take the smaller demo: --family siren5";
 /// Seconds between checkpoints.
 const CHECKPOINT_EVERY: f64 = 30.0;
 
 pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) -> Result<Report> {
     let device = Device::open(&arguments.device.device, session)?;
-    let plan = SectionPlan::of_scene(scene)?;
-    let settings = FitSettings {
-        degree: DEGREE,
-        axes: usize::MAX,
-        precision: Precision::F32,
-        sections_per_function: DEFAULT_SECTIONS,
-        ..FitSettings::default()
-    };
-    let teacher = harmonic::fitted(session, scene, &plan, Domain::Directions, settings, SMALLER)?;
-
     let defaults = teaching(Length::Steps(arguments.steps.unwrap_or(STEPS)));
     let settings = compress::Settings {
         teach: TeachSettings { plan: TrainingPlan { seed: arguments.seed, ..defaults.plan }, ..defaults },
         precision: Precision::F32,
         checkpoint_every: CHECKPOINT_EVERY,
         go_on: "run the same command again",
-        smaller: SMALLER,
+        smaller: "raise --memory, or take the smaller demo: --family siren5",
     };
-    let lesson = Lesson { teacher: &teacher, settings, out: &arguments.out };
-    let resume = lesson.is_unfinished();
-    let (file, _) = lesson.taught(session, &device, resume, None)?;
-    drop(teacher);
+    let resume = compress::is_unfinished(&arguments.out);
+    let (file, _) = factored::made(session, &device, scene, None, settings, &arguments.out, resume)?;
 
     require_memory(session, &file.scene.record, file.field.shape.axes)?;
     let imf = file.field.basis.even_set(IMF_ORIENTATIONS)?;

@@ -13,6 +13,7 @@ use imf_core::harmonic::{
 };
 use imf_core::scene::Scene;
 use imf_core::section::{Imf, SectionError, SectionPlan};
+use imf_core::tool::Tool;
 use serde_json::{Value, json};
 
 use super::Work;
@@ -89,6 +90,11 @@ fn interruption(error: HarmonicError, what: &str) -> anyhow::Error {
     }
 }
 
+/// What the field of a tool depends on beside the point; the tool is one without clearance.
+pub(in crate::commands) fn domain(bare: &Tool) -> Domain {
+    if bare.is_axisymmetric() { Domain::Directions } else { Domain::Rotations }
+}
+
 /// The field of a scene, in so many exact sections as the settings ask for; `smaller` says what takes less memory.
 pub(in crate::commands) fn fitted(
     session: &Session,
@@ -101,13 +107,16 @@ pub(in crate::commands) fn fitted(
     settings.one_pass = settings.memory(domain, plan.grid().len()).0 <= session.memory_limit();
     let (needed, _) = settings.memory(domain, plan.grid().len());
     session.require_memory(needed, || {
-        format!("a harmonic field of degree {} along {} axes; {smaller}", settings.degree, settings.axes)
+        let axes = settings.sizes(domain).axes;
+        format!("a harmonic field of degree {} along {axes} axes; {smaller}", settings.degree)
     })?;
     let stage = session.stage("sections to fit", "sections", section_count(domain, &settings) as u64);
     let advance = |sections| stage.advance(sections);
     let field = fit(plan, domain, &settings, session.control(&advance));
     let field = field.map_err(|error| interruption(error, "a fit"))?;
     stage.finish(&errors_text(&field));
+    // As its file would have them, which does not tell one pass from two: what is taught by it is resumed by a fit in either.
+    let settings = FitSettings { one_pass: true, ..settings };
     Ok(HarmonicFile { field, scene: scene.clone(), settings, calibration: None })
 }
 
@@ -144,7 +153,7 @@ impl Harmonic {
         let bare = scene.record.bare_tool();
         // Turning a tool of revolution about its axis moves its sharp points, not the overlap at its tip.
         let bare = if plan.tip_alone() { &bare.with_tip_only() } else { bare };
-        let domain = if bare.is_axisymmetric() { Domain::Directions } else { Domain::Rotations };
+        let domain = domain(bare);
         if asked.refine && domain == Domain::Rotations {
             bail!("--refine is for tools that are symmetric about their axis: leave it out");
         }

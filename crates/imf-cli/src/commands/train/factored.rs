@@ -1,0 +1,73 @@
+//! A factored field of a scene: a harmonic field of all functions of a degree, then the network that is taught it. As
+//! `imf field --method harmonic` and `imf compress`; `imf demo` makes its field so too.
+
+use std::path::Path;
+
+use anyhow::Result;
+use imf_core::factored::TeachSettings;
+use imf_core::factored::file::FactoredFile;
+use imf_core::harmonic::FitSettings;
+use imf_core::harmonic::basis::Domain;
+use imf_core::harmonic::coefficients::Precision;
+use imf_core::scene::Scene;
+use imf_core::section::SectionPlan;
+
+use crate::arguments::harmonic::DEFAULT_SECTIONS;
+use crate::arguments::train::TrainArguments;
+use crate::commands::compress::{self, Lesson, Settings};
+use crate::commands::field::harmonic;
+use crate::engine::Device;
+use crate::output::OutputFolder;
+use crate::session::Session;
+
+/// A degree that leaves the teapot an error of a few millionths.
+const DEGREE: usize = 16;
+/// Of whole rotations: nearly as many functions, and so as much memory and time.
+const DEGREE_OF_ROTATIONS: usize = 5;
+
+pub(super) fn run(session: &Session, arguments: &TrainArguments, teach: TeachSettings) -> Result<()> {
+    let device = Device::open(arguments.device_or("cpu"), session)?;
+    let folder = OutputFolder::check(&arguments.out)?;
+    compress::check_beginning(folder.path(), arguments.resume)?;
+    let scene = arguments.scene.scene_with(session, &arguments.contact)?;
+    folder.create()?;
+    let settings = Settings {
+        teach,
+        precision: arguments.factored.teaching.precision(),
+        checkpoint_every: arguments.length.checkpoint_every,
+        go_on: "add --resume to go on",
+        smaller: "use a lower --degree or a larger --pitch",
+    };
+    let degree = arguments.factored.degree;
+    let taught = made(session, &device, &scene, degree, settings, folder.path(), arguments.resume)?;
+    compress::concluded(session, folder.path(), taught, arguments.no_calibrate)
+}
+
+/// The field of a scene by harmonics of a degree, written to `out`, with the last loss. Where a teaching is resumed, the harmonic
+/// field is fitted once more.
+pub(in crate::commands) fn made(
+    session: &Session,
+    device: &Device,
+    scene: &Scene,
+    degree: Option<usize>,
+    settings: Settings,
+    out: &Path,
+    resume: bool,
+) -> Result<(FactoredFile, f64)> {
+    let domain = harmonic::domain(&scene.record.bare_tool().with_tip_only());
+    let usual = match domain {
+        Domain::Directions => DEGREE,
+        Domain::Rotations => DEGREE_OF_ROTATIONS,
+    };
+    let fit = FitSettings {
+        degree: degree.unwrap_or(usual),
+        axes: usize::MAX,
+        precision: Precision::F32,
+        sections_per_function: DEFAULT_SECTIONS,
+        ..FitSettings::default()
+    };
+    let plan = SectionPlan::of_scene(scene)?;
+    let teacher = harmonic::fitted(session, scene, &plan, domain, fit, settings.smaller)?;
+    drop(plan);
+    Lesson { teacher: &teacher, settings, out }.taught(session, device, resume, None)
+}
