@@ -11,6 +11,7 @@ use imf_core::factored::TeachSettings;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::siren::SirenShape;
+use imf_core::training::online::OnlineSettings;
 use imf_core::training::run::TrainingPlan;
 
 use super::clearance::ContactArguments;
@@ -93,6 +94,10 @@ pub(crate) struct FactoredArguments {
     /// 5 of whole rotations, where the tool is not symmetric about its axis
     #[arg(long, value_name = "L")]
     pub(crate) degree: Option<usize>,
+    /// Teach by exact sections themselves, N at a time and always fresh ones, not by a harmonic field: takes less memory, for
+    /// large grids and tools that are not symmetric about their axis, and learns more slowly; 225 where N is left out
+    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "225", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    online: Option<u32>,
     #[command(flatten)]
     pub(crate) teaching: TeachingArguments,
 }
@@ -174,6 +179,11 @@ impl TrainArguments {
                 ..usual.plan
             },
             optimiser: self.factored.teaching.optimiser(),
+            online: self.factored.online.map(|pool| OnlineSettings {
+                pool: pool as usize,
+                seed: self.length.seed,
+                ..OnlineSettings::default()
+            }),
             ..usual
         }
     }

@@ -1,4 +1,7 @@
-//! `imf compress`: a harmonic field taught to a network, with checkpoints that go on to the same bits.
+//! `imf compress`: a harmonic field taught to a network, with checkpoints that go on to the same bits. `imf train` and
+//! `imf demo` teach by the same lessons.
+
+mod teacher;
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -8,14 +11,15 @@ use anyhow::{Context as _, Result, bail, ensure};
 use imf_core::atomic_file::remove_all_leftovers;
 use imf_core::control::Control;
 use imf_core::factored::file::FactoredFile;
-use imf_core::factored::{FactoredField, FactoredState, TeachSettings, teach, teach_on};
-use imf_core::harmonic::HarmonicField;
+use imf_core::factored::{FactoredField, FactoredState, TeachSettings};
 use imf_core::harmonic::coefficients::Precision;
 use imf_core::harmonic::file::HarmonicFile;
 use imf_core::training::run::{Outcome, Report};
 use imf_gpu::shader::Factors;
 use imf_gpu::{Gpu, GpuTrainer, TrainerSettings};
 use serde_json::json;
+
+pub(super) use teacher::Teacher;
 
 use super::calibrate;
 use crate::arguments::compress::CompressArguments;
@@ -49,7 +53,7 @@ pub(crate) fn run(session: &Session, arguments: &CompressArguments) -> Result<()
         go_on: "add --resume to go on",
         smaller: "use a smaller --width or --batch",
     };
-    let lesson = Lesson { teacher: &teacher, settings, out: &arguments.out };
+    let lesson = Lesson { teacher: Teacher::Harmonic(&teacher), settings, out: &arguments.out };
     let taught = lesson.taught(session, &device, arguments.resume, from.as_ref())?;
     drop(teacher);
     concluded(session, &arguments.out, taught, arguments.no_calibrate)
@@ -111,9 +115,9 @@ pub(super) struct Settings {
     pub(super) smaller: &'static str,
 }
 
-/// A network taught a harmonic field, in a folder.
+/// A network that is taught, in a folder.
 pub(super) struct Lesson<'a> {
-    pub(super) teacher: &'a HarmonicFile,
+    pub(super) teacher: Teacher<'a>,
     pub(super) settings: Settings,
     /// Where checkpoint and field are written.
     pub(super) out: &'a Path,
@@ -131,25 +135,21 @@ impl Lesson<'_> {
     ) -> Result<(FactoredFile, f64)> {
         remove_all_leftovers(self.out);
         let Settings { teach: settings, .. } = &self.settings;
-        let teacher = &self.teacher.field;
+        let teacher = &self.teacher;
         let axes = teacher.axis_count();
         let shape = settings.shape(axes);
         let batch = settings.plan.batch as u64;
         let signals = 8 * batch * (settings.width * settings.hidden + axes) as u64;
-        let needed = teacher.bytes()
-            + BYTES_PER_PARAMETER * shape.parameter_count() as u64
-            + signals
-            + settings.bytes_to_solve(teacher);
-        session.require_memory(needed, || {
-            format!("the harmonic field and the network; {}", self.settings.smaller)
-        })?;
+        let (of_teacher, what) = teacher.memory(settings);
+        let needed = of_teacher + BYTES_PER_PARAMETER * shape.parameter_count() as u64 + signals;
+        session.require_memory(needed, || format!("{what}; {}", self.settings.smaller))?;
         let path = self.out.join(CHECKPOINT);
-        let mut state = if resume { self.resumed(&path)? } else { self.begun(from)? };
-        let voxels = teacher.grid.len();
-        let total = settings.plan.total_steps(voxels);
+        let mut state = if resume { self.resumed(&path)? } else { teacher.begun(settings, from)? };
+        let total = settings.plan.total_steps(teacher.grid().len());
         session.note(&format!(
-            "teaching {shape} ({} parameters) the coefficients of {voxels} voxels, {total} steps of {batch}",
+            "teaching {shape} ({} parameters) {}, {total} steps of {batch}",
             shape.parameter_count(),
+            teacher.lesson(settings),
         ));
         let mut stage = session.stage("teaching", "steps", total);
         stage.begin_at(state.training.step);
@@ -166,14 +166,14 @@ impl Lesson<'_> {
                 pause.store(due || interrupt::requested(), Ordering::Relaxed);
             };
             let outcome = match device {
-                Device::Cpu => teach(teacher, settings, &mut state, control, observe),
+                Device::Cpu => teacher.teach(settings, &mut state, None, control, observe),
                 Device::Gpu(gpu) => {
                     // Made once: it goes on from where it is.
                     let mut trainer = match engine.take() {
                         Some(trainer) => trainer,
-                        None => trainer_on(gpu, settings, teacher, &state)?,
+                        None => self.trainer_on(gpu, &state)?,
                     };
-                    let outcome = teach_on(teacher, settings, &mut state, &mut trainer, control, observe);
+                    let outcome = teacher.teach(settings, &mut state, Some(&mut trainer), control, observe);
                     engine = Some(trainer);
                     outcome
                 }
@@ -194,21 +194,6 @@ impl Lesson<'_> {
         Ok((self.write(&self.out.join(FIELD), &state, false)?, loss))
     }
 
-    /// Random weights, or those of another field.
-    fn begun(&self, from: Option<&FactoredFile>) -> Result<FactoredState> {
-        let teacher = &self.teacher.field;
-        let Some(from) = from else { return Ok(self.settings.teach.start(teacher.axis_count())) };
-        ensure!(
-            from.field.basis.domain() == teacher.basis.domain(),
-            "--from is a field of another kind of tool: one is symmetric about its axis, the other is not"
-        );
-        ensure!(
-            from.field.quantity == teacher.quantity,
-            "--from is a field of another quantity: one is of overlaps, the other of depths"
-        );
-        Ok(FactoredState::of_another(&from.field, teacher)?)
-    }
-
     /// The checkpoint's state.
     fn resumed(&self, path: &Path) -> Result<FactoredState> {
         let found = FactoredFile::read(path)?;
@@ -216,8 +201,8 @@ impl Lesson<'_> {
             bail!("{} has no optimiser's state to go on from", path.display())
         };
         ensure!(
-            found.scene.record == self.teacher.scene.record && found.fit == self.teacher.settings,
-            "{} was taught by another harmonic field: resume with that, or choose another --out",
+            found.scene.record == self.teacher.scene().record && found.fit == self.teacher.fit(),
+            "{} was taught by another harmonic field or other sections: resume with these, or choose another --out",
             path.display()
         );
         ensure!(
@@ -229,9 +214,22 @@ impl Lesson<'_> {
     }
 
     fn field(&self, state: &FactoredState) -> Result<FactoredField> {
-        let teacher = &self.teacher.field;
-        let shape = self.settings.teach.shape(teacher.axis_count());
-        Ok(FactoredField::new(teacher, shape, state.training.parameters.clone())?)
+        let shape = self.settings.teach.shape(self.teacher.axis_count());
+        Ok(self.teacher.field(shape, state.training.parameters.clone())?)
+    }
+
+    /// An engine on a GPU that goes on from `state`.
+    fn trainer_on(&self, gpu: &Gpu, state: &FactoredState) -> Result<GpuTrainer> {
+        let settings = &self.settings.teach;
+        let (stack, plan) = (settings.shape(self.teacher.axis_count()).stack(), settings.plan);
+        let learning = TrainerSettings {
+            adam: plan.adam,
+            loss: plan.loss,
+            optimiser: settings.optimiser,
+            factors: Factors::Single,
+        };
+        let batch = plan.batch.min(self.teacher.grid().len());
+        Ok(GpuTrainer::of_stack(gpu, stack, &learning, batch, &state.training)?)
     }
 
     /// Writes a checkpoint, which goes on, or the finished field.
@@ -239,9 +237,9 @@ impl Lesson<'_> {
         let field = self.field(state)?;
         let file = FactoredFile {
             field: if goes_on { field } else { field.folded() },
-            scene: self.teacher.scene.clone(),
-            fit: self.teacher.settings,
-            report: self.teacher.field.report,
+            scene: self.teacher.scene().clone(),
+            fit: self.teacher.fit(),
+            report: self.teacher.report(),
             settings: self.settings.teach,
             precision: if goes_on { Precision::F32 } else { self.settings.precision },
             state: goes_on.then(|| state.clone()),
@@ -250,23 +248,6 @@ impl Lesson<'_> {
         file.write(path)?;
         Ok(file)
     }
-}
-
-/// An engine on a GPU that goes on from `state`.
-fn trainer_on(
-    gpu: &Gpu,
-    settings: &TeachSettings,
-    teacher: &HarmonicField,
-    state: &FactoredState,
-) -> Result<GpuTrainer> {
-    let (stack, plan) = (settings.shape(teacher.axis_count()).stack(), settings.plan);
-    let learning = TrainerSettings {
-        adam: plan.adam,
-        loss: plan.loss,
-        optimiser: settings.optimiser,
-        factors: Factors::Single,
-    };
-    Ok(GpuTrainer::of_stack(gpu, stack, &learning, settings.batch(teacher), &state.training)?)
 }
 
 fn report(session: &Session, path: &Path, file: &FactoredFile, loss: f64) -> Result<()> {

@@ -81,7 +81,7 @@ fn chosen(
 }
 
 /// An interrupted fit says that nothing is kept; other errors stay as they are.
-fn interruption(error: HarmonicError, what: &str) -> anyhow::Error {
+pub(in crate::commands) fn interruption(error: HarmonicError, what: &str) -> anyhow::Error {
     match error {
         HarmonicError::Section(SectionError::Cancelled) => {
             Interrupted(format!("{what} needs every section; nothing was written")).into()

@@ -4,8 +4,8 @@
 use std::path::Path;
 
 use anyhow::Result;
-use imf_core::factored::TeachSettings;
 use imf_core::factored::file::FactoredFile;
+use imf_core::factored::{SectionTeacher, TeachSettings};
 use imf_core::harmonic::FitSettings;
 use imf_core::harmonic::basis::Domain;
 use imf_core::harmonic::coefficients::Precision;
@@ -14,7 +14,7 @@ use imf_core::section::SectionPlan;
 
 use crate::arguments::harmonic::DEFAULT_SECTIONS;
 use crate::arguments::train::TrainArguments;
-use crate::commands::compress::{self, Lesson, Settings};
+use crate::commands::compress::{self, Lesson, Settings, Teacher};
 use crate::commands::field::harmonic;
 use crate::engine::Device;
 use crate::output::OutputFolder;
@@ -44,7 +44,7 @@ pub(super) fn run(session: &Session, arguments: &TrainArguments, teach: TeachSet
 }
 
 /// The field of a scene by harmonics of a degree, written to `out`, with the last loss. Where a teaching is resumed, the harmonic
-/// field is fitted once more.
+/// field is fitted, or the functions are chosen, once more.
 pub(in crate::commands) fn made(
     session: &Session,
     device: &Device,
@@ -67,7 +67,28 @@ pub(in crate::commands) fn made(
         ..FitSettings::default()
     };
     let plan = SectionPlan::of_scene(scene)?;
+    if settings.teach.online.is_some() {
+        let teacher = functions_of(session, &plan, domain, &fit)?;
+        let teacher = Teacher::Sections { teacher, scene, fit };
+        return Lesson { teacher, settings, out }.taught(session, device, resume, None);
+    }
     let teacher = harmonic::fitted(session, scene, &plan, domain, fit, settings.smaller)?;
     drop(plan);
-    Lesson { teacher: &teacher, settings, out }.taught(session, device, resume, None)
+    Lesson { teacher: Teacher::Harmonic(&teacher), settings, out }.taught(session, device, resume, None)
+}
+
+/// The functions that sections teach along, chosen by a sample of voxels.
+fn functions_of<'a>(
+    session: &Session,
+    plan: &'a SectionPlan,
+    domain: Domain,
+    fit: &FitSettings,
+) -> Result<SectionTeacher<'a>> {
+    let sections = fit.sizes(domain).sections + fit.held_out;
+    let stage = session.stage("functions", "sections", sections as u64);
+    let advance = |sections| stage.advance(sections);
+    let teacher = SectionTeacher::new(plan, domain, fit, session.control(&advance));
+    let teacher = teacher.map_err(|error| harmonic::interruption(error, "a choice of functions"))?;
+    stage.finish("");
+    Ok(teacher)
 }

@@ -1,0 +1,144 @@
+//! What teaches a network: a harmonic field, or exact sections as they come.
+
+use anyhow::{Result, ensure};
+use imf_core::control::Control;
+use imf_core::factored::file::FactoredFile;
+use imf_core::factored::{
+    FactoredField, FactoredShape, FactoredState, SectionTeacher, TeachSettings, teach, teach_by_sections,
+    teach_by_sections_on, teach_on,
+};
+use imf_core::grid::Grid;
+use imf_core::harmonic::file::HarmonicFile;
+use imf_core::harmonic::{FitReport, FitSettings};
+use imf_core::scene::Scene;
+use imf_core::siren::ShapeError;
+use imf_core::training::TrainingEngine;
+use imf_core::training::run::{Outcome, Report, TrainError};
+
+/// Where a network's coefficients come from.
+pub(in crate::commands) enum Teacher<'a> {
+    /// Those of a harmonic field.
+    Harmonic(&'a HarmonicFile),
+    /// Those that exact sections tell.
+    Sections {
+        teacher: SectionTeacher<'a>,
+        scene: &'a Scene,
+        /// What the functions were chosen by.
+        fit: FitSettings,
+    },
+}
+
+impl Teacher<'_> {
+    pub(super) fn scene(&self) -> &Scene {
+        match self {
+            Self::Harmonic(file) => &file.scene,
+            Self::Sections { scene, .. } => scene,
+        }
+    }
+
+    pub(super) fn grid(&self) -> &Grid {
+        &self.scene().record.grid
+    }
+
+    pub(super) fn fit(&self) -> FitSettings {
+        match self {
+            Self::Harmonic(file) => file.settings,
+            Self::Sections { fit, .. } => *fit,
+        }
+    }
+
+    pub(super) fn report(&self) -> FitReport {
+        match self {
+            Self::Harmonic(file) => file.field.report,
+            Self::Sections { teacher, .. } => teacher.report(),
+        }
+    }
+
+    pub(super) fn axis_count(&self) -> usize {
+        match self {
+            Self::Harmonic(file) => file.field.axis_count(),
+            Self::Sections { teacher, .. } => teacher.axis_count(),
+        }
+    }
+
+    /// Bytes that it takes while it teaches, and what of, for messages.
+    pub(super) fn memory(&self, settings: &TeachSettings) -> (u64, &'static str) {
+        match self {
+            Self::Harmonic(file) => (
+                file.field.bytes() + settings.bytes_to_solve(&file.field),
+                "the harmonic field and the network",
+            ),
+            Self::Sections { .. } => {
+                let online = settings.online.unwrap_or_default();
+                (SectionTeacher::memory_bytes(self.grid(), &online), "the sections and the network")
+            }
+        }
+    }
+
+    /// What is taught, for people.
+    pub(super) fn lesson(&self, settings: &TeachSettings) -> String {
+        let voxels = self.grid().len();
+        match self {
+            Self::Harmonic(_) => format!("the coefficients of {voxels} voxels"),
+            Self::Sections { .. } => {
+                let pool = settings.online.unwrap_or_default().pool;
+                format!("{voxels} voxels by exact sections, {pool} at a time")
+            }
+        }
+    }
+
+    /// Random weights, or those of another field.
+    pub(super) fn begun(
+        &self,
+        settings: &TeachSettings,
+        from: Option<&FactoredFile>,
+    ) -> Result<FactoredState> {
+        let (Some(from), Self::Harmonic(HarmonicFile { field: teacher, .. })) = (from, self) else {
+            return Ok(settings.start(self.axis_count()));
+        };
+        ensure!(
+            from.field.basis.domain() == teacher.basis.domain(),
+            "--from is a field of another kind of tool: one is symmetric about its axis, the other is not"
+        );
+        ensure!(
+            from.field.quantity == teacher.quantity,
+            "--from is a field of another quantity: one is of overlaps, the other of depths"
+        );
+        Ok(FactoredState::of_another(&from.field, teacher)?)
+    }
+
+    pub(super) fn field(
+        &self,
+        shape: FactoredShape,
+        parameters: Vec<f32>,
+    ) -> Result<FactoredField, ShapeError> {
+        match self {
+            Self::Harmonic(file) => FactoredField::new(&file.field, shape, parameters),
+            Self::Sections { teacher, .. } => teacher.field(shape, parameters),
+        }
+    }
+
+    /// Teaches on an engine that continues from `state`, or on the CPU.
+    pub(super) fn teach(
+        &self,
+        settings: &TeachSettings,
+        state: &mut FactoredState,
+        engine: Option<&mut dyn TrainingEngine>,
+        control: Control<'_>,
+        observer: &mut dyn FnMut(&Report),
+    ) -> Result<Outcome, TrainError> {
+        match (self, engine) {
+            (Self::Harmonic(file), None) => teach(&file.field, settings, state, control, observer),
+            (Self::Harmonic(file), Some(engine)) => {
+                teach_on(&file.field, settings, state, engine, control, observer)
+            }
+            (Self::Sections { teacher, .. }, None) => {
+                teach_by_sections(teacher, settings, state, control, observer).map(|(outcome, _)| outcome)
+            }
+            (Self::Sections { teacher, .. }, Some(engine)) => {
+                let taught = teach_by_sections_on(teacher, settings, state, engine, control, observer);
+                taught.map(|(outcome, _)| outcome)
+            }
+        }
+    }
+}
