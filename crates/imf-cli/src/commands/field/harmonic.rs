@@ -286,8 +286,12 @@ impl Harmonic {
 
 fn errors_text(field: &HarmonicField) -> String {
     let report = &field.report;
+    let left_out = match report.dropped {
+        0.0 => String::new(),
+        dropped => format!(", and {dropped:.1e} by the axes left out"),
+    };
     format!(
-        "at unseen orientations MSE {:.1e}, MPE {:.3}, and {:.1e} by the axes left out",
-        report.held_out_mse, report.held_out_mpe, report.dropped
+        "at unseen orientations MSE {:.1e}, MPE {:.3}{left_out}",
+        report.held_out_mse, report.held_out_mpe
     )
 }
