@@ -254,7 +254,7 @@ impl Args for Given {
 
 impl FromArgMatches for Given {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-        let names = matches.ids().map(|id| id.as_str());
+        let names = matches.ids().map(clap::Id::as_str);
         let given = names.filter(|name| matches.value_source(name) == Some(ValueSource::CommandLine));
         Ok(Self(given.map(str::to_owned).collect()))
     }

@@ -19,7 +19,7 @@ use imf_gpu::shader::Factors;
 use imf_gpu::{Gpu, GpuTrainer, TrainerSettings};
 use serde_json::json;
 
-pub(super) use teacher::Teacher;
+pub(super) use teacher::{Sections, Teacher};
 
 use super::calibrate;
 use crate::arguments::compress::CompressArguments;

@@ -20,19 +20,22 @@ pub(in crate::commands) enum Teacher<'a> {
     /// Those of a harmonic field.
     Harmonic(&'a HarmonicFile),
     /// Those that exact sections tell.
-    Sections {
-        teacher: SectionTeacher<'a>,
-        scene: &'a Scene,
-        /// What the functions were chosen by.
-        fit: FitSettings,
-    },
+    Sections(Box<Sections<'a>>),
+}
+
+/// The sections of a scene, along functions that were chosen.
+pub(in crate::commands) struct Sections<'a> {
+    pub(in crate::commands) teacher: SectionTeacher<'a>,
+    pub(in crate::commands) scene: &'a Scene,
+    /// What the functions were chosen by.
+    pub(in crate::commands) fit: FitSettings,
 }
 
 impl Teacher<'_> {
     pub(super) fn scene(&self) -> &Scene {
         match self {
             Self::Harmonic(file) => &file.scene,
-            Self::Sections { scene, .. } => scene,
+            Self::Sections(sections) => sections.scene,
         }
     }
 
@@ -43,21 +46,21 @@ impl Teacher<'_> {
     pub(super) fn fit(&self) -> FitSettings {
         match self {
             Self::Harmonic(file) => file.settings,
-            Self::Sections { fit, .. } => *fit,
+            Self::Sections(sections) => sections.fit,
         }
     }
 
     pub(super) fn report(&self) -> FitReport {
         match self {
             Self::Harmonic(file) => file.field.report,
-            Self::Sections { teacher, .. } => teacher.report(),
+            Self::Sections(sections) => sections.teacher.report(),
         }
     }
 
     pub(super) fn axis_count(&self) -> usize {
         match self {
             Self::Harmonic(file) => file.field.axis_count(),
-            Self::Sections { teacher, .. } => teacher.axis_count(),
+            Self::Sections(sections) => sections.teacher.axis_count(),
         }
     }
 
@@ -68,7 +71,7 @@ impl Teacher<'_> {
                 file.field.bytes() + settings.bytes_to_solve(&file.field),
                 "the harmonic field and the network",
             ),
-            Self::Sections { .. } => {
+            Self::Sections(_) => {
                 let online = settings.online.unwrap_or_default();
                 (SectionTeacher::memory_bytes(self.grid(), &online), "the sections and the network")
             }
@@ -80,7 +83,7 @@ impl Teacher<'_> {
         let voxels = self.grid().len();
         match self {
             Self::Harmonic(_) => format!("the coefficients of {voxels} voxels"),
-            Self::Sections { .. } => {
+            Self::Sections(_) => {
                 let pool = settings.online.unwrap_or_default().pool;
                 format!("{voxels} voxels by exact sections, {pool} at a time")
             }
@@ -114,7 +117,7 @@ impl Teacher<'_> {
     ) -> Result<FactoredField, ShapeError> {
         match self {
             Self::Harmonic(file) => FactoredField::new(&file.field, shape, parameters),
-            Self::Sections { teacher, .. } => teacher.field(shape, parameters),
+            Self::Sections(sections) => sections.teacher.field(shape, parameters),
         }
     }
 
@@ -132,11 +135,13 @@ impl Teacher<'_> {
             (Self::Harmonic(file), Some(engine)) => {
                 teach_on(&file.field, settings, state, engine, control, observer)
             }
-            (Self::Sections { teacher, .. }, None) => {
-                teach_by_sections(teacher, settings, state, control, observer).map(|(outcome, _)| outcome)
+            (Self::Sections(sections), None) => {
+                teach_by_sections(&sections.teacher, settings, state, control, observer)
+                    .map(|(outcome, _)| outcome)
             }
-            (Self::Sections { teacher, .. }, Some(engine)) => {
-                let taught = teach_by_sections_on(teacher, settings, state, engine, control, observer);
+            (Self::Sections(sections), Some(engine)) => {
+                let taught =
+                    teach_by_sections_on(&sections.teacher, settings, state, engine, control, observer);
                 taught.map(|(outcome, _)| outcome)
             }
         }

@@ -14,7 +14,7 @@ use imf_core::section::SectionPlan;
 
 use crate::arguments::harmonic::DEFAULT_SECTIONS;
 use crate::arguments::train::TrainArguments;
-use crate::commands::compress::{self, Lesson, Settings, Teacher};
+use crate::commands::compress::{self, Lesson, Sections, Settings, Teacher};
 use crate::commands::field::harmonic;
 use crate::engine::Device;
 use crate::output::OutputFolder;
@@ -69,7 +69,7 @@ pub(in crate::commands) fn made(
     let plan = SectionPlan::of_scene(scene)?;
     if settings.teach.online.is_some() {
         let teacher = functions_of(session, &plan, domain, &fit)?;
-        let teacher = Teacher::Sections { teacher, scene, fit };
+        let teacher = Teacher::Sections(Box::new(Sections { teacher, scene, fit }));
         return Lesson { teacher, settings, out }.taught(session, device, resume, None);
     }
     let teacher = harmonic::fitted(session, scene, &plan, domain, fit, settings.smaller)?;
