@@ -4,7 +4,7 @@
     field = load("model/model.safetensors")             # a torch.nn.Module, differentiable in its inputs
     overlap = field(position, angles)                   # [n, 3] in the scene's unit, [n, 2] of (theta, phi) in degrees
 
-    field = load("small/field.safetensors")             # what `imf compress` wrote
+    field = load("small/field.safetensors")             # what `imf train PART` or `imf compress` wrote
     overlap = field(position, direction)                # [n, 3] of the tool's axis from tip to holder, of any length
 
 `overlap` is the share of the tool's volume inside the part, at the tip's position. A field of depth (`field.depth` is true)

@@ -360,7 +360,6 @@ impl GpuTrainer {
     }
 }
 
-/// Refuses a state that does not fit the network.
 impl GpuTrainer {
     /// An array of the device in the flat layout.
     fn unpadded(&self, buffer: &wgpu::Buffer) -> Result<Vec<f32>, EngineError> {
@@ -369,6 +368,7 @@ impl GpuTrainer {
     }
 }
 
+/// Refuses a state that does not fit the network.
 fn check_state(stack: &Stack, state: &TrainingState) -> Result<(), EngineError> {
     stack.check_teachable().map_err(|error| EngineError::Shape(error.to_string()))?;
     for (name, values) in [

@@ -96,7 +96,7 @@ pub(crate) struct FactoredArguments {
     pub(crate) degree: Option<usize>,
     /// Teach by exact sections themselves, N at a time and always fresh ones, not by a harmonic field: takes less memory, for
     /// large grids and tools that are not symmetric about their axis, and learns more slowly; 225 where N is left out
-    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "225", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "225", value_parser = clap::value_parser!(u32).range(1..=1000))]
     online: Option<u32>,
     #[command(flatten)]
     pub(crate) teaching: TeachingArguments,

@@ -93,7 +93,8 @@ pub(super) fn concluded(
     let path = out.join(FIELD);
     report(session, &path, &file, loss)?;
     let plan = file.settings.plan;
-    let samples = plan.total_steps(file.field.grid.len()) * plan.batch as u64;
+    let voxels = file.field.grid.len();
+    let samples = plan.total_steps(voxels).saturating_mul(plan.batch.min(voxels) as u64);
     drop(file);
     if no_calibrate || !calibrate::is_short_beside(samples) {
         return Ok(());
@@ -138,7 +139,7 @@ impl Lesson<'_> {
         let teacher = &self.teacher;
         let axes = teacher.axis_count();
         let shape = settings.shape(axes);
-        let batch = settings.plan.batch as u64;
+        let batch = settings.plan.batch.min(teacher.grid().len()) as u64;
         let signals = 8 * batch * (settings.width * settings.hidden + axes) as u64;
         let (of_teacher, what) = teacher.memory(settings);
         let needed = of_teacher + BYTES_PER_PARAMETER * shape.parameter_count() as u64 + signals;
@@ -157,12 +158,14 @@ impl Lesson<'_> {
         let mut engine: Option<GpuTrainer> = None;
         loop {
             // A checkpoint is a stop of a moment: teaching goes on from its state to the same bits.
-            let (begun, pause) = (Instant::now(), AtomicBool::new(false));
+            // Its time begins with the first report: before it, sections may be computed anew.
+            let (mut begun, pause) = (None, AtomicBool::new(false));
             let advance = |steps| stage.advance(steps);
             let control = Control { progress: &advance, cancelled: &pause };
             let observe = &mut |report: &Report| {
                 loss = report.mean_loss;
-                let due = begun.elapsed().as_secs_f64() >= self.settings.checkpoint_every;
+                let due = begun.get_or_insert_with(Instant::now).elapsed().as_secs_f64()
+                    >= self.settings.checkpoint_every;
                 pause.store(due || interrupt::requested(), Ordering::Relaxed);
             };
             let outcome = match device {

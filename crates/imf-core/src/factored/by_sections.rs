@@ -20,7 +20,6 @@ use rayon::prelude::*;
 use super::state::cpu_engine;
 use super::{FactoredField, FactoredShape, FactoredState, INPUTS, TeachSettings, input};
 use crate::control::Control;
-use crate::grid::Grid;
 use crate::harmonic::basis::Domain;
 use crate::harmonic::{FitReport, FitSettings, HarmonicError, Outline, Source, SourceScratch, outline};
 use crate::orientation::Orientation;
@@ -71,10 +70,18 @@ impl<'a> SectionTeacher<'a> {
         self.outline.report
     }
 
-    /// Bytes of the pool and of what is being made, two a value.
+    /// Bytes of the pool and of what is being made, two a value; of what the pool's orientations make of a batch; and of a
+    /// batch.
     #[must_use]
-    pub fn memory_bytes(grid: &Grid, online: &OnlineSettings) -> u64 {
-        2 * (online.pool + online.lead + 2) as u64 * grid.len() as u64
+    pub fn memory_bytes(&self, settings: &TeachSettings) -> u64 {
+        let OnlineSettings { pool, lead, .. } = settings.online.unwrap_or_default();
+        let voxels = self.plan.grid().len();
+        let (functions, axes) = (self.outline.mean.len(), self.axis_count());
+        let sections = 2 * (pool + lead + 2) * voxels + 8 * voxels;
+        // The Gram matrix and its factor, H and the solution in f64, both and the functions in f32.
+        let gain = pool * (16 * pool + 24 * axes + 4 * functions);
+        let batch = settings.plan.batch.min(voxels) * (8 * pool + 4 * axes);
+        (sections + gain + batch) as u64
     }
 
     /// The field of a network's weights.

@@ -71,9 +71,8 @@ impl Teacher<'_> {
                 file.field.bytes() + settings.bytes_to_solve(&file.field),
                 "the harmonic field and the network",
             ),
-            Self::Sections(_) => {
-                let online = settings.online.unwrap_or_default();
-                (SectionTeacher::memory_bytes(self.grid(), &online), "the sections and the network")
+            Self::Sections(sections) => {
+                (sections.teacher.memory_bytes(settings), "the sections and the network")
             }
         }
     }

@@ -36,7 +36,7 @@ pub(super) fn run(session: &Session, arguments: &TrainArguments, teach: TeachSet
         precision: arguments.factored.teaching.precision(),
         checkpoint_every: arguments.length.checkpoint_every,
         go_on: "add --resume to go on",
-        smaller: "use a lower --degree or a larger --pitch",
+        smaller: "use a lower --degree, a smaller --batch or --online, or a larger --pitch",
     };
     let degree = arguments.factored.degree;
     let taught = made(session, &device, &scene, degree, settings, folder.path(), arguments.resume)?;
