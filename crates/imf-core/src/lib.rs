@@ -99,4 +99,5 @@ pub mod tool;
 pub mod toolpath;
 pub mod training;
 pub mod unit;
+mod vectorised;
 pub mod voxelize;

@@ -23,6 +23,7 @@ mod stepped;
 mod surface;
 mod sweep;
 mod values;
+mod walk;
 
 pub use contact::{Contact, Obstacles, Skin};
 pub use counter::Method;
@@ -34,6 +35,7 @@ pub use imf::{Imf, imf, stream_orientations, stream_sections};
 pub use size::QueryBox;
 pub use stepped::{SectionLayer, StepEnds, StepSpace, SteppedTool};
 pub use values::share;
+pub(crate) use walk::SectionWalk;
 
 use glam::DVec3;
 use thiserror::Error;

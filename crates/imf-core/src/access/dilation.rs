@@ -15,6 +15,7 @@ use pulp::Arch;
 
 use crate::grid::{Grid, GridError};
 use crate::tool::RotatedTool;
+use crate::vectorised::vectorised;
 
 /// A run of solid voxels of the body along z: offsets from the body's last plane, line and voxel to the run's last,
 /// and how many voxels it has beyond one.
@@ -93,7 +94,7 @@ impl Dilation {
     pub(super) fn cover(&mut self, body: &RotatedTool, counts: &[u32], most: u32) {
         let positions = [0, 1, 2].map(|a| self.target.dims[a] + body.dims[a] - 1);
         assert_eq!(counts.len(), positions.iter().product::<usize>(), "one count for each meeting position");
-        self.arch.dispatch(|| self.cover_all(body, counts, positions, most));
+        vectorised!(self.arch, self.cover_all(body, counts, positions, most));
     }
 
     #[inline(always)]

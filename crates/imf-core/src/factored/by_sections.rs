@@ -14,7 +14,6 @@
 use std::ops::{ControlFlow, Range};
 
 use nalgebra::{Cholesky, DMatrix};
-use pulp::Arch;
 use rayon::prelude::*;
 
 use super::state::cpu_engine;
@@ -159,12 +158,10 @@ pub fn teach_by_sections_on(
     let field = field.map_err(|error| EngineError::Shape(error.to_string()))?;
     let mut corrected = Corrected::new(engine, teacher, online, field, first);
     let (mut told, mut cursor) = (first, start);
-    let arch = Arch::new();
-    let (mut scratch, mut values) = (SourceScratch::default(), vec![0.0; grid.len()]);
+    let mut scratch = SourceScratch::default();
     let make = |number| {
-        source.section(&teacher.orientation(&online, number), &mut scratch, &mut values)?;
-        let mut kept = vec![0; values.len()];
-        arch.dispatch(|| source.keep(&values, &mut kept));
+        let mut kept = vec![0; grid.len()];
+        source.kept(&teacher.orientation(&online, number), &mut scratch, &mut kept)?;
         Ok(kept)
     };
     let (low, unit) = source.steps();

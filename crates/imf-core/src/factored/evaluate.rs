@@ -16,6 +16,7 @@ use crate::siren::halves::HalfPanels;
 use crate::siren::matrix::prefer_unpacked;
 use crate::siren::plan::{Plan, transpose_all};
 use crate::siren::scratch::ScratchPool;
+use crate::vectorised::vectorised;
 
 /// A field ready to be evaluated, on the current rayon pool.
 pub struct FactoredEvaluator<'a> {
@@ -184,7 +185,7 @@ impl FactoredEvaluator<'_> {
         });
         let turned = heads.by_orientation();
         overlaps.par_chunks_mut(BLOCK).zip(poses.par_chunks(BLOCK)).for_each(|(overlaps, poses)| {
-            self.arch.dispatch(|| {
+            vectorised!(self.arch, {
                 for (overlap, &[point, orientation]) in overlaps.iter_mut().zip(poses) {
                     let z = &z[point as usize * axes..][..axes];
                     let (constant, along) = turned.of(orientation as usize);

@@ -1,5 +1,7 @@
 //! The coefficients of every voxel along the kept axes, in f32 or in half the memory.
 
+use std::ops::Range;
+
 use half::f16;
 use half::slice::HalfFloatSliceExt as _;
 use rayon::prelude::*;
@@ -50,37 +52,40 @@ impl Coefficients {
         }
     }
 
-    /// Coefficients that are made block by block: `make(scratch, first, values)` fills `[voxel][axes]` of the voxels from
-    /// `first` on, up to `block` of them, on the threads of the current pool; `scratch` is the thread's own.
+    /// As many zeros.
     #[must_use]
-    pub(super) fn by_blocks(
-        voxels: usize,
+    pub(super) fn zeros(count: usize, precision: Precision) -> Self {
+        match precision {
+            Precision::F32 => Self::F32(vec![0.0; count]),
+            Precision::F16 => Self::F16(vec![f16::ZERO; count]),
+        }
+    }
+
+    /// Makes those of `voxels`, with `axes` each, block by block: `make(scratch, index, values)` fills `[voxel][axes]` of up to
+    /// `block` voxels, the index-th so many, on the threads of the current pool; `scratch` is the thread's own.
+    pub(super) fn fill_by_blocks(
+        &mut self,
+        voxels: Range<usize>,
         axes: usize,
         block: usize,
-        precision: Precision,
         make: impl Fn(&mut Vec<f32>, usize, &mut [f32]) + Sync,
-    ) -> Self {
-        match precision {
-            Precision::F32 => {
-                let mut all = vec![0.0; voxels * axes];
-                let blocks = all.par_chunks_mut(block * axes).enumerate();
-                blocks.for_each_init(Vec::new, |scratch, (index, values)| {
-                    make(scratch, index * block, values);
-                });
-                Self::F32(all)
+    ) {
+        let own = voxels.start * axes..voxels.end * axes;
+        match self {
+            Self::F32(all) => {
+                let blocks = all[own].par_chunks_mut(block * axes).enumerate();
+                blocks.for_each_init(Vec::new, |scratch, (index, values)| make(scratch, index, values));
             }
-            Precision::F16 => {
-                let mut all = vec![f16::ZERO; voxels * axes];
-                let blocks = all.par_chunks_mut(block * axes).enumerate();
+            Self::F16(all) => {
+                let blocks = all[own].par_chunks_mut(block * axes).enumerate();
                 blocks.for_each_init(
                     || (Vec::new(), vec![0.0; block * axes]),
                     |(scratch, values), (index, halves)| {
                         let values = &mut values[..halves.len()];
-                        make(scratch, index * block, values);
+                        make(scratch, index, values);
                         halves.convert_from_f32_slice(values);
                     },
                 );
-                Self::F16(all)
             }
         }
     }

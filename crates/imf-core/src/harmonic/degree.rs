@@ -18,12 +18,15 @@ impl FitReport {
 }
 
 impl FitSettings {
-    /// The highest degree at which making a field over `voxels` voxels takes at most `bytes`; `None` where degree 0 takes
-    /// more. All axes are kept where these settings say so; where one pass does not fit, two may.
+    /// The highest degree at which making a field of what `plan`'s sections are takes at most `bytes`; `None` where degree 0
+    /// takes more. All axes are kept where these settings say so; where one pass does not fit, two may.
     #[must_use]
-    pub fn degree_within(&self, domain: Domain, voxels: usize, bytes: u64) -> Option<usize> {
-        let fits =
-            |&degree: &usize| Self { degree, one_pass: false, ..*self }.memory(domain, voxels).0 <= bytes;
+    pub fn degree_within(&self, plan: &SectionPlan, domain: Domain, bytes: u64) -> Option<usize> {
+        let fits = |&degree: &usize| {
+            [true, false]
+                .into_iter()
+                .any(|one_pass| Self { degree, one_pass, ..*self }.memory_with(plan, domain).0 <= bytes)
+        };
         (0..=MOST_DEGREE).take_while(fits).last()
     }
 }

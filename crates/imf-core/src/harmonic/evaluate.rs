@@ -10,6 +10,7 @@ use super::basis::Basis;
 use crate::orientation::Orientation;
 use crate::section::{Imf, Quantity};
 use crate::siren::matrix::{Matrix, multiply};
+use crate::vectorised::vectorised;
 
 /// Orientations as the field reads them: `Uᵀ b(R)` and `μ·b(R)` for each.
 pub struct Heads {
@@ -236,7 +237,7 @@ pub(crate) fn minimum_of(source: &impl VoxelCoefficients, heads: &Heads) -> Imf 
                 let rows = values.chunks_exact(chunk.len());
                 for ((least, best), row) in least.iter_mut().zip(best.iter_mut()).zip(rows) {
                     let lowest =
-                        arch.dispatch(|| row.iter().fold(f32::INFINITY, |a, &b| if b < a { b } else { a }));
+                        vectorised!(arch, row.iter().fold(f32::INFINITY, |a, &b| if b < a { b } else { a }));
                     if lowest < *least {
                         let place = row.iter().position(|&v| v == lowest).unwrap_or(0);
                         (*least, *best) = (lowest, (chunk.start + place) as u32);

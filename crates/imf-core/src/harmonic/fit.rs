@@ -12,10 +12,13 @@
 //! compressed coefficients as it goes.
 //!
 //! Directions are fitted in fours (`fours`), which cuts B and G into four classes. Where all axes are kept, one pass uses
-//! this (`classes`): axes are then the functions themselves, class by class.
+//! this (`classes`): axes are then the functions themselves, class by class. Nothing then has to be known of all voxels
+//! before the first is solved for, and where sections are counted plane by plane, the fit goes through the grid with them
+//! (`parts`): what is held of the sections stays in the caches.
 
 mod classes;
 mod kept;
+mod parts;
 mod passes;
 mod sample;
 mod solve;
@@ -86,21 +89,47 @@ impl FitSettings {
         Sizes { functions, sections, axes: self.axes.clamp(1, functions) }
     }
 
-    /// Bytes at the peak of making a field over `voxels` voxels, and of the field itself.
+    /// Bytes at the peak of making a field over `voxels` voxels, and of the field itself; where all functions of directions
+    /// are kept it may be less ([`FitSettings::memory_with`]).
     #[must_use]
     pub fn memory(&self, domain: Domain, voxels: usize) -> (u64, u64) {
         let Sizes { functions, sections, axes } = self.sizes(domain);
         let field = (voxels * axes) as u64 * self.precision.bytes();
         let made = (voxels * axes * 4) as u64 + if self.precision == Precision::F32 { 0 } else { field };
         let batch = (batch_size(voxels, sections) * voxels * 4) as u64;
-        let sampled = (self.sample.min(voxels) * (sections + self.held_out + functions) * 4) as u64;
-        let square = (functions * functions * 8 * 6) as u64;
+        let sampled = self.sample_bytes(domain, voxels);
         let peak = if self.one_pass {
-            (sections * voxels * 2) as u64 + field.max(sampled)
+            kept::KeptSections::memory(sections, voxels) + field.max(sampled)
         } else {
             made.max(sampled) + batch
         };
-        (peak + square, field)
+        (peak + square_bytes(functions), field)
+    }
+
+    /// Bytes at the peak of making a field of what `plan`'s sections are, and of the field itself.
+    #[must_use]
+    pub fn memory_with(&self, plan: &SectionPlan, domain: Domain) -> (u64, u64) {
+        let voxels = plan.grid().len();
+        let (peak, field) = self.memory(domain, voxels);
+        let Sizes { functions, sections, .. } = self.sizes(domain);
+        if !self.one_pass || !self.in_classes(domain) {
+            return (peak, field);
+        }
+        let parts = parts::memory(plan, sections);
+        let by_parts = |parts| parts + field + self.sample_bytes(domain, voxels) + square_bytes(functions);
+        (parts.map_or(peak, by_parts), field)
+    }
+
+    /// What the sample of voxels takes, by estimate.
+    fn sample_bytes(&self, domain: Domain, voxels: usize) -> u64 {
+        let Sizes { functions, sections, .. } = self.sizes(domain);
+        (self.sample.min(voxels) * (sections + self.held_out + functions) * 4) as u64
+    }
+
+    /// True where functions are kept as they are and fall into classes, of values that begin at 0.
+    fn in_classes(&self, domain: Domain) -> bool {
+        let Sizes { functions, axes, .. } = self.sizes(domain);
+        domain == Domain::Directions && axes == functions && self.quantity.is_overlap()
     }
 
     pub(crate) fn check(&self) -> Result<(), HarmonicError> {
@@ -157,6 +186,11 @@ const MOST_AT_ONCE: usize = 128;
 /// Voxels of a product's block.
 const BLOCK: usize = 1024;
 
+/// The matrices of all functions together.
+fn square_bytes(functions: usize) -> u64 {
+    (functions * functions * 8 * 6) as u64
+}
+
 fn batch_size(voxels: usize, sections: usize) -> usize {
     (BATCH_BYTES / (4 * voxels.max(1))).clamp(8, MOST_AT_ONCE).min(sections.max(1))
 }
@@ -175,7 +209,7 @@ pub fn fit(
     let source = Source::new(plan, settings.quantity)?;
     let start = Start::new(&source, domain, settings, control)?;
     let Fitted { axes, mean, coefficients, report } = match settings.one_pass {
-        true if start.in_classes() => start.class_by_class(&source, settings.precision, control)?,
+        true if settings.in_classes(domain) => start.class_by_class(&source, settings.precision, control)?,
         true => start.in_one_pass(&source, settings.precision, control)?,
         false => start.in_two_passes(&source, settings.precision, control)?,
     };

@@ -7,6 +7,7 @@
 //! quarter as many numbers. That is a quarter of the products, for a set that spreads nearly as evenly as any other:
 //! 300 such directions determine 225 functions with 2 % more squared error to expect than a Fibonacci spiral's 300.
 
+use crate::vectorised::vectorised;
 use glam::DVec3;
 use pulp::Arch;
 use rayon::prelude::*;
@@ -18,6 +19,7 @@ const TURNS: [DVec3; IMAGES] =
 pub(super) const IMAGES: usize = 4;
 
 /// The sign that functions of each class take under each of the turns.
+#[cfg(test)]
 pub(super) const SIGNS: [[f64; IMAGES]; IMAGES] =
     [[1.0, 1.0, 1.0, 1.0], [1.0, -1.0, -1.0, 1.0], [1.0, 1.0, -1.0, -1.0], [1.0, -1.0, 1.0, -1.0]];
 
@@ -57,7 +59,7 @@ pub(super) fn directions_in_fours(count: usize) -> Vec<DVec3> {
     for _ in 0..STEPS {
         let all = Charges::new(&directions);
         directions.par_iter_mut().with_min_len(16).for_each(|direction| {
-            let force = arch.dispatch(|| all.force(*direction));
+            let force = vectorised!(arch, all.force(*direction));
             let along = force - *direction * force.dot(*direction);
             let step = along * (RATE * spacing.powi(3));
             let step = step * (MOST * spacing / step.length().max(1e-300)).min(1.0);

@@ -7,6 +7,7 @@ use super::HarmonicField;
 use super::basis::{Basis, Domain};
 use super::both_ways::both_ways;
 use crate::orientation::Orientation;
+use crate::vectorised::vectorised;
 
 /// What a pose's overlap is and how it changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,7 +79,7 @@ impl Functions<'_> {
         let weight = |place: usize| f64::from(weights[place] + self.mean[place]);
         let (value, turn) = self.basis.sum_with_gradient(direction, weight);
         let mut position = [0.0; 3];
-        self.arch.dispatch(|| {
+        vectorised!(self.arch, {
             for (slope, row) in position.iter_mut().zip(slopes.chunks_exact(z.len())) {
                 *slope = f64::from(dot(row, along));
             }
@@ -195,7 +196,7 @@ impl HarmonicField {
             }
             let from = self.grid.index(voxel) * axes;
             let z = self.coefficients.read(from, from + axes, corner);
-            arch.dispatch(|| {
+            vectorised!(arch, {
                 for (mixed, weight) in mixed.chunks_exact_mut(axes).zip(weights) {
                     mixed.iter_mut().zip(z).for_each(|(m, &z)| *m += weight * z);
                 }

@@ -23,6 +23,7 @@ use crate::orientation::Orientation;
 use crate::section::{Imf, SectionError};
 use crate::siren::matrix::{Matrix, multiply};
 use crate::tool::ToolError;
+use crate::vectorised::vectorised;
 
 /// What screening found.
 #[derive(Clone, Debug, PartialEq)]
@@ -273,7 +274,7 @@ fn ranked<const COUNT: usize>(
             for (own, row) in all.iter_mut().zip(values.chunks_exact(chunk.len())) {
                 // Most pieces hold nothing that is low enough: their least value alone is looked at.
                 for (piece, values) in row.chunks(PIECE).enumerate() {
-                    if arch.dispatch(|| lowest(values)) < own.last() {
+                    if vectorised!(arch, lowest(values)) < own.last() {
                         for (place, &value) in values.iter().enumerate() {
                             own.insert(value, (chunk.start + piece * PIECE + place) as u32);
                         }

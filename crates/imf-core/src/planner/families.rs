@@ -13,6 +13,7 @@ use crate::section::Quantity;
 use crate::siren::evaluator::{CpuEvaluator, TangentScratch};
 use crate::siren::matrix::{Matrix, multiply, prefer_unpacked};
 use crate::siren::{INPUTS, features};
+use crate::vectorised::vectorised;
 
 /// Points whose coefficients are kept while all orientations pass by.
 const POINTS: usize = 16 * BLOCK;
@@ -252,7 +253,7 @@ impl Source<'_> {
         coefficients.resize(poses.len() * axes, 0.0);
         self.coefficients(poses.iter().map(|pose| held(pose, low, high)), coefficients, corner);
         let each = coefficients.chunks_exact(axes).zip(heads.chunks_exact(axes));
-        Arch::new().dispatch(|| {
+        vectorised!(Arch::new(), {
             for ((value, (z, head)), constant) in values.iter_mut().zip(each).zip(constants) {
                 *value = *constant + harmonic::dot(z, head);
             }

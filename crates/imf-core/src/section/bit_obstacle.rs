@@ -28,7 +28,7 @@ pub(super) struct BitObstacle {
 impl BitObstacle {
     /// Bytes that it takes, and the distances between lines and between planes in bits.
     fn layout(dims: [usize; 3], size: &CircularSize, tile_bits: usize) -> (i64, i64, i64, usize) {
-        let line = size.needed[2] as i64;
+        let line = size.line_bits();
         let gap = (tile_bits as i64 + 2 * line + 63) / 64 * 64;
         let plane = (dims[1] as i64 * line + 63) / 64 * 64 + gap;
         let copy = (gap + dims[0] as i64 * plane) as usize / 8;

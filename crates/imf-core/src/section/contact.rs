@@ -84,7 +84,7 @@ impl Contact {
 
 /// The layer as a plan keeps it.
 pub(super) struct PlannedSkin {
-    voxels: Occupancy,
+    pub(super) voxels: Occupancy,
     rest: Tool,
     pub(super) counter: Counter,
 }

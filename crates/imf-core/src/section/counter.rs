@@ -3,6 +3,7 @@
 //! `surface` sums over the tool's run ends, `convolution` multiplies spectra. Both give the same whole numbers; the
 //! estimate below decides which is faster for a tool in an orientation. What a way needs is made at its first use.
 
+use std::ops::Range;
 use std::sync::OnceLock;
 
 use pulp::Arch;
@@ -12,8 +13,8 @@ use super::bit_obstacle::BitObstacle;
 use super::clipped::ClippedTool;
 use super::convolution::{self, Convolver};
 use super::size::{CircularSize, QueryBox};
-use super::surface::{self, SurfaceCounter};
-use super::sweep::Sweep;
+use super::surface::{self, SurfaceCounter, Walk};
+use super::sweep::{Order, Sweep};
 use crate::occupancy::Occupancy;
 use crate::tool::RotatedTool;
 
@@ -79,11 +80,10 @@ impl Estimate {
         query: &QueryBox,
         size: &CircularSize,
         tool: &ClippedTool<'_>,
+        sweep: &Sweep,
         single: bool,
     ) -> Self {
-        let line_bits = size.needed[2] as i64;
-        let sweep = Sweep::choose(tool, obstacle, line_bits, query);
-        let loads = sweep.loads(tool, obstacle, line_bits, query);
+        let loads = sweep.loads(tool, obstacle, size.line_bits(), query);
         let bytes = BitObstacle::memory(obstacle, size, TILE_BITS);
         let [inside, beyond] = CACHE_BYTES.map(f64::ln);
         let growth = 1.0 + 0.75 * (((bytes as f64).ln() - inside) / (beyond - inside)).clamp(0.0, 1.0);
@@ -132,8 +132,20 @@ impl Counter {
     /// Estimated seconds for a tool in an orientation.
     pub(super) fn estimate(&self, obstacle: &Occupancy, tool: &RotatedTool, query: &QueryBox) -> Estimate {
         let clipped = ClippedTool::new(tool, &self.size);
-        let dims = obstacle.grid.dims;
-        Estimate::new(self.arch, dims, query, &self.size, &clipped, self.fits_single(tool))
+        let sweep = Sweep::choose(&clipped, obstacle.grid.dims, self.size.line_bits(), query, Order::Any);
+        self.estimate_of(obstacle, tool, query, &clipped, &sweep)
+    }
+
+    fn estimate_of(
+        &self,
+        obstacle: &Occupancy,
+        tool: &RotatedTool,
+        query: &QueryBox,
+        clipped: &ClippedTool<'_>,
+        sweep: &Sweep,
+    ) -> Estimate {
+        let (dims, single) = (obstacle.grid.dims, self.fits_single(tool));
+        Estimate::new(self.arch, dims, query, &self.size, clipped, sweep, single)
     }
 
     /// Overlaps over a box within the one that the counter was made for into `counts`. The obstacle is the counter's.
@@ -145,15 +157,10 @@ impl Counter {
         scratch: &mut Scratch,
         counts: &mut [u32],
     ) {
-        let run_ends = match self.method {
-            Method::Fastest => self.estimate(obstacle, tool, query).prefers_run_ends(),
-            Method::RunEnds => true,
-            Method::Transform => false,
-        };
         let clipped = ClippedTool::new(tool, &self.size);
-        if run_ends {
-            let counter = self.run_ends.get_or_init(|| SurfaceCounter::new(self.arch, obstacle, &self.size));
-            counter.count(&clipped, query, &mut scratch.run_ends, counts);
+        let sweep = Sweep::choose(&clipped, obstacle.grid.dims, self.size.line_bits(), query, Order::Any);
+        if self.takes_run_ends(self.estimate_of(obstacle, tool, query, &clipped, &sweep)) {
+            self.surface(obstacle).count(&clipped, sweep, query, &mut scratch.run_ends, counts);
             return;
         }
         // A deviation from whole numbers near ½ would be ambiguous: a quarter is already a reason for f64.
@@ -165,6 +172,50 @@ impl Counter {
         }
         let convolver = self.double.get_or_init(|| Convolver::new(obstacle, self.size));
         convolver.correlate(&clipped, query, &mut scratch.double, counts);
+    }
+
+    /// True where run ends are the way taken.
+    pub(super) fn takes_run_ends(&self, estimate: Estimate) -> bool {
+        match self.method {
+            Method::Fastest => estimate.prefers_run_ends(),
+            Method::RunEnds => true,
+            Method::Transform => false,
+        }
+    }
+
+    /// Sizes of what is counted.
+    pub(super) fn size(&self) -> &CircularSize {
+        &self.size
+    }
+
+    fn surface(&self, obstacle: &Occupancy) -> &SurfaceCounter {
+        self.run_ends.get_or_init(|| SurfaceCounter::new(self.arch, obstacle, &self.size))
+    }
+
+    /// A tool before the first plane of a box, to be counted by run ends. The obstacle is the counter's.
+    pub(super) fn begin(
+        &self,
+        obstacle: &Occupancy,
+        tool: &RotatedTool,
+        query: &QueryBox,
+        scratch: &mut Scratch,
+    ) -> Walk {
+        let clipped = ClippedTool::new(tool, &self.size);
+        let (dims, line) = (obstacle.grid.dims, self.size.line_bits());
+        let sweep = Sweep::choose(&clipped, dims, line, query, Order::PlanesUpwards);
+        self.surface(obstacle).begin(&clipped, sweep, &mut scratch.run_ends)
+    }
+
+    /// Overlaps over the next planes of the box into `counts`.
+    pub(super) fn advance(
+        &self,
+        obstacle: &Occupancy,
+        walk: &mut Walk,
+        (query, planes): (&QueryBox, Range<i64>),
+        scratch: &mut Scratch,
+        counts: &mut [u32],
+    ) {
+        self.surface(obstacle).advance(walk, query, planes, &mut scratch.run_ends, counts);
     }
 
     /// One line for people: what is taken for the tool in this orientation, and what it was weighed against.

@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 use super::{Obstacles, SectionError, SectionPlan, SectionScratch};
 use crate::grid::Grid;
 use crate::orientation::Orientation;
+use crate::vectorised::vectorised;
 
 /// What a field's values are. Both are the lower the better, so that the least over orientations is the best of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -156,7 +157,7 @@ impl DepthPlan {
         by_x.resize(nx * wide_y * wide_z, 0);
         by_y.resize(nx * ny * wide_z, 0);
         out.resize(nx * ny * nz, 0);
-        self.arch.dispatch(|| {
+        vectorised!(self.arch, {
             lower(all, [1, nx, wide_y * wide_z], by_x);
             lower(by_x, [nx, ny, wide_z], by_y);
             lower(by_y, [nx * ny, nz, 1], out);

@@ -166,23 +166,40 @@ fn elements_of(tool: &Tool) -> &[Element] {
     }
 }
 
-/// Compares a few voxels of the query box, other ones for every orientation, with direct sums.
+/// A voxel of a query box and its count by a direct sum.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Spot {
+    /// Position in the box's C-ordered array.
+    pub(super) index: usize,
+    voxel: [i64; 3],
+    expected: u32,
+}
+
+impl Spot {
+    /// Compares what was counted there.
+    pub(super) fn check(&self, found: u32) -> Result<(), SectionError> {
+        let Self { voxel, expected, .. } = *self;
+        if found == expected { Ok(()) } else { Err(SectionError::SpotCheck { voxel, found, expected }) }
+    }
+}
+
+/// A few voxels of the query box, other ones for every orientation.
+pub(super) fn spots(obstacle: &Occupancy, rotated: &RotatedTool, query: &QueryBox) -> [Spot; 3] {
+    let seed = u64::from(rotated.count).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ rotated.solid.len() as u64;
+    [0u64, 1, 2].map(|spot| {
+        let mixed = (seed ^ (spot << 17)).wrapping_mul(0xBF58_476D_1CE4_E5B9) >> 20;
+        let index = (mixed % query.len() as u64) as usize;
+        let voxel = query.voxel(index);
+        Spot { index, voxel, expected: direct_count(obstacle, rotated, voxel) }
+    })
+}
+
+/// Compares a few voxels of the query box with direct sums.
 pub(super) fn spot_check(
     obstacle: &Occupancy,
     rotated: &RotatedTool,
     query: &QueryBox,
     counts: &[u32],
 ) -> Result<(), SectionError> {
-    const CHECKS: u64 = 3;
-    let seed = u64::from(rotated.count).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ rotated.solid.len() as u64;
-    for check in 0..CHECKS {
-        let mixed = (seed ^ (check << 17)).wrapping_mul(0xBF58_476D_1CE4_E5B9) >> 20;
-        let index = (mixed % counts.len() as u64) as usize;
-        let voxel = query.voxel(index);
-        let expected = direct_count(obstacle, rotated, voxel);
-        if counts[index] != expected {
-            return Err(SectionError::SpotCheck { voxel, found: counts[index], expected });
-        }
-    }
-    Ok(())
+    spots(obstacle, rotated, query).iter().try_for_each(|spot| spot.check(counts[spot.index]))
 }

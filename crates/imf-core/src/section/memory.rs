@@ -4,6 +4,7 @@ use super::bit_adder::TILE_BITS;
 use super::bit_obstacle::BitObstacle;
 use super::clipped::ClippedTool;
 use super::counter::Estimate;
+use super::sweep::{Order, Sweep};
 use super::{SLANT, SectionPlan};
 use crate::grid::Grid;
 use crate::tool::{RotatedTool, Tool};
@@ -31,7 +32,8 @@ impl SectionPlan {
         // Half of the voxels solid is more than most parts have.
         let single = size.error_bound::<f32>(grid.len() / 2, rotated.count as usize) < 0.5;
         let arch = pulp::Arch::new();
-        if Estimate::new(arch, grid.dims, &query, &size, &clipped, single).prefers_run_ends() {
+        let sweep = Sweep::choose(&clipped, grid.dims, size.line_bits(), &query, Order::Any);
+        if Estimate::new(arch, grid.dims, &query, &size, &clipped, &sweep, single).prefers_run_ends() {
             return common + BitObstacle::memory(grid.dims, &size, TILE_BITS);
         }
         let complex = if single { 8 } else { 16 };

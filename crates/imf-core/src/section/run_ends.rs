@@ -22,28 +22,41 @@ impl Axis {
     }
 }
 
-/// Offsets from the tip's voxel, sorted by x, then y, with the place where each (x, y) begins.
-#[derive(Default)]
-pub(super) struct Offsets {
+/// Where the offsets of each (x, y) stand in a list sorted by x, then y.
+#[derive(Clone, Default)]
+pub(super) struct OffsetTable {
     /// Offset of the first (x, y) of the table.
     pub(super) lower: [i64; 2],
     /// (x, y) pairs of the table along x and y.
     pub(super) dims: [usize; 2],
     /// `[dims[0]·dims[1] + 1]`: where the offsets of (x, y) begin.
     starts: Vec<u32>,
+}
+
+/// Offsets from the tip's voxel, sorted by x, then y.
+#[derive(Default)]
+pub(super) struct Offsets {
+    pub(super) table: OffsetTable,
     /// Along z.
     pub(super) z: Vec<i32>,
 }
 
 impl Offsets {
     fn clear(&mut self, tool: &ClippedTool<'_>) {
-        self.lower = [tool.lower[0], tool.lower[1]];
+        self.table.lower = [tool.lower[0], tool.lower[1]];
         // One more than the box: a run may end at its upper side.
-        self.dims = [tool.dims[0] + 1, tool.dims[1] + 1];
-        self.starts.clear();
+        self.table.dims = [tool.dims[0] + 1, tool.dims[1] + 1];
+        self.table.starts.clear();
         self.z.clear();
     }
 
+    /// What follows stands at the next (x, y).
+    fn next(&mut self) {
+        self.table.starts.push(self.z.len() as u32);
+    }
+}
+
+impl OffsetTable {
     /// Everything at offset x (counted from `lower`) with y in `low..high` (counted likewise).
     #[inline]
     pub(super) fn range(&self, x: usize, low: usize, high: usize) -> std::ops::Range<usize> {
@@ -99,8 +112,8 @@ impl RunEnds {
         let empty = vec![0; nz];
         for x in 0..=nx {
             for y in 0..=ny {
-                self.covered.starts.push(self.covered.z.len() as u32);
-                self.uncovered.starts.push(self.uncovered.z.len() as u32);
+                self.covered.next();
+                self.uncovered.next();
                 let inside = x < nx && y < ny;
                 match axis {
                     Axis::X if y < ny => {
@@ -123,8 +136,8 @@ impl RunEnds {
                 }
             }
         }
-        self.covered.starts.push(self.covered.z.len() as u32);
-        self.uncovered.starts.push(self.uncovered.z.len() as u32);
+        self.covered.next();
+        self.uncovered.next();
     }
 
     /// Takes over where two neighbouring lines differ. Against a line of no voxels only the first voxel counts: it

@@ -29,6 +29,11 @@ impl QueryBox {
         })
     }
 
+    /// Its voxels along x.
+    pub(super) fn planes(&self) -> std::ops::Range<i64> {
+        self.lower[0]..self.lower[0] + self.dims[0] as i64
+    }
+
     /// Number of voxels.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -85,6 +90,11 @@ impl CircularSize {
             size.n[axis] = fast_length(needed as usize, axis == 2);
         }
         size
+    }
+
+    /// Bits from a line of the obstacle to the next where it is kept as bits.
+    pub(super) fn line_bits(&self) -> i64 {
+        self.needed[2] as i64
     }
 
     /// Largest error to expect in a correlation of 0/1 arrays with these counts, before rounding.

@@ -109,14 +109,15 @@ impl StepSpace {
 
 impl StepEnds {
     fn new(offsets: &Offsets) -> Self {
-        let [planes, lines] = offsets.dims;
-        let mut ends = Self { first_plane: offsets.lower[0], ..Self::default() };
+        let table = &offsets.table;
+        let [planes, lines] = table.dims;
+        let mut ends = Self { first_plane: table.lower[0], ..Self::default() };
         ends.offsets.reserve(offsets.z.len());
         for x in 0..planes {
             ends.starts.push(ends.offsets.len() as u32);
             for y in 0..lines {
-                let at = [offsets.lower[0] + x as i64, offsets.lower[1] + y as i64];
-                let line = &offsets.z[offsets.range(x, y, y + 1)];
+                let at = [table.lower[0] + x as i64, table.lower[1] + y as i64];
+                let line = &offsets.z[table.range(x, y, y + 1)];
                 ends.offsets.extend(line.iter().map(|&z| [at[0], at[1], i64::from(z)]));
             }
         }

@@ -11,10 +11,11 @@ use pulp::Arch;
 use super::bit_adder::{DIGITS, Digits, TILE_BITS, ZERO, add, spread, subtract};
 use super::bit_obstacle::BitObstacle;
 use super::clipped::ClippedTool;
-use super::run_ends::{Axis, Offsets, RunEnds};
+use super::run_ends::{Axis, OffsetTable, Offsets, RunEnds};
 use super::size::{CircularSize, QueryBox};
 use super::sweep::Sweep;
 use crate::occupancy::Occupancy;
+use crate::vectorised::vectorised;
 
 /// The obstacle prepared for tools and query boxes of one size.
 pub(super) struct SurfaceCounter {
@@ -22,29 +23,47 @@ pub(super) struct SurfaceCounter {
     obstacle: BitObstacle,
 }
 
+/// A tool on its way through the planes of a query box.
+#[derive(Clone, Default)]
+pub(super) struct Walk {
+    /// `None` where the tool meets nothing.
+    sweep: Option<Sweep>,
+    /// What steps cover, what they uncover.
+    sides: [Side; 2],
+    /// Plane along x whose differences are taken next, where the tool is stepped along x.
+    next: i64,
+    /// Overlaps of the plane before, where the tool is stepped along x.
+    previous: Vec<i32>,
+}
+
+/// Run ends of one kind by the addresses at which they are read.
+#[derive(Clone, Default)]
+struct Side {
+    table: OffsetTable,
+    /// Relative to a tile's; they wrap.
+    addresses: Vec<u32>,
+}
+
 /// Working memory of one thread.
 pub(super) struct Scratch {
     ends: RunEnds,
-    /// Addresses of the run ends relative to a tile's; they wrap.
-    addresses: [Vec<u32>; 2],
+    /// Of tools that are counted over a whole box at once.
+    walk: Walk,
     /// Addresses that one tile reads.
     reads: Vec<u32>,
     digits: Box<[Digits; 2]>,
     /// Differences of one plane, then overlaps.
     plane: Vec<i32>,
-    /// Overlaps of the plane before.
-    previous: Vec<i32>,
 }
 
 impl Default for Scratch {
     fn default() -> Self {
         Self {
             ends: RunEnds::default(),
-            addresses: [Vec::new(), Vec::new()],
+            walk: Walk::default(),
             reads: Vec::new(),
             digits: Box::new([ZERO, ZERO]),
             plane: Vec::new(),
-            previous: Vec::new(),
         }
     }
 }
@@ -58,61 +77,98 @@ impl SurfaceCounter {
     pub(super) fn count(
         &self,
         tool: &ClippedTool<'_>,
+        sweep: Sweep,
         query: &QueryBox,
         scratch: &mut Scratch,
         counts: &mut [u32],
     ) {
+        let mut walk = std::mem::take(&mut scratch.walk);
+        self.start(tool, sweep, scratch, &mut walk);
+        self.advance(&mut walk, query, query.planes(), scratch, counts);
+        scratch.walk = walk;
+    }
+
+    /// A tool before the first plane of a query box; the sweep is one of [`Order::PlanesUpwards`].
+    ///
+    /// [`Order::PlanesUpwards`]: super::sweep::Order::PlanesUpwards
+    pub(super) fn begin(&self, tool: &ClippedTool<'_>, sweep: Sweep, scratch: &mut Scratch) -> Walk {
+        let mut walk = Walk::default();
+        self.start(tool, sweep, scratch, &mut walk);
+        walk
+    }
+
+    fn start(&self, tool: &ClippedTool<'_>, sweep: Sweep, scratch: &mut Scratch, walk: &mut Walk) {
+        walk.sweep = (tool.dims[0] > 0 && sweep.steps() > 0).then_some(sweep);
+        if walk.sweep.is_none() {
+            return;
+        }
+        let ends = &mut scratch.ends;
+        ends.collect(tool, sweep.axis);
+        for (side, offsets) in walk.sides.iter_mut().zip([&ends.covered, &ends.uncovered]) {
+            side.table.clone_from(&offsets.table);
+            self.addresses_of(offsets, &mut side.addresses);
+        }
+        walk.next = i64::MIN;
+        walk.previous.clear();
+    }
+
+    /// Overlaps over the next planes of the query box that the walk was begun for into `counts`: planes upwards from one
+    /// call to the next, or all at once.
+    pub(super) fn advance(
+        &self,
+        walk: &mut Walk,
+        query: &QueryBox,
+        planes: Range<i64>,
+        scratch: &mut Scratch,
+        counts: &mut [u32],
+    ) {
         counts.fill(0);
-        if tool.dims[0] == 0 {
-            return;
-        }
-        let sweep = Sweep::choose(tool, self.obstacle.dims(), self.obstacle.line_bits(), query);
-        if sweep.steps() == 0 {
-            return;
-        }
-        scratch.ends.collect(tool, sweep.axis);
-        for (addresses, offsets) in
-            scratch.addresses.iter_mut().zip([&scratch.ends.covered, &scratch.ends.uncovered])
-        {
-            self.addresses_of(offsets, addresses);
-        }
+        let Some(sweep) = walk.sweep else { return };
         let [xs, ys, zs] = Axis::ALL.map(|axis| sweep.range(axis, query));
         let lines = (ys.end - ys.start) as usize;
         let length = (zs.end - zs.start) as usize;
-        scratch.previous.clear();
-        scratch.previous.resize(lines * length, 0);
         scratch.plane.resize(lines * length, 0);
-        let planes: Box<dyn Iterator<Item = i64>> =
-            if sweep.axis == Axis::X && !sweep.upwards { Box::new(xs.rev()) } else { Box::new(xs) };
-        for x in planes {
-            self.differences(x, &ys, &zs, scratch);
-            let Scratch { plane, previous, .. } = scratch;
-            let target = match sweep.axis {
-                Axis::X => {
-                    add_up(previous, plane, sweep.upwards);
-                    // A difference upwards leads to the next plane.
-                    x + i64::from(sweep.upwards)
+        let along_x = sweep.axis == Axis::X;
+        // A difference upwards leads to the next plane.
+        let ahead = i64::from(along_x && sweep.upwards);
+        let xs = if along_x && sweep.upwards {
+            walk.next.max(xs.start)..xs.end.min(planes.end - ahead)
+        } else if along_x {
+            xs
+        } else {
+            planes.clone()
+        };
+        walk.next = xs.end.max(walk.next);
+        if along_x {
+            walk.previous.resize(lines * length, 0);
+        }
+        let mut window = *query;
+        (window.lower[0], window.dims[0]) = (planes.start, (planes.end - planes.start) as usize);
+        for step in 0..(xs.end - xs.start).max(0) {
+            let x = if along_x && !sweep.upwards { xs.end - 1 - step } else { xs.start + step };
+            self.differences(x, &ys, &zs, &walk.sides, scratch);
+            let (plane, previous) = (&mut scratch.plane, &mut walk.previous);
+            vectorised!(self.arch, {
+                match sweep.axis {
+                    Axis::X => add_up(previous, plane, sweep.upwards),
+                    Axis::Y => sum_lines(plane, length, sweep.upwards),
+                    Axis::Z => {
+                        plane.chunks_exact_mut(length).for_each(|line| sum_line(line, sweep.upwards));
+                    }
                 }
-                Axis::Y => {
-                    sum_lines(plane, length, sweep.upwards);
-                    x
-                }
-                Axis::Z => {
-                    plane.chunks_exact_mut(length).for_each(|line| sum_line(line, sweep.upwards));
-                    x
-                }
-            };
-            let source = if sweep.axis == Axis::X { &*previous } else { &*plane };
-            store(query, target, &ys, &zs, &sweep, source, counts);
+                let source = if along_x { &*previous } else { &*plane };
+                store(&window, x + ahead, &ys, &zs, &sweep, source, counts);
+            });
         }
     }
 
     fn addresses_of(&self, offsets: &Offsets, addresses: &mut Vec<u32>) {
         addresses.clear();
-        for x in 0..offsets.dims[0] {
-            for y in 0..offsets.dims[1] {
-                let at = [offsets.lower[0] + x as i64, offsets.lower[1] + y as i64];
-                let range = offsets.range(x, y, y + 1);
+        let table = &offsets.table;
+        for x in 0..table.dims[0] {
+            for y in 0..table.dims[1] {
+                let at = [table.lower[0] + x as i64, table.lower[1] + y as i64];
+                let range = table.range(x, y, y + 1);
                 addresses.extend(
                     offsets.z[range]
                         .iter()
@@ -123,7 +179,14 @@ impl SurfaceCounter {
     }
 
     /// Differences at plane x over `ys × zs` into `scratch.plane`.
-    fn differences(&self, x: i64, ys: &Range<i64>, zs: &Range<i64>, scratch: &mut Scratch) {
+    fn differences(
+        &self,
+        x: i64,
+        ys: &Range<i64>,
+        zs: &Range<i64>,
+        sides: &[Side; 2],
+        scratch: &mut Scratch,
+    ) {
         let line = self.obstacle.line_bits();
         let length = (zs.end - zs.start) as usize;
         let first = (ys.start * line + zs.start).div_euclid(8) * 8;
@@ -135,16 +198,14 @@ impl SurfaceCounter {
             let bottom = (start + TILE_BITS as i64 - 1 - zs.start).div_euclid(line).min(ys.end - 1);
             let tile_address = self.obstacle.tile_address(x, start) as u32;
             let mut used = [0; 2];
-            for side in 0..2 {
-                let offsets = if side == 0 { &scratch.ends.covered } else { &scratch.ends.uncovered };
-                let reads = &mut scratch.reads;
-                self.reads_of(offsets, &scratch.addresses[side], x, top..bottom, tile_address, reads);
-                let digits = &mut scratch.digits[side];
+            let Scratch { reads, digits, .. } = scratch;
+            for ((side, digits), used) in sides.iter().zip(digits.iter_mut()).zip(&mut used) {
+                self.reads_of(side, x, top..bottom, tile_address, reads);
                 // Digits beyond those of this tile are never read.
                 let most = (usize::BITS - reads.len().leading_zeros()) as usize;
                 digits[..most.clamp(5, DIGITS)].fill([0; TILE_BITS / 64]);
                 if !reads.is_empty() {
-                    used[side] = add(self.arch, self.obstacle.bytes(), reads, digits);
+                    *used = add(self.arch, self.obstacle.bytes(), reads, digits);
                 }
             }
             let most = used[0].max(used[1]);
@@ -170,28 +231,21 @@ impl SurfaceCounter {
     }
 
     /// Addresses that a tile at plane x over these lines reads; padded with zeros' addresses to a multiple of eight.
-    fn reads_of(
-        &self,
-        offsets: &Offsets,
-        addresses: &[u32],
-        x: i64,
-        lines: Range<i64>,
-        tile_address: u32,
-        reads: &mut Vec<u32>,
-    ) {
+    fn reads_of(&self, side: &Side, x: i64, lines: Range<i64>, tile_address: u32, reads: &mut Vec<u32>) {
         reads.clear();
+        let Side { table, addresses } = side;
         // Planes that are inside the obstacle's grid.
-        let low = (-x - offsets.lower[0]).max(0);
-        let high = (self.obstacle.dims()[0] as i64 - x - offsets.lower[0]).min(offsets.dims[0] as i64);
+        let low = (-x - table.lower[0]).max(0);
+        let high = (self.obstacle.dims()[0] as i64 - x - table.lower[0]).min(table.dims[0] as i64);
         for offset in low..high {
-            let Some([first, last]) = self.obstacle.solid_lines((x + offsets.lower[0] + offset) as usize)
+            let Some([first, last]) = self.obstacle.solid_lines((x + table.lower[0] + offset) as usize)
             else {
                 continue;
             };
-            let from = (first - lines.end - offsets.lower[1]).max(0);
-            let to = (last - lines.start - offsets.lower[1] + 1).min(offsets.dims[1] as i64);
+            let from = (first - lines.end - table.lower[1]).max(0);
+            let to = (last - lines.start - table.lower[1] + 1).min(table.dims[1] as i64);
             if from < to {
-                let range = offsets.range(offset as usize, from as usize, to as usize);
+                let range = table.range(offset as usize, from as usize, to as usize);
                 reads.extend(addresses[range].iter().map(|&address| tile_address.wrapping_add(address)));
             }
         }
@@ -200,6 +254,7 @@ impl SurfaceCounter {
 }
 
 /// Copies the overlaps of a plane that the query box wants.
+#[inline(always)]
 fn store(
     query: &QueryBox,
     x: i64,
@@ -234,6 +289,7 @@ fn store(
 }
 
 /// `total ± differences`: upwards a difference is added, downwards taken off.
+#[inline(always)]
 fn add_up(total: &mut [i32], differences: &[i32], upwards: bool) {
     if upwards {
         total.iter_mut().zip(differences).for_each(|(t, d)| *t += d);
@@ -243,6 +299,7 @@ fn add_up(total: &mut [i32], differences: &[i32], upwards: bool) {
 }
 
 /// Sums up the differences between lines.
+#[inline(always)]
 fn sum_lines(plane: &mut [i32], length: usize, upwards: bool) {
     let lines = plane.len() / length;
     if upwards {
@@ -260,6 +317,7 @@ fn sum_lines(plane: &mut [i32], length: usize, upwards: bool) {
 }
 
 /// Sums up the differences along a line.
+#[inline(always)]
 fn sum_line(line: &mut [i32], upwards: bool) {
     let mut total = 0;
     if upwards {

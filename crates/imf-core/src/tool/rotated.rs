@@ -5,6 +5,7 @@ use glam::{DMat4, DVec3};
 use super::{Segment, Tool, ToolError, ToolShape};
 use crate::grid::Grid;
 use crate::orientation::Orientation;
+use crate::vectorised::vectorised;
 use crate::voxelize::voxelize;
 
 /// Which voxels a rotated tool holds, relative to the voxel its tip is on.
@@ -52,7 +53,7 @@ impl RotatedTool {
             ToolShape::Revolved(elements) => {
                 let profile: Vec<Segment> = elements.iter().flat_map(|e| e.profile.iter().copied()).collect();
                 let direction = orientation.direction();
-                pulp::Arch::new().dispatch(|| rotated.fill_revolved(&profile, direction, pitch));
+                vectorised!(pulp::Arch::new(), rotated.fill_revolved(&profile, direction, pitch));
             }
             ToolShape::Mesh(mesh) => {
                 let turned = mesh.transformed(&DMat4::from_mat3(orientation.rotation()));

@@ -54,7 +54,7 @@ fn chosen(
         return Ok(settings);
     }
     let room = session.memory_limit();
-    let Some(most) = settings.degree_within(domain, plan.grid().len(), room) else {
+    let Some(most) = settings.degree_within(plan, domain, room) else {
         bail!(
             "no harmonic field fits into {} of memory; use a larger --pitch, or raise --memory",
             show_bytes(room)
@@ -104,8 +104,8 @@ pub(in crate::commands) fn fitted(
     mut settings: FitSettings,
     smaller: &str,
 ) -> Result<HarmonicFile> {
-    settings.one_pass = settings.memory(domain, plan.grid().len()).0 <= session.memory_limit();
-    let (needed, _) = settings.memory(domain, plan.grid().len());
+    settings.one_pass = settings.memory_with(plan, domain).0 <= session.memory_limit();
+    let (needed, _) = settings.memory_with(plan, domain);
     session.require_memory(needed, || {
         let axes = settings.sizes(domain).axes;
         format!("a harmonic field of degree {} along {axes} axes; {smaller}", settings.degree)

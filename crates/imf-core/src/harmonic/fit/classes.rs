@@ -12,9 +12,10 @@ use super::solve::ridge;
 use super::source::UNIT;
 use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::Basis;
-use crate::harmonic::fours::{IMAGES, SIGNS, classes};
+use crate::harmonic::fours::{IMAGES, classes};
 use crate::orientation::Orientation;
 use crate::siren::matrix::{Matrix, multiply};
+use crate::vectorised::vectorised;
 
 /// What turns sections to coefficients.
 pub(super) struct ClassWeights {
@@ -56,13 +57,12 @@ impl ClassWeights {
         Ok(Self { directions, order, weights })
     }
 
-    /// Adds to the coefficients `z` `[voxel][axis]` of the voxels from `first` on what their sections say; `sums` is
-    /// working memory.
+    /// Adds to the coefficients `z` `[voxel][axis]` of a block of voxels what its sections say; `sums` is working memory.
     pub(super) fn add(
         &self,
         arch: Arch,
         sections: &KeptSections,
-        first: usize,
+        block: usize,
         z: &mut [f32],
         sums: &mut Vec<f32>,
     ) {
@@ -73,12 +73,12 @@ impl ClassWeights {
         let mut parts = sums.chunks_exact_mut(part);
         let mut rows: [_; IMAGES] =
             std::array::from_fn(|_| parts.next().unwrap_or_default().chunks_exact_mut(voxels));
-        for four in sections.values.chunks_exact(IMAGES * sections.voxels) {
-            let mut images = four.chunks_exact(sections.voxels).map(|image| &image[first..first + voxels]);
+        for four in sections.block(block) {
+            let mut images = four.chunks_exact(voxels);
             let images: [&[u16]; IMAGES] = std::array::from_fn(|_| images.next().unwrap_or_default());
             let sums: [&mut [f32]; IMAGES] =
                 std::array::from_fn(|class| rows[class].next().unwrap_or_default());
-            arch.dispatch(|| add_and_subtract(images, sums));
+            vectorised!(arch, add_and_subtract(images, sums));
         }
         let mut axis = 0;
         for (weights, sums) in self.weights.iter().zip(sums.chunks_exact(part)) {
@@ -95,21 +95,6 @@ impl ClassWeights {
             );
             axis += own;
         }
-    }
-
-    /// The coefficients of one voxel from its values, `[orientation]`, in [`UNIT`]s: the definition.
-    pub(super) fn of_values(&self, values: &[f64]) -> Vec<f64> {
-        let mut z = Vec::with_capacity(self.order.len());
-        for (signs, weights) in SIGNS.iter().zip(&self.weights) {
-            let own = weights.len() / self.directions;
-            let from = z.len();
-            z.resize(from + own, 0.0);
-            for (images, row) in values.chunks_exact(IMAGES).zip(weights.chunks_exact(own.max(1))) {
-                let sum: f64 = images.iter().zip(signs).map(|(value, sign)| value * sign).sum();
-                z[from..].iter_mut().zip(row).for_each(|(z, &weight)| *z += sum * f64::from(weight));
-            }
-        }
-        z
     }
 }
 
@@ -132,6 +117,25 @@ fn add_and_subtract([a, b, c, d]: [&[u16]; IMAGES], [s0, s1, s2, s3]: [&mut [f32
 mod tests {
     use super::*;
     use crate::harmonic::basis::Domain;
+    use crate::harmonic::fit::kept::KEPT_BLOCK;
+    use crate::harmonic::fours::SIGNS;
+
+    impl ClassWeights {
+        /// The coefficients of one voxel from its values, `[orientation]`, in [`UNIT`]s: the definition.
+        fn of_values(&self, values: &[f64]) -> Vec<f64> {
+            let mut z = Vec::with_capacity(self.order.len());
+            for (signs, weights) in SIGNS.iter().zip(&self.weights) {
+                let own = weights.len() / self.directions;
+                let from = z.len();
+                z.resize(from + own, 0.0);
+                for (images, row) in values.chunks_exact(IMAGES).zip(weights.chunks_exact(own.max(1))) {
+                    let sum: f64 = images.iter().zip(signs).map(|(value, sign)| value * sign).sum();
+                    z[from..].iter_mut().zip(row).for_each(|(z, &weight)| *z += sum * f64::from(weight));
+                }
+            }
+            z
+        }
+    }
 
     #[test]
     fn blocks_of_voxels_have_the_coefficients_of_their_definition() {
@@ -141,15 +145,15 @@ mod tests {
         let mut order = weights.order.clone();
         order.sort_unstable();
         assert_eq!(order, (0..16).collect::<Vec<_>>());
-        let voxels = 37;
-        let values = (0..set.len() * voxels).map(|i| (i * 7919 % 65536) as u16).collect();
-        let sections = KeptSections::of_overlaps(voxels, values);
-        let (first, count) = (5, 29);
-        let mut z = vec![0.25; count * 16];
-        weights.add(Arch::new(), &sections, first, &mut z, &mut Vec::new());
+        // The last block is short.
+        let (voxels, first) = (KEPT_BLOCK + 37, KEPT_BLOCK);
+        let values: Vec<u16> = (0..set.len() * voxels).map(|i| (i * 7919 % 65536) as u16).collect();
+        let sections = KeptSections::of_overlaps(voxels, &values);
+        let mut z = vec![0.25; (voxels - first) * 16];
+        weights.add(Arch::new(), &sections, 1, &mut z, &mut Vec::new());
         for (voxel, z) in z.chunks_exact(16).enumerate() {
             let own: Vec<f64> =
-                sections.values.iter().skip(first + voxel).step_by(voxels).map(|&v| f64::from(v)).collect();
+                values.iter().skip(first + voxel).step_by(voxels).map(|&v| f64::from(v)).collect();
             for (&found, expected) in z.iter().zip(weights.of_values(&own)) {
                 // Sums of five products of order one in f32.
                 assert!((f64::from(found) - 0.25 - expected).abs() < 2e-6, "{found} {expected}");

@@ -5,7 +5,8 @@ use pulp::Arch;
 use rayon::prelude::*;
 
 use super::classes::ClassWeights;
-use super::kept::KeptSections;
+use super::kept::{KEPT_BLOCK, KeptSections};
+use super::parts::Parts;
 use super::sample::Sample;
 use super::solve::{NormalMatrix, Solved, function_values, principal_axes};
 use super::source::{Source, SourceScratch};
@@ -33,9 +34,6 @@ pub(super) struct Dense {
     normal: NormalMatrix,
 }
 
-/// Voxels of a block whose classes' sums, a quarter of a megabyte, stay in the inner caches.
-const CLASS_BLOCK: usize = 256;
-
 /// The field's numbers: its axes as columns, the mean, the coefficients and what is known of the errors.
 pub(super) struct Fitted {
     pub(super) axes: DMatrix<f64>,
@@ -57,13 +55,6 @@ impl Start {
         let set = basis.fitted_set(sizes.sections)?;
         let sample = Sample::take(source, settings, &basis, control)?;
         Ok(Self { basis, set, sample, sizes })
-    }
-
-    /// True where functions are kept as they are and fall into classes, of values that begin at 0.
-    pub(super) fn in_classes(&self) -> bool {
-        self.basis.domain() == Domain::Directions
-            && self.sizes.axes == self.sizes.functions
-            && self.sample.quantity.is_overlap()
     }
 
     pub(super) fn dense(&self) -> Result<Dense, HarmonicError> {
@@ -101,7 +92,7 @@ impl Start {
         (axes, report)
     }
 
-    /// One pass, whose sections stay in memory, each class of functions by itself.
+    /// One pass, each class of functions by itself, part by part of the grid.
     pub(super) fn class_by_class(
         &self,
         source: &Source<'_>,
@@ -109,24 +100,33 @@ impl Start {
         control: Control<'_>,
     ) -> Result<Fitted, HarmonicError> {
         let weights = ClassWeights::new(&self.basis, &self.set)?;
-        let sections = KeptSections::count(source, &self.set, control)?;
-        let (arch, functions) = (Arch::new(), self.basis.len());
-        let solve = |sections: &KeptSections, start: &[f32], precision| {
-            Coefficients::by_blocks(sections.voxels, functions, CLASS_BLOCK, precision, |sums, first, z| {
-                z.chunks_exact_mut(functions).for_each(|z| z.copy_from_slice(start));
-                weights.add(arch, sections, first, z, sums);
-            })
+        let (arch, functions, order) = (Arch::new(), self.basis.len(), &weights.order);
+        let mean = self.sample.rough_means(&self.basis)?;
+        let start: Vec<f32> = order.iter().map(|&function| -mean[function] as f32).collect();
+        let solve = |sections: &KeptSections, start: Option<&[f32]>, z: &mut Coefficients, first| {
+            let voxels = first..first + sections.voxels;
+            // A block's sums of the classes, a quarter of a megabyte, stay in the inner caches.
+            z.fill_by_blocks(voxels, functions, KEPT_BLOCK, |sums, block, z| {
+                match start {
+                    Some(start) => z.chunks_exact_mut(functions).for_each(|z| z.copy_from_slice(start)),
+                    None => z.fill(0.0),
+                }
+                weights.add(arch, sections, block, z, sums);
+            });
         };
-        let of_sample = sections.at(&self.sample.places);
-        let mean_of =
-            |values: &[u16]| values.iter().map(|&v| u64::from(v)).sum::<u64>() as f64 / values.len() as f64;
-        let means: Vec<f64> = of_sample.values.chunks_exact(of_sample.voxels).map(mean_of).collect();
-        let mean = weights.of_values(&means);
-        let start: Vec<f32> = mean.iter().map(|&v| -v as f32).collect();
-        let coefficients = solve(&sections, &start, precision);
-        drop(sections);
-        let at_sample = solve(&of_sample, &vec![0.0; functions], Precision::F32);
-        let order = &weights.order;
+        let mut coefficients = Coefficients::zeros(source.grid().len() * functions, precision);
+        let mut at_sample = Coefficients::zeros(self.sample.places().len() * functions, Precision::F32);
+        let mut sampled = 0;
+        let mut parts = Parts::new(source, &self.set, control)?;
+        while let Some((first, sections)) = parts.next(control)? {
+            solve(sections, Some(&start), &mut coefficients, first);
+            let places = self.sample.places_in(first, sections.voxels);
+            if !places.is_empty() {
+                solve(&sections.at(&places), None, &mut at_sample, sampled);
+                sampled += places.len();
+            }
+        }
+        drop(parts);
         let mut scratch = Vec::new();
         let report = self.sample.report(
             at_sample.read(0, at_sample.len(), &mut scratch),
@@ -136,12 +136,10 @@ impl Start {
             0.0,
         );
         let mut axes = DMatrix::zeros(functions, functions);
-        let mut whole_mean = DVector::zeros(functions);
-        for (axis, (&function, &mean)) in order.iter().zip(&mean).enumerate() {
+        for (axis, &function) in order.iter().enumerate() {
             axes[(function, axis)] = 1.0;
-            whole_mean[function] = mean;
         }
-        Ok(Fitted { axes, mean: whole_mean, coefficients, report })
+        Ok(Fitted { axes, mean: DVector::from_vec(mean), coefficients, report })
     }
 
     /// One pass, whose sections stay in memory: those of the sample decide on the axes, then every block of voxels becomes
@@ -154,22 +152,22 @@ impl Start {
     ) -> Result<Fitted, HarmonicError> {
         let dense = self.dense()?;
         let sections = KeptSections::count(source, &self.set, control)?;
-        let of_sample = sections.at(&self.sample.places);
+        let of_sample = sections.at(self.sample.places());
         let mut own = Vec::new();
-        of_sample.read(Arch::new(), 0, of_sample.voxels, &mut own);
+        of_sample.read(Arch::new(), 0..of_sample.voxels.div_ceil(KEPT_BLOCK), &mut own);
         let solved = self.sample.moments(&own, &dense.values).solve(&dense.normal);
         let (axes, report) = self.axes_of(&solved);
         let (weights, start) = dense.weights(&axes, &solved.mean);
         let (count, width, arch) = (self.set.len(), axes.ncols(), Arch::new());
         let weights = Matrix::row_major(&weights, count, width, width);
-        let coefficients =
-            Coefficients::by_blocks(sections.voxels, width, BLOCK, precision, |own, first, z| {
-                z.chunks_exact_mut(width).for_each(|z| z.copy_from_slice(&start));
-                let voxels = z.len() / width;
-                sections.read(arch, first, voxels, own);
-                let own = Matrix::row_major(own, count, voxels, voxels).transposed();
-                multiply(z, width, own, weights, true);
-            });
+        let mut coefficients = Coefficients::zeros(sections.voxels * width, precision);
+        coefficients.fill_by_blocks(0..sections.voxels, width, BLOCK, |own, block, z| {
+            z.chunks_exact_mut(width).for_each(|z| z.copy_from_slice(&start));
+            let (voxels, first) = (z.len() / width, block * (BLOCK / KEPT_BLOCK));
+            sections.read(arch, first..first + voxels.div_ceil(KEPT_BLOCK), own);
+            let own = Matrix::row_major(own, count, voxels, voxels).transposed();
+            multiply(z, width, own, weights, true);
+        });
         Ok(Fitted { axes, mean: solved.mean, coefficients, report })
     }
 

@@ -1,8 +1,9 @@
 //! Exact values at a sample of voxels: what decides on the axes, and what the errors are told by.
 
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use super::solve::{Moments, column_means, function_values, gram};
+use super::solve::{Moments, NormalMatrix, column_means, function_values, gram};
 use super::source::{Source, SourceScratch};
 use super::{BLOCK, FitReport, FitSettings};
 use crate::control::Control;
@@ -14,7 +15,8 @@ use crate::siren::matrix::{Matrix, multiply};
 
 /// Voxels of a sample, and exact values there at orientations that are not fitted.
 pub(super) struct Sample {
-    pub(super) places: Vec<usize>,
+    /// In rising order.
+    places: Vec<usize>,
     held_out: Vec<Orientation>,
     /// `[held-out orientation][voxel]`.
     judged: Vec<f32>,
@@ -31,13 +33,14 @@ impl Sample {
         let total = source.grid().len();
         let voxels = settings.sample.min(total);
         // A golden step visits every part of the grid evenly, and every voxel once where all are taken.
-        let places: Vec<usize> = if voxels == total {
+        let mut places: Vec<usize> = if voxels == total {
             (0..total).collect()
         } else {
             (0..voxels)
                 .map(|i| ((i as f64 * 0.618_033_988_749_894_9).fract() * total as f64) as usize)
                 .collect()
         };
+        places.sort_unstable();
         let held_out = basis.random_set(settings.held_out, settings.seed)?.orientations;
         let judged = gather(source, &held_out, &places, control)?;
         Ok(Self { places, held_out, judged, quantity: settings.quantity })
@@ -51,6 +54,32 @@ impl Sample {
         control: Control<'_>,
     ) -> Result<Vec<f32>, SectionError> {
         gather(source, set, &self.places, control)
+    }
+
+    /// The sample's voxels.
+    pub(super) fn places(&self) -> &[usize] {
+        &self.places
+    }
+
+    /// Those from voxel `first` on, `count` voxels' worth, counted from `first`.
+    pub(super) fn places_in(&self, first: usize, count: usize) -> Vec<usize> {
+        let place = |voxel| self.places.partition_point(|&place| place < voxel);
+        self.places[place(first)..place(first + count)].iter().map(|place| place - first).collect()
+    }
+
+    /// The likeliest means over all voxels of the functions' coefficients, by the orientations that are not fitted: known before
+    /// any section is, and near enough for deviations from them to be small.
+    pub(super) fn rough_means(&self, basis: &Basis) -> Result<Vec<f64>, HarmonicError> {
+        let values = function_values(basis, &self.held_out);
+        let means = self
+            .judged
+            .chunks_exact(self.places.len())
+            .map(|own| own.iter().map(|&value| f64::from(value)).sum::<f64>() / own.len() as f64);
+        let mut right = DMatrix::zeros(basis.len(), 1);
+        for (row, mean) in values.chunks_exact(basis.len()).zip(means) {
+            right.iter_mut().zip(row).for_each(|(right, &value)| *right += f64::from(value) * mean);
+        }
+        Ok(NormalMatrix::new(basis, &values)?.solve(&right).iter().copied().collect())
     }
 
     /// `Bᵀ S` of the sections that are fitted, `[orientation][voxel]` at the sample's voxels, with its mean over voxels and
