@@ -101,3 +101,4 @@ pub mod training;
 pub mod unit;
 mod vectorised;
 pub mod voxelize;
+mod workspaces;

@@ -45,7 +45,6 @@ mod least;
 mod motion;
 mod neural;
 mod pose;
-mod workspaces;
 
 #[cfg(test)]
 pub(crate) mod scenes;

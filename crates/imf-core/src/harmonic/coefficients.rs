@@ -4,8 +4,11 @@ use std::ops::Range;
 
 use half::f16;
 use half::slice::HalfFloatSliceExt as _;
+use half::vec::HalfBitsVecExt as _;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+
+use crate::workspaces::Workspaces;
 
 /// How coefficients are kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -27,6 +30,14 @@ impl Precision {
             Self::F16 => 2,
         }
     }
+}
+
+/// Working memory for a block of voxels.
+#[derive(Default)]
+pub(super) struct BlockScratch {
+    made_from: Vec<f32>,
+    /// Before they are turned into halves.
+    values: Vec<f32>,
 }
 
 /// `[voxel][axis]`.
@@ -57,35 +68,39 @@ impl Coefficients {
     pub(super) fn zeros(count: usize, precision: Precision) -> Self {
         match precision {
             Precision::F32 => Self::F32(vec![0.0; count]),
-            Precision::F16 => Self::F16(vec![f16::ZERO; count]),
+            // Zeros of whole numbers, which the kernel hands out untouched: no thread writes them first.
+            Precision::F16 => Self::F16(vec![0u16; count].reinterpret_into()),
         }
     }
 
     /// Makes those of `voxels`, with `axes` each, block by block: `make(scratch, index, values)` fills `[voxel][axes]` of up to
-    /// `block` voxels, the index-th so many, on the threads of the current pool; `scratch` is the thread's own.
+    /// `block` voxels, the index-th so many, on the threads of the current pool; `scratch` holds what another block left.
     pub(super) fn fill_by_blocks(
         &mut self,
         voxels: Range<usize>,
         axes: usize,
         block: usize,
+        workspaces: &Workspaces<BlockScratch>,
         make: impl Fn(&mut Vec<f32>, usize, &mut [f32]) + Sync,
     ) {
         let own = voxels.start * axes..voxels.end * axes;
         match self {
             Self::F32(all) => {
                 let blocks = all[own].par_chunks_mut(block * axes).enumerate();
-                blocks.for_each_init(Vec::new, |scratch, (index, values)| make(scratch, index, values));
+                blocks.for_each(|(index, values)| {
+                    workspaces.with(|scratch| make(&mut scratch.made_from, index, values));
+                });
             }
             Self::F16(all) => {
                 let blocks = all[own].par_chunks_mut(block * axes).enumerate();
-                blocks.for_each_init(
-                    || (Vec::new(), vec![0.0; block * axes]),
-                    |(scratch, values), (index, halves)| {
+                blocks.for_each(|(index, halves)| {
+                    workspaces.with(|BlockScratch { made_from, values }| {
+                        values.resize(block * axes, 0.0);
                         let values = &mut values[..halves.len()];
-                        make(scratch, index, values);
+                        make(made_from, index, values);
                         halves.convert_from_f32_slice(values);
-                    },
-                );
+                    });
+                });
             }
         }
     }

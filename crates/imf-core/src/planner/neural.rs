@@ -7,13 +7,13 @@ use glam::{DVec3, Quat, Vec3};
 use super::differences::gradient;
 use super::families::{Family, Scratch};
 use super::least::{BLOCK, check_minimum, least};
-use super::workspaces::Workspaces;
 use super::{Best, Decision, Gradient, LoadError, PlannerError, Pose, PoseField, check_lengths};
 use crate::calibration::Calibration;
 use crate::scene::Scene;
 use crate::section::Quantity;
 use crate::siren::evaluator::CpuEvaluator;
 use crate::stored::StoredField;
+use crate::workspaces::Workspaces;
 
 /// A learnt field: a network of the paper's kind, a harmonic field, or a factored one.
 ///

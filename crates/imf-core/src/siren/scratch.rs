@@ -1,8 +1,8 @@
 //! What the CPU engines share beside the network: their name, and buffers for whichever thread works.
 
-use std::sync::{Mutex, PoisonError};
-
 use pulp::Arch;
+
+use crate::workspaces::Workspaces;
 
 /// The CPU engine's name for people.
 pub(crate) fn describe(arch: Arch) -> String {
@@ -20,20 +20,19 @@ pub(crate) fn describe(arch: Arch) -> String {
 /// Buffers of one length, handed to whichever thread needs one; as many as threads ever worked at once.
 pub(crate) struct ScratchPool {
     length: usize,
-    free: Mutex<Vec<Vec<f32>>>,
+    buffers: Workspaces<Vec<f32>>,
 }
 
 impl ScratchPool {
     pub(crate) fn new(length: usize) -> Self {
-        Self { length, free: Mutex::new(Vec::new()) }
+        Self { length, buffers: Workspaces::default() }
     }
 
     /// Runs `work` with a buffer whose content is left over from earlier work.
     pub(crate) fn with<T>(&self, work: impl FnOnce(&mut [f32]) -> T) -> T {
-        let free = self.free.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        let mut buffer = free.unwrap_or_else(|| vec![0.0; self.length]);
-        let result = work(&mut buffer);
-        self.free.lock().unwrap_or_else(PoisonError::into_inner).push(buffer);
-        result
+        self.buffers.with(|buffer| {
+            buffer.resize(self.length, 0.0);
+            work(buffer)
+        })
     }
 }

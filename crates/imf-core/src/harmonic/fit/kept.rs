@@ -16,11 +16,15 @@ use crate::harmonic::fours::IMAGES;
 use crate::orientation::Orientation;
 use crate::section::SectionError;
 use crate::vectorised::vectorised;
+use crate::workspaces::Workspaces;
 
 /// Voxels of a block.
 pub(super) const KEPT_BLOCK: usize = 256;
 /// Sections of a group: a direction and its images.
 const GROUP: usize = IMAGES;
+
+/// Working memory of threads that fill sections in; the values are `[section of a group][voxel]`.
+pub(super) type KeptWorkspaces = Workspaces<(SourceScratch, Vec<u16>)>;
 
 /// Exact values as whole numbers ([`Source::kept`]).
 pub(super) struct KeptSections {
@@ -48,11 +52,17 @@ impl KeptSections {
         let voxels = source.grid().len();
         let mut kept = Self::new(source, set.len(), voxels);
         let mut orientations: Vec<_> = set.iter().collect();
-        kept.fill(voxels, &mut orientations, control, |orientation, scratch, section| {
-            source.kept(orientation, scratch, section)?;
-            (control.progress)(1);
-            Ok(())
-        })?;
+        kept.fill(
+            voxels,
+            &mut orientations,
+            &Workspaces::default(),
+            control,
+            |orientation, scratch, section| {
+                source.kept(orientation, scratch, section)?;
+                (control.progress)(1);
+                Ok(())
+            },
+        )?;
         Ok(kept)
     }
 
@@ -61,15 +71,16 @@ impl KeptSections {
         &mut self,
         voxels: usize,
         tools: &mut [T],
+        workspaces: &KeptWorkspaces,
         control: Control<'_>,
         make: impl Fn(&mut T, &mut SourceScratch, &mut [u16]) -> Result<(), SectionError> + Sync,
     ) -> Result<(), SectionError> {
         self.voxels = voxels;
         self.values.truncate(tools.len() * voxels);
-        self.values.par_chunks_mut(GROUP * voxels).zip(tools.par_chunks_mut(GROUP)).try_for_each_init(
-            || (SourceScratch::default(), vec![0; GROUP * voxels]),
-            |(scratch, sections), (kept, tools)| {
-                let sections = &mut sections[..tools.len() * voxels];
+        let groups = self.values.par_chunks_mut(GROUP * voxels).zip(tools.par_chunks_mut(GROUP));
+        groups.try_for_each(|(kept, tools)| {
+            workspaces.with(|(scratch, sections)| {
+                sections.resize(tools.len() * voxels, 0);
                 for (section, tool) in sections.chunks_exact_mut(voxels).zip(tools) {
                     if control.is_cancelled() {
                         return Err(SectionError::Cancelled);
@@ -78,8 +89,8 @@ impl KeptSections {
                 }
                 into_blocks(sections, voxels, kept);
                 Ok(())
-            },
-        )
+            })
+        })
     }
 
     /// Overlaps that are known already, `[section][voxel]`.

@@ -3,7 +3,7 @@
 
 use rayon::prelude::*;
 
-use super::kept::KeptSections;
+use super::kept::{KeptSections, KeptWorkspaces};
 use super::source::{Source, SourceScratch};
 use crate::control::Control;
 use crate::harmonic::HarmonicError;
@@ -11,7 +11,7 @@ use crate::orientation::Orientation;
 use crate::section::{SectionError, SectionPlan, SectionScratch, SectionWalk};
 
 /// Bytes of a part's values, which stay in the outer caches.
-const PART_BYTES: usize = 24 << 20;
+const PART_BYTES: usize = 48 << 20;
 
 /// Planes of a part.
 fn planes_at_once(plan: &SectionPlan, sections: usize) -> usize {
@@ -36,6 +36,7 @@ pub(super) struct Parts<'a> {
     /// The first plane of the next part.
     next: usize,
     kept: Option<KeptSections>,
+    workspaces: KeptWorkspaces,
 }
 
 impl<'a> Parts<'a> {
@@ -45,8 +46,15 @@ impl<'a> Parts<'a> {
         set: &'a [Orientation],
         control: Control<'_>,
     ) -> Result<Self, HarmonicError> {
-        let mut parts =
-            Self { source, set, by_planes: None, planes: source.grid().dims[0], next: 0, kept: None };
+        let mut parts = Self {
+            source,
+            set,
+            by_planes: None,
+            planes: source.grid().dims[0],
+            next: 0,
+            kept: None,
+            workspaces: KeptWorkspaces::default(),
+        };
         if let Source::Overlap(plan) = source
             && plan.walks()
         {
@@ -85,7 +93,7 @@ impl<'a> Parts<'a> {
                 let make = |walk: &mut SectionWalk, scratch: &mut SourceScratch, values: &mut [u16]| {
                     scratch.advance(plan, walk, planes.clone(), values)
                 };
-                kept.fill(planes.len() * ny * nz, walks, control, make)?;
+                kept.fill(planes.len() * ny * nz, walks, &self.workspaces, control, make)?;
                 let done = |planes: usize| (count * planes / nx) as u64;
                 (control.progress)(done(planes.end) - done(planes.start));
                 kept

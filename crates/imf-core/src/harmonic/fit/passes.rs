@@ -18,6 +18,7 @@ use crate::harmonic::coefficients::{Coefficients, Precision};
 use crate::orientation::Orientation;
 use crate::section::SectionError;
 use crate::siren::matrix::{Matrix, multiply};
+use crate::workspaces::Workspaces;
 
 /// What all ways begin with.
 pub(super) struct Start {
@@ -101,12 +102,13 @@ impl Start {
     ) -> Result<Fitted, HarmonicError> {
         let weights = ClassWeights::new(&self.basis, &self.set)?;
         let (arch, functions, order) = (Arch::new(), self.basis.len(), &weights.order);
+        let workspaces = Workspaces::default();
         let mean = self.sample.rough_means(&self.basis)?;
         let start: Vec<f32> = order.iter().map(|&function| -mean[function] as f32).collect();
         let solve = |sections: &KeptSections, start: Option<&[f32]>, z: &mut Coefficients, first| {
             let voxels = first..first + sections.voxels;
             // A block's sums of the classes, a quarter of a megabyte, stay in the inner caches.
-            z.fill_by_blocks(voxels, functions, KEPT_BLOCK, |sums, block, z| {
+            z.fill_by_blocks(voxels, functions, KEPT_BLOCK, &workspaces, |sums, block, z| {
                 match start {
                     Some(start) => z.chunks_exact_mut(functions).for_each(|z| z.copy_from_slice(start)),
                     None => z.fill(0.0),
@@ -161,7 +163,8 @@ impl Start {
         let (count, width, arch) = (self.set.len(), axes.ncols(), Arch::new());
         let weights = Matrix::row_major(&weights, count, width, width);
         let mut coefficients = Coefficients::zeros(sections.voxels * width, precision);
-        coefficients.fill_by_blocks(0..sections.voxels, width, BLOCK, |own, block, z| {
+        let workspaces = Workspaces::default();
+        coefficients.fill_by_blocks(0..sections.voxels, width, BLOCK, &workspaces, |own, block, z| {
             z.chunks_exact_mut(width).for_each(|z| z.copy_from_slice(&start));
             let (voxels, first) = (z.len() / width, block * (BLOCK / KEPT_BLOCK));
             sections.read(arch, first..first + voxels.div_ceil(KEPT_BLOCK), own);
