@@ -83,8 +83,7 @@ mod avx512 {
         }
     }
 
-    /// The bits at a panel's end, zeros behind them. Apart, so that the loops around a load stay small enough to be unrolled:
-    /// their sums live in registers only then, and it takes a quarter of the time.
+    /// The bits at a panel's end, zeros behind them. Apart, so that the code around a load stays small.
     #[cold]
     #[inline(never)]
     fn last(values: &[HalfBits]) -> [u16; LANES] {

@@ -30,6 +30,22 @@ impl<'a, const ROWS: usize> PanelOfPoint<'a, (), ROWS> {
     }
 }
 
+/// Runs a body for every number below a constant of at most six, each a constant in its turn. Sums that the numbers pick are
+/// registers from the start; a loop would leave it to the compiler's idea of its size, and where that says no, a pose takes
+/// twice as long.
+macro_rules! unrolled {
+    ($place:ident < $count:ident, $body:block) => {
+        const { assert!($count <= 6) };
+        unrolled!(@ $place, $count, $body, 0 1 2 3 4 5);
+    };
+    (@ $place:ident, $count:ident, $body:block, $($number:literal)*) => {
+        $({
+            let $place = $number;
+            if $place < $count $body
+        })*
+    };
+}
+
 /// Registers of neurons taken together: with four rows their sums hide the latency of a product.
 const TOGETHER: usize = 4;
 /// With one row it takes two sums a register: over every other input.
@@ -49,13 +65,13 @@ impl<W, const ROWS: usize> PanelOfPoint<'_, W, ROWS> {
     ) where
         W: Weight<S>,
     {
-        for place in 0..N {
+        unrolled!(place < N, {
             let weights = W::load(simd, weights, at + place * S::F32_LANES);
-            for row in 0..ROWS {
+            unrolled!(row < ROWS, {
                 let signal = simd.splat_f32s(self.signal[row][input]);
                 sums[row][place] = simd.mul_add_e_f32s(signal, weights, sums[row][place]);
-            }
-        }
+            });
+        });
     }
 
     #[inline(always)]
@@ -63,43 +79,45 @@ impl<W, const ROWS: usize> PanelOfPoint<'_, W, ROWS> {
     where
         W: Weight<S>,
     {
+        const { assert!(SUMS <= 2) };
         let columns = self.biases.len();
         let mut sums = [[[simd.splat_f32s(0.0); N]; ROWS]; SUMS];
         let mut groups = self.panel.chunks_exact(SUMS * columns);
         let mut input = 0;
         for group in groups.by_ref() {
-            for (sums, weights) in sums.iter_mut().zip(group.chunks_exact(columns)) {
-                self.add(simd, sums, weights, at, input);
-                input += 1;
-            }
+            unrolled!(sum < SUMS, {
+                let weights = &group[sum * columns..][..columns];
+                self.add(simd, &mut sums[sum], weights, at, input + sum);
+            });
+            input += SUMS;
         }
         for weights in groups.remainder().chunks_exact(columns) {
             self.add(simd, &mut sums[0], weights, at, input);
             input += 1;
         }
-        for place in 0..N {
+        unrolled!(place < N, {
             let at = at + place * S::F32_LANES;
-            let mut values = sums[0].map(|row| row[place]);
-            for others in &sums[1..] {
-                for row in 0..ROWS {
-                    values[row] = simd.add_f32s(values[row], others[row][place]);
+            let mut values = [simd.splat_f32s(0.0); ROWS];
+            unrolled!(row < ROWS, {
+                values[row] = sums[0][row][place];
+                if SUMS == 2 {
+                    values[row] = simd.add_f32s(values[row], sums[SUMS - 1][row][place]);
                 }
-            }
+            });
             values[0] = simd.add_f32s(values[0], load(simd, self.biases, at));
             if let Some(omega) = self.omega {
                 let omega = simd.splat_f32s(omega);
                 let (sine, cosine) = sine_cosine(simd, simd.mul_f32s(omega, values[0]));
                 let slope = simd.mul_f32s(omega, cosine);
-                values[0] = sine;
-                for value in &mut values[1..] {
-                    *value = simd.mul_f32s(slope, *value);
-                }
+                unrolled!(row < ROWS, {
+                    values[row] = if row == 0 { sine } else { simd.mul_f32s(slope, values[row]) };
+                });
             }
-            for (row, &value) in values.iter().enumerate() {
+            unrolled!(row < ROWS, {
                 let out = &mut self.out[row * self.widest + self.first..][..columns];
-                store(simd, out, at, value);
-            }
-        }
+                store(simd, out, at, values[row]);
+            });
+        });
     }
 
     /// The sums that one row needs, or several.
