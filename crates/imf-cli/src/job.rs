@@ -17,7 +17,7 @@ pub(crate) use checkpoint::{Latest, latest};
 pub(crate) use curve::loss_chart;
 pub(crate) use data::Data;
 pub(crate) use plan::{plan, plan_defaults};
-pub(crate) use start::{continued, fresh_model, refuse_unfinished, require_togetherness, resumed_model};
+pub(crate) use start::{continued, fresh_model, require_togetherness, resumed_model, to_resume};
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -25,6 +25,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, ensure};
 use imf_core::model::{HeldOutPoint, LossPoint, Model};
+use imf_core::section::SectionError;
 use imf_core::training::run::{Cursor, Outcome, Report, TrainError, TrainingPlan, train};
 use imf_core::training::schedule::Schedule;
 use imf_core::training::streamed::train_streamed;
@@ -42,6 +43,8 @@ use memory::Footprint;
 use plan::REPORT_EVERY;
 use telemetry::{Row, Telemetry};
 
+/// What a training comes to.
+pub(crate) const MODEL: &str = "model.safetensors";
 /// Points that a loss curve keeps at most, about.
 const CURVE_POINTS: u64 = 400;
 
@@ -207,6 +210,11 @@ fn train_to_the_end(
         return Err(failure);
     }
     match outcome {
+        Err(TrainError::Section(SectionError::Cancelled)) if interrupt::requested() => {
+            let kept = run.checkpoints.kept();
+            let text = format!("the first sections were still being made; {kept}; {} to go on", run.go_on);
+            return Err(Interrupted(text).into());
+        }
         Err(error) => return Err(run.explain(error)),
         Ok(Outcome::Stopped(_)) => {
             let path = run.checkpoints.last().map_or(out, |(path, _)| path).display().to_string();
@@ -229,13 +237,17 @@ fn train_to_the_end(
     if !writing {
         return Ok(model);
     }
-    let path = out.join("model.safetensors");
-    model
-        .write(&path)
+    write_result(out, &model)
         .with_context(|| format!("the training is finished and kept: {}", checkpoints.kept()))?;
-    loss_chart(&model.record).save(&out.join("loss.png"))?;
-    session.note(&format!("wrote {}", path.display()));
+    session.note(&format!("wrote {}", out.join(MODEL).display()));
     Ok(model)
+}
+
+/// Writes what a finished training came to: its model, without moments, and the course of its loss.
+fn write_result(out: &Path, model: &Model) -> Result<()> {
+    model.write(&out.join(MODEL))?;
+    loss_chart(&model.record).save(&out.join("loss.png"))?;
+    Ok(())
 }
 
 /// A checksum of all that ranks must have in common.

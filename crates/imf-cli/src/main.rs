@@ -9,6 +9,7 @@
 //! become validated settings in one step; what computes is in `imf-core` and `imf-gpu`.
 
 mod arguments;
+mod checkpoints;
 mod commands;
 mod engine;
 mod interrupt;

@@ -18,6 +18,7 @@
 mod adapt;
 mod answers;
 mod by_sections;
+mod course;
 mod evaluate;
 pub mod file;
 mod fold;
@@ -153,27 +154,7 @@ impl FactoredField {
         shape: FactoredShape,
         parameters: Vec<f32>,
     ) -> Result<Self, ShapeError> {
-        shape.check()?;
-        shape.stack().check_parameters(&parameters)?;
-        let expected = FactoredShape { axes: teacher.axis_count(), ..shape }.parameter_count();
-        if expected != parameters.len() {
-            return Err(ShapeError::Parameters { expected, found: parameters.len() });
-        }
-        Ok(Self::of_scale(teacher, shape, parameters, teach::scale(teacher)))
-    }
-
-    /// As [`Self::new`], of weights known to fit, at the scale of the teacher's coefficients.
-    fn of_scale(teacher: &HarmonicField, shape: FactoredShape, parameters: Vec<f32>, scale: f32) -> Self {
-        Self {
-            quantity: teacher.quantity,
-            grid: teacher.grid,
-            basis: teacher.basis.clone(),
-            axes: teacher.axes.clone(),
-            mean: teacher.mean.clone(),
-            shape,
-            parameters,
-            scale,
-        }
+        TeacherFunctions::of(teacher, teach::scale(teacher)).field(shape, parameters)
     }
 
     /// Prepares orientations.
@@ -203,6 +184,49 @@ impl FactoredField {
     #[must_use]
     pub fn input(&self, position: DVec3) -> [f32; INPUTS] {
         input(&self.grid, position)
+    }
+}
+
+/// The functions that a network is taught along, whoever chose them.
+struct TeacherFunctions<'a> {
+    quantity: Quantity,
+    grid: &'a Grid,
+    basis: &'a Basis,
+    /// U: `[K][axes]`.
+    axes: &'a [f32],
+    /// μ: `[K]`.
+    mean: &'a [f32],
+    /// Root mean square of the coefficients.
+    scale: f32,
+}
+
+impl<'a> TeacherFunctions<'a> {
+    /// Those of a harmonic field, whose coefficients have a scale.
+    fn of(teacher: &'a HarmonicField, scale: f32) -> Self {
+        let HarmonicField { quantity, grid, basis, axes, mean, .. } = teacher;
+        Self { quantity: *quantity, grid, basis, axes, mean, scale }
+    }
+
+    /// The field of a network along them.
+    ///
+    /// # Errors
+    /// As [`FactoredField::new`].
+    fn field(self, shape: FactoredShape, parameters: Vec<f32>) -> Result<FactoredField, ShapeError> {
+        shape.check()?;
+        shape.stack().check_parameters(&parameters)?;
+        let axes = self.axes.len() / self.mean.len();
+        let expected = FactoredShape { axes, ..shape }.parameter_count();
+        if expected != parameters.len() {
+            return Err(ShapeError::Parameters { expected, found: parameters.len() });
+        }
+        Ok(self.of_weights(shape, parameters))
+    }
+
+    /// As [`Self::field`], of weights known to fit, or of none yet.
+    fn of_weights(self, shape: FactoredShape, parameters: Vec<f32>) -> FactoredField {
+        let Self { quantity, grid, basis, axes, mean, scale } = self;
+        let (basis, axes, mean) = (basis.clone(), axes.to_vec(), mean.to_vec());
+        FactoredField { quantity, grid: *grid, basis, axes, mean, shape, parameters, scale }
     }
 }
 

@@ -33,6 +33,7 @@ pub use answers::HarmonicAnswers;
 pub use degree::{degree_for, sections_tried};
 pub use evaluate::Heads;
 pub(crate) use evaluate::{VoxelCoefficients, minimum_of, sections_of};
+pub(crate) use fit::solve::function_values;
 pub(crate) use fit::source::{Source, SourceScratch};
 pub use fit::{FitReport, FitSettings, Sizes, estimate, fit, section_count};
 pub(crate) use fit::{Outline, outline};

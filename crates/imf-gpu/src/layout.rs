@@ -68,14 +68,14 @@ impl PaddedLayout {
         self.stack.inputs.next_multiple_of(self.padding)
     }
 
-    /// The layers between hidden ones, whose matrices are neither the first nor the last.
+    /// Those of [`Stack::between`].
     pub(crate) fn between(&self) -> &[PaddedLayer] {
-        &self.layers[1..self.stack.hidden.max(1)]
+        &self.layers[self.stack.between()]
     }
 
     /// Their inputs without padding.
     pub(crate) fn learnt_between(&self) -> impl Iterator<Item = usize> {
-        self.plain[1..self.stack.hidden.max(1)].iter().map(|layer| layer.inputs)
+        self.plain[self.stack.between()].iter().map(|layer| layer.inputs)
     }
 
     /// Flat parameters into the padded layout, zeros in the padding.

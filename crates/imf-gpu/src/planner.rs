@@ -33,7 +33,7 @@ use crate::uniforms::{Batch, Sweep, Thresholds};
 use factored::FactoredPasses;
 use harmonic::HarmonicPasses;
 use host::HostBuffers;
-use network::{Extent, Frame};
+use network::{Frame, Passes};
 use siren::SirenPasses;
 
 /// A pose as the device reads it.
@@ -342,24 +342,9 @@ impl Work {
         }
         let Self { frame, family, submissions, .. } = self;
         match family {
-            Family::Siren(passes) => {
-                let call = passes.bind(frame, asked);
-                in_parts(frame, passes.two_way.extent(), submissions, count, |pass, rows, padded, limit| {
-                    passes.record(&call, pass, rows, padded, limit);
-                })
-            }
-            Family::Harmonic(passes) => {
-                let call = passes.bind(frame, asked);
-                in_parts(frame, passes.extent(), submissions, count, |pass, rows, padded, limit| {
-                    passes.record(&call, pass, rows, padded, limit);
-                })
-            }
-            Family::Factored(passes) => {
-                let call = passes.bind(frame, asked);
-                in_parts(frame, passes.two_way.extent(), submissions, count, |pass, rows, padded, limit| {
-                    passes.record(&call, pass, rows, padded, limit);
-                })
-            }
+            Family::Siren(passes) => in_parts(frame, &**passes, submissions, asked, count),
+            Family::Harmonic(passes) => in_parts(frame, &**passes, submissions, asked, count),
+            Family::Factored(passes) => in_parts(frame, &**passes, submissions, asked, count),
         }
     }
 
@@ -381,15 +366,15 @@ impl Work {
     }
 }
 
-/// Submits `count` poses, as many at a time as there is room for: `record` gets the poses of a part, the same with padding,
-/// and the workgroups that a dispatch may have.
-fn in_parts(
+/// Submits `count` poses, as many at a time as there is room for.
+fn in_parts<P: Passes>(
     frame: &Frame,
-    extent: Extent<'_>,
+    passes: &P,
     submissions: &mut Submissions,
+    asked: Asked<'_>,
     count: usize,
-    record: impl Fn(&mut wgpu::ComputePass<'_>, usize, usize, u32),
 ) -> Result<(), EngineError> {
+    let (call, extent) = (passes.bind(frame, asked), passes.extent());
     let gpu = &frame.gpu;
     for base in (0..count).step_by(extent.rows) {
         let rows = extent.rows.min(count - base);
@@ -398,7 +383,8 @@ fn in_parts(
         let part = Sweep { base: base as u32, ..Sweep::default() };
         gpu.queue().write_buffer(extent.batch, 0, bytemuck::bytes_of(&block));
         gpu.queue().write_buffer(&frame.sweep, 0, bytemuck::bytes_of(&part));
-        submissions.pass(gpu, |pass| record(pass, rows, padded_rows, gpu.limits().workgroups))?;
+        let limit = gpu.limits().workgroups;
+        submissions.pass(gpu, |pass| passes.record(&call, pass, rows, padded_rows, limit))?;
     }
     Ok(())
 }

@@ -38,7 +38,7 @@ pub(crate) struct CompressArguments {
     pub(crate) resume: bool,
     /// Start from the network of another field, such as that of the part before it was changed: fewer epochs are enough.
     /// Its width, layers and ω are taken over
-    #[arg(long, value_name = "FIELD")]
+    #[arg(long, value_name = "FIELD", conflicts_with_all = ["width", "layers", "omega"])]
     pub(crate) from: Option<PathBuf>,
     /// Neurons of every hidden layer
     #[arg(long, default_value_t = WIDTH, value_name = "N")]

@@ -1,13 +1,14 @@
 //! `imf compress`: a harmonic field taught to a network, with checkpoints that go on to the same bits. `imf train` and
 //! `imf demo` teach by the same lessons.
 
+mod beginning;
 mod teacher;
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use anyhow::{Context as _, Result, bail, ensure};
+use anyhow::{Context as _, Result};
 use imf_core::atomic_file::remove_all_leftovers;
 use imf_core::control::Control;
 use imf_core::factored::file::FactoredFile;
@@ -19,7 +20,9 @@ use imf_gpu::shader::Factors;
 use imf_gpu::{Gpu, GpuTrainer, TrainerSettings};
 use serde_json::json;
 
-pub(super) use teacher::{Sections, Teacher};
+use beginning::checkpoint_in;
+pub(super) use beginning::{Beginning, is_unfinished};
+pub(super) use teacher::{Extent, Sections, Teacher};
 
 use super::calibrate;
 use crate::arguments::compress::CompressArguments;
@@ -28,62 +31,47 @@ use crate::interrupt::{self, Interrupted};
 use crate::output::{prepare_folder, print, print_json};
 use crate::session::{Session, show_bytes};
 
-/// Not the name of a training's on samples, which may lie in the same folder.
-const CHECKPOINT: &str = "teaching.safetensors";
 const FIELD: &str = "field.safetensors";
-/// Bytes of a weight: itself, transposed, gradient, two moments, and a copy of weights and moments in a checkpoint.
-const BYTES_PER_PARAMETER: u64 = 4 * 8;
 
 pub(crate) fn run(session: &Session, arguments: &CompressArguments) -> Result<()> {
     let mut teach = arguments.settings();
     teach.check()?;
-    let from = arguments.from.as_deref().map(FactoredFile::read).transpose()?;
-    if let Some(from) = &from {
+    let from = match &arguments.from {
+        Some(path) => Some((path, FactoredFile::read(path)?)),
+        None => None,
+    };
+    let device = Device::open(&arguments.device, session)?;
+    prepare_folder(&arguments.out)?;
+    let beginning = Beginning::at(&arguments.out, arguments.resume)?;
+    if let Some((path, from)) = &from {
+        beginning.require_network_of(path, from)?;
         let TeachSettings { width, hidden, omega, .. } = from.settings;
         teach = TeachSettings { width, hidden, omega, ..teach };
     }
-    let device = Device::open(&arguments.device, session)?;
-    prepare_folder(&arguments.out)?;
-    check_beginning(&arguments.out, arguments.resume)?;
+    beginning.require_settings(&teach)?;
     let teacher = HarmonicFile::read(&arguments.field)?;
-    let settings = Settings {
-        teach,
-        precision: arguments.teaching.precision(),
-        checkpoint_every: arguments.checkpoint_every,
-        go_on: "add --resume to go on",
-        smaller: "use a smaller --width or --batch",
+    beginning.require_teacher(&teacher.scene, &teacher.settings)?;
+    let precision = arguments.teaching.precision();
+    let taught = match beginning.finished(session, precision)? {
+        Some(file) => (file, f64::NAN),
+        None => {
+            let settings = Settings {
+                teach,
+                precision,
+                checkpoint_every: arguments.checkpoint_every,
+                go_on: "add --resume to go on",
+                smaller: "use a smaller --width or --batch",
+            };
+            let lesson = Lesson { teacher: Teacher::Harmonic(&teacher), settings, beginning: &beginning };
+            lesson.taught(session, &device, from.as_ref().map(|(_, from)| from))?
+        }
     };
-    let lesson = Lesson { teacher: Teacher::Harmonic(&teacher), settings, out: &arguments.out };
-    let taught = lesson.taught(session, &device, arguments.resume, from.as_ref())?;
     drop(teacher);
     concluded(session, &arguments.out, taught, arguments.no_calibrate)
 }
 
-/// True where an earlier run left a checkpoint in `out` before its end, or no field.
-pub(super) fn is_unfinished(out: &Path) -> bool {
-    let path = out.join(CHECKPOINT);
-    if !path.exists() || !out.join(FIELD).exists() {
-        return path.exists();
-    }
-    FactoredFile::read(&path).is_ok_and(|file| file.is_unfinished())
-}
-
-/// Refuses to begin where a teaching is unfinished, and to go on where there is none.
-pub(super) fn check_beginning(out: &Path, resume: bool) -> Result<()> {
-    let path = out.join(CHECKPOINT);
-    if resume {
-        ensure!(path.exists(), "there is nothing to resume: {} does not exist", path.display());
-    } else {
-        ensure!(
-            !is_unfinished(out),
-            "{} holds an unfinished training: add --resume, choose another --out, or remove it",
-            path.display()
-        );
-    }
-    Ok(())
-}
-
-/// The end of a teaching: its closing line, and what the field's decisions are worth, where that is short beside it.
+/// The end of a teaching: its closing line, and what the field's decisions are worth, where that is short beside it and not
+/// yet known.
 pub(super) fn concluded(
     session: &Session,
     out: &Path,
@@ -95,8 +83,9 @@ pub(super) fn concluded(
     let plan = file.settings.plan;
     let voxels = file.field.grid.len();
     let samples = plan.total_steps(voxels).saturating_mul(plan.batch.min(voxels) as u64);
+    let known = file.calibration.is_some();
     drop(file);
-    if no_calibrate || !calibrate::is_short_beside(samples) {
+    if known || no_calibrate || !calibrate::is_short_beside(samples) {
         return Ok(());
     }
     calibrate::afterwards(session, &path)
@@ -120,32 +109,31 @@ pub(super) struct Settings {
 pub(super) struct Lesson<'a> {
     pub(super) teacher: Teacher<'a>,
     pub(super) settings: Settings,
-    /// Where checkpoint and field are written.
-    pub(super) out: &'a Path,
+    /// From where, and where checkpoint and field are written.
+    pub(super) beginning: &'a Beginning<'a>,
 }
 
 impl Lesson<'_> {
-    /// Teaches from the checkpoint on where `resume`, else from another field's network or from random weights; writes
-    /// checkpoints and the finished field. Returns that with the last loss.
+    /// Teaches from the checkpoint on where there is one to go on from, else from another field's network or from random
+    /// weights; writes checkpoints and the finished field. Returns that with the last loss.
     pub(super) fn taught(
         &self,
         session: &Session,
         device: &Device,
-        resume: bool,
         from: Option<&FactoredFile>,
     ) -> Result<(FactoredFile, f64)> {
-        remove_all_leftovers(self.out);
+        let out = self.beginning.out;
+        remove_all_leftovers(out);
         let Settings { teach: settings, .. } = &self.settings;
         let teacher = &self.teacher;
-        let axes = teacher.axis_count();
-        let shape = settings.shape(axes);
-        let batch = settings.plan.batch.min(teacher.grid().len()) as u64;
-        let signals = 8 * batch * (settings.width * settings.hidden + axes) as u64;
-        let (of_teacher, what) = teacher.memory(settings);
-        let needed = of_teacher + BYTES_PER_PARAMETER * shape.parameter_count() as u64 + signals;
-        session.require_memory(needed, || format!("{what}; {}", self.settings.smaller))?;
-        let path = self.out.join(CHECKPOINT);
-        let mut state = if resume { self.resumed(&path)? } else { teacher.begun(settings, from)? };
+        let shape = settings.shape(teacher.axis_count());
+        let batch = settings.plan.batch.min(teacher.grid().len());
+        teacher.extent().require(session, &self.settings)?;
+        let path = checkpoint_in(out);
+        let mut state = match self.beginning.state() {
+            Some(state) => state,
+            None => teacher.begun(settings, from)?,
+        };
         let total = settings.plan.total_steps(teacher.grid().len());
         session.note(&format!(
             "teaching {shape} ({} parameters) {}, {total} steps of {batch}",
@@ -160,7 +148,12 @@ impl Lesson<'_> {
             // A checkpoint is a stop of a moment: teaching goes on from its state to the same bits.
             // Its time begins with the first report: before it, sections may be computed anew.
             let (mut begun, pause) = (None, AtomicBool::new(false));
-            let advance = |steps| stage.advance(steps);
+            // Told of no steps between two sections of a pool that fills: Ctrl-C is heeded there too.
+            let advance = |steps| match steps {
+                0 if interrupt::requested() => pause.store(true, Ordering::Relaxed),
+                0 => {}
+                steps => stage.advance(steps),
+            };
             let control = Control { progress: &advance, cancelled: &pause };
             let observe = &mut |report: &Report| {
                 loss = report.mean_loss;
@@ -194,26 +187,7 @@ impl Lesson<'_> {
             }
         }
         stage.finish(&if loss.is_nan() { String::new() } else { format!("loss {loss:.2e}") });
-        Ok((self.write(&self.out.join(FIELD), &state, false)?, loss))
-    }
-
-    /// The checkpoint's state.
-    fn resumed(&self, path: &Path) -> Result<FactoredState> {
-        let found = FactoredFile::read(path)?;
-        let Some(state) = found.state else {
-            bail!("{} has no optimiser's state to go on from", path.display())
-        };
-        ensure!(
-            found.scene.record == self.teacher.scene().record && found.fit == self.teacher.fit(),
-            "{} was taught by another harmonic field or other sections: resume with these, or choose another --out",
-            path.display()
-        );
-        ensure!(
-            found.settings == self.settings.teach,
-            "{} was begun with other settings: give the same ones, or choose another --out",
-            path.display()
-        );
-        Ok(state)
+        Ok((self.write(&out.join(FIELD), &state, false)?, loss))
     }
 
     fn field(&self, state: &FactoredState) -> Result<FactoredField> {
@@ -237,17 +211,17 @@ impl Lesson<'_> {
 
     /// Writes a checkpoint, which goes on, or the finished field.
     fn write(&self, path: &Path, state: &FactoredState, goes_on: bool) -> Result<FactoredFile> {
-        let field = self.field(state)?;
         let file = FactoredFile {
-            field: if goes_on { field } else { field.folded() },
+            field: self.field(state)?,
             scene: self.teacher.scene().clone(),
             fit: self.teacher.fit(),
             report: self.teacher.report(),
             settings: self.settings.teach,
-            precision: if goes_on { Precision::F32 } else { self.settings.precision },
-            state: goes_on.then(|| state.clone()),
+            precision: Precision::F32,
+            state: Some(state.clone()),
             calibration: None,
         };
+        let file = if goes_on { file } else { file.finished(self.settings.precision) };
         file.write(path)?;
         Ok(file)
     }

@@ -11,7 +11,7 @@ use serde_json::json;
 
 use super::calibrate;
 use crate::arguments::train::{TrainArguments, Training};
-use crate::job;
+use crate::job::{self, Latest};
 use crate::output::{print, print_json};
 use crate::session::Session;
 
@@ -24,17 +24,40 @@ pub(crate) fn run(session: &Session, arguments: &TrainArguments) -> Result<()> {
     }
 }
 
-/// Measures what a trained model's decisions are worth, where that is short beside its training.
-pub(super) fn calibrated(session: &Session, path: &Path, model: &Model, left_out: bool) -> Result<()> {
+/// True where the training that was found is finished: what it came to is told, and no sample is made or read. Refuses one of
+/// other samples than `same` allows.
+pub(super) fn is_over(
+    session: &Session,
+    out: &Path,
+    found: Option<&Latest>,
+    same: impl FnOnce(&Latest) -> Result<()>,
+    no_calibrate: bool,
+) -> Result<bool> {
+    let Some(found) = found else { return Ok(false) };
+    same(found)?;
+    if !found.is_finished() {
+        return Ok(false);
+    }
+    let model = found.result(session, out)?;
+    concluded(session, out, &model, no_calibrate)?;
+    Ok(true)
+}
+
+/// The end of a training: its closing line, and what the model's decisions are worth, where that is short beside it and not yet
+/// known.
+pub(super) fn concluded(session: &Session, out: &Path, model: &Model, no_calibrate: bool) -> Result<()> {
+    let path = out.join(job::MODEL);
+    announce(session, &path, model)?;
     let samples = model.record.steps * model.record.plan.batch as u64;
-    if left_out || !session.rank().is_first() || !calibrate::is_short_beside(samples) {
+    let known = model.calibration.is_some();
+    if known || no_calibrate || !session.rank().is_first() || !calibrate::is_short_beside(samples) {
         return Ok(());
     }
-    calibrate::afterwards(session, path)
+    calibrate::afterwards(session, &path)
 }
 
 /// The closing line of a training.
-pub(super) fn announce(session: &Session, path: &Path, model: &Model) -> Result<()> {
+fn announce(session: &Session, path: &Path, model: &Model) -> Result<()> {
     if !session.rank().is_first() {
         return Ok(());
     }

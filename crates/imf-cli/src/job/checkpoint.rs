@@ -12,9 +12,10 @@ use anyhow::{Context as _, Result};
 use imf_core::atomic_file::remove_all_leftovers;
 use imf_core::model::{Model, ModelError, steps_said};
 
+use crate::arguments::NetworkFamily;
 use crate::session::Session;
 
-const CURRENT: &str = "checkpoint.safetensors";
+const CURRENT: &str = NetworkFamily::Siren5.checkpoint();
 const PREVIOUS: &str = "checkpoint.previous.safetensors";
 
 /// What an output folder holds to go on from.
@@ -23,6 +24,11 @@ pub(crate) struct Latest {
     pub(crate) path: PathBuf,
     /// What is wrong with a later checkpoint, and what that costs.
     pub(crate) damage: Option<String>,
+}
+
+/// True where a folder holds a checkpoint, intact or not.
+pub(super) fn is_any(out: &Path) -> bool {
+    [CURRENT, PREVIOUS].iter().any(|name| out.join(name).exists())
 }
 
 /// The last intact checkpoint of a folder.

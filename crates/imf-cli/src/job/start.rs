@@ -2,15 +2,21 @@
 
 use std::path::Path;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result, bail, ensure};
+use imf_core::dataset::Sampling;
 use imf_core::model::{Model, ModelError, TrainingRecord};
+use imf_core::orientation::OrientationSet;
+use imf_core::scene::SceneRecord;
 use imf_core::siren::SirenShape;
 use imf_core::training::TrainingState;
 use imf_core::training::run::{Cursor, TrainingPlan};
 
-use super::checkpoint::{Latest, latest};
+use super::checkpoint::{Latest, is_any, latest};
 use super::data::Data;
 use super::plan::schedule_from;
+use super::{MODEL, write_result};
+use crate::arguments::NetworkFamily;
+use crate::checkpoints::nothing_to_resume;
 use crate::ranks::started_together;
 use crate::session::Session;
 
@@ -53,21 +59,90 @@ pub(crate) fn fresh_model(
     Model { shape, scene: data.scene.clone(), record, state, calibration: None }
 }
 
+/// What an output folder holds to go on from, where that is asked for. Refuses to begin where a training is unfinished, and to
+/// go on where there is none.
+pub(crate) fn to_resume(out: &Path, resume: bool) -> Result<Option<Latest>> {
+    if !resume {
+        return refuse_unfinished(out).map(|()| None);
+    }
+    if !is_any(out) {
+        return Err(nothing_to_resume(out, NetworkFamily::Siren5));
+    }
+    latest(out).map(Some).context("there is nothing to resume")
+}
+
+impl Latest {
+    /// Refuses a checkpoint that was not trained on these samples; nothing of them need be there.
+    pub(crate) fn require_samples(
+        &self,
+        scene: &SceneRecord,
+        set: &OrientationSet,
+        sampling: &Sampling,
+    ) -> Result<()> {
+        let record = &self.model.record;
+        let same =
+            self.model.scene.record == *scene && record.orientations == *set && record.sampling == *sampling;
+        self.require_same(same)
+    }
+
+    /// Refuses a checkpoint of another dataset.
+    pub(crate) fn require_dataset(&self, data: &Data) -> Result<()> {
+        self.require_same(self.model.record.dataset_crc32 == data.manifest().fingerprint())
+    }
+
+    fn require_same(&self, same: bool) -> Result<()> {
+        ensure!(
+            same,
+            "{} was trained on another dataset: resume with the one that it was started on",
+            self.path.display()
+        );
+        Ok(())
+    }
+
+    /// True where no steps are left.
+    pub(crate) fn is_finished(&self) -> bool {
+        self.model.record.finished
+    }
+
+    /// The model that a finished training came to: as it lies in `out`, else written there from the checkpoint.
+    pub(crate) fn result(&self, session: &Session, out: &Path) -> Result<Model> {
+        let found = &self.model;
+        let path = out.join(MODEL);
+        let said = format!(
+            "{} is finished after {} steps: nothing is left to do (imf finetune trains a model further)",
+            self.path.display(),
+            found.record.steps
+        );
+        // Of these very weights, which a model of an earlier training is not.
+        let same = |kept: &Model| {
+            (&kept.record, kept.shape, &kept.state.parameters)
+                == (&found.record, found.shape, &found.state.parameters)
+        };
+        if let Some(kept) = Model::read(&path).ok().filter(same) {
+            session.note(&said);
+            return Ok(kept);
+        }
+        let model = found.clone().without_moments();
+        if session.rank().is_first() {
+            write_result(out, &model)?;
+        }
+        session.note(&format!("{said}; wrote {}", path.display()));
+        Ok(model)
+    }
+}
+
 /// The checkpoint of an output folder, if it belongs to this dataset. Its plan goes on, but for a learning rate given
 /// anew, which is the way out of a divergence.
-pub(crate) fn resumed_model(session: &Session, out: &Path, data: &Data, rate: Option<f32>) -> Result<Model> {
-    let Latest { mut model, path, damage } = latest(out).context("there is nothing to resume")?;
+pub(crate) fn resumed_model(
+    session: &Session,
+    found: Latest,
+    data: &Data,
+    rate: Option<f32>,
+) -> Result<Model> {
+    found.require_dataset(data)?;
+    let Latest { mut model, path, damage } = found;
     // Of the weights as they were.
     model.calibration = None;
-    if model.record.dataset_crc32 != data.manifest().fingerprint() {
-        bail!(
-            "{} was trained on another dataset: resume with the one that it was started on",
-            path.display()
-        );
-    }
-    if model.record.finished {
-        bail!("{} is finished: there is nothing to resume", path.display());
-    }
     if !model.is_resumable() {
         bail!("{} holds no optimiser state: it cannot be resumed", path.display());
     }
@@ -96,16 +171,14 @@ pub(crate) fn continued(session: &Session, out: &Path, data: &Data, fresh: Model
             && found.record.plan == fresh.record.plan
             && found.record.dataset_crc32 == data.manifest().fingerprint()
     };
-    if latest(out).is_ok_and(|found| same(&found.model))
-        && let Ok(model) = resumed_model(session, out, data, None)
-    {
-        return model;
+    match latest(out) {
+        Ok(found) if same(&found.model) => resumed_model(session, found, data, None).unwrap_or(fresh),
+        _ => fresh,
     }
-    fresh
 }
 
 /// Refuses to start over an unfinished training in the same folder, or over one that a newer program left there.
-pub(crate) fn refuse_unfinished(out: &Path) -> Result<()> {
+fn refuse_unfinished(out: &Path) -> Result<()> {
     match latest(out) {
         Ok(found) if !found.model.record.finished => bail!(
             "{} holds an unfinished training ({} steps done): add --resume, choose another --out, or remove it",

@@ -221,6 +221,19 @@ fn a_field_is_compressed_into_a_network_through_an_interruption() {
     assert!(tuned < 1.5 * whole["loss"].as_f64().unwrap() && tuned < 0.2 * fresh, "{tuned} {fresh}");
     let info = folder.json(&["info", "tuned/field.safetensors"]);
     assert_eq!(info["network"]["width"], 32);
+    // The same line goes on; another field's network is not the one that was begun with, nor are widths given twice.
+    let tuned = [few, &["--from", "whole/field.safetensors", "--out", "tuned", "--resume"]].concat();
+    assert!(folder.succeed(&tuned).stderr.contains("tuned/teaching.safetensors is finished"));
+    folder.succeed(&[few, &["--width", "16", "--layers", "2", "--out", "narrow"]].concat());
+    let other = tuned.iter().map(|word| word.replace("whole/", "narrow/")).collect::<Vec<_>>();
+    let other: Vec<&str> = other.iter().map(String::as_str).collect();
+    let words =
+        ["tuned/teaching.safetensors", "narrow/field.safetensors", "2 layers of 32", "2 layers of 16"];
+    folder.refuse(&other, &words);
+    for option in ["--width", "--layers", "--omega"] {
+        let run = folder.run(&[&tuned[..], &[option, "20"]].concat());
+        assert!(run.code == Some(2) && run.stderr.contains(option), "{}", run.stderr);
+    }
     folder.refuse(&[few, &["--from", "field.safetensors", "--out", "no"]].concat(), &["field.safetensors"]);
 
     let info = folder.json(&["info", "whole/field.safetensors"]);

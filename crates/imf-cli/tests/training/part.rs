@@ -76,9 +76,18 @@ fn an_interrupted_part_goes_on_to_the_bytes_of_one_in_one_go() {
         .interrupted(&["the checkpoint is bracket/teaching.safetensors", "--resume"]);
     assert!(!work.path("bracket/field.safetensors").exists());
     work.imf(&begin).refused(&["bracket/teaching.safetensors", "unfinished", "--resume"]);
-    work.imf(&format!("{begin} --resume --degree 5").replace("--degree 4", ""))
-        .refused(&["another harmonic field"]);
-    work.imf(&format!("{begin} --resume")).done();
+    let resume = format!("{begin} --resume");
+    // Before a fit of minutes.
+    for (given, other, words) in [
+        ("--degree 4", "--degree 5", "other sections (degree: 4, not 5)"),
+        ("--steps 4000", "--steps 4001", "other settings (steps: 4000, not 4001)"),
+        ("--dims 5,15,9", "--dims 6,15,9", "another scene"),
+    ] {
+        let refused =
+            work.imf(&resume.replace(given, other)).refused(&[words, "bracket/teaching.safetensors"]);
+        assert!(!refused.stderr.contains("sections to fit"), "{}", refused.stderr);
+    }
+    work.imf(&resume).done();
     for file in ["field.safetensors", "teaching.safetensors"] {
         assert!(work.bytes(&format!("whole/{file}")) == work.bytes(&format!("bracket/{file}")), "{file}");
     }
@@ -100,21 +109,109 @@ fn sections_alone_teach_a_part_and_go_on_where_they_stopped() {
     let begin = format!("{train} 1500 --out part");
     work.interrupted_once_there_is("part/teaching.safetensors", &begin)
         .interrupted(&["the checkpoint is part/teaching.safetensors", "--resume"]);
-    work.imf(&format!("{begin} --resume").replace("--online 30", "")).refused(&["other settings"]);
+    let without = format!("{begin} --resume").replace("--online 30", "");
+    let refused = work.imf(&without).refused(&["other settings (online: {", "not none)"]);
+    assert!(!refused.stderr.contains("sections to fit"), "{}", refused.stderr);
     work.imf(&format!("{begin} --resume")).done();
     assert!(work.bytes("whole/field.safetensors") == work.bytes("part/field.safetensors"));
 }
 
 #[test]
+#[cfg(unix)]
 fn a_fit_in_two_passes_is_gone_on_with_as_one_in_one() {
     let work = Workdir::new();
-    let train = format!("train {PART} --width 16 --layers 1 --batch 32 --steps 1 --out field");
+    let train = format!("train {PART} --width 16 --layers 1 --batch 32 --steps 100000 --out field");
     // Between what sections take that stay in memory and what they take that are counted again: all 384 of them.
-    let twice = work.imf(&format!("{train} --memory 6200KiB")).done();
+    let twice = work.interrupted_once_it_says("teaching 3→", &format!("{train} --memory 6200KiB"));
     assert!(twice.stderr.contains("784 sections in"), "{}", twice.stderr);
-    for limit in ["--memory 6200KiB", ""] {
-        work.imf(&format!("{train} --resume {limit}")).done();
+    for (limit, sections) in [("--memory 6200KiB", "784 sections in"), ("", "400 sections in")] {
+        let on = work.interrupted_once_it_says("teaching 3→", &format!("{train} --resume {limit}"));
+        assert!(on.stderr.contains(sections), "{}", on.stderr);
     }
+}
+
+#[test]
+fn what_is_finished_says_so_at_once_and_where_it_is() {
+    let work = Workdir::new();
+    let train = format!("train {PART} --degree 4 {LESSON} --steps 40 --out field");
+    work.imf(&train).done();
+    let field = "field/field.safetensors";
+    let made = work.bytes(field);
+    let resumed = |more: &str| {
+        let again = work.imf(&format!("{train} --resume --json {more}")).done();
+        assert!(again.stderr.contains("field/teaching.safetensors is finished"), "{}", again.stderr);
+        assert!(!again.stderr.contains("sections to fit"), "{}", again.stderr);
+        assert_eq!(again.json()["field"], json!(field));
+        again.stderr.contains("; wrote field/field.safetensors")
+    };
+    assert!(!resumed(""), "a field was written once more");
+    // What its decisions are worth was measured afterwards, and stays.
+    work.imf(&format!("calibrate {field} --poses 4096 --boundary 1024 --false-free 0.1")).done();
+    let calibrated = work.bytes(field);
+    assert!(!resumed("") && work.bytes(field) == calibrated);
+    // A field that is gone, or another teaching's, comes from the checkpoint.
+    std::fs::remove_file(work.path(field)).unwrap();
+    assert!(resumed("") && work.bytes(field) == made);
+    let other = train.replace("--out field", "--out other --seed 1");
+    work.imf(&other).done();
+    work.write(field, &work.bytes("other/field.safetensors"));
+    assert!(resumed("") && work.bytes(field) == made);
+    // In the other precision too, and then it is there.
+    assert!(resumed("--half") && work.bytes(field).len() < made.len() && !resumed("--half"));
+}
+
+#[test]
+fn a_folder_with_the_other_familys_training_is_told_apart() {
+    let work = Workdir::new();
+    let factored = format!("train {PART} --degree 4 {LESSON} --steps 2");
+    let siren =
+        format!("train {PART} --family siren5 --device cpu --width 16 --layers 2 --steps 2 --density 0.3");
+    work.imf(&format!("{factored} --out factored")).done();
+    work.imf(&format!("{siren} --out siren")).done();
+    let nothing = "nothing to resume";
+    let of_siren = ["siren/teaching.safetensors", "siren/checkpoint.safetensors", "--family siren5 --resume"];
+    let of_factored =
+        ["factored/checkpoint.safetensors", "factored/teaching.safetensors", "--family factored --resume"];
+    let refused = |line: &str, words: [&str; 3]| {
+        let refused = work.imf(&format!("{line} --resume")).refused(&[&[nothing], &words[..]].concat());
+        let worked =
+            ["sampling", "sections to fit", "solid voxels"].map(|work| refused.stderr.contains(work));
+        assert_eq!(worked, [false; 3], "{}", refused.stderr);
+    };
+    refused(&format!("{factored} --out siren"), of_siren);
+    refused(&format!("{siren} --out factored"), of_factored);
+    refused("train siren/dataset --out factored", of_factored);
+    refused("finetune siren/model.safetensors siren/dataset --out factored", of_factored);
+    work.imf(&format!(
+        "field {PART} --method harmonic --degree 4 --no-calibrate --save harmonic.safetensors"
+    ))
+    .done();
+    refused("compress harmonic.safetensors --out siren", of_siren);
+}
+
+#[test]
+fn memory_is_asked_for_before_functions_are_chosen() {
+    let work = Workdir::new();
+    // Of what 1000 sections make of a batch; the choice alone would fit.
+    let train = format!("train {PART} {LESSON} --online 1000 --memory 16MiB --out field");
+    let refused = work.imf(&train).refused(&["the sections and the network", "--online"]);
+    assert!(!refused.stderr.contains("functions:"), "{}", refused.stderr);
+    // And the choice by itself, though few sections teach.
+    work.imf(&train.replace("1000 --memory 16MiB", "2 --memory 4MiB"))
+        .refused(&["the sections and the network"]);
+}
+
+#[test]
+#[cfg(unix)]
+fn a_pool_that_fills_heeds_ctrl_c_between_two_sections() {
+    let work = Workdir::new();
+    // A thousand sections take seconds.
+    let train = "train bracket --dims 24,73,43 --degree 2 --width 16 --layers 1 --online 1000 --out field";
+    work.interrupted_once_it_says("teaching 3→", train)
+        .interrupted(&["the checkpoint is field/teaching.safetensors", "--resume"]);
+    let file = FactoredFile::read(&work.path("field/teaching.safetensors")).unwrap();
+    // The first report would be at step 20.
+    assert_eq!(file.state.unwrap().training.step, 0, "the pool was filled first");
 }
 
 #[test]
@@ -143,8 +240,23 @@ fn the_papers_network_of_a_part_is_that_of_its_dataset() {
     // What is sampled is taken as it is, and what is finished is not gone on with.
     let again = work.imf(&train).done();
     assert!(again.stderr.contains("0 shards made, 1 kept"), "{}", again.stderr);
-    work.imf(&format!("{train} --resume")).refused(&["model/checkpoint.safetensors", "finished"]);
     work.imf(&train.replace("0.5", "0.4")).refused(&["model/dataset", "another dataset"]);
+    let resume = format!("{train} --resume --json");
+    // No sample is needed for what is known without.
+    std::fs::remove_dir_all(work.path("model/dataset")).unwrap();
+    for other in [resume.replace("0.5", "0.4"), resume.replace("5,15,9", "6,15,9")] {
+        work.imf(&other).refused(&["model/checkpoint.safetensors", "another dataset"]);
+    }
+    for wrote in [false, true] {
+        let over = work.imf(&resume).done();
+        assert!(over.stderr.contains("model/checkpoint.safetensors is finished"), "{}", over.stderr);
+        assert_eq!(over.json()["model"], json!("model/model.safetensors"));
+        assert_eq!(over.stderr.contains("wrote model/model.safetensors"), wrote, "{}", over.stderr);
+        let again = work.model("model/model.safetensors");
+        assert!(again.state == apart.state, "another model");
+        std::fs::remove_file(work.path("model/model.safetensors")).unwrap();
+    }
+    assert!(!work.path("model/dataset").exists(), "samples were made");
 }
 
 #[test]

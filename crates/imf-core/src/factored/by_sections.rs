@@ -11,29 +11,33 @@
 //! What the pool does not see of a voxel stays as the network has it. The functions are learnt too: a sample of voxels
 //! chooses the axes, and the last layer, folded at the end, what the hidden layers mean along them.
 
-use std::ops::{ControlFlow, Range};
+use std::ops::Range;
 
 use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
 
+use super::course::{Told, Voxels};
 use super::state::cpu_engine;
-use super::{FactoredField, FactoredShape, FactoredState, INPUTS, TeachSettings, input};
+use super::{
+    FactoredEvaluator, FactoredField, FactoredShape, FactoredState, INPUTS, TeachSettings, TeacherFunctions,
+};
 use crate::control::Control;
 use crate::harmonic::basis::Domain;
-use crate::harmonic::{FitReport, FitSettings, HarmonicError, Outline, Source, SourceScratch, outline};
+use crate::harmonic::{
+    FitReport, FitSettings, HarmonicError, Outline, Source, SourceScratch, function_values, outline,
+};
 use crate::orientation::Orientation;
-use crate::section::{Quantity, SectionPlan};
+use crate::section::{Quantity, SectionError, SectionPlan};
 use crate::siren::ShapeError;
 use crate::siren::matrix::{Matrix, multiply};
 use crate::training::online::{OnlineSettings, Waits, with_arrivals};
-use crate::training::permutation::Permutation;
 use crate::training::run::{Cursor, Outcome, Report, TrainError, train_by};
 use crate::training::{EngineError, TrainingEngine, TrainingState};
 
 /// λ over the mean of H Hᵀ's diagonal. Of a field that is nearly learnt the functions left out say as much as is still to be
 /// learnt along any one axis.
 const RIDGE: f64 = 0.03;
-/// Rows of a batch that one thread takes at a time.
+/// Rows of a batch whose targets one thread makes at a time.
 const ROWS: usize = 64;
 
 /// The sections of a scene as a teacher, with the functions that its field is made of.
@@ -69,13 +73,17 @@ impl<'a> SectionTeacher<'a> {
         self.outline.report
     }
 
-    /// Bytes of the pool and of what is being made, two a value; of what the pool's orientations make of a batch; and of a
-    /// batch.
+    /// What its functions depend on beside the point.
     #[must_use]
-    pub fn memory_bytes(&self, settings: &TeachSettings) -> u64 {
+    pub fn domain(&self) -> Domain {
+        self.outline.basis.domain()
+    }
+
+    /// Bytes of a teaching along so many axes of so many functions: of the pool and of what is being made, two a value; of what
+    /// the pool's orientations make of a batch; and of a batch.
+    #[must_use]
+    pub fn memory_bytes(functions: usize, axes: usize, voxels: usize, settings: &TeachSettings) -> u64 {
         let OnlineSettings { pool, lead, .. } = settings.online.unwrap_or_default();
-        let voxels = self.plan.grid().len();
-        let (functions, axes) = (self.outline.mean.len(), self.axis_count());
         let sections = 2 * (pool + lead + 2) * voxels + 8 * voxels;
         // The Gram matrix and its factor, H and the solution in f64, both and the functions in f32.
         let gain = pool * (16 * pool + 24 * axes + 4 * functions);
@@ -88,19 +96,10 @@ impl<'a> SectionTeacher<'a> {
     /// # Errors
     /// Weights that do not fit, or a shape of other axes.
     pub fn field(&self, shape: FactoredShape, parameters: Vec<f32>) -> Result<FactoredField, ShapeError> {
-        let expected = FactoredShape { axes: self.axis_count(), ..shape };
-        expected.stack().check_parameters(&parameters)?;
         let Outline { basis, axes, mean, scale, .. } = &self.outline;
-        Ok(FactoredField {
-            quantity: self.quantity,
-            grid: *self.plan.grid(),
-            basis: basis.clone(),
-            axes: axes.clone(),
-            mean: mean.clone(),
-            shape: expected,
-            parameters,
-            scale: *scale,
-        })
+        let grid = self.plan.grid();
+        TeacherFunctions { quantity: self.quantity, grid, basis, axes, mean, scale: *scale }
+            .field(shape, parameters)
     }
 
     /// The orientation of a section.
@@ -114,7 +113,7 @@ impl<'a> SectionTeacher<'a> {
 
 /// Teaches the network of `state` by sections up to the plan's end, or until `control` asks to stop, which is looked at
 /// wherever the observer is told something; `state` then is where teaching goes on, to the same bits. One unit of progress is
-/// one step. The report's loss is the mean squared error at the pool's orientations before each step, most of which earlier
+/// one step; while the pool fills, progress is told of 0 between sections, and `control` is looked at as well. The report's loss is the mean squared error at the pool's orientations before each step, most of which earlier
 /// steps have met. Sections come as [`TeachSettings::online`] says, or as its default.
 ///
 /// # Errors
@@ -151,13 +150,13 @@ pub fn teach_by_sections_on(
     let grid = *teacher.plan.grid();
     let shape = settings.shape(teacher.axis_count());
     let (plan, start) = (&settings.plan, state.cursor);
-    let first = start.epoch * plan.steps_per_epoch(grid.len()) + start.step;
+    let mut told = Told::new(plan, grid.len(), start, control, observer);
+    let first = told.steps;
     let last = plan.total_steps(grid.len()).saturating_sub(1);
     let source = Source::new(teacher.plan, teacher.quantity)?;
     let field = teacher.field(shape, state.training.parameters.clone());
     let field = field.map_err(|error| EngineError::Shape(error.to_string()))?;
     let mut corrected = Corrected::new(engine, teacher, online, field, first);
-    let (mut told, mut cursor) = (first, start);
     let mut scratch = SourceScratch::default();
     let make = |number| {
         let mut kept = vec![0; grid.len()];
@@ -165,35 +164,32 @@ pub fn teach_by_sections_on(
         Ok(kept)
     };
     let (low, unit) = source.steps();
-    let mut order = (start.epoch, Permutation::new(grid.len(), plan.seed, start.epoch));
-    let (outcome, waits) = with_arrivals(online, [first, last], make, |arrivals| {
+    let mut order = Voxels::new(plan, &grid, start);
+    let stop = || {
+        (control.progress)(0);
+        control.is_cancelled()
+    };
+    let (outcome, waits) = with_arrivals(online, [first, last], make, &stop, |arrivals| {
         let mut feed =
             |at: Cursor, step: u64, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
                 let pool = arrivals.at(step)?;
-                if order.0 != at.epoch {
-                    order = (at.epoch, Permutation::new(grid.len(), plan.seed, at.epoch));
-                }
-                let begin = at.step as usize * plan.batch + rows.start;
-                let inputs = inputs.par_chunks_exact_mut(INPUTS);
-                let rows = inputs.zip(targets.par_chunks_exact_mut(online.pool)).enumerate();
-                rows.with_min_len(ROWS).for_each(|(row, (inputs, targets))| {
-                    let voxel = order.1.at(begin + row);
-                    inputs.copy_from_slice(&input(&grid, grid.centre(grid.voxel(voxel))));
+                order.fill(at, &rows, inputs, targets, |_, voxel, targets| {
                     for (target, section) in targets.iter_mut().zip(pool.iter().flatten()) {
                         *target = low + f32::from(section[voxel]) * unit;
                     }
                 });
                 Ok(())
             };
-        train_by(plan, grid.len(), &mut feed, &mut corrected, start, &mut |report, _| {
-            (control.progress)(report.step - told);
-            (told, cursor) = (report.step, report.cursor);
-            observer(report);
-            if control.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        })
+        train_by(plan, grid.len(), &mut feed, &mut corrected, start, &mut |report, _| told.hear(report))
     });
-    let outcome = outcome?;
-    *state = FactoredState { training: corrected.state()?, cursor };
+    let outcome = match outcome {
+        // No step was taken.
+        Err(TrainError::Section(SectionError::Cancelled)) if control.is_cancelled() => {
+            Outcome::Stopped(start)
+        }
+        outcome => outcome?,
+    };
+    *state = FactoredState { training: corrected.state()?, cursor: told.cursor };
     Ok((outcome, waits))
 }
 
@@ -215,12 +211,7 @@ impl Gain {
         let set: Vec<Orientation> =
             online.slots(step).map(|number| teacher.orientation(online, number)).collect();
         let (count, width, pool) = (basis.len(), teacher.axis_count(), online.pool);
-        let mut values = vec![0.0f64; count];
-        let mut rows = Vec::with_capacity(pool * count);
-        for orientation in &set {
-            basis.values(orientation, &mut values);
-            rows.extend(values.iter().map(|&v| v as f32));
-        }
+        let rows = function_values(basis, &set);
         let rows = Matrix::row_major(&rows, pool, count, count);
         let (mut functions, mut at_mean) = (vec![0.0; pool * width], vec![0.0; pool]);
         multiply(&mut functions, width, rows, Matrix::row_major(axes, count, width, width), false);
@@ -243,8 +234,8 @@ pub(super) struct Corrected<'a> {
     engine: &'a mut dyn TrainingEngine,
     teacher: &'a SectionTeacher<'a>,
     online: OnlineSettings,
-    /// Of the engine's weights at the last step.
-    field: FactoredField,
+    /// Of the engine's weights at the last step, laid out once.
+    evaluator: FactoredEvaluator<'static>,
     /// Steps of the plan done.
     done: u64,
     gain: Option<Gain>,
@@ -265,7 +256,8 @@ impl<'a> Corrected<'a> {
         done: u64,
     ) -> Self {
         let (gain, targets) = (None, Vec::new());
-        Self { engine, teacher, online, field, done, gain, targets, squares: 0.0, steps: 0 }
+        let evaluator = field.into_evaluator();
+        Self { engine, teacher, online, evaluator, done, gain, targets, squares: 0.0, steps: 0 }
     }
 }
 
@@ -287,9 +279,9 @@ impl TrainingEngine for Corrected<'_> {
             Some(gain) if gain.newest == self.online.newest(self.done) => gain,
             _ => Gain::new(self.teacher, &self.online, self.done)?,
         };
-        let (axes, pool, scale) = (self.field.shape.axes, self.online.pool, self.field.scale);
-        self.field.parameters = self.engine.weights()?;
-        let evaluator = self.field.evaluator();
+        self.evaluator.set_parameters(self.engine.weights()?);
+        let (evaluator, pool) = (&self.evaluator, self.online.pool);
+        let (axes, scale) = (evaluator.field().shape.axes, evaluator.field().scale);
         self.targets.resize(inputs.len() / INPUTS * axes, 0.0);
         let parts = self.targets.par_chunks_mut(ROWS * axes).zip(inputs.par_chunks(ROWS * INPUTS));
         let squares: Vec<f64> = parts
@@ -312,7 +304,6 @@ impl TrainingEngine for Corrected<'_> {
                 rest.iter().map(|&v| f64::from(v) * f64::from(v)).sum()
             })
             .collect();
-        drop(evaluator);
         self.engine.step(inputs, &self.targets, learning_rate)?;
         self.gain = Some(gain);
         self.squares += squares.iter().sum::<f64>() * f64::from(scale).powi(2) / values.len() as f64;

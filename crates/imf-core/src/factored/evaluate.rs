@@ -59,6 +59,17 @@ impl<'a> FactoredEvaluator<'a> {
         FactoredEvaluator { field, arch, plan, panels, halves, layers }
     }
 
+    /// Takes over other weights of the same shape; all else stays as it is laid out.
+    ///
+    /// # Panics
+    /// If there are not as many.
+    pub(super) fn set_parameters(&mut self, parameters: Vec<f32>) {
+        assert_eq!(parameters.len(), self.panels.len(), "as many weights as before");
+        transpose_all(&self.plan, &parameters, &mut self.panels);
+        self.halves = HalfPanels::of(self.arch, &self.panels);
+        self.field.to_mut().parameters = parameters;
+    }
+
     /// The field that is evaluated.
     #[must_use]
     pub fn field(&self) -> &FactoredField {

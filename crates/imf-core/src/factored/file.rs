@@ -88,6 +88,25 @@ impl FactoredFile {
         self.state.as_ref().is_some_and(|state| state.training.step < steps)
     }
 
+    /// What a teaching comes to: the field of this checkpoint folded, its weights kept in `precision`, no state.
+    #[must_use]
+    pub fn finished(self, precision: Precision) -> Self {
+        Self { field: self.field.folded(), precision, state: None, calibration: None, ..self }
+    }
+
+    /// The same as it is read once it is written: weights rounded as they are kept.
+    #[must_use]
+    pub fn as_kept(mut self) -> Self {
+        let FactoredField { parameters, axes, shape, .. } = &mut self.field;
+        let of_axes = precision_of_axes(self.precision, shape.folded);
+        for (values, precision) in [(parameters, self.precision), (axes, of_axes)] {
+            if precision == Precision::F16 {
+                values.iter_mut().for_each(|value| *value = f16::from_f32(*value).to_f32());
+            }
+        }
+        self
+    }
+
     /// True for a file whose header names this format, read or not.
     #[must_use]
     pub fn is_one(path: &Path) -> bool {

@@ -10,7 +10,7 @@ use std::ops::Range;
 use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
 
-use super::{FactoredField, TeachSettings};
+use super::{FactoredField, TeachSettings, TeacherFunctions};
 use crate::harmonic::HarmonicField;
 use crate::siren::matrix::{Matrix, multiply};
 use crate::training::{EngineError, TrainingEngine, TrainingState};
@@ -27,10 +27,10 @@ const GOLDEN: f64 = 0.618_033_988_749_895;
 const RIDGE: f64 = 1e-6;
 
 /// Bytes of the parts' sums and of the whole system's.
-pub(super) fn bytes(settings: &TeachSettings, teacher: &HarmonicField) -> u64 {
+pub(super) fn bytes(settings: &TeachSettings, voxels: usize, axes: usize) -> u64 {
     let columns = settings.width + 1;
-    let parts = teacher.grid.len().min(AT_THE_END * columns).div_ceil(PART);
-    ((4 * parts + 3 * 8) * columns * (columns + teacher.axis_count())) as u64
+    let parts = voxels.min(AT_THE_END * columns).div_ceil(PART);
+    ((4 * parts + 3 * 8) * columns * (columns + axes)) as u64
 }
 
 impl FactoredField {
@@ -125,7 +125,7 @@ impl<'a> Solving<'a> {
         scale: f32,
     ) -> Self {
         let shape = settings.shape(teacher.axis_count());
-        let field = FactoredField::of_scale(teacher, shape, Vec::new(), scale);
+        let field = TeacherFunctions::of(teacher, scale).of_weights(shape, Vec::new());
         let total = settings.plan.total_steps(teacher.grid.len());
         Self { engine, teacher, field, every: settings.solve_every, done, total }
     }

@@ -1,17 +1,17 @@
 //! Teaching g: batches of voxels, their coefficients as targets, the house's training loop.
 
-use std::ops::{ControlFlow, Range};
+use std::ops::Range;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::course::{Told, Voxels};
 use super::last_layer::{self, Solving};
 use super::state::{Optimiser, cpu_engine};
-use super::{FactoredShape, FactoredState, INPUTS, input};
+use super::{FactoredShape, FactoredState};
 use crate::control::Control;
 use crate::harmonic::HarmonicField;
 use crate::training::online::OnlineSettings;
-use crate::training::permutation::Permutation;
 use crate::training::run::{Cursor, Length, Outcome, Report, TrainError, TrainingPlan, train_by};
 use crate::training::schedule::Schedule;
 use crate::training::{AdamConfig, Loss, TrainingEngine};
@@ -83,10 +83,10 @@ impl TeachSettings {
         self.plan.batch.min(teacher.grid.len())
     }
 
-    /// Bytes that a solution of the last layer takes for a moment.
+    /// Bytes that a solution of the last layer takes for a moment, over so many voxels and axes.
     #[must_use]
-    pub fn bytes_to_solve(&self, teacher: &HarmonicField) -> u64 {
-        if self.solve_every == 0 { 0 } else { last_layer::bytes(self, teacher) }
+    pub fn bytes_to_solve(&self, voxels: usize, axes: usize) -> u64 {
+        if self.solve_every == 0 { 0 } else { last_layer::bytes(self, voxels, axes) }
     }
 
     /// Checks the values that no type keeps in range.
@@ -181,32 +181,18 @@ fn run(
         Loss::L1 => f64::from(scale),
         Loss::L2 => f64::from(scale) * f64::from(scale),
     };
-    let mut order = (start.epoch, Permutation::new(voxels, plan.seed, start.epoch));
-    let mut feed = |cursor: Cursor, _: u64, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
-        if order.0 != cursor.epoch {
-            order = (cursor.epoch, Permutation::new(voxels, plan.seed, cursor.epoch));
-        }
-        let first = cursor.step as usize * plan.batch + rows.start;
-        let rows = inputs.par_chunks_exact_mut(INPUTS).zip(targets.par_chunks_exact_mut(axes)).enumerate();
-        rows.with_min_len(ROWS).for_each_init(Vec::new, |scratch, (row, (inputs, targets))| {
-            let voxel = order.1.at(first + row);
-            inputs.copy_from_slice(&input(&teacher.grid, teacher.grid.centre(teacher.grid.voxel(voxel))));
+    let mut order = Voxels::new(plan, &teacher.grid, start);
+    let mut feed = |at: Cursor, _: u64, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
+        order.fill(at, &rows, inputs, targets, |scratch, voxel, targets| {
             let z = teacher.coefficients.read(voxel * axes, (voxel + 1) * axes, scratch);
             targets.iter_mut().zip(z).for_each(|(target, &z)| *target = z / scale);
         });
         Ok(())
     };
-    let mut told = start.epoch * plan.steps_per_epoch(voxels) + start.step;
-    let mut last = start;
-    let mut engine = Solving::new(engine, teacher, settings, told, scale);
+    let mut told = Told::new(plan, voxels, start, control, observer);
+    let mut engine = Solving::new(engine, teacher, settings, told.steps, scale);
     let outcome = train_by(plan, voxels, &mut feed, &mut engine, start, &mut |report, _| {
-        (control.progress)(report.step - told);
-        (told, last) = (report.step, report.cursor);
-        observer(&Report { mean_loss: report.mean_loss * unit, ..*report });
-        if control.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        told.hear(&Report { mean_loss: report.mean_loss * unit, ..*report })
     })?;
-    Ok((outcome, last))
+    Ok((outcome, told.cursor))
 }
-
-/// Rows of a batch that one thread gathers at a time.
-const ROWS: usize = 64;

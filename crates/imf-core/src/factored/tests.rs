@@ -261,6 +261,33 @@ fn gradients_of_single_poses_are_central_differences_on_every_instruction_set() 
 }
 
 #[test]
+fn an_evaluator_that_takes_over_other_weights_is_one_of_these() {
+    let teacher = teacher(&scene());
+    let shape = settings(1).shape(teacher.axis_count());
+    let field = |seed| FactoredField::new(&teacher, shape, shape.initial_parameters(seed)).unwrap();
+    let rounded = {
+        let parameters = field(7).parameters.iter().map(|&w| half::f16::from_f32(w).to_f32()).collect();
+        FactoredField { parameters, ..field(7) }
+    };
+    let mut evaluator = field(3).into_evaluator();
+    let inputs = numbers(200 * INPUTS, 4);
+    let point = scene().record.grid.centre([4, 9, 20]);
+    let orientation = Orientation::new(40.0, 70.0);
+    // Weights that are halves, and so kept twice, before and after others that are not.
+    for field in [rounded.clone(), field(5), rounded] {
+        evaluator.set_parameters(field.parameters.clone());
+        let fresh = field.evaluator();
+        let answers = |evaluator: &FactoredEvaluator<'_>| {
+            let mut out = vec![f32::NAN; 200 * shape.axes];
+            evaluator.outputs(&inputs, &mut out);
+            (out, evaluator.overlap(point, &orientation, &mut PointScratch::default()))
+        };
+        assert_eq!(answers(&evaluator), answers(&fresh));
+        assert_eq!(evaluator.halves.is_some(), fresh.halves.is_some());
+    }
+}
+
+#[test]
 fn weights_kept_in_f16_answer_the_same_bits_from_half_the_bytes() {
     let scene = scene();
     // Widths that end panels and registers early.

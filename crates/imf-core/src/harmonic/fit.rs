@@ -21,7 +21,7 @@ mod kept;
 mod parts;
 mod passes;
 mod sample;
-mod solve;
+pub(crate) mod solve;
 pub(crate) mod source;
 
 use serde::{Deserialize, Serialize};
@@ -118,6 +118,12 @@ impl FitSettings {
         let parts = parts::memory(plan, sections);
         let by_parts = |parts| parts + field + self.sample_bytes(domain, voxels) + square_bytes(functions);
         (parts.map_or(peak, by_parts), field)
+    }
+
+    /// Bytes at the peak of deciding on a field's functions by a sample of its `voxels` voxels.
+    #[must_use]
+    pub fn outline_memory(&self, domain: Domain, voxels: usize) -> u64 {
+        self.sample_bytes(domain, voxels) + square_bytes(self.sizes(domain).functions)
     }
 
     /// What the sample of voxels takes, by estimate.

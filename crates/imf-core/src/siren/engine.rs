@@ -21,13 +21,13 @@ use super::matrix::prefer_unpacked;
 use super::muon::{Muon, MuonConfig};
 use super::plan::{BLOCK, Plan, WINDOW, transpose_all};
 use super::scratch::{ScratchPool, describe};
-use super::stack::{Ending, Stack};
+use super::stack::{Stack, TaughtEnding};
 use crate::siren::SirenShape;
 use crate::training::{AdamConfig, EngineError, Loss, Precision, TrainingEngine, TrainingState};
 
 use bf16::Pairs;
 use matrices::Matrices;
-use update::{Arrays, Step, Update, is_between};
+use update::{Arrays, Step, Update};
 
 pub use super::evaluator::CpuEvaluator;
 
@@ -40,6 +40,7 @@ pub struct CpuTrainer {
     plan: Plan,
     adam: AdamConfig,
     loss: Loss,
+    ending: TaughtEnding,
     max_batch: usize,
     /// Samples that `activations` and `slopes` hold for each layer.
     window: usize,
@@ -118,7 +119,7 @@ impl CpuTrainer {
         state: TrainingState,
     ) -> Result<Self, EngineError> {
         let refused = |error: crate::siren::ShapeError| EngineError::Shape(error.to_string());
-        stack.check_teachable().map_err(refused)?;
+        let ending = stack.taught_ending().map_err(refused)?;
         for array in [&state.parameters, &state.first_moment, &state.second_moment] {
             stack.check_parameters(array).map_err(refused)?;
         }
@@ -135,6 +136,7 @@ impl CpuTrainer {
             arch: Arch::new(),
             adam,
             loss,
+            ending,
             max_batch,
             window,
             gradient: vec![0.0; state.parameters.len()],
@@ -189,7 +191,7 @@ impl CpuTrainer {
 
     /// As [`Self::with_precision`], by a kernel that is there.
     fn with_kernel(mut self, kernel: Kernel) -> Result<Self, EngineError> {
-        if self.plan.stack.ending != Ending::Sigmoid || self.muon.is_some() {
+        if self.ending != TaughtEnding::Sigmoid || self.muon.is_some() {
             return Err(EngineError::Shape(
                 "bfloat16 products are made for the paper's network alone".into(),
             ));
@@ -201,8 +203,9 @@ impl CpuTrainer {
 
     /// Leaves the matrices between hidden layers to Muon, whose momentum stands in the place of their first moments.
     pub fn use_muon(&mut self, config: MuonConfig) {
-        let between = self.plan.layers.iter().enumerate().filter(|&(index, _)| is_between(&self.plan, index));
-        self.muon = Some(between.map(|(_, layer)| Muon::new(config, layer.outputs, layer.inputs)).collect());
+        let between = &self.plan.layers[self.plan.stack.between()];
+        self.muon =
+            Some(between.iter().map(|layer| Muon::new(config, layer.outputs, layer.inputs)).collect());
     }
 
     /// Muon's part of a step, once the gradient is whole: every matrix for itself.
@@ -354,7 +357,7 @@ impl CpuTrainer {
             parameters: &self.state.parameters,
             panels: &self.panels,
         };
-        let loss = BlockLoss { loss: self.loss, batch: batch as f64, ending: self.plan.stack.ending };
+        let loss = BlockLoss { loss: self.loss, batch: batch as f64, ending: self.ending };
         let outputs = &mut self.outputs[..targets.len()];
         let partials = &mut self.partials[..blocks * self.plan.partial_length()];
         let losses = &mut self.losses[..blocks];
@@ -450,7 +453,7 @@ struct BlockLoss {
     loss: Loss,
     /// Samples of the whole batch, which the loss is averaged over.
     batch: f64,
-    ending: Ending,
+    ending: TaughtEnding,
 }
 
 impl BlockLoss {
@@ -460,11 +463,11 @@ impl BlockLoss {
         for (delta, &target) in outputs.iter_mut().zip(targets) {
             let target = f64::from(target);
             let (output, slope) = match self.ending {
-                Ending::Sigmoid => {
+                TaughtEnding::Sigmoid => {
                     let output = sigmoid(*delta);
                     (output, output * (1.0 - output))
                 }
-                Ending::Linear | Ending::Sines => (f64::from(*delta), 1.0),
+                TaughtEnding::Linear => (f64::from(*delta), 1.0),
             };
             loss += self.loss.value(output, target);
             *delta = (self.loss.slope(output, target) / self.batch * slope) as f32;
@@ -528,7 +531,7 @@ impl BlockPass<'_> {
         scratch: &mut [f32],
     ) -> f64 {
         let network = &self.network;
-        let Stack { inputs: axes, hidden, ending, .. } = network.plan.stack;
+        let Stack { inputs: axes, hidden, .. } = network.plan.stack;
         let values = inputs.len() / axes * network.plan.stride();
         let (Layers(mut activations), Layers(mut slopes)) = (activations, slopes);
         for layer in 0..hidden {
@@ -539,12 +542,12 @@ impl BlockPass<'_> {
         let last = &activations[hidden - 1][..values];
         network.outputs(last, outputs);
         let loss = self.loss.take(outputs, targets);
-        let front = match ending {
-            Ending::Sigmoid => {
+        let front = match self.loss.ending {
+            TaughtEnding::Sigmoid => {
                 network.output_backward(inputs, outputs, last, slopes[hidden - 1], partial);
                 hidden - 1
             }
-            Ending::Linear | Ending::Sines => {
+            TaughtEnding::Linear => {
                 network.output_biases(outputs, partial);
                 hidden
             }

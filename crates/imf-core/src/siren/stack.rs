@@ -3,6 +3,8 @@
 //! Parameters are one flat array; [`Stack::layers`] is the one place that knows its layout. The fast engines and the
 //! f64 definition work on stacks; what the inputs mean and what the outputs are for is their owners' affair.
 
+use std::ops::Range;
+
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
@@ -17,6 +19,15 @@ pub enum Ending {
     Linear,
     /// No sum at all: the last hidden layer's sines are the outputs. Such a stack is evaluated, never taught.
     Sines,
+}
+
+/// What stands behind the last sum of a stack that is taught.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TaughtEnding {
+    /// As [`Ending::Sigmoid`].
+    Sigmoid,
+    /// As [`Ending::Linear`].
+    Linear,
 }
 
 /// Sizes of a stack.
@@ -54,13 +65,23 @@ impl Stack {
         Ok(())
     }
 
-    /// As [`Stack::check`], of a stack that is to be taught.
+    /// As [`Stack::check`], of a stack that is to be taught: what its loss is taken behind.
     ///
     /// # Errors
     /// As [`Stack::check`]; a stack without a last layer.
-    pub fn check_teachable(&self) -> Result<(), ShapeError> {
+    pub fn taught_ending(&self) -> Result<TaughtEnding, ShapeError> {
         self.check()?;
-        if self.ending == Ending::Sines { Err(ShapeError::NoLastLayer) } else { Ok(()) }
+        match self.ending {
+            Ending::Sigmoid => Ok(TaughtEnding::Sigmoid),
+            Ending::Linear => Ok(TaughtEnding::Linear),
+            Ending::Sines => Err(ShapeError::NoLastLayer),
+        }
+    }
+
+    /// The layers between hidden ones, whose matrices are neither the first nor the last.
+    #[must_use]
+    pub fn between(&self) -> Range<usize> {
+        1..self.hidden.max(1)
     }
 
     /// The layers in order, hidden ones first, the output layer last if there is one: the one definition of the flat layout.
@@ -128,4 +149,49 @@ fn symmetric_uniform(generator: &mut ChaCha8Rng, bound: f32) -> f32 {
     use rand::Rng;
     let unit = (generator.next_u32() >> 8) as f32 / (1u32 << 24) as f32;
     (2.0 * unit - 1.0) * bound
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::siren::engine::CpuTrainer;
+    use crate::training::{AdamConfig, Loss, TrainingState};
+
+    const LINEAR: Stack = Stack {
+        inputs: 3,
+        width: 6,
+        hidden: 3,
+        skip_after: None,
+        omega: 20.0,
+        outputs: 6,
+        ending: Ending::Linear,
+    };
+
+    #[test]
+    fn what_ends_in_sines_is_not_taught() {
+        let taught = |ending| Stack { ending, ..LINEAR }.taught_ending();
+        assert!(matches!(taught(Ending::Linear), Ok(TaughtEnding::Linear)));
+        assert!(matches!(taught(Ending::Sigmoid), Ok(TaughtEnding::Sigmoid)));
+        assert!(matches!(taught(Ending::Sines), Err(ShapeError::NoLastLayer)));
+        for ending in [Ending::Linear, Ending::Sines] {
+            let stack = Stack { ending, ..LINEAR };
+            let state = TrainingState::from_parameters(stack.initial_parameters(1));
+            let engine = CpuTrainer::of_stack(stack, AdamConfig::default(), Loss::L2, 4, state);
+            assert_eq!(engine.is_ok(), ending == Ending::Linear, "{ending:?}");
+        }
+    }
+
+    #[test]
+    fn layers_between_hidden_ones_are_neither_the_first_nor_the_last() {
+        for hidden in 1..5 {
+            for ending in [Ending::Linear, Ending::Sines] {
+                let stack = Stack { hidden, ending, ..LINEAR };
+                let layers = stack.layers();
+                let between = &layers[stack.between()];
+                assert_eq!(between.len(), hidden - 1);
+                let square = between.iter().all(|layer| (layer.inputs, layer.outputs) == (6, 6));
+                assert!(square && !between.contains(&layers[0]), "{hidden}, {ending:?}");
+            }
+        }
+    }
 }

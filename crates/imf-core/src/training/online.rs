@@ -7,6 +7,7 @@
 //! a producer that is [`OnlineSettings::lead`] sections ahead waits as well; [`Waits`] says who did.
 
 use std::ops::{ControlFlow, Range};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
@@ -175,11 +176,12 @@ impl OnlineSections {
 type Made<S> = Result<S, SectionError>;
 
 /// Makes something of the sections that a training from step `first` to step `last` meets, on a second thread, while
-/// `train` takes them; says how long everybody waited.
+/// `train` takes them; says how long everybody waited. While the pool fills, `stop` is asked before each section.
 pub(crate) fn with_arrivals<S: Send, T>(
     settings: OnlineSettings,
     [first, last]: [u64; 2],
     make: impl FnMut(u64) -> Made<S> + Send,
+    stop: &dyn Fn() -> bool,
     train: impl FnOnce(&mut Arrivals<'_, S>) -> T,
 ) -> (T, Waits) {
     let begun = Instant::now();
@@ -191,6 +193,7 @@ pub(crate) fn with_arrivals<S: Send, T>(
         let mut arrivals = Arrivals {
             receiver: &receiver,
             settings,
+            stop,
             first,
             next: oldest,
             pool: (0..settings.pool).map(|_| None).collect(),
@@ -231,6 +234,7 @@ fn produce<S>(
 pub(crate) struct Arrivals<'a, S> {
     receiver: &'a Receiver<Made<S>>,
     settings: OnlineSettings,
+    stop: &'a dyn Fn() -> bool,
     /// Step at which the pool is filled.
     first: u64,
     /// Number to be received next.
@@ -240,10 +244,14 @@ pub(crate) struct Arrivals<'a, S> {
 }
 
 impl<S> Arrivals<'_, S> {
-    /// Waits for what the pool holds at a step: that, slot after slot, none of them empty.
+    /// Waits for what the pool holds at a step: that, slot after slot, none of them empty. A pool that is filled for the first
+    /// time, which may take minutes, is given up where that is wished: nothing was learnt from it yet.
     pub(crate) fn at(&mut self, step: u64) -> Result<&[Option<S>], SectionError> {
         let begun = Instant::now();
         while self.next <= self.settings.newest(step) {
+            if step == self.first && (self.stop)() {
+                return Err(SectionError::Cancelled);
+            }
             // A producer that is gone has panicked, which is passed on when it is joined.
             let made = self.receiver.recv().unwrap_or(Err(SectionError::Cancelled))?;
             self.pool[(self.next % self.settings.pool as u64) as usize] = Some(made);
@@ -260,15 +268,17 @@ impl<S> Arrivals<'_, S> {
 }
 
 /// Trains `engine` from `start` to the plan's end, or until the observer breaks, while a second thread computes the
-/// sections. An epoch is as many samples as the pool holds; a batch is drawn from it with replacement.
+/// sections. An epoch is as many samples as the pool holds; a batch is drawn from it with replacement. Before the first step,
+/// while the pool fills, `cancelled` ends it; later the observer does.
 ///
 /// # Errors
-/// As [`super::run::train`], and a section that failed.
+/// As [`super::run::train`], and a section that failed, or was not wanted any more.
 pub fn train_online(
     plan: &TrainingPlan,
     sections: &OnlineSections,
     engine: &mut dyn TrainingEngine,
     start: Cursor,
+    cancelled: &AtomicBool,
     observer: &mut dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()>,
 ) -> Result<(Outcome, Waits), TrainError> {
     let settings = sections.settings;
@@ -283,7 +293,8 @@ pub fn train_online(
     let make = |number| sections.section(number, &mut scratch, &mut cmf);
     let key = mix(mix(plan.seed) ^ 0x6f6e_6c69_6e65);
     let per_section = sections.sampling.count(sections.plan.grid().len());
-    let (outcome, waits) = with_arrivals(settings, [first, last], make, |arrivals| {
+    let stop = || cancelled.load(Ordering::Relaxed);
+    let (outcome, waits) = with_arrivals(settings, [first, last], make, &stop, |arrivals| {
         let mut feed = |_: Cursor, step: u64, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
             let pool = arrivals.at(step)?;
             let base = mix(key ^ mix(step));

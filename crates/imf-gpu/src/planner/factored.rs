@@ -9,7 +9,7 @@ use imf_core::factored::FactoredField;
 use imf_core::training::EngineError;
 
 use super::Asked;
-use super::network::{Frame, TwoWay};
+use super::network::{Extent, Frame, Passes, TwoWay};
 use super::turns::{Coefficients, Functions, Turns};
 use crate::device::Gpu;
 use crate::factored::GpuFactored;
@@ -60,8 +60,16 @@ impl FactoredPasses {
             two_way,
         })
     }
+}
 
-    pub(super) fn bind(&self, frame: &Frame, asked: Asked<'_>) -> FactoredCall {
+impl Passes for FactoredPasses {
+    type Call = FactoredCall;
+
+    fn extent(&self) -> Extent<'_> {
+        self.two_way.extent()
+    }
+
+    fn bind(&self, frame: &Frame, asked: Asked<'_>) -> Self::Call {
         let Frame { gpu, world, sweep } = frame;
         let Asked { poses, values, gradients } = asked;
         let TwoWay { network, samples, deltas, .. } = &self.two_way;
@@ -77,9 +85,9 @@ impl FactoredPasses {
         }
     }
 
-    pub(super) fn record(
+    fn record(
         &self,
-        call: &FactoredCall,
+        call: &Self::Call,
         pass: &mut wgpu::ComputePass<'_>,
         rows: usize,
         padded_rows: usize,

@@ -10,7 +10,7 @@ use imf_core::harmonic::HarmonicField;
 use imf_core::training::EngineError;
 
 use super::Asked;
-use super::network::{Extent, Frame, ROWS};
+use super::network::{Extent, Frame, Passes, ROWS};
 use super::turns::{Coefficients, Functions, Turns};
 use crate::device::Gpu;
 use crate::kernel::{Bound, Kernel, uniform};
@@ -93,12 +93,16 @@ impl HarmonicPasses {
             axes,
         })
     }
+}
 
-    pub(super) fn extent(&self) -> Extent<'_> {
+impl Passes for HarmonicPasses {
+    type Call = HarmonicCall;
+
+    fn extent(&self) -> Extent<'_> {
         Extent { batch: &self.batch, rows: self.rows, padding: self.padding }
     }
 
-    pub(super) fn bind(&self, frame: &Frame, asked: Asked<'_>) -> HarmonicCall {
+    fn bind(&self, frame: &Frame, asked: Asked<'_>) -> Self::Call {
         let Frame { gpu, world, sweep } = frame;
         let Asked { poses, values, gradients } = asked;
         let front = [&self.batch, world, sweep, &self.lattice, poses, &self.voxels];
@@ -111,9 +115,9 @@ impl HarmonicPasses {
         }
     }
 
-    pub(super) fn record(
+    fn record(
         &self,
-        call: &HarmonicCall,
+        call: &Self::Call,
         pass: &mut wgpu::ComputePass<'_>,
         rows: usize,
         padded_rows: usize,

@@ -6,6 +6,7 @@ use imf_core::grid::Grid;
 use imf_core::siren::stack::Stack;
 use imf_core::training::EngineError;
 
+use super::Asked;
 use crate::device::Gpu;
 use crate::forward::{Forward, Network, layout_for, rows_per_pass};
 use crate::kernel::{Bound, Kernel, uniform};
@@ -51,6 +52,28 @@ pub(super) struct Extent<'a> {
     pub(super) rows: usize,
     /// Rounded up to this.
     pub(super) padding: usize,
+}
+
+/// The kernels of a family, which answer the poses of a buffer in parts.
+pub(super) trait Passes {
+    /// The kernels bound to the buffers of a call.
+    type Call;
+
+    /// How many poses pass together.
+    fn extent(&self) -> Extent<'_>;
+
+    /// Binds the kernels to what is asked.
+    fn bind(&self, frame: &Frame, asked: Asked<'_>) -> Self::Call;
+
+    /// Records a part of `rows` poses, `padded_rows` with padding; a dispatch may have `limit` workgroups.
+    fn record(
+        &self,
+        call: &Self::Call,
+        pass: &mut wgpu::ComputePass<'_>,
+        rows: usize,
+        padded_rows: usize,
+        limit: u32,
+    );
 }
 
 /// A network with room for the poses of one pass.

@@ -8,7 +8,7 @@ use imf_core::model::Model;
 use imf_core::training::EngineError;
 
 use super::Asked;
-use super::network::{Frame, TwoWay};
+use super::network::{Extent, Frame, Passes, TwoWay};
 use crate::device::Gpu;
 use crate::evaluator::GpuEvaluator;
 use crate::kernel::{Bound, Kernel, uniform};
@@ -48,8 +48,16 @@ impl SirenPasses {
             two_way,
         })
     }
+}
 
-    pub(super) fn bind(&self, frame: &Frame, asked: Asked<'_>) -> SirenCall {
+impl Passes for SirenPasses {
+    type Call = SirenCall;
+
+    fn extent(&self) -> Extent<'_> {
+        self.two_way.extent()
+    }
+
+    fn bind(&self, frame: &Frame, asked: Asked<'_>) -> Self::Call {
         let Frame { gpu, world, sweep } = frame;
         let Asked { poses, values, gradients } = asked;
         let TwoWay { network, samples, results, deltas, .. } = &self.two_way;
@@ -67,9 +75,9 @@ impl SirenPasses {
         }
     }
 
-    pub(super) fn record(
+    fn record(
         &self,
-        call: &SirenCall,
+        call: &Self::Call,
         pass: &mut wgpu::ComputePass<'_>,
         rows: usize,
         padded_rows: usize,

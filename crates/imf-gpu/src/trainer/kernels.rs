@@ -1,7 +1,8 @@
 //! Every kernel of a training step, bound to the trainer's buffers, and in which order they run.
 
+use imf_core::siren::ShapeError;
 use imf_core::siren::muon::MuonConfig;
-use imf_core::siren::stack::Ending;
+use imf_core::siren::stack::TaughtEnding;
 use imf_core::training::EngineError;
 
 use super::Buffers;
@@ -50,13 +51,15 @@ impl Kernels {
         let hidden_weight = weight.between_layers(gpu, Shader::WeightGradient, factors)?;
         let (batch, layers, parameters) = (&network.batch, &network.layers, &network.parameters);
         let last = layers.len() - 1;
+        let refused = |error: ShapeError| EngineError::Shape(error.to_string());
+        let ending = network.layout.stack.taught_ending().map_err(refused)?;
         let each = |bind: &dyn Fn(usize) -> Bound| (0..=last).map(bind).collect::<Vec<_>>();
         Ok(Self {
             inputs: network.bind_inputs(gpu, &kernel(Shader::Inputs)?, &[&host.samples], signals)?,
             forward: Forward::new(gpu, network, signals, results, Some(deltas), factors)?,
-            loss: kernel(match network.layout.stack.ending {
-                Ending::Sigmoid => Shader::Loss,
-                Ending::Linear | Ending::Sines => Shader::LossLinear,
+            loss: kernel(match ending {
+                TaughtEnding::Sigmoid => Shader::Loss,
+                TaughtEnding::Linear => Shader::LossLinear,
             })?
             .bind(
                 gpu,

@@ -8,12 +8,68 @@ use imf_core::factored::{
     teach_by_sections_on, teach_on,
 };
 use imf_core::grid::Grid;
+use imf_core::harmonic::basis::Domain;
 use imf_core::harmonic::file::HarmonicFile;
-use imf_core::harmonic::{FitReport, FitSettings};
+use imf_core::harmonic::{FitReport, FitSettings, Sizes};
 use imf_core::scene::Scene;
 use imf_core::siren::ShapeError;
 use imf_core::training::TrainingEngine;
 use imf_core::training::run::{Outcome, Report, TrainError};
+
+use super::Settings;
+use crate::session::Session;
+
+/// Bytes of a weight: itself, transposed, gradient, two moments, and a copy of weights and moments in a checkpoint.
+const BYTES_PER_PARAMETER: u64 = 4 * 8;
+
+/// How large a lesson becomes: known before its teacher is made.
+pub(in crate::commands) struct Extent {
+    kind: Kind,
+    fit: FitSettings,
+    domain: Domain,
+    voxels: usize,
+}
+
+/// What teaches.
+enum Kind {
+    Harmonic,
+    Sections,
+}
+
+impl Extent {
+    /// By a harmonic field.
+    pub(in crate::commands) fn of_field(fit: FitSettings, domain: Domain, voxels: usize) -> Self {
+        Self { kind: Kind::Harmonic, fit, domain, voxels }
+    }
+
+    /// By sections.
+    pub(in crate::commands) fn of_sections(fit: FitSettings, domain: Domain, voxels: usize) -> Self {
+        Self { kind: Kind::Sections, fit, domain, voxels }
+    }
+
+    /// Refuses a lesson that does not fit into memory, the choice of its functions by sections with it.
+    pub(in crate::commands) fn require(&self, session: &Session, settings: &Settings) -> Result<()> {
+        let Self { kind, fit, domain, voxels } = self;
+        let (teach, voxels) = (&settings.teach, *voxels);
+        let Sizes { functions, axes, .. } = fit.sizes(*domain);
+        let (chosen, teacher, what) = match kind {
+            Kind::Harmonic => {
+                let field = fit.memory(*domain, voxels).1 + 4 * (functions * (axes + 1)) as u64;
+                (0, field + teach.bytes_to_solve(voxels, axes), "the harmonic field and the network")
+            }
+            Kind::Sections => (
+                fit.outline_memory(*domain, voxels),
+                SectionTeacher::memory_bytes(functions, axes, voxels, teach),
+                "the sections and the network",
+            ),
+        };
+        let signals = 8 * teach.plan.batch.min(voxels) as u64 * (teach.width * teach.hidden + axes) as u64;
+        let network = BYTES_PER_PARAMETER * teach.shape(axes).parameter_count() as u64;
+        session.require_memory(chosen.max(teacher + network + signals), || {
+            format!("{what}; {}", settings.smaller)
+        })
+    }
+}
 
 /// Where a network's coefficients come from.
 pub(in crate::commands) enum Teacher<'a> {
@@ -64,17 +120,13 @@ impl Teacher<'_> {
         }
     }
 
-    /// Bytes that it takes while it teaches, and what of, for messages.
-    pub(super) fn memory(&self, settings: &TeachSettings) -> (u64, &'static str) {
-        match self {
-            Self::Harmonic(file) => (
-                file.field.bytes() + settings.bytes_to_solve(&file.field),
-                "the harmonic field and the network",
-            ),
-            Self::Sections(sections) => {
-                (sections.teacher.memory_bytes(settings), "the sections and the network")
-            }
-        }
+    /// How large the lesson becomes.
+    pub(super) fn extent(&self) -> Extent {
+        let (kind, domain) = match self {
+            Self::Harmonic(file) => (Kind::Harmonic, file.field.basis.domain()),
+            Self::Sections(sections) => (Kind::Sections, sections.teacher.domain()),
+        };
+        Extent { kind, fit: self.fit(), domain, voxels: self.grid().len() }
     }
 
     /// What is taught, for people.

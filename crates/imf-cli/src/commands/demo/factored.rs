@@ -12,7 +12,7 @@ use imf_core::training::run::{Length, TrainingPlan};
 use super::questions;
 use crate::arguments::DemoArguments;
 use crate::arguments::compress::teaching;
-use crate::commands::compress;
+use crate::commands::compress::{self, Beginning};
 use crate::commands::eval::{IMF_ORIENTATIONS, expanded, require_memory};
 use crate::commands::train::factored;
 use crate::engine::Device;
@@ -34,8 +34,9 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
         go_on: "run the same command again",
         smaller: "raise --memory, or take the smaller demo: --family siren5",
     };
-    let resume = compress::is_unfinished(&arguments.out);
-    let (file, _) = factored::made(session, &device, scene, None, settings, &arguments.out, resume)?;
+    let beginning = Beginning::at(&arguments.out, compress::is_unfinished(&arguments.out))?;
+    beginning.require_settings(&settings.teach)?;
+    let (file, _) = factored::made(session, &device, scene, None, settings, &beginning)?;
 
     require_memory(session, &file.scene.record, file.field.shape.axes)?;
     let imf = file.field.basis.even_set(IMF_ORIENTATIONS)?;

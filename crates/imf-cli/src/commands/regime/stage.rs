@@ -16,6 +16,7 @@ use imf_core::training::run::Cursor;
 use super::scenes::Scenes;
 use crate::commands::dataset::interruption;
 use crate::engine::Device;
+use crate::interrupt;
 use crate::job::{self, Data};
 use crate::output::{prepare_folder, write_json};
 use crate::session::Session;
@@ -111,7 +112,8 @@ impl Workshop<'_> {
                 &folder,
                 &self.settings,
                 &mut |plan, engine, start, observer| {
-                    let (outcome, waited) = train_online(plan, &sections, engine, start, observer)?;
+                    let (outcome, waited) =
+                        train_online(plan, &sections, engine, start, interrupt::flag(), observer)?;
                     waits = Some(waited);
                     Ok(outcome)
                 },
@@ -232,7 +234,7 @@ fn standing(session: &Session, folder: &Path, fresh: Model) -> Standing {
             && found.2.fine_tuned_from == record.fine_tuned_from
     };
     let read = |name: &str| Model::read(&folder.join(name)).ok().filter(same);
-    if let Some(model) = read("model.safetensors").filter(|model| model.record.finished) {
+    if let Some(model) = read(job::MODEL).filter(|model| model.record.finished) {
         session.note(&format!("finished already: {} steps", model.record.steps));
         return Standing::Finished(Box::new(model));
     }

@@ -1,8 +1,6 @@
 //! A factored field of a scene: a harmonic field of all functions of a degree, then the network that is taught it. As
 //! `imf field --method harmonic` and `imf compress`; `imf demo` makes its field so too.
 
-use std::path::Path;
-
 use anyhow::Result;
 use imf_core::factored::file::FactoredFile;
 use imf_core::factored::{SectionTeacher, TeachSettings};
@@ -14,7 +12,7 @@ use imf_core::section::SectionPlan;
 
 use crate::arguments::harmonic::DEFAULT_SECTIONS;
 use crate::arguments::train::TrainArguments;
-use crate::commands::compress::{self, Lesson, Sections, Settings, Teacher};
+use crate::commands::compress::{self, Beginning, Extent, Lesson, Sections, Settings, Teacher};
 use crate::commands::field::harmonic;
 use crate::engine::Device;
 use crate::output::OutputFolder;
@@ -28,7 +26,8 @@ const DEGREE_OF_ROTATIONS: usize = 5;
 pub(super) fn run(session: &Session, arguments: &TrainArguments, teach: TeachSettings) -> Result<()> {
     let device = Device::open(arguments.device_or("cpu"), session)?;
     let folder = OutputFolder::check(&arguments.out)?;
-    compress::check_beginning(folder.path(), arguments.resume)?;
+    let beginning = Beginning::at(folder.path(), arguments.resume)?;
+    beginning.require_settings(&teach)?;
     let scene = arguments.scene.scene_with(session, &arguments.contact)?;
     folder.create()?;
     let settings = Settings {
@@ -39,20 +38,19 @@ pub(super) fn run(session: &Session, arguments: &TrainArguments, teach: TeachSet
         smaller: "use a lower --degree, a smaller --batch or --online, or a larger --pitch",
     };
     let degree = arguments.factored.degree;
-    let taught = made(session, &device, &scene, degree, settings, folder.path(), arguments.resume)?;
+    let taught = made(session, &device, &scene, degree, settings, &beginning)?;
     compress::concluded(session, folder.path(), taught, arguments.no_calibrate)
 }
 
-/// The field of a scene by harmonics of a degree, written to `out`, with the last loss. Where a teaching is resumed, the harmonic
-/// field is fitted, or the functions are chosen, once more.
+/// The field of a scene by harmonics of a degree, written to the folder, with the last loss. Where a teaching is resumed that
+/// has steps left, the harmonic field is fitted, or the functions are chosen, once more. What cannot be is refused before.
 pub(in crate::commands) fn made(
     session: &Session,
     device: &Device,
     scene: &Scene,
     degree: Option<usize>,
     settings: Settings,
-    out: &Path,
-    resume: bool,
+    beginning: &Beginning<'_>,
 ) -> Result<(FactoredFile, f64)> {
     let domain = harmonic::domain(&scene.record.bare_tool().with_tip_only());
     let usual = match domain {
@@ -66,15 +64,25 @@ pub(in crate::commands) fn made(
         sections_per_function: DEFAULT_SECTIONS,
         ..FitSettings::default()
     };
+    beginning.require_teacher(scene, &fit)?;
+    if let Some(file) = beginning.finished(session, settings.precision)? {
+        return Ok((file, f64::NAN));
+    }
+    let voxels = scene.record.grid.len();
+    let extent = match settings.teach.online {
+        Some(_) => Extent::of_sections(fit, domain, voxels),
+        None => Extent::of_field(fit, domain, voxels),
+    };
+    extent.require(session, &settings)?;
     let plan = SectionPlan::of_scene(scene)?;
     if settings.teach.online.is_some() {
         let teacher = functions_of(session, &plan, domain, &fit)?;
         let teacher = Teacher::Sections(Box::new(Sections { teacher, scene, fit }));
-        return Lesson { teacher, settings, out }.taught(session, device, resume, None);
+        return Lesson { teacher, settings, beginning }.taught(session, device, None);
     }
     let teacher = harmonic::fitted(session, scene, &plan, domain, fit, settings.smaller)?;
     drop(plan);
-    Lesson { teacher: Teacher::Harmonic(&teacher), settings, out }.taught(session, device, resume, None)
+    Lesson { teacher: Teacher::Harmonic(&teacher), settings, beginning }.taught(session, device, None)
 }
 
 /// The functions that sections teach along, chosen by a sample of voxels.

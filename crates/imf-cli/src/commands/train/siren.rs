@@ -4,11 +4,11 @@ use anyhow::Result;
 use imf_core::siren::SirenShape;
 use imf_core::training::TrainingState;
 
-use super::{announce, calibrated};
+use super::{concluded, is_over};
 use crate::arguments::train::{Samples, TrainArguments};
 use crate::commands::dataset::sampled;
 use crate::engine::Device;
-use crate::job::{self, Data, Settings};
+use crate::job::{self, Data, Latest, Settings};
 use crate::output::OutputFolder;
 use crate::session::Session;
 
@@ -21,15 +21,26 @@ pub(super) fn run(
     let plan = job::plan(&arguments.length, &arguments.plan, 5e-4, 50);
     plan.check()?;
     let folder = OutputFolder::check(&arguments.out)?;
+    // Before anything is made for a training that cannot go on, or need not.
+    let found = job::to_resume(folder.path(), arguments.resume)?;
     let device = Device::open(arguments.device_or("auto"), session)?;
     device.require_precision(plan.precision)?;
+    let left_out = arguments.no_calibrate;
     let data = match samples {
-        Samples::Dataset(dataset) => Data::open(dataset)?,
-        Samples::OfPart { set, sampling, layout } => {
-            if !arguments.resume {
-                job::refuse_unfinished(folder.path())?;
+        Samples::Dataset(dataset) => {
+            let data = Data::open(dataset)?;
+            let same = |found: &Latest| found.require_dataset(&data);
+            if is_over(session, folder.path(), found.as_ref(), same, left_out)? {
+                return Ok(());
             }
+            data
+        }
+        Samples::OfPart { set, sampling, layout } => {
             let scene = arguments.scene.scene_with(session, &arguments.contact)?;
+            let same = |found: &Latest| found.require_samples(&scene.record, set, sampling);
+            if is_over(session, folder.path(), found.as_ref(), same, left_out)? {
+                return Ok(());
+            }
             folder.create()?;
             let dataset = folder.file("dataset");
             sampled(session, &dataset, &scene, set, sampling, layout)?;
@@ -37,15 +48,11 @@ pub(super) fn run(
         }
     };
     folder.create()?;
-    let model = if arguments.resume {
-        job::resumed_model(session, folder.path(), &data, arguments.length.rate)?
-    } else {
-        job::refuse_unfinished(folder.path())?;
-        job::fresh_model(&data, shape, plan, TrainingState::new(&shape, plan.seed), None)
+    let model = match found {
+        Some(found) => job::resumed_model(session, found, &data, arguments.length.rate)?,
+        None => job::fresh_model(&data, shape, plan, TrainingState::new(&shape, plan.seed), None),
     };
     let settings = Settings::new(&arguments.length, &arguments.plan);
     let model = job::run(session, &device, &data, model, folder.path(), &settings)?;
-    let path = folder.file("model.safetensors");
-    announce(session, &path, &model)?;
-    calibrated(session, &path, &model, arguments.no_calibrate)
+    concluded(session, folder.path(), &model, left_out)
 }

@@ -4,6 +4,7 @@
 use super::*;
 use crate::factored::by_sections::Corrected;
 use crate::training::online::OnlineSettings;
+use crate::training::run::Report;
 use crate::training::{EngineError, TrainingState};
 
 const ONLINE: OnlineSettings = OnlineSettings { pool: 40, every: 1, seed: 3, lead: 4 };
@@ -57,6 +58,11 @@ fn targets_are_the_coefficients_to_expect() {
     let teacher = SectionTeacher::new(&plan, Domain::Directions, &FIT, Control::quiet()).unwrap();
     let shape = settings(1).shape(teacher.axis_count());
     let field = teacher.field(shape, shape.initial_parameters(5)).unwrap();
+    let other = FactoredShape { axes: shape.axes + 1, ..shape };
+    let refused = teacher.field(other, other.initial_parameters(5)).unwrap_err();
+    assert!(
+        matches!(refused, ShapeError::Parameters { expected, .. } if expected == shape.parameter_count())
+    );
     let state = TrainingState::from_parameters(field.parameters.clone());
     let mut told = Told { state, axes: shape.axes, targets: Vec::new() };
     // A step at which slots are not in the order of their numbers.
@@ -153,11 +159,12 @@ fn a_stop_and_the_number_of_threads_change_no_bit() {
         pool.install(|| {
             let mut state = settings.start(teacher.axis_count());
             if stop {
-                let cancelled = AtomicBool::new(true);
+                let cancelled = AtomicBool::new(false);
                 let control = Control { cancelled: &cancelled, ..Control::quiet() };
+                let observe = &mut |_: &Report| cancelled.store(true, Ordering::Relaxed);
                 let (outcome, _) =
-                    teach_by_sections(&teacher, &settings, &mut state, control, &mut |_| {}).unwrap();
-                assert!(matches!(outcome, Outcome::Stopped(_)));
+                    teach_by_sections(&teacher, &settings, &mut state, control, observe).unwrap();
+                assert!(matches!(outcome, Outcome::Stopped(at) if at != Cursor::default()));
             }
             teach_by_sections(&teacher, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
             state
@@ -166,4 +173,30 @@ fn a_stop_and_the_number_of_threads_change_no_bit() {
     let whole = run(1, false);
     assert_eq!(run(2, false), whole);
     assert_eq!(run(2, true), whole);
+}
+
+#[test]
+fn a_pool_that_fills_is_given_up_and_teaching_goes_on_to_the_same_bits() {
+    let scene = scene();
+    let plan = plan(&scene);
+    let teacher = SectionTeacher::new(&plan, Domain::Directions, &FIT, Control::quiet()).unwrap();
+    let settings = TeachSettings { online: Some(ONLINE), ..settings(40) };
+    let taught = |state: &mut FactoredState, control: Control<'_>| {
+        teach_by_sections(&teacher, &settings, state, control, &mut |_| {}).unwrap().0
+    };
+    let begun = settings.start(teacher.axis_count());
+    let mut whole = begun.clone();
+    assert_eq!(taught(&mut whole, Control::quiet()), Outcome::Finished);
+
+    // The wish comes before the third of 40 sections: none is learnt from.
+    let (told, cancelled) = (AtomicU64::new(0), AtomicBool::new(false));
+    let progress = |steps| {
+        assert_eq!(steps, 0, "a step was taken");
+        cancelled.store(told.fetch_add(1, Ordering::Relaxed) == 2, Ordering::Relaxed);
+    };
+    let mut state = begun.clone();
+    let outcome = taught(&mut state, Control { progress: &progress, cancelled: &cancelled });
+    assert_eq!((outcome, &state), (Outcome::Stopped(begun.cursor), &begun));
+    assert_eq!(taught(&mut state, Control::quiet()), Outcome::Finished);
+    assert!(state == whole, "it went on to other bits");
 }

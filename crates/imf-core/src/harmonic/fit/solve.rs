@@ -10,7 +10,7 @@ use crate::orientation::Orientation;
 use crate::siren::matrix::{Matrix, multiply};
 
 /// B: `[orientation][function]`.
-pub(super) fn function_values(basis: &Basis, set: &[Orientation]) -> Vec<f32> {
+pub(crate) fn function_values(basis: &Basis, set: &[Orientation]) -> Vec<f32> {
     let mut all = vec![0.0f32; set.len() * basis.len()];
     all.par_chunks_mut(basis.len()).zip(set).for_each_init(
         || vec![0.0; basis.len()],

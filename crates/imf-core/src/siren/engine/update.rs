@@ -64,11 +64,6 @@ pub(super) struct Update<'a> {
     pub(super) spare_matrices: bool,
 }
 
-/// True for a hidden layer behind another one.
-pub(super) fn is_between(plan: &Plan, layer: usize) -> bool {
-    (1..plan.stack.hidden).contains(&layer)
-}
-
 impl Update<'_> {
     pub(super) fn run(&self, pieces: &[Piece], arrays: Arrays<'_>) {
         if let [piece] = pieces {
@@ -148,7 +143,7 @@ impl Step<'_> {
 
     fn piece(&self, piece: &Piece, arrays: Arrays<'_>) {
         let is_panel = matches!(piece.part, Part::Panel(_));
-        if self.spare_matrices && is_panel && is_between(self.plan, piece.layer) {
+        if self.spare_matrices && is_panel && self.plan.stack.between().contains(&piece.layer) {
             return;
         }
         let Arrays { parameters, first_moment, second_moment, gradient, panels } = arrays;

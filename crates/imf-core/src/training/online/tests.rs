@@ -6,6 +6,7 @@ use crate::tool::Tool;
 use crate::training::run::Length;
 use crate::training::{EngineError, TrainingState};
 use glam::DVec3;
+use std::sync::atomic::AtomicU64;
 
 const SHAPE: SirenShape = SirenShape { width: 16, hidden: 3, skip_after: Some(2), omega: 10.0 };
 
@@ -28,6 +29,9 @@ fn go_on(_: &Report, _: &mut dyn TrainingEngine) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
+/// Nobody wishes to stop.
+static NEVER: AtomicBool = AtomicBool::new(false);
+
 const SETTINGS: OnlineSettings = OnlineSettings { pool: 5, every: 3, seed: 4, lead: 2 };
 
 #[test]
@@ -35,7 +39,7 @@ fn stopped_anywhere_it_goes_on_to_the_same_bits_and_lead_changes_nothing() {
     let sections_ = sections(SETTINGS);
     let mut whole = engine(TrainingState::new(&SHAPE, 1));
     let (outcome, waits) =
-        train_online(&plan(), &sections_, &mut whole, Cursor::default(), &mut go_on).unwrap();
+        train_online(&plan(), &sections_, &mut whole, Cursor::default(), &NEVER, &mut go_on).unwrap();
     assert_eq!(outcome, Outcome::Finished);
     // Steps 0 to 59 use sections 0 to 4 + 59 / 3.
     assert_eq!(waits.sections, 5 + 19);
@@ -47,15 +51,15 @@ fn stopped_anywhere_it_goes_on_to_the_same_bits_and_lead_changes_nothing() {
             if report.step >= stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         let (outcome, _) =
-            train_online(&plan(), &sections_, &mut first, Cursor::default(), &mut until).unwrap();
+            train_online(&plan(), &sections_, &mut first, Cursor::default(), &NEVER, &mut until).unwrap();
         let Outcome::Stopped(cursor) = outcome else { panic!("it did not stop") };
         let mut second = engine(first.state().unwrap());
-        train_online(&plan(), &sections_, &mut second, cursor, &mut go_on).unwrap();
+        train_online(&plan(), &sections_, &mut second, cursor, &NEVER, &mut go_on).unwrap();
         assert!(second.state().unwrap() == whole, "stopped at {stop}");
     }
     let mut other = engine(TrainingState::new(&SHAPE, 1));
     let elsewhere = sections(OnlineSettings { seed: 5, ..SETTINGS });
-    train_online(&plan(), &elsewhere, &mut other, Cursor::default(), &mut go_on).unwrap();
+    train_online(&plan(), &elsewhere, &mut other, Cursor::default(), &NEVER, &mut go_on).unwrap();
     assert!(other.state().unwrap() != whole, "the seed decides nothing");
 }
 
@@ -92,7 +96,8 @@ impl TrainingEngine for Recorder {
 fn every_sample_is_an_exact_value_of_a_section_in_the_pool_of_its_step() {
     let sections = sections(SETTINGS);
     let mut recorder = Recorder { batches: Vec::new(), pause: Duration::from_millis(2) };
-    let (_, waits) = train_online(&plan(), &sections, &mut recorder, Cursor::default(), &mut go_on).unwrap();
+    let (_, waits) =
+        train_online(&plan(), &sections, &mut recorder, Cursor::default(), &NEVER, &mut go_on).unwrap();
     assert!(waits.producer > 0.0, "a slow trainer keeps the producer waiting: {waits:?}");
     let grid = *sections.plan.grid();
     let mut scratch = SectionScratch::default();
@@ -130,4 +135,37 @@ fn settings_that_stand_still_are_refused() {
         assert!(matches!(settings.check(), Err(TrainError::Plan(_))), "{settings:?}");
     }
     assert!(serde_json::from_str::<OnlineSettings>(r#"{"pol": 3}"#).is_err());
+}
+
+#[test]
+fn a_pool_that_fills_is_given_up_when_that_is_wished() {
+    let cancelled = AtomicBool::new(false);
+    let made = AtomicU64::new(0);
+    // The wish comes while the second of five sections is made.
+    let make = |number| {
+        made.store(number + 1, Ordering::Relaxed);
+        cancelled.fetch_or(number == 1, Ordering::Relaxed);
+        Ok(number)
+    };
+    let stop = || cancelled.load(Ordering::Relaxed);
+    let settings = OnlineSettings { lead: 1, ..SETTINGS };
+    let (taken, _) = with_arrivals(settings, [0, 60], make, &stop, |arrivals| arrivals.at(0).map(<[_]>::len));
+    assert!(matches!(taken, Err(SectionError::Cancelled)), "{taken:?}");
+    // The two that were taken, the one that may be ahead, and the one after it, which found no taker.
+    assert!(made.load(Ordering::Relaxed) <= 4, "{made:?} of {} were made", settings.pool);
+
+    // Afterwards the observer is who stops.
+    let wished = AtomicBool::new(false);
+    let mut engine = engine(TrainingState::new(&SHAPE, 1));
+    let mut observer = |_: &Report, _: &mut dyn TrainingEngine| {
+        wished.store(true, Ordering::Relaxed);
+        ControlFlow::Continue(())
+    };
+    let trained =
+        train_online(&plan(), &sections(SETTINGS), &mut engine, Cursor::default(), &wished, &mut observer);
+    assert_eq!(trained.unwrap().0, Outcome::Finished);
+    wished.store(true, Ordering::Relaxed);
+    let trained =
+        train_online(&plan(), &sections(SETTINGS), &mut engine, Cursor::default(), &wished, &mut go_on);
+    assert!(matches!(trained, Err(TrainError::Section(SectionError::Cancelled))), "{trained:?}");
 }
