@@ -6,7 +6,8 @@
 A FIELD is what `imf field PART --method harmonic --save FIELD.npz` writes, of overlaps over directions. Needs torch (as
 in bench/requirements-torch.txt) and numpy. Prints a Markdown table, each row a teaching of its own from the same seed.
 
-A row differs from the baseline in what it says and in nothing else. The baseline is `imf compress`: sines 3→256³
+A row differs from the baseline in what it says and in nothing else. The baseline is `imf compress --optimiser muon --rate
+1.5e-3`: sines 3→256³
 with ω = 20 and a linear layer to the coefficients along the principal axes; batches of 1,024 voxels; Muon for the
 matrices between hidden layers, Adam for all other weights; the rate 1.5e-3 after 10 steps of rise, by a cosine to 0;
 the last layer solved by least squares every 25 steps and at the end.
@@ -232,8 +233,9 @@ class Shampoo(OfMatrices):
 
 
 class Soap(OfMatrices):
-    """Vyas et al. 2024, arXiv 2409.11321, algorithm 3: Adam along the axes of Shampoo's means, which a step of power
-    iteration and a QR decomposition bring up to date. The first gradient does nothing but begin the means."""
+    """Vyas et al. 2024, arXiv 2409.11321, algorithm 3, as crates/imf-core/src/siren/soap.rs: Adam along the axes of
+    Shampoo's means, which a step of power iteration and a QR decomposition bring up to date. The first gradient does
+    nothing but begin the means."""
 
     def update(self, w: torch.Tensor, g: torch.Tensor, state: dict, rate: float) -> None:
         squares = [g @ g.T, g.T @ g]

@@ -394,7 +394,9 @@ impl Run<'_> {
     /// The checkpoint to go on from, and how; more slowly where training diverged.
     fn way_out(&self, diverged: bool) -> String {
         let third = match self.model.record.plan.schedule {
-            Schedule::Exponential { initial, .. } | Schedule::Cosine { initial, .. } => initial / 3.0,
+            Schedule::Exponential { initial, .. }
+            | Schedule::Cosine { initial, .. }
+            | Schedule::Length { initial, .. } => initial / 3.0,
         };
         let slower = if diverged { format!(" with --rate {third:.1e}") } else { String::new() };
         match self.checkpoints.last() {

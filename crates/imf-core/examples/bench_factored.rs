@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release -p imf-core --example bench_factored -- [name=value]...`, for example
 //! `part=teapot scale=1 degree=20 axes=128 ratio=2 width=384 hidden=3 omega=30 rate=1e-3 batch=1024 seconds=240 solve=25
-//! muon=0 momentum=0.95 loss=l2 seed=0 evaluate=1`. `steps=N` in place of `seconds` gives the same field each time; `seconds`
+//! muon=1 momentum=0.95 loss=l2 seed=0 evaluate=1`; `soap=1 look=10` in place of `muon=1`, where neither is given Adam; without `rate` it follows from the length. `steps=N` in place of `seconds` gives the same field each time; `seconds`
 //! are of training, found by a first trial of a few steps. Several trainings of one teacher: `then` between their values.
 //! `pool=64 every=1` teaches by exact sections alone, 64 at a time and a fresh one every step. `from=bracket-raw` teaches that part first, and the trainings with `fine=1` start from its network.
 
@@ -26,6 +26,7 @@ use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
 use imf_core::section::{SectionPlan, sections};
 use imf_core::siren::muon::MuonConfig;
+use imf_core::siren::soap::SoapConfig;
 use imf_core::tool::Tool;
 use imf_core::training::online::OnlineSettings;
 use imf_core::training::run::Length;
@@ -111,27 +112,34 @@ fn taught_from(values: &Values, part: ReferencePart) -> Result<(SectionPlan, Har
 
 /// How a network is taught, but for how long.
 fn settings(values: &Values) -> Result<TeachSettings, Failure> {
+    let defaults = TeachSettings::default();
     let mut settings = TeachSettings {
-        width: values.get("width", 384)?,
-        hidden: values.get("hidden", 3)?,
-        omega: values.get("omega", 30.0)?,
-        solve_every: values.get("solve", 25)?,
-        ..TeachSettings::default()
+        width: values.get("width", defaults.width)?,
+        hidden: values.get("hidden", defaults.hidden)?,
+        omega: values.get("omega", defaults.omega)?,
+        solve_every: values.get("solve", defaults.solve_every)?,
+        ..defaults
     };
-    let muon: f32 = values.get("muon", 0.0)?;
-    if muon > 0.0 {
-        settings.optimiser =
-            Optimiser::Muon(MuonConfig { momentum: values.get("momentum", 0.95)?, rate: muon });
-    }
+    let rates: [f32; 2] = [values.get("muon", 0.0)?, values.get("soap", 0.0)?];
+    settings.optimiser = match rates {
+        [0.0, 0.0] => Optimiser::Adam,
+        [rate, 0.0] => Optimiser::Muon(MuonConfig { momentum: values.get("momentum", 0.95)?, rate }),
+        [0.0, rate] => {
+            Optimiser::Soap(SoapConfig { look_every: values.get("look", 10)?, rate, ..SoapConfig::default() })
+        }
+        _ => return Err("muon or soap, not both".into()),
+    };
     settings.plan.batch = values.get("batch", 1024)?;
     settings.plan.seed = values.get("seed", 0)?;
     settings.plan.loss = if values.get("loss", "l2".to_owned())? == "l1" { Loss::L1 } else { Loss::L2 };
     settings.plan.adam = AdamConfig { beta2: values.get("beta2", 0.999)?, ..settings.plan.adam };
-    settings.plan.schedule = Schedule::Cosine {
-        initial: values.get("rate", 1e-3)?,
-        last: values.get("last", 0.0)?,
-        warmup: values.get("warmup", 10)?,
-    };
+    if let Some(rate) = values.0.get("rate") {
+        settings.plan.schedule = Schedule::Cosine {
+            initial: rate.parse()?,
+            last: values.get("last", 0.0)?,
+            warmup: values.get("warmup", 10)?,
+        };
+    }
     Ok(settings)
 }
 
@@ -223,7 +231,8 @@ fn one(
         }
     })?;
     let spent = seconds(start);
-    let names = ["width", "hidden", "omega", "rate", "batch", "muon", "solve", "loss", "beta2"];
+    let names =
+        ["width", "hidden", "omega", "rate", "batch", "muon", "soap", "look", "solve", "loss", "beta2"];
     let told: Vec<String> =
         names.iter().filter_map(|&n| values.0.get(n).map(|v| format!("{n}={v}"))).collect();
     println!(

@@ -104,6 +104,12 @@ impl FactoredShape {
         self.stack().layers()
     }
 
+    /// The layers whose weights are matrices between hidden layers.
+    fn between(&self) -> impl Iterator<Item = Layer> + use<> {
+        let between = self.stack().between();
+        self.layers().into_iter().take(between.end).skip(between.start)
+    }
+
     /// The same network without its linear layer.
     #[must_use]
     pub fn folded(self) -> Self {

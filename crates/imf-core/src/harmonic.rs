@@ -37,7 +37,7 @@ pub(crate) use fit::solve::function_values;
 pub(crate) use fit::source::{Source, SourceScratch};
 pub use fit::{FitReport, FitSettings, Sizes, estimate, fit, section_count};
 pub(crate) use fit::{Outline, outline};
-pub(crate) use point::{Functions, TurnScratch, dot};
+pub(crate) use point::{Functions, TurnScratch};
 pub use point::{Gradient, PointScratch};
 pub use refine::Refined;
 pub use screen::{CANDIDATES, Screened};

@@ -341,6 +341,7 @@ impl Model {
                 parameters,
                 first_moment,
                 second_moment,
+                preconditioners: Vec::new(),
                 step: description.optimiser_step,
             },
             calibration: description.calibration,

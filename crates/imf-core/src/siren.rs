@@ -26,10 +26,12 @@ pub(crate) mod halves;
 pub(crate) mod lanes;
 pub mod matrix;
 pub mod muon;
+mod orthonormal;
 pub(crate) mod plan;
 pub mod reference;
 pub(crate) mod scratch;
 pub mod sine;
+pub mod soap;
 pub mod stack;
 pub(crate) mod tangent;
 

@@ -102,6 +102,9 @@ pub struct TrainingState {
     pub first_moment: Vec<f32>,
     /// Adam's second moments, same layout.
     pub second_moment: Vec<f32>,
+    /// What the optimiser keeps of matrices beside the moments: SOAP's means and axes ([`crate::siren::soap`]), of each matrix
+    /// rows' mean and axes, then columns', `[size][size]` each. Empty by other optimisers, and before the first step.
+    pub preconditioners: Vec<f32>,
     /// Steps done since the moments were zero.
     pub step: u64,
 }
@@ -117,13 +120,19 @@ impl TrainingState {
     #[must_use]
     pub fn from_parameters(parameters: Vec<f32>) -> Self {
         let zeros = vec![0.0; parameters.len()];
-        Self { first_moment: zeros.clone(), second_moment: zeros, parameters, step: 0 }
+        Self {
+            first_moment: zeros.clone(),
+            second_moment: zeros,
+            parameters,
+            preconditioners: Vec::new(),
+            step: 0,
+        }
     }
 
     /// True where every number is one that training can go on with.
     #[must_use]
     pub fn is_finite(&self) -> bool {
-        [&self.parameters, &self.first_moment, &self.second_moment]
+        [&self.parameters, &self.first_moment, &self.second_moment, &self.preconditioners]
             .into_iter()
             .all(|array| array.iter().all(|value| value.is_finite()))
     }

@@ -29,7 +29,7 @@ mod tests {
 
     #[test]
     fn an_expression_has_its_value_and_may_change_what_it_borrows() {
-        let mut values = vec![1.0f32; 37];
+        let mut values = [1.0f32; 37];
         let sum = vectorised!(Arch::new(), {
             values.iter_mut().for_each(|value| *value *= 2.0);
             values.iter().sum::<f32>()

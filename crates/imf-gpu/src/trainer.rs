@@ -175,6 +175,12 @@ impl GpuTrainer {
         let muon = match optimiser {
             Optimiser::Adam => None,
             Optimiser::Muon(config) => Matrices::of(&layout).map(|matrices| (config, matrices)),
+            Optimiser::Soap(_) => {
+                return Err(EngineError::Device(
+                    "SOAP is computed on the CPU alone: teach with --optimiser muon, or on --device cpu"
+                        .to_owned(),
+                ));
+            }
         };
         let matrices = muon.map(|(_, matrices)| matrices);
         let (plan, places, part_rows, max_slices) = plan(&layout, gpu.limits(), max_batch, matrices);
@@ -416,6 +422,7 @@ impl TrainingEngine for GpuTrainer {
             parameters: self.weights()?,
             first_moment: self.unpadded(&self.buffers.first_moment)?,
             second_moment: self.unpadded(&self.buffers.second_moment)?,
+            preconditioners: Vec::new(),
             step: self.step,
         })
     }

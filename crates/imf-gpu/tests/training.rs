@@ -43,7 +43,7 @@ fn state(shape: &SirenShape) -> TrainingState {
     let parameters = shape.initial_parameters(5);
     let first_moment = noise(parameters.len(), 6).into_iter().map(|value| 1e-3 * value).collect();
     let second_moment = noise(parameters.len(), 7).into_iter().map(|value| 1e-5 * (value + 1.0)).collect();
-    TrainingState { parameters, first_moment, second_moment, step: 3 }
+    TrainingState { first_moment, second_moment, step: 3, ..TrainingState::from_parameters(parameters) }
 }
 
 /// The largest |found − expected| in units of atol + rtol·scale, scale being the largest |expected|.

@@ -2,23 +2,12 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use imf_core::factored::{Optimiser, TeachSettings};
 use imf_core::harmonic::coefficients::Precision;
 use imf_core::siren::muon::MuonConfig;
+use imf_core::siren::soap::SoapConfig;
 use imf_core::training::run::{Length, TrainingPlan};
-use imf_core::training::schedule::Schedule;
-
-/// What is taught where nothing else is asked; `imf bench paper` takes the same.
-const WIDTH: usize = 256;
-const LAYERS: usize = 3;
-const OMEGA: f32 = 20.0;
-const BATCH: usize = 1024;
-pub(super) const RATE: f32 = 1.5e-3;
-/// Times that every voxel is seen.
-pub(super) const EPOCHS: u64 = 5;
-/// Steps in which the rate rises; a solved last layer needs few.
-const WARMUP: u64 = 10;
 
 /// Teach a harmonic field to a network of about a megabyte that answers every point and direction
 #[derive(Args)]
@@ -41,32 +30,33 @@ pub(crate) struct CompressArguments {
     #[arg(long, value_name = "FIELD", conflicts_with_all = ["width", "layers", "omega"])]
     pub(crate) from: Option<PathBuf>,
     /// Neurons of every hidden layer
-    #[arg(long, default_value_t = WIDTH, value_name = "N")]
+    #[arg(long, default_value_t = TeachSettings::default().width, value_name = "N")]
     pub(crate) width: usize,
     /// Hidden layers
-    #[arg(long, default_value_t = LAYERS, value_name = "N")]
+    #[arg(long, default_value_t = TeachSettings::default().hidden, value_name = "N")]
     pub(crate) layers: usize,
     /// Frequency factor ω inside every sine
-    #[arg(long, default_value_t = OMEGA, value_name = "ω")]
+    #[arg(long, default_value_t = TeachSettings::default().omega, value_name = "ω")]
     pub(crate) omega: f32,
     /// Leave out measuring what the field's decisions are worth (imf calibrate), which teaching 2.3 million voxels or more ends
     /// with: it takes at most an eighth of its time
     #[arg(long)]
     pub(crate) no_calibrate: bool,
     /// Times that every voxel is seen
-    #[arg(long, default_value_t = EPOCHS, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, default_value_t = TeachSettings::EPOCHS, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) epochs: u64,
     /// Steps, instead of epochs
     #[arg(long, value_name = "N", conflicts_with = "epochs", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) steps: Option<u64>,
     /// Voxels of a step
-    #[arg(long, default_value_t = BATCH, value_name = "N")]
+    #[arg(long, default_value_t = TeachSettings::default().plan.batch, value_name = "N")]
     pub(crate) batch: usize,
-    /// Learning rate at the beginning; it falls to 0 by a cosine
-    #[arg(long, default_value_t = RATE, value_name = "RATE")]
-    pub(crate) rate: f32,
+    /// Highest learning rate, which falls to 0 by a cosine; by default 1.5e-3, and lower the more steps there are beyond
+    /// 1,000
+    #[arg(long, value_name = "RATE")]
+    pub(crate) rate: Option<f32>,
     /// Where it is taught: cpu, auto, gpu, software, a name or an index as `imf devices` has them. A checkpoint made on one
-    /// is resumed on any
+    /// is resumed on any, but for those of SOAP
     #[arg(long, default_value = "cpu", value_name = "DEVICE")]
     pub(crate) device: String,
     /// Seed of the weights and of the order of voxels
@@ -82,18 +72,33 @@ pub(crate) struct CompressArguments {
 /// How a network is taught and kept; shared by compress and train.
 #[derive(Args)]
 pub(crate) struct TeachingArguments {
-    /// Adam for every weight, not orthogonalised momentum (Muon) for the matrices between hidden layers
-    #[arg(long)]
-    adam: bool,
+    /// What moves the weights between hidden layers, all others being left to Adam; by default soap on the CPU, muon on a GPU
+    #[arg(long, value_enum, value_name = "NAME")]
+    optimiser: Option<OptimiserName>,
     /// Keep weights in f16: half the file
     #[arg(long)]
     half: bool,
 }
 
+/// Optimisers by their names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum OptimiserName {
+    /// Adam along the axes of each matrix's gradients (SOAP); on the CPU alone
+    Soap,
+    /// Orthogonalised momentum (Muon)
+    Muon,
+    /// Adam
+    Adam,
+}
+
 impl TeachingArguments {
-    /// What the weights are moved by.
-    pub(crate) fn optimiser(&self) -> Optimiser {
-        if self.adam { Optimiser::Adam } else { Optimiser::Muon(MuonConfig::default()) }
+    /// What the weights are to be moved by, where that was asked.
+    pub(crate) fn optimiser(&self) -> Option<Optimiser> {
+        self.optimiser.map(|name| match name {
+            OptimiserName::Soap => Optimiser::Soap(SoapConfig::default()),
+            OptimiserName::Muon => Optimiser::Muon(MuonConfig::default()),
+            OptimiserName::Adam => Optimiser::Adam,
+        })
     }
 
     /// How the finished weights are kept.
@@ -102,40 +107,21 @@ impl TeachingArguments {
     }
 }
 
-/// The rates of a teaching, from its first.
-pub(crate) fn falling_from(initial: f32) -> Schedule {
-    Schedule::Cosine { initial, last: 0.0, warmup: WARMUP }
-}
-
-/// How a network is taught where nothing is asked but the length.
-pub(crate) fn teaching(length: Length) -> TeachSettings {
-    let defaults = TeachSettings::default();
-    TeachSettings {
-        width: WIDTH,
-        hidden: LAYERS,
-        omega: OMEGA,
-        plan: TrainingPlan { length, batch: BATCH, schedule: falling_from(RATE), ..defaults.plan },
-        optimiser: Optimiser::Muon(MuonConfig::default()),
-        ..defaults
-    }
-}
-
 impl CompressArguments {
-    /// How the network is taught.
+    /// How the network is taught, but for the optimiser.
     pub(crate) fn settings(&self) -> TeachSettings {
-        let defaults = teaching(self.steps.map_or(Length::Epochs(self.epochs), Length::Steps));
+        let usual = TeachSettings::of_length(self.steps.map_or(Length::Epochs(self.epochs), Length::Steps));
         TeachSettings {
             width: self.width,
             hidden: self.layers,
             omega: self.omega,
             plan: TrainingPlan {
                 batch: self.batch,
-                schedule: falling_from(self.rate),
+                schedule: self.rate.map_or(usual.plan.schedule, TeachSettings::rates_from),
                 seed: self.seed,
-                ..defaults.plan
+                ..usual.plan
             },
-            optimiser: self.teaching.optimiser(),
-            ..defaults
+            ..usual
         }
     }
 }

@@ -15,7 +15,7 @@ use imf_core::training::online::OnlineSettings;
 use imf_core::training::run::TrainingPlan;
 
 use super::clearance::ContactArguments;
-use super::compress::{self, TeachingArguments};
+use super::compress::TeachingArguments;
 use super::dataset::{SamplingArguments, directions};
 use super::scene::SceneArguments;
 use super::{LengthArguments, NetworkFamily, PlanArguments};
@@ -29,8 +29,8 @@ use super::{LengthArguments, NetworkFamily, PlanArguments};
     )),
     mut_arg("epochs", |epochs| epochs.help("Passes over all samples; by default 5 for a factored field, 50 for siren5")),
     mut_arg("rate", |rate| rate.help(
-        "Highest learning rate; by default 1.5e-3 for a factored field, 5e-4 for siren5, where --resume goes on from the \
-         rate that is given"
+        "Highest learning rate; by default 1.5e-3 for a factored field, and lower the more steps there are beyond 1,000; 5e-4 \
+         for siren5, where --resume goes on from the rate that is given"
     )),
     mut_arg("seed", |seed| seed.help("Seed of starting weights and order, and of a part's samples")),
     after_help = "Examples:\n  imf train part.stl --unit mm --tool mill.toml --out model\n  imf train teapot --out model \
@@ -167,18 +167,17 @@ impl TrainArguments {
     }
 
     fn teaching(&self) -> TeachSettings {
-        let usual = compress::teaching(self.length.or_epochs(compress::EPOCHS));
+        let usual = TeachSettings::of_length(self.length.or_epochs(TeachSettings::EPOCHS));
         TeachSettings {
             width: self.width.unwrap_or(usual.width),
             hidden: self.layers.unwrap_or(usual.hidden),
             omega: self.omega.unwrap_or(usual.omega),
             plan: TrainingPlan {
                 batch: self.length.batch,
-                schedule: compress::falling_from(self.length.rate.unwrap_or(compress::RATE)),
+                schedule: self.length.rate.map_or(usual.plan.schedule, TeachSettings::rates_from),
                 seed: self.length.seed,
                 ..usual.plan
             },
-            optimiser: self.factored.teaching.optimiser(),
             online: self.factored.online.map(|pool| OnlineSettings {
                 pool: pool as usize,
                 seed: self.length.seed,

@@ -48,6 +48,7 @@ pub(crate) fn run(session: &Session, arguments: &CompressArguments) -> Result<()
         let TeachSettings { width, hidden, omega, .. } = from.settings;
         teach = TeachSettings { width, hidden, omega, ..teach };
     }
+    teach.optimiser = beginning.optimiser(arguments.teaching.optimiser(), &device);
     beginning.require_settings(&teach)?;
     let teacher = HarmonicFile::read(&arguments.field)?;
     beginning.require_teacher(&teacher.scene, &teacher.settings)?;

@@ -38,6 +38,7 @@ pub(super) fn schedule_from(schedule: &Schedule, initial: f32) -> Schedule {
     match *schedule {
         Schedule::Exponential { factor, warmup, .. } => Schedule::Exponential { initial, factor, warmup },
         Schedule::Cosine { warmup, .. } => Schedule::Cosine { initial, last: initial * 0.01, warmup },
+        Schedule::Length { steps, power, warmup, .. } => Schedule::Length { initial, steps, power, warmup },
     }
 }
 

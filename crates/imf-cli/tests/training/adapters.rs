@@ -79,9 +79,10 @@ fn a_harmonic_field_is_compressed_on_the_adapter_and_goes_on_there() {
     .done();
     let small = "compress field.safetensors --width 32 --layers 2 --batch 128 --steps 200 --rate 4e-3 --json";
     let compress = format!("{small} --device {}", device());
-    // Muon, and Adam for every weight.
-    for optimiser in ["", "--adam"] {
-        let (compress, small) = (format!("{compress} {optimiser}"), format!("{small} {optimiser}"));
+    // Muon, which is what an adapter does by itself, and Adam for every weight.
+    for (optimiser, on_cpu) in [("", " --optimiser muon"), ("-adam", " --optimiser adam")] {
+        let given = if optimiser.is_empty() { "" } else { on_cpu };
+        let (compress, small) = (format!("{compress}{given}"), format!("{small}{on_cpu}"));
         let [whole, often, cpu] = ["whole", "often", "cpu"].map(|name| format!("{name}{optimiser}"));
         let report = work.imf(&format!("{compress} --out {whole}")).done().json();
         let on_cpu = work.imf(&format!("{small} --out {cpu}")).done().json();
@@ -96,4 +97,6 @@ fn a_harmonic_field_is_compressed_on_the_adapter_and_goes_on_there() {
         work.imf(&format!("{compress} --out {often} --resume")).done();
         assert!(field(&whole) == field(&often));
     }
+    let line = format!("{compress} --optimiser soap --out soap");
+    work.imf(&line).refused(&["SOAP", "--optimiser muon", "--device cpu"]);
 }

@@ -276,7 +276,7 @@ fn options_of_the_other_family_and_subjects_that_are_none_are_refused_by_name() 
         ("bracket --family siren5", "--degree 8", of_factored),
         ("bracket --family siren5", "--half", of_factored),
         ("bracket --family siren5", "--online", of_factored),
-        ("data", "--adam", of_factored),
+        ("data", "--optimiser adam", of_factored),
         ("data", "--pitch 2", of_part),
         ("data", "--tool paper", of_part),
         ("data", "--clearance 1", of_part),

@@ -9,10 +9,11 @@ use rayon::prelude::*;
 
 use super::{FactoredField, INPUTS};
 use crate::harmonic::coefficients::{Coefficients, Precision};
-use crate::harmonic::{FitReport, HarmonicField, Heads, VoxelCoefficients, dot, minimum_of, sections_of};
+use crate::harmonic::{FitReport, HarmonicField, Heads, VoxelCoefficients, minimum_of, sections_of};
 use crate::section::{Imf, Quantity};
 use crate::siren::forward::Network;
 use crate::siren::halves::HalfPanels;
+use crate::siren::lanes::dot;
 use crate::siren::matrix::prefer_unpacked;
 use crate::siren::plan::{Plan, transpose_all};
 use crate::siren::scratch::ScratchPool;

@@ -10,6 +10,7 @@
 //! obstacle    u8  [⌈voxels/8⌉]                 the scene's solid voxels, eight a byte, first voxel in the lowest bit
 //! layer       u8  [⌈voxels/8⌉]                 where there is contact: the voxels that the cutter may enter
 //! state       f32 [3, weights]                 where teaching can go on: weights and both moments
+//! preconditioners f32 [numbers]                what the optimiser keeps beside these (SOAP's; TrainingState)
 //! ```
 
 use std::path::Path;
@@ -31,7 +32,7 @@ use crate::tensor_file::{
 use crate::training::TrainingState;
 use crate::training::run::Cursor;
 
-const FORMAT: Format = Format { id: "imf-factored", name: "factored field", version: 2 };
+const FORMAT: Format = Format { id: "imf-factored", name: "factored field", version: 3 };
 
 /// Arrays of a state.
 const STATE: usize = 3;
@@ -68,7 +69,7 @@ struct Description {
     settings: TeachSettings,
     precision: Precision,
     scale: f32,
-    /// There is no layer behind the last sines. Files of version 1 had no such networks.
+    /// There is no layer behind the last sines. Files of version 1 had no such networks, those of version 2 no optimiser SOAP.
     #[serde(default)]
     folded: bool,
     /// Cursor and steps of the state.
@@ -120,18 +121,20 @@ impl FactoredFile {
     pub fn write(&self, path: &Path) -> Result<(), TensorFileError> {
         let field = &self.field;
         let count = field.parameters.len();
-        let kept = |values: &[f32], precision| match precision {
+        let stored = |values: &[f32], precision| match precision {
             Precision::F32 => little_endian(values),
             Precision::F16 => little_endian_halves(values.iter().map(|&w| f16::from_f32(w))),
         };
         let of_axes = precision_of_axes(self.precision, field.shape.folded);
-        let (parameters, axes) = (kept(&field.parameters, self.precision), kept(&field.axes, of_axes));
+        let (parameters, axes) = (stored(&field.parameters, self.precision), stored(&field.axes, of_axes));
         let mean = little_endian(&field.mean);
         let state = self.state.as_ref().map_or(Vec::new(), |state| {
             let TrainingState { parameters, first_moment, second_moment, .. } = &state.training;
             let arrays = [parameters, first_moment, second_moment];
             arrays.iter().flat_map(|values| little_endian(values)).collect()
         });
+        let kept = self.state.as_ref().map_or(&[][..], |state| &state.training.preconditioners);
+        let preconditioners = little_endian(kept);
         let description = Description {
             header: FORMAT.header(),
             domain: field.basis.domain(),
@@ -144,7 +147,7 @@ impl FactoredFile {
             folded: field.shape.folded,
             progress: self.state.as_ref().map(|state| (state.cursor, state.training.step)),
             calibration: self.calibration,
-            crc32: checksum(&[&parameters, &axes, &mean, &state]),
+            crc32: checksum(&[&parameters, &axes, &mean, &state, &preconditioners]),
         };
         let voxels = self.scene.packed_voxels();
         let functions = field.basis.len();
@@ -156,6 +159,9 @@ impl FactoredFile {
         tensors.extend(voxels.iter().map(|(name, bits)| (*name, Dtype::U8, vec![bits.len()], &bits[..])));
         if !state.is_empty() {
             tensors.push(("state", Dtype::F32, vec![STATE, count], &state));
+        }
+        if !kept.is_empty() {
+            tensors.push(("preconditioners", Dtype::F32, vec![kept.len()], &preconditioners));
         }
         FORMAT.write(path, &description, &tensors)
     }
@@ -204,7 +210,15 @@ impl FactoredFile {
             Some(_) => tensors.bytes("state", Dtype::F32, &[STATE, count])?,
             None => &[],
         };
-        if checksum(&[parameters, axes, mean, state]) != crc32 {
+        let kept_count = match progress {
+            Some((_, step)) if step > 0 => settings.optimiser.kept_count(shape),
+            _ => 0,
+        };
+        let preconditioners = match kept_count {
+            0 => &[],
+            count => tensors.bytes("preconditioners", Dtype::F32, &[count])?,
+        };
+        if checksum(&[parameters, axes, mean, state, preconditioners]) != crc32 {
             return Err(file.damaged("the checksum of its weights is wrong"));
         }
         let scene =
@@ -221,8 +235,13 @@ impl FactoredFile {
             let mut arrays =
                 floats(state).chunks_exact(count).map(<[f32]>::to_vec).collect::<Vec<_>>().into_iter();
             let mut next = || arrays.next().unwrap_or_default();
-            let training =
-                TrainingState { parameters: next(), first_moment: next(), second_moment: next(), step };
+            let training = TrainingState {
+                parameters: next(),
+                first_moment: next(),
+                second_moment: next(),
+                preconditioners: floats(preconditioners),
+                step,
+            };
             FactoredState { training, cursor }
         });
         let field = FactoredField {

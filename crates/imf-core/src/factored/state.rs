@@ -5,9 +5,10 @@ use serde::{Deserialize, Serialize};
 use super::last_layer::AT_THE_END;
 use super::{FactoredField, FactoredShape};
 use crate::harmonic::HarmonicField;
-use crate::siren::ShapeError;
 use crate::siren::engine::CpuTrainer;
-use crate::siren::muon::MuonConfig;
+use crate::siren::muon::{Muon, MuonConfig};
+use crate::siren::soap::{Soap, SoapConfig};
+use crate::siren::{Layer, ShapeError};
 use crate::training::run::{Cursor, TrainingPlan};
 use crate::training::{EngineError, TrainingState};
 
@@ -20,6 +21,30 @@ pub enum Optimiser {
     Adam,
     /// Orthogonalised momentum for the matrices between hidden layers, Adam for the rest.
     Muon(MuonConfig),
+    /// Adam along the axes of their gradients for the matrices between hidden layers, Adam for the rest.
+    Soap(SoapConfig),
+}
+
+impl Optimiser {
+    /// Numbers that a state keeps beside weights and moments, once there was a step.
+    pub(super) fn kept_count(self, shape: FactoredShape) -> usize {
+        match self {
+            Self::Adam | Self::Muon(_) => 0,
+            Self::Soap(_) => shape.between().map(|layer| Soap::kept_count(layer.outputs, layer.inputs)).sum(),
+        }
+    }
+
+    /// Bytes that it takes beside weights and moments: working memory, and what it keeps in the engine, in the state of the
+    /// last stop and in its file.
+    #[must_use]
+    pub fn bytes(self, shape: FactoredShape) -> u64 {
+        let of_matrix = |layer: Layer| match self {
+            Self::Adam => 0,
+            Self::Muon(_) => Muon::bytes(layer.outputs, layer.inputs),
+            Self::Soap(_) => Soap::bytes(layer.outputs, layer.inputs),
+        };
+        shape.between().map(of_matrix).sum::<u64>() + 2 * 4 * self.kept_count(shape) as u64
+    }
 }
 
 /// Everything that teaching changes: enough to go on to the same bits.
@@ -74,8 +99,10 @@ pub(super) fn cpu_engine(
 ) -> Result<CpuTrainer, EngineError> {
     let (stack, state) = (shape.stack(), state.training.clone());
     let mut engine = CpuTrainer::of_stack(stack, plan.adam, plan.loss, max_batch, state)?;
-    if let Optimiser::Muon(config) = optimiser {
-        engine.use_muon(config);
+    match optimiser {
+        Optimiser::Adam => {}
+        Optimiser::Muon(config) => engine.use_muon(config),
+        Optimiser::Soap(config) => engine.use_soap(config)?,
     }
     Ok(engine)
 }

@@ -11,6 +11,7 @@ use super::state::{Optimiser, cpu_engine};
 use super::{FactoredShape, FactoredState};
 use crate::control::Control;
 use crate::harmonic::HarmonicField;
+use crate::siren::soap::SoapConfig;
 use crate::training::online::OnlineSettings;
 use crate::training::run::{Cursor, Length, Outcome, Report, TrainError, TrainingPlan, train_by};
 use crate::training::schedule::Schedule;
@@ -42,22 +43,28 @@ pub struct TeachSettings {
     pub online: Option<OnlineSettings>,
 }
 
+/// Steps in which the rate rises; a solved last layer needs few.
+const WARMUP: u64 = 10;
+/// The highest rate from a teaching's length; it falls to 0 over it.
+const RATES: Schedule = Schedule::Length { initial: 1.5e-3, steps: 1000, power: 0.75, warmup: WARMUP };
+
 impl Default for TeachSettings {
+    /// What is taught where nothing is asked: a network of about a megabyte, every voxel five times over.
     fn default() -> Self {
         Self {
-            width: 384,
+            width: 256,
             hidden: 3,
-            omega: 30.0,
+            omega: 20.0,
             plan: TrainingPlan {
-                length: Length::Epochs(40),
+                length: Length::Epochs(Self::EPOCHS),
                 batch: 1024,
-                schedule: Schedule::Cosine { initial: 1e-3, last: 0.0, warmup: 100 },
+                schedule: RATES,
                 adam: AdamConfig { weight_decay: 0.0, ..AdamConfig::default() },
                 loss: Loss::L2,
                 report_every: 20,
                 ..TrainingPlan::default()
             },
-            optimiser: Optimiser::default(),
+            optimiser: Optimiser::Soap(SoapConfig::default()),
             solve_every: 25,
             online: None,
         }
@@ -65,6 +72,22 @@ impl Default for TeachSettings {
 }
 
 impl TeachSettings {
+    /// Times that every voxel is seen by default.
+    pub const EPOCHS: u64 = 5;
+
+    /// The defaults for a length.
+    #[must_use]
+    pub fn of_length(length: Length) -> Self {
+        let defaults = Self::default();
+        Self { plan: TrainingPlan { length, ..defaults.plan }, ..defaults }
+    }
+
+    /// The rates of a teaching from the highest, which by default follows from the length.
+    #[must_use]
+    pub fn rates_from(highest: f32) -> Schedule {
+        Schedule::Cosine { initial: highest, last: 0.0, warmup: WARMUP }
+    }
+
     /// The network for so many axes.
     #[must_use]
     pub fn shape(&self, axes: usize) -> FactoredShape {

@@ -17,6 +17,7 @@ use crate::scene::{Scene, SceneSpec};
 use crate::section::{Imf, Quantity, SectionPlan};
 use crate::siren::lanes::archs;
 use crate::siren::muon::MuonConfig;
+use crate::siren::soap::SoapConfig;
 use crate::tensor_file::TensorFileError;
 use crate::tool::Tool;
 use crate::training::run::{Cursor, Length, Outcome, TrainError, TrainingPlan};
@@ -50,6 +51,13 @@ fn teacher(scene: &Scene) -> HarmonicField {
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
     fit(&plan, Domain::Directions, &FIT, Control::quiet()).unwrap()
 }
+
+/// Every one, SOAP with looks between the places where tests stop it.
+const OPTIMISERS: [Optimiser; 3] = [
+    Optimiser::Adam,
+    Optimiser::Muon(MuonConfig { momentum: 0.95, rate: 1.0 }),
+    Optimiser::Soap(SoapConfig { kept: 0.95, look_every: 4, rate: 1.0 }),
+];
 
 fn settings(steps: u64) -> TeachSettings {
     TeachSettings {
@@ -338,12 +346,12 @@ fn error(field: &FactoredField, teacher: &HarmonicField) -> f64 {
 }
 
 #[test]
-fn teaching_brings_the_field_to_its_teacher_with_either_optimiser() {
+fn teaching_brings_the_field_to_its_teacher_with_every_optimiser() {
     let scene = scene();
     let teacher = teacher(&scene);
     let axes = teacher.axis_count();
     let constant = f64::from(teach::scale(&teacher)).powi(2) * axes as f64;
-    for optimiser in [Optimiser::Adam, Optimiser::Muon(MuonConfig::default())] {
+    for optimiser in OPTIMISERS {
         let settings = TeachSettings { optimiser, ..settings(400) };
         let mut state = settings.start(axes);
         let mut told = 0.0;
@@ -412,7 +420,7 @@ fn threads_and_interruptions_change_no_bit() {
     let scene = scene();
     let teacher = teacher(&scene);
     let axes = teacher.axis_count();
-    for optimiser in [Optimiser::Adam, Optimiser::Muon(MuonConfig::default())] {
+    for optimiser in OPTIMISERS {
         // Across the end of an epoch of 30 steps, whose last batch is smaller.
         let settings = TeachSettings { optimiser, ..settings(50) };
         let run = |threads: usize, stop: bool| {
@@ -456,6 +464,14 @@ fn what_does_not_fit_is_refused_by_name() {
     };
     refused(TeachSettings { omega: f32::NAN, ..settings(5) }, "frequency");
     refused(TeachSettings { width: 41, ..settings(5) }, "parameters");
+    let soap = TeachSettings { optimiser: OPTIMISERS[2], ..settings(5) };
+    let kept = 4 * 40 * 40;
+    for (step, count) in [(3, 0), (3, kept - 1), (0, kept)] {
+        let mut state = start.clone();
+        (state.training.step, state.training.preconditioners) = (step, vec![0.0; count]);
+        let error = teach(&teacher, &soap, &mut state, Control::quiet(), &mut |_| {}).unwrap_err();
+        assert!(error.to_string().contains("SOAP's means and axes"), "{error}");
+    }
     let mut plan = settings(2000).plan;
     plan.schedule = Schedule::Exponential { initial: 1e30, factor: 1.0, warmup: 0 };
     let mut state = settings(5).start(axes);

@@ -7,6 +7,7 @@ use super::HarmonicField;
 use super::basis::{Basis, Domain};
 use super::both_ways::both_ways;
 use crate::orientation::Orientation;
+use crate::siren::lanes::dot;
 use crate::vectorised::vectorised;
 
 /// What a pose's overlap is and how it changes.
@@ -96,29 +97,6 @@ impl Functions<'_> {
         along.resize(z.len(), 0.0);
         both_ways(self.arch, self.axes, z, narrow, weights, along);
     }
-}
-
-/// In sixteen sums, which the compiler keeps in registers.
-#[inline(always)]
-pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
-    let mut sums = [0.0f32; 16];
-    let (a, a_rest) = a.as_chunks::<16>();
-    let (b, b_rest) = b.as_chunks::<16>();
-    for (a, b) in a.iter().zip(b) {
-        for lane in 0..16 {
-            sums[lane] += a[lane] * b[lane];
-        }
-    }
-    let rest: f32 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
-    // Halves upon halves: sixteen additions one after the other would take longer than the products.
-    let mut width = 8;
-    while width > 0 {
-        for lane in 0..width {
-            sums[lane] += sums[lane + width];
-        }
-        width /= 2;
-    }
-    sums[0] + rest
 }
 
 impl HarmonicField {

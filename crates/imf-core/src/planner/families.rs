@@ -11,6 +11,7 @@ use crate::harmonic::basis::{Basis, Domain};
 use crate::harmonic::{self, HarmonicField};
 use crate::section::Quantity;
 use crate::siren::evaluator::{CpuEvaluator, TangentScratch};
+use crate::siren::lanes::dot;
 use crate::siren::matrix::{Matrix, multiply, prefer_unpacked};
 use crate::siren::{INPUTS, features};
 use crate::vectorised::vectorised;
@@ -255,7 +256,7 @@ impl Source<'_> {
         let each = coefficients.chunks_exact(axes).zip(heads.chunks_exact(axes));
         vectorised!(Arch::new(), {
             for ((value, (z, head)), constant) in values.iter_mut().zip(each).zip(constants) {
-                *value = *constant + harmonic::dot(z, head);
+                *value = *constant + dot(z, head);
             }
         });
     }

@@ -8,6 +8,7 @@
 
 mod bf16;
 mod matrices;
+mod pass;
 pub mod ranks;
 mod update;
 
@@ -16,23 +17,22 @@ use pulp::Arch;
 use super::adam::AdamFactors;
 use super::backward::scratch_length;
 use super::bf16::Kernel;
-use super::forward::{Network, sigmoid};
+use super::forward::Network;
 use super::matrix::prefer_unpacked;
-use super::muon::{Muon, MuonConfig};
+use super::muon::MuonConfig;
 use super::plan::{BLOCK, Plan, WINDOW, transpose_all};
 use super::scratch::{ScratchPool, describe};
+use super::soap::SoapConfig;
 use super::stack::{Stack, TaughtEnding};
 use crate::siren::SirenShape;
 use crate::training::{AdamConfig, EngineError, Loss, Precision, TrainingEngine, TrainingState};
 
 use bf16::Pairs;
 use matrices::Matrices;
+use pass::{BlockLoss, BlockPass, Layers};
 use update::{Arrays, Step, Update};
 
 pub use super::evaluator::CpuEvaluator;
-
-/// Most hidden layers of a network ([`SirenShape::check`]).
-const MAX_HIDDEN: usize = 64;
 
 /// Trains a network on the CPU; runs on the rayon pool that `step` is called in.
 pub struct CpuTrainer {
@@ -58,8 +58,8 @@ pub struct CpuTrainer {
     /// Summed loss of each block of a window.
     losses: Vec<f64>,
     scratch: ScratchPool,
-    /// For each matrix between hidden layers, where Adam does not serve them.
-    muon: Option<Vec<Muon>>,
+    /// For the matrices between hidden layers, where Adam does not serve them.
+    matrices: Option<Matrices>,
     /// For products in bfloat16; the arrays of a window above are then empty, but for the outputs.
     pairs: Option<Pairs>,
     loss_sum: f64,
@@ -147,7 +147,7 @@ impl CpuTrainer {
             partials: vec![0.0; blocks * plan.partial_length()],
             losses: vec![0.0; blocks],
             scratch: ScratchPool::new(scratch_length(plan.widest_panel())),
-            muon: None,
+            matrices: None,
             pairs: None,
             loss_sum: 0.0,
             loss_steps: 0,
@@ -191,7 +191,7 @@ impl CpuTrainer {
 
     /// As [`Self::with_precision`], by a kernel that is there.
     fn with_kernel(mut self, kernel: Kernel) -> Result<Self, EngineError> {
-        if self.ending != TaughtEnding::Sigmoid || self.muon.is_some() {
+        if self.ending != TaughtEnding::Sigmoid || self.matrices.is_some() {
             return Err(EngineError::Shape(
                 "bfloat16 products are made for the paper's network alone".into(),
             ));
@@ -203,27 +203,26 @@ impl CpuTrainer {
 
     /// Leaves the matrices between hidden layers to Muon, whose momentum stands in the place of their first moments.
     pub fn use_muon(&mut self, config: MuonConfig) {
-        let between = &self.plan.layers[self.plan.stack.between()];
-        self.muon =
-            Some(between.iter().map(|layer| Muon::new(config, layer.outputs, layer.inputs)).collect());
+        self.matrices = Some(Matrices::of_muon(config, &self.plan));
     }
 
-    /// Muon's part of a step, once the gradient is whole: every matrix for itself.
+    /// Leaves the matrices between hidden layers to SOAP, which goes on from what the state has of it.
+    ///
+    /// # Errors
+    /// A state that has something else, or nothing after its first step.
+    pub fn use_soap(&mut self, config: SoapConfig) -> Result<(), EngineError> {
+        let kept = std::mem::take(&mut self.state.preconditioners);
+        self.matrices = Some(Matrices::of_soap(config, &self.plan, self.state.step, &kept)?);
+        Ok(())
+    }
+
+    /// What the matrices' own optimiser does of a step, once the gradient is whole.
     fn step_matrices(&mut self, learning_rate: f32) {
-        let Some(muons) = &mut self.muon else { return };
-        let Some(first) = self.plan.layers.get(1) else { return };
-        let from = first.weights;
-        let matrices = Matrices { plan: &self.plan, learning_rate };
-        matrices.step(
-            1,
-            muons,
-            [
-                &mut self.state.parameters[from..],
-                &mut self.state.first_moment[from..],
-                &mut self.panels[from..],
-            ],
-            &self.gradient,
-        );
+        let Some(matrices) = &mut self.matrices else { return };
+        let TrainingState { parameters, first_moment, second_moment, step, .. } = &mut self.state;
+        let (gradient, panels) = (&mut self.gradient, &mut self.panels);
+        let arrays = Arrays { parameters, first_moment, second_moment, gradient, panels };
+        matrices.step(&self.plan, *step, learning_rate, arrays);
     }
 
     /// The last step's gradient.
@@ -262,7 +261,7 @@ impl CpuTrainer {
     pub fn update(&mut self, learning_rate: f32) {
         self.state.step += 1;
         let factors = AdamFactors::new(self.adam, learning_rate, self.state.step);
-        let spare_matrices = self.muon.is_some();
+        let spare_matrices = self.matrices.is_some();
         let step = Step { arch: self.arch, plan: &self.plan, factors, spare_matrices };
         step.run(
             &self.plan.pieces,
@@ -331,7 +330,7 @@ impl CpuTrainer {
                 pairs: self.pairs.as_ref(),
                 accumulate: index > 0,
                 factors: factors.filter(|_| index + 1 == windows),
-                spare_matrices: self.muon.is_some(),
+                spare_matrices: self.matrices.is_some(),
             };
             update.run(
                 &self.plan.pieces,
@@ -409,7 +408,9 @@ impl TrainingEngine for CpuTrainer {
     }
 
     fn state(&mut self) -> Result<TrainingState, EngineError> {
-        Ok(self.state.clone())
+        let matrices = self.matrices.as_ref().filter(|_| self.state.step > 0);
+        let preconditioners = matrices.map_or(Vec::new(), Matrices::kept);
+        Ok(TrainingState { preconditioners, ..self.state.clone() })
     }
 
     fn weights(&mut self) -> Result<Vec<f32>, EngineError> {
@@ -422,142 +423,6 @@ impl TrainingEngine for CpuTrainer {
         self.state.parameters.copy_from_slice(parameters);
         transpose_all(&self.plan, parameters, &mut self.panels);
         Ok(())
-    }
-}
-
-/// A `[hidden][samples][stride]` array as one slice for each layer, so that it can be split between samples.
-struct Layers<'a>([&'a mut [f32]; MAX_HIDDEN]);
-
-impl<'a> Layers<'a> {
-    fn new(array: &'a mut [f32], layer_length: usize) -> Self {
-        let mut layers = array.chunks_mut(layer_length);
-        Self(std::array::from_fn(|_| layers.next().unwrap_or_default()))
-    }
-
-    /// The first `middle` values of every layer, and the others.
-    fn split(self, middle: usize) -> (Self, Self) {
-        let mut tails = Self(std::array::from_fn(|_| <&mut [f32]>::default()));
-        let mut heads = self;
-        for (head, tail) in heads.0.iter_mut().zip(&mut tails.0) {
-            if !head.is_empty() {
-                (*head, *tail) = std::mem::take(head).split_at_mut(middle);
-            }
-        }
-        (heads, tails)
-    }
-}
-
-/// The loss at the end of a network.
-#[derive(Clone, Copy)]
-struct BlockLoss {
-    loss: Loss,
-    /// Samples of the whole batch, which the loss is averaged over.
-    batch: f64,
-    ending: TaughtEnding,
-}
-
-impl BlockLoss {
-    /// The summed loss of some samples; the output layer's sums become its δ.
-    fn take(self, outputs: &mut [f32], targets: &[f32]) -> f64 {
-        let mut loss = 0.0;
-        for (delta, &target) in outputs.iter_mut().zip(targets) {
-            let target = f64::from(target);
-            let (output, slope) = match self.ending {
-                TaughtEnding::Sigmoid => {
-                    let output = sigmoid(*delta);
-                    (output, output * (1.0 - output))
-                }
-                TaughtEnding::Linear => (f64::from(*delta), 1.0),
-            };
-            loss += self.loss.value(output, target);
-            *delta = (self.loss.slope(output, target) / self.batch * slope) as f32;
-        }
-        loss
-    }
-}
-
-/// Takes blocks of samples through the network and back.
-struct BlockPass<'a> {
-    network: Network<'a>,
-    loss: BlockLoss,
-    scratch: &'a ScratchPool,
-}
-
-impl BlockPass<'_> {
-    /// Splits the samples between blocks until one block is left.
-    fn run(
-        &self,
-        inputs: &[f32],
-        targets: &[f32],
-        activations: Layers<'_>,
-        slopes: Layers<'_>,
-        outputs: &mut [f32],
-        partials: &mut [f32],
-        losses: &mut [f64],
-    ) {
-        let blocks = losses.len();
-        if blocks == 1 {
-            losses[0] = self
-                .scratch
-                .with(|scratch| self.block(inputs, targets, activations, slopes, outputs, partials, scratch));
-            return;
-        }
-        let stack = self.network.plan.stack;
-        let middle = blocks / 2;
-        let samples = middle * BLOCK;
-        let values = samples * self.network.plan.stride();
-        let inputs = inputs.split_at(samples * stack.inputs);
-        let targets = targets.split_at(samples * stack.outputs);
-        let outputs = outputs.split_at_mut(samples * stack.outputs);
-        let activations = activations.split(values);
-        let slopes = slopes.split(values);
-        let partials = partials.split_at_mut(middle * self.network.plan.partial_length());
-        let losses = losses.split_at_mut(middle);
-        rayon::join(
-            || self.run(inputs.0, targets.0, activations.0, slopes.0, outputs.0, partials.0, losses.0),
-            || self.run(inputs.1, targets.1, activations.1, slopes.1, outputs.1, partials.1, losses.1),
-        );
-    }
-
-    /// One block forward and backward; its summed loss.
-    fn block(
-        &self,
-        inputs: &[f32],
-        targets: &[f32],
-        activations: Layers<'_>,
-        slopes: Layers<'_>,
-        outputs: &mut [f32],
-        partial: &mut [f32],
-        scratch: &mut [f32],
-    ) -> f64 {
-        let network = &self.network;
-        let Stack { inputs: axes, hidden, .. } = network.plan.stack;
-        let values = inputs.len() / axes * network.plan.stride();
-        let (Layers(mut activations), Layers(mut slopes)) = (activations, slopes);
-        for layer in 0..hidden {
-            let (before, from) = activations.split_at_mut(layer);
-            let previous = before.last().map_or(&[][..], |previous| &previous[..values]);
-            network.hidden_layer(layer, inputs, previous, from[0], Some(slopes[layer]));
-        }
-        let last = &activations[hidden - 1][..values];
-        network.outputs(last, outputs);
-        let loss = self.loss.take(outputs, targets);
-        let front = match self.loss.ending {
-            TaughtEnding::Sigmoid => {
-                network.output_backward(inputs, outputs, last, slopes[hidden - 1], partial);
-                hidden - 1
-            }
-            TaughtEnding::Linear => {
-                network.output_biases(outputs, partial);
-                hidden
-            }
-        };
-        for layer in (0..front).rev() {
-            let (before, behind) = slopes.split_at_mut(layer + 1);
-            let next = if layer + 1 == hidden { &*outputs } else { &behind[0][..values] };
-            network.hidden_backward(layer, inputs, next, before[layer], partial, scratch);
-        }
-        loss
     }
 }
 

@@ -2,7 +2,11 @@
 //!
 //! A matrix is a slice with strides, so that a layer's weights, a block of rows or a panel of columns is a view
 //! into a larger array. A product runs on the calling thread; the engines split the work themselves, in pieces that
-//! do not depend on the number of threads.
+//! do not depend on the number of threads, or by `combine_by_rows`.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
 
 /// A matrix inside a slice; element (i, j) is `data[i·row_stride + j·column_stride]`.
 #[derive(Clone, Copy, Debug)]
@@ -39,6 +43,17 @@ impl<'a> Matrix<'a> {
             ..self
         }
     }
+
+    /// Some of the rows.
+    ///
+    /// # Panics
+    /// If there are fewer.
+    #[must_use]
+    pub fn rows(self, rows: Range<usize>) -> Self {
+        assert!(rows.end <= self.rows, "row {} of {}", rows.end, self.rows);
+        let data = self.data.get(rows.start * self.row_stride..).unwrap_or_default();
+        Self { data, rows: rows.len(), ..self }
+    }
 }
 
 /// Number of elements from the first to the last of a row-major view; `usize::MAX` where rows overlap or it overflows.
@@ -59,12 +74,20 @@ pub fn prefer_unpacked() {
     gemm::set_lhs_packing_threshold_single_thread(usize::MAX);
 }
 
-/// `out = a·b`, or `out += a·b`, with `out` row-major and its rows `stride` apart; elements between the rows are
-/// left alone. Single-threaded; the same shapes give the same bits.
+/// `out = a·b`, or `out += a·b`, as [`combine`] does.
 ///
 /// # Panics
 /// If the inner dimensions differ or `out` is too short.
 pub fn multiply(out: &mut [f32], stride: usize, a: Matrix<'_>, b: Matrix<'_>, accumulate: bool) {
+    combine(out, stride, f32::from(u8::from(accumulate)), a, b, 1.0);
+}
+
+/// `out = kept·out + factor·a·b`, with `out` row-major and its rows `stride` apart; elements between the rows are left
+/// alone, and what was in `out` is not read where `kept` is 0. Single-threaded; the same shapes give the same bits.
+///
+/// # Panics
+/// If the inner dimensions differ or `out` is too short.
+pub fn combine(out: &mut [f32], stride: usize, kept: f32, a: Matrix<'_>, b: Matrix<'_>, factor: f32) {
     assert_eq!(a.columns, b.rows, "columns of the left factor against rows of the right one");
     assert!(
         extent(a.rows, b.columns, stride) <= out.len(),
@@ -87,21 +110,36 @@ pub fn multiply(out: &mut [f32], stride: usize, a: Matrix<'_>, b: Matrix<'_>, ac
             out.as_mut_ptr(),
             1,
             stride as isize,
-            accumulate,
+            kept != 0.0,
             a.data.as_ptr(),
             a.column_stride as isize,
             a.row_stride as isize,
             b.data.as_ptr(),
             b.column_stride as isize,
             b.row_stride as isize,
-            1.0,
-            1.0,
+            kept,
+            factor,
             false,
             false,
             false,
             gemm::Parallelism::None,
         );
     }
+}
+
+/// Rows of a product that one thread does; fixed, so that threads change no bit.
+const ROWS: usize = 64;
+
+/// As [`combine`], of an `out` without room between its rows, some rows a thread of the current rayon pool.
+///
+/// # Panics
+/// As [`combine`].
+pub(crate) fn combine_by_rows(out: &mut [f32], kept: f32, a: Matrix<'_>, b: Matrix<'_>, factor: f32) {
+    let columns = b.columns;
+    out[..a.rows * columns].par_chunks_mut(ROWS * columns).enumerate().for_each(|(part, out)| {
+        let first = part * ROWS;
+        combine(out, columns, kept, a.rows(first..first + out.len() / columns), b, factor);
+    });
 }
 
 #[cfg(test)]
@@ -149,6 +187,30 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn rows_and_factors_are_those_of_the_whole_product() {
+        let (rows, inner, columns) = (2 * ROWS + 5, 6, 4);
+        let (a, b) = (filled(inner * rows, 3), filled(inner * columns, 4));
+        let (a, b) = (
+            Matrix::row_major(&a, inner, rows, rows).transposed(),
+            Matrix::row_major(&b, inner, columns, columns),
+        );
+        let mut product = vec![f32::NAN; rows * columns];
+        multiply(&mut product, columns, a, b, false);
+        let mut some = vec![f32::NAN; 3 * columns];
+        multiply(&mut some, columns, a.rows(7..10), b, false);
+        assert_eq!(some, product[7 * columns..10 * columns]);
+        let mut combined = vec![3.0; rows * columns];
+        combine_by_rows(&mut combined, 0.5, a, b, -2.0);
+        // Small integers and powers of two: exact in f32.
+        let expected: Vec<f32> = product.iter().map(|p| 1.5 - 2.0 * p).collect();
+        assert_eq!(combined, expected);
+        combined.fill(f32::NAN);
+        combine_by_rows(&mut combined, 0.0, a, b, 1.0);
+        assert_eq!(combined, product);
+        multiply(&mut [], columns, a.rows(rows..rows), b, false);
     }
 
     #[test]

@@ -8,10 +8,9 @@
 //! Source: Jordan et al. 2024, "Muon: an optimizer for hidden layers in neural networks" (iteration, coefficients); Liu et
 //! al. 2025, arXiv 2502.16982 (length of the step).
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::matrix::{Matrix, multiply};
+use super::matrix::{Matrix, combine_by_rows};
 
 /// Settings of Muon.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -35,8 +34,6 @@ pub const QUINTIC: [f32; 3] = [3.4445, -4.7750, 2.0315];
 pub const STEPS: usize = 5;
 /// A step's root mean square over the learning rate.
 pub const LENGTH: f32 = 0.2;
-/// Rows of a product that one thread does; fixed, so that threads change no bit.
-const ROWS: usize = 64;
 
 /// Working memory for matrices of up to some size.
 pub(crate) struct Muon {
@@ -48,6 +45,11 @@ pub(crate) struct Muon {
 }
 
 impl Muon {
+    /// Bytes of its working memory.
+    pub(crate) fn bytes(rows: usize, columns: usize) -> u64 {
+        (4 * 2 * rows * (rows + columns)) as u64
+    }
+
     /// For matrices of `rows` rows and at most `columns` columns, no fewer than rows.
     pub(crate) fn new(config: MuonConfig, rows: usize, columns: usize) -> Self {
         let (matrix, gram) = (vec![0.0; rows * columns], vec![0.0; rows * rows]);
@@ -88,22 +90,15 @@ impl Muon {
             let (x, next) = (&self.x[..rows * columns], &mut self.next[..rows * columns]);
             let (gram, square) = (&mut self.gram[..rows * rows], &mut self.square[..rows * rows]);
             let whole = Matrix::row_major(x, rows, columns, columns);
-            product(gram, rows, x, columns, whole.transposed(), false);
-            product(square, rows, gram, rows, Matrix::row_major(gram, rows, rows, rows), false);
+            combine_by_rows(gram, 0.0, whole, whole.transposed(), 1.0);
+            let whole_gram = Matrix::row_major(gram, rows, rows, rows);
+            combine_by_rows(square, 0.0, whole_gram, whole_gram, 1.0);
             square.iter_mut().zip(&*gram).for_each(|(square, &gram)| *square = b * gram + c * *square);
             next.iter_mut().zip(x).for_each(|(next, &x)| *next = a * x);
-            product(next, columns, square, rows, whole, true);
+            combine_by_rows(next, 1.0, Matrix::row_major(square, rows, rows, rows), whole, 1.0);
             std::mem::swap(&mut self.x, &mut self.next);
         }
     }
-}
-
-/// `out [rows][columns] = left·right`, or added to it, some rows a thread.
-fn product(out: &mut [f32], columns: usize, left: &[f32], inner: usize, right: Matrix<'_>, accumulate: bool) {
-    out.par_chunks_mut(ROWS * columns).zip(left.par_chunks(ROWS * inner)).for_each(|(out, left)| {
-        let left = Matrix::row_major(left, out.len() / columns, inner, inner);
-        multiply(out, columns, left, right, accumulate);
-    });
 }
 
 #[cfg(test)]

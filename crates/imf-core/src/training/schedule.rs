@@ -27,6 +27,19 @@ pub enum Schedule {
         #[serde(default)]
         warmup: u64,
     },
+    /// Half a cosine to 0 from a rate that is the lower the longer the run: `initial` of up to `steps` steps, of more
+    /// `initial · (steps / all)^power`. It rises to it as a cosine does.
+    Length {
+        /// Highest rate of short runs.
+        initial: f32,
+        /// Steps of the longest run that has it.
+        steps: u64,
+        /// How fast the rate falls with the length.
+        power: f32,
+        /// Steps of the rise.
+        #[serde(default)]
+        warmup: u64,
+    },
 }
 
 impl Default for Schedule {
@@ -86,6 +99,9 @@ impl RateRule {
             Schedule::Cosine { initial, last, warmup } => {
                 Schedule::Cosine { initial: scaled(initial), last: scaled(last), warmup: warmup.max(least) }
             }
+            Schedule::Length { initial, steps, power, warmup } => {
+                Schedule::Length { initial: scaled(initial), steps, power, warmup: warmup.max(least) }
+            }
         }
     }
 }
@@ -109,6 +125,21 @@ impl Schedule {
                 let done = ((step - warmup) as f64 / steps as f64).min(1.0);
                 (last + (initial - last) * 0.5 * (1.0 + (std::f64::consts::PI * done).cos())) as f32
             }
+            Self::Length { warmup, .. } => {
+                Self::Cosine { initial: self.highest(total), last: 0.0, warmup }.rate(epoch, step, total)
+            }
+        }
+    }
+
+    /// The highest rate of a run of `total` steps.
+    #[must_use]
+    pub fn highest(&self, total: u64) -> f32 {
+        match *self {
+            Self::Exponential { initial, .. } | Self::Cosine { initial, .. } => initial,
+            Self::Length { initial, steps, power, .. } => {
+                let share = (steps as f64 / total.max(1) as f64).min(1.0);
+                (f64::from(initial) * share.powf(f64::from(power))) as f32
+            }
         }
     }
 
@@ -120,6 +151,7 @@ impl Schedule {
         let (initial, name, other) = match *self {
             Self::Exponential { initial, factor, .. } => (initial, "factor", factor),
             Self::Cosine { initial, last, .. } => (initial, "last", last),
+            Self::Length { initial, power, .. } => (initial, "power", power),
         };
         for (name, value) in [("initial", initial), (name, other)] {
             if !(value.is_finite() && value >= 0.0) {
@@ -152,6 +184,23 @@ mod tests {
         assert!((rates[12] - 0.55).abs() < 1e-6 && (rates[20] - 0.1).abs() < 1e-6);
         assert!((schedule.rate(0, 30, 21) - 0.1).abs() < 1e-6, "past the end the rate stays");
         assert_eq!(Schedule::Cosine { initial: 1.0, last: 0.0, warmup: 0 }.rate(0, 0, 1), 1.0);
+    }
+
+    #[test]
+    fn the_longer_a_run_the_lower_its_rates_may_be() {
+        let schedule = Schedule::Length { initial: 1e-3, steps: 1000, power: 0.5, warmup: 4 };
+        for (total, highest) in [(10, 1e-3), (1000, 1e-3), (4000, 5e-4), (100_000, 1e-4)] {
+            assert!((schedule.highest(total) / highest - 1.0).abs() < 1e-6);
+            let cosine = Schedule::Cosine { initial: schedule.highest(total), last: 0.0, warmup: 4 };
+            assert_eq!(cosine.highest(total), schedule.highest(total));
+            for step in [0, 3, 4, total / 2, total - 1] {
+                assert_eq!(schedule.rate(0, step, total), cosine.rate(0, step, total));
+            }
+        }
+        let doubled = Schedule::Length { initial: 2e-3, steps: 1000, power: 0.5, warmup: RateRule::WARMUP };
+        assert_eq!(RateRule::Sqrt.apply(schedule, 4096), doubled);
+        let bent = Schedule::Length { initial: 1e-3, steps: 1000, power: f32::NAN, warmup: 4 };
+        assert!(bent.check().unwrap_err().contains("power"));
     }
 
     #[test]

@@ -31,7 +31,6 @@ use imf_core::training::run::{Length, Outcome, TrainingPlan};
 
 use super::machine::Machine;
 use super::paper::harmonic_settings;
-use crate::arguments::compress::teaching;
 use crate::arguments::families::FamiliesBenchArguments;
 use crate::arguments::paper::PaperPart;
 use crate::engine::Device;
@@ -297,6 +296,6 @@ fn timed<T>(mut work: impl FnMut() -> Result<T>) -> Result<(f64, T)> {
 
 /// How the factored field is taught: as `imf compress` does by default.
 fn taught_by(arguments: &FamiliesBenchArguments) -> TeachSettings {
-    let defaults = teaching(Length::Steps(arguments.factored_steps));
+    let defaults = TeachSettings::of_length(Length::Steps(arguments.factored_steps));
     TeachSettings { plan: TrainingPlan { seed: arguments.seed, ..defaults.plan }, ..defaults }
 }

@@ -5,16 +5,18 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
 use imf_core::factored::file::FactoredFile;
-use imf_core::factored::{FactoredState, TeachSettings};
+use imf_core::factored::{FactoredState, Optimiser, TeachSettings};
 use imf_core::harmonic::FitSettings;
 use imf_core::harmonic::coefficients::Precision;
 use imf_core::scene::Scene;
+use imf_core::siren::muon::MuonConfig;
 use serde::Serialize;
 use serde_json::Value;
 
 use super::FIELD;
 use crate::arguments::NetworkFamily;
 use crate::checkpoints::nothing_to_resume;
+use crate::engine::Device;
 use crate::session::Session;
 
 /// Where checkpoints are written; not the name of a training's on samples, which may lie in the same folder.
@@ -75,6 +77,15 @@ impl<'a> Beginning<'a> {
             path.display()
         );
         Ok(())
+    }
+
+    /// The optimiser that was asked for; else that of the checkpoint; else the best that the device has.
+    pub(in crate::commands) fn optimiser(&self, asked: Option<Optimiser>, device: &Device) -> Optimiser {
+        let begun = self.found.as_ref().map(|found| found.settings.optimiser);
+        asked.or(begun).unwrap_or_else(|| match device {
+            Device::Cpu => TeachSettings::default().optimiser,
+            Device::Gpu(_) => Optimiser::Muon(MuonConfig::default()),
+        })
     }
 
     /// Refuses a checkpoint of other settings, and says which.

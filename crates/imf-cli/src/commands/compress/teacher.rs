@@ -64,7 +64,8 @@ impl Extent {
             ),
         };
         let signals = 8 * teach.plan.batch.min(voxels) as u64 * (teach.width * teach.hidden + axes) as u64;
-        let network = BYTES_PER_PARAMETER * teach.shape(axes).parameter_count() as u64;
+        let shape = teach.shape(axes);
+        let network = BYTES_PER_PARAMETER * shape.parameter_count() as u64 + teach.optimiser.bytes(shape);
         session.require_memory(chosen.max(teacher + network + signals), || {
             format!("{what}; {}", settings.smaller)
         })

@@ -11,7 +11,6 @@ use imf_core::training::run::{Length, TrainingPlan};
 
 use super::questions;
 use crate::arguments::DemoArguments;
-use crate::arguments::compress::teaching;
 use crate::commands::compress::{self, Beginning};
 use crate::commands::eval::{IMF_ORIENTATIONS, expanded, require_memory};
 use crate::commands::train::factored;
@@ -26,15 +25,19 @@ const CHECKPOINT_EVERY: f64 = 30.0;
 
 pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) -> Result<Report> {
     let device = Device::open(&arguments.device.device, session)?;
-    let defaults = teaching(Length::Steps(arguments.steps.unwrap_or(STEPS)));
+    let beginning = Beginning::at(&arguments.out, compress::is_unfinished(&arguments.out))?;
+    let defaults = TeachSettings::of_length(Length::Steps(arguments.steps.unwrap_or(STEPS)));
     let settings = compress::Settings {
-        teach: TeachSettings { plan: TrainingPlan { seed: arguments.seed, ..defaults.plan }, ..defaults },
+        teach: TeachSettings {
+            plan: TrainingPlan { seed: arguments.seed, ..defaults.plan },
+            optimiser: beginning.optimiser(None, &device),
+            ..defaults
+        },
         precision: Precision::F32,
         checkpoint_every: CHECKPOINT_EVERY,
         go_on: "run the same command again",
         smaller: "raise --memory, or take the smaller demo: --family siren5",
     };
-    let beginning = Beginning::at(&arguments.out, compress::is_unfinished(&arguments.out))?;
     beginning.require_settings(&settings.teach)?;
     let (file, _) = factored::made(session, &device, scene, None, settings, &beginning)?;
 

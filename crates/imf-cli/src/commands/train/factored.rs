@@ -27,6 +27,8 @@ pub(super) fn run(session: &Session, arguments: &TrainArguments, teach: TeachSet
     let device = Device::open(arguments.device_or("cpu"), session)?;
     let folder = OutputFolder::check(&arguments.out)?;
     let beginning = Beginning::at(folder.path(), arguments.resume)?;
+    let asked = arguments.factored.teaching.optimiser();
+    let teach = TeachSettings { optimiser: beginning.optimiser(asked, &device), ..teach };
     beginning.require_settings(&teach)?;
     let scene = arguments.scene.scene_with(session, &arguments.contact)?;
     folder.create()?;

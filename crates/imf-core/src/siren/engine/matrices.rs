@@ -1,39 +1,113 @@
-//! A step of Muon's for all matrices between hidden layers: each by a thread of its own, as far as there are any.
+//! A step of Muon's or SOAP's for all matrices between hidden layers: each by a thread of its own, as far as there are any.
 
-use super::super::muon::Muon;
+use super::super::muon::{Muon, MuonConfig};
 use super::super::plan::{Plan, transpose};
+use super::super::soap::{Soap, SoapConfig};
+use super::update::Arrays;
+use crate::siren::Layer;
+use crate::training::EngineError;
 
-/// The matrices between hidden layers, in a step of Muon's.
-pub(super) struct Matrices<'a> {
-    pub(super) plan: &'a Plan,
-    pub(super) learning_rate: f32,
+/// What steps each matrix between hidden layers, in their order.
+pub(super) struct Matrices(Vec<Rule>);
+
+/// What steps one matrix.
+enum Rule {
+    Muon(Muon),
+    Soap(Box<Soap>),
 }
 
-impl Matrices<'_> {
-    /// Those from layer `index` on, one for each of `muons`: weights, momentum and panels from the layer's weights on, the whole
-    /// gradient.
-    pub(super) fn step(&self, index: usize, muons: &mut [Muon], arrays: [&mut [f32]; 3], gradient: &[f32]) {
+/// The layers whose matrices these are.
+fn between(plan: &Plan) -> &[Layer] {
+    &plan.layers[plan.stack.between()]
+}
+
+impl Matrices {
+    pub(super) fn of_muon(config: MuonConfig, plan: &Plan) -> Self {
+        Self(
+            between(plan)
+                .iter()
+                .map(|layer| Rule::Muon(Muon::new(config, layer.outputs, layer.inputs)))
+                .collect(),
+        )
+    }
+
+    /// Goes on from what was kept after `step` steps.
+    pub(super) fn of_soap(
+        config: SoapConfig,
+        plan: &Plan,
+        step: u64,
+        mut kept: &[f32],
+    ) -> Result<Self, EngineError> {
+        let count = |layer: &Layer| Soap::kept_count(layer.outputs, layer.inputs);
+        let expected = if step == 0 { 0 } else { between(plan).iter().map(count).sum() };
+        if kept.len() != expected {
+            let found = kept.len();
+            return Err(EngineError::Shape(format!(
+                "{found} numbers of SOAP's means and axes after {step} steps; {expected} belong to the network"
+            )));
+        }
+        let rules = between(plan).iter().map(|layer| {
+            let mut soap = Soap::new(config, layer.outputs, layer.inputs);
+            if step > 0 {
+                let (own, others) = kept.split_at(count(layer));
+                soap.restore(own);
+                kept = others;
+            }
+            Rule::Soap(soap.into())
+        });
+        Ok(Self(rules.collect()))
+    }
+
+    /// What a state keeps beside the moments.
+    pub(super) fn kept(&self) -> Vec<f32> {
+        let of_rule = |rule| match rule {
+            &Rule::Muon(_) => [&[][..]; 4],
+            Rule::Soap(soap) => soap.kept(),
+        };
+        self.0.iter().flat_map(of_rule).flatten().copied().collect()
+    }
+
+    /// Step number `step` of them all, with whole arrays in the layout of the parameters.
+    pub(super) fn step(&mut self, plan: &Plan, step: u64, learning_rate: f32, arrays: Arrays<'_>) {
+        let Some(first) = plan.layers.get(1) else { return };
+        let (_, arrays) = arrays.split(first.weights);
+        Pass { plan, step, learning_rate }.run(1, &mut self.0, arrays);
+    }
+}
+
+/// One step.
+struct Pass<'a> {
+    plan: &'a Plan,
+    step: u64,
+    learning_rate: f32,
+}
+
+impl Pass<'_> {
+    /// Of the layers from `index` on, one for each of `rules`, with arrays from the layer's weights on.
+    fn run(&self, index: usize, rules: &mut [Rule], arrays: Arrays<'_>) {
         let start = self.plan.layers[index].weights;
-        if muons.len() > 1 {
-            let middle = muons.len() / 2;
-            let at = self.plan.layers[index + middle].weights - start;
-            let (head, tail) = muons.split_at_mut(middle);
-            let [weights, momentum, panels] = arrays.map(|array| array.split_at_mut(at));
-            rayon::join(
-                || self.step(index, head, [weights.0, momentum.0, panels.0], gradient),
-                || self.step(index + middle, tail, [weights.1, momentum.1, panels.1], gradient),
-            );
+        if rules.len() > 1 {
+            let middle = rules.len() / 2;
+            let (head, tail) = rules.split_at_mut(middle);
+            let (first, second) = arrays.split(self.plan.layers[index + middle].weights - start);
+            rayon::join(|| self.run(index, head, first), || self.run(index + middle, tail, second));
             return;
         }
-        let [muon] = muons else { return };
+        let [rule] = rules else { return };
         let layer = self.plan.layers[index];
-        let length = layer.biases - start;
-        let [weights, momentum, panels] = arrays.map(|array| &mut array[..length]);
-        muon.step(self.learning_rate, layer.outputs, weights, &gradient[start..layer.biases], momentum);
+        let (own, _) = arrays.split(layer.biases - start);
+        let Arrays { parameters, first_moment, second_moment, gradient, panels } = own;
+        let rate = self.learning_rate;
+        match rule {
+            Rule::Muon(muon) => muon.step(rate, layer.outputs, parameters, gradient, first_moment),
+            Rule::Soap(soap) => {
+                soap.step(self.step, rate, parameters, gradient, first_moment, second_moment);
+            }
+        }
         for neurons in self.plan.panels(index) {
             let range = self.plan.panel_range(index, &neurons);
             let range = range.start - start..range.end - start;
-            transpose(&weights[range.clone()], neurons.len(), layer.inputs, &mut panels[range]);
+            transpose(&parameters[range.clone()], neurons.len(), layer.inputs, &mut panels[range]);
         }
     }
 }

@@ -18,7 +18,7 @@ pub(super) struct Arrays<'a> {
 }
 
 impl<'a> Arrays<'a> {
-    fn split(self, middle: usize) -> (Self, Self) {
+    pub(super) fn split(self, middle: usize) -> (Self, Self) {
         let parameters = self.parameters.split_at_mut(middle);
         let first_moment = self.first_moment.split_at_mut(middle);
         let second_moment = self.second_moment.split_at_mut(middle);

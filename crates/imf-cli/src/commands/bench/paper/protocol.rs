@@ -6,7 +6,6 @@ use imf_core::regime::{self, Regime, preset};
 use imf_core::training::run::Length;
 use serde::Serialize;
 
-use crate::arguments::compress::teaching;
 use crate::arguments::paper::PaperScale;
 
 /// What is changed in a preset, as `imf regime run --set` takes it, and why in words.
@@ -210,7 +209,7 @@ impl Protocol {
     /// over at the full resolution; a tiny one has a fifth of them.
     pub(super) fn teaching(self) -> TeachSettings {
         let steps = if self.scale == PaperScale::Tiny { 500 } else { 2600 };
-        teaching(Length::Steps(steps))
+        TeachSettings::of_length(Length::Steps(steps))
     }
 
     /// What was tried for rows that fall short.
