@@ -186,7 +186,7 @@ mod tests {
 
     #[test]
     fn settings_that_differ_are_named_with_both_values() {
-        let there = TeachSettings::default();
+        let there = TeachSettings { omega: 30.0, ..TeachSettings::of_length(Length::Epochs(40)) };
         assert!(differences(&there, &there).unwrap().is_empty());
         let plan = TrainingPlan { seed: 3, length: Length::Steps(7), ..there.plan };
         let here = TeachSettings { omega: 0.1, plan, online: Some(OnlineSettings::default()), ..there };

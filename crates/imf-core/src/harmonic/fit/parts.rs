@@ -10,7 +10,8 @@ use crate::harmonic::HarmonicError;
 use crate::orientation::Orientation;
 use crate::section::{SectionError, SectionPlan, SectionScratch, SectionWalk};
 
-/// Bytes of a part's values, which stay in the outer caches.
+/// Bytes of a part's values: about what the outer caches hold. Smaller parts come to every tool's tables more often, larger ones
+/// are written and read in memory; 12 MB cost 6 % and 400 MB 14 % of a fit of 300 sections.
 const PART_BYTES: usize = 48 << 20;
 
 /// Planes of a part.
