@@ -3,12 +3,14 @@
 //! The metadata have one key, `imf`: JSON that begins with the format's name and version. What is read is checked in this
 //! order: whole, of the format, not newer than the program, every tensor of its kind and shape, the checksum.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::io::{Read as _, Write as _};
 use std::path::Path;
 
 use half::f16;
-use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use half::slice::HalfFloatSliceExt as _;
+use safetensors::tensor::{Dtype, Metadata, SafeTensors, TensorInfo, TensorView};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -103,16 +105,16 @@ impl Format {
         description: &impl Serialize,
         tensors: &[Tensor<'_>],
     ) -> Result<(), TensorFileError> {
-        let serialized = || -> Result<Vec<u8>, Box<dyn std::error::Error>> {
-            let views = tensors
-                .iter()
-                .map(|(name, kind, shape, bytes)| Ok((*name, TensorView::new(*kind, shape.clone(), bytes)?)))
-                .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()?;
-            let json = serde_json::to_string(description)?;
-            Ok(safetensors::serialize(views, Some(HashMap::from([("imf".to_owned(), json)])))?)
-        };
-        let bytes = serialized().map_err(|e| self.damaged(path, e.to_string()))?;
-        Ok(write_atomically(path, |file| file.write_all(&bytes))?)
+        let mut tensors: Vec<&Tensor<'_>> = tensors.iter().collect();
+        // In the order in which the library writes them, which is the one that it asks for.
+        tensors.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(b.0)));
+        let header = header(description, &tensors).map_err(|e| self.damaged(path, e.to_string()))?;
+        // One after the other: the library's own way holds a copy of all of them.
+        Ok(write_atomically(path, |file| {
+            file.write_all(&(header.len() as u64).to_le_bytes())?;
+            file.write_all(&header)?;
+            tensors.iter().try_for_each(|(_, _, _, bytes)| file.write_all(bytes))
+        })?)
     }
 
     /// Reads a file as far as its description.
@@ -192,14 +194,43 @@ impl Tensors<'_> {
     }
 }
 
-/// Numbers as the file keeps them.
-pub(crate) fn little_endian(values: &[f32]) -> Vec<u8> {
-    values.iter().flat_map(|v| v.to_le_bytes()).collect()
+/// What stands before the tensors' bytes: description, names, kinds, shapes and places, in whole words.
+fn header(
+    description: &impl Serialize,
+    tensors: &[&Tensor<'_>],
+) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
+    let mut end = 0;
+    let mut places = Vec::with_capacity(tensors.len());
+    for (name, kind, shape, bytes) in tensors {
+        let view = TensorView::new(*kind, shape.clone(), bytes)?;
+        let data_offsets = (end, end + bytes.len());
+        end = data_offsets.1;
+        let info = TensorInfo { dtype: view.dtype(), shape: shape.clone(), data_offsets };
+        places.push(((*name).to_owned(), info));
+    }
+    let json = serde_json::to_string(description)?;
+    let metadata = Metadata::new(Some(HashMap::from([("imf".to_owned(), json)])), places)?;
+    let mut header = serde_json::to_vec(&metadata)?;
+    header.resize(header.len().next_multiple_of(size_of::<u64>()), b' ');
+    Ok(header)
 }
 
-/// Halves as the file keeps them.
-pub(crate) fn little_endian_halves(values: impl Iterator<Item = f16>) -> Vec<u8> {
-    values.flat_map(f16::to_le_bytes).collect()
+/// Numbers as the file keeps them: where they lie, where the machine keeps them so.
+pub(crate) fn little_endian(values: &[f32]) -> Cow<'_, [u8]> {
+    if cfg!(target_endian = "little") {
+        Cow::Borrowed(bytemuck::cast_slice(values))
+    } else {
+        values.iter().flat_map(|v| v.to_le_bytes()).collect()
+    }
+}
+
+/// Halves as the file keeps them, as [`little_endian`].
+pub(crate) fn little_endian_halves(values: &[f16]) -> Cow<'_, [u8]> {
+    if cfg!(target_endian = "little") {
+        Cow::Borrowed(bytemuck::cast_slice(values.reinterpret_cast()))
+    } else {
+        values.iter().flat_map(|v| v.to_le_bytes()).collect()
+    }
 }
 
 /// The numbers of [`little_endian`].
@@ -237,6 +268,28 @@ mod tests {
     }
 
     #[test]
+    fn files_are_the_librarys_byte_for_byte() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("one.safetensors");
+        let (floats, bits) = ([1.5f32, -2.0, 0.0].map(f32::to_le_bytes).concat(), [7u8; 5]);
+        let tensors: [Tensor<'_>; 4] = [
+            ("b", Dtype::F32, vec![3], &floats),
+            ("c", Dtype::U8, vec![5], &bits),
+            ("d", Dtype::F16, vec![2, 3], &floats),
+            ("a", Dtype::F32, vec![1, 3], &floats),
+        ];
+        FORMAT.write(&path, &described(3), &tensors).unwrap();
+        let views = tensors
+            .iter()
+            .map(|(name, kind, shape, bytes)| (*name, TensorView::new(*kind, shape.clone(), bytes).unwrap()));
+        let json = serde_json::to_string(&described(3)).unwrap();
+        let whole = safetensors::serialize(views, Some(HashMap::from([("imf".to_owned(), json)]))).unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), whole);
+        // Too few bytes for a shape.
+        assert!(FORMAT.write(&path, &described(3), &[("a", Dtype::F32, vec![4], &floats)]).is_err());
+    }
+
+    #[test]
     fn what_was_written_is_read_and_anything_else_is_named() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("one.safetensors");
@@ -266,7 +319,7 @@ mod tests {
     #[test]
     fn halves_and_the_checksum_are_those_of_the_bytes() {
         let values = [f16::from_f32(0.1), f16::NEG_INFINITY];
-        assert_eq!(halves(&little_endian_halves(values.into_iter())), values);
+        assert_eq!(halves(&little_endian_halves(&values)), values);
         assert_eq!(checksum(&[b"12345", b"6789"]), 0xCBF4_3926);
     }
 }

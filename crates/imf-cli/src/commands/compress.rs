@@ -48,7 +48,7 @@ pub(crate) fn run(session: &Session, arguments: &CompressArguments) -> Result<()
         let TeachSettings { width, hidden, omega, .. } = from.settings;
         teach = TeachSettings { width, hidden, omega, ..teach };
     }
-    teach.optimiser = beginning.optimiser(arguments.teaching.optimiser(), &device);
+    teach.optimiser = beginning.optimiser(arguments.teaching.optimiser(), &device)?;
     beginning.require_settings(&teach)?;
     let teacher = HarmonicFile::read(&arguments.field)?;
     beginning.require_teacher(&teacher.scene, &teacher.settings)?;
@@ -132,7 +132,10 @@ impl Lesson<'_> {
         teacher.extent().require(session, &self.settings)?;
         let path = checkpoint_in(out);
         let mut state = match self.beginning.state() {
-            Some(state) => state,
+            Some(state) => {
+                self.beginning.require_functions(&self.field(&state)?)?;
+                state
+            }
             None => teacher.begun(settings, from)?,
         };
         let total = settings.plan.total_steps(teacher.grid().len());

@@ -24,7 +24,7 @@ use crate::session::Session;
 pub(crate) fn require_togetherness(session: &Session) -> Result<()> {
     match started_together() {
         Some(count) if session.rank().of() == 1 => bail!(
-            "{count} processes were started together, and each would train by itself: add --mpi (in a build with the              feature mpi) to share the work, or start one"
+            "{count} processes were started together, and each would train by itself: add --mpi (in a build with the feature mpi) to share the work, or start one"
         ),
         _ => Ok(()),
     }

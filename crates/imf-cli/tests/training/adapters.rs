@@ -99,4 +99,12 @@ fn a_harmonic_field_is_compressed_on_the_adapter_and_goes_on_there() {
     }
     let line = format!("{compress} --optimiser soap --out soap");
     work.imf(&line).refused(&["SOAP", "--optimiser muon", "--device cpu"]);
+    work.imf(&format!("{small} --out soap")).done();
+    work.imf(&format!("{compress} --out soap --resume"))
+        .refused(&["begun by SOAP", "go on with --device cpu"]);
+    // Before any section is counted.
+    let train =
+        format!("train teapot --dims 15,19,31 --degree 4 --device {} --optimiser soap --out no", device());
+    let refused = work.imf(&train).refused(&["SOAP", "--optimiser muon"]);
+    assert!(!refused.stderr.contains("sections"), "{}", refused.stderr);
 }

@@ -122,8 +122,11 @@ impl FactoredFile {
         let field = &self.field;
         let count = field.parameters.len();
         let stored = |values: &[f32], precision| match precision {
-            Precision::F32 => little_endian(values),
-            Precision::F16 => little_endian_halves(values.iter().map(|&w| f16::from_f32(w))),
+            Precision::F32 => little_endian(values).into_owned(),
+            Precision::F16 => {
+                let halves: Vec<f16> = values.iter().map(|&w| f16::from_f32(w)).collect();
+                little_endian_halves(&halves).into_owned()
+            }
         };
         let of_axes = precision_of_axes(self.precision, field.shape.folded);
         let (parameters, axes) = (stored(&field.parameters, self.precision), stored(&field.axes, of_axes));
@@ -131,7 +134,7 @@ impl FactoredFile {
         let state = self.state.as_ref().map_or(Vec::new(), |state| {
             let TrainingState { parameters, first_moment, second_moment, .. } = &state.training;
             let arrays = [parameters, first_moment, second_moment];
-            arrays.iter().flat_map(|values| little_endian(values)).collect()
+            arrays.map(|values| little_endian(values)).concat()
         });
         let kept = self.state.as_ref().map_or(&[][..], |state| &state.training.preconditioners);
         let preconditioners = little_endian(kept);

@@ -72,7 +72,7 @@ impl HarmonicFile {
         let ([nx, ny, nz], functions, axes) = (field.grid.dims, field.basis.len(), field.axis_count());
         let coefficients = match &field.coefficients {
             Coefficients::F32(values) => little_endian(values),
-            Coefficients::F16(values) => little_endian_halves(values.iter().copied()),
+            Coefficients::F16(values) => little_endian_halves(values),
         };
         let (axes_bytes, mean) = (little_endian(&field.axes), little_endian(&field.mean));
         let description = Description {
@@ -86,7 +86,7 @@ impl HarmonicFile {
         };
         let voxels = self.scene.packed_voxels();
         let mut tensors = vec![
-            ("axes", Dtype::F32, vec![functions, axes], axes_bytes.as_slice()),
+            ("axes", Dtype::F32, vec![functions, axes], &*axes_bytes),
             ("coefficients", kind(field.coefficients.precision()), vec![nx, ny, nz, axes], &coefficients),
             ("mean", Dtype::F32, vec![functions], &mean),
         ];

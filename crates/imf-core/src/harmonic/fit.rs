@@ -217,7 +217,7 @@ pub fn fit(
     let Fitted { axes, mean, coefficients, report } = match settings.one_pass {
         true if settings.in_classes(domain) => start.class_by_class(&source, settings.precision, control)?,
         true => start.in_one_pass(&source, settings.precision, control)?,
-        false => start.in_two_passes(&source, settings.precision, control)?,
+        false => start.in_two_passes(&source, settings.precision, settings.in_classes(domain), control)?,
     };
     Ok(HarmonicField {
         quantity: settings.quantity,

@@ -27,18 +27,18 @@ impl Graph {
 
     /// Weights under a name of their own.
     pub(super) fn weights(&mut self, name: &str, dims: &[usize], values: &[f32]) -> Value {
-        self.constant(name.into(), dims, FLOAT, little_endian(values))
+        self.constant(name.into(), dims, FLOAT, little_endian(values).into_owned())
     }
 
     /// Weights in half precision; what reads them casts them.
     pub(super) fn halves(&mut self, name: &str, dims: &[usize], values: &[f16]) -> Value {
-        self.constant(name.into(), dims, FLOAT16, little_endian_halves(values.iter().copied()))
+        self.constant(name.into(), dims, FLOAT16, little_endian_halves(values).into_owned())
     }
 
     /// Small numbers.
     pub(super) fn numbers(&mut self, dims: &[usize], values: &[f32]) -> Value {
         let name = format!("constant_{}", self.proto.initializer.len());
-        self.constant(name, dims, FLOAT, little_endian(values))
+        self.constant(name, dims, FLOAT, little_endian(values).into_owned())
     }
 
     /// One number.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
 use imf_core::factored::file::FactoredFile;
-use imf_core::factored::{FactoredState, Optimiser, TeachSettings};
+use imf_core::factored::{FactoredField, FactoredState, Optimiser, TeachSettings};
 use imf_core::harmonic::FitSettings;
 use imf_core::harmonic::coefficients::Precision;
 use imf_core::scene::Scene;
@@ -79,13 +79,28 @@ impl<'a> Beginning<'a> {
         Ok(())
     }
 
-    /// The optimiser that was asked for; else that of the checkpoint; else the best that the device has.
-    pub(in crate::commands) fn optimiser(&self, asked: Option<Optimiser>, device: &Device) -> Optimiser {
+    /// The optimiser that was asked for; else that of the checkpoint; else the best that the device has. Refuses one that the
+    /// device does not have.
+    pub(in crate::commands) fn optimiser(
+        &self,
+        asked: Option<Optimiser>,
+        device: &Device,
+    ) -> Result<Optimiser> {
         let begun = self.found.as_ref().map(|found| found.settings.optimiser);
-        asked.or(begun).unwrap_or_else(|| match device {
+        let optimiser = asked.or(begun).unwrap_or_else(|| match device {
             Device::Cpu => TeachSettings::default().optimiser,
             Device::Gpu(_) => Optimiser::Muon(MuonConfig::default()),
-        })
+        });
+        if matches!((optimiser, device), (Optimiser::Soap(_), Device::Gpu(_))) {
+            match asked {
+                Some(_) => bail!("SOAP is computed on the CPU alone: give --optimiser muon, or --device cpu"),
+                None => bail!(
+                    "{} was begun by SOAP, which is computed on the CPU alone: go on with --device cpu, or choose another --out",
+                    checkpoint_in(self.out).display()
+                ),
+            }
+        }
+        Ok(optimiser)
     }
 
     /// Refuses a checkpoint of other settings, and says which.
@@ -114,6 +129,23 @@ impl<'a> Beginning<'a> {
             "{} was taught by another harmonic field or other sections ({}): resume with these, or choose another --out",
             checkpoint.display(),
             differences(&found.fit, fit)?.join("; ")
+        );
+        Ok(())
+    }
+
+    /// Refuses a checkpoint of a network along other functions than `field`'s, though they were chosen by the same settings.
+    pub(super) fn require_functions(&self, field: &FactoredField) -> Result<()> {
+        let Some(found) = &self.found else { return Ok(()) };
+        // Axes are of length 1; means are shares of the tool, or depths. Rounding moves either by far less.
+        let near = |there: &[f32], here: &[f32]| {
+            let scale = there.iter().fold(1e-3, |most: f32, v| most.max(v.abs()));
+            there.len() == here.len() && there.iter().zip(here).all(|(a, b)| (a - b).abs() < 1e-3 * scale)
+        };
+        ensure!(
+            near(&found.field.axes, &field.axes) && near(&found.field.mean, &field.mean),
+            "{} was taught along other functions, which another limit of memory or another version chose by the same \
+             settings: resume as it was begun (--memory), or choose another --out",
+            checkpoint_in(self.out).display()
         );
         Ok(())
     }

@@ -30,7 +30,7 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
     let settings = compress::Settings {
         teach: TeachSettings {
             plan: TrainingPlan { seed: arguments.seed, ..defaults.plan },
-            optimiser: beginning.optimiser(None, &device),
+            optimiser: beginning.optimiser(None, &device)?,
             ..defaults
         },
         precision: Precision::F32,

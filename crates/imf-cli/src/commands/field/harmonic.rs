@@ -104,8 +104,10 @@ pub(in crate::commands) fn fitted(
     mut settings: FitSettings,
     smaller: &str,
 ) -> Result<HarmonicFile> {
-    settings.one_pass = settings.memory_with(plan, domain).0 <= session.memory_limit();
-    let (needed, _) = settings.memory_with(plan, domain);
+    let [one, two] =
+        [true, false].map(|one_pass| FitSettings { one_pass, ..settings }.memory_with(plan, domain).0);
+    settings.one_pass = one <= session.memory_limit().max(two);
+    let needed = if settings.one_pass { one } else { two };
     session.require_memory(needed, || {
         let axes = settings.sizes(domain).axes;
         format!("a harmonic field of degree {} along {axes} axes; {smaller}", settings.degree)

@@ -28,7 +28,7 @@ pub(super) fn run(session: &Session, arguments: &TrainArguments, teach: TeachSet
     let folder = OutputFolder::check(&arguments.out)?;
     let beginning = Beginning::at(folder.path(), arguments.resume)?;
     let asked = arguments.factored.teaching.optimiser();
-    let teach = TeachSettings { optimiser: beginning.optimiser(asked, &device), ..teach };
+    let teach = TeachSettings { optimiser: beginning.optimiser(asked, &device)?, ..teach };
     beginning.require_settings(&teach)?;
     let scene = arguments.scene.scene_with(session, &arguments.contact)?;
     folder.create()?;

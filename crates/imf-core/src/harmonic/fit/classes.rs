@@ -17,6 +17,14 @@ use crate::orientation::Orientation;
 use crate::siren::matrix::{Matrix, multiply};
 use crate::vectorised::vectorised;
 
+/// The functions of directions up to a degree, class by class: the axes where all of them are kept.
+pub(super) fn class_order(degree: usize) -> Vec<usize> {
+    let class_of = classes(degree);
+    let mut order: Vec<usize> = (0..class_of.len()).collect();
+    order.sort_by_key(|&function| class_of[function]);
+    order
+}
+
 /// What turns sections to coefficients.
 pub(super) struct ClassWeights {
     /// Directions, without their images.
@@ -37,7 +45,6 @@ impl ClassWeights {
             basis.values(&fours[0], column.as_mut_slice());
         }
         let ridge = ridge(basis);
-        let mut order = Vec::with_capacity(functions);
         let mut weights = [const { Vec::new() }; IMAGES];
         for (class, weights) in weights.iter_mut().enumerate() {
             let own: Vec<usize> = (0..functions).filter(|&place| class_of[place] == class).collect();
@@ -52,9 +59,8 @@ impl ClassWeights {
             let solved = Cholesky::new(gram).ok_or(HarmonicError::Singular)?.solve(&values);
             // Column by column: each direction's weights side by side.
             *weights = solved.iter().map(|&w| w as f32 * UNIT).collect();
-            order.extend(own);
         }
-        Ok(Self { directions, order, weights })
+        Ok(Self { directions, order: class_order(basis.degree()), weights })
     }
 
     /// Adds to the coefficients `z` `[voxel][axis]` of a block of voxels what its sections say; `sums` is working memory.

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use pulp::Arch;
 use rayon::prelude::*;
 
-use super::classes::ClassWeights;
+use super::classes::{ClassWeights, class_order};
 use super::kept::{KEPT_BLOCK, KeptSections};
 use super::parts::Parts;
 use super::sample::Sample;
@@ -93,6 +93,16 @@ impl Start {
         (axes, report)
     }
 
+    /// Axes and mean where all functions are kept as they are, which no section need be known for.
+    fn axes_of_classes(&self) -> Result<(DMatrix<f64>, DVector<f64>), HarmonicError> {
+        let functions = self.basis.len();
+        let mut axes = DMatrix::zeros(functions, functions);
+        for (axis, function) in class_order(self.basis.degree()).into_iter().enumerate() {
+            axes[(function, axis)] = 1.0;
+        }
+        Ok((axes, DVector::from_vec(self.sample.rough_means(&self.basis)?)))
+    }
+
     /// One pass, each class of functions by itself, part by part of the grid.
     pub(super) fn class_by_class(
         &self,
@@ -103,7 +113,7 @@ impl Start {
         let weights = ClassWeights::new(&self.basis, &self.set)?;
         let (arch, functions, order) = (Arch::new(), self.basis.len(), &weights.order);
         let workspaces = Workspaces::default();
-        let mean = self.sample.rough_means(&self.basis)?;
+        let (axes, mean) = self.axes_of_classes()?;
         let start: Vec<f32> = order.iter().map(|&function| -mean[function] as f32).collect();
         let solve = |sections: &KeptSections, start: Option<&[f32]>, z: &mut Coefficients, first| {
             let voxels = first..first + sections.voxels;
@@ -137,11 +147,7 @@ impl Start {
             self.sizes.sections,
             0.0,
         );
-        let mut axes = DMatrix::zeros(functions, functions);
-        for (axis, &function) in order.iter().enumerate() {
-            axes[(function, axis)] = 1.0;
-        }
-        Ok(Fitted { axes, mean: DVector::from_vec(mean), coefficients, report })
+        Ok(Fitted { axes, mean, coefficients, report })
     }
 
     /// One pass, whose sections stay in memory: those of the sample decide on the axes, then every block of voxels becomes
@@ -174,16 +180,22 @@ impl Start {
         Ok(Fitted { axes, mean: solved.mean, coefficients, report })
     }
 
-    /// A first pass decides on the axes, a second makes the coefficients along them, some sections at a time.
+    /// A first pass decides on the axes, a second makes the coefficients along them, some sections at a time. Where functions
+    /// are kept class by class, the axes are those of one pass.
     pub(super) fn in_two_passes(
         &self,
         source: &Source<'_>,
         precision: Precision,
+        in_classes: bool,
         control: Control<'_>,
     ) -> Result<Fitted, HarmonicError> {
         let dense = self.dense()?;
-        let (solved, axes, report) = self.sampled(&dense, source, control)?;
-        let (weights, start) = dense.weights(&axes, &solved.mean);
+        let (solved, mut axes, report) = self.sampled(&dense, source, control)?;
+        let mut mean = solved.mean;
+        if in_classes {
+            (axes, mean) = self.axes_of_classes()?;
+        }
+        let (weights, start) = dense.weights(&axes, &mean);
         let (voxels, width) = (source.grid().len(), axes.ncols());
         let mut coefficients = vec![0.0; voxels * width];
         coefficients.par_chunks_mut(width).for_each(|z| z.copy_from_slice(&start));
@@ -199,7 +211,7 @@ impl Start {
             });
         }
         let coefficients = Coefficients::new(coefficients, precision);
-        Ok(Fitted { axes, mean: solved.mean, coefficients, report })
+        Ok(Fitted { axes, mean, coefficients, report })
     }
 }
 
