@@ -78,7 +78,7 @@ pub(crate) struct DatasetMakeArguments {
     pub(crate) scene: SceneArguments,
     #[command(flatten)]
     pub(crate) contact: clearance::ContactArguments,
-    /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, pairs θ,φ;θ,φ or a CSV file
+    /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, pairs such as 0,0;30,40 or a CSV file
     #[arg(long, value_name = "SET", allow_hyphen_values = true)]
     pub(crate) orientations: String,
     #[command(flatten)]

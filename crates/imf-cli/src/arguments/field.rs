@@ -22,7 +22,7 @@ use super::{clearance, harmonic};
 pub(crate) struct FieldArguments {
     #[command(flatten)]
     pub(crate) scene: SceneArguments,
-    /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, so3:N, pairs θ,φ;θ,φ or a CSV file
+    /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, so3:N, pairs such as 0,0;30,40 or a CSV file
     #[arg(
         long,
         value_name = "SET",

@@ -105,7 +105,7 @@ pub(crate) struct FactoredArguments {
 /// What is asked of samples that are made first.
 #[derive(Args)]
 struct SampleArguments {
-    /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, pairs θ,φ;θ,φ or a CSV file
+    /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, pairs such as 0,0;30,40 or a CSV file
     #[arg(long, value_name = "SET", allow_hyphen_values = true, default_value = "fibonacci:225")]
     orientations: String,
     #[command(flatten)]

@@ -13,7 +13,7 @@ use serde_json::json;
 use crate::arguments::calibrate::CalibrateArguments;
 use crate::interrupt::Interrupted;
 use crate::output::{OutputFile, print, print_json};
-use crate::session::Session;
+use crate::session::{Session, show_bytes};
 
 pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<()> {
     let out = match arguments.verify {
@@ -74,6 +74,17 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
 /// one. Where that cannot be told the file stays as it is, and a note says why.
 pub(super) fn afterwards(session: &Session, path: &Path) -> Result<()> {
     let settings = CalibrationSettings::default();
+    // The file's bytes, and the field that they become.
+    let (needed, limit) = (2 * std::fs::metadata(path)?.len(), session.memory_limit());
+    if needed > limit {
+        session.note(&format!(
+            "decisions are not calibrated: that takes about {} of memory, and {} may be used; imf calibrate does it where there \
+             is more",
+            show_bytes(needed),
+            show_bytes(limit)
+        ));
+        return Ok(());
+    }
     let field = NeuralField::load(path)?;
     let stage = session.stage("calibrating", "batches", settings.units());
     let advance = |n| stage.advance(n);

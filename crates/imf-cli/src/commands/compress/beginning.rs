@@ -196,9 +196,17 @@ fn differences<T: Serialize>(there: &T, here: &T) -> Result<Vec<String>> {
 }
 
 fn compare(name: &str, there: &Value, here: &Value, found: &mut Vec<String>) {
-    let said = |value: &Value| if value.is_null() { "none".to_owned() } else { value.to_string() };
+    let said = |value: &Value| match value {
+        Value::Null => "none".to_owned(),
+        // As many as there are.
+        value if value.as_u64() == Some(usize::MAX as u64) => "all".to_owned(),
+        value => value.to_string(),
+    };
     match (there, here) {
-        (Value::Object(there_all), Value::Object(here_all)) => {
+        // Those of other names within are lengths, schedules, optimisers of another kind: they are told as they are.
+        (Value::Object(there_all), Value::Object(here_all))
+            if there_all.keys().eq(here_all.keys()) || name.is_empty() =>
+        {
             let new = here_all.keys().filter(|&key| !there_all.contains_key(key));
             for key in there_all.keys().chain(new) {
                 compare(key, &there[key], &here[key], found);
@@ -227,7 +235,10 @@ mod tests {
         assert!(online.starts_with("online: none, not {") && online.contains("\"pool\":225"), "{online}");
         found.sort();
         let expected =
-            ["epochs: 40, not none", "omega: 30.0, not 0.1", "seed: 0, not 3", "steps: none, not 7"];
+            [r#"length: {"epochs":40}, not {"steps":7}"#, "omega: 30.0, not 0.1", "seed: 0, not 3"];
         assert_eq!(found, expected);
+        let fit = FitSettings { axes: usize::MAX, ..FitSettings::default() };
+        let some = differences(&fit, &FitSettings { axes: 81, ..fit }).unwrap();
+        assert_eq!(some, ["axes: all, not 81"]);
     }
 }
