@@ -40,6 +40,11 @@ pub(super) struct BlockScratch {
     values: Vec<f32>,
 }
 
+/// Zeros of whole numbers, which the kernel hands out untouched: no thread writes them first.
+fn zero_halves(count: usize) -> Vec<f16> {
+    vec![0u16; count].reinterpret_into()
+}
+
 /// `[voxel][axis]`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Coefficients {
@@ -56,7 +61,7 @@ impl Coefficients {
         match precision {
             Precision::F32 => Self::F32(values),
             Precision::F16 => {
-                let mut halves = vec![f16::ZERO; values.len()];
+                let mut halves = zero_halves(values.len());
                 halves.convert_from_f32_slice(&values);
                 Self::F16(halves)
             }
@@ -68,8 +73,7 @@ impl Coefficients {
     pub(super) fn zeros(count: usize, precision: Precision) -> Self {
         match precision {
             Precision::F32 => Self::F32(vec![0.0; count]),
-            // Zeros of whole numbers, which the kernel hands out untouched: no thread writes them first.
-            Precision::F16 => Self::F16(vec![0u16; count].reinterpret_into()),
+            Precision::F16 => Self::F16(zero_halves(count)),
         }
     }
 

@@ -123,13 +123,13 @@ fn scale(values: &mut [f32], factor: f32) {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::siren::lanes::archs;
     use nalgebra::DMatrix;
 
     /// Seeded numbers in ±1.
-    fn numbers(count: usize, seed: u64) -> Vec<f32> {
+    pub(in crate::siren) fn numbers(count: usize, seed: u64) -> Vec<f32> {
         let shape = crate::siren::SirenShape { width: count, hidden: 1, skip_after: None, omega: 1.0 };
         shape.initial_parameters(seed)[..count].iter().map(|v| v * 5.0).collect()
     }

@@ -232,14 +232,10 @@ fn square(values: &[f32], size: usize) -> Matrix<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::siren::orthonormal::tests::numbers;
     use nalgebra::DMatrix;
 
     const KEPT: f64 = 0.95;
-
-    fn numbers(count: usize, seed: u64) -> Vec<f32> {
-        let shape = crate::siren::SirenShape { width: count, hidden: 1, skip_after: None, omega: 1.0 };
-        shape.initial_parameters(seed)[..count].iter().map(|v| v * 5.0).collect()
-    }
 
     fn matrix(values: &[f32], rows: usize) -> DMatrix<f64> {
         DMatrix::from_row_iterator(rows, values.len() / rows, values.iter().map(|&v| f64::from(v)))

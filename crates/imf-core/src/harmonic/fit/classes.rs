@@ -17,12 +17,18 @@ use crate::orientation::Orientation;
 use crate::siren::matrix::{Matrix, multiply};
 use crate::vectorised::vectorised;
 
-/// The functions of directions up to a degree, class by class: the axes where all of them are kept.
+/// The functions of directions up to a degree, of each class.
+fn by_class(degree: usize) -> [Vec<usize>; IMAGES] {
+    let mut all = [const { Vec::new() }; IMAGES];
+    for (function, class) in classes(degree).into_iter().enumerate() {
+        all[class].push(function);
+    }
+    all
+}
+
+/// The same, one class after the other: the axes where all functions are kept.
 pub(super) fn class_order(degree: usize) -> Vec<usize> {
-    let class_of = classes(degree);
-    let mut order: Vec<usize> = (0..class_of.len()).collect();
-    order.sort_by_key(|&function| class_of[function]);
-    order
+    by_class(degree).concat()
 }
 
 /// What turns sections to coefficients.
@@ -39,19 +45,17 @@ impl ClassWeights {
     /// For functions of directions and the set that they are fitted to.
     pub(super) fn new(basis: &Basis, set: &[Orientation]) -> Result<Self, HarmonicError> {
         let (directions, functions) = (set.len() / IMAGES, basis.len());
-        let class_of = classes(basis.degree());
         let mut values = DMatrix::zeros(functions, directions);
         for (mut column, fours) in values.column_iter_mut().zip(set.chunks_exact(IMAGES)) {
             basis.values(&fours[0], column.as_mut_slice());
         }
         let ridge = ridge(basis);
         let mut weights = [const { Vec::new() }; IMAGES];
-        for (class, weights) in weights.iter_mut().enumerate() {
-            let own: Vec<usize> = (0..functions).filter(|&place| class_of[place] == class).collect();
+        for (own, weights) in by_class(basis.degree()).iter().zip(&mut weights) {
             if own.is_empty() {
                 continue;
             }
-            let values = values.select_rows(&own);
+            let values = values.select_rows(own);
             let mut gram = &values * values.transpose() * IMAGES as f64;
             for (place, &function) in own.iter().enumerate() {
                 gram[(place, place)] += ridge[function];
