@@ -60,7 +60,8 @@ class Siren5(torch.nn.Module):
 
 
 class Factored(torch.nn.Module):
-    """A sine network from the point to coefficients, times harmonics of the tool's direction."""
+    """A sine network from the point to coefficients, times harmonics of the tool's direction: where the network is told of
+    the part's symmetry, of the direction in the frame of the point."""
 
     def __init__(self, about, tensors):
         super().__init__()
@@ -73,7 +74,9 @@ class Factored(torch.nn.Module):
         self.register_buffer("mean", tensors["mean"])
         # Of a folded network the last sines are the coefficients.
         self.folded = about.get("folded", False)
-        sizes = [3] + [settings["width"]] * settings["hidden"] + ([] if self.folded else [self.axes.shape[1]])
+        symmetry = settings.get("symmetry", {})
+        self.mirrors, self.axis = symmetry.get("mirrors", [None] * 3), symmetry.get("axis")
+        sizes = [5 if self.axis else 3] + [settings["width"]] * settings["hidden"] + ([] if self.folded else [self.axes.shape[1]])
         flat, self.weights, self.biases = tensors["parameters"].float(), torch.nn.ParameterList(), torch.nn.ParameterList()
         for inputs, outputs in zip(sizes, sizes[1:]):
             weight, bias, flat = flat.split([inputs * outputs, outputs, len(flat) - (inputs + 1) * outputs])
@@ -83,8 +86,28 @@ class Factored(torch.nn.Module):
         self.register_buffer("middle", torch.tensor(grid["origin"], dtype=torch.float64) + 0.5 * size)
         self.inverse_length = 2.0 / size.max().item()
 
+    def place(self, position, direction):
+        """The position on the far side of every mirror plane, the network's inputs behind it, and the local direction."""
+        position, direction, angle = list(position.unbind(1)), list(direction.unbind(1)), []
+        for i, plane in enumerate(self.mirrors):
+            if plane is not None:
+                near = position[i] < plane
+                position[i] = torch.where(near, 2.0 * plane - position[i], position[i])
+                direction[i] = torch.where(near, -direction[i], direction[i])
+        if self.axis:
+            i, j, k = ((self.axis["along"] + 1) % 3, (self.axis["along"] + 2) % 3, self.axis["along"])
+            x, y = position[i] - self.axis["through"][i], position[j] - self.axis["through"][j]
+            on = (x == 0) & (y == 0)
+            x = torch.where(on, torch.ones_like(x), x)
+            cosine, sine = x / torch.hypot(x, y), y / torch.hypot(x, y)
+            x, y, z = direction[i], direction[j], direction[k]
+            direction, angle = [cosine * x + sine * y, cosine * y - sine * x, z], [0.5 * cosine, 0.5 * sine]
+        return torch.stack(position, 1), angle, torch.stack(direction, 1)
+
     def forward(self, position, direction):
-        signal = ((position.double() - self.middle) * self.inverse_length).to(self.axes.dtype)
+        position, angle, direction = self.place(position.double(), direction.double())
+        signal = (position - self.middle) * self.inverse_length
+        signal = torch.cat([signal] + [a[:, None] for a in angle], 1).to(self.axes.dtype)
         sines = len(self.weights) - (0 if self.folded else 1)
         for layer, (weight, bias) in enumerate(zip(self.weights, self.biases)):
             signal = linear(signal, weight, bias)

@@ -10,14 +10,16 @@
 //   functions  [padded_rows][stride], zeros behind the functions and for what is no pose
 
 @group(0) @binding(0) var<uniform> batch: Batch;
-@group(0) @binding(1) var<uniform> harmonics: Harmonics;
+@group(0) @binding(1) var<uniform> world: World;
 @group(0) @binding(2) var<uniform> sweep: Sweep;
-@group(0) @binding(3) var<storage, read> poses: array<Pose>;
-@group(0) @binding(4) var<storage, read> steps: array<vec2<f32>>;
-@group(0) @binding(5) var<storage, read> weights: array<f32>;
-@group(0) @binding(6) var<storage, read_write> values: array<f32>;
-@group(0) @binding(7) var<storage, read_write> gradients: array<vec4<f32>>;
-@group(0) @binding(8) var<storage, read_write> functions: array<f32>;
+@group(0) @binding(3) var<uniform> symmetry: Symmetry;
+@group(0) @binding(4) var<uniform> harmonics: Harmonics;
+@group(0) @binding(5) var<storage, read> poses: array<Pose>;
+@group(0) @binding(6) var<storage, read> steps: array<vec2<f32>>;
+@group(0) @binding(7) var<storage, read> weights: array<f32>;
+@group(0) @binding(8) var<storage, read_write> values: array<f32>;
+@group(0) @binding(9) var<storage, read_write> gradients: array<vec4<f32>>;
+@group(0) @binding(10) var<storage, read_write> functions: array<f32>;
 
 var<private> row_begins: u32;
 var<private> sum: f32;
@@ -40,11 +42,12 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         turn = vec3<f32>(sum);
         var written = 0u;
         if is_pose(pose) {
-            let axis = axis_of(pose);
+            let place = place_of(held_tip(pose, world.low.xyz, world.high.xyz));
+            let axis = to_local(place, axis_of(pose));
             sum = 0.0;
             turn = vec3<f32>();
             each_function(harmonics.degree, axis);
-            turn -= axis * dot(turn, axis);
+            turn = to_world(place, turn - axis * dot(turn, axis));
             written = count;
         }
         for (var place = written; place < harmonics.stride; place += 1u) {

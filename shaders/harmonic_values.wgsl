@@ -1,5 +1,5 @@
-// Purpose: values of poses in a factored field: the sum of the functions of their direction by the weights that their points
-// give them.
+// Purpose: values of poses in a factored or harmonic field: the sum of the functions of their direction, in the frame of the
+// place, by the weights that their points give them.
 //
 // One invocation computes every (invocations)-th row.
 //   poses    from `sweep.base`
@@ -8,12 +8,14 @@
 //   values   from `sweep.base`; NaN for what is no pose
 
 @group(0) @binding(0) var<uniform> batch: Batch;
-@group(0) @binding(1) var<uniform> harmonics: Harmonics;
+@group(0) @binding(1) var<uniform> world: World;
 @group(0) @binding(2) var<uniform> sweep: Sweep;
-@group(0) @binding(3) var<storage, read> poses: array<Pose>;
-@group(0) @binding(4) var<storage, read> steps: array<vec2<f32>>;
-@group(0) @binding(5) var<storage, read> weights: array<f32>;
-@group(0) @binding(6) var<storage, read_write> values: array<f32>;
+@group(0) @binding(3) var<uniform> symmetry: Symmetry;
+@group(0) @binding(4) var<uniform> harmonics: Harmonics;
+@group(0) @binding(5) var<storage, read> poses: array<Pose>;
+@group(0) @binding(6) var<storage, read> steps: array<vec2<f32>>;
+@group(0) @binding(7) var<storage, read> weights: array<f32>;
+@group(0) @binding(8) var<storage, read_write> values: array<f32>;
 
 var<private> row_begins: u32;
 var<private> sum: f32;
@@ -30,7 +32,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         if is_pose(pose) {
             row_begins = row * harmonics.stride;
             sum = 0.0;
-            each_function(harmonics.degree, axis_of(pose));
+            let place = place_of(held_tip(pose, world.low.xyz, world.high.xyz));
+            each_function(harmonics.degree, to_local(place, axis_of(pose)));
             value = sum;
         }
         values[sweep.base + row] = value;

@@ -124,6 +124,31 @@ struct Descent {
     skip_neurons: u32,
 }
 
+/// What a factored field's network is told of the obstacle's symmetry.
+struct Symmetry {
+    /// Where mirror planes across x, y and z stand: below all positions where there is none.
+    plane_x: f32,
+    plane_y: f32,
+    plane_z: f32,
+    /// A point of the axis.
+    through_x: f32,
+    through_y: f32,
+    through_z: f32,
+    /// 0, 1 or 2: the axis is along x, y or z. `NO_AXIS` where there is none.
+    along: u32,
+    /// Nearer to the axis than this slopes do not grow.
+    blunt: f32,
+}
+
+/// The frame of a place, for coefficients; an element of a storage buffer.
+struct PlaceFrame {
+    /// Of the angle that it is turned by.
+    cosine: f32,
+    sine: f32,
+    /// Bits 0, 1 and 2: mirrored across the first, second and third of the axes in the order that ends with the one of revolution.
+    mirrored: u32,
+}
+
 /// The functions of a direction in a factored field.
 struct Harmonics {
     degree: u32,

@@ -4,7 +4,7 @@
 //! `part=teapot scale=1 degree=20 axes=128 ratio=2 width=384 hidden=3 omega=30 rate=1e-3 batch=1024 seconds=240 solve=25
 //! muon=1 momentum=0.95 loss=l2 seed=0 evaluate=1`; `soap=1 look=10` in place of `muon=1`, where neither is given Adam; without `rate` it follows from the length. `steps=N` in place of `seconds` gives the same field each time; `seconds`
 //! are of training, found by a first trial of a few steps. Several trainings of one teacher: `then` between their values.
-//! `pool=64 every=1` teaches by exact sections alone, 64 at a time and a fresh one every step. `from=bracket-raw` teaches that part first, and the trainings with `fine=1` start from its network.
+//! `symmetry=1` tells the network of the mirror planes and the axis that are found. `pool=64 every=1` teaches by exact sections alone, 64 at a time and a fresh one every step. `from=bracket-raw` teaches that part first, and the trainings with `fine=1` start from its network.
 
 use std::collections::HashMap;
 use std::error::Error;
@@ -14,13 +14,14 @@ use std::time::Instant;
 use glam::DVec3;
 use imf_core::control::Control;
 use imf_core::factored::{
-    FactoredField, FactoredState, Optimiser, PointScratch, SectionTeacher, TeachSettings, teach,
+    FactoredField, FactoredState, Optimiser, PointScratch, SectionTeacher, Symmetry, TeachSettings, teach,
     teach_by_sections,
 };
 use imf_core::harmonic::basis::Domain;
 use imf_core::harmonic::coefficients::Precision;
 use imf_core::harmonic::{FitSettings, HarmonicField, fit, section_count};
 use imf_core::metrics::Errors;
+use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
@@ -64,13 +65,11 @@ fn main() -> Result<(), Failure> {
     let threads = rayon::current_num_threads();
     println!("{}, {threads} thread(s)", part.name());
     let source = match first.0.get("from") {
-        Some(name) => {
-            let (_, teacher) = taught_from(first, name.parse()?)?;
-            Some(one(first, &teacher, None, None)?)
-        }
+        Some(name) => Some(one(first, &taught_from(first, name.parse()?)?.1, None, None)?),
         None => None,
     };
-    let (plan, teacher) = taught_from(first, part)?;
+    let (plan, teaching) = taught_from(first, part)?;
+    let teacher = &teaching.teacher;
     let random = OrientationSet::parse("random:256:77")?.orientations;
     let exact = sections(&plan, &random, Control::quiet())?;
     let judge = Judge { random: &random, exact: &exact };
@@ -85,13 +84,21 @@ fn main() -> Result<(), Failure> {
             continue;
         }
         let from = if trial.get("fine", 0)? == 1 { source.as_ref() } else { None };
-        one(trial, &teacher, Some(&judge), from)?;
+        one(trial, &teaching, Some(&judge), from)?;
     }
     Ok(())
 }
 
-/// The teacher of a part.
-fn taught_from(values: &Values, part: ReferencePart) -> Result<(SectionPlan, HarmonicField), Failure> {
+/// What teaches a network of a part.
+struct Teaching {
+    teacher: HarmonicField,
+    obstacle: Occupancy,
+    /// What is found.
+    symmetry: Symmetry,
+}
+
+/// What teaches a network of a part, and its exact sections.
+fn taught_from(values: &Values, part: ReferencePart) -> Result<(SectionPlan, Teaching), Failure> {
     let scale: f64 = values.get("scale", 1.0)?;
     let dims = part.dims().map(|n| (n as f64 * scale).round() as usize);
     let (mesh, tool) = (part.mesh(), Tool::paper());
@@ -107,7 +114,10 @@ fn taught_from(values: &Values, part: ReferencePart) -> Result<(SectionPlan, Har
         seconds(start),
         teacher.report
     );
-    Ok((plan, teacher))
+    let start = Instant::now();
+    let symmetry = Symmetry::of(&teacher, &scene.obstacle);
+    println!("  {symmetry}: found in {:.2} s; {symmetry:?}", seconds(start));
+    Ok((plan, Teaching { teacher, obstacle: scene.obstacle, symmetry }))
 }
 
 /// How a network is taught, but for how long.
@@ -188,14 +198,19 @@ fn by_sections(values: &Values, plan: &SectionPlan, judge: &Judge<'_>) -> Result
     Ok(())
 }
 
-/// Teaches one network and measures it; `from` is where its weights start.
+/// Teaches one network and measures it, telling it of the symmetry where that is asked; `from` is where its weights start.
 fn one(
     values: &Values,
-    teacher: &HarmonicField,
+    Teaching { teacher, obstacle, symmetry }: &Teaching,
     judge: Option<&Judge<'_>>,
     from: Option<&FactoredField>,
 ) -> Result<FactoredField, Failure> {
     let mut settings = settings(values)?;
+    if let Some(from) = from {
+        settings.symmetry = from.shape.symmetry;
+    } else if values.get("symmetry", 0)? == 1 {
+        settings.symmetry = *symmetry;
+    }
     let steps: u64 = match values.get("steps", 0)? {
         0 => {
             const TRIAL: u64 = 20;
@@ -204,7 +219,7 @@ fn one(
             teach(
                 teacher,
                 &settings,
-                &mut settings.start(teacher.axis_count()),
+                &mut settings.start(settings.outputs(teacher)),
                 Control::quiet(),
                 &mut |_| {},
             )?;
@@ -214,8 +229,8 @@ fn one(
     };
     settings.plan.length = Length::Steps(steps);
     let mut state = match from {
-        Some(from) => FactoredState::of_another(from, teacher)?,
-        None => settings.start(teacher.axis_count()),
+        Some(from) => FactoredState::of_another(from, teacher, obstacle)?,
+        None => settings.start(settings.outputs(teacher)),
     };
     let start = Instant::now();
     let mut next = steps / 8;
@@ -240,7 +255,8 @@ fn one(
         told.join(" "),
         spent * 1e3 / steps as f64
     );
-    let field = FactoredField::new(teacher, settings.shape(teacher.axis_count()), state.training.parameters)?;
+    let field =
+        FactoredField::new(teacher, settings.shape(settings.outputs(teacher)), state.training.parameters)?;
     let field = if values.get("fold", 1)? == 1 { field.folded() } else { field };
     println!(
         "  {}: {} weights, axes and mean among them, {} bytes in f32",

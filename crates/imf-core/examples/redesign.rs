@@ -91,7 +91,9 @@ fn study(study: &Study) -> Result<Vec<Step>, Box<dyn Error>> {
         let not_adapted = field.as_ref().map(error);
         let begun = Instant::now();
         let tuned = match &field {
-            Some(old) => taught(study, &teacher, FactoredState::of_another(old, &teacher)?, study.each)?,
+            Some(old) => {
+                taught(study, &teacher, FactoredState::of_another(old, &teacher, &part)?, study.each)?
+            }
             None => taught(study, &teacher, random(study, &teacher), study.first)?,
         };
         let tuning = begun.elapsed().as_secs_f64();

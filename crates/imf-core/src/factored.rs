@@ -14,6 +14,8 @@
 //! Behind its sines g is linear, and what follows is too: once taught, the last layer is folded into the functions
 //! ([`FactoredField::folded`]). The last sines are the coefficients then, along axes that teaching has found: the same
 //! field with fewer weights.
+//!
+//! Where a network is told of the obstacle's symmetry all this is of the direction in the frame of the place ([`Symmetry`]).
 
 mod adapt;
 mod answers;
@@ -26,6 +28,8 @@ mod last_layer;
 mod point;
 pub mod reference;
 mod state;
+mod symmetry;
+mod targets;
 mod teach;
 
 pub use answers::FactoredAnswers;
@@ -33,7 +37,10 @@ pub use by_sections::{SectionTeacher, teach_by_sections, teach_by_sections_on};
 pub use evaluate::FactoredEvaluator;
 pub use point::{FactoredPoint, PointScratch};
 pub use state::{FactoredState, Optimiser};
+pub use symmetry::{ANGLE, Axis, Frame, Inputs, Symmetry};
 pub use teach::{TeachSettings, teach, teach_on};
+
+use std::borrow::Cow;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -45,8 +52,10 @@ use crate::orientation::Orientation;
 use crate::section::Quantity;
 use crate::siren::stack::{Ending, Stack};
 use crate::siren::{Layer, ShapeError};
+use symmetry::LocalHarmonics;
+use targets::Targets;
 
-/// Inputs of g: the point.
+/// Inputs of g: the point. With an axis of revolution there are two more ([`Symmetry`]).
 pub const INPUTS: usize = 3;
 
 /// What g looks like; its weights are a flat array beside it.
@@ -64,12 +73,15 @@ pub struct FactoredShape {
     /// There is no layer behind the last sines, which are the outputs.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub folded: bool,
+    /// What it is told of the obstacle's symmetry.
+    #[serde(default, skip_serializing_if = "Symmetry::is_none")]
+    pub symmetry: Symmetry,
 }
 
 impl std::fmt::Display for FactoredShape {
     /// Inputs, hidden layers and, where there is a layer behind these, its outputs: `3→256×3→160`.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{INPUTS}→{}×{}", self.width, self.hidden)?;
+        write!(f, "{}→{}×{}", self.symmetry.inputs(), self.width, self.hidden)?;
         if self.folded { Ok(()) } else { write!(f, "→{}", self.axes) }
     }
 }
@@ -78,9 +90,9 @@ impl FactoredShape {
     /// The network as a stack of layers.
     #[must_use]
     pub fn stack(&self) -> Stack {
-        let Self { width, hidden, omega, axes, folded } = *self;
+        let Self { width, hidden, omega, axes, folded, symmetry } = *self;
         Stack {
-            inputs: INPUTS,
+            inputs: symmetry.inputs(),
             width,
             hidden,
             skip_after: None,
@@ -154,19 +166,44 @@ impl FactoredField {
     /// The field of a teacher's functions and a network taught by it.
     ///
     /// # Errors
-    /// Parameters that do not fit the shape, or a shape of other axes than the teacher's.
+    /// Parameters that do not fit the shape, a shape of other axes than the teacher's, or a symmetry that it cannot teach.
     pub fn new(
         teacher: &HarmonicField,
         shape: FactoredShape,
         parameters: Vec<f32>,
     ) -> Result<Self, ShapeError> {
-        TeacherFunctions::of(teacher, teach::scale(teacher)).field(shape, parameters)
+        let targets = Targets::new(teacher, shape.symmetry)?;
+        TeacherFunctions::of(teacher, &targets).field(shape, parameters)
     }
 
-    /// Prepares orientations.
+    /// Prepares orientations for the coefficients of [`FactoredEvaluator`].
     #[must_use]
     pub fn heads(&self, orientations: &[Orientation]) -> Heads {
-        Heads::new(&self.basis, &self.axes, &self.mean, orientations)
+        match self.local_harmonics() {
+            None => Heads::new(&self.basis, &self.axes, &self.mean, orientations),
+            Some(local) => Heads::in_order(&self.basis, local.order(), orientations),
+        }
+    }
+
+    /// U and μ of coefficients that are out of the frames of their places: the field's own where those are the world's.
+    fn functions_in_world(&self) -> (Cow<'_, [f32]>, Cow<'_, [f32]>) {
+        match self.local_harmonics() {
+            None => (Cow::Borrowed(&self.axes), Cow::Borrowed(&self.mean)),
+            Some(local) => (Cow::Owned(local.functions_in_order()), Cow::Owned(vec![0.0; local.len()])),
+        }
+    }
+
+    /// What takes coefficients out of the frames of their places, where those are not the world's.
+    fn local_harmonics(&self) -> Option<LocalHarmonics> {
+        let symmetry = &self.shape.symmetry;
+        (!symmetry.is_none()).then(|| LocalHarmonics::new(symmetry, self.basis.degree()))
+    }
+
+    /// Coefficients of a point as [`FactoredEvaluator`] has them for [`Self::heads`]: axes, or functions where the network is
+    /// told of symmetry.
+    #[must_use]
+    pub fn coefficient_count(&self) -> usize {
+        if self.shape.symmetry.is_none() { self.shape.axes } else { self.basis.len() }
     }
 
     /// Numbers that the field consists of: weights, axes and mean.
@@ -181,6 +218,12 @@ impl FactoredField {
         4 * self.parameter_count() as u64
     }
 
+    /// Nearer to an axis than this slopes do not grow.
+    #[must_use]
+    pub fn blunt(&self) -> f64 {
+        0.5 * self.grid.pitch
+    }
+
     /// Network units for one unit of length.
     fn inverse_length(&self) -> f64 {
         2.0 / self.grid.size().max_element()
@@ -188,8 +231,9 @@ impl FactoredField {
 
     /// What the network sees of a position.
     #[must_use]
-    pub fn input(&self, position: DVec3) -> [f32; INPUTS] {
-        input(&self.grid, position)
+    pub fn input(&self, position: DVec3) -> Inputs {
+        let symmetry = &self.shape.symmetry;
+        symmetry.inputs_at(&self.grid, &symmetry.place(position))
     }
 }
 
@@ -199,18 +243,19 @@ struct TeacherFunctions<'a> {
     grid: &'a Grid,
     basis: &'a Basis,
     /// U: `[K][axes]`.
-    axes: &'a [f32],
+    axes: Cow<'a, [f32]>,
     /// μ: `[K]`.
-    mean: &'a [f32],
+    mean: Cow<'a, [f32]>,
     /// Root mean square of the coefficients.
     scale: f32,
 }
 
 impl<'a> TeacherFunctions<'a> {
-    /// Those of a harmonic field, whose coefficients have a scale.
-    fn of(teacher: &'a HarmonicField, scale: f32) -> Self {
-        let HarmonicField { quantity, grid, basis, axes, mean, .. } = teacher;
-        Self { quantity: *quantity, grid, basis, axes, mean, scale }
+    /// Those of a harmonic field's targets.
+    fn of(teacher: &'a HarmonicField, targets: &Targets<'a>) -> Self {
+        let HarmonicField { quantity, grid, basis, .. } = teacher;
+        let (axes, mean) = targets.functions();
+        Self { quantity: *quantity, grid, basis, axes, mean, scale: targets.scale }
     }
 
     /// The field of a network along them.
@@ -231,15 +276,9 @@ impl<'a> TeacherFunctions<'a> {
     /// As [`Self::field`], of weights known to fit, or of none yet.
     fn of_weights(self, shape: FactoredShape, parameters: Vec<f32>) -> FactoredField {
         let Self { quantity, grid, basis, axes, mean, scale } = self;
-        let (basis, axes, mean) = (basis.clone(), axes.to_vec(), mean.to_vec());
+        let (basis, axes, mean) = (basis.clone(), axes.into_owned(), mean.into_owned());
         FactoredField { quantity, grid: *grid, basis, axes, mean, shape, parameters, scale }
     }
-}
-
-/// What a network over a grid sees of a position: the grid's middle is 0, its longest edge is [−1, 1].
-fn input(grid: &Grid, position: DVec3) -> [f32; INPUTS] {
-    let size = grid.size();
-    ((position - grid.origin - 0.5 * size) * (2.0 / size.max_element())).as_vec3().to_array()
 }
 
 #[cfg(test)]

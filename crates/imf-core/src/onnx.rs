@@ -22,6 +22,7 @@ mod graph;
 mod interpolated;
 mod messages;
 mod network;
+mod place;
 
 use std::io::Write as _;
 use std::path::Path;
@@ -40,6 +41,7 @@ use crate::section::Quantity;
 use crate::stored::StoredField;
 use graph::{Graph, Value};
 use messages::{GraphProto, ModelProto, OperatorSetIdProto, StringStringEntryProto};
+use place::Place;
 
 /// The set of operators that graphs keep to.
 const OPSET: i64 = 17;
@@ -148,7 +150,9 @@ fn factored(file: &FactoredFile) -> Result<GraphProto, OnnxError> {
     let mut graph = Graph::default();
     let position = graph.input("position", 3, POSITION);
     let direction = graph.input("direction", 3, DIRECTION);
-    let z = network::coefficients(&mut graph, field, &position);
+    let place = Place::new(&mut graph, &field.shape.symmetry, &position);
+    let z = network::coefficients(&mut graph, field, &place);
+    let direction = place.to_local(&mut graph, &direction);
     let degree = field.basis.degree();
     let value = directions::value(&mut graph, &direction, degree, &field.axes, &field.mean, &z);
     Ok(answering(graph, "factored", &value, field.quantity))

@@ -104,6 +104,18 @@ pub enum ShapeError {
     /// Asked to learn, a network whose last sines are its outputs.
     #[error("a network without a linear layer behind its sines is evaluated, not taught")]
     NoLastLayer,
+    /// A network that is told of symmetry, and a teacher that cannot say what that means.
+    #[error(
+        "symmetry is told by harmonic fields of a tool that is symmetric about its axis, not by fields over rotations nor by \
+         sections: teach without it"
+    )]
+    Symmetry,
+    /// A network that was told of mirror planes, and another field that is not its own image across them.
+    #[error(
+        "the network was taught a part that is {0}, and this one is not: teach it anew, or go on with a network that was told of \
+         no symmetry (--symmetry none)"
+    )]
+    OtherSymmetry(String),
 }
 
 impl SirenShape {

@@ -8,7 +8,7 @@ use glam::{Quat, Vec3};
 use imf_core::control::Control;
 use imf_core::dataset::Sampling;
 use imf_core::factored::file::FactoredFile;
-use imf_core::factored::{FactoredField, FactoredShape, TeachSettings};
+use imf_core::factored::{Axis, FactoredField, FactoredShape, Symmetry, TeachSettings};
 use imf_core::field::ExactField;
 use imf_core::harmonic::basis::Domain;
 use imf_core::harmonic::coefficients::Precision;
@@ -51,7 +51,15 @@ fn harmonic(scene: &Scene, precision: Precision) -> HarmonicFile {
 fn factored(scene: &Scene) -> FactoredFile {
     let HarmonicFile { field: teacher, settings: fit, .. } = harmonic(scene, Precision::F32);
     let settings = TeachSettings { width: 40, hidden: 3, omega: 6.0, ..TeachSettings::default() };
-    let shape = FactoredShape { width: 40, hidden: 3, omega: 6.0, axes: teacher.axis_count(), folded: false };
+    let axes = teacher.axis_count();
+    let shape = FactoredShape {
+        width: 40,
+        hidden: 3,
+        omega: 6.0,
+        axes,
+        folded: false,
+        symmetry: Symmetry::default(),
+    };
     FactoredFile {
         field: FactoredField::new(&teacher, shape, shape.initial_parameters(4)).unwrap(),
         scene: scene.clone(),
@@ -62,6 +70,17 @@ fn factored(scene: &Scene) -> FactoredFile {
         state: None,
         calibration: None,
     }
+}
+
+/// The same, told of a mirror and an axis.
+fn symmetric(scene: &Scene) -> FactoredFile {
+    let mut file = factored(scene);
+    let through = file.field.grid.origin + 0.5 * file.field.grid.size();
+    let symmetry =
+        Symmetry { mirrors: [None, Some(through.y), None], axis: Some(Axis { along: 0, through }) };
+    let shape = FactoredShape { symmetry, ..file.field.shape };
+    file.field = FactoredField { shape, parameters: shape.initial_parameters(4), ..file.field };
+    file
 }
 
 /// Starting weights of a narrow network.
@@ -116,6 +135,7 @@ fn single_poses_gradients_and_proofs_allocate_nothing_after_the_first_call() {
         ("harmonic f16", Box::new(of(StoredField::Harmonic(Box::new(harmonic(&scene, Precision::F16)))))),
         ("harmonic f32", Box::new(of(StoredField::Harmonic(Box::new(harmonic(&scene, Precision::F32)))))),
         ("factored", Box::new(of(StoredField::Factored(Box::new(factored(&scene)))))),
+        ("factored with symmetry", Box::new(of(StoredField::Factored(Box::new(symmetric(&scene)))))),
         ("siren", Box::new(of(StoredField::Siren(Box::new(siren(&scene)))))),
         ("exact", Box::new(ExactField::new(&scene))),
         (

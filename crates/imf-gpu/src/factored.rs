@@ -7,7 +7,8 @@
 //! ```
 //!
 //! The product with the heads is the shader of a linear layer, whose weights are an orientation's functions and whose
-//! bias is its mean. Its twin is [`imf_core::factored::FactoredEvaluator`].
+//! bias is its mean. Where the field is told of a symmetry, the coefficients are those of the functions one by one, turned out of
+//! the frames of their places before that product. Its twin is [`imf_core::factored::FactoredEvaluator`].
 
 use glam::DVec3;
 use imf_core::factored::FactoredField;
@@ -20,7 +21,7 @@ use crate::kernel::{Bound, Kernel, uniform};
 use crate::memory::Plan;
 use crate::shader::{Factors, Shader};
 use crate::submit::Submissions;
-use crate::uniforms::{Batch, Layer, Sweep};
+use crate::uniforms::{Batch, Harmonics, Layer, PlaceFrame, Sweep};
 
 /// Points that pass through the network together, at most.
 const ROWS: usize = 1 << 14;
@@ -43,9 +44,20 @@ pub struct GpuFactored {
     values: wgpu::Buffer,
     least: wgpu::Buffer,
     best: wgpu::Buffer,
+    local: Option<LocalFrames>,
     product: Kernel,
     minimum: Kernel,
     submissions: Submissions,
+}
+
+/// What takes coefficients out of the frames of their places.
+#[derive(Debug)]
+struct LocalFrames {
+    /// [`PlaceFrame`] of every row.
+    frames: wgpu::Buffer,
+    turn: Bound,
+    /// Pairs ±m of functions that a row has.
+    orders: usize,
 }
 
 /// Some orientations on the device.
@@ -63,7 +75,8 @@ impl GpuFactored {
     /// # Errors
     /// [`EngineError::Device`] for a network beyond the adapter's limits, too little memory, or a device that failed.
     pub fn new(gpu: &Gpu, field: &FactoredField) -> Result<Self, EngineError> {
-        let field = field.unfolded().into_owned();
+        let symmetric = !field.shape.symmetry.is_none();
+        let field = if symmetric { field.by_function() } else { field.unfolded().into_owned() };
         let stack = field.shape.stack();
         let layout = layout_for(gpu, stack)?;
         let limits = gpu.limits();
@@ -80,13 +93,18 @@ impl GpuFactored {
         let values = plan.add("values", rows * chunk);
         let least = plan.add("least values", rows);
         let best = plan.add("best orientations", rows);
+        let frames = symmetric.then(|| plan.add("frames", rows * size_of::<PlaceFrame>() / 4));
         let buffers = plan.allocate(gpu)?;
         let at = |place: usize| buffers[place].clone();
         let network = Network::new(gpu, layout, at(parameters), &field.parameters)?;
         let turns: Vec<wgpu::Buffer> =
             (0..network.layers.len()).map(|layer| at(signals[layer % 2])).collect();
         let (samples, coefficients) = (at(samples), at(coefficients));
+        let local = frames.map(|frames| {
+            LocalFrames::new(gpu, field.basis.degree(), axes, &network.batch, at(frames), &coefficients)
+        });
         Ok(Self {
+            local: local.transpose()?,
             inputs: network.bind_inputs(gpu, &Kernel::new(gpu, Shader::Inputs)?, &[&samples], &turns)?,
             forward: Forward::new(gpu, &network, &turns, &coefficients, None, Factors::Single)?,
             product: Kernel::new(gpu, Shader::Linear)?,
@@ -226,14 +244,24 @@ impl GpuFactored {
 
     /// Submits the network at some points.
     fn coefficients_of(&mut self, points: &[DVec3]) -> Result<(), EngineError> {
-        let inputs: Vec<[f32; 3]> = points.iter().map(|&point| self.field.input(point)).collect();
+        let inputs: Vec<f32> = points.iter().flat_map(|&point| self.field.input(point).to_vec()).collect();
         let padded_rows = points.len().next_multiple_of(self.network.layout.padding);
         let batch = Batch { rows: points.len() as u32, padded_rows: padded_rows as u32, ..Batch::default() };
         self.gpu.queue().write_buffer(&self.samples, 0, bytemuck::cast_slice(&inputs));
         self.gpu.queue().write_buffer(&self.network.batch, 0, bytemuck::bytes_of(&batch));
-        let (forward, bound) = (&self.forward, &self.inputs);
+        if let Some(local) = &self.local {
+            let symmetry = &self.field.shape.symmetry;
+            let frames: Vec<PlaceFrame> = points.iter().map(|&point| symmetry.frame(point).into()).collect();
+            self.gpu.queue().write_buffer(&local.frames, 0, bytemuck::cast_slice(&frames));
+        }
+        let (forward, bound, local) = (&self.forward, &self.inputs, &self.local);
         let workgroups = self.gpu.limits().workgroups;
-        self.submissions.pass(&self.gpu, |pass| forward.record(pass, bound, padded_rows, workgroups))
+        self.submissions.pass(&self.gpu, |pass| {
+            forward.record(pass, bound, padded_rows, workgroups);
+            if let Some(local) = local {
+                local.turn.linear(pass, points.len() * local.orders, workgroups);
+            }
+        })
     }
 
     /// Submits the product with a chunk of orientations, and its part of the minimum.
@@ -246,5 +274,23 @@ impl GpuFactored {
                 chunk.minimum.linear(pass, rows, workgroups);
             }
         })
+    }
+}
+
+impl LocalFrames {
+    /// Of rows of `columns` coefficients.
+    fn new(
+        gpu: &Gpu,
+        degree: usize,
+        columns: usize,
+        batch: &wgpu::Buffer,
+        frames: wgpu::Buffer,
+        coefficients: &wgpu::Buffer,
+    ) -> Result<Self, EngineError> {
+        let harmonics = Harmonics { degree: degree as u32, stride: columns as u32 };
+        let harmonics = uniform(gpu, "harmonics", &harmonics)?;
+        let turn =
+            Kernel::new(gpu, Shader::LocalFrames)?.bind(gpu, &[batch, &harmonics, &frames, coefficients]);
+        Ok(Self { frames, turn, orders: degree + 1 })
     }
 }

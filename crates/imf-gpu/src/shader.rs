@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use imf_core::factored::ANGLE;
 use imf_core::siren::INPUTS;
 use imf_core::siren::muon::QUINTIC;
 
@@ -31,6 +32,8 @@ pub const COUNT_PLACES: u32 = 128;
 pub const COUNT_DIGITS: u32 = 18;
 /// Workgroups that share what Muon does element by element with one matrix: a thread takes four vec4 of 256 × 256.
 pub const MUON_GROUPS: u32 = 64;
+/// `Symmetry::along` where frames turn about no axis.
+pub const NO_AXIS: u32 = 3;
 /// Decisions of poses as the device writes them.
 pub const FREE: u32 = 0;
 /// See [`FREE`].
@@ -215,6 +218,8 @@ pub enum Shader {
     Minimum,
     /// Running minimum over the columns of a product.
     RowMinimum,
+    /// Coefficients out of the frames of their places.
+    LocalFrames,
     /// Poses of the world into samples.
     PoseInputs,
     /// Values of poses, and where the way back begins.
@@ -247,7 +252,7 @@ pub enum Shader {
 
 impl Shader {
     /// All kernels.
-    pub const ALL: [Self; 36] = [
+    pub const ALL: [Self; 37] = [
         Self::Inputs,
         Self::Poses,
         Self::HiddenTrain,
@@ -270,6 +275,7 @@ impl Shader {
         Self::Outputs,
         Self::Minimum,
         Self::RowMinimum,
+        Self::LocalFrames,
         Self::PoseInputs,
         Self::PoseValues,
         Self::PoseGradient,
@@ -310,6 +316,7 @@ impl Shader {
         let sigmoid = include_str!("../../../shaders/sigmoid.wgsl");
         let forward = include_str!("../../../shaders/forward.wgsl");
         let world = include_str!("../../../shaders/pose_world.wgsl");
+        let place = include_str!("../../../shaders/place.wgsl");
         let cell = include_str!("../../../shaders/voxel_cell.wgsl");
         let harmonics = include_str!("../../../shaders/harmonics.wgsl");
         let overlap = include_str!("../../../shaders/count_overlap.wgsl");
@@ -340,17 +347,18 @@ impl Shader {
             Self::Outputs => &[sigmoid, include_str!("../../../shaders/outputs.wgsl")],
             Self::Minimum => &[include_str!("../../../shaders/minimum.wgsl")],
             Self::RowMinimum => &[include_str!("../../../shaders/row_minimum.wgsl")],
+            Self::LocalFrames => &[include_str!("../../../shaders/local_frames.wgsl")],
             Self::PoseInputs => &[world, include_str!("../../../shaders/pose_inputs.wgsl")],
             Self::PoseValues => &[sigmoid, world, include_str!("../../../shaders/pose_values.wgsl")],
             Self::PoseGradient => &[sine, world, include_str!("../../../shaders/pose_gradient.wgsl")],
-            Self::PosePoints => &[world, include_str!("../../../shaders/pose_points.wgsl")],
+            Self::PosePoints => &[world, place, include_str!("../../../shaders/pose_points.wgsl")],
             Self::HarmonicValues => {
-                &[world, harmonics, include_str!("../../../shaders/harmonic_values.wgsl")]
+                &[world, place, harmonics, include_str!("../../../shaders/harmonic_values.wgsl")]
             }
             Self::HarmonicSlopes => {
-                &[world, harmonics, include_str!("../../../shaders/harmonic_slopes.wgsl")]
+                &[world, place, harmonics, include_str!("../../../shaders/harmonic_slopes.wgsl")]
             }
-            Self::PoseDescent => &[world, include_str!("../../../shaders/pose_descent.wgsl")],
+            Self::PoseDescent => &[world, place, include_str!("../../../shaders/pose_descent.wgsl")],
             Self::VoxelCoefficients => {
                 &[world, cell, include_str!("../../../shaders/voxel_coefficients.wgsl")]
             }
@@ -404,11 +412,18 @@ fn prelude() -> String {
         ("FREE", FREE),
         ("BLOCKED", BLOCKED),
         ("NEAR", NEAR),
+        ("NO_AXIS", NO_AXIS),
     ] {
         let _ = writeln!(text, "const {name}: u32 = {value}u;");
     }
     let [a, b, c] = QUINTIC;
-    for (name, value) in [("SIGMOID_LIMIT", SIGMOID_LIMIT), ("MUON_A", a), ("MUON_B", b), ("MUON_C", c)] {
+    for (name, value) in [
+        ("SIGMOID_LIMIT", SIGMOID_LIMIT),
+        ("MUON_A", a),
+        ("MUON_B", b),
+        ("MUON_C", c),
+        ("ANGLE", ANGLE as f32),
+    ] {
         let _ = writeln!(text, "const {name}: f32 = {value:?};");
     }
     text

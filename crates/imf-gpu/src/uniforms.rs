@@ -7,6 +7,9 @@
 )]
 
 use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
+
+use crate::shader::NO_AXIS;
 
 /// The rows at hand.
 #[repr(C)]
@@ -120,6 +123,52 @@ pub struct Descent {
     pub skip_weights: u32,
     pub skip_stride: u32,
     pub skip_neurons: u32,
+}
+
+/// What a network is told of the obstacle's symmetry.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Symmetry {
+    pub plane_x: f32,
+    pub plane_y: f32,
+    pub plane_z: f32,
+    pub through_x: f32,
+    pub through_y: f32,
+    pub through_z: f32,
+    pub along: u32,
+    pub blunt: f32,
+}
+
+impl Symmetry {
+    /// That of a network, whose slopes do not grow nearer to the axis than `blunt`.
+    pub(crate) fn new(symmetry: &imf_core::factored::Symmetry, blunt: f64) -> Self {
+        let [plane_x, plane_y, plane_z] =
+            symmetry.mirrors.map(|plane| plane.map_or(NO_PLANE, |plane| plane as f32));
+        let (along, through) =
+            symmetry.axis.map_or((NO_AXIS, Vec3::ZERO), |axis| (axis.along as u32, axis.through.as_vec3()));
+        let [through_x, through_y, through_z] = through.to_array();
+        Self { plane_x, plane_y, plane_z, through_x, through_y, through_z, along, blunt: blunt as f32 }
+    }
+}
+
+/// Where a mirror plane stands that there is not: no position lies below, and twice of it is finite.
+const NO_PLANE: f32 = -1e30;
+
+/// The frame of a place, for coefficients; an element of a storage buffer.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct PlaceFrame {
+    pub cosine: f32,
+    pub sine: f32,
+    pub mirrored: u32,
+}
+
+impl From<imf_core::factored::Frame> for PlaceFrame {
+    fn from(frame: imf_core::factored::Frame) -> Self {
+        let [cosine, sine] = frame.turn;
+        let bits = frame.mirrored.iter().zip(0..).map(|(&mirrored, bit)| u32::from(mirrored) << bit);
+        Self { cosine, sine, mirrored: bits.sum() }
+    }
 }
 
 /// The functions of a direction.

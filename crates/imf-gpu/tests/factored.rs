@@ -7,7 +7,8 @@ use glam::DVec3;
 use imf_core::control::Control;
 use imf_core::factored::reference::loss_and_gradient;
 use imf_core::factored::{
-    FactoredField, FactoredShape, FactoredState, INPUTS, Optimiser, TeachSettings, teach, teach_on,
+    Axis, FactoredField, FactoredShape, FactoredState, INPUTS, Optimiser, Symmetry, TeachSettings, teach,
+    teach_on,
 };
 use imf_core::harmonic::basis::Domain;
 use imf_core::harmonic::coefficients::Precision;
@@ -76,6 +77,42 @@ fn engine(gpu: &Gpu, settings: &TeachSettings, teacher: &HarmonicField, state: &
     GpuTrainer::of_stack(gpu, stack, &learning, settings.batch(teacher), &state.training).expect("an engine")
 }
 
+fn voxel_centres(field: &FactoredField) -> Vec<DVec3> {
+    let grid = field.grid;
+    (0..grid.len()).map(|voxel| grid.centre(grid.voxel(voxel))).collect()
+}
+
+/// Sections and minima at every voxel over a set of orientations.
+fn compare(set: &str, field: &FactoredField) {
+    let (grid, points) = (field.grid, voxel_centres(field));
+    let evaluator = field.evaluator();
+    let orientations = orientations(set);
+    let heads = field.heads(&orientations);
+    let mut expected = vec![0.0; orientations.len() * grid.len()];
+    evaluator.sections(&heads, &mut expected);
+    let least = evaluator.minimum(&heads);
+    for gpu in every_device() {
+        let mut found = GpuFactored::new(&gpu, field).expect("a field");
+        let name = format!("{set}, {}", gpu.matrix_kernel().name());
+        let sections = found.sections(&points, &orientations).expect("sections");
+        // Coefficients of some units from sums of f32 in another order, and a product of 21 of them.
+        let tolerance = 2e-5;
+        let worst = sections.iter().zip(&expected).fold(0.0f32, |most, (a, b)| most.max((a - b).abs()));
+        println!("{name}: {worst:.1e}");
+        assert!(worst < tolerance, "{name}: {worst}");
+        let (values, best) = found.minimum(&points, &orientations).expect("minima");
+        let mut others = 0;
+        for voxel in 0..grid.len() {
+            assert!((values[voxel] - least.value[voxel]).abs() < tolerance, "{name}, voxel {voxel}");
+            let chosen = sections[best[voxel] as usize * grid.len() + voxel];
+            assert!((chosen - values[voxel]).abs() < tolerance, "{name}, voxel {voxel}: not its value");
+            others += usize::from(best[voxel] != least.best[voxel]);
+        }
+        // Where two orientations are within rounding of each other.
+        assert!(others < grid.len() / 100, "{name}: {others} other orientations");
+    }
+}
+
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn sections_and_minima_are_the_cpus() {
@@ -87,36 +124,10 @@ fn sections_and_minima_are_the_cpus() {
     field.scale = 1.0;
     let folded = field.clone().folded();
     assert!(folded.shape.folded);
-    let grid = field.grid;
-    let points: Vec<DVec3> = (0..grid.len()).map(|voxel| grid.centre(grid.voxel(voxel))).collect();
+    let points = voxel_centres(&field);
     // One chunk, and more than one with a last one that is not full.
     for (set, field) in [("fibonacci:37", &field), ("fibonacci:700", &field), ("fibonacci:37", &folded)] {
-        let evaluator = field.evaluator();
-        let orientations = orientations(set);
-        let heads = field.heads(&orientations);
-        let mut expected = vec![0.0; orientations.len() * grid.len()];
-        evaluator.sections(&heads, &mut expected);
-        let least = evaluator.minimum(&heads);
-        for gpu in every_device() {
-            let mut found = GpuFactored::new(&gpu, field).unwrap();
-            let name = format!("{set}, {}", gpu.matrix_kernel().name());
-            let sections = found.sections(&points, &orientations).unwrap();
-            // Coefficients of some units from sums of f32 in another order, and a product of 21 of them.
-            let tolerance = 2e-5;
-            let worst = sections.iter().zip(&expected).fold(0.0f32, |most, (a, b)| most.max((a - b).abs()));
-            println!("{name}: {worst:.1e}");
-            assert!(worst < tolerance, "{name}: {worst}");
-            let (values, best) = found.minimum(&points, &orientations).unwrap();
-            let mut others = 0;
-            for voxel in 0..grid.len() {
-                assert!((values[voxel] - least.value[voxel]).abs() < tolerance, "{name}, voxel {voxel}");
-                let chosen = sections[best[voxel] as usize * grid.len() + voxel];
-                assert!((chosen - values[voxel]).abs() < tolerance, "{name}, voxel {voxel}: not its value");
-                others += usize::from(best[voxel] != least.best[voxel]);
-            }
-            // Where two orientations are within rounding of each other.
-            assert!(others < grid.len() / 100, "{name}: {others} other orientations");
-        }
+        compare(set, field);
     }
     let error = GpuFactored::new(&adapter::open(), &field).unwrap().minimum(&points, &[]).unwrap_err();
     assert!(error.to_string().contains("at least one orientation"), "{error}");
@@ -124,9 +135,35 @@ fn sections_and_minima_are_the_cpus() {
 
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn sections_and_minima_of_fields_with_symmetry_are_the_cpus() {
+    let teacher = teacher();
+    // The planes hold voxel centres, and so does an axis.
+    assert!(teacher.grid.dims.iter().all(|n| n % 2 == 1), "{:?}", teacher.grid.dims);
+    let middle = teacher.grid.origin + 0.5 * teacher.grid.size();
+    let [x, y, z] = middle.to_array();
+    let axis = |along| Some(Axis { along, through: middle });
+    for symmetry in [
+        Symmetry { mirrors: [Some(x), None, Some(z)], axis: None },
+        Symmetry { mirrors: [None; 3], axis: axis(0) },
+        Symmetry { mirrors: [Some(x), Some(y), Some(z)], axis: axis(1) },
+        Symmetry { mirrors: [None, Some(y), None], axis: axis(2) },
+    ] {
+        let shape = settings(1).shape(teacher.axis_count());
+        let field = FactoredField::new(&teacher, shape, shape.initial_parameters(3)).unwrap();
+        let shape = FactoredShape { symmetry, ..shape };
+        let field = FactoredField { shape, parameters: shape.initial_parameters(3), scale: 1.0, ..field };
+        println!("{symmetry}");
+        compare("fibonacci:37", &field);
+        compare("fibonacci:37", &field.folded());
+    }
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn the_gradient_is_the_definitions() {
     for (width, hidden, axes, count) in [(37, 3, 21, 77), (64, 2, 64, 128), (9, 1, 1, 5)] {
-        let shape = FactoredShape { width, hidden, omega: 20.0, axes, folded: false };
+        let symmetry = Symmetry::default();
+        let shape = FactoredShape { width, hidden, omega: 20.0, axes, folded: false, symmetry };
         let state = FactoredState::new(&shape, 5);
         let numbers = |count: usize, step: f64| -> Vec<f32> {
             (0..count).map(|i| ((i as f64 * step).fract() * 2.0 - 1.0) as f32).collect()

@@ -4,15 +4,18 @@
 mod adapter;
 mod asked;
 
-use asked::{Within, calibration, compare, compare_minima, compare_on_device, every_device, poses};
+use asked::{
+    Within, calibration, compare, compare_at, compare_minima, compare_on_device, every_device, poses,
+};
+use glam::Vec3;
 use imf_core::factored::file::FactoredFile;
-use imf_core::factored::{FactoredField, FactoredShape, TeachSettings};
+use imf_core::factored::{Axis, FactoredField, FactoredShape, Symmetry, TeachSettings};
 use imf_core::harmonic::basis::{Basis, Domain};
 use imf_core::harmonic::coefficients::{Coefficients, Precision};
 use imf_core::harmonic::file::HarmonicFile;
 use imf_core::harmonic::{FitReport, FitSettings, HarmonicField};
 use imf_core::parts::ReferencePart;
-use imf_core::planner::NeuralField;
+use imf_core::planner::{NeuralField, Pose};
 use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::Quantity;
 use imf_core::stored::StoredField;
@@ -28,8 +31,18 @@ fn scene() -> Scene {
 /// A field of random weights, axes and mean, which nothing taught: its values spread around 1/2 with waves of the highest
 /// degree among them. Thresholds cut them in three.
 fn file(domain: Domain, degree: usize, axes: usize, quantity: Quantity) -> FactoredFile {
+    file_with(Symmetry::default(), domain, degree, axes, quantity)
+}
+
+fn file_with(
+    symmetry: Symmetry,
+    domain: Domain,
+    degree: usize,
+    axes: usize,
+    quantity: Quantity,
+) -> FactoredFile {
     let scene = scene();
-    let shape = FactoredShape { width: 44, hidden: 3, omega: 10.0, axes, folded: false };
+    let shape = FactoredShape { width: 44, hidden: 3, omega: 10.0, axes, folded: false, symmetry };
     let basis = Basis::new(domain, degree);
     let number = |place: usize, step: f64| ((place as f64 * step).fract() * 2.0 - 1.0) as f32;
     let mean = (0..basis.len()).map(|k| if k == 0 { 0.5 } else { 0.1 * number(k, 0.618_034) / k as f32 });
@@ -121,6 +134,53 @@ fn values_gradients_and_decisions_are_the_twins_also_at_the_poles() {
     for (degree, axes, quantity) in [(7, 21, Quantity::Overlap), (16, 70, Quantity::Depth)] {
         for gpu in every_device() {
             compare(&field(&gpu, degree, axes, quantity), &WITHIN);
+        }
+    }
+}
+
+/// A point a little off the middle of the grid, in what single precision holds: device and CPU then agree about which side of
+/// a plane through it a position is on.
+fn middle() -> Vec3 {
+    let grid = scene().record.grid;
+    (grid.origin + 0.45 * grid.size()).as_vec3()
+}
+
+/// Mirrors, axes along x, y and z, and both.
+fn symmetries() -> [Symmetry; 4] {
+    let [x, y, z] = middle().as_dvec3().to_array();
+    let axis = |along| Some(Axis { along, through: middle().as_dvec3() });
+    [
+        Symmetry { mirrors: [Some(x), None, Some(z)], axis: None },
+        Symmetry { mirrors: [None; 3], axis: axis(0) },
+        Symmetry { mirrors: [Some(x), Some(y), Some(z)], axis: axis(1) },
+        Symmetry { mirrors: [None, Some(y), None], axis: axis(2) },
+    ]
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn fields_with_symmetry_are_answered_as_on_the_cpu() {
+    let grid = scene().record.grid;
+    let mut asked = poses(&grid, 9000);
+    // On the planes and on the axis itself, where the angle is 0 by convention and has no slope; in directions at the poles of
+    // every frame. Beside the axis none is nearer to it than some thousandths of the box: slopes by the angle grow as the
+    // distance falls, and would be all that the others are measured by.
+    let axes = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
+    asked.extend(axes.map(|axis| Pose::along(middle(), axis)));
+    asked.extend(axes.map(|axis| Pose::along(middle() + 0.2 * grid.size().as_vec3() * axis, axis)));
+    for (index, pose) in asked[20..50].iter_mut().enumerate() {
+        pose.position[index % 3] = middle()[index % 3];
+    }
+    for symmetry in symmetries() {
+        for (degree, axes, quantity) in [(7, 21, Quantity::Overlap), (16, 70, Quantity::Depth)] {
+            for gpu in every_device() {
+                let mut file = file_with(symmetry, Domain::Directions, degree, axes, quantity);
+                file.field = file.field.folded();
+                let field = GpuField::new(&gpu, StoredField::Factored(Box::new(file))).expect("a field");
+                println!("{symmetry}, degree {degree}:");
+                compare_at(&field, &WITHIN, &asked);
+                compare_minima(&field, &WITHIN);
+            }
         }
     }
 }

@@ -3,7 +3,7 @@
 
 mod adapter;
 
-use imf_core::factored::{FactoredShape, FactoredState, INPUTS, Optimiser};
+use imf_core::factored::{FactoredShape, FactoredState, INPUTS, Optimiser, Symmetry};
 use imf_core::siren::SirenShape;
 use imf_core::siren::engine::CpuTrainer;
 use imf_core::siren::muon::{LENGTH, MuonConfig, QUINTIC, STEPS};
@@ -151,8 +151,17 @@ const APART: f32 = 2e-3;
 fn training_is_the_cpus_and_states_move_between_the_two() {
     // Matrices narrower than a tile, wider than one, several of them, and none.
     for (width, hidden, axes) in [(37, 3, 7), (72, 4, 5), (16, 1, 3)] {
-        let course =
-            Course { shape: FactoredShape { width, hidden, omega: 10.0, axes, folded: false }, batch: 90 };
+        let course = Course {
+            shape: FactoredShape {
+                width,
+                hidden,
+                omega: 10.0,
+                axes,
+                folded: false,
+                symmetry: Symmetry::default(),
+            },
+            batch: 90,
+        };
         let start = FactoredState::new(&course.shape, 5).training;
         let cpu = course.on_cpu(&start, 0..12);
         for gpu in every_device() {

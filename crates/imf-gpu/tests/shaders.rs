@@ -7,8 +7,8 @@ use imf_gpu::shader::{
     FRAGMENTS_MEMORY, Factors, Fragment, LINEAR_GROUP, MatrixKernel, REGISTER_GROUP, Shader, TILED_GROUP,
 };
 use imf_gpu::uniforms::{
-    Batch, Counting, Descent, Harmonics, Job, Lattice, Layer, Muon, MuonMatrix, Placement, Span, Step, Sweep,
-    Thresholds, World,
+    Batch, Counting, Descent, Harmonics, Job, Lattice, Layer, Muon, MuonMatrix, PlaceFrame, Placement, Span,
+    Step, Sweep, Symmetry, Thresholds, World,
 };
 use naga::valid::{Capabilities, ModuleInfo, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
@@ -98,13 +98,16 @@ fn expected_bindings(shader: Shader) -> &'static str {
         Shader::Outputs => "uuurw",
         Shader::Minimum => "urww",
         Shader::RowMinimum => "uuurww",
-        Shader::PoseInputs | Shader::PosePoints => "uuurw",
+        Shader::LocalFrames => "uurw",
+        Shader::PoseInputs => "uuurw",
+        Shader::PosePoints => "uuuurw",
         Shader::PoseValues => "uuurrww",
         Shader::PoseGradient => "uuuurrrrrw",
-        Shader::HarmonicValues => "uuurrrw",
-        Shader::HarmonicSlopes => "uuurrrwww",
+        Shader::HarmonicValues => "uuuuurrrw",
+        Shader::HarmonicSlopes => "uuuuurrrwww",
         Shader::VoxelCoefficients => "uuuurrw",
-        Shader::PoseDescent | Shader::VoxelDescent => "uuuurrrrw",
+        Shader::PoseDescent => "uuuuurrrrw",
+        Shader::VoxelDescent => "uuuurrrrw",
         Shader::PoseDecisions => "uuurrw",
         Shader::CountDifferences => "urrrrw",
         Shader::CountTotals => "urw",
@@ -181,6 +184,8 @@ fn uniform_blocks_have_the_same_size_and_offsets_in_rust_and_wgsl() {
         block!(MuonMatrix: weights, columns, length),
         block!(World: low, high, origin, size),
         block!(Descent: first_weights, first_stride, neurons, skip_weights, skip_stride, skip_neurons),
+        block!(Symmetry: plane_x, plane_y, plane_z, through_x, through_y, through_z, along, blunt),
+        block!(PlaceFrame: cosine, sine, mirrored),
         block!(Harmonics: degree, stride),
         block!(Lattice: nx, ny, nz, stride, columns, pitch),
         block!(Thresholds: free_up_to, blocked_from),

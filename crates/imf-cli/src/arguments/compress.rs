@@ -26,8 +26,8 @@ pub(crate) struct CompressArguments {
     #[arg(long)]
     pub(crate) resume: bool,
     /// Start from the network of another field, such as that of the part before it was changed: fewer epochs are enough.
-    /// Its width, layers and ω are taken over
-    #[arg(long, value_name = "FIELD", conflicts_with_all = ["width", "layers", "omega"])]
+    /// Its width, layers, ω and what it was told of symmetry are taken over
+    #[arg(long, value_name = "FIELD", conflicts_with_all = ["width", "layers", "omega", "symmetry"])]
     pub(crate) from: Option<PathBuf>,
     /// Neurons of every hidden layer
     #[arg(long, default_value_t = TeachSettings::default().width, value_name = "N")]
@@ -78,6 +78,19 @@ pub(crate) struct TeachingArguments {
     /// Keep weights in f16: half the file
     #[arg(long)]
     half: bool,
+    /// What the network is told of the part's symmetry: by default auto, which looks for mirror planes and an axis of revolution.
+    /// Going on from a checkpoint or another field keeps what that was told; where sections teach it is none
+    #[arg(long, value_enum, value_name = "WHAT")]
+    symmetry: Option<SymmetryChoice>,
+}
+
+/// What a network is told of symmetry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SymmetryChoice {
+    /// What is found
+    Auto,
+    /// Nothing
+    None,
 }
 
 /// Optimisers by their names.
@@ -99,6 +112,11 @@ impl TeachingArguments {
             OptimiserName::Muon => Optimiser::Muon(MuonConfig::default()),
             OptimiserName::Adam => Optimiser::Adam,
         })
+    }
+
+    /// What the network is to be told of symmetry.
+    pub(crate) fn symmetry(&self) -> SymmetryChoice {
+        self.symmetry.unwrap_or(SymmetryChoice::Auto)
     }
 
     /// How the finished weights are kept.

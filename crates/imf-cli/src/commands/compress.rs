@@ -12,7 +12,7 @@ use anyhow::{Context as _, Result};
 use imf_core::atomic_file::remove_all_leftovers;
 use imf_core::control::Control;
 use imf_core::factored::file::FactoredFile;
-use imf_core::factored::{FactoredField, FactoredState, TeachSettings};
+use imf_core::factored::{FactoredField, FactoredState, Symmetry, TeachSettings};
 use imf_core::harmonic::coefficients::Precision;
 use imf_core::harmonic::file::HarmonicFile;
 use imf_core::training::run::{Outcome, Report};
@@ -49,9 +49,17 @@ pub(crate) fn run(session: &Session, arguments: &CompressArguments) -> Result<()
         teach = TeachSettings { width, hidden, omega, ..teach };
     }
     teach.optimiser = beginning.optimiser(arguments.teaching.optimiser(), &device)?;
+    let symmetry = match &from {
+        Some((_, from)) => Some(from.settings.symmetry),
+        None => beginning.symmetry(arguments.teaching.symmetry()),
+    };
+    teach.symmetry = symmetry.unwrap_or_default();
     beginning.require_settings(&teach)?;
     let teacher = HarmonicFile::read(&arguments.field)?;
     beginning.require_teacher(&teacher.scene, &teacher.settings)?;
+    if symmetry.is_none() {
+        teach.symmetry = symmetry_of(session, &teacher);
+    }
     let precision = arguments.teaching.precision();
     let taught = match beginning.finished(session, precision)? {
         Some(file) => (file, f64::NAN),
@@ -92,6 +100,15 @@ pub(super) fn concluded(
     calibrate::afterwards(session, &path)
 }
 
+/// What the network of a field is told of symmetry.
+pub(super) fn symmetry_of(session: &Session, teacher: &HarmonicFile) -> Symmetry {
+    let symmetry = Symmetry::of(&teacher.field, &teacher.scene.obstacle);
+    if !symmetry.is_none() {
+        session.note(&format!("the network is told of symmetry: {symmetry}"));
+    }
+    symmetry
+}
+
 /// How a network is taught and kept.
 #[derive(Clone, Copy)]
 pub(super) struct Settings {
@@ -127,7 +144,7 @@ impl Lesson<'_> {
         remove_all_leftovers(out);
         let Settings { teach: settings, .. } = &self.settings;
         let teacher = &self.teacher;
-        let shape = settings.shape(teacher.axis_count());
+        let shape = settings.shape(teacher.outputs(settings));
         let batch = settings.plan.batch.min(teacher.grid().len());
         teacher.extent().require(session, &self.settings)?;
         let path = checkpoint_in(out);
@@ -195,14 +212,15 @@ impl Lesson<'_> {
     }
 
     fn field(&self, state: &FactoredState) -> Result<FactoredField> {
-        let shape = self.settings.teach.shape(self.teacher.axis_count());
+        let teach = &self.settings.teach;
+        let shape = teach.shape(self.teacher.outputs(teach));
         Ok(self.teacher.field(shape, state.training.parameters.clone())?)
     }
 
     /// An engine on a GPU that goes on from `state`.
     fn trainer_on(&self, gpu: &Gpu, state: &FactoredState) -> Result<GpuTrainer> {
         let settings = &self.settings.teach;
-        let (stack, plan) = (settings.shape(self.teacher.axis_count()).stack(), settings.plan);
+        let (stack, plan) = (settings.shape(self.teacher.outputs(settings)).stack(), settings.plan);
         let learning = TrainerSettings {
             adam: plan.adam,
             loss: plan.loss,

@@ -33,7 +33,7 @@ pub(crate) fn run(session: &Session, arguments: &EvalArguments) -> Result<()> {
     }
     let record = &stored.scene().record;
     let axes = match &stored {
-        StoredField::Factored(file) => file.field.shape.axes,
+        StoredField::Factored(file) => file.field.coefficient_count(),
         StoredField::Siren(_) | StoredField::Harmonic(_) => 0,
     };
     require_memory(session, record, axes)?;

@@ -78,10 +78,11 @@ fn a_dataset_keeps_its_finished_shards() {
 #[test]
 fn an_interrupted_teaching_goes_on_with_the_same_demo() {
     let work = Workdir::new();
-    // What is finished there is begun anew; what is not goes on, though an older field lies beside it.
+    // What is finished there is begun anew; what is not goes on, though an older field lies beside it. The teapot has an axis, so the
+    // network five inputs.
     work.imf("demo --steps 2 --device cpu --out demo").done();
     let demo = "demo --steps 100000 --device cpu --out demo";
-    work.interrupted_once_it_says("teaching 3→", demo)
+    work.interrupted_once_it_says("teaching 5→", demo)
         .interrupted(&["the checkpoint is demo/teaching.safetensors", "same command"]);
     let steps = || {
         let file = FactoredFile::read(&work.path("demo/teaching.safetensors")).unwrap();
@@ -89,7 +90,7 @@ fn an_interrupted_teaching_goes_on_with_the_same_demo() {
     };
     let first = steps();
     assert!((1..100_000).contains(&first), "{first} steps");
-    work.interrupted_once_it_says("teaching 3→", demo).interrupted(&["same command"]);
+    work.interrupted_once_it_says("teaching 5→", demo).interrupted(&["same command"]);
     assert!(steps() > first, "{} steps after {first}", steps());
 }
 

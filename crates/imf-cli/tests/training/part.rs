@@ -48,6 +48,39 @@ fn a_part_becomes_the_field_that_fit_and_lesson_make_one_by_one() {
 }
 
 #[test]
+fn symmetry_is_found_told_and_kept_unless_none_is_asked_for() {
+    let work = Workdir::new();
+    let train =
+        |more: &str| work.imf(&format!("train teapot --dims 15,19,31 --degree 5 {LESSON} --steps 60 {more}"));
+    let said = train("--out told").done();
+    assert!(said.stderr.contains("told of symmetry: mirrored across y, turned about x"), "{}", said.stderr);
+    train("--symmetry none --out plain").done();
+    let symmetry = |folder: &str| {
+        let info = work.imf(&format!("info {folder}/field.safetensors --json")).done().json();
+        info["network"]["symmetry"].clone()
+    };
+    assert_eq!((symmetry("told")["axis"]["along"].as_u64(), symmetry("plain")), (Some(0), json!(null)));
+    let info = work.imf("info told/field.safetensors").done();
+    assert!(info.stdout.contains("mirrored across y, turned about x"), "{}", info.stdout);
+
+    // It is settled where a teaching begins: gone on with, and handed on to a changed part.
+    train("--out told --resume").done();
+    train("--out told --resume --symmetry none").refused(&["told/teaching.safetensors", "symmetry"]);
+    work.imf("field teapot --dims 16,20,32 --method harmonic --degree 5 --save other.safetensors").done();
+    work.imf("compress other.safetensors --from told/field.safetensors --steps 5 --out tuned").done();
+    assert_eq!(symmetry("tuned"), symmetry("told"));
+
+    // Fields that leave functions out tell of it too, sections do not.
+    let few = "field teapot --dims 15,19,31 --method harmonic --degree 5 --axes 20 --save few.safetensors";
+    work.imf(few).done();
+    work.imf("compress few.safetensors --from told/field.safetensors --steps 5 --out few").done();
+    let both = "compress few.safetensors --from told/field.safetensors --symmetry none --out no";
+    assert!(work.imf(both).stderr.contains("--symmetry"));
+    train("--online 40 --out by-sections").done();
+    assert_eq!((symmetry("few"), symmetry("by-sections")), (symmetry("told"), json!(null)));
+}
+
+#[test]
 fn left_to_itself_it_takes_the_degree_that_suits_the_tool() {
     let work = Workdir::new();
     work.write("arm.obj", ARM.as_bytes());

@@ -4,7 +4,8 @@
 //! field's axes leave out. Positions are scaled by the grid, which the first layer takes back; coefficients are along the
 //! axes and in units of the scale, which the last layer turns to the other's.
 
-use super::{FactoredField, FactoredShape, INPUTS, teach};
+use super::targets::Targets;
+use super::{FactoredField, FactoredShape, INPUTS};
 use crate::harmonic::HarmonicField;
 use crate::siren::ShapeError;
 
@@ -17,13 +18,17 @@ impl FactoredField {
     ///
     /// # Panics
     /// If one field is over directions and the other over rotations.
-    pub(super) fn parameters_for(&self, teacher: &HarmonicField) -> Result<Vec<f32>, ShapeError> {
+    pub(super) fn parameters_for(
+        &self,
+        teacher: &HarmonicField,
+        targets: &Targets<'_>,
+    ) -> Result<Vec<f32>, ShapeError> {
         assert_eq!(self.basis.domain(), teacher.basis.domain(), "fields over the same orientations");
         self.shape.stack().check_parameters(&self.parameters)?;
         if self.shape.folded {
-            return self.unfolded().parameters_for(teacher);
+            return self.unfolded().parameters_for(teacher, targets);
         }
-        let axes = teacher.axis_count();
+        let axes = targets.outputs();
         let shape = FactoredShape { axes, ..self.shape };
         let mut parameters = vec![0.0; shape.parameter_count()];
         let (layers, new_layers) = (self.shape.layers(), shape.layers());
@@ -37,7 +42,7 @@ impl FactoredField {
             let ratio = units * 0.5 * teacher.grid.size().max_element();
             let shift = ((middle(&teacher.grid) - middle(&self.grid)) * units).to_array();
             for neuron in 0..first.outputs {
-                let from = first.weights + neuron * INPUTS;
+                let from = first.weights + neuron * first.inputs;
                 let row: [f64; INPUTS] = std::array::from_fn(|axis| f64::from(self.parameters[from + axis]));
                 let moved: f64 = row.iter().zip(shift).map(|(&w, t)| w * t).sum();
                 for (axis, weight) in row.into_iter().enumerate() {
@@ -47,20 +52,21 @@ impl FactoredField {
                 parameters[bias] = (f64::from(self.parameters[bias]) + moved) as f32;
             }
         }
-        self.turn_last(last, teacher, &mut parameters[new_layers[hidden.len()].weights..]);
+        self.turn_last(last, targets, &mut parameters[new_layers[hidden.len()].weights..]);
         Ok(parameters)
     }
 
     /// The linear layer: `g' = (U'ᵀ(μ + s U g − μ'))/s'`, its weights then its biases into `out`.
-    fn turn_last(&self, last: &crate::siren::Layer, teacher: &HarmonicField, out: &mut [f32]) {
-        let (old, new) = (self.shape.axes, teacher.axis_count());
-        let shared = self.basis.len().min(teacher.basis.len());
-        let scale = f64::from(teach::scale(teacher));
-        let along = |k: usize, axis: usize| f64::from(teacher.axes[k * new + axis]);
+    fn turn_last(&self, last: &crate::siren::Layer, targets: &Targets<'_>, out: &mut [f32]) {
+        let (axes, mean) = targets.functions();
+        let (old, new) = (self.shape.axes, axes.len() / mean.len());
+        let shared = self.basis.len().min(mean.len());
+        let scale = f64::from(targets.scale);
+        let along = |k: usize, axis: usize| f64::from(axes[k * new + axis]);
         let (weights, biases) = out.split_at_mut(new * last.inputs);
         for (axis, (row, bias)) in weights.chunks_exact_mut(last.inputs).zip(biases).enumerate() {
             let mut shifted = 0.0;
-            for (k, &mean) in teacher.mean.iter().enumerate() {
+            for (k, &mean) in mean.iter().enumerate() {
                 let own = if k < shared { f64::from(self.mean[k]) } else { 0.0 };
                 shifted += along(k, axis) * (own - f64::from(mean));
             }

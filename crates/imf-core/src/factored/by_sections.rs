@@ -98,6 +98,7 @@ impl<'a> SectionTeacher<'a> {
     pub fn field(&self, shape: FactoredShape, parameters: Vec<f32>) -> Result<FactoredField, ShapeError> {
         let Outline { basis, axes, mean, scale, .. } = &self.outline;
         let grid = self.plan.grid();
+        let (axes, mean) = (axes.into(), mean.into());
         TeacherFunctions { quantity: self.quantity, grid, basis, axes, mean, scale: *scale }
             .field(shape, parameters)
     }
@@ -146,6 +147,9 @@ pub fn teach_by_sections_on(
     observer: &mut dyn FnMut(&Report),
 ) -> Result<(Outcome, Waits), TrainError> {
     settings.check()?;
+    if !settings.symmetry.is_none() {
+        return Err(TrainError::Plan(ShapeError::Symmetry.to_string()));
+    }
     let online = settings.online.unwrap_or_default();
     let grid = *teacher.plan.grid();
     let shape = settings.shape(teacher.axis_count());
@@ -164,7 +168,7 @@ pub fn teach_by_sections_on(
         Ok(kept)
     };
     let (low, unit) = source.steps();
-    let mut order = Voxels::new(plan, &grid, start);
+    let mut order = Voxels::new(plan, &grid, settings.symmetry, start);
     let stop = || {
         (control.progress)(0);
         control.is_cancelled()

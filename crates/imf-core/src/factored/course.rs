@@ -5,7 +5,8 @@ use std::ops::{ControlFlow, Range};
 
 use rayon::prelude::*;
 
-use super::{INPUTS, input};
+use super::Symmetry;
+use super::targets::TargetScratch;
 use crate::control::Control;
 use crate::grid::Grid;
 use crate::training::permutation::Permutation;
@@ -18,14 +19,20 @@ const ROWS: usize = 64;
 pub(super) struct Voxels<'a> {
     plan: &'a TrainingPlan,
     grid: &'a Grid,
+    symmetry: Symmetry,
     /// Of an epoch.
     order: (u64, Permutation),
 }
 
 impl<'a> Voxels<'a> {
     /// From a cursor on.
-    pub(super) fn new(plan: &'a TrainingPlan, grid: &'a Grid, start: Cursor) -> Self {
-        Self { plan, grid, order: (start.epoch, Permutation::new(grid.len(), plan.seed, start.epoch)) }
+    pub(super) fn new(plan: &'a TrainingPlan, grid: &'a Grid, symmetry: Symmetry, start: Cursor) -> Self {
+        Self {
+            plan,
+            grid,
+            symmetry,
+            order: (start.epoch, Permutation::new(grid.len(), plan.seed, start.epoch)),
+        }
     }
 
     /// Fills rows of the batch at a cursor: a row's inputs are its voxel's place, its targets what `tell` says of the voxel,
@@ -36,20 +43,25 @@ impl<'a> Voxels<'a> {
         rows: &Range<usize>,
         inputs: &mut [f32],
         targets: &mut [f32],
-        tell: impl Fn(&mut Vec<f32>, usize, &mut [f32]) + Send + Sync,
+        tell: impl Fn(&mut TargetScratch, usize, &mut [f32]) + Send + Sync,
     ) {
-        let Self { plan, grid, order } = self;
+        let Self { plan, grid, symmetry, order } = self;
         if order.0 != at.epoch {
             *order = (at.epoch, Permutation::new(grid.len(), plan.seed, at.epoch));
         }
         let first = at.step as usize * plan.batch + rows.start;
         let outputs = targets.len() / rows.len().max(1);
-        let rows = inputs.par_chunks_exact_mut(INPUTS).zip(targets.par_chunks_exact_mut(outputs.max(1)));
-        rows.enumerate().with_min_len(ROWS).for_each_init(Vec::new, |scratch, (row, (inputs, targets))| {
-            let voxel = order.1.at(first + row);
-            inputs.copy_from_slice(&input(grid, grid.centre(grid.voxel(voxel))));
-            tell(scratch, voxel, targets);
-        });
+        let rows =
+            inputs.par_chunks_exact_mut(symmetry.inputs()).zip(targets.par_chunks_exact_mut(outputs.max(1)));
+        rows.enumerate().with_min_len(ROWS).for_each_init(
+            TargetScratch::default,
+            |scratch, (row, (inputs, targets))| {
+                let voxel = order.1.at(first + row);
+                let place = symmetry.place(grid.centre(grid.voxel(voxel)));
+                inputs.copy_from_slice(&symmetry.inputs_at(grid, &place));
+                tell(scratch, voxel, targets);
+            },
+        );
     }
 }
 

@@ -7,17 +7,19 @@ use glam::DVec3;
 use pulp::Arch;
 use rayon::prelude::*;
 
-use super::{FactoredField, INPUTS};
+use super::FactoredField;
+use super::symmetry::{LocalHarmonics, MOST_INPUTS, Place};
 use crate::harmonic::coefficients::{Coefficients, Precision};
 use crate::harmonic::{FitReport, HarmonicField, Heads, VoxelCoefficients, minimum_of, sections_of};
 use crate::section::{Imf, Quantity};
 use crate::siren::forward::Network;
 use crate::siren::halves::HalfPanels;
 use crate::siren::lanes::dot;
-use crate::siren::matrix::prefer_unpacked;
-use crate::siren::plan::{Plan, transpose_all};
+use crate::siren::matrix::{Matrix, multiply, prefer_unpacked};
+use crate::siren::plan::{Plan, transpose, transpose_all};
 use crate::siren::scratch::ScratchPool;
 use crate::vectorised::vectorised;
+use crate::workspaces::Workspaces;
 
 /// A field ready to be evaluated, on the current rayon pool.
 pub struct FactoredEvaluator<'a> {
@@ -29,6 +31,19 @@ pub struct FactoredEvaluator<'a> {
     pub(super) halves: Option<HalfPanels>,
     /// Two layers of a block.
     layers: ScratchPool,
+    /// A block's points.
+    places: Workspaces<Vec<Place>>,
+    /// Where the network's outputs are along functions of its places' frames.
+    pub(super) local: Option<Local>,
+}
+
+/// What takes a block's outputs into the world's frame.
+pub(super) struct Local {
+    harmonics: LocalHarmonics,
+    /// Uᵀ: `[axes][K]`.
+    functions: Vec<f32>,
+    /// The outputs of a block.
+    outputs: ScratchPool,
 }
 
 /// Points that pass through the network together.
@@ -57,7 +72,12 @@ impl<'a> FactoredEvaluator<'a> {
         let layers = ScratchPool::new(2 * BLOCK * plan.stride());
         let arch = Arch::new();
         let halves = HalfPanels::of(arch, &panels);
-        FactoredEvaluator { field, arch, plan, panels, halves, layers }
+        let local = field.local_harmonics().map(|harmonics| {
+            let (axes, mut functions) = (field.shape.axes, vec![0.0; field.axes.len()]);
+            transpose(&field.axes, harmonics.len(), axes, &mut functions);
+            Local { harmonics, functions, outputs: ScratchPool::new(BLOCK * axes) }
+        });
+        FactoredEvaluator { field, arch, plan, panels, halves, layers, places: Workspaces::default(), local }
     }
 
     /// Takes over other weights of the same shape; all else stays as it is laid out.
@@ -88,12 +108,48 @@ impl FactoredEvaluator<'_> {
         }
     }
 
-    /// The coefficients at up to a block's points, into `z` as `[point][axes]`.
-    pub(crate) fn block(&self, points: impl ExactSizeIterator<Item = DVec3>, z: &mut [f32]) {
-        let mut inputs = [0.0; BLOCK * INPUTS];
-        let inputs = &mut inputs[..points.len() * INPUTS];
-        for (input, point) in inputs.as_chunks_mut::<INPUTS>().0.iter_mut().zip(points) {
-            *input = self.field.input(point);
+    /// The coefficients at up to a block's points, in the world's frame, into `z` as `[point][coefficient]`.
+    pub(crate) fn block(&self, points: impl Iterator<Item = DVec3>, z: &mut [f32]) {
+        let symmetry = &self.field.shape.symmetry;
+        self.places.with(|places| {
+            places.clear();
+            places.extend(points.map(|point| symmetry.place(point)));
+            self.block_at(places, z);
+        });
+    }
+
+    /// As [`Self::block`].
+    fn block_at(&self, places: &[Place], z: &mut [f32]) {
+        let field = &*self.field;
+        let Some(Local { harmonics, functions, outputs }) = &self.local else {
+            return self.outputs_at(places, z);
+        };
+        let (rows, axes, count) = (places.len(), field.shape.axes, harmonics.len());
+        outputs.with(|outputs| {
+            let outputs = &mut outputs[..rows * axes];
+            self.outputs_at(places, outputs);
+            z.chunks_exact_mut(count).for_each(|row| row.copy_from_slice(&field.mean));
+            let outputs = Matrix::row_major(outputs, rows, axes, axes);
+            multiply(z, count, outputs, Matrix::row_major(functions, axes, count, count), true);
+        });
+        for (row, place) in z.chunks_exact_mut(count).zip(places) {
+            harmonics.to_world(place, row);
+        }
+    }
+
+    /// The axes' order where coefficients are those of all functions of a direction whose numbers are in it, and nothing is added:
+    /// of fields that are told of a symmetry.
+    pub(crate) fn order(&self) -> Option<[usize; 3]> {
+        self.local.as_ref().map(|local| local.harmonics.order())
+    }
+
+    /// The network's outputs at up to a block's places, scaled, into `z` as `[place][axes]`.
+    fn outputs_at(&self, places: &[Place], z: &mut [f32]) {
+        let field = &*self.field;
+        let mut inputs = [0.0; BLOCK * MOST_INPUTS];
+        let inputs = &mut inputs[..places.len() * self.plan.stack.inputs];
+        for (input, place) in inputs.chunks_exact_mut(self.plan.stack.inputs).zip(places) {
+            input.copy_from_slice(&field.shape.symmetry.inputs_at(&field.grid, place));
         }
         self.layers.with(|layers| {
             let (first, second) = layers.split_at_mut(BLOCK * self.plan.stride());
@@ -110,7 +166,9 @@ impl FactoredEvaluator<'_> {
         let network = self.network();
         self.layers.with(|layers| {
             let (first, second) = layers.split_at_mut(BLOCK * stride);
-            for (inputs, out) in inputs.chunks(BLOCK * INPUTS).zip(out.chunks_mut(BLOCK * axes)) {
+            for (inputs, out) in
+                inputs.chunks(BLOCK * self.plan.stack.inputs).zip(out.chunks_mut(BLOCK * axes))
+            {
                 network.outputs(network.hidden_layers(inputs, first, second), out);
             }
         });
@@ -125,12 +183,12 @@ impl FactoredEvaluator<'_> {
         outputs: &mut [f32],
     ) {
         let (width, stride, axes) = (self.plan.stack.width, self.plan.stride(), self.field.shape.axes);
-        let inputs: Vec<f32> = points.flat_map(|point| self.field.input(point)).collect();
+        let inputs: Vec<f32> = points.flat_map(|point| self.field.input(point).to_vec()).collect();
         let network = self.network();
         self.layers.with(|layers| {
             let (first, second) = layers.split_at_mut(BLOCK * stride);
             let blocks = last.chunks_mut(BLOCK * (width + 1)).zip(outputs.chunks_mut(BLOCK * axes));
-            for (inputs, (last, outputs)) in inputs.chunks(BLOCK * INPUTS).zip(blocks) {
+            for (inputs, (last, outputs)) in inputs.chunks(BLOCK * self.plan.stack.inputs).zip(blocks) {
                 let hidden = network.hidden_layers(inputs, first, second);
                 network.outputs(hidden, outputs);
                 for (last, hidden) in last.chunks_exact_mut(width + 1).zip(hidden.chunks_exact(stride)) {
@@ -159,19 +217,20 @@ impl FactoredEvaluator<'_> {
     /// The coefficients at every voxel, for many evaluations; `report` is the teacher's.
     #[must_use]
     pub fn expanded(&self, precision: Precision, report: FitReport) -> HarmonicField {
-        let (field, axes) = (&self.field, self.field.shape.axes);
+        let (field, axes) = (&self.field, self.field.coefficient_count());
         let mut coefficients = vec![0.0; field.grid.len() * axes];
         coefficients.par_chunks_mut(BLOCK * axes).enumerate().for_each(|(block, z)| {
             let from = block * BLOCK;
             let voxels = from..from + z.len() / axes;
             self.block(voxels.map(|voxel| field.grid.centre(field.grid.voxel(voxel))), z);
         });
+        let (functions, mean) = field.functions_in_world();
         HarmonicField {
             quantity: field.quantity,
             grid: field.grid,
             basis: field.basis.clone(),
-            axes: field.axes.clone(),
-            mean: field.mean.clone(),
+            axes: functions.into_owned(),
+            mean: mean.into_owned(),
             coefficients: Coefficients::new(coefficients, precision),
             report,
         }
@@ -185,7 +244,7 @@ impl FactoredEvaluator<'_> {
     /// If an index is out of range, or there are not as many `overlaps` as poses.
     pub fn poses(&self, points: &[DVec3], heads: &Heads, poses: &[[u32; 2]], overlaps: &mut [f32]) {
         assert_eq!(poses.len(), overlaps.len(), "one overlap for each pose");
-        let axes = self.field.shape.axes;
+        let axes = self.field.coefficient_count();
         let mut z = vec![0.0; points.len() * axes];
         z.par_chunks_mut(BLOCK * axes).zip(points.par_chunks(BLOCK)).for_each(|(z, points)| {
             self.block(points.iter().copied(), z);
@@ -218,7 +277,7 @@ impl VoxelCoefficients for FactoredEvaluator<'_> {
     }
 
     fn axes(&self) -> usize {
-        self.field.shape.axes
+        self.field.coefficient_count()
     }
 
     fn read<'a>(&'a self, voxels: Range<usize>, scratch: &'a mut Vec<f32>) -> &'a [f32] {

@@ -5,7 +5,8 @@
 //!
 //! ```text
 //! parameters  f16 or f32 [weights]             g, in the layout of FactoredShape::layers
-//! axes        f32 [functions, axes]            U: orthonormal columns; of a folded network V, of the weights' kind
+//! axes        f32 [functions, axes]            U: orthonormal columns; of a folded network V, of the weights' kind; with symmetry
+//!                                              of the functions of the direction in the frame of the place
 //! mean        f32 [functions]                  μ
 //! obstacle    u8  [⌈voxels/8⌉]                 the scene's solid voxels, eight a byte, first voxel in the lowest bit
 //! layer       u8  [⌈voxels/8⌉]                 where there is contact: the voxels that the cutter may enter
@@ -32,7 +33,7 @@ use crate::tensor_file::{
 use crate::training::TrainingState;
 use crate::training::run::Cursor;
 
-const FORMAT: Format = Format { id: "imf-factored", name: "factored field", version: 3 };
+const FORMAT: Format = Format { id: "imf-factored", name: "factored field", version: 4 };
 
 /// Arrays of a state.
 const STATE: usize = 3;
@@ -69,7 +70,8 @@ struct Description {
     settings: TeachSettings,
     precision: Precision,
     scale: f32,
-    /// There is no layer behind the last sines. Files of version 1 had no such networks, those of version 2 no optimiser SOAP.
+    /// There is no layer behind the last sines. Files of version 1 had no such networks, those of version 2 no optimiser SOAP, those
+    /// of version 3 no symmetry.
     #[serde(default)]
     folded: bool,
     /// Cursor and steps of the state.
@@ -195,11 +197,18 @@ impl FactoredFile {
         if let Some(fault) = calibration.and_then(|c| c.fault()) {
             return Err(file.damaged(&fault));
         }
+        let symmetry = settings.symmetry;
+        if !symmetry.is_none() && (domain != Domain::Directions || !symmetry.is_within(&scene.grid)) {
+            return Err(
+                file.damaged(&format!("it says that its network is told of {symmetry}, which cannot be"))
+            );
+        }
         if !(scale.is_finite() && scale > 0.0) {
             return Err(file.damaged(&format!("its scale is {scale}")));
         }
         let sizes = fit.sizes(domain);
-        let shape = settings.shape(sizes.axes);
+        let axes = if settings.symmetry.is_none() { sizes.axes } else { sizes.functions };
+        let shape = settings.shape(axes);
         let shape = if folded { shape.folded() } else { shape };
         if folded && progress.is_some() {
             return Err(file.damaged("it has a state, and a folded network is not taught"));

@@ -3,7 +3,8 @@
 //! ```text
 //! s U (W a + b) + μ = V a + μ',    V = s U W  [K][width],    μ' = μ + s U b
 //! ```
-//! a are the last sines. V takes `K · width` numbers where U and W take `axes · (K + width)`.
+//! a are the last sines. V takes `K · width` numbers where U and W take `axes · (K + width)`. With V as the linear layer the
+//! outputs are the weights of the functions themselves ([`FactoredField::by_function`]).
 
 use std::borrow::Cow;
 
@@ -37,6 +38,21 @@ impl FactoredField {
         parameters.truncate(weights);
         let shape = self.shape.folded();
         Self { axes: along, mean, shape, parameters, scale: 1.0, ..self }
+    }
+
+    /// The same field, to the rounding of f32, whose outputs are the coefficients of its functions, each by itself and μ with
+    /// them: V and μ' are the linear layer.
+    #[must_use]
+    pub fn by_function(&self) -> Self {
+        let folded = if self.shape.folded { self.clone() } else { self.clone().fold() };
+        let functions = folded.basis.len();
+        let mut parameters = folded.parameters;
+        parameters.extend(folded.axes.iter().map(|value| folded.scale * value));
+        parameters.extend(&folded.mean);
+        let mut axes = vec![0.0; functions * functions];
+        axes.iter_mut().step_by(functions + 1).for_each(|value| *value = 1.0);
+        let shape = FactoredShape { axes: functions, folded: false, ..folded.shape };
+        Self { axes, mean: vec![0.0; functions], shape, parameters, scale: 1.0, ..folded }
     }
 
     /// The same field with a linear layer behind its sines: that of a folded one changes nothing.

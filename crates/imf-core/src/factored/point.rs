@@ -6,7 +6,8 @@
 
 use glam::DVec3;
 
-use super::{FactoredEvaluator, INPUTS};
+use super::FactoredEvaluator;
+use super::symmetry::Place;
 use crate::harmonic::basis::Domain;
 use crate::harmonic::{Functions, Gradient, TurnScratch};
 use crate::orientation::Orientation;
@@ -26,6 +27,7 @@ pub struct PointScratch {
 /// The field at one point: ask it for any number of directions.
 pub struct FactoredPoint<'a> {
     evaluator: &'a FactoredEvaluator<'a>,
+    place: Place,
     scratch: &'a mut PointScratch,
 }
 
@@ -38,8 +40,8 @@ impl FactoredEvaluator<'_> {
         orientation: &Orientation,
         scratch: &mut PointScratch,
     ) -> Option<f32> {
-        self.pass::<1>(position, scratch)?;
-        Some(self.field.quantity.held(self.value(orientation, scratch)))
+        let place = self.pass::<1>(position, scratch)?;
+        Some(self.field.quantity.held(self.value(&place, orientation, scratch)))
     }
 
     /// The overlap, not clipped, with its gradients in position and direction. `None` outside the box of the voxel
@@ -57,26 +59,32 @@ impl FactoredEvaluator<'_> {
     /// The field at a world position, with its derivatives. `None` outside the box of the voxel centres.
     #[must_use]
     pub fn point<'a>(&'a self, position: DVec3, scratch: &'a mut PointScratch) -> Option<FactoredPoint<'a>> {
-        self.pass::<4>(position, scratch)?;
-        Some(FactoredPoint { evaluator: self, scratch })
+        let place = self.pass::<4>(position, scratch)?;
+        Some(FactoredPoint { evaluator: self, place, scratch })
     }
 
-    /// Fills the first `ROWS` rows of `z`: the coefficients, then their derivatives by position.
-    fn pass<const ROWS: usize>(&self, position: DVec3, scratch: &mut PointScratch) -> Option<()> {
+    /// Fills the first `ROWS` rows of `z`: the coefficients in the frame of the place, then their derivatives by its position.
+    fn pass<const ROWS: usize>(&self, position: DVec3, scratch: &mut PointScratch) -> Option<Place> {
         let field = &*self.field;
         if !field.grid.is_between_centres(position) {
             return None;
         }
         let stack = self.plan.stack;
-        let widest = stack.width.max(stack.outputs).max(INPUTS);
+        let place = field.shape.symmetry.place(position);
+        let widest = stack.width.max(stack.outputs).max(stack.inputs);
         let PointScratch { signal, next, z, .. } = scratch;
         signal.resize(widest * ROWS, 0.0);
         next.resize(widest * ROWS, 0.0);
-        for (axis, &value) in field.input(position).iter().enumerate() {
-            for row in 0..ROWS {
-                signal[row * widest + axis] =
-                    if row == 0 { value } else { f32::from(u8::from(row == axis + 1)) };
-            }
+        signal[..stack.inputs].copy_from_slice(&field.shape.symmetry.inputs_at(&field.grid, &place));
+        // Derivatives by the network's unit of length.
+        let slopes = place
+            .angle_slopes(field.blunt())
+            .map(|slopes| slopes.map(|slope| slope / field.inverse_length()));
+        for (axis, angle) in slopes.into_iter().enumerate().take(ROWS - 1) {
+            let row = &mut signal[(axis + 1) * widest..][..stack.inputs];
+            row.fill(0.0);
+            row[axis] = 1.0;
+            row[3..].iter_mut().zip(angle).for_each(|(input, slope)| *input = slope as f32);
         }
         for (index, layer) in self.plan.layers.iter().enumerate() {
             for neurons in self.plan.panels(index) {
@@ -104,13 +112,17 @@ impl FactoredEvaluator<'_> {
             let scale = if row == 0 { field.scale } else { slope };
             z.iter_mut().zip(signal).for_each(|(z, &value)| *z = value * scale);
         }
-        Some(())
+        Some(place)
     }
 
     /// The value at an orientation of what the first row of `z` holds.
-    fn value(&self, orientation: &Orientation, scratch: &mut PointScratch) -> f32 {
+    fn value(&self, place: &Place, orientation: &Orientation, scratch: &mut PointScratch) -> f32 {
         let PointScratch { z, turns, .. } = scratch;
-        self.functions().value(orientation, &z[..self.plan.stack.outputs], turns)
+        let z = &z[..self.plan.stack.outputs];
+        match self.local {
+            None => self.functions().value(orientation, z, turns),
+            Some(_) => self.functions().value_at(place.to_local(orientation.direction()), z, turns),
+        }
     }
 
     fn functions(&self) -> Functions<'_> {
@@ -123,7 +135,8 @@ impl FactoredPoint<'_> {
     /// The overlap in an orientation, in [0, 1].
     #[must_use]
     pub fn overlap(&mut self, orientation: &Orientation) -> f32 {
-        self.evaluator.field.quantity.held(self.evaluator.value(orientation, self.scratch))
+        let value = self.evaluator.value(&self.place, orientation, self.scratch);
+        self.evaluator.field.quantity.held(value)
     }
 
     /// The overlap, not clipped, with its gradients; `None` for fields over rotations, or a direction of no length.
@@ -136,6 +149,10 @@ impl FactoredPoint<'_> {
         let direction = direction.try_normalize()?;
         let PointScratch { z, turns, .. } = &mut *self.scratch;
         let (z, slopes) = z.split_at(self.evaluator.plan.stack.outputs);
-        Some(self.evaluator.functions().gradient(direction, z, slopes, turns))
+        let local = self.place.to_local(direction);
+        let found = self.evaluator.functions().gradient(local, z, slopes, turns);
+        let [position, direction] =
+            self.place.slopes_in_world(local, found.position, found.direction, field.blunt());
+        Some(Gradient { position, direction, ..found })
     }
 }

@@ -9,7 +9,7 @@ use crate::training::Loss;
 /// # Panics
 /// If `parameters` does not fit `shape`.
 #[must_use]
-pub fn forward(shape: &FactoredShape, parameters: &[f64], input: &[f64; INPUTS]) -> Vec<f64> {
+pub fn forward(shape: &FactoredShape, parameters: &[f64], input: &[f64]) -> Vec<f64> {
     let mut outputs = activations(&shape.stack(), parameters, input).sums.pop().unwrap_or_default();
     if shape.folded {
         outputs.iter_mut().for_each(|sum| *sum = (f64::from(shape.omega) * *sum).sin());

@@ -3,8 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::last_layer::AT_THE_END;
-use super::{FactoredField, FactoredShape};
+use super::targets::Targets;
+use super::{FactoredField, FactoredShape, TeachSettings, TeacherFunctions};
 use crate::harmonic::HarmonicField;
+use crate::occupancy::Occupancy;
 use crate::siren::engine::CpuTrainer;
 use crate::siren::muon::{Muon, MuonConfig};
 use crate::siren::soap::{Soap, SoapConfig};
@@ -64,17 +66,29 @@ impl FactoredState {
     }
 
     /// Where fine-tuning starts: the network of another field, such as that of the part before it was changed, turned to
-    /// this teacher's grid and axes, with the best last layer for it.
+    /// this teacher's grid and axes, with the best last layer for it. What that was told of symmetry stands; `obstacle` is what
+    /// the teacher is of.
     ///
     /// # Errors
-    /// Weights that do not fit their shape.
+    /// Weights that do not fit their shape; mirror planes that the teacher does not have.
     ///
     /// # Panics
     /// If one field is over directions and the other over rotations.
-    pub fn of_another(from: &FactoredField, teacher: &HarmonicField) -> Result<Self, ShapeError> {
-        let shape = FactoredShape { axes: teacher.axis_count(), folded: false, ..from.shape };
-        let mut field = FactoredField::new(teacher, shape, from.parameters_for(teacher)?)?;
-        field.solve_last_layer(teacher, AT_THE_END, 0.0);
+    pub fn of_another(
+        from: &FactoredField,
+        teacher: &HarmonicField,
+        obstacle: &Occupancy,
+    ) -> Result<Self, ShapeError> {
+        let symmetry = from.shape.symmetry;
+        if !symmetry.holds_in(teacher, obstacle) {
+            return Err(ShapeError::OtherSymmetry(symmetry.to_string()));
+        }
+        let axes = TeachSettings { symmetry, ..TeachSettings::default() }.outputs(teacher);
+        let shape = FactoredShape { axes, folded: false, ..from.shape };
+        let targets = Targets::new(teacher, symmetry)?;
+        let parameters = from.parameters_for(teacher, &targets)?;
+        let mut field = TeacherFunctions::of(teacher, &targets).field(shape, parameters)?;
+        field.solve_last_layer(&targets, AT_THE_END, 0.0);
         Ok(Self::from_parameters(field.parameters))
     }
 

@@ -2,15 +2,16 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::course::{Told, Voxels};
 use super::last_layer::{self, Solving};
 use super::state::{Optimiser, cpu_engine};
-use super::{FactoredShape, FactoredState};
+use super::targets::Targets;
+use super::{FactoredShape, FactoredState, Symmetry};
 use crate::control::Control;
 use crate::harmonic::HarmonicField;
+use crate::siren::ShapeError;
 use crate::siren::soap::SoapConfig;
 use crate::training::online::OnlineSettings;
 use crate::training::run::{Cursor, Length, Outcome, Report, TrainError, TrainingPlan, train_by};
@@ -41,6 +42,10 @@ pub struct TeachSettings {
     /// [`teach_by_sections`]: super::teach_by_sections
     #[serde(skip_serializing_if = "Option::is_none")]
     pub online: Option<OnlineSettings>,
+    /// What the network is told of the obstacle's symmetry, where a harmonic field of directions teaches: [`Symmetry::of`] finds
+    /// what there is.
+    #[serde(skip_serializing_if = "Symmetry::is_none")]
+    pub symmetry: Symmetry,
 }
 
 /// Steps in which the rate rises; a solved last layer needs few.
@@ -67,6 +72,7 @@ impl Default for TeachSettings {
             optimiser: Optimiser::Soap(SoapConfig::default()),
             solve_every: 25,
             online: None,
+            symmetry: Symmetry::default(),
         }
     }
 }
@@ -88,10 +94,17 @@ impl TeachSettings {
         Schedule::Cosine { initial: highest, last: 0.0, warmup: WARMUP }
     }
 
+    /// Outputs of the network that a field teaches: its axes, or its functions where the network is told of symmetry.
+    #[must_use]
+    pub fn outputs(&self, teacher: &HarmonicField) -> usize {
+        if self.symmetry.is_none() { teacher.axis_count() } else { teacher.basis.len() }
+    }
+
     /// The network for so many axes.
     #[must_use]
     pub fn shape(&self, axes: usize) -> FactoredShape {
-        FactoredShape { width: self.width, hidden: self.hidden, omega: self.omega, axes, folded: false }
+        let Self { width, hidden, omega, symmetry, .. } = *self;
+        FactoredShape { width, hidden, omega, axes, folded: false, symmetry }
     }
 
     /// The random start of a training.
@@ -119,27 +132,14 @@ impl TeachSettings {
     pub fn check(&self) -> Result<(), TrainError> {
         self.plan.check()?;
         self.online.map_or(Ok(()), |online| online.check())?;
+        if let Some(fault) = self.symmetry.fault() {
+            return Err(TrainError::Plan(fault));
+        }
+        if self.online.is_some() && !self.symmetry.is_none() {
+            return Err(TrainError::Plan(ShapeError::Symmetry.to_string()));
+        }
         self.shape(1).check().map_err(|error| TrainError::Plan(error.to_string()))
     }
-}
-
-/// Voxels of which the scale is taken at a time: sums of a part are added in the parts' order.
-const PART: usize = 4096;
-
-/// The root mean square of a teacher's coefficients, 1 where all are 0.
-pub(super) fn scale(teacher: &HarmonicField) -> f32 {
-    let axes = teacher.axis_count();
-    let voxels = teacher.grid.len();
-    let parts: Vec<f64> = (0..voxels.div_ceil(PART))
-        .into_par_iter()
-        .map_init(Vec::new, |scratch, part| {
-            let range = part * PART..((part + 1) * PART).min(voxels);
-            let z = teacher.coefficients.read(range.start * axes, range.end * axes, scratch);
-            z.iter().map(|&z| f64::from(z) * f64::from(z)).sum()
-        })
-        .collect();
-    let mean = parts.iter().sum::<f64>() / (voxels * axes) as f64;
-    if mean > 0.0 { mean.sqrt() as f32 } else { 1.0 }
 }
 
 /// Teaches the network of `state` the coefficients of `teacher` up to the plan's end, or until `control` asks to stop,
@@ -156,7 +156,7 @@ pub fn teach(
     observer: &mut dyn FnMut(&Report),
 ) -> Result<Outcome, TrainError> {
     settings.check()?;
-    let shape = settings.shape(teacher.axis_count());
+    let shape = settings.shape(settings.outputs(teacher));
     let mut trainer = cpu_engine(shape, &settings.plan, settings.optimiser, settings.batch(teacher), state)?;
     let (outcome, cursor) = run(teacher, settings, state.cursor, &mut trainer, control, observer)?;
     *state = FactoredState { training: trainer.state()?, cursor };
@@ -197,23 +197,24 @@ fn run(
             "settings of a teaching by sections, and a harmonic field teaches".into(),
         ));
     }
-    let (voxels, axes) = (teacher.grid.len(), teacher.axis_count());
-    let scale = scale(teacher);
+    let voxels = teacher.grid.len();
+    let targets =
+        Targets::new(teacher, settings.symmetry).map_err(|error| TrainError::Plan(error.to_string()))?;
     // A loss in units of the field: outputs are coefficients over the scale.
     let unit = match plan.loss {
-        Loss::L1 => f64::from(scale),
-        Loss::L2 => f64::from(scale) * f64::from(scale),
+        Loss::L1 => f64::from(targets.scale),
+        Loss::L2 => f64::from(targets.scale) * f64::from(targets.scale),
     };
-    let mut order = Voxels::new(plan, &teacher.grid, start);
-    let mut feed = |at: Cursor, _: u64, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
-        order.fill(at, &rows, inputs, targets, |scratch, voxel, targets| {
-            let z = teacher.coefficients.read(voxel * axes, (voxel + 1) * axes, scratch);
-            targets.iter_mut().zip(z).for_each(|(target, &z)| *target = z / scale);
-        });
-        Ok(())
-    };
+    let mut order = Voxels::new(plan, &teacher.grid, settings.symmetry, start);
+    let mut feed =
+        |at: Cursor, _: u64, rows: Range<usize>, inputs: &mut [f32], rows_of_targets: &mut [f32]| {
+            order.fill(at, &rows, inputs, rows_of_targets, |scratch, voxel, out| {
+                targets.read(voxel, scratch, out);
+            });
+            Ok(())
+        };
     let mut told = Told::new(plan, voxels, start, control, observer);
-    let mut engine = Solving::new(engine, teacher, settings, told.steps, scale);
+    let mut engine = Solving::new(engine, teacher, &targets, settings, told.steps);
     let outcome = train_by(plan, voxels, &mut feed, &mut engine, start, &mut |report, _| {
         told.hear(&Report { mean_loss: report.mean_loss * unit, ..*report })
     })?;

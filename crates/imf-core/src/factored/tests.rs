@@ -78,7 +78,14 @@ fn settings(steps: u64) -> TeachSettings {
 
 /// Seeded numbers in ±1 without pattern: the starting weights of a first layer of three inputs, which are in ±1/3.
 fn numbers(count: usize, seed: u64) -> Vec<f32> {
-    let shape = FactoredShape { width: count, hidden: 1, omega: 1.0, axes: 1, folded: false };
+    let shape = FactoredShape {
+        width: count,
+        hidden: 1,
+        omega: 1.0,
+        axes: 1,
+        folded: false,
+        symmetry: Symmetry::default(),
+    };
     shape.initial_parameters(seed)[..count].iter().map(|v| v * 3.0).collect()
 }
 
@@ -97,7 +104,8 @@ const GRADIENT_TOLERANCE: f64 = 2e-5;
 fn the_gradient_is_the_definitions() {
     for (width, hidden, axes, count) in [(37, 3, 21, 77), (70, 2, 130, 300), (9, 1, 1, 5), (300, 2, 64, 130)]
     {
-        let shape = FactoredShape { width, hidden, omega: 20.0, axes, folded: false };
+        let shape =
+            FactoredShape { width, hidden, omega: 20.0, axes, folded: false, symmetry: Symmetry::default() };
         for loss in [Loss::L1, Loss::L2] {
             let state = FactoredState::new(&shape, 5);
             let plan = TrainingPlan { loss, ..TrainingPlan::default() };
@@ -123,7 +131,14 @@ fn the_gradient_is_the_definitions() {
 
 #[test]
 fn the_definitions_gradient_and_jacobian_are_central_differences() {
-    let shape = FactoredShape { width: 6, hidden: 3, omega: 3.0, axes: 4, folded: false };
+    let shape = FactoredShape {
+        width: 6,
+        hidden: 3,
+        omega: 3.0,
+        axes: 4,
+        folded: false,
+        symmetry: Symmetry::default(),
+    };
     let weights = as_f64(&shape.initial_parameters(3));
     let (inputs, targets) = ([[0.3, -0.2, 0.7], [0.9, 0.4, -0.6]], as_f64(&numbers(8, 4)));
     let value = |w: &[f64]| reference::loss_and_gradient(&shape, w, &inputs, &targets, Loss::L2).0;
@@ -154,7 +169,14 @@ fn the_definitions_gradient_and_jacobian_are_central_differences() {
 
 /// A state of random weights whose field is no constant.
 fn field(teacher: &HarmonicField, width: usize) -> FactoredField {
-    let shape = FactoredShape { width, hidden: 3, omega: 8.0, axes: teacher.axis_count(), folded: false };
+    let shape = FactoredShape {
+        width,
+        hidden: 3,
+        omega: 8.0,
+        axes: teacher.axis_count(),
+        folded: false,
+        symmetry: Symmetry::default(),
+    };
     FactoredField::new(teacher, shape, shape.initial_parameters(2)).unwrap()
 }
 
@@ -194,7 +216,7 @@ fn every_way_to_evaluate_is_the_definition() {
                 assert_eq!(evaluator.overlap(points[point], &set[orientation], &mut scratch), None);
                 continue;
             }
-            let input = field.input(points[point]).map(f64::from);
+            let input: Vec<f64> = field.input(points[point]).iter().map(|&v| f64::from(v)).collect();
             let z = reference::forward(&field.shape, &weights, &input);
             field.basis.values(&set[orientation], &mut functions);
             let defined: f64 = functions
@@ -350,7 +372,8 @@ fn teaching_brings_the_field_to_its_teacher_with_every_optimiser() {
     let scene = scene();
     let teacher = teacher(&scene);
     let axes = teacher.axis_count();
-    let constant = f64::from(teach::scale(&teacher)).powi(2) * axes as f64;
+    let constant =
+        f64::from(Targets::new(&teacher, Symmetry::default()).unwrap().scale).powi(2) * axes as f64;
     for optimiser in OPTIMISERS {
         let settings = TeachSettings { optimiser, ..settings(400) };
         let mut state = settings.start(axes);
@@ -378,7 +401,8 @@ fn the_solved_last_layer_is_that_of_least_squares() {
     let mut field = field(&teacher, 17);
     let shape = field.shape;
     // All voxels: what the definition sums over.
-    field.solve_last_layer(&teacher, usize::MAX / 1000, 0.0);
+    let targets = Targets::new(&teacher, Symmetry::default()).unwrap();
+    field.solve_last_layer(&targets, usize::MAX / 1000, 0.0);
     let (columns, voxels) = (shape.width + 1, teacher.grid.len());
     let (mut last, mut outputs) = (vec![0.0; voxels * columns], vec![0.0; voxels * axes]);
     let centres = (0..voxels).map(|voxel| teacher.grid.centre(teacher.grid.voxel(voxel)));
@@ -484,3 +508,4 @@ fn what_does_not_fit_is_refused_by_name() {
 
 mod by_sections;
 mod kept;
+mod symmetry;

@@ -48,6 +48,19 @@ impl Heads {
         Self { along, constant }
     }
 
+    /// Orientations for coefficients that are those of the functions themselves, of directions whose numbers are in an order.
+    pub(crate) fn in_order(basis: &Basis, order: [usize; 3], orientations: &[Orientation]) -> Self {
+        let (functions, count) = (basis.len(), orientations.len());
+        let mut along = vec![0.0f32; functions * count];
+        let mut row = vec![0.0; functions];
+        for (place, orientation) in orientations.iter().enumerate() {
+            let direction = orientation.direction();
+            basis.values_of_direction(order.map(|axis| direction[axis]).into(), &mut row);
+            along[place..].iter_mut().step_by(count).zip(&row).for_each(|(out, &value)| *out = value as f32);
+        }
+        Self { along, constant: vec![0.0; count] }
+    }
+
     /// `Uᵀ b(R)` of every orientation: `[axes][orientation]`.
     #[must_use]
     pub fn along(&self) -> &[f32] {

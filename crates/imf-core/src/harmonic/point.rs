@@ -58,6 +58,18 @@ impl Functions<'_> {
     pub(crate) fn value(self, orientation: &Orientation, z: &[f32], scratch: &mut TurnScratch) -> f32 {
         scratch.functions.resize(self.basis.len(), 0.0);
         self.basis.values(orientation, &mut scratch.functions);
+        self.sum(z, scratch)
+    }
+
+    /// As [`Self::value`] in a direction, of a basis of directions.
+    pub(crate) fn value_at(self, direction: DVec3, z: &[f32], scratch: &mut TurnScratch) -> f32 {
+        scratch.functions.resize(self.basis.len(), 0.0);
+        self.basis.values_of_direction(direction, &mut scratch.functions);
+        self.sum(z, scratch)
+    }
+
+    /// The functions' sum, weighted by coefficients.
+    fn sum(self, z: &[f32], scratch: &mut TurnScratch) -> f32 {
         self.weigh(z, scratch);
         let weights = scratch.weights.iter().zip(self.mean);
         let terms = weights.zip(&scratch.functions).map(|((&w, &m), &b)| f64::from(w + m) * b);

@@ -1,6 +1,7 @@
 //! Sine networks as a graph: those of the pose and those of the point.
 
 use super::graph::{Graph, Value};
+use super::place::Place;
 use crate::factored::FactoredField;
 use crate::grid::Grid;
 use crate::siren::{Layer, SirenShape};
@@ -63,14 +64,15 @@ pub(super) fn siren(
     graph.op("Sigmoid", &[&output])
 }
 
-/// The network of the point: from position to the coefficients `[poses, axes]`.
-pub(super) fn coefficients(graph: &mut Graph, field: &FactoredField, position: &Value) -> Value {
+/// The network of the point: from the position's place to the coefficients in its frame, `[poses, axes]`.
+pub(super) fn coefficients(graph: &mut Graph, field: &FactoredField, place: &Place) -> Value {
     let size = field.grid.size();
     let middle = (field.grid.origin + 0.5 * size).as_vec3().to_array();
     let middle = graph.numbers(&[3], &middle);
     let scale = graph.number(2.0 / size.max_element());
-    let from_middle = graph.sub(position, &middle);
-    let input = graph.mul(&from_middle, &scale);
+    let from_middle = graph.sub(&place.position, &middle);
+    let scaled = graph.mul(&from_middle, &scale);
+    let input = place.inputs(graph, scaled);
     let layers = field.shape.layers();
     let sines = Sines {
         layers: &layers,

@@ -2,11 +2,13 @@
 
 use std::collections::HashMap;
 
+use glam::Vec3;
 use half::f16;
 use prost::Message as _;
 
 use super::messages::{FLOAT, FLOAT16, INT64, NodeProto, TensorProto};
 use super::*;
+use crate::factored::{Axis, FactoredField, FactoredShape, Symmetry};
 use crate::harmonic::coefficients::{Coefficients, Precision};
 use crate::orientation::Orientation;
 use crate::planner::scenes::{factored_file, harmonic_file, poses, scene, siren_model};
@@ -85,6 +87,14 @@ fn run(node: &NodeProto, inputs: &[&Array]) -> Array {
         ("Div", [a, b]) => a.with(b, |a, b| a / b),
         ("Max", [a, b]) => a.with(b, f64::max),
         ("Min", [a, b]) => a.with(b, f64::min),
+        ("Less", [a, b]) => a.with(b, |a, b| f64::from(u8::from(a < b))),
+        ("Where", [which, a, b]) => {
+            let (a, b) = (
+                which.with(a, |w, a| if w == 1.0 { a } else { 0.0 }),
+                which.with(b, |w, b| if w == 0.0 { b } else { 0.0 }),
+            );
+            a.with(&b, |a, b| a + b)
+        }
         ("Sin", [a]) => a.map(f64::sin),
         ("Sqrt", [a]) => a.map(f64::sqrt),
         ("Floor", [a]) => a.map(f64::floor),
@@ -203,6 +213,45 @@ fn graphs_of_every_family_answer_as_the_fields_do() {
         assert_eq!(expected.iter().any(|v| *v < 0.0), output == "depth", "{name}: {output}");
         let unit = model.metadata_props.iter().find(|entry| entry.key == "imf.unit").unwrap();
         assert_eq!(unit.value, "mm");
+    }
+}
+
+#[test]
+fn graphs_of_fields_with_symmetry_answer_as_the_fields_do() {
+    let scene = scene(&Tool::paper(), 0.0);
+    let grid = scene.record.grid;
+    // What single precision holds, so that graph and field agree about which side a position is on.
+    let middle = (grid.origin + 0.45 * grid.size()).as_vec3();
+    let [x, y, z] = middle.as_dvec3().to_array();
+    let axis = |along| Some(Axis { along, through: middle.as_dvec3() });
+    for symmetry in [
+        Symmetry { mirrors: [Some(x), None, Some(z)], axis: None },
+        Symmetry { mirrors: [None; 3], axis: axis(0) },
+        Symmetry { mirrors: [Some(x), Some(y), Some(z)], axis: axis(1) },
+        Symmetry { mirrors: [None, Some(y), None], axis: axis(2) },
+    ] {
+        let mut file = factored_file(&scene);
+        let shape = FactoredShape { symmetry, ..file.field.shape };
+        file.field = FactoredField { shape, parameters: shape.initial_parameters(5), ..file.field };
+        let stored = StoredField::Factored(Box::new(file));
+        let mut asked = poses(&scene, 200, 23);
+        // On the axis and the planes, in directions at the poles of every axis.
+        for (pose, axis) in
+            asked.iter_mut().zip([Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z])
+        {
+            *pose = Pose::along(middle, axis);
+        }
+        for (index, pose) in asked[6..12].iter_mut().enumerate() {
+            pose.position[index % 3] = middle[index % 3];
+        }
+        let found = answers(&model(&stored).unwrap(), &asked);
+        let mut expected = vec![0.0; asked.len()];
+        NeuralField::new(stored).unwrap().query(&asked, &mut expected).unwrap();
+        for ((found, &expected), pose) in found.iter().zip(&expected).zip(&asked) {
+            let apart = (found - f64::from(expected)).abs();
+            assert!(apart < ROUNDING, "{symmetry}, {pose:?}: {found} against {expected}");
+        }
+        assert!(expected.iter().any(|v| *v > 0.05 && *v < 0.95), "{symmetry}: answers more than nothing");
     }
 }
 

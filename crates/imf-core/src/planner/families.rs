@@ -26,7 +26,7 @@ pub(super) enum Family {
     /// Coefficients at voxels.
     Harmonic(HarmonicField),
     /// Coefficients by a network.
-    Factored(FactoredEvaluator<'static>),
+    Factored(Box<FactoredEvaluator<'static>>),
 }
 
 /// Working memory of a thread.
@@ -183,7 +183,7 @@ fn held(pose: &Pose, low: DVec3, high: DVec3) -> DVec3 {
 }
 
 impl Source<'_> {
-    /// Basis, U `[K][axes]`, μ `[K]`.
+    /// Basis, U `[K][axes]`, μ `[K]`; where there is an order of directions only the basis is of the world.
     fn functions(&self) -> (&Basis, &[f32], &[f32]) {
         match self {
             Self::Voxels(field) => (&field.basis, &field.axes, &field.mean),
@@ -194,9 +194,20 @@ impl Source<'_> {
         }
     }
 
+    /// Coefficients of a point.
     fn axes(&self) -> usize {
-        let (basis, axes, _) = self.functions();
-        axes.len() / basis.len()
+        match self {
+            Self::Voxels(field) => field.axis_count(),
+            Self::Network(evaluator) => evaluator.field().coefficient_count(),
+        }
+    }
+
+    /// Where the coefficients are those of the functions themselves: the order that directions are to be brought in.
+    fn order(&self) -> Option<[usize; 3]> {
+        match self {
+            Self::Voxels(_) => None,
+            Self::Network(evaluator) => evaluator.order(),
+        }
     }
 
     /// The coefficients at points, which are held in the box.
@@ -221,6 +232,7 @@ impl Source<'_> {
     fn heads(&self, rotations: impl ExactSizeIterator<Item = Quat>, scratch: &mut Scratch) {
         let (basis, axes, mean) = self.functions();
         let (count, functions, width) = (rotations.len(), basis.len(), self.axes());
+        let order = self.order();
         let Scratch { functions: row, rows, heads, constants, .. } = scratch;
         row.resize(functions, 0.0);
         rows.resize(count * functions, 0.0);
@@ -230,12 +242,20 @@ impl Source<'_> {
         for (rotation, (out, constant)) in rotations.zip(each) {
             let pose = Pose::new(Vec3::ZERO, rotation);
             match (pose.direction(), basis.domain()) {
-                (Some(direction), Domain::Directions) => basis.values_of_direction(direction, row),
+                (Some(direction), Domain::Directions) => {
+                    let ordered = order.map_or(direction, |order| order.map(|axis| direction[axis]).into());
+                    basis.values_of_direction(ordered, row);
+                }
                 (Some(_), Domain::Rotations) => basis.values(&pose.orientation(), row),
                 (None, _) => row.fill(f64::NAN),
             }
             *constant = row.iter().zip(mean).map(|(&b, &m)| b * f64::from(m)).sum::<f64>() as f32;
             out.iter_mut().zip(row.iter()).for_each(|(out, &value)| *out = value as f32);
+        }
+        if order.is_some() {
+            heads.copy_from_slice(rows);
+            constants.fill(0.0);
+            return;
         }
         multiply(
             heads,

@@ -48,7 +48,7 @@ impl NeuralField {
             }
             StoredField::Harmonic(file) => (Family::Harmonic(file.field), file.scene, file.calibration),
             StoredField::Factored(file) => {
-                (Family::Factored(file.field.into_evaluator()), file.scene, file.calibration)
+                (Family::Factored(Box::new(file.field.into_evaluator())), file.scene, file.calibration)
             }
         };
         family.prepare();

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use super::{NeuralField, Pose};
 use crate::control::Control;
 use crate::factored::file::FactoredFile;
-use crate::factored::{FactoredField, FactoredShape, TeachSettings};
+use crate::factored::{FactoredField, TeachSettings};
 use crate::harmonic::basis::Domain;
 use crate::harmonic::coefficients::Precision;
 use crate::harmonic::file::HarmonicFile;
@@ -55,8 +55,7 @@ pub(crate) fn harmonic(scene: &Scene) -> NeuralField {
 pub(crate) fn factored_file(scene: &Scene) -> FactoredFile {
     let teacher = harmonic_file(scene, 6);
     let settings = TeachSettings { width: 24, hidden: 2, omega: 6.0, ..TeachSettings::default() };
-    let shape =
-        FactoredShape { width: 24, hidden: 2, omega: 6.0, axes: teacher.field.axis_count(), folded: false };
+    let shape = settings.shape(teacher.field.axis_count());
     FactoredFile {
         field: FactoredField::new(&teacher.field, shape, shape.initial_parameters(4)).unwrap(),
         scene: scene.clone(),

@@ -3,9 +3,12 @@ use glam::{DVec3, Quat, Vec3};
 use super::scenes::{factored, factored_file, harmonic, harmonic_file, poses, scene, siren, siren_model};
 use super::*;
 use crate::calibration::{Calibration, Goals, Judgement, Rate};
+use crate::factored::file::FactoredFile;
+use crate::factored::{Axis, FactoredField, FactoredShape, PointScratch, Symmetry};
 use crate::field::{self, ExactField, Field, LearntField};
 use crate::scene::Scene;
 use crate::siren::engine::CpuEvaluator;
+use crate::stored::StoredField;
 use crate::tool::{SharpPoints, Tool};
 
 fn all(scene: &Scene) -> Vec<(&'static str, NeuralField)> {
@@ -54,6 +57,22 @@ fn values_are_those_of_each_familys_own_interface() {
     let file = factored_file(&scene);
     crate::factored::FactoredAnswers(file.field.evaluator()).query(&exact, &mut expected).unwrap();
     near("factored", &values(&factored(&scene), &asked), &expected);
+
+    // With an order of axes that is not the world's.
+    let through = scene.record.grid.origin + 0.45 * scene.record.grid.size();
+    let symmetry =
+        Symmetry { mirrors: [None, Some(through.y), None], axis: Some(Axis { along: 0, through }) };
+    let shape = FactoredShape { symmetry, ..file.field.shape };
+    let parameters = shape.initial_parameters(5);
+    let file = FactoredFile { field: FactoredField { shape, parameters, ..file.field }, ..file };
+    let (evaluator, mut scratch) = (file.field.evaluator(), PointScratch::default());
+    let mut at =
+        |pose: &field::Pose| evaluator.overlap(pose.position, &pose.orientation, &mut scratch).unwrap();
+    let one_by_one: Vec<f32> = exact.iter().map(&mut at).collect();
+    crate::factored::FactoredAnswers(file.field.evaluator()).query(&exact, &mut expected).unwrap();
+    near("with symmetry", &expected, &one_by_one);
+    let stored = StoredField::Factored(Box::new(file.clone()));
+    near("with symmetry", &values(&NeuralField::new(stored).unwrap(), &asked), &one_by_one);
 
     let model = siren_model(&scene);
     let mut engine = CpuEvaluator::new(model.shape, &model.state.parameters).unwrap();
@@ -332,8 +351,7 @@ fn guarded_fields_say_free_where_the_true_tool_is_free_and_nowhere_else() {
 fn tools_that_turn_have_values_and_gradients_too() {
     let mesh = ReferenceBox::tool();
     let scene = scene(&mesh, 0.0);
-    let field =
-        NeuralField::new(crate::stored::StoredField::Harmonic(Box::new(harmonic_file(&scene, 3)))).unwrap();
+    let field = NeuralField::new(StoredField::Harmonic(Box::new(harmonic_file(&scene, 3)))).unwrap();
     let mut asked = poses(&scene, 60, 13);
     for (index, pose) in asked.iter_mut().enumerate() {
         // Any roll.

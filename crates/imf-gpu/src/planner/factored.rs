@@ -38,7 +38,8 @@ impl FactoredPasses {
     pub(super) fn new(gpu: &Gpu, field: &FactoredField) -> Result<Self, EngineError> {
         let field = &*field.unfolded();
         let FactoredField { basis, axes, mean, scale, .. } = field;
-        let functions = Functions { basis, axes, mean, scale: *scale };
+        let (symmetry, blunt) = (field.shape.symmetry, field.blunt());
+        let functions = Functions { basis, axes, mean, scale: *scale, symmetry, blunt };
         functions.check()?;
         let columns = functions.columns(gpu.matrix_kernel().padding());
         let two_way = TwoWay::new(gpu, field.shape.stack(), &field.parameters, columns)?;
@@ -73,13 +74,13 @@ impl Passes for FactoredPasses {
         let Frame { gpu, world, sweep } = frame;
         let Asked { poses, values, gradients } = asked;
         let TwoWay { network, samples, deltas, .. } = &self.two_way;
-        let batch = &network.batch;
+        let (batch, symmetry) = (&network.batch, &self.turns.symmetry);
         FactoredCall {
-            points: self.points.bind(gpu, &[batch, world, sweep, poses, samples]),
+            points: self.points.bind(gpu, &[batch, world, sweep, symmetry, poses, samples]),
             values: self.turns.bind(frame, asked),
             descend: gradients.map(|gradients| {
                 let (parameters, first) = (&network.parameters, &deltas[0]);
-                let front = [batch, world, sweep, &self.descent, parameters, first];
+                let front = [batch, world, sweep, symmetry, &self.descent, parameters, first];
                 self.descend.bind(gpu, &[&front[..], &[poses, values, gradients]].concat())
             }),
         }

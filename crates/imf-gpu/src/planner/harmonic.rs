@@ -6,6 +6,7 @@
 //!
 //! All coefficients lie on the device in f32.
 
+use imf_core::factored::Symmetry;
 use imf_core::harmonic::HarmonicField;
 use imf_core::training::EngineError;
 
@@ -49,7 +50,14 @@ pub(super) struct HarmonicCall {
 
 impl HarmonicPasses {
     pub(super) fn new(gpu: &Gpu, field: &HarmonicField) -> Result<Self, EngineError> {
-        let functions = Functions { basis: &field.basis, axes: &field.axes, mean: &field.mean, scale: 1.0 };
+        let functions = Functions {
+            basis: &field.basis,
+            axes: &field.axes,
+            mean: &field.mean,
+            scale: 1.0,
+            symmetry: Symmetry::default(),
+            blunt: 0.0,
+        };
         functions.check()?;
         let padding = gpu.matrix_kernel().padding();
         let (kept, stride) = (field.axis_count(), field.axis_count().next_multiple_of(4));

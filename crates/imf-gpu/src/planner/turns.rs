@@ -1,11 +1,13 @@
 //! From a point's coefficients to values at any direction: what factored and harmonic fields have in common. Coefficients z give
 //! every function of the direction its weight, w = s·U z + μ; the value is the sum of the functions b(d) by their weights, and so
-//! are its derivatives by d. By the coefficients it changes as s·Uᵀ b(d), where the way back to the point begins.
+//! are its derivatives by d. By the coefficients it changes as s·Uᵀ b(d), where the way back to the point begins. Where a field is
+//! told of a symmetry, the functions are of the direction in the frame of the point's place; derivatives are by the world's.
 //!
 //! Both products are the shader of a linear layer; the scale s is in their weights.
 
 use std::f64::consts::{PI, SQRT_2};
 
+use imf_core::factored::Symmetry;
 use imf_core::harmonic::basis::{Basis, Domain};
 use imf_core::harmonic::sphere::SphereBasis;
 use imf_core::training::EngineError;
@@ -16,7 +18,7 @@ use crate::device::Gpu;
 use crate::kernel::{Bound, Kernel, uniform};
 use crate::memory::Plan;
 use crate::shader::Shader;
-use crate::uniforms::{Harmonics, Layer};
+use crate::uniforms::{self, Harmonics, Layer};
 
 /// The functions of a field, its axes and its mean.
 #[derive(Clone, Copy)]
@@ -27,6 +29,10 @@ pub(super) struct Functions<'a> {
     /// μ: `[K]`.
     pub(super) mean: &'a [f32],
     pub(super) scale: f32,
+    /// What places' frames are by.
+    pub(super) symmetry: Symmetry,
+    /// Nearer to its axis than this slopes do not grow.
+    pub(super) blunt: f64,
 }
 
 impl Functions<'_> {
@@ -63,6 +69,8 @@ pub(super) struct Turns {
     weigh: Bound,
     seed: Bound,
     harmonics: wgpu::Buffer,
+    /// [`uniforms::Symmetry`]
+    pub(super) symmetry: wgpu::Buffer,
     /// See `harmonics.wgsl`.
     steps: wgpu::Buffer,
     /// `[rows][columns]`
@@ -103,6 +111,11 @@ impl Turns {
             weigh: linear.bind(gpu, &[at.batch, &weigh, &axes, at.values, &weights]),
             seed: linear.bind(gpu, &[at.batch, &seed, &axes, &values, at.slopes]),
             harmonics: uniform(gpu, "harmonics", &harmonics)?,
+            symmetry: uniform(
+                gpu,
+                "symmetry",
+                &uniforms::Symmetry::new(&functions.symmetry, functions.blunt),
+            )?,
             steps,
             weights,
             functions: values,
@@ -113,12 +126,13 @@ impl Turns {
 
     /// The kernel of values, or of values and derivatives by the direction where gradients are asked.
     pub(super) fn bind(&self, frame: &Frame, asked: Asked<'_>) -> Bound {
-        let Frame { gpu, sweep, .. } = frame;
+        let Frame { gpu, world, sweep } = frame;
         let Asked { poses, values, gradients } = asked;
-        let front = [&self.batch, &self.harmonics, sweep, poses, &self.steps, &self.weights, values];
+        let Self { batch, symmetry, harmonics, steps, weights, functions, .. } = self;
+        let front = [batch, world, sweep, symmetry, harmonics, poses, steps, weights, values];
         match gradients {
             None => self.values.bind(gpu, &front),
-            Some(gradients) => self.slopes.bind(gpu, &[&front[..], &[gradients, &self.functions]].concat()),
+            Some(gradients) => self.slopes.bind(gpu, &[&front[..], &[gradients, functions]].concat()),
         }
     }
 
@@ -165,7 +179,7 @@ fn recurrence(degree: usize) -> Vec<[f32; 2]> {
 /// | s·U [columns][axes] | μ [columns] | s·Uᵀ [axes][columns] | 0 [axes] |
 /// ```
 fn mixing(functions: Functions<'_>, columns: usize, axes: usize) -> (Vec<f32>, [Layer; 2]) {
-    let Functions { basis, axes: kept, mean, scale } = functions;
+    let Functions { basis, axes: kept, mean, scale, .. } = functions;
     let second = columns * (axes + 1);
     let mut all = vec![0.0; second + axes * (columns + 1)];
     for (function, row) in kept.chunks_exact(kept.len() / basis.len()).enumerate() {

@@ -73,10 +73,14 @@ pub(crate) fn poses(grid: &Grid, count: usize) -> Vec<Pose> {
 
 /// Values, gradients and decisions of 9000 poses, more than one pass.
 pub(crate) fn compare(field: &GpuField, within: &Within) {
-    let poses = poses(&field.twin().scene().record.grid, 9000);
+    compare_at(field, within, &poses(&field.twin().scene().record.grid, 9000));
+}
+
+/// Those of some poses.
+pub(crate) fn compare_at(field: &GpuField, within: &Within, poses: &[Pose]) {
     let (mut found, mut expected) = (vec![0.0; poses.len()], vec![0.0; poses.len()]);
-    field.query(&poses, &mut found).expect("answers");
-    field.twin().query(&poses, &mut expected).expect("answers");
+    field.query(poses, &mut found).expect("answers");
+    field.twin().query(poses, &mut expected).expect("answers");
     let mut worst = [0.0f32; 3];
     for ((pose, found), expected) in poses.iter().zip(&found).zip(&expected) {
         assert_eq!(found.is_nan(), !pose.is_pose(), "{pose:?}: {found}");
@@ -85,8 +89,8 @@ pub(crate) fn compare(field: &GpuField, within: &Within) {
     }
     let none = Gradient::NAN;
     let (mut found, mut expected) = (vec![none; poses.len()], vec![none; poses.len()]);
-    field.query_with_gradient(&poses, &mut found).expect("answers");
-    field.twin().query_with_gradient(&poses, &mut expected).expect("answers");
+    field.query_with_gradient(poses, &mut found).expect("answers");
+    field.twin().query_with_gradient(poses, &mut expected).expect("answers");
     let largest = expected.iter().map(|g| g.position.length()).fold(0.0, f32::max);
     let steepest = expected.iter().map(|g| g.direction.length()).fold(0.0, f32::max);
     let mut clamped = 0;
@@ -113,8 +117,8 @@ pub(crate) fn compare(field: &GpuField, within: &Within) {
 
     let near = Decision::Near;
     let (mut found, mut expected) = (vec![near; poses.len()], vec![near; poses.len()]);
-    field.classify(&poses, &mut found).expect("answers");
-    field.twin().classify(&poses, &mut expected).expect("answers");
+    field.classify(poses, &mut found).expect("answers");
+    field.twin().classify(poses, &mut expected).expect("answers");
     let others = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
     // Values within rounding of a threshold.
     assert!(others < 5, "{others} other decisions");

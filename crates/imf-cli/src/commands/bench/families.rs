@@ -16,7 +16,7 @@ use std::time::Instant;
 
 use anyhow::{Context as _, Result};
 use imf_core::evaluation::field_sections;
-use imf_core::factored::{FactoredField, TeachSettings, teach};
+use imf_core::factored::{FactoredField, Symmetry, TeachSettings, teach};
 use imf_core::field::LearntField;
 use imf_core::harmonic::basis::Domain;
 use imf_core::harmonic::{HarmonicField, fit, section_count};
@@ -114,7 +114,7 @@ fn compare(
     bench.measure(making, &mut Exact { session, plan: &plan })?;
 
     let (harmonic, fitted) = bench.harmonic()?;
-    let factored = bench.factored(harmonic, fitted)?;
+    let factored = bench.factored(harmonic, fitted, &scene)?;
     let siren_bytes = bench.siren(device, &scene, part)?;
     bench.stored(angles)?;
     bench.coarse("coarse table, as large as factored", factored)?;
@@ -186,12 +186,13 @@ impl Bench<'_> {
     }
 
     /// Teaches a network; the bytes of it.
-    fn factored(&mut self, teacher: HarmonicField, fitted: f64) -> Result<u64> {
-        let settings = taught_by(self.arguments);
+    fn factored(&mut self, teacher: HarmonicField, fitted: f64, scene: &Scene) -> Result<u64> {
+        let mut settings = taught_by(self.arguments);
         let stage = self.session.stage("factored", "steps", self.arguments.factored_steps);
         let advance = |steps| stage.advance(steps);
         let begun = Instant::now();
-        let mut state = settings.start(teacher.axis_count());
+        settings.symmetry = Symmetry::of(&teacher, &scene.obstacle);
+        let mut state = settings.start(settings.outputs(&teacher));
         let control = self.session.control(&advance);
         let outcome = teach(&teacher, &settings, &mut state, control, &mut |_| {})?;
         if !matches!(outcome, Outcome::Finished) || interrupt::requested() {
@@ -199,7 +200,7 @@ impl Bench<'_> {
         }
         let seconds = fitted + begun.elapsed().as_secs_f64();
         stage.finish("");
-        let shape = settings.shape(teacher.axis_count());
+        let shape = settings.shape(settings.outputs(&teacher));
         let mut field = FactoredField::new(&teacher, shape, state.training.parameters)?.folded();
         drop(teacher);
         let bytes = field.bytes();

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
 use imf_core::factored::file::FactoredFile;
-use imf_core::factored::{FactoredField, FactoredState, Optimiser, TeachSettings};
+use imf_core::factored::{FactoredField, FactoredState, Optimiser, Symmetry, TeachSettings};
 use imf_core::harmonic::FitSettings;
 use imf_core::harmonic::coefficients::Precision;
 use imf_core::scene::Scene;
@@ -15,6 +15,7 @@ use serde_json::Value;
 
 use super::FIELD;
 use crate::arguments::NetworkFamily;
+use crate::arguments::compress::SymmetryChoice;
 use crate::checkpoints::nothing_to_resume;
 use crate::engine::Device;
 use crate::session::Session;
@@ -65,8 +66,8 @@ impl<'a> Beginning<'a> {
     pub(super) fn require_network_of(&self, path: &Path, from: &FactoredFile) -> Result<()> {
         let Some(found) = &self.found else { return Ok(()) };
         let network = |settings: &TeachSettings| {
-            let TeachSettings { width, hidden, omega, .. } = settings;
-            format!("{hidden} layers of {width} and ω = {omega}")
+            let TeachSettings { width, hidden, omega, symmetry, .. } = settings;
+            format!("{hidden} layers of {width}, ω = {omega} and {symmetry}")
         };
         let [begun, other] = [found, from].map(|file| network(&file.settings));
         ensure!(
@@ -101,6 +102,15 @@ impl<'a> Beginning<'a> {
             }
         }
         Ok(optimiser)
+    }
+
+    /// What the network is told of symmetry as far as that is settled: as the checkpoint has it, or nothing where nothing is to
+    /// be told. `None` where a field is to be asked what there is.
+    pub(in crate::commands) fn symmetry(&self, choice: SymmetryChoice) -> Option<Symmetry> {
+        match (choice, &self.found) {
+            (SymmetryChoice::None, _) => Some(Symmetry::default()),
+            (SymmetryChoice::Auto, found) => found.as_ref().map(|found| found.settings.symmetry),
+        }
     }
 
     /// Refuses a checkpoint of other settings, and says which.

@@ -52,10 +52,19 @@ impl Extent {
         let Self { kind, fit, domain, voxels } = self;
         let (teach, voxels) = (&settings.teach, *voxels);
         let Sizes { functions, axes, .. } = fit.sizes(*domain);
+        // A network that is told of symmetry has every function for an output; whether there is any is seen later. Three
+        // matrices of these are held while it is taught.
+        let may_be_told = matches!((kind, domain), (Kind::Harmonic, Domain::Directions));
+        let outputs = if may_be_told { functions } else { axes };
+        let frames = if may_be_told { 12 * (functions * functions) as u64 } else { 0 };
         let (chosen, teacher, what) = match kind {
             Kind::Harmonic => {
                 let field = fit.memory(*domain, voxels).1 + 4 * (functions * (axes + 1)) as u64;
-                (0, field + teach.bytes_to_solve(voxels, axes), "the harmonic field and the network")
+                (
+                    0,
+                    field + frames + teach.bytes_to_solve(voxels, outputs),
+                    "the harmonic field and the network",
+                )
             }
             Kind::Sections => (
                 fit.outline_memory(*domain, voxels),
@@ -63,8 +72,8 @@ impl Extent {
                 "the sections and the network",
             ),
         };
-        let signals = 8 * teach.plan.batch.min(voxels) as u64 * (teach.width * teach.hidden + axes) as u64;
-        let shape = teach.shape(axes);
+        let signals = 8 * teach.plan.batch.min(voxels) as u64 * (teach.width * teach.hidden + outputs) as u64;
+        let shape = teach.shape(outputs);
         let network = BYTES_PER_PARAMETER * shape.parameter_count() as u64 + teach.optimiser.bytes(shape);
         session.require_memory(chosen.max(teacher + network + signals), || {
             format!("{what}; {}", settings.smaller)
@@ -114,9 +123,10 @@ impl Teacher<'_> {
         }
     }
 
-    pub(super) fn axis_count(&self) -> usize {
+    /// Outputs of the network.
+    pub(super) fn outputs(&self, settings: &TeachSettings) -> usize {
         match self {
-            Self::Harmonic(file) => file.field.axis_count(),
+            Self::Harmonic(file) => settings.outputs(&file.field),
             Self::Sections(sections) => sections.teacher.axis_count(),
         }
     }
@@ -148,8 +158,8 @@ impl Teacher<'_> {
         settings: &TeachSettings,
         from: Option<&FactoredFile>,
     ) -> Result<FactoredState> {
-        let (Some(from), Self::Harmonic(HarmonicFile { field: teacher, .. })) = (from, self) else {
-            return Ok(settings.start(self.axis_count()));
+        let (Some(from), Self::Harmonic(HarmonicFile { field: teacher, scene, .. })) = (from, self) else {
+            return Ok(settings.start(self.outputs(settings)));
         };
         ensure!(
             from.field.basis.domain() == teacher.basis.domain(),
@@ -159,7 +169,7 @@ impl Teacher<'_> {
             from.field.quantity == teacher.quantity,
             "--from is a field of another quantity: one is of overlaps, the other of depths"
         );
-        Ok(FactoredState::of_another(&from.field, teacher)?)
+        Ok(FactoredState::of_another(&from.field, teacher, &scene.obstacle)?)
     }
 
     pub(super) fn field(

@@ -11,9 +11,10 @@ use imf_core::training::run::{Length, TrainingPlan};
 
 use super::questions;
 use crate::arguments::DemoArguments;
+use crate::arguments::compress::SymmetryChoice;
 use crate::commands::compress::{self, Beginning};
 use crate::commands::eval::{IMF_ORIENTATIONS, expanded, require_memory};
-use crate::commands::train::factored;
+use crate::commands::train::factored::{self, Asked};
 use crate::engine::Device;
 use crate::report::{Report, Subject, evaluate};
 use crate::session::Session;
@@ -27,10 +28,12 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
     let device = Device::open(&arguments.device.device, session)?;
     let beginning = Beginning::at(&arguments.out, compress::is_unfinished(&arguments.out))?;
     let defaults = TeachSettings::of_length(Length::Steps(arguments.steps.unwrap_or(STEPS)));
+    let symmetry = beginning.symmetry(SymmetryChoice::Auto);
     let settings = compress::Settings {
         teach: TeachSettings {
             plan: TrainingPlan { seed: arguments.seed, ..defaults.plan },
             optimiser: beginning.optimiser(None, &device)?,
+            symmetry: symmetry.unwrap_or_default(),
             ..defaults
         },
         precision: Precision::F32,
@@ -39,9 +42,10 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
         smaller: "raise --memory, or take the smaller demo: --family siren5",
     };
     beginning.require_settings(&settings.teach)?;
-    let (file, _) = factored::made(session, &device, scene, None, settings, &beginning)?;
+    let asked = Asked { degree: None, find_symmetry: symmetry.is_none() };
+    let (file, _) = factored::made(session, &device, scene, asked, settings, &beginning)?;
 
-    require_memory(session, &file.scene.record, file.field.shape.axes)?;
+    require_memory(session, &file.scene.record, file.field.coefficient_count())?;
     let imf = file.field.basis.even_set(IMF_ORIENTATIONS)?;
     let expanded = expanded(&file);
     let stored = StoredField::Factored(file.into());

@@ -27,6 +27,7 @@ pub(super) fn describe(path: &Path, file: &FactoredFile) -> Result<Description> 
     ];
     lines.push(("values", quantity_text(field.quantity, &scene.record)));
     lines.extend(scene_lines(&scene.record));
+    lines.push(("symmetry", format!("the network is told of {}", field.shape.symmetry)));
     lines.push((
         "teacher",
         format!(

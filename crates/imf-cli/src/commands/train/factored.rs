@@ -3,7 +3,7 @@
 
 use anyhow::Result;
 use imf_core::factored::file::FactoredFile;
-use imf_core::factored::{SectionTeacher, TeachSettings};
+use imf_core::factored::{SectionTeacher, Symmetry, TeachSettings};
 use imf_core::harmonic::FitSettings;
 use imf_core::harmonic::basis::Domain;
 use imf_core::harmonic::coefficients::Precision;
@@ -28,7 +28,16 @@ pub(super) fn run(session: &Session, arguments: &TrainArguments, teach: TeachSet
     let folder = OutputFolder::check(&arguments.out)?;
     let beginning = Beginning::at(folder.path(), arguments.resume)?;
     let asked = arguments.factored.teaching.optimiser();
-    let teach = TeachSettings { optimiser: beginning.optimiser(asked, &device)?, ..teach };
+    let symmetry = match teach.online {
+        // Sections cannot tell of it.
+        Some(_) => Some(Symmetry::default()),
+        None => beginning.symmetry(arguments.factored.teaching.symmetry()),
+    };
+    let teach = TeachSettings {
+        optimiser: beginning.optimiser(asked, &device)?,
+        symmetry: symmetry.unwrap_or_default(),
+        ..teach
+    };
     beginning.require_settings(&teach)?;
     let scene = arguments.scene.scene_with(session, &arguments.contact)?;
     folder.create()?;
@@ -40,8 +49,17 @@ pub(super) fn run(session: &Session, arguments: &TrainArguments, teach: TeachSet
         smaller: "use a lower --degree, a smaller --batch or --online, or a larger --pitch",
     };
     let degree = arguments.factored.degree;
-    let taught = made(session, &device, &scene, degree, settings, &beginning)?;
+    let asked = Asked { degree, find_symmetry: symmetry.is_none() };
+    let taught = made(session, &device, &scene, asked, settings, &beginning)?;
     compress::concluded(session, folder.path(), taught, arguments.no_calibrate)
+}
+
+/// What the harmonic field decides.
+pub(in crate::commands) struct Asked {
+    /// Its degree; by default that of its kind of functions.
+    pub(in crate::commands) degree: Option<usize>,
+    /// The network is told of what symmetry the field has.
+    pub(in crate::commands) find_symmetry: bool,
 }
 
 /// The field of a scene by harmonics of a degree, written to the folder, with the last loss. Where a teaching is resumed that
@@ -50,8 +68,8 @@ pub(in crate::commands) fn made(
     session: &Session,
     device: &Device,
     scene: &Scene,
-    degree: Option<usize>,
-    settings: Settings,
+    Asked { degree, find_symmetry }: Asked,
+    mut settings: Settings,
     beginning: &Beginning<'_>,
 ) -> Result<(FactoredFile, f64)> {
     let domain = harmonic::domain(&scene.record.bare_tool().with_tip_only());
@@ -84,6 +102,9 @@ pub(in crate::commands) fn made(
     }
     let teacher = harmonic::fitted(session, scene, &plan, domain, fit, settings.smaller)?;
     drop(plan);
+    if find_symmetry {
+        settings.teach.symmetry = compress::symmetry_of(session, &teacher);
+    }
     Lesson { teacher: Teacher::Harmonic(&teacher), settings, beginning }.taught(session, device, None)
 }
 

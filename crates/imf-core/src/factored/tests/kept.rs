@@ -2,6 +2,10 @@
 
 use super::*;
 
+fn targets(teacher: &HarmonicField) -> Targets<'_> {
+    Targets::new(teacher, Symmetry::default()).unwrap()
+}
+
 #[test]
 fn a_folded_network_is_the_same_field_of_fewer_numbers() {
     let scene = scene();
@@ -94,11 +98,11 @@ fn files_read_back_bit_for_bit_and_damage_is_named() {
             assert!(matches!(error, TensorFileError::Damaged { .. }), "byte {place}: {error}");
         }
         let text = std::str::from_utf8(&bytes[8..header]).unwrap();
-        let newer = text.replacen(r#"\"version\":3"#, r#"\"version\":9"#, 1);
+        let newer = text.replacen(r#"\"version\":4"#, r#"\"version\":9"#, 1);
         let other = [&bytes[..8], newer.as_bytes(), &bytes[header..]].concat();
         std::fs::write(&path, other).unwrap();
         assert!(matches!(FactoredFile::read(&path), Err(TensorFileError::Newer { found: 9, .. })));
-        let older = text.replacen(r#"\"version\":3"#, r#"\"version\":2"#, 1);
+        let older = text.replacen(r#"\"version\":4"#, r#"\"version\":2"#, 1);
         std::fs::write(&path, [&bytes[..8], older.as_bytes(), &bytes[header..]].concat()).unwrap();
         assert_eq!(FactoredFile::read(&path).unwrap(), file);
     }
@@ -119,8 +123,9 @@ fn weights_turned_to_another_teacher_answer_as_before() {
     let richer = FitSettings { degree: 6, axes: usize::MAX, ..FIT };
     let richer = fit(&plan, Domain::Directions, &richer, Control::quiet()).unwrap();
     let shape = FactoredShape { axes: richer.axis_count(), ..own.shape };
-    let turned = FactoredField::new(&richer, shape, own.parameters_for(&richer).unwrap()).unwrap();
-    let folded = own.clone().fold().parameters_for(&richer).unwrap();
+    let turned =
+        FactoredField::new(&richer, shape, own.parameters_for(&richer, &targets(&richer)).unwrap()).unwrap();
+    let folded = own.clone().fold().parameters_for(&richer, &targets(&richer)).unwrap();
     let worst = folded.iter().zip(&turned.parameters).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(worst < 1e-5, "a folded network is turned as it was: {worst}");
     assert_ne!((turned.grid, turned.scale), (own.grid, own.scale));
@@ -141,12 +146,15 @@ fn weights_turned_to_another_teacher_answer_as_before() {
         spread = spread.max(expected.abs());
     }
     assert!(spread > 0.01, "a field that is not zero everywhere");
-    let start = FactoredState::of_another(&own, &richer).unwrap();
+    let start = FactoredState::of_another(&own, &richer, &other.obstacle).unwrap();
     let solved = FactoredField::new(&richer, shape, start.training.parameters).unwrap();
     let [solved, turned] = [&solved, &turned].map(|field| error(field, &richer));
     assert!(solved < 0.5 * turned, "with its best last layer {solved}, as it was {turned}");
     // With fewer axes it is what these leave of it: still closer than nothing.
-    let same = own.parameters_for(&teacher(&scene)).unwrap();
+    let same = {
+        let teacher = teacher(&scene);
+        own.parameters_for(&teacher, &targets(&teacher)).unwrap()
+    };
     let worst = same.iter().zip(&own.parameters).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(worst < 1e-4, "to its own teacher nothing changes: {worst}");
 }

@@ -4,7 +4,7 @@
 use std::time::Instant;
 
 use anyhow::{Context as _, Result};
-use imf_core::factored::{FactoredField, TeachSettings, teach};
+use imf_core::factored::{FactoredField, Symmetry, TeachSettings, teach};
 use imf_core::harmonic::basis::{Basis, Domain};
 use imf_core::harmonic::coefficients::Precision;
 use imf_core::harmonic::{FitSettings, HarmonicField, fit, section_count};
@@ -56,13 +56,15 @@ pub(in super::super) fn settings(sections: usize) -> FitSettings {
 fn taught(
     session: &Session,
     teacher: &HarmonicField,
+    scene: &Scene,
     settings: &TeachSettings,
 ) -> Result<(FactoredField, f64)> {
-    let axes = teacher.axis_count();
     let stage = session.stage("teaching", "steps", settings.plan.total_steps(teacher.grid.len()));
     let advance = |steps| stage.advance(steps);
-    let mut state = settings.start(axes);
     let (begun, mut loss) = (Instant::now(), f64::NAN);
+    let settings = &TeachSettings { symmetry: Symmetry::of(teacher, &scene.obstacle), ..*settings };
+    let axes = settings.outputs(teacher);
+    let mut state = settings.start(axes);
     let outcome =
         teach(teacher, settings, &mut state, session.control(&advance), &mut |step| loss = step.mean_loss)?;
     if let Outcome::Stopped(_) = outcome {
@@ -126,7 +128,7 @@ pub(super) fn measure(
     judge("linear in angle".into(), stored_in, bytes, &|o, values| stored.linear(o, values))?;
     let name = format!("harmonic, degree {}", settings.degree);
     judge(name, fitted_in, harmonic.bytes(), &|o, values| harmonic.sections(&harmonic.heads(&[*o]), values))?;
-    let (factored, taught_in) = taught(session, &harmonic, teaching)?;
+    let (factored, taught_in) = taught(session, &harmonic, scene, teaching)?;
     // Its coefficients at every voxel, once for all sections.
     let begun = Instant::now();
     let known = factored.evaluator().expanded(Precision::F16, harmonic.report);
