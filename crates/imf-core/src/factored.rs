@@ -203,7 +203,7 @@ impl FactoredField {
     /// told of symmetry.
     #[must_use]
     pub fn coefficient_count(&self) -> usize {
-        if self.shape.symmetry.is_none() { self.shape.axes } else { self.basis.len() }
+        self.shape.symmetry.coefficients(self.shape.axes, self.basis.len())
     }
 
     /// Numbers that the field consists of: weights, axes and mean.

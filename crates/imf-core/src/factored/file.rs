@@ -207,8 +207,7 @@ impl FactoredFile {
             return Err(file.damaged(&format!("its scale is {scale}")));
         }
         let sizes = fit.sizes(domain);
-        let axes = if settings.symmetry.is_none() { sizes.axes } else { sizes.functions };
-        let shape = settings.shape(axes);
+        let shape = settings.shape(settings.symmetry.coefficients(sizes.axes, sizes.functions));
         let shape = if folded { shape.folded() } else { shape };
         if folded && progress.is_some() {
             return Err(file.damaged("it has a state, and a folded network is not taught"));

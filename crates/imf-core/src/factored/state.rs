@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::last_layer::AT_THE_END;
 use super::targets::Targets;
-use super::{FactoredField, FactoredShape, TeachSettings, TeacherFunctions};
+use super::{FactoredField, FactoredShape, TeacherFunctions};
 use crate::harmonic::HarmonicField;
 use crate::occupancy::Occupancy;
 use crate::siren::engine::CpuTrainer;
@@ -83,9 +83,8 @@ impl FactoredState {
         if !symmetry.holds_in(teacher, obstacle) {
             return Err(ShapeError::OtherSymmetry(symmetry.to_string()));
         }
-        let axes = TeachSettings { symmetry, ..TeachSettings::default() }.outputs(teacher);
-        let shape = FactoredShape { axes, folded: false, ..from.shape };
         let targets = Targets::new(teacher, symmetry)?;
+        let shape = FactoredShape { axes: targets.outputs(), folded: false, ..from.shape };
         let parameters = from.parameters_for(teacher, &targets)?;
         let mut field = TeacherFunctions::of(teacher, &targets).field(shape, parameters)?;
         field.solve_last_layer(&targets, AT_THE_END, 0.0);

@@ -111,6 +111,12 @@ impl Symmetry {
         if self.axis.is_some() { MOST_INPUTS } else { super::INPUTS }
     }
 
+    /// Coefficients of a point where a field has so many axes and functions: axes, or every function by itself where there is
+    /// symmetry.
+    pub(super) fn coefficients(&self, axes: usize, functions: usize) -> usize {
+        if self.is_none() { axes } else { functions }
+    }
+
     /// What is wrong with it, if anything.
     #[must_use]
     pub fn fault(&self) -> Option<String> {

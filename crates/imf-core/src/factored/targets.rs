@@ -147,7 +147,7 @@ impl<'a> Targets<'a> {
 
     /// Outputs of the network.
     pub(super) fn outputs(&self) -> usize {
-        if self.local.is_some() { self.teacher.basis.len() } else { self.teacher.axis_count() }
+        self.symmetry.coefficients(self.teacher.axis_count(), self.teacher.basis.len())
     }
 
     /// U `[K][axes]` and μ `[K]` of the network: the teacher's, or every function of a place's frame by itself.

@@ -97,7 +97,7 @@ impl TeachSettings {
     /// Outputs of the network that a field teaches: its axes, or its functions where the network is told of symmetry.
     #[must_use]
     pub fn outputs(&self, teacher: &HarmonicField) -> usize {
-        if self.symmetry.is_none() { teacher.axis_count() } else { teacher.basis.len() }
+        self.symmetry.coefficients(teacher.axis_count(), teacher.basis.len())
     }
 
     /// The network for so many axes.

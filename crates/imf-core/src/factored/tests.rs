@@ -219,15 +219,7 @@ fn every_way_to_evaluate_is_the_definition() {
             let input: Vec<f64> = field.input(points[point]).iter().map(|&v| f64::from(v)).collect();
             let z = reference::forward(&field.shape, &weights, &input);
             field.basis.values(&set[orientation], &mut functions);
-            let defined: f64 = functions
-                .iter()
-                .enumerate()
-                .map(|(k, b)| {
-                    let row = &field.axes[k * z.len()..][..z.len()];
-                    let sum: f64 = row.iter().zip(&z).map(|(&u, z)| f64::from(u) * z).sum();
-                    b * (f64::from(field.mean[k]) + f64::from(field.scale) * sum)
-                })
-                .sum();
+            let defined = defined(&field, &z, &functions);
             let defined = defined.clamp(0.0, 1.0);
             let section = sections[orientation * grid.len() + grid.index(voxels[point])];
             let single = evaluator.overlap(points[point], &set[orientation], &mut scratch).unwrap();
@@ -288,6 +280,16 @@ fn gradients_of_single_poses_are_central_differences_on_every_instruction_set() 
             }
         }
     }
+}
+
+/// What a field is by definition of its network's outputs and its functions' values, not clipped: `Σ b_k (μ_k + s Σ U_ka z_a)`.
+fn defined(field: &FactoredField, z: &[f64], functions: &[f64]) -> f64 {
+    let of_function = |(k, b): (usize, &f64)| {
+        let row = &field.axes[k * z.len()..][..z.len()];
+        let sum: f64 = row.iter().zip(z).map(|(&u, z)| f64::from(u) * z).sum();
+        b * (f64::from(field.mean[k]) + f64::from(field.scale) * sum)
+    };
+    functions.iter().enumerate().map(of_function).sum()
 }
 
 /// The mean squared error of the coefficients, which is that of the field over the sphere.

@@ -146,15 +146,7 @@ fn fields_with_symmetry_are_their_network_in_the_frames_of_places() {
                 for (number, orientation) in set.iter().enumerate() {
                     let local = place.to_local(orientation.direction());
                     field.basis.values_of_direction(local, &mut functions);
-                    let defined: f64 = functions
-                        .iter()
-                        .enumerate()
-                        .map(|(k, b)| {
-                            let row = &field.axes[k * z.len()..][..z.len()];
-                            let sum: f64 = row.iter().zip(&z).map(|(&u, z)| f64::from(u) * z).sum();
-                            b * (f64::from(field.mean[k]) + f64::from(field.scale) * sum)
-                        })
-                        .sum();
+                    let defined = defined(&field, &z, &functions);
                     let gradient =
                         evaluator.overlap_with_gradient(point, orientation.direction(), &mut scratch);
                     spread = spread.max(defined.abs());
