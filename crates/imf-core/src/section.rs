@@ -193,6 +193,15 @@ impl SectionPlan {
         self
     }
 
+    /// The same sections at the voxels of another grid, as [`SectionPlan::with_query`].
+    ///
+    /// # Errors
+    /// A grid with other voxels than the obstacle's.
+    pub(crate) fn over(&self, query_grid: &Grid) -> Result<Self, SectionError> {
+        let obstacles = Obstacles { solid: &self.obstacle, skin: self.skin() };
+        Ok(Self::with_query(obstacles, query_grid, &self.tool)?.with_method(self.counter.method))
+    }
+
     fn sizes(grid: &Grid, offset: [i64; 3], dims: [usize; 3], tool: &Tool) -> (QueryBox, CircularSize) {
         let farthest = tool.sharp_point_positions(grid.pitch).iter().map(|k| k.length()).fold(0.0, f64::max);
         let grow = if farthest > 0.0 { (farthest / grid.pitch).ceil() as i64 + 1 } else { 0 };

@@ -2,7 +2,7 @@
 
 use super::HarmonicError;
 use super::basis::Domain;
-use super::fit::{FitReport, FitSettings, MOST_DEGREE, estimate};
+use super::fit::{FitReport, FitSettings, MOST_DEGREE, estimate, fitted_grid};
 use crate::control::Control;
 use crate::section::SectionPlan;
 
@@ -22,10 +22,11 @@ impl FitSettings {
     /// takes more. All axes are kept where these settings say so; where one pass does not fit, two may.
     #[must_use]
     pub fn degree_within(&self, plan: &SectionPlan, domain: Domain, bytes: u64) -> Option<usize> {
+        let fitted = fitted_grid(plan, domain, self.quantity);
         let fits = |&degree: &usize| {
-            [true, false]
-                .into_iter()
-                .any(|one_pass| Self { degree, one_pass, ..*self }.memory_with(plan, domain).0 <= bytes)
+            [true, false].into_iter().any(|one_pass| {
+                Self { degree, one_pass, ..*self }.memory_over(plan, &fitted, domain).0 <= bytes
+            })
         };
         (0..=MOST_DEGREE).take_while(fits).last()
     }

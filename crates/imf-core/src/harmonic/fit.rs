@@ -15,9 +15,12 @@
 //! this (`classes`): axes are then the functions themselves, class by class. Nothing then has to be known of all voxels
 //! before the first is solved for, and where sections are counted plane by plane, the fit goes through the grid with them
 //! (`parts`): what is held of the sections stays in the caches.
+//!
+//! Where obstacle and grid are their own mirror image, one side is fitted for both (`mirrored`).
 
 mod classes;
 mod kept;
+mod mirrored;
 mod parts;
 mod passes;
 mod sample;
@@ -30,7 +33,9 @@ use super::basis::{Basis, Domain};
 use super::coefficients::Precision;
 use super::{HarmonicError, HarmonicField};
 use crate::control::Control;
+use crate::grid::Grid;
 use crate::section::{Quantity, SectionPlan};
+use mirrored::Mirrored;
 use passes::{Fitted, Start};
 use solve::row_major;
 use source::Source;
@@ -109,15 +114,28 @@ impl FitSettings {
     /// Bytes at the peak of making a field of what `plan`'s sections are, and of the field itself.
     #[must_use]
     pub fn memory_with(&self, plan: &SectionPlan, domain: Domain) -> (u64, u64) {
-        let voxels = plan.grid().len();
-        let (peak, field) = self.memory(domain, voxels);
+        self.memory_over(plan, &fitted_grid(plan, domain, self.quantity), domain)
+    }
+
+    /// The same where `fitted`, the whole grid or one side of it, is what is fitted.
+    pub(super) fn memory_over(&self, plan: &SectionPlan, fitted: &Grid, domain: Domain) -> (u64, u64) {
+        let voxels = fitted.len();
+        let (mut peak, own) = self.memory(domain, voxels);
         let Sizes { functions, sections, .. } = self.sizes(domain);
-        if !self.one_pass || !self.in_classes(domain) {
-            return (peak, field);
+        if self.one_pass
+            && self.in_classes(domain)
+            && let Some(parts) = parts::memory(plan, fitted.dims, sections)
+        {
+            peak = parts + own + self.sample_bytes(domain, voxels) + square_bytes(functions);
         }
-        let parts = parts::memory(plan, sections);
-        let by_parts = |parts| parts + field + self.sample_bytes(domain, voxels) + square_bytes(functions);
-        (parts.map_or(peak, by_parts), field)
+        if voxels == plan.grid().len() {
+            return (peak, own);
+        }
+        let field = own / voxels as u64 * plan.grid().len() as u64;
+        // What is judged on one side for the others as well.
+        let sides = plan.grid().len().div_ceil(voxels);
+        let judged = (self.sample.min(voxels) * self.held_out * (sides - 1) * 4) as u64;
+        ((peak + judged).max(own + field), field)
     }
 
     /// Bytes at the peak of deciding on a field's functions by a sample of its `voxels` voxels.
@@ -212,22 +230,45 @@ pub fn fit(
     settings: &FitSettings,
     control: Control<'_>,
 ) -> Result<HarmonicField, HarmonicError> {
-    let source = Source::new(plan, settings.quantity)?;
-    let start = Start::new(&source, domain, settings, control)?;
-    let Fitted { axes, mean, coefficients, report } = match settings.one_pass {
-        true if settings.in_classes(domain) => start.class_by_class(&source, settings.precision, control)?,
-        true => start.in_one_pass(&source, settings.precision, control)?,
-        false => start.in_two_passes(&source, settings.precision, settings.in_classes(domain), control)?,
-    };
-    Ok(HarmonicField {
-        quantity: settings.quantity,
-        grid: *plan.grid(),
-        basis: start.basis,
-        axes: row_major(&axes),
-        mean: mean.iter().map(|&v| v as f32).collect(),
-        coefficients,
-        report,
+    begin(plan, domain, settings, control, |source, start, mirrored| {
+        let Fitted { axes, mean, coefficients, report } = match settings.one_pass {
+            true if settings.in_classes(domain) => {
+                start.class_by_class(source, settings.precision, control)?
+            }
+            true => start.in_one_pass(source, settings.precision, control)?,
+            false => start.in_two_passes(source, settings.precision, settings.in_classes(domain), control)?,
+        };
+        Ok(HarmonicField {
+            quantity: settings.quantity,
+            grid: *plan.grid(),
+            coefficients: mirrored.unfolded(coefficients, &start.parities_of(&axes)),
+            basis: start.basis,
+            axes: row_major(&axes),
+            mean: mean.iter().map(|&v| v as f32).collect(),
+            report,
+        })
     })
+}
+
+/// What every way to fit begins with: of one side of what is its own mirror image.
+fn begin<T>(
+    plan: &SectionPlan,
+    domain: Domain,
+    settings: &FitSettings,
+    control: Control<'_>,
+    go_on: impl FnOnce(&Source<'_>, Start, Mirrored) -> Result<T, HarmonicError>,
+) -> Result<T, HarmonicError> {
+    settings.check()?;
+    let mirrored = Mirrored::of(plan, domain, settings.quantity);
+    let side = mirrored.plan(plan)?;
+    let source = Source::new(side.as_ref().unwrap_or(plan), settings.quantity)?;
+    let start = Start::new(&source, domain, settings, &mirrored, control)?;
+    go_on(&source, start, mirrored)
+}
+
+/// The voxels that a fit solves for: the whole grid, or one side of what is its own mirror image.
+pub(super) fn fitted_grid(plan: &SectionPlan, domain: Domain, quantity: Quantity) -> Grid {
+    Mirrored::of(plan, domain, quantity).side()
 }
 
 /// What a fit with these settings would err, told by the sample's voxels alone. One unit of progress is one section,
@@ -241,8 +282,7 @@ pub fn estimate(
     settings: &FitSettings,
     control: Control<'_>,
 ) -> Result<FitReport, HarmonicError> {
-    let source = Source::new(plan, settings.quantity)?;
-    Start::new(&source, domain, settings, control)?.estimated(&source, control)
+    begin(plan, domain, settings, control, |source, start, _| start.estimated(source, control))
 }
 
 /// The functions of a field without its coefficients: what a sample of voxels tells of them.
@@ -267,16 +307,16 @@ pub(crate) fn outline(
     settings: &FitSettings,
     control: Control<'_>,
 ) -> Result<Outline, HarmonicError> {
-    let source = Source::new(plan, settings.quantity)?;
-    let start = Start::new(&source, domain, settings, control)?;
-    let (solved, axes, report) = start.sampled(&start.dense()?, &source, control)?;
-    let kept = (axes.transpose() * &solved.covariance * &axes).trace().max(0.0) / axes.ncols() as f64;
-    Ok(Outline {
-        basis: start.basis,
-        axes: row_major(&axes),
-        mean: solved.mean.iter().map(|&v| v as f32).collect(),
-        scale: if kept > 0.0 { kept.sqrt() as f32 } else { 1.0 },
-        report,
+    begin(plan, domain, settings, control, |source, start, _| {
+        let (solved, axes, report) = start.sampled(&start.dense()?, source, control)?;
+        let kept = (axes.transpose() * &solved.covariance * &axes).trace().max(0.0) / axes.ncols() as f64;
+        Ok(Outline {
+            basis: start.basis,
+            axes: row_major(&axes),
+            mean: solved.mean.iter().map(|&v| v as f32).collect(),
+            scale: if kept > 0.0 { kept.sqrt() as f32 } else { 1.0 },
+            report,
+        })
     })
 }
 

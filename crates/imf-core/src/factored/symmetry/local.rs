@@ -8,6 +8,7 @@ use pulp::Arch;
 
 use super::{Axis, Place, Symmetry};
 use crate::harmonic::rotations::{self, rotation_functions};
+use crate::harmonic::sphere::change_sign;
 use crate::vectorised::vectorised;
 
 /// What takes coefficients of all harmonics up to a degree from one frame to the other.
@@ -118,13 +119,13 @@ impl LocalHarmonics {
 
     /// Functions that are odd across what was mirrored change their sign.
     fn mirror(&self, place: &Place, coefficients: &mut [f32]) {
-        let [x, y, z] = self.order().map(|axis| place.signs[axis] < 0.0);
-        if !(x || y || z) {
+        let coordinates = self.order().map(|axis| place.signs[axis] < 0.0);
+        if !coordinates.contains(&true) {
             return;
         }
         for l in 0..=self.degree {
             for m in 0..=l {
-                let (even, odd) = signs(l, m, [x, y, z]);
+                let (even, odd) = change_sign(l, m, coordinates);
                 let middle = l * l + l;
                 if even {
                     coefficients[middle + m] = -coefficients[middle + m];
@@ -135,11 +136,4 @@ impl LocalHarmonics {
             }
         }
     }
-}
-
-/// Whether the functions of `cos mφ` and of `sin mφ` change their sign under mirrors across x, y and z.
-fn signs(l: usize, m: usize, [x, y, z]: [bool; 3]) -> (bool, bool) {
-    let across_x = x && m % 2 == 1;
-    let across_z = z && (l + m) % 2 == 1;
-    (across_x ^ across_z, x ^ across_x ^ y ^ across_z)
 }

@@ -15,15 +15,15 @@ use crate::section::{SectionError, SectionPlan, SectionScratch, SectionWalk};
 const PART_BYTES: usize = 48 << 20;
 
 /// Planes of a part.
-fn planes_at_once(plan: &SectionPlan, sections: usize) -> usize {
-    let [nx, ny, nz] = plan.grid().dims;
+fn planes_at_once([nx, ny, nz]: [usize; 3], sections: usize) -> usize {
     (PART_BYTES / (2 * sections * ny * nz).max(1)).clamp(1, nx)
 }
 
-/// Bytes at the peak of going through the parts of a plan's grid; `None` where it has but one.
-pub(super) fn memory(plan: &SectionPlan, sections: usize) -> Option<u64> {
-    let [_, ny, nz] = plan.grid().dims;
-    let part = planes_at_once(plan, sections) * ny * nz;
+/// Bytes at the peak of going through the parts of a grid of these dimensions, all or a side of a plan's; `None` where it has
+/// but one.
+pub(super) fn memory(plan: &SectionPlan, dims: [usize; 3], sections: usize) -> Option<u64> {
+    let [_, ny, nz] = dims;
+    let part = planes_at_once(dims, sections) * ny * nz;
     plan.walks().then(|| sections as u64 * plan.walk_bytes() + KeptSections::memory(sections, part))
 }
 
@@ -68,7 +68,7 @@ impl<'a> Parts<'a> {
                     plan.walk(orientation, scratch)
                 })
                 .collect();
-            parts.planes = planes_at_once(plan, set.len());
+            parts.planes = planes_at_once(plan.grid().dims, set.len());
             parts.by_planes = Some((*plan, walks?));
         }
         Ok(parts)

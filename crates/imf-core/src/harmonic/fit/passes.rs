@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::classes::{ClassWeights, class_order};
 use super::kept::{KEPT_BLOCK, KeptSections};
+use super::mirrored::{Mirrored, Parity, keep_even};
 use super::parts::Parts;
 use super::sample::Sample;
 use super::solve::{NormalMatrix, Solved, function_values, principal_axes};
@@ -26,6 +27,8 @@ pub(super) struct Start {
     set: Vec<Orientation>,
     sample: Sample,
     sizes: Sizes,
+    /// Of the functions, where one side is fitted for both.
+    parities: Vec<Parity>,
 }
 
 /// The least squares of all functions together.
@@ -48,14 +51,15 @@ impl Start {
         source: &Source<'_>,
         domain: Domain,
         settings: &FitSettings,
+        mirrored: &Mirrored,
         control: Control<'_>,
     ) -> Result<Self, HarmonicError> {
-        settings.check()?;
         let basis = Basis::new(domain, settings.degree);
+        let parities = mirrored.parities(&basis);
         let sizes = settings.sizes(domain);
         let set = basis.fitted_set(sizes.sections)?;
-        let sample = Sample::take(source, settings, &basis, control)?;
-        Ok(Self { basis, set, sample, sizes })
+        let sample = Sample::take(source, settings, &basis, mirrored, control)?;
+        Ok(Self { basis, set, sample, sizes, parities })
     }
 
     pub(super) fn dense(&self) -> Result<Dense, HarmonicError> {
@@ -72,9 +76,20 @@ impl Start {
         control: Control<'_>,
     ) -> Result<(Solved, DMatrix<f64>, FitReport), HarmonicError> {
         let own = self.sample.gather(source, &self.set, control)?;
-        let solved = self.sample.moments(&own, &dense.values).solve(&dense.normal);
+        let solved = self.solved(&own, dense);
         let (axes, report) = self.axes_of(&solved);
         Ok((solved, axes, report))
+    }
+
+    /// What the sample's values at the fitted orientations tell, `[orientation][voxel]`.
+    fn solved(&self, own: &[f32], dense: &Dense) -> Solved {
+        let solved = self.sample.moments(own, &dense.values).solve(&dense.normal);
+        solved.of_both_sides(&self.parities)
+    }
+
+    /// The parities of axes.
+    pub(super) fn parities_of(&self, axes: &DMatrix<f64>) -> Vec<Parity> {
+        axes.column_iter().map(|column| self.parities[column.iamax()]).collect()
     }
 
     /// The errors to expect, by a pass over the orientations at the sample's voxels alone.
@@ -87,7 +102,7 @@ impl Start {
     }
 
     fn axes_of(&self, solved: &Solved) -> (DMatrix<f64>, FitReport) {
-        let (axes, dropped) = principal_axes(&solved.covariance, self.sizes.axes);
+        let (axes, dropped) = principal_axes(&solved.covariance, &self.parities, self.sizes.axes);
         let sections = self.sizes.sections;
         let report = self.sample.report(&solved.coefficients, &self.basis, |place| place, sections, dropped);
         (axes, report)
@@ -100,7 +115,8 @@ impl Start {
         for (axis, function) in class_order(self.basis.degree()).into_iter().enumerate() {
             axes[(function, axis)] = 1.0;
         }
-        Ok((axes, DVector::from_vec(self.sample.rough_means(&self.basis)?)))
+        let mean = DVector::from_vec(self.sample.rough_means(&self.basis)?);
+        Ok((axes, keep_even(&mean, &self.parities)))
     }
 
     /// One pass, each class of functions by itself, part by part of the grid.
@@ -163,7 +179,7 @@ impl Start {
         let of_sample = sections.at(self.sample.places());
         let mut own = Vec::new();
         of_sample.read(Arch::new(), 0..of_sample.voxels.div_ceil(KEPT_BLOCK), &mut own);
-        let solved = self.sample.moments(&own, &dense.values).solve(&dense.normal);
+        let solved = self.solved(&own, &dense);
         let (axes, report) = self.axes_of(&solved);
         let (weights, start) = dense.weights(&axes, &solved.mean);
         let (count, width, arch) = (self.set.len(), axes.ncols(), Arch::new());

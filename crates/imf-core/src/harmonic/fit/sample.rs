@@ -3,6 +3,7 @@
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
+use super::mirrored::Mirrored;
 use super::solve::{Moments, NormalMatrix, column_means, function_values, gram};
 use super::source::{Source, SourceScratch};
 use super::{BLOCK, FitReport, FitSettings};
@@ -28,6 +29,7 @@ impl Sample {
         source: &Source<'_>,
         settings: &FitSettings,
         basis: &Basis,
+        mirrored: &Mirrored,
         control: Control<'_>,
     ) -> Result<Self, HarmonicError> {
         let total = source.grid().len();
@@ -41,8 +43,12 @@ impl Sample {
                 .collect()
         };
         places.sort_unstable();
-        let held_out = basis.random_set(settings.held_out, settings.seed)?.orientations;
-        let judged = gather(source, &held_out, &places, control)?;
+        let mut held_out = basis.random_set(settings.held_out, settings.seed)?.orientations;
+        let mut judged = gather(source, &held_out, &places, control)?;
+        // With these the sections are whole again, and have been told as that.
+        let images = mirrored.images(&held_out);
+        judged.extend(gather(source, &images, &places, Control { progress: &|_| {}, ..control })?);
+        held_out.extend(images);
         Ok(Self { places, held_out, judged, quantity: settings.quantity })
     }
 

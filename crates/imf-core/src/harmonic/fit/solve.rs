@@ -4,6 +4,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SymmetricEigen};
 use rayon::prelude::*;
 
 use super::BLOCK;
+use super::mirrored::Parity;
 use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::Basis;
 use crate::orientation::Orientation;
@@ -151,25 +152,36 @@ pub(super) fn column_means(values: &[f32], columns: usize) -> DVector<f64> {
     mean / (values.len() / columns) as f64
 }
 
-/// The leading eigenvectors as columns, functions × axes, and the sum of the other eigenvalues.
-pub(super) fn principal_axes(covariance: &DMatrix<f64>, axes: usize) -> (DMatrix<f64>, f64) {
+/// The leading eigenvectors as columns, functions × axes, and the sum of the other eigenvalues. Functions of different
+/// parities have no covariance, and no axis has both.
+pub(super) fn principal_axes(
+    covariance: &DMatrix<f64>,
+    parities: &[Parity],
+    axes: usize,
+) -> (DMatrix<f64>, f64) {
     let functions = covariance.nrows();
     if axes == functions {
         return (DMatrix::identity(functions, functions), 0.0);
     }
-    let symmetric = (covariance + covariance.transpose()) * 0.5;
-    let SymmetricEigen { eigenvectors, eigenvalues } = SymmetricEigen::new(symmetric);
-    let mut order: Vec<usize> = (0..functions).collect();
-    order.sort_by(|&a, &b| eigenvalues[b].total_cmp(&eigenvalues[a]));
-    let dropped = order[axes..].iter().map(|&i| eigenvalues[i].max(0.0)).sum();
-    let columns: Vec<_> = order[..axes]
-        .iter()
-        .map(|&i| {
-            let column = eigenvectors.column(i);
+    let mut all: Vec<(f64, DVector<f64>)> = Vec::with_capacity(functions);
+    for parity in 0..=parities.iter().copied().max().unwrap_or_default() {
+        let own: Vec<usize> = (0..functions).filter(|&function| parities[function] == parity).collect();
+        if own.is_empty() {
+            continue;
+        }
+        let among = covariance.select_rows(&own).select_columns(&own);
+        let symmetric = (&among + among.transpose()) * 0.5;
+        let SymmetricEigen { eigenvectors, eigenvalues } = SymmetricEigen::new(symmetric);
+        for (&value, column) in eigenvalues.iter().zip(eigenvectors.column_iter()) {
             // One sign for all machines: the largest component is positive.
             let largest = column.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(1.0);
-            column * largest.signum()
-        })
-        .collect();
+            let mut axis = DVector::zeros(functions);
+            own.iter().zip(&column).for_each(|(&place, &v)| axis[place] = v * largest.signum());
+            all.push((value, axis));
+        }
+    }
+    all.sort_by(|(a, _), (b, _)| b.total_cmp(a));
+    let dropped = all[axes..].iter().map(|(value, _)| value.max(0.0)).sum();
+    let columns: Vec<_> = all.into_iter().take(axes).map(|(_, axis)| axis).collect();
     (DMatrix::from_columns(&columns), dropped)
 }
