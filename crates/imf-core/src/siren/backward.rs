@@ -6,7 +6,7 @@ use std::ops::Range;
 use pulp::{Simd, WithSimd};
 
 use super::forward::Network;
-use super::lanes::{load, store};
+use super::lanes::{GROUP, load, store};
 use super::matrix::{Matrix, multiply};
 use super::plan::BLOCK;
 
@@ -137,34 +137,66 @@ struct Deltas<'a> {
 
 impl Deltas<'_> {
     #[inline(always)]
-    fn run<S: Simd, const INPUT: bool, const AXES: usize>(self, simd: S) {
+    fn run<S: Simd, const INPUT: bool, const AXES: usize>(mut self, simd: S) {
+        let group = GROUP * S::F32_LANES;
+        let whole = self.biases.len() / group * group;
+        for at in (0..whole).step_by(group) {
+            self.columns::<S, INPUT, AXES, GROUP>(simd, at);
+        }
+        for at in (whole..self.biases.len()).step_by(S::F32_LANES) {
+            self.columns::<S, INPUT, AXES, 1>(simd, at);
+        }
+    }
+
+    /// `N` registers of neurons from `first` on, down the rows: their sums stay in registers.
+    #[inline(always)]
+    fn columns<S: Simd, const INPUT: bool, const AXES: usize, const N: usize>(
+        &mut self,
+        simd: S,
+        first: usize,
+    ) {
         let columns = self.biases.len();
-        let input_sums = self.input_sums.unwrap_or_default();
-        // A register of neurons at a time down the rows: its sums stay in registers.
-        for at in (0..columns).step_by(S::F32_LANES) {
-            let mut bias = simd.splat_f32s(0.0);
-            let mut axes = [simd.splat_f32s(0.0); AXES];
-            for (row, sample) in self.inputs.chunks_exact(AXES).enumerate() {
-                let factor = match &self.upstream {
-                    Upstream::Rows(rows) => load(simd, &rows[row * columns..][..columns], at),
-                    Upstream::Outer { scales, weights } => {
-                        simd.mul_f32s(simd.splat_f32s(scales[row]), load(simd, weights, at))
-                    }
-                };
-                let slopes = &mut self.slopes[row * self.stride..][..columns];
-                let delta = simd.mul_f32s(load(simd, slopes, at), factor);
-                store(simd, slopes, at, delta);
-                bias = simd.add_f32s(bias, delta);
-                if INPUT {
-                    for (sum, &value) in axes.iter_mut().zip(sample) {
-                        *sum = simd.mul_add_e_f32s(simd.splat_f32s(value), delta, *sum);
+        let at: [usize; N] = std::array::from_fn(|place| first + place * S::F32_LANES);
+        let mut biases = [simd.splat_f32s(0.0); N];
+        let mut axes = [[simd.splat_f32s(0.0); N]; AXES];
+        for (row, sample) in self.inputs.chunks_exact(AXES).enumerate() {
+            let factors = match &self.upstream {
+                Upstream::Rows(rows) => {
+                    let row = &rows[row * columns..][..columns];
+                    at.map(|at| load(simd, row, at))
+                }
+                Upstream::Outer { scales, weights } => {
+                    let scale = simd.splat_f32s(scales[row]);
+                    at.map(|at| simd.mul_f32s(scale, load(simd, weights, at)))
+                }
+            };
+            let slopes = &mut self.slopes[row * self.stride..][..columns];
+            let mut deltas = factors;
+            for (delta, &at) in deltas.iter_mut().zip(&at) {
+                *delta = simd.mul_f32s(load(simd, slopes, at), *delta);
+                store(simd, slopes, at, *delta);
+            }
+            for (bias, &delta) in biases.iter_mut().zip(&deltas) {
+                *bias = simd.add_f32s(*bias, delta);
+            }
+            if INPUT {
+                for (sums, &value) in axes.iter_mut().zip(sample) {
+                    let value = simd.splat_f32s(value);
+                    for (sum, &delta) in sums.iter_mut().zip(&deltas) {
+                        *sum = simd.mul_add_e_f32s(value, delta, *sum);
                     }
                 }
             }
+        }
+        for (&bias, &at) in biases.iter().zip(&at) {
             store(simd, self.biases, at, bias);
-            if INPUT {
-                for (axis, &sum) in axes.iter().enumerate() {
-                    store(simd, &mut input_sums[axis * self.width..][..columns], at, sum);
+        }
+        if INPUT {
+            let input_sums = self.input_sums.as_deref_mut().unwrap_or_default();
+            for (axis, sums) in axes.iter().enumerate() {
+                let line = &mut input_sums[axis * self.width..][..columns];
+                for (&sum, &at) in sums.iter().zip(&at) {
+                    store(simd, line, at, sum);
                 }
             }
         }

@@ -45,6 +45,7 @@ pub struct CpuTrainer {
     /// Samples that `activations` and `slopes` hold for each layer.
     window: usize,
     state: TrainingState,
+    /// Whole where it is asked for, or summed over windows, or left to the matrices' own optimiser.
     gradient: Vec<f32>,
     panels: Vec<f32>,
     /// `[hidden][window][stride]` ([`Plan::stride`]).
@@ -58,6 +59,8 @@ pub struct CpuTrainer {
     /// Summed loss of each block of a window.
     losses: Vec<f64>,
     scratch: ScratchPool,
+    /// For the gradient of a piece.
+    gradients: ScratchPool,
     /// For the matrices between hidden layers, where Adam does not serve them.
     matrices: Option<Matrices>,
     /// For products in bfloat16; the arrays of a window above are then empty, but for the outputs.
@@ -78,7 +81,8 @@ impl CpuTrainer {
         let window = WINDOW.min(max_batch);
         let blocks = window.div_ceil(BLOCK);
         let parameters = Self::BYTES_PER_PARAMETER * shape.parameter_count() as u64;
-        let partials = 4 * (blocks * plan.partial_length()) as u64;
+        let gradients = rayon::current_num_threads() * plan.longest_piece();
+        let partials = 4 * (blocks * plan.partial_length() + gradients) as u64;
         let window = match precision {
             // f16 is refused by `check_precision`.
             Precision::F32 | Precision::F16 => {
@@ -147,6 +151,7 @@ impl CpuTrainer {
             partials: vec![0.0; blocks * plan.partial_length()],
             losses: vec![0.0; blocks],
             scratch: ScratchPool::new(scratch_length(plan.widest_panel())),
+            gradients: ScratchPool::new(plan.longest_piece()),
             matrices: None,
             pairs: None,
             loss_sum: 0.0,
@@ -223,12 +228,6 @@ impl CpuTrainer {
         let (gradient, panels) = (&mut self.gradient, &mut self.panels);
         let arrays = Arrays { parameters, first_moment, second_moment, gradient, panels };
         matrices.step(&self.plan, *step, learning_rate, arrays);
-    }
-
-    /// The last step's gradient.
-    #[cfg(test)]
-    pub(crate) fn last_gradient(&self) -> &[f32] {
-        &self.gradient
     }
 
     /// The weights as they are now, in the layout of the network's layers.
@@ -327,6 +326,7 @@ impl CpuTrainer {
                 deltas: &self.slopes,
                 outputs: &self.outputs,
                 partials: &self.partials[..blocks * self.plan.partial_length()],
+                gradients: &self.gradients,
                 pairs: self.pairs.as_ref(),
                 accumulate: index > 0,
                 factors: factors.filter(|_| index + 1 == windows),

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::lanes::{load, store};
+use super::lanes::{GROUP, load, store};
 use super::matrix::{Matrix, multiply};
 use super::plan::Plan;
 use super::sine::{sine, sine_cosine};
@@ -152,42 +152,61 @@ struct Activation<'a> {
 
 impl Activation<'_> {
     #[inline(always)]
-    fn run<S: Simd, const FRESH: bool, const INPUT: bool, const AXES: usize>(self, simd: S) {
+    fn run<S: Simd, const FRESH: bool, const INPUT: bool, const AXES: usize>(mut self, simd: S) {
+        let group = GROUP * S::F32_LANES;
+        let whole = self.biases.len() / group * group;
+        for at in (0..whole).step_by(group) {
+            self.columns::<S, FRESH, INPUT, AXES, GROUP>(simd, at);
+        }
+        for at in (whole..self.biases.len()).step_by(S::F32_LANES) {
+            self.columns::<S, FRESH, INPUT, AXES, 1>(simd, at);
+        }
+    }
+
+    /// `N` registers of neurons from `first` on, down the rows: their biases and input weights stay in registers.
+    #[inline(always)]
+    fn columns<S: Simd, const FRESH: bool, const INPUT: bool, const AXES: usize, const N: usize>(
+        &mut self,
+        simd: S,
+        first: usize,
+    ) {
         let columns = self.biases.len();
         let omega = simd.splat_f32s(self.omega);
         let input_weights = self.input_weights.unwrap_or_default();
-        let mut slopes = self.slopes;
-        // A register of neurons at a time down the rows: its biases and input weights stay in registers.
-        for at in (0..columns).step_by(S::F32_LANES) {
-            let bias = load(simd, self.biases, at);
-            let mut axes = [simd.splat_f32s(0.0); AXES];
-            if INPUT {
-                for (weights, line) in axes.iter_mut().zip(input_weights.chunks_exact(columns)) {
-                    *weights = load(simd, line, at);
+        let at: [usize; N] = std::array::from_fn(|place| first + place * S::F32_LANES);
+        let biases = at.map(|at| load(simd, self.biases, at));
+        let mut axes = [[simd.splat_f32s(0.0); N]; AXES];
+        if INPUT {
+            for (weights, line) in axes.iter_mut().zip(input_weights.chunks_exact(columns)) {
+                *weights = at.map(|at| load(simd, line, at));
+            }
+        }
+        for (row, sample) in self.inputs.chunks_exact(AXES).enumerate() {
+            let sums = &mut self.sums[row * self.stride..][..columns];
+            let mut angles = biases;
+            if !FRESH {
+                for (sum, &at) in angles.iter_mut().zip(&at) {
+                    *sum = simd.add_f32s(load(simd, sums, at), *sum);
                 }
             }
-            for (row, sample) in self.inputs.chunks_exact(AXES).enumerate() {
-                let sums = &mut self.sums[row * self.stride..][..columns];
-                let mut sum = bias;
-                if !FRESH {
-                    sum = simd.add_f32s(load(simd, sums, at), sum);
-                }
-                if INPUT {
-                    for (&value, &weights) in sample.iter().zip(&axes) {
-                        sum = simd.mul_add_e_f32s(simd.splat_f32s(value), weights, sum);
+            if INPUT {
+                for (&value, weights) in sample.iter().zip(&axes) {
+                    let value = simd.splat_f32s(value);
+                    for (sum, &weights) in angles.iter_mut().zip(weights) {
+                        *sum = simd.mul_add_e_f32s(value, weights, *sum);
                     }
                 }
-                let angle = simd.mul_f32s(omega, sum);
-                if let Some(slopes) = &mut slopes {
+            }
+            let angles = angles.map(|sum| simd.mul_f32s(omega, sum));
+            if let Some(slopes) = &mut self.slopes {
+                let slopes = &mut slopes[row * self.stride..][..columns];
+                for (&angle, &at) in angles.iter().zip(&at) {
                     let (sine, cosine) = sine_cosine(simd, angle);
                     store(simd, sums, at, sine);
-                    store(
-                        simd,
-                        &mut slopes[row * self.stride..][..columns],
-                        at,
-                        simd.mul_f32s(omega, cosine),
-                    );
-                } else {
+                    store(simd, slopes, at, simd.mul_f32s(omega, cosine));
+                }
+            } else {
+                for (&angle, &at) in angles.iter().zip(&at) {
                     store(simd, sums, at, sine(simd, angle));
                 }
             }

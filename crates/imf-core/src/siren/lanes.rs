@@ -3,6 +3,10 @@
 
 use pulp::Simd;
 
+/// Registers of neurons that a kernel takes down the rows side by side: with AVX-512 a panel, whose rows are then read and
+/// written whole.
+pub(crate) const GROUP: usize = 4;
+
 /// The register at `values[at..]`; lanes past the end are 0.
 #[inline(always)]
 pub(crate) fn load<S: Simd>(simd: S, values: &[f32], at: usize) -> S::f32s {

@@ -20,8 +20,11 @@
 
 use std::ops::Range;
 
+use pulp::Arch;
+
 use super::stack::{Ending, Stack};
 use crate::siren::Layer;
+use crate::vectorised::vectorised;
 
 /// Samples that one core takes through the network at a time: at width 512 a layer's values are 256 KiB, a quarter of
 /// the level-2 cache; 64 lose 5 % in the products, 256 gain 2 % but halve the number of pieces.
@@ -96,6 +99,11 @@ impl Plan {
         PANEL.min(self.stack.width.max(self.stack.outputs))
     }
 
+    /// Parameters of the longest piece.
+    pub(crate) fn longest_piece(&self) -> usize {
+        self.pieces.iter().map(|piece| piece.range.len()).max().unwrap_or_default()
+    }
+
     /// Where a panel's rows stand in the flat parameters and, transposed, in the array of panels.
     pub(crate) fn panel_range(&self, layer: usize, neurons: &Range<usize>) -> Range<usize> {
         let Layer { inputs, weights, .. } = self.layers[layer];
@@ -151,11 +159,32 @@ impl Plan {
     }
 }
 
-/// `out [columns][rows] = source [rows][columns]`, tile by tile so that both stay in cache: 2 % of a step at width 512.
+/// Rows and columns of a tile that is transposed.
+const TILE: usize = 16;
+
+/// `out [columns][rows] = source [rows][columns]`, tile by tile so that both stay in cache: 1 % of a step at width 512.
 pub(crate) fn transpose(source: &[f32], rows: usize, columns: usize, out: &mut [f32]) {
-    const TILE: usize = 16;
+    vectorised!(Arch::new(), transpose_tiles(source, rows, columns, out));
+}
+
+#[inline(always)]
+fn transpose_tiles(source: &[f32], rows: usize, columns: usize, out: &mut [f32]) {
     for first_column in (0..columns).step_by(TILE) {
         for first_row in (0..rows).step_by(TILE) {
+            if first_row + TILE <= rows && first_column + TILE <= columns {
+                let mut tile = [[0.0; TILE]; TILE];
+                for (row, line) in tile.iter_mut().enumerate() {
+                    line.copy_from_slice(&source[(first_row + row) * columns + first_column..][..TILE]);
+                }
+                exchange::<1>(&mut tile);
+                exchange::<2>(&mut tile);
+                exchange::<4>(&mut tile);
+                exchange::<8>(&mut tile);
+                for (column, line) in tile.iter().enumerate() {
+                    out[(first_column + column) * rows + first_row..][..TILE].copy_from_slice(line);
+                }
+                continue;
+            }
             let row_end = (first_row + TILE).min(rows);
             for column in first_column..(first_column + TILE).min(columns) {
                 let line = &mut out[column * rows..][first_row..row_end];
@@ -163,6 +192,20 @@ pub(crate) fn transpose(source: &[f32], rows: usize, columns: usize, out: &mut [
                     *value = source[row * columns + column];
                 }
             }
+        }
+    }
+}
+
+/// Exchanges the blocks off the diagonal of every block of `2 × BY` rows and columns: of all sizes, the transpose.
+#[inline(always)]
+fn exchange<const BY: usize>(tile: &mut [[f32; TILE]; TILE]) {
+    for row in 0..TILE {
+        if row & BY == 0 {
+            let (upper, lower) = (tile[row], tile[row | BY]);
+            tile[row] =
+                std::array::from_fn(|lane| if lane & BY == 0 { upper[lane] } else { lower[lane ^ BY] });
+            tile[row | BY] =
+                std::array::from_fn(|lane| if lane & BY == 0 { upper[lane ^ BY] } else { lower[lane] });
         }
     }
 }

@@ -6,6 +6,7 @@ use pulp::Arch;
 use super::super::adam::AdamFactors;
 use super::super::matrix::{Matrix, multiply};
 use super::super::plan::{BLOCK, Part, Piece, Plan, transpose};
+use super::super::scratch::ScratchPool;
 use super::bf16::Pairs;
 
 /// What the update writes, all in the layout of the flat parameters.
@@ -55,6 +56,8 @@ pub(super) struct Update<'a> {
     /// δ of the output layer.
     pub(super) outputs: &'a [f32],
     pub(super) partials: &'a [f32],
+    /// Room for the gradient of a piece.
+    pub(super) gradients: &'a ScratchPool,
     /// Products in bfloat16, which have what `activations` and `deltas` would.
     pub(super) pairs: Option<&'a Pairs>,
     /// An earlier window has left its gradient.
@@ -75,6 +78,19 @@ impl Update<'_> {
     }
 
     fn piece(&self, piece: &Piece, arrays: Arrays<'_>) {
+        // A gradient that Adam takes at once need not leave the cache.
+        if self.factors.is_some() && !self.accumulate && !self.spare_matrices {
+            self.gradients.with(|gradient| {
+                let gradient = &mut gradient[..piece.range.len()];
+                self.piece_in(piece, Arrays { gradient, ..arrays });
+            });
+        } else {
+            self.piece_in(piece, arrays);
+        }
+    }
+
+    /// With a gradient of the piece's own length.
+    fn piece_in(&self, piece: &Piece, arrays: Arrays<'_>) {
         let plan = self.plan;
         let gradient = &mut *arrays.gradient;
         match &piece.part {

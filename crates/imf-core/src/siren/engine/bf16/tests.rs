@@ -20,8 +20,9 @@ fn gradient(kernel: Kernel, shape: SirenShape, count: usize, omega: f32) -> (Vec
     let mut engine = engine(shape, Loss::L1, count + 60, 5).with_kernel(kernel).unwrap();
     let (inputs, targets) = batch(count, 9);
     engine.gradient.fill(f32::NAN);
+    let gradient = engine.gradient(&inputs, &targets, count).unwrap().1.to_vec();
     engine.step(&inputs, &targets, 1e-4).unwrap();
-    (engine.gradient.clone(), engine.take_mean_loss().unwrap())
+    (gradient, engine.take_mean_loss().unwrap())
 }
 
 /// How far bfloat16 takes a gradient from the definition's: every factor is off by 2⁻⁹ at most, a sum of independent errors by
