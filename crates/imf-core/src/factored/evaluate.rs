@@ -10,7 +10,9 @@ use rayon::prelude::*;
 use super::FactoredField;
 use super::symmetry::{LocalHarmonics, MOST_INPUTS, Place};
 use crate::harmonic::coefficients::{Coefficients, Precision};
-use crate::harmonic::{FitReport, HarmonicField, Heads, VoxelCoefficients, minimum_of, sections_of};
+use crate::harmonic::{
+    FitReport, HarmonicField, Heads, Mirrors, VoxelCoefficients, minimum_of, parities, sections_of,
+};
 use crate::section::{Imf, Quantity};
 use crate::siren::forward::Network;
 use crate::siren::halves::HalfPanels;
@@ -46,6 +48,8 @@ pub(super) struct Local {
     outputs: ScratchPool,
 }
 
+/// A mirror plane that is so near to the grid's middle, in pitches, takes voxels to voxels.
+const NEAR: f64 = 1e-6;
 /// Points that pass through the network together.
 const BLOCK: usize = HarmonicField::BLOCK;
 
@@ -272,12 +276,22 @@ impl VoxelCoefficients for FactoredEvaluator<'_> {
         self.field.quantity
     }
 
-    fn voxels(&self) -> usize {
-        self.field.grid.len()
+    fn dims(&self) -> [usize; 3] {
+        self.field.grid.dims
     }
 
     fn axes(&self) -> usize {
         self.field.coefficient_count()
+    }
+
+    fn mirrors(&self, _: usize) -> Option<Mirrors> {
+        let (local, grid) = (self.local.as_ref()?, &self.field.grid);
+        let middle = grid.origin + 0.5 * grid.size();
+        let across = [0, 1, 2].map(|axis| {
+            let plane = self.field.shape.symmetry.mirrors[axis];
+            plane.is_some_and(|plane| (plane - middle[axis]).abs() <= NEAR * grid.pitch)
+        });
+        Mirrors::new(across, parities(self.field.basis.degree(), across, local.harmonics.order()))
     }
 
     fn read<'a>(&'a self, voxels: Range<usize>, scratch: &'a mut Vec<f32>) -> &'a [f32] {

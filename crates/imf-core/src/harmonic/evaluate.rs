@@ -7,6 +7,8 @@ use rayon::prelude::*;
 
 use super::HarmonicField;
 use super::basis::Basis;
+use super::mirrors::Mirrors;
+use super::sides;
 use crate::orientation::Orientation;
 use crate::section::{Imf, Quantity};
 use crate::siren::matrix::{Matrix, multiply};
@@ -147,18 +149,26 @@ impl TurnedHeads<'_> {
 
 /// Where the coefficients of a block of voxels come from: an array, or a network.
 pub(crate) trait VoxelCoefficients: Sync {
+    /// Voxels of the grid along each axis.
+    fn dims(&self) -> [usize; 3];
     /// Voxels of the grid.
-    fn voxels(&self) -> usize;
+    fn voxels(&self) -> usize {
+        self.dims().iter().product()
+    }
     /// What the values are.
     fn quantity(&self) -> Quantity;
     /// Coefficients of a voxel.
     fn axes(&self) -> usize;
+    /// Where they are their own mirror images, if that is worth asking for so many orientations.
+    fn mirrors(&self, orientations: usize) -> Option<Mirrors>;
     /// `[voxel][axes]` of a range: where they lie, or computed into `scratch`.
     fn read<'a>(&'a self, voxels: Range<usize>, scratch: &'a mut Vec<f32>) -> &'a [f32];
 }
 
 /// Orientations of a chunk.
 const CHUNK: usize = 512;
+/// Orientations for which a field is looked through for its mirror planes: a product with so many takes several times as long.
+pub(super) const MANY: usize = 100;
 /// Orientations that one thread turns at a time.
 const TURNED: usize = 256;
 
@@ -181,7 +191,8 @@ impl HarmonicField {
     }
 
     /// The least value over the orientations at every voxel, an overlap in [0, 1], with the first orientation that has it before
-    /// clipping. Memory does not grow with the number of orientations but for [`Heads`].
+    /// clipping. Memory does not grow with the number of orientations but for [`Heads`], and a copy of these where the field is its
+    /// own mirror image.
     #[must_use]
     pub fn minimum(&self, heads: &Heads) -> Imf {
         minimum_of(self, heads)
@@ -193,12 +204,16 @@ impl VoxelCoefficients for HarmonicField {
         self.quantity
     }
 
-    fn voxels(&self) -> usize {
-        self.grid.len()
+    fn dims(&self) -> [usize; 3] {
+        self.grid.dims
     }
 
     fn axes(&self) -> usize {
         self.axis_count()
+    }
+
+    fn mirrors(&self, orientations: usize) -> Option<Mirrors> {
+        if orientations < MANY { None } else { Mirrors::of(self) }
     }
 
     fn read<'a>(&'a self, voxels: Range<usize>, scratch: &'a mut Vec<f32>) -> &'a [f32] {
@@ -209,8 +224,24 @@ impl VoxelCoefficients for HarmonicField {
 
 /// [`HarmonicField::sections`] of coefficients from anywhere.
 pub(crate) fn sections_of(source: &impl VoxelCoefficients, heads: &Heads, sections: &mut [f32]) {
+    assert_eq!(sections.len(), source.voxels() * heads.len(), "one value for each orientation and voxel");
+    match source.mirrors(heads.len()) {
+        Some(mirrors) => sides::sections_of(source, &mirrors, heads, sections),
+        None => whole_sections(source, heads, sections),
+    }
+}
+
+/// [`HarmonicField::minimum`] of coefficients from anywhere.
+pub(crate) fn minimum_of(source: &impl VoxelCoefficients, heads: &Heads) -> Imf {
+    match source.mirrors(heads.len()) {
+        Some(mirrors) => sides::minimum_of(source, &mirrors, heads),
+        None => whole_minimum(source, heads),
+    }
+}
+
+/// [`sections_of`], voxel by voxel.
+pub(super) fn whole_sections(source: &impl VoxelCoefficients, heads: &Heads, sections: &mut [f32]) {
     let (voxels, axes, quantity) = (source.voxels(), source.axes(), source.quantity());
-    assert_eq!(sections.len(), voxels * heads.len(), "one value for each orientation and voxel");
     // The same array by blocks of voxels: one piece of each section.
     let blocks = voxels.div_ceil(HarmonicField::BLOCK);
     let mut pieces: Vec<Vec<&mut [f32]>> = (0..blocks).map(|_| Vec::with_capacity(heads.len())).collect();
@@ -234,8 +265,8 @@ pub(crate) fn sections_of(source: &impl VoxelCoefficients, heads: &Heads, sectio
     });
 }
 
-/// [`HarmonicField::minimum`] of coefficients from anywhere.
-pub(crate) fn minimum_of(source: &impl VoxelCoefficients, heads: &Heads) -> Imf {
+/// [`minimum_of`], voxel by voxel.
+pub(super) fn whole_minimum(source: &impl VoxelCoefficients, heads: &Heads) -> Imf {
     let axes = source.axes();
     let mut whole = Imf::new(source.voxels());
     let values = whole.value.par_chunks_mut(HarmonicField::BLOCK);
@@ -249,8 +280,7 @@ pub(crate) fn minimum_of(source: &impl VoxelCoefficients, heads: &Heads) -> Imf 
                 heads.values(z, axes, chunk.clone(), values);
                 let rows = values.chunks_exact(chunk.len());
                 for ((least, best), row) in least.iter_mut().zip(best.iter_mut()).zip(rows) {
-                    let lowest =
-                        vectorised!(arch, row.iter().fold(f32::INFINITY, |a, &b| if b < a { b } else { a }));
+                    let lowest = vectorised!(arch, lowest(row));
                     if lowest < *least {
                         let place = row.iter().position(|&v| v == lowest).unwrap_or(0);
                         (*least, *best) = (lowest, (chunk.start + place) as u32);
@@ -261,6 +291,12 @@ pub(crate) fn minimum_of(source: &impl VoxelCoefficients, heads: &Heads) -> Imf 
         },
     );
     whole
+}
+
+/// The least of some values.
+#[inline(always)]
+pub(super) fn lowest(values: &[f32]) -> f32 {
+    values.iter().fold(f32::INFINITY, |a, &b| if b < a { b } else { a })
 }
 
 /// Working memory of one thread.

@@ -20,7 +20,7 @@
 
 mod classes;
 mod kept;
-mod mirrored;
+pub(super) mod mirrored;
 mod parts;
 mod passes;
 mod sample;

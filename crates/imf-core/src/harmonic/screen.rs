@@ -15,7 +15,7 @@ use pulp::Arch;
 use rayon::prelude::*;
 
 use super::cells::Cells;
-use super::evaluate::{Heads, VoxelCoefficients as _};
+use super::evaluate::{Heads, VoxelCoefficients as _, lowest};
 use super::{HarmonicError, HarmonicField};
 use crate::control::Control;
 use crate::field::{ExactField, Pose};
@@ -288,11 +288,6 @@ fn ranked<const COUNT: usize>(
 
 /// Values compared at a time.
 const PIECE: usize = 64;
-
-#[inline(always)]
-fn lowest(values: &[f32]) -> f32 {
-    values.iter().fold(f32::INFINITY, |a, &b| if b < a { b } else { a })
-}
 
 /// The least values seen, ascending.
 #[derive(Clone, Copy, Debug)]

@@ -4,6 +4,7 @@
 use glam::DMat3;
 
 use super::*;
+use crate::harmonic::VoxelCoefficients as _;
 use crate::harmonic::basis::Basis;
 use crate::occupancy::Occupancy;
 use crate::training::online::OnlineSettings;
@@ -107,12 +108,12 @@ fn all_functions(scene: &Scene) -> HarmonicField {
     fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap()
 }
 
-/// The symmetries, moved into a grid.
-fn within(grid: &Grid) -> Vec<Symmetry> {
-    let middle = grid.origin + 0.5 * grid.size();
+/// The symmetries, moved so far from a grid's middle, in pitches.
+fn within(grid: &Grid, beside: f64) -> Vec<Symmetry> {
+    let through = grid.origin + 0.5 * grid.size() + beside * grid.pitch;
     let moved = |symmetry: Symmetry| Symmetry {
-        mirrors: std::array::from_fn(|axis| symmetry.mirrors[axis].map(|_| middle[axis] + 0.13 * grid.pitch)),
-        axis: symmetry.axis.map(|axis| Axis { through: middle + 0.13 * grid.pitch, ..axis }),
+        mirrors: std::array::from_fn(|axis| symmetry.mirrors[axis].map(|_| through[axis])),
+        axis: symmetry.axis.map(|axis| Axis { through, ..axis }),
     };
     symmetries().into_iter().map(moved).collect()
 }
@@ -122,15 +123,21 @@ fn fields_with_symmetry_are_their_network_in_the_frames_of_places() {
     let scene = scene();
     let teacher = all_functions(&scene);
     let set = OrientationSet::parse("random:9:5").unwrap().orientations;
-    for symmetry in within(&teacher.grid) {
+    // Where a plane is the grid's middle, one side is computed for both.
+    let symmetries =
+        [0.13, 0.0].map(|beside| within(&teacher.grid, beside).into_iter().map(move |s| (s, beside)));
+    for (symmetry, beside) in symmetries.into_iter().flatten() {
         let settings = TeachSettings { width: 40, hidden: 2, omega: 6.0, symmetry, ..settings(1) };
         let shape = settings.shape(teacher.axis_count());
         let plain = FactoredField::new(&teacher, shape, shape.initial_parameters(3)).unwrap();
         for field in [plain.clone(), plain.fold()] {
             let (grid, evaluator) = (field.grid, field.evaluator());
+            let has_plane = symmetry.mirrors != [None; 3];
+            assert_eq!(evaluator.mirrors(set.len()).is_some(), has_plane && beside == 0.0, "{symmetry}");
             let heads = field.heads(&set);
             let mut sections = vec![0.0; grid.len() * set.len()];
             evaluator.sections(&heads, &mut sections);
+            let least = evaluator.minimum(&heads);
             let report = teacher.report;
             let expanded = evaluator.expanded(Precision::F32, report);
             let mut from_array = vec![0.0; sections.len()];
@@ -162,6 +169,11 @@ fn fields_with_symmetry_are_their_network_in_the_frames_of_places() {
                 }
             }
             assert!(spread > 0.01, "a field that is not zero everywhere: {spread}");
+            for (voxel, (&value, &best)) in least.value.iter().zip(&least.best).enumerate() {
+                let of_set = sections.iter().skip(voxel).step_by(grid.len());
+                assert_eq!(value, of_set.copied().fold(f32::INFINITY, f32::min));
+                assert_eq!(value, sections[best as usize * grid.len() + voxel]);
+            }
         }
     }
 }
@@ -170,7 +182,7 @@ fn fields_with_symmetry_are_their_network_in_the_frames_of_places() {
 fn slopes_with_symmetry_are_those_of_differences() {
     let scene = scene();
     let teacher = all_functions(&scene);
-    for symmetry in within(&teacher.grid) {
+    for symmetry in within(&teacher.grid, 0.13) {
         let settings = TeachSettings { width: 40, hidden: 2, omega: 6.0, symmetry, ..settings(1) };
         let shape = settings.shape(teacher.axis_count());
         let mut field = FactoredField::new(&teacher, shape, shape.initial_parameters(3)).unwrap();

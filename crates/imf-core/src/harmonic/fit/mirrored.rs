@@ -19,14 +19,10 @@ use super::solve::Solved;
 use crate::grid::Grid;
 use crate::harmonic::basis::{Basis, Domain};
 use crate::harmonic::coefficients::Coefficients;
-use crate::harmonic::sphere::all_that_change_sign;
+use crate::harmonic::mirrors::{PARITIES, Parity, parities};
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
 use crate::section::{Quantity, SectionError, SectionPlan};
-
-/// Which functions or axes change their sign across which planes: bit 0 for x, 1 for y, 2 for z.
-pub(super) type Parity = u8;
-const PARITIES: usize = 8;
 
 /// The middle planes of a grid across which what is fitted is its own image.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,12 +66,10 @@ impl Mirrored {
 
     /// The parity of every function.
     pub(super) fn parities(&self, basis: &Basis) -> Vec<Parity> {
-        let mut parities = vec![0; basis.len()];
-        for axis in (0..3).filter(|&axis| self.across[axis]) {
-            let odd = all_that_change_sign(basis.degree(), [0, 1, 2].map(|other| other == axis));
-            parities.iter_mut().zip(odd).for_each(|(parity, odd)| *parity |= u8::from(odd) << axis);
+        match basis.domain() {
+            Domain::Directions => parities(basis.degree(), self.across, [0, 1, 2]),
+            Domain::Rotations => vec![0; basis.len()],
         }
-        parities
     }
 
     /// What stands for some orientations on the other side, or on the other sides: their images, which are none where nothing is
@@ -189,7 +183,7 @@ fn is_mirrored(Occupancy { grid, solid }: &Occupancy, axis: usize) -> bool {
 }
 
 #[cfg(test)]
-mod tests {
+pub(in crate::harmonic) mod tests {
     use super::*;
     use crate::access::tests::small_tool;
     use crate::control::Control;
@@ -220,11 +214,11 @@ mod tests {
         obstacle
     }
 
-    fn plan(beyond: usize) -> SectionPlan {
+    pub(in crate::harmonic) fn plan(beyond: usize) -> SectionPlan {
         SectionPlan::new(&obstacle(beyond), &small_tool()).unwrap()
     }
 
-    fn made(plan: &SectionPlan, settings: &FitSettings) -> HarmonicField {
+    pub(in crate::harmonic) fn made(plan: &SectionPlan, settings: &FitSettings) -> HarmonicField {
         fit(plan, Domain::Directions, settings, Control::quiet()).unwrap()
     }
 

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::classes::{ClassWeights, class_order};
 use super::kept::{KEPT_BLOCK, KeptSections};
-use super::mirrored::{Mirrored, Parity, keep_even};
+use super::mirrored::{Mirrored, keep_even};
 use super::parts::Parts;
 use super::sample::Sample;
 use super::solve::{NormalMatrix, Solved, function_values, principal_axes};
@@ -16,6 +16,7 @@ use crate::control::Control;
 use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::{Basis, Domain};
 use crate::harmonic::coefficients::{Coefficients, Precision};
+use crate::harmonic::mirrors::Parity;
 use crate::orientation::Orientation;
 use crate::section::SectionError;
 use crate::siren::matrix::{Matrix, multiply};

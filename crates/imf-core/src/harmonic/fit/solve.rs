@@ -4,9 +4,9 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SymmetricEigen};
 use rayon::prelude::*;
 
 use super::BLOCK;
-use super::mirrored::Parity;
 use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::Basis;
+use crate::harmonic::mirrors::Parity;
 use crate::orientation::Orientation;
 use crate::siren::matrix::{Matrix, multiply};
 
