@@ -4,7 +4,7 @@
 //   directions  X [matrices][rows][columns]
 //   gram        A [matrices][rows][rows]
 
-@group(0) @binding(0) var<uniform> muon: Muon;
+@group(0) @binding(0) var<uniform> between: Between;
 @group(0) @binding(1) var<storage, read> directions: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read_write> gram: array<vec4<f32>>;
 
@@ -12,14 +12,14 @@
 var<private> first: u32;
 
 fn extent(slice: u32) -> Extent {
-    first = slice * muon.rows * muon.columns;
-    return Extent(muon.rows, muon.rows, 0u, muon.columns);
+    first = slice * between.rows * between.columns;
+    return Extent(between.rows, between.rows, 0u, between.columns);
 }
 
 /// X[row][k]
 fn left(row: u32, k: u32) -> mat4x4<f32> {
-    let at = (first + row * muon.columns + k) / 4u;
-    let next = muon.columns / 4u;
+    let at = (first + row * between.columns + k) / 4u;
+    let next = between.columns / 4u;
     return transpose(mat4x4<f32>(
         directions[at], directions[at + next], directions[at + 2u * next], directions[at + 3u * next],
     ));
@@ -31,5 +31,5 @@ fn right(k: u32, column: u32) -> mat4x4<f32> {
 }
 
 fn store(slice: u32, row: u32, column: u32, sums: vec4<f32>) {
-    gram[((slice * muon.rows + row) * muon.rows + column) / 4u] = sums;
+    gram[((slice * between.rows + row) * between.rows + column) / 4u] = sums;
 }

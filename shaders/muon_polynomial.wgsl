@@ -4,7 +4,7 @@
 //   gram        A [matrices][rows][rows]
 //   polynomial  B, likewise
 
-@group(0) @binding(0) var<uniform> muon: Muon;
+@group(0) @binding(0) var<uniform> between: Between;
 @group(0) @binding(1) var<storage, read> gram: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read_write> polynomial: array<vec4<f32>>;
 
@@ -12,8 +12,8 @@
 var<private> first: u32;
 
 fn extent(slice: u32) -> Extent {
-    first = slice * muon.rows * muon.rows;
-    return Extent(muon.rows, muon.rows, 0u, muon.rows);
+    first = slice * between.rows * between.rows;
+    return Extent(between.rows, between.rows, 0u, between.rows);
 }
 
 /// A[row][k]
@@ -23,12 +23,12 @@ fn left(row: u32, k: u32) -> mat4x4<f32> {
 
 /// A[k][column]
 fn right(k: u32, column: u32) -> mat4x4<f32> {
-    let at = (first + k * muon.rows + column) / 4u;
-    let next = muon.rows / 4u;
+    let at = (first + k * between.rows + column) / 4u;
+    let next = between.rows / 4u;
     return mat4x4<f32>(gram[at], gram[at + next], gram[at + 2u * next], gram[at + 3u * next]);
 }
 
 fn store(slice: u32, row: u32, column: u32, sums: vec4<f32>) {
-    let at = ((slice * muon.rows + row) * muon.rows + column) / 4u;
+    let at = ((slice * between.rows + row) * between.rows + column) / 4u;
     polynomial[at] = MUON_B * gram[at] + MUON_C * sums;
 }

@@ -5,7 +5,7 @@
 //   directions  X [matrices][rows][columns]
 //   turned      X', likewise
 
-@group(0) @binding(0) var<uniform> muon: Muon;
+@group(0) @binding(0) var<uniform> between: Between;
 @group(0) @binding(1) var<storage, read> polynomial: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> directions: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> turned: array<vec4<f32>>;
@@ -15,13 +15,13 @@ var<private> matrix: u32;
 
 fn extent(slice: u32) -> Extent {
     matrix = slice;
-    return Extent(muon.rows, muon.columns, 0u, muon.rows);
+    return Extent(between.rows, between.columns, 0u, between.rows);
 }
 
 /// B[row][k]
 fn left(row: u32, k: u32) -> mat4x4<f32> {
-    let at = ((matrix * muon.rows + row) * muon.rows + k) / 4u;
-    let next = muon.rows / 4u;
+    let at = ((matrix * between.rows + row) * between.rows + k) / 4u;
+    let next = between.rows / 4u;
     return transpose(mat4x4<f32>(
         polynomial[at], polynomial[at + next], polynomial[at + 2u * next], polynomial[at + 3u * next],
     ));
@@ -29,12 +29,12 @@ fn left(row: u32, k: u32) -> mat4x4<f32> {
 
 /// X[k][column]
 fn right(k: u32, column: u32) -> mat4x4<f32> {
-    let at = ((matrix * muon.rows + k) * muon.columns + column) / 4u;
-    let next = muon.columns / 4u;
+    let at = ((matrix * between.rows + k) * between.columns + column) / 4u;
+    let next = between.columns / 4u;
     return mat4x4<f32>(directions[at], directions[at + next], directions[at + 2u * next], directions[at + 3u * next]);
 }
 
 fn store(slice: u32, row: u32, column: u32, sums: vec4<f32>) {
-    let at = ((slice * muon.rows + row) * muon.columns + column) / 4u;
+    let at = ((slice * between.rows + row) * between.columns + column) / 4u;
     turned[at] = MUON_A * directions[at] + sums;
 }

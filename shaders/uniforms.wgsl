@@ -63,6 +63,8 @@ struct Step {
     /// 1 / (1 − β₁ᵗ), 1 / (1 − β₂ᵗ).
     correction1: f32,
     correction2: f32,
+    /// The same for SOAP's moments, which begin with the second step.
+    matrix_correction: f32,
     epsilon: f32,
     weight_decay: f32,
 }
@@ -73,23 +75,58 @@ struct Span {
     end: u32,
 }
 
-/// The matrices between hidden layers that Muon steps, kept beside each other.
-struct Muon {
+/// The matrices between hidden layers, where another optimiser than Adam steps them; kept beside each other.
+struct Between {
     /// Neurons of a layer.
     rows: u32,
     /// Inputs of the layer that has most.
     columns: u32,
-    /// Share of the momentum that a step leaves.
-    momentum: f32,
-    one_minus_momentum: f32,
+    /// Share of momentum and moments that a step leaves.
+    kept: f32,
+    one_minus_kept: f32,
 }
 
 /// One of them among the parameters; an element of a storage buffer.
-struct MuonMatrix {
+struct MatrixPlace {
     weights: u32,
     columns: u32,
     /// A step's length over the learning rate.
     length: f32,
+}
+
+/// A product of SOAP's for every matrix, C ← kept·C + share·A·B. `rows`, `columns` and `inner` are the product's,
+/// whichever way its factors are stored.
+struct Product {
+    rows: u32,
+    columns: u32,
+    inner: u32,
+    /// 1 where A is stored as [inner][rows].
+    left_transposed: u32,
+    /// 1 where B is stored as [columns][inner].
+    right_transposed: u32,
+    kept: f32,
+    share: f32,
+}
+
+/// Some reflections of a QR decomposition.
+struct Panel {
+    first: u32,
+    end: u32,
+    /// The first axis that they are taken to.
+    behind: u32,
+    /// 1 where the last comes first.
+    backwards: u32,
+}
+
+/// The rows or the columns of a matrix, which SOAP finds axes of; an element of a storage buffer.
+struct Side {
+    /// Without padding.
+    size: u32,
+    /// Those from here on stand so many further: padding lies between.
+    split: u32,
+    gap: u32,
+    /// With padding, of the widest matrix.
+    stride: u32,
 }
 
 /// One part of an evaluation: rows of poses, or points × directions.

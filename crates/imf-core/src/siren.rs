@@ -101,6 +101,16 @@ pub enum ShapeError {
         /// Parameters found.
         found: usize,
     },
+    /// Numbers that an optimiser kept and that do not fit the network.
+    #[error("{found} numbers of SOAP's means and axes after {step} steps; {expected} belong to the network")]
+    Kept {
+        /// Numbers given.
+        found: usize,
+        /// Steps done.
+        step: u64,
+        /// Numbers needed.
+        expected: usize,
+    },
     /// Asked to learn, a network whose last sines are its outputs.
     #[error("a network without a linear layer behind its sines is evaluated, not taught")]
     NoLastLayer,

@@ -73,9 +73,9 @@ impl PaddedLayout {
         &self.layers[self.stack.between()]
     }
 
-    /// Their inputs without padding.
-    pub(crate) fn learnt_between(&self) -> impl Iterator<Item = usize> {
-        self.plain[self.stack.between()].iter().map(|layer| layer.inputs)
+    /// The same without padding.
+    pub(crate) fn learnt_between(&self) -> &[Layer] {
+        &self.plain[self.stack.between()]
     }
 
     /// Flat parameters into the padded layout, zeros in the padding.

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use imf_core::factored::ANGLE;
 use imf_core::siren::INPUTS;
 use imf_core::siren::muon::QUINTIC;
+use imf_core::siren::soap::EPSILON;
 
 /// Rows and columns of the outputs that one workgroup of a matrix product covers, with either kernel.
 pub const TILE: u32 = 64;
@@ -30,8 +31,12 @@ pub const LOSS_L2: u32 = 1;
 pub const COUNT_PLACES: u32 = 128;
 /// Binary digits of such a count, as many as `count_differences.wgsl` writes out: at most 262,143 run ends an orientation.
 pub const COUNT_DIGITS: u32 = 18;
-/// Workgroups that share what Muon does element by element with one matrix: a thread takes four vec4 of 256 × 256.
-pub const MUON_GROUPS: u32 = 64;
+/// Workgroups that share what Muon and SOAP do element by element with one matrix: a thread takes four vec4 of 256 × 256.
+pub const MATRIX_GROUPS: u32 = 64;
+/// Invocations that find a panel of reflections: as many as every adapter has in a workgroup.
+pub const SOAP_GROUP: u32 = 256;
+/// Reflections of a panel, which find each other within one workgroup.
+pub const SOAP_PANEL: u32 = 16;
 /// `Symmetry::along` where frames turn about no axis.
 pub const NO_AXIS: u32 = 3;
 /// Decisions of poses as the device writes them.
@@ -210,8 +215,26 @@ pub enum Shader {
     MuonPolynomial,
     /// Third product.
     MuonTurn,
+    /// Matrices between hidden layers out of the parameters' layout.
+    SoapGather,
+    /// And back.
+    SoapScatter,
+    /// A product of factors that stand either way.
+    SoapProduct,
+    /// Moments along the axes.
+    SoapMoments,
+    /// Means along the axes.
+    SoapMeans,
+    /// Axes by falling mean.
+    SoapOrder,
+    /// Some reflections that make them orthonormal.
+    SoapPanel,
+    /// The same taken to other axes.
+    SoapReflect,
+    /// Second moments in the new axes' order.
+    SoapFollow,
     /// Update of the matrices.
-    MuonUpdate,
+    MatricesUpdate,
     /// Values of the network.
     Outputs,
     /// Running minimum over directions.
@@ -252,7 +275,7 @@ pub enum Shader {
 
 impl Shader {
     /// All kernels.
-    pub const ALL: [Self; 37] = [
+    pub const ALL: [Self; 46] = [
         Self::Inputs,
         Self::Poses,
         Self::HiddenTrain,
@@ -271,7 +294,16 @@ impl Shader {
         Self::MuonGram,
         Self::MuonPolynomial,
         Self::MuonTurn,
-        Self::MuonUpdate,
+        Self::SoapGather,
+        Self::SoapScatter,
+        Self::SoapProduct,
+        Self::SoapMoments,
+        Self::SoapMeans,
+        Self::SoapOrder,
+        Self::SoapPanel,
+        Self::SoapReflect,
+        Self::SoapFollow,
+        Self::MatricesUpdate,
         Self::Outputs,
         Self::Minimum,
         Self::RowMinimum,
@@ -305,6 +337,7 @@ impl Shader {
                 | Self::MuonGram
                 | Self::MuonPolynomial
                 | Self::MuonTurn
+                | Self::SoapProduct
         )
     }
 
@@ -319,6 +352,7 @@ impl Shader {
         let place = include_str!("../../../shaders/place.wgsl");
         let cell = include_str!("../../../shaders/voxel_cell.wgsl");
         let harmonics = include_str!("../../../shaders/harmonics.wgsl");
+        let side = include_str!("../../../shaders/soap_side.wgsl");
         let overlap = include_str!("../../../shaders/count_overlap.wgsl");
         let parts: &[&str] = match self {
             Self::Inputs => &[include_str!("../../../shaders/inputs.wgsl")],
@@ -343,7 +377,16 @@ impl Shader {
             Self::MuonGram => &[product, include_str!("../../../shaders/muon_gram.wgsl")],
             Self::MuonPolynomial => &[product, include_str!("../../../shaders/muon_polynomial.wgsl")],
             Self::MuonTurn => &[product, include_str!("../../../shaders/muon_turn.wgsl")],
-            Self::MuonUpdate => &[include_str!("../../../shaders/muon_update.wgsl")],
+            Self::SoapGather => &[include_str!("../../../shaders/soap_gather.wgsl")],
+            Self::SoapScatter => &[include_str!("../../../shaders/soap_scatter.wgsl")],
+            Self::SoapProduct => &[product, include_str!("../../../shaders/soap_product.wgsl")],
+            Self::SoapMoments => &[include_str!("../../../shaders/soap_moments.wgsl")],
+            Self::SoapMeans => &[side, include_str!("../../../shaders/soap_means.wgsl")],
+            Self::SoapOrder => &[side, include_str!("../../../shaders/soap_order.wgsl")],
+            Self::SoapPanel => &[side, include_str!("../../../shaders/soap_panel.wgsl")],
+            Self::SoapReflect => &[side, include_str!("../../../shaders/soap_reflect.wgsl")],
+            Self::SoapFollow => &[include_str!("../../../shaders/soap_follow.wgsl")],
+            Self::MatricesUpdate => &[include_str!("../../../shaders/matrices_update.wgsl")],
             Self::Outputs => &[sigmoid, include_str!("../../../shaders/outputs.wgsl")],
             Self::Minimum => &[include_str!("../../../shaders/minimum.wgsl")],
             Self::RowMinimum => &[include_str!("../../../shaders/row_minimum.wgsl")],
@@ -408,7 +451,9 @@ fn prelude() -> String {
         ("LOSS_L2", LOSS_L2),
         ("COUNT_PLACES", COUNT_PLACES),
         ("COUNT_DIGITS", COUNT_DIGITS),
-        ("MUON_GROUPS", MUON_GROUPS),
+        ("MATRIX_GROUPS", MATRIX_GROUPS),
+        ("SOAP_GROUP", SOAP_GROUP),
+        ("SOAP_PANEL", SOAP_PANEL),
         ("FREE", FREE),
         ("BLOCKED", BLOCKED),
         ("NEAR", NEAR),
@@ -422,6 +467,7 @@ fn prelude() -> String {
         ("MUON_A", a),
         ("MUON_B", b),
         ("MUON_C", c),
+        ("SOAP_EPSILON", EPSILON),
         ("ANGLE", ANGLE as f32),
     ] {
         let _ = writeln!(text, "const {name}: f32 = {value:?};");

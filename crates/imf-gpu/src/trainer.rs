@@ -2,16 +2,18 @@
 //! only losses are read back.
 //!
 //! ```text
-//! inputs → forward (keeps slopes) → loss, Δ → backward (slopes become Δ) → partial gradients → reduce → Adam, Muon
+//! inputs → forward (keeps slopes) → loss, Δ → backward (slopes become Δ) → partial gradients → reduce → Adam; Muon, SOAP
 //! ```
 //!
 //! A batch too large for the adapter's limits goes in parts whose gradients add up. The order of every sum depends on
 //! the batch and the limits alone.
 
 mod kernels;
+mod matrices;
 mod muon;
 mod plan;
 mod proof;
+mod soap;
 
 use imf_core::factored::Optimiser;
 use imf_core::siren::SirenShape;
@@ -25,13 +27,13 @@ use crate::shader::{Factors, LOSS_L1, LOSS_L2, MatrixKernel};
 use crate::submit::Recorder;
 use crate::uniforms::{Batch, Step};
 use kernels::Kernels;
-use muon::Matrices;
+use matrices::MatrixPlaces;
 use plan::{LOSS_SLOTS, plan, slice};
 
 /// How a trainer learns.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TrainerSettings {
-    /// Of every weight that Muon does not step.
+    /// Of every weight that the optimiser of the matrices does not step.
     pub adam: AdamConfig,
     /// What a step minimises.
     pub loss: Loss,
@@ -172,18 +174,7 @@ impl GpuTrainer {
         if adam.epsilon <= 0.0 {
             return Err(EngineError::Shape(format!("Adam's epsilon must be positive, not {}", adam.epsilon)));
         }
-        let muon = match optimiser {
-            Optimiser::Adam => None,
-            Optimiser::Muon(config) => Matrices::of(&layout).map(|matrices| (config, matrices)),
-            Optimiser::Soap(_) => {
-                return Err(EngineError::Device(
-                    "SOAP is computed on the CPU alone: teach with --optimiser muon, or on --device cpu"
-                        .to_owned(),
-                ));
-            }
-        };
-        let matrices = muon.map(|(_, matrices)| matrices);
-        let (plan, places, part_rows, max_slices) = plan(&layout, gpu.limits(), max_batch, matrices);
+        let (plan, places, part_rows, max_slices) = plan(&layout, gpu.limits(), max_batch, optimiser);
         let buffers = plan.allocate(gpu)?;
         let at = |place: usize| buffers[place].clone();
         let all = |places: &[usize]| places.iter().map(|&place| at(place)).collect::<Vec<_>>();
@@ -197,7 +188,7 @@ impl GpuTrainer {
         let mut scratch = all(&places.signals);
         scratch.extend(all(&places.deltas));
         scratch.extend([places.gradient, places.partials, places.row_losses, places.results].map(at));
-        scratch.extend(places.muon.iter().flat_map(|muon| muon.scratch().map(at)));
+        scratch.extend(places.matrices.iter().flat_map(MatrixPlaces::scratch).map(at));
         let host = Buffers {
             step: uniform(gpu, "step", &Step::default())?,
             samples: at(places.samples),
@@ -218,7 +209,7 @@ impl GpuTrainer {
                 [&at(places.results), &at(places.row_losses), &at(places.partials)],
                 factors,
             )?
-            .with_optimiser(gpu, &network, &host, muon, &places, &buffers)
+            .with_optimiser(gpu, &network, &host, &places, &buffers, state)
         })??;
         Ok(Self {
             gpu: gpu.clone(),
@@ -236,12 +227,12 @@ impl GpuTrainer {
         })
     }
 
-    /// Bytes of device memory that a trainer needs, read-back and uniforms left out.
+    /// Bytes of device memory that a trainer by Adam needs, read-back and uniforms left out.
     ///
     /// # Errors
     /// As [`GpuTrainer::new`], without allocating anything.
     pub fn memory_bytes(gpu: &Gpu, shape: SirenShape, max_batch: usize) -> Result<u64, EngineError> {
-        let plan = plan(&layout_for(gpu, shape.stack())?, gpu.limits(), max_batch, None).0;
+        let plan = plan(&layout_for(gpu, shape.stack())?, gpu.limits(), max_batch, Optimiser::Adam).0;
         plan.check(gpu.limits())?;
         Ok(plan.bytes())
     }
@@ -316,11 +307,11 @@ impl GpuTrainer {
                 (&self.buffers.targets, bytemuck::cast_slice(targets)),
             ];
             let workgroups = self.gpu.limits().workgroups;
-            let (kernels, layout) = (&self.kernels, &self.network.layout);
+            let (kernels, layout, step) = (&self.kernels, &self.network.layout, self.step + 1);
             self.recorder.pass(&self.gpu, &writes, |pass| {
                 kernels.record_gradient(pass, layout, padded_rows, slices, workgroups);
                 if index == last && rate.is_some() {
-                    kernels.record_update(pass, workgroups);
+                    kernels.record_update(pass, workgroups, step);
                 }
             })?;
         }
@@ -328,7 +319,7 @@ impl GpuTrainer {
     }
 
     fn step_uniform(&self, count: usize, learning_rate: f32) -> Step {
-        let TrainerSettings { adam, loss, .. } = self.settings;
+        let TrainerSettings { adam, loss, optimiser, .. } = self.settings;
         let (beta1, beta2) = (f64::from(adam.beta1), f64::from(adam.beta2));
         let correction = |beta: f64| (1.0 / (1.0 - beta.powf((self.step + 1) as f64))) as f32;
         Step {
@@ -348,6 +339,13 @@ impl GpuTrainer {
             one_minus_beta2: (1.0 - beta2) as f32,
             correction1: correction(beta1),
             correction2: correction(beta2),
+            matrix_correction: match optimiser {
+                // Before the first step is done there are no moments, and none are read.
+                Optimiser::Soap(config) => {
+                    (1.0 / (1.0 - f64::from(config.kept).powf(self.step as f64))) as f32
+                }
+                Optimiser::Adam | Optimiser::Muon(_) => 1.0,
+            },
             epsilon: adam.epsilon,
             weight_decay: adam.weight_decay,
         }
@@ -422,7 +420,7 @@ impl TrainingEngine for GpuTrainer {
             parameters: self.weights()?,
             first_moment: self.unpadded(&self.buffers.first_moment)?,
             second_moment: self.unpadded(&self.buffers.second_moment)?,
-            preconditioners: Vec::new(),
+            preconditioners: self.kernels.kept(&self.gpu, &self.network.layout)?,
             step: self.step,
         })
     }

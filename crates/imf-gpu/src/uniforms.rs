@@ -62,6 +62,7 @@ pub struct Step {
     pub one_minus_beta2: f32,
     pub correction1: f32,
     pub correction2: f32,
+    pub matrix_correction: f32,
     pub epsilon: f32,
     pub weight_decay: f32,
 }
@@ -74,23 +75,56 @@ pub struct Span {
     pub end: u32,
 }
 
-/// The matrices that Muon steps.
+/// The matrices that Muon or SOAP steps.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct Muon {
+pub struct Between {
     pub rows: u32,
     pub columns: u32,
-    pub momentum: f32,
-    pub one_minus_momentum: f32,
+    pub kept: f32,
+    pub one_minus_kept: f32,
 }
 
 /// One of them; an element of a storage buffer.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct MuonMatrix {
+pub struct MatrixPlace {
     pub weights: u32,
     pub columns: u32,
     pub length: f32,
+}
+
+/// A product of SOAP's.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Product {
+    pub rows: u32,
+    pub columns: u32,
+    pub inner: u32,
+    pub left_transposed: u32,
+    pub right_transposed: u32,
+    pub kept: f32,
+    pub share: f32,
+}
+
+/// Some reflections of a QR decomposition.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Panel {
+    pub first: u32,
+    pub end: u32,
+    pub behind: u32,
+    pub backwards: u32,
+}
+
+/// The rows or the columns of a matrix; an element of a storage buffer.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Side {
+    pub size: u32,
+    pub split: u32,
+    pub gap: u32,
+    pub stride: u32,
 }
 
 /// One part of an evaluation.

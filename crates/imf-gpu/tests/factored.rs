@@ -18,6 +18,7 @@ use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
 use imf_core::section::{Quantity, SectionPlan};
 use imf_core::siren::muon::MuonConfig;
+use imf_core::siren::soap::SoapConfig;
 use imf_core::tool::Tool;
 use imf_core::training::Loss;
 use imf_core::training::run::{Length, TrainingPlan};
@@ -200,7 +201,8 @@ fn teaching_reaches_the_cpus_error_and_goes_on_to_the_same_bits() {
     let teacher = teacher();
     let gpu = adapter::open();
     let axes = teacher.axis_count();
-    for optimiser in [Optimiser::Adam, Optimiser::Muon(MuonConfig::default())] {
+    let [muon, soap] = [Optimiser::Muon(MuonConfig::default()), Optimiser::Soap(SoapConfig::default())];
+    for optimiser in [Optimiser::Adam, muon, soap] {
         let all = TeachSettings { optimiser, ..settings(300) };
         let run = |stop: bool| {
             let mut state = all.start(axes);

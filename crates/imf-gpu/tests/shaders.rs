@@ -4,11 +4,12 @@
 use std::mem::offset_of;
 
 use imf_gpu::shader::{
-    FRAGMENTS_MEMORY, Factors, Fragment, LINEAR_GROUP, MatrixKernel, REGISTER_GROUP, Shader, TILED_GROUP,
+    FRAGMENTS_MEMORY, Factors, Fragment, LINEAR_GROUP, MatrixKernel, REGISTER_GROUP, SOAP_GROUP, Shader,
+    TILED_GROUP,
 };
 use imf_gpu::uniforms::{
-    Batch, Counting, Descent, Harmonics, Job, Lattice, Layer, Muon, MuonMatrix, PlaceFrame, Placement, Span,
-    Step, Sweep, Symmetry, Thresholds, World,
+    Batch, Between, Counting, Descent, Harmonics, Job, Lattice, Layer, MatrixPlace, Panel, PlaceFrame,
+    Placement, Product, Side, Span, Step, Sweep, Symmetry, Thresholds, World,
 };
 use naga::valid::{Capabilities, ModuleInfo, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
@@ -69,6 +70,7 @@ fn every_shader_is_valid_and_has_one_entry_point() {
         let entry = &module.entry_points[0];
         assert_eq!(entry.name, "main", "{name}");
         let expected = match (made.shader.is_product(), made.factors, made.matrix) {
+            (false, ..) if made.shader == Shader::SoapPanel => [SOAP_GROUP, 1, 1],
             (false, ..) => [LINEAR_GROUP, 1, 1],
             (true, Factors::Fragments(_), _) => [TILED_GROUP * TILED_GROUP, 1, 1],
             (true, _, MatrixKernel::Register) => [REGISTER_GROUP, REGISTER_GROUP, 1],
@@ -94,7 +96,15 @@ fn expected_bindings(shader: Shader) -> &'static str {
         Shader::MuonScale => "urw",
         Shader::MuonGram | Shader::MuonPolynomial => "urw",
         Shader::MuonTurn => "urrw",
-        Shader::MuonUpdate => "uurrw",
+        Shader::SoapGather | Shader::SoapScatter => "urrw",
+        Shader::SoapProduct => "urrw",
+        Shader::SoapMoments => "uurwww",
+        Shader::SoapMeans => "rrrww",
+        Shader::SoapOrder => "rrrwww",
+        Shader::SoapPanel => "urww",
+        Shader::SoapReflect => "urrw",
+        Shader::SoapFollow => "urrrrw",
+        Shader::MatricesUpdate => "uurrw",
         Shader::Outputs => "uuurw",
         Shader::Minimum => "urww",
         Shader::RowMinimum => "uuurww",
@@ -177,11 +187,14 @@ fn uniform_blocks_have_the_same_size_and_offsets_in_rust_and_wgsl() {
         block!(Placement: stride, offset, columns, inputs),
         block!(
             Step: inverse_count, scale, learnt, loss, slot, first, learning_rate, beta1, one_minus_beta1, beta2, one_minus_beta2,
-            correction1, correction2, epsilon, weight_decay
+            correction1, correction2, matrix_correction, epsilon, weight_decay
         ),
         block!(Span: first, end),
-        block!(Muon: rows, columns, momentum, one_minus_momentum),
-        block!(MuonMatrix: weights, columns, length),
+        block!(Between: rows, columns, kept, one_minus_kept),
+        block!(MatrixPlace: weights, columns, length),
+        block!(Product: rows, columns, inner, left_transposed, right_transposed, kept, share),
+        block!(Panel: first, end, behind, backwards),
+        block!(Side: size, split, gap, stride),
         block!(World: low, high, origin, size),
         block!(Descent: first_weights, first_stride, neurons, skip_weights, skip_stride, skip_neurons),
         block!(Symmetry: plane_x, plane_y, plane_z, through_x, through_y, through_z, along, blunt),

@@ -15,6 +15,8 @@ use serde::{Deserialize, Serialize};
 use super::lanes::dot;
 use super::matrix::{Matrix, combine_by_rows};
 use super::orthonormal::Orthonormal;
+use super::stack::Stack;
+use super::{Layer, ShapeError};
 use crate::vectorised::vectorised;
 
 /// Settings of SOAP.
@@ -40,6 +42,26 @@ pub const EPSILON: f32 = 1e-12;
 /// Looks at the first gradient's axes, from those of the weights: after 1,000 steps fields err as they do where its
 /// eigenvectors are the first axes (1.83e-6 and 1.84e-6, in the record).
 pub const FIRST_LOOKS: usize = 4;
+
+/// What `kept` holds of each matrix between hidden layers after `step` steps, in the order of the layers: means and axes of
+/// the rows, then of the columns, `[size][size]` each with an axis a row. Before the first step nothing of each.
+///
+/// # Errors
+/// Another number of them than the network has.
+pub fn kept_of<'a>(stack: &Stack, step: u64, mut kept: &'a [f32]) -> Result<Vec<&'a [f32]>, ShapeError> {
+    let layers = &stack.layers()[stack.between()];
+    let count = |layer: &Layer| if step == 0 { 0 } else { Soap::kept_count(layer.outputs, layer.inputs) };
+    let expected: usize = layers.iter().map(count).sum();
+    if kept.len() != expected {
+        return Err(ShapeError::Kept { found: kept.len(), step, expected });
+    }
+    let each = layers.iter().map(|layer| {
+        let (own, others) = kept.split_at(count(layer));
+        kept = others;
+        own
+    });
+    Ok(each.collect())
+}
 
 /// What is kept of one matrix beside its moments, and working memory.
 pub(crate) struct Soap {

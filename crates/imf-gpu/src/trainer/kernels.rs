@@ -1,12 +1,11 @@
 //! Every kernel of a training step, bound to the trainer's buffers, and in which order they run.
 
 use imf_core::siren::ShapeError;
-use imf_core::siren::muon::MuonConfig;
 use imf_core::siren::stack::TaughtEnding;
-use imf_core::training::EngineError;
+use imf_core::training::{EngineError, TrainingState};
 
 use super::Buffers;
-use super::muon::{Matrices, MuonStep};
+use super::matrices::MatrixStep;
 use super::plan::Places;
 use crate::device::Gpu;
 use crate::forward::{Forward, Network};
@@ -30,7 +29,7 @@ pub(super) struct Kernels {
     /// Spans of the parameters, and their lengths in vec4.
     adam: Vec<(Bound, usize)>,
     /// What lies between the spans.
-    muon: Option<MuonStep>,
+    matrices: Option<MatrixStep>,
 }
 
 impl Kernels {
@@ -79,24 +78,24 @@ impl Kernels {
             bias_gradient: each(&|l| bias.bind(gpu, &[batch, &layers[l], &deltas[l], partials])),
             reduce: kernel(Shader::Reduce)?.bind(gpu, &[batch, &host.step, partials, &host.gradient]),
             adam: Vec::new(),
-            muon: None,
+            matrices: None,
         })
     }
 
-    /// With the kernels of the update: Adam for all parameters, or Muon for the matrices between hidden layers and Adam for
-    /// the rest. `buffers` are those of the trainer's plan.
+    /// With the kernels of the update: Adam for all parameters, or another optimiser for the matrices between hidden layers and
+    /// Adam for the rest. `buffers` are those of the trainer's plan.
     pub(super) fn with_optimiser(
         mut self,
         gpu: &Gpu,
         network: &Network,
         host: &Buffers,
-        muon: Option<(MuonConfig, Matrices)>,
         places: &Places,
         buffers: &[wgpu::Buffer],
+        state: &TrainingState,
     ) -> Result<Self, EngineError> {
         let adam = Kernel::new(gpu, Shader::Adam)?;
         let moments = [&host.first_moment, &host.second_moment];
-        let spared = if muon.is_some() { network.layout.between() } else { &[] };
+        let spared = if places.matrices.is_some() { network.layout.between() } else { &[] };
         let ends = spared.iter().map(|layer| layer.weights).chain([network.layout.parameters]);
         let starts = [0].into_iter().chain(spared.iter().map(|layer| layer.biases));
         for (first, end) in starts.zip(ends) {
@@ -106,9 +105,8 @@ impl Kernels {
             let bound = adam.bind(gpu, &[&front[..], &moments].concat());
             self.adam.push((bound, (end - first) / 4));
         }
-        if let (Some((config, matrices)), Some(places)) = (muon, &places.muon) {
-            let read = [&host.step, &host.gradient, &host.first_moment];
-            self.muon = Some(MuonStep::new(gpu, network, config, matrices, places, buffers, read)?);
+        if let Some(places) = &places.matrices {
+            self.matrices = Some(MatrixStep::new(gpu, network, host, places, buffers, state)?);
         }
         Ok(self)
     }
@@ -136,13 +134,19 @@ impl Kernels {
         }
         self.reduce.linear(pass, layout.parameters / 4, workgroups);
     }
-    /// The update by a gradient that is whole.
-    pub(super) fn record_update(&self, pass: &mut wgpu::ComputePass<'_>, workgroups: u32) {
+
+    /// The update of step number `step`, counted from 1, by a gradient that is whole.
+    pub(super) fn record_update(&self, pass: &mut wgpu::ComputePass<'_>, workgroups: u32, step: u64) {
         for (adam, length) in &self.adam {
             adam.linear(pass, *length, workgroups);
         }
-        if let Some(muon) = &self.muon {
-            muon.record(pass);
+        if let Some(matrices) = &self.matrices {
+            matrices.record(pass, step);
         }
+    }
+
+    /// What the optimiser of the matrices keeps beside the moments, as a state has it.
+    pub(super) fn kept(&self, gpu: &Gpu, layout: &PaddedLayout) -> Result<Vec<f32>, EngineError> {
+        self.matrices.as_ref().map_or(Ok(Vec::new()), |matrices| matrices.kept(gpu, layout))
     }
 }

@@ -13,29 +13,46 @@
 use imf_core::siren::muon::{LENGTH, MuonConfig, STEPS};
 use imf_core::training::EngineError;
 
-use super::plan::MuonPlaces;
+use super::Buffers;
+use super::matrices::Matrices;
 use crate::device::Gpu;
 use crate::forward::Network;
 use crate::kernel::{Bound, Kernel, uniform};
-use crate::layout::PaddedLayout;
-use crate::shader::{LINEAR_GROUP, MUON_GROUPS, Shader};
-use crate::uniforms::{Muon, MuonMatrix};
+use crate::memory::Plan;
+use crate::shader::{MATRIX_GROUPS, Shader};
+use crate::uniforms::{Between, MatrixPlace};
 
-/// How many matrices lie between hidden layers, and what they fit in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Matrices {
-    pub(super) count: usize,
-    pub(super) rows: usize,
-    pub(super) columns: usize,
+/// Places of what Muon works with.
+pub(super) struct MuonPlaces {
+    config: MuonConfig,
+    matrices: Matrices,
+    /// A [`MatrixPlace`] each.
+    table: usize,
+    directions: usize,
+    turned: usize,
+    gram: usize,
+    polynomial: usize,
+    squares: usize,
 }
 
-impl Matrices {
-    /// Those of a network; none where there is one hidden layer.
-    pub(super) fn of(layout: &PaddedLayout) -> Option<Self> {
-        let between = layout.between();
-        let rows = between.first()?.outputs;
-        let columns = between.iter().map(|layer| layer.inputs).max()?;
-        Some(Self { count: between.len(), rows, columns })
+impl MuonPlaces {
+    pub(super) fn plan(plan: &mut Plan, config: MuonConfig, matrices: Matrices) -> Self {
+        let Matrices { count, rows, columns } = matrices;
+        Self {
+            config,
+            matrices,
+            table: plan.add("places of the matrices", count * size_of::<MatrixPlace>() / 4),
+            directions: plan.add("directions of Muon", count * rows * columns),
+            turned: plan.add("directions of Muon", count * rows * columns),
+            gram: plan.add("products of Muon", count * rows * rows),
+            polynomial: plan.add("products of Muon", count * rows * rows),
+            squares: plan.add("squares of Muon", count * MATRIX_GROUPS as usize),
+        }
+    }
+
+    /// What a step writes before it reads it.
+    pub(super) fn scratch(&self) -> [usize; 5] {
+        [self.directions, self.turned, self.gram, self.polynomial, self.squares]
     }
 }
 
@@ -51,34 +68,23 @@ pub(super) struct MuonStep {
 }
 
 impl MuonStep {
-    /// Compiles and binds the kernels; `step` is the trainer's uniform block, `buffers` are those of the trainer's plan.
+    /// Compiles and binds the kernels; `buffers` are those of the trainer's plan.
     pub(super) fn new(
         gpu: &Gpu,
         network: &Network,
-        config: MuonConfig,
-        matrices: Matrices,
+        host: &Buffers,
         places: &MuonPlaces,
         buffers: &[wgpu::Buffer],
-        [step, gradient, first_moment]: [&wgpu::Buffer; 3],
     ) -> Result<Self, EngineError> {
-        let block = Muon {
+        let MuonPlaces { config, matrices, .. } = *places;
+        let block = Between {
             rows: matrices.rows as u32,
             columns: matrices.columns as u32,
-            momentum: config.momentum,
-            one_minus_momentum: 1.0 - config.momentum,
+            kept: config.momentum,
+            one_minus_kept: 1.0 - config.momentum,
         };
         let block = uniform(gpu, "Muon", &block)?;
-        let table: Vec<MuonMatrix> = network
-            .layout
-            .between()
-            .iter()
-            .zip(network.layout.learnt_between())
-            .map(|(layer, learnt)| MuonMatrix {
-                weights: layer.weights as u32,
-                columns: layer.inputs as u32,
-                length: config.rate * LENGTH * (learnt as f32).sqrt(),
-            })
-            .collect();
+        let table = Matrices::table(&network.layout, |inputs| config.rate * LENGTH * (inputs as f32).sqrt());
         let [table_at, x, turned, gram, polynomial, squares] =
             [places.table, places.directions, places.turned, places.gram, places.polynomial, places.squares]
                 .map(|place| &buffers[place]);
@@ -98,25 +104,24 @@ impl MuonStep {
         Ok(Self {
             matrices,
             momentum: kernel(Shader::MuonMomentum)?
-                .bind(gpu, &[&block, table_at, gradient, first_moment, x, squares]),
+                .bind(gpu, &[&block, table_at, &host.gradient, &host.first_moment, x, squares]),
             scale: kernel(Shader::MuonScale)?.bind(gpu, &[&block, squares, x]),
             iterations: [[x, turned], [turned, x]].map(iteration),
-            update: kernel(Shader::MuonUpdate)?
-                .bind(gpu, &[&block, step, table_at, last, &network.parameters]),
+            update: kernel(Shader::MatricesUpdate)?
+                .bind(gpu, &[&block, &host.step, table_at, last, &network.parameters]),
         })
     }
 
     /// The step by a gradient that is whole.
     pub(super) fn record(&self, pass: &mut wgpu::ComputePass<'_>) {
         let Matrices { count, rows, columns } = self.matrices;
-        let each = (MUON_GROUPS * LINEAR_GROUP) as usize;
-        self.momentum.sliced(pass, each, count);
-        self.scale.sliced(pass, each, count);
+        self.matrices.each(pass, &self.momentum);
+        self.matrices.each(pass, &self.scale);
         for [gram, polynomial, turn] in self.iterations.iter().cycle().take(STEPS) {
             gram.product(pass, rows, rows, count);
             polynomial.product(pass, rows, rows, count);
             turn.product(pass, rows, columns, count);
         }
-        self.update.sliced(pass, each, count);
+        self.matrices.each(pass, &self.update);
     }
 }

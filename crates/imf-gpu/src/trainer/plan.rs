@@ -1,13 +1,14 @@
 //! What a trainer allocates, and how a batch is cut into slices of rows.
 
-use super::muon::Matrices;
+use imf_core::factored::Optimiser;
+
+use super::matrices::MatrixPlaces;
 use crate::device::GpuLimits;
 use crate::forward::rows_per_pass;
 use crate::layout::PaddedLayout;
 use crate::memory::Plan;
-use crate::shader::MUON_GROUPS;
 use crate::submit::PASSES_AT_ONCE;
-use crate::uniforms::{Batch, MuonMatrix, Step};
+use crate::uniforms::{Batch, Step};
 
 /// Rows that one partial gradient sums: four slices of the paper's batch of 1024 give a GPU four times the workgroups
 /// in the weight gradients.
@@ -34,45 +35,16 @@ pub(super) struct Places {
     pub(super) results: usize,
     pub(super) signals: Vec<usize>,
     pub(super) deltas: Vec<usize>,
-    pub(super) muon: Option<MuonPlaces>,
+    pub(super) matrices: Option<MatrixPlaces>,
 }
 
-/// Places of what Muon works with.
-pub(super) struct MuonPlaces {
-    /// A [`MuonMatrix`] each.
-    pub(super) table: usize,
-    pub(super) directions: usize,
-    pub(super) turned: usize,
-    pub(super) gram: usize,
-    pub(super) polynomial: usize,
-    pub(super) squares: usize,
-}
-
-impl MuonPlaces {
-    fn plan(plan: &mut Plan, Matrices { count, rows, columns }: Matrices) -> Self {
-        Self {
-            table: plan.add("places of the matrices", count * size_of::<MuonMatrix>() / 4),
-            directions: plan.add("directions of Muon", count * rows * columns),
-            turned: plan.add("directions of Muon", count * rows * columns),
-            gram: plan.add("products of Muon", count * rows * rows),
-            polynomial: plan.add("products of Muon", count * rows * rows),
-            squares: plan.add("squares of Muon", count * MUON_GROUPS as usize),
-        }
-    }
-
-    /// What a step writes before it reads it.
-    pub(super) fn scratch(&self) -> [usize; 5] {
-        [self.directions, self.turned, self.gram, self.polynomial, self.squares]
-    }
-}
-
-/// What a trainer allocates, how many rows one pass holds, and how many partial gradients there are; with what Muon needs for
-/// some matrices.
+/// What a trainer allocates, how many rows one pass holds, and how many partial gradients there are; with what the
+/// optimiser of the matrices needs.
 pub(super) fn plan(
     layout: &PaddedLayout,
     limits: GpuLimits,
     max_batch: usize,
-    muon: Option<Matrices>,
+    optimiser: Optimiser,
 ) -> (Plan, Places, usize, usize) {
     let (inputs, outputs) = (layout.stack.inputs, layout.stack.outputs);
     let rows = rows_per_pass(layout, limits, max_batch);
@@ -98,7 +70,7 @@ pub(super) fn plan(
         results: plan.add("results", rows * layout.layers.last().map_or(0, |layer| layer.outputs)),
         signals: layout.layers.iter().map(|layer| plan.add("signal", rows * layer.inputs)).collect(),
         deltas: layout.layers.iter().map(|layer| plan.add("delta", rows * layer.outputs)).collect(),
-        muon: muon.map(|matrices| MuonPlaces::plan(&mut plan, matrices)),
+        matrices: MatrixPlaces::plan(&mut plan, layout, optimiser),
     };
     (plan, places, rows, max_slices)
 }

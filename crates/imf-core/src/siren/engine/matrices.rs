@@ -2,7 +2,7 @@
 
 use super::super::muon::{Muon, MuonConfig};
 use super::super::plan::{Plan, transpose};
-use super::super::soap::{Soap, SoapConfig};
+use super::super::soap::{Soap, SoapConfig, kept_of};
 use super::update::Arrays;
 use crate::siren::Layer;
 use crate::training::EngineError;
@@ -36,22 +36,13 @@ impl Matrices {
         config: SoapConfig,
         plan: &Plan,
         step: u64,
-        mut kept: &[f32],
+        kept: &[f32],
     ) -> Result<Self, EngineError> {
-        let count = |layer: &Layer| Soap::kept_count(layer.outputs, layer.inputs);
-        let expected = if step == 0 { 0 } else { between(plan).iter().map(count).sum() };
-        if kept.len() != expected {
-            let found = kept.len();
-            return Err(EngineError::Shape(format!(
-                "{found} numbers of SOAP's means and axes after {step} steps; {expected} belong to the network"
-            )));
-        }
-        let rules = between(plan).iter().map(|layer| {
+        let kept = kept_of(&plan.stack, step, kept).map_err(|error| EngineError::Shape(error.to_string()))?;
+        let rules = between(plan).iter().zip(kept).map(|(layer, kept)| {
             let mut soap = Soap::new(config, layer.outputs, layer.inputs);
-            if step > 0 {
-                let (own, others) = kept.split_at(count(layer));
-                soap.restore(own);
-                kept = others;
+            if !kept.is_empty() {
+                soap.restore(kept);
             }
             Rule::Soap(soap.into())
         });

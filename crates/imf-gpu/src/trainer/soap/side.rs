@@ -1,0 +1,192 @@
+//! The rows, or the columns, of all matrices: their mean, its axes, and how these are found.
+
+use imf_core::siren::soap::kept_of;
+use imf_core::training::{EngineError, TrainingState};
+
+use super::look::Look;
+use super::products::{BoundProduct, Factor, Products};
+use crate::device::Gpu;
+use crate::layout::PaddedLayout;
+use crate::memory::Plan;
+use crate::uniforms::Side;
+
+/// Places of what belongs to one side; all but table, order and line are `[matrices][stride][stride]`.
+pub(super) struct SidePlaces {
+    pub(super) stride: usize,
+    /// A [`Side`] each.
+    table: usize,
+    mean: usize,
+    pub(super) axes: usize,
+    /// M·Q, then the vectors of its reflections; after a look the new axes along those before.
+    pub(super) turned: usize,
+    before: usize,
+    reflections: usize,
+    pub(super) order: usize,
+    line: usize,
+}
+
+impl SidePlaces {
+    pub(super) fn plan(plan: &mut Plan, count: usize, stride: usize) -> Self {
+        let mut square = |name: &str| plan.add(name, count * stride * stride);
+        let [mean, axes] = ["means of SOAP", "axes of SOAP"].map(&mut square);
+        let [turned, before, reflections] = ["turning of SOAP's axes"; 3].map(square);
+        Self {
+            stride,
+            table: plan.add("sides of the matrices", count * size_of::<Side>() / 4),
+            mean,
+            axes,
+            turned,
+            before,
+            reflections,
+            order: plan.add("order of SOAP's axes", count * stride),
+            line: plan.add("means along SOAP's axes", count * stride),
+        }
+    }
+
+    /// Every one: table, mean, axes, turned, before, reflections, order, line.
+    pub(super) fn all(&self) -> [usize; 8] {
+        let Self { table, mean, axes, turned, before, reflections, order, line, .. } = *self;
+        [table, mean, axes, turned, before, reflections, order, line]
+    }
+
+    /// What a step writes before it reads it.
+    pub(super) fn scratch(&self) -> [usize; 4] {
+        [self.turned, self.before, self.reflections, self.line]
+    }
+
+    /// Writes means and axes, and an order in which padding keeps its place.
+    pub(super) fn write(&self, gpu: &Gpu, buffers: &[wgpu::Buffer], numbers: &Numbers) {
+        let write = |place: usize, bytes: &[u8]| gpu.queue().write_buffer(&buffers[place], 0, bytes);
+        write(self.table, bytemuck::cast_slice(&numbers.table));
+        write(self.mean, bytemuck::cast_slice(&numbers.mean));
+        write(self.axes, bytemuck::cast_slice(&numbers.axes));
+        let order: Vec<u32> = numbers.table.iter().flat_map(|side| 0..side.stride).collect();
+        write(self.order, bytemuck::cast_slice(&order));
+    }
+}
+
+/// What a step does with one side.
+#[derive(Debug)]
+pub(super) struct SideStep {
+    pub(super) stride: usize,
+    mean: wgpu::Buffer,
+    axes: wgpu::Buffer,
+    /// The first gradient's products, and every other's.
+    pub(super) first_mean: BoundProduct,
+    pub(super) next_mean: BoundProduct,
+    pub(super) look: Look,
+    /// The new axes along those before.
+    pub(super) change: BoundProduct,
+}
+
+impl SideStep {
+    /// `squares` are the factors of the mean's products, which have `inner` terms; `kept` is the share of the mean that a step
+    /// leaves.
+    pub(super) fn new(
+        look: Look,
+        products: &Products<'_>,
+        places: &SidePlaces,
+        buffers: &[wgpu::Buffer],
+        (squares, inner): ([Factor<'_>; 2], usize),
+        kept: f32,
+    ) -> Result<Self, EngineError> {
+        let stride = places.stride;
+        let [_, mean, axes, turned, before, ..] = places.all().map(|place| &buffers[place]);
+        let size = [stride, stride, inner];
+        Ok(Self {
+            stride,
+            mean: mean.clone(),
+            axes: axes.clone(),
+            first_mean: products.of(size, squares, mean)?,
+            next_mean: products.added(size, squares, mean, [kept, 1.0 - kept])?,
+            look,
+            change: products.of([stride; 3], [Factor::Transposed(axes), Factor::Plain(before)], turned)?,
+        })
+    }
+
+    /// Means and axes as they stand on the device.
+    pub(super) fn read(&self, gpu: &Gpu, count: usize) -> Result<[Vec<f32>; 2], EngineError> {
+        let count = count * self.stride * self.stride;
+        Ok([gpu.read(&self.mean, count)?, gpu.read(&self.axes, count)?])
+    }
+}
+
+/// What one side's buffers hold.
+pub(super) struct Numbers {
+    table: Vec<Side>,
+    mean: Vec<f32>,
+    axes: Vec<f32>,
+}
+
+impl Numbers {
+    /// Means and axes of a state, of rows and of columns; before the first step no mean, and the weights' own axes.
+    pub(super) fn of_state(
+        layout: &PaddedLayout,
+        strides: [usize; 2],
+        state: &TrainingState,
+    ) -> Result<[Self; 2], EngineError> {
+        let matrices = kept_of(&layout.stack, state.step, &state.preconditioners)
+            .map_err(|error| EngineError::Shape(error.to_string()))?;
+        let mut numbers = strides.map(|stride| {
+            let zeros = vec![0.0; matrices.len() * stride * stride];
+            Self { table: Vec::new(), mean: zeros.clone(), axes: zeros }
+        });
+        for (matrix, (sides, mut kept)) in sides_of(layout, strides).zip(matrices).enumerate() {
+            for (numbers, side) in numbers.iter_mut().zip(sides) {
+                numbers.table.push(side);
+                let Some((mean, others)) = kept.split_at_checked((side.size * side.size) as usize) else {
+                    let diagonal = pairs(&side, matrix).filter(|[here, across]| here == across);
+                    diagonal.for_each(|[here, _]| numbers.axes[here] = 1.0);
+                    continue;
+                };
+                let (axes, others) = others.split_at(mean.len());
+                kept = others;
+                for ([here, across], (&mean, &axis)) in pairs(&side, matrix).zip(mean.iter().zip(axes)) {
+                    numbers.mean[here] = mean;
+                    numbers.axes[across] = axis;
+                }
+            }
+        }
+        Ok(numbers)
+    }
+
+    /// What a state keeps, of rows and columns that were [read](SideStep::read).
+    pub(super) fn to_state(
+        layout: &PaddedLayout,
+        strides: [usize; 2],
+        read: &[[Vec<f32>; 2]; 2],
+    ) -> Vec<f32> {
+        let mut kept = Vec::new();
+        for (matrix, sides) in sides_of(layout, strides).enumerate() {
+            for ([mean, axes], side) in read.iter().zip(sides) {
+                kept.extend(pairs(&side, matrix).map(|[here, _]| mean[here]));
+                kept.extend(pairs(&side, matrix).map(|[_, across]| axes[across]));
+            }
+        }
+        kept
+    }
+}
+
+/// Rows and columns of every matrix.
+fn sides_of(layout: &PaddedLayout, [rows, columns]: [usize; 2]) -> impl Iterator<Item = [Side; 2]> {
+    layout.between().iter().zip(layout.learnt_between()).map(move |(padded, learnt)| {
+        let neurons = learnt.outputs as u32;
+        // Behind a skip the network's inputs stand after the padded activations.
+        let gap = padded.outputs as u32 - neurons;
+        [
+            Side { size: neurons, split: neurons, gap, stride: rows as u32 },
+            Side { size: learnt.inputs as u32, split: neurons, gap, stride: columns as u32 },
+        ]
+    })
+}
+
+/// Of the numbers of a square one after the other, those of a row side by side, where each stands on the device, and where its
+/// mirror image does.
+fn pairs(side: &Side, matrix: usize) -> impl Iterator<Item = [usize; 2]> {
+    let Side { size, split, gap, stride } = *side;
+    let place = move |i: u32| (if i < split { i } else { i + gap }) as usize;
+    let stride = stride as usize;
+    let first = matrix * stride * stride;
+    let at = move |row: u32, column: u32| first + place(row) * stride + place(column);
+    (0..size).flat_map(move |row| (0..size).map(move |column| [at(row, column), at(column, row)]))
+}

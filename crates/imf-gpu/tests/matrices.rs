@@ -1,0 +1,317 @@
+//! Muon and SOAP on the adapter: a step of Muon's against the definition in f64, their training against the CPU's engine, and
+//! states that move between the two.
+
+mod adapter;
+
+use imf_core::factored::Optimiser;
+use imf_core::siren::SirenShape;
+use imf_core::siren::engine::CpuTrainer;
+use imf_core::siren::muon::{LENGTH, MuonConfig, QUINTIC, STEPS};
+use imf_core::siren::soap::{SoapConfig, kept_of};
+use imf_core::siren::stack::{Ending, Stack};
+use imf_core::training::{Loss, TrainingEngine, TrainingState};
+use imf_gpu::{Gpu, GpuTrainer, MatrixKernel, TrainerSettings};
+
+const CONFIG: MuonConfig = MuonConfig { momentum: 0.9, rate: 1.5 };
+/// With looks between the places where trainings stop, and behind them.
+const SOAP: SoapConfig = SoapConfig { kept: 0.9, look_every: 3, rate: 1.5 };
+const RATE: f32 = 1e-3;
+
+fn every_device() -> [Gpu; 2] {
+    let gpu = adapter::open();
+    MatrixKernel::ALL.map(|kernel| gpu.clone().with_matrix_kernel(kernel))
+}
+
+fn settings(optimiser: Optimiser) -> TrainerSettings {
+    TrainerSettings { loss: Loss::L2, optimiser, ..TrainerSettings::default() }
+}
+
+/// Multiples of irrational numbers, modulo 1, in [−1, 1].
+fn numbers(count: usize, step: f64) -> Vec<f32> {
+    (0..count).map(|i| ((i as f64 * step).fract() * 2.0 - 1.0) as f32).collect()
+}
+
+/// `X` of the definition: five Newton-Schulz steps of `u/‖u‖`, `[rows][columns]`, in f64.
+fn orthogonalised(u: &[f64], rows: usize) -> Vec<f64> {
+    let columns = u.len() / rows;
+    let norm = u.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let mut x: Vec<f64> = u.iter().map(|v| v / norm).collect();
+    let product = |a: &[f64], b: &dyn Fn(usize, usize) -> f64, inner: usize, width: usize| -> Vec<f64> {
+        let each =
+            |place: usize| (0..inner).map(|k| a[place / width * inner + k] * b(k, place % width)).sum();
+        (0..a.len() / inner * width).map(each).collect()
+    };
+    let [a, b, c] = QUINTIC.map(f64::from);
+    for _ in 0..STEPS {
+        let gram = product(&x, &|k, column| x[column * columns + k], columns, rows);
+        let square = product(&gram, &|k, column| gram[k * rows + column], rows, rows);
+        let both: Vec<f64> = gram.iter().zip(square).map(|(g, s)| b * g + c * s).collect();
+        let turned = product(&both, &|k, column| x[k * columns + column], rows, columns);
+        x = x.iter().zip(turned).map(|(x, t)| a * x + t).collect();
+    }
+    x
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn a_step_is_the_definitions_with_a_skip_and_without() {
+    for (width, skip_after) in [(37, Some(1)), (24, None)] {
+        let shape = SirenShape { width, hidden: 3, skip_after, omega: 10.0 };
+        let mut state = TrainingState::new(&shape, 3);
+        // Momentum from earlier steps.
+        state.first_moment = numbers(state.parameters.len(), 0.754_878).iter().map(|v| v * 1e-3).collect();
+        let count = 70;
+        let (inputs, targets) = (numbers(count * 5, 0.618_034), numbers(count, 0.569_840));
+        for gpu in every_device() {
+            let settings = settings(Optimiser::Muon(CONFIG));
+            let mut trainer = GpuTrainer::of_stack(&gpu, shape.stack(), &settings, count, &state).unwrap();
+            trainer.fill_scratch(f32::NAN).unwrap();
+            let gradient = trainer.loss_and_gradient(&inputs, &targets).unwrap().1;
+            trainer.step(&inputs, &targets, RATE).unwrap();
+            let found = trainer.state().unwrap();
+            let wide = |values: &[f32]| values.iter().map(|&v| f64::from(v)).collect::<Vec<_>>();
+            let kept = f64::from(CONFIG.momentum);
+            for layer in &shape.stack().layers()[1..shape.hidden] {
+                let range = layer.weights..layer.biases;
+                let [weights, before, gradient, after, momentum] = [
+                    &state.parameters,
+                    &state.first_moment,
+                    &gradient,
+                    &found.parameters,
+                    &found.first_moment,
+                ]
+                .map(|all| wide(&all[range.clone()]));
+                let expected: Vec<f64> =
+                    before.iter().zip(&gradient).map(|(m, g)| kept * m + (1.0 - kept) * g).collect();
+                let u: Vec<f64> =
+                    expected.iter().zip(&gradient).map(|(m, g)| kept * m + (1.0 - kept) * g).collect();
+                let length = f64::from(RATE * CONFIG.rate * LENGTH) * (layer.inputs as f64).sqrt();
+                for (place, x) in orthogonalised(&u, layer.outputs).iter().enumerate() {
+                    let name = format!("{width}, {}, {place}", gpu.matrix_kernel().name());
+                    // One rounding of numbers up to 1e-3.
+                    assert!((momentum[place] - expected[place]).abs() < 1e-9, "{name}");
+                    // X is right to some 1e-5 (singular values near 0 grow 485 times in five steps, and their rounding
+                    // with them), and the weight, up to 0.5, is rounded once.
+                    let step = weights[place] - after[place];
+                    assert!((step - length * x).abs() < 2e-5 * length + 6e-8, "{name}: {step}, {x}");
+                }
+                assert!(found.second_moment[range] == state.second_moment[layer.weights..layer.biases]);
+            }
+            assert_eq!(found.step, state.step + 1);
+        }
+    }
+}
+
+/// Orthonormal rows: the unit matrix turned by every pair of neighbours, by angles around `angle`.
+fn frame(size: usize, angle: f64) -> Vec<f32> {
+    let mut rows: Vec<f64> = (0..size * size).map(|i| f64::from(u8::from(i % (size + 1) == 0))).collect();
+    for pair in 0..2 * size {
+        let (a, b) = (pair % size, (pair * 7 + 1) % size);
+        if a == b {
+            continue;
+        }
+        let (sine, cosine) = (angle + 0.01 * pair as f64).sin_cos();
+        for column in 0..size {
+            let [at_a, at_b] = [a, b].map(|row| row * size + column);
+            let (x, y) = (rows[at_a], rows[at_b]);
+            (rows[at_a], rows[at_b]) = (cosine * x - sine * y, sine * x + cosine * y);
+        }
+    }
+    rows.iter().map(|&v| v as f32).collect()
+}
+
+/// A mean of products with axes of its own, neither those of a [`frame`] nor in their order, each a tenth stronger than the next.
+fn mean(size: usize) -> Vec<f32> {
+    let own = frame(size, 1.1);
+    let strength = |axis: usize| 0.9f32.powi(((axis * 7 + 3) % size) as i32);
+    let entry = |place: usize| {
+        let (row, column) = (place / size, place % size);
+        (0..size).map(|axis| own[axis * size + row] * own[axis * size + column] * strength(axis)).sum()
+    };
+    (0..size * size).map(entry).collect()
+}
+
+/// Largest difference of weights in units of the learning rate.
+fn apart(found: &TrainingState, expected: &TrainingState) -> f32 {
+    assert_eq!(found.step, expected.step);
+    let pairs = found.parameters.iter().zip(&expected.parameters);
+    pairs.fold(0.0f32, |most, (a, b)| most.max((a - b).abs())) / RATE
+}
+
+/// A stretch of training on either engine.
+struct Course {
+    stack: Stack,
+    batch: usize,
+    optimiser: Optimiser,
+}
+
+impl Course {
+    /// Where neither engine's rounding decides what is done. SOAP is some steps old: among its first gradients' axes are some
+    /// that carry nothing but rounding, and it steps along all of them alike.
+    fn start(&self) -> TrainingState {
+        let mut state = TrainingState::from_parameters(self.stack.initial_parameters(5));
+        if let Optimiser::Soap(_) = self.optimiser {
+            state.step = 4;
+            state.first_moment =
+                numbers(state.parameters.len(), 0.754_878).iter().map(|v| v * 1e-2).collect();
+            let squares = numbers(state.parameters.len(), 0.569_840);
+            state.second_moment = squares.iter().map(|v| 1e-3 + 1e-3 * v.abs()).collect();
+            for layer in &self.stack.layers()[self.stack.between()] {
+                for size in [layer.outputs, layer.inputs] {
+                    state.preconditioners.extend(mean(size));
+                    state.preconditioners.extend(frame(size, 0.3));
+                }
+            }
+        }
+        state
+    }
+
+    fn feed(&self, engine: &mut dyn TrainingEngine, steps: std::ops::Range<usize>) -> TrainingState {
+        let Stack { inputs: each, outputs, .. } = self.stack;
+        for step in steps {
+            let inputs = numbers(self.batch * each, 0.618_034 + 0.01 * step as f64);
+            let targets: Vec<f32> = inputs
+                .chunks_exact(each)
+                .flat_map(|p| (0..outputs).map(|a| (p[0] + a as f32 * p[1]).sin() * (1.5 - p[2])))
+                .collect();
+            engine.step(&inputs, &targets, RATE).expect("a step");
+        }
+        engine.state().expect("a state")
+    }
+
+    fn on_gpu(&self, gpu: &Gpu, state: &TrainingState, steps: std::ops::Range<usize>) -> TrainingState {
+        let settings = settings(self.optimiser);
+        let mut engine =
+            GpuTrainer::of_stack(gpu, self.stack, &settings, self.batch, state).expect("an engine");
+        engine.fill_scratch(f32::NAN).expect("a device");
+        self.feed(&mut engine, steps)
+    }
+
+    fn on_cpu(&self, state: &TrainingState, steps: std::ops::Range<usize>) -> TrainingState {
+        let TrainerSettings { adam, loss, .. } = settings(self.optimiser);
+        let mut engine =
+            CpuTrainer::of_stack(self.stack, adam, loss, self.batch, state.clone()).expect("an engine");
+        match self.optimiser {
+            Optimiser::Adam => {}
+            Optimiser::Muon(config) => engine.use_muon(config),
+            Optimiser::Soap(config) => engine.use_soap(config).expect("means and axes"),
+        }
+        self.feed(&mut engine, steps)
+    }
+}
+
+/// Stacks with one matrix narrower than a tile, several wider than one, some behind a skip, and none.
+fn stacks() -> [Stack; 4] {
+    let plain = Stack {
+        inputs: 3,
+        width: 37,
+        hidden: 3,
+        skip_after: None,
+        omega: 10.0,
+        outputs: 7,
+        ending: Ending::Linear,
+    };
+    [
+        plain,
+        Stack { width: 72, hidden: 4, outputs: 5, ..plain },
+        Stack { width: 37, skip_after: Some(1), ..plain },
+        Stack { width: 16, hidden: 1, ..plain },
+    ]
+}
+
+/// Twelve steps that each round weights of up to 0.5, by 3e-5 of the learning rate, and gradients that differ by their own
+/// rounding. Another iteration, length or order of two averages parts them by more than 0.1.
+const APART: f32 = 2e-3;
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn training_is_the_cpus_and_states_move_between_the_two() {
+    for optimiser in [Optimiser::Muon(CONFIG), Optimiser::Soap(SOAP)] {
+        for stack in stacks() {
+            let course = Course { stack, batch: 90, optimiser };
+            let start = course.start();
+            let cpu = course.on_cpu(&start, 0..12);
+            for gpu in every_device() {
+                let name = format!(
+                    "{optimiser:?}, {}×{}, {}",
+                    stack.width,
+                    stack.hidden,
+                    gpu.matrix_kernel().name()
+                );
+                let found = course.on_gpu(&gpu, &start, 0..12);
+                let there = course.on_gpu(&gpu, &course.on_cpu(&start, 0..4), 4..8);
+                let back = course.on_cpu(&there, 8..12);
+                println!("{name}: {:.1e}, moved {:.1e}", apart(&found, &cpu), apart(&back, &cpu));
+                assert!(apart(&found, &cpu) < APART, "{name}: {}", apart(&found, &cpu));
+                assert!(apart(&back, &cpu) < APART, "{name}, moved: {}", apart(&back, &cpu));
+                // The engine goes on to the same bits wherever its state was taken.
+                let half = course.on_gpu(&gpu, &start, 0..5);
+                assert!(course.on_gpu(&gpu, &half, 5..12) == found, "{name}: resumed, it ended elsewhere");
+            }
+            // Far enough for the comparison to say something.
+            let unmoved = TrainingState { step: cpu.step, ..start };
+            assert!(apart(&unmoved, &cpu) > 2.0, "{}", apart(&unmoved, &cpu));
+        }
+    }
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn the_first_gradient_begins_soaps_means_and_axes_and_moves_no_matrix() {
+    // Wider than a workgroup, and so wide that work which is not cut would be lost on software devices.
+    let wide = Stack { width: 330, hidden: 2, ..stacks()[0] };
+    let all = stacks();
+    for stack in all[..3].iter().chain([&wide]) {
+        let course = Course { stack: *stack, batch: 90, optimiser: Optimiser::Soap(SOAP) };
+        let start = TrainingState::from_parameters(stack.initial_parameters(5));
+        let cpu = course.on_cpu(&start, 0..1);
+        let expected = squares(stack, &cpu);
+        for gpu in every_device() {
+            let state = course.on_gpu(&gpu, &start, 0..1);
+            for layer in &stack.layers()[stack.between()] {
+                let range = layer.weights..layer.biases;
+                assert!(state.parameters[range.clone()] == start.parameters[range]);
+            }
+            for (found, expected) in squares(stack, &state).iter().zip(&expected) {
+                let name = format!("{}, {}", found.size, gpu.matrix_kernel().name());
+                let largest = expected.mean.iter().fold(0.0f32, |most, v| most.max(v.abs()));
+                let pairs = found.mean.iter().zip(&expected.mean);
+                let off = pairs.fold(0.0f32, |most, (a, b)| most.max((a - b).abs()));
+                // Gradients that differ by the rounding of sums of 90 samples, squared.
+                assert!(largest > 0.0 && off < 1e-5 * largest, "{name}: {off} of {largest}");
+                let size = found.size;
+                let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>();
+                let axes: Vec<&[f32]> = found.axes.chunks_exact(size).collect();
+                for (i, axis) in axes.iter().enumerate() {
+                    for (j, other) in axes.iter().enumerate() {
+                        let expected = f32::from(u8::from(i == j));
+                        assert!((dot(axis, other) - expected).abs() < 1e-5, "{name}: axes {i} and {j}");
+                    }
+                }
+                // The strongest is far enough from the next for rounding not to turn it.
+                assert!((dot(axes[0], &expected.axes[..size]).abs() - 1.0).abs() < 1e-3, "{name}");
+            }
+        }
+    }
+}
+
+/// What SOAP keeps of the rows, or of the columns, of one matrix.
+struct Square {
+    size: usize,
+    mean: Vec<f32>,
+    axes: Vec<f32>,
+}
+
+fn squares(stack: &Stack, state: &TrainingState) -> Vec<Square> {
+    let kept = kept_of(stack, state.step, &state.preconditioners).expect("means and axes");
+    let mut squares = Vec::new();
+    for (layer, mut kept) in stack.layers()[stack.between()].iter().zip(kept) {
+        for size in [layer.outputs, layer.inputs] {
+            let (mean, others) = kept.split_at(size * size);
+            let (axes, others) = others.split_at(size * size);
+            squares.push(Square { size, mean: mean.to_vec(), axes: axes.to_vec() });
+            kept = others;
+        }
+    }
+    squares
+}
