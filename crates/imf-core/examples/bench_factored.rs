@@ -4,7 +4,8 @@
 //! `part=teapot scale=1 degree=20 axes=128 ratio=2 width=384 hidden=3 omega=30 rate=1e-3 batch=1024 seconds=240 solve=25
 //! muon=1 momentum=0.95 loss=l2 seed=0 evaluate=1`; `soap=1 look=10` in place of `muon=1`, where neither is given Adam; without `rate` it follows from the length. `steps=N` in place of `seconds` gives the same field each time; `seconds`
 //! are of training, found by a first trial of a few steps. Several trainings of one teacher: `then` between their values.
-//! `symmetry=1` tells the network of the mirror planes and the axis that are found. `pool=64 every=1` teaches by exact sections alone, 64 at a time and a fresh one every step. `from=bracket-raw` teaches that part first, and the trainings with `fine=1` start from its network.
+//! `symmetry=1` tells the network of the mirror planes and the axis that are found. `pool=64 every=1` teaches by exact sections alone, 64 at a time and a fresh one every step. `from=bracket-raw` teaches that part first, and the trainings with `fine=1` start from its network, by the rate and solutions for that unless
+//! `rate` and `solve` are given.
 
 use std::collections::HashMap;
 use std::error::Error;
@@ -122,7 +123,11 @@ fn taught_from(values: &Values, part: ReferencePart) -> Result<(SectionPlan, Tea
 
 /// How a network is taught, but for how long.
 fn settings(values: &Values) -> Result<TeachSettings, Failure> {
-    let defaults = TeachSettings::default();
+    let usual = TeachSettings::default();
+    let defaults = match values.get("fine", 0)? {
+        0 => usual,
+        _ => TeachSettings::of_another(usual.plan.length),
+    };
     let mut settings = TeachSettings {
         width: values.get("width", defaults.width)?,
         hidden: values.get("hidden", defaults.hidden)?,

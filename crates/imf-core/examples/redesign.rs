@@ -14,7 +14,7 @@ use std::time::Instant;
 
 use imf_core::control::Control;
 use imf_core::distance::DistanceField;
-use imf_core::factored::{FactoredField, FactoredState, Optimiser, TeachSettings, teach};
+use imf_core::factored::{FactoredField, FactoredState, TeachSettings, teach};
 use imf_core::harmonic::basis::Domain;
 use imf_core::harmonic::{FitSettings, HarmonicField, fit};
 use imf_core::occupancy::Occupancy;
@@ -22,10 +22,8 @@ use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::{DepthPlan, DepthScratch, Quantity, SectionPlan};
-use imf_core::siren::muon::MuonConfig;
 use imf_core::tool::Tool;
 use imf_core::training::run::{Length, TrainingPlan};
-use imf_core::training::schedule::Schedule;
 use plotters::prelude::{
     ChartBuilder, Circle, Color as _, LineSeries, PathElement, RGBColor, SeriesLabelPosition, WHITE,
 };
@@ -90,15 +88,18 @@ fn study(study: &Study) -> Result<Vec<Step>, Box<dyn Error>> {
         let error = |field: &FactoredField| root_mean_square(field, &judged, &exact);
         let not_adapted = field.as_ref().map(error);
         let begun = Instant::now();
+        let steps_of_teaching = Length::Steps(if field.is_some() { study.each } else { study.first });
+        let from_random = at_size_of(study, TeachSettings::of_length(steps_of_teaching));
+        let start = || from_random.start(teacher.axis_count());
         let tuned = match &field {
             Some(old) => {
-                taught(study, &teacher, FactoredState::of_another(old, &teacher, &part)?, study.each)?
+                let tuning = at_size_of(study, TeachSettings::of_another(steps_of_teaching));
+                taught(&teacher, &tuning, FactoredState::of_another(old, &teacher, &part)?)?
             }
-            None => taught(study, &teacher, random(study, &teacher), study.first)?,
+            None => taught(&teacher, &from_random, start())?,
         };
         let tuning = begun.elapsed().as_secs_f64();
-        let length = if field.is_some() { study.each } else { study.first };
-        let anew = taught(study, &teacher, random(study, &teacher), length)?;
+        let anew = taught(&teacher, &from_random, start())?;
         steps.push(Step {
             solid: part.count() as f64 / domain.obstacle.count() as f64,
             fine_tuned: error(&tuned),
@@ -112,35 +113,18 @@ fn study(study: &Study) -> Result<Vec<Step>, Box<dyn Error>> {
     Ok(steps)
 }
 
-fn settings(study: &Study, steps: u64) -> TeachSettings {
-    TeachSettings {
-        width: study.width,
-        hidden: 3,
-        omega: 20.0,
-        plan: TrainingPlan {
-            length: Length::Steps(steps),
-            batch: 512,
-            schedule: Schedule::Cosine { initial: 1.5e-3, last: 0.0, warmup: steps / 10 },
-            ..TeachSettings::default().plan
-        },
-        optimiser: Optimiser::Muon(MuonConfig::default()),
-        ..TeachSettings::default()
-    }
+/// The defaults for a start, at the study's size.
+fn at_size_of(study: &Study, defaults: TeachSettings) -> TeachSettings {
+    TeachSettings { width: study.width, plan: TrainingPlan { batch: 512, ..defaults.plan }, ..defaults }
 }
 
-fn random(study: &Study, teacher: &HarmonicField) -> FactoredState {
-    settings(study, 1).start(teacher.axis_count())
-}
-
-/// The network after so many steps from a start.
+/// The network at the end of a teaching from a start.
 fn taught(
-    study: &Study,
     teacher: &HarmonicField,
+    settings: &TeachSettings,
     mut state: FactoredState,
-    steps: u64,
 ) -> Result<FactoredField, Box<dyn Error>> {
-    let settings = settings(study, steps);
-    teach(teacher, &settings, &mut state, Control::quiet(), &mut |_| {})?;
+    teach(teacher, settings, &mut state, Control::quiet(), &mut |_| {})?;
     Ok(FactoredField::new(teacher, settings.shape(teacher.axis_count()), state.training.parameters)?)
 }
 

@@ -14,7 +14,7 @@ use imf_core::training::run::{Length, TrainingPlan};
 #[command(after_help = "Example:\n  imf field teapot --method harmonic --save \
                         teapot.safetensors\n  imf compress teapot.safetensors --out small\n  imf query \
                         small/field.safetensors poses.csv\n  imf compress changed.safetensors --from \
-                        small/field.safetensors --epochs 1 --out changed\n\nWrites field.safetensors and teaching.safetensors (for \
+                        small/field.safetensors --steps 300 --out changed\n\nWrites field.safetensors and teaching.safetensors (for \
                         --resume). Ctrl-C writes a checkpoint and stops.")]
 pub(crate) struct CompressArguments {
     /// Harmonic field, from imf field --method harmonic --save
@@ -25,7 +25,7 @@ pub(crate) struct CompressArguments {
     /// Continue from the checkpoint in the output folder
     #[arg(long)]
     pub(crate) resume: bool,
-    /// Start from the network of another field, such as that of the part before it was changed: fewer epochs are enough.
+    /// Start from the network of another field, such as that of the part before it was changed: a few hundred steps are enough.
     /// Its width, layers, ω and what it was told of symmetry are taken over
     #[arg(long, value_name = "FIELD", conflicts_with_all = ["width", "layers", "omega", "symmetry"])]
     pub(crate) from: Option<PathBuf>,
@@ -51,12 +51,12 @@ pub(crate) struct CompressArguments {
     /// Voxels of a step
     #[arg(long, default_value_t = TeachSettings::default().plan.batch, value_name = "N")]
     pub(crate) batch: usize,
-    /// Highest learning rate, which falls to 0 by a cosine; by default 1.5e-3, and lower the more steps there are beyond
-    /// 1,000
+    /// Highest learning rate, which falls to 0 by a cosine; by default 1.5e-3, lower the more steps there are beyond 1,000, and
+    /// 3e-4 from another field's network
     #[arg(long, value_name = "RATE")]
     pub(crate) rate: Option<f32>,
     /// Where it is taught: cpu, auto, gpu, software, a name or an index as `imf devices` has them. A checkpoint made on one
-    /// is resumed on any, but for those of SOAP
+    /// is resumed on any
     #[arg(long, default_value = "cpu", value_name = "DEVICE")]
     pub(crate) device: String,
     /// Seed of the weights and of the order of voxels
@@ -72,7 +72,7 @@ pub(crate) struct CompressArguments {
 /// How a network is taught and kept; shared by compress and train.
 #[derive(Args)]
 pub(crate) struct TeachingArguments {
-    /// What moves the weights between hidden layers, all others being left to Adam; by default soap on the CPU, muon on a GPU
+    /// What moves the weights between hidden layers, all others being left to Adam; by default soap
     #[arg(long, value_enum, value_name = "NAME")]
     optimiser: Option<OptimiserName>,
     /// Keep weights in f16: half the file
@@ -96,7 +96,7 @@ pub(crate) enum SymmetryChoice {
 /// Optimisers by their names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum OptimiserName {
-    /// Adam along the axes of each matrix's gradients (SOAP); on the CPU alone
+    /// Adam along the axes of each matrix's gradients (SOAP)
     Soap,
     /// Orthogonalised momentum (Muon)
     Muon,
@@ -128,7 +128,11 @@ impl TeachingArguments {
 impl CompressArguments {
     /// How the network is taught, but for the optimiser.
     pub(crate) fn settings(&self) -> TeachSettings {
-        let usual = TeachSettings::of_length(self.steps.map_or(Length::Epochs(self.epochs), Length::Steps));
+        let length = self.steps.map_or(Length::Epochs(self.epochs), Length::Steps);
+        let usual = match self.from {
+            Some(_) => TeachSettings::of_another(length),
+            None => TeachSettings::of_length(length),
+        };
         TeachSettings {
             width: self.width,
             hidden: self.layers,

@@ -81,6 +81,29 @@ fn symmetry_is_found_told_and_kept_unless_none_is_asked_for() {
 }
 
 #[test]
+fn a_teaching_from_another_field_has_rates_of_its_own_and_is_resumed_by_them() {
+    let work = Workdir::new();
+    work.imf("field teapot --dims 15,19,31 --method harmonic --degree 4 --save field.safetensors").done();
+    let network = "--width 16 --layers 2";
+    work.imf(&format!("compress field.safetensors {network} --steps 5 --out small")).done();
+    let from = "--from small/field.safetensors";
+    let solve_every = |line: &str| {
+        let report = work.imf(&format!("compress field.safetensors --steps 5 --json {line}")).done().json();
+        report["settings"]["solve_every"].as_u64()
+    };
+    assert_eq!(solve_every(&format!("{network} --out plain")), Some(25));
+    for (out, rate) in [("own", ""), ("given", "--rate 1e-4")] {
+        assert_eq!(solve_every(&format!("{from} {rate} --out {out}")), Some(10));
+        for start in [from, network] {
+            let resume = format!("{start} --out {out} --resume");
+            assert_eq!(solve_every(&format!("{resume} {rate}")), Some(10));
+            work.imf(&format!("compress field.safetensors --steps 5 {resume} --rate 2e-4"))
+                .refused(&["initial", "not 0.0002"]);
+        }
+    }
+}
+
+#[test]
 fn left_to_itself_it_takes_the_degree_that_suits_the_tool() {
     let work = Workdir::new();
     work.write("arm.obj", ARM.as_bytes());

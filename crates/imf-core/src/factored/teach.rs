@@ -53,6 +53,11 @@ const WARMUP: u64 = 10;
 /// The highest rate from a teaching's length; it falls to 0 over it.
 const RATES: Schedule = Schedule::Length { initial: 1.5e-3, steps: 1000, power: 0.75, warmup: WARMUP };
 
+/// The highest rate from another field's network, and steps between two solutions of the last layer: higher rates lose what it
+/// knows in the first steps, before there are moments to go by.
+const RATE_OF_ANOTHER: f32 = 3e-4;
+const SOLVE_OF_ANOTHER: u64 = 10;
+
 impl Default for TeachSettings {
     /// What is taught where nothing is asked: a network of about a megabyte, every voxel five times over.
     fn default() -> Self {
@@ -86,6 +91,15 @@ impl TeachSettings {
     pub fn of_length(length: Length) -> Self {
         let defaults = Self::default();
         Self { plan: TrainingPlan { length, ..defaults.plan }, ..defaults }
+    }
+
+    /// The defaults for a length of a teaching that begins with the network of another field, such as that of the part before it
+    /// was changed ([`FactoredState::of_another`]).
+    #[must_use]
+    pub fn of_another(length: Length) -> Self {
+        let usual = Self::of_length(length);
+        let plan = TrainingPlan { schedule: Self::rates_from(RATE_OF_ANOTHER), ..usual.plan };
+        Self { plan, solve_every: SOLVE_OF_ANOTHER, ..usual }
     }
 
     /// The rates of a teaching from the highest, which by default follows from the length.

@@ -9,7 +9,7 @@ use imf_core::factored::{FactoredField, FactoredState, Optimiser, Symmetry, Teac
 use imf_core::harmonic::FitSettings;
 use imf_core::harmonic::coefficients::Precision;
 use imf_core::scene::Scene;
-use imf_core::siren::muon::MuonConfig;
+use imf_core::training::run::TrainingPlan;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -17,7 +17,6 @@ use super::FIELD;
 use crate::arguments::NetworkFamily;
 use crate::arguments::compress::SymmetryChoice;
 use crate::checkpoints::nothing_to_resume;
-use crate::engine::Device;
 use crate::session::Session;
 
 /// Where checkpoints are written; not the name of a training's on samples, which may lie in the same folder.
@@ -80,28 +79,19 @@ impl<'a> Beginning<'a> {
         Ok(())
     }
 
-    /// The optimiser that was asked for; else that of the checkpoint; else the best that the device has. Refuses one that the
-    /// device does not have.
-    pub(in crate::commands) fn optimiser(
-        &self,
-        asked: Option<Optimiser>,
-        device: &Device,
-    ) -> Result<Optimiser> {
+    /// The optimiser that was asked for; else that of the checkpoint; else the best there is.
+    pub(in crate::commands) fn optimiser(&self, asked: Option<Optimiser>) -> Optimiser {
         let begun = self.found.as_ref().map(|found| found.settings.optimiser);
-        let optimiser = asked.or(begun).unwrap_or_else(|| match device {
-            Device::Cpu => TeachSettings::default().optimiser,
-            Device::Gpu(_) => Optimiser::Muon(MuonConfig::default()),
-        });
-        if matches!((optimiser, device), (Optimiser::Soap(_), Device::Gpu(_))) {
-            match asked {
-                Some(_) => bail!("SOAP is computed on the CPU alone: give --optimiser muon, or --device cpu"),
-                None => bail!(
-                    "{} was begun by SOAP, which is computed on the CPU alone: go on with --device cpu, or choose another --out",
-                    checkpoint_in(self.out).display()
-                ),
-            }
-        }
-        Ok(optimiser)
+        asked.or(begun).unwrap_or(TeachSettings::default().optimiser)
+    }
+
+    /// With the rates that were asked for; a resumed teaching keeps its own where none were, and how often it solves for the last
+    /// layer.
+    pub(super) fn with_rates(&self, asked: Option<f32>, teach: TeachSettings) -> TeachSettings {
+        let Some(found) = self.found.as_ref().map(|found| found.settings) else { return teach };
+        let schedule = if asked.is_some() { teach.plan.schedule } else { found.plan.schedule };
+        let plan = TrainingPlan { schedule, ..teach.plan };
+        TeachSettings { plan, solve_every: found.solve_every, ..teach }
     }
 
     /// What the network is told of symmetry as far as that is settled: as the checkpoint has it, or nothing where nothing is to

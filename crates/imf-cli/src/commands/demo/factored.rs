@@ -32,7 +32,7 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
     let settings = compress::Settings {
         teach: TeachSettings {
             plan: TrainingPlan { seed: arguments.seed, ..defaults.plan },
-            optimiser: beginning.optimiser(None, &device)?,
+            optimiser: beginning.optimiser(None),
             symmetry: symmetry.unwrap_or_default(),
             ..defaults
         },

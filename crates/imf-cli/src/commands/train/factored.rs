@@ -34,7 +34,7 @@ pub(super) fn run(session: &Session, arguments: &TrainArguments, teach: TeachSet
         None => beginning.symmetry(arguments.factored.teaching.symmetry()),
     };
     let teach = TeachSettings {
-        optimiser: beginning.optimiser(asked, &device)?,
+        optimiser: beginning.optimiser(asked),
         symmetry: symmetry.unwrap_or_default(),
         ..teach
     };
