@@ -180,6 +180,9 @@ fn by_sections(values: &Values, plan: &SectionPlan, judge: &Judge<'_>) -> Result
         ..OnlineSettings::default()
     };
     settings.online = Some(online);
+    if !values.0.contains_key("rate") {
+        settings.plan.schedule = TeachSettings::of_sections(settings.plan.length, online).plan.schedule;
+    }
     let start = Instant::now();
     let teacher = SectionTeacher::new(plan, Domain::Directions, &fitting(values)?, Control::quiet())?;
     let mut state = settings.start(teacher.axis_count());

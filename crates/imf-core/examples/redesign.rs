@@ -3,7 +3,7 @@
 //! fine-tuned to the new part's signed depth. Beside it the same network from random weights, in as many steps, and the
 //! old field as it was.
 //!
-//! `cargo run --release -p imf-core --example redesign [redesign.png]`
+//! `cargo run --release -p imf-core --example redesign [redesign.png [STEPS]]`; so many steps of teaching at each change, 200 by default
 
 #[path = "chart/mod.rs"]
 mod chart;
@@ -224,7 +224,8 @@ fn draw(path: &Path, steps: &[Step]) -> Result<(), Box<dyn Error>> {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let path = std::env::args().nth(1).unwrap_or_else(|| "redesign.png".into());
-    let whole = Study { dims: [17, 49, 29], degree: 8, axes: 60, width: 128, first: 1500, each: 200 };
+    let each = std::env::args().nth(2).map_or(Ok(200), |steps| steps.parse())?;
+    let whole = Study { dims: [17, 49, 29], degree: 8, axes: 60, width: 128, first: 1500, each };
     let steps = study(&whole)?;
     println!("solid   fine-tuned  from random  not adapted   fit    fine-tuning");
     for Step { solid, fine_tuned, from_random, not_adapted, fitting, tuning } in &steps {

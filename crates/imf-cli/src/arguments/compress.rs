@@ -14,7 +14,7 @@ use imf_core::training::run::{Length, TrainingPlan};
 #[command(after_help = "Example:\n  imf field teapot --method harmonic --save \
                         teapot.safetensors\n  imf compress teapot.safetensors --out small\n  imf query \
                         small/field.safetensors poses.csv\n  imf compress changed.safetensors --from \
-                        small/field.safetensors --steps 300 --out changed\n\nWrites field.safetensors and teaching.safetensors (for \
+                        small/field.safetensors --steps 100 --out changed\n\nWrites field.safetensors and teaching.safetensors (for \
                         --resume). Ctrl-C writes a checkpoint and stops.")]
 pub(crate) struct CompressArguments {
     /// Harmonic field, from imf field --method harmonic --save
@@ -25,7 +25,7 @@ pub(crate) struct CompressArguments {
     /// Continue from the checkpoint in the output folder
     #[arg(long)]
     pub(crate) resume: bool,
-    /// Start from the network of another field, such as that of the part before it was changed: a few hundred steps are enough.
+    /// Start from the network of another field, such as that of the part before it was changed: a hundred steps are enough.
     /// Its width, layers, ω and what it was told of symmetry are taken over
     #[arg(long, value_name = "FIELD", conflicts_with_all = ["width", "layers", "omega", "symmetry"])]
     pub(crate) from: Option<PathBuf>,
@@ -51,7 +51,7 @@ pub(crate) struct CompressArguments {
     /// Voxels of a step
     #[arg(long, default_value_t = TeachSettings::default().plan.batch, value_name = "N")]
     pub(crate) batch: usize,
-    /// Highest learning rate, which falls to 0 by a cosine; by default 1.5e-3, lower the more steps there are beyond 1,000, and
+    /// Highest learning rate, which falls to 0 by a cosine; by default 1.5e-3 in 1,000 steps, lower in more and in fewer, and
     /// 3e-4 from another field's network
     #[arg(long, value_name = "RATE")]
     pub(crate) rate: Option<f32>,

@@ -29,8 +29,8 @@ use super::{LengthArguments, NetworkFamily, PlanArguments};
     )),
     mut_arg("epochs", |epochs| epochs.help("Passes over all samples; by default 5 for a factored field, 50 for siren5")),
     mut_arg("rate", |rate| rate.help(
-        "Highest learning rate; by default 1.5e-3 for a factored field, and lower the more steps there are beyond 1,000; 5e-4 \
-         for siren5, where --resume goes on from the rate that is given"
+        "Highest learning rate; by default 1.5e-3 for a factored field in 1,000 steps, lower in more, and in fewer too where a \
+         harmonic field teaches; 5e-4 for siren5, where --resume goes on from the rate that is given"
     )),
     mut_arg("seed", |seed| seed.help("Seed of starting weights and order, and of a part's samples")),
     after_help = "Examples:\n  imf train part.stl --unit mm --tool mill.toml --out model\n  imf train teapot --out model \
@@ -167,7 +167,16 @@ impl TrainArguments {
     }
 
     fn teaching(&self) -> TeachSettings {
-        let usual = TeachSettings::of_length(self.length.or_epochs(TeachSettings::EPOCHS));
+        let length = self.length.or_epochs(TeachSettings::EPOCHS);
+        let online = self.factored.online.map(|pool| OnlineSettings {
+            pool: pool as usize,
+            seed: self.length.seed,
+            ..OnlineSettings::default()
+        });
+        let usual = match online {
+            Some(online) => TeachSettings::of_sections(length, online),
+            None => TeachSettings::of_length(length),
+        };
         TeachSettings {
             width: self.width.unwrap_or(usual.width),
             hidden: self.layers.unwrap_or(usual.hidden),
@@ -178,11 +187,6 @@ impl TrainArguments {
                 seed: self.length.seed,
                 ..usual.plan
             },
-            online: self.factored.online.map(|pool| OnlineSettings {
-                pool: pool as usize,
-                seed: self.length.seed,
-                ..OnlineSettings::default()
-            }),
             ..usual
         }
     }

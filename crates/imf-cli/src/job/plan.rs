@@ -38,7 +38,9 @@ pub(super) fn schedule_from(schedule: &Schedule, initial: f32) -> Schedule {
     match *schedule {
         Schedule::Exponential { factor, warmup, .. } => Schedule::Exponential { initial, factor, warmup },
         Schedule::Cosine { warmup, .. } => Schedule::Cosine { initial, last: initial * 0.01, warmup },
-        Schedule::Length { steps, power, warmup, .. } => Schedule::Length { initial, steps, power, warmup },
+        Schedule::Length { steps, power, shorter, warmup, .. } => {
+            Schedule::Length { initial, steps, power, shorter, warmup }
+        }
     }
 }
 

@@ -210,7 +210,8 @@ fn a_field_is_compressed_into_a_network_through_an_interruption() {
     let again = folder.json(&compress(&["--out", "often", "--resume"]));
     assert!(again["loss"].is_null(), "no step was taken: {again}");
 
-    // From its own network a few steps are enough, and a network of another shape is taken over.
+    // From its own network a few steps are enough, where random sines with the best last layer are not; a network of another shape
+    // is taken over.
     let few: &[&str] =
         &["compress", "field.safetensors", "--batch", "128", "--steps", "20", "--rate", "1e-4"];
     let loss = |more: &[&str]| folder.json(&[few, more].concat())["loss"].as_f64().unwrap();
@@ -218,7 +219,7 @@ fn a_field_is_compressed_into_a_network_through_an_interruption() {
         loss(&["--from", "whole/field.safetensors", "--out", "tuned"]),
         loss(&["--width", "32", "--layers", "2", "--out", "fresh"]),
     );
-    assert!(tuned < 1.5 * whole["loss"].as_f64().unwrap() && tuned < 0.2 * fresh, "{tuned} {fresh}");
+    assert!(tuned < 1.5 * whole["loss"].as_f64().unwrap() && tuned < 0.5 * fresh, "{tuned} {fresh}");
     let info = folder.json(&["info", "tuned/field.safetensors"]);
     assert_eq!(info["network"]["width"], 32);
     // The same line goes on; another field's network is not the one that was begun with, nor are widths given twice.

@@ -40,6 +40,10 @@ fn a_part_becomes_the_field_that_fit_and_lesson_make_one_by_one() {
     let answers = work.imf("query field/field.safetensors poses.csv --json").done().json();
     assert!(answers[0]["overlap"].as_f64().is_some_and(|value| (0.0..=1.0).contains(&value)), "{answers}");
 
+    // Gone on with, it keeps its rate where none is asked for.
+    work.imf(&train.replace("--rate 4e-3", "--resume")).done();
+    work.imf(&train.replace("--rate 4e-3", "--rate 3e-3 --resume")).refused(&["not 0.003"]);
+
     // Weights kept in f16 are half the file.
     work.imf(&format!("{train} --half").replace("--out field", "--out half")).done();
     let [whole, half] =

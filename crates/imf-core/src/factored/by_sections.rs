@@ -115,7 +115,8 @@ impl<'a> SectionTeacher<'a> {
 /// Teaches the network of `state` by sections up to the plan's end, or until `control` asks to stop, which is looked at
 /// wherever the observer is told something; `state` then is where teaching goes on, to the same bits. One unit of progress is
 /// one step; while the pool fills, progress is told of 0 between sections, and `control` is looked at as well. The report's loss is the mean squared error at the pool's orientations before each step, most of which earlier
-/// steps have met. Sections come as [`TeachSettings::online`] says, or as its default.
+/// steps have met. Sections come as [`TeachSettings::online`] says, or as its default;
+/// [`TeachSettings::of_sections`] has the settings to start from.
 ///
 /// # Errors
 /// Settings or a state out of range, a section that failed, or a loss that is not finite or has risen for good; `state` is

@@ -16,10 +16,10 @@ use crate::harmonic::HarmonicField;
 use crate::siren::matrix::{Matrix, multiply};
 use crate::training::{EngineError, TrainingEngine, TrainingState};
 
-/// Voxels for each weight of an output while teaching goes on: their choice adds 2 % to the squared error, until the next.
-pub(super) const WHILE_TEACHING: usize = 64;
+/// Voxels for each weight of an output while teaching goes on: their choice adds some 3 % to the squared error, until the next.
+pub(super) const WHILE_TEACHING: usize = 32;
 /// Voxels for each weight of an output at the end.
-pub(super) const AT_THE_END: usize = 512;
+pub(super) const AT_THE_END: usize = 128;
 /// Voxels of a part; parts are added in their order, whatever thread does them.
 const PART: usize = 2048;
 /// What follows the last solution's choice of voxels.
@@ -104,9 +104,12 @@ impl FactoredField {
     }
 }
 
-/// An engine whose last layer is solved for after every so many steps, and after the last. Which ones those are depends on
-/// the plan alone, so that a training that was interrupted goes on to the same bits. Random starts are not solved: the
-/// large weights that fit a field by random sines lead the hidden layers astray (measured, in the record).
+/// Steps of the longest teaching that begins with a solution. A short one ends not far from the sines that it begins with; in
+/// a long one the large weights that fit a field by random sines lead the hidden layers astray (both measured, in the record).
+pub(super) const SOLVED_FIRST: u64 = 400;
+
+/// An engine whose last layer is solved for after every so many steps, and after the last; in a short teaching before the
+/// first too. Which ones those are depends on the plan alone, so that a training that was interrupted goes on to the same bits.
 pub(super) struct Solving<'a> {
     engine: &'a mut dyn TrainingEngine,
     targets: &'a Targets<'a>,
@@ -160,6 +163,9 @@ impl TrainingEngine for Solving<'_> {
     }
 
     fn step(&mut self, inputs: &[f32], targets: &[f32], learning_rate: f32) -> Result<(), EngineError> {
+        if self.done == 0 && self.total <= SOLVED_FIRST && self.every > 0 {
+            self.solve(WHILE_TEACHING)?;
+        }
         self.engine.step(inputs, targets, learning_rate)?;
         self.done += 1;
         match self.every {

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::last_layer::AT_THE_END;
+use super::last_layer::WHILE_TEACHING;
 use super::targets::Targets;
 use super::{FactoredField, FactoredShape, TeacherFunctions};
 use crate::harmonic::HarmonicField;
@@ -87,7 +87,8 @@ impl FactoredState {
         let shape = FactoredShape { axes: targets.outputs(), folded: false, ..from.shape };
         let parameters = from.parameters_for(teacher, &targets)?;
         let mut field = TeacherFunctions::of(teacher, &targets).field(shape, parameters)?;
-        field.solve_last_layer(&targets, AT_THE_END, 0.0);
+        // Other voxels than those of a solution before the first step.
+        field.solve_last_layer(&targets, WHILE_TEACHING, 0.5);
         Ok(Self::from_parameters(field.parameters))
     }
 

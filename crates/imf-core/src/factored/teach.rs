@@ -32,12 +32,13 @@ pub struct TeachSettings {
     pub plan: TrainingPlan,
     /// How the weights follow the gradient.
     pub optimiser: Optimiser,
-    /// Steps between two solutions of the last layer in closed form, one of which ends teaching; 0 for none. They are of
+    /// Steps between two solutions of the last layer in closed form, one of which ends teaching, and one begins it if it has no more
+    /// than 400 steps; 0 for none. They are of
     /// least squares, whatever the plan's loss. Files from before there were any say nothing of them.
     #[serde(default)]
     pub solve_every: u64,
     /// How sections come and go where they teach by themselves ([`teach_by_sections`]): no last layer is solved for then.
-    /// Nothing where a harmonic field teaches.
+    /// Nothing where a harmonic field teaches. [`TeachSettings::of_sections`] has the rates for it.
     ///
     /// [`teach_by_sections`]: super::teach_by_sections
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -51,7 +52,13 @@ pub struct TeachSettings {
 /// Steps in which the rate rises; a solved last layer needs few.
 const WARMUP: u64 = 10;
 /// The highest rate from a teaching's length; it falls to 0 over it.
-const RATES: Schedule = Schedule::Length { initial: 1.5e-3, steps: 1000, power: 0.75, warmup: WARMUP };
+const fn rates(shorter: f32) -> Schedule {
+    Schedule::Length { initial: 1.5e-3, steps: 1000, power: 0.75, shorter, warmup: WARMUP }
+}
+/// Short teachings keep most of the sines that they begin with, and the last layer is solved for.
+const RATES: Schedule = rates(0.6);
+/// Where it is not, it is learnt.
+const RATES_BY_SECTIONS: Schedule = rates(0.0);
 
 /// The highest rate from another field's network, and steps between two solutions of the last layer: higher rates lose what it
 /// knows in the first steps, before there are moments to go by.
@@ -100,6 +107,16 @@ impl TeachSettings {
         let usual = Self::of_length(length);
         let plan = TrainingPlan { schedule: Self::rates_from(RATE_OF_ANOTHER), ..usual.plan };
         Self { plan, solve_every: SOLVE_OF_ANOTHER, ..usual }
+    }
+
+    /// The defaults for a length of a teaching by sections that come and go like this ([`teach_by_sections`]).
+    ///
+    /// [`teach_by_sections`]: super::teach_by_sections
+    #[must_use]
+    pub fn of_sections(length: Length, online: OnlineSettings) -> Self {
+        let usual = Self::of_length(length);
+        let plan = TrainingPlan { schedule: RATES_BY_SECTIONS, ..usual.plan };
+        Self { plan, online: Some(online), ..usual }
     }
 
     /// The rates of a teaching from the highest, which by default follows from the length.

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use glam::DVec3;
 
 use super::file::FactoredFile;
+use super::last_layer::SOLVED_FIRST;
 use super::*;
 use crate::control::Control;
 use crate::harmonic::basis::Domain;
@@ -375,6 +376,31 @@ fn solving_now_and_then_teaches_more_in_as_many_steps() {
     };
     let [never, now_and_then] = [0, 20].map(after);
     assert!(now_and_then < 0.8 * never, "{now_and_then}, without {never}");
+}
+
+#[test]
+fn short_teachings_begin_with_a_solved_last_layer() {
+    let scene = scene();
+    let teacher = teacher(&scene);
+    let axes = teacher.axis_count();
+    let first_loss = |steps: u64, solve_every: u64| {
+        let settings = settings(steps);
+        let plan = TrainingPlan { report_every: 1, ..settings.plan };
+        let settings = TeachSettings { plan, solve_every, ..settings };
+        let cancelled = AtomicBool::new(true);
+        let control = Control { cancelled: &cancelled, ..Control::quiet() };
+        let mut found = f64::NAN;
+        teach(&teacher, &settings, &mut settings.start(axes), control, &mut |report| {
+            assert_eq!(report.step, 1);
+            found = report.mean_loss;
+        })
+        .unwrap();
+        found
+    };
+    let long = first_loss(SOLVED_FIRST + 1, 20);
+    assert_eq!(first_loss(SOLVED_FIRST, 0), long, "nothing is solved for where none is asked");
+    let short = first_loss(SOLVED_FIRST, 20);
+    assert!(short < 0.1 * long, "{short}, not solved {long}");
 }
 
 #[test]

@@ -27,15 +27,18 @@ pub enum Schedule {
         #[serde(default)]
         warmup: u64,
     },
-    /// Half a cosine to 0 from a rate that is the lower the longer the run: `initial` of up to `steps` steps, of more
-    /// `initial · (steps / all)^power`. It rises to it as a cosine does.
+    /// Half a cosine to 0 from a rate that follows from the run's length: `initial` of `steps` steps, of more
+    /// `initial · (steps / all)^power`, of fewer `initial · (all / steps)^shorter`. It rises to it as a cosine does.
     Length {
-        /// Highest rate of short runs.
+        /// Highest rate of a run of `steps` steps.
         initial: f32,
-        /// Steps of the longest run that has it.
+        /// The length that has it.
         steps: u64,
-        /// How fast the rate falls with the length.
+        /// How fast the rate falls in longer runs.
         power: f32,
+        /// How fast it falls in shorter ones; 0 where it is the same for all of them.
+        #[serde(default, skip_serializing_if = "is_zero")]
+        shorter: f32,
         /// Steps of the rise.
         #[serde(default)]
         warmup: u64,
@@ -49,9 +52,8 @@ impl Default for Schedule {
     }
 }
 
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands over a reference")]
-fn is_zero(steps: &u64) -> bool {
-    *steps == 0
+fn is_zero<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// How the learning rate grows with the batch, from the paper's batch of [`RateRule::BATCH`].
@@ -99,9 +101,13 @@ impl RateRule {
             Schedule::Cosine { initial, last, warmup } => {
                 Schedule::Cosine { initial: scaled(initial), last: scaled(last), warmup: warmup.max(least) }
             }
-            Schedule::Length { initial, steps, power, warmup } => {
-                Schedule::Length { initial: scaled(initial), steps, power, warmup: warmup.max(least) }
-            }
+            Schedule::Length { initial, steps, power, shorter, warmup } => Schedule::Length {
+                initial: scaled(initial),
+                steps,
+                power,
+                shorter,
+                warmup: warmup.max(least),
+            },
         }
     }
 }
@@ -136,9 +142,10 @@ impl Schedule {
     pub fn highest(&self, total: u64) -> f32 {
         match *self {
             Self::Exponential { initial, .. } | Self::Cosine { initial, .. } => initial,
-            Self::Length { initial, steps, power, .. } => {
-                let share = (steps as f64 / total.max(1) as f64).min(1.0);
-                (f64::from(initial) * share.powf(f64::from(power))) as f32
+            Self::Length { initial, steps, power, shorter, .. } => {
+                let ratio = steps as f64 / total.max(1) as f64;
+                let power = if ratio < 1.0 { power } else { -shorter };
+                (f64::from(initial) * ratio.powf(f64::from(power))) as f32
             }
         }
     }
@@ -148,12 +155,14 @@ impl Schedule {
     /// # Errors
     /// A sentence that names the value.
     pub fn check(&self) -> Result<(), String> {
-        let (initial, name, other) = match *self {
-            Self::Exponential { initial, factor, .. } => (initial, "factor", factor),
-            Self::Cosine { initial, last, .. } => (initial, "last", last),
-            Self::Length { initial, power, .. } => (initial, "power", power),
+        let (initial, others) = match *self {
+            Self::Exponential { initial, factor, .. } => (initial, [("factor", factor); 2]),
+            Self::Cosine { initial, last, .. } => (initial, [("last", last); 2]),
+            Self::Length { initial, power, shorter, .. } => {
+                (initial, [("power", power), ("shorter", shorter)])
+            }
         };
-        for (name, value) in [("initial", initial), (name, other)] {
+        for (name, value) in [("initial", initial)].into_iter().chain(others) {
             if !(value.is_finite() && value >= 0.0) {
                 return Err(format!(
                     "the schedule's `{name}` must be a finite number of at least 0, not {value}"
@@ -187,9 +196,14 @@ mod tests {
     }
 
     #[test]
-    fn the_longer_a_run_the_lower_its_rates_may_be() {
-        let schedule = Schedule::Length { initial: 1e-3, steps: 1000, power: 0.5, warmup: 4 };
-        for (total, highest) in [(10, 1e-3), (1000, 1e-3), (4000, 5e-4), (100_000, 1e-4)] {
+    fn rates_may_follow_from_the_length() {
+        let same = Schedule::Length { initial: 1e-3, steps: 1000, power: 0.5, shorter: 0.0, warmup: 4 };
+        assert!([1, 10, 999].iter().all(|&total| same.highest(total) == same.highest(1000)));
+        let written = serde_json::to_string(&same).unwrap();
+        assert!(!written.contains("shorter"), "{written}");
+        assert_eq!(serde_json::from_str::<Schedule>(&written).unwrap(), same);
+        let schedule = Schedule::Length { initial: 1e-3, steps: 1000, power: 0.5, shorter: 1.0, warmup: 4 };
+        for (total, highest) in [(10, 1e-5), (500, 5e-4), (1000, 1e-3), (4000, 5e-4), (100_000, 1e-4)] {
             assert!((schedule.highest(total) / highest - 1.0).abs() < 1e-6);
             let cosine = Schedule::Cosine { initial: schedule.highest(total), last: 0.0, warmup: 4 };
             assert_eq!(cosine.highest(total), schedule.highest(total));
@@ -197,10 +211,19 @@ mod tests {
                 assert_eq!(schedule.rate(0, step, total), cosine.rate(0, step, total));
             }
         }
-        let doubled = Schedule::Length { initial: 2e-3, steps: 1000, power: 0.5, warmup: RateRule::WARMUP };
+        let doubled = Schedule::Length {
+            initial: 2e-3,
+            steps: 1000,
+            power: 0.5,
+            shorter: 1.0,
+            warmup: RateRule::WARMUP,
+        };
         assert_eq!(RateRule::Sqrt.apply(schedule, 4096), doubled);
-        let bent = Schedule::Length { initial: 1e-3, steps: 1000, power: f32::NAN, warmup: 4 };
-        assert!(bent.check().unwrap_err().contains("power"));
+        for (power, shorter, named) in [(f32::NAN, 0.0, "power"), (0.5, -1.0, "shorter")] {
+            let bent = Schedule::Length { initial: 1e-3, steps: 1000, power, shorter, warmup: 4 };
+            assert!(bent.check().unwrap_err().contains(named));
+        }
+        assert!(schedule.check().is_ok());
     }
 
     #[test]

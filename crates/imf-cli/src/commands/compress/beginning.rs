@@ -87,7 +87,7 @@ impl<'a> Beginning<'a> {
 
     /// With the rates that were asked for; a resumed teaching keeps its own where none were, and how often it solves for the last
     /// layer.
-    pub(super) fn with_rates(&self, asked: Option<f32>, teach: TeachSettings) -> TeachSettings {
+    pub(in crate::commands) fn with_rates(&self, asked: Option<f32>, teach: TeachSettings) -> TeachSettings {
         let Some(found) = self.found.as_ref().map(|found| found.settings) else { return teach };
         let schedule = if asked.is_some() { teach.plan.schedule } else { found.plan.schedule };
         let plan = TrainingPlan { schedule, ..teach.plan };

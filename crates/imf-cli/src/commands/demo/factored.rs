@@ -28,6 +28,7 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
     let device = Device::open(&arguments.device.device, session)?;
     let beginning = Beginning::at(&arguments.out, compress::is_unfinished(&arguments.out))?;
     let defaults = TeachSettings::of_length(Length::Steps(arguments.steps.unwrap_or(STEPS)));
+    let defaults = beginning.with_rates(None, defaults);
     let symmetry = beginning.symmetry(SymmetryChoice::Auto);
     let settings = compress::Settings {
         teach: TeachSettings {

@@ -36,7 +36,7 @@ pub(super) fn run(session: &Session, arguments: &TrainArguments, teach: TeachSet
     let teach = TeachSettings {
         optimiser: beginning.optimiser(asked),
         symmetry: symmetry.unwrap_or_default(),
-        ..teach
+        ..beginning.with_rates(arguments.length.rate, teach)
     };
     beginning.require_settings(&teach)?;
     let scene = arguments.scene.scene_with(session, &arguments.contact)?;
