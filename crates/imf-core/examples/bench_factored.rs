@@ -124,9 +124,14 @@ fn taught_from(values: &Values, part: ReferencePart) -> Result<(SectionPlan, Tea
 /// How a network is taught, but for how long.
 fn settings(values: &Values) -> Result<TeachSettings, Failure> {
     let usual = TeachSettings::default();
-    let defaults = match values.get("fine", 0)? {
-        0 => usual,
-        _ => TeachSettings::of_another(usual.plan.length),
+    let length = usual.plan.length;
+    let defaults = match (values.get("pool", 0)?, values.get("fine", 0)?) {
+        (0, 0) => usual,
+        (0, _) => TeachSettings::of_another(length),
+        (pool, _) => {
+            let every = values.get("every", 1)?;
+            TeachSettings::of_sections(length, OnlineSettings { pool, every, ..OnlineSettings::default() })
+        }
     };
     let mut settings = TeachSettings {
         width: values.get("width", defaults.width)?,
@@ -174,15 +179,6 @@ fn by_sections(values: &Values, plan: &SectionPlan, judge: &Judge<'_>) -> Result
     let mut settings = settings(values)?;
     let steps: u64 = values.get("steps", 1000)?;
     settings.plan.length = Length::Steps(steps);
-    let online = OnlineSettings {
-        pool: values.get("pool", 64)?,
-        every: values.get("every", 1)?,
-        ..OnlineSettings::default()
-    };
-    settings.online = Some(online);
-    if !values.0.contains_key("rate") {
-        settings.plan.schedule = TeachSettings::of_sections(settings.plan.length, online).plan.schedule;
-    }
     let start = Instant::now();
     let teacher = SectionTeacher::new(plan, Domain::Directions, &fitting(values)?, Control::quiet())?;
     let mut state = settings.start(teacher.axis_count());
@@ -198,7 +194,8 @@ fn by_sections(values: &Values, plan: &SectionPlan, judge: &Judge<'_>) -> Result
             next += steps / 8;
         }
     })?;
-    println!("by sections, {} at a time, {steps} steps in {:.1} s: {waits:?}", online.pool, seconds(start));
+    let pool: usize = values.get("pool", 0)?;
+    println!("by sections, {pool} at a time, {steps} steps in {:.1} s: {waits:?}", seconds(start));
     let shape = settings.shape(teacher.axis_count());
     let field = teacher.field(shape, state.training.parameters)?.folded();
     println!("  {}: {} numbers", field.shape, field.parameter_count());

@@ -48,8 +48,7 @@ pub(crate) fn run(session: &Session, arguments: &CompressArguments) -> Result<()
         let TeachSettings { width, hidden, omega, .. } = from.settings;
         teach = TeachSettings { width, hidden, omega, ..teach };
     }
-    teach = beginning.with_rates(arguments.rate, teach);
-    teach.optimiser = beginning.optimiser(arguments.teaching.optimiser());
+    teach = beginning.settled(arguments.rate, arguments.teaching.optimiser(), teach);
     let symmetry = match &from {
         Some((_, from)) => Some(from.settings.symmetry),
         None => beginning.symmetry(arguments.teaching.symmetry()),

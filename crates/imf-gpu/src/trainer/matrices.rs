@@ -9,11 +9,11 @@ use super::muon::{MuonPlaces, MuonStep};
 use super::soap::{SoapPlaces, SoapStep};
 use crate::device::Gpu;
 use crate::forward::Network;
-use crate::kernel::Bound;
+use crate::kernel::{Bound, uniform};
 use crate::layout::PaddedLayout;
 use crate::memory::Plan;
 use crate::shader::{LINEAR_GROUP, MATRIX_GROUPS};
-use crate::uniforms::MatrixPlace;
+use crate::uniforms::{Between, MatrixPlace};
 
 /// How many matrices lie between hidden layers, and what they fit in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,15 +32,27 @@ impl Matrices {
         Some(Self { count: between.len(), rows, columns })
     }
 
-    /// Where each stands, and by how much a step is longer than the learning rate, by the inputs that it learns from.
-    pub(super) fn table(layout: &PaddedLayout, length: impl Fn(usize) -> f32) -> Vec<MatrixPlace> {
+    /// Writes into `table` where each stands, and by how much a step is longer than the learning rate, by the inputs that it
+    /// learns from; returns what the kernels know of them all, moments of which a step leaves the share `kept`.
+    pub(super) fn upload(
+        &self,
+        gpu: &Gpu,
+        layout: &PaddedLayout,
+        table: &wgpu::Buffer,
+        kept: f32,
+        length: impl Fn(usize) -> f32,
+    ) -> Result<wgpu::Buffer, EngineError> {
         let both = layout.between().iter().zip(layout.learnt_between());
-        both.map(|(layer, learnt)| MatrixPlace {
-            weights: layer.weights as u32,
-            columns: layer.inputs as u32,
-            length: length(learnt.inputs),
-        })
-        .collect()
+        let places: Vec<MatrixPlace> = both
+            .map(|(layer, learnt)| MatrixPlace {
+                weights: layer.weights as u32,
+                columns: layer.inputs as u32,
+                length: length(learnt.inputs),
+            })
+            .collect();
+        gpu.queue().write_buffer(table, 0, bytemuck::cast_slice(&places));
+        let (rows, columns) = (self.rows as u32, self.columns as u32);
+        uniform(gpu, "matrices", &Between { rows, columns, kept, one_minus_kept: 1.0 - kept })
     }
 
     /// A kernel that goes over the numbers of all matrices.

@@ -17,10 +17,10 @@ use super::Buffers;
 use super::matrices::Matrices;
 use crate::device::Gpu;
 use crate::forward::Network;
-use crate::kernel::{Bound, Kernel, uniform};
+use crate::kernel::{Bound, Kernel};
 use crate::memory::Plan;
 use crate::shader::{MATRIX_GROUPS, Shader};
-use crate::uniforms::{Between, MatrixPlace};
+use crate::uniforms::MatrixPlace;
 
 /// Places of what Muon works with.
 pub(super) struct MuonPlaces {
@@ -77,18 +77,11 @@ impl MuonStep {
         buffers: &[wgpu::Buffer],
     ) -> Result<Self, EngineError> {
         let MuonPlaces { config, matrices, .. } = *places;
-        let block = Between {
-            rows: matrices.rows as u32,
-            columns: matrices.columns as u32,
-            kept: config.momentum,
-            one_minus_kept: 1.0 - config.momentum,
-        };
-        let block = uniform(gpu, "Muon", &block)?;
-        let table = Matrices::table(&network.layout, |inputs| config.rate * LENGTH * (inputs as f32).sqrt());
-        let [table_at, x, turned, gram, polynomial, squares] =
+        let [table, x, turned, gram, polynomial, squares] =
             [places.table, places.directions, places.turned, places.gram, places.polynomial, places.squares]
                 .map(|place| &buffers[place]);
-        gpu.queue().write_buffer(table_at, 0, bytemuck::cast_slice(&table));
+        let length = |inputs: usize| config.rate * LENGTH * (inputs as f32).sqrt();
+        let block = matrices.upload(gpu, &network.layout, table, config.momentum, length)?;
         let kernel = |shader| Kernel::new(gpu, shader);
         let products = [Shader::MuonGram, Shader::MuonPolynomial, Shader::MuonTurn];
         let [first, second, third] = products.map(kernel);
@@ -104,11 +97,11 @@ impl MuonStep {
         Ok(Self {
             matrices,
             momentum: kernel(Shader::MuonMomentum)?
-                .bind(gpu, &[&block, table_at, &host.gradient, &host.first_moment, x, squares]),
+                .bind(gpu, &[&block, table, &host.gradient, &host.first_moment, x, squares]),
             scale: kernel(Shader::MuonScale)?.bind(gpu, &[&block, squares, x]),
             iterations: [[x, turned], [turned, x]].map(iteration),
             update: kernel(Shader::MatricesUpdate)?
-                .bind(gpu, &[&block, &host.step, table_at, last, &network.parameters]),
+                .bind(gpu, &[&block, &host.step, table, last, &network.parameters]),
         })
     }
 

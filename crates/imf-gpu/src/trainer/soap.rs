@@ -23,11 +23,11 @@ use super::Buffers;
 use super::matrices::Matrices;
 use crate::device::Gpu;
 use crate::forward::Network;
-use crate::kernel::{Bound, Kernel, uniform};
+use crate::kernel::{Bound, Kernel};
 use crate::layout::PaddedLayout;
 use crate::memory::Plan;
 use crate::shader::Shader;
-use crate::uniforms::{Between, MatrixPlace};
+use crate::uniforms::MatrixPlace;
 use look::{Look, LookKernels};
 use products::{BoundProduct, Factor, Products};
 use side::{Numbers, SidePlaces, SideStep};
@@ -97,17 +97,9 @@ impl SoapStep {
     ) -> Result<Self, EngineError> {
         let SoapPlaces { config, matrices, .. } = *places;
         let Matrices { count, rows, columns } = matrices;
-        let block = Between {
-            rows: rows as u32,
-            columns: columns as u32,
-            kept: config.kept,
-            one_minus_kept: 1.0 - config.kept,
-        };
-        let block = uniform(gpu, "SOAP", &block)?;
         let [table, gradient, half, along] =
             [places.table, places.gradient, places.half, places.along].map(|place| &buffers[place]);
-        let rows_of_table = Matrices::table(&network.layout, |_| config.rate);
-        gpu.queue().write_buffer(table, 0, bytemuck::cast_slice(&rows_of_table));
+        let block = matrices.upload(gpu, &network.layout, table, config.kept, |_| config.rate)?;
         for (side, numbers) in
             places.sides.iter().zip(Numbers::of_state(&network.layout, [rows, columns], state)?)
         {

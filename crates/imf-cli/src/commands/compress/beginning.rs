@@ -79,19 +79,22 @@ impl<'a> Beginning<'a> {
         Ok(())
     }
 
-    /// The optimiser that was asked for; else that of the checkpoint; else the best there is.
-    pub(in crate::commands) fn optimiser(&self, asked: Option<Optimiser>) -> Optimiser {
-        let begun = self.found.as_ref().map(|found| found.settings.optimiser);
-        asked.or(begun).unwrap_or(TeachSettings::default().optimiser)
-    }
-
-    /// With the rates that were asked for; a resumed teaching keeps its own where none were, and how often it solves for the last
-    /// layer.
-    pub(in crate::commands) fn with_rates(&self, asked: Option<f32>, teach: TeachSettings) -> TeachSettings {
-        let Some(found) = self.found.as_ref().map(|found| found.settings) else { return teach };
-        let schedule = if asked.is_some() { teach.plan.schedule } else { found.plan.schedule };
-        let plan = TrainingPlan { schedule, ..teach.plan };
-        TeachSettings { plan, solve_every: found.solve_every, ..teach }
+    /// With the optimiser that was asked for, if any. A resumed teaching keeps its own where none was, its rates where none were
+    /// asked for, which stand in `teach`, and how often it solves for the last layer.
+    pub(in crate::commands) fn settled(
+        &self,
+        rate: Option<f32>,
+        optimiser: Option<Optimiser>,
+        teach: TeachSettings,
+    ) -> TeachSettings {
+        let begun = self.found.as_ref().map_or(teach, |found| found.settings);
+        let schedule = if rate.is_some() { teach.plan.schedule } else { begun.plan.schedule };
+        TeachSettings {
+            plan: TrainingPlan { schedule, ..teach.plan },
+            solve_every: begun.solve_every,
+            optimiser: optimiser.unwrap_or(begun.optimiser),
+            ..teach
+        }
     }
 
     /// What the network is told of symmetry as far as that is settled: as the checkpoint has it, or nothing where nothing is to

@@ -28,12 +28,11 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
     let device = Device::open(&arguments.device.device, session)?;
     let beginning = Beginning::at(&arguments.out, compress::is_unfinished(&arguments.out))?;
     let defaults = TeachSettings::of_length(Length::Steps(arguments.steps.unwrap_or(STEPS)));
-    let defaults = beginning.with_rates(None, defaults);
+    let defaults = beginning.settled(None, None, defaults);
     let symmetry = beginning.symmetry(SymmetryChoice::Auto);
     let settings = compress::Settings {
         teach: TeachSettings {
             plan: TrainingPlan { seed: arguments.seed, ..defaults.plan },
-            optimiser: beginning.optimiser(None),
             symmetry: symmetry.unwrap_or_default(),
             ..defaults
         },

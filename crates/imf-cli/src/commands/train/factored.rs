@@ -27,16 +27,14 @@ pub(super) fn run(session: &Session, arguments: &TrainArguments, teach: TeachSet
     let device = Device::open(arguments.device_or("cpu"), session)?;
     let folder = OutputFolder::check(&arguments.out)?;
     let beginning = Beginning::at(folder.path(), arguments.resume)?;
-    let asked = arguments.factored.teaching.optimiser();
     let symmetry = match teach.online {
         // Sections cannot tell of it.
         Some(_) => Some(Symmetry::default()),
         None => beginning.symmetry(arguments.factored.teaching.symmetry()),
     };
     let teach = TeachSettings {
-        optimiser: beginning.optimiser(asked),
         symmetry: symmetry.unwrap_or_default(),
-        ..beginning.with_rates(arguments.length.rate, teach)
+        ..beginning.settled(arguments.length.rate, arguments.factored.teaching.optimiser(), teach)
     };
     beginning.require_settings(&teach)?;
     let scene = arguments.scene.scene_with(session, &arguments.contact)?;
