@@ -235,6 +235,14 @@ impl FactoredField {
         let symmetry = &self.shape.symmetry;
         symmetry.inputs_at(&self.grid, &symmetry.place(position))
     }
+
+    /// What the network sees of a position, and the frame that its coefficients there are in.
+    #[must_use]
+    pub fn seen(&self, position: DVec3) -> (Inputs, Frame) {
+        let symmetry = &self.shape.symmetry;
+        let place = symmetry.place(position);
+        (symmetry.inputs_at(&self.grid, &place), symmetry.frame_of(&place))
+    }
 }
 
 /// The functions that a network is taught along, whoever chose them.

@@ -236,17 +236,17 @@ impl Gpu {
         })?;
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
-        self.queue.submit([encoder.finish()]);
+        let submission = self.queue.submit([encoder.finish()]);
         // A failed mapping shows in `get_mapped_range`.
         staging.map_async(wgpu::MapMode::Read, .., |_| ());
-        Ok(Reading(staging))
+        Ok(Reading { staging, submission })
     }
 
-    /// What was copied; waits for the device.
-    #[expect(clippy::needless_pass_by_value, reason = "a reading is finished once")]
+    /// What was copied; waits for the copy, and not for what was submitted after it.
     pub(crate) fn finish_read<T: Pod>(&self, reading: Reading) -> Result<Vec<T>, EngineError> {
-        self.wait(None)?;
-        let view = self.mapped(&reading.0, reading.0.size())?;
+        let Reading { staging, submission } = reading;
+        self.wait(Some(submission))?;
+        let view = self.mapped(&staging, staging.size())?;
         Ok(bytemuck::pod_collect_to_vec(&view))
     }
 
@@ -269,7 +269,10 @@ fn experimental() -> wgpu::ExperimentalFeatures {
 
 /// A copy to the host that is under way.
 #[derive(Debug)]
-pub(crate) struct Reading(wgpu::Buffer);
+pub(crate) struct Reading {
+    staging: wgpu::Buffer,
+    submission: wgpu::SubmissionIndex,
+}
 
 /// A wgpu error as cause and remedy.
 fn explain(error: &wgpu::Error) -> String {

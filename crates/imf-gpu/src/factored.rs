@@ -10,10 +10,13 @@
 //! bias is its mean. Where the field is told of a symmetry, the coefficients are those of the functions one by one, turned out of
 //! the frames of their places before that product. Its twin is [`imf_core::factored::FactoredEvaluator`].
 
+use std::collections::VecDeque;
+
 use glam::DVec3;
 use imf_core::factored::FactoredField;
 use imf_core::orientation::Orientation;
 use imf_core::training::EngineError;
+use rayon::prelude::*;
 
 use crate::device::Gpu;
 use crate::forward::{Forward, Network, layout_for, rows_per_pass};
@@ -27,6 +30,10 @@ use crate::uniforms::{Batch, Harmonics, Layer, PlaceFrame, Sweep};
 const ROWS: usize = 1 << 14;
 /// Orientations of one product, at most: values of [`ROWS`] points are 32 MiB.
 const CHUNK: usize = 512;
+/// Points that one thread of the host prepares at a time.
+const ROWS_OF_A_THREAD: usize = 512;
+/// Passes whose minima may wait to be read.
+const READINGS: usize = 4;
 
 /// A factored field on one GPU.
 #[derive(Debug)]
@@ -48,6 +55,9 @@ pub struct GpuFactored {
     product: Kernel,
     minimum: Kernel,
     submissions: Submissions,
+    /// What goes up for the points of a pass, kept from one to the next.
+    inputs_up: Vec<f32>,
+    frames_up: Vec<PlaceFrame>,
 }
 
 /// What takes coefficients out of the frames of their places.
@@ -120,6 +130,8 @@ impl GpuFactored {
             least: at(least),
             best: at(best),
             submissions: Submissions::default(),
+            inputs_up: Vec::new(),
+            frames_up: Vec::new(),
         })
     }
 
@@ -146,14 +158,25 @@ impl GpuFactored {
     ) -> Result<(Vec<f32>, Vec<u32>), EngineError> {
         let chunks = self.chunks(orientations)?;
         let (mut least, mut best) = (Vec::with_capacity(points.len()), Vec::with_capacity(points.len()));
+        let mut take = |(of_least, of_best), gpu: &Gpu| {
+            least.extend(gpu.finish_read::<f32>(of_least)?);
+            best.extend(gpu.finish_read::<u32>(of_best)?);
+            Ok::<_, EngineError>(())
+        };
+        let mut readings = VecDeque::new();
         for points in points.chunks(self.rows) {
             self.coefficients_of(points)?;
             for chunk in &chunks {
                 self.product_with(chunk, points.len(), true)?;
             }
-            least.extend(self.gpu.read::<f32>(&self.least, points.len())?);
-            best.extend(self.gpu.read::<u32>(&self.best, points.len())?);
+            let read = |buffer| self.gpu.begin_read(buffer, points.len());
+            readings.push_back((read(&self.least)?, read(&self.best)?));
+            // The device goes on to these points while the host takes what was found of others, and prepares the next.
+            if readings.len() > READINGS {
+                readings.pop_front().map_or(Ok(()), |oldest| take(oldest, &self.gpu))?;
+            }
         }
+        readings.into_iter().try_for_each(|reading| take(reading, &self.gpu))?;
         Ok((least, best))
     }
 
@@ -244,15 +267,26 @@ impl GpuFactored {
 
     /// Submits the network at some points.
     fn coefficients_of(&mut self, points: &[DVec3]) -> Result<(), EngineError> {
-        let inputs: Vec<f32> = points.iter().flat_map(|&point| self.field.input(point).to_vec()).collect();
+        let Self { field, local, inputs_up, frames_up, .. } = self;
+        let inputs = field.shape.symmetry.inputs();
+        inputs_up.resize(points.len() * inputs, 0.0);
+        let rows = inputs_up.par_chunks_exact_mut(inputs).zip(points).with_min_len(ROWS_OF_A_THREAD);
+        if local.is_some() {
+            frames_up.resize(points.len(), PlaceFrame::default());
+            rows.zip(frames_up.par_iter_mut()).for_each(|((inputs, &point), frame)| {
+                let (seen, in_frame) = field.seen(point);
+                inputs.copy_from_slice(&seen);
+                *frame = in_frame.into();
+            });
+        } else {
+            rows.for_each(|(inputs, &point)| inputs.copy_from_slice(&field.input(point)));
+        }
         let padded_rows = points.len().next_multiple_of(self.network.layout.padding);
         let batch = Batch { rows: points.len() as u32, padded_rows: padded_rows as u32, ..Batch::default() };
-        self.gpu.queue().write_buffer(&self.samples, 0, bytemuck::cast_slice(&inputs));
+        self.gpu.queue().write_buffer(&self.samples, 0, bytemuck::cast_slice(inputs_up));
         self.gpu.queue().write_buffer(&self.network.batch, 0, bytemuck::bytes_of(&batch));
-        if let Some(local) = &self.local {
-            let symmetry = &self.field.shape.symmetry;
-            let frames: Vec<PlaceFrame> = points.iter().map(|&point| symmetry.frame(point).into()).collect();
-            self.gpu.queue().write_buffer(&local.frames, 0, bytemuck::cast_slice(&frames));
+        if let Some(local) = local {
+            self.gpu.queue().write_buffer(&local.frames, 0, bytemuck::cast_slice(frames_up));
         }
         let (forward, bound, local) = (&self.forward, &self.inputs, &self.local);
         let workgroups = self.gpu.limits().workgroups;

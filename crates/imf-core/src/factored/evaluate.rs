@@ -187,7 +187,8 @@ impl FactoredEvaluator<'_> {
         outputs: &mut [f32],
     ) {
         let (width, stride, axes) = (self.plan.stack.width, self.plan.stride(), self.field.shape.axes);
-        let inputs: Vec<f32> = points.flat_map(|point| self.field.input(point).to_vec()).collect();
+        let mut inputs = Vec::with_capacity(points.size_hint().0 * self.field.shape.symmetry.inputs());
+        points.for_each(|point| inputs.extend_from_slice(&self.field.input(point)));
         let network = self.network();
         self.layers.with(|layers| {
             let (first, second) = layers.split_at_mut(BLOCK * stride);

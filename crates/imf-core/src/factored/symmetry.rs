@@ -156,10 +156,8 @@ impl Symmetry {
         Place { position: folded, signs, angle }
     }
 
-    /// The frame of a position's place.
-    #[must_use]
-    pub fn frame(&self, position: DVec3) -> Frame {
-        let place = self.place(position);
+    /// The frame of a place.
+    pub(super) fn frame_of(&self, place: &Place) -> Frame {
         let order = Axis::order(self.axis.map_or(2, |axis| axis.along));
         Frame {
             turn: place.angle.map_or([1.0, 0.0], |angle| [angle.cosine as f32, angle.sine as f32]),
