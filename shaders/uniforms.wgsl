@@ -186,6 +186,13 @@ struct PlaceFrame {
     mirrored: u32,
 }
 
+/// Work that is done over and over.
+struct Turns {
+    count: u32,
+    factor: f32,
+    summand: f32,
+}
+
 /// The functions of a direction in a factored field.
 struct Harmonics {
     degree: u32,

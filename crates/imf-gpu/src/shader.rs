@@ -271,11 +271,13 @@ pub enum Shader {
     CountSections,
     /// Least collision measure over orientations.
     CountLeast,
+    /// Multiply-adds alone.
+    MultiplyAdds,
 }
 
 impl Shader {
     /// All kernels.
-    pub const ALL: [Self; 46] = [
+    pub const ALL: [Self; 47] = [
         Self::Inputs,
         Self::Poses,
         Self::HiddenTrain,
@@ -322,6 +324,7 @@ impl Shader {
         Self::CountTotals,
         Self::CountSections,
         Self::CountLeast,
+        Self::MultiplyAdds,
     ];
 
     /// Whether it is a matrix product.
@@ -411,6 +414,7 @@ impl Shader {
             Self::CountTotals => &[include_str!("../../../shaders/count_totals.wgsl")],
             Self::CountSections => &[overlap, include_str!("../../../shaders/count_sections.wgsl")],
             Self::CountLeast => &[overlap, include_str!("../../../shaders/count_least.wgsl")],
+            Self::MultiplyAdds => &[include_str!("../../../shaders/multiply_adds.wgsl")],
         };
         let mut source = String::new();
         if self.is_product() {

@@ -205,6 +205,15 @@ impl From<imf_core::factored::Frame> for PlaceFrame {
     }
 }
 
+/// Work that is done over and over.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Turns {
+    pub count: u32,
+    pub factor: f32,
+    pub summand: f32,
+}
+
 /// The functions of a direction.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

@@ -9,7 +9,7 @@ use imf_gpu::shader::{
 };
 use imf_gpu::uniforms::{
     Batch, Between, Counting, Descent, Harmonics, Job, Lattice, Layer, MatrixPlace, Panel, PlaceFrame,
-    Placement, Product, Side, Span, Step, Sweep, Symmetry, Thresholds, World,
+    Placement, Product, Side, Span, Step, Sweep, Symmetry, Thresholds, Turns, World,
 };
 use naga::valid::{Capabilities, ModuleInfo, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
@@ -123,6 +123,7 @@ fn expected_bindings(shader: Shader) -> &'static str {
         Shader::CountTotals => "urw",
         Shader::CountSections => "urrw",
         Shader::CountLeast => "urrrww",
+        Shader::MultiplyAdds => "uw",
     }
 }
 
@@ -199,6 +200,7 @@ fn uniform_blocks_have_the_same_size_and_offsets_in_rust_and_wgsl() {
         block!(Descent: first_weights, first_stride, neurons, skip_weights, skip_stride, skip_neurons),
         block!(Symmetry: plane_x, plane_y, plane_z, through_x, through_y, through_z, along, blunt),
         block!(PlaceFrame: cosine, sine, mirrored),
+        block!(Turns: count, factor, summand),
         block!(Harmonics: degree, stride),
         block!(Lattice: nx, ny, nz, stride, columns, pitch),
         block!(Thresholds: free_up_to, blocked_from),

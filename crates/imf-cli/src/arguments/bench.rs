@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand};
+use clap::{Args, Subcommand, ValueEnum};
 
 use super::{DeviceArguments, PrecisionKind, families, paper, query_bench};
 
@@ -17,6 +17,7 @@ pub(crate) struct BenchArguments {
 pub(crate) enum Bench {
     Exact(ExactBenchArguments),
     Families(families::FamiliesBenchArguments),
+    Gpu(GpuBenchArguments),
     Paper(paper::PaperBenchArguments),
     Query(query_bench::QueryBenchArguments),
     Train(TrainBenchArguments),
@@ -44,6 +45,42 @@ pub(crate) struct TrainBenchArguments {
     pub(crate) python: String,
     #[command(flatten)]
     pub(crate) device: DeviceArguments,
+}
+
+/// What a GPU does beside the CPU of the same machine, with values compared
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf bench gpu --python venv/bin/python --out bench-gpu\n\n\
+                        Writes gpu.json and gpu.md part by part; parts that an earlier run left there stay until they are measured again. \
+                        Some minutes; on a software device small sizes, which show that every part works.")]
+pub(crate) struct GpuBenchArguments {
+    /// Folder to write to
+    #[arg(long, default_value = "imf-bench", value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// These alone; several with commas
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "PART")]
+    pub(crate) only: Vec<GpuPart>,
+    /// Small sizes, which show that every part works
+    #[arg(long)]
+    pub(crate) small: bool,
+    /// Python with PyTorch
+    #[arg(long, default_value = "python3", value_name = "COMMAND")]
+    pub(crate) python: String,
+    /// gpu, software (software Vulkan), or a number or part of a name from `imf devices`
+    #[arg(long, default_value = "gpu", value_name = "DEVICE")]
+    pub(crate) device: String,
+}
+
+/// What a GPU is measured at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum GpuPart {
+    /// Multiply-adds alone, in f32
+    Peak,
+    /// Exact sections
+    Sections,
+    /// Steps of the paper's network, PyTorch's beside them
+    Training,
+    /// A field taught, evaluated and asked for poses
+    Field,
 }
 
 /// Exact sections against scipy and rustfft, and how their cost grows

@@ -1,16 +1,18 @@
 //! `imf bench`: measurements that a user can repeat. `exact` compares the exact sections with what one would
-//! write oneself, and shows how their cost grows; `train` compares the training engine with PyTorch; `paper` makes the
-//! paper's tables and figures; `families` sets every family of fields side by side; `query` asks fields and collision
-//! libraries for random poses.
+//! write oneself, and shows how their cost grows; `train` compares the training engine with PyTorch; `gpu` sets what a GPU
+//! does beside the CPU; `paper` makes the paper's tables and figures; `families` sets every family of fields side by side;
+//! `query` asks fields and collision libraries for random poses.
 
 mod device;
 mod families;
+mod gpu;
 mod growth;
 mod machine;
 mod paper;
 mod plain_fft;
 mod query;
 mod scipy;
+mod torch;
 mod train;
 
 use std::fmt::Write;
@@ -42,11 +44,14 @@ const SECTIONS: usize = 225;
 const RIVAL_SECTIONS: usize = 12;
 /// Everything of ours is measured this often; the least time counts.
 const ROUNDS: usize = 3;
+/// A single measurement shorter than this is repeated, and the better one counts.
+const SHORT: f64 = 1.0;
 
 pub(crate) fn run(session: &Session, arguments: &BenchArguments) -> Result<()> {
     match &arguments.bench {
         Bench::Exact(arguments) => exact(session, arguments),
         Bench::Families(arguments) => families::run(session, arguments),
+        Bench::Gpu(arguments) => gpu::run(session, arguments),
         Bench::Paper(arguments) => paper::run(session, arguments),
         Bench::Query(arguments) => query::run(session, arguments),
         Bench::Train(arguments) => train::run(session, arguments),
@@ -122,7 +127,8 @@ fn exact(session: &Session, arguments: &ExactBenchArguments) -> Result<()> {
     }];
     if let Device::Gpu(gpu) = &device {
         session.note("the GPU");
-        rivals.extend(device::measure(gpu, &plan, &orientations, &compared, ours)?);
+        let control = session.control(&|_| {});
+        rivals.extend(device::measure(gpu, &plan, &orientations, &compared, ours, control)?);
     }
     let mut missing = Vec::new();
     session.note("rustfft used plainly");
@@ -156,6 +162,19 @@ fn exact(session: &Session, arguments: &ExactBenchArguments) -> Result<()> {
         chart.save(&arguments.out.join(name))?;
     }
     if session.json { print_json(&report) } else { print(&text) }
+}
+
+/// Seconds of some work: of a short one the better of two.
+fn timed<T>(mut work: impl FnMut() -> Result<T>) -> Result<(f64, T)> {
+    let begun = Instant::now();
+    let mut found = work()?;
+    let mut seconds = begun.elapsed().as_secs_f64();
+    if seconds < SHORT {
+        let begun = Instant::now();
+        found = work()?;
+        seconds = seconds.min(begun.elapsed().as_secs_f64());
+    }
+    Ok((seconds, found))
 }
 
 /// A reference part on so many voxels, alone.

@@ -100,3 +100,43 @@ fn a_harmonic_field_is_compressed_on_the_adapter_and_goes_on_there() {
     work.imf(&format!("{compress} --out cpu --resume")).done();
     work.imf(&format!("{small} --out whole --resume")).done();
 }
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn what_an_adapter_does_is_measured_beside_the_cpu() {
+    let work = Workdir::new();
+    let bench = format!("bench gpu --small --device {} --python none --out out --json", device());
+    let report = work.imf(&bench).done().json();
+    let parts = report["parts"].as_array().unwrap();
+    assert_eq!(parts.len(), 5, "{report}");
+    assert!(parts.iter().all(|part| part["failed"].is_null()), "{report}");
+    let found = |part: usize| &parts[part]["found"];
+    let peak = found(0)["flops_per_second"].as_f64().unwrap();
+    assert!(found(1)["rows"].as_array().unwrap().iter().all(|row| row["equal"] == true), "{report}");
+    let share = found(2)["rows"][0]["share"].as_f64().unwrap();
+    assert!(peak > 1e8 && (0.0..1.0).contains(&share), "{share} of {peak}");
+    let field = found(4);
+    let rows = field["rows"].as_array().unwrap();
+    // Sections, the IMF, values, gradients; of two fields that were taught there is no difference to tell.
+    let differences: Vec<f64> = rows.iter().filter_map(|row| row["largest_difference"].as_f64()).collect();
+    assert!(differences.len() == 4 && differences.iter().all(|&most| most < 1e-4), "{report}");
+    let [on_gpu, on_cpu] = [0, 1].map(|by| field["judged"][by]["errors"]["mse"].as_f64().unwrap());
+    assert!((0.5..2.0).contains(&(on_gpu / on_cpu)), "{on_gpu} on the adapter, {on_cpu} on the CPU");
+
+    // One part anew: the others stay.
+    let again = work.imf(&format!("{bench} --only sections")).done().json();
+    let titles = |report: &serde_json::Value| -> Vec<String> {
+        report["parts"].as_array().unwrap().iter().map(|part| part["title"].to_string()).collect()
+    };
+    assert_eq!(titles(&again), titles(&report));
+    assert!(again["parts"][0] == parts[0] && again["parts"][4] == parts[4] && again["parts"][1] != parts[1]);
+    let text = work.text("out/gpu.md");
+    assert!(text.contains("## Exact sections") && text.contains("IMF over fibonacci:37"), "{text}");
+
+    // A file where a part has to be written.
+    std::fs::remove_file(work.path("out/gpu.md")).unwrap();
+    std::fs::create_dir(work.path("out/gpu.md")).unwrap();
+    work.imf(&format!("{bench} --only peak")).refused(&["gpu.md"]);
+    work.imf("bench gpu --device cpu --out none").refused(&["measures a GPU", "--device cpu"]);
+    assert!(!work.path("none").exists());
+}

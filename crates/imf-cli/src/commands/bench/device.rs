@@ -20,12 +20,12 @@ pub(super) fn measure(
     orientations: &[Orientation],
     compared: &[Orientation],
     ours: f64,
+    control: Control<'_>,
 ) -> Result<Vec<Rival>> {
     // A software device shows that the counts are right; its speed takes no 225 sections to know.
     let most = if gpu.adapter().is_software() { MOST_ON_SOFTWARE } else { usize::MAX };
     let orientations = &orientations[..orientations.len().min(most)];
     let mut device = GpuSections::new(gpu, plan)?;
-    let control = Control::quiet();
     let name = &gpu.adapter().name;
     let rival = |what: &str, seconds: f64, equal: bool, how: &str| Rival {
         name: format!("{name}, {what}"),

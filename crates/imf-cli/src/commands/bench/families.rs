@@ -31,6 +31,7 @@ use imf_core::training::run::{Length, Outcome, TrainingPlan};
 
 use super::machine::Machine;
 use super::paper::harmonic_settings;
+use super::timed;
 use crate::arguments::families::FamiliesBenchArguments;
 use crate::arguments::paper::PaperPart;
 use crate::engine::Device;
@@ -47,8 +48,6 @@ const ASKED: &str = "fibonacci:225";
 const COARSE_ANGLES: [usize; 7] = [5, 6, 8, 10, 12, 15, 20];
 /// Orientations that choose among them, at random with another seed than those that judge.
 const CHOOSING: usize = 8;
-/// A measurement shorter than this is repeated, and the better one counts.
-const SHORT: f64 = 1.0;
 
 pub(super) fn run(session: &Session, arguments: &FamiliesBenchArguments) -> Result<()> {
     prepare_folder(&arguments.out)?;
@@ -280,19 +279,6 @@ impl Bench<'_> {
         let making = Making { name, how, seconds, bytes };
         self.measure(making, &mut Tabulated { table: Table::Coarse(&table), voxels })
     }
-}
-
-/// Seconds of some work: of a short one the better of two.
-fn timed<T>(mut work: impl FnMut() -> Result<T>) -> Result<(f64, T)> {
-    let begun = Instant::now();
-    let mut found = work()?;
-    let mut seconds = begun.elapsed().as_secs_f64();
-    if seconds < SHORT {
-        let begun = Instant::now();
-        found = work()?;
-        seconds = seconds.min(begun.elapsed().as_secs_f64());
-    }
-    Ok((seconds, found))
 }
 
 /// How the factored field is taught: as `imf compress` does by default.

@@ -129,7 +129,7 @@ pub(super) fn run(session: &Session, arguments: &QueryBenchArguments) -> Result<
 }
 
 /// Uniform positions between the voxel centres, uniform directions.
-fn random_poses(grid: &imf_core::grid::Grid, count: usize, seed: u64) -> Result<Vec<Pose>> {
+pub(super) fn random_poses(grid: &imf_core::grid::Grid, count: usize, seed: u64) -> Result<Vec<Pose>> {
     let set = OrientationSet::parse(&format!("random:{count}:{seed}"))?;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut number = || f64::from(random.next_u32()) / f64::from(u32::MAX);

@@ -1,0 +1,110 @@
+//! What a device does at most in f32 by its ordinary units: fused multiply-adds and nothing else.
+
+use std::time::Instant;
+
+use imf_core::training::EngineError;
+
+use crate::device::Gpu;
+use crate::kernel::{Bound, Kernel, uniform};
+use crate::memory::Plan;
+use crate::shader::{LINEAR_GROUP, Shader};
+use crate::submit::Submissions;
+use crate::uniforms::Turns;
+
+/// Invocations: several times what a large GPU holds at once.
+const INVOCATIONS: usize = 1 << 20;
+/// Turns of an invocation, at first (some milliseconds of a software device) and at most (some tens of a large GPU's, and
+/// no more than Mesa's software Vulkan ends loops at).
+const TURNS: [u32; 2] = [1 << 3, 1 << 14];
+/// Chains of an invocation, and multiply-adds of a turn.
+const CHAINS: u32 = 32;
+const MULTIPLY_ADDS: u32 = 64;
+/// Operations of a multiply-add.
+const OPERATIONS: f64 = 2.0;
+
+/// Measures it.
+pub struct Peak {
+    gpu: Gpu,
+    kernel: Bound,
+    turns: wgpu::Buffer,
+    sums: wgpu::Buffer,
+    submissions: Submissions,
+}
+
+impl Peak {
+    /// Compiles the kernel.
+    ///
+    /// # Errors
+    /// [`EngineError::Device`] for too little memory, or a device that failed.
+    pub fn new(gpu: &Gpu) -> Result<Self, EngineError> {
+        let mut plan = Plan::default();
+        plan.add("sums", INVOCATIONS);
+        let sums = plan.allocate(gpu)?.remove(0);
+        let turns = uniform(gpu, "turns", &Turns::default())?;
+        let kernel = Kernel::new(gpu, Shader::MultiplyAdds)?.bind(gpu, &[&turns, &sums]);
+        Ok(Self { gpu: gpu.clone(), kernel, turns, sums, submissions: Submissions::default() })
+    }
+
+    /// Operations a second, a multiply-add being two: the best of ever longer runs, for so many seconds together. Waits for the
+    /// device.
+    ///
+    /// # Errors
+    /// A device that failed, or that did not do what it was asked.
+    pub fn measure(&mut self, seconds: f64) -> Result<f64, EngineError> {
+        let [mut count, most] = TURNS;
+        let (mut best, begun) = (0.0f64, Instant::now());
+        while best == 0.0 || begun.elapsed().as_secs_f64() < seconds {
+            let spent = self.run(&Turns { count, factor: 1.0, summand: 1.0 })?;
+            self.require(count)?;
+            let operations = INVOCATIONS as f64 * f64::from(count * MULTIPLY_ADDS) * OPERATIONS;
+            best = best.max(operations / spent);
+            count = (2 * count).min(most);
+        }
+        Ok(best)
+    }
+
+    /// Seconds of so many turns.
+    fn run(&mut self, turns: &Turns) -> Result<f64, EngineError> {
+        self.gpu.queue().write_buffer(&self.turns, 0, bytemuck::bytes_of(turns));
+        let begun = Instant::now();
+        let groups = (INVOCATIONS / LINEAR_GROUP as usize) as u32;
+        self.submissions.pass(&self.gpu, |pass| self.kernel.linear(pass, INVOCATIONS, groups))?;
+        self.gpu.wait(None)?;
+        Ok(begun.elapsed().as_secs_f64())
+    }
+
+    /// Refuses sums that are not those of so many turns.
+    fn require(&self, turns: u32) -> Result<(), EngineError> {
+        // Whole numbers below 2²⁴, which f32 has.
+        let starts = CHAINS * (CHAINS - 1) / 2;
+        let sum = |invocation: u32| starts + CHAINS * (invocation % LINEAR_GROUP) + turns * MULTIPLY_ADDS;
+        let found = self.gpu.read::<f32>(&self.sums, INVOCATIONS)?;
+        if found.iter().zip(0..).all(|(&found, invocation)| found == sum(invocation) as f32) {
+            return Ok(());
+        }
+        Err(EngineError::Device(format!(
+            "{} did not do its multiply-adds: update its driver or choose another adapter",
+            self.gpu.adapter().name
+        )))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::adapter::DeviceChoice;
+
+    #[test]
+    #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+    fn every_multiply_add_is_done() {
+        let gpu = Gpu::open(&DeviceChoice::Any).unwrap();
+        let mut peak = Peak::new(&gpu).unwrap();
+        assert!(peak.measure(0.1).unwrap() > 0.0);
+        peak.run(&Turns { count: 5, factor: 1.0, summand: 1.0 }).unwrap();
+        peak.require(5).unwrap();
+        assert!(peak.require(4).unwrap_err().to_string().contains("did not do its multiply-adds"));
+        // Every chain starts elsewhere and is one of its own: factors of 0 leave the summand alone.
+        peak.run(&Turns { count: 1, factor: 0.0, summand: 3.0 }).unwrap();
+        assert_eq!(peak.gpu.read::<f32>(&peak.sums, 1).unwrap(), [96.0]);
+    }
+}
