@@ -42,10 +42,14 @@ impl Kernel {
     fn with_factors(gpu: &Gpu, shader: Shader, factors: Factors) -> Result<Self, EngineError> {
         let name = format!("{shader:?}, {}", factors.name());
         let pipeline = gpu.guarded(|| {
-            let module = gpu.device().create_shader_module(wgpu::ShaderModuleDescriptor {
+            let module = wgpu::ShaderModuleDescriptor {
                 label: Some(&name),
                 source: wgpu::ShaderSource::Wgsl(shader.source(gpu.matrix_kernel(), factors).into()),
-            });
+            };
+            let module = match shader.has_constant_steps() {
+                true => with_loops_as_they_stand(gpu.device(), module),
+                false => gpu.device().create_shader_module(module),
+            };
             gpu.device().create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(&name),
                 layout: None,
@@ -112,6 +116,20 @@ impl Bound {
     pub(crate) fn single(&self, pass: &mut wgpu::ComputePass<'_>) {
         self.dispatch(pass, [1, 1, 1]);
     }
+}
+
+/// The module of a shader with constant steps. By default the graphics interface counts the turns of every loop, to end those that
+/// never do, which stands in the way of unrolling a product's inner loop.
+#[expect(unsafe_code, reason = "wgpu's way of saying that it is left to us that loops end")]
+fn with_loops_as_they_stand(
+    device: &wgpu::Device,
+    module: wgpu::ShaderModuleDescriptor<'_>,
+) -> wgpu::ShaderModule {
+    let checks =
+        wgpu::ShaderRuntimeChecks { force_loop_bounding: false, ..wgpu::ShaderRuntimeChecks::checked() };
+    // SAFETY: only shaders of this crate come here whose loops count up to a bound in constant steps (`tests/shaders.rs` looks at
+    // all of them). Every other check, that of bounds above all, stays.
+    unsafe { device.create_shader_module_trusted(module, checks) }
 }
 
 /// A uniform buffer with its first contents.

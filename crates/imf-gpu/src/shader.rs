@@ -7,13 +7,13 @@ use imf_core::siren::INPUTS;
 use imf_core::siren::muon::QUINTIC;
 use imf_core::siren::soap::EPSILON;
 
-/// Rows and columns of the outputs that one workgroup of a matrix product covers, with either kernel.
+/// Rows and columns of the outputs that one workgroup of a matrix product covers, with any kernel.
 pub const TILE: u32 = 64;
-/// Workgroup side of the register kernel: 8 × 8 outputs an invocation.
+/// Workgroup side of the register kernel and of the blocked one: 8 × 8 outputs an invocation.
 pub const REGISTER_GROUP: u32 = 8;
 /// Workgroup side of the tiled kernel: 4 × 4 outputs an invocation.
 pub const TILED_GROUP: u32 = 16;
-/// Values of k that the tiled kernel stages at a time.
+/// Values of k that kernels with tiles stage at a time.
 pub const TILE_DEPTH: u32 = 32;
 /// Bytes of workgroup memory that products by matrix units take: two stages of f16 and a tile of f32.
 pub const FRAGMENTS_MEMORY: u32 = 2 * 2 * TILE * TILE_DEPTH + 4 * TILE * TILE;
@@ -53,21 +53,29 @@ pub const SIGMOID_LIMIT: f32 = 80.0;
 pub enum MatrixKernel {
     /// 8 × 8 outputs an invocation, operands straight from storage: software devices.
     Register,
-    /// 64 × 64 tiles in workgroup memory: hardware.
+    /// 64 × 64 tiles in workgroup memory, 4 × 4 outputs an invocation: hardware.
     Tiled,
+    /// The same tiles, 8 × 8 outputs an invocation: fewer reads of workgroup memory, more registers. Not measured on hardware yet.
+    Blocked,
 }
 
 impl MatrixKernel {
-    /// Both.
-    pub const ALL: [Self; 2] = [Self::Register, Self::Tiled];
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Register, Self::Tiled, Self::Blocked];
 
     /// What every dimension of a layer and a batch is rounded up to.
     #[must_use]
     pub fn padding(self) -> usize {
         match self {
             Self::Register => (TILE / REGISTER_GROUP) as usize,
-            Self::Tiled => TILE as usize,
+            Self::Tiled | Self::Blocked => TILE as usize,
         }
+    }
+
+    /// Whether dimensions are whole tiles, as matrix units need them.
+    #[must_use]
+    pub fn is_padded_to_tiles(self) -> bool {
+        self.padding() == TILE as usize
     }
 
     /// Its name for people.
@@ -76,6 +84,7 @@ impl MatrixKernel {
         match self {
             Self::Register => "register",
             Self::Tiled => "tiled",
+            Self::Blocked => "blocked",
         }
     }
 
@@ -84,6 +93,7 @@ impl MatrixKernel {
             (_, Factors::Fragments(_)) => include_str!("../../../shaders/product_cooperative.wgsl"),
             (Self::Register, _) => include_str!("../../../shaders/product_register.wgsl"),
             (Self::Tiled, _) => include_str!("../../../shaders/product_tiled.wgsl"),
+            (Self::Blocked, _) => include_str!("../../../shaders/product_blocked.wgsl"),
         }
     }
 }
@@ -342,6 +352,13 @@ impl Shader {
                 | Self::MuonTurn
                 | Self::SoapProduct
         )
+    }
+
+    /// Whether every loop counts up to a bound in constant steps, so that nobody has to see to its end: products, and what they are
+    /// measured against.
+    #[must_use]
+    pub fn has_constant_steps(self) -> bool {
+        self.is_product() || self == Self::MultiplyAdds
     }
 
     /// The whole WGSL text: prelude, uniform blocks, then the kernel's files.

@@ -23,7 +23,7 @@ use imf_core::training::{AdamConfig, EngineError, Loss, Precision, TrainingEngin
 use crate::device::Gpu;
 use crate::forward::{Network, layout_for};
 use crate::kernel::uniform;
-use crate::shader::{Factors, LOSS_L1, LOSS_L2, MatrixKernel};
+use crate::shader::{Factors, LOSS_L1, LOSS_L2};
 use crate::submit::Recorder;
 use crate::uniforms::{Batch, Step};
 use kernels::Kernels;
@@ -155,9 +155,7 @@ impl GpuTrainer {
         let opened = match factors {
             Factors::Single => true,
             Factors::Half => gpu.half().is_some(),
-            Factors::Fragments(_) => {
-                gpu.half() == Some(factors) && gpu.matrix_kernel() == MatrixKernel::Tiled
-            }
+            Factors::Fragments(_) => gpu.half() == Some(factors) && gpu.matrix_kernel().is_padded_to_tiles(),
         };
         if !opened {
             return Err(EngineError::Device(format!(

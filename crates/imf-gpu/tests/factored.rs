@@ -65,7 +65,7 @@ fn orientations(set: &str) -> Vec<Orientation> {
     OrientationSet::parse(set).expect("a set").orientations
 }
 
-fn every_device() -> [Gpu; 2] {
+fn every_device() -> [Gpu; MatrixKernel::ALL.len()] {
     let gpu = adapter::open();
     MatrixKernel::ALL.map(|kernel| gpu.clone().with_matrix_kernel(kernel))
 }

@@ -17,7 +17,7 @@ const CONFIG: MuonConfig = MuonConfig { momentum: 0.9, rate: 1.5 };
 const SOAP: SoapConfig = SoapConfig { kept: 0.9, look_every: 3, rate: 1.5 };
 const RATE: f32 = 1e-3;
 
-fn every_device() -> [Gpu; 2] {
+fn every_device() -> [Gpu; MatrixKernel::ALL.len()] {
     let gpu = adapter::open();
     MatrixKernel::ALL.map(|kernel| gpu.clone().with_matrix_kernel(kernel))
 }

@@ -15,7 +15,7 @@ use naga::valid::{Capabilities, ModuleInfo, ShaderStages, SubgroupOperationSet, 
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 
 /// What a shader is made for.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Made {
     shader: Shader,
     matrix: MatrixKernel,
@@ -73,7 +73,7 @@ fn every_shader_is_valid_and_has_one_entry_point() {
             (false, ..) if made.shader == Shader::SoapPanel => [SOAP_GROUP, 1, 1],
             (false, ..) => [LINEAR_GROUP, 1, 1],
             (true, Factors::Fragments(_), _) => [TILED_GROUP * TILED_GROUP, 1, 1],
-            (true, _, MatrixKernel::Register) => [REGISTER_GROUP, REGISTER_GROUP, 1],
+            (true, _, MatrixKernel::Register | MatrixKernel::Blocked) => [REGISTER_GROUP, REGISTER_GROUP, 1],
             (true, _, MatrixKernel::Tiled) => [TILED_GROUP, TILED_GROUP, 1],
         };
         assert_eq!(entry.workgroup_size, expected, "{name}");
@@ -153,6 +153,45 @@ fn bindings_and_their_access_are_as_the_engine_binds_them() {
             expected_bindings(shader),
             "{name}"
         );
+    }
+}
+
+/// What `kernel.rs` relies on, where it tells the graphics interface not to count turns.
+#[test]
+fn loops_that_are_not_watched_count_up_to_a_bound_in_constant_steps() {
+    for made in made().filter(|made| made.shader.has_constant_steps()) {
+        let source = made.shader.source(made.matrix, made.factors);
+        let code: String = source
+            .lines()
+            .map(|line| line.split("//").next().unwrap_or_default())
+            .collect::<Vec<_>>()
+            .join("\n");
+        for word in ["while", "loop", "continuing", "continue"] {
+            assert!(
+                !code.split(|c: char| !c.is_alphanumeric()).any(|found| found == word),
+                "{made:?}: {word}"
+            );
+        }
+        let headers: Vec<&str> =
+            code.match_indices("for (").map(|(at, _)| code[at + 5..].split(") {").next().unwrap()).collect();
+        assert!(!headers.is_empty(), "{made:?}");
+        for header in headers {
+            let [begun, bound, step] = header.split("; ").collect::<Vec<_>>()[..] else {
+                panic!("{made:?}: {header}");
+            };
+            let name = begun.strip_prefix("var ").and_then(|begun| begun.split(' ').next()).unwrap();
+            assert!(bound.starts_with(&format!("{name} < ")), "{made:?}: {header}");
+            let step =
+                step.strip_prefix(&format!("{name} += ")).unwrap_or_else(|| panic!("{made:?}: {header}"));
+            let is_constant = step.chars().all(|c| c.is_ascii_uppercase() || c == '_');
+            let is_number = step.strip_suffix('u').is_some_and(|n| n.parse::<u32>().is_ok_and(|n| n > 0));
+            assert!(is_constant || is_number, "{made:?}: {header}");
+            // Nothing but the header changes it.
+            assert_eq!(
+                code.matches(&format!("{name} +=")).count(),
+                code.matches(&format!("; {name} +=")).count()
+            );
+        }
     }
 }
 

@@ -61,7 +61,7 @@ fn worst(found: &[f32], expected: &[f64], absolute: f64, relative: f64) -> f64 {
 /// leaves room for other orders of the sums and other roundings.
 const GRADIENT: f64 = 1e-5;
 
-fn every_device() -> [Gpu; 2] {
+fn every_device() -> [Gpu; MatrixKernel::ALL.len()] {
     let gpu = adapter::open();
     MatrixKernel::ALL.map(|kernel| gpu.clone().with_matrix_kernel(kernel))
 }

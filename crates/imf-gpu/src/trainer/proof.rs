@@ -8,7 +8,7 @@ use imf_core::training::{EngineError, Loss, TrainingState};
 
 use super::{GpuTrainer, TrainerSettings};
 use crate::device::Gpu;
-use crate::shader::{Factors, MatrixKernel};
+use crate::shader::Factors;
 
 /// Two layers whose products are done by matrix units, with a skip; two tiles of rows, two of neurons.
 const SHAPE: SirenShape = SirenShape { width: 128, hidden: 3, skip_after: Some(1), omega: 10.0 };
@@ -25,7 +25,7 @@ const AGREE: f32 = 0.01;
 /// The device fails.
 pub(super) fn proven(gpu: Gpu) -> Result<Gpu, EngineError> {
     let Some(units @ Factors::Fragments(_)) = gpu.half() else { return Ok(gpu) };
-    if gpu.matrix_kernel() != MatrixKernel::Tiled || !agree(&gpu, units)? {
+    if !gpu.matrix_kernel().is_padded_to_tiles() || !agree(&gpu, units)? {
         return gpu.for_half(Some(Factors::Half));
     }
     Ok(gpu)

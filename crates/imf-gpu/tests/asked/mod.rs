@@ -20,7 +20,7 @@ pub(crate) struct Within {
     pub(crate) poles: bool,
 }
 
-pub(crate) fn every_device() -> [Gpu; 2] {
+pub(crate) fn every_device() -> [Gpu; MatrixKernel::ALL.len()] {
     let gpu = adapter::open();
     MatrixKernel::ALL.map(|kernel| gpu.clone().with_matrix_kernel(kernel))
 }

@@ -17,7 +17,7 @@ use imf_core::scene::Scene;
 use imf_core::section::{SectionPlan, stream_sections};
 use imf_core::tool::Tool;
 use imf_core::training::Precision;
-use imf_gpu::{DeviceChoice, Gpu, Peak};
+use imf_gpu::{DeviceChoice, Gpu, MatrixKernel, Peak};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
@@ -131,13 +131,17 @@ pub(super) fn run(session: &Session, arguments: &GpuBenchArguments) -> Result<()
 
     let trained = |precision| {
         let (width, batches, rounds) = (sizes.width, sizes.batches, sizes.rounds);
-        Asked { width, precision, batches, python: &arguments.python, rounds }
+        Asked { width, precision, batches, python: Some(&arguments.python), rounds }
     };
-    let works: [(GpuPart, &str, Work<'_>); 5] = [
+    let works: [(GpuPart, &str, Work<'_>); 6] = [
         (GpuPart::Peak, "Peak in f32", &|gpu, part| peak(gpu, &sizes, part)),
         (GpuPart::Sections, "Exact sections", &|gpu, part| sections(session, gpu, &sizes, part)),
         (GpuPart::Training, "Training steps, f32", &|gpu, part| {
             steps(session, gpu, &trained(Precision::F32), part)
+        }),
+        (GpuPart::Training, "Training steps, f32, by the blocked kernel", &|gpu, part| {
+            let gpu = gpu.clone().with_matrix_kernel(MatrixKernel::Blocked);
+            steps(session, &gpu, &Asked { python: None, ..trained(Precision::F32) }, part)
         }),
         (GpuPart::Training, "Training steps, f16", &|gpu, part| {
             if gpu.adapter().half.is_none() {

@@ -32,7 +32,9 @@ struct Answer {
 impl Torch {
     /// The rival, or why there is none and what would help.
     pub(super) fn start(session: &Session, asked: &Asked<'_>, device: &str) -> Result<Result<Self, String>> {
-        let python = asked.python;
+        let Some(python) = asked.python else {
+            return Ok(Err("PyTorch was not compared here.".into()));
+        };
         let runs = |code: &str| {
             let found = Command::new(python).args(["-c", code]).output();
             found.is_ok_and(|output| output.status.success())

@@ -28,8 +28,8 @@ pub(super) struct Asked<'a> {
     pub(super) precision: Precision,
     /// Samples of a step, one measurement each.
     pub(super) batches: &'a [usize],
-    /// Python with PyTorch.
-    pub(super) python: &'a str,
+    /// Python with PyTorch, which is compared.
+    pub(super) python: Option<&'a str>,
     pub(super) rounds: Rounds,
 }
 
@@ -87,7 +87,7 @@ pub(super) fn run(session: &Session, arguments: &TrainBenchArguments) -> Result<
         width: arguments.width,
         precision: arguments.precision.into(),
         batches: &arguments.batch,
-        python: &arguments.python,
+        python: Some(&arguments.python),
         rounds: Rounds::default(),
     };
     let report = measured(session, &device, &asked)?;
