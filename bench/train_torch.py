@@ -2,7 +2,7 @@
 
 Started by `imf bench train`, which writes one request a line to standard input and reads one answer a line:
 {"mode": "eager" | "compiled", "batch": 1024, "seconds": 0.5} gives {"samples_per_second": ..}. The first line answers
-with the version. Same network as siren5 (five hidden layers of sines, the five inputs again after the second, one
+with the version and the device. Same network as siren5 (five hidden layers of sines, the five inputs again after the second, one
 sigmoid), same loss (L1), same optimiser (Adam with coupled weight decay), f32 or, with --precision bf16 or f16, products under
 autocast; on the CPU with the threads given by --threads, or on CUDA.
 """
@@ -82,7 +82,8 @@ def main():
     parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu")
     arguments = parser.parse_args()
     torch.set_num_threads(arguments.threads)
-    print(json.dumps({"version": torch.__version__}), flush=True)
+    name = torch.cuda.get_device_name() if arguments.device == "cuda" else f"{arguments.threads} threads"
+    print(json.dumps({"version": torch.__version__, "device": name}), flush=True)
     trainers, batches = {}, {}
     for line in sys.stdin:
         request = json.loads(line)

@@ -30,9 +30,9 @@ use crate::uniforms::{Batch, Harmonics, Layer, PlaceFrame, Sweep};
 const ROWS: usize = 1 << 14;
 /// Orientations of one product, at most: values of [`ROWS`] points are 32 MiB.
 const CHUNK: usize = 512;
-/// Points that one thread of the host prepares at a time.
+/// Points that one thread of the host prepares at a time, at least.
 const ROWS_OF_A_THREAD: usize = 512;
-/// Passes whose minima may wait to be read.
+/// Passes whose minima wait to be read while the next is prepared.
 const READINGS: usize = 4;
 
 /// A factored field on one GPU.

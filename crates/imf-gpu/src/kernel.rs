@@ -46,7 +46,7 @@ impl Kernel {
                 label: Some(&name),
                 source: wgpu::ShaderSource::Wgsl(shader.source(gpu.matrix_kernel(), factors).into()),
             };
-            let module = match shader.has_constant_steps() {
+            let module = match shader.has_counting_loops() {
                 true => with_loops_as_they_stand(gpu.device(), module),
                 false => gpu.device().create_shader_module(module),
             };

@@ -103,8 +103,10 @@ mod tests {
         peak.run(&Turns { count: 5, factor: 1.0, summand: 1.0 }).unwrap();
         peak.require(5).unwrap();
         assert!(peak.require(4).unwrap_err().to_string().contains("did not do its multiply-adds"));
-        // Every chain starts elsewhere and is one of its own: factors of 0 leave the summand alone.
-        peak.run(&Turns { count: 1, factor: 0.0, summand: 3.0 }).unwrap();
-        assert_eq!(peak.gpu.read::<f32>(&peak.sums, 1).unwrap(), [96.0]);
+        // Chains of one invocation start at 0 to 31, those of the next at 1 to 32; a factor acts on each.
+        peak.run(&Turns { count: 0, factor: 1.0, summand: 1.0 }).unwrap();
+        assert_eq!(peak.gpu.read::<f32>(&peak.sums, 2).unwrap(), [496.0, 528.0]);
+        peak.run(&Turns { count: 1, factor: 2.0, summand: 0.0 }).unwrap();
+        assert_eq!(peak.gpu.read::<f32>(&peak.sums, 2).unwrap(), [4.0 * 496.0, 4.0 * 528.0]);
     }
 }

@@ -107,7 +107,7 @@ pub enum Factors {
     Single,
     /// f16.
     Half,
-    /// f16, multiplied by the hardware's matrix units; needs dimensions padded as for [`MatrixKernel::Tiled`].
+    /// f16, multiplied by the hardware's matrix units; needs dimensions that are whole tiles ([`MatrixKernel::is_padded_to_tiles`]).
     Fragments(Fragment),
 }
 
@@ -357,7 +357,7 @@ impl Shader {
     /// Whether every loop counts up to a bound in constant steps, so that nobody has to see to its end: products, and what they are
     /// measured against.
     #[must_use]
-    pub fn has_constant_steps(self) -> bool {
+    pub fn has_counting_loops(self) -> bool {
         self.is_product() || self == Self::MultiplyAdds
     }
 

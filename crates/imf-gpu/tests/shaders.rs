@@ -159,7 +159,7 @@ fn bindings_and_their_access_are_as_the_engine_binds_them() {
 /// What `kernel.rs` relies on, where it tells the graphics interface not to count turns.
 #[test]
 fn loops_that_are_not_watched_count_up_to_a_bound_in_constant_steps() {
-    for made in made().filter(|made| made.shader.has_constant_steps()) {
+    for made in made().filter(|made| made.shader.has_counting_loops()) {
         let source = made.shader.source(made.matrix, made.factors);
         let code: String = source
             .lines()
@@ -183,14 +183,16 @@ fn loops_that_are_not_watched_count_up_to_a_bound_in_constant_steps() {
             assert!(bound.starts_with(&format!("{name} < ")), "{made:?}: {header}");
             let step =
                 step.strip_prefix(&format!("{name} += ")).unwrap_or_else(|| panic!("{made:?}: {header}"));
-            let is_constant = step.chars().all(|c| c.is_ascii_uppercase() || c == '_');
+            let is_constant = !step.is_empty() && step.chars().all(|c| c.is_ascii_uppercase() || c == '_');
             let is_number = step.strip_suffix('u').is_some_and(|n| n.parse::<u32>().is_ok_and(|n| n > 0));
             assert!(is_constant || is_number, "{made:?}: {header}");
-            // Nothing but the header changes it.
-            assert_eq!(
-                code.matches(&format!("{name} +=")).count(),
-                code.matches(&format!("; {name} +=")).count()
-            );
+            // Nothing but the header changes it, and nothing its bound.
+            let base = bound.rsplit(' ').next().unwrap().split('.').next().unwrap();
+            assert!(!code.contains(&format!("var {base} ")), "{made:?}: {header}");
+            for operator in ["=", "+=", "-=", "*=", "/=", "%=", "<<=", ">>=", "|=", "&=", "^="] {
+                let changes = |before: &str| code.matches(&format!("{before} {name} {operator} ")).count();
+                assert_eq!(changes(""), changes("(var") + changes(";"), "{made:?}: {name} {operator}");
+            }
         }
     }
 }

@@ -50,7 +50,8 @@ pub(crate) struct TrainBenchArguments {
 /// What a GPU does beside the CPU of the same machine, with values compared
 #[derive(Args)]
 #[command(after_help = "Example:\n  imf bench gpu --python venv/bin/python --out bench-gpu\n\n\
-                        Writes gpu.json and gpu.md part by part; parts that an earlier run left there stay until they are measured again. \
+                        Writes gpu.json and gpu.md part by part; parts that an earlier run on the same device left there stay until they are \
+                        measured again. \
                         Some minutes; on a software device small sizes, which show that every part works.")]
 pub(crate) struct GpuBenchArguments {
     /// Folder to write to

@@ -135,7 +135,24 @@ fn what_an_adapter_does_is_measured_beside_the_cpu() {
     let text = work.text("out/gpu.md");
     assert!(text.contains("## Exact sections") && text.contains("IMF over fibonacci:37"), "{text}");
 
-    // A file where a part has to be written.
+    // A part that fails leaves what was found of it; records of other devices and damaged ones stay as they are.
+    work.imf(&format!("{bench} --only field --memory 100KiB")).refused(&["not measured whole", "field"]);
+    let kept: serde_json::Value = serde_json::from_str(&work.text("out/gpu.json")).unwrap();
+    assert!(
+        kept["parts"][5]["found"] == parts[5]["found"] && kept["parts"][5]["failed"].is_string(),
+        "{kept}"
+    );
+    for (text, words) in [
+        (work.text("out/gpu.json").replacen(" on ", " on another ", 1), ["another", "--out"]),
+        ("{".to_owned(), ["no record of a GPU", "--out"]),
+    ] {
+        std::fs::create_dir_all(work.path("other")).unwrap();
+        std::fs::write(work.path("other/gpu.json"), &text).unwrap();
+        work.imf(&bench.replace("--out out", "--out other")).refused(&words);
+        assert_eq!(work.text("other/gpu.json"), text);
+    }
+
+    // A folder where a file has to be written.
     std::fs::remove_file(work.path("out/gpu.md")).unwrap();
     std::fs::create_dir(work.path("out/gpu.md")).unwrap();
     work.imf(&format!("{bench} --only peak")).refused(&["gpu.md"]);

@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::time::Instant;
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Result, anyhow, bail, ensure};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::Scene;
@@ -96,7 +96,7 @@ impl Sizes {
     }
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 struct Report {
     device: String,
     parts: Vec<Part>,
@@ -127,7 +127,7 @@ pub(super) fn run(session: &Session, arguments: &GpuBenchArguments) -> Result<()
     let small = arguments.small || gpu.adapter().is_software();
     let sizes = if small { Sizes::small() } else { Sizes::whole() };
     prepare_folder(&arguments.out)?;
-    let mut report = Report::begun(&arguments.out, &gpu, small);
+    let mut report = Report::begun(&arguments.out, &gpu, small)?;
 
     let trained = |precision| {
         let (width, batches, rounds) = (sizes.width, sizes.batches, sizes.rounds);
@@ -165,23 +165,24 @@ pub(super) fn run(session: &Session, arguments: &GpuBenchArguments) -> Result<()
         // A device that was lost stays lost: each part has its own.
         let opened = Gpu::open(&DeviceChoice::Index(gpu.adapter().index));
         let outcome = opened.map_err(Into::into).and_then(|gpu| work(&gpu, &mut part));
-        if interrupt::requested() {
-            let kept = format!("parts measured before are in {}", arguments.out.join(JSON).display());
-            return Err(Interrupted(kept).into());
-        }
+        let stopped = interrupt::requested();
         if let Err(error) = outcome {
             failed.push(title);
-            part.failed = Some(format!("{error:#}"));
+            part.failed = Some(if stopped { "interrupted".into() } else { format!("{error:#}") });
         }
         machine.finish();
         part.machine = machine.to_string();
-        report.add(part);
-        report.write(&arguments.out)?;
-    }
-    if session.json {
-        print_json(&report)?;
-    } else {
-        print(&report.markdown())?;
+        if !(stopped && part.found.is_null()) {
+            report.add(part);
+            report.write(&arguments.out)?;
+        }
+        if stopped {
+            let kept = match report.parts.is_empty() {
+                true => "nothing was measured".to_owned(),
+                false => format!("what was measured is in {}", arguments.out.join(JSON).display()),
+            };
+            return Err(Interrupted(kept).into());
+        }
     }
     ensure!(
         failed.is_empty(),
@@ -189,27 +190,37 @@ pub(super) fn run(session: &Session, arguments: &GpuBenchArguments) -> Result<()
         failed.join(", "),
         arguments.out.join(JSON).display()
     );
-    Ok(())
+    if session.json { print_json(&report) } else { print(&report.markdown()) }
 }
 
 impl Report {
-    /// With the parts that an earlier run of this version on the same device left.
-    fn begun(out: &Path, gpu: &Gpu, small: bool) -> Self {
+    /// With the parts that an earlier run of this version on the same device left; refuses what it cannot go on with.
+    fn begun(out: &Path, gpu: &Gpu, small: bool) -> Result<Self> {
         let sizes = if small { "small sizes" } else { "the paper's sizes" };
-        let device = format!("imf {}, {sizes}, on {}", env!("CARGO_PKG_VERSION"), gpu.describe());
-        let found = std::fs::read(out.join(JSON)).ok();
-        let mut found: Value =
-            found.and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default();
-        let parts = match found["device"] == device.as_str() {
-            true => serde_json::from_value(found["parts"].take()).unwrap_or_default(),
-            false => Vec::new(),
+        let adapter = gpu.adapter();
+        let device = format!(
+            "imf {}, {sizes}, on {} ({}, driver {})",
+            env!("CARGO_PKG_VERSION"),
+            adapter.name,
+            adapter.backend,
+            adapter.driver
+        );
+        let path = out.join(JSON);
+        let Some(bytes) = path.exists().then(|| std::fs::read(&path)).transpose()? else {
+            return Ok(Self { device, parts: Vec::new() });
         };
-        Self { device, parts }
+        let name = path.display();
+        let remedy = "choose another --out, or remove it";
+        let found: Self = serde_json::from_slice(&bytes)
+            .map_err(|error| anyhow!("{name} is no record of a GPU ({error}): {remedy}"))?;
+        ensure!(found.device == device, "{name} is of {}, this is {device}: {remedy}", found.device);
+        Ok(found)
     }
 
-    /// In place of what there was of it.
+    /// In place of what there was of it; where nothing was found that stays, with the reason.
     fn add(&mut self, part: Part) {
         match self.parts.iter_mut().find(|old| old.title == part.title) {
+            Some(old) if part.failed.is_some() && part.found.is_null() => old.failed = part.failed,
             Some(old) => *old = part,
             None => self.parts.push(part),
         }
@@ -276,6 +287,8 @@ fn sections(session: &Session, gpu: &Gpu, sizes: &Sizes, part: &mut Part) -> Res
 /// Steps of the paper's network, PyTorch's by turns with them.
 fn steps(session: &Session, gpu: &Gpu, asked: &Asked<'_>, part: &mut Part) -> Result<()> {
     let report = train::measured(session, &Device::Gpu(gpu.clone()), asked)?;
-    (part.text, part.found) = (report.found()?, serde_json::to_value(&report)?);
+    if !report.rows.is_empty() {
+        (part.text, part.found) = (report.found()?, serde_json::to_value(&report)?);
+    }
     report.failed.map_or(Ok(()), |why| bail!("{why}"))
 }

@@ -17,7 +17,7 @@ pub(super) struct Torch {
     process: Child,
     requests: ChildStdin,
     answers: BufReader<ChildStdout>,
-    version: String,
+    name: String,
     /// Holds the script while it runs.
     _folder: tempfile::TempDir,
 }
@@ -25,6 +25,7 @@ pub(super) struct Torch {
 #[derive(Deserialize)]
 struct Answer {
     version: Option<String>,
+    device: Option<String>,
     samples_per_second: Option<f64>,
     failed: Option<String>,
 }
@@ -66,13 +67,15 @@ impl Torch {
             .with_context(|| format!("cannot start {python}"))?;
         let requests = process.stdin.take().context("no pipe to PyTorch")?;
         let answers = BufReader::new(process.stdout.take().context("no pipe from PyTorch")?);
-        let mut torch = Self { process, requests, answers, version: String::new(), _folder: folder };
-        torch.version = torch.answer()?.version.unwrap_or_default();
+        let mut torch = Self { process, requests, answers, name: String::new(), _folder: folder };
+        let Answer { version, device, .. } = torch.answer()?;
+        torch.name = format!("PyTorch {} on {}", version.unwrap_or_default(), device.unwrap_or_default());
         Ok(Ok(torch))
     }
 
-    pub(super) fn version(&self) -> &str {
-        &self.version
+    /// Its version, and what it runs on.
+    pub(super) fn describe(&self) -> &str {
+        &self.name
     }
 
     /// Samples per second of a round, or why it failed.

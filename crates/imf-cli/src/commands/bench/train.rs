@@ -53,7 +53,7 @@ pub(super) struct Report {
     machine: Machine,
     network: String,
     engine: String,
-    rows: Vec<Row>,
+    pub(super) rows: Vec<Row>,
     /// What ended the measurement before its last batch.
     pub(super) failed: Option<String>,
     /// Version of PyTorch, or why there is none.
@@ -61,7 +61,7 @@ pub(super) struct Report {
 }
 
 #[derive(Serialize)]
-struct Row {
+pub(super) struct Row {
     batch: usize,
     samples_per_second: f64,
     gflops: f64,
@@ -91,55 +91,72 @@ pub(super) fn run(session: &Session, arguments: &TrainBenchArguments) -> Result<
         rounds: Rounds::default(),
     };
     let report = measured(session, &device, &asked)?;
+    if let (Some(why), true) = (&report.failed, report.rows.is_empty()) {
+        if interrupt::requested() {
+            return Err(Interrupted("nothing was measured".into()).into());
+        }
+        bail!("{why}");
+    }
     write_json(&arguments.out.join("train.json"), &report)?;
     let text = report.markdown()?;
     write_text(&arguments.out.join("train.md"), &text)?;
-    if session.json { print_json(&report) } else { print(&text) }?;
-    match report.failed {
-        Some(why) => bail!("{why}; what was measured before is in {}", arguments.out.display()),
-        None => Ok(()),
+    let Some(why) = report.failed else {
+        return if session.json { print_json(&report) } else { print(&text) };
+    };
+    let kept = format!("what was measured before is in {}", arguments.out.display());
+    if interrupt::requested() {
+        return Err(Interrupted(kept).into());
     }
+    bail!("{why}; {kept}")
 }
 
-/// Measures the paper's network on a device.
+/// Measures the paper's network on a device, up to the first batch that fails or is not waited for.
 pub(super) fn measured(session: &Session, device: &Device, asked: &Asked<'_>) -> Result<Report> {
     let shape = SirenShape { width: asked.width, ..SirenShape::default() };
     shape.check()?;
     let plan = TrainingPlan { precision: asked.precision, ..TrainingPlan::default() };
     device.require_precision(plan.precision)?;
+    let mut machine = Machine::new(session.threads());
     let mut ceiling = match device {
         Device::Cpu => Ceiling::Cpu(Product::new(session.threads())),
         Device::Gpu(gpu) => Ceiling::Gpu(Box::new(Peak::new(gpu)?)),
     };
-    let mut torch = Torch::start(session, asked, ceiling.torch_device())?;
+    let mut torch = match device {
+        Device::Gpu(gpu) if gpu.adapter().is_software() => {
+            Err("PyTorch was not compared: this is a software device.".into())
+        }
+        _ => Torch::start(session, asked, ceiling.torch_device())
+            .unwrap_or_else(|error| Err(format!("PyTorch was not compared: {error:#}"))),
+    };
     let (mut rows, mut failed) = (Vec::new(), None);
     let mut engine_name = String::new();
     for &batch in asked.batches {
         let mut measured = || {
-            let needed = device.training_memory(shape, batch, plan.precision)?;
+            let of_batch = (4 * (INPUTS as u64 + 1)).saturating_mul(batch as u64);
+            let needed = device.training_memory(shape, batch, plan.precision)?.saturating_add(of_batch);
             session.require_memory(needed, || format!("a batch of {batch}; take a smaller one"))?;
             let mut engine =
                 device.trainer(session.rank(), shape, &plan, batch, TrainingState::new(&shape, 1))?;
             engine_name = engine.describe();
             session.note(&format!("batch {batch}: {engine_name}"));
-            row(shape, batch, engine.as_mut(), &mut ceiling, torch.as_mut().ok(), asked.rounds)
+            row(shape, batch, engine.as_mut(), &mut ceiling, &mut torch, asked.rounds)
         };
         match measured() {
             Ok(row) => rows.push(row),
-            Err(error) if interrupt::requested() => return Err(error),
             Err(error) => {
                 failed = Some(format!("batch {batch}: {error:#}"));
                 break;
             }
         }
     }
+    machine.finish();
     Ok(Report {
-        machine: Machine::new(session.threads()),
+        machine,
         network: format!("{}×{}, {}, L1, Adam", shape.hidden, shape.width, plan.precision),
         engine: engine_name,
         rows,
         failed,
-        torch: torch.map_or_else(|why| why, |torch| format!("PyTorch {}", torch.version())),
+        torch: torch.map_or_else(|why| why, |torch| torch.describe().to_owned()),
     })
 }
 
@@ -148,7 +165,7 @@ fn row(
     batch: usize,
     engine: &mut dyn TrainingEngine,
     ceiling: &mut Ceiling,
-    mut torch: Option<&mut Torch>,
+    torch: &mut Result<Torch, String>,
     rounds: Rounds,
 ) -> Result<Row> {
     // Forward and gradient of the weights in full; no gradient of the inputs.
@@ -159,7 +176,7 @@ fn row(
         ["eager", "compiled"].map(|mode| Rival { mode, samples_per_second: None, ratio: None, failed: None });
     for _ in 0..rounds.count {
         if interrupt::requested() {
-            return Err(Interrupted("nothing was written; run the same command again".into()).into());
+            bail!("interrupted");
         }
         top = top.max(ceiling.measure(rounds.seconds)?);
         let (mut steps, start) = (0, Instant::now());
@@ -174,13 +191,17 @@ fn row(
         engine.take_mean_loss()?;
         ours = ours.max((steps * batch) as f64 / start.elapsed().as_secs_f64());
         for rival in rivals.iter_mut().filter(|rival| rival.failed.is_none()) {
-            let Some(torch) = torch.as_mut() else { break };
-            match torch.measure(rival.mode, batch, rounds.seconds) {
+            let Ok(process) = torch else { break };
+            match process.measure(rival.mode, batch, rounds.seconds) {
                 Ok(Ok(rate)) => {
                     rival.samples_per_second = Some(rival.samples_per_second.unwrap_or(0.0).max(rate));
                 }
                 Ok(Err(why)) => rival.failed = Some(why),
-                Err(error) => rival.failed = Some(format!("{error:#}")),
+                Err(error) => {
+                    rival.failed = Some(format!("{error:#}"));
+                    // It does not come back.
+                    *torch = Err(format!("{}: {error:#}", process.describe()));
+                }
             }
         }
     }

@@ -30,6 +30,7 @@ use crate::commands::bench::timed;
 use crate::commands::compress::{self, Beginning, Extent, Lesson, Settings, Teacher};
 use crate::commands::field::harmonic;
 use crate::engine::Device;
+use crate::interrupt;
 use crate::output::table;
 use crate::session::Session;
 
@@ -81,6 +82,9 @@ pub(super) fn measured(
     rows.add(&what, seconds, cpu_seconds, None)?;
 
     let grid = scene.record.grid;
+    // Points, and the sections at random orientations, exact and of a field.
+    let needed = grid.len() * (size_of::<DVec3>() + 2 * size_of::<f32>() * sizes.random);
+    session.require_memory(needed as u64, || format!("{} sections; {SMALLER}", sizes.random))?;
     let points: Vec<DVec3> = (0..grid.len()).map(|voxel| grid.centre(grid.voxel(voxel))).collect();
     let random = OrientationSet::parse(&format!("random:{}:1", sizes.random))?.orientations;
     let exact = sections(&plan, &random, session.control(&|_| {}))?;
@@ -211,7 +215,7 @@ struct Row {
     what: String,
     gpu_seconds: f64,
     cpu_seconds: f64,
-    /// Of the values of one field, or of slopes over the largest.
+    /// Of the values of one field, or of slopes over the largest; nothing too where one is no number, which ends the part.
     largest_difference: Option<f32>,
 }
 
@@ -247,6 +251,7 @@ impl Rows<'_> {
         self.tell();
         let most = difference.unwrap_or(0.0);
         ensure!(most <= TOLERANCE, "{what}: values of the GPU and of the CPU are {most:.1e} apart");
+        ensure!(!interrupt::requested(), "interrupted");
         Ok(())
     }
 
