@@ -5,50 +5,14 @@
 // it makes 16 multiply-adds, twice as many as `product_tiled.wgsl`, in four times the registers. For each TILE_DEPTH = 32 values of k an
 // invocation fetches two 4 × 4 blocks of either operand. The sum runs over k in the same order as in the other products.
 //
-// Operands are staged as `Factors` (`shader.rs`): vec4<f32>, or vec4<f16>, half the memory; f32 holds their products exactly.
-//
-// The layer's file defines `extent`, `left`, `right` and `store` as `product_register.wgsl` describes; rows and columns
-// are multiples of TILE, the range of k of TILE_DEPTH.
+// What is staged, and what of, stand in `product_tiles.wgsl` and `product.wgsl`.
 
-struct Extent {
-    rows: u32,
-    columns: u32,
-    first: u32,
-    end: u32,
-}
-
-const QUADS: u32 = TILE / 4u;
 /// From a block of an invocation to its next, in fours.
 const APART: u32 = QUADS / 2u;
-
-// [k][row / 4] and [k][column / 4], k within the stage.
-var<workgroup> lefts: array<Factors, TILE_DEPTH * QUADS>;
-var<workgroup> rights: array<Factors, TILE_DEPTH * QUADS>;
 
 /// sums + l·rᵀ; column i of the sums is row i of the output.
 fn outer(sums: mat4x4<f32>, l: vec4<f32>, r: vec4<f32>) -> mat4x4<f32> {
     return mat4x4<f32>(sums[0] + l.x * r, sums[1] + l.y * r, sums[2] + l.z * r, sums[3] + l.w * r);
-}
-
-fn stage_left(at: u32, fetched: mat4x4<f32>) {
-    lefts[at] = Factors(fetched[0]);
-    lefts[at + QUADS] = Factors(fetched[1]);
-    lefts[at + 2u * QUADS] = Factors(fetched[2]);
-    lefts[at + 3u * QUADS] = Factors(fetched[3]);
-}
-
-fn stage_right(at: u32, fetched: mat4x4<f32>) {
-    rights[at] = Factors(fetched[0]);
-    rights[at + QUADS] = Factors(fetched[1]);
-    rights[at + 2u * QUADS] = Factors(fetched[2]);
-    rights[at + 3u * QUADS] = Factors(fetched[3]);
-}
-
-fn store_block(slice: u32, row: u32, column: u32, sums: mat4x4<f32>) {
-    store(slice, row, column, sums[0]);
-    store(slice, row + 1u, column, sums[1]);
-    store(slice, row + 2u, column, sums[2]);
-    store(slice, row + 3u, column, sums[3]);
 }
 
 @compute @workgroup_size(REGISTER_GROUP, REGISTER_GROUP)

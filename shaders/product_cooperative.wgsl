@@ -7,16 +7,9 @@
 // multiplies its fragments in steps of FRAGMENT. The sums go through workgroup memory to the invocations that store
 // them: 24 KiB in all.
 //
-// The layer's file defines `extent`, `left`, `right` and `store` as `product_register.wgsl` describes; rows and columns
+// The layer's file defines `extent`, `left`, `right` and `store` as `product.wgsl` describes; rows and columns
 // are multiples of TILE, the range of k of TILE_DEPTH. The order in which a fragment's products are summed is the
 // hardware's, the same in every run.
-
-struct Extent {
-    rows: u32,
-    columns: u32,
-    first: u32,
-    end: u32,
-}
 
 /// [k][row] and [k][column], k within the stage.
 var<workgroup> lefts: array<f16, TILE_DEPTH * TILE>;

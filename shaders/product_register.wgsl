@@ -4,19 +4,7 @@
 // TILE × TILE = 64 × 64 outputs, z counts slices. The sum runs over k in ascending order.
 // Lavapipe, 1024 × 512 × 512, one core: 9.5 GFLOP/s, against 4.8 with tiles in workgroup memory.
 //
-// The layer's file defines the operands:
-//   extent(slice)                     rows, columns and range of k, all multiples of the padding; asked first, so that it may
-//                                     keep the slice for the others
-//   left(row, k)                      4 × 4 block, column j holds rows row..row+3 at k + j
-//   right(k, column)                  4 × 4 block, column j holds columns column..column+3 at k + j
-//   store(slice, row, column, sums)   takes columns column..column+3 of one row
-
-struct Extent {
-    rows: u32,
-    columns: u32,
-    first: u32,
-    end: u32,
-}
+// Rows, columns and the range of k are multiples of the padding; see `product.wgsl` for the operands.
 
 /// The factors as products take them: `rounded` (`shader.rs`) leaves them, or rounds them to f16.
 fn factors(m: mat4x4<f32>) -> mat4x4<f32> {
@@ -31,13 +19,6 @@ fn block(sums: mat4x4<f32>, l: mat4x4<f32>, r: mat4x4<f32>) -> mat4x4<f32> {
         sums[2] + l[0].z * r[0] + l[1].z * r[1] + l[2].z * r[2] + l[3].z * r[3],
         sums[3] + l[0].w * r[0] + l[1].w * r[1] + l[2].w * r[2] + l[3].w * r[3],
     );
-}
-
-fn store_block(slice: u32, row: u32, column: u32, sums: mat4x4<f32>) {
-    store(slice, row, column, sums[0]);
-    store(slice, row + 1u, column, sums[1]);
-    store(slice, row + 2u, column, sums[2]);
-    store(slice, row + 3u, column, sums[3]);
 }
 
 @compute @workgroup_size(REGISTER_GROUP, REGISTER_GROUP)

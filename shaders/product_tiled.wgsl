@@ -5,23 +5,7 @@
 // of the left operand, the second half of the right: 16 KiB, what every adapter has. The sum runs over k in the same
 // order as in `product_register.wgsl`, so both give the same bits where the compiler contracts both alike.
 //
-// Operands are staged as `Factors` (`shader.rs`): vec4<f32>, or vec4<f16>, half the memory; f32 holds their products exactly.
-//
-// The layer's file defines `extent`, `left`, `right` and `store` as `product_register.wgsl` describes; rows and columns
-// are multiples of TILE, the range of k of TILE_DEPTH.
-
-struct Extent {
-    rows: u32,
-    columns: u32,
-    first: u32,
-    end: u32,
-}
-
-const QUADS: u32 = TILE / 4u;
-
-// [k][row / 4] and [k][column / 4], k within the stage.
-var<workgroup> lefts: array<Factors, TILE_DEPTH * QUADS>;
-var<workgroup> rights: array<Factors, TILE_DEPTH * QUADS>;
+// What is staged, and what of, stand in `product_tiles.wgsl` and `product.wgsl`.
 
 @compute @workgroup_size(TILED_GROUP, TILED_GROUP)
 fn main(
@@ -42,17 +26,9 @@ fn main(
     var sums = mat4x4<f32>();
     for (var k = e.first; k < e.end; k += TILE_DEPTH) {
         if index < half {
-            let fetched = left(first_row + 4u * quad, k + depth);
-            lefts[at] = Factors(fetched[0]);
-            lefts[at + QUADS] = Factors(fetched[1]);
-            lefts[at + 2u * QUADS] = Factors(fetched[2]);
-            lefts[at + 3u * QUADS] = Factors(fetched[3]);
+            stage_left(at, left(first_row + 4u * quad, k + depth));
         } else {
-            let fetched = right(k + depth, first_column + 4u * quad);
-            rights[at] = Factors(fetched[0]);
-            rights[at + QUADS] = Factors(fetched[1]);
-            rights[at + 2u * QUADS] = Factors(fetched[2]);
-            rights[at + 3u * QUADS] = Factors(fetched[3]);
+            stage_right(at, right(k + depth, first_column + 4u * quad));
         }
         workgroupBarrier();
         for (var j = 0u; j < TILE_DEPTH; j += 1u) {
@@ -64,8 +40,5 @@ fn main(
     }
     let row = first_row + 4u * local.y;
     let column = first_column + 4u * local.x;
-    store(slice, row, column, sums[0]);
-    store(slice, row + 1u, column, sums[1]);
-    store(slice, row + 2u, column, sums[2]);
-    store(slice, row + 3u, column, sums[3]);
+    store_block(slice, row, column, sums);
 }

@@ -88,12 +88,18 @@ impl MatrixKernel {
         }
     }
 
+    /// The product's files in one text.
     fn source(self, factors: Factors) -> &'static str {
+        macro_rules! files {
+            ($($name:literal),+) => {
+                concat!($(include_str!(concat!("../../../shaders/", $name)), "\n"),+)
+            };
+        }
         match (self, factors) {
-            (_, Factors::Fragments(_)) => include_str!("../../../shaders/product_cooperative.wgsl"),
-            (Self::Register, _) => include_str!("../../../shaders/product_register.wgsl"),
-            (Self::Tiled, _) => include_str!("../../../shaders/product_tiled.wgsl"),
-            (Self::Blocked, _) => include_str!("../../../shaders/product_blocked.wgsl"),
+            (_, Factors::Fragments(_)) => files!("product.wgsl", "product_cooperative.wgsl"),
+            (Self::Register, _) => files!("product.wgsl", "product_register.wgsl"),
+            (Self::Tiled, _) => files!("product.wgsl", "product_tiles.wgsl", "product_tiled.wgsl"),
+            (Self::Blocked, _) => files!("product.wgsl", "product_tiles.wgsl", "product_blocked.wgsl"),
         }
     }
 }
