@@ -1,4 +1,4 @@
-// Purpose: the running minimum over orientations of a factored field, parts of the list in ascending order. Of equal values
+// Purpose: the running minimum over orientations of a field that is a sum of functions, parts of the list in ascending order. Of equal values
 // the first orientation stays.
 //
 // One invocation computes every (invocations)-th row, a point.

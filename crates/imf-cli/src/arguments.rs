@@ -19,6 +19,7 @@ pub(crate) mod query;
 pub(crate) mod query_bench;
 pub(crate) mod regime;
 pub(crate) mod scene;
+pub(crate) mod sections;
 pub(crate) mod train;
 pub(crate) mod transform;
 
@@ -102,6 +103,7 @@ pub(crate) enum Command {
     Compress(compress::CompressArguments),
     Calibrate(calibrate::CalibrateArguments),
     Regime(regime::RegimeArguments),
+    Sections(sections::SectionsArguments),
     Eval(eval::EvalArguments),
     Query(query::QueryArguments),
     Export(export::ExportArguments),

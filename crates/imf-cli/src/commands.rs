@@ -13,6 +13,7 @@ pub(crate) mod export;
 pub(crate) mod field;
 pub(crate) mod finetune;
 pub(crate) mod info;
+mod notes;
 pub(crate) mod parts;
 pub(crate) mod query;
 pub(crate) mod regime;

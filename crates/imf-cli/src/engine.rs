@@ -1,14 +1,26 @@
 //! Choosing where networks run.
 
 use anyhow::{Context, Result, ensure};
+use imf_core::factored::FactoredAnswers;
+use imf_core::field::{LearntField, WholeField};
+use imf_core::harmonic::HarmonicAnswers;
+use imf_core::harmonic::coefficients::Precision as CoefficientPrecision;
 use imf_core::siren::SirenShape;
 use imf_core::siren::engine::{CpuEvaluator, CpuTrainer};
+use imf_core::stored::StoredField;
 use imf_core::training::run::TrainingPlan;
 use imf_core::training::{EvaluationEngine, Precision, TrainingEngine, TrainingState};
-use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuTrainer};
+use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuTrainer, GpuWhole};
 
 use crate::ranks::Rank;
 use crate::session::Session;
+
+/// How often a field is asked for values over its whole grid.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Calls {
+    One,
+    Many,
+}
 
 /// The CPU engine or an opened GPU.
 pub(crate) enum Device {
@@ -41,11 +53,76 @@ impl Device {
         }
     }
 
-    /// Refuses a device for fields that are evaluated on the CPU alone.
-    pub(crate) fn require_cpu(name: &str) -> Result<()> {
-        let cpu = ["auto", "cpu"].iter().any(|cpu| name.eq_ignore_ascii_case(cpu));
-        ensure!(cpu, "harmonic and factored fields are answered on the CPU: leave out --device {name}");
-        Ok(())
+    /// Opens what `--device` names for a field that is to be evaluated. `auto` is the CPU but for networks of the paper's kind.
+    pub(crate) fn for_field(name: &str, session: &Session, stored: &StoredField) -> Result<Self> {
+        let asked = matches!(stored, StoredField::Siren(_)) || !name.eq_ignore_ascii_case("auto");
+        Self::open(if asked { name } else { "cpu" }, session)
+    }
+
+    /// One line for people.
+    pub(crate) fn describe(&self, session: &Session) -> String {
+        match self {
+            Self::Cpu => format!("CPU, {} threads", session.threads()),
+            Self::Gpu(gpu) => gpu.describe(),
+        }
+    }
+
+    /// Whether what it holds lies in this machine's memory.
+    pub(crate) fn shares_memory(&self) -> bool {
+        match self {
+            Self::Cpu => true,
+            Self::Gpu(gpu) => gpu.adapter().shares_memory(),
+        }
+    }
+
+    /// Bytes of this machine's memory that a field's coefficients take once more when it is evaluated over its grid.
+    pub(crate) fn copied_bytes(&self, stored: &StoredField, calls: Calls) -> u64 {
+        let axes = match (stored, self) {
+            (StoredField::Siren(_), _) => 0,
+            // They are there already.
+            (StoredField::Harmonic(_), Self::Cpu) => 0,
+            (StoredField::Harmonic(file), Self::Gpu(_)) => file.field.axis_count(),
+            (StoredField::Factored(_), Self::Cpu) if calls == Calls::One => 0,
+            (StoredField::Factored(file), _) => file.field.coefficient_count(),
+        };
+        let axes = match self {
+            Self::Cpu => axes,
+            Self::Gpu(gpu) => axes.next_multiple_of(gpu.matrix_kernel().padding()),
+        };
+        if self.shares_memory() { 4 * (stored.scene().record.grid.len() * axes) as u64 } else { 0 }
+    }
+
+    /// Does some work with a field over its grid, and the name of what evaluates it. For many calls a factored field's network runs once
+    /// at every voxel before.
+    pub(crate) fn with_whole<T>(
+        &self,
+        session: &Session,
+        stored: &StoredField,
+        calls: Calls,
+        work: impl FnOnce(&mut dyn WholeField, String) -> Result<T>,
+    ) -> Result<T> {
+        let name = self.describe(session);
+        match (stored, self) {
+            (StoredField::Siren(model), _) => {
+                let mut engine = self.evaluator(model.shape, &model.state.parameters)?;
+                let name = engine.describe();
+                work(&mut LearntField::new(model.scene.record.grid, engine.as_mut()), name)
+            }
+            (StoredField::Harmonic(file), Self::Cpu) => work(&mut HarmonicAnswers(&file.field), name),
+            (StoredField::Harmonic(file), Self::Gpu(gpu)) => {
+                work(&mut GpuWhole::of_harmonic(gpu, &file.field)?, name)
+            }
+            (StoredField::Factored(file), Self::Cpu) if calls == Calls::One => {
+                work(&mut FactoredAnswers(file.field.evaluator()), name)
+            }
+            (StoredField::Factored(file), Self::Cpu) => {
+                let expanded = file.field.evaluator().expanded(CoefficientPrecision::F32, file.report);
+                work(&mut HarmonicAnswers(&expanded), name)
+            }
+            (StoredField::Factored(file), Self::Gpu(gpu)) => {
+                work(&mut GpuWhole::of_factored(gpu, &file.field)?, name)
+            }
+        }
     }
 
     /// Bytes of this machine's memory, or of the GPU's, that an engine takes, about.

@@ -92,6 +92,7 @@ fn run(cli: Cli, rank: Rank) -> anyhow::Result<()> {
         Command::Compress(arguments) => commands::compress::run(&session, &arguments),
         Command::Calibrate(arguments) => commands::calibrate::run(&session, &arguments),
         Command::Regime(arguments) => commands::regime::run(&session, &arguments),
+        Command::Sections(arguments) => commands::field::kept::run(&session, &arguments),
         Command::Eval(arguments) => commands::eval::run(&session, &arguments),
         Command::Export(arguments) => commands::export::run(&session, &arguments),
         Command::Query(arguments) => commands::query::run(&session, &arguments),

@@ -191,7 +191,11 @@ pub fn whole_imf(
     control: Control<'_>,
 ) -> Result<ImfComparison, EvaluationError> {
     let exact = imf(plan, orientations, control)?;
-    let learnt = field.least_over(orientations)?;
+    let quiet = Control { progress: &|_| {}, ..control };
+    let learnt = field.least_over(orientations, quiet).map_err(|error| match error {
+        QueryError::Cancelled => SectionError::Cancelled.into(),
+        other => EvaluationError::Query(other),
+    })?;
     let mut errors = Errors::default();
     errors.add(&exact.value, &learnt.value, threshold);
     Ok(ImfComparison { exact, learnt, errors: errors.report(threshold) })

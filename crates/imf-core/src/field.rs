@@ -48,6 +48,9 @@ pub enum QueryError {
     /// The engine failed.
     #[error(transparent)]
     Engine(#[from] EngineError),
+    /// The caller asked to stop.
+    #[error("interrupted")]
+    Cancelled,
 }
 
 /// A family of fields: exact, or learnt.

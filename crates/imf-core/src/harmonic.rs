@@ -33,8 +33,8 @@ pub mod sphere;
 
 pub use answers::HarmonicAnswers;
 pub use degree::{degree_for, sections_tried};
-pub use evaluate::Heads;
-pub(crate) use evaluate::{VoxelCoefficients, minimum_of, sections_of};
+pub use evaluate::{HEADS_AT_ONCE, Heads};
+pub(crate) use evaluate::{VoxelCoefficients, least_of, minimum_of, sections_of};
 pub(crate) use fit::solve::function_values;
 pub(crate) use fit::source::{Source, SourceScratch};
 pub use fit::{FitReport, FitSettings, Sizes, estimate, fit, section_count};

@@ -221,6 +221,11 @@ pub trait EvaluationEngine {
     /// Lengths that do not fit, or a device that failed.
     fn evaluate(&mut self, inputs: &[f32], outputs: &mut [f32]) -> Result<(), EngineError>;
 
+    /// About how many values to ask for between two looks at whether to go on: some seconds' work of a large network.
+    fn values_at_once(&self) -> usize {
+        1 << 18
+    }
+
     /// For each point the least value over all directions and the index of the first direction that has it.
     ///
     /// `points` is `[n][3]` in unit coordinates of the grid, `directions` is `[m][2]` in degrees (θ, φ); `least` and

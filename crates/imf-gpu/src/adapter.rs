@@ -117,6 +117,12 @@ impl AdapterSummary {
     pub fn is_software(&self) -> bool {
         self.kind == DeviceType::Cpu
     }
+
+    /// True for a device whose memory is the machine's own.
+    #[must_use]
+    pub fn shares_memory(&self) -> bool {
+        matches!(self.kind, DeviceType::Cpu | DeviceType::IntegratedGpu)
+    }
 }
 
 impl fmt::Display for AdapterSummary {

@@ -169,6 +169,10 @@ impl EvaluationEngine for GpuEvaluator {
         self.gpu.describe()
     }
 
+    fn values_at_once(&self) -> usize {
+        if self.gpu.adapter().is_software() { 1 << 18 } else { 1 << 24 }
+    }
+
     fn evaluate(&mut self, inputs: &[f32], outputs: &mut [f32]) -> Result<(), EngineError> {
         if inputs.len() != INPUTS * outputs.len() {
             return Err(EngineError::Shape(format!(

@@ -37,6 +37,7 @@ mod forward;
 mod kernel;
 mod layout;
 mod memory;
+mod over_orientations;
 mod peak;
 mod planner;
 mod sections;
@@ -44,6 +45,7 @@ pub mod shader;
 mod submit;
 mod trainer;
 pub mod uniforms;
+mod whole;
 
 pub use adapter::{AdapterSummary, DeviceChoice, MissingAdapter, adapters};
 pub use device::{Gpu, GpuLimits};
@@ -56,3 +58,4 @@ pub use shader::MatrixKernel;
 pub use trainer::{GpuTrainer, TrainerSettings};
 /// The graphics interface in the version that [`Gpu::device`] and [`Gpu::queue`] belong to.
 pub use wgpu;
+pub use whole::GpuWhole;

@@ -33,8 +33,8 @@ impl Plan {
             return Ok(());
         }
         Err(EngineError::Device(format!(
-            "the network needs {} of GPU memory, {} of it in one buffer ({name}), but this adapter binds at most {}. \
-             Take a narrower network or the CPU engine",
+            "this needs {} of GPU memory, {} of it in one buffer ({name}), but this adapter binds at most {}. Take a narrower \
+             network or a larger pitch, or the CPU (--device cpu)",
             mebibytes(self.bytes()),
             mebibytes(*bytes),
             mebibytes(limit),

@@ -5,6 +5,7 @@
 //! of the voxel centres values are those of the nearest point inside. How poses pass through a family's field stands in
 //! `planner/siren.rs`, `planner/factored.rs` and `planner/harmonic.rs`. Buffers for slices of the host are kept from call to call.
 
+mod answers;
 mod factored;
 mod harmonic;
 mod host;
@@ -22,6 +23,7 @@ use imf_core::orientation::Orientation;
 use imf_core::planner::{
     Best, Decision, Gradient, LoadError, NeuralField, PlannerError, Pose, PoseField, check_lengths,
 };
+use imf_core::section::Imf;
 use imf_core::stored::StoredField;
 use imf_core::training::{EngineError, EvaluationEngine};
 
@@ -94,7 +96,7 @@ pub fn decision_of(code: u32) -> Decision {
 /// ```
 pub struct GpuField {
     neural: NeuralField,
-    /// Whether minima are not asked of the CPU: by networks of tools with their tip alone.
+    /// Whether minima are not asked of the CPU: of tools with their tip alone.
     minima_on_device: bool,
     work: Mutex<Work>,
 }
@@ -141,9 +143,8 @@ impl GpuField {
         let neural = NeuralField::new(stored)?;
         let record = &neural.scene().record;
         let is_tip_alone = record.tool.sharp_point_positions(record.grid.pitch) == [DVec3::ZERO];
-        let minima_on_device = is_tip_alone && !matches!(family, Family::Harmonic(_));
         let work = Work::new(gpu, family, &neural)?;
-        Ok(Self { neural, minima_on_device, work: Mutex::new(work) })
+        Ok(Self { neural, minima_on_device: is_tip_alone, work: Mutex::new(work) })
     }
 
     /// Reads a field from a file.
@@ -268,8 +269,7 @@ impl PoseField for GpuField {
         })
     }
 
-    /// The minimum is taken on the device by networks, for tools whose only sharp point is the tip; others, and those of harmonic
-    /// fields, are asked of the CPU.
+    /// The minimum is taken on the device for tools whose only sharp point is the tip; others are asked of the CPU.
     fn imf(&self, points: &[Vec3], orientations: &[Quat], best: &mut [Best]) -> Result<(), PlannerError> {
         let directions: Option<Vec<Orientation>> = orientations
             .iter()
@@ -277,7 +277,7 @@ impl PoseField for GpuField {
             .collect();
         let directions = match directions {
             Some(directions) if self.minima_on_device && !directions.is_empty() => directions,
-            // No network, sharp points, what is no rotation, and what is refused.
+            // Sharp points, what is no rotation, and what is refused.
             _ => return self.neural.imf(points, orientations, best),
         };
         check_lengths(points.len(), best.len())?;
@@ -287,18 +287,21 @@ impl PoseField for GpuField {
             .iter()
             .map(|point| if point.is_finite() { point.as_dvec3().clamp(low, high) } else { low })
             .collect();
-        let (least, chosen) = self.with(|work| match &mut work.family {
-            Family::Siren(passes) => {
-                let units: Vec<[f32; 3]> =
-                    held.iter().map(|&point| grid.unit(point).as_vec3().to_array()).collect();
-                let angles: Vec<[f32; 2]> =
-                    directions.iter().map(|o| [o.theta as f32, o.phi as f32]).collect();
-                let (mut least, mut chosen) = (vec![0.0; units.len()], vec![0; units.len()]);
-                passes.evaluator.minimum(&units, &angles, &mut least, &mut chosen)?;
-                Ok((least, chosen))
+        let Imf { value: least, best: chosen } = self.with(|work| {
+            let Work { frame, family, host, .. } = work;
+            match family {
+                Family::Siren(passes) => {
+                    let units: Vec<[f32; 3]> =
+                        held.iter().map(|&point| grid.unit(point).as_vec3().to_array()).collect();
+                    let angles: Vec<[f32; 2]> =
+                        directions.iter().map(|o| [o.theta as f32, o.phi as f32]).collect();
+                    let mut found = Imf::new(units.len());
+                    passes.evaluator.minimum(&units, &angles, &mut found.value, &mut found.best)?;
+                    Ok(found)
+                }
+                Family::Factored(passes) => passes.minimum.minimum_unclipped(&held, &directions),
+                Family::Harmonic(passes) => passes.minimum(frame, host, &held, &directions),
             }
-            Family::Factored(passes) => passes.minimum.minimum_unclipped(&held, &directions),
-            Family::Harmonic(_) => Ok((Vec::new(), Vec::new())),
         })?;
         let quantity = self.neural.quantity();
         for (((point, best), value), orientation) in points.iter().zip(best).zip(least).zip(chosen) {

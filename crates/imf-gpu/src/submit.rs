@@ -30,6 +30,18 @@ impl Submissions {
         self.submit(gpu, encoder)
     }
 
+    /// Submits a copy from the beginning of one buffer to that of another, of as much as either holds.
+    pub(crate) fn copy(
+        &mut self,
+        gpu: &Gpu,
+        from: &wgpu::Buffer,
+        to: &wgpu::Buffer,
+    ) -> Result<(), EngineError> {
+        let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_buffer_to_buffer(from, 0, to, 0, from.size().min(to.size()));
+        self.submit(gpu, encoder)
+    }
+
     fn submit(&mut self, gpu: &Gpu, encoder: wgpu::CommandEncoder) -> Result<(), EngineError> {
         self.under_way.push_back(gpu.queue().submit([encoder.finish()]));
         if self.under_way.len() > UNDER_WAY {

@@ -1,7 +1,9 @@
 //! Evaluation and the minimum over directions on the adapter against the f64 definition and a plain loop.
 
 mod adapter;
+mod every_device;
 
+use every_device::every_device;
 use imf_core::siren::reference::forward;
 use imf_core::siren::{INPUTS, SirenShape, features};
 use imf_core::training::EvaluationEngine;
@@ -25,10 +27,8 @@ fn inputs(points: &[[f32; 3]], [theta, phi]: [f32; 2]) -> Vec<f32> {
 }
 
 fn devices() -> Vec<Gpu> {
-    let gpu = adapter::open();
-    let mut devices: Vec<Gpu> =
-        MatrixKernel::ALL.iter().map(|&kernel| gpu.clone().with_matrix_kernel(kernel)).collect();
-    devices.push(gpu.with_matrix_kernel(MatrixKernel::Register).with_limits(SMALL));
+    let mut devices = every_device().to_vec();
+    devices.push(adapter::open().with_matrix_kernel(MatrixKernel::Register).with_limits(SMALL));
     devices
 }
 

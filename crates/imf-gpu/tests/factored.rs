@@ -2,7 +2,9 @@
 //! and to the same bits again.
 
 mod adapter;
+mod every_device;
 
+use every_device::every_device;
 use glam::DVec3;
 use imf_core::control::Control;
 use imf_core::factored::reference::loss_and_gradient;
@@ -16,14 +18,14 @@ use imf_core::harmonic::{FitSettings, HarmonicField, fit};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
-use imf_core::section::{Quantity, SectionPlan};
+use imf_core::section::{Imf, Quantity, SectionPlan};
 use imf_core::siren::muon::MuonConfig;
 use imf_core::siren::soap::SoapConfig;
 use imf_core::tool::Tool;
 use imf_core::training::Loss;
 use imf_core::training::run::{Length, TrainingPlan};
 use imf_core::training::schedule::Schedule;
-use imf_gpu::{Gpu, GpuFactored, GpuTrainer, MatrixKernel, TrainerSettings};
+use imf_gpu::{Gpu, GpuFactored, GpuTrainer, TrainerSettings};
 
 fn teacher() -> HarmonicField {
     let mesh = ReferencePart::Teapot.mesh();
@@ -65,11 +67,6 @@ fn orientations(set: &str) -> Vec<Orientation> {
     OrientationSet::parse(set).expect("a set").orientations
 }
 
-fn every_device() -> [Gpu; MatrixKernel::ALL.len()] {
-    let gpu = adapter::open();
-    MatrixKernel::ALL.map(|kernel| gpu.clone().with_matrix_kernel(kernel))
-}
-
 fn engine(gpu: &Gpu, settings: &TeachSettings, teacher: &HarmonicField, state: &FactoredState) -> GpuTrainer {
     let stack = settings.shape(teacher.axis_count()).stack();
     let TrainingPlan { adam, loss, .. } = settings.plan;
@@ -101,7 +98,7 @@ fn compare(set: &str, field: &FactoredField) {
         let worst = sections.iter().zip(&expected).fold(0.0f32, |most, (a, b)| most.max((a - b).abs()));
         println!("{name}: {worst:.1e}");
         assert!(worst < tolerance, "{name}: {worst}");
-        let (values, best) = found.minimum(&points, &orientations).expect("minima");
+        let Imf { value: values, best } = found.minimum(&points, &orientations).expect("minima");
         let mut others = 0;
         for voxel in 0..grid.len() {
             assert!((values[voxel] - least.value[voxel]).abs() < tolerance, "{name}, voxel {voxel}");

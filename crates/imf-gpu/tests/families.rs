@@ -1,26 +1,33 @@
 //! Poses answered on the adapter for factored and harmonic fields against the same field on the CPU, as `planner.rs` does for
-//! the paper's network.
+//! the paper's network; and such fields over their whole grids.
 
 mod adapter;
 mod asked;
+mod every_device;
 
 use asked::{
-    Within, calibration, compare, compare_at, compare_minima, compare_on_device, every_device, poses,
+    Within, calibration, compare, compare_at, compare_minima, compare_minima_of, compare_on_device, poses,
 };
+use every_device::every_device;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
 use glam::Vec3;
+use imf_core::control::Control;
 use imf_core::factored::file::FactoredFile;
 use imf_core::factored::{Axis, FactoredField, FactoredShape, Symmetry, TeachSettings};
+use imf_core::field::{self, Field, QueryError, WholeField};
 use imf_core::harmonic::basis::{Basis, Domain};
 use imf_core::harmonic::coefficients::{Coefficients, Precision};
 use imf_core::harmonic::file::HarmonicFile;
-use imf_core::harmonic::{FitReport, FitSettings, HarmonicField};
+use imf_core::harmonic::{FitReport, FitSettings, HarmonicAnswers, HarmonicField};
+use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::planner::{NeuralField, Pose};
 use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::Quantity;
 use imf_core::stored::StoredField;
 use imf_core::tool::Tool;
-use imf_gpu::{Gpu, GpuField};
+use imf_gpu::{Gpu, GpuField, GpuLimits, GpuWhole, MatrixKernel};
 
 fn scene() -> Scene {
     let (mesh, tool) = (ReferencePart::Teapot.mesh(), Tool::paper());
@@ -96,9 +103,14 @@ fn fit(degree: usize, axes: usize, quantity: Quantity) -> FitSettings {
 }
 
 /// The same functions with random coefficients at every voxel.
-fn harmonic(degree: usize, axes: usize, quantity: Quantity, precision: Precision) -> HarmonicFile {
-    let FactoredFile { field, scene, fit, report, calibration, .. } =
-        file(Domain::Directions, degree, axes, quantity);
+fn harmonic(
+    domain: Domain,
+    degree: usize,
+    axes: usize,
+    quantity: Quantity,
+    precision: Precision,
+) -> HarmonicFile {
+    let FactoredFile { field, scene, fit, report, calibration, .. } = file(domain, degree, axes, quantity);
     let number = |place: usize| ((place as f64 * 0.569_840).fract() * 0.6 - 0.3) as f32;
     let values = (0..field.grid.len() * axes).map(number).collect();
     HarmonicFile {
@@ -192,7 +204,7 @@ fn harmonic_fields_are_answered_as_on_the_cpu() {
         [(7, 21, Quantity::Overlap, Precision::F16), (9, 70, Quantity::Depth, Precision::F32)]
     {
         for gpu in every_device() {
-            let file = harmonic(degree, axes, quantity, precision);
+            let file = harmonic(Domain::Directions, degree, axes, quantity, precision);
             let field = GpuField::new(&gpu, StoredField::Harmonic(Box::new(file))).unwrap();
             compare(&field, &WITHIN);
             compare_on_device(&gpu, &field);
@@ -223,4 +235,155 @@ fn what_the_device_does_not_answer_is_refused_by_name() {
     let refused = GpuField::new(&adapter::open(), StoredField::Factored(Box::new(file)));
     let Err(error) = refused else { panic!("a field over rotations") };
     assert!(error.to_string().contains("on the CPU alone"), "{error}");
+}
+
+/// Sections and minima at every voxel over a set of orientations.
+fn compare_whole(name: &str, found: &mut GpuWhole<'_>, twin: &HarmonicField, set: &str) {
+    let orientations = OrientationSet::parse(set).expect("a set").orientations;
+    let (voxels, heads) = (twin.grid.len(), twin.heads(&orientations));
+    let [mut sections, mut expected] = [0; 2].map(|_| vec![0.0; voxels * orientations.len()]);
+    twin.sections(&heads, &mut expected);
+    found.sections(&orientations, &mut sections).expect("sections");
+    let apart = |(a, b): (&f32, &f32)| (a - b).abs();
+    let worst = sections.iter().zip(&expected).map(apart).fold(0.0, f32::max);
+    println!("{name}, {set}: {worst:.1e}");
+    assert!(worst < WITHIN.value, "{name}, {set}: {worst}");
+    let mut one = vec![0.0; voxels];
+    found.section_at(&orientations[3], &mut one).expect("a section");
+    assert!(one.iter().zip(&sections[3 * voxels..]).map(apart).all(|apart| apart < WITHIN.value));
+
+    let (least, expected) =
+        (found.least_over(&orientations, Control::quiet()).expect("minima"), twin.minimum(&heads));
+    let mut others = 0;
+    for voxel in 0..voxels {
+        let (value, best) = (least.value[voxel], least.best[voxel]);
+        assert!(apart((&value, &expected.value[voxel])) < WITHIN.value, "{name}, {set}, voxel {voxel}");
+        assert!(apart((&sections[best as usize * voxels + voxel], &value)) < WITHIN.value, "not its value");
+        others += usize::from(best != expected.best[voxel]);
+    }
+    // Where two orientations are within rounding of each other.
+    assert!(others < voxels / 100, "{name}, {set}: {others} other orientations");
+}
+
+/// Every kernel, and memory for some hundred points at a time: more parts than wait to be read at once.
+fn devices() -> Vec<Gpu> {
+    let mut devices = every_device().to_vec();
+    let limits = adapter::open().limits();
+    let small = GpuLimits { storage_binding: 1 << 20, buffer: 1 << 20, ..limits };
+    devices.extend(every_device().map(|gpu| gpu.with_limits(small)));
+    devices
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn harmonic_fields_over_their_grid_are_the_cpus() {
+    let (directions, rotations) = (Domain::Directions, Domain::Rotations);
+    for (domain, degree, axes, quantity, precision, set) in [
+        (directions, 7, 21, Quantity::Overlap, Precision::F16, "fibonacci:700"),
+        (directions, 9, 70, Quantity::Depth, Precision::F32, "fibonacci:37"),
+        (rotations, 2, 12, Quantity::Overlap, Precision::F32, "so3:40"),
+    ] {
+        let field = harmonic(domain, degree, axes, quantity, precision).field;
+        for gpu in devices() {
+            let mut found = GpuWhole::of_harmonic(&gpu, &field).expect("a field");
+            compare_whole(gpu.matrix_kernel().name(), &mut found, &field, set);
+        }
+    }
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn factored_fields_over_their_grid_are_the_cpus() {
+    let (directions, rotations) = (Domain::Directions, Domain::Rotations);
+    let [_, _, symmetry, _] = symmetries();
+    let none = Symmetry::default();
+    let symmetric = file_with(symmetry, directions, 7, 21, Quantity::Overlap).field;
+    let folded = file_with(none, directions, 9, 70, Quantity::Depth).field.folded();
+    let rolling = file_with(none, rotations, 2, 12, Quantity::Overlap).field;
+    for (field, set) in [(symmetric, "fibonacci:700"), (folded, "fibonacci:37"), (rolling, "so3:40")] {
+        let report = harmonic(directions, 1, 1, Quantity::Overlap, Precision::F32).field.report;
+        let twin = field.evaluator().expanded(Precision::F32, report);
+        for gpu in devices() {
+            let mut found = GpuWhole::of_factored(&gpu, &field).expect("a field");
+            compare_whole(gpu.matrix_kernel().name(), &mut found, &twin, set);
+        }
+    }
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn orientations_that_one_buffer_does_not_hold_are_met_in_batches() {
+    // Rows of 25 or 65 numbers in a buffer of 1 MiB: up to 10,240 or 3,584 of them together.
+    let field = harmonic(Domain::Directions, 3, 16, Quantity::Overlap, Precision::F32).field;
+    for gpu in &devices()[MatrixKernel::ALL.len()..] {
+        let mut found = GpuWhole::of_harmonic(gpu, &field).expect("a field");
+        let orientations = OrientationSet::parse("fibonacci:12000").expect("a set").orientations;
+        let expected = field.minimum(&field.heads(&orientations));
+        let least = found.least_over(&orientations, Control::quiet()).expect("minima");
+        let (mut others, mut late) = (0, 0);
+        for voxel in 0..field.grid.len() {
+            let apart = (least.value[voxel] - expected.value[voxel]).abs();
+            assert!(apart < WITHIN.value, "voxel {voxel}: {apart}");
+            others += usize::from(least.best[voxel] != expected.best[voxel]);
+            late += usize::from(least.best[voxel] >= 11_000);
+        }
+        // So many orientations are near to each other.
+        assert!(others < field.grid.len() / 10 && late > 0, "{others} other orientations, {late} late ones");
+    }
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn minima_of_harmonic_fields_in_parts_are_the_twins() {
+    for gpu in devices().split_off(MatrixKernel::ALL.len()) {
+        let file = harmonic(Domain::Directions, 7, 21, Quantity::Overlap, Precision::F16);
+        let field = GpuField::new(&gpu, StoredField::Harmonic(Box::new(file))).expect("a field");
+        // Some hundred points a part, 512 orientations a chunk.
+        compare_minima_of(&field, &WITHIN, 2000, "fibonacci:600");
+    }
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn a_minimum_tells_how_far_it_is_and_stops_when_asked() {
+    let field = harmonic(Domain::Directions, 3, 9, Quantity::Overlap, Precision::F16).field;
+    let mut found = GpuWhole::of_harmonic(&adapter::open(), &field).expect("a field");
+    let (done, stop) = (AtomicU64::new(0), AtomicBool::new(false));
+    let progress = |voxels| {
+        done.fetch_add(voxels, Ordering::Relaxed);
+    };
+    let control = || Control { progress: &progress, cancelled: &stop };
+    let orientations = OrientationSet::parse("fibonacci:5").expect("a set").orientations;
+    found.minimum(&orientations, control()).expect("minima");
+    assert_eq!(done.load(Ordering::Relaxed), 5 * field.grid.len() as u64);
+    stop.store(true, Ordering::Relaxed);
+    let stopped = found.minimum(&orientations, control());
+    assert!(matches!(stopped, Err(QueryError::Cancelled)));
+    let error = found.sections(&[], &mut []).expect_err("no orientation");
+    assert!(error.to_string().contains("at least one orientation"), "{error}");
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn poses_in_double_precision_are_answered_as_on_the_cpu() {
+    let file = harmonic(Domain::Directions, 7, 21, Quantity::Overlap, Precision::F32);
+    let grid = file.field.grid;
+    let set = OrientationSet::parse("random:500:3").expect("a set").orientations;
+    let mut asked: Vec<field::Pose> = poses(&grid, 500)
+        .iter()
+        .zip(set)
+        .map(|(pose, orientation)| field::Pose { position: pose.position.as_dvec3(), orientation })
+        .collect();
+    asked.retain(|pose| pose.position.is_finite());
+    asked[5].position.z = f64::NAN;
+    let [mut found, mut expected] = [0; 2].map(|_| vec![0.0; asked.len()]);
+    HarmonicAnswers(&file.field).query(&asked, &mut expected).expect("answers");
+    let device = GpuField::new(&adapter::open(), StoredField::Harmonic(Box::new(file))).expect("a field");
+    Field::query(&mut &device, &asked, &mut found).expect("answers");
+    for ((pose, found), expected) in asked.iter().zip(&found).zip(&expected) {
+        assert_eq!(found.is_nan(), expected.is_nan(), "{pose:?}");
+        assert!(found.is_nan() || (found - expected).abs() < WITHIN.value, "{pose:?}: {found}, {expected}");
+    }
+    assert!(expected[5].is_nan());
+    assert!(Field::query(&mut &device, &asked, &mut found[1..]).is_err());
 }

@@ -2,7 +2,9 @@
 //! states that move between the two.
 
 mod adapter;
+mod every_device;
 
+use every_device::every_device;
 use imf_core::factored::Optimiser;
 use imf_core::siren::SirenShape;
 use imf_core::siren::engine::CpuTrainer;
@@ -10,17 +12,12 @@ use imf_core::siren::muon::{LENGTH, MuonConfig, QUINTIC, STEPS};
 use imf_core::siren::soap::{SoapConfig, kept_of};
 use imf_core::siren::stack::{Ending, Stack};
 use imf_core::training::{Loss, TrainingEngine, TrainingState};
-use imf_gpu::{Gpu, GpuTrainer, MatrixKernel, TrainerSettings};
+use imf_gpu::{Gpu, GpuTrainer, TrainerSettings};
 
 const CONFIG: MuonConfig = MuonConfig { momentum: 0.9, rate: 1.5 };
 /// With looks between the places where trainings stop, and behind them.
 const SOAP: SoapConfig = SoapConfig { kept: 0.9, look_every: 3, rate: 1.5 };
 const RATE: f32 = 1e-3;
-
-fn every_device() -> [Gpu; MatrixKernel::ALL.len()] {
-    let gpu = adapter::open();
-    MatrixKernel::ALL.map(|kernel| gpu.clone().with_matrix_kernel(kernel))
-}
 
 fn settings(optimiser: Optimiser) -> TrainerSettings {
     TrainerSettings { loss: Loss::L2, optimiser, ..TrainerSettings::default() }

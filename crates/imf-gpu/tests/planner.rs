@@ -3,8 +3,10 @@
 
 mod adapter;
 mod asked;
+mod every_device;
 
-use asked::{Within, calibration, compare, compare_minima, compare_on_device, every_device};
+use asked::{Within, calibration, compare, compare_minima, compare_on_device};
+use every_device::every_device;
 use imf_core::dataset::Sampling;
 use imf_core::model::{Model, TrainingRecord};
 use imf_core::orientation::OrientationSet;

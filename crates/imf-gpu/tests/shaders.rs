@@ -108,6 +108,7 @@ fn expected_bindings(shader: Shader) -> &'static str {
         Shader::Outputs => "uuurw",
         Shader::Minimum => "urww",
         Shader::RowMinimum => "uuurww",
+        Shader::RowSections => "uuurw",
         Shader::LocalFrames => "uurw",
         Shader::PoseInputs => "uuurw",
         Shader::PosePoints => "uuuurw",

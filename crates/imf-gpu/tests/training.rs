@@ -2,7 +2,9 @@
 //! tile; the same bits again.
 
 mod adapter;
+mod every_device;
 
+use every_device::every_device;
 use imf_core::siren::reference::{adam_step, loss_and_gradient};
 use imf_core::siren::{INPUTS, SirenShape};
 use imf_core::training::{AdamConfig, Loss, TrainingEngine, TrainingState};
@@ -60,11 +62,6 @@ fn worst(found: &[f32], expected: &[f64], absolute: f64, relative: f64) -> f64 {
 /// of the layers before; sums over the batch average it. Lavapipe is off by 1.1e-6 of the largest entry; ten times that
 /// leaves room for other orders of the sums and other roundings.
 const GRADIENT: f64 = 1e-5;
-
-fn every_device() -> [Gpu; MatrixKernel::ALL.len()] {
-    let gpu = adapter::open();
-    MatrixKernel::ALL.map(|kernel| gpu.clone().with_matrix_kernel(kernel))
-}
 
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]

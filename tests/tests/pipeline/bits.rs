@@ -127,8 +127,8 @@ fn a_model_that_was_written_and_read_evaluates_as_before() {
         let mut field = LearntField::new(model.scene.record.grid, &mut engine);
         let mut values = vec![f32::NAN; model.scene.record.grid.len()];
         field.section([12.0, 6.0], &mut values).unwrap();
-        let (least, best) = field.imf(&angles).unwrap();
-        (bits(&values), bits(&least), best)
+        let least = field.imf(&angles, Control::quiet()).unwrap();
+        (bits(&values), bits(&least.value), least.best)
     };
     let before = evaluate(&model);
     let folder = tempfile::tempdir().unwrap();

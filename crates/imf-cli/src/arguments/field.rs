@@ -42,8 +42,9 @@ pub(crate) struct FieldArguments {
     /// Compare this many voxels of every section with direct sums, and say so
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub(crate) check: usize,
-    /// Where sections are counted: cpu, gpu, auto, software (software Vulkan), or a number or part of a name from
-    /// `imf devices`. All give the same values; a CPU, which takes a few milliseconds a section at most, is the default
+    /// Where sections are counted, or the harmonic field is evaluated: cpu, gpu, auto, software (software Vulkan), or a number
+    /// or part of a name from `imf devices`. All count the same values; a CPU, which takes a few milliseconds a section at most, is
+    /// the default; auto is a discrete or integrated GPU where there is one
     #[arg(long, default_value = "cpu", value_name = "DEVICE")]
     pub(crate) device: String,
     #[command(flatten)]

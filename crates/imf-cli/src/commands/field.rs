@@ -1,11 +1,15 @@
 //! `imf field`: the exact field, as sections of the collision measure or as its least value over orientations.
 
+mod approximate;
 mod check;
 mod counting;
 mod elements;
 pub(super) mod harmonic;
 mod inaccessibility;
+pub(crate) mod kept;
 mod sections;
+
+use std::path::Path;
 
 use anyhow::{Result, bail};
 use imf_core::atomic_file::write_atomically;
@@ -14,9 +18,10 @@ use imf_core::scene::{Bodies, Scene};
 use imf_core::section::{Contact, ElementPlans, Obstacles, SectionPlan};
 use serde_json::{Value, json};
 
+use self::approximate::Approximate;
 use self::check::Check;
 use self::counting::Streamed;
-use self::harmonic::{Harmonic, is_npz};
+use self::harmonic::is_npz;
 use super::calibrate;
 use crate::arguments::field::FieldArguments;
 use crate::arguments::harmonic::FieldMethod;
@@ -29,6 +34,12 @@ const ORIENTATIONS: &str = "orientations.csv";
 
 pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
     arguments.check()?;
+    let part = &arguments.scene.part;
+    if is_field(Path::new(part)) {
+        bail!(
+            "{part} is a field that was kept, not a part: imf sections {part} writes its sections and its IMF"
+        );
+    }
     let asked = match (&arguments.orientations, &arguments.out) {
         (Some(set), Some(out)) => Some((OrientationSet::parse(set)?, OutputFolder::check(out)?)),
         _ => None,
@@ -44,9 +55,8 @@ pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
     };
     let obstacle = bodies.as_ref().map_or_else(|| scene.obstacle.clone(), Bodies::obstacle);
     let tool = &scene.record.tool;
-    let rolls = |(set, _): &(OrientationSet, _)| set.orientations.iter().any(|o| o.roll != 0.0);
-    if !scene.record.bare_tool().is_axisymmetric() && !asked.as_ref().is_none_or(rolls) {
-        session.note("the tool is not axisymmetric, and no orientation rolls it: see so3:N");
+    if let Some((set, _)) = asked.as_ref().filter(|_| !scene.record.bare_tool().is_axisymmetric()) {
+        note_of_rolls(session, set);
     }
     let device = Device::open(&arguments.device, session)?;
     let contact = match (&bodies, scene.record.contact) {
@@ -66,33 +76,40 @@ pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
     if elements.as_ref().is_some_and(|elements| elements.elements().next().is_none()) {
         bail!("--elements needs a tool of cutter, shank and holder, and the tool '{}' is a mesh", tool.name);
     }
-    let harmonic = Harmonic::make(session, &scene, &plan, arguments)?;
+    let harmonic = harmonic::make(session, &scene, &plan, arguments)?;
     let Some((set, folder)) = asked else {
-        let told = harmonic.as_ref().map(|made| json!({ "harmonic": made.summary(), "scene": scene.record }));
-        let described = harmonic.as_ref().map(Harmonic::describe).unwrap_or_default();
+        let told = harmonic.as_ref().map(|made| {
+            let (family, summary) = made.summary();
+            json!({ family: summary, "scene": scene.record })
+        });
+        let described = harmonic.as_ref().map(|made| made.describe().to_owned()).unwrap_or_default();
         drop(harmonic);
         calibrated(session, arguments)?;
         return if session.json { print_json(&told) } else { print(&format!("{described}\n")) };
     };
-    let work = Work {
-        session,
-        folder,
-        scene: &scene,
-        plan: &plan,
-        device: &device,
-        harmonic: harmonic.as_ref(),
-        elements: elements.as_ref(),
-        set: &set,
-        check: Check::new(arguments.check),
+    let values = match &harmonic {
+        Some(field) => Values::Approximate(field),
+        None => Values::Counted(Counted {
+            plan: &plan,
+            elements: elements.as_ref(),
+            check: Check::new(arguments.check),
+        }),
     };
-    session.detail(&work.computed_by());
-    if arguments.imf {
-        inaccessibility::run(&work)?;
-    } else {
-        sections::run(&work)?;
-    }
+    Work { session, folder, scene: &scene, device: &device, values, set: &set }.run(arguments.imf)?;
     drop(harmonic);
     calibrated(session, arguments)
+}
+
+/// Whether a part is none, but looks like a field that was kept.
+fn is_field(part: &Path) -> bool {
+    part.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("safetensors")) && part.is_file()
+}
+
+/// Says so where a tool whose roll matters is never rolled.
+fn note_of_rolls(session: &Session, set: &OrientationSet) {
+    if set.orientations.iter().all(|orientation| orientation.roll == 0.0) {
+        session.note("the tool is not axisymmetric, and no orientation rolls it: see so3:N");
+    }
 }
 
 /// Measures what the decisions of a field that was kept are worth; two of it need not be in memory at once.
@@ -110,16 +127,49 @@ struct Work<'a> {
     session: &'a Session,
     folder: OutputFolder,
     scene: &'a Scene,
-    plan: &'a SectionPlan,
     device: &'a Device,
-    /// Where values are not exact sections.
-    harmonic: Option<&'a Harmonic>,
-    elements: Option<&'a ElementPlans>,
+    values: Values<'a>,
     set: &'a OrientationSet,
+}
+
+/// Where values come from.
+enum Values<'a> {
+    Counted(Counted<'a>),
+    Approximate(&'a Approximate),
+}
+
+/// Exact sections.
+struct Counted<'a> {
+    plan: &'a SectionPlan,
+    elements: Option<&'a ElementPlans>,
     check: Check,
 }
 
 impl Work<'_> {
+    /// Computes, writes and reports sections, or the least of them.
+    fn run(&self, imf: bool) -> Result<()> {
+        self.session.detail(&self.computed_by());
+        if imf { inaccessibility::run(self) } else { sections::run(self) }
+    }
+
+    /// What counts, where something does.
+    fn counted(&self) -> Option<&Counted<'_>> {
+        match &self.values {
+            Values::Counted(counted) => Some(counted),
+            Values::Approximate(_) => None,
+        }
+    }
+
+    /// Sections of elements, where they are asked for.
+    fn elements(&self) -> Option<&ElementPlans> {
+        self.counted().and_then(|counted| counted.elements)
+    }
+
+    /// What was compared with direct sums, in words.
+    fn checked(&self) -> Option<String> {
+        self.counted().and_then(|counted| counted.check.describe())
+    }
+
     /// Writes the orientations as `index,theta,phi,roll` in degrees.
     fn write_orientations(&self) -> Result<()> {
         Ok(write_atomically(self.folder.file(ORIENTATIONS), |out| {
@@ -150,10 +200,14 @@ impl Work<'_> {
             "orientations": { "set": self.set.spec, "count": self.set.len(), "file": ORIENTATIONS },
             "computed_by": self.computed_by(),
             "promise": self.promise(),
-            "harmonic": self.harmonic.map(Harmonic::summary),
-            "check": self.check.summary(),
+            "harmonic": null,
+            "check": self.counted().map(|counted| counted.check.summary()),
         });
         if let (Some(all), Value::Object(own)) = (summary.as_object_mut(), own) {
+            if let Values::Approximate(field) = self.values {
+                let (family, made) = field.summary();
+                all.insert(family.to_owned(), made);
+            }
             all.extend(own);
         }
         summary
@@ -161,17 +215,17 @@ impl Work<'_> {
 
     /// Which promise holds for the values.
     fn promise(&self) -> String {
-        if let Some(harmonic) = self.harmonic {
-            return harmonic.promise();
+        match self.values {
+            Values::Approximate(field) => field.promise(),
+            Values::Counted(_) => self.scene.record.promise().to_string(),
         }
-        self.scene.record.promise().to_string()
     }
 
     /// What values are, for a note beside a picture.
     fn exactness(&self) -> &'static str {
-        match self.harmonic {
-            None => "exact for voxel centres",
-            Some(_) => "from a harmonic fit to exact sections",
+        match self.values {
+            Values::Counted(_) => "exact for voxel centres",
+            Values::Approximate(field) => field.exactness(),
         }
     }
 

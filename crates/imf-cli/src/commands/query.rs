@@ -16,14 +16,16 @@ use imf_core::factored::FactoredAnswers;
 use imf_core::field::{ContactField, ExactField, Field, LearntField, Pose, collision_measures};
 use imf_core::grid::Grid;
 use imf_core::harmonic::HarmonicAnswers;
+use imf_core::scene::Scene;
 use imf_core::section::{Contact, DEPTH_CAP, Quantity};
 use imf_core::stored::StoredField;
+use imf_gpu::GpuField;
 
 use self::answers::{AnswerWriter, Answers};
 use self::poses::PoseReader;
-use crate::arguments::clearance::clearance_text;
+use super::notes;
 use crate::arguments::query::QueryArguments;
-use crate::engine::Device;
+use crate::engine::{Calls, Device};
 use crate::interrupt::{self, Interrupted};
 use crate::output::{OutputFile, short};
 use crate::session::Session;
@@ -39,36 +41,26 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     let out = arguments.out.as_deref().map(OutputFile::check).transpose()?;
     let (input, bytes, name) = open(&arguments.poses)?;
     let poses = PoseReader::new(input, name)?;
-    let stored = StoredField::read(&arguments.model)?;
-    let quantity = stored.quantity();
+    let loaded = Loaded::from_file(session, arguments)?;
+    let quantity = loaded.quantity();
     if quantity == Quantity::Depth && arguments.exact {
         bail!("{} answers depths, and --exact counts overlaps: leave it out", arguments.model.display());
     }
-    let scene = stored.scene();
+    let scene = loaded.scene();
     let record = &scene.record;
-    if !matches!(stored, StoredField::Siren(_)) {
-        Device::require_cpu(&arguments.device.device)?;
-    }
     let mut engine;
-    let learnt: Box<dyn Field + '_> = match &stored {
-        StoredField::Siren(model) => {
-            engine = Device::open(&arguments.device.device, session)?
-                .evaluator(model.shape, &model.state.parameters)?;
+    let learnt: Box<dyn Field + '_> = match &loaded {
+        Loaded::Here(StoredField::Siren(model), device) => {
+            engine = device.evaluator(model.shape, &model.state.parameters)?;
             session.detail(&engine.describe());
-            if !model.record.finished {
-                session.note(&format!("{} is not trained to its end", arguments.model.display()));
-            }
+            notes::of_training(session, &arguments.model, model);
             Box::new(LearntField::new(record.grid, engine.as_mut()))
         }
-        StoredField::Harmonic(file) => Box::new(HarmonicAnswers(&file.field)),
-        StoredField::Factored(file) => Box::new(FactoredAnswers(file.field.evaluator())),
+        Loaded::Here(StoredField::Harmonic(file), _) => Box::new(HarmonicAnswers(&file.field)),
+        Loaded::Here(StoredField::Factored(file), _) => Box::new(FactoredAnswers(file.field.evaluator())),
+        Loaded::OnDevice(field) => Box::new(&**field),
     };
-    if let Some(text) = clearance_text(&record.clearance, record.unit) {
-        session.note(&format!("answers are for the tool grown by a clearance ({text})"));
-    }
-    if let Some(depth) = record.contact {
-        session.note(&format!("the cutter may reach {depth} {} below the part's surface", record.unit));
-    }
+    notes::of_scene(session, record);
     session.note(&match quantity.is_overlap() {
         true => format!("a field is no proof; --exact answers: {}", record.promise()),
         false => {
@@ -106,6 +98,48 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     match failure {
         Some(error) => Err(error),
         None => Ok(written?),
+    }
+}
+
+/// A field, and where it is.
+enum Loaded {
+    /// In memory; a network of the paper's kind runs on the device.
+    Here(StoredField, Device),
+    /// On a GPU.
+    OnDevice(Box<GpuField>),
+}
+
+impl Loaded {
+    fn from_file(session: &Session, arguments: &QueryArguments) -> Result<Self> {
+        let name = &arguments.device;
+        let stored = StoredField::read(&arguments.model)?;
+        let device = Device::for_field(name, session, &stored)?;
+        match (&device, &stored) {
+            (Device::Gpu(gpu), StoredField::Harmonic(_) | StoredField::Factored(_)) => {
+                if matches!(stored, StoredField::Harmonic(_)) {
+                    session.require_memory(device.copied_bytes(&stored, Calls::Many), || {
+                        "the field's coefficients at every voxel on the device; take --device cpu".into()
+                    })?;
+                }
+                let field = GpuField::new(gpu, stored).with_context(|| format!("--device {name}"))?;
+                Ok(Self::OnDevice(Box::new(field)))
+            }
+            _ => Ok(Self::Here(stored, device)),
+        }
+    }
+
+    fn quantity(&self) -> Quantity {
+        match self {
+            Self::Here(stored, _) => stored.quantity(),
+            Self::OnDevice(field) => field.twin().quantity(),
+        }
+    }
+
+    fn scene(&self) -> &Scene {
+        match self {
+            Self::Here(stored, _) => stored.scene(),
+            Self::OnDevice(field) => field.twin().scene(),
+        }
     }
 }
 

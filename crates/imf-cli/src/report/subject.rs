@@ -59,6 +59,11 @@ impl Made {
 }
 
 impl<'a> Subject<'a> {
+    /// The field in words.
+    pub(crate) fn describe(&self) -> String {
+        self.made.describe(self.seen.len())
+    }
+
     /// A trained network.
     pub(crate) fn of_model(model: &'a Model) -> Self {
         let record = &model.record;

@@ -1,9 +1,13 @@
 //! Training on the machine's adapter through the command; `IMF_NO_GPU_TESTS=1` leaves it out.
 #![cfg(unix)]
 
+use std::fs::File;
+
 use imf_core::training::Precision;
 use imf_gpu::adapters;
 use imf_gpu::wgpu::DeviceType;
+use ndarray::Array3;
+use ndarray_npy::ReadNpyExt as _;
 
 use crate::binary::{TRAIN, Workdir};
 
@@ -103,6 +107,66 @@ fn a_harmonic_field_is_compressed_on_the_adapter_and_goes_on_there() {
 
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn harmonic_and_factored_fields_are_evaluated_and_asked_on_the_adapter_as_on_the_cpu() {
+    let work = Workdir::new();
+    let on_adapter = format!("--device {}", device());
+    let field = "field teapot --dims 15,19,31 --method harmonic --degree 4 --orientations fibonacci:20";
+    work.imf(&format!("{field} --out sections --save field.safetensors")).done();
+    work.imf("compress field.safetensors --width 32 --layers 2 --steps 50 --out factored").done();
+
+    // Sections and minima by the same harmonics.
+    work.imf(&format!("{field} --out there {on_adapter}")).done();
+    work.imf(&format!("{field} --imf --out least")).done();
+    let told = work.imf(&format!("{field} --imf --out least-there {on_adapter}")).done();
+    let name = adapters().into_iter().map(|adapter| adapter.name);
+    assert!(name.into_iter().any(|name| told.stderr.contains(&name)), "{}", told.stderr);
+    let values = |file: &str| Array3::<f32>::read_npy(File::open(work.path(file)).unwrap()).unwrap();
+    for (here, there) in
+        [("sections/cmf-00019.npy", "there/cmf-00019.npy"), ("least/imf.npy", "least-there/imf.npy")]
+    {
+        let (here, there) = (values(here), values(there));
+        assert_eq!(here.shape(), there.shape());
+        // Sums of 25 products in another order.
+        assert!(here.iter().zip(&there).all(|(a, b)| (a - b).abs() < 1e-5));
+        assert!(here.iter().any(|&value| value > 0.02));
+    }
+
+    let rows = |file: &str, device: &str| -> Vec<(f64, f64)> {
+        let report =
+            work.imf(&format!("eval {file} --random 3 --imf fibonacci:4 --json {device}")).done().json();
+        let engine = report["evaluation_engine"].as_str().unwrap().to_owned();
+        assert_eq!(engine.starts_with("CPU,"), device.is_empty(), "{engine}");
+        let row = |row: &serde_json::Value| (row["mae"].as_f64().unwrap(), row["mpe"].as_f64().unwrap());
+        report["rows"].as_array().unwrap().iter().map(row).collect()
+    };
+    let poses = "x,y,z,theta,phi\n0,0,5,10,20\n3,-2,8,200,120\n1,1,1,0,0\n9e9,0,0,10,20\n";
+    work.write("poses.csv", poses.as_bytes());
+    let answers = |file: &str, device: &str| -> Vec<f64> {
+        let run = work.imf(&format!("query {file} poses.csv --exact --json {device}")).done();
+        assert!(run.stderr.contains("1 of 4 poses lie outside the box"), "{}", run.stderr);
+        let answers = run.json();
+        answers.as_array().unwrap().iter().map(|row| row["overlap"].as_f64().unwrap()).collect()
+    };
+    for file in ["field.safetensors", "factored/field.safetensors"] {
+        let sections = format!("sections {file} --orientations fibonacci:9 --imf");
+        work.imf(&format!("{sections} --out kept")).done();
+        work.imf(&format!("{sections} --out kept-there {on_adapter}")).done();
+        let (here, there) = (values("kept/imf.npy"), values("kept-there/imf.npy"));
+        assert!(here.iter().zip(&there).all(|(a, b)| (a - b).abs() < 1e-5));
+        for (there, here) in rows(file, &on_adapter).into_iter().zip(rows(file, "")) {
+            assert!((there.0 - here.0).abs() < 1e-5 && (there.1 - here.1).abs() < 1e-5, "{there:?} {here:?}");
+        }
+        let (there, here) = (answers(file, &on_adapter), answers(file, ""));
+        assert!(there.iter().zip(&here).all(|(a, b)| (a - b).abs() < 1e-5), "{there:?} {here:?}");
+    }
+    if device() == "software" {
+        let query = format!("query field.safetensors poses.csv {on_adapter} --memory 1KiB");
+        work.imf(&query).refused(&["coefficients at every voxel", "--device cpu", "--memory"]);
+    }
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn what_an_adapter_does_is_measured_beside_the_cpu() {
     let work = Workdir::new();
     let bench = format!("bench gpu --small --device {} --python none --out out --json", device());
@@ -119,9 +183,9 @@ fn what_an_adapter_does_is_measured_beside_the_cpu() {
     }
     let field = found(5);
     let rows = field["rows"].as_array().unwrap();
-    // Sections, the IMF, values, gradients; of two fields that were taught there is no difference to tell.
+    // The harmonic field's IMF, sections, the IMF, values, gradients; of two fields that were taught there is no difference to tell.
     let differences: Vec<f64> = rows.iter().filter_map(|row| row["largest_difference"].as_f64()).collect();
-    assert!(differences.len() == 4 && differences.iter().all(|&most| most < 1e-4), "{report}");
+    assert!(differences.len() == 5 && differences.iter().all(|&most| most < 1e-4), "{report}");
     let [on_gpu, on_cpu] = [0, 1].map(|by| field["judged"][by]["errors"]["mse"].as_f64().unwrap());
     assert!((0.5..2.0).contains(&(on_gpu / on_cpu)), "{on_gpu} on the adapter, {on_cpu} on the CPU");
 

@@ -9,6 +9,7 @@ mod damage;
 mod demo;
 mod families;
 mod interruption;
+mod kept;
 mod long_runs;
 mod paper;
 mod part;

@@ -9,6 +9,7 @@ use super::file::FactoredFile;
 use super::last_layer::SOLVED_FIRST;
 use super::*;
 use crate::control::Control;
+use crate::field::WholeField as _;
 use crate::harmonic::basis::Domain;
 use crate::harmonic::coefficients::Precision;
 use crate::harmonic::{FitSettings, HarmonicField, fit};
@@ -200,6 +201,10 @@ fn every_way_to_evaluate_is_the_definition() {
         expanded.sections(&heads, &mut again);
         assert_eq!(sections, again);
         let least = evaluator.minimum(&heads);
+        let mut answers = FactoredAnswers(field.evaluator());
+        assert_eq!(answers.least_over(&set, Control::quiet()).unwrap(), least);
+        answers.sections_at(&set, &mut again).unwrap();
+        assert_eq!(sections, again);
         let mut expected = Imf::new(grid.len());
         for (index, section) in sections.chunks_exact(grid.len()).enumerate() {
             expected.lower_to(index, section);

@@ -1,12 +1,17 @@
 //! A trained network as a field.
 
 use super::{Field, Pose, QueryError, check_lengths};
+use crate::control::Control;
 use crate::grid::Grid;
+use crate::section::Imf;
 use crate::siren::{INPUTS, features};
 use crate::training::EvaluationEngine;
 
 /// Poses that are turned into inputs at a time.
 const CHUNK: usize = 1 << 16;
+
+/// Directions that a minimum is taken over in one call of an engine, at most.
+const DIRECTIONS: usize = 1024;
 
 /// A network evaluated by an engine, CPU or GPU. Points outside the grid it was trained on are answered by
 /// extrapolation, without promise.
@@ -43,17 +48,38 @@ impl<'a> LearntField<'a> {
         Ok(())
     }
 
-    /// Least value and index of the first orientation that has it, at all voxel centres.
+    /// Least value and index of the first orientation that has it, at all voxel centres. One unit of progress is one value.
     ///
     /// # Errors
-    /// A device that failed, or no direction.
-    pub fn imf(&mut self, directions: &[[f32; 2]]) -> Result<(Vec<f32>, Vec<u32>), QueryError> {
+    /// A device that failed, or no direction; [`QueryError::Cancelled`] when the control asks to stop.
+    pub fn imf(&mut self, directions: &[[f32; 2]], control: Control<'_>) -> Result<Imf, QueryError> {
         let points: Vec<[f32; 3]> = (0..self.grid.len())
             .map(|index| self.grid.unit(self.grid.centre(self.grid.voxel(index))).as_vec3().to_array())
             .collect();
-        let (mut least, mut best) = (vec![0.0; points.len()], vec![0; points.len()]);
-        self.engine.minimum(&points, directions, &mut least, &mut best)?;
-        Ok((least, best))
+        let mut found = Imf::new(points.len());
+        let some = self.engine.values_at_once().div_ceil(directions.len().clamp(1, DIRECTIONS));
+        let (mut least, mut best) = (vec![0.0; some.min(points.len())], vec![0; some.min(points.len())]);
+        let parts = points.chunks(some).zip(found.value.chunks_mut(some)).zip(found.best.chunks_mut(some));
+        for ((points, lowest), chosen) in parts {
+            let (least, best) = (&mut least[..points.len()], &mut best[..points.len()]);
+            // Without any the engine says so.
+            let groups = directions.chunks(DIRECTIONS).chain(directions.is_empty().then_some(directions));
+            for (first, directions) in (0..).step_by(DIRECTIONS).zip(groups) {
+                if control.is_cancelled() {
+                    return Err(QueryError::Cancelled);
+                }
+                self.engine.minimum(points, directions, least, best)?;
+                for ((lowest, chosen), (least, best)) in
+                    lowest.iter_mut().zip(chosen.iter_mut()).zip(least.iter().zip(best.iter()))
+                {
+                    if first == 0 || least < lowest {
+                        (*lowest, *chosen) = (*least, first + best);
+                    }
+                }
+                (control.progress)((points.len() * directions.len()) as u64);
+            }
+        }
+        Ok(found)
     }
 }
 

@@ -1,6 +1,7 @@
 //! A field at all voxel centres of its grid at once: what comparing it with exact sections takes of it.
 
 use super::{LearntField, QueryError};
+use crate::control::Control;
 use crate::orientation::Orientation;
 use crate::section::Imf;
 
@@ -12,11 +13,29 @@ pub trait WholeField {
     /// A family's own failure.
     fn section_at(&mut self, orientation: &Orientation, values: &mut [f32]) -> Result<(), QueryError>;
 
-    /// The least over some orientations at every voxel centre, with the index of the first orientation that has it.
+    /// The same in some orientations, `[orientation][voxel]` into `values`; families that have a faster way than one by one take it.
     ///
     /// # Errors
     /// A family's own failure.
-    fn least_over(&mut self, orientations: &[Orientation]) -> Result<Imf, QueryError>;
+    ///
+    /// # Panics
+    /// If `values` has not as many sections.
+    fn sections_at(&mut self, orientations: &[Orientation], values: &mut [f32]) -> Result<(), QueryError> {
+        let Some(voxels) = values.len().checked_div(orientations.len()) else { return Ok(()) };
+        assert_eq!(voxels * orientations.len(), values.len(), "one section for each orientation");
+        let mut sections = values.chunks_exact_mut(voxels.max(1));
+        orientations
+            .iter()
+            .zip(&mut sections)
+            .try_for_each(|(orientation, section)| self.section_at(orientation, section))
+    }
+
+    /// The least over some orientations at every voxel centre, with the index of the first orientation that has it. One unit of progress
+    /// is one value, of a voxel in an orientation.
+    ///
+    /// # Errors
+    /// A family's own failure; [`QueryError::Cancelled`] when the control asks to stop.
+    fn least_over(&mut self, orientations: &[Orientation], control: Control<'_>) -> Result<Imf, QueryError>;
 }
 
 impl WholeField for LearntField<'_> {
@@ -24,9 +43,8 @@ impl WholeField for LearntField<'_> {
         self.section(orientation.angles(), values)
     }
 
-    fn least_over(&mut self, orientations: &[Orientation]) -> Result<Imf, QueryError> {
+    fn least_over(&mut self, orientations: &[Orientation], control: Control<'_>) -> Result<Imf, QueryError> {
         let directions: Vec<[f32; 2]> = orientations.iter().map(Orientation::angles).collect();
-        let (value, best) = self.imf(&directions)?;
-        Ok(Imf { value, best })
+        self.imf(&directions, control)
     }
 }

@@ -1,6 +1,7 @@
 //! A harmonic field answers poses and whole grids as every family does.
 
-use super::HarmonicField;
+use super::{HarmonicField, least_of};
+use crate::control::Control;
 use crate::field::{Field, Pose, QueryError, WholeField, answer_between_centres};
 use crate::orientation::Orientation;
 use crate::section::Imf;
@@ -20,11 +21,15 @@ impl Field for HarmonicAnswers<'_> {
 
 impl WholeField for HarmonicAnswers<'_> {
     fn section_at(&mut self, orientation: &Orientation, values: &mut [f32]) -> Result<(), QueryError> {
-        self.0.sections(&self.0.heads(&[*orientation]), values);
+        self.sections_at(&[*orientation], values)
+    }
+
+    fn sections_at(&mut self, orientations: &[Orientation], values: &mut [f32]) -> Result<(), QueryError> {
+        self.0.sections(&self.0.heads(orientations), values);
         Ok(())
     }
 
-    fn least_over(&mut self, orientations: &[Orientation]) -> Result<Imf, QueryError> {
-        Ok(self.0.minimum(&self.0.heads(orientations)))
+    fn least_over(&mut self, orientations: &[Orientation], control: Control<'_>) -> Result<Imf, QueryError> {
+        least_of(self.0, |some| self.0.heads(some), orientations, control)
     }
 }

@@ -9,6 +9,8 @@ use super::HarmonicField;
 use super::basis::Basis;
 use super::mirrors::Mirrors;
 use super::sides;
+use crate::control::Control;
+use crate::field::QueryError;
 use crate::orientation::Orientation;
 use crate::section::{Imf, Quantity};
 use crate::siren::matrix::{Matrix, multiply};
@@ -24,8 +26,16 @@ pub struct Heads {
 
 impl Heads {
     /// Orientations for the functions of a basis, their `axes` `[K][axes]` and `mean` `[K]`.
-    pub(crate) fn new(basis: &Basis, axes: &[f32], mean: &[f32], orientations: &[Orientation]) -> Self {
+    ///
+    /// # Panics
+    /// If there is not one mean and one row of axes for each function.
+    #[must_use]
+    pub fn new(basis: &Basis, axes: &[f32], mean: &[f32], orientations: &[Orientation]) -> Self {
         let functions = basis.len();
+        assert!(
+            mean.len() == functions && axes.len().is_multiple_of(functions),
+            "a mean and a row for each function"
+        );
         let width = axes.len() / functions;
         let mut values = vec![0.0f32; functions * orientations.len()];
         values.par_chunks_mut(functions).zip(orientations).for_each_init(
@@ -167,6 +177,8 @@ pub(crate) trait VoxelCoefficients: Sync {
 
 /// Orientations of a chunk.
 const CHUNK: usize = 512;
+/// Orientations whose [`Heads`] are held at a time where any number is asked for: 57 MB of a field of degree 16.
+pub const HEADS_AT_ONCE: usize = 1 << 14;
 /// Orientations for which a field is looked through for its mirror planes: a product with so many takes several times as long.
 pub(super) const MANY: usize = 100;
 /// Orientations that one thread turns at a time.
@@ -233,9 +245,41 @@ pub(crate) fn sections_of(source: &impl VoxelCoefficients, heads: &Heads, sectio
 
 /// [`HarmonicField::minimum`] of coefficients from anywhere.
 pub(crate) fn minimum_of(source: &impl VoxelCoefficients, heads: &Heads) -> Imf {
+    let mut least = Imf::new(source.voxels());
+    lower_to(source, heads, 0, &mut least, Control::quiet());
+    least.hold(source.quantity());
+    least
+}
+
+/// The same of any number of orientations, whose heads are made for some at a time. One unit of progress is one value.
+pub(crate) fn least_of(
+    source: &impl VoxelCoefficients,
+    heads: impl Fn(&[Orientation]) -> Heads,
+    orientations: &[Orientation],
+    control: Control<'_>,
+) -> Result<Imf, QueryError> {
+    let mut least = Imf::new(source.voxels());
+    for (batch, orientations) in orientations.chunks(HEADS_AT_ONCE).enumerate() {
+        if !lower_to(source, &heads(orientations), batch * HEADS_AT_ONCE, &mut least, control) {
+            return Err(QueryError::Cancelled);
+        }
+    }
+    least.hold(source.quantity());
+    Ok(least)
+}
+
+/// Takes the values of some orientations, the first of which has a place in a longer list, into account, not clipped; `false` where
+/// the control asked to stop before all was done.
+fn lower_to(
+    source: &impl VoxelCoefficients,
+    heads: &Heads,
+    first: usize,
+    least: &mut Imf,
+    control: Control<'_>,
+) -> bool {
     match source.mirrors(heads.len()) {
-        Some(mirrors) => sides::minimum_of(source, &mirrors, heads),
-        None => whole_minimum(source, heads),
+        Some(mirrors) => sides::lower_to(source, &mirrors, heads, first, least, control),
+        None => lower_to_whole(source, heads, first, least, control),
     }
 }
 
@@ -265,32 +309,39 @@ pub(super) fn whole_sections(source: &impl VoxelCoefficients, heads: &Heads, sec
     });
 }
 
-/// [`minimum_of`], voxel by voxel.
-pub(super) fn whole_minimum(source: &impl VoxelCoefficients, heads: &Heads) -> Imf {
+/// [`lower_to`], voxel by voxel.
+pub(super) fn lower_to_whole(
+    source: &impl VoxelCoefficients,
+    heads: &Heads,
+    first: usize,
+    least: &mut Imf,
+    control: Control<'_>,
+) -> bool {
     let axes = source.axes();
-    let mut whole = Imf::new(source.voxels());
-    let values = whole.value.par_chunks_mut(HarmonicField::BLOCK);
-    values.zip(whole.best.par_chunks_mut(HarmonicField::BLOCK)).enumerate().for_each_init(
-        Scratch::default,
-        |scratch, (block, (least, best))| {
-            let Scratch { arch, coefficients, values } = scratch;
-            let from = block * HarmonicField::BLOCK;
-            let z = source.read(from..from + least.len(), coefficients);
-            for chunk in heads.chunks() {
-                heads.values(z, axes, chunk.clone(), values);
-                let rows = values.chunks_exact(chunk.len());
-                for ((least, best), row) in least.iter_mut().zip(best.iter_mut()).zip(rows) {
-                    let lowest = vectorised!(arch, lowest(row));
-                    if lowest < *least {
-                        let place = row.iter().position(|&v| v == lowest).unwrap_or(0);
-                        (*least, *best) = (lowest, (chunk.start + place) as u32);
-                    }
+    let values = least.value.par_chunks_mut(HarmonicField::BLOCK);
+    let blocks = values.zip(least.best.par_chunks_mut(HarmonicField::BLOCK)).enumerate();
+    let done = blocks.map_init(Scratch::default, |scratch, (block, (least, best))| {
+        if control.is_cancelled() {
+            return false;
+        }
+        let Scratch { arch, coefficients, values } = scratch;
+        let from = block * HarmonicField::BLOCK;
+        let z = source.read(from..from + least.len(), coefficients);
+        for chunk in heads.chunks() {
+            heads.values(z, axes, chunk.clone(), values);
+            let rows = values.chunks_exact(chunk.len());
+            for ((least, best), row) in least.iter_mut().zip(best.iter_mut()).zip(rows) {
+                let lowest = vectorised!(arch, lowest(row));
+                if lowest < *least {
+                    let place = row.iter().position(|&v| v == lowest).unwrap_or(0);
+                    (*least, *best) = (lowest, (first + chunk.start + place) as u32);
                 }
             }
-            least.iter_mut().for_each(|v| *v = source.quantity().held(*v));
-        },
-    );
-    whole
+        }
+        (control.progress)((least.len() * heads.len()) as u64);
+        true
+    });
+    done.reduce(|| true, |a, b| a && b)
 }
 
 /// The least of some values.

@@ -192,7 +192,7 @@ mod tests {
         // 2,000 other directions find lower valleys of voxels whose best of 50 lay in another one; in sum they hold less
         // than descending gained.
         let many = OrientationSet::parse("fibonacci:2000").unwrap().orientations;
-        let dense = HarmonicAnswers(&field).least_over(&many).unwrap();
+        let dense = HarmonicAnswers(&field).least_over(&many, Control::quiet()).unwrap();
         let missed = refined.value.iter().zip(&dense.value).map(|(&r, &d)| f64::from((r - d).max(0.0)));
         let missed: f64 = missed.sum();
         assert!(missed < gained, "other valleys hold {missed}, descending gained {gained}");

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use super::HarmonicField;
 use super::evaluate::{Heads, VoxelCoefficients, lowest};
 use super::mirrors::{Mirrors, PARITIES, Parity};
+use crate::control::Control;
 use crate::section::Imf;
 use crate::siren::matrix::{Matrix, multiply};
 use crate::vectorised::vectorised;
@@ -51,30 +52,38 @@ pub(super) fn sections_of(
     );
 }
 
-/// [`HarmonicField::minimum`] of such a field.
-pub(super) fn minimum_of(source: &impl VoxelCoefficients, mirrors: &Mirrors, heads: &Heads) -> Imf {
+/// `lower_to` of such a field.
+pub(super) fn lower_to(
+    source: &impl VoxelCoefficients,
+    mirrors: &Mirrors,
+    heads: &Heads,
+    first: usize,
+    least: &mut Imf,
+    control: Control<'_>,
+) -> bool {
     let sides = Sides::new(source, mirrors, heads);
-    let mut whole = Imf::new(source.voxels());
     let (slab, arch) = (sides.slab(), Arch::new());
-    let slabs = whole.value.chunks_exact_mut(slab).zip(whole.best.chunks_exact_mut(slab)).collect();
-    sides.paired(slabs).into_par_iter().enumerate().for_each_init(
-        Scratch::default,
-        |scratch, (x, mut pair)| {
-            sides.visit(x, scratch, |orientations, voxels, crossed, values| {
-                let Some((least, best)) = &mut pair[usize::from(crossed & 1)] else { return };
-                for (voxel, row) in voxels.zip(values.chunks_exact(orientations.len())) {
-                    let Some(image) = sides.image(voxel, crossed) else { continue };
-                    let lowest = vectorised!(arch, lowest(row));
-                    if lowest < least[image] {
-                        let place = row.iter().position(|&value| value == lowest).unwrap_or(0);
-                        (least[image], best[image]) = (lowest, (orientations.start + place) as u32);
-                    }
+    let slabs = least.value.chunks_exact_mut(slab).zip(least.best.chunks_exact_mut(slab)).collect();
+    let pairs = sides.paired(slabs).into_par_iter().enumerate();
+    let done = pairs.map_init(Scratch::default, |scratch, (x, mut pair)| {
+        if control.is_cancelled() {
+            return false;
+        }
+        sides.visit(x, scratch, |orientations, voxels, crossed, values| {
+            let Some((least, best)) = &mut pair[usize::from(crossed & 1)] else { return };
+            for (voxel, row) in voxels.zip(values.chunks_exact(orientations.len())) {
+                let Some(image) = sides.image(voxel, crossed) else { continue };
+                let lowest = vectorised!(arch, lowest(row));
+                if lowest < least[image] {
+                    let place = row.iter().position(|&value| value == lowest).unwrap_or(0);
+                    (least[image], best[image]) = (lowest, (first + orientations.start + place) as u32);
                 }
-            });
-        },
-    );
-    whole.value.par_iter_mut().for_each(|value| *value = source.quantity().held(*value));
-    whole
+            }
+        });
+        (control.progress)((slab * pair.iter().flatten().count() * heads.len()) as u64);
+        true
+    });
+    done.reduce(|| true, |a, b| a && b)
 }
 
 /// One side of a field, beside the orientations as it reads them.
@@ -252,12 +261,17 @@ fn add_and_subtract(a: &mut [f32], b: &mut [f32]) {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
     use super::super::coefficients::Precision;
-    use super::super::evaluate::{MANY, whole_minimum, whole_sections};
+    use super::super::evaluate::{HEADS_AT_ONCE, MANY, lower_to_whole, whole_sections};
     use super::super::fit::mirrored::tests::{made, plan};
-    use super::super::{FitSettings, minimum_of as found_minimum, sections_of as found_sections};
+    use super::super::{
+        FitSettings, HarmonicAnswers, minimum_of as found_minimum, sections_of as found_sections,
+    };
     use super::*;
     use crate::access::tests::small_tool;
+    use crate::field::{QueryError, WholeField as _};
     use crate::grid::Grid;
     use crate::occupancy::Occupancy;
     use crate::orientation::{Orientation, OrientationSet};
@@ -278,7 +292,9 @@ mod tests {
         let apart = found.iter().zip(&expected).fold(0.0f32, |most, (a, b)| most.max((a - b).abs()));
         // Sums of up to 49 products in another order.
         assert!(apart < 2e-6, "{apart}");
-        let (least, whole) = (found_minimum(field, &heads), whole_minimum(field, &heads));
+        let (least, mut whole) = (found_minimum(field, &heads), Imf::new(field.grid.len()));
+        assert!(lower_to_whole(field, &heads, 0, &mut whole, Control::quiet()));
+        whole.hold(field.quantity);
         for voxel in 0..field.grid.len() {
             let value = least.value[voxel];
             assert!((value - whole.value[voxel]).abs() < 2e-6, "voxel {voxel}");
@@ -297,6 +313,42 @@ mod tests {
                 assert_agree(&field, &set[..count]);
             }
         }
+    }
+
+    #[test]
+    fn a_minimum_tells_how_far_it_is_and_stops_when_asked() {
+        let field = field(49, Precision::F32);
+        let set = OrientationSet::parse("random:120:3").unwrap().orientations;
+        // Voxel by voxel, and on one side.
+        for count in [MANY - 1, set.len()] {
+            let (done, stop) = (AtomicU64::new(0), AtomicBool::new(false));
+            let progress = |voxels| {
+                done.fetch_add(voxels, Ordering::Relaxed);
+            };
+            let control = Control { progress: &progress, cancelled: &stop };
+            let mut answers = HarmonicAnswers(&field);
+            let found = answers.least_over(&set[..count], control).unwrap();
+            assert_eq!(found, field.minimum(&field.heads(&set[..count])));
+            assert_eq!(done.swap(0, Ordering::Relaxed), (field.grid.len() * count) as u64);
+            stop.store(true, Ordering::Relaxed);
+            assert!(matches!(answers.least_over(&set[..count], control), Err(QueryError::Cancelled)));
+            assert_eq!(done.load(Ordering::Relaxed), 0);
+        }
+    }
+
+    #[test]
+    fn more_orientations_than_are_held_at_a_time_have_the_least_of_all() {
+        let field = field(9, Precision::F32);
+        let set = OrientationSet::parse("random:16500:3").unwrap().orientations;
+        let least = HarmonicAnswers(&field).least_over(&set, Control::quiet()).unwrap();
+        let together = field.minimum(&field.heads(&set));
+        let mut late = 0;
+        for voxel in 0..field.grid.len() {
+            // The last few are too few for one side to be worth while: other sums.
+            assert!((least.value[voxel] - together.value[voxel]).abs() < 2e-6, "voxel {voxel}");
+            late += usize::from(least.best[voxel] as usize >= HEADS_AT_ONCE);
+        }
+        assert!(late > 0, "none of the last orientations is the best anywhere");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::{SectionError, SectionPlan, SectionScratch};
+use super::{Quantity, SectionError, SectionPlan, SectionScratch};
 use crate::control::Control;
 use crate::orientation::Orientation;
 
@@ -32,6 +32,11 @@ impl Imf {
             *value = if better { candidate } else { *value };
             *best = if better { index } else { *best };
         }
+    }
+
+    /// Clips overlaps to [0, 1]; depths stay as they are.
+    pub fn hold(&mut self, quantity: Quantity) {
+        self.value.iter_mut().for_each(|value| *value = quantity.held(*value));
     }
 
     /// Takes the result of other orientations of the same set into account.

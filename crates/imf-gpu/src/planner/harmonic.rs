@@ -4,41 +4,53 @@
 //! poses → coefficients → values, ∂/∂d → slopes by the coefficients → ∂/∂x
 //! ```
 //!
-//! All coefficients lie on the device in f32.
+//! All coefficients lie on the device in f32. Minima over orientations are products of the points' with these.
 
+use glam::{DVec3, Quat};
 use imf_core::factored::Symmetry;
-use imf_core::harmonic::HarmonicField;
+use imf_core::harmonic::basis::Basis;
+use imf_core::harmonic::{HarmonicField, Heads};
+use imf_core::orientation::Orientation;
+use imf_core::planner::Pose;
+use imf_core::section::Imf;
 use imf_core::training::EngineError;
 
 use super::Asked;
+use super::host::HostBuffers;
 use super::network::{Extent, Frame, Passes, ROWS};
 use super::turns::{Coefficients, Functions, Turns};
 use crate::device::Gpu;
 use crate::kernel::{Bound, Kernel, uniform};
 use crate::memory::Plan;
-use crate::shader::{Shader, TILE};
-use crate::uniforms::{Batch, Lattice};
+use crate::over_orientations::{CoefficientRows, OverOrientations, Scaled, rows_within};
+use crate::shader::Shader;
+use crate::uniforms::{Batch, Lattice, Sweep};
 
 /// Coefficients that go up together: 4 MiB.
 const PIECE: usize = 1 << 20;
 
 /// A harmonic field of a tool of revolution.
 pub(super) struct HarmonicPasses {
-    /// The [`Batch`] at hand.
-    batch: wgpu::Buffer,
-    /// Poses of one pass, at most.
-    rows: usize,
     padding: usize,
+    mixing: Mixing,
     turns: Turns,
-    mix: Kernel,
     descend: Kernel,
+    /// The values' slopes by the coefficients, as many.
+    slopes: wgpu::Buffer,
+    over: OverOrientations,
+    basis: Basis,
+    axes: Vec<f32>,
+    mean: Vec<f32>,
+}
+
+/// What puts the coefficients of the points of poses in their place.
+struct Mixing {
+    kernel: Kernel,
     lattice: wgpu::Buffer,
     /// `[voxel][stride]`
     voxels: wgpu::Buffer,
-    /// `[rows][axes]`: coefficients, and the values' slopes by them.
+    rows: CoefficientRows,
     coefficients: wgpu::Buffer,
-    slopes: wgpu::Buffer,
-    axes: usize,
 }
 
 /// The kernels bound to the buffers of a call.
@@ -62,11 +74,7 @@ impl HarmonicPasses {
         let padding = gpu.matrix_kernel().padding();
         let (kept, stride) = (field.axis_count(), field.axis_count().next_multiple_of(4));
         let axes = kept.next_multiple_of(padding);
-        let limits = gpu.limits();
-        let binding = limits.storage_binding.min(limits.buffer) as usize / 4;
-        let rows = ROWS.min(binding / axes.max(functions.columns(padding)));
-        let rows = rows.min(limits.workgroups as usize * TILE as usize) / padding * padding;
-        let rows = rows.max(padding);
+        let rows = rows_within(gpu, axes.max(functions.columns(padding)), ROWS);
         let mut plan = Plan::default();
         let places = [
             plan.add("coefficients of all voxels", field.grid.len() * stride),
@@ -87,19 +95,65 @@ impl HarmonicPasses {
         };
         let batch = uniform(gpu, "batch", &Batch::default())?;
         let at = Coefficients { batch: &batch, rows, axes, values: &coefficients, slopes: &slopes };
+        let turns = Turns::new(gpu, functions, &at)?;
+        let rows = CoefficientRows { batch, rows, columns: axes };
         Ok(Self {
-            turns: Turns::new(gpu, functions, &at)?,
-            mix: Kernel::new(gpu, Shader::VoxelCoefficients)?,
+            turns,
+            over: OverOrientations::new(gpu, rows.clone())?,
             descend: Kernel::new(gpu, Shader::VoxelDescent)?,
-            lattice: uniform(gpu, "lattice", &lattice)?,
-            batch,
-            rows,
+            mixing: Mixing {
+                kernel: Kernel::new(gpu, Shader::VoxelCoefficients)?,
+                lattice: uniform(gpu, "lattice", &lattice)?,
+                voxels,
+                rows,
+                coefficients,
+            },
             padding,
-            voxels,
-            coefficients,
             slopes,
-            axes,
+            basis: field.basis.clone(),
+            axes: field.axes.clone(),
+            mean: field.mean.clone(),
         })
+    }
+
+    /// The least value over orientations at points of the box, not clipped.
+    pub(super) fn minimum(
+        &mut self,
+        frame: &Frame,
+        host: &mut HostBuffers,
+        points: &[DVec3],
+        orientations: &[Orientation],
+    ) -> Result<Imf, EngineError> {
+        let gpu = &frame.gpu;
+        gpu.queue().write_buffer(&frame.sweep, 0, bytemuck::bytes_of(&Sweep::default()));
+        let Self { mixing, over, basis, axes, mean, .. } = self;
+        let heads = |some: &[Orientation]| Scaled { heads: Heads::new(basis, axes, mean, some), scale: 1.0 };
+        over.minimum(points.len(), orientations, heads, |part, _, submissions| {
+            let poses: Vec<Pose> =
+                points[part].iter().map(|point| Pose::new(point.as_vec3(), Quat::IDENTITY)).collect();
+            let uploaded = host.upload(gpu, &poses, false)?;
+            let mix = mixing.bind(frame, uploaded.asked().poses);
+            mixing.rows.hold(gpu, poses.len());
+            let limit = gpu.limits().workgroups;
+            submissions.pass(gpu, |pass| mixing.record(&mix, pass, poses.len(), limit))?;
+            Ok(mixing.coefficients.clone())
+        })
+    }
+}
+
+impl Mixing {
+    /// What the kernels that read voxels read first, up to these.
+    fn front<'a>(&'a self, frame: &'a Frame, poses: &'a wgpu::Buffer) -> [&'a wgpu::Buffer; 6] {
+        [&self.rows.batch, &frame.world, &frame.sweep, &self.lattice, poses, &self.voxels]
+    }
+
+    fn bind(&self, frame: &Frame, poses: &wgpu::Buffer) -> Bound {
+        let front = self.front(frame, poses);
+        self.kernel.bind(&frame.gpu, &[&front[..], &[&self.coefficients]].concat())
+    }
+
+    fn record(&self, bound: &Bound, pass: &mut wgpu::ComputePass<'_>, rows: usize, limit: u32) {
+        bound.linear(pass, rows * self.rows.columns / 4, limit);
     }
 }
 
@@ -107,18 +161,18 @@ impl Passes for HarmonicPasses {
     type Call = HarmonicCall;
 
     fn extent(&self) -> Extent<'_> {
-        Extent { batch: &self.batch, rows: self.rows, padding: self.padding }
+        let CoefficientRows { batch, rows, .. } = &self.mixing.rows;
+        Extent { batch, rows: *rows, padding: self.padding }
     }
 
     fn bind(&self, frame: &Frame, asked: Asked<'_>) -> Self::Call {
-        let Frame { gpu, world, sweep } = frame;
         let Asked { poses, values, gradients } = asked;
-        let front = [&self.batch, world, sweep, &self.lattice, poses, &self.voxels];
+        let front = self.mixing.front(frame, poses);
         HarmonicCall {
-            mix: self.mix.bind(gpu, &[&front[..], &[&self.coefficients]].concat()),
+            mix: self.mixing.bind(frame, poses),
             values: self.turns.bind(frame, asked),
             descend: gradients.map(|gradients| {
-                self.descend.bind(gpu, &[&front[..], &[&self.slopes, values, gradients]].concat())
+                self.descend.bind(&frame.gpu, &[&front[..], &[&self.slopes, values, gradients]].concat())
             }),
         }
     }
@@ -131,7 +185,7 @@ impl Passes for HarmonicPasses {
         padded_rows: usize,
         limit: u32,
     ) {
-        call.mix.linear(pass, rows * self.axes / 4, limit);
+        self.mixing.record(&call.mix, pass, rows, limit);
         self.turns.record(&call.values, pass, rows, padded_rows, limit);
         if let Some(descend) = &call.descend {
             self.turns.record_slopes(pass, padded_rows);

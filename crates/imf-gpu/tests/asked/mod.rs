@@ -6,9 +6,7 @@ use imf_core::grid::Grid;
 use imf_core::orientation::OrientationSet;
 use imf_core::planner::{Best, Decision, Gradient, Pose, PoseField};
 use imf_gpu::wgpu::{Buffer, BufferDescriptor, BufferUsages, MapMode, PollType};
-use imf_gpu::{DeviceGradient, DevicePose, Gpu, GpuField, MatrixKernel, decision_of};
-
-use crate::adapter;
+use imf_gpu::{DeviceGradient, DevicePose, Gpu, GpuField, decision_of};
 
 /// How far the two may be apart.
 pub(crate) struct Within {
@@ -18,11 +16,6 @@ pub(crate) struct Within {
     pub(crate) slope: f32,
     /// Whether slopes mean something at the poles.
     pub(crate) poles: bool,
-}
-
-pub(crate) fn every_device() -> [Gpu; MatrixKernel::ALL.len()] {
-    let gpu = adapter::open();
-    MatrixKernel::ALL.map(|kernel| gpu.clone().with_matrix_kernel(kernel))
 }
 
 /// Thresholds of any worth.
@@ -129,10 +122,15 @@ pub(crate) fn compare_at(field: &GpuField, within: &Within, poses: &[Pose]) {
 
 /// Minima over orientations, and lengths that differ.
 pub(crate) fn compare_minima(field: &GpuField, within: &Within) {
+    compare_minima_of(field, within, 300, "fibonacci:40");
+}
+
+/// Those of so many points, over a set.
+pub(crate) fn compare_minima_of(field: &GpuField, within: &Within, count: usize, set: &str) {
     let grid = field.twin().scene().record.grid;
-    let mut points: Vec<Vec3> = poses(&grid, 300).iter().map(|pose| pose.position).collect();
+    let mut points: Vec<Vec3> = poses(&grid, count).iter().map(|pose| pose.position).collect();
     points[3].x = f32::INFINITY;
-    let set = OrientationSet::parse("fibonacci:40").expect("a set").orientations;
+    let set = OrientationSet::parse(set).expect("a set").orientations;
     let orientations: Vec<Quat> =
         set.iter().map(|o| Pose::along(Vec3::ZERO, o.direction().as_vec3()).rotation).collect();
     let (mut found, mut expected) = (vec![Best::NONE; points.len()], vec![Best::NONE; points.len()]);
@@ -148,7 +146,7 @@ pub(crate) fn compare_minima(field: &GpuField, within: &Within) {
         others +=
             usize::from((found.orientation, found.decision) != (expected.orientation, expected.decision));
     }
-    assert!(others < 4, "{others} others");
+    assert!(others < 4 + count / 100, "{others} others");
     let all = poses(&grid, 20);
     assert!(field.query(&all, &mut [0.0]).is_err());
     assert!(field.query_with_gradient(&all, &mut []).is_err());

@@ -3,7 +3,6 @@
 
 use anyhow::Result;
 use imf_core::factored::TeachSettings;
-use imf_core::harmonic::HarmonicAnswers;
 use imf_core::harmonic::coefficients::Precision;
 use imf_core::scene::Scene;
 use imf_core::stored::StoredField;
@@ -13,9 +12,9 @@ use super::questions;
 use crate::arguments::DemoArguments;
 use crate::arguments::compress::SymmetryChoice;
 use crate::commands::compress::{self, Beginning};
-use crate::commands::eval::{IMF_ORIENTATIONS, expanded, require_memory};
+use crate::commands::eval::{IMF_ORIENTATIONS, require_memory};
 use crate::commands::train::factored::{self, Asked};
-use crate::engine::Device;
+use crate::engine::{Calls, Device};
 use crate::report::{Report, Subject, evaluate};
 use crate::session::Session;
 
@@ -45,15 +44,13 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
     let asked = Asked { degree: None, find_symmetry: symmetry.is_none() };
     let (file, _) = factored::made(session, &device, scene, asked, settings, &beginning)?;
 
-    require_memory(session, &file.scene.record, file.field.coefficient_count())?;
     let imf = file.field.basis.even_set(IMF_ORIENTATIONS)?;
-    let expanded = expanded(&file);
     let stored = StoredField::Factored(file.into());
-    let subject = Subject::of_stored(&stored)?;
-    let mut answers = HarmonicAnswers(&expanded);
-    let engine = format!("CPU, {} threads", session.threads());
-    let evaluation =
-        evaluate(session, &subject, &mut answers, engine, &questions(arguments.seed, None, imf)?)?;
-    evaluation.write(&arguments.out, &subject, &mut answers)?;
-    Ok(evaluation.report)
+    require_memory(session, &device, &stored)?;
+    let (subject, questions) = (Subject::of_stored(&stored)?, questions(arguments.seed, None, imf)?);
+    device.with_whole(session, &stored, Calls::Many, |field, engine| {
+        let evaluation = evaluate(session, &subject, field, engine, &questions)?;
+        evaluation.write(&arguments.out, &subject, field)?;
+        Ok(evaluation.report)
+    })
 }

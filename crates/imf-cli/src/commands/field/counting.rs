@@ -6,10 +6,10 @@ use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Context as _, Error, Result};
 use imf_core::control::Control;
-use imf_core::section::{Imf, SectionError, stream_sections};
+use imf_core::section::{Imf, SectionError, SectionPlan, stream_sections};
 use imf_gpu::{Gpu, GpuSectionError, GpuSections};
 
-use super::Work;
+use super::{Counted, Values, Work};
 use crate::engine::Device;
 use crate::interrupt;
 
@@ -24,40 +24,54 @@ pub(super) enum Streamed<V> {
 impl Work<'_> {
     /// How sections are computed, for people.
     pub(super) fn computed_by(&self) -> String {
-        if let Some(harmonic) = self.harmonic {
-            return harmonic.describe();
-        }
+        let Counted { plan, .. } = match &self.values {
+            Values::Approximate(field) => {
+                return match self.device {
+                    Device::Gpu(gpu) if field.is_on_device() => {
+                        format!("{}, evaluated on {}", field.describe(), gpu.describe())
+                    }
+                    _ => field.describe().to_owned(),
+                };
+            }
+            Values::Counted(counted) => counted,
+        };
         match self.device {
-            Device::Cpu => self.plan.describe(),
+            Device::Cpu => plan.describe(),
             Device::Gpu(gpu) => format!("run ends on {}", gpu.describe()),
         }
     }
 
-    /// Shows every section to `visit`, after its check, with progress and until Ctrl-C. The first failure stops all.
+    /// Shows every section to `visit`, after its check, with progress and until Ctrl-C, once what makes them is there and the caller is
+    /// `ready`. The first failure stops all.
     pub(super) fn stream<V: Send>(
         &self,
+        ready: impl FnOnce() -> Result<()>,
         start: impl Fn() -> V + Sync,
         visit: impl Fn(&mut V, usize, &[f32]) -> Result<()> + Sync,
     ) -> Result<Streamed<Vec<V>>> {
-        if let Some(harmonic) = self.harmonic {
-            return harmonic.stream(self, start, visit);
-        }
+        let Counted { plan, check, .. } = match &self.values {
+            Values::Approximate(field) => return field.stream(self, ready, start, visit),
+            Values::Counted(counted) => counted,
+        };
+        let mut device = match self.device {
+            Device::Cpu => None,
+            Device::Gpu(gpu) => Some(self.on_device(gpu, plan)?),
+        };
+        ready()?;
         let failure = Mutex::new(None::<Error>);
         let result = self.staged(|control, stop| {
             let visit = |own: &mut V, index: usize, cmf: &[f32]| {
                 let orientation = &self.set.orientations[index];
-                let checked = self.check.compare(self.plan, orientation, index, cmf);
+                let checked = check.compare(plan, orientation, index, cmf);
                 if let Err(error) = checked.and_then(|()| visit(own, index, cmf)) {
                     stop.store(true, Ordering::Relaxed);
                     failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
                 }
             };
             let orientations = &self.set.orientations;
-            match self.device {
-                Device::Cpu => {
-                    stream_sections(self.plan, orientations, control, start, visit).map_err(Error::from)
-                }
-                Device::Gpu(gpu) => Ok(self.on_device(gpu)?.stream(orientations, control, start, visit)?),
+            match &mut device {
+                None => stream_sections(plan, orientations, control, start, visit).map_err(Error::from),
+                Some(device) => Ok(device.stream(orientations, control, start, visit)?),
             }
         });
         match failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
@@ -68,18 +82,19 @@ impl Work<'_> {
 
     /// The least section over all orientations.
     pub(super) fn least(&self) -> Result<Streamed<Imf>> {
-        if let Some(harmonic) = self.harmonic {
-            return harmonic.least(self);
-        }
+        let Counted { plan, check, .. } = match &self.values {
+            Values::Approximate(field) => return field.least(self),
+            Values::Counted(counted) => counted,
+        };
         if let Device::Gpu(gpu) = self.device {
-            let whole = self.plan.tip_alone() && self.plan.skin().is_none();
-            let why = match (whole, self.check.is_wanted()) {
+            let whole = plan.tip_alone() && plan.skin().is_none();
+            let why = match (whole, check.is_wanted()) {
                 (true, false) => {
                     return self.staged(|control, _| {
-                        Ok(self.on_device(gpu)?.imf(&self.set.orientations, control)?)
+                        Ok(self.on_device(gpu, plan)?.imf(&self.set.orientations, control)?)
                     });
                 }
-                (false, _) if self.plan.tip_alone() => "the cutter may touch the part",
+                (false, _) if plan.tip_alone() => "the cutter may touch the part",
                 (false, _) => "points off the tip are sharp",
                 (true, true) => "--check compares sections",
             };
@@ -87,12 +102,12 @@ impl Work<'_> {
                 "{why}: the GPU counts, sections are read back, and the CPU takes their minimum"
             ));
         }
-        let voxels = self.plan.grid().len();
+        let voxels = plan.grid().len();
         let visit = |least: &mut Imf, index: usize, cmf: &[f32]| {
             least.lower_to(index, cmf);
             Ok(())
         };
-        Ok(match self.stream(|| Imf::new(voxels), visit)? {
+        Ok(match self.stream(|| Ok(()), || Imf::new(voxels), visit)? {
             Streamed::Interrupted => Streamed::Interrupted,
             Streamed::Whole(parts) => {
                 let mut whole = Imf::new(voxels);
@@ -102,8 +117,8 @@ impl Work<'_> {
         })
     }
 
-    fn on_device<'a>(&'a self, gpu: &Gpu) -> Result<GpuSections<'a>> {
-        let device = GpuSections::new(gpu, self.plan).context("--device")?;
+    fn on_device<'a>(&self, gpu: &Gpu, plan: &'a SectionPlan) -> Result<GpuSections<'a>> {
+        let device = GpuSections::new(gpu, plan).context("--device")?;
         self.session.require_memory(device.host_bytes(), || {
             "sections that come from the GPU wait in memory: take a larger pitch, or --device cpu".into()
         })?;

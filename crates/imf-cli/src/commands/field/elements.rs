@@ -40,7 +40,7 @@ pub(super) struct OwnMeasures {
 impl OwnMeasures {
     /// Every element's section of orientation `index`; none where they are not asked for.
     pub(super) fn measure(&mut self, work: &Work<'_>, index: usize) -> Result<Vec<(ElementKind, &[f32])>> {
-        let Some(plans) = work.elements else { return Ok(Vec::new()) };
+        let Some(plans) = work.elements() else { return Ok(Vec::new()) };
         let voxels = work.scene.record.grid.len();
         self.measures.resize_with(plans.elements().count(), || vec![0.0; voxels]);
         plans.measures(&work.set.orientations[index], &mut self.scratch, &mut self.measures)?;
@@ -50,7 +50,7 @@ impl OwnMeasures {
 
 /// Every element's measure at the best orientation of each voxel; none where they are not asked for.
 pub(super) fn at_best(work: &Work<'_>, imf: &Imf) -> Result<Vec<(ElementKind, Vec<f32>)>> {
-    let Some(plans) = work.elements else { return Ok(Vec::new()) };
+    let Some(plans) = work.elements() else { return Ok(Vec::new()) };
     let stage = work.session.stage("elements", "orientations", work.set.len() as u64);
     let advance = |n| stage.advance(n);
     let found = elements_at_best(plans, &work.set.orientations, imf, work.session.control(&advance));

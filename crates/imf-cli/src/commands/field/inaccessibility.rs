@@ -11,7 +11,7 @@ use ndarray::{ArrayView3, aview1};
 use serde_json::json;
 
 use super::elements::{self, ElementRow};
-use super::{ORIENTATIONS, SUMMARY, Streamed, Work};
+use super::{ORIENTATIONS, SUMMARY, Streamed, Values, Work};
 use crate::interrupt::Interrupted;
 use crate::output::{print, print_json, same_digits, write_json};
 use crate::picture::MaskStyle;
@@ -21,7 +21,10 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let (grid, obstacle) = (&work.scene.record.grid, &work.scene.obstacle);
     let unfinished = || Err(Interrupted("the IMF needs every section; nothing was written".into()).into());
     let Streamed::Whole(mut whole) = work.least()? else { return unfinished() };
-    let refined = work.harmonic.map(|harmonic| harmonic.refined(work, &whole)).transpose()?.flatten();
+    let refined = match work.values {
+        Values::Approximate(field) => field.refined(work, &whole)?,
+        Values::Counted(_) => None,
+    };
     let refined = match refined {
         Some(Streamed::Interrupted) => return unfinished(),
         Some(Streamed::Whole(Refined { value, direction })) => {
@@ -97,7 +100,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
             row.element, row.hits
         );
     }
-    text += &work.check.describe().map(|line| format!("check         {line}\n")).unwrap_or_default();
+    text += &work.checked().map(|line| format!("check         {line}\n")).unwrap_or_default();
     text += &format!("written to    {}: {}\n", work.folder.path().display(), files.join(", "));
     print(&text)
 }

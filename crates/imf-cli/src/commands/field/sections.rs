@@ -1,9 +1,10 @@
-//! Sections: one array of collision measures for each orientation, written as they are finished.
+//! Sections, of `imf field` and `imf sections`: one array of collision measures for each orientation, written as they are finished.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context as _, Result};
 use imf_core::field_files::{NamedField, write_npy, write_vti};
+use imf_core::section::ElementPlans;
 use ndarray::{ArrayView3, aview1};
 use serde_json::{Value, json};
 
@@ -43,14 +44,16 @@ struct Own {
 
 pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let (grid, set) = (&work.scene.record.grid, work.set);
-    let arrays = 1 + work.elements.map_or(0, |plans| plans.elements().count());
+    let arrays = 1 + work.elements().map_or(0, |plans| plans.elements().count());
     let shared = set.len() <= SHARED_SECTIONS && 4 * set.len() * arrays * grid.len() <= SHARED_BYTES;
-    work.folder.begin(work.session)?;
-    // First, so that sections kept after Ctrl-C can be told apart, and are found by the next run.
-    work.write_orientations()?;
     let files = files(work, shared);
-    let begun = work.summary("sections", json!({ "finished": false, "files": files }));
-    write_json(&work.folder.file(SUMMARY), &begun)?;
+    let begin = || -> Result<()> {
+        work.folder.begin(work.session)?;
+        // First, so that sections kept after Ctrl-C can be told apart, and are found by the next run.
+        work.write_orientations()?;
+        let begun = work.summary("sections", json!({ "finished": false, "files": files }));
+        write_json(&work.folder.file(SUMMARY), &begun)
+    };
     let written = AtomicUsize::new(0);
     let visit = |own: &mut Own, index: usize, cmf: &[f32]| -> Result<()> {
         let array = ArrayView3::from_shape(grid.dims, cmf).context("a section does not fit its grid")?;
@@ -83,7 +86,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         written.fetch_add(1, Ordering::Relaxed);
         Ok(())
     };
-    let Streamed::Whole(parts) = work.stream(Own::default, visit)? else {
+    let Streamed::Whole(parts) = work.stream(begin, Own::default, visit)? else {
         let (written, all, folder) =
             (written.load(Ordering::Relaxed), set.len(), work.folder.path().display());
         return Err(
@@ -96,7 +99,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         write_shared(work, &kept)?;
     }
     draw(work, &mut kept)?;
-    if let Some(first) = kept.first_mut().filter(|_| work.elements.is_some()) {
+    if let Some(first) = kept.first_mut().filter(|_| work.elements().is_some()) {
         elements::draw(work, first.elements.iter_mut(), "section 0, by element")?;
     }
 
@@ -114,9 +117,9 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     if kept.len() > LISTED {
         text += &format!("… and {} more, see {SUMMARY}\n", kept.len() - LISTED);
     }
-    text += &work.check.describe().map(|line| line + "\n").unwrap_or_default();
+    text += &work.checked().map(|line| line + "\n").unwrap_or_default();
     // Those of the elements begin like their section's.
-    let pictures = if work.elements.is_some() { "slices.png, elements.png" } else { "slices.png" };
+    let pictures = if work.elements().is_some() { "slices.png, elements.png" } else { "slices.png" };
     text += &format!(
         "written to {}: cmf-*.npy, {vti}, {pictures}, {ORIENTATIONS}, {SUMMARY}\n",
         work.folder.path().display()
@@ -132,14 +135,14 @@ fn name(index: usize) -> String {
 fn files(work: &Work<'_>, shared: bool) -> Vec<String> {
     let mut files = Vec::new();
     for section in (0..work.set.len()).map(name) {
-        let elements = work.elements.iter().flat_map(|plans| plans.elements());
+        let elements = work.elements().into_iter().flat_map(ElementPlans::elements);
         files.extend(elements.map(|kind| format!("{}.npy", elements::array(&section, kind))));
         files.push(format!("{section}.npy"));
         files.extend((!shared).then(|| format!("{section}.vti")));
     }
     files.extend(shared.then(|| "sections.vti".to_owned()));
     files.push("slices.png".into());
-    files.extend(work.elements.map(|_| elements::PICTURE.to_owned()));
+    files.extend(work.elements().map(|_| elements::PICTURE.to_owned()));
     files.extend([ORIENTATIONS, SUMMARY].map(str::to_owned));
     files
 }

@@ -1,6 +1,7 @@
 //! The families as the comparison sees them: whole sections and their minimum, whatever they are made of.
 
 use anyhow::Result;
+use imf_core::control::Control;
 use imf_core::factored::FactoredField;
 use imf_core::field::{LearntField, WholeField as _};
 use imf_core::harmonic::{HarmonicField, Heads};
@@ -68,15 +69,11 @@ impl Rival for FactoredField {
 
 impl Rival for LearntField<'_> {
     fn sections(&mut self, orientations: &[Orientation], values: &mut [f32]) -> Result<()> {
-        let voxels = values.len() / orientations.len().max(1);
-        for (values, orientation) in values.chunks_exact_mut(voxels).zip(orientations) {
-            self.section_at(orientation, values)?;
-        }
-        Ok(())
+        Ok(self.sections_at(orientations, values)?)
     }
 
     fn least(&mut self, orientations: &[Orientation]) -> Result<Imf> {
-        Ok(self.least_over(orientations)?)
+        Ok(self.least_over(orientations, Control::quiet())?)
     }
 }
 

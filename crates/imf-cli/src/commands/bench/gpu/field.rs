@@ -1,16 +1,17 @@
-//! A factored field of the scene, taught on the GPU and on the CPU; its errors at random orientations, its sections and minima at
-//! every voxel and its answers to random poses, by both.
+//! A factored field of the scene, taught on the GPU and on the CPU, and the harmonic field that teaches it; their minima at every voxel,
+//! the first one's errors at random orientations, its sections and its answers to random poses, by both.
 
 use std::time::Instant;
 
 use anyhow::{Result, ensure};
 use glam::DVec3;
+use imf_core::control::Control;
 use imf_core::factored::file::FactoredFile;
 use imf_core::factored::{FactoredField, TeachSettings};
-use imf_core::harmonic::FitSettings;
 use imf_core::harmonic::basis::Domain;
 use imf_core::harmonic::coefficients::Precision;
 use imf_core::harmonic::file::HarmonicFile;
+use imf_core::harmonic::{FitSettings, HarmonicField};
 use imf_core::metrics::{ErrorReport, Errors};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::planner::{Gradient, Pose, PoseField};
@@ -18,7 +19,7 @@ use imf_core::scene::Scene;
 use imf_core::section::{SectionPlan, sections};
 use imf_core::stored::StoredField;
 use imf_core::training::run::Length;
-use imf_gpu::{Gpu, GpuFactored, GpuField};
+use imf_gpu::{Gpu, GpuFactored, GpuField, GpuWhole};
 use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::json;
@@ -78,8 +79,11 @@ pub(super) fn measured(
     let (file, seconds) = taught(session, &Device::Gpu(gpu.clone()), &teacher, settings)?;
     let what = format!("{} steps of {}", sizes.steps, file.field.shape);
     let (of_cpu, cpu_seconds) = taught(session, &Device::Cpu, &teacher, settings)?;
-    drop(teacher);
     rows.add(&what, seconds, cpu_seconds, None)?;
+    let sets = sizes.minima.iter().map(|set| Ok((*set, OrientationSet::parse(set)?.orientations)));
+    let sets: Vec<(&str, Vec<Orientation>)> = sets.collect::<Result<_>>()?;
+    of_harmonic(gpu, &teacher.field, &sets, &mut rows)?;
+    drop(teacher);
 
     let grid = scene.record.grid;
     // Points, and the sections at random orientations, exact and of a field.
@@ -104,16 +108,34 @@ pub(super) fn measured(
         Ok(())
     })?;
     rows.add(&format!("{} sections, read back", few.len()), seconds, cpu, Some(largest(&found, &twin)?))?;
-    for set in sizes.minima {
-        let orientations = OrientationSet::parse(set)?.orientations;
-        let (seconds, (least, _)) = timed(|| Ok(on_device.minimum(&points, &orientations)?))?;
-        let (cpu, twin) = timed(|| Ok(evaluator.minimum(&file.field.heads(&orientations))))?;
-        rows.add(&format!("IMF over {set}"), seconds, cpu, Some(largest(&least, &twin.value)?))?;
+    for (set, orientations) in &sets {
+        let (seconds, least) = timed(|| Ok(on_device.minimum(&points, orientations)?))?;
+        let (cpu, twin) = timed(|| Ok(evaluator.minimum(&file.field.heads(orientations))))?;
+        rows.add(&format!("IMF over {set}"), seconds, cpu, Some(largest(&least.value, &twin.value)?))?;
     }
     drop((on_device, evaluator));
 
     let poses = random_poses(&grid, sizes.poses, 1)?;
     asked(gpu, file, &poses, &mut rows)
+}
+
+/// Minima of the harmonic field, whose coefficients stay on the device.
+fn of_harmonic(
+    gpu: &Gpu,
+    field: &HarmonicField,
+    sets: &[(&str, Vec<Orientation>)],
+    rows: &mut Rows<'_>,
+) -> Result<()> {
+    let begun = Instant::now();
+    let mut on_device = GpuWhole::of_harmonic(gpu, field)?;
+    rows.teacher += &format!(" Its coefficients went up in {:.2} s.", begun.elapsed().as_secs_f64());
+    for (set, orientations) in sets {
+        let (seconds, least) = timed(|| Ok(on_device.minimum(orientations, Control::quiet())?))?;
+        let (cpu, twin) = timed(|| Ok(field.minimum(&field.heads(orientations))))?;
+        let difference = largest(&least.value, &twin.value)?;
+        rows.add(&format!("IMF over {set} by that harmonic field"), seconds, cpu, Some(difference))?;
+    }
+    Ok(())
 }
 
 /// Random poses, values and gradients.

@@ -151,7 +151,7 @@ pub(super) fn fields(
             field.section(orientation.angles(), &mut values)?;
             row.learnt.push(cut(&values));
         }
-        rows[2].learnt.push(cut(&field.imf(&directions)?.0));
+        rows[2].learnt.push(cut(&field.imf(&directions, bench.session.control(&|_| {}))?.value));
     }
     for row in &mut rows {
         row.differences = row.learnt.iter().map(|learnt| learnt - &row.exact).collect();

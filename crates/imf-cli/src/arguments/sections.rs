@@ -1,0 +1,37 @@
+//! What `imf sections` is asked.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+/// Write sections of a field that was kept or trained, or the least of them over any orientations
+#[derive(Args)]
+#[command(
+    after_help = "Examples:\n  imf sections teapot/field.safetensors --orientations '0,0;12,6' --out sections\n  \
+                        imf sections teapot/field.safetensors --orientations fibonacci:10000 --imf --confirm --out imf\n\n\
+                        Writes what imf field writes: .npy, .vti (ParaView) and .png slices. Nothing is counted but by \
+                        --confirm."
+)]
+pub(crate) struct SectionsArguments {
+    /// Trained model, or a harmonic or factored field
+    pub(crate) field: PathBuf,
+    /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, so3:N, pairs such as 0,0;30,40 or a CSV file
+    #[arg(long, value_name = "SET", allow_hyphen_values = true)]
+    pub(crate) orientations: String,
+    /// The inaccessibility measure (least over the orientations) with its best orientation, not every section
+    #[arg(long)]
+    pub(crate) imf: bool,
+    /// With --imf: count the best orientations of every voxel exactly, so that values are exact and zeros proven
+    #[arg(long, requires = "imf")]
+    pub(crate) confirm: bool,
+    /// With --imf: the least over all directions, not only over the set: from its best direction down the field's gradient
+    #[arg(long, requires = "imf", conflicts_with = "confirm")]
+    pub(crate) refine: bool,
+    /// Where the field is evaluated: auto (the CPU; for siren5 a discrete or integrated GPU where there is one), cpu, gpu, software
+    /// (software Vulkan), or a number or part of a name from `imf devices`
+    #[arg(long, default_value = "auto", value_name = "DEVICE")]
+    pub(crate) device: String,
+    /// Folder to write to
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+}

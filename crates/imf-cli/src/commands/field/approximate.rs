@@ -1,0 +1,306 @@
+//! Values of a field that was made before, by a fit to exact sections or as a network: its sections, and the least of them.
+
+use std::borrow::Cow;
+
+use anyhow::{Result, bail};
+use glam::DVec3;
+use imf_core::field::{ExactField, QueryError};
+use imf_core::harmonic::coefficients::Precision;
+use imf_core::harmonic::{CANDIDATES, HEADS_AT_ONCE, HarmonicError, HarmonicField, Refined};
+use imf_core::section::{Imf, SectionError};
+use imf_core::stored::StoredField;
+use serde_json::{Value, json};
+
+use super::Work;
+use super::counting::Streamed;
+use crate::engine::{Calls, Device};
+use crate::interrupt;
+use crate::report::Subject;
+
+/// Sections evaluated at a time.
+const AT_ONCE: usize = 16;
+
+/// Arrays that an inaccessibility measure is written from: values, places in the list, and angles.
+const WRITTEN: usize = 6;
+/// As many as a direction takes.
+const DIRECTION: usize = size_of::<DVec3>() / size_of::<f32>();
+
+/// A field of any family and how it is used.
+pub(super) struct Approximate {
+    stored: StoredField,
+    /// Best orientations are counted exactly.
+    confirm: bool,
+    /// The minimum is over all directions.
+    refine: bool,
+    described: String,
+    /// What else its values are, for the promise.
+    besides: String,
+}
+
+impl Approximate {
+    pub(super) fn new(stored: StoredField, confirm: bool, refine: bool) -> Result<Self> {
+        if matches!(stored, StoredField::Siren(_)) && (confirm || refine) {
+            let option = if confirm { "--confirm" } else { "--refine" };
+            bail!("{option} is for harmonic and factored fields: leave it out");
+        }
+        let mut described = match &stored {
+            StoredField::Harmonic(file) => {
+                let report = &file.field.report;
+                format!(
+                    "{} harmonics of degree {} fitted to {} exact sections, {} axes; {}",
+                    report.functions,
+                    file.settings.degree,
+                    report.sections,
+                    file.field.axis_count(),
+                    errors_text(&file.field),
+                )
+            }
+            StoredField::Siren(_) | StoredField::Factored(_) => Subject::of_stored(&stored)?.describe(),
+        };
+        if confirm {
+            described += &format!("; the best {CANDIDATES} orientations of every voxel counted exactly");
+        }
+        Ok(Self { stored, confirm, refine, described, besides: String::new() })
+    }
+
+    /// Of a field from a file, which is of the tool's tip.
+    pub(super) fn kept(stored: StoredField, confirm: bool, refine: bool) -> Result<Self> {
+        let mut besides = String::new();
+        let record = &stored.scene().record;
+        if record.tool.sharp_point_positions(record.grid.pitch) != [DVec3::ZERO] {
+            besides += "; values are overlaps with the tool's tip at the voxel, and imf query --sharp asks of its sharp points";
+        }
+        if matches!(&stored, StoredField::Siren(model) if !model.record.finished) {
+            besides += "; the network is not trained to its end";
+        }
+        Ok(Self { besides, ..Self::new(stored, confirm, refine)? })
+    }
+
+    pub(super) fn stored(&self) -> &StoredField {
+        &self.stored
+    }
+
+    /// Whether a device has a part in the values.
+    pub(super) fn is_on_device(&self) -> bool {
+        !self.confirm
+    }
+
+    /// How values are computed, for people.
+    pub(super) fn describe(&self) -> &str {
+        &self.described
+    }
+
+    /// In titles of pictures.
+    pub(super) fn exactness(&self) -> &'static str {
+        match &self.stored {
+            _ if self.confirm => "exact counts of the orientation named",
+            StoredField::Siren(_) => "from a network taught exact sections",
+            StoredField::Harmonic(_) => "from a harmonic fit to exact sections",
+            StoredField::Factored(_) => "from a network taught a harmonic fit to exact sections",
+        }
+    }
+
+    /// Which promise holds for the values.
+    pub(super) fn promise(&self) -> String {
+        let promise = match &self.stored {
+            _ if self.confirm => {
+                "values are exact counts of the orientation named, and zeros are proven; another orientation of the set may \
+                 be lower where the value is not zero"
+                    .into()
+            }
+            StoredField::Harmonic(file) => {
+                format!("approximate ({}); decisions need exact counts", errors_text(&file.field))
+            }
+            StoredField::Siren(_) | StoredField::Factored(_) => {
+                "approximate (imf eval says by how much); decisions need exact counts".to_owned()
+            }
+        };
+        promise + &self.besides
+    }
+
+    /// What it is, by the name of its family.
+    pub(super) fn summary(&self) -> (&'static str, Value) {
+        let (confirmed, refined) = (self.confirm, self.refine);
+        match &self.stored {
+            StoredField::Harmonic(file) => (
+                "harmonic",
+                json!({
+                    "settings": file.settings,
+                    "report": file.field.report,
+                    "bytes": file.field.bytes(),
+                    "confirmed": confirmed,
+                    "refined": refined,
+                }),
+            ),
+            StoredField::Factored(file) => (
+                "factored",
+                json!({
+                    "shape": file.field.shape,
+                    "taught_by": { "settings": file.fit, "report": file.report },
+                    "bytes": file.field.bytes(),
+                    "confirmed": confirmed,
+                    "refined": refined,
+                }),
+            ),
+            StoredField::Siren(model) => {
+                ("siren5", json!({ "shape": model.shape, "steps": model.record.steps }))
+            }
+        }
+    }
+
+    /// Shows the sections of all orientations in order, once it is `ready` to.
+    pub(super) fn stream<V>(
+        &self,
+        work: &Work<'_>,
+        ready: impl FnOnce() -> Result<()>,
+        start: impl Fn() -> V,
+        visit: impl Fn(&mut V, usize, &[f32]) -> Result<()>,
+    ) -> Result<Streamed<Vec<V>>> {
+        let voxels = work.scene.record.grid.len();
+        let all = &work.set.orientations;
+        let calls = if all.len() > AT_ONCE { Calls::Many } else { Calls::One };
+        let together = AT_ONCE.min(all.len());
+        self.require_memory(work, work.device.copied_bytes(&self.stored, calls), together, together)?;
+        let stage = work.session.stage("sections of the field", "sections", all.len() as u64);
+        work.device.with_whole(work.session, &self.stored, calls, |field, _| {
+            ready()?;
+            let mut values = vec![0.0; voxels * together];
+            let mut own = start();
+            for (batch, orientations) in all.chunks(AT_ONCE).enumerate() {
+                if interrupt::requested() {
+                    return Ok(Streamed::Interrupted);
+                }
+                let sections = &mut values[..voxels * orientations.len()];
+                field.sections_at(orientations, sections)?;
+                for (place, section) in sections.chunks_exact(voxels).enumerate() {
+                    visit(&mut own, batch * AT_ONCE + place, section)?;
+                    stage.advance(1);
+                }
+            }
+            stage.finish("");
+            Ok(Streamed::Whole(vec![own]))
+        })
+    }
+
+    /// The least value over all orientations. Looks whether there is memory for what is made of it as well.
+    pub(super) fn least(&self, work: &Work<'_>) -> Result<Streamed<Imf>> {
+        let together = if self.confirm { work.set.len() } else { work.set.len().min(HEADS_AT_ONCE) };
+        // Both take the coefficients of every voxel in this machine's memory, and refining a direction each.
+        let here =
+            if self.confirm || self.refine { Device::Cpu.copied_bytes(&self.stored, Calls::Many) } else { 0 };
+        let arrays = WRITTEN + if self.refine { DIRECTION } else { 0 };
+        self.require_memory(
+            work,
+            here.max(work.device.copied_bytes(&self.stored, Calls::One)),
+            arrays,
+            together,
+        )?;
+        if self.confirm {
+            return self.screened(work);
+        }
+        let values = work.scene.record.grid.len() as u64 * work.set.len() as u64;
+        let stage = work.session.stage("least of the field", "values", values);
+        let advance = |values| stage.advance(values);
+        let control = work.session.control(&advance);
+        let found = work.device.with_whole(work.session, &self.stored, Calls::One, |field, _| {
+            Ok(field.least_over(&work.set.orientations, control))
+        })?;
+        match found {
+            Err(QueryError::Cancelled) => Ok(Streamed::Interrupted),
+            Err(error) => Err(error.into()),
+            Ok(least) => {
+                stage.finish("");
+                Ok(Streamed::Whole(least))
+            }
+        }
+    }
+
+    /// Refuses what does not fit beside the field: its coefficients at every voxel where they are needed, some arrays of values, and
+    /// what some orientations are multiplied with.
+    fn require_memory(&self, work: &Work<'_>, copied: u64, arrays: usize, orientations: usize) -> Result<()> {
+        let (values, heads) =
+            (4 * (arrays * work.scene.record.grid.len()) as u64, self.heads_bytes(orientations));
+        work.session.require_memory(copied + values + heads, || {
+            let most = copied.max(values).max(heads);
+            let remedy = match work.device {
+                _ if most == heads && heads > 0 => "take fewer orientations",
+                Device::Gpu(_) if most == copied && copied > 0 => "take --device cpu",
+                Device::Cpu if most == copied && copied > 0 => {
+                    "take at most 16 sections at a time, and neither --confirm nor --refine"
+                }
+                _ => "take fewer orientations at a time, or a field of a larger pitch",
+            };
+            format!("the field's values, and where needed its coefficients, at every voxel; {remedy}")
+        })
+    }
+
+    /// Bytes of what orientations are multiplied with: their functions, and these along axes in two orders.
+    fn heads_bytes(&self, orientations: usize) -> u64 {
+        let (functions, axes) = match &self.stored {
+            StoredField::Siren(_) => (0, 0),
+            StoredField::Harmonic(file) => (file.field.basis.len(), file.field.axis_count()),
+            StoredField::Factored(file) => (file.field.basis.len(), file.field.coefficient_count()),
+        };
+        4 * (orientations * (functions + 2 * axes)) as u64
+    }
+
+    fn screened(&self, work: &Work<'_>) -> Result<Streamed<Imf>> {
+        let field = self.by_functions()?;
+        let stage = work.session.stage("confirming", "voxels", field.grid.len() as u64);
+        let advance = |voxels| stage.advance(voxels);
+        let control = work.session.control(&advance);
+        match field.screened(&work.set.orientations, &ExactField::new(work.scene), control) {
+            Err(HarmonicError::Section(SectionError::Cancelled)) => Ok(Streamed::Interrupted),
+            Err(error) => Err(error.into()),
+            Ok(screened) => {
+                let proven = screened.proven.iter().filter(|&&proven| proven == 1).count();
+                stage.finish(&format!("{} exact answers, {proven} voxels proven free", screened.counted));
+                Ok(Streamed::Whole(screened.imf))
+            }
+        }
+    }
+
+    /// The minimum over all directions, where that is asked for.
+    pub(super) fn refined(&self, work: &Work<'_>, least: &Imf) -> Result<Option<Streamed<Refined>>> {
+        if !self.refine {
+            return Ok(None);
+        }
+        let field = self.by_functions()?;
+        let stage = work.session.stage("refining", "voxels", field.grid.len() as u64);
+        let advance = |voxels| stage.advance(voxels);
+        match field.refined(least, &work.set.orientations, work.session.control(&advance)) {
+            Err(SectionError::Cancelled) => Ok(Some(Streamed::Interrupted)),
+            Err(error) => Err(error.into()),
+            Ok(refined) => {
+                stage.finish("");
+                Ok(refined.map(Streamed::Whole))
+            }
+        }
+    }
+
+    /// The field as functions of the orientation by the coefficients of every voxel, on the CPU.
+    fn by_functions(&self) -> Result<Cow<'_, HarmonicField>> {
+        match &self.stored {
+            StoredField::Harmonic(file) => Ok(Cow::Borrowed(&file.field)),
+            StoredField::Factored(file) => {
+                Ok(Cow::Owned(file.field.evaluator().expanded(Precision::F32, file.report)))
+            }
+            StoredField::Siren(_) => {
+                bail!("a network of the paper's kind has no functions of the orientation")
+            }
+        }
+    }
+}
+
+/// What is known of the errors of a fit.
+pub(super) fn errors_text(field: &HarmonicField) -> String {
+    let report = &field.report;
+    let left_out = match report.dropped {
+        0.0 => String::new(),
+        dropped => format!(", and {dropped:.1e} by the axes left out"),
+    };
+    format!(
+        "at unseen orientations MSE {:.1e}, MPE {:.3}{left_out}",
+        report.held_out_mse, report.held_out_mpe
+    )
+}

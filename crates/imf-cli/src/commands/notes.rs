@@ -1,0 +1,26 @@
+//! What is said of a field from a file before it answers.
+
+use std::path::Path;
+
+use imf_core::model::Model;
+use imf_core::scene::SceneRecord;
+
+use crate::arguments::clearance::clearance_text;
+use crate::session::Session;
+
+/// Says so where a training was not ended.
+pub(super) fn of_training(session: &Session, path: &Path, model: &Model) {
+    if !model.record.finished {
+        session.note(&format!("{} is not trained to its end", path.display()));
+    }
+}
+
+/// Says what tool and part are to each other.
+pub(super) fn of_scene(session: &Session, record: &SceneRecord) {
+    if let Some(text) = clearance_text(&record.clearance, record.unit) {
+        session.note(&format!("answers are for the tool grown by a clearance ({text})"));
+    }
+    if let Some(depth) = record.contact {
+        session.note(&format!("the cutter may reach {depth} {} below the part's surface", record.unit));
+    }
+}

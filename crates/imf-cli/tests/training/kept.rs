@@ -1,0 +1,172 @@
+//! Fields that were kept, over their grids: `imf sections` against the library and against what made them.
+
+use std::fs::File;
+
+use imf_core::field::LearntField;
+use imf_core::orientation::OrientationSet;
+use imf_core::siren::engine::CpuEvaluator;
+use imf_core::stored::StoredField;
+use ndarray::Array3;
+use ndarray_npy::{ReadNpyExt as _, ReadableElement};
+
+use crate::binary::{TRAIN, Workdir};
+
+const SET: &str = "fibonacci:19";
+const HARMONIC: &str =
+    "field teapot --dims 15,19,31 --method harmonic --degree 4 --orientations fibonacci:19";
+
+fn npy<T: ReadableElement>(work: &Workdir, file: &str) -> Array3<T> {
+    Array3::read_npy(File::open(work.path(file)).unwrap()).unwrap()
+}
+
+#[test]
+fn a_harmonic_field_that_is_kept_is_what_was_made() {
+    let work = Workdir::new();
+    work.imf(&format!("{HARMONIC} --out made --save field.safetensors --no-calibrate")).done();
+    let sections = format!("sections field.safetensors --orientations {SET}");
+    let summary = work.imf(&format!("{sections} --out kept --json")).done().json();
+    assert_eq!(summary["harmonic"]["report"]["functions"], 25);
+    assert!(summary["promise"].as_str().unwrap().starts_with("approximate (at unseen"), "{summary}");
+    for file in ["cmf-00000.npy", "cmf-00018.npy"] {
+        let [made, kept] = ["made", "kept"].map(|name| npy::<f32>(&work, &format!("{name}/{file}")));
+        assert_eq!(made, kept, "{file}");
+    }
+    work.picture("kept/slices.png");
+    for option in ["", "--confirm", "--refine"] {
+        work.imf(&format!("{HARMONIC} --imf {option} --out made{option}")).done();
+        work.imf(&format!("{sections} --imf {option} --out kept{option}")).done();
+        for file in
+            ["imf.npy", "theta.npy"].into_iter().filter(|file| option == "--refine" || *file == "imf.npy")
+        {
+            let [made, kept] =
+                ["made", "kept"].map(|name| npy::<f32>(&work, &format!("{name}{option}/{file}")));
+            assert_eq!(made, kept, "{option}: {file}");
+        }
+        let [made, kept] =
+            ["made", "kept"].map(|name| npy::<u32>(&work, &format!("{name}{option}/best.npy")));
+        assert_eq!(made, kept, "{option}");
+        work.picture(&format!("kept{option}/imf.png"));
+    }
+    work.imf("field field.safetensors --orientations 0,0 --out none")
+        .refused(&["imf sections field.safetensors"]);
+    assert_eq!(work.imf(&format!("{sections} --confirm --out none")).code, Some(2));
+    work.imf(&format!("{sections} --out none --memory 1KiB")).refused(&["values", "--memory"]);
+    work.imf("sections missing.safetensors --orientations 0,0 --out none").refused(&["missing.safetensors"]);
+}
+
+#[test]
+fn sections_of_networks_are_the_librarys() {
+    let work = Workdir::with_dataset();
+    work.imf(&format!("{HARMONIC} --out made --save field.safetensors --no-calibrate")).done();
+    work.imf("compress field.safetensors --width 32 --layers 2 --steps 50 --out factored").done();
+    work.imf(&format!("{TRAIN} --steps 50 --out siren")).done();
+    let orientations = OrientationSet::parse(SET).unwrap().orientations;
+    for (file, family) in [("factored/field.safetensors", "factored"), ("siren/model.safetensors", "siren5")]
+    {
+        let summary = work
+            .imf(&format!("sections {file} --orientations {SET} --out {family}-sections --json"))
+            .done()
+            .json();
+        assert!(summary[family].is_object() && summary["harmonic"].is_null(), "{summary}");
+        work.imf(&format!("sections {file} --orientations {SET} --imf --out {family}-imf")).done();
+        let stored = StoredField::read(&work.path(file)).unwrap();
+        let voxels = stored.scene().record.grid.len();
+        let mut expected = vec![0.0; voxels * orientations.len()];
+        match &stored {
+            StoredField::Factored(file) => {
+                file.field.evaluator().sections(&file.field.heads(&orientations), &mut expected);
+            }
+            StoredField::Siren(model) => {
+                let mut engine = CpuEvaluator::new(model.shape, &model.state.parameters).unwrap();
+                let mut field = LearntField::new(model.scene.record.grid, &mut engine);
+                for (orientation, values) in orientations.iter().zip(expected.chunks_exact_mut(voxels)) {
+                    field.section(orientation.angles(), values).unwrap();
+                }
+            }
+            StoredField::Harmonic(_) => panic!("{file}"),
+        }
+        let least = npy::<f32>(&work, &format!("{family}-imf/imf.npy"));
+        let best = npy::<u32>(&work, &format!("{family}-imf/best.npy"));
+        for (index, section) in expected.chunks_exact(voxels).enumerate() {
+            let found = npy::<f32>(&work, &format!("{family}-sections/cmf-{index:05}.npy"));
+            // The same products in blocks of other sizes.
+            assert!(found.iter().zip(section).all(|(a, b)| (a - b).abs() < 1e-5), "{family} {index}");
+        }
+        let columns = |voxel: usize| expected.iter().skip(voxel).step_by(voxels);
+        for (voxel, (&least, &best)) in least.iter().zip(&best).enumerate() {
+            let lowest = columns(voxel).copied().fold(f32::INFINITY, f32::min);
+            assert!((least - lowest).abs() < 1e-5, "{family} voxel {voxel}: {least}, not {lowest}");
+            assert!(
+                (expected[best as usize * voxels + voxel] - lowest).abs() < 1e-5,
+                "{family} voxel {voxel}"
+            );
+        }
+    }
+    work.imf(&format!("sections siren/model.safetensors --orientations {SET} --imf --confirm --out none"))
+        .refused(&["--confirm", "leave it out"]);
+    // A network of a megabyte ranks directions as its teacher does; what is confirmed is exact.
+    work.imf(&format!(
+        "sections factored/field.safetensors --orientations {SET} --imf --confirm --out confirmed"
+    ))
+    .done();
+    work.imf("field teapot --dims 15,19,31 --orientations fibonacci:19 --imf --out exact").done();
+    let (confirmed, exact) = (npy::<f32>(&work, "confirmed/imf.npy"), npy::<f32>(&work, "exact/imf.npy"));
+    let equal = confirmed.iter().zip(&exact).filter(|(a, b)| a == b).count();
+    assert!(confirmed.iter().zip(&exact).all(|(a, b)| a >= b) && 100 * equal > 90 * exact.len(), "{equal}");
+    // What is refused leaves what was there.
+    let kept = work.bytes("factored-sections/cmf-00018.npy");
+    let missed = format!(
+        "sections factored/field.safetensors --orientations {SET} --out factored-sections --memory 1KiB"
+    );
+    work.imf(&missed).refused(&["at most 16 sections", "--memory"]);
+    assert!(work.bytes("factored-sections/cmf-00018.npy") == kept);
+    assert!(work.text("factored-sections/summary.json").contains("\"finished\": true"));
+}
+
+#[test]
+fn fields_of_depth_and_of_contact_are_refused_by_name() {
+    let work = Workdir::new();
+    let field = "field teapot --dims 9,11,17 --method harmonic --degree 2 --no-calibrate";
+    work.imf(&format!("{field} --quantity depth --save depth.safetensors")).done();
+    work.imf("sections depth.safetensors --orientations 0,0 --out none").refused(&["depth", "imf query"]);
+    work.imf(&format!("{field} --contact 1 --save contact.safetensors")).done();
+    let contact = "sections contact.safetensors --orientations fibonacci:5 --imf";
+    work.imf(&format!("{contact} --confirm --out none")).refused(&["--confirm", "leave it out"]);
+    work.imf(&format!("{contact} --out least")).done();
+    assert!(!work.path("none").exists());
+}
+
+#[test]
+fn many_orientations_are_met_in_batches_and_can_be_interrupted() {
+    let work = Workdir::new();
+    work.imf(
+        "field teapot --dims 15,19,31 --method harmonic --degree 8 --save field.safetensors --no-calibrate",
+    )
+    .done();
+    let sections = "sections field.safetensors --imf --out least";
+    // What a million orientations are worth would take more than a gigabyte at once.
+    work.interrupted_once_it_says(
+        "least of the field",
+        &format!("{sections} --orientations fibonacci:1000000 --memory 128MiB"),
+    )
+    .interrupted(&["IMF", "nothing was written"]);
+    assert!(!work.path("least").exists());
+}
+
+#[test]
+fn what_a_kept_field_is_of_is_said() {
+    let work = Workdir::with_dataset();
+    work.imf(&format!("{TRAIN} --steps 50 --out siren --checkpoint-every 0")).done();
+    let field = "field teapot --dims 9,11,17 --method harmonic --degree 2 --no-calibrate --clearance 2";
+    work.imf(&format!("{field} --save grown.safetensors")).done();
+    let told = work.imf("sections grown.safetensors --orientations 0,0 --out grown").done();
+    assert!(told.stderr.contains("grown by a clearance"), "{}", told.stderr);
+    let tool = "name = \"side\"\nunit = \"mm\"\nstick_out = 35.0\nsharp_points = [[5.0, 0.0, 20.0]]\n[cutter]\n\
+                shape = \"ball\"\ndiameter = 10.0\nlength = 35.0\n";
+    work.write("side.toml", tool.as_bytes());
+    work.imf("field teapot --dims 9,11,17 --method harmonic --degree 2 --no-calibrate --tool side.toml --save side.safetensors")
+        .done();
+    let summary = work.imf("sections side.safetensors --orientations 0,0 --out side --json").done().json();
+    assert!(summary["promise"].as_str().unwrap().contains("the tool's tip"), "{summary}");
+    work.imf("sections teapot --orientations 0,0 --out none").refused(&["a field that was kept", "teapot"]);
+}

@@ -1,0 +1,326 @@
+//! Coefficients of points that lie on the device, multiplied with orientations there, and the least of the values over these.
+//! Where coefficients come from, a network or a field that keeps them, is for others to say: they name the buffer that has those of
+//! some points.
+//!
+//! ```text
+//! coefficients [points][axes] × heads [axes][orientations of a chunk] → values → sections [orientation][point]
+//!                                                                              → running minimum
+//! ```
+//!
+//! The product is the shader of a linear layer, whose weights are an orientation's functions and whose bias is its mean.
+
+use std::collections::VecDeque;
+use std::ops::Range;
+
+use imf_core::factored::FactoredField;
+use imf_core::harmonic::{HEADS_AT_ONCE, Heads};
+use imf_core::orientation::Orientation;
+use imf_core::section::{Imf, Quantity};
+use imf_core::training::EngineError;
+
+use crate::device::{Gpu, Reading};
+use crate::kernel::{Bound, Kernel, uniform};
+use crate::memory::{Plan, Room};
+use crate::shader::{Shader, TILE};
+use crate::submit::Submissions;
+use crate::uniforms::{Batch, Layer, Sweep};
+
+/// Points whose coefficients lie together, at most.
+pub(crate) const ROWS: usize = 1 << 14;
+/// Orientations of one product, at most: values of [`ROWS`] points are 32 MiB.
+const CHUNK: usize = 512;
+/// Copies that wait to be read by the host while the device goes on.
+const READINGS: usize = 4;
+
+/// How coefficients lie, `[rows][columns]`.
+#[derive(Clone, Debug)]
+pub(crate) struct CoefficientRows {
+    /// The [`Batch`] at hand.
+    pub(crate) batch: wgpu::Buffer,
+    /// Points, at most.
+    pub(crate) rows: usize,
+    /// Coefficients of a point, padding among them.
+    pub(crate) columns: usize,
+}
+
+impl CoefficientRows {
+    /// Says how many points lie there.
+    pub(crate) fn hold(&self, gpu: &Gpu, rows: usize) {
+        let padded_rows = rows.next_multiple_of(gpu.matrix_kernel().padding());
+        let batch = Batch { rows: rows as u32, padded_rows: padded_rows as u32, ..Batch::default() };
+        gpu.queue().write_buffer(&self.batch, 0, bytemuck::bytes_of(&batch));
+    }
+}
+
+/// What is done with coefficients.
+#[derive(Debug)]
+pub(crate) struct OverOrientations {
+    gpu: Gpu,
+    rows: CoefficientRows,
+    /// Orientations of a chunk, and of all chunks that are on the device together.
+    chunk: usize,
+    batch: usize,
+    values: wgpu::Buffer,
+    sections: Room,
+    least: wgpu::Buffer,
+    best: wgpu::Buffer,
+    product: Kernel,
+    section: Kernel,
+    minimum: Kernel,
+    submissions: Submissions,
+}
+
+/// Some orientations on the device.
+struct Chunk {
+    /// What they are multiplied with, and how.
+    uploaded: wgpu::Buffer,
+    layer: wgpu::Buffer,
+    /// What is made of the values.
+    then: Bound,
+    /// Which of those that were uploaded together.
+    orientations: Range<usize>,
+    /// As many, and padding.
+    columns: usize,
+}
+
+/// What is made of values.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Made {
+    Sections,
+    Minimum,
+}
+
+/// How many rows of coefficients a device takes at a time, `wanted` at most: as many as one binding holds beside a chunk's values.
+pub(crate) fn rows_within(gpu: &Gpu, columns: usize, wanted: usize) -> usize {
+    let limits = gpu.limits();
+    let padding = gpu.matrix_kernel().padding();
+    let binding = limits.storage_binding.min(limits.buffer) as usize / 4;
+    let rows = wanted.min(binding / columns.max(chunk(gpu))).min(limits.workgroups as usize * TILE as usize);
+    (rows / padding * padding).max(padding)
+}
+
+/// Orientations of a chunk.
+fn chunk(gpu: &Gpu) -> usize {
+    CHUNK.next_multiple_of(gpu.matrix_kernel().padding())
+}
+
+impl OverOrientations {
+    /// Compiles the kernels, and allocates what they write.
+    pub(crate) fn new(gpu: &Gpu, rows: CoefficientRows) -> Result<Self, EngineError> {
+        let chunk = chunk(gpu);
+        let limits = gpu.limits();
+        let binding = limits.storage_binding.min(limits.buffer) as usize / 4;
+        let batch = HEADS_AT_ONCE.min(binding / (rows.columns + 1)) / chunk * chunk;
+        let mut plan = Plan::default();
+        let places = [
+            plan.add("values", rows.rows * chunk),
+            plan.add("least values", rows.rows),
+            plan.add("best orientations", rows.rows),
+        ];
+        let buffers = plan.allocate(gpu)?;
+        let [values, least, best] = places.map(|place| buffers[place].clone());
+        Ok(Self {
+            gpu: gpu.clone(),
+            rows,
+            chunk,
+            batch: batch.max(chunk),
+            values,
+            sections: Room::new("sections"),
+            least,
+            best,
+            product: Kernel::new(gpu, Shader::Linear)?,
+            section: Kernel::new(gpu, Shader::RowSections)?,
+            minimum: Kernel::new(gpu, Shader::RowMinimum)?,
+            submissions: Submissions::default(),
+        })
+    }
+
+    /// The least value over the orientations at so many points, not clipped, with the first orientation that has it. `heads` says what
+    /// some orientations are worth. `fill` submits what puts the coefficients of a range of points into the buffer that it names, and may
+    /// end the work by an error; it is called for every batch of orientations, whose number it is told. Waits for the device.
+    pub(crate) fn minimum<E: From<EngineError>>(
+        &mut self,
+        points: usize,
+        orientations: &[Orientation],
+        heads: impl Fn(&[Orientation]) -> Scaled,
+        mut fill: impl FnMut(Range<usize>, usize, &mut Submissions) -> Result<wgpu::Buffer, E>,
+    ) -> Result<Imf, E> {
+        require(orientations)?;
+        let mut found = Imf::new(points);
+        for (batch, orientations) in orientations.chunks(self.batch).enumerate() {
+            let chunks = self.chunks(&heads(orientations), Made::Minimum)?;
+            let first = (batch * self.batch) as u32;
+            let mut take = |(part, least, best): (Range<usize>, Reading, Reading), gpu: &Gpu| {
+                let (least, best) = (gpu.finish_read::<f32>(least)?, gpu.finish_read::<u32>(best)?);
+                let lowest = found.value[part.clone()].iter_mut().zip(&mut found.best[part]);
+                for ((lowest, chosen), (least, best)) in lowest.zip(least.into_iter().zip(best)) {
+                    // Of what is no number the first batch's stays, as within a batch.
+                    if batch == 0 || least < *lowest {
+                        (*lowest, *chosen) = (least, first + best);
+                    }
+                }
+                Ok::<_, EngineError>(())
+            };
+            let mut readings = VecDeque::new();
+            for part in self.parts(points) {
+                let rows = part.len();
+                let coefficients = fill(part.clone(), orientations.len(), &mut self.submissions)?;
+                for chunk in &chunks {
+                    self.submit(chunk, &coefficients, rows, rows)?;
+                }
+                let read = |buffer| self.gpu.begin_read(buffer, rows);
+                readings.push_back((part, read(&self.least)?, read(&self.best)?));
+                // The device goes on to these points while the host takes what was found of others, and prepares the next.
+                if readings.len() > READINGS {
+                    readings.pop_front().map_or(Ok(()), |oldest| take(oldest, &self.gpu))?;
+                }
+            }
+            readings.into_iter().try_for_each(|reading| take(reading, &self.gpu))?;
+        }
+        Ok(found)
+    }
+
+    /// The values at so many points in every orientation, as their quantity holds them, `[orientation][point]` into `sections`. `heads`
+    /// and `fill` are as of [`Self::minimum`].
+    pub(crate) fn sections<E: From<EngineError>>(
+        &mut self,
+        points: usize,
+        orientations: &[Orientation],
+        heads: impl Fn(&[Orientation]) -> Scaled,
+        (quantity, sections): (Quantity, &mut [f32]),
+        mut fill: impl FnMut(Range<usize>, &mut Submissions) -> Result<wgpu::Buffer, E>,
+    ) -> Result<(), E> {
+        require(orientations)?;
+        let all = orientations.chunks(self.batch).zip(sections.chunks_mut((self.batch * points).max(1)));
+        for (orientations, sections) in all {
+            let chunks = self.chunks(&heads(orientations), Made::Sections)?;
+            let mut take = |(part, of, reading): (Range<usize>, Range<usize>, Reading), gpu: &Gpu| {
+                let values = gpu.finish_read::<f32>(reading)?;
+                for (orientation, values) in of.zip(values.chunks_exact(part.len())) {
+                    let section = &mut sections[orientation * points..][part.clone()];
+                    section.iter_mut().zip(values).for_each(|(out, &value)| *out = quantity.held(value));
+                }
+                Ok::<_, EngineError>(())
+            };
+            let mut readings = VecDeque::new();
+            for part in self.parts(points) {
+                let rows = part.len();
+                let coefficients = fill(part.clone(), &mut self.submissions)?;
+                for chunk in &chunks {
+                    let of = chunk.orientations.clone();
+                    self.submit(chunk, &coefficients, rows, rows * of.len())?;
+                    let made = self.sections.fit(&self.gpu, rows * of.len())?;
+                    readings.push_back((
+                        part.clone(),
+                        of.clone(),
+                        self.gpu.begin_read(&made, rows * of.len())?,
+                    ));
+                    if readings.len() > READINGS {
+                        readings.pop_front().map_or(Ok(()), |oldest| take(oldest, &self.gpu))?;
+                    }
+                }
+            }
+            readings.into_iter().try_for_each(|reading| take(reading, &self.gpu))?;
+        }
+        Ok(())
+    }
+
+    /// So many points, as many at a time as have room.
+    fn parts(&self, points: usize) -> impl Iterator<Item = Range<usize>> + use<> {
+        let rows = self.rows.rows;
+        (0..points).step_by(rows).map(move |first| first..(first + rows).min(points))
+    }
+
+    /// Uploads what orientations are multiplied with: `[column][axes]` and their means, a chunk behind the other.
+    fn chunks(&mut self, heads: &Scaled, made: Made) -> Result<Vec<Chunk>, EngineError> {
+        let Scaled { heads, scale } = heads;
+        let (count, axes) = (heads.len(), heads.along().len() / heads.len());
+        let sections = match made {
+            Made::Sections => Some(self.sections.fit(&self.gpu, self.rows.rows * self.chunk.min(count))?),
+            Made::Minimum => None,
+        };
+        let Self { gpu, rows: CoefficientRows { batch, columns: inputs, .. }, .. } = self;
+        let mut weights = Vec::new();
+        let mut places = Vec::new();
+        for first in (0..count).step_by(self.chunk) {
+            let orientations = first..(first + self.chunk).min(count);
+            let columns = orientations.len().next_multiple_of(gpu.matrix_kernel().padding());
+            let at = weights.len();
+            weights.resize(at + columns * (*inputs + 1), 0.0);
+            let (rows, biases) = weights[at..].split_at_mut(columns * *inputs);
+            for (orientation, row) in orientations.clone().zip(rows.chunks_exact_mut(*inputs)) {
+                for (axis, weight) in row[..axes].iter_mut().enumerate() {
+                    *weight = heads.along()[axis * count + orientation] * scale;
+                }
+            }
+            biases[..orientations.len()].copy_from_slice(&heads.constants()[orientations.clone()]);
+            places.push((at, orientations, columns));
+        }
+        let mut plan = Plan::default();
+        plan.add("orientations", weights.len());
+        let uploaded = plan.allocate(gpu)?.remove(0);
+        gpu.queue().write_buffer(&uploaded, 0, bytemuck::cast_slice(&weights));
+        let chunk = |(at, orientations, columns): (usize, Range<usize>, usize)| {
+            let layer = Layer {
+                inputs: *inputs as u32,
+                outputs: columns as u32,
+                weights: at as u32,
+                biases: (at + columns * *inputs) as u32,
+                stride: columns as u32,
+                ..Layer::default()
+            };
+            let layer = uniform(gpu, "orientations", &layer)?;
+            let sweep = Sweep {
+                directions: orientations.len() as u32,
+                first_direction: orientations.start as u32,
+                ..Sweep::default()
+            };
+            let sweep = uniform(gpu, "sweep", &sweep)?;
+            let front = [batch, &layer, &sweep, &self.values];
+            let then = match &sections {
+                Some(sections) => self.section.bind(gpu, &[&front[..], &[sections]].concat()),
+                None => self.minimum.bind(gpu, &[&front[..], &[&self.least, &self.best]].concat()),
+            };
+            Ok(Chunk { uploaded: uploaded.clone(), layer, then, orientations, columns })
+        };
+        places.into_iter().map(chunk).collect()
+    }
+
+    /// Submits the product of coefficients with a chunk of orientations, and what is made of so many of its values.
+    fn submit(
+        &mut self,
+        chunk: &Chunk,
+        coefficients: &wgpu::Buffer,
+        rows: usize,
+        count: usize,
+    ) -> Result<(), EngineError> {
+        let Self { gpu, product, rows: CoefficientRows { batch, .. }, values, submissions, .. } = self;
+        let product = product.bind(gpu, &[batch, &chunk.layer, &chunk.uploaded, coefficients, values]);
+        let padded_rows = rows.next_multiple_of(gpu.matrix_kernel().padding());
+        let workgroups = gpu.limits().workgroups;
+        submissions.pass(gpu, |pass| {
+            product.product(pass, padded_rows, chunk.columns, 1);
+            chunk.then.linear(pass, count, workgroups);
+        })
+    }
+}
+
+fn require(orientations: &[Orientation]) -> Result<(), EngineError> {
+    if orientations.is_empty() {
+        return Err(EngineError::Shape("a field needs at least one orientation".to_owned()));
+    }
+    Ok(())
+}
+
+/// Orientations as a field reads them, for coefficients that lie on the device over a scale.
+pub(crate) struct Scaled {
+    pub(crate) heads: Heads,
+    pub(crate) scale: f32,
+}
+
+impl Scaled {
+    /// Of a factored field.
+    pub(crate) fn of(field: &FactoredField, orientations: &[Orientation]) -> Self {
+        Self { heads: field.heads(orientations), scale: field.scale }
+    }
+}

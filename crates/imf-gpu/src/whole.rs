@@ -1,0 +1,215 @@
+//! A field over its whole grid on the GPU: the coefficients of all voxels stay there, and sections and minima over any orientations
+//! are products with them. Coefficients are a harmonic field's own, or what a factored field's network says of every voxel, once.
+//!
+//! Functions of orientations are computed by the host, so that fields over rotations, of tools that are not symmetric about their axis,
+//! are answered as well. The twins are [`HarmonicField::sections`] and [`HarmonicField::minimum`].
+
+use std::ops::Range;
+
+use imf_core::control::Control;
+use imf_core::factored::FactoredField;
+use imf_core::field::{QueryError, WholeField};
+use imf_core::harmonic::HarmonicField;
+use imf_core::orientation::Orientation;
+use imf_core::section::{Imf, Quantity};
+use imf_core::training::EngineError;
+use rayon::prelude::*;
+
+use crate::device::Gpu;
+use crate::factored::{GpuFactored, ROWS_OF_A_THREAD};
+use crate::kernel::uniform;
+use crate::memory::Plan;
+use crate::over_orientations::{CoefficientRows, OverOrientations, ROWS, Scaled, rows_within};
+use crate::submit::Submissions;
+use crate::uniforms::Batch;
+
+/// A harmonic or factored field over its grid on one GPU, in 4 bytes a coefficient and voxel of its memory.
+///
+/// # Example
+/// ```no_run
+/// use imf_core::control::Control;
+/// use imf_core::orientation::OrientationSet;
+/// use imf_core::stored::StoredField;
+/// use imf_gpu::{DeviceChoice, Gpu, GpuWhole};
+///
+/// let gpu = Gpu::open(&DeviceChoice::Automatic)?;
+/// if let StoredField::Harmonic(file) = StoredField::read("field.safetensors".as_ref())? {
+///     let mut field = GpuWhole::of_harmonic(&gpu, &file.field)?;
+///     let orientations = OrientationSet::parse("fibonacci:10000")?.orientations;
+///     let imf = field.minimum(&orientations, Control::quiet())?;
+///     println!("{} voxels", imf.value.len());
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub struct GpuWhole<'a> {
+    source: Source<'a>,
+    voxels: Voxels,
+    over: OverOrientations,
+}
+
+/// What says what orientations are worth.
+enum Source<'a> {
+    Harmonic(&'a HarmonicField),
+    Factored(Box<FactoredField>),
+}
+
+/// The coefficients of all voxels, some in each buffer.
+struct Voxels {
+    gpu: Gpu,
+    count: usize,
+    kept: Vec<wgpu::Buffer>,
+    rows: CoefficientRows,
+}
+
+impl<'a> GpuWhole<'a> {
+    /// Uploads a field.
+    ///
+    /// # Errors
+    /// [`EngineError::Device`] for a field beyond the adapter's memory, or a device that failed.
+    pub fn of_harmonic(gpu: &Gpu, field: &'a HarmonicField) -> Result<Self, EngineError> {
+        let axes = field.axis_count();
+        let padding = gpu.matrix_kernel().padding();
+        let columns = axes.next_multiple_of(padding);
+        let rows = rows_within(gpu, columns, ROWS.min(field.grid.len().next_multiple_of(padding)));
+        let batch = uniform(gpu, "batch", &Batch::default())?;
+        let voxels = Voxels::new(gpu, field.grid.len(), CoefficientRows { batch, rows, columns })?;
+        let mut padded = Vec::new();
+        for (place, buffer) in voxels.kept.iter().enumerate() {
+            let part = voxels.part(place);
+            padded.resize(part.len() * columns, 0.0f32);
+            let rows = padded.par_chunks_exact_mut(columns).zip(part).with_min_len(ROWS_OF_A_THREAD);
+            rows.for_each_init(Vec::new, |scratch, (row, voxel)| {
+                let own = field.coefficients.read(voxel * axes, (voxel + 1) * axes, scratch);
+                row[..axes].copy_from_slice(own);
+            });
+            gpu.queue().write_buffer(buffer, 0, bytemuck::cast_slice(&padded));
+            // The interface's own copy goes before the next one is made.
+            gpu.queue().submit(std::iter::empty());
+            gpu.wait(None)?;
+        }
+        let over = OverOrientations::new(gpu, voxels.rows.clone())?;
+        Ok(Self { source: Source::Harmonic(field), voxels, over })
+    }
+
+    /// Runs a field's network at every voxel centre, and keeps what it says.
+    ///
+    /// # Errors
+    /// As [`Self::of_harmonic`], and for a network beyond the adapter's limits.
+    pub fn of_factored(gpu: &Gpu, field: &FactoredField) -> Result<Self, EngineError> {
+        let grid = field.grid;
+        let mut network = GpuFactored::new(gpu, field)?;
+        let voxels = Voxels::new(gpu, grid.len(), network.rows().clone())?;
+        let mut submissions = Submissions::default();
+        for (place, buffer) in voxels.kept.iter().enumerate() {
+            let part = voxels.part(place);
+            let points: Vec<_> = part.map(|voxel| grid.centre(grid.voxel(voxel))).collect();
+            let made = network.coefficients_of(&points, &mut submissions)?;
+            submissions.copy(gpu, &made, buffer)?;
+        }
+        let (field, over) = network.into_parts();
+        Ok(Self { source: Source::Factored(Box::new(field)), voxels, over })
+    }
+
+    /// The sections of some orientations, `[orientation][voxel]` into `sections`; overlaps in [0, 1], or depths. Waits for the device.
+    ///
+    /// # Errors
+    /// No orientation, too many for the adapter's memory, or a device that failed.
+    ///
+    /// # Panics
+    /// If `sections` has not that length.
+    pub fn sections(
+        &mut self,
+        orientations: &[Orientation],
+        sections: &mut [f32],
+    ) -> Result<(), EngineError> {
+        let Self { source, voxels, over } = self;
+        assert_eq!(
+            sections.len(),
+            voxels.count * orientations.len(),
+            "one value for each orientation and voxel"
+        );
+        let out = (source.quantity(), sections);
+        over.sections(
+            voxels.count,
+            orientations,
+            |some| source.scaled(some),
+            out,
+            |part, _| Ok(voxels.hold(&part)),
+        )
+    }
+
+    /// The least value over the orientations at every voxel, an overlap in [0, 1], with the first orientation that has it before
+    /// clipping. One unit of progress is one value. Waits for the device.
+    ///
+    /// # Errors
+    /// As [`Self::sections`]; [`QueryError::Cancelled`] when the control asks to stop.
+    pub fn minimum(&mut self, orientations: &[Orientation], control: Control<'_>) -> Result<Imf, QueryError> {
+        let Self { source, voxels, over } = self;
+        let scaled = |some: &[Orientation]| source.scaled(some);
+        let mut found = over.minimum(voxels.count, orientations, scaled, |part, count, _| {
+            if control.is_cancelled() {
+                return Err(QueryError::Cancelled);
+            }
+            (control.progress)((part.len() * count) as u64);
+            Ok(voxels.hold(&part))
+        })?;
+        found.hold(source.quantity());
+        Ok(found)
+    }
+}
+
+impl WholeField for GpuWhole<'_> {
+    fn section_at(&mut self, orientation: &Orientation, values: &mut [f32]) -> Result<(), QueryError> {
+        Ok(self.sections(&[*orientation], values)?)
+    }
+
+    fn sections_at(&mut self, orientations: &[Orientation], values: &mut [f32]) -> Result<(), QueryError> {
+        Ok(self.sections(orientations, values)?)
+    }
+
+    fn least_over(&mut self, orientations: &[Orientation], control: Control<'_>) -> Result<Imf, QueryError> {
+        self.minimum(orientations, control)
+    }
+}
+
+impl Source<'_> {
+    fn scaled(&self, orientations: &[Orientation]) -> Scaled {
+        match self {
+            Self::Harmonic(field) => Scaled { heads: field.heads(orientations), scale: 1.0 },
+            Self::Factored(field) => Scaled::of(field, orientations),
+        }
+    }
+
+    fn quantity(&self) -> Quantity {
+        match self {
+            Self::Harmonic(field) => field.quantity,
+            Self::Factored(field) => field.quantity,
+        }
+    }
+}
+
+impl Voxels {
+    /// Memory for so many.
+    fn new(gpu: &Gpu, count: usize, rows: CoefficientRows) -> Result<Self, EngineError> {
+        let padding = gpu.matrix_kernel().padding();
+        let mut plan = Plan::default();
+        for first in (0..count).step_by(rows.rows) {
+            // Products read whole paddings.
+            let padded = rows.rows.min(count - first).next_multiple_of(padding);
+            plan.add("coefficients of voxels", padded * rows.columns);
+        }
+        Ok(Self { gpu: gpu.clone(), count, kept: plan.allocate(gpu)?, rows })
+    }
+
+    /// Which of them a buffer has.
+    fn part(&self, place: usize) -> Range<usize> {
+        let first = place * self.rows.rows;
+        first..(first + self.rows.rows).min(self.count)
+    }
+
+    /// Makes a buffer's voxels those at hand.
+    fn hold(&self, part: &Range<usize>) -> wgpu::Buffer {
+        self.rows.hold(&self.gpu, part.len());
+        self.kept[part.start / self.rows.rows].clone()
+    }
+}
