@@ -71,10 +71,11 @@ impl Stage {
             let rate = (done - self.before) as f64 / self.start.elapsed().as_secs_f64();
             let left = (self.total.saturating_sub(done)) as f64 / rate.max(1e-9);
             eprintln!(
-                "{}: {done} of {} {}, {rate:.1}/s, {} left {remark}",
+                "{}: {done} of {} {}, {}/s, {} left {remark}",
                 self.name,
                 self.total,
                 self.unit,
+                show_rate(rate),
                 show_seconds(left)
             );
         }
@@ -91,12 +92,24 @@ impl Stage {
             let rate = (done - self.before) as f64 / seconds.max(1e-9);
             let comma = if result.is_empty() { "" } else { "; " };
             eprintln!(
-                "{}: {done} {} in {} ({rate:.1}/s){comma}{result}",
+                "{}: {done} {} in {} ({}/s){comma}{result}",
                 self.name,
                 self.unit,
-                show_seconds(seconds)
+                show_seconds(seconds),
+                show_rate(rate)
             );
         }
+    }
+}
+
+/// A rate in four digits or so.
+fn show_rate(rate: f64) -> String {
+    if rate < 1e3 {
+        format!("{rate:.1}")
+    } else if rate < 1e6 {
+        format!("{rate:.0}")
+    } else {
+        format!("{:.1} million", rate / 1e6)
     }
 }
 
