@@ -124,6 +124,15 @@ pub(crate) struct DeviceArguments {
     pub(crate) device: String,
 }
 
+/// Where a field from a file is evaluated.
+#[derive(Args)]
+pub(crate) struct FieldDeviceArguments {
+    /// Where the field is evaluated: auto (the CPU; for siren5 a discrete or integrated GPU where there is one), cpu, gpu, software
+    /// (software Vulkan), or a number or part of a name from `imf devices`
+    #[arg(long, default_value = "auto", value_name = "DEVICE")]
+    pub(crate) device: String,
+}
+
 /// The whole pipeline on the Utah teapot: voxels, exact sections, training, evaluation, pictures
 #[derive(Args)]
 #[command(after_help = "Example:\n  imf demo --out teapot-demo")]

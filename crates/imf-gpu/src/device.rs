@@ -24,6 +24,13 @@ pub struct GpuLimits {
     pub workgroups: u32,
 }
 
+impl GpuLimits {
+    /// 4-byte elements that one buffer can hold and one binding show.
+    pub(crate) fn elements(self) -> usize {
+        self.storage_binding.min(self.buffer) as usize / 4
+    }
+}
+
 /// One open device. Clones share it.
 #[derive(Clone, Debug)]
 pub struct Gpu {

@@ -63,7 +63,7 @@ struct Places {
 fn plan(layout: &PaddedLayout, limits: GpuLimits) -> (Plan, Places, usize, usize) {
     let columns = layout.layers.iter().map(|layer| layer.inputs).max().unwrap_or(1);
     let rows = rows_per_pass(layout, limits, (SIGNAL_ELEMENTS / columns).clamp(1024, 1 << 16));
-    let binding = limits.storage_binding.min(limits.buffer) as usize / 4;
+    let binding = limits.elements();
     let gathered = (GATHERED.min(binding) / rows).max(1) * rows;
     let mut plan = Plan::default();
     let places = Places {

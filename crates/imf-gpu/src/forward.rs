@@ -39,7 +39,7 @@ pub(crate) fn layout_for(gpu: &Gpu, stack: Stack) -> Result<PaddedLayout, Engine
 /// Rows that one pass can hold under the limits: at most `wanted`, a multiple of the padding, at least one padding.
 pub(crate) fn rows_per_pass(layout: &PaddedLayout, limits: GpuLimits, wanted: usize) -> usize {
     let columns = layout.layers.iter().map(|layer| layer.inputs.max(layer.outputs)).max().unwrap_or(1);
-    let by_binding = limits.storage_binding.min(limits.buffer) as usize / (4 * columns);
+    let by_binding = limits.elements() / columns;
     let by_dispatch = limits.workgroups as usize * TILE as usize;
     let rows = by_binding.min(by_dispatch) / layout.padding * layout.padding;
     rows.min(wanted.next_multiple_of(layout.padding)).max(layout.padding)

@@ -94,8 +94,9 @@ enum Made {
 pub(crate) fn rows_within(gpu: &Gpu, columns: usize, wanted: usize) -> usize {
     let limits = gpu.limits();
     let padding = gpu.matrix_kernel().padding();
-    let binding = limits.storage_binding.min(limits.buffer) as usize / 4;
-    let rows = wanted.min(binding / columns.max(chunk(gpu))).min(limits.workgroups as usize * TILE as usize);
+    let rows = wanted
+        .min(limits.elements() / columns.max(chunk(gpu)))
+        .min(limits.workgroups as usize * TILE as usize);
     (rows / padding * padding).max(padding)
 }
 
@@ -108,9 +109,7 @@ impl OverOrientations {
     /// Compiles the kernels, and allocates what they write.
     pub(crate) fn new(gpu: &Gpu, rows: CoefficientRows) -> Result<Self, EngineError> {
         let chunk = chunk(gpu);
-        let limits = gpu.limits();
-        let binding = limits.storage_binding.min(limits.buffer) as usize / 4;
-        let batch = HEADS_AT_ONCE.min(binding / (rows.columns + 1)) / chunk * chunk;
+        let batch = HEADS_AT_ONCE.min(gpu.limits().elements() / (rows.columns + 1)) / chunk * chunk;
         let mut plan = Plan::default();
         let places = [
             plan.add("values", rows.rows * chunk),
@@ -150,7 +149,8 @@ impl OverOrientations {
         for (batch, orientations) in orientations.chunks(self.batch).enumerate() {
             let chunks = self.chunks(&heads(orientations), Made::Minimum)?;
             let first = (batch * self.batch) as u32;
-            let mut take = |(part, least, best): (Range<usize>, Reading, Reading), gpu: &Gpu| {
+            let gpu = self.gpu.clone();
+            let mut readings = Readings::new(|(part, least, best): (Range<usize>, Reading, Reading)| {
                 let (least, best) = (gpu.finish_read::<f32>(least)?, gpu.finish_read::<u32>(best)?);
                 let lowest = found.value[part.clone()].iter_mut().zip(&mut found.best[part]);
                 for ((lowest, chosen), (least, best)) in lowest.zip(least.into_iter().zip(best)) {
@@ -159,23 +159,18 @@ impl OverOrientations {
                         (*lowest, *chosen) = (least, first + best);
                     }
                 }
-                Ok::<_, EngineError>(())
-            };
-            let mut readings = VecDeque::new();
+                Ok(())
+            });
             for part in self.parts(points) {
                 let rows = part.len();
                 let coefficients = fill(part.clone(), orientations.len(), &mut self.submissions)?;
                 for chunk in &chunks {
                     self.submit(chunk, &coefficients, rows, rows)?;
                 }
-                let read = |buffer| self.gpu.begin_read(buffer, rows);
-                readings.push_back((part, read(&self.least)?, read(&self.best)?));
-                // The device goes on to these points while the host takes what was found of others, and prepares the next.
-                if readings.len() > READINGS {
-                    readings.pop_front().map_or(Ok(()), |oldest| take(oldest, &self.gpu))?;
-                }
+                let read = |buffer| gpu.begin_read(buffer, rows);
+                readings.add((part, read(&self.least)?, read(&self.best)?))?;
             }
-            readings.into_iter().try_for_each(|reading| take(reading, &self.gpu))?;
+            readings.finish()?;
         }
         Ok(found)
     }
@@ -194,33 +189,27 @@ impl OverOrientations {
         let all = orientations.chunks(self.batch).zip(sections.chunks_mut((self.batch * points).max(1)));
         for (orientations, sections) in all {
             let chunks = self.chunks(&heads(orientations), Made::Sections)?;
-            let mut take = |(part, of, reading): (Range<usize>, Range<usize>, Reading), gpu: &Gpu| {
+            let gpu = self.gpu.clone();
+            let mut readings = Readings::new(|(part, of, reading): (Range<usize>, Range<usize>, Reading)| {
                 let values = gpu.finish_read::<f32>(reading)?;
                 for (orientation, values) in of.zip(values.chunks_exact(part.len())) {
                     let section = &mut sections[orientation * points..][part.clone()];
                     section.iter_mut().zip(values).for_each(|(out, &value)| *out = quantity.held(value));
                 }
-                Ok::<_, EngineError>(())
-            };
-            let mut readings = VecDeque::new();
+                Ok(())
+            });
             for part in self.parts(points) {
                 let rows = part.len();
                 let coefficients = fill(part.clone(), &mut self.submissions)?;
                 for chunk in &chunks {
                     let of = chunk.orientations.clone();
                     self.submit(chunk, &coefficients, rows, rows * of.len())?;
-                    let made = self.sections.fit(&self.gpu, rows * of.len())?;
-                    readings.push_back((
-                        part.clone(),
-                        of.clone(),
-                        self.gpu.begin_read(&made, rows * of.len())?,
-                    ));
-                    if readings.len() > READINGS {
-                        readings.pop_front().map_or(Ok(()), |oldest| take(oldest, &self.gpu))?;
-                    }
+                    let made = self.sections.fit(&gpu, rows * of.len())?;
+                    let reading = gpu.begin_read(&made, rows * of.len())?;
+                    readings.add((part.clone(), of, reading))?;
                 }
             }
-            readings.into_iter().try_for_each(|reading| take(reading, &self.gpu))?;
+            readings.finish()?;
         }
         Ok(())
     }
@@ -302,6 +291,31 @@ impl OverOrientations {
             product.product(pass, padded_rows, chunk.columns, 1);
             chunk.then.linear(pass, count, workgroups);
         })
+    }
+}
+
+/// Copies on their way to the host, and what takes them: the device goes on to other points while the host takes what was found of
+/// the oldest, and prepares the next.
+struct Readings<T, F> {
+    waiting: VecDeque<T>,
+    take: F,
+}
+
+impl<T, F: FnMut(T) -> Result<(), EngineError>> Readings<T, F> {
+    fn new(take: F) -> Self {
+        Self { waiting: VecDeque::new(), take }
+    }
+
+    fn add(&mut self, reading: T) -> Result<(), EngineError> {
+        self.waiting.push_back(reading);
+        if self.waiting.len() <= READINGS {
+            return Ok(());
+        }
+        self.waiting.pop_front().map_or(Ok(()), &mut self.take)
+    }
+
+    fn finish(self) -> Result<(), EngineError> {
+        self.waiting.into_iter().try_for_each(self.take)
     }
 }
 

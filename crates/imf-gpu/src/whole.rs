@@ -67,25 +67,14 @@ impl<'a> GpuWhole<'a> {
     /// # Errors
     /// [`EngineError::Device`] for a field beyond the adapter's memory, or a device that failed.
     pub fn of_harmonic(gpu: &Gpu, field: &'a HarmonicField) -> Result<Self, EngineError> {
-        let axes = field.axis_count();
         let padding = gpu.matrix_kernel().padding();
-        let columns = axes.next_multiple_of(padding);
+        let columns = field.axis_count().next_multiple_of(padding);
         let rows = rows_within(gpu, columns, ROWS.min(field.grid.len().next_multiple_of(padding)));
         let batch = uniform(gpu, "batch", &Batch::default())?;
         let voxels = Voxels::new(gpu, field.grid.len(), CoefficientRows { batch, rows, columns })?;
         let mut padded = Vec::new();
         for (place, buffer) in voxels.kept.iter().enumerate() {
-            let part = voxels.part(place);
-            padded.resize(part.len() * columns, 0.0f32);
-            let rows = padded.par_chunks_exact_mut(columns).zip(part).with_min_len(ROWS_OF_A_THREAD);
-            rows.for_each_init(Vec::new, |scratch, (row, voxel)| {
-                let own = field.coefficients.read(voxel * axes, (voxel + 1) * axes, scratch);
-                row[..axes].copy_from_slice(own);
-            });
-            gpu.queue().write_buffer(buffer, 0, bytemuck::cast_slice(&padded));
-            // The interface's own copy goes before the next one is made.
-            gpu.queue().submit(std::iter::empty());
-            gpu.wait(None)?;
+            upload(gpu, field, voxels.part(place), columns, (buffer, 0), &mut padded)?;
         }
         let over = OverOrientations::new(gpu, voxels.rows.clone())?;
         Ok(Self { source: Source::Harmonic(field), voxels, over })
@@ -156,6 +145,30 @@ impl<'a> GpuWhole<'a> {
         found.hold(source.quantity());
         Ok(found)
     }
+}
+
+/// Writes the coefficients of some voxels into a buffer from an element on, in rows of `columns` with zeros behind them; `padded` is
+/// kept from call to call.
+pub(crate) fn upload(
+    gpu: &Gpu,
+    field: &HarmonicField,
+    voxels: Range<usize>,
+    columns: usize,
+    (buffer, first): (&wgpu::Buffer, usize),
+    padded: &mut Vec<f32>,
+) -> Result<(), EngineError> {
+    let axes = field.axis_count();
+    padded.clear();
+    padded.resize(voxels.len() * columns, 0.0);
+    let rows = padded.par_chunks_exact_mut(columns).zip(voxels).with_min_len(ROWS_OF_A_THREAD);
+    rows.for_each_init(Vec::new, |scratch, (row, voxel)| {
+        let own = field.coefficients.read(voxel * axes, (voxel + 1) * axes, scratch);
+        row[..axes].copy_from_slice(own);
+    });
+    gpu.queue().write_buffer(buffer, 4 * first as u64, bytemuck::cast_slice(padded));
+    // The interface's own copy goes before the next one is made.
+    gpu.queue().submit(std::iter::empty());
+    gpu.wait(None)
 }
 
 impl WholeField for GpuWhole<'_> {

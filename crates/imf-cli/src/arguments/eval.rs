@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::FieldDeviceArguments;
+
 /// Compare a model, or a harmonic or factored field, with the exact field
 #[derive(Args)]
 #[command(after_help = "Examples:\n  imf eval model/model.safetensors\n  imf eval model/model.safetensors \
@@ -32,8 +34,6 @@ pub(crate) struct EvalArguments {
     /// Also write report.json, report.md and pictures to this folder
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Where the field is evaluated: auto (the CPU; for siren5 a discrete or integrated GPU where there is one), cpu, gpu, software
-    /// (software Vulkan), or a number or part of a name from `imf devices`
-    #[arg(long, default_value = "auto", value_name = "DEVICE")]
-    pub(crate) device: String,
+    #[command(flatten)]
+    pub(crate) device: FieldDeviceArguments,
 }

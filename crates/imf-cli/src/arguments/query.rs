@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::FieldDeviceArguments;
+
 /// Answer poses from a CSV file: how much does the tool overlap the part when its tip is here, or how deep is it
 #[derive(Args)]
 #[command(after_help = "Example:\n  imf query model/model.safetensors poses.csv --out answers.csv\n\n\
@@ -27,8 +29,6 @@ pub(crate) struct QueryArguments {
     /// sections take the mean of the voxels around
     #[arg(long)]
     pub(crate) sharp: bool,
-    /// Where the field is asked: auto (the CPU; for siren5 a discrete or integrated GPU where there is one), cpu, gpu, software
-    /// (software Vulkan), or a number or part of a name from `imf devices`
-    #[arg(long, default_value = "auto", value_name = "DEVICE")]
-    pub(crate) device: String,
+    #[command(flatten)]
+    pub(crate) device: FieldDeviceArguments,
 }

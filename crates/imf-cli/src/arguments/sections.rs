@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::FieldDeviceArguments;
+
 /// Write sections of a field that was kept or trained, or the least of them over any orientations
 #[derive(Args)]
 #[command(
@@ -27,10 +29,8 @@ pub(crate) struct SectionsArguments {
     /// With --imf: the least over all directions, not only over the set: from its best direction down the field's gradient
     #[arg(long, requires = "imf", conflicts_with = "confirm")]
     pub(crate) refine: bool,
-    /// Where the field is evaluated: auto (the CPU; for siren5 a discrete or integrated GPU where there is one), cpu, gpu, software
-    /// (software Vulkan), or a number or part of a name from `imf devices`
-    #[arg(long, default_value = "auto", value_name = "DEVICE")]
-    pub(crate) device: String,
+    #[command(flatten)]
+    pub(crate) device: FieldDeviceArguments,
     /// Folder to write to
     #[arg(long, value_name = "DIR")]
     pub(crate) out: PathBuf,

@@ -26,7 +26,7 @@ pub(crate) fn run(session: &Session, arguments: &EvalArguments) -> Result<()> {
             arguments.model.display()
         );
     }
-    let device = Device::for_field(&arguments.device, session, &stored)?;
+    let device = Device::for_field(&arguments.device.device, session, &stored)?;
     require_memory(session, &device, &stored)?;
     let questions = match &stored {
         StoredField::Siren(model) => questions(arguments, None, model.record.orientations.clone())?,

@@ -111,7 +111,7 @@ enum Loaded {
 
 impl Loaded {
     fn from_file(session: &Session, arguments: &QueryArguments) -> Result<Self> {
-        let name = &arguments.device;
+        let name = &arguments.device.device;
         let stored = StoredField::read(&arguments.model)?;
         let device = Device::for_field(name, session, &stored)?;
         match (&device, &stored) {

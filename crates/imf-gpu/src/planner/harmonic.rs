@@ -25,6 +25,7 @@ use crate::memory::Plan;
 use crate::over_orientations::{CoefficientRows, OverOrientations, Scaled, rows_within};
 use crate::shader::Shader;
 use crate::uniforms::{Batch, Lattice, Sweep};
+use crate::whole::upload;
 
 /// Coefficients that go up together: 4 MiB.
 const PIECE: usize = 1 << 20;
@@ -83,7 +84,12 @@ impl HarmonicPasses {
         ];
         let buffers = plan.allocate(gpu)?;
         let [voxels, coefficients, slopes] = places.map(|place| buffers[place].clone());
-        upload(gpu, field, &voxels, kept, stride)?;
+        let (count, piece) = (field.grid.len(), (PIECE / stride).max(1));
+        let mut padded = Vec::new();
+        for first in (0..count).step_by(piece) {
+            let part = first..(first + piece).min(count);
+            upload(gpu, field, part, stride, (&voxels, first * stride), &mut padded)?;
+        }
         let dims = field.grid.dims.map(|n| n as u32);
         let lattice = Lattice {
             nx: dims[0],
@@ -192,30 +198,4 @@ impl Passes for HarmonicPasses {
             descend.linear(pass, rows, limit);
         }
     }
-}
-
-/// The coefficients of all voxels, `kept` of each in rows of `stride`, some voxels at a time.
-fn upload(
-    gpu: &Gpu,
-    field: &HarmonicField,
-    buffer: &wgpu::Buffer,
-    kept: usize,
-    stride: usize,
-) -> Result<(), EngineError> {
-    let piece = (PIECE / stride).max(1);
-    let (mut scratch, mut padded) = (Vec::new(), Vec::new());
-    for first in (0..field.grid.len()).step_by(piece) {
-        let end = (first + piece).min(field.grid.len());
-        let values = field.coefficients.read(first * kept, end * kept, &mut scratch);
-        padded.clear();
-        padded.resize((end - first) * stride, 0.0);
-        for (row, values) in padded.chunks_exact_mut(stride).zip(values.chunks_exact(kept)) {
-            row[..kept].copy_from_slice(values);
-        }
-        gpu.queue().write_buffer(buffer, 4 * (first * stride) as u64, bytemuck::cast_slice(&padded));
-        // The interface's own copy goes before the next one is made.
-        gpu.queue().submit(std::iter::empty());
-        gpu.wait(None)?;
-    }
-    Ok(())
 }

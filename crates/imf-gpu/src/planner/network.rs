@@ -102,7 +102,7 @@ impl TwoWay {
     ) -> Result<Self, EngineError> {
         let layout = layout_for(gpu, stack)?;
         stack.check_parameters(parameters).map_err(|error| EngineError::Shape(error.to_string()))?;
-        let binding = gpu.limits().storage_binding.min(gpu.limits().buffer) as usize / 4;
+        let binding = gpu.limits().elements();
         let rows = rows_per_pass(&layout, gpu.limits(), ROWS.min(binding / columns.max(1)));
         let mut plan = Plan::default();
         let weights = plan.add("parameters", layout.parameters);

@@ -96,7 +96,7 @@ impl<'a> Layer<'a> {
         let SectionLayer { obstacle, tool, space } = layer;
         let layout = BitLayout::new(&space)?;
         let limits = gpu.limits();
-        let room = (limits.storage_binding.min(limits.buffer) as usize / 4).min(DIFFERENCES);
+        let room = limits.elements().min(DIFFERENCES);
         let slabs = slabs(&query, space.most_steps, room)?;
         let kernel = |shader| Kernel::new(gpu, shader);
         let mut bits = Room::new("obstacle's bits");

@@ -46,7 +46,7 @@ pub(crate) fn run(session: &Session, arguments: &SectionsArguments) -> Result<()
     if let StoredField::Siren(model) = field.stored() {
         notes::of_training(session, &arguments.field, model);
     }
-    let device = Device::for_field(&arguments.device, session, field.stored())?;
+    let device = Device::for_field(&arguments.device.device, session, field.stored())?;
     Work { session, folder, scene: &scene, device: &device, values: Values::Approximate(&field), set: &set }
         .run(arguments.imf)
 }
