@@ -1,12 +1,13 @@
-// Purpose: as `harmonic_values.wgsl`, with the derivative by the direction, and with the functions themselves, from which the
-// way back to the point begins.
+// Purpose: as `harmonic_values.wgsl`, with the derivatives by how the tool stands, and with the functions themselves, from which
+// the way back to the point begins.
 //
 // One invocation computes every (invocations)-th row.
 //   poses      from `sweep.base`
-//   steps      see `harmonics.wgsl`
+//   steps      see `harmonics.wgsl` and `rotations.wgsl`
 //   weights    [padded_rows][stride], of function k in column k
 //   values     from `sweep.base`; NaN for what is no pose
-//   gradients  from `sweep.base`, two vec4 a pose, of which the second is written: ∂/∂d, tangent to the sphere at d, and 0
+//   gradients  from `sweep.base`, two vec4 a pose, of which the second is written: ∂/∂d, tangent to the sphere at d, and the
+//              change for a turn about d, 0 where the tool's roll does not count
 //   functions  [padded_rows][stride], zeros behind the functions and for what is no pose
 
 @group(0) @binding(0) var<uniform> batch: Batch;
@@ -15,7 +16,7 @@
 @group(0) @binding(3) var<uniform> symmetry: Symmetry;
 @group(0) @binding(4) var<uniform> harmonics: Harmonics;
 @group(0) @binding(5) var<storage, read> poses: array<Pose>;
-@group(0) @binding(6) var<storage, read> steps: array<vec2<f32>>;
+@group(0) @binding(6) var<storage, read> steps: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read> weights: array<f32>;
 @group(0) @binding(8) var<storage, read_write> values: array<f32>;
 @group(0) @binding(9) var<storage, read_write> gradients: array<vec4<f32>>;
@@ -23,37 +24,37 @@
 
 var<private> row_begins: u32;
 var<private> sum: f32;
-var<private> turn: vec3<f32>;
 
-fn take(place: u32, value: f32, slope: vec3<f32>) {
-    let weight = weights[row_begins + place];
+fn take(place: u32, value: f32) {
     functions[row_begins + place] = value;
-    sum += weight * value;
-    turn += weight * slope;
+    sum += weights[row_begins + place] * value;
+}
+
+fn value_and_weight(place: u32) -> vec2<f32> {
+    return vec2<f32>(functions[row_begins + place], weights[row_begins + place]);
 }
 
 @compute @workgroup_size(LINEAR_GROUP)
 fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     for (var row = id.x; row < batch.rows; row += groups.x * LINEAR_GROUP) {
         let pose = poses[sweep.base + row];
-        let count = (harmonics.degree + 1u) * (harmonics.degree + 1u);
         row_begins = row * harmonics.stride;
         sum = bitcast<f32>(world_nan(sweep.base));
-        turn = vec3<f32>(sum);
+        var turn = vec4<f32>(sum);
         var written = 0u;
         if is_pose(pose) {
             let place = place_of(held_tip(pose, world.low.xyz, world.high.xyz));
-            let axis = to_local(place, axis_of(pose));
             sum = 0.0;
-            turn = vec3<f32>();
-            each_function(harmonics.degree, axis);
-            turn = to_world(place, turn - axis * dot(turn, axis));
-            written = count;
+            each_function(harmonics.degree, facing_of(place, pose));
+            let axis = to_local(place, axis_of(pose));
+            let turns = turns_of(harmonics.degree);
+            turn = vec4<f32>(to_world(place, cross(turns, axis)), ROLLS * dot(turns, axis));
+            written = begins_of(harmonics.degree + 1u);
         }
         for (var place = written; place < harmonics.stride; place += 1u) {
             functions[row_begins + place] = 0.0;
         }
         values[sweep.base + row] = sum;
-        gradients[2u * (sweep.base + row) + 1u] = vec4<f32>(turn, 0.0);
+        gradients[2u * (sweep.base + row) + 1u] = turn;
     }
 }

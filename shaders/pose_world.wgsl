@@ -28,10 +28,15 @@ fn world_nan(idle: u32) -> u32 {
     return 0x7fc00000u | (idle & 0u);
 }
 
+/// The quaternion, of length 1.
+fn unit_rotation(pose: Pose) -> vec4<f32> {
+    let largest = max(max(abs(pose.rotation.x), abs(pose.rotation.y)), max(abs(pose.rotation.z), abs(pose.rotation.w)));
+    return normalize(pose.rotation / largest);
+}
+
 /// Unit vector from tip to holder.
 fn axis_of(pose: Pose) -> vec3<f32> {
-    let largest = max(max(abs(pose.rotation.x), abs(pose.rotation.y)), max(abs(pose.rotation.z), abs(pose.rotation.w)));
-    let q = normalize(pose.rotation / largest);
+    let q = unit_rotation(pose);
     let axis = vec3<f32>(
         2.0 * (q.x * q.z + q.w * q.y),
         2.0 * (q.y * q.z - q.w * q.x),

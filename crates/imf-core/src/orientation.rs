@@ -11,7 +11,7 @@ mod spread;
 pub use limits::Limits;
 pub use set::{OrientationSet, OrientationSetError};
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 /// One orientation of the tool.
@@ -74,6 +74,14 @@ impl Orientation {
         DMat3::from_cols_array(&rotation.to_cols_array().map(|v| if v.abs() < 1e-12 { 0.0 } else { v }))
     }
 
+    /// The rotation as a quaternion of length 1.
+    #[must_use]
+    pub fn quaternion(&self) -> DQuat {
+        DQuat::from_rotation_z(self.theta.to_radians())
+            * DQuat::from_rotation_y(self.phi.to_radians())
+            * DQuat::from_rotation_z(self.roll.to_radians())
+    }
+
     /// Unit vector from the tool's tip along its axis; components below 1e-12 are 0.
     #[must_use]
     pub fn direction(&self) -> DVec3 {
@@ -121,7 +129,9 @@ mod tests {
         }
         for o in set("so3:200") {
             let back = Orientation::from_rotation(&o.rotation());
-            assert!((back.rotation() - o.rotation()).to_cols_array().iter().all(|v| v.abs() < 1e-10));
+            let same =
+                |rotation: DMat3| (rotation - o.rotation()).to_cols_array().iter().all(|v| v.abs() < 1e-10);
+            assert!(same(back.rotation()) && same(DMat3::from_quat(o.quaternion())));
         }
         assert!(Orientation::from_direction(DVec3::ZERO).is_none());
     }

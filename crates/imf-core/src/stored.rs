@@ -6,11 +6,12 @@ use thiserror::Error;
 
 use crate::calibration::Calibration;
 use crate::factored::file::FactoredFile;
+use crate::harmonic::basis::Basis;
 use crate::harmonic::file::HarmonicFile;
 use crate::model::{Model, ModelError};
 use crate::scene::Scene;
 use crate::section::Quantity;
-use crate::tensor_file::TensorFileError;
+use crate::tensor_file::{TensorFileError, refuse_npz};
 
 /// A field and the scene that it is of.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,8 +39,9 @@ impl StoredField {
     /// Reads and checks a field of any family.
     ///
     /// # Errors
-    /// A missing, foreign, newer, truncated or damaged file.
+    /// A missing, foreign, newer, truncated or damaged file, and one that was kept for NumPy.
     pub fn read(path: &Path) -> Result<Self, StoredFieldError> {
+        refuse_npz(path)?;
         if HarmonicFile::is_one(path) {
             return Ok(Self::Harmonic(Box::new(HarmonicFile::read(path)?)));
         }
@@ -88,6 +90,16 @@ impl StoredField {
             Self::Siren(_) => Quantity::Overlap,
             Self::Harmonic(file) => file.field.quantity,
             Self::Factored(file) => file.field.quantity,
+        }
+    }
+
+    /// The functions of an orientation that it is a sum of; none of the paper's network.
+    #[must_use]
+    pub fn basis(&self) -> Option<&Basis> {
+        match self {
+            Self::Siren(_) => None,
+            Self::Harmonic(file) => Some(&file.field.basis),
+            Self::Factored(file) => Some(&file.field.basis),
         }
     }
 

@@ -19,6 +19,7 @@ use std::sync::{Mutex, PoisonError};
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Quat, Vec3};
 use imf_core::calibration::Calibration;
+use imf_core::harmonic::basis::Domain;
 use imf_core::orientation::Orientation;
 use imf_core::planner::{
     Best, Decision, Gradient, LoadError, NeuralField, PlannerError, Pose, PoseField, check_lengths,
@@ -64,8 +65,8 @@ pub struct DeviceGradient {
     pub position: [f32; 3],
     /// Change for a turn of the tool's axis by a radian: tangent to the sphere at the axis.
     pub direction: [f32; 3],
-    /// 0.
-    pub idle: f32,
+    /// Change for a turn of the tool about its axis by a radian; 0 for tools of revolution.
+    pub roll: f32,
 }
 
 /// A decision as the device writes it, [`crate::shader::FREE`], [`crate::shader::BLOCKED`] or [`crate::shader::NEAR`]; any other
@@ -79,7 +80,7 @@ pub fn decision_of(code: u32) -> Decision {
     }
 }
 
-/// A network of the paper's kind, or a harmonic or factored field of a tool of revolution, on one GPU. Threads take turns.
+/// A network of the paper's kind, or a harmonic or factored field, on one GPU. Threads take turns.
 ///
 /// # Example
 /// ```no_run
@@ -96,6 +97,8 @@ pub fn decision_of(code: u32) -> Decision {
 /// ```
 pub struct GpuField {
     neural: NeuralField,
+    /// Whether the tool's roll counts.
+    rolls: bool,
     /// Whether minima are not asked of the CPU: of tools with their tip alone.
     minima_on_device: bool,
     work: Mutex<Work>,
@@ -133,8 +136,8 @@ impl GpuField {
     ///
     /// # Errors
     /// Weights that do not fit their network, or an adapter that cannot hold them, nor a harmonic field's coefficients in f32.
-    /// Fields over rotations, of tools that are not symmetric about their axis, are answered on the CPU alone.
     pub fn new(gpu: &Gpu, stored: StoredField) -> Result<Self, LoadError> {
+        let rolls = stored.basis().is_some_and(|basis| basis.domain() == Domain::Rotations);
         let family = match &stored {
             StoredField::Siren(model) => Family::Siren(Box::new(SirenPasses::new(gpu, model)?)),
             StoredField::Factored(file) => Family::Factored(Box::new(FactoredPasses::new(gpu, &file.field)?)),
@@ -144,7 +147,7 @@ impl GpuField {
         let record = &neural.scene().record;
         let is_tip_alone = record.tool.sharp_point_positions(record.grid.pitch) == [DVec3::ZERO];
         let work = Work::new(gpu, family, &neural)?;
-        Ok(Self { neural, minima_on_device: is_tip_alone, work: Mutex::new(work) })
+        Ok(Self { neural, rolls, minima_on_device: is_tip_alone, work: Mutex::new(work) })
     }
 
     /// Reads a field from a file.
@@ -209,6 +212,15 @@ impl GpuField {
         })
     }
 
+    /// The orientation that a minimum is to be taken over; `None` for what is no rotation.
+    fn asked_orientation(&self, rotation: Quat) -> Option<Orientation> {
+        let pose = Pose::new(Vec3::ZERO, rotation);
+        match self.rolls {
+            true => pose.is_pose().then(|| pose.orientation()),
+            false => Orientation::from_direction(pose.axis().as_dvec3()),
+        }
+    }
+
     /// A panic of another thread leaves nothing half done that the next call reads.
     fn with<T>(&self, work: impl FnOnce(&mut Work) -> T) -> T {
         work(&mut self.work.lock().unwrap_or_else(PoisonError::into_inner))
@@ -228,6 +240,12 @@ impl GpuField {
         })?;
         Ok(())
     }
+}
+
+/// The change for turns about the world's axes, from those of the tool's axis and about it.
+fn turned(pose: &Pose, direction: Vec3, roll: f32) -> Vec3 {
+    let axis = pose.axis();
+    axis.cross(direction) + roll * axis
 }
 
 /// Poses of the host that go up together.
@@ -253,7 +271,7 @@ impl PoseField for GpuField {
                         value: found.value,
                         position: Vec3::from_array(found.position),
                         direction,
-                        rotation: poses[place].axis().cross(direction),
+                        rotation: turned(&poses[place], direction, found.roll),
                     };
                 })?;
             }
@@ -271,12 +289,10 @@ impl PoseField for GpuField {
 
     /// The minimum is taken on the device for tools whose only sharp point is the tip; others are asked of the CPU.
     fn imf(&self, points: &[Vec3], orientations: &[Quat], best: &mut [Best]) -> Result<(), PlannerError> {
-        let directions: Option<Vec<Orientation>> = orientations
-            .iter()
-            .map(|&rotation| Orientation::from_direction(Pose::new(Vec3::ZERO, rotation).axis().as_dvec3()))
-            .collect();
-        let directions = match directions {
-            Some(directions) if self.minima_on_device && !directions.is_empty() => directions,
+        let asked: Option<Vec<Orientation>> =
+            orientations.iter().map(|&rotation| self.asked_orientation(rotation)).collect();
+        let asked = match asked {
+            Some(asked) if self.minima_on_device && !asked.is_empty() => asked,
             // Sharp points, what is no rotation, and what is refused.
             _ => return self.neural.imf(points, orientations, best),
         };
@@ -293,14 +309,13 @@ impl PoseField for GpuField {
                 Family::Siren(passes) => {
                     let units: Vec<[f32; 3]> =
                         held.iter().map(|&point| grid.unit(point).as_vec3().to_array()).collect();
-                    let angles: Vec<[f32; 2]> =
-                        directions.iter().map(|o| [o.theta as f32, o.phi as f32]).collect();
+                    let angles: Vec<[f32; 2]> = asked.iter().map(Orientation::angles).collect();
                     let mut found = Imf::new(units.len());
                     passes.evaluator.minimum(&units, &angles, &mut found.value, &mut found.best)?;
                     Ok(found)
                 }
-                Family::Factored(passes) => passes.minimum.minimum_unclipped(&held, &directions),
-                Family::Harmonic(passes) => passes.minimum(frame, host, &held, &directions),
+                Family::Factored(passes) => passes.minimum.minimum_unclipped(&held, &asked),
+                Family::Harmonic(passes) => passes.minimum(frame, host, &held, &asked),
             }
         })?;
         let quantity = self.neural.quantity();

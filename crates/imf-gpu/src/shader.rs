@@ -133,6 +133,10 @@ pub enum Shader {
     HarmonicValues,
     /// The same with derivatives by the direction.
     HarmonicSlopes,
+    /// As [`Self::HarmonicValues`], of fields over rotations.
+    RotationValues,
+    /// As [`Self::HarmonicSlopes`], of fields over rotations.
+    RotationSlopes,
     /// Derivatives of poses in a factored field by the position.
     PoseDescent,
     /// Coefficients of a harmonic field at the points of poses.
@@ -155,7 +159,7 @@ pub enum Shader {
 
 impl Shader {
     /// All kernels.
-    pub const ALL: [Self; 48] = [
+    pub const ALL: [Self; 50] = [
         Self::Inputs,
         Self::Poses,
         Self::HiddenTrain,
@@ -195,6 +199,8 @@ impl Shader {
         Self::PosePoints,
         Self::HarmonicValues,
         Self::HarmonicSlopes,
+        Self::RotationValues,
+        Self::RotationSlopes,
         Self::PoseDescent,
         Self::VoxelCoefficients,
         Self::VoxelDescent,
@@ -241,6 +247,10 @@ impl Shader {
         let place = include_str!("../../../shaders/place.wgsl");
         let cell = include_str!("../../../shaders/voxel_cell.wgsl");
         let harmonics = include_str!("../../../shaders/harmonics.wgsl");
+        let rotations = include_str!("../../../shaders/rotations.wgsl");
+        let turns = include_str!("../../../shaders/turns.wgsl");
+        let values = include_str!("../../../shaders/harmonic_values.wgsl");
+        let slopes = include_str!("../../../shaders/harmonic_slopes.wgsl");
         let side = include_str!("../../../shaders/soap_side.wgsl");
         let overlap = include_str!("../../../shaders/count_overlap.wgsl");
         let parts: &[&str] = match self {
@@ -285,12 +295,10 @@ impl Shader {
             Self::PoseValues => &[sigmoid, world, include_str!("../../../shaders/pose_values.wgsl")],
             Self::PoseGradient => &[sine, world, include_str!("../../../shaders/pose_gradient.wgsl")],
             Self::PosePoints => &[world, place, include_str!("../../../shaders/pose_points.wgsl")],
-            Self::HarmonicValues => {
-                &[world, place, harmonics, include_str!("../../../shaders/harmonic_values.wgsl")]
-            }
-            Self::HarmonicSlopes => {
-                &[world, place, harmonics, include_str!("../../../shaders/harmonic_slopes.wgsl")]
-            }
+            Self::HarmonicValues => &[world, place, harmonics, values],
+            Self::HarmonicSlopes => &[world, place, harmonics, turns, slopes],
+            Self::RotationValues => &[world, place, rotations, values],
+            Self::RotationSlopes => &[world, place, rotations, turns, slopes],
             Self::PoseDescent => &[world, place, include_str!("../../../shaders/pose_descent.wgsl")],
             Self::VoxelCoefficients => {
                 &[world, cell, include_str!("../../../shaders/voxel_coefficients.wgsl")]

@@ -75,9 +75,6 @@ fn file_with(
         state: None,
         calibration: None,
     };
-    if domain == Domain::Rotations {
-        return file;
-    }
     let twin = NeuralField::new(StoredField::Factored(Box::new(file.clone()))).expect("a field");
     let asked = poses(&file.scene.record.grid, 500);
     let mut values = vec![0.0; asked.len()];
@@ -230,11 +227,24 @@ fn buffers_of_the_device_are_answered_in_place() {
 
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
-fn what_the_device_does_not_answer_is_refused_by_name() {
-    let file = file(Domain::Rotations, 2, 5, Quantity::Overlap);
-    let refused = GpuField::new(&adapter::open(), StoredField::Factored(Box::new(file)));
-    let Err(error) = refused else { panic!("a field over rotations") };
-    assert!(error.to_string().contains("on the CPU alone"), "{error}");
+fn fields_over_rotations_are_answered_as_on_the_cpu() {
+    let rotations = Domain::Rotations;
+    // 10, 84, 165 and 455 functions.
+    for gpu in every_device() {
+        for (degree, axes, quantity) in [(1, 5, Quantity::Overlap), (6, 70, Quantity::Depth)] {
+            let file = file(rotations, degree, axes, quantity);
+            let field = GpuField::new(&gpu, StoredField::Factored(Box::new(file))).expect("a field");
+            compare(&field, &WITHIN);
+            compare_minima_of(&field, &WITHIN, 300, "so3:40");
+        }
+        for (degree, axes, precision) in [(3, 21, Precision::F16), (4, 70, Precision::F32)] {
+            let file = harmonic(rotations, degree, axes, Quantity::Overlap, precision);
+            let field = GpuField::new(&gpu, StoredField::Harmonic(Box::new(file))).expect("a field");
+            compare(&field, &WITHIN);
+            compare_on_device(&gpu, &field);
+            compare_minima_of(&field, &WITHIN, 300, "so3:40");
+        }
+    }
 }
 
 /// Sections and minima at every voxel over a set of orientations.

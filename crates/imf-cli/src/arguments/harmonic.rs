@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use imf_core::harmonic::FitSettings;
+use imf_core::harmonic::basis::Domain;
 use imf_core::harmonic::coefficients::Precision;
 use imf_core::section::Quantity;
 
@@ -38,9 +39,10 @@ pub(crate) struct HarmonicArguments {
     /// What the field's values are
     #[arg(help_heading = HEADING, long, value_enum, default_value = "overlap")]
     pub(crate) quantity: FieldQuantity,
-    /// Highest degree of the harmonics: more is finer and costs memory and time by its square
-    #[arg(help_heading = HEADING, long, default_value_t = DEFAULT_DEGREE, value_name = "L", requires = "method")]
-    pub(crate) degree: usize,
+    /// Highest degree of the harmonics: more is finer and costs memory and time by its square; by default 14. For tools that
+    /// are not symmetric about their axis by its cube, and by default 8
+    #[arg(help_heading = HEADING, long, value_name = "L", requires = "method")]
+    pub(crate) degree: Option<usize>,
     /// Choose the lowest degree whose mean squared error, estimated on a sample, is at most this
     #[arg(help_heading = HEADING, long, value_name = "MSE", requires = "method", conflicts_with = "degree", value_parser = parse_target)]
     pub(crate) target_mse: Option<f64>,
@@ -59,7 +61,7 @@ pub(crate) struct HarmonicArguments {
     /// With --imf: count the best orientations of every voxel exactly, so that values are exact and zeros proven
     #[arg(help_heading = HEADING, long, requires = "method", requires = "imf")]
     pub(crate) confirm: bool,
-    /// With --imf: the least over all directions, not only over the set: from its best direction down the field's gradient
+    /// With --imf: the least over all orientations, not only over the set: from its best one down the field's gradient
     #[arg(help_heading = HEADING, long, requires = "method", requires = "imf", conflicts_with = "confirm")]
     pub(crate) refine: bool,
     /// Keep the harmonic field in this file, for imf query, imf sections and imf info; NAME.npz for NumPy
@@ -72,6 +74,8 @@ pub(crate) struct HarmonicArguments {
 
 /// Fine enough for a mean squared error of a few millionths.
 const DEFAULT_DEGREE: usize = 14;
+/// 969 functions of a rotation, where degree 14 has 4,495.
+const DEFAULT_DEGREE_OF_ROTATIONS: usize = 8;
 /// Measured: beyond a third more sections than functions, a higher degree is the better use of sections.
 pub(crate) const DEFAULT_SECTIONS: f64 = 1.33;
 /// Axes that hold most of a field of degree 14.
@@ -94,7 +98,7 @@ impl HarmonicArguments {
     pub(crate) fn first_given(&self) -> Option<&'static str> {
         let given = [
             (self.save.is_some(), "--save"),
-            (self.degree != DEFAULT_DEGREE, "--degree"),
+            (self.degree.is_some(), "--degree"),
             (self.target_mse.is_some(), "--target-mse"),
             (self.fill_memory, "--fill-memory"),
             (self.axes.is_some(), "--axes"),
@@ -106,14 +110,17 @@ impl HarmonicArguments {
         given.into_iter().find_map(|(given, option)| given.then_some(option))
     }
 
-    /// The settings of the fit.
-    pub(crate) fn settings(&self) -> FitSettings {
+    /// The settings of the fit of a field over directions or rotations.
+    pub(crate) fn settings(&self, domain: Domain) -> FitSettings {
         FitSettings {
             quantity: match self.quantity {
                 FieldQuantity::Overlap => Quantity::Overlap,
                 FieldQuantity::Depth => Quantity::Depth,
             },
-            degree: self.degree,
+            degree: self.degree.unwrap_or(match domain {
+                Domain::Directions => DEFAULT_DEGREE,
+                Domain::Rotations => DEFAULT_DEGREE_OF_ROTATIONS,
+            }),
             axes: self.axes.unwrap_or(if self.chooses_degree() { usize::MAX } else { DEFAULT_AXES }),
             sections_per_function: self.sections_per_function,
             precision: if self.single { Precision::F32 } else { Precision::F16 },

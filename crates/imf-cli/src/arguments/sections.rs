@@ -26,7 +26,7 @@ pub(crate) struct SectionsArguments {
     /// With --imf: count the best orientations of every voxel exactly, so that values are exact and zeros proven
     #[arg(long, requires = "imf")]
     pub(crate) confirm: bool,
-    /// With --imf: the least over all directions, not only over the set: from its best direction down the field's gradient
+    /// With --imf: the least over all orientations, not only over the set: from its best one down the field's gradient
     #[arg(long, requires = "imf", conflicts_with = "confirm")]
     pub(crate) refine: bool,
     #[command(flatten)]

@@ -142,6 +142,30 @@ fn confirmed_minima_are_exact_counts_and_zeros_are_proven() {
 }
 
 #[test]
+fn over_rotations_a_refined_minimum_has_its_roll() {
+    let folder = Folder::new();
+    folder.write("side.toml", SIDE);
+    let run = |more: &[&str], out: &str| {
+        let scene = ["field", "bracket", "--dims", "6,18,11", "--tool", "side.toml", "--method", "harmonic"];
+        let asked = ["--degree", "2", "--orientations", "so3:40", "--imf", "--out", out];
+        folder.json(&[&scene[..], &asked, more].concat())
+    };
+    run(&[], "set");
+    let summary = run(&["--refine"], "refined");
+    let (set, refined) = (folder.npy::<f32>("set/imf.npy"), folder.npy::<f32>("refined/imf.npy"));
+    let lower = set.iter().zip(&refined).filter(|(set, refined)| refined < set).count();
+    assert!(set.iter().zip(&refined).all(|(set, refined)| refined <= set) && lower > 10, "{lower} lower");
+    // A voxel that became lower has a roll of its own.
+    let rolls = OrientationSet::parse("so3:40").unwrap().orientations;
+    let found = folder.npy::<f32>("refined/roll.npy");
+    let own = |roll: &f32| rolls.iter().all(|o| (o.roll as f32 - roll).abs() > 1e-3);
+    let moved =
+        set.iter().zip(&refined).zip(&found).filter(|((set, refined), roll)| refined < set && own(roll));
+    assert!(moved.count() > lower / 2);
+    assert!(summary["files"].as_array().unwrap().contains(&"roll.npy".into()));
+}
+
+#[test]
 fn a_refined_minimum_is_nowhere_above_the_sets() {
     let folder = Folder::new();
     let run = |more: &[&str], out: &'static str| {

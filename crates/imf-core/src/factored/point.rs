@@ -8,7 +8,7 @@ use glam::DVec3;
 
 use super::FactoredEvaluator;
 use super::symmetry::Place;
-use crate::harmonic::basis::Domain;
+use crate::harmonic::basis::Facing;
 use crate::harmonic::{Functions, Gradient, TurnScratch};
 use crate::orientation::Orientation;
 use crate::siren::tangent::PanelOfPoint;
@@ -44,16 +44,16 @@ impl FactoredEvaluator<'_> {
         Some(self.field.quantity.held(self.value(&place, orientation, scratch)))
     }
 
-    /// The overlap, not clipped, with its gradients in position and direction. `None` outside the box of the voxel
-    /// centres, and for fields over rotations.
+    /// The overlap, not clipped, with its gradients in position and in how the tool stands. `None` outside the box of the voxel
+    /// centres, and for a direction alone where the field is over rotations.
     #[must_use]
     pub fn overlap_with_gradient(
         &self,
         position: DVec3,
-        direction: DVec3,
+        facing: impl Into<Facing>,
         scratch: &mut PointScratch,
     ) -> Option<Gradient> {
-        self.point(position, scratch)?.gradient(direction)
+        self.point(position, scratch)?.gradient(facing)
     }
 
     /// The field at a world position, with its derivatives. `None` outside the box of the voxel centres.
@@ -139,20 +139,23 @@ impl FactoredPoint<'_> {
         self.evaluator.field.quantity.held(value)
     }
 
-    /// The overlap, not clipped, with its gradients; `None` for fields over rotations, or a direction of no length.
+    /// The overlap, not clipped, with its gradients; `None` for a direction alone where the field is over rotations, or one of no
+    /// length.
     #[must_use]
-    pub fn gradient(&mut self, direction: DVec3) -> Option<Gradient> {
+    pub fn gradient(&mut self, facing: impl Into<Facing>) -> Option<Gradient> {
         let field = &*self.evaluator.field;
-        if field.basis.domain() != Domain::Directions {
-            return None;
-        }
-        let direction = direction.try_normalize()?;
+        let facing = field.basis.facing(facing)?;
         let PointScratch { z, turns, .. } = &mut *self.scratch;
         let (z, slopes) = z.split_at(self.evaluator.plan.stack.outputs);
+        let functions = self.evaluator.functions();
+        let Facing::Direction(direction) = facing else {
+            // Fields over rotations know no symmetry: the place's frame is the world's.
+            return Some(functions.gradient(facing, z, slopes, turns));
+        };
         let local = self.place.to_local(direction);
-        let found = self.evaluator.functions().gradient(local, z, slopes, turns);
-        let [position, direction] =
+        let found = functions.gradient(Facing::Direction(local), z, slopes, turns);
+        let [position, turn] =
             self.place.slopes_in_world(local, found.position, found.direction, field.blunt());
-        Some(Gradient { position, direction, ..found })
+        Some(Gradient { position, direction: turn, rotation: direction.cross(turn), ..found })
     }
 }

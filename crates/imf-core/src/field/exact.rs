@@ -10,6 +10,7 @@ mod depth;
 mod runs;
 mod spine;
 mod sweep;
+mod turned;
 
 use std::borrow::Cow;
 use std::sync::OnceLock;
@@ -24,12 +25,13 @@ use crate::grid::Grid;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
 use crate::scene::Scene;
-use crate::tool::{Element, ElementKind, RotatedTool, Segment, Tool, ToolError, ToolShape};
+use crate::tool::{Element, ElementKind, Segment, Tool, ToolError, ToolShape, snapped};
 use columns::Columns;
 use depth::Depths;
 use runs::{Within, count};
 use spine::{OPEN, Spine, Verdict};
 use sweep::{Placed, Sweep};
+use turned::TurnedTools;
 
 /// Counts the obstacle's voxel centres in the analytic tool at any pose, divided by the tool's own count in that
 /// orientation with its tip on a voxel centre. Equal to the section at voxel centres.
@@ -56,7 +58,7 @@ pub struct ExactField<'a> {
 enum Shape<'a> {
     Bodies(Vec<Body>),
     /// Counted by the definition.
-    Definition(Cow<'a, Tool>),
+    Definition(Cow<'a, Tool>, TurnedTools),
 }
 
 /// An element as the fast paths read it.
@@ -73,6 +75,9 @@ struct Part {
     /// Largest radius, a little generous.
     widest: f64,
 }
+
+/// Voxels from the grid beyond which a tip is not counted by whole voxels.
+const FARTHEST: f64 = 1e12;
 
 /// Bodies with more segments than this are counted by the definition.
 const MOST_SEGMENTS: usize = 64;
@@ -128,7 +133,7 @@ impl<'a> ExactField<'a> {
         };
         let (name, reach, sharp_points) =
             (tool.name.clone(), tool.reach(), tool.sharp_point_positions(obstacle.grid.pitch));
-        let shape = bodies.map_or(Shape::Definition(tool), Shape::Bodies);
+        let shape = bodies.map_or_else(|| Shape::Definition(tool, TurnedTools::default()), Shape::Bodies);
         Self { reach, sharp_points, ..Self::with_shape(obstacle, &name, shape) }
     }
 
@@ -162,7 +167,7 @@ impl<'a> ExactField<'a> {
     pub fn elements(&self) -> impl Iterator<Item = ElementKind> {
         match &self.shape {
             Shape::Bodies(bodies) => bodies.as_slice(),
-            Shape::Definition(_) => &[],
+            Shape::Definition(..) => &[],
         }
         .iter()
         .map(|body| body.kind)
@@ -173,8 +178,22 @@ impl<'a> ExactField<'a> {
     pub fn count(&self, pose: &Pose) -> u32 {
         match &self.shape {
             Shape::Bodies(bodies) => self.bodies_count(bodies, self.placed(pose)),
-            Shape::Definition(tool) => tool.count_inside(&self.obstacle, pose.position, &pose.orientation),
+            Shape::Definition(tool, turned) => self.definition_count(tool, turned, pose),
         }
+    }
+
+    /// By the tool's voxels where the tip is on a voxel centre, and by the definition elsewhere.
+    fn definition_count(&self, tool: &Tool, turned: &TurnedTools, pose: &Pose) -> u32 {
+        let grid = &self.obstacle.grid;
+        let tip = snapped(grid, pose.position);
+        if tip.is_finite()
+            && tip == tip.round()
+            && tip.abs().max_element() < FARTHEST
+            && let Ok(turned) = turned.of(tool, &pose.orientation, grid.pitch)
+        {
+            return turned.count_in(&self.obstacle, tip.to_array().map(|v| v as i64));
+        }
+        tool.count_inside(&self.obstacle, pose.position, &pose.orientation)
     }
 
     /// [`ExactField::count`] of a tool of revolution by the unit vector along its axis; `None` for tools that are counted
@@ -196,7 +215,7 @@ impl<'a> ExactField<'a> {
     pub fn element_counts(&self, pose: &Pose, counts: &mut [u32]) {
         let bodies = match &self.shape {
             Shape::Bodies(bodies) => bodies.as_slice(),
-            Shape::Definition(_) => &[],
+            Shape::Definition(..) => &[],
         };
         assert_eq!(counts.len(), bodies.len(), "one count for each element");
         let placed = self.placed(pose);
@@ -217,8 +236,8 @@ impl<'a> ExactField<'a> {
     /// A tool that holds no voxel centre, or a mesh tool too large to be voxelised.
     pub fn normaliser(&self, orientation: &Orientation) -> Result<u32, ToolError> {
         match &self.shape {
-            Shape::Definition(tool) => {
-                Ok(RotatedTool::new(tool, orientation, self.obstacle.grid.pitch)?.count)
+            Shape::Definition(tool, turned) => {
+                Ok(turned.of(tool, orientation, self.obstacle.grid.pitch)?.count)
             }
             Shape::Bodies(bodies) => self.bodies_normaliser(bodies, orientation.direction()),
         }
@@ -343,7 +362,7 @@ impl<'a> ExactField<'a> {
 
     fn placed_along(&self, position: DVec3, direction: DVec3) -> Placed {
         let grid = &self.obstacle.grid;
-        Placed { tip: crate::tool::snapped(grid, position), direction, pitch: grid.pitch }
+        Placed { tip: snapped(grid, position), direction, pitch: grid.pitch }
     }
 
     /// Largest distance of any of the tool's points from its tip, in world units.

@@ -5,11 +5,11 @@
 
 use std::f64::consts::PI;
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::fours::{IMAGES, directions_in_fours};
-use super::rotations::{self, rotation_functions};
+use super::rotations::{self, RotationBasis};
 use super::sphere::{self, SphereBasis};
 use crate::orientation::{Orientation, OrientationSet, OrientationSetError};
 
@@ -23,18 +23,44 @@ pub enum Domain {
     Rotations,
 }
 
+/// How a tool stands, as functions read it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Facing {
+    /// The direction from tip to holder, of any length but 0: all that is asked of a tool of revolution.
+    Direction(DVec3),
+    /// The rotation from the tool's frame to the world, of length 1.
+    Rotation(DQuat),
+}
+
+impl From<DVec3> for Facing {
+    fn from(direction: DVec3) -> Self {
+        Self::Direction(direction)
+    }
+}
+
+impl From<DQuat> for Facing {
+    fn from(rotation: DQuat) -> Self {
+        Self::Rotation(rotation)
+    }
+}
+
 /// Functions up to a degree.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Basis {
-    domain: Domain,
-    sphere: SphereBasis,
+pub enum Basis {
+    /// Of [`Domain::Directions`].
+    Directions(SphereBasis),
+    /// Of [`Domain::Rotations`].
+    Rotations(RotationBasis),
 }
 
 impl Basis {
     /// Functions of degrees 0 to `degree`.
     #[must_use]
     pub fn new(domain: Domain, degree: usize) -> Self {
-        Self { domain, sphere: SphereBasis::new(degree) }
+        match domain {
+            Domain::Directions => Self::Directions(SphereBasis::new(degree)),
+            Domain::Rotations => Self::Rotations(RotationBasis::new(degree)),
+        }
     }
 
     /// Number of functions of a domain up to a degree.
@@ -57,19 +83,25 @@ impl Basis {
     /// Where the functions live.
     #[must_use]
     pub fn domain(&self) -> Domain {
-        self.domain
+        match self {
+            Self::Directions(_) => Domain::Directions,
+            Self::Rotations(_) => Domain::Rotations,
+        }
     }
 
     /// Highest degree.
     #[must_use]
     pub fn degree(&self) -> usize {
-        self.sphere.degree()
+        match self {
+            Self::Directions(sphere) => sphere.degree(),
+            Self::Rotations(rotations) => rotations.degree(),
+        }
     }
 
     /// Number of functions.
     #[must_use]
     pub fn len(&self) -> usize {
-        Self::count(self.domain, self.degree())
+        Self::count(self.domain(), self.degree())
     }
 
     /// Never: degree 0 already is one function.
@@ -83,10 +115,7 @@ impl Basis {
     /// # Panics
     /// If `values` has not the length [`Basis::len`].
     pub fn values(&self, orientation: &Orientation, values: &mut [f64]) {
-        match self.domain {
-            Domain::Directions => self.values_of_direction(orientation.direction(), values),
-            Domain::Rotations => rotation_functions(&orientation.rotation(), self.degree(), values),
-        }
+        self.values_facing(self.facing_at(orientation), values);
     }
 
     /// All functions of a direction; of [`Domain::Directions`] alone.
@@ -94,8 +123,7 @@ impl Basis {
     /// # Panics
     /// If `values` has not the length [`Basis::len`], or the functions are of rotations.
     pub fn values_of_direction(&self, direction: DVec3, values: &mut [f64]) {
-        assert_eq!(self.domain, Domain::Directions, "a direction alone is no rotation");
-        self.sphere.values(direction, values);
+        self.sphere().values(direction, values);
         let scale = (4.0 * PI).sqrt();
         values.iter_mut().for_each(|v| *v *= scale);
     }
@@ -108,10 +136,57 @@ impl Basis {
     #[inline]
     #[must_use]
     pub fn sum_with_gradient(&self, direction: DVec3, weight: impl Fn(usize) -> f64) -> (f64, DVec3) {
-        assert_eq!(self.domain, Domain::Directions, "a direction alone is no rotation");
-        let (sum, gradient) = self.sphere.sum_with_gradient(direction, weight);
+        let (sum, gradient) = self.sphere().sum_with_gradient(direction, weight);
         let scale = (4.0 * PI).sqrt();
         (sum * scale, gradient * scale)
+    }
+
+    /// All functions at what [`Basis::facing`] gave.
+    ///
+    /// # Panics
+    /// If `values` has not the length [`Basis::len`], or the functions are of something else.
+    pub(crate) fn values_facing(&self, facing: Facing, values: &mut [f64]) {
+        match (self, facing) {
+            (Self::Directions(_), Facing::Direction(direction)) => {
+                self.values_of_direction(direction, values);
+            }
+            (Self::Rotations(rotations), Facing::Rotation(rotation)) => rotations.values(rotation, values),
+            _ => panic!("functions of directions and of rotations are told apart by Basis::facing"),
+        }
+    }
+
+    /// What these functions read of how a tool stands: its direction, or its rotation. `None` for a direction alone where functions
+    /// are of rotations, and for what has no length.
+    #[must_use]
+    pub fn facing(&self, facing: impl Into<Facing>) -> Option<Facing> {
+        let facing = match (self, facing.into()) {
+            (Self::Directions(_), Facing::Direction(direction)) => {
+                Facing::Direction(direction.try_normalize()?)
+            }
+            (Self::Directions(_), Facing::Rotation(rotation)) => {
+                Facing::Direction((rotation * DVec3::Z).try_normalize()?)
+            }
+            (Self::Rotations(_), Facing::Rotation(rotation)) => {
+                let length = rotation.length();
+                (length > 0.0 && length.is_finite()).then(|| Facing::Rotation(rotation / length))?
+            }
+            (Self::Rotations(_), Facing::Direction(_)) => return None,
+        };
+        Some(facing)
+    }
+
+    /// What these functions read of an orientation.
+    #[must_use]
+    pub fn facing_at(&self, orientation: &Orientation) -> Facing {
+        match self {
+            Self::Directions(_) => Facing::Direction(orientation.direction()),
+            Self::Rotations(_) => Facing::Rotation(orientation.quaternion()),
+        }
+    }
+
+    fn sphere(&self) -> &SphereBasis {
+        let Self::Directions(sphere) = self else { panic!("a direction alone is no rotation") };
+        sphere
     }
 
     /// `count` orientations spread evenly over the domain.
@@ -119,7 +194,7 @@ impl Basis {
     /// # Errors
     /// A count that no set can have.
     pub fn even_set(&self, count: usize) -> Result<OrientationSet, OrientationSetError> {
-        OrientationSet::parse(&match self.domain {
+        OrientationSet::parse(&match self.domain() {
             Domain::Directions => format!("fibonacci:{count}"),
             Domain::Rotations => format!("so3:{count}"),
         })
@@ -130,7 +205,7 @@ impl Basis {
     /// # Errors
     /// A count that no set can have.
     pub fn fitted_set(&self, count: usize) -> Result<Vec<Orientation>, OrientationSetError> {
-        if self.domain == Domain::Rotations || !count.is_multiple_of(IMAGES) {
+        if self.domain() == Domain::Rotations || !count.is_multiple_of(IMAGES) {
             return Ok(self.even_set(count)?.orientations);
         }
         let directions = directions_in_fours(count / IMAGES).into_iter();
@@ -161,7 +236,7 @@ impl Basis {
     /// A count that no set can have.
     pub fn random_set(&self, count: usize, seed: u64) -> Result<OrientationSet, OrientationSetError> {
         let mut set = OrientationSet::parse(&format!("random:{count}:{seed}"))?;
-        if self.domain == Domain::Rotations {
+        if self.domain() == Domain::Rotations {
             // θ of another random set is uniform: the roll.
             let rolls = OrientationSet::parse(&format!("random:{count}:{}", seed ^ 0x5EED_0F20_1105))?;
             for (orientation, roll) in set.orientations.iter_mut().zip(rolls.orientations) {

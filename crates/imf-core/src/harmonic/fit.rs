@@ -212,7 +212,7 @@ const BLOCK: usize = 1024;
 
 /// The matrices of all functions together.
 fn square_bytes(functions: usize) -> u64 {
-    (functions * functions * 8 * 6) as u64
+    (functions * functions * 8 * 8) as u64
 }
 
 fn batch_size(voxels: usize, sections: usize) -> usize {

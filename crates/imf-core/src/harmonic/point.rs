@@ -4,8 +4,9 @@ use glam::DVec3;
 use pulp::Arch;
 
 use super::HarmonicField;
-use super::basis::{Basis, Domain};
+use super::basis::{Basis, Facing};
 use super::both_ways::both_ways;
+use super::rotations::sum_with_turns;
 use crate::orientation::Orientation;
 use crate::siren::lanes::dot;
 use crate::vectorised::vectorised;
@@ -19,6 +20,9 @@ pub struct Gradient {
     pub position: DVec3,
     /// Change for a turn of the tool's direction by a radian, tangent to the sphere.
     pub direction: DVec3,
+    /// Change for a turn of the tool by a radian about each axis of the world; across the tool's own axis, where it is one of
+    /// revolution.
+    pub rotation: DVec3,
 }
 
 /// Working memory of a thread that asks for single poses.
@@ -76,28 +80,40 @@ impl Functions<'_> {
         terms.sum::<f64>() as f32
     }
 
-    /// The overlap with its gradients, of coefficients `z` and their `slopes` along x, y and z, `[3][axes]`. The basis is one
-    /// of directions.
+    /// The overlap with its gradients, of coefficients `z` and their `slopes` along x, y and z, `[3][axes]`, and what
+    /// [`Basis::facing`] gave.
     pub(crate) fn gradient(
         self,
-        direction: DVec3,
+        facing: Facing,
         z: &[f32],
         slopes: &[f32],
         scratch: &mut TurnScratch,
     ) -> Gradient {
         scratch.functions.resize(self.basis.len(), 0.0);
-        self.basis.values_of_direction(direction, &mut scratch.functions);
+        self.basis.values_facing(facing, &mut scratch.functions);
         self.weigh(z, scratch);
-        let TurnScratch { weights, along, .. } = scratch;
-        let weight = |place: usize| f64::from(weights[place] + self.mean[place]);
-        let (value, turn) = self.basis.sum_with_gradient(direction, weight);
+        let TurnScratch { functions, weights, along, .. } = scratch;
+        let (value, direction, rotation) = match facing {
+            Facing::Direction(direction) => {
+                let weight = |place: usize| f64::from(weights[place] + self.mean[place]);
+                let (value, turn) = self.basis.sum_with_gradient(direction, weight);
+                (value, turn, direction.cross(turn))
+            }
+            Facing::Rotation(rotation) => {
+                weights.iter_mut().zip(self.mean).for_each(|(weight, mean)| *weight += mean);
+                let degree = self.basis.degree();
+                let (value, turns) =
+                    vectorised!(self.arch, sum_with_turns(degree, &functions[..], &weights[..]));
+                (value, turns.cross(rotation * DVec3::Z), turns)
+            }
+        };
         let mut position = [0.0; 3];
         vectorised!(self.arch, {
             for (slope, row) in position.iter_mut().zip(slopes.chunks_exact(z.len())) {
                 *slope = f64::from(dot(row, along));
             }
         });
-        Gradient { value: value as f32, position: position.into(), direction: turn }
+        Gradient { value: value as f32, position: position.into(), direction, rotation }
     }
 
     /// Fills `weights` and `along` for the functions' values.
@@ -130,23 +146,20 @@ impl HarmonicField {
         Some(self.quantity.held(value))
     }
 
-    /// The overlap with its gradients in position and direction. One-sided where a position lies on a voxel centre's
-    /// plane: the slope of the cell towards higher indices. `None` outside the box of the voxel centres, and for fields
-    /// over rotations.
+    /// The overlap with its gradients in position and in how the tool stands. One-sided where a position lies on a voxel
+    /// centre's plane: the slope of the cell towards higher indices. `None` outside the box of the voxel centres, and for a
+    /// direction alone where the field is over rotations.
     #[must_use]
     pub fn overlap_with_gradient(
         &self,
         position: DVec3,
-        direction: DVec3,
+        facing: impl Into<Facing>,
         scratch: &mut PointScratch,
     ) -> Option<Gradient> {
-        if self.basis.domain() != Domain::Directions {
-            return None;
-        }
-        let direction = direction.try_normalize()?;
+        let facing = self.basis.facing(facing)?;
         self.mix(position, 4, scratch)?;
         let (z, slopes) = scratch.mixed.split_at(self.axis_count());
-        let found = self.functions().gradient(direction, z, slopes, &mut scratch.turns);
+        let found = self.functions().gradient(facing, z, slopes, &mut scratch.turns);
         Some(Gradient { position: found.position / self.grid.pitch, ..found })
     }
 

@@ -1,23 +1,28 @@
-//! The least value over the whole sphere of directions: from the best of a set, down the field's own gradient.
+//! The least value over all directions, or over all rotations: from the best of a set, down the field's own gradient.
 
-use glam::DVec3;
+use std::f64::consts::PI;
+
+use glam::{DMat3, DQuat, DVec3};
+use pulp::Arch;
 use rayon::prelude::*;
 
 use super::HarmonicField;
-use super::basis::Domain;
+use super::basis::{Basis, Facing};
 use super::evaluate::VoxelCoefficients as _;
+use super::rotations::sum_with_turns;
 use crate::control::Control;
 use crate::orientation::Orientation;
 use crate::section::{Imf, SectionError};
 use crate::siren::matrix::{Matrix, multiply};
+use crate::vectorised::vectorised;
 
-/// A minimum over all directions.
+/// A minimum over all orientations.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refined {
     /// In [0, 1], nowhere above the minimum that it began with.
     pub value: Vec<f32>,
-    /// The direction, from tip to holder, that has it.
-    pub direction: Vec<DVec3>,
+    /// The orientation that has it.
+    pub orientation: Vec<Orientation>,
 }
 
 /// Steps downhill from the best of the set.
@@ -31,9 +36,9 @@ const LEVEL: f64 = 1e-6;
 const PROMISED: f64 = 1e-4;
 
 impl HarmonicField {
-    /// Lowers the minimum over `orientations`, as [`HarmonicField::minimum`] found it, along the sphere to the bottom of
-    /// the valley that each voxel's best orientation lies in. Voxels whose value is 0 stay: nothing is lower. One unit
-    /// of progress is one voxel. `None` for fields over rotations and for depths.
+    /// Lowers the minimum over `orientations`, as [`HarmonicField::minimum`] found it, along the sphere, or along the
+    /// rotations, to the bottom of the valley that each voxel's best orientation lies in. Voxels whose value is 0 stay:
+    /// nothing is lower. One unit of progress is one voxel. `None` for depths.
     ///
     /// # Errors
     /// Cancellation.
@@ -46,38 +51,44 @@ impl HarmonicField {
         orientations: &[Orientation],
         control: Control<'_>,
     ) -> Result<Option<Refined>, SectionError> {
-        if self.basis.domain() != Domain::Directions || !self.quantity.is_overlap() {
+        if !self.quantity.is_overlap() {
             return Ok(None);
         }
         let voxels = self.grid.len();
         assert_eq!(least.value.len(), voxels, "a minimum of this field");
-        let directions: Vec<DVec3> = orientations.iter().map(Orientation::direction).collect();
         let mut value = least.value.clone();
-        let mut direction: Vec<DVec3> = least.best.iter().map(|&best| directions[best as usize]).collect();
-        let first_step = (4.0 * std::f64::consts::PI / orientations.len() as f64).sqrt();
+        let mut orientation: Vec<Orientation> =
+            least.best.iter().map(|&best| orientations[best as usize]).collect();
+        // From one of the set to the next: of a sphere's area, or of the rotations' volume.
+        let count = orientations.len() as f64;
+        let first_step = match &self.basis {
+            Basis::Directions(_) => (4.0 * PI / count).sqrt(),
+            Basis::Rotations(_) => (8.0 * PI * PI / count).cbrt(),
+        };
         value
             .par_chunks_mut(Self::BLOCK)
-            .zip(direction.par_chunks_mut(Self::BLOCK))
+            .zip(orientation.par_chunks_mut(Self::BLOCK))
             .enumerate()
-            .try_for_each_init(Descent::default, |descent, (block, (value, direction))| {
+            .try_for_each_init(Descent::default, |descent, (block, (value, orientation))| {
                 if control.is_cancelled() {
                     return Err(SectionError::Cancelled);
                 }
                 let from = block * Self::BLOCK;
                 self.spread(from..from + value.len(), descent);
-                for (place, (value, direction)) in value.iter_mut().zip(direction).enumerate() {
+                for (place, (value, orientation)) in value.iter_mut().zip(orientation).enumerate() {
                     if *value > 0.0 {
-                        let (lowest, at) = descent.down(self, place, *direction, first_step);
+                        let start = self.basis.facing_at(orientation);
+                        let (lowest, at) = descent.down(self, place, start, first_step);
                         let lowest = (lowest as f32).clamp(0.0, 1.0);
                         if lowest < *value {
-                            (*value, *direction) = (lowest, at);
+                            (*value, *orientation) = (lowest, oriented(at, orientation));
                         }
                     }
                 }
                 (control.progress)(value.len() as u64);
                 Ok(())
             })?;
-        Ok(Some(Refined { value, direction }))
+        Ok(Some(Refined { value, orientation }))
     }
 
     /// The weights of all functions at some voxels: `μ + U z`.
@@ -92,25 +103,54 @@ impl HarmonicField {
     }
 }
 
+/// A step along the sphere, or a turn about an axis of the world by its length.
+fn moved(facing: Facing, by: DVec3) -> Facing {
+    match facing {
+        Facing::Direction(direction) => Facing::Direction((direction + by).normalize()),
+        Facing::Rotation(rotation) => Facing::Rotation((DQuat::from_scaled_axis(by) * rotation).normalize()),
+    }
+}
+
+/// The orientation that was reached; a direction of a length has one.
+fn oriented(facing: Facing, start: &Orientation) -> Orientation {
+    match facing {
+        Facing::Direction(direction) => Orientation::from_direction(direction).unwrap_or(*start),
+        Facing::Rotation(rotation) => Orientation::from_rotation(&DMat3::from_quat(rotation)),
+    }
+}
+
 /// Working memory of one thread.
 #[derive(Default)]
 struct Descent {
+    /// The functions of a rotation.
+    functions: Vec<f64>,
     coefficients: Vec<f32>,
     /// `[voxel][function]` of a block.
     weights: Vec<f32>,
 }
 
 impl Descent {
-    /// Value and slope of a block's voxel in a direction.
-    fn at(&self, field: &HarmonicField, place: usize, direction: DVec3) -> (f64, DVec3) {
-        let count = field.basis.len();
-        let weights = &self.weights[place * count..][..count];
-        field.basis.sum_with_gradient(direction, |place| f64::from(weights[place]))
+    /// Value and slope of a block's voxel in a direction or rotation.
+    fn at(&mut self, field: &HarmonicField, place: usize, facing: Facing) -> (f64, DVec3) {
+        let Self { functions, weights, .. } = self;
+        let basis = &field.basis;
+        let weights = &weights[place * basis.len()..][..basis.len()];
+        match facing {
+            Facing::Direction(direction) => {
+                basis.sum_with_gradient(direction, |place| f64::from(weights[place]))
+            }
+            Facing::Rotation(_) => {
+                functions.resize(basis.len(), 0.0);
+                basis.values_facing(facing, functions);
+                let degree = basis.degree();
+                vectorised!(Arch::new(), sum_with_turns(degree, &functions[..], weights))
+            }
+        }
     }
 
     /// Steps of steepest descent, each as long as the last two slopes tell (Barzilai and Borwein) and halved until the value
     /// falls; the first as long as the way to the set's next direction.
-    fn down(&mut self, field: &HarmonicField, place: usize, start: DVec3, first: f64) -> (f64, DVec3) {
+    fn down(&mut self, field: &HarmonicField, place: usize, start: Facing, first: f64) -> (f64, Facing) {
         let mut at = start;
         let (mut value, mut slope) = self.at(field, place, at);
         let mut rate = first / slope.length().max(LEVEL);
@@ -124,18 +164,18 @@ impl Descent {
             let mut length = (rate * steepness).min(first);
             let mut found = None;
             for _ in 0..HALVINGS {
-                let next = (at - slope * (length / steepness)).normalize();
+                let step = slope * (-length / steepness);
+                let next = moved(at, step);
                 let (lower, next_slope) = self.at(field, place, next);
                 if lower <= value - PROMISED * length * steepness {
-                    found = Some((next, lower, next_slope));
+                    found = Some((next, step, lower, next_slope));
                     break;
                 }
                 length *= 0.5;
             }
-            let Some((next, lower, next_slope)) = found else { break };
-            let (moved, change) = (next - at, next_slope - slope);
-            let bend = moved.dot(change);
-            rate = if bend > 0.0 { moved.length_squared() / bend } else { 2.0 * length / steepness };
+            let Some((next, step, lower, next_slope)) = found else { break };
+            let bend = step.dot(next_slope - slope);
+            rate = if bend > 0.0 { step.length_squared() / bend } else { 2.0 * length / steepness };
             (at, value, slope) = (next, lower, next_slope);
         }
         (value, at)
@@ -144,6 +184,7 @@ impl Descent {
 
 #[cfg(test)]
 mod tests {
+    use super::super::basis::Domain;
     use super::super::{FitSettings, HarmonicAnswers, fit};
     use super::*;
     use crate::field::WholeField as _;
@@ -161,37 +202,36 @@ mod tests {
         fit(&plan, domain, &settings, Control::quiet()).unwrap()
     }
 
-    #[test]
-    fn the_minimum_over_the_sphere_is_nowhere_above_the_sets_and_is_the_fields_value_there() {
-        let field = field(Domain::Directions, 8);
-        let set = OrientationSet::parse("fibonacci:50").unwrap().orientations;
+    /// Refines from one set, and holds the result against the field's values there, its slopes, and the minimum over a larger set.
+    fn check(domain: Domain, degree: usize, from: &str, larger: &str, level: f64) {
+        let field = field(domain, degree);
+        let set = OrientationSet::parse(from).unwrap().orientations;
         let least = field.minimum(&field.heads(&set));
         let refined = field.refined(&least, &set, Control::quiet()).unwrap().unwrap();
-        let (mut lower, mut gained) = (0, 0.0f64);
+        let (mut lower, mut gained, mut steep) = (0, 0.0f64, 0);
         for voxel in 0..field.grid.len() {
             let (value, before) = (refined.value[voxel], least.value[voxel]);
             assert!(value <= before, "voxel {voxel}: {value} above {before}");
             lower += usize::from(value < before);
             gained += f64::from(before - value);
-            let direction = refined.direction[voxel];
-            assert!((direction.length() - 1.0).abs() < 1e-12);
+            let facing = field.basis.facing_at(&refined.orientation[voxel]);
             let mut scratch = super::super::PointScratch::default();
             let position = field.grid.centre(field.grid.voxel(voxel));
-            let pose = field.overlap_with_gradient(position, direction, &mut scratch).unwrap();
+            let pose = field.overlap_with_gradient(position, facing, &mut scratch).unwrap();
             // The same sum in another order.
             assert!(
                 (pose.value.clamp(0.0, 1.0) - value).abs() < 2e-6,
                 "voxel {voxel}: {} {value}",
                 pose.value
             );
-            // At a bottom the slope is level, within what the steps left.
-            let level = pose.direction.length() < 1e-3;
-            assert!(value == 0.0 || level, "voxel {voxel}: slope {}", pose.direction.length());
+            steep += usize::from(value > 0.0 && pose.rotation.length() > level);
         }
+        // At a bottom the slope is level, within what the steps left.
+        assert!(steep <= field.grid.len() / 50, "{steep} voxels are not at a bottom");
         assert!(lower > field.grid.len() / 4, "{lower} voxels became lower");
-        // 2,000 other directions find lower valleys of voxels whose best of 50 lay in another one; in sum they hold less
+        // Many other orientations find lower valleys of voxels whose best of the set lay in another one; in sum they hold less
         // than descending gained.
-        let many = OrientationSet::parse("fibonacci:2000").unwrap().orientations;
+        let many = OrientationSet::parse(larger).unwrap().orientations;
         let dense = HarmonicAnswers(&field).least_over(&many, Control::quiet()).unwrap();
         let missed = refined.value.iter().zip(&dense.value).map(|(&r, &d)| f64::from((r - d).max(0.0)));
         let missed: f64 = missed.sum();
@@ -199,10 +239,12 @@ mod tests {
     }
 
     #[test]
-    fn fields_over_rotations_are_not_refined() {
-        let field = field(Domain::Rotations, 2);
-        let set = OrientationSet::parse("so3:20").unwrap().orientations;
-        let least = field.minimum(&field.heads(&set));
-        assert_eq!(field.refined(&least, &set, Control::quiet()).unwrap(), None);
+    fn the_minimum_over_the_sphere_is_nowhere_above_the_sets_and_is_the_fields_value_there() {
+        check(Domain::Directions, 8, "fibonacci:50", "fibonacci:2000", 1e-3);
+    }
+
+    #[test]
+    fn so_is_the_minimum_over_all_rotations() {
+        check(Domain::Rotations, 3, "so3:6", "so3:5000", 1e-3);
     }
 }

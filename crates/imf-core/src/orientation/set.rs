@@ -68,7 +68,7 @@ impl OrientationSet {
     /// | `within:LIMITS@SET` | those directions of SET that a machine's [`Limits`] reach |
     /// | `so3:N` | N rotations spread evenly over SO(3), for tools that are not axisymmetric |
     /// | `θ,φ;θ,φ;…` | the pairs given, degrees |
-    /// | a path ending in `.csv` | columns `theta,phi[,roll]` in degrees or `i,j,k`, with that header line |
+    /// | a path ending in `.csv` | columns `theta,phi[,roll]` in degrees or `i,j,k`, with that header line; a first column `index` is passed over |
     ///
     /// # Errors
     /// Names the part of the text that is wrong.
@@ -153,7 +153,10 @@ impl OrientationSet {
         let fail = |what: String| OrientationSetError::Value { spec: spec.clone(), what };
         let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
         let header = lines.next().map(|(_, line)| line.replace(' ', "").to_ascii_lowercase());
-        let directions = match header.as_deref() {
+        // As `imf field` lists its orientations.
+        let numbered = header.as_ref().is_some_and(|header| header.starts_with("index,"));
+        let named = header.as_deref().map(|header| header.strip_prefix("index,").unwrap_or(header));
+        let directions = match named {
             Some("theta,phi" | "theta,phi,roll") => false,
             Some("i,j,k") => true,
             _ => return Err(fail("the first line must be theta,phi or theta,phi,roll or i,j,k".into())),
@@ -164,8 +167,9 @@ impl OrientationSet {
             let wrong = |what: &str| fail(format!("line {}: {what}", number + 1));
             let values = numbers(line).filter(|v| v.len() == columns);
             let values = values.ok_or_else(|| wrong(&format!("'{line}' is not {columns} numbers")))?;
+            let values = &values[usize::from(numbered)..];
             orientations.push(if directions {
-                Orientation::from_direction(DVec3::from_slice(&values))
+                Orientation::from_direction(DVec3::from_slice(values))
                     .ok_or_else(|| wrong("a direction must not be zero"))?
             } else {
                 angle_pair(values[0], values[1], values.get(2).copied().unwrap_or(0.0))
@@ -227,6 +231,9 @@ mod tests {
         std::fs::write(&path, "i,j,k\n0,0,2\n1,0,0\n").unwrap();
         let read = OrientationSet::parse(path.to_str().unwrap()).unwrap();
         assert_eq!(read.orientations[1].direction(), DVec3::X);
+        std::fs::write(&path, "index,theta,phi,roll\n0,30,40,50\n1,0,90,0\n").unwrap();
+        let read = OrientationSet::parse(path.to_str().unwrap()).unwrap();
+        assert_eq!(read.orientations[0], Orientation { theta: 30.0, phi: 40.0, roll: 50.0 });
         std::fs::write(&path, "theta,phi\n0,10\n0,190\n").unwrap();
         let error = OrientationSet::parse(path.to_str().unwrap()).unwrap_err().to_string();
         assert!(error.contains("line 3") && error.contains("190"), "{error}");

@@ -1,4 +1,4 @@
-//! Derivatives by central differences: for fields whose values are steps, or whose slopes are not known in closed form.
+//! Derivatives by central differences: for fields whose values are steps.
 
 use glam::{Quat, Vec3};
 

@@ -7,7 +7,7 @@ use super::least::{BLOCK, is_better};
 use super::{Best, Decision, Gradient, Pose};
 use crate::factored::{self, FactoredEvaluator};
 use crate::grid::Grid;
-use crate::harmonic::basis::{Basis, Domain};
+use crate::harmonic::basis::{Basis, Facing};
 use crate::harmonic::{self, HarmonicField};
 use crate::section::Quantity;
 use crate::siren::evaluator::{CpuEvaluator, TangentScratch};
@@ -101,45 +101,30 @@ impl Family {
         }
     }
 
-    /// Value and derivatives of one pose inside the box, given as its held position and its direction; `None` for
-    /// families whose derivatives are not known in closed form.
+    /// Value and derivatives of one pose, its position held in the box; `None` for what is no pose.
     pub(super) fn gradient(&self, grid: &Grid, pose: &Pose, scratch: &mut Scratch) -> Option<Gradient> {
         let (low, high) = Self::bounds(grid);
         let direction = pose.direction()?;
         let tip = pose.tip();
         let held = tip.clamp(low, high);
-        let (value, position, turn) = match self {
-            Self::Siren(network) => {
-                let (input, [theta, phi]) = siren_input(grid, pose);
-                let slopes = network.value_and_slopes(&input, &mut scratch.tangents).map(f64::from);
-                let position = DVec3::new(slopes[1], slopes[2], slopes[3]) * 2.0 / grid.size();
-                // From inputs, which are θ/180° − 1 and φ/90° − 1, to radians.
-                let by_theta = slopes[4] / std::f64::consts::PI;
-                let by_phi = slopes[5] / std::f64::consts::FRAC_PI_2;
-                let (sin_theta, cos_theta) = theta.sin_cos();
-                let (sin_phi, cos_phi) = phi.sin_cos();
-                let along_theta = DVec3::new(-sin_theta, cos_theta, 0.0);
-                let along_phi = DVec3::new(cos_phi * cos_theta, cos_phi * sin_theta, -sin_phi);
-                // At the poles the network's θ means nothing: the slope is held finite.
-                let turn = along_theta * (by_theta / sin_phi.max(POLE)) + along_phi * by_phi;
-                (slopes[0], position, turn - direction * turn.dot(direction))
-            }
+        let found = match self {
+            Self::Siren(network) => siren_gradient(network, grid, pose, direction, scratch),
             Self::Harmonic(field) => {
-                let found = field.overlap_with_gradient(held, direction, &mut scratch.harmonic)?;
-                (f64::from(found.value), found.position, found.direction)
+                let facing = facing(pose, direction, &field.basis);
+                field.overlap_with_gradient(held, facing, &mut scratch.harmonic)?
             }
             Self::Factored(evaluator) => {
-                let found = evaluator.overlap_with_gradient(held, direction, &mut scratch.factored)?;
-                (f64::from(found.value), found.position, found.direction)
+                let facing = facing(pose, direction, &evaluator.field().basis);
+                evaluator.overlap_with_gradient(held, facing, &mut scratch.factored)?
             }
         };
-        let inside = |axis: usize| if tip[axis] == held[axis] { position[axis] } else { 0.0 };
+        let inside = |axis: usize| if tip[axis] == held[axis] { found.position[axis] } else { 0.0 };
         let position = DVec3::new(inside(0), inside(1), inside(2));
         Some(Gradient {
-            value: value as f32,
+            value: found.value,
             position: position.as_vec3(),
-            direction: turn.as_vec3(),
-            rotation: direction.cross(turn).as_vec3(),
+            direction: found.direction.as_vec3(),
+            rotation: found.rotation.as_vec3(),
         })
     }
 
@@ -164,6 +149,42 @@ impl Family {
 
 /// Below this sine of φ the slope in θ is not divided further.
 const POLE: f64 = 1e-3;
+
+/// What a family's functions read of a pose whose direction is known.
+fn facing(pose: &Pose, direction: DVec3, basis: &Basis) -> Facing {
+    match basis {
+        Basis::Directions(_) => Facing::Direction(direction),
+        Basis::Rotations(_) => Facing::Rotation(pose.rotation.as_dquat().normalize()),
+    }
+}
+
+/// Value and derivatives of the paper's network.
+fn siren_gradient(
+    network: &CpuEvaluator,
+    grid: &Grid,
+    pose: &Pose,
+    direction: DVec3,
+    scratch: &mut Scratch,
+) -> harmonic::Gradient {
+    let (input, [theta, phi]) = siren_input(grid, pose);
+    let slopes = network.value_and_slopes(&input, &mut scratch.tangents);
+    let [_, x, y, z, by_theta, by_phi] = slopes.map(f64::from);
+    // From inputs, which are θ/180° − 1 and φ/90° − 1, to radians.
+    let (by_theta, by_phi) = (by_theta / std::f64::consts::PI, by_phi / std::f64::consts::FRAC_PI_2);
+    let (sin_theta, cos_theta) = theta.sin_cos();
+    let (sin_phi, cos_phi) = phi.sin_cos();
+    let along_theta = DVec3::new(-sin_theta, cos_theta, 0.0);
+    let along_phi = DVec3::new(cos_phi * cos_theta, cos_phi * sin_theta, -sin_phi);
+    // At the poles the network's θ means nothing: the slope is held finite.
+    let turn = along_theta * (by_theta / sin_phi.max(POLE)) + along_phi * by_phi;
+    let turn = turn - direction * turn.dot(direction);
+    harmonic::Gradient {
+        value: slopes[0],
+        position: DVec3::new(x, y, z) * 2.0 / grid.size(),
+        direction: turn,
+        rotation: direction.cross(turn),
+    }
+}
 
 /// What the network reads of a pose, its position held in the box, and its angles in radians.
 fn siren_input(grid: &Grid, pose: &Pose) -> ([f32; INPUTS], [f64; 2]) {
@@ -241,13 +262,12 @@ impl Source<'_> {
         let each = rows.chunks_exact_mut(functions).zip(constants.iter_mut());
         for (rotation, (out, constant)) in rotations.zip(each) {
             let pose = Pose::new(Vec3::ZERO, rotation);
-            match (pose.direction(), basis.domain()) {
-                (Some(direction), Domain::Directions) => {
+            match pose.direction() {
+                Some(direction) => {
                     let ordered = order.map_or(direction, |order| order.map(|axis| direction[axis]).into());
-                    basis.values_of_direction(ordered, row);
+                    basis.values_facing(facing(&pose, ordered, basis), row);
                 }
-                (Some(_), Domain::Rotations) => basis.values(&pose.orientation(), row),
-                (None, _) => row.fill(f64::NAN),
+                None => row.fill(f64::NAN),
             }
             *constant = row.iter().zip(mean).map(|(&b, &m)| b * f64::from(m)).sum::<f64>() as f32;
             out.iter_mut().zip(row.iter()).for_each(|(out, &value)| *out = value as f32);

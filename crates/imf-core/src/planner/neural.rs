@@ -4,7 +4,6 @@ use std::path::Path;
 
 use glam::{DVec3, Quat, Vec3};
 
-use super::differences::gradient;
 use super::families::{Family, Scratch};
 use super::least::{BLOCK, check_minimum, least};
 use super::{Best, Decision, Gradient, LoadError, PlannerError, Pose, PoseField, check_lengths};
@@ -142,15 +141,11 @@ impl PoseField for NeuralField {
     fn query_with_gradient(&self, poses: &[Pose], gradients: &mut [Gradient]) -> Result<(), PlannerError> {
         check_lengths(poses.len(), gradients.len())?;
         let grid = &self.scene.record.grid;
-        // Over rotations slopes are differences: small against the field's own waves, large against rounding.
-        let (step, angle) = ((0.05 * grid.pitch) as f32, 0.01);
-        for (pose, out) in poses.iter().zip(gradients) {
-            let found = self.scratch.with(|scratch| self.family.gradient(grid, pose, scratch));
-            *out = match found {
-                Some(found) => found,
-                None => gradient(pose, step, angle, |poses, values| self.query_unclipped(poses, values))?,
-            };
-        }
+        self.scratch.with(|scratch| {
+            for (pose, out) in poses.iter().zip(gradients) {
+                *out = self.family.gradient(grid, pose, scratch).unwrap_or(Gradient::NAN);
+            }
+        });
         Ok(())
     }
 

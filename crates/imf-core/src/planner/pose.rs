@@ -73,8 +73,9 @@ impl Pose {
         Some(axis / axis.length())
     }
 
-    /// The orientation; only of what is a pose.
-    pub(crate) fn orientation(&self) -> Orientation {
+    /// The orientation; its angles are NaN for what is no pose.
+    #[must_use]
+    pub fn orientation(&self) -> Orientation {
         Orientation::from_rotation(&DMat3::from_quat(self.rotation.as_dquat().normalize()))
     }
 }

@@ -1,3 +1,5 @@
+use std::f32::consts::FRAC_PI_2;
+
 use glam::{DVec3, Quat, Vec3};
 
 use super::scenes::{factored, factored_file, harmonic, harmonic_file, poses, scene, siren, siren_model};
@@ -351,35 +353,48 @@ fn guarded_fields_say_free_where_the_true_tool_is_free_and_nowhere_else() {
 fn tools_that_turn_have_values_and_gradients_too() {
     let mesh = ReferenceBox::tool();
     let scene = scene(&mesh, 0.0);
-    let field = NeuralField::new(StoredField::Harmonic(Box::new(harmonic_file(&scene, 3)))).unwrap();
-    let mut asked = poses(&scene, 60, 13);
-    for (index, pose) in asked.iter_mut().enumerate() {
-        // Any roll.
-        pose.rotation *= Quat::from_rotation_z(index as f32);
-    }
-    inside_cells(&scene, &mut asked);
-    let mut found = vec![Gradient::NAN; asked.len()];
-    field.query_with_gradient(&asked, &mut found).unwrap();
-    let value = |pose: &Pose| {
-        let mut value = [0.0];
-        field.query_unclipped(std::slice::from_ref(pose), &mut value).unwrap();
-        value[0]
-    };
-    let mut steepest: f32 = 0.0;
-    for (pose, found) in asked.iter().zip(&found) {
-        assert!((value(pose) - found.value).abs() < 1e-6);
-        // A move and a turn at once, three times as far as the differences inside go.
-        let (shift, turn) = (Vec3::new(0.1, -0.05, 0.08), Vec3::new(0.02, 0.03, -0.01));
-        let moved = |side: f32| Pose {
-            position: pose.position + shift * side,
-            rotation: Quat::from_scaled_axis(turn * side) * pose.rotation,
+    for (name, field) in [("harmonic", harmonic(&scene)), ("factored", factored(&scene))] {
+        let mut asked = poses(&scene, 60, 13);
+        for (index, pose) in asked.iter_mut().enumerate() {
+            // Any roll, also with the axis along the grid's.
+            let axis =
+                if index < 6 { Quat::from_rotation_x(index as f32 * FRAC_PI_2) } else { pose.rotation };
+            pose.rotation = axis * Quat::from_rotation_z(index as f32);
+        }
+        inside_cells(&scene, &mut asked);
+        let mut found = vec![Gradient::NAN; asked.len()];
+        field.query_with_gradient(&asked, &mut found).unwrap();
+        let value = |pose: &Pose| {
+            let mut value = [0.0];
+            field.query_unclipped(std::slice::from_ref(pose), &mut value).unwrap();
+            value[0]
         };
-        let expected = 0.5 * (value(&moved(1.0)) - value(&moved(-1.0)));
-        let slope = found.position.dot(shift) + found.rotation.dot(turn);
-        steepest = steepest.max(expected.abs());
-        assert!((slope - expected).abs() < 2e-5 + 0.05 * expected.abs(), "{slope} against {expected}");
+        let (mut steepest, mut rolled): (f32, f32) = (0.0, 0.0);
+        for (pose, found) in asked.iter().zip(&found) {
+            assert!((value(pose) - found.value).abs() < 2e-6, "{name}");
+            // A move and a turn at once.
+            let (shift, turn) = (Vec3::new(0.1, -0.05, 0.08), Vec3::new(0.01, 0.015, -0.005));
+            let moved = |side: f32| Pose {
+                position: pose.position + shift * side,
+                rotation: Quat::from_scaled_axis(turn * side) * pose.rotation,
+            };
+            let expected = 0.5 * (value(&moved(1.0)) - value(&moved(-1.0)));
+            let slope = found.position.dot(shift) + found.rotation.dot(turn);
+            steepest = steepest.max(expected.abs());
+            rolled = rolled.max(found.rotation.dot(pose.axis()).abs());
+            // Rounding of the two values, and third derivatives.
+            assert!(
+                (slope - expected).abs() < 3e-6 + 0.01 * expected.abs(),
+                "{name}: {slope} against {expected}"
+            );
+            let direction = found.rotation.cross(pose.axis());
+            assert!((found.direction - direction).length() < 1e-6 * (1.0 + direction.length()), "{name}");
+        }
+        assert!(steepest > 1e-3 && rolled > 1e-2, "{name}: {steepest}, {rolled}");
+        let nowhere = Pose::new(Vec3::ZERO, Quat::from_xyzw(0.0, 0.0, 0.0, 0.0));
+        field.query_with_gradient(&[nowhere], &mut found[..1]).unwrap();
+        assert!(found[0].value.is_nan() && found[0].rotation.is_nan(), "{name}");
     }
-    assert!(steepest > 1e-3);
 }
 
 /// A tool without symmetry.

@@ -1,13 +1,16 @@
 //! Counting the obstacle's voxels in the tool at any pose, on the grid or off it.
 
+use std::ops::Range;
+
 use glam::{DMat4, DVec3};
 
-use super::rotated::{SLACK, bounds, holds};
+use super::rotated::{MOST_VOXELS, SLACK, bounds, holds};
 use super::{Segment, Tool, ToolShape};
 use crate::grid::Grid;
+use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
-use crate::voxelize::winding_number;
+use crate::voxelize::{voxelize, winding_number};
 
 /// A world point in continuous voxel coordinates; numbers that are whole to a billionth become whole, so that ties are
 /// decided as on the grid.
@@ -22,38 +25,171 @@ impl Tool {
     /// At a voxel centre (to a billionth of the pitch) the same centres count as in [`super::RotatedTool`].
     #[must_use]
     pub fn count_inside(&self, obstacle: &Occupancy, position: DVec3, orientation: &Orientation) -> u32 {
-        let grid = &obstacle.grid;
-        let tip = snapped(grid, position);
-        let (lower, upper) = bounds(self, orientation, grid.pitch);
-        let range = |axis: usize| {
-            let clamp = |v: f64| v.clamp(0.0, grid.dims[axis] as f64) as usize;
-            clamp((tip[axis] + lower[axis]).floor())..clamp((tip[axis] + upper[axis]).ceil() + 1.0)
-        };
-        let direction = orientation.direction();
-        let (profile, mesh): (Vec<Segment>, _) = match &self.shape {
+        let tip = snapped(&obstacle.grid, position);
+        let bounds = bounds(self, orientation, obstacle.grid.pitch);
+        match &self.shape {
             ToolShape::Revolved(elements) => {
-                (elements.iter().flat_map(|e| e.profile.iter().copied()).collect(), None)
+                let profile: Vec<Segment> = elements.iter().flat_map(|e| e.profile.iter().copied()).collect();
+                count_in_revolved(&profile, orientation.direction(), obstacle, tip, bounds)
             }
             ToolShape::Mesh(mesh) => {
-                (Vec::new(), Some(mesh.transformed(&DMat4::from_mat3(orientation.rotation()))))
-            }
-        };
-        let mut count = 0;
-        for x in range(0) {
-            for y in range(1) {
-                for z in range(2) {
-                    if obstacle.solid[grid.index([x, y, z])] == 0 {
-                        continue;
-                    }
-                    let offset = (DVec3::new(x as f64, y as f64, z as f64) - tip) * grid.pitch;
-                    let inside = match &mesh {
-                        None => holds(&profile, direction, offset, SLACK * grid.pitch * grid.pitch),
-                        Some(mesh) => winding_number(mesh, offset).abs() > 0.5,
-                    };
-                    count += u32::from(inside);
-                }
+                let turned = mesh.transformed(&DMat4::from_mat3(orientation.rotation()));
+                count_in_mesh(&turned, obstacle, tip, bounds)
             }
         }
-        count
+    }
+}
+
+/// The obstacle's voxels along an axis that lie between two offsets from the tip.
+fn range(grid: &Grid, axis: usize, tip: DVec3, (lower, upper): (DVec3, DVec3)) -> Range<usize> {
+    let clamp = |v: f64| v.clamp(0.0, grid.dims[axis] as f64) as usize;
+    clamp((tip[axis] + lower[axis]).floor())..clamp((tip[axis] + upper[axis]).ceil() + 1.0)
+}
+
+/// Voxel by voxel, in a tool of revolution whose offsets from the tip lie within bounds.
+fn count_in_revolved(
+    profile: &[Segment],
+    direction: DVec3,
+    obstacle: &Occupancy,
+    tip: DVec3,
+    bounds: (DVec3, DVec3),
+) -> u32 {
+    let grid = &obstacle.grid;
+    let [xs, ys, zs] = [0, 1, 2].map(|axis| range(grid, axis, tip, bounds));
+    let mut count = 0;
+    for (x, y) in xs.flat_map(|x| ys.clone().map(move |y| (x, y))) {
+        for z in zs.clone() {
+            let offset = (DVec3::new(x as f64, y as f64, z as f64) - tip) * grid.pitch;
+            count += u32::from(
+                obstacle.solid[grid.index([x, y, z])] != 0
+                    && holds(profile, direction, offset, SLACK * grid.pitch * grid.pitch),
+            );
+        }
+    }
+    count
+}
+
+/// In a mesh that is turned already: its own voxels where the obstacle's centres are. With the tip on a voxel centre these are
+/// the rotated tool's, by the same arithmetic, so that ties on its surface are decided as there.
+fn count_in_mesh(turned: &Mesh, obstacle: &Occupancy, tip: DVec3, (lower, upper): (DVec3, DVec3)) -> u32 {
+    let grid = &obstacle.grid;
+    let [xs, ys, zs] = [0, 1, 2].map(|axis| range(grid, axis, tip, (lower, upper)));
+    if [&xs, &ys, &zs].into_iter().any(Range::is_empty) {
+        return 0;
+    }
+    let whole = tip.floor();
+    let dims = (upper - lower + 2.0).to_array().map(|span| span as usize);
+    if dims.iter().map(|&n| n as f64).product::<f64>() > MOST_VOXELS as f64 {
+        return count_by_winding(turned, obstacle, tip, [xs, ys, zs]);
+    }
+    let own = Grid { origin: (lower - (tip - whole) - 0.5) * grid.pitch, pitch: grid.pitch, dims };
+    let tool = voxelize(turned, &own, false);
+    // The obstacle's voxel in the tool's own first place; the ranges' voxels are beyond it.
+    let first = whole + lower;
+    let place = |axis: usize, at: usize| (at as f64 - first[axis]) as usize;
+    let mut count = 0;
+    for (x, y) in xs.flat_map(|x| ys.clone().map(move |y| (x, y))) {
+        let solid = &obstacle.solid[grid.index([x, y, zs.start])..][..zs.len()];
+        let held = &tool.solid[own.index([place(0, x), place(1, y), place(2, zs.start)])..][..zs.len()];
+        count += solid.iter().zip(held).map(|(solid, held)| u32::from(solid & held)).sum::<u32>();
+    }
+    count
+}
+
+/// The same of a tool that is too large to be made of voxels: by its winding number at every solid voxel.
+fn count_by_winding(turned: &Mesh, obstacle: &Occupancy, tip: DVec3, [xs, ys, zs]: [Range<usize>; 3]) -> u32 {
+    let grid = &obstacle.grid;
+    let mut count = 0;
+    for (x, y) in xs.flat_map(|x| ys.clone().map(move |y| (x, y))) {
+        for z in zs.clone().filter(|&z| obstacle.solid[grid.index([x, y, z])] != 0) {
+            let offset = (DVec3::new(x as f64, y as f64, z as f64) - tip) * grid.pitch;
+            count += u32::from(winding_number(turned, offset).abs() > 0.5);
+        }
+    }
+    count
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::RotatedTool;
+    use super::*;
+    use crate::orientation::OrientationSet;
+
+    /// A box whose faces lie on voxel centres when it is upright, with the tip on its lowest.
+    fn tool() -> Tool {
+        let corner = |i: usize| {
+            let pick = |bit: usize, low: f64, high: f64| if i >> bit & 1 == 0 { low } else { high };
+            DVec3::new(pick(0, -2.0, 4.0), pick(1, -3.0, 1.0), pick(2, 0.0, 9.0))
+        };
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let triangles = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        let mesh = Mesh { vertices: (0..8).map(corner).collect(), triangles };
+        Tool { shape: ToolShape::Mesh(mesh), ..Tool::paper() }
+    }
+
+    fn obstacle() -> Occupancy {
+        let grid = Grid { origin: DVec3::new(3.0, -7.0, 0.5), pitch: 1.0, dims: [11, 9, 13] };
+        let solid = (0..grid.len()).map(|i| u8::from(i * 7919 % 11 < 5)).collect();
+        Occupancy { grid, solid }
+    }
+
+    #[test]
+    fn at_voxel_centres_a_mesh_counts_as_the_rotated_tool_also_at_ties() {
+        let (tool, obstacle) = (tool(), obstacle());
+        let grid = obstacle.grid;
+        let mut set = OrientationSet::parse("0,0;90,90;0,180;0,90;45,90").unwrap().orientations;
+        set.extend(OrientationSet::parse("so3:6").unwrap().orientations);
+        for orientation in &set {
+            let rotated = RotatedTool::new(&tool, orientation, grid.pitch).unwrap();
+            // Some of them outside the box.
+            for at in [
+                [5, 4, 6],
+                [0, 0, 0],
+                [10, 8, 12],
+                [3, 7, 1],
+                [-4, 2, 15],
+                [40, 0, 0],
+                [10, 8, 15],
+                [5, 4, -50],
+            ] {
+                let mut expected = 0;
+                for (index, _) in rotated.solid.iter().enumerate().filter(|(_, solid)| **solid == 1) {
+                    let [_, ny, nz] = rotated.dims;
+                    let own = [index / (ny * nz), index / nz % ny, index % nz];
+                    let voxel = [0, 1, 2].map(|a| at[a] + rotated.lower[a] + own[a] as i32);
+                    if (0..3).all(|a| (0..grid.dims[a] as i32).contains(&voxel[a])) {
+                        expected += u32::from(obstacle.solid[grid.index(voxel.map(|v| v as usize))]);
+                    }
+                }
+                assert_eq!(
+                    rotated.count_in(&obstacle, at.map(i64::from)),
+                    expected,
+                    "{at:?} {orientation:?}"
+                );
+                let tip = grid.origin + (DVec3::from_array(at.map(f64::from)) + 0.5) * grid.pitch;
+                assert_eq!(
+                    tool.count_inside(&obstacle, tip, orientation),
+                    expected,
+                    "{at:?} {orientation:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn off_the_grid_a_mesh_holds_what_its_winding_number_says() {
+        let (tool, obstacle) = (tool(), obstacle());
+        let (grid, ToolShape::Mesh(mesh)) = (obstacle.grid, &tool.shape) else { panic!("a mesh") };
+        for (index, orientation) in OrientationSet::parse("so3:20").unwrap().orientations.iter().enumerate() {
+            let part = |step: f64| (index as f64 * step).fract() * 1.4 - 0.2;
+            let tip = grid.origin + DVec3::new(part(0.618), part(0.755), part(0.57)) * grid.size();
+            let turned = mesh.transformed(&DMat4::from_mat3(orientation.rotation()));
+            let inside = |voxel: usize| {
+                let centre = grid.centre(grid.voxel(voxel));
+                obstacle.solid[voxel] == 1 && winding_number(&turned, centre - tip).abs() > 0.5
+            };
+            let expected = (0..grid.len()).filter(|&voxel| inside(voxel)).count();
+            assert_eq!(tool.count_inside(&obstacle, tip, orientation) as usize, expected, "{index}");
+        }
     }
 }

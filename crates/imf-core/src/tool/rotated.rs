@@ -1,9 +1,12 @@
 //! The tool's voxels in one orientation, in the world grid with the tip on a voxel centre.
 
+use std::ops::Range;
+
 use glam::{DMat4, DVec3};
 
 use super::{Segment, Tool, ToolError, ToolShape};
 use crate::grid::Grid;
+use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
 use crate::vectorised::vectorised;
 use crate::voxelize::voxelize;
@@ -25,7 +28,7 @@ pub struct RotatedTool {
 pub(crate) const SLACK: f64 = 1e-9;
 
 /// A rotated tool of more voxels than this is refused: it is a slip of units.
-const MOST_VOXELS: u64 = 1 << 31;
+pub(super) const MOST_VOXELS: u64 = 1 << 31;
 
 impl RotatedTool {
     /// The tool turned by `orientation`, voxelised at `pitch` (in the tool's own unit).
@@ -67,6 +70,34 @@ impl RotatedTool {
         }
         rotated.crop();
         Ok(rotated)
+    }
+
+    /// Solid voxels of an obstacle that it holds with its tip on a voxel, which may lie outside the grid.
+    #[must_use]
+    pub fn count_in(&self, obstacle: &Occupancy, tip: [i64; 3]) -> u32 {
+        let grid = &obstacle.grid;
+        // Of the box's places those in the grid, and the grid's voxel of the first of them.
+        let span = |axis: usize| {
+            let first = tip[axis] + i64::from(self.lower[axis]);
+            let most = self.dims[axis] as i64;
+            let from = (-first).clamp(0, most);
+            let to = (grid.dims[axis] as i64 - first).clamp(from, most);
+            (from as usize..to as usize, (first + from) as usize)
+        };
+        let [(xs, x), (ys, y), (zs, z)] = [0, 1, 2].map(span);
+        if [&xs, &ys, &zs].into_iter().any(Range::is_empty) {
+            return 0;
+        }
+        let [_, ny, nz] = self.dims;
+        let mut count = 0;
+        for (i, own_x) in xs.enumerate() {
+            for (j, own_y) in ys.clone().enumerate() {
+                let own = &self.solid[(own_x * ny + own_y) * nz..][zs.clone()];
+                let held = &obstacle.solid[grid.index([x + i, y + j, z])..][..own.len()];
+                count += own.iter().zip(held).map(|(own, held)| u32::from(own & held)).sum::<u32>();
+            }
+        }
+        count
     }
 
     /// Offset of the last voxel of the box from the tip's voxel.

@@ -1,5 +1,5 @@
 //! Poses through a factored field: its network gives a point's coefficients, `planner/turns.rs` what they are worth at a
-//! direction.
+//! direction or a rotation.
 //!
 //! ```text
 //! poses → points → forward (keeps slopes) → coefficients → values, ∂/∂d → Δ → backward → ∂/∂x
@@ -16,7 +16,7 @@ use crate::factored::GpuFactored;
 use crate::kernel::{Bound, Kernel, uniform};
 use crate::shader::Shader;
 
-/// A factored field of a tool of revolution.
+/// A factored field.
 pub(super) struct FactoredPasses {
     pub(super) two_way: TwoWay,
     /// Minima over orientations.
@@ -40,7 +40,6 @@ impl FactoredPasses {
         let FactoredField { basis, axes, mean, scale, .. } = field;
         let (symmetry, blunt) = (field.shape.symmetry, field.blunt());
         let functions = Functions { basis, axes, mean, scale: *scale, symmetry, blunt };
-        functions.check()?;
         let columns = functions.columns(gpu.matrix_kernel().padding());
         let two_way = TwoWay::new(gpu, field.shape.stack(), &field.parameters, columns)?;
         let TwoWay { network, rows, results, deltas, .. } = &two_way;

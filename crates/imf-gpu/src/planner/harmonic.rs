@@ -30,7 +30,7 @@ use crate::whole::upload;
 /// Coefficients that go up together: 4 MiB.
 const PIECE: usize = 1 << 20;
 
-/// A harmonic field of a tool of revolution.
+/// A harmonic field.
 pub(super) struct HarmonicPasses {
     padding: usize,
     mixing: Mixing,
@@ -71,7 +71,6 @@ impl HarmonicPasses {
             symmetry: Symmetry::default(),
             blunt: 0.0,
         };
-        functions.check()?;
         let padding = gpu.matrix_kernel().padding();
         let (kept, stride) = (field.axis_count(), field.axis_count().next_multiple_of(4));
         let axes = kept.next_multiple_of(padding);

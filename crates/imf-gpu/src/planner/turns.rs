@@ -1,5 +1,5 @@
-//! From a point's coefficients to values at any direction: what factored and harmonic fields have in common. Coefficients z give
-//! every function of the direction its weight, w = s·U z + μ; the value is the sum of the functions b(d) by their weights, and so
+//! From a point's coefficients to values at any direction or rotation d: what factored and harmonic fields have in common.
+//! Coefficients z give every function its weight, w = s·U z + μ; the value is the sum of the functions b(d) by their weights, and so
 //! are its derivatives by d. By the coefficients it changes as s·Uᵀ b(d), where the way back to the point begins. Where a field is
 //! told of a symmetry, the functions are of the direction in the frame of the point's place; derivatives are by the world's.
 //!
@@ -8,7 +8,8 @@
 use std::f64::consts::{PI, SQRT_2};
 
 use imf_core::factored::Symmetry;
-use imf_core::harmonic::basis::{Basis, Domain};
+use imf_core::harmonic::basis::Basis;
+use imf_core::harmonic::rotations::Step;
 use imf_core::harmonic::sphere::SphereBasis;
 use imf_core::training::EngineError;
 
@@ -40,15 +41,6 @@ impl Functions<'_> {
     pub(super) fn columns(&self, padding: usize) -> usize {
         self.basis.len().next_multiple_of(padding)
     }
-
-    /// Refuses functions of rotations, which the device does not have.
-    pub(super) fn check(&self) -> Result<(), EngineError> {
-        if self.basis.domain() == Domain::Directions {
-            return Ok(());
-        }
-        let why = "poses of a field over rotations, whose tool is not symmetric about its axis, are answered on the CPU alone";
-        Err(EngineError::Shape(why.to_owned()))
-    }
 }
 
 /// Rows of coefficients on the device, and what their slopes are to be written to: both `[rows][axes]`, padding among them.
@@ -71,7 +63,7 @@ pub(super) struct Turns {
     harmonics: wgpu::Buffer,
     /// [`uniforms::Symmetry`]
     pub(super) symmetry: wgpu::Buffer,
-    /// See `harmonics.wgsl`.
+    /// See `harmonics.wgsl` and `rotations.wgsl`.
     steps: wgpu::Buffer,
     /// `[rows][columns]`
     weights: wgpu::Buffer,
@@ -88,11 +80,15 @@ impl Turns {
         at: &Coefficients<'_>,
     ) -> Result<Self, EngineError> {
         let columns = functions.columns(gpu.matrix_kernel().padding());
-        let table = recurrence(functions.basis.degree());
+        let table = recurrence(functions.basis);
+        let (values_of, slopes_of) = match functions.basis {
+            Basis::Directions(_) => (Shader::HarmonicValues, Shader::HarmonicSlopes),
+            Basis::Rotations(_) => (Shader::RotationValues, Shader::RotationSlopes),
+        };
         let (mixing, [weigh, seed]) = mixing(functions, columns, at.axes);
         let mut plan = Plan::default();
         let places = [
-            plan.add("recurrence", 2 * table.len()),
+            plan.add("recurrence", 4 * table.len()),
             plan.add("axes", mixing.len()),
             plan.add("weights of functions", at.rows * columns),
             plan.add("functions", at.rows * columns),
@@ -106,8 +102,8 @@ impl Turns {
         let harmonics = Harmonics { degree: functions.basis.degree() as u32, stride: columns as u32 };
         Ok(Self {
             batch: at.batch.clone(),
-            values: Kernel::new(gpu, Shader::HarmonicValues)?,
-            slopes: Kernel::new(gpu, Shader::HarmonicSlopes)?,
+            values: Kernel::new(gpu, values_of)?,
+            slopes: Kernel::new(gpu, slopes_of)?,
             weigh: linear.bind(gpu, &[at.batch, &weigh, &axes, at.values, &weights]),
             seed: linear.bind(gpu, &[at.batch, &seed, &axes, &values, at.slopes]),
             harmonics: uniform(gpu, "harmonics", &harmonics)?,
@@ -124,7 +120,7 @@ impl Turns {
         })
     }
 
-    /// The kernel of values, or of values and derivatives by the direction where gradients are asked.
+    /// The kernel of values, or of values and derivatives by how the tool stands where gradients are asked.
     pub(super) fn bind(&self, frame: &Frame, asked: Asked<'_>) -> Bound {
         let Frame { gpu, world, sweep } = frame;
         let Asked { poses, values, gradients } = asked;
@@ -155,19 +151,28 @@ impl Turns {
     }
 }
 
-/// The recurrence's constants as `harmonics.wgsl` reads them, of functions of mean square 1.
-fn recurrence(degree: usize) -> Vec<[f32; 2]> {
-    let sphere = SphereBasis::new(degree);
+/// The recurrence's constants as `harmonics.wgsl` or `rotations.wgsl` reads them, of functions of mean square 1.
+fn recurrence(basis: &Basis) -> Vec<[f32; 4]> {
+    match basis {
+        Basis::Directions(sphere) => of_directions(sphere),
+        Basis::Rotations(rotations) => {
+            rotations.steps().iter().map(|&Step { a, b, e }| [a as f32, b as f32, e as f32, 0.0]).collect()
+        }
+    }
+}
+
+fn of_directions(sphere: &SphereBasis) -> Vec<[f32; 4]> {
+    let degree = sphere.degree();
     let mut table = Vec::with_capacity((degree + 1) * (degree + 2) / 2);
     for l in 0..=degree {
         for m in 0..=l {
-            let (a, b) = if l > m {
+            let (a, e) = if l > m {
                 sphere.step(l, m)
             } else {
                 let both = if m > 0 { SQRT_2 } else { 1.0 };
                 ((4.0 * PI).sqrt() * both * sphere.sectoral(m), 0.0)
             };
-            table.push([a as f32, b as f32]);
+            table.push([a as f32, 0.0, e as f32, 0.0]);
         }
     }
     table

@@ -50,7 +50,10 @@ pub(crate) fn poses(grid: &Grid, count: usize) -> Vec<Pose> {
             let part = |step: f64| (i as f64 * step).fract() * 1.4 - 0.2;
             let at = DVec3::new(part(0.618_034), part(0.754_878), part(0.569_840));
             let axis = axes.get(i).copied().unwrap_or(orientation.direction().as_vec3());
-            Pose::along((grid.origin + at * grid.size()).as_vec3(), axis)
+            let along = Pose::along((grid.origin + at * grid.size()).as_vec3(), axis);
+            // Idle of tools of revolution.
+            let roll = if i < axes.len() { 0.0 } else { i as f32 };
+            Pose { rotation: along.rotation * Quat::from_rotation_z(roll), ..along }
         })
         .collect();
     // The poles are met inside the box, too.
@@ -131,8 +134,7 @@ pub(crate) fn compare_minima_of(field: &GpuField, within: &Within, count: usize,
     let mut points: Vec<Vec3> = poses(&grid, count).iter().map(|pose| pose.position).collect();
     points[3].x = f32::INFINITY;
     let set = OrientationSet::parse(set).expect("a set").orientations;
-    let orientations: Vec<Quat> =
-        set.iter().map(|o| Pose::along(Vec3::ZERO, o.direction().as_vec3()).rotation).collect();
+    let orientations: Vec<Quat> = set.iter().map(|o| o.quaternion().as_quat()).collect();
     let (mut found, mut expected) = (vec![Best::NONE; points.len()], vec![Best::NONE; points.len()]);
     field.imf(&points, &orientations, &mut found).expect("answers");
     field.twin().imf(&points, &orientations, &mut expected).expect("answers");

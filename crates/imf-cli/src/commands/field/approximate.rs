@@ -5,8 +5,10 @@ use std::borrow::Cow;
 use anyhow::{Result, bail};
 use glam::DVec3;
 use imf_core::field::{ExactField, QueryError};
+use imf_core::harmonic::basis::Basis;
 use imf_core::harmonic::coefficients::Precision;
 use imf_core::harmonic::{CANDIDATES, HEADS_AT_ONCE, HarmonicError, HarmonicField, Refined};
+use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, SectionError};
 use imf_core::stored::StoredField;
 use serde_json::{Value, json};
@@ -21,16 +23,16 @@ use crate::report::Subject;
 const AT_ONCE: usize = 16;
 
 /// Arrays that an inaccessibility measure is written from: values, places in the list, and angles.
-const WRITTEN: usize = 6;
-/// As many as a direction takes.
-const DIRECTION: usize = size_of::<DVec3>() / size_of::<f32>();
+const WRITTEN: usize = 7;
+/// As many as an orientation takes.
+const ORIENTATION: usize = size_of::<Orientation>() / size_of::<f32>();
 
 /// A field of any family and how it is used.
 pub(super) struct Approximate {
     stored: StoredField,
     /// Best orientations are counted exactly.
     confirm: bool,
-    /// The minimum is over all directions.
+    /// The minimum is over all orientations.
     refine: bool,
     described: String,
     /// What else its values are, for the promise.
@@ -188,7 +190,7 @@ impl Approximate {
         // Both take the coefficients of every voxel in this machine's memory, and refining a direction each.
         let here =
             if self.confirm || self.refine { Device::Cpu.copied_bytes(&self.stored, Calls::Many) } else { 0 };
-        let arrays = WRITTEN + if self.refine { DIRECTION } else { 0 };
+        let arrays = WRITTEN + if self.refine { ORIENTATION } else { 0 };
         self.require_memory(
             work,
             here.max(work.device.copied_bytes(&self.stored, Calls::One)),
@@ -236,10 +238,11 @@ impl Approximate {
 
     /// Bytes of what orientations are multiplied with: their functions, and these along axes in two orders.
     fn heads_bytes(&self, orientations: usize) -> u64 {
-        let (functions, axes) = match &self.stored {
-            StoredField::Siren(_) => (0, 0),
-            StoredField::Harmonic(file) => (file.field.basis.len(), file.field.axis_count()),
-            StoredField::Factored(file) => (file.field.basis.len(), file.field.coefficient_count()),
+        let functions = self.stored.basis().map_or(0, Basis::len);
+        let axes = match &self.stored {
+            StoredField::Siren(_) => 0,
+            StoredField::Harmonic(file) => file.field.axis_count(),
+            StoredField::Factored(file) => file.field.coefficient_count(),
         };
         4 * (orientations * (functions + 2 * axes)) as u64
     }
@@ -260,7 +263,7 @@ impl Approximate {
         }
     }
 
-    /// The minimum over all directions, where that is asked for.
+    /// The minimum over all orientations, where that is asked for.
     pub(super) fn refined(&self, work: &Work<'_>, least: &Imf) -> Result<Option<Streamed<Refined>>> {
         if !self.refine {
             return Ok(None);

@@ -30,7 +30,7 @@ fn chosen(
     domain: Domain,
     asked: &HarmonicArguments,
 ) -> Result<FitSettings> {
-    let settings = asked.settings();
+    let settings = asked.settings(domain);
     if !asked.chooses_degree() {
         return Ok(settings);
     }
@@ -134,9 +134,6 @@ pub(super) fn make(
     // Turning a tool of revolution about its axis moves its sharp points, not the overlap at its tip.
     let bare = if plan.tip_alone() { &bare.with_tip_only() } else { bare };
     let domain = domain(bare);
-    if asked.refine && domain == Domain::Rotations {
-        bail!("--refine is for tools that are symmetric about their axis: leave it out");
-    }
     let settings = chosen(session, plan, domain, asked)?;
     let smaller = "use a lower --degree or --axes, or a larger --pitch";
     let file = fitted(session, scene, plan, domain, settings, smaller)?;

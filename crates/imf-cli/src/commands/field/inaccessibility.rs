@@ -1,7 +1,6 @@
 //! The inaccessibility measure: the least section over all orientations, and which orientation has it.
 
 use anyhow::Result;
-use glam::DVec3;
 use imf_core::field_files::{NamedField, write_npy, write_vti};
 use imf_core::harmonic::Refined;
 use imf_core::orientation::Orientation;
@@ -27,9 +26,9 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     };
     let refined = match refined {
         Some(Streamed::Interrupted) => return unfinished(),
-        Some(Streamed::Whole(Refined { value, direction })) => {
+        Some(Streamed::Whole(Refined { value, orientation })) => {
             whole.value = value;
-            Some(direction)
+            Some(orientation)
         }
         None => None,
     };
@@ -47,7 +46,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         unit: work.scene.record.unit,
         notes: vec![format!(
             "least over {}{} orientations ({}); white line: the part; {}",
-            if refined.is_some() { "all directions, from the best of " } else { "" },
+            if refined.is_some() { "all, from the best of " } else { "" },
             work.set.len(),
             work.set.spec,
             work.exactness()
@@ -63,8 +62,8 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let mut files: Vec<String> = ["imf.npy", "best.npy", "imf.vti", "imf.png"].map(str::to_owned).to_vec();
     files.extend(rows.iter().map(|row| format!("{}.npy", row.array)));
     files.extend((!rows.is_empty()).then(|| elements::PICTURE.to_owned()));
-    if refined.is_some() {
-        files.extend(["theta.npy", "phi.npy"].map(str::to_owned));
+    if let Some(orientations) = &refined {
+        files.extend(angles(orientations).map(|(name, _)| format!("{name}.npy")));
     }
     files.extend([ORIENTATIONS, SUMMARY].map(str::to_owned));
     let summary = work.summary(
@@ -105,39 +104,48 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     print(&text)
 }
 
-/// The arrays, and the best orientation's angles in degrees for viewers that know no list of orientations: the direction
-/// found by refining, where there was such.
+/// One of an orientation's.
+type Angle = fn(&Orientation) -> f64;
+
+/// The angles of orientations, in degrees, by their names; the roll where any has one.
+fn angles(of: &[Orientation]) -> impl Iterator<Item = (&'static str, Angle)> + use<> {
+    let rolls = of.iter().any(|orientation| orientation.roll != 0.0);
+    let all: [(_, Angle); 3] = [("theta", |o| o.theta), ("phi", |o| o.phi), ("roll", |o| o.roll)];
+    all.into_iter().take(if rolls { 3 } else { 2 })
+}
+
+/// The arrays, and the best orientation's angles for viewers that know no list of orientations: those found by refining, where
+/// there were such.
 fn write_fields(
     work: &Work<'_>,
     whole: &Imf,
-    refined: Option<&[DVec3]>,
+    refined: Option<&[Orientation]>,
     elements: &[(ElementKind, Vec<f32>)],
     rows: &[ElementRow],
 ) -> Result<()> {
     let grid = &work.scene.record.grid;
-    let best_orientation = |voxel: usize| {
-        let refined = refined.and_then(|directions| Orientation::from_direction(directions[voxel]));
-        refined.unwrap_or(work.set.orientations[whole.best[voxel] as usize])
+    let best_orientation = |voxel: usize| match refined {
+        Some(orientations) => &orientations[voxel],
+        None => &work.set.orientations[whole.best[voxel] as usize],
     };
     let of_best = |angle: fn(&Orientation) -> f64| -> Vec<f32> {
-        (0..whole.best.len()).map(|voxel| angle(&best_orientation(voxel)) as f32).collect()
+        (0..whole.best.len()).map(|voxel| angle(best_orientation(voxel)) as f32).collect()
     };
-    let (theta, phi) = (of_best(|o| o.theta), of_best(|o| o.phi));
+    let met = refined.unwrap_or(&work.set.orientations);
+    let angles: Vec<(&str, Vec<f32>)> = angles(met).map(|(name, angle)| (name, of_best(angle))).collect();
     let value = aview1(&whole.value).into_shape_with_order(grid.dims)?;
     let best = aview1(&whole.best).into_shape_with_order(grid.dims)?;
     write_npy(work.folder.file("imf.npy"), value)?;
     write_npy(work.folder.file("best.npy"), best)?;
-    if refined.is_some() {
-        write_npy(work.folder.file("theta.npy"), aview1(&theta).into_shape_with_order(grid.dims)?)?;
-        write_npy(work.folder.file("phi.npy"), aview1(&phi).into_shape_with_order(grid.dims)?)?;
+    let mut fields = vec![NamedField::new("imf", value), NamedField::new("best", best)];
+    for (name, angle) in &angles {
+        let angle = aview1(angle).into_shape_with_order(grid.dims)?;
+        if refined.is_some() {
+            write_npy(work.folder.file(&format!("{name}.npy")), angle)?;
+        }
+        fields.push(NamedField::new(name, angle));
     }
-    let mut fields = vec![
-        NamedField::new("imf", value),
-        NamedField::new("best", best),
-        NamedField::new("theta", aview1(&theta).into_shape_with_order(grid.dims)?),
-        NamedField::new("phi", aview1(&phi).into_shape_with_order(grid.dims)?),
-        NamedField::new("solid", ArrayView3::from_shape(grid.dims, &work.scene.obstacle.solid)?),
-    ];
+    fields.push(NamedField::new("solid", ArrayView3::from_shape(grid.dims, &work.scene.obstacle.solid)?));
     for ((_, values), row) in elements.iter().zip(rows) {
         fields.push(NamedField::new(&row.array, ArrayView3::from_shape(grid.dims, values)?));
     }

@@ -30,15 +30,7 @@ pub(crate) fn run(session: &Session, arguments: &SectionsArguments) -> Result<()
             "--confirm counts against the whole obstacle, and in {path} the cutter may reach into the part: leave it out"
         );
     }
-    let domain = match &stored {
-        StoredField::Siren(_) => Domain::Directions,
-        StoredField::Harmonic(file) => file.field.basis.domain(),
-        StoredField::Factored(file) => file.field.basis.domain(),
-    };
-    if domain == Domain::Rotations {
-        if arguments.refine {
-            bail!("--refine is for fields of directions, and {path} is one of rotations: leave it out");
-        }
+    if stored.basis().is_some_and(|basis| basis.domain() == Domain::Rotations) {
         note_of_rolls(session, &set);
     }
     let field = Approximate::kept(stored, arguments.confirm, arguments.refine)?;

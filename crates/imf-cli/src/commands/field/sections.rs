@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context as _, Result};
 use imf_core::field_files::{NamedField, write_npy, write_vti};
+use imf_core::orientation::Orientation;
 use imf_core::section::ElementPlans;
 use ndarray::{ArrayView3, aview1};
 use serde_json::{Value, json};
@@ -112,8 +113,12 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     if work.session.json {
         return print_json(&summary);
     }
-    let rows: Vec<Vec<String>> = kept.iter().take(LISTED).map(|section| row(work, section)).collect();
-    let mut text = table(&["section", "θ", "φ", "largest CMF", "accessible outside the part"], &rows);
+    // Rows of orientations that differ in nothing else would look alike.
+    let rolls = set.orientations.iter().any(|orientation| orientation.roll != 0.0);
+    let head = ["section", "θ", "φ", "ψ", "largest CMF", "accessible outside the part"];
+    let head: Vec<&str> = head.into_iter().filter(|&title| rolls || title != "ψ").collect();
+    let rows: Vec<Vec<String>> = kept.iter().take(LISTED).map(|section| row(work, section, rolls)).collect();
+    let mut text = table(&head, &rows);
     if kept.len() > LISTED {
         text += &format!("… and {} more, see {SUMMARY}\n", kept.len() - LISTED);
     }
@@ -193,13 +198,15 @@ fn list(work: &Work<'_>, kept: &[Kept]) -> Vec<Value> {
     kept.iter().map(entry).collect()
 }
 
-fn row(work: &Work<'_>, section: &Kept) -> Vec<String> {
-    let orientation = work.set.orientations[section.index];
-    vec![
-        section.index.to_string(),
-        format!("{:.1}°", orientation.theta),
-        format!("{:.1}°", orientation.phi),
+/// A line of the table, with the roll where any orientation has one.
+fn row(work: &Work<'_>, section: &Kept, rolls: bool) -> Vec<String> {
+    let Orientation { theta, phi, roll } = work.set.orientations[section.index];
+    let angles = [Some(theta), Some(phi), rolls.then_some(roll)];
+    let mut row = vec![section.index.to_string()];
+    row.extend(angles.into_iter().flatten().map(|angle| format!("{angle:.1}°")));
+    row.extend([
         format!("{:.4}", section.largest),
         format!("{} voxels ({:.1} %)", section.outside.accessible, section.outside.percent()),
-    ]
+    ]);
+    row
 }

@@ -4,10 +4,11 @@
 //! order of axes that ends with the one of revolution, then a turn about that: signs of functions, a fixed matrix of each
 //! degree, and a turn of the functions ±m by m times the angle.
 
+use glam::DQuat;
 use pulp::Arch;
 
 use super::{Axis, Place, Symmetry};
-use crate::harmonic::rotations::{self, rotation_functions};
+use crate::harmonic::rotations::RotationBasis;
 use crate::harmonic::sphere::change_sign;
 use crate::vectorised::vectorised;
 
@@ -26,8 +27,9 @@ impl LocalHarmonics {
         let along = symmetry.axis.map_or(2, |axis| axis.along);
         let mut columns = Vec::new();
         if along != 2 {
-            let mut functions = vec![0.0; rotations::function_count(degree)];
-            rotation_functions(&Axis::permutation(along), degree, &mut functions);
+            let basis = RotationBasis::new(degree);
+            let mut functions = vec![0.0; basis.len()];
+            basis.values(DQuat::from_mat3(&Axis::permutation(along)), &mut functions);
             let mut start = 0;
             for l in 0..=degree {
                 let size = 2 * l + 1;

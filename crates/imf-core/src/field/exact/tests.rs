@@ -33,7 +33,7 @@ fn at_voxel_centres_it_is_the_section() {
 }
 
 use crate::grid::Grid;
-use crate::tool::{Clearance, Segment};
+use crate::tool::{Clearance, RotatedTool, Segment};
 use glam::DVec3;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -77,15 +77,15 @@ impl Start {
         control: Control<'_>,
     ) -> Result<(Solved, DMatrix<f64>, FitReport), HarmonicError> {
         let own = self.sample.gather(source, &self.set, control)?;
-        let solved = self.solved(&own, dense);
+        let solved = self.solved(&own, dense, control)?;
         let (axes, report) = self.axes_of(&solved);
         Ok((solved, axes, report))
     }
 
     /// What the sample's values at the fitted orientations tell, `[orientation][voxel]`.
-    fn solved(&self, own: &[f32], dense: &Dense) -> Solved {
-        let solved = self.sample.moments(own, &dense.values).solve(&dense.normal);
-        solved.of_both_sides(&self.parities)
+    fn solved(&self, own: &[f32], dense: &Dense, control: Control<'_>) -> Result<Solved, HarmonicError> {
+        let solved = self.sample.moments(own, &dense.values).solve(&dense.normal, control)?;
+        Ok(solved.of_both_sides(&self.parities))
     }
 
     /// The parities of axes.
@@ -180,9 +180,9 @@ impl Start {
         let of_sample = sections.at(self.sample.places());
         let mut own = Vec::new();
         of_sample.read(Arch::new(), 0..of_sample.voxels.div_ceil(KEPT_BLOCK), &mut own);
-        let solved = self.solved(&own, &dense);
+        let solved = self.solved(&own, &dense, control)?;
         let (axes, report) = self.axes_of(&solved);
-        let (weights, start) = dense.weights(&axes, &solved.mean);
+        let (weights, start) = dense.weights(&axes, &solved.mean, control)?;
         let (count, width, arch) = (self.set.len(), axes.ncols(), Arch::new());
         let weights = Matrix::row_major(&weights, count, width, width);
         let mut coefficients = Coefficients::zeros(sections.voxels * width, precision);
@@ -212,7 +212,7 @@ impl Start {
         if in_classes {
             (axes, mean) = self.axes_of_classes()?;
         }
-        let (weights, start) = dense.weights(&axes, &mean);
+        let (weights, start) = dense.weights(&axes, &mean, control)?;
         let (voxels, width) = (source.grid().len(), axes.ncols());
         let mut coefficients = vec![0.0; voxels * width];
         coefficients.par_chunks_mut(width).for_each(|z| z.copy_from_slice(&start));
@@ -234,9 +234,14 @@ impl Start {
 
 impl Dense {
     /// What turns sections to coefficients along some axes, `z = Uᵀ (G + R)⁻¹ Bᵀ s − Uᵀ μ`: an N × axes matrix, and a start.
-    fn weights(&self, axes: &DMatrix<f64>, mean: &DVector<f64>) -> (Vec<f32>, Vec<f32>) {
+    fn weights(
+        &self,
+        axes: &DMatrix<f64>,
+        mean: &DVector<f64>,
+        control: Control<'_>,
+    ) -> Result<(Vec<f32>, Vec<f32>), HarmonicError> {
         let start = (axes.transpose() * mean).iter().map(|&v| -v as f32).collect();
-        (self.normal.weights(&self.values, axes), start)
+        Ok((self.normal.weights(&self.values, axes, control)?, start))
     }
 }
 

@@ -85,7 +85,8 @@ impl Sample {
         for (row, mean) in values.chunks_exact(basis.len()).zip(means) {
             right.iter_mut().zip(row).for_each(|(right, &value)| *right += f64::from(value) * mean);
         }
-        Ok(NormalMatrix::new(basis, &values)?.solve(&right).iter().copied().collect())
+        let means = NormalMatrix::new(basis, &values)?.solve(right, Control::quiet())?;
+        Ok(means.iter().copied().collect())
     }
 
     /// `Bᵀ S` of the sections that are fitted, `[orientation][voxel]` at the sample's voxels, with its mean over voxels and
