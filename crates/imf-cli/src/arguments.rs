@@ -28,6 +28,8 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use imf_core::training::run::Length;
 use imf_core::training::schedule::RateRule;
+
+use self::train::Given;
 use imf_core::training::{Loss, Precision};
 
 use scene::SceneArguments;
@@ -221,8 +223,7 @@ pub(crate) struct PlanArguments {
     #[arg(long, value_enum, default_value = "l1")]
     pub(crate) loss: LossKind,
     /// What products of layers are computed in, sums being f32: f32; bf16 (factors rounded to bfloat16), faster on CPUs with
-    /// AVX-512 BF16; or f16 (factors rounded to f16) on GPUs, by their matrix units where they have them; a resumed
-    /// training keeps its own
+    /// AVX-512 BF16; or f16 (factors rounded to f16) on GPUs, by their matrix units where they have them
     #[arg(long, value_enum, default_value = "f32")]
     pub(crate) precision: PrecisionKind,
     /// Coupled L2 of Adam
@@ -323,6 +324,9 @@ impl From<LossKind> for Loss {
 #[command(after_help = "Example:\n  imf finetune raw/model.safetensors bracket-225 --out adapted\n\n\
                         By default 5 epochs from a learning rate of 1e-4.")]
 pub(crate) struct FinetuneArguments {
+    // Before the others, which take their values away.
+    #[command(flatten)]
+    pub(crate) given: Given,
     /// Model to start from
     pub(crate) model: PathBuf,
     /// Folder of the dataset

@@ -16,6 +16,7 @@ mod telemetry;
 pub(crate) use checkpoint::{Latest, latest};
 pub(crate) use curve::loss_chart;
 pub(crate) use data::Data;
+pub(crate) use memory::Footprint;
 pub(crate) use plan::{plan, plan_defaults};
 pub(crate) use start::{continued, fresh_model, require_togetherness, resumed_model, to_resume};
 
@@ -23,10 +24,10 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, Result, ensure};
+use anyhow::{Context as _, Result, bail};
 use imf_core::model::{HeldOutPoint, LossPoint, Model};
 use imf_core::section::SectionError;
-use imf_core::training::run::{Cursor, Outcome, Report, TrainError, TrainingPlan, train};
+use imf_core::training::run::{Outcome, Report, Start, TrainError, TrainingPlan, train};
 use imf_core::training::schedule::Schedule;
 use imf_core::training::streamed::train_streamed;
 use imf_core::training::{EngineError, TrainingEngine};
@@ -34,12 +35,12 @@ use imf_core::training::{EngineError, TrainingEngine};
 use crate::arguments::{LengthArguments, PlanArguments};
 use crate::engine::Device;
 use crate::interrupt::{self, Interrupted};
+use crate::output::claim;
 use crate::progress::Stage;
 use crate::session::Session;
-use checkpoint::Checkpoints;
+use checkpoint::{Checkpoints, PREVIOUS};
 use data::Source;
 use held_out::HeldOutWatch;
-use memory::Footprint;
 use plan::REPORT_EVERY;
 use telemetry::{Row, Telemetry};
 
@@ -55,6 +56,8 @@ pub(crate) struct Settings {
     pub(crate) checkpoint_every: f64,
     /// What to do after an interruption, such as "add --resume".
     pub(crate) go_on: &'static str,
+    /// Where the learning rate is told, such as " with --rate ".
+    pub(crate) slower: &'static str,
     /// Poses held out of a fresh training; a resumed one keeps those that it has.
     pub(crate) held_out: usize,
     /// Steps between two evaluations at them.
@@ -71,6 +74,7 @@ impl Settings {
         Self {
             checkpoint_every: length.checkpoint_every,
             go_on: "add --resume",
+            slower: " with --rate ",
             held_out: arguments.held_out,
             held_out_every: arguments.held_out_every,
             log: arguments.log.clone(),
@@ -82,7 +86,7 @@ impl Settings {
 /// The observer of a training.
 pub(crate) type Observer<'a> = dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()> + 'a;
 /// Runs a plan on an engine from a cursor: where the samples come from is its own affair.
-pub(crate) type Loop<'a> = dyn FnMut(&TrainingPlan, &mut dyn TrainingEngine, Cursor, &mut Observer<'_>) -> Result<Outcome, TrainError>
+pub(crate) type Loop<'a> = dyn FnMut(&TrainingPlan, &mut dyn TrainingEngine, Start, &mut Observer<'_>) -> Result<Outcome, TrainError>
     + 'a;
 
 /// What an epoch learns from.
@@ -133,9 +137,7 @@ pub(crate) fn run_by(
     by: &mut Loop<'_>,
 ) -> Result<Model> {
     let footprint = footprint(session, device, &model, epoch.samples, settings)?;
-    session.require_memory(footprint.bytes() + epoch.bytes, || {
-        format!("{footprint}; use a smaller --width or --batch, or fewer sections at a time")
-    })?;
+    footprint.require(session, epoch.bytes)?;
     train_to_the_end(session, device, epoch.samples, model, out, settings, by)
 }
 
@@ -147,9 +149,13 @@ fn footprint(
     samples: usize,
     settings: &Settings,
 ) -> Result<Footprint> {
-    let held_out =
-        if model.record.steps == 0 { settings.held_out > 0 } else { model.record.held_out.is_some() };
-    Footprint::new(session, device, model, model.record.plan.batch.min(samples.max(1)), held_out)
+    let record = &model.record;
+    let held_out = match &record.held_out {
+        _ if record.steps == 0 => settings.held_out,
+        held_out => held_out.as_ref().map_or(0, |held_out| held_out.choice.poses),
+    };
+    let batch = record.plan.batch.min(samples.max(1));
+    Footprint::new(session, device, model.shape, &record.plan, &model.scene.record, batch, held_out)
 }
 
 /// Trains with an epoch of so many samples, which `by` has; memory was asked for.
@@ -172,6 +178,7 @@ fn train_to_the_end(
     // After this no rank reads what the first may write.
     rank.agree("training", fingerprint(&model)?)?;
     let writing = rank.is_first();
+    let _claim = if writing { Some(claim(out)?) } else { None };
     let held_out = if writing { HeldOutWatch::new(session, &model)? } else { None };
     let folder = (settings.tensorboard && writing).then(|| out.join("tensorboard"));
     let log = settings.log.as_deref().filter(|_| writing);
@@ -197,13 +204,14 @@ fn train_to_the_end(
         held_out,
         telemetry,
         go_on: settings.go_on,
+        slower: settings.slower,
         failure: None,
         model,
     };
     run.model.record.engine = engine.describe();
     run.model.record.program = env!("CARGO_PKG_VERSION").into();
     run.stage.begin_at(run.model.record.steps);
-    let start = run.model.record.cursor;
+    let start = Start { cursor: run.model.record.cursor, watch: run.model.record.watch };
     let plan = run.model.record.plan;
     let outcome = by(&plan, engine.as_mut(), start, &mut |report, engine| run.observe(report, engine));
     if let Some(failure) = run.failure {
@@ -215,7 +223,12 @@ fn train_to_the_end(
             let text = format!("the first sections were still being made; {kept}; {} to go on", run.go_on);
             return Err(Interrupted(text).into());
         }
-        Err(error) => return Err(run.explain(error)),
+        Err(error) => {
+            if error.is_divergence() {
+                run.checkpoints.drop_doubtful();
+            }
+            return Err(run.explain(error));
+        }
         Ok(Outcome::Stopped(_)) => {
             let path = run.checkpoints.last().map_or(out, |(path, _)| path).display().to_string();
             let go_on = settings.go_on;
@@ -227,7 +240,7 @@ fn train_to_the_end(
     }
     run.model.record.finished = true;
     run.take_state(engine.as_mut())?;
-    run.checkpoints.write(&run.model)?;
+    let kept = run.checkpoints.write(&run.model);
     let Run { stage, model, checkpoints, .. } = run;
     let last = model.record.losses.last().map_or(f64::NAN, |p| p.loss);
     let unseen = model.record.held_out.as_ref().and_then(|held| held.errors.last());
@@ -235,11 +248,28 @@ fn train_to_the_end(
     stage.finish(&format!("loss {last:.2e}{unseen}"));
     let model = model.without_moments();
     if !writing {
-        return Ok(model);
+        return kept.map(|()| model);
     }
-    write_result(out, &model)
-        .with_context(|| format!("the training is finished and kept: {}", checkpoints.kept()))?;
-    session.note(&format!("wrote {}", out.join(MODEL).display()));
+    if model.record.watch.is_suspicious() {
+        session.warn(&format!(
+            "the loss ended far above its best: training may have diverged in its last steps; a lower learning rate is the \
+             remedy, and {PREVIOUS} in {} is of before",
+            out.display()
+        ));
+    }
+    let path = out.join(MODEL);
+    match (write_result(out, &model), kept) {
+        (Ok(()), Ok(())) => {}
+        // The model is what a training is for, and the smaller of the two.
+        (Ok(()), Err(error)) => {
+            session.warn(&format!("{error:#}; {} is the finished model all the same", path.display()));
+        }
+        (Err(error), Ok(())) => {
+            return Err(error.context(format!("the training is finished and kept: {}", checkpoints.kept())));
+        }
+        (Err(_), Err(error)) => return Err(error),
+    }
+    session.note(&format!("wrote {}", path.display()));
     Ok(model)
 }
 
@@ -280,6 +310,7 @@ struct Run<'a> {
     held_out: Option<HeldOutWatch>,
     telemetry: Telemetry,
     go_on: &'static str,
+    slower: &'static str,
     failure: Option<anyhow::Error>,
     model: Model,
 }
@@ -299,7 +330,7 @@ impl Run<'_> {
         let record = &mut self.model.record;
         let steps = report.step - record.steps;
         record.steps = report.step;
-        record.cursor = report.cursor;
+        (record.cursor, record.watch) = (report.cursor, report.watch);
         record.pending_loss.0 += report.mean_loss * steps as f64;
         record.pending_loss.1 += steps;
         let is_last = report.step == report.total_steps;
@@ -336,7 +367,7 @@ impl Run<'_> {
             return Ok(ControlFlow::Break(()));
         }
         // A state that may be lost must not take the place of a good one. The last step has a checkpoint of its own.
-        if self.checkpoints.is_due() && !report.suspicious && !is_last {
+        if self.checkpoints.is_due() && !report.watch.is_suspicious() && !is_last {
             self.take_state(engine)?;
             self.checkpoints.write_or_warn(self.session, &self.model);
         }
@@ -372,12 +403,14 @@ impl Run<'_> {
     /// Fetches what a checkpoint holds.
     fn take_state(&mut self, engine: &mut dyn TrainingEngine) -> Result<()> {
         let state = engine.state()?;
-        ensure!(
-            state.is_finite(),
-            "the weights are no longer finite numbers at step {}: training has diverged; {}",
-            self.model.record.steps,
-            self.way_out(true)
-        );
+        if !state.is_finite() {
+            self.checkpoints.drop_doubtful();
+            bail!(
+                "the weights are no longer finite numbers at step {}: training has diverged; {}",
+                self.model.record.steps,
+                self.way_out(true)
+            );
+        }
         self.model.state = state;
         self.model.record.seconds = self.seconds();
         Ok(())
@@ -398,10 +431,11 @@ impl Run<'_> {
             | Schedule::Cosine { initial, .. }
             | Schedule::Length { initial, .. } => initial / 3.0,
         };
-        let slower = if diverged { format!(" with --rate {third:.1e}") } else { String::new() };
+        let slower =
+            if diverged { format!("{}{third:.1e}", self.slower) } else { " to go on from it".into() };
         match self.checkpoints.last() {
             Some((path, step)) => format!(
-                "the last good checkpoint is {}, of step {step}; {}{slower} to go on from it",
+                "the last good checkpoint is {}, of step {step}; {}{slower}",
                 path.display(),
                 self.go_on
             ),

@@ -4,9 +4,10 @@
 
 mod earlier;
 
-use std::fs;
-use std::io::{Write as _, stdout};
+use std::fs::{self, File, TryLockError};
+use std::io::{Error, ErrorKind, Write as _, stdout};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context as _, Result, bail, ensure};
 use imf_core::atomic_file::{remove_all_leftovers, remove_leftovers, write_atomically};
@@ -72,6 +73,52 @@ impl OutputFolder {
     }
 }
 
+/// A folder that this run alone writes to, until it is dropped.
+#[must_use = "another run may write to the folder as soon as this is dropped"]
+pub(crate) struct Claim {
+    /// Nothing where this run claimed the folder before, and where folders cannot be locked: on Windows, and on some network drives.
+    locked: Option<(PathBuf, File)>,
+}
+
+/// The folders that this run has claimed.
+static CLAIMED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+fn claimed() -> MutexGuard<'static, Vec<PathBuf>> {
+    CLAIMED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Drop for Claim {
+    fn drop(&mut self) {
+        if let Some((path, _)) = &self.locked {
+            claimed().retain(|claimed| claimed != path);
+        }
+    }
+}
+
+/// Makes a folder this run's own, if it exists.
+///
+/// # Errors
+/// Another run that writes to it now.
+pub(crate) fn claim(folder: &Path) -> Result<Claim> {
+    let nothing = Ok(Claim { locked: None });
+    let (Ok(path), Ok(opened)) = (folder.canonicalize(), File::open(folder)) else { return nothing };
+    let mut all = claimed();
+    if all.contains(&path) {
+        return nothing;
+    }
+    match opened.try_lock() {
+        Ok(()) => {
+            all.push(path.clone());
+            Ok(Claim { locked: Some((path, opened)) })
+        }
+        Err(TryLockError::WouldBlock) => bail!(
+            "another run of imf is writing to {}: wait for its end, or choose another --out",
+            folder.display()
+        ),
+        Err(TryLockError::Error(_)) => nothing,
+    }
+}
+
 /// Also true for a link that leads nowhere, which cannot be made a folder.
 fn exists(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok()
@@ -110,11 +157,22 @@ impl OutputFile {
 /// Writes text to standard output.
 pub(crate) fn print(text: &str) -> Result<()> {
     let mut out = stdout().lock();
-    out.write_all(text.as_bytes())?;
-    if !text.ends_with('\n') {
-        out.write_all(b"\n")?;
-    }
-    Ok(out.flush()?)
+    let end: &[u8] = if text.ends_with('\n') { b"" } else { b"\n" };
+    let written = out.write_all(text.as_bytes()).and_then(|()| out.write_all(end));
+    written.and_then(|()| out.flush()).map_err(standard_output_failed)
+}
+
+/// What to say where standard output takes no more; a closed pipe stays recognisable.
+pub(crate) fn standard_output_failed(error: Error) -> anyhow::Error {
+    let text = match error.kind() {
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
+            format!(
+                "cannot write to standard output: the disk is full ({error}); free some space or choose another disk"
+            )
+        }
+        _ => format!("cannot write to standard output: {error}"),
+    };
+    anyhow::Error::new(error).context(text)
 }
 
 /// Writes a value as JSON to standard output.

@@ -31,6 +31,7 @@ use crate::orientation::OrientationSet;
 use crate::scene::{Scene, SceneRecord};
 use crate::siren::SirenShape;
 use crate::training::TrainingState;
+use crate::training::divergence::Watch;
 use crate::training::run::{Cursor, TrainingPlan};
 
 const FORMAT: &str = "imf-model";
@@ -81,6 +82,9 @@ pub struct TrainingRecord {
     pub plan: TrainingPlan,
     /// Where the plan stands.
     pub cursor: Cursor,
+    /// What the losses so far look like; files of older programs say nothing of it.
+    #[serde(default, skip_serializing_if = "Watch::is_new")]
+    pub watch: Watch,
     /// True once the plan is done.
     pub finished: bool,
     /// Steps done under the plan.

@@ -16,6 +16,7 @@ use imf_core::siren::SirenShape;
 use imf_core::stored::StoredField;
 use imf_core::tool::Tool;
 use imf_core::training::TrainingState;
+use imf_core::training::divergence::Watch;
 use imf_core::training::run::{Cursor, TrainingPlan};
 use imf_gpu::{Gpu, GpuField};
 
@@ -39,6 +40,7 @@ fn record() -> TrainingRecord {
         program: "test".to_owned(),
         plan: TrainingPlan::default(),
         cursor: Cursor::default(),
+        watch: Watch::default(),
         finished: true,
         steps: 0,
         seconds: 0.0,

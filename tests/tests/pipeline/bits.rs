@@ -10,6 +10,7 @@ use imf_core::model::{Model, TrainingRecord};
 use imf_core::samples::Samples;
 use imf_core::siren::SirenShape;
 use imf_core::siren::engine::{CpuEvaluator, CpuTrainer};
+use imf_core::training::divergence::Watch;
 use imf_core::training::run::{Cursor, Length, Outcome, TrainingPlan, train};
 use imf_core::training::{TrainingEngine, TrainingState};
 use imf_gpu::{GpuEvaluator, GpuTrainer};
@@ -105,6 +106,7 @@ fn a_model_that_was_written_and_read_evaluates_as_before() {
         program: "test".into(),
         plan,
         cursor: Cursor::default(),
+        watch: Watch::default(),
         finished: true,
         steps: state.step,
         seconds: 0.25,

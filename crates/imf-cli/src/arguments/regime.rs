@@ -38,7 +38,8 @@ pub(crate) struct ShowArguments {
                         imf regime run multi --scale 0.5 --set network.width=128 --set 'stage.*.training.batch=512' \
                         --out trial\n  imf regime run mine.toml --out mine\n\n\
                         Writes regime.toml (what was run), datasets, stages, model.safetensors, regime.md, regime.json \
-                        and loss.png. After Ctrl-C or a crash the same command goes on, to the same weights.")]
+                        and loss.png. After Ctrl-C or a crash the same command goes on, to the same weights. A changed regime keeps the finished \
+                        stages of the folder whose settings are the same; it refuses to overwrite others.")]
 pub(crate) struct RunArguments {
     /// A preset (imf regime list) or a file
     pub(crate) regime: String,
@@ -63,6 +64,12 @@ pub(crate) struct RunArguments {
     /// Poses at random orientations that training never sees, to watch the error of every stage at; 0 for none
     #[arg(long, default_value_t = 16_384, value_name = "N")]
     pub(crate) held_out: usize,
+    /// Also write loss, rate, held-out error and speed of every stage to log.jsonl in its folder, a JSON object a line
+    #[arg(long)]
+    pub(crate) log: bool,
+    /// Also write event files for TensorBoard, to the folder tensorboard in every stage's folder
+    #[arg(long)]
+    pub(crate) tensorboard: bool,
     #[command(flatten)]
     pub(crate) device: DeviceArguments,
 }

@@ -45,7 +45,7 @@ use super::{LengthArguments, NetworkFamily, PlanArguments};
 pub(crate) struct TrainArguments {
     // Before the others, which take their values away.
     #[command(flatten)]
-    given: Given,
+    pub(crate) given: Given,
     #[command(flatten)]
     pub(crate) scene: SceneArguments,
     #[command(flatten)]
@@ -233,9 +233,14 @@ impl TrainArguments {
 }
 
 /// The names of what was given on the command line, whatever its value.
-struct Given(Vec<String>);
+pub(crate) struct Given(Vec<String>);
 
 impl Given {
+    /// Whether an argument of this name was given.
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.0.iter().any(|given| given == name)
+    }
+
     /// The first option of a group that was given.
     fn first_of<T: Args>(&self) -> Option<String> {
         let group = T::augment_args(Command::new("group"));

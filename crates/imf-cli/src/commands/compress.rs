@@ -28,7 +28,7 @@ use super::calibrate;
 use crate::arguments::compress::CompressArguments;
 use crate::engine::Device;
 use crate::interrupt::{self, Interrupted};
-use crate::output::{prepare_folder, print, print_json};
+use crate::output::{claim, prepare_folder, print, print_json};
 use crate::session::{Session, show_bytes};
 
 const FIELD: &str = "field.safetensors";
@@ -42,6 +42,7 @@ pub(crate) fn run(session: &Session, arguments: &CompressArguments) -> Result<()
     };
     let device = Device::open(&arguments.device, session)?;
     prepare_folder(&arguments.out)?;
+    let _claim = claim(&arguments.out)?;
     let beginning = Beginning::at(&arguments.out, arguments.resume)?;
     if let Some((path, from)) = &from {
         beginning.require_network_of(path, from)?;
@@ -180,6 +181,8 @@ impl Lesson<'_> {
                 loss = report.mean_loss;
                 let due = begun.get_or_insert_with(Instant::now).elapsed().as_secs_f64()
                     >= self.settings.checkpoint_every;
+                // A state that may be lost must not take the place of a good one.
+                let due = due && !report.watch.is_suspicious();
                 pause.store(due || interrupt::requested(), Ordering::Relaxed);
             };
             let outcome = match device {

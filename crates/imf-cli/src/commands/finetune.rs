@@ -1,6 +1,6 @@
 //! `imf finetune`: a trained network adapted to another dataset.
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use imf_core::model::Model;
 use imf_core::training::TrainingState;
 
@@ -8,7 +8,7 @@ use super::train::{concluded, is_over};
 use crate::arguments::FinetuneArguments;
 use crate::engine::Device;
 use crate::job::{self, Data, Latest, Settings};
-use crate::output::prepare_folder;
+use crate::output::{claim, prepare_folder};
 use crate::session::Session;
 
 pub(crate) fn run(session: &Session, arguments: &FinetuneArguments) -> Result<()> {
@@ -16,9 +16,22 @@ pub(crate) fn run(session: &Session, arguments: &FinetuneArguments) -> Result<()
     plan.check()?;
     job::require_togetherness(session)?;
     let out = &arguments.out;
+    let replaced = out.join(job::MODEL);
+    if let (Ok(from), Ok(to)) = (arguments.model.canonicalize(), replaced.canonicalize())
+        && from == to
+        && !arguments.resume
+    {
+        bail!("{} would be replaced by what is made of it: choose another --out", replaced.display());
+    }
     prepare_folder(out)?;
+    let _claim = claim(out)?;
     let found = job::to_resume(out, arguments.resume)?;
     let start = Model::read(&arguments.model)?;
+    let settings = Settings::new(&arguments.length, &arguments.plan);
+    if let Some(found) = &found {
+        found.require_origin(&start)?;
+        found.require_options(&arguments.given, start.shape, &plan, &settings)?;
+    }
     let data = Data::open(&arguments.dataset)?;
     if start.scene.record.tool.shape != data.scene.record.tool.shape {
         session.warn("the model was made for another tool than the dataset; it will be adapted all the same");
@@ -37,7 +50,6 @@ pub(crate) fn run(session: &Session, arguments: &FinetuneArguments) -> Result<()
             job::fresh_model(&data, start.shape, plan, state, Some(from))
         }
     };
-    let settings = Settings::new(&arguments.length, &arguments.plan);
     let model = job::run(session, &device, &data, model, out, &settings)?;
     concluded(session, out, &model, arguments.no_calibrate)
 }

@@ -3,22 +3,29 @@
 //! ```text
 //! OUT/regime.toml              what is run, presets and changes together: run it again with `imf regime run`
 //! OUT/datasets/NAME-…/         one for each different set of sections
-//! OUT/stages/NAME/             checkpoint, model, and for results the report with its pictures
+//! OUT/stages/NAME/             settings, checkpoint, model, log; for results the report with its pictures
 //! OUT/model.safetensors        the first result
 //! OUT/regime.md, regime.json   stages, results; loss.png
+//! OUT/former/N/                the same of a regime that was changed since
 //! OUT/VARIANT/…                a sweep has all of this for each variant, and sweep.md, sweep.json, loss.png for all
 //! ```
 //!
 //! Whatever stage was interrupted, the same command goes on: datasets keep their shards, finished stages are known by
-//! their settings and by the weights that they started from, an unfinished one continues from its checkpoint.
+//! their settings and by the weights that they started from, an unfinished one continues from its checkpoint. So does a
+//! changed regime in the same folder, as long as no stage would be overwritten by one of other settings (`claim`). What can
+//! be known before the first training begins is (`ready`).
 
+mod claim;
+mod kept;
+mod ready;
 mod results;
 mod scenes;
 mod stage;
 mod summary;
 mod sweep;
+mod tally;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 pub(crate) use results::{Outcome, interruption};
@@ -33,7 +40,7 @@ use serde_json::json;
 use crate::arguments::regime::{RegimeArguments, RegimeCommand, RunArguments};
 use crate::engine::Device;
 use crate::job::Settings;
-use crate::output::{prepare_folder, print, print_json, write_text};
+use crate::output::{OutputFolder, print, print_json};
 use crate::progress::show_seconds;
 use crate::session::Session;
 
@@ -62,8 +69,10 @@ fn run_regime(session: &Session, arguments: &RunArguments) -> Result<()> {
     let begun = Instant::now();
     let table = table(arguments)?;
     let runs = regime::runs(&table)?;
-    prepare_folder(&arguments.out)?;
-    claim(&arguments.out, &table)?;
+    let runs = runs.into_iter().map(|(variant, own)| Run::new(variant, own, &arguments.out));
+    let runs = runs.collect::<Result<Vec<_>>>()?;
+    OutputFolder::check(&arguments.out)?;
+    let _claim = crate::output::claim(&arguments.out)?;
     let device = Device::open(&arguments.device.device, session)?;
     let workshop = Workshop {
         session,
@@ -71,15 +80,21 @@ fn run_regime(session: &Session, arguments: &RunArguments) -> Result<()> {
         settings: Settings {
             checkpoint_every: arguments.checkpoint_every,
             go_on: GO_ON,
+            slower: " with another --out and --set stage.*.training.schedule.initial=",
             held_out: arguments.held_out,
             held_out_every: None,
             log: None,
-            tensorboard: false,
+            tensorboard: arguments.tensorboard,
         },
+        log: arguments.log,
         datasets: arguments.out.join("datasets"),
     };
-    if let [(None, table)] = runs.as_slice() {
-        let summary = run_once(&workshop, table, &arguments.out)?;
+    // The only run of its folder is gone through again, variants that came to their end are read.
+    let is_read = |run: &Run| run.variant.is_some() && claim::is_finished(run);
+    let mut scenes = ready::check(&workshop, runs.iter().filter(|run| !is_read(run)))?;
+    if let [run @ Run { variant: None, .. }] = runs.as_slice() {
+        claim::take(session, &run.out, &run.table)?;
+        let summary = run_once(&workshop, run, &mut scenes)?;
         if session.json {
             return print_json(&summary);
         }
@@ -90,7 +105,7 @@ fn run_regime(session: &Session, arguments: &RunArguments) -> Result<()> {
             show_seconds(begun.elapsed().as_secs_f64())
         ));
     }
-    sweep::run(&workshop, &table, &runs, &arguments.out)
+    sweep::run(&workshop, &table, &runs, &mut scenes, &arguments.out)
 }
 
 /// The regime's table with the changes that the command line asks for.
@@ -126,44 +141,62 @@ fn table(arguments: &RunArguments) -> Result<toml::Table> {
     Ok(table)
 }
 
-/// Writes down what the folder is for, or finds that it is for the same.
-fn claim(out: &Path, table: &toml::Table) -> Result<()> {
-    let path = out.join("regime.toml");
-    let text = toml::to_string(table).context("the regime cannot be written down")?;
-    match std::fs::read_to_string(&path) {
-        Ok(found) if found == text => Ok(()),
-        Ok(_) => bail!(
-            "{} describes another regime, or other settings of it: choose another --out, or remove the folder",
-            path.display()
-        ),
-        Err(_) => write_text(&path, &text),
+/// A regime without variants, and the folder that it is run in.
+pub(crate) struct Run {
+    /// Of a sweep.
+    variant: Option<String>,
+    table: toml::Table,
+    regime: Regime,
+    out: PathBuf,
+}
+
+impl Run {
+    /// A regime run in `out`, or a variant of it in a folder there.
+    fn new(variant: Option<String>, table: toml::Table, out: &Path) -> Result<Self> {
+        let regime = Regime::from_table(table.clone())?;
+        let out = variant.as_ref().map_or_else(|| out.to_owned(), |variant| out.join(variant));
+        Ok(Self { variant, table, regime, out })
+    }
+
+    fn stage_folder(&self, stage: &str) -> PathBuf {
+        self.out.join("stages").join(stage)
+    }
+
+    /// A stage in words.
+    fn named(&self, stage: &str) -> String {
+        self.variant.as_ref().map_or_else(String::new, |variant| format!("variant {variant}, "))
+            + &format!("stage {stage}")
     }
 }
 
 /// Runs a regime without variants in a folder of its own; one that came to its end there is only read.
 pub(crate) fn run_or_read(workshop: &Workshop<'_>, table: &toml::Table, out: &Path) -> Result<Summary> {
-    prepare_folder(out)?;
-    claim(out, table)?;
-    match Summary::read(out) {
-        Some(summary) => {
-            workshop.session.note("finished already");
-            Ok(summary)
-        }
-        None => run_once(workshop, table, out),
+    let run = Run::new(None, table.clone(), out)?;
+    let mut scenes = ready::check(workshop, Some(&run).into_iter().filter(|run| !claim::is_finished(run)))?;
+    go_on_or_read(workshop, &run, &mut scenes)
+}
+
+/// As [`run_or_read`], of a run that was checked.
+fn go_on_or_read(workshop: &Workshop<'_>, run: &Run, scenes: &mut Scenes) -> Result<Summary> {
+    claim::take(workshop.session, &run.out, &run.table)?;
+    let Some(mut summary) = Summary::read(&run.out) else { return run_once(workshop, run, scenes) };
+    workshop.session.note("finished already");
+    if summary.retitle(&run.regime) {
+        summary.write(&run.out)?;
     }
+    Ok(summary)
 }
 
 /// Runs one regime without variants: its stages, its results, its report.
-fn run_once(workshop: &Workshop<'_>, table: &toml::Table, out: &Path) -> Result<Summary> {
-    let regime = Regime::from_table(table.clone())?;
-    let mut scenes = Scenes::new(&regime.scene);
+fn run_once(workshop: &Workshop<'_>, run: &Run, scenes: &mut Scenes) -> Result<Summary> {
+    let (regime, out) = (&run.regime, &run.out);
     let mut finished = Vec::new();
     for stage in &regime.stages {
-        let done = workshop.run(&regime, stage, &mut scenes, &finished, out)?;
+        let done = workshop.run(run, stage, scenes, &finished)?;
         finished.push(done);
     }
-    let results = results::evaluate(workshop, &regime, &finished, out)?;
-    let summary = Summary::new(&regime, &finished, results);
-    summary.write(out, &finished)?;
+    let results = results::evaluate(workshop, regime, &finished, out)?;
+    let summary = Summary::new(regime, &finished, results);
+    summary.write(out)?;
     Ok(summary)
 }

@@ -16,7 +16,7 @@ use crate::arguments::NetworkFamily;
 use crate::session::Session;
 
 const CURRENT: &str = NetworkFamily::Siren5.checkpoint();
-const PREVIOUS: &str = "checkpoint.previous.safetensors";
+pub(super) const PREVIOUS: &str = "checkpoint.previous.safetensors";
 
 /// What an output folder holds to go on from.
 pub(crate) struct Latest {
@@ -69,6 +69,8 @@ pub(super) struct Checkpoints {
     failing: bool,
     /// What the files hold.
     content: Content,
+    /// The last checkpoint is of a state that may be lost: the one before is the good one.
+    doubtful: bool,
 }
 
 /// What stands in the folder.
@@ -89,18 +91,27 @@ impl Checkpoints {
         let (current, previous) = (out.join(CURRENT), out.join(PREVIOUS));
         let tried = Instant::now();
         if !writing {
-            let content = Content::Foreign;
-            return Self { writing, current, previous, seconds_between, tried, failing: false, content };
+            let (content, doubtful) = (Content::Foreign, false);
+            return Self {
+                writing,
+                current,
+                previous,
+                seconds_between,
+                tried,
+                failing: false,
+                content,
+                doubtful,
+            };
         }
         remove_all_leftovers(out);
-        let content = if steps == 0 {
-            Content::Foreign
-        } else if Model::read(&current).is_ok_and(|model| model.record.steps == steps) {
-            Content::CurrentAt(steps)
-        } else {
-            Content::PreviousAt(steps)
+        let (content, doubtful) = match Model::read(&current) {
+            _ if steps == 0 => (Content::Foreign, false),
+            Ok(Model { record, .. }) if record.steps == steps => {
+                (Content::CurrentAt(steps), record.watch.is_suspicious())
+            }
+            _ => (Content::PreviousAt(steps), false),
         };
-        Self { writing, current, previous, seconds_between, tried, failing: false, content }
+        Self { writing, current, previous, seconds_between, tried, failing: false, content, doubtful }
     }
 
     /// True once the next checkpoint is due.
@@ -118,9 +129,10 @@ impl Checkpoints {
         }
         self.tried = Instant::now();
         let written = match self.content {
-            Content::CurrentAt(_) => model.write_keeping_previous(&self.current, &self.previous),
-            // What is damaged must not take the place of what is not.
+            // What is damaged, or may be lost, must not take the place of what is not.
+            Content::CurrentAt(_) if self.doubtful && self.previous.exists() => model.write(&self.current),
             Content::PreviousAt(_) => model.write(&self.current),
+            Content::CurrentAt(_) => model.write_keeping_previous(&self.current, &self.previous),
             Content::Foreign => {
                 // Of another training, which is finished: nobody goes on from it.
                 let _ = fs::remove_file(&self.previous);
@@ -129,7 +141,21 @@ impl Checkpoints {
         };
         written.with_context(|| format!("the checkpoint could not be written, {}", self.kept()))?;
         self.content = Content::CurrentAt(model.record.steps);
+        self.doubtful = model.record.watch.is_suspicious();
         Ok(())
+    }
+
+    /// Training has diverged: a last checkpoint of that time goes, where there is a good one before it to go on from.
+    pub(super) fn drop_doubtful(&mut self) {
+        if !(self.writing && self.doubtful) {
+            return;
+        }
+        if let Ok(good) = Model::read(&self.previous)
+            && !good.record.watch.is_suspicious()
+            && fs::remove_file(&self.current).is_ok()
+        {
+            (self.content, self.doubtful) = (Content::PreviousAt(good.record.steps), false);
+        }
     }
 
     /// Writes a checkpoint, or warns once that this is not possible now.

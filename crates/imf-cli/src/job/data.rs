@@ -115,9 +115,10 @@ impl Data {
         let smaller = "make a dataset of smaller --shard-samples or lower --density";
         match recorded {
             _ if fresh => format!(
-                "{footprint}; {samples}, or {} where one file is read after another and next to nothing of each is kept; use \
-                 a smaller --width or --batch, or {smaller}",
-                show_bytes(shards.memory_in_groups(usize::MAX))
+                "{footprint}; {samples}, or {} where one file is read after another and next to nothing of each is kept; {}, \
+                 or {smaller}",
+                show_bytes(shards.memory_in_groups(usize::MAX)),
+                footprint.remedy()
             ),
             Some(groups) => format!(
                 "{footprint}; the training was begun on {groups} groups an epoch of {folder}, two of which take {}, and \

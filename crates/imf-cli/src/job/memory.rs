@@ -5,6 +5,7 @@
 //!   and between ranks the exchanged slices ([`Rank::bytes_per_parameter`]);
 //! - for every sample of a window of 1024: activations and slopes of all layers ([`CpuTrainer::memory_bytes`]);
 //! - for every sample of a batch: its inputs and its target;
+//! - for every pose held out: its inputs, its value and its answer, and while they are drawn the sections that they are of;
 //! - for every sample of the dataset in memory: [`Samples::BYTES_PER_SAMPLE`](imf_core::samples::Samples).
 //!
 //! [`CpuTrainer::BYTES_PER_PARAMETER`]: imf_core::siren::engine::CpuTrainer::BYTES_PER_PARAMETER
@@ -14,9 +15,10 @@
 use std::fmt;
 
 use anyhow::Result;
-use imf_core::model::Model;
+use imf_core::scene::SceneRecord;
 use imf_core::section::SectionPlan;
 use imf_core::siren::{INPUTS, SirenShape};
+use imf_core::training::run::TrainingPlan;
 
 use crate::engine::Device;
 use crate::session::{Session, show_bytes};
@@ -25,6 +27,9 @@ use crate::session::{Session, show_bytes};
 /// moments), the same as it is written to a checkpoint (twice: as tensors, and as a file), and the weights of the evaluator
 /// at held-out poses (as rows, and transposed).
 pub(crate) const HOST_BYTES_PER_PARAMETER: u64 = 4 * (3 + 2 * 3 + 2);
+/// Bytes of a pose held out while training goes on, and while it is drawn.
+const POSE_BYTES: u64 = 4 * (INPUTS as u64 + 2);
+const DRAWN_POSE_BYTES: u64 = POSE_BYTES + 16;
 /// The program, its libraries, the stacks of its threads.
 const PROGRAM_BYTES: u64 = 24 << 20;
 
@@ -37,36 +42,40 @@ pub(crate) struct Footprint {
     beside_engine: u64,
     /// Engine, checkpoints, batches.
     training: u64,
-    /// Sections of the held-out poses, which are gone when the engine comes.
+    /// Poses held out, while training goes on.
+    poses: u64,
+    /// The same while they are drawn, with their sections, which are gone when the engine comes.
     held_out: u64,
     /// The scene's voxels.
     scene: u64,
 }
 
 impl Footprint {
-    /// Of training `model` in batches of `batch`, with or without poses held out.
-    pub(super) fn new(
+    /// Of training a network on a scene in batches of `batch`, with so many poses held out.
+    pub(crate) fn new(
         session: &Session,
         device: &Device,
-        model: &Model,
+        shape: SirenShape,
+        plan: &TrainingPlan,
+        scene: &SceneRecord,
         batch: usize,
-        held_out: bool,
+        held_out: usize,
     ) -> Result<Self> {
         let rank = session.rank();
         let beside_engine = HOST_BYTES_PER_PARAMETER + rank.bytes_per_parameter();
-        let scene = &model.scene.record;
         let sections = SectionPlan::memory_estimate(&scene.grid, &scene.tool, session.threads());
         Ok(Self {
-            shape: model.shape,
+            shape,
             batch,
-            training: device.training_memory(
-                model.shape,
-                rank.most_rows(batch),
-                model.record.plan.precision,
-            )? + beside_engine * model.shape.parameter_count() as u64
+            training: device.training_memory(shape, rank.most_rows(batch), plan.precision)?
+                + beside_engine * shape.parameter_count() as u64
                 + 4 * (INPUTS as u64 + 1) * batch as u64,
             beside_engine,
-            held_out: if held_out { sections } else { 0 },
+            poses: POSE_BYTES.saturating_mul(held_out as u64),
+            held_out: match held_out {
+                0 => 0,
+                poses => DRAWN_POSE_BYTES.saturating_mul(poses as u64).saturating_add(sections),
+            },
             // One byte a voxel in the dataset's scene and in the model's, and another where checkpoints pack it.
             scene: 3 * scene.grid.len() as u64,
         })
@@ -74,7 +83,27 @@ impl Footprint {
 
     /// All of it.
     pub(super) fn bytes(&self) -> u64 {
-        PROGRAM_BYTES + self.scene + self.training.max(self.held_out)
+        (PROGRAM_BYTES + self.scene).saturating_add((self.training + self.poses).max(self.held_out))
+    }
+
+    /// What would take less.
+    pub(super) fn remedy(&self) -> &'static str {
+        if self.held_out > self.training + self.poses {
+            "use fewer --held-out poses (0 needs no section), fewer --threads, or a smaller --width or --batch"
+        } else {
+            "use a smaller --width or --batch"
+        }
+    }
+
+    /// Refuses a training that would not fit, with so many bytes beside it.
+    ///
+    /// # Errors
+    /// Less memory than this.
+    pub(crate) fn require(&self, session: &Session, beside: u64) -> Result<()> {
+        let fewer = if beside > 0 { ", or fewer sections at a time" } else { "" };
+        session.require_memory(self.bytes().saturating_add(beside), || {
+            format!("{self}; {}{fewer}", self.remedy())
+        })
     }
 }
 
@@ -90,6 +119,10 @@ impl fmt::Display for Footprint {
             self.batch,
             show_bytes(self.bytes()),
             self.beside_engine + imf_core::siren::engine::CpuTrainer::BYTES_PER_PARAMETER,
-        )
+        )?;
+        if self.held_out > self.training + self.poses {
+            write!(f, ", most of it for {} poses held out and their sections", self.poses / POSE_BYTES)?;
+        }
+        Ok(())
     }
 }

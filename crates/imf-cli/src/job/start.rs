@@ -9,13 +9,16 @@ use imf_core::orientation::OrientationSet;
 use imf_core::scene::SceneRecord;
 use imf_core::siren::SirenShape;
 use imf_core::training::TrainingState;
+use imf_core::training::divergence::Watch;
 use imf_core::training::run::{Cursor, TrainingPlan};
+use imf_core::training::schedule::Schedule;
 
 use super::checkpoint::{Latest, is_any, latest};
 use super::data::Data;
 use super::plan::schedule_from;
-use super::{MODEL, write_result};
+use super::{MODEL, Settings, write_result};
 use crate::arguments::NetworkFamily;
+use crate::arguments::train::Given;
 use crate::checkpoints::nothing_to_resume;
 use crate::ranks::started_together;
 use crate::session::Session;
@@ -42,6 +45,7 @@ pub(crate) fn fresh_model(
         program: env!("CARGO_PKG_VERSION").into(),
         plan,
         cursor: Cursor::default(),
+        watch: Watch::default(),
         finished: false,
         steps: 0,
         seconds: 0.0,
@@ -88,6 +92,53 @@ impl Latest {
     /// Refuses a checkpoint of another dataset.
     pub(crate) fn require_dataset(&self, data: &Data) -> Result<()> {
         self.require_same(self.model.record.dataset_crc32 == data.manifest().fingerprint())
+    }
+
+    /// Refuses a training that did not start from a model of this network and part.
+    pub(crate) fn require_origin(&self, start: &Model) -> Result<()> {
+        let from = self.model.record.fine_tuned_from.as_ref();
+        ensure!(
+            self.model.shape == start.shape && from == Some(&start.scene.record.part),
+            "{} was not fine-tuned from this model: give the one that it was started from, or choose another --out",
+            self.path.display()
+        );
+        Ok(())
+    }
+
+    /// Refuses options that were given and say something else than the training that is resumed; a rate may be given anew.
+    pub(crate) fn require_options(
+        &self,
+        given: &Given,
+        shape: SirenShape,
+        plan: &TrainingPlan,
+        settings: &Settings,
+    ) -> Result<()> {
+        let (own, record) = (self.model.shape, &self.model.record);
+        let held_out = record.held_out.as_ref().map_or(0, |held_out| held_out.choice.poses);
+        let kind = |schedule: &Schedule| std::mem::discriminant(schedule);
+        let differ = [
+            ("width", shape.width != own.width),
+            ("layers", shape.hidden != own.hidden),
+            ("omega", shape.omega != own.omega),
+            ("epochs", plan.length != record.plan.length),
+            ("steps", plan.length != record.plan.length),
+            ("batch", plan.batch != record.plan.batch),
+            ("seed", plan.seed != record.plan.seed),
+            ("loss", plan.loss != record.plan.loss),
+            ("precision", plan.precision != record.plan.precision),
+            ("weight_decay", plan.adam.weight_decay != record.plan.adam.weight_decay),
+            ("schedule", kind(&plan.schedule) != kind(&record.plan.schedule)),
+            ("held_out", record.steps > 0 && settings.held_out != held_out),
+        ];
+        if let Some((name, _)) = differ.into_iter().find(|&(name, differs)| differs && given.has(name)) {
+            bail!(
+                "--{} is not that of the training in {}, which goes on as it was begun: leave it out, or begin another in another \
+                 --out",
+                name.replace('_', "-"),
+                self.path.display()
+            );
+        }
+        Ok(())
     }
 
     fn require_same(&self, same: bool) -> Result<()> {
@@ -154,6 +205,7 @@ pub(crate) fn resumed_model(
         let plan = &mut model.record.plan;
         plan.schedule = schedule_from(&plan.schedule, rate);
         plan.check()?;
+        model.record.watch = model.record.watch.patient();
         said = format!("by the plan of the checkpoint with a learning rate from {rate:e}");
     }
     session.note(&format!(

@@ -10,6 +10,7 @@ use imf_core::scene::SceneSpec;
 use imf_core::siren::SirenShape;
 use imf_core::tool::Tool;
 use imf_core::training::TrainingState;
+use imf_core::training::divergence::Watch;
 use imf_core::training::run::{Cursor, TrainingPlan};
 
 /// A tiny network for the bracket on 5×15×9 voxels.
@@ -22,6 +23,7 @@ pub(crate) fn model() -> Model {
         program: "0".into(),
         plan: TrainingPlan::default(),
         cursor: Cursor::default(),
+        watch: Watch::default(),
         finished: true,
         steps: 12,
         seconds: 0.5,

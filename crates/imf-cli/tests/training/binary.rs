@@ -89,6 +89,17 @@ impl Workdir {
         Finished::new(line, &output)
     }
 
+    /// Starts the command and presses Ctrl-C after a while, where it still runs.
+    #[cfg(unix)]
+    pub(crate) fn interrupted_after(&self, while_: Duration, line: &str) -> Finished {
+        let mut child = self.command(line).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        std::thread::sleep(while_);
+        if child.try_wait().unwrap().is_none() {
+            press_ctrl_c(&child);
+        }
+        Finished::new(line, &child.wait_with_output().unwrap())
+    }
+
     /// Starts the command and presses Ctrl-C as soon as its messages have these words.
     #[cfg(unix)]
     pub(crate) fn interrupted_once_it_says(&self, words: &str, line: &str) -> Finished {

@@ -2,7 +2,9 @@
 #![cfg(unix)]
 
 use std::process::{Command, Stdio};
+use std::time::Duration;
 
+use imf_core::model::TrainingRecord;
 use serde_json::Value;
 
 use crate::binary::{TRAIN, Workdir, finish};
@@ -103,6 +105,99 @@ fn a_diverged_training_goes_on_more_slowly() {
     assert_eq!(work.model(CURRENT).record.steps, step);
     work.imf(&format!("{train} --resume")).done();
     assert_eq!(work.model("model/model.safetensors").record.steps, 3000);
+}
+
+#[test]
+fn a_divergence_is_noticed_however_often_the_training_is_interrupted() {
+    let work = Workdir::with_dataset();
+    let train = "train data --device cpu --width 32 --layers 3 --omega 10 --rate 2e-3 --batch 1024 --schedule cosine \
+                 --steps 12000 --out model --checkpoint-every 0.01";
+    // It learns first, for long enough to have a loss a sixth of a constant's.
+    let learnt = |work: &Workdir| work.path(PREVIOUS).exists() && work.model(PREVIOUS).record.steps > 3500;
+    // Longer each time, so that slow machines come to an end as well.
+    let mut patience = Duration::from_millis(400);
+    while !learnt(&work) {
+        let resume = if work.path(CURRENT).exists() { " --resume" } else { "" };
+        work.interrupted_after(patience, &format!("{train}{resume}"));
+        patience += patience / 4;
+    }
+    let good = work.model(CURRENT).record;
+    assert!(!good.watch.is_suspicious());
+    // Far too fast: its outputs become a constant.
+    let too_fast = format!("{} --resume", train.replace("--rate 2e-3", "--rate 30"));
+    let mut ended = None;
+    for run in 1..100 {
+        let run = work.interrupted_after(Duration::from_millis(60 * run), &too_fast);
+        if run.code != Some(130) {
+            ended = Some(run);
+            break;
+        }
+    }
+    let ended = ended.expect("a training that has diverged ends");
+    let ended = ended.refused(&["training has diverged", "the last good checkpoint", "--rate 1.0e1"]);
+    // What is left to go on from is of before.
+    let kept = [CURRENT, PREVIOUS].map(|file| work.path(file).exists().then(|| work.model(file).record));
+    let left = kept.into_iter().flatten().next().unwrap();
+    assert!(!left.watch.is_suspicious() && left.steps >= good.steps, "step {}", left.steps);
+    let last = |record: &TrainingRecord| record.losses.last().unwrap().loss;
+    assert!(last(&left) < 4.0 * last(&good), "{} after {}", last(&left), last(&good));
+    assert!(ended.stderr.contains(&format!("of step {}", left.steps)), "{}", ended.stderr);
+}
+
+#[test]
+fn options_that_differ_from_the_training_that_is_resumed_are_refused() {
+    let work = Workdir::with_dataset();
+    let train = format!("{TRAIN} --steps 300 --out model");
+    work.imf(&train).done();
+    let before = work.bytes("model/model.safetensors");
+    for option in [
+        "--batch 128",
+        "--steps 400",
+        "--width 32",
+        "--seed 7",
+        "--loss l2",
+        "--schedule cosine",
+        "--held-out 7",
+    ] {
+        let name = option.split(' ').next().unwrap();
+        let others: Vec<&str> = train.split(' ').collect();
+        let kept = others.chunks(2).filter(|pair| pair[0] != name).flatten().copied().collect::<Vec<_>>();
+        let line = format!("{} {option} --resume", kept.join(" "));
+        work.imf(&line).refused(&[&format!("{name} is not that of the training"), "--out"]);
+    }
+    // The same again, and what is left to its default, are no others.
+    work.imf(&format!("{train} --resume")).done();
+    work.imf("train data --device cpu --out model --resume").done();
+    assert!(work.bytes("model/model.safetensors") == before);
+
+    work.imf("finetune model/model.safetensors data --device cpu --steps 5 --out model")
+        .refused(&["would be replaced", "another --out"]);
+    work.imf("finetune model/model.safetensors data --device cpu --steps 5 --out tuned").done();
+    let wider = TRAIN.replace("--width 24", "--width 16");
+    work.imf(&format!("{wider} --steps 20 --out other")).done();
+    work.imf("finetune other/model.safetensors data --device cpu --steps 5 --out tuned --resume")
+        .refused(&["not fine-tuned from this model"]);
+    assert!(work.bytes("model/model.safetensors") == before);
+}
+
+#[test]
+fn a_folder_is_written_to_by_one_run_at_a_time() {
+    let work = Workdir::with_dataset();
+    std::fs::create_dir(work.path("model")).unwrap();
+    let other = std::fs::File::open(work.path("model")).unwrap();
+    other.lock().unwrap();
+    let train = format!("{TRAIN} --steps 30 --out model");
+    work.imf(&train).refused(&["another run of imf is writing to model", "another --out"]);
+    drop(other);
+    work.imf(&train).done();
+}
+
+#[test]
+fn poses_held_out_are_counted_before_they_are_drawn() {
+    let work = Workdir::with_dataset();
+    let train = format!("{TRAIN} --steps 30 --out model --held-out 100000000000");
+    work.imf(&train).refused(&["100000000000 poses held out", "fewer --held-out poses", "iB of memory"]);
+    assert!(!work.path("model/model.safetensors").exists());
 }
 
 #[test]

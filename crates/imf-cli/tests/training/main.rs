@@ -16,5 +16,6 @@ mod part;
 mod pipeline;
 mod precision;
 mod regime;
+mod regime_folder;
 mod shares;
 mod streaming;

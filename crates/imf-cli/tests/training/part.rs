@@ -182,9 +182,9 @@ fn a_fit_in_two_passes_is_gone_on_with_as_one_in_one() {
     let work = Workdir::new();
     let train = format!("train {PART} --width 16 --layers 1 --batch 32 --steps 100000 --out field");
     // Between what sections take that stay in memory and what they take that are counted again: all 384 of them.
-    let twice = work.interrupted_once_it_says("teaching 3→", &format!("{train} --memory 5000KiB"));
+    let twice = work.interrupted_once_it_says("teaching 3→", &format!("{train} --memory 6305KiB"));
     assert!(twice.stderr.contains("784 sections in"), "{}", twice.stderr);
-    for (limit, sections) in [("--memory 5000KiB", "784 sections in"), ("", "400 sections in")] {
+    for (limit, sections) in [("--memory 6305KiB", "784 sections in"), ("", "400 sections in")] {
         let on = work.interrupted_once_it_says("teaching 3→", &format!("{train} --resume {limit}"));
         assert!(on.stderr.contains(sections), "{}", on.stderr);
     }

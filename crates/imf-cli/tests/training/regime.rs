@@ -91,7 +91,7 @@ fn single_from_a_file_of_ones_own() {
     // The same again finds everything done, other settings are refused, and what was written down repeats it.
     let again = work.imf(&line).done();
     assert!(again.stderr.contains("finished already: 300 steps"), "{}", again.stderr);
-    work.imf(&format!("{line} --set network.seed=2")).refused(&["regime.toml", "another regime"]);
+    work.imf(&format!("{line} --set network.seed=2")).refused(&["stage main (network)", "--out"]);
     work.imf("regime run out/regime.toml --device cpu --out repeated").done();
     assert!(work.model("repeated/model.safetensors").state == model.state, "not repeated");
 }

@@ -31,7 +31,7 @@ use crate::section::{Quantity, SectionError, SectionPlan};
 use crate::siren::ShapeError;
 use crate::siren::matrix::{Matrix, multiply};
 use crate::training::online::{OnlineSettings, Waits, with_arrivals};
-use crate::training::run::{Cursor, Outcome, Report, TrainError, train_by};
+use crate::training::run::{Cursor, Outcome, Report, Start, TrainError, train_by};
 use crate::training::{EngineError, TrainingEngine, TrainingState};
 
 /// λ over the mean of H Hᵀ's diagonal. Of a field that is nearly learnt the functions left out say as much as is still to be
@@ -154,7 +154,7 @@ pub fn teach_by_sections_on(
     let online = settings.online.unwrap_or_default();
     let grid = *teacher.plan.grid();
     let shape = settings.shape(teacher.axis_count());
-    let (plan, start) = (&settings.plan, state.cursor);
+    let (plan, start) = (&settings.plan, state.start());
     let mut told = Told::new(plan, grid.len(), start, control, observer);
     let first = told.steps;
     let last = plan.total_steps(grid.len()).saturating_sub(1);
@@ -169,7 +169,7 @@ pub fn teach_by_sections_on(
         Ok(kept)
     };
     let (low, unit) = source.steps();
-    let mut order = Voxels::new(plan, &grid, settings.symmetry, start);
+    let mut order = Voxels::new(plan, &grid, settings.symmetry, start.cursor);
     let stop = || {
         (control.progress)(0);
         control.is_cancelled()
@@ -190,11 +190,12 @@ pub fn teach_by_sections_on(
     let outcome = match outcome {
         // No step was taken.
         Err(TrainError::Section(SectionError::Cancelled)) if control.is_cancelled() => {
-            Outcome::Stopped(start)
+            Outcome::Stopped(start.cursor)
         }
         outcome => outcome?,
     };
-    *state = FactoredState { training: corrected.state()?, cursor: told.cursor };
+    let Start { cursor, watch } = told.start;
+    *state = FactoredState { training: corrected.state()?, cursor, watch };
     Ok((outcome, waits))
 }
 

@@ -10,7 +10,7 @@ use super::targets::TargetScratch;
 use crate::control::Control;
 use crate::grid::Grid;
 use crate::training::permutation::Permutation;
-use crate::training::run::{Cursor, Report, TrainingPlan};
+use crate::training::run::{Cursor, Report, Start, TrainingPlan};
 
 /// Rows of a batch that one thread gathers at a time.
 const ROWS: usize = 64;
@@ -69,7 +69,8 @@ impl<'a> Voxels<'a> {
 pub(super) struct Told<'a> {
     /// Steps of the plan.
     pub(super) steps: u64,
-    pub(super) cursor: Cursor,
+    /// Where it would go on.
+    pub(super) start: Start,
     control: Control<'a>,
     observer: &'a mut dyn FnMut(&Report),
 }
@@ -79,17 +80,18 @@ impl<'a> Told<'a> {
     pub(super) fn new(
         plan: &TrainingPlan,
         voxels: usize,
-        cursor: Cursor,
+        start: Start,
         control: Control<'a>,
         observer: &'a mut dyn FnMut(&Report),
     ) -> Self {
-        Self { steps: cursor.epoch * plan.steps_per_epoch(voxels) + cursor.step, cursor, control, observer }
+        let Cursor { epoch, step } = start.cursor;
+        Self { steps: epoch * plan.steps_per_epoch(voxels) + step, start, control, observer }
     }
 
     /// Passes on a report; breaks where it is wished to stop.
     pub(super) fn hear(&mut self, report: &Report) -> ControlFlow<()> {
         (self.control.progress)(report.step - self.steps);
-        (self.steps, self.cursor) = (report.step, report.cursor);
+        (self.steps, self.start) = (report.step, Start { cursor: report.cursor, watch: report.watch });
         (self.observer)(report);
         if self.control.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }

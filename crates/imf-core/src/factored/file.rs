@@ -31,6 +31,7 @@ use crate::tensor_file::{
     Format, Header, TensorFileError, checksum, floats, halves, little_endian, little_endian_halves,
 };
 use crate::training::TrainingState;
+use crate::training::divergence::Watch;
 use crate::training::run::Cursor;
 
 const FORMAT: Format = Format { id: "imf-factored", name: "factored field", version: 4 };
@@ -76,6 +77,9 @@ struct Description {
     folded: bool,
     /// Cursor and steps of the state.
     progress: Option<(Cursor, u64)>,
+    /// Of the state; files of older programs have none.
+    #[serde(default, skip_serializing_if = "Watch::is_new")]
+    watch: Watch,
     /// Nothing in files that were never calibrated; programs that know of none pass it over.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     calibration: Option<Calibration>,
@@ -151,6 +155,7 @@ impl FactoredFile {
             scale: field.scale,
             folded: field.shape.folded,
             progress: self.state.as_ref().map(|state| (state.cursor, state.training.step)),
+            watch: self.state.as_ref().map_or_else(Watch::default, |state| state.watch),
             calibration: self.calibration,
             crc32: checksum(&[&parameters, &axes, &mean, &state, &preconditioners]),
         };
@@ -187,6 +192,7 @@ impl FactoredFile {
             scale,
             folded,
             progress,
+            watch,
             calibration,
             crc32,
             ..
@@ -253,7 +259,7 @@ impl FactoredFile {
                 preconditioners: floats(preconditioners),
                 step,
             };
-            FactoredState { training, cursor }
+            FactoredState { training, cursor, watch }
         });
         let field = FactoredField {
             quantity: fit.quantity,

@@ -11,7 +11,8 @@ use crate::siren::engine::CpuTrainer;
 use crate::siren::muon::{Muon, MuonConfig};
 use crate::siren::soap::{Soap, SoapConfig};
 use crate::siren::{Layer, ShapeError};
-use crate::training::run::{Cursor, TrainingPlan};
+use crate::training::divergence::Watch;
+use crate::training::run::{Cursor, Start, TrainingPlan};
 use crate::training::{EngineError, TrainingState};
 
 /// How the weights follow the gradient.
@@ -56,9 +57,16 @@ pub struct FactoredState {
     pub training: TrainingState,
     /// Where the plan stands.
     pub cursor: Cursor,
+    /// What the losses so far look like.
+    pub watch: Watch,
 }
 
 impl FactoredState {
+    /// Where a teaching goes on.
+    pub(super) fn start(&self) -> Start {
+        Start { cursor: self.cursor, watch: self.watch }
+    }
+
     /// Random starting weights.
     #[must_use]
     pub fn new(shape: &FactoredShape, seed: u64) -> Self {
@@ -95,7 +103,11 @@ impl FactoredState {
     /// Given weights.
     #[must_use]
     pub fn from_parameters(parameters: Vec<f32>) -> Self {
-        Self { training: TrainingState::from_parameters(parameters), cursor: Cursor::default() }
+        Self {
+            training: TrainingState::from_parameters(parameters),
+            cursor: Cursor::default(),
+            watch: Watch::default(),
+        }
     }
 }
 

@@ -14,7 +14,7 @@ use crate::harmonic::HarmonicField;
 use crate::siren::ShapeError;
 use crate::siren::soap::SoapConfig;
 use crate::training::online::OnlineSettings;
-use crate::training::run::{Cursor, Length, Outcome, Report, TrainError, TrainingPlan, train_by};
+use crate::training::run::{Cursor, Length, Outcome, Report, Start, TrainError, TrainingPlan, train_by};
 use crate::training::schedule::Schedule;
 use crate::training::{AdamConfig, Loss, TrainingEngine};
 
@@ -189,8 +189,9 @@ pub fn teach(
     settings.check()?;
     let shape = settings.shape(settings.outputs(teacher));
     let mut trainer = cpu_engine(shape, &settings.plan, settings.optimiser, settings.batch(teacher), state)?;
-    let (outcome, cursor) = run(teacher, settings, state.cursor, &mut trainer, control, observer)?;
-    *state = FactoredState { training: trainer.state()?, cursor };
+    let (outcome, Start { cursor, watch }) =
+        run(teacher, settings, state.start(), &mut trainer, control, observer)?;
+    *state = FactoredState { training: trainer.state()?, cursor, watch };
     Ok(outcome)
 }
 
@@ -208,8 +209,9 @@ pub fn teach_on(
     observer: &mut dyn FnMut(&Report),
 ) -> Result<Outcome, TrainError> {
     settings.check()?;
-    let (outcome, cursor) = run(teacher, settings, state.cursor, engine, control, observer)?;
-    *state = FactoredState { training: engine.state()?, cursor };
+    let (outcome, Start { cursor, watch }) =
+        run(teacher, settings, state.start(), engine, control, observer)?;
+    *state = FactoredState { training: engine.state()?, cursor, watch };
     Ok(outcome)
 }
 
@@ -217,11 +219,11 @@ pub fn teach_on(
 fn run(
     teacher: &HarmonicField,
     settings: &TeachSettings,
-    start: Cursor,
+    start: Start,
     engine: &mut dyn TrainingEngine,
     control: Control<'_>,
     observer: &mut dyn FnMut(&Report),
-) -> Result<(Outcome, Cursor), TrainError> {
+) -> Result<(Outcome, Start), TrainError> {
     let TeachSettings { plan, online, .. } = settings;
     if online.is_some() {
         return Err(TrainError::Plan(
@@ -236,7 +238,7 @@ fn run(
         Loss::L1 => f64::from(targets.scale),
         Loss::L2 => f64::from(targets.scale) * f64::from(targets.scale),
     };
-    let mut order = Voxels::new(plan, &teacher.grid, settings.symmetry, start);
+    let mut order = Voxels::new(plan, &teacher.grid, settings.symmetry, start.cursor);
     let mut feed =
         |at: Cursor, _: u64, rows: Range<usize>, inputs: &mut [f32], rows_of_targets: &mut [f32]| {
             order.fill(at, &rows, inputs, rows_of_targets, |scratch, voxel, out| {
@@ -249,5 +251,5 @@ fn run(
     let outcome = train_by(plan, voxels, &mut feed, &mut engine, start, &mut |report, _| {
         told.hear(&Report { mean_loss: report.mean_loss * unit, ..*report })
     })?;
-    Ok((outcome, told.cursor))
+    Ok((outcome, told.start))
 }

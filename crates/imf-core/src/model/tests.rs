@@ -15,6 +15,7 @@ fn model() -> Model {
         program: "0".into(),
         plan: TrainingPlan::default(),
         cursor: Cursor { epoch: 1, step: 2 },
+        watch: seen(),
         finished: false,
         steps: 12,
         seconds: 0.1,
@@ -30,6 +31,15 @@ fn model() -> Model {
         held_out: None,
     };
     Model { shape, scene: spec.scene().unwrap(), record, state, calibration: None }
+}
+
+/// Of some losses.
+fn seen() -> Watch {
+    let mut watch = Watch::default();
+    for report in 1..8 {
+        watch.observe(50 * report, 50, 0.1 / report as f64);
+    }
+    watch
 }
 
 #[test]

@@ -3,6 +3,8 @@
 //! Outputs lie in (0, 1), so a network that has diverged answers a constant and its loss stays bounded: what gives it
 //! away is a running mean far above the best it ever had, for long.
 
+use serde::{Deserialize, Serialize};
+
 /// Steps that the running mean looks back, about.
 const WINDOW: f64 = 200.0;
 /// A running mean this many times the best is suspicious: a choice, which the demo and the trainings of the paper's
@@ -15,7 +17,7 @@ const PATIENCE: u64 = 1000;
 
 /// What the losses so far look like.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Verdict {
+pub(crate) enum Verdict {
     /// As good as before, or nearly.
     Fine,
     /// Far above the best; it may come back.
@@ -31,9 +33,10 @@ pub(super) enum Verdict {
     },
 }
 
-/// Watches the losses of a run.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Watch {
+/// Watches the losses of a run. It is kept with a run's state, so that one that is stopped and continued is watched as one
+/// that was not.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Watch {
     /// Running mean, and steps that it has seen.
     mean: f64,
     seen: u64,
@@ -41,11 +44,31 @@ pub(super) struct Watch {
     best: Option<(f64, u64)>,
     /// Steps since the mean has been far above the best.
     above: u64,
+    /// The last losses alone are as far above it, which the mean will follow.
+    rising: bool,
 }
 
 impl Watch {
+    /// Whether the loss is far above its best now: the state is better not kept in place of an older one.
+    #[must_use]
+    pub fn is_suspicious(&self) -> bool {
+        self.above > 0 || self.rising
+    }
+
+    /// With all patience again, as for a training that goes on by another rate.
+    #[must_use]
+    pub fn patient(self) -> Self {
+        Self { above: 0, rising: false, ..self }
+    }
+
+    /// Whether it has seen nothing.
+    #[must_use]
+    pub fn is_new(&self) -> bool {
+        *self == Self::default()
+    }
+
     /// Takes in the mean loss of the last `steps` steps, up to `step`.
-    pub(super) fn observe(&mut self, step: u64, steps: u64, loss: f64) -> Verdict {
+    pub(crate) fn observe(&mut self, step: u64, steps: u64, loss: f64) -> Verdict {
         let weight = 1.0 - (-(steps as f64) / WINDOW).exp();
         self.mean = if self.seen == 0 { loss } else { self.mean + weight * (loss - self.mean) };
         self.seen += steps;
@@ -56,7 +79,9 @@ impl Watch {
             Some(best) if best.0 <= self.mean => best,
             _ => *self.best.insert((self.mean, step)),
         };
-        if self.mean < FACTOR * best || self.mean < best + FLOOR {
+        let is_far = |loss: f64| loss >= FACTOR * best && loss >= best + FLOOR;
+        self.rising = is_far(loss);
+        if !is_far(self.mean) {
             self.above = 0;
             return Verdict::Fine;
         }

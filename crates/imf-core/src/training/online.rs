@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::TrainingEngine;
 use super::permutation::mix;
-use super::run::{Cursor, Outcome, Report, TrainError, TrainingPlan, gather, train_by};
+use super::run::{Cursor, Outcome, Report, Start, TrainError, TrainingPlan, gather, train_by};
 use crate::dataset::{Sampling, draw};
 use crate::grid::Grid;
 use crate::orientation::{Orientation, OrientationSet};
@@ -277,16 +277,17 @@ pub fn train_online(
     plan: &TrainingPlan,
     sections: &OnlineSections,
     engine: &mut dyn TrainingEngine,
-    start: Cursor,
+    start: impl Into<Start>,
     cancelled: &AtomicBool,
     observer: &mut dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()>,
 ) -> Result<(Outcome, Waits), TrainError> {
     let settings = sections.settings;
     settings.check()?;
     plan.check()?;
+    let start = start.into();
     let samples = sections.pool_samples();
     let per_epoch = plan.steps_per_epoch(samples);
-    let first = start.epoch.saturating_mul(per_epoch).saturating_add(start.step);
+    let first = start.cursor.epoch.saturating_mul(per_epoch).saturating_add(start.cursor.step);
     let last = plan.total_steps(samples).saturating_sub(1);
     let mut scratch = SectionScratch::default();
     let mut cmf = vec![0.0; sections.plan.grid().len()];

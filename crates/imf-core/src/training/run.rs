@@ -120,6 +120,21 @@ pub struct Cursor {
     pub step: u64,
 }
 
+/// What a run goes on from, beside the engine's state.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Start {
+    /// Where training stands.
+    pub cursor: Cursor,
+    /// What its losses so far look like.
+    pub watch: Watch,
+}
+
+impl From<Cursor> for Start {
+    fn from(cursor: Cursor) -> Self {
+        Self { cursor, watch: Watch::default() }
+    }
+}
+
 /// What the observer is told.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Report {
@@ -137,8 +152,9 @@ pub struct Report {
     pub learning_rate: f32,
     /// Samples a second since the last report, the observer's own time left out.
     pub samples_per_second: f64,
-    /// True where the loss is far above its best: a checkpoint of now is better not kept in place of an older one.
-    pub suspicious: bool,
+    /// What the losses so far look like; where they are suspicious, a checkpoint of now is better not kept in place of an older
+    /// one.
+    pub watch: Watch,
 }
 
 impl Report {
@@ -183,7 +199,7 @@ pub enum TrainError {
     /// The loss became infinite or NaN.
     #[error(
         "the loss became {loss} between steps {after} and {step} at a learning rate of {learning_rate:e}; \
-         continue from a checkpoint before step {after} with a lower learning rate (a third is a good first try)"
+         a lower learning rate is the remedy (a third is a good first try)"
     )]
     NotFinite {
         /// The loss.
@@ -198,8 +214,8 @@ pub enum TrainError {
     /// The loss has been far above its best for long.
     #[error(
         "the loss rose from {best:.2e} at step {best_step} to {mean:.2e} at step {step} and stayed there, at a learning \
-         rate of {learning_rate:e}: training has diverged; continue from a checkpoint before with a lower learning \
-         rate (a third is a good first try)"
+         rate of {learning_rate:e}: training has diverged; a lower learning rate is the remedy (a third is a good \
+         first try)"
     )]
     Diverged {
         /// Lowest running mean of the loss.
@@ -250,10 +266,12 @@ pub fn train(
     plan: &TrainingPlan,
     samples: &Samples,
     engine: &mut dyn TrainingEngine,
-    start: Cursor,
+    start: impl Into<Start>,
     observer: &mut dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()>,
 ) -> Result<Outcome, TrainError> {
-    let mut order = (start.epoch, Permutation::new(samples.len(), plan.seed, start.epoch));
+    let start = start.into();
+    let epoch = start.cursor.epoch;
+    let mut order = (epoch, Permutation::new(samples.len(), plan.seed, epoch));
     let mut feed = |cursor: Cursor, _: u64, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
         if order.0 != cursor.epoch {
             order = (cursor.epoch, Permutation::new(samples.len(), plan.seed, cursor.epoch));
@@ -274,7 +292,7 @@ pub fn train_by(
     samples: usize,
     feed: &mut Feed<'_>,
     engine: &mut dyn TrainingEngine,
-    start: Cursor,
+    start: impl Into<Start>,
     observer: &mut dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()>,
 ) -> Result<Outcome, TrainError> {
     plan.check()?;
@@ -283,7 +301,7 @@ pub fn train_by(
     }
     let steps_per_epoch = plan.steps_per_epoch(samples);
     let total_steps = plan.total_steps(samples);
-    let Cursor { mut epoch, step: mut step_in_epoch } = start;
+    let Start { cursor: Cursor { mut epoch, step: mut step_in_epoch }, mut watch } = start.into();
     let begun = epoch.checked_mul(steps_per_epoch).and_then(|steps| steps.checked_add(step_in_epoch));
     let Some(mut step) = begun.filter(|_| step_in_epoch < steps_per_epoch) else {
         return Err(TrainError::Cursor { epoch, step: step_in_epoch, steps_per_epoch });
@@ -292,7 +310,6 @@ pub fn train_by(
     let (wide, learnt) = (engine.inputs(), engine.outputs());
     let (mut inputs, mut targets) = (vec![0.0; most * wide], vec![0.0; most * learnt]);
     let mut since = Since { step, samples: 0, start: Instant::now() };
-    let mut watch = Watch::default();
     while step < total_steps {
         let first = step_in_epoch as usize * plan.batch;
         let count = plan.batch.min(samples - first);
@@ -315,13 +332,10 @@ pub fn train_by(
         if !mean_loss.is_finite() {
             return Err(TrainError::NotFinite { loss: mean_loss, after: since.step, step, learning_rate });
         }
-        let suspicious = match watch.observe(step, step - since.step, mean_loss) {
-            Verdict::Fine => false,
-            Verdict::Suspicious => true,
-            Verdict::Diverged { best, best_step, mean } => {
-                return Err(TrainError::Diverged { best, best_step, mean, step, learning_rate });
-            }
-        };
+        if let Verdict::Diverged { best, best_step, mean } = watch.observe(step, step - since.step, mean_loss)
+        {
+            return Err(TrainError::Diverged { best, best_step, mean, step, learning_rate });
+        }
         let cursor = Cursor { epoch, step: step_in_epoch };
         let samples_per_second = since.samples as f64 / since.start.elapsed().as_secs_f64();
         let report = Report {
@@ -332,7 +346,7 @@ pub fn train_by(
             mean_loss,
             learning_rate,
             samples_per_second,
-            suspicious,
+            watch,
         };
         if observer(&report, engine).is_break() && step < total_steps {
             return Ok(Outcome::Stopped(cursor));

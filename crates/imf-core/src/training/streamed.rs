@@ -23,7 +23,7 @@ use std::time::{Duration, Instant};
 
 use super::TrainingEngine;
 use super::permutation::{Permutation, mix};
-use super::run::{Cursor, Outcome, Report, TrainError, TrainingPlan, gather, train_by};
+use super::run::{Cursor, Outcome, Report, Start, TrainError, TrainingPlan, gather, train_by};
 use crate::dataset::{DatasetError, Shards};
 use crate::samples::Samples;
 use crate::section::SectionError;
@@ -200,9 +200,10 @@ pub fn train_streamed(
     shards: &Shards,
     groups: usize,
     engine: &mut dyn TrainingEngine,
-    start: Cursor,
+    start: impl Into<Start>,
     observer: &mut dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()>,
 ) -> Result<(Outcome, Duration), TrainError> {
+    let start = start.into();
     plan.check()?;
     if groups == 0 {
         return Err(TrainError::Plan("an epoch needs at least one group".into()));
@@ -219,7 +220,10 @@ pub fn train_streamed(
         shards,
         groups,
         seed: plan.seed,
-        run: [(start.epoch, (start.step as usize).saturating_mul(plan.batch)), (last_step / per_epoch, last)],
+        run: [
+            (start.cursor.epoch, (start.cursor.step as usize).saturating_mul(plan.batch)),
+            (last_step / per_epoch, last),
+        ],
         stopped: &stopped,
     };
     std::thread::scope(|scope| {

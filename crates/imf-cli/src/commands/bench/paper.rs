@@ -123,11 +123,13 @@ pub(super) fn run(session: &Session, arguments: &PaperBenchArguments) -> Result<
             settings: Settings {
                 checkpoint_every: arguments.checkpoint_every,
                 go_on: GO_ON,
+                slower: " with a rate of ",
                 held_out: 0,
                 held_out_every: None,
                 log: None,
                 tensorboard: false,
             },
+            log: false,
             datasets: arguments.out.join("datasets"),
         },
         cells: Cells::new(session, &arguments.out, &device_name)?,

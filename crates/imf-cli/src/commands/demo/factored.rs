@@ -15,6 +15,7 @@ use crate::commands::compress::{self, Beginning};
 use crate::commands::eval::{IMF_ORIENTATIONS, require_memory};
 use crate::commands::train::factored::{self, Asked};
 use crate::engine::{Calls, Device};
+use crate::output::claim;
 use crate::report::{Report, Subject, evaluate};
 use crate::session::Session;
 
@@ -25,6 +26,7 @@ const CHECKPOINT_EVERY: f64 = 30.0;
 
 pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) -> Result<Report> {
     let device = Device::open(&arguments.device.device, session)?;
+    let _claim = claim(&arguments.out)?;
     let beginning = Beginning::at(&arguments.out, compress::is_unfinished(&arguments.out))?;
     let defaults = TeachSettings::of_length(Length::Steps(arguments.steps.unwrap_or(STEPS)));
     let defaults = beginning.settled(None, None, defaults);

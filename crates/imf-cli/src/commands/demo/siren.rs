@@ -54,6 +54,7 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
     let settings = Settings {
         checkpoint_every: 30.0,
         go_on: "run the same command again",
+        slower: " with a rate of ",
         held_out: HeldOutChoice::default().poses,
         held_out_every: None,
         log: None,

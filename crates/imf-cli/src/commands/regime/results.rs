@@ -8,6 +8,7 @@ use imf_core::field::LearntField;
 use imf_core::metrics::ErrorReport;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::regime::{EvaluationSettings, Regime};
+use imf_core::scene::SceneRecord;
 use imf_core::section::{SectionError, SectionPlan};
 use serde::{Deserialize, Serialize};
 
@@ -15,6 +16,7 @@ use super::GO_ON;
 use super::stage::{Finished, Workshop};
 use crate::interrupt::Interrupted;
 use crate::report::{Questions, Subject, evaluate as compare};
+use crate::session::Session;
 
 /// One comparison with the exact field.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -85,13 +87,10 @@ fn one(workshop: &Workshop<'_>, asked: &EvaluationSettings, done: &Finished) -> 
         imf: first.clone(),
         threshold: asked.threshold,
     };
-    let record = &model.scene.record;
-    let needed = SectionPlan::memory_estimate(&record.grid, &record.tool, session.threads())
-        + 40 * record.grid.len() as u64 * session.threads() as u64;
-    session.require_memory(needed, || "the exact field beside the learnt one; use fewer --threads".into())?;
+    require_memory(session, &model.scene.record)?;
     let mut engine = workshop.device.evaluator(model.shape, &model.state.parameters)?;
     let (subject, evaluated_by) = (Subject::of_model(model), engine.describe());
-    let mut field = LearntField::new(record.grid, engine.as_mut());
+    let mut field = LearntField::new(model.scene.record.grid, engine.as_mut());
     let evaluation = compare(session, &subject, &mut field, evaluated_by, &questions)?;
     evaluation.write(&done.folder, &subject, &mut field)?;
     let mut answers: Vec<Answer> = evaluation
@@ -111,6 +110,14 @@ fn one(workshop: &Workshop<'_>, asked: &EvaluationSettings, done: &Finished) -> 
         answers.push(Answer { name, errors: imf.errors });
     }
     Ok(Outcome { stage: done.name.clone(), parameters: model.shape.parameter_count(), answers })
+}
+
+/// Refuses the comparison of a scene's exact field with a learnt one where it would not fit.
+pub(super) fn require_memory(session: &Session, record: &SceneRecord) -> Result<()> {
+    let threads = session.threads();
+    let needed = SectionPlan::memory_estimate(&record.grid, &record.tool, threads)
+        + 40 * record.grid.len() as u64 * threads as u64;
+    session.require_memory(needed, || "the exact field beside the learnt one; use fewer --threads".into())
 }
 
 /// Work that was interrupted leaves what was finished before it.

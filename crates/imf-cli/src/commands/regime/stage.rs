@@ -1,24 +1,29 @@
-//! One stage of a regime: its sections, its training, and how it is known again.
+//! One stage of a regime: its sections and its training.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result};
 use imf_core::dataset::generate;
 use imf_core::model::{Model, TrainingRecord};
-use imf_core::orientation::OrientationSet;
 use imf_core::regime::{RANDOM_START, Regime, Stage};
-use imf_core::scene::Scene;
+use imf_core::scene::{Scene, SceneRecord};
 use imf_core::section::SectionPlan;
 use imf_core::training::TrainingState;
-use imf_core::training::online::{OnlineSections, OnlineSettings, Waits, train_online};
+use imf_core::training::divergence::Watch;
+use imf_core::training::online::{OnlineSections, OnlineSettings, train_online};
 use imf_core::training::run::Cursor;
 
+use super::Run;
+use super::claim::StageSettings;
+use super::kept::{Standing, standing};
+use super::ready::directions;
 use super::scenes::Scenes;
+use super::tally::Tally;
 use crate::commands::dataset::interruption;
 use crate::engine::Device;
 use crate::interrupt;
 use crate::job::{self, Data};
-use crate::output::{prepare_folder, write_json};
+use crate::output::prepare_folder;
 use crate::session::Session;
 
 /// Where the work is done.
@@ -27,6 +32,8 @@ pub(crate) struct Workshop<'a> {
     pub(crate) device: &'a Device,
     /// What happens beside the steps.
     pub(crate) settings: job::Settings,
+    /// Write log.jsonl into every stage's folder.
+    pub(crate) log: bool,
     /// Datasets of all stages and variants.
     pub(crate) datasets: PathBuf,
 }
@@ -39,7 +46,7 @@ pub(super) struct Finished {
     /// Voxels that its sections were made of.
     pub(super) section_dims: [usize; 3],
     /// Who waited for whom, of an online stage.
-    pub(super) waits: Option<Waits>,
+    pub(super) waits: Option<Tally>,
     pub(super) folder: PathBuf,
 }
 
@@ -47,20 +54,23 @@ impl Workshop<'_> {
     /// Runs a stage to its end, from where it stands.
     pub(super) fn run(
         &self,
-        regime: &Regime,
+        run: &Run,
         stage: &Stage,
-        scenes: &mut Scenes<'_>,
+        scenes: &mut Scenes,
         finished: &[Finished],
-        out: &Path,
     ) -> Result<Finished> {
         let session = self.session;
+        let regime = &run.regime;
         session.note(&format!("stage {}:", stage.name));
-        let full = scenes.full(session, stage)?;
-        let coarse = scenes.of_sections(session, stage)?;
+        let full = scenes.full(session, &regime.scene, stage)?;
+        let coarse = scenes.of_sections(session, &regime.scene, stage)?;
         let shape = regime.network.shape();
         let (state, from) = self.start(regime, stage, finished)?;
-        let folder = out.join("stages").join(&stage.name);
+        let folder = run.stage_folder(&stage.name);
         prepare_folder(&folder)?;
+        StageSettings::of(regime, stage).write(&folder)?;
+        let log = self.log.then(|| folder.join("log.jsonl"));
+        let beside = job::Settings { log, ..self.settings.clone() };
         let section_dims = coarse.record.grid.dims;
         let done = |model, waits, folder| Finished {
             name: stage.name.clone(),
@@ -71,7 +81,6 @@ impl Workshop<'_> {
             folder,
         };
         if let Some(settings) = stage.online {
-            let waits_path = folder.join("waits.json");
             let (sections, bytes) = self.online(&full, &coarse, stage, settings)?;
             let samples = sections.pool_samples();
             let plan = stage.plan();
@@ -79,6 +88,7 @@ impl Workshop<'_> {
                 program: env!("CARGO_PKG_VERSION").into(),
                 plan,
                 cursor: Cursor::default(),
+                watch: Watch::default(),
                 finished: false,
                 steps: 0,
                 seconds: 0.0,
@@ -97,42 +107,40 @@ impl Workshop<'_> {
                 session,
                 &folder,
                 Model { shape, scene: full, record, state, calibration: None },
-            ) {
+            )? {
                 Standing::Finished(model) => {
-                    return Ok(done(*model, read_waits(&waits_path), folder));
+                    return Ok(done(*model, Tally::read(&folder), folder));
                 }
                 Standing::At(model) => model,
             };
+            let mut tally = Tally::begin(&folder, model.record.steps)?;
             let mut waits = None;
-            let model = job::run_by(
+            let trained = job::run_by(
                 session,
                 self.device,
                 job::Epoch { samples, bytes },
                 *model,
                 &folder,
-                &self.settings,
+                &beside,
                 &mut |plan, engine, start, observer| {
                     let (outcome, waited) =
                         train_online(plan, &sections, engine, start, interrupt::flag(), observer)?;
                     waits = Some(waited);
                     Ok(outcome)
                 },
-            )?;
-            if let Some(waits) = &waits {
-                write_json(&waits_path, waits)?;
-                session.note(&format!(
-                    "{} sections while training: the trainer waited {:.1} s for them (and {:.1} s for the first pool), \
-                     the producer {:.1} s for the trainer",
-                    waits.sections, waits.trainer, waits.filling, waits.producer
-                ));
-            }
-            return Ok(done(model, waits, folder));
+            );
+            // An interrupted run is counted as well; what ended it is said before a file that cannot be written.
+            let counted = waits.map_or(Ok(()), |waits| tally.end(&folder, &waits));
+            let model = trained?;
+            counted?;
+            session.note(&tally.said());
+            return Ok(done(model, Some(tally), folder));
         }
         let data = self.dataset(&full, &coarse, stage)?;
         let fresh = job::fresh_model(&data, shape, stage.plan(), state, from);
-        let model = match standing(session, &folder, fresh) {
+        let model = match standing(session, &folder, fresh)? {
             Standing::Finished(model) => *model,
-            Standing::At(model) => job::run(session, self.device, &data, *model, &folder, &self.settings)?,
+            Standing::At(model) => job::run(session, self.device, &data, *model, &folder, &beside)?,
         };
         Ok(done(model, None, folder))
     }
@@ -161,11 +169,7 @@ impl Workshop<'_> {
     /// The stage's dataset, made or finished where need be. Its samples speak of the full grid's points.
     fn dataset(&self, full: &Scene, coarse: &Scene, stage: &Stage) -> Result<Data> {
         let session = self.session;
-        let spec = stage.orientations.as_deref().context("a stage without orientations")?;
-        let set = OrientationSet::parse(spec)?;
-        if set.orientations.iter().any(|o| o.roll != 0.0) {
-            bail!("'{spec}' rolls the tool about its own axis, which siren5's five inputs cannot express");
-        }
+        let set = directions(stage)?;
         let key = serde_json::to_vec(&(&coarse.record, &set.orientations, &stage.sampling))?;
         let name = coarse.record.part.replace(|c: char| !c.is_ascii_alphanumeric() && c != '-', "_");
         let folder = self.datasets.join(format!("{name}-{:08x}", crc32fast::hash(&key)));
@@ -190,19 +194,20 @@ impl Workshop<'_> {
         stage: &Stage,
         settings: OnlineSettings,
     ) -> Result<(OnlineSections, u64)> {
-        let grid = coarse.record.grid;
-        let pool = OnlineSections::memory_estimate(&grid, &stage.sampling, &settings);
-        let bytes = pool + SectionPlan::memory_estimate(&grid, &coarse.record.tool, 1);
+        let bytes = online_memory(&coarse.record, stage, &settings);
         self.session.require_memory(bytes, || {
             "the pool of sections; choose a smaller online.pool or sampling.density".into()
         })?;
-        if !coarse.record.bare_tool().with_tip_only().is_axisymmetric() {
-            bail!("an online stage needs a tool that is the same all around its axis");
-        }
         let plan = SectionPlan::of_scene(coarse)?;
         let sections = OnlineSections { plan, frame: full.record.grid, sampling: stage.sampling, settings };
         Ok((sections, bytes))
     }
+}
+
+/// Bytes of an online stage's pool, and of who fills it.
+pub(super) fn online_memory(scene: &SceneRecord, stage: &Stage, settings: &OnlineSettings) -> u64 {
+    OnlineSections::memory_estimate(&scene.grid, &stage.sampling, settings)
+        + SectionPlan::memory_estimate(&scene.grid, &scene.tool, 1)
 }
 
 /// A checksum of all that decides an online stage's samples.
@@ -214,43 +219,4 @@ fn fingerprint(sections: &OnlineSections) -> Result<u32> {
     let tool = sections.plan.tool();
     hasher.update(&serde_json::to_vec(&(sections.plan.grid(), tool, sections.sampling, settings))?);
     Ok(hasher.finalize())
-}
-
-/// Where a stage stands.
-enum Standing {
-    Finished(Box<Model>),
-    At(Box<Model>),
-}
-
-/// The stage's finished model, its checkpoint, or `fresh`, whichever belongs to the same training and is farthest.
-fn standing(session: &Session, folder: &Path, fresh: Model) -> Standing {
-    let same = |found: &Model| {
-        let (found, record) = ((found.shape, &found.scene.record, &found.record), &fresh.record);
-        found.0 == fresh.shape
-            && *found.1 == fresh.scene.record
-            && found.2.plan == record.plan
-            && found.2.dataset_crc32 == record.dataset_crc32
-            && found.2.sampling == record.sampling
-            && found.2.fine_tuned_from == record.fine_tuned_from
-    };
-    let read = |name: &str| Model::read(&folder.join(name)).ok().filter(same);
-    if let Some(model) = read(job::MODEL).filter(|model| model.record.finished) {
-        session.note(&format!("finished already: {} steps", model.record.steps));
-        return Standing::Finished(Box::new(model));
-    }
-    match job::latest(folder).ok().filter(|found| same(&found.model) && found.model.is_resumable()) {
-        Some(job::Latest { model, damage, .. }) => {
-            damage.iter().for_each(|damage| session.warn(damage));
-            session.note(&format!(
-                "going on at epoch {}, step {} ({} steps done)",
-                model.record.cursor.epoch, model.record.cursor.step, model.record.steps
-            ));
-            Standing::At(Box::new(model))
-        }
-        None => Standing::At(Box::new(fresh)),
-    }
-}
-
-fn read_waits(path: &Path) -> Option<Waits> {
-    serde_json::from_str(&std::fs::read_to_string(path).ok()?).ok()
 }

@@ -6,11 +6,11 @@ use std::path::Path;
 
 use anyhow::Result;
 use imf_core::regime::{RANDOM_START, Regime};
-use imf_core::training::online::Waits;
 use serde::{Deserialize, Serialize};
 
 use super::results::Outcome;
 use super::stage::Finished;
+use super::tally::Tally;
 use crate::output::{table, write_json, write_text};
 use crate::picture::{AxisScale, Chart, Series};
 
@@ -32,8 +32,8 @@ pub(crate) struct StageRow {
     loss: f64,
     /// (step, mean loss), steps of the stages before it included.
     curve: Vec<(u64, f64)>,
-    /// Who waited, of an online stage: since its last interruption.
-    waits: Option<Waits>,
+    /// Who waited, of an online stage.
+    waits: Option<Tally>,
 }
 
 /// What a regime came to.
@@ -83,6 +83,13 @@ impl Summary {
         serde_json::from_str(&std::fs::read_to_string(folder.join("regime.json")).ok()?).ok()
     }
 
+    /// Calls it what its regime is called by now; true where that is another name, or says something else.
+    pub(super) fn retitle(&mut self, regime: &Regime) -> bool {
+        let differs = (&self.regime, &self.about) != (&regime.name, &regime.about);
+        (self.regime, self.about) = (regime.name.clone(), regime.about.clone());
+        differs
+    }
+
     /// Seconds of all stages' training.
     pub(crate) fn seconds(&self) -> f64 {
         self.stages.iter().map(|stage| stage.seconds).sum()
@@ -99,9 +106,9 @@ impl Summary {
     }
 
     /// Writes the report, and the loss curves beside it.
-    pub(super) fn write(&self, out: &Path, finished: &[Finished]) -> Result<()> {
+    pub(super) fn write(&self, out: &Path) -> Result<()> {
         loss_chart(&self.regime, self.curves("")).save(&out.join("loss.png"))?;
-        write_text(&out.join("regime.md"), &self.markdown(finished))?;
+        write_text(&out.join("regime.md"), &self.markdown())?;
         write_json(&out.join("regime.json"), self)
     }
 
@@ -130,7 +137,7 @@ impl Summary {
         table(&["", "MSE", "MPE", "false-free", "false-blocked", "IoU"], &self.rows())
     }
 
-    fn markdown(&self, finished: &[Finished]) -> String {
+    fn markdown(&self) -> String {
         let mut text = format!("# {}\n\n{} · {}\n\n", self.regime, self.about, self.program);
         text.push_str("| stage | starts from | part | voxels | sections | samples | steps × batch | training | loss |\n");
         text.push_str("| --- | --- | --- | --- | --- | --- | --- | --- | --- |\n");
@@ -152,12 +159,7 @@ impl Summary {
         }
         for stage in &self.stages {
             if let Some(waits) = &stage.waits {
-                let _ = writeln!(
-                    text,
-                    "\nStage {}: {} sections were computed beside {:.1} s of training. The trainer waited {:.2} s for late \
-                     sections, and {:.2} s for its first pool; the producer waited {:.1} s for the trainer.",
-                    stage.name, waits.sections, waits.seconds, waits.trainer, waits.filling, waits.producer
-                );
+                let _ = writeln!(text, "\nStage {}: {}", stage.name, waits.said());
             }
         }
         text.push_str("\n| against the exact field | MSE | MPE | false-free | false-blocked | IoU |\n");
@@ -169,7 +171,6 @@ impl Summary {
         let reports: Vec<String> = self
             .results
             .iter()
-            .filter(|outcome| finished.iter().any(|done| done.name == outcome.stage))
             .map(|outcome| format!("[{0}](stages/{0}/report.md)", outcome.stage))
             .collect();
         let _ = writeln!(text, "\nPictures and decisions: {}", reports.join(", "));

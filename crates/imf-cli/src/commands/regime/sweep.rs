@@ -7,9 +7,9 @@ use anyhow::{Context as _, Result};
 use imf_core::regime::Regime;
 use serde::Serialize;
 
-use super::run_or_read;
 use super::stage::Workshop;
 use super::summary::{Summary, loss_chart};
+use super::{Run, Scenes, claim, go_on_or_read};
 use crate::output::{print, print_json, table, write_json, write_text};
 
 /// A variant and what it came to.
@@ -23,15 +23,17 @@ struct Line {
 pub(super) fn run(
     workshop: &Workshop<'_>,
     whole: &toml::Table,
-    runs: &[(Option<String>, toml::Table)],
+    runs: &[Run],
+    scenes: &mut Scenes,
     out: &Path,
 ) -> Result<()> {
     let regime = Regime::from_table(whole.clone())?;
+    claim::take(workshop.session, out, whole)?;
     let mut lines = Vec::new();
-    for (name, own) in runs {
-        let variant = name.clone().context("a sweep without variants")?;
+    for run in runs {
+        let variant = run.variant.clone().context("a sweep without variants")?;
         workshop.session.note(&format!("variant {variant}:"));
-        let summary = run_or_read(workshop, own, &out.join(&variant))?;
+        let summary = go_on_or_read(workshop, run, scenes)?;
         lines.push(Line { variant, summary });
     }
     write_json(&out.join("sweep.json"), &lines)?;

@@ -15,7 +15,7 @@ use crate::arguments::train::TrainArguments;
 use crate::commands::compress::{self, Beginning, Extent, Lesson, Sections, Settings, Teacher};
 use crate::commands::field::harmonic;
 use crate::engine::Device;
-use crate::output::OutputFolder;
+use crate::output::{OutputFolder, claim};
 use crate::session::Session;
 
 /// A degree that leaves the teapot an error of a few millionths.
@@ -26,6 +26,7 @@ const DEGREE_OF_ROTATIONS: usize = 5;
 pub(super) fn run(session: &Session, arguments: &TrainArguments, teach: TeachSettings) -> Result<()> {
     let device = Device::open(arguments.device_or("cpu"), session)?;
     let folder = OutputFolder::check(&arguments.out)?;
+    let _before = claim(folder.path())?;
     let beginning = Beginning::at(folder.path(), arguments.resume)?;
     let symmetry = match teach.online {
         // Sections cannot tell of it.
@@ -39,6 +40,7 @@ pub(super) fn run(session: &Session, arguments: &TrainArguments, teach: TeachSet
     beginning.require_settings(&teach)?;
     let scene = arguments.scene.scene_with(session, &arguments.contact)?;
     folder.create()?;
+    let _claim = claim(folder.path())?;
     let settings = Settings {
         teach,
         precision: arguments.factored.teaching.precision(),

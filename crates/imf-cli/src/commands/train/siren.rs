@@ -8,8 +8,8 @@ use super::{concluded, is_over};
 use crate::arguments::train::{Samples, TrainArguments};
 use crate::commands::dataset::sampled;
 use crate::engine::Device;
-use crate::job::{self, Data, Latest, Settings};
-use crate::output::OutputFolder;
+use crate::job::{self, Data, Footprint, Latest, Settings};
+use crate::output::{OutputFolder, claim};
 use crate::session::Session;
 
 pub(super) fn run(
@@ -21,8 +21,13 @@ pub(super) fn run(
     let plan = job::plan(&arguments.length, &arguments.plan, 5e-4, 50);
     plan.check()?;
     let folder = OutputFolder::check(&arguments.out)?;
+    let _claim = claim(folder.path())?;
     // Before anything is made for a training that cannot go on, or need not.
     let found = job::to_resume(folder.path(), arguments.resume)?;
+    let settings = Settings::new(&arguments.length, &arguments.plan);
+    if let Some(found) = &found {
+        found.require_options(&arguments.given, shape, &plan, &settings)?;
+    }
     let device = Device::open(arguments.device_or("auto"), session)?;
     device.require_precision(plan.precision)?;
     let left_out = arguments.no_calibrate;
@@ -41,7 +46,14 @@ pub(super) fn run(
             if is_over(session, folder.path(), found.as_ref(), same, left_out)? {
                 return Ok(());
             }
+            if found.is_none() {
+                // Before the samples, which are most of the work for a short training.
+                let (record, batch) = (&scene.record, plan.batch);
+                Footprint::new(session, &device, shape, &plan, record, batch, settings.held_out)?
+                    .require(session, 0)?;
+            }
             folder.create()?;
+            let _claim = claim(folder.path())?;
             let dataset = folder.file("dataset");
             sampled(session, &dataset, &scene, set, sampling, layout)?;
             Data::open(&dataset)?
@@ -52,7 +64,6 @@ pub(super) fn run(
         Some(found) => job::resumed_model(session, found, &data, arguments.length.rate)?,
         None => job::fresh_model(&data, shape, plan, TrainingState::new(&shape, plan.seed), None),
     };
-    let settings = Settings::new(&arguments.length, &arguments.plan);
     let model = job::run(session, &device, &data, model, folder.path(), &settings)?;
     concluded(session, folder.path(), &model, left_out)
 }

@@ -217,15 +217,32 @@ fn a_loss_that_rises_for_good_stops_the_run() {
     let plan = TrainingPlan { length: Length::Steps(4000), ..plan() };
     let mut suspicious = Vec::new();
     let mut note = |report: &Report, _: &mut dyn TrainingEngine| {
-        suspicious.push((report.step, report.suspicious));
+        suspicious.push((report.step, report.watch.is_suspicious()));
         ControlFlow::Continue(())
     };
     let error = train(&plan, &samples, &mut Collapse(0), Cursor::default(), &mut note).unwrap_err();
     let TrainError::Diverged { best_step, step, .. } = error else { panic!("{error}") };
+
+    // Stopped and continued at every report, it ends as one that was not.
+    let (mut start, mut engine) = (Start::default(), Collapse(0));
+    let mut again = Vec::new();
+    let ended = loop {
+        let from = start;
+        let mut stop = |report: &Report, _: &mut dyn TrainingEngine| {
+            again.push((report.step, report.watch.is_suspicious()));
+            start = Start { cursor: report.cursor, watch: report.watch };
+            ControlFlow::Break(())
+        };
+        if let Err(error) = train(&plan, &samples, &mut engine, from, &mut stop) {
+            break error;
+        }
+    };
+    assert_eq!(ended.to_string(), error.to_string());
+    assert_eq!(again, suspicious);
     assert!(error.is_divergence() && best_step <= 600, "{error}");
     assert!((1600..1700).contains(&step), "{error}");
-    // The mean of about 200 steps takes 34 of them to rise from 0.01 to four times that.
-    assert!(suspicious.iter().all(|&(step, suspicious)| suspicious == (step >= 634)), "{suspicious:?}");
+    // From the first losses on, before the mean of about 200 steps has risen to four times the best.
+    assert!(suspicious.iter().all(|&(step, suspicious)| suspicious == (step > 600)), "{suspicious:?}");
 }
 
 #[test]

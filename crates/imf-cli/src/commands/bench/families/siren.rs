@@ -52,6 +52,7 @@ pub(super) fn train(
     let settings = Settings {
         checkpoint_every: 60.0,
         go_on: "run the same command again",
+        slower: " with a rate of ",
         held_out: 0,
         held_out_every: None,
         log: None,

@@ -35,7 +35,7 @@ impl Bench<'_> {
 
     /// A scene at its full resolution.
     pub(super) fn scene(&self, settings: &SceneSettings) -> Result<Scene> {
-        Scenes::new(settings).of_part(self.session, &settings.part, 1.0)
+        Scenes::default().of_part(self.session, settings, &settings.part, 1.0)
     }
 }
 
