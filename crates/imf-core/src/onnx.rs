@@ -60,12 +60,12 @@ const OVERLAP: &str = "the share of the tool's volume in the obstacle, in [0, 1]
 /// Why a field is not written.
 #[derive(Debug, Error)]
 pub enum OnnxError {
-    /// Its functions are of rotations.
+    /// Its functions are of rotations; the family's name.
     #[error(
-        "a harmonic field of a tool without symmetry has no ONNX form: its functions are of rotations, and only those of \
-         directions are written"
+        "a {0} field of a tool that is not symmetric about its axis has no ONNX form: its functions are of rotations, and \
+         only those of directions are written; ask it by imf query, or through the library"
     )]
-    Rotations,
+    Rotations(&'static str),
     /// Larger than the format holds.
     #[error(
         "the field's {0} bytes are more than an ONNX file holds (2 GiB): make it a network by `imf compress`, or choose a \
@@ -90,7 +90,7 @@ pub fn onnx_bytes(stored: &StoredField) -> u64 {
 /// Writes a field as an ONNX graph, whole or not at all. Equal fields give equal bytes.
 ///
 /// # Errors
-/// A harmonic field of rotations; one that is larger than the format holds; a file that cannot be written.
+/// A field of rotations; one that is larger than the format holds; a file that cannot be written.
 pub fn write_onnx(stored: &StoredField, path: &Path) -> Result<(), OnnxError> {
     let bytes = model(stored)?.encode_to_vec();
     Ok(write_atomically(path, |file| file.write_all(&bytes))?)
@@ -134,7 +134,7 @@ fn siren(model: &Model) -> GraphProto {
 
 fn harmonic(file: &HarmonicFile) -> Result<GraphProto, OnnxError> {
     let field = &file.field;
-    require_directions(field.basis.domain())?;
+    require_directions("harmonic", field.basis.domain())?;
     let mut graph = Graph::default();
     let position = graph.input("position", 3, POSITION);
     let direction = graph.input("direction", 3, DIRECTION);
@@ -146,7 +146,7 @@ fn harmonic(file: &HarmonicFile) -> Result<GraphProto, OnnxError> {
 
 fn factored(file: &FactoredFile) -> Result<GraphProto, OnnxError> {
     let field = &file.field;
-    require_directions(field.basis.domain())?;
+    require_directions("factored", field.basis.domain())?;
     let mut graph = Graph::default();
     let position = graph.input("position", 3, POSITION);
     let direction = graph.input("direction", 3, DIRECTION);
@@ -169,8 +169,8 @@ fn answering(mut graph: Graph, family: &str, value: &Value, quantity: Quantity) 
     }
 }
 
-fn require_directions(domain: Domain) -> Result<(), OnnxError> {
-    if domain == Domain::Directions { Ok(()) } else { Err(OnnxError::Rotations) }
+fn require_directions(family: &'static str, domain: Domain) -> Result<(), OnnxError> {
+    if domain == Domain::Directions { Ok(()) } else { Err(OnnxError::Rotations(family)) }
 }
 
 /// What a user of the graph must know of the scene.

@@ -40,6 +40,15 @@ pub enum TensorFileError {
         /// What is wrong.
         what: String,
     },
+    /// Arrays for NumPy, which lack what a field needs.
+    #[error(
+        "{path} was kept for NumPy, which alone reads it: imf field --method harmonic --save NAME.safetensors keeps a field \
+         that imf reads"
+    )]
+    ForNumPy {
+        /// The file.
+        path: String,
+    },
     /// Made by a newer program.
     #[error(
         "{path} is a {name} of version {found}, and this program reads up to {readable}: use a newer imf"
@@ -119,6 +128,7 @@ impl Format {
 
     /// Reads a file as far as its description.
     pub(crate) fn read<'p>(&self, path: &'p Path) -> Result<Loaded<'p>, TensorFileError> {
+        refuse_npz(path)?;
         let shown = || path.display().to_string();
         let damaged = |what: String| self.damaged(path, what);
         let bytes = std::fs::read(path).map_err(|source| TensorFileError::Read {
@@ -140,6 +150,15 @@ impl Format {
         }
         Ok(Loaded { format: *self, path, json: json.clone(), bytes })
     }
+}
+
+/// Refuses a file that was kept for NumPy, by its ending.
+pub(crate) fn refuse_npz(path: &Path) -> Result<(), TensorFileError> {
+    let npz = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("npz"));
+    if npz && path.is_file() {
+        return Err(TensorFileError::ForNumPy { path: path.display().to_string() });
+    }
+    Ok(())
 }
 
 /// A file in memory whose format and version are known.

@@ -10,8 +10,9 @@ use super::FieldDeviceArguments;
 #[derive(Args)]
 #[command(after_help = "Example:\n  imf query model/model.safetensors poses.csv --out answers.csv\n\n\
                         The first line names the columns: x,y,z,i,j,k (tool axis from tip to holder) or \
-                        x,y,z,theta,phi (degrees). Other columns are kept. Answers add the column overlap, from 0 to \
-                        1; with --exact also overlap_exact; with --sharp they are called cmf and cmf_exact. A field of depth \
+                        x,y,z,theta,phi (degrees); a column roll (degrees) turns the tool about its own axis. Other columns \
+                        are kept. Answers add the column overlap, from 0 to 1; with --exact also overlap_exact; with --sharp \
+                        they are called cmf and cmf_exact. A field of depth \
                         (imf info says which) adds the column depth instead: how far the tool must be moved to be free, below \
                         0 how far it may be moved, in the scene's unit, held within 8 pitches.")]
 pub(crate) struct QueryArguments {

@@ -71,7 +71,8 @@ fn describe(session: &Session, arguments: &InfoArguments) -> Result<Description>
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     match ending.as_deref() {
         Some("toml" | "fctb" | "json" | "tools") => Ok(tool::describe(&Tool::read(path)?)),
-        Some("safetensors") => match StoredField::read(path)? {
+        // Of an .npz it says what is read instead.
+        Some("safetensors" | "npz") => match StoredField::read(path)? {
             StoredField::Siren(model) => model::describe(path, &model),
             StoredField::Harmonic(file) => harmonic::describe(path, &file),
             StoredField::Factored(file) => factored::describe(path, &file),

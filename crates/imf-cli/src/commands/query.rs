@@ -1,13 +1,12 @@
 //! `imf query`: poses from a CSV file, answered by a learnt or harmonic field, and by counting where that is asked for.
 //!
-//! Poses are read, answered and written in chunks: memory does not grow with their number.
+//! Poses are read, answered and written in chunks: memory does not grow with their number. A file of poses is read twice, first to
+//! find what is no pose before anything is answered.
 
 mod answers;
 mod poses;
 
-use std::fs::File;
-use std::io::{Error as IoError, Read, Write, stdin, stdout};
-use std::path::Path;
+use std::io::{Error as IoError, Write, stdout};
 
 use anyhow::{Context as _, Result, bail};
 use glam::DVec3;
@@ -22,25 +21,22 @@ use imf_core::stored::StoredField;
 use imf_gpu::GpuField;
 
 use self::answers::{AnswerWriter, Answers};
-use self::poses::PoseReader;
+use self::poses::Poses;
 use super::notes;
 use crate::arguments::query::QueryArguments;
 use crate::engine::{Calls, Device};
 use crate::interrupt::{self, Interrupted};
-use crate::output::{OutputFile, short};
+use crate::output::{OutputFile, short, standard_output_failed};
 use crate::session::Session;
 
 /// Poses answered at a time: large enough for a GPU, less than seconds of work.
 const CHUNK: usize = 1 << 14;
 /// The same where the tool is voxelised for every pose.
 const EXACT_CHUNK: usize = 1 << 8;
-/// What the progress line counts.
-const KILOBYTE: u64 = 1000;
 
 pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     let out = arguments.out.as_deref().map(OutputFile::check).transpose()?;
-    let (input, bytes, name) = open(&arguments.poses)?;
-    let poses = PoseReader::new(input, name)?;
+    let (poses, count) = poses::open(&arguments.poses)?;
     let loaded = Loaded::from_file(session, arguments)?;
     let quantity = loaded.quantity();
     if quantity == Quantity::Depth && arguments.exact {
@@ -61,6 +57,13 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
         Loaded::OnDevice(field) => Box::new(&**field),
     };
     notes::of_scene(session, record);
+    if poses.rolls() && loaded.forgets_roll() {
+        session.note(&format!(
+            "a network of the paper's kind knows no roll, which counts for the tool '{}': its overlaps are the same at every \
+             roll, and --exact reads the column roll",
+            record.tool.name
+        ));
+    }
     session.note(&match quantity.is_overlap() {
         true => format!("a field is no proof; --exact answers: {}", record.promise()),
         false => {
@@ -86,13 +89,21 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
         sharp_points: arguments.sharp.then(|| record.tool.sharp_point_positions(record.grid.pitch)),
     };
     let Some(out) = out else {
-        return work.answer(session, poses, bytes, &mut stdout().lock(), false);
+        let answered = work.answer(session, poses, count, &mut stdout().lock(), false);
+        return answered.map_err(|error| match error.downcast() {
+            Ok(error) => standard_output_failed(error),
+            Err(error) => error,
+        });
     };
     let mut failure = None;
     let written = write_atomically(out.begin()?, |file| {
-        work.answer(session, poses, bytes, file, true).map_err(|error| {
-            failure = Some(error);
-            IoError::other("the poses were not answered")
+        let answered = work.answer(session, poses, count, file, true);
+        answered.map_err(|error| {
+            // Plain errors of the system are those of writing.
+            error.downcast().unwrap_or_else(|error| {
+                failure = Some(error);
+                IoError::other("the poses were not answered")
+            })
         })
     });
     match failure {
@@ -141,21 +152,12 @@ impl Loaded {
             Self::OnDevice(field) => field.twin().scene(),
         }
     }
-}
 
-/// The poses' text, its length where it is known, and its name for messages.
-fn open(path: &Path) -> Result<(Box<dyn Read>, Option<u64>, String)> {
-    if path.as_os_str() == "-" {
-        return Ok((Box::new(stdin().lock()), None, "standard input".into()));
+    /// True where the roll changes what the tool overlaps, and the field is of directions alone.
+    fn forgets_roll(&self) -> bool {
+        matches!(self, Self::Here(StoredField::Siren(_), _))
+            && !self.scene().record.bare_tool().with_tip_only().is_axisymmetric()
     }
-    let name = path.display().to_string();
-    let fail = || format!("cannot read the poses {name}");
-    let file = File::open(path).with_context(fail)?;
-    let metadata = file.metadata().with_context(fail)?;
-    if metadata.is_dir() {
-        return Err(IoError::from(std::io::ErrorKind::IsADirectory)).with_context(fail);
-    }
-    Ok((Box::new(file), Some(metadata.len()), name))
 }
 
 struct Work<'a> {
@@ -172,8 +174,8 @@ impl Work<'_> {
     fn answer(
         &mut self,
         session: &Session,
-        mut poses: PoseReader<Box<dyn Read>>,
-        bytes: Option<u64>,
+        mut poses: Poses,
+        count: Option<u64>,
         out: &mut dyn Write,
         whole: bool,
     ) -> Result<()> {
@@ -188,8 +190,8 @@ impl Work<'_> {
         };
         let mut writer =
             AnswerWriter::start(poses.header(), measure, self.exact.is_some(), session.json, out)?;
-        let stage = session.stage("poses", "kB", bytes.unwrap_or(0) / KILOBYTE);
-        let (mut answered, mut outside, mut shown) = (0u64, 0u64, 0);
+        let stage = session.stage("answering", "poses", count.unwrap_or(0));
+        let (mut answered, mut outside) = (0u64, 0u64);
         while !answers.poses.is_empty() {
             if interrupt::requested() {
                 let kept = if whole { "nothing was written" } else { "no further pose is answered" };
@@ -203,13 +205,11 @@ impl Work<'_> {
             writer.write(&answers, out)?;
             answered += answers.poses.len() as u64;
             outside += answers.poses.iter().filter(|pose| self.is_outside(pose)).count() as u64;
-            let done = poses.bytes() / KILOBYTE;
-            stage.advance(done - shown);
-            shown = done;
+            stage.advance(answers.poses.len() as u64);
             poses.read(size, &mut answers.records, &mut answers.poses)?;
         }
         writer.finish(out)?;
-        stage.finish(&format!("{answered} poses answered"));
+        stage.finish("");
         if outside > 0 {
             session.note(&format!(
                 "{outside} of {answered} poses lie outside the box the field was made for: extrapolated"

@@ -45,6 +45,7 @@ fn sections_are_the_librarys_and_checked() {
 fn many_sections_have_a_file_each() {
     let folder = Folder::new();
     let run = folder.succeed(&arguments(&["--orientations", "fibonacci:23", "--out", "out"]));
+    assert!(!run.stdout.contains('ψ'), "{}", run.stdout);
     assert!(run.stdout.contains("3 more") && run.stdout.contains("one .vti for each"), "{}", run.stdout);
     let count = |ending: &str| {
         folder.entries().iter().filter(|path| path.extension().is_some_and(|e| e == ending)).count()

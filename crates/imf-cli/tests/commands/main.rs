@@ -13,4 +13,5 @@ mod info;
 mod model;
 mod queries;
 mod refusals;
+mod rolls;
 mod voxels;

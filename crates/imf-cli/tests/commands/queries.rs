@@ -1,5 +1,8 @@
 //! `imf query`.
 
+#[cfg(target_os = "linux")]
+use std::process::Stdio;
+
 use glam::DVec3;
 use imf_core::field::{ExactField, Field, LearntField, Pose};
 use imf_core::model::Model;
@@ -7,6 +10,8 @@ use imf_core::orientation::Orientation;
 use imf_core::siren::engine::CpuEvaluator;
 
 use crate::folder::Folder;
+#[cfg(target_os = "linux")]
+use crate::folder::Run;
 use crate::model::write_model;
 
 const POSES: &str = "name,x,y,z,phi,theta\n\
@@ -54,6 +59,8 @@ fn answers_stand_behind_the_columns_that_were_asked_with() {
     ]);
     assert!(run.stdout.is_empty());
     assert!(run.stderr.contains("1 of 3 poses lie outside the box"), "{}", run.stderr);
+    // The rate counts what the line counts.
+    assert!(run.stderr.contains("answering: 3 poses in "), "{}", run.stderr);
     let expected: Vec<String> = POSES
         .lines()
         .skip(1)
@@ -98,6 +105,54 @@ fn more_poses_than_a_chunk_are_all_answered() {
         assert!(line.starts_with(&format!("{index},")), "{line}");
     }
     assert_eq!(answers.lines().count(), count + 1);
+}
+
+#[test]
+fn a_bad_line_of_a_file_is_found_before_anything_is_answered() {
+    let folder = Folder::new();
+    write_model(&folder.path("m.safetensors"));
+    // More than are answered at a time.
+    let text = format!("x,y,z,theta,phi\n{}1,NaN,3,4,5\n1,2,3,4,5\n", "1,2,3,4,5\n".repeat(600));
+    folder.write("poses.csv", &text);
+    let ask = |poses| ["query", "m.safetensors", poses, "--device", "cpu", "--exact"];
+    let run = folder.run(&ask("poses.csv"));
+    run.is_refusal(&["poses.csv, line 602, column y: 'NaN'"], &ask("poses.csv"));
+    assert_eq!(run.stderr.lines().count(), 1, "no field was read: {}", run.stderr);
+    // What comes through a pipe is answered as it comes.
+    let run = folder.run_with_input(&ask("-"), &text);
+    assert!(run.code == Some(1) && run.stderr.contains("line 602, column y"), "{}", run.stderr);
+    assert_eq!(run.stdout.lines().count(), 513);
+}
+
+#[test]
+fn identifiers_in_json_are_the_ones_that_were_given() {
+    let folder = Folder::new();
+    write_model(&folder.path("m.safetensors"));
+    folder.write("poses.csv", "id,x,y,z,theta,phi\n0,1,2.5,3,4,5\n007,1,2,3,4,5\n");
+    let run = folder.succeed(&["query", "m.safetensors", "poses.csv", "--device", "cpu", "--json"]);
+    for text in ["\"id\":0,", "\"id\":\"007\",", "\"y\":2.5,"] {
+        assert!(run.stdout.contains(text), "{text}: {}", run.stdout);
+    }
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_is_named_with_the_file_and_the_remedy() {
+    let folder = Folder::new();
+    write_model(&folder.path("m.safetensors"));
+    folder.write("poses.csv", format!("x,y,z,theta,phi\n{}", "1,2,3,4,5\n".repeat(9000)));
+    let ask = ["query", "m.safetensors", "poses.csv", "--device", "cpu"];
+    let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
+    let run = Run::of(folder.command(&ask).stdout(full).spawn().unwrap());
+    run.is_refusal(&["cannot write to standard output: the disk is full", "free some space"], &ask);
+    // A limit on the size of files, met by the file of answers alone, whose signal is ignored.
+    let limited = "trap '' XFSZ; ulimit -f 64; exec \"$@\"";
+    let binary = env!("CARGO_BIN_EXE_imf");
+    let mut shell = std::process::Command::new("sh");
+    shell.args(["-c", limited, "sh", binary]).args(ask).args(["--out", "a.csv"]);
+    shell.current_dir(folder.path("")).stdout(Stdio::piped()).stderr(Stdio::piped());
+    Run::of(shell.spawn().unwrap()).is_refusal(&["cannot write a.csv: "], &ask);
+    assert!(!folder.path("a.csv").exists());
 }
 
 #[test]

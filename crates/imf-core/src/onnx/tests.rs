@@ -277,5 +277,6 @@ fn functions_of_rotations_are_refused() {
     let scene = scene(&Tool { shape: ToolShape::Mesh(cube), ..Tool::paper() }, 0.0);
     let stored = StoredField::Harmonic(Box::new(harmonic_file(&scene, 1)));
     let error = model(&stored).unwrap_err();
-    assert!(matches!(error, OnnxError::Rotations), "{error}");
+    assert!(matches!(error, OnnxError::Rotations("harmonic")), "{error}");
+    assert!(error.to_string().starts_with("a harmonic field"), "{error}");
 }

@@ -90,18 +90,29 @@ impl AnswerWriter {
         Ok(out.flush()?)
     }
 
-    /// One answer; what reads as a finite number is one.
+    /// One answer; what reads as a finite number is one, but digits that a number would change stay text.
     fn object(&self, titles: &[String], answers: &Answers, index: usize) -> Value {
         let mut object = Map::new();
         for (title, text) in titles.iter().zip(&answers.records[index]) {
-            let number = text.parse::<f64>().ok().filter(|v| v.is_finite());
-            object.insert(title.clone(), number.map_or_else(|| json!(text), |v| json!(v)));
+            object.insert(title.clone(), as_written(text));
         }
         let values = [Some(answers.learnt[index]), answers.exact.get(index).copied()];
         for (title, value) in titles[self.columns..].iter().zip(values.into_iter().flatten()) {
             object.insert(title.clone(), json!(same_digits(value)));
         }
         Value::Object(object)
+    }
+}
+
+/// A whole number as one, other finite numbers, and what is none as text: `0` is not `0.0`, and `007` not `7`.
+fn as_written(text: &str) -> Value {
+    if let Some(whole) = text.parse::<i64>().ok().filter(|whole| whole.to_string() == text) {
+        return json!(whole);
+    }
+    let digits = !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() && !digits => json!(number),
+        _ => json!(text),
     }
 }
 
@@ -153,6 +164,23 @@ mod tests {
         let all: Value = serde_json::from_str(&written(true)).unwrap();
         assert_eq!(all.as_array().unwrap().len(), 3);
         assert_eq!(all[0], json!({"name": "a, b", "x": 1.5, "overlap": 0.25, "overlap_exact": 0.5}));
+    }
+
+    #[test]
+    fn identifiers_in_json_are_as_they_were_written() {
+        for (text, expected) in [
+            ("0", "0"),
+            ("-12", "-12"),
+            ("9007199254740993", "9007199254740993"),
+            ("007", "\"007\""),
+            ("18446744073709551617", "\"18446744073709551617\""),
+            ("0.5", "0.5"),
+            ("-1e3", "-1000.0"),
+            ("inf", "\"inf\""),
+            ("", "\"\""),
+        ] {
+            assert_eq!(as_written(text).to_string(), expected, "{text:?}");
+        }
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! Poses as CSV: columns by name, in any order, with others among them. Errors name the line and the column.
 
-use std::io::Read;
+use std::fs::File;
+use std::io::{Error as IoError, ErrorKind as IoErrorKind, Read, Seek as _, stdin};
+use std::path::Path;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use csv::{ErrorKind, Reader, ReaderBuilder, StringRecord, Trim};
@@ -8,9 +10,14 @@ use glam::DVec3;
 use imf_core::field::Pose;
 use imf_core::orientation::Orientation;
 
+use crate::interrupt::{self, Interrupted};
+
 const POSITION: [&str; 3] = ["x", "y", "z"];
 const VECTOR: [&str; 3] = ["i", "j", "k"];
 const ANGLES: [&str; 2] = ["theta", "phi"];
+const ROLL: &str = "roll";
+/// Poses that are looked at between two looks for Ctrl-C.
+const PATIENCE: u64 = 1 << 12;
 
 /// Where the tool's direction stands in a line.
 enum Direction {
@@ -20,6 +27,35 @@ enum Direction {
     Angles([usize; 2]),
 }
 
+/// Poses from wherever they come.
+pub(super) type Poses = PoseReader<Box<dyn Read>>;
+
+/// The poses of a file, each of which was looked at, and their number; those of a pipe or of standard input as they come.
+///
+/// # Errors
+/// A file that cannot be read, and the first line of it that is no pose.
+pub(super) fn open(path: &Path) -> Result<(Poses, Option<u64>)> {
+    let (input, count, name): (Box<dyn Read>, _, _) = if path.as_os_str() == "-" {
+        (Box::new(stdin().lock()), None, "standard input".to_owned())
+    } else {
+        let name = path.display().to_string();
+        let fail = || format!("cannot read the poses {name}");
+        let mut file = File::open(path).with_context(fail)?;
+        let metadata = file.metadata().with_context(fail)?;
+        if metadata.is_dir() {
+            return Err(IoError::from(IoErrorKind::IsADirectory)).with_context(fail);
+        }
+        let mut count = None;
+        // A pipe tells its poses once.
+        if metadata.is_file() {
+            count = Some(PoseReader::new(&file, name.clone())?.count()?);
+            file.rewind().with_context(fail)?;
+        }
+        (Box::new(file), count, name)
+    };
+    Ok((PoseReader::new(input, name)?, count))
+}
+
 /// Reads poses in chunks.
 pub(super) struct PoseReader<R> {
     reader: Reader<R>,
@@ -27,6 +63,8 @@ pub(super) struct PoseReader<R> {
     header: StringRecord,
     position: [usize; 3],
     direction: Direction,
+    /// ψ in degrees.
+    roll: Option<usize>,
     waiting: StringRecord,
 }
 
@@ -67,7 +105,8 @@ impl<R: Read> PoseReader<R> {
             (true, false) => Direction::Vector(all3(VECTOR)?),
             (false, _) => Direction::Angles([need(ANGLES[0])?, need(ANGLES[1])?]),
         };
-        Ok(Self { reader, name, header, position, direction, waiting: StringRecord::new() })
+        let roll = find(ROLL)?;
+        Ok(Self { reader, name, header, position, direction, roll, waiting: StringRecord::new() })
     }
 
     /// Titles of all columns.
@@ -75,9 +114,9 @@ impl<R: Read> PoseReader<R> {
         &self.header
     }
 
-    /// Bytes read so far.
-    pub(super) fn bytes(&self) -> u64 {
-        self.reader.position().byte()
+    /// Whether poses say how the tool is rolled about its axis.
+    pub(super) fn rolls(&self) -> bool {
+        self.roll.is_some()
     }
 
     /// Replaces `records` and `poses` by the next lines, at most `most`; by none at the end.
@@ -93,14 +132,32 @@ impl<R: Read> PoseReader<R> {
         records.clear();
         poses.clear();
         while poses.len() < most {
-            let more = self.reader.read_record(&mut self.waiting);
-            if !more.map_err(|error| explain(&self.name, &error))? {
-                break;
-            }
-            poses.push(self.pose(&self.waiting)?);
+            let Some(pose) = self.advance()? else { break };
+            poses.push(pose);
             records.push(self.waiting.clone());
         }
         Ok(())
+    }
+
+    /// Looks at every pose.
+    fn count(mut self) -> Result<u64> {
+        let mut count = 0;
+        while self.advance()?.is_some() {
+            count += 1;
+            if count % PATIENCE == 0 && interrupt::requested() {
+                return Err(Interrupted("no pose was answered, and nothing was written".into()).into());
+            }
+        }
+        Ok(count)
+    }
+
+    /// The pose of the next line, which is kept until the one after it is read.
+    fn advance(&mut self) -> Result<Option<Pose>> {
+        let more = self.reader.read_record(&mut self.waiting);
+        match more.map_err(|error| explain(&self.name, &error))? {
+            true => self.pose(&self.waiting).map(Some),
+            false => Ok(None),
+        }
     }
 
     fn pose(&self, record: &StringRecord) -> Result<Pose> {
@@ -133,7 +190,8 @@ impl<R: Read> PoseReader<R> {
                 Orientation::new(number(theta)?.rem_euclid(360.0), angle)
             }
         };
-        Ok(Pose { position, orientation })
+        let roll = self.roll.map(number).transpose()?.map_or(0.0, |roll| roll.rem_euclid(360.0));
+        Ok(Pose { position, orientation: Orientation { roll, ..orientation } })
     }
 }
 
@@ -174,6 +232,12 @@ mod tests {
         assert_eq!(poses[0].position, DVec3::new(1.0, 2.0, 3.0));
         assert_eq!(poses[0].orientation, Orientation::new(12.0, 6.0));
         assert_eq!(poses[1].orientation, Orientation::new(270.0, 0.0));
+        let rolled = read("x,y,z,theta,phi,Roll\n1,2,3,12,6,450\n1,2,3,12,6,-90\n").unwrap();
+        for (pose, roll) in rolled.iter().zip([90.0, 270.0]) {
+            assert_eq!(pose.orientation, Orientation { roll, ..Orientation::new(12.0, 6.0) });
+        }
+        let rolled = read("roll,x,y,z,i,j,k\n30,1,2,3,0,5,0\n").unwrap();
+        assert_eq!(rolled[0].orientation, Orientation { theta: 90.0, phi: 90.0, roll: 30.0 });
         let poses = read("\u{feff}x,y,z,i,j,k\r\n1,2,3,0,0,-2\r\n").unwrap();
         assert_eq!(poses[0].orientation.direction(), DVec3::NEG_Z);
     }
@@ -192,6 +256,9 @@ mod tests {
             ("x,y,z,theta,phi\n1,,3,4,5\n", "line 2, column y: '' is no"),
             ("x,y,z,theta,phi\n1,2,3,4,185\n", "line 2, column phi: φ must be"),
             ("x,y,z,theta,phi\n1,2,3\n", "line 2: it has 3 columns, and the first line 5"),
+            ("x,y,z,theta,phi,roll\n1,2,3,4,5,NaN\n", "line 2, column roll: 'NaN' is no finite number"),
+            ("x,y,z,i,j,k,roll\n1,2,3,4,5,6,\n", "line 2, column roll: ''"),
+            ("x,y,z,i,j,k,roll,ROLL\n", "more than one column roll"),
             ("x,y,z,i,j,k\n1,2,3,0,0,0\n", "line 2, columns i,j,k: the direction must not be zero"),
         ] {
             let message = format!("{:#}", read(text).unwrap_err());

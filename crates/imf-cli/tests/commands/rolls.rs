@@ -1,0 +1,105 @@
+//! Tools that are not symmetric about their axis: poses, tables and exports that know how the tool is rolled.
+
+use std::fmt::Write as _;
+
+use imf_core::factored::FactoredAnswers;
+use imf_core::factored::file::FactoredFile;
+use imf_core::field::{Field, Pose};
+use imf_core::harmonic::HarmonicAnswers;
+use imf_core::harmonic::file::HarmonicFile;
+use imf_core::orientation::Orientation;
+use serde_json::Value;
+
+use crate::folder::Folder;
+use crate::model::model;
+
+/// A bar to one side; the tip lies in it, since no definition says whether a voxel's centre on a face is inside.
+const ARM: &str = "v -6 -6 -2\nv 45 -6 -2\nv -6 6 -2\nv 45 6 -2\nv -6 -6 30\nv 45 -6 30\nv -6 6 30\nv 45 6 30\n\
+                   f 1 3 4\nf 1 4 2\nf 5 6 8\nf 5 8 7\nf 1 2 6\nf 1 6 5\nf 3 7 8\nf 3 8 4\nf 1 5 7\nf 1 7 3\n\
+                   f 2 4 8\nf 2 8 6\n";
+const SCENE: [&str; 6] = ["field", "bracket", "--dims", "6,18,11", "--tool", "arm.toml"];
+const ROLLS: [f64; 3] = [0.0, 90.0, 200.0];
+
+fn write_arm(folder: &Folder) {
+    folder.write("arm.obj", ARM);
+    folder.write("arm.toml", "name = \"arm\"\nmesh = \"arm.obj\"\n");
+    let rows = ROLLS.map(|roll| format!("30,60,{roll}\n"));
+    folder.write("rolled.csv", format!("theta,phi,roll\n{}", rows.concat()));
+}
+
+fn numbers(answers: &Value, column: &str) -> Vec<f32> {
+    answers.as_array().unwrap().iter().map(|answer| answer[column].as_f64().unwrap() as f32).collect()
+}
+
+#[test]
+fn poses_are_answered_at_their_roll_by_every_family_that_knows_it() {
+    let folder = Folder::new();
+    write_arm(&folder);
+    let run = folder.succeed(&[&SCENE[..], &["--orientations", "rolled.csv", "--out", "out"]].concat());
+    // Rows of one direction are told apart.
+    assert!(run.stdout.contains('ψ') && run.stdout.contains("200.0°"), "{}", run.stdout);
+    let kept = ["--method", "harmonic", "--degree", "2", "--save", "arm.safetensors", "--no-calibrate"];
+    folder.succeed(&[&SCENE[..], &kept].concat());
+    let network = ["--width", "16", "--layers", "2", "--steps", "5", "--out", "small"];
+    folder.succeed(&[&["compress", "arm.safetensors"], &network[..]].concat());
+    let harmonic = HarmonicFile::read(&folder.path("arm.safetensors")).unwrap();
+    let factored = FactoredFile::read(&folder.path("small/field.safetensors")).unwrap();
+    let mut siren = model();
+    siren.scene = harmonic.scene.clone();
+    siren.write(&folder.path("siren.safetensors")).unwrap();
+
+    let grid = harmonic.scene.record.grid;
+    let (mut text, mut poses) = ("roll,x,y,z,theta,phi\n".to_owned(), Vec::new());
+    for roll in ROLLS {
+        for index in 0..grid.len() {
+            let position = grid.centre(grid.voxel(index));
+            writeln!(text, "{roll},{},{},{},30,60", position.x, position.y, position.z).unwrap();
+            poses.push(Pose { position, orientation: Orientation { roll, ..Orientation::new(30.0, 60.0) } });
+        }
+    }
+    folder.write("poses.csv", text);
+    let ask = |field: &str| folder.json(&["query", field, "poses.csv", "--device", "cpu", "--exact"]);
+    let answered = |field: &mut dyn Field| {
+        let mut answers = vec![f32::NAN; poses.len()];
+        field.query(&poses, &mut answers).unwrap();
+        answers
+    };
+
+    let answers = ask("arm.safetensors");
+    let exact = numbers(&answers, "overlap_exact");
+    let sections: Vec<f32> =
+        (0..3).flat_map(|index| folder.npy::<f32>(&format!("out/cmf-{index:05}.npy"))).collect();
+    assert!(exact == sections, "counts at voxel centres are the sections'");
+    let by_roll: Vec<&[f32]> = exact.chunks_exact(grid.len()).collect();
+    assert!(by_roll[0] != by_roll[1] && by_roll[1] != by_roll[2]);
+    assert_eq!(answers[grid.len()]["roll"], 90);
+    assert!(numbers(&answers, "overlap") == answered(&mut HarmonicAnswers(&harmonic.field)));
+    let found = numbers(&ask("small/field.safetensors"), "overlap");
+    assert!(found == answered(&mut FactoredAnswers(factored.field.evaluator())));
+    assert!(found[..grid.len()] != found[grid.len()..2 * grid.len()]);
+
+    // The paper's network has no place for it, and says so once.
+    let run = folder.succeed(&["query", "siren.safetensors", "poses.csv", "--device", "cpu", "--json"]);
+    let notes = run.stderr.matches("knows no roll, which counts for the tool 'arm'").count();
+    assert_eq!(notes, 1, "{}", run.stderr);
+    let found = numbers(&serde_json::from_str(&run.stdout).unwrap(), "overlap");
+    assert!(found[..grid.len()] == found[grid.len()..2 * grid.len()]);
+
+    // Only functions of directions are written for other programs; each family is refused by its name.
+    for (field, family) in [("arm.safetensors", "harmonic"), ("small/field.safetensors", "factored")] {
+        let named = format!("a {family} field of a tool that is not symmetric");
+        folder.refuse(&["export", field, "--out", "arm.onnx"], &[&named, "imf query"]);
+    }
+}
+
+#[test]
+fn the_roll_of_a_tool_of_revolution_is_idle() {
+    let folder = Folder::new();
+    model().write(&folder.path("m.safetensors")).unwrap();
+    folder.write("poses.csv", "x,y,z,theta,phi,roll\n24,70,40,12,6,0\n24,70,40,12,6,77.5\n");
+    let run = folder.succeed(&["query", "m.safetensors", "poses.csv", "--device", "cpu", "--exact"]);
+    assert!(!run.stderr.contains("roll"), "{}", run.stderr);
+    let answers: Vec<&str> =
+        run.stdout.lines().skip(1).map(|line| line.splitn(7, ',').last().unwrap()).collect();
+    assert!(answers[0] == answers[1] && answers[0].contains(','), "{}", run.stdout);
+}
