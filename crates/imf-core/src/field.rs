@@ -3,14 +3,16 @@
 //! `query` answers "does the tool collide when its tip is *here*": `overlap(x, R)` in [0, 1]. The collision measure
 //! of a tool with other sharp points is the least of `overlap(x − R k, R)` over them: [`collision_measures`].
 
-mod contact;
 mod exact;
 mod learnt;
+mod scene;
+mod voxels;
 mod whole;
 
-pub use contact::ContactField;
 pub use exact::ExactField;
 pub use learnt::LearntField;
+pub use scene::SceneField;
+pub use voxels::{Turned, VoxelMeasures};
 pub use whole::WholeField;
 
 use glam::DVec3;

@@ -43,7 +43,7 @@ pub(crate) use mirrors::{Mirrors, parities};
 pub(crate) use point::{Functions, TurnScratch};
 pub use point::{Gradient, PointScratch};
 pub use refine::Refined;
-pub use screen::{CANDIDATES, Screened};
+pub use screen::{CANDIDATES, Misses, Screened};
 
 use thiserror::Error;
 

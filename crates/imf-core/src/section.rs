@@ -28,7 +28,7 @@ mod walk;
 pub use contact::{Contact, Obstacles, Skin};
 pub use counter::Method;
 pub use depth::{DEPTH_CAP, DepthPlan, DepthScratch, Quantity};
-pub(crate) use direct::least_mean;
+pub(crate) use direct::{around, least_mean};
 pub use direct::{direct_cmf, direct_count, direct_element_measures};
 pub use elements::{ElementMeasures, ElementPlans, ElementScratch, elements_at_best};
 pub use imf::{Imf, imf, stream_orientations, stream_sections};
@@ -138,10 +138,7 @@ impl SectionPlan {
     /// A tool without volume.
     pub fn of_scene(scene: &Scene) -> Result<Self, SectionError> {
         let (contact, rest) = (Contact::of_scene(scene), scene.record.tool_without_cutter()?);
-        let obstacles = match &contact {
-            Some(contact) => contact.obstacles(rest.as_ref()),
-            None => Obstacles::from(&scene.obstacle),
-        };
+        let obstacles = Obstacles::new(&scene.obstacle, contact.as_ref(), rest.as_ref());
         Self::new(obstacles, &scene.record.tool.with_tip_only())
     }
 

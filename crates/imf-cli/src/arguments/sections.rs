@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::FieldDeviceArguments;
+use super::harmonic::MISSES;
 
 /// Write sections of a field that was kept or trained, or the least of them over any orientations
 #[derive(Args)]
@@ -26,6 +27,10 @@ pub(crate) struct SectionsArguments {
     /// With --imf: count the best orientations of every voxel exactly, so that values are exact and zeros proven
     #[arg(long, requires = "imf")]
     pub(crate) confirm: bool,
+    /// With --confirm: count all orientations at so many of the voxels that are not free, drawn by chance, and say how often a
+    /// lower one was missed; 0 measures nothing
+    #[arg(long, value_name = "VOXELS", requires = "confirm", default_value_t = MISSES)]
+    pub(crate) misses: usize,
     /// With --imf: the least over all orientations, not only over the set: from its best one down the field's gradient
     #[arg(long, requires = "imf", conflicts_with = "confirm")]
     pub(crate) refine: bool,

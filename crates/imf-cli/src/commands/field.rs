@@ -64,10 +64,7 @@ pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
         _ => Contact::of_scene(&scene),
     };
     let rest = scene.record.tool_without_cutter()?;
-    let obstacles = match &contact {
-        Some(contact) => contact.obstacles(rest.as_ref()),
-        None => Obstacles::from(&obstacle),
-    };
+    let obstacles = Obstacles::new(&obstacle, contact.as_ref(), rest.as_ref());
     // A field that is kept is of the tip, which serves every sharp point; sections are of the least over all of them.
     let tip = asked.is_none().then(|| tool.with_tip_only());
     let plan = SectionPlan::with_query(obstacles, &scene.record.grid, tip.as_ref().unwrap_or(tool))?;

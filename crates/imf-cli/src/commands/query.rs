@@ -12,11 +12,11 @@ use anyhow::{Context as _, Result, bail};
 use glam::DVec3;
 use imf_core::atomic_file::write_atomically;
 use imf_core::factored::FactoredAnswers;
-use imf_core::field::{ContactField, ExactField, Field, LearntField, Pose, collision_measures};
+use imf_core::field::{Field, LearntField, Pose, SceneField, collision_measures};
 use imf_core::grid::Grid;
 use imf_core::harmonic::HarmonicAnswers;
 use imf_core::scene::Scene;
-use imf_core::section::{Contact, DEPTH_CAP, Quantity};
+use imf_core::section::{Contact, DEPTH_CAP, Obstacles, Quantity};
 use imf_core::stored::StoredField;
 use imf_gpu::GpuField;
 
@@ -76,16 +76,12 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
         }
     });
     let (contact, rest) = (Contact::of_scene(scene), record.tool_without_cutter()?);
+    let obstacles = Obstacles::new(&scene.obstacle, contact.as_ref(), rest.as_ref());
     let mut work = Work {
         grid: record.grid,
         quantity,
         learnt,
-        exact: arguments.exact.then(|| match &contact {
-            Some(contact) => {
-                Box::new(ContactField::new(contact, &record.tool, rest.as_ref())) as Box<dyn Field>
-            }
-            None => Box::new(ExactField::new(scene)),
-        }),
+        exact: arguments.exact.then(|| SceneField::new(obstacles, &record.tool)),
         sharp_points: arguments.sharp.then(|| record.tool.sharp_point_positions(record.grid.pitch)),
     };
     let Some(out) = out else {
@@ -165,7 +161,7 @@ struct Work<'a> {
     grid: Grid,
     quantity: Quantity,
     learnt: Box<dyn Field + 'a>,
-    exact: Option<Box<dyn Field + 'a>>,
+    exact: Option<SceneField<'a>>,
     sharp_points: Option<Vec<DVec3>>,
 }
 
@@ -200,7 +196,7 @@ impl Work<'_> {
             let sharp = self.sharp_points.as_deref();
             ask(self.learnt.as_mut(), sharp, &answers.poses, &mut answers.learnt)?;
             if let Some(exact) = &mut self.exact {
-                ask(exact.as_mut(), sharp, &answers.poses, &mut answers.exact)?;
+                ask(exact, sharp, &answers.poses, &mut answers.exact)?;
             }
             writer.write(&answers, out)?;
             answered += answers.poses.len() as u64;

@@ -124,15 +124,18 @@ fn sections_of_networks_are_the_librarys() {
 }
 
 #[test]
-fn fields_of_depth_and_of_contact_are_refused_by_name() {
+fn fields_of_depth_are_refused_by_name_and_those_of_contact_are_confirmed_with_it() {
     let work = Workdir::new();
     let field = "field teapot --dims 9,11,17 --method harmonic --degree 2 --no-calibrate";
     work.imf(&format!("{field} --quantity depth --save depth.safetensors")).done();
     work.imf("sections depth.safetensors --orientations 0,0 --out none").refused(&["depth", "imf query"]);
     work.imf(&format!("{field} --contact 1 --save contact.safetensors")).done();
     let contact = "sections contact.safetensors --orientations fibonacci:5 --imf";
-    work.imf(&format!("{contact} --confirm --out none")).refused(&["--confirm", "leave it out"]);
     work.imf(&format!("{contact} --out least")).done();
+    work.imf(&format!("{contact} --confirm --out confirmed")).done();
+    work.imf("field teapot --dims 9,11,17 --contact 1 --orientations fibonacci:5 --imf --out exact").done();
+    // Five orientations are fewer than are counted.
+    assert_eq!(npy::<f32>(&work, "confirmed/imf.npy"), npy::<f32>(&work, "exact/imf.npy"));
     assert!(!work.path("none").exists());
 }
 
@@ -149,7 +152,7 @@ fn many_orientations_are_met_in_batches_and_can_be_interrupted() {
         "least of the field",
         &format!("{sections} --orientations fibonacci:1000000 --memory 128MiB"),
     )
-    .interrupted(&["IMF", "nothing was written"]);
+    .interrupted(&["IMF", "none was written"]);
     assert!(!work.path("least").exists());
 }
 

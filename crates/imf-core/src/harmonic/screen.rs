@@ -1,37 +1,42 @@
 //! Screening: the harmonic field ranks the orientations at every voxel, exact counts confirm the best of them.
 //!
-//! The result is an inaccessibility measure whose values are exact overlaps of the orientation named, and an upper bound
-//! of the exact minimum. Where that value is 0 it is the minimum: proven. Elsewhere an orientation that the ranking put
-//! behind the counted ones might be lower by chance: checked, not proven. The miss rate is measured by streaming all.
+//! The result is an inaccessibility measure whose values are exact collision measures of the orientation named, and an upper
+//! bound of the exact minimum. Where that value is 0 it is the minimum: proven. Elsewhere an orientation that the ranking
+//! put behind the counted ones might be lower by chance: checked, not proven. How often that is so is measured by counting
+//! all orientations at some voxels ([`Screened::misses`]).
 //!
 //! A large set is looked at in three stages, since a field of some degree has no valleys narrower than that degree
 //! allows. A few orientations, evenly spread, find most of the voxels that are free in many directions. The others
 //! are valued at the centres of [`Cells`], and only the orientations of the cells whose centres are lowest are ranked.
 
+mod candidates;
+mod judge;
+mod misses;
+
+pub use misses::Misses;
+
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use glam::DVec3;
 use pulp::Arch;
 use rayon::prelude::*;
 
+use self::candidates::Candidates;
+use self::judge::Judge;
 use super::cells::Cells;
 use super::evaluate::{Heads, VoxelCoefficients as _, lowest};
 use super::{HarmonicError, HarmonicField};
 use crate::control::Control;
-use crate::field::{ExactField, Pose};
+use crate::field::VoxelMeasures;
 use crate::orientation::Orientation;
 use crate::section::{Imf, SectionError};
 use crate::siren::matrix::{Matrix, multiply};
-use crate::tool::ToolError;
 use crate::vectorised::vectorised;
 
 /// What screening found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Screened {
-    /// Exact overlaps of the best orientation counted, and which it is.
+    /// Exact measures of the best orientation counted, and which it is. A value of 0 is proven to be the least.
     pub imf: Imf,
-    /// 1 where the value is proven to be the least, `[voxel]`.
-    pub proven: Vec<u8>,
     /// Exact counts and yes/no answers taken.
     pub counted: u64,
 }
@@ -52,47 +57,35 @@ const NEAR: usize = 20;
 const BLOCK: usize = 2048;
 
 impl HarmonicField {
-    /// The inaccessibility measure over `orientations`, ranked by this field and confirmed by `exact`. One unit of
-    /// progress is one voxel.
+    /// The inaccessibility measure over `orientations`, ranked by this field and confirmed by exact measures at its voxels. One unit
+    /// of progress is one voxel.
     ///
     /// # Errors
     /// A tool without volume in an orientation, or cancellation.
     pub fn screened(
         &self,
         orientations: &[Orientation],
-        exact: &ExactField<'_>,
+        measures: &VoxelMeasures<'_>,
         control: Control<'_>,
     ) -> Result<Screened, HarmonicError> {
-        let normalisers = orientations
-            .par_iter()
-            .map(|o| exact.normaliser(o))
-            .collect::<Result<Vec<u32>, ToolError>>()
-            .map_err(|error| HarmonicError::Section(error.into()))?;
-        let directions = orientations.iter().map(Orientation::direction).collect();
-        let judge = Judge { field: self, orientations, directions, normalisers: &normalisers, exact };
+        let judge = Judge::new(measures, orientations, control)?;
         let stages = Stages::new(self, orientations);
-        let voxels = self.grid.len();
-        let mut whole = Imf::new(voxels);
-        let mut proven = vec![0; voxels];
+        let mut whole = Imf::new(self.grid.len());
         let counted = AtomicU64::new(0);
         whole
             .value
             .par_chunks_mut(BLOCK)
             .zip(whole.best.par_chunks_mut(BLOCK))
-            .zip(proven.par_chunks_mut(BLOCK))
             .enumerate()
-            .try_for_each_init(Scratch::default, |scratch, (block, ((value, best), proven))| {
-                if control.is_cancelled() {
-                    return Err(HarmonicError::Section(SectionError::Cancelled));
-                }
+            .try_for_each_init(Scratch::default, |scratch, (block, (value, best))| {
                 let mut own = 0;
-                stages.screen(&judge, block * BLOCK, (value, best), scratch, &mut own);
-                proven.iter_mut().zip(&*value).for_each(|(proven, &value)| *proven = u8::from(value == 0.0));
+                let voxels = value.len() as u64;
+                stages.screen(self, &judge, block * BLOCK, (value, best), scratch, &mut own)?;
                 counted.fetch_add(own, Ordering::Relaxed);
-                (control.progress)(value.len() as u64);
-                Ok(())
+                (control.progress)(voxels);
+                Ok::<_, SectionError>(())
             })?;
-        Ok(Screened { imf: whole, proven, counted: counted.into_inner() })
+        Ok(Screened { imf: whole, counted: counted.into_inner() })
     }
 }
 
@@ -138,13 +131,13 @@ impl Stages {
     /// Fills a block of voxels that begins at `from`.
     fn screen(
         &self,
+        field: &HarmonicField,
         judge: &Judge<'_>,
         from: usize,
         (value, best): (&mut [f32], &mut [u32]),
         scratch: &mut Scratch,
         counted: &mut u64,
-    ) {
-        let field = judge.field;
+    ) -> Result<(), SectionError> {
         let axes = field.axis_count();
         let Scratch { arch, coefficients, values, rows, gathered } = scratch;
         let z = field.read(from..from + value.len(), coefficients);
@@ -153,15 +146,15 @@ impl Stages {
                 for (index, candidates) in
                     ranked::<CANDIDATES>(z, axes, heads, *arch, values).iter().enumerate()
                 {
-                    (value[index], best[index]) = judge.best_of(from + index, candidates, counted);
+                    (value[index], best[index]) = judge.best_of(from + index, candidates, counted)?;
                 }
-                return;
+                return Ok(());
             }
             Self::Three { few, centres, cells, members } => (few, centres, cells, members),
         };
         value.fill(f32::INFINITY);
         for (index, candidates) in ranked::<CANDIDATES>(z, axes, few, *arch, values).iter().enumerate() {
-            let found = judge.free_of(from + index, &candidates.renamed(&cells.centres), counted);
+            let found = judge.free_of(from + index, &candidates.renamed(&cells.centres), counted)?;
             if let Some(found) = found {
                 (value[index], best[index]) = (0.0, found);
             }
@@ -174,7 +167,7 @@ impl Stages {
         let mut kept = Vec::with_capacity(left.len());
         for (row, (&index, near)) in left.iter().zip(&near).enumerate() {
             let best_centres = near.first::<CANDIDATES>().renamed(&cells.centres);
-            match judge.free_of(from + index, &best_centres, counted) {
+            match judge.free_of(from + index, &best_centres, counted)? {
                 Some(found) => (value[index], best[index]) = (0.0, found),
                 None => kept.push(row),
             }
@@ -184,8 +177,9 @@ impl Stages {
         left = kept.iter().map(|&row| left[row]).collect();
         for (&index, candidates) in left.iter().zip(&candidates) {
             let candidates = candidates.renamed(&cells.members);
-            (value[index], best[index]) = judge.best_of(from + index, &candidates, counted);
+            (value[index], best[index]) = judge.best_of(from + index, &candidates, counted)?;
         }
+        Ok(())
     }
 }
 
@@ -288,114 +282,3 @@ fn ranked<const COUNT: usize>(
 
 /// Values compared at a time.
 const PIECE: usize = 64;
-
-/// The least values seen, ascending.
-#[derive(Clone, Copy, Debug)]
-struct Candidates<const COUNT: usize> {
-    values: [f32; COUNT],
-    orientations: [u32; COUNT],
-}
-
-impl<const COUNT: usize> Default for Candidates<COUNT> {
-    fn default() -> Self {
-        Self { values: [f32::INFINITY; COUNT], orientations: [u32::MAX; COUNT] }
-    }
-}
-
-impl<const COUNT: usize> Candidates<COUNT> {
-    fn known(&self) -> impl Iterator<Item = u32> + use<COUNT> {
-        self.orientations.into_iter().filter(|&index| index != u32::MAX)
-    }
-
-    fn last(&self) -> f32 {
-        self.values[COUNT - 1]
-    }
-
-    /// The lowest of them.
-    fn first<const FEWER: usize>(&self) -> Candidates<FEWER> {
-        Candidates {
-            values: std::array::from_fn(|place| self.values[place]),
-            orientations: std::array::from_fn(|place| self.orientations[place]),
-        }
-    }
-
-    /// The same of a set in which `names` are the indices.
-    fn renamed(self, names: &[u32]) -> Self {
-        let name = |index: u32| names.get(index as usize).copied().unwrap_or(u32::MAX);
-        Self { orientations: self.orientations.map(name), ..self }
-    }
-
-    fn insert(&mut self, value: f32, orientation: u32) {
-        if value >= self.last() {
-            return;
-        }
-        let mut place = COUNT - 1;
-        while place > 0 && self.values[place - 1] > value {
-            self.values[place] = self.values[place - 1];
-            self.orientations[place] = self.orientations[place - 1];
-            place -= 1;
-        }
-        (self.values[place], self.orientations[place]) = (value, orientation);
-    }
-}
-
-/// Confirms candidates by exact answers.
-struct Judge<'a> {
-    field: &'a HarmonicField,
-    orientations: &'a [Orientation],
-    directions: Vec<DVec3>,
-    normalisers: &'a [u32],
-    exact: &'a ExactField<'a>,
-}
-
-impl Judge<'_> {
-    fn position(&self, voxel: usize) -> DVec3 {
-        let grid = &self.field.grid;
-        grid.centre(grid.voxel(voxel))
-    }
-
-    fn collides(&self, position: DVec3, orientation: u32) -> bool {
-        let along = self.exact.collides_along(position, self.directions[orientation as usize]);
-        along.unwrap_or_else(|| self.count(position, orientation) > 0)
-    }
-
-    fn count(&self, position: DVec3, orientation: u32) -> u32 {
-        let along = self.exact.count_along(position, self.directions[orientation as usize]);
-        let pose = || Pose { position, orientation: self.orientations[orientation as usize] };
-        along.unwrap_or_else(|| self.exact.count(&pose()))
-    }
-
-    /// The first candidate that is free, which is cheap to ask.
-    fn free_of(&self, voxel: usize, candidates: &Candidates<CANDIDATES>, counted: &mut u64) -> Option<u32> {
-        // A value far above zero is hardly free.
-        if candidates.values[0] >= FREE_BELOW {
-            return None;
-        }
-        let position = self.position(voxel);
-        candidates.known().find(|&index| {
-            *counted += 1;
-            !self.collides(position, index)
-        })
-    }
-
-    /// First whether any candidate is free; only then how much each overlaps.
-    fn best_of(&self, voxel: usize, candidates: &Candidates<CANDIDATES>, counted: &mut u64) -> (f32, u32) {
-        if let Some(index) = self.free_of(voxel, candidates, counted) {
-            return (0.0, index);
-        }
-        let position = self.position(voxel);
-        let mut found = (f32::INFINITY, u32::MAX);
-        for index in candidates.known() {
-            *counted += 1;
-            let share = f64::from(self.count(position, index)) / f64::from(self.normalisers[index as usize]);
-            let value = share.min(1.0) as f32;
-            if value < found.0 || (value == found.0 && index < found.1) {
-                found = (value, index);
-            }
-        }
-        found
-    }
-}
-
-/// Ten times the largest error of the fields measured.
-const FREE_BELOW: f32 = 0.3;

@@ -45,6 +45,18 @@ impl Skin<'_> {
     }
 }
 
+impl<'a> Obstacles<'a> {
+    /// Of a whole obstacle, and of how it is divided where the cutter may touch it; `rest` is what of the tool must stay out
+    /// of the layer too, if there is any.
+    #[must_use]
+    pub fn new(whole: &'a Occupancy, contact: Option<&'a Contact>, rest: Option<&'a Tool>) -> Self {
+        match contact {
+            Some(contact) => contact.obstacles(rest),
+            None => Self::from(whole),
+        }
+    }
+}
+
 impl<'a> From<&'a Occupancy> for Obstacles<'a> {
     fn from(solid: &'a Occupancy) -> Self {
         Self { solid, skin: None }

@@ -85,7 +85,7 @@ pub(crate) fn least_mean(
 const AT_CENTRE: f64 = 1e-9;
 
 /// The voxels around a point (in voxels) that count, and the weights of their trilinear mean.
-pub(super) fn around(at: DVec3) -> impl Iterator<Item = ([i64; 3], f64)> {
+pub(crate) fn around(at: DVec3) -> impl Iterator<Item = ([i64; 3], f64)> {
     let nearest = at.round();
     let at = DVec3::select((at - nearest).abs().cmplt(DVec3::splat(AT_CENTRE)), nearest, at);
     let low = at.floor();

@@ -30,7 +30,9 @@ impl Tool {
         match &self.shape {
             ToolShape::Revolved(elements) => {
                 let profile: Vec<Segment> = elements.iter().flat_map(|e| e.profile.iter().copied()).collect();
-                count_in_revolved(&profile, orientation.direction(), obstacle, tip, bounds)
+                let (direction, pitch) = (orientation.direction(), obstacle.grid.pitch);
+                let held = |offset| holds(&profile, direction, offset, SLACK * pitch * pitch);
+                count_held(obstacle, tip, ranges(&obstacle.grid, tip, bounds), held)
             }
             ToolShape::Mesh(mesh) => {
                 let turned = mesh.transformed(&DMat4::from_mat3(orientation.rotation()));
@@ -40,30 +42,26 @@ impl Tool {
     }
 }
 
-/// The obstacle's voxels along an axis that lie between two offsets from the tip.
-fn range(grid: &Grid, axis: usize, tip: DVec3, (lower, upper): (DVec3, DVec3)) -> Range<usize> {
-    let clamp = |v: f64| v.clamp(0.0, grid.dims[axis] as f64) as usize;
-    clamp((tip[axis] + lower[axis]).floor())..clamp((tip[axis] + upper[axis]).ceil() + 1.0)
+/// The obstacle's voxels along each axis that lie between two offsets from the tip.
+fn ranges(grid: &Grid, tip: DVec3, (lower, upper): (DVec3, DVec3)) -> [Range<usize>; 3] {
+    [0, 1, 2].map(|axis| {
+        let clamp = |v: f64| v.clamp(0.0, grid.dims[axis] as f64) as usize;
+        clamp((tip[axis] + lower[axis]).floor())..clamp((tip[axis] + upper[axis]).ceil() + 1.0)
+    })
 }
 
-/// Voxel by voxel, in a tool of revolution whose offsets from the tip lie within bounds.
-fn count_in_revolved(
-    profile: &[Segment],
-    direction: DVec3,
+/// Voxel by voxel: solid ones whose offsets from the tip, in world units, are held.
+fn count_held(
     obstacle: &Occupancy,
     tip: DVec3,
-    bounds: (DVec3, DVec3),
+    [xs, ys, zs]: [Range<usize>; 3],
+    held: impl Fn(DVec3) -> bool,
 ) -> u32 {
     let grid = &obstacle.grid;
-    let [xs, ys, zs] = [0, 1, 2].map(|axis| range(grid, axis, tip, bounds));
     let mut count = 0;
     for (x, y) in xs.flat_map(|x| ys.clone().map(move |y| (x, y))) {
-        for z in zs.clone() {
-            let offset = (DVec3::new(x as f64, y as f64, z as f64) - tip) * grid.pitch;
-            count += u32::from(
-                obstacle.solid[grid.index([x, y, z])] != 0
-                    && holds(profile, direction, offset, SLACK * grid.pitch * grid.pitch),
-            );
+        for z in zs.clone().filter(|&z| obstacle.solid[grid.index([x, y, z])] != 0) {
+            count += u32::from(held((DVec3::new(x as f64, y as f64, z as f64) - tip) * grid.pitch));
         }
     }
     count
@@ -73,14 +71,16 @@ fn count_in_revolved(
 /// the rotated tool's, by the same arithmetic, so that ties on its surface are decided as there.
 fn count_in_mesh(turned: &Mesh, obstacle: &Occupancy, tip: DVec3, (lower, upper): (DVec3, DVec3)) -> u32 {
     let grid = &obstacle.grid;
-    let [xs, ys, zs] = [0, 1, 2].map(|axis| range(grid, axis, tip, (lower, upper)));
+    let [xs, ys, zs] = ranges(grid, tip, (lower, upper));
     if [&xs, &ys, &zs].into_iter().any(Range::is_empty) {
         return 0;
     }
     let whole = tip.floor();
     let dims = (upper - lower + 2.0).to_array().map(|span| span as usize);
     if dims.iter().map(|&n| n as f64).product::<f64>() > MOST_VOXELS as f64 {
-        return count_by_winding(turned, obstacle, tip, [xs, ys, zs]);
+        // Too large to be made of voxels.
+        let held = |offset| winding_number(turned, offset).abs() > 0.5;
+        return count_held(obstacle, tip, [xs, ys, zs], held);
     }
     let own = Grid { origin: (lower - (tip - whole) - 0.5) * grid.pitch, pitch: grid.pitch, dims };
     let tool = voxelize(turned, &own, false);
@@ -92,19 +92,6 @@ fn count_in_mesh(turned: &Mesh, obstacle: &Occupancy, tip: DVec3, (lower, upper)
         let solid = &obstacle.solid[grid.index([x, y, zs.start])..][..zs.len()];
         let held = &tool.solid[own.index([place(0, x), place(1, y), place(2, zs.start)])..][..zs.len()];
         count += solid.iter().zip(held).map(|(solid, held)| u32::from(solid & held)).sum::<u32>();
-    }
-    count
-}
-
-/// The same of a tool that is too large to be made of voxels: by its winding number at every solid voxel.
-fn count_by_winding(turned: &Mesh, obstacle: &Occupancy, tip: DVec3, [xs, ys, zs]: [Range<usize>; 3]) -> u32 {
-    let grid = &obstacle.grid;
-    let mut count = 0;
-    for (x, y) in xs.flat_map(|x| ys.clone().map(move |y| (x, y))) {
-        for z in zs.clone().filter(|&z| obstacle.solid[grid.index([x, y, z])] != 0) {
-            let offset = (DVec3::new(x as f64, y as f64, z as f64) - tip) * grid.pitch;
-            count += u32::from(winding_number(turned, offset).abs() > 0.5);
-        }
     }
     count
 }

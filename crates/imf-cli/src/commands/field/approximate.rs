@@ -1,16 +1,18 @@
 //! Values of a field that was made before, by a fit to exact sections or as a network: its sections, and the least of them.
 
 use std::borrow::Cow;
+use std::sync::OnceLock;
 
 use anyhow::{Result, bail};
 use glam::DVec3;
-use imf_core::field::{ExactField, QueryError};
+use imf_core::field::{QueryError, VoxelMeasures};
 use imf_core::harmonic::basis::Basis;
 use imf_core::harmonic::coefficients::Precision;
-use imf_core::harmonic::{CANDIDATES, HEADS_AT_ONCE, HarmonicError, HarmonicField, Refined};
+use imf_core::harmonic::{CANDIDATES, HEADS_AT_ONCE, HarmonicError, HarmonicField, Misses, Refined};
 use imf_core::orientation::Orientation;
-use imf_core::section::{Imf, SectionError};
+use imf_core::section::{Contact, Imf, Obstacles, SectionError};
 use imf_core::stored::StoredField;
+use imf_core::tool::Tool;
 use serde_json::{Value, json};
 
 use super::Work;
@@ -30,19 +32,29 @@ const ORIENTATION: usize = size_of::<Orientation>() / size_of::<f32>();
 /// A field of any family and how it is used.
 pub(super) struct Approximate {
     stored: StoredField,
-    /// Best orientations are counted exactly.
-    confirm: bool,
+    /// Of this tool best orientations are counted exactly, where they are to be.
+    confirmed: Option<Confirmed>,
     /// The minimum is over all orientations.
     refine: bool,
     described: String,
+    /// How often confirming missed a lower orientation, once that is measured.
+    misses: OnceLock<Misses>,
     /// What else its values are, for the promise.
     besides: String,
 }
 
+/// How best orientations are confirmed.
+pub(super) struct Confirmed {
+    /// Whose measures count, with its sharp points.
+    pub(super) tool: Tool,
+    /// Voxels at which misses are measured.
+    pub(super) voxels: usize,
+}
+
 impl Approximate {
-    pub(super) fn new(stored: StoredField, confirm: bool, refine: bool) -> Result<Self> {
-        if matches!(stored, StoredField::Siren(_)) && (confirm || refine) {
-            let option = if confirm { "--confirm" } else { "--refine" };
+    pub(super) fn new(stored: StoredField, confirmed: Option<Confirmed>, refine: bool) -> Result<Self> {
+        if matches!(stored, StoredField::Siren(_)) && (confirmed.is_some() || refine) {
+            let option = if confirmed.is_some() { "--confirm" } else { "--refine" };
             bail!("{option} is for harmonic and factored fields: leave it out");
         }
         let mut described = match &stored {
@@ -59,23 +71,24 @@ impl Approximate {
             }
             StoredField::Siren(_) | StoredField::Factored(_) => Subject::of_stored(&stored)?.describe(),
         };
-        if confirm {
+        if confirmed.is_some() {
             described += &format!("; the best {CANDIDATES} orientations of every voxel counted exactly");
         }
-        Ok(Self { stored, confirm, refine, described, besides: String::new() })
+        Ok(Self { stored, confirmed, refine, described, misses: OnceLock::new(), besides: String::new() })
     }
 
-    /// Of a field from a file, which is of the tool's tip.
-    pub(super) fn kept(stored: StoredField, confirm: bool, refine: bool) -> Result<Self> {
+    /// Of a field from a file, which is of the tool's tip; misses are measured at so many voxels, where it is confirmed.
+    pub(super) fn kept(stored: StoredField, confirm: Option<usize>, refine: bool) -> Result<Self> {
         let mut besides = String::new();
         let record = &stored.scene().record;
+        let confirmed = confirm.map(|voxels| Confirmed { tool: record.tool.with_tip_only(), voxels });
         if record.tool.sharp_point_positions(record.grid.pitch) != [DVec3::ZERO] {
             besides += "; values are overlaps with the tool's tip at the voxel, and imf query --sharp asks of its sharp points";
         }
         if matches!(&stored, StoredField::Siren(model) if !model.record.finished) {
             besides += "; the network is not trained to its end";
         }
-        Ok(Self { besides, ..Self::new(stored, confirm, refine)? })
+        Ok(Self { besides, ..Self::new(stored, confirmed, refine)? })
     }
 
     pub(super) fn stored(&self) -> &StoredField {
@@ -84,7 +97,7 @@ impl Approximate {
 
     /// Whether a device has a part in the values.
     pub(super) fn is_on_device(&self) -> bool {
-        !self.confirm
+        self.confirmed.is_none()
     }
 
     /// How values are computed, for people.
@@ -95,7 +108,7 @@ impl Approximate {
     /// In titles of pictures.
     pub(super) fn exactness(&self) -> &'static str {
         match &self.stored {
-            _ if self.confirm => "exact counts of the orientation named",
+            _ if self.confirmed.is_some() => "exact counts of the orientation named",
             StoredField::Siren(_) => "from a network taught exact sections",
             StoredField::Harmonic(_) => "from a harmonic fit to exact sections",
             StoredField::Factored(_) => "from a network taught a harmonic fit to exact sections",
@@ -105,10 +118,11 @@ impl Approximate {
     /// Which promise holds for the values.
     pub(super) fn promise(&self) -> String {
         let promise = match &self.stored {
-            _ if self.confirm => {
+            _ if self.confirmed.is_some() => {
                 "values are exact counts of the orientation named, and zeros are proven; another orientation of the set may \
                  be lower where the value is not zero"
-                    .into()
+                    .to_owned()
+                    + &self.misses.get().map(misses_text).unwrap_or_default()
             }
             StoredField::Harmonic(file) => {
                 format!("approximate ({}); decisions need exact counts", errors_text(&file.field))
@@ -122,7 +136,7 @@ impl Approximate {
 
     /// What it is, by the name of its family.
     pub(super) fn summary(&self) -> (&'static str, Value) {
-        let (confirmed, refined) = (self.confirm, self.refine);
+        let (confirmed, misses, refined) = (self.confirmed.is_some(), self.misses.get(), self.refine);
         match &self.stored {
             StoredField::Harmonic(file) => (
                 "harmonic",
@@ -131,6 +145,7 @@ impl Approximate {
                     "report": file.field.report,
                     "bytes": file.field.bytes(),
                     "confirmed": confirmed,
+                    "misses": misses,
                     "refined": refined,
                 }),
             ),
@@ -141,6 +156,7 @@ impl Approximate {
                     "taught_by": { "settings": file.fit, "report": file.report },
                     "bytes": file.field.bytes(),
                     "confirmed": confirmed,
+                    "misses": misses,
                     "refined": refined,
                 }),
             ),
@@ -186,10 +202,11 @@ impl Approximate {
 
     /// The least value over all orientations. Looks whether there is memory for what is made of it as well.
     pub(super) fn least(&self, work: &Work<'_>) -> Result<Streamed<Imf>> {
-        let together = if self.confirm { work.set.len() } else { work.set.len().min(HEADS_AT_ONCE) };
+        let confirm = self.confirmed.is_some();
+        let together = if confirm { work.set.len() } else { work.set.len().min(HEADS_AT_ONCE) };
         // Both take the coefficients of every voxel in this machine's memory, and refining a direction each.
         let here =
-            if self.confirm || self.refine { Device::Cpu.copied_bytes(&self.stored, Calls::Many) } else { 0 };
+            if confirm || self.refine { Device::Cpu.copied_bytes(&self.stored, Calls::Many) } else { 0 };
         let arrays = WRITTEN + if self.refine { ORIENTATION } else { 0 };
         self.require_memory(
             work,
@@ -197,8 +214,8 @@ impl Approximate {
             arrays,
             together,
         )?;
-        if self.confirm {
-            return self.screened(work);
+        if let Some(confirmed) = &self.confirmed {
+            return self.screened(work, confirmed);
         }
         let values = work.scene.record.grid.len() as u64 * work.set.len() as u64;
         let stage = work.session.stage("least of the field", "values", values);
@@ -247,20 +264,32 @@ impl Approximate {
         4 * (orientations * (functions + 2 * axes)) as u64
     }
 
-    fn screened(&self, work: &Work<'_>) -> Result<Streamed<Imf>> {
-        let field = self.by_functions()?;
+    fn screened(&self, work: &Work<'_>, confirmed: &Confirmed) -> Result<Streamed<Imf>> {
+        let (field, scene, set) = (self.by_functions()?, work.scene, &work.set.orientations);
+        let (contact, rest) = (Contact::of_scene(scene), scene.record.tool_without_cutter()?);
+        let obstacles = Obstacles::new(&scene.obstacle, contact.as_ref(), rest.as_ref());
+        let measures = VoxelMeasures::new(obstacles, &field.grid, &confirmed.tool)?;
         let stage = work.session.stage("confirming", "voxels", field.grid.len() as u64);
         let advance = |voxels| stage.advance(voxels);
-        let control = work.session.control(&advance);
-        match field.screened(&work.set.orientations, &ExactField::new(work.scene), control) {
-            Err(HarmonicError::Section(SectionError::Cancelled)) => Ok(Streamed::Interrupted),
-            Err(error) => Err(error.into()),
-            Ok(screened) => {
-                let proven = screened.proven.iter().filter(|&&proven| proven == 1).count();
-                stage.finish(&format!("{} exact answers, {proven} voxels proven free", screened.counted));
-                Ok(Streamed::Whole(screened.imf))
-            }
+        let Some(screened) = finished(field.screened(set, &measures, work.session.control(&advance)))? else {
+            return Ok(Streamed::Interrupted);
+        };
+        let checked = screened.imf.value.iter().filter(|&&value| value > 0.0).count();
+        stage.finish(&format!(
+            "{} exact answers, {} voxels proven free",
+            screened.counted,
+            field.grid.len() - checked
+        ));
+        let voxels = confirmed.voxels.min(checked);
+        if voxels > 0 {
+            let stage = work.session.stage("measuring misses", "voxels", voxels as u64);
+            let advance = |voxels| stage.advance(voxels);
+            let misses = screened.misses(set, &measures, voxels, work.session.control(&advance));
+            let Some(misses) = finished(misses)? else { return Ok(Streamed::Interrupted) };
+            stage.finish(&format!("{} of {voxels} voxels have a lower orientation", misses.missed));
+            let _ = self.misses.set(misses);
         }
+        Ok(Streamed::Whole(screened.imf))
     }
 
     /// The minimum over all orientations, where that is asked for.
@@ -293,6 +322,27 @@ impl Approximate {
             }
         }
     }
+}
+
+/// What was made, or nothing where it was interrupted.
+fn finished<T>(result: Result<T, HarmonicError>) -> Result<Option<T>> {
+    match result {
+        Err(HarmonicError::Section(SectionError::Cancelled)) => Ok(None),
+        other => Ok(Some(other?)),
+    }
+}
+
+/// Misses, as the end of a promise.
+fn misses_text(found: &Misses) -> String {
+    let Misses { voxels, missed, free, mean, most } = *found;
+    if missed == 0 {
+        return format!(": none of {voxels} such voxels that were counted at every orientation has one");
+    }
+    let free = if free > 0 { format!(", {free} of them a free one") } else { String::new() };
+    format!(
+        ": of {voxels} such voxels that were counted at every orientation {missed} have one{free}, lower by {mean:.1e} in \
+         the mean and {most:.1e} at most"
+    )
 }
 
 /// What is known of the errors of a fit.

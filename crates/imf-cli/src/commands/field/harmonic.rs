@@ -11,7 +11,7 @@ use imf_core::section::{SectionError, SectionPlan};
 use imf_core::stored::StoredField;
 use imf_core::tool::Tool;
 
-use super::approximate::{Approximate, errors_text};
+use super::approximate::{Approximate, Confirmed, errors_text};
 use crate::arguments::field::FieldArguments;
 use crate::arguments::harmonic::{FieldMethod, HarmonicArguments};
 use crate::interrupt::Interrupted;
@@ -117,12 +117,6 @@ pub(super) fn make(
     if arguments.elements || arguments.check > 0 {
         bail!("--elements and --check are of exact sections: leave them out, or leave out --method harmonic");
     }
-    if asked.confirm && (plan.skin().is_some() || !plan.tip_alone()) {
-        bail!(
-            "--confirm counts at the tool's tip against the whole obstacle: leave it out where other points are \
-             sharp or --contact is given"
-        );
-    }
     if asked.save.is_some() && !plan.tip_alone() {
         bail!(
             "a field that is kept is of the tool's tip, which serves every sharp point, and sections are the least over \
@@ -147,5 +141,6 @@ pub(super) fn make(
         session.note(&format!("wrote {}", path.display()));
     }
     let stored = StoredField::Harmonic(Box::new(file));
-    Ok(Some(Approximate::new(stored, asked.confirm, asked.refine)?))
+    let confirmed = asked.confirm.then(|| Confirmed { tool: plan.tool().clone(), voxels: asked.misses });
+    Ok(Some(Approximate::new(stored, confirmed, asked.refine)?))
 }

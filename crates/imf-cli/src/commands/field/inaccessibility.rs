@@ -18,7 +18,7 @@ use crate::slices::{MidPlaneSheet, MidPlanes};
 
 pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let (grid, obstacle) = (&work.scene.record.grid, &work.scene.obstacle);
-    let unfinished = || Err(Interrupted("the IMF needs every section; nothing was written".into()).into());
+    let unfinished = || Err(Interrupted("the IMF needs every section; none was written".into()).into());
     let Streamed::Whole(mut whole) = work.least()? else { return unfinished() };
     let refined = match work.values {
         Values::Approximate(field) => field.refined(work, &whole)?,

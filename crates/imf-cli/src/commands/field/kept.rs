@@ -25,15 +25,10 @@ pub(crate) fn run(session: &Session, arguments: &SectionsArguments) -> Result<()
     }
     let scene = stored.scene().clone();
     let record = &scene.record;
-    if arguments.confirm && record.contact.is_some() {
-        bail!(
-            "--confirm counts against the whole obstacle, and in {path} the cutter may reach into the part: leave it out"
-        );
-    }
     if stored.basis().is_some_and(|basis| basis.domain() == Domain::Rotations) {
         note_of_rolls(session, &set);
     }
-    let field = Approximate::kept(stored, arguments.confirm, arguments.refine)?;
+    let field = Approximate::kept(stored, arguments.confirm.then_some(arguments.misses), arguments.refine)?;
     notes::of_scene(session, record);
     if let StoredField::Siren(model) = field.stored() {
         notes::of_training(session, &arguments.field, model);

@@ -1,44 +1,65 @@
-//! The exact field where the cutter may touch: the whole tool against what stays forbidden, shank and holder against the
-//! layer that the cutter may enter.
+//! The exact field of a scene as its sections have it: the whole tool against what is forbidden, and where the cutter may
+//! touch, shank and holder against the layer that it may enter.
+
+use glam::DVec3;
 
 use super::exact::answer;
 use super::{ExactField, Field, Pose, QueryError};
-use crate::section::Contact;
-use crate::tool::Tool;
+use crate::orientation::Orientation;
+use crate::section::{Obstacles, Skin};
+use crate::tool::{Tool, ToolError};
 
-/// Single poses of a scene with contact, equal to its sections at voxel centres.
-pub struct ContactField<'a> {
+/// Single poses of a scene, equal to its sections at voxel centres, with contact or without.
+pub struct SceneField<'a> {
     forbidden: ExactField<'a>,
     layer: Option<ExactField<'a>>,
 }
 
-impl<'a> ContactField<'a> {
-    /// Of a tool, and of what of it must stay out of the layer too
-    /// ([`SceneRecord::tool_without_cutter`](crate::scene::SceneRecord::tool_without_cutter)).
+impl<'a> SceneField<'a> {
+    /// Of a tool among obstacles ([`Contact::obstacles`](crate::section::Contact::obstacles) of a scene with contact).
     #[must_use]
-    pub fn new(contact: &'a Contact, tool: &'a Tool, rest: Option<&'a Tool>) -> Self {
+    pub fn new(obstacles: impl Into<Obstacles<'a>>, tool: &'a Tool) -> Self {
+        let Obstacles { solid, skin } = obstacles.into();
         Self {
-            forbidden: ExactField::of_tool(&contact.solid, tool),
-            layer: rest.map(|rest| ExactField::of_tool(&contact.skin, rest)),
+            forbidden: ExactField::of_tool(solid, tool),
+            layer: skin.map(|Skin { voxels, rest }| ExactField::of_tool(voxels, rest)),
         }
     }
 
     /// Voxels that count: forbidden ones in the tool, and those of the layer in shank and holder.
     #[must_use]
     pub fn count(&self, pose: &Pose) -> u32 {
-        self.forbidden.count(pose) + self.layer.as_ref().map_or(0, |layer| layer.count(pose))
+        self.bodies().map(|body| body.count(pose)).sum()
+    }
+
+    /// [`SceneField::count`] with the unit vector along the tool's axis, which many poses share.
+    pub(super) fn count_along(&self, pose: &Pose, direction: DVec3) -> u32 {
+        let count = |body: &ExactField<'_>| {
+            body.count_along(pose.position, direction).unwrap_or_else(|| body.count(pose))
+        };
+        self.bodies().map(count).sum()
+    }
+
+    /// `count_along(pose, direction) > 0`, sooner.
+    pub(super) fn collides_along(&self, pose: &Pose, direction: DVec3) -> bool {
+        self.bodies()
+            .any(|body| body.collides_along(pose.position, direction).unwrap_or_else(|| body.count(pose) > 0))
+    }
+
+    /// The whole tool's own count in an orientation.
+    pub(super) fn normaliser(&self, orientation: &Orientation) -> Result<u32, ToolError> {
+        self.forbidden.normaliser(orientation)
+    }
+
+    fn bodies(&self) -> impl Iterator<Item = &ExactField<'a>> {
+        [Some(&self.forbidden), self.layer.as_ref()].into_iter().flatten()
     }
 }
 
-impl Field for ContactField<'_> {
+impl Field for SceneField<'_> {
     fn query(&mut self, poses: &[Pose], answers: &mut [f32]) -> Result<(), QueryError> {
         let field = &*self;
-        answer(
-            poses,
-            answers,
-            |orientation| field.forbidden.normaliser(orientation),
-            |pose| field.count(pose),
-        )
+        answer(poses, answers, |orientation| field.normaliser(orientation), |pose| field.count(pose))
     }
 }
 
@@ -49,7 +70,7 @@ mod tests {
     use crate::orientation::OrientationSet;
     use crate::parts::ReferencePart;
     use crate::scene::SceneSpec;
-    use crate::section::{SectionPlan, sections};
+    use crate::section::{Contact, SectionPlan, sections};
     use crate::tool::Clearance;
 
     #[test]
@@ -69,7 +90,7 @@ mod tests {
         let found = sections(&plan, &set, Control::quiet()).unwrap();
         let (contact, rest) =
             (Contact::of_scene(&touching).unwrap(), touching.record.tool_without_cutter().unwrap());
-        let mut field = ContactField::new(&contact, &touching.record.tool, rest.as_ref());
+        let mut field = SceneField::new(contact.obstacles(rest.as_ref()), &touching.record.tool);
         let grid = scene.record.grid;
         for (orientation, section) in set.iter().zip(&found) {
             let pose = |i: usize| Pose { position: grid.centre(grid.voxel(i)), orientation: *orientation };
