@@ -35,7 +35,7 @@ use imf_core::training::{EngineError, TrainingEngine};
 use crate::arguments::{LengthArguments, PlanArguments};
 use crate::engine::Device;
 use crate::interrupt::{self, Interrupted};
-use crate::output::claim;
+use crate::output::{claim, keep_former};
 use crate::progress::Stage;
 use crate::session::Session;
 use checkpoint::{Checkpoints, PREVIOUS};
@@ -258,7 +258,7 @@ fn train_to_the_end(
         ));
     }
     let path = out.join(MODEL);
-    match (write_result(out, &model), kept) {
+    match (write_result(session, out, &model), kept) {
         (Ok(()), Ok(())) => {}
         // The model is what a training is for, and the smaller of the two.
         (Ok(()), Err(error)) => {
@@ -273,9 +273,12 @@ fn train_to_the_end(
     Ok(model)
 }
 
-/// Writes what a finished training came to: its model, without moments, and the course of its loss.
-fn write_result(out: &Path, model: &Model) -> Result<()> {
-    model.write(&out.join(MODEL))?;
+/// Writes what a finished training came to: its model, without moments, and the course of its loss. The model of an earlier one
+/// is kept.
+fn write_result(session: &Session, out: &Path, model: &Model) -> Result<()> {
+    let path = out.join(MODEL);
+    keep_former(session, &path)?;
+    model.write(&path)?;
     loss_chart(&model.record).save(&out.join("loss.png"))?;
     Ok(())
 }

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context as _, Result, bail, ensure};
-use imf_core::atomic_file::{remove_all_leftovers, remove_leftovers, write_atomically};
+use imf_core::atomic_file::{keep_previous, remove_all_leftovers, remove_leftovers, write_atomically};
 use imf_core::tool::ElementKind;
 use serde::Serialize;
 use tempfile::{Builder, NamedTempFile};
@@ -117,6 +117,31 @@ pub(crate) fn claim(folder: &Path) -> Result<Claim> {
         ),
         Err(TryLockError::Error(_)) => nothing,
     }
+}
+
+/// Refuses a source in the place where what is made of it is to be written.
+pub(crate) fn require_other(source: &Path, replaced: &Path) -> Result<()> {
+    if let (Ok(from), Ok(to)) = (source.canonicalize(), replaced.canonicalize()) {
+        ensure!(
+            from != to,
+            "{} would be replaced by what is made of it: choose another --out",
+            replaced.display()
+        );
+    }
+    Ok(())
+}
+
+/// Keeps what an earlier run made under a further name before it is replaced: `field.safetensors` as
+/// `field.former.safetensors`.
+pub(crate) fn keep_former(session: &Session, path: &Path) -> Result<()> {
+    if !path.exists() {
+        return Ok(());
+    }
+    let ending = path.extension().unwrap_or_default().to_string_lossy();
+    let former = path.with_extension(format!("former.{ending}"));
+    keep_previous(path, &former).with_context(|| format!("cannot keep {}", path.display()))?;
+    session.note(&format!("what {} held before is kept as {}", path.display(), former.display()));
+    Ok(())
 }
 
 /// Also true for a link that leads nowhere, which cannot be made a folder.

@@ -3,10 +3,10 @@
 //! A file is written under a temporary name in its own folder, flushed to the disk, and renamed. Whoever reads the
 //! final name sees the old content or the new one, never half of either, also after a crash or a power cut.
 //! On an error the temporary file is removed and the old content stays. A process that is killed cannot remove its
-//! temporary file: [`remove_leftovers`] does so later.
+//! temporary file: [`remove_leftovers`] does so later. While a process writes one it holds a lock on it, by which others know.
 
 use std::ffi::OsString;
-use std::fs::{self, File};
+use std::fs::{self, File, TryLockError};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
@@ -98,7 +98,18 @@ pub fn write_keeping_previous(
     replace(path.as_ref(), Some(previous.as_ref()), write)
 }
 
-/// Removes the temporary files that killed processes left while they wrote `path`. Nobody may be writing it now.
+/// Gives what `path` holds now the further name `previous`, in the same folder, before it is replaced.
+///
+/// # Errors
+/// A folder that may not be written.
+pub fn keep_previous(path: impl AsRef<Path>, previous: impl AsRef<Path>) -> io::Result<()> {
+    let path = path.as_ref();
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    keep_as(path, previous.as_ref(), tempfile::Builder::new().prefix(".").suffix(PART), folder)?;
+    sync_folder(folder)
+}
+
+/// Removes the temporary files that killed processes left while they wrote `path`, and none that is being written.
 /// Returns how many there were; what cannot be removed stays.
 pub fn remove_leftovers(path: impl AsRef<Path>) -> usize {
     let target = fs::canonicalize(&path).unwrap_or_else(|_| path.as_ref().to_path_buf());
@@ -112,11 +123,22 @@ pub fn remove_leftovers(path: impl AsRef<Path>) -> usize {
         file.to_str().is_some_and(|file| file.starts_with(&start) && file.ends_with(PART))
     };
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    entries.filter(is_leftover).filter(|entry| fs::remove_file(entry.path()).is_ok()).count()
+    entries.filter(is_leftover).filter(removed).count()
 }
 
-/// Removes the temporary files that killed processes left in a folder, whatever they were writing. Nobody may be writing
-/// there now. Returns how many there were; what cannot be removed stays.
+/// Removes a temporary file unless somebody is writing it.
+fn removed(entry: &fs::DirEntry) -> bool {
+    let path = entry.path();
+    let written = File::options()
+        .read(true)
+        .write(true)
+        .open(&path)
+        .is_ok_and(|file| matches!(file.try_lock(), Err(TryLockError::WouldBlock)));
+    !written && fs::remove_file(path).is_ok()
+}
+
+/// Removes the temporary files that killed processes left in a folder, whatever they were writing, and none that is being
+/// written. Returns how many there were; what cannot be removed stays.
 pub fn remove_all_leftovers(folder: impl AsRef<Path>) -> usize {
     let is_leftover = |entry: &fs::DirEntry| {
         let file = entry.file_name();
@@ -126,7 +148,7 @@ pub fn remove_all_leftovers(folder: impl AsRef<Path>) -> usize {
             && entry.file_type().is_ok_and(|kind| kind.is_file())
     };
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    entries.filter(is_leftover).filter(|entry| fs::remove_file(entry.path()).is_ok()).count()
+    entries.filter(is_leftover).filter(removed).count()
 }
 
 fn replace(
@@ -168,6 +190,8 @@ fn replace(
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
     let temporary = builder.tempfile_in(folder).map_err(fail)?;
+    // Where files cannot be locked, nobody else may write in the folder.
+    let _ = temporary.as_file().try_lock();
     let mut writer = BufWriter::with_capacity(1 << 16, temporary.as_file());
     write(&mut writer).and_then(|()| writer.flush()).map_err(fail)?;
     drop(writer);
@@ -296,6 +320,33 @@ mod tests {
         assert_eq!(remove_all_leftovers(folder.path()), 1, "that of b.bin");
         assert_eq!(entries(folder.path()).len(), 6);
         assert_eq!(remove_all_leftovers(folder.path().join("a.bin")), 0);
+    }
+
+    #[test]
+    fn what_is_being_written_is_no_leftover() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.bin");
+        write_atomically(&path, |out| {
+            assert_eq!(remove_leftovers(&path) + remove_all_leftovers(folder.path()), 0);
+            out.write_all(b"whole")
+        })
+        .unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"whole");
+    }
+
+    #[test]
+    fn a_file_is_kept_under_another_name_before_it_is_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let [path, previous] = ["a.bin", "a.former.bin"].map(|name| folder.path().join(name));
+        for content in ["one", "two"] {
+            fs::write(&path, content).unwrap();
+            keep_previous(&path, &previous).unwrap();
+            write_atomically(&path, |out| out.write_all(b"new")).unwrap();
+            assert_eq!(fs::read_to_string(&previous).unwrap(), content);
+            assert_eq!(fs::read_to_string(&path).unwrap(), "new");
+        }
+        assert_eq!(entries(folder.path()).len(), 2);
+        assert!(keep_previous(folder.path().join("none"), &previous).is_err());
     }
 
     #[test]

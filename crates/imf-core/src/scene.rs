@@ -290,13 +290,8 @@ impl<'a> SceneSpec<'a> {
     /// As [`SceneSpec::grid`]; a part of which no voxel is left; a fixture that sticks out of the grid.
     pub fn scene(&self) -> Result<Scene, SceneError> {
         let grid = self.grid()?;
-        let (lower, upper) = (grid.origin, grid.origin + grid.size());
-        let slack = 1e-6 * grid.pitch;
-        for fixture in self.fixtures {
-            let bounds = fixture_bounds(fixture)?;
-            if (lower - bounds.0).max_element() > slack || (bounds.1 - upper).max_element() > slack {
-                return Err(SceneError::FixtureOutside(fixture.name.to_owned()));
-            }
+        if let Some(fixture) = self.fixture_outside(&grid)? {
+            return Err(SceneError::FixtureOutside(fixture.to_owned()));
         }
         Ok(self.scene_of(grid, self.bodies(&grid)?))
     }
@@ -315,12 +310,27 @@ impl<'a> SceneSpec<'a> {
         Ok((self.scene_of(grid, here), bodies))
     }
 
-    /// The grid of the bodies that [`SceneSpec::scene_and_bodies`] gives around its scene's `grid`.
+    /// The grid of the bodies that [`SceneSpec::scene_and_bodies`] gives around its scene's `grid`: that one where it holds all
+    /// fixtures, so that such a scene is the same here as in [`SceneSpec::scene`]. A surface on the grid's own faces makes voxels
+    /// solid inside of it alone, also with `conservative`, and these hold all of what is solid.
     ///
     /// # Errors
     /// As [`SceneSpec::obstacle_grid`].
     pub fn wide_grid(&self, grid: &Grid, reach: f64) -> Result<Grid, SceneError> {
-        if self.fixtures.is_empty() { Ok(*grid) } else { self.obstacle_grid(grid, reach) }
+        if self.fixture_outside(grid)?.is_none() { Ok(*grid) } else { self.obstacle_grid(grid, reach) }
+    }
+
+    /// The first fixture that sticks out of a grid.
+    fn fixture_outside(&self, grid: &Grid) -> Result<Option<&str>, SceneError> {
+        let (lower, upper) = (grid.origin, grid.origin + grid.size());
+        let slack = 1e-6 * grid.pitch;
+        for fixture in self.fixtures {
+            let bounds = fixture_bounds(fixture)?;
+            if (lower - bounds.0).max_element() > slack || (bounds.1 - upper).max_element() > slack {
+                return Ok(Some(fixture.name));
+            }
+        }
+        Ok(None)
     }
 
     fn scene_of(&self, grid: Grid, bodies: Bodies) -> Scene {

@@ -28,7 +28,7 @@ use super::calibrate;
 use crate::arguments::compress::CompressArguments;
 use crate::engine::Device;
 use crate::interrupt::{self, Interrupted};
-use crate::output::{claim, prepare_folder, print, print_json};
+use crate::output::{claim, keep_former, prepare_folder, print, print_json, require_other};
 use crate::session::{Session, show_bytes};
 
 const FIELD: &str = "field.safetensors";
@@ -40,6 +40,9 @@ pub(crate) fn run(session: &Session, arguments: &CompressArguments) -> Result<()
         Some(path) => Some((path, FactoredFile::read(path)?)),
         None => None,
     };
+    for source in [Some(&arguments.field), arguments.from.as_ref()].into_iter().flatten() {
+        require_other(source, &arguments.out.join(FIELD))?;
+    }
     let device = Device::open(&arguments.device, session)?;
     prepare_folder(&arguments.out)?;
     let _claim = claim(&arguments.out)?;
@@ -211,6 +214,7 @@ impl Lesson<'_> {
             }
         }
         stage.finish(&if loss.is_nan() { String::new() } else { format!("loss {loss:.2e}") });
+        keep_former(session, &out.join(FIELD))?;
         Ok((self.write(&out.join(FIELD), &state, false)?, loss))
     }
 

@@ -15,7 +15,7 @@ use crate::arguments::dataset::{
     DatasetAction, DatasetArguments, DatasetFinishArguments, DatasetMakeArguments, directions,
 };
 use crate::interrupt::Interrupted;
-use crate::output::{prepare_folder, print, print_json};
+use crate::output::{Claim, claim, prepare_folder, print, print_json};
 use crate::session::Session;
 
 pub(crate) fn run(session: &Session, arguments: &DatasetArguments) -> Result<()> {
@@ -32,6 +32,7 @@ fn make_new(session: &Session, arguments: &DatasetMakeArguments) -> Result<()> {
     let scene = arguments.scene.scene_with(session, &arguments.contact)?;
     prepare_folder(&arguments.out)?;
     let layout = arguments.sampling.layout(arguments.shard);
+    let _claim = claimed(&arguments.out, &layout)?;
     make(session, &arguments.out, &scene, &set, &sampling, &layout)
 }
 
@@ -42,7 +43,13 @@ fn finish(session: &Session, arguments: &DatasetFinishArguments) -> Result<()> {
     let scene = manifest.scene(folder)?;
     prepare_folder(folder)?;
     let layout = Layout { share: arguments.shard, ..Layout::default() };
+    let _claim = claimed(folder, &layout)?;
     make(session, folder, &scene, &manifest.orientations, &manifest.sampling, &layout)
+}
+
+/// A folder that is made whole is this run's own; shares are made beside each other.
+fn claimed(folder: &Path, layout: &Layout) -> Result<Option<Claim>> {
+    layout.share.is_none().then(|| claim(folder)).transpose()
 }
 
 fn make(

@@ -26,9 +26,11 @@ use super::calibrate;
 use crate::arguments::field::FieldArguments;
 use crate::arguments::harmonic::FieldMethod;
 use crate::engine::Device;
-use crate::output::{OutputFolder, SUMMARY, print, print_json};
+use crate::output::{OutputFolder, SUMMARY, print, print_json, same_digits};
 use crate::session::Session;
 
+/// Estimates at most this count as accessible, as `imf eval` judges decisions by default.
+const TAU: f32 = 1e-3;
 /// The list of orientations beside the fields: their indices count its lines.
 const ORIENTATIONS: &str = "orientations.csv";
 
@@ -179,11 +181,19 @@ impl Work<'_> {
         })?)
     }
 
-    /// Voxels outside the part where `values` is 0, and the others.
+    /// Largest value of what counts as accessible: estimates are hardly ever 0.
+    fn tau(&self) -> f32 {
+        match self.values {
+            Values::Approximate(field) if !field.is_confirmed() => TAU,
+            _ => 0.0,
+        }
+    }
+
+    /// Voxels outside the part where `values` is at most [`Work::tau`], and the others.
     fn accessible_outside(&self, values: &[f32]) -> Outside {
-        let solid = &self.scene.obstacle.solid;
+        let (solid, tau) = (&self.scene.obstacle.solid, self.tau());
         let empty = || values.iter().zip(solid).filter(|&(_, &solid)| solid == 0);
-        let accessible = empty().filter(|&(&value, _)| value == 0.0).count();
+        let accessible = empty().filter(|&(&value, _)| value <= tau).count();
         Outside { accessible, inaccessible: empty().count() - accessible }
     }
 
@@ -197,6 +207,7 @@ impl Work<'_> {
             "orientations": { "set": self.set.spec, "count": self.set.len(), "file": ORIENTATIONS },
             "computed_by": self.computed_by(),
             "promise": self.promise(),
+            "tau": same_digits(self.tau()),
             "harmonic": null,
             "check": self.counted().map(|counted| counted.check.summary()),
         });

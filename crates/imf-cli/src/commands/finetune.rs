@@ -1,6 +1,6 @@
 //! `imf finetune`: a trained network adapted to another dataset.
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use imf_core::model::Model;
 use imf_core::training::TrainingState;
 
@@ -8,7 +8,7 @@ use super::train::{concluded, is_over};
 use crate::arguments::FinetuneArguments;
 use crate::engine::Device;
 use crate::job::{self, Data, Latest, Settings};
-use crate::output::{claim, prepare_folder};
+use crate::output::{claim, prepare_folder, require_other};
 use crate::session::Session;
 
 pub(crate) fn run(session: &Session, arguments: &FinetuneArguments) -> Result<()> {
@@ -16,12 +16,8 @@ pub(crate) fn run(session: &Session, arguments: &FinetuneArguments) -> Result<()
     plan.check()?;
     job::require_togetherness(session)?;
     let out = &arguments.out;
-    let replaced = out.join(job::MODEL);
-    if let (Ok(from), Ok(to)) = (arguments.model.canonicalize(), replaced.canonicalize())
-        && from == to
-        && !arguments.resume
-    {
-        bail!("{} would be replaced by what is made of it: choose another --out", replaced.display());
+    if !arguments.resume {
+        require_other(&arguments.model, &out.join(job::MODEL))?;
     }
     prepare_folder(out)?;
     let _claim = claim(out)?;

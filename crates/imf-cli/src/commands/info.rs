@@ -118,7 +118,20 @@ fn quantity_text(quantity: Quantity, scene: &SceneRecord) -> String {
     }
 }
 
-/// What a field was made for.
+/// What a learnt or fitted field was made for: its own values promise nothing.
+fn field_lines(scene: &SceneRecord) -> Vec<(&'static str, String)> {
+    let mut lines = scene_lines(scene);
+    for (name, text) in &mut lines {
+        if *name == "promise" {
+            *text = format!(
+                "none by its own values, which are estimates; what is counted (--exact, --confirm) is {text}"
+            );
+        }
+    }
+    lines
+}
+
+/// What samples were made for, or a field.
 fn scene_lines(scene: &SceneRecord) -> Vec<(&'static str, String)> {
     let (grid, unit, tool) = (&scene.grid, scene.unit, scene.bare_tool());
     let [x, y, z] = grid.dims;

@@ -175,7 +175,7 @@ impl Latest {
         }
         let model = found.clone().without_moments();
         if session.rank().is_first() {
-            write_result(out, &model)?;
+            write_result(session, out, &model)?;
         }
         session.note(&format!("{said}; wrote {}", path.display()));
         Ok(model)

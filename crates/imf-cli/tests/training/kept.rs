@@ -124,6 +124,47 @@ fn sections_of_networks_are_the_librarys() {
 }
 
 #[test]
+fn what_was_made_before_is_kept_and_no_source_is_replaced() {
+    let work = Workdir::new();
+    let taught = "--width 16 --layers 2 --steps 5 --batch 64 --no-calibrate";
+    work.imf("field teapot --dims 9,11,17 --method harmonic --degree 2 --save own/field.safetensors --no-calibrate")
+        .done();
+    let source = work.bytes("own/field.safetensors");
+    let refused = ["would be replaced", "another --out"];
+    work.imf(&format!("compress own/field.safetensors {taught} --out own")).refused(&refused);
+    assert!(work.bytes("own/field.safetensors") == source);
+    work.imf(&format!("compress own/field.safetensors {taught} --out network")).done();
+    let first = work.bytes("network/field.safetensors");
+    let from = "compress own/field.safetensors --from network/field.safetensors --steps 5 --no-calibrate";
+    work.imf(&format!("{from} --out network")).refused(&refused);
+    assert!(work.bytes("network/field.safetensors") == first);
+    // Another run's result gives way, and stays.
+    let again = work.imf(&format!("compress own/field.safetensors {taught} --seed 7 --out network")).done();
+    assert!(again.stderr.contains("network/field.former.safetensors"), "{}", again.stderr);
+    assert!(work.bytes("network/field.former.safetensors") == first);
+    assert!(work.bytes("network/field.safetensors") != first);
+}
+
+#[test]
+fn networks_reach_what_they_nearly_take_for_free() {
+    let work = Workdir::with_dataset();
+    work.imf("train data --width 16 --layers 2 --epochs 1 --no-calibrate --out siren").done();
+    let sections = "sections siren/model.safetensors --orientations fibonacci:5";
+    let summary = work.imf(&format!("{sections} --imf --out least --json")).done().json();
+    let values = npy::<f32>(&work, "least/imf.npy");
+    let scene = StoredField::read(&work.path("siren/model.safetensors")).unwrap().scene().clone();
+    let free = values.iter().zip(&scene.obstacle.solid);
+    let free = free.filter(|&(&value, &solid)| solid == 0 && value <= 1e-3).count();
+    assert_eq!((&summary["accessible_outside"], &summary["tau"]), (&free.into(), &0.001.into()));
+    let text = work.imf(&format!("{sections} --imf --out least")).done().stdout;
+    assert!(text.contains("at most 0.001 there, an estimate"), "{text}");
+    let table = work.imf(&format!("{sections} --out sections")).done().stdout;
+    assert!(table.contains("at most 0.001 outside the part") && table.contains("approximate"), "{table}");
+    let info = work.imf("info siren/model.safetensors").done().stdout;
+    assert!(info.contains("none by its own values"), "{info}");
+}
+
+#[test]
 fn fields_of_depth_are_refused_by_name_and_those_of_contact_are_confirmed_with_it() {
     let work = Workdir::new();
     let field = "field teapot --dims 9,11,17 --method harmonic --degree 2 --no-calibrate";

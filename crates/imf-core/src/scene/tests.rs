@@ -36,6 +36,18 @@ fn fixtures_are_apart_and_part_of_the_obstacle() {
 }
 
 #[test]
+fn a_fixture_on_the_grids_face_makes_the_same_scene_alone_and_among_bodies() {
+    let (cube, tool) = (unit_cube(), Tool::paper());
+    let fixtures = [clamp(&cube)];
+    let spec = SceneSpec { around: Around::All, conservative: true, ..spec(&cube, &tool, &fixtures) };
+    let alone = spec.scene().unwrap();
+    let (among, bodies) = spec.scene_and_bodies(100.0).unwrap();
+    assert_eq!(among, alone);
+    // Nothing is solid beside the grid, whose faces the surfaces touch.
+    assert_eq!(bodies.obstacle(), alone.obstacle);
+}
+
+#[test]
 fn what_sticks_out_counts_as_far_as_the_tool_reaches() {
     let (cube, tool) = (unit_cube(), Tool::paper());
     let fixtures = [clamp(&cube)];

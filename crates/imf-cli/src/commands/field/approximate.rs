@@ -95,9 +95,9 @@ impl Approximate {
         &self.stored
     }
 
-    /// Whether a device has a part in the values.
-    pub(super) fn is_on_device(&self) -> bool {
-        self.confirmed.is_none()
+    /// Whether the least values are exact counts, in which no device has a part.
+    pub(super) fn is_confirmed(&self) -> bool {
+        self.confirmed.is_some()
     }
 
     /// How values are computed, for people.

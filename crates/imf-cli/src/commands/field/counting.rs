@@ -27,7 +27,7 @@ impl Work<'_> {
         let Counted { plan, .. } = match &self.values {
             Values::Approximate(field) => {
                 return match self.device {
-                    Device::Gpu(gpu) if field.is_on_device() => {
+                    Device::Gpu(gpu) if !field.is_confirmed() => {
                         format!("{}, evaluated on {}", field.describe(), gpu.describe())
                     }
                     _ => field.describe().to_owned(),

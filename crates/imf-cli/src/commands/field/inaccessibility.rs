@@ -80,9 +80,13 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     if work.session.json {
         return print_json(&summary);
     }
+    let reached = match work.tau() {
+        0.0 => "some orientation reaches them freely".to_owned(),
+        tau => format!("the field's least is at most {tau} there, an estimate"),
+    };
     let mut text = format!(
         "orientations  {} ({})\n\
-         accessible    {} voxels outside the part ({:.1} %): some orientation reaches them freely\n\
+         accessible    {} voxels outside the part ({:.1} %): {reached}\n\
          inaccessible  {} voxels outside the part\n\
          largest IMF   {largest:.4}\n\
          promise       {}\n",

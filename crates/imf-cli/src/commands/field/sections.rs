@@ -115,7 +115,11 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     }
     // Rows of orientations that differ in nothing else would look alike.
     let rolls = set.orientations.iter().any(|orientation| orientation.roll != 0.0);
-    let head = ["section", "θ", "φ", "ψ", "largest CMF", "accessible outside the part"];
+    let accessible = match work.tau() {
+        0.0 => "accessible outside the part".to_owned(),
+        tau => format!("at most {tau} outside the part"),
+    };
+    let head = ["section", "θ", "φ", "ψ", "largest CMF", &accessible];
     let head: Vec<&str> = head.into_iter().filter(|&title| rolls || title != "ψ").collect();
     let rows: Vec<Vec<String>> = kept.iter().take(LISTED).map(|section| row(work, section, rolls)).collect();
     let mut text = table(&head, &rows);
@@ -123,6 +127,9 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         text += &format!("… and {} more, see {SUMMARY}\n", kept.len() - LISTED);
     }
     text += &work.checked().map(|line| line + "\n").unwrap_or_default();
+    if work.tau() > 0.0 {
+        text += &format!("promise: {}\n", work.promise());
+    }
     // Those of the elements begin like their section's.
     let pictures = if work.elements().is_some() { "slices.png, elements.png" } else { "slices.png" };
     text += &format!(

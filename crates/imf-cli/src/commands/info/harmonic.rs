@@ -6,7 +6,7 @@ use anyhow::{Context as _, Result};
 use imf_core::harmonic::file::HarmonicFile;
 use serde_json::json;
 
-use super::{Description, calibration_lines, quantity_text, scene_lines};
+use super::{Description, calibration_lines, field_lines, quantity_text};
 use crate::session::show_bytes;
 
 pub(super) fn describe(path: &Path, file: &HarmonicFile) -> Result<Description> {
@@ -27,7 +27,7 @@ pub(super) fn describe(path: &Path, file: &HarmonicFile) -> Result<Description> 
         ),
     ];
     lines.push(("values", quantity_text(field.quantity, &scene.record)));
-    lines.extend(scene_lines(&scene.record));
+    lines.extend(field_lines(&scene.record));
     lines.push(("fitted to", format!("{} exact sections", report.sections)));
     lines.push((
         "errors",

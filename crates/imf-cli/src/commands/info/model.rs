@@ -8,7 +8,7 @@ use imf_core::section::Quantity;
 use imf_core::siren::SirenShape;
 use serde_json::json;
 
-use super::{Description, calibration_lines, quantity_text, scene_lines};
+use super::{Description, calibration_lines, field_lines, quantity_text};
 use crate::progress::show_seconds;
 use crate::session::show_bytes;
 
@@ -26,7 +26,7 @@ pub(super) fn describe(path: &Path, model: &Model) -> Result<Description> {
         ("parameters", format!("{}, file of {}", model.shape.parameter_count(), show_bytes(bytes))),
     ];
     lines.push(("values", quantity_text(Quantity::Overlap, &model.scene.record)));
-    lines.extend(scene_lines(&model.scene.record));
+    lines.extend(field_lines(&model.scene.record));
     lines.extend([
         (
             "trained on",

@@ -4,11 +4,11 @@
 //! many as sections, and W is `(G + R)⁻¹ Bᵀ` of that class's functions alone. Both halves of the work, products and solving,
 //! are as those of a quarter of the functions. The twin is the fit in two passes, which knows nothing of classes.
 
-use nalgebra::{Cholesky, DMatrix};
+use nalgebra::DMatrix;
 use pulp::Arch;
 
 use super::kept::KeptSections;
-use super::solve::ridge;
+use super::solve::{factored, ridge};
 use super::source::UNIT;
 use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::Basis;
@@ -56,11 +56,9 @@ impl ClassWeights {
                 continue;
             }
             let values = values.select_rows(own);
-            let mut gram = &values * values.transpose() * IMAGES as f64;
-            for (place, &function) in own.iter().enumerate() {
-                gram[(place, place)] += ridge[function];
-            }
-            let solved = Cholesky::new(gram).ok_or(HarmonicError::Singular)?.solve(&values);
+            let gram = || &values * values.transpose() * IMAGES as f64;
+            let ridge: Vec<f64> = own.iter().map(|&function| ridge[function]).collect();
+            let solved = factored(gram, &ridge)?.solve(&values);
             // Column by column: each direction's weights side by side.
             *weights = solved.iter().map(|&w| w as f32 * UNIT).collect();
         }

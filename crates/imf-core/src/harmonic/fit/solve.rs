@@ -59,13 +59,28 @@ pub(super) fn ridge(basis: &Basis) -> Vec<f64> {
     degrees.map(|degree| if degree == 0 { 0.0 } else { left_out / power(degree) }).collect()
 }
 
+/// Shares of the mean of the diagonal that are added to it, one after the other, until rounding leaves the matrix positive.
+const LIFTS: [f64; 5] = [0.0, 1e-8, 1e-7, 1e-6, 1e-5];
+
+/// The factor of a normal matrix, which is made anew where rounding, of f32 or of high degrees, took one from it.
+pub(super) fn factored(
+    gram: impl Fn() -> DMatrix<f64>,
+    ridge: &[f64],
+) -> Result<Cholesky<f64, Dyn>, HarmonicError> {
+    let lifted = |lift: f64| {
+        let mut gram = gram();
+        let lift = lift * gram.trace() / gram.nrows() as f64;
+        for (place, ridge) in ridge.iter().enumerate() {
+            gram[(place, place)] += ridge + lift;
+        }
+        Cholesky::new(gram)
+    };
+    LIFTS.into_iter().find_map(lifted).ok_or(HarmonicError::Singular)
+}
+
 impl NormalMatrix {
     pub(super) fn new(basis: &Basis, values: &[f32]) -> Result<Self, HarmonicError> {
-        let mut gram = gram(values, basis.len());
-        for (place, ridge) in ridge(basis).into_iter().enumerate() {
-            gram[(place, place)] += ridge;
-        }
-        Cholesky::new(gram).map(Self).ok_or(HarmonicError::Singular)
+        factored(|| gram(values, basis.len()), &ridge(basis)).map(Self)
     }
 
     /// `(G + R)⁻¹` times a matrix, some columns at a time on every thread.
