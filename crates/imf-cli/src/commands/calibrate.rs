@@ -20,8 +20,16 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
         true => None,
         false => Some(OutputFile::check(arguments.out.as_ref().unwrap_or(&arguments.field))?),
     };
-    let field = NeuralField::load(&arguments.field)?;
     let settings = arguments.settings();
+    // The file's bytes, and the field that they become; a file that is not there is named when it is read.
+    let field = 2 * std::fs::metadata(&arguments.field).map_or(0, |file| file.len());
+    session.require_memory(settings.memory_bytes().saturating_add(field), || {
+        format!(
+            "{} random poses and {} at contact, beside the field; use fewer --poses or --boundary",
+            settings.uniform, settings.boundary
+        )
+    })?;
+    let field = NeuralField::load(&arguments.field)?;
     let known = field.calibration().copied();
     let (units, found) = if arguments.verify {
         let Some(known) = known else {

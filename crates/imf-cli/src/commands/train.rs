@@ -48,7 +48,9 @@ pub(super) fn is_over(
 pub(super) fn concluded(session: &Session, out: &Path, model: &Model, no_calibrate: bool) -> Result<()> {
     let path = out.join(job::MODEL);
     announce(session, &path, model)?;
-    let samples = model.record.steps * model.record.plan.batch as u64;
+    // A batch is no larger than the dataset.
+    let record = &model.record;
+    let samples = record.steps.saturating_mul(record.samples.min(record.plan.batch as u64));
     let known = model.calibration.is_some();
     if known || no_calibrate || !session.rank().is_first() || !calibrate::is_short_beside(samples) {
         return Ok(());

@@ -18,6 +18,10 @@ fn a_calibrated_field_tells_what_it_is_worth_and_proves_what_a_check_may_leave_o
     // Fewer poses cannot show the rate that is asked for.
     let few = ["calibrate", "field.safetensors", "--poses", "2000"];
     folder.run(&few).is_refusal(&["draw more poses"], &few);
+    for more in ["--poses", "--boundary"] {
+        let many = ["calibrate", "field.safetensors", more, "99999999999999"];
+        folder.refuse(&many, &["of memory, and", "99999999999999", "use fewer --poses or --boundary"]);
+    }
     let small = ["--poses", "100000", "--boundary", "2000"];
     let found = folder.json(&[&["calibrate", "field.safetensors"], &small[..]].concat());
     let known = folder.json(&["info", "field.safetensors"]);

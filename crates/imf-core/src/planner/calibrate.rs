@@ -90,6 +90,17 @@ impl CalibrationSettings {
         (2 * self.uniform.div_ceil(CHUNK) + self.boundary.div_ceil(CHUNK)) as u64
     }
 
+    /// Bytes of the poses of [`calibrate`]: those that thresholds are chosen by, with their sorted values, and beside them
+    /// those that judge, each kind twice while its chunks are joined.
+    #[must_use]
+    pub fn memory_bytes(&self) -> u64 {
+        let seen = size_of::<Seen>() as u64;
+        // Values are sorted beside the list that they were gathered in, which may have grown to twice its length.
+        let chosen = (seen + 8).saturating_mul(self.uniform as u64);
+        let judged = (2 * seen).saturating_mul((self.uniform as u64).saturating_add(self.boundary as u64));
+        chosen.saturating_add(judged)
+    }
+
     fn check(&self) -> Result<(), CalibrationError> {
         let Goals { false_free, false_blocked, confidence } = self.goals;
         let all = [
@@ -252,7 +263,9 @@ impl<'a> Truth<'a> {
                 Ok(seen)
             })
             .collect::<Result<_, _>>()?;
-        Ok(chunks.into_iter().flatten().collect())
+        let mut seen = Vec::with_capacity(count);
+        chunks.into_iter().for_each(|chunk| seen.extend(chunk));
+        Ok(seen)
     }
 
     /// How far a depth lies beyond what its pose allows: a colliding tool is at least as deep as its clearance.
