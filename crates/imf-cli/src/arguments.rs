@@ -14,6 +14,7 @@ pub(crate) mod families;
 pub(crate) mod field;
 pub(crate) mod fixture;
 pub(crate) mod harmonic;
+pub(crate) mod numbers;
 pub(crate) mod paper;
 pub(crate) mod query;
 pub(crate) mod query_bench;
@@ -41,7 +42,8 @@ use scene::SceneArguments;
     version,
     after_help = "Exit codes: 0 done; 1 failed, one message says why; 2 wrong arguments; 3 imf check found a \
                   collision; 130 stopped by Ctrl-C, \
-                  finished work kept.\n\nStart with: imf demo"
+                  finished work kept.\n\nStart with: imf demo",
+    mut_subcommands(numbers::with_negative_numbers)
 )]
 pub(crate) struct Cli {
     #[command(flatten)]
@@ -57,7 +59,7 @@ const EVERYWHERE: &str = "Options of every command";
 #[derive(Args)]
 pub(crate) struct GlobalArguments {
     /// Threads to compute with; all cores by default
-    #[arg(long, global = true, help_heading = EVERYWHERE, value_name = "N")]
+    #[arg(long, global = true, help_heading = EVERYWHERE, value_name = "N", allow_negative_numbers = true)]
     pub(crate) threads: Option<usize>,
     /// Memory to stay within, such as 2GiB; four fifths of what is free by default
     #[arg(long, global = true, help_heading = EVERYWHERE, value_name = "SIZE", value_parser = crate::session::parse_size)]
@@ -197,10 +199,10 @@ pub(crate) struct LengthArguments {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) steps: Option<u64>,
     /// Samples in a step
-    #[arg(long, default_value_t = 1024, value_name = "N")]
+    #[arg(long, default_value_t = 1024, value_name = "N", value_parser = numbers::parse_count)]
     pub(crate) batch: usize,
     /// Highest learning rate; with --resume, the rate to go on from
-    #[arg(long, value_name = "RATE")]
+    #[arg(long, value_name = "RATE", value_parser = numbers::parse_rate)]
     pub(crate) rate: Option<f32>,
     /// Seed of starting weights and order
     #[arg(long, default_value_t = 0)]
@@ -233,7 +235,7 @@ pub(crate) struct PlanArguments {
     #[arg(long, default_value_t = 16_384, value_name = "N")]
     pub(crate) held_out: usize,
     /// Steps between two looks at that error; about a hundredth of all steps, at least 500, by default
-    #[arg(long, value_name = "STEPS")]
+    #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) held_out_every: Option<u64>,
     /// Also write loss, rate, held-out error and speed to this file, a JSON object a line; --resume goes on with it
     #[arg(long, value_name = "FILE")]

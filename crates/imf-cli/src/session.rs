@@ -24,9 +24,7 @@ impl Session {
     pub(crate) fn new(global: &GlobalArguments, rank: Rank) -> Result<Self> {
         let mut pool = rayon::ThreadPoolBuilder::new();
         if let Some(threads) = global.threads {
-            if threads == 0 {
-                bail!("--threads must be at least 1");
-            }
+            require_threads(threads)?;
             pool = pool.num_threads(threads);
         }
         pool.build_global().context("cannot start the threads")?;
@@ -115,6 +113,26 @@ impl Session {
     pub(crate) fn control<'a>(&self, report: &'a (dyn Fn(u64) + Sync)) -> Control<'a> {
         Control { progress: report, cancelled: interrupt::flag() }
     }
+}
+
+/// Threads that any machine may be asked for, and so many for each core where it has more.
+const MOST_THREADS: usize = 1024;
+const MOST_THREADS_A_CORE: usize = 8;
+
+/// Refuses no threads, and more than any machine has a use for: starting them alone would take minutes.
+fn require_threads(threads: usize) -> Result<()> {
+    if threads == 0 {
+        bail!("--threads must be at least 1");
+    }
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let most = MOST_THREADS.max(MOST_THREADS_A_CORE * cores);
+    if threads > most {
+        bail!(
+            "--threads {threads} are more than this machine has a use for: it has {cores} cores, and at most {most} threads are \
+             started; leave it out for one a core"
+        );
+    }
+    Ok(())
 }
 
 /// Bytes that can be had without swapping.

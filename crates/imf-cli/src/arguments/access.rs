@@ -6,6 +6,7 @@ use clap::Args;
 use glam::DVec3;
 
 use super::clearance::ContactArguments;
+use super::numbers::parse_threshold;
 use super::scene::SceneArguments;
 
 /// What the tools reach: accessible space, best directions, removable stock, the part's surface
@@ -31,7 +32,7 @@ pub(crate) struct AccessArguments {
     #[arg(long, value_name = "LIMITS")]
     pub(crate) limits: Option<String>,
     /// Largest collision measure of a pose that counts as free; 0 is exact
-    #[arg(long, default_value_t = 0.0, value_name = "τ")]
+    #[arg(long, default_value_t = 0.0, value_name = "τ", value_parser = parse_threshold)]
     pub(crate) tau: f64,
     #[command(flatten)]
     pub(crate) contact: ContactArguments,

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
+use super::numbers::parse_count;
 use super::{DeviceArguments, PrecisionKind, families, paper, query_bench};
 
 /// Measure speed, beside what one would write oneself
@@ -32,7 +33,7 @@ pub(crate) struct TrainBenchArguments {
     #[arg(long, default_value = "imf-bench", value_name = "DIR")]
     pub(crate) out: PathBuf,
     /// Samples in a step; several with commas
-    #[arg(long, value_delimiter = ',', default_value = "1024,8192", value_name = "N")]
+    #[arg(long, value_delimiter = ',', default_value = "1024,8192", value_name = "N", value_parser = parse_count)]
     pub(crate) batch: Vec<usize>,
     /// Neurons of every hidden layer
     #[arg(long, default_value_t = 512, value_name = "N")]

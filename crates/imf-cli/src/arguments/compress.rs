@@ -36,7 +36,7 @@ pub(crate) struct CompressArguments {
     #[arg(long, default_value_t = TeachSettings::default().hidden, value_name = "N")]
     pub(crate) layers: usize,
     /// Frequency factor ω inside every sine
-    #[arg(long, default_value_t = TeachSettings::default().omega, value_name = "ω")]
+    #[arg(long, default_value_t = TeachSettings::default().omega, value_name = "ω", value_parser = super::numbers::parse_omega)]
     pub(crate) omega: f32,
     /// Leave out measuring what the field's decisions are worth (imf calibrate), which teaching 2.3 million voxels or more ends
     /// with: it takes at most an eighth of its time
@@ -49,11 +49,11 @@ pub(crate) struct CompressArguments {
     #[arg(long, value_name = "N", conflicts_with = "epochs", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) steps: Option<u64>,
     /// Voxels of a step
-    #[arg(long, default_value_t = TeachSettings::default().plan.batch, value_name = "N")]
+    #[arg(long, default_value_t = TeachSettings::default().plan.batch, value_name = "N", value_parser = super::numbers::parse_count)]
     pub(crate) batch: usize,
     /// Highest learning rate, which falls to 0 by a cosine; by default 1.5e-3 in 1,000 steps, lower in more and in fewer, and
     /// 3e-4 from another field's network
-    #[arg(long, value_name = "RATE")]
+    #[arg(long, value_name = "RATE", value_parser = super::numbers::parse_rate)]
     pub(crate) rate: Option<f32>,
     /// Where it is taught: cpu, auto, gpu, software, a name or an index as `imf devices` has them. A checkpoint made on one
     /// is resumed on any

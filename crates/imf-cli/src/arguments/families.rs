@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::DeviceArguments;
+use super::numbers::parse_threshold;
 use super::paper::PaperPart;
 
 /// Every family of fields side by side: errors, wrong decisions, time to make and to evaluate, memory
@@ -31,7 +32,7 @@ pub(crate) struct FamiliesBenchArguments {
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
     /// Overlap above which a field's pose is called blocked
-    #[arg(long, default_value_t = 0.001, value_name = "τ")]
+    #[arg(long, default_value_t = 0.001, value_name = "τ", value_parser = parse_threshold)]
     pub(crate) threshold: f64,
     /// Poses at most this many voxels from where free turns to blocked count as near the boundary
     #[arg(long, default_value_t = 1, value_name = "VOXELS")]

@@ -50,7 +50,7 @@ pub(crate) struct HarmonicArguments {
     #[arg(help_heading = HEADING, long, requires = "method", conflicts_with = "degree")]
     pub(crate) fill_memory: bool,
     /// Principal axes kept of the harmonics' coefficients; by default 128, and all where the degree is chosen
-    #[arg(help_heading = HEADING, long, value_name = "N", requires = "method")]
+    #[arg(help_heading = HEADING, long, value_name = "N", requires = "method", value_parser = super::numbers::parse_count)]
     pub(crate) axes: Option<usize>,
     /// Exact sections for each harmonic
     #[arg(help_heading = HEADING, long, default_value_t = DEFAULT_SECTIONS, value_name = "N", requires = "method")]

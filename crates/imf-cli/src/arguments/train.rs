@@ -67,7 +67,7 @@ pub(crate) struct TrainArguments {
     layers: Option<usize>,
     /// Frequency factor ω inside every sine; by default 20 for a factored field, for siren5 the paper's 30, where 10 often
     /// does better between orientations
-    #[arg(long, value_name = "ω")]
+    #[arg(long, value_name = "ω", value_parser = super::numbers::parse_omega)]
     omega: Option<f32>,
     /// Leave out measuring what the field's decisions are worth (imf calibrate), which a training of 2.3 million samples or
     /// more ends with: it takes at most an eighth of its time

@@ -203,7 +203,6 @@ fn bad_input_is_refused_with_a_remedy() {
     let refuse = |more: &[&str], expected: &[&str]| {
         folder.refuse(&arguments(&[&quick[..], more].concat()), expected);
     };
-    refuse(&["--tau", "2"], &["--tau", "below 1"]);
     refuse(&["--surface", "--border", "0"], &["--border 1"]);
     refuse(&["--limits", "xy:0:1"], &["xy:0:1"]);
     refuse(&["--limits", "cone:1,0,0:5"], &["none of its 1 orientations", "cone:1,0,0:5"]);

@@ -41,6 +41,7 @@ fn units_and_sizes() {
     refuse(&folder, &["cube.obj", "--dims", "9,9,9", "--margin", "5"], &["margin"]);
     refuse(&folder, &["cube.obj", "--transform", "rotate:0,0,0:90"], &["rotate:0,0,0:90"]);
     refuse(&folder, &["bracket", "--threads", "0"], &["--threads"]);
+    refuse(&folder, &["bracket", "--threads", "100000"], &["--threads 100000", "cores"]);
 }
 
 #[test]

@@ -7,17 +7,11 @@ fn numbers_out_of_range_are_named() {
     let work = Workdir::with_dataset();
     let train = format!("{TRAIN} --steps 3 --out model");
     for (from, to, words) in [
-        ("--rate 1e-3", "--rate nan", ["initial", "NaN"]),
-        ("--rate 1e-3", "--rate inf", ["initial", "inf"]),
-        ("--rate 1e-3", "--rate=-1e-3", ["initial", "-0.001"]),
         ("--width 24", "--width 0", ["neurons", "of 0"]),
         ("--width 24", "--width 9000", ["neurons", "9000"]),
         ("--layers 3", "--layers 0", ["hidden layers", "not 0"]),
-        ("--omega 10", "--omega 0", ["frequency", "0"]),
-        ("--omega 10", "--omega nan", ["frequency", "NaN"]),
-        ("--batch 256", "--batch 0", ["`batch`", "at least 1"]),
         ("--steps 3", "--steps 3 --weight-decay nan", ["weight decay", "NaN"]),
-        ("--steps 3", "--steps 3 --weight-decay=-1", ["weight decay", "-1"]),
+        ("--steps 3", "--steps 3 --weight-decay -1", ["weight decay", "-1"]),
         ("--steps 3", "--steps 3 --threads 0", ["--threads", "at least 1"]),
     ] {
         let line = train.replace(from, to);
@@ -31,6 +25,8 @@ fn numbers_out_of_range_are_named() {
         ("--density 2", ["density", "2"]),
         ("--density 0", ["density", "0"]),
         ("--density nan", ["density", "NaN"]),
+        ("--density -1", ["density", "-1"]),
+        ("--contact -1", ["contact", "-1"]),
         ("--positive-share 1.5", ["positive share", "1.5"]),
     ] {
         work.imf(&format!("{dataset} {more}")).refused(&words);
@@ -47,6 +43,55 @@ fn numbers_out_of_range_are_named() {
         work.imf(&dataset.replace("fibonacci:16", set)).refused(&words);
     }
     assert!(!work.path("new").exists(), "a refusal left a folder behind");
+}
+
+#[test]
+fn numbers_out_of_range_are_refused_beside_the_option_that_they_were_given_to() {
+    let work = Workdir::new();
+    let trainings = [
+        "train data --out m",
+        "train bracket --out m",
+        "finetune m.safetensors data --out m",
+        "compress f --out m",
+    ];
+    let of_training =
+        ["--rate 0", "--rate -1", "--rate nan", "--rate inf", "--batch 0", "--batch -1", "--seed -1"];
+    let mut lines: Vec<(&str, &str)> =
+        trainings.iter().flat_map(|&line| of_training.map(|option| (line, option))).collect();
+    lines.extend([
+        ("train data --out m", "--omega 1e30"),
+        ("train data --out m", "--omega 0"),
+        ("train data --out m", "--omega nan"),
+        ("train data --out m", "--held-out-every 0"),
+        ("compress f --out m", "--omega 1e30"),
+        ("bench train", "--batch 1024,0"),
+        ("bench families", "--threshold nan"),
+        ("eval m.safetensors", "--threshold nan"),
+        ("eval m.safetensors", "--threshold -1"),
+        ("eval m.safetensors", "--threshold=-1"),
+        ("eval m.safetensors", "--threshold 2"),
+        ("eval m.safetensors", "--threshold 1"),
+        ("access teapot --out m", "--tau 1"),
+        ("field teapot --method harmonic --save f.safetensors", "--axes 0"),
+    ]);
+    for (line, option) in lines {
+        let refused = work.imf(&format!("{line} {option}"));
+        let (name, value) = option.split_once([' ', '=']).unwrap();
+        let value = value.rsplit(',').next().unwrap();
+        assert_eq!(refused.code, Some(2), "`imf {line} {option}`:\n{}", refused.stderr);
+        let words = [format!("invalid value '{value}'"), format!("for '{name} <")];
+        assert!(words.iter().all(|words| refused.stderr.contains(words)), "{option}:\n{}", refused.stderr);
+    }
+    assert!(std::fs::read_dir(work.path(".")).unwrap().next().is_none(), "a refusal left something behind");
+}
+
+#[test]
+fn a_batch_larger_than_the_dataset_is_judged_by_what_was_trained_with() {
+    let work = Workdir::with_dataset();
+    let train = TRAIN.replace("--batch 256", "--batch 100000000000");
+    // Two steps of 9,872 samples: far too short a training for its calibration.
+    work.imf(&format!("{train} --steps 2 --held-out 0 --out model")).done();
+    assert!(work.model("model/model.safetensors").calibration.is_none());
 }
 
 #[test]

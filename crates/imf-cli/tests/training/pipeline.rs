@@ -86,13 +86,16 @@ fn a_model_is_trained_evaluated_and_adapted() {
     let table = work.imf(&format!("{} --threads 3", eval.replace("--json --out report", ""))).done().stdout;
     assert!(table.contains(&format!("{:.2e}", report["rows"][2]["mse"].as_f64().unwrap())), "{table}");
     honest(&report, &table);
+    // Angles below 0 need no equals sign.
+    let behind = work.imf(&format!("{} --in-sample -30,45", eval.replace(" --out report", ""))).done().json();
+    assert!(behind["rows"][0]["name"].as_str().unwrap().starts_with("section (330°, 45°)"), "{behind}");
 
     work.imf(&DATASET.replace("bracket", "bracket-raw").replace("--out data", "--out raw")).done();
-    // At a rate of zero nothing moves: fine-tuning starts from the model's own weights.
+    // At a rate of next to nothing nothing moves: fine-tuning starts from the model's own weights.
     let finetune = "finetune model/model.safetensors raw --device cpu --batch 256";
-    work.imf(&format!("{finetune} --steps 40 --rate 0 --out still")).done();
+    work.imf(&format!("{finetune} --steps 40 --rate 1e-30 --out still")).done();
     let still = work.model("still/model.safetensors");
-    assert!(still.state.parameters == model.state.parameters, "a rate of zero moved the weights");
+    assert!(still.state.parameters == model.state.parameters, "so low a rate moved the weights");
     assert_eq!(still.record.fine_tuned_from.as_deref(), Some("bracket"));
     assert_eq!(still.scene.record.part, "bracket-raw");
     let adapted = work.imf(&format!("{finetune} --epochs 1 --out adapted --json")).done().json();

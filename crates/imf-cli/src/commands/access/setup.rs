@@ -74,7 +74,6 @@ pub(super) struct Setup {
 
 impl Setup {
     pub(super) fn new(session: &Session, arguments: &AccessArguments) -> Result<Self> {
-        ensure!((0.0..1.0).contains(&arguments.tau), "--tau must be at least 0 and below 1");
         let limits = arguments.limits.as_deref().map(Limits::parse).transpose()?;
         let orientations = OrientationSet::parse(&arguments.orientations)?;
         let orientations = match &limits {

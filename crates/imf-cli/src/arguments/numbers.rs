@@ -1,0 +1,68 @@
+//! Numbers on the command line: what each may be, so that one out of range is refused beside the option that it was given to.
+
+use clap::Command;
+
+/// Inputs are from −1 to 1: above it a sine turns several times within a voxel of a grid of a thousand, and nothing is learnt.
+const MOST_OMEGA: f32 = 1e4;
+
+/// A command whose options take numbers below 0, as do those of its subcommands: whoever reads the number says why it cannot be.
+pub(crate) fn with_negative_numbers(command: Command) -> Command {
+    command
+        .mut_args(|argument| {
+            let is_option = !argument.is_positional() && argument.get_action().takes_values();
+            argument.allow_negative_numbers(is_option)
+        })
+        .mut_subcommands(with_negative_numbers)
+}
+
+/// A measure above which a pose counts as blocked.
+pub(super) fn parse_threshold(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(share) if (0.0..1.0).contains(&share) => Ok(share),
+        _ => Err("a measure of at least 0 and below 1, such as 0.001".into()),
+    }
+}
+
+/// How many of something that there must be.
+pub(super) fn parse_count(text: &str) -> Result<usize, String> {
+    match text.parse::<usize>() {
+        Ok(count) if count > 0 => Ok(count),
+        _ => Err("a whole number of at least 1".into()),
+    }
+}
+
+/// A learning rate; at 0 nothing would be learnt.
+pub(super) fn parse_rate(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(rate) if rate.is_finite() && rate > 0.0 => Ok(rate),
+        _ => Err("a learning rate above 0, such as 1e-3".into()),
+    }
+}
+
+/// A frequency factor.
+pub(super) fn parse_omega(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(omega) if omega > 0.0 && omega <= MOST_OMEGA => Ok(omega),
+        _ => Err(format!("a frequency factor above 0 and up to {MOST_OMEGA}, such as 30")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ends_of_ranges_are_where_they_are_said_to_be() {
+        assert_eq!((parse_threshold("0"), parse_threshold("0.999")), (Ok(0.0), Ok(0.999)));
+        assert_eq!((parse_count("1"), parse_rate("1e38")), (Ok(1), Ok(1e38)));
+        assert_eq!(parse_omega("10000"), Ok(MOST_OMEGA));
+        for text in ["nan", "inf", "-inf", "-1", "", "x"] {
+            assert!(parse_threshold(text).is_err() && parse_count(text).is_err(), "{text}");
+            assert!(parse_rate(text).is_err() && parse_omega(text).is_err(), "{text}");
+        }
+        assert!(parse_threshold("1").is_err() && parse_count("0").is_err());
+        // The second is 0 in single precision.
+        assert!(parse_rate("0").is_err() && parse_rate("1e-60").is_err());
+        assert!(parse_omega("0").is_err() && parse_omega("10001").is_err());
+    }
+}
