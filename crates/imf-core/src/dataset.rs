@@ -46,6 +46,8 @@ pub struct Generated {
     pub others: usize,
     /// Samples in the shards kept and made.
     pub samples: u64,
+    /// Sections in a shard, where the dataset that was there is cut up otherwise than was asked: it stays so.
+    pub otherwise_cut: Option<usize>,
 }
 
 /// Makes the dataset of a scene in `folder`, or goes on with one that was interrupted. One unit of progress is one
@@ -76,10 +78,16 @@ pub fn generate_share(
     control: Control<'_>,
 ) -> Result<Generated, DatasetError> {
     sampling.check()?;
-    let mut manifest = Manifest::start(folder, scene, set, sampling, layout)?;
+    let (mut manifest, otherwise) = Manifest::start(folder, scene, set, sampling, layout)?;
     // A learnt field is made for the tip, and serves every sharp point k when read at x − R k.
     let plan = SectionPlan::of_scene(scene)?;
-    let mut done = Generated { kept: 0, made: 0, others: 0, samples: 0 };
+    let mut done = Generated {
+        kept: 0,
+        made: 0,
+        others: 0,
+        samples: 0,
+        otherwise_cut: otherwise.then_some(manifest.sections_per_shard),
+    };
     for index in 0..manifest.shard_count() {
         let sections = manifest.sections_of(index);
         if layout.share.is_some_and(|share| !share.holds(index)) {

@@ -109,9 +109,10 @@ pub(crate) struct SamplingArguments {
     /// How far from the boundary still counts as at it
     #[arg(long, default_value_t = 1, value_name = "VOXELS")]
     boundary_width: usize,
-    /// Samples in one file, at most
-    #[arg(long, default_value_t = 4_000_000, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
-    shard_samples: u64,
+    /// Samples in one file, about: it holds whole sections, and at least one; by default 4,000,000. A dataset that is there
+    /// stays cut up as it is
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    shard_samples: Option<u64>,
 }
 
 impl SamplingArguments {

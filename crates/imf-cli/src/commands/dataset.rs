@@ -103,6 +103,13 @@ pub(super) fn sampled(
         others => format!(", {others} of other shares"),
     };
     stage.finish(&format!("{} shards made, {} kept{others}", generated.made, generated.kept));
+    if let Some(sections) = generated.otherwise_cut {
+        session.note(&format!(
+            "--shard-samples is passed over: {} is cut up already, at most {sections} sections a file, and stays so; choose another \
+             folder to cut it otherwise",
+            folder.display()
+        ));
+    }
     Ok(generated)
 }
 

@@ -16,7 +16,9 @@ fn shares_join_to_the_dataset_made_at_once_and_what_is_missing_is_named() {
         assert_eq!((&made["shards_made"], &made["shards_of_others"]), (&json!(2), &json!(4)));
     }
     // A share is no dataset yet.
-    work.imf("train part-1 --device cpu --out model").refused(&["part-1", "imf dataset merge"]);
+    for line in ["train part-1 --device cpu --out model", "info part-1"] {
+        work.imf(line).refused(&["part-1 holds 1 share", "imf dataset merge"]);
+    }
 
     let merged = work.imf("dataset merge out part-1 part-3");
     assert_eq!(merged.code, Some(1), "{}", merged.stderr);
@@ -50,6 +52,27 @@ fn shares_join_to_the_dataset_made_at_once_and_what_is_missing_is_named() {
             assert!(same, "{folder}/{name}");
         }
     }
+}
+
+#[test]
+fn a_dataset_that_is_there_stays_cut_up_as_it_is_and_says_so() {
+    let work = Workdir::new();
+    let shards = |more: &str| {
+        let line = DATASET.replace(" --shard-samples 1300 --out", &format!("{more} --json --out whole"));
+        let made = work.imf(&line).done();
+        let json = made.json();
+        let said = made
+            .stderr
+            .contains("--shard-samples is passed over: whole is cut up already, at most 2 sections");
+        (json["shards_made"].as_u64().unwrap(), json["shards_kept"].as_u64().unwrap(), said)
+    };
+    assert_eq!(shards(" --shard-samples 1300"), (6, 0, false));
+    // As many sections of a file as before, though of another number, or none that was asked for.
+    assert_eq!(shards(" --shard-samples 1400"), (0, 6, false));
+    assert_eq!(shards(""), (0, 6, false));
+    assert_eq!(shards(" --shard-samples 5000"), (0, 6, true));
+    std::fs::remove_file(work.path("whole/shard-00003.safetensors")).unwrap();
+    assert_eq!(shards(" --shard-samples 1"), (1, 5, true));
 }
 
 #[test]

@@ -27,18 +27,13 @@ const OBSTACLE: &str = "obstacle.safetensors";
 const SHARD_SAMPLES: u64 = 4_000_000;
 
 /// How a dataset is cut up, and which part of it is made here.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Layout {
-    /// Samples that a shard holds at most, unless one section has more.
-    pub shard_samples: u64,
+    /// Samples that a shard of a new dataset holds at most, unless one section has more; 4,000,000 where nothing is said. What is
+    /// there stays cut up as it is.
+    pub shard_samples: Option<u64>,
     /// The share to make; all of it where nothing is said.
     pub share: Option<Share>,
-}
-
-impl Default for Layout {
-    fn default() -> Self {
-        Self { shard_samples: SHARD_SAMPLES, share: None }
-    }
 }
 
 /// Why a dataset cannot be made or read. Every message names the file.
@@ -186,18 +181,19 @@ struct Header {
 }
 
 impl Manifest {
-    /// The manifest of a new dataset or share, or the one in the folder if it describes the same.
+    /// The manifest of a new dataset or share, or the one in the folder if it describes the same; and whether that one is cut up
+    /// otherwise than was asked.
     pub(super) fn start(
         folder: &Path,
         scene: &Scene,
         set: &OrientationSet,
         sampling: &Sampling,
         layout: &Layout,
-    ) -> Result<Self, DatasetError> {
+    ) -> Result<(Self, bool), DatasetError> {
         std::fs::create_dir_all(folder)
             .map_err(|source| DatasetError::Folder { path: folder.display().to_string(), source })?;
         let per_section = scene.record.grid.len() as f64 * sampling.density;
-        let most = layout.shard_samples as f64 / per_section;
+        let most = layout.shard_samples.unwrap_or(SHARD_SAMPLES) as f64 / per_section;
         let sections_per_shard = (most as usize).clamp(1, set.len().max(1));
         let fresh = Self {
             format: FORMAT.into(),
@@ -216,15 +212,16 @@ impl Manifest {
             let found = Self { share: layout.share, ..Self::read_named(folder, name)? };
             // How an existing dataset is cut up stays.
             let (sections_per_shard, interleaved) = (found.sections_per_shard, found.interleaved);
+            let otherwise = layout.shard_samples.is_some() && sections_per_shard != fresh.sections_per_shard;
             let comparable = Self { sections_per_shard, interleaved, ..fresh };
             if let Some(what) = found.difference(&comparable) {
                 return Err(DatasetError::Other { path: folder.display().to_string(), what });
             }
-            return Ok(found);
+            return Ok((found, otherwise));
         }
         write_obstacle(folder, scene)?;
         fresh.write(folder)?;
-        Ok(fresh)
+        Ok((fresh, false))
     }
 
     /// What makes two manifests describe different datasets.

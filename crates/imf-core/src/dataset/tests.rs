@@ -118,7 +118,7 @@ fn other_scenes_and_damage_are_noticed() {
 fn make_share(folder: &Path, share: Option<&str>) -> Generated {
     let set = OrientationSet::parse("fibonacci:12").unwrap();
     let share = share.map(|text| text.parse().unwrap());
-    let layout = Layout { shard_samples: 3 * 347, share };
+    let layout = Layout { shard_samples: Some(3 * 347), share };
     generate_share(folder, &scene(), &set, &Sampling::default(), &layout, Control::quiet()).unwrap()
 }
 

@@ -10,11 +10,7 @@ use super::{Description, scene_lines};
 use crate::session::show_bytes;
 
 pub(super) fn describe(folder: &Path) -> Result<Description> {
-    ensure!(
-        folder.join("manifest.json").is_file(),
-        "{} is no dataset: a folder without manifest.json",
-        folder.display()
-    );
+    ensure!(Manifest::is_in(folder), "{} is no dataset: a folder without manifest.json", folder.display());
     let manifest = Manifest::read(folder)?;
     let size = |shard: &ShardRecord| std::fs::metadata(folder.join(&shard.file)).ok().map(|m| m.len());
     let finished: Vec<(&ShardRecord, u64)> =

@@ -39,7 +39,7 @@ fn dataset(folder: &Path) -> Shards {
     };
     let scene = Scene::from_union(record, obstacle);
     let set = OrientationSet::parse("fibonacci:13").unwrap();
-    let layout = Layout { shard_samples: 2 * 347, share: None };
+    let layout = Layout { shard_samples: Some(2 * 347), share: None };
     generate_share(folder, &scene, &set, &Sampling::default(), &layout, Control::quiet()).unwrap();
     let shards = Shards::open(folder).unwrap();
     assert_eq!((shards.count(), shards.samples()), (7, 13 * 347));
