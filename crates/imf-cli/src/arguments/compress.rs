@@ -114,6 +114,11 @@ impl TeachingArguments {
         })
     }
 
+    /// True where symmetry was asked for, not only left to the default.
+    pub(crate) fn asks_for_symmetry(&self) -> bool {
+        self.symmetry == Some(SymmetryChoice::Auto)
+    }
+
     /// What the network is to be told of symmetry.
     pub(crate) fn symmetry(&self) -> SymmetryChoice {
         self.symmetry.unwrap_or(SymmetryChoice::Auto)

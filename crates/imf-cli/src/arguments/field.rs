@@ -80,6 +80,12 @@ impl FieldArguments {
         if depth && orientations.is_some() {
             bail!("a field of depth is kept, not written as sections: leave out --orientations and --out");
         }
+        if orientations.is_none() && self.imf {
+            bail!(
+                "--imf is the least over orientations, and a field that is kept has all of them: give --orientations and --out, \
+                 or leave out --imf"
+            );
+        }
         if orientations.is_none() && harmonic.save.is_none() {
             bail!(
                 "there is nothing to write: give --orientations and --out, or --save FILE with --method harmonic"

@@ -148,6 +148,12 @@ impl TrainArguments {
             (NetworkFamily::Factored, None) => {
                 self.refuse::<PlanArguments>("--family siren5, and a factored field is asked for")?;
                 self.refuse::<SampleArguments>("--family siren5, and a factored field is asked for")?;
+                if self.factored.online.is_some() && self.factored.teaching.asks_for_symmetry() {
+                    bail!(
+                        "--symmetry auto is of a harmonic field that teaches, and exact sections are to teach (--online), which \
+                         cannot tell of symmetry: leave out one of them"
+                    );
+                }
                 let teach = self.teaching();
                 teach.check()?;
                 Ok(Training::Taught(teach))

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, bail};
 use imf_core::atomic_file::remove_all_leftovers;
 use imf_core::control::Control;
 use imf_core::factored::file::FactoredFile;
@@ -36,6 +36,13 @@ const FIELD: &str = "field.safetensors";
 pub(crate) fn run(session: &Session, arguments: &CompressArguments) -> Result<()> {
     let mut teach = arguments.settings();
     teach.check()?;
+    let field = arguments.field.display();
+    if FactoredFile::is_one(&arguments.field) {
+        bail!(
+            "{field} is a factored field already: imf compress needs a harmonic field to teach (imf field --method harmonic \
+             --save FILE); --from {field} begins with this one's network"
+        );
+    }
     let from = match &arguments.from {
         Some(path) => Some((path, FactoredFile::read(path)?)),
         None => None,
@@ -264,14 +271,18 @@ fn report(session: &Session, path: &Path, file: &FactoredFile, loss: f64) -> Res
             "settings": file.settings, "teacher": file.report,
         }));
     }
+    let (teacher, own) = match file.settings.online {
+        Some(_) => ("exact sections", "a fit of its functions to them has"),
+        None => ("its teacher", "its teacher's own error"),
+    };
     // None where a finished teaching was asked to go on.
     let its_loss = if loss.is_nan() {
         String::new()
     } else {
-        format!("MSE from its teacher in the last steps {loss:.1e}, ")
+        format!("MSE from {teacher} in the last steps {loss:.1e}, ")
     };
     print(&format!(
-        "{}: {}, {its_loss}its teacher's own error {:.1e}; ask it by: imf query {}",
+        "{}: {}, {its_loss}{own} {:.1e}; ask it by: imf query {}",
         path.display(),
         show_bytes(bytes),
         file.report.expected_mse(),

@@ -1,6 +1,8 @@
 //! `imf finetune`: a trained network adapted to another dataset.
 
-use anyhow::Result;
+use anyhow::{Result, bail};
+use imf_core::factored::file::FactoredFile;
+use imf_core::harmonic::file::HarmonicFile;
 use imf_core::model::Model;
 use imf_core::training::TrainingState;
 
@@ -15,7 +17,19 @@ pub(crate) fn run(session: &Session, arguments: &FinetuneArguments) -> Result<()
     let plan = job::plan(&arguments.length, &arguments.plan, 1e-4, 5);
     plan.check()?;
     job::require_togetherness(session)?;
-    let out = &arguments.out;
+    let (model, out) = (arguments.model.display(), &arguments.out);
+    if FactoredFile::is_one(&arguments.model) {
+        bail!(
+            "{model} is a factored field, and imf finetune adapts models of siren5: imf compress FIELD --from {model} adapts it, FIELD \
+             being a harmonic field of the changed part (imf field --method harmonic --save FIELD)"
+        );
+    }
+    if HarmonicFile::is_one(&arguments.model) {
+        bail!(
+            "{model} is a harmonic field, and imf finetune adapts models of siren5: make one of the changed part anew by imf field \
+             --method harmonic"
+        );
+    }
     if !arguments.resume {
         require_other(&arguments.model, &out.join(job::MODEL))?;
     }

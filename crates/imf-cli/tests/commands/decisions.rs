@@ -100,6 +100,8 @@ fn what_a_field_of_depth_cannot_be_is_refused_for_what_it_is() {
         field(&unsaved, &["kept in a file", "give --save FILE, and leave out --orientations and --out"]);
     }
     field(&["--quantity", "overlap"], &["nothing to write", "--orientations and --out", "--save FILE"]);
+    let kept = ["--method", "harmonic", "--save", "field.safetensors"];
+    field(&[&kept[..], &["--imf"]].concat(), &["--imf is the least over orientations", "or leave out --imf"]);
     for option in [&["--save", "field.safetensors"][..], &["--degree", "5"], &["--single"]] {
         let passed_over = [&["--method", "exact"], option, &sections].concat();
         field(&passed_over, &[option[0], "is of --method harmonic"]);

@@ -290,6 +290,14 @@ fn a_field_is_compressed_into_a_network_through_an_interruption() {
         assert!(run.code == Some(2) && run.stderr.contains(option), "{}", run.stderr);
     }
     folder.refuse(&[few, &["--from", "field.safetensors", "--out", "no"]].concat(), &["field.safetensors"]);
+    // What adapts which is said where they are mixed up.
+    let taught = "whole/field.safetensors";
+    let words = [taught, "needs a harmonic field", "--from whole/field.safetensors"];
+    folder.refuse(&["compress", taught, "--out", "no"], &words);
+    let words = ["is a factored field", "imf compress FIELD --from whole/field.safetensors"];
+    folder.refuse(&["finetune", taught, "data", "--out", "no"], &words);
+    folder
+        .refuse(&["finetune", "field.safetensors", "data", "--out", "no"], &["is a harmonic field", "anew"]);
 
     let info = folder.json(&["info", "whole/field.safetensors"]);
     assert_eq!((&info["kind"], &info["network"]["width"]), (&"factored".into(), &32.into()));

@@ -80,7 +80,18 @@ fn symmetry_is_found_told_and_kept_unless_none_is_asked_for() {
     work.imf("compress few.safetensors --from told/field.safetensors --steps 5 --out few").done();
     let both = "compress few.safetensors --from told/field.safetensors --symmetry none --out no";
     assert!(work.imf(both).stderr.contains("--symmetry"));
-    train("--online 40 --out by-sections").done();
+    let both = train("--online 40 --symmetry auto --out no");
+    both.refused(&["--symmetry auto", "--online", "leave out one of them"]);
+    let by_sections = train("--online 40 --out by-sections").done().stdout;
+    // Nothing but sections teaches, and nothing else is named.
+    assert!(by_sections.contains("MSE from exact sections in the last steps"), "{by_sections}");
+    let info = work.imf("info by-sections/field.safetensors").done().stdout;
+    let teacher = info.lines().find(|line| line.starts_with("teacher")).unwrap();
+    assert!(
+        teacher.contains("fresh exact sections, 40 at a time") && !teacher.contains("harmonic"),
+        "{teacher}"
+    );
+    assert!(!by_sections.contains("its teacher"), "{by_sections}");
     assert_eq!((symmetry("few"), symmetry("by-sections")), (symmetry("told"), json!(null)));
 }
 

@@ -28,13 +28,20 @@ pub(super) fn describe(path: &Path, file: &FactoredFile) -> Result<Description> 
     lines.push(("values", quantity_text(field.quantity, &scene.record)));
     lines.extend(field_lines(&scene.record));
     lines.push(("symmetry", format!("the network is told of {}", field.shape.symmetry)));
+    let made = format!("degree {} from {} exact sections", fit.degree, report.sections);
+    let errors = format!(
+        "MSE {:.1e}, at most {:.3}, at orientations that were not fitted",
+        report.held_out_mse, report.held_out_mpe
+    );
     lines.push((
         "teacher",
-        format!(
-            "harmonic field of degree {} from {} exact sections, MSE {:.1e}, at most {:.3}, at orientations that were \
-             not fitted",
-            fit.degree, report.sections, report.held_out_mse, report.held_out_mpe
-        ),
+        match settings.online {
+            None => format!("harmonic field of {made}, {errors}"),
+            Some(online) => format!(
+                "fresh exact sections, {} at a time, along functions of {made} of a sample of voxels, a fit of which has {errors}",
+                online.pool
+            ),
+        },
     ));
     lines.push((
         "resumable",
