@@ -10,6 +10,7 @@ mod growth;
 mod machine;
 mod paper;
 mod plain_fft;
+mod python;
 mod query;
 mod scipy;
 mod torch;

@@ -93,7 +93,13 @@ pub(super) fn run(session: &Session, arguments: &QueryBenchArguments) -> Result<
             "balls and exact counts",
             &guarded,
         )?);
-        rows.push(trial.classified(&name("NeuralField"), "yes, no or near, by calibration", &how, model)?);
+        let decided =
+            trial.classified(&name("NeuralField"), "yes, no or near, by calibration", &how, model)?;
+        rows.push(match model.calibration() {
+            Some(_) => decided,
+            // Every pose is near then, which says nothing of the field.
+            None => Row { answers: "not calibrated (imf calibrate)", free: None, blocked: None, ..decided },
+        });
         let (value, slopes) = match model.quantity() {
             Quantity::Overlap => ("overlap, approximate", "overlap with both gradients"),
             Quantity::Depth => ("depth, approximate", "depth with both gradients"),

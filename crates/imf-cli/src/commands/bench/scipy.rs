@@ -8,6 +8,7 @@ use imf_core::field_files::write_npy;
 use ndarray::ArrayView3;
 use serde::Deserialize;
 
+use super::python::lacks;
 use super::{Rival, Trial};
 use crate::arguments::bench::ExactBenchArguments;
 use crate::output::write_json;
@@ -32,9 +33,8 @@ pub(super) fn measure(
     ours: f64,
 ) -> Result<Result<Rival, String>> {
     let python = &arguments.python;
-    let found = Command::new(python).args(["-c", "import numpy, scipy.fft"]).output();
-    if !found.is_ok_and(|output| output.status.success()) {
-        return Ok(Err(format!("scipy was not compared: {python} has none. Install it: {REQUIREMENTS}")));
+    if let Some(why) = lacks(python, "import numpy, scipy.fft", REQUIREMENTS) {
+        return Ok(Err(format!("scipy was not compared: {why}")));
     }
     let folder = arguments.out.join("scipy-voxels");
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;

@@ -6,6 +6,7 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use anyhow::{Context as _, Result, ensure};
 use serde::Deserialize;
 
+use super::python::lacks;
 use super::train::Asked;
 use crate::session::Session;
 
@@ -40,10 +41,8 @@ impl Torch {
             let found = Command::new(python).args(["-c", code]).output();
             found.is_ok_and(|output| output.status.success())
         };
-        if !runs("import torch") {
-            return Ok(Err(format!(
-                "PyTorch was not compared: {python} has none. Install it: {REQUIREMENTS}"
-            )));
+        if let Some(why) = lacks(python, "import torch", REQUIREMENTS) {
+            return Ok(Err(format!("PyTorch was not compared: {why}")));
         }
         if !runs(&format!("import torch; torch.zeros(1, device='{device}')")) {
             return Ok(Err(format!("PyTorch was not compared: that of {python} has no {device}")));
