@@ -62,7 +62,7 @@ pub(crate) struct GlobalArguments {
     #[arg(long, global = true, help_heading = EVERYWHERE, value_name = "N", allow_negative_numbers = true)]
     pub(crate) threads: Option<usize>,
     /// Memory to stay within, such as 2GiB; four fifths of what is free by default
-    #[arg(long, global = true, help_heading = EVERYWHERE, value_name = "SIZE", value_parser = crate::session::parse_size)]
+    #[arg(long, global = true, help_heading = EVERYWHERE, value_name = "SIZE", value_parser = crate::session::parse_size, allow_negative_numbers = true)]
     pub(crate) memory: Option<u64>,
     /// Answers as JSON on standard output
     #[arg(long, global = true, help_heading = EVERYWHERE)]
