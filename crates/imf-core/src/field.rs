@@ -102,14 +102,12 @@ pub(crate) fn answer_between_centres<S: Default>(
     overlap: impl Fn(DVec3, &Orientation, &mut S) -> Option<f32> + Sync,
 ) -> Result<(), QueryError> {
     check_lengths(poses, answers)?;
-    let (low, high) = (grid.centre([0; 3]), grid.centre(grid.dims.map(|n| n - 1)));
     poses.par_chunks(CHUNK).zip(answers.par_chunks_mut(CHUNK)).for_each_init(
         S::default,
         |scratch, (poses, answers)| {
             for (pose, answer) in poses.iter().zip(answers) {
-                let found = overlap(pose.position.clamp(low, high), &pose.orientation, scratch);
-                // `clamp` makes a number of what is none.
-                *answer = found.filter(|_| !pose.position.is_nan()).unwrap_or(f32::NAN);
+                let position = grid.nearest_between_centres(pose.position);
+                *answer = overlap(position, &pose.orientation, scratch).unwrap_or(f32::NAN);
             }
         },
     );

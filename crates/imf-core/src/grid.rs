@@ -198,6 +198,20 @@ impl Grid {
         (0..3).all(|axis| (-1e-9..=(self.dims[axis] - 1) as f64 + 1e-9).contains(&continuous[axis]))
     }
 
+    /// The corners of the box of the voxel centres.
+    #[must_use]
+    pub fn box_of_centres(&self) -> [DVec3; 2] {
+        [self.centre([0; 3]), self.centre(self.dims.map(|n| n - 1))]
+    }
+
+    /// The nearest point in the box of the voxel centres; what is no number stays so.
+    #[must_use]
+    pub fn nearest_between_centres(&self, point: DVec3) -> DVec3 {
+        let [low, high] = self.box_of_centres();
+        // `clamp` makes a number of what is none.
+        if point.is_nan() { point } else { point.clamp(low, high) }
+    }
+
     /// Volume of one voxel in world units cubed.
     #[must_use]
     pub fn voxel_volume(&self) -> f64 {
@@ -239,6 +253,23 @@ mod tests {
             assert_eq!(grid.index(grid.voxel(index)), index);
         }
         assert_eq!(grid.index([0, 0, 1]), 1);
+    }
+
+    #[test]
+    fn the_nearest_point_between_centres_is_held_by_axis() {
+        let grid = Grid { origin: DVec3::new(1.0, 2.0, 3.0), pitch: 2.0, dims: [3, 1, 5] };
+        let [low, high] = grid.box_of_centres();
+        assert_eq!([low, high], [DVec3::new(2.0, 3.0, 4.0), DVec3::new(6.0, 3.0, 12.0)]);
+        for (point, nearest) in [
+            (DVec3::new(3.0, 3.0, 11.0), DVec3::new(3.0, 3.0, 11.0)),
+            // In the outer half of a voxel, and beyond all.
+            (DVec3::new(1.5, 3.5, 5.0), DVec3::new(2.0, 3.0, 5.0)),
+            (DVec3::new(f64::INFINITY, -1e9, 12.5), DVec3::new(6.0, 3.0, 12.0)),
+        ] {
+            assert_eq!(grid.nearest_between_centres(point), nearest, "{point}");
+            assert!(grid.is_between_centres(nearest));
+        }
+        assert!(grid.nearest_between_centres(DVec3::new(0.0, f64::NAN, 0.0)).is_nan());
     }
 
     #[test]

@@ -10,9 +10,9 @@
 //! depth      f32 [poses]      how far the tool must be moved to be free, below 0 how far it may be moved
 //! ```
 //!
-//! Answers are those of [`crate::field::Field`] but for the rounding of single precision. Outside the box of the voxel centres a
-//! harmonic field answers as at the nearest point inside, and a network extrapolates: there is no promise. What a field is of
-//! stands in the model's metadata: part, tool, unit, clearance, the corners of that box. Graphs are of opset 17.
+//! Answers are those of [`crate::field::Field`] but for the rounding of single precision: outside the box of the voxel centres those
+//! of the nearest point inside, without promise. What a field is of stands in the model's metadata: part, tool, unit,
+//! clearance, the corners of that box. Graphs are of opset 17.
 //!
 //! The messages are written here, a dozen of them, since the crates that have all of ONNX's are no longer kept (`onnx-pb`,
 //! of 2020) or parse only (`onnx-ir`).
@@ -128,7 +128,8 @@ fn siren(model: &Model) -> GraphProto {
     let position = graph.input("position", 3, POSITION);
     let angles = graph.input("angles", 2, ANGLES);
     let (grid, parameters) = (&model.scene.record.grid, &model.state.parameters);
-    let overlap = network::siren(&mut graph, &model.shape, parameters, grid, &position, &angles);
+    let held = network::held(&mut graph, grid, &position);
+    let overlap = network::siren(&mut graph, &model.shape, parameters, grid, &held, &angles);
     graph.answering("siren5", "overlap", &overlap, OVERLAP)
 }
 
@@ -150,7 +151,8 @@ fn factored(file: &FactoredFile) -> Result<GraphProto, OnnxError> {
     let mut graph = Graph::default();
     let position = graph.input("position", 3, POSITION);
     let direction = graph.input("direction", 3, DIRECTION);
-    let place = Place::new(&mut graph, &field.shape.symmetry, &position);
+    let held = network::held(&mut graph, &field.grid, &position);
+    let place = Place::new(&mut graph, &field.shape.symmetry, &held);
     let z = network::coefficients(&mut graph, field, &place);
     let direction = place.to_local(&mut graph, &direction);
     let degree = field.basis.degree();

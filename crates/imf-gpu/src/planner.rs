@@ -298,7 +298,7 @@ impl PoseField for GpuField {
         };
         check_lengths(points.len(), best.len())?;
         let grid = &self.neural.scene().record.grid;
-        let (low, high) = (grid.centre([0; 3]), grid.centre(grid.dims.map(|n| n - 1)));
+        let [low, high] = grid.box_of_centres();
         let held: Vec<DVec3> = points
             .iter()
             .map(|point| if point.is_finite() { point.as_dvec3().clamp(low, high) } else { low })

@@ -7,10 +7,13 @@ mod every_device;
 
 use asked::{Within, calibration, compare, compare_minima, compare_on_device};
 use every_device::every_device;
+use glam::{DVec3, Vec3};
 use imf_core::dataset::Sampling;
+use imf_core::field::{self, Field as _, LearntField};
 use imf_core::model::{Model, TrainingRecord};
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
+use imf_core::planner::Pose;
 use imf_core::scene::SceneSpec;
 use imf_core::siren::SirenShape;
 use imf_core::stored::StoredField;
@@ -18,21 +21,24 @@ use imf_core::tool::Tool;
 use imf_core::training::TrainingState;
 use imf_core::training::divergence::Watch;
 use imf_core::training::run::{Cursor, TrainingPlan};
-use imf_gpu::{Gpu, GpuField};
+use imf_gpu::{Gpu, GpuEvaluator, GpuField};
 
 /// A network of random weights over the teapot's box, with thresholds among its values, which are worth nothing.
 fn field(gpu: &Gpu, skip_after: Option<usize>) -> GpuField {
+    GpuField::new(gpu, StoredField::Siren(Box::new(model(skip_after)))).expect("a field")
+}
+
+fn model(skip_after: Option<usize>) -> Model {
     let (mesh, tool) = (ReferencePart::Teapot.mesh(), Tool::paper());
     let scene = SceneSpec::of_reference(ReferencePart::Teapot, &mesh, [15, 19, 31], &tool);
     let shape = SirenShape { width: 48, hidden: 3, skip_after, omega: 10.0 };
-    let model = Model {
+    Model {
         shape,
         scene: scene.scene().expect("a scene"),
         record: record(),
         state: TrainingState::new(&shape, 4),
         calibration: Some(calibration(0.49, 0.51)),
-    };
-    GpuField::new(gpu, StoredField::Siren(Box::new(model))).expect("a field")
+    }
 }
 
 fn record() -> TrainingRecord {
@@ -82,4 +88,36 @@ fn minima_are_the_twins_and_lengths_are_checked() {
 fn buffers_of_the_device_are_answered_in_place() {
     let gpu = adapter::open();
     compare_on_device(&gpu, &field(&gpu, Some(1)));
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn positions_outside_the_box_are_answered_alike_by_poses_and_by_samples() {
+    let (gpu, model) = (adapter::open(), model(Some(1)));
+    let grid = model.scene.record.grid;
+    let [low, high] = grid.box_of_centres();
+    let poses: Vec<field::Pose> = (0..60)
+        .map(|index| {
+            let part = |of: u32| f64::from(index * of % 61) / 60.0;
+            let mut position = low + DVec3::new(part(7), part(11), part(13)) * (high - low);
+            let room = [0.4 * grid.pitch, 3.0 * grid.pitch, 1e3][index as usize / 6 % 3];
+            let axis = index as usize % 3;
+            position[axis] = if index % 2 == 0 { low[axis] - room } else { high[axis] + room };
+            let axis = Vec3::new(part(5) as f32 - 0.5, part(3) as f32 - 0.5, 0.3);
+            field::Pose { position, orientation: Pose::along(Vec3::ZERO, axis).orientation() }
+        })
+        .collect();
+    let mut engine = GpuEvaluator::new(&gpu, model.shape, &model.state.parameters).expect("an evaluator");
+    let mut samples = LearntField::new(grid, &mut engine);
+    let device = field(&gpu, Some(1));
+    let mut found = [(); 3].map(|()| vec![f32::NAN; poses.len()]);
+    samples.query(&poses, &mut found[0]).expect("answers");
+    (&device).query(&poses, &mut found[1]).expect("answers");
+    let held: Vec<field::Pose> =
+        poses.iter().map(|pose| field::Pose { position: pose.position.clamp(low, high), ..*pose }).collect();
+    samples.query(&held, &mut found[2]).expect("answers");
+    assert_eq!(found[0], found[2]);
+    for ((samples, poses), pose) in found[0].iter().zip(&found[1]).zip(&poses) {
+        assert!((samples - poses).abs() < WITHIN.value, "{pose:?}: {samples} against {poses}");
+    }
 }

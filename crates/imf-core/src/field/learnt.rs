@@ -13,8 +13,8 @@ const CHUNK: usize = 1 << 16;
 /// Directions that a minimum is taken over in one call of an engine, at most.
 const DIRECTIONS: usize = 1024;
 
-/// A network evaluated by an engine, CPU or GPU. Points outside the grid it was trained on are answered by
-/// extrapolation, without promise.
+/// A network evaluated by an engine, CPU or GPU. Positions outside the box of the voxel centres, where nothing was trained, are
+/// answered as the nearest point inside, without promise.
 pub struct LearntField<'a> {
     grid: Grid,
     engine: &'a mut dyn EvaluationEngine,
@@ -90,12 +90,67 @@ impl Field for LearntField<'_> {
             self.inputs.clear();
             self.inputs.reserve(poses.len() * INPUTS);
             for pose in poses {
-                let unit = self.grid.unit(pose.position).as_vec3().to_array();
+                let held = self.grid.nearest_between_centres(pose.position);
+                let unit = self.grid.unit(held).as_vec3().to_array();
                 let [theta, phi] = pose.orientation.angles();
                 self.inputs.extend_from_slice(&features(unit, theta, phi));
             }
             self.engine.evaluate(&self.inputs, out)?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec3, Vec3};
+
+    use super::*;
+    use crate::planner::scenes::{scene, siren, siren_model};
+    use crate::planner::{Pose as PlannerPose, PoseField};
+    use crate::siren::engine::CpuEvaluator;
+    use crate::tool::Tool;
+
+    #[test]
+    fn positions_outside_are_answered_as_the_nearest_inside_and_as_planners_are() {
+        let scene = scene(&Tool::paper(), 0.0);
+        let (model, grid) = (siren_model(&scene), scene.record.grid);
+        let [low, high] = grid.box_of_centres();
+        let middle = 0.5 * (low + high);
+        let beyond = |room: f64| {
+            let axes = (0..3).flat_map(move |axis| {
+                let mut away = [middle; 2];
+                (away[0][axis], away[1][axis]) = (low[axis] - room, high[axis] + room);
+                away
+            });
+            axes.chain([low - room, high + room])
+        };
+        // In the outer half of a voxel, beyond the grid, and far from all.
+        let outside: Vec<DVec3> =
+            [0.3 * grid.pitch, 2.0 * grid.pitch, 1e4].into_iter().flat_map(beyond).collect();
+        let asked: Vec<PlannerPose> = outside
+            .iter()
+            .map(|position| PlannerPose::along(position.as_vec3(), Vec3::new(0.3, -0.5, 0.8)))
+            .collect();
+        let poses = |positions: Vec<DVec3>| -> Vec<Pose> {
+            let orientation = asked[0].orientation();
+            positions.into_iter().map(|position| Pose { position, orientation }).collect()
+        };
+        let mut engine = CpuEvaluator::new(model.shape, &model.state.parameters).unwrap();
+        let mut field = LearntField::new(grid, &mut engine);
+        let mut answers = |poses: &[Pose]| {
+            let mut values = vec![f32::NAN; poses.len()];
+            field.query(poses, &mut values).unwrap();
+            values
+        };
+        let found = answers(&poses(outside.clone()));
+        assert_eq!(found, answers(&poses(outside.iter().map(|p| p.clamp(low, high)).collect())));
+        let mut expected = vec![f32::NAN; asked.len()];
+        PoseField::query(&siren(&scene), &asked, &mut expected).unwrap();
+        for ((found, expected), position) in found.iter().zip(&expected).zip(&outside) {
+            // Positions and directions rounded to single precision.
+            assert!((found - expected).abs() < 2e-5, "{position}: {found} against {expected}");
+        }
+        assert!(answers(&poses(vec![DVec3::new(middle.x, f64::NAN, middle.z)]))[0].is_nan());
     }
 }

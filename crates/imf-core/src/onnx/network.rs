@@ -40,7 +40,15 @@ impl Sines<'_> {
     }
 }
 
-/// The paper's network: from position and angles in degrees to the overlap, `[poses, 1]`.
+/// The nearest positions in the box of the voxels' centres, beyond which nothing was learnt.
+pub(super) fn held(graph: &mut Graph, grid: &Grid, position: &Value) -> Value {
+    let [low, high] = grid.box_of_centres().map(|corner| corner.as_vec3().to_array());
+    let (low, high) = (graph.numbers(&[3], &low), graph.numbers(&[3], &high));
+    let held = graph.op("Max", &[position, &low]);
+    graph.op("Min", &[&held, &high])
+}
+
+/// The paper's network: from held position and angles in degrees to the overlap, `[poses, 1]`.
 pub(super) fn siren(
     graph: &mut Graph,
     shape: &SirenShape,

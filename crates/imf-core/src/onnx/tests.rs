@@ -256,18 +256,51 @@ fn graphs_of_fields_with_symmetry_answer_as_the_fields_do() {
 }
 
 #[test]
-fn positions_outside_are_answered_by_a_harmonic_graph_as_at_the_nearest_inside() {
+fn positions_outside_are_answered_by_every_graph_as_at_the_nearest_inside() {
     let scene = scene(&Tool::paper(), 0.0);
-    let stored = StoredField::Harmonic(Box::new(harmonic_file(&scene, 4)));
-    let mut asked = poses(&scene, 40, 22);
+    let grid = scene.record.grid;
+    let mut told = factored_file(&scene);
+    let through = grid.origin + 0.45 * grid.size();
+    let symmetry =
+        Symmetry { mirrors: [Some(through.x), None, None], axis: Some(Axis { along: 2, through }) };
+    let shape = FactoredShape { symmetry, ..told.field.shape };
+    told.field = FactoredField { shape, parameters: shape.initial_parameters(5), ..told.field };
+    let mut deep = factored_file(&scene);
+    deep.field.quantity = Quantity::Depth;
+    // Less than half a voxel outside, and far from all.
+    let inside = poses(&scene, 60, 22);
+    let mut asked = inside.clone();
+    let [low, high] = grid.box_of_centres();
+    let (low, high) = (low.as_vec3(), high.as_vec3());
     for (index, pose) in asked.iter_mut().enumerate() {
-        pose.position[index % 3] += if index % 2 == 0 { 1e4 } else { -1e4 };
+        let (axis, room) = (index % 3, [0.4 * grid.pitch as f32, 1e4][index / 3 % 2]);
+        pose.position[axis] = if index % 4 < 2 { low[axis] - room } else { high[axis] + room };
     }
-    let found = answers(&model(&stored).unwrap(), &asked);
-    let mut expected = vec![0.0; asked.len()];
-    NeuralField::new(stored).unwrap().query(&asked, &mut expected).unwrap();
-    for (found, &expected) in found.iter().zip(&expected) {
-        assert!((found - f64::from(expected)).abs() < ROUNDING, "{found} against {expected}");
+    for stored in [
+        StoredField::Siren(Box::new(siren_model(&scene))),
+        StoredField::Harmonic(Box::new(harmonic_file(&scene, 4))),
+        StoredField::Factored(Box::new(factored_file(&scene))),
+        StoredField::Factored(Box::new(deep)),
+        StoredField::Factored(Box::new(told)),
+    ] {
+        let graph = model(&stored).unwrap();
+        let name = graph.graph.as_ref().unwrap().name.clone();
+        let found = answers(&graph, &asked);
+        let held: Vec<Pose> =
+            asked.iter().map(|pose| Pose { position: pose.position.clamp(low, high), ..*pose }).collect();
+        let mut expected = [vec![0.0; asked.len()], vec![0.0; asked.len()]];
+        let field = NeuralField::new(stored).unwrap();
+        for (poses, expected) in [&asked, &held].into_iter().zip(&mut expected) {
+            field.query(poses, expected).unwrap();
+        }
+        for expected in &expected {
+            for ((found, &expected), pose) in found.iter().zip(expected).zip(&asked) {
+                let apart = (found - f64::from(expected)).abs();
+                assert!(apart < ROUNDING, "{name}, {pose:?}: {found} against {expected}");
+            }
+        }
+        let moved = answers(&graph, &inside);
+        assert!(moved.iter().zip(&found).any(|(a, b)| (a - b).abs() > 1e-3), "{name} varies in space");
     }
 }
 

@@ -64,11 +64,6 @@ impl Family {
         prefer_unpacked();
     }
 
-    /// The box of voxel centres.
-    fn bounds(grid: &Grid) -> (DVec3, DVec3) {
-        (grid.centre([0; 3]), grid.centre(grid.dims.map(|n| n - 1)))
-    }
-
     /// What its values are.
     pub(super) fn quantity(&self) -> Quantity {
         match self {
@@ -103,7 +98,7 @@ impl Family {
 
     /// Value and derivatives of one pose, its position held in the box; `None` for what is no pose.
     pub(super) fn gradient(&self, grid: &Grid, pose: &Pose, scratch: &mut Scratch) -> Option<Gradient> {
-        let (low, high) = Self::bounds(grid);
+        let [low, high] = grid.box_of_centres();
         let direction = pose.direction()?;
         let tip = pose.tip();
         let held = tip.clamp(low, high);
@@ -188,7 +183,7 @@ fn siren_gradient(
 
 /// What the network reads of a pose, its position held in the box, and its angles in radians.
 fn siren_input(grid: &Grid, pose: &Pose) -> ([f32; INPUTS], [f64; 2]) {
-    let (low, high) = Family::bounds(grid);
+    let [low, high] = grid.box_of_centres();
     // Of what is no pose: any numbers.
     let direction = pose.direction().unwrap_or(DVec3::Z);
     let theta = direction.y.atan2(direction.x);
@@ -287,7 +282,7 @@ impl Source<'_> {
     }
 
     fn values(&self, grid: &Grid, poses: &[Pose], values: &mut [f32], scratch: &mut Scratch) {
-        let (low, high) = Family::bounds(grid);
+        let [low, high] = grid.box_of_centres();
         let axes = self.axes();
         self.heads(poses.iter().map(|pose| pose.rotation), scratch);
         let Scratch { heads, constants, coefficients, corner, .. } = scratch;
@@ -310,7 +305,7 @@ impl Source<'_> {
         scratch: &mut Scratch,
         decide: &impl Fn(Vec3, f32) -> Decision,
     ) {
-        let (low, high) = Family::bounds(grid);
+        let [low, high] = grid.box_of_centres();
         let axes = self.axes();
         let place = |point: &Vec3| held(&Pose::new(*point, Quat::IDENTITY), low, high);
         scratch.coefficients.resize(points.len() * axes, 0.0);
