@@ -208,15 +208,18 @@ impl Work<'_> {
         stage.finish("");
         if outside > 0 {
             session.note(&format!(
-                "{outside} of {answered} poses lie outside the box the field was made for: extrapolated"
+                "{outside} of {answered} poses lie outside the box of the voxel centres, which the field was made for: it \
+                 answers them as the nearest point inside, without promise"
             ));
         }
         Ok(())
     }
 
+    /// True where the field is asked beyond what it was made for, with any of the sharp points.
     fn is_outside(&self, pose: &Pose) -> bool {
-        let unit = self.grid.unit(pose.position);
-        unit.min_element() < 0.0 || unit.max_element() > 1.0
+        let turn = pose.orientation.rotation();
+        let sharp_points = self.sharp_points.as_deref().unwrap_or(&[DVec3::ZERO]);
+        sharp_points.iter().any(|&sharp| !self.grid.is_between_centres(pose.position - turn * sharp))
     }
 }
 

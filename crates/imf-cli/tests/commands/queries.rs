@@ -75,6 +75,39 @@ fn answers_stand_behind_the_columns_that_were_asked_with() {
 }
 
 #[test]
+fn poses_outside_the_box_are_answered_as_the_nearest_inside() {
+    let folder = Folder::new();
+    let model = write_model(&folder.path("m.safetensors"));
+    let grid = model.scene.record.grid;
+    let [low, high] = grid.box_of_centres();
+    let room = 0.4 * grid.pitch;
+    let middle = 0.5 * (low + high);
+    // By half a voxel, by far, and each beside the nearest point inside.
+    let points = [
+        middle.with_x(low.x - room),
+        middle.with_x(low.x),
+        middle.with_z(high.z + 1e3),
+        middle.with_z(high.z),
+        low - 1e6,
+        low,
+    ];
+    let lines = points.map(|p| format!("{},{},{},40,70\n", p.x, p.y, p.z));
+    folder.write("poses.csv", format!("x,y,z,theta,phi\n{}", lines.concat()));
+    let ask = ["query", "m.safetensors", "poses.csv", "--device", "cpu"];
+    let run = folder.succeed(&ask);
+    let answers: Vec<&str> =
+        run.stdout.lines().skip(1).map(|line| line.rsplit(',').next().unwrap()).collect();
+    for pair in answers.chunks(2) {
+        assert_eq!(pair[0], pair[1], "{}", run.stdout);
+    }
+    assert!(answers[0] != answers[2] && answers[2] != answers[4], "{}", run.stdout);
+    assert!(run.stderr.contains("3 of 6 poses lie outside the box"), "{}", run.stderr);
+    assert!(run.stderr.contains("as the nearest point inside, without promise"), "{}", run.stderr);
+    // The tip is the only sharp point.
+    assert!(folder.succeed(&[&ask[..], &["--sharp"]].concat()).stderr.contains("3 of 6 poses"));
+}
+
+#[test]
 fn directions_and_json_give_the_same_answers() {
     let folder = Folder::new();
     let model = write_model(&folder.path("m.safetensors"));

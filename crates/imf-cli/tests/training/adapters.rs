@@ -139,7 +139,7 @@ fn harmonic_and_factored_fields_are_evaluated_and_asked_on_the_adapter_as_on_the
         let row = |row: &serde_json::Value| (row["mae"].as_f64().unwrap(), row["mpe"].as_f64().unwrap());
         report["rows"].as_array().unwrap().iter().map(row).collect()
     };
-    let poses = "x,y,z,theta,phi\n0,0,5,10,20\n3,-2,8,200,120\n1,1,1,0,0\n9e9,0,0,10,20\n";
+    let poses = "x,y,z,theta,phi\n5,0,5,10,20\n3,-2,8,200,120\n6,1,1,0,0\n9e9,0,0,10,20\n";
     work.write("poses.csv", poses.as_bytes());
     let answers = |file: &str, device: &str| -> Vec<f64> {
         let run = work.imf(&format!("query {file} poses.csv --exact --json {device}")).done();
