@@ -8,8 +8,9 @@ a trained network, a harmonic and a factored field, of overlaps and of signed de
   PyTorch      runs the models as docs/imf_torch.py loads them, also its gradients (against differences of imf's values),
   NumPy        evaluates a harmonic field from its .npz, at voxel centres,
   VTK          reads the .vti and must have every value of the .npy of the same name.
-The poses are random in the box of the voxel centres; values are compared with those that `imf query` prints. Prints Markdown;
-ends with 1 where a difference is above TOLERANCE of the largest value that the field's quantity can have.
+The poses are random: in the box of the voxel centres, in the half voxel around it, and outside, up to the box's own size
+away. Values are compared with those that `imf query` prints. Prints Markdown; ends with 1 where a difference is above
+TOLERANCE of the largest value that the field's quantity can have.
 """
 
 import csv
@@ -44,7 +45,7 @@ def main() -> None:
         print(f"onnx {onnx.__version__}, onnxruntime {onnxruntime.__version__}, PyTorch {torch.__version__}, "
               f"VTK {vtk.vtkVersion.GetVTKVersion()}; {run(imf, '--version').strip()}\n")
         fields = make(imf, work)
-        print("| field | read by | poses | largest difference | mean | largest value |\n|---|---|---|---|---|---|")
+        print("| field | read by | poses | where | largest difference | mean | largest value |\n|---|---|---|---|---|---|---|")
         worst = max(compare(imf, name, path, work) for name, path in fields.items())
         print()
         worst = max(worst, gradients(imf, fields["siren5"], work))
@@ -85,11 +86,25 @@ def random_poses(box: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray, np
     """Positions in the box, (theta, phi), directions; as f32 in f64, so that all programs are asked the same."""
     random = np.random.default_rng(seed)
     position = (box[0] + random.random((POSES, 3)) * (box[1] - box[0])).astype(np.float32).astype(float)
+    return position, *random_turns(random)
+
+
+def poses_around(box: np.ndarray, room: np.ndarray | float, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """As random_poses, but outside the box, at most `room` away along each axis."""
+    random = np.random.default_rng(seed)
+    position = box[0] - room + random.random((20 * POSES, 3)) * (box[1] - box[0] + 2 * room)
+    position = position[((position < box[0]) | (position > box[1])).any(axis=1)][:POSES]
+    assert len(position) == POSES, "too few of the positions are outside"
+    return position.astype(np.float32).astype(float), *random_turns(random)
+
+
+def random_turns(random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """(theta, phi) in degrees, and the same as directions."""
     angles = np.stack([random.random(POSES) * 360, np.degrees(np.arccos(2 * random.random(POSES) - 1))], axis=1)
     angles = angles.astype(np.float32).astype(float)
     theta, phi = np.radians(angles).T
     direction = np.stack([np.sin(phi) * np.cos(theta), np.sin(phi) * np.sin(theta), np.cos(phi)], axis=1)
-    return position, angles, direction.astype(np.float32).astype(float)
+    return angles, direction.astype(np.float32).astype(float)
 
 
 def query(imf: str, field: pathlib.Path, position: np.ndarray, turned: np.ndarray) -> np.ndarray:
@@ -110,24 +125,31 @@ def compare(imf: str, name: str, field: pathlib.Path, work: pathlib.Path) -> flo
     onnx.checker.check_model(model, full_check=True)
     about = {entry.key: entry.value for entry in model.metadata_props}
     box = np.array([[float(v) for v in about[f"imf.box_{end}"].split()] for end in ("lower", "upper")])
-    position, angles, direction = random_poses(box, 1)
     session = onnxruntime.InferenceSession(graph, providers=["CPUExecutionProvider"])
-    turned = angles if "angles" in [value.name for value in session.get_inputs()] else direction
-    expected = query(imf, field, position, turned)
-    inputs = {"position": position, ("angles" if turned is angles else "direction"): turned}
-    found = session.run([about["imf.quantity"]], {key: value.astype(np.float32) for key, value in inputs.items()})[0]
     # A depth is a length: eight pitches at most.
-    depth = about["imf.quantity"] == "depth"
-    unit = 8 * float(about["imf.pitch"]) if depth else 1.0
-    worst = report(name, "onnxruntime", found, expected) / unit
-    if not name.startswith("harmonic"):
-        with torch.no_grad():
-            loaded = imf_torch.load(field)
-            assert loaded.depth == depth, "a field of depth is not known as one"
-            found = loaded(torch.tensor(position), torch.tensor(turned)).numpy()
-        worst = max(worst, report(name, "PyTorch", found, expected) / unit)
-    else:
-        worst = max(worst, arrays(imf, name, field, depth, direction) / unit)
+    depth, pitch = about["imf.quantity"] == "depth", float(about["imf.pitch"])
+    unit = 8 * pitch if depth else 1.0
+    places = {
+        "inside": random_poses(box, 1),
+        "half a voxel around": poses_around(box, 0.5 * pitch, 4),
+        "outside": poses_around(box, box[1] - box[0], 5),
+    }
+    worst = 0.0
+    for where, (position, angles, direction) in places.items():
+        turned = angles if "angles" in [value.name for value in session.get_inputs()] else direction
+        expected = query(imf, field, position, turned)
+        inputs = {"position": position, ("angles" if turned is angles else "direction"): turned}
+        inputs = {key: value.astype(np.float32) for key, value in inputs.items()}
+        found = session.run([about["imf.quantity"]], inputs)[0]
+        worst = max(worst, report(name, "onnxruntime", where, found, expected) / unit)
+        if not name.startswith("harmonic"):
+            with torch.no_grad():
+                loaded = imf_torch.load(field)
+                assert loaded.depth == depth, "a field of depth is not known as one"
+                found = loaded(torch.tensor(position), torch.tensor(turned)).numpy()
+            worst = max(worst, report(name, "PyTorch", where, found, expected) / unit)
+        elif where == "inside":
+            worst = max(worst, arrays(imf, name, field, depth, direction) / unit)
     return worst
 
 
@@ -142,12 +164,12 @@ def arrays(imf: str, name: str, field: pathlib.Path, depth: bool, direction: np.
     found = np.sum(functions * (saved["mean"] + along @ saved["axes"].T), axis=1)
     found = found if depth else found.clip(0, 1)
     position = saved["origin"] + (voxel + 0.5) * saved["pitch"]
-    return report(name, "NumPy", found, query(imf, field, position, direction))
+    return report(name, "NumPy", "voxel centres", found, query(imf, field, position, direction))
 
 
-def report(name: str, reader: str, found: np.ndarray, expected: np.ndarray) -> float:
+def report(name: str, reader: str, where: str, found: np.ndarray, expected: np.ndarray) -> float:
     off = np.abs(found - expected)
-    print(f"| {name} | {reader} | {len(off)} | {off.max():.1e} | {off.mean():.1e} | {expected.max():.3f} |")
+    print(f"| {name} | {reader} | {len(off)} | {where} | {off.max():.1e} | {off.mean():.1e} | {expected.max():.3f} |")
     return float(off.max())
 
 

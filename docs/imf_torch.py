@@ -9,7 +9,8 @@
 
 `overlap` is the share of the tool's volume inside the part, at the tip's position. A field of depth (`field.depth` is true)
 answers depths instead: how far the tool must be moved to be free, below zero how far it may be moved, in the scene's unit,
-held within eight pitches. Needs torch and safetensors.
+held within eight pitches. Outside the box of the voxel centres both answer as at the nearest point inside, as `imf query`
+does. Needs torch and safetensors.
 """
 
 import json
@@ -31,6 +32,12 @@ def load(path):
     return kinds[about["format"]](about, tensors)
 
 
+def box_of_centres(grid):
+    """The corners of the box of the voxel centres."""
+    dims, origin = (torch.tensor(grid[name], dtype=torch.float64) for name in ("dims", "origin"))
+    return origin + 0.5 * grid["pitch"], origin + grid["pitch"] * (dims - 0.5)
+
+
 class Siren5(torch.nn.Module):
     """The paper's network: sines of five inputs in [-1, 1], the inputs again behind one layer, a sigmoid at the end."""
 
@@ -44,9 +51,11 @@ class Siren5(torch.nn.Module):
         self.biases = torch.nn.ParameterList(tensors[f"layers.{i}.bias"] for i in range(network["hidden"] + 1))
         self.register_buffer("origin", torch.tensor(grid["origin"], dtype=torch.float64))
         self.register_buffer("size", torch.tensor([grid["pitch"] * n for n in grid["dims"]], dtype=torch.float64))
+        for name, corner in zip(("lower", "upper"), box_of_centres(grid)):
+            self.register_buffer(name, corner)
 
     def forward(self, position, angles):
-        unit = (position.double() - self.origin) / self.size
+        unit = (position.double().clamp(self.lower, self.upper) - self.origin) / self.size
         inputs = torch.cat([2.0 * unit - 1.0, angles.double() / angles.new_tensor([180.0, 90.0]) - 1.0], dim=1)
         inputs = inputs.to(self.weights[0].dtype)
         signal = inputs
@@ -85,6 +94,8 @@ class Factored(torch.nn.Module):
         size = torch.tensor([grid["pitch"] * n for n in grid["dims"]], dtype=torch.float64)
         self.register_buffer("middle", torch.tensor(grid["origin"], dtype=torch.float64) + 0.5 * size)
         self.inverse_length = 2.0 / size.max().item()
+        for name, corner in zip(("lower", "upper"), box_of_centres(grid)):
+            self.register_buffer(name, corner)
 
     def place(self, position, direction):
         """The position on the far side of every mirror plane, the network's inputs behind it, and the local direction."""
@@ -105,7 +116,8 @@ class Factored(torch.nn.Module):
         return torch.stack(position, 1), angle, torch.stack(direction, 1)
 
     def forward(self, position, direction):
-        position, angle, direction = self.place(position.double(), direction.double())
+        held = position.double().clamp(self.lower, self.upper)
+        position, angle, direction = self.place(held, direction.double())
         signal = (position - self.middle) * self.inverse_length
         signal = torch.cat([signal] + [a[:, None] for a in angle], 1).to(self.axes.dtype)
         sines = len(self.weights) - (0 if self.folded else 1)
