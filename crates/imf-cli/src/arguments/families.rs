@@ -22,7 +22,7 @@ pub(crate) struct FamiliesBenchArguments {
     /// Resolution, as a share of the reference parts' own
     #[arg(long, default_value_t = 0.5, value_name = "SHARE", value_parser = parse_scale)]
     pub(crate) scale: f64,
-    /// Every family is made from N × N exact sections
+    /// Every family is made from N × N exact sections, but coarse tables, which take as many as serve their size best
     #[arg(long, default_value_t = 15, value_name = "N", value_parser = clap::value_parser!(u64).range(4..=64))]
     pub(crate) angles: u64,
     /// Number of random orientations to judge by, none of which any family was made from

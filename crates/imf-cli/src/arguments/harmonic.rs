@@ -68,7 +68,8 @@ pub(crate) struct HarmonicArguments {
     /// With --imf: the least over all orientations, not only over the set: from its best one down the field's gradient
     #[arg(help_heading = HEADING, long, requires = "method", requires = "imf", conflicts_with = "confirm")]
     pub(crate) refine: bool,
-    /// Keep the harmonic field in this file, for imf query, imf sections and imf info; NAME.npz for NumPy
+    /// Keep the harmonic field in this file, for imf query, imf sections and imf info; NAME.npz for NumPy. A field of depth is
+    /// refused by imf sections, imf eval and imf query --exact
     #[arg(help_heading = HEADING, long, value_name = "FILE", requires = "method")]
     pub(crate) save: Option<PathBuf>,
     /// With --save: leave out measuring what the field's decisions are worth (imf calibrate), which takes a few seconds

@@ -13,7 +13,8 @@ use super::harmonic::MISSES;
     after_help = "Examples:\n  imf sections teapot/field.safetensors --orientations '0,0;12,6' --out sections\n  \
                         imf sections teapot/field.safetensors --orientations fibonacci:10000 --imf --confirm --out imf\n\n\
                         Writes what imf field writes: .npy, .vti (ParaView) and .png slices. Nothing is counted but by \
-                        --confirm."
+                        --confirm. A kept field holds the overlap with the tool's tip at the voxel: of a tool with several \
+                        sharp points these are not the least over them, which imf field writes. Fields of depth are refused."
 )]
 pub(crate) struct SectionsArguments {
     /// Trained model, or a harmonic or factored field

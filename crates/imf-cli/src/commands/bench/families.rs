@@ -1,4 +1,5 @@
-//! `imf bench families`: every family of fields made from the same number of exact sections, side by side.
+//! `imf bench families`: every family of fields made from the same number of exact sections, side by side; but coarse tables, which
+//! take as many as serve their size best.
 //!
 //! ```text
 //! OUT/families.md, families.json     the table of every part

@@ -56,7 +56,7 @@ pub(super) struct Comparison {
     /// True where the part is not the paper's but ours in its style.
     pub(super) ours: bool,
     pub(super) dims: [usize; 3],
-    /// Exact sections that every family is made from.
+    /// Exact sections that every family is made from, but coarse tables.
     pub(super) sections: usize,
     pub(super) rows: Vec<Row>,
 }
