@@ -104,7 +104,7 @@ pub fn write_keeping_previous(
 /// A folder that may not be written.
 pub fn keep_previous(path: impl AsRef<Path>, previous: impl AsRef<Path>) -> io::Result<()> {
     let path = path.as_ref();
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder_of(path);
     keep_as(path, previous.as_ref(), tempfile::Builder::new().prefix(".").suffix(PART), folder)?;
     sync_folder(folder)
 }
@@ -113,17 +113,19 @@ pub fn keep_previous(path: impl AsRef<Path>, previous: impl AsRef<Path>) -> io::
 /// Returns how many there were; what cannot be removed stays.
 pub fn remove_leftovers(path: impl AsRef<Path>) -> usize {
     let target = fs::canonicalize(&path).unwrap_or_else(|_| path.as_ref().to_path_buf());
-    let (Some(name), Some(folder)) = (target.file_name().and_then(|n| n.to_str()), target.parent()) else {
-        return 0;
-    };
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let Some(name) = target.file_name().and_then(|n| n.to_str()) else { return 0 };
     let start = format!(".{name}.");
     let is_leftover = |entry: &fs::DirEntry| {
         let file = entry.file_name();
         file.to_str().is_some_and(|file| file.starts_with(&start) && file.ends_with(PART))
     };
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let entries = fs::read_dir(folder_of(&target)).into_iter().flatten().flatten();
     entries.filter(is_leftover).filter(removed).count()
+}
+
+/// The folder that a file is in.
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// Removes a temporary file unless somebody is writing it.
@@ -170,10 +172,7 @@ fn replace(
         let source = io::Error::new(io::ErrorKind::PermissionDenied, "the file is write-protected");
         return Err(AtomicFileError::Permission { path: path.into(), source });
     }
-    let folder = match target.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
+    let folder = folder_of(&target);
     if !folder.is_dir() {
         return Err(AtomicFileError::MissingFolder { path: path.into(), folder: folder.into() });
     }

@@ -121,6 +121,16 @@ pub struct SectionScratch {
     more: Vec<u32>,
 }
 
+/// Voxels from the obstacle's first to that of a grid at which it is asked.
+pub(crate) fn offset_of_query(obstacle: &Grid, query: &Grid) -> Result<[i64; 3], SectionError> {
+    obstacle.offset_of(query).ok_or(SectionError::QueryGrid {
+        query: query.origin,
+        query_pitch: query.pitch,
+        obstacle: obstacle.origin,
+        pitch: obstacle.pitch,
+    })
+}
+
 impl SectionPlan {
     /// Plans sections of `tool` around `obstacle` at every voxel of the obstacle's grid. The tool's lengths must be
     /// in the grid's unit ([`Tool::in_unit`]).
@@ -154,12 +164,7 @@ impl SectionPlan {
     ) -> Result<Self, SectionError> {
         let Obstacles { solid: obstacle, skin } = obstacle.into();
         tool.check()?;
-        let offset = obstacle.grid.offset_of(query_grid).ok_or(SectionError::QueryGrid {
-            query: query_grid.origin,
-            query_pitch: query_grid.pitch,
-            obstacle: obstacle.grid.origin,
-            pitch: obstacle.grid.pitch,
-        })?;
+        let offset = offset_of_query(&obstacle.grid, query_grid)?;
         let sharp_points = tool.sharp_point_positions(obstacle.grid.pitch);
         let (query, size) = Self::sizes(&obstacle.grid, offset, query_grid.dims, tool);
         // A tool too large or too small is refused now rather than at the first section.
@@ -331,12 +336,7 @@ impl SectionPlan {
         window: &Grid,
         scratch: &'s mut SectionScratch,
     ) -> Result<(u32, &'s [u32]), SectionError> {
-        let offset = self.obstacle.grid.offset_of(window).ok_or(SectionError::QueryGrid {
-            query: window.origin,
-            query_pitch: window.pitch,
-            obstacle: self.obstacle.grid.origin,
-            pitch: self.obstacle.grid.pitch,
-        })?;
+        let offset = offset_of_query(&self.obstacle.grid, window)?;
         let query = QueryBox::around(offset, window.dims, 0);
         assert!(self.query.holds(&query), "a window within the plan's grid");
         let rotated = self.box_counts(orientation, &query, scratch)?;

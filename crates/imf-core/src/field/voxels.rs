@@ -5,7 +5,7 @@ use glam::{DMat3, DVec3};
 use super::{Pose, SceneField};
 use crate::grid::Grid;
 use crate::orientation::Orientation;
-use crate::section::{Obstacles, SectionError, around};
+use crate::section::{Obstacles, SectionError, around, offset_of_query};
 use crate::tool::{Tool, ToolError};
 
 /// The collision measure of a tool among obstacles, voxel by voxel: to the bit what the section of the orientation has there, contact
@@ -41,12 +41,7 @@ impl<'a> VoxelMeasures<'a> {
     ) -> Result<Self, SectionError> {
         let obstacles = obstacles.into();
         let own = obstacles.solid.grid;
-        let offset = own.offset_of(grid).ok_or(SectionError::QueryGrid {
-            query: grid.origin,
-            query_pitch: grid.pitch,
-            obstacle: own.origin,
-            pitch: own.pitch,
-        })?;
+        let offset = offset_of_query(&own, grid)?;
         Ok(Self {
             scene: SceneField::new(obstacles, tool),
             sharp_points: tool.sharp_point_positions(own.pitch),
