@@ -17,28 +17,23 @@
 //!
 //! Where a network is told of the obstacle's symmetry all this is of the direction in the frame of the place ([`Symmetry`]).
 
-mod adapt;
 mod answers;
-mod by_sections;
-mod course;
 mod evaluate;
 pub mod file;
 mod fold;
-mod last_layer;
 mod point;
 pub mod reference;
+mod settings;
 mod state;
 mod symmetry;
-mod targets;
-mod teach;
+pub mod targets;
 
 pub use answers::FactoredAnswers;
-pub use by_sections::{SectionTeacher, teach_by_sections, teach_by_sections_on};
 pub use evaluate::FactoredEvaluator;
 pub use point::{FactoredPoint, PointScratch};
-pub use state::{FactoredState, Optimiser};
+pub use settings::TeachSettings;
+pub use state::FactoredState;
 pub use symmetry::{ANGLE, Axis, Frame, Inputs, Symmetry};
-pub use teach::{TeachSettings, teach, teach_on};
 
 use std::borrow::Cow;
 
@@ -53,7 +48,7 @@ use crate::section::Quantity;
 use crate::siren::stack::{Ending, Stack};
 use crate::siren::{Layer, ShapeError};
 use symmetry::LocalHarmonics;
-use targets::Targets;
+use targets::{Targets, TeacherFunctions};
 
 /// Inputs of g: the point. With an axis of revolution there are two more ([`Symmetry`]).
 pub const INPUTS: usize = 3;
@@ -244,50 +239,3 @@ impl FactoredField {
         (symmetry.inputs_at(&self.grid, &place), symmetry.frame_of(&place))
     }
 }
-
-/// The functions that a network is taught along, whoever chose them.
-struct TeacherFunctions<'a> {
-    quantity: Quantity,
-    grid: &'a Grid,
-    basis: &'a Basis,
-    /// U: `[K][axes]`.
-    axes: Cow<'a, [f32]>,
-    /// μ: `[K]`.
-    mean: Cow<'a, [f32]>,
-    /// Root mean square of the coefficients.
-    scale: f32,
-}
-
-impl<'a> TeacherFunctions<'a> {
-    /// Those of a harmonic field's targets.
-    fn of(teacher: &'a HarmonicField, targets: &Targets<'a>) -> Self {
-        let HarmonicField { quantity, grid, basis, .. } = teacher;
-        let (axes, mean) = targets.functions();
-        Self { quantity: *quantity, grid, basis, axes, mean, scale: targets.scale }
-    }
-
-    /// The field of a network along them.
-    ///
-    /// # Errors
-    /// As [`FactoredField::new`].
-    fn field(self, shape: FactoredShape, parameters: Vec<f32>) -> Result<FactoredField, ShapeError> {
-        shape.check()?;
-        shape.stack().check_parameters(&parameters)?;
-        let axes = self.axes.len() / self.mean.len();
-        let expected = FactoredShape { axes, ..shape }.parameter_count();
-        if expected != parameters.len() {
-            return Err(ShapeError::Parameters { expected, found: parameters.len() });
-        }
-        Ok(self.of_weights(shape, parameters))
-    }
-
-    /// As [`Self::field`], of weights known to fit, or of none yet.
-    fn of_weights(self, shape: FactoredShape, parameters: Vec<f32>) -> FactoredField {
-        let Self { quantity, grid, basis, axes, mean, scale } = self;
-        let (basis, axes, mean) = (basis.clone(), axes.into_owned(), mean.into_owned());
-        FactoredField { quantity, grid: *grid, basis, axes, mean, shape, parameters, scale }
-    }
-}
-
-#[cfg(test)]
-mod tests;

@@ -22,7 +22,6 @@ use thiserror::Error;
 use crate::grid::Grid;
 use crate::orientation::Orientation;
 use crate::tool::ToolError;
-use crate::training::EngineError;
 
 /// Where the tool's tip is, in world units, and how the tool is turned.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,6 +30,17 @@ pub struct Pose {
     pub position: DVec3,
     /// Orientation of the tool.
     pub orientation: Orientation,
+}
+
+/// Why an engine stopped; the state it had before is with the caller's last checkpoint.
+#[derive(Debug, Error)]
+pub enum EngineError {
+    /// The device is gone or out of memory, or a call to it failed.
+    #[error("{0}")]
+    Device(String),
+    /// A batch, a shape or a state that does not fit.
+    #[error("{0}")]
+    Shape(String),
 }
 
 /// Why poses cannot be answered.

@@ -22,23 +22,6 @@ const SAME_DIRECTION: f64 = 1.0 - 1.5e-10;
 /// Value above which the field calls a pose blocked; only the decisions of the report depend on it.
 const THRESHOLD: f64 = 0.001;
 
-/// Which poses are held out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct HeldOutChoice {
-    /// Number of poses.
-    pub poses: usize,
-    /// Random orientations that they are spread over.
-    pub orientations: usize,
-    /// Chooses orientations and voxels.
-    pub seed: u64,
-}
-
-impl Default for HeldOutChoice {
-    fn default() -> Self {
-        Self { poses: 16_384, orientations: 64, seed: 0 }
-    }
-}
-
 /// The poses and their exact values.
 pub struct HeldOut {
     choice: HeldOutChoice,

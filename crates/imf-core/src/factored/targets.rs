@@ -161,3 +161,48 @@ impl<'a> Targets<'a> {
         (Cow::Owned(identity), Cow::Owned(vec![0.0; count]))
     }
 }
+
+/// The functions that a network is taught along, whoever chose them.
+pub struct TeacherFunctions<'a> {
+    pub quantity: Quantity,
+    pub grid: &'a Grid,
+    pub basis: &'a Basis,
+    /// U: `[K][axes]`.
+    pub axes: Cow<'a, [f32]>,
+    /// μ: `[K]`.
+    pub mean: Cow<'a, [f32]>,
+    /// Root mean square of the coefficients.
+    pub scale: f32,
+}
+
+impl<'a> TeacherFunctions<'a> {
+    /// Those of a harmonic field's targets.
+    pub fn of(teacher: &'a HarmonicField, targets: &Targets<'a>) -> Self {
+        let HarmonicField { quantity, grid, basis, .. } = teacher;
+        let (axes, mean) = targets.functions();
+        Self { quantity: *quantity, grid, basis, axes, mean, scale: targets.scale }
+    }
+
+    /// The field of a network along them.
+    ///
+    /// # Errors
+    /// As [`FactoredField::new`].
+    pub fn field(self, shape: FactoredShape, parameters: Vec<f32>) -> Result<FactoredField, ShapeError> {
+        shape.check()?;
+        shape.stack().check_parameters(&parameters)?;
+        let axes = self.axes.len() / self.mean.len();
+        let expected = FactoredShape { axes, ..shape }.parameter_count();
+        if expected != parameters.len() {
+            return Err(ShapeError::Parameters { expected, found: parameters.len() });
+        }
+        Ok(self.of_weights(shape, parameters))
+    }
+
+    /// As [`Self::field`], of weights known to fit, or of none yet.
+    pub fn of_weights(self, shape: FactoredShape, parameters: Vec<f32>) -> FactoredField {
+        let Self { quantity, grid, basis, axes, mean, scale } = self;
+        let (basis, axes, mean) = (basis.clone(), axes.into_owned(), mean.into_owned());
+        FactoredField { quantity, grid: *grid, basis, axes, mean, shape, parameters, scale }
+    }
+}
+

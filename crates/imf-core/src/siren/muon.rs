@@ -8,25 +8,8 @@
 //! Source: Jordan et al. 2024, "Muon: an optimizer for hidden layers in neural networks" (iteration, coefficients); Liu et
 //! al. 2025, arXiv 2502.16982 (length of the step).
 
-use serde::{Deserialize, Serialize};
-
+use crate::recipe::MuonConfig;
 use super::matrix::{Matrix, combine_by_rows};
-
-/// Settings of Muon.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct MuonConfig {
-    /// Share of the momentum that a step leaves.
-    pub momentum: f32,
-    /// Learning rate over that of the other weights.
-    pub rate: f32,
-}
-
-impl Default for MuonConfig {
-    fn default() -> Self {
-        Self { momentum: 0.95, rate: 1.0 }
-    }
-}
 
 /// Coefficients a, b, c of the iteration.
 pub const QUINTIC: [f32; 3] = [3.4445, -4.7750, 2.0315];

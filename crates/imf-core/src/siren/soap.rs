@@ -10,32 +10,13 @@
 //! Source: Vyas et al. 2024, "SOAP: improving and stabilizing Shampoo using Adam", arXiv 2409.11321, algorithm 3.
 
 use pulp::Arch;
-use serde::{Deserialize, Serialize};
-
 use super::lanes::dot;
 use super::matrix::{Matrix, combine_by_rows};
 use super::orthonormal::Orthonormal;
 use super::stack::Stack;
 use super::{Layer, ShapeError};
+use crate::recipe::{Optimiser, SoapConfig};
 use crate::vectorised::vectorised;
-
-/// Settings of SOAP.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct SoapConfig {
-    /// Share of moments and means that a step leaves.
-    pub kept: f32,
-    /// Steps between two looks at the axes.
-    pub look_every: u64,
-    /// Learning rate over that of the other weights.
-    pub rate: f32,
-}
-
-impl Default for SoapConfig {
-    fn default() -> Self {
-        Self { kept: 0.95, look_every: 10, rate: 1.0 }
-    }
-}
 
 /// Added to the root of the second moment: no more than what keeps 0 from being divided by 0.
 pub const EPSILON: f32 = 1e-12;
@@ -77,7 +58,7 @@ pub(crate) struct Soap {
 impl Soap {
     /// Numbers that are kept of a matrix beside its moments: means and axes of both sides.
     pub(crate) fn kept_count(rows: usize, columns: usize) -> usize {
-        2 * (rows * rows + columns * columns)
+        Optimiser::Soap(SoapConfig::default()).kept_count(rows, columns)
     }
 
     /// Bytes of what is kept and of working memory.

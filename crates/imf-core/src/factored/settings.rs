@@ -1,22 +1,14 @@
-//! Teaching g: batches of voxels, their coefficients as targets, the house's training loop.
-
-use std::ops::Range;
+//! How a network of the point is distilled from its teacher.
 
 use serde::{Deserialize, Serialize};
 
-use super::course::{Told, Voxels};
-use super::last_layer::{self, Solving};
-use super::state::{Optimiser, cpu_engine};
-use super::targets::Targets;
 use super::{FactoredShape, FactoredState, Symmetry};
-use crate::control::Control;
 use crate::harmonic::HarmonicField;
+use crate::recipe::schedule::Schedule;
+use crate::recipe::{
+    AdamConfig, Length, Loss, OnlineSettings, Optimiser, RecipeError, SoapConfig, TrainingPlan,
+};
 use crate::siren::ShapeError;
-use crate::siren::soap::SoapConfig;
-use crate::training::online::OnlineSettings;
-use crate::training::run::{Cursor, Length, Outcome, Report, Start, TrainError, TrainingPlan, train_by};
-use crate::training::schedule::Schedule;
-use crate::training::{AdamConfig, Loss, TrainingEngine};
 
 /// What a factored field is made by, beside its teacher.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -37,10 +29,8 @@ pub struct TeachSettings {
     /// least squares, whatever the plan's loss. Files from before there were any say nothing of them.
     #[serde(default)]
     pub solve_every: u64,
-    /// How sections come and go where they teach by themselves ([`teach_by_sections`]): no last layer is solved for then.
+    /// How sections come and go where they teach by themselves : no last layer is solved for then.
     /// Nothing where a harmonic field teaches. [`TeachSettings::of_sections`] has the rates for it.
-    ///
-    /// [`teach_by_sections`]: super::teach_by_sections
     #[serde(skip_serializing_if = "Option::is_none")]
     pub online: Option<OnlineSettings>,
     /// What the network is told of the obstacle's symmetry, where a harmonic field of directions teaches: [`Symmetry::of`] finds
@@ -101,7 +91,7 @@ impl TeachSettings {
     }
 
     /// The defaults for a length of a teaching that begins with the network of another field, such as that of the part before it
-    /// was changed ([`FactoredState::of_another`]).
+    /// was changed (see the trainer).
     #[must_use]
     pub fn of_another(length: Length) -> Self {
         let usual = Self::of_length(length);
@@ -109,9 +99,7 @@ impl TeachSettings {
         Self { plan, solve_every: SOLVE_OF_ANOTHER, ..usual }
     }
 
-    /// The defaults for a length of a teaching by sections that come and go like this ([`teach_by_sections`]).
-    ///
-    /// [`teach_by_sections`]: super::teach_by_sections
+    /// The defaults for a length of a teaching by sections that come and go like this .
     #[must_use]
     pub fn of_sections(length: Length, online: OnlineSettings) -> Self {
         let usual = Self::of_length(length);
@@ -150,106 +138,19 @@ impl TeachSettings {
         self.plan.batch.min(teacher.grid.len())
     }
 
-    /// Bytes that a solution of the last layer takes for a moment, over so many voxels and axes.
-    #[must_use]
-    pub fn bytes_to_solve(&self, voxels: usize, axes: usize) -> u64 {
-        if self.solve_every == 0 { 0 } else { last_layer::bytes(self, voxels, axes) }
-    }
-
     /// Checks the values that no type keeps in range.
     ///
     /// # Errors
     /// A plan or shape out of range, by name.
-    pub fn check(&self) -> Result<(), TrainError> {
+    pub fn check(&self) -> Result<(), RecipeError> {
         self.plan.check()?;
         self.online.map_or(Ok(()), |online| online.check())?;
         if let Some(fault) = self.symmetry.fault() {
-            return Err(TrainError::Plan(fault));
+            return Err(RecipeError(fault));
         }
         if self.online.is_some() && !self.symmetry.is_none() {
-            return Err(TrainError::Plan(ShapeError::Symmetry.to_string()));
+            return Err(RecipeError(ShapeError::Symmetry.to_string()));
         }
-        self.shape(1).check().map_err(|error| TrainError::Plan(error.to_string()))
+        self.shape(1).check().map_err(|error| RecipeError(error.to_string()))
     }
-}
-
-/// Teaches the network of `state` the coefficients of `teacher` up to the plan's end, or until `control` asks to stop,
-/// which is looked at wherever the observer is told something; `state` then is where teaching goes on, to the same bits.
-/// One unit of progress is one step. The report's loss is the mean squared error over the sphere where the loss is L2.
-///
-/// # Errors
-/// Settings or a state out of range, or a loss that is not finite or has risen for good; `state` is untouched then.
-pub fn teach(
-    teacher: &HarmonicField,
-    settings: &TeachSettings,
-    state: &mut FactoredState,
-    control: Control<'_>,
-    observer: &mut dyn FnMut(&Report),
-) -> Result<Outcome, TrainError> {
-    settings.check()?;
-    let shape = settings.shape(settings.outputs(teacher));
-    let mut trainer = cpu_engine(shape, &settings.plan, settings.optimiser, settings.batch(teacher), state)?;
-    let (outcome, Start { cursor, watch }) =
-        run(teacher, settings, state.start(), &mut trainer, control, observer)?;
-    *state = FactoredState { training: trainer.state()?, cursor, watch };
-    Ok(outcome)
-}
-
-/// As [`teach`], on an engine that continues from `state`, such as a GPU's: made for the stack of
-/// [`TeachSettings::shape`] and batches of [`TeachSettings::batch`], with the settings' optimiser.
-///
-/// # Errors
-/// As [`teach`].
-pub fn teach_on(
-    teacher: &HarmonicField,
-    settings: &TeachSettings,
-    state: &mut FactoredState,
-    engine: &mut dyn TrainingEngine,
-    control: Control<'_>,
-    observer: &mut dyn FnMut(&Report),
-) -> Result<Outcome, TrainError> {
-    settings.check()?;
-    let (outcome, Start { cursor, watch }) =
-        run(teacher, settings, state.start(), engine, control, observer)?;
-    *state = FactoredState { training: engine.state()?, cursor, watch };
-    Ok(outcome)
-}
-
-/// Teaches on any engine from `start` on; says how it ended, and where.
-fn run(
-    teacher: &HarmonicField,
-    settings: &TeachSettings,
-    start: Start,
-    engine: &mut dyn TrainingEngine,
-    control: Control<'_>,
-    observer: &mut dyn FnMut(&Report),
-) -> Result<(Outcome, Start), TrainError> {
-    let TeachSettings { plan, online, .. } = settings;
-    if online.is_some() {
-        return Err(TrainError::Plan(
-            "settings of a teaching by sections, and a harmonic field teaches".into(),
-        ));
-    }
-    let voxels = teacher.grid.len();
-    let targets =
-        Targets::new(teacher, settings.symmetry).map_err(|error| TrainError::Plan(error.to_string()))?;
-    // A loss in units of the field: outputs are coefficients over the scale.
-    let unit = match plan.loss {
-        Loss::L1 => f64::from(targets.scale),
-        Loss::L2 => f64::from(targets.scale) * f64::from(targets.scale),
-    };
-    let mut order = Voxels::new(plan, &teacher.grid, settings.symmetry, start.cursor);
-    let mut feed =
-        |at: Cursor, _: u64, rows: Range<usize>, inputs: &mut [f32], rows_of_targets: &mut [f32]| {
-            order.fill(at, &rows, inputs, rows_of_targets, |scratch, voxel, out| {
-                targets.read(voxel, scratch, out);
-            });
-            Ok(())
-        };
-    let mut told = Told::new(plan, voxels, start, control, observer);
-    let mut engine = Solving::new(engine, teacher, &targets, settings, told.steps);
-    let outcome = train_by(plan, voxels, &mut feed, &mut engine, start, &mut |report, _| {
-        told.hear(&Report { mean_loss: report.mean_loss * unit, ..*report })
-    })?;
-    Ok((outcome, told.start))
 }

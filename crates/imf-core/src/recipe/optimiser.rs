@@ -1,0 +1,62 @@
+//! How the weights follow the gradient.
+
+use serde::{Deserialize, Serialize};
+
+/// Settings of SOAP.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SoapConfig {
+    /// Share of moments and means that a step leaves.
+    pub kept: f32,
+    /// Steps between two looks at the axes.
+    pub look_every: u64,
+    /// Learning rate over that of the other weights.
+    pub rate: f32,
+}
+
+impl Default for SoapConfig {
+    fn default() -> Self {
+        Self { kept: 0.95, look_every: 10, rate: 1.0 }
+    }
+}
+
+/// Settings of Muon.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MuonConfig {
+    /// Share of the momentum that a step leaves.
+    pub momentum: f32,
+    /// Learning rate over that of the other weights.
+    pub rate: f32,
+}
+
+impl Default for MuonConfig {
+    fn default() -> Self {
+        Self { momentum: 0.95, rate: 1.0 }
+    }
+}
+
+/// How the weights follow the gradient.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Optimiser {
+    /// Adam for every weight.
+    #[default]
+    Adam,
+    /// Orthogonalised momentum for the matrices between hidden layers, Adam for the rest.
+    Muon(MuonConfig),
+    /// Adam along the axes of their gradients for the matrices between hidden layers, Adam for the rest.
+    Soap(SoapConfig),
+}
+
+impl Optimiser {
+    /// Numbers that a state keeps of a matrix between hidden layers beside weights and moments, once there was a step: SOAP's
+    /// means and axes of both sides.
+    #[must_use]
+    pub fn kept_count(self, rows: usize, columns: usize) -> usize {
+        match self {
+            Self::Adam | Self::Muon(_) => 0,
+            Self::Soap(_) => 2 * (rows * rows + columns * columns),
+        }
+    }
+}
