@@ -27,11 +27,11 @@ pub(crate) mod transform;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use imf_core::training::run::Length;
-use imf_core::training::schedule::RateRule;
+use imf_fields::recipe::Length;
+use imf_fields::recipe::schedule::RateRule;
 
 use self::train::Given;
-use imf_core::training::{Loss, Precision};
+use imf_fields::recipe::{Loss, Precision};
 
 use scene::SceneArguments;
 

@@ -1,15 +1,19 @@
 //! Choosing where networks run.
 
 use anyhow::{Context, Result, ensure};
-use imf_core::factored::FactoredAnswers;
-use imf_core::field::{LearntField, WholeField};
-use imf_core::harmonic::HarmonicAnswers;
-use imf_core::harmonic::coefficients::Precision as CoefficientPrecision;
-use imf_core::siren::SirenShape;
-use imf_core::siren::engine::{CpuEvaluator, CpuTrainer};
-use imf_core::stored::StoredField;
-use imf_core::training::run::TrainingPlan;
-use imf_core::training::{EvaluationEngine, Precision, TrainingEngine, TrainingState};
+use imf_fields::factored::FactoredAnswers;
+use imf_fields::learnt::LearntField;
+use imf_core::field::WholeField;
+use imf_fields::harmonic::HarmonicAnswers;
+use imf_fields::harmonic::coefficients::Precision as CoefficientPrecision;
+use imf_fields::siren::SirenShape;
+use imf_fields::siren::evaluator::CpuEvaluator;
+use imf_train::engine::CpuTrainer;
+use imf_fields::stored::StoredField;
+use imf_fields::recipe::TrainingPlan;
+use imf_fields::siren::EvaluationEngine;
+use imf_fields::recipe::{Precision, TrainingState};
+use imf_train::training::TrainingEngine;
 use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuTrainer, GpuWhole};
 
 use crate::ranks::Rank;

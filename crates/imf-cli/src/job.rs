@@ -25,12 +25,14 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
-use imf_core::model::{HeldOutPoint, LossPoint, Model};
+use imf_fields::model::{HeldOutPoint, LossPoint, Model};
 use imf_core::section::SectionError;
-use imf_core::training::run::{Outcome, Report, Start, TrainError, TrainingPlan, train};
-use imf_core::training::schedule::Schedule;
-use imf_core::training::streamed::train_streamed;
-use imf_core::training::{EngineError, TrainingEngine};
+use imf_train::training::run::{Outcome, Report, Start, TrainError, train};
+use imf_fields::recipe::TrainingPlan;
+use imf_fields::recipe::schedule::Schedule;
+use imf_train::training::streamed::train_streamed;
+use imf_core::field::EngineError;
+use imf_train::training::TrainingEngine;
 
 use crate::arguments::{LengthArguments, PlanArguments};
 use crate::engine::Device;

@@ -25,7 +25,7 @@ mod slices;
 use std::process::ExitCode;
 
 use clap::Parser;
-use imf_core::evaluation::EvaluationError;
+use imf_fields::evaluation::EvaluationError;
 use imf_core::section::SectionError;
 
 use arguments::{Cli, Command};

@@ -15,9 +15,10 @@ mod world;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Result, bail};
-use imf_core::siren::engine::CpuTrainer;
-use imf_core::siren::engine::ranks::{BYTES_PER_PARAMETER, most_rows};
-use imf_core::training::{EngineError, TrainingEngine};
+use imf_train::engine::CpuTrainer;
+use imf_train::engine::ranks::{BYTES_PER_PARAMETER, most_rows};
+use imf_core::field::EngineError;
+use imf_train::training::TrainingEngine;
 
 /// True once all ranks have agreed to stop.
 static AGREED: AtomicBool = AtomicBool::new(false);
@@ -127,7 +128,7 @@ impl Rank {
     fn all(self, number: u64) -> Result<Vec<u64>, EngineError> {
         #[cfg(feature = "mpi")]
         if self.of > 1 {
-            return imf_core::siren::engine::ranks::Exchange::all(&mut world::Reach::new(self), number);
+            return imf_train::engine::ranks::Exchange::all(&mut world::Reach::new(self), number);
         }
         Ok(vec![number])
     }
@@ -160,7 +161,7 @@ impl Rank {
         #[cfg(feature = "mpi")]
         if self.of > 1 {
             let reach = world::Reach::new(self);
-            return Box::new(imf_core::siren::engine::ranks::RankTrainer::new(cpu, reach));
+            return Box::new(imf_train::engine::ranks::RankTrainer::new(cpu, reach));
         }
         Box::new(cpu)
     }

@@ -9,9 +9,9 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use imf_core::control::Control;
-use imf_core::evaluation::{ImfComparison, nearest_sections, whole_imf, whole_sections};
+use imf_fields::evaluation::{ImfComparison, nearest_sections, whole_imf, whole_sections};
 use imf_core::field::WholeField;
-use imf_core::metrics::ErrorReport;
+use imf_fields::metrics::ErrorReport;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::SectionPlan;
 use imf_core::tool::Clearance;

@@ -7,24 +7,26 @@ use std::error::Error;
 use std::str::FromStr;
 use std::time::Instant;
 
-use imf_core::calibration::{Calibration, Judgement};
+use imf_fields::calibration::{Calibration, Judgement};
 use imf_core::control::Control;
-use imf_core::factored::file::FactoredFile;
-use imf_core::factored::{FactoredField, Optimiser, TeachSettings, teach};
-use imf_core::harmonic::basis::Domain;
-use imf_core::harmonic::coefficients::Precision;
-use imf_core::harmonic::file::HarmonicFile;
-use imf_core::harmonic::{FitSettings, fit};
+use imf_fields::factored::file::FactoredFile;
+use imf_fields::factored::{FactoredField, TeachSettings};
+use imf_fields::recipe::Optimiser;
+use imf_train::distill::teach;
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::file::HarmonicFile;
+use imf_fields::harmonic::{FitSettings, fit};
 use imf_core::parts::ReferencePart;
-use imf_core::planner::NeuralField;
-use imf_core::planner::calibrate::{CalibrationSettings, calibrate, judge};
+use imf_fields::learnt::NeuralField;
+use imf_fields::learnt::calibrate::{CalibrationSettings, calibrate, judge};
 use imf_core::scene::SceneSpec;
 use imf_core::section::{Quantity, SectionPlan};
-use imf_core::siren::muon::MuonConfig;
-use imf_core::stored::StoredField;
+use imf_fields::recipe::MuonConfig;
+use imf_fields::stored::StoredField;
 use imf_core::tool::{Clearance, Tool};
-use imf_core::training::run::Length;
-use imf_core::training::schedule::Schedule;
+use imf_fields::recipe::Length;
+use imf_fields::recipe::schedule::Schedule;
 
 /// Clearance around all elements, in voxels.
 const CLEARANCE: f64 = 2.0;
@@ -55,7 +57,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let settings = TeachSettings {
             width: 256,
             omega: 20.0,
-            plan: imf_core::training::run::TrainingPlan {
+            plan: imf_fields::recipe::TrainingPlan {
                 length: Length::Steps(steps),
                 schedule: Schedule::Cosine { initial: 1.5e-3, last: 0.0, warmup: 10 },
                 ..defaults.plan

@@ -8,13 +8,17 @@ use std::time::Instant;
 
 use glam::DVec3;
 use imf_core::grid::Grid;
-use imf_core::samples::Samples;
-use imf_core::siren::engine::{CpuEvaluator, CpuTrainer};
-use imf_core::siren::matrix::{Matrix, multiply};
-use imf_core::siren::sine::{sine_cosine_in_place, sine_in_place};
-use imf_core::siren::{INPUTS, SirenShape};
-use imf_core::training::run::{Cursor, Length, Report, TrainingPlan, train};
-use imf_core::training::{AdamConfig, EvaluationEngine, Loss, TrainingEngine, TrainingState};
+use imf_train::samples::Samples;
+use imf_fields::siren::evaluator::CpuEvaluator;
+use imf_train::engine::CpuTrainer;
+use imf_fields::siren::matrix::{Matrix, multiply};
+use imf_fields::siren::sine::{sine_cosine_in_place, sine_in_place};
+use imf_fields::siren::{INPUTS, SirenShape};
+use imf_fields::recipe::{Cursor, Length, TrainingPlan};
+use imf_train::training::run::{Report, train};
+use imf_fields::recipe::{AdamConfig, Loss, TrainingState};
+use imf_fields::siren::EvaluationEngine;
+use imf_train::training::TrainingEngine;
 use rayon::prelude::*;
 
 /// Each figure is the best of this many rounds, product and engine by turns.

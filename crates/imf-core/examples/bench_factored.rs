@@ -14,26 +14,25 @@ use std::time::Instant;
 
 use glam::DVec3;
 use imf_core::control::Control;
-use imf_core::factored::{
-    FactoredField, FactoredState, Optimiser, PointScratch, SectionTeacher, Symmetry, TeachSettings, teach,
-    teach_by_sections,
-};
-use imf_core::harmonic::basis::Domain;
-use imf_core::harmonic::coefficients::Precision;
-use imf_core::harmonic::{FitSettings, HarmonicField, fit, section_count};
-use imf_core::metrics::Errors;
+use imf_fields::factored::{FactoredField, FactoredState, PointScratch, Symmetry, TeachSettings};
+use imf_fields::recipe::Optimiser;
+use imf_train::distill::{SectionTeacher, teach, teach_by_sections};
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::{FitSettings, HarmonicField, fit, section_count};
+use imf_fields::metrics::Errors;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
 use imf_core::section::{SectionPlan, sections};
-use imf_core::siren::muon::MuonConfig;
-use imf_core::siren::soap::SoapConfig;
+use imf_fields::recipe::MuonConfig;
+use imf_fields::recipe::SoapConfig;
 use imf_core::tool::Tool;
-use imf_core::training::online::OnlineSettings;
-use imf_core::training::run::Length;
-use imf_core::training::schedule::Schedule;
-use imf_core::training::{AdamConfig, Loss};
+use imf_fields::recipe::OnlineSettings;
+use imf_fields::recipe::Length;
+use imf_fields::recipe::schedule::Schedule;
+use imf_fields::recipe::{AdamConfig, Loss};
 
 type Failure = Box<dyn Error>;
 

@@ -8,10 +8,10 @@ use std::time::Instant;
 
 use imf_core::control::Control;
 use imf_core::field::VoxelMeasures;
-use imf_core::harmonic::basis::Domain;
-use imf_core::harmonic::coefficients::Precision;
-use imf_core::harmonic::{FitSettings, HarmonicField, fit};
-use imf_core::metrics::Errors;
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::{FitSettings, HarmonicField, fit};
+use imf_fields::metrics::Errors;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};

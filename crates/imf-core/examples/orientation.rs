@@ -10,7 +10,8 @@ use std::error::Error;
 
 use glam::{Quat, Vec3};
 use imf_core::orientation::OrientationSet;
-use imf_core::planner::{Best, Decision, GuardedField, Pose, PoseField, rotation_along};
+use imf_core::planner::{Best, Decision, Pose, PoseField, rotation_along};
+use imf_fields::learnt::GuardedField;
 
 /// Axes to choose from.
 const AXES: usize = 300;

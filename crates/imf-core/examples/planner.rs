@@ -18,18 +18,17 @@ use std::time::Instant;
 use glam::{Quat, Vec3};
 use imf_core::control::Control;
 use imf_core::grid::Grid;
-use imf_core::harmonic::basis::Domain;
-use imf_core::harmonic::file::HarmonicFile;
-use imf_core::harmonic::{FitSettings, fit};
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::file::HarmonicFile;
+use imf_fields::harmonic::{FitSettings, fit};
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
-use imf_core::planner::{
-    Best, Decision, Gradient, GuardedField, NeuralField, Passage, Pose, PoseField, rotation_along,
-};
+use imf_core::planner::{Best, Decision, Gradient, Passage, Pose, PoseField, rotation_along};
+use imf_fields::learnt::{GuardedField, NeuralField};
 use imf_core::scene::SceneSpec;
 use imf_core::section::{Quantity, SectionPlan};
-use imf_core::stored::StoredField;
+use imf_fields::stored::StoredField;
 use imf_core::tool::{Clearance, Tool};
 use plotters::prelude::{
     BLACK, ChartBuilder, Circle, Color as _, LineSeries, PathElement, RGBColor, Rectangle,

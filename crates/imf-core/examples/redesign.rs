@@ -14,16 +14,17 @@ use std::time::Instant;
 
 use imf_core::control::Control;
 use imf_core::distance::DistanceField;
-use imf_core::factored::{FactoredField, FactoredState, TeachSettings, teach};
-use imf_core::harmonic::basis::Domain;
-use imf_core::harmonic::{FitSettings, HarmonicField, fit};
+use imf_fields::factored::{FactoredField, FactoredState, TeachSettings};
+use imf_train::distill::teach;
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::{FitSettings, HarmonicField, fit};
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::{DepthPlan, DepthScratch, Quantity, SectionPlan};
 use imf_core::tool::Tool;
-use imf_core::training::run::{Length, TrainingPlan};
+use imf_fields::recipe::{Length, TrainingPlan};
 use plotters::prelude::{
     ChartBuilder, Circle, Color as _, LineSeries, PathElement, RGBColor, SeriesLabelPosition, WHITE,
 };

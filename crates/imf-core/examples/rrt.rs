@@ -11,7 +11,8 @@ use std::error::Error;
 use std::time::Instant;
 
 use glam::Vec3;
-use imf_core::planner::{Decision, GuardedField, Passage, Pose, PoseField};
+use imf_core::planner::{Decision, Passage, Pose, PoseField};
+use imf_fields::learnt::GuardedField;
 use imf_core::tool::Clearance;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -4,13 +4,11 @@
 //! of a tool with other sharp points is the least of `overlap(x − R k, R)` over them: [`collision_measures`].
 
 mod exact;
-mod learnt;
 mod scene;
 mod voxels;
 mod whole;
 
 pub use exact::ExactField;
-pub use learnt::LearntField;
 pub use scene::SceneField;
 pub use voxels::{Turned, VoxelMeasures};
 pub use whole::WholeField;
@@ -105,7 +103,7 @@ const CHUNK: usize = 256;
 
 /// Answers poses of a field that is known between the voxel centres of `grid`: positions outside are answered as the
 /// nearest point inside, without promise, and with no number where they are none.
-pub(crate) fn answer_between_centres<S: Default>(
+pub fn answer_between_centres<S: Default>(
     grid: &Grid,
     poses: &[Pose],
     answers: &mut [f32],
@@ -124,7 +122,7 @@ pub(crate) fn answer_between_centres<S: Default>(
     Ok(())
 }
 
-fn check_lengths(poses: &[Pose], answers: &[f32]) -> Result<(), QueryError> {
+pub fn check_lengths(poses: &[Pose], answers: &[f32]) -> Result<(), QueryError> {
     if poses.len() == answers.len() {
         Ok(())
     } else {

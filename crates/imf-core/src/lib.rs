@@ -66,39 +66,24 @@
 
 pub mod access;
 pub mod atomic_file;
-pub mod calibration;
 pub mod check;
 pub mod control;
-pub mod dataset;
 pub mod distance;
-pub mod evaluation;
-pub mod factored;
 pub mod field;
 pub mod field_files;
 pub mod grid;
-pub mod harmonic;
-pub mod held_out;
-pub mod interpolation;
 pub mod mesh;
-pub mod metrics;
-pub mod model;
 pub mod occupancy;
-pub mod onnx;
 pub mod orientation;
 pub mod parts;
-pub mod planar;
 pub mod planner;
-pub mod regime;
-pub mod samples;
 pub mod scene;
 pub mod section;
-pub mod siren;
-pub mod stored;
-pub mod tensor_file;
 pub mod tool;
 pub mod toolpath;
-pub mod training;
 pub mod unit;
-mod vectorised;
+#[doc(hidden)]
+pub mod vectorised;
 pub mod voxelize;
-mod workspaces;
+#[doc(hidden)]
+pub mod workspaces;

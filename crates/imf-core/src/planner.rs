@@ -35,31 +35,26 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-pub mod calibrate;
-mod differences;
-mod exact;
-mod families;
-mod guard;
-mod guarded;
-mod least;
-mod motion;
-mod neural;
+#[doc(hidden)]
+pub mod differences;
+#[doc(hidden)]
+pub mod exact;
+#[doc(hidden)]
+pub mod guard;
+#[doc(hidden)]
+pub mod least;
+#[doc(hidden)]
+pub mod motion;
 mod pose;
 
-#[cfg(test)]
-pub(crate) mod scenes;
-
-pub use guarded::GuardedField;
 pub use motion::{MotionError, Passage};
-pub use neural::NeuralField;
 pub use pose::{Pose, rotation_along};
 
 use glam::{Quat, Vec3};
 use thiserror::Error;
 
-use crate::stored::StoredFieldError;
-use crate::tool::{ClearanceError, ToolError};
-use crate::training::EngineError;
+use crate::tool::{ToolError};
+use crate::field::EngineError;
 
 /// Whether the tool collides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -130,20 +125,6 @@ pub enum PlannerError {
     Device(#[from] EngineError),
 }
 
-/// Why a file gives no field for planners.
-#[derive(Debug, Error)]
-pub enum LoadError {
-    /// The file.
-    #[error(transparent)]
-    File(#[from] StoredFieldError),
-    /// Weights that do not fit the network.
-    #[error(transparent)]
-    Engine(#[from] EngineError),
-    /// A tool that cannot be grown.
-    #[error(transparent)]
-    Clearance(#[from] ClearanceError),
-}
-
 /// A field that answers poses.
 ///
 /// # Errors
@@ -186,9 +167,3 @@ pub fn check_lengths(asked: usize, answers: usize) -> Result<(), PlannerError> {
     if asked == answers { Ok(()) } else { Err(PlannerError::Length { asked, answers }) }
 }
 
-#[cfg(test)]
-mod calibrate_tests;
-#[cfg(test)]
-mod motion_tests;
-#[cfg(test)]
-mod tests;

@@ -35,7 +35,7 @@ pub use imf::{Imf, imf, stream_orientations, stream_sections};
 pub use size::QueryBox;
 pub use stepped::{SectionLayer, StepEnds, StepSpace, SteppedTool};
 pub use values::share;
-pub(crate) use walk::SectionWalk;
+pub use walk::SectionWalk;
 
 use glam::DVec3;
 use thiserror::Error;
@@ -199,7 +199,7 @@ impl SectionPlan {
     ///
     /// # Errors
     /// A grid with other voxels than the obstacle's.
-    pub(crate) fn over(&self, query_grid: &Grid) -> Result<Self, SectionError> {
+    pub fn over(&self, query_grid: &Grid) -> Result<Self, SectionError> {
         let obstacles = Obstacles { solid: &self.obstacle, skin: self.skin() };
         Ok(Self::with_query(obstacles, query_grid, &self.tool)?.with_method(self.counter.method))
     }

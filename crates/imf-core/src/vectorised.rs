@@ -6,10 +6,12 @@
 //! closure that can be called but once, whose body is always inlined.
 
 /// What a closure that can be called but once takes away.
-pub(crate) struct Once;
+pub struct Once;
 
 /// `vectorised!(arch, expression)`: the expression's value. What it calls must be `#[inline(always)]`, or it stays as it is.
-macro_rules! vectorised {
+#[macro_export]
+#[doc(hidden)]
+macro_rules! __vectorised {
     ($arch:expr, $body:expr) => {{
         let once = $crate::vectorised::Once;
         $arch.dispatch(
@@ -21,11 +23,13 @@ macro_rules! vectorised {
         )
     }};
 }
-pub(crate) use vectorised;
+pub use __vectorised as vectorised;
 
 #[cfg(test)]
 mod tests {
     use pulp::Arch;
+
+    use super::vectorised;
 
     #[test]
     fn an_expression_has_its_value_and_may_change_what_it_borrows() {

@@ -3,7 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 
 /// Working memories, as many as threads ever asked at once.
-pub(crate) struct Workspaces<T> {
+pub struct Workspaces<T> {
     free: Mutex<Vec<T>>,
 }
 
@@ -15,7 +15,7 @@ impl<T> Default for Workspaces<T> {
 
 impl<T: Default> Workspaces<T> {
     /// Runs `work` with a memory whose content is left over from earlier work.
-    pub(crate) fn with<R>(&self, work: impl FnOnce(&mut T) -> R) -> R {
+    pub fn with<R>(&self, work: impl FnOnce(&mut T) -> R) -> R {
         let free = self.free.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let mut memory = free.unwrap_or_default();
         let result = work(&mut memory);

@@ -3,8 +3,11 @@
 
 use std::time::Instant;
 
-use imf_core::siren::{INPUTS, SirenShape};
-use imf_core::training::{EngineError, EvaluationEngine, TrainingEngine, TrainingState};
+use imf_fields::siren::{INPUTS, SirenShape};
+use imf_core::field::EngineError;
+use imf_fields::siren::EvaluationEngine;
+use imf_train::training::TrainingEngine;
+use imf_fields::recipe::TrainingState;
 use imf_gpu::shader::Factors;
 use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuTrainer, MatrixKernel, TrainerSettings};
 

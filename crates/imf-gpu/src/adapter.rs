@@ -7,7 +7,7 @@ use std::convert::Infallible;
 use std::fmt;
 use std::str::FromStr;
 
-use imf_core::training::EngineError;
+use imf_core::field::EngineError;
 use thiserror::Error;
 use wgpu::DeviceType;
 

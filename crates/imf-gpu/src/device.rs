@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use bytemuck::Pod;
-use imf_core::training::EngineError;
+use imf_core::field::EngineError;
 use wgpu::DeviceType;
 
 use crate::adapter::{self, AdapterSummary, DeviceChoice};

@@ -6,13 +6,13 @@
 //! ```
 //!
 //! Where the field is told of a symmetry, the coefficients are those of the functions one by one, turned out of
-//! the frames of their places before that product. Its twin is [`imf_core::factored::FactoredEvaluator`].
+//! the frames of their places before that product. Its twin is [`imf_fields::factored::FactoredEvaluator`].
 
 use glam::DVec3;
-use imf_core::factored::FactoredField;
+use imf_fields::factored::FactoredField;
 use imf_core::orientation::Orientation;
 use imf_core::section::Imf;
-use imf_core::training::EngineError;
+use imf_core::field::EngineError;
 use rayon::prelude::*;
 
 use crate::device::Gpu;
@@ -74,7 +74,7 @@ impl GpuFactored {
     }
 
     /// The least value over the orientations at every point, an overlap in [0, 1], with the first orientation that has it before
-    /// values are clipped, as [`imf_core::factored::FactoredEvaluator::minimum`]. Waits for the device.
+    /// values are clipped, as [`imf_fields::factored::FactoredEvaluator::minimum`]. Waits for the device.
     ///
     /// # Errors
     /// No orientation, too many for the adapter's memory, or a device that failed.

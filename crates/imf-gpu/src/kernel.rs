@@ -1,6 +1,6 @@
 //! A compiled kernel, what it is bound to, and how many workgroups it takes.
 
-use imf_core::training::EngineError;
+use imf_core::field::EngineError;
 
 use crate::device::Gpu;
 use crate::shader::{Factors, LINEAR_GROUP, Shader, TILE};

@@ -13,8 +13,8 @@
 //! it have gradient Δ·0. Adam leaves a parameter alone whose value, moments and gradient are 0. Rows of padding have a delta of
 //! 0 from the start. `tests/training.rs` fills all scratch memory with NaN first and finds the same bits.
 
-use imf_core::siren::Layer;
-use imf_core::siren::stack::Stack;
+use imf_fields::siren::Layer;
+use imf_fields::siren::stack::Stack;
 
 /// One layer in the padded layout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -116,7 +116,7 @@ impl PaddedLayout {
 
 #[cfg(test)]
 mod tests {
-    use imf_core::siren::SirenShape;
+    use imf_fields::siren::SirenShape;
 
     use super::*;
 

@@ -5,8 +5,8 @@
 //! One step of a small network, on any device that there is.
 #![cfg_attr(no_gpu_tests, doc = "```no_run")]
 #![cfg_attr(not(no_gpu_tests), doc = "```")]
-//! use imf_core::siren::SirenShape;
-//! use imf_core::training::{AdamConfig, Loss, TrainingEngine, TrainingState};
+//! use imf_fields::siren::SirenShape;
+//! use imf_train::training::{AdamConfig, Loss, TrainingEngine, TrainingState};
 //! use imf_gpu::{DeviceChoice, Gpu, GpuTrainer};
 //!
 //! // `Automatic`, the default, takes hardware alone.
@@ -25,7 +25,7 @@
 //! GPU objects by lifetime: [`Gpu`] is one open device; a trainer or evaluator compiles its kernels and allocates its
 //! buffers once, when it is made; a step or a part of an evaluation only writes inputs and small uniforms and submits.
 //!
-//! Conventions: parameters cross the door in the flat layout of [`imf_core::siren::SirenShape::layers`]; inside, every
+//! Conventions: parameters cross the door in the flat layout of [`imf_fields::siren::SirenShape::layers`]; inside, every
 //! dimension is padded with zeros to what the matrix kernel works in (`layout.rs`). No kernel adds floats atomically, so the same
 //! seed on the same adapter gives the same weights, bit for bit. Different adapters agree within rounding.
 

@@ -1,7 +1,7 @@
 //! Device memory: everything an engine needs is planned, compared with the limits, and only then allocated.
 
 use bytemuck::Pod;
-use imf_core::training::EngineError;
+use imf_core::field::EngineError;
 
 use crate::device::{Gpu, GpuLimits};
 

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use imf_core::training::EngineError;
+use imf_core::field::EngineError;
 
 use crate::device::Gpu;
 use crate::kernel::{Bound, Kernel, uniform};

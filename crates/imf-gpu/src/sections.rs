@@ -39,7 +39,7 @@ use std::sync::{Mutex, PoisonError};
 use imf_core::control::Control;
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, SectionError, SectionPlan, share};
-use imf_core::training::EngineError;
+use imf_core::field::EngineError;
 use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
 use thiserror::Error;
 

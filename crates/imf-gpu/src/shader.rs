@@ -6,10 +6,10 @@ pub use product::{Factors, Fragment, MatrixKernel};
 
 use std::fmt::Write as _;
 
-use imf_core::factored::ANGLE;
-use imf_core::siren::INPUTS;
-use imf_core::siren::muon::QUINTIC;
-use imf_core::siren::soap::EPSILON;
+use imf_fields::factored::ANGLE;
+use imf_fields::siren::INPUTS;
+use imf_train::engine::muon::QUINTIC;
+use imf_train::engine::soap::EPSILON;
 
 /// Rows and columns of the outputs that one workgroup of a matrix product covers, with any kernel.
 pub const TILE: u32 = 64;

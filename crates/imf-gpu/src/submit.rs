@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use imf_core::training::EngineError;
+use imf_core::field::EngineError;
 
 use crate::device::Gpu;
 

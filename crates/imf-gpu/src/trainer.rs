@@ -15,10 +15,12 @@ mod plan;
 mod proof;
 mod soap;
 
-use imf_core::factored::Optimiser;
-use imf_core::siren::SirenShape;
-use imf_core::siren::stack::Stack;
-use imf_core::training::{AdamConfig, EngineError, Loss, Precision, TrainingEngine, TrainingState};
+use imf_fields::recipe::Optimiser;
+use imf_fields::siren::SirenShape;
+use imf_fields::siren::stack::Stack;
+use imf_fields::recipe::{AdamConfig, Loss, Precision, TrainingState};
+use imf_core::field::EngineError;
+use imf_train::training::TrainingEngine;
 
 use crate::device::Gpu;
 use crate::forward::{Network, layout_for};
@@ -429,7 +431,7 @@ impl TrainingEngine for GpuTrainer {
     }
 
     fn replace_parameters(&mut self, parameters: &[f32]) -> Result<(), EngineError> {
-        let refused = |error: imf_core::siren::ShapeError| EngineError::Shape(error.to_string());
+        let refused = |error: imf_fields::siren::ShapeError| EngineError::Shape(error.to_string());
         self.network.layout.stack.check_parameters(parameters).map_err(refused)?;
         // Steps that were recorded see the weights before.
         self.recorder.submit(&self.gpu)?;

@@ -175,7 +175,7 @@ pub struct Symmetry {
 
 impl Symmetry {
     /// That of a network, whose slopes do not grow nearer to the axis than `blunt`.
-    pub(crate) fn new(symmetry: &imf_core::factored::Symmetry, blunt: f64) -> Self {
+    pub(crate) fn new(symmetry: &imf_fields::factored::Symmetry, blunt: f64) -> Self {
         let [plane_x, plane_y, plane_z] =
             symmetry.mirrors.map(|plane| plane.map_or(NO_PLANE, |plane| plane as f32));
         let (along, through) =
@@ -197,8 +197,8 @@ pub struct PlaceFrame {
     pub mirrored: u32,
 }
 
-impl From<imf_core::factored::Frame> for PlaceFrame {
-    fn from(frame: imf_core::factored::Frame) -> Self {
+impl From<imf_fields::factored::Frame> for PlaceFrame {
+    fn from(frame: imf_fields::factored::Frame) -> Self {
         let [cosine, sine] = frame.turn;
         let bits = frame.mirrored.iter().zip(0..).map(|(&mirrored, bit)| u32::from(mirrored) << bit);
         Self { cosine, sine, mirrored: bits.sum() }

@@ -7,12 +7,12 @@
 use std::ops::Range;
 
 use imf_core::control::Control;
-use imf_core::factored::FactoredField;
+use imf_fields::factored::FactoredField;
 use imf_core::field::{QueryError, WholeField};
-use imf_core::harmonic::HarmonicField;
+use imf_fields::harmonic::HarmonicField;
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, Quantity};
-use imf_core::training::EngineError;
+use imf_core::field::EngineError;
 use rayon::prelude::*;
 
 use crate::device::Gpu;
@@ -29,7 +29,7 @@ use crate::uniforms::Batch;
 /// ```no_run
 /// use imf_core::control::Control;
 /// use imf_core::orientation::OrientationSet;
-/// use imf_core::stored::StoredField;
+/// use imf_fields::stored::StoredField;
 /// use imf_gpu::{DeviceChoice, Gpu, GpuWhole};
 ///
 /// let gpu = Gpu::open(&DeviceChoice::Automatic)?;

@@ -7,24 +7,23 @@ mod every_device;
 use every_device::every_device;
 use glam::DVec3;
 use imf_core::control::Control;
-use imf_core::factored::reference::loss_and_gradient;
-use imf_core::factored::{
-    Axis, FactoredField, FactoredShape, FactoredState, INPUTS, Optimiser, Symmetry, TeachSettings, teach,
-    teach_on,
-};
-use imf_core::harmonic::basis::Domain;
-use imf_core::harmonic::coefficients::Precision;
-use imf_core::harmonic::{FitSettings, HarmonicField, fit};
+use imf_fields::factored::reference::loss_and_gradient;
+use imf_fields::factored::{Axis, FactoredField, FactoredShape, FactoredState, INPUTS, Symmetry, TeachSettings};
+use imf_fields::recipe::Optimiser;
+use imf_train::distill::{teach, teach_on};
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::{FitSettings, HarmonicField, fit};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
 use imf_core::section::{Imf, Quantity, SectionPlan};
-use imf_core::siren::muon::MuonConfig;
-use imf_core::siren::soap::SoapConfig;
+use imf_fields::recipe::MuonConfig;
+use imf_fields::recipe::SoapConfig;
 use imf_core::tool::Tool;
-use imf_core::training::Loss;
-use imf_core::training::run::{Length, TrainingPlan};
-use imf_core::training::schedule::Schedule;
+use imf_fields::recipe::Loss;
+use imf_fields::recipe::{Length, TrainingPlan};
+use imf_fields::recipe::schedule::Schedule;
 use imf_gpu::{Gpu, GpuFactored, GpuTrainer, TrainerSettings};
 
 fn teacher() -> HarmonicField {
@@ -215,7 +214,7 @@ fn teaching_reaches_the_cpus_error_and_goes_on_to_the_same_bits() {
                 assert!(state.training.step > 0 && state.training.step < 300, "{}", state.training.step);
             }
             let mut engine = engine(&gpu, &all, &teacher, &state);
-            let mut observe = |report: &imf_core::training::run::Report| told = report.mean_loss;
+            let mut observe = |report: &imf_train::training::run::Report| told = report.mean_loss;
             teach_on(&teacher, &all, &mut state, &mut engine, Control::quiet(), &mut observe).unwrap();
             (state.training, told)
         };

@@ -3,9 +3,11 @@
 
 mod adapter;
 
-use imf_core::siren::reference::loss_and_gradient;
-use imf_core::siren::{INPUTS, SirenShape};
-use imf_core::training::{AdamConfig, EngineError, Loss, Precision, TrainingEngine, TrainingState};
+use imf_fields::siren::reference::loss_and_gradient;
+use imf_fields::siren::{INPUTS, SirenShape};
+use imf_fields::recipe::{AdamConfig, Loss, Precision, TrainingState};
+use imf_core::field::EngineError;
+use imf_train::training::TrainingEngine;
 use imf_gpu::shader::Factors;
 use imf_gpu::{Gpu, GpuTrainer, MatrixKernel, TrainerSettings};
 

@@ -8,19 +8,20 @@ mod every_device;
 use asked::{Within, calibration, compare, compare_minima, compare_on_device};
 use every_device::every_device;
 use glam::{DVec3, Vec3};
-use imf_core::dataset::Sampling;
-use imf_core::field::{self, Field as _, LearntField};
-use imf_core::model::{Model, TrainingRecord};
+use imf_fields::recipe::Sampling;
+use imf_core::field::{self, Field as _};
+use imf_fields::learnt::LearntField;
+use imf_fields::model::{Model, TrainingRecord};
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::planner::Pose;
 use imf_core::scene::SceneSpec;
-use imf_core::siren::SirenShape;
-use imf_core::stored::StoredField;
+use imf_fields::siren::SirenShape;
+use imf_fields::stored::StoredField;
 use imf_core::tool::Tool;
-use imf_core::training::TrainingState;
-use imf_core::training::divergence::Watch;
-use imf_core::training::run::{Cursor, TrainingPlan};
+use imf_fields::recipe::TrainingState;
+use imf_fields::recipe::divergence::Watch;
+use imf_fields::recipe::{Cursor, TrainingPlan};
 use imf_gpu::{Gpu, GpuEvaluator, GpuField};
 
 /// A network of random weights over the teapot's box, with thresholds among its values, which are worth nothing.

@@ -4,15 +4,19 @@
 use std::ops::ControlFlow;
 
 use imf_core::control::Control;
-use imf_core::dataset::{Sampling, generate};
-use imf_core::field::LearntField;
-use imf_core::model::{Model, TrainingRecord};
-use imf_core::samples::Samples;
-use imf_core::siren::SirenShape;
-use imf_core::siren::engine::{CpuEvaluator, CpuTrainer};
-use imf_core::training::divergence::Watch;
-use imf_core::training::run::{Cursor, Length, Outcome, TrainingPlan, train};
-use imf_core::training::{TrainingEngine, TrainingState};
+use imf_fields::recipe::Sampling;
+use imf_train::dataset::generate;
+use imf_fields::learnt::LearntField;
+use imf_fields::model::{Model, TrainingRecord};
+use imf_train::samples::Samples;
+use imf_fields::siren::SirenShape;
+use imf_fields::siren::evaluator::CpuEvaluator;
+use imf_train::engine::CpuTrainer;
+use imf_fields::recipe::divergence::Watch;
+use imf_fields::recipe::{Cursor, Length, TrainingPlan};
+use imf_train::training::run::{Outcome, train};
+use imf_train::training::TrainingEngine;
+use imf_fields::recipe::TrainingState;
 use imf_gpu::{GpuEvaluator, GpuTrainer};
 
 use crate::scene::{SMALL, adapter, bits, bracket, on_threads, orientations, samples};

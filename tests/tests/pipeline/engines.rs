@@ -2,12 +2,15 @@
 
 use std::ops::ControlFlow;
 
-use imf_core::samples::Samples;
-use imf_core::siren::engine::CpuTrainer;
-use imf_core::siren::reference::{adam_step, loss_and_gradient};
-use imf_core::siren::{INPUTS, SirenShape};
-use imf_core::training::run::{Cursor, Length, Outcome, TrainingPlan, train};
-use imf_core::training::{EngineError, TrainingEngine, TrainingState};
+use imf_train::samples::Samples;
+use imf_train::engine::CpuTrainer;
+use imf_fields::siren::reference::{adam_step, loss_and_gradient};
+use imf_fields::siren::{INPUTS, SirenShape};
+use imf_fields::recipe::{Cursor, Length, TrainingPlan};
+use imf_train::training::run::{Outcome, train};
+use imf_core::field::EngineError;
+use imf_train::training::TrainingEngine;
+use imf_fields::recipe::TrainingState;
 use imf_gpu::{GpuTrainer, MatrixKernel};
 
 use crate::scene::{adapter, bracket, orientations, samples};
@@ -74,7 +77,7 @@ fn wide(values: &[f32]) -> Vec<f64> {
 
 fn ten_steps(engine: &mut dyn TrainingEngine, samples: &Samples) -> f64 {
     let mut loss = f64::NAN;
-    let mut note = |report: &imf_core::training::run::Report, _: &mut dyn TrainingEngine| {
+    let mut note = |report: &imf_train::training::run::Report, _: &mut dyn TrainingEngine| {
         loss = report.mean_loss;
         ControlFlow::Continue(())
     };

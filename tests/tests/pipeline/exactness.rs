@@ -4,7 +4,7 @@ use imf_core::control::Control;
 use imf_core::parts::ReferencePart;
 use imf_core::section::{SectionScratch, direct_count, imf};
 use imf_core::tool::RotatedTool;
-use imf_core::training::permutation::Permutation;
+use imf_train::training::permutation::Permutation;
 use rayon::prelude::*;
 
 use crate::scene::{orientations, plan, scene};

@@ -3,12 +3,15 @@
 use std::ops::ControlFlow;
 
 use imf_core::control::Control;
-use imf_core::evaluation::{learnt_sections, nearest_sections};
-use imf_core::siren::SirenShape;
-use imf_core::siren::engine::{CpuEvaluator, CpuTrainer};
-use imf_core::training::run::{Cursor, Length, Outcome, TrainingPlan, train};
-use imf_core::training::schedule::Schedule;
-use imf_core::training::{AdamConfig, TrainingEngine, TrainingState};
+use imf_fields::evaluation::{learnt_sections, nearest_sections};
+use imf_fields::siren::SirenShape;
+use imf_fields::siren::evaluator::CpuEvaluator;
+use imf_train::engine::CpuTrainer;
+use imf_fields::recipe::{Cursor, Length, TrainingPlan};
+use imf_train::training::run::{Outcome, train};
+use imf_fields::recipe::schedule::Schedule;
+use imf_fields::recipe::{AdamConfig, TrainingState};
+use imf_train::training::TrainingEngine;
 
 use crate::scene::{bracket, orientations, plan, samples};
 

@@ -1,10 +1,11 @@
 //! What the tests compute with: reference parts under the paper's tool, their samples, and the machine's adapter.
 
 use imf_core::control::Control;
-use imf_core::dataset::{self, Manifest, Sampling};
+use imf_train::dataset::{self, Manifest};
+use imf_fields::recipe::Sampling;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
-use imf_core::samples::Samples;
+use imf_train::samples::Samples;
 use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::SectionPlan;
 use imf_core::tool::Tool;

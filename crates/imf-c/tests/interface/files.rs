@@ -4,20 +4,20 @@ use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec3};
 use imf_core::control::Control;
-use imf_core::dataset::Sampling;
-use imf_core::harmonic::basis::Domain;
-use imf_core::harmonic::coefficients::Precision;
-use imf_core::harmonic::file::HarmonicFile;
-use imf_core::harmonic::{FitSettings, fit};
-use imf_core::model::Model;
+use imf_fields::recipe::Sampling;
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::file::HarmonicFile;
+use imf_fields::harmonic::{FitSettings, fit};
+use imf_fields::model::Model;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::{Quantity, SectionPlan};
-use imf_core::siren::SirenShape;
+use imf_fields::siren::SirenShape;
 use imf_core::tool::{Clearance, Tool};
-use imf_core::training::TrainingState;
-use imf_core::training::run::{Cursor, TrainingPlan};
+use imf_fields::recipe::TrainingState;
+use imf_fields::recipe::{Cursor, TrainingPlan};
 
 /// A coarse bracket with a tool that is grown by a clearance of a pitch.
 pub(crate) fn scene() -> Scene {

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use imf_core::calibration::Goals;
-use imf_core::planner::calibrate::CalibrationSettings;
+use imf_fields::calibration::Goals;
+use imf_fields::learnt::calibrate::CalibrationSettings;
 
 /// Measure what a field's decisions are worth, choose its thresholds for free and blocked, and keep both in its file
 #[derive(Args)]

@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use imf_core::factored::{Optimiser, TeachSettings};
-use imf_core::harmonic::coefficients::Precision;
-use imf_core::siren::muon::MuonConfig;
-use imf_core::siren::soap::SoapConfig;
-use imf_core::training::run::{Length, TrainingPlan};
+use imf_fields::recipe::Optimiser;
+use imf_fields::factored::TeachSettings;
+use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::recipe::MuonConfig;
+use imf_fields::recipe::SoapConfig;
+use imf_fields::recipe::{Length, TrainingPlan};
 
 /// Teach a harmonic field to a network of about a megabyte that answers every point and direction
 #[derive(Args)]

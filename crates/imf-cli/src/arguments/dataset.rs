@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
 use clap::{ArgMatches, Args, FromArgMatches, Subcommand};
-use imf_core::dataset::{Layout, Sampling, Share};
+use imf_train::dataset::{Layout, Share};
+use imf_fields::recipe::Sampling;
 use imf_core::orientation::OrientationSet;
 
 use super::clearance;

@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use imf_core::harmonic::FitSettings;
-use imf_core::harmonic::basis::Domain;
-use imf_core::harmonic::coefficients::Precision;
+use imf_fields::harmonic::FitSettings;
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::coefficients::Precision;
 use imf_core::section::Quantity;
 
 /// The families that `imf field` can compute with.

@@ -4,10 +4,10 @@ use std::fmt::Write;
 use std::path::Path;
 
 use anyhow::{Result, bail};
-use imf_core::calibration::{Calibration, Judgement, Rate};
-use imf_core::planner::NeuralField;
-use imf_core::planner::calibrate::{CHUNK, CalibrationError, CalibrationSettings, calibrate, judge};
-use imf_core::stored::StoredField;
+use imf_fields::calibration::{Calibration, Judgement, Rate};
+use imf_fields::learnt::NeuralField;
+use imf_fields::learnt::calibrate::{CHUNK, CalibrationError, CalibrationSettings, calibrate, judge};
+use imf_fields::stored::StoredField;
 use serde_json::json;
 
 use crate::arguments::calibrate::CalibrateArguments;

@@ -9,7 +9,7 @@ use anyhow::{Result, ensure};
 use imf_core::check::{Against, CheckError, CheckReport, CheckSettings, Collision, check_toolpath_with};
 use imf_core::field::Pose;
 use imf_core::occupancy::Occupancy;
-use imf_core::planner::{GuardedField, NeuralField};
+use imf_fields::learnt::{GuardedField, NeuralField};
 use imf_core::scene::{Promise, Scene, SceneRecord};
 use imf_core::tool::{Segment, ToolShape};
 use imf_core::toolpath::Toolpath;

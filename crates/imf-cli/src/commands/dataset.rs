@@ -5,7 +5,8 @@ mod merge;
 use std::path::Path;
 
 use anyhow::Result;
-use imf_core::dataset::{DatasetError, Generated, Layout, Manifest, Sampling, generate_share};
+use imf_train::dataset::{DatasetError, Generated, Layout, Manifest, generate_share};
+use imf_fields::recipe::Sampling;
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::Scene;
 use imf_core::section::SectionError;

@@ -1,8 +1,8 @@
 //! `imf export`: a field for other programs.
 
 use anyhow::{Result, ensure};
-use imf_core::onnx::{onnx_bytes, write_onnx};
-use imf_core::stored::StoredField;
+use imf_fields::onnx::{onnx_bytes, write_onnx};
+use imf_fields::stored::StoredField;
 use serde_json::json;
 
 use crate::arguments::export::ExportArguments;

@@ -1,10 +1,10 @@
 //! `imf finetune`: a trained network adapted to another dataset.
 
 use anyhow::{Result, bail};
-use imf_core::factored::file::FactoredFile;
-use imf_core::harmonic::file::HarmonicFile;
-use imf_core::model::Model;
-use imf_core::training::TrainingState;
+use imf_fields::factored::file::FactoredFile;
+use imf_fields::harmonic::file::HarmonicFile;
+use imf_fields::model::Model;
+use imf_fields::recipe::TrainingState;
 
 use super::train::{concluded, is_over};
 use crate::arguments::FinetuneArguments;

@@ -12,11 +12,11 @@ use std::str::FromStr;
 
 use anyhow::{Result, bail};
 use glam::DMat4;
-use imf_core::calibration::Calibration;
+use imf_fields::calibration::Calibration;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneRecord;
 use imf_core::section::{DEPTH_CAP, Quantity};
-use imf_core::stored::StoredField;
+use imf_fields::stored::StoredField;
 use imf_core::tool::Tool;
 use serde_json::Value;
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use imf_core::model::Model;
+use imf_fields::model::Model;
 use imf_core::scene::SceneRecord;
 
 use crate::arguments::clearance::clearance_text;

@@ -34,7 +34,7 @@ pub(crate) use stage::Workshop;
 pub(crate) use summary::Summary;
 
 use anyhow::{Context as _, Result, bail};
-use imf_core::regime::{self, PRESETS, Regime, preset};
+use imf_train::regime::{self, PRESETS, Regime, preset};
 use serde_json::json;
 
 use crate::arguments::regime::{RegimeArguments, RegimeCommand, RunArguments};

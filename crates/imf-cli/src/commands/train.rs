@@ -6,7 +6,7 @@ mod siren;
 use std::path::Path;
 
 use anyhow::Result;
-use imf_core::model::Model;
+use imf_fields::model::Model;
 use serde_json::json;
 
 use super::calibrate;

@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use anyhow::{Context as _, Result};
 use imf_core::atomic_file::remove_all_leftovers;
-use imf_core::model::{Model, ModelError, steps_said};
+use imf_fields::model::{Model, ModelError, steps_said};
 
 use crate::arguments::NetworkFamily;
 use crate::session::Session;

@@ -1,7 +1,7 @@
 //! The picture of how training went.
 
-use imf_core::model::TrainingRecord;
-use imf_core::training::Loss;
+use imf_fields::model::TrainingRecord;
+use imf_fields::recipe::Loss;
 
 use crate::picture::{AxisScale, Chart, Series};
 

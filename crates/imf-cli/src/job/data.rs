@@ -6,9 +6,9 @@
 use std::path::Path;
 
 use anyhow::{Result, bail, ensure};
-use imf_core::dataset::{DatasetError, Manifest, Shards};
-use imf_core::model::Model;
-use imf_core::samples::Samples;
+use imf_train::dataset::{DatasetError, Manifest, Shards};
+use imf_fields::model::Model;
+use imf_train::samples::Samples;
 use imf_core::scene::Scene;
 use imf_core::section::SectionError;
 

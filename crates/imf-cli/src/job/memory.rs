@@ -6,19 +6,19 @@
 //! - for every sample of a window of 1024: activations and slopes of all layers ([`CpuTrainer::memory_bytes`]);
 //! - for every sample of a batch: its inputs and its target;
 //! - for every pose held out: its inputs, its value and its answer, and while they are drawn the sections that they are of;
-//! - for every sample of the dataset in memory: [`Samples::BYTES_PER_SAMPLE`](imf_core::samples::Samples).
+//! - for every sample of the dataset in memory: [`Samples::BYTES_PER_SAMPLE`](imf_train::samples::Samples).
 //!
-//! [`CpuTrainer::BYTES_PER_PARAMETER`]: imf_core::siren::engine::CpuTrainer::BYTES_PER_PARAMETER
+//! [`CpuTrainer::BYTES_PER_PARAMETER`]: imf_train::engine::CpuTrainer::BYTES_PER_PARAMETER
 //! [`Rank::bytes_per_parameter`]: crate::ranks::Rank::bytes_per_parameter
-//! [`CpuTrainer::memory_bytes`]: imf_core::siren::engine::CpuTrainer::memory_bytes
+//! [`CpuTrainer::memory_bytes`]: imf_train::engine::CpuTrainer::memory_bytes
 
 use std::fmt;
 
 use anyhow::Result;
 use imf_core::scene::SceneRecord;
 use imf_core::section::SectionPlan;
-use imf_core::siren::{INPUTS, SirenShape};
-use imf_core::training::run::TrainingPlan;
+use imf_fields::siren::{INPUTS, SirenShape};
+use imf_fields::recipe::TrainingPlan;
 
 use crate::engine::Device;
 use crate::session::{Session, show_bytes};
@@ -118,7 +118,7 @@ impl fmt::Display for Footprint {
             self.shape.width,
             self.batch,
             show_bytes(self.bytes()),
-            self.beside_engine + imf_core::siren::engine::CpuTrainer::BYTES_PER_PARAMETER,
+            self.beside_engine + imf_train::engine::CpuTrainer::BYTES_PER_PARAMETER,
         )?;
         if self.held_out > self.training + self.poses {
             write!(f, ", most of it for {} poses held out and their sections", self.poses / POSE_BYTES)?;

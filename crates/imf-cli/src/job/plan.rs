@@ -1,8 +1,8 @@
 //! From arguments to a training plan.
 
-use imf_core::training::AdamConfig;
-use imf_core::training::run::TrainingPlan;
-use imf_core::training::schedule::{RateRule, Schedule};
+use imf_fields::recipe::AdamConfig;
+use imf_fields::recipe::TrainingPlan;
+use imf_fields::recipe::schedule::{RateRule, Schedule};
 
 use crate::arguments::{LengthArguments, PlanArguments, ScheduleKind};
 

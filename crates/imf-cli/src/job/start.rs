@@ -3,15 +3,15 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail, ensure};
-use imf_core::dataset::Sampling;
-use imf_core::model::{Model, ModelError, TrainingRecord};
+use imf_fields::recipe::Sampling;
+use imf_fields::model::{Model, ModelError, TrainingRecord};
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::SceneRecord;
-use imf_core::siren::SirenShape;
-use imf_core::training::TrainingState;
-use imf_core::training::divergence::Watch;
-use imf_core::training::run::{Cursor, TrainingPlan};
-use imf_core::training::schedule::Schedule;
+use imf_fields::siren::SirenShape;
+use imf_fields::recipe::TrainingState;
+use imf_fields::recipe::divergence::Watch;
+use imf_fields::recipe::{Cursor, TrainingPlan};
+use imf_fields::recipe::schedule::Schedule;
 
 use super::checkpoint::{Latest, is_any, latest};
 use super::data::Data;

@@ -3,12 +3,12 @@
 use std::borrow::Cow;
 
 use anyhow::Result;
-use imf_core::harmonic::FitReport;
-use imf_core::harmonic::basis::{Basis, Domain};
-use imf_core::model::{Model, TrainingRecord};
+use imf_fields::harmonic::FitReport;
+use imf_fields::harmonic::basis::{Basis, Domain};
+use imf_fields::model::{Model, TrainingRecord};
 use imf_core::orientation::Orientation;
 use imf_core::scene::Scene;
-use imf_core::stored::StoredField;
+use imf_fields::stored::StoredField;
 use serde::Serialize;
 
 /// A field to be evaluated.

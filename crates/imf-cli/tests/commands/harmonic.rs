@@ -1,7 +1,7 @@
 //! `imf field --method harmonic`, held against exact sections and against its own file.
 
 use imf_core::control::Control;
-use imf_core::harmonic::file::HarmonicFile;
+use imf_fields::harmonic::file::HarmonicFile;
 use imf_core::orientation::OrientationSet;
 use imf_core::section::{SectionPlan, imf, sections};
 use serde_json::json;
@@ -221,7 +221,7 @@ fn a_refined_minimum_is_nowhere_above_the_sets() {
         let voxel = field.grid.voxel(index);
         let orientation =
             imf_core::orientation::Orientation::new(f64::from(theta[voxel]), f64::from(phi[voxel]));
-        let mut scratch = imf_core::harmonic::PointScratch::default();
+        let mut scratch = imf_fields::harmonic::PointScratch::default();
         let found = field.overlap(field.grid.centre(voxel), &orientation, &mut scratch).unwrap();
         // Angles in f32, and another order of sums.
         assert!((found - refined[voxel]).abs() < 1e-5, "{voxel:?}: {found} {}", refined[voxel]);
@@ -301,7 +301,7 @@ fn a_field_is_compressed_into_a_network_through_an_interruption() {
 
     let info = folder.json(&["info", "whole/field.safetensors"]);
     assert_eq!((&info["kind"], &info["network"]["width"]), (&"factored".into(), &32.into()));
-    let file = imf_core::factored::file::FactoredFile::read(&folder.path("whole/field.safetensors")).unwrap();
+    let file = imf_fields::factored::file::FactoredFile::read(&folder.path("whole/field.safetensors")).unwrap();
     let grid = file.field.grid;
     let [x, y, z] = grid.centre([2, 7, 4]).to_array();
     folder.write("poses.csv", format!("x,y,z,theta,phi\n{x},{y},{z},40,70\n"));
@@ -309,14 +309,14 @@ fn a_field_is_compressed_into_a_network_through_an_interruption() {
     let expected = file.field.evaluator().overlap(
         grid.centre([2, 7, 4]),
         &imf_core::orientation::Orientation::new(40.0, 70.0),
-        &mut imf_core::factored::PointScratch::default(),
+        &mut imf_fields::factored::PointScratch::default(),
     );
     assert!((answer.as_f64().unwrap() - f64::from(expected.unwrap())).abs() < 1e-6);
 }
 
 /// Errors of a field's sections against exact ones, and the variance of these, by plain sums.
 fn errors(
-    field: &imf_core::harmonic::HarmonicField,
+    field: &imf_fields::harmonic::HarmonicField,
     plan: &SectionPlan,
     set: &[imf_core::orientation::Orientation],
 ) -> (f64, f64, f64) {
@@ -343,11 +343,11 @@ fn eval_says_of_both_families_what_plain_sums_say() {
     let random = OrientationSet::parse("random:20:3").unwrap().orientations;
     let harmonic = HarmonicFile::read(&folder.path("field.safetensors")).unwrap();
     let factored =
-        imf_core::factored::file::FactoredFile::read(&folder.path("small/field.safetensors")).unwrap();
+        imf_fields::factored::file::FactoredFile::read(&folder.path("small/field.safetensors")).unwrap();
     let expanded = factored
         .field
         .evaluator()
-        .expanded(imf_core::harmonic::coefficients::Precision::F32, factored.report);
+        .expanded(imf_fields::harmonic::coefficients::Precision::F32, factored.report);
     for (file, family, field) in [
         ("field.safetensors", "harmonic", &harmonic.field),
         ("small/field.safetensors", "factored", &expanded),

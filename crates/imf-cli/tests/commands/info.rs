@@ -1,7 +1,8 @@
 //! `imf info` and `imf devices`.
 
 use imf_core::control::Control;
-use imf_core::dataset::{Sampling, generate};
+use imf_fields::recipe::Sampling;
+use imf_train::dataset::generate;
 use imf_core::orientation::OrientationSet;
 
 use crate::folder::{Folder, OPEN_CUBE};
@@ -147,7 +148,7 @@ fn a_clearance_is_recorded_in_datasets_and_models_and_said() {
     assert_eq!(dataset["scene"]["clearance"], clearance);
     assert!(folder.succeed(&["info", "data"]).stdout.contains("holder 4, shank 4, cutter 1 mm"));
     // The samples are the grown tool's, and so is the scene that a model takes over.
-    let (manifest, scene, _) = imf_core::dataset::load(&folder.path("data")).unwrap();
+    let (manifest, scene, _) = imf_train::dataset::load(&folder.path("data")).unwrap();
     assert_eq!(manifest.scene.bare_tool(), &imf_core::tool::Tool::paper());
     assert_eq!(scene.record.tool, scene.record.bare_tool().inflated(&scene.record.clearance).unwrap());
     // The same folder is refused for another clearance.
@@ -169,14 +170,14 @@ fn contact_is_recorded_with_its_layer_and_exact_answers_know_it() {
     folder.succeed(&[&data[..], &["--contact", "12", "--out", "data"]].concat());
     assert_eq!(folder.json(&["info", "data"])["scene"]["contact"], 12.0);
     assert!(folder.succeed(&["info", "data"]).stdout.contains("may reach 12 mm below"));
-    let (_, scene, _) = imf_core::dataset::load(&folder.path("data")).unwrap();
+    let (_, scene, _) = imf_train::dataset::load(&folder.path("data")).unwrap();
     assert!(scene.layer.as_ref().unwrap().count() > 0);
     let contact = imf_core::section::Contact::of_scene(&scene).unwrap();
     let mut model = model();
     let plain = model.scene.clone();
     model.scene = scene;
     model.write(&folder.path("m.safetensors")).unwrap();
-    assert_eq!(imf_core::model::Model::read(&folder.path("m.safetensors")).unwrap(), model);
+    assert_eq!(imf_fields::model::Model::read(&folder.path("m.safetensors")).unwrap(), model);
     // The tip stands in a voxel of the layer: the cutter collides with the part, and touches it by contact.
     let grid = plain.record.grid;
     let voxel = contact.skin.solid.iter().position(|&s| s != 0).unwrap();

@@ -4,10 +4,11 @@
 use std::process::Stdio;
 
 use glam::DVec3;
-use imf_core::field::{ExactField, Field, LearntField, Pose};
-use imf_core::model::Model;
+use imf_core::field::{ExactField, Field, Pose};
+use imf_fields::learnt::LearntField;
+use imf_fields::model::Model;
 use imf_core::orientation::Orientation;
-use imf_core::siren::engine::CpuEvaluator;
+use imf_fields::siren::evaluator::CpuEvaluator;
 
 use crate::folder::Folder;
 #[cfg(target_os = "linux")]

@@ -2,11 +2,11 @@
 
 use std::fmt::Write as _;
 
-use imf_core::factored::FactoredAnswers;
-use imf_core::factored::file::FactoredFile;
+use imf_fields::factored::FactoredAnswers;
+use imf_fields::factored::file::FactoredFile;
 use imf_core::field::{Field, Pose};
-use imf_core::harmonic::HarmonicAnswers;
-use imf_core::harmonic::file::HarmonicFile;
+use imf_fields::harmonic::HarmonicAnswers;
+use imf_fields::harmonic::file::HarmonicFile;
 use imf_core::orientation::Orientation;
 use serde_json::Value;
 

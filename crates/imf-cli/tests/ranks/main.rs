@@ -12,7 +12,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use binary::{DATASET, Finished, TRAIN, Workdir, finish};
-use imf_core::model::Model;
+use imf_fields::model::Model;
 
 /// Of the loss, between trainings that group their sums differently, in the first steps: rounding alone, 7e-8 was seen.
 const FIRST_TOLERANCE: f64 = 1e-5;

@@ -3,7 +3,7 @@
 
 use std::fs::File;
 
-use imf_core::training::Precision;
+use imf_fields::recipe::Precision;
 use imf_gpu::adapters;
 use imf_gpu::wgpu::DeviceType;
 use ndarray::Array3;

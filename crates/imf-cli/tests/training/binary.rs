@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use imf_core::model::Model;
+use imf_fields::model::Model;
 use serde_json::Value;
 
 /// The bracket at a seventh of its grid: 1,764 voxels, sections in a millisecond.

@@ -1,7 +1,7 @@
 //! Ctrl-C: what is finished is kept, and going on ends where a run in one go ends.
 #![cfg(unix)]
 
-use imf_core::factored::file::FactoredFile;
+use imf_fields::factored::file::FactoredFile;
 use serde_json::json;
 
 use crate::binary::{DATASET, TRAIN, Workdir};

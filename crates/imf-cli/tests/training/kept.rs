@@ -2,10 +2,10 @@
 
 use std::fs::File;
 
-use imf_core::field::LearntField;
+use imf_fields::learnt::LearntField;
 use imf_core::orientation::OrientationSet;
-use imf_core::siren::engine::CpuEvaluator;
-use imf_core::stored::StoredField;
+use imf_fields::siren::evaluator::CpuEvaluator;
+use imf_fields::stored::StoredField;
 use ndarray::Array3;
 use ndarray_npy::{ReadNpyExt as _, ReadableElement};
 

@@ -4,7 +4,7 @@
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use imf_core::model::TrainingRecord;
+use imf_fields::model::TrainingRecord;
 use serde_json::Value;
 
 use crate::binary::{TRAIN, Workdir, finish};

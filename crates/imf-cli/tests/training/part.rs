@@ -1,6 +1,6 @@
 //! `imf train` of a part: one command does what the commands of its family do one by one, and goes on where it stopped.
 
-use imf_core::factored::file::FactoredFile;
+use imf_fields::factored::file::FactoredFile;
 use serde_json::json;
 
 use crate::binary::Workdir;

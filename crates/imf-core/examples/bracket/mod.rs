@@ -1,14 +1,14 @@
 //! The bracket of the examples: a coarse one, with a harmonic field made in a moment.
 
 use imf_core::control::Control;
-use imf_core::harmonic::basis::Domain;
-use imf_core::harmonic::file::HarmonicFile;
-use imf_core::harmonic::{FitSettings, fit};
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::file::HarmonicFile;
+use imf_fields::harmonic::{FitSettings, fit};
 use imf_core::parts::ReferencePart;
-use imf_core::planner::NeuralField;
+use imf_fields::learnt::NeuralField;
 use imf_core::scene::SceneSpec;
 use imf_core::section::SectionPlan;
-use imf_core::stored::StoredField;
+use imf_fields::stored::StoredField;
 use imf_core::tool::{Clearance, Tool};
 
 /// The field of the paper's tool, its holder grown by `clearance`. A program would load it: `NeuralField::load`.

@@ -1,6 +1,6 @@
 //! A field at all voxel centres of its grid at once: what comparing it with exact sections takes of it.
 
-use super::{LearntField, QueryError};
+use super::QueryError;
 use crate::control::Control;
 use crate::orientation::Orientation;
 use crate::section::Imf;
@@ -36,15 +36,4 @@ pub trait WholeField {
     /// # Errors
     /// A family's own failure; [`QueryError::Cancelled`] when the control asks to stop.
     fn least_over(&mut self, orientations: &[Orientation], control: Control<'_>) -> Result<Imf, QueryError>;
-}
-
-impl WholeField for LearntField<'_> {
-    fn section_at(&mut self, orientation: &Orientation, values: &mut [f32]) -> Result<(), QueryError> {
-        self.section(orientation.angles(), values)
-    }
-
-    fn least_over(&mut self, orientations: &[Orientation], control: Control<'_>) -> Result<Imf, QueryError> {
-        let directions: Vec<[f32; 2]> = orientations.iter().map(Orientation::angles).collect();
-        self.imf(&directions, control)
-    }
 }

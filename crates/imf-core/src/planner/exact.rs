@@ -88,7 +88,7 @@ fn exact_pose(pose: &Pose) -> field::Pose {
 
 /// True where the tool holds a solid voxel's centre, and of what is no pose.
 #[inline]
-pub(super) fn touches(field: &ExactField<'_>, pose: &Pose) -> bool {
+pub fn touches(field: &ExactField<'_>, pose: &Pose) -> bool {
     let Some(direction) = pose.direction() else { return true };
     let collides = field.collides_along(pose.tip(), direction);
     collides.unwrap_or_else(|| field.count(&exact_pose(pose)) > 0)

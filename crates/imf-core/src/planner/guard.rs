@@ -8,15 +8,15 @@ use crate::section::Contact;
 use crate::tool::{Clearance, ClearanceError, ElementKind, Tool, ToolError};
 
 /// The scene's tool, without or with a clearance, against the scene's voxels.
-pub(super) struct Guard {
+pub struct Guard {
     /// The whole tool against what is forbidden; where there is contact, shank and holder against the layer that the
     /// cutter may enter.
-    pub(super) bodies: Vec<ExactField<'static>>,
+    pub bodies: Vec<ExactField<'static>>,
 }
 
 impl Guard {
     /// The true tool grown by `clearance`, against a scene's voxels.
-    pub(super) fn new(scene: &Scene, clearance: &Clearance) -> Result<Self, ClearanceError> {
+    pub fn new(scene: &Scene, clearance: &Clearance) -> Result<Self, ClearanceError> {
         let bare = scene.record.bare_tool();
         let tool = bare.inflated(clearance)?;
         let Some(contact) = Contact::of_scene(scene) else {
@@ -29,7 +29,7 @@ impl Guard {
     }
 
     /// The elements of the tool; none of a mesh.
-    pub(super) fn elements(&self) -> impl Iterator<Item = ElementKind> {
+    pub fn elements(&self) -> impl Iterator<Item = ElementKind> {
         self.bodies.iter().take(1).flat_map(ExactField::elements)
     }
 
@@ -39,7 +39,7 @@ impl Guard {
     }
 
     /// The overlap of the tool, in [0, 1]; 1 of what is no pose.
-    pub(super) fn overlap(&self, pose: &Pose) -> Result<f64, ToolError> {
+    pub fn overlap(&self, pose: &Pose) -> Result<f64, ToolError> {
         let mut inside = 0;
         for body in &self.bodies {
             let Some(count) = count(body, pose) else { return Ok(1.0) };
@@ -53,7 +53,7 @@ impl Guard {
 
     /// True where the tool collides, and of what is no pose.
     #[inline]
-    pub(super) fn touches(&self, pose: &Pose) -> bool {
+    pub fn touches(&self, pose: &Pose) -> bool {
         self.bodies.iter().any(|body| touches(body, pose))
     }
 }

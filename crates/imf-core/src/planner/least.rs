@@ -5,10 +5,10 @@ use glam::{DQuat, DVec3, Quat, Vec3};
 use super::{Best, Decision, PlannerError, Pose, check_lengths};
 
 /// Poses asked at a time.
-pub(super) const BLOCK: usize = 256;
+pub const BLOCK: usize = 256;
 
 /// Checks what is asked for a minimum.
-pub(super) fn check_minimum(
+pub fn check_minimum(
     points: &[Vec3],
     orientations: &[Quat],
     best: &[Best],
@@ -21,7 +21,7 @@ pub(super) fn check_minimum(
 }
 
 /// True where a pose is better than the best so far: free before all others, then by its value.
-pub(super) fn is_better(value: f32, decision: Decision, best: &Best) -> bool {
+pub fn is_better(value: f32, decision: Decision, best: &Best) -> bool {
     if value.is_nan() {
         return false;
     }
@@ -30,7 +30,7 @@ pub(super) fn is_better(value: f32, decision: Decision, best: &Best) -> bool {
 }
 
 /// The best orientation at every point. `answer` gives values, not clipped, and decisions of poses.
-pub(super) fn least(
+pub fn least(
     points: &[Vec3],
     orientations: &[Quat],
     sharp_points: &[DVec3],

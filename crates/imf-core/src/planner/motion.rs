@@ -75,7 +75,7 @@ const HALVINGS: usize = 12;
 
 /// The grown tools, made at the first motion.
 #[derive(Default)]
-pub(super) struct Growths {
+pub struct Growths {
     guards: OnceLock<Option<[Guard; GROWTHS.len()]>>,
 }
 
@@ -114,7 +114,7 @@ fn pose_at(way: &Motion, time: f64) -> Pose {
 }
 
 /// What is known of the motion from `a` to `b` of the guarded tool.
-pub(super) fn free_along(
+pub fn free_along(
     scene: &Scene,
     guard: &Guard,
     growths: &Growths,

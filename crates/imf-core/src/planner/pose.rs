@@ -56,13 +56,13 @@ impl Pose {
     }
 
     /// Position of the tip in double precision.
-    pub(crate) fn tip(&self) -> DVec3 {
+    pub fn tip(&self) -> DVec3 {
         self.position.as_dvec3()
     }
 
     /// Unit vector from tip to holder; `None` for what is no pose.
     #[inline]
-    pub(crate) fn direction(&self) -> Option<DVec3> {
+    pub fn direction(&self) -> Option<DVec3> {
         let DQuat { x, y, z, w } = self.rotation.as_dquat();
         let axis = DVec3::new(2.0 * (x * z + w * y), 2.0 * (y * z - w * x), w * w + z * z - x * x - y * y);
         let squared = x * x + y * y + z * z + w * w;

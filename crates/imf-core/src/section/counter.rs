@@ -33,7 +33,7 @@ pub enum Method {
 /// Counts overlaps of any tool with one obstacle.
 pub(super) struct Counter {
     pub(super) method: Method,
-    pub(super) arch: Arch,
+    pub arch: Arch,
     size: CircularSize,
     obstacle_count: usize,
     pub(super) run_ends: OnceLock<SurfaceCounter>,

@@ -19,9 +19,9 @@ use crate::orientation::Orientation;
 use crate::tool::RotatedTool;
 
 /// A tool in one orientation on its way through a plan's planes along x.
-pub(crate) struct SectionWalk {
+pub struct SectionWalk {
     /// The rotated tool's own count.
-    pub(crate) whole: u32,
+    pub whole: u32,
     solid: Layer,
     skin: Option<Layer>,
 }
@@ -67,7 +67,7 @@ impl Layer {
 
 impl SectionPlan {
     /// True where [`SectionPlan::walk`] can be asked for: sections are counted by run ends, and the tip alone is sharp.
-    pub(crate) fn walks(&self) -> bool {
+    pub fn walks(&self) -> bool {
         self.tip_alone() && self.counter.takes_run_ends(self.estimate)
     }
 
@@ -75,7 +75,7 @@ impl SectionPlan {
     ///
     /// # Errors
     /// A tool that does not fit the grid.
-    pub(crate) fn walk(
+    pub fn walk(
         &self,
         orientation: &Orientation,
         scratch: &mut SectionScratch,
@@ -101,7 +101,7 @@ impl SectionPlan {
     }
 
     /// Bytes of a [`SectionWalk`], by estimate.
-    pub(crate) fn walk_bytes(&self) -> u64 {
+    pub fn walk_bytes(&self) -> u64 {
         let [_, ny, nz] = self.query.dims;
         let Ok(slanted) = RotatedTool::new(&self.tool, &SLANT, self.obstacle.grid.pitch) else { return 0 };
         let clipped = ClippedTool::new(&slanted, self.counter.size());
@@ -117,7 +117,7 @@ impl SectionWalk {
     ///
     /// # Errors
     /// A failed spot check.
-    pub(crate) fn advance<'s>(
+    pub fn advance<'s>(
         &mut self,
         plan: &SectionPlan,
         planes: Range<usize>,

@@ -3,7 +3,7 @@
 use glam::Quat;
 use imf_core::field::{self, Field, QueryError};
 use imf_core::planner::{PlannerError, Pose, PoseField};
-use imf_core::training::EngineError;
+use imf_core::field::EngineError;
 
 use super::GpuField;
 

@@ -5,8 +5,8 @@
 //! poses → points → forward (keeps slopes) → coefficients → values, ∂/∂d → Δ → backward → ∂/∂x
 //! ```
 
-use imf_core::factored::FactoredField;
-use imf_core::training::EngineError;
+use imf_fields::factored::FactoredField;
+use imf_core::field::EngineError;
 
 use super::Asked;
 use super::network::{Extent, Frame, Passes, TwoWay};

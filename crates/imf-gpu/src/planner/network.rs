@@ -3,8 +3,8 @@
 
 use glam::DVec3;
 use imf_core::grid::Grid;
-use imf_core::siren::stack::Stack;
-use imf_core::training::EngineError;
+use imf_fields::siren::stack::Stack;
+use imf_core::field::EngineError;
 
 use super::Asked;
 use crate::device::Gpu;

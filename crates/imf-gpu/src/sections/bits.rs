@@ -8,7 +8,7 @@
 
 use imf_core::occupancy::Occupancy;
 use imf_core::section::{StepEnds, StepSpace};
-use imf_core::training::EngineError;
+use imf_core::field::EngineError;
 
 use crate::shader::COUNT_PLACES;
 

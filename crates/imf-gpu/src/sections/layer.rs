@@ -5,7 +5,7 @@ use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, QueryBox, SectionError, SectionLayer, StepSpace, direct_count};
 use imf_core::tool::{RotatedTool, Tool, ToolError};
-use imf_core::training::EngineError;
+use imf_core::field::EngineError;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use super::GpuSectionError;

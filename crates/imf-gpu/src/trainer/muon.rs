@@ -1,5 +1,5 @@
 //! Muon's step on the device, beside Adam's: the momentum of the matrices between hidden layers made orthogonal. The
-//! definition and its sources are [`imf_core::siren::muon`]'s; what is kept between steps is the momentum alone, in the place of the
+//! definition and its sources are [`imf_train::engine::muon`]'s; what is kept between steps is the momentum alone, in the place of the
 //! first moments, so that a training moves between CPU and GPU.
 //!
 //! ```text
@@ -10,8 +10,9 @@
 //! nothing to X·Xᵀ and stays zeros. So do rows and columns of padding, whose gradient and momentum are zero. Products are f32
 //! whatever the factors of the network's products are.
 
-use imf_core::siren::muon::{LENGTH, MuonConfig, STEPS};
-use imf_core::training::EngineError;
+use imf_train::engine::muon::{LENGTH, STEPS};
+use imf_fields::recipe::MuonConfig;
+use imf_core::field::EngineError;
 
 use super::Buffers;
 use super::matrices::Matrices;

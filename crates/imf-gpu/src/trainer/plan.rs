@@ -1,6 +1,6 @@
 //! What a trainer allocates, and how a batch is cut into slices of rows.
 
-use imf_core::factored::Optimiser;
+use imf_fields::recipe::Optimiser;
 
 use super::matrices::MatrixPlaces;
 use crate::device::GpuLimits;

@@ -1,5 +1,5 @@
 //! SOAP's step on the device, beside Adam's: moments of the gradients of the matrices between hidden layers along axes of
-//! their own. The definition and its source are [`imf_core::siren::soap`]'s, and so is what is kept between steps, so that a
+//! their own. The definition and its source are [`imf_train::engine::soap`]'s, and so is what is kept between steps, so that a
 //! training moves between CPU and GPU.
 //!
 //! ```text
@@ -16,8 +16,10 @@ mod look;
 mod products;
 mod side;
 
-use imf_core::siren::soap::{FIRST_LOOKS, SoapConfig};
-use imf_core::training::{EngineError, TrainingState};
+use imf_train::engine::soap::FIRST_LOOKS;
+use imf_fields::recipe::SoapConfig;
+use imf_core::field::EngineError;
+use imf_fields::recipe::TrainingState;
 
 use super::Buffers;
 use super::matrices::Matrices;

@@ -1,7 +1,7 @@
 //! What planners ask of a field on the adapter, compared with its twin on the CPU, whatever family it is of.
 
 use glam::{DVec3, Quat, Vec3};
-use imf_core::calibration::{Calibration, Goals, Judgement, Rate};
+use imf_fields::calibration::{Calibration, Goals, Judgement, Rate};
 use imf_core::grid::Grid;
 use imf_core::orientation::OrientationSet;
 use imf_core::planner::{Best, Decision, Gradient, Pose, PoseField};

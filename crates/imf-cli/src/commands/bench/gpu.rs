@@ -16,7 +16,7 @@ use imf_core::parts::ReferencePart;
 use imf_core::scene::Scene;
 use imf_core::section::{SectionPlan, stream_sections};
 use imf_core::tool::Tool;
-use imf_core::training::Precision;
+use imf_fields::recipe::Precision;
 use imf_gpu::{DeviceChoice, Gpu, MatrixKernel, Peak};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};

@@ -28,8 +28,8 @@ pub(super) use baselines::settings as harmonic_settings;
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result};
-use imf_core::model::Model;
-use imf_core::training::run::TrainError;
+use imf_fields::model::Model;
+use imf_train::training::run::TrainError;
 use serde::{Deserialize, Serialize};
 
 use super::machine::Machine;

@@ -5,10 +5,11 @@ use std::fmt::Write as _;
 use std::time::Instant;
 
 use anyhow::{Result, bail};
-use imf_core::siren::matrix::{Matrix, multiply};
-use imf_core::siren::{INPUTS, SirenShape};
-use imf_core::training::run::TrainingPlan;
-use imf_core::training::{Precision, TrainingEngine, TrainingState};
+use imf_fields::siren::matrix::{Matrix, multiply};
+use imf_fields::siren::{INPUTS, SirenShape};
+use imf_fields::recipe::TrainingPlan;
+use imf_fields::recipe::{Precision, TrainingState};
+use imf_train::training::TrainingEngine;
 use imf_gpu::Peak;
 use rayon::prelude::*;
 use serde::Serialize;

@@ -4,12 +4,13 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
-use imf_core::factored::file::FactoredFile;
-use imf_core::factored::{FactoredField, FactoredState, Optimiser, Symmetry, TeachSettings};
-use imf_core::harmonic::FitSettings;
-use imf_core::harmonic::coefficients::Precision;
+use imf_fields::factored::file::FactoredFile;
+use imf_fields::factored::{FactoredField, FactoredState, Symmetry, TeachSettings};
+use imf_fields::recipe::Optimiser;
+use imf_fields::harmonic::FitSettings;
+use imf_fields::harmonic::coefficients::Precision;
 use imf_core::scene::Scene;
-use imf_core::training::run::TrainingPlan;
+use imf_fields::recipe::TrainingPlan;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -222,8 +223,8 @@ fn compare(name: &str, there: &Value, here: &Value, found: &mut Vec<String>) {
 
 #[cfg(test)]
 mod tests {
-    use imf_core::training::online::OnlineSettings;
-    use imf_core::training::run::{Length, TrainingPlan};
+    use imf_fields::recipe::OnlineSettings;
+    use imf_fields::recipe::{Length, TrainingPlan};
 
     use super::*;
 

@@ -2,19 +2,17 @@
 
 use anyhow::{Result, ensure};
 use imf_core::control::Control;
-use imf_core::factored::file::FactoredFile;
-use imf_core::factored::{
-    FactoredField, FactoredShape, FactoredState, SectionTeacher, TeachSettings, teach, teach_by_sections,
-    teach_by_sections_on, teach_on,
-};
+use imf_fields::factored::file::FactoredFile;
+use imf_fields::factored::{FactoredField, FactoredShape, FactoredState, TeachSettings};
+use imf_train::distill::{SectionTeacher, teach, teach_by_sections, teach_by_sections_on, teach_on};
 use imf_core::grid::Grid;
-use imf_core::harmonic::basis::Domain;
-use imf_core::harmonic::file::HarmonicFile;
-use imf_core::harmonic::{FitReport, FitSettings, Sizes};
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::file::HarmonicFile;
+use imf_fields::harmonic::{FitReport, FitSettings, Sizes};
 use imf_core::scene::Scene;
-use imf_core::siren::ShapeError;
-use imf_core::training::TrainingEngine;
-use imf_core::training::run::{Outcome, Report, TrainError};
+use imf_fields::siren::ShapeError;
+use imf_train::training::TrainingEngine;
+use imf_train::training::run::{Outcome, Report, TrainError};
 
 use super::Settings;
 use crate::session::Session;

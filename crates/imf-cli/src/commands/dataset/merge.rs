@@ -1,7 +1,7 @@
 //! `imf dataset merge`: shares made apart become one dataset, or what is missing is named.
 
 use anyhow::{Result, bail};
-use imf_core::dataset::{Manifest, Merged, merge};
+use imf_train::dataset::{Manifest, Merged, merge};
 use serde_json::json;
 
 use super::interruption;

@@ -1,15 +1,16 @@
 //! The demo by the paper's network: samples of exact sections, training, evaluation.
 
 use anyhow::Result;
-use imf_core::dataset::{Sampling, generate};
-use imf_core::field::LearntField;
-use imf_core::held_out::HeldOutChoice;
+use imf_fields::recipe::Sampling;
+use imf_train::dataset::generate;
+use imf_fields::learnt::LearntField;
+use imf_fields::recipe::HeldOutChoice;
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::Scene;
-use imf_core::siren::SirenShape;
-use imf_core::training::run::{Length, TrainingPlan};
-use imf_core::training::schedule::Schedule;
-use imf_core::training::{AdamConfig, TrainingState};
+use imf_fields::siren::SirenShape;
+use imf_fields::recipe::{Length, TrainingPlan};
+use imf_fields::recipe::schedule::Schedule;
+use imf_fields::recipe::{AdamConfig, TrainingState};
 
 use super::questions;
 use crate::arguments::DemoArguments;

@@ -6,7 +6,7 @@ use anyhow::{Result, bail};
 use imf_core::orientation::Orientation;
 use imf_core::section::SectionPlan;
 use imf_core::tool::RotatedTool;
-use imf_core::training::permutation::Permutation;
+use imf_train::training::permutation::Permutation;
 use serde_json::{Value, json};
 
 /// Decides which voxels are compared, so that a failure can be seen again.

@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
-use imf_core::harmonic::basis::Domain;
-use imf_core::harmonic::file::HarmonicFile;
-use imf_core::harmonic::{FitSettings, HarmonicError, degree_for, fit, section_count, sections_tried};
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::file::HarmonicFile;
+use imf_fields::harmonic::{FitSettings, HarmonicError, degree_for, fit, section_count, sections_tried};
 use imf_core::scene::Scene;
 use imf_core::section::{SectionError, SectionPlan};
-use imf_core::stored::StoredField;
+use imf_fields::stored::StoredField;
 use imf_core::tool::Tool;
 
 use super::approximate::{Approximate, Confirmed, errors_text};

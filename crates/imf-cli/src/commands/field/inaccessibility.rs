@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use imf_core::field_files::{NamedField, write_npy, write_vti};
-use imf_core::harmonic::Refined;
+use imf_fields::harmonic::Refined;
 use imf_core::orientation::Orientation;
 use imf_core::section::Imf;
 use imf_core::tool::ElementKind;

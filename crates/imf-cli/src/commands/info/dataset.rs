@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Result, ensure};
-use imf_core::dataset::{Manifest, ShardRecord};
+use imf_train::dataset::{Manifest, ShardRecord};
 use serde_json::json;
 
 use super::{Description, scene_lines};

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
-use imf_core::factored::file::FactoredFile;
+use imf_fields::factored::file::FactoredFile;
 use serde_json::json;
 
 use super::{Description, calibration_lines, field_lines, quantity_text};

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
-use imf_core::harmonic::file::HarmonicFile;
+use imf_fields::harmonic::file::HarmonicFile;
 use serde_json::json;
 
 use super::{Description, calibration_lines, field_lines, quantity_text};

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
-use imf_core::model::Model;
+use imf_fields::model::Model;
 use imf_core::section::Quantity;
-use imf_core::siren::SirenShape;
+use imf_fields::siren::SirenShape;
 use serde_json::json;
 
 use super::{Description, calibration_lines, field_lines, quantity_text};

@@ -13,10 +13,10 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
-use imf_core::dataset::Sampling;
-use imf_core::regime::{self, NetworkSettings, RANDOM_START, Regime, SceneSettings, Stage};
-use imf_core::training::online::OnlineSettings;
-use imf_core::training::run::TrainingPlan;
+use imf_fields::recipe::Sampling;
+use imf_train::regime::{self, NetworkSettings, RANDOM_START, Regime, SceneSettings, Stage};
+use imf_fields::recipe::OnlineSettings;
+use imf_fields::recipe::TrainingPlan;
 use serde::{Deserialize, Serialize};
 
 use super::{Run, Summary};

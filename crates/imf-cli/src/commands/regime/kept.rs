@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
-use imf_core::dataset::Sampling;
-use imf_core::model::{Model, ModelError};
+use imf_fields::recipe::Sampling;
+use imf_fields::model::{Model, ModelError};
 use imf_core::scene::SceneRecord;
-use imf_core::siren::SirenShape;
-use imf_core::training::run::TrainingPlan;
+use imf_fields::siren::SirenShape;
+use imf_fields::recipe::TrainingPlan;
 
 use crate::job::{self, Latest};
 use crate::session::Session;

@@ -3,7 +3,7 @@
 
 use anyhow::{Context as _, Result, bail};
 use imf_core::orientation::OrientationSet;
-use imf_core::regime::Stage;
+use imf_train::regime::Stage;
 use imf_core::scene::Scene;
 
 use super::kept::{Found, Training};

@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
-use imf_core::evaluation::{EvaluationError, learnt_imf};
-use imf_core::field::LearntField;
-use imf_core::metrics::ErrorReport;
+use imf_fields::evaluation::{EvaluationError, learnt_imf};
+use imf_fields::learnt::LearntField;
+use imf_fields::metrics::ErrorReport;
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::regime::{EvaluationSettings, Regime};
+use imf_train::regime::{EvaluationSettings, Regime};
 use imf_core::scene::SceneRecord;
 use imf_core::section::{SectionError, SectionPlan};
 use serde::{Deserialize, Serialize};

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use anyhow::Result;
-use imf_core::regime::{SceneSettings, Stage};
+use imf_train::regime::{SceneSettings, Stage};
 use imf_core::scene::Scene;
 
 use crate::arguments::clearance::{ClearanceArguments, ContactArguments};

@@ -3,15 +3,16 @@
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result};
-use imf_core::dataset::generate;
-use imf_core::model::{Model, TrainingRecord};
-use imf_core::regime::{RANDOM_START, Regime, Stage};
+use imf_train::dataset::generate;
+use imf_fields::model::{Model, TrainingRecord};
+use imf_train::regime::{RANDOM_START, Regime, Stage};
 use imf_core::scene::{Scene, SceneRecord};
 use imf_core::section::SectionPlan;
-use imf_core::training::TrainingState;
-use imf_core::training::divergence::Watch;
-use imf_core::training::online::{OnlineSections, OnlineSettings, train_online};
-use imf_core::training::run::Cursor;
+use imf_fields::recipe::TrainingState;
+use imf_fields::recipe::divergence::Watch;
+use imf_train::training::online::{OnlineSections, train_online};
+use imf_fields::recipe::OnlineSettings;
+use imf_fields::recipe::Cursor;
 
 use super::Run;
 use super::claim::StageSettings;

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::Result;
-use imf_core::regime::{RANDOM_START, Regime};
+use imf_train::regime::{RANDOM_START, Regime};
 use serde::{Deserialize, Serialize};
 
 use super::results::Outcome;

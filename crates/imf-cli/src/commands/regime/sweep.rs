@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
-use imf_core::regime::Regime;
+use imf_train::regime::Regime;
 use serde::Serialize;
 
 use super::stage::Workshop;

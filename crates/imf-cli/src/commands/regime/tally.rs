@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use anyhow::Result;
-use imf_core::training::online::Waits;
+use imf_train::training::online::Waits;
 use serde::{Deserialize, Serialize};
 
 use crate::output::write_json;

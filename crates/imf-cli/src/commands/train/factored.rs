@@ -2,11 +2,12 @@
 //! `imf field --method harmonic` and `imf compress`; `imf demo` makes its field so too.
 
 use anyhow::Result;
-use imf_core::factored::file::FactoredFile;
-use imf_core::factored::{SectionTeacher, Symmetry, TeachSettings};
-use imf_core::harmonic::FitSettings;
-use imf_core::harmonic::basis::Domain;
-use imf_core::harmonic::coefficients::Precision;
+use imf_fields::factored::file::FactoredFile;
+use imf_train::distill::SectionTeacher;
+use imf_fields::factored::{Symmetry, TeachSettings};
+use imf_fields::harmonic::FitSettings;
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::coefficients::Precision;
 use imf_core::scene::Scene;
 use imf_core::section::SectionPlan;
 

@@ -7,7 +7,7 @@
 //! The work of a dispatch has bounds of its own. Mesa's software Vulkan ends every loop of an invocation once it has gone
 //! through 65,535 turns of all loops together, and says nothing; a workgroup of a GPU must not hold it for long either.
 
-use imf_core::training::EngineError;
+use imf_core::field::EngineError;
 
 use super::products::{BoundProduct, Factor, Products};
 use super::side::SidePlaces;

@@ -1,6 +1,6 @@
 //! Products of SOAP's, of all matrices together.
 
-use imf_core::training::EngineError;
+use imf_core::field::EngineError;
 
 use crate::device::Gpu;
 use crate::kernel::{Bound, Kernel, uniform};

@@ -1,7 +1,8 @@
 //! The rows, or the columns, of all matrices: their mean, its axes, and how these are found.
 
-use imf_core::siren::soap::kept_of;
-use imf_core::training::{EngineError, TrainingState};
+use imf_train::engine::soap::kept_of;
+use imf_core::field::EngineError;
+use imf_fields::recipe::TrainingState;
 
 use super::look::Look;
 use super::products::{BoundProduct, Factor, Products};

@@ -1,8 +1,8 @@
 //! How far a field is from the exact one at orientations that it was not made from, and how often it decides wrongly.
 
 use anyhow::{Result, bail};
-use imf_core::dataset::boundary;
-use imf_core::metrics::{ErrorReport, Errors};
+use imf_train::dataset::boundary;
+use imf_fields::metrics::{ErrorReport, Errors};
 use imf_core::orientation::Orientation;
 use imf_core::section::{SectionPlan, sections};
 use serde::Serialize;

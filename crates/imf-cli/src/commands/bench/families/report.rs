@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::Result;
-use imf_core::metrics::ErrorReport;
+use imf_fields::metrics::ErrorReport;
 use serde::Serialize;
 
 use super::super::machine::Machine;

@@ -2,10 +2,11 @@
 
 use anyhow::Result;
 use imf_core::control::Control;
-use imf_core::factored::FactoredField;
-use imf_core::field::{LearntField, WholeField as _};
-use imf_core::harmonic::{HarmonicField, Heads};
-use imf_core::interpolation::{CoarseTable, StoredSections};
+use imf_fields::factored::FactoredField;
+use imf_fields::learnt::LearntField;
+use imf_core::field::WholeField as _;
+use imf_fields::harmonic::{HarmonicField, Heads};
+use imf_fields::interpolation::{CoarseTable, StoredSections};
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, SectionPlan, SectionScratch, imf};
 use rayon::prelude::*;

@@ -1,13 +1,14 @@
 //! The paper's kind of network for the comparison: the demo's, from a dataset of its own.
 
 use anyhow::Result;
-use imf_core::dataset::{Sampling, generate};
-use imf_core::model::Model;
+use imf_fields::recipe::Sampling;
+use imf_train::dataset::generate;
+use imf_fields::model::Model;
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::Scene;
-use imf_core::training::run::{Length, TrainingPlan};
-use imf_core::training::schedule::Schedule;
-use imf_core::training::{AdamConfig, TrainingState};
+use imf_fields::recipe::{Length, TrainingPlan};
+use imf_fields::recipe::schedule::Schedule;
+use imf_fields::recipe::{AdamConfig, TrainingState};
 
 use crate::arguments::families::FamiliesBenchArguments;
 use crate::arguments::paper::PaperPart;

@@ -4,16 +4,17 @@
 use std::time::Instant;
 
 use anyhow::{Context as _, Result};
-use imf_core::factored::{FactoredField, Symmetry, TeachSettings, teach};
-use imf_core::harmonic::basis::{Basis, Domain};
-use imf_core::harmonic::coefficients::Precision;
-use imf_core::harmonic::{FitSettings, HarmonicField, fit, section_count};
-use imf_core::interpolation::{AngleGrid, StoredSections};
-use imf_core::metrics::ErrorReport;
+use imf_fields::factored::{FactoredField, Symmetry, TeachSettings};
+use imf_train::distill::teach;
+use imf_fields::harmonic::basis::{Basis, Domain};
+use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::{FitSettings, HarmonicField, fit, section_count};
+use imf_fields::interpolation::{AngleGrid, StoredSections};
+use imf_fields::metrics::ErrorReport;
 use imf_core::orientation::Orientation;
 use imf_core::scene::Scene;
 use imf_core::section::{SectionError, SectionPlan};
-use imf_core::training::run::Outcome;
+use imf_train::training::run::Outcome;
 use serde::{Deserialize, Serialize};
 
 use super::questions::Questions;

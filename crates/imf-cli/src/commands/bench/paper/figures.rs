@@ -5,10 +5,10 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use imf_core::control::Control;
-use imf_core::field::LearntField;
+use imf_fields::learnt::LearntField;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
-use imf_core::planar::silhouette;
+use imf_fields::planar::silhouette;
 use imf_core::section::{SectionPlan, imf, sections};
 use ndarray::{Array2, ArrayView3, Axis};
 

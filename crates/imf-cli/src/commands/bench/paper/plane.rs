@@ -8,18 +8,19 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use anyhow::{Context as _, Result};
-use imf_core::dataset::Sampling;
-use imf_core::field::LearntField;
-use imf_core::interpolation::Periodic;
-use imf_core::metrics::{ErrorReport, Errors};
+use imf_fields::recipe::Sampling;
+use imf_fields::learnt::LearntField;
+use imf_fields::interpolation::Periodic;
+use imf_fields::metrics::{ErrorReport, Errors};
 use imf_core::occupancy::Occupancy;
-use imf_core::planar::{PlanarPlan, layer};
-use imf_core::regime::{Regime, Stage};
-use imf_core::samples::Samples;
+use imf_fields::planar::{PlanarPlan, layer};
+use imf_train::regime::{Regime, Stage};
+use imf_train::samples::Samples;
 use imf_core::section::{Imf, SectionError, SectionScratch};
 use imf_core::tool::Tool;
-use imf_core::training::TrainingState;
-use imf_core::training::run::{Cursor, train};
+use imf_fields::recipe::TrainingState;
+use imf_fields::recipe::Cursor;
+use imf_train::training::run::train;
 use serde::{Deserialize, Serialize};
 
 use super::table::{Row, Table};
@@ -132,7 +133,7 @@ impl Sections {
     fn samples(&self, sampling: &Sampling) -> Samples {
         let mut samples = Samples::new(self.part.grid);
         for (index, section) in self.given().enumerate() {
-            let voxels = imf_core::dataset::draw(section, self.part.grid.dims, sampling, index as u64);
+            let voxels = imf_train::dataset::draw(section, self.part.grid.dims, sampling, index as u64);
             let values: Vec<f32> = voxels.iter().map(|&voxel| section[voxel as usize]).collect();
             samples.push_section([(GIVEN_EVERY * index) as f32, 90.0], &voxels, &values);
         }

@@ -1,9 +1,9 @@
 //! How much of the paper's protocol is run: the presets as they are, or with changes that the report lists.
 
 use anyhow::Result;
-use imf_core::factored::TeachSettings;
-use imf_core::regime::{self, Regime, preset};
-use imf_core::training::run::Length;
+use imf_fields::factored::TeachSettings;
+use imf_train::regime::{self, Regime, preset};
+use imf_fields::recipe::Length;
 use serde::Serialize;
 
 use crate::arguments::paper::PaperScale;

@@ -2,10 +2,10 @@
 
 use anyhow::{Context as _, Result, bail};
 use imf_core::control::Control;
-use imf_core::evaluation::{field_imf, field_sections};
-use imf_core::metrics::ErrorReport;
+use imf_fields::evaluation::{field_imf, field_sections};
+use imf_fields::metrics::ErrorReport;
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::regime::EvaluationSettings;
+use imf_train::regime::EvaluationSettings;
 use imf_core::section::{Imf, SectionPlan, imf};
 
 use crate::commands::regime::Outcome;

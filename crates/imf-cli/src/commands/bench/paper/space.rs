@@ -1,7 +1,7 @@
 //! The table of the three parts: `single` and `multi` against the exact field, and baselines in the same rows.
 
 use anyhow::{Context as _, Result, bail};
-use imf_core::regime::{Regime, SceneSettings};
+use imf_train::regime::{Regime, SceneSettings};
 use imf_core::scene::Scene;
 
 use super::baselines::{self, Method};

@@ -1,7 +1,7 @@
 //! Transfer, sparsity and architecture: the regimes that exist, beside the paper's numbers.
 
 use anyhow::{Context as _, Result};
-use imf_core::regime::Regime;
+use imf_train::regime::Regime;
 
 use super::questions::Questions;
 use super::table::{Row, Table};

@@ -1,6 +1,6 @@
 //! The report's tables as data: what was measured beside what the paper has, and how both stand to each other.
 
-use imf_core::metrics::ErrorReport;
+use imf_fields::metrics::ErrorReport;
 use serde::{Deserialize, Serialize};
 
 use super::published::Published;

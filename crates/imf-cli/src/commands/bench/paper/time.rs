@@ -4,7 +4,7 @@
 use std::time::Instant;
 
 use anyhow::Result;
-use imf_core::field::LearntField;
+use imf_fields::learnt::LearntField;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::{SectionPlan, stream_sections};
 use imf_gpu::GpuSections;

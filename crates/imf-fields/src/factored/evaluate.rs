@@ -1,0 +1,304 @@
+//! The field over a whole grid: g once at every voxel, then the harmonic field's products with all orientations.
+
+use std::borrow::Cow;
+use std::ops::Range;
+
+use glam::DVec3;
+use pulp::Arch;
+use rayon::prelude::*;
+
+use super::FactoredField;
+use super::symmetry::{LocalHarmonics, MOST_INPUTS, Place};
+use crate::harmonic::coefficients::{Coefficients, Precision};
+use crate::harmonic::{
+    FitReport, HarmonicField, Heads, Mirrors, VoxelCoefficients, minimum_of, parities, sections_of,
+};
+use imf_core::section::{Imf, Quantity};
+use crate::siren::forward::Network;
+use crate::siren::halves::HalfPanels;
+use crate::siren::lanes::dot;
+use crate::siren::matrix::{Matrix, multiply, prefer_unpacked};
+use crate::siren::plan::{Plan, transpose, transpose_all};
+use crate::siren::scratch::ScratchPool;
+use imf_core::vectorised::vectorised;
+use imf_core::workspaces::Workspaces;
+
+/// A field ready to be evaluated, on the current rayon pool.
+pub struct FactoredEvaluator<'a> {
+    pub(super) field: Cow<'a, FactoredField>,
+    pub arch: Arch,
+    pub plan: Plan,
+    pub panels: Vec<f32>,
+    /// The same in half the bytes, where that is exact and fast.
+    pub(super) halves: Option<HalfPanels>,
+    /// Two layers of a block.
+    layers: ScratchPool,
+    /// A block's points.
+    places: Workspaces<Vec<Place>>,
+    /// Where the network's outputs are along functions of its places' frames.
+    pub(super) local: Option<Local>,
+}
+
+/// What takes a block's outputs into the world's frame.
+pub(super) struct Local {
+    harmonics: LocalHarmonics,
+    /// Uᵀ: `[axes][K]`.
+    functions: Vec<f32>,
+    /// The outputs of a block.
+    outputs: ScratchPool,
+}
+
+/// A mirror plane that is so near to the grid's middle, in pitches, takes voxels to voxels.
+const NEAR: f64 = 1e-6;
+/// Points that pass through the network together.
+const BLOCK: usize = HarmonicField::BLOCK;
+
+impl FactoredField {
+    /// Lays the weights out for evaluation.
+    #[must_use]
+    pub fn evaluator(&self) -> FactoredEvaluator<'_> {
+        FactoredEvaluator::new(Cow::Borrowed(self))
+    }
+
+    /// As [`FactoredField::evaluator`], with the field inside.
+    #[must_use]
+    pub fn into_evaluator(self) -> FactoredEvaluator<'static> {
+        FactoredEvaluator::new(Cow::Owned(self))
+    }
+}
+
+impl<'a> FactoredEvaluator<'a> {
+    fn new(field: Cow<'a, FactoredField>) -> Self {
+        prefer_unpacked();
+        let plan = Plan::new(field.shape.stack());
+        let mut panels = vec![0.0; field.parameters.len()];
+        transpose_all(&plan, &field.parameters, &mut panels);
+        let layers = ScratchPool::new(2 * BLOCK * plan.stride());
+        let arch = Arch::new();
+        let halves = HalfPanels::of(arch, &panels);
+        let local = field.local_harmonics().map(|harmonics| {
+            let (axes, mut functions) = (field.shape.axes, vec![0.0; field.axes.len()]);
+            transpose(&field.axes, harmonics.len(), axes, &mut functions);
+            Local { harmonics, functions, outputs: ScratchPool::new(BLOCK * axes) }
+        });
+        FactoredEvaluator { field, arch, plan, panels, halves, layers, places: Workspaces::default(), local }
+    }
+
+    /// Takes over other weights of the same shape; all else stays as it is laid out.
+    ///
+    /// # Panics
+    /// If there are not as many.
+    pub fn set_parameters(&mut self, parameters: Vec<f32>) {
+        assert_eq!(parameters.len(), self.panels.len(), "as many weights as before");
+        transpose_all(&self.plan, &parameters, &mut self.panels);
+        self.halves = HalfPanels::of(self.arch, &self.panels);
+        self.field.to_mut().parameters = parameters;
+    }
+
+    /// The field that is evaluated.
+    #[must_use]
+    pub fn field(&self) -> &FactoredField {
+        &self.field
+    }
+}
+
+impl FactoredEvaluator<'_> {
+    fn network(&self) -> Network<'_> {
+        Network {
+            arch: self.arch,
+            plan: &self.plan,
+            parameters: &self.field.parameters,
+            panels: &self.panels,
+        }
+    }
+
+    /// The coefficients at up to a block's points, in the world's frame, into `z` as `[point][coefficient]`.
+    pub(crate) fn block(&self, points: impl Iterator<Item = DVec3>, z: &mut [f32]) {
+        let symmetry = &self.field.shape.symmetry;
+        self.places.with(|places| {
+            places.clear();
+            places.extend(points.map(|point| symmetry.place(point)));
+            self.block_at(places, z);
+        });
+    }
+
+    /// As [`Self::block`].
+    fn block_at(&self, places: &[Place], z: &mut [f32]) {
+        let field = &*self.field;
+        let Some(Local { harmonics, functions, outputs }) = &self.local else {
+            return self.outputs_at(places, z);
+        };
+        let (rows, axes, count) = (places.len(), field.shape.axes, harmonics.len());
+        outputs.with(|outputs| {
+            let outputs = &mut outputs[..rows * axes];
+            self.outputs_at(places, outputs);
+            z.chunks_exact_mut(count).for_each(|row| row.copy_from_slice(&field.mean));
+            let outputs = Matrix::row_major(outputs, rows, axes, axes);
+            multiply(z, count, outputs, Matrix::row_major(functions, axes, count, count), true);
+        });
+        for (row, place) in z.chunks_exact_mut(count).zip(places) {
+            harmonics.to_world(place, row);
+        }
+    }
+
+    /// The axes' order where coefficients are those of all functions of a direction whose numbers are in it, and nothing is added:
+    /// of fields that are told of a symmetry.
+    pub(crate) fn order(&self) -> Option<[usize; 3]> {
+        self.local.as_ref().map(|local| local.harmonics.order())
+    }
+
+    /// The network's outputs at up to a block's places, scaled, into `z` as `[place][axes]`.
+    fn outputs_at(&self, places: &[Place], z: &mut [f32]) {
+        let field = &*self.field;
+        let mut inputs = [0.0; BLOCK * MOST_INPUTS];
+        let inputs = &mut inputs[..places.len() * self.plan.stack.inputs];
+        for (input, place) in inputs.chunks_exact_mut(self.plan.stack.inputs).zip(places) {
+            input.copy_from_slice(&field.shape.symmetry.inputs_at(&field.grid, place));
+        }
+        self.layers.with(|layers| {
+            let (first, second) = layers.split_at_mut(BLOCK * self.plan.stride());
+            let network = self.network();
+            let last = network.hidden_layers(inputs, first, second);
+            network.outputs(last, z);
+        });
+        z.iter_mut().for_each(|z| *z *= self.field.scale);
+    }
+
+    /// The network's own outputs, not scaled, `[sample][axes]` into `out`, of `[sample][input]`.
+    pub fn outputs(&self, inputs: &[f32], out: &mut [f32]) {
+        let (stride, axes) = (self.plan.stride(), self.field.shape.axes);
+        let network = self.network();
+        self.layers.with(|layers| {
+            let (first, second) = layers.split_at_mut(BLOCK * stride);
+            for (inputs, out) in
+                inputs.chunks(BLOCK * self.plan.stack.inputs).zip(out.chunks_mut(BLOCK * axes))
+            {
+                network.outputs(network.hidden_layers(inputs, first, second), out);
+            }
+        });
+    }
+
+    /// The last hidden layer's activations with a 1 behind them, into `last` as `[point][width + 1]`, and the network's own
+    /// outputs, not scaled, into `outputs` as `[point][axes]`.
+    pub fn with_last_layer(
+        &self,
+        points: impl Iterator<Item = DVec3>,
+        last: &mut [f32],
+        outputs: &mut [f32],
+    ) {
+        let (width, stride, axes) = (self.plan.stack.width, self.plan.stride(), self.field.shape.axes);
+        let mut inputs = Vec::with_capacity(points.size_hint().0 * self.field.shape.symmetry.inputs());
+        points.for_each(|point| inputs.extend_from_slice(&self.field.input(point)));
+        let network = self.network();
+        self.layers.with(|layers| {
+            let (first, second) = layers.split_at_mut(BLOCK * stride);
+            let blocks = last.chunks_mut(BLOCK * (width + 1)).zip(outputs.chunks_mut(BLOCK * axes));
+            for (inputs, (last, outputs)) in inputs.chunks(BLOCK * self.plan.stack.inputs).zip(blocks) {
+                let hidden = network.hidden_layers(inputs, first, second);
+                network.outputs(hidden, outputs);
+                for (last, hidden) in last.chunks_exact_mut(width + 1).zip(hidden.chunks_exact(stride)) {
+                    last[..width].copy_from_slice(&hidden[..width]);
+                    last[width] = 1.0;
+                }
+            }
+        });
+    }
+
+    /// The sections of some orientations, `[orientation][voxel]` into `sections`, in [0, 1].
+    ///
+    /// # Panics
+    /// If `sections` has not that length.
+    pub fn sections(&self, heads: &Heads, sections: &mut [f32]) {
+        sections_of(self, heads, sections);
+    }
+
+    /// The least value over the orientations at every voxel with the first orientation that has it, as
+    /// [`HarmonicField::minimum`].
+    #[must_use]
+    pub fn minimum(&self, heads: &Heads) -> Imf {
+        minimum_of(self, heads)
+    }
+
+    /// The coefficients at every voxel, for many evaluations; `report` is the teacher's.
+    #[must_use]
+    pub fn expanded(&self, precision: Precision, report: FitReport) -> HarmonicField {
+        let (field, axes) = (&self.field, self.field.coefficient_count());
+        let mut coefficients = vec![0.0; field.grid.len() * axes];
+        coefficients.par_chunks_mut(BLOCK * axes).enumerate().for_each(|(block, z)| {
+            let from = block * BLOCK;
+            let voxels = from..from + z.len() / axes;
+            self.block(voxels.map(|voxel| field.grid.centre(field.grid.voxel(voxel))), z);
+        });
+        let (functions, mean) = field.functions_in_world();
+        HarmonicField {
+            quantity: field.quantity,
+            grid: field.grid,
+            basis: field.basis.clone(),
+            axes: functions.into_owned(),
+            mean: mean.into_owned(),
+            coefficients: Coefficients::new(coefficients, precision),
+            report,
+        }
+    }
+
+    /// Overlaps, in [0, 1], of many poses: `poses` are pairs of a point's and an orientation's index. The network runs
+    /// once a point and the functions once an orientation, however often poses name them. NaN outside the box of the
+    /// voxel centres.
+    ///
+    /// # Panics
+    /// If an index is out of range, or there are not as many `overlaps` as poses.
+    pub fn poses(&self, points: &[DVec3], heads: &Heads, poses: &[[u32; 2]], overlaps: &mut [f32]) {
+        assert_eq!(poses.len(), overlaps.len(), "one overlap for each pose");
+        let axes = self.field.coefficient_count();
+        let mut z = vec![0.0; points.len() * axes];
+        z.par_chunks_mut(BLOCK * axes).zip(points.par_chunks(BLOCK)).for_each(|(z, points)| {
+            self.block(points.iter().copied(), z);
+            for (z, &point) in z.chunks_exact_mut(axes).zip(points) {
+                if !self.field.grid.is_between_centres(point) {
+                    z.fill(f32::NAN);
+                }
+            }
+        });
+        let turned = heads.by_orientation();
+        overlaps.par_chunks_mut(BLOCK).zip(poses.par_chunks(BLOCK)).for_each(|(overlaps, poses)| {
+            vectorised!(self.arch, {
+                for (overlap, &[point, orientation]) in overlaps.iter_mut().zip(poses) {
+                    let z = &z[point as usize * axes..][..axes];
+                    let (constant, along) = turned.of(orientation as usize);
+                    *overlap = self.field.quantity.held(constant + dot(z, along));
+                }
+            });
+        });
+    }
+}
+
+impl VoxelCoefficients for FactoredEvaluator<'_> {
+    fn quantity(&self) -> Quantity {
+        self.field.quantity
+    }
+
+    fn dims(&self) -> [usize; 3] {
+        self.field.grid.dims
+    }
+
+    fn axes(&self) -> usize {
+        self.field.coefficient_count()
+    }
+
+    fn mirrors(&self, _: usize) -> Option<Mirrors> {
+        let (local, grid) = (self.local.as_ref()?, &self.field.grid);
+        let middle = grid.origin + 0.5 * grid.size();
+        let across = [0, 1, 2].map(|axis| {
+            let plane = self.field.shape.symmetry.mirrors[axis];
+            plane.is_some_and(|plane| (plane - middle[axis]).abs() <= NEAR * grid.pitch)
+        });
+        Mirrors::new(across, parities(self.field.basis.degree(), across, local.harmonics.order()))
+    }
+
+    fn read<'a>(&'a self, voxels: Range<usize>, scratch: &'a mut Vec<f32>) -> &'a [f32] {
+        scratch.resize(voxels.len() * self.axes(), 0.0);
+        let grid = &self.field.grid;
+        self.block(voxels.map(|voxel| grid.centre(grid.voxel(voxel))), scratch);
+        scratch
+    }
+}

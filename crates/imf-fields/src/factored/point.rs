@@ -1,0 +1,161 @@
+//! Single poses: value and exact derivatives in position and direction.
+//!
+//! A point passes through the network with its three tangents beside it, four rows that share one reading of the
+//! weights; what comes out are the coefficients and their derivatives by position, whatever the direction. Each direction
+//! asked there then costs two readings of the axes.
+
+use glam::DVec3;
+
+use super::FactoredEvaluator;
+use super::symmetry::Place;
+use crate::harmonic::basis::Facing;
+use crate::harmonic::{Functions, Gradient, TurnScratch};
+use imf_core::orientation::Orientation;
+use crate::siren::tangent::PanelOfPoint;
+
+/// Working memory of a thread that asks for single poses; nothing is allocated once it has its size.
+#[derive(Default)]
+pub struct PointScratch {
+    /// `[rows][neuron]`, rows as long as the widest layer: activations, and their tangents.
+    signal: Vec<f32>,
+    next: Vec<f32>,
+    /// `[rows][axes]`: coefficients, and their derivatives along x, y and z.
+    z: Vec<f32>,
+    turns: TurnScratch,
+}
+
+/// The field at one point: ask it for any number of directions.
+pub struct FactoredPoint<'a> {
+    evaluator: &'a FactoredEvaluator<'a>,
+    place: Place,
+    scratch: &'a mut PointScratch,
+}
+
+impl FactoredEvaluator<'_> {
+    /// The overlap with the tool's tip at a world position, in [0, 1]. `None` outside the box of the voxel centres.
+    #[must_use]
+    pub fn overlap(
+        &self,
+        position: DVec3,
+        orientation: &Orientation,
+        scratch: &mut PointScratch,
+    ) -> Option<f32> {
+        let place = self.pass::<1>(position, scratch)?;
+        Some(self.field.quantity.held(self.value(&place, orientation, scratch)))
+    }
+
+    /// The overlap, not clipped, with its gradients in position and in how the tool stands. `None` outside the box of the voxel
+    /// centres, and for a direction alone where the field is over rotations.
+    #[must_use]
+    pub fn overlap_with_gradient(
+        &self,
+        position: DVec3,
+        facing: impl Into<Facing>,
+        scratch: &mut PointScratch,
+    ) -> Option<Gradient> {
+        self.point(position, scratch)?.gradient(facing)
+    }
+
+    /// The field at a world position, with its derivatives. `None` outside the box of the voxel centres.
+    #[must_use]
+    pub fn point<'a>(&'a self, position: DVec3, scratch: &'a mut PointScratch) -> Option<FactoredPoint<'a>> {
+        let place = self.pass::<4>(position, scratch)?;
+        Some(FactoredPoint { evaluator: self, place, scratch })
+    }
+
+    /// Fills the first `ROWS` rows of `z`: the coefficients in the frame of the place, then their derivatives by its position.
+    fn pass<const ROWS: usize>(&self, position: DVec3, scratch: &mut PointScratch) -> Option<Place> {
+        let field = &*self.field;
+        if !field.grid.is_between_centres(position) {
+            return None;
+        }
+        let stack = self.plan.stack;
+        let place = field.shape.symmetry.place(position);
+        let widest = stack.width.max(stack.outputs).max(stack.inputs);
+        let PointScratch { signal, next, z, .. } = scratch;
+        signal.resize(widest * ROWS, 0.0);
+        next.resize(widest * ROWS, 0.0);
+        signal[..stack.inputs].copy_from_slice(&field.shape.symmetry.inputs_at(&field.grid, &place));
+        // Derivatives by the network's unit of length.
+        let slopes = place
+            .angle_slopes(field.blunt())
+            .map(|slopes| slopes.map(|slope| slope / field.inverse_length()));
+        for (axis, angle) in slopes.into_iter().enumerate().take(ROWS - 1) {
+            let row = &mut signal[(axis + 1) * widest..][..stack.inputs];
+            row.fill(0.0);
+            row[axis] = 1.0;
+            row[3..].iter_mut().zip(angle).for_each(|(input, slope)| *input = slope as f32);
+        }
+        for (index, layer) in self.plan.layers.iter().enumerate() {
+            for neurons in self.plan.panels(index) {
+                let range = self.plan.panel_range(index, &neurons);
+                let bare = PanelOfPoint::<(), ROWS> {
+                    panel: &[],
+                    biases: &field.parameters[layer.biases + neurons.start..][..neurons.len()],
+                    signal: std::array::from_fn(|row| &signal[row * widest..][..layer.inputs]),
+                    out: next,
+                    widest,
+                    first: neurons.start,
+                    omega: (index < stack.hidden).then_some(stack.omega),
+                };
+                match &self.halves {
+                    Some(halves) => halves.run(bare.of(&halves.panels()[range])),
+                    None => self.arch.dispatch(bare.of(&self.panels[range])),
+                }
+            }
+            std::mem::swap(signal, next);
+        }
+        let axes = stack.outputs;
+        z.resize(4 * axes, 0.0);
+        let slope = field.scale * field.inverse_length() as f32;
+        for (row, (z, signal)) in z.chunks_exact_mut(axes).zip(signal.chunks_exact(widest)).enumerate() {
+            let scale = if row == 0 { field.scale } else { slope };
+            z.iter_mut().zip(signal).for_each(|(z, &value)| *z = value * scale);
+        }
+        Some(place)
+    }
+
+    /// The value at an orientation of what the first row of `z` holds.
+    fn value(&self, place: &Place, orientation: &Orientation, scratch: &mut PointScratch) -> f32 {
+        let PointScratch { z, turns, .. } = scratch;
+        let z = &z[..self.plan.stack.outputs];
+        match self.local {
+            None => self.functions().value(orientation, z, turns),
+            Some(_) => self.functions().value_at(place.to_local(orientation.direction()), z, turns),
+        }
+    }
+
+    fn functions(&self) -> Functions<'_> {
+        let field = &*self.field;
+        Functions { arch: self.arch, basis: &field.basis, axes: &field.axes, mean: &field.mean }
+    }
+}
+
+impl FactoredPoint<'_> {
+    /// The overlap in an orientation, in [0, 1].
+    #[must_use]
+    pub fn overlap(&mut self, orientation: &Orientation) -> f32 {
+        let value = self.evaluator.value(&self.place, orientation, self.scratch);
+        self.evaluator.field.quantity.held(value)
+    }
+
+    /// The overlap, not clipped, with its gradients; `None` for a direction alone where the field is over rotations, or one of no
+    /// length.
+    #[must_use]
+    pub fn gradient(&mut self, facing: impl Into<Facing>) -> Option<Gradient> {
+        let field = &*self.evaluator.field;
+        let facing = field.basis.facing(facing)?;
+        let PointScratch { z, turns, .. } = &mut *self.scratch;
+        let (z, slopes) = z.split_at(self.evaluator.plan.stack.outputs);
+        let functions = self.evaluator.functions();
+        let Facing::Direction(direction) = facing else {
+            // Fields over rotations know no symmetry: the place's frame is the world's.
+            return Some(functions.gradient(facing, z, slopes, turns));
+        };
+        let local = self.place.to_local(direction);
+        let found = functions.gradient(Facing::Direction(local), z, slopes, turns);
+        let [position, turn] =
+            self.place.slopes_in_world(local, found.position, found.direction, field.blunt());
+        Some(Gradient { position, direction: turn, rotation: direction.cross(turn), ..found })
+    }
+}

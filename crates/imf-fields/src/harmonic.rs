@@ -1,0 +1,106 @@
+//! The harmonic field: every orientation at once, from exact sections, without training.
+//!
+//! At each voxel the collision measure is a function of the orientation alone, and a smooth one: `CMF(x, R) = Σ_k c_k(x)
+//! b_k(R)` with a few hundred harmonics b (`basis`). The coefficients come from exact sections by least squares
+//! (`fit`); their definition by the tool's radial profile is `radial`. They are kept along their principal axes,
+//! `c = μ + U z`, so that a section is `⟨z(x), Uᵀ b(R)⟩ + μ·b(R)`: one product for any number of orientations
+//! (`evaluate`), with exact gradients in the direction.
+//!
+//! A field of the overlap at the tip serves every sharp point, read at x − R k: files hold this kind alone
+//! (`SectionPlan::of_scene`). It is the same at every roll where the tool is a body of revolution, wherever its sharp points
+//! are. A fit may also be of the least over the sharp points itself, for sections: that one bends more sharply, needs a
+//! higher degree, and depends on the roll where the sharp points do. Values are for voxel centres and trilinear between them; outside the box of the voxel centres there is no answer ([`HarmonicField::overlap`]).
+
+mod answers;
+pub mod basis;
+mod both_ways;
+mod cells;
+pub mod coefficients;
+mod degree;
+mod evaluate;
+pub mod file;
+mod fit;
+mod fours;
+mod mirrors;
+mod npz;
+mod point;
+pub mod radial;
+mod refine;
+pub mod rotations;
+mod sides;
+pub mod sphere;
+
+pub use answers::HarmonicAnswers;
+pub use degree::{degree_for, sections_tried};
+pub use evaluate::{HEADS_AT_ONCE, Heads};
+pub(crate) use evaluate::{VoxelCoefficients, least_of, minimum_of, sections_of};
+pub use fit::solve::function_values;
+pub use fit::source::{Source, SourceScratch};
+pub use fit::{FitReport, FitSettings, Sizes, estimate, fit, section_count};
+pub use fit::{Outline, outline};
+pub(crate) use mirrors::{Mirrors, parities};
+pub(crate) use point::{Functions, TurnScratch};
+pub use point::{Gradient, PointScratch};
+pub use refine::Refined;
+
+use thiserror::Error;
+
+use imf_core::grid::Grid;
+use imf_core::orientation::OrientationSetError;
+use imf_core::section::{Quantity, SectionError};
+use basis::Basis;
+use coefficients::Coefficients;
+
+/// Why a harmonic field cannot be made.
+#[derive(Debug, Error)]
+pub enum HarmonicError {
+    /// A setting out of range.
+    #[error("harmonic field: {0}")]
+    Settings(String),
+    /// Too few orientations for so many functions.
+    #[error("the sections do not determine every coefficient: more sections a function, or a lower degree")]
+    Singular,
+    /// A section failed, or the work was interrupted.
+    #[error(transparent)]
+    Section(#[from] SectionError),
+    /// A set of so many orientations cannot be made.
+    #[error(transparent)]
+    Orientations(#[from] OrientationSetError),
+}
+
+/// The overlap of tool and obstacle at every voxel as a function of the orientation, or the depth of that.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HarmonicField {
+    /// What its values are.
+    pub quantity: Quantity,
+    /// Where the voxels are.
+    pub grid: Grid,
+    /// The functions of the orientation, K of them.
+    pub basis: Basis,
+    /// U: `[K][axes]`, orthonormal columns.
+    pub axes: Vec<f32>,
+    /// μ: `[K]`.
+    pub mean: Vec<f32>,
+    /// z: `[voxel][axes]`.
+    pub coefficients: Coefficients,
+    /// What is known of its errors.
+    pub report: FitReport,
+}
+
+impl HarmonicField {
+    /// Axes kept.
+    #[must_use]
+    pub fn axis_count(&self) -> usize {
+        self.axes.len() / self.basis.len()
+    }
+
+    /// Bytes of the coefficients and axes.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.coefficients.len() as u64 * self.coefficients.precision().bytes()
+            + 4 * (self.axes.len() + self.mean.len()) as u64
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,150 @@
+//! The coefficients of every voxel along the kept axes, in f32 or in half the memory.
+
+use std::ops::Range;
+
+use half::f16;
+use half::slice::HalfFloatSliceExt as _;
+use half::vec::HalfBitsVecExt as _;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use imf_core::workspaces::Workspaces;
+
+/// How coefficients are kept.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// 4 bytes each.
+    F32,
+    /// 2 bytes each, 11 bits of mantissa: an error of 2.4e-4 of each coefficient.
+    #[default]
+    F16,
+}
+
+impl Precision {
+    /// Bytes of a coefficient.
+    #[must_use]
+    pub const fn bytes(self) -> u64 {
+        match self {
+            Self::F32 => 4,
+            Self::F16 => 2,
+        }
+    }
+}
+
+/// Working memory for a block of voxels.
+#[derive(Default)]
+pub(super) struct BlockScratch {
+    made_from: Vec<f32>,
+    /// Before they are turned into halves.
+    values: Vec<f32>,
+}
+
+/// Zeros of whole numbers, which the kernel hands out untouched: no thread writes them first.
+fn zero_halves(count: usize) -> Vec<f16> {
+    vec![0u16; count].reinterpret_into()
+}
+
+/// `[voxel][axis]`.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Coefficients {
+    /// In f32.
+    F32(Vec<f32>),
+    /// In f16.
+    F16(Vec<f16>),
+}
+
+impl Coefficients {
+    /// Keeps values in a precision; f32 keeps the very array.
+    #[must_use]
+    pub fn new(values: Vec<f32>, precision: Precision) -> Self {
+        match precision {
+            Precision::F32 => Self::F32(values),
+            Precision::F16 => {
+                let mut halves = zero_halves(values.len());
+                halves.convert_from_f32_slice(&values);
+                Self::F16(halves)
+            }
+        }
+    }
+
+    /// As many zeros.
+    #[must_use]
+    pub(super) fn zeros(count: usize, precision: Precision) -> Self {
+        match precision {
+            Precision::F32 => Self::F32(vec![0.0; count]),
+            Precision::F16 => Self::F16(zero_halves(count)),
+        }
+    }
+
+    /// Makes those of `voxels`, with `axes` each, block by block: `make(scratch, index, values)` fills `[voxel][axes]` of up to
+    /// `block` voxels, the index-th so many, on the threads of the current pool; `scratch` holds what another block left.
+    pub(super) fn fill_by_blocks(
+        &mut self,
+        voxels: Range<usize>,
+        axes: usize,
+        block: usize,
+        workspaces: &Workspaces<BlockScratch>,
+        make: impl Fn(&mut Vec<f32>, usize, &mut [f32]) + Sync,
+    ) {
+        let own = voxels.start * axes..voxels.end * axes;
+        match self {
+            Self::F32(all) => {
+                let blocks = all[own].par_chunks_mut(block * axes).enumerate();
+                blocks.for_each(|(index, values)| {
+                    workspaces.with(|scratch| make(&mut scratch.made_from, index, values));
+                });
+            }
+            Self::F16(all) => {
+                let blocks = all[own].par_chunks_mut(block * axes).enumerate();
+                blocks.for_each(|(index, halves)| {
+                    workspaces.with(|BlockScratch { made_from, values }| {
+                        values.resize(block * axes, 0.0);
+                        let values = &mut values[..halves.len()];
+                        make(made_from, index, values);
+                        halves.convert_from_f32_slice(values);
+                    });
+                });
+            }
+        }
+    }
+
+    /// How they are kept.
+    #[must_use]
+    pub fn precision(&self) -> Precision {
+        match self {
+            Self::F32(_) => Precision::F32,
+            Self::F16(_) => Precision::F16,
+        }
+    }
+
+    /// Number of coefficients.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        match self {
+            Self::F32(values) => values.len(),
+            Self::F16(values) => values.len(),
+        }
+    }
+
+    /// True without any.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Those from `from` to `to` as f32: where they lie, or turned into `scratch`.
+    ///
+    /// # Panics
+    /// If the range sticks out.
+    pub fn read<'a>(&'a self, from: usize, to: usize, scratch: &'a mut Vec<f32>) -> &'a [f32] {
+        match self {
+            Self::F32(values) => &values[from..to],
+            Self::F16(values) => {
+                scratch.resize(to - from, 0.0);
+                values[from..to].convert_to_f32_slice(scratch);
+                scratch
+            }
+        }
+    }
+}

@@ -1,0 +1,360 @@
+//! Sections and minima at any orientations by one blocked product, never storing the field.
+
+use std::ops::Range;
+
+use pulp::Arch;
+use rayon::prelude::*;
+
+use super::HarmonicField;
+use super::basis::Basis;
+use super::mirrors::Mirrors;
+use super::sides;
+use imf_core::control::Control;
+use imf_core::field::QueryError;
+use imf_core::orientation::Orientation;
+use imf_core::section::{Imf, Quantity};
+use crate::siren::matrix::{Matrix, multiply};
+use imf_core::vectorised::vectorised;
+
+/// Orientations as the field reads them: `Uᵀ b(R)` and `μ·b(R)` for each.
+pub struct Heads {
+    /// `[axes][orientation]`.
+    along: Vec<f32>,
+    /// `[orientation]`.
+    constant: Vec<f32>,
+}
+
+impl Heads {
+    /// Orientations for the functions of a basis, their `axes` `[K][axes]` and `mean` `[K]`.
+    ///
+    /// # Panics
+    /// If there is not one mean and one row of axes for each function.
+    #[must_use]
+    pub fn new(basis: &Basis, axes: &[f32], mean: &[f32], orientations: &[Orientation]) -> Self {
+        let functions = basis.len();
+        assert!(
+            mean.len() == functions && axes.len().is_multiple_of(functions),
+            "a mean and a row for each function"
+        );
+        let width = axes.len() / functions;
+        let mut values = vec![0.0f32; functions * orientations.len()];
+        values.par_chunks_mut(functions).zip(orientations).for_each_init(
+            || vec![0.0; functions],
+            |row, (out, orientation)| {
+                basis.values(orientation, row);
+                out.iter_mut().zip(row).for_each(|(out, &mut v)| *out = v as f32);
+            },
+        );
+        let constant = values
+            .par_chunks(functions)
+            .map(|row| row.iter().zip(mean).map(|(&b, &m)| f64::from(b) * f64::from(m)).sum::<f64>() as f32)
+            .collect();
+        let mut along = vec![0.0; width * orientations.len()];
+        multiply(
+            &mut along,
+            orientations.len(),
+            Matrix::row_major(axes, functions, width, width).transposed(),
+            Matrix::row_major(&values, orientations.len(), functions, functions).transposed(),
+            false,
+        );
+        Self { along, constant }
+    }
+
+    /// Orientations for coefficients that are those of the functions themselves, of directions whose numbers are in an order.
+    pub(crate) fn in_order(basis: &Basis, order: [usize; 3], orientations: &[Orientation]) -> Self {
+        let (functions, count) = (basis.len(), orientations.len());
+        let mut along = vec![0.0f32; functions * count];
+        let mut row = vec![0.0; functions];
+        for (place, orientation) in orientations.iter().enumerate() {
+            let direction = orientation.direction();
+            basis.values_of_direction(order.map(|axis| direction[axis]).into(), &mut row);
+            along[place..].iter_mut().step_by(count).zip(&row).for_each(|(out, &value)| *out = value as f32);
+        }
+        Self { along, constant: vec![0.0; count] }
+    }
+
+    /// `Uᵀ b(R)` of every orientation: `[axes][orientation]`.
+    #[must_use]
+    pub fn along(&self) -> &[f32] {
+        &self.along
+    }
+
+    /// `μ·b(R)` of every orientation.
+    #[must_use]
+    pub fn constants(&self) -> &[f32] {
+        &self.constant
+    }
+
+    /// The same orientations, each one's values side by side, for poses in no order.
+    pub(crate) fn by_orientation(&self) -> TurnedHeads<'_> {
+        let (count, axes) = (self.len(), self.along.len() / self.len().max(1));
+        let mut along = vec![0.0; self.along.len()];
+        along.par_chunks_mut(TURNED * axes.max(1)).enumerate().for_each(|(part, along)| {
+            let first = part * TURNED;
+            for (axis, row) in self.along.chunks_exact(count).enumerate() {
+                for (place, &value) in row[first..].iter().take(along.len() / axes).enumerate() {
+                    along[place * axes + axis] = value;
+                }
+            }
+        });
+        TurnedHeads { axes, along, constant: &self.constant }
+    }
+
+    /// `Uᵀ b(R)`, `[axes][orientation]`, and `μ·b(R)`.
+    pub(super) fn into_parts(self) -> (Vec<f32>, Vec<f32>) {
+        (self.along, self.constant)
+    }
+
+    /// The orientations in chunks whose values stay in the inner caches.
+    pub(super) fn chunks(&self) -> impl Iterator<Item = Range<usize>> + use<> {
+        let count = self.len();
+        (0..count).step_by(CHUNK).map(move |start| start..(start + CHUNK).min(count))
+    }
+
+    /// Values of some voxels, whose coefficients `z` are `[voxel][axes]`, in the orientations of a chunk:
+    /// `[voxel][orientation]`, not clipped.
+    pub(super) fn values(&self, z: &[f32], axes: usize, chunk: Range<usize>, values: &mut Vec<f32>) {
+        let (rows, columns) = (z.len() / axes, chunk.len());
+        values.resize(rows * columns, 0.0);
+        for row in values.chunks_exact_mut(columns) {
+            row.copy_from_slice(&self.constant[chunk.clone()]);
+        }
+        multiply(
+            values,
+            columns,
+            Matrix::row_major(z, rows, axes, axes),
+            Matrix::row_major(&self.along[chunk.start..], axes, columns, self.len()),
+            true,
+        );
+    }
+
+    /// Number of orientations.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.constant.len()
+    }
+
+    /// True without any.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.constant.is_empty()
+    }
+}
+
+/// [`Heads`] with each orientation's values side by side.
+pub(crate) struct TurnedHeads<'a> {
+    axes: usize,
+    /// `[orientation][axes]`.
+    along: Vec<f32>,
+    constant: &'a [f32],
+}
+
+impl TurnedHeads<'_> {
+    /// `μ·b(R)` and `Uᵀ b(R)` of an orientation.
+    #[inline(always)]
+    pub(crate) fn of(&self, orientation: usize) -> (f32, &[f32]) {
+        (self.constant[orientation], &self.along[orientation * self.axes..][..self.axes])
+    }
+}
+
+/// Where the coefficients of a block of voxels come from: an array, or a network.
+pub(crate) trait VoxelCoefficients: Sync {
+    /// Voxels of the grid along each axis.
+    fn dims(&self) -> [usize; 3];
+    /// Voxels of the grid.
+    fn voxels(&self) -> usize {
+        self.dims().iter().product()
+    }
+    /// What the values are.
+    fn quantity(&self) -> Quantity;
+    /// Coefficients of a voxel.
+    fn axes(&self) -> usize;
+    /// Where they are their own mirror images, if that is worth asking for so many orientations.
+    fn mirrors(&self, orientations: usize) -> Option<Mirrors>;
+    /// `[voxel][axes]` of a range: where they lie, or computed into `scratch`.
+    fn read<'a>(&'a self, voxels: Range<usize>, scratch: &'a mut Vec<f32>) -> &'a [f32];
+}
+
+/// Orientations of a chunk.
+const CHUNK: usize = 512;
+/// Orientations whose [`Heads`] are held at a time where any number is asked for: 57 MB of a field of degree 16.
+pub const HEADS_AT_ONCE: usize = 1 << 14;
+/// Orientations for which a field is looked through for its mirror planes: a product with so many takes several times as long.
+pub(super) const MANY: usize = 100;
+/// Orientations that one thread turns at a time.
+const TURNED: usize = 256;
+
+impl HarmonicField {
+    /// Voxels of a block: its coefficients and a chunk's values stay in the inner caches.
+    pub const BLOCK: usize = 256;
+
+    /// Prepares orientations.
+    #[must_use]
+    pub fn heads(&self, orientations: &[Orientation]) -> Heads {
+        Heads::new(&self.basis, &self.axes, &self.mean, orientations)
+    }
+
+    /// The sections of some orientations, `[orientation][voxel]` into `sections`; overlaps in [0, 1].
+    ///
+    /// # Panics
+    /// If `sections` has not that length.
+    pub fn sections(&self, heads: &Heads, sections: &mut [f32]) {
+        sections_of(self, heads, sections);
+    }
+
+    /// The least value over the orientations at every voxel, an overlap in [0, 1], with the first orientation that has it before
+    /// clipping. Memory does not grow with the number of orientations but for [`Heads`], and a copy of these where the field is its
+    /// own mirror image.
+    #[must_use]
+    pub fn minimum(&self, heads: &Heads) -> Imf {
+        minimum_of(self, heads)
+    }
+}
+
+impl VoxelCoefficients for HarmonicField {
+    fn quantity(&self) -> Quantity {
+        self.quantity
+    }
+
+    fn dims(&self) -> [usize; 3] {
+        self.grid.dims
+    }
+
+    fn axes(&self) -> usize {
+        self.axis_count()
+    }
+
+    fn mirrors(&self, orientations: usize) -> Option<Mirrors> {
+        if orientations < MANY { None } else { Mirrors::of(self) }
+    }
+
+    fn read<'a>(&'a self, voxels: Range<usize>, scratch: &'a mut Vec<f32>) -> &'a [f32] {
+        let axes = self.axis_count();
+        self.coefficients.read(voxels.start * axes, voxels.end * axes, scratch)
+    }
+}
+
+/// [`HarmonicField::sections`] of coefficients from anywhere.
+pub(crate) fn sections_of(source: &impl VoxelCoefficients, heads: &Heads, sections: &mut [f32]) {
+    assert_eq!(sections.len(), source.voxels() * heads.len(), "one value for each orientation and voxel");
+    match source.mirrors(heads.len()) {
+        Some(mirrors) => sides::sections_of(source, &mirrors, heads, sections),
+        None => whole_sections(source, heads, sections),
+    }
+}
+
+/// [`HarmonicField::minimum`] of coefficients from anywhere.
+pub(crate) fn minimum_of(source: &impl VoxelCoefficients, heads: &Heads) -> Imf {
+    let mut least = Imf::new(source.voxels());
+    lower_to(source, heads, 0, &mut least, Control::quiet());
+    least.hold(source.quantity());
+    least
+}
+
+/// The same of any number of orientations, whose heads are made for some at a time. One unit of progress is one value.
+pub(crate) fn least_of(
+    source: &impl VoxelCoefficients,
+    heads: impl Fn(&[Orientation]) -> Heads,
+    orientations: &[Orientation],
+    control: Control<'_>,
+) -> Result<Imf, QueryError> {
+    let mut least = Imf::new(source.voxels());
+    for (batch, orientations) in orientations.chunks(HEADS_AT_ONCE).enumerate() {
+        if !lower_to(source, &heads(orientations), batch * HEADS_AT_ONCE, &mut least, control) {
+            return Err(QueryError::Cancelled);
+        }
+    }
+    least.hold(source.quantity());
+    Ok(least)
+}
+
+/// Takes the values of some orientations, the first of which has a place in a longer list, into account, not clipped; `false` where
+/// the control asked to stop before all was done.
+fn lower_to(
+    source: &impl VoxelCoefficients,
+    heads: &Heads,
+    first: usize,
+    least: &mut Imf,
+    control: Control<'_>,
+) -> bool {
+    match source.mirrors(heads.len()) {
+        Some(mirrors) => sides::lower_to(source, &mirrors, heads, first, least, control),
+        None => lower_to_whole(source, heads, first, least, control),
+    }
+}
+
+/// [`sections_of`], voxel by voxel.
+pub(super) fn whole_sections(source: &impl VoxelCoefficients, heads: &Heads, sections: &mut [f32]) {
+    let (voxels, axes, quantity) = (source.voxels(), source.axes(), source.quantity());
+    // The same array by blocks of voxels: one piece of each section.
+    let blocks = voxels.div_ceil(HarmonicField::BLOCK);
+    let mut pieces: Vec<Vec<&mut [f32]>> = (0..blocks).map(|_| Vec::with_capacity(heads.len())).collect();
+    for section in sections.chunks_exact_mut(voxels) {
+        for (block, piece) in section.chunks_mut(HarmonicField::BLOCK).enumerate() {
+            pieces[block].push(piece);
+        }
+    }
+    pieces.par_iter_mut().enumerate().for_each_init(Scratch::default, |scratch, (block, pieces)| {
+        let Scratch { coefficients, values, .. } = scratch;
+        let from = block * HarmonicField::BLOCK;
+        let z = source.read(from..(from + HarmonicField::BLOCK).min(voxels), coefficients);
+        for chunk in heads.chunks() {
+            heads.values(z, axes, chunk.clone(), values);
+            let columns = chunk.len();
+            for (column, piece) in pieces[chunk].iter_mut().enumerate() {
+                let values = values[column..].iter().step_by(columns);
+                piece.iter_mut().zip(values).for_each(|(out, &value)| *out = quantity.held(value));
+            }
+        }
+    });
+}
+
+/// [`lower_to`], voxel by voxel.
+pub(super) fn lower_to_whole(
+    source: &impl VoxelCoefficients,
+    heads: &Heads,
+    first: usize,
+    least: &mut Imf,
+    control: Control<'_>,
+) -> bool {
+    let axes = source.axes();
+    let values = least.value.par_chunks_mut(HarmonicField::BLOCK);
+    let blocks = values.zip(least.best.par_chunks_mut(HarmonicField::BLOCK)).enumerate();
+    let done = blocks.map_init(Scratch::default, |scratch, (block, (least, best))| {
+        if control.is_cancelled() {
+            return false;
+        }
+        let Scratch { arch, coefficients, values } = scratch;
+        let from = block * HarmonicField::BLOCK;
+        let z = source.read(from..from + least.len(), coefficients);
+        for chunk in heads.chunks() {
+            heads.values(z, axes, chunk.clone(), values);
+            let rows = values.chunks_exact(chunk.len());
+            for ((least, best), row) in least.iter_mut().zip(best.iter_mut()).zip(rows) {
+                let lowest = vectorised!(arch, lowest(row));
+                if lowest < *least {
+                    let place = row.iter().position(|&v| v == lowest).unwrap_or(0);
+                    (*least, *best) = (lowest, (first + chunk.start + place) as u32);
+                }
+            }
+        }
+        (control.progress)((least.len() * heads.len()) as u64);
+        true
+    });
+    done.reduce(|| true, |a, b| a && b)
+}
+
+/// The least of some values.
+#[inline(always)]
+pub(super) fn lowest(values: &[f32]) -> f32 {
+    values.iter().fold(f32::INFINITY, |a, &b| if b < a { b } else { a })
+}
+
+/// Working memory of one thread.
+#[derive(Default)]
+pub(super) struct Scratch {
+    pub arch: Arch,
+    pub(super) coefficients: Vec<f32>,
+    /// `[voxel][orientation]` of the block and chunk last computed.
+    pub(super) values: Vec<f32>,
+}

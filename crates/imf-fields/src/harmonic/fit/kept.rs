@@ -1,0 +1,208 @@
+//! Sections that stay in memory, two bytes a value.
+//!
+//! ```text
+//! group 0 (sections 0 to 3): block 0: [section][voxel] block 1: [section][voxel] … | group 1: …
+//! ```
+//! Sections are written a group at a time and read a block at a time: this order keeps both in long stretches.
+
+use std::ops::Range;
+
+use pulp::Arch;
+use rayon::prelude::*;
+
+use super::source::{Source, SourceScratch};
+use imf_core::control::Control;
+use crate::harmonic::fours::IMAGES;
+use imf_core::orientation::Orientation;
+use imf_core::section::SectionError;
+use imf_core::vectorised::vectorised;
+use imf_core::workspaces::Workspaces;
+
+/// Voxels of a block.
+pub(super) const KEPT_BLOCK: usize = 256;
+/// Sections of a group: a direction and its images.
+const GROUP: usize = IMAGES;
+
+/// Working memory of threads that fill sections in; the values are `[section of a group][voxel]`.
+pub(super) type KeptWorkspaces = Workspaces<(SourceScratch, Vec<u16>)>;
+
+/// Exact values as whole numbers ([`Source::kept`]).
+pub(super) struct KeptSections {
+    /// The least value, and what one step is worth: 0 and `UNIT` of overlaps.
+    low: f32,
+    step: f32,
+    /// Values of a section.
+    pub(super) voxels: usize,
+    values: Vec<u16>,
+}
+
+impl KeptSections {
+    /// Room for `sections` of `voxels` values each.
+    pub(super) fn new(source: &Source<'_>, sections: usize, voxels: usize) -> Self {
+        let (low, step) = source.steps();
+        Self { low, step, voxels, values: vec![0; sections * voxels] }
+    }
+
+    /// All sections of the grid, whole.
+    pub(super) fn count(
+        source: &Source<'_>,
+        set: &[Orientation],
+        control: Control<'_>,
+    ) -> Result<Self, SectionError> {
+        let voxels = source.grid().len();
+        let mut kept = Self::new(source, set.len(), voxels);
+        let mut orientations: Vec<_> = set.iter().collect();
+        kept.fill(
+            voxels,
+            &mut orientations,
+            &Workspaces::default(),
+            control,
+            |orientation, scratch, section| {
+                source.kept(orientation, scratch, section)?;
+                (control.progress)(1);
+                Ok(())
+            },
+        )?;
+        Ok(kept)
+    }
+
+    /// Fills in sections of `voxels` values, at most as many as there is room for: what `make` makes of each of `tools`.
+    pub(super) fn fill<T: Send>(
+        &mut self,
+        voxels: usize,
+        tools: &mut [T],
+        workspaces: &KeptWorkspaces,
+        control: Control<'_>,
+        make: impl Fn(&mut T, &mut SourceScratch, &mut [u16]) -> Result<(), SectionError> + Sync,
+    ) -> Result<(), SectionError> {
+        self.voxels = voxels;
+        self.values.truncate(tools.len() * voxels);
+        let groups = self.values.par_chunks_mut(GROUP * voxels).zip(tools.par_chunks_mut(GROUP));
+        groups.try_for_each(|(kept, tools)| {
+            workspaces.with(|(scratch, sections)| {
+                sections.resize(tools.len() * voxels, 0);
+                for (section, tool) in sections.chunks_exact_mut(voxels).zip(tools) {
+                    if control.is_cancelled() {
+                        return Err(SectionError::Cancelled);
+                    }
+                    make(tool, scratch, section)?;
+                }
+                into_blocks(sections, voxels, kept);
+                Ok(())
+            })
+        })
+    }
+
+    /// Overlaps that are known already, `[section][voxel]`.
+    #[cfg(test)]
+    pub(super) fn of_overlaps(voxels: usize, sections: &[u16]) -> Self {
+        let mut values = vec![0; sections.len()];
+        let groups = sections.chunks(GROUP * voxels).zip(values.chunks_mut(GROUP * voxels));
+        groups.for_each(|(sections, kept)| into_blocks(sections, voxels, kept));
+        Self { low: 0.0, step: super::source::UNIT, voxels, values }
+    }
+
+    /// Bytes that `sections` of so many voxels take while they are counted.
+    pub(super) fn memory(sections: usize, voxels: usize) -> u64 {
+        2 * ((sections + GROUP * rayon::current_num_threads()) * voxels) as u64
+    }
+
+    /// Sections kept.
+    pub(super) fn len(&self) -> usize {
+        self.values.len() / self.voxels
+    }
+
+    /// The values of a block, group by group: `[section of the group][voxel of the block]`.
+    pub(super) fn block(&self, block: usize) -> impl Iterator<Item = &[u16]> {
+        let first = block * KEPT_BLOCK;
+        let voxels = KEPT_BLOCK.min(self.voxels - first);
+        self.values.chunks(GROUP * self.voxels).map(move |group| {
+            let sections = group.len() / self.voxels;
+            &group[sections * first..][..sections * voxels]
+        })
+    }
+
+    /// The values at some voxels alone.
+    pub(super) fn at(&self, places: &[usize]) -> Self {
+        let mut values = vec![0; self.len() * places.len()];
+        let groups =
+            values.par_chunks_mut(GROUP * places.len()).zip(self.values.par_chunks(GROUP * self.voxels));
+        groups.for_each(|(kept, group)| {
+            let sections = group.len() / self.voxels;
+            let blocks = kept.chunks_mut(KEPT_BLOCK * sections).zip(places.chunks(KEPT_BLOCK));
+            for (kept, places) in blocks {
+                for (section, kept) in kept.chunks_exact_mut(places.len()).enumerate() {
+                    for (kept, &place) in kept.iter_mut().zip(places) {
+                        let first = place / KEPT_BLOCK * KEPT_BLOCK;
+                        let voxels = KEPT_BLOCK.min(self.voxels - first);
+                        *kept = group[sections * first + section * voxels + place - first];
+                    }
+                }
+            }
+        });
+        Self { low: self.low, step: self.step, voxels: places.len(), values }
+    }
+
+    /// The values of some blocks, `[orientation][voxel]` into `values`.
+    pub(super) fn read(&self, arch: Arch, blocks: Range<usize>, values: &mut Vec<f32>) {
+        let first = blocks.start * KEPT_BLOCK;
+        let count = (blocks.end * KEPT_BLOCK).min(self.voxels) - first;
+        values.resize(self.len() * count, 0.0);
+        for block in blocks {
+            let from = block * KEPT_BLOCK - first;
+            let voxels = KEPT_BLOCK.min(count - from);
+            let sections = self.block(block).flat_map(|group| group.chunks_exact(voxels));
+            for (values, section) in values.chunks_exact_mut(count).zip(sections) {
+                vectorised!(arch, widen(section, self.low, self.step, &mut values[from..from + voxels]));
+            }
+        }
+    }
+}
+
+/// From `[section][voxel]` to `[block][section][voxel of the block]`.
+fn into_blocks(sections: &[u16], voxels: usize, kept: &mut [u16]) {
+    let count = sections.len() / voxels;
+    for (block, kept) in kept.chunks_mut(count * KEPT_BLOCK).enumerate() {
+        let own = kept.len() / count;
+        for (kept, section) in kept.chunks_exact_mut(own).zip(sections.chunks_exact(voxels)) {
+            kept.copy_from_slice(&section[block * KEPT_BLOCK..][..own]);
+        }
+    }
+}
+
+#[inline(always)]
+fn widen(kept: &[u16], low: f32, step: f32, values: &mut [f32]) {
+    for (value, &kept) in values.iter_mut().zip(kept) {
+        *value = low + f32::from(kept) * step;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_hold_what_sections_held() {
+        // Three blocks, the last one short; two groups, the last one of one section.
+        let (voxels, count) = (600, 5);
+        let value = |section: usize, voxel: usize| (section * 7919 + voxel * 104_729) as u16;
+        let sections: Vec<u16> =
+            (0..count).flat_map(|section| (0..voxels).map(move |voxel| value(section, voxel))).collect();
+        let kept = KeptSections::of_overlaps(voxels, &sections);
+        assert_eq!(kept.len(), count);
+        let mut values = Vec::new();
+        kept.read(Arch::new(), 1..3, &mut values);
+        for (section, own) in values.chunks_exact(voxels - KEPT_BLOCK).enumerate() {
+            for (place, &found) in own.iter().enumerate() {
+                assert_eq!(found, f32::from(value(section, KEPT_BLOCK + place)) * super::super::source::UNIT);
+            }
+        }
+        let places: Vec<usize> = (0..300).map(|i| i * 7 % voxels).collect();
+        kept.at(&places).read(Arch::new(), 0..2, &mut values);
+        for (section, own) in values.chunks_exact(places.len()).enumerate() {
+            for (&place, &found) in places.iter().zip(own) {
+                assert_eq!(found, f32::from(value(section, place)) * super::super::source::UNIT);
+            }
+        }
+    }
+}

@@ -1,0 +1,264 @@
+//! The passes over the orientations: one where memory holds all sections, else two.
+
+use nalgebra::{DMatrix, DVector};
+use pulp::Arch;
+use rayon::prelude::*;
+
+use super::classes::{ClassWeights, class_order};
+use super::kept::{KEPT_BLOCK, KeptSections};
+use super::mirrored::{Mirrored, keep_even};
+use super::parts::Parts;
+use super::sample::Sample;
+use super::solve::{NormalMatrix, Solved, function_values, principal_axes};
+use super::source::{Source, SourceScratch};
+use super::{BLOCK, FitReport, FitSettings, Sizes, batch_size};
+use imf_core::control::Control;
+use crate::harmonic::HarmonicError;
+use crate::harmonic::basis::{Basis, Domain};
+use crate::harmonic::coefficients::{Coefficients, Precision};
+use crate::harmonic::mirrors::Parity;
+use imf_core::orientation::Orientation;
+use imf_core::section::SectionError;
+use crate::siren::matrix::{Matrix, multiply};
+use imf_core::workspaces::Workspaces;
+
+/// What all ways begin with.
+pub(super) struct Start {
+    pub basis: Basis,
+    set: Vec<Orientation>,
+    sample: Sample,
+    sizes: Sizes,
+    /// Of the functions, where one side is fitted for both.
+    parities: Vec<Parity>,
+}
+
+/// The least squares of all functions together.
+pub(super) struct Dense {
+    /// B: `[orientation][function]`.
+    values: Vec<f32>,
+    normal: NormalMatrix,
+}
+
+/// The field's numbers: its axes as columns, the mean, the coefficients and what is known of the errors.
+pub(super) struct Fitted {
+    pub axes: DMatrix<f64>,
+    pub mean: DVector<f64>,
+    pub(super) coefficients: Coefficients,
+    pub report: FitReport,
+}
+
+impl Start {
+    pub(super) fn new(
+        source: &Source<'_>,
+        domain: Domain,
+        settings: &FitSettings,
+        mirrored: &Mirrored,
+        control: Control<'_>,
+    ) -> Result<Self, HarmonicError> {
+        let basis = Basis::new(domain, settings.degree);
+        let parities = mirrored.parities(&basis);
+        let sizes = settings.sizes(domain);
+        let set = basis.fitted_set(sizes.sections)?;
+        let sample = Sample::take(source, settings, &basis, mirrored, control)?;
+        Ok(Self { basis, set, sample, sizes, parities })
+    }
+
+    pub(super) fn dense(&self) -> Result<Dense, HarmonicError> {
+        let values = function_values(&self.basis, &self.set);
+        let normal = NormalMatrix::new(&self.basis, &values)?;
+        Ok(Dense { values, normal })
+    }
+
+    /// What the sample's voxels alone tell, by a pass over the orientations.
+    pub(super) fn sampled(
+        &self,
+        dense: &Dense,
+        source: &Source<'_>,
+        control: Control<'_>,
+    ) -> Result<(Solved, DMatrix<f64>, FitReport), HarmonicError> {
+        let own = self.sample.gather(source, &self.set, control)?;
+        let solved = self.solved(&own, dense, control)?;
+        let (axes, report) = self.axes_of(&solved);
+        Ok((solved, axes, report))
+    }
+
+    /// What the sample's values at the fitted orientations tell, `[orientation][voxel]`.
+    fn solved(&self, own: &[f32], dense: &Dense, control: Control<'_>) -> Result<Solved, HarmonicError> {
+        let solved = self.sample.moments(own, &dense.values).solve(&dense.normal, control)?;
+        Ok(solved.of_both_sides(&self.parities))
+    }
+
+    /// The parities of axes.
+    pub(super) fn parities_of(&self, axes: &DMatrix<f64>) -> Vec<Parity> {
+        axes.column_iter().map(|column| self.parities[column.iamax()]).collect()
+    }
+
+    /// The errors to expect, by a pass over the orientations at the sample's voxels alone.
+    pub(super) fn estimated(
+        &self,
+        source: &Source<'_>,
+        control: Control<'_>,
+    ) -> Result<FitReport, HarmonicError> {
+        Ok(self.sampled(&self.dense()?, source, control)?.2)
+    }
+
+    fn axes_of(&self, solved: &Solved) -> (DMatrix<f64>, FitReport) {
+        let (axes, dropped) = principal_axes(&solved.covariance, &self.parities, self.sizes.axes);
+        let sections = self.sizes.sections;
+        let report = self.sample.report(&solved.coefficients, &self.basis, |place| place, sections, dropped);
+        (axes, report)
+    }
+
+    /// Axes and mean where all functions are kept as they are, which no section need be known for.
+    fn axes_of_classes(&self) -> Result<(DMatrix<f64>, DVector<f64>), HarmonicError> {
+        let functions = self.basis.len();
+        let mut axes = DMatrix::zeros(functions, functions);
+        for (axis, function) in class_order(self.basis.degree()).into_iter().enumerate() {
+            axes[(function, axis)] = 1.0;
+        }
+        let mean = DVector::from_vec(self.sample.rough_means(&self.basis)?);
+        Ok((axes, keep_even(&mean, &self.parities)))
+    }
+
+    /// One pass, each class of functions by itself, part by part of the grid.
+    pub(super) fn class_by_class(
+        &self,
+        source: &Source<'_>,
+        precision: Precision,
+        control: Control<'_>,
+    ) -> Result<Fitted, HarmonicError> {
+        let weights = ClassWeights::new(&self.basis, &self.set)?;
+        let (arch, functions, order) = (Arch::new(), self.basis.len(), &weights.order);
+        let workspaces = Workspaces::default();
+        let (axes, mean) = self.axes_of_classes()?;
+        let start: Vec<f32> = order.iter().map(|&function| -mean[function] as f32).collect();
+        let solve = |sections: &KeptSections, start: Option<&[f32]>, z: &mut Coefficients, first| {
+            let voxels = first..first + sections.voxels;
+            // A block's sums of the classes, a quarter of a megabyte, stay in the inner caches.
+            z.fill_by_blocks(voxels, functions, KEPT_BLOCK, &workspaces, |sums, block, z| {
+                match start {
+                    Some(start) => z.chunks_exact_mut(functions).for_each(|z| z.copy_from_slice(start)),
+                    None => z.fill(0.0),
+                }
+                weights.add(arch, sections, block, z, sums);
+            });
+        };
+        let mut coefficients = Coefficients::zeros(source.grid().len() * functions, precision);
+        let mut at_sample = Coefficients::zeros(self.sample.places().len() * functions, Precision::F32);
+        let mut sampled = 0;
+        let mut parts = Parts::new(source, &self.set, control)?;
+        while let Some((first, sections)) = parts.next(control)? {
+            solve(sections, Some(&start), &mut coefficients, first);
+            let places = self.sample.places_in(first, sections.voxels);
+            if !places.is_empty() {
+                solve(&sections.at(&places), None, &mut at_sample, sampled);
+                sampled += places.len();
+            }
+        }
+        drop(parts);
+        let mut scratch = Vec::new();
+        let report = self.sample.report(
+            at_sample.read(0, at_sample.len(), &mut scratch),
+            &self.basis,
+            |place| order[place],
+            self.sizes.sections,
+            0.0,
+        );
+        Ok(Fitted { axes, mean, coefficients, report })
+    }
+
+    /// One pass, whose sections stay in memory: those of the sample decide on the axes, then every block of voxels becomes
+    /// coefficients in one product.
+    pub(super) fn in_one_pass(
+        &self,
+        source: &Source<'_>,
+        precision: Precision,
+        control: Control<'_>,
+    ) -> Result<Fitted, HarmonicError> {
+        let dense = self.dense()?;
+        let sections = KeptSections::count(source, &self.set, control)?;
+        let of_sample = sections.at(self.sample.places());
+        let mut own = Vec::new();
+        of_sample.read(Arch::new(), 0..of_sample.voxels.div_ceil(KEPT_BLOCK), &mut own);
+        let solved = self.solved(&own, &dense, control)?;
+        let (axes, report) = self.axes_of(&solved);
+        let (weights, start) = dense.weights(&axes, &solved.mean, control)?;
+        let (count, width, arch) = (self.set.len(), axes.ncols(), Arch::new());
+        let weights = Matrix::row_major(&weights, count, width, width);
+        let mut coefficients = Coefficients::zeros(sections.voxels * width, precision);
+        let workspaces = Workspaces::default();
+        coefficients.fill_by_blocks(0..sections.voxels, width, BLOCK, &workspaces, |own, block, z| {
+            z.chunks_exact_mut(width).for_each(|z| z.copy_from_slice(&start));
+            let (voxels, first) = (z.len() / width, block * (BLOCK / KEPT_BLOCK));
+            sections.read(arch, first..first + voxels.div_ceil(KEPT_BLOCK), own);
+            let own = Matrix::row_major(own, count, voxels, voxels).transposed();
+            multiply(z, width, own, weights, true);
+        });
+        Ok(Fitted { axes, mean: solved.mean, coefficients, report })
+    }
+
+    /// A first pass decides on the axes, a second makes the coefficients along them, some sections at a time. Where functions
+    /// are kept class by class, the axes are those of one pass.
+    pub(super) fn in_two_passes(
+        &self,
+        source: &Source<'_>,
+        precision: Precision,
+        in_classes: bool,
+        control: Control<'_>,
+    ) -> Result<Fitted, HarmonicError> {
+        let dense = self.dense()?;
+        let (solved, mut axes, report) = self.sampled(&dense, source, control)?;
+        let mut mean = solved.mean;
+        if in_classes {
+            (axes, mean) = self.axes_of_classes()?;
+        }
+        let (weights, start) = dense.weights(&axes, &mean, control)?;
+        let (voxels, width) = (source.grid().len(), axes.ncols());
+        let mut coefficients = vec![0.0; voxels * width];
+        coefficients.par_chunks_mut(width).for_each(|z| z.copy_from_slice(&start));
+        let at_once = batch_size(voxels, self.set.len());
+        let mut batch = vec![0.0; at_once * voxels];
+        for (set, weights) in self.set.chunks(at_once).zip(weights.chunks(at_once * width)) {
+            let batch = &mut batch[..set.len() * voxels];
+            count_sections(source, set, batch, control)?;
+            let weights = Matrix::row_major(weights, set.len(), width, width);
+            coefficients.par_chunks_mut(BLOCK * width).enumerate().for_each(|(block, z)| {
+                let own = Matrix::row_major(&batch[block * BLOCK..], set.len(), z.len() / width, voxels);
+                multiply(z, width, own.transposed(), weights, true);
+            });
+        }
+        let coefficients = Coefficients::new(coefficients, precision);
+        Ok(Fitted { axes, mean, coefficients, report })
+    }
+}
+
+impl Dense {
+    /// What turns sections to coefficients along some axes, `z = Uᵀ (G + R)⁻¹ Bᵀ s − Uᵀ μ`: an N × axes matrix, and a start.
+    fn weights(
+        &self,
+        axes: &DMatrix<f64>,
+        mean: &DVector<f64>,
+        control: Control<'_>,
+    ) -> Result<(Vec<f32>, Vec<f32>), HarmonicError> {
+        let start = (axes.transpose() * mean).iter().map(|&v| -v as f32).collect();
+        Ok((self.normal.weights(&self.values, axes, control)?, start))
+    }
+}
+
+/// Exact sections, `[orientation][voxel]`.
+fn count_sections(
+    source: &Source<'_>,
+    set: &[Orientation],
+    sections: &mut [f32],
+    control: Control<'_>,
+) -> Result<(), SectionError> {
+    let sections = sections.par_chunks_exact_mut(source.grid().len());
+    sections.zip(set).try_for_each_init(SourceScratch::default, |scratch, (values, orientation)| {
+        if control.is_cancelled() {
+            return Err(SectionError::Cancelled);
+        }
+        source.section(orientation, scratch, values)?;
+        (control.progress)(1);
+        Ok(())
+    })
+}

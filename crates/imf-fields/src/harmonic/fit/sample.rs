@@ -1,0 +1,164 @@
+//! Exact values at a sample of voxels: what decides on the axes, and what the errors are told by.
+
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+
+use super::mirrored::Mirrored;
+use super::solve::{Moments, NormalMatrix, column_means, function_values, gram};
+use super::source::{Source, SourceScratch};
+use super::{BLOCK, FitReport, FitSettings};
+use imf_core::control::Control;
+use crate::harmonic::HarmonicError;
+use crate::harmonic::basis::Basis;
+use imf_core::orientation::Orientation;
+use imf_core::section::{Quantity, SectionError};
+use crate::siren::matrix::{Matrix, multiply};
+
+/// Voxels of a sample, and exact values there at orientations that are not fitted.
+pub(super) struct Sample {
+    /// In rising order.
+    places: Vec<usize>,
+    held_out: Vec<Orientation>,
+    /// `[held-out orientation][voxel]`.
+    judged: Vec<f32>,
+    pub(super) quantity: Quantity,
+}
+
+impl Sample {
+    pub(super) fn take(
+        source: &Source<'_>,
+        settings: &FitSettings,
+        basis: &Basis,
+        mirrored: &Mirrored,
+        control: Control<'_>,
+    ) -> Result<Self, HarmonicError> {
+        let total = source.grid().len();
+        let voxels = settings.sample.min(total);
+        // A golden step visits every part of the grid evenly, and every voxel once where all are taken.
+        let mut places: Vec<usize> = if voxels == total {
+            (0..total).collect()
+        } else {
+            (0..voxels)
+                .map(|i| ((i as f64 * 0.618_033_988_749_894_9).fract() * total as f64) as usize)
+                .collect()
+        };
+        places.sort_unstable();
+        let mut held_out = basis.random_set(settings.held_out, settings.seed)?.orientations;
+        let mut judged = gather(source, &held_out, &places, control)?;
+        // With these the sections are whole again, and have been told as that.
+        let images = mirrored.images(&held_out);
+        judged.extend(gather(source, &images, &places, Control { progress: &|_| {}, ..control })?);
+        held_out.extend(images);
+        Ok(Self { places, held_out, judged, quantity: settings.quantity })
+    }
+
+    /// Exact values of some orientations at the sample's voxels, `[orientation][voxel]`.
+    pub(super) fn gather(
+        &self,
+        source: &Source<'_>,
+        set: &[Orientation],
+        control: Control<'_>,
+    ) -> Result<Vec<f32>, SectionError> {
+        gather(source, set, &self.places, control)
+    }
+
+    /// The sample's voxels.
+    pub(super) fn places(&self) -> &[usize] {
+        &self.places
+    }
+
+    /// Those from voxel `first` on, `count` voxels' worth, counted from `first`.
+    pub(super) fn places_in(&self, first: usize, count: usize) -> Vec<usize> {
+        let place = |voxel| self.places.partition_point(|&place| place < voxel);
+        self.places[place(first)..place(first + count)].iter().map(|place| place - first).collect()
+    }
+
+    /// The likeliest means over all voxels of the functions' coefficients, by the orientations that are not fitted: known before
+    /// any section is, and near enough for deviations from them to be small.
+    pub(super) fn rough_means(&self, basis: &Basis) -> Result<Vec<f64>, HarmonicError> {
+        let values = function_values(basis, &self.held_out);
+        let means = self
+            .judged
+            .chunks_exact(self.places.len())
+            .map(|own| own.iter().map(|&value| f64::from(value)).sum::<f64>() / own.len() as f64);
+        let mut right = DMatrix::zeros(basis.len(), 1);
+        for (row, mean) in values.chunks_exact(basis.len()).zip(means) {
+            right.iter_mut().zip(row).for_each(|(right, &value)| *right += f64::from(value) * mean);
+        }
+        let means = NormalMatrix::new(basis, &values)?.solve(right, Control::quiet())?;
+        Ok(means.iter().copied().collect())
+    }
+
+    /// `Bᵀ S` of the sections that are fitted, `[orientation][voxel]` at the sample's voxels, with its mean over voxels and
+    /// its second moments.
+    pub(super) fn moments(&self, fitted: &[f32], values: &[f32]) -> Moments {
+        let voxels = self.places.len();
+        let sections = fitted.len() / voxels;
+        let functions = values.len() / sections;
+        // [voxel][function], so that voxels are rows.
+        let mut right = vec![0.0; voxels * functions];
+        right.par_chunks_mut(BLOCK * functions).enumerate().for_each(|(block, out)| {
+            let count = out.len() / functions;
+            let own = Matrix::row_major(&fitted[block * BLOCK..], sections, count, voxels);
+            let values = Matrix::row_major(values, sections, functions, functions);
+            multiply(out, functions, own.transposed(), values, false);
+        });
+        let mean = column_means(&right, functions);
+        let second = gram(&right, functions) / voxels as f64;
+        Moments { right, mean, second }
+    }
+
+    /// The errors of the sample's coefficients, `[voxel][function]`, where they were not fitted; `dropped` by the axes left
+    /// out. The functions stand in `order`.
+    pub(super) fn report(
+        &self,
+        coefficients: &[f32],
+        basis: &Basis,
+        order: impl Fn(usize) -> usize,
+        sections: usize,
+        dropped: f64,
+    ) -> FitReport {
+        let functions = basis.len();
+        let values = function_values(basis, &self.held_out);
+        let (rows, order) = (values.chunks_exact(functions), &order);
+        let values: Vec<f32> =
+            rows.flat_map(|row| (0..functions).map(move |place| row[order(place)])).collect();
+        let (count, voxels) = (self.held_out.len(), self.places.len());
+        let mut predicted = vec![0.0; count * voxels];
+        multiply(
+            &mut predicted,
+            voxels,
+            Matrix::row_major(&values, count, functions, functions),
+            Matrix::row_major(coefficients, voxels, functions, functions).transposed(),
+            false,
+        );
+        let errors = predicted.iter().zip(&self.judged).map(|(&p, &e)| f64::from(self.quantity.held(p) - e));
+        let (sum, largest) =
+            errors.fold((0.0, 0.0f64), |(sum, largest), e| (sum + e * e, largest.max(e.abs())));
+        let held_out_mse = sum / (count * voxels) as f64;
+        FitReport { functions, sections, dropped, held_out_mse, held_out_mpe: largest }
+    }
+}
+
+/// Exact values of some orientations at some voxels, `[orientation][voxel]`.
+fn gather(
+    source: &Source<'_>,
+    set: &[Orientation],
+    places: &[usize],
+    control: Control<'_>,
+) -> Result<Vec<f32>, SectionError> {
+    let mut all = vec![0.0; set.len() * places.len()];
+    all.par_chunks_mut(places.len()).zip(set).try_for_each_init(
+        || (SourceScratch::default(), vec![0.0; source.grid().len()]),
+        |(scratch, section), (values, orientation)| {
+            if control.is_cancelled() {
+                return Err(SectionError::Cancelled);
+            }
+            source.section(orientation, scratch, section)?;
+            values.iter_mut().zip(places).for_each(|(value, &place)| *value = section[place]);
+            (control.progress)(1);
+            Ok(())
+        },
+    )?;
+    Ok(all)
+}

@@ -1,0 +1,210 @@
+//! Fields as ONNX graphs, for whatever runs them: onnxruntime, TensorRT, OpenVINO, a browser.
+//!
+//! A graph holds all of a field, its inputs' scaling too, so that it is asked in the units of the scene:
+//!
+//! ```text
+//! position   f32 [poses, 3]   the tool's tip in the scene's unit and world frame
+//! direction  f32 [poses, 3]   the tool's axis from tip to holder, of any length but 0     harmonic and factored fields
+//! angles     f32 [poses, 2]   (θ, φ) in degrees, θ in [0, 360), φ in [0, 180]             the paper's network
+//! overlap    f32 [poses]      the share of the tool's volume in the obstacle, in [0, 1]; or, of fields of depth,
+//! depth      f32 [poses]      how far the tool must be moved to be free, below 0 how far it may be moved
+//! ```
+//!
+//! Answers are those of [`imf_core::field::Field`] but for the rounding of single precision: outside the box of the voxel centres those
+//! of the nearest point inside, without promise. What a field is of stands in the model's metadata: part, tool, unit,
+//! clearance, the corners of that box. Graphs are of opset 17.
+//!
+//! The messages are written here, a dozen of them, since the crates that have all of ONNX's are no longer kept (`onnx-pb`,
+//! of 2020) or parse only (`onnx-ir`).
+
+mod directions;
+mod graph;
+mod interpolated;
+mod messages;
+mod network;
+mod place;
+
+use std::io::Write as _;
+use std::path::Path;
+
+use prost::Message as _;
+use thiserror::Error;
+
+use imf_core::atomic_file::{AtomicFileError, write_atomically};
+use crate::factored::file::FactoredFile;
+use imf_core::grid::Grid;
+use crate::harmonic::basis::Domain;
+use crate::harmonic::file::HarmonicFile;
+use crate::model::Model;
+use imf_core::scene::SceneRecord;
+use imf_core::section::Quantity;
+use crate::stored::StoredField;
+use graph::{Graph, Value};
+use messages::{GraphProto, ModelProto, OperatorSetIdProto, StringStringEntryProto};
+use place::Place;
+
+/// The set of operators that graphs keep to.
+const OPSET: i64 = 17;
+/// The version of the file format that belongs to it.
+const IR_VERSION: i64 = 8;
+/// Protocol buffers hold no more than 2 GiB; a little is left for the graph.
+const MOST_BYTES: u64 = (1 << 31) - (1 << 24);
+
+const POSITION: &str = "the tool's tip in the scene's unit and world frame";
+const DIRECTION: &str = "the tool's axis from tip to holder, of any length but 0";
+const ANGLES: &str = "(theta, phi) of the tool's axis in degrees: theta in [0, 360), phi in [0, 180]";
+const DEPTH: &str =
+    "how far the tool must be moved to be free, in the scene's unit; below 0 how far it may be moved";
+const OVERLAP: &str = "the share of the tool's volume in the obstacle, in [0, 1]";
+
+/// Why a field is not written.
+#[derive(Debug, Error)]
+pub enum OnnxError {
+    /// Its functions are of rotations; the family's name.
+    #[error(
+        "a {0} field of a tool that is not symmetric about its axis has no ONNX form: its functions are of rotations, and \
+         only those of directions are written; ask it by imf query, or through the library"
+    )]
+    Rotations(&'static str),
+    /// Larger than the format holds.
+    #[error(
+        "the field's {0} bytes are more than an ONNX file holds (2 GiB): make it a network by `imf compress`, or choose a \
+         lower degree or a larger pitch"
+    )]
+    Size(u64),
+    /// The file cannot be written.
+    #[error(transparent)]
+    Write(#[from] AtomicFileError),
+}
+
+/// Bytes of a field's numbers in its graph; writing takes three times as many of memory.
+#[must_use]
+pub fn onnx_bytes(stored: &StoredField) -> u64 {
+    match stored {
+        StoredField::Siren(model) => 4 * model.state.parameters.len() as u64,
+        StoredField::Harmonic(file) => file.field.bytes(),
+        StoredField::Factored(file) => file.field.bytes(),
+    }
+}
+
+/// Writes a field as an ONNX graph, whole or not at all. Equal fields give equal bytes.
+///
+/// # Errors
+/// A field of rotations; one that is larger than the format holds; a file that cannot be written.
+pub fn write_onnx(stored: &StoredField, path: &Path) -> Result<(), OnnxError> {
+    let bytes = model(stored)?.encode_to_vec();
+    Ok(write_atomically(path, |file| file.write_all(&bytes))?)
+}
+
+fn model(stored: &StoredField) -> Result<ModelProto, OnnxError> {
+    let size = onnx_bytes(stored);
+    if size > MOST_BYTES {
+        return Err(OnnxError::Size(size));
+    }
+    let graph = match stored {
+        StoredField::Siren(model) => siren(model),
+        StoredField::Harmonic(file) => harmonic(file)?,
+        StoredField::Factored(file) => factored(file)?,
+    };
+    let record = &stored.scene().record;
+    Ok(ModelProto {
+        ir_version: IR_VERSION,
+        producer_name: "imf".into(),
+        producer_version: env!("CARGO_PKG_VERSION").into(),
+        doc_string: match stored.quantity() {
+            Quantity::Overlap => {
+                format!("How much of {} lies in {}, at any pose", record.tool.name, record.part)
+            }
+            Quantity::Depth => format!("How deep {} is in {}, at any pose", record.tool.name, record.part),
+        },
+        graph: Some(graph),
+        opset_import: vec![OperatorSetIdProto { domain: String::new(), version: OPSET }],
+        metadata_props: metadata(record, stored.quantity()),
+    })
+}
+
+fn siren(model: &Model) -> GraphProto {
+    let mut graph = Graph::default();
+    let position = graph.input("position", 3, POSITION);
+    let angles = graph.input("angles", 2, ANGLES);
+    let (grid, parameters) = (&model.scene.record.grid, &model.state.parameters);
+    let held = network::held(&mut graph, grid, &position);
+    let overlap = network::siren(&mut graph, &model.shape, parameters, grid, &held, &angles);
+    graph.answering("siren5", "overlap", &overlap, OVERLAP)
+}
+
+fn harmonic(file: &HarmonicFile) -> Result<GraphProto, OnnxError> {
+    let field = &file.field;
+    require_directions("harmonic", field.basis.domain())?;
+    let mut graph = Graph::default();
+    let position = graph.input("position", 3, POSITION);
+    let direction = graph.input("direction", 3, DIRECTION);
+    let z = interpolated::coefficients(&mut graph, &field.coefficients, &field.grid, &position);
+    let degree = field.basis.degree();
+    let value = directions::value(&mut graph, &direction, degree, &field.axes, &field.mean, &z);
+    Ok(answering(graph, "harmonic", &value, field.quantity))
+}
+
+fn factored(file: &FactoredFile) -> Result<GraphProto, OnnxError> {
+    let field = &file.field;
+    require_directions("factored", field.basis.domain())?;
+    let mut graph = Graph::default();
+    let position = graph.input("position", 3, POSITION);
+    let direction = graph.input("direction", 3, DIRECTION);
+    let held = network::held(&mut graph, &field.grid, &position);
+    let place = Place::new(&mut graph, &field.shape.symmetry, &held);
+    let z = network::coefficients(&mut graph, field, &place);
+    let direction = place.to_local(&mut graph, &direction);
+    let degree = field.basis.degree();
+    let value = directions::value(&mut graph, &direction, degree, &field.axes, &field.mean, &z);
+    Ok(answering(graph, "factored", &value, field.quantity))
+}
+
+/// The graph whose answer is a value, held in [0, 1] where it is an overlap.
+fn answering(mut graph: Graph, family: &str, value: &Value, quantity: Quantity) -> GraphProto {
+    match quantity {
+        Quantity::Overlap => {
+            let overlap = graph.clip(value, 0.0, 1.0);
+            graph.answering(family, "overlap", &overlap, OVERLAP)
+        }
+        Quantity::Depth => graph.answering(family, "depth", value, DEPTH),
+    }
+}
+
+fn require_directions(family: &'static str, domain: Domain) -> Result<(), OnnxError> {
+    if domain == Domain::Directions { Ok(()) } else { Err(OnnxError::Rotations(family)) }
+}
+
+/// What a user of the graph must know of the scene.
+fn metadata(record: &SceneRecord, quantity: Quantity) -> Vec<StringStringEntryProto> {
+    let Grid { dims, pitch, .. } = record.grid;
+    let corner = |voxel| {
+        let [x, y, z] = record.grid.centre(voxel).to_array();
+        format!("{x} {y} {z}")
+    };
+    let clearance = record.clearance;
+    let entries = [
+        (
+            "imf.quantity",
+            match quantity {
+                Quantity::Overlap => "overlap".to_owned(),
+                Quantity::Depth => "depth".to_owned(),
+            },
+        ),
+        ("imf.part", record.part.clone()),
+        ("imf.tool", record.tool.name.clone()),
+        ("imf.unit", record.unit.to_string()),
+        ("imf.pitch", pitch.to_string()),
+        ("imf.box_lower", corner([0; 3])),
+        ("imf.box_upper", corner(dims.map(|n| n - 1))),
+        (
+            "imf.clearance_holder_shank_cutter",
+            format!("{} {} {}", clearance.holder, clearance.shank, clearance.cutter),
+        ),
+    ];
+    let entry = |(key, value): (&str, String)| StringStringEntryProto { key: key.into(), value };
+    entries.into_iter().map(entry).collect()
+}
+
+#[cfg(test)]
+mod tests;

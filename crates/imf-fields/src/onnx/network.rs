@@ -1,0 +1,94 @@
+//! Sine networks as a graph: those of the pose and those of the point.
+
+use super::graph::{Graph, Value};
+use super::place::Place;
+use crate::factored::FactoredField;
+use imf_core::grid::Grid;
+use crate::siren::{Layer, SirenShape};
+
+/// What a layer's input is multiplied by before the sine; the layers are as they are trained.
+struct Sines<'a> {
+    layers: &'a [Layer],
+    /// The last one has no sines.
+    is_linear: bool,
+    omega: f32,
+    parameters: &'a [f32],
+}
+
+impl Sines<'_> {
+    /// The outputs of the last layer, which is linear, or whose sines they are.
+    fn outputs(&self, graph: &mut Graph, input: &Value) -> Value {
+        let omega = graph.number(f64::from(self.omega));
+        let mut signal = input.clone();
+        for (index, layer) in self.layers.iter().enumerate() {
+            if layer.skip {
+                signal = graph.op_with("Concat", &[&signal, input], &[("axis", 1)]);
+            }
+            let Layer { inputs, outputs, weights, biases, .. } = *layer;
+            let matrix = &self.parameters[weights..weights + inputs * outputs];
+            let matrix = graph.weights(&format!("layers.{index}.weight"), &[outputs, inputs], matrix);
+            let bias = &self.parameters[biases..biases + outputs];
+            let bias = graph.weights(&format!("layers.{index}.bias"), &[outputs], bias);
+            let sum = graph.op_with("Gemm", &[&signal, &matrix, &bias], &[("transB", 1)]);
+            if self.is_linear && index + 1 == self.layers.len() {
+                return sum;
+            }
+            let scaled = graph.mul(&sum, &omega);
+            signal = graph.op("Sin", &[&scaled]);
+        }
+        signal
+    }
+}
+
+/// The nearest positions in the box of the voxels' centres, beyond which nothing was learnt.
+pub(super) fn held(graph: &mut Graph, grid: &Grid, position: &Value) -> Value {
+    let [low, high] = grid.box_of_centres().map(|corner| corner.as_vec3().to_array());
+    let (low, high) = (graph.numbers(&[3], &low), graph.numbers(&[3], &high));
+    let held = graph.op("Max", &[position, &low]);
+    graph.op("Min", &[&held, &high])
+}
+
+/// The paper's network: from held position and angles in degrees to the overlap, `[poses, 1]`.
+pub(super) fn siren(
+    graph: &mut Graph,
+    shape: &SirenShape,
+    parameters: &[f32],
+    grid: &Grid,
+    position: &Value,
+    angles: &Value,
+) -> Value {
+    let size = grid.size();
+    let origin = graph.numbers(&[3], &grid.origin.as_vec3().to_array());
+    let (scale, one) = (graph.numbers(&[3], &(2.0 / size).as_vec3().to_array()), graph.number(1.0));
+    let degrees = graph.numbers(&[2], &[1.0 / 180.0, 1.0 / 90.0]);
+    let from_corner = graph.sub(position, &origin);
+    let unit = graph.mul(&from_corner, &scale);
+    let turns = graph.mul(angles, &degrees);
+    let both = graph.op_with("Concat", &[&unit, &turns], &[("axis", 1)]);
+    let input = graph.sub(&both, &one);
+    let layers = shape.layers();
+    let sines = Sines { layers: &layers, is_linear: true, omega: shape.omega, parameters };
+    let output = sines.outputs(graph, &input);
+    graph.op("Sigmoid", &[&output])
+}
+
+/// The network of the point: from the position's place to the coefficients in its frame, `[poses, axes]`.
+pub(super) fn coefficients(graph: &mut Graph, field: &FactoredField, place: &Place) -> Value {
+    let size = field.grid.size();
+    let middle = (field.grid.origin + 0.5 * size).as_vec3().to_array();
+    let middle = graph.numbers(&[3], &middle);
+    let scale = graph.number(2.0 / size.max_element());
+    let from_middle = graph.sub(&place.position, &middle);
+    let scaled = graph.mul(&from_middle, &scale);
+    let input = place.inputs(graph, scaled);
+    let layers = field.shape.layers();
+    let sines = Sines {
+        layers: &layers,
+        is_linear: !field.shape.folded,
+        omega: field.shape.omega,
+        parameters: &field.parameters,
+    };
+    let outputs = sines.outputs(graph, &input);
+    let scale = graph.number(f64::from(field.scale));
+    graph.mul(&outputs, &scale)
+}

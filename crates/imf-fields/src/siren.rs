@@ -1,0 +1,222 @@
+//! The paper's network, `siren5`: a multilayer perceptron with sine activations from a pose to its collision
+//! measure, with any width and number of hidden layers.
+//!
+//! One sample is five numbers in [−1, 1]: `2u − 1` for the point (`u` = [`imf_core::grid::Grid::unit`]),
+//! `2·θ/360° − 1`, `2·φ/180° − 1`. A hidden layer computes `sin(ω·(W·a + b))`, ω = 30; the input is concatenated
+//! again behind the activations of hidden layer `skip_after`; the output is `sigmoid(W·a + b)`.
+//! The coordinates θ = 0° and 360° are one direction but two inputs, and at φ = 0° and 180° θ is idle: the learnt
+//! field may jump there, and its gradient is one-sided and finite.
+//!
+//! Parameters are one flat `f32` array; [`SirenShape::layers`] is the one place that knows its layout:
+//!
+//! ```text
+//! | W₀ [out₀][in₀] | b₀ [out₀] | W₁ [out₁][in₁] | b₁ [out₁] | … | W_n [1][in_n] | b_n [1] |
+//! in₀ = 5;  in_{skip_after} = width + 5 (activations first, then the input);  other in_l = width
+//! ```
+//!
+//! Source: Harabin, Mirzendehdel, Behandish, arXiv 2409.02115 (network); Sitzmann et al. 2020 (initialisation).
+
+mod evaluation;
+pub mod evaluator;
+pub mod forward;
+pub mod halves;
+pub mod lanes;
+pub mod matrix;
+pub mod plan;
+pub mod reference;
+pub mod scratch;
+pub mod sine;
+pub mod stack;
+pub mod tangent;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+pub use evaluation::EvaluationEngine;
+use stack::{Ending, Stack};
+
+/// Number of inputs of the network: three for the point, two for the tool's direction.
+pub const INPUTS: usize = 5;
+
+/// What a sine network looks like; its weights are a flat array beside it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SirenShape {
+    /// Neurons of every hidden layer.
+    pub width: usize,
+    /// Number of hidden layers.
+    pub hidden: usize,
+    /// The input is concatenated again behind the activations of this hidden layer, counted from 1.
+    /// `None`, or a value of at least `hidden`, means no skip.
+    pub skip_after: Option<usize>,
+    /// Frequency factor ω inside every sine.
+    pub omega: f32,
+}
+
+impl Default for SirenShape {
+    /// The paper's network: five hidden layers of 512, the input again after the second.
+    fn default() -> Self {
+        Self { width: 512, hidden: 5, skip_after: Some(2), omega: 30.0 }
+    }
+}
+
+/// Where one layer's weights and biases stand in the flat parameter array.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layer {
+    /// Inputs of the layer.
+    pub inputs: usize,
+    /// Outputs of the layer.
+    pub outputs: usize,
+    /// Offset of `W [outputs][inputs]`, row-major.
+    pub weights: usize,
+    /// Offset of `b [outputs]`.
+    pub biases: usize,
+    /// True where the network's input is appended to the layer's input activations.
+    pub skip: bool,
+}
+
+/// Why a network's description is refused.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum ShapeError {
+    /// Width or depth is zero or absurd.
+    #[error("a network needs 1 to 64 hidden layers of 1 to 8192 neurons, not {hidden} of {width}")]
+    Size {
+        /// Requested hidden layers.
+        hidden: usize,
+        /// Requested width.
+        width: usize,
+    },
+    /// ω is not a positive number.
+    #[error("the frequency factor must be a positive finite number, not {0}")]
+    Omega(f32),
+    /// The parameter array has another length than the description asks for.
+    #[error("the network has {expected} parameters, but {found} were given")]
+    Parameters {
+        /// Parameters the description asks for.
+        expected: usize,
+        /// Parameters found.
+        found: usize,
+    },
+    /// Numbers that an optimiser kept and that do not fit the network.
+    #[error("{found} numbers of SOAP's means and axes after {step} steps; {expected} belong to the network")]
+    Kept {
+        /// Numbers given.
+        found: usize,
+        /// Steps done.
+        step: u64,
+        /// Numbers needed.
+        expected: usize,
+    },
+    /// Asked to learn, a network whose last sines are its outputs.
+    #[error("a network without a linear layer behind its sines is evaluated, not taught")]
+    NoLastLayer,
+    /// A network that is told of symmetry, and a teacher that cannot say what that means.
+    #[error(
+        "symmetry is told by harmonic fields of a tool that is symmetric about its axis, not by fields over rotations nor by \
+         sections: teach without it"
+    )]
+    Symmetry,
+    /// A network that was told of mirror planes, and another field that is not its own image across them.
+    #[error(
+        "the network was taught a part that is {0}, and this one is not: teach it anew, or go on with a network that was told of \
+         no symmetry (--symmetry none)"
+    )]
+    OtherSymmetry(String),
+}
+
+impl SirenShape {
+    /// The network as a stack of layers.
+    #[must_use]
+    pub fn stack(&self) -> Stack {
+        let Self { width, hidden, skip_after, omega } = *self;
+        Stack { inputs: INPUTS, width, hidden, skip_after, omega, outputs: 1, ending: Ending::Sigmoid }
+    }
+
+    /// Checks width, depth and ω.
+    ///
+    /// # Errors
+    /// Names the value that is out of range.
+    pub fn check(&self) -> Result<(), ShapeError> {
+        self.stack().check()
+    }
+
+    /// The layers in order, hidden ones first, the output layer last: the one definition of the flat layout.
+    #[must_use]
+    pub fn layers(&self) -> Vec<Layer> {
+        self.stack().layers()
+    }
+
+    /// Number of parameters, weights and biases together.
+    #[must_use]
+    pub fn parameter_count(&self) -> usize {
+        self.stack().parameter_count()
+    }
+
+    /// Floating-point operations of one forward pass of one sample (products and sums of the layers).
+    #[must_use]
+    pub fn forward_flops(&self) -> usize {
+        self.layers().iter().map(|layer| 2 * layer.inputs * layer.outputs).sum()
+    }
+
+    /// Starting weights: the first layer U(±1/inputs), the others U(±√(6/inputs)/ω); biases U(±1/√inputs), where
+    /// the paper is silent. The same seed gives the same bits on every machine.
+    #[must_use]
+    pub fn initial_parameters(&self, seed: u64) -> Vec<f32> {
+        self.stack().initial_parameters(seed)
+    }
+
+    /// Checks that a parameter array fits the description.
+    ///
+    /// # Errors
+    /// [`ShapeError::Parameters`] with both lengths.
+    pub fn check_parameters(&self, parameters: &[f32]) -> Result<(), ShapeError> {
+        self.stack().check_parameters(parameters)
+    }
+}
+
+/// The five inputs of one pose: unit coordinates of the point in its grid and the angle pair in degrees.
+#[must_use]
+pub fn features(unit: [f32; 3], theta_degrees: f32, phi_degrees: f32) -> [f32; INPUTS] {
+    [
+        2.0 * unit[0] - 1.0,
+        2.0 * unit[1] - 1.0,
+        2.0 * unit[2] - 1.0,
+        theta_degrees / 180.0 - 1.0,
+        phi_degrees / 90.0 - 1.0,
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_papers_network_has_its_parameters() {
+        assert_eq!(SirenShape::default().parameter_count(), 1_056_769);
+    }
+
+    #[test]
+    fn layers_tile_the_parameters_without_gaps() {
+        for skip_after in [None, Some(1), Some(3), Some(9)] {
+            let shape = SirenShape { width: 7, hidden: 4, skip_after, omega: 30.0 };
+            let mut offset = 0;
+            for layer in shape.layers() {
+                assert_eq!(layer.weights, offset);
+                assert_eq!(layer.biases, offset + layer.inputs * layer.outputs);
+                offset = layer.biases + layer.outputs;
+            }
+            assert_eq!(offset, shape.parameter_count());
+        }
+    }
+
+    #[test]
+    fn starting_weights_keep_their_bounds_and_their_seed() {
+        let shape = SirenShape { width: 32, ..SirenShape::default() };
+        let first = shape.initial_parameters(7);
+        assert_eq!(first, shape.initial_parameters(7));
+        assert_ne!(first, shape.initial_parameters(8));
+        let layers = shape.layers();
+        assert!(first[..layers[0].biases].iter().all(|w| w.abs() <= 0.2));
+        let bound = (6.0f32 / 32.0).sqrt() / 30.0;
+        assert!(first[layers[1].weights..layers[1].biases].iter().all(|w| w.abs() <= bound));
+    }
+}

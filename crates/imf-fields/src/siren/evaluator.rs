@@ -1,0 +1,252 @@
+//! The CPU evaluation engine: values of a network at any number of poses, and minima over directions, on the current
+//! rayon pool. A block of samples at a time, so that memory does not grow with the number of poses.
+
+use pulp::Arch;
+use rayon::prelude::*;
+
+use super::forward::{Network, sigmoid};
+use super::matrix::prefer_unpacked;
+use super::plan::{BLOCK, Plan, transpose_all};
+use super::scratch::{ScratchPool, describe};
+use super::tangent::PanelOfPoint;
+use crate::siren::{INPUTS, SirenShape, features};
+use imf_core::field::EngineError;
+use crate::siren::EvaluationEngine;
+
+/// Samples of the points that one thread takes the minimum for without pause: 32 blocks.
+const MINIMUM_SAMPLES: usize = 32 * BLOCK;
+
+/// A value and its derivatives by the five inputs.
+pub(crate) const ROWS: usize = 1 + INPUTS;
+
+/// Working memory of a thread that asks for derivatives: `[ROWS][neuron]` before and behind a layer, rows as long as the
+/// widest input.
+#[derive(Default)]
+pub(crate) struct TangentScratch {
+    signal: Vec<f32>,
+    next: Vec<f32>,
+}
+
+/// Evaluates a network on the CPU; runs on the rayon pool that it is called in.
+pub struct CpuEvaluator {
+    arch: Arch,
+    plan: Plan,
+    parameters: Vec<f32>,
+    panels: Vec<f32>,
+    scratch: ScratchPool,
+}
+
+impl CpuEvaluator {
+    /// An engine for the network with these parameters.
+    ///
+    /// # Errors
+    /// A shape out of range, or parameters that do not fit it.
+    pub fn new(shape: SirenShape, parameters: &[f32]) -> Result<Self, EngineError> {
+        let refused = |error: crate::siren::ShapeError| EngineError::Shape(error.to_string());
+        shape.check().map_err(refused)?;
+        shape.check_parameters(parameters).map_err(refused)?;
+        prefer_unpacked();
+        let plan = Plan::new(shape.stack());
+        let mut panels = vec![0.0; parameters.len()];
+        transpose_all(&plan, parameters, &mut panels);
+        let scratch = ScratchPool::new(BLOCK * (2 * plan.stride() + INPUTS + 1));
+        Ok(Self { arch: Arch::new(), plan, parameters: parameters.to_vec(), panels, scratch })
+    }
+
+    /// Replaces the network's parameters, as training goes on.
+    ///
+    /// # Errors
+    /// Parameters that do not fit the shape.
+    pub fn set_parameters(&mut self, parameters: &[f32]) -> Result<(), EngineError> {
+        self.plan
+            .stack
+            .check_parameters(parameters)
+            .map_err(|error| EngineError::Shape(error.to_string()))?;
+        self.parameters.copy_from_slice(parameters);
+        transpose_all(&self.plan, &self.parameters, &mut self.panels);
+        Ok(())
+    }
+
+    /// Values of any number of samples on the calling thread alone; nothing is allocated but a thread's first buffer.
+    ///
+    /// # Panics
+    /// If there are not as many values as inputs ask for.
+    pub(crate) fn evaluate_here(&self, inputs: &[f32], outputs: &mut [f32]) {
+        assert_eq!(inputs.len(), outputs.len() * INPUTS, "{INPUTS} inputs for each value");
+        self.scratch.with(|scratch| {
+            for (inputs, outputs) in inputs.chunks(BLOCK * INPUTS).zip(outputs.chunks_mut(BLOCK)) {
+                self.block(inputs, outputs, scratch);
+            }
+        });
+    }
+
+    /// The value at one sample and its derivatives by the five inputs, forwards: the sample and five tangents pass
+    /// through the network side by side.
+    pub(crate) fn value_and_slopes(
+        &self,
+        input: &[f32; INPUTS],
+        scratch: &mut TangentScratch,
+    ) -> [f32; ROWS] {
+        let stack = self.plan.stack;
+        let TangentScratch { signal, next } = scratch;
+        let widest = stack.width + INPUTS;
+        signal.resize(widest * ROWS, 0.0);
+        next.resize(widest * ROWS, 0.0);
+        let write = |signal: &mut [f32], from: usize| {
+            for (row, signal) in signal.chunks_exact_mut(widest).enumerate() {
+                for (axis, value) in signal[from..from + INPUTS].iter_mut().enumerate() {
+                    *value = if row == 0 { input[axis] } else { f32::from(row == axis + 1) };
+                }
+            }
+        };
+        write(signal, 0);
+        for index in 0..stack.hidden {
+            let layer = &self.plan.layers[index];
+            if layer.skip {
+                write(signal, stack.width);
+            }
+            for neurons in self.plan.panels(index) {
+                self.arch.dispatch(PanelOfPoint::<f32, ROWS> {
+                    panel: &self.panels[self.plan.panel_range(index, &neurons)],
+                    biases: &self.parameters[layer.biases + neurons.start..][..neurons.len()],
+                    signal: std::array::from_fn(|row| &signal[row * widest..][..layer.inputs]),
+                    out: next,
+                    widest,
+                    first: neurons.start,
+                    omega: Some(stack.omega),
+                });
+            }
+            std::mem::swap(signal, next);
+        }
+        let last = &self.plan.layers[stack.hidden];
+        let weights = &self.parameters[last.weights..last.biases];
+        let sums: [f64; ROWS] = std::array::from_fn(|row| {
+            let bias = if row == 0 { f64::from(self.parameters[last.biases]) } else { 0.0 };
+            weights.iter().zip(&signal[row * widest..]).fold(bias, |sum, (w, v)| sum + f64::from(w * v))
+        });
+        let value = sigmoid(sums[0] as f32);
+        let slope = value * (1.0 - value);
+        std::array::from_fn(|r| if r == 0 { value as f32 } else { (slope * sums[r]) as f32 })
+    }
+
+    /// Values of at most one block. `scratch` holds two layers of a block.
+    fn block(&self, inputs: &[f32], outputs: &mut [f32], scratch: &mut [f32]) {
+        let network =
+            Network { arch: self.arch, plan: &self.plan, parameters: &self.parameters, panels: &self.panels };
+        let (first, second) = scratch.split_at_mut(BLOCK * self.plan.stride());
+        let last = network.hidden_layers(inputs, first, second);
+        network.outputs(last, outputs);
+        for output in outputs {
+            *output = sigmoid(*output) as f32;
+        }
+    }
+
+    /// Minima of a few points over all directions.
+    fn block_minimum(
+        &self,
+        points: &[[f32; 3]],
+        directions: &[[f32; 2]],
+        least: &mut [f32],
+        best: &mut [u32],
+        scratch: &mut [f32],
+    ) {
+        let (layers, rest) = scratch.split_at_mut(2 * BLOCK * self.plan.stride());
+        let (inputs, outputs) = rest.split_at_mut(BLOCK * INPUTS);
+        let poses = points.len() * directions.len();
+        for first in (0..poses).step_by(BLOCK) {
+            let count = BLOCK.min(poses - first);
+            for (sample, pose) in inputs.chunks_exact_mut(INPUTS).zip(first..first + count) {
+                let [theta, phi] = directions[pose % directions.len()];
+                sample.copy_from_slice(&features(points[pose / directions.len()], theta, phi));
+            }
+            self.block(&inputs[..count * INPUTS], &mut outputs[..count], layers);
+            for (&value, pose) in outputs[..count].iter().zip(first..) {
+                let (point, direction) = (pose / directions.len(), pose % directions.len());
+                if direction == 0 || value < least[point] {
+                    least[point] = value;
+                    best[point] = direction as u32;
+                }
+            }
+        }
+    }
+}
+
+impl EvaluationEngine for CpuEvaluator {
+    fn describe(&self) -> String {
+        describe(self.arch)
+    }
+
+    fn evaluate(&mut self, inputs: &[f32], outputs: &mut [f32]) -> Result<(), EngineError> {
+        if inputs.len() != outputs.len() * INPUTS {
+            let (inputs, outputs) = (inputs.len(), outputs.len());
+            return Err(EngineError::Shape(format!(
+                "{inputs} inputs for {outputs} values; {INPUTS} belong to each"
+            )));
+        }
+        let blocks = inputs.par_chunks(BLOCK * INPUTS).zip(outputs.par_chunks_mut(BLOCK));
+        blocks
+            .for_each(|(inputs, outputs)| self.scratch.with(|scratch| self.block(inputs, outputs, scratch)));
+        Ok(())
+    }
+
+    fn minimum(
+        &mut self,
+        points: &[[f32; 3]],
+        directions: &[[f32; 2]],
+        least: &mut [f32],
+        best: &mut [u32],
+    ) -> Result<(), EngineError> {
+        if least.len() != points.len() || best.len() != points.len() {
+            let (points, least, best) = (points.len(), least.len(), best.len());
+            return Err(EngineError::Shape(format!(
+                "{points} points, but room for {least} minima and {best} indices"
+            )));
+        }
+        if directions.is_empty() || u32::try_from(directions.len()).is_err() {
+            let count = directions.len();
+            return Err(EngineError::Shape(format!(
+                "a minimum over {count} directions; it takes 1 to 2^32 − 1"
+            )));
+        }
+        let group = MINIMUM_SAMPLES.div_ceil(directions.len());
+        points.par_chunks(group).zip(least.par_chunks_mut(group)).zip(best.par_chunks_mut(group)).for_each(
+            |((points, least), best)| {
+                self.scratch.with(|scratch| self.block_minimum(points, directions, least, best, scratch));
+            },
+        );
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::siren::reference::{forward, input_gradient};
+
+    #[test]
+    fn slopes_and_values_of_one_thread_are_the_definitions() {
+        for (width, skip_after) in [(37, Some(2)), (64, None), (130, Some(1))] {
+            let shape = SirenShape { width, hidden: 3, skip_after, omega: 4.0 };
+            let parameters = shape.initial_parameters(5);
+            let exact: Vec<f64> = parameters.iter().copied().map(f64::from).collect();
+            let engine = CpuEvaluator::new(shape, &parameters).unwrap();
+            let inputs: Vec<[f32; INPUTS]> = (0..150_u32)
+                .map(|i| std::array::from_fn(|a| ((i * 37 + a as u32 * 61) % 101) as f32 / 50.5 - 1.0))
+                .collect();
+            let mut values = vec![f32::NAN; inputs.len()];
+            engine.evaluate_here(inputs.as_flattened(), &mut values);
+            let mut scratch = TangentScratch::default();
+            for (input, value) in inputs.iter().zip(values) {
+                let wide = input.map(f64::from);
+                let found = engine.value_and_slopes(input, &mut scratch);
+                let slopes = input_gradient(&shape, &exact, &wide);
+                // Single precision through four layers, each of which multiplies by ω.
+                assert!((f64::from(value) - forward(&shape, &exact, &wide)).abs() < 1e-5);
+                assert!((value - found[0]).abs() < 1e-5);
+                for axis in 0..INPUTS {
+                    assert!((f64::from(found[1 + axis]) - slopes[axis]).abs() < 1e-4, "{width} {axis}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! Datasets: samples of exact sections on disk, drawn once and trained from many times.
+//!
+//! A dataset is a folder:
+//!
+//! ```text
+//! manifest.json            format, version, scene, orientations, sampling, and one entry for each finished shard
+//! obstacle.safetensors     the scene's solid voxels, eight a byte
+//! shard-00000.safetensors  `starts` u64 [sections + 1], `voxel` u32 [n], `value` f32 [n]
+//! …
+//! ```
+//!
+//! Every file is written whole or not at all, and the manifest names a shard only once it is complete: work that was
+//! interrupted goes on where it stopped. Each section's samples depend on the seed and the section alone, so shares
+//! of a dataset can be made on any machines ([`Layout::share`]) and joined ([`merge`]).
+
+mod manifest;
+mod merge;
+mod sampling;
+mod shard;
+mod shards;
+mod share;
+
+pub use manifest::{DatasetError, Layout, Manifest, ShardRecord};
+pub use merge::{Merged, merge};
+pub use sampling::{boundary, draw};
+pub use shards::Shards;
+pub use share::{Share, ShareError};
+
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+use imf_core::control::Control;
+use imf_core::orientation::OrientationSet;
+use crate::samples::Samples;
+use imf_fields::recipe::Sampling;
+use imf_core::scene::Scene;
+use imf_core::section::{SectionPlan, stream_sections};
+
+/// What [`generate`] did.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Generated {
+    /// Shards that were there already and were kept.
+    pub kept: usize,
+    /// Shards made now.
+    pub made: usize,
+    /// Shards that belong to other shares.
+    pub others: usize,
+    /// Samples in the shards kept and made.
+    pub samples: u64,
+    /// Sections in a shard, where the dataset that was there is cut up otherwise than was asked: it stays so.
+    pub otherwise_cut: Option<usize>,
+}
+
+/// Makes the dataset of a scene in `folder`, or goes on with one that was interrupted. One unit of progress is one
+/// section; sections of shards that are kept count at once.
+///
+/// # Errors
+/// A folder that holds another dataset or cannot be written, a failed section, or cancellation; finished shards stay.
+pub fn generate(
+    folder: &Path,
+    scene: &Scene,
+    set: &OrientationSet,
+    sampling: &Sampling,
+    control: Control<'_>,
+) -> Result<Generated, DatasetError> {
+    generate_share(folder, scene, set, sampling, &Layout::default(), control)
+}
+
+/// As [`generate`], cut up as `layout` says, and only the shards of its share. Other shards' sections count as done.
+///
+/// # Errors
+/// As [`generate`].
+pub fn generate_share(
+    folder: &Path,
+    scene: &Scene,
+    set: &OrientationSet,
+    sampling: &Sampling,
+    layout: &Layout,
+    control: Control<'_>,
+) -> Result<Generated, DatasetError> {
+    sampling.check()?;
+    let (mut manifest, otherwise) = Manifest::start(folder, scene, set, sampling, layout)?;
+    // A learnt field is made for the tip, and serves every sharp point k when read at x − R k.
+    let plan = SectionPlan::of_scene(scene)?;
+    let mut done = Generated {
+        kept: 0,
+        made: 0,
+        others: 0,
+        samples: 0,
+        otherwise_cut: otherwise.then_some(manifest.sections_per_shard),
+    };
+    for index in 0..manifest.shard_count() {
+        let sections = manifest.sections_of(index);
+        if layout.share.is_some_and(|share| !share.holds(index)) {
+            done.others += 1;
+            (control.progress)(sections.len() as u64);
+            continue;
+        }
+        if manifest.is_intact(folder, index) {
+            done.kept += 1;
+            (control.progress)(sections.len() as u64);
+        } else {
+            let orientations: Vec<_> = sections.iter().map(|&section| set.orientations[section]).collect();
+            let parts =
+                stream_sections(&plan, &orientations, control, Vec::new, |list: &mut Vec<_>, local, cmf| {
+                    let voxels = draw(cmf, scene.record.grid.dims, sampling, sections[local] as u64);
+                    let values: Vec<f32> = voxels.iter().map(|&v| cmf[v as usize]).collect();
+                    list.push((local, voxels, values));
+                })?;
+            let mut drawn: Vec<_> = parts.into_iter().flatten().collect();
+            drawn.sort_by_key(|&(local, ..)| local);
+            let mut samples = Samples::new(scene.record.grid);
+            for (local, voxels, values) in drawn {
+                samples.push_section(orientations[local].angles(), &voxels, &values);
+            }
+            let record = shard::write(folder, index, &samples)?;
+            manifest.finish_shard(folder, index, record)?;
+            done.made += 1;
+        }
+        done.samples += manifest.shards[index].as_ref().map_or(0, |s| s.samples);
+    }
+    Ok(done)
+}
+
+/// Reads a whole dataset: its scene and all its samples, checked against the manifest.
+///
+/// # Errors
+/// A missing, foreign, newer, damaged or unfinished dataset; the message names the file.
+pub fn load(folder: &Path) -> Result<(Manifest, Scene, Samples), DatasetError> {
+    let shards = Shards::open(folder)?;
+    let scene = shards.manifest().scene(folder)?;
+    let samples = shards.read_all(&AtomicBool::new(false))?;
+    Ok((shards.into_manifest(), scene, samples))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,404 @@
+//! The manifest of a dataset: what it is, and which of its shards are complete.
+//!
+//! Whoever makes a share of a dataset keeps a manifest of that share's name, so that several may work in one folder;
+//! joining them makes the one `manifest.json` that training reads.
+
+use std::collections::HashMap;
+use std::io::Write;
+use std::path::Path;
+
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use imf_fields::recipe::{Sampling, SamplingError};
+use super::shard;
+use super::share::Share;
+use imf_core::atomic_file::{AtomicFileError, write_atomically};
+use imf_core::orientation::OrientationSet;
+use imf_core::scene::{Scene, SceneRecord};
+use imf_core::section::SectionError;
+
+const FORMAT: &str = "imf-dataset";
+const VERSION: u32 = 2;
+const MANIFEST: &str = "manifest.json";
+const OBSTACLE: &str = "obstacle.safetensors";
+/// Samples that a shard holds at most unless told, and unless one section has more: 8 bytes each.
+const SHARD_SAMPLES: u64 = 4_000_000;
+
+/// How a dataset is cut up, and which part of it is made here.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Layout {
+    /// Samples that a shard of a new dataset holds at most, unless one section has more; 4,000,000 where nothing is said. What is
+    /// there stays cut up as it is.
+    pub shard_samples: Option<u64>,
+    /// The share to make; all of it where nothing is said.
+    pub share: Option<Share>,
+}
+
+/// Why a dataset cannot be made or read. Every message names the file.
+#[derive(Debug, Error)]
+pub enum DatasetError {
+    /// A file or folder cannot be read.
+    #[error("cannot read {path}: {source}")]
+    Read {
+        /// The file.
+        path: String,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// A file cannot be written.
+    #[error(transparent)]
+    Write(#[from] AtomicFileError),
+    /// The folder cannot be made.
+    #[error("cannot create the folder {path}: {source}")]
+    Folder {
+        /// The folder.
+        path: String,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// No dataset, or a damaged one.
+    #[error("{path} is no intact dataset file: {what}")]
+    Damaged {
+        /// The file.
+        path: String,
+        /// What is wrong.
+        what: String,
+    },
+    /// Made by a newer program.
+    #[error("{path} has version {found}, and this program reads up to {VERSION}: use a newer imf")]
+    Newer {
+        /// The manifest.
+        path: String,
+        /// Its version.
+        found: u32,
+    },
+    /// The folder holds a dataset of another scene or sampling.
+    #[error("{path} holds another dataset ({what} differs): choose another folder, or remove it")]
+    Other {
+        /// The folder.
+        path: String,
+        /// What differs.
+        what: &'static str,
+    },
+    /// Some shards are not there yet.
+    #[error(
+        "{path} lacks {missing} of {shards} shards: run the same `imf dataset` command again to finish it"
+    )]
+    Unfinished {
+        /// The folder.
+        path: String,
+        /// Shards that are missing.
+        missing: usize,
+        /// Shards in all.
+        shards: usize,
+    },
+    /// The folder holds shares that nobody has joined.
+    #[error(
+        "{path} holds {manifests} share(s) of a dataset and no manifest.json: join them with `imf dataset merge {path}`"
+    )]
+    Shares {
+        /// The folder.
+        path: String,
+        /// How many manifests of shares there are.
+        manifests: usize,
+    },
+    /// Nothing to join.
+    #[error("there is no dataset to join")]
+    NoShares,
+    /// Two folders hold different datasets.
+    #[error("{path} holds another dataset than {than} ({what} differs): they cannot be joined")]
+    Unlike {
+        /// The folder.
+        path: String,
+        /// The folder it was compared with.
+        than: String,
+        /// What differs.
+        what: &'static str,
+    },
+    /// Two folders hold one shard with different content.
+    #[error(
+        "{shard} differs between {first} and {second}, though scene, orientations and sampling agree: a machine \
+         computed it wrongly, or its manifest was changed; make both again and compare"
+    )]
+    Disagree {
+        /// The shard's file name.
+        shard: String,
+        /// A folder that names it.
+        first: String,
+        /// Another one.
+        second: String,
+    },
+    /// A share out of range.
+    #[error(transparent)]
+    Sampling(#[from] SamplingError),
+    /// A section failed, or the work was interrupted.
+    #[error(transparent)]
+    Section(#[from] SectionError),
+}
+
+/// A finished shard.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ShardRecord {
+    /// File name within the folder.
+    pub file: String,
+    /// Samples it holds.
+    pub samples: u64,
+    /// CRC-32 of the whole file.
+    pub crc32: u32,
+}
+
+/// What a dataset is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Manifest {
+    format: String,
+    version: u32,
+    /// The scene, without its voxels.
+    pub scene: SceneRecord,
+    /// The orientations, one section each.
+    pub orientations: OrientationSet,
+    /// How the sections are sampled.
+    pub sampling: Sampling,
+    /// Sections in a shard, at most.
+    pub sections_per_shard: usize,
+    /// True where a shard holds every so-manieth section, so that each shard has directions from everywhere; false in
+    /// version 1, where it holds neighbours.
+    #[serde(default)]
+    pub interleaved: bool,
+    /// Finished shards; `null` where one is still missing.
+    pub shards: Vec<Option<ShardRecord>>,
+    /// Whose books these are: a share's, or the whole dataset's. The file's name says so, not its content.
+    #[serde(skip)]
+    share: Option<Share>,
+}
+
+/// The part of a manifest that can be read whatever its version.
+#[derive(Deserialize)]
+struct Header {
+    format: String,
+    version: u32,
+}
+
+impl Manifest {
+    /// The manifest of a new dataset or share, or the one in the folder if it describes the same; and whether that one is cut up
+    /// otherwise than was asked.
+    pub(super) fn start(
+        folder: &Path,
+        scene: &Scene,
+        set: &OrientationSet,
+        sampling: &Sampling,
+        layout: &Layout,
+    ) -> Result<(Self, bool), DatasetError> {
+        std::fs::create_dir_all(folder)
+            .map_err(|source| DatasetError::Folder { path: folder.display().to_string(), source })?;
+        let per_section = scene.record.grid.len() as f64 * sampling.density;
+        let most = layout.shard_samples.unwrap_or(SHARD_SAMPLES) as f64 / per_section;
+        let sections_per_shard = (most as usize).clamp(1, set.len().max(1));
+        let fresh = Self {
+            format: FORMAT.into(),
+            version: VERSION,
+            scene: scene.record.clone(),
+            orientations: set.clone(),
+            sampling: *sampling,
+            sections_per_shard,
+            interleaved: true,
+            shards: vec![None; set.len().div_ceil(sections_per_shard)],
+            share: layout.share,
+        };
+        // A share goes on from its own books, else from those of the whole.
+        let names = [fresh.file_name(), MANIFEST.to_owned()];
+        if let Some(name) = names.iter().find(|name| folder.join(name).exists()) {
+            let found = Self { share: layout.share, ..Self::read_named(folder, name)? };
+            // How an existing dataset is cut up stays.
+            let (sections_per_shard, interleaved) = (found.sections_per_shard, found.interleaved);
+            let otherwise = layout.shard_samples.is_some() && sections_per_shard != fresh.sections_per_shard;
+            let comparable = Self { sections_per_shard, interleaved, ..fresh };
+            if let Some(what) = found.difference(&comparable) {
+                return Err(DatasetError::Other { path: folder.display().to_string(), what });
+            }
+            return Ok((found, otherwise));
+        }
+        write_obstacle(folder, scene)?;
+        fresh.write(folder)?;
+        Ok((fresh, false))
+    }
+
+    /// What makes two manifests describe different datasets.
+    pub(super) fn difference(&self, other: &Self) -> Option<&'static str> {
+        if self.scene != other.scene {
+            Some("the scene")
+        } else if self.orientations.orientations != other.orientations.orientations {
+            Some("the orientation set")
+        } else if self.sampling != other.sampling {
+            Some("the sampling")
+        } else if self.sections_per_shard != other.sections_per_shard {
+            Some("the number of samples in a shard")
+        } else if self.interleaved != other.interleaved {
+            Some("which sections a shard holds")
+        } else {
+            None
+        }
+    }
+
+    /// Reads and checks a folder's manifest.
+    ///
+    /// # Errors
+    /// A missing, foreign, newer or damaged manifest, or shares that are not joined.
+    pub fn read(folder: &Path) -> Result<Self, DatasetError> {
+        let shares = share_manifests(folder).len();
+        if shares > 0 && !folder.join(MANIFEST).exists() {
+            return Err(DatasetError::Shares { path: folder.display().to_string(), manifests: shares });
+        }
+        Self::read_named(folder, MANIFEST)
+    }
+
+    /// True where a folder holds a dataset, or shares of one, in whatever state.
+    #[must_use]
+    pub fn is_in(folder: &Path) -> bool {
+        folder.join(MANIFEST).exists() || !share_manifests(folder).is_empty()
+    }
+
+    /// The manifests of a folder: that of a whole dataset, if there is one, and those of shares.
+    pub(super) fn read_all(folder: &Path) -> Result<Vec<Self>, DatasetError> {
+        let whole = folder.join(MANIFEST).exists().then(|| MANIFEST.to_owned());
+        whole.into_iter().chain(share_manifests(folder)).map(|name| Self::read_named(folder, &name)).collect()
+    }
+
+    /// Removes the manifests of shares, once the whole names all that they name.
+    pub(super) fn remove_shares(folder: &Path) {
+        for name in share_manifests(folder) {
+            // One that stays does no harm.
+            let _ = std::fs::remove_file(folder.join(name));
+        }
+    }
+
+    fn read_named(folder: &Path, name: &str) -> Result<Self, DatasetError> {
+        let path = folder.join(name);
+        let shown = path.display().to_string();
+        let text = std::fs::read_to_string(&path)
+            .map_err(|source| DatasetError::Read { path: shown.clone(), source })?;
+        let damaged = |what: String| DatasetError::Damaged { path: shown.clone(), what };
+        let header: Header = serde_json::from_str(&text).map_err(|e| damaged(e.to_string()))?;
+        if header.format != FORMAT {
+            return Err(damaged(format!("its format is '{}', not '{FORMAT}'", header.format)));
+        }
+        if header.version > VERSION {
+            return Err(DatasetError::Newer { path: shown, found: header.version });
+        }
+        let manifest: Self = serde_json::from_str(&text).map_err(|e| damaged(e.to_string()))?;
+        if manifest.sections_per_shard == 0
+            || manifest.shards.len() != manifest.orientations.len().div_ceil(manifest.sections_per_shard)
+        {
+            return Err(damaged("its shards do not fit its orientations".into()));
+        }
+        let names = |(index, shard): (usize, &Option<ShardRecord>)| {
+            shard.as_ref().is_none_or(|s| s.file == shard::file_name(index))
+        };
+        if !manifest.shards.iter().enumerate().all(names) {
+            return Err(damaged("a shard has a foreign file name".into()));
+        }
+        Ok(manifest)
+    }
+
+    fn file_name(&self) -> String {
+        self.share.map_or_else(|| MANIFEST.to_owned(), Share::manifest_name)
+    }
+
+    /// The same dataset, nothing of it made.
+    pub(super) fn emptied(&self) -> Self {
+        Self { shards: vec![None; self.shards.len()], share: None, ..self.clone() }
+    }
+
+    pub(super) fn write(&self, folder: &Path) -> Result<(), DatasetError> {
+        let path = folder.join(self.file_name());
+        let text = serde_json::to_vec_pretty(self)
+            .map_err(|e| DatasetError::Damaged { path: path.display().to_string(), what: e.to_string() })?;
+        Ok(write_atomically(path, |file| file.write_all(&text))?)
+    }
+
+    /// The scene with its voxels, from the folder that this manifest was read from.
+    ///
+    /// # Errors
+    /// A missing or damaged file of voxels.
+    pub fn scene(&self, folder: &Path) -> Result<Scene, DatasetError> {
+        let path = folder.join(OBSTACLE);
+        let bytes = read_file(&path)?;
+        let damaged = |what: String| DatasetError::Damaged { path: path.display().to_string(), what };
+        let tensors = SafeTensors::deserialize(&bytes).map_err(|e| damaged(e.to_string()))?;
+        let bits = |name: &str| tensors.tensor(name).ok().map(|view| view.data());
+        Scene::from_packed_voxels(self.scene.clone(), bits).map_err(|e| damaged(e.to_string()))
+    }
+
+    /// Number of shards, finished or not.
+    #[must_use]
+    pub fn shard_count(&self) -> usize {
+        self.shards.len()
+    }
+
+    /// Sections that a shard holds, ascending.
+    #[must_use]
+    pub fn sections_of(&self, shard: usize) -> Vec<usize> {
+        let all = self.orientations.len();
+        if self.interleaved {
+            return (shard..all).step_by(self.shard_count()).collect();
+        }
+        let start = shard * self.sections_per_shard;
+        (start..(start + self.sections_per_shard).min(all)).collect()
+    }
+
+    /// CRC-32 over the checksums of all shards: two datasets of the same samples have the same.
+    #[must_use]
+    pub fn fingerprint(&self) -> u32 {
+        let mut hasher = crc32fast::Hasher::new();
+        for shard in self.shards.iter().flatten() {
+            hasher.update(&shard.crc32.to_le_bytes());
+        }
+        hasher.finalize()
+    }
+
+    /// True where the manifest names a shard and its file is there unharmed.
+    pub(super) fn is_intact(&self, folder: &Path, shard: usize) -> bool {
+        self.shards[shard].as_ref().is_some_and(|record| {
+            std::fs::read(folder.join(&record.file))
+                .is_ok_and(|bytes| crc32fast::hash(&bytes) == record.crc32)
+        })
+    }
+
+    pub(super) fn finish_shard(
+        &mut self,
+        folder: &Path,
+        shard: usize,
+        record: ShardRecord,
+    ) -> Result<(), DatasetError> {
+        self.shards[shard] = Some(record);
+        self.write(folder)
+    }
+}
+
+/// Writes the scene's solid voxels.
+pub(super) fn write_obstacle(folder: &Path, scene: &Scene) -> Result<(), DatasetError> {
+    let voxels = scene.packed_voxels();
+    let path = folder.join(OBSTACLE);
+    let views =
+        voxels.iter().map(|(name, bits)| Ok((*name, TensorView::new(Dtype::U8, vec![bits.len()], bits)?)));
+    let bytes = views
+        .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()
+        .and_then(|views| safetensors::serialize(views, None::<HashMap<String, String>>))
+        .map_err(|e| DatasetError::Damaged { path: path.display().to_string(), what: e.to_string() })?;
+    Ok(write_atomically(&path, |file| file.write_all(&bytes))?)
+}
+
+/// Names of the manifests of shares in a folder, sorted.
+fn share_manifests(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+    let mut names: Vec<String> = names.filter(|name| Share::is_manifest_name(name)).collect();
+    names.sort();
+    names
+}
+
+/// Reads a file; errors name it.
+pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, DatasetError> {
+    std::fs::read(path).map_err(|source| DatasetError::Read { path: path.display().to_string(), source })
+}

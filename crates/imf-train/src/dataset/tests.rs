@@ -1,0 +1,230 @@
+//! A small dataset made, interrupted, damaged and read.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use glam::{DMat4, DVec3};
+
+use super::*;
+use imf_core::grid::Grid;
+use imf_core::occupancy::Occupancy;
+use imf_core::scene::SceneRecord;
+use imf_core::section::sections;
+use imf_core::tool::Tool;
+use imf_core::unit::LengthUnit;
+
+fn scene() -> Scene {
+    let grid = Grid { origin: DVec3::ZERO, pitch: 8.0, dims: [9, 10, 11] };
+    let solid = (0..grid.len()).map(|i| u8::from(i % 7 < 3)).collect();
+    let obstacle = Occupancy { grid, solid };
+    let record = SceneRecord {
+        part: "test".into(),
+        unit: LengthUnit::Mm,
+        transform: DMat4::IDENTITY,
+        grid,
+        margin: 0,
+        conservative: false,
+        closed: true,
+        tool: Tool::paper(),
+        clearance: imf_core::tool::Clearance::default(),
+        ungrown: None,
+        fixtures: Vec::new(),
+        contact: None,
+        obstacle_crc32: crc32fast::hash(&obstacle.packed()),
+    };
+    Scene::from_union(record, obstacle)
+}
+
+fn make(folder: &Path) -> Result<Generated, DatasetError> {
+    generate(
+        folder,
+        &scene(),
+        &OrientationSet::parse("fibonacci:12").unwrap(),
+        &Sampling::default(),
+        Control::quiet(),
+    )
+}
+
+#[test]
+fn samples_are_values_of_the_exact_sections() {
+    let folder = tempfile::tempdir().unwrap();
+    let generated = make(folder.path()).unwrap();
+    let (manifest, read_scene, samples) = load(folder.path()).unwrap();
+    assert_eq!(read_scene, scene());
+    assert_eq!(samples.len() as u64, generated.samples);
+    let plan = SectionPlan::new(&scene().obstacle, &scene().record.tool).unwrap();
+    let exact = sections(&plan, &manifest.orientations.orientations, Control::quiet()).unwrap();
+    for (section, cmf) in exact.iter().enumerate() {
+        let range = samples.starts[section]..samples.starts[section + 1];
+        assert_eq!(range.len(), (cmf.len() as f64 * 0.35).round() as usize);
+        for sample in range {
+            assert_eq!(samples.values[sample], cmf[samples.voxels[sample] as usize]);
+            let (input, target) = samples.sample(sample);
+            assert_eq!(target, samples.values[sample]);
+            assert_eq!(input[3], manifest.orientations.orientations[section].theta as f32 / 180.0 - 1.0);
+        }
+    }
+}
+
+#[test]
+fn an_interrupted_dataset_goes_on_and_is_the_same() {
+    let (whole, broken) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    make(whole.path()).unwrap();
+    let stop = AtomicBool::new(false);
+    let seen = AtomicU64::new(0);
+    let progress = |n| {
+        if seen.fetch_add(n, Ordering::Relaxed) > 3 {
+            stop.store(true, Ordering::Relaxed);
+        }
+    };
+    let set = OrientationSet::parse("fibonacci:12").unwrap();
+    let control = Control { progress: &progress, cancelled: &stop };
+    let error = generate(broken.path(), &scene(), &set, &Sampling::default(), control).unwrap_err();
+    assert!(matches!(error, DatasetError::Section(imf_core::section::SectionError::Cancelled)));
+    assert!(matches!(load(broken.path()), Err(DatasetError::Unfinished { .. })));
+    make(broken.path()).unwrap();
+    assert_eq!(load(whole.path()).unwrap().2, load(broken.path()).unwrap().2);
+    // Nothing is left to do, and nothing is done again.
+    assert_eq!(make(broken.path()).unwrap().made, 0);
+}
+
+#[test]
+fn other_scenes_and_damage_are_noticed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    make(path).unwrap();
+    let set = OrientationSet::parse("fibonacci:13").unwrap();
+    let other = generate(path, &scene(), &set, &Sampling::default(), Control::quiet()).unwrap_err();
+    assert!(other.to_string().contains("orientation set differs"), "{other}");
+
+    let shard = path.join("shard-00000.safetensors");
+    let bytes = std::fs::read(&shard).unwrap();
+    std::fs::write(&shard, &bytes[..bytes.len() / 2]).unwrap();
+    let error = load(path).unwrap_err().to_string();
+    assert!(error.contains("shard-00000") && error.contains("cut short"), "{error}");
+    // Making it again repairs what is damaged.
+    assert_eq!(make(path).unwrap().made, 1);
+    assert_eq!(std::fs::read(&shard).unwrap(), bytes);
+
+    let manifest = std::fs::read_to_string(path.join("manifest.json")).unwrap();
+    std::fs::write(path.join("manifest.json"), manifest.replace("\"version\": 2", "\"version\": 9")).unwrap();
+    assert!(matches!(load(path), Err(DatasetError::Newer { found: 9, .. })));
+    std::fs::write(path.join("manifest.json"), "{}").unwrap();
+    assert!(matches!(load(path), Err(DatasetError::Damaged { .. })));
+    assert!(matches!(load(&path.join("nowhere")), Err(DatasetError::Read { .. })));
+}
+
+/// Four shards of three sections each.
+fn make_share(folder: &Path, share: Option<&str>) -> Generated {
+    let set = OrientationSet::parse("fibonacci:12").unwrap();
+    let share = share.map(|text| text.parse().unwrap());
+    let layout = Layout { shard_samples: Some(3 * 347), share };
+    generate_share(folder, &scene(), &set, &Sampling::default(), &layout, Control::quiet()).unwrap()
+}
+
+fn contents(folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let name = |path: &Path| path.file_name().unwrap().to_string_lossy().into_owned();
+    let mut files: Vec<_> = entries.map(|path| (name(&path), std::fs::read(&path).unwrap())).collect();
+    files.sort();
+    files
+}
+
+#[test]
+fn shares_joined_are_the_dataset_made_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    make_share(&at("whole"), None);
+    assert_eq!(contents(&at("whole")).len(), 6, "manifest, obstacle, four shards");
+    for (share, name, made) in [("1/3", "a", 2), ("2/3", "b", 1), ("3/3", "c", 1)] {
+        let generated = make_share(&at(name), Some(share));
+        assert_eq!((generated.made, generated.others), (made, 4 - made));
+        assert!(matches!(load(&at(name)), Err(DatasetError::Shares { manifests: 1, .. })));
+    }
+    // Something is missing first, then it comes.
+    let merged = merge(&at("out"), &[at("a"), at("c")], Control::quiet()).unwrap();
+    assert_eq!((merged.copied, &merged.missing[..]), (3, &[1][..]));
+    assert_eq!(merged.manifest.sections_of(1), [1, 5, 9]);
+    assert!(matches!(load(&at("out")), Err(DatasetError::Unfinished { missing: 1, shards: 4, .. })));
+    let merged = merge(&at("out"), &[at("b")], Control::quiet()).unwrap();
+    assert_eq!((merged.copied, merged.kept, merged.missing.len()), (1, 3, 0));
+    assert!(contents(&at("out")) == contents(&at("whole")));
+
+    // All shares in one folder, joined where they are.
+    for share in ["2/3", "3/3", "1/3"] {
+        make_share(&at("together"), Some(share));
+    }
+    let merged = merge(&at("together"), &[], Control::quiet()).unwrap();
+    assert_eq!((merged.copied, merged.kept), (0, 4));
+    assert!(contents(&at("together")) == contents(&at("whole")));
+
+    // A share that finds an unfinished whole makes what is missing of it alone.
+    std::fs::create_dir(at("rest")).unwrap();
+    for (name, bytes) in contents(&at("whole")) {
+        std::fs::write(at("rest").join(name), bytes).unwrap();
+    }
+    std::fs::remove_file(at("rest/shard-00002.safetensors")).unwrap();
+    assert_eq!(make_share(&at("rest"), Some("3/4")).made, 1);
+    assert_eq!(make_share(&at("rest"), Some("1/4")).made, 0);
+}
+
+#[test]
+fn what_cannot_be_joined_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    make_share(&at("a"), Some("1/2"));
+    make_share(&at("b"), Some("2/2"));
+    make(&at("other")).unwrap();
+    let join = |names: &[&str]| {
+        let folders: Vec<_> = names.iter().map(|name| at(name)).collect();
+        merge(&at("out"), &folders, Control::quiet())
+    };
+    let error = join(&["a", "other"]).unwrap_err().to_string();
+    assert!(error.contains("samples in a shard differs"), "{error}");
+    let error = join(&["a", "nowhere"]).unwrap_err().to_string();
+    assert!(error.contains("nowhere") && error.contains("manifest.json"), "{error}");
+    assert!(join(&[]).is_err());
+    assert!(!at("out").exists(), "a refusal left a folder behind");
+
+    // A damaged shard counts as missing and is named.
+    let shard = at("b").join("shard-00001.safetensors");
+    let bytes = std::fs::read(&shard).unwrap();
+    let mut flipped = bytes.clone();
+    *flipped.last_mut().unwrap() ^= 1;
+    std::fs::write(&shard, &flipped).unwrap();
+    let merged = join(&["a", "b"]).unwrap();
+    assert_eq!(merged.missing, [1]);
+    assert!(merged.damaged.len() == 1 && merged.damaged[0].contains("shard-00001"), "{:?}", merged.damaged);
+
+    // Two machines that disagree are not averaged.
+    std::fs::write(&shard, &bytes).unwrap();
+    let books = at("b").join("manifest.2-of-2.json");
+    let text = std::fs::read_to_string(&books).unwrap();
+    join(&["a", "b"]).unwrap();
+    let crc = crc32fast::hash(&bytes).to_string();
+    std::fs::write(&books, text.replace(&crc, "12345")).unwrap();
+    let error = join(&["a", "b"]).unwrap_err();
+    assert!(matches!(error, DatasetError::Disagree { .. }), "{error}");
+}
+
+#[test]
+fn the_first_versions_shards_hold_neighbours() {
+    let folder = tempfile::tempdir().unwrap();
+    make_share(folder.path(), None);
+    let path = folder.path().join("manifest.json");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let older = text.replace("\"version\": 2", "\"version\": 1").replace("  \"interleaved\": true,\n", "");
+    assert_ne!(older, text);
+    std::fs::write(&path, older).unwrap();
+    let manifest = Manifest::read(folder.path()).unwrap();
+    assert_eq!(manifest.sections_of(1), [3, 4, 5]);
+    let all = |interleaved| {
+        let mut manifest = manifest.clone();
+        manifest.interleaved = interleaved;
+        let mut all: Vec<usize> = (0..manifest.shard_count()).flat_map(|s| manifest.sections_of(s)).collect();
+        all.sort_unstable();
+        all
+    };
+    assert_eq!(all(true), (0..12).collect::<Vec<_>>());
+    assert_eq!(all(false), all(true));
+}

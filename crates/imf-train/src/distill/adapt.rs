@@ -1,0 +1,85 @@
+//! Weights for a changed part: a network taught one harmonic field as the start of another's.
+//!
+//! Nothing is lost in between: what the network answers at a world position stays what it was, but for what the other
+//! field's axes leave out. Positions are scaled by the grid, which the first layer takes back; coefficients are along the
+//! axes and in units of the scale, which the last layer turns to the other's.
+
+use imf_fields::factored::targets::Targets;
+use imf_fields::factored::{FactoredField, FactoredShape, INPUTS};
+use imf_core::grid::Grid;
+use imf_fields::harmonic::HarmonicField;
+use imf_fields::siren::{Layer, ShapeError};
+
+/// A network's weights, turned to the grid, axes, mean and scale of `teacher`: the same field where the teacher
+/// keeps all axes of at least this field's degree.
+///
+/// # Errors
+/// Weights that do not fit the shape.
+///
+/// # Panics
+/// If one field is over directions and the other over rotations.
+pub(super) fn parameters_for(
+    field: &FactoredField,
+    teacher: &HarmonicField,
+    targets: &Targets<'_>,
+) -> Result<Vec<f32>, ShapeError> {
+    assert_eq!(field.basis.domain(), teacher.basis.domain(), "fields over the same orientations");
+    field.shape.stack().check_parameters(&field.parameters)?;
+    if field.shape.folded {
+        return parameters_for(&field.unfolded(), teacher, targets);
+    }
+    let axes = targets.outputs();
+    let shape = FactoredShape { axes, ..field.shape };
+    let mut parameters = vec![0.0; shape.parameter_count()];
+    let (layers, new_layers) = (field.shape.layers(), shape.layers());
+    let Some((last, hidden)) = layers.split_last() else { return Ok(parameters) };
+    // Hidden layers stand at the same places in both.
+    let end = hidden.last().map_or(0, |layer| layer.biases + layer.outputs);
+    parameters[..end].copy_from_slice(&field.parameters[..end]);
+    if let Some(first) = hidden.first() {
+        let middle = |grid: &Grid| grid.origin + 0.5 * grid.size();
+        let units = field.inverse_length();
+        let ratio = units * 0.5 * teacher.grid.size().max_element();
+        let shift = ((middle(&teacher.grid) - middle(&field.grid)) * units).to_array();
+        for neuron in 0..first.outputs {
+            let from = first.weights + neuron * first.inputs;
+            let row: [f64; INPUTS] = std::array::from_fn(|axis| f64::from(field.parameters[from + axis]));
+            let moved: f64 = row.iter().zip(shift).map(|(&w, t)| w * t).sum();
+            for (axis, weight) in row.into_iter().enumerate() {
+                parameters[from + axis] = (weight * ratio) as f32;
+            }
+            let bias = first.biases + neuron;
+            parameters[bias] = (f64::from(field.parameters[bias]) + moved) as f32;
+        }
+    }
+    turn_last(field, last, targets, &mut parameters[new_layers[hidden.len()].weights..]);
+    Ok(parameters)
+}
+
+/// The linear layer: `g' = (U'ᵀ(μ + s U g − μ'))/s'`, its weights then its biases into `out`.
+fn turn_last(field: &FactoredField, last: &Layer, targets: &Targets<'_>, out: &mut [f32]) {
+    let (axes, mean) = targets.functions();
+    let (old, new) = (field.shape.axes, axes.len() / mean.len());
+    let shared = field.basis.len().min(mean.len());
+    let scale = f64::from(targets.scale);
+    let along = |k: usize, axis: usize| f64::from(axes[k * new + axis]);
+    let (weights, biases) = out.split_at_mut(new * last.inputs);
+    for (axis, (row, bias)) in weights.chunks_exact_mut(last.inputs).zip(biases).enumerate() {
+        let mut shifted = 0.0;
+        for (k, &mean) in mean.iter().enumerate() {
+            let own = if k < shared { f64::from(field.mean[k]) } else { 0.0 };
+            shifted += along(k, axis) * (own - f64::from(mean));
+        }
+        let mut sums = vec![0.0f64; last.inputs];
+        for place in 0..old {
+            let turn: f64 =
+                (0..shared).map(|k| along(k, axis) * f64::from(field.axes[k * old + place])).sum();
+            let turn = turn * f64::from(field.scale);
+            let own = &field.parameters[last.weights + place * last.inputs..][..last.inputs];
+            sums.iter_mut().zip(own).for_each(|(sum, &weight)| *sum += turn * f64::from(weight));
+            shifted += turn * f64::from(field.parameters[last.biases + place]);
+        }
+        row.iter_mut().zip(&sums).for_each(|(weight, sum)| *weight = (sum / scale) as f32);
+        *bias = (shifted / scale) as f32;
+    }
+}

@@ -1,0 +1,339 @@
+//! Teaching by exact sections themselves, where no harmonic field is to hand: none is kept, whatever the grid.
+//!
+//! A pool holds the latest sections at random orientations without end ([`crate::training::online`]); a step takes P voxels
+//! at all Q orientations of the pool. Let H be the field's functions there, `[Q][axes]`, s a voxel's exact values less the
+//! mean's, z what the network says now. The coefficients to expect of both are
+//!
+//! ```text
+//! t = z + Hᵀ (H Hᵀ + λ I)⁻¹ (s − H z)
+//! ```
+//! (a Gaussian around z, conditioned on s: Kalman's step), and towards these the network takes a step of least squares.
+//! What the pool does not see of a voxel stays as the network has it. The functions are learnt too: a sample of voxels
+//! chooses the axes, and the last layer, folded at the end, what the hidden layers mean along them.
+
+use std::ops::Range;
+
+use nalgebra::{Cholesky, DMatrix};
+use rayon::prelude::*;
+
+use super::course::{Told, Voxels};
+use super::engine::cpu_engine;
+use super::start_of;
+use imf_fields::factored::targets::TeacherFunctions;
+use imf_fields::factored::{
+    FactoredEvaluator, FactoredField, FactoredShape, FactoredState, INPUTS, TeachSettings,
+};
+use imf_fields::recipe::RecipeError;
+use imf_core::control::Control;
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::{FitReport, FitSettings, HarmonicError, Outline, Source, SourceScratch, function_values, outline};
+use imf_core::orientation::Orientation;
+use imf_core::section::{Quantity, SectionError, SectionPlan};
+use imf_fields::siren::ShapeError;
+use imf_fields::siren::matrix::{Matrix, multiply};
+use imf_fields::recipe::OnlineSettings;
+use crate::training::online::{Waits, with_arrivals};
+use imf_fields::recipe::Cursor;
+use crate::training::run::{Outcome, Report, Start, TrainError, train_by};
+use imf_core::field::EngineError;
+use crate::training::TrainingEngine;
+use imf_fields::recipe::TrainingState;
+
+/// λ over the mean of H Hᵀ's diagonal. Of a field that is nearly learnt the functions left out say as much as is still to be
+/// learnt along any one axis.
+const RIDGE: f64 = 0.03;
+/// Rows of a batch whose targets one thread makes at a time.
+const ROWS: usize = 64;
+
+/// The sections of a scene as a teacher, with the functions that its field is made of.
+pub struct SectionTeacher<'a> {
+    plan: &'a SectionPlan,
+    quantity: Quantity,
+    outline: Outline,
+}
+
+impl<'a> SectionTeacher<'a> {
+    /// Chooses functions, mean and scale by a sample of voxels. Progress as [`imf_fields::harmonic::estimate`].
+    ///
+    /// # Errors
+    /// As [`imf_fields::harmonic::fit`].
+    pub fn new(
+        plan: &'a SectionPlan,
+        domain: Domain,
+        fit: &FitSettings,
+        control: Control<'_>,
+    ) -> Result<Self, HarmonicError> {
+        Ok(Self { plan, quantity: fit.quantity, outline: outline(plan, domain, fit, control)? })
+    }
+
+    /// Axes of the field: outputs of its network.
+    #[must_use]
+    pub fn axis_count(&self) -> usize {
+        self.outline.axes.len() / self.outline.mean.len()
+    }
+
+    /// What the sample told of the functions' errors.
+    #[must_use]
+    pub fn report(&self) -> FitReport {
+        self.outline.report
+    }
+
+    /// What its functions depend on beside the point.
+    #[must_use]
+    pub fn domain(&self) -> Domain {
+        self.outline.basis.domain()
+    }
+
+    /// Bytes of a teaching along so many axes of so many functions: of the pool and of what is being made, two a value; of what
+    /// the pool's orientations make of a batch; and of a batch.
+    #[must_use]
+    pub fn memory_bytes(functions: usize, axes: usize, voxels: usize, settings: &TeachSettings) -> u64 {
+        let OnlineSettings { pool, lead, .. } = settings.online.unwrap_or_default();
+        let sections = 2 * (pool + lead + 2) * voxels + 8 * voxels;
+        // The Gram matrix and its factor, H and the solution in f64, both and the functions in f32.
+        let gain = pool * (16 * pool + 24 * axes + 4 * functions);
+        let batch = settings.plan.batch.min(voxels) * (8 * pool + 4 * axes);
+        (sections + gain + batch) as u64
+    }
+
+    /// The field of a network's weights.
+    ///
+    /// # Errors
+    /// Weights that do not fit, or a shape of other axes.
+    pub fn field(&self, shape: FactoredShape, parameters: Vec<f32>) -> Result<FactoredField, ShapeError> {
+        let Outline { basis, axes, mean, scale, .. } = &self.outline;
+        let grid = self.plan.grid();
+        let (axes, mean) = (axes.into(), mean.into());
+        TeacherFunctions { quantity: self.quantity, grid, basis, axes, mean, scale: *scale }
+            .field(shape, parameters)
+    }
+
+    /// The orientation of a section.
+    fn orientation(&self, online: &OnlineSettings, number: u64) -> Orientation {
+        match self.outline.basis.domain() {
+            Domain::Directions => online.orientation(number),
+            Domain::Rotations => online.rotation(number),
+        }
+    }
+}
+
+/// Teaches the network of `state` by sections up to the plan's end, or until `control` asks to stop, which is looked at
+/// wherever the observer is told something; `state` then is where teaching goes on, to the same bits. One unit of progress is
+/// one step; while the pool fills, progress is told of 0 between sections, and `control` is looked at as well. The report's loss is the mean squared error at the pool's orientations before each step, most of which earlier
+/// steps have met. Sections come as [`TeachSettings::online`] says, or as its default;
+/// [`TeachSettings::of_sections`] has the settings to start from.
+///
+/// # Errors
+/// Settings or a state out of range, a section that failed, or a loss that is not finite or has risen for good; `state` is
+/// untouched then.
+pub fn teach_by_sections(
+    teacher: &SectionTeacher<'_>,
+    settings: &TeachSettings,
+    state: &mut FactoredState,
+    control: Control<'_>,
+    observer: &mut dyn FnMut(&Report),
+) -> Result<(Outcome, Waits), TrainError> {
+    let shape = settings.shape(teacher.axis_count());
+    let batch = settings.plan.batch.min(teacher.plan.grid().len());
+    let mut engine = cpu_engine(shape, &settings.plan, settings.optimiser, batch, state)?;
+    teach_by_sections_on(teacher, settings, state, &mut engine, control, observer)
+}
+
+/// As [`teach_by_sections`], on an engine that continues from `state`, such as a GPU's: made for the stack of
+/// [`TeachSettings::shape`] and batches of the plan's size, with the settings' optimiser.
+///
+/// # Errors
+/// As [`teach_by_sections`].
+pub fn teach_by_sections_on(
+    teacher: &SectionTeacher<'_>,
+    settings: &TeachSettings,
+    state: &mut FactoredState,
+    engine: &mut dyn TrainingEngine,
+    control: Control<'_>,
+    observer: &mut dyn FnMut(&Report),
+) -> Result<(Outcome, Waits), TrainError> {
+    settings.check()?;
+    if !settings.symmetry.is_none() {
+        return Err(RecipeError(ShapeError::Symmetry.to_string()).into());
+    }
+    let online = settings.online.unwrap_or_default();
+    let grid = *teacher.plan.grid();
+    let shape = settings.shape(teacher.axis_count());
+    let (plan, start) = (&settings.plan, start_of(state));
+    let mut told = Told::new(plan, grid.len(), start, control, observer);
+    let first = told.steps;
+    let last = plan.total_steps(grid.len()).saturating_sub(1);
+    let source = Source::new(teacher.plan, teacher.quantity)?;
+    let field = teacher.field(shape, state.training.parameters.clone());
+    let field = field.map_err(|error| EngineError::Shape(error.to_string()))?;
+    let mut corrected = Corrected::new(engine, teacher, online, field, first);
+    let mut scratch = SourceScratch::default();
+    let make = |number| {
+        let mut kept = vec![0; grid.len()];
+        source.kept(&teacher.orientation(&online, number), &mut scratch, &mut kept)?;
+        Ok(kept)
+    };
+    let (low, unit) = source.steps();
+    let mut order = Voxels::new(plan, &grid, settings.symmetry, start.cursor);
+    let stop = || {
+        (control.progress)(0);
+        control.is_cancelled()
+    };
+    let (outcome, waits) = with_arrivals(online, [first, last], make, &stop, |arrivals| {
+        let mut feed =
+            |at: Cursor, step: u64, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
+                let pool = arrivals.at(step)?;
+                order.fill(at, &rows, inputs, targets, |_, voxel, targets| {
+                    for (target, section) in targets.iter_mut().zip(pool.iter().flatten()) {
+                        *target = low + f32::from(section[voxel]) * unit;
+                    }
+                });
+                Ok(())
+            };
+        train_by(plan, grid.len(), &mut feed, &mut corrected, start, &mut |report, _| told.hear(report))
+    });
+    let outcome = match outcome {
+        // No step was taken.
+        Err(TrainError::Section(SectionError::Cancelled)) if control.is_cancelled() => {
+            Outcome::Stopped(start.cursor)
+        }
+        outcome => outcome?,
+    };
+    let Start { cursor, watch } = told.start;
+    *state = FactoredState { training: corrected.state()?, cursor, watch };
+    Ok((outcome, waits))
+}
+
+/// What a pool's orientations make of a batch.
+struct Gain {
+    /// Number of the pool's newest section.
+    newest: u64,
+    /// H: `[slot][axes]`.
+    functions: Vec<f32>,
+    /// The mean's values there, `[slot]`.
+    mean: Vec<f32>,
+    /// `(H Hᵀ + λ I)⁻¹ H`, `[slot][axes]`.
+    weights: Vec<f32>,
+}
+
+impl Gain {
+    fn new(teacher: &SectionTeacher<'_>, online: &OnlineSettings, step: u64) -> Result<Self, EngineError> {
+        let Outline { basis, axes, mean, .. } = &teacher.outline;
+        let set: Vec<Orientation> =
+            online.slots(step).map(|number| teacher.orientation(online, number)).collect();
+        let (count, width, pool) = (basis.len(), teacher.axis_count(), online.pool);
+        let rows = function_values(basis, &set);
+        let rows = Matrix::row_major(&rows, pool, count, count);
+        let (mut functions, mut at_mean) = (vec![0.0; pool * width], vec![0.0; pool]);
+        multiply(&mut functions, width, rows, Matrix::row_major(axes, count, width, width), false);
+        multiply(&mut at_mean, 1, rows, Matrix::row_major(mean, count, 1, 1), false);
+        let matrix = DMatrix::from_row_iterator(pool, width, functions.iter().map(|&v| f64::from(v)));
+        let mut gram = &matrix * matrix.transpose();
+        let ridge = RIDGE * gram.trace() / pool as f64;
+        (0..pool).for_each(|slot| gram[(slot, slot)] += ridge);
+        // With a ridge it is positive definite, unless a number is not finite.
+        let solved = Cholesky::new(gram)
+            .ok_or_else(|| EngineError::Shape("the functions of the sections are not finite".into()))?
+            .solve(&matrix);
+        let weights = solved.transpose().iter().map(|&v| v as f32).collect();
+        Ok(Self { newest: online.newest(step), functions, mean: at_mean, weights })
+    }
+}
+
+/// An engine that is told the values at the pool's orientations, and tells its own engine the coefficients that follow.
+pub(super) struct Corrected<'a> {
+    engine: &'a mut dyn TrainingEngine,
+    teacher: &'a SectionTeacher<'a>,
+    online: OnlineSettings,
+    /// Of the engine's weights at the last step, laid out once.
+    evaluator: FactoredEvaluator<'static>,
+    /// Steps of the plan done.
+    done: u64,
+    gain: Option<Gain>,
+    /// `[row][axes]` of a batch.
+    targets: Vec<f32>,
+    /// Sum of the steps' mean squared errors, and how many.
+    squares: f64,
+    steps: u64,
+}
+
+impl<'a> Corrected<'a> {
+    /// Goes on after `done` steps.
+    pub(super) fn new(
+        engine: &'a mut dyn TrainingEngine,
+        teacher: &'a SectionTeacher<'a>,
+        online: OnlineSettings,
+        field: FactoredField,
+        done: u64,
+    ) -> Self {
+        let (gain, targets) = (None, Vec::new());
+        let evaluator = field.into_evaluator();
+        Self { engine, teacher, online, evaluator, done, gain, targets, squares: 0.0, steps: 0 }
+    }
+}
+
+impl TrainingEngine for Corrected<'_> {
+    fn describe(&self) -> String {
+        self.engine.describe()
+    }
+
+    fn inputs(&self) -> usize {
+        self.engine.inputs()
+    }
+
+    fn outputs(&self) -> usize {
+        self.online.pool
+    }
+
+    fn step(&mut self, inputs: &[f32], values: &[f32], learning_rate: f32) -> Result<(), EngineError> {
+        let gain = match self.gain.take() {
+            Some(gain) if gain.newest == self.online.newest(self.done) => gain,
+            _ => Gain::new(self.teacher, &self.online, self.done)?,
+        };
+        self.evaluator.set_parameters(self.engine.weights()?);
+        let (evaluator, pool) = (&self.evaluator, self.online.pool);
+        let (axes, scale) = (evaluator.field().shape.axes, evaluator.field().scale);
+        self.targets.resize(inputs.len() / INPUTS * axes, 0.0);
+        let parts = self.targets.par_chunks_mut(ROWS * axes).zip(inputs.par_chunks(ROWS * INPUTS));
+        let squares: Vec<f64> = parts
+            .zip(values.par_chunks(ROWS * pool))
+            .map_init(Vec::new, |rest, ((targets, inputs), values)| {
+                let rows = values.len() / pool;
+                evaluator.outputs(inputs, targets);
+                // (s − μ − H z) over the scale.
+                rest.clear();
+                rest.extend(
+                    values
+                        .chunks_exact(pool)
+                        .flat_map(|row| row.iter().zip(&gain.mean).map(|(v, m)| (m - v) / scale)),
+                );
+                let along = Matrix::row_major(&gain.functions, pool, axes, axes).transposed();
+                multiply(rest, pool, Matrix::row_major(targets, rows, axes, axes), along, true);
+                rest.iter_mut().for_each(|v| *v = -*v);
+                let weights = Matrix::row_major(&gain.weights, pool, axes, axes);
+                multiply(targets, axes, Matrix::row_major(rest, rows, pool, pool), weights, true);
+                rest.iter().map(|&v| f64::from(v) * f64::from(v)).sum()
+            })
+            .collect();
+        self.engine.step(inputs, &self.targets, learning_rate)?;
+        self.gain = Some(gain);
+        self.squares += squares.iter().sum::<f64>() * f64::from(scale).powi(2) / values.len() as f64;
+        (self.done, self.steps) = (self.done + 1, self.steps + 1);
+        Ok(())
+    }
+
+    fn take_mean_loss(&mut self) -> Result<f64, EngineError> {
+        self.engine.take_mean_loss()?;
+        let mean = if self.steps == 0 { 0.0 } else { self.squares / self.steps as f64 };
+        (self.squares, self.steps) = (0.0, 0);
+        Ok(mean)
+    }
+
+    fn state(&mut self) -> Result<TrainingState, EngineError> {
+        self.engine.state()
+    }
+
+    fn replace_parameters(&mut self, parameters: &[f32]) -> Result<(), EngineError> {
+        self.engine.replace_parameters(parameters)
+    }
+}

@@ -1,0 +1,198 @@
+//! The best linear layer behind given hidden ones, in closed form.
+//!
+//! Behind its sines a network is linear, and its loss, summed over voxels, is a sum of squares: the last layer's best
+//! weights solve a linear system of the hidden layers' width (least squares). An optimiser follows them slowly: teaching
+//! that solves for them now and then needs a third of the steps (variable projection), and a network of another part
+//! begins where its hidden layers are worth most.
+
+use std::ops::Range;
+
+use nalgebra::{Cholesky, DMatrix};
+use rayon::prelude::*;
+
+use imf_fields::factored::targets::{TargetScratch, Targets, TeacherFunctions};
+use imf_fields::factored::{FactoredField, TeachSettings};
+use imf_core::field::EngineError;
+use imf_fields::harmonic::HarmonicField;
+use imf_fields::recipe::TrainingState;
+use imf_fields::siren::matrix::{Matrix, multiply};
+use crate::training::TrainingEngine;
+
+/// Voxels for each weight of an output while teaching goes on: their choice adds some 3 % to the squared error, until the next.
+pub(super) const WHILE_TEACHING: usize = 32;
+/// Voxels for each weight of an output at the end.
+pub(super) const AT_THE_END: usize = 128;
+/// Voxels of a part; parts are added in their order, whatever thread does them.
+const PART: usize = 2048;
+/// What follows the last solution's choice of voxels.
+const GOLDEN: f64 = 0.618_033_988_749_895;
+/// What is added to the diagonal, over its mean. Sums of products in f32 leave the smallest eigenvalues of a width of 380 off by
+/// 1e-6 of it, either way: with no more than that one solution in a teaching of 3,000 steps threw all away.
+const RIDGE: f64 = 1e-5;
+
+/// Bytes that a solution of the last layer takes for a moment, over so many voxels and axes: the parts' sums and the whole system's.
+#[must_use]
+pub fn bytes_to_solve(settings: &TeachSettings, voxels: usize, axes: usize) -> u64 {
+    if settings.solve_every == 0 {
+        return 0;
+    }
+    let columns = settings.width + 1;
+    let parts = voxels.min(AT_THE_END * columns).div_ceil(PART);
+    ((4 * parts + 3 * 8) * columns * (columns + axes)) as u64
+}
+
+/// Replaces the last layer's weights by those of least squared error from `targets`, over so many voxels for each
+/// weight of an output, evenly spread; `turn` in [0, 1) chooses which ones. What is solved for is the correction, with a
+/// slight pull to 0 (ridge regression), so a direction in which the voxels say nothing keeps its weights.
+pub(super) fn solve_last_layer(field: &mut FactoredField, targets: &Targets<'_>, voxels: usize, turn: f64) {
+    let Some(last) = field.shape.layers().pop() else { return };
+    let (axes, columns) = (last.outputs, last.inputs + 1);
+    let (gram, right) = normal_equations(field, targets, columns, voxels, turn);
+    let mean = gram.trace() / columns as f64;
+    let regular = gram + DMatrix::identity(columns, columns) * (RIDGE * mean);
+    let Some(factored) = Cholesky::new(regular) else { return };
+    let change = factored.solve(&right);
+    let parameters = &mut field.parameters;
+    for axis in 0..axes {
+        let row = &mut parameters[last.weights + axis * last.inputs..][..last.inputs];
+        for (place, weight) in row.iter_mut().enumerate() {
+            *weight = (f64::from(*weight) + change[(place, axis)]) as f32;
+        }
+        let bias = &mut parameters[last.biases + axis];
+        *bias = (f64::from(*bias) + change[(last.inputs, axis)]) as f32;
+    }
+}
+
+/// `AᵀA` and `Aᵀ(T − Z)` over the voxels: A their last activations and a 1, T the teacher's coefficients in the
+/// network's units, Z what the network says.
+fn normal_equations(
+    field: &FactoredField,
+    targets: &Targets<'_>,
+    columns: usize,
+    voxels_each: usize,
+    turn: f64,
+) -> (DMatrix<f64>, DMatrix<f64>) {
+    let (axes, grid) = (field.shape.axes, &field.grid);
+    let voxels = grid.len();
+    let count = voxels.min(voxels_each.saturating_mul(columns));
+    let apart = voxels as f64 / count as f64;
+    let place = |row: usize| (((row as f64 + turn) * apart) as usize).min(voxels - 1);
+    let evaluator = field.evaluator();
+    let parts: Vec<(Vec<f32>, Vec<f32>)> = (0..count.div_ceil(PART))
+        .into_par_iter()
+        .map(|part| {
+            let rows = part * PART..((part + 1) * PART).min(count);
+            let places: Vec<usize> = rows.map(place).collect();
+            let (mut last, mut rest) =
+                (vec![0.0; places.len() * columns], vec![0.0; places.len() * axes]);
+            let points = places.iter().map(|&voxel| grid.centre(grid.voxel(voxel)));
+            evaluator.with_last_layer(points, &mut last, &mut rest);
+            let (mut scratch, mut target) = (TargetScratch::default(), vec![0.0; axes]);
+            for (rest, &voxel) in rest.chunks_exact_mut(axes).zip(&places) {
+                targets.read(voxel, &mut scratch, &mut target);
+                rest.iter_mut().zip(&target).for_each(|(rest, &z)| *rest = z - *rest);
+            }
+            let left = Matrix::row_major(&last, places.len(), columns, columns);
+            let (mut gram, mut right) = (vec![0.0; columns * columns], vec![0.0; columns * axes]);
+            multiply(&mut gram, columns, left.transposed(), left, false);
+            let rest = Matrix::row_major(&rest, places.len(), axes, axes);
+            multiply(&mut right, axes, left.transposed(), rest, false);
+            (gram, right)
+        })
+        .collect();
+    let (mut gram, mut right) = (vec![0.0f64; columns * columns], vec![0.0f64; columns * axes]);
+    for (part_of_gram, part_of_right) in &parts {
+        gram.iter_mut().zip(part_of_gram).for_each(|(sum, &part)| *sum += f64::from(part));
+        right.iter_mut().zip(part_of_right).for_each(|(sum, &part)| *sum += f64::from(part));
+    }
+    (DMatrix::from_row_slice(columns, columns, &gram), DMatrix::from_row_slice(columns, axes, &right))
+}
+
+/// Steps of the longest teaching that begins with a solution. A short one ends not far from the sines that it begins with; in
+/// a long one the large weights that fit a field by random sines lead the hidden layers astray (both measured, in the record).
+pub(super) const SOLVED_FIRST: u64 = 400;
+
+/// An engine whose last layer is solved for after every so many steps, and after the last; in a short teaching before the
+/// first too. Which ones those are depends on the plan alone, so that a training that was interrupted goes on to the same bits.
+pub(super) struct Solving<'a> {
+    engine: &'a mut dyn TrainingEngine,
+    targets: &'a Targets<'a>,
+    /// Of the engine's weights at the last solution.
+    field: FactoredField,
+    every: u64,
+    /// Steps of the plan done, and in all.
+    done: u64,
+    total: u64,
+}
+
+impl<'a> Solving<'a> {
+    /// Goes on after `done` steps.
+    pub(super) fn new(
+        engine: &'a mut dyn TrainingEngine,
+        teacher: &HarmonicField,
+        targets: &'a Targets<'a>,
+        settings: &TeachSettings,
+        done: u64,
+    ) -> Self {
+        let shape = settings.shape(settings.outputs(teacher));
+        let field = TeacherFunctions::of(teacher, targets).of_weights(shape, Vec::new());
+        let total = settings.plan.total_steps(teacher.grid.len());
+        Self { engine, targets, field, every: settings.solve_every, done, total }
+    }
+
+    fn solve(&mut self, voxels: usize) -> Result<(), EngineError> {
+        self.field.parameters = self.engine.weights()?;
+        // By the golden section no two solutions in a row see the same voxels.
+        let turn = (self.done as f64 * GOLDEN).fract();
+        solve_last_layer(&mut self.field, self.targets, voxels, turn);
+        self.engine.replace_parameters(&self.field.parameters)
+    }
+}
+
+impl TrainingEngine for Solving<'_> {
+    fn describe(&self) -> String {
+        self.engine.describe()
+    }
+
+    fn inputs(&self) -> usize {
+        self.engine.inputs()
+    }
+
+    fn outputs(&self) -> usize {
+        self.engine.outputs()
+    }
+
+    fn share(&mut self, batch: usize) -> Range<usize> {
+        self.engine.share(batch)
+    }
+
+    fn step(&mut self, inputs: &[f32], targets: &[f32], learning_rate: f32) -> Result<(), EngineError> {
+        if self.done == 0 && self.total <= SOLVED_FIRST && self.every > 0 {
+            self.solve(WHILE_TEACHING)?;
+        }
+        self.engine.step(inputs, targets, learning_rate)?;
+        self.done += 1;
+        match self.every {
+            0 => Ok(()),
+            _ if self.done == self.total => self.solve(AT_THE_END),
+            every if self.done.is_multiple_of(every) => self.solve(WHILE_TEACHING),
+            _ => Ok(()),
+        }
+    }
+
+    fn take_mean_loss(&mut self) -> Result<f64, EngineError> {
+        self.engine.take_mean_loss()
+    }
+
+    fn state(&mut self) -> Result<TrainingState, EngineError> {
+        self.engine.state()
+    }
+
+    fn weights(&mut self) -> Result<Vec<f32>, EngineError> {
+        self.engine.weights()
+    }
+
+    fn replace_parameters(&mut self, parameters: &[f32]) -> Result<(), EngineError> {
+        self.engine.replace_parameters(parameters)
+    }
+}

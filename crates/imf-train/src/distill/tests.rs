@@ -1,0 +1,483 @@
+//! The fast engine against the f64 definition, the field against its teacher and central differences, and against itself
+//! read back.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use glam::DVec3;
+
+use super::file::FactoredFile;
+use super::last_layer::SOLVED_FIRST;
+use super::*;
+use imf_core::control::Control;
+use imf_core::field::WholeField as _;
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::{FitSettings, HarmonicField, fit};
+use imf_core::orientation::OrientationSet;
+use imf_core::parts::ReferencePart;
+use imf_core::scene::{Scene, SceneSpec};
+use imf_core::section::{Imf, Quantity, SectionPlan};
+use imf_fields::siren::lanes::archs;
+use imf_fields::recipe::MuonConfig;
+use imf_fields::recipe::SoapConfig;
+use imf_fields::tensor_file::TensorFileError;
+use imf_core::tool::Tool;
+use imf_fields::recipe::{Cursor, Length, TrainingPlan};
+use crate::training::run::{Outcome, TrainError};
+use imf_fields::recipe::schedule::Schedule;
+use imf_fields::recipe::Loss;
+use crate::training::TrainingEngine;
+
+fn scene() -> Scene {
+    SceneSpec::of_reference(
+        ReferencePart::Teapot,
+        &ReferencePart::Teapot.mesh(),
+        [15, 19, 31],
+        &Tool::paper(),
+    )
+    .scene()
+    .unwrap()
+}
+
+const FIT: FitSettings = FitSettings {
+    quantity: Quantity::Overlap,
+    degree: 5,
+    sections_per_function: 3.0,
+    axes: 21,
+    precision: Precision::F32,
+    sample: 4096,
+    held_out: 16,
+    seed: 0,
+    one_pass: true,
+};
+
+fn teacher(scene: &Scene) -> HarmonicField {
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    fit(&plan, Domain::Directions, &FIT, Control::quiet()).unwrap()
+}
+
+/// Every one, SOAP with looks between the places where tests stop it.
+const OPTIMISERS: [Optimiser; 3] = [
+    Optimiser::Adam,
+    Optimiser::Muon(MuonConfig { momentum: 0.95, rate: 1.0 }),
+    Optimiser::Soap(SoapConfig { kept: 0.95, look_every: 4, rate: 1.0 }),
+];
+
+fn settings(steps: u64) -> TeachSettings {
+    TeachSettings {
+        width: 40,
+        hidden: 2,
+        omega: 10.0,
+        plan: TrainingPlan {
+            length: Length::Steps(steps),
+            batch: 300,
+            schedule: Schedule::Cosine { initial: 3e-3, last: 0.0, warmup: 10 },
+            report_every: 7,
+            ..TeachSettings::default().plan
+        },
+        solve_every: 20,
+        ..TeachSettings::default()
+    }
+}
+
+/// Seeded numbers in ±1 without pattern: the starting weights of a first layer of three inputs, which are in ±1/3.
+fn numbers(count: usize, seed: u64) -> Vec<f32> {
+    let shape = FactoredShape {
+        width: count,
+        hidden: 1,
+        omega: 1.0,
+        axes: 1,
+        folded: false,
+        symmetry: Symmetry::default(),
+    };
+    shape.initial_parameters(seed)[..count].iter().map(|v| v * 3.0).collect()
+}
+
+fn as_f64(values: &[f32]) -> Vec<f64> {
+    values.iter().map(|&v| f64::from(v)).collect()
+}
+
+fn rows(inputs: &[f32]) -> Vec<[f64; INPUTS]> {
+    inputs.chunks_exact(INPUTS).map(|row| std::array::from_fn(|axis| f64::from(row[axis]))).collect()
+}
+
+/// As of the engine of the paper's network: some 100 units in the last place of the largest gradient.
+const GRADIENT_TOLERANCE: f64 = 2e-5;
+
+#[test]
+fn the_gradient_is_the_definitions() {
+    for (width, hidden, axes, count) in [(37, 3, 21, 77), (70, 2, 130, 300), (9, 1, 1, 5), (300, 2, 64, 130)]
+    {
+        let shape =
+            FactoredShape { width, hidden, omega: 20.0, axes, folded: false, symmetry: Symmetry::default() };
+        for loss in [Loss::L1, Loss::L2] {
+            let state = FactoredState::new(&shape, 5);
+            let plan = TrainingPlan { loss, ..TrainingPlan::default() };
+            let mut trainer = state::cpu_engine(shape, &plan, Optimiser::Adam, count, &state).unwrap();
+            let (inputs, targets) = (numbers(count * INPUTS, 1), numbers(count * axes, 2));
+            let weights = as_f64(&state.training.parameters);
+            let (value, gradient) =
+                reference::loss_and_gradient(&shape, &weights, &rows(&inputs), &as_f64(&targets), loss);
+            let scale = gradient.iter().fold(0.0f64, |top, g| top.max(g.abs()));
+            let (_, found) = trainer.gradient(&inputs, &targets, count).unwrap();
+            for (index, (&mut found, &expected)) in found.iter_mut().zip(&gradient).enumerate() {
+                let error = (f64::from(found) - expected).abs();
+                assert!(
+                    error <= GRADIENT_TOLERANCE * scale,
+                    "{shape:?} {loss:?} {index}: {found}, not {expected}"
+                );
+            }
+            trainer.step(&inputs, &targets, 1e-4).unwrap();
+            let found = trainer.take_mean_loss().unwrap();
+            assert!((found - value).abs() <= 1e-5 * value, "{shape:?} {loss:?}: loss {found}, not {value}");
+        }
+    }
+}
+
+#[test]
+fn the_definitions_gradient_and_jacobian_are_central_differences() {
+    let shape = FactoredShape {
+        width: 6,
+        hidden: 3,
+        omega: 3.0,
+        axes: 4,
+        folded: false,
+        symmetry: Symmetry::default(),
+    };
+    let weights = as_f64(&shape.initial_parameters(3));
+    let (inputs, targets) = ([[0.3, -0.2, 0.7], [0.9, 0.4, -0.6]], as_f64(&numbers(8, 4)));
+    let value = |w: &[f64]| reference::loss_and_gradient(&shape, w, &inputs, &targets, Loss::L2).0;
+    let (_, gradient) = reference::loss_and_gradient(&shape, &weights, &inputs, &targets, Loss::L2);
+    // h²·|f‴|/6 + ε/h at h = 1e-5.
+    let tolerance = 2e-8;
+    for index in 0..weights.len() {
+        let mut probe = weights.clone();
+        probe[index] += 1e-5;
+        let above = value(&probe);
+        probe[index] -= 2e-5;
+        let slope = (above - value(&probe)) / 2e-5;
+        assert!((slope - gradient[index]).abs() < tolerance, "{index}: {slope}, {}", gradient[index]);
+    }
+    let jacobian = reference::jacobian(&shape, &weights, &inputs[0]);
+    for axis in 0..INPUTS {
+        let mut probe = inputs[0];
+        probe[axis] += 1e-5;
+        let above = reference::forward(&shape, &weights, &probe);
+        probe[axis] -= 2e-5;
+        let below = reference::forward(&shape, &weights, &probe);
+        for output in 0..shape.axes {
+            let slope = (above[output] - below[output]) / 2e-5;
+            assert!((slope - jacobian[output][axis]).abs() < tolerance, "{output} by {axis}");
+        }
+    }
+}
+
+/// A state of random weights whose field is no constant.
+fn field(teacher: &HarmonicField, width: usize) -> FactoredField {
+    let shape = FactoredShape {
+        width,
+        hidden: 3,
+        omega: 8.0,
+        axes: teacher.axis_count(),
+        folded: false,
+        symmetry: Symmetry::default(),
+    };
+    FactoredField::new(teacher, shape, shape.initial_parameters(2)).unwrap()
+}
+
+#[test]
+fn every_way_to_evaluate_is_the_definition() {
+    let scene = scene();
+    let teacher = teacher(&scene);
+    let set = OrientationSet::parse("random:530:4").unwrap().orientations;
+    let mut functions = vec![0.0; teacher.basis.len()];
+    let fields = [37, 130].map(|width| field(&teacher, width));
+    for field in fields.iter().cloned().chain(fields.iter().cloned().map(FactoredField::fold)) {
+        let (grid, weights) = (field.grid, as_f64(&field.parameters));
+        let evaluator = field.evaluator();
+        let heads = field.heads(&set);
+        let mut sections = vec![f32::NAN; grid.len() * set.len()];
+        evaluator.sections(&heads, &mut sections);
+        let expanded = evaluator.expanded(Precision::F32, teacher.report);
+        let mut again = vec![f32::NAN; sections.len()];
+        expanded.sections(&heads, &mut again);
+        assert_eq!(sections, again);
+        let least = evaluator.minimum(&heads);
+        let mut answers = FactoredAnswers(field.evaluator());
+        assert_eq!(answers.least_over(&set, Control::quiet()).unwrap(), least);
+        answers.sections_at(&set, &mut again).unwrap();
+        assert_eq!(sections, again);
+        let mut expected = Imf::new(grid.len());
+        for (index, section) in sections.chunks_exact(grid.len()).enumerate() {
+            expected.lower_to(index, section);
+        }
+        let voxels = [[0, 0, 0], [14, 18, 30], [7, 3, 20], [3, 11, 9]];
+        let points: Vec<DVec3> =
+            voxels.iter().map(|&v| grid.centre(v)).chain([grid.origin, DVec3::NAN]).collect();
+        let poses: Vec<[u32; 2]> = (0..points.len() as u32 * 11).map(|i| [i / 11, i % 11 * 48]).collect();
+        let mut overlaps = vec![7.0; poses.len()];
+        evaluator.poses(&points, &heads, &poses, &mut overlaps);
+        let mut scratch = PointScratch::default();
+        for (&[point, orientation], &overlap) in poses.iter().zip(&overlaps) {
+            let (point, orientation) = (point as usize, orientation as usize);
+            if point >= voxels.len() {
+                assert!(overlap.is_nan());
+                assert_eq!(evaluator.overlap(points[point], &set[orientation], &mut scratch), None);
+                continue;
+            }
+            let input: Vec<f64> = field.input(points[point]).iter().map(|&v| f64::from(v)).collect();
+            let z = reference::forward(&field.shape, &weights, &input);
+            field.basis.values(&set[orientation], &mut functions);
+            let defined = defined(&field, &z, &functions);
+            let defined = defined.clamp(0.0, 1.0);
+            let section = sections[orientation * grid.len() + grid.index(voxels[point])];
+            let single = evaluator.overlap(points[point], &set[orientation], &mut scratch).unwrap();
+            let known = evaluator.point(points[point], &mut scratch).unwrap().overlap(&set[orientation]);
+            for found in [overlap, section, single, known] {
+                // Sums of some hundred products in f32, of values up to one.
+                assert!((f64::from(found) - defined).abs() < 2e-5, "{found}, not {defined}");
+            }
+        }
+        for voxel in 0..grid.len() {
+            let value = least.value[voxel];
+            assert!((value - expected.value[voxel]).abs() < 1e-6);
+            let of_best = sections[least.best[voxel] as usize * grid.len() + voxel];
+            assert!((of_best - value).abs() < 1e-6, "voxel {voxel}: {of_best}, {value}");
+        }
+    }
+}
+
+#[test]
+fn gradients_of_single_poses_are_central_differences_on_every_instruction_set() {
+    let scene = scene();
+    let teacher = teacher(&scene);
+    let field = field(&teacher, 70);
+    let folded = field.clone().fold();
+    let grid = field.grid;
+    let mut scratch = PointScratch::default();
+    for (arch, field) in archs().into_iter().flat_map(|arch| [(arch, &field), (arch, &folded)]) {
+        let mut evaluator = field.evaluator();
+        evaluator.arch = arch;
+        for (fraction, direction) in [
+            (DVec3::new(0.31, 0.52, 0.44), DVec3::new(0.4, 0.5, -0.7)),
+            (DVec3::new(0.61, 0.42, 0.74), DVec3::Z),
+            (DVec3::new(0.47, 0.22, 0.58), -DVec3::Z),
+        ] {
+            let position = grid.origin + grid.size() * fraction;
+            let direction = direction.normalize();
+            let found = evaluator.overlap_with_gradient(position, direction, &mut scratch).unwrap();
+            let mut at = |position, direction| {
+                f64::from(evaluator.overlap_with_gradient(position, direction, &mut scratch).unwrap().value)
+            };
+            // Values in f32: about 1e-6 over a tenth of a voxel, whose third derivative the second order leaves out.
+            let step = 0.1;
+            for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+                let by = axis * step * grid.pitch;
+                let expected =
+                    (at(position + by, direction) - at(position - by, direction)) / (2.0 * step * grid.pitch);
+                let slope = found.position.dot(axis);
+                assert!((slope - expected).abs() < 2e-3 / grid.pitch, "{arch:?}: {slope}, {expected}");
+            }
+            let step = 1e-2;
+            let (u, v) = direction.any_orthonormal_pair();
+            for tangent in [u, v] {
+                let ahead = at(position, direction + tangent * step);
+                let behind = at(position, direction - tangent * step);
+                let expected = (ahead - behind) / (2.0 * step);
+                let slope = found.direction.dot(tangent);
+                assert!((slope - expected).abs() < 2e-3, "{arch:?}: {slope}, {expected}");
+            }
+        }
+    }
+}
+
+/// What a field is by definition of its network's outputs and its functions' values, not clipped: `Σ b_k (μ_k + s Σ U_ka z_a)`.
+fn defined(field: &FactoredField, z: &[f64], functions: &[f64]) -> f64 {
+    let of_function = |(k, b): (usize, &f64)| {
+        let row = &field.axes[k * z.len()..][..z.len()];
+        let sum: f64 = row.iter().zip(z).map(|(&u, z)| f64::from(u) * z).sum();
+        b * (f64::from(field.mean[k]) + f64::from(field.scale) * sum)
+    };
+    functions.iter().enumerate().map(of_function).sum()
+}
+
+/// The mean squared error of the coefficients, which is that of the field over the sphere.
+fn error(field: &FactoredField, teacher: &HarmonicField) -> f64 {
+    let expanded = field.evaluator().expanded(Precision::F32, teacher.report);
+    let (mut a, mut b) = (Vec::new(), Vec::new());
+    let (found, taught) = (
+        expanded.coefficients.read(0, expanded.coefficients.len(), &mut a),
+        teacher.coefficients.read(0, teacher.coefficients.len(), &mut b),
+    );
+    let sum: f64 = found.iter().zip(taught).map(|(&f, &t)| f64::from(f - t).powi(2)).sum();
+    sum / teacher.grid.len() as f64
+}
+
+#[test]
+fn teaching_brings_the_field_to_its_teacher_with_every_optimiser() {
+    let scene = scene();
+    let teacher = teacher(&scene);
+    let axes = teacher.axis_count();
+    let constant =
+        f64::from(Targets::new(&teacher, Symmetry::default()).unwrap().scale).powi(2) * axes as f64;
+    for optimiser in OPTIMISERS {
+        let settings = TeachSettings { optimiser, ..settings(400) };
+        let mut state = settings.start(axes);
+        let mut told = 0.0;
+        let steps = AtomicU64::new(0);
+        let count = |done| {
+            steps.fetch_add(done, Ordering::Relaxed);
+        };
+        let control = Control { progress: &count, ..Control::quiet() };
+        teach(&teacher, &settings, &mut state, control, &mut |report| told = report.mean_loss).unwrap();
+        assert_eq!(steps.into_inner(), 400);
+        let field = FactoredField::new(&teacher, settings.shape(axes), state.training.parameters).unwrap();
+        let found = error(&field, &teacher);
+        assert!(found < 0.02 * constant, "{optimiser:?}: {found} of {constant}");
+        // The loss of the last steps' batches is that of all voxels, nearly.
+        assert!((0.5..2.0).contains(&(told / found)), "{optimiser:?}: told {told}, found {found}");
+    }
+}
+
+#[test]
+fn the_solved_last_layer_is_that_of_least_squares() {
+    let scene = scene();
+    let teacher = teacher(&scene);
+    let axes = teacher.axis_count();
+    let mut field = field(&teacher, 17);
+    let shape = field.shape;
+    // All voxels: what the definition sums over.
+    let targets = Targets::new(&teacher, Symmetry::default()).unwrap();
+    field.solve_last_layer(&targets, usize::MAX / 1000, 0.0);
+    let (columns, voxels) = (shape.width + 1, teacher.grid.len());
+    let (mut last, mut outputs) = (vec![0.0; voxels * columns], vec![0.0; voxels * axes]);
+    let centres = (0..voxels).map(|voxel| teacher.grid.centre(teacher.grid.voxel(voxel)));
+    field.evaluator().with_last_layer(centres, &mut last, &mut outputs);
+    let last = nalgebra::DMatrix::from_row_slice(voxels, columns, &as_f64(&last));
+    let mut scratch = Vec::new();
+    let z = teacher.coefficients.read(0, teacher.coefficients.len(), &mut scratch);
+    let targets = nalgebra::DMatrix::from_row_slice(voxels, axes, &as_f64(z)) / f64::from(field.scale);
+    let expected = last.clone().svd(true, true).solve(&targets, 1e-9).unwrap();
+    let layer = shape.layers()[shape.hidden];
+    let mean = |difference: nalgebra::DMatrix<f64>| difference.norm_squared() / voxels as f64;
+    let best = mean(&last * &expected - &targets);
+    let found = mean(nalgebra::DMatrix::from_row_slice(voxels, axes, &as_f64(&outputs)) - &targets);
+    // The pull to 0 is a millionth of the sines' mean square.
+    assert!(found >= best * (1.0 - 1e-6) && found <= best * 1.001, "{found}, the least is {best}");
+    assert_eq!(layer.outputs, axes);
+    assert_eq!((outputs.len(), layer.biases + axes), (voxels * axes, field.parameters.len()));
+}
+
+#[test]
+fn solving_now_and_then_teaches_more_in_as_many_steps() {
+    let scene = scene();
+    let teacher = teacher(&scene);
+    let axes = teacher.axis_count();
+    let after = |solve_every: u64| {
+        let optimiser = Optimiser::Muon(MuonConfig::default());
+        let settings = TeachSettings { solve_every, optimiser, ..settings(100) };
+        let mut state = settings.start(axes);
+        teach(&teacher, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
+        let field = FactoredField::new(&teacher, settings.shape(axes), state.training.parameters).unwrap();
+        error(&field, &teacher)
+    };
+    let [never, now_and_then] = [0, 20].map(after);
+    assert!(now_and_then < 0.8 * never, "{now_and_then}, without {never}");
+}
+
+#[test]
+fn short_teachings_begin_with_a_solved_last_layer() {
+    let scene = scene();
+    let teacher = teacher(&scene);
+    let axes = teacher.axis_count();
+    let first_loss = |steps: u64, solve_every: u64| {
+        let settings = settings(steps);
+        let plan = TrainingPlan { report_every: 1, ..settings.plan };
+        let settings = TeachSettings { plan, solve_every, ..settings };
+        let cancelled = AtomicBool::new(true);
+        let control = Control { cancelled: &cancelled, ..Control::quiet() };
+        let mut found = f64::NAN;
+        teach(&teacher, &settings, &mut settings.start(axes), control, &mut |report| {
+            assert_eq!(report.step, 1);
+            found = report.mean_loss;
+        })
+        .unwrap();
+        found
+    };
+    let long = first_loss(SOLVED_FIRST + 1, 20);
+    assert_eq!(first_loss(SOLVED_FIRST, 0), long, "nothing is solved for where none is asked");
+    let short = first_loss(SOLVED_FIRST, 20);
+    assert!(short < 0.1 * long, "{short}, not solved {long}");
+}
+
+#[test]
+fn threads_and_interruptions_change_no_bit() {
+    let scene = scene();
+    let teacher = teacher(&scene);
+    let axes = teacher.axis_count();
+    for optimiser in OPTIMISERS {
+        // Across the end of an epoch of 30 steps, whose last batch is smaller.
+        let settings = TeachSettings { optimiser, ..settings(50) };
+        let run = |threads: usize, stop: bool| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let mut state = settings.start(axes);
+                if stop {
+                    let cancelled = AtomicBool::new(true);
+                    let control = Control { cancelled: &cancelled, ..Control::quiet() };
+                    for _ in 0..3 {
+                        let outcome = teach(&teacher, &settings, &mut state, control, &mut |_| {}).unwrap();
+                        assert_eq!(outcome, Outcome::Stopped(state.cursor));
+                    }
+                    assert_eq!(state.cursor, Cursor { epoch: 0, step: 21 });
+                }
+                let quiet = Control::quiet();
+                let outcome = teach(&teacher, &settings, &mut state, quiet, &mut |_| {}).unwrap();
+                assert_eq!(outcome, Outcome::Finished);
+                state
+            })
+        };
+        let one = run(1, false);
+        for (threads, stop) in [(2, false), (3, true), (1, true)] {
+            assert!(run(threads, stop) == one, "{optimiser:?}: {threads} threads, interrupted: {stop}");
+        }
+    }
+}
+
+#[test]
+fn what_does_not_fit_is_refused_by_name() {
+    let scene = scene();
+    let teacher = teacher(&scene);
+    let axes = teacher.axis_count();
+    let start = settings(5).start(axes);
+    let refused = |settings: TeachSettings, words: &str| {
+        let mut state = start.clone();
+        let before = state.clone();
+        let error = teach(&teacher, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap_err();
+        assert!(error.to_string().contains(words), "{error}");
+        assert_eq!(state, before);
+    };
+    refused(TeachSettings { omega: f32::NAN, ..settings(5) }, "frequency");
+    refused(TeachSettings { width: 41, ..settings(5) }, "parameters");
+    let soap = TeachSettings { optimiser: OPTIMISERS[2], ..settings(5) };
+    let kept = 4 * 40 * 40;
+    for (step, count) in [(3, 0), (3, kept - 1), (0, kept)] {
+        let mut state = start.clone();
+        (state.training.step, state.training.preconditioners) = (step, vec![0.0; count]);
+        let error = teach(&teacher, &soap, &mut state, Control::quiet(), &mut |_| {}).unwrap_err();
+        assert!(error.to_string().contains("SOAP's means and axes"), "{error}");
+    }
+    let mut plan = settings(2000).plan;
+    plan.schedule = Schedule::Exponential { initial: 1e30, factor: 1.0, warmup: 0 };
+    let mut state = settings(5).start(axes);
+    let result =
+        teach(&teacher, &TeachSettings { plan, ..settings(5) }, &mut state, Control::quiet(), &mut |_| {});
+    assert!(result.as_ref().is_err_and(TrainError::is_divergence), "{result:?}");
+    let shape = settings(5).shape(axes + 1);
+    assert!(FactoredField::new(&teacher, shape, shape.initial_parameters(1)).is_err());
+}
+
+mod by_sections;
+mod evaluators;
+mod kept;
+mod symmetry;

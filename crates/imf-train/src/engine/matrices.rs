@@ -1,0 +1,106 @@
+//! A step of Muon's or SOAP's for all matrices between hidden layers: each by a thread of its own, as far as there are any.
+
+use crate::engine::muon::Muon;
+use imf_fields::recipe::MuonConfig;
+use imf_fields::siren::plan::{Plan, transpose};
+use crate::engine::soap::{Soap, kept_of};
+use imf_fields::recipe::SoapConfig;
+use crate::engine::update::Arrays;
+use imf_fields::siren::Layer;
+use imf_core::field::EngineError;
+
+/// What steps each matrix between hidden layers, in their order.
+pub(super) struct Matrices(Vec<Rule>);
+
+/// What steps one matrix.
+enum Rule {
+    Muon(Muon),
+    Soap(Box<Soap>),
+}
+
+/// The layers whose matrices these are.
+fn between(plan: &Plan) -> &[Layer] {
+    &plan.layers[plan.stack.between()]
+}
+
+impl Matrices {
+    pub(super) fn of_muon(config: MuonConfig, plan: &Plan) -> Self {
+        Self(
+            between(plan)
+                .iter()
+                .map(|layer| Rule::Muon(Muon::new(config, layer.outputs, layer.inputs)))
+                .collect(),
+        )
+    }
+
+    /// Goes on from what was kept after `step` steps.
+    pub(super) fn of_soap(
+        config: SoapConfig,
+        plan: &Plan,
+        step: u64,
+        kept: &[f32],
+    ) -> Result<Self, EngineError> {
+        let kept = kept_of(&plan.stack, step, kept).map_err(|error| EngineError::Shape(error.to_string()))?;
+        let rules = between(plan).iter().zip(kept).map(|(layer, kept)| {
+            let mut soap = Soap::new(config, layer.outputs, layer.inputs);
+            if !kept.is_empty() {
+                soap.restore(kept);
+            }
+            Rule::Soap(soap.into())
+        });
+        Ok(Self(rules.collect()))
+    }
+
+    /// What a state keeps beside the moments.
+    pub(super) fn kept(&self) -> Vec<f32> {
+        let of_rule = |rule| match rule {
+            &Rule::Muon(_) => [&[][..]; 4],
+            Rule::Soap(soap) => soap.kept(),
+        };
+        self.0.iter().flat_map(of_rule).flatten().copied().collect()
+    }
+
+    /// Step number `step` of them all, with whole arrays in the layout of the parameters.
+    pub(super) fn step(&mut self, plan: &Plan, step: u64, learning_rate: f32, arrays: Arrays<'_>) {
+        let Some(first) = plan.layers.get(1) else { return };
+        let (_, arrays) = arrays.split(first.weights);
+        Pass { plan, step, learning_rate }.run(1, &mut self.0, arrays);
+    }
+}
+
+/// One step.
+struct Pass<'a> {
+    plan: &'a Plan,
+    step: u64,
+    learning_rate: f32,
+}
+
+impl Pass<'_> {
+    /// Of the layers from `index` on, one for each of `rules`, with arrays from the layer's weights on.
+    fn run(&self, index: usize, rules: &mut [Rule], arrays: Arrays<'_>) {
+        let start = self.plan.layers[index].weights;
+        if rules.len() > 1 {
+            let middle = rules.len() / 2;
+            let (head, tail) = rules.split_at_mut(middle);
+            let (first, second) = arrays.split(self.plan.layers[index + middle].weights - start);
+            rayon::join(|| self.run(index, head, first), || self.run(index + middle, tail, second));
+            return;
+        }
+        let [rule] = rules else { return };
+        let layer = self.plan.layers[index];
+        let (own, _) = arrays.split(layer.biases - start);
+        let Arrays { parameters, first_moment, second_moment, gradient, panels } = own;
+        let rate = self.learning_rate;
+        match rule {
+            Rule::Muon(muon) => muon.step(rate, layer.outputs, parameters, gradient, first_moment),
+            Rule::Soap(soap) => {
+                soap.step(self.step, rate, parameters, gradient, first_moment, second_moment);
+            }
+        }
+        for neurons in self.plan.panels(index) {
+            let range = self.plan.panel_range(index, &neurons);
+            let range = range.start - start..range.end - start;
+            transpose(&parameters[range.clone()], neurons.len(), layer.inputs, &mut panels[range]);
+        }
+    }
+}

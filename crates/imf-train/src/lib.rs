@@ -1,0 +1,15 @@
+//! How fields are learnt: samples and datasets, the training engine of the CPU with its optimisers, the training loop, and
+//! distillation of a network from a harmonic field.
+//!
+//! This crate may import `imf-core` and `imf-fields`. A GPU's training engine implements [`training::TrainingEngine`] elsewhere.
+//!
+//! # Where to begin
+//! [`training::run`] is the loop, [`engine::CpuTrainer`] runs its steps, [`distill`] trains the network of a factored field.
+
+pub mod dataset;
+pub mod distill;
+pub mod engine;
+pub mod held_out;
+pub mod regime;
+pub mod samples;
+pub mod training;

@@ -1,0 +1,75 @@
+//! Training: the loss, the optimiser's settings, and the seam between the loop that feeds batches and the engine
+//! that runs a step (CPU here, GPU in `imf-gpu`).
+
+pub mod online;
+pub mod permutation;
+pub mod run;
+pub mod streamed;
+
+use std::ops::Range;
+
+use imf_core::field::EngineError;
+use imf_fields::recipe::TrainingState;
+use imf_fields::siren::INPUTS;
+
+/// Where a training step runs: one of the project's four seams.
+///
+/// The same state, batches and rates give the same bits on the same engine and machine.
+pub trait TrainingEngine {
+    /// The engine's name for people: device, driver, threads.
+    fn describe(&self) -> String;
+
+    /// Values that describe a sample.
+    fn inputs(&self) -> usize {
+        INPUTS
+    }
+
+    /// Values that are learnt of a sample.
+    fn outputs(&self) -> usize {
+        1
+    }
+
+    /// Announces the next step's batch of `batch` samples, and says which of its rows this engine wants as that step's
+    /// input. The others are those of other processes that train together with this one; unless there are any, it
+    /// wants all.
+    fn share(&mut self, batch: usize) -> Range<usize> {
+        0..batch
+    }
+
+    /// One step on a batch: forward, backward, update.
+    ///
+    /// `inputs` is `[batch][inputs]`, `targets` is `[batch][outputs]`; any batch size from 1 up to the one the engine was made
+    /// for. Work may still be under way on the device when the call returns.
+    ///
+    /// # Errors
+    /// A batch that does not fit, or a device that failed.
+    fn step(&mut self, inputs: &[f32], targets: &[f32], learning_rate: f32) -> Result<(), EngineError>;
+
+    /// Mean of the batches' mean losses since the last call of this function; 0 if there was no step. Waits for
+    /// the device.
+    ///
+    /// # Errors
+    /// A device that failed.
+    fn take_mean_loss(&mut self) -> Result<f64, EngineError>;
+
+    /// A copy of the weights, moments and step count. Waits for the device.
+    ///
+    /// # Errors
+    /// A device that failed.
+    fn state(&mut self) -> Result<TrainingState, EngineError>;
+
+    /// A copy of the weights alone. Waits for the device.
+    ///
+    /// # Errors
+    /// A device that failed.
+    fn weights(&mut self) -> Result<Vec<f32>, EngineError> {
+        Ok(self.state()?.parameters)
+    }
+
+    /// Replaces the weights, such as by better ones for the last layer; moments and step count stay.
+    ///
+    /// # Errors
+    /// Weights that do not fit, or a device that failed.
+    fn replace_parameters(&mut self, parameters: &[f32]) -> Result<(), EngineError>;
+}
+

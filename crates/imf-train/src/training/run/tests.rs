@@ -1,0 +1,255 @@
+use super::*;
+use imf_core::grid::Grid;
+use imf_fields::siren::SirenShape;
+use crate::engine::CpuTrainer;
+use imf_fields::recipe::TrainingState;
+use glam::DVec3;
+
+const SHAPE: SirenShape = SirenShape { width: 24, hidden: 3, skip_after: Some(2), omega: 10.0 };
+
+/// A smooth field over a small grid at five directions.
+fn samples() -> Samples {
+    let grid = Grid::with_dims(DVec3::ZERO, DVec3::new(1.0, 2.0, 1.5), [6, 11, 9], 0).unwrap();
+    let mut samples = Samples::new(grid);
+    for section in 0..5 {
+        let voxels: Vec<u32> = (0..grid.len() as u32).filter(|v| (v + section) % 3 != 0).collect();
+        let value = |voxel: &u32| {
+            let unit = grid.unit(grid.centre(grid.voxel(*voxel as usize)));
+            (0.5 + 0.4 * ((unit.x + unit.y) * 3.0 + f64::from(section)).sin()) as f32
+        };
+        let values: Vec<f32> = voxels.iter().map(value).collect();
+        samples.push_section([section as f32 * 40.0, 90.0], &voxels, &values);
+    }
+    samples
+}
+
+fn plan() -> TrainingPlan {
+    TrainingPlan {
+        length: Length::Epochs(2),
+        batch: 150,
+        report_every: 4,
+        seed: 9,
+        ..TrainingPlan::default()
+    }
+}
+
+fn engine(plan: &TrainingPlan, state: TrainingState) -> CpuTrainer {
+    CpuTrainer::new(SHAPE, plan.adam, plan.loss, plan.batch, state).unwrap()
+}
+
+fn go_on(_: &Report, _: &mut dyn TrainingEngine) -> ControlFlow<()> {
+    ControlFlow::Continue(())
+}
+
+#[test]
+fn a_run_in_pieces_has_the_bits_of_one_in_one_go() {
+    let samples = samples();
+    for plan in [
+        plan(),
+        TrainingPlan {
+            length: Length::Steps(40),
+            schedule: Schedule::Cosine { initial: 1e-3, last: 1e-5, warmup: 5 },
+            ..plan()
+        },
+    ] {
+        let mut whole = engine(&plan, TrainingState::new(&SHAPE, 1));
+        assert_eq!(
+            train(&plan, &samples, &mut whole, Cursor::default(), &mut go_on).unwrap(),
+            Outcome::Finished
+        );
+        let whole = whole.state().unwrap();
+        assert_eq!(whole.step, plan.total_steps(samples.len()));
+
+        // Every report stops the run; the engine is made anew from its state, and reports come at other steps.
+        let (mut state, mut cursor, mut pieces) = (TrainingState::new(&SHAPE, 1), Cursor::default(), 0);
+        loop {
+            let plan = TrainingPlan { report_every: 3 + pieces % 4, ..plan };
+            let mut engine = engine(&plan, state);
+            let outcome =
+                train(&plan, &samples, &mut engine, cursor, &mut |_, _| ControlFlow::Break(())).unwrap();
+            state = engine.state().unwrap();
+            pieces += 1;
+            match outcome {
+                Outcome::Stopped(next) => cursor = next,
+                Outcome::Finished => break,
+            }
+        }
+        assert!(pieces > 5, "{pieces} pieces");
+        assert!(state == whole, "the pieces ended elsewhere");
+    }
+}
+
+#[test]
+fn reports_come_when_promised_and_count_right() {
+    let (samples, plan) = (samples(), plan());
+    let mut engine = engine(&plan, TrainingState::new(&SHAPE, 1));
+    let mut reports = Vec::new();
+    let mut note = |report: &Report, _: &mut dyn TrainingEngine| {
+        reports.push(*report);
+        ControlFlow::Continue(())
+    };
+    train(&plan, &samples, &mut engine, Cursor::default(), &mut note).unwrap();
+    let per_epoch = plan.steps_per_epoch(samples.len());
+    assert_eq!(per_epoch, samples.len().div_ceil(150) as u64);
+    let expected: Vec<u64> = (1..=2 * per_epoch).filter(|s| s % 4 == 0 || s % per_epoch == 0).collect();
+    assert_eq!(reports.iter().map(|r| r.step).collect::<Vec<_>>(), expected);
+    for report in &reports {
+        assert_eq!(report.epoch_end, report.step % per_epoch == 0);
+        assert_eq!(report.cursor.epoch * per_epoch + report.cursor.step, report.step);
+        assert_eq!(report.total_steps, 2 * per_epoch);
+        assert!(report.mean_loss > 0.0 && report.samples_per_second > 0.0);
+        assert!(report.remaining(&plan).is_some());
+    }
+    assert_eq!(reports[0].learning_rate, 5e-4);
+    assert!((reports.last().unwrap().learning_rate / (5e-4 * 0.93) - 1.0).abs() < 1e-6);
+}
+
+#[test]
+fn an_epoch_shows_every_sample_once() {
+    /// Notes what it is fed.
+    struct Recorder(Vec<(Vec<u32>, u32)>, Vec<usize>);
+    impl TrainingEngine for Recorder {
+        fn describe(&self) -> String {
+            "recorder".into()
+        }
+        fn step(&mut self, inputs: &[f32], targets: &[f32], _: f32) -> Result<(), EngineError> {
+            self.1.push(targets.len());
+            let bits = |values: &[f32]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+            self.0.extend(
+                inputs.chunks(INPUTS).zip(targets).map(|(input, target)| (bits(input), target.to_bits())),
+            );
+            Ok(())
+        }
+        fn take_mean_loss(&mut self) -> Result<f64, EngineError> {
+            Ok(1.0)
+        }
+        fn state(&mut self) -> Result<TrainingState, EngineError> {
+            Err(EngineError::Device("a recorder has no state".into()))
+        }
+        fn replace_parameters(&mut self, _: &[f32]) -> Result<(), EngineError> {
+            Err(EngineError::Device("nothing to replace".into()))
+        }
+    }
+    let samples = samples();
+    let plan = TrainingPlan { length: Length::Epochs(1), ..plan() };
+    let mut recorder = Recorder(Vec::new(), Vec::new());
+    train(&plan, &samples, &mut recorder, Cursor::default(), &mut go_on).unwrap();
+    let mut expected: Vec<_> = (0..samples.len())
+        .map(|index| {
+            let (input, target) = samples.sample(index);
+            (input.map(f32::to_bits).to_vec(), target.to_bits())
+        })
+        .collect();
+    assert_ne!(recorder.0, expected, "the order is shuffled");
+    recorder.0.sort_unstable();
+    expected.sort_unstable();
+    assert_eq!(recorder.0, expected);
+    let (last, others) = recorder.1.split_last().unwrap();
+    assert!(others.iter().all(|&count| count == 150) && *last == samples.len() % 150);
+}
+
+#[test]
+fn training_lowers_the_loss() {
+    let samples = samples();
+    let plan = TrainingPlan {
+        length: Length::Steps(600),
+        schedule: Schedule::Cosine { initial: 2e-3, last: 0.0, warmup: 0 },
+        ..plan()
+    };
+    let mut engine = engine(&plan, TrainingState::new(&SHAPE, 1));
+    let mut losses = Vec::new();
+    let mut note = |report: &Report, _: &mut dyn TrainingEngine| {
+        losses.push(report.mean_loss);
+        ControlFlow::Continue(())
+    };
+    train(&plan, &samples, &mut engine, Cursor::default(), &mut note).unwrap();
+    let (first, last) = (losses[0], losses[losses.len() - 1]);
+    assert!(last < first / 20.0, "from {first} to {last}");
+}
+
+#[test]
+fn divergence_and_what_does_not_fit_are_errors_that_say_so() {
+    let (samples, plan) = (samples(), plan());
+    let mut state = TrainingState::new(&SHAPE, 1);
+    state.parameters[7] = f32::NAN;
+    let mut broken = engine(&plan, state);
+    let error = train(&plan, &samples, &mut broken, Cursor::default(), &mut go_on).unwrap_err();
+    assert!(matches!(error, TrainError::NotFinite { after: 0, step: 4, .. }), "{error}");
+    assert!(error.to_string().contains("lower learning rate"), "{error}");
+
+    let mut engine = engine(&plan, TrainingState::new(&SHAPE, 1));
+    let beyond = Cursor { epoch: 0, step: 1000 };
+    let error = train(&plan, &samples, &mut engine, beyond, &mut go_on).unwrap_err();
+    assert!(matches!(error, TrainError::Cursor { step: 1000, .. }), "{error}");
+    let nothing = Samples::new(samples.grid);
+    let error = train(&plan, &nothing, &mut engine, Cursor::default(), &mut go_on).unwrap_err();
+    assert!(matches!(error, TrainError::NoSamples), "{error}");
+    let none = TrainingPlan { batch: 0, ..plan };
+    let error = train(&none, &samples, &mut engine, Cursor::default(), &mut go_on).unwrap_err();
+    assert!(error.to_string().contains("`batch`"), "{error}");
+    let done = Cursor { epoch: 2, step: 0 };
+    assert_eq!(train(&plan, &samples, &mut engine, done, &mut go_on).unwrap(), Outcome::Finished);
+}
+
+#[test]
+fn a_loss_that_rises_for_good_stops_the_run() {
+    /// Learns for a while, then answers a constant.
+    struct Collapse(u64);
+    impl TrainingEngine for Collapse {
+        fn describe(&self) -> String {
+            "collapse".into()
+        }
+        fn step(&mut self, _: &[f32], _: &[f32], _: f32) -> Result<(), EngineError> {
+            self.0 += 1;
+            Ok(())
+        }
+        fn take_mean_loss(&mut self) -> Result<f64, EngineError> {
+            Ok(if self.0 <= 600 { 0.01 } else { 0.2 })
+        }
+        fn state(&mut self) -> Result<TrainingState, EngineError> {
+            Err(EngineError::Device("nothing to see".into()))
+        }
+        fn replace_parameters(&mut self, _: &[f32]) -> Result<(), EngineError> {
+            Err(EngineError::Device("nothing to replace".into()))
+        }
+    }
+    let samples = samples();
+    let plan = TrainingPlan { length: Length::Steps(4000), ..plan() };
+    let mut suspicious = Vec::new();
+    let mut note = |report: &Report, _: &mut dyn TrainingEngine| {
+        suspicious.push((report.step, report.watch.is_suspicious()));
+        ControlFlow::Continue(())
+    };
+    let error = train(&plan, &samples, &mut Collapse(0), Cursor::default(), &mut note).unwrap_err();
+    let TrainError::Diverged { best_step, step, .. } = error else { panic!("{error}") };
+
+    // Stopped and continued at every report, it ends as one that was not.
+    let (mut start, mut engine) = (Start::default(), Collapse(0));
+    let mut again = Vec::new();
+    let ended = loop {
+        let from = start;
+        let mut stop = |report: &Report, _: &mut dyn TrainingEngine| {
+            again.push((report.step, report.watch.is_suspicious()));
+            start = Start { cursor: report.cursor, watch: report.watch };
+            ControlFlow::Break(())
+        };
+        if let Err(error) = train(&plan, &samples, &mut engine, from, &mut stop) {
+            break error;
+        }
+    };
+    assert_eq!(ended.to_string(), error.to_string());
+    assert_eq!(again, suspicious);
+    assert!(error.is_divergence() && best_step <= 600, "{error}");
+    assert!((1600..1700).contains(&step), "{error}");
+    // From the first losses on, before the mean of about 200 steps has risen to four times the best.
+    assert!(suspicious.iter().all(|&(step, suspicious)| suspicious == (step > 600)), "{suspicious:?}");
+}
+
+#[test]
+fn plans_are_read_with_the_papers_values_for_what_is_left_out() {
+    let plan: TrainingPlan = serde_json::from_str(r#"{"batch": 512, "length": {"steps": 10}}"#).unwrap();
+    assert_eq!(plan, TrainingPlan { batch: 512, length: Length::Steps(10), ..TrainingPlan::default() });
+    let text = serde_json::to_string(&plan).unwrap();
+    assert_eq!(serde_json::from_str::<TrainingPlan>(&text).unwrap(), plan);
+    assert!(serde_json::from_str::<TrainingPlan>(r#"{"bach": 512}"#).is_err());
+}
