@@ -1,4 +1,4 @@
-"""The rival of `imf bench exact`: sections by scipy's real FFTs in float32, as one would write them.
+"""The rival of `imf-bench exact`: sections by scipy's real FFTs in float32, as one would write them.
 
 Reads from the folder given as the first argument
   obstacle.npy       uint8 [x, y, z], 1 where solid

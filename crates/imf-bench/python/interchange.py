@@ -1,6 +1,6 @@
 """Whether other programs read what imf writes: onnxruntime, PyTorch, VTK, each value beside imf's own.
 
-    python bench/interchange.py IMF [FOLDER]
+    python crates/imf-bench/python/interchange.py IMF [FOLDER]
 
 IMF is the command to test. In FOLDER (a temporary one unless given) a few small fields are made of the built-in bracket:
 a trained network, a harmonic and a factored field, of overlaps and of signed depths; sections as .vti and .npy. Then
@@ -28,7 +28,7 @@ import torch
 import vtk
 from vtk.util.numpy_support import vtk_to_numpy
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "docs"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "docs"))
 import imf_torch
 
 POSES = 20_000

@@ -1,4 +1,4 @@
-"""The rivals of `imf bench query`: does the tool's mesh meet the part's, by Coal and by FCL, on one core.
+"""The rivals of `imf-bench query`: does the tool's mesh meet the part's, by Coal and by FCL, on one core.
 
 Reads scene.json from the folder given as the first argument
   part, tool   {"vertices": [[x, y, z], …], "triangles": [[a, b, c], …]}, the tool in its own frame

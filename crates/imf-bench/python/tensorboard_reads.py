@@ -1,6 +1,6 @@
 """Whether TensorBoard reads the event files of `imf train --tensorboard`.
 
-    python bench/tensorboard_reads.py IMF
+    python crates/imf-bench/python/tensorboard_reads.py IMF
 
 IMF is the command to test. A small training writes event files and, beside them, JSON lines; it is killed without warning
 on its way and resumed, so that some steps are repeated. TensorBoard's own reader (EventAccumulator) must then hold every

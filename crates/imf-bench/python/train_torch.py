@@ -1,6 +1,6 @@
 """The paper's network trained by PyTorch, measured by turns with imf's own engine.
 
-Started by `imf bench train`, which writes one request a line to standard input and reads one answer a line:
+Started by `imf-bench train`, which writes one request a line to standard input and reads one answer a line:
 {"mode": "eager" | "compiled", "batch": 1024, "seconds": 0.5} gives {"samples_per_second": ..}. The first line answers
 with the version and the device. Same network as siren5 (five hidden layers of sines, the five inputs again after the second, one
 sigmoid), same loss (L1), same optimiser (Adam with coupled weight decay), f32 or, with --precision bf16 or f16, products under

@@ -1,10 +1,10 @@
 """What else might teach a factored field better: optimisers, encodings, losses and starts, tried in PyTorch.
 
-    python bench/tries.py optimisers|encodings|losses FIELD.npz
-    python bench/tries.py starts FIELD.npz FIELD.npz NEW.npz
+    python crates/imf-bench/python/tries.py optimisers|encodings|losses FIELD.npz
+    python crates/imf-bench/python/tries.py starts FIELD.npz FIELD.npz NEW.npz
 
 A FIELD is what `imf field PART --method harmonic --save FIELD.npz` writes, of overlaps over directions. Needs torch (as
-in bench/requirements-torch.txt) and numpy. Prints a Markdown table, each row a teaching of its own from the same seed.
+in crates/imf-bench/python/requirements-torch.txt) and numpy. Prints a Markdown table, each row a teaching of its own from the same seed.
 
 A row differs from the baseline in what it says and in nothing else. The baseline is `imf compress --optimiser muon --rate
 1.5e-3`: sines 3→256³

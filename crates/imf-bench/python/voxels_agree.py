@@ -1,6 +1,6 @@
 """Whether imf's voxels are those of other voxelisers: trimesh and Open3D at the same voxel centres.
 
-    python bench/voxels_agree.py IMF [MESH …]
+    python crates/imf-bench/python/voxels_agree.py IMF [MESH …]
 
 IMF is the command to test; beside the reference parts (`imf parts`) it is run on every mesh file given. Prints Markdown.
 

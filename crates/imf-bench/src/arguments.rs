@@ -1,34 +1,43 @@
-//! What `imf bench` is asked: which measurement, and those of exact sections and of training steps.
+//! The command line: the measurements, and the arguments of those of exact sections, training steps and GPUs; the others
+//! have a file each.
+
+pub(crate) mod families;
+pub(crate) mod paper;
+pub(crate) mod query;
+pub(crate) mod recipe;
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use imf_cli::arguments::numbers::{parse_count, with_negative_numbers};
+use imf_cli::arguments::{DeviceArguments, GlobalArguments, PrecisionKind};
 
-use super::numbers::parse_count;
-use super::{DeviceArguments, PrecisionKind, families, paper, query_bench};
-
-/// Measure speed, beside what one would write oneself
-#[derive(Args)]
-pub(crate) struct BenchArguments {
+/// Measures imf beside its rivals, makes the paper's tables, and trains by recipes.
+#[derive(Parser)]
+#[command(name = "imf-bench", version, mut_subcommands(with_negative_numbers))]
+pub(crate) struct Cli {
+    #[command(flatten)]
+    pub(crate) global: GlobalArguments,
     #[command(subcommand)]
-    pub(crate) bench: Bench,
+    pub(crate) command: Command,
 }
 
 #[derive(Subcommand)]
-pub(crate) enum Bench {
-    Exact(ExactBenchArguments),
-    Families(families::FamiliesBenchArguments),
-    Gpu(GpuBenchArguments),
-    Paper(paper::PaperBenchArguments),
-    Query(query_bench::QueryBenchArguments),
-    Train(TrainBenchArguments),
+pub(crate) enum Command {
+    Exact(ExactArguments),
+    Families(families::FamiliesArguments),
+    Gpu(GpuArguments),
+    Paper(paper::PaperArguments),
+    Query(query::QueryArguments),
+    Recipe(recipe::RecipeArguments),
+    Train(TrainArguments),
 }
 
 /// Training steps against the matrix products' own peak and against PyTorch, by turns in one run
 #[derive(Args)]
-#[command(after_help = "Example:\n  imf bench train --python venv/bin/python --out bench-train\n\n\
+#[command(after_help = "Example:\n  imf-bench train --python venv/bin/python --out bench-train\n\n\
                         Writes train.json and train.md. About half a minute without PyTorch.")]
-pub(crate) struct TrainBenchArguments {
+pub(crate) struct TrainArguments {
     /// Folder to write to
     #[arg(long, default_value = "imf-bench", value_name = "DIR")]
     pub(crate) out: PathBuf,
@@ -50,11 +59,11 @@ pub(crate) struct TrainBenchArguments {
 
 /// What a GPU does beside the CPU of the same machine, with values compared
 #[derive(Args)]
-#[command(after_help = "Example:\n  imf bench gpu --python venv/bin/python --out bench-gpu\n\n\
+#[command(after_help = "Example:\n  imf-bench gpu --python venv/bin/python --out bench-gpu\n\n\
                         Writes gpu.json and gpu.md part by part; parts that an earlier run on the same device left there stay until they are \
                         measured again. \
                         Some minutes; on a software device small sizes, which show that every part works.")]
-pub(crate) struct GpuBenchArguments {
+pub(crate) struct GpuArguments {
     /// Folder to write to
     #[arg(long, default_value = "imf-bench", value_name = "DIR")]
     pub(crate) out: PathBuf,
@@ -87,9 +96,9 @@ pub(crate) enum GpuPart {
 
 /// Exact sections against scipy and rustfft, and how their cost grows
 #[derive(Args)]
-#[command(after_help = "Example:\n  imf bench exact --out bench-exact\n\n\
+#[command(after_help = "Example:\n  imf-bench exact --out bench-exact\n\n\
                         Writes exact.json, exact.md and how time and memory grow as pictures. About a minute without --full.")]
-pub(crate) struct ExactBenchArguments {
+pub(crate) struct ExactArguments {
     /// Folder to write to
     #[arg(long, default_value = "imf-bench", value_name = "DIR")]
     pub(crate) out: PathBuf,

@@ -1,20 +1,9 @@
-//! `imf bench`: measurements that a user can repeat. `exact` compares the exact sections with what one would
-//! write oneself, and shows how their cost grows; `train` compares the training engine with PyTorch; `gpu` sets what a GPU
-//! does beside the CPU; `paper` makes the paper's tables and figures; `families` sets every family of fields side by side;
-//! `query` asks fields and collision libraries for random poses.
+//! `imf-bench exact`: the exact sections beside what one would write oneself, and how their cost grows.
 
-mod device;
-mod families;
-mod gpu;
+pub(crate) mod device;
 mod growth;
-mod machine;
-mod paper;
 mod plain_fft;
-mod python;
-mod query;
 mod scipy;
-mod torch;
-mod train;
 
 use std::fmt::Write;
 use std::time::Instant;
@@ -26,50 +15,37 @@ use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{Scene, SceneSpec};
+use imf_core::scene::SceneSpec;
 use imf_core::section::{SectionPlan, SectionScratch, stream_sections};
 use imf_core::tool::{RotatedTool, Tool};
 use imf_core::voxelize::voxelize;
 use serde::Serialize;
+use imf_cli::engine::Device;
+use imf_cli::output::{prepare_folder, print, print_json, write_json, write_text};
+use imf_cli::session::Session;
 
-use crate::arguments::bench::{Bench, BenchArguments, ExactBenchArguments};
-use crate::engine::Device;
-use crate::output::{prepare_folder, print, print_json, write_json, write_text};
-use crate::session::Session;
+use crate::arguments::ExactArguments;
+use crate::machine::Machine;
 use growth::Growth;
-use machine::Machine;
 
 /// Orientations of the comparison.
-const SECTIONS: usize = 225;
+pub(crate) const SECTIONS: usize = 225;
 /// Sections of the rivals without `--full`; their time does not depend on the orientation.
 const RIVAL_SECTIONS: usize = 12;
 /// Everything of ours is measured this often; the least time counts.
-const ROUNDS: usize = 3;
-/// A single measurement shorter than this is repeated, and the better one counts.
-const SHORT: f64 = 1.0;
-
-pub(crate) fn run(session: &Session, arguments: &BenchArguments) -> Result<()> {
-    match &arguments.bench {
-        Bench::Exact(arguments) => exact(session, arguments),
-        Bench::Families(arguments) => families::run(session, arguments),
-        Bench::Gpu(arguments) => gpu::run(session, arguments),
-        Bench::Paper(arguments) => paper::run(session, arguments),
-        Bench::Query(arguments) => query::run(session, arguments),
-        Bench::Train(arguments) => train::run(session, arguments),
-    }
-}
+pub(crate) const ROUNDS: usize = 3;
 
 /// One way to compute sections.
 #[derive(Serialize)]
-struct Rival {
-    name: String,
-    sections: usize,
-    milliseconds_per_section: f64,
+pub(crate) struct Rival {
+    pub(crate) name: String,
+    pub(crate) sections: usize,
+    pub(crate) milliseconds_per_section: f64,
     /// Its time divided by ours.
-    ratio: f64,
+    pub(crate) ratio: f64,
     /// Whether its whole numbers are ours; it is not asked of ourselves.
-    equal: Option<bool>,
-    how: String,
+    pub(crate) equal: Option<bool>,
+    pub(crate) how: String,
 }
 
 /// What is measured.
@@ -88,7 +64,7 @@ struct Report {
     growth: Growth,
 }
 
-fn exact(session: &Session, arguments: &ExactBenchArguments) -> Result<()> {
+pub(crate) fn run(session: &Session, arguments: &ExactArguments) -> Result<()> {
     let device = Device::open(&arguments.device, session)?;
     prepare_folder(&arguments.out)?;
     let mut machine = Machine::new(session.threads());
@@ -96,7 +72,7 @@ fn exact(session: &Session, arguments: &ExactBenchArguments) -> Result<()> {
     let tool = Tool::paper();
     let (mesh, dims) = (part.mesh(), part.dims());
     session.note("voxelising the teapot");
-    let scene = scene(part, &mesh, dims, &tool)?;
+    let scene = SceneSpec::of_reference(part, &mesh, dims, &tool).scene()?;
     let plan = SectionPlan::new(&scene.obstacle, &tool)?;
     let orientations = OrientationSet::parse(&format!("fibonacci:{SECTIONS}"))?.orientations;
     session.note(&format!("sections: {}", plan.describe()));
@@ -163,24 +139,6 @@ fn exact(session: &Session, arguments: &ExactBenchArguments) -> Result<()> {
         chart.save(&arguments.out.join(name))?;
     }
     if session.json { print_json(&report) } else { print(&text) }
-}
-
-/// Seconds of some work: of a short one the better of two.
-fn timed<T>(mut work: impl FnMut() -> Result<T>) -> Result<(f64, T)> {
-    let begun = Instant::now();
-    let mut found = work()?;
-    let mut seconds = begun.elapsed().as_secs_f64();
-    if seconds < SHORT {
-        let begun = Instant::now();
-        found = work()?;
-        seconds = seconds.min(begun.elapsed().as_secs_f64());
-    }
-    Ok((seconds, found))
-}
-
-/// A reference part on so many voxels, alone.
-fn scene(part: ReferencePart, mesh: &Mesh, dims: [usize; 3], tool: &Tool) -> Result<Scene> {
-    Ok(SceneSpec::of_reference(part, mesh, dims, tool).scene()?)
 }
 
 /// What the rivals are given: voxels of obstacle and tools, and what we counted.

@@ -1,4 +1,4 @@
-//! `imf bench families`: every family of fields made from the same number of exact sections, side by side; but coarse tables, which
+//! `imf-bench families`: every family of fields made from the same number of exact sections, side by side; but coarse tables, which
 //! take as many as serve their size best.
 //!
 //! ```text
@@ -21,24 +21,23 @@ use imf_core::factored::{FactoredField, Symmetry, TeachSettings, teach};
 use imf_core::field::LearntField;
 use imf_core::harmonic::basis::Domain;
 use imf_core::harmonic::{HarmonicField, fit, section_count};
-use imf_core::interpolation::{AngleGrid, CoarseTable, StoredSections};
 use imf_core::metrics::Errors;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
-use imf_core::scene::Scene;
+use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::{Imf, SectionPlan, imf};
 use imf_core::tool::Tool;
 use imf_core::training::run::{Length, Outcome, TrainingPlan};
+use imf_cli::engine::Device;
+use imf_cli::interrupt::{self, Interrupted};
+use imf_cli::output::{prepare_folder, print, print_json};
+use imf_cli::session::Session;
 
-use super::machine::Machine;
-use super::paper::harmonic_settings;
-use super::timed;
-use crate::arguments::families::FamiliesBenchArguments;
+use crate::interpolation::{AngleGrid, CoarseTable, StoredSections};
+use crate::machine::{Machine, timed};
+use crate::paper::harmonic_settings;
+use crate::arguments::families::FamiliesArguments;
 use crate::arguments::paper::PaperPart;
-use crate::engine::Device;
-use crate::interrupt::{self, Interrupted};
-use crate::output::{prepare_folder, print, print_json};
-use crate::session::Session;
 use judge::Judge;
 use report::{Comparison, Report, Row};
 use rivals::{Exact, Rival, Table, Tabulated};
@@ -50,7 +49,7 @@ const COARSE_ANGLES: [usize; 7] = [5, 6, 8, 10, 12, 15, 20];
 /// Orientations that choose among them, at random with another seed than those that judge.
 const CHOOSING: usize = 8;
 
-pub(super) fn run(session: &Session, arguments: &FamiliesBenchArguments) -> Result<()> {
+pub(crate) fn run(session: &Session, arguments: &FamiliesArguments) -> Result<()> {
     prepare_folder(&arguments.out)?;
     let mut machine = Machine::new(session.threads());
     let device = Device::open(&arguments.device.device, session)?;
@@ -65,7 +64,7 @@ pub(super) fn run(session: &Session, arguments: &FamiliesBenchArguments) -> Resu
 /// What all families of a part share.
 struct Bench<'a> {
     session: &'a Session,
-    arguments: &'a FamiliesBenchArguments,
+    arguments: &'a FamiliesArguments,
     plan: &'a SectionPlan,
     judge: Judge<'a>,
     /// Whose sections are timed.
@@ -86,12 +85,12 @@ struct Making {
 fn compare(
     session: &Session,
     device: &Device,
-    arguments: &FamiliesBenchArguments,
+    arguments: &FamiliesArguments,
     part: PaperPart,
 ) -> Result<Comparison> {
     let reference = ReferencePart::from_str(part.name())?;
     let dims = reference.dims().map(|n| ((n as f64 * arguments.scale).round() as usize).max(4));
-    let scene = super::scene(reference, &reference.mesh(), dims, &Tool::paper())?;
+    let scene = SceneSpec::of_reference(reference, &reference.mesh(), dims, &Tool::paper()).scene()?;
     let random = OrientationSet::parse(&format!("random:{}:{}", arguments.random, arguments.seed))?;
     let asked = OrientationSet::parse(ASKED)?.orientations;
     let angles = AngleGrid::new(arguments.angles as usize);
@@ -132,7 +131,7 @@ fn compare(
 fn require_memory(
     session: &Session,
     scene: &Scene,
-    arguments: &FamiliesBenchArguments,
+    arguments: &FamiliesArguments,
     angles: AngleGrid,
     asked: usize,
 ) -> Result<()> {
@@ -283,7 +282,7 @@ impl Bench<'_> {
 }
 
 /// How the factored field is taught: as `imf compress` does by default.
-fn taught_by(arguments: &FamiliesBenchArguments) -> TeachSettings {
+fn taught_by(arguments: &FamiliesArguments) -> TeachSettings {
     let defaults = TeachSettings::of_length(Length::Steps(arguments.factored_steps));
     TeachSettings { plan: TrainingPlan { seed: arguments.seed, ..defaults.plan }, ..defaults }
 }

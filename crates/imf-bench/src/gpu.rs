@@ -1,4 +1,4 @@
-//! `imf bench gpu`: what a GPU does, in one go, beside the CPU of the same machine and with values compared: its peak, exact
+//! `imf-bench gpu`: what a GPU does, in one go, beside the CPU of the same machine and with values compared: its peak, exact
 //! sections, training steps, and a field that is taught, evaluated and asked for poses.
 //!
 //! A part is written as soon as it is measured, whatever becomes of those after it; parts that an earlier run on the same device left
@@ -13,22 +13,22 @@ use std::time::Instant;
 use anyhow::{Result, anyhow, bail, ensure};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
-use imf_core::scene::Scene;
+use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::{SectionPlan, stream_sections};
 use imf_core::tool::Tool;
 use imf_core::training::Precision;
 use imf_gpu::{DeviceChoice, Gpu, MatrixKernel, Peak};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
+use imf_cli::engine::Device;
+use imf_cli::interrupt::{self, Interrupted};
+use imf_cli::output::{prepare_folder, print, print_json, table, write_json, write_text};
+use imf_cli::session::Session;
 
-use super::machine::Machine;
-use super::train::{self, Asked, Rounds};
-use super::{ROUNDS, SECTIONS, device};
-use crate::arguments::bench::{GpuBenchArguments, GpuPart};
-use crate::engine::Device;
-use crate::interrupt::{self, Interrupted};
-use crate::output::{prepare_folder, print, print_json, table, write_json, write_text};
-use crate::session::Session;
+use crate::machine::Machine;
+use crate::train::{self, Asked, Rounds};
+use crate::exact::{ROUNDS, SECTIONS, device};
+use crate::arguments::{GpuArguments, GpuPart};
 
 const JSON: &str = "gpu.json";
 
@@ -92,7 +92,7 @@ impl Sizes {
     fn scene(&self) -> Result<Scene> {
         let part = ReferencePart::Teapot;
         let dims = part.dims().map(|n| (n as f64 * self.scale).round() as usize);
-        super::scene(part, &part.mesh(), dims, &Tool::paper())
+        Ok(SceneSpec::of_reference(part, &part.mesh(), dims, &Tool::paper()).scene()?)
     }
 }
 
@@ -117,10 +117,10 @@ struct Part {
 /// What measures a part: it adds to what was found as it goes.
 type Work<'a> = &'a dyn Fn(&Gpu, &mut Part) -> Result<()>;
 
-pub(super) fn run(session: &Session, arguments: &GpuBenchArguments) -> Result<()> {
+pub(crate) fn run(session: &Session, arguments: &GpuArguments) -> Result<()> {
     let Device::Gpu(gpu) = Device::open(&arguments.device, session)? else {
         bail!(
-            "imf bench gpu measures a GPU, and --device {} is none: imf devices lists what there is",
+            "imf-bench gpu measures a GPU, and --device {} is none: imf devices lists what there is",
             arguments.device
         );
     };

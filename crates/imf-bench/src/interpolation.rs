@@ -7,14 +7,13 @@
 
 mod coarse;
 
-pub use coarse::CoarseTable;
+pub(crate) use coarse::CoarseTable;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-
-use crate::control::Control;
-use crate::orientation::{Orientation, OrientationSet, OrientationSetError};
-use crate::section::{SectionError, SectionPlan, sections};
+use imf_core::control::Control;
+use imf_core::orientation::Orientation;
+use imf_core::section::{SectionError, SectionPlan, sections};
 
 /// Weights below this are left out: an angle on a step of the grid has one weight, whatever the rounding.
 const NO_WEIGHT: f64 = 1e-9;
@@ -23,7 +22,7 @@ const BLOCK: usize = 4096;
 
 /// How values at equal steps of a full turn are continued between them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Periodic {
+pub(crate) enum Periodic {
     /// Straight lines.
     Linear,
     /// Cubic pieces with two continuous derivatives all around.
@@ -37,8 +36,7 @@ impl Periodic {
     ///
     /// # Panics
     /// If there are fewer than three values.
-    #[must_use]
-    pub fn weights(self, count: usize, degrees: f64) -> Vec<f64> {
+    pub(crate) fn weights(self, count: usize, degrees: f64) -> Vec<f64> {
         assert!(count >= 3, "a turn in at least three steps");
         let place = (degrees / 360.0).rem_euclid(1.0) * count as f64;
         let (first, rest) = ((place.floor() as usize).min(count - 1), place - place.floor());
@@ -100,7 +98,7 @@ fn cardinal(count: usize, turns: f64) -> f64 {
 
 /// The angle pairs of `grid:N`, θ = 360°·i/N, φ = 180°·j/N, θ outermost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct AngleGrid {
+pub(crate) struct AngleGrid {
     n: usize,
 }
 
@@ -109,21 +107,13 @@ impl AngleGrid {
     ///
     /// # Panics
     /// If n is below 3.
-    #[must_use]
-    pub fn new(n: usize) -> Self {
+    pub(crate) fn new(n: usize) -> Self {
         assert!(n >= 3, "a turn in at least three steps");
         Self { n }
     }
 
     /// The pairs in order.
-    ///
-    /// # Errors
-    /// An absurd n.
-    pub fn orientations(&self) -> Result<OrientationSet, OrientationSetError> {
-        OrientationSet::parse(&format!("grid:{}", self.n))
-    }
-
-    fn orientations_in_order(&self) -> Vec<Orientation> {
+    fn orientations(&self) -> Vec<Orientation> {
         let n = self.n;
         (0..n * n)
             .map(|index| {
@@ -134,8 +124,7 @@ impl AngleGrid {
     }
 
     /// Which sections make up the one at `orientation`, and with which weights; these sum to 1.
-    #[must_use]
-    pub fn weights(&self, orientation: &Orientation) -> Vec<(usize, f64)> {
+    pub(crate) fn weights(&self, orientation: &Orientation) -> Vec<(usize, f64)> {
         let place = orientation.phi / 180.0 * self.n as f64;
         let row = (place.floor() as usize).min(self.n - 1);
         let theta = orientation.theta;
@@ -161,7 +150,7 @@ impl AngleGrid {
 
 /// Exact sections at the pairs of an angle grid.
 #[derive(Clone, Debug, PartialEq)]
-pub struct StoredSections {
+pub(crate) struct StoredSections {
     angles: AngleGrid,
     orientations: Vec<Orientation>,
     sections: Vec<Vec<f32>>,
@@ -172,29 +161,22 @@ impl StoredSections {
     ///
     /// # Errors
     /// A failed section, or cancellation.
-    pub fn new(plan: &SectionPlan, angles: AngleGrid, control: Control<'_>) -> Result<Self, SectionError> {
-        let orientations = angles.orientations_in_order();
+    pub(crate) fn new(plan: &SectionPlan, angles: AngleGrid, control: Control<'_>) -> Result<Self, SectionError> {
+        let orientations = angles.orientations();
         let sections = sections(plan, &orientations, control)?;
         Ok(Self { angles, orientations, sections })
     }
 
     /// Bytes that n × n sections of so many voxels take.
-    #[must_use]
-    pub fn memory(angles: AngleGrid, voxels: usize) -> u64 {
+    pub(crate) fn memory(angles: AngleGrid, voxels: usize) -> u64 {
         4 * (angles.n * angles.n * voxels) as u64
-    }
-
-    /// The orientations of the sections, in order.
-    #[must_use]
-    pub fn orientations(&self) -> &[Orientation] {
-        &self.orientations
     }
 
     /// The section between the stored ones, by the weights of [`AngleGrid::weights`].
     ///
     /// # Panics
     /// If `values` has not a section's length.
-    pub fn linear(&self, orientation: &Orientation, values: &mut [f32]) {
+    pub(crate) fn linear(&self, orientation: &Orientation, values: &mut [f32]) {
         let weights = self.angles.weights(orientation);
         values.par_chunks_mut(BLOCK).enumerate().for_each(|(block, values)| {
             values.fill(0.0);
@@ -209,7 +191,7 @@ impl StoredSections {
     ///
     /// # Panics
     /// If `values` has not a section's length.
-    pub fn nearest(&self, orientation: &Orientation, values: &mut [f32]) {
+    pub(crate) fn nearest(&self, orientation: &Orientation, values: &mut [f32]) {
         let direction = orientation.direction();
         let closeness = |o: &Orientation| direction.dot(o.direction());
         let places = self.orientations.iter().enumerate();
@@ -221,12 +203,17 @@ impl StoredSections {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::Grid;
-    use crate::occupancy::Occupancy;
-    use crate::tool::Tool;
+    use imf_core::grid::Grid;
+    use imf_core::occupancy::Occupancy;
+    use imf_core::orientation::OrientationSet;
+    use imf_core::tool::Tool;
     use glam::DVec3;
 
     const ALL: [Periodic; 3] = [Periodic::Linear, Periodic::CubicSpline, Periodic::Trigonometric];
+
+    fn grid(n: usize) -> Vec<Orientation> {
+        OrientationSet::parse(&format!("grid:{n}")).unwrap().orientations
+    }
 
     fn value(kind: Periodic, count: usize, degrees: f64, f: impl Fn(f64) -> f64) -> f64 {
         let weights = kind.weights(count, degrees);
@@ -287,7 +274,7 @@ mod tests {
     #[test]
     fn pairs_of_the_grid_stand_for_themselves_and_others_for_their_neighbours() {
         let angles = AngleGrid::new(15);
-        let set = angles.orientations().unwrap().orientations;
+        let set = grid(15);
         for (index, orientation) in set.iter().enumerate() {
             let weights = angles.weights(orientation);
             let own = weights.iter().find(|(other, _)| *other == index).unwrap();
@@ -319,9 +306,9 @@ mod tests {
         let plan = SectionPlan::new(&Occupancy { grid, solid }, &Tool::paper()).unwrap();
         let angles = AngleGrid::new(6);
         let stored = StoredSections::new(&plan, angles, Control::quiet()).unwrap();
-        assert_eq!(stored.orientations(), angles.orientations().unwrap().orientations);
+        assert_eq!(stored.orientations, grid(6));
         let asked = Orientation::new(37.0, 81.0);
-        let exact = sections(&plan, stored.orientations(), Control::quiet()).unwrap();
+        let exact = sections(&plan, &stored.orientations, Control::quiet()).unwrap();
         let (mut linear, mut nearest) = (vec![7.0; grid.len()], vec![7.0; grid.len()]);
         stored.linear(&asked, &mut linear);
         stored.nearest(&asked, &mut nearest);

@@ -1,13 +1,18 @@
-//! What the measurements were taken on.
+//! What the measurements were taken on, and the clock.
 
 use std::fmt;
+use std::time::Instant;
 
+use anyhow::Result;
 use serde::Serialize;
 use sysinfo::{CpuRefreshKind, RefreshKind, System};
 
+/// A single measurement shorter than this is repeated, and the better one counts.
+const SHORT: f64 = 1.0;
+
 /// The machine, and how much of it was used.
 #[derive(Serialize)]
-pub(super) struct Machine {
+pub(crate) struct Machine {
     cpu: String,
     threads: usize,
     version: &'static str,
@@ -18,7 +23,7 @@ pub(super) struct Machine {
 }
 
 impl Machine {
-    pub(super) fn new(threads: usize) -> Self {
+    pub(crate) fn new(threads: usize) -> Self {
         let system = System::new_with_specifics(RefreshKind::nothing().with_cpu(CpuRefreshKind::nothing()));
         let cpu = system.ok().and_then(|s| s.cpus().first().map(|cpu| cpu.brand().trim().to_owned()));
         Self {
@@ -31,7 +36,7 @@ impl Machine {
     }
 
     /// Notes the load at the end.
-    pub(super) fn finish(&mut self) {
+    pub(crate) fn finish(&mut self) {
         self.load = self.load.zip(load()).map(|([begin, _], end)| [begin, end]);
     }
 }
@@ -52,14 +57,27 @@ fn load() -> Option<f64> {
 }
 
 /// Starts a new measurement of the most memory that this process holds at once. Linux only.
-pub(super) fn reset_peak_memory() {
+pub(crate) fn reset_peak_memory() {
     // Where it is not allowed, the peak stays that of the whole run.
     let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
 
 /// The most bytes that this process held since then; nothing where the system does not say.
-pub(super) fn peak_memory() -> Option<u64> {
+pub(crate) fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
+}
+
+/// Seconds of some work: of a short one the better of two.
+pub(crate) fn timed<T>(mut work: impl FnMut() -> Result<T>) -> Result<(f64, T)> {
+    let begun = Instant::now();
+    let mut found = work()?;
+    let mut seconds = begun.elapsed().as_secs_f64();
+    if seconds < SHORT {
+        let begun = Instant::now();
+        found = work()?;
+        seconds = seconds.min(begun.elapsed().as_secs_f64());
+    }
+    Ok((seconds, found))
 }

@@ -1,13 +1,13 @@
-//! `imf bench paper`: the paper's tables and figures, its values, ours and their ratio side by side.
+//! `imf-bench paper`: the paper's tables and figures, its values, ours and their ratio side by side.
 //!
 //! ```text
 //! OUT/report.md, report.json, report.html    all tables; the page holds its pictures
 //! OUT/figures/                               the pictures
 //! OUT/cells/                                 every finished cell, keyed by what made it
-//! OUT/runs/NAME-…/, OUT/datasets/            the regimes' folders, as `imf regime run` leaves them
+//! OUT/runs/NAME-…/, OUT/datasets/            the recipes' folders, as `imf-bench recipe run` leaves them
 //! ```
 //!
-//! Trainings are the regimes' own (`commands::regime`), with the changes that a scale makes (`protocol`). Whatever was
+//! Trainings are the recipes' own (`experiment`), with the changes that a scale makes (`protocol`). Whatever was
 //! interrupted goes on with the same command.
 
 mod baselines;
@@ -23,7 +23,7 @@ mod sweeps;
 mod table;
 mod time;
 
-pub(super) use baselines::settings as harmonic_settings;
+pub(crate) use baselines::settings as harmonic_settings;
 
 use std::path::PathBuf;
 
@@ -31,14 +31,14 @@ use anyhow::{Context as _, Result};
 use imf_core::model::Model;
 use imf_core::training::run::TrainError;
 use serde::{Deserialize, Serialize};
+use imf_cli::engine::Device;
+use imf_cli::job::Settings;
+use imf_cli::output::{prepare_folder, print, print_json};
+use imf_cli::session::Session;
 
-use super::machine::Machine;
-use crate::arguments::paper::{PaperBenchArguments, PaperPart, PaperTable};
-use crate::commands::regime::{GO_ON, Summary, Workshop, run_or_read};
-use crate::engine::Device;
-use crate::job::Settings;
-use crate::output::{prepare_folder, print, print_json};
-use crate::session::Session;
+use crate::machine::Machine;
+use crate::arguments::paper::{PaperArguments, PaperPart, PaperTable};
+use crate::experiment::{GO_ON, Summary, Workshop, run_or_read};
 use cells::Cells;
 use protocol::Protocol;
 use report::Report;
@@ -54,7 +54,7 @@ struct Bench<'a> {
     out: PathBuf,
 }
 
-/// A regime that was run.
+/// A recipe that was run.
 struct Run {
     summary: Summary,
     folder: PathBuf,
@@ -79,7 +79,7 @@ impl Run {
 }
 
 impl Bench<'_> {
-    /// Runs a regime to its end, or finds that it was; or why it has none.
+    /// Runs a recipe to its end, or finds that it was; or why it has none.
     fn run(&self, name: &str, table: &toml::Table) -> Result<Result<Run, String>> {
         let folder = self.out.join("runs").join(format!("{name}-{}", self.cells.mark(table)?));
         let trained = self.cells.get(name, table, || match run_or_read(&self.workshop, table, &folder) {
@@ -102,7 +102,7 @@ fn divergence(error: &anyhow::Error) -> Option<String> {
     causes.filter(|cause| cause.is_divergence()).map(ToString::to_string).next()
 }
 
-pub(super) fn run(session: &Session, arguments: &PaperBenchArguments) -> Result<()> {
+pub(crate) fn run(session: &Session, arguments: &PaperArguments) -> Result<()> {
     prepare_folder(&arguments.out)?;
     let mut machine = Machine::new(session.threads());
     let device = Device::open(&arguments.device.device, session)?;

@@ -2,23 +2,21 @@
 //!
 //! The part is one layer of voxels, a grid with a single voxel along z. The tool lies in the plane: at angle θ it is the cut
 //! through its axis at (θ, φ = 90°), as voxels, with its tip on a voxel's centre. `CMF(x, θ)` is the number of pixels shared,
-//! divided by those of the tool at θ. The direct sum over pixels is the definition ([`direct_count`]); the layer's
+//! divided by those of the tool at θ. The direct sum over pixels is the definition (`direct_count` of the tests); the layer's
 //! 3D sections count the same, because only the tool's voxels of that layer can meet a part that is one layer thick.
 
 use glam::DVec3;
-
-use crate::grid::Grid;
-use crate::occupancy::Occupancy;
-use crate::orientation::Orientation;
-use crate::section::{SectionError, SectionPlan, SectionScratch, share};
-use crate::tool::{RotatedTool, Tool, ToolError};
+use imf_core::grid::Grid;
+use imf_core::occupancy::Occupancy;
+use imf_core::orientation::Orientation;
+use imf_core::section::{SectionError, SectionPlan, SectionScratch, share};
+use imf_core::tool::{RotatedTool, Tool, ToolError};
 
 /// The layer `index` at right angles to `axis` as a part of its own: the other two axes in their order become x and y.
 ///
 /// # Panics
 /// If the layer does not exist.
-#[must_use]
-pub fn layer(part: &Occupancy, axis: usize, index: usize) -> Occupancy {
+pub(crate) fn layer(part: &Occupancy, axis: usize, index: usize) -> Occupancy {
     let [first, second] = match axis {
         0 => [1, 2],
         1 => [0, 2],
@@ -48,7 +46,7 @@ fn lying(theta: f64) -> Orientation {
 ///
 /// # Errors
 /// A tool that holds no pixel, or is too large.
-pub fn silhouette(tool: &Tool, theta: f64, pitch: f64) -> Result<Vec<[i32; 2]>, ToolError> {
+pub(crate) fn silhouette(tool: &Tool, theta: f64, pitch: f64) -> Result<Vec<[i32; 2]>, ToolError> {
     let rotated = RotatedTool::new(tool, &lying(theta), pitch)?;
     let [nx, ny, nz] = rotated.dims;
     let middle = usize::try_from(-rotated.lower[2]).unwrap_or(usize::MAX);
@@ -66,21 +64,8 @@ pub fn silhouette(tool: &Tool, theta: f64, pitch: f64) -> Result<Vec<[i32; 2]>, 
     Ok(pixels)
 }
 
-/// Pixels shared by the part and the tool's `silhouette` with the tip at a pixel: the definition.
-#[must_use]
-pub fn direct_count(part: &Occupancy, silhouette: &[[i32; 2]], tip: [usize; 2]) -> u32 {
-    let [nx, ny, _] = part.grid.dims;
-    let shared = silhouette.iter().filter(|[dx, dy]| {
-        let (x, y) = (tip[0] as i64 + i64::from(*dx), tip[1] as i64 + i64::from(*dy));
-        (0..nx as i64).contains(&x) && (0..ny as i64).contains(&y) && {
-            part.solid[x as usize * ny + y as usize] != 0
-        }
-    });
-    shared.count() as u32
-}
-
 /// Sections of a part of one layer.
-pub struct PlanarPlan {
+pub(crate) struct PlanarPlan {
     plan: SectionPlan,
 }
 
@@ -92,15 +77,14 @@ impl PlanarPlan {
     ///
     /// # Panics
     /// If the part is more than one layer, or the tool has no axis of symmetry.
-    pub fn new(part: &Occupancy, tool: &Tool) -> Result<Self, SectionError> {
+    pub(crate) fn new(part: &Occupancy, tool: &Tool) -> Result<Self, SectionError> {
         assert!(part.grid.dims[2] == 1, "a part of one layer, not {:?}", part.grid.dims);
         assert!(tool.is_axisymmetric(), "a cut through the axis of a tool of revolution");
         Ok(Self { plan: SectionPlan::new(part, &tool.with_tip_only())? })
     }
 
     /// The part's grid.
-    #[must_use]
-    pub fn grid(&self) -> &Grid {
+    pub(crate) fn grid(&self) -> &Grid {
         self.plan.grid()
     }
 
@@ -111,7 +95,7 @@ impl PlanarPlan {
     ///
     /// # Panics
     /// If `cmf` has not the grid's length.
-    pub fn section(
+    pub(crate) fn section(
         &self,
         theta: f64,
         scratch: &mut SectionScratch,
@@ -129,6 +113,18 @@ impl PlanarPlan {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Pixels shared by the part and the tool's `silhouette` with the tip at a pixel: the definition.
+    fn direct_count(part: &Occupancy, silhouette: &[[i32; 2]], tip: [usize; 2]) -> u32 {
+        let [nx, ny, _] = part.grid.dims;
+        let shared = silhouette.iter().filter(|[dx, dy]| {
+            let (x, y) = (tip[0] as i64 + i64::from(*dx), tip[1] as i64 + i64::from(*dy));
+            (0..nx as i64).contains(&x) && (0..ny as i64).contains(&y) && {
+                part.solid[x as usize * ny + y as usize] != 0
+            }
+        });
+        shared.count() as u32
+    }
 
     fn part() -> Occupancy {
         let grid = Grid { origin: DVec3::ZERO, pitch: 4.0, dims: [11, 13, 1] };

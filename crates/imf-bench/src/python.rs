@@ -4,7 +4,7 @@ use std::process::Command;
 
 /// Why a rival cannot be asked in `python`, and what would help: the command does not run, is no Python, or cannot run `needs`,
 /// which `remedy` installs.
-pub(super) fn lacks(python: &str, needs: &str, remedy: &str) -> Option<String> {
+pub(crate) fn lacks(python: &str, needs: &str, remedy: &str) -> Option<String> {
     let run = |code: &str| Command::new(python).args(["-c", code]).output();
     let another = "name a Python by --python";
     match run("print(6 * 7)") {

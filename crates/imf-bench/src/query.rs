@@ -1,4 +1,4 @@
-//! `imf bench query`: poses a second on one core, and what each answer is worth.
+//! `imf-bench query`: poses a second on one core, and what each answer is worth.
 
 mod libraries;
 mod turned;
@@ -16,11 +16,11 @@ use imf_core::stored::StoredField;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
+use imf_cli::output::{prepare_folder, print, print_json, write_json, write_text};
+use imf_cli::session::Session;
 
-use super::machine::Machine;
-use crate::arguments::query_bench::QueryBenchArguments;
-use crate::output::{prepare_folder, print, print_json, write_json, write_text};
-use crate::session::Session;
+use crate::machine::Machine;
+use crate::arguments::query::QueryArguments;
 
 /// Every figure is the best of this many rounds, batch by batch.
 const ROUNDS: usize = 3;
@@ -52,7 +52,7 @@ struct Report {
     missing: Vec<String>,
 }
 
-pub(super) fn run(session: &Session, arguments: &QueryBenchArguments) -> Result<()> {
+pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     prepare_folder(&arguments.out)?;
     let mut machine = Machine::new(1);
     let first = StoredField::read(&arguments.fields[0])?;
@@ -135,7 +135,7 @@ pub(super) fn run(session: &Session, arguments: &QueryBenchArguments) -> Result<
 }
 
 /// Uniform positions between the voxel centres, uniform directions.
-pub(super) fn random_poses(grid: &imf_core::grid::Grid, count: usize, seed: u64) -> Result<Vec<Pose>> {
+pub(crate) fn random_poses(grid: &imf_core::grid::Grid, count: usize, seed: u64) -> Result<Vec<Pose>> {
     let set = OrientationSet::parse(&format!("random:{count}:{seed}"))?;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut number = || f64::from(random.next_u32()) / f64::from(u32::MAX);

@@ -1,103 +1,102 @@
-//! A regime: how a network is trained, as plain data. One TOML file says which scene, which network, and stage after
+//! A recipe: how a network is trained, as plain data. One TOML file says which scene, which network, and stage after
 //! stage which sections at which resolution, how they are sampled, for how long and with which learning rate, and which
-//! stage's weights it starts from. A sweep is a regime with variants: lists of overrides, run one after the other.
+//! stage's weights it starts from. A sweep is a recipe with variants: lists of overrides, run one after the other.
 //!
-//! Files carry a `version`; what is not known is refused, so a slip of the pen is no silent default. The presets are
-//! such files, kept in the repository's folder `presets` and inside the program.
+//! Files carry a `version`; what is not known is refused, so a slip of the pen is no silent default. Some are
+//! built in: the files of the folder `recipes`.
 
 mod overrides;
-mod presets;
+mod built_in;
 
-pub use overrides::{assignment, set};
-pub use presets::{PRESETS, Preset, preset};
+pub(crate) use overrides::{assignment, set};
+pub(crate) use built_in::{BUILT_IN, built_in};
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
-
-use crate::dataset::Sampling;
-use crate::orientation::OrientationSet;
-use crate::siren::SirenShape;
-use crate::tool::Clearance;
-use crate::training::online::OnlineSettings;
-use crate::training::run::{Length, TrainingPlan};
-use crate::training::schedule::RateRule;
+use imf_core::dataset::Sampling;
+use imf_core::orientation::OrientationSet;
+use imf_core::siren::SirenShape;
+use imf_core::tool::Clearance;
+use imf_core::training::online::OnlineSettings;
+use imf_core::training::run::{Length, TrainingPlan};
+use imf_core::training::schedule::RateRule;
 
 /// Version of the files that this program reads.
-pub const VERSION: u32 = 1;
+pub(crate) const VERSION: u32 = 1;
 /// [`Stage::start`] of a stage that begins with random weights.
-pub const RANDOM_START: &str = "random";
+pub(crate) const RANDOM_START: &str = "random";
 
-/// Why a regime is refused.
+/// Why a recipe is refused.
 #[derive(Debug, Error)]
-pub enum RegimeError {
+pub(crate) enum RecipeError {
     /// The text is no such TOML.
-    #[error("the regime cannot be read: {0}")]
+    #[error("the recipe cannot be read: {0}")]
     Toml(String),
     /// Made for a newer program.
-    #[error("the regime has version {0}, and this program reads version {VERSION}: use a newer imf")]
+    #[error("the recipe has version {0}, and this program reads version {VERSION}: use a newer imf")]
     Newer(i64),
     /// A value out of range, or a name that leads nowhere.
-    #[error("regime: {0}")]
+    #[error("recipe: {0}")]
     Value(String),
-    /// No preset has this name.
-    #[error("there is no preset '{0}'; the presets are {presets}; a file of your own is given by its path",
-        presets = PRESETS.iter().map(|p| p.name).collect::<Vec<_>>().join(", "))]
-    NoPreset(String),
+    /// No built-in recipe has this name.
+    #[error("there is no recipe '{0}'; the built-in ones are {names}; a file of your own is given by its path",
+        names = BUILT_IN.iter().map(|p| p.name).collect::<Vec<_>>().join(", "))]
+    Unknown(String),
 }
 
 /// How a network is trained.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Regime {
+pub(crate) struct Recipe {
     /// [`VERSION`].
-    pub version: u32,
+    pub(crate) version: u32,
     /// Name, for titles.
-    pub name: String,
+    pub(crate) name: String,
     /// What it is, in a line or two.
-    pub about: String,
+    pub(crate) about: String,
     /// What is to be learnt.
     #[serde(default)]
-    pub scene: SceneSettings,
+    pub(crate) scene: SceneSettings,
     /// The network, the same in every stage.
     #[serde(default)]
-    pub network: NetworkSettings,
+    pub(crate) network: NetworkSettings,
     /// What the results are asked.
     #[serde(default)]
-    pub evaluation: EvaluationSettings,
+    pub(crate) evaluation: EvaluationSettings,
     /// The stages, in order.
     #[serde(rename = "stage")]
-    pub stages: Vec<Stage>,
-    /// A sweep's variants; without any the regime is run once.
+    pub(crate) stages: Vec<Stage>,
+    /// A sweep's variants; without any the recipe is run once.
     #[serde(default, rename = "variant", skip_serializing_if = "Vec::is_empty")]
-    pub variants: Vec<Variant>,
+    pub(crate) variants: Vec<Variant>,
 }
 
 /// Part, full grid and tool.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct SceneSettings {
+pub(crate) struct SceneSettings {
     /// A reference part or a mesh file; a stage may name another.
-    pub part: String,
+    pub(crate) part: String,
     /// Unit of a mesh file.
-    pub unit: Option<String>,
+    pub(crate) unit: Option<String>,
     /// Edge of a voxel; a reference part's own grid by default.
-    pub pitch: Option<f64>,
+    pub(crate) pitch: Option<f64>,
     /// The full grid has this many times as many voxels along each axis: below 1 for trials.
-    pub scale: f64,
+    pub(crate) scale: f64,
     /// Empty voxels on each side.
-    pub margin: usize,
+    pub(crate) margin: usize,
     /// Also make every voxel solid that the surface touches.
-    pub conservative: bool,
+    pub(crate) conservative: bool,
     /// `paper` or a tool file.
-    pub tool: String,
+    pub(crate) tool: String,
     /// How deep the cutter may reach below the part's surface; it may not touch where nothing is said.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub contact: Option<f64>,
+    pub(crate) contact: Option<f64>,
     /// Room that the tool's elements must keep.
     #[serde(skip_serializing_if = "Clearance::is_zero")]
-    pub clearance: Clearance,
+    pub(crate) clearance: Clearance,
 }
 
 impl Default for SceneSettings {
@@ -119,17 +118,17 @@ impl Default for SceneSettings {
 /// The network; the default is the paper's.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct NetworkSettings {
+pub(crate) struct NetworkSettings {
     /// Neurons of every hidden layer.
-    pub width: usize,
+    pub(crate) width: usize,
     /// Hidden layers.
-    pub layers: usize,
+    pub(crate) layers: usize,
     /// The input is concatenated again behind this hidden layer, counted from 1; 0 for never.
-    pub skip_after: usize,
+    pub(crate) skip_after: usize,
     /// Frequency factor inside every sine.
-    pub omega: f32,
+    pub(crate) omega: f32,
     /// Seed of the starting weights.
-    pub seed: u64,
+    pub(crate) seed: u64,
 }
 
 impl Default for NetworkSettings {
@@ -140,8 +139,7 @@ impl Default for NetworkSettings {
 
 impl NetworkSettings {
     /// The network's description.
-    #[must_use]
-    pub fn shape(&self) -> SirenShape {
+    pub(crate) fn shape(&self) -> SirenShape {
         SirenShape {
             width: self.width,
             hidden: self.layers,
@@ -154,19 +152,19 @@ impl NetworkSettings {
 /// What a result is asked; the default is what the paper reports, and random orientations beside it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct EvaluationSettings {
+pub(crate) struct EvaluationSettings {
     /// A section that training saw, θ,φ.
-    pub in_sample: String,
+    pub(crate) in_sample: String,
     /// A section that training did not see, θ,φ.
-    pub out_of_sample: String,
+    pub(crate) out_of_sample: String,
     /// Number of random orientations.
-    pub random: usize,
+    pub(crate) random: usize,
     /// Seed of those.
-    pub seed: u64,
+    pub(crate) seed: u64,
     /// Orientation sets of the inaccessibility measure.
-    pub imf: Vec<String>,
+    pub(crate) imf: Vec<String>,
     /// CMF above which a pose is called blocked.
-    pub threshold: f64,
+    pub(crate) threshold: f64,
 }
 
 impl Default for EvaluationSettings {
@@ -182,36 +180,36 @@ impl Default for EvaluationSettings {
     }
 }
 
-/// One training within a regime.
+/// One training within a recipe.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Stage {
+pub(crate) struct Stage {
     /// Name, of letters, digits, `-` and `_`: also its folder's.
-    pub name: String,
+    pub(crate) name: String,
     /// Part, where it is not the scene's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub part: Option<String>,
+    pub(crate) part: Option<String>,
     /// [`RANDOM_START`], or an earlier stage whose weights it starts from; the optimiser's moments start at zero.
     #[serde(default = "random_start")]
-    pub start: String,
+    pub(crate) start: String,
     /// Resolution of the sections, as a share of the full grid's along each axis.
     #[serde(default = "one")]
-    pub resolution: f64,
+    pub(crate) resolution: f64,
     /// A fixed set of orientations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub orientations: Option<String>,
+    pub(crate) orientations: Option<String>,
     /// Fresh sections at random orientations while training runs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub online: Option<OnlineSettings>,
+    pub(crate) online: Option<OnlineSettings>,
     /// How each section is sampled.
     #[serde(default)]
-    pub sampling: Sampling,
+    pub(crate) sampling: Sampling,
     /// How long, in which batches, at which rate.
     #[serde(default)]
-    pub training: TrainingPlan,
+    pub(crate) training: TrainingPlan,
     /// How the rate follows the batch.
     #[serde(default)]
-    pub rate_rule: RateRule,
+    pub(crate) rate_rule: RateRule,
 }
 
 fn random_start() -> String {
@@ -227,8 +225,7 @@ const REPORT_EVERY: u64 = 20;
 
 impl Stage {
     /// The training plan with the rate rule applied.
-    #[must_use]
-    pub fn plan(&self) -> TrainingPlan {
+    pub(crate) fn plan(&self) -> TrainingPlan {
         TrainingPlan {
             schedule: self.rate_rule.apply(self.training.schedule, self.training.batch),
             report_every: self.training.report_every.min(REPORT_EVERY),
@@ -266,43 +263,43 @@ impl Stage {
 /// One run of a sweep.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Variant {
+pub(crate) struct Variant {
     /// Name, of letters, digits, `-` and `_`: also its folder's.
-    pub name: String,
+    pub(crate) name: String,
     /// Values by path, as [`set`] takes them: `"network.width" = 256`.
-    pub set: BTreeMap<String, toml::Value>,
+    pub(crate) set: BTreeMap<String, toml::Value>,
 }
 
-impl Regime {
-    /// Reads and checks a regime's text.
+impl Recipe {
+    /// Reads and checks a recipe's text.
     ///
     /// # Errors
     /// A text that is no TOML, an unknown key, another version, a value out of range.
-    pub fn parse(text: &str) -> Result<Self, RegimeError> {
+    pub(crate) fn parse(text: &str) -> Result<Self, RecipeError> {
         Self::from_table(table(text)?)
     }
 
-    /// Reads and checks a regime's table, with overrides applied or not.
+    /// Reads and checks a recipe's table, with overrides applied or not.
     ///
     /// # Errors
-    /// As [`Regime::parse`].
-    pub fn from_table(table: toml::Table) -> Result<Self, RegimeError> {
+    /// As [`Recipe::parse`].
+    pub(crate) fn from_table(table: toml::Table) -> Result<Self, RecipeError> {
         match table.get("version").and_then(toml::Value::as_integer) {
-            Some(found) if found > i64::from(VERSION) => return Err(RegimeError::Newer(found)),
+            Some(found) if found > i64::from(VERSION) => return Err(RecipeError::Newer(found)),
             Some(found) if found == i64::from(VERSION) => {}
-            _ => return Err(RegimeError::Toml(format!("`version = {VERSION}` is missing"))),
+            _ => return Err(RecipeError::Toml(format!("`version = {VERSION}` is missing"))),
         }
-        let regime: Self = table.try_into().map_err(|e: toml::de::Error| RegimeError::Toml(e.to_string()))?;
-        regime.check()?;
-        Ok(regime)
+        let recipe: Self = table.try_into().map_err(|e: toml::de::Error| RecipeError::Toml(e.to_string()))?;
+        recipe.check()?;
+        Ok(recipe)
     }
 
     /// Checks the values that no type keeps in range.
     ///
     /// # Errors
-    /// [`RegimeError::Value`], naming the stage and the value.
-    pub fn check(&self) -> Result<(), RegimeError> {
-        let fail = RegimeError::Value;
+    /// [`RecipeError::Value`], naming the stage and the value.
+    pub(crate) fn check(&self) -> Result<(), RecipeError> {
+        let fail = RecipeError::Value;
         if self.stages.is_empty() {
             return Err(fail("it has no stage".into()));
         }
@@ -340,28 +337,28 @@ impl Regime {
         Ok(())
     }
 
-    /// The stages that no other starts from: what the regime is run for.
-    pub fn results(&self) -> impl Iterator<Item = &Stage> {
+    /// The stages that no other starts from: what the recipe is run for.
+    pub(crate) fn results(&self) -> impl Iterator<Item = &Stage> {
         self.stages.iter().filter(|stage| self.stages.iter().all(|other| other.start != stage.name))
     }
 }
 
-/// A regime's text as a table, to apply overrides to.
+/// A recipe's text as a table, to apply overrides to.
 ///
 /// # Errors
 /// A text that is no TOML.
-pub fn table(text: &str) -> Result<toml::Table, RegimeError> {
-    text.parse().map_err(|e: toml::de::Error| RegimeError::Toml(e.to_string()))
+pub(crate) fn table(text: &str) -> Result<toml::Table, RecipeError> {
+    text.parse().map_err(|e: toml::de::Error| RecipeError::Toml(e.to_string()))
 }
 
-/// The runs of a regime's table: each variant with its overrides applied and without variants; the table itself where
+/// The runs of a recipe's table: each variant with its overrides applied and without variants; the table itself where
 /// there is none. Every one is checked.
 ///
 /// # Errors
-/// As [`Regime::from_table`] and [`set`], naming the variant.
-pub fn runs(table: &toml::Table) -> Result<Vec<(Option<String>, toml::Table)>, RegimeError> {
-    let regime = Regime::from_table(table.clone())?;
-    if regime.variants.is_empty() {
+/// As [`Recipe::from_table`] and [`set`], naming the variant.
+pub(crate) fn runs(table: &toml::Table) -> Result<Vec<(Option<String>, toml::Table)>, RecipeError> {
+    let recipe = Recipe::from_table(table.clone())?;
+    if recipe.variants.is_empty() {
         return Ok(vec![(None, table.clone())]);
     }
     let run = |variant: &Variant| {
@@ -370,13 +367,13 @@ pub fn runs(table: &toml::Table) -> Result<Vec<(Option<String>, toml::Table)>, R
         for (path, value) in &variant.set {
             set(&mut own, path, value.clone())?;
         }
-        Regime::from_table(own.clone())?;
+        Recipe::from_table(own.clone())?;
         Ok((Some(variant.name.clone()), own))
     };
     let named = |variant: &Variant| {
-        run(variant).map_err(|e: RegimeError| RegimeError::Value(format!("variant '{}': {e}", variant.name)))
+        run(variant).map_err(|e: RecipeError| RecipeError::Value(format!("variant '{}': {e}", variant.name)))
     };
-    regime.variants.iter().map(named).collect()
+    recipe.variants.iter().map(named).collect()
 }
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
-//! `imf bench train`: samples per second of the training engine, the device's peak in f32 and its share of it, and PyTorch, by
+//! `imf-bench train`: samples per second of the training engine, the device's peak in f32 and its share of it, and PyTorch, by
 //! turns.
+
+mod torch;
 
 use std::fmt::Write as _;
 use std::time::Instant;
@@ -12,33 +14,33 @@ use imf_core::training::{Precision, TrainingEngine, TrainingState};
 use imf_gpu::Peak;
 use rayon::prelude::*;
 use serde::Serialize;
+use imf_cli::engine::Device;
+use imf_cli::interrupt::{self, Interrupted};
+use imf_cli::output::{prepare_folder, print, print_json, table, write_json, write_text};
+use imf_cli::session::Session;
 
-use super::machine::Machine;
-use super::torch::Torch;
-use crate::arguments::bench::TrainBenchArguments;
-use crate::engine::Device;
-use crate::interrupt::{self, Interrupted};
-use crate::output::{prepare_folder, print, print_json, table, write_json, write_text};
-use crate::session::Session;
+use crate::machine::Machine;
+use crate::arguments::TrainArguments;
+use torch::Torch;
 
 /// Which steps are measured.
-pub(super) struct Asked<'a> {
+pub(crate) struct Asked<'a> {
     /// Neurons of every hidden layer.
-    pub(super) width: usize,
-    pub(super) precision: Precision,
+    pub(crate) width: usize,
+    pub(crate) precision: Precision,
     /// Samples of a step, one measurement each.
-    pub(super) batches: &'a [usize],
+    pub(crate) batches: &'a [usize],
     /// Python with PyTorch, which is compared.
-    pub(super) python: Option<&'a str>,
-    pub(super) rounds: Rounds,
+    pub(crate) python: Option<&'a str>,
+    pub(crate) rounds: Rounds,
 }
 
 /// Everything is measured by turns; the best of each counts.
 #[derive(Clone, Copy)]
-pub(super) struct Rounds {
-    pub(super) count: usize,
+pub(crate) struct Rounds {
+    pub(crate) count: usize,
     /// Of a round, at least.
-    pub(super) seconds: f64,
+    pub(crate) seconds: f64,
 }
 
 impl Default for Rounds {
@@ -49,19 +51,19 @@ impl Default for Rounds {
 
 /// What was measured.
 #[derive(Serialize)]
-pub(super) struct Report {
+pub(crate) struct Report {
     machine: Machine,
     network: String,
     engine: String,
-    pub(super) rows: Vec<Row>,
+    pub(crate) rows: Vec<Row>,
     /// What ended the measurement before its last batch.
-    pub(super) failed: Option<String>,
+    pub(crate) failed: Option<String>,
     /// Version of PyTorch, or why there is none.
     torch: String,
 }
 
 #[derive(Serialize)]
-pub(super) struct Row {
+pub(crate) struct Row {
     batch: usize,
     samples_per_second: f64,
     gflops: f64,
@@ -80,7 +82,7 @@ struct Rival {
     failed: Option<String>,
 }
 
-pub(super) fn run(session: &Session, arguments: &TrainBenchArguments) -> Result<()> {
+pub(crate) fn run(session: &Session, arguments: &TrainArguments) -> Result<()> {
     prepare_folder(&arguments.out)?;
     let device = Device::open(&arguments.device.device, session)?;
     let asked = Asked {
@@ -111,7 +113,7 @@ pub(super) fn run(session: &Session, arguments: &TrainBenchArguments) -> Result<
 }
 
 /// Measures the paper's network on a device, up to the first batch that fails or is not waited for.
-pub(super) fn measured(session: &Session, device: &Device, asked: &Asked<'_>) -> Result<Report> {
+pub(crate) fn measured(session: &Session, device: &Device, asked: &Asked<'_>) -> Result<Report> {
     let shape = SirenShape { width: asked.width, ..SirenShape::default() };
     shape.check()?;
     let plan = TrainingPlan { precision: asked.precision, ..TrainingPlan::default() };
@@ -225,7 +227,7 @@ impl Report {
     }
 
     /// What is measured and what was found, in text.
-    pub(super) fn found(&self) -> Result<String> {
+    pub(crate) fn found(&self) -> Result<String> {
         let Self { network, engine, torch, rows, failed, .. } = self;
         let mut text = format!("{network} · {engine}\n{torch}\n\n");
         let head = [

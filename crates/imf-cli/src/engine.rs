@@ -23,14 +23,14 @@ pub(crate) enum Calls {
 }
 
 /// The CPU engine or an opened GPU.
-pub(crate) enum Device {
+pub enum Device {
     Cpu,
     Gpu(Gpu),
 }
 
 impl Device {
     /// Opens what `--device` names. `auto` takes a discrete or integrated GPU, else the CPU engine.
-    pub(crate) fn open(name: &str, session: &Session) -> Result<Self> {
+    pub fn open(name: &str, session: &Session) -> Result<Self> {
         let alone = session.rank().of() == 1;
         if name.eq_ignore_ascii_case("cpu") || (!alone && name.eq_ignore_ascii_case("auto")) {
             return Ok(Self::Cpu);
@@ -126,7 +126,7 @@ impl Device {
     }
 
     /// Bytes of this machine's memory, or of the GPU's, that an engine takes, about.
-    pub(crate) fn training_memory(
+    pub fn training_memory(
         &self,
         shape: SirenShape,
         batch: usize,
@@ -139,7 +139,7 @@ impl Device {
     }
 
     /// Refuses a precision that this device does not have, before anything is spent.
-    pub(crate) fn require_precision(&self, precision: Precision) -> Result<()> {
+    pub fn require_precision(&self, precision: Precision) -> Result<()> {
         match self {
             Self::Cpu => Ok(CpuTrainer::check_precision(precision)?),
             Self::Gpu(gpu) => Ok(GpuTrainer::check_precision(gpu, precision)?),
@@ -147,7 +147,7 @@ impl Device {
     }
 
     /// An engine for batches of up to `batch` samples, of which `rank` has its share.
-    pub(crate) fn trainer(
+    pub fn trainer(
         &self,
         rank: Rank,
         shape: SirenShape,
@@ -168,7 +168,7 @@ impl Device {
         })
     }
 
-    pub(crate) fn evaluator(
+    pub fn evaluator(
         &self,
         shape: SirenShape,
         parameters: &[f32],

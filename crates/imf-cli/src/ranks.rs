@@ -24,7 +24,7 @@ static AGREED: AtomicBool = AtomicBool::new(false);
 
 /// This process among those that train together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Rank {
+pub struct Rank {
     number: usize,
     of: usize,
     /// Ranks that share this machine's memory.

@@ -2,7 +2,7 @@
 
 mod subject;
 
-pub(crate) use subject::Subject;
+pub use subject::Subject;
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -24,28 +24,28 @@ use crate::slices;
 use subject::Made;
 
 /// What to evaluate.
-pub(crate) struct Questions {
-    pub(crate) in_sample: Option<Orientation>,
-    pub(crate) out_of_sample: Option<Orientation>,
-    pub(crate) random: OrientationSet,
-    pub(crate) imf: OrientationSet,
-    pub(crate) threshold: f64,
+pub struct Questions {
+    pub in_sample: Option<Orientation>,
+    pub out_of_sample: Option<Orientation>,
+    pub random: OrientationSet,
+    pub imf: OrientationSet,
+    pub threshold: f64,
 }
 
 /// One row of the table.
 #[derive(Clone, Debug, Serialize)]
-pub(crate) struct Row {
+pub struct Row {
     /// What was compared.
-    pub(crate) name: String,
+    pub name: String,
     /// Sections, or orientations of an IMF.
     pub(crate) orientations: usize,
     #[serde(flatten)]
-    pub(crate) errors: ErrorReport,
+    pub errors: ErrorReport,
 }
 
 /// Everything that an evaluation found.
 #[derive(Debug, Serialize)]
-pub(crate) struct Report {
+pub struct Report {
     program: String,
     part: String,
     tool: String,
@@ -62,7 +62,7 @@ pub(crate) struct Report {
     /// Sections that it was made from.
     training_sections: usize,
     evaluation_engine: String,
-    pub(crate) rows: Vec<Row>,
+    pub rows: Vec<Row>,
     /// MSE of the field at random orientations over the exact field's variance there.
     mse_over_variance: f64,
     /// The same over the MSE of the nearest training section.
@@ -72,8 +72,8 @@ pub(crate) struct Report {
 }
 
 /// A report with the fields that its pictures show.
-pub(crate) struct Evaluation {
-    pub(crate) report: Report,
+pub struct Evaluation {
+    pub report: Report,
     imf: ImfComparison,
     imf_orientations: usize,
     random: OrientationSet,
@@ -81,7 +81,7 @@ pub(crate) struct Evaluation {
 }
 
 /// Compares a field with the exact one; `engine` says what evaluates it.
-pub(crate) fn evaluate(
+pub fn evaluate(
     session: &Session,
     subject: &Subject<'_>,
     field: &mut dyn WholeField,
@@ -253,7 +253,7 @@ impl Report {
 
 impl Evaluation {
     /// Writes `report.json`, `report.md` and the pictures.
-    pub(crate) fn write(
+    pub fn write(
         &self,
         folder: &Path,
         subject: &Subject<'_>,

@@ -1,6 +1,6 @@
-//! A rival of `imf bench query`: does the tool's mesh meet the part's, and how far are they apart, by parry3d on one core.
+//! A rival of `imf-bench query`: does the tool's mesh meet the part's, and how far are they apart, by parry3d on one core.
 //!
-//! Reads the scene.json that `bench/query_rivals.py` reads, in the folder given, and prints the same line of JSON: a list of
+//! Reads the scene.json that `crates/imf-bench/python/query_rivals.py` reads, in the folder given, and prints the same line of JSON: a list of
 //! `{name, seconds, overhead, colliding, how}`. `seconds` is the best of three rounds over the poses asked, batch by batch; `colliding` has
 //! an answer for each of them. Nothing is lost to a call, so `overhead` is 0. Distances take so long that one
 //! pose in ten is asked.

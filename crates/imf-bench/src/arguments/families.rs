@@ -1,21 +1,21 @@
-//! What `imf bench families` is asked.
+//! What `imf-bench families` is asked.
 
 use std::path::PathBuf;
 
 use clap::Args;
+use imf_cli::arguments::DeviceArguments;
+use imf_cli::arguments::numbers::parse_threshold;
 
-use super::DeviceArguments;
-use super::numbers::parse_threshold;
 use super::paper::PaperPart;
 
 /// Every family of fields side by side: errors, wrong decisions, time to make and to evaluate, memory
 #[derive(Args)]
-#[command(after_help = "Examples:\n  imf bench families\n  \
-                        imf bench families --part teapot,bracket,screw-gear --scale 1 --siren-steps 30000 --factored-steps \
+#[command(after_help = "Examples:\n  imf-bench families\n  \
+                        imf-bench families --part teapot,bracket,screw-gear --scale 1 --siren-steps 30000 --factored-steps \
                         2500 --out families-full\n\nAbout a minute a part at half resolution on two cores, most of it \
                         training. Writes families.md, families.json and a picture for each part. Which family when: \
                         docs/guide/families.md")]
-pub(crate) struct FamiliesBenchArguments {
+pub(crate) struct FamiliesArguments {
     /// Parts; several with commas
     #[arg(long, value_enum, value_delimiter = ',', default_value = "teapot", value_name = "PART")]
     pub(crate) part: Vec<PaperPart>,

@@ -1,20 +1,19 @@
-//! What `imf bench paper` is asked.
+//! What `imf-bench paper` is asked.
 
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use serde::Serialize;
-
-use super::DeviceArguments;
+use imf_cli::arguments::DeviceArguments;
 
 /// The paper's tables and figures, its values, ours and their ratio side by side
 #[derive(Args)]
-#[command(after_help = "Examples:\n  imf bench paper --scale tiny --out paper-tiny\n  \
-                        imf bench paper --scale reduced --only 3d,time --part teapot --out paper-teapot\n\n\
+#[command(after_help = "Examples:\n  imf-bench paper --scale tiny --out paper-tiny\n  \
+                        imf-bench paper --scale reduced --only 3d,time --part teapot --out paper-teapot\n\n\
                         Writes report.md, report.json and report.html (one file, pictures inside). Whatever was \
                         interrupted goes on with the same command: trainings from their checkpoints, all else from the \
                         finished cells in OUT/cells.")]
-pub(crate) struct PaperBenchArguments {
+pub(crate) struct PaperArguments {
     /// How much of the paper's protocol
     #[arg(long, value_enum, default_value = "tiny")]
     pub(crate) scale: PaperScale,
@@ -28,7 +27,7 @@ pub(crate) struct PaperBenchArguments {
     #[arg(long, default_value = "imf-paper", value_name = "DIR")]
     pub(crate) out: PathBuf,
     /// Seconds between checkpoints
-    #[arg(long, default_value_t = 60.0, value_name = "SECONDS", value_parser = super::parse_seconds)]
+    #[arg(long, default_value_t = 60.0, value_name = "SECONDS", value_parser = imf_cli::arguments::parse_seconds)]
     pub(crate) checkpoint_every: f64,
     #[command(flatten)]
     pub(crate) device: DeviceArguments,
@@ -53,7 +52,7 @@ pub(crate) enum PaperTable {
     #[value(name = "2d")]
     #[serde(rename = "2d")]
     Plane,
-    /// Three parts, two regimes, and baselines
+    /// Three parts, two recipes, and baselines
     #[value(name = "3d")]
     #[serde(rename = "3d")]
     Space,

@@ -1,4 +1,4 @@
-//! What `imf bench query` is asked.
+//! What `imf-bench query` is asked.
 
 use std::path::PathBuf;
 
@@ -7,11 +7,11 @@ use clap::Args;
 /// Answers a second at random poses, one core: exact, guarded and learnt fields beside mesh collision libraries
 #[derive(Args)]
 #[command(
-    after_help = "Example:\n  imf bench query bracket.safetensors small/field.safetensors --python venv/bin/python\n\n\
+    after_help = "Example:\n  imf-bench query bracket.safetensors small/field.safetensors --python venv/bin/python\n\n\
                         The fields are of one scene. Where its part is built in, parry3d, Coal and FCL are asked for \
                         collision of the same tool and part as meshes at the same poses. Writes query.json and query.md."
 )]
-pub(crate) struct QueryBenchArguments {
+pub(crate) struct QueryArguments {
     /// Fields of one scene: models, harmonic or factored fields
     #[arg(required = true)]
     pub(crate) fields: Vec<PathBuf>,
@@ -24,11 +24,11 @@ pub(crate) struct QueryBenchArguments {
     /// How many of them the libraries answer
     #[arg(long, default_value_t = 2_000, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) rival_poses: u32,
-    /// Python with coal, python-fcl and numpy (bench/requirements-query.txt)
+    /// Python with coal, python-fcl and numpy (crates/imf-bench/python/requirements-query.txt)
     #[arg(long, default_value = "python3", value_name = "COMMAND")]
     pub(crate) python: String,
-    /// Program that asks parry3d: cargo build --release --manifest-path bench/parry3d/Cargo.toml
-    #[arg(long, default_value = "bench/parry3d/target/release/parry3d-rival", value_name = "COMMAND")]
+    /// Program that asks parry3d: cargo build --release --manifest-path crates/imf-bench/parry3d/Cargo.toml
+    #[arg(long, default_value = "crates/imf-bench/parry3d/target/release/parry3d-rival", value_name = "COMMAND")]
     pub(crate) parry3d: String,
     /// Seed of the poses
     #[arg(long, default_value_t = 0)]

@@ -14,7 +14,7 @@ use super::{ROUNDS, Rival};
 const MOST_ON_SOFTWARE: usize = 16;
 
 /// Measures `orientations` on `gpu`; `ours` is the CPU's time for a section in seconds.
-pub(super) fn measure(
+pub(crate) fn measure(
     gpu: &Gpu,
     plan: &SectionPlan,
     orientations: &[Orientation],

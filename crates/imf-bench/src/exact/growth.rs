@@ -6,15 +6,15 @@ use std::time::Instant;
 use anyhow::Result;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
+use imf_core::scene::SceneSpec;
 use imf_core::section::{SectionPlan, imf, stream_sections};
 use imf_core::tool::Tool;
 use serde::Serialize;
+use imf_cli::picture::{AxisScale, Chart, Series};
+use imf_cli::session::{Session, show_bytes};
 
-use super::machine::{peak_memory, reset_peak_memory};
-use super::scene;
-use crate::arguments::bench::ExactBenchArguments;
-use crate::picture::{AxisScale, Chart, Series};
-use crate::session::{Session, show_bytes};
+use crate::machine::{peak_memory, reset_peak_memory};
+use crate::arguments::ExactArguments;
 
 /// Voxels along each side of the grid.
 const SIDES: [usize; 8] = [32, 64, 96, 128, 192, 256, 320, 384];
@@ -57,7 +57,7 @@ pub(super) struct Growth {
     streams: Vec<Stream>,
 }
 
-pub(super) fn measure(session: &Session, arguments: &ExactBenchArguments) -> Result<Growth> {
+pub(super) fn measure(session: &Session, arguments: &ExactArguments) -> Result<Growth> {
     // A closed mesh: its voxels take no time to speak of at any size.
     let part = ReferencePart::ScrewGear;
     let mesh = part.mesh();
@@ -67,7 +67,7 @@ pub(super) fn measure(session: &Session, arguments: &ExactBenchArguments) -> Res
     let mut growth =
         Growth { part: part.name(), sizes: Vec::new(), stream_dims: part.dims(), streams: Vec::new() };
     for side in SIDES.into_iter().filter(|&side| side <= most) {
-        let mut obstacle = scene(part, &mesh, [side; 3], &paper)?.obstacle;
+        let mut obstacle = SceneSpec::of_reference(part, &mesh, [side; 3], &paper).scene()?.obstacle;
         for scaled in [false, true] {
             session.note(&format!("sections at {side}³, tool {}", if scaled { "scaled" } else { "fixed" }));
             let factor = if scaled { side as f64 / PAPER_SIDE } else { 1.0 };
@@ -90,7 +90,7 @@ pub(super) fn measure(session: &Session, arguments: &ExactBenchArguments) -> Res
             });
         }
     }
-    let obstacle = scene(part, &mesh, growth.stream_dims, &paper)?.obstacle;
+    let obstacle = SceneSpec::of_reference(part, &mesh, growth.stream_dims, &paper).scene()?.obstacle;
     let plan = SectionPlan::new(&obstacle, &paper)?;
     let most = if arguments.full { usize::MAX } else { QUICK_ORIENTATIONS };
     for count in ORIENTATIONS.into_iter().filter(|&count| count <= most) {

@@ -10,10 +10,10 @@ use std::time::Instant;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex32;
 use rustfft::{Fft, FftPlanner};
+use imf_cli::session::Session;
+use imf_core::tool::RotatedTool;
 
 use super::{Rival, Trial};
-use crate::session::Session;
-use imf_core::tool::RotatedTool;
 
 struct Plain {
     size: [usize; 3],

@@ -7,15 +7,15 @@ use anyhow::{Context, Result};
 use imf_core::field_files::write_npy;
 use ndarray::ArrayView3;
 use serde::Deserialize;
+use imf_cli::output::write_json;
+use imf_cli::session::Session;
 
-use super::python::lacks;
+use crate::python::lacks;
 use super::{Rival, Trial};
-use crate::arguments::bench::ExactBenchArguments;
-use crate::output::write_json;
-use crate::session::Session;
+use crate::arguments::ExactArguments;
 
-const SCRIPT: &str = include_str!("../../../../../bench/exact_scipy.py");
-const REQUIREMENTS: &str = "python3 -m pip install numpy==2.4.6 scipy==1.17.1 (bench/requirements.txt)";
+const SCRIPT: &str = include_str!("../../python/exact_scipy.py");
+const REQUIREMENTS: &str = "python3 -m pip install numpy==2.4.6 scipy==1.17.1 (crates/imf-bench/python/requirements.txt)";
 
 #[derive(Deserialize)]
 struct Answer {
@@ -28,7 +28,7 @@ struct Answer {
 /// The rival, or why there is none and what would help.
 pub(super) fn measure(
     session: &Session,
-    arguments: &ExactBenchArguments,
+    arguments: &ExactArguments,
     trial: &Trial,
     ours: f64,
 ) -> Result<Result<Rival, String>> {

@@ -1,11 +1,11 @@
-//! Whose folder it is: what a regime finds in its folder is its own, kept, or a reason to stop.
+//! Whose folder it is: what a recipe finds in its folder is its own, kept, or a reason to stop.
 //!
-//! `stages/NAME/settings.json` says by what a stage was trained. A folder is taken over by a changed regime where no stage
+//! `stages/NAME/settings.json` says by what a stage was trained. A folder is taken over by a changed recipe where no stage
 //! that was trained there would be trained again by other settings; those of the same settings go on being finished. Reports
-//! of the former regime are put aside, so that nobody takes them for the changed one's:
+//! of the former recipe are put aside, so that nobody takes them for the changed one's:
 //!
 //! ```text
-//! OUT/former/1/    regime.toml, and what it came to: regime.json, regime.md, sweep.json, sweep.md, loss.png, model.safetensors
+//! OUT/former/1/    recipe.toml, and what it came to: recipe.json, recipe.md, sweep.json, sweep.md, loss.png, model.safetensors
 //! ```
 
 use std::fs;
@@ -14,20 +14,20 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use imf_core::dataset::Sampling;
-use imf_core::regime::{self, NetworkSettings, RANDOM_START, Regime, SceneSettings, Stage};
 use imf_core::training::online::OnlineSettings;
 use imf_core::training::run::TrainingPlan;
 use serde::{Deserialize, Serialize};
+use imf_cli::output::{prepare_folder, write_json, write_text};
+use imf_cli::session::Session;
 
+use crate::recipe::{self, NetworkSettings, RANDOM_START, Recipe, SceneSettings, Stage};
 use super::{Run, Summary};
-use crate::output::{prepare_folder, write_json, write_text};
-use crate::session::Session;
 
-const REGIME: &str = "regime.toml";
+const RECIPE: &str = "recipe.toml";
 const SETTINGS: &str = "settings.json";
-/// What a regime came to, the file first that says that it came to its end.
+/// What a recipe came to, the file first that says that it came to its end.
 const REPORTS: [&str; 6] =
-    ["regime.json", "sweep.json", "regime.md", "sweep.md", "loss.png", "model.safetensors"];
+    ["recipe.json", "sweep.json", "recipe.md", "sweep.md", "loss.png", "model.safetensors"];
 
 /// All settings that decide what a stage comes to.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -48,13 +48,13 @@ pub(super) struct StageSettings {
 }
 
 impl StageSettings {
-    pub(super) fn of(regime: &Regime, stage: &Stage) -> Self {
-        let part = stage.part.as_ref().unwrap_or(&regime.scene.part).clone();
+    pub(super) fn of(recipe: &Recipe, stage: &Stage) -> Self {
+        let part = stage.part.as_ref().unwrap_or(&recipe.scene.part).clone();
         // The start is an earlier stage, so this comes to an end.
-        let earlier = regime.stages.iter().find(|earlier| earlier.name == stage.start);
+        let earlier = recipe.stages.iter().find(|earlier| earlier.name == stage.start);
         Self {
-            network: regime.network,
-            scene: SceneSettings { part, ..regime.scene.clone() },
+            network: recipe.network,
+            scene: SceneSettings { part, ..recipe.scene.clone() },
             resolution: stage.resolution,
             orientations: stage.orientations.clone(),
             online: stage.online.map(|online| OnlineSettings { lead: 0, ..online }),
@@ -63,7 +63,7 @@ impl StageSettings {
             start: stage.start.clone(),
             from: earlier
                 .filter(|_| stage.start != RANDOM_START)
-                .map(|earlier| Box::new(Self::of(regime, earlier))),
+                .map(|earlier| Box::new(Self::of(recipe, earlier))),
         }
     }
 
@@ -96,19 +96,19 @@ pub(super) fn holds_training(folder: &Path) -> bool {
 pub(super) fn check(run: &Run) -> Result<()> {
     let former = former(&run.out);
     let mut others = Vec::new();
-    for stage in &run.regime.stages {
+    for stage in &run.recipe.stages {
         let folder = run.stage_folder(&stage.name);
         if !holds_training(&folder) {
             continue;
         }
         // Folders of older programs have no settings beside their stages.
         let of_former = || {
-            let (_, regime) = former.as_ref()?;
-            let same_name = regime.stages.iter().find(|earlier| earlier.name == stage.name)?;
-            Some(StageSettings::of(regime, same_name))
+            let (_, recipe) = former.as_ref()?;
+            let same_name = recipe.stages.iter().find(|earlier| earlier.name == stage.name)?;
+            Some(StageSettings::of(recipe, same_name))
         };
         let what = match StageSettings::read(&folder).or_else(of_former) {
-            Some(kept) => StageSettings::of(&run.regime, stage).differences(&kept)?.join(", "),
+            Some(kept) => StageSettings::of(&run.recipe, stage).differences(&kept)?.join(", "),
             None => "settings that are written down nowhere".into(),
         };
         if !what.is_empty() {
@@ -127,11 +127,11 @@ pub(super) fn check(run: &Run) -> Result<()> {
     )
 }
 
-/// Writes down what the folder is for from now on, and puts the reports of another regime aside.
+/// Writes down what the folder is for from now on, and puts the reports of another recipe aside.
 pub(super) fn take(session: &Session, out: &Path, table: &toml::Table) -> Result<()> {
     prepare_folder(out)?;
-    let path = out.join(REGIME);
-    let text = toml::to_string(table).context("the regime cannot be written down")?;
+    let path = out.join(RECIPE);
+    let text = toml::to_string(table).context("the recipe cannot be written down")?;
     let found = match fs::read_to_string(&path) {
         Ok(found) if found == text => return Ok(()),
         Ok(found) => found,
@@ -143,8 +143,8 @@ pub(super) fn take(session: &Session, out: &Path, table: &toml::Table) -> Result
     };
     let mut aside = None;
     match former(out) {
-        Some((former, regime)) => {
-            keep_settings(out, &regime)?;
+        Some((former, recipe)) => {
+            keep_settings(out, &recipe)?;
             if outcome(&former) != outcome(table) {
                 aside = put_aside(out, &found)?;
             }
@@ -154,39 +154,39 @@ pub(super) fn take(session: &Session, out: &Path, table: &toml::Table) -> Result
     write_text(&path, &text)?;
     let aside = aside.map_or_else(String::new, |folder| format!("; its report is in {}", folder.display()));
     session.note(&format!(
-        "{} described another regime, or other settings of it: finished stages with the same settings are kept{aside}",
+        "{} described another recipe, or other settings of it: finished stages with the same settings are kept{aside}",
         path.display()
     ));
     Ok(())
 }
 
-/// True where a regime came to its end in its folder, by settings that come to the same.
+/// True where a recipe came to its end in its folder, by settings that come to the same.
 pub(super) fn is_finished(run: &Run) -> bool {
     former(&run.out).is_some_and(|(former, _)| outcome(&former) == outcome(&run.table))
         && Summary::read(&run.out).is_some()
 }
 
-/// The regime that a folder was last used for, where it can be read.
-fn former(out: &Path) -> Option<(toml::Table, Regime)> {
-    let table = regime::table(&fs::read_to_string(out.join(REGIME)).ok()?).ok()?;
-    let regime = Regime::from_table(table.clone()).ok()?;
-    Some((table, regime))
+/// The recipe that a folder was last used for, where it can be read.
+fn former(out: &Path) -> Option<(toml::Table, Recipe)> {
+    let table = recipe::table(&fs::read_to_string(out.join(RECIPE)).ok()?).ok()?;
+    let recipe = Recipe::from_table(table.clone()).ok()?;
+    Some((table, recipe))
 }
 
-/// All that decides a regime's results: not its name, nor what it says about itself.
+/// All that decides a recipe's results: not its name, nor what it says about itself.
 fn outcome(table: &toml::Table) -> Option<serde_json::Value> {
     let mut all = Vec::new();
-    for (variant, own) in regime::runs(table).ok()? {
-        let regime = Regime::from_table(own).ok()?;
-        let stages = regime.stages.iter().map(|stage| (&stage.name, StageSettings::of(&regime, stage)));
+    for (variant, own) in recipe::runs(table).ok()? {
+        let recipe = Recipe::from_table(own).ok()?;
+        let stages = recipe.stages.iter().map(|stage| (&stage.name, StageSettings::of(&recipe, stage)));
         let stages: Vec<_> = stages.collect();
-        all.push(serde_json::to_value((variant, stages, &regime.evaluation)).ok()?);
+        all.push(serde_json::to_value((variant, stages, &recipe.evaluation)).ok()?);
     }
     Some(all.into())
 }
 
-/// Writes down by what the stages of an older program's folder were trained, before its regime is forgotten.
-fn keep_settings(out: &Path, former: &Regime) -> Result<()> {
+/// Writes down by what the stages of an older program's folder were trained, before its recipe is forgotten.
+fn keep_settings(out: &Path, former: &Recipe) -> Result<()> {
     for stage in &former.stages {
         let folder = out.join("stages").join(&stage.name);
         if holds_training(&folder) && StageSettings::read(&folder).is_none() {
@@ -196,16 +196,16 @@ fn keep_settings(out: &Path, former: &Regime) -> Result<()> {
     Ok(())
 }
 
-/// Moves a former regime's reports to a folder of their own, if there are any, and names it.
-fn put_aside(out: &Path, regime: &str) -> Result<Option<PathBuf>> {
+/// Moves a former recipe's reports to a folder of their own, if there are any, and names it.
+fn put_aside(out: &Path, recipe: &str) -> Result<Option<PathBuf>> {
     if !REPORTS.iter().any(|name| out.join(name).exists()) {
         return Ok(None);
     }
     let numbered = |number: u32| out.join("former").join(number.to_string());
     let folder = (1..).map(numbered).find(|folder| !folder.exists());
-    let folder = folder.context("no number is left for another former regime: remove some of them")?;
+    let folder = folder.context("no number is left for another former recipe: remove some of them")?;
     prepare_folder(&folder)?;
-    write_text(&folder.join(REGIME), regime)?;
+    write_text(&folder.join(RECIPE), recipe)?;
     for name in REPORTS.into_iter().filter(|name| out.join(name).exists()) {
         fs::rename(out.join(name), folder.join(name)).with_context(|| {
             format!("cannot move {name} to {}: make it writable, or choose another --out", folder.display())

@@ -8,9 +8,8 @@ use imf_core::model::{Model, ModelError};
 use imf_core::scene::SceneRecord;
 use imf_core::siren::SirenShape;
 use imf_core::training::run::TrainingPlan;
-
-use crate::job::{self, Latest};
-use crate::session::Session;
+use imf_cli::job::{self, Latest};
+use imf_cli::session::Session;
 
 /// What a training is known by.
 pub(super) struct Training<'a> {

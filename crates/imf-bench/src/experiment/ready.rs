@@ -3,14 +3,14 @@
 
 use anyhow::{Context as _, Result, bail};
 use imf_core::orientation::OrientationSet;
-use imf_core::regime::Stage;
 use imf_core::scene::Scene;
+use imf_cli::job::Footprint;
 
+use crate::recipe::Stage;
 use super::kept::{Found, Training};
 use super::scenes::Scenes;
 use super::stage::{Workshop, online_memory};
 use super::{Run, claim, results};
-use crate::job::Footprint;
 
 /// Checks runs that are to come; their scenes are kept for them.
 ///
@@ -22,7 +22,7 @@ pub(super) fn check<'r>(workshop: &Workshop<'_>, runs: impl Iterator<Item = &'r 
     runs.iter().try_for_each(|run| claim::check(run))?;
     let mut scenes = Scenes::default();
     for run in runs {
-        for stage in &run.regime.stages {
+        for stage in &run.recipe.stages {
             check_stage(workshop, run, stage, &mut scenes).with_context(|| run.named(&stage.name))?;
         }
     }
@@ -31,10 +31,10 @@ pub(super) fn check<'r>(workshop: &Workshop<'_>, runs: impl Iterator<Item = &'r 
 
 fn check_stage(workshop: &Workshop<'_>, run: &Run, stage: &Stage, scenes: &mut Scenes) -> Result<()> {
     let session = workshop.session;
-    let settings = &run.regime.scene;
+    let settings = &run.recipe.scene;
     let full = scenes.full(session, settings, stage)?;
     let coarse = scenes.of_sections(session, settings, stage)?;
-    let (shape, plan) = (run.regime.network.shape(), stage.plan());
+    let (shape, plan) = (run.recipe.network.shape(), stage.plan());
     let (samples, beside) = samples(&coarse, stage)?;
     let scene = &full.record;
     let training = Training { shape, scene, plan: &plan, sampling: &stage.sampling, samples_and_start: None };
@@ -46,7 +46,7 @@ fn check_stage(workshop: &Workshop<'_>, run: &Run, stage: &Stage, scenes: &mut S
     if let Some(held_out) = held_out {
         require_memory(workshop, &training, samples, held_out, beside)?;
     }
-    if run.regime.results().any(|result| result.name == stage.name) {
+    if run.recipe.results().any(|result| result.name == stage.name) {
         results::require_memory(session, scene)?;
     }
     Ok(())
@@ -91,6 +91,6 @@ fn require_memory(
     let (session, device) = (workshop.session, workshop.device);
     let footprint = Footprint::new(session, device, *shape, plan, scene, batch, held_out)?;
     footprint.require(session, beside).context(
-        "--width and --batch are network.width and training.batch in a regime, to be changed with --set",
+        "--width and --batch are network.width and training.batch in a recipe, to be changed with --set",
     )
 }

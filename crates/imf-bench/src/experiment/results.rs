@@ -1,4 +1,4 @@
-//! What the results of a regime are worth: each against the exact field.
+//! What the results of a recipe are worth: each against the exact field.
 
 use std::path::Path;
 
@@ -7,16 +7,16 @@ use imf_core::evaluation::{EvaluationError, learnt_imf};
 use imf_core::field::LearntField;
 use imf_core::metrics::ErrorReport;
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::regime::{EvaluationSettings, Regime};
 use imf_core::scene::SceneRecord;
 use imf_core::section::{SectionError, SectionPlan};
 use serde::{Deserialize, Serialize};
+use imf_cli::interrupt::Interrupted;
+use imf_cli::report::{Questions, Subject, evaluate as compare};
+use imf_cli::session::Session;
 
+use crate::recipe::{EvaluationSettings, Recipe};
 use super::GO_ON;
 use super::stage::{Finished, Workshop};
-use crate::interrupt::Interrupted;
-use crate::report::{Questions, Subject, evaluate as compare};
-use crate::session::Session;
 
 /// One comparison with the exact field.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -56,20 +56,20 @@ impl Outcome {
     }
 }
 
-/// Evaluates every result, writes its report beside it, and the first result as the regime's model.
+/// Evaluates every result, writes its report beside it, and the first result as the recipe's model.
 pub(super) fn evaluate(
     workshop: &Workshop<'_>,
-    regime: &Regime,
+    recipe: &Recipe,
     finished: &[Finished],
     out: &Path,
 ) -> Result<Vec<Outcome>> {
     let mut outcomes = Vec::new();
-    for stage in regime.results() {
+    for stage in recipe.results() {
         let Some(done) = finished.iter().find(|done| done.name == stage.name) else { continue };
         if outcomes.is_empty() {
             done.model.write(&out.join("model.safetensors"))?;
         }
-        let outcome = one(workshop, &regime.evaluation, done).map_err(|error| interruption(error, out))?;
+        let outcome = one(workshop, &recipe.evaluation, done).map_err(|error| interruption(error, out))?;
         outcomes.push(outcome);
     }
     Ok(outcomes)

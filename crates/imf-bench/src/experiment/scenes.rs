@@ -1,14 +1,14 @@
-//! The scenes of a regime, each made once.
+//! The scenes of a recipe, each made once.
 
 use std::collections::BTreeMap;
 
 use anyhow::Result;
-use imf_core::regime::{SceneSettings, Stage};
 use imf_core::scene::Scene;
+use imf_cli::arguments::clearance::{ClearanceArguments, ContactArguments};
+use imf_cli::arguments::scene::{AroundKind, SceneArguments};
+use imf_cli::session::Session;
 
-use crate::arguments::clearance::{ClearanceArguments, ContactArguments};
-use crate::arguments::scene::{AroundKind, SceneArguments};
-use crate::session::Session;
+use crate::recipe::{SceneSettings, Stage};
 
 /// Scenes by settings, part and resolution.
 #[derive(Default)]

@@ -1,30 +1,30 @@
-//! One stage of a regime: its sections and its training.
+//! One stage of a recipe: its sections and its training.
 
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result};
 use imf_core::dataset::generate;
 use imf_core::model::{Model, TrainingRecord};
-use imf_core::regime::{RANDOM_START, Regime, Stage};
 use imf_core::scene::{Scene, SceneRecord};
 use imf_core::section::SectionPlan;
 use imf_core::training::TrainingState;
 use imf_core::training::divergence::Watch;
 use imf_core::training::online::{OnlineSections, OnlineSettings, train_online};
 use imf_core::training::run::Cursor;
+use imf_cli::commands::dataset::interruption;
+use imf_cli::engine::Device;
+use imf_cli::interrupt;
+use imf_cli::job::{self, Data};
+use imf_cli::output::prepare_folder;
+use imf_cli::session::Session;
 
+use crate::recipe::{RANDOM_START, Recipe, Stage};
 use super::Run;
 use super::claim::StageSettings;
 use super::kept::{Standing, standing};
 use super::ready::directions;
 use super::scenes::Scenes;
 use super::tally::Tally;
-use crate::commands::dataset::interruption;
-use crate::engine::Device;
-use crate::interrupt;
-use crate::job::{self, Data};
-use crate::output::prepare_folder;
-use crate::session::Session;
 
 /// Where the work is done.
 pub(crate) struct Workshop<'a> {
@@ -60,15 +60,15 @@ impl Workshop<'_> {
         finished: &[Finished],
     ) -> Result<Finished> {
         let session = self.session;
-        let regime = &run.regime;
+        let recipe = &run.recipe;
         session.note(&format!("stage {}:", stage.name));
-        let full = scenes.full(session, &regime.scene, stage)?;
-        let coarse = scenes.of_sections(session, &regime.scene, stage)?;
-        let shape = regime.network.shape();
-        let (state, from) = self.start(regime, stage, finished)?;
+        let full = scenes.full(session, &recipe.scene, stage)?;
+        let coarse = scenes.of_sections(session, &recipe.scene, stage)?;
+        let shape = recipe.network.shape();
+        let (state, from) = self.start(recipe, stage, finished)?;
         let folder = run.stage_folder(&stage.name);
         prepare_folder(&folder)?;
-        StageSettings::of(regime, stage).write(&folder)?;
+        StageSettings::of(recipe, stage).write(&folder)?;
         let log = self.log.then(|| folder.join("log.jsonl"));
         let beside = job::Settings { log, ..self.settings.clone() };
         let section_dims = coarse.record.grid.dims;
@@ -148,12 +148,12 @@ impl Workshop<'_> {
     /// Starting weights, and what to remember of them.
     fn start(
         &self,
-        regime: &Regime,
+        recipe: &Recipe,
         stage: &Stage,
         finished: &[Finished],
     ) -> Result<(TrainingState, Option<String>)> {
         if stage.start == RANDOM_START {
-            return Ok((TrainingState::new(&regime.network.shape(), regime.network.seed), None));
+            return Ok((TrainingState::new(&recipe.network.shape(), recipe.network.seed), None));
         }
         let earlier = finished.iter().find(|done| done.name == stage.start);
         let earlier = earlier.with_context(|| format!("stage {} was not run", stage.start))?;

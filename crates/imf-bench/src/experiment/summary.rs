@@ -1,18 +1,18 @@
-//! A regime's report: its stages, its results, and one picture of all loss curves.
+//! A recipe's report: its stages, its results, and one picture of all loss curves.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::Result;
-use imf_core::regime::{RANDOM_START, Regime};
 use serde::{Deserialize, Serialize};
+use imf_cli::output::{table, write_json, write_text};
+use imf_cli::picture::{AxisScale, Chart, Series};
 
+use crate::recipe::{RANDOM_START, Recipe};
 use super::results::Outcome;
 use super::stage::Finished;
 use super::tally::Tally;
-use crate::output::{table, write_json, write_text};
-use crate::picture::{AxisScale, Chart, Series};
 
 /// What a stage came to.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -36,18 +36,18 @@ pub(crate) struct StageRow {
     waits: Option<Tally>,
 }
 
-/// What a regime came to.
+/// What a recipe came to.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Summary {
     program: String,
-    pub(crate) regime: String,
+    pub(crate) recipe: String,
     about: String,
     pub(crate) stages: Vec<StageRow>,
     pub(crate) results: Vec<Outcome>,
 }
 
 impl Summary {
-    pub(super) fn new(regime: &Regime, finished: &[Finished], results: Vec<Outcome>) -> Self {
+    pub(super) fn new(recipe: &Recipe, finished: &[Finished], results: Vec<Outcome>) -> Self {
         let mut before: BTreeMap<&str, u64> = BTreeMap::from([(RANDOM_START, 0)]);
         let mut stages = Vec::new();
         for done in finished {
@@ -71,22 +71,22 @@ impl Summary {
         }
         Self {
             program: format!("imf {}", env!("CARGO_PKG_VERSION")),
-            regime: regime.name.clone(),
-            about: regime.about.clone(),
+            recipe: recipe.name.clone(),
+            about: recipe.about.clone(),
             stages,
             results,
         }
     }
 
-    /// What a regime came to in an earlier run, if it came to its end.
+    /// What a recipe came to in an earlier run, if it came to its end.
     pub(super) fn read(folder: &Path) -> Option<Self> {
-        serde_json::from_str(&std::fs::read_to_string(folder.join("regime.json")).ok()?).ok()
+        serde_json::from_str(&std::fs::read_to_string(folder.join("recipe.json")).ok()?).ok()
     }
 
-    /// Calls it what its regime is called by now; true where that is another name, or says something else.
-    pub(super) fn retitle(&mut self, regime: &Regime) -> bool {
-        let differs = (&self.regime, &self.about) != (&regime.name, &regime.about);
-        (self.regime, self.about) = (regime.name.clone(), regime.about.clone());
+    /// Calls it what its recipe is called by now; true where that is another name, or says something else.
+    pub(super) fn retitle(&mut self, recipe: &Recipe) -> bool {
+        let differs = (&self.recipe, &self.about) != (&recipe.name, &recipe.about);
+        (self.recipe, self.about) = (recipe.name.clone(), recipe.about.clone());
         differs
     }
 
@@ -107,9 +107,9 @@ impl Summary {
 
     /// Writes the report, and the loss curves beside it.
     pub(super) fn write(&self, out: &Path) -> Result<()> {
-        loss_chart(&self.regime, self.curves("")).save(&out.join("loss.png"))?;
-        write_text(&out.join("regime.md"), &self.markdown())?;
-        write_json(&out.join("regime.json"), self)
+        loss_chart(&self.recipe, self.curves("")).save(&out.join("loss.png"))?;
+        write_text(&out.join("recipe.md"), &self.markdown())?;
+        write_json(&out.join("recipe.json"), self)
     }
 
     fn rows(&self) -> Vec<Vec<String>> {
@@ -138,7 +138,7 @@ impl Summary {
     }
 
     fn markdown(&self) -> String {
-        let mut text = format!("# {}\n\n{} · {}\n\n", self.regime, self.about, self.program);
+        let mut text = format!("# {}\n\n{} · {}\n\n", self.recipe, self.about, self.program);
         text.push_str("| stage | starts from | part | voxels | sections | samples | steps × batch | training | loss |\n");
         text.push_str("| --- | --- | --- | --- | --- | --- | --- | --- | --- |\n");
         for stage in &self.stages {
@@ -179,9 +179,9 @@ impl Summary {
 }
 
 /// Loss curves in one picture.
-pub(super) fn loss_chart(regime: &str, series: Vec<Series>) -> Chart {
+pub(super) fn loss_chart(recipe: &str, series: Vec<Series>) -> Chart {
     Chart {
-        title: format!("{regime}: training loss"),
+        title: format!("{recipe}: training loss"),
         x_name: "steps".into(),
         x_scale: AxisScale::Linear,
         value_name: "mean loss".into(),

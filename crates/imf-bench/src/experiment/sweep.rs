@@ -1,16 +1,16 @@
-//! A sweep: the variants of a regime one after the other, and a table of all.
+//! A sweep: the variants of a recipe one after the other, and a table of all.
 
 use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
-use imf_core::regime::Regime;
 use serde::Serialize;
+use imf_cli::output::{print, print_json, table, write_json, write_text};
 
+use crate::recipe::Recipe;
 use super::stage::Workshop;
 use super::summary::{Summary, loss_chart};
 use super::{Run, Scenes, claim, go_on_or_read};
-use crate::output::{print, print_json, table, write_json, write_text};
 
 /// A variant and what it came to.
 #[derive(Serialize)]
@@ -27,7 +27,7 @@ pub(super) fn run(
     scenes: &mut Scenes,
     out: &Path,
 ) -> Result<()> {
-    let regime = Regime::from_table(whole.clone())?;
+    let recipe = Recipe::from_table(whole.clone())?;
     claim::take(workshop.session, out, whole)?;
     let mut lines = Vec::new();
     for run in runs {
@@ -38,7 +38,7 @@ pub(super) fn run(
     }
     write_json(&out.join("sweep.json"), &lines)?;
     let (head, rows) = cells(&lines);
-    write_text(&out.join("sweep.md"), &markdown(&regime, &head, &rows))?;
+    write_text(&out.join("sweep.md"), &markdown(&recipe, &head, &rows))?;
     let curves = lines.iter().flat_map(|line| {
         let prefix = if line.summary.stages.len() > 1 { format!("{} ", line.variant) } else { String::new() };
         let mut curves = line.summary.curves(&prefix);
@@ -47,7 +47,7 @@ pub(super) fn run(
         }
         curves
     });
-    loss_chart(&regime.name, curves.collect()).save(&out.join("loss.png"))?;
+    loss_chart(&recipe.name, curves.collect()).save(&out.join("loss.png"))?;
     if workshop.session.json {
         return print_json(&lines);
     }
@@ -88,8 +88,8 @@ fn cells(lines: &[Line]) -> (Vec<String>, Vec<Vec<String>>) {
     (head, rows)
 }
 
-fn markdown(regime: &Regime, head: &[String], rows: &[Vec<String>]) -> String {
-    let mut text = format!("# {}\n\n{}\n\n| {} |\n", regime.name, regime.about, head.join(" | "));
+fn markdown(recipe: &Recipe, head: &[String], rows: &[Vec<String>]) -> String {
+    let mut text = format!("# {}\n\n{}\n\n| {} |\n", recipe.name, recipe.about, head.join(" | "));
     let _ = writeln!(text, "| {} |", vec!["---"; head.len()].join(" | "));
     for row in rows {
         let _ = writeln!(text, "| {} |", row.join(" | "));

@@ -8,8 +8,7 @@ use std::path::Path;
 use anyhow::Result;
 use imf_core::training::online::Waits;
 use serde::{Deserialize, Serialize};
-
-use crate::output::write_json;
+use imf_cli::output::write_json;
 
 const FILE: &str = "waits.json";
 

@@ -6,10 +6,10 @@ use imf_core::metrics::{ErrorReport, Errors};
 use imf_core::orientation::Orientation;
 use imf_core::section::{SectionPlan, sections};
 use serde::Serialize;
+use imf_cli::interrupt;
+use imf_cli::session::Session;
 
 use super::rivals::Rival;
-use crate::interrupt;
-use crate::session::Session;
 
 /// Sections asked for at a time.
 const AT_ONCE: usize = 16;

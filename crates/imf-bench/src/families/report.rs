@@ -6,14 +6,14 @@ use std::path::Path;
 use anyhow::Result;
 use imf_core::metrics::ErrorReport;
 use serde::Serialize;
+use imf_cli::output::{table, write_json, write_text};
+use imf_cli::picture::{AxisScale, Bar, BarChart};
+use imf_cli::progress::show_seconds;
+use imf_cli::session::show_bytes;
 
-use super::super::machine::Machine;
+use crate::machine::Machine;
 use super::judge::{ALLOWED, Verdict};
-use crate::arguments::families::FamiliesBenchArguments;
-use crate::output::{table, write_json, write_text};
-use crate::picture::{AxisScale, Bar, BarChart};
-use crate::progress::show_seconds;
-use crate::session::show_bytes;
+use crate::arguments::families::FamiliesArguments;
 
 const HEAD: [&str; 11] = [
     "family",
@@ -75,7 +75,7 @@ pub(super) struct Report {
 impl Report {
     pub(super) fn new(
         machine: Machine,
-        arguments: &FamiliesBenchArguments,
+        arguments: &FamiliesArguments,
         comparisons: Vec<Comparison>,
     ) -> Self {
         Self {

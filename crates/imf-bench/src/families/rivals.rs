@@ -5,12 +5,12 @@ use imf_core::control::Control;
 use imf_core::factored::FactoredField;
 use imf_core::field::{LearntField, WholeField as _};
 use imf_core::harmonic::{HarmonicField, Heads};
-use imf_core::interpolation::{CoarseTable, StoredSections};
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, SectionPlan, SectionScratch, imf};
 use rayon::prelude::*;
+use imf_cli::session::Session;
 
-use crate::session::Session;
+use crate::interpolation::{CoarseTable, StoredSections};
 
 /// A field that can be asked for many sections at once, in the way that is fastest for it.
 pub(super) trait Rival {

@@ -8,21 +8,21 @@ use imf_core::scene::Scene;
 use imf_core::training::run::{Length, TrainingPlan};
 use imf_core::training::schedule::Schedule;
 use imf_core::training::{AdamConfig, TrainingState};
+use imf_cli::commands::dataset::interruption;
+use imf_cli::commands::demo::SHAPE;
+use imf_cli::engine::Device;
+use imf_cli::job::{self, Data, Settings};
+use imf_cli::session::Session;
 
-use crate::arguments::families::FamiliesBenchArguments;
+use crate::arguments::families::FamiliesArguments;
 use crate::arguments::paper::PaperPart;
-use crate::commands::dataset::interruption;
-use crate::commands::demo::SHAPE;
-use crate::engine::Device;
-use crate::job::{self, Data, Settings};
-use crate::session::Session;
 
 /// Trains it, and says in how many seconds: sections, samples and steps.
 pub(super) fn train(
     session: &Session,
     device: &Device,
     scene: &Scene,
-    arguments: &FamiliesBenchArguments,
+    arguments: &FamiliesArguments,
     part: PaperPart,
 ) -> Result<(Model, f64)> {
     let count = arguments.angles * arguments.angles;

@@ -23,17 +23,17 @@ use imf_gpu::{Gpu, GpuFactored, GpuField, GpuWhole};
 use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::json;
+use imf_cli::arguments::harmonic::DEFAULT_SECTIONS;
+use imf_cli::commands::compress::{self, Beginning, Extent, Lesson, Settings, Teacher};
+use imf_cli::commands::field::harmonic;
+use imf_cli::engine::Device;
+use imf_cli::interrupt;
+use imf_cli::output::table;
+use imf_cli::session::Session;
 
 use super::Part;
-use crate::arguments::harmonic::DEFAULT_SECTIONS;
-use crate::commands::bench::query::random_poses;
-use crate::commands::bench::timed;
-use crate::commands::compress::{self, Beginning, Extent, Lesson, Settings, Teacher};
-use crate::commands::field::harmonic;
-use crate::engine::Device;
-use crate::interrupt;
-use crate::output::table;
-use crate::session::Session;
+use crate::query::random_poses;
+use crate::machine::timed;
 
 /// How much is measured.
 pub(super) struct Sizes {

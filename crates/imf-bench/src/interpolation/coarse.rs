@@ -2,19 +2,19 @@
 //! them in place and angle. What a given amount of memory is worth without any idea.
 
 use rayon::prelude::*;
+use imf_core::control::Control;
+use imf_core::grid::Grid;
+use imf_core::orientation::Orientation;
+use imf_core::section::{SectionError, SectionPlan, stream_sections};
 
 use super::AngleGrid;
-use crate::control::Control;
-use crate::grid::Grid;
-use crate::orientation::Orientation;
-use crate::section::{SectionError, SectionPlan, stream_sections};
 
 /// Along each axis at least this many points are kept, of grids that have as many voxels.
 const LEAST_POINTS: usize = 2;
 
 /// A coarse table of sections.
 #[derive(Clone, Debug, PartialEq)]
-pub struct CoarseTable {
+pub(crate) struct CoarseTable {
     angles: AngleGrid,
     dims: [usize; 3],
     axes: [Lattice; 3],
@@ -51,8 +51,7 @@ impl Lattice {
 
 impl CoarseTable {
     /// How many points along each axis a table of about `bytes` has room for, beside n × n angles.
-    #[must_use]
-    pub fn points_within(grid: &Grid, angles: AngleGrid, bytes: u64) -> [usize; 3] {
+    pub(crate) fn points_within(grid: &Grid, angles: AngleGrid, bytes: u64) -> [usize; 3] {
         let whole = 4.0 * (angles.n * angles.n * grid.len()) as f64;
         let share = (bytes as f64 / whole).cbrt().min(1.0);
         grid.dims.map(|n| ((n as f64 * share).round() as usize).clamp(LEAST_POINTS.min(n), n))
@@ -62,7 +61,7 @@ impl CoarseTable {
     ///
     /// # Errors
     /// A failed section, or cancellation.
-    pub fn new(
+    pub(crate) fn new(
         plan: &SectionPlan,
         angles: AngleGrid,
         points: [usize; 3],
@@ -70,7 +69,7 @@ impl CoarseTable {
     ) -> Result<Self, SectionError> {
         let dims = plan.grid().dims;
         let axes = [0, 1, 2].map(|axis| Lattice::new(dims[axis], points[axis]));
-        let orientations = angles.orientations_in_order();
+        let orientations = angles.orientations();
         let each: usize = axes.iter().map(Lattice::len).product();
         let parts =
             stream_sections(plan, &orientations, control, Vec::new, |own: &mut Vec<_>, index, cmf| {
@@ -91,14 +90,12 @@ impl CoarseTable {
     }
 
     /// Bytes of the values.
-    #[must_use]
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         4 * self.values.len() as u64
     }
 
     /// Points kept along x, y and z, and sections.
-    #[must_use]
-    pub fn shape(&self) -> ([usize; 3], usize) {
+    pub(crate) fn shape(&self) -> ([usize; 3], usize) {
         ([0, 1, 2].map(|axis| self.axes[axis].len()), self.angles.n * self.angles.n)
     }
 
@@ -106,7 +103,7 @@ impl CoarseTable {
     ///
     /// # Panics
     /// If `values` has not a section's length.
-    pub fn section(&self, orientation: &Orientation, values: &mut [f32]) {
+    pub(crate) fn section(&self, orientation: &Orientation, values: &mut [f32]) {
         let ([_, my, mz], _) = self.shape();
         let each: usize = self.axes.iter().map(Lattice::len).product();
         let mut turned = vec![0.0f32; each];
@@ -144,8 +141,8 @@ impl CoarseTable {
 mod tests {
     use super::*;
     use crate::interpolation::StoredSections;
-    use crate::occupancy::Occupancy;
-    use crate::tool::Tool;
+    use imf_core::occupancy::Occupancy;
+    use imf_core::tool::Tool;
     use glam::DVec3;
 
     fn plan() -> SectionPlan {
@@ -177,7 +174,7 @@ mod tests {
         let points = CoarseTable::points_within(plan.grid(), angles, 4000);
         let table = CoarseTable::new(&plan, angles, points, Control::quiet()).unwrap();
         assert!(table.bytes() <= 6000 && table.bytes() > 2000, "{} bytes", table.bytes());
-        let orientation = angles.orientations_in_order()[6];
+        let orientation = angles.orientations()[6];
         let stored = StoredSections::new(&plan, angles, Control::quiet()).unwrap();
         let (mut exact, mut found) = (vec![0.0; plan.grid().len()], vec![7.0; plan.grid().len()]);
         stored.linear(&orientation, &mut exact);

@@ -8,16 +8,16 @@ use imf_core::factored::{FactoredField, Symmetry, TeachSettings, teach};
 use imf_core::harmonic::basis::{Basis, Domain};
 use imf_core::harmonic::coefficients::Precision;
 use imf_core::harmonic::{FitSettings, HarmonicField, fit, section_count};
-use imf_core::interpolation::{AngleGrid, StoredSections};
 use imf_core::metrics::ErrorReport;
 use imf_core::orientation::Orientation;
 use imf_core::scene::Scene;
 use imf_core::section::{SectionError, SectionPlan};
 use imf_core::training::run::Outcome;
 use serde::{Deserialize, Serialize};
+use imf_cli::session::Session;
 
+use crate::interpolation::{AngleGrid, StoredSections};
 use super::questions::Questions;
-use crate::session::Session;
 
 /// Sections for each function at least: with fewer the fit has no firm minimum.
 const LEAST_SECTIONS: f64 = 1.3;
@@ -37,7 +37,7 @@ pub(super) struct Method {
 }
 
 /// Settings of the harmonic field of the highest degree that `sections` sections determine.
-pub(in super::super) fn settings(sections: usize) -> FitSettings {
+pub(crate) fn settings(sections: usize) -> FitSettings {
     let fits =
         |degree: &usize| Basis::count(Domain::Directions, *degree) as f64 * LEAST_SECTIONS <= sections as f64;
     let degree = (0..40).take_while(fits).last().unwrap_or(0);

@@ -11,10 +11,10 @@ use imf_core::parts::ReferencePart;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
+use imf_cli::output::{prepare_folder, write_json};
+use imf_cli::session::Session;
 
-use crate::commands::regime::interruption;
-use crate::output::{prepare_folder, write_json};
-use crate::session::Session;
+use crate::experiment::interruption;
 
 /// Where cells are kept.
 pub(super) struct Cells<'a> {

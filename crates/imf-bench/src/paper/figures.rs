@@ -8,16 +8,16 @@ use imf_core::control::Control;
 use imf_core::field::LearntField;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
-use imf_core::planar::silhouette;
 use imf_core::section::{SectionPlan, imf, sections};
 use ndarray::{Array2, ArrayView3, Axis};
+use imf_cli::output::{prepare_folder, short};
+use imf_cli::picture::{Panel, PanelRow, PanelSheet, Scale};
+use imf_cli::slices;
 
+use crate::planar::silhouette;
 use super::questions::Questions;
 use super::{Bench, Run};
 use crate::arguments::paper::PaperPart;
-use crate::output::{prepare_folder, short};
-use crate::picture::{Panel, PanelRow, PanelSheet, Scale};
-use crate::slices;
 
 /// A picture in the report's folder and its caption.
 pub(super) type Figure = (String, String);
@@ -105,7 +105,7 @@ struct Slices {
     differences: Vec<Array2<f32>>,
 }
 
-/// Sections and the inaccessibility measure of a part, exact and by each regime's network.
+/// Sections and the inaccessibility measure of a part, exact and by each recipe's network.
 pub(super) fn fields(
     bench: &Bench<'_>,
     part: PaperPart,

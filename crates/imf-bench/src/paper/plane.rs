@@ -10,24 +10,24 @@ use std::time::Instant;
 use anyhow::{Context as _, Result};
 use imf_core::dataset::Sampling;
 use imf_core::field::LearntField;
-use imf_core::interpolation::Periodic;
 use imf_core::metrics::{ErrorReport, Errors};
 use imf_core::occupancy::Occupancy;
-use imf_core::planar::{PlanarPlan, layer};
-use imf_core::regime::{Regime, Stage};
 use imf_core::samples::Samples;
 use imf_core::section::{Imf, SectionError, SectionScratch};
 use imf_core::tool::Tool;
 use imf_core::training::TrainingState;
 use imf_core::training::run::{Cursor, train};
 use serde::{Deserialize, Serialize};
+use imf_cli::interrupt;
+use imf_cli::picture::{PanelRow, PanelSheet, Scale};
+use imf_cli::progress::show_seconds;
+use imf_cli::slices;
 
+use crate::interpolation::Periodic;
+use crate::planar::{PlanarPlan, layer};
+use crate::recipe::{Recipe, Stage};
 use super::table::{Row, Table};
 use super::{Bench, published};
-use crate::interrupt;
-use crate::picture::{PanelRow, PanelSheet, Scale};
-use crate::progress::show_seconds;
-use crate::slices;
 
 /// Degrees between the sections that are given; 0° and 360° are both given, as in the paper's 37.
 const GIVEN_EVERY: usize = 10;
@@ -140,16 +140,16 @@ impl Sections {
     }
 }
 
-fn measure(bench: &Bench<'_>, regime: &Regime, stage: &Stage) -> Result<Measured> {
-    let scene = bench.scene(&regime.scene)?;
+fn measure(bench: &Bench<'_>, recipe: &Recipe, stage: &Stage) -> Result<Measured> {
+    let scene = bench.scene(&recipe.scene)?;
     let grid = scene.record.grid;
     let sections =
         Sections::new(layer(&scene.obstacle, AXIS, slices::middle(&grid, AXIS)), &scene.record.tool)?;
-    let tau = regime.evaluation.threshold;
+    let tau = recipe.evaluation.threshold;
     let samples = sections.samples(&stage.sampling);
     let plan = stage.plan();
-    let shape = regime.network.shape();
-    let state = TrainingState::new(&shape, regime.network.seed);
+    let shape = recipe.network.shape();
+    let state = TrainingState::new(&shape, recipe.network.seed);
     let mut engine =
         bench.device.trainer(bench.session.rank(), shape, &plan, plan.batch.min(samples.len()), state)?;
     let total = plan.total_steps(samples.len());
@@ -244,15 +244,15 @@ fn draw(bench: &Bench<'_>, sections: &Sections, methods: &[(&str, Imf)]) -> Resu
 }
 
 pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
-    let mut regime = bench.protocol.settings("single")?;
+    let mut recipe = bench.protocol.settings("single")?;
     // A plane is small: its resolution is the paper's at every scale. All pixels of the few sections are learnt from: the
     // interpolations know them too.
-    regime.scene.scale = 1.0;
-    let stage = regime.stages.first_mut().context("single has no stage")?;
+    recipe.scene.scale = 1.0;
+    let stage = recipe.stages.first_mut().context("single has no stage")?;
     stage.sampling.density = 1.0;
     let stage = stage.clone();
-    let key = (&regime.scene, &regime.network, &stage);
-    let measured = bench.cells.get("plane", &key, || measure(bench, &regime, &stage))?;
+    let key = (&recipe.scene, &recipe.network, &stage);
+    let measured = bench.cells.get("plane", &key, || measure(bench, &recipe, &stage))?;
     let mut table = Table::of_errors("2d", "One rotation in the plane", &["method", "compared"]);
     let [x, y] = measured.dims;
     table.notes.push(format!(

@@ -1,25 +1,25 @@
-//! How much of the paper's protocol is run: the presets as they are, or with changes that the report lists.
+//! How much of the paper's protocol is run: the built-in recipes as they are, or with changes that the report lists.
 
 use anyhow::Result;
 use imf_core::factored::TeachSettings;
-use imf_core::regime::{self, Regime, preset};
 use imf_core::training::run::Length;
 use serde::Serialize;
 
+use crate::recipe::{self, Recipe, built_in};
 use crate::arguments::paper::PaperScale;
 
-/// What is changed in a preset, as `imf regime run --set` takes it, and why in words.
+/// What is changed in a recipe, as `imf-bench recipe run --set` takes it, and why in words.
 struct Changes {
     about: &'static str,
     /// What was tried at this scale for the rows that fall short of the paper.
     tried: &'static str,
     all: &'static [&'static str],
-    /// By preset.
+    /// By recipe.
     own: &'static [(&'static str, &'static [&'static str])],
 }
 
 const FULL: Changes = Changes {
-    about: "the presets as they are: the paper's protocol",
+    about: "the built-in recipes as they are: the paper's protocol",
     tried: "the paper's protocol as it is printed, nothing else.",
     all: &[],
     own: &[],
@@ -62,7 +62,7 @@ const TINY: Changes = Changes {
             and multi learn from 64 sections (multi from 256 first), so that what lies between them is hard for a small \
             network too, and (22.5°, 11.25°) stands for the paper's (12°, 6°): on multi's coarse grid, not on single's",
     tried: "225 sections instead of 64 (an error of 4e-5 at random orientations, but `single` and `multi` no longer differ); \
-            ω = 10 instead of 30 in the regimes' own benchmark; more width in the table of architecture. Longer training is \
+            ω = 10 instead of 30 in the recipes' own benchmark; more width in the table of architecture. Longer training is \
             what `--scale reduced` and `--scale full` are for.",
     all: &[
         "scene.scale=0.25",
@@ -103,7 +103,7 @@ const TINY: Changes = Changes {
 /// A variant of a sweep at a scale: the paper's name, and what is changed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Variant {
-    /// As the preset calls it.
+    /// As the recipe calls it.
     pub(super) name: &'static str,
     /// What it is at this scale.
     pub(super) about: String,
@@ -143,30 +143,30 @@ impl Protocol {
         }
     }
 
-    /// A preset's table with the scale's changes; `part` replaces the scene's.
-    pub(super) fn regime(self, name: &str, part: Option<&str>) -> Result<toml::Table> {
-        let mut table = regime::table(preset(name)?.text)?;
+    /// A built-in recipe's table with the scale's changes; `part` replaces the scene's.
+    pub(super) fn recipe(self, name: &str, part: Option<&str>) -> Result<toml::Table> {
+        let mut table = recipe::table(built_in(name)?.text)?;
         let changes = self.changes();
-        let own = changes.own.iter().filter(|(preset, _)| *preset == name).flat_map(|(_, list)| list.iter());
+        let own = changes.own.iter().filter(|(recipe, _)| *recipe == name).flat_map(|(_, list)| list.iter());
         for text in changes.all.iter().chain(own) {
-            let (path, value) = regime::assignment(text)?;
-            regime::set(&mut table, &path, value)?;
+            let (path, value) = recipe::assignment(text)?;
+            recipe::set(&mut table, &path, value)?;
         }
         if let Some(part) = part {
-            regime::set(&mut table, "scene.part", part.into())?;
+            recipe::set(&mut table, "scene.part", part.into())?;
         }
-        Regime::from_table(table.clone())?;
+        Recipe::from_table(table.clone())?;
         Ok(table)
     }
 
-    /// The settings of a preset at this scale, read.
-    pub(super) fn settings(self, name: &str) -> Result<Regime> {
-        Ok(Regime::from_table(self.regime(name, None)?)?)
+    /// The settings of a recipe at this scale, read.
+    pub(super) fn settings(self, name: &str) -> Result<Recipe> {
+        Ok(Recipe::from_table(self.recipe(name, None)?)?)
     }
 
     /// The variants of a sweep at this scale.
     pub(super) fn sweep(self, name: &str) -> Result<Vec<Variant>> {
-        let mut base = self.regime(name, None)?;
+        let mut base = self.recipe(name, None)?;
         base.remove("variant");
         let mut variants = Vec::new();
         let listed: &[&'static str] = match (name, self.scale) {
@@ -180,17 +180,17 @@ impl Protocol {
             let about = match name.split_once("-percent") {
                 Some((percent, _)) => {
                     let density: f64 = percent.parse()?;
-                    regime::set(&mut table, "stage.*.sampling.density", (density / 100.0).into())?;
+                    recipe::set(&mut table, "stage.*.sampling.density", (density / 100.0).into())?;
                     format!("{percent} %")
                 }
                 None => {
                     let (layers, width) = self.network(name)?;
-                    regime::set(&mut table, "network.layers", (layers as i64).into())?;
-                    regime::set(&mut table, "network.width", (width as i64).into())?;
+                    recipe::set(&mut table, "network.layers", (layers as i64).into())?;
+                    recipe::set(&mut table, "network.width", (width as i64).into())?;
                     format!("{layers}×{width}")
                 }
             };
-            Regime::from_table(table.clone())?;
+            Recipe::from_table(table.clone())?;
             variants.push(Variant { name, about, table });
         }
         Ok(variants)
@@ -222,9 +222,9 @@ impl Protocol {
         let changes = self.changes();
         let mut lines = vec![changes.about.to_owned()];
         if !changes.all.is_empty() {
-            lines.push(format!("every regime: {}", changes.all.join(" ")));
+            lines.push(format!("every recipe: {}", changes.all.join(" ")));
         }
-        lines.extend(changes.own.iter().map(|(preset, list)| format!("{preset}: {}", list.join(" "))));
+        lines.extend(changes.own.iter().map(|(recipe, list)| format!("{recipe}: {}", list.join(" "))));
         lines
     }
 }
@@ -234,12 +234,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_scale_makes_regimes_that_are_valid_and_full_is_the_presets() {
+    fn every_scale_makes_recipes_that_are_valid_and_full_is_the_built_in_ones() {
         for scale in [PaperScale::Full, PaperScale::Reduced, PaperScale::Tiny] {
             let protocol = Protocol::new(scale);
             for name in ["single", "multi", "transfer"] {
-                let table = protocol.regime(name, None).unwrap();
-                let same = table == regime::table(preset(name).unwrap().text).unwrap();
+                let table = protocol.recipe(name, None).unwrap();
+                let same = table == recipe::table(built_in(name).unwrap().text).unwrap();
                 assert_eq!(same, scale == PaperScale::Full, "{name} at {scale:?}");
             }
             for name in ["sparsity", "architecture"] {
@@ -250,14 +250,14 @@ mod tests {
     }
 
     #[test]
-    fn full_variants_are_those_of_the_presets() {
+    fn full_variants_are_those_of_the_recipes() {
         for name in ["sparsity", "architecture"] {
-            let runs = regime::runs(&regime::table(preset(name).unwrap().text).unwrap()).unwrap();
+            let runs = recipe::runs(&recipe::table(built_in(name).unwrap().text).unwrap()).unwrap();
             let ours = Protocol::new(PaperScale::Full).sweep(name).unwrap();
             assert_eq!(ours.len(), runs.len());
             for (variant, (run, table)) in ours.iter().zip(&runs) {
                 assert_eq!(Some(variant.name), run.as_deref());
-                let read = |table: &toml::Table| Regime::from_table(table.clone()).unwrap();
+                let read = |table: &toml::Table| Recipe::from_table(table.clone()).unwrap();
                 assert_eq!(read(&variant.table), read(table), "{}", variant.name);
             }
         }

@@ -15,8 +15,8 @@ const fn published(mse: f64, mpe: f64) -> Published {
 }
 
 /// Sections (0°, 0°) and (12°, 6°), IMF over 225 and over 625.
-pub(super) fn space(part: &str, regime: &str) -> Option<[Published; 4]> {
-    Some(match (regime, part) {
+pub(super) fn space(part: &str, recipe: &str) -> Option<[Published; 4]> {
+    Some(match (recipe, part) {
         ("single", "teapot") => [
             published(7.353e-7, 0.0176),
             published(6.3e-3, 0.7009),

@@ -5,11 +5,11 @@ use imf_core::control::Control;
 use imf_core::evaluation::{field_imf, field_sections};
 use imf_core::metrics::ErrorReport;
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::regime::EvaluationSettings;
 use imf_core::section::{Imf, SectionPlan, imf};
+use imf_cli::output::short;
 
-use crate::commands::regime::Outcome;
-use crate::output::short;
+use crate::recipe::EvaluationSettings;
+use crate::experiment::Outcome;
 
 /// How the name of the last question ends.
 pub(super) const RANDOM: &str = "random sections";
@@ -29,7 +29,7 @@ pub(super) struct Exact {
 }
 
 impl Questions {
-    /// What a regime's results are asked.
+    /// What a recipe's results are asked.
     pub(super) fn of(asked: &EvaluationSettings) -> Result<Self> {
         let pair = |text: &str| match OrientationSet::parse(text)?.orientations.as_slice() {
             [one] => Ok(*one),
@@ -56,7 +56,7 @@ impl Questions {
         names
     }
 
-    /// A regime's answers in that order.
+    /// A recipe's answers in that order.
     pub(super) fn answers(&self, outcome: &Outcome) -> Result<Vec<ErrorReport>> {
         let answers = outcome.sections().chain(outcome.imf()).chain(outcome.random());
         let answers: Vec<ErrorReport> = answers.map(|answer| answer.errors).collect();

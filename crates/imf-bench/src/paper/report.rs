@@ -7,11 +7,11 @@ use anyhow::{Context as _, Result};
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
+use imf_cli::output::{write_json, write_text};
 
-use super::super::machine::Machine;
+use crate::machine::Machine;
 use super::table::Table;
 use crate::arguments::paper::PaperScale;
-use crate::output::{write_json, write_text};
 
 const SOURCE: &str = "The paper: Harabin, Mirzendehdel, Behandish, Deep Neural Implicit Representation of Accessibility for \
                       Multi-Axis Manufacturing, arXiv 2409.02115; its times were measured on a Xeon W-2275 with a Quadro \

@@ -1,35 +1,35 @@
 //! The table of the three parts: `single` and `multi` against the exact field, and baselines in the same rows.
 
 use anyhow::{Context as _, Result, bail};
-use imf_core::regime::{Regime, SceneSettings};
 use imf_core::scene::Scene;
 
+use crate::recipe::{Recipe, SceneSettings};
 use super::baselines::{self, Method};
 use super::questions::{Questions, RANDOM};
 use super::table::{Compared, Kind, Row, Table};
 use super::{Bench, Run, figures, published};
 use crate::arguments::paper::PaperPart;
-use crate::commands::regime::Scenes;
+use crate::experiment::Scenes;
 
-/// The regimes of the table.
-pub(super) const REGIMES: [&str; 2] = ["single", "multi"];
+/// The recipes of the table.
+pub(super) const RECIPES: [&str; 2] = ["single", "multi"];
 
 impl Bench<'_> {
-    /// A part's training by a regime.
-    pub(super) fn trained(&self, part: PaperPart, regime: &str) -> Result<Result<Run, String>> {
+    /// A part's training by a recipe.
+    pub(super) fn trained(&self, part: PaperPart, recipe: &str) -> Result<Result<Run, String>> {
         let part = part.name();
-        self.run(&format!("{regime}-{part}"), &self.protocol.regime(regime, Some(part))?)
+        self.run(&format!("{recipe}-{part}"), &self.protocol.recipe(recipe, Some(part))?)
     }
 
     /// What stands beside the paper's network, for a part.
     pub(super) fn baselines(&self, part: PaperPart) -> Result<Vec<Method>> {
-        let regime = Regime::from_table(self.protocol.regime("single", Some(part.name()))?)?;
-        let n = trained_grid(&regime)?;
+        let recipe = Recipe::from_table(self.protocol.recipe("single", Some(part.name()))?)?;
+        let n = trained_grid(&recipe)?;
         let teaching = self.protocol.teaching();
-        let key = (&regime.scene, &regime.evaluation, n, &teaching);
+        let key = (&recipe.scene, &recipe.evaluation, n, &teaching);
         self.cells.get(&format!("baselines-{}", part.name()), &key, || {
-            let scene = self.scene(&regime.scene)?;
-            baselines::measure(self.session, &scene, &Questions::of(&regime.evaluation)?, n, &teaching)
+            let scene = self.scene(&recipe.scene)?;
+            baselines::measure(self.session, &scene, &Questions::of(&recipe.evaluation)?, n, &teaching)
         })
     }
 
@@ -40,7 +40,7 @@ impl Bench<'_> {
 }
 
 /// N of the `grid:N` that `single` learns from.
-fn trained_grid(single: &Regime) -> Result<usize> {
+fn trained_grid(single: &Recipe) -> Result<usize> {
     let spec = single.stages.first().and_then(|stage| stage.orientations.as_deref());
     match spec.and_then(|spec| spec.strip_prefix("grid:")?.parse().ok()) {
         Some(n) => Ok(n),
@@ -53,7 +53,7 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
     let single = bench.protocol.settings("single")?;
     let sections = trained_grid(&single)?.pow(2);
     table.notes.push(format!(
-        "`single` and `multi` are the paper's network (`siren5`) and regimes. Beside them what is made from as many exact \
+        "`single` and `multi` are the paper's network (`siren5`) and recipes. Beside them what is made from as many exact \
          sections ({sections}): the nearest one, linear interpolation in θ and φ, the harmonic field (its fit reads each \
          section twice), and the factored field that is taught it. Random sections are ours: at orientations of no grid."
     ));
@@ -61,21 +61,21 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
         let own = if part == PaperPart::Teapot { "" } else { " (ours)" };
         let name = format!("{}{own}", part.name());
         let mut runs = Vec::new();
-        for regime in REGIMES {
-            let questions = Questions::of(&bench.protocol.settings(regime)?.evaluation)?;
-            let papers = published::space(part.name(), regime);
+        for recipe in RECIPES {
+            let questions = Questions::of(&bench.protocol.settings(recipe)?.evaluation)?;
+            let papers = published::space(part.name(), recipe);
             let paper = |index: usize| papers.and_then(|papers| papers.get(index).copied());
-            let labels = |question: String| vec![name.clone(), regime.into(), question];
-            let run = match bench.trained(part, regime)? {
+            let labels = |question: String| vec![name.clone(), recipe.into(), question];
+            let run = match bench.trained(part, recipe)? {
                 Ok(run) => run,
                 Err(diverged) => {
                     let rows = questions.names().into_iter().enumerate();
                     table.rows.extend(rows.map(|(index, asked)| Row::diverged(labels(asked), paper(index))));
-                    table.notes.push(format!("{name}, {regime}: no result. {diverged}"));
+                    table.notes.push(format!("{name}, {recipe}: no result. {diverged}"));
                     continue;
                 }
             };
-            let outcome = run.summary.results.first().context("a regime without results")?;
+            let outcome = run.summary.results.first().context("a recipe without results")?;
             let answers = questions.names().into_iter().zip(questions.answers(outcome)?);
             table.rows.extend(
                 answers
@@ -83,12 +83,12 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
                     .map(|(index, (asked, errors))| Row::errors(labels(asked), paper(index), &errors)),
             );
             table.notes.push(format!(
-                "{name}, {regime}: {} parameters ({}), trained in {}.",
+                "{name}, {recipe}: {} parameters ({}), trained in {}.",
                 outcome.parameters,
                 Kind::Bytes.show(4.0 * outcome.parameters as f64),
                 Kind::Seconds.show(run.summary.seconds())
             ));
-            runs.push((regime, run));
+            runs.push((recipe, run));
         }
         let questions = Questions::of(&single.evaluation)?;
         for method in bench.baselines(part)? {
@@ -120,17 +120,17 @@ const OURS: [&str; 2] = ["harmonic", "factored"];
 /// columns beside the paper's MSE.
 pub(super) fn side_by_side(table: &Table) -> Table {
     let values = [("siren5", Kind::Error), ("best family", Kind::Error)];
-    let labels = ["part", "regime", "compared", "best family is"];
+    let labels = ["part", "recipe", "compared", "best family is"];
     let mut beside =
         Table::new("3d-best", "The paper's network and our best family, side by side", &labels, &values);
     beside.notes.push(
-        "MSE. The paper's network (`siren5`) by each regime, and of our families the one that errs least at random \
+        "MSE. The paper's network (`siren5`) by each recipe, and of our families the one that errs least at random \
          orientations of the part; both beside the paper's value, which is its network's."
             .into(),
     );
     let ours = |row: &&Row| OURS.iter().any(|name| row.labels[1].starts_with(name));
     let mse = |row: &Row| row.values[0].ours.unwrap_or(f64::INFINITY);
-    for row in table.rows.iter().filter(|row| REGIMES.contains(&row.labels[1].as_str())) {
+    for row in table.rows.iter().filter(|row| RECIPES.contains(&row.labels[1].as_str())) {
         let of_part = || table.rows.iter().filter(|other| other.labels[0] == row.labels[0]).filter(ours);
         let random = of_part().filter(|other| other.labels[2].ends_with(RANDOM));
         let Some(best) = random.min_by(|a, b| mse(a).total_cmp(&mse(b))) else { continue };

@@ -1,19 +1,19 @@
-//! Transfer, sparsity and architecture: the regimes that exist, beside the paper's numbers.
+//! Transfer, sparsity and architecture: the recipes that exist, beside the paper's numbers.
 
 use anyhow::{Context as _, Result};
-use imf_core::regime::Regime;
+use imf_cli::progress::show_seconds;
 
+use crate::recipe::Recipe;
 use super::questions::Questions;
 use super::table::{Row, Table};
 use super::{Bench, published};
 use crate::arguments::paper::PaperPart;
-use crate::progress::show_seconds;
 
 /// From bracket-raw to bracket, and as many epochs from random weights.
 pub(super) fn transfer(bench: &Bench<'_>) -> Result<Table> {
     let mut table = Table::of_errors("transfer", "Transfer to a changed part", &["start", "compared"]);
-    let regime = bench.protocol.regime("transfer", None)?;
-    let run = bench.run("transfer", &regime)?;
+    let recipe = bench.protocol.recipe("transfer", None)?;
+    let run = bench.run("transfer", &recipe)?;
     let run = match run {
         Ok(run) => run,
         Err(diverged) => {
@@ -72,9 +72,9 @@ pub(super) fn architecture(bench: &Bench<'_>) -> Result<Table> {
 
 /// True where both train the same network on the same samples and ask it the same, whatever they are called.
 fn same_training(one: &toml::Table, other: &toml::Table) -> Result<bool> {
-    let read = |table: &toml::Table| -> Result<Regime> {
-        let regime = Regime::from_table(table.clone())?;
-        Ok(Regime { name: String::new(), about: String::new(), variants: Vec::new(), ..regime })
+    let read = |table: &toml::Table| -> Result<Recipe> {
+        let recipe = Recipe::from_table(table.clone())?;
+        Ok(Recipe { name: String::new(), about: String::new(), variants: Vec::new(), ..recipe })
     };
     Ok(read(one)? == read(other)?)
 }
@@ -83,7 +83,7 @@ fn sweep(bench: &Bench<'_>, name: &str, part: PaperPart, mut table: Table) -> Re
     let questions = Questions::of(&bench.protocol.settings(name)?.evaluation)?;
     for variant in bench.protocol.sweep(name)? {
         // One of the variants may be the training of the table of the parts.
-        let run = if same_training(&variant.table, &bench.protocol.regime("single", Some(part.name()))?)? {
+        let run = if same_training(&variant.table, &bench.protocol.recipe("single", Some(part.name()))?)? {
             bench.trained(part, "single")?
         } else {
             bench.run(&format!("{name}-{}", variant.name), &variant.table)?
@@ -108,7 +108,7 @@ fn sweep(bench: &Bench<'_>, name: &str, part: PaperPart, mut table: Table) -> Re
                 continue;
             }
         };
-        let outcome = run.summary.results.first().context("a regime without results")?;
+        let outcome = run.summary.results.first().context("a recipe without results")?;
         let answers = questions.names().into_iter().zip(questions.answers(outcome)?);
         for (index, (question, errors)) in answers.enumerate() {
             table.rows.push(Row::errors(vec![label.clone(), question], paper(index), &errors));
@@ -127,7 +127,7 @@ fn sweep(bench: &Bench<'_>, name: &str, part: PaperPart, mut table: Table) -> Re
 mod tests {
     use super::*;
     use crate::arguments::paper::PaperScale;
-    use crate::commands::bench::paper::protocol::Protocol;
+    use crate::paper::protocol::Protocol;
 
     #[test]
     fn a_variant_that_single_is_already_is_not_trained_again() {
@@ -138,7 +138,7 @@ mod tests {
             for (name, part, same) in
                 [("sparsity", "teapot", "35-percent"), ("architecture", "screw-gear", "5x512")]
             {
-                let single = protocol.regime("single", Some(part)).unwrap();
+                let single = protocol.recipe("single", Some(part)).unwrap();
                 for variant in protocol.sweep(name).unwrap() {
                     let expected = again && variant.name == same;
                     assert_eq!(same_training(&variant.table, &single).unwrap(), expected, "{}", variant.name);

@@ -2,10 +2,10 @@
 
 use imf_core::metrics::ErrorReport;
 use serde::{Deserialize, Serialize};
+use imf_cli::progress::show_seconds;
+use imf_cli::session::show_bytes;
 
 use super::published::Published;
-use crate::progress::show_seconds;
-use crate::session::show_bytes;
 
 /// What a number is, for people.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -9,11 +9,11 @@ use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::{SectionPlan, stream_sections};
 use imf_gpu::GpuSections;
 use serde::{Deserialize, Serialize};
+use imf_cli::engine::Device;
 
 use super::table::{Compared, Kind, Row, Table};
 use super::{Bench, Run, published};
 use crate::arguments::paper::PaperPart;
-use crate::engine::Device;
 
 /// The sections that the paper evaluates.
 const SECTIONS: &str = "grid:15";
@@ -96,7 +96,7 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
                 continue;
             }
         };
-        let key = (bench.protocol.regime("single", Some(part.name()))?, SECTIONS);
+        let key = (bench.protocol.recipe("single", Some(part.name()))?, SECTIONS);
         let measured = bench.cells.get(&format!("time-{}", part.name()), &key, || measure(bench, &run))?;
         let paper = published::seconds(part.name());
         let own = if part == PaperPart::Teapot { "" } else { " (ours)" };

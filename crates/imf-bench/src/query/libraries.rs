@@ -10,15 +10,15 @@ use imf_core::planner::{Decision, Pose};
 use imf_core::scene::SceneRecord;
 use serde::Deserialize;
 use serde_json::json;
+use imf_cli::output::write_json;
 
 use super::{Row, turned};
-use crate::arguments::query_bench::QueryBenchArguments;
-use crate::output::write_json;
+use crate::arguments::query::QueryArguments;
 
-const SCRIPT: &str = include_str!("../../../../../../bench/query_rivals.py");
-const INSTALL: &str = "Install: python3 -m pip install -r bench/requirements-query.txt";
+const SCRIPT: &str = include_str!("../../python/query_rivals.py");
+const INSTALL: &str = "Install: python3 -m pip install -r crates/imf-bench/python/requirements-query.txt";
 const BUILD: &str =
-    "Build: cargo build --release --manifest-path bench/parry3d/Cargo.toml, or name it by --parry3d";
+    "Build: cargo build --release --manifest-path crates/imf-bench/parry3d/Cargo.toml, or name it by --parry3d";
 
 #[derive(Deserialize)]
 struct Answer {
@@ -43,7 +43,7 @@ pub(super) fn meshes(record: &SceneRecord) -> Option<[Mesh; 2]> {
 
 /// The libraries' rows, and why others are missing.
 pub(super) fn measure(
-    arguments: &QueryBenchArguments,
+    arguments: &QueryArguments,
     [part, tool]: [&Mesh; 2],
     poses: &[Pose],
     truth: &[Decision],

@@ -1,14 +1,14 @@
-//! Values of a regime changed by path, before it is read: so a change is checked as the file itself is.
+//! Values of a recipe changed by path, before it is read: so a change is checked as the file itself is.
 
-use super::RegimeError;
+use super::RecipeError;
 
 /// Sets the value at `path`, such as `network.width` or `stage.coarse.training.batch`; `stage.*.…` means every stage.
 /// Tables on the way are made where they are missing; a stage is not.
 ///
 /// # Errors
-/// A stage that is not there, or a path through a plain value. Whether the key exists is seen when the regime is read.
-pub fn set(table: &mut toml::Table, path: &str, value: toml::Value) -> Result<(), RegimeError> {
-    let fail = |what: String| RegimeError::Value(format!("cannot set '{path}': {what}"));
+/// A stage that is not there, or a path through a plain value. Whether the key exists is seen when the recipe is read.
+pub(crate) fn set(table: &mut toml::Table, path: &str, value: toml::Value) -> Result<(), RecipeError> {
+    let fail = |what: String| RecipeError::Value(format!("cannot set '{path}': {what}"));
     let keys: Vec<&str> = path.split('.').collect();
     if keys.iter().any(|key| key.is_empty()) {
         return Err(fail("a path is names with dots between, such as network.width".into()));
@@ -50,9 +50,9 @@ fn place(table: &mut toml::Table, keys: &[&str], value: toml::Value) -> Result<(
 ///
 /// # Errors
 /// A text without `=`.
-pub fn assignment(text: &str) -> Result<(String, toml::Value), RegimeError> {
+pub(crate) fn assignment(text: &str) -> Result<(String, toml::Value), RecipeError> {
     let Some((path, value)) = text.split_once('=') else {
-        return Err(RegimeError::Value(format!("'{text}' sets nothing: write KEY=VALUE")));
+        return Err(RecipeError::Value(format!("'{text}' sets nothing: write KEY=VALUE")));
     };
     let (path, value) = (path.trim(), value.trim());
     let parsed = format!("value = {value}").parse::<toml::Table>().ok().and_then(|mut t| t.remove("value"));

@@ -1,9 +1,10 @@
-use super::*;
-use crate::training::schedule::Schedule;
-use crate::training::{AdamConfig, Loss, Precision};
+use imf_core::training::schedule::Schedule;
+use imf_core::training::{AdamConfig, Loss, Precision};
 
-fn regime(name: &str) -> Regime {
-    Regime::parse(preset(name).unwrap().text).unwrap_or_else(|error| panic!("{name}: {error}"))
+use super::*;
+
+fn recipe(name: &str) -> Recipe {
+    Recipe::parse(built_in(name).unwrap().text).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
 /// What the paper trains with in every stage but for length and rate.
@@ -28,25 +29,25 @@ fn sections(stage: &Stage) -> usize {
 }
 
 #[test]
-fn every_preset_has_its_name_and_the_papers_network() {
-    for preset in PRESETS {
-        let regime = regime(preset.name);
-        assert_eq!(regime.name, preset.name);
-        assert_eq!(regime.network.shape(), SirenShape::default());
-        assert_eq!(regime.network.shape().parameter_count(), 1_056_769);
-        assert_eq!((regime.scene.tool.as_str(), regime.scene.scale), ("paper", 1.0));
-        assert_eq!(regime.evaluation, EvaluationSettings::default());
+fn every_built_in_recipe_has_its_name_and_the_papers_network() {
+    for built_in in BUILT_IN {
+        let recipe = recipe(built_in.name);
+        assert_eq!(recipe.name, built_in.name);
+        assert_eq!(recipe.network.shape(), SirenShape::default());
+        assert_eq!(recipe.network.shape().parameter_count(), 1_056_769);
+        assert_eq!((recipe.scene.tool.as_str(), recipe.scene.scale), ("paper", 1.0));
+        assert_eq!(recipe.evaluation, EvaluationSettings::default());
         let counts: Vec<usize> =
-            regime.evaluation.imf.iter().map(|s| OrientationSet::parse(s).unwrap().len()).collect();
+            recipe.evaluation.imf.iter().map(|s| OrientationSet::parse(s).unwrap().len()).collect();
         assert_eq!(counts, [225, 625]);
-        assert!(!runs(&table(preset.text).unwrap()).unwrap().is_empty());
+        assert!(!runs(&table(built_in.text).unwrap()).unwrap().is_empty());
     }
 }
 
 #[test]
 fn single_is_the_papers() {
-    let regime = regime("single");
-    let [stage] = regime.stages.as_slice() else { panic!("one stage") };
+    let recipe = recipe("single");
+    let [stage] = recipe.stages.as_slice() else { panic!("one stage") };
     is_the_papers(stage, 50, 5e-4);
     assert_eq!((sections(stage), stage.resolution, stage.sampling.density), (225, 1.0, 0.35));
     assert_eq!(stage.start, RANDOM_START);
@@ -54,43 +55,43 @@ fn single_is_the_papers() {
 
 #[test]
 fn multi_is_the_papers() {
-    let regime = regime("multi");
-    let [coarse, full] = regime.stages.as_slice() else { panic!("two stages") };
+    let recipe = recipe("multi");
+    let [coarse, full] = recipe.stages.as_slice() else { panic!("two stages") };
     is_the_papers(coarse, 20, 5e-4);
     is_the_papers(full, 25, 5e-4);
     assert_eq!((sections(coarse), coarse.resolution), (900, 0.65));
     assert_eq!((sections(full), full.resolution), (225, 1.0));
     assert_eq!((coarse.start.as_str(), full.start.as_str()), (RANDOM_START, "coarse"));
-    assert_eq!(regime.results().map(|s| s.name.as_str()).collect::<Vec<_>>(), ["full"]);
+    assert_eq!(recipe.results().map(|s| s.name.as_str()).collect::<Vec<_>>(), ["full"]);
 }
 
 #[test]
 fn transfer_is_the_papers_with_its_control() {
-    let regime = regime("transfer");
-    let [raw, adapted, control] = regime.stages.as_slice() else { panic!("three stages") };
+    let recipe = recipe("transfer");
+    let [raw, adapted, control] = recipe.stages.as_slice() else { panic!("three stages") };
     is_the_papers(raw, 30, 5e-4);
     is_the_papers(adapted, 5, 1e-4);
     is_the_papers(control, 5, 5e-4);
     assert_eq!(raw.part.as_deref(), Some("bracket-raw"));
-    assert_eq!((regime.scene.part.as_str(), &adapted.part, &control.part), ("bracket", &None, &None));
+    assert_eq!((recipe.scene.part.as_str(), &adapted.part, &control.part), ("bracket", &None, &None));
     assert_eq!((adapted.start.as_str(), control.start.as_str()), ("raw", RANDOM_START));
-    for stage in &regime.stages {
+    for stage in &recipe.stages {
         assert_eq!((sections(stage), stage.sampling.density), (225, 0.15));
     }
-    assert_eq!(regime.results().map(|s| s.name.as_str()).collect::<Vec<_>>(), ["adapted", "control"]);
+    assert_eq!(recipe.results().map(|s| s.name.as_str()).collect::<Vec<_>>(), ["adapted", "control"]);
 }
 
 #[test]
 fn sweeps_are_single_with_one_thing_changed() {
-    let run = |name: &str| -> Vec<(String, Regime)> {
-        let all = runs(&table(preset(name).unwrap().text).unwrap()).unwrap();
-        all.into_iter().map(|(name, t)| (name.unwrap(), Regime::from_table(t).unwrap())).collect()
+    let run = |name: &str| -> Vec<(String, Recipe)> {
+        let all = runs(&table(built_in(name).unwrap().text).unwrap()).unwrap();
+        all.into_iter().map(|(name, t)| (name.unwrap(), Recipe::from_table(t).unwrap())).collect()
     };
-    let single = regime("single");
+    let single = recipe("single");
     let densities: Vec<f64> = run("sparsity").iter().map(|(_, r)| r.stages[0].sampling.density).collect();
     assert_eq!(densities, [0.10, 0.35, 0.50]);
-    for (name, regime) in run("sparsity").iter().chain(&run("architecture")) {
-        let mut stage = regime.stages[0].clone();
+    for (name, recipe) in run("sparsity").iter().chain(&run("architecture")) {
+        let mut stage = recipe.stages[0].clone();
         stage.sampling.density = 0.35;
         assert_eq!([stage].as_slice(), single.stages, "{name}");
     }
@@ -103,8 +104,8 @@ fn sweeps_are_single_with_one_thing_changed() {
 
 #[test]
 fn online_sees_as_many_samples_as_single() {
-    let regime = regime("online");
-    let [stage] = regime.stages.as_slice() else { panic!("one stage") };
+    let recipe = recipe("online");
+    let [stage] = recipe.stages.as_slice() else { panic!("one stage") };
     let settings = stage.online.unwrap();
     let Length::Epochs(epochs) = stage.training.length else { panic!("epochs") };
     let share = settings.pool as f64 * stage.sampling.density * epochs as f64;
@@ -114,11 +115,11 @@ fn online_sees_as_many_samples_as_single() {
 
 #[test]
 fn values_are_set_by_path_and_checked_like_the_file() {
-    let base = table(preset("multi").unwrap().text).unwrap();
+    let base = table(built_in("multi").unwrap().text).unwrap();
     let with = |path: &str, value: toml::Value| {
         let mut own = base.clone();
         set(&mut own, path, value)?;
-        Regime::from_table(own)
+        Recipe::from_table(own)
     };
     assert_eq!(with("network.width", 128.into()).unwrap().network.width, 128);
     assert_eq!(with("scene.scale", 0.5.into()).unwrap().scene.scale, 0.5);
@@ -146,8 +147,8 @@ fn values_are_set_by_path_and_checked_like_the_file() {
         let error = with(path, value).unwrap_err().to_string();
         assert!(error.contains(word), "{path}: {error}");
     }
-    assert!(preset("singel").unwrap_err().to_string().contains("single, multi"));
-    assert!(Regime::parse("name = 'x'").unwrap_err().to_string().contains("version = 1"));
+    assert!(built_in("singel").unwrap_err().to_string().contains("single, multi"));
+    assert!(Recipe::parse("name = 'x'").unwrap_err().to_string().contains("version = 1"));
 
     for (text, path, value) in [
         ("network.width=128", "network.width", toml::Value::from(128)),
@@ -162,13 +163,13 @@ fn values_are_set_by_path_and_checked_like_the_file() {
 
 #[test]
 fn clearance_and_contact_are_set_by_path_and_written_again() {
-    let mut table: toml::Table = preset("single").unwrap().text.parse().unwrap();
+    let mut table: toml::Table = built_in("single").unwrap().text.parse().unwrap();
     for text in ["scene.clearance.holder=2", "scene.contact=0.5"] {
         let (path, value) = assignment(text).unwrap();
         set(&mut table, &path, value).unwrap();
     }
-    let regime = Regime::parse(&toml::to_string(&table).unwrap()).unwrap();
-    assert_eq!(regime.scene.clearance, Clearance { holder: 2.0, ..Clearance::default() });
-    assert_eq!(regime.scene.contact, Some(0.5));
-    assert_eq!(Regime::parse(&toml::to_string(&regime).unwrap()).unwrap(), regime);
+    let recipe = Recipe::parse(&toml::to_string(&table).unwrap()).unwrap();
+    assert_eq!(recipe.scene.clearance, Clearance { holder: 2.0, ..Clearance::default() });
+    assert_eq!(recipe.scene.contact, Some(0.5));
+    assert_eq!(Recipe::parse(&toml::to_string(&recipe).unwrap()).unwrap(), recipe);
 }

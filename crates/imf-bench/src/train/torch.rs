@@ -5,13 +5,13 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use anyhow::{Context as _, Result, ensure};
 use serde::Deserialize;
+use imf_cli::session::Session;
 
-use super::python::lacks;
-use super::train::Asked;
-use crate::session::Session;
+use crate::python::lacks;
+use crate::train::Asked;
 
-const SCRIPT: &str = include_str!("../../../../../bench/train_torch.py");
-const REQUIREMENTS: &str = "python3 -m pip install torch==2.15.0 (bench/requirements-torch.txt)";
+const SCRIPT: &str = include_str!("../../python/train_torch.py");
+const REQUIREMENTS: &str = "python3 -m pip install torch==2.15.0 (crates/imf-bench/python/requirements-torch.txt)";
 
 /// PyTorch in a process of its own, asked by turns.
 pub(super) struct Torch {

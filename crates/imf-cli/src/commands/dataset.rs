@@ -114,7 +114,7 @@ pub(super) fn sampled(
 }
 
 /// An interrupted dataset says what is kept; other errors stay as they are.
-pub(super) fn interruption(error: DatasetError, folder: &Path) -> anyhow::Error {
+pub fn interruption(error: DatasetError, folder: &Path) -> anyhow::Error {
     match error {
         DatasetError::Section(SectionError::Cancelled) => Interrupted(format!(
             "finished shards are kept in {}; run the same command again to go on",

@@ -22,9 +22,9 @@ const WHOLE: u64 = 1;
 const NEVER: u64 = u64::MAX;
 
 /// A dataset with what is known about it; its samples are not read yet.
-pub(crate) struct Data {
-    pub(crate) shards: Shards,
-    pub(crate) scene: Scene,
+pub struct Data {
+    pub shards: Shards,
+    pub scene: Scene,
 }
 
 /// Where the samples of a training are.
@@ -36,7 +36,7 @@ pub(super) enum Source {
 
 impl Data {
     /// Opens a dataset's folder.
-    pub(crate) fn open(folder: &Path) -> Result<Self> {
+    pub fn open(folder: &Path) -> Result<Self> {
         let shards = Shards::open(folder)?;
         let scene = shards.manifest().scene(folder)?;
         // Samples are of the tip: where other sharp points lie makes no difference.

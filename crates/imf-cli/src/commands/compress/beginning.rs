@@ -34,7 +34,7 @@ pub(in crate::commands) fn is_unfinished(out: &Path) -> bool {
 }
 
 /// Where a teaching begins, in a folder.
-pub(in crate::commands) struct Beginning<'a> {
+pub struct Beginning<'a> {
     /// Where checkpoint and field are written.
     pub(super) out: &'a Path,
     /// What is gone on with; nothing for a teaching afresh.
@@ -43,7 +43,7 @@ pub(in crate::commands) struct Beginning<'a> {
 
 impl<'a> Beginning<'a> {
     /// Refuses to begin where a teaching is unfinished, and to go on where there is none.
-    pub(in crate::commands) fn at(out: &'a Path, resume: bool) -> Result<Self> {
+    pub fn at(out: &'a Path, resume: bool) -> Result<Self> {
         let path = checkpoint_in(out);
         if !resume {
             ensure!(

@@ -23,7 +23,7 @@ use crate::session::Session;
 const BYTES_PER_PARAMETER: u64 = 4 * 8;
 
 /// How large a lesson becomes: known before its teacher is made.
-pub(in crate::commands) struct Extent {
+pub struct Extent {
     kind: Kind,
     fit: FitSettings,
     domain: Domain,
@@ -38,7 +38,7 @@ enum Kind {
 
 impl Extent {
     /// By a harmonic field.
-    pub(in crate::commands) fn of_field(fit: FitSettings, domain: Domain, voxels: usize) -> Self {
+    pub fn of_field(fit: FitSettings, domain: Domain, voxels: usize) -> Self {
         Self { kind: Kind::Harmonic, fit, domain, voxels }
     }
 
@@ -48,7 +48,7 @@ impl Extent {
     }
 
     /// Refuses a lesson that does not fit into memory, the choice of its functions by sections with it.
-    pub(in crate::commands) fn require(&self, session: &Session, settings: &Settings) -> Result<()> {
+    pub fn require(&self, session: &Session, settings: &Settings) -> Result<()> {
         let Self { kind, fit, domain, voxels } = self;
         let (teach, voxels) = (&settings.teach, *voxels);
         let Sizes { functions, axes, .. } = fit.sizes(*domain);
@@ -82,7 +82,7 @@ impl Extent {
 }
 
 /// Where a network's coefficients come from.
-pub(in crate::commands) enum Teacher<'a> {
+pub enum Teacher<'a> {
     /// Those of a harmonic field.
     Harmonic(&'a HarmonicFile),
     /// Those that exact sections tell.
@@ -90,7 +90,7 @@ pub(in crate::commands) enum Teacher<'a> {
 }
 
 /// The sections of a scene, along functions that were chosen.
-pub(in crate::commands) struct Sections<'a> {
+pub struct Sections<'a> {
     pub(in crate::commands) teacher: SectionTeacher<'a>,
     pub(in crate::commands) scene: &'a Scene,
     /// What the functions were chosen by.

@@ -77,7 +77,7 @@ pub(in crate::commands) fn domain(bare: &Tool) -> Domain {
 }
 
 /// The field of a scene, in so many exact sections as the settings ask for; `smaller` says what takes less memory.
-pub(in crate::commands) fn fitted(
+pub fn fitted(
     session: &Session,
     scene: &Scene,
     plan: &SectionPlan,

@@ -28,7 +28,7 @@ fn the_tiny_tables_hold_in_direction() {
 
     // Seeds are fixed: the margins leave room for another order of f32 sums on another machine.
     let [single, multi] = ["single", "multi"]
-        .map(|regime| [MARK_OUT, "64 random"].map(|asked| mse(&report, "3d", &["teapot", regime, asked])));
+        .map(|recipe| [MARK_OUT, "64 random"].map(|asked| mse(&report, "3d", &["teapot", recipe, asked])));
     assert!(multi[0] < 0.75 * single[0], "unseen section: multi {:e}, single {:e}", multi[0], single[0]);
     assert!(multi[1] < 0.75 * single[1], "random sections: multi {:e}, single {:e}", multi[1], single[1]);
     for asked in ["IMF over 225", "64 random"] {

@@ -1,4 +1,4 @@
-//! A regime's folder: what is found before the first training, what a changed regime keeps there, and what it refuses to
+//! A recipe's folder: what is found before the first training, what a changed recipe keeps there, and what it refuses to
 //! overwrite; the counters and logs of its stages.
 
 use serde_json::Value;
@@ -11,13 +11,13 @@ const TINY: &str = "--scale 0.14 --device cpu --set network.width=24 --set netwo
 const FEW: &str = "--set stage.*.orientations=fibonacci:12 --set stage.*.training.length={steps=40}";
 
 fn transfer() -> String {
-    format!("regime run transfer {TINY} {FEW} --out out")
+    format!("recipe run transfer {TINY} {FEW} --out out")
 }
 
 /// A sweep of two small variants, and of what follows them.
 fn sweep(more: &str) -> String {
     format!(
-        "regime run architecture {TINY} {FEW} --out out --set \
+        "recipe run architecture {TINY} {FEW} --out out --set \
          variant=[{{name=\"a\",set={{\"network.width\"=8}}}},{{name=\"b\",set={{\"network.width\"=16}}}}{more}]"
     )
 }
@@ -56,12 +56,12 @@ fn memory_is_asked_for_every_variant_before_the_first_training() {
 }
 
 #[test]
-fn a_changed_regime_keeps_the_stages_that_are_the_same_and_overwrites_none() {
+fn a_changed_recipe_keeps_the_stages_that_are_the_same_and_overwrites_none() {
     let work = Workdir::new();
     let line = transfer();
     work.imf(&line).done();
     let [raw, control] = ["raw", "control"].map(|s| work.bytes(&format!("out/stages/{s}/model.safetensors")));
-    let summary = work.text("out/regime.json");
+    let summary = work.text("out/recipe.json");
 
     // A stage that was trained is named, with those that started from it, and how to go on.
     let adapted = format!("{line} --set stage.adapted.training.length={{steps=60}}");
@@ -74,7 +74,7 @@ fn a_changed_regime_keeps_the_stages_that_are_the_same_and_overwrites_none() {
         "remove out/stages/raw and out/stages/adapted",
     ]);
     work.imf(&format!("{line} --set network.seed=2")).refused(&["stage raw (network)", "stage control"]);
-    assert_eq!(work.text("out/regime.json"), summary, "a refusal changed something");
+    assert_eq!(work.text("out/recipe.json"), summary, "a refusal changed something");
 
     // The same of a folder in which an older program wrote no settings beside the stages.
     for stage in ["raw", "adapted", "control"] {
@@ -87,16 +87,16 @@ fn a_changed_regime_keeps_the_stages_that_are_the_same_and_overwrites_none() {
     assert!(done.stderr.contains("finished stages with the same settings are kept"), "{}", done.stderr);
     assert_eq!(work.bytes("out/stages/raw/model.safetensors"), raw);
     assert_eq!(work.bytes("out/stages/control/model.safetensors"), control);
-    assert_eq!(json(&work, "out/regime.json")["stages"][1]["steps"], 60);
-    assert!(work.text("out/regime.toml").contains("steps = 60"));
-    // What the former regime came to is put aside.
-    assert_eq!(work.text("out/former/1/regime.json"), summary);
-    assert!(!work.text("out/former/1/regime.toml").contains("steps = 60"));
+    assert_eq!(json(&work, "out/recipe.json")["stages"][1]["steps"], 60);
+    assert!(work.text("out/recipe.toml").contains("steps = 60"));
+    // What the former recipe came to is put aside.
+    assert_eq!(work.text("out/former/1/recipe.json"), summary);
+    assert!(!work.text("out/former/1/recipe.toml").contains("steps = 60"));
 
     // A stage that was left out for a while is not forgotten.
     work.write(
-        "out/regime.toml",
-        work.text("out/regime.toml").replace("\"control\"", "\"other\"").as_bytes(),
+        "out/recipe.toml",
+        work.text("out/recipe.toml").replace("\"control\"", "\"other\"").as_bytes(),
     );
     work.imf(&format!("{adapted} --set stage.control.training.seed=5"))
         .refused(&["stage control (training)"]);
@@ -114,7 +114,7 @@ fn weights_of_another_training_are_not_overwritten_whatever_the_settings_say() {
     };
     work.write("box.obj", mesh(24.0).as_bytes());
     let line = format!(
-        "regime run single --part box.obj {TINY} {FEW} --set scene.pitch=6 --set scene.scale=1 --out out"
+        "recipe run single --part box.obj {TINY} {FEW} --set scene.pitch=6 --set scene.scale=1 --out out"
     );
     work.imf(&line).done();
     let model = work.bytes("out/stages/main/model.safetensors");
@@ -126,7 +126,7 @@ fn weights_of_another_training_are_not_overwritten_whatever_the_settings_say() {
 #[test]
 fn a_model_of_a_newer_program_is_not_overwritten() {
     let work = Workdir::new();
-    let line = format!("regime run single {TINY} {FEW} --out out");
+    let line = format!("recipe run single {TINY} {FEW} --out out");
     work.imf(&line).done();
     let file = "out/stages/main/model.safetensors";
     let (version, newer) = (br#"\"version\":2"#, br#"\"version\":9"#);
@@ -144,7 +144,7 @@ fn a_model_of_a_newer_program_is_not_overwritten() {
 fn an_unfinished_stage_is_kept_for_its_own_settings() {
     let work = Workdir::new();
     let line = format!(
-        "regime run single {TINY} --set stage.*.orientations=fibonacci:12 --set \
+        "recipe run single {TINY} --set stage.*.orientations=fibonacci:12 --set \
          stage.*.training.length={{steps=4000}} --checkpoint-every 0.01 --out out"
     );
     let checkpoint = "out/stages/main/checkpoint.safetensors";
@@ -173,16 +173,16 @@ fn a_sweep_grows_by_a_variant_and_stale_summaries_are_no_results() {
     // Other words change nothing but the reports' own.
     let told = work.imf(&format!("{} --set about=\"said-otherwise\"", sweep(third))).done();
     assert_eq!(said(&told.stderr, "finished already\n"), 3, "{}", told.stderr);
-    assert_eq!(json(&work, "out/a/regime.json")["about"], "said-otherwise");
-    assert!(work.text("out/a/regime.md").contains("said-otherwise"));
+    assert_eq!(json(&work, "out/a/recipe.json")["about"], "said-otherwise");
+    assert!(work.text("out/a/recipe.md").contains("said-otherwise"));
     assert!(!work.path("out/a/former").exists());
 
     // Other questions are asked anew of the same networks.
     let asked = work.imf(&format!("{} --set evaluation.random=5", sweep(third))).done();
     assert_eq!(said(&asked.stderr, "finished already\n"), 0, "{}", asked.stderr);
     assert_eq!(said(&asked.stderr, "finished already: 40 steps"), 3, "{}", asked.stderr);
-    assert!(work.text("out/a/regime.json").contains("5 random sections"));
-    assert!(work.text("out/a/former/1/regime.json").contains("4 random sections"));
+    assert!(work.text("out/a/recipe.json").contains("5 random sections"));
+    assert!(work.text("out/a/former/1/recipe.json").contains("4 random sections"));
     assert_eq!(work.bytes("out/a/stages/main/model.safetensors"), model);
 
     // A variant with other settings is refused by name.
@@ -196,7 +196,7 @@ fn a_sweep_grows_by_a_variant_and_stale_summaries_are_no_results() {
 fn the_waits_of_an_online_stage_are_those_of_all_its_runs() {
     let work = Workdir::new();
     let line = format!(
-        "regime run online {TINY} --set stage.main.online.pool=8 --set stage.main.training.length={{steps=1500}} \
+        "recipe run online {TINY} --set stage.main.online.pool=8 --set stage.main.training.length={{steps=1500}} \
          --checkpoint-every 0.01 --out out"
     );
     let checkpoint = "out/stages/main/checkpoint.safetensors";
@@ -211,14 +211,14 @@ fn the_waits_of_an_online_stage_are_those_of_all_its_runs() {
     assert!(count(all, "sections") >= 1507, "{all} after {first}");
     assert!(all["seconds"].as_f64() > first["seconds"].as_f64(), "{all} after {first}");
     assert_eq!((count(all, "begun"), count(all, "counted")), (2, 2), "{all}");
-    let text = work.text("out/regime.md");
+    let text = work.text("out/recipe.md");
     assert!(text.contains("sections were computed beside") && !text.contains("at least"), "{text}");
     let sentence =
         |text: &str| text.lines().find(|l| l.starts_with("Stage main:")).map(str::to_owned).unwrap();
     let once = sentence(&text);
     // Read again, a finished stage says the same.
     work.imf(&line).done();
-    assert_eq!(sentence(&work.text("out/regime.md")), once);
+    assert_eq!(sentence(&work.text("out/recipe.md")), once);
 
     // A run that was killed is in no sum, which is said.
     std::fs::remove_dir_all(work.path("out")).unwrap();
@@ -229,7 +229,7 @@ fn the_waits_of_an_online_stage_are_those_of_all_its_runs() {
     child.kill().unwrap();
     assert!(!child.wait().unwrap().success(), "it was never killed in time");
     work.imf(&line).done();
-    let text = work.text("out/regime.md");
+    let text = work.text("out/recipe.md");
     assert!(text.contains("at least") && text.contains("1 of 2 runs ended without being counted"), "{text}");
 }
 

@@ -1,4 +1,4 @@
-//! Regimes by the real binary: a tiny one of each kind from nothing to its report, killed and continued, and refused.
+//! Recipes by the real binary: a tiny one of each kind from nothing to its report, killed and continued, and refused.
 
 use std::process::Stdio;
 use std::time::{Duration, Instant};
@@ -19,11 +19,11 @@ fn steps(n: u64) -> String {
 }
 
 fn online() -> String {
-    format!("regime run online {TINY} --set stage.main.online.pool=8 {} --checkpoint-every 0.01", steps(1500))
+    format!("recipe run online {TINY} --set stage.main.online.pool=8 {} --checkpoint-every 0.01", steps(1500))
 }
 
 fn multi() -> String {
-    format!("regime run multi {TINY} {FEW} {} --checkpoint-every 0.01", steps(700))
+    format!("recipe run multi {TINY} {FEW} {} --checkpoint-every 0.01", steps(700))
 }
 
 /// The answer of a result to the question whose name ends so.
@@ -59,13 +59,13 @@ fn killed(work: &Workdir, line: &str, checkpoint: &str, times: usize) {
 }
 
 #[test]
-fn presets_are_listed_and_shown_as_they_are() {
+fn recipes_are_listed_and_shown_as_they_are() {
     let work = Workdir::new();
-    let list = work.imf("regime list").done().stdout;
+    let list = work.imf("recipe list").done().stdout;
     for name in ["single", "multi", "transfer", "sparsity", "architecture", "online"] {
         assert!(list.lines().any(|line| line.starts_with(name)), "{name} in\n{list}");
-        let shown = work.imf(&format!("regime show {name}")).done().stdout;
-        let file = format!("{}/../../presets/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+        let shown = work.imf(&format!("recipe show {name}")).done().stdout;
+        let file = format!("{}/recipes/{name}.toml", env!("CARGO_MANIFEST_DIR"));
         assert_eq!(shown, std::fs::read_to_string(file).unwrap());
     }
 }
@@ -73,15 +73,15 @@ fn presets_are_listed_and_shown_as_they_are() {
 #[test]
 fn single_from_a_file_of_ones_own() {
     let work = Workdir::new();
-    let shown = work.imf("regime show single").done().stdout;
+    let shown = work.imf("recipe show single").done().stdout;
     work.write("mine.toml", shown.replace("name = \"single\"", "name = \"mine\"").as_bytes());
-    let line = format!("regime run mine.toml --part bracket {TINY} {FEW} {} --out out", steps(300));
+    let line = format!("recipe run mine.toml --part bracket {TINY} {FEW} {} --out out", steps(300));
     let summary = work.imf(&format!("{line} --json")).done().json();
-    assert_eq!((&summary["regime"], &summary["stages"][0]["part"]), (&"mine".into(), &"bracket".into()));
+    assert_eq!((&summary["recipe"], &summary["stages"][0]["part"]), (&"mine".into(), &"bracket".into()));
     for file in ["loss.png", "stages/main/sections.png", "stages/main/loss.png"] {
         work.picture(&format!("out/{file}"));
     }
-    for file in ["regime.toml", "regime.md", "stages/main/report.md"] {
+    for file in ["recipe.toml", "recipe.md", "stages/main/report.md"] {
         assert!(!work.text(&format!("out/{file}")).is_empty());
     }
     let model = work.model("out/model.safetensors");
@@ -92,7 +92,7 @@ fn single_from_a_file_of_ones_own() {
     let again = work.imf(&line).done();
     assert!(again.stderr.contains("finished already: 300 steps"), "{}", again.stderr);
     work.imf(&format!("{line} --set network.seed=2")).refused(&["stage main (network)", "--out"]);
-    work.imf("regime run out/regime.toml --device cpu --out repeated").done();
+    work.imf("recipe run out/recipe.toml --device cpu --out repeated").done();
     assert!(work.model("repeated/model.safetensors").state == model.state, "not repeated");
 }
 
@@ -104,7 +104,7 @@ fn multi_goes_on_after_sigkill_in_either_stage_to_the_same_bits() {
         ["coarse", "full"].map(|s| work.model(&format!("whole/stages/{s}/model.safetensors")));
     assert_eq!(coarse.scene, full.scene, "both stages' networks speak of the full grid");
     assert!(full.record.fine_tuned_from.as_ref().unwrap().contains("stage coarse"));
-    let summary: Value = serde_json::from_str(&work.text("whole/regime.json")).unwrap();
+    let summary: Value = serde_json::from_str(&work.text("whole/recipe.json")).unwrap();
     let voxels = |i: usize| {
         summary["stages"][i]["dims"].as_array().unwrap().iter().map(|d| d.as_u64().unwrap()).product::<u64>()
     };
@@ -128,7 +128,7 @@ fn online_goes_on_after_sigkill_to_the_same_bits_and_says_who_waited() {
     // 1,500 steps with a fresh section each: the last step's pool ends with section 8 + 1,499.
     assert_eq!(waits["sections"].as_u64(), Some(1507), "{waits}");
     assert!(waits["trainer"].as_f64().unwrap() + waits["producer"].as_f64().unwrap() > 0.0, "{waits}");
-    assert!(work.text("whole/regime.md").contains("The trainer waited"));
+    assert!(work.text("whole/recipe.md").contains("The trainer waited"));
     killed(&work, &format!("{} --out broken", online()), "broken/stages/main/checkpoint.safetensors", 4);
     let [whole, broken] = ["whole", "broken"].map(|f| work.model(&format!("{f}/model.safetensors")));
     assert!(whole.state == broken.state, "the pieces ended elsewhere");
@@ -139,7 +139,7 @@ fn online_goes_on_after_sigkill_to_the_same_bits_and_says_who_waited() {
 fn a_transferred_network_is_better_than_one_from_random_weights() {
     let work = Workdir::new();
     let line = format!(
-        "regime run transfer {TINY} {FEW} {} --set stage.raw.training.length={{steps=2000}} \
+        "recipe run transfer {TINY} {FEW} {} --set stage.raw.training.length={{steps=2000}} \
          --set stage.adapted.training.schedule.initial=5e-4 --out out --json",
         steps(150)
     );
@@ -149,7 +149,7 @@ fn a_transferred_network_is_better_than_one_from_random_weights() {
         // The frame has little of its box: measured 0.56 at random sections.
         assert!(adapted < 0.75 * control, "{question}: {adapted:e} adapted, {control:e} from random weights");
     }
-    let text = work.text("out/regime.md");
+    let text = work.text("out/recipe.md");
     assert!(text.contains("| adapted: ") && text.contains("| control: "), "{text}");
     let parts: Vec<&str> =
         summary["stages"].as_array().unwrap().iter().map(|s| s["part"].as_str().unwrap()).collect();
@@ -160,7 +160,7 @@ fn a_transferred_network_is_better_than_one_from_random_weights() {
 fn a_sweep_runs_its_variants_once_and_tabulates_them() {
     let work = Workdir::new();
     for (name, variants) in [("sparsity", 3), ("architecture", 5)] {
-        let base = format!("regime run {name} {TINY} {FEW} {} --out {name}", steps(40));
+        let base = format!("recipe run {name} {TINY} {FEW} {} --out {name}", steps(40));
         let line = if name == "architecture" {
             // Five networks of the paper's size would take minutes; the variants' own overrides come last.
             format!(
@@ -198,14 +198,14 @@ fn a_sweep_runs_its_variants_once_and_tabulates_them() {
 }
 
 #[test]
-fn wrong_regimes_are_refused_by_name() {
+fn wrong_recipes_are_refused_by_name() {
     let work = Workdir::new();
-    work.imf("regime show nothing").refused(&["no preset 'nothing'", "single, multi, transfer"]);
-    work.imf("regime run nowhere.toml --out out").refused(&["nowhere.toml", "imf regime list"]);
-    work.imf("regime run single --set network.widht=3 --out out").refused(&["widht"]);
-    work.imf("regime run single --set network.width --out out").refused(&["KEY=VALUE"]);
-    work.imf("regime run multi --set stage.fine.training.batch=3 --out out").refused(&["no stage 'fine'"]);
+    work.imf("recipe show nothing").refused(&["no recipe 'nothing'", "single, multi, transfer"]);
+    work.imf("recipe run nowhere.toml --out out").refused(&["nowhere.toml", "imf-bench recipe list"]);
+    work.imf("recipe run single --set network.widht=3 --out out").refused(&["widht"]);
+    work.imf("recipe run single --set network.width --out out").refused(&["KEY=VALUE"]);
+    work.imf("recipe run multi --set stage.fine.training.batch=3 --out out").refused(&["no stage 'fine'"]);
     work.write("old.toml", b"version = 7\nname = 'x'\n");
-    work.imf("regime run old.toml --out out").refused(&["version 7", "newer"]);
+    work.imf("recipe run old.toml --out out").refused(&["version 7", "newer"]);
     assert!(!work.path("out").exists(), "a refusal left a folder behind");
 }
