@@ -1,7 +1,7 @@
 //! What the decisions of a field are worth: overlaps beside signed depths, harmonic and factored, on a reference part with
 //! a clearance of two voxels around the whole tool.
 //!
-//! `cargo run --release -p imf-core --example bench_decisions -- PART SCALE DEGREE overlap|depth [TEACHING_STEPS [POSES]]`
+//! `cargo run --release -p imf-bench --example decisions -- PART SCALE DEGREE overlap|depth [TEACHING_STEPS [POSES]]`
 
 use std::error::Error;
 use std::str::FromStr;

@@ -1,7 +1,7 @@
 //! Measures the CPU engine: training and evaluation in samples per second, and their share of the matrix product's
 //! own peak, measured in between so that a busy machine slows both.
 //!
-//! `cargo run --release -p imf-core --example bench_engine [width [batch]]`; without arguments all of them.
+//! `cargo run --release -p imf-bench --example engine [width [batch]]`; without arguments all of them.
 
 use std::ops::ControlFlow;
 use std::time::Instant;

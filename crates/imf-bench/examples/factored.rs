@@ -1,6 +1,6 @@
 //! The factored field against exact sections: time to make, error at random directions, size, time to evaluate.
 //!
-//! `cargo run --release -p imf-core --example bench_factored -- [name=value]...`, for example
+//! `cargo run --release -p imf-bench --example factored -- [name=value]...`, for example
 //! `part=teapot scale=1 degree=20 axes=128 ratio=2 width=384 hidden=3 omega=30 rate=1e-3 batch=1024 seconds=240 solve=25
 //! muon=1 momentum=0.95 loss=l2 seed=0 evaluate=1`; `soap=1 look=10` in place of `muon=1`, where neither is given Adam; without `rate` it follows from the length. `steps=N` in place of `seconds` gives the same field each time; `seconds`
 //! are of training, found by a first trial of a few steps. Several trainings of one teacher: `then` between their values.

@@ -1,6 +1,6 @@
 //! Harmonic fields against exact sections: error at random directions, time to make and to evaluate, refining, screening.
 //!
-//! `cargo run --release -p imf-core --example bench_harmonic -- [part] [degree] [axes] [sections a function] [scale] [screen]`:
+//! `cargo run --release -p imf-bench --example harmonic -- [part] [degree] [axes] [sections a function] [scale] [screen]`:
 //! with `screen` of 1 the IMF over 10,000 orientations is screened and confirmed, streamed exactly, and compared.
 
 use std::error::Error;

@@ -1,7 +1,7 @@
 //! The cost model against the clock: seconds of a section by run ends and by real FFTs, and what was estimated.
 //!
 //! ```sh
-//! cargo run --release --example bench_methods -- 256
+//! cargo run --release -p imf-bench --example methods -- 256
 //! ```
 //! Sections of the screw gear on n³ voxels up to the side given (192 by default), on one thread, with the paper's tool and
 //! with that tool scaled with the grid; the least time of three directions each.

@@ -1,7 +1,7 @@
 //! Measures exact answers for single poses on one core: uniformly random positions in the part's box, uniformly random
 //! directions, the paper's tool.
 //!
-//! `cargo run --release -p imf-core --example bench_pose [part [poses]]`
+//! `cargo run --release -p imf-bench --example pose [part [poses]]`
 
 use std::time::Instant;
 

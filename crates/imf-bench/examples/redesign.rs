@@ -3,15 +3,13 @@
 //! fine-tuned to the new part's signed depth. Beside it the same network from random weights, in as many steps, and the
 //! old field as it was.
 //!
-//! `cargo run --release -p imf-core --example redesign [redesign.png [STEPS]]`; so many steps of teaching at each change, 200 by default
-
-#[path = "chart/mod.rs"]
-mod chart;
+//! `cargo run --release -p imf-bench --example redesign [FOLDER [STEPS]]`; so many steps of teaching at each change, 200 by default
 
 use std::error::Error;
 use std::path::Path;
 use std::time::Instant;
 
+use imf_cli::picture::{AxisScale, Chart, Series};
 use imf_core::control::Control;
 use imf_core::distance::DistanceField;
 use imf_core::factored::{FactoredField, FactoredState, TeachSettings, teach};
@@ -24,9 +22,6 @@ use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::{DepthPlan, DepthScratch, Quantity, SectionPlan};
 use imf_core::tool::Tool;
 use imf_core::training::run::{Length, TrainingPlan};
-use plotters::prelude::{
-    ChartBuilder, Circle, Color as _, LineSeries, PathElement, RGBColor, SeriesLabelPosition, WHITE,
-};
 
 /// How large the study is.
 struct Study {
@@ -146,84 +141,48 @@ fn root_mean_square(field: &FactoredField, set: &[Orientation], exact: &[f32]) -
     (squares / exact.len() as f64).sqrt()
 }
 
-/// Error and time by step.
-fn draw(path: &Path, steps: &[Step]) -> Result<(), Box<dyn Error>> {
-    const BLUE: RGBColor = RGBColor(31, 119, 180);
-    const RED: RGBColor = RGBColor(190, 50, 50);
-    const GREY: RGBColor = RGBColor(120, 120, 120);
-    type Series<'a> = (&'a str, RGBColor, Box<dyn Fn(&Step) -> Option<f64>>);
-    let charts: [(&str, &str, Vec<Series<'_>>); 2] = [
-        (
-            "error as the part changes",
-            "root mean square of the depth's error, mm",
-            vec![
-                ("fine-tuned from the last step", BLUE, Box::new(|s| Some(s.fine_tuned))),
-                ("from random weights, as many steps", RED, Box::new(|s| Some(s.from_random))),
-                ("last step's field as it was", GREY, Box::new(|s| s.not_adapted)),
-            ],
-        ),
-        (
-            "time of a step",
-            "seconds",
-            vec![
-                ("exact sections and their fit", GREY, Box::new(|s| Some(s.fitting))),
-                ("fine-tuning", BLUE, Box::new(|s| Some(s.tuning))),
-            ],
-        ),
-    ];
-    chart::save(path, (1500, 640), |area| {
-        for (area, (title, unit, series)) in area.split_evenly((1, 2)).iter().zip(&charts) {
-            let all = steps.iter().flat_map(|step| series.iter().filter_map(|(_, _, value)| value(step)));
-            let most = all.fold(0.0, f64::max);
-            let mut chart = ChartBuilder::on(area)
-                .caption(title, ("sans-serif", 22))
-                .margin(14)
-                .x_label_area_size(48)
-                .y_label_area_size(64)
-                .build_cartesian_2d(-0.2..steps.len() as f64 - 0.8, 0.0..1.1 * most)?;
-            let solid = |place: &f64| {
-                let step = place.round();
-                let known = (place - step).abs() < 1e-6 && step >= 0.0;
-                let step = known.then(|| steps.get(step as usize)).flatten();
-                step.map_or(String::new(), |step| format!("{:.0} %", 100.0 * step.solid))
-            };
-            chart
-                .configure_mesh()
-                .light_line_style(WHITE)
-                .bold_line_style(RGBColor(230, 230, 230))
-                .x_labels(steps.len())
-                .x_label_formatter(&solid)
-                .x_desc("material left of the design domain, step by step")
-                .y_desc(*unit)
-                .draw()?;
-            for (name, colour, value) in series {
-                let colour = *colour;
-                let points: Vec<(f64, f64)> = steps
-                    .iter()
-                    .enumerate()
-                    .filter_map(|(place, step)| Some((place as f64, value(step)?)))
-                    .collect();
-                chart
-                    .draw_series(LineSeries::new(points.iter().copied(), colour.stroke_width(3)))?
-                    .label(*name)
-                    .legend(move |(x, y)| {
-                        PathElement::new(vec![(x, y), (x + 22, y)], colour.stroke_width(3))
-                    });
-                chart.draw_series(points.into_iter().map(|at| Circle::new(at, 4, colour.filled())))?;
-            }
-            chart
-                .configure_series_labels()
-                .position(SeriesLabelPosition::UpperRight)
-                .background_style(WHITE.mix(0.85))
-                .border_style(RGBColor(200, 200, 200))
-                .draw()?;
-        }
-        Ok(())
-    })
+/// A curve by step.
+type Curve<'a> = (&'a str, &'a dyn Fn(&Step) -> Option<f64>);
+
+/// Error and time by step, `errors.png` and `seconds.png` in a folder.
+fn draw(folder: &Path, steps: &[Step]) -> Result<(), Box<dyn Error>> {
+    std::fs::create_dir_all(folder)?;
+    let chart = |title: &str, value_name: &str, curves: &[Curve<'_>]| Chart {
+        title: title.into(),
+        x_name: "material taken from the design domain, %".into(),
+        x_scale: AxisScale::Linear,
+        value_name: value_name.into(),
+        value_scale: AxisScale::Linear,
+        series: curves
+            .iter()
+            .map(|(name, value)| Series {
+                name: (*name).into(),
+                points: steps.iter().filter_map(|s| Some((100.0 * (1.0 - s.solid), value(s)?))).collect(),
+                markers: true,
+            })
+            .collect(),
+    };
+    let errors = chart(
+        "Error as the part changes",
+        "root mean square of the depth's error, mm",
+        &[
+            ("fine-tuned from the last step", &|s| Some(s.fine_tuned)),
+            ("from random weights, as many steps", &|s| Some(s.from_random)),
+            ("last step's field as it was", &|s| s.not_adapted),
+        ],
+    );
+    errors.save(&folder.join("errors.png"))?;
+    let seconds = chart(
+        "Time of a step",
+        "seconds",
+        &[("exact sections and their fit", &|s| Some(s.fitting)), ("fine-tuning", &|s| Some(s.tuning))],
+    );
+    seconds.save(&folder.join("seconds.png"))?;
+    Ok(())
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let path = std::env::args().nth(1).unwrap_or_else(|| "redesign.png".into());
+    let folder = std::env::args().nth(1).unwrap_or_else(|| "redesign".into());
     let each = std::env::args().nth(2).map_or(Ok(200), |steps| steps.parse())?;
     let whole = Study { dims: [17, 49, 29], degree: 8, axes: 60, width: 128, first: 1500, each };
     let steps = study(&whole)?;
@@ -235,8 +194,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             100.0 * solid
         );
     }
-    draw(Path::new(&path), &steps)?;
-    println!("wrote {path}");
+    draw(Path::new(&folder), &steps)?;
+    println!("wrote {folder}/errors.png and {folder}/seconds.png");
     Ok(())
 }
 
@@ -252,9 +211,10 @@ fn fine_tuning_keeps_up_with_the_part() {
         assert!(step.fine_tuned < anew, "step {place}: {} against {anew} anew", step.fine_tuned);
     }
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("redesign.png");
-    draw(&path, &steps).unwrap();
-    let picture = image::open(&path).unwrap().into_rgb8();
-    let coloured = picture.pixels().filter(|p| p.0[0].abs_diff(p.0[2]) > 60).count();
-    assert!(coloured > 1000, "{coloured} pixels of the lines");
+    draw(folder.path(), &steps).unwrap();
+    for name in ["errors.png", "seconds.png"] {
+        let picture = image::open(folder.path().join(name)).unwrap().into_rgb8();
+        let coloured = picture.pixels().filter(|p| p.0[0].abs_diff(p.0[2]) > 60).count();
+        assert!(coloured > 1000, "{name}: {coloured} pixels of the lines");
+    }
 }

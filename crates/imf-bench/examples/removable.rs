@@ -1,6 +1,6 @@
 //! Measures the maximal removable volume: a box of stock around a part, the paper's tool, all threads.
 //!
-//! `cargo run --release -p imf-core --example bench_removable [part [orientations]]`
+//! `cargo run --release -p imf-bench --example removable [part [orientations]]`
 
 use std::time::Instant;
 

@@ -1,5 +1,5 @@
 //! Measures training steps and evaluation on an adapter:
-//! `cargo run --release -p imf-gpu --example speed -- [DEVICE [WIDTH [BATCH]]]`, five hidden layers.
+//! `cargo run --release -p imf-bench --example speed -- [DEVICE [WIDTH [BATCH]]]`, five hidden layers.
 
 use std::time::Instant;
 

@@ -10,6 +10,9 @@ use std::time::Instant;
 
 use anyhow::{Result, ensure};
 use glam::DVec3;
+use imf_cli::engine::Device;
+use imf_cli::output::{prepare_folder, print, print_json, write_json, write_text};
+use imf_cli::session::Session;
 use imf_core::grid::Grid;
 use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
@@ -20,9 +23,6 @@ use imf_core::section::{SectionPlan, SectionScratch, stream_sections};
 use imf_core::tool::{RotatedTool, Tool};
 use imf_core::voxelize::voxelize;
 use serde::Serialize;
-use imf_cli::engine::Device;
-use imf_cli::output::{prepare_folder, print, print_json, write_json, write_text};
-use imf_cli::session::Session;
 
 use crate::arguments::ExactArguments;
 use crate::machine::Machine;

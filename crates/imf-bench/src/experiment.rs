@@ -33,8 +33,8 @@ pub(crate) use scenes::Scenes;
 pub(crate) use stage::Workshop;
 pub(crate) use summary::Summary;
 
-use anyhow::{Context as _, Result, bail};
 use crate::recipe::{self, BUILT_IN, Recipe, built_in};
+use anyhow::{Context as _, Result, bail};
 use serde_json::json;
 
 use crate::arguments::recipe::{RecipeArguments, RecipeCommand, RunArguments};

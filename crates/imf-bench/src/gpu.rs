@@ -11,6 +11,10 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::{Result, anyhow, bail, ensure};
+use imf_cli::engine::Device;
+use imf_cli::interrupt::{self, Interrupted};
+use imf_cli::output::{prepare_folder, print, print_json, table, write_json, write_text};
+use imf_cli::session::Session;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
@@ -20,15 +24,11 @@ use imf_core::training::Precision;
 use imf_gpu::{DeviceChoice, Gpu, MatrixKernel, Peak};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use imf_cli::engine::Device;
-use imf_cli::interrupt::{self, Interrupted};
-use imf_cli::output::{prepare_folder, print, print_json, table, write_json, write_text};
-use imf_cli::session::Session;
 
+use crate::arguments::{GpuArguments, GpuPart};
+use crate::exact::{ROUNDS, SECTIONS, device};
 use crate::machine::Machine;
 use crate::train::{self, Asked, Rounds};
-use crate::exact::{ROUNDS, SECTIONS, device};
-use crate::arguments::{GpuArguments, GpuPart};
 
 const JSON: &str = "gpu.json";
 

@@ -9,11 +9,11 @@ mod coarse;
 
 pub(crate) use coarse::CoarseTable;
 
-use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 use imf_core::control::Control;
 use imf_core::orientation::Orientation;
 use imf_core::section::{SectionError, SectionPlan, sections};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 /// Weights below this are left out: an angle on a step of the grid has one weight, whatever the rounding.
 const NO_WEIGHT: f64 = 1e-9;
@@ -161,7 +161,11 @@ impl StoredSections {
     ///
     /// # Errors
     /// A failed section, or cancellation.
-    pub(crate) fn new(plan: &SectionPlan, angles: AngleGrid, control: Control<'_>) -> Result<Self, SectionError> {
+    pub(crate) fn new(
+        plan: &SectionPlan,
+        angles: AngleGrid,
+        control: Control<'_>,
+    ) -> Result<Self, SectionError> {
         let orientations = angles.orientations();
         let sections = sections(plan, &orientations, control)?;
         Ok(Self { angles, orientations, sections })
@@ -203,15 +207,15 @@ impl StoredSections {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
     use imf_core::grid::Grid;
     use imf_core::occupancy::Occupancy;
     use imf_core::orientation::OrientationSet;
     use imf_core::tool::Tool;
-    use glam::DVec3;
 
     const ALL: [Periodic; 3] = [Periodic::Linear, Periodic::CubicSpline, Periodic::Trigonometric];
 
-    fn grid(n: usize) -> Vec<Orientation> {
+    fn pairs(n: usize) -> Vec<Orientation> {
         OrientationSet::parse(&format!("grid:{n}")).unwrap().orientations
     }
 
@@ -274,7 +278,7 @@ mod tests {
     #[test]
     fn pairs_of_the_grid_stand_for_themselves_and_others_for_their_neighbours() {
         let angles = AngleGrid::new(15);
-        let set = grid(15);
+        let set = pairs(15);
         for (index, orientation) in set.iter().enumerate() {
             let weights = angles.weights(orientation);
             let own = weights.iter().find(|(other, _)| *other == index).unwrap();
@@ -306,7 +310,7 @@ mod tests {
         let plan = SectionPlan::new(&Occupancy { grid, solid }, &Tool::paper()).unwrap();
         let angles = AngleGrid::new(6);
         let stored = StoredSections::new(&plan, angles, Control::quiet()).unwrap();
-        assert_eq!(stored.orientations, grid(6));
+        assert_eq!(stored.orientations, pairs(6));
         let asked = Orientation::new(37.0, 81.0);
         let exact = sections(&plan, &stored.orientations, Control::quiet()).unwrap();
         let (mut linear, mut nearest) = (vec![7.0; grid.len()], vec![7.0; grid.len()]);

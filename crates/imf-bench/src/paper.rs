@@ -28,17 +28,17 @@ pub(crate) use baselines::settings as harmonic_settings;
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result};
-use imf_core::model::Model;
-use imf_core::training::run::TrainError;
-use serde::{Deserialize, Serialize};
 use imf_cli::engine::Device;
 use imf_cli::job::Settings;
 use imf_cli::output::{prepare_folder, print, print_json};
 use imf_cli::session::Session;
+use imf_core::model::Model;
+use imf_core::training::run::TrainError;
+use serde::{Deserialize, Serialize};
 
-use crate::machine::Machine;
 use crate::arguments::paper::{PaperArguments, PaperPart, PaperTable};
 use crate::experiment::{GO_ON, Summary, Workshop, run_or_read};
+use crate::machine::Machine;
 use cells::Cells;
 use protocol::Protocol;
 use report::Report;

@@ -8,6 +8,8 @@ use std::time::Instant;
 
 use anyhow::{Result, ensure};
 use glam::{DQuat, Vec3};
+use imf_cli::output::{prepare_folder, print, print_json, write_json, write_text};
+use imf_cli::session::Session;
 use imf_core::field::ExactField;
 use imf_core::orientation::OrientationSet;
 use imf_core::planner::{Decision, Gradient, GuardedField, NeuralField, Pose, PoseField};
@@ -16,11 +18,9 @@ use imf_core::stored::StoredField;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
-use imf_cli::output::{prepare_folder, print, print_json, write_json, write_text};
-use imf_cli::session::Session;
 
-use crate::machine::Machine;
 use crate::arguments::query::QueryArguments;
+use crate::machine::Machine;
 
 /// Every figure is the best of this many rounds, batch by batch.
 const ROUNDS: usize = 3;

@@ -5,16 +5,14 @@
 //! Files carry a `version`; what is not known is refused, so a slip of the pen is no silent default. Some are
 //! built in: the files of the folder `recipes`.
 
-mod overrides;
 mod built_in;
+mod overrides;
 
-pub(crate) use overrides::{assignment, set};
 pub(crate) use built_in::{BUILT_IN, built_in};
+pub(crate) use overrides::{assignment, set};
 
 use std::collections::BTreeMap;
 
-use serde::{Deserialize, Serialize};
-use thiserror::Error;
 use imf_core::dataset::Sampling;
 use imf_core::orientation::OrientationSet;
 use imf_core::siren::SirenShape;
@@ -22,6 +20,8 @@ use imf_core::tool::Clearance;
 use imf_core::training::online::OnlineSettings;
 use imf_core::training::run::{Length, TrainingPlan};
 use imf_core::training::schedule::RateRule;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
 /// Version of the files that this program reads.
 pub(crate) const VERSION: u32 = 1;

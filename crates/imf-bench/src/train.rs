@@ -7,6 +7,10 @@ use std::fmt::Write as _;
 use std::time::Instant;
 
 use anyhow::{Result, bail};
+use imf_cli::engine::Device;
+use imf_cli::interrupt::{self, Interrupted};
+use imf_cli::output::{prepare_folder, print, print_json, table, write_json, write_text};
+use imf_cli::session::Session;
 use imf_core::siren::matrix::{Matrix, multiply};
 use imf_core::siren::{INPUTS, SirenShape};
 use imf_core::training::run::TrainingPlan;
@@ -14,13 +18,9 @@ use imf_core::training::{Precision, TrainingEngine, TrainingState};
 use imf_gpu::Peak;
 use rayon::prelude::*;
 use serde::Serialize;
-use imf_cli::engine::Device;
-use imf_cli::interrupt::{self, Interrupted};
-use imf_cli::output::{prepare_folder, print, print_json, table, write_json, write_text};
-use imf_cli::session::Session;
 
-use crate::machine::Machine;
 use crate::arguments::TrainArguments;
+use crate::machine::Machine;
 use torch::Torch;
 
 /// Which steps are measured.

@@ -249,6 +249,7 @@ impl LengthArguments {
     }
 }
 
+/// Seconds of at least 0.
 pub fn parse_seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(seconds) if seconds >= 0.0 => Ok(seconds),
@@ -282,10 +283,14 @@ impl From<RuleKind> for RateRule {
     }
 }
 
+/// What products of layers are computed in.
 #[derive(Clone, Copy, ValueEnum)]
 pub enum PrecisionKind {
+    /// Single precision
     F32,
+    /// Factors rounded to bfloat16, sums in f32
     Bf16,
+    /// Factors rounded to f16, sums in f32
     F16,
 }
 

@@ -24,7 +24,9 @@ pub(crate) enum Calls {
 
 /// The CPU engine or an opened GPU.
 pub enum Device {
+    /// The engine on this machine's cores.
     Cpu,
+    /// An adapter.
     Gpu(Gpu),
 }
 
@@ -126,12 +128,7 @@ impl Device {
     }
 
     /// Bytes of this machine's memory, or of the GPU's, that an engine takes, about.
-    pub fn training_memory(
-        &self,
-        shape: SirenShape,
-        batch: usize,
-        precision: Precision,
-    ) -> Result<u64> {
+    pub fn training_memory(&self, shape: SirenShape, batch: usize, precision: Precision) -> Result<u64> {
         Ok(match self {
             Self::Cpu => CpuTrainer::memory_bytes(shape, batch, precision),
             Self::Gpu(gpu) => GpuTrainer::memory_bytes(gpu, shape, batch)?,
@@ -168,11 +165,8 @@ impl Device {
         })
     }
 
-    pub fn evaluator(
-        &self,
-        shape: SirenShape,
-        parameters: &[f32],
-    ) -> Result<Box<dyn EvaluationEngine>> {
+    /// An engine that evaluates a network.
+    pub fn evaluator(&self, shape: SirenShape, parameters: &[f32]) -> Result<Box<dyn EvaluationEngine>> {
         Ok(match self {
             Self::Cpu => Box::new(CpuEvaluator::new(shape, parameters)?),
             Self::Gpu(gpu) => Box::new(GpuEvaluator::new(gpu, shape, parameters)?),

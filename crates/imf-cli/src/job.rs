@@ -19,8 +19,8 @@ pub use data::Data;
 pub use memory::Footprint;
 pub(crate) use plan::plan;
 pub use plan::plan_defaults;
-pub(crate) use start::{require_togetherness, resumed_model, to_resume};
 pub use start::{continued, fresh_model};
+pub(crate) use start::{require_togetherness, resumed_model, to_resume};
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};

@@ -25,10 +25,15 @@ use subject::Made;
 
 /// What to evaluate.
 pub struct Questions {
+    /// A section that training saw.
     pub in_sample: Option<Orientation>,
+    /// A section that training did not see.
     pub out_of_sample: Option<Orientation>,
+    /// Orientations whose sections are compared.
     pub random: OrientationSet,
+    /// Orientations of the inaccessibility measure.
     pub imf: OrientationSet,
+    /// Overlap above which a pose counts as blocked.
     pub threshold: f64,
 }
 
@@ -39,6 +44,7 @@ pub struct Row {
     pub name: String,
     /// Sections, or orientations of an IMF.
     pub(crate) orientations: usize,
+    /// Of the field against the exact one.
     #[serde(flatten)]
     pub errors: ErrorReport,
 }
@@ -62,6 +68,7 @@ pub struct Report {
     /// Sections that it was made from.
     training_sections: usize,
     evaluation_engine: String,
+    /// What was compared, line by line.
     pub rows: Vec<Row>,
     /// MSE of the field at random orientations over the exact field's variance there.
     mse_over_variance: f64,
@@ -73,6 +80,7 @@ pub struct Report {
 
 /// A report with the fields that its pictures show.
 pub struct Evaluation {
+    /// In numbers.
     pub report: Report,
     imf: ImfComparison,
     imf_orientations: usize,
@@ -253,12 +261,7 @@ impl Report {
 
 impl Evaluation {
     /// Writes `report.json`, `report.md` and the pictures.
-    pub fn write(
-        &self,
-        folder: &Path,
-        subject: &Subject<'_>,
-        field: &mut dyn WholeField,
-    ) -> Result<()> {
+    pub fn write(&self, folder: &Path, subject: &Subject<'_>, field: &mut dyn WholeField) -> Result<()> {
         self.draw_sections(&folder.join("sections.png"), subject, field).context("sections.png")?;
         self.draw_imf(&folder.join("imf.png"), subject).context("imf.png")?;
         self.error_bars().save(&folder.join("errors.png"))?;

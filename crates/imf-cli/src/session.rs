@@ -14,6 +14,7 @@ pub struct Session {
     rank: Rank,
     threads: usize,
     memory_limit: u64,
+    /// Answers are JSON.
     pub json: bool,
     quiet: bool,
     verbose: bool,
@@ -42,9 +43,8 @@ impl Session {
         })
     }
 
-    /// A silent session on the threads there are.
-    #[cfg(test)]
-    pub(crate) fn for_tests() -> Self {
+    /// A session that says nothing and has no limit, for tests.
+    pub fn silent() -> Self {
         Self {
             threads: 1,
             rank: Rank::alone(),
@@ -55,6 +55,7 @@ impl Session {
         }
     }
 
+    /// Threads to compute with.
     pub fn threads(&self) -> usize {
         self.threads
     }
@@ -109,7 +110,6 @@ impl Session {
     }
 
     /// Progress into `report`, cancellation by Ctrl-C.
-    #[expect(clippy::unused_self, reason = "the session owns interruption")]
     pub fn control<'a>(&self, report: &'a (dyn Fn(u64) + Sync)) -> Control<'a> {
         Control { progress: report, cancelled: interrupt::flag() }
     }

@@ -1,7 +1,7 @@
 //! The bracket of the reference parts by topology optimisation: made once, its surface stored beside the module that reads it.
 //!
 //! ```text
-//! cargo run --release -p imf-core --example simp -- crates/imf-core/src/parts/bracket.obj [coarser]
+//! cargo run --release -p imf-bench --example simp -- crates/imf-core/src/parts/bracket.obj [coarser]
 //! ```
 //!
 //! Compliance under three pulls of the pin falls while 15 % of the design domain are left (`optimiser`, `bracket`). The

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use serde::Serialize;
 use imf_cli::arguments::DeviceArguments;
+use serde::Serialize;
 
 /// The paper's tables and figures, its values, ours and their ratio side by side
 #[derive(Args)]

@@ -28,7 +28,11 @@ pub(crate) struct QueryArguments {
     #[arg(long, default_value = "python3", value_name = "COMMAND")]
     pub(crate) python: String,
     /// Program that asks parry3d: cargo build --release --manifest-path crates/imf-bench/parry3d/Cargo.toml
-    #[arg(long, default_value = "crates/imf-bench/parry3d/target/release/parry3d-rival", value_name = "COMMAND")]
+    #[arg(
+        long,
+        default_value = "crates/imf-bench/parry3d/target/release/parry3d-rival",
+        value_name = "COMMAND"
+    )]
     pub(crate) parry3d: String,
     /// Seed of the poses
     #[arg(long, default_value_t = 0)]

@@ -4,17 +4,17 @@ use std::fmt;
 use std::time::Instant;
 
 use anyhow::Result;
+use imf_cli::picture::{AxisScale, Chart, Series};
+use imf_cli::session::{Session, show_bytes};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
 use imf_core::section::{SectionPlan, imf, stream_sections};
 use imf_core::tool::Tool;
 use serde::Serialize;
-use imf_cli::picture::{AxisScale, Chart, Series};
-use imf_cli::session::{Session, show_bytes};
 
-use crate::machine::{peak_memory, reset_peak_memory};
 use crate::arguments::ExactArguments;
+use crate::machine::{peak_memory, reset_peak_memory};
 
 /// Voxels along each side of the grid.
 const SIDES: [usize; 8] = [32, 64, 96, 128, 192, 256, 320, 384];

@@ -7,11 +7,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
+use imf_cli::session::Session;
+use imf_core::tool::RotatedTool;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex32;
 use rustfft::{Fft, FftPlanner};
-use imf_cli::session::Session;
-use imf_core::tool::RotatedTool;
 
 use super::{Rival, Trial};
 

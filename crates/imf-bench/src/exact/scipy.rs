@@ -4,18 +4,19 @@ use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context, Result};
+use imf_cli::output::write_json;
+use imf_cli::session::Session;
 use imf_core::field_files::write_npy;
 use ndarray::ArrayView3;
 use serde::Deserialize;
-use imf_cli::output::write_json;
-use imf_cli::session::Session;
 
-use crate::python::lacks;
 use super::{Rival, Trial};
 use crate::arguments::ExactArguments;
+use crate::python::lacks;
 
 const SCRIPT: &str = include_str!("../../python/exact_scipy.py");
-const REQUIREMENTS: &str = "python3 -m pip install numpy==2.4.6 scipy==1.17.1 (crates/imf-bench/python/requirements.txt)";
+const REQUIREMENTS: &str =
+    "python3 -m pip install numpy==2.4.6 scipy==1.17.1 (crates/imf-bench/python/requirements.txt)";
 
 #[derive(Deserialize)]
 struct Answer {

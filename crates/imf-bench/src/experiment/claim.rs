@@ -13,15 +13,15 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
+use imf_cli::output::{prepare_folder, write_json, write_text};
+use imf_cli::session::Session;
 use imf_core::dataset::Sampling;
 use imf_core::training::online::OnlineSettings;
 use imf_core::training::run::TrainingPlan;
 use serde::{Deserialize, Serialize};
-use imf_cli::output::{prepare_folder, write_json, write_text};
-use imf_cli::session::Session;
 
-use crate::recipe::{self, NetworkSettings, RANDOM_START, Recipe, SceneSettings, Stage};
 use super::{Run, Summary};
+use crate::recipe::{self, NetworkSettings, RANDOM_START, Recipe, SceneSettings, Stage};
 
 const RECIPE: &str = "recipe.toml";
 const SETTINGS: &str = "settings.json";

@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
+use imf_cli::job::{self, Latest};
+use imf_cli::session::Session;
 use imf_core::dataset::Sampling;
 use imf_core::model::{Model, ModelError};
 use imf_core::scene::SceneRecord;
 use imf_core::siren::SirenShape;
 use imf_core::training::run::TrainingPlan;
-use imf_cli::job::{self, Latest};
-use imf_cli::session::Session;
 
 /// What a training is known by.
 pub(super) struct Training<'a> {

@@ -2,15 +2,15 @@
 //! be overwritten, and that the memory suffices for every stage of every variant.
 
 use anyhow::{Context as _, Result, bail};
+use imf_cli::job::Footprint;
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::Scene;
-use imf_cli::job::Footprint;
 
-use crate::recipe::Stage;
 use super::kept::{Found, Training};
 use super::scenes::Scenes;
 use super::stage::{Workshop, online_memory};
 use super::{Run, claim, results};
+use crate::recipe::Stage;
 
 /// Checks runs that are to come; their scenes are kept for them.
 ///

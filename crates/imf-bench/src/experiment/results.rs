@@ -3,6 +3,9 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
+use imf_cli::interrupt::Interrupted;
+use imf_cli::report::{Questions, Subject, evaluate as compare};
+use imf_cli::session::Session;
 use imf_core::evaluation::{EvaluationError, learnt_imf};
 use imf_core::field::LearntField;
 use imf_core::metrics::ErrorReport;
@@ -10,13 +13,10 @@ use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::scene::SceneRecord;
 use imf_core::section::{SectionError, SectionPlan};
 use serde::{Deserialize, Serialize};
-use imf_cli::interrupt::Interrupted;
-use imf_cli::report::{Questions, Subject, evaluate as compare};
-use imf_cli::session::Session;
 
-use crate::recipe::{EvaluationSettings, Recipe};
 use super::GO_ON;
 use super::stage::{Finished, Workshop};
+use crate::recipe::{EvaluationSettings, Recipe};
 
 /// One comparison with the exact field.
 #[derive(Clone, Debug, Serialize, Deserialize)]

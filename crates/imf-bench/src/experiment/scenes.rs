@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use anyhow::Result;
-use imf_core::scene::Scene;
 use imf_cli::arguments::clearance::{ClearanceArguments, ContactArguments};
 use imf_cli::arguments::scene::{AroundKind, SceneArguments};
 use imf_cli::session::Session;
+use imf_core::scene::Scene;
 
 use crate::recipe::{SceneSettings, Stage};
 

@@ -3,6 +3,12 @@
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result};
+use imf_cli::commands::dataset::interruption;
+use imf_cli::engine::Device;
+use imf_cli::interrupt;
+use imf_cli::job::{self, Data};
+use imf_cli::output::prepare_folder;
+use imf_cli::session::Session;
 use imf_core::dataset::generate;
 use imf_core::model::{Model, TrainingRecord};
 use imf_core::scene::{Scene, SceneRecord};
@@ -11,20 +17,14 @@ use imf_core::training::TrainingState;
 use imf_core::training::divergence::Watch;
 use imf_core::training::online::{OnlineSections, OnlineSettings, train_online};
 use imf_core::training::run::Cursor;
-use imf_cli::commands::dataset::interruption;
-use imf_cli::engine::Device;
-use imf_cli::interrupt;
-use imf_cli::job::{self, Data};
-use imf_cli::output::prepare_folder;
-use imf_cli::session::Session;
 
-use crate::recipe::{RANDOM_START, Recipe, Stage};
 use super::Run;
 use super::claim::StageSettings;
 use super::kept::{Standing, standing};
 use super::ready::directions;
 use super::scenes::Scenes;
 use super::tally::Tally;
+use crate::recipe::{RANDOM_START, Recipe, Stage};
 
 /// Where the work is done.
 pub(crate) struct Workshop<'a> {

@@ -5,14 +5,14 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::Result;
-use serde::{Deserialize, Serialize};
 use imf_cli::output::{table, write_json, write_text};
 use imf_cli::picture::{AxisScale, Chart, Series};
+use serde::{Deserialize, Serialize};
 
-use crate::recipe::{RANDOM_START, Recipe};
 use super::results::Outcome;
 use super::stage::Finished;
 use super::tally::Tally;
+use crate::recipe::{RANDOM_START, Recipe};
 
 /// What a stage came to.
 #[derive(Clone, Debug, Serialize, Deserialize)]

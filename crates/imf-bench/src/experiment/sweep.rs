@@ -4,13 +4,13 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
-use serde::Serialize;
 use imf_cli::output::{print, print_json, table, write_json, write_text};
+use serde::Serialize;
 
-use crate::recipe::Recipe;
 use super::stage::Workshop;
 use super::summary::{Summary, loss_chart};
 use super::{Run, Scenes, claim, go_on_or_read};
+use crate::recipe::Recipe;
 
 /// A variant and what it came to.
 #[derive(Serialize)]

@@ -6,9 +6,9 @@
 use std::path::Path;
 
 use anyhow::Result;
+use imf_cli::output::write_json;
 use imf_core::training::online::Waits;
 use serde::{Deserialize, Serialize};
-use imf_cli::output::write_json;
 
 const FILE: &str = "waits.json";
 

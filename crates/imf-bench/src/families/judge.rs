@@ -1,13 +1,13 @@
 //! How far a field is from the exact one at orientations that it was not made from, and how often it decides wrongly.
 
 use anyhow::{Result, bail};
+use imf_cli::interrupt;
+use imf_cli::session::Session;
 use imf_core::dataset::boundary;
 use imf_core::metrics::{ErrorReport, Errors};
 use imf_core::orientation::Orientation;
 use imf_core::section::{SectionPlan, sections};
 use serde::Serialize;
-use imf_cli::interrupt;
-use imf_cli::session::Session;
 
 use super::rivals::Rival;
 

@@ -4,16 +4,16 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::Result;
-use imf_core::metrics::ErrorReport;
-use serde::Serialize;
 use imf_cli::output::{table, write_json, write_text};
 use imf_cli::picture::{AxisScale, Bar, BarChart};
 use imf_cli::progress::show_seconds;
 use imf_cli::session::show_bytes;
+use imf_core::metrics::ErrorReport;
+use serde::Serialize;
 
-use crate::machine::Machine;
 use super::judge::{ALLOWED, Verdict};
 use crate::arguments::families::FamiliesArguments;
+use crate::machine::Machine;
 
 const HEAD: [&str; 11] = [
     "family",
@@ -73,11 +73,7 @@ pub(super) struct Report {
 }
 
 impl Report {
-    pub(super) fn new(
-        machine: Machine,
-        arguments: &FamiliesArguments,
-        comparisons: Vec<Comparison>,
-    ) -> Self {
+    pub(super) fn new(machine: Machine, arguments: &FamiliesArguments, comparisons: Vec<Comparison>) -> Self {
         Self {
             machine,
             random: arguments.random,

@@ -1,6 +1,7 @@
 //! The families as the comparison sees them: whole sections and their minimum, whatever they are made of.
 
 use anyhow::Result;
+use imf_cli::session::Session;
 use imf_core::control::Control;
 use imf_core::factored::FactoredField;
 use imf_core::field::{LearntField, WholeField as _};
@@ -8,7 +9,6 @@ use imf_core::harmonic::{HarmonicField, Heads};
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, SectionPlan, SectionScratch, imf};
 use rayon::prelude::*;
-use imf_cli::session::Session;
 
 use crate::interpolation::{CoarseTable, StoredSections};
 

@@ -1,6 +1,11 @@
 //! The paper's kind of network for the comparison: the demo's, from a dataset of its own.
 
 use anyhow::Result;
+use imf_cli::commands::dataset::interruption;
+use imf_cli::commands::demo::SHAPE;
+use imf_cli::engine::Device;
+use imf_cli::job::{self, Data, Settings};
+use imf_cli::session::Session;
 use imf_core::dataset::{Sampling, generate};
 use imf_core::model::Model;
 use imf_core::orientation::OrientationSet;
@@ -8,11 +13,6 @@ use imf_core::scene::Scene;
 use imf_core::training::run::{Length, TrainingPlan};
 use imf_core::training::schedule::Schedule;
 use imf_core::training::{AdamConfig, TrainingState};
-use imf_cli::commands::dataset::interruption;
-use imf_cli::commands::demo::SHAPE;
-use imf_cli::engine::Device;
-use imf_cli::job::{self, Data, Settings};
-use imf_cli::session::Session;
 
 use crate::arguments::families::FamiliesArguments;
 use crate::arguments::paper::PaperPart;

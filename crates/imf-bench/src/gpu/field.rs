@@ -5,6 +5,13 @@ use std::time::Instant;
 
 use anyhow::{Result, ensure};
 use glam::DVec3;
+use imf_cli::arguments::harmonic::DEFAULT_SECTIONS;
+use imf_cli::commands::compress::{self, Beginning, Extent, Lesson, Settings, Teacher};
+use imf_cli::commands::field::harmonic;
+use imf_cli::engine::Device;
+use imf_cli::interrupt;
+use imf_cli::output::table;
+use imf_cli::session::Session;
 use imf_core::control::Control;
 use imf_core::factored::file::FactoredFile;
 use imf_core::factored::{FactoredField, TeachSettings};
@@ -23,17 +30,10 @@ use imf_gpu::{Gpu, GpuFactored, GpuField, GpuWhole};
 use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::json;
-use imf_cli::arguments::harmonic::DEFAULT_SECTIONS;
-use imf_cli::commands::compress::{self, Beginning, Extent, Lesson, Settings, Teacher};
-use imf_cli::commands::field::harmonic;
-use imf_cli::engine::Device;
-use imf_cli::interrupt;
-use imf_cli::output::table;
-use imf_cli::session::Session;
 
 use super::Part;
-use crate::query::random_poses;
 use crate::machine::timed;
+use crate::query::random_poses;
 
 /// How much is measured.
 pub(super) struct Sizes {

@@ -1,11 +1,11 @@
 //! A plain table of the field: exact values at every so many-th voxel and at an angle grid, and straight lines between
 //! them in place and angle. What a given amount of memory is worth without any idea.
 
-use rayon::prelude::*;
 use imf_core::control::Control;
 use imf_core::grid::Grid;
 use imf_core::orientation::Orientation;
 use imf_core::section::{SectionError, SectionPlan, stream_sections};
+use rayon::prelude::*;
 
 use super::AngleGrid;
 
@@ -141,9 +141,9 @@ impl CoarseTable {
 mod tests {
     use super::*;
     use crate::interpolation::StoredSections;
+    use glam::DVec3;
     use imf_core::occupancy::Occupancy;
     use imf_core::tool::Tool;
-    use glam::DVec3;
 
     fn plan() -> SectionPlan {
         let grid = Grid { origin: DVec3::ZERO, pitch: 8.0, dims: [9, 10, 11] };

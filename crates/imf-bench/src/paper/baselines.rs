@@ -4,6 +4,7 @@
 use std::time::Instant;
 
 use anyhow::{Context as _, Result};
+use imf_cli::session::Session;
 use imf_core::factored::{FactoredField, Symmetry, TeachSettings, teach};
 use imf_core::harmonic::basis::{Basis, Domain};
 use imf_core::harmonic::coefficients::Precision;
@@ -14,10 +15,9 @@ use imf_core::scene::Scene;
 use imf_core::section::{SectionError, SectionPlan};
 use imf_core::training::run::Outcome;
 use serde::{Deserialize, Serialize};
-use imf_cli::session::Session;
 
-use crate::interpolation::{AngleGrid, StoredSections};
 use super::questions::Questions;
+use crate::interpolation::{AngleGrid, StoredSections};
 
 /// Sections for each function at least: with fewer the fit has no firm minimum.
 const LEAST_SECTIONS: f64 = 1.3;

@@ -6,13 +6,13 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
+use imf_cli::output::{prepare_folder, write_json};
+use imf_cli::session::Session;
 use imf_core::mesh::Mesh;
 use imf_core::parts::ReferencePart;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use imf_cli::output::{prepare_folder, write_json};
-use imf_cli::session::Session;
 
 use crate::experiment::interruption;
 
@@ -95,7 +95,7 @@ mod tests {
     #[test]
     fn cells_of_the_bracket_know_its_shape() {
         let folder = tempfile::tempdir().unwrap();
-        let session = Session::for_tests();
+        let session = Session::silent();
         let cells = Cells::new(&session, folder.path(), "cpu").unwrap();
         let of_part = |part: &str| cells.key(&json!({ "scene": { "part": part } })).unwrap().0;
         assert!(of_part("bracket")["bracket"].is_u64());
@@ -109,7 +109,7 @@ mod tests {
     #[test]
     fn a_cell_is_made_once_for_each_key() {
         let folder = tempfile::tempdir().unwrap();
-        let session = Session::for_tests();
+        let session = Session::silent();
         let cells = Cells::new(&session, folder.path(), "cpu").unwrap();
         let get = |key: u32, value: f64| cells.get("one", &key, || Ok(value)).unwrap();
         assert_eq!((get(1, 0.1), get(1, 7.0), get(2, 3.0), get(2, 4.0)), (0.1, 0.1, 3.0, 3.0));

@@ -4,20 +4,20 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
+use imf_cli::output::{prepare_folder, short};
+use imf_cli::picture::{Panel, PanelRow, PanelSheet, Scale};
+use imf_cli::slices;
 use imf_core::control::Control;
 use imf_core::field::LearntField;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
 use imf_core::section::{SectionPlan, imf, sections};
 use ndarray::{Array2, ArrayView3, Axis};
-use imf_cli::output::{prepare_folder, short};
-use imf_cli::picture::{Panel, PanelRow, PanelSheet, Scale};
-use imf_cli::slices;
 
-use crate::planar::silhouette;
 use super::questions::Questions;
 use super::{Bench, Run};
 use crate::arguments::paper::PaperPart;
+use crate::planar::silhouette;
 
 /// A picture in the report's folder and its caption.
 pub(super) type Figure = (String, String);

@@ -8,6 +8,10 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use anyhow::{Context as _, Result};
+use imf_cli::interrupt;
+use imf_cli::picture::{PanelRow, PanelSheet, Scale};
+use imf_cli::progress::show_seconds;
+use imf_cli::slices;
 use imf_core::dataset::Sampling;
 use imf_core::field::LearntField;
 use imf_core::metrics::{ErrorReport, Errors};
@@ -18,16 +22,12 @@ use imf_core::tool::Tool;
 use imf_core::training::TrainingState;
 use imf_core::training::run::{Cursor, train};
 use serde::{Deserialize, Serialize};
-use imf_cli::interrupt;
-use imf_cli::picture::{PanelRow, PanelSheet, Scale};
-use imf_cli::progress::show_seconds;
-use imf_cli::slices;
 
+use super::table::{Row, Table};
+use super::{Bench, published};
 use crate::interpolation::Periodic;
 use crate::planar::{PlanarPlan, layer};
 use crate::recipe::{Recipe, Stage};
-use super::table::{Row, Table};
-use super::{Bench, published};
 
 /// Degrees between the sections that are given; 0° and 360° are both given, as in the paper's 37.
 const GIVEN_EVERY: usize = 10;

@@ -5,8 +5,8 @@ use imf_core::factored::TeachSettings;
 use imf_core::training::run::Length;
 use serde::Serialize;
 
-use crate::recipe::{self, Recipe, built_in};
 use crate::arguments::paper::PaperScale;
+use crate::recipe::{self, Recipe, built_in};
 
 /// What is changed in a recipe, as `imf-bench recipe run --set` takes it, and why in words.
 struct Changes {

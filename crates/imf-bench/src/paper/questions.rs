@@ -1,15 +1,15 @@
 //! What every field is asked, so that networks and baselines stand in the same rows.
 
 use anyhow::{Context as _, Result, bail};
+use imf_cli::output::short;
 use imf_core::control::Control;
 use imf_core::evaluation::{field_imf, field_sections};
 use imf_core::metrics::ErrorReport;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::{Imf, SectionPlan, imf};
-use imf_cli::output::short;
 
-use crate::recipe::EvaluationSettings;
 use crate::experiment::Outcome;
+use crate::recipe::EvaluationSettings;
 
 /// How the name of the last question ends.
 pub(super) const RANDOM: &str = "random sections";

@@ -6,12 +6,12 @@ use std::path::Path;
 use anyhow::{Context as _, Result};
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use serde::Serialize;
 use imf_cli::output::{write_json, write_text};
+use serde::Serialize;
 
-use crate::machine::Machine;
 use super::table::Table;
 use crate::arguments::paper::PaperScale;
+use crate::machine::Machine;
 
 const SOURCE: &str = "The paper: Harabin, Mirzendehdel, Behandish, Deep Neural Implicit Representation of Accessibility for \
                       Multi-Axis Manufacturing, arXiv 2409.02115; its times were measured on a Xeon W-2275 with a Quadro \

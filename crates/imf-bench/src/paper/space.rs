@@ -3,13 +3,13 @@
 use anyhow::{Context as _, Result, bail};
 use imf_core::scene::Scene;
 
-use crate::recipe::{Recipe, SceneSettings};
 use super::baselines::{self, Method};
 use super::questions::{Questions, RANDOM};
 use super::table::{Compared, Kind, Row, Table};
 use super::{Bench, Run, figures, published};
 use crate::arguments::paper::PaperPart;
 use crate::experiment::Scenes;
+use crate::recipe::{Recipe, SceneSettings};
 
 /// The recipes of the table.
 pub(super) const RECIPES: [&str; 2] = ["single", "multi"];

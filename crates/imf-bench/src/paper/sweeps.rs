@@ -3,11 +3,11 @@
 use anyhow::{Context as _, Result};
 use imf_cli::progress::show_seconds;
 
-use crate::recipe::Recipe;
 use super::questions::Questions;
 use super::table::{Row, Table};
 use super::{Bench, published};
 use crate::arguments::paper::PaperPart;
+use crate::recipe::Recipe;
 
 /// From bracket-raw to bracket, and as many epochs from random weights.
 pub(super) fn transfer(bench: &Bench<'_>) -> Result<Table> {

@@ -1,9 +1,9 @@
 //! The report's tables as data: what was measured beside what the paper has, and how both stand to each other.
 
-use imf_core::metrics::ErrorReport;
-use serde::{Deserialize, Serialize};
 use imf_cli::progress::show_seconds;
 use imf_cli::session::show_bytes;
+use imf_core::metrics::ErrorReport;
+use serde::{Deserialize, Serialize};
 
 use super::published::Published;
 

@@ -4,12 +4,12 @@
 use std::time::Instant;
 
 use anyhow::Result;
+use imf_cli::engine::Device;
 use imf_core::field::LearntField;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::{SectionPlan, stream_sections};
 use imf_gpu::GpuSections;
 use serde::{Deserialize, Serialize};
-use imf_cli::engine::Device;
 
 use super::table::{Compared, Kind, Row, Table};
 use super::{Bench, Run, published};

@@ -4,21 +4,20 @@ use std::process::Command;
 use std::str::FromStr;
 
 use anyhow::{Context, Result, ensure};
+use imf_cli::output::write_json;
 use imf_core::mesh::Mesh;
 use imf_core::parts::ReferencePart;
 use imf_core::planner::{Decision, Pose};
 use imf_core::scene::SceneRecord;
 use serde::Deserialize;
 use serde_json::json;
-use imf_cli::output::write_json;
 
 use super::{Row, turned};
 use crate::arguments::query::QueryArguments;
 
 const SCRIPT: &str = include_str!("../../python/query_rivals.py");
 const INSTALL: &str = "Install: python3 -m pip install -r crates/imf-bench/python/requirements-query.txt";
-const BUILD: &str =
-    "Build: cargo build --release --manifest-path crates/imf-bench/parry3d/Cargo.toml, or name it by --parry3d";
+const BUILD: &str = "Build: cargo build --release --manifest-path crates/imf-bench/parry3d/Cargo.toml, or name it by --parry3d";
 
 #[derive(Deserialize)]
 struct Answer {

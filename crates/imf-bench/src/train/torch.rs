@@ -4,14 +4,15 @@ use std::io::{BufRead as _, BufReader, Write as _};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use anyhow::{Context as _, Result, ensure};
-use serde::Deserialize;
 use imf_cli::session::Session;
+use serde::Deserialize;
 
 use crate::python::lacks;
 use crate::train::Asked;
 
 const SCRIPT: &str = include_str!("../../python/train_torch.py");
-const REQUIREMENTS: &str = "python3 -m pip install torch==2.15.0 (crates/imf-bench/python/requirements-torch.txt)";
+const REQUIREMENTS: &str =
+    "python3 -m pip install torch==2.15.0 (crates/imf-bench/python/requirements-torch.txt)";
 
 /// PyTorch in a process of its own, asked by turns.
 pub(super) struct Torch {

@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use crate::binary::Workdir;
 
-const TINY: &str = "bench families --part screw-gear --scale 0.14 --angles 8 --random 12 --siren-steps 400 \
+const TINY: &str = "families --part screw-gear --scale 0.14 --angles 8 --random 12 --siren-steps 400 \
                     --factored-steps 400 --device cpu --out out";
 
 #[test]

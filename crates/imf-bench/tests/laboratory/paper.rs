@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use crate::binary::Workdir;
 
-const TINY: &str = "bench paper --scale tiny --device cpu --out out";
+const TINY: &str = "paper --scale tiny --device cpu --out out";
 
 fn table<'a>(report: &'a Value, id: &str) -> &'a Value {
     report["tables"].as_array().unwrap().iter().find(|table| table["id"] == id).unwrap()

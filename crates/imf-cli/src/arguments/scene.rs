@@ -61,10 +61,12 @@ pub struct SceneArguments {
     /// What the grid is chosen around
     #[arg(help_heading = HEADING, long, value_enum, default_value = "part")]
     pub around: AroundKind,
+    /// Room that the tool must keep.
     #[command(flatten)]
     pub clearance: ClearanceArguments,
 }
 
+/// What the grid is chosen around.
 #[derive(Clone, Copy, ValueEnum)]
 pub enum AroundKind {
     /// The part (and the margin)

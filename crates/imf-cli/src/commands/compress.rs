@@ -20,8 +20,8 @@ use imf_gpu::shader::Factors;
 use imf_gpu::{Gpu, GpuTrainer, TrainerSettings};
 use serde_json::json;
 
-use beginning::checkpoint_in;
 pub use beginning::Beginning;
+use beginning::checkpoint_in;
 pub(super) use beginning::is_unfinished;
 pub use teacher::{Extent, Sections, Teacher};
 
@@ -124,6 +124,7 @@ pub fn symmetry_of(session: &Session, teacher: &HarmonicFile) -> Symmetry {
 /// How a network is taught and kept.
 #[derive(Clone, Copy)]
 pub struct Settings {
+    /// Shape, length and rates.
     pub teach: TeachSettings,
     /// How the finished weights are kept.
     pub precision: Precision,
@@ -137,7 +138,9 @@ pub struct Settings {
 
 /// A network that is taught, in a folder.
 pub struct Lesson<'a> {
+    /// What teaches.
     pub teacher: Teacher<'a>,
+    /// How.
     pub settings: Settings,
     /// From where, and where checkpoint and field are written.
     pub beginning: &'a Beginning<'a>,

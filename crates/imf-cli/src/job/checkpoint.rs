@@ -20,6 +20,7 @@ pub(super) const PREVIOUS: &str = "checkpoint.previous.safetensors";
 
 /// What an output folder holds to go on from.
 pub struct Latest {
+    /// The network at its last step.
     pub model: Model,
     pub(crate) path: PathBuf,
     /// What is wrong with a later checkpoint, and what that costs.

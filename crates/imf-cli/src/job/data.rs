@@ -23,7 +23,9 @@ const NEVER: u64 = u64::MAX;
 
 /// A dataset with what is known about it; its samples are not read yet.
 pub struct Data {
+    /// Where its samples are.
     pub shards: Shards,
+    /// What it was sampled from.
     pub scene: Scene,
 }
 

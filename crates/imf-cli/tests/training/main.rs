@@ -15,3 +15,6 @@ mod pipeline;
 mod precision;
 mod shares;
 mod streaming;
+
+/// The binary that is run.
+const PROGRAM: &str = env!("CARGO_BIN_EXE_imf");
