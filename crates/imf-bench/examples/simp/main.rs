@@ -62,7 +62,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mesh = surface::surface(problem.lattice, &design.density)?;
     println!("{}", MeshReport::new(&mesh).display(LengthUnit::Mm));
     let comment = format!(
-        "The bracket: topology optimisation by imf-core's example simp, millimetres.\n{:.2} of the design domain, compliance \
+        "The bracket: topology optimisation by imf-bench's example simp, millimetres.\n{:.2} of the design domain, compliance \
          {:.2} times the solid domain's.",
         bracket::VOLUME,
         design.compliance / design.solid_compliance

@@ -75,7 +75,7 @@ impl<'a> PanelSheet<'a> {
     /// Draws the sheet and writes it as a PNG file.
     ///
     /// # Errors
-    /// As [`Self::draw`]; a file that cannot be written. The error names the file.
+    /// A picture that cannot be drawn, or a file that cannot be written; the error names the file.
     pub fn save(&self, path: &Path) -> Result<Tally> {
         self.draw().with_context(|| format!("cannot draw {}", path.display()))?.save(path)
     }

@@ -32,7 +32,7 @@ pub enum Length {
 
 /// Everything that decides a training run beside the network, its starting state and the samples.
 ///
-/// The default is the paper's preset `single`: L1, Adam at 5e-4 · 0.93^epoch with weight decay 1e-6, batches of 1024,
+/// The default is the paper's recipe `single`: L1, Adam at 5e-4 · 0.93^epoch with weight decay 1e-6, batches of 1024,
 /// 50 epochs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
