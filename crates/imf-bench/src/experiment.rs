@@ -33,16 +33,16 @@ pub(crate) use scenes::Scenes;
 pub(crate) use stage::Workshop;
 pub(crate) use summary::Summary;
 
-use crate::recipe::{self, BUILT_IN, Recipe, built_in};
 use anyhow::{Context as _, Result, bail};
-use serde_json::json;
-
-use crate::arguments::recipe::{RecipeArguments, RecipeCommand, RunArguments};
 use imf_cli::engine::Device;
 use imf_cli::job::Settings;
 use imf_cli::output::{OutputFolder, print, print_json};
 use imf_cli::progress::show_seconds;
 use imf_cli::session::Session;
+use serde_json::json;
+
+use crate::arguments::recipe::{RecipeArguments, RecipeCommand, RunArguments};
+use crate::recipe::{self, BUILT_IN, Recipe, built_in};
 
 /// What to do after an interruption.
 pub(crate) const GO_ON: &str = "run the same command again";
