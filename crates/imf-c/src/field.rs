@@ -3,12 +3,12 @@
 use std::ffi::c_char;
 use std::path::Path;
 
-use imf_fields::calibration::Calibration;
 use imf_core::field::ExactField;
-use imf_fields::learnt::{GuardedField, LoadError, NeuralField};
 use imf_core::planner::PoseField;
 use imf_core::scene::Scene;
 use imf_core::section::Quantity;
+use imf_fields::calibration::Calibration;
+use imf_fields::learnt::{GuardedField, LoadError, NeuralField};
 use imf_fields::stored::StoredField;
 
 use crate::boundary::{ImfStatus, Places, Refusal, call, path, read_one};

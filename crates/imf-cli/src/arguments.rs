@@ -2,24 +2,19 @@
 //! asked has a file each.
 
 pub(crate) mod access;
-pub(crate) mod bench;
 pub(crate) mod calibrate;
 pub(crate) mod check;
-pub(crate) mod clearance;
+pub mod clearance;
 pub(crate) mod compress;
 pub(crate) mod dataset;
 pub(crate) mod eval;
 pub(crate) mod export;
-pub(crate) mod families;
 pub(crate) mod field;
 pub(crate) mod fixture;
-pub(crate) mod harmonic;
-pub(crate) mod numbers;
-pub(crate) mod paper;
+pub mod harmonic;
+pub mod numbers;
 pub(crate) mod query;
-pub(crate) mod query_bench;
-pub(crate) mod regime;
-pub(crate) mod scene;
+pub mod scene;
 pub(crate) mod sections;
 pub(crate) mod train;
 pub(crate) mod transform;
@@ -45,11 +40,22 @@ use scene::SceneArguments;
                   finished work kept.\n\nStart with: imf demo",
     mut_subcommands(numbers::with_negative_numbers)
 )]
-pub(crate) struct Cli {
+pub struct Cli {
     #[command(flatten)]
     pub(crate) global: GlobalArguments,
     #[command(subcommand)]
     pub(crate) command: Command,
+}
+
+impl Cli {
+    /// True where it takes part in a training of several processes.
+    pub fn joins_ranks(&self) -> bool {
+        match &self.command {
+            Command::Train(arguments) => arguments.plan.mpi,
+            Command::Finetune(arguments) => arguments.plan.mpi,
+            _ => false,
+        }
+    }
 }
 
 /// Heading of the options that every command has.
@@ -57,7 +63,7 @@ const EVERYWHERE: &str = "Options of every command";
 
 /// Options of every command.
 #[derive(Args)]
-pub(crate) struct GlobalArguments {
+pub struct GlobalArguments {
     /// Threads to compute with; all cores by default
     #[arg(long, global = true, help_heading = EVERYWHERE, value_name = "N", allow_negative_numbers = true)]
     pub(crate) threads: Option<usize>,
@@ -73,17 +79,6 @@ pub(crate) struct GlobalArguments {
     /// Also say how it is computed: transform sizes, devices, limits
     #[arg(short, long, global = true, help_heading = EVERYWHERE)]
     pub(crate) verbose: bool,
-}
-
-impl Command {
-    /// True where it takes part in a training of several processes.
-    pub(crate) fn joins_ranks(&self) -> bool {
-        match self {
-            Self::Train(arguments) => arguments.plan.mpi,
-            Self::Finetune(arguments) => arguments.plan.mpi,
-            _ => false,
-        }
-    }
 }
 
 #[derive(Subcommand)]
@@ -106,13 +101,11 @@ pub(crate) enum Command {
     Finetune(FinetuneArguments),
     Compress(compress::CompressArguments),
     Calibrate(calibrate::CalibrateArguments),
-    Regime(regime::RegimeArguments),
     Sections(sections::SectionsArguments),
     Eval(eval::EvalArguments),
     Query(query::QueryArguments),
     Export(export::ExportArguments),
     Check(check::CheckArguments),
-    Bench(bench::BenchArguments),
     Info(InfoArguments),
     /// List the devices that can train and evaluate
     #[command(after_help = "Example:\n  imf devices")]
@@ -121,11 +114,11 @@ pub(crate) enum Command {
 
 /// Where networks are trained and evaluated.
 #[derive(Args, Clone)]
-pub(crate) struct DeviceArguments {
+pub struct DeviceArguments {
     /// auto (a discrete or integrated GPU, else the CPU), cpu, gpu, software (software Vulkan), or a number or part of
     /// a name from `imf devices`
     #[arg(long, default_value = "auto", value_name = "DEVICE")]
-    pub(crate) device: String,
+    pub device: String,
 }
 
 /// Where a field from a file is evaluated.
@@ -256,7 +249,8 @@ impl LengthArguments {
     }
 }
 
-fn parse_seconds(text: &str) -> Result<f64, String> {
+/// Seconds of at least 0.
+pub fn parse_seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(seconds) if seconds >= 0.0 => Ok(seconds),
         _ => Err(format!("'{text}' is no number of seconds")),
@@ -289,10 +283,14 @@ impl From<RuleKind> for RateRule {
     }
 }
 
+/// What products of layers are computed in.
 #[derive(Clone, Copy, ValueEnum)]
-pub(crate) enum PrecisionKind {
+pub enum PrecisionKind {
+    /// Single precision
     F32,
+    /// Factors rounded to bfloat16, sums in f32
     Bf16,
+    /// Factors rounded to f16, sums in f32
     F16,
 }
 

@@ -1,20 +1,20 @@
 //! Choosing where networks run.
 
 use anyhow::{Context, Result, ensure};
-use imf_fields::factored::FactoredAnswers;
-use imf_fields::learnt::LearntField;
 use imf_core::field::WholeField;
+use imf_fields::factored::FactoredAnswers;
 use imf_fields::harmonic::HarmonicAnswers;
 use imf_fields::harmonic::coefficients::Precision as CoefficientPrecision;
+use imf_fields::learnt::LearntField;
+use imf_fields::recipe::TrainingPlan;
+use imf_fields::recipe::{Precision, TrainingState};
+use imf_fields::siren::EvaluationEngine;
 use imf_fields::siren::SirenShape;
 use imf_fields::siren::evaluator::CpuEvaluator;
-use imf_train::engine::CpuTrainer;
 use imf_fields::stored::StoredField;
-use imf_fields::recipe::TrainingPlan;
-use imf_fields::siren::EvaluationEngine;
-use imf_fields::recipe::{Precision, TrainingState};
-use imf_train::training::TrainingEngine;
 use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuTrainer, GpuWhole};
+use imf_train::engine::CpuTrainer;
+use imf_train::training::TrainingEngine;
 
 use crate::ranks::Rank;
 use crate::session::Session;
@@ -27,14 +27,16 @@ pub(crate) enum Calls {
 }
 
 /// The CPU engine or an opened GPU.
-pub(crate) enum Device {
+pub enum Device {
+    /// The engine on this machine's cores.
     Cpu,
+    /// An adapter.
     Gpu(Gpu),
 }
 
 impl Device {
     /// Opens what `--device` names. `auto` takes a discrete or integrated GPU, else the CPU engine.
-    pub(crate) fn open(name: &str, session: &Session) -> Result<Self> {
+    pub fn open(name: &str, session: &Session) -> Result<Self> {
         let alone = session.rank().of() == 1;
         if name.eq_ignore_ascii_case("cpu") || (!alone && name.eq_ignore_ascii_case("auto")) {
             return Ok(Self::Cpu);
@@ -130,12 +132,7 @@ impl Device {
     }
 
     /// Bytes of this machine's memory, or of the GPU's, that an engine takes, about.
-    pub(crate) fn training_memory(
-        &self,
-        shape: SirenShape,
-        batch: usize,
-        precision: Precision,
-    ) -> Result<u64> {
+    pub fn training_memory(&self, shape: SirenShape, batch: usize, precision: Precision) -> Result<u64> {
         Ok(match self {
             Self::Cpu => CpuTrainer::memory_bytes(shape, batch, precision),
             Self::Gpu(gpu) => GpuTrainer::memory_bytes(gpu, shape, batch)?,
@@ -143,7 +140,7 @@ impl Device {
     }
 
     /// Refuses a precision that this device does not have, before anything is spent.
-    pub(crate) fn require_precision(&self, precision: Precision) -> Result<()> {
+    pub fn require_precision(&self, precision: Precision) -> Result<()> {
         match self {
             Self::Cpu => Ok(CpuTrainer::check_precision(precision)?),
             Self::Gpu(gpu) => Ok(GpuTrainer::check_precision(gpu, precision)?),
@@ -151,7 +148,7 @@ impl Device {
     }
 
     /// An engine for batches of up to `batch` samples, of which `rank` has its share.
-    pub(crate) fn trainer(
+    pub fn trainer(
         &self,
         rank: Rank,
         shape: SirenShape,
@@ -172,11 +169,8 @@ impl Device {
         })
     }
 
-    pub(crate) fn evaluator(
-        &self,
-        shape: SirenShape,
-        parameters: &[f32],
-    ) -> Result<Box<dyn EvaluationEngine>> {
+    /// An engine that evaluates a network.
+    pub fn evaluator(&self, shape: SirenShape, parameters: &[f32]) -> Result<Box<dyn EvaluationEngine>> {
         Ok(match self {
             Self::Cpu => Box::new(CpuEvaluator::new(shape, parameters)?),
             Self::Gpu(gpu) => Box::new(GpuEvaluator::new(gpu, shape, parameters)?),

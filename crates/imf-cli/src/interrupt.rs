@@ -12,7 +12,7 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// Work stopped because the user asked for it; the text says what is kept.
 #[derive(Debug)]
-pub(crate) struct Interrupted(pub(crate) String);
+pub struct Interrupted(pub String);
 
 impl std::fmt::Display for Interrupted {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -30,7 +30,7 @@ pub(crate) fn listen(aloud: bool) -> Result<()> {
         match first {
             // Wrappers send the signal to the program and to its group: one wish, not two.
             Some(time) if time.elapsed() < SAME_WISH => {}
-            Some(_) => std::process::exit(i32::from(crate::INTERRUPTED)),
+            Some(_) => std::process::exit(i32::from(crate::exit::INTERRUPTED)),
             None => {
                 first = Some(Instant::now());
                 if aloud {
@@ -43,11 +43,11 @@ pub(crate) fn listen(aloud: bool) -> Result<()> {
 }
 
 /// Set once the user wants to stop.
-pub(crate) fn flag() -> &'static AtomicBool {
+pub fn flag() -> &'static AtomicBool {
     &INTERRUPTED
 }
 
 /// True once the user wants to stop.
-pub(crate) fn requested() -> bool {
+pub fn requested() -> bool {
     INTERRUPTED.load(Ordering::Relaxed)
 }

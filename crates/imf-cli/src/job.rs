@@ -13,26 +13,28 @@ mod plan;
 mod start;
 mod telemetry;
 
-pub(crate) use checkpoint::{Latest, latest};
+pub use checkpoint::{Latest, latest};
 pub(crate) use curve::loss_chart;
-pub(crate) use data::Data;
-pub(crate) use memory::Footprint;
-pub(crate) use plan::{plan, plan_defaults};
-pub(crate) use start::{continued, fresh_model, require_togetherness, resumed_model, to_resume};
+pub use data::Data;
+pub use memory::Footprint;
+pub(crate) use plan::plan;
+pub use plan::plan_defaults;
+pub use start::{continued, fresh_model};
+pub(crate) use start::{require_togetherness, resumed_model, to_resume};
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
-use imf_fields::model::{HeldOutPoint, LossPoint, Model};
+use imf_core::field::EngineError;
 use imf_core::section::SectionError;
-use imf_train::training::run::{Outcome, Report, Start, TrainError, train};
+use imf_fields::model::{HeldOutPoint, LossPoint, Model};
 use imf_fields::recipe::TrainingPlan;
 use imf_fields::recipe::schedule::Schedule;
-use imf_train::training::streamed::train_streamed;
-use imf_core::field::EngineError;
 use imf_train::training::TrainingEngine;
+use imf_train::training::run::{Outcome, Report, Start, TrainError, train};
+use imf_train::training::streamed::train_streamed;
 
 use crate::arguments::{LengthArguments, PlanArguments};
 use crate::engine::Device;
@@ -47,27 +49,27 @@ use plan::REPORT_EVERY;
 use telemetry::{Row, Telemetry};
 
 /// What a training comes to.
-pub(crate) const MODEL: &str = "model.safetensors";
+pub const MODEL: &str = "model.safetensors";
 /// Points that a loss curve keeps at most, about.
 const CURVE_POINTS: u64 = 400;
 
 /// What happens beside the steps of a training.
 #[derive(Clone, Debug)]
-pub(crate) struct Settings {
+pub struct Settings {
     /// Seconds between checkpoints.
-    pub(crate) checkpoint_every: f64,
+    pub checkpoint_every: f64,
     /// What to do after an interruption, such as "add --resume".
-    pub(crate) go_on: &'static str,
+    pub go_on: &'static str,
     /// Where the learning rate is told, such as " with --rate ".
-    pub(crate) slower: &'static str,
+    pub slower: &'static str,
     /// Poses held out of a fresh training; a resumed one keeps those that it has.
-    pub(crate) held_out: usize,
+    pub held_out: usize,
     /// Steps between two evaluations at them.
-    pub(crate) held_out_every: Option<u64>,
+    pub held_out_every: Option<u64>,
     /// File of JSON lines.
-    pub(crate) log: Option<PathBuf>,
+    pub log: Option<PathBuf>,
     /// Write TensorBoard's event files.
-    pub(crate) tensorboard: bool,
+    pub tensorboard: bool,
 }
 
 impl Settings {
@@ -93,15 +95,15 @@ pub(crate) type Loop<'a> = dyn FnMut(&TrainingPlan, &mut dyn TrainingEngine, Sta
 
 /// What an epoch learns from.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Epoch {
+pub struct Epoch {
     /// Samples.
-    pub(crate) samples: usize,
+    pub samples: usize,
     /// Bytes that they take beside the training.
-    pub(crate) bytes: u64,
+    pub bytes: u64,
 }
 
 /// Trains `model` to the end of its plan and writes it to `out`.
-pub(crate) fn run(
+pub fn run(
     session: &Session,
     device: &Device,
     data: &Data,
@@ -129,7 +131,7 @@ pub(crate) fn run(
 }
 
 /// As [`run`], with samples from wherever `by` has them.
-pub(crate) fn run_by(
+pub fn run_by(
     session: &Session,
     device: &Device,
     epoch: Epoch,

@@ -21,7 +21,7 @@ use crate::session::Session;
 
 /// A folder for results. It is made only when there is a result to put into it.
 #[derive(Debug)]
-pub(crate) struct OutputFolder {
+pub struct OutputFolder {
     path: PathBuf,
 }
 
@@ -30,7 +30,7 @@ impl OutputFolder {
     ///
     /// # Errors
     /// A path through a file, or a place that may not be written.
-    pub(crate) fn check(path: &Path) -> Result<Self> {
+    pub fn check(path: &Path) -> Result<Self> {
         let fail = || format!("cannot write to the folder {}", path.display());
         let existing = path.ancestors().find(|ancestor| ancestor.as_os_str().is_empty() || exists(ancestor));
         let existing = match existing {
@@ -75,7 +75,7 @@ impl OutputFolder {
 
 /// A folder that this run alone writes to, until it is dropped.
 #[must_use = "another run may write to the folder as soon as this is dropped"]
-pub(crate) struct Claim {
+pub struct Claim {
     /// Nothing where this run claimed the folder before, and where folders cannot be locked: on Windows, and on some network drives.
     locked: Option<(PathBuf, File)>,
 }
@@ -99,7 +99,7 @@ impl Drop for Claim {
 ///
 /// # Errors
 /// Another run that writes to it now.
-pub(crate) fn claim(folder: &Path) -> Result<Claim> {
+pub fn claim(folder: &Path) -> Result<Claim> {
     let nothing = Ok(Claim { locked: None });
     let (Ok(path), Ok(opened)) = (folder.canonicalize(), File::open(folder)) else { return nothing };
     let mut all = claimed();
@@ -180,7 +180,7 @@ impl OutputFile {
 }
 
 /// Writes text to standard output.
-pub(crate) fn print(text: &str) -> Result<()> {
+pub fn print(text: &str) -> Result<()> {
     let mut out = stdout().lock();
     let end: &[u8] = if text.ends_with('\n') { b"" } else { b"\n" };
     let written = out.write_all(text.as_bytes()).and_then(|()| out.write_all(end));
@@ -201,27 +201,27 @@ pub(crate) fn standard_output_failed(error: Error) -> anyhow::Error {
 }
 
 /// Writes a value as JSON to standard output.
-pub(crate) fn print_json(value: &impl Serialize) -> Result<()> {
+pub fn print_json(value: &impl Serialize) -> Result<()> {
     print(&serde_json::to_string_pretty(value)?)
 }
 
 /// Writes a value as a JSON file, whole or not at all.
-pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
+pub fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
     write_text(path, &(serde_json::to_string_pretty(value)? + "\n"))
 }
 
 /// Writes a text file, whole or not at all.
-pub(crate) fn write_text(path: &Path, text: &str) -> Result<()> {
+pub fn write_text(path: &Path, text: &str) -> Result<()> {
     Ok(write_atomically(path, |file| file.write_all(text.as_bytes()))?)
 }
 
 /// Makes a folder that work will write to all along, after finding that it can.
-pub(crate) fn prepare_folder(path: &Path) -> Result<()> {
+pub fn prepare_folder(path: &Path) -> Result<()> {
     OutputFolder::check(path)?.create()
 }
 
 /// A number with at most four decimals and without idle zeros.
-pub(crate) fn short(value: f64) -> String {
+pub fn short(value: f64) -> String {
     let text = format!("{value:.4}");
     let text = text.trim_end_matches('0').trim_end_matches('.');
     if text == "-0" { "0".into() } else { text.into() }
@@ -238,7 +238,7 @@ pub(crate) fn same_digits(value: f32) -> f64 {
 }
 
 /// Rows as text in columns, as wide as they need to be. The first row is the head; columns of numbers stand right.
-pub(crate) fn table(head: &[&str], rows: &[Vec<String>]) -> String {
+pub fn table(head: &[&str], rows: &[Vec<String>]) -> String {
     let width = |text: &str| text.chars().count();
     let widths: Vec<usize> = (0..head.len())
         .map(|column| rows.iter().map(|row| width(&row[column])).max().unwrap_or(0).max(width(head[column])))

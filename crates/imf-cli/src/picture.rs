@@ -20,12 +20,12 @@ use std::path::Path;
 use anyhow::{Context as _, Result, ensure};
 use image::{ImageFormat, Rgb, RgbImage};
 
-pub(crate) use axis::AxisScale;
-pub(crate) use bars::{Bar, BarChart};
-pub(crate) use chart::{Chart, Series};
-pub(crate) use colour::Scale;
-pub(crate) use panel::{Axes, Mask, MaskStyle, Panel};
-pub(crate) use sheet::{PanelRow, PanelSheet};
+pub use axis::AxisScale;
+pub use bars::{Bar, BarChart};
+pub use chart::{Chart, Series};
+pub use colour::Scale;
+pub use panel::{Axes, Mask, MaskStyle, Panel};
+pub use sheet::{PanelRow, PanelSheet};
 
 /// Background of every picture.
 const PAPER: Rgb<u8> = Rgb([255, 255, 255]);
@@ -40,7 +40,7 @@ const LONGEST_SIDE: u32 = 16_384;
 
 /// What a picture could not show as it is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Tally {
+pub struct Tally {
     /// Values that are not finite: drawn in a colour of their own, or left out of a curve.
     pub(crate) not_finite: usize,
     /// Values outside the scale, drawn in the colour at its end, or without a place on a logarithmic axis.

@@ -11,7 +11,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 const LINE_EVERY: Duration = Duration::from_secs(5);
 
 /// One stage of the work.
-pub(crate) struct Stage {
+pub struct Stage {
     name: String,
     unit: &'static str,
     total: u64,
@@ -51,7 +51,7 @@ impl Stage {
     }
 
     /// More units are finished; callable from any thread.
-    pub(crate) fn advance(&self, units: u64) {
+    pub fn advance(&self, units: u64) {
         self.advance_saying(units, "");
     }
 
@@ -82,7 +82,7 @@ impl Stage {
     }
 
     /// Ends the stage with one line that stays.
-    pub(crate) fn finish(self, result: &str) {
+    pub fn finish(self, result: &str) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
@@ -114,7 +114,7 @@ fn show_rate(rate: f64) -> String {
 }
 
 /// Seconds in words.
-pub(crate) fn show_seconds(seconds: f64) -> String {
+pub fn show_seconds(seconds: f64) -> String {
     if seconds < 10.0 {
         format!("{seconds:.1} s")
     } else if seconds < 120.0 {

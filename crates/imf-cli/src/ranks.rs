@@ -15,9 +15,9 @@ mod world;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Result, bail};
+use imf_core::field::EngineError;
 use imf_train::engine::CpuTrainer;
 use imf_train::engine::ranks::{BYTES_PER_PARAMETER, most_rows};
-use imf_core::field::EngineError;
 use imf_train::training::TrainingEngine;
 
 /// True once all ranks have agreed to stop.
@@ -25,7 +25,7 @@ static AGREED: AtomicBool = AtomicBool::new(false);
 
 /// This process among those that train together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Rank {
+pub struct Rank {
     number: usize,
     of: usize,
     /// Ranks that share this machine's memory.

@@ -2,19 +2,19 @@
 
 mod subject;
 
-pub(crate) use subject::Subject;
+pub use subject::Subject;
 
 use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use imf_core::control::Control;
-use imf_fields::evaluation::{ImfComparison, nearest_sections, whole_imf, whole_sections};
 use imf_core::field::WholeField;
-use imf_fields::metrics::ErrorReport;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::SectionPlan;
 use imf_core::tool::Clearance;
+use imf_fields::evaluation::{ImfComparison, nearest_sections, whole_imf, whole_sections};
+use imf_fields::metrics::ErrorReport;
 use serde::Serialize;
 
 use crate::output::{write_json, write_text};
@@ -24,28 +24,34 @@ use crate::slices;
 use subject::Made;
 
 /// What to evaluate.
-pub(crate) struct Questions {
-    pub(crate) in_sample: Option<Orientation>,
-    pub(crate) out_of_sample: Option<Orientation>,
-    pub(crate) random: OrientationSet,
-    pub(crate) imf: OrientationSet,
-    pub(crate) threshold: f64,
+pub struct Questions {
+    /// A section that training saw.
+    pub in_sample: Option<Orientation>,
+    /// A section that training did not see.
+    pub out_of_sample: Option<Orientation>,
+    /// Orientations whose sections are compared.
+    pub random: OrientationSet,
+    /// Orientations of the inaccessibility measure.
+    pub imf: OrientationSet,
+    /// Overlap above which a pose counts as blocked.
+    pub threshold: f64,
 }
 
 /// One row of the table.
 #[derive(Clone, Debug, Serialize)]
-pub(crate) struct Row {
+pub struct Row {
     /// What was compared.
-    pub(crate) name: String,
+    pub name: String,
     /// Sections, or orientations of an IMF.
     pub(crate) orientations: usize,
+    /// Of the field against the exact one.
     #[serde(flatten)]
-    pub(crate) errors: ErrorReport,
+    pub errors: ErrorReport,
 }
 
 /// Everything that an evaluation found.
 #[derive(Debug, Serialize)]
-pub(crate) struct Report {
+pub struct Report {
     program: String,
     part: String,
     tool: String,
@@ -62,7 +68,8 @@ pub(crate) struct Report {
     /// Sections that it was made from.
     training_sections: usize,
     evaluation_engine: String,
-    pub(crate) rows: Vec<Row>,
+    /// What was compared, line by line.
+    pub rows: Vec<Row>,
     /// MSE of the field at random orientations over the exact field's variance there.
     mse_over_variance: f64,
     /// The same over the MSE of the nearest training section.
@@ -72,8 +79,9 @@ pub(crate) struct Report {
 }
 
 /// A report with the fields that its pictures show.
-pub(crate) struct Evaluation {
-    pub(crate) report: Report,
+pub struct Evaluation {
+    /// In numbers.
+    pub report: Report,
     imf: ImfComparison,
     imf_orientations: usize,
     random: OrientationSet,
@@ -81,7 +89,7 @@ pub(crate) struct Evaluation {
 }
 
 /// Compares a field with the exact one; `engine` says what evaluates it.
-pub(crate) fn evaluate(
+pub fn evaluate(
     session: &Session,
     subject: &Subject<'_>,
     field: &mut dyn WholeField,
@@ -253,12 +261,7 @@ impl Report {
 
 impl Evaluation {
     /// Writes `report.json`, `report.md` and the pictures.
-    pub(crate) fn write(
-        &self,
-        folder: &Path,
-        subject: &Subject<'_>,
-        field: &mut dyn WholeField,
-    ) -> Result<()> {
+    pub fn write(&self, folder: &Path, subject: &Subject<'_>, field: &mut dyn WholeField) -> Result<()> {
         self.draw_sections(&folder.join("sections.png"), subject, field).context("sections.png")?;
         self.draw_imf(&folder.join("imf.png"), subject).context("imf.png")?;
         self.error_bars().save(&folder.join("errors.png"))?;

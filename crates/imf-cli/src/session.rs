@@ -10,18 +10,19 @@ use crate::progress::Stage;
 use crate::ranks::Rank;
 
 /// Settings of one run.
-pub(crate) struct Session {
+pub struct Session {
     rank: Rank,
     threads: usize,
     memory_limit: u64,
-    pub(crate) json: bool,
+    /// Answers are JSON.
+    pub json: bool,
     quiet: bool,
     verbose: bool,
 }
 
 impl Session {
     /// Starts the thread pool and listens for Ctrl-C.
-    pub(crate) fn new(global: &GlobalArguments, rank: Rank) -> Result<Self> {
+    pub fn new(global: &GlobalArguments, rank: Rank) -> Result<Self> {
         let mut pool = rayon::ThreadPoolBuilder::new();
         if let Some(threads) = global.threads {
             require_threads(threads)?;
@@ -42,9 +43,8 @@ impl Session {
         })
     }
 
-    /// A silent session on the threads there are.
-    #[cfg(test)]
-    pub(crate) fn for_tests() -> Self {
+    /// A session that says nothing and has no limit, for tests.
+    pub fn silent() -> Self {
         Self {
             threads: 1,
             rank: Rank::alone(),
@@ -55,12 +55,13 @@ impl Session {
         }
     }
 
-    pub(crate) fn threads(&self) -> usize {
+    /// Threads to compute with.
+    pub fn threads(&self) -> usize {
         self.threads
     }
 
     /// This process among those that train together.
-    pub(crate) fn rank(&self) -> Rank {
+    pub fn rank(&self) -> Rank {
         self.rank
     }
 
@@ -70,7 +71,7 @@ impl Session {
     }
 
     /// Refuses work that would not fit; `what` names the work and the remedy.
-    pub(crate) fn require_memory(&self, bytes: u64, what: impl FnOnce() -> String) -> Result<()> {
+    pub fn require_memory(&self, bytes: u64, what: impl FnOnce() -> String) -> Result<()> {
         if bytes > self.memory_limit {
             bail!(
                 "this needs about {} of memory, and {} may be used: {}; or raise --memory",
@@ -83,34 +84,33 @@ impl Session {
     }
 
     /// A remark for people, on standard error.
-    pub(crate) fn note(&self, text: &str) {
+    pub fn note(&self, text: &str) {
         if !self.quiet {
             eprintln!("{text}");
         }
     }
 
     /// A remark for those who asked for more.
-    pub(crate) fn detail(&self, text: &str) {
+    pub fn detail(&self, text: &str) {
         if self.verbose {
             eprintln!("{text}");
         }
     }
 
     /// Something is not as expected, though the work goes on. Shown even when quiet.
-    pub(crate) fn warn(&self, text: &str) {
+    pub fn warn(&self, text: &str) {
         if self.rank.is_first() {
             eprintln!("imf: warning: {text}");
         }
     }
 
     /// A progress line with a rate and the time left, for `total` units.
-    pub(crate) fn stage(&self, name: &str, unit: &'static str, total: u64) -> Stage {
+    pub fn stage(&self, name: &str, unit: &'static str, total: u64) -> Stage {
         Stage::new(name, unit, total, self.quiet)
     }
 
     /// Progress into `report`, cancellation by Ctrl-C.
-    #[expect(clippy::unused_self, reason = "the session owns interruption")]
-    pub(crate) fn control<'a>(&self, report: &'a (dyn Fn(u64) + Sync)) -> Control<'a> {
+    pub fn control<'a>(&self, report: &'a (dyn Fn(u64) + Sync)) -> Control<'a> {
         Control { progress: report, cancelled: interrupt::flag() }
     }
 }
@@ -166,7 +166,7 @@ pub(crate) fn parse_size(text: &str) -> Result<u64, String> {
 }
 
 /// Bytes in words.
-pub(crate) fn show_bytes(bytes: u64) -> String {
+pub fn show_bytes(bytes: u64) -> String {
     let value = bytes as f64;
     match value {
         v if v >= 1_073_741_824.0 => format!("{:.1} GiB", v / 1_073_741_824.0),

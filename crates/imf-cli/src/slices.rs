@@ -19,7 +19,7 @@ const NAMES: [&str; 3] = ["x", "y", "z"];
 ///
 /// # Panics
 /// If `values` has not the grid's length, or the layer does not exist.
-pub(crate) fn slice(values: &[f32], grid: &Grid, axis: usize, index: usize) -> Array2<f32> {
+pub fn slice(values: &[f32], grid: &Grid, axis: usize, index: usize) -> Array2<f32> {
     cut(values, grid, axis, index)
 }
 
@@ -27,12 +27,12 @@ pub(crate) fn slice(values: &[f32], grid: &Grid, axis: usize, index: usize) -> A
 ///
 /// # Panics
 /// If the layer does not exist.
-pub(crate) fn mask(occupancy: &Occupancy, axis: usize, index: usize) -> Array2<u8> {
+pub fn mask(occupancy: &Occupancy, axis: usize, index: usize) -> Array2<u8> {
     cut(&occupancy.solid, &occupancy.grid, axis, index)
 }
 
 /// Where a slice at right angles to `axis` lies in the world.
-pub(crate) fn axes(grid: &Grid, unit: LengthUnit, axis: usize) -> Axes {
+pub fn axes(grid: &Grid, unit: LengthUnit, axis: usize) -> Axes {
     let [first, second] = others(axis);
     Axes {
         names: [NAMES[first].into(), NAMES[second].into()],
@@ -43,7 +43,7 @@ pub(crate) fn axes(grid: &Grid, unit: LengthUnit, axis: usize) -> Axes {
 }
 
 /// A panel of a slice with the part's outline.
-pub(crate) fn panel<'a>(
+pub fn panel<'a>(
     title: &str,
     values: &'a Array2<f32>,
     solid: &'a Array2<u8>,
@@ -60,12 +60,12 @@ pub(crate) fn panel<'a>(
 }
 
 /// The layer in the middle of the grid.
-pub(crate) fn middle(grid: &Grid, axis: usize) -> usize {
+pub fn middle(grid: &Grid, axis: usize) -> usize {
     grid.dims[axis] / 2
 }
 
 /// A layer in words: `y = 8.50 mm`, the height of its voxels' centres.
-pub(crate) fn layer_title(grid: &Grid, unit: LengthUnit, axis: usize, index: usize) -> String {
+pub fn layer_title(grid: &Grid, unit: LengthUnit, axis: usize, index: usize) -> String {
     let mut voxel = [0; 3];
     voxel[axis] = index;
     let height = grid.centre(voxel)[axis];

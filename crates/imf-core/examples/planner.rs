@@ -18,18 +18,18 @@ use std::time::Instant;
 use glam::{Quat, Vec3};
 use imf_core::control::Control;
 use imf_core::grid::Grid;
-use imf_fields::harmonic::basis::Domain;
-use imf_fields::harmonic::file::HarmonicFile;
-use imf_fields::harmonic::{FitSettings, fit};
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::planner::{Best, Decision, Gradient, Passage, Pose, PoseField, rotation_along};
-use imf_fields::learnt::{GuardedField, NeuralField};
 use imf_core::scene::SceneSpec;
 use imf_core::section::{Quantity, SectionPlan};
-use imf_fields::stored::StoredField;
 use imf_core::tool::{Clearance, Tool};
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::file::HarmonicFile;
+use imf_fields::harmonic::{FitSettings, fit};
+use imf_fields::learnt::{GuardedField, NeuralField};
+use imf_fields::stored::StoredField;
 use plotters::prelude::{
     BLACK, ChartBuilder, Circle, Color as _, LineSeries, PathElement, RGBColor, Rectangle,
 };

@@ -12,8 +12,8 @@ use std::time::Instant;
 
 use glam::Vec3;
 use imf_core::planner::{Decision, Passage, Pose, PoseField};
-use imf_fields::learnt::GuardedField;
 use imf_core::tool::Clearance;
+use imf_fields::learnt::GuardedField;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rrt::dual_rrt_connect;

@@ -33,12 +33,12 @@
 //! # Example
 //! Where can the built-in tool stand upright on the built-in bracket?
 //! ```
-//! use imf_core::orientation::Orientation;
-//! use imf_core::parts::ReferencePart;
-//! use imf_core::scene::{Around, Resolution, SceneSpec};
-//! use imf_core::section::{SectionPlan, SectionScratch};
-//! use imf_core::tool::Tool;
-//! use imf_core::unit::LengthUnit;
+//! use crate::orientation::Orientation;
+//! use crate::parts::ReferencePart;
+//! use crate::scene::{Around, Resolution, SceneSpec};
+//! use crate::section::{SectionPlan, SectionScratch};
+//! use crate::tool::Tool;
+//! use crate::unit::LengthUnit;
 //!
 //! let scene = SceneSpec {
 //!     part: "bracket",

@@ -25,7 +25,7 @@
 //! # Example
 //! ```no_run
 //! use glam::Vec3;
-//! use imf_core::planner::{Decision, GuardedField, PoseField, Pose};
+//! use crate::planner::{Decision, GuardedField, PoseField, Pose};
 //!
 //! let field = GuardedField::load("field.safetensors")?;
 //! let pose = Pose::along(Vec3::new(10.0, 20.0, 30.0), Vec3::Z);
@@ -53,8 +53,8 @@ pub use pose::{Pose, rotation_along};
 use glam::{Quat, Vec3};
 use thiserror::Error;
 
-use crate::tool::{ToolError};
 use crate::field::EngineError;
+use crate::tool::ToolError;
 
 /// Whether the tool collides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -166,4 +166,3 @@ pub trait PoseField: Send + Sync {
 pub fn check_lengths(asked: usize, answers: usize) -> Result<(), PlannerError> {
     if asked == answers { Ok(()) } else { Err(PlannerError::Length { asked, answers }) }
 }
-

@@ -6,26 +6,26 @@
 use allocation_counter::measure;
 use glam::{Quat, Vec3};
 use imf_core::control::Control;
-use imf_fields::recipe::Sampling;
+use imf_core::field::ExactField;
+use imf_core::orientation::OrientationSet;
+use imf_core::parts::ReferencePart;
+use imf_core::planner::{Best, Decision, Gradient, Pose, PoseField};
+use imf_core::scene::{Scene, SceneSpec};
+use imf_core::section::SectionPlan;
+use imf_core::tool::Tool;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::{Axis, FactoredField, FactoredShape, Symmetry, TeachSettings};
-use imf_core::field::ExactField;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitSettings, fit};
-use imf_fields::model::Model;
-use imf_core::orientation::OrientationSet;
-use imf_core::parts::ReferencePart;
-use imf_core::planner::{Best, Decision, Gradient, Pose, PoseField};
 use imf_fields::learnt::{GuardedField, NeuralField};
-use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::SectionPlan;
-use imf_fields::siren::SirenShape;
-use imf_fields::stored::StoredField;
-use imf_core::tool::Tool;
+use imf_fields::model::Model;
+use imf_fields::recipe::Sampling;
 use imf_fields::recipe::TrainingState;
 use imf_fields::recipe::{Cursor, TrainingPlan};
+use imf_fields::siren::SirenShape;
+use imf_fields::stored::StoredField;
 
 fn scene() -> Scene {
     let mesh = ReferencePart::Bracket.mesh();

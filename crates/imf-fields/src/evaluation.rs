@@ -4,13 +4,13 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use imf_core::control::Control;
 use crate::learnt::LearntField;
-use imf_core::field::{QueryError, WholeField};
 use crate::metrics::{ErrorReport, Errors};
+use crate::siren::EvaluationEngine;
+use imf_core::control::Control;
+use imf_core::field::{QueryError, WholeField};
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, SectionError, SectionPlan, imf, sections};
-use crate::siren::EvaluationEngine;
 
 /// Exact sections held in memory at a time.
 const AT_ONCE: usize = 8;
@@ -233,12 +233,12 @@ fn compare(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
+    use imf_core::field::EngineError;
     use imf_core::grid::Grid;
     use imf_core::occupancy::Occupancy;
     use imf_core::orientation::OrientationSet;
     use imf_core::tool::Tool;
-    use imf_core::field::EngineError;
-    use glam::DVec3;
 
     fn plan() -> SectionPlan {
         let grid = Grid { origin: DVec3::ZERO, pitch: 8.0, dims: [9, 10, 11] };

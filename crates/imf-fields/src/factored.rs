@@ -33,20 +33,20 @@ pub use evaluate::FactoredEvaluator;
 pub use point::{FactoredPoint, PointScratch};
 pub use settings::TeachSettings;
 pub use state::FactoredState;
-pub use symmetry::{ANGLE, Axis, Frame, Inputs, Symmetry};
+pub use symmetry::{ANGLE, Axis, Frame, Inputs, Place, Symmetry};
 
 use std::borrow::Cow;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use imf_core::grid::Grid;
 use crate::harmonic::basis::Basis;
 use crate::harmonic::{HarmonicField, Heads};
-use imf_core::orientation::Orientation;
-use imf_core::section::Quantity;
 use crate::siren::stack::{Ending, Stack};
 use crate::siren::{Layer, ShapeError};
+use imf_core::grid::Grid;
+use imf_core::orientation::Orientation;
+use imf_core::section::Quantity;
 use symmetry::LocalHarmonics;
 use targets::{Targets, TeacherFunctions};
 

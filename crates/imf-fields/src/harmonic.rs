@@ -45,11 +45,11 @@ pub use refine::Refined;
 
 use thiserror::Error;
 
+use basis::Basis;
+use coefficients::Coefficients;
 use imf_core::grid::Grid;
 use imf_core::orientation::OrientationSetError;
 use imf_core::section::{Quantity, SectionError};
-use basis::Basis;
-use coefficients::Coefficients;
 
 /// Why a harmonic field cannot be made.
 #[derive(Debug, Error)]

@@ -23,16 +23,16 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use imf_core::atomic_file::{AtomicFileError, write_atomically, write_keeping_previous};
 use crate::calibration::Calibration;
-use crate::recipe::Sampling;
 use crate::recipe::HeldOutChoice;
-use imf_core::orientation::OrientationSet;
-use imf_core::scene::{Scene, SceneRecord};
-use crate::siren::SirenShape;
+use crate::recipe::Sampling;
 use crate::recipe::TrainingState;
 use crate::recipe::divergence::Watch;
 use crate::recipe::{Cursor, TrainingPlan};
+use crate::siren::SirenShape;
+use imf_core::atomic_file::{AtomicFileError, write_atomically, write_keeping_previous};
+use imf_core::orientation::OrientationSet;
+use imf_core::scene::{Scene, SceneRecord};
 
 const FORMAT: &str = "imf-model";
 const VERSION: u32 = 2;

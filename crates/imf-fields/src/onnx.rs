@@ -30,16 +30,16 @@ use std::path::Path;
 use prost::Message as _;
 use thiserror::Error;
 
-use imf_core::atomic_file::{AtomicFileError, write_atomically};
 use crate::factored::file::FactoredFile;
-use imf_core::grid::Grid;
 use crate::harmonic::basis::Domain;
 use crate::harmonic::file::HarmonicFile;
 use crate::model::Model;
-use imf_core::scene::SceneRecord;
-use imf_core::section::Quantity;
 use crate::stored::StoredField;
 use graph::{Graph, Value};
+use imf_core::atomic_file::{AtomicFileError, write_atomically};
+use imf_core::grid::Grid;
+use imf_core::scene::SceneRecord;
+use imf_core::section::Quantity;
 use messages::{GraphProto, ModelProto, OperatorSetIdProto, StringStringEntryProto};
 use place::Place;
 

@@ -2,8 +2,8 @@
 //!
 //! Plain data with checks. What acts on it is in the crate that trains.
 
-mod held_out;
 pub mod divergence;
+mod held_out;
 mod online;
 mod optimiser;
 mod sampling;

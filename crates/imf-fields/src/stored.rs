@@ -9,9 +9,9 @@ use crate::factored::file::FactoredFile;
 use crate::harmonic::basis::Basis;
 use crate::harmonic::file::HarmonicFile;
 use crate::model::{Model, ModelError};
+use crate::tensor_file::{TensorFileError, refuse_npz};
 use imf_core::scene::Scene;
 use imf_core::section::Quantity;
-use crate::tensor_file::{TensorFileError, refuse_npz};
 
 /// A field and the scene that it is of.
 #[derive(Clone, Debug, PartialEq)]

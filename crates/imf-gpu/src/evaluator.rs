@@ -3,9 +3,9 @@
 //! Two signals take turns from layer to layer, so memory does not grow with the number of layers, of samples or of
 //! points × directions.
 
-use imf_fields::siren::{INPUTS, SirenShape, features};
 use imf_core::field::EngineError;
 use imf_fields::siren::EvaluationEngine;
+use imf_fields::siren::{INPUTS, SirenShape, features};
 
 use crate::device::{Gpu, GpuLimits};
 use crate::forward::{Forward, Network, layout_for, rows_per_pass};

@@ -9,10 +9,10 @@
 //! the frames of their places before that product. Its twin is [`imf_fields::factored::FactoredEvaluator`].
 
 use glam::DVec3;
-use imf_fields::factored::FactoredField;
+use imf_core::field::EngineError;
 use imf_core::orientation::Orientation;
 use imf_core::section::Imf;
-use imf_core::field::EngineError;
+use imf_fields::factored::FactoredField;
 use rayon::prelude::*;
 
 use crate::device::Gpu;

@@ -1,7 +1,7 @@
 //! The network on the device and its forward pass, shared by training and evaluation.
 
-use imf_fields::siren::stack::Stack;
 use imf_core::field::EngineError;
+use imf_fields::siren::stack::Stack;
 
 use crate::device::{Gpu, GpuLimits};
 use crate::kernel::{Bound, Kernel, uniform};

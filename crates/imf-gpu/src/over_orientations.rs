@@ -12,11 +12,11 @@
 use std::collections::VecDeque;
 use std::ops::Range;
 
-use imf_fields::factored::FactoredField;
-use imf_fields::harmonic::{HEADS_AT_ONCE, Heads};
+use imf_core::field::EngineError;
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, Quantity};
-use imf_core::field::EngineError;
+use imf_fields::factored::FactoredField;
+use imf_fields::harmonic::{HEADS_AT_ONCE, Heads};
 
 use crate::device::{Gpu, Reading};
 use crate::kernel::{Bound, Kernel, uniform};

@@ -18,15 +18,15 @@ use std::sync::{Mutex, PoisonError};
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Quat, Vec3};
-use imf_fields::calibration::Calibration;
-use imf_fields::harmonic::basis::Domain;
+use imf_core::field::EngineError;
 use imf_core::orientation::Orientation;
 use imf_core::planner::{Best, Decision, Gradient, PlannerError, Pose, PoseField, check_lengths};
-use imf_fields::learnt::{LoadError, NeuralField};
 use imf_core::section::Imf;
-use imf_fields::stored::StoredField;
-use imf_core::field::EngineError;
+use imf_fields::calibration::Calibration;
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::learnt::{LoadError, NeuralField};
 use imf_fields::siren::EvaluationEngine;
+use imf_fields::stored::StoredField;
 
 use crate::device::Gpu;
 use crate::kernel::{Kernel, uniform};

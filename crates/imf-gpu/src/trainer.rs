@@ -15,11 +15,11 @@ mod plan;
 mod proof;
 mod soap;
 
+use imf_core::field::EngineError;
 use imf_fields::recipe::Optimiser;
+use imf_fields::recipe::{AdamConfig, Loss, Precision, TrainingState};
 use imf_fields::siren::SirenShape;
 use imf_fields::siren::stack::Stack;
-use imf_fields::recipe::{AdamConfig, Loss, Precision, TrainingState};
-use imf_core::field::EngineError;
 use imf_train::training::TrainingEngine;
 
 use crate::device::Gpu;

@@ -7,12 +7,12 @@
 use std::ops::Range;
 
 use imf_core::control::Control;
-use imf_fields::factored::FactoredField;
+use imf_core::field::EngineError;
 use imf_core::field::{QueryError, WholeField};
-use imf_fields::harmonic::HarmonicField;
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, Quantity};
-use imf_core::field::EngineError;
+use imf_fields::factored::FactoredField;
+use imf_fields::harmonic::HarmonicField;
 use rayon::prelude::*;
 
 use crate::device::Gpu;

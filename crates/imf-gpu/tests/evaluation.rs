@@ -4,9 +4,9 @@ mod adapter;
 mod every_device;
 
 use every_device::every_device;
+use imf_fields::siren::EvaluationEngine;
 use imf_fields::siren::reference::forward;
 use imf_fields::siren::{INPUTS, SirenShape, features};
-use imf_fields::siren::EvaluationEngine;
 use imf_gpu::{Gpu, GpuEvaluator, GpuLimits, MatrixKernel};
 
 const SHAPE: SirenShape = SirenShape { width: 37, hidden: 5, skip_after: Some(2), omega: 30.0 };

@@ -7,24 +7,26 @@ mod every_device;
 use every_device::every_device;
 use glam::DVec3;
 use imf_core::control::Control;
-use imf_fields::factored::reference::loss_and_gradient;
-use imf_fields::factored::{Axis, FactoredField, FactoredShape, FactoredState, INPUTS, Symmetry, TeachSettings};
-use imf_fields::recipe::Optimiser;
-use imf_train::distill::{teach, teach_on};
-use imf_fields::harmonic::basis::Domain;
-use imf_fields::harmonic::coefficients::Precision;
-use imf_fields::harmonic::{FitSettings, HarmonicField, fit};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
 use imf_core::section::{Imf, Quantity, SectionPlan};
-use imf_fields::recipe::MuonConfig;
-use imf_fields::recipe::SoapConfig;
 use imf_core::tool::Tool;
+use imf_fields::factored::reference::loss_and_gradient;
+use imf_fields::factored::{
+    Axis, FactoredField, FactoredShape, FactoredState, INPUTS, Symmetry, TeachSettings,
+};
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::{FitSettings, HarmonicField, fit};
 use imf_fields::recipe::Loss;
-use imf_fields::recipe::{Length, TrainingPlan};
+use imf_fields::recipe::MuonConfig;
+use imf_fields::recipe::Optimiser;
+use imf_fields::recipe::SoapConfig;
 use imf_fields::recipe::schedule::Schedule;
+use imf_fields::recipe::{Length, TrainingPlan};
 use imf_gpu::{Gpu, GpuFactored, GpuTrainer, TrainerSettings};
+use imf_train::distill::{teach, teach_on};
 
 fn teacher() -> HarmonicField {
     let mesh = ReferencePart::Teapot.mesh();

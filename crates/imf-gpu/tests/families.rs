@@ -13,21 +13,21 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use glam::Vec3;
 use imf_core::control::Control;
+use imf_core::field::{self, Field, QueryError, WholeField};
+use imf_core::orientation::OrientationSet;
+use imf_core::parts::ReferencePart;
+use imf_core::planner::Pose;
+use imf_core::scene::{Scene, SceneSpec};
+use imf_core::section::Quantity;
+use imf_core::tool::Tool;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::{Axis, FactoredField, FactoredShape, Symmetry, TeachSettings};
-use imf_core::field::{self, Field, QueryError, WholeField};
 use imf_fields::harmonic::basis::{Basis, Domain};
 use imf_fields::harmonic::coefficients::{Coefficients, Precision};
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitReport, FitSettings, HarmonicAnswers, HarmonicField};
-use imf_core::orientation::OrientationSet;
-use imf_core::parts::ReferencePart;
 use imf_fields::learnt::NeuralField;
-use imf_core::planner::Pose;
-use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::Quantity;
 use imf_fields::stored::StoredField;
-use imf_core::tool::Tool;
 use imf_gpu::{Gpu, GpuField, GpuLimits, GpuWhole, MatrixKernel};
 
 fn scene() -> Scene {

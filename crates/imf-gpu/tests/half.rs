@@ -3,13 +3,13 @@
 
 mod adapter;
 
+use imf_core::field::EngineError;
+use imf_fields::recipe::{AdamConfig, Loss, Precision, TrainingState};
 use imf_fields::siren::reference::loss_and_gradient;
 use imf_fields::siren::{INPUTS, SirenShape};
-use imf_fields::recipe::{AdamConfig, Loss, Precision, TrainingState};
-use imf_core::field::EngineError;
-use imf_train::training::TrainingEngine;
 use imf_gpu::shader::Factors;
 use imf_gpu::{Gpu, GpuTrainer, MatrixKernel, TrainerSettings};
+use imf_train::training::TrainingEngine;
 
 const SHAPE: SirenShape = SirenShape { width: 64, hidden: 3, skip_after: Some(1), omega: 10.0 };
 

@@ -5,17 +5,17 @@ mod adapter;
 mod every_device;
 
 use every_device::every_device;
+use imf_fields::recipe::MuonConfig;
 use imf_fields::recipe::Optimiser;
+use imf_fields::recipe::SoapConfig;
+use imf_fields::recipe::{Loss, TrainingState};
 use imf_fields::siren::SirenShape;
+use imf_fields::siren::stack::{Ending, Stack};
+use imf_gpu::{Gpu, GpuTrainer, TrainerSettings};
 use imf_train::engine::CpuTrainer;
 use imf_train::engine::muon::{LENGTH, QUINTIC, STEPS};
-use imf_fields::recipe::MuonConfig;
-use imf_fields::recipe::SoapConfig;
 use imf_train::engine::soap::kept_of;
-use imf_fields::siren::stack::{Ending, Stack};
-use imf_fields::recipe::{Loss, TrainingState};
 use imf_train::training::TrainingEngine;
-use imf_gpu::{Gpu, GpuTrainer, TrainerSettings};
 
 const CONFIG: MuonConfig = MuonConfig { momentum: 0.9, rate: 1.5 };
 /// With looks between the places where trainings stop, and behind them.

@@ -8,20 +8,20 @@ mod every_device;
 use asked::{Within, calibration, compare, compare_minima, compare_on_device};
 use every_device::every_device;
 use glam::{DVec3, Vec3};
-use imf_fields::recipe::Sampling;
 use imf_core::field::{self, Field as _};
-use imf_fields::learnt::LearntField;
-use imf_fields::model::{Model, TrainingRecord};
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::planner::Pose;
 use imf_core::scene::SceneSpec;
-use imf_fields::siren::SirenShape;
-use imf_fields::stored::StoredField;
 use imf_core::tool::Tool;
+use imf_fields::learnt::LearntField;
+use imf_fields::model::{Model, TrainingRecord};
+use imf_fields::recipe::Sampling;
 use imf_fields::recipe::TrainingState;
 use imf_fields::recipe::divergence::Watch;
 use imf_fields::recipe::{Cursor, TrainingPlan};
+use imf_fields::siren::SirenShape;
+use imf_fields::stored::StoredField;
 use imf_gpu::{Gpu, GpuEvaluator, GpuField};
 
 /// A network of random weights over the teapot's box, with thresholds among its values, which are worth nothing.

@@ -5,12 +5,12 @@
 
 mod adapter;
 
-use imf_fields::siren::SirenShape;
-use imf_fields::recipe::{AdamConfig, Loss, TrainingState};
 use imf_core::field::EngineError;
+use imf_fields::recipe::{AdamConfig, Loss, TrainingState};
 use imf_fields::siren::EvaluationEngine;
-use imf_train::training::TrainingEngine;
+use imf_fields::siren::SirenShape;
 use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuLimits, GpuTrainer, adapters, wgpu};
+use imf_train::training::TrainingEngine;
 
 const SHAPE: SirenShape = SirenShape { width: 8, hidden: 2, skip_after: None, omega: 30.0 };
 

@@ -5,11 +5,11 @@ mod adapter;
 mod every_device;
 
 use every_device::every_device;
+use imf_fields::recipe::{AdamConfig, Loss, TrainingState};
 use imf_fields::siren::reference::{adam_step, loss_and_gradient};
 use imf_fields::siren::{INPUTS, SirenShape};
-use imf_fields::recipe::{AdamConfig, Loss, TrainingState};
-use imf_train::training::TrainingEngine;
 use imf_gpu::{Gpu, GpuLimits, GpuTrainer, MatrixKernel};
+use imf_train::training::TrainingEngine;
 
 const SHAPE: SirenShape = SirenShape { width: 37, hidden: 4, skip_after: Some(2), omega: 30.0 };
 const BATCH: usize = 77;

@@ -29,12 +29,12 @@ pub use share::{Share, ShareError};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
+use crate::samples::Samples;
 use imf_core::control::Control;
 use imf_core::orientation::OrientationSet;
-use crate::samples::Samples;
-use imf_fields::recipe::Sampling;
 use imf_core::scene::Scene;
 use imf_core::section::{SectionPlan, stream_sections};
+use imf_fields::recipe::Sampling;
 
 /// What [`generate`] did.
 #[derive(Clone, Debug, PartialEq, Eq)]

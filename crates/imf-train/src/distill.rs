@@ -12,8 +12,8 @@ pub use engine::{optimiser_bytes, start_from};
 pub use last_layer::bytes_to_solve;
 pub use teach::{teach, teach_on};
 
-use imf_fields::factored::FactoredState;
 use crate::training::run::Start;
+use imf_fields::factored::FactoredState;
 
 /// Where a distillation goes on.
 fn start_of(state: &FactoredState) -> Start {

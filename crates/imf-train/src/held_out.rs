@@ -7,14 +7,14 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use imf_core::control::Control;
-use imf_fields::metrics::{ErrorReport, Errors};
+use imf_core::field::EngineError;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::scene::Scene;
 use imf_core::section::{SectionError, SectionPlan, stream_sections};
-use imf_fields::siren::{INPUTS, features};
-use imf_core::field::EngineError;
+use imf_fields::metrics::{ErrorReport, Errors};
 use imf_fields::recipe::HeldOutChoice;
 use imf_fields::siren::EvaluationEngine;
+use imf_fields::siren::{INPUTS, features};
 
 /// Keeps the orientations apart from those that `random:N:SEED` gives for small seeds.
 const SEED_MARK: u64 = 0x4845_4c44_5f4f_5554;

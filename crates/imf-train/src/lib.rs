@@ -10,6 +10,5 @@ pub mod dataset;
 pub mod distill;
 pub mod engine;
 pub mod held_out;
-pub mod regime;
 pub mod samples;
 pub mod training;

@@ -72,4 +72,3 @@ pub trait TrainingEngine {
     /// Weights that do not fit, or a device that failed.
     fn replace_parameters(&mut self, parameters: &[f32]) -> Result<(), EngineError>;
 }
-

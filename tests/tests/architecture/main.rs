@@ -132,7 +132,8 @@ fn the_c_interface_needs_the_core_alone() {
 #[test]
 fn mpi_comes_only_where_it_is_asked_for() {
     let mut users = Vec::new();
-    for folder in ["crates/imf-core", "crates/imf-gpu", "crates/imf-cli", "crates/imf-c", "tests", "xtask"] {
+    let crates = ["core", "gpu", "cli", "c", "bench"].map(|name| format!("crates/imf-{name}"));
+    for folder in crates.iter().map(String::as_str).chain(["tests", "xtask"]) {
         let manifest: toml::Table = read(&root().join(folder).join("Cargo.toml")).parse().unwrap();
         let tables = ["dependencies", "dev-dependencies", "build-dependencies"];
         let dependency = tables.iter().find_map(|table| manifest.get(*table)?.get("mpi"));

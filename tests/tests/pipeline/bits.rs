@@ -4,20 +4,20 @@
 use std::ops::ControlFlow;
 
 use imf_core::control::Control;
-use imf_fields::recipe::Sampling;
-use imf_train::dataset::generate;
 use imf_fields::learnt::LearntField;
 use imf_fields::model::{Model, TrainingRecord};
-use imf_train::samples::Samples;
-use imf_fields::siren::SirenShape;
-use imf_fields::siren::evaluator::CpuEvaluator;
-use imf_train::engine::CpuTrainer;
+use imf_fields::recipe::Sampling;
+use imf_fields::recipe::TrainingState;
 use imf_fields::recipe::divergence::Watch;
 use imf_fields::recipe::{Cursor, Length, TrainingPlan};
-use imf_train::training::run::{Outcome, train};
-use imf_train::training::TrainingEngine;
-use imf_fields::recipe::TrainingState;
+use imf_fields::siren::SirenShape;
+use imf_fields::siren::evaluator::CpuEvaluator;
 use imf_gpu::{GpuEvaluator, GpuTrainer};
+use imf_train::dataset::generate;
+use imf_train::engine::CpuTrainer;
+use imf_train::samples::Samples;
+use imf_train::training::TrainingEngine;
+use imf_train::training::run::{Outcome, train};
 
 use crate::scene::{SMALL, adapter, bits, bracket, on_threads, orientations, samples};
 

@@ -2,16 +2,16 @@
 
 use std::ops::ControlFlow;
 
-use imf_train::samples::Samples;
-use imf_train::engine::CpuTrainer;
+use imf_core::field::EngineError;
+use imf_fields::recipe::TrainingState;
+use imf_fields::recipe::{Cursor, Length, TrainingPlan};
 use imf_fields::siren::reference::{adam_step, loss_and_gradient};
 use imf_fields::siren::{INPUTS, SirenShape};
-use imf_fields::recipe::{Cursor, Length, TrainingPlan};
-use imf_train::training::run::{Outcome, train};
-use imf_core::field::EngineError;
-use imf_train::training::TrainingEngine;
-use imf_fields::recipe::TrainingState;
 use imf_gpu::{GpuTrainer, MatrixKernel};
+use imf_train::engine::CpuTrainer;
+use imf_train::samples::Samples;
+use imf_train::training::TrainingEngine;
+use imf_train::training::run::{Outcome, train};
 
 use crate::scene::{adapter, bracket, orientations, samples};
 

@@ -1,11 +1,11 @@
 //! The same network on CPU and GPU: one section, one IMF, one choice of the best orientation.
 
 use imf_core::control::Control;
-use imf_fields::learnt::LearntField;
 use imf_core::section::Imf;
+use imf_fields::learnt::LearntField;
+use imf_fields::siren::EvaluationEngine;
 use imf_fields::siren::SirenShape;
 use imf_fields::siren::evaluator::CpuEvaluator;
-use imf_fields::siren::EvaluationEngine;
 use imf_gpu::{GpuEvaluator, MatrixKernel};
 
 use crate::bits::trained;

@@ -4,14 +4,14 @@ use std::ops::ControlFlow;
 
 use imf_core::control::Control;
 use imf_fields::evaluation::{learnt_sections, nearest_sections};
+use imf_fields::recipe::schedule::Schedule;
+use imf_fields::recipe::{AdamConfig, TrainingState};
+use imf_fields::recipe::{Cursor, Length, TrainingPlan};
 use imf_fields::siren::SirenShape;
 use imf_fields::siren::evaluator::CpuEvaluator;
 use imf_train::engine::CpuTrainer;
-use imf_fields::recipe::{Cursor, Length, TrainingPlan};
-use imf_train::training::run::{Outcome, train};
-use imf_fields::recipe::schedule::Schedule;
-use imf_fields::recipe::{AdamConfig, TrainingState};
 use imf_train::training::TrainingEngine;
+use imf_train::training::run::{Outcome, train};
 
 use crate::scene::{bracket, orientations, plan, samples};
 

@@ -1,15 +1,15 @@
 //! What the tests compute with: reference parts under the paper's tool, their samples, and the machine's adapter.
 
 use imf_core::control::Control;
-use imf_train::dataset::{self, Manifest};
-use imf_fields::recipe::Sampling;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
-use imf_train::samples::Samples;
 use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::SectionPlan;
 use imf_core::tool::Tool;
+use imf_fields::recipe::Sampling;
 use imf_gpu::{DeviceChoice, Gpu};
+use imf_train::dataset::{self, Manifest};
+use imf_train::samples::Samples;
 
 /// A seventh of the paper's grid of the bracket: 1,764 voxels of 7 mm, no side a multiple of a tile.
 pub(crate) const SMALL: [usize; 3] = [7, 21, 12];

@@ -7,8 +7,8 @@ use std::ptr::{null, null_mut};
 use glam::{Quat, Vec3};
 use imf_c::*;
 use imf_core::planner::{Best, Decision, Gradient, Pose, PoseField};
-use imf_fields::learnt::NeuralField;
 use imf_core::section::Quantity;
+use imf_fields::learnt::NeuralField;
 
 use crate::files::{harmonic, harmonic_of, scene, siren, spread};
 

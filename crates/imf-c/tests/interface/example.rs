@@ -9,8 +9,8 @@ use std::process::{Command, Stdio};
 use glam::{Quat, Vec3};
 use imf_core::field::ExactField;
 use imf_core::planner::{Best, Decision, Gradient, Passage, Pose, PoseField};
-use imf_fields::learnt::GuardedField;
 use imf_core::section::Quantity;
+use imf_fields::learnt::GuardedField;
 
 use crate::files::{harmonic, harmonic_of, scene, siren, spread};
 

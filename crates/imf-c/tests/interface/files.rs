@@ -4,20 +4,20 @@ use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec3};
 use imf_core::control::Control;
-use imf_fields::recipe::Sampling;
+use imf_core::orientation::OrientationSet;
+use imf_core::parts::ReferencePart;
+use imf_core::scene::{Scene, SceneSpec};
+use imf_core::section::{Quantity, SectionPlan};
+use imf_core::tool::{Clearance, Tool};
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitSettings, fit};
 use imf_fields::model::Model;
-use imf_core::orientation::OrientationSet;
-use imf_core::parts::ReferencePart;
-use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::{Quantity, SectionPlan};
-use imf_fields::siren::SirenShape;
-use imf_core::tool::{Clearance, Tool};
+use imf_fields::recipe::Sampling;
 use imf_fields::recipe::TrainingState;
 use imf_fields::recipe::{Cursor, TrainingPlan};
+use imf_fields::siren::SirenShape;
 
 /// A coarse bracket with a tool that is grown by a clearance of a pitch.
 pub(crate) fn scene() -> Scene {

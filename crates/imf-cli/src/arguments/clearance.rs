@@ -9,7 +9,7 @@ const HEADING: &str = "Clearance, in the part's unit";
 
 /// Room around each kind of element, in the part's unit.
 #[derive(Args, Clone, Default)]
-pub(crate) struct ClearanceArguments {
+pub struct ClearanceArguments {
     /// Room that holder and shank must keep: they are grown by it
     #[arg(help_heading = HEADING, long, default_value_t = 0.0, value_name = "LENGTH")]
     clearance: f64,
@@ -47,7 +47,7 @@ impl From<Clearance> for ClearanceArguments {
 
 /// Contact of the cutter with what it cuts, for fields.
 #[derive(Args, Clone, Default)]
-pub(crate) struct ContactArguments {
+pub struct ContactArguments {
     /// The cutter may reach this deep below the part's surface (in the part's unit); shank, holder and fixtures may not
     #[arg(long, value_name = "LENGTH")]
     contact: Option<f64>,

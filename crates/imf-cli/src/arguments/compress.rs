@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use imf_fields::recipe::Optimiser;
 use imf_fields::factored::TeachSettings;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::recipe::MuonConfig;
+use imf_fields::recipe::Optimiser;
 use imf_fields::recipe::SoapConfig;
 use imf_fields::recipe::{Length, TrainingPlan};
 

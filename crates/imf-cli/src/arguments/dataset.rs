@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
 use clap::{ArgMatches, Args, FromArgMatches, Subcommand};
-use imf_train::dataset::{Layout, Share};
-use imf_fields::recipe::Sampling;
 use imf_core::orientation::OrientationSet;
+use imf_fields::recipe::Sampling;
+use imf_train::dataset::{Layout, Share};
 
 use super::clearance;
 use super::scene::SceneArguments;

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use imf_core::section::Quantity;
 use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
-use imf_core::section::Quantity;
 
 /// The families that `imf field` can compute with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -84,7 +84,7 @@ const DEFAULT_DEGREE: usize = 14;
 /// 969 functions of a rotation, where degree 14 has 4,495.
 const DEFAULT_DEGREE_OF_ROTATIONS: usize = 8;
 /// Measured: beyond a third more sections than functions, a higher degree is the better use of sections.
-pub(crate) const DEFAULT_SECTIONS: f64 = 1.33;
+pub const DEFAULT_SECTIONS: f64 = 1.33;
 /// Axes that hold most of a field of degree 14.
 const DEFAULT_AXES: usize = 128;
 

@@ -6,7 +6,7 @@ use clap::Command;
 const MOST_OMEGA: f32 = 1e4;
 
 /// A command whose options take numbers below 0, as do those of its subcommands: whoever reads the number says why it cannot be.
-pub(crate) fn with_negative_numbers(command: Command) -> Command {
+pub fn with_negative_numbers(command: Command) -> Command {
     command
         .mut_args(|argument| {
             let is_option = !argument.is_positional() && argument.get_action().takes_values();
@@ -16,7 +16,7 @@ pub(crate) fn with_negative_numbers(command: Command) -> Command {
 }
 
 /// A measure above which a pose counts as blocked.
-pub(super) fn parse_threshold(text: &str) -> Result<f64, String> {
+pub fn parse_threshold(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(share) if (0.0..1.0).contains(&share) => Ok(share),
         _ => Err("a measure of at least 0 and below 1, such as 0.001".into()),
@@ -24,7 +24,7 @@ pub(super) fn parse_threshold(text: &str) -> Result<f64, String> {
 }
 
 /// How many of something that there must be.
-pub(super) fn parse_count(text: &str) -> Result<usize, String> {
+pub fn parse_count(text: &str) -> Result<usize, String> {
     match text.parse::<usize>() {
         Ok(count) if count > 0 => Ok(count),
         _ => Err("a whole number of at least 1".into()),

@@ -29,44 +29,46 @@ const HEADING: &str = "Part, voxels and tool";
 
 /// Which part, on which grid, against which tool.
 #[derive(Args, Clone)]
-pub(crate) struct SceneArguments {
+pub struct SceneArguments {
     /// An OBJ, STL, PLY or 3MF file, or a built-in part: teapot, bracket, bracket-raw, screw-gear
-    pub(crate) part: String,
+    pub part: String,
     /// Unit of the part: mm, cm, m or inch; STL files need it, 3MF files state theirs, others are in mm by
     /// default
     #[arg(help_heading = HEADING, long, value_name = "UNIT")]
-    pub(crate) unit: Option<String>,
+    pub unit: Option<String>,
     /// Edge of a voxel in the part's unit
     #[arg(help_heading = HEADING, long, value_name = "LENGTH", conflicts_with = "dims", value_parser = parse_pitch)]
-    pub(crate) pitch: Option<f64>,
+    pub pitch: Option<f64>,
     /// Voxels along x, y and z, the part fitted between them; built-in parts have their own by default
     #[arg(help_heading = HEADING, long, value_name = "NX,NY,NZ", value_parser = parse_dims)]
-    pub(crate) dims: Option<Dims>,
+    pub dims: Option<Dims>,
     /// Empty voxels on each side of the part
     #[arg(help_heading = HEADING, long, default_value_t = 0, value_name = "VOXELS")]
-    pub(crate) margin: usize,
+    pub margin: usize,
     /// Set-up of the part, steps applied in order: 'rotate:X,Y,Z:ANGLE; translate:X,Y,Z; matrix:…'
     #[arg(help_heading = HEADING, long, value_name = "STEPS")]
-    pub(crate) transform: Option<String>,
+    pub transform: Option<String>,
     /// Every voxel that the surface touches is solid, not only those whose centre is inside
     #[arg(help_heading = HEADING, long)]
-    pub(crate) conservative: bool,
+    pub conservative: bool,
     /// A tool file (TOML), a tool of FreeCAD (.fctb) or of Fusion (LIBRARY.json#NAME or #NUMBER), or paper, the built-in
     /// ball-end mill; imf access takes several
     #[arg(help_heading = HEADING, long, default_value = "paper", value_name = "TOOL")]
-    pub(crate) tool: Vec<String>,
+    pub tool: Vec<String>,
     /// What holds the part: an OBJ, STL, PLY or 3MF file in the part's unit (3MF: in its own), with its set-up after an @; may be repeated
     #[arg(help_heading = HEADING, long, value_name = "FILE[@STEPS]")]
-    pub(crate) fixture: Vec<String>,
+    pub fixture: Vec<String>,
     /// What the grid is chosen around
     #[arg(help_heading = HEADING, long, value_enum, default_value = "part")]
-    pub(crate) around: AroundKind,
+    pub around: AroundKind,
+    /// Room that the tool must keep.
     #[command(flatten)]
-    pub(crate) clearance: ClearanceArguments,
+    pub clearance: ClearanceArguments,
 }
 
+/// What the grid is chosen around.
 #[derive(Clone, Copy, ValueEnum)]
-pub(crate) enum AroundKind {
+pub enum AroundKind {
     /// The part (and the margin)
     Part,
     /// Part and fixtures
@@ -75,7 +77,7 @@ pub(crate) enum AroundKind {
 
 /// Voxels along the three axes.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Dims(pub(crate) [usize; 3]);
+pub struct Dims(pub(crate) [usize; 3]);
 
 fn parse_pitch(text: &str) -> Result<f64, String> {
     if text.contains(',') {
@@ -184,7 +186,7 @@ impl SceneArguments {
     /// Reads part, fixtures and tool, checks them, estimates the memory, and voxelises, with the layer that the cutter
     /// may enter where it may enter one. Fixtures must lie within the grid: the scene is all that is kept. Remarks go to
     /// the session.
-    pub(crate) fn scene_with(&self, session: &Session, contact: &ContactArguments) -> Result<Scene> {
+    pub fn scene_with(&self, session: &Session, contact: &ContactArguments) -> Result<Scene> {
         let reading = self.read(session)?;
         let tool = reading.only_tool()?;
         let fixtures = reading.fixtures();
@@ -248,7 +250,7 @@ impl SceneArguments {
     }
 
     /// The same scene on a grid of `scale` times as many voxels along each axis.
-    pub(crate) fn scaled(&self, session: &Session, scale: f64) -> Result<Self> {
+    pub fn scaled(&self, session: &Session, scale: f64) -> Result<Self> {
         if scale == 1.0 {
             return Ok(self.clone());
         }

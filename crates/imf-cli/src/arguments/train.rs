@@ -6,14 +6,14 @@ use std::str::FromStr as _;
 use anyhow::{Result, bail};
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, Command, FromArgMatches};
-use imf_train::dataset::{Layout, Manifest};
-use imf_fields::recipe::Sampling;
-use imf_fields::factored::TeachSettings;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
-use imf_fields::siren::SirenShape;
+use imf_fields::factored::TeachSettings;
 use imf_fields::recipe::OnlineSettings;
+use imf_fields::recipe::Sampling;
 use imf_fields::recipe::TrainingPlan;
+use imf_fields::siren::SirenShape;
+use imf_train::dataset::{Layout, Manifest};
 
 use super::clearance::ContactArguments;
 use super::compress::TeachingArguments;

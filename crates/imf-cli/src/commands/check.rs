@@ -9,10 +9,10 @@ use anyhow::{Result, ensure};
 use imf_core::check::{Against, CheckError, CheckReport, CheckSettings, Collision, check_toolpath_with};
 use imf_core::field::Pose;
 use imf_core::occupancy::Occupancy;
-use imf_fields::learnt::{GuardedField, NeuralField};
 use imf_core::scene::{Promise, Scene, SceneRecord};
 use imf_core::tool::{Segment, ToolShape};
 use imf_core::toolpath::Toolpath;
+use imf_fields::learnt::{GuardedField, NeuralField};
 use serde_json::json;
 
 use crate::arguments::check::CheckArguments;

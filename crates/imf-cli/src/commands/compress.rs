@@ -15,14 +15,15 @@ use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::{FactoredField, FactoredState, Symmetry, TeachSettings};
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::file::HarmonicFile;
-use imf_train::training::run::{Outcome, Report};
 use imf_gpu::shader::Factors;
 use imf_gpu::{Gpu, GpuTrainer, TrainerSettings};
+use imf_train::training::run::{Outcome, Report};
 use serde_json::json;
 
+pub use beginning::Beginning;
 use beginning::checkpoint_in;
-pub(super) use beginning::{Beginning, is_unfinished};
-pub(super) use teacher::{Extent, Sections, Teacher};
+pub(super) use beginning::is_unfinished;
+pub use teacher::{Extent, Sections, Teacher};
 
 use super::calibrate;
 use crate::arguments::compress::CompressArguments;
@@ -112,7 +113,7 @@ pub(super) fn concluded(
 }
 
 /// What the network of a field is told of symmetry.
-pub(super) fn symmetry_of(session: &Session, teacher: &HarmonicFile) -> Symmetry {
+pub fn symmetry_of(session: &Session, teacher: &HarmonicFile) -> Symmetry {
     let symmetry = Symmetry::of(&teacher.field, &teacher.scene.obstacle);
     if !symmetry.is_none() {
         session.note(&format!("the network is told of symmetry: {symmetry}"));
@@ -122,30 +123,33 @@ pub(super) fn symmetry_of(session: &Session, teacher: &HarmonicFile) -> Symmetry
 
 /// How a network is taught and kept.
 #[derive(Clone, Copy)]
-pub(super) struct Settings {
-    pub(super) teach: TeachSettings,
+pub struct Settings {
+    /// Shape, length and rates.
+    pub teach: TeachSettings,
     /// How the finished weights are kept.
-    pub(super) precision: Precision,
+    pub precision: Precision,
     /// Seconds between checkpoints.
-    pub(super) checkpoint_every: f64,
+    pub checkpoint_every: f64,
     /// What an interrupted user is to do.
-    pub(super) go_on: &'static str,
+    pub go_on: &'static str,
     /// What takes less memory.
-    pub(super) smaller: &'static str,
+    pub smaller: &'static str,
 }
 
 /// A network that is taught, in a folder.
-pub(super) struct Lesson<'a> {
-    pub(super) teacher: Teacher<'a>,
-    pub(super) settings: Settings,
+pub struct Lesson<'a> {
+    /// What teaches.
+    pub teacher: Teacher<'a>,
+    /// How.
+    pub settings: Settings,
     /// From where, and where checkpoint and field are written.
-    pub(super) beginning: &'a Beginning<'a>,
+    pub beginning: &'a Beginning<'a>,
 }
 
 impl Lesson<'_> {
     /// Teaches from the checkpoint on where there is one to go on from, else from another field's network or from random
     /// weights; writes checkpoints and the finished field. Returns that with the last loss.
-    pub(super) fn taught(
+    pub fn taught(
         &self,
         session: &Session,
         device: &Device,

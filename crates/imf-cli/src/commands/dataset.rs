@@ -5,11 +5,11 @@ mod merge;
 use std::path::Path;
 
 use anyhow::Result;
-use imf_train::dataset::{DatasetError, Generated, Layout, Manifest, generate_share};
-use imf_fields::recipe::Sampling;
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::Scene;
 use imf_core::section::SectionError;
+use imf_fields::recipe::Sampling;
+use imf_train::dataset::{DatasetError, Generated, Layout, Manifest, generate_share};
 use serde_json::json;
 
 use crate::arguments::dataset::{
@@ -115,7 +115,7 @@ pub(super) fn sampled(
 }
 
 /// An interrupted dataset says what is kept; other errors stay as they are.
-pub(super) fn interruption(error: DatasetError, folder: &Path) -> anyhow::Error {
+pub fn interruption(error: DatasetError, folder: &Path) -> anyhow::Error {
     match error {
         DatasetError::Section(SectionError::Cancelled) => Interrupted(format!(
             "finished shards are kept in {}; run the same command again to go on",

@@ -12,7 +12,7 @@ use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
 use imf_core::tool::Tool;
 
-pub(crate) use self::siren::SHAPE;
+pub use self::siren::SHAPE;
 use crate::arguments::{DemoArguments, NetworkFamily};
 use crate::output::{prepare_folder, print, print_json};
 use crate::progress::show_seconds;

@@ -1,9 +1,9 @@
 //! `imf eval`: a field of any family against the exact one.
 
 use anyhow::{Result, bail};
-use imf_fields::harmonic::basis::Basis;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::{Quantity, SectionPlan};
+use imf_fields::harmonic::basis::Basis;
 use imf_fields::stored::StoredField;
 
 use crate::arguments::eval::EvalArguments;

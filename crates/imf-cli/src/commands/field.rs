@@ -4,7 +4,7 @@ mod approximate;
 mod check;
 mod counting;
 mod elements;
-pub(super) mod harmonic;
+pub mod harmonic;
 mod inaccessibility;
 pub(crate) mod kept;
 mod sections;

@@ -12,12 +12,12 @@ use std::str::FromStr;
 
 use anyhow::{Result, bail};
 use glam::DMat4;
-use imf_fields::calibration::Calibration;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneRecord;
 use imf_core::section::{DEPTH_CAP, Quantity};
-use imf_fields::stored::StoredField;
 use imf_core::tool::Tool;
+use imf_fields::calibration::Calibration;
+use imf_fields::stored::StoredField;
 use serde_json::Value;
 
 use super::calibrate::judgement;

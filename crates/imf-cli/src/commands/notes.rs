@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use imf_fields::model::Model;
 use imf_core::scene::SceneRecord;
+use imf_fields::model::Model;
 
 use crate::arguments::clearance::clearance_text;
 use crate::session::Session;

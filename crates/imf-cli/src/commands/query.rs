@@ -11,13 +11,13 @@ use std::io::{Error as IoError, Write, stdout};
 use anyhow::{Context as _, Result, bail};
 use glam::DVec3;
 use imf_core::atomic_file::write_atomically;
-use imf_fields::factored::FactoredAnswers;
 use imf_core::field::{Field, Pose, SceneField, collision_measures};
-use imf_fields::learnt::LearntField;
 use imf_core::grid::Grid;
-use imf_fields::harmonic::HarmonicAnswers;
 use imf_core::scene::Scene;
 use imf_core::section::{Contact, DEPTH_CAP, Obstacles, Quantity};
+use imf_fields::factored::FactoredAnswers;
+use imf_fields::harmonic::HarmonicAnswers;
+use imf_fields::learnt::LearntField;
 use imf_fields::stored::StoredField;
 use imf_gpu::GpuField;
 

@@ -19,11 +19,12 @@ const CURRENT: &str = NetworkFamily::Siren5.checkpoint();
 pub(super) const PREVIOUS: &str = "checkpoint.previous.safetensors";
 
 /// What an output folder holds to go on from.
-pub(crate) struct Latest {
-    pub(crate) model: Model,
+pub struct Latest {
+    /// The network at its last step.
+    pub model: Model,
     pub(crate) path: PathBuf,
     /// What is wrong with a later checkpoint, and what that costs.
-    pub(crate) damage: Option<String>,
+    pub damage: Option<String>,
 }
 
 /// True where a folder holds a checkpoint, intact or not.
@@ -35,7 +36,7 @@ pub(super) fn is_any(out: &Path) -> bool {
 ///
 /// # Errors
 /// No checkpoint, none that is intact, or one of a newer program.
-pub(crate) fn latest(out: &Path) -> Result<Latest> {
+pub fn latest(out: &Path) -> Result<Latest> {
     let (current, previous) = (out.join(CURRENT), out.join(PREVIOUS));
     let error = match Model::read(&current) {
         Ok(model) => return Ok(Latest { model, path: current, damage: None }),

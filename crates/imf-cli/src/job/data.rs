@@ -6,11 +6,11 @@
 use std::path::Path;
 
 use anyhow::{Result, bail, ensure};
-use imf_train::dataset::{DatasetError, Manifest, Shards};
-use imf_fields::model::Model;
-use imf_train::samples::Samples;
 use imf_core::scene::Scene;
 use imf_core::section::SectionError;
+use imf_fields::model::Model;
+use imf_train::dataset::{DatasetError, Manifest, Shards};
+use imf_train::samples::Samples;
 
 use super::memory::Footprint;
 use crate::interrupt::{self, Interrupted};
@@ -22,9 +22,11 @@ const WHOLE: u64 = 1;
 const NEVER: u64 = u64::MAX;
 
 /// A dataset with what is known about it; its samples are not read yet.
-pub(crate) struct Data {
-    pub(crate) shards: Shards,
-    pub(crate) scene: Scene,
+pub struct Data {
+    /// Where its samples are.
+    pub shards: Shards,
+    /// What it was sampled from.
+    pub scene: Scene,
 }
 
 /// Where the samples of a training are.
@@ -36,7 +38,7 @@ pub(super) enum Source {
 
 impl Data {
     /// Opens a dataset's folder.
-    pub(crate) fn open(folder: &Path) -> Result<Self> {
+    pub fn open(folder: &Path) -> Result<Self> {
         let shards = Shards::open(folder)?;
         let scene = shards.manifest().scene(folder)?;
         // Samples are of the tip: where other sharp points lie makes no difference.

@@ -4,12 +4,12 @@
 //! paper's network take a tenth of a second on two cores.
 
 use anyhow::Result;
-use imf_train::held_out::HeldOut;
-use imf_fields::recipe::HeldOutChoice;
-use imf_fields::model::{HeldOutPoint, HeldOutRecord, Model};
 use imf_core::section::SectionError;
-use imf_fields::siren::evaluator::CpuEvaluator;
+use imf_fields::model::{HeldOutPoint, HeldOutRecord, Model};
+use imf_fields::recipe::HeldOutChoice;
 use imf_fields::recipe::TrainingState;
+use imf_fields::siren::evaluator::CpuEvaluator;
+use imf_train::held_out::HeldOut;
 
 use super::plan::REPORT_EVERY;
 use crate::interrupt::Interrupted;

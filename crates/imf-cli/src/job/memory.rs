@@ -17,8 +17,8 @@ use std::fmt;
 use anyhow::Result;
 use imf_core::scene::SceneRecord;
 use imf_core::section::SectionPlan;
-use imf_fields::siren::{INPUTS, SirenShape};
 use imf_fields::recipe::TrainingPlan;
+use imf_fields::siren::{INPUTS, SirenShape};
 
 use crate::engine::Device;
 use crate::session::{Session, show_bytes};
@@ -35,7 +35,7 @@ const PROGRAM_BYTES: u64 = 24 << 20;
 
 /// Memory of a training without its samples.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Footprint {
+pub struct Footprint {
     shape: SirenShape,
     batch: usize,
     /// Bytes for each parameter that this machine takes beside the engine.
@@ -52,7 +52,7 @@ pub(crate) struct Footprint {
 
 impl Footprint {
     /// Of training a network on a scene in batches of `batch`, with so many poses held out.
-    pub(crate) fn new(
+    pub fn new(
         session: &Session,
         device: &Device,
         shape: SirenShape,
@@ -99,7 +99,7 @@ impl Footprint {
     ///
     /// # Errors
     /// Less memory than this.
-    pub(crate) fn require(&self, session: &Session, beside: u64) -> Result<()> {
+    pub fn require(&self, session: &Session, beside: u64) -> Result<()> {
         let fewer = if beside > 0 { ", or fewer sections at a time" } else { "" };
         session.require_memory(self.bytes().saturating_add(beside), || {
             format!("{self}; {}{fewer}", self.remedy())

@@ -45,6 +45,6 @@ pub(super) fn schedule_from(schedule: &Schedule, initial: f32) -> Schedule {
 }
 
 /// The paper's plan, reported often enough to notice Ctrl-C.
-pub(crate) fn plan_defaults() -> TrainingPlan {
+pub fn plan_defaults() -> TrainingPlan {
     TrainingPlan { report_every: REPORT_EVERY, ..TrainingPlan::default() }
 }

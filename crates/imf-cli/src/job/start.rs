@@ -3,15 +3,15 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail, ensure};
-use imf_fields::recipe::Sampling;
-use imf_fields::model::{Model, ModelError, TrainingRecord};
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::SceneRecord;
-use imf_fields::siren::SirenShape;
+use imf_fields::model::{Model, ModelError, TrainingRecord};
+use imf_fields::recipe::Sampling;
 use imf_fields::recipe::TrainingState;
 use imf_fields::recipe::divergence::Watch;
-use imf_fields::recipe::{Cursor, TrainingPlan};
 use imf_fields::recipe::schedule::Schedule;
+use imf_fields::recipe::{Cursor, TrainingPlan};
+use imf_fields::siren::SirenShape;
 
 use super::checkpoint::{Latest, is_any, latest};
 use super::data::Data;
@@ -34,7 +34,7 @@ pub(crate) fn require_togetherness(session: &Session) -> Result<()> {
 }
 
 /// A model at the start of its training.
-pub(crate) fn fresh_model(
+pub fn fresh_model(
     data: &Data,
     shape: SirenShape,
     plan: TrainingPlan,
@@ -216,7 +216,7 @@ pub(crate) fn resumed_model(
 }
 
 /// `fresh`, or the unfinished checkpoint of the same training in the output folder.
-pub(crate) fn continued(session: &Session, out: &Path, data: &Data, fresh: Model) -> Model {
+pub fn continued(session: &Session, out: &Path, data: &Data, fresh: Model) -> Model {
     let same = |found: &Model| {
         !found.record.finished
             && found.shape == fresh.shape

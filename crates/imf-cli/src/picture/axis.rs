@@ -7,7 +7,7 @@ const WIDE: f64 = 2.6;
 
 /// How values are spread along an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum AxisScale {
+pub enum AxisScale {
     /// Evenly.
     Linear,
     /// By their logarithm; only values above 0 have a place.

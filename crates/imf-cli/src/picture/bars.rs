@@ -26,34 +26,34 @@ const MARKED: Rgb<u8> = Rgb([0, 114, 178]);
 
 /// One named value.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Bar {
+pub struct Bar {
     /// At the left of the bar.
-    pub(crate) name: String,
+    pub name: String,
     /// What has no place on the axis gets no bar, only its number.
-    pub(crate) value: f64,
+    pub value: f64,
     /// In the colour of what the chart is about.
-    pub(crate) marked: bool,
+    pub marked: bool,
 }
 
 /// Bars from top to bottom.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct BarChart {
+pub struct BarChart {
     /// Written on top.
-    pub(crate) title: String,
+    pub title: String,
     /// Name of the value axis, with its unit.
-    pub(crate) value_name: String,
+    pub value_name: String,
     /// Spread of the value axis.
-    pub(crate) scale: AxisScale,
+    pub scale: AxisScale,
     /// The values.
-    pub(crate) bars: Vec<Bar>,
+    pub bars: Vec<Bar>,
 }
 
 impl BarChart {
     /// Draws the chart and writes it as a PNG file.
     ///
     /// # Errors
-    /// As [`Self::draw`]; a file that cannot be written. The error names the file.
-    pub(crate) fn save(&self, path: &Path) -> Result<Tally> {
+    /// A picture that cannot be drawn, or a file that cannot be written; the error names the file.
+    pub fn save(&self, path: &Path) -> Result<Tally> {
         self.draw().with_context(|| format!("cannot draw {}", path.display()))?.save(path)
     }
 

@@ -36,30 +36,30 @@ const SERIES_COLOURS: [Rgb<u8>; 6] = [
 
 /// A named curve.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Series {
+pub struct Series {
     /// In the legend.
-    pub(crate) name: String,
+    pub name: String,
     /// (x, value) in drawing order. What has no place on its axis breaks the curve and is counted.
-    pub(crate) points: Vec<(f64, f64)>,
+    pub points: Vec<(f64, f64)>,
     /// A dot on every point, for curves of few points.
-    pub(crate) markers: bool,
+    pub markers: bool,
 }
 
 /// Curves in one plot.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Chart {
+pub struct Chart {
     /// Written on top.
-    pub(crate) title: String,
+    pub title: String,
     /// Name of the axis to the right, with its unit.
-    pub(crate) x_name: String,
+    pub x_name: String,
     /// Spread of that axis.
-    pub(crate) x_scale: AxisScale,
+    pub x_scale: AxisScale,
     /// Name of the value axis, with its unit.
-    pub(crate) value_name: String,
+    pub value_name: String,
     /// Spread of the value axis.
-    pub(crate) value_scale: AxisScale,
+    pub value_scale: AxisScale,
     /// The curves; six are told apart by colour.
-    pub(crate) series: Vec<Series>,
+    pub series: Vec<Series>,
 }
 
 /// The rectangle of the plot in pixels.
@@ -75,8 +75,8 @@ impl Chart {
     /// Draws the chart and writes it as a PNG file.
     ///
     /// # Errors
-    /// As [`Self::draw`]; a file that cannot be written. The error names the file.
-    pub(crate) fn save(&self, path: &Path) -> Result<Tally> {
+    /// A picture that cannot be drawn, or a file that cannot be written; the error names the file.
+    pub fn save(&self, path: &Path) -> Result<Tally> {
         self.draw().with_context(|| format!("cannot draw {}", path.display()))?.save(path)
     }
 

@@ -22,7 +22,7 @@ enum Sequence {
 
 /// A range of values, its colours, and the words beside its colour bar. Panels with equal scales share one bar.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Scale {
+pub struct Scale {
     sequence: Sequence,
     limit: f32,
     label: String,
@@ -32,7 +32,7 @@ pub(crate) struct Scale {
 
 impl Scale {
     /// A measure's scale up to the largest finite value of all `slices`; up to 1 if there is none above 0.
-    pub(crate) fn measure_of(slices: &[ArrayView2<'_, f32>], label: &str) -> Self {
+    pub fn measure_of(slices: &[ArrayView2<'_, f32>], label: &str) -> Self {
         Self {
             sequence: Sequence::Measure,
             limit: largest(slices, |value| value),
@@ -42,7 +42,7 @@ impl Scale {
     }
 
     /// A difference's scale up to the largest finite magnitude of all `slices`; up to 1 if there is none above 0.
-    pub(crate) fn difference_of(slices: &[ArrayView2<'_, f32>], label: &str) -> Self {
+    pub fn difference_of(slices: &[ArrayView2<'_, f32>], label: &str) -> Self {
         Self {
             sequence: Sequence::Difference,
             limit: largest(slices, f32::abs),
@@ -52,7 +52,7 @@ impl Scale {
     }
 
     /// From 0 to `max`, for values that know their range.
-    pub(crate) fn measure(max: f32, label: &str) -> Self {
+    pub fn measure(max: f32, label: &str) -> Self {
         Self { sequence: Sequence::Measure, limit: max, label: label.to_owned(), classes: Vec::new() }
     }
 

@@ -22,20 +22,20 @@ const PART_COLOUR: Rgb<u8> = Rgb([158, 158, 158]);
 
 /// Where a slice lies in the world.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Axes {
+pub struct Axes {
     /// Names of the axes to the right and upwards.
-    pub(crate) names: [String; 2],
+    pub names: [String; 2],
     /// Unit of the mesh, for example "mm".
-    pub(crate) unit: String,
+    pub unit: String,
     /// Lower corner of voxel (0, 0) in `unit`.
-    pub(crate) start: [f64; 2],
+    pub start: [f64; 2],
     /// Side of a voxel in `unit`.
-    pub(crate) pitch: f64,
+    pub pitch: f64,
 }
 
 /// How a mask lies over the values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum MaskStyle {
+pub enum MaskStyle {
     /// Its outline; the values inside stay visible.
     Outline,
     /// A flat grey that hides the values inside, which then count in no tally.
@@ -44,26 +44,26 @@ pub(crate) enum MaskStyle {
 
 /// Voxels to mark, the part's as a rule: those that are not 0.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Mask<'a> {
+pub struct Mask<'a> {
     /// Same shape as the panel's values.
-    pub(crate) voxels: ArrayView2<'a, u8>,
+    pub voxels: ArrayView2<'a, u8>,
     /// How they are marked.
-    pub(crate) style: MaskStyle,
+    pub style: MaskStyle,
 }
 
 /// One slice with what belongs to it.
 #[derive(Clone, Debug)]
-pub(crate) struct Panel<'a> {
+pub struct Panel<'a> {
     /// Written above; may be empty.
-    pub(crate) title: String,
+    pub title: String,
     /// Values at voxel centres: first axis to the right, second upwards.
-    pub(crate) values: ArrayView2<'a, f32>,
+    pub values: ArrayView2<'a, f32>,
     /// The part, if it shall be seen.
-    pub(crate) mask: Option<Mask<'a>>,
+    pub mask: Option<Mask<'a>>,
     /// Colours.
-    pub(crate) scale: Scale,
+    pub scale: Scale,
     /// Where the slice lies.
-    pub(crate) axes: Axes,
+    pub axes: Axes,
 }
 
 impl Panel<'_> {

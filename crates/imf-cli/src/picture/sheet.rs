@@ -36,24 +36,24 @@ const NOTE_SIZE: f32 = 12.5;
 
 /// Panels side by side.
 #[derive(Clone, Debug)]
-pub(crate) struct PanelRow<'a> {
+pub struct PanelRow<'a> {
     /// Written above the row, for example the orientation; may be empty.
-    pub(crate) title: String,
+    pub title: String,
     /// From left to right.
-    pub(crate) panels: Vec<Panel<'a>>,
+    pub panels: Vec<Panel<'a>>,
 }
 
 /// A page of panels.
 #[derive(Clone, Debug)]
-pub(crate) struct PanelSheet<'a> {
+pub struct PanelSheet<'a> {
     /// Written on top; may be empty.
-    pub(crate) title: String,
+    pub title: String,
     /// From top to bottom.
-    pub(crate) rows: Vec<PanelRow<'a>>,
+    pub rows: Vec<PanelRow<'a>>,
     /// Lines of small print at the bottom.
-    pub(crate) notes: Vec<String>,
+    pub notes: Vec<String>,
     /// Pixels a voxel; fitted to the largest panel if `None`.
-    pub(crate) pixels_per_voxel: Option<u32>,
+    pub pixels_per_voxel: Option<u32>,
 }
 
 /// Where a column's panels begin and how much room they have, in pixels.
@@ -75,8 +75,8 @@ impl<'a> PanelSheet<'a> {
     /// Draws the sheet and writes it as a PNG file.
     ///
     /// # Errors
-    /// As [`Self::draw`]; a file that cannot be written. The error names the file.
-    pub(crate) fn save(&self, path: &Path) -> Result<Tally> {
+    /// A picture that cannot be drawn, or a file that cannot be written; the error names the file.
+    pub fn save(&self, path: &Path) -> Result<Tally> {
         self.draw().with_context(|| format!("cannot draw {}", path.display()))?.save(path)
     }
 

@@ -1,8 +1,8 @@
 //! Ranks reach each other by MPI, from the main thread only.
 
 use anyhow::{Context as _, Result, bail};
-use imf_train::engine::ranks::Exchange;
 use imf_core::field::EngineError;
+use imf_train::engine::ranks::Exchange;
 use mpi::Threading;
 use mpi::datatype::{Partition, PartitionMut};
 use mpi::environment::Universe;

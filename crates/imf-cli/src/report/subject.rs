@@ -3,16 +3,16 @@
 use std::borrow::Cow;
 
 use anyhow::Result;
+use imf_core::orientation::Orientation;
+use imf_core::scene::Scene;
 use imf_fields::harmonic::FitReport;
 use imf_fields::harmonic::basis::{Basis, Domain};
 use imf_fields::model::{Model, TrainingRecord};
-use imf_core::orientation::Orientation;
-use imf_core::scene::Scene;
 use imf_fields::stored::StoredField;
 use serde::Serialize;
 
 /// A field to be evaluated.
-pub(crate) struct Subject<'a> {
+pub struct Subject<'a> {
     pub(crate) scene: &'a Scene,
     /// Orientations of the sections that it was made from.
     pub(super) seen: Cow<'a, [Orientation]>,
@@ -65,7 +65,7 @@ impl<'a> Subject<'a> {
     }
 
     /// A trained network.
-    pub(crate) fn of_model(model: &'a Model) -> Self {
+    pub fn of_model(model: &'a Model) -> Self {
         let record = &model.record;
         let parameters = model.shape.parameter_count();
         Self {

@@ -1,9 +1,9 @@
 //! `imf field --method harmonic`, held against exact sections and against its own file.
 
 use imf_core::control::Control;
-use imf_fields::harmonic::file::HarmonicFile;
 use imf_core::orientation::OrientationSet;
 use imf_core::section::{SectionPlan, imf, sections};
+use imf_fields::harmonic::file::HarmonicFile;
 use serde_json::json;
 
 use crate::folder::Folder;
@@ -301,7 +301,8 @@ fn a_field_is_compressed_into_a_network_through_an_interruption() {
 
     let info = folder.json(&["info", "whole/field.safetensors"]);
     assert_eq!((&info["kind"], &info["network"]["width"]), (&"factored".into(), &32.into()));
-    let file = imf_fields::factored::file::FactoredFile::read(&folder.path("whole/field.safetensors")).unwrap();
+    let file =
+        imf_fields::factored::file::FactoredFile::read(&folder.path("whole/field.safetensors")).unwrap();
     let grid = file.field.grid;
     let [x, y, z] = grid.centre([2, 7, 4]).to_array();
     folder.write("poses.csv", format!("x,y,z,theta,phi\n{x},{y},{z},40,70\n"));

@@ -1,9 +1,9 @@
 //! `imf info` and `imf devices`.
 
 use imf_core::control::Control;
+use imf_core::orientation::OrientationSet;
 use imf_fields::recipe::Sampling;
 use imf_train::dataset::generate;
-use imf_core::orientation::OrientationSet;
 
 use crate::folder::{Folder, OPEN_CUBE};
 use crate::model::{model, newer, write_model};

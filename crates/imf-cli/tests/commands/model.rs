@@ -2,16 +2,16 @@
 
 use std::path::Path;
 
-use imf_fields::recipe::Sampling;
-use imf_fields::model::{LossPoint, Model, TrainingRecord};
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
-use imf_fields::siren::SirenShape;
 use imf_core::tool::Tool;
+use imf_fields::model::{LossPoint, Model, TrainingRecord};
+use imf_fields::recipe::Sampling;
 use imf_fields::recipe::TrainingState;
 use imf_fields::recipe::divergence::Watch;
 use imf_fields::recipe::{Cursor, TrainingPlan};
+use imf_fields::siren::SirenShape;
 
 /// A tiny network for the bracket on 5×15×9 voxels.
 pub(crate) fn model() -> Model {

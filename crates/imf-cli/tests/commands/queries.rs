@@ -5,9 +5,9 @@ use std::process::Stdio;
 
 use glam::DVec3;
 use imf_core::field::{ExactField, Field, Pose};
+use imf_core::orientation::Orientation;
 use imf_fields::learnt::LearntField;
 use imf_fields::model::Model;
-use imf_core::orientation::Orientation;
 use imf_fields::siren::evaluator::CpuEvaluator;
 
 use crate::folder::Folder;

@@ -2,12 +2,12 @@
 
 use std::fmt::Write as _;
 
+use imf_core::field::{Field, Pose};
+use imf_core::orientation::Orientation;
 use imf_fields::factored::FactoredAnswers;
 use imf_fields::factored::file::FactoredFile;
-use imf_core::field::{Field, Pose};
 use imf_fields::harmonic::HarmonicAnswers;
 use imf_fields::harmonic::file::HarmonicFile;
-use imf_core::orientation::Orientation;
 use serde_json::Value;
 
 use crate::folder::Folder;

@@ -64,8 +64,6 @@ fn numbers_out_of_range_are_refused_beside_the_option_that_they_were_given_to() 
         ("train data --out m", "--omega nan"),
         ("train data --out m", "--held-out-every 0"),
         ("compress f --out m", "--omega 1e30"),
-        ("bench train", "--batch 1024,0"),
-        ("bench families", "--threshold nan"),
         ("eval m.safetensors", "--threshold nan"),
         ("eval m.safetensors", "--threshold -1"),
         ("eval m.safetensors", "--threshold=-1"),

@@ -6,6 +6,8 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use imf_fields::model::Model;
+#[cfg(unix)]
+use imf_gpu::{adapters, wgpu::DeviceType};
 use serde_json::Value;
 
 /// The bracket at a seventh of its grid: 1,764 voxels, sections in a millisecond.
@@ -64,7 +66,7 @@ impl Workdir {
 
     /// The command with a line of arguments, split at spaces.
     pub(crate) fn command(&self, line: &str) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_imf"));
+        let mut command = Command::new(crate::PROGRAM);
         command.args(line.split_whitespace()).current_dir(self.0.path()).stdin(Stdio::null());
         command
     }
@@ -178,4 +180,15 @@ impl Finished {
 /// True where a folder holds a file of that name.
 pub(crate) fn holds(folder: &Path, name: &str) -> bool {
     folder.join(name).is_file()
+}
+
+/// Software Vulkan where there is some, else the GPU: the tests ask for any adapter, not for a certain one.
+#[cfg(unix)]
+pub(crate) fn device() -> &'static str {
+    let found = adapters();
+    assert!(
+        !found.is_empty(),
+        "there is no adapter.\nTo leave these tests out on purpose: IMF_NO_GPU_TESTS=1 cargo test"
+    );
+    if found.iter().any(|adapter| adapter.kind == DeviceType::Cpu) { "software" } else { "gpu" }
 }

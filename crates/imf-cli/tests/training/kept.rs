@@ -2,8 +2,8 @@
 
 use std::fs::File;
 
-use imf_fields::learnt::LearntField;
 use imf_core::orientation::OrientationSet;
+use imf_fields::learnt::LearntField;
 use imf_fields::siren::evaluator::CpuEvaluator;
 use imf_fields::stored::StoredField;
 use ndarray::Array3;
@@ -52,22 +52,6 @@ fn a_harmonic_field_that_is_kept_is_what_was_made() {
     assert_eq!(work.imf(&format!("{sections} --confirm --out none")).code, Some(2));
     work.imf(&format!("{sections} --out none --memory 1KiB")).refused(&["values", "--memory"]);
     work.imf("sections missing.safetensors --orientations 0,0 --out none").refused(&["missing.safetensors"]);
-}
-
-#[test]
-fn a_field_that_is_not_calibrated_is_asked_for_poses_and_not_for_decisions() {
-    let work = Workdir::new();
-    work.imf(
-        "field teapot --dims 15,19,31 --method harmonic --degree 4 --save field.safetensors --no-calibrate",
-    )
-    .done();
-    let bench = "bench query field.safetensors --poses 50 --rival-poses 5 --python no-such --parry3d no-such";
-    let report = work.imf(&format!("{bench} --out out --json")).done().json();
-    let rows = report["rows"].as_array().unwrap();
-    let row = rows.iter().find(|row| row["answers"].as_str().unwrap().contains("calibrat")).unwrap();
-    assert_eq!(row["answers"], "not calibrated (imf calibrate)");
-    assert!(row["free"].is_null() && row["blocked"].is_null() && row["agree"].is_null(), "{row}");
-    assert!(row["poses_per_second"].as_f64().unwrap() > 0.0, "{row}");
 }
 
 #[test]

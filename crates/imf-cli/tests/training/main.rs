@@ -7,15 +7,14 @@ mod arguments;
 mod binary;
 mod damage;
 mod demo;
-mod families;
 mod interruption;
 mod kept;
 mod long_runs;
-mod paper;
 mod part;
 mod pipeline;
 mod precision;
-mod regime;
-mod regime_folder;
 mod shares;
 mod streaming;
+
+/// The binary that is run.
+const PROGRAM: &str = env!("CARGO_BIN_EXE_imf");

@@ -1,7 +1,7 @@
 //! `--precision bf16`: as good as f32, recorded, resumed to the same bits; refused by name where it cannot be.
 
-use imf_train::engine::CpuTrainer;
 use imf_fields::recipe::Precision;
+use imf_train::engine::CpuTrainer;
 
 use crate::binary::{TRAIN, Workdir};
 

@@ -1,15 +1,15 @@
 //! The bracket of the examples: a coarse one, with a harmonic field made in a moment.
 
 use imf_core::control::Control;
+use imf_core::parts::ReferencePart;
+use imf_core::scene::SceneSpec;
+use imf_core::section::SectionPlan;
+use imf_core::tool::{Clearance, Tool};
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitSettings, fit};
-use imf_core::parts::ReferencePart;
 use imf_fields::learnt::NeuralField;
-use imf_core::scene::SceneSpec;
-use imf_core::section::SectionPlan;
 use imf_fields::stored::StoredField;
-use imf_core::tool::{Clearance, Tool};
 
 /// The field of the paper's tool, its holder grown by `clearance`. A program would load it: `NeuralField::load`.
 pub(crate) fn field(clearance: f64) -> Result<NeuralField, Box<dyn std::error::Error>> {

@@ -2,7 +2,7 @@
 //!
 //! The box has what is given: four holes for bolts with counterbores, through which the bolts' heads are reached from
 //! above, and a bore for a pin along x. Around the bolts, under their heads, and around both ends of the pin the material
-//! stays; between, the optimisation of the example `simp` leaves 15 % of the box: what pulls of the pin along x, y and z
+//! stays; between, the optimisation of the example `simp` of `imf-bench` leaves 15 % of the box: what pulls of the pin along x, y and z
 //! need on their way to the bolts. Its surface is stored, and the same on every machine.
 //!
 //! Sizes are in millimetres.
@@ -43,7 +43,7 @@ pub const LUG: f64 = 13.0;
 /// Segments to a full circle: at the largest radius, 11 mm, chords stay within 0.03 mm of the arc.
 const CIRCLE: usize = 48;
 
-/// The surface that the example `simp` made.
+/// The surface that the example `simp` of `imf-bench` made.
 const STORED: &[u8] = include_bytes!("bracket.obj");
 
 /// The bracket: closed, one piece, facing outwards.

@@ -8,11 +8,7 @@ use super::{Best, Decision, PlannerError, Pose, check_lengths};
 pub const BLOCK: usize = 256;
 
 /// Checks what is asked for a minimum.
-pub fn check_minimum(
-    points: &[Vec3],
-    orientations: &[Quat],
-    best: &[Best],
-) -> Result<(), PlannerError> {
+pub fn check_minimum(points: &[Vec3], orientations: &[Quat], best: &[Best]) -> Result<(), PlannerError> {
     check_lengths(points.len(), best.len())?;
     if orientations.is_empty() || u32::try_from(orientations.len()).is_err() {
         return Err(PlannerError::Orientations(orientations.len()));

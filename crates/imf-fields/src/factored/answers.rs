@@ -1,9 +1,9 @@
 //! A factored field answers poses and whole grids as every family does.
 
 use super::FactoredEvaluator;
+use crate::harmonic::least_of;
 use imf_core::control::Control;
 use imf_core::field::{Field, Pose, QueryError, WholeField, answer_between_centres};
-use crate::harmonic::least_of;
 use imf_core::orientation::Orientation;
 use imf_core::section::Imf;
 

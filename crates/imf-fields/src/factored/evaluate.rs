@@ -13,13 +13,13 @@ use crate::harmonic::coefficients::{Coefficients, Precision};
 use crate::harmonic::{
     FitReport, HarmonicField, Heads, Mirrors, VoxelCoefficients, minimum_of, parities, sections_of,
 };
-use imf_core::section::{Imf, Quantity};
 use crate::siren::forward::Network;
 use crate::siren::halves::HalfPanels;
 use crate::siren::lanes::dot;
 use crate::siren::matrix::{Matrix, multiply, prefer_unpacked};
 use crate::siren::plan::{Plan, transpose, transpose_all};
 use crate::siren::scratch::ScratchPool;
+use imf_core::section::{Imf, Quantity};
 use imf_core::vectorised::vectorised;
 use imf_core::workspaces::Workspaces;
 

@@ -26,13 +26,13 @@ use crate::harmonic::basis::{Basis, Domain};
 use crate::harmonic::coefficients::Precision;
 use crate::harmonic::file::kind;
 use crate::harmonic::{FitReport, FitSettings};
-use imf_core::scene::{Scene, SceneRecord};
+use crate::recipe::Cursor;
+use crate::recipe::TrainingState;
+use crate::recipe::divergence::Watch;
 use crate::tensor_file::{
     Format, Header, TensorFileError, checksum, floats, halves, little_endian, little_endian_halves,
 };
-use crate::recipe::TrainingState;
-use crate::recipe::divergence::Watch;
-use crate::recipe::Cursor;
+use imf_core::scene::{Scene, SceneRecord};
 
 const FORMAT: Format = Format { id: "imf-factored", name: "factored field", version: 4 };
 

@@ -10,8 +10,8 @@ use super::FactoredEvaluator;
 use super::symmetry::Place;
 use crate::harmonic::basis::Facing;
 use crate::harmonic::{Functions, Gradient, TurnScratch};
-use imf_core::orientation::Orientation;
 use crate::siren::tangent::PanelOfPoint;
+use imf_core::orientation::Orientation;
 
 /// Working memory of a thread that asks for single poses; nothing is allocated once it has its size.
 #[derive(Default)]

@@ -1,8 +1,8 @@
 //! g and its loss in f64, written as the mathematics: the definition that the fast engine is tested against.
 
 use super::{FactoredShape, INPUTS};
-use crate::siren::reference::{activations, backward};
 use crate::recipe::Loss;
+use crate::siren::reference::{activations, backward};
 
 /// The network's outputs at one sample.
 ///

@@ -79,7 +79,7 @@ pub struct Frame {
 
 /// A position as a network with symmetry sees it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Place {
+pub struct Place {
     /// On the far side of every mirror: where coordinates are larger.
     pub(crate) position: DVec3,
     /// −1 along what was mirrored, 1 elsewhere.
@@ -157,7 +157,7 @@ impl Symmetry {
     }
 
     /// The frame of a place.
-    pub(super) fn frame_of(&self, place: &Place) -> Frame {
+    pub fn frame_of(&self, place: &Place) -> Frame {
         let order = Axis::order(self.axis.map_or(2, |axis| axis.along));
         Frame {
             turn: place.angle.map_or([1.0, 0.0], |angle| [angle.cosine as f32, angle.sine as f32]),

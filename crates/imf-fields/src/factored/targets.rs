@@ -6,14 +6,14 @@ use glam::DVec3;
 use pulp::Arch;
 use rayon::prelude::*;
 
-use super::{FactoredField, FactoredShape};
 use super::symmetry::{LocalHarmonics, Symmetry};
+use super::{FactoredField, FactoredShape};
 use crate::harmonic::HarmonicField;
 use crate::harmonic::basis::{Basis, Domain};
-use imf_core::grid::Grid;
-use imf_core::section::Quantity;
 use crate::siren::ShapeError;
 use crate::siren::lanes::dot;
+use imf_core::grid::Grid;
+use imf_core::section::Quantity;
 use imf_core::vectorised::vectorised;
 
 /// A teacher of functions of the direction, by function.
@@ -208,4 +208,3 @@ impl<'a> TeacherFunctions<'a> {
         FactoredField { quantity, grid: *grid, basis, axes, mean, shape, parameters, scale }
     }
 }
-

@@ -9,11 +9,11 @@ use super::HarmonicField;
 use super::basis::Basis;
 use super::mirrors::Mirrors;
 use super::sides;
+use crate::siren::matrix::{Matrix, multiply};
 use imf_core::control::Control;
 use imf_core::field::QueryError;
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, Quantity};
-use crate::siren::matrix::{Matrix, multiply};
 use imf_core::vectorised::vectorised;
 
 /// Orientations as the field reads them: `Uᵀ b(R)` and `μ·b(R)` for each.

@@ -21,10 +21,10 @@ use super::basis::{Basis, Domain};
 use super::coefficients::{Coefficients, Precision};
 use super::{FitReport, FitSettings, HarmonicField};
 use crate::calibration::Calibration;
-use imf_core::scene::{Scene, SceneRecord};
 use crate::tensor_file::{
     Format, Header, TensorFileError, checksum, floats, halves, little_endian, little_endian_halves,
 };
+use imf_core::scene::{Scene, SceneRecord};
 
 const FORMAT: Format = Format { id: "imf-harmonic", name: "harmonic field", version: 1 };
 

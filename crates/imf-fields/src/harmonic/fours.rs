@@ -8,8 +8,8 @@
 //! 300 such directions determine 225 functions with 2 % more squared error to expect than a Fibonacci spiral's 300.
 
 use super::sphere::all_that_change_sign;
-use imf_core::vectorised::vectorised;
 use glam::DVec3;
+use imf_core::vectorised::vectorised;
 use pulp::Arch;
 use rayon::prelude::*;
 

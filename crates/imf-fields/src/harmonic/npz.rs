@@ -21,9 +21,9 @@ use ndarray::{ArrayView1, ArrayView2, ArrayView3, ArrayView4, ShapeError};
 use ndarray_npy::{NpzWriter, WriteNpzError};
 
 use super::file::HarmonicFile;
+use crate::tensor_file::TensorFileError;
 use imf_core::atomic_file::write_atomically;
 use imf_core::section::Quantity;
-use crate::tensor_file::TensorFileError;
 
 impl HarmonicFile {
     /// Writes the field as `.npz`, whole or not at all; coefficients in f32 whatever they are kept in.

@@ -7,8 +7,8 @@ use super::HarmonicField;
 use super::basis::{Basis, Facing};
 use super::both_ways::both_ways;
 use super::rotations::sum_with_turns;
-use imf_core::orientation::Orientation;
 use crate::siren::lanes::dot;
+use imf_core::orientation::Orientation;
 use imf_core::vectorised::vectorised;
 
 /// What a pose's overlap is and how it changes.

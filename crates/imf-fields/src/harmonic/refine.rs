@@ -10,10 +10,10 @@ use super::HarmonicField;
 use super::basis::{Basis, Facing};
 use super::evaluate::VoxelCoefficients as _;
 use super::rotations::sum_with_turns;
+use crate::siren::matrix::{Matrix, multiply};
 use imf_core::control::Control;
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, SectionError};
-use crate::siren::matrix::{Matrix, multiply};
 use imf_core::vectorised::vectorised;
 
 /// A minimum over all orientations.

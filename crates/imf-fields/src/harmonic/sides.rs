@@ -13,9 +13,9 @@ use rayon::prelude::*;
 use super::HarmonicField;
 use super::evaluate::{Heads, VoxelCoefficients, lowest};
 use super::mirrors::{Mirrors, PARITIES, Parity};
+use crate::siren::matrix::{Matrix, multiply};
 use imf_core::control::Control;
 use imf_core::section::Imf;
-use crate::siren::matrix::{Matrix, multiply};
 use imf_core::vectorised::vectorised;
 
 /// [`HarmonicField::sections`] of such a field.
@@ -270,13 +270,13 @@ mod tests {
         FitSettings, HarmonicAnswers, minimum_of as found_minimum, sections_of as found_sections,
     };
     use super::*;
+    use glam::DVec3;
     use imf_core::access::tests::small_tool;
     use imf_core::field::{QueryError, WholeField as _};
     use imf_core::grid::Grid;
     use imf_core::occupancy::Occupancy;
     use imf_core::orientation::{Orientation, OrientationSet};
     use imf_core::section::SectionPlan;
-    use glam::DVec3;
 
     /// Mirrored across x, where a plane goes through voxels, and z, where one goes between.
     fn field(axes: usize, precision: Precision) -> HarmonicField {

@@ -11,14 +11,14 @@ use super::radial::direct_coefficients;
 use super::{
     FitSettings, HarmonicAnswers, HarmonicError, HarmonicField, Misses, PointScratch, fit, section_count,
 };
+use crate::metrics::Errors;
+use crate::tensor_file::TensorFileError;
 use imf_core::control::Control;
 use imf_core::field::{Field as _, Pose, VoxelMeasures};
-use crate::metrics::Errors;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::{Imf, Quantity, SectionError, SectionPlan, imf, sections};
-use crate::tensor_file::TensorFileError;
 use imf_core::tool::Tool;
 
 fn scene() -> Scene {

@@ -16,11 +16,11 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use thiserror::Error;
 
+use crate::calibration::{Calibration, Goals, Judgement, Rate, most_errors};
+use crate::learnt::NeuralField;
+use imf_core::control::Control;
 use imf_core::planner::guard::Guard;
 use imf_core::planner::{Decision, PlannerError, Pose};
-use crate::learnt::NeuralField;
-use crate::calibration::{Calibration, Goals, Judgement, Rate, most_errors};
-use imf_core::control::Control;
 use imf_core::section::Quantity;
 use imf_core::tool::{ClearanceError, ToolError};
 

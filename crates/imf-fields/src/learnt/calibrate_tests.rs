@@ -1,24 +1,24 @@
-use crate::learnt::calibrate::{CalibrationError, CalibrationSettings, calibrate, judge};
-use crate::learnt::scenes::{factored_file, harmonic, harmonic_file, poses, scene, siren_model};
-use imf_core::planner::{Decision, PoseField};
-use crate::learnt::NeuralField;
 use crate::calibration::{Calibration, Goals};
-use imf_core::control::Control;
 use crate::factored::file::FactoredFile;
 use crate::factored::{FactoredField, TeachSettings};
-use crate::recipe::Optimiser;
-use imf_train::distill::teach;
 use crate::harmonic::basis::Domain;
 use crate::harmonic::coefficients::Precision;
 use crate::harmonic::file::HarmonicFile;
 use crate::harmonic::{FitSettings, fit};
+use crate::learnt::NeuralField;
+use crate::learnt::calibrate::{CalibrationError, CalibrationSettings, calibrate, judge};
+use crate::learnt::scenes::{factored_file, harmonic, harmonic_file, poses, scene, siren_model};
+use crate::recipe::MuonConfig;
+use crate::recipe::Optimiser;
+use crate::recipe::{Length, TrainingPlan};
+use crate::stored::StoredField;
+use imf_core::control::Control;
 use imf_core::parts::ReferencePart;
+use imf_core::planner::{Decision, PoseField};
 use imf_core::scene::SceneSpec;
 use imf_core::section::{Quantity, SectionPlan};
-use crate::recipe::MuonConfig;
-use crate::stored::StoredField;
 use imf_core::tool::{Clearance, Tool};
-use crate::recipe::{Length, TrainingPlan};
+use imf_train::distill::teach;
 
 /// One in five hundred, so that a few ten thousand poses show it.
 const SETTINGS: CalibrationSettings = CalibrationSettings {

@@ -3,17 +3,17 @@
 use glam::{DVec3, Quat, Vec3};
 use pulp::Arch;
 
-use imf_core::planner::least::{BLOCK, is_better};
-use imf_core::planner::{Best, Decision, Gradient, Pose};
 use crate::factored::{self, FactoredEvaluator};
-use imf_core::grid::Grid;
 use crate::harmonic::basis::{Basis, Facing};
 use crate::harmonic::{self, HarmonicField};
-use imf_core::section::Quantity;
 use crate::siren::evaluator::{CpuEvaluator, TangentScratch};
 use crate::siren::lanes::dot;
 use crate::siren::matrix::{Matrix, multiply, prefer_unpacked};
 use crate::siren::{INPUTS, features};
+use imf_core::grid::Grid;
+use imf_core::planner::least::{BLOCK, is_better};
+use imf_core::planner::{Best, Decision, Gradient, Pose};
+use imf_core::section::Quantity;
 use imf_core::vectorised::vectorised;
 
 /// Points whose coefficients are kept while all orientations pass by.

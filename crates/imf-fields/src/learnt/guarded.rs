@@ -4,12 +4,12 @@ use std::path::Path;
 
 use glam::{Quat, Vec3};
 
+use crate::learnt::{LoadError, NeuralField};
+use imf_core::field;
 use imf_core::planner::guard::Guard;
 use imf_core::planner::least::least;
 use imf_core::planner::motion::{Growths, MotionError, Passage, free_along};
 use imf_core::planner::{Best, Decision, Gradient, PlannerError, Pose, PoseField, check_lengths};
-use crate::learnt::{LoadError, NeuralField};
-use imf_core::field;
 use imf_core::scene::Scene;
 use imf_core::tool::Clearance;
 

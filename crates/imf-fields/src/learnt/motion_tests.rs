@@ -1,8 +1,8 @@
 use glam::Vec3;
 
+use crate::learnt::GuardedField;
 use crate::learnt::scenes::{harmonic, poses, scene};
 use imf_core::planner::{Decision, MotionError, Passage, Pose, PoseField};
-use crate::learnt::GuardedField;
 use imf_core::tool::{Clearance, Tool};
 
 /// The way itself, written anew: the tip along the line, the axis along the great circle.

@@ -1,12 +1,12 @@
 //! A trained network as a field.
 
-use imf_core::field::{Field, Pose, QueryError, WholeField, check_lengths};
-use imf_core::orientation::Orientation;
-use imf_core::control::Control;
-use imf_core::grid::Grid;
-use imf_core::section::Imf;
-use crate::siren::{INPUTS, features};
 use crate::siren::EvaluationEngine;
+use crate::siren::{INPUTS, features};
+use imf_core::control::Control;
+use imf_core::field::{Field, Pose, QueryError, WholeField, check_lengths};
+use imf_core::grid::Grid;
+use imf_core::orientation::Orientation;
+use imf_core::section::Imf;
 
 /// Poses that are turned into inputs at a time.
 const CHUNK: usize = 1 << 16;
@@ -119,8 +119,8 @@ mod tests {
 
     use super::*;
     use crate::learnt::scenes::{scene, siren, siren_model};
-    use imf_core::planner::{Pose as PlannerPose, PoseField};
     use crate::siren::evaluator::CpuEvaluator;
+    use imf_core::planner::{Pose as PlannerPose, PoseField};
     use imf_core::tool::Tool;
 
     #[test]

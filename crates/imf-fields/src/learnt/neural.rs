@@ -4,15 +4,15 @@ use std::path::Path;
 
 use glam::{DVec3, Quat, Vec3};
 
-use crate::learnt::families::{Family, Scratch};
-use imf_core::planner::least::{BLOCK, check_minimum, least};
-use imf_core::planner::{Best, Decision, Gradient, PlannerError, Pose, PoseField, check_lengths};
-use crate::learnt::LoadError;
 use crate::calibration::Calibration;
-use imf_core::scene::Scene;
-use imf_core::section::Quantity;
+use crate::learnt::LoadError;
+use crate::learnt::families::{Family, Scratch};
 use crate::siren::evaluator::CpuEvaluator;
 use crate::stored::StoredField;
+use imf_core::planner::least::{BLOCK, check_minimum, least};
+use imf_core::planner::{Best, Decision, Gradient, PlannerError, Pose, PoseField, check_lengths};
+use imf_core::scene::Scene;
+use imf_core::section::Quantity;
 use imf_core::workspaces::Workspaces;
 
 /// A learnt field: a network of the paper's kind, a harmonic field, or a factored one.

@@ -4,23 +4,23 @@ use glam::Vec3;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::learnt::NeuralField;
-use imf_core::planner::Pose;
-use imf_core::control::Control;
 use crate::factored::file::FactoredFile;
 use crate::factored::{FactoredField, TeachSettings};
 use crate::harmonic::basis::Domain;
 use crate::harmonic::coefficients::Precision;
 use crate::harmonic::file::HarmonicFile;
 use crate::harmonic::{FitSettings, fit};
+use crate::learnt::NeuralField;
 use crate::model::{Model, TrainingRecord};
-use imf_core::parts::ReferencePart;
-use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::SectionPlan;
+use crate::recipe::TrainingState;
 use crate::siren::SirenShape;
 use crate::stored::StoredField;
+use imf_core::control::Control;
+use imf_core::parts::ReferencePart;
+use imf_core::planner::Pose;
+use imf_core::scene::{Scene, SceneSpec};
+use imf_core::section::SectionPlan;
 use imf_core::tool::{Clearance, Tool};
-use crate::recipe::TrainingState;
 
 /// A coarse bracket and a tool, grown all around by a clearance in voxels.
 pub(crate) fn scene(tool: &Tool, clearance: f64) -> Scene {

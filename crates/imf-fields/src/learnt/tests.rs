@@ -2,16 +2,18 @@ use std::f32::consts::FRAC_PI_2;
 
 use glam::{DVec3, Quat, Vec3};
 
-use crate::learnt::scenes::{factored, factored_file, harmonic, harmonic_file, poses, scene, siren, siren_model};
-use imf_core::planner::*;
 use crate::calibration::{Calibration, Goals, Judgement, Rate};
 use crate::factored::file::FactoredFile;
 use crate::factored::{Axis, FactoredField, FactoredShape, PointScratch, Symmetry};
-use imf_core::field::{self, ExactField, Field};
 use crate::learnt::LearntField;
-use imf_core::scene::Scene;
+use crate::learnt::scenes::{
+    factored, factored_file, harmonic, harmonic_file, poses, scene, siren, siren_model,
+};
 use crate::siren::evaluator::CpuEvaluator;
 use crate::stored::StoredField;
+use imf_core::field::{self, ExactField, Field};
+use imf_core::planner::*;
+use imf_core::scene::Scene;
 use imf_core::tool::{SharpPoints, Tool};
 
 fn all(scene: &Scene) -> Vec<(&'static str, NeuralField)> {

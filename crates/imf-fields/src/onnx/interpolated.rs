@@ -2,8 +2,8 @@
 
 use super::graph::{Graph, Value};
 use super::messages::{FLOAT, INT64};
-use imf_core::grid::Grid;
 use crate::harmonic::coefficients::Coefficients;
+use imf_core::grid::Grid;
 
 /// The coefficients at every position: `[poses, axes]`. Positions outside the box of the voxels' centres are taken as the
 /// nearest inside.

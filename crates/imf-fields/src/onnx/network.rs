@@ -3,8 +3,8 @@
 use super::graph::{Graph, Value};
 use super::place::Place;
 use crate::factored::FactoredField;
-use imf_core::grid::Grid;
 use crate::siren::{Layer, SirenShape};
+use imf_core::grid::Grid;
 
 /// What a layer's input is multiplied by before the sine; the layers are as they are trained.
 struct Sines<'a> {

@@ -10,9 +10,9 @@ use super::messages::{FLOAT, FLOAT16, INT64, NodeProto, TensorProto};
 use super::*;
 use crate::factored::{Axis, FactoredField, FactoredShape, Symmetry};
 use crate::harmonic::coefficients::{Coefficients, Precision};
-use imf_core::orientation::Orientation;
-use crate::learnt::scenes::{factored_file, harmonic_file, poses, scene, siren_model};
 use crate::learnt::NeuralField;
+use crate::learnt::scenes::{factored_file, harmonic_file, poses, scene, siren_model};
+use imf_core::orientation::Orientation;
 use imf_core::planner::{Pose, PoseField};
 use imf_core::tool::{Tool, ToolShape};
 
@@ -307,7 +307,8 @@ fn positions_outside_are_answered_by_every_graph_as_at_the_nearest_inside() {
 
 #[test]
 fn functions_of_rotations_are_refused() {
-    let cube = imf_core::mesh::tests::unit_cube().transformed(&glam::DMat4::from_scale(glam::DVec3::splat(9.0)));
+    let cube =
+        imf_core::mesh::tests::unit_cube().transformed(&glam::DMat4::from_scale(glam::DVec3::splat(9.0)));
     let scene = scene(&Tool { shape: ToolShape::Mesh(cube), ..Tool::paper() }, 0.0);
     let stored = StoredField::Harmonic(Box::new(harmonic_file(&scene, 1)));
     let error = model(&stored).unwrap_err();

@@ -9,9 +9,9 @@ use super::matrix::prefer_unpacked;
 use super::plan::{BLOCK, Plan, transpose_all};
 use super::scratch::{ScratchPool, describe};
 use super::tangent::PanelOfPoint;
+use crate::siren::EvaluationEngine;
 use crate::siren::{INPUTS, SirenShape, features};
 use imf_core::field::EngineError;
-use crate::siren::EvaluationEngine;
 
 /// Samples of the points that one thread takes the minimum for without pause: 32 blocks.
 const MINIMUM_SAMPLES: usize = 32 * BLOCK;

@@ -154,8 +154,8 @@ fn symmetric_uniform(generator: &mut ChaCha8Rng, bound: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use imf_train::engine::CpuTrainer;
     use crate::recipe::{AdamConfig, Loss, TrainingState};
+    use imf_train::engine::CpuTrainer;
 
     const LINEAR: Stack = Stack {
         inputs: 3,

@@ -1,9 +1,9 @@
 //! A field on the GPU answers poses as every family does, in single precision.
 
 use glam::Quat;
+use imf_core::field::EngineError;
 use imf_core::field::{self, Field, QueryError};
 use imf_core::planner::{PlannerError, Pose, PoseField};
-use imf_core::field::EngineError;
 
 use super::GpuField;
 

@@ -5,8 +5,8 @@
 //! poses → points → forward (keeps slopes) → coefficients → values, ∂/∂d → Δ → backward → ∂/∂x
 //! ```
 
-use imf_fields::factored::FactoredField;
 use imf_core::field::EngineError;
+use imf_fields::factored::FactoredField;
 
 use super::Asked;
 use super::network::{Extent, Frame, Passes, TwoWay};

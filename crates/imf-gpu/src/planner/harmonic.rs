@@ -7,13 +7,13 @@
 //! All coefficients lie on the device in f32. Minima over orientations are products of the points' with these.
 
 use glam::{DVec3, Quat};
-use imf_fields::factored::Symmetry;
-use imf_fields::harmonic::basis::Basis;
-use imf_fields::harmonic::{HarmonicField, Heads};
+use imf_core::field::EngineError;
 use imf_core::orientation::Orientation;
 use imf_core::planner::Pose;
 use imf_core::section::Imf;
-use imf_core::field::EngineError;
+use imf_fields::factored::Symmetry;
+use imf_fields::harmonic::basis::Basis;
+use imf_fields::harmonic::{HarmonicField, Heads};
 
 use super::Asked;
 use super::host::HostBuffers;

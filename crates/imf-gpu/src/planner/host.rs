@@ -1,7 +1,7 @@
 //! What calls from slices of the host work with: buffers that are kept from call to call, and grow.
 
-use imf_core::planner::Pose;
 use imf_core::field::EngineError;
+use imf_core::planner::Pose;
 
 use super::{Asked, DeviceGradient, DevicePose};
 use crate::device::Gpu;

@@ -2,9 +2,9 @@
 //! passes read beside it.
 
 use glam::DVec3;
+use imf_core::field::EngineError;
 use imf_core::grid::Grid;
 use imf_fields::siren::stack::Stack;
-use imf_core::field::EngineError;
 
 use super::Asked;
 use crate::device::Gpu;

@@ -4,8 +4,8 @@
 //! poses → inputs → forward (keeps slopes) → values, y·(1 − y) → backward → gradients by position and direction
 //! ```
 
-use imf_fields::model::Model;
 use imf_core::field::EngineError;
+use imf_fields::model::Model;
 
 use super::Asked;
 use super::network::{Extent, Frame, Passes, TwoWay};

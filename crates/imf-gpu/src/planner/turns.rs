@@ -7,11 +7,11 @@
 
 use std::f64::consts::{PI, SQRT_2};
 
+use imf_core::field::EngineError;
 use imf_fields::factored::Symmetry;
 use imf_fields::harmonic::basis::Basis;
 use imf_fields::harmonic::rotations::Step;
 use imf_fields::harmonic::sphere::SphereBasis;
-use imf_core::field::EngineError;
 
 use super::Asked;
 use super::network::Frame;

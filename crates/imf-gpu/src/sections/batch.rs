@@ -1,7 +1,7 @@
 //! Jobs that are submitted together: their blocks, and the lists that they share.
 
-use imf_core::section::{QueryBox, StepEnds, SteppedTool, share};
 use imf_core::field::EngineError;
+use imf_core::section::{QueryBox, StepEnds, SteppedTool, share};
 
 use super::bits::BitLayout;
 use crate::shader::{COUNT_DIGITS, COUNT_PLACES, LINEAR_GROUP};

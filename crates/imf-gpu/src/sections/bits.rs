@@ -6,9 +6,9 @@
 //! Lines are `line` bits apart, planes `plane`. Behind every line and every plane are so many zeros that reading at
 //! any offset of the tool meets the line itself or nothing; so nothing needs to be compared while counting.
 
+use imf_core::field::EngineError;
 use imf_core::occupancy::Occupancy;
 use imf_core::section::{StepEnds, StepSpace};
-use imf_core::field::EngineError;
 
 use crate::shader::COUNT_PLACES;
 

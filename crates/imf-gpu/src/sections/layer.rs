@@ -1,11 +1,11 @@
 //! One obstacle and the tool that must stay out of it, on the device: overlaps counted for batches of orientations.
 
+use imf_core::field::EngineError;
 use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, QueryBox, SectionError, SectionLayer, StepSpace, direct_count};
 use imf_core::tool::{RotatedTool, Tool, ToolError};
-use imf_core::field::EngineError;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use super::GpuSectionError;

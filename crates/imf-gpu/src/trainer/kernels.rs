@@ -1,9 +1,9 @@
 //! Every kernel of a training step, bound to the trainer's buffers, and in which order they run.
 
-use imf_fields::siren::ShapeError;
-use imf_fields::siren::stack::TaughtEnding;
 use imf_core::field::EngineError;
 use imf_fields::recipe::TrainingState;
+use imf_fields::siren::ShapeError;
+use imf_fields::siren::stack::TaughtEnding;
 
 use super::Buffers;
 use super::matrices::MatrixStep;

@@ -1,8 +1,8 @@
 //! The matrices between hidden layers, where another optimiser than Adam steps them: what they fit in, where they lie
 //! among the parameters, and what steps them.
 
-use imf_fields::recipe::Optimiser;
 use imf_core::field::EngineError;
+use imf_fields::recipe::Optimiser;
 use imf_fields::recipe::TrainingState;
 
 use super::Buffers;

@@ -10,9 +10,9 @@
 //! nothing to X·Xᵀ and stays zeros. So do rows and columns of padding, whose gradient and momentum are zero. Products are f32
 //! whatever the factors of the network's products are.
 
-use imf_train::engine::muon::{LENGTH, STEPS};
-use imf_fields::recipe::MuonConfig;
 use imf_core::field::EngineError;
+use imf_fields::recipe::MuonConfig;
+use imf_train::engine::muon::{LENGTH, STEPS};
 
 use super::Buffers;
 use super::matrices::Matrices;

@@ -3,9 +3,9 @@
 //! The interface to them is experimental, drivers differ in it, and no test of this project runs on every card. So the
 //! gradient of a small network is taken both ways first: by matrix units, and by plain products of the same f16.
 
-use imf_fields::siren::{INPUTS, SirenShape};
 use imf_core::field::EngineError;
 use imf_fields::recipe::{Loss, TrainingState};
+use imf_fields::siren::{INPUTS, SirenShape};
 
 use super::{GpuTrainer, TrainerSettings};
 use crate::device::Gpu;

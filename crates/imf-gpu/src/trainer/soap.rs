@@ -16,10 +16,10 @@ mod look;
 mod products;
 mod side;
 
-use imf_train::engine::soap::FIRST_LOOKS;
-use imf_fields::recipe::SoapConfig;
 use imf_core::field::EngineError;
+use imf_fields::recipe::SoapConfig;
 use imf_fields::recipe::TrainingState;
+use imf_train::engine::soap::FIRST_LOOKS;
 
 use super::Buffers;
 use super::matrices::Matrices;

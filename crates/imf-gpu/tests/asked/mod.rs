@@ -1,10 +1,10 @@
 //! What planners ask of a field on the adapter, compared with its twin on the CPU, whatever family it is of.
 
 use glam::{DVec3, Quat, Vec3};
-use imf_fields::calibration::{Calibration, Goals, Judgement, Rate};
 use imf_core::grid::Grid;
 use imf_core::orientation::OrientationSet;
 use imf_core::planner::{Best, Decision, Gradient, Pose, PoseField};
+use imf_fields::calibration::{Calibration, Goals, Judgement, Rate};
 use imf_gpu::wgpu::{Buffer, BufferDescriptor, BufferUsages, MapMode, PollType};
 use imf_gpu::{DeviceGradient, DevicePose, Gpu, GpuField, decision_of};
 

@@ -11,13 +11,13 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use imf_fields::recipe::{Sampling, SamplingError};
 use super::shard;
 use super::share::Share;
 use imf_core::atomic_file::{AtomicFileError, write_atomically};
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::{Scene, SceneRecord};
 use imf_core::section::SectionError;
+use imf_fields::recipe::{Sampling, SamplingError};
 
 const FORMAT: &str = "imf-dataset";
 const VERSION: u32 = 2;

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 
 use super::manifest::{DatasetError, Manifest, ShardRecord, read_file};
 use super::shard;
+use crate::samples::Samples;
 use imf_core::atomic_file::write_atomically;
 use imf_core::control::Control;
-use crate::samples::Samples;
 use imf_core::section::SectionError;
 
 /// What [`merge`] found.

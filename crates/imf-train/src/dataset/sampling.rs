@@ -3,9 +3,9 @@
 //! The boundary of the configuration-space obstacle {CMF > 0} runs between voxels. A voxel is *at the boundary* if the
 //! cube of `2·width + 1` voxels around it, as far as it lies in the grid, holds voxels of both kinds, CMF > 0 and CMF = 0.
 
+use imf_fields::recipe::Sampling;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use imf_fields::recipe::Sampling;
 
 /// For each voxel of a section of `dims` voxels (C-ordered) whether it is at the boundary: whether the cube of
 /// `2·width + 1` voxels around it holds voxels with CMF > 0 and voxels with CMF = 0.

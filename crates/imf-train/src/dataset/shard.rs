@@ -8,8 +8,8 @@ use std::path::Path;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
 use super::manifest::{DatasetError, Manifest, ShardRecord};
-use imf_core::atomic_file::{remove_leftovers, write_atomically};
 use crate::samples::Samples;
+use imf_core::atomic_file::{remove_leftovers, write_atomically};
 
 /// What a file holds beside its tables, at most: names, types and offsets of three tensors take some 200 bytes.
 const HEADER_BYTES: u64 = 4096;

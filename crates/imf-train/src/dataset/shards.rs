@@ -9,8 +9,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::manifest::{DatasetError, Manifest};
 use super::shard;
-use imf_core::grid::Grid;
 use crate::samples::Samples;
+use imf_core::grid::Grid;
 use imf_core::section::SectionError;
 
 /// The shards of a complete dataset.

@@ -4,9 +4,9 @@
 //! field's axes leave out. Positions are scaled by the grid, which the first layer takes back; coefficients are along the
 //! axes and in units of the scale, which the last layer turns to the other's.
 
+use imf_core::grid::Grid;
 use imf_fields::factored::targets::Targets;
 use imf_fields::factored::{FactoredField, FactoredShape, INPUTS};
-use imf_core::grid::Grid;
 use imf_fields::harmonic::HarmonicField;
 use imf_fields::siren::{Layer, ShapeError};
 

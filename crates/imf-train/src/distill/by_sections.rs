@@ -19,25 +19,27 @@ use rayon::prelude::*;
 use super::course::{Told, Voxels};
 use super::engine::cpu_engine;
 use super::start_of;
+use crate::training::TrainingEngine;
+use crate::training::online::{Waits, with_arrivals};
+use crate::training::run::{Outcome, Report, Start, TrainError, train_by};
+use imf_core::control::Control;
+use imf_core::field::EngineError;
+use imf_core::orientation::Orientation;
+use imf_core::section::{Quantity, SectionError, SectionPlan};
 use imf_fields::factored::targets::TeacherFunctions;
 use imf_fields::factored::{
     FactoredEvaluator, FactoredField, FactoredShape, FactoredState, INPUTS, TeachSettings,
 };
-use imf_fields::recipe::RecipeError;
-use imf_core::control::Control;
 use imf_fields::harmonic::basis::Domain;
-use imf_fields::harmonic::{FitReport, FitSettings, HarmonicError, Outline, Source, SourceScratch, function_values, outline};
-use imf_core::orientation::Orientation;
-use imf_core::section::{Quantity, SectionError, SectionPlan};
+use imf_fields::harmonic::{
+    FitReport, FitSettings, HarmonicError, Outline, Source, SourceScratch, function_values, outline,
+};
+use imf_fields::recipe::Cursor;
+use imf_fields::recipe::OnlineSettings;
+use imf_fields::recipe::RecipeError;
+use imf_fields::recipe::TrainingState;
 use imf_fields::siren::ShapeError;
 use imf_fields::siren::matrix::{Matrix, multiply};
-use imf_fields::recipe::OnlineSettings;
-use crate::training::online::{Waits, with_arrivals};
-use imf_fields::recipe::Cursor;
-use crate::training::run::{Outcome, Report, Start, TrainError, train_by};
-use imf_core::field::EngineError;
-use crate::training::TrainingEngine;
-use imf_fields::recipe::TrainingState;
 
 /// λ over the mean of H Hᵀ's diagonal. Of a field that is nearly learnt the functions left out say as much as is still to be
 /// learnt along any one axis.

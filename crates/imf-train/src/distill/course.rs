@@ -5,13 +5,13 @@ use std::ops::{ControlFlow, Range};
 
 use rayon::prelude::*;
 
-use imf_fields::factored::Symmetry;
-use imf_fields::factored::targets::TargetScratch;
+use crate::training::permutation::Permutation;
+use crate::training::run::{Report, Start};
 use imf_core::control::Control;
 use imf_core::grid::Grid;
-use crate::training::permutation::Permutation;
+use imf_fields::factored::Symmetry;
+use imf_fields::factored::targets::TargetScratch;
 use imf_fields::recipe::{Cursor, TrainingPlan};
-use crate::training::run::{Report, Start};
 
 /// Rows of a batch that one thread gathers at a time.
 const ROWS: usize = 64;

@@ -2,15 +2,15 @@
 
 use super::adapt::parameters_for;
 use super::last_layer::{WHILE_TEACHING, solve_last_layer};
-use imf_fields::factored::targets::{Targets, TeacherFunctions};
-use imf_fields::factored::{FactoredField, FactoredShape, FactoredState};
-use imf_core::field::EngineError;
-use imf_fields::harmonic::HarmonicField;
-use imf_core::occupancy::Occupancy;
-use imf_fields::recipe::{Optimiser, TrainingPlan};
 use crate::engine::CpuTrainer;
 use crate::engine::muon::Muon;
 use crate::engine::soap::Soap;
+use imf_core::field::EngineError;
+use imf_core::occupancy::Occupancy;
+use imf_fields::factored::targets::{Targets, TeacherFunctions};
+use imf_fields::factored::{FactoredField, FactoredShape, FactoredState};
+use imf_fields::harmonic::HarmonicField;
+use imf_fields::recipe::{Optimiser, TrainingPlan};
 use imf_fields::siren::{Layer, ShapeError};
 
 /// Bytes that an optimiser takes beside weights and moments: working memory, and what it keeps in the engine, in the state of the

@@ -10,13 +10,13 @@ use std::ops::Range;
 use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
 
+use crate::training::TrainingEngine;
+use imf_core::field::EngineError;
 use imf_fields::factored::targets::{TargetScratch, Targets, TeacherFunctions};
 use imf_fields::factored::{FactoredField, TeachSettings};
-use imf_core::field::EngineError;
 use imf_fields::harmonic::HarmonicField;
 use imf_fields::recipe::TrainingState;
 use imf_fields::siren::matrix::{Matrix, multiply};
-use crate::training::TrainingEngine;
 
 /// Voxels for each weight of an output while teaching goes on: their choice adds some 3 % to the squared error, until the next.
 pub(super) const WHILE_TEACHING: usize = 32;
@@ -83,8 +83,7 @@ fn normal_equations(
         .map(|part| {
             let rows = part * PART..((part + 1) * PART).min(count);
             let places: Vec<usize> = rows.map(place).collect();
-            let (mut last, mut rest) =
-                (vec![0.0; places.len() * columns], vec![0.0; places.len() * axes]);
+            let (mut last, mut rest) = (vec![0.0; places.len() * columns], vec![0.0; places.len() * axes]);
             let points = places.iter().map(|&voxel| grid.centre(grid.voxel(voxel)));
             evaluator.with_last_layer(points, &mut last, &mut rest);
             let (mut scratch, mut target) = (TargetScratch::default(), vec![0.0; axes]);

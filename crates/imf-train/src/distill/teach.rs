@@ -6,13 +6,13 @@ use super::course::{Told, Voxels};
 use super::engine::cpu_engine;
 use super::last_layer::Solving;
 use super::start_of;
+use crate::training::TrainingEngine;
+use crate::training::run::{Outcome, Report, Start, TrainError, train_by};
 use imf_core::control::Control;
 use imf_fields::factored::targets::Targets;
 use imf_fields::factored::{FactoredState, TeachSettings};
 use imf_fields::harmonic::HarmonicField;
 use imf_fields::recipe::{Cursor, Loss, RecipeError};
-use crate::training::TrainingEngine;
-use crate::training::run::{Outcome, Report, Start, TrainError, train_by};
 
 /// Teaches the network of `state` the coefficients of `teacher` up to the plan's end, or until `control` asks to stop,
 /// which is looked at wherever the observer is told something; `state` then is where teaching goes on, to the same bits.
@@ -71,8 +71,7 @@ fn run(
         return Err(RecipeError(what.into()).into());
     }
     let voxels = teacher.grid.len();
-    let targets =
-        Targets::new(teacher, settings.symmetry).map_err(|error| RecipeError(error.to_string()))?;
+    let targets = Targets::new(teacher, settings.symmetry).map_err(|error| RecipeError(error.to_string()))?;
     // A loss in units of the field: outputs are coefficients over the scale.
     let unit = match plan.loss {
         Loss::L1 => f64::from(targets.scale),

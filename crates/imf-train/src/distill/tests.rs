@@ -8,25 +8,25 @@ use glam::DVec3;
 use super::file::FactoredFile;
 use super::last_layer::SOLVED_FIRST;
 use super::*;
+use crate::training::TrainingEngine;
+use crate::training::run::{Outcome, TrainError};
 use imf_core::control::Control;
 use imf_core::field::WholeField as _;
-use imf_fields::harmonic::basis::Domain;
-use imf_fields::harmonic::coefficients::Precision;
-use imf_fields::harmonic::{FitSettings, HarmonicField, fit};
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::{Imf, Quantity, SectionPlan};
-use imf_fields::siren::lanes::archs;
+use imf_core::tool::Tool;
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::{FitSettings, HarmonicField, fit};
+use imf_fields::recipe::Loss;
 use imf_fields::recipe::MuonConfig;
 use imf_fields::recipe::SoapConfig;
-use imf_fields::tensor_file::TensorFileError;
-use imf_core::tool::Tool;
-use imf_fields::recipe::{Cursor, Length, TrainingPlan};
-use crate::training::run::{Outcome, TrainError};
 use imf_fields::recipe::schedule::Schedule;
-use imf_fields::recipe::Loss;
-use crate::training::TrainingEngine;
+use imf_fields::recipe::{Cursor, Length, TrainingPlan};
+use imf_fields::siren::lanes::archs;
+use imf_fields::tensor_file::TensorFileError;
 
 fn scene() -> Scene {
     SceneSpec::of_reference(

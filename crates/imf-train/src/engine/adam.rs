@@ -2,8 +2,8 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use imf_fields::siren::lanes::{load, store};
 use imf_fields::recipe::AdamConfig;
+use imf_fields::siren::lanes::{load, store};
 
 /// The factors of one step, computed once in f64.
 #[derive(Clone, Copy, Debug)]

@@ -14,12 +14,12 @@
 
 use rayon::prelude::*;
 
-use crate::engine::bf16_kernel::{Extent, Kernel, Product, STRIP};
+use crate::engine::BlockLoss;
 use crate::engine::backward::Backward;
+use crate::engine::bf16_kernel::{Extent, Kernel, Product, STRIP};
 use imf_fields::siren::forward::Network;
 use imf_fields::siren::plan::{BLOCK, PANEL, Plan};
 use imf_fields::siren::scratch::ScratchPool;
-use crate::engine::BlockLoss;
 
 /// Pairs of a panel's neurons.
 const PANEL_PAIRS: usize = PANEL / 2;
@@ -238,7 +238,13 @@ impl Block<'_> {
         network.outputs(activations, outputs);
         let loss = self.loss.take(outputs, targets);
         let last = sizes.hidden - 1;
-        Backward(&network).output_backward(inputs, outputs, activations, &mut slopes[slopes_of(last)], partial);
+        Backward(&network).output_backward(
+            inputs,
+            outputs,
+            activations,
+            &mut slopes[slopes_of(last)],
+            partial,
+        );
         for layer in (0..last).rev() {
             let (before, behind) = slopes.split_at_mut((layer + 1) * BLOCK * sizes.stride);
             self.pack(behind, rows, row_pairs, &mut kept_deltas[layer * sizes.layer..]);

@@ -1,13 +1,13 @@
 //! A step of Muon's or SOAP's for all matrices between hidden layers: each by a thread of its own, as far as there are any.
 
 use crate::engine::muon::Muon;
-use imf_fields::recipe::MuonConfig;
-use imf_fields::siren::plan::{Plan, transpose};
 use crate::engine::soap::{Soap, kept_of};
-use imf_fields::recipe::SoapConfig;
 use crate::engine::update::Arrays;
-use imf_fields::siren::Layer;
 use imf_core::field::EngineError;
+use imf_fields::recipe::MuonConfig;
+use imf_fields::recipe::SoapConfig;
+use imf_fields::siren::Layer;
+use imf_fields::siren::plan::{Plan, transpose};
 
 /// What steps each matrix between hidden layers, in their order.
 pub(super) struct Matrices(Vec<Rule>);

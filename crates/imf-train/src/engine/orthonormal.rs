@@ -7,9 +7,9 @@
 
 use pulp::Arch;
 
+use imf_core::vectorised::vectorised;
 use imf_fields::siren::lanes::dot;
 use imf_fields::siren::matrix::{Matrix, combine, multiply};
-use imf_core::vectorised::vectorised;
 
 /// Reflections taken together: those of a panel find each other by single dot products, so it is narrow.
 const PANEL: usize = 32;

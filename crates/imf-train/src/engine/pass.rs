@@ -1,11 +1,11 @@
 //! Blocks of samples through the network and back, one core a block.
 
 use crate::engine::backward::Backward;
+use imf_fields::recipe::Loss;
 use imf_fields::siren::forward::{Network, sigmoid};
 use imf_fields::siren::plan::BLOCK;
 use imf_fields::siren::scratch::ScratchPool;
 use imf_fields::siren::stack::{Stack, TaughtEnding};
-use imf_fields::recipe::Loss;
 
 /// Most hidden layers of a network ([`imf_fields::siren::SirenShape::check`]).
 const MAX_HIDDEN: usize = 64;

@@ -11,8 +11,8 @@
 use std::ops::Range;
 
 use crate::engine::CpuTrainer;
-use imf_core::field::EngineError;
 use crate::training::TrainingEngine;
+use imf_core::field::EngineError;
 use imf_fields::recipe::TrainingState;
 
 /// What the ranks of a training tell each other. All ranks call the same functions in the same order; each waits for the

@@ -9,14 +9,14 @@
 //!
 //! Source: Vyas et al. 2024, "SOAP: improving and stabilizing Shampoo using Adam", arXiv 2409.11321, algorithm 3.
 
-use pulp::Arch;
+use crate::engine::orthonormal::Orthonormal;
+use imf_core::vectorised::vectorised;
+use imf_fields::recipe::{Optimiser, SoapConfig};
 use imf_fields::siren::lanes::dot;
 use imf_fields::siren::matrix::{Matrix, combine_by_rows};
-use crate::engine::orthonormal::Orthonormal;
 use imf_fields::siren::stack::Stack;
 use imf_fields::siren::{Layer, ShapeError};
-use imf_fields::recipe::{Optimiser, SoapConfig};
-use imf_core::vectorised::vectorised;
+use pulp::Arch;
 
 /// Added to the root of the second moment: no more than what keeps 0 from being divided by 0.
 pub const EPSILON: f32 = 1e-12;

@@ -1,10 +1,10 @@
 //! The CPU engine against the f64 definition, and its promise that threads change nothing.
 
 use crate::engine::*;
+use imf_fields::siren::EvaluationEngine;
 use imf_fields::siren::INPUTS;
 use imf_fields::siren::lanes::archs;
 use imf_fields::siren::reference;
-use imf_fields::siren::EvaluationEngine;
 
 /// Samples without pattern; `count` of them, from a generator of their own.
 pub(super) fn batch(count: usize, seed: u64) -> (Vec<f32>, Vec<f32>) {

@@ -4,10 +4,10 @@
 use pulp::Arch;
 
 use crate::engine::adam::AdamFactors;
+use crate::engine::bf16::Pairs;
 use imf_fields::siren::matrix::{Matrix, multiply};
 use imf_fields::siren::plan::{BLOCK, Part, Piece, Plan, transpose};
 use imf_fields::siren::scratch::ScratchPool;
-use crate::engine::bf16::Pairs;
 
 /// What the update writes, all in the layout of the flat parameters.
 pub(super) struct Arrays<'a> {

@@ -17,12 +17,12 @@ use serde::{Deserialize, Serialize};
 
 use super::TrainingEngine;
 use super::permutation::mix;
-use imf_fields::recipe::{Cursor, OnlineSettings, TrainingPlan};
 use super::run::{Outcome, Report, Start, TrainError, gather, train_by};
-use imf_fields::recipe::Sampling;
 use crate::dataset::draw;
 use imf_core::grid::Grid;
 use imf_core::section::{SectionError, SectionPlan, SectionScratch};
+use imf_fields::recipe::Sampling;
+use imf_fields::recipe::{Cursor, OnlineSettings, TrainingPlan};
 use imf_fields::siren::{INPUTS, features};
 
 /// Where fresh sections come from.

@@ -10,14 +10,14 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 use thiserror::Error;
 
-use imf_fields::recipe::divergence::{Verdict, Watch};
-use super::permutation::Permutation;
-use imf_fields::recipe::{Cursor, RecipeError, TrainingPlan};
-use imf_core::field::EngineError;
 use super::TrainingEngine;
+use super::permutation::Permutation;
 use crate::dataset::DatasetError;
 use crate::samples::Samples;
+use imf_core::field::EngineError;
 use imf_core::section::SectionError;
+use imf_fields::recipe::divergence::{Verdict, Watch};
+use imf_fields::recipe::{Cursor, RecipeError, TrainingPlan};
 use imf_fields::siren::INPUTS;
 
 /// What a run goes on from, beside the engine's state.

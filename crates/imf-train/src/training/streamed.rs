@@ -23,11 +23,11 @@ use std::time::{Duration, Instant};
 
 use super::TrainingEngine;
 use super::permutation::{Permutation, mix};
-use imf_fields::recipe::{Cursor, RecipeError, TrainingPlan};
 use super::run::{Outcome, Report, Start, TrainError, gather, train_by};
 use crate::dataset::{DatasetError, Shards};
 use crate::samples::Samples;
 use imf_core::section::SectionError;
+use imf_fields::recipe::{Cursor, RecipeError, TrainingPlan};
 use imf_fields::siren::INPUTS;
 
 /// Sets the turns of dealing apart from the order of the samples.

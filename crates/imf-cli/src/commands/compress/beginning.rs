@@ -4,12 +4,12 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
+use imf_core::scene::Scene;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::{FactoredField, FactoredState, Symmetry, TeachSettings};
-use imf_fields::recipe::Optimiser;
 use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::coefficients::Precision;
-use imf_core::scene::Scene;
+use imf_fields::recipe::Optimiser;
 use imf_fields::recipe::TrainingPlan;
 use serde::Serialize;
 use serde_json::Value;
@@ -35,7 +35,7 @@ pub(in crate::commands) fn is_unfinished(out: &Path) -> bool {
 }
 
 /// Where a teaching begins, in a folder.
-pub(in crate::commands) struct Beginning<'a> {
+pub struct Beginning<'a> {
     /// Where checkpoint and field are written.
     pub(super) out: &'a Path,
     /// What is gone on with; nothing for a teaching afresh.
@@ -44,7 +44,7 @@ pub(in crate::commands) struct Beginning<'a> {
 
 impl<'a> Beginning<'a> {
     /// Refuses to begin where a teaching is unfinished, and to go on where there is none.
-    pub(in crate::commands) fn at(out: &'a Path, resume: bool) -> Result<Self> {
+    pub fn at(out: &'a Path, resume: bool) -> Result<Self> {
         let path = checkpoint_in(out);
         if !resume {
             ensure!(

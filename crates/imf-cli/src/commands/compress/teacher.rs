@@ -2,15 +2,15 @@
 
 use anyhow::{Result, ensure};
 use imf_core::control::Control;
+use imf_core::grid::Grid;
+use imf_core::scene::Scene;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::{FactoredField, FactoredShape, FactoredState, TeachSettings};
-use imf_train::distill::{SectionTeacher, teach, teach_by_sections, teach_by_sections_on, teach_on};
-use imf_core::grid::Grid;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitReport, FitSettings, Sizes};
-use imf_core::scene::Scene;
 use imf_fields::siren::ShapeError;
+use imf_train::distill::{SectionTeacher, teach, teach_by_sections, teach_by_sections_on, teach_on};
 use imf_train::training::TrainingEngine;
 use imf_train::training::run::{Outcome, Report, TrainError};
 
@@ -21,7 +21,7 @@ use crate::session::Session;
 const BYTES_PER_PARAMETER: u64 = 4 * 8;
 
 /// How large a lesson becomes: known before its teacher is made.
-pub(in crate::commands) struct Extent {
+pub struct Extent {
     kind: Kind,
     fit: FitSettings,
     domain: Domain,
@@ -36,7 +36,7 @@ enum Kind {
 
 impl Extent {
     /// By a harmonic field.
-    pub(in crate::commands) fn of_field(fit: FitSettings, domain: Domain, voxels: usize) -> Self {
+    pub fn of_field(fit: FitSettings, domain: Domain, voxels: usize) -> Self {
         Self { kind: Kind::Harmonic, fit, domain, voxels }
     }
 
@@ -46,7 +46,7 @@ impl Extent {
     }
 
     /// Refuses a lesson that does not fit into memory, the choice of its functions by sections with it.
-    pub(in crate::commands) fn require(&self, session: &Session, settings: &Settings) -> Result<()> {
+    pub fn require(&self, session: &Session, settings: &Settings) -> Result<()> {
         let Self { kind, fit, domain, voxels } = self;
         let (teach, voxels) = (&settings.teach, *voxels);
         let Sizes { functions, axes, .. } = fit.sizes(*domain);
@@ -80,7 +80,7 @@ impl Extent {
 }
 
 /// Where a network's coefficients come from.
-pub(in crate::commands) enum Teacher<'a> {
+pub enum Teacher<'a> {
     /// Those of a harmonic field.
     Harmonic(&'a HarmonicFile),
     /// Those that exact sections tell.
@@ -88,7 +88,7 @@ pub(in crate::commands) enum Teacher<'a> {
 }
 
 /// The sections of a scene, along functions that were chosen.
-pub(in crate::commands) struct Sections<'a> {
+pub struct Sections<'a> {
     pub(in crate::commands) teacher: SectionTeacher<'a>,
     pub(in crate::commands) scene: &'a Scene,
     /// What the functions were chosen by.

@@ -2,11 +2,11 @@
 //! sections, then the network of a megabyte that is taught it. As `imf train` and `imf eval`.
 
 use anyhow::Result;
+use imf_core::scene::Scene;
 use imf_fields::factored::TeachSettings;
 use imf_fields::harmonic::coefficients::Precision;
-use imf_core::scene::Scene;
-use imf_fields::stored::StoredField;
 use imf_fields::recipe::{Length, TrainingPlan};
+use imf_fields::stored::StoredField;
 
 use super::questions;
 use crate::arguments::DemoArguments;

@@ -1,16 +1,16 @@
 //! The demo by the paper's network: samples of exact sections, training, evaluation.
 
 use anyhow::Result;
-use imf_fields::recipe::Sampling;
-use imf_train::dataset::generate;
-use imf_fields::learnt::LearntField;
-use imf_fields::recipe::HeldOutChoice;
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::Scene;
-use imf_fields::siren::SirenShape;
-use imf_fields::recipe::{Length, TrainingPlan};
+use imf_fields::learnt::LearntField;
+use imf_fields::recipe::HeldOutChoice;
+use imf_fields::recipe::Sampling;
 use imf_fields::recipe::schedule::Schedule;
 use imf_fields::recipe::{AdamConfig, TrainingState};
+use imf_fields::recipe::{Length, TrainingPlan};
+use imf_fields::siren::SirenShape;
+use imf_train::dataset::generate;
 
 use super::questions;
 use crate::arguments::DemoArguments;
@@ -28,7 +28,7 @@ pub(super) const DIMS: [usize; 3] = [29, 38, 61];
 const SECTIONS: usize = 225;
 /// A narrow network and a lower frequency than the paper's 30: trained on 225 sections for a minute, ω = 10 reaches an
 /// MSE of 2e-6 at unseen orientations, ω = 30 2e-5.
-pub(crate) const SHAPE: SirenShape = SirenShape { width: 128, hidden: 5, skip_after: Some(2), omega: 10.0 };
+pub const SHAPE: SirenShape = SirenShape { width: 128, hidden: 5, skip_after: Some(2), omega: 10.0 };
 
 pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) -> Result<Report> {
     let device = Device::open(&arguments.device.device, session)?;

@@ -6,13 +6,13 @@ use std::sync::OnceLock;
 use anyhow::{Result, bail};
 use glam::DVec3;
 use imf_core::field::{QueryError, VoxelMeasures};
+use imf_core::orientation::Orientation;
+use imf_core::section::{Contact, Imf, Obstacles, SectionError};
+use imf_core::tool::Tool;
 use imf_fields::harmonic::basis::Basis;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::{CANDIDATES, HEADS_AT_ONCE, HarmonicError, HarmonicField, Misses, Refined};
-use imf_core::orientation::Orientation;
-use imf_core::section::{Contact, Imf, Obstacles, SectionError};
 use imf_fields::stored::StoredField;
-use imf_core::tool::Tool;
 use serde_json::{Value, json};
 
 use super::Work;

@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
+use imf_core::scene::Scene;
+use imf_core::section::{SectionError, SectionPlan};
+use imf_core::tool::Tool;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitSettings, HarmonicError, degree_for, fit, section_count, sections_tried};
-use imf_core::scene::Scene;
-use imf_core::section::{SectionError, SectionPlan};
 use imf_fields::stored::StoredField;
-use imf_core::tool::Tool;
 
 use super::approximate::{Approximate, Confirmed, errors_text};
 use crate::arguments::field::FieldArguments;
@@ -77,7 +77,7 @@ pub(in crate::commands) fn domain(bare: &Tool) -> Domain {
 }
 
 /// The field of a scene, in so many exact sections as the settings ask for; `smaller` says what takes less memory.
-pub(in crate::commands) fn fitted(
+pub fn fitted(
     session: &Session,
     scene: &Scene,
     plan: &SectionPlan,

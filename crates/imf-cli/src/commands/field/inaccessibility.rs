@@ -2,10 +2,10 @@
 
 use anyhow::Result;
 use imf_core::field_files::{NamedField, write_npy, write_vti};
-use imf_fields::harmonic::Refined;
 use imf_core::orientation::Orientation;
 use imf_core::section::Imf;
 use imf_core::tool::ElementKind;
+use imf_fields::harmonic::Refined;
 use ndarray::{ArrayView3, aview1};
 use serde_json::json;
 

@@ -1,9 +1,9 @@
 //! `imf sections`: sections of a field that was kept or trained, or the least of them, with no exact section counted.
 
 use anyhow::{Context as _, Result, bail};
-use imf_fields::harmonic::basis::Domain;
 use imf_core::orientation::OrientationSet;
 use imf_core::section::Quantity;
+use imf_fields::harmonic::basis::Domain;
 use imf_fields::stored::StoredField;
 
 use super::approximate::Approximate;

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
-use imf_fields::model::Model;
 use imf_core::section::Quantity;
+use imf_fields::model::Model;
 use imf_fields::siren::SirenShape;
 use serde_json::json;
 

@@ -2,14 +2,14 @@
 //! `imf field --method harmonic` and `imf compress`; `imf demo` makes its field so too.
 
 use anyhow::Result;
+use imf_core::scene::Scene;
+use imf_core::section::SectionPlan;
 use imf_fields::factored::file::FactoredFile;
-use imf_train::distill::SectionTeacher;
 use imf_fields::factored::{Symmetry, TeachSettings};
 use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
-use imf_core::scene::Scene;
-use imf_core::section::SectionPlan;
+use imf_train::distill::SectionTeacher;
 
 use crate::arguments::harmonic::DEFAULT_SECTIONS;
 use crate::arguments::train::TrainArguments;

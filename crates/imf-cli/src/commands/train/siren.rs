@@ -1,8 +1,8 @@
 //! The paper's network on samples: those of a dataset, or of a part's own, which is made first.
 
 use anyhow::Result;
-use imf_fields::siren::SirenShape;
 use imf_fields::recipe::TrainingState;
+use imf_fields::siren::SirenShape;
 
 use super::{concluded, is_over};
 use crate::arguments::train::{Samples, TrainArguments};

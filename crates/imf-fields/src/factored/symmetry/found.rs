@@ -7,8 +7,8 @@ use rayon::prelude::*;
 
 use super::super::targets::ByFunction;
 use super::{Axis, LocalHarmonics, Symmetry};
-use imf_core::grid::Grid;
 use crate::harmonic::HarmonicField;
+use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 
 /// Voxels that are compared first: most planes are no mirrors, and these tell.

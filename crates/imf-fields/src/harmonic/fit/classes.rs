@@ -13,8 +13,8 @@ use super::source::UNIT;
 use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::Basis;
 use crate::harmonic::fours::{IMAGES, classes};
-use imf_core::orientation::Orientation;
 use crate::siren::matrix::{Matrix, multiply};
+use imf_core::orientation::Orientation;
 use imf_core::vectorised::vectorised;
 
 /// The functions of directions up to a degree, of each class.

@@ -11,8 +11,8 @@ use pulp::Arch;
 use rayon::prelude::*;
 
 use super::source::{Source, SourceScratch};
-use imf_core::control::Control;
 use crate::harmonic::fours::IMAGES;
+use imf_core::control::Control;
 use imf_core::orientation::Orientation;
 use imf_core::section::SectionError;
 use imf_core::vectorised::vectorised;

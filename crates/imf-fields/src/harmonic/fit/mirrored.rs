@@ -16,10 +16,10 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::solve::Solved;
-use imf_core::grid::Grid;
 use crate::harmonic::basis::{Basis, Domain};
 use crate::harmonic::coefficients::Coefficients;
 use crate::harmonic::mirrors::{PARITIES, Parity, parities};
+use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
 use imf_core::section::{Quantity, SectionError, SectionPlan};
@@ -185,10 +185,10 @@ fn is_mirrored(Occupancy { grid, solid }: &Occupancy, axis: usize) -> bool {
 #[cfg(test)]
 pub(in crate::harmonic) mod tests {
     use super::*;
-    use imf_core::access::tests::small_tool;
-    use imf_core::control::Control;
     use crate::harmonic::coefficients::Precision;
     use crate::harmonic::{FitSettings, HarmonicField, fit};
+    use imf_core::access::tests::small_tool;
+    use imf_core::control::Control;
     use imf_core::orientation::OrientationSet;
     use imf_core::section::{Obstacles, Skin, sections};
 

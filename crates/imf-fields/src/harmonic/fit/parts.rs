@@ -5,8 +5,8 @@ use rayon::prelude::*;
 
 use super::kept::{KeptSections, KeptWorkspaces};
 use super::source::{Source, SourceScratch};
-use imf_core::control::Control;
 use crate::harmonic::HarmonicError;
+use imf_core::control::Control;
 use imf_core::orientation::Orientation;
 use imf_core::section::{SectionError, SectionPlan, SectionScratch, SectionWalk};
 

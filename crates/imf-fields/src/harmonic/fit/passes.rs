@@ -12,14 +12,14 @@ use super::sample::Sample;
 use super::solve::{NormalMatrix, Solved, function_values, principal_axes};
 use super::source::{Source, SourceScratch};
 use super::{BLOCK, FitReport, FitSettings, Sizes, batch_size};
-use imf_core::control::Control;
 use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::{Basis, Domain};
 use crate::harmonic::coefficients::{Coefficients, Precision};
 use crate::harmonic::mirrors::Parity;
+use crate::siren::matrix::{Matrix, multiply};
+use imf_core::control::Control;
 use imf_core::orientation::Orientation;
 use imf_core::section::SectionError;
-use crate::siren::matrix::{Matrix, multiply};
 use imf_core::workspaces::Workspaces;
 
 /// What all ways begin with.

@@ -7,12 +7,12 @@ use super::mirrored::Mirrored;
 use super::solve::{Moments, NormalMatrix, column_means, function_values, gram};
 use super::source::{Source, SourceScratch};
 use super::{BLOCK, FitReport, FitSettings};
-use imf_core::control::Control;
 use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::Basis;
+use crate::siren::matrix::{Matrix, multiply};
+use imf_core::control::Control;
 use imf_core::orientation::Orientation;
 use imf_core::section::{Quantity, SectionError};
-use crate::siren::matrix::{Matrix, multiply};
 
 /// Voxels of a sample, and exact values there at orientations that are not fitted.
 pub(super) struct Sample {

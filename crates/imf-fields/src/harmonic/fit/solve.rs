@@ -4,13 +4,13 @@ use nalgebra::{Cholesky, DMatrix, DMatrixViewMut, DVector, Dyn, SymmetricEigen};
 use rayon::prelude::*;
 
 use super::BLOCK;
-use imf_core::control::Control;
 use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::Basis;
 use crate::harmonic::mirrors::Parity;
+use crate::siren::matrix::{Matrix, multiply};
+use imf_core::control::Control;
 use imf_core::orientation::Orientation;
 use imf_core::section::SectionError;
-use crate::siren::matrix::{Matrix, multiply};
 
 /// B: `[orientation][function]`.
 pub fn function_values(basis: &Basis, set: &[Orientation]) -> Vec<f32> {

@@ -6,7 +6,9 @@ use pulp::Arch;
 
 use imf_core::grid::Grid;
 use imf_core::orientation::Orientation;
-use imf_core::section::{DepthPlan, DepthScratch, Quantity, SectionError, SectionPlan, SectionScratch, SectionWalk};
+use imf_core::section::{
+    DepthPlan, DepthScratch, Quantity, SectionError, SectionPlan, SectionScratch, SectionWalk,
+};
 use imf_core::vectorised::vectorised;
 
 /// What one of the whole numbers stands for where values are overlaps.

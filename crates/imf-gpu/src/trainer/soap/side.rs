@@ -1,8 +1,8 @@
 //! The rows, or the columns, of all matrices: their mean, its axes, and how these are found.
 
-use imf_train::engine::soap::kept_of;
 use imf_core::field::EngineError;
 use imf_fields::recipe::TrainingState;
+use imf_train::engine::soap::kept_of;
 
 use super::look::Look;
 use super::products::{BoundProduct, Factor, Products};

@@ -2,10 +2,10 @@
 //! bit.
 
 use super::*;
-use imf_fields::factored::by_sections::Corrected;
-use imf_fields::recipe::OnlineSettings;
 use crate::training::run::Report;
 use imf_core::field::EngineError;
+use imf_fields::factored::by_sections::Corrected;
+use imf_fields::recipe::OnlineSettings;
 use imf_fields::recipe::TrainingState;
 
 const ONLINE: OnlineSettings = OnlineSettings { pool: 40, every: 1, seed: 3, lead: 4 };

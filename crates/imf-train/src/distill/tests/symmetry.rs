@@ -4,9 +4,9 @@
 use glam::DMat3;
 
 use super::*;
+use imf_core::occupancy::Occupancy;
 use imf_fields::harmonic::VoxelCoefficients as _;
 use imf_fields::harmonic::basis::Basis;
-use imf_core::occupancy::Occupancy;
 use imf_fields::recipe::OnlineSettings;
 
 /// Two planes; lines along each axis, alone and in a plane.

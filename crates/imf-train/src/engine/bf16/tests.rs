@@ -3,11 +3,11 @@
 use crate::engine::bf16_kernel::Kernel;
 use crate::engine::tests::{as_f64, batch, engine, samples_f64, shape};
 use crate::engine::{CpuTrainer, WINDOW};
+use crate::training::TrainingEngine;
+use imf_core::field::EngineError;
+use imf_fields::recipe::{AdamConfig, Loss, Precision, TrainingState};
 use imf_fields::siren::stack::{Ending, Stack};
 use imf_fields::siren::{INPUTS, SirenShape, reference};
-use imf_fields::recipe::{AdamConfig, Loss, Precision, TrainingState};
-use imf_core::field::EngineError;
-use crate::training::TrainingEngine;
 
 /// |a − b| / |b|.
 fn apart(a: &[f32], b: &[f64]) -> f64 {

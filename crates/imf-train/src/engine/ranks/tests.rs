@@ -6,11 +6,11 @@ use std::sync::{Arc, Barrier, Mutex};
 use glam::DVec3;
 
 use crate::engine::ranks::*;
-use imf_core::grid::Grid;
 use crate::samples::Samples;
-use imf_fields::siren::SirenShape;
-use imf_fields::recipe::{Cursor, Length, TrainingPlan};
 use crate::training::run::{Outcome, train};
+use imf_core::grid::Grid;
+use imf_fields::recipe::{Cursor, Length, TrainingPlan};
+use imf_fields::siren::SirenShape;
 
 const SHAPE: SirenShape = SirenShape { width: 37, hidden: 3, skip_after: Some(2), omega: 10.0 };
 /// Of the largest gradient: f32 sums over a few hundred samples, grouped differently, differ by some 1e-6 of it.

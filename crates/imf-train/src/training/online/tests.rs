@@ -1,12 +1,12 @@
 use super::*;
-use imf_core::occupancy::Occupancy;
-use imf_fields::siren::SirenShape;
 use crate::engine::CpuTrainer;
+use glam::DVec3;
+use imf_core::field::EngineError;
+use imf_core::occupancy::Occupancy;
 use imf_core::tool::Tool;
 use imf_fields::recipe::Length;
-use imf_core::field::EngineError;
 use imf_fields::recipe::TrainingState;
-use glam::DVec3;
+use imf_fields::siren::SirenShape;
 use std::sync::atomic::AtomicU64;
 
 const SHAPE: SirenShape = SirenShape { width: 16, hidden: 3, skip_after: Some(2), omega: 10.0 };

@@ -1,9 +1,9 @@
 use super::*;
-use imf_core::grid::Grid;
-use imf_fields::siren::SirenShape;
 use crate::engine::CpuTrainer;
-use imf_fields::recipe::TrainingState;
 use glam::DVec3;
+use imf_core::grid::Grid;
+use imf_fields::recipe::TrainingState;
+use imf_fields::siren::SirenShape;
 
 const SHAPE: SirenShape = SirenShape { width: 24, hidden: 3, skip_after: Some(2), omega: 10.0 };
 

@@ -3,21 +3,21 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::*;
-use imf_core::control::Control;
 use crate::dataset::{Layout, generate_share, load};
-use imf_fields::recipe::Sampling;
+use crate::engine::CpuTrainer;
+use crate::training::run::train;
+use imf_core::control::Control;
+use imf_core::field::EngineError;
 use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::{Scene, SceneRecord};
-use imf_fields::siren::SirenShape;
-use crate::engine::CpuTrainer;
 use imf_core::tool::Tool;
-use imf_fields::recipe::Length;
-use crate::training::run::train;
-use imf_core::field::EngineError;
-use imf_fields::recipe::TrainingState;
 use imf_core::unit::LengthUnit;
+use imf_fields::recipe::Length;
+use imf_fields::recipe::Sampling;
+use imf_fields::recipe::TrainingState;
+use imf_fields::siren::SirenShape;
 
 const SHAPE: SirenShape = SirenShape { width: 16, hidden: 2, skip_after: None, omega: 10.0 };
 

@@ -1,0 +1,114 @@
+//! The command line: the measurements, and the arguments of those of exact sections, training steps and GPUs; the others
+//! have a file each.
+
+pub(crate) mod families;
+pub(crate) mod paper;
+pub(crate) mod query;
+pub(crate) mod recipe;
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use imf_cli::arguments::numbers::{parse_count, with_negative_numbers};
+use imf_cli::arguments::{DeviceArguments, GlobalArguments, PrecisionKind};
+
+/// Measures imf beside its rivals, makes the paper's tables, and trains by recipes.
+#[derive(Parser)]
+#[command(name = "imf-bench", version, mut_subcommands(with_negative_numbers))]
+pub(crate) struct Cli {
+    #[command(flatten)]
+    pub(crate) global: GlobalArguments,
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Subcommand)]
+pub(crate) enum Command {
+    Exact(ExactArguments),
+    Families(families::FamiliesArguments),
+    Gpu(GpuArguments),
+    Paper(paper::PaperArguments),
+    Query(query::QueryArguments),
+    Recipe(recipe::RecipeArguments),
+    Train(TrainArguments),
+}
+
+/// Training steps against the matrix products' own peak and against PyTorch, by turns in one run
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf-bench train --python venv/bin/python --out bench-train\n\n\
+                        Writes train.json and train.md. About half a minute without PyTorch.")]
+pub(crate) struct TrainArguments {
+    /// Folder to write to
+    #[arg(long, default_value = "imf-bench", value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Samples in a step; several with commas
+    #[arg(long, value_delimiter = ',', default_value = "1024,8192", value_name = "N", value_parser = parse_count)]
+    pub(crate) batch: Vec<usize>,
+    /// Neurons of every hidden layer
+    #[arg(long, default_value_t = 512, value_name = "N")]
+    pub(crate) width: usize,
+    /// What products of layers are computed in, PyTorch's too (bf16 and f16: by its autocast)
+    #[arg(long, value_enum, default_value = "f32")]
+    pub(crate) precision: PrecisionKind,
+    /// Python with PyTorch
+    #[arg(long, default_value = "python3", value_name = "COMMAND")]
+    pub(crate) python: String,
+    #[command(flatten)]
+    pub(crate) device: DeviceArguments,
+}
+
+/// What a GPU does beside the CPU of the same machine, with values compared
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf-bench gpu --python venv/bin/python --out bench-gpu\n\n\
+                        Writes gpu.json and gpu.md part by part; parts that an earlier run on the same device left there stay until they are \
+                        measured again. \
+                        Some minutes; on a software device small sizes, which show that every part works.")]
+pub(crate) struct GpuArguments {
+    /// Folder to write to
+    #[arg(long, default_value = "imf-bench", value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// These alone; several with commas
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "PART")]
+    pub(crate) only: Vec<GpuPart>,
+    /// Small sizes, which show that every part works
+    #[arg(long)]
+    pub(crate) small: bool,
+    /// Python with PyTorch
+    #[arg(long, default_value = "python3", value_name = "COMMAND")]
+    pub(crate) python: String,
+    /// gpu, software (software Vulkan), or a number or part of a name from `imf devices`
+    #[arg(long, default_value = "gpu", value_name = "DEVICE")]
+    pub(crate) device: String,
+}
+
+/// What a GPU is measured at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum GpuPart {
+    /// Multiply-adds alone, in f32
+    Peak,
+    /// Exact sections
+    Sections,
+    /// Steps of the paper's network, PyTorch's beside them
+    Training,
+    /// A field taught, evaluated and asked for poses
+    Field,
+}
+
+/// Exact sections against scipy and rustfft, and how their cost grows
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf-bench exact --out bench-exact\n\n\
+                        Writes exact.json, exact.md and how time and memory grow as pictures. About a minute without --full.")]
+pub(crate) struct ExactArguments {
+    /// Folder to write to
+    #[arg(long, default_value = "imf-bench", value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// All sizes up to 384³, all 225 sections of the rivals, 10,000 orientations
+    #[arg(long)]
+    pub(crate) full: bool,
+    /// Python with numpy and scipy
+    #[arg(long, default_value = "python3", value_name = "COMMAND")]
+    pub(crate) python: String,
+    /// Measure this device too: gpu, software (software Vulkan), or a number or part of a name from `imf devices`
+    #[arg(long, default_value = "cpu", value_name = "DEVICE")]
+    pub(crate) device: String,
+}

@@ -1,0 +1,281 @@
+//! `imf-bench exact`: the exact sections beside what one would write oneself, and how their cost grows.
+
+pub(crate) mod device;
+mod growth;
+mod plain_fft;
+mod scipy;
+
+use std::fmt::Write;
+use std::time::Instant;
+
+use anyhow::{Result, ensure};
+use glam::DVec3;
+use imf_cli::engine::Device;
+use imf_cli::output::{prepare_folder, print, print_json, write_json, write_text};
+use imf_cli::session::Session;
+use imf_core::grid::Grid;
+use imf_core::mesh::Mesh;
+use imf_core::occupancy::Occupancy;
+use imf_core::orientation::{Orientation, OrientationSet};
+use imf_core::parts::ReferencePart;
+use imf_core::scene::SceneSpec;
+use imf_core::section::{SectionPlan, SectionScratch, stream_sections};
+use imf_core::tool::{RotatedTool, Tool};
+use imf_core::voxelize::voxelize;
+use serde::Serialize;
+
+use crate::arguments::ExactArguments;
+use crate::machine::Machine;
+use growth::Growth;
+
+/// Orientations of the comparison.
+pub(crate) const SECTIONS: usize = 225;
+/// Sections of the rivals without `--full`; their time does not depend on the orientation.
+const RIVAL_SECTIONS: usize = 12;
+/// Everything of ours is measured this often; the least time counts.
+pub(crate) const ROUNDS: usize = 3;
+
+/// One way to compute sections.
+#[derive(Serialize)]
+pub(crate) struct Rival {
+    pub(crate) name: String,
+    pub(crate) sections: usize,
+    pub(crate) milliseconds_per_section: f64,
+    /// Its time divided by ours.
+    pub(crate) ratio: f64,
+    /// Whether its whole numbers are ours; it is not asked of ourselves.
+    pub(crate) equal: Option<bool>,
+    pub(crate) how: String,
+}
+
+/// What is measured.
+#[derive(Serialize)]
+struct Report {
+    machine: Machine,
+    scene: String,
+    method: String,
+    /// Seconds for all sections, and for their minimum over orientations.
+    sections_seconds: f64,
+    imf_seconds: f64,
+    rivals: Vec<Rival>,
+    /// Why a rival is missing.
+    missing: Vec<String>,
+    sphere_voxels_milliseconds: f64,
+    growth: Growth,
+}
+
+pub(crate) fn run(session: &Session, arguments: &ExactArguments) -> Result<()> {
+    let device = Device::open(&arguments.device, session)?;
+    prepare_folder(&arguments.out)?;
+    let mut machine = Machine::new(session.threads());
+    let part = ReferencePart::Teapot;
+    let tool = Tool::paper();
+    let (mesh, dims) = (part.mesh(), part.dims());
+    session.note("voxelising the teapot");
+    let scene = SceneSpec::of_reference(part, &mesh, dims, &tool).scene()?;
+    let plan = SectionPlan::new(&scene.obstacle, &tool)?;
+    let orientations = OrientationSet::parse(&format!("fibonacci:{SECTIONS}"))?.orientations;
+    session.note(&format!("sections: {}", plan.describe()));
+    let mut sections_seconds = f64::INFINITY;
+    let mut imf_seconds = f64::INFINITY;
+    for _ in 0..ROUNDS {
+        let start = Instant::now();
+        stream_sections(&plan, &orientations, session.control(&|_| {}), || (), |(), _, _| {})?;
+        sections_seconds = sections_seconds.min(start.elapsed().as_secs_f64());
+        let start = Instant::now();
+        imf_core::section::imf(&plan, &orientations, session.control(&|_| {}))?;
+        imf_seconds = imf_seconds.min(start.elapsed().as_secs_f64());
+    }
+    let ours = sections_seconds / SECTIONS as f64;
+
+    // First what shows the memory that sections take: the rivals' counts would hide it.
+    let growth = growth::measure(session, arguments)?;
+    // Every so many of the set, so that all directions are there.
+    let step = if arguments.full { 1 } else { SECTIONS / RIVAL_SECTIONS };
+    let compared: Vec<Orientation> = orientations.iter().copied().step_by(step).collect();
+    let trial = Trial::new(&scene.obstacle, &tool, &plan, &compared)?;
+    let mut rivals = vec![Rival {
+        name: "imf".into(),
+        sections: SECTIONS,
+        milliseconds_per_section: ours * 1e3,
+        ratio: 1.0,
+        equal: None,
+        how: plan.describe(),
+    }];
+    if let Device::Gpu(gpu) = &device {
+        session.note("the GPU");
+        let control = session.control(&|_| {});
+        rivals.extend(device::measure(gpu, &plan, &orientations, &compared, ours, control)?);
+    }
+    let mut missing = Vec::new();
+    session.note("rustfft used plainly");
+    rivals.push(plain_fft::measure(session, &trial, ours));
+    session.note("scipy");
+    match scipy::measure(session, arguments, &trial, ours)? {
+        Ok(rival) => rivals.push(rival),
+        Err(advice) => missing.push(advice),
+    }
+    drop(trial);
+    let sphere_voxels_milliseconds = voxels_of_a_sphere();
+    machine.finish();
+    let report = Report {
+        machine,
+        scene: format!(
+            "teapot {}×{}×{}, tool paper (29×29×83 voxels), fibonacci:{SECTIONS}",
+            dims[0], dims[1], dims[2]
+        ),
+        method: plan.describe(),
+        sections_seconds,
+        imf_seconds,
+        rivals,
+        missing,
+        sphere_voxels_milliseconds,
+        growth,
+    };
+    let text = report.markdown();
+    write_json(&arguments.out.join("exact.json"), &report)?;
+    write_text(&arguments.out.join("exact.md"), &text)?;
+    for (name, chart) in report.growth.charts() {
+        chart.save(&arguments.out.join(name))?;
+    }
+    if session.json { print_json(&report) } else { print(&text) }
+}
+
+/// What the rivals are given: voxels of obstacle and tools, and what we counted.
+struct Trial {
+    obstacle: Occupancy,
+    reach: usize,
+    tools: Vec<RotatedTool>,
+    counts: Vec<Vec<u32>>,
+}
+
+impl Trial {
+    fn new(
+        obstacle: &Occupancy,
+        tool: &Tool,
+        plan: &SectionPlan,
+        orientations: &[Orientation],
+    ) -> Result<Self> {
+        let mut scratch = SectionScratch::default();
+        let mut trial = Self {
+            obstacle: obstacle.clone(),
+            reach: (tool.reach() / obstacle.grid.pitch).ceil() as usize,
+            tools: Vec::new(),
+            counts: Vec::new(),
+        };
+        for orientation in orientations {
+            let mut counts = vec![0; obstacle.grid.len()];
+            plan.counts(orientation, &mut scratch, &mut counts)?;
+            trial.tools.push(RotatedTool::new(tool, orientation, obstacle.grid.pitch)?);
+            trial.counts.push(counts);
+        }
+        ensure!(!trial.tools.is_empty(), "no section to compare");
+        Ok(trial)
+    }
+}
+
+/// Milliseconds for the voxels of a sphere of 1,280 triangles on 128³.
+fn voxels_of_a_sphere() -> f64 {
+    let mesh = sphere(3);
+    let grid = Grid { origin: DVec3::splat(-1.01), pitch: 2.02 / 128.0, dims: [128; 3] };
+    let least = (0..2 * ROUNDS).map(|_| {
+        let start = Instant::now();
+        let solid = voxelize(&mesh, &grid, false);
+        let elapsed = start.elapsed().as_secs_f64();
+        assert!(solid.count() > 0, "a sphere has an inside");
+        elapsed
+    });
+    least.fold(f64::INFINITY, f64::min) * 1e3
+}
+
+/// An icosahedron whose faces are halved `levels` times: 20·4^levels triangles with shared vertices.
+fn sphere(levels: usize) -> Mesh {
+    let golden = (1.0 + 5f64.sqrt()) / 2.0;
+    let mut mesh = Mesh::default();
+    for (a, b) in [(1.0, golden), (-1.0, golden), (1.0, -golden), (-1.0, -golden)] {
+        mesh.vertices.extend([DVec3::new(0.0, a, b), DVec3::new(a, b, 0.0), DVec3::new(b, 0.0, a)]);
+    }
+    // Faces are the triples of vertices at an edge's distance, turned outwards.
+    let corners = mesh.vertices.clone();
+    let near = |a: usize, b: usize| (corners[a].distance(corners[b]) - 2.0).abs() < 1e-9;
+    for a in 0..12 {
+        for b in a + 1..12 {
+            for c in b + 1..12 {
+                if near(a, b) && near(b, c) && near(c, a) {
+                    let outwards = corners[a].dot(corners[b].cross(corners[c])) > 0.0;
+                    let face = if outwards { [a, b, c] } else { [a, c, b] };
+                    mesh.triangles.push(face.map(|v| v as u32));
+                }
+            }
+        }
+    }
+    for _ in 0..levels {
+        let mut middles = std::collections::HashMap::new();
+        let mut finer = Vec::new();
+        for &[a, b, c] in &mesh.triangles {
+            let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| {
+                *middles.entry((p.min(q), p.max(q))).or_insert_with(|| {
+                    mesh.vertices.push((mesh.vertices[p as usize] + mesh.vertices[q as usize]) / 2.0);
+                    mesh.vertices.len() as u32 - 1
+                })
+            });
+            finer.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+        }
+        mesh.triangles = finer;
+    }
+    mesh.vertices.iter_mut().for_each(|v| *v = v.normalize());
+    mesh
+}
+
+impl Report {
+    fn markdown(&self) -> String {
+        let mut text = format!(
+            "Exact sections: {}\n{}\n\n{SECTIONS} sections {:.2} s, IMF {:.2} s, by {}\n\n",
+            self.scene, self.machine, self.sections_seconds, self.imf_seconds, self.method
+        );
+        text.push_str(
+            "| | ms a section | times ours | same counts | how |\n| --- | --- | --- | --- | --- |\n",
+        );
+        for rival in &self.rivals {
+            let equal = rival.equal.map_or("", |equal| if equal { "yes" } else { "NO" });
+            let _ = writeln!(
+                text,
+                "| {} | {:.2} | {:.1} | {equal} | {} |",
+                rival.name, rival.milliseconds_per_section, rival.ratio, rival.how
+            );
+        }
+        for advice in &self.missing {
+            let _ = writeln!(text, "\n{advice}");
+        }
+        let _ = writeln!(
+            text,
+            "\nVoxels of a sphere of 1,280 triangles on 128³: {:.1} ms\n\n{}",
+            self.sphere_voxels_milliseconds, self.growth
+        );
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_sphere_is_closed_round_and_faces_outwards() {
+        let mesh = sphere(3);
+        assert_eq!((mesh.triangles.len(), mesh.vertices.len()), (1280, 642));
+        assert!((mesh.signed_volume() / (4.0 / 3.0 * std::f64::consts::PI) - 1.0).abs() < 0.02);
+    }
+
+    #[test]
+    fn plain_transforms_count_like_sections() {
+        let grid = Grid { origin: DVec3::ZERO, pitch: 4.0, dims: [12, 9, 14] };
+        let solid = (0..grid.len()).map(|i| u8::from(i.wrapping_mul(2_654_435_761) >> 7 & 3 == 0)).collect();
+        let obstacle = Occupancy { grid, solid };
+        let tool = Tool::paper();
+        let plan = SectionPlan::new(&obstacle, &tool).unwrap();
+        let orientations = OrientationSet::parse("random:3:4").unwrap().orientations;
+        let trial = Trial::new(&obstacle, &tool, &plan, &orientations).unwrap();
+        assert!(plain_fft::all_equal(&trial));
+    }
+}

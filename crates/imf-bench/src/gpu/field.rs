@@ -1,0 +1,327 @@
+//! A factored field of the scene, taught on the GPU and on the CPU, and the harmonic field that teaches it; their minima at every voxel,
+//! the first one's errors at random orientations, its sections and its answers to random poses, by both.
+
+use std::time::Instant;
+
+use anyhow::{Result, ensure};
+use glam::DVec3;
+use imf_cli::arguments::harmonic::DEFAULT_SECTIONS;
+use imf_cli::commands::compress::{self, Beginning, Extent, Lesson, Settings, Teacher};
+use imf_cli::commands::field::harmonic;
+use imf_cli::engine::Device;
+use imf_cli::interrupt;
+use imf_cli::output::table;
+use imf_cli::session::Session;
+use imf_core::control::Control;
+use imf_core::orientation::{Orientation, OrientationSet};
+use imf_core::planner::{Gradient, Pose, PoseField};
+use imf_core::scene::Scene;
+use imf_core::section::{SectionPlan, sections};
+use imf_fields::factored::file::FactoredFile;
+use imf_fields::factored::{FactoredField, TeachSettings};
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::file::HarmonicFile;
+use imf_fields::harmonic::{FitSettings, HarmonicField};
+use imf_fields::metrics::{ErrorReport, Errors};
+use imf_fields::recipe::Length;
+use imf_fields::stored::StoredField;
+use imf_gpu::{Gpu, GpuFactored, GpuField, GpuWhole};
+use rayon::prelude::*;
+use serde::Serialize;
+use serde_json::json;
+
+use super::Part;
+use crate::machine::timed;
+use crate::query::random_poses;
+
+/// How much is measured.
+pub(super) struct Sizes {
+    /// Of the harmonic field that teaches.
+    pub(super) degree: usize,
+    /// Neurons of a hidden layer.
+    pub(super) width: usize,
+    pub(super) steps: u64,
+    /// Orientations that errors are measured at.
+    pub(super) random: usize,
+    /// Sets that minima are taken over.
+    pub(super) minima: &'static [&'static str],
+    pub(super) poses: usize,
+}
+
+/// Overlap above which a pose counts as blocked.
+const THRESHOLD: f64 = 1e-3;
+/// What takes less memory.
+const SMALLER: &str = "take the other parts by --only";
+/// Differences above this, of overlaps or of the largest slope, are no roundings: some 1e-6 was seen.
+const TOLERANCE: f32 = 1e-4;
+/// Orientations whose sections are compared.
+const COMPARED: usize = 4;
+/// Poses that one thread of the CPU is asked at a time.
+const POSES: usize = 256;
+
+pub(super) fn measured(
+    session: &Session,
+    gpu: &Gpu,
+    scene: &Scene,
+    sizes: &Sizes,
+    part: &mut Part,
+) -> Result<()> {
+    let plan = SectionPlan::of_scene(scene)?;
+    let (teacher, settings, fitted) = taught_by(session, scene, &plan, sizes)?;
+    let [x, y, z] = plan.grid().dims;
+    let teacher_told = format!(
+        "Teapot {x}×{y}×{z}; the harmonic field of degree {} that teaches took {fitted:.2} s on the CPU. Errors are at {} random \
+         orientations.",
+        sizes.degree, sizes.random
+    );
+    let mut rows = Rows { part, teacher: teacher_told, judged: Vec::new(), rows: Vec::new() };
+    let (file, seconds) = taught(session, &Device::Gpu(gpu.clone()), &teacher, settings)?;
+    let what = format!("{} steps of {}", sizes.steps, file.field.shape);
+    let (of_cpu, cpu_seconds) = taught(session, &Device::Cpu, &teacher, settings)?;
+    rows.add(&what, seconds, cpu_seconds, None)?;
+    let sets = sizes.minima.iter().map(|set| Ok((*set, OrientationSet::parse(set)?.orientations)));
+    let sets: Vec<(&str, Vec<Orientation>)> = sets.collect::<Result<_>>()?;
+    of_harmonic(gpu, &teacher.field, &sets, &mut rows)?;
+    drop(teacher);
+
+    let grid = scene.record.grid;
+    // Points, and the sections at random orientations, exact and of a field.
+    let needed = grid.len() * (size_of::<DVec3>() + 2 * size_of::<f32>() * sizes.random);
+    session.require_memory(needed as u64, || format!("{} sections; {SMALLER}", sizes.random))?;
+    let points: Vec<DVec3> = (0..grid.len()).map(|voxel| grid.centre(grid.voxel(voxel))).collect();
+    let random = OrientationSet::parse(&format!("random:{}:1", sizes.random))?.orientations;
+    let exact = sections(&plan, &random, session.control(&|_| {}))?;
+    drop(plan);
+    for (by, field) in [("GPU", &file.field), ("CPU", &of_cpu.field)] {
+        rows.judge(by, errors(gpu, field, &points, &random, &exact)?);
+    }
+    drop((exact, of_cpu));
+
+    let mut on_device = GpuFactored::new(gpu, &file.field)?;
+    let evaluator = file.field.evaluator();
+    let few = &random[..COMPARED.min(random.len())];
+    let (seconds, found) = timed(|| Ok(on_device.sections(&points, few)?))?;
+    let mut twin = vec![0.0; found.len()];
+    let (cpu, ()) = timed(|| {
+        evaluator.sections(&file.field.heads(few), &mut twin);
+        Ok(())
+    })?;
+    rows.add(&format!("{} sections, read back", few.len()), seconds, cpu, Some(largest(&found, &twin)?))?;
+    for (set, orientations) in &sets {
+        let (seconds, least) = timed(|| Ok(on_device.minimum(&points, orientations)?))?;
+        let (cpu, twin) = timed(|| Ok(evaluator.minimum(&file.field.heads(orientations))))?;
+        rows.add(&format!("IMF over {set}"), seconds, cpu, Some(largest(&least.value, &twin.value)?))?;
+    }
+    drop((on_device, evaluator));
+
+    let poses = random_poses(&grid, sizes.poses, 1)?;
+    asked(gpu, file, &poses, &mut rows)
+}
+
+/// Minima of the harmonic field, whose coefficients stay on the device.
+fn of_harmonic(
+    gpu: &Gpu,
+    field: &HarmonicField,
+    sets: &[(&str, Vec<Orientation>)],
+    rows: &mut Rows<'_>,
+) -> Result<()> {
+    let begun = Instant::now();
+    let mut on_device = GpuWhole::of_harmonic(gpu, field)?;
+    rows.teacher += &format!(" Its coefficients went up in {:.2} s.", begun.elapsed().as_secs_f64());
+    for (set, orientations) in sets {
+        let (seconds, least) = timed(|| Ok(on_device.minimum(orientations, Control::quiet())?))?;
+        let (cpu, twin) = timed(|| Ok(field.minimum(&field.heads(orientations))))?;
+        let difference = largest(&least.value, &twin.value)?;
+        rows.add(&format!("IMF over {set} by that harmonic field"), seconds, cpu, Some(difference))?;
+    }
+    Ok(())
+}
+
+/// Random poses, values and gradients.
+fn asked(gpu: &Gpu, file: FactoredFile, poses: &[Pose], rows: &mut Rows<'_>) -> Result<()> {
+    let field = GpuField::new(gpu, StoredField::Factored(Box::new(file)))?;
+    let (mut found, mut twin) = (vec![0.0; poses.len()], vec![0.0; poses.len()]);
+    let (seconds, ()) = timed(|| Ok(field.query(poses, &mut found)?))?;
+    let (cpu, ()) = timed(|| {
+        let parts = poses.par_chunks(POSES).zip(twin.par_chunks_mut(POSES));
+        Ok(parts.try_for_each(|(poses, values)| field.twin().query(poses, values))?)
+    })?;
+    rows.add(&format!("{} poses", poses.len()), seconds, cpu, Some(largest(&found, &twin)?))?;
+
+    let (mut found, mut twin) = (vec![Gradient::NAN; poses.len()], vec![Gradient::NAN; poses.len()]);
+    let (seconds, ()) = timed(|| Ok(field.query_with_gradient(poses, &mut found)?))?;
+    let (cpu, ()) = timed(|| {
+        let parts = poses.par_chunks(POSES).zip(twin.par_chunks_mut(POSES));
+        Ok(parts.try_for_each(|(poses, found)| field.twin().query_with_gradient(poses, found))?)
+    })?;
+    let slopes = |found: &[Gradient]| -> Vec<f32> {
+        found.iter().flat_map(|g| g.position.to_array().into_iter().chain(g.direction.to_array())).collect()
+    };
+    let (slopes, expected) = (slopes(&found), slopes(&twin));
+    let scale = expected.iter().fold(0.0f32, |most, slope| most.max(slope.abs()));
+    let difference = largest(&slopes, &expected)? / scale;
+    rows.add(&format!("{} with gradients", poses.len()), seconds, cpu, Some(difference))
+}
+
+/// The harmonic field that teaches, how, and the seconds that it took.
+fn taught_by(
+    session: &Session,
+    scene: &Scene,
+    plan: &SectionPlan,
+    sizes: &Sizes,
+) -> Result<(HarmonicFile, Settings, f64)> {
+    let fit = FitSettings {
+        degree: sizes.degree,
+        axes: usize::MAX,
+        precision: Precision::F32,
+        sections_per_function: DEFAULT_SECTIONS,
+        ..FitSettings::default()
+    };
+    let mut settings = Settings {
+        teach: TeachSettings { width: sizes.width, ..TeachSettings::of_length(Length::Steps(sizes.steps)) },
+        precision: Precision::F32,
+        checkpoint_every: f64::INFINITY,
+        go_on: "the field starts over",
+        smaller: SMALLER,
+    };
+    Extent::of_field(fit, Domain::Directions, scene.record.grid.len()).require(session, &settings)?;
+    let begun = Instant::now();
+    let teacher = harmonic::fitted(session, scene, plan, Domain::Directions, fit, SMALLER)?;
+    settings.teach.symmetry = compress::symmetry_of(session, &teacher);
+    Ok((teacher, settings, begun.elapsed().as_secs_f64()))
+}
+
+/// A field that a device was taught, and the seconds of that.
+fn taught(
+    session: &Session,
+    device: &Device,
+    teacher: &HarmonicFile,
+    settings: Settings,
+) -> Result<(FactoredFile, f64)> {
+    let folder = tempfile::tempdir()?;
+    let beginning = Beginning::at(folder.path(), false)?;
+    let begun = Instant::now();
+    let lesson = Lesson { teacher: Teacher::Harmonic(teacher), settings, beginning: &beginning };
+    let (file, _) = lesson.taught(session, device, None)?;
+    Ok((file, begun.elapsed().as_secs_f64()))
+}
+
+/// A field's errors, evaluated on the GPU.
+fn errors(
+    gpu: &Gpu,
+    field: &FactoredField,
+    points: &[DVec3],
+    orientations: &[Orientation],
+    exact: &[Vec<f32>],
+) -> Result<ErrorReport> {
+    let values = GpuFactored::new(gpu, field)?.sections(points, orientations)?;
+    let mut errors = Errors::default();
+    for (exact, field) in exact.iter().zip(values.chunks_exact(points.len())) {
+        errors.add(exact, field, THRESHOLD);
+    }
+    Ok(errors.report(THRESHOLD))
+}
+
+/// The largest difference; NaN where there is one.
+fn largest(found: &[f32], expected: &[f32]) -> Result<f32> {
+    ensure!(found.len() == expected.len(), "{} values for {}", found.len(), expected.len());
+    let differences = found.iter().zip(expected).map(|(a, b)| (a - b).abs());
+    Ok(differences
+        .fold(0.0, |most: f32, next| if most.is_nan() || next.is_nan() { f32::NAN } else { most.max(next) }))
+}
+
+/// What takes how long on either.
+#[derive(Serialize)]
+struct Row {
+    what: String,
+    gpu_seconds: f64,
+    cpu_seconds: f64,
+    /// Of the values of one field, or of slopes over the largest; nothing too where one is no number, which ends the part.
+    largest_difference: Option<f32>,
+}
+
+/// What a field that one of them was taught errs by.
+#[derive(Serialize)]
+struct Judged {
+    taught_on: &'static str,
+    errors: ErrorReport,
+}
+
+/// What was found, which the part has after every row.
+struct Rows<'a> {
+    part: &'a mut Part,
+    teacher: String,
+    judged: Vec<Judged>,
+    rows: Vec<Row>,
+}
+
+impl Rows<'_> {
+    fn judge(&mut self, taught_on: &'static str, errors: ErrorReport) {
+        self.judged.push(Judged { taught_on, errors });
+        self.tell();
+    }
+
+    /// A row; refuses values that are not the CPU's.
+    fn add(&mut self, what: &str, gpu: f64, cpu: f64, difference: Option<f32>) -> Result<()> {
+        self.rows.push(Row {
+            what: what.to_owned(),
+            gpu_seconds: gpu,
+            cpu_seconds: cpu,
+            largest_difference: difference,
+        });
+        self.tell();
+        let most = difference.unwrap_or(0.0);
+        ensure!(most <= TOLERANCE, "{what}: values of the GPU and of the CPU are {most:.1e} apart");
+        ensure!(!interrupt::requested(), "interrupted");
+        Ok(())
+    }
+
+    fn tell(&mut self) {
+        let Self { part, teacher, judged, rows } = self;
+        part.text = format!("{teacher}\n");
+        for Judged { taught_on, errors } in &*judged {
+            let ErrorReport { mse, mpe, .. } = errors;
+            part.text += &format!("Taught on the {taught_on}: MSE {mse:.2e}, MPE {mpe:.4}.\n");
+        }
+        let cells: Vec<Vec<String>> = rows
+            .iter()
+            .map(|row| {
+                let Row { what, gpu_seconds: gpu, cpu_seconds: cpu, largest_difference } = row;
+                let difference = largest_difference.map_or("–".to_owned(), |most| format!("{most:.1e}"));
+                vec![
+                    what.clone(),
+                    format!("{gpu:.4}"),
+                    format!("{cpu:.4}"),
+                    format!("{:.2}", cpu / gpu),
+                    difference,
+                ]
+            })
+            .collect();
+        let head = ["", "s on the GPU", "s on the CPU", "times as fast", "largest difference"];
+        part.text += &format!("\n{}", table(&head, &cells));
+        part.found = json!({ "judged": judged, "rows": rows });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_number_is_the_largest_difference() {
+        assert_eq!(largest(&[1.0, 2.0], &[1.5, 2.25]).unwrap(), 0.5);
+        for place in 0..3 {
+            let mut found = [1.0; 3];
+            found[place] = f32::NAN;
+            assert!(largest(&found, &[1.0; 3]).unwrap().is_nan());
+        }
+        assert!(largest(&[], &[1.0]).is_err());
+        let mut part = Part::default();
+        let mut rows = Rows { part: &mut part, teacher: String::new(), judged: Vec::new(), rows: Vec::new() };
+        rows.add("fine", 1.0, 2.0, Some(1e-6)).unwrap();
+        let refused = rows.add("apart", 1.0, 2.0, Some(f32::NAN)).unwrap_err().to_string();
+        assert!(refused.contains("apart"), "{refused}");
+        assert!(part.text.contains("fine") && part.text.contains("apart"), "{}", part.text);
+    }
+}

@@ -1,0 +1,83 @@
+//! What the measurements were taken on, and the clock.
+
+use std::fmt;
+use std::time::Instant;
+
+use anyhow::Result;
+use serde::Serialize;
+use sysinfo::{CpuRefreshKind, RefreshKind, System};
+
+/// A single measurement shorter than this is repeated, and the better one counts.
+const SHORT: f64 = 1.0;
+
+/// The machine, and how much of it was used.
+#[derive(Serialize)]
+pub(crate) struct Machine {
+    cpu: String,
+    threads: usize,
+    version: &'static str,
+    system: String,
+    /// Mean number of threads that wanted to run over the last minute, when the measurement began and when it ended: on
+    /// an idle machine near 0 and near `threads`. Nothing where the system does not say.
+    load: Option<[f64; 2]>,
+}
+
+impl Machine {
+    pub(crate) fn new(threads: usize) -> Self {
+        let system = System::new_with_specifics(RefreshKind::nothing().with_cpu(CpuRefreshKind::nothing()));
+        let cpu = system.ok().and_then(|s| s.cpus().first().map(|cpu| cpu.brand().trim().to_owned()));
+        Self {
+            cpu: cpu.filter(|name| !name.is_empty()).unwrap_or_else(|| "unknown CPU".into()),
+            threads,
+            version: env!("CARGO_PKG_VERSION"),
+            system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
+            load: load().map(|begin| [begin; 2]),
+        }
+    }
+
+    /// Notes the load at the end.
+    pub(crate) fn finish(&mut self) {
+        self.load = self.load.zip(load()).map(|([begin, _], end)| [begin, end]);
+    }
+}
+
+impl fmt::Display for Machine {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}, {} threads, {}, imf {}", self.cpu, self.threads, self.system, self.version)?;
+        match self.load {
+            Some([begin, end]) => write!(f, ", load {begin:.1} at the beginning, {end:.1} at the end"),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The load of the last minute.
+fn load() -> Option<f64> {
+    System::load_average().ok().map(|load| load.one)
+}
+
+/// Starts a new measurement of the most memory that this process holds at once. Linux only.
+pub(crate) fn reset_peak_memory() {
+    // Where it is not allowed, the peak stays that of the whole run.
+    let _ = std::fs::write("/proc/self/clear_refs", "5");
+}
+
+/// The most bytes that this process held since then; nothing where the system does not say.
+pub(crate) fn peak_memory() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
+}
+
+/// Seconds of some work: of a short one the better of two.
+pub(crate) fn timed<T>(mut work: impl FnMut() -> Result<T>) -> Result<(f64, T)> {
+    let begun = Instant::now();
+    let mut found = work()?;
+    let mut seconds = begun.elapsed().as_secs_f64();
+    if seconds < SHORT {
+        let begun = Instant::now();
+        found = work()?;
+        seconds = seconds.min(begun.elapsed().as_secs_f64());
+    }
+    Ok((seconds, found))
+}

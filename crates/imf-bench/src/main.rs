@@ -1,0 +1,55 @@
+//! The laboratory of `imf`: what measures it beside its rivals, makes the paper's tables, and trains by recipes. Not published.
+//!
+//! ```text
+//! cargo run --release -p imf-bench -- exact       exact sections beside scipy and rustfft, and how their cost grows
+//! cargo run --release -p imf-bench -- train       training steps beside PyTorch
+//! cargo run --release -p imf-bench -- gpu         what a GPU does beside the CPU
+//! cargo run --release -p imf-bench -- families    every family of fields side by side
+//! cargo run --release -p imf-bench -- query       poses a second beside collision libraries
+//! cargo run --release -p imf-bench -- paper       the paper's tables and figures
+//! cargo run --release -p imf-bench -- recipe      trainings in stages and sweeps, by the files in `recipes`
+//! ```
+//!
+//! `examples` has what measures a single piece (`cargo run --release -p imf-bench --example pose`), and the topology optimisation
+//! of the bracket; `python` the rivals and the readers of files that are written in Python, `parry3d` the one in Rust, which
+//! stands outside the workspace. Options, messages and exit codes are those of `imf`, whose library ([`imf_cli`]) does the work.
+
+mod arguments;
+mod exact;
+mod experiment;
+mod families;
+mod gpu;
+mod interpolation;
+mod machine;
+mod paper;
+mod planar;
+mod python;
+mod query;
+mod recipe;
+mod train;
+
+use std::process::ExitCode;
+
+use clap::Parser as _;
+use imf_cli::ranks::Rank;
+use imf_cli::session::Session;
+
+use arguments::{Cli, Command};
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    imf_cli::exit::code_of(false, |rank| run(&cli, rank))
+}
+
+fn run(cli: &Cli, rank: Rank) -> anyhow::Result<()> {
+    let session = Session::new(&cli.global, rank)?;
+    match &cli.command {
+        Command::Exact(arguments) => exact::run(&session, arguments),
+        Command::Families(arguments) => families::run(&session, arguments),
+        Command::Gpu(arguments) => gpu::run(&session, arguments),
+        Command::Paper(arguments) => paper::run(&session, arguments),
+        Command::Query(arguments) => query::run(&session, arguments),
+        Command::Recipe(arguments) => experiment::run(&session, arguments),
+        Command::Train(arguments) => train::run(&session, arguments),
+    }
+}

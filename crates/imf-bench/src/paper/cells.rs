@@ -1,0 +1,126 @@
+//! Finished cells of the report, one JSON file each, so that an interrupted run repeats nothing that came to its end.
+//!
+//! A cell is keyed by what made it: settings, scene, device, version. Its file's name carries a checksum of the key, and the
+//! key stands in the file; where it is another one, the cell is made again.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result};
+use imf_cli::output::{prepare_folder, write_json};
+use imf_cli::session::Session;
+use imf_core::mesh::Mesh;
+use imf_core::parts::ReferencePart;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use crate::experiment::interruption;
+
+/// Where cells are kept.
+pub(super) struct Cells<'a> {
+    session: &'a Session,
+    out: PathBuf,
+    folder: PathBuf,
+    /// What every key holds beside its own.
+    common: Value,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Cell<T> {
+    made_by: Value,
+    value: T,
+}
+
+impl<'a> Cells<'a> {
+    /// Cells in `out/cells`; `device` names where networks run.
+    pub(super) fn new(session: &'a Session, out: &Path, device: &str) -> Result<Self> {
+        let folder = out.join("cells");
+        prepare_folder(&folder)?;
+        let common = json!({ "program": env!("CARGO_PKG_VERSION"), "device": device });
+        Ok(Self { session, out: out.to_owned(), folder, common })
+    }
+
+    /// All that decides a cell, and its checksum.
+    fn key(&self, key: &impl Serialize) -> Result<(Value, String)> {
+        let mut made_by = json!({ "common": self.common, "cell": serde_json::to_value(key)? });
+        // Of the parts the bracket is a stored file, which may be made again under its name.
+        if made_by["cell"].to_string().contains("\"bracket\"") {
+            made_by["bracket"] = shape(&ReferencePart::Bracket.mesh()).into();
+        }
+        let mark = crc32fast::hash(&serde_json::to_vec(&made_by)?);
+        Ok((made_by, format!("{mark:08x}")))
+    }
+
+    /// What tells the files of this key from those of others.
+    pub(super) fn mark(&self, key: &impl Serialize) -> Result<String> {
+        Ok(self.key(key)?.1)
+    }
+
+    /// The cell of that name and key, read where it is kept, else made by `make` and kept.
+    pub(super) fn get<T: Serialize + DeserializeOwned>(
+        &self,
+        name: &str,
+        key: &impl Serialize,
+        make: impl FnOnce() -> Result<T>,
+    ) -> Result<T> {
+        let (made_by, mark) = self.key(key)?;
+        let path = self.folder.join(format!("{name}-{mark}.json"));
+        let kept = std::fs::read_to_string(&path).ok();
+        let kept: Option<Cell<T>> = kept.and_then(|text| serde_json::from_str(&text).ok());
+        if let Some(cell) = kept.filter(|cell| cell.made_by == made_by) {
+            self.session.note(&format!("{name}: kept"));
+            return Ok(cell.value);
+        }
+        self.session.note(&format!("{name}:"));
+        let value = make().map_err(|error| interruption(error, &self.out))?;
+        let cell = Cell { made_by, value };
+        write_json(&path, &cell).with_context(|| format!("the cell {name}"))?;
+        Ok(cell.value)
+    }
+}
+
+/// A checksum of a mesh's vertices.
+fn shape(mesh: &Mesh) -> u32 {
+    let mut hasher = crc32fast::Hasher::new();
+    for vertex in &mesh.vertices {
+        vertex.to_array().iter().for_each(|v| hasher.update(&v.to_le_bytes()));
+    }
+    hasher.finalize()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_of_the_bracket_know_its_shape() {
+        let folder = tempfile::tempdir().unwrap();
+        let session = Session::silent();
+        let cells = Cells::new(&session, folder.path(), "cpu").unwrap();
+        let of_part = |part: &str| cells.key(&json!({ "scene": { "part": part } })).unwrap().0;
+        assert!(of_part("bracket")["bracket"].is_u64());
+        assert!(of_part("teapot")["bracket"].is_null());
+        let mut mesh = ReferencePart::Bracket.mesh();
+        let before = shape(&mesh);
+        mesh.vertices[7].z += 0.001;
+        assert_ne!(before, shape(&mesh));
+    }
+
+    #[test]
+    fn a_cell_is_made_once_for_each_key() {
+        let folder = tempfile::tempdir().unwrap();
+        let session = Session::silent();
+        let cells = Cells::new(&session, folder.path(), "cpu").unwrap();
+        let get = |key: u32, value: f64| cells.get("one", &key, || Ok(value)).unwrap();
+        assert_eq!((get(1, 0.1), get(1, 7.0), get(2, 3.0), get(2, 4.0)), (0.1, 0.1, 3.0, 3.0));
+        let other = Cells::new(&session, folder.path(), "gpu").unwrap();
+        assert_eq!(other.get("one", &1, || Ok(9.0)).unwrap(), 9.0);
+        // A damaged cell is made again.
+        for entry in std::fs::read_dir(folder.path().join("cells")).unwrap() {
+            std::fs::write(entry.unwrap().path(), "{").unwrap();
+        }
+        assert_eq!(get(1, 8.0), 8.0);
+        assert!(cells.get::<f64>("two", &1, || anyhow::bail!("no")).is_err());
+        assert_eq!(cells.get("two", &1, || Ok(5.0)).unwrap(), 5.0);
+    }
+}

@@ -1,0 +1,186 @@
+//! The table of the three parts: `single` and `multi` against the exact field, and baselines in the same rows.
+
+use anyhow::{Context as _, Result, bail};
+use imf_core::scene::Scene;
+
+use super::baselines::{self, Method};
+use super::questions::{Questions, RANDOM};
+use super::table::{Compared, Kind, Row, Table};
+use super::{Bench, Run, figures, published};
+use crate::arguments::paper::PaperPart;
+use crate::experiment::Scenes;
+use crate::recipe::{Recipe, SceneSettings};
+
+/// The recipes of the table.
+pub(super) const RECIPES: [&str; 2] = ["single", "multi"];
+
+impl Bench<'_> {
+    /// A part's training by a recipe.
+    pub(super) fn trained(&self, part: PaperPart, recipe: &str) -> Result<Result<Run, String>> {
+        let part = part.name();
+        self.run(&format!("{recipe}-{part}"), &self.protocol.recipe(recipe, Some(part))?)
+    }
+
+    /// What stands beside the paper's network, for a part.
+    pub(super) fn baselines(&self, part: PaperPart) -> Result<Vec<Method>> {
+        let recipe = Recipe::from_table(self.protocol.recipe("single", Some(part.name()))?)?;
+        let n = trained_grid(&recipe)?;
+        let teaching = self.protocol.teaching();
+        let key = (&recipe.scene, &recipe.evaluation, n, &teaching);
+        self.cells.get(&format!("baselines-{}", part.name()), &key, || {
+            let scene = self.scene(&recipe.scene)?;
+            baselines::measure(self.session, &scene, &Questions::of(&recipe.evaluation)?, n, &teaching)
+        })
+    }
+
+    /// A scene at its full resolution.
+    pub(super) fn scene(&self, settings: &SceneSettings) -> Result<Scene> {
+        Scenes::default().of_part(self.session, settings, &settings.part, 1.0)
+    }
+}
+
+/// N of the `grid:N` that `single` learns from.
+fn trained_grid(single: &Recipe) -> Result<usize> {
+    let spec = single.stages.first().and_then(|stage| stage.orientations.as_deref());
+    match spec.and_then(|spec| spec.strip_prefix("grid:")?.parse().ok()) {
+        Some(n) => Ok(n),
+        None => bail!("single must learn from a grid of orientations to be compared with interpolation"),
+    }
+}
+
+pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
+    let mut table = Table::of_errors("3d", "Three parts in space", &["part", "field", "compared"]);
+    let single = bench.protocol.settings("single")?;
+    let sections = trained_grid(&single)?.pow(2);
+    table.notes.push(format!(
+        "`single` and `multi` are the paper's network (`siren5`) and recipes. Beside them what is made from as many exact \
+         sections ({sections}): the nearest one, linear interpolation in θ and φ, the harmonic field (its fit reads each \
+         section twice), and the factored field that is taught it. Random sections are ours: at orientations of no grid."
+    ));
+    for &part in &bench.parts {
+        let own = if part == PaperPart::Teapot { "" } else { " (ours)" };
+        let name = format!("{}{own}", part.name());
+        let mut runs = Vec::new();
+        for recipe in RECIPES {
+            let questions = Questions::of(&bench.protocol.settings(recipe)?.evaluation)?;
+            let papers = published::space(part.name(), recipe);
+            let paper = |index: usize| papers.and_then(|papers| papers.get(index).copied());
+            let labels = |question: String| vec![name.clone(), recipe.into(), question];
+            let run = match bench.trained(part, recipe)? {
+                Ok(run) => run,
+                Err(diverged) => {
+                    let rows = questions.names().into_iter().enumerate();
+                    table.rows.extend(rows.map(|(index, asked)| Row::diverged(labels(asked), paper(index))));
+                    table.notes.push(format!("{name}, {recipe}: no result. {diverged}"));
+                    continue;
+                }
+            };
+            let outcome = run.summary.results.first().context("a recipe without results")?;
+            let answers = questions.names().into_iter().zip(questions.answers(outcome)?);
+            table.rows.extend(
+                answers
+                    .enumerate()
+                    .map(|(index, (asked, errors))| Row::errors(labels(asked), paper(index), &errors)),
+            );
+            table.notes.push(format!(
+                "{name}, {recipe}: {} parameters ({}), trained in {}.",
+                outcome.parameters,
+                Kind::Bytes.show(4.0 * outcome.parameters as f64),
+                Kind::Seconds.show(run.summary.seconds())
+            ));
+            runs.push((recipe, run));
+        }
+        let questions = Questions::of(&single.evaluation)?;
+        for method in bench.baselines(part)? {
+            for (question, errors) in questions.names().into_iter().zip(&method.answers) {
+                let labels = vec![name.clone(), method.name.clone(), question];
+                table.rows.push(Row::errors(labels, None, errors));
+            }
+            table.notes.push(format!(
+                "{name}, {}: {}, made in {}; {} sections in {}.",
+                method.name,
+                Kind::Bytes.show(method.bytes as f64),
+                Kind::Seconds.show(method.made),
+                questions.imf[0].len(),
+                Kind::Seconds.show(method.sections)
+            ));
+        }
+        if !runs.is_empty() {
+            table.figures.push(figures::fields(bench, part, &questions, &runs)?);
+        }
+    }
+    table.figures.insert(0, figures::scenes(bench)?);
+    Ok(table)
+}
+
+/// The families of ours, as their rows begin.
+const OURS: [&str; 2] = ["harmonic", "factored"];
+
+/// The paper's network and, for each part, that of our families which errs least at random orientations, each in its own
+/// columns beside the paper's MSE.
+pub(super) fn side_by_side(table: &Table) -> Table {
+    let values = [("siren5", Kind::Error), ("best family", Kind::Error)];
+    let labels = ["part", "recipe", "compared", "best family is"];
+    let mut beside =
+        Table::new("3d-best", "The paper's network and our best family, side by side", &labels, &values);
+    beside.notes.push(
+        "MSE. The paper's network (`siren5`) by each recipe, and of our families the one that errs least at random \
+         orientations of the part; both beside the paper's value, which is its network's."
+            .into(),
+    );
+    let ours = |row: &&Row| OURS.iter().any(|name| row.labels[1].starts_with(name));
+    let mse = |row: &Row| row.values[0].ours.unwrap_or(f64::INFINITY);
+    for row in table.rows.iter().filter(|row| RECIPES.contains(&row.labels[1].as_str())) {
+        let of_part = || table.rows.iter().filter(|other| other.labels[0] == row.labels[0]).filter(ours);
+        let random = of_part().filter(|other| other.labels[2].ends_with(RANDOM));
+        let Some(best) = random.min_by(|a, b| mse(a).total_cmp(&mse(b))) else { continue };
+        let answer =
+            of_part().find(|other| other.labels[1..] == [best.labels[1].clone(), row.labels[2].clone()]);
+        let paper = row.values[0].paper;
+        beside.rows.push(Row {
+            labels: row.labels.iter().chain([&best.labels[1]]).cloned().collect(),
+            values: vec![
+                row.values[0].clone(),
+                Compared::new(paper, answer.and_then(|row| row.values[0].ours)),
+            ],
+            decisions: None,
+        });
+    }
+    beside
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_best_family_is_the_one_with_the_least_error_at_random_orientations() {
+        let mut table = Table::of_errors("3d", "t", &["part", "field", "compared"]);
+        let row = |field: &str, asked: &str, paper: Option<f64>, ours: f64| Row {
+            labels: ["teapot", field, asked].map(String::from).into(),
+            values: vec![Compared::new(paper, Some(ours)), Compared::new(None, Some(9.0))],
+            decisions: None,
+        };
+        table.rows = vec![
+            row("single", "IMF", Some(1e-6), 4e-6),
+            row("single", "64 random sections", None, 3e-6),
+            row("linear", "IMF", None, 1e-9),
+            row("linear", "64 random sections", None, 1e-9),
+            row("harmonic, degree 6", "IMF", None, 5e-7),
+            row("harmonic, degree 6", "64 random sections", None, 2e-7),
+            row("factored, 3×256", "IMF", None, 1e-8),
+            row("factored, 3×256", "64 random sections", None, 3e-7),
+        ];
+        let beside = side_by_side(&table);
+        let found: Vec<_> = beside.rows.iter().map(|row| (row.values[0].ours, row.values[1].ours)).collect();
+        assert_eq!(found, [(Some(4e-6), Some(5e-7)), (Some(3e-6), Some(2e-7))]);
+        assert!(beside.rows.iter().all(|row| row.labels[3] == "harmonic, degree 6"));
+        assert_eq!(beside.rows[0].values[1].paper, Some(1e-6));
+        let (head, cells) = beside.cells();
+        assert!(
+            head.contains(&"siren5 paper".into()) && head.contains(&"best family ours".into()),
+            "{head:?}"
+        );
+        assert_eq!(cells[0].last().unwrap(), "**falls short**: siren5");
+    }
+}

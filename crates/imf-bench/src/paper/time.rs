@@ -1,0 +1,129 @@
+//! The table of time: training, 225 sections by the network and exactly on the same device in the same run, and what
+//! everything takes in memory.
+
+use std::time::Instant;
+
+use anyhow::Result;
+use imf_cli::engine::Device;
+use imf_core::orientation::{Orientation, OrientationSet};
+use imf_core::section::{SectionPlan, stream_sections};
+use imf_fields::learnt::LearntField;
+use imf_gpu::GpuSections;
+use serde::{Deserialize, Serialize};
+
+use super::table::{Compared, Kind, Row, Table};
+use super::{Bench, Run, published};
+use crate::arguments::paper::PaperPart;
+
+/// The sections that the paper evaluates.
+const SECTIONS: &str = "grid:15";
+/// Bytes of a sample: its voxel and its value.
+const SAMPLE_BYTES: u64 = 8;
+
+/// Seconds for all sections, and what they and the network take.
+#[derive(Serialize, Deserialize)]
+struct Measured {
+    network: f64,
+    exact_cpu: f64,
+    /// On the GPU where networks run there.
+    exact_gpu: Option<f64>,
+    network_bytes: u64,
+    sections_bytes: u64,
+}
+
+fn measure(bench: &Bench<'_>, run: &Run) -> Result<Measured> {
+    let session = bench.session;
+    let model = run.model()?;
+    let grid = model.scene.record.grid;
+    let set = OrientationSet::parse(SECTIONS)?.orientations;
+    let plan = SectionPlan::of_scene(&model.scene)?;
+    let stage = session.stage("timing", "sections", 3 * set.len() as u64);
+    let advance = |n| stage.advance(n);
+    let control = session.control(&advance);
+    let mut engine = bench.device.evaluator(model.shape, &model.state.parameters)?;
+    let mut field = LearntField::new(grid, engine.as_mut());
+    let mut values = vec![0.0; grid.len()];
+    // Once before, so that nothing is compiled or allocated while the clock runs.
+    field.section(set[0].angles(), &mut values)?;
+    let begun = Instant::now();
+    for orientation in &set {
+        if control.is_cancelled() {
+            return Err(imf_core::section::SectionError::Cancelled.into());
+        }
+        field.section(orientation.angles(), &mut values)?;
+        advance(1);
+    }
+    let network = begun.elapsed().as_secs_f64();
+    let begun = Instant::now();
+    stream_sections(&plan, &set, control, || (), |(), _, _| {})?;
+    let exact_cpu = begun.elapsed().as_secs_f64();
+    let on_gpu = |set: &[Orientation]| -> Result<Option<f64>> {
+        let Device::Gpu(gpu) = bench.device else { return Ok(None) };
+        let mut sections = GpuSections::new(gpu, &plan)?;
+        sections.stream(&set[..1], control, || (), |(), _, _| {})?;
+        let begun = Instant::now();
+        sections.stream(set, control, || (), |(), _, _| {})?;
+        Ok(Some(begun.elapsed().as_secs_f64()))
+    };
+    let exact_gpu = on_gpu(&set)?;
+    stage.finish("");
+    Ok(Measured {
+        network,
+        exact_cpu,
+        exact_gpu,
+        network_bytes: 4 * model.shape.parameter_count() as u64,
+        sections_bytes: (4 * set.len() * grid.len()) as u64,
+    })
+}
+
+pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
+    let values = [("time", Kind::Seconds), ("memory", Kind::Bytes)];
+    let mut table = Table::new("time", "Time and memory", &["part", "what"], &values);
+    table.notes.push(
+        "225 sections each (`grid:15`), the network's and the exact ones on the same device in the same run; memory of the \
+         samples, the network in f32, and the sections. The paper says 2 MB of its network, whose layers as described \
+         hold 1,056,769 parameters (4.2 MB in f32). The stored sections and the harmonic field are made from as many sections as \
+         `single` learns from; nearest and linear share them. The paper's times are of its own resolution and machine. \
+         What was kept from an interrupted run has the times of that run."
+            .into(),
+    );
+    table.judged = bench.protocol.is_the_papers();
+    for &part in &bench.parts {
+        let run = match bench.trained(part, "single")? {
+            Ok(run) => run,
+            Err(diverged) => {
+                table.notes.push(format!("{}: no network to time. {diverged}", part.name()));
+                continue;
+            }
+        };
+        let key = (bench.protocol.recipe("single", Some(part.name()))?, SECTIONS);
+        let measured = bench.cells.get(&format!("time-{}", part.name()), &key, || measure(bench, &run))?;
+        let paper = published::seconds(part.name());
+        let own = if part == PaperPart::Teapot { "" } else { " (ours)" };
+        let mut row = |what: &str, papers: [Option<f64>; 2], seconds: f64, bytes: u64| {
+            table.rows.push(Row {
+                labels: vec![format!("{}{own}", part.name()), what.into()],
+                values: vec![
+                    Compared::new(papers[0], Some(seconds)),
+                    Compared::new(papers[1], Some(bytes as f64)),
+                ],
+                decisions: None,
+            });
+        };
+        let samples: u64 = run.summary.stages.iter().map(|stage| stage.samples).sum();
+        row("train (single)", [paper.map(|p| p[0]), None], run.summary.seconds(), SAMPLE_BYTES * samples);
+        let network = [paper.map(|p| p[1]), Some(published::NETWORK_BYTES)];
+        row("225 sections, network", network, measured.network, measured.network_bytes);
+        let exact = paper.map(|p| p[2]);
+        let on_cpu = if measured.exact_gpu.is_some() { None } else { exact };
+        row("225 sections, exact, CPU", [on_cpu, None], measured.exact_cpu, measured.sections_bytes);
+        if let Some(seconds) = measured.exact_gpu {
+            row("225 sections, exact, GPU", [exact, None], seconds, measured.sections_bytes);
+        }
+        for method in bench.baselines(part)? {
+            row(&format!("make, {}", method.name), [None; 2], method.made, method.bytes);
+            row(&format!("225 sections, {}", method.name), [None; 2], method.sections, method.bytes);
+        }
+    }
+    Ok(table)
+}

@@ -1,0 +1,348 @@
+//! `imf-bench train`: samples per second of the training engine, the device's peak in f32 and its share of it, and PyTorch, by
+//! turns.
+
+mod torch;
+
+use std::fmt::Write as _;
+use std::time::Instant;
+
+use anyhow::{Result, bail};
+use imf_cli::engine::Device;
+use imf_cli::interrupt::{self, Interrupted};
+use imf_cli::output::{prepare_folder, print, print_json, table, write_json, write_text};
+use imf_cli::session::Session;
+use imf_fields::recipe::TrainingPlan;
+use imf_fields::recipe::{Precision, TrainingState};
+use imf_fields::siren::matrix::{Matrix, multiply};
+use imf_fields::siren::{INPUTS, SirenShape};
+use imf_gpu::Peak;
+use imf_train::training::TrainingEngine;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::arguments::TrainArguments;
+use crate::machine::Machine;
+use torch::Torch;
+
+/// Which steps are measured.
+pub(crate) struct Asked<'a> {
+    /// Neurons of every hidden layer.
+    pub(crate) width: usize,
+    pub(crate) precision: Precision,
+    /// Samples of a step, one measurement each.
+    pub(crate) batches: &'a [usize],
+    /// Python with PyTorch, which is compared.
+    pub(crate) python: Option<&'a str>,
+    pub(crate) rounds: Rounds,
+}
+
+/// Everything is measured by turns; the best of each counts.
+#[derive(Clone, Copy)]
+pub(crate) struct Rounds {
+    pub(crate) count: usize,
+    /// Of a round, at least.
+    pub(crate) seconds: f64,
+}
+
+impl Default for Rounds {
+    fn default() -> Self {
+        Self { count: 6, seconds: 0.5 }
+    }
+}
+
+/// What was measured.
+#[derive(Serialize)]
+pub(crate) struct Report {
+    machine: Machine,
+    network: String,
+    engine: String,
+    pub(crate) rows: Vec<Row>,
+    /// What ended the measurement before its last batch.
+    pub(crate) failed: Option<String>,
+    /// Version of PyTorch, or why there is none.
+    torch: String,
+}
+
+#[derive(Serialize)]
+pub(crate) struct Row {
+    batch: usize,
+    samples_per_second: f64,
+    gflops: f64,
+    /// In f32, the best of the same rounds: on CPUs of a 1024×512×512 product on all cores, on GPUs of multiply-adds alone.
+    peak_gflops: f64,
+    share: f64,
+    rivals: Vec<Rival>,
+}
+
+#[derive(Serialize)]
+struct Rival {
+    mode: &'static str,
+    samples_per_second: Option<f64>,
+    /// Ours over theirs.
+    ratio: Option<f64>,
+    failed: Option<String>,
+}
+
+pub(crate) fn run(session: &Session, arguments: &TrainArguments) -> Result<()> {
+    prepare_folder(&arguments.out)?;
+    let device = Device::open(&arguments.device.device, session)?;
+    let asked = Asked {
+        width: arguments.width,
+        precision: arguments.precision.into(),
+        batches: &arguments.batch,
+        python: Some(&arguments.python),
+        rounds: Rounds::default(),
+    };
+    let report = measured(session, &device, &asked)?;
+    if let (Some(why), true) = (&report.failed, report.rows.is_empty()) {
+        if interrupt::requested() {
+            return Err(Interrupted("nothing was measured".into()).into());
+        }
+        bail!("{why}");
+    }
+    write_json(&arguments.out.join("train.json"), &report)?;
+    let text = report.markdown()?;
+    write_text(&arguments.out.join("train.md"), &text)?;
+    let Some(why) = report.failed else {
+        return if session.json { print_json(&report) } else { print(&text) };
+    };
+    let kept = format!("what was measured before is in {}", arguments.out.display());
+    if interrupt::requested() {
+        return Err(Interrupted(kept).into());
+    }
+    bail!("{why}; {kept}")
+}
+
+/// Measures the paper's network on a device, up to the first batch that fails or is not waited for.
+pub(crate) fn measured(session: &Session, device: &Device, asked: &Asked<'_>) -> Result<Report> {
+    let shape = SirenShape { width: asked.width, ..SirenShape::default() };
+    shape.check()?;
+    let plan = TrainingPlan { precision: asked.precision, ..TrainingPlan::default() };
+    device.require_precision(plan.precision)?;
+    let mut machine = Machine::new(session.threads());
+    let mut ceiling = match device {
+        Device::Cpu => Ceiling::Cpu(Product::new(session.threads())),
+        Device::Gpu(gpu) => Ceiling::Gpu(Box::new(Peak::new(gpu)?)),
+    };
+    let mut torch = match device {
+        Device::Gpu(gpu) if gpu.adapter().is_software() => {
+            Err("PyTorch was not compared: this is a software device.".into())
+        }
+        _ => Torch::start(session, asked, ceiling.torch_device())
+            .unwrap_or_else(|error| Err(format!("PyTorch was not compared: {error:#}"))),
+    };
+    let (mut rows, mut failed) = (Vec::new(), None);
+    let mut engine_name = String::new();
+    for &batch in asked.batches {
+        let mut measured = || {
+            let of_batch = (4 * (INPUTS as u64 + 1)).saturating_mul(batch as u64);
+            let needed = device.training_memory(shape, batch, plan.precision)?.saturating_add(of_batch);
+            session.require_memory(needed, || format!("a batch of {batch}; take a smaller one"))?;
+            let mut engine =
+                device.trainer(session.rank(), shape, &plan, batch, TrainingState::new(&shape, 1))?;
+            engine_name = engine.describe();
+            session.note(&format!("batch {batch}: {engine_name}"));
+            row(shape, batch, engine.as_mut(), &mut ceiling, &mut torch, asked.rounds)
+        };
+        match measured() {
+            Ok(row) => rows.push(row),
+            Err(error) => {
+                failed = Some(format!("batch {batch}: {error:#}"));
+                break;
+            }
+        }
+    }
+    machine.finish();
+    Ok(Report {
+        machine,
+        network: format!("{}×{}, {}, L1, Adam", shape.hidden, shape.width, plan.precision),
+        engine: engine_name,
+        rows,
+        failed,
+        torch: torch.map_or_else(|why| why, |torch| torch.describe().to_owned()),
+    })
+}
+
+fn row(
+    shape: SirenShape,
+    batch: usize,
+    engine: &mut dyn TrainingEngine,
+    ceiling: &mut Ceiling,
+    torch: &mut Result<Torch, String>,
+    rounds: Rounds,
+) -> Result<Row> {
+    // Forward and gradient of the weights in full; no gradient of the inputs.
+    let flops = 3 * shape.forward_flops() - 2 * INPUTS * shape.layers()[0].outputs;
+    let (inputs, targets) = (ramp(batch * INPUTS), ramp(batch));
+    let (mut ours, mut top) = (0.0f64, 0.0f64);
+    let mut rivals =
+        ["eager", "compiled"].map(|mode| Rival { mode, samples_per_second: None, ratio: None, failed: None });
+    for _ in 0..rounds.count {
+        if interrupt::requested() {
+            bail!("interrupted");
+        }
+        top = top.max(ceiling.measure(rounds.seconds)?);
+        let (mut steps, start) = (0, Instant::now());
+        while steps < 3 || start.elapsed().as_secs_f64() < rounds.seconds {
+            engine.step(&inputs, &targets, 1e-5)?;
+            steps += 1;
+            if ceiling.is_gpu() && steps % 16 == 0 {
+                // Waits for the device, so that the clock counts work that is done.
+                engine.take_mean_loss()?;
+            }
+        }
+        engine.take_mean_loss()?;
+        ours = ours.max((steps * batch) as f64 / start.elapsed().as_secs_f64());
+        for rival in rivals.iter_mut().filter(|rival| rival.failed.is_none()) {
+            let Ok(process) = torch else { break };
+            match process.measure(rival.mode, batch, rounds.seconds) {
+                Ok(Ok(rate)) => {
+                    rival.samples_per_second = Some(rival.samples_per_second.unwrap_or(0.0).max(rate));
+                }
+                Ok(Err(why)) => rival.failed = Some(why),
+                Err(error) => {
+                    rival.failed = Some(format!("{error:#}"));
+                    // It does not come back.
+                    *torch = Err(format!("{}: {error:#}", process.describe()));
+                }
+            }
+        }
+    }
+    for rival in &mut rivals {
+        rival.ratio = rival.samples_per_second.map(|theirs| ours / theirs);
+    }
+    let gflops = ours * flops as f64 * 1e-9;
+    Ok(Row {
+        batch,
+        samples_per_second: ours,
+        gflops,
+        peak_gflops: top,
+        share: gflops / top,
+        rivals: rivals.into_iter().filter(|r| r.samples_per_second.is_some() || r.failed.is_some()).collect(),
+    })
+}
+
+impl Report {
+    fn markdown(&self) -> Result<String> {
+        Ok(format!("{}\n\n{}", self.machine, self.found()?))
+    }
+
+    /// What is measured and what was found, in text.
+    pub(crate) fn found(&self) -> Result<String> {
+        let Self { network, engine, torch, rows, failed, .. } = self;
+        let mut text = format!("{network} · {engine}\n{torch}\n\n");
+        let head = [
+            "batch",
+            "samples/s",
+            "GFLOP/s",
+            "share of the f32 peak",
+            "PyTorch eager",
+            "ours over it",
+            "compiled",
+            "ours over it",
+        ];
+        let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |v| format!("{v:.0}"));
+        let ratio = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |v| format!("{v:.2}"));
+        let cells: Vec<Vec<String>> = rows
+            .iter()
+            .map(|row| {
+                let share = format!("{:.0} % of {:.0}", 100.0 * row.share, row.peak_gflops);
+                let mut cells = vec![
+                    row.batch.to_string(),
+                    format!("{:.0}", row.samples_per_second),
+                    format!("{:.0}", row.gflops),
+                    share,
+                ];
+                for mode in ["eager", "compiled"] {
+                    let rival = row.rivals.iter().find(|rival| rival.mode == mode);
+                    cells.push(number(rival.and_then(|rival| rival.samples_per_second)));
+                    cells.push(ratio(rival.and_then(|rival| rival.ratio)));
+                }
+                cells
+            })
+            .collect();
+        text += &table(&head, &cells);
+        for row in rows {
+            for rival in row.rivals.iter().filter(|rival| rival.failed.is_some()) {
+                writeln!(
+                    text,
+                    "batch {}, {}: {}",
+                    row.batch,
+                    rival.mode,
+                    rival.failed.as_deref().unwrap_or_default()
+                )?;
+            }
+        }
+        if let Some(why) = failed {
+            writeln!(text, "{why}")?;
+        }
+        Ok(text)
+    }
+}
+
+/// Values in [−1, 1) that repeat after 1009.
+fn ramp(length: usize) -> Vec<f32> {
+    (0..length).map(|i| (i * 577 % 1009) as f32 / 504.5 - 1.0).collect()
+}
+
+/// What the same device does at most.
+enum Ceiling {
+    Cpu(Product),
+    Gpu(Box<Peak>),
+}
+
+impl Ceiling {
+    /// GFLOP/s.
+    fn measure(&mut self, seconds: f64) -> Result<f64> {
+        Ok(match self {
+            Self::Cpu(product) => product.measure(seconds),
+            Self::Gpu(peak) => peak.measure(seconds)? * 1e-9,
+        })
+    }
+
+    fn is_gpu(&self) -> bool {
+        matches!(self, Self::Gpu(_))
+    }
+
+    /// What PyTorch calls such a device.
+    fn torch_device(&self) -> &'static str {
+        if self.is_gpu() { "cuda" } else { "cpu" }
+    }
+}
+
+/// A 1024×512×512 product on every core at once, all factors row-major: the fastest of the library's layouts.
+struct Product {
+    a: Vec<f32>,
+    b: Vec<f32>,
+    out: Vec<Vec<f32>>,
+}
+
+impl Product {
+    const DIMS: [usize; 3] = [1024, 512, 512];
+
+    fn new(threads: usize) -> Self {
+        let [rows, inner, columns] = Self::DIMS;
+        Self {
+            a: ramp(rows * inner),
+            b: ramp(inner * columns),
+            out: vec![vec![0.0; rows * columns]; threads],
+        }
+    }
+
+    /// GFLOP/s of all cores together.
+    fn measure(&mut self, seconds: f64) -> f64 {
+        let Self { a, b, out } = self;
+        let [rows, inner, columns] = Self::DIMS;
+        let (mut products, start) = (0, Instant::now());
+        while start.elapsed().as_secs_f64() < seconds {
+            out.par_iter_mut().for_each(|out| {
+                for _ in 0..4 {
+                    let a = Matrix::row_major(a, rows, inner, inner);
+                    multiply(out, columns, a, Matrix::row_major(b, inner, columns, columns), false);
+                }
+            });
+            products += 4 * out.len();
+        }
+        products as f64 * 2.0 * (rows * inner * columns) as f64 * 1e-9 / start.elapsed().as_secs_f64()
+    }
+}

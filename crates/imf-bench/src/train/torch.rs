@@ -1,0 +1,103 @@
+//! PyTorch in a process of its own, asked by turns with the training engine.
+
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+
+use anyhow::{Context as _, Result, ensure};
+use imf_cli::session::Session;
+use serde::Deserialize;
+
+use crate::python::lacks;
+use crate::train::Asked;
+
+const SCRIPT: &str = include_str!("../../python/train_torch.py");
+const REQUIREMENTS: &str =
+    "python3 -m pip install torch==2.15.0 (crates/imf-bench/python/requirements-torch.txt)";
+
+/// PyTorch in a process of its own, asked by turns.
+pub(super) struct Torch {
+    process: Child,
+    requests: ChildStdin,
+    answers: BufReader<ChildStdout>,
+    name: String,
+    /// Holds the script while it runs.
+    _folder: tempfile::TempDir,
+}
+
+#[derive(Deserialize)]
+struct Answer {
+    version: Option<String>,
+    device: Option<String>,
+    samples_per_second: Option<f64>,
+    failed: Option<String>,
+}
+
+impl Torch {
+    /// The rival, or why there is none and what would help.
+    pub(super) fn start(session: &Session, asked: &Asked<'_>, device: &str) -> Result<Result<Self, String>> {
+        let Some(python) = asked.python else {
+            return Ok(Err("PyTorch was not compared here.".into()));
+        };
+        let runs = |code: &str| {
+            let found = Command::new(python).args(["-c", code]).output();
+            found.is_ok_and(|output| output.status.success())
+        };
+        if let Some(why) = lacks(python, "import torch", REQUIREMENTS) {
+            return Ok(Err(format!("PyTorch was not compared: {why}")));
+        }
+        if !runs(&format!("import torch; torch.zeros(1, device='{device}')")) {
+            return Ok(Err(format!("PyTorch was not compared: that of {python} has no {device}")));
+        }
+        let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
+        let script = folder.path().join("train_torch.py");
+        std::fs::write(&script, SCRIPT).with_context(|| format!("cannot write {}", script.display()))?;
+        let mut command = Command::new(python);
+        // Ctrl-C of a terminal is for this process, which ends that one.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        let mut process = command
+            .arg(&script)
+            .args(["--threads", &session.threads().to_string(), "--width", &asked.width.to_string()])
+            .args(["--device", device])
+            .args(["--precision", &asked.precision.to_string()])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .with_context(|| format!("cannot start {python}"))?;
+        let requests = process.stdin.take().context("no pipe to PyTorch")?;
+        let answers = BufReader::new(process.stdout.take().context("no pipe from PyTorch")?);
+        let mut torch = Self { process, requests, answers, name: String::new(), _folder: folder };
+        let Answer { version, device, .. } = torch.answer()?;
+        torch.name = format!("PyTorch {} on {}", version.unwrap_or_default(), device.unwrap_or_default());
+        Ok(Ok(torch))
+    }
+
+    /// Its version, and what it runs on.
+    pub(super) fn describe(&self) -> &str {
+        &self.name
+    }
+
+    /// Samples per second of a round, or why it failed.
+    pub(super) fn measure(&mut self, mode: &str, batch: usize, seconds: f64) -> Result<Result<f64, String>> {
+        let request = serde_json::json!({ "mode": mode, "batch": batch, "seconds": seconds });
+        writeln!(self.requests, "{request}").context("PyTorch's process ended")?;
+        let answer = self.answer()?;
+        Ok(answer.samples_per_second.ok_or_else(|| answer.failed.unwrap_or_default()))
+    }
+
+    fn answer(&mut self) -> Result<Answer> {
+        let mut line = String::new();
+        let read = self.answers.read_line(&mut line).context("cannot read from PyTorch's process")?;
+        ensure!(read > 0, "PyTorch's process ended without an answer");
+        serde_json::from_str(&line).with_context(|| format!("PyTorch's process answered '{}'", line.trim()))
+    }
+}
+
+impl Drop for Torch {
+    fn drop(&mut self) {
+        // It may be in the middle of a round that nobody waits for.
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}

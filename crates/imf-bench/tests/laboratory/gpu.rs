@@ -1,0 +1,63 @@
+//! What a GPU does beside the CPU, on the machine's adapter; `IMF_NO_GPU_TESTS=1` leaves it out.
+#![cfg(unix)]
+
+use crate::binary::{Workdir, device};
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn what_an_adapter_does_is_measured_beside_the_cpu() {
+    let work = Workdir::new();
+    let bench = format!("gpu --small --device {} --python none --out out --json", device());
+    let report = work.imf(&bench).done().json();
+    let parts = report["parts"].as_array().unwrap();
+    assert_eq!(parts.len(), 6, "{report}");
+    assert!(parts.iter().all(|part| part["failed"].is_null()), "{report}");
+    let found = |part: usize| &parts[part]["found"];
+    let peak = found(0)["flops_per_second"].as_f64().unwrap();
+    assert!(found(1)["rows"].as_array().unwrap().iter().all(|row| row["equal"] == true), "{report}");
+    for training in [2, 3] {
+        let share = found(training)["rows"][0]["share"].as_f64().unwrap();
+        assert!(peak > 1e8 && (0.0..1.0).contains(&share), "{share} of {peak}");
+    }
+    let field = found(5);
+    let rows = field["rows"].as_array().unwrap();
+    // The harmonic field's IMF, sections, the IMF, values, gradients; of two fields that were taught there is no difference to tell.
+    let differences: Vec<f64> = rows.iter().filter_map(|row| row["largest_difference"].as_f64()).collect();
+    assert!(differences.len() == 5 && differences.iter().all(|&most| most < 1e-4), "{report}");
+    let [on_gpu, on_cpu] = [0, 1].map(|by| field["judged"][by]["errors"]["mse"].as_f64().unwrap());
+    assert!((0.5..2.0).contains(&(on_gpu / on_cpu)), "{on_gpu} on the adapter, {on_cpu} on the CPU");
+
+    // One part anew: the others stay.
+    let again = work.imf(&format!("{bench} --only sections")).done().json();
+    let titles = |report: &serde_json::Value| -> Vec<String> {
+        report["parts"].as_array().unwrap().iter().map(|part| part["title"].to_string()).collect()
+    };
+    assert_eq!(titles(&again), titles(&report));
+    assert!(again["parts"][0] == parts[0] && again["parts"][5] == parts[5] && again["parts"][1] != parts[1]);
+    let text = work.text("out/gpu.md");
+    assert!(text.contains("## Exact sections") && text.contains("IMF over fibonacci:37"), "{text}");
+
+    // A part that fails leaves what was found of it; records of other devices and damaged ones stay as they are.
+    work.imf(&format!("{bench} --only field --memory 100KiB")).refused(&["not measured whole", "field"]);
+    let kept: serde_json::Value = serde_json::from_str(&work.text("out/gpu.json")).unwrap();
+    assert!(
+        kept["parts"][5]["found"] == parts[5]["found"] && kept["parts"][5]["failed"].is_string(),
+        "{kept}"
+    );
+    for (text, words) in [
+        (work.text("out/gpu.json").replacen(" on ", " on another ", 1), ["another", "--out"]),
+        ("{".to_owned(), ["no record of a GPU", "--out"]),
+    ] {
+        std::fs::create_dir_all(work.path("other")).unwrap();
+        std::fs::write(work.path("other/gpu.json"), &text).unwrap();
+        work.imf(&bench.replace("--out out", "--out other")).refused(&words);
+        assert_eq!(work.text("other/gpu.json"), text);
+    }
+
+    // A folder where a file has to be written.
+    std::fs::remove_file(work.path("out/gpu.md")).unwrap();
+    std::fs::create_dir(work.path("out/gpu.md")).unwrap();
+    work.imf(&format!("{bench} --only peak")).refused(&["gpu.md"]);
+    work.imf("gpu --device cpu --out none").refused(&["measures a GPU", "--device cpu"]);
+    assert!(!work.path("none").exists());
+}

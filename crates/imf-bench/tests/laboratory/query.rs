@@ -1,0 +1,35 @@
+//! Fields and their rivals asked for random poses.
+
+use imf_core::control::Control;
+use imf_core::parts::ReferencePart;
+use imf_core::scene::SceneSpec;
+use imf_core::section::SectionPlan;
+use imf_core::tool::Tool;
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::file::HarmonicFile;
+use imf_fields::harmonic::{FitSettings, fit};
+
+use crate::binary::Workdir;
+
+/// A small field of the teapot that is not calibrated.
+fn field() -> HarmonicFile {
+    let (part, tool) = (ReferencePart::Teapot, Tool::paper());
+    let scene = SceneSpec::of_reference(part, &part.mesh(), [15, 19, 31], &tool).scene().unwrap();
+    let settings = FitSettings { degree: 4, ..FitSettings::default() };
+    let plan = SectionPlan::of_scene(&scene).unwrap();
+    let field = fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap();
+    HarmonicFile { field, scene, settings, calibration: None }
+}
+
+#[test]
+fn a_field_that_is_not_calibrated_is_asked_for_poses_and_not_for_decisions() {
+    let work = Workdir::new();
+    field().write(&work.path("field.safetensors")).unwrap();
+    let bench = "query field.safetensors --poses 50 --rival-poses 5 --python no-such --parry3d no-such";
+    let report = work.imf(&format!("{bench} --out out --json")).done().json();
+    let rows = report["rows"].as_array().unwrap();
+    let row = rows.iter().find(|row| row["answers"].as_str().unwrap().contains("calibrat")).unwrap();
+    assert_eq!(row["answers"], "not calibrated (imf calibrate)");
+    assert!(row["free"].is_null() && row["blocked"].is_null() && row["agree"].is_null(), "{row}");
+    assert!(row["poses_per_second"].as_f64().unwrap() > 0.0, "{row}");
+}

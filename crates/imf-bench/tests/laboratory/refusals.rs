@@ -1,0 +1,17 @@
+//! Numbers out of range.
+
+use crate::binary::Workdir;
+
+#[test]
+fn numbers_out_of_range_are_refused_beside_the_option_that_they_were_given_to() {
+    let work = Workdir::new();
+    for (line, name, value) in
+        [("train --batch 1024,0", "--batch", "0"), ("families --threshold nan", "--threshold", "nan")]
+    {
+        let refused = work.imf(line);
+        assert_eq!(refused.code, Some(2), "`{line}`:\n{}", refused.stderr);
+        let words = [format!("invalid value '{value}'"), format!("for '{name} <")];
+        assert!(words.iter().all(|words| refused.stderr.contains(words)), "{line}:\n{}", refused.stderr);
+    }
+    assert!(std::fs::read_dir(work.path(".")).unwrap().next().is_none(), "a refusal left something behind");
+}

@@ -1,0 +1,85 @@
+//! What a command comes to: its exit code, and one message that says why.
+
+use std::process::ExitCode;
+
+use imf_core::section::SectionError;
+use imf_fields::evaluation::EvaluationError;
+
+use crate::commands::check::CollisionFound;
+use crate::interrupt::{self, Interrupted};
+use crate::ranks::{Membership, Rank};
+
+/// The work failed: bad input, a device, a disk.
+const FAILED: u8 = 1;
+/// `imf check` found a collision.
+const COLLISION: u8 = 3;
+/// Stopped by Ctrl-C; what was finished is kept.
+pub(crate) const INTERRUPTED: u8 = 130;
+
+/// Does the work of a command, says on standard error why it did not come to its end, and gives its exit code. `joins_ranks`: it
+/// trains together with other processes.
+pub fn code_of(joins_ranks: bool, work: impl FnOnce(Rank) -> anyhow::Result<()>) -> ExitCode {
+    let membership = match Membership::join(joins_ranks) {
+        Ok(membership) => membership,
+        Err(error) => {
+            eprintln!("imf: error: {}", message(&error));
+            return ExitCode::from(FAILED);
+        }
+    };
+    let rank = membership.rank;
+    let code = match work(rank) {
+        Ok(()) => 0,
+        Err(error) if is_broken_pipe(&error) => 0,
+        Err(error) if error.is::<CollisionFound>() => COLLISION,
+        Err(error) if error.is::<Interrupted>() => {
+            if rank.is_first() {
+                eprintln!("imf: {error}");
+            }
+            INTERRUPTED
+        }
+        Err(error) if was_cancelled(&error) => {
+            if rank.is_first() {
+                eprintln!("imf: interrupted: nothing was finished; run the same command again to start over");
+            }
+            INTERRUPTED
+        }
+        Err(error) => {
+            membership.let_the_first_speak();
+            let who = if rank.of() > 1 { format!(" of rank {}", rank.number()) } else { String::new() };
+            eprintln!("imf: error{who}: {}", message(&error));
+            FAILED
+        }
+    };
+    membership.leave(code);
+    ExitCode::from(code)
+}
+
+/// The error and its causes in one line, without repeating a cause that the text above it quotes.
+fn message(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if text.is_empty() {
+            text = cause;
+        } else if !text.contains(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
+}
+
+/// Work that stopped at the user's wish without anything to keep.
+fn was_cancelled(error: &anyhow::Error) -> bool {
+    let section = error.chain().any(|cause| {
+        let evaluation = cause.downcast_ref::<EvaluationError>();
+        matches!(cause.downcast_ref(), Some(SectionError::Cancelled))
+            || matches!(evaluation, Some(EvaluationError::Section(SectionError::Cancelled)))
+    });
+    section && interrupt::requested()
+}
+
+/// `imf … | head` is no error.
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    error.chain().any(|cause| {
+        cause.downcast_ref::<std::io::Error>().is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
+    })
+}
