@@ -32,7 +32,7 @@ use imf_fields::recipe::Optimiser;
 use imf_fields::recipe::SoapConfig;
 use imf_fields::recipe::schedule::Schedule;
 use imf_fields::recipe::{AdamConfig, Loss};
-use imf_train::distill::{SectionTeacher, teach, teach_by_sections};
+use imf_train::distill::{SectionTeacher, start_from, teach, teach_by_sections};
 
 type Failure = Box<dyn Error>;
 
@@ -233,7 +233,7 @@ fn one(
     };
     settings.plan.length = Length::Steps(steps);
     let mut state = match from {
-        Some(from) => FactoredState::of_another(from, teacher, obstacle)?,
+        Some(from) => start_from(from, teacher, obstacle)?,
         None => settings.start(settings.outputs(teacher)),
     };
     let start = Instant::now();

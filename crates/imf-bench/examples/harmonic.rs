@@ -1,13 +1,11 @@
-//! Harmonic fields against exact sections: error at random directions, time to make and to evaluate, refining, screening.
+//! Harmonic fields against exact sections: error at random directions, time to make and to evaluate, refining.
 //!
-//! `cargo run --release -p imf-bench --example harmonic -- [part] [degree] [axes] [sections a function] [scale] [screen]`:
-//! with `screen` of 1 the IMF over 10,000 orientations is screened and confirmed, streamed exactly, and compared.
+//! `cargo run --release -p imf-bench --example harmonic -- [part] [degree] [axes] [sections a function] [scale]`
 
 use std::error::Error;
 use std::time::Instant;
 
 use imf_core::control::Control;
-use imf_core::field::VoxelMeasures;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
@@ -108,39 +106,5 @@ fn main() -> Result<(), Box<dyn Error>> {
             gains.sum::<f64>() / lower.max(1) as f64
         );
     }
-    if argument(5, "0") == "1" {
-        screen(&scene, &plan, &field)?;
-    }
-    Ok(())
-}
-
-/// The IMF over 10,000 orientations, screened and confirmed, against streaming them all.
-fn screen(scene: &Scene, plan: &SectionPlan, field: &HarmonicField) -> Result<(), Box<dyn Error>> {
-    let set = OrientationSet::parse("fibonacci:10000")?.orientations;
-    let start = Instant::now();
-    let measures = VoxelMeasures::new(&scene.obstacle, plan.grid(), &scene.record.tool)?;
-    let screened = field.screened(&set, &measures, Control::quiet())?;
-    let screening = start.elapsed().as_secs_f64();
-    let start = Instant::now();
-    let misses = screened.misses(&set, &measures, 30, Control::quiet())?;
-    let sampling = start.elapsed().as_secs_f64();
-    let start = Instant::now();
-    let exact = imf(plan, &set, Control::quiet())?;
-    let streaming = start.elapsed().as_secs_f64();
-    let excess = screened.imf.value.iter().zip(&exact.value).map(|(s, e)| f64::from((s - e).max(0.0)));
-    let missed = excess.clone().filter(|&excess| excess > 1e-6).count();
-    let free = exact.value.iter().filter(|&&v| v == 0.0).count();
-    let proven = screened.imf.value.iter().filter(|&&value| value == 0.0).count();
-    println!(
-        "10,000 orientations: screened in {screening:.1} s with {} exact answers, streamed in {streaming:.1} s ({:.2} times); \
-         {proven} of {free} free voxels proven free; above the least at {missed} of {} others, by {:.1e} in the mean of \
-         these, at most {:.1e}",
-        screened.counted,
-        streaming / screening,
-        exact.value.len() - free,
-        excess.clone().sum::<f64>() / missed.max(1) as f64,
-        excess.fold(0.0, f64::max)
-    );
-    println!("misses at 30 voxels, in {sampling:.2} s: {misses:?}");
     Ok(())
 }

@@ -22,7 +22,7 @@ use imf_fields::factored::{FactoredField, FactoredState, TeachSettings};
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::{FitSettings, HarmonicField, fit};
 use imf_fields::recipe::{Length, TrainingPlan};
-use imf_train::distill::teach;
+use imf_train::distill::{start_from, teach};
 
 /// How large the study is.
 struct Study {
@@ -90,7 +90,7 @@ fn study(study: &Study) -> Result<Vec<Step>, Box<dyn Error>> {
         let tuned = match &field {
             Some(old) => {
                 let tuning = at_size_of(study, TeachSettings::of_another(steps_of_teaching));
-                taught(&teacher, &tuning, FactoredState::of_another(old, &teacher, &part)?)?
+                taught(&teacher, &tuning, start_from(old, &teacher, &part)?)?
             }
             None => taught(&teacher, &from_random, start())?,
         };

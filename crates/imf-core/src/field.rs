@@ -5,12 +5,10 @@
 
 mod exact;
 mod scene;
-mod voxels;
 mod whole;
 
 pub use exact::ExactField;
 pub use scene::SceneField;
-pub use voxels::{Turned, VoxelMeasures};
 pub use whole::WholeField;
 
 use glam::DVec3;

@@ -28,7 +28,7 @@ mod walk;
 pub use contact::{Contact, Obstacles, Skin};
 pub use counter::Method;
 pub use depth::{DEPTH_CAP, DepthPlan, DepthScratch, Quantity};
-pub(crate) use direct::{around, least_mean};
+pub(crate) use direct::least_mean;
 pub use direct::{direct_cmf, direct_count, direct_element_measures};
 pub use elements::{ElementMeasures, ElementPlans, ElementScratch, elements_at_best};
 pub use imf::{Imf, imf, stream_orientations, stream_sections};

@@ -13,7 +13,6 @@ use super::{clearance, harmonic};
 #[derive(Args)]
 #[command(after_help = "Examples:\n  imf field teapot --orientations '0,0;12,6' --out sections\n  \
                         imf field part.obj --tool mill.toml --orientations fibonacci:225 --imf --out imf\n  \
-                        imf field teapot --orientations fibonacci:10000 --imf --method harmonic --confirm --out imf\n  \
                         imf field bracket --clearance 2 --clearance-cutter 2 --method harmonic --quantity depth --save \
                         bracket.safetensors\n\n\
                         Writes .npy, .vti (ParaView) and .png slices. Values are exact for voxel centres. A field of depth is \

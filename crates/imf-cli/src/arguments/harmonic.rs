@@ -58,15 +58,8 @@ pub(crate) struct HarmonicArguments {
     /// Keep coefficients in f32, not in f16
     #[arg(help_heading = HEADING, long, requires = "method")]
     pub(crate) single: bool,
-    /// With --imf: count the best orientations of every voxel exactly, so that values are exact and zeros proven
-    #[arg(help_heading = HEADING, long, requires = "method", requires = "imf")]
-    pub(crate) confirm: bool,
-    /// With --confirm: count all orientations at so many of the voxels that are not free, drawn by chance, and say how often a
-    /// lower one was missed; 0 measures nothing
-    #[arg(help_heading = HEADING, long, value_name = "VOXELS", requires = "confirm", default_value_t = MISSES)]
-    pub(crate) misses: usize,
     /// With --imf: the least over all orientations, not only over the set: from its best one down the field's gradient
-    #[arg(help_heading = HEADING, long, requires = "method", requires = "imf", conflicts_with = "confirm")]
+    #[arg(help_heading = HEADING, long, requires = "method", requires = "imf")]
     pub(crate) refine: bool,
     /// Keep the harmonic field in this file, for imf query, imf sections and imf info; NAME.npz for NumPy. A field of depth is
     /// refused by imf sections, imf eval and imf query --exact
@@ -77,8 +70,6 @@ pub(crate) struct HarmonicArguments {
     pub(crate) no_calibrate: bool,
 }
 
-/// Voxels at which misses are measured: enough to tell one in ten from one in three, in a fifth of the time of confirming.
-pub(crate) const MISSES: usize = 30;
 /// Fine enough for a mean squared error of a few millionths.
 const DEFAULT_DEGREE: usize = 14;
 /// 969 functions of a rotation, where degree 14 has 4,495.
@@ -111,7 +102,6 @@ impl HarmonicArguments {
             (self.axes.is_some(), "--axes"),
             (self.sections_per_function != DEFAULT_SECTIONS, "--sections-per-function"),
             (self.single, "--single"),
-            (self.confirm, "--confirm"),
             (self.refine, "--refine"),
         ];
         given.into_iter().find_map(|(given, option)| given.then_some(option))

@@ -5,15 +5,14 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::FieldDeviceArguments;
-use super::harmonic::MISSES;
 
 /// Write sections of a field that was kept or trained, or the least of them over any orientations
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  imf sections teapot/field.safetensors --orientations '0,0;12,6' --out sections\n  \
-                        imf sections teapot/field.safetensors --orientations fibonacci:10000 --imf --confirm --out imf\n\n\
-                        Writes what imf field writes: .npy, .vti (ParaView) and .png slices. Nothing is counted but by \
-                        --confirm. A kept field holds the overlap with the tool's tip at the voxel: of a tool with several \
+                        imf sections teapot/field.safetensors --orientations fibonacci:10000 --imf --out imf\n\n\
+                        Writes what imf field writes: .npy, .vti (ParaView) and .png slices. Nothing is counted: imf field \
+                        counts the exact minimum. A kept field holds the overlap with the tool's tip at the voxel: of a tool with several \
                         sharp points these are not the least over them, which imf field writes. Fields of depth are refused."
 )]
 pub(crate) struct SectionsArguments {
@@ -25,15 +24,8 @@ pub(crate) struct SectionsArguments {
     /// The inaccessibility measure (least over the orientations) with its best orientation, not every section
     #[arg(long)]
     pub(crate) imf: bool,
-    /// With --imf: count the best orientations of every voxel exactly, so that values are exact and zeros proven
-    #[arg(long, requires = "imf")]
-    pub(crate) confirm: bool,
-    /// With --confirm: count all orientations at so many of the voxels that are not free, drawn by chance, and say how often a
-    /// lower one was missed; 0 measures nothing
-    #[arg(long, value_name = "VOXELS", requires = "confirm", default_value_t = MISSES)]
-    pub(crate) misses: usize,
     /// With --imf: the least over all orientations, not only over the set: from its best one down the field's gradient
-    #[arg(long, requires = "imf", conflicts_with = "confirm")]
+    #[arg(long, requires = "imf")]
     pub(crate) refine: bool,
     #[command(flatten)]
     pub(crate) device: FieldDeviceArguments,

@@ -184,8 +184,8 @@ impl Work<'_> {
     /// Largest value of what counts as accessible: estimates are hardly ever 0.
     fn tau(&self) -> f32 {
         match self.values {
-            Values::Approximate(field) if !field.is_confirmed() => TAU,
-            _ => 0.0,
+            Values::Approximate(_) => TAU,
+            Values::Counted(_) => 0.0,
         }
     }
 

@@ -123,9 +123,8 @@ fn field_lines(scene: &SceneRecord) -> Vec<(&'static str, String)> {
     let mut lines = scene_lines(scene);
     for (name, text) in &mut lines {
         if *name == "promise" {
-            *text = format!(
-                "none by its own values, which are estimates; what is counted (--exact, --confirm) is {text}"
-            );
+            *text =
+                format!("none by its own values, which are estimates; what is counted (--exact) is {text}");
         }
     }
     lines

@@ -125,58 +125,6 @@ fn the_degree_follows_from_an_error_or_from_the_memory() {
 }
 
 #[test]
-fn confirmed_minima_are_exact_counts_and_zeros_are_proven() {
-    let folder = Folder::new();
-    let set = "fibonacci:40";
-    let summary = folder.json(&arguments(&["--orientations", set, "--imf", "--confirm"]));
-    let scene = model().scene;
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
-    let orientations = OrientationSet::parse(set).unwrap().orientations;
-    let streamed = imf(&plan, &orientations, Control::quiet()).unwrap();
-    let all = sections(&plan, &orientations, Control::quiet()).unwrap();
-    let (values, best) = (folder.npy::<f32>("out/imf.npy"), folder.npy::<u32>("out/best.npy"));
-    for (voxel, (&value, &best)) in values.iter().zip(&best).enumerate() {
-        assert_eq!(value, all[best as usize][voxel], "voxel {voxel}");
-        assert!(value >= streamed.value[voxel]);
-    }
-    let promise = summary["promise"].as_str().unwrap();
-    assert!(promise.contains("zeros are proven"), "{promise}");
-    // Fewer voxels are left than misses are measured at, so that all of them are counted.
-    let (found, least) = (values.iter(), streamed.value.iter());
-    let missed = found.zip(least).filter(|(found, least)| found > least).count();
-    let checked = values.iter().filter(|&&value| value > 0.0).count();
-    let asked = ["--orientations", set, "--imf", "--confirm", "--misses"];
-    let counted = folder.json(&arguments(&[&asked[..], &["1000000"]].concat()));
-    let misses = &counted["harmonic"]["misses"];
-    assert_eq!((&misses["voxels"], &misses["missed"]), (&json!(checked), &json!(missed)));
-    assert!(missed == 0 || counted["promise"].as_str().unwrap().contains(&format!("{missed} have one")));
-    let none = folder.json(&arguments(&[&asked[..], &["0"]].concat()));
-    assert_eq!(none["harmonic"]["misses"], serde_json::Value::Null);
-}
-
-#[test]
-fn what_is_confirmed_knows_contact_and_every_sharp_point() {
-    let folder = Folder::new();
-    folder.write("side.toml", SIDE);
-    let cases = [(["--contact", "25"], "fibonacci:60"), (["--tool", "side.toml"], "so3:60")];
-    for (index, (scene, set)) in cases.into_iter().enumerate() {
-        let imf = |more: &[&str], out: &str| {
-            let field =
-                ["field", "bracket", "--dims", "6,18,11", "--orientations", set, "--imf", "--out", out];
-            folder.json(&[&field[..], &scene, more].concat());
-            folder.npy::<f32>(&format!("{out}/imf.npy"))
-        };
-        let exact = imf(&[], &format!("exact{index}"));
-        let fitted = ["--method", "harmonic", "--degree", "4", "--confirm"];
-        let confirmed = imf(&fitted, &format!("confirmed{index}"));
-        assert!(confirmed.iter().zip(&exact).all(|(confirmed, exact)| confirmed >= exact), "{scene:?}");
-        // Most of the best are found, and what is equal is so to the bit.
-        let equal = confirmed.iter().zip(&exact).filter(|(a, b)| a == b).count();
-        assert!(4 * equal > 3 * exact.len(), "{scene:?}: {equal} of {}", exact.len());
-    }
-}
-
-#[test]
 fn over_rotations_a_refined_minimum_has_its_roll() {
     let folder = Folder::new();
     folder.write("side.toml", SIDE);

@@ -1,8 +1,6 @@
 //! The exact field of a scene as its sections have it: the whole tool against what is forbidden, and where the cutter may
 //! touch, shank and holder against the layer that it may enter.
 
-use glam::DVec3;
-
 use super::exact::answer;
 use super::{ExactField, Field, Pose, QueryError};
 use crate::orientation::Orientation;
@@ -30,20 +28,6 @@ impl<'a> SceneField<'a> {
     #[must_use]
     pub fn count(&self, pose: &Pose) -> u32 {
         self.bodies().map(|body| body.count(pose)).sum()
-    }
-
-    /// [`SceneField::count`] with the unit vector along the tool's axis, which many poses share.
-    pub(super) fn count_along(&self, pose: &Pose, direction: DVec3) -> u32 {
-        let count = |body: &ExactField<'_>| {
-            body.count_along(pose.position, direction).unwrap_or_else(|| body.count(pose))
-        };
-        self.bodies().map(count).sum()
-    }
-
-    /// `count_along(pose, direction) > 0`, sooner.
-    pub(super) fn collides_along(&self, pose: &Pose, direction: DVec3) -> bool {
-        self.bodies()
-            .any(|body| body.collides_along(pose.position, direction).unwrap_or_else(|| body.count(pose) > 0))
     }
 
     /// The whole tool's own count in an orientation.

@@ -14,7 +14,7 @@ use super::{
 use crate::metrics::Errors;
 use crate::tensor_file::TensorFileError;
 use imf_core::control::Control;
-use imf_core::field::{Field as _, Pose, VoxelMeasures};
+use imf_core::field::{Field as _, Pose};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
@@ -282,57 +282,6 @@ fn single_poses_equal_sections_and_gradients_central_differences() {
             assert!((found.direction.dot(tangent) - expected).abs() < 5e-4, "{found:?} {tangent} {expected}");
         }
     }
-}
-
-#[test]
-fn screened_values_are_exact_and_zeros_are_proven() {
-    let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
-    let field = made(&plan, &settings());
-    let measures = VoxelMeasures::new(&scene.obstacle, plan.grid(), &scene.record.tool).unwrap();
-    // The larger set is looked at in part first.
-    for count in [300, 1200] {
-        let set = OrientationSet::parse(&format!("fibonacci:{count}")).unwrap().orientations;
-        let streamed = imf(&plan, &set, Control::quiet()).unwrap();
-        let screened = field.screened(&set, &measures, Control::quiet()).unwrap();
-        let all = sections(&plan, &set, Control::quiet()).unwrap();
-        let (mut missed, mut free_missed) = (0, 0);
-        for voxel in 0..plan.grid().len() {
-            let (value, best) = (screened.imf.value[voxel], screened.imf.best[voxel] as usize);
-            assert_eq!(all[best][voxel], value, "voxel {voxel}: not the value of its orientation");
-            assert!(value >= streamed.value[voxel]);
-            missed += usize::from(value > streamed.value[voxel]);
-            free_missed += usize::from(value > 0.0 && streamed.value[voxel] == 0.0);
-        }
-        // A field of degree 8 on a coarse grid ranks most voxels rightly: of 300 orientations it misses the best at 15 %
-        // of the voxels, of 1,200, whose best ones differ by less, at more, and free ones hardly ever.
-        let most = if count == 300 { 5 } else { 3 };
-        assert!(missed * most < plan.grid().len(), "{missed} of {}", plan.grid().len());
-        assert!(free_missed * 100 < plan.grid().len(), "{free_missed} of {}", plan.grid().len());
-        // Counted at every voxel that is not proven, the misses are those of streaming; at a few, as many as are asked for.
-        let misses = |voxels| screened.misses(&set, &measures, voxels, Control::quiet()).unwrap();
-        let checked = screened.imf.value.iter().filter(|&&value| value > 0.0).count();
-        let found = misses(usize::MAX);
-        assert_eq!((found.voxels, found.missed, found.free), (checked, missed, free_missed));
-        let excess = screened.imf.value.iter().zip(&streamed.value).map(|(s, e)| s - e);
-        assert_eq!(found.most, excess.fold(0.0, f32::max));
-        assert_eq!(misses(20).voxels, 20);
-        assert_eq!(misses(0), Misses::default());
-    }
-}
-
-#[test]
-fn screening_stops_at_the_next_question_once_it_is_cancelled() {
-    let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
-    let field = made(&plan, &settings());
-    let measures = VoxelMeasures::new(&scene.obstacle, plan.grid(), &scene.record.tool).unwrap();
-    let set = OrientationSet::parse("fibonacci:20").unwrap().orientations;
-    let screened = field.screened(&set, &measures, Control::quiet()).unwrap();
-    let control = Control { cancelled: &AtomicBool::new(true), ..Control::quiet() };
-    let cancelled = |error| matches!(error, Some(HarmonicError::Section(SectionError::Cancelled)));
-    assert!(cancelled(field.screened(&set, &measures, control).err()));
-    assert!(cancelled(screened.misses(&set, &measures, 5, control).err()));
 }
 
 #[test]

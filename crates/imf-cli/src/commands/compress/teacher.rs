@@ -10,7 +10,10 @@ use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitReport, FitSettings, Sizes};
 use imf_fields::siren::ShapeError;
-use imf_train::distill::{SectionTeacher, teach, teach_by_sections, teach_by_sections_on, teach_on};
+use imf_train::distill::{
+    SectionTeacher, bytes_to_solve, optimiser_bytes, start_from, teach, teach_by_sections,
+    teach_by_sections_on, teach_on,
+};
 use imf_train::training::TrainingEngine;
 use imf_train::training::run::{Outcome, Report, TrainError};
 
@@ -60,7 +63,7 @@ impl Extent {
                 let field = fit.memory(*domain, voxels).1 + 4 * (functions * (axes + 1)) as u64;
                 (
                     0,
-                    field + frames + teach.bytes_to_solve(voxels, outputs),
+                    field + frames + bytes_to_solve(teach, voxels, outputs),
                     "the harmonic field and the network",
                 )
             }
@@ -72,7 +75,8 @@ impl Extent {
         };
         let signals = 8 * teach.plan.batch.min(voxels) as u64 * (teach.width * teach.hidden + outputs) as u64;
         let shape = teach.shape(outputs);
-        let network = BYTES_PER_PARAMETER * shape.parameter_count() as u64 + teach.optimiser.bytes(shape);
+        let network =
+            BYTES_PER_PARAMETER * shape.parameter_count() as u64 + optimiser_bytes(teach.optimiser, shape);
         session.require_memory(chosen.max(teacher + network + signals), || {
             format!("{what}; {}", settings.smaller)
         })
@@ -167,7 +171,7 @@ impl Teacher<'_> {
             from.field.quantity == teacher.quantity,
             "--from is a field of another quantity: one is of overlaps, the other of depths"
         );
-        Ok(FactoredState::of_another(&from.field, teacher, &scene.obstacle)?)
+        Ok(start_from(&from.field, teacher, &scene.obstacle)?)
     }
 
     pub(super) fn field(

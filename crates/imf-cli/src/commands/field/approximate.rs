@@ -1,17 +1,15 @@
 //! Values of a field that was made before, by a fit to exact sections or as a network: its sections, and the least of them.
 
 use std::borrow::Cow;
-use std::sync::OnceLock;
 
 use anyhow::{Result, bail};
 use glam::DVec3;
-use imf_core::field::{QueryError, VoxelMeasures};
+use imf_core::field::QueryError;
 use imf_core::orientation::Orientation;
-use imf_core::section::{Contact, Imf, Obstacles, SectionError};
-use imf_core::tool::Tool;
+use imf_core::section::{Imf, SectionError};
 use imf_fields::harmonic::basis::Basis;
 use imf_fields::harmonic::coefficients::Precision;
-use imf_fields::harmonic::{CANDIDATES, HEADS_AT_ONCE, HarmonicError, HarmonicField, Misses, Refined};
+use imf_fields::harmonic::{HEADS_AT_ONCE, HarmonicField, Refined};
 use imf_fields::stored::StoredField;
 use serde_json::{Value, json};
 
@@ -32,32 +30,19 @@ const ORIENTATION: usize = size_of::<Orientation>() / size_of::<f32>();
 /// A field of any family and how it is used.
 pub(super) struct Approximate {
     stored: StoredField,
-    /// Of this tool best orientations are counted exactly, where they are to be.
-    confirmed: Option<Confirmed>,
     /// The minimum is over all orientations.
     refine: bool,
     described: String,
-    /// How often confirming missed a lower orientation, once that is measured.
-    misses: OnceLock<Misses>,
     /// What else its values are, for the promise.
     besides: String,
 }
 
-/// How best orientations are confirmed.
-pub(super) struct Confirmed {
-    /// Whose measures count, with its sharp points.
-    pub(super) tool: Tool,
-    /// Voxels at which misses are measured.
-    pub(super) voxels: usize,
-}
-
 impl Approximate {
-    pub(super) fn new(stored: StoredField, confirmed: Option<Confirmed>, refine: bool) -> Result<Self> {
-        if matches!(stored, StoredField::Siren(_)) && (confirmed.is_some() || refine) {
-            let option = if confirmed.is_some() { "--confirm" } else { "--refine" };
-            bail!("{option} is for harmonic and factored fields: leave it out");
+    pub(super) fn new(stored: StoredField, refine: bool) -> Result<Self> {
+        if matches!(stored, StoredField::Siren(_)) && refine {
+            bail!("--refine is for harmonic and factored fields: leave it out");
         }
-        let mut described = match &stored {
+        let described = match &stored {
             StoredField::Harmonic(file) => {
                 let report = &file.field.report;
                 format!(
@@ -71,33 +56,24 @@ impl Approximate {
             }
             StoredField::Siren(_) | StoredField::Factored(_) => Subject::of_stored(&stored)?.describe(),
         };
-        if confirmed.is_some() {
-            described += &format!("; the best {CANDIDATES} orientations of every voxel counted exactly");
-        }
-        Ok(Self { stored, confirmed, refine, described, misses: OnceLock::new(), besides: String::new() })
+        Ok(Self { stored, refine, described, besides: String::new() })
     }
 
-    /// Of a field from a file, which is of the tool's tip; misses are measured at so many voxels, where it is confirmed.
-    pub(super) fn kept(stored: StoredField, confirm: Option<usize>, refine: bool) -> Result<Self> {
+    /// Of a field from a file, which is of the tool's tip.
+    pub(super) fn kept(stored: StoredField, refine: bool) -> Result<Self> {
         let mut besides = String::new();
         let record = &stored.scene().record;
-        let confirmed = confirm.map(|voxels| Confirmed { tool: record.tool.with_tip_only(), voxels });
         if record.tool.sharp_point_positions(record.grid.pitch) != [DVec3::ZERO] {
             besides += "; values are overlaps with the tool's tip at the voxel, and imf query --sharp asks of its sharp points";
         }
         if matches!(&stored, StoredField::Siren(model) if !model.record.finished) {
             besides += "; the network is not trained to its end";
         }
-        Ok(Self { besides, ..Self::new(stored, confirmed, refine)? })
+        Ok(Self { besides, ..Self::new(stored, refine)? })
     }
 
     pub(super) fn stored(&self) -> &StoredField {
         &self.stored
-    }
-
-    /// Whether the least values are exact counts, in which no device has a part.
-    pub(super) fn is_confirmed(&self) -> bool {
-        self.confirmed.is_some()
     }
 
     /// How values are computed, for people.
@@ -108,7 +84,6 @@ impl Approximate {
     /// In titles of pictures.
     pub(super) fn exactness(&self) -> &'static str {
         match &self.stored {
-            _ if self.confirmed.is_some() => "exact counts of the orientation named",
             StoredField::Siren(_) => "from a network taught exact sections",
             StoredField::Harmonic(_) => "from a harmonic fit to exact sections",
             StoredField::Factored(_) => "from a network taught a harmonic fit to exact sections",
@@ -118,12 +93,6 @@ impl Approximate {
     /// Which promise holds for the values.
     pub(super) fn promise(&self) -> String {
         let promise = match &self.stored {
-            _ if self.confirmed.is_some() => {
-                "values are exact counts of the orientation named, and zeros are proven; another orientation of the set may \
-                 be lower where the value is not zero"
-                    .to_owned()
-                    + &self.misses.get().map(misses_text).unwrap_or_default()
-            }
             StoredField::Harmonic(file) => {
                 format!("approximate ({}); decisions need exact counts", errors_text(&file.field))
             }
@@ -136,7 +105,7 @@ impl Approximate {
 
     /// What it is, by the name of its family.
     pub(super) fn summary(&self) -> (&'static str, Value) {
-        let (confirmed, misses, refined) = (self.confirmed.is_some(), self.misses.get(), self.refine);
+        let refined = self.refine;
         match &self.stored {
             StoredField::Harmonic(file) => (
                 "harmonic",
@@ -144,8 +113,6 @@ impl Approximate {
                     "settings": file.settings,
                     "report": file.field.report,
                     "bytes": file.field.bytes(),
-                    "confirmed": confirmed,
-                    "misses": misses,
                     "refined": refined,
                 }),
             ),
@@ -155,8 +122,6 @@ impl Approximate {
                     "shape": file.field.shape,
                     "taught_by": { "settings": file.fit, "report": file.report },
                     "bytes": file.field.bytes(),
-                    "confirmed": confirmed,
-                    "misses": misses,
                     "refined": refined,
                 }),
             ),
@@ -202,11 +167,9 @@ impl Approximate {
 
     /// The least value over all orientations. Looks whether there is memory for what is made of it as well.
     pub(super) fn least(&self, work: &Work<'_>) -> Result<Streamed<Imf>> {
-        let confirm = self.confirmed.is_some();
-        let together = if confirm { work.set.len() } else { work.set.len().min(HEADS_AT_ONCE) };
-        // Both take the coefficients of every voxel in this machine's memory, and refining a direction each.
-        let here =
-            if confirm || self.refine { Device::Cpu.copied_bytes(&self.stored, Calls::Many) } else { 0 };
+        let together = work.set.len().min(HEADS_AT_ONCE);
+        // Refining takes the coefficients of every voxel in this machine's memory, and a direction each.
+        let here = if self.refine { Device::Cpu.copied_bytes(&self.stored, Calls::Many) } else { 0 };
         let arrays = WRITTEN + if self.refine { ORIENTATION } else { 0 };
         self.require_memory(
             work,
@@ -214,9 +177,6 @@ impl Approximate {
             arrays,
             together,
         )?;
-        if let Some(confirmed) = &self.confirmed {
-            return self.screened(work, confirmed);
-        }
         let values = work.scene.record.grid.len() as u64 * work.set.len() as u64;
         let stage = work.session.stage("least of the field", "values", values);
         let advance = |values| stage.advance(values);
@@ -245,7 +205,7 @@ impl Approximate {
                 _ if most == heads && heads > 0 => "take fewer orientations",
                 Device::Gpu(_) if most == copied && copied > 0 => "take --device cpu",
                 Device::Cpu if most == copied && copied > 0 => {
-                    "take at most 16 sections at a time, and neither --confirm nor --refine"
+                    "take at most 16 sections at a time, and leave out --refine"
                 }
                 _ => "take fewer orientations at a time, or a field of a larger pitch",
             };
@@ -262,34 +222,6 @@ impl Approximate {
             StoredField::Factored(file) => file.field.coefficient_count(),
         };
         4 * (orientations * (functions + 2 * axes)) as u64
-    }
-
-    fn screened(&self, work: &Work<'_>, confirmed: &Confirmed) -> Result<Streamed<Imf>> {
-        let (field, scene, set) = (self.by_functions()?, work.scene, &work.set.orientations);
-        let (contact, rest) = (Contact::of_scene(scene), scene.record.tool_without_cutter()?);
-        let obstacles = Obstacles::new(&scene.obstacle, contact.as_ref(), rest.as_ref());
-        let measures = VoxelMeasures::new(obstacles, &field.grid, &confirmed.tool)?;
-        let stage = work.session.stage("confirming", "voxels", field.grid.len() as u64);
-        let advance = |voxels| stage.advance(voxels);
-        let Some(screened) = finished(field.screened(set, &measures, work.session.control(&advance)))? else {
-            return Ok(Streamed::Interrupted);
-        };
-        let checked = screened.imf.value.iter().filter(|&&value| value > 0.0).count();
-        stage.finish(&format!(
-            "{} exact answers, {} voxels proven free",
-            screened.counted,
-            field.grid.len() - checked
-        ));
-        let voxels = confirmed.voxels.min(checked);
-        if voxels > 0 {
-            let stage = work.session.stage("measuring misses", "voxels", voxels as u64);
-            let advance = |voxels| stage.advance(voxels);
-            let misses = screened.misses(set, &measures, voxels, work.session.control(&advance));
-            let Some(misses) = finished(misses)? else { return Ok(Streamed::Interrupted) };
-            stage.finish(&format!("{} of {voxels} voxels have a lower orientation", misses.missed));
-            let _ = self.misses.set(misses);
-        }
-        Ok(Streamed::Whole(screened.imf))
     }
 
     /// The minimum over all orientations, where that is asked for.
@@ -322,27 +254,6 @@ impl Approximate {
             }
         }
     }
-}
-
-/// What was made, or nothing where it was interrupted.
-fn finished<T>(result: Result<T, HarmonicError>) -> Result<Option<T>> {
-    match result {
-        Err(HarmonicError::Section(SectionError::Cancelled)) => Ok(None),
-        other => Ok(Some(other?)),
-    }
-}
-
-/// Misses, as the end of a promise.
-fn misses_text(found: &Misses) -> String {
-    let Misses { voxels, missed, free, mean, most } = *found;
-    if missed == 0 {
-        return format!(": none of {voxels} such voxels that were counted at every orientation has one");
-    }
-    let free = if free > 0 { format!(", {free} of them a free one") } else { String::new() };
-    format!(
-        ": of {voxels} such voxels that were counted at every orientation {missed} have one{free}, lower by {mean:.1e} in \
-         the mean and {most:.1e} at most"
-    )
 }
 
 /// What is known of the errors of a fit.

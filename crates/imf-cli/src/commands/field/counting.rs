@@ -27,10 +27,8 @@ impl Work<'_> {
         let Counted { plan, .. } = match &self.values {
             Values::Approximate(field) => {
                 return match self.device {
-                    Device::Gpu(gpu) if !field.is_confirmed() => {
-                        format!("{}, evaluated on {}", field.describe(), gpu.describe())
-                    }
-                    _ => field.describe().to_owned(),
+                    Device::Gpu(gpu) => format!("{}, evaluated on {}", field.describe(), gpu.describe()),
+                    Device::Cpu => field.describe().to_owned(),
                 };
             }
             Values::Counted(counted) => counted,

@@ -11,7 +11,7 @@ use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitSettings, HarmonicError, degree_for, fit, section_count, sections_tried};
 use imf_fields::stored::StoredField;
 
-use super::approximate::{Approximate, Confirmed, errors_text};
+use super::approximate::{Approximate, errors_text};
 use crate::arguments::field::FieldArguments;
 use crate::arguments::harmonic::{FieldMethod, HarmonicArguments};
 use crate::interrupt::Interrupted;
@@ -141,6 +141,5 @@ pub(super) fn make(
         session.note(&format!("wrote {}", path.display()));
     }
     let stored = StoredField::Harmonic(Box::new(file));
-    let confirmed = asked.confirm.then(|| Confirmed { tool: plan.tool().clone(), voxels: asked.misses });
-    Ok(Some(Approximate::new(stored, confirmed, asked.refine)?))
+    Ok(Some(Approximate::new(stored, asked.refine)?))
 }

@@ -28,7 +28,7 @@ pub(crate) fn run(session: &Session, arguments: &SectionsArguments) -> Result<()
     if stored.basis().is_some_and(|basis| basis.domain() == Domain::Rotations) {
         note_of_rolls(session, &set);
     }
-    let field = Approximate::kept(stored, arguments.confirm.then_some(arguments.misses), arguments.refine)?;
+    let field = Approximate::kept(stored, arguments.refine)?;
     notes::of_scene(session, record);
     if let StoredField::Siren(model) = field.stored() {
         notes::of_training(session, &arguments.field, model);
