@@ -20,7 +20,7 @@ use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
 use imf_core::section::{SectionPlan, sections};
 use imf_core::tool::Tool;
-use imf_fields::factored::{FactoredField, FactoredState, PointScratch, Symmetry, TeachSettings};
+use imf_fields::factored::{FactoredField, PointScratch, Symmetry, TeachSettings};
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::{FitSettings, HarmonicField, fit, section_count};

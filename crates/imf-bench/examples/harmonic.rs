@@ -8,12 +8,12 @@ use std::time::Instant;
 use imf_core::control::Control;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{Scene, SceneSpec};
+use imf_core::scene::SceneSpec;
 use imf_core::section::{SectionPlan, imf, sections, stream_sections};
 use imf_core::tool::Tool;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
-use imf_fields::harmonic::{FitSettings, HarmonicField, fit};
+use imf_fields::harmonic::{FitSettings, fit};
 use imf_fields::metrics::Errors;
 
 fn main() -> Result<(), Box<dyn Error>> {

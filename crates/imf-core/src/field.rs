@@ -120,6 +120,10 @@ pub fn answer_between_centres<S: Default>(
     Ok(())
 }
 
+/// That there are as many places for answers as poses.
+///
+/// # Errors
+/// [`QueryError::Length`]: there are not.
 pub fn check_lengths(poses: &[Pose], answers: &[f32]) -> Result<(), QueryError> {
     if poses.len() == answers.len() {
         Ok(())

@@ -33,7 +33,7 @@ pub use evaluate::FactoredEvaluator;
 pub use point::{FactoredPoint, PointScratch};
 pub use settings::TeachSettings;
 pub use state::FactoredState;
-pub use symmetry::{ANGLE, Axis, Frame, Inputs, Place, Symmetry};
+pub use symmetry::{ANGLE, Axis, Frame, Inputs, LocalHarmonics, Place, Symmetry};
 
 use std::borrow::Cow;
 
@@ -47,7 +47,6 @@ use crate::siren::{Layer, ShapeError};
 use imf_core::grid::Grid;
 use imf_core::orientation::Orientation;
 use imf_core::section::Quantity;
-use symmetry::LocalHarmonics;
 use targets::{Targets, TeacherFunctions};
 
 /// Inputs of g: the point. With an axis of revolution there are two more ([`Symmetry`]).

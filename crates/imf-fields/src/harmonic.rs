@@ -14,7 +14,6 @@
 mod answers;
 pub mod basis;
 mod both_ways;
-mod cells;
 pub mod coefficients;
 mod degree;
 mod evaluate;
@@ -32,8 +31,9 @@ pub mod sphere;
 
 pub use answers::HarmonicAnswers;
 pub use degree::{degree_for, sections_tried};
+pub use evaluate::VoxelCoefficients;
 pub use evaluate::{HEADS_AT_ONCE, Heads};
-pub(crate) use evaluate::{VoxelCoefficients, least_of, minimum_of, sections_of};
+pub(crate) use evaluate::{least_of, minimum_of, sections_of};
 pub use fit::solve::function_values;
 pub use fit::source::{Source, SourceScratch};
 pub use fit::{FitReport, FitSettings, Sizes, estimate, fit, section_count};

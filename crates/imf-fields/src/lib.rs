@@ -13,6 +13,8 @@
 pub mod calibration;
 pub mod evaluation;
 pub mod factored;
+#[cfg(test)]
+mod fixtures;
 pub mod harmonic;
 pub mod learnt;
 pub mod metrics;

@@ -2,9 +2,8 @@
 
 use imf_core::control::Control;
 use imf_core::orientation::OrientationSet;
-use imf_core::section::{SectionPlan, imf, sections};
+use imf_core::section::{SectionPlan, sections};
 use imf_fields::harmonic::file::HarmonicFile;
-use serde_json::json;
 
 use crate::folder::Folder;
 use crate::model::model;

@@ -26,11 +26,12 @@ use imf_core::workspaces::Workspaces;
 /// A field ready to be evaluated, on the current rayon pool.
 pub struct FactoredEvaluator<'a> {
     pub(super) field: Cow<'a, FactoredField>,
+    /// The instruction set.
     pub arch: Arch,
-    pub plan: Plan,
-    pub panels: Vec<f32>,
+    pub(crate) plan: Plan,
+    pub(crate) panels: Vec<f32>,
     /// The same in half the bytes, where that is exact and fast.
-    pub(super) halves: Option<HalfPanels>,
+    pub halves: Option<HalfPanels>,
     /// Two layers of a block.
     layers: ScratchPool,
     /// A block's points.

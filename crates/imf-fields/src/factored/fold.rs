@@ -22,7 +22,9 @@ impl FactoredField {
         if folded || functions * width > axes * (functions + width) { self } else { self.fold() }
     }
 
-    pub(super) fn fold(self) -> Self {
+    /// [`Self::folded`], whatever memory that takes.
+    #[must_use]
+    pub fn fold(self) -> Self {
         let FactoredShape { width, axes, .. } = self.shape;
         let functions = self.basis.len();
         let Some(Layer { weights, biases, .. }) = self.shape.layers().pop() else { return self };

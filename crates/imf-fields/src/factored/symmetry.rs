@@ -23,7 +23,7 @@ use std::ops::Deref;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
-pub(super) use local::LocalHarmonics;
+pub use local::LocalHarmonics;
 
 use imf_core::grid::Grid;
 
@@ -81,21 +81,24 @@ pub struct Frame {
 #[derive(Clone, Copy, Debug)]
 pub struct Place {
     /// On the far side of every mirror: where coordinates are larger.
-    pub(crate) position: DVec3,
+    pub position: DVec3,
     /// −1 along what was mirrored, 1 elsewhere.
-    pub(super) signs: DVec3,
-    pub(super) angle: Option<Angle>,
+    pub signs: DVec3,
+    /// The angle about the axis, where there is one.
+    pub angle: Option<Angle>,
 }
 
 /// The angle about an axis.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Angle {
+pub struct Angle {
     /// 0, 1 or 2.
     along: usize,
-    pub(super) cosine: f64,
-    pub(super) sine: f64,
+    /// Its cosine.
+    pub cosine: f64,
+    /// Its sine.
+    pub sine: f64,
     /// From the axis; on it the angle is 0.
-    pub(super) distance: f64,
+    pub distance: f64,
 }
 
 impl Symmetry {
@@ -206,7 +209,7 @@ impl Axis {
 
 impl Place {
     /// T d: a direction of the world in the place's frame.
-    pub(crate) fn to_local(self, direction: DVec3) -> DVec3 {
+    pub fn to_local(self, direction: DVec3) -> DVec3 {
         let mirrored = direction * self.signs;
         let Some(Angle { along, cosine, sine, .. }) = self.angle else { return mirrored };
         let [x, y, z] = Axis::order(along).map(|axis| mirrored[axis]);
@@ -214,7 +217,7 @@ impl Place {
     }
 
     /// Tᵀ v: back into the world.
-    pub(crate) fn to_world(self, local: DVec3) -> DVec3 {
+    pub fn to_world(self, local: DVec3) -> DVec3 {
         let Some(Angle { along, cosine, sine, .. }) = self.angle else { return local * self.signs };
         let turned = [cosine * local.x - sine * local.y, sine * local.x + cosine * local.y, local.z];
         let mut world = DVec3::ZERO;

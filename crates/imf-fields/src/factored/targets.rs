@@ -167,8 +167,11 @@ impl<'a> Targets<'a> {
 
 /// The functions that a network is taught along, whoever chose them.
 pub struct TeacherFunctions<'a> {
+    /// What values are.
     pub quantity: Quantity,
+    /// Where the voxels are.
     pub grid: &'a Grid,
+    /// The functions of the orientation, K of them.
     pub basis: &'a Basis,
     /// U: `[K][axes]`.
     pub axes: Cow<'a, [f32]>,

@@ -100,11 +100,6 @@ impl Heads {
         TurnedHeads { axes, along, constant: &self.constant }
     }
 
-    /// `Uᵀ b(R)`, `[axes][orientation]`, and `μ·b(R)`.
-    pub(super) fn into_parts(self) -> (Vec<f32>, Vec<f32>) {
-        (self.along, self.constant)
-    }
-
     /// The orientations in chunks whose values stay in the inner caches.
     pub(super) fn chunks(&self) -> impl Iterator<Item = Range<usize>> + use<> {
         let count = self.len();
@@ -158,7 +153,7 @@ impl TurnedHeads<'_> {
 }
 
 /// Where the coefficients of a block of voxels come from: an array, or a network.
-pub(crate) trait VoxelCoefficients: Sync {
+pub trait VoxelCoefficients: Sync {
     /// Voxels of the grid along each axis.
     fn dims(&self) -> [usize; 3];
     /// Voxels of the grid.

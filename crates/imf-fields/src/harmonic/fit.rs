@@ -287,6 +287,7 @@ pub fn estimate(
 
 /// The functions of a field without its coefficients: what a sample of voxels tells of them.
 pub struct Outline {
+    /// The functions of the orientation.
     pub basis: Basis,
     /// U: `[K][axes]`, orthonormal columns.
     pub axes: Vec<f32>,
@@ -294,6 +295,7 @@ pub struct Outline {
     pub mean: Vec<f32>,
     /// Root mean square of the coefficients along the axes; 1 where all are 0.
     pub scale: f32,
+    /// What is known of their errors.
     pub report: FitReport,
 }
 

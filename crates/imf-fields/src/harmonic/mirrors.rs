@@ -26,7 +26,7 @@ pub(crate) fn parities(degree: usize, across: [bool; 3], order: [usize; 3]) -> V
 
 /// The middle planes of a grid across which a field is its own image, and the parity of its coefficients.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Mirrors {
+pub struct Mirrors {
     /// Every plane.
     pub(super) across: Parity,
     pub(super) parities: Vec<Parity>,

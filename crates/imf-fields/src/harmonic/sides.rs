@@ -270,8 +270,8 @@ mod tests {
         FitSettings, HarmonicAnswers, minimum_of as found_minimum, sections_of as found_sections,
     };
     use super::*;
+    use crate::fixtures::small_tool;
     use glam::DVec3;
-    use imf_core::access::tests::small_tool;
     use imf_core::field::{QueryError, WholeField as _};
     use imf_core::grid::Grid;
     use imf_core::occupancy::Occupancy;

@@ -1,16 +1,12 @@
 //! The field against exact sections, against its definition, and against itself read back.
 
-use std::sync::atomic::AtomicBool;
-
 use glam::{DMat4, DVec3};
 
 use super::basis::{Basis, Domain};
 use super::coefficients::Precision;
 use super::file::HarmonicFile;
 use super::radial::direct_coefficients;
-use super::{
-    FitSettings, HarmonicAnswers, HarmonicError, HarmonicField, Misses, PointScratch, fit, section_count,
-};
+use super::{FitSettings, HarmonicAnswers, HarmonicField, PointScratch, fit, section_count};
 use crate::metrics::Errors;
 use crate::tensor_file::TensorFileError;
 use imf_core::control::Control;
@@ -18,7 +14,7 @@ use imf_core::field::{Field as _, Pose};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::{Imf, Quantity, SectionError, SectionPlan, imf, sections};
+use imf_core::section::{Imf, Quantity, SectionPlan, sections};
 use imf_core::tool::Tool;
 
 fn scene() -> Scene {
@@ -288,7 +284,7 @@ fn single_poses_equal_sections_and_gradients_central_differences() {
 fn tools_that_are_not_of_revolution_have_fields_over_rotations() {
     let mut scene = scene();
     // A cutter with a box beside its axis.
-    let side = imf_core::mesh::tests::unit_cube().transformed(
+    let side = crate::fixtures::unit_cube().transformed(
         &(DMat4::from_translation(DVec3::new(0.0, -6.0, 0.0))
             * DMat4::from_scale(DVec3::new(24.0, 12.0, 50.0))),
     );

@@ -1,24 +1,11 @@
 use crate::calibration::{Calibration, Goals};
-use crate::factored::file::FactoredFile;
-use crate::factored::{FactoredField, TeachSettings};
-use crate::harmonic::basis::Domain;
-use crate::harmonic::coefficients::Precision;
-use crate::harmonic::file::HarmonicFile;
-use crate::harmonic::{FitSettings, fit};
 use crate::learnt::NeuralField;
 use crate::learnt::calibrate::{CalibrationError, CalibrationSettings, calibrate, judge};
 use crate::learnt::scenes::{factored_file, harmonic, harmonic_file, poses, scene, siren_model};
-use crate::recipe::MuonConfig;
-use crate::recipe::Optimiser;
-use crate::recipe::{Length, TrainingPlan};
 use crate::stored::StoredField;
 use imf_core::control::Control;
-use imf_core::parts::ReferencePart;
 use imf_core::planner::{Decision, PoseField};
-use imf_core::scene::SceneSpec;
-use imf_core::section::{Quantity, SectionPlan};
-use imf_core::tool::{Clearance, Tool};
-use imf_train::distill::teach;
+use imf_core::tool::Tool;
 
 /// One in five hundred, so that a few ten thousand poses show it.
 const SETTINGS: CalibrationSettings = CalibrationSettings {
@@ -123,81 +110,5 @@ fn every_familys_file_keeps_its_calibration() {
         stored.write(&path).unwrap();
         let error = StoredField::read(&path).unwrap_err().to_string();
         assert!(error.contains("thresholds cross"), "{error}");
-    }
-}
-
-/// A field of depth of a reference part at a quarter of its resolution, with two voxels of clearance, as harmonic field and,
-/// taught a little, as factored one.
-fn coarse(part: ReferencePart) -> [StoredField; 2] {
-    let dims = part.dims().map(|n| n / 4);
-    let (mesh, tool) = (part.mesh(), Tool::paper());
-    let spec = SceneSpec { margin: 1, ..SceneSpec::of_reference(part, &mesh, dims, &tool) };
-    let scene = spec.scene().unwrap();
-    let room = 2.0 * scene.record.grid.pitch;
-    let scene = scene.with_clearance(&Clearance { holder: room, shank: room, cutter: room }).unwrap();
-    let settings = FitSettings {
-        quantity: Quantity::Depth,
-        degree: 9,
-        axes: 60,
-        sections_per_function: 2.0,
-        sample: 1000,
-        held_out: 4,
-        ..FitSettings::default()
-    };
-    let plan = SectionPlan::of_scene(&scene).unwrap();
-    let field = fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap();
-    let teaching = TeachSettings {
-        width: 96,
-        omega: 15.0,
-        plan: TrainingPlan { length: Length::Steps(300), batch: 512, ..TeachSettings::default().plan },
-        optimiser: Optimiser::Muon(MuonConfig::default()),
-        ..TeachSettings::default()
-    };
-    let mut state = teaching.start(field.axis_count());
-    teach(&field, &teaching, &mut state, Control::quiet(), &mut |_| {}).unwrap();
-    let small =
-        FactoredField::new(&field, teaching.shape(field.axis_count()), state.training.parameters).unwrap();
-    let report = field.report;
-    let harmonic = HarmonicFile { field, scene: scene.clone(), settings, calibration: None };
-    let factored = FactoredFile {
-        field: small,
-        scene,
-        fit: settings,
-        report,
-        settings: teaching,
-        precision: Precision::F32,
-        state: None,
-        calibration: None,
-    };
-    [StoredField::Harmonic(Box::new(harmonic)), StoredField::Factored(Box::new(factored))]
-}
-
-#[test]
-fn depth_decides_nearly_all_poses_of_every_reference_part() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("field.safetensors");
-    for part in ReferencePart::ALL {
-        for mut stored in coarse(part) {
-            let calibration = calibrated(&NeuralField::new(stored.clone()).unwrap());
-            assert!(calibration.keeps_its_goals(), "{part:?}: {calibration:?}");
-            assert!(calibration.uniform.near_share() < 0.1, "{part:?}: {calibration:?}");
-            // The file tells what it is of, and decides as it did; the rates hold on fresh poses, within four standard
-            // deviations of their bound.
-            stored.set_calibration(calibration);
-            stored.write(&path).unwrap();
-            assert_eq!((StoredField::read(&path).unwrap(), stored.quantity()), (stored, Quantity::Depth));
-            let field = NeuralField::load(&path).unwrap();
-            assert_eq!(field.quantity(), Quantity::Depth);
-            let fresh = CalibrationSettings { seed: 11, ..SETTINGS };
-            let [uniform, _] = judge(&field, &calibration, &fresh, Control::quiet()).unwrap();
-            for (rate, stated) in [
-                (uniform.false_free, calibration.uniform.false_free),
-                (uniform.false_blocked, calibration.uniform.false_blocked),
-            ] {
-                let expected = rate.of as f64 * stated.bound;
-                assert!(rate.wrong as f64 <= expected + 4.0 * expected.sqrt(), "{part:?}: {uniform:?}");
-            }
-            assert!(uniform.near_share() < 0.1, "{part:?}: {uniform:?}");
-        }
     }
 }

@@ -125,7 +125,7 @@ impl Family {
 
     /// The least value, not clipped, over orientations at every point inside the box, for a tool with its tip alone, by products of all
     /// points with all orientations; `false` where the family has none. `decide` gives the decision of a value.
-    pub fn least(
+    pub(super) fn least(
         &self,
         grid: &Grid,
         points: &[Vec3],

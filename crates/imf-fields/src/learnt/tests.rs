@@ -5,10 +5,10 @@ use glam::{DVec3, Quat, Vec3};
 use crate::calibration::{Calibration, Goals, Judgement, Rate};
 use crate::factored::file::FactoredFile;
 use crate::factored::{Axis, FactoredField, FactoredShape, PointScratch, Symmetry};
-use crate::learnt::LearntField;
 use crate::learnt::scenes::{
     factored, factored_file, harmonic, harmonic_file, poses, scene, siren, siren_model,
 };
+use crate::learnt::{GuardedField, LearntField, NeuralField};
 use crate::siren::evaluator::CpuEvaluator;
 use crate::stored::StoredField;
 use imf_core::field::{self, ExactField, Field};

@@ -7,7 +7,7 @@ use crate::factored::{ANGLE, Axis, Symmetry};
 /// Positions in the frames of their places; a row each.
 pub(super) struct Place {
     /// On the far side of every mirror: `[poses, 3]`.
-    pub(super) position: Value,
+    pub position: Value,
     /// −1 along what was mirrored, 1 elsewhere: `[poses, 3]`.
     signs: Option<Value>,
     angle: Option<Angle>,

@@ -307,8 +307,7 @@ fn positions_outside_are_answered_by_every_graph_as_at_the_nearest_inside() {
 
 #[test]
 fn functions_of_rotations_are_refused() {
-    let cube =
-        imf_core::mesh::tests::unit_cube().transformed(&glam::DMat4::from_scale(glam::DVec3::splat(9.0)));
+    let cube = crate::fixtures::unit_cube().transformed(&glam::DMat4::from_scale(glam::DVec3::splat(9.0)));
     let scene = scene(&Tool { shape: ToolShape::Mesh(cube), ..Tool::paper() }, 0.0);
     let stored = StoredField::Harmonic(Box::new(harmonic_file(&scene, 1)));
     let error = model(&stored).unwrap_err();

@@ -14,9 +14,13 @@ use super::stack::Ending;
 /// A network ready to run: its plan, its flat parameters and their transposed panels.
 #[derive(Clone, Copy)]
 pub struct Network<'a> {
+    /// The instruction set.
     pub arch: Arch,
+    /// The network in pieces.
     pub plan: &'a Plan,
+    /// The flat parameters.
     pub parameters: &'a [f32],
+    /// The weights transposed, panel by panel.
     pub panels: &'a [f32],
 }
 

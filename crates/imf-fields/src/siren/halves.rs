@@ -24,7 +24,7 @@ impl<S: Simd> Weight<S> for f32 {
 pub(crate) type HalfBits = u16;
 
 /// Panels of weights that f16 holds exactly, on a CPU that widens sixteen at a time (AVX-512).
-pub(crate) struct HalfPanels {
+pub struct HalfPanels {
     panels: Vec<HalfBits>,
     #[cfg(target_arch = "x86_64")]
     simd: pulp::x86::V4,

@@ -49,8 +49,9 @@ pub fn dot(a: &[f32], b: &[f32]) -> f32 {
 }
 
 /// The instruction sets that this machine can run, from the best to the plain one, for tests of what is dispatched.
-#[cfg(test)]
-pub(crate) fn archs() -> Vec<pulp::Arch> {
+#[doc(hidden)]
+#[must_use]
+pub fn archs() -> Vec<pulp::Arch> {
     let mut archs = vec![pulp::Arch::new()];
     #[cfg(target_arch = "x86_64")]
     archs.extend(pulp::x86::V3::try_new().map(pulp::Arch::V3));

@@ -63,13 +63,17 @@ pub enum Part {
 /// A network cut into pieces.
 #[derive(Clone, Debug)]
 pub struct Plan {
+    /// What the network looks like.
     pub stack: Stack,
+    /// Its layers.
     pub layers: Vec<Layer>,
     /// Pieces of the update in the order of the flat parameters, which they tile.
     pub pieces: Vec<Piece>,
 }
 
 impl Plan {
+    /// Cuts a network.
+    #[must_use]
     pub fn new(stack: Stack) -> Self {
         let layers = stack.layers();
         let mut plan = Self { stack, layers, pieces: Vec::new() };

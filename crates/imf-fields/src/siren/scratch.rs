@@ -24,6 +24,8 @@ pub struct ScratchPool {
 }
 
 impl ScratchPool {
+    /// For buffers of this length.
+    #[must_use]
     pub fn new(length: usize) -> Self {
         Self { length, buffers: Workspaces::default() }
     }

@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use glam::DVec3;
 
-use super::file::FactoredFile;
-use super::last_layer::SOLVED_FIRST;
+use super::adapt::parameters_for;
+use super::last_layer::{SOLVED_FIRST, solve_last_layer};
 use super::*;
 use crate::training::TrainingEngine;
 use crate::training::run::{Outcome, TrainError};
@@ -17,11 +17,18 @@ use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::{Imf, Quantity, SectionPlan};
 use imf_core::tool::Tool;
+use imf_fields::factored::file::FactoredFile;
+use imf_fields::factored::targets::Targets;
+use imf_fields::factored::{
+    FactoredAnswers, FactoredEvaluator, FactoredField, FactoredShape, INPUTS, PointScratch, Symmetry,
+    TeachSettings, reference,
+};
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::{FitSettings, HarmonicField, fit};
 use imf_fields::recipe::Loss;
 use imf_fields::recipe::MuonConfig;
+use imf_fields::recipe::Optimiser;
 use imf_fields::recipe::SoapConfig;
 use imf_fields::recipe::schedule::Schedule;
 use imf_fields::recipe::{Cursor, Length, TrainingPlan};
@@ -113,7 +120,7 @@ fn the_gradient_is_the_definitions() {
         for loss in [Loss::L1, Loss::L2] {
             let state = FactoredState::new(&shape, 5);
             let plan = TrainingPlan { loss, ..TrainingPlan::default() };
-            let mut trainer = state::cpu_engine(shape, &plan, Optimiser::Adam, count, &state).unwrap();
+            let mut trainer = engine::cpu_engine(shape, &plan, Optimiser::Adam, count, &state).unwrap();
             let (inputs, targets) = (numbers(count * INPUTS, 1), numbers(count * axes, 2));
             let weights = as_f64(&state.training.parameters);
             let (value, gradient) =
@@ -348,7 +355,7 @@ fn the_solved_last_layer_is_that_of_least_squares() {
     let shape = field.shape;
     // All voxels: what the definition sums over.
     let targets = Targets::new(&teacher, Symmetry::default()).unwrap();
-    field.solve_last_layer(&targets, usize::MAX / 1000, 0.0);
+    solve_last_layer(&mut field, &targets, usize::MAX / 1000, 0.0);
     let (columns, voxels) = (shape.width + 1, teacher.grid.len());
     let (mut last, mut outputs) = (vec![0.0; voxels * columns], vec![0.0; voxels * axes]);
     let centres = (0..voxels).map(|voxel| teacher.grid.centre(teacher.grid.voxel(voxel)));
@@ -478,6 +485,7 @@ fn what_does_not_fit_is_refused_by_name() {
 }
 
 mod by_sections;
+mod calibration;
 mod evaluators;
 mod kept;
 mod symmetry;

@@ -129,7 +129,7 @@ pub(super) mod tests {
     use nalgebra::DMatrix;
 
     /// Seeded numbers in ±1.
-    pub(in imf_fields::siren) fn numbers(count: usize, seed: u64) -> Vec<f32> {
+    pub(in crate::engine) fn numbers(count: usize, seed: u64) -> Vec<f32> {
         let shape = imf_fields::siren::SirenShape { width: count, hidden: 1, skip_after: None, omega: 1.0 };
         shape.initial_parameters(seed)[..count].iter().map(|v| v * 5.0).collect()
     }

@@ -5,6 +5,7 @@ use imf_fields::siren::EvaluationEngine;
 use imf_fields::siren::INPUTS;
 use imf_fields::siren::lanes::archs;
 use imf_fields::siren::reference;
+use imf_fields::siren::stack::Ending;
 
 /// Samples without pattern; `count` of them, from a generator of their own.
 pub(super) fn batch(count: usize, seed: u64) -> (Vec<f32>, Vec<f32>) {
@@ -281,4 +282,15 @@ fn the_minimum_is_the_first_least_value() {
     evaluator.set_parameters(&constant).unwrap();
     evaluator.minimum(&points, &directions, &mut least, &mut best).unwrap();
     assert!(best.iter().all(|&direction| direction == 0) && least.iter().all(|&value| value == 0.5));
+}
+
+#[test]
+fn what_ends_in_sines_is_not_trained() {
+    for ending in [Ending::Linear, Ending::Sines] {
+        let stack =
+            Stack { inputs: 3, width: 6, hidden: 3, skip_after: None, omega: 20.0, outputs: 6, ending };
+        let state = TrainingState::from_parameters(stack.initial_parameters(1));
+        let engine = CpuTrainer::of_stack(stack, AdamConfig::default(), Loss::L2, 4, state);
+        assert_eq!(engine.is_ok(), ending == Ending::Linear, "{ending:?}");
+    }
 }

@@ -13,7 +13,7 @@ use crate::harmonic::sphere::change_sign;
 use imf_core::vectorised::vectorised;
 
 /// What takes coefficients of all harmonics up to a degree from one frame to the other.
-pub(crate) struct LocalHarmonics {
+pub struct LocalHarmonics {
     degree: usize,
     /// 0, 1 or 2: the axis that comes last.
     along: usize,
@@ -23,7 +23,9 @@ pub(crate) struct LocalHarmonics {
 }
 
 impl LocalHarmonics {
-    pub(crate) fn new(symmetry: &Symmetry, degree: usize) -> Self {
+    /// Of harmonics up to a degree.
+    #[must_use]
+    pub fn new(symmetry: &Symmetry, degree: usize) -> Self {
         let along = symmetry.axis.map_or(2, |axis| axis.along);
         let mut columns = Vec::new();
         if along != 2 {
@@ -55,7 +57,7 @@ impl LocalHarmonics {
     }
 
     /// From the world's frame to that with the axes in order: `out = M w`.
-    pub(crate) fn in_order(&self, world: &[f32], out: &mut [f32]) {
+    pub fn in_order(&self, world: &[f32], out: &mut [f32]) {
         if self.columns.is_empty() {
             out.copy_from_slice(world);
             return;
@@ -76,7 +78,7 @@ impl LocalHarmonics {
     }
 
     /// The functions of the frame with the axes in order as sums of the world's: `Mᵀ`, `[world's][ordered]`.
-    pub(crate) fn functions_in_order(&self) -> Vec<f32> {
+    pub fn functions_in_order(&self) -> Vec<f32> {
         let count = self.len();
         let mut functions = vec![0.0; count * count];
         let (mut world, mut ordered) = (vec![0.0; count], vec![0.0; count]);
@@ -90,13 +92,13 @@ impl LocalHarmonics {
     }
 
     /// In place, from the axes in order to the place's frame.
-    pub(crate) fn to_local(&self, place: &Place, coefficients: &mut [f32]) {
+    pub fn to_local(&self, place: &Place, coefficients: &mut [f32]) {
         self.mirror(place, coefficients);
         self.turn(place, coefficients, -1.0);
     }
 
     /// In place, from the place's frame to the axes in order.
-    pub(crate) fn to_world(&self, place: &Place, coefficients: &mut [f32]) {
+    pub fn to_world(&self, place: &Place, coefficients: &mut [f32]) {
         self.turn(place, coefficients, 1.0);
         self.mirror(place, coefficients);
     }

@@ -185,9 +185,9 @@ fn is_mirrored(Occupancy { grid, solid }: &Occupancy, axis: usize) -> bool {
 #[cfg(test)]
 pub(in crate::harmonic) mod tests {
     use super::*;
+    use crate::fixtures::small_tool;
     use crate::harmonic::coefficients::Precision;
     use crate::harmonic::{FitSettings, HarmonicField, fit};
-    use imf_core::access::tests::small_tool;
     use imf_core::control::Control;
     use imf_core::orientation::OrientationSet;
     use imf_core::section::{Obstacles, Skin, sections};

@@ -18,7 +18,9 @@ const STEPS: f32 = 65535.0;
 
 /// Where the values of an orientation come from.
 pub enum Source<'a> {
+    /// Overlaps.
     Overlap(&'a SectionPlan),
+    /// Signed penetration depths.
     Depth(Box<DepthPlan>),
 }
 
@@ -32,6 +34,10 @@ pub struct SourceScratch {
 }
 
 impl<'a> Source<'a> {
+    /// The sections of a plan.
+    ///
+    /// # Errors
+    /// A tool that depths cannot be made of.
     pub fn new(plan: &'a SectionPlan, quantity: Quantity) -> Result<Self, SectionError> {
         Ok(match quantity {
             Quantity::Overlap => Self::Overlap(plan),

@@ -2,11 +2,12 @@
 //! bit.
 
 use super::*;
+use crate::distill::by_sections::Corrected;
 use crate::training::run::Report;
 use imf_core::field::EngineError;
-use imf_fields::factored::by_sections::Corrected;
 use imf_fields::recipe::OnlineSettings;
 use imf_fields::recipe::TrainingState;
+use imf_fields::siren::ShapeError;
 
 const ONLINE: OnlineSettings = OnlineSettings { pool: 40, every: 1, seed: 3, lead: 4 };
 

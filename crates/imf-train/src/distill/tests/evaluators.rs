@@ -1,6 +1,7 @@
 //! Evaluators that take over other weights, and those of weights in f16.
 
 use super::*;
+use imf_core::orientation::Orientation;
 
 #[test]
 fn an_evaluator_that_takes_over_other_weights_is_one_of_these() {

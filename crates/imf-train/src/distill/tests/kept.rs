@@ -39,7 +39,7 @@ fn a_folded_network_is_not_taught() {
     let folded = field(&teacher(&scene), 40).fold();
     let state = FactoredState::from_parameters(folded.parameters.clone());
     let plan = TrainingPlan::default();
-    let Err(error) = state::cpu_engine(folded.shape, &plan, Optimiser::Adam, 8, &state) else { panic!() };
+    let Err(error) = engine::cpu_engine(folded.shape, &plan, Optimiser::Adam, 8, &state) else { panic!() };
     assert!(error.to_string().contains("evaluated, not taught"), "{error}");
 }
 
@@ -124,8 +124,9 @@ fn weights_turned_to_another_teacher_answer_as_before() {
     let richer = fit(&plan, Domain::Directions, &richer, Control::quiet()).unwrap();
     let shape = FactoredShape { axes: richer.axis_count(), ..own.shape };
     let turned =
-        FactoredField::new(&richer, shape, own.parameters_for(&richer, &targets(&richer)).unwrap()).unwrap();
-    let folded = own.clone().fold().parameters_for(&richer, &targets(&richer)).unwrap();
+        FactoredField::new(&richer, shape, parameters_for(&own, &richer, &targets(&richer)).unwrap())
+            .unwrap();
+    let folded = parameters_for(&own.clone().fold(), &richer, &targets(&richer)).unwrap();
     let worst = folded.iter().zip(&turned.parameters).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(worst < 1e-5, "a folded network is turned as it was: {worst}");
     assert_ne!((turned.grid, turned.scale), (own.grid, own.scale));
@@ -146,14 +147,14 @@ fn weights_turned_to_another_teacher_answer_as_before() {
         spread = spread.max(expected.abs());
     }
     assert!(spread > 0.01, "a field that is not zero everywhere");
-    let start = FactoredState::of_another(&own, &richer, &other.obstacle).unwrap();
+    let start = start_from(&own, &richer, &other.obstacle).unwrap();
     let solved = FactoredField::new(&richer, shape, start.training.parameters).unwrap();
     let [solved, turned] = [&solved, &turned].map(|field| error(field, &richer));
     assert!(solved < 0.5 * turned, "with its best last layer {solved}, as it was {turned}");
     // With fewer axes it is what these leave of it: still closer than nothing.
     let same = {
         let teacher = teacher(&scene);
-        own.parameters_for(&teacher, &targets(&teacher)).unwrap()
+        parameters_for(&own, &teacher, &targets(&teacher)).unwrap()
     };
     let worst = same.iter().zip(&own.parameters).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(worst < 1e-4, "to its own teacher nothing changes: {worst}");

@@ -4,7 +4,9 @@
 use glam::DMat3;
 
 use super::*;
+use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
+use imf_fields::factored::{Axis, LocalHarmonics};
 use imf_fields::harmonic::VoxelCoefficients as _;
 use imf_fields::harmonic::basis::Basis;
 use imf_fields::recipe::OnlineSettings;
@@ -283,13 +285,13 @@ fn symmetry_is_found_where_it_is_and_nowhere_else() {
     let symmetry = Symmetry { mirrors: across([true, true, false]), axis: None };
     let shape = TeachSettings { symmetry, ..settings(1) }.shape(bar.axis_count());
     let network = FactoredField::new(&bar, shape, shape.initial_parameters(3)).unwrap();
-    assert!(FactoredState::of_another(&network, &bar, &solid).is_ok());
+    assert!(start_from(&network, &bar, &solid).is_ok());
     let moved = Grid { origin: grid.origin + DVec3::X, ..grid };
     let elsewhere = Occupancy { grid: moved, solid: solid.solid };
     for (other, obstacle) in
         [(fitted(&with_pin), with_pin), (HarmonicField { grid: moved, ..bar }, elsewhere)]
     {
-        let refused = FactoredState::of_another(&network, &other, &obstacle).unwrap_err();
+        let refused = start_from(&network, &other, &obstacle).unwrap_err();
         assert!(refused.to_string().contains("mirrored across x and y, and this one is not"), "{refused}");
     }
 }
@@ -346,7 +348,7 @@ fn a_network_that_is_told_of_symmetry_learns_more_and_stays_what_it_is() {
         }
         // To its own teacher nothing changes.
         let targets = Targets::new(&teacher, symmetry).unwrap();
-        let same = field.parameters_for(&teacher, &targets).unwrap();
+        let same = parameters_for(&field, &teacher, &targets).unwrap();
         let worst = same.iter().zip(&field.parameters).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(worst < 1e-4, "{worst}");
     }

@@ -133,7 +133,7 @@ fn settings_that_stand_still_are_refused() {
         OnlineSettings { every: 0, ..SETTINGS },
         OnlineSettings { lead: 0, ..SETTINGS },
     ] {
-        assert!(matches!(settings.check(), Err(TrainError::Plan(_))), "{settings:?}");
+        assert!(settings.check().is_err(), "{settings:?}");
     }
     assert!(serde_json::from_str::<OnlineSettings>(r#"{"pol": 3}"#).is_err());
 }

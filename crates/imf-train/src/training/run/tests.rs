@@ -2,7 +2,8 @@ use super::*;
 use crate::engine::CpuTrainer;
 use glam::DVec3;
 use imf_core::grid::Grid;
-use imf_fields::recipe::TrainingState;
+use imf_fields::recipe::schedule::Schedule;
+use imf_fields::recipe::{Length, TrainingState};
 use imf_fields::siren::SirenShape;
 
 const SHAPE: SirenShape = SirenShape { width: 24, hidden: 3, skip_after: Some(2), omega: 10.0 };

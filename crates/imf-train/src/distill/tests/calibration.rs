@@ -1,0 +1,98 @@
+//! Calibrated fields of depth, harmonic ones and distilled ones, decide nearly all poses.
+
+use super::*;
+use imf_core::tool::Clearance;
+use imf_fields::calibration::{Calibration, Goals};
+use imf_fields::harmonic::file::HarmonicFile;
+use imf_fields::learnt::NeuralField;
+use imf_fields::learnt::calibrate::{CalibrationSettings, calibrate, judge};
+use imf_fields::stored::StoredField;
+
+/// One in five hundred, so that a few ten thousand poses show it.
+const SETTINGS: CalibrationSettings = CalibrationSettings {
+    uniform: 40_000,
+    boundary: 3000,
+    errors: 2000,
+    seed: 5,
+    goals: Goals { false_free: 2e-3, false_blocked: 0.05, confidence: 0.99 },
+};
+
+fn calibrated(field: &NeuralField) -> Calibration {
+    calibrate(field, &SETTINGS, Control::quiet()).unwrap()
+}
+
+/// A field of depth of a reference part at a quarter of its resolution, with two voxels of clearance, as harmonic field and,
+/// taught a little, as factored one.
+fn coarse(part: ReferencePart) -> [StoredField; 2] {
+    let dims = part.dims().map(|n| n / 4);
+    let (mesh, tool) = (part.mesh(), Tool::paper());
+    let spec = SceneSpec { margin: 1, ..SceneSpec::of_reference(part, &mesh, dims, &tool) };
+    let scene = spec.scene().unwrap();
+    let room = 2.0 * scene.record.grid.pitch;
+    let scene = scene.with_clearance(&Clearance { holder: room, shank: room, cutter: room }).unwrap();
+    let settings = FitSettings {
+        quantity: Quantity::Depth,
+        degree: 9,
+        axes: 60,
+        sections_per_function: 2.0,
+        sample: 1000,
+        held_out: 4,
+        ..FitSettings::default()
+    };
+    let plan = SectionPlan::of_scene(&scene).unwrap();
+    let field = fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap();
+    let teaching = TeachSettings {
+        width: 96,
+        omega: 15.0,
+        plan: TrainingPlan { length: Length::Steps(300), batch: 512, ..TeachSettings::default().plan },
+        optimiser: Optimiser::Muon(MuonConfig::default()),
+        ..TeachSettings::default()
+    };
+    let mut state = teaching.start(field.axis_count());
+    teach(&field, &teaching, &mut state, Control::quiet(), &mut |_| {}).unwrap();
+    let small =
+        FactoredField::new(&field, teaching.shape(field.axis_count()), state.training.parameters).unwrap();
+    let report = field.report;
+    let harmonic = HarmonicFile { field, scene: scene.clone(), settings, calibration: None };
+    let factored = FactoredFile {
+        field: small,
+        scene,
+        fit: settings,
+        report,
+        settings: teaching,
+        precision: Precision::F32,
+        state: None,
+        calibration: None,
+    };
+    [StoredField::Harmonic(Box::new(harmonic)), StoredField::Factored(Box::new(factored))]
+}
+
+#[test]
+fn depth_decides_nearly_all_poses_of_every_reference_part() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("field.safetensors");
+    for part in ReferencePart::ALL {
+        for mut stored in coarse(part) {
+            let calibration = calibrated(&NeuralField::new(stored.clone()).unwrap());
+            assert!(calibration.keeps_its_goals(), "{part:?}: {calibration:?}");
+            assert!(calibration.uniform.near_share() < 0.1, "{part:?}: {calibration:?}");
+            // The file tells what it is of, and decides as it did; the rates hold on fresh poses, within four standard
+            // deviations of their bound.
+            stored.set_calibration(calibration);
+            stored.write(&path).unwrap();
+            assert_eq!((StoredField::read(&path).unwrap(), stored.quantity()), (stored, Quantity::Depth));
+            let field = NeuralField::load(&path).unwrap();
+            assert_eq!(field.quantity(), Quantity::Depth);
+            let fresh = CalibrationSettings { seed: 11, ..SETTINGS };
+            let [uniform, _] = judge(&field, &calibration, &fresh, Control::quiet()).unwrap();
+            for (rate, stated) in [
+                (uniform.false_free, calibration.uniform.false_free),
+                (uniform.false_blocked, calibration.uniform.false_blocked),
+            ] {
+                let expected = rate.of as f64 * stated.bound;
+                assert!(rate.wrong as f64 <= expected + 4.0 * expected.sqrt(), "{part:?}: {uniform:?}");
+            }
+            assert!(uniform.near_share() < 0.1, "{part:?}: {uniform:?}");
+        }
+    }
+}
