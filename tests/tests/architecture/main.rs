@@ -22,15 +22,22 @@ fn read(path: &Path) -> String {
     fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// The modules of the first fenced block below the heading "The order of the house", in order. An entry may be a
+/// Crates whose modules have an order of their own.
+const ORDERED: [&str; 2] = ["imf-core", "imf-fields"];
+/// The crates, first to last: each may import those before it.
+const CRATES: [&str; 7] =
+    ["imf-core", "imf-fields", "imf-train", "imf-gpu", "imf-cli", "imf-bench", "imf-c"];
+
+/// The modules of the first fenced block below the heading "The order inside" of a crate, in order. An entry may be a
 /// module of a module (`siren::reference`), which then stands at its own place.
-fn order_of_the_house() -> Vec<Vec<String>> {
+fn order_inside(krate: &str) -> Vec<Vec<String>> {
     let text = read(&root().join("ARCHITECTURE.md"));
+    let heading = format!("## The order inside {krate}\n");
     let block = text
-        .split_once("The order of the house")
+        .split_once(&heading)
         .and_then(|(_, rest)| rest.split_once("```text\n"))
         .and_then(|(_, rest)| rest.split_once("```"))
-        .expect("ARCHITECTURE.md has a fenced text block below the heading \"The order of the house\"")
+        .unwrap_or_else(|| panic!("ARCHITECTURE.md has a fenced text block below \"{heading}\""))
         .0;
     let first_word = |line: &str| line.split_whitespace().next().map(str::to_owned);
     block.lines().filter_map(first_word).map(|name| name.split("::").map(str::to_owned).collect()).collect()
@@ -62,23 +69,27 @@ fn place(order: &[Vec<String>], module: &[String]) -> Option<usize> {
 }
 
 #[test]
-fn every_core_module_imports_only_from_what_stands_before_it() {
-    let order = order_of_the_house();
+fn every_module_imports_only_from_what_stands_before_it() {
     let mut violations = Vec::new();
-    for (module, (file, source)) in modules(&root().join("crates/imf-core")) {
-        // The crate's root declares modules and may name any.
-        let Some(here) = place(&order, &module) else { continue };
-        for import in &source.imports {
-            let from = format!("{}:{}", file.display(), import.line);
-            match place(&order, &import.path) {
-                Some(there) if there <= here => {}
-                Some(there) => violations.push(format!(
-                    "{from}: {} imports from {}, which stands after it",
-                    order[here].join("::"),
-                    order[there].join("::")
-                )),
-                None => violations
-                    .push(format!("{from}: crate::{} names no module of the order", import.path.join("::"))),
+    for krate in ORDERED {
+        let order = order_inside(krate);
+        for (module, (file, source)) in modules(&root().join("crates").join(krate)) {
+            // The crate's root declares modules and may name any.
+            let Some(here) = place(&order, &module) else { continue };
+            for import in &source.imports {
+                let from = format!("{}:{}", file.display(), import.line);
+                match place(&order, &import.path) {
+                    Some(there) if there <= here => {}
+                    Some(there) => violations.push(format!(
+                        "{from}: {} imports from {}, which stands after it",
+                        order[here].join("::"),
+                        order[there].join("::")
+                    )),
+                    None => violations.push(format!(
+                        "{from}: crate::{} names no module of the order",
+                        import.path.join("::")
+                    )),
+                }
             }
         }
     }
@@ -86,20 +97,34 @@ fn every_core_module_imports_only_from_what_stands_before_it() {
 }
 
 #[test]
-fn the_order_lists_exactly_the_core_modules() {
-    let order = order_of_the_house();
-    let modules = modules(&root().join("crates/imf-core"));
-    let listed: BTreeSet<_> = order.iter().cloned().collect();
-    assert_eq!(listed.len(), order.len(), "a module is listed twice in ARCHITECTURE.md");
-    let missing: Vec<_> =
-        modules.keys().filter(|module| module.len() == 1 && !listed.contains(*module)).collect();
-    assert!(missing.is_empty(), "modules of imf-core that ARCHITECTURE.md does not list: {missing:?}");
-    let gone: Vec<_> = listed.iter().filter(|entry| !modules.contains_key(*entry)).collect();
-    assert!(gone.is_empty(), "modules that ARCHITECTURE.md lists and imf-core does not have: {gone:?}");
+fn the_orders_list_exactly_the_modules() {
+    for krate in ORDERED {
+        let order = order_inside(krate);
+        let modules = modules(&root().join("crates").join(krate));
+        let listed: BTreeSet<_> = order.iter().cloned().collect();
+        assert_eq!(listed.len(), order.len(), "a module of {krate} is listed twice in ARCHITECTURE.md");
+        let missing: Vec<_> =
+            modules.keys().filter(|module| module.len() == 1 && !listed.contains(*module)).collect();
+        assert!(missing.is_empty(), "modules of {krate} that ARCHITECTURE.md does not list: {missing:?}");
+        let gone: Vec<_> = listed.iter().filter(|entry| !modules.contains_key(*entry)).collect();
+        assert!(gone.is_empty(), "modules that ARCHITECTURE.md lists and {krate} does not have: {gone:?}");
+    }
 }
 
 #[test]
-fn the_core_needs_no_gpu_and_no_command_line() {
+fn crates_import_only_what_stands_before_them() {
+    for (here, krate) in CRATES.iter().enumerate() {
+        let manifest = read(&root().join("crates").join(krate).join("Cargo.toml"));
+        let manifest: toml::Table = manifest.parse().unwrap();
+        let needed = manifest["dependencies"].as_table().unwrap().keys();
+        let own: Vec<&str> = needed.map(String::as_str).filter(|name| name.starts_with("imf-")).collect();
+        let allowed = if *krate == "imf-c" { &CRATES[..2] } else { &CRATES[..here] };
+        assert!(own.iter().all(|name| allowed.contains(name)), "{krate} imports {own:?}, of {allowed:?}");
+    }
+}
+
+#[test]
+fn core_and_fields_need_no_gpu_and_no_command_line() {
     let lock: toml::Table = read(&root().join("Cargo.lock")).parse().unwrap();
     let packages = lock["package"].as_array().unwrap();
     let mut needs: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
@@ -110,29 +135,21 @@ fn the_core_needs_no_gpu_and_no_command_line() {
         needs.entry(package["name"].as_str().unwrap()).or_default().extend(names);
     }
     let mut reached = BTreeSet::new();
-    let mut waiting = vec!["imf-core"];
+    let mut waiting = vec!["imf-fields"];
     while let Some(name) = waiting.pop() {
         if reached.insert(name) {
             waiting.extend(&needs[name]);
         }
     }
-    assert!(reached.contains("glam"), "the walk through Cargo.lock reaches what the core does need");
+    assert!(reached.contains("imf-core"), "the walk through Cargo.lock reaches what fields do need");
     let unwanted: Vec<_> = NOT_IN_CORE.iter().filter(|name| reached.contains(**name)).collect();
-    assert!(unwanted.is_empty(), "imf-core depends on {unwanted:?}");
-}
-
-#[test]
-fn the_c_interface_needs_the_core_alone() {
-    let manifest: toml::Table = read(&root().join("crates/imf-c/Cargo.toml")).parse().unwrap();
-    let needed: Vec<&String> = manifest["dependencies"].as_table().unwrap().keys().collect();
-    // glam: the types at the core's surface.
-    assert_eq!(needed, ["glam", "imf-core"]);
+    assert!(unwanted.is_empty(), "imf-core or imf-fields depends on {unwanted:?}");
 }
 
 #[test]
 fn mpi_comes_only_where_it_is_asked_for() {
     let mut users = Vec::new();
-    let crates = ["core", "gpu", "cli", "c", "bench"].map(|name| format!("crates/imf-{name}"));
+    let crates = CRATES.map(|name| format!("crates/{name}"));
     for folder in crates.iter().map(String::as_str).chain(["tests", "xtask"]) {
         let manifest: toml::Table = read(&root().join(folder).join("Cargo.toml")).parse().unwrap();
         let tables = ["dependencies", "dev-dependencies", "build-dependencies"];
