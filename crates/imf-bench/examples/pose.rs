@@ -24,7 +24,7 @@ fn main() {
     let scene = scene(part);
     let poses = random_poses(&scene, poses);
     let begun = Instant::now();
-    let field = ExactField::new(&scene);
+    let field = ExactField::of_tool(&scene.obstacle, &scene.record.tool);
     let made = begun.elapsed();
     let first = field.collides(&poses[0]);
     println!(

@@ -166,7 +166,7 @@ pub fn check_toolpath(
 
 /// As [`check_toolpath`], counting only the poses of which `is_free` does not know that the whole tool, grown by the
 /// clearance, is free of part and fixtures: what it knows must be proven
-/// ([`GuardedField::is_free`](imf_fields::learnt::GuardedField::is_free)). Then the report is the same.
+/// (`is_free` of a verified field). Then the report is the same.
 ///
 /// # Errors
 /// As [`check_toolpath`].

@@ -28,6 +28,15 @@ pub struct Pose {
     pub orientation: Orientation,
 }
 
+impl Pose {
+    /// True where every number is finite. An invalid pose is never free: its value is NaN, and it collides.
+    #[must_use]
+    pub fn is_valid(&self) -> bool {
+        let Orientation { theta, phi, roll } = self.orientation;
+        self.position.is_finite() && [theta, phi, roll].iter().all(|angle| angle.is_finite())
+    }
+}
+
 /// Why an engine stopped; the state it had before is with the caller's last checkpoint.
 #[derive(Debug, Error)]
 pub enum EngineError {

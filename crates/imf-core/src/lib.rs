@@ -8,10 +8,11 @@
 //!   sharp point reach `x`;
 //! - `IMF(x) = min_R CMF(x, R)`: the inaccessibility measure field.
 //!
-//! Exact values are whole numbers of voxels, computed for one rotation at a time ([`section`]). Harmonics fitted to some of
-//! them hold every direction at once ([`harmonic`]); networks with sine activations hold the field over all poses,
-//! continuous and differentiable, in about a megabyte ([`factored`], taught by harmonics; [`siren`], [`training`],
-//! [`model`], the paper's). [`field`] asks all of them the same question, and [`stored`] reads any from its file.
+//! Exact values are whole numbers of voxels, computed for one rotation at a time ([`section`]) or one pose at a time ([`field`]).
+//! Fields that hold every direction at once are in the crate `imf-fields`, which builds on this one.
+//!
+//! This crate is the truth: it owns geometry, exact counts, what a tool reaches, toolpaths, and the interface that every field
+//! answers ([`planner`]). It imports no other crate of the project.
 //!
 //! # Where to begin
 //! | to | see |
@@ -21,7 +22,6 @@
 //! | know what a tool reaches | [`section::SectionPlan`], [`access`] |
 //! | check a toolpath | [`check`](mod@check), [`toolpath`] |
 //! | move a tool in a planner | [`planner`]: decisions, gradients, proofs |
-//! | make a field for that | [`harmonic::fit`](fn@harmonic::fit), [`factored::teach`](fn@factored::teach), [`calibration`] |
 //!
 //! # Conventions
 //! - Lengths are in the mesh's own unit, millimetres unless told; angles are degrees, pairs always (θ, φ).

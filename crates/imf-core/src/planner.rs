@@ -1,8 +1,8 @@
 //! What a planner embeds: fields that answer poses in single precision, with gradients and with decisions.
 //!
-//! [`PoseField`] is the one interface. [`NeuralField`] is a field from a file of any family,
-//! [`ExactField`](crate::field::ExactField) counts voxels, [`GuardedField`] has the model's values and gradients and decides
-//! by proof. All are `Send + Sync` and answer batches of any size on the thread that calls; threads share one field.
+//! [`PoseField`] is the one interface. [`ExactField`](crate::field::ExactField) counts voxels; the crate `imf-fields` has fields
+//! from files of any family, and verified ones, which have a model's values and gradients and decide by proof. All are
+//! `Send + Sync` and answer batches of any size on the thread that calls; threads share one field.
 //!
 //! Once a thread's working memory has grown, single poses, gradients, proofs and motions allocate nothing (but for tools that
 //! are meshes, which are voxelised). Batches of a model's values are matrix products, for which the library that
@@ -10,10 +10,10 @@
 //!
 //! # What is answered
 //! - Values are `overlap(x, R)`: the share of the tool's volume that lies in the obstacle with the tool's tip at x. Those of
-//!   a field of signed depth ([`NeuralField::quantity`]) are lengths: how far the tool must be moved to be free, below 0 how
+//!   a field of signed depth ([`Quantity`](crate::section::Quantity)) are lengths: how far the tool must be moved to be free, below 0 how
 //!   far it may be moved. Decisions by depth are the sharper ones by far; either falls towards freedom.
 //! - [`Decision::Free`] and [`Decision::Blocked`] are decisions by a field's calibration; [`Decision::Near`] is for an
-//!   exact check to decide. A field without calibration answers `Near` everywhere. `ExactField` and `GuardedField`
+//!   exact check to decide. A field without calibration answers `Near` everywhere. Exact and verified fields
 //!   decide every pose.
 //! - Outside the box of the grid's voxel centres a model knows nothing: values and gradients are those of the nearest
 //!   point inside (the slope across the face is 0), and the decision is `Near`. Exact answers hold everywhere, space
@@ -23,15 +23,20 @@
 //!   ([`Gradient`]). Harmonic and factored fields are smooth in every direction.
 //!
 //! # Example
-//! ```no_run
+//! ```
 //! use glam::Vec3;
-//! use crate::planner::{Decision, GuardedField, PoseField, Pose};
+//! use imf_core::field::ExactField;
+//! use imf_core::parts::ReferencePart;
+//! use imf_core::planner::{Decision, Pose, PoseField};
+//! use imf_core::scene::SceneSpec;
+//! use imf_core::tool::Tool;
 //!
-//! let field = GuardedField::load("field.safetensors")?;
-//! let pose = Pose::along(Vec3::new(10.0, 20.0, 30.0), Vec3::Z);
+//! let (part, tool) = (ReferencePart::Bracket, Tool::paper());
+//! let scene = SceneSpec::of_reference(part, &part.mesh(), [12, 36, 22], &tool).scene()?;
+//! let field = ExactField::of_tool(&scene.obstacle, &tool);
 //! let mut decisions = [Decision::Near];
-//! field.classify(&[pose], &mut decisions)?;
-//! println!("{:?}", decisions[0]);
+//! field.classify(&[Pose::along(Vec3::new(10.0, 20.0, 300.0), Vec3::Z)], &mut decisions)?;
+//! assert_eq!(decisions, [Decision::Free]);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 

@@ -1,7 +1,7 @@
 //! For each point of a line over the part's surface the tool's best axis, then a smooth sequence of axes along the line:
 //! the least sum of turns and of closeness among axes that are all proven free.
 //!
-//! `cargo run --release -p imf-core --example orientation`
+//! `cargo run --release -p imf-fields --example orientation`
 
 #[path = "bracket/mod.rs"]
 mod bracket;

@@ -5,7 +5,7 @@
 //! the field's gradients out of everything that they come closer to than a clearance; both by steps that are smooth along
 //! the way.
 //!
-//! `cargo run --release -p imf-core --example planner [planner.png]`
+//! `cargo run --release -p imf-fields --example planner [planner.png]`
 
 #[path = "chart/mod.rs"]
 mod chart;

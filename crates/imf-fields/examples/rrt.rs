@@ -1,7 +1,7 @@
 //! A sampling planner from another crate (dual RRT-connect) finds a way for the tool around the bracket, asking a guarded
 //! field whether poses are free; then every piece of the way is proven free as a motion.
 //!
-//! `cargo run --release -p imf-core --example rrt`
+//! `cargo run --release -p imf-fields --example rrt`
 
 #[path = "bracket/mod.rs"]
 mod bracket;

@@ -3,7 +3,7 @@
 //! `CMF(x, d) ≈ clamp(mean(d) + ⟨g(x), h(d)⟩)`. h are a harmonic field's functions of the orientation, turned to their
 //! principal axes and fixed; g is a sine network from the point to the coefficients along those axes. The axes are
 //! orthonormal functions of mean square 1, so the squared error of the coefficients is the mean squared error over the
-//! whole sphere (Parseval): every voxel teaches all directions at once, and no direction is ever sampled ([`teach()`]).
+//! whole sphere (Parseval): every voxel teaches all directions at once, and no direction is ever sampled.
 //! Once g is known at a point every orientation costs one short dot product, by the harmonic field's own evaluation
 //! ([`FactoredEvaluator`]), and derivatives by position and direction are exact.
 //!

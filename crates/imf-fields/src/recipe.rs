@@ -113,7 +113,7 @@ pub struct TrainingState {
     pub first_moment: Vec<f32>,
     /// Adam's second moments, same layout.
     pub second_moment: Vec<f32>,
-    /// What the optimiser keeps of matrices beside the moments: SOAP's means and axes ([`imf_train::engine::soap`]), of each matrix
+    /// What the optimiser keeps of matrices beside the moments: SOAP's means and axes, of each matrix
     /// rows' mean and axes, then columns', `[size][size]` each. Empty by other optimisers, and before the first step.
     pub preconditioners: Vec<f32>,
     /// Steps done since the moments were zero.

@@ -138,7 +138,7 @@ fn single_poses_gradients_and_proofs_allocate_nothing_after_the_first_call() {
         ("factored", Box::new(of(StoredField::Factored(Box::new(factored(&scene)))))),
         ("factored with symmetry", Box::new(of(StoredField::Factored(Box::new(symmetric(&scene)))))),
         ("siren", Box::new(of(StoredField::Siren(Box::new(siren(&scene)))))),
-        ("exact", Box::new(ExactField::new(&scene))),
+        ("exact", Box::new(ExactField::of_tool(&scene.obstacle, &scene.record.tool))),
         (
             "guarded",
             Box::new(GuardedField::new(of(StoredField::Factored(Box::new(factored(&scene))))).unwrap()),

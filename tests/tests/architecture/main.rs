@@ -25,8 +25,7 @@ fn read(path: &Path) -> String {
 /// Crates whose modules have an order of their own.
 const ORDERED: [&str; 2] = ["imf-core", "imf-fields"];
 /// The crates, first to last: each may import those before it.
-const CRATES: [&str; 7] =
-    ["imf-core", "imf-fields", "imf-train", "imf-gpu", "imf-cli", "imf-bench", "imf-c"];
+const CRATES: [&str; 7] = ["imf-core", "imf-fields", "imf-train", "imf-gpu", "imf-cli", "imf-bench", "imf-c"];
 
 /// The modules of the first fenced block below the heading "The order inside" of a crate, in order. An entry may be a
 /// module of a module (`siren::reference`), which then stands at its own place.

@@ -98,7 +98,7 @@ fn the_example_in_c_answers_as_rust_does() {
 fn expected(field: &Path, poses: &[Pose]) -> String {
     let guarded = GuardedField::load(field).unwrap();
     let scene = guarded.model().scene();
-    let exact = ExactField::new(scene);
+    let exact = ExactField::of_tool(&scene.obstacle, &scene.record.tool);
     let count = poses.len();
     let (mut gradients, mut counted) = (vec![Gradient::NAN; count], vec![0.0; count]);
     let (mut decisions, mut best) = (vec![Decision::Near; count], vec![Best::NONE; count]);

@@ -187,7 +187,7 @@ fn contact_is_recorded_with_its_layer_and_exact_answers_know_it() {
     let rest = model.scene.record.tool_without_cutter().unwrap();
     let pose = imf_core::field::Pose { position: [x, y, z].into(), orientation: Default::default() };
     let field = imf_core::field::SceneField::new(contact.obstacles(rest.as_ref()), &model.scene.record.tool);
-    let whole = imf_core::field::ExactField::new(&plain);
+    let whole = imf_core::field::ExactField::of_tool(&plain.obstacle, &plain.record.tool);
     let expected = f64::from(field.count(&pose)) / f64::from(whole.normaliser(&pose.orientation).unwrap());
     assert!((run[0]["overlap_exact"].as_f64().unwrap() - expected).abs() < 1e-6, "{run}");
     assert!(field.count(&pose) < whole.count(&pose));

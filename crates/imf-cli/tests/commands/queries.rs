@@ -39,7 +39,9 @@ fn learnt(model: &Model) -> [f32; 3] {
 
 fn exact(model: &Model) -> [f32; 3] {
     let mut answers = [f32::NAN; 3];
-    ExactField::new(&model.scene).query(&poses(), &mut answers).unwrap();
+    ExactField::of_tool(&model.scene.obstacle, &model.scene.record.tool)
+        .query(&poses(), &mut answers)
+        .unwrap();
     answers
 }
 

@@ -24,7 +24,6 @@ use crate::distance::DistanceField;
 use crate::grid::Grid;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
-use crate::scene::Scene;
 use crate::tool::{Element, ElementKind, Segment, Tool, ToolError, ToolShape, snapped};
 use columns::Columns;
 use depth::Depths;
@@ -37,7 +36,8 @@ use turned::TurnedTools;
 /// orientation with its tip on a voxel centre. Equal to the section at voxel centres.
 ///
 /// Every method takes `&self` and allocates nothing for tools of revolution; threads share one field. Lengths are in
-/// the unit of the obstacle's grid. A position that is not finite holds nothing.
+/// the unit of the obstacle's grid. A tool of
+/// revolution or not, an invalid pose is never free.
 pub struct ExactField<'a> {
     obstacle: Cow<'a, Occupancy>,
     /// The tool's, for messages.
@@ -106,12 +106,6 @@ impl Body {
 }
 
 impl<'a> ExactField<'a> {
-    /// The exact field of a scene.
-    #[must_use]
-    pub fn new(scene: &'a Scene) -> Self {
-        Self::of_tool(&scene.obstacle, &scene.record.tool)
-    }
-
     /// The exact field of a tool around an obstacle.
     #[must_use]
     pub fn of_tool(obstacle: &'a Occupancy, tool: &'a Tool) -> Self {
@@ -173,7 +167,7 @@ impl<'a> ExactField<'a> {
         .map(|body| body.kind)
     }
 
-    /// Solid voxels whose centres lie in the tool.
+    /// Solid voxels whose centres lie in the tool; those of an invalid pose mean nothing ([`Pose::is_valid`]).
     #[must_use]
     pub fn count(&self, pose: &Pose) -> u32 {
         match &self.shape {
@@ -266,17 +260,23 @@ impl<'a> ExactField<'a> {
         }
     }
 
-    /// The overlap: solid voxels in the tool over the tool's own, in [0, 1].
+    /// The overlap: solid voxels in the tool over the tool's own, in [0, 1]; NaN of an invalid pose.
     ///
     /// # Errors
     /// As [`ExactField::normaliser`].
     pub fn overlap(&self, pose: &Pose) -> Result<f64, ToolError> {
+        if !pose.is_valid() {
+            return Ok(f64::NAN);
+        }
         Ok(ratio(self.count(pose), self.normaliser(&pose.orientation)?))
     }
 
-    /// True where the tool holds any solid voxel's centre. Equal to `count(pose) > 0`.
+    /// True where the tool holds any solid voxel's centre, equal to `count(pose) > 0`, and at an invalid pose.
     #[must_use]
     pub fn collides(&self, pose: &Pose) -> bool {
+        if !pose.is_valid() {
+            return true;
+        }
         let collides = self.collides_along(pose.position, pose.orientation.direction());
         collides.unwrap_or_else(|| self.count(pose) > 0)
     }
@@ -290,8 +290,8 @@ impl<'a> ExactField<'a> {
     }
 
     fn bodies_collide(&self, bodies: &[Body], placed: Placed) -> bool {
-        if !placed.tip.is_finite() {
-            return false;
+        if !(placed.tip.is_finite() && placed.direction.is_finite()) {
+            return true;
         }
         let (distances, spine) = self.proof(bodies);
         let mut open = [0; OPEN];
@@ -303,9 +303,11 @@ impl<'a> ExactField<'a> {
                 let piece = spine.piece(index);
                 let body = &bodies[piece.body];
                 let (world, part) = (&body.profile[piece.segment], &body.parts[piece.segment]);
-                // A little over either end: the next piece's ball covers its own heights only up to rounding.
-                let sweep =
-                    Sweep::new(placed, world, &part.segment, part.widest, piece.from - 1e-4, piece.to + 1e-4);
+                // A little over either end, as far as the segment reaches: the next piece's ball covers its own heights
+                // only up to rounding.
+                let (lowest, highest) = part.segment.range();
+                let (from, to) = ((piece.from - 1e-4).max(lowest), (piece.to + 1e-4).min(highest));
+                let sweep = Sweep::new(placed, world, &part.segment, part.widest, from, to);
                 count(self.arch, &sweep, Within::Obstacle(&self.columns), true) > 0
             }),
         }
@@ -316,6 +318,9 @@ impl<'a> ExactField<'a> {
     /// by the balls' excess. At most 0 where the tool may hold a centre. `None` for mesh tools.
     #[must_use]
     pub fn clearance_bound(&self, pose: &Pose) -> Option<f64> {
+        if !pose.is_valid() && matches!(self.shape, Shape::Bodies(_)) {
+            return Some(0.0);
+        }
         self.clearance_along(pose.position, pose.orientation.direction())
     }
 
@@ -334,7 +339,7 @@ impl<'a> ExactField<'a> {
     pub fn penetration_bound(&self, pose: &Pose) -> Option<f64> {
         let Shape::Bodies(bodies) = &self.shape else { return None };
         let placed = self.placed(pose);
-        if !placed.tip.is_finite() {
+        if !pose.is_valid() {
             return Some(0.0);
         }
         let (distances, _) = self.proof(bodies);
@@ -407,7 +412,7 @@ fn ratio(inside: u32, whole: u32) -> f64 {
 /// Poses that one thread answers at a time.
 const CHUNK: usize = 256;
 
-/// Counts of poses over the tool's own, orientation by orientation, in parallel.
+/// Counts of poses over the tool's own, orientation by orientation, in parallel; NaN of invalid poses.
 pub(super) fn answer(
     poses: &[Pose],
     answers: &mut [f32],
@@ -419,6 +424,10 @@ pub(super) fn answer(
         // Poses of one orientation tend to stand together.
         let mut last: Option<(Orientation, u32)> = None;
         for (pose, answer) in poses.iter().zip(answers) {
+            if !pose.is_valid() {
+                *answer = f32::NAN;
+                continue;
+            }
             let whole = match last {
                 Some((orientation, whole)) if orientation == pose.orientation => whole,
                 _ => normaliser(&pose.orientation)?,

@@ -210,7 +210,7 @@ mod tests {
     #[test]
     fn depths_are_those_of_trying_every_position_around() {
         let scene = scene(2.0);
-        let (grid, exact) = (scene.record.grid, ExactField::new(&scene));
+        let (grid, exact) = (scene.record.grid, ExactField::of_tool(&scene.obstacle, &scene.record.tool));
         let cap = DEPTH_CAP as i64;
         for orientation in
             [Orientation::default(), Orientation::new(25.0, 55.0), Orientation::new(200.0, 120.0)]

@@ -70,10 +70,10 @@ impl GuardedField {
     }
 
     /// True where it is proven that the guarded tool holds no solid voxel's centre, at a pose in double precision; false
-    /// for a position that is not finite.
+    /// for an invalid pose.
     #[must_use]
     pub fn is_free(&self, pose: &field::Pose) -> bool {
-        pose.position.is_finite() && self.guard.bodies.iter().all(|body| !body.collides(pose))
+        pose.is_valid() && self.guard.bodies.iter().all(|body| !body.collides(pose))
     }
 
     /// Whether the guarded tool may move from `a` to `b`: the tip along the straight line, the axis along the great circle,

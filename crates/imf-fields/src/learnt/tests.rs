@@ -84,7 +84,7 @@ fn values_are_those_of_each_familys_own_interface() {
     LearntField::new(scene.record.grid, &mut engine).query(&exact, &mut expected).unwrap();
     near("siren", &values(&siren(&scene), &asked), &expected);
 
-    let mut field = ExactField::new(&scene);
+    let mut field = ExactField::of_tool(&scene.obstacle, &scene.record.tool);
     Field::query(&mut field, &exact, &mut expected).unwrap();
     assert_eq!(values(&field, &asked), expected);
 }

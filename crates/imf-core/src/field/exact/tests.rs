@@ -4,7 +4,7 @@ use super::*;
 use crate::control::Control;
 use crate::orientation::OrientationSet;
 use crate::parts::ReferencePart;
-use crate::scene::SceneSpec;
+use crate::scene::{Scene, SceneSpec};
 use crate::section::{SectionPlan, sections};
 use crate::tool::Tool;
 
@@ -25,7 +25,7 @@ fn at_voxel_centres_it_is_the_section() {
             .map(|&v| Pose { position: grid.centre(grid.voxel(v)), orientation: *orientation })
             .collect();
         let mut answers = vec![f32::NAN; poses.len()];
-        ExactField::new(&scene).query(&poses, &mut answers).unwrap();
+        ExactField::of_tool(&scene.obstacle, &scene.record.tool).query(&poses, &mut answers).unwrap();
         for (answer, &voxel) in answers.iter().zip(&voxels) {
             assert_eq!(*answer, section[voxel], "{orientation:?} {:?}", grid.voxel(voxel));
         }
@@ -111,7 +111,7 @@ fn counts_and_answers_are_the_definitions_at_random_poses() {
     for (seed, part) in ReferencePart::ALL.into_iter().enumerate() {
         for tool in [Tool::paper(), awkward()] {
             let scene = half(part, &tool);
-            let field = ExactField::new(&scene);
+            let field = ExactField::of_tool(&scene.obstacle, &scene.record.tool);
             (0..1500).into_par_iter().for_each(|index| {
                 let mut random = ChaCha8Rng::seed_from_u64((seed * 1_000_000 + index) as u64);
                 let pose = pose(&scene.record.grid, &mut random, index);
@@ -128,7 +128,7 @@ fn yes_and_no_are_never_wrong_at_many_poses() {
     for (seed, part) in ReferencePart::ALL.into_iter().enumerate() {
         for tool in [Tool::paper(), awkward()] {
             let scene = half(part, &tool);
-            let field = ExactField::new(&scene);
+            let field = ExactField::of_tool(&scene.obstacle, &scene.record.tool);
             (0..60_000).into_par_iter().for_each(|index| {
                 let mut random = ChaCha8Rng::seed_from_u64((seed * 1_000_000 + index) as u64);
                 let pose = pose(&scene.record.grid, &mut random, index);
@@ -142,7 +142,7 @@ fn yes_and_no_are_never_wrong_at_many_poses() {
 fn the_normaliser_is_the_rotated_tools_count() {
     for tool in [Tool::paper(), awkward()] {
         let scene = half(ReferencePart::Bracket, &tool);
-        let field = ExactField::new(&scene);
+        let field = ExactField::of_tool(&scene.obstacle, &scene.record.tool);
         (0..300).into_par_iter().for_each(|index| {
             let mut random = ChaCha8Rng::seed_from_u64(index as u64);
             let orientation = pose(&scene.record.grid, &mut random, index).orientation;
@@ -157,8 +157,10 @@ fn elements_sum_to_the_whole_and_grown_ones_are_counted_by_their_outline() {
     let tool = awkward();
     let scene = half(ReferencePart::Teapot, &tool);
     let grown = tool.inflated_elements(&Clearance { holder: 2.0, shank: 1.0, cutter: 0.7 }).unwrap();
-    let (field, grown_field) =
-        (ExactField::new(&scene), ExactField::of_elements(&scene.obstacle, &grown).unwrap());
+    let (field, grown_field) = (
+        ExactField::of_tool(&scene.obstacle, &scene.record.tool),
+        ExactField::of_elements(&scene.obstacle, &grown).unwrap(),
+    );
     (0..600).into_par_iter().for_each(|index| {
         let mut random = ChaCha8Rng::seed_from_u64(index as u64);
         let pose = pose(&scene.record.grid, &mut random, index);
@@ -181,7 +183,7 @@ fn elements_sum_to_the_whole_and_grown_ones_are_counted_by_their_outline() {
 fn the_clearance_is_a_lower_bound() {
     let tool = Tool::paper();
     let scene = half(ReferencePart::Bracket, &tool);
-    let field = ExactField::new(&scene);
+    let field = ExactField::of_tool(&scene.obstacle, &scene.record.tool);
     let mut free = 0;
     for index in 0..2000 {
         let mut random = ChaCha8Rng::seed_from_u64(index as u64);
@@ -203,12 +205,12 @@ fn the_clearance_is_a_lower_bound() {
 fn every_instruction_set_counts_the_same() {
     let tool = awkward();
     let scene = half(ReferencePart::ScrewGear, &tool);
-    let field = ExactField::new(&scene);
+    let field = ExactField::of_tool(&scene.obstacle, &scene.record.tool);
     let mut archs = vec![Arch::Scalar];
     #[cfg(target_arch = "x86_64")]
     archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
     for arch in archs {
-        let other = ExactField { arch, ..ExactField::new(&scene) };
+        let other = ExactField { arch, ..ExactField::of_tool(&scene.obstacle, &scene.record.tool) };
         for index in 0..400 {
             let mut random = ChaCha8Rng::seed_from_u64(index as u64);
             let pose = pose(&scene.record.grid, &mut random, index);
@@ -216,5 +218,66 @@ fn every_instruction_set_counts_the_same() {
             assert_eq!(other.normaliser(&pose.orientation), field.normaliser(&pose.orientation));
             assert_eq!(other.collides(&pose), field.collides(&pose), "{pose:?}");
         }
+    }
+}
+
+#[test]
+fn yes_is_a_count_above_zero_where_flat_ends_pass_by_voxel_centres() {
+    let scene = SceneSpec::of_reference(
+        ReferencePart::Bracket,
+        &ReferencePart::Bracket.mesh(),
+        ReferencePart::Bracket.dims(),
+        &Tool::paper(),
+    )
+    .scene()
+    .unwrap();
+    let field = ExactField::of_tool(&scene.obstacle, &scene.record.tool);
+    let (Grid { origin, pitch, dims }, set) = (scene.record.grid, "0,0;0,180;0,90;90,90;180,90;270,90");
+    let mut colliding = 0;
+    for orientation in OrientationSet::parse(set).unwrap().orientations {
+        for along in -90..180 {
+            for (across, beside) in [(0, 0), (3, 5), (17, 40), (24, 80), (40, 71)] {
+                // The tip on voxel centres along the axis, so that the holder's flat end meets centres.
+                let axis = orientation.direction().abs();
+                let at = if axis.z > 0.5 {
+                    [across, beside, along]
+                } else if axis.y > 0.5 {
+                    [across, along, beside]
+                } else {
+                    [along, across, beside]
+                };
+                let position = origin + pitch * (DVec3::from_array(at.map(f64::from)) + 0.5);
+                let pose = Pose { position, orientation };
+                assert_eq!(field.collides(&pose), field.count(&pose) > 0, "{pose:?} of {dims:?}");
+                colliding += usize::from(field.collides(&pose));
+            }
+        }
+    }
+    assert!(colliding > 1000, "{colliding}");
+}
+
+#[test]
+fn an_invalid_pose_is_never_free() {
+    let scene = half(ReferencePart::Bracket, &Tool::paper());
+    let field = ExactField::of_tool(&scene.obstacle, &scene.record.tool);
+    let far = DVec3::splat(1e4);
+    let (nan, endless) = (f64::NAN, f64::INFINITY);
+    let turned = |theta, phi, roll| Orientation { theta, phi, roll };
+    for (position, orientation) in [
+        (DVec3::new(nan, 0.0, 0.0), Orientation::default()),
+        (DVec3::new(0.0, endless, 0.0), Orientation::default()),
+        (far, turned(0.0, nan, 0.0)),
+        (far, turned(endless, 30.0, 0.0)),
+        (far, turned(0.0, 30.0, nan)),
+    ] {
+        let pose = Pose { position, orientation };
+        assert!(!pose.is_valid() && field.collides(&pose), "{pose:?}");
+        assert!(field.overlap(&pose).unwrap().is_nan(), "{pose:?}");
+        assert!(field.clearance_bound(&pose).unwrap() <= 0.0, "{pose:?}");
+        assert!(field.signed_clearance(&pose).unwrap() <= 0.0, "{pose:?}");
+        let mut answers = [0.0];
+        Field::query(&mut ExactField::of_tool(&scene.obstacle, &scene.record.tool), &[pose], &mut answers)
+            .unwrap();
+        assert!(answers[0].is_nan(), "{pose:?}");
     }
 }

@@ -60,7 +60,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// The least value, and what one step of those that are kept is worth: 0 and [`UNIT`] of overlaps.
+    /// The least value, and what one step of those that are kept is worth: 0 and `UNIT` of overlaps.
     pub fn steps(&self) -> (f32, f32) {
         let [low, high] = self.range();
         (low, (high - low) * UNIT)
