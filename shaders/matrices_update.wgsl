@@ -1,4 +1,4 @@
-// Purpose: the step of the matrices between hidden layers by Muon or SOAP, w ← w − η·length·X.
+// Purpose: the step of the matrices between hidden layers by SOAP, w ← w − η·length·X.
 //
 // Workgroups (MATRIX_GROUPS, matrices). One invocation computes every (invocations)-th vec4 of matrix y.
 //   directions  X [matrices][rows][columns], what lies behind a matrix's own columns is idle

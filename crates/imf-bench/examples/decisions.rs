@@ -22,7 +22,7 @@ use imf_fields::harmonic::{FitSettings, fit};
 use imf_fields::learnt::NeuralField;
 use imf_fields::learnt::calibrate::{CalibrationSettings, calibrate, judge};
 use imf_fields::recipe::Length;
-use imf_fields::recipe::MuonConfig;
+use imf_fields::recipe::SoapConfig;
 use imf_fields::recipe::Optimiser;
 use imf_fields::recipe::schedule::Schedule;
 use imf_fields::stored::StoredField;
@@ -62,7 +62,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 schedule: Schedule::Cosine { initial: 1.5e-3, last: 0.0, warmup: 10 },
                 ..defaults.plan
             },
-            optimiser: Optimiser::Muon(MuonConfig::default()),
+            optimiser: Optimiser::Soap(SoapConfig::default()),
             ..defaults
         };
         let begun = Instant::now();

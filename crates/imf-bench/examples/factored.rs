@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release -p imf-bench --example factored -- [name=value]...`, for example
 //! `part=teapot scale=1 degree=20 axes=128 ratio=2 width=384 hidden=3 omega=30 rate=1e-3 batch=1024 seconds=240 solve=25
-//! muon=1 momentum=0.95 loss=l2 seed=0 evaluate=1`; `soap=1 look=10` in place of `muon=1`, where neither is given Adam; without `rate` it follows from the length. `steps=N` in place of `seconds` gives the same field each time; `seconds`
+//! soap=1 look=10 loss=l2 seed=0 evaluate=1`; without `soap` Adam; without `rate` it follows from the length. `steps=N` in place of `seconds` gives the same field each time; `seconds`
 //! are of training, found by a first trial of a few steps. Several trainings of one teacher: `then` between their values.
 //! `symmetry=1` tells the network of the mirror planes and the axis that are found. `pool=64 every=1` teaches by exact sections alone, 64 at a time and a fresh one every step. `from=bracket-raw` teaches that part first, and the trainings with `fine=1` start from its network, by the rate and solutions for that unless
 //! `rate` and `solve` are given.
@@ -26,7 +26,6 @@ use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::{FitSettings, HarmonicField, fit, section_count};
 use imf_fields::metrics::Errors;
 use imf_fields::recipe::Length;
-use imf_fields::recipe::MuonConfig;
 use imf_fields::recipe::OnlineSettings;
 use imf_fields::recipe::Optimiser;
 use imf_fields::recipe::SoapConfig;
@@ -139,14 +138,11 @@ fn settings(values: &Values) -> Result<TeachSettings, Failure> {
         solve_every: values.get("solve", defaults.solve_every)?,
         ..defaults
     };
-    let rates: [f32; 2] = [values.get("muon", 0.0)?, values.get("soap", 0.0)?];
-    settings.optimiser = match rates {
-        [0.0, 0.0] => Optimiser::Adam,
-        [rate, 0.0] => Optimiser::Muon(MuonConfig { momentum: values.get("momentum", 0.95)?, rate }),
-        [0.0, rate] => {
-            Optimiser::Soap(SoapConfig { look_every: values.get("look", 10)?, rate, ..SoapConfig::default() })
-        }
-        _ => return Err("muon or soap, not both".into()),
+    let rate: f32 = values.get("soap", 0.0)?;
+    settings.optimiser = if rate == 0.0 {
+        Optimiser::Adam
+    } else {
+        Optimiser::Soap(SoapConfig { look_every: values.get("look", 10)?, rate, ..SoapConfig::default() })
     };
     settings.plan.batch = values.get("batch", 1024)?;
     settings.plan.seed = values.get("seed", 0)?;
@@ -251,7 +247,7 @@ fn one(
     })?;
     let spent = seconds(start);
     let names =
-        ["width", "hidden", "omega", "rate", "batch", "muon", "soap", "look", "solve", "loss", "beta2"];
+        ["width", "hidden", "omega", "rate", "batch", "soap", "look", "solve", "loss", "beta2"];
     let told: Vec<String> =
         names.iter().filter_map(|&n| values.0.get(n).map(|v| format!("{n}={v}"))).collect();
     println!(

@@ -11,7 +11,7 @@ pub mod schedule;
 
 pub use held_out::HeldOutChoice;
 pub use online::OnlineSettings;
-pub use optimiser::{MuonConfig, Optimiser, SoapConfig};
+pub use optimiser::{Optimiser, SoapConfig};
 pub use sampling::{Sampling, SamplingError};
 
 use std::fmt;

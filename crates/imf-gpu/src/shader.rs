@@ -8,7 +8,6 @@ use std::fmt::Write as _;
 
 use imf_fields::factored::ANGLE;
 use imf_fields::siren::INPUTS;
-use imf_train::engine::muon::QUINTIC;
 use imf_train::engine::soap::EPSILON;
 
 /// Rows and columns of the outputs that one workgroup of a matrix product covers, with any kernel.
@@ -35,7 +34,7 @@ pub const LOSS_L2: u32 = 1;
 pub const COUNT_PLACES: u32 = 128;
 /// Binary digits of such a count, as many as `count_differences.wgsl` writes out: at most 262,143 run ends an orientation.
 pub const COUNT_DIGITS: u32 = 18;
-/// Workgroups that share what Muon and SOAP do element by element with one matrix: a thread takes four vec4 of 256 × 256.
+/// Workgroups that share what SOAP does element by element with one matrix: a thread takes four vec4 of 256 × 256.
 pub const MATRIX_GROUPS: u32 = 64;
 /// Invocations that find a panel of reflections: as many as every adapter has in a workgroup.
 pub const SOAP_GROUP: u32 = 256;
@@ -81,16 +80,6 @@ pub enum Shader {
     Reduce,
     /// Update of the weights.
     Adam,
-    /// Momentum of the matrices between hidden layers.
-    MuonMomentum,
-    /// The same over its norm.
-    MuonScale,
-    /// First product of a Newton-Schulz step.
-    MuonGram,
-    /// Second product.
-    MuonPolynomial,
-    /// Third product.
-    MuonTurn,
     /// Matrices between hidden layers out of the parameters' layout.
     SoapGather,
     /// And back.
@@ -173,11 +162,6 @@ impl Shader {
         Self::BiasGradient,
         Self::Reduce,
         Self::Adam,
-        Self::MuonMomentum,
-        Self::MuonScale,
-        Self::MuonGram,
-        Self::MuonPolynomial,
-        Self::MuonTurn,
         Self::SoapGather,
         Self::SoapScatter,
         Self::SoapProduct,
@@ -222,9 +206,6 @@ impl Shader {
                 | Self::Linear
                 | Self::Backward
                 | Self::WeightGradient
-                | Self::MuonGram
-                | Self::MuonPolynomial
-                | Self::MuonTurn
                 | Self::SoapProduct
         )
     }
@@ -271,11 +252,6 @@ impl Shader {
             Self::BiasGradient => &[include_str!("../../../shaders/bias_gradient.wgsl")],
             Self::Reduce => &[include_str!("../../../shaders/reduce.wgsl")],
             Self::Adam => &[include_str!("../../../shaders/adam.wgsl")],
-            Self::MuonMomentum => &[include_str!("../../../shaders/muon_momentum.wgsl")],
-            Self::MuonScale => &[include_str!("../../../shaders/muon_scale.wgsl")],
-            Self::MuonGram => &[product, include_str!("../../../shaders/muon_gram.wgsl")],
-            Self::MuonPolynomial => &[product, include_str!("../../../shaders/muon_polynomial.wgsl")],
-            Self::MuonTurn => &[product, include_str!("../../../shaders/muon_turn.wgsl")],
             Self::SoapGather => &[include_str!("../../../shaders/soap_gather.wgsl")],
             Self::SoapScatter => &[include_str!("../../../shaders/soap_scatter.wgsl")],
             Self::SoapProduct => &[product, include_str!("../../../shaders/soap_product.wgsl")],
@@ -360,12 +336,8 @@ fn prelude() -> String {
     ] {
         let _ = writeln!(text, "const {name}: u32 = {value}u;");
     }
-    let [a, b, c] = QUINTIC;
     for (name, value) in [
         ("SIGMOID_LIMIT", SIGMOID_LIMIT),
-        ("MUON_A", a),
-        ("MUON_B", b),
-        ("MUON_C", c),
         ("SOAP_EPSILON", EPSILON),
         ("ANGLE", ANGLE as f32),
     ] {

@@ -2,7 +2,7 @@
 //! only losses are read back.
 //!
 //! ```text
-//! inputs → forward (keeps slopes) → loss, Δ → backward (slopes become Δ) → partial gradients → reduce → Adam; Muon, SOAP
+//! inputs → forward (keeps slopes) → loss, Δ → backward (slopes become Δ) → partial gradients → reduce → Adam; SOAP
 //! ```
 //!
 //! A batch too large for the adapter's limits goes in parts whose gradients add up. The order of every sum depends on
@@ -10,7 +10,6 @@
 
 mod kernels;
 mod matrices;
-mod muon;
 mod plan;
 mod proof;
 mod soap;
@@ -29,7 +28,7 @@ use crate::shader::{Factors, LOSS_L1, LOSS_L2};
 use crate::submit::Recorder;
 use crate::uniforms::{Batch, Step};
 use kernels::Kernels;
-use matrices::MatrixPlaces;
+use soap::SoapPlaces;
 use plan::{LOSS_SLOTS, plan, slice};
 
 /// How a trainer learns.
@@ -188,7 +187,7 @@ impl GpuTrainer {
         let mut scratch = all(&places.signals);
         scratch.extend(all(&places.deltas));
         scratch.extend([places.gradient, places.partials, places.row_losses, places.results].map(at));
-        scratch.extend(places.matrices.iter().flat_map(MatrixPlaces::scratch).map(at));
+        scratch.extend(places.matrices.iter().flat_map(SoapPlaces::scratch).map(at));
         let host = Buffers {
             step: uniform(gpu, "step", &Step::default())?,
             samples: at(places.samples),
@@ -344,7 +343,7 @@ impl GpuTrainer {
                 Optimiser::Soap(config) => {
                     (1.0 / (1.0 - f64::from(config.kept).powf(self.step as f64))) as f32
                 }
-                Optimiser::Adam | Optimiser::Muon(_) => 1.0,
+                Optimiser::Adam => 1.0,
             },
             epsilon: adam.epsilon,
             weight_decay: adam.weight_decay,

@@ -75,7 +75,7 @@ pub struct Span {
     pub end: u32,
 }
 
-/// The matrices that Muon or SOAP steps.
+/// The matrices that SOAP steps.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct Between {

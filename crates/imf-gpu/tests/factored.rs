@@ -20,7 +20,6 @@ use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::{FitSettings, HarmonicField, fit};
 use imf_fields::recipe::Loss;
-use imf_fields::recipe::MuonConfig;
 use imf_fields::recipe::Optimiser;
 use imf_fields::recipe::SoapConfig;
 use imf_fields::recipe::schedule::Schedule;
@@ -199,8 +198,7 @@ fn teaching_reaches_the_cpus_error_and_goes_on_to_the_same_bits() {
     let teacher = teacher();
     let gpu = adapter::open();
     let axes = teacher.axis_count();
-    let [muon, soap] = [Optimiser::Muon(MuonConfig::default()), Optimiser::Soap(SoapConfig::default())];
-    for optimiser in [Optimiser::Adam, muon, soap] {
+    for optimiser in [Optimiser::Adam, Optimiser::Soap(SoapConfig::default())] {
         let all = TeachSettings { optimiser, ..settings(300) };
         let run = |stop: bool| {
             let mut state = all.start(axes);

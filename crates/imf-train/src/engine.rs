@@ -11,7 +11,6 @@ mod backward;
 mod bf16;
 mod bf16_kernel;
 mod matrices;
-pub mod muon;
 mod orthonormal;
 mod pass;
 pub mod ranks;
@@ -25,7 +24,6 @@ use crate::engine::backward::scratch_length;
 use crate::engine::bf16_kernel::Kernel;
 use crate::training::TrainingEngine;
 use imf_core::field::EngineError;
-use imf_fields::recipe::MuonConfig;
 use imf_fields::recipe::SoapConfig;
 use imf_fields::recipe::{AdamConfig, Loss, Precision, TrainingState};
 use imf_fields::siren::SirenShape;
@@ -214,18 +212,13 @@ impl CpuTrainer {
         Ok(self)
     }
 
-    /// Leaves the matrices between hidden layers to Muon, whose momentum stands in the place of their first moments.
-    pub fn use_muon(&mut self, config: MuonConfig) {
-        self.matrices = Some(Matrices::of_muon(config, &self.plan));
-    }
-
     /// Leaves the matrices between hidden layers to SOAP, which goes on from what the state has of it.
     ///
     /// # Errors
     /// A state that has something else, or nothing after its first step.
     pub fn use_soap(&mut self, config: SoapConfig) -> Result<(), EngineError> {
         let kept = std::mem::take(&mut self.state.preconditioners);
-        self.matrices = Some(Matrices::of_soap(config, &self.plan, self.state.step, &kept)?);
+        self.matrices = Some(Matrices::new(config, &self.plan, self.state.step, &kept)?);
         Ok(())
     }
 

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use imf_fields::factored::TeachSettings;
 use imf_fields::harmonic::coefficients::Precision;
-use imf_fields::recipe::MuonConfig;
 use imf_fields::recipe::Optimiser;
 use imf_fields::recipe::SoapConfig;
 use imf_fields::recipe::{Length, TrainingPlan};
@@ -99,8 +98,6 @@ pub(crate) enum SymmetryChoice {
 enum OptimiserName {
     /// Adam along the axes of each matrix's gradients (SOAP)
     Soap,
-    /// Orthogonalised momentum (Muon)
-    Muon,
     /// Adam
     Adam,
 }
@@ -110,7 +107,6 @@ impl TeachingArguments {
     pub(crate) fn optimiser(&self) -> Option<Optimiser> {
         self.optimiser.map(|name| match name {
             OptimiserName::Soap => Optimiser::Soap(SoapConfig::default()),
-            OptimiserName::Muon => Optimiser::Muon(MuonConfig::default()),
             OptimiserName::Adam => Optimiser::Adam,
         })
     }

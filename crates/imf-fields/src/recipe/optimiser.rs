@@ -20,22 +20,6 @@ impl Default for SoapConfig {
     }
 }
 
-/// Settings of Muon.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct MuonConfig {
-    /// Share of the momentum that a step leaves.
-    pub momentum: f32,
-    /// Learning rate over that of the other weights.
-    pub rate: f32,
-}
-
-impl Default for MuonConfig {
-    fn default() -> Self {
-        Self { momentum: 0.95, rate: 1.0 }
-    }
-}
-
 /// How the weights follow the gradient.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -43,8 +27,6 @@ pub enum Optimiser {
     /// Adam for every weight.
     #[default]
     Adam,
-    /// Orthogonalised momentum for the matrices between hidden layers, Adam for the rest.
-    Muon(MuonConfig),
     /// Adam along the axes of their gradients for the matrices between hidden layers, Adam for the rest.
     Soap(SoapConfig),
 }
@@ -55,7 +37,7 @@ impl Optimiser {
     #[must_use]
     pub fn kept_count(self, rows: usize, columns: usize) -> usize {
         match self {
-            Self::Adam | Self::Muon(_) => 0,
+            Self::Adam => 0,
             Self::Soap(_) => 2 * (rows * rows + columns * columns),
         }
     }

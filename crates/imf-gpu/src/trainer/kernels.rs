@@ -6,7 +6,7 @@ use imf_fields::siren::ShapeError;
 use imf_fields::siren::stack::TaughtEnding;
 
 use super::Buffers;
-use super::matrices::MatrixStep;
+use super::soap::SoapStep;
 use super::plan::Places;
 use crate::device::Gpu;
 use crate::forward::{Forward, Network};
@@ -30,7 +30,7 @@ pub(super) struct Kernels {
     /// Spans of the parameters, and their lengths in vec4.
     adam: Vec<(Bound, usize)>,
     /// What lies between the spans.
-    matrices: Option<MatrixStep>,
+    matrices: Option<SoapStep>,
 }
 
 impl Kernels {
@@ -107,7 +107,7 @@ impl Kernels {
             self.adam.push((bound, (end - first) / 4));
         }
         if let Some(places) = &places.matrices {
-            self.matrices = Some(MatrixStep::new(gpu, network, host, places, buffers, state)?);
+            self.matrices = Some(SoapStep::new(gpu, network, host, places, buffers, state)?);
         }
         Ok(self)
     }

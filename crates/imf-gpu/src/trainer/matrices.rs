@@ -6,7 +6,6 @@ use imf_fields::recipe::Optimiser;
 use imf_fields::recipe::TrainingState;
 
 use super::Buffers;
-use super::muon::{MuonPlaces, MuonStep};
 use super::soap::{SoapPlaces, SoapStep};
 use crate::device::Gpu;
 use crate::forward::Network;
@@ -26,7 +25,7 @@ pub(super) struct Matrices {
 
 impl Matrices {
     /// Those of a network; none where there is one hidden layer.
-    fn of(layout: &PaddedLayout) -> Option<Self> {
+    pub(super) fn of(layout: &PaddedLayout) -> Option<Self> {
         let between = layout.between();
         let rows = between.first()?.outputs;
         let columns = between.iter().map(|layer| layer.inputs).max()?;
@@ -59,73 +58,5 @@ impl Matrices {
     /// A kernel that goes over the numbers of all matrices.
     pub(super) fn each(&self, pass: &mut wgpu::ComputePass<'_>, kernel: &Bound) {
         kernel.sliced(pass, (MATRIX_GROUPS * LINEAR_GROUP) as usize, self.count);
-    }
-}
-
-/// Places of what an optimiser of matrices works with in a trainer's plan.
-pub(super) enum MatrixPlaces {
-    Muon(MuonPlaces),
-    Soap(SoapPlaces),
-}
-
-impl MatrixPlaces {
-    /// None where Adam steps all parameters, or there is no matrix.
-    pub(super) fn plan(plan: &mut Plan, layout: &PaddedLayout, optimiser: Optimiser) -> Option<Self> {
-        let matrices = Matrices::of(layout)?;
-        match optimiser {
-            Optimiser::Adam => None,
-            Optimiser::Muon(config) => Some(Self::Muon(MuonPlaces::plan(plan, config, matrices))),
-            Optimiser::Soap(config) => Some(Self::Soap(SoapPlaces::plan(plan, config, matrices))),
-        }
-    }
-
-    /// What a step writes before it reads it.
-    pub(super) fn scratch(&self) -> Vec<usize> {
-        match self {
-            Self::Muon(places) => places.scratch().into(),
-            Self::Soap(places) => places.scratch(),
-        }
-    }
-}
-
-/// What steps all matrices, bound.
-#[derive(Debug)]
-pub(super) enum MatrixStep {
-    Muon(MuonStep),
-    Soap(Box<SoapStep>),
-}
-
-impl MatrixStep {
-    /// Compiles and binds the kernels and uploads what `state` keeps; `buffers` are those of the trainer's plan.
-    pub(super) fn new(
-        gpu: &Gpu,
-        network: &Network,
-        host: &Buffers,
-        places: &MatrixPlaces,
-        buffers: &[wgpu::Buffer],
-        state: &TrainingState,
-    ) -> Result<Self, EngineError> {
-        Ok(match places {
-            MatrixPlaces::Muon(places) => Self::Muon(MuonStep::new(gpu, network, host, places, buffers)?),
-            MatrixPlaces::Soap(places) => {
-                Self::Soap(SoapStep::new(gpu, network, host, places, buffers, state)?.into())
-            }
-        })
-    }
-
-    /// Step number `step`, counted from 1, by a gradient that is whole.
-    pub(super) fn record(&self, pass: &mut wgpu::ComputePass<'_>, step: u64) {
-        match self {
-            Self::Muon(muon) => muon.record(pass),
-            Self::Soap(soap) => soap.record(pass, step),
-        }
-    }
-
-    /// What is kept beside the moments, as a state has it.
-    pub(super) fn kept(&self, gpu: &Gpu, layout: &PaddedLayout) -> Result<Vec<f32>, EngineError> {
-        match self {
-            Self::Muon(_) => Ok(Vec::new()),
-            Self::Soap(soap) => soap.kept(gpu, layout),
-        }
     }
 }

@@ -2,7 +2,8 @@
 
 use imf_fields::recipe::Optimiser;
 
-use super::matrices::MatrixPlaces;
+use super::matrices::Matrices;
+use super::soap::SoapPlaces;
 use crate::device::GpuLimits;
 use crate::forward::rows_per_pass;
 use crate::layout::PaddedLayout;
@@ -35,7 +36,7 @@ pub(super) struct Places {
     pub(super) results: usize,
     pub(super) signals: Vec<usize>,
     pub(super) deltas: Vec<usize>,
-    pub(super) matrices: Option<MatrixPlaces>,
+    pub(super) matrices: Option<SoapPlaces>,
 }
 
 /// What a trainer allocates, how many rows one pass holds, and how many partial gradients there are; with what the
@@ -70,7 +71,12 @@ pub(super) fn plan(
         results: plan.add("results", rows * layout.layers.last().map_or(0, |layer| layer.outputs)),
         signals: layout.layers.iter().map(|layer| plan.add("signal", rows * layer.inputs)).collect(),
         deltas: layout.layers.iter().map(|layer| plan.add("delta", rows * layer.outputs)).collect(),
-        matrices: MatrixPlaces::plan(&mut plan, layout, optimiser),
+        matrices: match optimiser {
+            Optimiser::Adam => None,
+            Optimiser::Soap(config) => {
+                Matrices::of(layout).map(|matrices| SoapPlaces::plan(&mut plan, config, matrices))
+            }
+        },
     };
     (plan, places, rows, max_slices)
 }

@@ -3,7 +3,6 @@
 use super::adapt::parameters_for;
 use super::last_layer::{WHILE_TEACHING, solve_last_layer};
 use crate::engine::CpuTrainer;
-use crate::engine::muon::Muon;
 use crate::engine::soap::Soap;
 use imf_core::field::EngineError;
 use imf_core::occupancy::Occupancy;
@@ -20,7 +19,6 @@ pub fn optimiser_bytes(optimiser: Optimiser, shape: FactoredShape) -> u64 {
     let of_matrix = |layer: Layer| {
         let working = match optimiser {
             Optimiser::Adam => 0,
-            Optimiser::Muon(_) => Muon::bytes(layer.outputs, layer.inputs),
             Optimiser::Soap(_) => Soap::bytes(layer.outputs, layer.inputs),
         };
         working + 2 * 4 * optimiser.kept_count(layer.outputs, layer.inputs) as u64
@@ -71,7 +69,6 @@ pub(super) fn cpu_engine(
     let mut engine = CpuTrainer::of_stack(stack, plan.adam, plan.loss, max_batch, state)?;
     match optimiser {
         Optimiser::Adam => {}
-        Optimiser::Muon(config) => engine.use_muon(config),
         Optimiser::Soap(config) => engine.use_soap(config)?,
     }
     Ok(engine)

@@ -27,7 +27,6 @@ use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::{FitSettings, HarmonicField, fit};
 use imf_fields::recipe::Loss;
-use imf_fields::recipe::MuonConfig;
 use imf_fields::recipe::Optimiser;
 use imf_fields::recipe::SoapConfig;
 use imf_fields::recipe::schedule::Schedule;
@@ -64,9 +63,8 @@ fn teacher(scene: &Scene) -> HarmonicField {
 }
 
 /// Every one, SOAP with looks between the places where tests stop it.
-const OPTIMISERS: [Optimiser; 3] = [
+const OPTIMISERS: [Optimiser; 2] = [
     Optimiser::Adam,
-    Optimiser::Muon(MuonConfig { momentum: 0.95, rate: 1.0 }),
     Optimiser::Soap(SoapConfig { kept: 0.95, look_every: 4, rate: 1.0 }),
 ];
 
@@ -381,7 +379,7 @@ fn solving_now_and_then_teaches_more_in_as_many_steps() {
     let teacher = teacher(&scene);
     let axes = teacher.axis_count();
     let after = |solve_every: u64| {
-        let optimiser = Optimiser::Muon(MuonConfig::default());
+        let optimiser = Optimiser::Soap(SoapConfig::default());
         let settings = TeachSettings { solve_every, optimiser, ..settings(100) };
         let mut state = settings.start(axes);
         teach(&teacher, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();

@@ -1,22 +1,14 @@
-//! A step of Muon's or SOAP's for all matrices between hidden layers: each by a thread of its own, as far as there are any.
+//! A step of SOAP's for all matrices between hidden layers: each by a thread of its own, as far as there are any.
 
-use crate::engine::muon::Muon;
 use crate::engine::soap::{Soap, kept_of};
 use crate::engine::update::Arrays;
 use imf_core::field::EngineError;
-use imf_fields::recipe::MuonConfig;
 use imf_fields::recipe::SoapConfig;
 use imf_fields::siren::Layer;
 use imf_fields::siren::plan::{Plan, transpose};
 
 /// What steps each matrix between hidden layers, in their order.
-pub(super) struct Matrices(Vec<Rule>);
-
-/// What steps one matrix.
-enum Rule {
-    Muon(Muon),
-    Soap(Box<Soap>),
-}
+pub(super) struct Matrices(Vec<Soap>);
 
 /// The layers whose matrices these are.
 fn between(plan: &Plan) -> &[Layer] {
@@ -24,17 +16,8 @@ fn between(plan: &Plan) -> &[Layer] {
 }
 
 impl Matrices {
-    pub(super) fn of_muon(config: MuonConfig, plan: &Plan) -> Self {
-        Self(
-            between(plan)
-                .iter()
-                .map(|layer| Rule::Muon(Muon::new(config, layer.outputs, layer.inputs)))
-                .collect(),
-        )
-    }
-
     /// Goes on from what was kept after `step` steps.
-    pub(super) fn of_soap(
+    pub(super) fn new(
         config: SoapConfig,
         plan: &Plan,
         step: u64,
@@ -46,18 +29,14 @@ impl Matrices {
             if !kept.is_empty() {
                 soap.restore(kept);
             }
-            Rule::Soap(soap.into())
+            soap
         });
         Ok(Self(rules.collect()))
     }
 
     /// What a state keeps beside the moments.
     pub(super) fn kept(&self) -> Vec<f32> {
-        let of_rule = |rule| match rule {
-            &Rule::Muon(_) => [&[][..]; 4],
-            Rule::Soap(soap) => soap.kept(),
-        };
-        self.0.iter().flat_map(of_rule).flatten().copied().collect()
+        self.0.iter().flat_map(Soap::kept).flatten().copied().collect()
     }
 
     /// Step number `step` of them all, with whole arrays in the layout of the parameters.
@@ -77,7 +56,7 @@ struct Pass<'a> {
 
 impl Pass<'_> {
     /// Of the layers from `index` on, one for each of `rules`, with arrays from the layer's weights on.
-    fn run(&self, index: usize, rules: &mut [Rule], arrays: Arrays<'_>) {
+    fn run(&self, index: usize, rules: &mut [Soap], arrays: Arrays<'_>) {
         let start = self.plan.layers[index].weights;
         if rules.len() > 1 {
             let middle = rules.len() / 2;
@@ -86,17 +65,11 @@ impl Pass<'_> {
             rayon::join(|| self.run(index, head, first), || self.run(index + middle, tail, second));
             return;
         }
-        let [rule] = rules else { return };
+        let [soap] = rules else { return };
         let layer = self.plan.layers[index];
         let (own, _) = arrays.split(layer.biases - start);
         let Arrays { parameters, first_moment, second_moment, gradient, panels } = own;
-        let rate = self.learning_rate;
-        match rule {
-            Rule::Muon(muon) => muon.step(rate, layer.outputs, parameters, gradient, first_moment),
-            Rule::Soap(soap) => {
-                soap.step(self.step, rate, parameters, gradient, first_moment, second_moment);
-            }
-        }
+        soap.step(self.step, self.learning_rate, parameters, gradient, first_moment, second_moment);
         for neurons in self.plan.panels(index) {
             let range = self.plan.panel_range(index, &neurons);
             let range = range.start - start..range.end - start;

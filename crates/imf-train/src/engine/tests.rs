@@ -176,11 +176,11 @@ fn a_step_is_the_gradient_and_its_update_to_the_bit() {
     let shape = shape(130, 3, Some(2));
     let count = WINDOW + 333;
     let (inputs, targets) = batch(count, 1);
-    for muon in [false, true] {
+    for soap in [false, true] {
         let [at_once, apart] = [true, false].map(|at_once| {
             let mut engine = engine(shape, Loss::L1, count, 2);
-            if muon {
-                engine.use_muon(MuonConfig::default());
+            if soap {
+                engine.use_soap(SoapConfig::default()).unwrap();
             }
             for count in [count, 77, WINDOW] {
                 let (inputs, targets) = (&inputs[..count * INPUTS], &targets[..count]);
@@ -193,7 +193,7 @@ fn a_step_is_the_gradient_and_its_update_to_the_bit() {
             }
             engine.state().unwrap()
         });
-        assert!(at_once == apart, "muon: {muon}");
+        assert!(at_once == apart, "soap: {soap}");
         assert!(at_once.parameters != TrainingState::new(&shape, 2).parameters);
     }
 }

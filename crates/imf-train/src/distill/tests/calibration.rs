@@ -45,7 +45,7 @@ fn coarse(part: ReferencePart) -> [StoredField; 2] {
         width: 96,
         omega: 15.0,
         plan: TrainingPlan { length: Length::Steps(300), batch: 512, ..TeachSettings::default().plan },
-        optimiser: Optimiser::Muon(MuonConfig::default()),
+        optimiser: Optimiser::Soap(SoapConfig::default()),
         ..TeachSettings::default()
     };
     let mut state = teaching.start(field.axis_count());
