@@ -246,8 +246,7 @@ fn one(
         }
     })?;
     let spent = seconds(start);
-    let names =
-        ["width", "hidden", "omega", "rate", "batch", "soap", "look", "solve", "loss", "beta2"];
+    let names = ["width", "hidden", "omega", "rate", "batch", "soap", "look", "solve", "loss", "beta2"];
     let told: Vec<String> =
         names.iter().filter_map(|&n| values.0.get(n).map(|v| format!("{n}={v}"))).collect();
     println!(

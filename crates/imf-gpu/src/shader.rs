@@ -148,7 +148,7 @@ pub enum Shader {
 
 impl Shader {
     /// All kernels.
-    pub const ALL: [Self; 50] = [
+    pub const ALL: [Self; 45] = [
         Self::Inputs,
         Self::Poses,
         Self::HiddenTrain,
@@ -336,11 +336,9 @@ fn prelude() -> String {
     ] {
         let _ = writeln!(text, "const {name}: u32 = {value}u;");
     }
-    for (name, value) in [
-        ("SIGMOID_LIMIT", SIGMOID_LIMIT),
-        ("SOAP_EPSILON", EPSILON),
-        ("ANGLE", ANGLE as f32),
-    ] {
+    for (name, value) in
+        [("SIGMOID_LIMIT", SIGMOID_LIMIT), ("SOAP_EPSILON", EPSILON), ("ANGLE", ANGLE as f32)]
+    {
         let _ = writeln!(text, "const {name}: f32 = {value:?};");
     }
     text

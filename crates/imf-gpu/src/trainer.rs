@@ -28,8 +28,8 @@ use crate::shader::{Factors, LOSS_L1, LOSS_L2};
 use crate::submit::Recorder;
 use crate::uniforms::{Batch, Step};
 use kernels::Kernels;
-use soap::SoapPlaces;
 use plan::{LOSS_SLOTS, plan, slice};
+use soap::SoapPlaces;
 
 /// How a trainer learns.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

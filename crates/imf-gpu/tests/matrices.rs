@@ -154,12 +154,7 @@ fn training_is_the_cpus_and_states_move_between_the_two() {
         let start = course.start();
         let cpu = course.on_cpu(&start, 0..12);
         for gpu in every_device() {
-            let name = format!(
-                "{}×{}, {}",
-                stack.width,
-                stack.hidden,
-                gpu.matrix_kernel().name()
-            );
+            let name = format!("{}×{}, {}", stack.width, stack.hidden, gpu.matrix_kernel().name());
             let found = course.on_gpu(&gpu, &start, 0..12);
             let there = course.on_gpu(&gpu, &course.on_cpu(&start, 0..4), 4..8);
             let back = course.on_cpu(&there, 8..12);

@@ -6,8 +6,8 @@ use imf_fields::siren::ShapeError;
 use imf_fields::siren::stack::TaughtEnding;
 
 use super::Buffers;
-use super::soap::SoapStep;
 use super::plan::Places;
+use super::soap::SoapStep;
 use crate::device::Gpu;
 use crate::forward::{Forward, Network};
 use crate::kernel::{Bound, Kernel, uniform};

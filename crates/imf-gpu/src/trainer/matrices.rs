@@ -1,17 +1,11 @@
 //! The matrices between hidden layers, where another optimiser than Adam steps them: what they fit in, where they lie
-//! among the parameters, and what steps them.
+//! among the parameters.
 
 use imf_core::field::EngineError;
-use imf_fields::recipe::Optimiser;
-use imf_fields::recipe::TrainingState;
 
-use super::Buffers;
-use super::soap::{SoapPlaces, SoapStep};
 use crate::device::Gpu;
-use crate::forward::Network;
 use crate::kernel::{Bound, uniform};
 use crate::layout::PaddedLayout;
-use crate::memory::Plan;
 use crate::shader::{LINEAR_GROUP, MATRIX_GROUPS};
 use crate::uniforms::{Between, MatrixPlace};
 

@@ -17,12 +17,7 @@ fn between(plan: &Plan) -> &[Layer] {
 
 impl Matrices {
     /// Goes on from what was kept after `step` steps.
-    pub(super) fn new(
-        config: SoapConfig,
-        plan: &Plan,
-        step: u64,
-        kept: &[f32],
-    ) -> Result<Self, EngineError> {
+    pub(super) fn new(config: SoapConfig, plan: &Plan, step: u64, kept: &[f32]) -> Result<Self, EngineError> {
         let kept = kept_of(&plan.stack, step, kept).map_err(|error| EngineError::Shape(error.to_string()))?;
         let rules = between(plan).iter().zip(kept).map(|(layer, kept)| {
             let mut soap = Soap::new(config, layer.outputs, layer.inputs);

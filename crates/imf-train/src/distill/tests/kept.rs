@@ -50,7 +50,7 @@ fn files_read_back_bit_for_bit_and_damage_is_named() {
     let axes = teacher.axis_count();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("field.safetensors");
-    let [adam, _, soap] = OPTIMISERS;
+    let [adam, soap] = OPTIMISERS;
     for (optimiser, precision, resumable, folded) in [
         (adam, Precision::F32, true, false),
         (soap, Precision::F32, true, false),
