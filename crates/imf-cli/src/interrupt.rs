@@ -1,6 +1,7 @@
 //! Ctrl-C: the first asks long work to stop at the next safe place, the second ends the program at once.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
@@ -9,6 +10,10 @@ use anyhow::{Context, Result};
 const SAME_WISH: Duration = Duration::from_millis(500);
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// By this variable tests interrupt a training after so many of its reports, however fast the machine is. Release builds do not
+/// read it.
+const AFTER_REPORTS: &str = "IMF_INTERRUPT_AFTER_REPORTS";
 
 /// Work stopped because the user asked for it; the text says what is kept.
 #[derive(Debug)]
@@ -50,4 +55,18 @@ pub fn flag() -> &'static AtomicBool {
 /// True once the user wants to stop.
 pub fn requested() -> bool {
     INTERRUPTED.load(Ordering::Relaxed)
+}
+
+/// Counts a report of a training: true once the user wants to stop, or a test does.
+pub(crate) fn requested_at_report() -> bool {
+    static REPORTS: AtomicU64 = AtomicU64::new(0);
+    static MOST: OnceLock<u64> = OnceLock::new();
+    if cfg!(debug_assertions) {
+        let asked = || std::env::var(AFTER_REPORTS).ok().and_then(|text| text.parse().ok());
+        let most = *MOST.get_or_init(|| asked().unwrap_or(u64::MAX));
+        if REPORTS.fetch_add(1, Ordering::Relaxed) + 1 >= most {
+            return true;
+        }
+    }
+    requested()
 }

@@ -368,7 +368,7 @@ impl Run<'_> {
                 report.samples_per_second / 1e3
             ),
         );
-        if !is_last && self.session.rank().stop(interrupt::requested())? {
+        if !is_last && self.session.rank().stop(interrupt::requested_at_report())? {
             self.take_state(engine)?;
             self.checkpoints.write(&self.model).context("interrupted")?;
             return Ok(ControlFlow::Break(()));

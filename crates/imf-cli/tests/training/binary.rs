@@ -91,15 +91,11 @@ impl Workdir {
         Finished::new(line, &output)
     }
 
-    /// Starts the command and presses Ctrl-C after a while, where it still runs.
+    /// Runs the command, which trains, interrupted as by Ctrl-C after so many of its reports, where it is not done by then.
     #[cfg(unix)]
-    pub(crate) fn interrupted_after(&self, while_: Duration, line: &str) -> Finished {
-        let mut child = self.command(line).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        std::thread::sleep(while_);
-        if child.try_wait().unwrap().is_none() {
-            press_ctrl_c(&child);
-        }
-        Finished::new(line, &child.wait_with_output().unwrap())
+    pub(crate) fn interrupted_after(&self, reports: u64, line: &str) -> Finished {
+        let mut command = self.command(line);
+        finish(line, command.env("IMF_INTERRUPT_AFTER_REPORTS", reports.to_string()))
     }
 
     /// Starts the command and presses Ctrl-C as soon as its messages have these words.

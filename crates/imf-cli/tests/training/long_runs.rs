@@ -2,7 +2,6 @@
 #![cfg(unix)]
 
 use std::process::{Command, Stdio};
-use std::time::Duration;
 
 use imf_fields::model::TrainingRecord;
 use serde_json::Value;
@@ -64,8 +63,7 @@ fn a_full_disk_is_one_warning_and_the_last_good_checkpoint_stays() {
     let work = Workdir::with_dataset();
     let train = format!("{TRAIN} --steps 3000 --out model");
     work.imf(&train.replace("--out model", "--out whole")).done();
-    work.interrupted_once_there_is(CURRENT, &format!("{train} --checkpoint-every 0.01"))
-        .interrupted(&[CURRENT]);
+    work.interrupted_after(20, &format!("{train} --checkpoint-every 0.01")).interrupted(&[CURRENT]);
     let before = [CURRENT, PREVIOUS].map(|file| work.path(file).exists().then(|| work.bytes(file)));
     let step = work.model(CURRENT).record.steps;
 
@@ -93,8 +91,7 @@ fn a_full_disk_is_one_warning_and_the_last_good_checkpoint_stays() {
 fn a_diverged_training_goes_on_more_slowly() {
     let work = Workdir::with_dataset();
     let train = format!("{TRAIN} --steps 3000 --out model");
-    work.interrupted_once_there_is(CURRENT, &format!("{train} --checkpoint-every 0.01"))
-        .interrupted(&[CURRENT]);
+    work.interrupted_after(20, &format!("{train} --checkpoint-every 0.01")).interrupted(&[CURRENT]);
     let step = work.model(CURRENT).record.steps;
     let too_fast = train.replace("--rate 1e-3", "--rate 1e38");
     work.imf(&format!("{too_fast} --resume")).refused(&[
@@ -114,12 +111,9 @@ fn a_divergence_is_noticed_however_often_the_training_is_interrupted() {
                  --steps 12000 --out model --checkpoint-every 0.01";
     // It learns first, for long enough to have a loss a sixth of a constant's.
     let learnt = |work: &Workdir| work.path(PREVIOUS).exists() && work.model(PREVIOUS).record.steps > 3500;
-    // Longer each time, so that slow machines come to an end as well.
-    let mut patience = Duration::from_millis(400);
     while !learnt(&work) {
         let resume = if work.path(CURRENT).exists() { " --resume" } else { "" };
-        work.interrupted_after(patience, &format!("{train}{resume}"));
-        patience += patience / 4;
+        work.interrupted_after(40, &format!("{train}{resume}")).interrupted(&[CURRENT]);
     }
     let good = work.model(CURRENT).record;
     assert!(!good.watch.is_suspicious());
@@ -127,7 +121,7 @@ fn a_divergence_is_noticed_however_often_the_training_is_interrupted() {
     let too_fast = format!("{} --resume", train.replace("--rate 2e-3", "--rate 30"));
     let mut ended = None;
     for run in 1..100 {
-        let run = work.interrupted_after(Duration::from_millis(60 * run), &too_fast);
+        let run = work.interrupted_after(run, &too_fast);
         if run.code != Some(130) {
             ended = Some(run);
             break;
@@ -206,8 +200,7 @@ fn the_log_equals_the_record_through_interruptions() {
     let train = format!("{TRAIN} --steps 3000 --held-out 500 --held-out-every 200 --tensorboard");
     work.imf(&format!("{train} --out whole --log whole.jsonl")).done();
     let broken = format!("{train} --out model --log broken.jsonl");
-    work.interrupted_once_there_is(CURRENT, &format!("{broken} --checkpoint-every 0.01"))
-        .interrupted(&[CURRENT]);
+    work.interrupted_after(20, &format!("{broken} --checkpoint-every 0.01")).interrupted(&[CURRENT]);
     // Rows after the checkpoint, as a killed process leaves them.
     let late = work.text("broken.jsonl") + &work.text("whole.jsonl").lines().last().unwrap()[..30];
     work.write("broken.jsonl", late.as_bytes());
