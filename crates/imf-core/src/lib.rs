@@ -33,26 +33,13 @@
 //! # Example
 //! Where can the built-in tool stand upright on the built-in bracket?
 //! ```
-//! use crate::orientation::Orientation;
-//! use crate::parts::ReferencePart;
-//! use crate::scene::{Around, Resolution, SceneSpec};
-//! use crate::section::{SectionPlan, SectionScratch};
-//! use crate::tool::Tool;
-//! use crate::unit::LengthUnit;
+//! use imf_core::orientation::Orientation;
+//! use imf_core::parts::ReferencePart;
+//! use imf_core::scene::SceneSpec;
+//! use imf_core::section::{SectionPlan, SectionScratch};
 //!
-//! let scene = SceneSpec {
-//!     part: "bracket",
-//!     mesh: &ReferencePart::Bracket.mesh(),
-//!     unit: LengthUnit::Mm,
-//!     transform: glam::DMat4::IDENTITY,
-//!     resolution: Resolution::Dims([12, 36, 22]),
-//!     margin: 0,
-//!     conservative: false,
-//!     tool: &Tool::paper(),
-//!     fixtures: &[],
-//!     around: Around::Part,
-//! }
-//! .scene()?;
+//! let (part, tool) = (ReferencePart::Bracket, imf_core::tool::Tool::paper());
+//! let scene = SceneSpec::of_reference(part, &part.mesh(), [12, 36, 22], &tool).scene()?;
 //! let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool)?;
 //! let mut cmf = vec![0.0; scene.record.grid.len()];
 //! plan.cmf(&Orientation::new(0.0, 0.0), &mut SectionScratch::default(), &mut cmf)?;

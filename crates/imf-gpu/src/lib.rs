@@ -5,9 +5,10 @@
 //! One step of a small network, on any device that there is.
 #![cfg_attr(no_gpu_tests, doc = "```no_run")]
 #![cfg_attr(not(no_gpu_tests), doc = "```")]
+//! use imf_fields::recipe::{AdamConfig, Loss, TrainingState};
 //! use imf_fields::siren::SirenShape;
-//! use imf_train::training::{AdamConfig, Loss, TrainingEngine, TrainingState};
 //! use imf_gpu::{DeviceChoice, Gpu, GpuTrainer};
+//! use imf_train::training::TrainingEngine;
 //!
 //! // `Automatic`, the default, takes hardware alone.
 //! let gpu = Gpu::open(&DeviceChoice::Any)?;
