@@ -147,7 +147,9 @@ pub enum ModelError {
         what: String,
     },
     /// Made by a newer program.
-    #[error("{path} is a model of version {found}, and this program reads version {VERSION}: use a newer imf")]
+    #[error(
+        "{path} is a model of version {found}, and this program reads version {VERSION}: use a newer imf"
+    )]
     Newer {
         /// The file.
         path: String,

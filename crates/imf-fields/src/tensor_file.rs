@@ -332,7 +332,9 @@ mod tests {
         let other = Format { id: "imf-other", ..FORMAT };
         assert!(say(other.read(&path).err().unwrap()).contains("'imf-test', not 'imf-other'"));
         let older = Format { version: 2, ..FORMAT };
-        assert!(say(older.read(&path).err().unwrap()).contains("version 3, and this program reads version 2"));
+        assert!(
+            say(older.read(&path).err().unwrap()).contains("version 3, and this program reads version 2")
+        );
         std::fs::write(&path, b"short").unwrap();
         assert!(say(FORMAT.read(&path).err().unwrap()).contains("cut short"));
         assert!(say(FORMAT.read(&folder.path().join("none")).err().unwrap()).contains("cannot read"));
