@@ -21,7 +21,7 @@ use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::{SectionPlan, stream_sections};
 use imf_core::tool::Tool;
 use imf_fields::recipe::Precision;
-use imf_gpu::{DeviceChoice, Gpu, MatrixKernel, Peak};
+use imf_gpu::{DeviceChoice, Gpu, Peak};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
@@ -120,7 +120,7 @@ type Work<'a> = &'a dyn Fn(&Gpu, &mut Part) -> Result<()>;
 pub(crate) fn run(session: &Session, arguments: &GpuArguments) -> Result<()> {
     let Device::Gpu(gpu) = Device::open(&arguments.device, session)? else {
         bail!(
-            "imf-bench gpu measures a GPU, and --device {} is none: imf devices lists what there is",
+            "imf-bench gpu measures a GPU, and --device {} is none: `imf devices` lists what there is",
             arguments.device
         );
     };
@@ -133,15 +133,11 @@ pub(crate) fn run(session: &Session, arguments: &GpuArguments) -> Result<()> {
         let (width, batches, rounds) = (sizes.width, sizes.batches, sizes.rounds);
         Asked { width, precision, batches, python: Some(&arguments.python), rounds }
     };
-    let works: [(GpuPart, &str, Work<'_>); 6] = [
+    let works: [(GpuPart, &str, Work<'_>); 5] = [
         (GpuPart::Peak, "Peak in f32", &|gpu, part| peak(gpu, &sizes, part)),
         (GpuPart::Sections, "Exact sections", &|gpu, part| sections(session, gpu, &sizes, part)),
         (GpuPart::Training, "Training steps, f32", &|gpu, part| {
             steps(session, gpu, &trained(Precision::F32), part)
-        }),
-        (GpuPart::Training, "Training steps, f32, by the blocked kernel", &|gpu, part| {
-            let gpu = gpu.clone().with_matrix_kernel(MatrixKernel::Blocked);
-            steps(session, &gpu, &Asked { python: None, ..trained(Precision::F32) }, part)
         }),
         (GpuPart::Training, "Training steps, f16", &|gpu, part| {
             if gpu.adapter().half.is_none() {

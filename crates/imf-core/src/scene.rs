@@ -74,7 +74,7 @@ pub struct SceneRecord {
     pub closed: bool,
     /// The tool whose field this is, in `unit`: grown by the clearance where there is any.
     pub tool: Tool,
-    /// By how much its elements are grown, in `unit`; nothing in older files.
+    /// By how much its elements are grown, in `unit`.
     #[serde(default, skip_serializing_if = "Clearance::is_zero")]
     pub clearance: Clearance,
     /// The tool as it is, where it was grown; see [`SceneRecord::bare_tool`].

@@ -12,7 +12,7 @@
 //! The obstacle travels along, so that a model can be evaluated without the part's mesh.
 //!
 //! The checksum is the CRC-32 of the whole file, taken while its own eight hexadecimal digits are zeros: whatever byte is
-//! damaged, reading says so. Files of version 1 have none.
+//! damaged, reading says so.
 
 use std::collections::HashMap;
 use std::io::Write;
@@ -35,9 +35,7 @@ use imf_core::orientation::OrientationSet;
 use imf_core::scene::{Scene, SceneRecord};
 
 const FORMAT: &str = "imf-model";
-const VERSION: u32 = 2;
-/// The first version that has a checksum.
-const CHECKSUM_SINCE: u32 = 2;
+const VERSION: u32 = 1;
 /// What stands before the checksum's digits, as the file's header quotes the JSON.
 const CHECKSUM_KEY: &[u8] = br#"\"crc32\":\""#;
 const NO_CHECKSUM: &str = "00000000";
@@ -82,7 +80,7 @@ pub struct TrainingRecord {
     pub plan: TrainingPlan,
     /// Where the plan stands.
     pub cursor: Cursor,
-    /// What the losses so far look like; files of older programs say nothing of it.
+    /// What the losses so far look like.
     #[serde(default, skip_serializing_if = "Watch::is_new")]
     pub watch: Watch,
     /// True once the plan is done.
@@ -105,15 +103,12 @@ pub struct TrainingRecord {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub groups_per_epoch: Option<usize>,
     /// Part of the model that fine-tuning started from.
-    #[serde(default)]
     pub fine_tuned_from: Option<String>,
     /// Training loss over time.
     pub losses: Vec<LossPoint>,
     /// Sum of the steps' losses since the last point of the curve, and how many: the curve goes on from there.
-    #[serde(default)]
     pub pending_loss: (f64, u64),
     /// Error at poses that training never sees, where it is watched.
-    #[serde(default)]
     pub held_out: Option<HeldOutRecord>,
 }
 
@@ -152,7 +147,9 @@ pub enum ModelError {
         what: String,
     },
     /// Made by a newer program.
-    #[error("{path} is a model of version {found}, and this program reads up to {VERSION}: use a newer imf")]
+    #[error(
+        "{path} is a model of version {found}, and this program reads version {VERSION}: use a newer imf"
+    )]
     Newer {
         /// The file.
         path: String,
@@ -168,14 +165,13 @@ pub enum ModelError {
 struct Description {
     format: String,
     version: u32,
-    #[serde(default)]
     crc32: Option<String>,
     family: String,
     network: SirenShape,
     scene: SceneRecord,
     training: TrainingRecord,
     optimiser_step: u64,
-    /// Nothing in files that were never calibrated; programs that know of none pass it over.
+    /// Nothing where the field was never calibrated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     calibration: Option<Calibration>,
 }
@@ -290,16 +286,13 @@ impl Model {
         if header.version > VERSION {
             return Err(ModelError::Newer { path: shown, found: header.version });
         }
-        if header.version == 0 {
-            return Err(damaged("there is no version 0".into()));
+        if header.version != VERSION {
+            return Err(damaged(format!("there is no version {}", header.version)));
         }
         let description: Description = serde_json::from_str(json).map_err(|e| damaged(e.to_string()))?;
-        if header.version >= CHECKSUM_SINCE {
-            let expected = description.crc32.as_deref();
-            let found = whole_checksum(&bytes).ok_or_else(|| damaged("it has no checksum".into()))?;
-            if expected != Some(&*found) {
-                return Err(damaged("its checksum is wrong: it was changed after it was written".into()));
-            }
+        let found = whole_checksum(&bytes).ok_or_else(|| damaged("it has no checksum".into()))?;
+        if description.crc32 != Some(found) {
+            return Err(damaged("its checksum is wrong: it was changed after it was written".into()));
         }
         if let Some(fault) = description.calibration.and_then(|c| c.fault()) {
             return Err(damaged(fault.into()));

@@ -51,7 +51,7 @@ pub enum TensorFileError {
     },
     /// Made by a newer program.
     #[error(
-        "{path} is a {name} of version {found}, and this program reads up to {readable}: use a newer imf"
+        "{path} is a {name} of version {found}, and this program reads version {readable}: use a newer imf"
     )]
     Newer {
         /// What it is.
@@ -75,7 +75,7 @@ pub(crate) struct Format {
     pub(crate) id: &'static str,
     /// In messages.
     pub(crate) name: &'static str,
-    /// The highest version that is read, and the one that is written.
+    /// The version that is read and written.
     pub(crate) version: u32,
 }
 
@@ -147,6 +147,9 @@ impl Format {
         if header.version > self.version {
             let (found, readable) = (header.version, self.version);
             return Err(TensorFileError::Newer { name: self.name, path: shown(), found, readable });
+        }
+        if header.version != self.version {
+            return Err(damaged(format!("there is no version {}", header.version)));
         }
         Ok(Loaded { format: *self, path, json: json.clone(), bytes })
     }
@@ -329,7 +332,9 @@ mod tests {
         let other = Format { id: "imf-other", ..FORMAT };
         assert!(say(other.read(&path).err().unwrap()).contains("'imf-test', not 'imf-other'"));
         let older = Format { version: 2, ..FORMAT };
-        assert!(say(older.read(&path).err().unwrap()).contains("version 3, and this program reads up to 2"));
+        assert!(
+            say(older.read(&path).err().unwrap()).contains("version 3, and this program reads version 2")
+        );
         std::fs::write(&path, b"short").unwrap();
         assert!(say(FORMAT.read(&path).err().unwrap()).contains("cut short"));
         assert!(say(FORMAT.read(&folder.path().join("none")).err().unwrap()).contains("cannot read"));

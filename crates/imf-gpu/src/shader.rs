@@ -12,7 +12,7 @@ use imf_train::engine::soap::EPSILON;
 
 /// Rows and columns of the outputs that one workgroup of a matrix product covers, with any kernel.
 pub const TILE: u32 = 64;
-/// Workgroup side of the register kernel and of the blocked one: 8 × 8 outputs an invocation.
+/// Workgroup side of the register kernel: 8 × 8 outputs an invocation.
 pub const REGISTER_GROUP: u32 = 8;
 /// Workgroup side of the tiled kernel: 4 × 4 outputs an invocation.
 pub const TILED_GROUP: u32 = 16;

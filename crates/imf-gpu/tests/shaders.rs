@@ -73,7 +73,7 @@ fn every_shader_is_valid_and_has_one_entry_point() {
             (false, ..) if made.shader == Shader::SoapPanel => [SOAP_GROUP, 1, 1],
             (false, ..) => [LINEAR_GROUP, 1, 1],
             (true, Factors::Fragments(_), _) => [TILED_GROUP * TILED_GROUP, 1, 1],
-            (true, _, MatrixKernel::Register | MatrixKernel::Blocked) => [REGISTER_GROUP, REGISTER_GROUP, 1],
+            (true, _, MatrixKernel::Register) => [REGISTER_GROUP, REGISTER_GROUP, 1],
             (true, _, MatrixKernel::Tiled) => [TILED_GROUP, TILED_GROUP, 1],
         };
         assert_eq!(entry.workgroup_size, expected, "{name}");

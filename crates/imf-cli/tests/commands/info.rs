@@ -58,7 +58,7 @@ fn datasets_are_described_with_what_is_missing() {
     std::fs::remove_file(folder.path("data/shard-00000.safetensors")).unwrap();
     assert_eq!(folder.json(&["info", "data"])["shards_missing"], 1);
     let manifest = folder.read("data/manifest.json");
-    folder.write("data/manifest.json", manifest.replace("\"version\": 2", "\"version\": 9"));
+    folder.write("data/manifest.json", manifest.replace("\"version\": 1", "\"version\": 9"));
     folder.refuse(&["info", "data"], &["manifest.json", "version 9", "newer imf"]);
     folder.write("data/manifest.json", &manifest[..manifest.len() / 2]);
     folder.refuse(&["info", "data"], &["manifest.json"]);

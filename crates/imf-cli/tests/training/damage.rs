@@ -17,7 +17,7 @@ fn damaged_datasets_are_named() {
     let manifest = "data/manifest.json";
     let whole = work.bytes(manifest);
     let foreign = replaced(&whole, "imf-dataset", "someone-else");
-    let newer = replaced(&whole, "\"version\": 2", "\"version\": 9");
+    let newer = replaced(&whole, "\"version\": 1", "\"version\": 9");
     for (bytes, words) in [
         (&whole[..whole.len() / 2], ["no intact dataset file", "EOF"]),
         (b"", ["no intact dataset file", "EOF"]),
@@ -60,7 +60,7 @@ fn damaged_models_are_named() {
     let eval = format!("eval {file} --device cpu --random 2 --imf fibonacci:2");
     let finetune = format!("finetune {file} data --device cpu --steps 2 --out adapted");
     let whole = work.bytes(file);
-    let newer = replaced(&whole, r#"\"version\":2"#, r#"\"version\":9"#);
+    let newer = replaced(&whole, r#"\"version\":1"#, r#"\"version\":9"#);
     let foreign = replaced(&whole, "imf-model", "a-puzzle!");
     let renamed = replaced(&whole, "\"obstacle\":{", "\"obstable\":{");
     // Behind the header, whose length stands in front, the weights come first.

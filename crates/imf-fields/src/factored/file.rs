@@ -34,7 +34,7 @@ use crate::tensor_file::{
 };
 use imf_core::scene::{Scene, SceneRecord};
 
-const FORMAT: Format = Format { id: "imf-factored", name: "factored field", version: 4 };
+const FORMAT: Format = Format { id: "imf-factored", name: "factored field", version: 1 };
 
 /// Arrays of a state.
 const STATE: usize = 3;
@@ -71,16 +71,14 @@ struct Description {
     settings: TeachSettings,
     precision: Precision,
     scale: f32,
-    /// There is no layer behind the last sines. Files of version 1 had no such networks, those of version 2 no optimiser SOAP, those
-    /// of version 3 no symmetry.
-    #[serde(default)]
+    /// There is no layer behind the last sines.
     folded: bool,
     /// Cursor and steps of the state.
     progress: Option<(Cursor, u64)>,
-    /// Of the state; files of older programs have none.
+    /// Of the state.
     #[serde(default, skip_serializing_if = "Watch::is_new")]
     watch: Watch,
-    /// Nothing in files that were never calibrated; programs that know of none pass it over.
+    /// Nothing where the field was never calibrated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     calibration: Option<Calibration>,
     /// CRC-32 over parameters, axes, mean and state.

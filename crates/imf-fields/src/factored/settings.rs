@@ -26,8 +26,7 @@ pub struct TeachSettings {
     pub optimiser: Optimiser,
     /// Steps between two solutions of the last layer in closed form, one of which ends teaching, and one begins it if it has no more
     /// than 400 steps; 0 for none. They are of
-    /// least squares, whatever the plan's loss. Files from before there were any say nothing of them.
-    #[serde(default)]
+    /// least squares, whatever the plan's loss.
     pub solve_every: u64,
     /// How sections come and go where they teach by themselves : no last layer is solved for then.
     /// Nothing where a harmonic field teaches. [`TeachSettings::of_sections`] has the rates for it.

@@ -9,20 +9,18 @@ pub enum MatrixKernel {
     Register,
     /// 64 × 64 tiles in workgroup memory, 4 × 4 outputs an invocation: hardware.
     Tiled,
-    /// The same tiles, 8 × 8 outputs an invocation: fewer reads of workgroup memory, more registers. Not measured on hardware yet.
-    Blocked,
 }
 
 impl MatrixKernel {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::Register, Self::Tiled, Self::Blocked];
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Register, Self::Tiled];
 
     /// What every dimension of a layer and a batch is rounded up to.
     #[must_use]
     pub fn padding(self) -> usize {
         match self {
             Self::Register => (TILE / REGISTER_GROUP) as usize,
-            Self::Tiled | Self::Blocked => TILE as usize,
+            Self::Tiled => TILE as usize,
         }
     }
 
@@ -38,7 +36,6 @@ impl MatrixKernel {
         match self {
             Self::Register => "register",
             Self::Tiled => "tiled",
-            Self::Blocked => "blocked",
         }
     }
 
@@ -53,7 +50,6 @@ impl MatrixKernel {
             (_, Factors::Fragments(_)) => files!("product.wgsl", "product_cooperative.wgsl"),
             (Self::Register, _) => files!("product.wgsl", "product_register.wgsl"),
             (Self::Tiled, _) => files!("product.wgsl", "product_tiles.wgsl", "product_tiled.wgsl"),
-            (Self::Blocked, _) => files!("product.wgsl", "product_tiles.wgsl", "product_blocked.wgsl"),
         }
     }
 }

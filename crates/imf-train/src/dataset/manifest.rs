@@ -20,7 +20,7 @@ use imf_core::section::SectionError;
 use imf_fields::recipe::{Sampling, SamplingError};
 
 const FORMAT: &str = "imf-dataset";
-const VERSION: u32 = 2;
+const VERSION: u32 = 1;
 const MANIFEST: &str = "manifest.json";
 const OBSTACLE: &str = "obstacle.safetensors";
 /// Samples that a shard holds at most unless told, and unless one section has more: 8 bytes each.
@@ -67,7 +67,7 @@ pub enum DatasetError {
         what: String,
     },
     /// Made by a newer program.
-    #[error("{path} has version {found}, and this program reads up to {VERSION}: use a newer imf")]
+    #[error("{path} has version {found}, and this program reads version {VERSION}: use a newer imf")]
     Newer {
         /// The manifest.
         path: String,
@@ -162,10 +162,6 @@ pub struct Manifest {
     pub sampling: Sampling,
     /// Sections in a shard, at most.
     pub sections_per_shard: usize,
-    /// True where a shard holds every so-manieth section, so that each shard has directions from everywhere; false in
-    /// version 1, where it holds neighbours.
-    #[serde(default)]
-    pub interleaved: bool,
     /// Finished shards; `null` where one is still missing.
     pub shards: Vec<Option<ShardRecord>>,
     /// Whose books these are: a share's, or the whole dataset's. The file's name says so, not its content.
@@ -202,7 +198,6 @@ impl Manifest {
             orientations: set.clone(),
             sampling: *sampling,
             sections_per_shard,
-            interleaved: true,
             shards: vec![None; set.len().div_ceil(sections_per_shard)],
             share: layout.share,
         };
@@ -211,9 +206,9 @@ impl Manifest {
         if let Some(name) = names.iter().find(|name| folder.join(name).exists()) {
             let found = Self { share: layout.share, ..Self::read_named(folder, name)? };
             // How an existing dataset is cut up stays.
-            let (sections_per_shard, interleaved) = (found.sections_per_shard, found.interleaved);
+            let sections_per_shard = found.sections_per_shard;
             let otherwise = layout.shard_samples.is_some() && sections_per_shard != fresh.sections_per_shard;
-            let comparable = Self { sections_per_shard, interleaved, ..fresh };
+            let comparable = Self { sections_per_shard, ..fresh };
             if let Some(what) = found.difference(&comparable) {
                 return Err(DatasetError::Other { path: folder.display().to_string(), what });
             }
@@ -234,8 +229,6 @@ impl Manifest {
             Some("the sampling")
         } else if self.sections_per_shard != other.sections_per_shard {
             Some("the number of samples in a shard")
-        } else if self.interleaved != other.interleaved {
-            Some("which sections a shard holds")
         } else {
             None
         }
@@ -285,6 +278,9 @@ impl Manifest {
         }
         if header.version > VERSION {
             return Err(DatasetError::Newer { path: shown, found: header.version });
+        }
+        if header.version != VERSION {
+            return Err(damaged(format!("there is no version {}", header.version)));
         }
         let manifest: Self = serde_json::from_str(&text).map_err(|e| damaged(e.to_string()))?;
         if manifest.sections_per_shard == 0
@@ -336,15 +332,10 @@ impl Manifest {
         self.shards.len()
     }
 
-    /// Sections that a shard holds, ascending.
+    /// Sections that a shard holds, ascending: every so-manieth, so that each shard has directions from everywhere.
     #[must_use]
     pub fn sections_of(&self, shard: usize) -> Vec<usize> {
-        let all = self.orientations.len();
-        if self.interleaved {
-            return (shard..all).step_by(self.shard_count()).collect();
-        }
-        let start = shard * self.sections_per_shard;
-        (start..(start + self.sections_per_shard).min(all)).collect()
+        (shard..self.orientations.len()).step_by(self.shard_count()).collect()
     }
 
     /// CRC-32 over the checksums of all shards: two datasets of the same samples have the same.

@@ -98,13 +98,10 @@ fn files_read_back_bit_for_bit_and_damage_is_named() {
             assert!(matches!(error, TensorFileError::Damaged { .. }), "byte {place}: {error}");
         }
         let text = std::str::from_utf8(&bytes[8..header]).unwrap();
-        let newer = text.replacen(r#"\"version\":4"#, r#"\"version\":9"#, 1);
+        let newer = text.replacen(r#"\"version\":1"#, r#"\"version\":9"#, 1);
         let other = [&bytes[..8], newer.as_bytes(), &bytes[header..]].concat();
         std::fs::write(&path, other).unwrap();
         assert!(matches!(FactoredFile::read(&path), Err(TensorFileError::Newer { found: 9, .. })));
-        let older = text.replacen(r#"\"version\":4"#, r#"\"version\":2"#, 1);
-        std::fs::write(&path, [&bytes[..8], older.as_bytes(), &bytes[header..]].concat()).unwrap();
-        assert_eq!(FactoredFile::read(&path).unwrap(), file);
     }
     assert!(matches!(FactoredFile::read(&folder.path().join("none")), Err(TensorFileError::Read { .. })));
 }
