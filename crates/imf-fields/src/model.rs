@@ -107,6 +107,7 @@ pub struct TrainingRecord {
     /// Training loss over time.
     pub losses: Vec<LossPoint>,
     /// Sum of the steps' losses since the last point of the curve, and how many: the curve goes on from there.
+    #[serde(default)]
     pub pending_loss: (f64, u64),
     /// Error at poses that training never sees, where it is watched.
     pub held_out: Option<HeldOutRecord>,
