@@ -203,9 +203,13 @@ pub(crate) fn resumed_model(
     let mut said = "by the plan of the checkpoint".to_owned();
     if let Some(rate) = rate {
         let plan = &mut model.record.plan;
-        plan.schedule = schedule_from(&plan.schedule, rate);
-        plan.check()?;
-        model.record.watch = model.record.watch.patient();
+        let schedule = schedule_from(&plan.schedule, rate);
+        // The same rate given once more is no way out of a divergence.
+        if schedule != plan.schedule {
+            plan.schedule = schedule;
+            plan.check()?;
+            model.record.watch = model.record.watch.patient();
+        }
         said = format!("by the plan of the checkpoint with a learning rate from {rate:e}");
     }
     session.note(&format!(
