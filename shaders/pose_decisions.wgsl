@@ -2,7 +2,7 @@
 //
 // One invocation computes every (invocations)-th pose of `batch.rows`.
 //   poses, values
-//   decisions  FREE, BLOCKED or NEAR
+//   decisions  FREE, COLLIDING or UNDECIDED
 
 @group(0) @binding(0) var<uniform> batch: Batch;
 @group(0) @binding(1) var<uniform> world: World;
@@ -17,14 +17,14 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         let pose = poses[at];
         let value = values[at];
         let held = clamp(pose.position.xyz, world.low.xyz, world.high.xyz);
-        var decision = NEAR;
+        var decision = UNDECIDED;
         if !is_pose(pose) || !is_finite(vec4<f32>(value)) {
-            decision = BLOCKED;
+            decision = COLLIDING;
         } else if all(held == pose.position.xyz) {
             if value <= thresholds.free_up_to {
                 decision = FREE;
             } else if value >= thresholds.blocked_from {
-                decision = BLOCKED;
+                decision = COLLIDING;
             }
         }
         decisions[at] = decision;

@@ -53,7 +53,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         let position = held_slopes(pose, world.low.xyz, world.high.xyz, across);
         // From inputs, which are θ/π − 1 and φ/(π/2) − 1, to radians.
         let axis = axis_of(pose);
-        let angles = angles_of(axis);
+        let angles = angles_of_pose(pose, axis);
         let by_theta = slopes[3] / PI;
         let by_phi = slopes[4] / (0.5 * PI);
         let theta = sine_cosine(vec4<f32>(angles.x));

@@ -1,5 +1,5 @@
-// Purpose: poses in world coordinates to the network's inputs. Positions are held in the box of the voxel centres; what is
-// no pose gets the inputs of some pose, and NaN for its value later.
+// Purpose: poses in world coordinates to the network's inputs. Positions are held in the box of the voxel centres; an
+// invalid pose gets the inputs of some pose, and NaN for its value later.
 //
 // One invocation computes every (invocations)-th row.
 //   poses    from `sweep.base`
@@ -16,12 +16,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     for (var row = id.x; row < batch.rows; row += groups.x * LINEAR_GROUP) {
         let pose = poses[sweep.base + row];
         let position = held_tip(pose, world.low.xyz, world.high.xyz);
-        var axis = vec3<f32>(0.0, 0.0, 1.0);
+        var angles = vec2<f32>();
         if is_pose(pose) {
-            axis = axis_of(pose);
+            angles = angles_of_pose(pose, axis_of(pose));
         }
         let unit = (position - world.origin.xyz) / world.size.xyz;
-        let angles = angles_of(axis);
         let at = row * INPUTS;
         samples[at] = 2.0 * unit.x - 1.0;
         samples[at + 1u] = 2.0 * unit.y - 1.0;

@@ -1,5 +1,5 @@
 // Purpose: what a pose in world coordinates is to a network; shared by the kernels that answer poses. The twin in
-// Rust is `planner/families.rs`.
+// Rust is `field/families.rs`.
 
 struct Pose {
     /// Tip in the world; w is idle.
@@ -85,4 +85,17 @@ fn angle_of(y: f32, x: f32) -> f32 {
 fn angles_of(axis: vec3<f32>) -> vec2<f32> {
     let theta = angle_of(axis.y, axis.x);
     return vec2<f32>(select(theta, theta + 2.0 * PI, theta < 0.0), angle_of(length(axis.xy), axis.z));
+}
+
+/// The same of a pose; at the poles, where the axis leaves θ open, that of the tool's own x axis.
+fn angles_of_pose(pose: Pose, axis: vec3<f32>) -> vec2<f32> {
+    var angles = angles_of(axis);
+    if axis.x == 0.0 && axis.y == 0.0 {
+        let q = unit_rotation(pose);
+        let x = vec2<f32>(1.0 - 2.0 * (q.y * q.y + q.z * q.z), 2.0 * (q.x * q.y + q.w * q.z));
+        let held = select(x, vec2<f32>(), abs(x) < vec2<f32>(STEP));
+        let theta = angle_of(held.y, select(-held.x, held.x, axis.z > 0.0));
+        angles.x = select(theta, theta + 2.0 * PI, theta < 0.0);
+    }
+    return angles;
 }

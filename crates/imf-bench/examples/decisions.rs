@@ -3,6 +3,8 @@
 //!
 //! `cargo run --release -p imf-bench --example decisions -- PART SCALE DEGREE overlap|depth [TEACHING_STEPS [POSES]]`
 
+use std::sync::Arc;
+
 use std::error::Error;
 use std::str::FromStr;
 use std::time::Instant;
@@ -15,17 +17,17 @@ use imf_core::tool::{Clearance, Tool};
 use imf_fields::calibration::{Calibration, Judgement};
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::{FactoredField, TeachSettings};
+use imf_fields::field::Field;
+use imf_fields::field::calibrate::{CalibrationSettings, calibrate, judge};
+use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitSettings, fit};
-use imf_fields::learnt::NeuralField;
-use imf_fields::learnt::calibrate::{CalibrationSettings, calibrate, judge};
 use imf_fields::recipe::Length;
 use imf_fields::recipe::Optimiser;
 use imf_fields::recipe::SoapConfig;
 use imf_fields::recipe::schedule::Schedule;
-use imf_fields::stored::StoredField;
 use imf_train::distill::teach;
 
 /// Clearance around all elements, in voxels.
@@ -79,19 +81,19 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let (report, fit) = (made.report, settings);
     let harmonic = HarmonicFile { field: made, scene: scene.clone(), settings, calibration: None };
-    tell("harmonic", StoredField::Harmonic(Box::new(harmonic)), uniform)?;
+    tell("harmonic", FieldFile::Harmonic(Arc::new(harmonic)), uniform)?;
     if let Some((field, settings)) = taught {
         let precision = Precision::F32;
         let file =
             FactoredFile { field, scene, fit, report, settings, precision, state: None, calibration: None };
-        tell("factored", StoredField::Factored(Box::new(file)), uniform)?;
+        tell("factored", FieldFile::Factored(Box::new(file)), uniform)?;
     }
     Ok(())
 }
 
 /// Calibrates a field and judges it on fresh poses.
-fn tell(name: &str, stored: StoredField, uniform: usize) -> Result<(), Box<dyn Error>> {
-    let field = NeuralField::new(stored)?;
+fn tell(name: &str, stored: FieldFile, uniform: usize) -> Result<(), Box<dyn Error>> {
+    let field = Field::new(stored)?;
     let settings = CalibrationSettings { uniform, boundary: uniform / 8, ..CalibrationSettings::default() };
     let begun = Instant::now();
     let calibration: Calibration = calibrate(&field, &settings, Control::quiet())?;

@@ -6,9 +6,10 @@
 use std::time::Instant;
 
 use glam::DVec3;
-use imf_core::field::{ExactField, Pose};
+use imf_core::field::ExactField;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
+use imf_core::pose::Pose;
 use imf_core::scene::{Scene, SceneSpec};
 use imf_core::tool::Tool;
 
@@ -24,7 +25,7 @@ fn main() {
     let scene = scene(part);
     let poses = random_poses(&scene, poses);
     let begun = Instant::now();
-    let field = ExactField::of_tool(&scene.obstacle, &scene.record.tool);
+    let field = ExactField::new(&scene.obstacle, &scene.record.tool);
     let made = begun.elapsed();
     let first = field.collides(&poses[0]);
     println!(
@@ -37,10 +38,9 @@ fn main() {
     );
     let blocked = poses.iter().filter(|p| field.collides(p)).count();
     println!("{:.1} % of the poses collide", 100.0 * blocked as f64 / poses.len() as f64);
-    report("direction alone", &poses, |p| p.orientation.direction().x > 0.0);
+    report("axis alone", &poses, |p| p.axis().is_some_and(|axis| axis.x > 0.0));
     report("yes or no", &poses, |p| field.collides(p));
-    report("volume", &poses, |p| field.count(p) > 0);
-    report("normaliser", &poses, |p| field.normaliser(&p.orientation).is_ok_and(|n| n > 0));
+    report("volume", &poses, |p| field.count(p) > Some(0));
     report("overlap", &poses, |p| field.overlap(p).is_ok_and(|v| v > 0.0));
     report("clearance bound", &poses, |p| field.clearance_bound(p).is_some_and(|v| v <= 0.0));
 }
@@ -74,7 +74,7 @@ fn random_poses(scene: &Scene, count: usize) -> Vec<Pose> {
         .into_iter()
         .map(|orientation| {
             let unit = DVec3::new(number(), number(), number());
-            Pose { position: grid.origin + unit * grid.size(), orientation }
+            Pose::oriented(grid.origin + unit * grid.size(), &orientation)
         })
         .collect()
 }

@@ -16,7 +16,7 @@ use std::str::FromStr as _;
 use std::time::Instant;
 
 use anyhow::{Context as _, Result};
-use imf_cli::engine::Device;
+use imf_cli::engine::{Calls, Device};
 use imf_cli::interrupt::{self, Interrupted};
 use imf_cli::output::{prepare_folder, print, print_json};
 use imf_cli::session::Session;
@@ -27,9 +27,9 @@ use imf_core::section::{Imf, SectionPlan, imf};
 use imf_core::tool::Tool;
 use imf_fields::evaluation::field_sections;
 use imf_fields::factored::{FactoredField, Symmetry, TeachSettings};
+use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::{HarmonicField, fit, section_count};
-use imf_fields::learnt::LearntField;
 use imf_fields::metrics::Errors;
 use imf_fields::recipe::{Length, TrainingPlan};
 use imf_train::distill::teach;
@@ -218,14 +218,14 @@ impl Bench<'_> {
     /// Trains the paper's kind of network; the bytes of it.
     fn siren(&mut self, device: &Device, scene: &Scene, part: PaperPart) -> Result<u64> {
         let (model, seconds) = siren::train(self.session, device, scene, self.arguments, part)?;
-        let mut engine = device.evaluator(model.shape, &model.state.parameters)?;
         let parameters = model.shape.parameter_count();
         let how = format!(
             "{}×{}, ω = {}, {parameters} weights, {} steps on {}",
             model.shape.hidden, model.shape.width, model.shape.omega, model.record.steps, model.record.engine
         );
         let bytes = 4 * parameters as u64;
-        let mut field = LearntField::new(*self.plan.grid(), engine.as_mut());
+        let file = FieldFile::Siren(Box::new(model));
+        let mut field = device.field(self.session, &file, Calls::Many)?;
         self.measure(Making { name: "siren5", how, seconds, bytes }, &mut field)?;
         Ok(bytes)
     }

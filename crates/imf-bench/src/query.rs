@@ -7,15 +7,14 @@ use std::fmt::Write;
 use std::time::Instant;
 
 use anyhow::{Result, ensure};
-use glam::{DQuat, Vec3};
 use imf_cli::output::{prepare_folder, print, print_json, write_json, write_text};
 use imf_cli::session::Session;
-use imf_core::field::ExactField;
+use imf_core::field::{Decision, ExactField, Gradient, PoseField};
 use imf_core::orientation::OrientationSet;
-use imf_core::planner::{Decision, Gradient, Pose, PoseField};
+use imf_core::pose::Pose;
 use imf_core::section::Quantity;
-use imf_fields::learnt::{GuardedField, NeuralField};
-use imf_fields::stored::StoredField;
+use imf_fields::field::{Field, VerifiedField};
+use imf_fields::file::FieldFile;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
@@ -56,14 +55,14 @@ struct Report {
 pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     prepare_folder(&arguments.out)?;
     let mut machine = Machine::new(1);
-    let first = StoredField::read(&arguments.fields[0])?;
+    let first = FieldFile::read(&arguments.fields[0])?;
     let scene = first.scene().clone();
     let record = &scene.record;
     drop(first);
     let poses = random_poses(&scene.record.grid, arguments.poses as usize, arguments.seed)?;
     session.note("exact counts");
-    let exact = ExactField::owned(scene.obstacle.clone(), record.bare_tool().clone());
-    let mut truth = vec![Decision::Near; poses.len()];
+    let exact = ExactField::new(&scene.obstacle, record.bare_tool());
+    let mut truth = vec![Decision::Undecided; poses.len()];
     exact.classify(&poses, &mut truth)?;
     let trial = Trial { poses: &poses, truth: &truth };
     let mut rows = vec![
@@ -73,7 +72,7 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     for path in &arguments.fields {
         let how = path.display().to_string();
         session.note(&how);
-        let stored = StoredField::read(path)?;
+        let stored = FieldFile::read(path)?;
         ensure!(
             stored.scene().record.obstacle_crc32 == record.obstacle_crc32
                 && stored.scene().record.bare_tool() == record.bare_tool(),
@@ -81,32 +80,32 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
             arguments.fields[0].display()
         );
         let family = match &stored {
-            StoredField::Siren(_) => "siren5",
-            StoredField::Harmonic(_) => "harmonic",
-            StoredField::Factored(_) => "factored",
+            FieldFile::Siren(_) => "siren5",
+            FieldFile::Harmonic(_) => "harmonic",
+            FieldFile::Factored(_) => "factored",
         };
-        let guarded = GuardedField::new(NeuralField::new(stored)?)?;
-        let model = guarded.model();
+        let verified = VerifiedField::new(Field::new(stored)?)?;
+        let model = verified.model();
         let name = |what: &str| format!("{what}, {family}");
         rows.push(trial.classified(
-            &name("GuardedField"),
+            &name("VerifiedField"),
             "proven yes or no",
             "balls and exact counts",
-            &guarded,
+            &verified,
         )?);
         let decided =
-            trial.classified(&name("NeuralField"), "yes, no or near, by calibration", &how, model)?;
+            trial.classified(&name("Field"), "yes, no or undecided, by calibration", &how, model)?;
         rows.push(match model.calibration() {
             Some(_) => decided,
-            // Every pose is near then, which says nothing of the field.
+            // Every pose is undecided then, which says nothing of the field.
             None => Row { answers: "not calibrated (imf calibrate)", free: None, blocked: None, ..decided },
         });
         let (value, slopes) = match model.quantity() {
             Quantity::Overlap => ("overlap, approximate", "overlap with both gradients"),
             Quantity::Depth => ("depth, approximate", "depth with both gradients"),
         };
-        rows.push(trial.valued(&name("NeuralField"), value, &how, model)?);
-        rows.push(trial.sloped(&name("NeuralField"), slopes, &how, model)?);
+        rows.push(trial.valued(&name("Field"), value, &how, model)?);
+        rows.push(trial.sloped(&name("Field"), slopes, &how, model)?);
     }
     let asked = &poses[..poses.len().min(arguments.rival_poses as usize)];
     let (found, missing) = match libraries::meshes(record) {
@@ -142,10 +141,9 @@ pub(crate) fn random_poses(grid: &imf_core::grid::Grid, count: usize, seed: u64)
     let mut number = || f64::from(random.next_u32()) / f64::from(u32::MAX);
     let (low, high) = (grid.centre([0; 3]), grid.centre(grid.dims.map(|n| n - 1)));
     let pose = |orientation: &imf_core::orientation::Orientation| {
-        // A hair inside, so that single precision does not step over a face.
+        // A hair inside, so that single precision on a device does not step over a face.
         let unit = (glam::DVec3::new(number(), number(), number()) - 0.5) * (1.0 - 2e-6) + 0.5;
-        let position: Vec3 = (low + unit * (high - low)).as_vec3();
-        Pose::new(position, DQuat::from_mat3(&orientation.rotation()).as_quat())
+        Pose::oriented(low + unit * (high - low), orientation)
     };
     Ok(set.orientations.iter().map(pose).collect())
 }
@@ -186,7 +184,7 @@ impl Trial<'_> {
     }
 
     fn classified(&self, name: &str, answers: &'static str, how: &str, field: &dyn PoseField) -> Result<Row> {
-        let mut decisions = vec![Decision::Near; self.poses.len()];
+        let mut decisions = vec![Decision::Undecided; self.poses.len()];
         let speed =
             self.speed(|batch, from| Ok(field.classify(batch, &mut decisions[from..from + batch.len()])?))?;
         let share = |decision| {
@@ -196,13 +194,13 @@ impl Trial<'_> {
         let decided: Vec<bool> = decisions
             .iter()
             .zip(self.truth)
-            .filter(|(d, _)| **d != Decision::Near)
+            .filter(|(d, _)| **d != Decision::Undecided)
             .map(|(d, t)| d == t)
             .collect();
         let agree = decided.iter().filter(|&&same| same).count() as f64 / decided.len() as f64;
         Ok(Row {
             free: share(Decision::Free),
-            blocked: share(Decision::Blocked),
+            blocked: share(Decision::Colliding),
             agree: (!decided.is_empty()).then_some(agree),
             ..self.row(name, answers, how, speed)
         })
@@ -210,14 +208,13 @@ impl Trial<'_> {
 
     fn valued(&self, name: &str, answers: &'static str, how: &str, field: &dyn PoseField) -> Result<Row> {
         let mut values = [0.0; BATCH];
-        let speed = self.speed(|batch, _| Ok(field.query(batch, &mut values[..batch.len()])?))?;
+        let speed = self.speed(|batch, _| Ok(field.values(batch, &mut values[..batch.len()])?))?;
         Ok(self.row(name, answers, how, speed))
     }
 
     fn sloped(&self, name: &str, answers: &'static str, how: &str, field: &dyn PoseField) -> Result<Row> {
         let mut gradients = vec![Gradient::NAN; BATCH];
-        let speed =
-            self.speed(|batch, _| Ok(field.query_with_gradient(batch, &mut gradients[..batch.len()])?))?;
+        let speed = self.speed(|batch, _| Ok(field.gradients(batch, &mut gradients[..batch.len()])?))?;
         Ok(self.row(name, answers, how, speed))
     }
 }

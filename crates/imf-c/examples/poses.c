@@ -34,10 +34,10 @@ static const char *name(ImfDecision decision) {
     switch (decision) {
     case IMF_DECISION_FREE:
         return "free";
-    case IMF_DECISION_BLOCKED:
-        return "blocked";
-    case IMF_DECISION_NEAR:
-        return "near";
+    case IMF_DECISION_COLLIDING:
+        return "colliding";
+    case IMF_DECISION_UNDECIDED:
+        return "undecided";
     }
     return "unknown";
 }
@@ -47,19 +47,19 @@ int main(int count_of_arguments, char **arguments) {
         fprintf(stderr, "usage: poses FIELD.safetensors < poses.txt\n");
         return 2;
     }
-    ImfField *guarded = NULL, *exact = NULL;
-    require(imf_open_guarded(arguments[1], &guarded));
+    ImfField *verified = NULL, *exact = NULL;
+    require(imf_open_verified(arguments[1], &verified));
     require(imf_open_exact(arguments[1], &exact));
 
     ImfInfo info;
-    require(imf_info(guarded, &info));
+    require(imf_info(verified, &info));
     printf("%s %.9g %.9g\n", info.quantity == IMF_QUANTITY_DEPTH ? "depth" : "overlap", info.bounds[0],
            info.bounds[1]);
 
     size_t count = 0, capacity = 64;
     ImfPose *poses = room(capacity, sizeof *poses);
-    float n[6];
-    while (scanf("%f %f %f %f %f %f", &n[0], &n[1], &n[2], &n[3], &n[4], &n[5]) == 6) {
+    double n[6];
+    while (scanf("%lf %lf %lf %lf %lf %lf", &n[0], &n[1], &n[2], &n[3], &n[4], &n[5]) == 6) {
         if (count == capacity) {
             capacity *= 2;
             poses = realloc(poses, capacity * sizeof *poses);
@@ -74,7 +74,7 @@ int main(int count_of_arguments, char **arguments) {
     ImfGradient *gradients = room(count, sizeof *gradients);
     float *counted = room(count, sizeof *counted);
     ImfDecision *decisions = room(count, sizeof *decisions);
-    float *points = room(count, 3 * sizeof *points), *rotations = room(count, 4 * sizeof *rotations);
+    double *points = room(count, 3 * sizeof *points), *rotations = room(count, 4 * sizeof *rotations);
     ImfBest *best = room(count, sizeof *best);
     for (size_t i = 0; i < count; i++) {
         for (int axis = 0; axis < 3; axis++) {
@@ -84,10 +84,10 @@ int main(int count_of_arguments, char **arguments) {
             rotations[4 * i + part] = poses[i].rotation[part];
         }
     }
-    require(imf_query_with_gradient(guarded, poses, count, gradients));
-    require(imf_query(exact, poses, count, counted));
-    require(imf_classify(guarded, poses, count, decisions));
-    require(imf_best(guarded, points, count, rotations, count, best));
+    require(imf_gradients(verified, poses, count, gradients));
+    require(imf_values(exact, poses, count, counted));
+    require(imf_classify(verified, poses, count, decisions));
+    require(imf_best(verified, points, count, rotations, count, best));
 
     /* Nine digits tell every float from its neighbours. */
     for (size_t i = 0; i < count; i++) {
@@ -97,9 +97,9 @@ int main(int count_of_arguments, char **arguments) {
                counted[i], name(decisions[i]), best[i].orientation, best[i].value);
     }
     if (count > 0) {
-        ImfPassage passage;
-        require(imf_free_along(guarded, &poses[0], &poses[count - 1], &passage));
-        printf("motion %d %.17g %.17g\n", (int)passage.kind, passage.free_until, passage.until);
+        ImfMotion motion;
+        require(imf_check_motion(verified, &poses[0], &poses[count - 1], &motion));
+        printf("motion %d %.17g %.17g\n", (int)motion.kind, motion.free_until, motion.until);
     }
 
     free(best);
@@ -110,6 +110,6 @@ int main(int count_of_arguments, char **arguments) {
     free(gradients);
     free(poses);
     imf_close(exact);
-    imf_close(guarded);
+    imf_close(verified);
     return 0;
 }

@@ -3,7 +3,7 @@
 // A field is opened from a file that imf wrote, asked about any number of poses, and closed:
 //
 //     ImfField *field = NULL;
-//     if (imf_open_guarded("field.safetensors", &field) != IMF_STATUS_OK) {
+//     if (imf_open_verified("field.safetensors", &field) != IMF_STATUS_OK) {
 //         fprintf(stderr, "%s\n", imf_last_error());
 //         return 1;
 //     }
@@ -60,20 +60,20 @@ typedef enum {
   // It does not.
   IMF_DECISION_FREE = 0,
   // It does; or the pose is none.
-  IMF_DECISION_BLOCKED = 1,
-  // Too close to tell: an exact or guarded field must decide.
-  IMF_DECISION_NEAR = 2,
+  IMF_DECISION_COLLIDING = 1,
+  // Too close to tell: an exact or verified field must decide.
+  IMF_DECISION_UNDECIDED = 2,
 } ImfDecision;
 
 // What is known of a motion.
 typedef enum {
   // No pose of it collides.
-  IMF_PASSAGE_KIND_FREE = 0,
+  IMF_MOTION_KIND_FREE = 0,
   // A pose of it collides.
-  IMF_PASSAGE_KIND_BLOCKED = 1,
+  IMF_MOTION_KIND_COLLIDING = 1,
   // No pose was seen to collide, and a stretch could not be decided: the tool passes by very closely.
-  IMF_PASSAGE_KIND_UNKNOWN = 2,
-} ImfPassageKind;
+  IMF_MOTION_KIND_UNDECIDED = 2,
+} ImfMotionKind;
 
 // A field, opened from a file.
 typedef struct ImfField ImfField;
@@ -81,10 +81,10 @@ typedef struct ImfField ImfField;
 // Where the tool is.
 typedef struct {
   // Position of the tool's tip in the world.
-  float position[3];
+  double position[3];
   // Rotation from the tool's frame (tip at the origin, axis +z from tip to holder) to the world: a quaternion x, y, z, w of
   // any length but 0. The roll about the tool's axis is idle for tools of revolution.
-  float rotation[4];
+  double rotation[4];
 } ImfPose;
 
 // What a field is of. Lengths are in its scene's unit.
@@ -99,7 +99,7 @@ typedef struct {
   double unit_in_mm;
   // Clearance by which holder, shank and cutter of the tool are grown in the file's values.
   double clearance[3];
-  // True where the file has thresholds for the model's own decisions: without, it answers near.
+  // True where the file has thresholds for the model's own decisions: without, it answers undecided.
   bool calibrated;
   // What its values are. An exact field's are overlaps, whatever its file's are.
   ImfQuantity quantity;
@@ -132,15 +132,15 @@ typedef struct {
 // What is known of a motion; times run from 0 at its beginning to 1 at its end.
 typedef struct {
   // Which of the three.
-  ImfPassageKind kind;
+  ImfMotionKind kind;
   // Before this time no pose collides; 1 where it is free.
   double free_until;
-  // Blocked: time of the first pose that was found to collide. Unknown: end of the first stretch that could not be decided.
+  // Colliding: time of the first pose that was found to collide. Undecided: end of the first stretch that could not be decided.
   // Free: 1.
   double until;
-  // Blocked: the pose that collides. Else no pose (NaN).
+  // Colliding: the pose that collides. Else no pose (NaN).
   ImfPose pose;
-} ImfPassage;
+} ImfMotion;
 
 #ifdef __cplusplus
 extern "C" {
@@ -154,36 +154,36 @@ const char *imf_last_error(void);
 const char *imf_version(void);
 
 // The pose of a tool whose tip is at (x, y, z) and whose axis, from tip to holder, points along (i, j, k), of any length
-// but 0; without roll. An axis without direction gives no pose (NaN), which every field answers with NaN and blocked.
-ImfPose imf_pose_along(float x,
-                       float y,
-                       float z,
-                       float i,
-                       float j,
-                       float k);
+// but 0; without roll. An axis without direction gives no pose (NaN), which every field answers with NaN and colliding.
+ImfPose imf_pose_along(double x,
+                       double y,
+                       double z,
+                       double i,
+                       double j,
+                       double k);
 
 // Opens a model of any family: approximate values, gradients, and decisions as good as its calibration. On failure *field
 // is NULL.
 //
 // # Safety
 // path is a text that ends with 0, in UTF-8; field has room for a pointer.
-ImfStatus imf_open_neural(const char *path,
-                          ImfField **field);
+ImfStatus imf_open_model(const char *path,
+                         ImfField **field);
 
 // Opens a model whose decisions are proven: free only where no solid voxel's centre lies in the scene's true tool. Values
 // and gradients are the model's. On failure *field is NULL.
 //
 // # Safety
 // path is a text that ends with 0, in UTF-8; field has room for a pointer.
-ImfStatus imf_open_guarded(const char *path,
-                           ImfField **field);
+ImfStatus imf_open_verified(const char *path,
+                            ImfField **field);
 
-// As imf_open_guarded, for the true tool grown by the clearance that the file was made with. On failure *field is NULL.
+// As imf_open_verified, for the true tool grown by the clearance that the file was made with. On failure *field is NULL.
 //
 // # Safety
 // path is a text that ends with 0, in UTF-8; field has room for a pointer.
-ImfStatus imf_open_guarded_keeping(const char *path,
-                                   ImfField **field);
+ImfStatus imf_open_verified_with_clearance(const char *path,
+                                           ImfField **field);
 
 // Opens the exact field of the scene in a model's file: voxels are counted in the scene's tool, grown by the file's
 // clearance where it has one; the model itself is not used. On failure *field is NULL.
@@ -206,26 +206,26 @@ ImfStatus imf_info(const ImfField *field, ImfInfo *info);
 void imf_close(ImfField *field);
 
 // The overlap, 0 to 1, of every pose: the share of the tool's volume that lies in the obstacle; of a field of depth the depth
-// (ImfInfo.quantity). NaN for what is no pose.
+// (ImfInfo.quantity). NaN for invalid poses.
 //
 // # Safety
 // field was opened and not closed; there are count poses, and room for as many values.
-ImfStatus imf_query(const ImfField *field,
-                    const ImfPose *poses,
-                    size_t count,
-                    float *values);
+ImfStatus imf_values(const ImfField *field,
+                     const ImfPose *poses,
+                     size_t count,
+                     float *values);
 
-// The values of imf_query, but overlaps not clipped, with their derivatives. Those of an exact field, whose values are steps,
+// The values of imf_values, but overlaps not clipped, with their derivatives. Those of an exact field, whose values are steps,
 // are differences over a voxel's width.
 //
 // # Safety
 // field was opened and not closed; there are count poses, and room for as many gradients.
-ImfStatus imf_query_with_gradient(const ImfField *field,
-                                  const ImfPose *poses,
-                                  size_t count,
-                                  ImfGradient *gradients);
+ImfStatus imf_gradients(const ImfField *field,
+                        const ImfPose *poses,
+                        size_t count,
+                        ImfGradient *gradients);
 
-// Whether the tool collides at every pose. Exact and guarded fields decide every pose; a model answers near where its
+// Whether the tool collides at every pose. Exact and verified fields decide every pose; a model answers undecided where its
 // calibration leaves it open, and everywhere outside its box.
 //
 // # Safety
@@ -242,21 +242,21 @@ ImfStatus imf_classify(const ImfField *field,
 // field was opened and not closed; there are 3 * point_count numbers of points, 4 * rotation_count of rotations, and room for
 // point_count answers.
 ImfStatus imf_best(const ImfField *field,
-                   const float *points,
+                   const double *points,
                    size_t point_count,
-                   const float *rotations,
+                   const double *rotations,
                    size_t rotation_count,
                    ImfBest *best);
 
 // Whether the tool may move from a to b: the tip along the straight line, the axis along the great circle, both evenly.
-// Guarded fields alone answer it.
+// Exact and verified fields answer it.
 //
 // # Safety
-// field was opened and not closed; a and b are poses; passage has room for one.
-ImfStatus imf_free_along(const ImfField *field,
-                         const ImfPose *a,
-                         const ImfPose *b,
-                         ImfPassage *passage);
+// field was opened and not closed; a and b are poses; motion has room for one.
+ImfStatus imf_check_motion(const ImfField *field,
+                           const ImfPose *a,
+                           const ImfPose *b,
+                           ImfMotion *motion);
 
 #ifdef __cplusplus
 }  // extern "C"

@@ -3,13 +3,12 @@
 use std::ffi::c_char;
 use std::path::Path;
 
-use imf_core::field::ExactField;
-use imf_core::planner::PoseField;
+use imf_core::field::{ExactField, PoseField};
+use imf_core::motion::MotionChecker;
 use imf_core::scene::Scene;
-use imf_core::section::Quantity;
 use imf_fields::calibration::Calibration;
-use imf_fields::learnt::{GuardedField, LoadError, NeuralField};
-use imf_fields::stored::StoredField;
+use imf_fields::field::{Field, LoadError, VerifiedField};
+use imf_fields::file::FieldFile;
 
 use crate::boundary::{ImfStatus, Places, Refusal, call, path, read_one};
 use crate::values::ImfQuantity;
@@ -22,9 +21,9 @@ pub struct ImfField {
 
 /// Which of the three.
 pub(crate) enum Kind {
-    Neural(Box<NeuralField>),
-    Guarded(Box<GuardedField>),
-    Exact(Box<ExactField<'static>>),
+    Model(Box<Field>),
+    Verified(Box<VerifiedField>),
+    Exact(MotionChecker),
 }
 
 /// What a field is of. Lengths are in its scene's unit.
@@ -41,7 +40,7 @@ pub struct ImfInfo {
     pub unit_in_mm: f64,
     /// Clearance by which holder, shank and cutter of the tool are grown in the file's values.
     pub clearance: [f64; 3],
-    /// True where the file has thresholds for the model's own decisions: without, it answers near.
+    /// True where the file has thresholds for the model's own decisions: without, it answers undecided.
     pub calibrated: bool,
     /// What its values are. An exact field's are overlaps, whatever its file's are.
     pub quantity: ImfQuantity,
@@ -51,11 +50,7 @@ pub struct ImfInfo {
 
 impl ImfField {
     fn new(kind: Kind, scene: &Scene, calibration: Option<&Calibration>) -> Self {
-        let quantity = match &kind {
-            Kind::Neural(field) => field.quantity(),
-            Kind::Guarded(field) => field.model().quantity(),
-            Kind::Exact(_) => Quantity::Overlap,
-        };
+        let quantity = kind.poses().quantity();
         let record = &scene.record;
         let grid = record.grid;
         let clearance = record.clearance;
@@ -74,10 +69,16 @@ impl ImfField {
 
     /// The interface that all kinds share.
     pub(crate) fn poses(&self) -> &dyn PoseField {
-        match &self.kind {
-            Kind::Neural(field) => field.as_ref(),
-            Kind::Guarded(field) => field.as_ref(),
-            Kind::Exact(field) => field.as_ref(),
+        self.kind.poses()
+    }
+}
+
+impl Kind {
+    fn poses(&self) -> &dyn PoseField {
+        match self {
+            Self::Model(field) => field.as_ref(),
+            Self::Verified(field) => field.as_ref(),
+            Self::Exact(checker) => checker.field(),
         }
     }
 }
@@ -87,26 +88,17 @@ fn of_file(error: impl Into<LoadError>) -> Refusal {
     Refusal::new(ImfStatus::File, error.to_string())
 }
 
-fn guarded(field: GuardedField) -> ImfField {
+fn verified(field: VerifiedField) -> ImfField {
     let scene = field.model().scene().clone();
     let calibration = field.model().calibration().copied();
-    ImfField::new(Kind::Guarded(Box::new(field)), &scene, calibration.as_ref())
+    ImfField::new(Kind::Verified(Box::new(field)), &scene, calibration.as_ref())
 }
 
 fn exact(path: &Path) -> Result<ImfField, Refusal> {
-    let stored = StoredField::read(path).map_err(of_file)?;
+    let stored = FieldFile::read(path).map_err(of_file)?;
     let scene = stored.scene();
-    if scene.record.contact.is_some() {
-        return Err(Refusal::new(
-            ImfStatus::Unsupported,
-            format!(
-                "{}: its cutter may enter a layer of the part, which one exact field does not count: open it guarded",
-                path.display()
-            ),
-        ));
-    }
-    let field = ExactField::owned(scene.obstacle.clone(), scene.record.tool.clone());
-    Ok(ImfField::new(Kind::Exact(Box::new(field)), scene, stored.calibration()))
+    let field = ExactField::of_scene(scene, &scene.record.clearance).map_err(of_file)?;
+    Ok(ImfField::new(Kind::Exact(MotionChecker::new(field)), scene, stored.calibration()))
 }
 
 /// Opens and hands over, or leaves `*field` NULL.
@@ -135,11 +127,11 @@ unsafe fn open(
 /// # Safety
 /// path is a text that ends with 0, in UTF-8; field has room for a pointer.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn imf_open_neural(path: *const c_char, field: *mut *mut ImfField) -> ImfStatus {
+pub unsafe extern "C" fn imf_open_model(path: *const c_char, field: *mut *mut ImfField) -> ImfStatus {
     let opened = |path: &Path| {
-        let field = NeuralField::load(path).map_err(of_file)?;
+        let field = Field::load(path).map_err(of_file)?;
         let (scene, calibration) = (field.scene().clone(), field.calibration().copied());
-        Ok(ImfField::new(Kind::Neural(Box::new(field)), &scene, calibration.as_ref()))
+        Ok(ImfField::new(Kind::Model(Box::new(field)), &scene, calibration.as_ref()))
     };
     // SAFETY: promised by the caller.
     unsafe { open(path, field, opened) }
@@ -151,25 +143,25 @@ pub unsafe extern "C" fn imf_open_neural(path: *const c_char, field: *mut *mut I
 /// # Safety
 /// path is a text that ends with 0, in UTF-8; field has room for a pointer.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn imf_open_guarded(path: *const c_char, field: *mut *mut ImfField) -> ImfStatus {
-    let opened = |path: &Path| Ok(guarded(GuardedField::load(path).map_err(of_file)?));
+pub unsafe extern "C" fn imf_open_verified(path: *const c_char, field: *mut *mut ImfField) -> ImfStatus {
+    let opened = |path: &Path| Ok(verified(VerifiedField::load(path).map_err(of_file)?));
     // SAFETY: promised by the caller.
     unsafe { open(path, field, opened) }
 }
 
-/// As imf_open_guarded, for the true tool grown by the clearance that the file was made with. On failure *field is NULL.
+/// As imf_open_verified, for the true tool grown by the clearance that the file was made with. On failure *field is NULL.
 ///
 /// # Safety
 /// path is a text that ends with 0, in UTF-8; field has room for a pointer.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn imf_open_guarded_keeping(
+pub unsafe extern "C" fn imf_open_verified_with_clearance(
     path: *const c_char,
     field: *mut *mut ImfField,
 ) -> ImfStatus {
     let opened = |path: &Path| {
-        let model = NeuralField::load(path).map_err(of_file)?;
+        let model = Field::load(path).map_err(of_file)?;
         let clearance = model.scene().record.clearance;
-        Ok(guarded(GuardedField::keeping(model, clearance).map_err(of_file)?))
+        Ok(verified(VerifiedField::with_clearance(model, clearance).map_err(of_file)?))
     };
     // SAFETY: promised by the caller.
     unsafe { open(path, field, opened) }

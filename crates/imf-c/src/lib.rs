@@ -1,6 +1,6 @@
 //! The C interface: fields that answer poses, for planners that are not written in Rust.
 //!
-//! It owns the boundary between C and [`imf_core::planner`], and computes nothing itself: values, gradients, decisions
+//! It owns the boundary between C and [`imf_core::field`], and computes nothing itself: values, gradients, decisions
 //! and proofs are those of the Rust calls, bit for bit. Conventions of the boundary:
 //!
 //! - every function that can fail returns an [`ImfStatus`]; [`imf_last_error`] has the message of this thread's last failure;
@@ -17,11 +17,11 @@
 //! ```
 //! use std::ptr::null_mut;
 //!
-//! use imf_c::{ImfStatus, imf_last_error, imf_open_guarded};
+//! use imf_c::{ImfStatus, imf_last_error, imf_open_verified};
 //!
 //! let mut field = null_mut();
 //! // SAFETY: a text that ends with 0, and a place for the field.
-//! let status = unsafe { imf_open_guarded(c"no/such/file.safetensors".as_ptr(), &mut field) };
+//! let status = unsafe { imf_open_verified(c"no/such/file.safetensors".as_ptr(), &mut field) };
 //! assert_eq!(status, ImfStatus::File);
 //! // SAFETY: read before the next call.
 //! let why = unsafe { std::ffi::CStr::from_ptr(imf_last_error()) };
@@ -37,10 +37,10 @@ mod values;
 
 pub use boundary::{ImfStatus, imf_last_error, imf_version};
 pub use field::{
-    ImfField, ImfInfo, imf_close, imf_info, imf_open_exact, imf_open_guarded, imf_open_guarded_keeping,
-    imf_open_neural,
+    ImfField, ImfInfo, imf_close, imf_info, imf_open_exact, imf_open_model, imf_open_verified,
+    imf_open_verified_with_clearance,
 };
-pub use query::{imf_best, imf_classify, imf_free_along, imf_query, imf_query_with_gradient};
+pub use query::{imf_best, imf_check_motion, imf_classify, imf_gradients, imf_values};
 pub use values::{
-    ImfBest, ImfDecision, ImfGradient, ImfPassage, ImfPassageKind, ImfPose, ImfQuantity, imf_pose_along,
+    ImfBest, ImfDecision, ImfGradient, ImfMotion, ImfMotionKind, ImfPose, ImfQuantity, imf_pose_along,
 };

@@ -1,19 +1,20 @@
 //! Questions: poses in C's layout are turned into the planner's a block at a time, on the stack.
 
-use glam::{Quat, Vec3};
-use imf_core::planner::{Best, Decision, Gradient, PlannerError, Pose};
+use imf_core::field::{Best, Decision, FieldError, Gradient};
+use imf_core::glam::{DQuat, DVec3};
+use imf_core::pose::Pose;
 
 use crate::boundary::{ImfStatus, Places, Refusal, call, read, read_one};
 use crate::field::{ImfField, Kind};
-use crate::values::{ImfBest, ImfDecision, ImfGradient, ImfPassage, ImfPose};
+use crate::values::{ImfBest, ImfDecision, ImfGradient, ImfMotion, ImfPose};
 
 /// Poses turned at a time: the block that the planner's fields work in, so that batches are cut alike.
 const BLOCK: usize = 256;
 
-fn of_planner(error: &PlannerError) -> Refusal {
+fn of_field(error: &FieldError) -> Refusal {
     let status = match error {
-        PlannerError::Length { .. } | PlannerError::Orientations(_) => ImfStatus::Argument,
-        PlannerError::Tool(_) | PlannerError::Device(_) => ImfStatus::NoAnswer,
+        FieldError::Length { .. } | FieldError::Orientations(_) => ImfStatus::Argument,
+        _ => ImfStatus::NoAnswer,
     };
     Refusal::new(status, error.to_string())
 }
@@ -29,7 +30,7 @@ unsafe fn each<T: Copy, C: Copy + From<T>>(
     answers: *mut C,
     what: &str,
     blank: T,
-    ask: impl Fn(&ImfField, &[Pose], &mut [T]) -> Result<(), PlannerError>,
+    ask: impl Fn(&ImfField, &[Pose], &mut [T]) -> Result<(), FieldError>,
 ) -> ImfStatus {
     call(|| {
         // SAFETY: promised by the caller.
@@ -37,14 +38,14 @@ unsafe fn each<T: Copy, C: Copy + From<T>>(
         // SAFETY: promised by the caller.
         let (poses, mut answers) =
             unsafe { (read(poses, count, "poses")?, Places::new(answers, count, what)?) };
-        let mut turned = [Pose::new(Vec3::ZERO, Quat::IDENTITY); BLOCK];
+        let mut turned = [Pose::new(DVec3::ZERO, DQuat::IDENTITY); BLOCK];
         let mut found = [blank; BLOCK];
         for (block, poses) in poses.chunks(BLOCK).enumerate() {
             for (turned, pose) in turned.iter_mut().zip(poses) {
                 *turned = pose.to_pose();
             }
             let found = &mut found[..poses.len()];
-            ask(field, &turned[..poses.len()], found).map_err(|error| of_planner(&error))?;
+            ask(field, &turned[..poses.len()], found).map_err(|error| of_field(&error))?;
             for (place, &answer) in found.iter().enumerate() {
                 answers.write(block * BLOCK + place, answer.into());
             }
@@ -54,39 +55,39 @@ unsafe fn each<T: Copy, C: Copy + From<T>>(
 }
 
 /// The overlap, 0 to 1, of every pose: the share of the tool's volume that lies in the obstacle; of a field of depth the depth
-/// (ImfInfo.quantity). NaN for what is no pose.
+/// (ImfInfo.quantity). NaN for invalid poses.
 ///
 /// # Safety
 /// field was opened and not closed; there are count poses, and room for as many values.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn imf_query(
+pub unsafe extern "C" fn imf_values(
     field: *const ImfField,
     poses: *const ImfPose,
     count: usize,
     values: *mut f32,
 ) -> ImfStatus {
     // SAFETY: promised by the caller.
-    unsafe { each(field, poses, count, values, "values", 0.0_f32, |f, p, v| f.poses().query(p, v)) }
+    unsafe { each(field, poses, count, values, "values", 0.0_f32, |f, p, v| f.poses().values(p, v)) }
 }
 
-/// The values of imf_query, but overlaps not clipped, with their derivatives. Those of an exact field, whose values are steps,
+/// The values of imf_values, but overlaps not clipped, with their derivatives. Those of an exact field, whose values are steps,
 /// are differences over a voxel's width.
 ///
 /// # Safety
 /// field was opened and not closed; there are count poses, and room for as many gradients.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn imf_query_with_gradient(
+pub unsafe extern "C" fn imf_gradients(
     field: *const ImfField,
     poses: *const ImfPose,
     count: usize,
     gradients: *mut ImfGradient,
 ) -> ImfStatus {
-    let ask = |f: &ImfField, p: &[Pose], g: &mut [Gradient]| f.poses().query_with_gradient(p, g);
+    let ask = |f: &ImfField, p: &[Pose], g: &mut [Gradient]| f.poses().gradients(p, g);
     // SAFETY: promised by the caller.
     unsafe { each(field, poses, count, gradients, "gradients", Gradient::NAN, ask) }
 }
 
-/// Whether the tool collides at every pose. Exact and guarded fields decide every pose; a model answers near where its
+/// Whether the tool collides at every pose. Exact and verified fields decide every pose; a model answers undecided where its
 /// calibration leaves it open, and everywhere outside its box.
 ///
 /// # Safety
@@ -100,7 +101,7 @@ pub unsafe extern "C" fn imf_classify(
 ) -> ImfStatus {
     let ask = |f: &ImfField, p: &[Pose], d: &mut [Decision]| f.poses().classify(p, d);
     // SAFETY: promised by the caller.
-    unsafe { each(field, poses, count, decisions, "decisions", Decision::Near, ask) }
+    unsafe { each(field, poses, count, decisions, "decisions", Decision::Undecided, ask) }
 }
 
 /// The inaccessibility measure with the best orientation of every point: points are x, y, z, three numbers each; rotations are
@@ -112,9 +113,9 @@ pub unsafe extern "C" fn imf_classify(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn imf_best(
     field: *const ImfField,
-    points: *const f32,
+    points: *const f64,
     point_count: usize,
-    rotations: *const f32,
+    rotations: *const f64,
     rotation_count: usize,
     best: *mut ImfBest,
 ) -> ImfStatus {
@@ -129,10 +130,10 @@ pub unsafe extern "C" fn imf_best(
                 Places::new(best, point_count, "best")?,
             )
         };
-        let points: Vec<Vec3> = points.as_chunks().0.iter().copied().map(Vec3::from_array).collect();
-        let rotations: Vec<Quat> = rotations.as_chunks().0.iter().copied().map(Quat::from_array).collect();
+        let points: Vec<DVec3> = points.as_chunks().0.iter().copied().map(DVec3::from_array).collect();
+        let rotations: Vec<DQuat> = rotations.as_chunks().0.iter().copied().map(DQuat::from_array).collect();
         let mut found = vec![Best::NONE; points.len()];
-        field.poses().imf(&points, &rotations, &mut found).map_err(|error| of_planner(&error))?;
+        field.poses().best(&points, &rotations, &mut found).map_err(|error| of_field(&error))?;
         for (place, best) in found.into_iter().enumerate() {
             places.write(place, best.into());
         }
@@ -141,27 +142,31 @@ pub unsafe extern "C" fn imf_best(
 }
 
 /// Whether the tool may move from a to b: the tip along the straight line, the axis along the great circle, both evenly.
-/// Guarded fields alone answer it.
+/// Exact and verified fields answer it.
 ///
 /// # Safety
-/// field was opened and not closed; a and b are poses; passage has room for one.
+/// field was opened and not closed; a and b are poses; motion has room for one.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn imf_free_along(
+pub unsafe extern "C" fn imf_check_motion(
     field: *const ImfField,
     a: *const ImfPose,
     b: *const ImfPose,
-    passage: *mut ImfPassage,
+    motion: *mut ImfMotion,
 ) -> ImfStatus {
     call(|| {
         // SAFETY: promised by the caller.
         let (field, a, b) = unsafe { (read_one(field, "field")?, read_one(a, "a")?, read_one(b, "b")?) };
         // SAFETY: promised by the caller.
-        let mut place = unsafe { Places::new(passage, 1, "passage") }?;
-        let Kind::Guarded(guarded) = &field.kind else {
-            let message = "motions are proven by guarded fields alone: open the file by imf_open_guarded";
-            return Err(Refusal::new(ImfStatus::Unsupported, message));
+        let mut place = unsafe { Places::new(motion, 1, "motion") }?;
+        let found = match &field.kind {
+            Kind::Verified(verified) => verified.check_motion(&a.to_pose(), &b.to_pose()),
+            Kind::Exact(checker) => checker.check_motion(&a.to_pose(), &b.to_pose()),
+            Kind::Model(_) => {
+                let message = "motions are proven by exact and verified fields: open the file by imf_open_exact or \
+                               imf_open_verified";
+                return Err(Refusal::new(ImfStatus::Unsupported, message));
+            }
         };
-        let found = guarded.free_along(&a.to_pose(), &b.to_pose());
         place.write(0, found.map_err(|error| Refusal::new(ImfStatus::NoAnswer, error.to_string()))?.into());
         Ok(())
     })

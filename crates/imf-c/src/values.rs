@@ -1,7 +1,9 @@
 //! Poses and answers as C holds them.
 
-use glam::{Quat, Vec3};
-use imf_core::planner::{Best, Decision, Gradient, Passage, Pose, rotation_along};
+use imf_core::field::{Best, Decision, Gradient};
+use imf_core::glam::{DQuat, DVec3};
+use imf_core::motion::MotionResult;
+use imf_core::pose::Pose;
 use imf_core::section::Quantity;
 
 /// Where the tool is.
@@ -9,10 +11,10 @@ use imf_core::section::Quantity;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImfPose {
     /// Position of the tool's tip in the world.
-    pub position: [f32; 3],
+    pub position: [f64; 3],
     /// Rotation from the tool's frame (tip at the origin, axis +z from tip to holder) to the world: a quaternion x, y, z, w of
     /// any length but 0. The roll about the tool's axis is idle for tools of revolution.
-    pub rotation: [f32; 4],
+    pub rotation: [f64; 4],
 }
 
 /// Whether the tool collides.
@@ -22,9 +24,9 @@ pub enum ImfDecision {
     /// It does not.
     Free = 0,
     /// It does; or the pose is none.
-    Blocked = 1,
-    /// Too close to tell: an exact or guarded field must decide.
-    Near = 2,
+    Colliding = 1,
+    /// Too close to tell: an exact or verified field must decide.
+    Undecided = 2,
 }
 
 /// What a field's values are. Either falls towards freedom.
@@ -67,46 +69,43 @@ pub struct ImfBest {
 /// What is known of a motion.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ImfPassageKind {
+pub enum ImfMotionKind {
     /// No pose of it collides.
     Free = 0,
     /// A pose of it collides.
-    Blocked = 1,
+    Colliding = 1,
     /// No pose was seen to collide, and a stretch could not be decided: the tool passes by very closely.
-    Unknown = 2,
+    Undecided = 2,
 }
 
 /// What is known of a motion; times run from 0 at its beginning to 1 at its end.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ImfPassage {
+pub struct ImfMotion {
     /// Which of the three.
-    pub kind: ImfPassageKind,
+    pub kind: ImfMotionKind,
     /// Before this time no pose collides; 1 where it is free.
     pub free_until: f64,
-    /// Blocked: time of the first pose that was found to collide. Unknown: end of the first stretch that could not be decided.
+    /// Colliding: time of the first pose that was found to collide. Undecided: end of the first stretch that could not be decided.
     /// Free: 1.
     pub until: f64,
-    /// Blocked: the pose that collides. Else no pose (NaN).
+    /// Colliding: the pose that collides. Else no pose (NaN).
     pub pose: ImfPose,
 }
 
-const NO_POSE: ImfPose = ImfPose { position: [f32::NAN; 3], rotation: [f32::NAN; 4] };
+const NO_POSE: ImfPose = ImfPose { position: [f64::NAN; 3], rotation: [f64::NAN; 4] };
 
 /// The pose of a tool whose tip is at (x, y, z) and whose axis, from tip to holder, points along (i, j, k), of any length
-/// but 0; without roll. An axis without direction gives no pose (NaN), which every field answers with NaN and blocked.
+/// but 0; without roll. An axis without direction gives no pose (NaN), which every field answers with NaN and colliding.
 #[unsafe(no_mangle)]
-pub extern "C" fn imf_pose_along(x: f32, y: f32, z: f32, i: f32, j: f32, k: f32) -> ImfPose {
-    let pose = std::panic::catch_unwind(|| ImfPose {
-        position: [x, y, z],
-        rotation: rotation_along(Vec3::new(i, j, k)).to_array(),
-    });
+pub extern "C" fn imf_pose_along(x: f64, y: f64, z: f64, i: f64, j: f64, k: f64) -> ImfPose {
+    let pose = std::panic::catch_unwind(|| Pose::along(DVec3::new(x, y, z), DVec3::new(i, j, k)).into());
     pose.unwrap_or(NO_POSE)
 }
 
 impl ImfPose {
     pub(crate) fn to_pose(self) -> Pose {
-        Pose::new(Vec3::from_array(self.position), Quat::from_array(self.rotation))
+        Pose::new(DVec3::from_array(self.position), DQuat::from_array(self.rotation))
     }
 }
 
@@ -120,8 +119,8 @@ impl From<Decision> for ImfDecision {
     fn from(decision: Decision) -> Self {
         match decision {
             Decision::Free => Self::Free,
-            Decision::Blocked => Self::Blocked,
-            Decision::Near => Self::Near,
+            Decision::Colliding => Self::Colliding,
+            Decision::Undecided => Self::Undecided,
         }
     }
 }
@@ -152,15 +151,17 @@ impl From<Best> for ImfBest {
     }
 }
 
-impl From<Passage> for ImfPassage {
-    fn from(passage: Passage) -> Self {
-        match passage {
-            Passage::Free => Self { kind: ImfPassageKind::Free, free_until: 1.0, until: 1.0, pose: NO_POSE },
-            Passage::Blocked { free_until, at, pose } => {
-                Self { kind: ImfPassageKind::Blocked, free_until, until: at, pose: pose.into() }
+impl From<MotionResult> for ImfMotion {
+    fn from(motion: MotionResult) -> Self {
+        match motion {
+            MotionResult::Free => {
+                Self { kind: ImfMotionKind::Free, free_until: 1.0, until: 1.0, pose: NO_POSE }
             }
-            Passage::Unknown { from, to } => {
-                Self { kind: ImfPassageKind::Unknown, free_until: from, until: to, pose: NO_POSE }
+            MotionResult::Colliding { free_until, at, pose } => {
+                Self { kind: ImfMotionKind::Colliding, free_until, until: at, pose: pose.into() }
+            }
+            MotionResult::Undecided { from, to } => {
+                Self { kind: ImfMotionKind::Undecided, free_until: from, until: to, pose: NO_POSE }
             }
         }
     }

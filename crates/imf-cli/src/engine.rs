@@ -1,18 +1,16 @@
 //! Choosing where networks run.
 
 use anyhow::{Context, Result, ensure};
-use imf_core::field::WholeField;
-use imf_fields::factored::FactoredAnswers;
-use imf_fields::harmonic::HarmonicAnswers;
-use imf_fields::harmonic::coefficients::Precision as CoefficientPrecision;
-use imf_fields::learnt::LearntField;
+use imf_core::field::{FieldError, GridField, values_on_all_threads};
+use imf_core::pose::Pose;
+use imf_fields::field::Field;
+use imf_fields::file::FieldFile;
 use imf_fields::recipe::TrainingPlan;
 use imf_fields::recipe::{Precision, TrainingState};
 use imf_fields::siren::EvaluationEngine;
 use imf_fields::siren::SirenShape;
 use imf_fields::siren::evaluator::CpuEvaluator;
-use imf_fields::stored::StoredField;
-use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuTrainer, GpuWhole};
+use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuField, GpuTrainer};
 use imf_train::engine::CpuTrainer;
 use imf_train::training::TrainingEngine;
 
@@ -21,9 +19,30 @@ use crate::session::Session;
 
 /// How often a field is asked for values over its whole grid.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Calls {
+pub enum Calls {
+    /// A section, or a minimum.
     One,
+    /// One after the other.
     Many,
+}
+
+/// A field, and where it is evaluated.
+pub struct Evaluated {
+    /// The field.
+    pub field: Box<dyn GridField>,
+    /// The device's name for people.
+    pub by: String,
+    on_gpu: bool,
+}
+
+impl Evaluated {
+    /// Values of poses, on all threads or on the GPU.
+    pub fn values(&self, poses: &[Pose], values: &mut [f32]) -> Result<(), FieldError> {
+        match self.on_gpu {
+            true => self.field.values(poses, values),
+            false => values_on_all_threads(&*self.field, poses, values),
+        }
+    }
 }
 
 /// The CPU engine or an opened GPU.
@@ -60,8 +79,8 @@ impl Device {
     }
 
     /// Opens what `--device` names for a field that is to be evaluated. `auto` is the CPU but for networks of the paper's kind.
-    pub(crate) fn for_field(name: &str, session: &Session, stored: &StoredField) -> Result<Self> {
-        let asked = matches!(stored, StoredField::Siren(_)) || !name.eq_ignore_ascii_case("auto");
+    pub(crate) fn for_field(name: &str, session: &Session, stored: &FieldFile) -> Result<Self> {
+        let asked = matches!(stored, FieldFile::Siren(_)) || !name.eq_ignore_ascii_case("auto");
         Self::open(if asked { name } else { "cpu" }, session)
     }
 
@@ -82,14 +101,14 @@ impl Device {
     }
 
     /// Bytes of this machine's memory that a field's coefficients take once more when it is evaluated over its grid.
-    pub(crate) fn copied_bytes(&self, stored: &StoredField, calls: Calls) -> u64 {
+    pub(crate) fn copied_bytes(&self, stored: &FieldFile, calls: Calls) -> u64 {
         let axes = match (stored, self) {
-            (StoredField::Siren(_), _) => 0,
+            (FieldFile::Siren(_), _) => 0,
             // They are there already.
-            (StoredField::Harmonic(_), Self::Cpu) => 0,
-            (StoredField::Harmonic(file), Self::Gpu(_)) => file.field.axis_count(),
-            (StoredField::Factored(_), Self::Cpu) if calls == Calls::One => 0,
-            (StoredField::Factored(file), _) => file.field.coefficient_count(),
+            (FieldFile::Harmonic(_), Self::Cpu) => 0,
+            (FieldFile::Harmonic(file), Self::Gpu(_)) => file.field.axis_count(),
+            (FieldFile::Factored(_), Self::Cpu) if calls == Calls::One => 0,
+            (FieldFile::Factored(file), _) => file.field.coefficient_count(),
         };
         let axes = match self {
             Self::Cpu => axes,
@@ -98,37 +117,22 @@ impl Device {
         if self.shares_memory() { 4 * (stored.scene().record.grid.len() * axes) as u64 } else { 0 }
     }
 
-    /// Does some work with a field over its grid, and the name of what evaluates it. For many calls a factored field's network runs once
-    /// at every voxel before.
-    pub(crate) fn with_whole<T>(
-        &self,
-        session: &Session,
-        stored: &StoredField,
-        calls: Calls,
-        work: impl FnOnce(&mut dyn WholeField, String) -> Result<T>,
-    ) -> Result<T> {
-        let name = self.describe(session);
-        match (stored, self) {
-            (StoredField::Siren(model), _) => {
-                let mut engine = self.evaluator(model.shape, &model.state.parameters)?;
-                let name = engine.describe();
-                work(&mut LearntField::new(model.scene.record.grid, engine.as_mut()), name)
+    /// A field on this device. For many calls over the whole grid a factored field's network runs once at every voxel, now on the
+    /// CPU, at the first call on a GPU.
+    pub fn field(&self, session: &Session, file: &FieldFile, calls: Calls) -> Result<Evaluated> {
+        let by = match (file, self) {
+            (FieldFile::Siren(model), Self::Cpu) => {
+                CpuEvaluator::new(model.shape, &model.state.parameters)?.describe()
             }
-            (StoredField::Harmonic(file), Self::Cpu) => work(&mut HarmonicAnswers(&file.field), name),
-            (StoredField::Harmonic(file), Self::Gpu(gpu)) => {
-                work(&mut GpuWhole::of_harmonic(gpu, &file.field)?, name)
-            }
-            (StoredField::Factored(file), Self::Cpu) if calls == Calls::One => {
-                work(&mut FactoredAnswers(file.field.evaluator()), name)
-            }
-            (StoredField::Factored(file), Self::Cpu) => {
-                let expanded = file.field.evaluator().expanded(CoefficientPrecision::F32, file.report);
-                work(&mut HarmonicAnswers(&expanded), name)
-            }
-            (StoredField::Factored(file), Self::Gpu(gpu)) => {
-                work(&mut GpuWhole::of_factored(gpu, &file.field)?, name)
-            }
-        }
+            _ => self.describe(session),
+        };
+        let on_gpu = matches!(self, Self::Gpu(_));
+        let field: Box<dyn GridField> = match self {
+            Self::Gpu(gpu) => Box::new(GpuField::new(gpu, file.clone())?),
+            Self::Cpu if calls == Calls::Many => Box::new(Field::new(file.clone())?.expanded()),
+            Self::Cpu => Box::new(Field::new(file.clone())?),
+        };
+        Ok(Evaluated { field, by, on_gpu })
     }
 
     /// Bytes of this machine's memory, or of the GPU's, that an engine takes, about.

@@ -9,11 +9,11 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use imf_core::control::Control;
-use imf_core::field::WholeField;
+use imf_core::field::GridField;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::SectionPlan;
 use imf_core::tool::Clearance;
-use imf_fields::evaluation::{ImfComparison, nearest_sections, whole_imf, whole_sections};
+use imf_fields::evaluation::{ImfComparison, grid_imf, grid_sections, nearest_sections};
 use imf_fields::metrics::ErrorReport;
 use serde::Serialize;
 
@@ -92,7 +92,7 @@ pub struct Evaluation {
 pub fn evaluate(
     session: &Session,
     subject: &Subject<'_>,
-    field: &mut dyn WholeField,
+    field: &dyn GridField,
     engine: String,
     questions: &Questions,
 ) -> Result<Evaluation> {
@@ -118,7 +118,7 @@ pub fn evaluate(
         // Whether training saw it is looked up, not assumed.
         let seen = training.iter().any(|o| (o.direction() - orientation.direction()).length() < 1e-9);
         let kind = if seen { "in-sample" } else { "out-of-sample" };
-        let errors = whole_sections(&plan, &[*orientation], field, tau, control)?.overall;
+        let errors = grid_sections(&plan, &[*orientation], field, tau, control)?.overall;
         let degrees =
             |angle: f64| format!("{angle:.2}").trim_end_matches('0').trim_end_matches('.').to_owned();
         let name =
@@ -126,7 +126,7 @@ pub fn evaluate(
         rows.push(Row { name, orientations: 1, errors });
     }
     let random = &questions.random.orientations;
-    let learnt = whole_sections(&plan, random, field, tau, control)?.overall;
+    let learnt = grid_sections(&plan, random, field, tau, control)?.overall;
     let nearest = nearest_sections(&plan, random, training, tau, control)?.overall;
     let n = random.len();
     rows.push(Row { name: format!("{n} random sections"), orientations: n, errors: learnt });
@@ -135,7 +135,7 @@ pub fn evaluate(
         orientations: n,
         errors: nearest,
     });
-    let imf = whole_imf(&plan, &questions.imf.orientations, field, tau, control)?;
+    let imf = grid_imf(&plan, &questions.imf.orientations, field, tau, control)?;
     let name = format!("IMF over {} ({})", questions.imf.len(), questions.imf.spec);
     rows.push(Row { name, orientations: questions.imf.len(), errors: imf.errors });
     stage.finish("");
@@ -261,7 +261,7 @@ impl Report {
 
 impl Evaluation {
     /// Writes `report.json`, `report.md` and the pictures.
-    pub fn write(&self, folder: &Path, subject: &Subject<'_>, field: &mut dyn WholeField) -> Result<()> {
+    pub fn write(&self, folder: &Path, subject: &Subject<'_>, field: &dyn GridField) -> Result<()> {
         self.draw_sections(&folder.join("sections.png"), subject, field).context("sections.png")?;
         self.draw_imf(&folder.join("imf.png"), subject).context("imf.png")?;
         self.error_bars().save(&folder.join("errors.png"))?;
@@ -282,7 +282,7 @@ impl Evaluation {
         write_text(&folder.join("report.md"), &self.report.markdown(&pictures))
     }
 
-    fn draw_sections(&self, path: &Path, subject: &Subject<'_>, field: &mut dyn WholeField) -> Result<()> {
+    fn draw_sections(&self, path: &Path, subject: &Subject<'_>, field: &dyn GridField) -> Result<()> {
         let (grid, unit) = (*self.plan.grid(), subject.scene.record.unit);
         let shown_as = self.report.made.shown_as;
         let axis = 1;
@@ -292,7 +292,7 @@ impl Evaluation {
         let mut slices_shown = Vec::new();
         for (orientation, section) in shown.iter().zip(&exact) {
             let mut learnt = vec![0.0; grid.len()];
-            field.section_at(orientation, &mut learnt)?;
+            field.section(orientation, &mut learnt)?;
             let exact = slices::slice(section, &grid, axis, middle);
             let learnt = slices::slice(&learnt, &grid, axis, middle);
             let difference = &learnt - &exact;

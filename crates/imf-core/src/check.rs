@@ -10,6 +10,8 @@
 
 mod interpolate;
 
+use std::sync::Arc;
+
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -17,8 +19,9 @@ use thiserror::Error;
 
 use crate::control::Control;
 use crate::distance::deeper_than;
-use crate::field::{ExactField, Pose};
+use crate::field::solid::SolidField;
 use crate::occupancy::Occupancy;
+use crate::pose::Pose;
 use crate::tool::{Clearance, ClearanceError, Element, ElementKind, Tool, ToolError};
 use crate::toolpath::{OppositeAxes, Toolpath};
 use interpolate::Poses;
@@ -141,8 +144,8 @@ pub struct CheckReport {
 }
 
 /// Some elements against one obstacle.
-struct Guard<'a> {
-    field: ExactField<'a>,
+struct ElementGroup {
+    field: SolidField,
     names: Vec<String>,
     against: Against,
 }
@@ -182,8 +185,9 @@ pub fn check_toolpath_with(
     check_settings(settings)?;
     tool.check()?;
     let elements = tool.inflated_elements(&settings.clearance)?;
-    let deep = deeper_than(part, settings.contact);
-    let guards = guards(part, &deep, fixtures, tool, &elements, settings)?;
+    let (voxels, deep) = (Arc::new(part.clone()), Arc::new(deeper_than(part, settings.contact)));
+    let fixtures = fixtures.map(|fixtures| Arc::new(fixtures.clone()));
+    let groups = element_groups(&voxels, &deep, fixtures.as_ref(), tool, &elements, settings)?;
     let reach =
         tool.reach() + settings.clearance.holder.max(settings.clearance.shank).max(settings.clearance.cutter);
     // Every motion is tried before any work is done.
@@ -196,7 +200,7 @@ pub fn check_toolpath_with(
             if control.is_cancelled() {
                 return Err(CheckError::Cancelled);
             }
-            let line = check_motion(&guards, motion, is_free, part.grid.voxel_volume());
+            let line = check_motion(&groups, motion, is_free, part.grid.voxel_volume());
             (control.progress)(1);
             Ok(line)
         })
@@ -222,14 +226,14 @@ fn check_settings(settings: &CheckSettings) -> Result<(), CheckError> {
 }
 
 /// Which elements must stay out of which obstacle.
-fn guards<'a>(
-    part: &'a Occupancy,
-    deep: &'a Occupancy,
-    fixtures: Option<&'a Occupancy>,
-    tool: &'a Tool,
+fn element_groups(
+    part: &Arc<Occupancy>,
+    deep: &Arc<Occupancy>,
+    fixtures: Option<&Arc<Occupancy>>,
+    tool: &Tool,
     elements: &[Element],
     settings: &CheckSettings,
-) -> Result<Vec<Guard<'a>>, CheckError> {
+) -> Result<Vec<ElementGroup>, CheckError> {
     let (cutter, rest): (Vec<Element>, Vec<Element>) =
         elements.iter().cloned().partition(|e| e.kind == ElementKind::Cutter);
     let wanted = [
@@ -237,28 +241,28 @@ fn guards<'a>(
         (Some(part), &rest[..], Against::Part),
         (fixtures, elements, Against::Fixtures),
     ];
-    let mut guards = Vec::new();
+    let mut groups = Vec::new();
     for (obstacle, elements, against) in wanted {
         let Some(obstacle) = obstacle.filter(|_| !elements.is_empty()) else { continue };
-        let Some(field) = ExactField::of_elements(obstacle, elements) else {
+        let Some(field) = SolidField::of_elements(obstacle.clone(), elements) else {
             if settings.clearance.is_zero() {
                 return Ok(whole_tool(part, fixtures, tool));
             }
             return Err(CheckError::Outline(tool.name.clone()));
         };
         let names = elements.iter().map(|e| e.kind.to_string()).collect();
-        guards.push(Guard { field, names, against });
+        groups.push(ElementGroup { field, names, against });
     }
     // A mesh has no cutter that could be let touch.
-    Ok(if elements.is_empty() { whole_tool(part, fixtures, tool) } else { guards })
+    Ok(if elements.is_empty() { whole_tool(part, fixtures, tool) } else { groups })
 }
 
-fn whole_tool<'a>(part: &'a Occupancy, fixtures: Option<&'a Occupancy>, tool: &'a Tool) -> Vec<Guard<'a>> {
+fn whole_tool(part: &Arc<Occupancy>, fixtures: Option<&Arc<Occupancy>>, tool: &Tool) -> Vec<ElementGroup> {
     [(Some(part), Against::Part), (fixtures, Against::Fixtures)]
         .into_iter()
         .filter_map(|(obstacle, against)| Some((obstacle?, against)))
-        .map(|(obstacle, against)| Guard {
-            field: ExactField::of_tool(obstacle, tool),
+        .map(|(obstacle, against)| ElementGroup {
+            field: SolidField::of_tool(obstacle.clone(), tool),
             names: vec!["tool".into()],
             against,
         })
@@ -266,31 +270,31 @@ fn whole_tool<'a>(part: &'a Occupancy, fixtures: Option<&'a Occupancy>, tool: &'
 }
 
 fn check_motion(
-    guards: &[Guard<'_>],
+    groups: &[ElementGroup],
     motion: &Poses,
     is_free: &dyn Fn(&Pose) -> bool,
     voxel_volume: f64,
 ) -> LineCollisions {
     let mut line = LineCollisions { line: motion.line(), poses: motion.len(), collisions: Vec::new() };
     let mut found: Vec<_> =
-        guards.iter().map(|g| (vec![0; g.names.len()], vec![None::<Collision>; g.names.len()])).collect();
-    for (position, axis, orientation) in motion.iter() {
-        let pose = Pose { position, orientation };
+        groups.iter().map(|g| (vec![0; g.names.len()], vec![None::<Collision>; g.names.len()])).collect();
+    for (position, axis) in motion.iter() {
+        let pose = Pose::along(position, axis);
         if is_free(&pose) {
             continue;
         }
-        for (guard, (counts, worst)) in guards.iter().zip(&mut found) {
-            if !guard.field.collides(&pose) {
+        for (group, (counts, worst)) in groups.iter().zip(&mut found) {
+            if !group.field.collides(&pose) {
                 continue;
             }
-            if guard.field.elements().next().is_none() {
-                counts[0] = guard.field.count(&pose);
+            if group.field.elements().next().is_none() {
+                counts[0] = group.field.count(&pose).unwrap_or(0);
             } else {
-                guard.field.element_counts(&pose, counts);
+                group.field.element_counts(&pose, counts);
             }
-            for ((worst, name), &voxels) in worst.iter_mut().zip(&guard.names).zip(counts.iter()) {
+            for ((worst, name), &voxels) in worst.iter_mut().zip(&group.names).zip(counts.iter()) {
                 if voxels > 0 {
-                    let place = (guard.against, position, axis);
+                    let place = (group.against, position, axis);
                     note(worst, name, place, voxels, voxel_volume);
                 }
             }

@@ -1,40 +1,110 @@
-//! One interface for every family of fields: values at poses, on the grid or off it.
+//! One interface for every family of fields, on CPU and GPU: values, gradients and decisions at poses, and whole grids.
 //!
-//! `query` answers "does the tool collide when its tip is *here*": `overlap(x, R)` in [0, 1]. The collision measure
-//! of a tool with other sharp points is the least of `overlap(x − R k, R)` over them: [`collision_measures`].
+//! [`ExactField`] counts voxels; the crate `imf-fields` has fields from files of any family, and verified ones, which have a
+//! model's values and gradients and decide by proof. [`PoseField`] is what planners ask; [`GridField`] adds the values at all
+//! voxel centres at once. Both are object-safe, every method takes `&self`, and threads share one field.
+//!
+//! # What is answered
+//! - Values are `overlap(x, R)`: the fraction of the tool's volume that lies in the obstacle with the tool's tip at x. Those of
+//!   a field of signed penetration depth ([`Quantity`]) are lengths: how far the tool must be moved to be free, below 0 how
+//!   far it may be moved. Decisions by depth are the sharper ones by far; either falls towards freedom.
+//! - [`Decision::Free`] and [`Decision::Colliding`] are decisions by a field's calibration; [`Decision::Undecided`] is for an
+//!   exact check to decide. A field without calibration answers `Undecided` everywhere. Exact and verified fields
+//!   decide every pose.
+//! - Outside [`PoseField::bounds`] a model knows nothing: values and gradients are those of the nearest
+//!   point inside (the slope across the face is 0), and the decision is `Undecided`. Exact answers hold everywhere, space
+//!   outside the grid being empty.
+//! - An invalid pose ([`Pose`]) has the value NaN, a gradient of NaN, and is `Colliding`.
+//! - `siren5` jumps at θ = 0°/360° and knows several values at the poles: gradients there are those of one side and finite
+//!   ([`Gradient`]). Harmonic and factored fields are smooth in every direction.
+//!
+//! Once a thread's working memory has grown, single poses, gradients, proofs and motions allocate nothing (but for tools that
+//! are meshes, which are voxelised). Batches of a model's values are matrix products, for which the library that
+//! multiplies takes some buffers of a few kilobytes a block of 256 poses, and gives them back; minima take as much for each
+//! call.
+//!
+//! # Example
+//! ```
+//! use imf_core::field::{Decision, ExactField, PoseField};
+//! use imf_core::glam::DVec3;
+//! use imf_core::parts::ReferencePart;
+//! use imf_core::pose::Pose;
+//! use imf_core::scene::SceneSpec;
+//! use imf_core::tool::Tool;
+//!
+//! let (part, tool) = (ReferencePart::Bracket, Tool::paper());
+//! let scene = SceneSpec::of_reference(part, &part.mesh(), [12, 36, 22], &tool).scene()?;
+//! let field = ExactField::new(&scene.obstacle, &tool);
+//! let mut decisions = [Decision::Undecided];
+//! field.classify(&[Pose::along(DVec3::new(10.0, 20.0, 300.0), DVec3::Z)], &mut decisions)?;
+//! assert_eq!(decisions, [Decision::Free]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
+mod differences;
 mod exact;
-mod scene;
-mod whole;
+#[doc(hidden)]
+pub mod minimum;
+pub(crate) mod solid;
 
 pub use exact::ExactField;
-pub use scene::SceneField;
-pub use whole::WholeField;
 
-use glam::DVec3;
+use glam::{DQuat, DVec3, Vec3};
 use rayon::prelude::*;
 use thiserror::Error;
 
+use crate::control::Control;
 use crate::grid::Grid;
 use crate::orientation::Orientation;
-use crate::tool::ToolError;
+use crate::pose::Pose;
+use crate::section::{Imf, Quantity, SectionError};
+use crate::tool::{ClearanceError, ToolError};
 
-/// Where the tool's tip is, in world units, and how the tool is turned.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pose {
-    /// World position of the tip.
-    pub position: DVec3,
-    /// Orientation of the tool.
-    pub orientation: Orientation,
+/// Whether the tool collides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Decision {
+    /// It does not.
+    Free,
+    /// It does.
+    Colliding,
+    /// Too close to tell: an exact field must decide.
+    Undecided,
 }
 
-impl Pose {
-    /// True where every number is finite. An invalid pose is never free: its value is NaN, and it collides.
-    #[must_use]
-    pub fn is_valid(&self) -> bool {
-        let Orientation { theta, phi, roll } = self.orientation;
-        self.position.is_finite() && [theta, phi, roll].iter().all(|angle| angle.is_finite())
-    }
+/// A value and how it changes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gradient {
+    /// The overlap, not clipped: a model's may lie a little outside [0, 1]. Of a field of depth the depth.
+    pub value: f32,
+    /// Change for a move of the tip by one unit of length.
+    pub position: Vec3,
+    /// Change for a turn of the tool's axis by a radian: tangent to the sphere at the axis d.
+    pub direction: Vec3,
+    /// Change for a turn of the whole tool by a radian, as a vector ω in the world frame (`R → exp([ω]×) R`). For a tool of
+    /// revolution it is `d × direction`, since ω moves d by ω × d; for others `direction` is its part that turns the axis.
+    pub rotation: Vec3,
+}
+
+impl Gradient {
+    /// Of an invalid pose.
+    pub const NAN: Self =
+        Self { value: f32::NAN, position: Vec3::NAN, direction: Vec3::NAN, rotation: Vec3::NAN };
+}
+
+/// The best way to reach a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Best {
+    /// The minimum of the collision measure, in [0, 1], or of the depth; NaN for a point that is not finite.
+    pub value: f32,
+    /// Its orientation, by its place in the list: the first of equals, one that is decided free before all others.
+    pub orientation: u32,
+    /// The decision there.
+    pub decision: Decision,
+}
+
+impl Best {
+    /// Of what cannot be reached, or is no point.
+    pub const NONE: Self = Self { value: f32::NAN, orientation: 0, decision: Decision::Colliding };
 }
 
 /// Why an engine stopped; the state it had before is with the caller's last checkpoint.
@@ -48,58 +118,145 @@ pub enum EngineError {
     Shape(String),
 }
 
-/// Why poses cannot be answered.
+/// Why a field does not answer.
 #[derive(Debug, Error)]
-pub enum QueryError {
-    /// As many answers as poses are needed.
-    #[error("{poses} poses need as many places for answers, not {answers}")]
+#[non_exhaustive]
+pub enum FieldError {
+    /// The output slice has not as many places as there are queries.
+    #[error("{queries} queries need an output slice as long, not of {results}")]
     Length {
-        /// Poses asked.
-        poses: usize,
-        /// Places given.
-        answers: usize,
+        /// Poses or points.
+        queries: usize,
+        /// Places of the output slice.
+        results: usize,
     },
+    /// A minimum over nothing.
+    #[error("the minimum over {0} orientations: give at least one, and fewer than 2^32")]
+    Orientations(usize),
     /// The tool does not fit the grid.
     #[error(transparent)]
     Tool(#[from] ToolError),
+    /// A clearance that is no length, or that the tool cannot have.
+    #[error(transparent)]
+    Clearance(#[from] ClearanceError),
+    /// An exact section failed.
+    #[error(transparent)]
+    Section(SectionError),
     /// The engine failed.
     #[error(transparent)]
     Engine(#[from] EngineError),
-    /// The caller asked to stop.
+    /// The caller's [`Control`] asked to stop.
     #[error("interrupted")]
     Cancelled,
 }
 
-/// A family of fields: exact, or learnt.
-pub trait Field {
-    /// `overlap(x, R)` of every pose into `answers`.
-    ///
-    /// # Errors
-    /// Lengths that differ, or a family's own failure.
-    fn query(&mut self, poses: &[Pose], answers: &mut [f32]) -> Result<(), QueryError>;
+impl From<SectionError> for FieldError {
+    fn from(error: SectionError) -> Self {
+        match error {
+            SectionError::Cancelled => Self::Cancelled,
+            SectionError::Tool(error) => Self::Tool(error),
+            SectionError::Clearance(error) => Self::Clearance(error),
+            error => Self::Section(error),
+        }
+    }
 }
 
-/// Collision measures: the least overlap over sharp points `k` (tool frame) at `x − R k`.
+/// A field that answers poses, on the thread that calls or on its device.
 ///
 /// # Errors
-/// As [`Field::query`].
+/// All methods: an output slice of another length than the queries; an exact field may find that a tool holds no voxel; a
+/// device may fail.
+pub trait PoseField: Send + Sync {
+    /// What the values are: a fraction, or a length.
+    fn quantity(&self) -> Quantity;
+
+    /// The lower and upper corner of the box, in world units, that the field knows; `None` where it knows all of space.
+    fn bounds(&self) -> Option<[DVec3; 2]>;
+
+    /// `overlap(x, R)` in [0, 1] of every pose, or its depth.
+    ///
+    /// # Errors
+    /// See the trait.
+    fn values(&self, poses: &[Pose], values: &mut [f32]) -> Result<(), FieldError>;
+
+    /// Values with their derivatives by position and by rotation.
+    ///
+    /// Those of [`ExactField`], whose values are steps, are differences over a voxel's width; see its
+    /// implementation.
+    ///
+    /// # Errors
+    /// See the trait.
+    fn gradients(&self, poses: &[Pose], gradients: &mut [Gradient]) -> Result<(), FieldError>;
+
+    /// Whether the tool collides.
+    ///
+    /// # Errors
+    /// See the trait.
+    fn classify(&self, poses: &[Pose], decisions: &mut [Decision]) -> Result<(), FieldError>;
+
+    /// The minimum of the collision measure over some rotations at every point, that is over the tool's sharp points k the minimum of
+    /// `overlap(x − R k, R)`: the inaccessibility measure, with the best rotation.
+    ///
+    /// # Errors
+    /// See the trait; no rotation.
+    fn best(&self, points: &[DVec3], rotations: &[DQuat], best: &mut [Best]) -> Result<(), FieldError>;
+}
+
+/// A field of which the values at all voxel centres of a grid are asked at once.
+pub trait GridField: PoseField {
+    /// The grid.
+    fn grid(&self) -> &Grid;
+
+    /// The values at every voxel centre in one orientation, C-ordered.
+    ///
+    /// # Errors
+    /// A family's own failure.
+    ///
+    /// # Panics
+    /// If `values` has not the grid's length.
+    fn section(&self, orientation: &Orientation, values: &mut [f32]) -> Result<(), FieldError> {
+        self.sections(std::slice::from_ref(orientation), values)
+    }
+
+    /// The same in some orientations, `[orientation][voxel]`.
+    ///
+    /// # Errors
+    /// A family's own failure.
+    ///
+    /// # Panics
+    /// If `values` has not as many sections.
+    fn sections(&self, orientations: &[Orientation], values: &mut [f32]) -> Result<(), FieldError>;
+
+    /// The minimum of the values over some orientations at every voxel centre, with the index of the first orientation that has it.
+    /// One unit of progress is one value, of a voxel in an orientation.
+    ///
+    /// # Errors
+    /// A family's own failure; [`FieldError::Cancelled`] when the control asks to stop.
+    fn minimum(&self, orientations: &[Orientation], control: Control<'_>) -> Result<Imf, FieldError>;
+}
+
+/// Collision measures: the minimum of the overlap over sharp points `k` (tool frame) at `x − R k`; `values` gives overlaps, as
+/// [`PoseField::values`] does.
+///
+/// # Errors
+/// As `values`.
 pub fn collision_measures(
-    field: &mut dyn Field,
+    mut values: impl FnMut(&[Pose], &mut [f32]) -> Result<(), FieldError>,
     sharp_points: &[DVec3],
     poses: &[Pose],
-    answers: &mut [f32],
-) -> Result<(), QueryError> {
-    check_lengths(poses, answers)?;
-    answers.fill(f32::INFINITY);
+    measures: &mut [f32],
+) -> Result<(), FieldError> {
+    check_lengths(poses.len(), measures.len())?;
+    measures.fill(f32::INFINITY);
     let mut overlaps = vec![0.0; poses.len()];
     for &sharp in sharp_points {
-        let shifted: Vec<Pose> = poses
-            .iter()
-            .map(|pose| Pose { position: pose.position - pose.orientation.rotation() * sharp, ..*pose })
-            .collect();
-        field.query(&shifted, &mut overlaps)?;
-        for (answer, &overlap) in answers.iter_mut().zip(&overlaps) {
-            *answer = answer.min(overlap);
+        let at_sharp =
+            |pose: &Pose| Pose::new(pose.position - pose.rotation.normalize() * sharp, pose.rotation);
+        let shifted: Vec<Pose> = poses.iter().map(at_sharp).collect();
+        values(&shifted, &mut overlaps)?;
+        for (measure, &overlap) in measures.iter_mut().zip(&overlaps) {
+            // NaN of an invalid pose stays.
+            *measure = if overlap.is_nan() { overlap } else { measure.min(overlap) };
         }
     }
     Ok(())
@@ -108,35 +265,26 @@ pub fn collision_measures(
 /// Poses that a thread answers at a time.
 const CHUNK: usize = 256;
 
-/// Answers poses of a field that is known between the voxel centres of `grid`: positions outside are answered as the
-/// nearest point inside, without promise, and with no number where they are none.
-pub fn answer_between_centres<S: Default>(
-    grid: &Grid,
-    poses: &[Pose],
-    answers: &mut [f32],
-    overlap: impl Fn(DVec3, &Orientation, &mut S) -> Option<f32> + Sync,
-) -> Result<(), QueryError> {
-    check_lengths(poses, answers)?;
-    poses.par_chunks(CHUNK).zip(answers.par_chunks_mut(CHUNK)).for_each_init(
-        S::default,
-        |scratch, (poses, answers)| {
-            for (pose, answer) in poses.iter().zip(answers) {
-                let position = grid.nearest_between_centres(pose.position);
-                *answer = overlap(position, &pose.orientation, scratch).unwrap_or(f32::NAN);
-            }
-        },
-    );
-    Ok(())
-}
-
-/// That there are as many places for answers as poses.
+/// The values of many poses on all threads of the current pool: for fields that answer on the thread that calls.
 ///
 /// # Errors
-/// [`QueryError::Length`]: there are not.
-pub fn check_lengths(poses: &[Pose], answers: &[f32]) -> Result<(), QueryError> {
-    if poses.len() == answers.len() {
-        Ok(())
-    } else {
-        Err(QueryError::Length { poses: poses.len(), answers: answers.len() })
-    }
+/// As [`PoseField::values`].
+pub fn values_on_all_threads(
+    field: &dyn PoseField,
+    poses: &[Pose],
+    values: &mut [f32],
+) -> Result<(), FieldError> {
+    check_lengths(poses.len(), values.len())?;
+    poses
+        .par_chunks(CHUNK)
+        .zip(values.par_chunks_mut(CHUNK))
+        .try_for_each(|(poses, values)| field.values(poses, values))
+}
+
+/// That the output slice has as many places as there are queries: what every field checks first.
+///
+/// # Errors
+/// [`FieldError::Length`]: it has not.
+pub fn check_lengths(queries: usize, results: usize) -> Result<(), FieldError> {
+    if queries == results { Ok(()) } else { Err(FieldError::Length { queries, results }) }
 }

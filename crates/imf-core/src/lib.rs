@@ -12,7 +12,7 @@
 //! Fields that hold every direction at once are in the crate `imf-fields`, which builds on this one.
 //!
 //! This crate is the truth: it owns geometry, exact counts, what a tool reaches, toolpaths, and the interface that every field
-//! answers ([`planner`]). It imports no other crate of the project.
+//! answers ([`field`]). It imports no other crate of the project.
 //!
 //! # Where to begin
 //! | to | see |
@@ -21,7 +21,8 @@
 //! | describe a tool | [`tool::Tool`]: from a file, or element by element |
 //! | know what a tool reaches | [`section::SectionPlan`], [`access`] |
 //! | check a toolpath | [`check`](mod@check), [`toolpath`] |
-//! | move a tool in a planner | [`planner`]: decisions, gradients, proofs |
+//! | ask for single poses | [`field`]: values, gradients, decisions, of any family |
+//! | move a tool in a planner | [`motion`]: proofs for all poses between two |
 //!
 //! # Conventions
 //! - Lengths are in the mesh's own unit, millimetres unless told; angles are degrees, pairs always (θ, φ).
@@ -51,6 +52,9 @@
 //! Source of the method: Harabin, Mirzendehdel, Behandish, *Deep Neural Implicit Representation of Accessibility for
 //! Multi-Axis Manufacturing*, arXiv 2409.02115.
 
+/// The vectors and quaternions of this interface.
+pub use glam;
+
 pub mod access;
 pub mod atomic_file;
 pub mod check;
@@ -60,10 +64,12 @@ pub mod field;
 pub mod field_files;
 pub mod grid;
 pub mod mesh;
+pub mod motion;
+pub mod obstacle;
 pub mod occupancy;
 pub mod orientation;
 pub mod parts;
-pub mod planner;
+pub mod pose;
 pub mod scene;
 pub mod section;
 pub mod tool;

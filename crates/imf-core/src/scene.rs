@@ -18,9 +18,10 @@ use crate::distance::deeper_than;
 use crate::grid::{Grid, GridError};
 use crate::mesh::Mesh;
 use crate::mesh::topology::MeshReport;
+use crate::obstacle::Obstacle;
 use crate::occupancy::Occupancy;
 use crate::parts::ReferencePart;
-use crate::tool::{Clearance, ClearanceError, Tool};
+use crate::tool::{Assembly, Clearance, ClearanceError, Tool};
 use crate::unit::LengthUnit;
 use crate::voxelize::voxelize;
 
@@ -134,7 +135,24 @@ impl Scene {
     }
 }
 
+impl From<&Scene> for Obstacle {
+    fn from(scene: &Scene) -> Self {
+        match &scene.layer {
+            Some(layer) => Self::with_cuttable(&scene.obstacle, layer.clone()),
+            None => (&scene.obstacle).into(),
+        }
+    }
+}
+
 impl SceneRecord {
+    /// The tool as it is counted: offset by the clearance.
+    ///
+    /// # Errors
+    /// A clearance that is no length.
+    pub fn assembly(&self) -> Result<Assembly, ClearanceError> {
+        self.bare_tool().offset(&self.clearance)
+    }
+
     /// The tool as it is, without any clearance.
     #[must_use]
     pub fn bare_tool(&self) -> &Tool {

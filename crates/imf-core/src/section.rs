@@ -42,10 +42,11 @@ use thiserror::Error;
 
 use crate::control::Control;
 use crate::grid::Grid;
+use crate::obstacle::Obstacle;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
 use crate::scene::Scene;
-use crate::tool::{ClearanceError, RotatedTool, Tool, ToolError};
+use crate::tool::{Assembly, ClearanceError, RotatedTool, Tool, ToolError};
 
 use contact::PlannedSkin;
 use counter::{Counter, Estimate};
@@ -150,6 +151,15 @@ impl SectionPlan {
         let (contact, rest) = (Contact::of_scene(scene), scene.record.tool_without_cutter()?);
         let obstacles = Obstacles::new(&scene.obstacle, contact.as_ref(), rest.as_ref());
         Self::new(obstacles, &scene.record.tool.with_tip_only())
+    }
+
+    /// Plans sections at the tool's tip.
+    ///
+    /// # Errors
+    /// A tool without volume.
+    pub fn at_tip(obstacle: &Obstacle, assembly: &Assembly) -> Result<Self, SectionError> {
+        let obstacles = Obstacles::of(obstacle, assembly);
+        Self::new(obstacles, &assembly.whole().with_tip_only())
     }
 
     /// Plans sections at every voxel of `query_grid`, which lies on the obstacle's voxels and may be a part of its grid,

@@ -3,6 +3,7 @@
 //! Tool frame: tip at the origin, axis +z from tip to holder. A point at height z and distance r from the axis is
 //! inside where `0 ≤ z < length` and `r ≤ ρ(z)`. Elements do not overlap: each owns its own range of heights.
 
+mod assembly;
 mod file;
 mod inflate;
 mod library;
@@ -11,6 +12,7 @@ mod profile;
 mod rotated;
 mod sharp;
 
+pub use assembly::Assembly;
 pub use file::ToolFileError;
 pub use inflate::{Clearance, ClearanceError};
 pub use library::ToolLibraryError;

@@ -8,24 +8,25 @@ mod bracket;
 
 use std::error::Error;
 
-use glam::{Quat, Vec3};
+use glam::{DQuat, DVec3};
+use imf_core::field::{Best, Decision, PoseField};
 use imf_core::orientation::OrientationSet;
-use imf_core::planner::{Best, Decision, Pose, PoseField, rotation_along};
-use imf_fields::learnt::GuardedField;
+use imf_core::pose::Pose;
+use imf_fields::field::VerifiedField;
 
 /// Axes to choose from.
 const AXES: usize = 300;
 /// What an overlap of the grown tool, all of it, costs beside a turn of a radian squared.
-const CLOSENESS: f32 = 20.0;
+const CLOSENESS: f64 = 20.0;
 
 /// Axes at points: the best at each, and the smooth sequence.
 struct Axes {
-    points: Vec<Vec3>,
-    best: Vec<Vec3>,
-    smooth: Vec<Vec3>,
+    points: Vec<DVec3>,
+    best: Vec<DVec3>,
+    smooth: Vec<DVec3>,
 }
 
-fn choose(field: &GuardedField) -> Result<Axes, Box<dyn Error>> {
+fn choose(field: &VerifiedField) -> Result<Axes, Box<dyn Error>> {
     let scene = field.model().scene();
     let grid = scene.record.grid;
     // Just above the highest voxel of each column of the part's middle plane.
@@ -33,25 +34,24 @@ fn choose(field: &GuardedField) -> Result<Axes, Box<dyn Error>> {
     for y in 0..grid.dims[1] {
         let solid = |z: &usize| scene.obstacle.solid[grid.index([grid.dims[0] / 2, y, *z])] != 0;
         if let Some(z) = (0..grid.dims[2]).rev().find(solid) {
-            points
-                .push((grid.centre([grid.dims[0] / 2, y, z]) + glam::DVec3::Z * 1.5 * grid.pitch).as_vec3());
+            points.push(grid.centre([grid.dims[0] / 2, y, z]) + DVec3::Z * 1.5 * grid.pitch);
         }
     }
     let set = OrientationSet::parse(&format!("fibonacci:{AXES}"))?.orientations;
-    let axes: Vec<Vec3> = set.iter().map(|o| o.direction().as_vec3()).collect();
-    let rotations: Vec<Quat> = axes.iter().map(|&axis| rotation_along(axis)).collect();
+    let axes: Vec<DVec3> = set.iter().map(|o| o.direction()).collect();
+    let rotations: Vec<DQuat> = set.iter().map(|o| o.quaternion()).collect();
     let mut best = vec![Best::NONE; points.len()];
-    field.imf(&points, &rotations, &mut best)?;
+    field.best(&points, &rotations, &mut best)?;
     // Points that no axis reaches are left out.
     let reached: Vec<usize> = (0..points.len()).filter(|&i| best[i].decision == Decision::Free).collect();
     let mut cost = vec![0.0; axes.len()];
     let mut from: Vec<Vec<usize>> = Vec::new();
     for (place, &point) in reached.iter().enumerate() {
         let poses: Vec<Pose> = rotations.iter().map(|&r| Pose::new(points[point], r)).collect();
-        let (mut values, mut decisions) = (vec![0.0; AXES], vec![Decision::Near; AXES]);
-        field.query(&poses, &mut values)?;
+        let (mut values, mut decisions) = (vec![0.0; AXES], vec![Decision::Undecided; AXES]);
+        field.values(&poses, &mut values)?;
         field.classify(&poses, &mut decisions)?;
-        let mut next = vec![f32::INFINITY; AXES];
+        let mut next = vec![f64::INFINITY; AXES];
         let mut came = vec![0; AXES];
         for to in (0..AXES).filter(|&to| decisions[to] == Decision::Free) {
             let turned = |before: usize| {
@@ -61,8 +61,8 @@ fn choose(field: &GuardedField) -> Result<Axes, Box<dyn Error>> {
             let (least, before) = (0..AXES)
                 .map(|before| (turned(before), before))
                 .min_by(|a, b| a.0.total_cmp(&b.0))
-                .unwrap_or((f32::INFINITY, 0));
-            (next[to], came[to]) = (least + CLOSENESS * values[to], before);
+                .unwrap_or((f64::INFINITY, 0));
+            (next[to], came[to]) = (least + CLOSENESS * f64::from(values[to]), before);
         }
         cost = next;
         from.push(came);
@@ -82,13 +82,13 @@ fn choose(field: &GuardedField) -> Result<Axes, Box<dyn Error>> {
 }
 
 /// Sum of the turns from one axis to the next, in degrees.
-fn turning(axes: &[Vec3]) -> f32 {
-    axes.windows(2).map(|pair| pair[0].angle_between(pair[1])).sum::<f32>().to_degrees()
+fn turning(axes: &[DVec3]) -> f64 {
+    axes.windows(2).map(|pair| pair[0].angle_between(pair[1])).sum::<f64>().to_degrees()
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
     // Holder 3 mm away, or the model says how close.
-    let field = GuardedField::new(bracket::field(3.0)?)?;
+    let field = VerifiedField::new(bracket::field(3.0)?)?;
     let Axes { points, best, smooth } = choose(&field)?;
     println!("x,y,z,i,j,k");
     for (p, d) in points.iter().zip(&smooth) {
@@ -105,11 +105,11 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 #[test]
 fn smooth_axes_are_free_and_turn_less() {
-    let field = GuardedField::new(bracket::field(3.0).unwrap()).unwrap();
+    let field = VerifiedField::new(bracket::field(3.0).unwrap()).unwrap();
     let Axes { points, best, smooth } = choose(&field).unwrap();
     assert!(points.len() > 20 && points.len() == smooth.len());
     for (&point, &axis) in points.iter().zip(&smooth) {
-        let mut decision = [Decision::Near];
+        let mut decision = [Decision::Undecided];
         field.classify(&[Pose::along(point, axis)], &mut decision).unwrap();
         assert_eq!(decision, [Decision::Free], "{point} {axis}");
     }

@@ -11,25 +11,28 @@
 mod chart;
 
 use std::error::Error;
-use std::f32::consts::PI;
+use std::f64::consts::PI;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
-use glam::{Quat, Vec3};
+use glam::{DQuat, DVec3};
 use imf_core::control::Control;
+use imf_core::field::{Best, Decision, Gradient, PoseField};
 use imf_core::grid::Grid;
+use imf_core::motion::MotionResult;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
-use imf_core::planner::{Best, Decision, Gradient, Passage, Pose, PoseField, rotation_along};
+use imf_core::pose::Pose;
 use imf_core::scene::SceneSpec;
 use imf_core::section::{Quantity, SectionPlan};
 use imf_core::tool::{Clearance, Tool};
+use imf_fields::field::{Field, VerifiedField};
+use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitSettings, fit};
-use imf_fields::learnt::{GuardedField, NeuralField};
-use imf_fields::stored::StoredField;
 use plotters::prelude::{
     BLACK, ChartBuilder, Circle, Color as _, LineSeries, PathElement, RGBColor, Rectangle,
 };
@@ -37,24 +40,24 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// A turn by a radian is as far as this many millimetres: half the tool's length.
-const RADIAN: f32 = 42.0;
+const RADIAN: f64 = 42.0;
 /// What the way is pushed to keep, in millimetres; its ends keep half of it.
-const ROOM: f32 = 3.0;
+const ROOM: f64 = 3.0;
 /// Poses of a leg, ends included.
 const NODES: usize = 32;
 /// Steps of a descent.
 const STEPS: usize = 150;
 /// No pose moves farther in a step, in millimetres.
-const LONGEST: f32 = 3.0;
+const LONGEST: f64 = 3.0;
 /// Weight of the penalty beside the pull to be straight.
-const PUSH: f32 = 0.5;
+const PUSH: f64 = 0.5;
 /// Ways begin straight, or bowed by so many millimetres to a side.
-const BOW: f32 = 45.0;
+const BOW: f64 = 45.0;
 /// The tool's length in millimetres, for the picture.
-const LENGTH: f32 = 83.0;
+const LENGTH: f64 = 83.0;
 
 /// A field of signed depth over the coarse bracket and as much space around it as its values reach.
-fn field() -> Result<NeuralField, Box<dyn Error>> {
+fn field() -> Result<Field, Box<dyn Error>> {
     let part = ReferencePart::Bracket;
     let (mesh, tool) = (part.mesh(), Tool::paper());
     let spec = SceneSpec::of_reference(part, &mesh, [33, 65, 45], &tool);
@@ -68,14 +71,14 @@ fn field() -> Result<NeuralField, Box<dyn Error>> {
     };
     let made = fit(&SectionPlan::of_scene(&scene)?, Domain::Directions, &settings, Control::quiet())?;
     let file = HarmonicFile { field: made, scene, settings, calibration: None };
-    Ok(NeuralField::new(StoredField::Harmonic(Box::new(file)))?)
+    Ok(Field::new(FieldFile::Harmonic(Arc::new(file)))?)
 }
 
 /// Tip and axis; the axis a unit vector.
 #[derive(Clone, Copy, Debug)]
 struct Node {
-    tip: Vec3,
-    axis: Vec3,
+    tip: DVec3,
+    axis: DVec3,
 }
 
 impl Node {
@@ -85,10 +88,10 @@ impl Node {
 }
 
 /// The straight way, bowed to a side.
-fn first_guess(from: Node, to: Node, bow: Vec3) -> Vec<Node> {
+fn first_guess(from: Node, to: Node, bow: DVec3) -> Vec<Node> {
     (0..NODES)
         .map(|k| {
-            let time = k as f32 / (NODES - 1) as f32;
+            let time = k as f64 / (NODES - 1) as f64;
             let tip = from.tip.lerp(to.tip, time) + bow * (PI * time).sin();
             Node { tip, axis: from.axis.lerp(to.axis, time).normalize() }
         })
@@ -96,16 +99,16 @@ fn first_guess(from: Node, to: Node, bow: Vec3) -> Vec<Node> {
 }
 
 /// Solves `2 x_k − x_(k−1) − x_(k+1) = b_k` with 0 at both ends, in place: Thomas's algorithm for that matrix.
-fn smoothed(values: &mut [Vec3]) {
+fn smoothed(values: &mut [DVec3]) {
     let mut factors = Vec::with_capacity(values.len());
-    let (mut factor, mut before) = (0.0, Vec3::ZERO);
+    let (mut factor, mut before) = (0.0, DVec3::ZERO);
     for value in values.iter_mut() {
         factor = 1.0 / (2.0 - factor);
         *value = (*value + before) * factor;
         before = *value;
         factors.push(factor);
     }
-    let mut after = Vec3::ZERO;
+    let mut after = DVec3::ZERO;
     for (value, factor) in values.iter_mut().zip(factors).rev() {
         *value += after * factor;
         after = *value;
@@ -115,23 +118,23 @@ fn smoothed(values: &mut [Vec3]) {
 /// One step of the descent; `gradients` are the field's at the nodes. The ends stay.
 fn descend(nodes: &mut [Node], gradients: &[Gradient]) {
     let pull =
-        |at: &dyn Fn(&Node) -> Vec3, k: usize| 2.0 * at(&nodes[k]) - at(&nodes[k - 1]) - at(&nodes[k + 1]);
-    let (mut tips, mut axes): (Vec<Vec3>, Vec<Vec3>) = (1..nodes.len() - 1)
+        |at: &dyn Fn(&Node) -> DVec3, k: usize| 2.0 * at(&nodes[k]) - at(&nodes[k - 1]) - at(&nodes[k + 1]);
+    let (mut tips, mut axes): (Vec<DVec3>, Vec<DVec3>) = (1..nodes.len() - 1)
         .map(|k| {
             let Gradient { value, position, direction, .. } = gradients[k];
-            let push = PUSH * (value + ROOM).max(0.0);
+            let push = PUSH * (f64::from(value) + ROOM).max(0.0);
             // A turn counts as the way of the tool's middle.
             (
-                pull(&|node| node.tip, k) + push * position,
-                pull(&|node| node.axis, k) + push * direction / (RADIAN * RADIAN),
+                pull(&|node| node.tip, k) + push * position.as_dvec3(),
+                pull(&|node| node.axis, k) + push * direction.as_dvec3() / (RADIAN * RADIAN),
             )
         })
         .unzip();
     smoothed(&mut tips);
     smoothed(&mut axes);
     let farthest =
-        tips.iter().zip(&axes).map(|(tip, axis)| tip.length() + RADIAN * axis.length()).fold(0.0, f32::max);
-    let rate = (LONGEST / farthest.max(f32::MIN_POSITIVE)).min(0.5);
+        tips.iter().zip(&axes).map(|(tip, axis)| tip.length() + RADIAN * axis.length()).fold(0.0, f64::max);
+    let rate = (LONGEST / farthest.max(f64::MIN_POSITIVE)).min(0.5);
     for (node, (tip, axis)) in nodes[1..].iter_mut().zip(tips.into_iter().zip(axes)) {
         node.tip -= rate * tip;
         node.axis = (node.axis - rate * axis).normalize();
@@ -139,22 +142,23 @@ fn descend(nodes: &mut [Node], gradients: &[Gradient]) {
 }
 
 /// Pieces of a way that are proven free.
-fn proven(tool: &GuardedField, nodes: &[Node]) -> usize {
-    let free =
-        |pair: &&[Node]| matches!(tool.free_along(&pair[0].pose(), &pair[1].pose()), Ok(Passage::Free));
+fn proven(tool: &VerifiedField, nodes: &[Node]) -> usize {
+    let free = |pair: &&[Node]| {
+        matches!(tool.check_motion(&pair[0].pose(), &pair[1].pose()), Ok(MotionResult::Free))
+    };
     nodes.windows(2).filter(free).count()
 }
 
 /// A leg that is proven free, from the first of some guesses that leads to one.
-fn leg(tool: &GuardedField, from: Node, to: Node) -> Result<Option<Vec<Node>>, Box<dyn Error>> {
-    let bows = [Vec3::ZERO, Vec3::Z, Vec3::NEG_Z, Vec3::Y, Vec3::NEG_Y];
+fn leg(tool: &VerifiedField, from: Node, to: Node) -> Result<Option<Vec<Node>>, Box<dyn Error>> {
+    let bows = [DVec3::ZERO, DVec3::Z, DVec3::NEG_Z, DVec3::Y, DVec3::NEG_Y];
     for bow in bows {
         let mut nodes = first_guess(from, to, BOW * bow);
         let mut gradients = vec![Gradient::NAN; NODES];
         for step in 0..STEPS {
             let poses: Vec<Pose> = nodes.iter().map(Node::pose).collect();
-            tool.query_with_gradient(&poses, &mut gradients)?;
-            let clear = gradients[1..NODES - 1].iter().all(|g| g.value < -0.3 * ROOM);
+            tool.gradients(&poses, &mut gradients)?;
+            let clear = gradients[1..NODES - 1].iter().all(|g| f64::from(g.value) < -0.3 * ROOM);
             if (clear || step + 1 == STEPS) && proven(tool, &nodes) == NODES - 1 {
                 return Ok(Some(nodes));
             }
@@ -174,31 +178,29 @@ struct Plan {
     seconds: f64,
 }
 
-fn plan(tool: &GuardedField, seed: u64) -> Result<Plan, Box<dyn Error>> {
+fn plan(tool: &VerifiedField, seed: u64) -> Result<Plan, Box<dyn Error>> {
     let begun = Instant::now();
     let grid = tool.model().scene().record.grid;
-    let (low, size) = (grid.origin.as_vec3(), grid.size().as_vec3());
+    let (low, size) = (grid.origin, grid.size());
     // Beside the part on either side, upright.
-    let home = Node { tip: low + size * Vec3::new(-0.1, 0.5, 0.5), axis: Vec3::Z };
-    let away = Node { tip: low + size * Vec3::new(1.1, 0.5, 0.5), axis: Vec3::Z };
-    let axes: Vec<Vec3> = OrientationSet::parse("cone:0,0,1:70:120")?
-        .orientations
-        .iter()
-        .map(|orientation| orientation.direction().as_vec3())
-        .collect();
-    let rotations: Vec<Quat> = axes.iter().map(|&axis| rotation_along(axis)).collect();
+    let home = Node { tip: low + size * DVec3::new(-0.1, 0.5, 0.5), axis: DVec3::Z };
+    let away = Node { tip: low + size * DVec3::new(1.1, 0.5, 0.5), axis: DVec3::Z };
+    let set = OrientationSet::parse("cone:0,0,1:70:120")?.orientations;
+    let axes: Vec<DVec3> = set.iter().map(|orientation| orientation.direction()).collect();
+    let rotations: Vec<DQuat> = set.iter().map(|orientation| orientation.quaternion()).collect();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut number = || random.next_u32() as f32 / u32::MAX as f32;
-    let blocked =
-        |a: Node, b: Node| matches!(tool.free_along(&a.pose(), &b.pose()), Ok(Passage::Blocked { .. }));
+    let mut number = || f64::from(random.next_u32()) / f64::from(u32::MAX);
+    let blocked = |a: Node, b: Node| {
+        matches!(tool.check_motion(&a.pose(), &b.pose()), Ok(MotionResult::Colliding { .. }))
+    };
     let mut given_up = 0;
     for _ in 0..2000 {
-        let tip = low + size * (0.2 + 0.6 * Vec3::new(number(), number(), number()));
+        let tip = low + size * (0.2 + 0.6 * DVec3::new(number(), number(), number()));
         let mut best = [Best::NONE];
-        tool.imf(&[tip], &rotations, &mut best)?;
+        tool.best(&[tip], &rotations, &mut best)?;
         let goal = Node { tip, axis: axes[best[0].orientation as usize] };
         // Free with some room, among walls that no straight motion passes from either side.
-        let good = best[0].decision == Decision::Free && best[0].value < -0.5 * ROOM;
+        let good = best[0].decision == Decision::Free && f64::from(best[0].value) < -0.5 * ROOM;
         if !good || !blocked(home, goal) || !blocked(goal, away) {
             continue;
         }
@@ -224,7 +226,7 @@ fn draw(path: &Path, part: &Occupancy, plan: &Plan) -> Result<(), Box<dyn Error>
         for (area, (title, [u, v], [across, up])) in area.split_evenly((1, 2)).iter().zip(views) {
             let grid = &part.grid;
             // The tool stands above the part.
-            let middle = (grid.origin + 0.5 * grid.size()).as_vec3() + 35.0 * Vec3::Z;
+            let middle = (grid.origin + 0.5 * grid.size()) + 35.0 * DVec3::Z;
             let half = 110.0;
             let range = |axis: usize| middle[axis] - half..middle[axis] + half;
             let mut chart = ChartBuilder::on(area)
@@ -263,9 +265,9 @@ fn draw(path: &Path, part: &Occupancy, plan: &Plan) -> Result<(), Box<dyn Error>
 
 /// A column of voxels across the picture: its corners there, and the share of it that is solid.
 struct Column {
-    low: (f32, f32),
-    high: (f32, f32),
-    share: f32,
+    low: (f64, f64),
+    high: (f64, f64),
+    share: f64,
 }
 
 /// Columns of voxels along the axis that is left, those that hold any.
@@ -282,10 +284,9 @@ fn columns(part: &Occupancy, u: usize, v: usize) -> Vec<Column> {
             };
             let count = (0..dims[along]).filter(solid).count();
             if count > 0 {
-                let corner = |a: usize, b: usize| {
-                    ((origin[u] + pitch * a as f64) as f32, (origin[v] + pitch * b as f64) as f32)
-                };
-                let share = count as f32 / dims[along] as f32;
+                let corner =
+                    |a: usize, b: usize| (origin[u] + pitch * a as f64, origin[v] + pitch * b as f64);
+                let share = count as f64 / dims[along] as f64;
                 found.push(Column { low: corner(a, b), high: corner(a + 1, b + 1), share });
             }
         }
@@ -294,7 +295,7 @@ fn columns(part: &Occupancy, u: usize, v: usize) -> Vec<Column> {
 }
 
 fn run(path: &Path, seed: u64) -> Result<Plan, Box<dyn Error>> {
-    let tool = GuardedField::keeping(field()?, Clearance::default())?;
+    let tool = VerifiedField::with_clearance(field()?, Clearance::default())?;
     let found = plan(&tool, seed)?;
     draw(path, &tool.model().scene().obstacle, &found)?;
     Ok(found)
@@ -317,18 +318,18 @@ fn both_legs_are_free_and_were_not_when_straight() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("planner.png");
     let Plan { approach, retract, .. } = run(&path, 1).unwrap();
-    let exact = GuardedField::new(field().unwrap()).unwrap();
+    let exact = VerifiedField::new(field().unwrap()).unwrap();
     for nodes in [&approach, &retract] {
         assert_eq!((nodes.len(), proven(&exact, nodes)), (NODES, NODES - 1));
-        let straight = exact.free_along(&nodes[0].pose(), &nodes[NODES - 1].pose()).unwrap();
-        assert!(matches!(straight, Passage::Blocked { .. }), "{straight:?}");
+        let straight = exact.check_motion(&nodes[0].pose(), &nodes[NODES - 1].pose()).unwrap();
+        assert!(matches!(straight, MotionResult::Colliding { .. }), "{straight:?}");
         // The exact field finds no collision at poses between, asked one by one.
         for pair in nodes.windows(2) {
             for part in 0..20 {
-                let time = part as f32 / 20.0;
+                let time = part as f64 / 20.0;
                 let tip = pair[0].tip.lerp(pair[1].tip, time);
                 let axis = pair[0].axis.slerp(pair[1].axis, time);
-                let mut decision = [Decision::Near];
+                let mut decision = [Decision::Undecided];
                 exact.classify(&[Pose::along(tip, axis)], &mut decision).unwrap();
                 assert_eq!(decision, [Decision::Free], "{tip} {axis}");
             }
@@ -341,12 +342,12 @@ fn both_legs_are_free_and_were_not_when_straight() {
 
 #[test]
 fn smoothing_solves_its_equations() {
-    let given: Vec<Vec3> = (0..7).map(|k| Vec3::new(k as f32, (k * k) as f32 - 9.0, 1.0)).collect();
+    let given: Vec<DVec3> = (0..7).map(|k| DVec3::new(f64::from(k), f64::from(k * k) - 9.0, 1.0)).collect();
     let mut solved = given.clone();
     smoothed(&mut solved);
     for k in 0..7 {
-        let before = if k == 0 { Vec3::ZERO } else { solved[k - 1] };
-        let after = if k == 6 { Vec3::ZERO } else { solved[k + 1] };
+        let before = if k == 0 { DVec3::ZERO } else { solved[k - 1] };
+        let after = if k == 6 { DVec3::ZERO } else { solved[k + 1] };
         assert!((2.0 * solved[k] - before - after - given[k]).length() < 1e-3);
     }
 }

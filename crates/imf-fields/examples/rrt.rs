@@ -1,4 +1,4 @@
-//! A sampling planner from another crate (dual RRT-connect) finds a way for the tool around the bracket, asking a guarded
+//! A sampling planner from another crate (dual RRT-connect) finds a way for the tool around the bracket, asking a verified
 //! field whether poses are free; then every piece of the way is proven free as a motion.
 //!
 //! `cargo run --release -p imf-fields --example rrt`
@@ -10,27 +10,29 @@ use std::cell::RefCell;
 use std::error::Error;
 use std::time::Instant;
 
-use glam::Vec3;
-use imf_core::planner::{Decision, Passage, Pose, PoseField};
+use glam::DVec3;
+use imf_core::field::{Decision, PoseField};
+use imf_core::motion::MotionResult;
+use imf_core::pose::Pose;
 use imf_core::tool::Clearance;
-use imf_fields::learnt::GuardedField;
+use imf_fields::field::VerifiedField;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rrt::dual_rrt_connect;
 
 /// A tilt of a radian is as far as this many millimetres.
-const RADIAN: f32 = 50.0;
+const RADIAN: f64 = 50.0;
 /// Between two poses of the way no point of the tool, 84 mm long, moves farther than √(1 + (84/50)²) < 2 of these.
-const STEP: f32 = 1.0;
+const STEP: f64 = 1.0;
 /// So a pose that keeps this clearance is free half a step in every direction.
 const CLEARANCE: f64 = 1.0;
 
 /// Tip, and tilt from upright along x and y.
-type State = [f32; 5];
+type State = [f64; 5];
 
-fn pose(state: &[f32]) -> Pose {
-    let axis = Vec3::new(state[3] / RADIAN, state[4] / RADIAN, 1.0);
-    Pose::along(Vec3::new(state[0], state[1], state[2]), axis)
+fn pose(state: &[f64]) -> Pose {
+    let axis = DVec3::new(state[3] / RADIAN, state[4] / RADIAN, 1.0);
+    Pose::along(DVec3::new(state[0], state[1], state[2]), axis)
 }
 
 /// A way found, and what finding it took.
@@ -45,20 +47,20 @@ struct Found {
 fn plan(seed: u64) -> Result<Found, Box<dyn Error>> {
     let room = Clearance { holder: CLEARANCE, shank: CLEARANCE, cutter: CLEARANCE };
     // Poses are asked with the clearance, motions are proven of the tool itself.
-    let field = GuardedField::keeping(bracket::field(0.0)?, room)?;
-    let tool = GuardedField::new(bracket::field(0.0)?)?;
+    let field = VerifiedField::with_clearance(bracket::field(0.0)?, room)?;
+    let tool = VerifiedField::new(bracket::field(0.0)?)?;
     let grid = field.model().scene().record.grid;
     let random = RefCell::new(ChaCha8Rng::seed_from_u64(seed));
-    let number = || random.borrow_mut().next_u32() as f32 / u32::MAX as f32;
-    let (low, size) = (grid.origin.as_vec3() - 40.0, grid.size().as_vec3() + 80.0);
-    let sample = || -> Vec<f32> {
-        let tip = low + size * Vec3::new(number(), number(), number());
+    let number = || f64::from(random.borrow_mut().next_u32()) / f64::from(u32::MAX);
+    let (low, size) = (grid.origin - 40.0, grid.size() + 80.0);
+    let sample = || -> Vec<f64> {
+        let tip = low + size * DVec3::new(number(), number(), number());
         vec![tip.x, tip.y, tip.z, 80.0 * (number() - 0.5), 80.0 * (number() - 0.5)]
     };
     let seconds = RefCell::new((0, 0.0));
-    let is_free = |state: &[f32]| {
+    let is_free = |state: &[f64]| {
         let begun = Instant::now();
-        let mut decision = [Decision::Near];
+        let mut decision = [Decision::Undecided];
         let answered = field.classify(&[pose(state)], &mut decision);
         let mut spent = seconds.borrow_mut();
         spent.0 += 1;
@@ -66,17 +68,20 @@ fn plan(seed: u64) -> Result<Found, Box<dyn Error>> {
         answered.is_ok() && decision == [Decision::Free]
     };
     // From beside the part to a free pose low among its walls that no straight motion reaches.
-    let middle = grid.origin.as_vec3() + 0.5 * grid.size().as_vec3();
+    let middle = grid.origin + 0.5 * grid.size();
     let start: State = [low.x, middle.y, middle.z, 0.0, 0.0];
     let goal = (0..100_000).map(|_| sample()).find(|state| {
-        let inside = grid.is_between_centres(pose(state).position.as_dvec3());
-        let straight = || tool.free_along(&pose(&start), &pose(state));
-        inside && state[2] < middle.z && is_free(state) && matches!(straight(), Ok(Passage::Blocked { .. }))
+        let inside = grid.is_between_centres(pose(state).position);
+        let straight = || tool.check_motion(&pose(&start), &pose(state));
+        inside
+            && state[2] < middle.z
+            && is_free(state)
+            && matches!(straight(), Ok(MotionResult::Colliding { .. }))
     });
     let goal = goal.ok_or("no pose among the walls is free")?;
     let found = dual_rrt_connect(&start, &goal, is_free, sample, STEP, 20_000)?;
     let way: Vec<Pose> = found.iter().map(|state| pose(state)).collect();
-    let free = |pair: &&[Pose]| matches!(tool.free_along(&pair[0], &pair[1]), Ok(Passage::Free));
+    let free = |pair: &&[Pose]| matches!(tool.check_motion(&pair[0], &pair[1]), Ok(MotionResult::Free));
     let proven = way.windows(2).filter(free).count();
     let (asked, seconds) = seconds.into_inner();
     Ok(Found { way, asked, seconds, proven })

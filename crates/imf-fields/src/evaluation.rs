@@ -4,11 +4,9 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::learnt::LearntField;
 use crate::metrics::{ErrorReport, Errors};
-use crate::siren::EvaluationEngine;
 use imf_core::control::Control;
-use imf_core::field::{QueryError, WholeField};
+use imf_core::field::{FieldError, GridField};
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, SectionError, SectionPlan, imf, sections};
 
@@ -23,7 +21,7 @@ pub enum EvaluationError {
     Section(#[from] SectionError),
     /// The learnt field failed.
     #[error(transparent)]
-    Query(#[from] QueryError),
+    Field(#[from] FieldError),
     /// A comparison with the nearest section needs sections.
     #[error("no training orientation to compare with")]
     NoTraining,
@@ -38,33 +36,19 @@ pub struct SectionErrors {
     pub sections: Vec<ErrorReport>,
 }
 
-/// Errors of a network's sections at `orientations`. One unit of progress is one section.
-///
-/// # Errors
-/// A failed section, a failed device, or cancellation.
-pub fn learnt_sections(
-    plan: &SectionPlan,
-    orientations: &[Orientation],
-    engine: &mut dyn EvaluationEngine,
-    threshold: f64,
-    control: Control<'_>,
-) -> Result<SectionErrors, EvaluationError> {
-    whole_sections(plan, orientations, &mut LearntField::new(*plan.grid(), engine), threshold, control)
-}
-
 /// Errors of a field's sections at `orientations`, whatever its family. One unit of progress is one section.
 ///
 /// # Errors
 /// A failed section, a field that failed, or cancellation.
-pub fn whole_sections(
+pub fn grid_sections(
     plan: &SectionPlan,
     orientations: &[Orientation],
-    field: &mut dyn WholeField,
+    field: &dyn GridField,
     threshold: f64,
     control: Control<'_>,
 ) -> Result<SectionErrors, EvaluationError> {
     compare(plan, orientations, threshold, control, |_, orientation, values| {
-        Ok(field.section_at(orientation, values)?)
+        Ok(field.section(orientation, values)?)
     })
 }
 
@@ -164,38 +148,23 @@ pub struct ImfComparison {
     pub errors: ErrorReport,
 }
 
-/// Errors of a network's inaccessibility measure over `orientations`, which exact sections also run over. One unit of
-/// progress is one orientation.
-///
-/// # Errors
-/// A failed section, a failed device, or cancellation.
-pub fn learnt_imf(
-    plan: &SectionPlan,
-    orientations: &[Orientation],
-    engine: &mut dyn EvaluationEngine,
-    threshold: f64,
-    control: Control<'_>,
-) -> Result<ImfComparison, EvaluationError> {
-    whole_imf(plan, orientations, &mut LearntField::new(*plan.grid(), engine), threshold, control)
-}
-
 /// Errors of a field's inaccessibility measure over `orientations`, whatever its family; exact sections run over them
 /// too. One unit of progress is one orientation.
 ///
 /// # Errors
 /// A failed section, a field that failed, or cancellation.
-pub fn whole_imf(
+pub fn grid_imf(
     plan: &SectionPlan,
     orientations: &[Orientation],
-    field: &mut dyn WholeField,
+    field: &dyn GridField,
     threshold: f64,
     control: Control<'_>,
 ) -> Result<ImfComparison, EvaluationError> {
     let exact = imf(plan, orientations, control)?;
     let quiet = Control { progress: &|_| {}, ..control };
-    let learnt = field.least_over(orientations, quiet).map_err(|error| match error {
-        QueryError::Cancelled => SectionError::Cancelled.into(),
-        other => EvaluationError::Query(other),
+    let learnt = field.minimum(orientations, quiet).map_err(|error| match error {
+        FieldError::Cancelled => SectionError::Cancelled.into(),
+        other => EvaluationError::Field(other),
     })?;
     let mut errors = Errors::default();
     errors.add(&exact.value, &learnt.value, threshold);
@@ -234,7 +203,7 @@ fn compare(
 mod tests {
     use super::*;
     use glam::DVec3;
-    use imf_core::field::EngineError;
+    use imf_core::field::ExactField;
     use imf_core::grid::Grid;
     use imf_core::occupancy::Occupancy;
     use imf_core::orientation::OrientationSet;
@@ -246,43 +215,18 @@ mod tests {
         SectionPlan::new(&Occupancy { grid, solid }, &Tool::paper()).unwrap()
     }
 
-    /// Answers a constant everywhere.
-    struct Constant(f32);
-
-    impl EvaluationEngine for Constant {
-        fn describe(&self) -> String {
-            "a constant".into()
-        }
-
-        fn evaluate(&mut self, _: &[f32], outputs: &mut [f32]) -> Result<(), EngineError> {
-            outputs.fill(self.0);
-            Ok(())
-        }
-
-        fn minimum(
-            &mut self,
-            _: &[[f32; 3]],
-            _: &[[f32; 2]],
-            least: &mut [f32],
-            best: &mut [u32],
-        ) -> Result<(), EngineError> {
-            least.fill(self.0);
-            best.fill(0);
-            Ok(())
-        }
-    }
-
     #[test]
     fn a_constants_error_follows_from_mean_and_variance() {
         let plan = plan();
         let set = OrientationSet::parse("fibonacci:11").unwrap().orientations;
-        let zero = learnt_sections(&plan, &set, &mut Constant(0.0), 0.01, Control::quiet()).unwrap();
+        let zero = field_sections(&plan, &set, 0.01, Control::quiet(), |_, out| out.fill(0.0)).unwrap();
         assert_eq!(zero.sections.len(), 11);
         assert_eq!((zero.overall.false_free, zero.overall.false_blocked), (1.0, 0.0));
         // mse(c) = variance + (mean − c)², and mae(0) is the mean.
         let mean = zero.overall.mae;
         assert!((zero.overall.mse - zero.overall.variance - mean * mean).abs() < 1e-9);
-        let half = learnt_sections(&plan, &set, &mut Constant(0.5), 0.01, Control::quiet()).unwrap().overall;
+        let half =
+            field_sections(&plan, &set, 0.01, Control::quiet(), |_, out| out.fill(0.5)).unwrap().overall;
         assert!((half.mse - half.variance - (mean - 0.5).powi(2)).abs() < 1e-9);
     }
 
@@ -321,10 +265,18 @@ mod tests {
     fn the_imf_is_compared_with_the_exact_one() {
         let plan = plan();
         let set = OrientationSet::parse("fibonacci:11").unwrap().orientations;
+        // The exact field itself, and one whose obstacle is empty.
+        let tool = Tool::paper().with_tip_only();
+        let same = ExactField::new(plan.obstacle(), &tool);
+        let none = ExactField::new(Occupancy::empty(*plan.grid()), &tool);
+        let plan = SectionPlan::new(plan.obstacle(), &tool).unwrap();
         let exact = imf(&plan, &set, Control::quiet()).unwrap();
         let mean = exact.value.iter().map(|&v| f64::from(v)).sum::<f64>() / exact.value.len() as f64;
-        let report = learnt_imf(&plan, &set, &mut Constant(0.0), 0.01, Control::quiet()).unwrap();
-        assert!((report.errors.mae - mean).abs() < 1e-7);
-        assert_eq!(report.exact, exact);
+        let found = grid_imf(&plan, &set, &same, 0.01, Control::quiet()).unwrap();
+        assert_eq!((found.errors.mpe, &found.exact, &found.learnt), (0.0, &exact, &exact));
+        let found = grid_imf(&plan, &set, &none, 0.01, Control::quiet()).unwrap();
+        assert!((found.errors.mae - mean).abs() < 1e-7 && mean > 0.0);
+        let sections = grid_sections(&plan, &set, &same, 0.01, Control::quiet()).unwrap();
+        assert_eq!(sections.overall.mpe, 0.0);
     }
 }

@@ -17,7 +17,6 @@
 //!
 //! Where a network is told of the obstacle's symmetry all this is of the direction in the frame of the place ([`Symmetry`]).
 
-mod answers;
 mod evaluate;
 pub mod file;
 mod fold;
@@ -28,7 +27,6 @@ mod state;
 mod symmetry;
 pub mod targets;
 
-pub use answers::FactoredAnswers;
 pub use evaluate::FactoredEvaluator;
 pub use point::{FactoredPoint, PointScratch};
 pub use settings::TeachSettings;

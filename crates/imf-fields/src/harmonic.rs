@@ -11,7 +11,6 @@
 //! are. A fit may also be of the least over the sharp points itself, for sections: that one bends more sharply, needs a
 //! higher degree, and depends on the roll where the sharp points do. Values are for voxel centres and trilinear between them; outside the box of the voxel centres there is no answer ([`HarmonicField::overlap`]).
 
-mod answers;
 pub mod basis;
 mod both_ways;
 pub mod coefficients;
@@ -29,11 +28,10 @@ pub mod rotations;
 mod sides;
 pub mod sphere;
 
-pub use answers::HarmonicAnswers;
 pub use degree::{degree_for, sections_tried};
 pub use evaluate::VoxelCoefficients;
 pub use evaluate::{HEADS_AT_ONCE, Heads};
-pub(crate) use evaluate::{least_of, minimum_of, sections_of};
+pub(crate) use evaluate::{minimum_of, minimum_over, sections_of};
 pub use fit::solve::function_values;
 pub use fit::source::{Source, SourceScratch};
 pub use fit::{FitReport, FitSettings, Sizes, estimate, fit, section_count};

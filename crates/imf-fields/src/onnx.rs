@@ -31,10 +31,10 @@ use prost::Message as _;
 use thiserror::Error;
 
 use crate::factored::file::FactoredFile;
+use crate::file::FieldFile;
 use crate::harmonic::basis::Domain;
 use crate::harmonic::file::HarmonicFile;
 use crate::model::Model;
-use crate::stored::StoredField;
 use graph::{Graph, Value};
 use imf_core::atomic_file::{AtomicFileError, write_atomically};
 use imf_core::grid::Grid;
@@ -79,11 +79,11 @@ pub enum OnnxError {
 
 /// Bytes of a field's numbers in its graph; writing takes three times as many of memory.
 #[must_use]
-pub fn onnx_bytes(stored: &StoredField) -> u64 {
+pub fn onnx_bytes(stored: &FieldFile) -> u64 {
     match stored {
-        StoredField::Siren(model) => 4 * model.state.parameters.len() as u64,
-        StoredField::Harmonic(file) => file.field.bytes(),
-        StoredField::Factored(file) => file.field.bytes(),
+        FieldFile::Siren(model) => 4 * model.state.parameters.len() as u64,
+        FieldFile::Harmonic(file) => file.field.bytes(),
+        FieldFile::Factored(file) => file.field.bytes(),
     }
 }
 
@@ -91,20 +91,20 @@ pub fn onnx_bytes(stored: &StoredField) -> u64 {
 ///
 /// # Errors
 /// A field of rotations; one that is larger than the format holds; a file that cannot be written.
-pub fn write_onnx(stored: &StoredField, path: &Path) -> Result<(), OnnxError> {
+pub fn write_onnx(stored: &FieldFile, path: &Path) -> Result<(), OnnxError> {
     let bytes = model(stored)?.encode_to_vec();
     Ok(write_atomically(path, |file| file.write_all(&bytes))?)
 }
 
-fn model(stored: &StoredField) -> Result<ModelProto, OnnxError> {
+fn model(stored: &FieldFile) -> Result<ModelProto, OnnxError> {
     let size = onnx_bytes(stored);
     if size > MOST_BYTES {
         return Err(OnnxError::Size(size));
     }
     let graph = match stored {
-        StoredField::Siren(model) => siren(model),
-        StoredField::Harmonic(file) => harmonic(file)?,
-        StoredField::Factored(file) => factored(file)?,
+        FieldFile::Siren(model) => siren(model),
+        FieldFile::Harmonic(file) => harmonic(file)?,
+        FieldFile::Factored(file) => factored(file)?,
     };
     let record = &stored.scene().record;
     Ok(ModelProto {

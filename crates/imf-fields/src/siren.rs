@@ -22,6 +22,7 @@ pub mod forward;
 pub mod halves;
 pub mod lanes;
 pub mod matrix;
+pub mod over_grid;
 pub mod plan;
 pub mod reference;
 pub mod scratch;

@@ -3,29 +3,31 @@
 
 #![expect(clippy::unwrap_used, reason = "a failed helper is a failed test")]
 
+use std::sync::Arc;
+
 use allocation_counter::measure;
-use glam::{Quat, Vec3};
+use glam::{DQuat, DVec3};
 use imf_core::control::Control;
-use imf_core::field::ExactField;
+use imf_core::field::{Best, Decision, ExactField, Gradient, PoseField};
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
-use imf_core::planner::{Best, Decision, Gradient, Pose, PoseField};
+use imf_core::pose::Pose;
 use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::SectionPlan;
 use imf_core::tool::Tool;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::{Axis, FactoredField, FactoredShape, Symmetry, TeachSettings};
+use imf_fields::field::{Field, VerifiedField};
+use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitSettings, fit};
-use imf_fields::learnt::{GuardedField, NeuralField};
 use imf_fields::model::Model;
 use imf_fields::recipe::Sampling;
 use imf_fields::recipe::TrainingState;
 use imf_fields::recipe::{Cursor, TrainingPlan};
 use imf_fields::siren::SirenShape;
-use imf_fields::stored::StoredField;
 
 fn scene() -> Scene {
     let mesh = ReferencePart::Bracket.mesh();
@@ -103,11 +105,11 @@ const BLOCKS: u64 = 3;
 const PRODUCTS: u64 = 2 * 2 * 5;
 
 /// One call of every method on `poses`.
-fn ask(field: &dyn PoseField, poses: &[Pose], points: &[Vec3], rotations: &[Quat], room: &mut Room) {
-    field.query(poses, &mut room.values[..poses.len()]).unwrap();
-    field.query_with_gradient(poses, &mut room.gradients[..poses.len()]).unwrap();
+fn ask(field: &dyn PoseField, poses: &[Pose], points: &[DVec3], rotations: &[DQuat], room: &mut Room) {
+    field.values(poses, &mut room.values[..poses.len()]).unwrap();
+    field.gradients(poses, &mut room.gradients[..poses.len()]).unwrap();
     field.classify(poses, &mut room.decisions[..poses.len()]).unwrap();
-    field.imf(points, rotations, &mut room.best[..points.len()]).unwrap();
+    field.best(points, rotations, &mut room.best[..points.len()]).unwrap();
 }
 
 struct Room {
@@ -124,30 +126,30 @@ fn single_poses_gradients_and_proofs_allocate_nothing_after_the_first_call() {
     let poses: Vec<Pose> = (0..700_u32)
         .map(|i| {
             let share = |prime: u32| f64::from(i * prime % 701) / 701.0;
-            let unit = glam::DVec3::new(share(37), share(53), share(71));
-            let axis = Vec3::new(share(11) as f32 - 0.5, share(13) as f32 - 0.5, share(17) as f32 - 0.4);
-            Pose::along((grid.origin + unit * grid.size()).as_vec3(), axis)
+            let unit = DVec3::new(share(37), share(53), share(71));
+            let axis = DVec3::new(share(11) - 0.5, share(13) - 0.5, share(17) - 0.4);
+            Pose::along(grid.origin + unit * grid.size(), axis)
         })
         .collect();
-    let points: Vec<Vec3> = poses.iter().take(300).map(|p| p.position).collect();
-    let rotations: Vec<Quat> = poses.iter().take(40).map(|p| p.rotation).collect();
-    let of = |stored| NeuralField::new(stored).unwrap();
+    let points: Vec<DVec3> = poses.iter().take(300).map(|p| p.position).collect();
+    let rotations: Vec<DQuat> = poses.iter().take(40).map(|p| p.rotation).collect();
+    let of = |stored| Field::new(stored).unwrap();
     let fields: Vec<(&str, Box<dyn PoseField>)> = vec![
-        ("harmonic f16", Box::new(of(StoredField::Harmonic(Box::new(harmonic(&scene, Precision::F16)))))),
-        ("harmonic f32", Box::new(of(StoredField::Harmonic(Box::new(harmonic(&scene, Precision::F32)))))),
-        ("factored", Box::new(of(StoredField::Factored(Box::new(factored(&scene)))))),
-        ("factored with symmetry", Box::new(of(StoredField::Factored(Box::new(symmetric(&scene)))))),
-        ("siren", Box::new(of(StoredField::Siren(Box::new(siren(&scene)))))),
-        ("exact", Box::new(ExactField::of_tool(&scene.obstacle, &scene.record.tool))),
+        ("harmonic f16", Box::new(of(FieldFile::Harmonic(Arc::new(harmonic(&scene, Precision::F16)))))),
+        ("harmonic f32", Box::new(of(FieldFile::Harmonic(Arc::new(harmonic(&scene, Precision::F32)))))),
+        ("factored", Box::new(of(FieldFile::Factored(Box::new(factored(&scene)))))),
+        ("factored with symmetry", Box::new(of(FieldFile::Factored(Box::new(symmetric(&scene)))))),
+        ("siren", Box::new(of(FieldFile::Siren(Box::new(siren(&scene)))))),
+        ("exact", Box::new(ExactField::new(&scene, &scene.record.tool))),
         (
-            "guarded",
-            Box::new(GuardedField::new(of(StoredField::Factored(Box::new(factored(&scene))))).unwrap()),
+            "verified",
+            Box::new(VerifiedField::new(of(FieldFile::Factored(Box::new(factored(&scene))))).unwrap()),
         ),
     ];
     let mut room = Room {
         values: vec![0.0; poses.len()],
         gradients: vec![Gradient::NAN; poses.len()],
-        decisions: vec![Decision::Near; poses.len()],
+        decisions: vec![Decision::Undecided; poses.len()],
         best: vec![Best::NONE; points.len()],
     };
     for (name, field) in &fields {
@@ -162,23 +164,23 @@ fn single_poses_gradients_and_proofs_allocate_nothing_after_the_first_call() {
         counted("single poses", 0, &|room| {
             for pose in &poses[..40] {
                 let pose = std::slice::from_ref(pose);
-                field.query(pose, &mut room.values[..1]).unwrap();
+                field.values(pose, &mut room.values[..1]).unwrap();
                 field.classify(pose, &mut room.decisions[..1]).unwrap();
             }
-            field.query(&[], &mut []).unwrap();
+            field.values(&[], &mut []).unwrap();
         });
-        counted("gradients", 0, &|room| field.query_with_gradient(&poses, &mut room.gradients).unwrap());
-        let proven = ["exact", "guarded"].contains(name);
+        counted("gradients", 0, &|room| field.gradients(&poses, &mut room.gradients).unwrap());
+        let proven = ["exact", "verified"].contains(name);
         counted("decisions", if proven { 0 } else { PRODUCTS * BLOCKS }, &|room| {
             field.classify(&poses, &mut room.decisions).unwrap();
         });
         counted("values", if *name == "exact" { 0 } else { PRODUCTS * BLOCKS }, &|room| {
-            field.query(&poses, &mut room.values).unwrap();
+            field.values(&poses, &mut room.values).unwrap();
         });
     }
-    let guarded =
-        GuardedField::new(of(StoredField::Harmonic(Box::new(harmonic(&scene, Precision::F16))))).unwrap();
-    let motion = || guarded.free_along(&poses[3], &poses[4]).unwrap();
+    let verified =
+        VerifiedField::new(of(FieldFile::Harmonic(Arc::new(harmonic(&scene, Precision::F16))))).unwrap();
+    let motion = || verified.check_motion(&poses[3], &poses[4]).unwrap();
     motion();
     let counted = measure(|| {
         std::hint::black_box(motion());

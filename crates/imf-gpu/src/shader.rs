@@ -45,9 +45,9 @@ pub const NO_AXIS: u32 = 3;
 /// Decisions of poses as the device writes them.
 pub const FREE: u32 = 0;
 /// See [`FREE`].
-pub const BLOCKED: u32 = 1;
+pub const COLLIDING: u32 = 1;
 /// See [`FREE`].
-pub const NEAR: u32 = 2;
+pub const UNDECIDED: u32 = 2;
 /// Where the sigmoid's argument is clamped.
 pub const SIGMOID_LIMIT: f32 = 80.0;
 
@@ -330,8 +330,8 @@ fn prelude() -> String {
         ("SOAP_GROUP", SOAP_GROUP),
         ("SOAP_PANEL", SOAP_PANEL),
         ("FREE", FREE),
-        ("BLOCKED", BLOCKED),
-        ("NEAR", NEAR),
+        ("COLLIDING", COLLIDING),
+        ("UNDECIDED", UNDECIDED),
         ("NO_AXIS", NO_AXIS),
     ] {
         let _ = writeln!(text, "const {name}: u32 = {value}u;");

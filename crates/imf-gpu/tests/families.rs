@@ -9,26 +9,27 @@ use asked::{
     Within, calibration, compare, compare_at, compare_minima, compare_minima_of, compare_on_device, poses,
 };
 use every_device::every_device;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use glam::Vec3;
+use glam::DVec3;
 use imf_core::control::Control;
-use imf_core::field::{self, Field, QueryError, WholeField};
+use imf_core::field::{FieldError, GridField as _};
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
-use imf_core::planner::Pose;
+use imf_core::pose::Pose;
 use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::Quantity;
 use imf_core::tool::Tool;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::{Axis, FactoredField, FactoredShape, Symmetry, TeachSettings};
+use imf_fields::field::Field;
+use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::{Basis, Domain};
 use imf_fields::harmonic::coefficients::{Coefficients, Precision};
 use imf_fields::harmonic::file::HarmonicFile;
-use imf_fields::harmonic::{FitReport, FitSettings, HarmonicAnswers, HarmonicField};
-use imf_fields::learnt::NeuralField;
-use imf_fields::stored::StoredField;
-use imf_gpu::{Gpu, GpuField, GpuLimits, GpuWhole, MatrixKernel};
+use imf_fields::harmonic::{FitReport, FitSettings, HarmonicField};
+use imf_gpu::{Gpu, GpuField, GpuLimits, MatrixKernel};
 
 fn scene() -> Scene {
     let (mesh, tool) = (ReferencePart::Teapot.mesh(), Tool::paper());
@@ -76,10 +77,10 @@ fn file_with(
         state: None,
         calibration: None,
     };
-    let twin = NeuralField::new(StoredField::Factored(Box::new(file.clone()))).expect("a field");
+    let twin = Field::new(FieldFile::Factored(Box::new(file.clone()))).expect("a field");
     let asked = poses(&file.scene.record.grid, 500);
     let mut values = vec![0.0; asked.len()];
-    twin.query_unclipped(&asked, &mut values).expect("values");
+    twin.values_unclipped(&asked, &mut values).expect("values");
     values.retain(|value| value.is_finite());
     values.sort_by(f32::total_cmp);
     let calibration = calibration(values[values.len() / 3], values[values.len() * 2 / 3]);
@@ -130,7 +131,7 @@ fn harmonic(
 fn field(gpu: &Gpu, degree: usize, axes: usize, quantity: Quantity) -> GpuField {
     let mut file = file(Domain::Directions, degree, axes, quantity);
     file.field = file.field.folded();
-    GpuField::new(gpu, StoredField::Factored(Box::new(file))).expect("a field")
+    GpuField::new(gpu, FieldFile::Factored(Box::new(file))).expect("a field")
 }
 
 /// Points and directions of single precision, seen by ω = 10 through three layers and by waves of degree 16, and sums of some
@@ -150,15 +151,15 @@ fn values_gradients_and_decisions_are_the_twins_also_at_the_poles() {
 
 /// A point a little off the middle of the grid, in what single precision holds: device and CPU then agree about which side of
 /// a plane through it a position is on.
-fn middle() -> Vec3 {
+fn middle() -> DVec3 {
     let grid = scene().record.grid;
-    (grid.origin + 0.45 * grid.size()).as_vec3()
+    (grid.origin + 0.45 * grid.size()).as_vec3().as_dvec3()
 }
 
 /// Mirrors, axes along x, y and z, and both.
 fn symmetries() -> [Symmetry; 4] {
-    let [x, y, z] = middle().as_dvec3().to_array();
-    let axis = |along| Some(Axis { along, through: middle().as_dvec3() });
+    let [x, y, z] = middle().to_array();
+    let axis = |along| Some(Axis { along, through: middle() });
     [
         Symmetry { mirrors: [Some(x), None, Some(z)], axis: None },
         Symmetry { mirrors: [None; 3], axis: axis(0) },
@@ -175,9 +176,9 @@ fn fields_with_symmetry_are_answered_as_on_the_cpu() {
     // On the planes and on the axis itself, where the angle is 0 by convention and has no slope; in directions at the poles of
     // every frame. Beside the axis none is nearer to it than some thousandths of the box: slopes by the angle grow as the
     // distance falls, and would be all that the others are measured by.
-    let axes = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
+    let axes = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
     asked.extend(axes.map(|axis| Pose::along(middle(), axis)));
-    asked.extend(axes.map(|axis| Pose::along(middle() + 0.2 * grid.size().as_vec3() * axis, axis)));
+    asked.extend(axes.map(|axis| Pose::along(middle() + 0.2 * grid.size() * axis, axis)));
     for (index, pose) in asked[20..50].iter_mut().enumerate() {
         pose.position[index % 3] = middle()[index % 3];
     }
@@ -186,7 +187,7 @@ fn fields_with_symmetry_are_answered_as_on_the_cpu() {
             for gpu in every_device() {
                 let mut file = file_with(symmetry, Domain::Directions, degree, axes, quantity);
                 file.field = file.field.folded();
-                let field = GpuField::new(&gpu, StoredField::Factored(Box::new(file))).expect("a field");
+                let field = GpuField::new(&gpu, FieldFile::Factored(Box::new(file))).expect("a field");
                 println!("{symmetry}, degree {degree}:");
                 compare_at(&field, &WITHIN, &asked);
                 compare_minima(&field, &WITHIN);
@@ -203,7 +204,7 @@ fn harmonic_fields_are_answered_as_on_the_cpu() {
     {
         for gpu in every_device() {
             let file = harmonic(Domain::Directions, degree, axes, quantity, precision);
-            let field = GpuField::new(&gpu, StoredField::Harmonic(Box::new(file))).unwrap();
+            let field = GpuField::new(&gpu, FieldFile::Harmonic(Arc::new(file))).unwrap();
             compare(&field, &WITHIN);
             compare_on_device(&gpu, &field);
             compare_minima(&field, &WITHIN);
@@ -234,13 +235,13 @@ fn fields_over_rotations_are_answered_as_on_the_cpu() {
     for gpu in every_device() {
         for (degree, axes, quantity) in [(1, 5, Quantity::Overlap), (6, 70, Quantity::Depth)] {
             let file = file(rotations, degree, axes, quantity);
-            let field = GpuField::new(&gpu, StoredField::Factored(Box::new(file))).expect("a field");
+            let field = GpuField::new(&gpu, FieldFile::Factored(Box::new(file))).expect("a field");
             compare(&field, &WITHIN);
             compare_minima_of(&field, &WITHIN, 300, "so3:40");
         }
         for (degree, axes, precision) in [(3, 21, Precision::F16), (4, 70, Precision::F32)] {
             let file = harmonic(rotations, degree, axes, Quantity::Overlap, precision);
-            let field = GpuField::new(&gpu, StoredField::Harmonic(Box::new(file))).expect("a field");
+            let field = GpuField::new(&gpu, FieldFile::Harmonic(Arc::new(file))).expect("a field");
             compare(&field, &WITHIN);
             compare_on_device(&gpu, &field);
             compare_minima_of(&field, &WITHIN, 300, "so3:40");
@@ -249,22 +250,22 @@ fn fields_over_rotations_are_answered_as_on_the_cpu() {
 }
 
 /// Sections and minima at every voxel over a set of orientations.
-fn compare_whole(name: &str, found: &mut GpuWhole<'_>, twin: &HarmonicField, set: &str) {
+fn compare_whole(name: &str, found: &GpuField, set: &str) {
     let orientations = OrientationSet::parse(set).expect("a set").orientations;
-    let (voxels, heads) = (twin.grid.len(), twin.heads(&orientations));
+    let (twin, voxels) = (found.twin(), found.grid().len());
     let [mut sections, mut expected] = [0; 2].map(|_| vec![0.0; voxels * orientations.len()]);
-    twin.sections(&heads, &mut expected);
+    twin.sections(&orientations, &mut expected).expect("sections");
     found.sections(&orientations, &mut sections).expect("sections");
     let apart = |(a, b): (&f32, &f32)| (a - b).abs();
     let worst = sections.iter().zip(&expected).map(apart).fold(0.0, f32::max);
     println!("{name}, {set}: {worst:.1e}");
     assert!(worst < WITHIN.value, "{name}, {set}: {worst}");
     let mut one = vec![0.0; voxels];
-    found.section_at(&orientations[3], &mut one).expect("a section");
+    found.section(&orientations[3], &mut one).expect("a section");
     assert!(one.iter().zip(&sections[3 * voxels..]).map(apart).all(|apart| apart < WITHIN.value));
 
-    let (least, expected) =
-        (found.least_over(&orientations, Control::quiet()).expect("minima"), twin.minimum(&heads));
+    let least = found.minimum(&orientations, Control::quiet()).expect("minima");
+    let expected = twin.minimum(&orientations, Control::quiet()).expect("minima");
     let mut others = 0;
     for voxel in 0..voxels {
         let (value, best) = (least.value[voxel], least.best[voxel]);
@@ -294,10 +295,10 @@ fn harmonic_fields_over_their_grid_are_the_cpus() {
         (directions, 9, 70, Quantity::Depth, Precision::F32, "fibonacci:37"),
         (rotations, 2, 12, Quantity::Overlap, Precision::F32, "so3:40"),
     ] {
-        let field = harmonic(domain, degree, axes, quantity, precision).field;
+        let file = Arc::new(harmonic(domain, degree, axes, quantity, precision));
         for gpu in devices() {
-            let mut found = GpuWhole::of_harmonic(&gpu, &field).expect("a field");
-            compare_whole(gpu.matrix_kernel().name(), &mut found, &field, set);
+            let found = GpuField::new(&gpu, FieldFile::Harmonic(file.clone())).expect("a field");
+            compare_whole(gpu.matrix_kernel().name(), &found, set);
         }
     }
 }
@@ -308,15 +309,15 @@ fn factored_fields_over_their_grid_are_the_cpus() {
     let (directions, rotations) = (Domain::Directions, Domain::Rotations);
     let [_, _, symmetry, _] = symmetries();
     let none = Symmetry::default();
-    let symmetric = file_with(symmetry, directions, 7, 21, Quantity::Overlap).field;
-    let folded = file_with(none, directions, 9, 70, Quantity::Depth).field.folded();
-    let rolling = file_with(none, rotations, 2, 12, Quantity::Overlap).field;
-    for (field, set) in [(symmetric, "fibonacci:700"), (folded, "fibonacci:37"), (rolling, "so3:40")] {
-        let report = harmonic(directions, 1, 1, Quantity::Overlap, Precision::F32).field.report;
-        let twin = field.evaluator().expanded(Precision::F32, report);
+    let symmetric = file_with(symmetry, directions, 7, 21, Quantity::Overlap);
+    let mut folded = file_with(none, directions, 9, 70, Quantity::Depth);
+    folded.field = folded.field.folded();
+    let rolling = file_with(none, rotations, 2, 12, Quantity::Overlap);
+    for (file, set) in [(symmetric, "fibonacci:700"), (folded, "fibonacci:37"), (rolling, "so3:40")] {
+        let file = FieldFile::Factored(Box::new(file));
         for gpu in devices() {
-            let mut found = GpuWhole::of_factored(&gpu, &field).expect("a field");
-            compare_whole(gpu.matrix_kernel().name(), &mut found, &twin, set);
+            let found = GpuField::new(&gpu, file.clone()).expect("a field");
+            compare_whole(gpu.matrix_kernel().name(), &found, set);
         }
     }
 }
@@ -325,12 +326,13 @@ fn factored_fields_over_their_grid_are_the_cpus() {
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn orientations_that_one_buffer_does_not_hold_are_met_in_batches() {
     // Rows of 25 or 65 numbers in a buffer of 1 MiB: up to 10,240 or 3,584 of them together.
-    let field = harmonic(Domain::Directions, 3, 16, Quantity::Overlap, Precision::F32).field;
+    let file = Arc::new(harmonic(Domain::Directions, 3, 16, Quantity::Overlap, Precision::F32));
+    let field = &file.field;
     for gpu in &devices()[MatrixKernel::ALL.len()..] {
-        let mut found = GpuWhole::of_harmonic(gpu, &field).expect("a field");
+        let found = GpuField::new(gpu, FieldFile::Harmonic(file.clone())).expect("a field");
         let orientations = OrientationSet::parse("fibonacci:12000").expect("a set").orientations;
         let expected = field.minimum(&field.heads(&orientations));
-        let least = found.least_over(&orientations, Control::quiet()).expect("minima");
+        let least = found.minimum(&orientations, Control::quiet()).expect("minima");
         let (mut others, mut late) = (0, 0);
         for voxel in 0..field.grid.len() {
             let apart = (least.value[voxel] - expected.value[voxel]).abs();
@@ -348,7 +350,7 @@ fn orientations_that_one_buffer_does_not_hold_are_met_in_batches() {
 fn minima_of_harmonic_fields_in_parts_are_the_twins() {
     for gpu in devices().split_off(MatrixKernel::ALL.len()) {
         let file = harmonic(Domain::Directions, 7, 21, Quantity::Overlap, Precision::F16);
-        let field = GpuField::new(&gpu, StoredField::Harmonic(Box::new(file))).expect("a field");
+        let field = GpuField::new(&gpu, FieldFile::Harmonic(Arc::new(file))).expect("a field");
         // Some hundred points a part, 512 orientations a chunk.
         compare_minima_of(&field, &WITHIN, 2000, "fibonacci:600");
     }
@@ -357,8 +359,9 @@ fn minima_of_harmonic_fields_in_parts_are_the_twins() {
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn a_minimum_tells_how_far_it_is_and_stops_when_asked() {
-    let field = harmonic(Domain::Directions, 3, 9, Quantity::Overlap, Precision::F16).field;
-    let mut found = GpuWhole::of_harmonic(&adapter::open(), &field).expect("a field");
+    let file = harmonic(Domain::Directions, 3, 9, Quantity::Overlap, Precision::F16);
+    let voxels = file.field.grid.len() as u64;
+    let found = GpuField::new(&adapter::open(), FieldFile::Harmonic(Arc::new(file))).expect("a field");
     let (done, stop) = (AtomicU64::new(0), AtomicBool::new(false));
     let progress = |voxels| {
         done.fetch_add(voxels, Ordering::Relaxed);
@@ -366,35 +369,10 @@ fn a_minimum_tells_how_far_it_is_and_stops_when_asked() {
     let control = || Control { progress: &progress, cancelled: &stop };
     let orientations = OrientationSet::parse("fibonacci:5").expect("a set").orientations;
     found.minimum(&orientations, control()).expect("minima");
-    assert_eq!(done.load(Ordering::Relaxed), 5 * field.grid.len() as u64);
+    assert_eq!(done.load(Ordering::Relaxed), 5 * voxels);
     stop.store(true, Ordering::Relaxed);
     let stopped = found.minimum(&orientations, control());
-    assert!(matches!(stopped, Err(QueryError::Cancelled)));
+    assert!(matches!(stopped, Err(FieldError::Cancelled)));
     let error = found.sections(&[], &mut []).expect_err("no orientation");
     assert!(error.to_string().contains("at least one orientation"), "{error}");
-}
-
-#[test]
-#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
-fn poses_in_double_precision_are_answered_as_on_the_cpu() {
-    let file = harmonic(Domain::Directions, 7, 21, Quantity::Overlap, Precision::F32);
-    let grid = file.field.grid;
-    let set = OrientationSet::parse("random:500:3").expect("a set").orientations;
-    let mut asked: Vec<field::Pose> = poses(&grid, 500)
-        .iter()
-        .zip(set)
-        .map(|(pose, orientation)| field::Pose { position: pose.position.as_dvec3(), orientation })
-        .collect();
-    asked.retain(|pose| pose.position.is_finite());
-    asked[5].position.z = f64::NAN;
-    let [mut found, mut expected] = [0; 2].map(|_| vec![0.0; asked.len()]);
-    HarmonicAnswers(&file.field).query(&asked, &mut expected).expect("answers");
-    let device = GpuField::new(&adapter::open(), StoredField::Harmonic(Box::new(file))).expect("a field");
-    Field::query(&mut &device, &asked, &mut found).expect("answers");
-    for ((pose, found), expected) in asked.iter().zip(&found).zip(&expected) {
-        assert_eq!(found.is_nan(), expected.is_nan(), "{pose:?}");
-        assert!(found.is_nan() || (found - expected).abs() < WITHIN.value, "{pose:?}: {found}, {expected}");
-    }
-    assert!(expected[5].is_nan());
-    assert!(Field::query(&mut &device, &asked, &mut found[1..]).is_err());
 }

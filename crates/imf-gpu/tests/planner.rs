@@ -7,26 +7,26 @@ mod every_device;
 
 use asked::{Within, calibration, compare, compare_minima, compare_on_device};
 use every_device::every_device;
-use glam::{DVec3, Vec3};
-use imf_core::field::{self, Field as _};
+use glam::DVec3;
+use imf_core::control::Control;
+use imf_core::field::{GridField as _, PoseField as _};
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
-use imf_core::planner::Pose;
+use imf_core::pose::Pose;
 use imf_core::scene::SceneSpec;
 use imf_core::tool::Tool;
-use imf_fields::learnt::LearntField;
+use imf_fields::file::FieldFile;
 use imf_fields::model::{Model, TrainingRecord};
 use imf_fields::recipe::Sampling;
 use imf_fields::recipe::TrainingState;
 use imf_fields::recipe::divergence::Watch;
 use imf_fields::recipe::{Cursor, TrainingPlan};
-use imf_fields::siren::SirenShape;
-use imf_fields::stored::StoredField;
+use imf_fields::siren::{EvaluationEngine as _, SirenShape, features};
 use imf_gpu::{Gpu, GpuEvaluator, GpuField};
 
 /// A network of random weights over the teapot's box, with thresholds among its values, which are worth nothing.
 fn field(gpu: &Gpu, skip_after: Option<usize>) -> GpuField {
-    GpuField::new(gpu, StoredField::Siren(Box::new(model(skip_after)))).expect("a field")
+    GpuField::new(gpu, FieldFile::Siren(Box::new(model(skip_after)))).expect("a field")
 }
 
 fn model(skip_after: Option<usize>) -> Model {
@@ -97,28 +97,55 @@ fn positions_outside_the_box_are_answered_alike_by_poses_and_by_samples() {
     let (gpu, model) = (adapter::open(), model(Some(1)));
     let grid = model.scene.record.grid;
     let [low, high] = grid.box_of_centres();
-    let poses: Vec<field::Pose> = (0..60)
+    let poses: Vec<Pose> = (0..60)
         .map(|index| {
             let part = |of: u32| f64::from(index * of % 61) / 60.0;
             let mut position = low + DVec3::new(part(7), part(11), part(13)) * (high - low);
             let room = [0.4 * grid.pitch, 3.0 * grid.pitch, 1e3][index as usize / 6 % 3];
             let axis = index as usize % 3;
             position[axis] = if index % 2 == 0 { low[axis] - room } else { high[axis] + room };
-            let axis = Vec3::new(part(5) as f32 - 0.5, part(3) as f32 - 0.5, 0.3);
-            field::Pose { position, orientation: Pose::along(Vec3::ZERO, axis).orientation() }
+            let axis = DVec3::new(part(5) - 0.5, part(3) - 0.5, 0.3);
+            Pose::along(position, axis)
         })
         .collect();
     let mut engine = GpuEvaluator::new(&gpu, model.shape, &model.state.parameters).expect("an evaluator");
-    let mut samples = LearntField::new(grid, &mut engine);
-    let device = field(&gpu, Some(1));
-    let mut found = [(); 3].map(|()| vec![f32::NAN; poses.len()]);
-    samples.query(&poses, &mut found[0]).expect("answers");
-    (&device).query(&poses, &mut found[1]).expect("answers");
-    let held: Vec<field::Pose> =
-        poses.iter().map(|pose| field::Pose { position: pose.position.clamp(low, high), ..*pose }).collect();
-    samples.query(&held, &mut found[2]).expect("answers");
-    assert_eq!(found[0], found[2]);
-    for ((samples, poses), pose) in found[0].iter().zip(&found[1]).zip(&poses) {
-        assert!((samples - poses).abs() < WITHIN.value, "{pose:?}: {samples} against {poses}");
+    let mut samples = |poses: &[Pose]| {
+        let inputs = poses.iter().flat_map(|pose| {
+            let [theta, phi] = pose.orientation().angles();
+            features(grid.unit(pose.position.clamp(low, high)).as_vec3().to_array(), theta, phi)
+        });
+        let mut values = vec![f32::NAN; poses.len()];
+        engine.evaluate(&inputs.collect::<Vec<f32>>(), &mut values).expect("answers");
+        values
+    };
+    let mut found = vec![f32::NAN; poses.len()];
+    field(&gpu, Some(1)).values(&poses, &mut found).expect("answers");
+    for ((expected, found), pose) in samples(&poses).iter().zip(&found).zip(&poses) {
+        assert!((expected - found).abs() < WITHIN.value, "{pose:?}: {expected} against {found}");
     }
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn grids_are_the_twins_and_at_the_poles_theta_is_that_of_the_orientation() {
+    let device = field(&adapter::open(), Some(1));
+    let twin = device.twin();
+    let set = OrientationSet::parse("0,0;90,0;37,180;40,65").expect("a set").orientations;
+    let voxels = twin.grid().len();
+    let [mut found, mut expected] = [0; 2].map(|_| vec![f32::NAN; voxels * set.len()]);
+    device.sections(&set, &mut found).expect("sections");
+    twin.sections(&set, &mut expected).expect("sections");
+    let apart = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(apart(&found, &expected) < WITHIN.value);
+    for (orientation, section) in set.iter().zip(found.chunks(voxels)) {
+        let at = |voxel| Pose::oriented(twin.grid().centre(twin.grid().voxel(voxel)), orientation);
+        let poses: Vec<Pose> = (0..voxels).map(at).collect();
+        let mut values = vec![f32::NAN; voxels];
+        device.values(&poses, &mut values).expect("values");
+        assert!(apart(&values, section) < WITHIN.value, "{orientation:?}");
+    }
+    let [found, expected] = [device.minimum(&set, Control::quiet()), twin.minimum(&set, Control::quiet())]
+        .map(|minimum| minimum.expect("a minimum"));
+    assert!(apart(&found.value, &expected.value) < WITHIN.value);
+    assert!(device.minimum(&[], Control::quiet()).is_err());
 }

@@ -4,7 +4,6 @@
 use std::ops::ControlFlow;
 
 use imf_core::control::Control;
-use imf_fields::learnt::LearntField;
 use imf_fields::model::{Model, TrainingRecord};
 use imf_fields::recipe::Sampling;
 use imf_fields::recipe::TrainingState;
@@ -12,6 +11,7 @@ use imf_fields::recipe::divergence::Watch;
 use imf_fields::recipe::{Cursor, Length, TrainingPlan};
 use imf_fields::siren::SirenShape;
 use imf_fields::siren::evaluator::CpuEvaluator;
+use imf_fields::siren::over_grid;
 use imf_gpu::{GpuEvaluator, GpuTrainer};
 use imf_train::dataset::generate;
 use imf_train::engine::CpuTrainer;
@@ -93,7 +93,7 @@ fn the_same_seed_gives_the_same_weights_and_values_on_the_gpu() {
         let weights = run(&plan, &samples, &mut engine).parameters;
         let mut evaluator = GpuEvaluator::new(&gpu, SHAPE, &weights).unwrap();
         let mut values = vec![f32::NAN; SMALL.iter().product()];
-        LearntField::new(samples.grid, &mut evaluator).section([200.0, 33.0], &mut values).unwrap();
+        over_grid::section(&mut evaluator, &samples.grid, [200.0, 33.0], &mut values).unwrap();
         (bits(&weights), bits(&values))
     };
     assert!(once() == once(), "the same seed ended elsewhere");
@@ -130,10 +130,10 @@ fn a_model_that_was_written_and_read_evaluates_as_before() {
         set.orientations.iter().map(imf_core::orientation::Orientation::angles).collect();
     let evaluate = |model: &Model| {
         let mut engine = CpuEvaluator::new(model.shape, &model.state.parameters).unwrap();
-        let mut field = LearntField::new(model.scene.record.grid, &mut engine);
+        let grid = model.scene.record.grid;
         let mut values = vec![f32::NAN; model.scene.record.grid.len()];
-        field.section([12.0, 6.0], &mut values).unwrap();
-        let least = field.imf(&angles, Control::quiet()).unwrap();
+        over_grid::section(&mut engine, &grid, [12.0, 6.0], &mut values).unwrap();
+        let least = over_grid::minimum(&mut engine, &grid, &angles, Control::quiet()).unwrap();
         (bits(&values), bits(&least.value), least.best)
     };
     let before = evaluate(&model);

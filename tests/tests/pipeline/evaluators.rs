@@ -2,10 +2,8 @@
 
 use imf_core::control::Control;
 use imf_core::section::Imf;
-use imf_fields::learnt::LearntField;
-use imf_fields::siren::EvaluationEngine;
-use imf_fields::siren::SirenShape;
 use imf_fields::siren::evaluator::CpuEvaluator;
+use imf_fields::siren::{EvaluationEngine, SirenShape, over_grid};
 use imf_gpu::{GpuEvaluator, MatrixKernel};
 
 use crate::bits::trained;
@@ -18,17 +16,17 @@ const SHAPE: SirenShape = SirenShape { width: 48, hidden: 4, skip_after: Some(2)
 const TOLERANCE: f32 = 2e-6;
 
 fn sections(engine: &mut dyn EvaluationEngine, angles: &[[f32; 2]]) -> Vec<Vec<f32>> {
-    let mut field = LearntField::new(bracket().record.grid, engine);
-    let section = |&angles: &[f32; 2]| {
+    let grid = bracket().record.grid;
+    let mut section = |&angles: &[f32; 2]| {
         let mut values = vec![f32::NAN; SMALL.iter().product()];
-        field.section(angles, &mut values).unwrap();
+        over_grid::section(engine, &grid, angles, &mut values).unwrap();
         values
     };
-    angles.iter().map(section).collect()
+    angles.iter().map(&mut section).collect()
 }
 
 fn imf(engine: &mut dyn EvaluationEngine, angles: &[[f32; 2]]) -> Imf {
-    LearntField::new(bracket().record.grid, engine).imf(angles, Control::quiet()).unwrap()
+    over_grid::minimum(engine, &bracket().record.grid, angles, Control::quiet()).unwrap()
 }
 
 #[test]

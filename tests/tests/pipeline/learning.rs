@@ -3,12 +3,13 @@
 use std::ops::ControlFlow;
 
 use imf_core::control::Control;
-use imf_fields::evaluation::{learnt_sections, nearest_sections};
+use imf_core::orientation::Orientation;
+use imf_fields::evaluation::{field_sections, nearest_sections};
 use imf_fields::recipe::schedule::Schedule;
 use imf_fields::recipe::{AdamConfig, TrainingState};
 use imf_fields::recipe::{Cursor, Length, TrainingPlan};
-use imf_fields::siren::SirenShape;
 use imf_fields::siren::evaluator::CpuEvaluator;
+use imf_fields::siren::{SirenShape, over_grid};
 use imf_train::engine::CpuTrainer;
 use imf_train::training::TrainingEngine;
 use imf_train::training::run::{Outcome, train};
@@ -37,7 +38,10 @@ fn a_small_network_beats_the_nearest_section_and_a_tenth_of_the_variance() {
     let plan = plan(&scene);
     let report = |parameters: &[f32]| {
         let mut evaluator = CpuEvaluator::new(shape, parameters).unwrap();
-        learnt_sections(&plan, &unseen, &mut evaluator, 0.001, Control::quiet()).unwrap().overall
+        let section = |orientation: &Orientation, values: &mut [f32]| {
+            over_grid::section(&mut evaluator, plan.grid(), orientation.angles(), values).unwrap();
+        };
+        field_sections(&plan, &unseen, 0.001, Control::quiet(), section).unwrap().overall
     };
     let learnt = report(&engine.state().unwrap().parameters);
     let nearest =

@@ -3,14 +3,15 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
+use imf_cli::engine::{Calls, Evaluated};
 use imf_cli::interrupt::Interrupted;
 use imf_cli::report::{Questions, Subject, evaluate as compare};
 use imf_cli::session::Session;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::scene::SceneRecord;
 use imf_core::section::{SectionError, SectionPlan};
-use imf_fields::evaluation::{EvaluationError, learnt_imf};
-use imf_fields::learnt::LearntField;
+use imf_fields::evaluation::{EvaluationError, grid_imf};
+use imf_fields::file::FieldFile;
 use imf_fields::metrics::ErrorReport;
 use serde::{Deserialize, Serialize};
 
@@ -88,11 +89,11 @@ fn one(workshop: &Workshop<'_>, asked: &EvaluationSettings, done: &Finished) -> 
         threshold: asked.threshold,
     };
     require_memory(session, &model.scene.record)?;
-    let mut engine = workshop.device.evaluator(model.shape, &model.state.parameters)?;
-    let (subject, evaluated_by) = (Subject::of_model(model), engine.describe());
-    let mut field = LearntField::new(model.scene.record.grid, engine.as_mut());
-    let evaluation = compare(session, &subject, &mut field, evaluated_by, &questions)?;
-    evaluation.write(&done.folder, &subject, &mut field)?;
+    let file = FieldFile::Siren(Box::new(model.clone()));
+    let Evaluated { field, by, .. } = workshop.device.field(session, &file, Calls::Many)?;
+    let subject = Subject::of_model(model);
+    let evaluation = compare(session, &subject, &*field, by, &questions)?;
+    evaluation.write(&done.folder, &subject, &*field)?;
     let mut answers: Vec<Answer> = evaluation
         .report
         .rows
@@ -104,7 +105,7 @@ fn one(workshop: &Workshop<'_>, asked: &EvaluationSettings, done: &Finished) -> 
         let stage = session.stage("evaluating", "sections", set.len() as u64);
         let advance = |n| stage.advance(n);
         let control = session.control(&advance);
-        let imf = learnt_imf(&plan, &set.orientations, engine.as_mut(), asked.threshold, control)?;
+        let imf = grid_imf(&plan, &set.orientations, &*field, asked.threshold, control)?;
         stage.finish("");
         let name = format!("IMF over {} ({})", set.len(), set.spec);
         answers.push(Answer { name, errors: imf.errors });

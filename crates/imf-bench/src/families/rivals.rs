@@ -1,14 +1,13 @@
 //! The families as the comparison sees them: whole sections and their minimum, whatever they are made of.
 
 use anyhow::Result;
+use imf_cli::engine::Evaluated;
 use imf_cli::session::Session;
 use imf_core::control::Control;
-use imf_core::field::WholeField as _;
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, SectionPlan, SectionScratch, imf};
 use imf_fields::factored::FactoredField;
 use imf_fields::harmonic::{HarmonicField, Heads};
-use imf_fields::learnt::LearntField;
 use rayon::prelude::*;
 
 use crate::interpolation::{CoarseTable, StoredSections};
@@ -68,13 +67,13 @@ impl Rival for FactoredField {
     }
 }
 
-impl Rival for LearntField<'_> {
+impl Rival for Evaluated {
     fn sections(&mut self, orientations: &[Orientation], values: &mut [f32]) -> Result<()> {
-        Ok(self.sections_at(orientations, values)?)
+        Ok(self.field.sections(orientations, values)?)
     }
 
     fn least(&mut self, orientations: &[Orientation]) -> Result<Imf> {
-        Ok(self.least_over(orientations, Control::quiet())?)
+        Ok(self.field.minimum(orientations, Control::quiet())?)
     }
 }
 

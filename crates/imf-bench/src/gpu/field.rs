@@ -1,10 +1,10 @@
 //! A factored field of the scene, taught on the GPU and on the CPU, and the harmonic field that teaches it; their minima at every voxel,
 //! the first one's errors at random orientations, its sections and its answers to random poses, by both.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Result, ensure};
-use glam::DVec3;
 use imf_cli::arguments::harmonic::DEFAULT_SECTIONS;
 use imf_cli::commands::compress::{self, Beginning, Extent, Lesson, Settings, Teacher};
 use imf_cli::commands::field::harmonic;
@@ -13,20 +13,21 @@ use imf_cli::interrupt;
 use imf_cli::output::table;
 use imf_cli::session::Session;
 use imf_core::control::Control;
+use imf_core::field::{Gradient, GridField, PoseField};
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::planner::{Gradient, Pose, PoseField};
+use imf_core::pose::Pose;
 use imf_core::scene::Scene;
 use imf_core::section::{SectionPlan, sections};
+use imf_fields::factored::TeachSettings;
 use imf_fields::factored::file::FactoredFile;
-use imf_fields::factored::{FactoredField, TeachSettings};
+use imf_fields::file::FieldFile;
+use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::file::HarmonicFile;
-use imf_fields::harmonic::{FitSettings, HarmonicField};
 use imf_fields::metrics::{ErrorReport, Errors};
 use imf_fields::recipe::Length;
-use imf_fields::stored::StoredField;
-use imf_gpu::{Gpu, GpuFactored, GpuField, GpuWhole};
+use imf_gpu::{Gpu, GpuField};
 use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::json;
@@ -82,56 +83,53 @@ pub(super) fn measured(
     rows.add(&what, seconds, cpu_seconds, None)?;
     let sets = sizes.minima.iter().map(|set| Ok((*set, OrientationSet::parse(set)?.orientations)));
     let sets: Vec<(&str, Vec<Orientation>)> = sets.collect::<Result<_>>()?;
-    of_harmonic(gpu, &teacher.field, &sets, &mut rows)?;
-    drop(teacher);
+    of_harmonic(gpu, teacher, &sets, &mut rows)?;
 
     let grid = scene.record.grid;
-    // Points, and the sections at random orientations, exact and of a field.
-    let needed = grid.len() * (size_of::<DVec3>() + 2 * size_of::<f32>() * sizes.random);
+    // The sections at random orientations, exact and of a field.
+    let needed = grid.len() * 2 * size_of::<f32>() * sizes.random;
     session.require_memory(needed as u64, || format!("{} sections; {SMALLER}", sizes.random))?;
-    let points: Vec<DVec3> = (0..grid.len()).map(|voxel| grid.centre(grid.voxel(voxel))).collect();
     let random = OrientationSet::parse(&format!("random:{}:1", sizes.random))?.orientations;
     let exact = sections(&plan, &random, session.control(&|_| {}))?;
     drop(plan);
-    for (by, field) in [("GPU", &file.field), ("CPU", &of_cpu.field)] {
-        rows.judge(by, errors(gpu, field, &points, &random, &exact)?);
+    let [on_device, of_cpu] =
+        [file, of_cpu].map(|file| GpuField::new(gpu, FieldFile::Factored(Box::new(file))));
+    let (on_device, of_cpu) = (on_device?, of_cpu?);
+    for (by, field) in [("GPU", &on_device), ("CPU", &of_cpu)] {
+        rows.judge(by, errors(field, &random, &exact)?);
     }
     drop((exact, of_cpu));
 
-    let mut on_device = GpuFactored::new(gpu, &file.field)?;
-    let evaluator = file.field.evaluator();
     let few = &random[..COMPARED.min(random.len())];
-    let (seconds, found) = timed(|| Ok(on_device.sections(&points, few)?))?;
-    let mut twin = vec![0.0; found.len()];
-    let (cpu, ()) = timed(|| {
-        evaluator.sections(&file.field.heads(few), &mut twin);
-        Ok(())
-    })?;
+    let [mut found, mut twin] = [0; 2].map(|_| vec![0.0; grid.len() * few.len()]);
+    let (seconds, ()) = timed(|| Ok(on_device.sections(few, &mut found)?))?;
+    let (cpu, ()) = timed(|| Ok(on_device.twin().sections(few, &mut twin)?))?;
     rows.add(&format!("{} sections, read back", few.len()), seconds, cpu, Some(largest(&found, &twin)?))?;
     for (set, orientations) in &sets {
-        let (seconds, least) = timed(|| Ok(on_device.minimum(&points, orientations)?))?;
-        let (cpu, twin) = timed(|| Ok(evaluator.minimum(&file.field.heads(orientations))))?;
+        let (seconds, least) = timed(|| Ok(on_device.minimum(orientations, Control::quiet())?))?;
+        let (cpu, twin) = timed(|| Ok(on_device.twin().minimum(orientations, Control::quiet())?))?;
         rows.add(&format!("IMF over {set}"), seconds, cpu, Some(largest(&least.value, &twin.value)?))?;
     }
-    drop((on_device, evaluator));
 
     let poses = random_poses(&grid, sizes.poses, 1)?;
-    asked(gpu, file, &poses, &mut rows)
+    asked(&on_device, &poses, &mut rows)
 }
 
 /// Minima of the harmonic field, whose coefficients stay on the device.
 fn of_harmonic(
     gpu: &Gpu,
-    field: &HarmonicField,
+    teacher: HarmonicFile,
     sets: &[(&str, Vec<Orientation>)],
     rows: &mut Rows<'_>,
 ) -> Result<()> {
+    let on_device = GpuField::new(gpu, FieldFile::Harmonic(Arc::new(teacher)))?;
     let begun = Instant::now();
-    let mut on_device = GpuWhole::of_harmonic(gpu, field)?;
+    // The first call uploads.
+    on_device.minimum(&sets[0].1[..1], Control::quiet())?;
     rows.teacher += &format!(" Its coefficients went up in {:.2} s.", begun.elapsed().as_secs_f64());
     for (set, orientations) in sets {
         let (seconds, least) = timed(|| Ok(on_device.minimum(orientations, Control::quiet())?))?;
-        let (cpu, twin) = timed(|| Ok(field.minimum(&field.heads(orientations))))?;
+        let (cpu, twin) = timed(|| Ok(on_device.twin().minimum(orientations, Control::quiet())?))?;
         let difference = largest(&least.value, &twin.value)?;
         rows.add(&format!("IMF over {set} by that harmonic field"), seconds, cpu, Some(difference))?;
     }
@@ -139,21 +137,22 @@ fn of_harmonic(
 }
 
 /// Random poses, values and gradients.
-fn asked(gpu: &Gpu, file: FactoredFile, poses: &[Pose], rows: &mut Rows<'_>) -> Result<()> {
-    let field = GpuField::new(gpu, StoredField::Factored(Box::new(file)))?;
+fn asked(field: &GpuField, poses: &[Pose], rows: &mut Rows<'_>) -> Result<()> {
+    // The first call compiles and uploads.
+    field.values(&poses[..1], &mut [0.0])?;
     let (mut found, mut twin) = (vec![0.0; poses.len()], vec![0.0; poses.len()]);
-    let (seconds, ()) = timed(|| Ok(field.query(poses, &mut found)?))?;
+    let (seconds, ()) = timed(|| Ok(field.values(poses, &mut found)?))?;
     let (cpu, ()) = timed(|| {
         let parts = poses.par_chunks(POSES).zip(twin.par_chunks_mut(POSES));
-        Ok(parts.try_for_each(|(poses, values)| field.twin().query(poses, values))?)
+        Ok(parts.try_for_each(|(poses, values)| field.twin().values(poses, values))?)
     })?;
     rows.add(&format!("{} poses", poses.len()), seconds, cpu, Some(largest(&found, &twin)?))?;
 
     let (mut found, mut twin) = (vec![Gradient::NAN; poses.len()], vec![Gradient::NAN; poses.len()]);
-    let (seconds, ()) = timed(|| Ok(field.query_with_gradient(poses, &mut found)?))?;
+    let (seconds, ()) = timed(|| Ok(field.gradients(poses, &mut found)?))?;
     let (cpu, ()) = timed(|| {
         let parts = poses.par_chunks(POSES).zip(twin.par_chunks_mut(POSES));
-        Ok(parts.try_for_each(|(poses, found)| field.twin().query_with_gradient(poses, found))?)
+        Ok(parts.try_for_each(|(poses, found)| field.twin().gradients(poses, found))?)
     })?;
     let slopes = |found: &[Gradient]| -> Vec<f32> {
         found.iter().flat_map(|g| g.position.to_array().into_iter().chain(g.direction.to_array())).collect()
@@ -208,16 +207,11 @@ fn taught(
 }
 
 /// A field's errors, evaluated on the GPU.
-fn errors(
-    gpu: &Gpu,
-    field: &FactoredField,
-    points: &[DVec3],
-    orientations: &[Orientation],
-    exact: &[Vec<f32>],
-) -> Result<ErrorReport> {
-    let values = GpuFactored::new(gpu, field)?.sections(points, orientations)?;
+fn errors(field: &GpuField, orientations: &[Orientation], exact: &[Vec<f32>]) -> Result<ErrorReport> {
+    let mut values = vec![0.0; field.grid().len() * orientations.len()];
+    field.sections(orientations, &mut values)?;
     let mut errors = Errors::default();
-    for (exact, field) in exact.iter().zip(values.chunks_exact(points.len())) {
+    for (exact, field) in exact.iter().zip(values.chunks_exact(field.grid().len())) {
         errors.add(exact, field, THRESHOLD);
     }
     Ok(errors.report(THRESHOLD))

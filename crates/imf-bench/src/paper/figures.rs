@@ -11,7 +11,7 @@ use imf_core::control::Control;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
 use imf_core::section::{SectionPlan, imf, sections};
-use imf_fields::learnt::LearntField;
+use imf_fields::siren::over_grid;
 use ndarray::{Array2, ArrayView3, Axis};
 
 use super::questions::Questions;
@@ -145,13 +145,13 @@ pub(super) fn fields(
     let directions: Vec<[f32; 2]> = set.orientations.iter().map(Orientation::angles).collect();
     for model in &models {
         let mut engine = bench.device.evaluator(model.shape, &model.state.parameters)?;
-        let mut field = LearntField::new(grid, engine.as_mut());
         let mut values = vec![0.0; grid.len()];
         for (orientation, row) in asked.iter().zip(&mut rows) {
-            field.section(orientation.angles(), &mut values)?;
+            over_grid::section(engine.as_mut(), &grid, orientation.angles(), &mut values)?;
             row.learnt.push(cut(&values));
         }
-        rows[2].learnt.push(cut(&field.imf(&directions, bench.session.control(&|_| {}))?.value));
+        let control = bench.session.control(&|_| {});
+        rows[2].learnt.push(cut(&over_grid::minimum(engine.as_mut(), &grid, &directions, control)?.value));
     }
     for row in &mut rows {
         row.differences = row.learnt.iter().map(|learnt| learnt - &row.exact).collect();

@@ -15,11 +15,11 @@ use imf_cli::slices;
 use imf_core::occupancy::Occupancy;
 use imf_core::section::{Imf, SectionError, SectionScratch};
 use imf_core::tool::Tool;
-use imf_fields::learnt::LearntField;
 use imf_fields::metrics::{ErrorReport, Errors};
 use imf_fields::recipe::Cursor;
 use imf_fields::recipe::Sampling;
 use imf_fields::recipe::TrainingState;
+use imf_fields::siren::over_grid;
 use imf_train::samples::Samples;
 use imf_train::training::run::train;
 use serde::{Deserialize, Serialize};
@@ -169,9 +169,9 @@ fn measure(bench: &Bench<'_>, recipe: &Recipe, stage: &Stage) -> Result<Measured
     let trained_in = begun.elapsed().as_secs_f64();
     let parameters = engine.state()?.parameters;
     let mut evaluator = bench.device.evaluator(shape, &parameters)?;
-    let mut field = LearntField::new(sections.part.grid, evaluator.as_mut());
+    let grid = sections.part.grid;
     let (network, learnt) = sections.judge("network", tau, trained_in, |theta, values| {
-        Ok(field.section([theta as f32, 90.0], values)?)
+        Ok(over_grid::section(evaluator.as_mut(), &grid, [theta as f32, 90.0], values)?)
     })?;
     let mut methods = vec![network];
     let mut drawn = vec![("network", learnt)];

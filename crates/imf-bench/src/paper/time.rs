@@ -7,7 +7,7 @@ use anyhow::Result;
 use imf_cli::engine::Device;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::{SectionPlan, stream_sections};
-use imf_fields::learnt::LearntField;
+use imf_fields::siren::over_grid;
 use imf_gpu::GpuSections;
 use serde::{Deserialize, Serialize};
 
@@ -41,16 +41,18 @@ fn measure(bench: &Bench<'_>, run: &Run) -> Result<Measured> {
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
     let mut engine = bench.device.evaluator(model.shape, &model.state.parameters)?;
-    let mut field = LearntField::new(grid, engine.as_mut());
+    let mut section = |orientation: &Orientation, values: &mut [f32]| {
+        over_grid::section(engine.as_mut(), &grid, orientation.angles(), values)
+    };
     let mut values = vec![0.0; grid.len()];
     // Once before, so that nothing is compiled or allocated while the clock runs.
-    field.section(set[0].angles(), &mut values)?;
+    section(&set[0], &mut values)?;
     let begun = Instant::now();
     for orientation in &set {
         if control.is_cancelled() {
             return Err(imf_core::section::SectionError::Cancelled.into());
         }
-        field.section(orientation.angles(), &mut values)?;
+        section(orientation, &mut values)?;
         advance(1);
     }
     let network = begun.elapsed().as_secs_f64();

@@ -5,9 +5,10 @@ use std::str::FromStr;
 
 use anyhow::{Context, Result, ensure};
 use imf_cli::output::write_json;
+use imf_core::field::Decision;
 use imf_core::mesh::Mesh;
 use imf_core::parts::ReferencePart;
-use imf_core::planner::{Decision, Pose};
+use imf_core::pose::Pose;
 use imf_core::scene::SceneRecord;
 use serde::Deserialize;
 use serde_json::json;
@@ -53,7 +54,7 @@ pub(super) fn measure(
         let vertices: Vec<[f64; 3]> = mesh.vertices.iter().map(glam::DVec3::to_array).collect();
         json!({ "vertices": vertices, "triangles": mesh.triangles })
     };
-    let asked: Vec<[f32; 7]> = poses
+    let asked: Vec<[f64; 7]> = poses
         .iter()
         .map(|pose| {
             let ([x, y, z], [a, b, c, d]) = (pose.position.to_array(), pose.rotation.to_array());
@@ -100,7 +101,7 @@ fn row(found: Found, truth: &[Decision], [part, tool]: [&Mesh; 2]) -> Result<Row
     let count = found.colliding.len();
     ensure!((1..=truth.len()).contains(&count), "{} answered {count} poses", found.name);
     let blocked = found.colliding.iter().filter(|&&c| c).count() as f64 / count as f64;
-    let same = |(c, t): &(&bool, &Decision)| **c == (**t == Decision::Blocked);
+    let same = |(c, t): &(&bool, &Decision)| **c == (**t == Decision::Colliding);
     let agree = found.colliding.iter().zip(truth).filter(same).count() as f64 / count as f64;
     let distance = found.name.ends_with("distance");
     Ok(Row {

@@ -4,11 +4,12 @@ use std::ffi::{CStr, CString};
 use std::path::Path;
 use std::ptr::{null, null_mut};
 
-use glam::{Quat, Vec3};
 use imf_c::*;
-use imf_core::planner::{Best, Decision, Gradient, Pose, PoseField};
+use imf_core::field::{Best, Decision, Gradient, PoseField};
+use imf_core::glam::{DQuat, DVec3};
+use imf_core::pose::Pose;
 use imf_core::section::Quantity;
-use imf_fields::learnt::NeuralField;
+use imf_fields::field::Field;
 
 use crate::files::{harmonic, harmonic_of, scene, siren, spread};
 
@@ -28,7 +29,7 @@ fn open(by: Open, path: &Path) -> *mut ImfField {
     field
 }
 
-const NO: ImfPose = ImfPose { position: [f32::NAN; 3], rotation: [0.0; 4] };
+const NO: ImfPose = ImfPose { position: [f64::NAN; 3], rotation: [0.0; 4] };
 
 #[test]
 fn batches_of_any_size_are_answered_as_in_rust() {
@@ -38,26 +39,29 @@ fn batches_of_any_size_are_answered_as_in_rust() {
     let mut poses: Vec<ImfPose> =
         spread(&scene, 600).into_iter().map(|(p, a)| imf_pose_along(p.x, p.y, p.z, a.x, a.y, a.z)).collect();
     poses[300] = NO;
-    let in_rust: Vec<Pose> =
-        poses.iter().map(|p| Pose::new(Vec3::from_array(p.position), Quat::from_array(p.rotation))).collect();
+    let in_rust: Vec<Pose> = poses
+        .iter()
+        .map(|p| Pose::new(DVec3::from_array(p.position), DQuat::from_array(p.rotation)))
+        .collect();
     let n = poses.len();
     let deep = harmonic_of(Quantity::Depth, &scene, folder.path());
     for path in [siren(&scene, folder.path()), harmonic(&scene, folder.path()), deep.clone()] {
-        let rust = NeuralField::load(&path).unwrap();
-        let field = open(imf_open_neural, &path);
+        let rust = Field::load(&path).unwrap();
+        let field = open(imf_open_model, &path);
         let (mut values, mut expected) = (vec![-1.0; n], vec![0.0; n]);
         let blank = ImfGradient { value: 0.0, position: [0.0; 3], direction: [0.0; 3], rotation: [0.0; 3] };
         let (mut gradients, mut expected_gradients) = (vec![blank; n], vec![Gradient::NAN; n]);
-        let (mut decisions, mut expected_decisions) = (vec![ImfDecision::Free; n], vec![Decision::Near; n]);
+        let (mut decisions, mut expected_decisions) =
+            (vec![ImfDecision::Free; n], vec![Decision::Undecided; n]);
         // SAFETY: as many places as poses.
         unsafe {
-            assert_eq!(imf_query(field, poses.as_ptr(), n, values.as_mut_ptr()), ImfStatus::Ok);
-            let status = imf_query_with_gradient(field, poses.as_ptr(), n, gradients.as_mut_ptr());
+            assert_eq!(imf_values(field, poses.as_ptr(), n, values.as_mut_ptr()), ImfStatus::Ok);
+            let status = imf_gradients(field, poses.as_ptr(), n, gradients.as_mut_ptr());
             assert_eq!(status, ImfStatus::Ok);
             assert_eq!(imf_classify(field, poses.as_ptr(), n, decisions.as_mut_ptr()), ImfStatus::Ok);
         }
-        rust.query(&in_rust, &mut expected).unwrap();
-        rust.query_with_gradient(&in_rust, &mut expected_gradients).unwrap();
+        rust.values(&in_rust, &mut expected).unwrap();
+        rust.gradients(&in_rust, &mut expected_gradients).unwrap();
         rust.classify(&in_rust, &mut expected_decisions).unwrap();
         for i in 0..n {
             assert_eq!(values[i].to_bits(), expected[i].to_bits(), "pose {i}");
@@ -77,20 +81,20 @@ fn batches_of_any_size_are_answered_as_in_rust() {
             );
             assert_eq!(format!("{:?}", decisions[i]), format!("{:?}", expected_decisions[i]));
         }
-        assert!(values[300].is_nan() && decisions[300] == ImfDecision::Blocked);
+        assert!(values[300].is_nan() && decisions[300] == ImfDecision::Colliding);
 
-        let points: Vec<[f32; 3]> = poses.iter().take(300).map(|p| p.position).collect();
-        let rotations: Vec<[f32; 4]> = poses.iter().take(20).map(|p| p.rotation).collect();
-        let mut best = vec![ImfBest { value: 9.0, orientation: 9, decision: ImfDecision::Near }; 300];
+        let points: Vec<[f64; 3]> = poses.iter().take(300).map(|p| p.position).collect();
+        let rotations: Vec<[f64; 4]> = poses.iter().take(20).map(|p| p.rotation).collect();
+        let mut best = vec![ImfBest { value: 9.0, orientation: 9, decision: ImfDecision::Undecided }; 300];
         // SAFETY: 300 points, 20 rotations, 300 places.
         let status = unsafe {
             imf_best(field, points.as_ptr().cast(), 300, rotations.as_ptr().cast(), 20, best.as_mut_ptr())
         };
         assert_eq!(status, ImfStatus::Ok);
         let mut expected = vec![Best::NONE; 300];
-        let points: Vec<Vec3> = in_rust.iter().take(300).map(|p| p.position).collect();
-        let rotations: Vec<Quat> = in_rust.iter().take(20).map(|p| p.rotation).collect();
-        rust.imf(&points, &rotations, &mut expected).unwrap();
+        let points: Vec<DVec3> = in_rust.iter().take(300).map(|p| p.position).collect();
+        let rotations: Vec<DQuat> = in_rust.iter().take(20).map(|p| p.rotation).collect();
+        rust.best(&points, &rotations, &mut expected).unwrap();
         for (found, wanted) in best.iter().zip(&expected) {
             assert_eq!((found.value, found.orientation), (wanted.value, wanted.orientation));
         }
@@ -138,7 +142,7 @@ fn clearance_is_kept_only_by_the_field_that_says_so() {
         spread(&scene, 700).into_iter().map(|(p, a)| imf_pose_along(p.x, p.y, p.z, a.x, a.y, a.z)).collect();
     let free = |by: Open| -> Vec<bool> {
         let field = open(by, &path);
-        let mut decisions = vec![ImfDecision::Near; poses.len()];
+        let mut decisions = vec![ImfDecision::Undecided; poses.len()];
         // SAFETY: as many places as poses; opened here, closed once.
         unsafe {
             let status = imf_classify(field, poses.as_ptr(), poses.len(), decisions.as_mut_ptr());
@@ -148,7 +152,7 @@ fn clearance_is_kept_only_by_the_field_that_says_so() {
         decisions.into_iter().map(|d| d == ImfDecision::Free).collect()
     };
     let (bare, keeping, exact) =
-        (free(imf_open_guarded), free(imf_open_guarded_keeping), free(imf_open_exact));
+        (free(imf_open_verified), free(imf_open_verified_with_clearance), free(imf_open_exact));
     // The exact field counts the grown tool.
     assert_eq!(keeping, exact);
     assert!(bare.iter().zip(&keeping).all(|(bare, keeping)| *bare || !keeping) && bare != keeping);
@@ -162,38 +166,42 @@ fn what_c_must_not_do_is_a_status() {
     let field = open(imf_open_exact, &path);
     let pose = imf_pose_along(0.0, 0.0, 0.0, 0.0, 0.0, 2.0);
     let mut value = 7.0;
-    let mut best = ImfBest { value: 0.0, orientation: 0, decision: ImfDecision::Near };
+    let mut best = ImfBest { value: 0.0, orientation: 0, decision: ImfDecision::Undecided };
     // SAFETY: refused before anything is read through what is no memory.
     unsafe {
-        assert_eq!(imf_query(null(), &pose, 1, &mut value), ImfStatus::NullPointer);
+        assert_eq!(imf_values(null(), &pose, 1, &mut value), ImfStatus::NullPointer);
         assert!(last_error().contains("field is NULL"));
-        assert_eq!(imf_query(field, null(), 1, &mut value), ImfStatus::NullPointer);
-        assert_eq!(imf_query(field, &pose, 1, null_mut()), ImfStatus::NullPointer);
-        assert_eq!(imf_query(field, &pose, usize::MAX, &mut value), ImfStatus::Argument);
-        assert_eq!(imf_query(field, null(), 0, null_mut()), ImfStatus::Ok);
+        assert_eq!(imf_values(field, null(), 1, &mut value), ImfStatus::NullPointer);
+        assert_eq!(imf_values(field, &pose, 1, null_mut()), ImfStatus::NullPointer);
+        assert_eq!(imf_values(field, &pose, usize::MAX, &mut value), ImfStatus::Argument);
+        assert_eq!(imf_values(field, null(), 0, null_mut()), ImfStatus::Ok);
         assert_eq!(value, 7.0);
         assert_eq!(imf_info(field, null_mut()), ImfStatus::NullPointer);
-        let point = [0.0_f32; 3];
+        let point = [0.0_f64; 3];
         assert_eq!(imf_best(field, point.as_ptr(), 1, null(), 0, &mut best), ImfStatus::Argument);
         assert!(last_error().contains("orientations"), "{}", last_error());
         assert_eq!(imf_best(field, point.as_ptr(), usize::MAX, null(), 0, &mut best), ImfStatus::Argument);
-        let mut passage = ImfPassage { kind: ImfPassageKind::Free, free_until: 0.0, until: 0.0, pose: NO };
-        assert_eq!(imf_free_along(field, &pose, &pose, &mut passage), ImfStatus::Unsupported);
-        let guarded = open(imf_open_guarded, &path);
-        assert_eq!(imf_free_along(guarded, &pose, &NO, &mut passage), ImfStatus::NoAnswer);
-        assert_eq!(imf_free_along(guarded, &pose, null(), &mut passage), ImfStatus::NullPointer);
+        let mut motion = ImfMotion { kind: ImfMotionKind::Free, free_until: 0.0, until: 0.0, pose: NO };
+        assert_eq!(imf_check_motion(field, &pose, &pose, &mut motion), ImfStatus::Ok);
+        let model = open(imf_open_model, &path);
+        assert_eq!(imf_check_motion(model, &pose, &pose, &mut motion), ImfStatus::Unsupported);
+        assert!(last_error().contains("imf_open_exact"), "{}", last_error());
+        imf_close(model);
+        let verified = open(imf_open_verified, &path);
+        assert_eq!(imf_check_motion(verified, &pose, &NO, &mut motion), ImfStatus::NoAnswer);
+        assert_eq!(imf_check_motion(verified, &pose, null(), &mut motion), ImfStatus::NullPointer);
         let none = imf_pose_along(0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
         assert!(none.rotation.iter().all(|v| v.is_nan()));
-        imf_close(guarded);
+        imf_close(verified);
         imf_close(field);
         imf_close(null_mut());
 
         let mut opened = field;
         let missing = CString::new(folder.path().join("none").to_str().unwrap()).unwrap();
-        assert_eq!(imf_open_neural(missing.as_ptr(), &mut opened), ImfStatus::File);
+        assert_eq!(imf_open_model(missing.as_ptr(), &mut opened), ImfStatus::File);
         assert!(opened.is_null() && last_error().contains("none"), "{}", last_error());
-        assert_eq!(imf_open_neural(null(), &mut opened), ImfStatus::NullPointer);
-        assert_eq!(imf_open_neural(missing.as_ptr(), null_mut()), ImfStatus::NullPointer);
+        assert_eq!(imf_open_model(null(), &mut opened), ImfStatus::NullPointer);
+        assert_eq!(imf_open_model(missing.as_ptr(), null_mut()), ImfStatus::NullPointer);
         let version = CStr::from_ptr(imf_version()).to_str().unwrap();
         assert_eq!(version, env!("CARGO_PKG_VERSION"));
     }

@@ -6,11 +6,12 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use glam::{Quat, Vec3};
-use imf_core::field::ExactField;
-use imf_core::planner::{Best, Decision, Gradient, Passage, Pose, PoseField};
+use imf_core::field::{Best, Decision, ExactField, Gradient, PoseField};
+use imf_core::glam::{DQuat, DVec3};
+use imf_core::motion::MotionResult;
+use imf_core::pose::Pose;
 use imf_core::section::Quantity;
-use imf_fields::learnt::GuardedField;
+use imf_fields::field::VerifiedField;
 
 use crate::files::{harmonic, harmonic_of, scene, siren, spread};
 
@@ -87,7 +88,7 @@ fn the_example_in_c_answers_as_rust_does() {
             assert_eq!(found, expected, "line {line} of {}", field.display());
         }
         assert_eq!(answers, expected);
-        assert!(answers.contains(" free ") && answers.contains(" blocked "), "{answers}");
+        assert!(answers.contains(" free ") && answers.contains(" colliding "), "{answers}");
     }
     let missing = folder.path().join("none.safetensors");
     let (done, _, errors) = run(&shared, &missing, &text);
@@ -96,18 +97,18 @@ fn the_example_in_c_answers_as_rust_does() {
 
 /// What the program should write, by the Rust calls.
 fn expected(field: &Path, poses: &[Pose]) -> String {
-    let guarded = GuardedField::load(field).unwrap();
-    let scene = guarded.model().scene();
-    let exact = ExactField::of_tool(&scene.obstacle, &scene.record.tool);
+    let verified = VerifiedField::load(field).unwrap();
+    let scene = verified.model().scene();
+    let exact = ExactField::new(scene, &scene.record.tool);
     let count = poses.len();
     let (mut gradients, mut counted) = (vec![Gradient::NAN; count], vec![0.0; count]);
-    let (mut decisions, mut best) = (vec![Decision::Near; count], vec![Best::NONE; count]);
-    guarded.query_with_gradient(poses, &mut gradients).unwrap();
-    exact.query(poses, &mut counted).unwrap();
-    guarded.classify(poses, &mut decisions).unwrap();
-    let points: Vec<Vec3> = poses.iter().map(|p| p.position).collect();
-    let rotations: Vec<Quat> = poses.iter().map(|p| p.rotation).collect();
-    guarded.imf(&points, &rotations, &mut best).unwrap();
+    let (mut decisions, mut best) = (vec![Decision::Undecided; count], vec![Best::NONE; count]);
+    verified.gradients(poses, &mut gradients).unwrap();
+    exact.values(poses, &mut counted).unwrap();
+    verified.classify(poses, &mut decisions).unwrap();
+    let points: Vec<DVec3> = poses.iter().map(|p| p.position).collect();
+    let rotations: Vec<DQuat> = poses.iter().map(|p| p.rotation).collect();
+    verified.best(&points, &rotations, &mut best).unwrap();
     let mut text = String::new();
     for i in 0..count {
         let Gradient { value, position: p, direction: d, .. } = gradients[i];
@@ -117,10 +118,10 @@ fn expected(field: &Path, poses: &[Pose]) -> String {
         let decision = format!("{:?}", decisions[i]).to_lowercase();
         writeln!(text, "{decision} {} {}", best[i].orientation, general(best[i].value.into(), 9)).unwrap();
     }
-    let (kind, from, to) = match guarded.free_along(&poses[0], &poses[count - 1]).unwrap() {
-        Passage::Free => (0, 1.0, 1.0),
-        Passage::Blocked { free_until, at, .. } => (1, free_until, at),
-        Passage::Unknown { from, to } => (2, from, to),
+    let (kind, from, to) = match verified.check_motion(&poses[0], &poses[count - 1]).unwrap() {
+        MotionResult::Free => (0, 1.0, 1.0),
+        MotionResult::Colliding { free_until, at, .. } => (1, free_until, at),
+        MotionResult::Undecided { from, to } => (2, from, to),
     };
     writeln!(text, "motion {kind} {} {}", general(from, 17), general(to, 17)).unwrap();
     text

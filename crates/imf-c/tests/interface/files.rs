@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::{DVec3, Vec3};
 use imf_core::control::Control;
+use imf_core::glam::DVec3;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
@@ -69,14 +69,14 @@ pub(crate) fn siren(scene: &Scene, folder: &Path) -> PathBuf {
 }
 
 /// Tips and axes spread over the grid's box and a little beyond.
-pub(crate) fn spread(scene: &Scene, count: u32) -> Vec<(Vec3, Vec3)> {
+pub(crate) fn spread(scene: &Scene, count: u32) -> Vec<(DVec3, DVec3)> {
     let grid = scene.record.grid;
     (0..count)
         .map(|i| {
             let share = |prime: u32| f64::from(i * prime % 701) / 701.0;
             let unit = DVec3::new(share(37), share(53), share(71)) * 1.1 - 0.05;
-            let axis = Vec3::new(share(11) as f32 - 0.5, share(13) as f32 - 0.5, share(17) as f32 - 0.4);
-            ((grid.origin + unit * grid.size()).as_vec3(), axis)
+            let axis = DVec3::new(share(11) - 0.5, share(13) - 0.5, share(17) - 0.4);
+            (grid.origin + unit * grid.size(), axis)
         })
         .collect()
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use imf_fields::calibration::Goals;
-use imf_fields::learnt::calibrate::CalibrationSettings;
+use imf_fields::field::calibrate::CalibrationSettings;
 
 /// Measure what a field's decisions are worth, choose its thresholds for free and blocked, and keep both in its file
 #[derive(Args)]

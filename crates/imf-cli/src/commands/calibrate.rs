@@ -5,9 +5,9 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 use imf_fields::calibration::{Calibration, Judgement, Rate};
-use imf_fields::learnt::NeuralField;
-use imf_fields::learnt::calibrate::{CHUNK, CalibrationError, CalibrationSettings, calibrate, judge};
-use imf_fields::stored::StoredField;
+use imf_fields::field::Field;
+use imf_fields::field::calibrate::{CHUNK, CalibrationError, CalibrationSettings, calibrate, judge};
+use imf_fields::file::FieldFile;
 use serde_json::json;
 
 use crate::arguments::calibrate::CalibrateArguments;
@@ -29,7 +29,7 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
             settings.uniform, settings.boundary
         )
     })?;
-    let field = NeuralField::load(&arguments.field)?;
+    let field = Field::load(&arguments.field)?;
     let known = field.calibration().copied();
     let (units, found) = if arguments.verify {
         let Some(known) = known else {
@@ -63,7 +63,7 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
     // Two of a field need not be in memory at once.
     drop(field);
     if let Some(out) = out {
-        let mut stored = StoredField::read(&arguments.field)?;
+        let mut stored = FieldFile::read(&arguments.field)?;
         stored.set_calibration(calibration);
         let out = out.begin()?;
         stored.write(out)?;
@@ -93,7 +93,7 @@ pub(super) fn afterwards(session: &Session, path: &Path) -> Result<()> {
         ));
         return Ok(());
     }
-    let field = NeuralField::load(path)?;
+    let field = Field::load(path)?;
     let stage = session.stage("calibrating", "batches", settings.units());
     let advance = |n| stage.advance(n);
     match calibrate(&field, &settings, session.control(&advance)) {
@@ -109,7 +109,7 @@ pub(super) fn afterwards(session: &Session, path: &Path) -> Result<()> {
         Ok(calibration) => {
             stage.finish(if calibration.keeps_its_goals() { "goals kept" } else { "goals missed" });
             drop(field);
-            let mut stored = StoredField::read(path)?;
+            let mut stored = FieldFile::read(path)?;
             stored.set_calibration(calibration);
             stored.write(path)?;
             session.note(&format!("decisions: {}", judgement(&calibration.uniform)));

@@ -7,12 +7,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Result, ensure};
 use imf_core::check::{Against, CheckError, CheckReport, CheckSettings, Collision, check_toolpath_with};
-use imf_core::field::Pose;
 use imf_core::occupancy::Occupancy;
+use imf_core::pose::Pose;
 use imf_core::scene::{Promise, Scene, SceneRecord};
 use imf_core::tool::{Segment, ToolShape};
 use imf_core::toolpath::Toolpath;
-use imf_fields::learnt::{GuardedField, NeuralField};
+use imf_fields::field::{Field, VerifiedField};
 use serde_json::json;
 
 use crate::arguments::check::CheckArguments;
@@ -90,8 +90,8 @@ fn guarded(
     part: &Occupancy,
     fixtures: Option<&Occupancy>,
     settings: &CheckSettings,
-) -> Result<GuardedField> {
-    let model = NeuralField::load(path)?;
+) -> Result<VerifiedField> {
+    let model = Field::load(path)?;
     let known = model.scene();
     let name = path.display();
     ensure!(
@@ -116,7 +116,7 @@ fn guarded(
     let mut whole = known.clone();
     whole.record.contact = None;
     whole.layer = None;
-    Ok(GuardedField::of_scene(model, &whole, settings.clearance)?)
+    Ok(VerifiedField::of_scene(model, &whole, settings.clearance)?)
 }
 
 /// Between the centres' columns there is room for a tool that is thinner than a voxel's diagonal: it would pass through

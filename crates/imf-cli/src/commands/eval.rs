@@ -3,11 +3,11 @@
 use anyhow::{Result, bail};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::{Quantity, SectionPlan};
+use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Basis;
-use imf_fields::stored::StoredField;
 
 use crate::arguments::eval::EvalArguments;
-use crate::engine::{Calls, Device};
+use crate::engine::{Calls, Device, Evaluated};
 use crate::output::{prepare_folder, print, print_json};
 use crate::report::{Questions, Subject, evaluate};
 use crate::session::Session;
@@ -19,7 +19,7 @@ pub(crate) fn run(session: &Session, arguments: &EvalArguments) -> Result<()> {
     if let Some(folder) = &arguments.out {
         prepare_folder(folder)?;
     }
-    let stored = StoredField::read(&arguments.model)?;
+    let stored = FieldFile::read(&arguments.model)?;
     if stored.quantity() == Quantity::Depth {
         bail!(
             "{} is a field of depth, which exact sections do not hold: imf calibrate --verify judges its decisions",
@@ -29,25 +29,23 @@ pub(crate) fn run(session: &Session, arguments: &EvalArguments) -> Result<()> {
     let device = Device::for_field(&arguments.device.device, session, &stored)?;
     require_memory(session, &device, &stored)?;
     let questions = match &stored {
-        StoredField::Siren(model) => questions(arguments, None, model.record.orientations.clone())?,
-        StoredField::Harmonic(file) => by_functions(arguments, &file.field.basis)?,
-        StoredField::Factored(file) => by_functions(arguments, &file.field.basis)?,
+        FieldFile::Siren(model) => questions(arguments, None, model.record.orientations.clone())?,
+        FieldFile::Harmonic(file) => by_functions(arguments, &file.field.basis)?,
+        FieldFile::Factored(file) => by_functions(arguments, &file.field.basis)?,
     };
     let subject = Subject::of_stored(&stored)?;
-    let evaluation = device.with_whole(session, &stored, Calls::Many, |field, engine| {
-        session.note(&format!("evaluating on {engine}"));
-        let evaluation = evaluate(session, &subject, field, engine, &questions)?;
-        if let Some(folder) = &arguments.out {
-            evaluation.write(folder, &subject, field)?;
-            session.note(&format!("wrote {}", folder.join("report.md").display()));
-        }
-        Ok(evaluation)
-    })?;
+    let Evaluated { field, by, .. } = device.field(session, &stored, Calls::Many)?;
+    session.note(&format!("evaluating on {by}"));
+    let evaluation = evaluate(session, &subject, &*field, by, &questions)?;
+    if let Some(folder) = &arguments.out {
+        evaluation.write(folder, &subject, &*field)?;
+        session.note(&format!("wrote {}", folder.join("report.md").display()));
+    }
     if session.json { print_json(&evaluation.report) } else { print(&evaluation.report.table()) }
 }
 
 /// Refuses what would not fit beside the exact field.
-pub(super) fn require_memory(session: &Session, device: &Device, stored: &StoredField) -> Result<()> {
+pub(super) fn require_memory(session: &Session, device: &Device, stored: &FieldFile) -> Result<()> {
     let record = &stored.scene().record;
     let needed = SectionPlan::memory_estimate(&record.grid, &record.tool, session.threads())
         + 40 * record.grid.len() as u64 * session.threads() as u64

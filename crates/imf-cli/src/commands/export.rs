@@ -1,8 +1,8 @@
 //! `imf export`: a field for other programs.
 
 use anyhow::{Result, ensure};
+use imf_fields::file::FieldFile;
 use imf_fields::onnx::{onnx_bytes, write_onnx};
-use imf_fields::stored::StoredField;
 use serde_json::json;
 
 use crate::arguments::export::ExportArguments;
@@ -21,15 +21,15 @@ pub(crate) fn run(session: &Session, arguments: &ExportArguments) -> Result<()> 
         out.display()
     );
     let file = OutputFile::check(out)?;
-    let stored = StoredField::read(field)?;
+    let stored = FieldFile::read(field)?;
     let bytes = onnx_bytes(&stored);
     session.require_memory(COPIES * bytes, || format!("a graph of {}", show_bytes(bytes)))?;
     write_onnx(&stored, file.begin()?)?;
     let written = std::fs::metadata(out)?.len();
     let family = match stored {
-        StoredField::Siren(_) => "siren5",
-        StoredField::Harmonic(_) => "harmonic",
-        StoredField::Factored(_) => "factored",
+        FieldFile::Siren(_) => "siren5",
+        FieldFile::Harmonic(_) => "harmonic",
+        FieldFile::Factored(_) => "factored",
     };
     if session.json {
         return print_json(&json!({ "file": out, "family": family, "bytes": written }));

@@ -17,7 +17,7 @@ use imf_core::scene::SceneRecord;
 use imf_core::section::{DEPTH_CAP, Quantity};
 use imf_core::tool::Tool;
 use imf_fields::calibration::Calibration;
-use imf_fields::stored::StoredField;
+use imf_fields::file::FieldFile;
 use serde_json::Value;
 
 use super::calibrate::judgement;
@@ -72,10 +72,10 @@ fn describe(session: &Session, arguments: &InfoArguments) -> Result<Description>
     match ending.as_deref() {
         Some("toml" | "fctb" | "json" | "tools") => Ok(tool::describe(&Tool::read(path)?)),
         // Of an .npz it says what is read instead.
-        Some("safetensors" | "npz") => match StoredField::read(path)? {
-            StoredField::Siren(model) => model::describe(path, &model),
-            StoredField::Harmonic(file) => harmonic::describe(path, &file),
-            StoredField::Factored(file) => factored::describe(path, &file),
+        Some("safetensors" | "npz") => match FieldFile::read(path)? {
+            FieldFile::Siren(model) => model::describe(path, &model),
+            FieldFile::Harmonic(file) => harmonic::describe(path, &file),
+            FieldFile::Factored(file) => factored::describe(path, &file),
         },
         _ => mesh::describe_file(session, path, unit),
     }

@@ -11,21 +11,17 @@ use std::io::{Error as IoError, Write, stdout};
 use anyhow::{Context as _, Result, bail};
 use glam::DVec3;
 use imf_core::atomic_file::write_atomically;
-use imf_core::field::{Field, Pose, SceneField, collision_measures};
+use imf_core::field::{ExactField, FieldError, collision_measures, values_on_all_threads};
 use imf_core::grid::Grid;
-use imf_core::scene::Scene;
-use imf_core::section::{Contact, DEPTH_CAP, Obstacles, Quantity};
-use imf_fields::factored::FactoredAnswers;
-use imf_fields::harmonic::HarmonicAnswers;
-use imf_fields::learnt::LearntField;
-use imf_fields::stored::StoredField;
-use imf_gpu::GpuField;
+use imf_core::pose::Pose;
+use imf_core::section::{DEPTH_CAP, Quantity};
+use imf_fields::file::FieldFile;
 
 use self::answers::{AnswerWriter, Answers};
 use self::poses::Poses;
 use super::notes;
 use crate::arguments::query::QueryArguments;
-use crate::engine::{Calls, Device};
+use crate::engine::{Calls, Device, Evaluated};
 use crate::interrupt::{self, Interrupted};
 use crate::output::{OutputFile, short, standard_output_failed};
 use crate::session::Session;
@@ -38,27 +34,27 @@ const EXACT_CHUNK: usize = 1 << 8;
 pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     let out = arguments.out.as_deref().map(OutputFile::check).transpose()?;
     let (poses, count) = poses::open(&arguments.poses)?;
-    let loaded = Loaded::from_file(session, arguments)?;
-    let quantity = loaded.quantity();
+    let name = &arguments.device.device;
+    let file = FieldFile::read(&arguments.model)?;
+    let device = Device::for_field(name, session, &file)?;
+    let quantity = file.quantity();
     if quantity == Quantity::Depth && arguments.exact {
         bail!("{} answers depths, and --exact counts overlaps: leave it out", arguments.model.display());
     }
-    let scene = loaded.scene();
+    if let (Device::Gpu(_), FieldFile::Harmonic(_)) = (&device, &file) {
+        session.require_memory(device.copied_bytes(&file, Calls::Many), || {
+            "the field's coefficients at every voxel on the device; take --device cpu".into()
+        })?;
+    }
+    let field = device.field(session, &file, Calls::One).with_context(|| format!("--device {name}"))?;
+    let scene = file.scene();
     let record = &scene.record;
-    let mut engine;
-    let learnt: Box<dyn Field + '_> = match &loaded {
-        Loaded::Here(StoredField::Siren(model), device) => {
-            engine = device.evaluator(model.shape, &model.state.parameters)?;
-            session.detail(&engine.describe());
-            notes::of_training(session, &arguments.model, model);
-            Box::new(LearntField::new(record.grid, engine.as_mut()))
-        }
-        Loaded::Here(StoredField::Harmonic(file), _) => Box::new(HarmonicAnswers(&file.field)),
-        Loaded::Here(StoredField::Factored(file), _) => Box::new(FactoredAnswers(file.field.evaluator())),
-        Loaded::OnDevice(field) => Box::new(&**field),
-    };
+    if let FieldFile::Siren(model) = &file {
+        session.detail(&field.by);
+        notes::of_training(session, &arguments.model, model);
+    }
     notes::of_scene(session, record);
-    if poses.rolls() && loaded.forgets_roll() {
+    if poses.rolls() && forgets_roll(&file) {
         session.note(&format!(
             "a network of the paper's kind knows no roll, which counts for the tool '{}': its overlaps are the same at every \
              roll, and --exact reads the column roll",
@@ -76,13 +72,14 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
             )
         }
     });
-    let (contact, rest) = (Contact::of_scene(scene), record.tool_without_cutter()?);
-    let obstacles = Obstacles::new(&scene.obstacle, contact.as_ref(), rest.as_ref());
-    let mut work = Work {
+    let work = Work {
         grid: record.grid,
         quantity,
-        learnt,
-        exact: arguments.exact.then(|| SceneField::new(obstacles, &record.tool)),
+        field,
+        exact: match arguments.exact {
+            true => Some(ExactField::of_scene(scene, &record.clearance)?),
+            false => None,
+        },
         sharp_points: arguments.sharp.then(|| record.tool.sharp_point_positions(record.grid.pitch)),
     };
     let Some(out) = out else {
@@ -109,67 +106,24 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     }
 }
 
-/// A field, and where it is.
-enum Loaded {
-    /// In memory; a network of the paper's kind runs on the device.
-    Here(StoredField, Device),
-    /// On a GPU.
-    OnDevice(Box<GpuField>),
+/// True where the roll changes what the tool overlaps, and the field is of directions alone.
+fn forgets_roll(file: &FieldFile) -> bool {
+    matches!(file, FieldFile::Siren(_)) && !file.scene().record.bare_tool().with_tip_only().is_axisymmetric()
 }
 
-impl Loaded {
-    fn from_file(session: &Session, arguments: &QueryArguments) -> Result<Self> {
-        let name = &arguments.device.device;
-        let stored = StoredField::read(&arguments.model)?;
-        let device = Device::for_field(name, session, &stored)?;
-        match (&device, &stored) {
-            (Device::Gpu(gpu), StoredField::Harmonic(_) | StoredField::Factored(_)) => {
-                if matches!(stored, StoredField::Harmonic(_)) {
-                    session.require_memory(device.copied_bytes(&stored, Calls::Many), || {
-                        "the field's coefficients at every voxel on the device; take --device cpu".into()
-                    })?;
-                }
-                let field = GpuField::new(gpu, stored).with_context(|| format!("--device {name}"))?;
-                Ok(Self::OnDevice(Box::new(field)))
-            }
-            _ => Ok(Self::Here(stored, device)),
-        }
-    }
-
-    fn quantity(&self) -> Quantity {
-        match self {
-            Self::Here(stored, _) => stored.quantity(),
-            Self::OnDevice(field) => field.twin().quantity(),
-        }
-    }
-
-    fn scene(&self) -> &Scene {
-        match self {
-            Self::Here(stored, _) => stored.scene(),
-            Self::OnDevice(field) => field.twin().scene(),
-        }
-    }
-
-    /// True where the roll changes what the tool overlaps, and the field is of directions alone.
-    fn forgets_roll(&self) -> bool {
-        matches!(self, Self::Here(StoredField::Siren(_), _))
-            && !self.scene().record.bare_tool().with_tip_only().is_axisymmetric()
-    }
-}
-
-struct Work<'a> {
+struct Work {
     /// The field was made for its voxels.
     grid: Grid,
     quantity: Quantity,
-    learnt: Box<dyn Field + 'a>,
-    exact: Option<SceneField<'a>>,
+    field: Evaluated,
+    exact: Option<ExactField>,
     sharp_points: Option<Vec<DVec3>>,
 }
 
-impl Work<'_> {
+impl Work {
     /// Answers all poses; `whole` where an interruption leaves nothing behind.
     fn answer(
-        &mut self,
+        &self,
         session: &Session,
         mut poses: Poses,
         count: Option<u64>,
@@ -195,9 +149,12 @@ impl Work<'_> {
                 return Err(Interrupted(format!("{answered} poses were answered; {kept}")).into());
             }
             let sharp = self.sharp_points.as_deref();
-            ask(self.learnt.as_mut(), sharp, &answers.poses, &mut answers.learnt)?;
-            if let Some(exact) = &mut self.exact {
-                ask(exact, sharp, &answers.poses, &mut answers.exact)?;
+            let values = |poses: &[Pose], values: &mut [f32]| self.field.values(poses, values);
+            evaluate(values, sharp, &answers.poses, &mut answers.values)?;
+            if let Some(exact) = &self.exact {
+                let counted =
+                    |poses: &[Pose], values: &mut [f32]| values_on_all_threads(exact, poses, values);
+                evaluate(counted, sharp, &answers.poses, &mut answers.exact)?;
             }
             writer.write(&answers, out)?;
             answered += answers.poses.len() as u64;
@@ -218,15 +175,14 @@ impl Work<'_> {
 
     /// True where the field is asked beyond what it was made for, with any of the sharp points.
     fn is_outside(&self, pose: &Pose) -> bool {
-        let turn = pose.orientation.rotation();
         let sharp_points = self.sharp_points.as_deref().unwrap_or(&[DVec3::ZERO]);
-        sharp_points.iter().any(|&sharp| !self.grid.is_between_centres(pose.position - turn * sharp))
+        sharp_points.iter().any(|&sharp| !self.grid.is_between_centres(pose.position - pose.rotation * sharp))
     }
 }
 
 /// Overlaps of the tool with its tip at the poses, or collision measures where sharp points are given.
-fn ask(
-    field: &mut dyn Field,
+fn evaluate(
+    mut field: impl FnMut(&[Pose], &mut [f32]) -> Result<(), FieldError>,
     sharp_points: Option<&[DVec3]>,
     poses: &[Pose],
     values: &mut Vec<f32>,
@@ -235,7 +191,7 @@ fn ask(
     values.resize(poses.len(), 0.0);
     match sharp_points {
         Some(points) => collision_measures(field, points, poses, values)?,
-        None => field.query(poses, values)?,
+        None => field(poses, values)?,
     }
     Ok(())
 }

@@ -5,10 +5,10 @@ use std::borrow::Cow;
 use anyhow::Result;
 use imf_core::orientation::Orientation;
 use imf_core::scene::Scene;
+use imf_fields::file::FieldFile;
 use imf_fields::harmonic::FitReport;
 use imf_fields::harmonic::basis::{Basis, Domain};
 use imf_fields::model::{Model, TrainingRecord};
-use imf_fields::stored::StoredField;
 use serde::Serialize;
 
 /// A field to be evaluated.
@@ -96,7 +96,7 @@ impl<'a> Subject<'a> {
     ///
     /// # Errors
     /// A number of sections that no set can have.
-    pub(crate) fn of_stored(stored: &'a StoredField) -> Result<Self> {
+    pub(crate) fn of_stored(stored: &'a FieldFile) -> Result<Self> {
         let made = |family, parameters, how, verb| Made {
             family,
             parameters,
@@ -110,8 +110,8 @@ impl<'a> Subject<'a> {
             Ok(Cow::Owned(basis.fitted_set(report.sections)?))
         };
         Ok(match stored {
-            StoredField::Siren(model) => Self::of_model(model),
-            StoredField::Harmonic(file) => {
+            FieldFile::Siren(model) => Self::of_model(model),
+            FieldFile::Harmonic(file) => {
                 let field = &file.field;
                 let how = format!(
                     "harmonic field of degree {}, {} functions of the {} along {} axes, {:.0} MB",
@@ -128,7 +128,7 @@ impl<'a> Subject<'a> {
                     training: None,
                 }
             }
-            StoredField::Factored(file) => {
+            FieldFile::Factored(file) => {
                 let field = &file.field;
                 let how = format!(
                     "factored field, {} ({} parameters, {:.2} MB), taught a harmonic field of degree {}",

@@ -1,7 +1,11 @@
 //! `imf info` and `imf devices`.
 
 use imf_core::control::Control;
+use imf_core::field::ExactField;
+use imf_core::glam::DVec3;
+use imf_core::obstacle::Obstacle;
 use imf_core::orientation::OrientationSet;
+use imf_core::pose::Pose;
 use imf_fields::recipe::Sampling;
 use imf_train::dataset::generate;
 
@@ -172,7 +176,7 @@ fn contact_is_recorded_with_its_layer_and_exact_answers_know_it() {
     assert!(folder.succeed(&["info", "data"]).stdout.contains("may reach 12 mm below"));
     let (_, scene, _) = imf_train::dataset::load(&folder.path("data")).unwrap();
     assert!(scene.layer.as_ref().unwrap().count() > 0);
-    let contact = imf_core::section::Contact::of_scene(&scene).unwrap();
+    let cuttable = Obstacle::from(&scene).cuttable.unwrap();
     let mut model = model();
     let plain = model.scene.clone();
     model.scene = scene;
@@ -180,15 +184,15 @@ fn contact_is_recorded_with_its_layer_and_exact_answers_know_it() {
     assert_eq!(imf_fields::model::Model::read(&folder.path("m.safetensors")).unwrap(), model);
     // The tip stands in a voxel of the layer: the cutter collides with the part, and touches it by contact.
     let grid = plain.record.grid;
-    let voxel = contact.skin.solid.iter().position(|&s| s != 0).unwrap();
+    let voxel = cuttable.solid.iter().position(|&s| s != 0).unwrap();
     let [x, y, z] = grid.centre(grid.voxel(voxel)).to_array();
     folder.write("poses.csv", format!("x,y,z,theta,phi\n{x},{y},{z},0,0\n"));
     let run = folder.json(&["query", "m.safetensors", "poses.csv", "--exact"]);
-    let rest = model.scene.record.tool_without_cutter().unwrap();
-    let pose = imf_core::field::Pose { position: [x, y, z].into(), orientation: Default::default() };
-    let field = imf_core::field::SceneField::new(contact.obstacles(rest.as_ref()), &model.scene.record.tool);
-    let whole = imf_core::field::ExactField::of_tool(&plain.obstacle, &plain.record.tool);
-    let expected = f64::from(field.count(&pose)) / f64::from(whole.normaliser(&pose.orientation).unwrap());
+    let pose = Pose::along([x, y, z].into(), DVec3::Z);
+    let clearance = &model.scene.record.clearance;
+    let field = ExactField::of_scene(&model.scene, clearance).unwrap();
+    let whole = ExactField::of_scene(&plain, clearance).unwrap();
+    let expected = field.overlap(&pose).unwrap();
     assert!((run[0]["overlap_exact"].as_f64().unwrap() - expected).abs() < 1e-6, "{run}");
     assert!(field.count(&pose) < whole.count(&pose));
 }

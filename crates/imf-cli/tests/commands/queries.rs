@@ -4,11 +4,12 @@
 use std::process::Stdio;
 
 use glam::DVec3;
-use imf_core::field::{ExactField, Field, Pose};
+use imf_core::field::{ExactField, PoseField as _};
 use imf_core::orientation::Orientation;
-use imf_fields::learnt::LearntField;
+use imf_core::pose::Pose;
+use imf_fields::field::Field;
+use imf_fields::file::FieldFile;
 use imf_fields::model::Model;
-use imf_fields::siren::evaluator::CpuEvaluator;
 
 use crate::folder::Folder;
 #[cfg(target_os = "linux")]
@@ -19,9 +20,8 @@ const POSES: &str = "name,x,y,z,phi,theta\n\
                      \"left, above\",24,70,40,6,12\nright,10.5,140,80,100,-160\nfar,500,0,0,0,0\n";
 
 fn poses() -> [Pose; 3] {
-    let pose = |position: [f64; 3], theta, phi| Pose {
-        position: DVec3::from_array(position),
-        orientation: Orientation::new(theta, phi),
+    let pose = |position: [f64; 3], theta, phi| {
+        Pose::oriented(DVec3::from_array(position), &Orientation::new(theta, phi))
     };
     [
         pose([24.0, 70.0, 40.0], 12.0, 6.0),
@@ -31,18 +31,16 @@ fn poses() -> [Pose; 3] {
 }
 
 fn learnt(model: &Model) -> [f32; 3] {
-    let mut engine = CpuEvaluator::new(model.shape, &model.state.parameters).unwrap();
-    let mut answers = [f32::NAN; 3];
-    LearntField::new(model.scene.record.grid, &mut engine).query(&poses(), &mut answers).unwrap();
-    answers
+    let mut values = [f32::NAN; 3];
+    let field = Field::new(FieldFile::Siren(Box::new(model.clone()))).unwrap();
+    field.values(&poses(), &mut values).unwrap();
+    values
 }
 
 fn exact(model: &Model) -> [f32; 3] {
-    let mut answers = [f32::NAN; 3];
-    ExactField::of_tool(&model.scene.obstacle, &model.scene.record.tool)
-        .query(&poses(), &mut answers)
-        .unwrap();
-    answers
+    let mut values = [f32::NAN; 3];
+    ExactField::new(&model.scene, &model.scene.record.tool).values(&poses(), &mut values).unwrap();
+    values
 }
 
 #[test]
@@ -114,8 +112,8 @@ fn poses_outside_the_box_are_answered_as_the_nearest_inside() {
 fn directions_and_json_give_the_same_answers() {
     let folder = Folder::new();
     let model = write_model(&folder.path("m.safetensors"));
-    let lines = poses().map(|Pose { position: p, orientation }| {
-        let d = 3.0 * orientation.direction();
+    let lines = poses().map(|pose| {
+        let (p, d) = (pose.position, 3.0 * pose.axis().unwrap());
         format!("{},{},{},{},{},{}\n", d.z, d.y, d.x, p.x, p.y, p.z)
     });
     folder.write("poses.csv", format!("k,j,i,x,y,z\n{}", lines.concat()));

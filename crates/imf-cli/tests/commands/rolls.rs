@@ -1,12 +1,15 @@
 //! Tools that are not symmetric about their axis: poses, tables and exports that know how the tool is rolled.
 
+use std::sync::Arc;
+
 use std::fmt::Write as _;
 
-use imf_core::field::{Field, Pose};
+use imf_core::field::values_on_all_threads;
 use imf_core::orientation::Orientation;
-use imf_fields::factored::FactoredAnswers;
+use imf_core::pose::Pose;
 use imf_fields::factored::file::FactoredFile;
-use imf_fields::harmonic::HarmonicAnswers;
+use imf_fields::field::Field;
+use imf_fields::file::FieldFile;
 use imf_fields::harmonic::file::HarmonicFile;
 use serde_json::Value;
 
@@ -54,15 +57,16 @@ fn poses_are_answered_at_their_roll_by_every_family_that_knows_it() {
         for index in 0..grid.len() {
             let position = grid.centre(grid.voxel(index));
             writeln!(text, "{roll},{},{},{},30,60", position.x, position.y, position.z).unwrap();
-            poses.push(Pose { position, orientation: Orientation { roll, ..Orientation::new(30.0, 60.0) } });
+            let orientation = Orientation { roll, ..Orientation::new(30.0, 60.0) };
+            poses.push(Pose::oriented(position, &orientation));
         }
     }
     folder.write("poses.csv", text);
     let ask = |field: &str| folder.json(&["query", field, "poses.csv", "--device", "cpu", "--exact"]);
-    let answered = |field: &mut dyn Field| {
-        let mut answers = vec![f32::NAN; poses.len()];
-        field.query(&poses, &mut answers).unwrap();
-        answers
+    let values = |file: FieldFile| {
+        let mut values = vec![f32::NAN; poses.len()];
+        values_on_all_threads(&Field::new(file).unwrap(), &poses, &mut values).unwrap();
+        values
     };
 
     let answers = ask("arm.safetensors");
@@ -73,9 +77,9 @@ fn poses_are_answered_at_their_roll_by_every_family_that_knows_it() {
     let by_roll: Vec<&[f32]> = exact.chunks_exact(grid.len()).collect();
     assert!(by_roll[0] != by_roll[1] && by_roll[1] != by_roll[2]);
     assert_eq!(answers[grid.len()]["roll"], 90);
-    assert!(numbers(&answers, "overlap") == answered(&mut HarmonicAnswers(&harmonic.field)));
+    assert!(numbers(&answers, "overlap") == values(FieldFile::Harmonic(Arc::new(harmonic))));
     let found = numbers(&ask("small/field.safetensors"), "overlap");
-    assert!(found == answered(&mut FactoredAnswers(factored.field.evaluator())));
+    assert!(found == values(FieldFile::Factored(Box::new(factored))));
     assert!(found[..grid.len()] != found[grid.len()..2 * grid.len()]);
 
     // The paper's network has no place for it, and says so once.

@@ -3,9 +3,9 @@
 use std::fs::File;
 
 use imf_core::orientation::OrientationSet;
-use imf_fields::learnt::LearntField;
+use imf_fields::file::FieldFile;
 use imf_fields::siren::evaluator::CpuEvaluator;
-use imf_fields::stored::StoredField;
+use imf_fields::siren::over_grid;
 use ndarray::Array3;
 use ndarray_npy::{ReadNpyExt as _, ReadableElement};
 
@@ -69,21 +69,21 @@ fn sections_of_networks_are_the_librarys() {
             .json();
         assert!(summary[family].is_object() && summary["harmonic"].is_null(), "{summary}");
         work.imf(&format!("sections {file} --orientations {SET} --imf --out {family}-imf")).done();
-        let stored = StoredField::read(&work.path(file)).unwrap();
+        let stored = FieldFile::read(&work.path(file)).unwrap();
         let voxels = stored.scene().record.grid.len();
         let mut expected = vec![0.0; voxels * orientations.len()];
         match &stored {
-            StoredField::Factored(file) => {
+            FieldFile::Factored(file) => {
                 file.field.evaluator().sections(&file.field.heads(&orientations), &mut expected);
             }
-            StoredField::Siren(model) => {
+            FieldFile::Siren(model) => {
                 let mut engine = CpuEvaluator::new(model.shape, &model.state.parameters).unwrap();
-                let mut field = LearntField::new(model.scene.record.grid, &mut engine);
+                let grid = model.scene.record.grid;
                 for (orientation, values) in orientations.iter().zip(expected.chunks_exact_mut(voxels)) {
-                    field.section(orientation.angles(), values).unwrap();
+                    over_grid::section(&mut engine, &grid, orientation.angles(), values).unwrap();
                 }
             }
-            StoredField::Harmonic(_) => panic!("{file}"),
+            FieldFile::Harmonic(_) => panic!("{file}"),
         }
         let least = npy::<f32>(&work, &format!("{family}-imf/imf.npy"));
         let best = npy::<u32>(&work, &format!("{family}-imf/best.npy"));
@@ -143,7 +143,7 @@ fn networks_reach_what_they_nearly_take_for_free() {
     let sections = "sections siren/model.safetensors --orientations fibonacci:5";
     let summary = work.imf(&format!("{sections} --imf --out least --json")).done().json();
     let values = npy::<f32>(&work, "least/imf.npy");
-    let scene = StoredField::read(&work.path("siren/model.safetensors")).unwrap().scene().clone();
+    let scene = FieldFile::read(&work.path("siren/model.safetensors")).unwrap().scene().clone();
     let free = values.iter().zip(&scene.obstacle.solid);
     let free = free.filter(|&(&value, &solid)| solid == 0 && value <= 1e-3).count();
     assert_eq!((&summary["accessible_outside"], &summary["tau"]), (&free.into(), &0.001.into()));

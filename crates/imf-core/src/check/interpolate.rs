@@ -3,7 +3,6 @@
 use glam::DVec3;
 
 use super::CheckError;
-use crate::orientation::Orientation;
 use crate::toolpath::{Location, Motion};
 
 /// More poses than this on one motion are a slip of units.
@@ -41,11 +40,8 @@ impl Poses {
         self.count
     }
 
-    /// Tip, axis and orientation of every pose.
-    pub(super) fn iter(&self) -> impl Iterator<Item = (DVec3, DVec3, Orientation)> {
-        (1..=self.count).map(|step| {
-            let (position, axis) = self.motion.at(step as f64 / self.count as f64);
-            (position, axis, Orientation::from_direction(axis).unwrap_or_default())
-        })
+    /// Tip and axis of every pose.
+    pub(super) fn iter(&self) -> impl Iterator<Item = (DVec3, DVec3)> {
+        (1..=self.count).map(|step| self.motion.at(step as f64 / self.count as f64))
     }
 }

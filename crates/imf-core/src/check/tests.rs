@@ -1,6 +1,7 @@
 //! Toolpaths over a block of known size.
 
 use super::*;
+use crate::field::ExactField;
 use crate::grid::Grid;
 use crate::scene::Bodies;
 use crate::unit::LengthUnit;
@@ -162,7 +163,7 @@ fn what_a_proof_knows_free_changes_no_line_of_the_report() {
         let plain = check(Some(&post), text, &settings);
         assert!(plain.colliding.len() > 1);
         let grown = Tool::paper().inflated(&clearance).unwrap();
-        let exact = ExactField::of_tool(&obstacle, &grown);
+        let exact = ExactField::new(&obstacle, &grown);
         let known = std::sync::atomic::AtomicU64::new(0);
         let is_free = |pose: &Pose| {
             let free = !exact.collides(pose);

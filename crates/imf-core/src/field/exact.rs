@@ -1,335 +1,111 @@
-//! The exact field at single poses: any position, any rotation, no grid of poses.
-//!
-//! The definition is [`Tool::count_inside`]: solid voxel centres inside the analytic tool. Here the same whole numbers
-//! come from the tool's exact run on every line of voxels and the obstacle's running sums along it; a yes/no answer is
-//! first sought with balls along the tool's axis and the obstacle's distance transform, and only what these leave open
-//! is counted, up to the first voxel found. Tools that are meshes are counted by the definition.
+//! The exact field: whole numbers of voxels at any pose, and over the whole grid.
 
-mod columns;
-mod depth;
-mod runs;
-mod spine;
-mod sweep;
-mod turned;
-
-use std::borrow::Cow;
 use std::sync::OnceLock;
 
-use glam::DVec3;
-use pulp::Arch;
-use rayon::prelude::*;
+use glam::{DQuat, DVec3};
 
-use super::{Field, Pose, QueryError, check_lengths};
-use crate::distance::DistanceField;
+use super::differences::gradient;
+use super::minimum::minimum_pose_by_pose;
+use super::solid::SolidField;
+use super::{Best, Decision, FieldError, Gradient, GridField, PoseField, check_lengths};
+use crate::control::Control;
 use crate::grid::Grid;
-use crate::occupancy::Occupancy;
+use crate::obstacle::Obstacle;
 use crate::orientation::Orientation;
-use crate::tool::{Element, ElementKind, Segment, Tool, ToolError, ToolShape, snapped};
-use columns::Columns;
-use depth::Depths;
-use runs::{Within, count};
-use spine::{OPEN, Spine, Verdict};
-use sweep::{Placed, Sweep};
-use turned::TurnedTools;
+use crate::pose::Pose;
+use crate::scene::Scene;
+use crate::section::{Imf, Quantity, SectionPlan, SectionScratch, imf};
+use crate::tool::{Assembly, Clearance, ClearanceError, ToolError};
+use crate::workspaces::Workspaces;
 
 /// Counts the obstacle's voxel centres in the analytic tool at any pose, divided by the tool's own count in that
 /// orientation with its tip on a voxel centre. Equal to the section at voxel centres.
 ///
-/// Every method takes `&self` and allocates nothing for tools of revolution; threads share one field. Lengths are in
-/// the unit of the obstacle's grid. A tool of
-/// revolution or not, an invalid pose is never free.
-pub struct ExactField<'a> {
-    obstacle: Cow<'a, Occupancy>,
-    /// The tool's, for messages.
-    name: String,
-    shape: Shape<'a>,
-    columns: Columns,
-    /// Largest distance of any of the tool's points from its tip.
-    reach: f64,
+/// Cuttable voxels count in shank and holder alone. Every method takes `&self` and allocates nothing for tools of revolution;
+/// threads share one field. Lengths are in the unit of the obstacle's grid. An invalid pose is never free.
+pub struct ExactField {
+    obstacle: Obstacle,
+    assembly: Assembly,
+    /// The whole tool against what is forbidden.
+    whole: SolidField,
+    /// Shank and holder against what the cutter may enter.
+    noncutting: Option<SolidField>,
     /// In the tool's frame.
     sharp_points: Vec<DVec3>,
-    arch: Arch,
-    /// Made at the first yes/no question.
-    proof: OnceLock<(DistanceField, Spine)>,
-    /// Made at the first question of depth.
-    depths: OnceLock<Depths>,
+    /// Made at the first section.
+    plan: OnceLock<SectionPlan>,
+    scratch: Workspaces<SectionScratch>,
 }
 
-enum Shape<'a> {
-    Bodies(Vec<Body>),
-    /// Counted by the definition.
-    Definition(Cow<'a, Tool>, TurnedTools),
-}
-
-/// An element as the fast paths read it.
-struct Body {
-    kind: ElementKind,
-    /// In world units: the predicate.
-    profile: Vec<Segment>,
-    /// The profile's segments in voxels.
-    parts: Vec<Part>,
-}
-
-struct Part {
-    segment: Segment,
-    /// Largest radius, a little generous.
-    widest: f64,
-}
-
-/// Voxels from the grid beyond which a tip is not counted by whole voxels.
-const FARTHEST: f64 = 1e12;
-
-/// Bodies with more segments than this are counted by the definition.
-const MOST_SEGMENTS: usize = 64;
-
-impl Body {
-    /// `None` for a profile that the runs cannot solve: one that is not convex piece by piece, or has too many.
-    fn new(element: &Element, pitch: f64) -> Option<Self> {
-        let profile: Vec<Segment> =
-            element.profile.iter().copied().filter(|s| s.range().0 < s.range().1).collect();
-        let convex = profile.iter().all(|segment| match *segment {
-            Segment::Line { radius_from, radius_to, .. } => radius_from >= 0.0 && radius_to >= 0.0,
-            Segment::Arc { from, to, centre_height, centre_radius, arc_radius } => {
-                let slip = 1e-9 * arc_radius;
-                centre_radius >= 0.0
-                    && from >= centre_height - arc_radius - slip
-                    && to <= centre_height + arc_radius + slip
-            }
-        });
-        let parts = profile
-            .iter()
-            .map(|s| s.scaled(1.0 / pitch))
-            .map(|segment| Part { segment, widest: segment.max_radius() + 1e-4 })
-            .collect();
-        (convex && profile.len() <= MOST_SEGMENTS).then_some(Self { kind: element.kind, profile, parts })
-    }
-}
-
-impl<'a> ExactField<'a> {
-    /// The exact field of a tool around an obstacle.
+impl ExactField {
+    /// Of a tool, as it is or offset by a clearance ([`Tool::offset`](crate::tool::Tool::offset)), around an obstacle.
     #[must_use]
-    pub fn of_tool(obstacle: &'a Occupancy, tool: &'a Tool) -> Self {
-        Self::with_tool(Cow::Borrowed(obstacle), Cow::Borrowed(tool))
-    }
-
-    /// As [`ExactField::of_tool`], of an obstacle and a tool of its own: it outlives what it was made from.
-    #[must_use]
-    pub fn owned(obstacle: Occupancy, tool: Tool) -> ExactField<'static> {
-        ExactField::with_tool(Cow::Owned(obstacle), Cow::Owned(tool))
-    }
-
-    fn with_tool(obstacle: Cow<'a, Occupancy>, tool: Cow<'a, Tool>) -> Self {
-        let bodies = match &tool.shape {
-            ToolShape::Revolved(elements) => {
-                elements.iter().map(|e| Body::new(e, obstacle.grid.pitch)).collect::<Option<Vec<_>>>()
-            }
-            ToolShape::Mesh(_) => None,
-        };
-        let (name, reach, sharp_points) =
-            (tool.name.clone(), tool.reach(), tool.sharp_point_positions(obstacle.grid.pitch));
-        let shape = bodies.map_or_else(|| Shape::Definition(tool, TurnedTools::default()), Shape::Bodies);
-        Self { reach, sharp_points, ..Self::with_shape(obstacle, &name, shape) }
-    }
-
-    /// The exact field of bodies that may overlap, such as [`Tool::inflated_elements`]: each is counted by itself, and
-    /// the count of all is the sum. `None` for an outline with an arc around a centre
-    /// beyond the axis, or with more than 64 segments.
-    #[must_use]
-    pub fn of_elements(obstacle: &'a Occupancy, elements: &[Element]) -> Option<Self> {
-        let bodies =
-            elements.iter().map(|e| Body::new(e, obstacle.grid.pitch)).collect::<Option<Vec<_>>>()?;
-        let farthest = |s: &Segment| s.max_radius().hypot(s.range().0.abs().max(s.range().1.abs()));
-        let reach = elements.iter().flat_map(|e| &e.profile).map(farthest).fold(0.0, f64::max);
-        Some(Self { reach, ..Self::with_shape(Cow::Borrowed(obstacle), "elements", Shape::Bodies(bodies)) })
-    }
-
-    fn with_shape(obstacle: Cow<'a, Occupancy>, name: &str, shape: Shape<'a>) -> Self {
+    pub fn new(obstacle: impl Into<Obstacle>, assembly: impl Into<Assembly>) -> Self {
+        let (obstacle, assembly) = (obstacle.into(), assembly.into());
+        let noncutting = obstacle.cuttable.clone().zip(assembly.noncutting());
         Self {
-            columns: Columns::new(&obstacle),
+            whole: SolidField::of_tool(obstacle.forbidden.clone(), assembly.whole()),
+            noncutting: noncutting.map(|(cuttable, tool)| SolidField::of_tool(cuttable, tool)),
+            sharp_points: assembly.tool().sharp_point_positions(obstacle.grid().pitch),
             obstacle,
-            name: name.to_owned(),
-            shape,
-            reach: 0.0,
-            sharp_points: vec![DVec3::ZERO],
-            arch: Arch::new(),
-            proof: OnceLock::new(),
-            depths: OnceLock::new(),
+            assembly,
+            plan: OnceLock::new(),
+            scratch: Workspaces::default(),
         }
     }
 
-    /// The elements that are told apart, from the tip upwards; none for a mesh.
-    pub fn elements(&self) -> impl Iterator<Item = ElementKind> {
-        match &self.shape {
-            Shape::Bodies(bodies) => bodies.as_slice(),
-            Shape::Definition(..) => &[],
-        }
-        .iter()
-        .map(|body| body.kind)
-    }
-
-    /// Solid voxels whose centres lie in the tool; those of an invalid pose mean nothing ([`Pose::is_valid`]).
-    #[must_use]
-    pub fn count(&self, pose: &Pose) -> u32 {
-        match &self.shape {
-            Shape::Bodies(bodies) => self.bodies_count(bodies, self.placed(pose)),
-            Shape::Definition(tool, turned) => self.definition_count(tool, turned, pose),
-        }
-    }
-
-    /// By the tool's voxels where the tip is on a voxel centre, and by the definition elsewhere.
-    fn definition_count(&self, tool: &Tool, turned: &TurnedTools, pose: &Pose) -> u32 {
-        let grid = &self.obstacle.grid;
-        let tip = snapped(grid, pose.position);
-        if tip.is_finite()
-            && tip == tip.round()
-            && tip.abs().max_element() < FARTHEST
-            && let Ok(turned) = turned.of(tool, &pose.orientation, grid.pitch)
-        {
-            return turned.count_in(&self.obstacle, tip.to_array().map(|v| v as i64));
-        }
-        tool.count_inside(&self.obstacle, pose.position, &pose.orientation)
-    }
-
-    /// [`ExactField::count`] of a tool of revolution by the unit vector along its axis; `None` for tools that are counted
-    /// by the definition.
-    #[must_use]
-    pub(crate) fn count_along(&self, position: DVec3, direction: DVec3) -> Option<u32> {
-        let Shape::Bodies(bodies) = &self.shape else { return None };
-        Some(self.bodies_count(bodies, self.placed_along(position, direction)))
-    }
-
-    fn bodies_count(&self, bodies: &[Body], placed: Placed) -> u32 {
-        bodies.iter().map(|body| self.body_count(body, placed, false)).sum()
-    }
-
-    /// Solid voxels in each element, in the order of [`ExactField::elements`].
+    /// Of a scene's true tool, offset by a clearance in the scene's unit: the scene's own, another, or none.
     ///
-    /// # Panics
-    /// If `counts` has not as many places as there are elements.
-    pub fn element_counts(&self, pose: &Pose, counts: &mut [u32]) {
-        let bodies = match &self.shape {
-            Shape::Bodies(bodies) => bodies.as_slice(),
-            Shape::Definition(..) => &[],
-        };
-        assert_eq!(counts.len(), bodies.len(), "one count for each element");
-        let placed = self.placed(pose);
-        for (count, body) in counts.iter_mut().zip(bodies) {
-            *count = self.body_count(body, placed, false);
-        }
+    /// # Errors
+    /// A clearance that is no length, or one around a mesh tool.
+    pub fn of_scene(scene: &Scene, clearance: &Clearance) -> Result<Self, ClearanceError> {
+        Ok(Self::new(scene, scene.record.bare_tool().offset(clearance)?))
     }
 
-    /// Volume of the obstacle's voxels whose centres lie in the tool, in world units cubed.
+    /// What the tool must stay out of.
     #[must_use]
-    pub fn volume(&self, pose: &Pose) -> f64 {
-        f64::from(self.count(pose)) * self.obstacle.grid.voxel_volume()
+    pub fn obstacle(&self) -> &Obstacle {
+        &self.obstacle
     }
 
-    /// The tool's own count in an orientation with its tip on a voxel centre: what overlaps are divided by.
+    /// The tool.
+    #[must_use]
+    pub fn assembly(&self) -> &Assembly {
+        &self.assembly
+    }
+
+    /// Solid voxels that count, forbidden ones in the whole tool and cuttable ones in shank and holder; `None` for an invalid pose.
+    #[must_use]
+    pub fn count(&self, pose: &Pose) -> Option<u32> {
+        self.solids().map(|solid| solid.count(pose)).sum()
+    }
+
+    /// The overlap: voxels that count over the tool's own, in [0, 1]; NaN for an invalid pose.
     ///
     /// # Errors
     /// A tool that holds no voxel centre, or a mesh tool too large to be voxelised.
-    pub fn normaliser(&self, orientation: &Orientation) -> Result<u32, ToolError> {
-        match &self.shape {
-            Shape::Definition(tool, turned) => {
-                Ok(turned.of(tool, orientation, self.obstacle.grid.pitch)?.count)
-            }
-            Shape::Bodies(bodies) => self.bodies_normaliser(bodies, orientation.direction()),
-        }
-    }
-
-    /// [`ExactField::normaliser`] of a tool of revolution by the unit vector along its axis; `None` for tools that are
-    /// counted by the definition.
-    pub(crate) fn normaliser_along(&self, direction: DVec3) -> Option<Result<u32, ToolError>> {
-        let Shape::Bodies(bodies) = &self.shape else { return None };
-        Some(self.bodies_normaliser(bodies, direction))
-    }
-
-    fn bodies_normaliser(&self, bodies: &[Body], direction: DVec3) -> Result<u32, ToolError> {
-        let pitch = self.obstacle.grid.pitch;
-        let placed = Placed { tip: DVec3::ZERO, direction, pitch };
-        let all = |body: &Body| -> u32 {
-            let reach = |p: &Part| p.segment.range().1.abs().max(p.segment.range().0.abs()) + p.widest;
-            let reach = body.parts.iter().map(reach).fold(0.0, f64::max);
-            body_segments(body, placed)
-                .map(|sweep| count(self.arch, &sweep, Within::Everything(reach.ceil() as i64 + 2), false))
-                .sum()
-        };
-        match bodies.iter().map(all).sum() {
-            0 => Err(ToolError::TooSmall { name: self.name.clone(), pitch }),
-            count => Ok(count),
-        }
-    }
-
-    /// The overlap: solid voxels in the tool over the tool's own, in [0, 1]; NaN of an invalid pose.
-    ///
-    /// # Errors
-    /// As [`ExactField::normaliser`].
     pub fn overlap(&self, pose: &Pose) -> Result<f64, ToolError> {
-        if !pose.is_valid() {
-            return Ok(f64::NAN);
+        match self.count(pose) {
+            None => Ok(f64::NAN),
+            Some(0) => Ok(0.0),
+            Some(count) => Ok(ratio(count, self.whole.normaliser(pose.rotation)?)),
         }
-        Ok(ratio(self.count(pose), self.normaliser(&pose.orientation)?))
     }
 
-    /// True where the tool holds any solid voxel's centre, equal to `count(pose) > 0`, and at an invalid pose.
+    /// True where a voxel counts, equal to `count(pose) > 0`, and at an invalid pose.
+    #[inline]
     #[must_use]
     pub fn collides(&self, pose: &Pose) -> bool {
-        if !pose.is_valid() {
-            return true;
-        }
-        let collides = self.collides_along(pose.position, pose.orientation.direction());
-        collides.unwrap_or_else(|| self.count(pose) > 0)
+        self.solids().any(|solid| solid.collides(pose))
     }
 
-    /// [`ExactField::collides`] of a tool of revolution by the unit vector along its axis; `None` for tools that are
-    /// counted by the definition.
-    #[must_use]
-    pub(crate) fn collides_along(&self, position: DVec3, direction: DVec3) -> Option<bool> {
-        let Shape::Bodies(bodies) = &self.shape else { return None };
-        Some(self.bodies_collide(bodies, self.placed_along(position, direction)))
-    }
-
-    fn bodies_collide(&self, bodies: &[Body], placed: Placed) -> bool {
-        if !(placed.tip.is_finite() && placed.direction.is_finite()) {
-            return true;
-        }
-        let (distances, spine) = self.proof(bodies);
-        let mut open = [0; OPEN];
-        match spine.prove(placed, bodies, distances, &mut open) {
-            Verdict::Free => false,
-            Verdict::Blocked => true,
-            Verdict::Undecided => bodies.iter().any(|body| self.body_count(body, placed, true) > 0),
-            Verdict::Open(found) => open[..found].iter().any(|&index| {
-                let piece = spine.piece(index);
-                let body = &bodies[piece.body];
-                let (world, part) = (&body.profile[piece.segment], &body.parts[piece.segment]);
-                // A little over either end, as far as the segment reaches: the next piece's ball covers its own heights
-                // only up to rounding.
-                let (lowest, highest) = part.segment.range();
-                let (from, to) = ((piece.from - 1e-4).max(lowest), (piece.to + 1e-4).min(highest));
-                let sweep = Sweep::new(placed, world, &part.segment, part.widest, from, to);
-                count(self.arch, &sweep, Within::Obstacle(&self.columns), true) > 0
-            }),
-        }
-    }
-
-    /// Lower bound of the distance from the tool's surface to the nearest solid voxel's centre, in world units, from the
-    /// balls that cover the tool: loose by the rounding of points on the axis to voxels (up to 0.87 voxels) and
-    /// by the balls' excess. At most 0 where the tool may hold a centre. `None` for mesh tools.
+    /// Lower bound of the distance from the tool's surface to the nearest solid voxel's centre that it must stay out of, in world
+    /// units, from the balls that cover the tool: loose by the rounding of points on the axis to voxels (up to 0.87 voxels) and
+    /// by the balls' excess. At most 0 where the tool may hold a centre, and at an invalid pose. `None` for mesh tools.
     #[must_use]
     pub fn clearance_bound(&self, pose: &Pose) -> Option<f64> {
-        if !pose.is_valid() && matches!(self.shape, Shape::Bodies(_)) {
-            return Some(0.0);
-        }
-        self.clearance_along(pose.position, pose.orientation.direction())
-    }
-
-    /// [`ExactField::clearance_bound`] by the unit vector along the tool's axis.
-    #[must_use]
-    pub(crate) fn clearance_along(&self, position: DVec3, direction: DVec3) -> Option<f64> {
-        let Shape::Bodies(bodies) = &self.shape else { return None };
-        let (distances, spine) = self.proof(bodies);
-        Some(spine.clearance(self.placed_along(position, direction), distances) * self.obstacle.grid.pitch)
+        let bounds = self.solids().map(|solid| solid.clearance_bound(pose));
+        bounds.reduce(|a, b| Some(a?.min(b?)))?
     }
 
     /// Lower bound of the length of any translation that frees the tool, in world units, by balls inside the tool; 0
@@ -337,14 +113,8 @@ impl<'a> ExactField<'a> {
     /// a block it falls short of the truth by about 1.7 voxels. `None` for mesh tools.
     #[must_use]
     pub fn penetration_bound(&self, pose: &Pose) -> Option<f64> {
-        let Shape::Bodies(bodies) = &self.shape else { return None };
-        let placed = self.placed(pose);
-        if !pose.is_valid() {
-            return Some(0.0);
-        }
-        let (distances, _) = self.proof(bodies);
-        let depths = self.depths.get_or_init(|| Depths::new(bodies, &self.obstacle));
-        Some(depths.bound(placed, distances, &self.obstacle) * self.obstacle.grid.pitch)
+        let bounds = self.solids().map(|solid| solid.penetration_bound(pose));
+        bounds.reduce(|a, b| Some(a?.max(b?)))?
     }
 
     /// Signed clearance in world units, as far as the distance transform proves it. Above 0 the tool is free, and no
@@ -357,51 +127,22 @@ impl<'a> ExactField<'a> {
         if clearance > 0.0 { Some(clearance) } else { Some(-self.penetration_bound(pose)?) }
     }
 
-    fn proof(&self, bodies: &[Body]) -> &(DistanceField, Spine) {
-        self.proof.get_or_init(|| (DistanceField::new(&self.obstacle), Spine::new(bodies)))
-    }
-
-    fn placed(&self, pose: &Pose) -> Placed {
-        self.placed_along(pose.position, pose.orientation.direction())
-    }
-
-    fn placed_along(&self, position: DVec3, direction: DVec3) -> Placed {
-        let grid = &self.obstacle.grid;
-        Placed { tip: snapped(grid, position), direction, pitch: grid.pitch }
-    }
-
     /// Largest distance of any of the tool's points from its tip, in world units.
     pub(crate) fn reach(&self) -> f64 {
-        self.reach
+        self.solids().map(SolidField::reach).fold(0.0, f64::max)
     }
 
-    /// The tool's sharp points in its frame; the tip alone of bare elements.
-    pub(crate) fn sharp_points(&self) -> &[DVec3] {
-        &self.sharp_points
+    fn solids(&self) -> impl Iterator<Item = &SolidField> {
+        [Some(&self.whole), self.noncutting.as_ref()].into_iter().flatten()
     }
 
-    /// The grid of the obstacle.
-    #[must_use]
-    pub fn grid(&self) -> &Grid {
-        &self.obstacle.grid
-    }
-
-    fn body_count(&self, body: &Body, placed: Placed, stop: bool) -> u32 {
-        if !placed.tip.is_finite() {
-            return 0;
+    fn plan(&self) -> Result<&SectionPlan, FieldError> {
+        if let Some(plan) = self.plan.get() {
+            return Ok(plan);
         }
-        body_segments(body, placed)
-            .map(|sweep| count(self.arch, &sweep, Within::Obstacle(&self.columns), stop))
-            .sum()
+        let plan = SectionPlan::at_tip(&self.obstacle, &self.assembly)?;
+        Ok(self.plan.get_or_init(|| plan))
     }
-}
-
-/// Every segment of a body in a pose.
-fn body_segments(body: &Body, placed: Placed) -> impl Iterator<Item = Sweep<'_>> {
-    body.profile.iter().zip(&body.parts).map(move |(world, part)| {
-        let (from, to) = part.segment.range();
-        Sweep::new(placed, world, &part.segment, part.widest, from, to)
-    })
 }
 
 /// Off the grid more centres may fall into the tool than on it.
@@ -409,40 +150,93 @@ fn ratio(inside: u32, whole: u32) -> f64 {
     (f64::from(inside) / f64::from(whole)).min(1.0)
 }
 
-/// Poses that one thread answers at a time.
-const CHUNK: usize = 256;
+/// Values are counts over the tool's own count in that rotation. They are steps, so that derivatives are differences:
+/// over half a pitch either way in position, and over the angle either way that moves the tool's far end by a pitch.
+/// Decisions are exact for voxel centres, and never [`Decision::Undecided`].
+impl PoseField for ExactField {
+    fn quantity(&self) -> Quantity {
+        Quantity::Overlap
+    }
 
-/// Counts of poses over the tool's own, orientation by orientation, in parallel; NaN of invalid poses.
-pub(super) fn answer(
-    poses: &[Pose],
-    answers: &mut [f32],
-    normaliser: impl Fn(&Orientation) -> Result<u32, ToolError> + Sync,
-    count: impl Fn(&Pose) -> u32 + Sync,
-) -> Result<(), QueryError> {
-    check_lengths(poses, answers)?;
-    poses.par_chunks(CHUNK).zip(answers.par_chunks_mut(CHUNK)).try_for_each(|(poses, answers)| {
-        // Poses of one orientation tend to stand together.
-        let mut last: Option<(Orientation, u32)> = None;
-        for (pose, answer) in poses.iter().zip(answers) {
-            if !pose.is_valid() {
-                *answer = f32::NAN;
+    fn bounds(&self) -> Option<[DVec3; 2]> {
+        None
+    }
+
+    fn values(&self, poses: &[Pose], values: &mut [f32]) -> Result<(), FieldError> {
+        check_lengths(poses.len(), values.len())?;
+        // Poses of one rotation tend to stand together.
+        let mut last: Option<(DQuat, u32)> = None;
+        for (pose, value) in poses.iter().zip(values) {
+            let Some(count) = self.count(pose) else {
+                *value = f32::NAN;
+                continue;
+            };
+            if count == 0 {
+                *value = 0.0;
                 continue;
             }
             let whole = match last {
-                Some((orientation, whole)) if orientation == pose.orientation => whole,
-                _ => normaliser(&pose.orientation)?,
+                Some((rotation, whole)) if rotation == pose.rotation => whole,
+                _ => self.whole.normaliser(pose.rotation)?,
             };
-            last = Some((pose.orientation, whole));
-            *answer = ratio(count(pose), whole) as f32;
+            last = Some((pose.rotation, whole));
+            *value = ratio(count, whole) as f32;
         }
         Ok(())
-    })
+    }
+
+    fn gradients(&self, poses: &[Pose], gradients: &mut [Gradient]) -> Result<(), FieldError> {
+        check_lengths(poses.len(), gradients.len())?;
+        let pitch = self.grid().pitch;
+        let (step, angle) = (0.5 * pitch, (pitch / self.reach()).min(1.0));
+        for (pose, out) in poses.iter().zip(gradients) {
+            *out = gradient(pose, step, angle, |poses, values| self.values(poses, values))?;
+        }
+        Ok(())
+    }
+
+    fn classify(&self, poses: &[Pose], decisions: &mut [Decision]) -> Result<(), FieldError> {
+        check_lengths(poses.len(), decisions.len())?;
+        for (pose, decision) in poses.iter().zip(decisions) {
+            *decision = if self.collides(pose) { Decision::Colliding } else { Decision::Free };
+        }
+        Ok(())
+    }
+
+    fn best(&self, points: &[DVec3], rotations: &[DQuat], best: &mut [Best]) -> Result<(), FieldError> {
+        minimum_pose_by_pose(points, rotations, &self.sharp_points, best, |poses, values, decisions| {
+            self.values(poses, values)?;
+            for (value, decision) in values.iter().zip(decisions) {
+                *decision = if *value == 0.0 { Decision::Free } else { Decision::Colliding };
+            }
+            Ok(())
+        })
+    }
 }
 
-impl Field for ExactField<'_> {
-    fn query(&mut self, poses: &[Pose], answers: &mut [f32]) -> Result<(), QueryError> {
-        let field = &*self;
-        answer(poses, answers, |orientation| field.normaliser(orientation), |pose| field.count(pose))
+/// Sections count by the faster of several methods, equal to counting pose by pose.
+impl GridField for ExactField {
+    fn grid(&self) -> &Grid {
+        self.obstacle.grid()
+    }
+
+    fn sections(&self, orientations: &[Orientation], values: &mut [f32]) -> Result<(), FieldError> {
+        let (plan, voxels) = (self.plan()?, self.grid().len());
+        assert_eq!(values.len(), voxels * orientations.len(), "one section for each orientation");
+        self.scratch.with(|scratch| {
+            let each = orientations.iter().zip(values.chunks_exact_mut(voxels.max(1)));
+            each.into_iter().try_for_each(|(orientation, section)| plan.cmf(orientation, scratch, section))
+        })?;
+        Ok(())
+    }
+
+    fn minimum(&self, orientations: &[Orientation], control: Control<'_>) -> Result<Imf, FieldError> {
+        if orientations.is_empty() {
+            return Err(FieldError::Orientations(0));
+        }
+        let voxels = self.grid().len() as u64;
+        let progress = |units: u64| (control.progress)(units * voxels);
+        Ok(imf(self.plan()?, orientations, Control { progress: &progress, cancelled: control.cancelled })?)
     }
 }
 

@@ -9,10 +9,11 @@ use super::counter::Counter;
 use super::direct::spot_check;
 use super::size::{CircularSize, QueryBox};
 use super::{SectionError, SectionScratch};
+use crate::obstacle::Obstacle;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
 use crate::scene::Scene;
-use crate::tool::{RotatedTool, Tool, ToolError};
+use crate::tool::{Assembly, RotatedTool, Tool, ToolError};
 
 /// What a tool must stay out of.
 #[derive(Clone, Copy, Debug)]
@@ -46,6 +47,13 @@ impl Skin<'_> {
 }
 
 impl<'a> Obstacles<'a> {
+    /// Of an obstacle and the tool that must stay out of it.
+    #[must_use]
+    pub fn of(obstacle: &'a Obstacle, assembly: &'a Assembly) -> Self {
+        let skin = obstacle.cuttable.as_deref().zip(assembly.noncutting());
+        Self { solid: &obstacle.forbidden, skin: skin.map(|(voxels, rest)| Skin { voxels, rest }) }
+    }
+
     /// Of a whole obstacle, and of how it is divided where the cutter may touch it; `rest` is what of the tool must stay out
     /// of the layer too, if there is any.
     #[must_use]

@@ -186,8 +186,9 @@ fn lower(values: &[u8], [outer, length, inner]: [usize; 3], out: &mut [u8]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::{ExactField, Pose};
+    use crate::field::ExactField;
     use crate::parts::ReferencePart;
+    use crate::pose::Pose;
     use crate::scene::{Scene, SceneSpec};
     use crate::tool::{Clearance, Tool};
     use glam::DVec3;
@@ -210,7 +211,7 @@ mod tests {
     #[test]
     fn depths_are_those_of_trying_every_position_around() {
         let scene = scene(2.0);
-        let (grid, exact) = (scene.record.grid, ExactField::of_tool(&scene.obstacle, &scene.record.tool));
+        let (grid, exact) = (scene.record.grid, ExactField::new(&scene.obstacle, &scene.record.tool));
         let cap = DEPTH_CAP as i64;
         for orientation in
             [Orientation::default(), Orientation::new(25.0, 55.0), Orientation::new(200.0, 120.0)]
@@ -218,7 +219,7 @@ mod tests {
             let found = depths(&scene, &orientation);
             let collides = |voxel: [i64; 3]| {
                 let away = DVec3::from_array(voxel.map(|v| v as f64)) * grid.pitch;
-                exact.collides(&Pose { position: grid.centre([0; 3]) + away, orientation })
+                exact.collides(&Pose::oriented(grid.centre([0; 3]) + away, &orientation))
             };
             let (mut above, mut below) = (0, 0);
             for index in (0..grid.len()).step_by(61) {

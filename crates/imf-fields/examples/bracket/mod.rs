@@ -1,18 +1,20 @@
 //! The bracket of the examples: a coarse one, with a harmonic field made in a moment.
 
+use std::sync::Arc;
+
 use imf_core::control::Control;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
 use imf_core::section::SectionPlan;
 use imf_core::tool::{Clearance, Tool};
+use imf_fields::field::Field;
+use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitSettings, fit};
-use imf_fields::learnt::NeuralField;
-use imf_fields::stored::StoredField;
 
-/// The field of the paper's tool, its holder grown by `clearance`. A program would load it: `NeuralField::load`.
-pub(crate) fn field(clearance: f64) -> Result<NeuralField, Box<dyn std::error::Error>> {
+/// The field of the paper's tool, its holder grown by `clearance`. A program would load it: `Field::load`.
+pub(crate) fn field(clearance: f64) -> Result<Field, Box<dyn std::error::Error>> {
     let scene = SceneSpec::of_reference(
         ReferencePart::Bracket,
         &ReferencePart::Bracket.mesh(),
@@ -24,5 +26,5 @@ pub(crate) fn field(clearance: f64) -> Result<NeuralField, Box<dyn std::error::E
     let settings = FitSettings { degree: 6, sections_per_function: 2.0, axes: 49, ..FitSettings::default() };
     let made = fit(&SectionPlan::of_scene(&scene)?, Domain::Directions, &settings, Control::quiet())?;
     let file = HarmonicFile { field: made, scene, settings, calibration: None };
-    Ok(NeuralField::new(StoredField::Harmonic(Box::new(file)))?)
+    Ok(Field::new(FieldFile::Harmonic(Arc::new(file)))?)
 }

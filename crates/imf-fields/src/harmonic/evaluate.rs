@@ -11,7 +11,7 @@ use super::mirrors::Mirrors;
 use super::sides;
 use crate::siren::matrix::{Matrix, multiply};
 use imf_core::control::Control;
-use imf_core::field::QueryError;
+use imf_core::field::FieldError;
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, Quantity};
 use imf_core::vectorised::vectorised;
@@ -247,16 +247,16 @@ pub(crate) fn minimum_of(source: &impl VoxelCoefficients, heads: &Heads) -> Imf 
 }
 
 /// The same of any number of orientations, whose heads are made for some at a time. One unit of progress is one value.
-pub(crate) fn least_of(
+pub(crate) fn minimum_over(
     source: &impl VoxelCoefficients,
     heads: impl Fn(&[Orientation]) -> Heads,
     orientations: &[Orientation],
     control: Control<'_>,
-) -> Result<Imf, QueryError> {
+) -> Result<Imf, FieldError> {
     let mut least = Imf::new(source.voxels());
     for (batch, orientations) in orientations.chunks(HEADS_AT_ONCE).enumerate() {
         if !lower_to(source, &heads(orientations), batch * HEADS_AT_ONCE, &mut least, control) {
-            return Err(QueryError::Cancelled);
+            return Err(FieldError::Cancelled);
         }
     }
     least.hold(source.quantity());

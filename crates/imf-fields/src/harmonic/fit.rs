@@ -189,7 +189,7 @@ pub struct Sizes {
 }
 
 /// What making a field told of its errors, on the sample's voxels.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FitReport {
     /// Functions of the orientation, K.
     pub functions: usize,

@@ -185,9 +185,8 @@ impl Descent {
 #[cfg(test)]
 mod tests {
     use super::super::basis::Domain;
-    use super::super::{FitSettings, HarmonicAnswers, fit};
+    use super::super::{FitSettings, fit, minimum_over};
     use super::*;
-    use imf_core::field::WholeField as _;
     use imf_core::grid::Grid;
     use imf_core::occupancy::Occupancy;
     use imf_core::orientation::OrientationSet;
@@ -232,7 +231,7 @@ mod tests {
         // Many other orientations find lower valleys of voxels whose best of the set lay in another one; in sum they hold less
         // than descending gained.
         let many = OrientationSet::parse(larger).unwrap().orientations;
-        let dense = HarmonicAnswers(&field).least_over(&many, Control::quiet()).unwrap();
+        let dense = minimum_over(&field, |some| field.heads(some), &many, Control::quiet()).unwrap();
         let missed = refined.value.iter().zip(&dense.value).map(|(&r, &d)| f64::from((r - d).max(0.0)));
         let missed: f64 = missed.sum();
         assert!(missed < gained, "other valleys hold {missed}, descending gained {gained}");

@@ -267,12 +267,12 @@ mod tests {
     use super::super::evaluate::{HEADS_AT_ONCE, MANY, lower_to_whole, whole_sections};
     use super::super::fit::mirrored::tests::{made, plan};
     use super::super::{
-        FitSettings, HarmonicAnswers, minimum_of as found_minimum, sections_of as found_sections,
+        FitSettings, minimum_of as found_minimum, minimum_over, sections_of as found_sections,
     };
     use super::*;
     use crate::fixtures::small_tool;
     use glam::DVec3;
-    use imf_core::field::{QueryError, WholeField as _};
+    use imf_core::field::FieldError;
     use imf_core::grid::Grid;
     use imf_core::occupancy::Occupancy;
     use imf_core::orientation::{Orientation, OrientationSet};
@@ -326,12 +326,12 @@ mod tests {
                 done.fetch_add(voxels, Ordering::Relaxed);
             };
             let control = Control { progress: &progress, cancelled: &stop };
-            let mut answers = HarmonicAnswers(&field);
-            let found = answers.least_over(&set[..count], control).unwrap();
+            let minimum = |some: &[Orientation]| minimum_over(&field, |o| field.heads(o), some, control);
+            let found = minimum(&set[..count]).unwrap();
             assert_eq!(found, field.minimum(&field.heads(&set[..count])));
             assert_eq!(done.swap(0, Ordering::Relaxed), (field.grid.len() * count) as u64);
             stop.store(true, Ordering::Relaxed);
-            assert!(matches!(answers.least_over(&set[..count], control), Err(QueryError::Cancelled)));
+            assert!(matches!(minimum(&set[..count]), Err(FieldError::Cancelled)));
             assert_eq!(done.load(Ordering::Relaxed), 0);
         }
     }
@@ -340,7 +340,7 @@ mod tests {
     fn more_orientations_than_are_held_at_a_time_have_the_least_of_all() {
         let field = field(9, Precision::F32);
         let set = OrientationSet::parse("random:16500:3").unwrap().orientations;
-        let least = HarmonicAnswers(&field).least_over(&set, Control::quiet()).unwrap();
+        let least = minimum_over(&field, |some| field.heads(some), &set, Control::quiet()).unwrap();
         let together = field.minimum(&field.heads(&set));
         let mut late = 0;
         for voxel in 0..field.grid.len() {

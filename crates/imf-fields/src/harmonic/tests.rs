@@ -6,11 +6,10 @@ use super::basis::{Basis, Domain};
 use super::coefficients::Precision;
 use super::file::HarmonicFile;
 use super::radial::direct_coefficients;
-use super::{FitSettings, HarmonicAnswers, HarmonicField, PointScratch, fit, section_count};
+use super::{FitSettings, HarmonicField, PointScratch, fit, section_count};
 use crate::metrics::Errors;
 use crate::tensor_file::TensorFileError;
 use imf_core::control::Control;
-use imf_core::field::{Field as _, Pose};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
@@ -359,27 +358,6 @@ fn a_degree_is_found_for_an_error_and_for_a_memory_limit() {
     assert_eq!(within(bytes(9)), Some(9));
     assert_eq!(within(bytes(9) - 1), Some(8));
     assert_eq!(within(10), None);
-}
-
-#[test]
-fn poses_are_answered_as_points_are_and_beyond_the_box_as_its_nearest_point() {
-    let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
-    let field = made(&plan, &FitSettings { degree: 4, ..settings() });
-    let grid = *plan.grid();
-    let orientation = Orientation::new(40.0, 65.0);
-    let inside = grid.origin + 0.4 * grid.size();
-    let corner = grid.centre(grid.dims.map(|n| n - 1));
-    let poses = [inside, corner, grid.origin + 2.0 * grid.size(), DVec3::splat(f64::NAN)]
-        .map(|position| Pose { position, orientation });
-    let mut answers = [0.5; 4];
-    HarmonicAnswers(&field).query(&poses, &mut answers).unwrap();
-    let mut scratch = PointScratch::default();
-    assert_eq!(Some(answers[0]), field.overlap(inside, &orientation, &mut scratch));
-    assert_eq!(Some(answers[1]), field.overlap(corner, &orientation, &mut scratch));
-    assert_eq!(answers[2], answers[1]);
-    assert!(answers[3].is_nan());
-    assert!(HarmonicAnswers(&field).query(&poses, &mut answers[..3]).is_err());
 }
 
 #[test]

@@ -1,19 +1,22 @@
 //! Graphs run by a plain interpreter in double precision, against the planner's fields.
 
+use std::sync::Arc;
+
 use std::collections::HashMap;
 
-use glam::Vec3;
+use glam::DVec3;
 use half::f16;
 use prost::Message as _;
 
 use super::messages::{FLOAT, FLOAT16, INT64, NodeProto, TensorProto};
 use super::*;
 use crate::factored::{Axis, FactoredField, FactoredShape, Symmetry};
+use crate::field::Field;
+use crate::field::scenes::{factored_file, harmonic_file, poses, scene, siren_model};
 use crate::harmonic::coefficients::{Coefficients, Precision};
-use crate::learnt::NeuralField;
-use crate::learnt::scenes::{factored_file, harmonic_file, poses, scene, siren_model};
+use imf_core::field::PoseField;
 use imf_core::orientation::Orientation;
-use imf_core::planner::{Pose, PoseField};
+use imf_core::pose::Pose;
 use imf_core::tool::{Tool, ToolShape};
 
 /// A row-major array of up to two dimensions.
@@ -145,10 +148,10 @@ fn answers(model: &ModelProto, poses: &[Pose]) -> Vec<f64> {
     for input in &graph.input {
         let rows = poses.iter().flat_map(|pose| {
             let numbers = match input.name.as_str() {
-                "position" => pose.position.to_array().to_vec(),
+                "position" => pose.position.as_vec3().to_array().to_vec(),
                 // Any length.
-                "direction" => (pose.axis() * 3.0).to_array().to_vec(),
-                "angles" => Orientation::from_direction(pose.axis().as_dvec3()).unwrap().angles().to_vec(),
+                "direction" => (pose.axis().unwrap().as_vec3() * 3.0).to_array().to_vec(),
+                "angles" => Orientation::from_direction(pose.axis().unwrap()).unwrap().angles().to_vec(),
                 other => panic!("{other}"),
             };
             numbers.into_iter().map(f64::from)
@@ -176,7 +179,7 @@ const ROUNDING: f64 = 2e-5;
 fn graphs_of_every_family_answer_as_the_fields_do() {
     let scene = scene(&Tool::paper(), 0.0);
     let mut harmonic = harmonic_file(&scene, 7);
-    let single = StoredField::Harmonic(Box::new(harmonic.clone()));
+    let single = FieldFile::Harmonic(Arc::new(harmonic.clone()));
     let Coefficients::F32(values) = harmonic.field.coefficients else { panic!() };
     harmonic.field.coefficients = Coefficients::new(values, Precision::F16);
     // As if its values were depths: not held in [0, 1].
@@ -189,13 +192,13 @@ fn graphs_of_every_family_answer_as_the_fields_do() {
     assert!(folded.field.shape.folded);
     let asked = poses(&scene, 200, 21);
     for stored in [
-        StoredField::Factored(Box::new(folded)),
-        StoredField::Harmonic(Box::new(deep_harmonic)),
-        StoredField::Factored(Box::new(deep)),
-        StoredField::Siren(Box::new(siren_model(&scene))),
+        FieldFile::Factored(Box::new(folded)),
+        FieldFile::Harmonic(Arc::new(deep_harmonic)),
+        FieldFile::Factored(Box::new(deep)),
+        FieldFile::Siren(Box::new(siren_model(&scene))),
         single,
-        StoredField::Harmonic(Box::new(harmonic)),
-        StoredField::Factored(Box::new(factored_file(&scene))),
+        FieldFile::Harmonic(Arc::new(harmonic)),
+        FieldFile::Factored(Box::new(factored_file(&scene))),
     ] {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("field.onnx");
@@ -204,7 +207,7 @@ fn graphs_of_every_family_answer_as_the_fields_do() {
         assert_eq!((model.ir_version, model.opset_import[0].version), (8, 17));
         let found = answers(&model, &asked);
         let mut expected = vec![0.0; asked.len()];
-        NeuralField::new(stored).unwrap().query(&asked, &mut expected).unwrap();
+        Field::new(stored).unwrap().values(&asked, &mut expected).unwrap();
         let name = &model.graph.as_ref().unwrap().name;
         for (found, &expected) in found.iter().zip(&expected) {
             assert!((found - f64::from(expected)).abs() < ROUNDING, "{name}: {found} against {expected}");
@@ -222,9 +225,9 @@ fn graphs_of_fields_with_symmetry_answer_as_the_fields_do() {
     let scene = scene(&Tool::paper(), 0.0);
     let grid = scene.record.grid;
     // What single precision holds, so that graph and field agree about which side a position is on.
-    let middle = (grid.origin + 0.45 * grid.size()).as_vec3();
-    let [x, y, z] = middle.as_dvec3().to_array();
-    let axis = |along| Some(Axis { along, through: middle.as_dvec3() });
+    let middle = (grid.origin + 0.45 * grid.size()).as_vec3().as_dvec3();
+    let [x, y, z] = middle.to_array();
+    let axis = |along| Some(Axis { along, through: middle });
     for symmetry in [
         Symmetry { mirrors: [Some(x), None, Some(z)], axis: None },
         Symmetry { mirrors: [None; 3], axis: axis(0) },
@@ -234,11 +237,11 @@ fn graphs_of_fields_with_symmetry_answer_as_the_fields_do() {
         let mut file = factored_file(&scene);
         let shape = FactoredShape { symmetry, ..file.field.shape };
         file.field = FactoredField { shape, parameters: shape.initial_parameters(5), ..file.field };
-        let stored = StoredField::Factored(Box::new(file));
+        let stored = FieldFile::Factored(Box::new(file));
         let mut asked = poses(&scene, 200, 23);
         // On the axis and the planes, in directions at the poles of every axis.
         for (pose, axis) in
-            asked.iter_mut().zip([Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z])
+            asked.iter_mut().zip([DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z])
         {
             *pose = Pose::along(middle, axis);
         }
@@ -247,7 +250,7 @@ fn graphs_of_fields_with_symmetry_answer_as_the_fields_do() {
         }
         let found = answers(&model(&stored).unwrap(), &asked);
         let mut expected = vec![0.0; asked.len()];
-        NeuralField::new(stored).unwrap().query(&asked, &mut expected).unwrap();
+        Field::new(stored).unwrap().values(&asked, &mut expected).unwrap();
         for ((found, &expected), pose) in found.iter().zip(&expected).zip(&asked) {
             let apart = (found - f64::from(expected)).abs();
             assert!(apart < ROUNDING, "{symmetry}, {pose:?}: {found} against {expected}");
@@ -272,17 +275,16 @@ fn positions_outside_are_answered_by_every_graph_as_at_the_nearest_inside() {
     let inside = poses(&scene, 60, 22);
     let mut asked = inside.clone();
     let [low, high] = grid.box_of_centres();
-    let (low, high) = (low.as_vec3(), high.as_vec3());
     for (index, pose) in asked.iter_mut().enumerate() {
-        let (axis, room) = (index % 3, [0.4 * grid.pitch as f32, 1e4][index / 3 % 2]);
+        let (axis, room) = (index % 3, [0.4 * grid.pitch, 1e4][index / 3 % 2]);
         pose.position[axis] = if index % 4 < 2 { low[axis] - room } else { high[axis] + room };
     }
     for stored in [
-        StoredField::Siren(Box::new(siren_model(&scene))),
-        StoredField::Harmonic(Box::new(harmonic_file(&scene, 4))),
-        StoredField::Factored(Box::new(factored_file(&scene))),
-        StoredField::Factored(Box::new(deep)),
-        StoredField::Factored(Box::new(told)),
+        FieldFile::Siren(Box::new(siren_model(&scene))),
+        FieldFile::Harmonic(Arc::new(harmonic_file(&scene, 4))),
+        FieldFile::Factored(Box::new(factored_file(&scene))),
+        FieldFile::Factored(Box::new(deep)),
+        FieldFile::Factored(Box::new(told)),
     ] {
         let graph = model(&stored).unwrap();
         let name = graph.graph.as_ref().unwrap().name.clone();
@@ -290,9 +292,9 @@ fn positions_outside_are_answered_by_every_graph_as_at_the_nearest_inside() {
         let held: Vec<Pose> =
             asked.iter().map(|pose| Pose { position: pose.position.clamp(low, high), ..*pose }).collect();
         let mut expected = [vec![0.0; asked.len()], vec![0.0; asked.len()]];
-        let field = NeuralField::new(stored).unwrap();
+        let field = Field::new(stored).unwrap();
         for (poses, expected) in [&asked, &held].into_iter().zip(&mut expected) {
-            field.query(poses, expected).unwrap();
+            field.values(poses, expected).unwrap();
         }
         for expected in &expected {
             for ((found, &expected), pose) in found.iter().zip(expected).zip(&asked) {
@@ -307,9 +309,9 @@ fn positions_outside_are_answered_by_every_graph_as_at_the_nearest_inside() {
 
 #[test]
 fn functions_of_rotations_are_refused() {
-    let cube = crate::fixtures::unit_cube().transformed(&glam::DMat4::from_scale(glam::DVec3::splat(9.0)));
+    let cube = crate::fixtures::unit_cube().transformed(&glam::DMat4::from_scale(DVec3::splat(9.0)));
     let scene = scene(&Tool { shape: ToolShape::Mesh(cube), ..Tool::paper() }, 0.0);
-    let stored = StoredField::Harmonic(Box::new(harmonic_file(&scene, 1)));
+    let stored = FieldFile::Harmonic(Arc::new(harmonic_file(&scene, 1)));
     let error = model(&stored).unwrap_err();
     assert!(matches!(error, OnnxError::Rotations("harmonic")), "{error}");
     assert!(error.to_string().starts_with("a harmonic field"), "{error}");

@@ -171,7 +171,7 @@ impl CpuEvaluator {
     }
 }
 
-impl EvaluationEngine for CpuEvaluator {
+impl EvaluationEngine for &CpuEvaluator {
     fn describe(&self) -> String {
         describe(self.arch)
     }
@@ -215,6 +215,26 @@ impl EvaluationEngine for CpuEvaluator {
             },
         );
         Ok(())
+    }
+}
+
+impl EvaluationEngine for CpuEvaluator {
+    fn describe(&self) -> String {
+        describe(self.arch)
+    }
+
+    fn evaluate(&mut self, inputs: &[f32], outputs: &mut [f32]) -> Result<(), EngineError> {
+        (&*self).evaluate(inputs, outputs)
+    }
+
+    fn minimum(
+        &mut self,
+        points: &[[f32; 3]],
+        directions: &[[f32; 2]],
+        least: &mut [f32],
+        best: &mut [u32],
+    ) -> Result<(), EngineError> {
+        (&*self).minimum(points, directions, least, best)
     }
 }
 

@@ -1,9 +1,10 @@
 //! What planners ask of a field on the adapter, compared with its twin on the CPU, whatever family it is of.
 
-use glam::{DVec3, Quat, Vec3};
+use glam::{DQuat, DVec3};
+use imf_core::field::{Best, Decision, Gradient, PoseField};
 use imf_core::grid::Grid;
 use imf_core::orientation::OrientationSet;
-use imf_core::planner::{Best, Decision, Gradient, Pose, PoseField};
+use imf_core::pose::Pose;
 use imf_fields::calibration::{Calibration, Goals, Judgement, Rate};
 use imf_gpu::wgpu::{Buffer, BufferDescriptor, BufferUsages, MapMode, PollType};
 use imf_gpu::{DeviceGradient, DevicePose, Gpu, GpuField, decision_of};
@@ -39,31 +40,31 @@ pub(crate) fn calibration(free_up_to: f32, blocked_from: f32) -> Calibration {
     }
 }
 
-/// Poses in and around the box, along the grid's axes among them, and what is no pose.
+/// Poses in and around the box, along the grid's axes among them, and invalid ones.
 pub(crate) fn poses(grid: &Grid, count: usize) -> Vec<Pose> {
     let set = OrientationSet::parse(&format!("random:{count}:3")).expect("a set").orientations;
-    let axes = [Vec3::Z, Vec3::NEG_Z, Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y];
+    let axes = [DVec3::Z, DVec3::NEG_Z, DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y];
     let mut poses: Vec<Pose> = set
         .iter()
         .enumerate()
         .map(|(i, orientation)| {
             let part = |step: f64| (i as f64 * step).fract() * 1.4 - 0.2;
             let at = DVec3::new(part(0.618_034), part(0.754_878), part(0.569_840));
-            let axis = axes.get(i).copied().unwrap_or(orientation.direction().as_vec3());
-            let along = Pose::along((grid.origin + at * grid.size()).as_vec3(), axis);
+            let axis = axes.get(i).copied().unwrap_or(orientation.direction());
+            let along = Pose::along((grid.origin + at * grid.size()).as_vec3().as_dvec3(), axis);
             // Idle of tools of revolution.
-            let roll = if i < axes.len() { 0.0 } else { i as f32 };
-            Pose { rotation: along.rotation * Quat::from_rotation_z(roll), ..along }
+            let roll = if i < axes.len() { 0.0 } else { i as f64 };
+            Pose { rotation: along.rotation * DQuat::from_rotation_z(roll), ..along }
         })
         .collect();
     // The poles are met inside the box, too.
     for pose in &mut poses[..2] {
-        pose.position = (grid.origin + DVec3::new(0.4, 0.6, 0.3) * grid.size()).as_vec3();
+        pose.position = (grid.origin + DVec3::new(0.4, 0.6, 0.3) * grid.size()).as_vec3().as_dvec3();
     }
-    poses[7].position.y = f32::NAN;
-    poses[8].rotation = Quat::from_xyzw(0.0, 0.0, 0.0, 0.0);
+    poses[7].position.y = f64::NAN;
+    poses[8].rotation = DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0);
     poses[9].rotation *= 1e-12;
-    poses[10].rotation.x = f32::INFINITY;
+    poses[10].rotation.x = f64::INFINITY;
     poses
 }
 
@@ -75,28 +76,28 @@ pub(crate) fn compare(field: &GpuField, within: &Within) {
 /// Those of some poses.
 pub(crate) fn compare_at(field: &GpuField, within: &Within, poses: &[Pose]) {
     let (mut found, mut expected) = (vec![0.0; poses.len()], vec![0.0; poses.len()]);
-    field.query(poses, &mut found).expect("answers");
-    field.twin().query(poses, &mut expected).expect("answers");
+    field.values(poses, &mut found).expect("answers");
+    field.twin().values(poses, &mut expected).expect("answers");
     let mut worst = [0.0f32; 3];
     for ((pose, found), expected) in poses.iter().zip(&found).zip(&expected) {
-        assert_eq!(found.is_nan(), !pose.is_pose(), "{pose:?}: {found}");
+        assert_eq!(found.is_nan(), !pose.is_valid(), "{pose:?}: {found}");
         worst[0] = worst[0].max((found - expected).abs());
         assert!(found.is_nan() || (found - expected).abs() < within.value, "{pose:?}: {found}, {expected}");
     }
     let none = Gradient::NAN;
     let (mut found, mut expected) = (vec![none; poses.len()], vec![none; poses.len()]);
-    field.query_with_gradient(poses, &mut found).expect("answers");
-    field.twin().query_with_gradient(poses, &mut expected).expect("answers");
+    field.gradients(poses, &mut found).expect("answers");
+    field.twin().gradients(poses, &mut expected).expect("answers");
     let largest = expected.iter().map(|g| g.position.length()).fold(0.0, f32::max);
     let steepest = expected.iter().map(|g| g.direction.length()).fold(0.0, f32::max);
     let mut clamped = 0;
     for ((pose, found), expected) in poses.iter().zip(&found).zip(&expected) {
-        if !pose.is_pose() {
+        if !pose.is_valid() {
             assert!(found.value.is_nan() && found.position.is_nan() && found.direction.is_nan());
             continue;
         }
         assert!((found.value - expected.value).abs() < within.value, "{pose:?}: {found:?}, {expected:?}");
-        let counts = within.poles || pose.axis().truncate().length() >= 1e-2;
+        let counts = within.poles || pose.axis().is_some_and(|axis| axis.truncate().length() >= 1e-2);
         let apart = (found.direction - expected.direction).length() / steepest;
         worst[2] = worst[2].max(if counts { apart } else { 0.0 });
         assert!(!counts || apart < within.slope, "{pose:?}: {found:?}, {expected:?}");
@@ -111,14 +112,14 @@ pub(crate) fn compare_at(field: &GpuField, within: &Within, poses: &[Pose]) {
     assert!(clamped > 100, "{clamped} poses outside the box");
     println!("value {:.1e}, slopes {:.1e} and {:.1e} of the largest", worst[0], worst[1], worst[2]);
 
-    let near = Decision::Near;
+    let near = Decision::Undecided;
     let (mut found, mut expected) = (vec![near; poses.len()], vec![near; poses.len()]);
     field.classify(poses, &mut found).expect("answers");
     field.twin().classify(poses, &mut expected).expect("answers");
     let others = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
     // Values within rounding of a threshold.
     assert!(others < 5, "{others} other decisions");
-    for decision in [Decision::Free, Decision::Blocked, Decision::Near] {
+    for decision in [Decision::Free, Decision::Colliding, Decision::Undecided] {
         assert!(found.contains(&decision), "{decision:?} is not met");
     }
 }
@@ -131,17 +132,17 @@ pub(crate) fn compare_minima(field: &GpuField, within: &Within) {
 /// Those of so many points, over a set.
 pub(crate) fn compare_minima_of(field: &GpuField, within: &Within, count: usize, set: &str) {
     let grid = field.twin().scene().record.grid;
-    let mut points: Vec<Vec3> = poses(&grid, count).iter().map(|pose| pose.position).collect();
-    points[3].x = f32::INFINITY;
+    let mut points: Vec<DVec3> = poses(&grid, count).iter().map(|pose| pose.position).collect();
+    points[3].x = f64::INFINITY;
     let set = OrientationSet::parse(set).expect("a set").orientations;
-    let orientations: Vec<Quat> = set.iter().map(|o| o.quaternion().as_quat()).collect();
+    let orientations: Vec<DQuat> = set.iter().map(|o| o.quaternion()).collect();
     let (mut found, mut expected) = (vec![Best::NONE; points.len()], vec![Best::NONE; points.len()]);
-    field.imf(&points, &orientations, &mut found).expect("answers");
-    field.twin().imf(&points, &orientations, &mut expected).expect("answers");
+    field.best(&points, &orientations, &mut found).expect("answers");
+    field.twin().best(&points, &orientations, &mut expected).expect("answers");
     let mut others = 0;
     for ((point, found), expected) in points.iter().zip(&found).zip(&expected) {
         if !point.is_finite() {
-            assert!(found.value.is_nan() && found.decision == Decision::Blocked);
+            assert!(found.value.is_nan() && found.decision == Decision::Colliding);
             continue;
         }
         assert!((found.value - expected.value).abs() < within.value, "{point}: {found:?}, {expected:?}");
@@ -150,12 +151,12 @@ pub(crate) fn compare_minima_of(field: &GpuField, within: &Within, count: usize,
     }
     assert!(others < 4 + count / 100, "{others} others");
     let all = poses(&grid, 20);
-    assert!(field.query(&all, &mut [0.0]).is_err());
-    assert!(field.query_with_gradient(&all, &mut []).is_err());
+    assert!(field.values(&all, &mut [0.0]).is_err());
+    assert!(field.gradients(&all, &mut []).is_err());
     assert!(field.classify(&all, &mut []).is_err());
-    assert!(field.imf(&points, &orientations, &mut []).is_err());
-    assert!(field.imf(&points, &[], &mut found).is_err());
-    field.query(&[], &mut []).expect("answers");
+    assert!(field.best(&points, &orientations, &mut []).is_err());
+    assert!(field.best(&points, &[], &mut found).is_err());
+    field.values(&[], &mut []).expect("answers");
 }
 
 /// A caller's own buffer.
@@ -199,24 +200,24 @@ pub(crate) fn compare_on_device(gpu: &Gpu, field: &GpuField) {
     gpu.queue().write_buffer(&asked, 0, &bytes);
     let quantity = field.twin().quantity();
     let mut expected = vec![0.0; poses.len()];
-    field.query(&poses, &mut expected).expect("answers");
+    field.values(&poses, &mut expected).expect("answers");
     let same = |found: f32, expected: f32| {
         found.to_bits() == expected.to_bits() || (found.is_nan() && expected.is_nan())
     };
 
-    field.query_on_device(&asked, &values, poses.len()).expect("answers");
+    field.values_on_device(&asked, &values, poses.len()).expect("answers");
     let found: Vec<f32> = words(gpu, &values).into_iter().map(f32::from_bits).collect();
     assert!(found.iter().zip(&expected).all(|(&found, &expected)| same(quantity.held(found), expected)));
 
     field.classify_on_device(&asked, &values, &decisions, poses.len()).expect("answers");
-    let mut decided = vec![Decision::Near; poses.len()];
+    let mut decided = vec![Decision::Undecided; poses.len()];
     field.classify(&poses, &mut decided).expect("answers");
     let found: Vec<Decision> = words(gpu, &decisions).into_iter().map(decision_of).collect();
     assert!(found == decided);
 
-    field.query_with_gradient_on_device(&asked, &values, &gradients, poses.len()).expect("answers");
+    field.gradients_on_device(&asked, &values, &gradients, poses.len()).expect("answers");
     let mut expected = vec![Gradient::NAN; poses.len()];
-    field.query_with_gradient(&poses, &mut expected).expect("answers");
+    field.gradients(&poses, &mut expected).expect("answers");
     let found: Vec<f32> = words(gpu, &gradients).into_iter().map(f32::from_bits).collect();
     for (found, expected) in found.chunks_exact(8).zip(&expected) {
         let all =
@@ -226,8 +227,7 @@ pub(crate) fn compare_on_device(gpu: &Gpu, field: &GpuField) {
 
     let small = buffer(gpu, 4);
     let count = poses.len();
-    let error =
-        field.query_with_gradient_on_device(&asked, &values, &small, count).expect_err("a buffer too small");
+    let error = field.gradients_on_device(&asked, &values, &small, count).expect_err("a buffer too small");
     assert!(error.to_string().contains("1000 gradients"), "{error}");
     let error = field.classify_on_device(&asked, &values, &small, count).expect_err("a buffer too small");
     assert!(error.to_string().contains("1000 decisions"), "{error}");

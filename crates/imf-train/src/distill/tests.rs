@@ -11,7 +11,6 @@ use super::*;
 use crate::training::TrainingEngine;
 use crate::training::run::{Outcome, TrainError};
 use imf_core::control::Control;
-use imf_core::field::WholeField as _;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
@@ -20,8 +19,7 @@ use imf_core::tool::Tool;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::targets::Targets;
 use imf_fields::factored::{
-    FactoredAnswers, FactoredEvaluator, FactoredField, FactoredShape, INPUTS, PointScratch, Symmetry,
-    TeachSettings, reference,
+    FactoredEvaluator, FactoredField, FactoredShape, INPUTS, PointScratch, Symmetry, TeachSettings, reference,
 };
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
@@ -206,10 +204,6 @@ fn every_way_to_evaluate_is_the_definition() {
         expanded.sections(&heads, &mut again);
         assert_eq!(sections, again);
         let least = evaluator.minimum(&heads);
-        let mut answers = FactoredAnswers(field.evaluator());
-        assert_eq!(answers.least_over(&set, Control::quiet()).unwrap(), least);
-        answers.sections_at(&set, &mut again).unwrap();
-        assert_eq!(sections, again);
         let mut expected = Imf::new(grid.len());
         for (index, section) in sections.chunks_exact(grid.len()).enumerate() {
             expected.lower_to(index, section);

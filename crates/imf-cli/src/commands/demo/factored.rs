@@ -4,9 +4,9 @@
 use anyhow::Result;
 use imf_core::scene::Scene;
 use imf_fields::factored::TeachSettings;
+use imf_fields::file::FieldFile;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::recipe::{Length, TrainingPlan};
-use imf_fields::stored::StoredField;
 
 use super::questions;
 use crate::arguments::DemoArguments;
@@ -14,7 +14,7 @@ use crate::arguments::compress::SymmetryChoice;
 use crate::commands::compress::{self, Beginning};
 use crate::commands::eval::{IMF_ORIENTATIONS, require_memory};
 use crate::commands::train::factored::{self, Asked};
-use crate::engine::{Calls, Device};
+use crate::engine::{Calls, Device, Evaluated};
 use crate::output::claim;
 use crate::report::{Report, Subject, evaluate};
 use crate::session::Session;
@@ -47,12 +47,11 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
     let (file, _) = factored::made(session, &device, scene, asked, settings, &beginning)?;
 
     let imf = file.field.basis.even_set(IMF_ORIENTATIONS)?;
-    let stored = StoredField::Factored(file.into());
+    let stored = FieldFile::Factored(file.into());
     require_memory(session, &device, &stored)?;
     let (subject, questions) = (Subject::of_stored(&stored)?, questions(arguments.seed, None, imf)?);
-    device.with_whole(session, &stored, Calls::Many, |field, engine| {
-        let evaluation = evaluate(session, &subject, field, engine, &questions)?;
-        evaluation.write(&arguments.out, &subject, field)?;
-        Ok(evaluation.report)
-    })
+    let Evaluated { field, by, .. } = device.field(session, &stored, Calls::Many)?;
+    let evaluation = evaluate(session, &subject, &*field, by, &questions)?;
+    evaluation.write(&arguments.out, &subject, &*field)?;
+    Ok(evaluation.report)
 }

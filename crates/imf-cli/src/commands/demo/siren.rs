@@ -3,7 +3,7 @@
 use anyhow::Result;
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::Scene;
-use imf_fields::learnt::LearntField;
+use imf_fields::file::FieldFile;
 use imf_fields::recipe::HeldOutChoice;
 use imf_fields::recipe::Sampling;
 use imf_fields::recipe::schedule::Schedule;
@@ -15,7 +15,7 @@ use imf_train::dataset::generate;
 use super::questions;
 use crate::arguments::DemoArguments;
 use crate::commands::dataset::interruption;
-use crate::engine::Device;
+use crate::engine::{Calls, Device};
 use crate::job::{self, Data, Settings};
 use crate::report::{Report, Subject, evaluate};
 use crate::session::Session;
@@ -63,11 +63,10 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
     };
     let model = job::run(session, &device, &data, model, &arguments.out, &settings)?;
 
-    let mut engine = device.evaluator(model.shape, &model.state.parameters)?;
     let questions = questions(arguments.seed, set.orientations.first().copied(), set)?;
-    let (subject, evaluated_by) = (Subject::of_model(&model), engine.describe());
-    let mut field = LearntField::new(model.scene.record.grid, engine.as_mut());
-    let evaluation = evaluate(session, &subject, &mut field, evaluated_by, &questions)?;
-    evaluation.write(&arguments.out, &subject, &mut field)?;
+    let file = FieldFile::Siren(Box::new(model));
+    let (subject, evaluated) = (Subject::of_stored(&file)?, device.field(session, &file, Calls::Many)?);
+    let evaluation = evaluate(session, &subject, &*evaluated.field, evaluated.by, &questions)?;
+    evaluation.write(&arguments.out, &subject, &*evaluated.field)?;
     Ok(evaluation.report)
 }

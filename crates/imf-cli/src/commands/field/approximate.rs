@@ -4,13 +4,13 @@ use std::borrow::Cow;
 
 use anyhow::{Result, bail};
 use glam::DVec3;
-use imf_core::field::QueryError;
+use imf_core::field::FieldError;
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, SectionError};
+use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Basis;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::{HEADS_AT_ONCE, HarmonicField, Refined};
-use imf_fields::stored::StoredField;
 use serde_json::{Value, json};
 
 use super::Work;
@@ -29,7 +29,7 @@ const ORIENTATION: usize = size_of::<Orientation>() / size_of::<f32>();
 
 /// A field of any family and how it is used.
 pub(super) struct Approximate {
-    stored: StoredField,
+    stored: FieldFile,
     /// The minimum is over all orientations.
     refine: bool,
     described: String,
@@ -38,12 +38,12 @@ pub(super) struct Approximate {
 }
 
 impl Approximate {
-    pub(super) fn new(stored: StoredField, refine: bool) -> Result<Self> {
-        if matches!(stored, StoredField::Siren(_)) && refine {
+    pub(super) fn new(stored: FieldFile, refine: bool) -> Result<Self> {
+        if matches!(stored, FieldFile::Siren(_)) && refine {
             bail!("--refine is for harmonic and factored fields: leave it out");
         }
         let described = match &stored {
-            StoredField::Harmonic(file) => {
+            FieldFile::Harmonic(file) => {
                 let report = &file.field.report;
                 format!(
                     "{} harmonics of degree {} fitted to {} exact sections, {} axes; {}",
@@ -54,25 +54,25 @@ impl Approximate {
                     errors_text(&file.field),
                 )
             }
-            StoredField::Siren(_) | StoredField::Factored(_) => Subject::of_stored(&stored)?.describe(),
+            FieldFile::Siren(_) | FieldFile::Factored(_) => Subject::of_stored(&stored)?.describe(),
         };
         Ok(Self { stored, refine, described, besides: String::new() })
     }
 
     /// Of a field from a file, which is of the tool's tip.
-    pub(super) fn kept(stored: StoredField, refine: bool) -> Result<Self> {
+    pub(super) fn kept(stored: FieldFile, refine: bool) -> Result<Self> {
         let mut besides = String::new();
         let record = &stored.scene().record;
         if record.tool.sharp_point_positions(record.grid.pitch) != [DVec3::ZERO] {
             besides += "; values are overlaps with the tool's tip at the voxel, and imf query --sharp asks of its sharp points";
         }
-        if matches!(&stored, StoredField::Siren(model) if !model.record.finished) {
+        if matches!(&stored, FieldFile::Siren(model) if !model.record.finished) {
             besides += "; the network is not trained to its end";
         }
         Ok(Self { besides, ..Self::new(stored, refine)? })
     }
 
-    pub(super) fn stored(&self) -> &StoredField {
+    pub(super) fn stored(&self) -> &FieldFile {
         &self.stored
     }
 
@@ -84,19 +84,19 @@ impl Approximate {
     /// In titles of pictures.
     pub(super) fn exactness(&self) -> &'static str {
         match &self.stored {
-            StoredField::Siren(_) => "from a network taught exact sections",
-            StoredField::Harmonic(_) => "from a harmonic fit to exact sections",
-            StoredField::Factored(_) => "from a network taught a harmonic fit to exact sections",
+            FieldFile::Siren(_) => "from a network taught exact sections",
+            FieldFile::Harmonic(_) => "from a harmonic fit to exact sections",
+            FieldFile::Factored(_) => "from a network taught a harmonic fit to exact sections",
         }
     }
 
     /// Which promise holds for the values.
     pub(super) fn promise(&self) -> String {
         let promise = match &self.stored {
-            StoredField::Harmonic(file) => {
+            FieldFile::Harmonic(file) => {
                 format!("approximate ({}); decisions need exact counts", errors_text(&file.field))
             }
-            StoredField::Siren(_) | StoredField::Factored(_) => {
+            FieldFile::Siren(_) | FieldFile::Factored(_) => {
                 "approximate (imf eval says by how much); decisions need exact counts".to_owned()
             }
         };
@@ -107,7 +107,7 @@ impl Approximate {
     pub(super) fn summary(&self) -> (&'static str, Value) {
         let refined = self.refine;
         match &self.stored {
-            StoredField::Harmonic(file) => (
+            FieldFile::Harmonic(file) => (
                 "harmonic",
                 json!({
                     "settings": file.settings,
@@ -116,7 +116,7 @@ impl Approximate {
                     "refined": refined,
                 }),
             ),
-            StoredField::Factored(file) => (
+            FieldFile::Factored(file) => (
                 "factored",
                 json!({
                     "shape": file.field.shape,
@@ -125,7 +125,7 @@ impl Approximate {
                     "refined": refined,
                 }),
             ),
-            StoredField::Siren(model) => {
+            FieldFile::Siren(model) => {
                 ("siren5", json!({ "shape": model.shape, "steps": model.record.steps }))
             }
         }
@@ -145,24 +145,23 @@ impl Approximate {
         let together = AT_ONCE.min(all.len());
         self.require_memory(work, work.device.copied_bytes(&self.stored, calls), together, together)?;
         let stage = work.session.stage("sections of the field", "sections", all.len() as u64);
-        work.device.with_whole(work.session, &self.stored, calls, |field, _| {
-            ready()?;
-            let mut values = vec![0.0; voxels * together];
-            let mut own = start();
-            for (batch, orientations) in all.chunks(AT_ONCE).enumerate() {
-                if interrupt::requested() {
-                    return Ok(Streamed::Interrupted);
-                }
-                let sections = &mut values[..voxels * orientations.len()];
-                field.sections_at(orientations, sections)?;
-                for (place, section) in sections.chunks_exact(voxels).enumerate() {
-                    visit(&mut own, batch * AT_ONCE + place, section)?;
-                    stage.advance(1);
-                }
+        let field = work.device.field(work.session, &self.stored, calls)?.field;
+        ready()?;
+        let mut values = vec![0.0; voxels * together];
+        let mut own = start();
+        for (batch, orientations) in all.chunks(AT_ONCE).enumerate() {
+            if interrupt::requested() {
+                return Ok(Streamed::Interrupted);
             }
-            stage.finish("");
-            Ok(Streamed::Whole(vec![own]))
-        })
+            let sections = &mut values[..voxels * orientations.len()];
+            field.sections(orientations, sections)?;
+            for (place, section) in sections.chunks_exact(voxels).enumerate() {
+                visit(&mut own, batch * AT_ONCE + place, section)?;
+                stage.advance(1);
+            }
+        }
+        stage.finish("");
+        Ok(Streamed::Whole(vec![own]))
     }
 
     /// The least value over all orientations. Looks whether there is memory for what is made of it as well.
@@ -181,11 +180,9 @@ impl Approximate {
         let stage = work.session.stage("least of the field", "values", values);
         let advance = |values| stage.advance(values);
         let control = work.session.control(&advance);
-        let found = work.device.with_whole(work.session, &self.stored, Calls::One, |field, _| {
-            Ok(field.least_over(&work.set.orientations, control))
-        })?;
-        match found {
-            Err(QueryError::Cancelled) => Ok(Streamed::Interrupted),
+        let field = work.device.field(work.session, &self.stored, Calls::One)?.field;
+        match field.minimum(&work.set.orientations, control) {
+            Err(FieldError::Cancelled) => Ok(Streamed::Interrupted),
             Err(error) => Err(error.into()),
             Ok(least) => {
                 stage.finish("");
@@ -217,9 +214,9 @@ impl Approximate {
     fn heads_bytes(&self, orientations: usize) -> u64 {
         let functions = self.stored.basis().map_or(0, Basis::len);
         let axes = match &self.stored {
-            StoredField::Siren(_) => 0,
-            StoredField::Harmonic(file) => file.field.axis_count(),
-            StoredField::Factored(file) => file.field.coefficient_count(),
+            FieldFile::Siren(_) => 0,
+            FieldFile::Harmonic(file) => file.field.axis_count(),
+            FieldFile::Factored(file) => file.field.coefficient_count(),
         };
         4 * (orientations * (functions + 2 * axes)) as u64
     }
@@ -245,11 +242,11 @@ impl Approximate {
     /// The field as functions of the orientation by the coefficients of every voxel, on the CPU.
     fn by_functions(&self) -> Result<Cow<'_, HarmonicField>> {
         match &self.stored {
-            StoredField::Harmonic(file) => Ok(Cow::Borrowed(&file.field)),
-            StoredField::Factored(file) => {
+            FieldFile::Harmonic(file) => Ok(Cow::Borrowed(&file.field)),
+            FieldFile::Factored(file) => {
                 Ok(Cow::Owned(file.field.evaluator().expanded(Precision::F32, file.report)))
             }
-            StoredField::Siren(_) => {
+            FieldFile::Siren(_) => {
                 bail!("a network of the paper's kind has no functions of the orientation")
             }
         }

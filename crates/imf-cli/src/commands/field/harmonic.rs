@@ -1,15 +1,16 @@
 //! `imf field --method harmonic`: a fit to exact sections, which answers for any orientations.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::{Result, bail};
 use imf_core::scene::Scene;
 use imf_core::section::{SectionError, SectionPlan};
 use imf_core::tool::Tool;
+use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitSettings, HarmonicError, degree_for, fit, section_count, sections_tried};
-use imf_fields::stored::StoredField;
 
 use super::approximate::{Approximate, errors_text};
 use crate::arguments::field::FieldArguments;
@@ -140,6 +141,6 @@ pub(super) fn make(
         }
         session.note(&format!("wrote {}", path.display()));
     }
-    let stored = StoredField::Harmonic(Box::new(file));
+    let stored = FieldFile::Harmonic(Arc::new(file));
     Ok(Some(Approximate::new(stored, asked.refine)?))
 }

@@ -3,8 +3,8 @@
 use anyhow::{Context as _, Result, bail};
 use imf_core::orientation::OrientationSet;
 use imf_core::section::Quantity;
+use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
-use imf_fields::stored::StoredField;
 
 use super::approximate::Approximate;
 use super::{Values, Work, note_of_rolls};
@@ -18,7 +18,7 @@ pub(crate) fn run(session: &Session, arguments: &SectionsArguments) -> Result<()
     let set = OrientationSet::parse(&arguments.orientations)?;
     let folder = OutputFolder::check(&arguments.out)?;
     let path = arguments.field.display();
-    let stored = StoredField::read(&arguments.field)
+    let stored = FieldFile::read(&arguments.field)
         .context("sections are of a field that was kept, by imf train, imf compress or imf field --save")?;
     if stored.quantity() == Quantity::Depth {
         bail!("{path} is a field of depth, which is asked for poses: see imf query and imf check");
@@ -30,7 +30,7 @@ pub(crate) fn run(session: &Session, arguments: &SectionsArguments) -> Result<()
     }
     let field = Approximate::kept(stored, arguments.refine)?;
     notes::of_scene(session, record);
-    if let StoredField::Siren(model) = field.stored() {
+    if let FieldFile::Siren(model) = field.stored() {
         notes::of_training(session, &arguments.field, model);
     }
     let device = Device::for_field(&arguments.device.device, session, field.stored())?;

@@ -4,7 +4,7 @@ use std::io::Write;
 
 use anyhow::{Result, ensure};
 use csv::{StringRecord, Writer};
-use imf_core::field::Pose;
+use imf_core::pose::Pose;
 use serde_json::{Map, Value, json};
 
 use crate::output::same_digits;
@@ -14,7 +14,7 @@ use crate::output::same_digits;
 pub(super) struct Answers {
     pub(super) records: Vec<StringRecord>,
     pub(super) poses: Vec<Pose>,
-    pub(super) learnt: Vec<f32>,
+    pub(super) values: Vec<f32>,
     /// Empty where it was not asked for.
     pub(super) exact: Vec<f32>,
 }
@@ -96,7 +96,7 @@ impl AnswerWriter {
         for (title, text) in titles.iter().zip(&answers.records[index]) {
             object.insert(title.clone(), as_written(text));
         }
-        let values = [Some(answers.learnt[index]), answers.exact.get(index).copied()];
+        let values = [Some(answers.values[index]), answers.exact.get(index).copied()];
         for (title, value) in titles[self.columns..].iter().zip(values.into_iter().flatten()) {
             object.insert(title.clone(), json!(same_digits(value)));
         }
@@ -122,7 +122,7 @@ fn csv_lines(answers: &Answers) -> Result<Vec<u8>> {
         for text in record {
             csv.write_field(text)?;
         }
-        csv.write_field(answers.learnt[index].to_string())?;
+        csv.write_field(answers.values[index].to_string())?;
         if let Some(exact) = answers.exact.get(index) {
             csv.write_field(exact.to_string())?;
         }
@@ -139,7 +139,7 @@ mod tests {
         let header = StringRecord::from(vec!["name", "x"]);
         let mut answers = Answers {
             records: vec![vec!["a, b", "1.5"].into(), vec!["c", "2"].into()],
-            learnt: vec![0.25, 0.0],
+            values: vec![0.25, 0.0],
             exact: vec![0.5, 1.0],
             ..Answers::default()
         };

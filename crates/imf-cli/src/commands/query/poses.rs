@@ -7,8 +7,8 @@ use std::path::Path;
 use anyhow::{Context as _, Result, bail, ensure};
 use csv::{ErrorKind, Reader, ReaderBuilder, StringRecord, Trim};
 use glam::DVec3;
-use imf_core::field::Pose;
 use imf_core::orientation::Orientation;
+use imf_core::pose::Pose;
 
 use crate::interrupt::{self, Interrupted};
 
@@ -191,7 +191,7 @@ impl<R: Read> PoseReader<R> {
             }
         };
         let roll = self.roll.map(number).transpose()?.map_or(0.0, |roll| roll.rem_euclid(360.0));
-        Ok(Pose { position, orientation: Orientation { roll, ..orientation } })
+        Ok(Pose::oriented(position, &Orientation { roll, ..orientation }))
     }
 }
 
@@ -230,16 +230,18 @@ mod tests {
             read("name,PHI,z, y ,theta,x\na,6,3,2,372,1\n\"b, c\",0,6,5,-90,4\nd,180,0,0,0,0\n").unwrap();
         assert_eq!(poses.len(), 3);
         assert_eq!(poses[0].position, DVec3::new(1.0, 2.0, 3.0));
-        assert_eq!(poses[0].orientation, Orientation::new(12.0, 6.0));
-        assert_eq!(poses[1].orientation, Orientation::new(270.0, 0.0));
+        assert_eq!(poses[0].rotation, Orientation::new(12.0, 6.0).quaternion());
+        assert_eq!(poses[1].rotation, Orientation::new(270.0, 0.0).quaternion());
         let rolled = read("x,y,z,theta,phi,Roll\n1,2,3,12,6,450\n1,2,3,12,6,-90\n").unwrap();
         for (pose, roll) in rolled.iter().zip([90.0, 270.0]) {
-            assert_eq!(pose.orientation, Orientation { roll, ..Orientation::new(12.0, 6.0) });
+            let orientation = Orientation { roll, ..Orientation::new(12.0, 6.0) };
+            assert_eq!(pose.rotation, orientation.quaternion());
         }
         let rolled = read("roll,x,y,z,i,j,k\n30,1,2,3,0,5,0\n").unwrap();
-        assert_eq!(rolled[0].orientation, Orientation { theta: 90.0, phi: 90.0, roll: 30.0 });
+        let orientation = Orientation { theta: 90.0, phi: 90.0, roll: 30.0 };
+        assert_eq!(rolled[0].rotation, orientation.quaternion());
         let poses = read("\u{feff}x,y,z,i,j,k\r\n1,2,3,0,0,-2\r\n").unwrap();
-        assert_eq!(poses[0].orientation.direction(), DVec3::NEG_Z);
+        assert_eq!(poses[0].axis(), Some(DVec3::NEG_Z));
     }
 
     #[test]

@@ -1,265 +1,114 @@
-//! The fast paths against the definitions.
+//! Poses against sections, with contact and without, and what is never free.
 
 use super::*;
-use crate::control::Control;
 use crate::orientation::OrientationSet;
 use crate::parts::ReferencePart;
-use crate::scene::{Scene, SceneSpec};
-use crate::section::{SectionPlan, sections};
-use crate::tool::Tool;
+use crate::scene::SceneSpec;
+use crate::section::sections;
+use crate::tool::{Element, ElementKind, Segment, Tool, ToolShape};
+
+fn bracket(dims: [usize; 3], tool: &Tool) -> Scene {
+    let part = ReferencePart::Bracket;
+    SceneSpec { margin: 1, ..SceneSpec::of_reference(part, &part.mesh(), dims, tool) }.scene().unwrap()
+}
+
+fn at_centres(grid: &Grid, orientation: &Orientation, step: usize) -> Vec<Pose> {
+    let pose = |i: usize| Pose::oriented(grid.centre(grid.voxel(i)), orientation);
+    (0..grid.len()).step_by(step).map(pose).collect()
+}
 
 #[test]
 fn at_voxel_centres_it_is_the_section() {
-    let mesh = ReferencePart::Bracket.mesh();
-    let tool = Tool::paper();
-    let spec = SceneSpec::of_reference(ReferencePart::Bracket, &mesh, [10, 30, 18], &tool);
-    let scene = spec.scene().unwrap();
+    let scene = bracket([10, 30, 18], &Tool::paper());
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
-    let orientations = OrientationSet::parse("0,0;90,90;0,180;37,61;200,100").unwrap().orientations;
+    let field = ExactField::new(&scene.obstacle, &scene.record.tool);
+    let orientations = OrientationSet::parse("0,0;90,90;0,180;45,45;37,61;200,100").unwrap().orientations;
     let exact = sections(&plan, &orientations, Control::quiet()).unwrap();
     let grid = scene.record.grid;
     for (orientation, section) in orientations.iter().zip(&exact) {
-        let voxels: Vec<usize> = (0..grid.len()).step_by(17).collect();
-        let poses: Vec<Pose> = voxels
-            .iter()
-            .map(|&v| Pose { position: grid.centre(grid.voxel(v)), orientation: *orientation })
-            .collect();
-        let mut answers = vec![f32::NAN; poses.len()];
-        ExactField::of_tool(&scene.obstacle, &scene.record.tool).query(&poses, &mut answers).unwrap();
-        for (answer, &voxel) in answers.iter().zip(&voxels) {
-            assert_eq!(*answer, section[voxel], "{orientation:?} {:?}", grid.voxel(voxel));
+        let poses = at_centres(&grid, orientation, 17);
+        let mut values = vec![f32::NAN; poses.len()];
+        field.values(&poses, &mut values).unwrap();
+        for (value, section) in values.iter().zip(section.iter().step_by(17)) {
+            assert_eq!(value, section, "{orientation:?}");
         }
     }
-}
-
-use crate::grid::Grid;
-use crate::tool::{Clearance, RotatedTool, Segment};
-use glam::DVec3;
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
-
-/// A part at half the paper's resolution; the tool is full-sized for half of them, to reach out of the grid.
-fn half(part: ReferencePart, tool: &Tool) -> Scene {
-    let mesh = part.mesh();
-    let spec = SceneSpec::of_reference(part, &mesh, part.dims().map(|n| n.div_ceil(2)), tool);
-    spec.scene().unwrap()
-}
-
-/// Bull-nose cutter with a corner, tapered flank, shank, holder with a cone that narrows.
-fn awkward() -> Tool {
-    let element = |kind, profile| Element { kind, profile };
-    Tool {
-        name: "awkward".into(),
-        shape: ToolShape::Revolved(vec![
-            element(
-                ElementKind::Cutter,
-                vec![
-                    Segment::Arc {
-                        from: 0.0,
-                        to: 1.6,
-                        centre_height: 2.0,
-                        centre_radius: 2.0,
-                        arc_radius: 2.0,
-                    },
-                    Segment::Line { from: 1.6, to: 20.0, radius_from: 3.959_591_794_226_542, radius_to: 7.0 },
-                ],
-            ),
-            element(
-                ElementKind::Shank,
-                vec![Segment::Line { from: 20.0, to: 34.0, radius_from: 3.0, radius_to: 3.0 }],
-            ),
-            element(
-                ElementKind::Holder(0),
-                vec![Segment::Line { from: 34.0, to: 44.0, radius_from: 16.0, radius_to: 9.0 }],
-            ),
-            element(
-                ElementKind::Holder(1),
-                vec![Segment::Line { from: 44.0, to: 70.0, radius_from: 2.0, radius_to: 18.0 }],
-            ),
-        ]),
-        ..Tool::paper()
-    }
-}
-
-fn number(random: &mut ChaCha8Rng) -> f64 {
-    f64::from(random.next_u32()) / f64::from(u32::MAX)
-}
-
-/// A pose in the grid's box; some on voxel centres, some along the grid's axes or nearly so, some outside.
-fn pose(grid: &Grid, random: &mut ChaCha8Rng, index: usize) -> Pose {
-    let mut unit = DVec3::new(number(random), number(random), number(random));
-    if index.is_multiple_of(17) {
-        unit = unit * 3.0 - 1.0;
-    }
-    let mut position = grid.origin + unit * grid.size();
-    if index.is_multiple_of(5) {
-        let voxel = grid.continuous(position).round();
-        position = grid.origin + (voxel + 0.5) * grid.pitch;
-    }
-    let (theta, phi) = (360.0 * number(random), (2.0 * number(random) - 1.0).acos().to_degrees());
-    let orientation = match index % 11 {
-        0 => Orientation::new(90.0 * (theta / 90.0).floor(), 90.0 * (phi / 90.0).round()),
-        1 => Orientation::new(theta, [0.0, 1e-7, 0.01, 1.5, 90.0, 90.0 + 1e-6, 179.3, 180.0][index / 11 % 8]),
-        2 => Orientation::new(45.0 * (theta / 45.0).floor(), 45.0 * (phi / 45.0).round()),
-        _ => Orientation::new(theta, phi),
+    let mut all = vec![f32::NAN; grid.len() * orientations.len()];
+    field.sections(&orientations, &mut all).unwrap();
+    assert_eq!(all, exact.concat());
+    let units = std::sync::atomic::AtomicU64::new(0);
+    let progress = |some: u64| {
+        units.fetch_add(some, std::sync::atomic::Ordering::Relaxed);
     };
-    Pose { position, orientation }
-}
-
-#[test]
-fn counts_and_answers_are_the_definitions_at_random_poses() {
-    for (seed, part) in ReferencePart::ALL.into_iter().enumerate() {
-        for tool in [Tool::paper(), awkward()] {
-            let scene = half(part, &tool);
-            let field = ExactField::of_tool(&scene.obstacle, &scene.record.tool);
-            (0..1500).into_par_iter().for_each(|index| {
-                let mut random = ChaCha8Rng::seed_from_u64((seed * 1_000_000 + index) as u64);
-                let pose = pose(&scene.record.grid, &mut random, index);
-                let expected = tool.count_inside(&scene.obstacle, pose.position, &pose.orientation);
-                assert_eq!(field.count(&pose), expected, "{part} {} {index} {pose:?}", tool.name);
-                assert_eq!(field.collides(&pose), expected > 0, "{part} {} {index} {pose:?}", tool.name);
-            });
-        }
-    }
-}
-
-#[test]
-fn yes_and_no_are_never_wrong_at_many_poses() {
-    for (seed, part) in ReferencePart::ALL.into_iter().enumerate() {
-        for tool in [Tool::paper(), awkward()] {
-            let scene = half(part, &tool);
-            let field = ExactField::of_tool(&scene.obstacle, &scene.record.tool);
-            (0..60_000).into_par_iter().for_each(|index| {
-                let mut random = ChaCha8Rng::seed_from_u64((seed * 1_000_000 + index) as u64);
-                let pose = pose(&scene.record.grid, &mut random, index);
-                assert_eq!(field.collides(&pose), field.count(&pose) > 0, "{part} {} {pose:?}", tool.name);
-            });
-        }
-    }
-}
-
-#[test]
-fn the_normaliser_is_the_rotated_tools_count() {
-    for tool in [Tool::paper(), awkward()] {
-        let scene = half(ReferencePart::Bracket, &tool);
-        let field = ExactField::of_tool(&scene.obstacle, &scene.record.tool);
-        (0..300).into_par_iter().for_each(|index| {
-            let mut random = ChaCha8Rng::seed_from_u64(index as u64);
-            let orientation = pose(&scene.record.grid, &mut random, index).orientation;
-            let expected = RotatedTool::new(&tool, &orientation, scene.record.grid.pitch).unwrap().count;
-            assert_eq!(field.normaliser(&orientation).unwrap(), expected, "{} {orientation:?}", tool.name);
-        });
-    }
-}
-
-#[test]
-fn elements_sum_to_the_whole_and_grown_ones_are_counted_by_their_outline() {
-    let tool = awkward();
-    let scene = half(ReferencePart::Teapot, &tool);
-    let grown = tool.inflated_elements(&Clearance { holder: 2.0, shank: 1.0, cutter: 0.7 }).unwrap();
-    let (field, grown_field) = (
-        ExactField::of_tool(&scene.obstacle, &scene.record.tool),
-        ExactField::of_elements(&scene.obstacle, &grown).unwrap(),
+    let control = Control { progress: &progress, ..Control::quiet() };
+    assert_eq!(
+        field.minimum(&orientations, control).unwrap(),
+        imf(&plan, &orientations, Control::quiet()).unwrap()
     );
-    (0..600).into_par_iter().for_each(|index| {
-        let mut random = ChaCha8Rng::seed_from_u64(index as u64);
-        let pose = pose(&scene.record.grid, &mut random, index);
-        let mut counts = [0; 4];
-        field.element_counts(&pose, &mut counts);
-        assert_eq!(counts.iter().sum::<u32>(), field.count(&pose));
-        let mut grown_counts = [0; 4];
-        grown_field.element_counts(&pose, &mut grown_counts);
-        for (element, (count, grown_count)) in grown.iter().zip(counts.iter().zip(&grown_counts)) {
-            let alone = Tool { shape: ToolShape::Revolved(vec![element.clone()]), ..tool.clone() };
-            let expected = alone.count_inside(&scene.obstacle, pose.position, &pose.orientation);
-            assert_eq!(*grown_count, expected, "{:?} {pose:?}", element.kind);
-            assert!(grown_count >= count);
-        }
-        assert_eq!(grown_field.collides(&pose), grown_counts.iter().any(|&c| c > 0), "{pose:?}");
-    });
+    assert_eq!(units.into_inner(), all.len() as u64);
+    assert!(field.minimum(&[], Control::quiet()).is_err());
 }
 
 #[test]
-fn the_clearance_is_a_lower_bound() {
-    let tool = Tool::paper();
-    let scene = half(ReferencePart::Bracket, &tool);
-    let field = ExactField::of_tool(&scene.obstacle, &scene.record.tool);
-    let mut free = 0;
-    for index in 0..2000 {
-        let mut random = ChaCha8Rng::seed_from_u64(index as u64);
-        let pose = pose(&scene.record.grid, &mut random, index);
-        let bound = field.clearance_bound(&pose).unwrap();
-        if bound > 0.0 {
-            free += 1;
-            // Grown by what it is said to have free, the tool still holds nothing.
-            let all = Clearance { holder: bound, shank: bound, cutter: bound };
-            let grown = tool.inflated_elements(&all).unwrap();
-            let field = ExactField::of_elements(&scene.obstacle, &grown).unwrap();
-            assert_eq!(field.count(&pose), 0, "{bound} {pose:?}");
+fn with_contact_it_is_the_section_with_contact() {
+    let clearance = Clearance { holder: 2.0, shank: 1.0, cutter: 0.0 };
+    let part = ReferencePart::Bracket;
+    let (mesh, tool) = (part.mesh(), Tool::paper());
+    let spec = SceneSpec { margin: 1, ..SceneSpec::of_reference(part, &mesh, [9, 27, 16], &tool) };
+    let scene = spec.scene().unwrap().with_clearance(&clearance).unwrap();
+    let grid = scene.record.grid;
+    let touching = scene.clone().with_contact(&spec.bodies(&grid).unwrap(), 2.0 * grid.pitch);
+    let set = OrientationSet::parse("fibonacci:5").unwrap().orientations;
+    let found = sections(&SectionPlan::of_scene(&touching).unwrap(), &set, Control::quiet()).unwrap();
+    let field = ExactField::of_scene(&touching, &clearance).unwrap();
+    for (orientation, section) in set.iter().zip(&found) {
+        let poses = at_centres(&grid, orientation, 1);
+        let mut values = vec![f32::NAN; poses.len()];
+        field.values(&poses, &mut values).unwrap();
+        assert_eq!(&values, section);
+        let mut decisions = vec![Decision::Undecided; poses.len()];
+        field.classify(&poses, &mut decisions).unwrap();
+        for ((pose, value), decision) in poses.iter().zip(values).zip(decisions) {
+            assert_eq!(decision == Decision::Colliding, value > 0.0, "{pose:?}");
+            // Bounds of both solids together.
+            let (clear, deep) =
+                (field.clearance_bound(pose).unwrap(), field.penetration_bound(pose).unwrap());
+            assert!(if value > 0.0 { clear <= 0.0 } else { deep == 0.0 }, "{pose:?}");
         }
+        let mut section_again = vec![f32::NAN; grid.len()];
+        field.section(orientation, &mut section_again).unwrap();
+        assert_eq!(&section_again, section);
     }
-    assert!(free > 200, "{free}");
+    // Contact takes something away, and not everything.
+    let without = sections(&SectionPlan::of_scene(&scene).unwrap(), &set, Control::quiet()).unwrap();
+    let sum = |all: &[Vec<f32>]| all.iter().flatten().sum::<f32>();
+    assert!(sum(&found) < sum(&without) && sum(&found) > 0.0);
 }
 
 #[test]
-fn every_instruction_set_counts_the_same() {
-    let tool = awkward();
-    let scene = half(ReferencePart::ScrewGear, &tool);
-    let field = ExactField::of_tool(&scene.obstacle, &scene.record.tool);
-    let mut archs = vec![Arch::Scalar];
-    #[cfg(target_arch = "x86_64")]
-    archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
-    for arch in archs {
-        let other = ExactField { arch, ..ExactField::of_tool(&scene.obstacle, &scene.record.tool) };
-        for index in 0..400 {
-            let mut random = ChaCha8Rng::seed_from_u64(index as u64);
-            let pose = pose(&scene.record.grid, &mut random, index);
-            assert_eq!(other.count(&pose), field.count(&pose), "{pose:?}");
-            assert_eq!(other.normaliser(&pose.orientation), field.normaliser(&pose.orientation));
-            assert_eq!(other.collides(&pose), field.collides(&pose), "{pose:?}");
-        }
-    }
-}
-
-#[test]
-fn yes_is_a_count_above_zero_where_flat_ends_pass_by_voxel_centres() {
-    let scene = SceneSpec::of_reference(
-        ReferencePart::Bracket,
-        &ReferencePart::Bracket.mesh(),
-        ReferencePart::Bracket.dims(),
-        &Tool::paper(),
-    )
-    .scene()
-    .unwrap();
-    let field = ExactField::of_tool(&scene.obstacle, &scene.record.tool);
-    let (Grid { origin, pitch, dims }, set) = (scene.record.grid, "0,0;0,180;0,90;90,90;180,90;270,90");
-    let mut colliding = 0;
-    for orientation in OrientationSet::parse(set).unwrap().orientations {
-        for along in -90..180 {
-            for (across, beside) in [(0, 0), (3, 5), (17, 40), (24, 80), (40, 71)] {
-                // The tip on voxel centres along the axis, so that the holder's flat end meets centres.
-                let axis = orientation.direction().abs();
-                let at = if axis.z > 0.5 {
-                    [across, beside, along]
-                } else if axis.y > 0.5 {
-                    [across, along, beside]
-                } else {
-                    [along, across, beside]
-                };
-                let position = origin + pitch * (DVec3::from_array(at.map(f64::from)) + 0.5);
-                let pose = Pose { position, orientation };
-                assert_eq!(field.collides(&pose), field.count(&pose) > 0, "{pose:?} of {dims:?}");
-                colliding += usize::from(field.collides(&pose));
-            }
-        }
-    }
-    assert!(colliding > 1000, "{colliding}");
+fn the_noncutting_part_of_an_offset_tool_is_not_that_of_the_tool_offset() {
+    // The shank stands back behind the cutter: offset by 2 it reaches below the cutter's end.
+    let body = |kind, from, to, radius| Element {
+        kind,
+        profile: vec![Segment::Line { from, to, radius_from: radius, radius_to: radius }],
+    };
+    let elements = vec![body(ElementKind::Cutter, 0.0, 4.0, 3.0), body(ElementKind::Shank, 4.0, 20.0, 3.0)];
+    let tool = Tool { shape: ToolShape::Revolved(elements), ..Tool::paper() };
+    let assembly = tool.offset(&Clearance { holder: 0.0, shank: 2.0, cutter: 0.0 }).unwrap();
+    let lowest = |tool: &Tool| match &tool.shape {
+        ToolShape::Revolved(elements) => elements[0].profile[0].range().0,
+        ToolShape::Mesh(_) => unreachable!(),
+    };
+    assert!((lowest(assembly.noncutting().unwrap()) - 2.0).abs() < 1e-6);
+    assert!(lowest(&assembly.whole().without_cutter().unwrap()) > 1.9);
+    assert_eq!((assembly.tool(), assembly.clearance().shank), (&tool, 2.0));
+    assert_eq!(assembly.offset_further(1.0).unwrap().clearance().shank, 3.0);
 }
 
 #[test]
 fn an_invalid_pose_is_never_free() {
-    let scene = half(ReferencePart::Bracket, &Tool::paper());
-    let field = ExactField::of_tool(&scene.obstacle, &scene.record.tool);
+    let scene = bracket([10, 30, 18], &Tool::paper());
+    let field = ExactField::new(&scene, &Tool::paper());
     let far = DVec3::splat(1e4);
     let (nan, endless) = (f64::NAN, f64::INFINITY);
     let turned = |theta, phi, roll| Orientation { theta, phi, roll };
@@ -270,14 +119,19 @@ fn an_invalid_pose_is_never_free() {
         (far, turned(endless, 30.0, 0.0)),
         (far, turned(0.0, 30.0, nan)),
     ] {
-        let pose = Pose { position, orientation };
+        let pose = Pose::oriented(position, &orientation);
         assert!(!pose.is_valid() && field.collides(&pose), "{pose:?}");
-        assert!(field.overlap(&pose).unwrap().is_nan(), "{pose:?}");
+        assert!(field.count(&pose).is_none() && field.overlap(&pose).unwrap().is_nan(), "{pose:?}");
         assert!(field.clearance_bound(&pose).unwrap() <= 0.0, "{pose:?}");
         assert!(field.signed_clearance(&pose).unwrap() <= 0.0, "{pose:?}");
-        let mut answers = [0.0];
-        Field::query(&mut ExactField::of_tool(&scene.obstacle, &scene.record.tool), &[pose], &mut answers)
-            .unwrap();
-        assert!(answers[0].is_nan(), "{pose:?}");
+        let mut values = [0.0];
+        field.values(&[pose], &mut values).unwrap();
+        assert!(values[0].is_nan(), "{pose:?}");
+        let mut decisions = [Decision::Undecided];
+        field.classify(&[pose], &mut decisions).unwrap();
+        assert_eq!(decisions, [Decision::Colliding]);
+        let mut best = [Best { value: 0.0, orientation: 0, decision: Decision::Free }];
+        field.best(&[position], &[pose.rotation], &mut best).unwrap();
+        assert!(best[0].value.is_nan() && best[0].decision == Decision::Colliding, "{pose:?}");
     }
 }

@@ -1,12 +1,15 @@
 //! Calibrated fields of depth, harmonic ones and distilled ones, decide nearly all poses.
 
+use std::sync::Arc;
+
 use super::*;
+use imf_core::field::PoseField as _;
 use imf_core::tool::Clearance;
 use imf_fields::calibration::{Calibration, Goals};
+use imf_fields::field::Field;
+use imf_fields::field::calibrate::{CalibrationSettings, calibrate, judge};
+use imf_fields::file::FieldFile;
 use imf_fields::harmonic::file::HarmonicFile;
-use imf_fields::learnt::NeuralField;
-use imf_fields::learnt::calibrate::{CalibrationSettings, calibrate, judge};
-use imf_fields::stored::StoredField;
 
 /// One in five hundred, so that a few ten thousand poses show it.
 const SETTINGS: CalibrationSettings = CalibrationSettings {
@@ -17,13 +20,13 @@ const SETTINGS: CalibrationSettings = CalibrationSettings {
     goals: Goals { false_free: 2e-3, false_blocked: 0.05, confidence: 0.99 },
 };
 
-fn calibrated(field: &NeuralField) -> Calibration {
+fn calibrated(field: &Field) -> Calibration {
     calibrate(field, &SETTINGS, Control::quiet()).unwrap()
 }
 
 /// A field of depth of a reference part at a quarter of its resolution, with two voxels of clearance, as harmonic field and,
 /// taught a little, as factored one.
-fn coarse(part: ReferencePart) -> [StoredField; 2] {
+fn coarse(part: ReferencePart) -> [FieldFile; 2] {
     let dims = part.dims().map(|n| n / 4);
     let (mesh, tool) = (part.mesh(), Tool::paper());
     let spec = SceneSpec { margin: 1, ..SceneSpec::of_reference(part, &mesh, dims, &tool) };
@@ -64,7 +67,7 @@ fn coarse(part: ReferencePart) -> [StoredField; 2] {
         state: None,
         calibration: None,
     };
-    [StoredField::Harmonic(Box::new(harmonic)), StoredField::Factored(Box::new(factored))]
+    [FieldFile::Harmonic(Arc::new(harmonic)), FieldFile::Factored(Box::new(factored))]
 }
 
 #[test]
@@ -73,15 +76,15 @@ fn depth_decides_nearly_all_poses_of_every_reference_part() {
     let path = folder.path().join("field.safetensors");
     for part in ReferencePart::ALL {
         for mut stored in coarse(part) {
-            let calibration = calibrated(&NeuralField::new(stored.clone()).unwrap());
+            let calibration = calibrated(&Field::new(stored.clone()).unwrap());
             assert!(calibration.keeps_its_goals(), "{part:?}: {calibration:?}");
             assert!(calibration.uniform.near_share() < 0.1, "{part:?}: {calibration:?}");
             // The file tells what it is of, and decides as it did; the rates hold on fresh poses, within four standard
             // deviations of their bound.
             stored.set_calibration(calibration);
             stored.write(&path).unwrap();
-            assert_eq!((StoredField::read(&path).unwrap(), stored.quantity()), (stored, Quantity::Depth));
-            let field = NeuralField::load(&path).unwrap();
+            assert_eq!((FieldFile::read(&path).unwrap(), stored.quantity()), (stored, Quantity::Depth));
+            let field = Field::load(&path).unwrap();
             assert_eq!(field.quantity(), Quantity::Depth);
             let fresh = CalibrationSettings { seed: 11, ..SETTINGS };
             let [uniform, _] = judge(&field, &calibration, &fresh, Control::quiet()).unwrap();

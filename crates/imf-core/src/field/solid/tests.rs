@@ -1,0 +1,237 @@
+//! The fast paths against the definitions.
+
+use super::*;
+use crate::grid::Grid;
+use crate::orientation::{Orientation, OrientationSet};
+use crate::parts::ReferencePart;
+use crate::scene::{Scene, SceneSpec};
+use crate::tool::{Clearance, RotatedTool};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+/// A part at half the paper's resolution; the tool is full-sized for half of them, to reach out of the grid.
+fn half(part: ReferencePart, tool: &Tool) -> Scene {
+    let mesh = part.mesh();
+    let spec = SceneSpec::of_reference(part, &mesh, part.dims().map(|n| n.div_ceil(2)), tool);
+    spec.scene().unwrap()
+}
+
+fn field_of(scene: &Scene) -> SolidField {
+    SolidField::of_tool(Arc::new(scene.obstacle.clone()), &scene.record.tool)
+}
+
+/// Bull-nose cutter with a corner, tapered flank, shank, holder with a cone that narrows.
+fn awkward() -> Tool {
+    let element = |kind, profile| Element { kind, profile };
+    Tool {
+        name: "awkward".into(),
+        shape: ToolShape::Revolved(vec![
+            element(
+                ElementKind::Cutter,
+                vec![
+                    Segment::Arc {
+                        from: 0.0,
+                        to: 1.6,
+                        centre_height: 2.0,
+                        centre_radius: 2.0,
+                        arc_radius: 2.0,
+                    },
+                    Segment::Line { from: 1.6, to: 20.0, radius_from: 3.959_591_794_226_542, radius_to: 7.0 },
+                ],
+            ),
+            element(
+                ElementKind::Shank,
+                vec![Segment::Line { from: 20.0, to: 34.0, radius_from: 3.0, radius_to: 3.0 }],
+            ),
+            element(
+                ElementKind::Holder(0),
+                vec![Segment::Line { from: 34.0, to: 44.0, radius_from: 16.0, radius_to: 9.0 }],
+            ),
+            element(
+                ElementKind::Holder(1),
+                vec![Segment::Line { from: 44.0, to: 70.0, radius_from: 2.0, radius_to: 18.0 }],
+            ),
+        ]),
+        ..Tool::paper()
+    }
+}
+
+fn number(random: &mut ChaCha8Rng) -> f64 {
+    f64::from(random.next_u32()) / f64::from(u32::MAX)
+}
+
+/// A pose in the grid's box; some on voxel centres, some along the grid's axes or nearly so, some outside.
+fn pose(grid: &Grid, random: &mut ChaCha8Rng, index: usize) -> Pose {
+    let mut unit = DVec3::new(number(random), number(random), number(random));
+    if index.is_multiple_of(17) {
+        unit = unit * 3.0 - 1.0;
+    }
+    let mut position = grid.origin + unit * grid.size();
+    if index.is_multiple_of(5) {
+        let voxel = grid.continuous(position).round();
+        position = grid.origin + (voxel + 0.5) * grid.pitch;
+    }
+    let (theta, phi) = (360.0 * number(random), (2.0 * number(random) - 1.0).acos().to_degrees());
+    let orientation = match index % 11 {
+        0 => Orientation::new(90.0 * (theta / 90.0).floor(), 90.0 * (phi / 90.0).round()),
+        1 => Orientation::new(theta, [0.0, 1e-7, 0.01, 1.5, 90.0, 90.0 + 1e-6, 179.3, 180.0][index / 11 % 8]),
+        2 => Orientation::new(45.0 * (theta / 45.0).floor(), 45.0 * (phi / 45.0).round()),
+        _ => Orientation::new(theta, phi),
+    };
+    Pose::oriented(position, &orientation)
+}
+
+#[test]
+fn counts_and_answers_are_the_definitions_at_random_poses() {
+    for (seed, part) in ReferencePart::ALL.into_iter().enumerate() {
+        for tool in [Tool::paper(), awkward()] {
+            let scene = half(part, &tool);
+            let field = field_of(&scene);
+            (0..1500).into_par_iter().for_each(|index| {
+                let mut random = ChaCha8Rng::seed_from_u64((seed * 1_000_000 + index) as u64);
+                let pose = pose(&scene.record.grid, &mut random, index);
+                let expected = tool.count_inside(&scene.obstacle, pose.position, &pose.orientation());
+                assert_eq!(field.count(&pose), Some(expected), "{part} {} {index} {pose:?}", tool.name);
+                assert_eq!(field.collides(&pose), expected > 0, "{part} {} {index} {pose:?}", tool.name);
+            });
+        }
+    }
+}
+
+#[test]
+fn yes_and_no_are_never_wrong_at_many_poses() {
+    for (seed, part) in ReferencePart::ALL.into_iter().enumerate() {
+        for tool in [Tool::paper(), awkward()] {
+            let scene = half(part, &tool);
+            let field = field_of(&scene);
+            (0..60_000).into_par_iter().for_each(|index| {
+                let mut random = ChaCha8Rng::seed_from_u64((seed * 1_000_000 + index) as u64);
+                let pose = pose(&scene.record.grid, &mut random, index);
+                assert_eq!(
+                    field.collides(&pose),
+                    field.count(&pose).unwrap() > 0,
+                    "{part} {} {pose:?}",
+                    tool.name
+                );
+            });
+        }
+    }
+}
+
+#[test]
+fn the_normaliser_is_the_rotated_tools_count() {
+    for tool in [Tool::paper(), awkward()] {
+        let scene = half(ReferencePart::Bracket, &tool);
+        let field = field_of(&scene);
+        (0..300).into_par_iter().for_each(|index| {
+            let mut random = ChaCha8Rng::seed_from_u64(index as u64);
+            let pose = pose(&scene.record.grid, &mut random, index);
+            let orientation = pose.orientation();
+            let expected = RotatedTool::new(&tool, &orientation, scene.record.grid.pitch).unwrap().count;
+            assert_eq!(field.normaliser(pose.rotation).unwrap(), expected, "{} {orientation:?}", tool.name);
+        });
+    }
+}
+
+#[test]
+fn elements_sum_to_the_whole_and_grown_ones_are_counted_by_their_outline() {
+    let tool = awkward();
+    let scene = half(ReferencePart::Teapot, &tool);
+    let grown = tool.inflated_elements(&Clearance { holder: 2.0, shank: 1.0, cutter: 0.7 }).unwrap();
+    let (field, grown_field) =
+        (field_of(&scene), SolidField::of_elements(Arc::new(scene.obstacle.clone()), &grown).unwrap());
+    (0..600).into_par_iter().for_each(|index| {
+        let mut random = ChaCha8Rng::seed_from_u64(index as u64);
+        let pose = pose(&scene.record.grid, &mut random, index);
+        let mut counts = [0; 4];
+        field.element_counts(&pose, &mut counts);
+        assert_eq!(Some(counts.iter().sum::<u32>()), field.count(&pose));
+        let mut grown_counts = [0; 4];
+        grown_field.element_counts(&pose, &mut grown_counts);
+        for (element, (count, grown_count)) in grown.iter().zip(counts.iter().zip(&grown_counts)) {
+            let alone = Tool { shape: ToolShape::Revolved(vec![element.clone()]), ..tool.clone() };
+            let expected = alone.count_inside(&scene.obstacle, pose.position, &pose.orientation());
+            assert_eq!(*grown_count, expected, "{:?} {pose:?}", element.kind);
+            assert!(grown_count >= count);
+        }
+        assert_eq!(grown_field.collides(&pose), grown_counts.iter().any(|&c| c > 0), "{pose:?}");
+    });
+}
+
+#[test]
+fn the_clearance_is_a_lower_bound() {
+    let tool = Tool::paper();
+    let scene = half(ReferencePart::Bracket, &tool);
+    let field = field_of(&scene);
+    let mut free = 0;
+    for index in 0..2000 {
+        let mut random = ChaCha8Rng::seed_from_u64(index as u64);
+        let pose = pose(&scene.record.grid, &mut random, index);
+        let bound = field.clearance_bound(&pose).unwrap();
+        if bound > 0.0 {
+            free += 1;
+            // Grown by what it is said to have free, the tool still holds nothing.
+            let all = Clearance { holder: bound, shank: bound, cutter: bound };
+            let grown = tool.inflated_elements(&all).unwrap();
+            let field = SolidField::of_elements(Arc::new(scene.obstacle.clone()), &grown).unwrap();
+            assert_eq!(field.count(&pose), Some(0), "{bound} {pose:?}");
+        }
+    }
+    assert!(free > 200, "{free}");
+}
+
+#[test]
+fn every_instruction_set_counts_the_same() {
+    let tool = awkward();
+    let scene = half(ReferencePart::ScrewGear, &tool);
+    let field = field_of(&scene);
+    let mut archs = vec![Arch::Scalar];
+    #[cfg(target_arch = "x86_64")]
+    archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
+    for arch in archs {
+        let other = SolidField { arch, ..field_of(&scene) };
+        for index in 0..400 {
+            let mut random = ChaCha8Rng::seed_from_u64(index as u64);
+            let pose = pose(&scene.record.grid, &mut random, index);
+            assert_eq!(other.count(&pose), field.count(&pose), "{pose:?}");
+            assert_eq!(other.normaliser(pose.rotation), field.normaliser(pose.rotation));
+            assert_eq!(other.collides(&pose), field.collides(&pose), "{pose:?}");
+        }
+    }
+}
+
+#[test]
+fn yes_is_a_count_above_zero_where_flat_ends_pass_by_voxel_centres() {
+    let scene = SceneSpec::of_reference(
+        ReferencePart::Bracket,
+        &ReferencePart::Bracket.mesh(),
+        ReferencePart::Bracket.dims(),
+        &Tool::paper(),
+    )
+    .scene()
+    .unwrap();
+    let field = field_of(&scene);
+    let (Grid { origin, pitch, dims }, set) = (scene.record.grid, "0,0;0,180;0,90;90,90;180,90;270,90");
+    let mut colliding = 0;
+    for orientation in OrientationSet::parse(set).unwrap().orientations {
+        for along in -90..180 {
+            for (across, beside) in [(0, 0), (3, 5), (17, 40), (24, 80), (40, 71)] {
+                // The tip on voxel centres along the axis, so that the holder's flat end meets centres.
+                let axis = orientation.direction().abs();
+                let at = if axis.z > 0.5 {
+                    [across, beside, along]
+                } else if axis.y > 0.5 {
+                    [across, along, beside]
+                } else {
+                    [along, across, beside]
+                };
+                let position = origin + pitch * (DVec3::from_array(at.map(f64::from)) + 0.5);
+                let pose = Pose::oriented(position, &orientation);
+                assert_eq!(field.collides(&pose), field.count(&pose).unwrap() > 0, "{pose:?} of {dims:?}");
+                colliding += usize::from(field.collides(&pose));
+            }
+        }
+    }
+    assert!(colliding > 1000, "{colliding}");
+}

@@ -1,0 +1,87 @@
+//! A tool as it is counted: whole, and without its cutter, with or without a clearance around it.
+
+use super::{Clearance, ClearanceError, Tool};
+
+/// The tool that is asked about. Shank and holder offset by a clearance are more than the offset tool without its cutter, so both are
+/// made together, from the tool as it is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Assembly {
+    /// What stays out of what is forbidden.
+    whole: Tool,
+    /// What stays out of what the cutter may enter.
+    noncutting: Option<Tool>,
+    /// The tool as it is, and by how much it is offset.
+    tool: Tool,
+    clearance: Clearance,
+}
+
+impl Tool {
+    /// The tool offset by a clearance in its own unit: the Minkowski sum of each element with a ball.
+    ///
+    /// # Errors
+    /// A clearance that is no length, or one around a mesh tool, which cannot be offset.
+    pub fn offset(&self, clearance: &Clearance) -> Result<Assembly, ClearanceError> {
+        Ok(Assembly {
+            whole: self.inflated(clearance)?,
+            noncutting: self.without_cutter().map(|rest| rest.inflated(clearance)).transpose()?,
+            tool: self.clone(),
+            clearance: *clearance,
+        })
+    }
+}
+
+impl Assembly {
+    /// The whole tool, offset.
+    #[must_use]
+    pub fn whole(&self) -> &Tool {
+        &self.whole
+    }
+
+    /// Shank and holder, offset; `None` where there are none, and of a mesh.
+    #[must_use]
+    pub fn noncutting(&self) -> Option<&Tool> {
+        self.noncutting.as_ref()
+    }
+
+    /// The tool as it is.
+    #[must_use]
+    pub fn tool(&self) -> &Tool {
+        &self.tool
+    }
+
+    /// By how much it is offset.
+    #[must_use]
+    pub fn clearance(&self) -> &Clearance {
+        &self.clearance
+    }
+
+    /// The same tool, every element offset by so much more.
+    ///
+    /// # Errors
+    /// As [`Tool::offset`].
+    pub fn offset_further(&self, more: f64) -> Result<Self, ClearanceError> {
+        let Clearance { holder, shank, cutter } = self.clearance;
+        self.tool.offset(&Clearance { holder: holder + more, shank: shank + more, cutter: cutter + more })
+    }
+}
+
+/// The tool as it is.
+impl From<Tool> for Assembly {
+    fn from(tool: Tool) -> Self {
+        let noncutting = tool.without_cutter();
+        Self { whole: tool.clone(), noncutting, tool, clearance: Clearance::default() }
+    }
+}
+
+/// The tool as it is.
+impl From<&Tool> for Assembly {
+    fn from(tool: &Tool) -> Self {
+        tool.clone().into()
+    }
+}
+
+impl From<&Self> for Assembly {
+    fn from(assembly: &Self) -> Self {
+        assembly.clone()
+    }
+}

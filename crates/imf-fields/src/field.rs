@@ -1,0 +1,40 @@
+//! Fields from files as planners ask them, and verified ones.
+
+pub mod calibrate;
+mod families;
+mod fitted;
+mod grid;
+mod verified;
+
+#[cfg(test)]
+pub(crate) mod scenes;
+
+pub use fitted::Field;
+pub use verified::VerifiedField;
+
+use imf_core::field::EngineError;
+use imf_core::tool::ClearanceError;
+use thiserror::Error;
+
+use crate::file::FieldFileError;
+
+/// Why a file gives no field for planners.
+#[derive(Debug, Error)]
+pub enum LoadError {
+    /// The file.
+    #[error(transparent)]
+    File(#[from] FieldFileError),
+    /// Weights that do not fit the network.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// A tool that cannot be grown.
+    #[error(transparent)]
+    Clearance(#[from] ClearanceError),
+}
+
+#[cfg(test)]
+mod calibrate_tests;
+#[cfg(test)]
+mod motion_tests;
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,116 @@
+use std::sync::Arc;
+
+use crate::calibration::{Calibration, Goals};
+use crate::field::Field;
+use crate::field::calibrate::{CalibrationError, CalibrationSettings, calibrate, judge};
+use crate::field::scenes::{factored_file, harmonic, harmonic_file, poses, scene, siren_model};
+use crate::file::FieldFile;
+use imf_core::control::Control;
+use imf_core::field::{Decision, PoseField};
+use imf_core::tool::Tool;
+
+/// One in five hundred, so that a few ten thousand poses show it.
+const SETTINGS: CalibrationSettings = CalibrationSettings {
+    uniform: 40_000,
+    boundary: 3000,
+    errors: 2000,
+    seed: 5,
+    goals: Goals { false_free: 2e-3, false_blocked: 0.05, confidence: 0.99 },
+};
+
+fn calibrated(field: &Field) -> Calibration {
+    calibrate(field, &SETTINGS, Control::quiet()).unwrap()
+}
+
+#[test]
+fn stated_rates_hold_on_fresh_poses() {
+    let scene = scene(&Tool::paper(), 2.0);
+    let field = harmonic(&scene);
+    let calibration = calibrated(&field);
+    let (free, blocked) = (calibration.free_up_to.unwrap(), calibration.blocked_from.unwrap());
+    assert!(free < blocked && calibration.fault().is_none());
+    assert!(calibration.keeps_its_goals(), "{calibration:?}");
+    assert!(calibration.uniform.found_free > 0 && calibration.uniform.largest_error > 0.0);
+    // A tool grown by two voxels still touches where the true one was moved a voxel away from contact.
+    let boundary = calibration.boundary;
+    assert_eq!((boundary.poses, boundary.false_blocked.of), (3000, 0));
+    assert!((600..2400).contains(&boundary.false_free.of), "{boundary:?}");
+
+    // Other poses, judged by the definition of both tools.
+    let field = field.with_calibration(Some(calibration));
+    let asked = poses(&scene, 8000, 77);
+    let mut decisions = vec![Decision::Undecided; asked.len()];
+    field.classify(&asked, &mut decisions).unwrap();
+    let (mut colliding, mut false_free, mut clear, mut false_blocked) = (0.0, 0.0, 0.0, 0.0);
+    for (pose, decision) in asked.iter().zip(decisions) {
+        let (position, orientation) = (pose.position, pose.orientation());
+        let hits = |tool: &Tool| tool.count_inside(&scene.obstacle, position, &orientation) > 0;
+        if hits(scene.record.bare_tool()) {
+            colliding += 1.0;
+            false_free += f64::from(decision == Decision::Free);
+        } else if !hits(&scene.record.tool) {
+            clear += 1.0;
+            false_blocked += f64::from(decision == Decision::Colliding);
+        }
+    }
+    // Four standard deviations of a count beyond the bound: once in thirty thousand draws.
+    let most = |of: f64, rate: f64| of * rate + 4.0 * (of * rate).sqrt();
+    assert!(
+        false_free <= most(colliding, calibration.uniform.false_free.bound),
+        "{false_free} of {colliding}"
+    );
+    assert!(
+        false_blocked <= most(clear, calibration.uniform.false_blocked.bound),
+        "{false_blocked} of {clear}"
+    );
+
+    // And by the judge itself, whose draw of the same seed would be the same.
+    let again = judge(&field, &calibration, &SETTINGS, Control::quiet()).unwrap();
+    assert_eq!(again, [calibration.uniform, calibration.boundary]);
+    let other = CalibrationSettings { seed: 6, ..SETTINGS };
+    let [uniform, _] = judge(&field, &calibration, &other, Control::quiet()).unwrap();
+    assert!(uniform != calibration.uniform);
+    let (wrong, of) = (uniform.false_free.wrong as f64, uniform.false_free.of as f64);
+    assert!(wrong <= most(of, calibration.uniform.false_free.bound), "{wrong} of {of}");
+}
+
+#[test]
+fn what_cannot_be_shown_is_refused() {
+    let scene = scene(&Tool::paper(), 0.0);
+    let field = harmonic(&scene);
+    let few = CalibrationSettings { uniform: 3000, goals: Goals::default(), ..SETTINGS };
+    let error = calibrate(&field, &few, Control::quiet()).unwrap_err();
+    assert!(matches!(error, CalibrationError::TooFew { .. }) && error.to_string().contains("more poses"));
+    let wrong = CalibrationSettings { goals: Goals { confidence: 1.0, ..SETTINGS.goals }, ..SETTINGS };
+    let error = calibrate(&field, &wrong, Control::quiet()).unwrap_err();
+    assert!(error.to_string().contains("confidence"), "{error}");
+}
+
+#[test]
+fn every_familys_file_keeps_its_calibration() {
+    let scene = scene(&Tool::paper(), 2.0);
+    let calibration = calibrated(&harmonic(&scene));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("field.safetensors");
+    let all = [
+        FieldFile::Siren(Box::new(siren_model(&scene))),
+        FieldFile::Harmonic(Arc::new(harmonic_file(&scene, 4))),
+        FieldFile::Factored(Box::new(factored_file(&scene))),
+    ];
+    for mut stored in all {
+        // A file without one, as all were before.
+        stored.write(&path).unwrap();
+        let plain = std::fs::read(&path).unwrap();
+        assert!(!plain.windows(11).any(|w| w == b"calibration"));
+        assert_eq!(FieldFile::read(&path).unwrap().calibration(), None);
+        stored.set_calibration(calibration);
+        stored.write(&path).unwrap();
+        assert_eq!(FieldFile::read(&path).unwrap(), stored);
+        assert_eq!(Field::load(&path).unwrap().calibration(), Some(&calibration));
+        // Thresholds that cannot be.
+        stored.set_calibration(Calibration { free_up_to: Some(0.5), blocked_from: Some(0.2), ..calibration });
+        stored.write(&path).unwrap();
+        let error = FieldFile::read(&path).unwrap_err().to_string();
+        assert!(error.contains("thresholds cross"), "{error}");
+    }
+}

@@ -1,0 +1,379 @@
+//! The families behind a [`Field`](super::Field): blocks of poses to values, by whole products.
+
+use std::ops::Deref;
+use std::sync::Arc;
+
+use glam::{DQuat, DVec3};
+use pulp::Arch;
+
+use crate::factored::{self, FactoredEvaluator};
+use crate::harmonic::basis::{Basis, Facing};
+use crate::harmonic::file::HarmonicFile;
+use crate::harmonic::{self, HarmonicField};
+use crate::siren::evaluator::{CpuEvaluator, TangentScratch};
+use crate::siren::lanes::dot;
+use crate::siren::matrix::{Matrix, multiply, prefer_unpacked};
+use crate::siren::{INPUTS, features};
+use imf_core::field::minimum::{BLOCK, is_better};
+use imf_core::field::{Best, Decision, Gradient};
+use imf_core::grid::Grid;
+use imf_core::pose::{Pose, axis_of};
+use imf_core::section::Quantity;
+use imf_core::vectorised::vectorised;
+
+/// Points whose coefficients are kept while all orientations pass by.
+const POINTS: usize = 16 * BLOCK;
+
+/// A field of any family, ready to be asked.
+pub(super) enum Family {
+    /// The paper's network.
+    Siren(CpuEvaluator),
+    /// Coefficients at voxels.
+    Harmonic(VoxelField),
+    /// Coefficients by a network.
+    Factored(Box<FactoredEvaluator<'static>>),
+}
+
+/// Coefficients at voxels: those of a file, or what a factored field's network says.
+pub(super) enum VoxelField {
+    File(Arc<HarmonicFile>),
+    Expanded(Box<HarmonicField>),
+}
+
+impl Deref for VoxelField {
+    type Target = HarmonicField;
+
+    fn deref(&self) -> &HarmonicField {
+        match self {
+            Self::File(file) => &file.field,
+            Self::Expanded(field) => field,
+        }
+    }
+}
+
+/// Working memory of a thread.
+#[derive(Default)]
+pub(super) struct Scratch {
+    inputs: Vec<f32>,
+    tangents: TangentScratch,
+    harmonic: harmonic::PointScratch,
+    factored: factored::PointScratch,
+    /// One orientation's functions.
+    functions: Vec<f64>,
+    /// `[orientation][K]`.
+    rows: Vec<f32>,
+    /// `[orientation][axes]`.
+    heads: Vec<f32>,
+    /// `[orientation]`.
+    constants: Vec<f32>,
+    /// `[point][axes]`.
+    coefficients: Vec<f32>,
+    corner: Vec<f32>,
+    /// `[point][orientation]`.
+    products: Vec<f32>,
+}
+
+/// Coefficients along axes, from voxels or from a network.
+#[derive(Clone, Copy)]
+enum Source<'a> {
+    Voxels(&'a HarmonicField),
+    Network(&'a FactoredEvaluator<'static>),
+}
+
+impl Family {
+    /// Makes what products need.
+    pub(super) fn prepare(&self) {
+        prefer_unpacked();
+    }
+
+    /// What its values are.
+    pub(super) fn quantity(&self) -> Quantity {
+        match self {
+            Self::Siren(_) => Quantity::Overlap,
+            Self::Harmonic(field) => field.quantity,
+            Self::Factored(evaluator) => evaluator.field().quantity,
+        }
+    }
+
+    fn source(&self) -> Option<Source<'_>> {
+        match self {
+            Self::Siren(_) => None,
+            Self::Harmonic(field) => Some(Source::Voxels(field)),
+            Self::Factored(evaluator) => Some(Source::Network(evaluator)),
+        }
+    }
+
+    /// Values of up to [`BLOCK`] poses, not clipped; those of invalid poses mean nothing.
+    pub(super) fn values(&self, grid: &Grid, poses: &[Pose], values: &mut [f32], scratch: &mut Scratch) {
+        match self.source() {
+            Some(source) => source.values(grid, poses, values, scratch),
+            None => {
+                let Self::Siren(network) = self else { return };
+                scratch.inputs.resize(poses.len() * INPUTS, 0.0);
+                for (input, pose) in scratch.inputs.as_chunks_mut::<INPUTS>().0.iter_mut().zip(poses) {
+                    *input = siren_input(grid, pose).0;
+                }
+                network.evaluate_here(&scratch.inputs, values);
+            }
+        }
+    }
+
+    /// Value and derivatives of one pose, its position held in the box; `None` for an invalid one.
+    pub(super) fn gradient(&self, grid: &Grid, pose: &Pose, scratch: &mut Scratch) -> Option<Gradient> {
+        let [low, high] = grid.box_of_centres();
+        let (direction, tip) = (pose.axis()?, pose.position);
+        let held = tip.clamp(low, high);
+        let found = match self {
+            Self::Siren(network) => siren_gradient(network, grid, pose, direction, scratch),
+            Self::Harmonic(field) => {
+                let facing = facing(pose.rotation, direction, &field.basis);
+                field.overlap_with_gradient(held, facing, &mut scratch.harmonic)?
+            }
+            Self::Factored(evaluator) => {
+                let facing = facing(pose.rotation, direction, &evaluator.field().basis);
+                evaluator.overlap_with_gradient(held, facing, &mut scratch.factored)?
+            }
+        };
+        let inside = |axis: usize| if tip[axis] == held[axis] { found.position[axis] } else { 0.0 };
+        let position = DVec3::new(inside(0), inside(1), inside(2));
+        Some(Gradient {
+            value: found.value,
+            position: position.as_vec3(),
+            direction: found.direction.as_vec3(),
+            rotation: found.rotation.as_vec3(),
+        })
+    }
+
+    /// The least value, not clipped, over orientations at every point inside the box, for a tool with its tip alone, by products of all
+    /// points with all orientations; `false` where the family has none. `decide` gives the decision of a value.
+    pub(super) fn least(
+        &self,
+        grid: &Grid,
+        points: &[DVec3],
+        rotations: &[DQuat],
+        best: &mut [Best],
+        scratch: &mut Scratch,
+        decide: impl Fn(DVec3, f32) -> Decision,
+    ) -> bool {
+        let Some(source) = self.source() else { return false };
+        for (points, best) in points.chunks(POINTS).zip(best.chunks_mut(POINTS)) {
+            source.least(grid, points, rotations, best, scratch, &decide);
+        }
+        true
+    }
+}
+
+/// Below this sine of φ the slope in θ is not divided further.
+const POLE: f64 = 1e-3;
+
+/// What a family's functions read of a pose whose direction is known.
+fn facing(rotation: DQuat, direction: DVec3, basis: &Basis) -> Facing {
+    match basis {
+        Basis::Directions(_) => Facing::Direction(direction),
+        Basis::Rotations(_) => Facing::Rotation(rotation.normalize()),
+    }
+}
+
+/// Value and derivatives of the paper's network.
+fn siren_gradient(
+    network: &CpuEvaluator,
+    grid: &Grid,
+    pose: &Pose,
+    direction: DVec3,
+    scratch: &mut Scratch,
+) -> harmonic::Gradient {
+    let (input, [theta, phi]) = siren_input(grid, pose);
+    let slopes = network.value_and_slopes(&input, &mut scratch.tangents);
+    let [_, x, y, z, by_theta, by_phi] = slopes.map(f64::from);
+    // From inputs, which are θ/180° − 1 and φ/90° − 1, to radians.
+    let (by_theta, by_phi) = (by_theta / std::f64::consts::PI, by_phi / std::f64::consts::FRAC_PI_2);
+    let (sin_theta, cos_theta) = theta.sin_cos();
+    let (sin_phi, cos_phi) = phi.sin_cos();
+    let along_theta = DVec3::new(-sin_theta, cos_theta, 0.0);
+    let along_phi = DVec3::new(cos_phi * cos_theta, cos_phi * sin_theta, -sin_phi);
+    // At the poles the network's θ means nothing: the slope is held finite.
+    let turn = along_theta * (by_theta / sin_phi.max(POLE)) + along_phi * by_phi;
+    let turn = turn - direction * turn.dot(direction);
+    harmonic::Gradient {
+        value: slopes[0],
+        position: DVec3::new(x, y, z) * 2.0 / grid.size(),
+        direction: turn,
+        rotation: direction.cross(turn),
+    }
+}
+
+/// What the network reads of a pose, its position held in the box, and its angles in radians.
+fn siren_input(grid: &Grid, pose: &Pose) -> ([f32; INPUTS], [f64; 2]) {
+    let [low, high] = grid.box_of_centres();
+    let [theta, phi] = angles(pose);
+    let unit = grid.unit(held(pose.position, low, high)).as_vec3().to_array();
+    (features(unit, theta.to_degrees() as f32, phi.to_degrees() as f32), [theta, phi])
+}
+
+/// θ and φ in radians; at the poles, where the axis leaves θ open, that of the tool's own x axis. Of an invalid pose any numbers.
+fn angles(pose: &Pose) -> [f64; 2] {
+    let axis = pose.axis().unwrap_or(DVec3::Z);
+    let across = axis.x.hypot(axis.y);
+    let theta = if across > 0.0 {
+        axis.y.atan2(axis.x)
+    } else {
+        let x = pose.rotation.normalize() * DVec3::X;
+        let x = x.map(|v| if v.abs() < 1e-12 { 0.0 } else { v });
+        if axis.z > 0.0 { x.y.atan2(x.x) } else { x.y.atan2(-x.x) }
+    };
+    [if theta < 0.0 { theta + std::f64::consts::TAU } else { theta }, across.atan2(axis.z)]
+}
+
+/// A position held in the box; what is not finite becomes the box's corner.
+fn held(position: DVec3, low: DVec3, high: DVec3) -> DVec3 {
+    if position.is_nan() { low } else { position.clamp(low, high) }
+}
+
+impl Source<'_> {
+    /// Basis, U `[K][axes]`, μ `[K]`; where there is an order of directions only the basis is of the world.
+    fn functions(&self) -> (&Basis, &[f32], &[f32]) {
+        match self {
+            Self::Voxels(field) => (&field.basis, &field.axes, &field.mean),
+            Self::Network(evaluator) => {
+                let field = evaluator.field();
+                (&field.basis, &field.axes, &field.mean)
+            }
+        }
+    }
+
+    /// Coefficients of a point.
+    fn axes(&self) -> usize {
+        match self {
+            Self::Voxels(field) => field.axis_count(),
+            Self::Network(evaluator) => evaluator.field().coefficient_count(),
+        }
+    }
+
+    /// Where the coefficients are those of the functions themselves: the order that directions are to be brought in.
+    fn order(&self) -> Option<[usize; 3]> {
+        match self {
+            Self::Voxels(_) => None,
+            Self::Network(evaluator) => evaluator.order(),
+        }
+    }
+
+    /// The coefficients at points, which are held in the box.
+    fn coefficients(
+        &self,
+        points: impl ExactSizeIterator<Item = DVec3>,
+        z: &mut [f32],
+        corner: &mut Vec<f32>,
+    ) {
+        match self {
+            Self::Voxels(field) => {
+                for (point, z) in points.zip(z.chunks_exact_mut(self.axes())) {
+                    // A held point is in the box.
+                    let _ = field.coefficients_at(point, z, corner);
+                }
+            }
+            Self::Network(evaluator) => evaluator.block(points, z),
+        }
+    }
+
+    /// The heads of up to [`BLOCK`] rotations into the scratch: `[orientation][axes]` and constants.
+    fn heads(&self, rotations: impl ExactSizeIterator<Item = DQuat>, scratch: &mut Scratch) {
+        let (basis, axes, mean) = self.functions();
+        let (count, functions, width) = (rotations.len(), basis.len(), self.axes());
+        let order = self.order();
+        let Scratch { functions: row, rows, heads, constants, .. } = scratch;
+        row.resize(functions, 0.0);
+        rows.resize(count * functions, 0.0);
+        constants.resize(count, 0.0);
+        heads.resize(count * width, 0.0);
+        let each = rows.chunks_exact_mut(functions).zip(constants.iter_mut());
+        for (rotation, (out, constant)) in rotations.zip(each) {
+            match axis_of(rotation) {
+                Some(direction) => {
+                    let ordered = order.map_or(direction, |order| order.map(|axis| direction[axis]).into());
+                    basis.values_facing(facing(rotation, ordered, basis), row);
+                }
+                None => row.fill(f64::NAN),
+            }
+            *constant = row.iter().zip(mean).map(|(&b, &m)| b * f64::from(m)).sum::<f64>() as f32;
+            out.iter_mut().zip(row.iter()).for_each(|(out, &value)| *out = value as f32);
+        }
+        if order.is_some() {
+            heads.copy_from_slice(rows);
+            constants.fill(0.0);
+            return;
+        }
+        multiply(
+            heads,
+            width,
+            Matrix::row_major(rows, count, functions, functions),
+            Matrix::row_major(axes, functions, width, width),
+            false,
+        );
+    }
+
+    fn values(&self, grid: &Grid, poses: &[Pose], values: &mut [f32], scratch: &mut Scratch) {
+        let [low, high] = grid.box_of_centres();
+        let axes = self.axes();
+        self.heads(poses.iter().map(|pose| pose.rotation), scratch);
+        let Scratch { heads, constants, coefficients, corner, .. } = scratch;
+        coefficients.resize(poses.len() * axes, 0.0);
+        self.coefficients(poses.iter().map(|pose| held(pose.position, low, high)), coefficients, corner);
+        let each = coefficients.chunks_exact(axes).zip(heads.chunks_exact(axes));
+        vectorised!(Arch::new(), {
+            for ((value, (z, head)), constant) in values.iter_mut().zip(each).zip(constants) {
+                *value = *constant + dot(z, head);
+            }
+        });
+    }
+
+    fn least(
+        &self,
+        grid: &Grid,
+        points: &[DVec3],
+        rotations: &[DQuat],
+        best: &mut [Best],
+        scratch: &mut Scratch,
+        decide: &impl Fn(DVec3, f32) -> Decision,
+    ) {
+        let [low, high] = grid.box_of_centres();
+        let axes = self.axes();
+        let place = |point: &DVec3| held(*point, low, high);
+        scratch.coefficients.resize(points.len() * axes, 0.0);
+        for (points, z) in points.chunks(BLOCK).zip(scratch.coefficients.chunks_mut(BLOCK * axes)) {
+            self.coefficients(points.iter().map(place), z, &mut scratch.corner);
+        }
+        best.fill(Best::NONE);
+        for first in (0..rotations.len()).step_by(BLOCK) {
+            let rotations = &rotations[first..(first + BLOCK).min(rotations.len())];
+            self.heads(rotations.iter().copied(), scratch);
+            let Scratch { heads, constants, coefficients, products, .. } = scratch;
+            let columns = rotations.len();
+            let blocks = points.chunks(BLOCK).zip(best.chunks_mut(BLOCK));
+            for ((points, best), z) in blocks.zip(coefficients.chunks(BLOCK * axes)) {
+                products.resize(points.len() * columns, 0.0);
+                products.chunks_exact_mut(columns).for_each(|row| row.copy_from_slice(constants));
+                multiply(
+                    products,
+                    columns,
+                    Matrix::row_major(z, points.len(), axes, axes),
+                    Matrix::row_major(heads, columns, axes, axes).transposed(),
+                    true,
+                );
+                for ((best, &point), row) in best.iter_mut().zip(points).zip(products.chunks_exact(columns)) {
+                    if !point.is_finite() {
+                        continue;
+                    }
+                    for (at, &value) in row.iter().enumerate() {
+                        // Of one point's decisions only the best value's matters: they follow the value.
+                        if best.value.is_nan() || value < best.value {
+                            let decision = decide(point, value);
+                            if is_better(value, decision, best) {
+                                *best = Best { value, orientation: (first + at) as u32, decision };
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,207 @@
+//! A field from a file, whichever family it is of.
+
+use std::path::Path;
+
+use glam::{DQuat, DVec3};
+
+use crate::calibration::Calibration;
+use crate::field::LoadError;
+use crate::field::families::{Family, Scratch, VoxelField};
+use crate::file::FieldFile;
+use crate::harmonic::FitReport;
+use crate::harmonic::coefficients::Precision;
+use crate::siren::evaluator::CpuEvaluator;
+use imf_core::field::minimum::{BLOCK, check_minimum, minimum_pose_by_pose};
+use imf_core::field::{Best, Decision, FieldError, Gradient, PoseField, check_lengths};
+use imf_core::pose::Pose;
+use imf_core::scene::Scene;
+use imf_core::section::Quantity;
+use imf_core::workspaces::Workspaces;
+
+/// A field of every direction at once: a network of the paper's kind, a harmonic field, or a factored one.
+///
+/// Values are approximate. Decisions follow the field's calibration and are as good as that says
+/// ([`Field::calibration`]); for answers that are never wrong there is [`VerifiedField`](super::VerifiedField).
+pub struct Field {
+    family: Family,
+    scene: Scene,
+    calibration: Option<Calibration>,
+    sharp_points: Vec<DVec3>,
+    scratch: Workspaces<Scratch>,
+}
+
+impl Field {
+    /// Reads a field of any family.
+    ///
+    /// # Errors
+    /// A missing, foreign, newer, truncated or damaged file; the message names it.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, LoadError> {
+        Self::new(FieldFile::read(path.as_ref())?)
+    }
+
+    /// A field that was read or made already.
+    ///
+    /// # Errors
+    /// Weights that do not fit their network.
+    pub fn new(file: FieldFile) -> Result<Self, LoadError> {
+        let (family, scene, calibration) = match file {
+            FieldFile::Siren(model) => {
+                let network = CpuEvaluator::new(model.shape, &model.state.parameters)?;
+                (Family::Siren(network), model.scene, model.calibration)
+            }
+            FieldFile::Harmonic(file) => {
+                let (scene, calibration) = (file.scene.clone(), file.calibration);
+                (Family::Harmonic(VoxelField::File(file)), scene, calibration)
+            }
+            FieldFile::Factored(file) => {
+                (Family::Factored(Box::new(file.field.into_evaluator())), file.scene, file.calibration)
+            }
+        };
+        family.prepare();
+        let sharp_points = scene.record.tool.sharp_point_positions(scene.record.grid.pitch);
+        Ok(Self { family, scene, calibration, sharp_points, scratch: Workspaces::default() })
+    }
+
+    /// What the field is of: part, grid, tool and clearance.
+    #[must_use]
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    pub(super) fn family(&self) -> &Family {
+        &self.family
+    }
+
+    /// The same field with what a factored field's network says of every voxel kept in memory, 4 bytes a coefficient and voxel: for
+    /// many calls over the whole grid. Other families stay what they are.
+    #[must_use]
+    pub fn expanded(self) -> Self {
+        let Family::Factored(evaluator) = &self.family else { return self };
+        let field = evaluator.expanded(Precision::F32, FitReport::default());
+        Self { family: Family::Harmonic(VoxelField::Expanded(Box::new(field))), ..self }
+    }
+
+    /// What its decisions are worth, where that was measured.
+    #[must_use]
+    pub fn calibration(&self) -> Option<&Calibration> {
+        self.calibration.as_ref()
+    }
+
+    /// The points at which the tool cuts, in its frame.
+    pub(super) fn sharp_points(&self) -> &[DVec3] {
+        &self.sharp_points
+    }
+
+    /// Decides by other thresholds.
+    #[must_use]
+    pub fn with_calibration(self, calibration: Option<Calibration>) -> Self {
+        Self { calibration, ..self }
+    }
+
+    /// Values that are not clipped; NaN of invalid poses.
+    ///
+    /// # Errors
+    /// Lengths that differ.
+    pub fn values_unclipped(&self, poses: &[Pose], values: &mut [f32]) -> Result<(), FieldError> {
+        check_lengths(poses.len(), values.len())?;
+        let grid = &self.scene.record.grid;
+        self.scratch.with(|scratch| {
+            for (poses, values) in poses.chunks(BLOCK).zip(values.chunks_mut(BLOCK)) {
+                self.family.values(grid, poses, values, scratch);
+            }
+        });
+        for (pose, value) in poses.iter().zip(values) {
+            if !pose.is_valid() {
+                *value = f32::NAN;
+            }
+        }
+        Ok(())
+    }
+
+    /// Values as they are answered.
+    pub(super) fn hold(&self, best: &mut [Best]) {
+        let quantity = self.quantity();
+        best.iter_mut().for_each(|best| best.value = quantity.held(best.value));
+    }
+
+    /// The decision of an unclipped value of this field with the tip at a point, for those who have values by other ways.
+    #[must_use]
+    pub fn decide(&self, position: DVec3, value: f32) -> Decision {
+        if value.is_nan() {
+            return Decision::Colliding;
+        }
+        let Some(calibration) = &self.calibration else { return Decision::Undecided };
+        if !self.scene.record.grid.is_between_centres(position) {
+            return Decision::Undecided;
+        }
+        if calibration.free_up_to.is_some_and(|free| value <= free) {
+            Decision::Free
+        } else if calibration.blocked_from.is_some_and(|blocked| value >= blocked) {
+            Decision::Colliding
+        } else {
+            Decision::Undecided
+        }
+    }
+}
+
+impl PoseField for Field {
+    fn quantity(&self) -> Quantity {
+        self.family.quantity()
+    }
+
+    fn bounds(&self) -> Option<[DVec3; 2]> {
+        Some(self.scene.record.grid.box_of_centres())
+    }
+
+    fn values(&self, poses: &[Pose], values: &mut [f32]) -> Result<(), FieldError> {
+        self.values_unclipped(poses, values)?;
+        let quantity = self.quantity();
+        values.iter_mut().for_each(|value| *value = quantity.held(*value));
+        Ok(())
+    }
+
+    fn gradients(&self, poses: &[Pose], gradients: &mut [Gradient]) -> Result<(), FieldError> {
+        check_lengths(poses.len(), gradients.len())?;
+        let grid = &self.scene.record.grid;
+        self.scratch.with(|scratch| {
+            for (pose, out) in poses.iter().zip(gradients) {
+                *out = self.family.gradient(grid, pose, scratch).unwrap_or(Gradient::NAN);
+            }
+        });
+        Ok(())
+    }
+
+    fn classify(&self, poses: &[Pose], decisions: &mut [Decision]) -> Result<(), FieldError> {
+        check_lengths(poses.len(), decisions.len())?;
+        let mut values = [0.0; BLOCK];
+        for (poses, decisions) in poses.chunks(BLOCK).zip(decisions.chunks_mut(BLOCK)) {
+            let values = &mut values[..poses.len()];
+            self.values_unclipped(poses, values)?;
+            for ((pose, value), decision) in poses.iter().zip(values).zip(decisions) {
+                *decision = self.decide(pose.position, *value);
+            }
+        }
+        Ok(())
+    }
+
+    fn best(&self, points: &[DVec3], rotations: &[DQuat], best: &mut [Best]) -> Result<(), FieldError> {
+        check_minimum(points, rotations, best)?;
+        let grid = &self.scene.record.grid;
+        let by_products = self.sharp_points == [DVec3::ZERO]
+            && self.scratch.with(|scratch| {
+                let decide = |point, value| self.decide(point, value);
+                self.family.least(grid, points, rotations, best, scratch, decide)
+            });
+        if !by_products {
+            minimum_pose_by_pose(points, rotations, &self.sharp_points, best, |poses, values, decisions| {
+                self.values_unclipped(poses, values)?;
+                for ((pose, value), decision) in poses.iter().zip(values.iter()).zip(decisions) {
+                    *decision = self.decide(pose.position, *value);
+                }
+                Ok(())
+            })?;
+        }
+        self.hold(best);
+        Ok(())
+    }
+}

@@ -1,0 +1,56 @@
+//! A field of any family at all voxel centres of its grid.
+
+use imf_core::control::Control;
+use imf_core::field::{FieldError, GridField};
+use imf_core::grid::Grid;
+use imf_core::orientation::Orientation;
+use imf_core::section::Imf;
+
+use super::Field;
+use super::families::Family;
+use crate::harmonic::minimum_over;
+use crate::siren::over_grid;
+
+/// A factored field's network runs at every voxel for each call; whoever calls often expands it before
+/// ([`Field::expanded`]).
+impl GridField for Field {
+    fn grid(&self) -> &Grid {
+        &self.scene().record.grid
+    }
+
+    fn sections(&self, orientations: &[Orientation], values: &mut [f32]) -> Result<(), FieldError> {
+        let voxels = self.grid().len();
+        assert_eq!(values.len(), voxels * orientations.len(), "one section for each orientation");
+        match self.family() {
+            Family::Siren(network) => {
+                for (orientation, section) in orientations.iter().zip(values.chunks_exact_mut(voxels.max(1)))
+                {
+                    over_grid::section(&mut &*network, self.grid(), orientation.angles(), section)?;
+                }
+            }
+            Family::Harmonic(field) => field.sections(&field.heads(orientations), values),
+            Family::Factored(evaluator) => {
+                evaluator.sections(&evaluator.field().heads(orientations), values);
+            }
+        }
+        Ok(())
+    }
+
+    fn minimum(&self, orientations: &[Orientation], control: Control<'_>) -> Result<Imf, FieldError> {
+        if orientations.is_empty() {
+            return Err(FieldError::Orientations(0));
+        }
+        match self.family() {
+            Family::Siren(network) => {
+                let directions: Vec<[f32; 2]> = orientations.iter().map(Orientation::angles).collect();
+                over_grid::minimum(&mut &*network, self.grid(), &directions, control)
+            }
+            Family::Harmonic(field) => {
+                minimum_over(&**field, |some| field.heads(some), orientations, control)
+            }
+            Family::Factored(evaluator) => {
+                minimum_over(&**evaluator, |some| evaluator.field().heads(some), orientations, control)
+            }
+        }
+    }
+}

@@ -1,0 +1,113 @@
+//! Small fields of every family for the tests.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::factored::file::FactoredFile;
+use crate::factored::{FactoredField, TeachSettings};
+use crate::field::Field;
+use crate::file::FieldFile;
+use crate::harmonic::basis::Domain;
+use crate::harmonic::coefficients::Precision;
+use crate::harmonic::file::HarmonicFile;
+use crate::harmonic::{FitSettings, fit};
+use crate::model::{Model, TrainingRecord};
+use crate::recipe::TrainingState;
+use crate::siren::SirenShape;
+use imf_core::control::Control;
+use imf_core::parts::ReferencePart;
+use imf_core::pose::Pose;
+use imf_core::scene::{Scene, SceneSpec};
+use imf_core::section::SectionPlan;
+use imf_core::tool::{Clearance, Tool};
+
+/// A coarse bracket and a tool, grown all around by a clearance in voxels.
+pub(crate) fn scene(tool: &Tool, clearance: f64) -> Scene {
+    let mesh = ReferencePart::Bracket.mesh();
+    let spec =
+        SceneSpec { margin: 1, ..SceneSpec::of_reference(ReferencePart::Bracket, &mesh, [12, 36, 22], tool) };
+    let scene = spec.scene().unwrap();
+    let room = clearance * scene.record.grid.pitch;
+    scene.with_clearance(&Clearance { holder: room, shank: room, cutter: room }).unwrap()
+}
+
+pub(crate) fn harmonic_file(scene: &Scene, degree: usize) -> HarmonicFile {
+    let settings = FitSettings {
+        degree,
+        sections_per_function: 1.5,
+        axes: 40,
+        sample: 1000,
+        held_out: 4,
+        precision: Precision::F32,
+        ..FitSettings::default()
+    };
+    let tool = &scene.record.tool;
+    let domain = if tool.with_tip_only().is_axisymmetric() { Domain::Directions } else { Domain::Rotations };
+    let field = fit(&SectionPlan::of_scene(scene).unwrap(), domain, &settings, Control::quiet()).unwrap();
+    HarmonicFile { field, scene: scene.clone(), settings, calibration: None }
+}
+
+pub(crate) fn harmonic(scene: &Scene) -> Field {
+    Field::new(FieldFile::Harmonic(Arc::new(harmonic_file(scene, 8)))).unwrap()
+}
+
+/// Weights as they are before teaching: a field as bumpy as any.
+pub(crate) fn factored_file(scene: &Scene) -> FactoredFile {
+    let teacher = harmonic_file(scene, 6);
+    let settings = TeachSettings { width: 24, hidden: 2, omega: 6.0, ..TeachSettings::default() };
+    let shape = settings.shape(teacher.field.axis_count());
+    FactoredFile {
+        field: FactoredField::new(&teacher.field, shape, shape.initial_parameters(4)).unwrap(),
+        scene: scene.clone(),
+        fit: teacher.settings,
+        report: teacher.field.report,
+        settings,
+        precision: Precision::F32,
+        state: None,
+        calibration: None,
+    }
+}
+
+pub(crate) fn factored(scene: &Scene) -> Field {
+    Field::new(FieldFile::Factored(Box::new(factored_file(scene)))).unwrap()
+}
+
+/// Starting weights, of the paper's shape but narrow.
+pub(crate) fn siren_model(scene: &Scene) -> Model {
+    let shape = SirenShape { width: 33, hidden: 3, omega: 3.0, ..SirenShape::default() };
+    let record: TrainingRecord = serde_json::from_value(serde_json::json!({
+        "program": "0", "plan": crate::recipe::TrainingPlan::default(),
+        "cursor": crate::recipe::Cursor { epoch: 0, step: 0 }, "finished": true, "steps": 0, "seconds": 0.0,
+        "engine": "test", "orientations": imf_core::orientation::OrientationSet::parse("fibonacci:3").unwrap(),
+        "sampling": crate::recipe::Sampling::default(), "samples": 0, "dataset_crc32": 0, "losses": []
+    }))
+    .unwrap();
+    let state = TrainingState::new(&shape, 3);
+    Model { shape, scene: scene.clone(), record, state, calibration: None }
+}
+
+pub(crate) fn siren(scene: &Scene) -> Field {
+    Field::new(FieldFile::Siren(Box::new(siren_model(scene)))).unwrap()
+}
+
+/// Uniform positions in the box of the voxel centres, uniform axes.
+pub(crate) fn poses(scene: &Scene, count: usize, seed: u64) -> Vec<Pose> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut number = || f64::from(random.next_u32()) / f64::from(u32::MAX);
+    let grid = scene.record.grid;
+    let (low, high) = (grid.centre([0; 3]), grid.centre(grid.dims.map(|n| n - 1)));
+    (0..count)
+        .map(|_| {
+            let unit = DVec3::new(number(), number(), number()) * 0.998 + 0.001;
+            let (theta, z) = (std::f64::consts::TAU * number(), 2.0 * number() - 1.0);
+            let flat = (1.0 - z * z).sqrt();
+            let axis = DVec3::new(flat * theta.cos(), flat * theta.sin(), z).as_vec3();
+            // What single precision holds, as graphs and GPUs read it.
+            let position = (low + unit * (high - low)).as_vec3();
+            Pose::along(position.as_dvec3(), axis.as_dvec3())
+        })
+        .collect()
+}

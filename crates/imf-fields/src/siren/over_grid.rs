@@ -1,0 +1,77 @@
+//! A network at all voxel centres of a grid, by whatever evaluates it.
+
+use super::{EvaluationEngine, features};
+use imf_core::control::Control;
+use imf_core::field::{EngineError, FieldError};
+use imf_core::grid::Grid;
+use imf_core::section::Imf;
+
+/// Voxels that are made inputs at a time.
+const CHUNK: usize = 1 << 16;
+
+/// Directions that a minimum is taken over in one call of an engine, at most.
+const DIRECTIONS: usize = 1024;
+
+/// Values at all voxel centres for one angle pair in degrees, C-ordered into `values`.
+///
+/// # Errors
+/// A device that failed.
+///
+/// # Panics
+/// If `values` has not the grid's length.
+pub fn section(
+    engine: &mut dyn EvaluationEngine,
+    grid: &Grid,
+    angles: [f32; 2],
+    values: &mut [f32],
+) -> Result<(), EngineError> {
+    assert_eq!(values.len(), grid.len(), "one value for each voxel");
+    let mut inputs = Vec::new();
+    for (chunk, out) in values.chunks_mut(CHUNK).enumerate() {
+        inputs.clear();
+        for index in chunk * CHUNK..chunk * CHUNK + out.len() {
+            let unit = grid.unit(grid.centre(grid.voxel(index))).as_vec3().to_array();
+            inputs.extend_from_slice(&features(unit, angles[0], angles[1]));
+        }
+        engine.evaluate(&inputs, out)?;
+    }
+    Ok(())
+}
+
+/// Minimum and index of the first direction that has it, at all voxel centres. One unit of progress is one value.
+///
+/// # Errors
+/// A device that failed, or no direction; [`FieldError::Cancelled`] when the control asks to stop.
+pub fn minimum(
+    engine: &mut dyn EvaluationEngine,
+    grid: &Grid,
+    directions: &[[f32; 2]],
+    control: Control<'_>,
+) -> Result<Imf, FieldError> {
+    let points: Vec<[f32; 3]> =
+        (0..grid.len()).map(|index| grid.unit(grid.centre(grid.voxel(index))).as_vec3().to_array()).collect();
+    let mut found = Imf::new(points.len());
+    let some = engine.values_at_once().div_ceil(directions.len().clamp(1, DIRECTIONS));
+    let (mut least, mut best) = (vec![0.0; some.min(points.len())], vec![0; some.min(points.len())]);
+    let parts = points.chunks(some).zip(found.value.chunks_mut(some)).zip(found.best.chunks_mut(some));
+    for ((points, lowest), chosen) in parts {
+        let (least, best) = (&mut least[..points.len()], &mut best[..points.len()]);
+        // Without any the engine says so.
+        let groups = directions.chunks(DIRECTIONS).chain(directions.is_empty().then_some(directions));
+        for (first, directions) in (0..).step_by(DIRECTIONS).zip(groups) {
+            if control.is_cancelled() {
+                return Err(FieldError::Cancelled);
+            }
+            engine.minimum(points, directions, least, best)?;
+            for ((lowest, chosen), (least, best)) in
+                lowest.iter_mut().zip(chosen.iter_mut()).zip(least.iter().zip(best.iter()))
+            {
+                if first == 0 || least < lowest {
+                    (*lowest, *chosen) = (*least, first + best);
+                }
+            }
+            (control.progress)((points.len() * directions.len()) as u64);
+        }
+    }
+    Ok(found)
+}

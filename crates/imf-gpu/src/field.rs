@@ -1,0 +1,513 @@
+//! Fields of any family on the GPU: poses in world coordinates to values, gradients and decisions, from slices of the host or
+//! from buffers that stay on the device; and whole grids.
+//!
+//! The twin on the CPU is [`Field`], whose conventions hold here: an invalid pose is NaN and colliding, outside the box
+//! of the voxel centres values are those of the nearest point inside. How poses pass through a family's field stands in
+//! `field/siren.rs`, `field/factored.rs` and `field/harmonic.rs`, whole grids in `field/grid.rs`. Buffers for slices of the host
+//! are kept from call to call.
+
+mod factored;
+pub(crate) mod grid;
+mod harmonic;
+mod host;
+mod network;
+mod siren;
+mod turns;
+
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+
+use bytemuck::{Pod, Zeroable};
+use glam::{DQuat, DVec3, Vec3};
+use imf_core::control::Control;
+use imf_core::field::{
+    Best, Decision, EngineError, FieldError, Gradient, GridField, PoseField, check_lengths,
+};
+use imf_core::grid::Grid;
+use imf_core::orientation::Orientation;
+use imf_core::pose::Pose;
+use imf_core::section::{Imf, Quantity};
+use imf_fields::calibration::Calibration;
+use imf_fields::field::{Field, LoadError};
+use imf_fields::file::FieldFile;
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::siren::{EvaluationEngine, over_grid};
+
+use crate::device::Gpu;
+use crate::kernel::{Kernel, uniform};
+use crate::shader::{COLLIDING, FREE, Shader};
+use crate::submit::Submissions;
+use crate::uniforms::{Batch, Sweep, Thresholds};
+use factored::FactoredPasses;
+use grid::{GridCoefficients, Source};
+use harmonic::HarmonicPasses;
+use host::HostBuffers;
+use network::{Frame, Passes};
+use siren::SirenPasses;
+
+/// A pose as the device reads it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct DevicePose {
+    /// World position of the tip; the last number is idle.
+    pub position: [f32; 4],
+    /// Quaternion x, y, z, w from the tool's frame into the world, of any length but 0.
+    pub rotation: [f32; 4],
+}
+
+impl From<Pose> for DevicePose {
+    fn from(pose: Pose) -> Self {
+        // Of length 1 in double precision, so that no length is lost by rounding.
+        let DQuat { x, y, z, w } = pose.rotation.normalize();
+        let rotation = [x, y, z, w].map(|v| v as f32);
+        Self { position: pose.position.as_vec3().extend(0.0).to_array(), rotation }
+    }
+}
+
+/// A value and its derivatives as the device writes them.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct DeviceGradient {
+    /// The overlap, not clipped.
+    pub value: f32,
+    /// Change for a move of the tip by one unit of length.
+    pub position: [f32; 3],
+    /// Change for a turn of the tool's axis by a radian: tangent to the sphere at the axis.
+    pub direction: [f32; 3],
+    /// Change for a turn of the tool about its axis by a radian; 0 for tools of revolution.
+    pub roll: f32,
+}
+
+/// A decision as the device writes it, [`crate::shader::FREE`], [`crate::shader::COLLIDING`] or [`crate::shader::UNDECIDED`]; any
+/// other number is undecided.
+#[must_use]
+pub fn decision_of(code: u32) -> Decision {
+    match code {
+        FREE => Decision::Free,
+        COLLIDING => Decision::Colliding,
+        _ => Decision::Undecided,
+    }
+}
+
+/// A network of the paper's kind, or a harmonic or factored field, on one GPU. Threads take turns.
+///
+/// What poses need is compiled and uploaded at the first call that asks for poses; what whole grids need, the coefficients of all
+/// voxels (4 bytes each) for harmonic and factored fields, at the first call that asks for a section or a minimum.
+///
+/// # Example
+/// ```no_run
+/// use imf_core::field::{Gradient, PoseField};
+/// use imf_core::glam::DVec3;
+/// use imf_core::pose::Pose;
+/// use imf_gpu::{DeviceChoice, Gpu, GpuField};
+///
+/// let gpu = Gpu::open(&DeviceChoice::Automatic)?;
+/// let field = GpuField::load(&gpu, "field.safetensors")?;
+/// let poses = vec![Pose::along(DVec3::new(10.0, 20.0, 30.0), DVec3::Z); 100_000];
+/// let mut gradients = vec![Gradient::NAN; poses.len()];
+/// field.gradients(&poses, &mut gradients)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub struct GpuField {
+    gpu: Gpu,
+    file: FieldFile,
+    field: Field,
+    /// Whether the tool's roll counts.
+    rolls: bool,
+    /// Whether minima are not computed on the CPU: of tools with their tip alone.
+    minima_on_device: bool,
+    work: Mutex<Option<Box<Work>>>,
+    over_grid: Mutex<Option<GridCoefficients>>,
+}
+
+/// What calls work with.
+struct Work {
+    frame: Frame,
+    family: Family,
+    host: HostBuffers,
+    decisions: Kernel,
+    thresholds: wgpu::Buffer,
+    /// The poses that are decided at once.
+    decided: wgpu::Buffer,
+    submissions: Submissions,
+}
+
+/// How poses pass through a field.
+enum Family {
+    Siren(Box<SirenPasses>),
+    Factored(Box<FactoredPasses>),
+    Harmonic(Box<HarmonicPasses>),
+}
+
+/// Buffers of a call.
+#[derive(Clone, Copy)]
+struct Call<'a> {
+    poses: &'a wgpu::Buffer,
+    values: &'a wgpu::Buffer,
+    gradients: Option<&'a wgpu::Buffer>,
+}
+
+impl GpuField {
+    /// A field that was read or made already.
+    ///
+    /// # Errors
+    /// Weights that do not fit their network.
+    pub fn new(gpu: &Gpu, file: FieldFile) -> Result<Self, LoadError> {
+        let rolls = file.basis().is_some_and(|basis| basis.domain() == Domain::Rotations);
+        let field = Field::new(file.clone())?;
+        let record = &field.scene().record;
+        let is_tip_alone = record.tool.sharp_point_positions(record.grid.pitch) == [DVec3::ZERO];
+        Ok(Self {
+            gpu: gpu.clone(),
+            file,
+            field,
+            rolls,
+            minima_on_device: is_tip_alone,
+            work: Mutex::default(),
+            over_grid: Mutex::default(),
+        })
+    }
+
+    /// Reads a field from a file.
+    ///
+    /// # Errors
+    /// As [`Self::new`]; a missing, foreign, newer, truncated or damaged file, by name.
+    pub fn load(gpu: &Gpu, path: impl AsRef<Path>) -> Result<Self, LoadError> {
+        Self::new(gpu, FieldFile::read(path.as_ref())?)
+    }
+
+    /// The same field on the CPU.
+    #[must_use]
+    pub fn twin(&self) -> &Field {
+        &self.field
+    }
+
+    /// Values of `count` poses that lie on the device, into a buffer there: `poses` holds [`DevicePose`]s, `values` gets an
+    /// `f32` each, not clipped, NaN for invalid poses. Both are storage buffers of the device that this was made on. Work may
+    /// still be under way when this returns; what is submitted to the queue later comes after it.
+    ///
+    /// # Errors
+    /// Buffers too small for `count`, or a device that failed.
+    pub fn values_on_device(
+        &self,
+        poses: &wgpu::Buffer,
+        values: &wgpu::Buffer,
+        count: usize,
+    ) -> Result<(), EngineError> {
+        self.with(|work| work.submit(Call { poses, values, gradients: None }, count))
+    }
+
+    /// As [`Self::values_on_device`], with a [`DeviceGradient`] each as well.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn gradients_on_device(
+        &self,
+        poses: &wgpu::Buffer,
+        values: &wgpu::Buffer,
+        gradients: &wgpu::Buffer,
+        count: usize,
+    ) -> Result<(), EngineError> {
+        self.with(|work| work.submit(Call { poses, values, gradients: Some(gradients) }, count))
+    }
+
+    /// As [`Self::values_on_device`], with a decision each as well, a `u32` that [`decision_of`] reads. A value that is not finite is
+    /// blocked.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn classify_on_device(
+        &self,
+        poses: &wgpu::Buffer,
+        values: &wgpu::Buffer,
+        decisions: &wgpu::Buffer,
+        count: usize,
+    ) -> Result<(), EngineError> {
+        self.with(|work| {
+            check_size("decisions", decisions, count, size_of::<u32>())?;
+            work.submit(Call { poses, values, gradients: None }, count)?;
+            work.decide(poses, values, decisions, count)
+        })
+    }
+
+    /// The orientation that a minimum is to be taken over; `None` for what is no rotation.
+    fn orientation_of(&self, rotation: DQuat) -> Option<Orientation> {
+        let pose = Pose::new(DVec3::ZERO, rotation);
+        match self.rolls {
+            true => pose.is_valid().then(|| pose.orientation()),
+            false => Orientation::from_direction(pose.axis()?),
+        }
+    }
+
+    /// A panic of another thread leaves nothing half done that the next call reads.
+    fn with<T>(&self, work: impl FnOnce(&mut Work) -> Result<T, EngineError>) -> Result<T, EngineError> {
+        let mut guard = self.work.lock().unwrap_or_else(PoisonError::into_inner);
+        let made = match guard.take() {
+            Some(made) => made,
+            None => Box::new(Work::new(&self.gpu, &self.file, &self.field)?),
+        };
+        work(guard.insert(made))
+    }
+
+    /// The same for whole grids of harmonic and factored fields.
+    fn with_grid<T, E: From<EngineError>>(
+        &self,
+        source: Source<'_>,
+        work: impl FnOnce(&mut GridCoefficients) -> Result<T, E>,
+    ) -> Result<T, E> {
+        let mut guard = self.over_grid.lock().unwrap_or_else(PoisonError::into_inner);
+        let made = match guard.take() {
+            Some(made) => made,
+            None => GridCoefficients::new(&self.gpu, source)?,
+        };
+        work(guard.insert(made))
+    }
+
+    /// What says what orientations are worth; `None` for the paper's network.
+    fn source(&self) -> Option<Source<'_>> {
+        match &self.file {
+            FieldFile::Siren(_) => None,
+            FieldFile::Harmonic(file) => Some(Source::Harmonic(&file.field)),
+            FieldFile::Factored(file) => Some(Source::Factored(&file.field)),
+        }
+    }
+
+    /// Hands over values that are not clipped, with the places of their poses.
+    fn unclipped(&self, poses: &[Pose], mut take: impl FnMut(usize, f32)) -> Result<(), FieldError> {
+        self.with(|work| {
+            for (part, poses) in poses.chunks(GATHERED).enumerate() {
+                let buffers = work.host.upload(&work.frame.gpu, poses, false)?;
+                work.submit(buffers.call(), poses.len())?;
+                work.host.read(&work.frame.gpu, &buffers.values, poses.len(), |place, value| {
+                    take(part * GATHERED + place, value);
+                })?;
+            }
+            Ok(())
+        })?;
+        Ok(())
+    }
+}
+
+/// The change for turns about the world's axes, from those of the tool's axis and about it.
+fn turned(pose: &Pose, direction: Vec3, roll: f32) -> Vec3 {
+    let axis = pose.axis().map_or(Vec3::NAN, DVec3::as_vec3);
+    axis.cross(direction) + roll * axis
+}
+
+/// Poses of the host that go up together.
+const GATHERED: usize = 1 << 18;
+
+impl PoseField for GpuField {
+    fn quantity(&self) -> Quantity {
+        self.field.quantity()
+    }
+
+    fn bounds(&self) -> Option<[DVec3; 2]> {
+        self.field.bounds()
+    }
+
+    fn values(&self, poses: &[Pose], values: &mut [f32]) -> Result<(), FieldError> {
+        check_lengths(poses.len(), values.len())?;
+        let quantity = self.field.quantity();
+        self.unclipped(poses, |place, value| values[place] = quantity.held(value))
+    }
+
+    fn gradients(&self, poses: &[Pose], gradients: &mut [Gradient]) -> Result<(), FieldError> {
+        check_lengths(poses.len(), gradients.len())?;
+        self.with(|work| {
+            for (poses, gradients) in poses.chunks(GATHERED).zip(gradients.chunks_mut(GATHERED)) {
+                let buffers = work.host.upload(&work.frame.gpu, poses, true)?;
+                work.submit(buffers.call(), poses.len())?;
+                let Some(found) = &buffers.gradients else { continue };
+                work.host.read(&work.frame.gpu, found, poses.len(), |place, found: DeviceGradient| {
+                    let direction = Vec3::from_array(found.direction);
+                    gradients[place] = Gradient {
+                        value: found.value,
+                        position: Vec3::from_array(found.position),
+                        direction,
+                        rotation: turned(&poses[place], direction, found.roll),
+                    };
+                })?;
+            }
+            Ok(())
+        })?;
+        Ok(())
+    }
+
+    fn classify(&self, poses: &[Pose], decisions: &mut [Decision]) -> Result<(), FieldError> {
+        check_lengths(poses.len(), decisions.len())?;
+        self.unclipped(poses, |place, value| {
+            decisions[place] = self.field.decide(poses[place].position, value);
+        })
+    }
+
+    /// The minimum is taken on the device for tools whose only sharp point is the tip, on the CPU for others.
+    fn best(&self, points: &[DVec3], rotations: &[DQuat], best: &mut [Best]) -> Result<(), FieldError> {
+        let orientations: Option<Vec<Orientation>> =
+            rotations.iter().map(|&rotation| self.orientation_of(rotation)).collect();
+        let orientations = match orientations {
+            Some(found) if self.minima_on_device && !found.is_empty() => found,
+            // Sharp points, what is no rotation, and what is refused.
+            _ => return self.field.best(points, rotations, best),
+        };
+        check_lengths(points.len(), best.len())?;
+        let grid = &self.field.scene().record.grid;
+        let [low, high] = grid.box_of_centres();
+        let held: Vec<DVec3> =
+            points.iter().map(|point| if point.is_finite() { point.clamp(low, high) } else { low }).collect();
+        let Imf { value: least, best: chosen } = self.with(|work| {
+            let Work { frame, family, host, .. } = work;
+            match family {
+                Family::Siren(passes) => {
+                    let units: Vec<[f32; 3]> =
+                        held.iter().map(|&point| grid.unit(point).as_vec3().to_array()).collect();
+                    let angles: Vec<[f32; 2]> = orientations.iter().map(Orientation::angles).collect();
+                    let mut found = Imf::new(units.len());
+                    passes.evaluator.minimum(&units, &angles, &mut found.value, &mut found.best)?;
+                    Ok(found)
+                }
+                Family::Factored(passes) => passes.minimum.minimum_unclipped(&held, &orientations),
+                Family::Harmonic(passes) => passes.minimum(frame, host, &held, &orientations),
+            }
+        })?;
+        let quantity = self.field.quantity();
+        for (((point, best), value), orientation) in points.iter().zip(best).zip(least).zip(chosen) {
+            *best = if point.is_finite() {
+                let decision = self.field.decide(*point, value);
+                Best { value: quantity.held(value), orientation, decision }
+            } else {
+                Best::NONE
+            };
+        }
+        Ok(())
+    }
+}
+
+impl GridField for GpuField {
+    fn grid(&self) -> &Grid {
+        self.field.grid()
+    }
+
+    fn sections(&self, orientations: &[Orientation], values: &mut [f32]) -> Result<(), FieldError> {
+        let voxels = self.grid().len();
+        assert_eq!(values.len(), voxels * orientations.len(), "one section for each orientation");
+        match self.source() {
+            Some(source) => self.with_grid(source, |grid| grid.sections(source, orientations, values))?,
+            None => self.with(|work| {
+                let Family::Siren(passes) = &mut work.family else { return Ok(()) };
+                for (orientation, section) in orientations.iter().zip(values.chunks_exact_mut(voxels.max(1)))
+                {
+                    over_grid::section(&mut passes.evaluator, self.grid(), orientation.angles(), section)?;
+                }
+                Ok(())
+            })?,
+        }
+        Ok(())
+    }
+
+    fn minimum(&self, orientations: &[Orientation], control: Control<'_>) -> Result<Imf, FieldError> {
+        if orientations.is_empty() {
+            return Err(FieldError::Orientations(0));
+        }
+        let Some(source) = self.source() else {
+            let directions: Vec<[f32; 2]> = orientations.iter().map(Orientation::angles).collect();
+            return self.with(|work| match &mut work.family {
+                Family::Siren(passes) => {
+                    Ok(over_grid::minimum(&mut passes.evaluator, self.grid(), &directions, control))
+                }
+                _ => Ok(Err(FieldError::Orientations(0))),
+            })?;
+        };
+        self.with_grid(source, |grid| grid.minimum(source, orientations, control))
+    }
+}
+
+impl Work {
+    fn new(gpu: &Gpu, file: &FieldFile, field: &Field) -> Result<Self, EngineError> {
+        let family = match file {
+            FieldFile::Siren(model) => Family::Siren(Box::new(SirenPasses::new(gpu, model)?)),
+            FieldFile::Factored(file) => Family::Factored(Box::new(FactoredPasses::new(gpu, &file.field)?)),
+            FieldFile::Harmonic(file) => Family::Harmonic(Box::new(HarmonicPasses::new(gpu, &file.field)?)),
+        };
+        let threshold = |found: fn(&Calibration) -> Option<f32>, none: f32| {
+            field.calibration().and_then(found).unwrap_or(none)
+        };
+        let thresholds = Thresholds {
+            free_up_to: threshold(|calibration| calibration.free_up_to, f32::MIN),
+            blocked_from: threshold(|calibration| calibration.blocked_from, f32::MAX),
+        };
+        Ok(Self {
+            frame: Frame::new(gpu, &field.scene().record.grid)?,
+            family,
+            host: HostBuffers::new(),
+            decisions: Kernel::new(gpu, Shader::PoseDecisions)?,
+            thresholds: uniform(gpu, "thresholds", &thresholds)?,
+            decided: uniform(gpu, "decided", &Batch::default())?,
+            submissions: Submissions::default(),
+        })
+    }
+
+    /// Submits the poses of a buffer in parts.
+    fn submit(&mut self, call: Call<'_>, count: usize) -> Result<(), EngineError> {
+        check_size("poses", call.poses, count, size_of::<DevicePose>())?;
+        check_size("values", call.values, count, size_of::<f32>())?;
+        if let Some(gradients) = call.gradients {
+            check_size("gradients", gradients, count, size_of::<DeviceGradient>())?;
+        }
+        let Self { frame, family, submissions, .. } = self;
+        match family {
+            Family::Siren(passes) => in_parts(frame, &**passes, submissions, call, count),
+            Family::Harmonic(passes) => in_parts(frame, &**passes, submissions, call, count),
+            Family::Factored(passes) => in_parts(frame, &**passes, submissions, call, count),
+        }
+    }
+
+    /// Submits what is decided of poses by values that were asked before.
+    fn decide(
+        &mut self,
+        poses: &wgpu::Buffer,
+        values: &wgpu::Buffer,
+        decisions: &wgpu::Buffer,
+        count: usize,
+    ) -> Result<(), EngineError> {
+        let gpu = &self.frame.gpu;
+        let block = Batch { rows: count as u32, ..Batch::default() };
+        gpu.queue().write_buffer(&self.decided, 0, bytemuck::bytes_of(&block));
+        let buffers = [&self.decided, &self.frame.world, &self.thresholds, poses, values, decisions];
+        let bound = self.decisions.bind(gpu, &buffers);
+        let workgroups = gpu.limits().workgroups;
+        self.submissions.pass(gpu, |pass| bound.linear(pass, count, workgroups))
+    }
+}
+
+/// Submits `count` poses, as many at a time as there is room for.
+fn in_parts<P: Passes>(
+    frame: &Frame,
+    passes: &P,
+    submissions: &mut Submissions,
+    call: Call<'_>,
+    count: usize,
+) -> Result<(), EngineError> {
+    let (bound, extent) = (passes.bind(frame, call), passes.extent());
+    let gpu = &frame.gpu;
+    for base in (0..count).step_by(extent.rows) {
+        let rows = extent.rows.min(count - base);
+        let padded_rows = rows.next_multiple_of(extent.padding);
+        let block = Batch { rows: rows as u32, padded_rows: padded_rows as u32, ..Batch::default() };
+        let part = Sweep { base: base as u32, ..Sweep::default() };
+        gpu.queue().write_buffer(extent.batch, 0, bytemuck::bytes_of(&block));
+        gpu.queue().write_buffer(&frame.sweep, 0, bytemuck::bytes_of(&part));
+        let limit = gpu.limits().workgroups;
+        submissions.pass(gpu, |pass| passes.record(&bound, pass, rows, padded_rows, limit))?;
+    }
+    Ok(())
+}
+
+/// Refuses a buffer that is too small for `count` elements of `each` bytes.
+fn check_size(name: &str, buffer: &wgpu::Buffer, count: usize, each: usize) -> Result<(), EngineError> {
+    let size = buffer.size();
+    if size / (each as u64) < count as u64 {
+        return Err(EngineError::Shape(format!("a buffer of {size} bytes for {count} {name}")));
+    }
+    Ok(())
+}

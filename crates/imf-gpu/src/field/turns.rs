@@ -1,0 +1,205 @@
+//! From a point's coefficients to values at any direction or rotation d: what factored and harmonic fields have in common.
+//! Coefficients z give every function its weight, w = s·U z + μ; the value is the sum of the functions b(d) by their weights, and so
+//! are its derivatives by d. By the coefficients it changes as s·Uᵀ b(d), where the way back to the point begins. Where a field is
+//! told of a symmetry, the functions are of the direction in the frame of the point's place; derivatives are by the world's.
+//!
+//! Both products are the shader of a linear layer; the scale s is in their weights.
+
+use std::f64::consts::{PI, SQRT_2};
+
+use imf_core::field::EngineError;
+use imf_fields::factored::Symmetry;
+use imf_fields::harmonic::basis::Basis;
+use imf_fields::harmonic::rotations::Step;
+use imf_fields::harmonic::sphere::SphereBasis;
+
+use super::Call;
+use super::network::Frame;
+use crate::device::Gpu;
+use crate::kernel::{Bound, Kernel, uniform};
+use crate::memory::Plan;
+use crate::shader::Shader;
+use crate::uniforms::{self, Harmonics, Layer};
+
+/// The functions of a field, its axes and its mean.
+#[derive(Clone, Copy)]
+pub(super) struct Functions<'a> {
+    pub(super) basis: &'a Basis,
+    /// U: `[K][axes]`.
+    pub(super) axes: &'a [f32],
+    /// μ: `[K]`.
+    pub(super) mean: &'a [f32],
+    pub(super) scale: f32,
+    /// What places' frames are by.
+    pub(super) symmetry: Symmetry,
+    /// Nearer to its axis than this slopes do not grow.
+    pub(super) blunt: f64,
+}
+
+impl Functions<'_> {
+    /// Functions of a row on the device, padding among them.
+    pub(super) fn columns(&self, padding: usize) -> usize {
+        self.basis.len().next_multiple_of(padding)
+    }
+}
+
+/// Rows of coefficients on the device, and what their slopes are to be written to: both `[rows][axes]`, padding among them.
+pub(super) struct Coefficients<'a> {
+    pub(super) batch: &'a wgpu::Buffer,
+    pub(super) rows: usize,
+    pub(super) axes: usize,
+    pub(super) values: &'a wgpu::Buffer,
+    pub(super) slopes: &'a wgpu::Buffer,
+}
+
+/// The kernels, and what they work with.
+pub(super) struct Turns {
+    batch: wgpu::Buffer,
+    values: Kernel,
+    slopes: Kernel,
+    /// From coefficients to weights of the functions, and from functions to slopes.
+    weigh: Bound,
+    seed: Bound,
+    harmonics: wgpu::Buffer,
+    /// [`uniforms::Symmetry`]
+    pub(super) symmetry: wgpu::Buffer,
+    /// See `harmonics.wgsl` and `rotations.wgsl`.
+    steps: wgpu::Buffer,
+    /// `[rows][columns]`
+    weights: wgpu::Buffer,
+    functions: wgpu::Buffer,
+    /// Functions and axes, padding among them.
+    columns: usize,
+    axes: usize,
+}
+
+impl Turns {
+    pub(super) fn new(
+        gpu: &Gpu,
+        functions: Functions<'_>,
+        at: &Coefficients<'_>,
+    ) -> Result<Self, EngineError> {
+        let columns = functions.columns(gpu.matrix_kernel().padding());
+        let table = recurrence(functions.basis);
+        let (values_of, slopes_of) = match functions.basis {
+            Basis::Directions(_) => (Shader::HarmonicValues, Shader::HarmonicSlopes),
+            Basis::Rotations(_) => (Shader::RotationValues, Shader::RotationSlopes),
+        };
+        let (mixing, [weigh, seed]) = mixing(functions, columns, at.axes);
+        let mut plan = Plan::default();
+        let places = [
+            plan.add("recurrence", 4 * table.len()),
+            plan.add("axes", mixing.len()),
+            plan.add("weights of functions", at.rows * columns),
+            plan.add("functions", at.rows * columns),
+        ];
+        let buffers = plan.allocate(gpu)?;
+        let [steps, axes, weights, values] = places.map(|place| buffers[place].clone());
+        gpu.queue().write_buffer(&steps, 0, bytemuck::cast_slice(&table));
+        gpu.queue().write_buffer(&axes, 0, bytemuck::cast_slice(&mixing));
+        let (weigh, seed) = (uniform(gpu, "weights", &weigh)?, uniform(gpu, "seed", &seed)?);
+        let linear = Kernel::new(gpu, Shader::Linear)?;
+        let harmonics = Harmonics { degree: functions.basis.degree() as u32, stride: columns as u32 };
+        Ok(Self {
+            batch: at.batch.clone(),
+            values: Kernel::new(gpu, values_of)?,
+            slopes: Kernel::new(gpu, slopes_of)?,
+            weigh: linear.bind(gpu, &[at.batch, &weigh, &axes, at.values, &weights]),
+            seed: linear.bind(gpu, &[at.batch, &seed, &axes, &values, at.slopes]),
+            harmonics: uniform(gpu, "harmonics", &harmonics)?,
+            symmetry: uniform(
+                gpu,
+                "symmetry",
+                &uniforms::Symmetry::new(&functions.symmetry, functions.blunt),
+            )?,
+            steps,
+            weights,
+            functions: values,
+            columns,
+            axes: at.axes,
+        })
+    }
+
+    /// The kernel of values, or of values and derivatives by how the tool stands where gradients are asked.
+    pub(super) fn bind(&self, frame: &Frame, call: Call<'_>) -> Bound {
+        let Frame { gpu, world, sweep } = frame;
+        let Call { poses, values, gradients } = call;
+        let Self { batch, symmetry, harmonics, steps, weights, functions, .. } = self;
+        let front = [batch, world, sweep, symmetry, harmonics, poses, steps, weights, values];
+        match gradients {
+            None => self.values.bind(gpu, &front),
+            Some(gradients) => self.slopes.bind(gpu, &[&front[..], &[gradients, functions]].concat()),
+        }
+    }
+
+    /// From coefficients to values; `values` is what [`Self::bind`] gave.
+    pub(super) fn record(
+        &self,
+        values: &Bound,
+        pass: &mut wgpu::ComputePass<'_>,
+        rows: usize,
+        padded_rows: usize,
+        limit: u32,
+    ) {
+        self.weigh.product(pass, padded_rows, self.columns, 1);
+        values.linear(pass, rows, limit);
+    }
+
+    /// From the functions that [`Self::record`] left, where gradients were asked, to slopes by the coefficients.
+    pub(super) fn record_slopes(&self, pass: &mut wgpu::ComputePass<'_>, padded_rows: usize) {
+        self.seed.product(pass, padded_rows, self.axes, 1);
+    }
+}
+
+/// The recurrence's constants as `harmonics.wgsl` or `rotations.wgsl` reads them, of functions of mean square 1.
+fn recurrence(basis: &Basis) -> Vec<[f32; 4]> {
+    match basis {
+        Basis::Directions(sphere) => of_directions(sphere),
+        Basis::Rotations(rotations) => {
+            rotations.steps().iter().map(|&Step { a, b, e }| [a as f32, b as f32, e as f32, 0.0]).collect()
+        }
+    }
+}
+
+fn of_directions(sphere: &SphereBasis) -> Vec<[f32; 4]> {
+    let degree = sphere.degree();
+    let mut table = Vec::with_capacity((degree + 1) * (degree + 2) / 2);
+    for l in 0..=degree {
+        for m in 0..=l {
+            let (a, e) = if l > m {
+                sphere.step(l, m)
+            } else {
+                let both = if m > 0 { SQRT_2 } else { 1.0 };
+                ((4.0 * PI).sqrt() * both * sphere.sectoral(m), 0.0)
+            };
+            table.push([a as f32, 0.0, e as f32, 0.0]);
+        }
+    }
+    table
+}
+
+/// The axes as the weights of two linear layers, and these: from `axes` coefficients to `columns` functions, and back.
+///
+/// ```text
+/// | s·U [columns][axes] | μ [columns] | s·Uᵀ [axes][columns] | 0 [axes] |
+/// ```
+fn mixing(functions: Functions<'_>, columns: usize, axes: usize) -> (Vec<f32>, [Layer; 2]) {
+    let Functions { basis, axes: kept, mean, scale, .. } = functions;
+    let second = columns * (axes + 1);
+    let mut all = vec![0.0; second + axes * (columns + 1)];
+    for (function, row) in kept.chunks_exact(kept.len() / basis.len()).enumerate() {
+        for (axis, &value) in row.iter().enumerate() {
+            all[function * axes + axis] = value * scale;
+            all[second + axis * columns + function] = value * scale;
+        }
+    }
+    all[columns * axes..][..mean.len()].copy_from_slice(mean);
+    let layer = |inputs: usize, outputs: usize, weights: usize| Layer {
+        inputs: inputs as u32,
+        outputs: outputs as u32,
+        weights: weights as u32,
+        biases: (weights + inputs * outputs) as u32,
+        ..Layer::default()
+    };
+    (all, [layer(axes, columns, 0), layer(columns, axes, second)])
+}
