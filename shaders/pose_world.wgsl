@@ -94,7 +94,8 @@ fn angles_of_pose(pose: Pose, axis: vec3<f32>) -> vec2<f32> {
         let q = unit_rotation(pose);
         let x = vec2<f32>(1.0 - 2.0 * (q.y * q.y + q.z * q.z), 2.0 * (q.x * q.y + q.w * q.z));
         let held = select(x, vec2<f32>(), abs(x) < vec2<f32>(STEP));
-        let theta = angle_of(held.y, select(-held.x, held.x, axis.z > 0.0));
+        let side = select(-1.0, 1.0, axis.z > 0.0);
+        let theta = angle_of(side * held.y, side * held.x);
         angles.x = select(theta, theta + 2.0 * PI, theta < 0.0);
     }
     return angles;

@@ -6,7 +6,7 @@ use imf_core::grid::Grid;
 use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::section::{SectionPlan, SectionScratch, direct_cmf, imf, sections};
+use imf_core::section::{At, SectionPlan, SectionScratch, direct_cmf, imf, sections};
 use imf_core::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
 use imf_core::voxelize::voxelize;
@@ -71,7 +71,7 @@ fn axes(spec: &str) -> Vec<Orientation> {
 }
 
 fn cmf(obstacle: &Occupancy, query: &Grid, tool: &Tool, orientation: &Orientation) -> Vec<f32> {
-    let plan = SectionPlan::with_query(obstacle, query, tool).expect("a sound case");
+    let plan = SectionPlan::with_query(obstacle, tool, At::SharpPoints, query).expect("a sound case");
     let mut values = vec![f32::NAN; query.len()];
     plan.cmf(orientation, &mut SectionScratch::default(), &mut values).expect("a sound case");
     values
@@ -173,7 +173,7 @@ fn the_inaccessibility_is_the_least_of_the_sections_and_falls_with_more_orientat
     let mut random = Random(5);
     for dims in SHAPES {
         let (solid, tool) = (obstacle(&mut random, dims, 1.0), tool(&mut random));
-        let plan = SectionPlan::new(&solid, &tool).unwrap();
+        let plan = SectionPlan::new(&solid, &tool, At::SharpPoints).unwrap();
         let orientations = axes("fibonacci:17");
         let all = sections(&plan, &orientations, Control::quiet()).unwrap();
         let (whole, part) = (

@@ -12,7 +12,7 @@ use std::time::Instant;
 use imf_core::control::Control;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
-use imf_core::section::{Quantity, SectionPlan};
+use imf_core::section::{At, Quantity, SectionPlan};
 use imf_core::tool::{Clearance, Tool};
 use imf_fields::calibration::{Calibration, Judgement};
 use imf_fields::factored::file::FactoredFile;
@@ -47,7 +47,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let scene = scene.with_clearance(&Clearance { holder: room, shank: room, cutter: room })?;
     let settings = FitSettings { quantity, degree, sections_per_function: 2.0, ..FitSettings::default() };
     let begun = Instant::now();
-    let made = fit(&SectionPlan::of_scene(&scene)?, Domain::Directions, &settings, Control::quiet())?;
+    let made =
+        fit(&SectionPlan::of_scene(&scene, At::Tip)?, Domain::Directions, &settings, Control::quiet())?;
     println!(
         "{} {dims:?}, {quantity:?}, degree {degree}: made in {:.1} s, {:?}",
         part.name(),

@@ -18,7 +18,7 @@ use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
-use imf_core::section::{SectionPlan, sections};
+use imf_core::section::{At, SectionPlan, sections};
 use imf_core::tool::Tool;
 use imf_fields::factored::{FactoredField, PointScratch, Symmetry, TeachSettings};
 use imf_fields::harmonic::basis::Domain;
@@ -102,7 +102,7 @@ fn taught_from(values: &Values, part: ReferencePart) -> Result<(SectionPlan, Tea
     let dims = part.dims().map(|n| (n as f64 * scale).round() as usize);
     let (mesh, tool) = (part.mesh(), Tool::paper());
     let scene = SceneSpec::of_reference(part, &mesh, dims, &tool).scene()?;
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool)?;
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints)?;
     let settings = fitting(values)?;
     let start = Instant::now();
     let teacher = fit(&plan, Domain::Directions, &settings, Control::quiet())?;

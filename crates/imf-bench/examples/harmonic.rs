@@ -9,7 +9,7 @@ use imf_core::control::Control;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
-use imf_core::section::{SectionPlan, imf, sections, stream_sections};
+use imf_core::section::{At, SectionPlan, imf, sections, stream_sections};
 use imf_core::tool::Tool;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
@@ -32,7 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let dims = part.dims().map(|n| (n as f64 * scale).round() as usize);
     let (mesh, tool) = (part.mesh(), Tool::paper());
     let scene = SceneSpec::of_reference(part, &mesh, dims, &tool).scene()?;
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool)?;
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints)?;
     let voxels = plan.grid().len();
     let seconds = |start: Instant| start.elapsed().as_secs_f64();
 

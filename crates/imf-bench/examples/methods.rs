@@ -11,7 +11,7 @@ use std::time::Instant;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
-use imf_core::section::{Method, SectionPlan, SectionScratch};
+use imf_core::section::{At, Method, SectionPlan, SectionScratch};
 use imf_core::tool::Tool;
 
 /// The side at which the paper's tool and the scaled one are the same.
@@ -29,9 +29,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             // In a grid of another pitch the same tool spans as many voxels as are asked for.
             obstacle.grid.pitch = if scaled { PAPER_SIDE / side as f64 } else { 1.0 };
             println!("{side}³, tool {}", if scaled { "scaled" } else { "29×29×83" });
-            println!("  chosen    {}", SectionPlan::new(&obstacle, &tool)?.describe());
+            println!("  chosen    {}", SectionPlan::new(&obstacle, &tool, At::SharpPoints)?.describe());
             for (method, name) in [(Method::RunEnds, "run ends"), (Method::Transform, "real FFT")] {
-                let plan = SectionPlan::new(&obstacle, &tool)?.with_method(method);
+                let plan = SectionPlan::new(&obstacle, &tool, At::SharpPoints)?.with_method(method);
                 let (mut scratch, mut counts) = (SectionScratch::default(), vec![0; obstacle.grid.len()]);
                 // The first section also makes the plan's tables.
                 plan.counts(&orientations[0], &mut scratch, &mut counts)?;

@@ -16,7 +16,7 @@ use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::{DepthPlan, DepthScratch, Quantity, SectionPlan};
+use imf_core::section::{At, DepthPlan, DepthScratch, Quantity, SectionPlan};
 use imf_core::tool::Tool;
 use imf_fields::factored::{FactoredField, FactoredState, TeachSettings};
 use imf_fields::harmonic::basis::Domain;
@@ -69,7 +69,7 @@ fn study(study: &Study) -> Result<Vec<Step>, Box<dyn Error>> {
             })
             .collect();
         let part = Occupancy { grid: goal.grid, solid };
-        let plan = SectionPlan::new(&part, &record.tool)?;
+        let plan = SectionPlan::new(&part, &record.tool, At::SharpPoints)?;
         let begun = Instant::now();
         let settings = FitSettings {
             quantity: Quantity::Depth,

@@ -32,7 +32,7 @@ fn main() {
     let mut covered = 0;
     for _ in 0..ROUNDS {
         let begun = Instant::now();
-        let found = removable(&obstacle, &stock, &tool, &cutter, &orientations, 0.0, Control::quiet());
+        let found = removable(&obstacle, &tool, &stock, &cutter, &orientations, 0.0, Control::quiet());
         covered = found.expect("removable stock").covered.iter().map(|&v| usize::from(v)).sum();
         least = least.min(begun.elapsed().as_secs_f64());
     }

@@ -19,7 +19,7 @@ use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
-use imf_core::section::{SectionPlan, SectionScratch, stream_sections};
+use imf_core::section::{At, SectionPlan, SectionScratch, stream_sections};
 use imf_core::tool::{RotatedTool, Tool};
 use imf_core::voxelize::voxelize;
 use serde::Serialize;
@@ -73,7 +73,7 @@ pub(crate) fn run(session: &Session, arguments: &ExactArguments) -> Result<()> {
     let (mesh, dims) = (part.mesh(), part.dims());
     session.note("voxelising the teapot");
     let scene = SceneSpec::of_reference(part, &mesh, dims, &tool).scene()?;
-    let plan = SectionPlan::new(&scene.obstacle, &tool)?;
+    let plan = SectionPlan::new(&scene.obstacle, &tool, At::SharpPoints)?;
     let orientations = OrientationSet::parse(&format!("fibonacci:{SECTIONS}"))?.orientations;
     session.note(&format!("sections: {}", plan.describe()));
     let mut sections_seconds = f64::INFINITY;
@@ -273,7 +273,7 @@ mod tests {
         let solid = (0..grid.len()).map(|i| u8::from(i.wrapping_mul(2_654_435_761) >> 7 & 3 == 0)).collect();
         let obstacle = Occupancy { grid, solid };
         let tool = Tool::paper();
-        let plan = SectionPlan::new(&obstacle, &tool).unwrap();
+        let plan = SectionPlan::new(&obstacle, &tool, At::SharpPoints).unwrap();
         let orientations = OrientationSet::parse("random:3:4").unwrap().orientations;
         let trial = Trial::new(&obstacle, &tool, &plan, &orientations).unwrap();
         assert!(plain_fft::all_equal(&trial));

@@ -23,7 +23,7 @@ use imf_cli::session::Session;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::{Imf, SectionPlan, imf};
+use imf_core::section::{At, Imf, SectionPlan, imf};
 use imf_core::tool::Tool;
 use imf_fields::evaluation::field_sections;
 use imf_fields::factored::{FactoredField, Symmetry, TeachSettings};
@@ -101,7 +101,7 @@ fn compare(
     let [x, y, z] = dims;
     session.note(&format!("{}, {x}×{y}×{z} voxels: the exact field", part.name()));
     let begun = Instant::now();
-    let plan = SectionPlan::of_scene(&scene)?;
+    let plan = SectionPlan::of_scene(&scene, At::Tip)?;
     let planned = begun.elapsed().as_secs_f64();
     let judge = Judge::new(session, &plan, &random.orientations, arguments.near, arguments.threshold)?;
     let least = imf(&plan, &asked, session.control(&|_| {}))?;

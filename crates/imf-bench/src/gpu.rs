@@ -18,7 +18,7 @@ use imf_cli::session::Session;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::{SectionPlan, stream_sections};
+use imf_core::section::{At, SectionPlan, stream_sections};
 use imf_core::tool::Tool;
 use imf_fields::recipe::Precision;
 use imf_gpu::{DeviceChoice, Gpu, Peak};
@@ -250,7 +250,7 @@ fn peak(gpu: &Gpu, sizes: &Sizes, part: &mut Part) -> Result<()> {
 /// Sections of `fibonacci:225`, every value of some of them compared.
 fn sections(session: &Session, gpu: &Gpu, sizes: &Sizes, part: &mut Part) -> Result<()> {
     let scene = sizes.scene()?;
-    let plan = SectionPlan::of_scene(&scene)?;
+    let plan = SectionPlan::of_scene(&scene, At::Tip)?;
     let control = session.control(&|_| {});
     let orientations = OrientationSet::parse(&format!("fibonacci:{SECTIONS}"))?.orientations;
     let mut ours = f64::INFINITY;

@@ -9,7 +9,7 @@ use glam::DVec3;
 use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
-use imf_core::section::{SectionError, SectionPlan, SectionScratch, share};
+use imf_core::section::{At, SectionError, SectionPlan, SectionScratch, share};
 use imf_core::tool::{RotatedTool, Tool, ToolError};
 
 /// The layer `index` at right angles to `axis` as a part of its own: the other two axes in their order become x and y.
@@ -80,7 +80,7 @@ impl PlanarPlan {
     pub(crate) fn new(part: &Occupancy, tool: &Tool) -> Result<Self, SectionError> {
         assert!(part.grid.dims[2] == 1, "a part of one layer, not {:?}", part.grid.dims);
         assert!(tool.is_axisymmetric(), "a cut through the axis of a tool of revolution");
-        Ok(Self { plan: SectionPlan::new(part, &tool.with_tip_only())? })
+        Ok(Self { plan: SectionPlan::new(part, tool, At::Tip)? })
     }
 
     /// The part's grid.

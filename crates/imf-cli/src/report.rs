@@ -11,7 +11,7 @@ use anyhow::{Context, Result, bail};
 use imf_core::control::Control;
 use imf_core::field::GridField;
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::section::SectionPlan;
+use imf_core::section::{At, SectionPlan};
 use imf_core::tool::Clearance;
 use imf_fields::evaluation::{ImfComparison, grid_imf, grid_sections, nearest_sections};
 use imf_fields::metrics::ErrorReport;
@@ -100,7 +100,7 @@ pub fn evaluate(
         bail!("at least one random orientation is needed");
     }
     let record = &subject.scene.record;
-    let plan = SectionPlan::of_scene(subject.scene)?;
+    let plan = SectionPlan::of_scene(subject.scene, At::Tip)?;
     session.detail(&format!("sections: {}", plan.describe()));
     let training = subject.seen.as_ref();
     let singles: Vec<(&str, Orientation)> = [("in", questions.in_sample), ("out", questions.out_of_sample)]

@@ -135,6 +135,7 @@ pub(crate) mod tests {
     use crate::grid::Grid;
     use crate::occupancy::Occupancy;
     use crate::orientation::OrientationSet;
+    use crate::section::At;
     use crate::section::sections;
     use crate::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
     use crate::unit::LengthUnit;
@@ -171,7 +172,7 @@ pub(crate) mod tests {
     fn counts_and_lists_are_those_of_the_single_sections() {
         let obstacle = slotted();
         let query = obstacle.grid.grown([2, 1, 0], [-1, 3, 2]).unwrap();
-        let plan = SectionPlan::with_query(&obstacle, &query, &small_tool()).unwrap();
+        let plan = SectionPlan::with_query(&obstacle, &small_tool(), At::SharpPoints, &query).unwrap();
         let orientations = OrientationSet::parse("fibonacci:23").unwrap().orientations;
         let all = sections(&plan, &orientations, Control::quiet()).unwrap();
         for (tau, threads) in [(0.0, 1), (0.07, 3)] {
@@ -202,7 +203,7 @@ pub(crate) mod tests {
             tool
         };
         let access = [small_tool(), thin].map(|tool| {
-            let plan = SectionPlan::new(&obstacle, &tool).unwrap();
+            let plan = SectionPlan::new(&obstacle, &tool, At::SharpPoints).unwrap();
             tool_access(&plan, &orientations, AccessSettings::default(), Control::quiet()).unwrap()
         });
         let mut together = Together::new(obstacle.grid.len());

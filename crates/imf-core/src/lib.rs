@@ -37,11 +37,11 @@
 //! use imf_core::orientation::Orientation;
 //! use imf_core::parts::ReferencePart;
 //! use imf_core::scene::SceneSpec;
-//! use imf_core::section::{SectionPlan, SectionScratch};
+//! use imf_core::section::{At, SectionPlan, SectionScratch};
 //!
 //! let (part, tool) = (ReferencePart::Bracket, imf_core::tool::Tool::paper());
 //! let scene = SceneSpec::of_reference(part, &part.mesh(), [12, 36, 22], &tool).scene()?;
-//! let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool)?;
+//! let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints)?;
 //! let mut cmf = vec![0.0; scene.record.grid.len()];
 //! plan.cmf(&Orientation::new(0.0, 0.0), &mut SectionScratch::default(), &mut cmf)?;
 //! let free = cmf.iter().filter(|&&v| v == 0.0).count();

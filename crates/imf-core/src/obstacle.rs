@@ -26,6 +26,16 @@ impl Obstacle {
         Self { forbidden: Arc::new(forbidden), cuttable: Some(Arc::new(layer)) }
     }
 
+    /// Forbidden and cuttable voxels together.
+    #[must_use]
+    pub fn whole(&self) -> Occupancy {
+        let mut whole = Occupancy::clone(&self.forbidden);
+        if let Some(cuttable) = &self.cuttable {
+            whole.solid.iter_mut().zip(&cuttable.solid).for_each(|(solid, &cuttable)| *solid |= cuttable);
+        }
+        whole
+    }
+
     /// The grid of its voxels.
     #[must_use]
     pub fn grid(&self) -> &Grid {

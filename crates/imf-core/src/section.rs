@@ -25,10 +25,10 @@ mod sweep;
 mod values;
 mod walk;
 
-pub use contact::{Contact, Obstacles, Skin};
+pub(crate) use contact::Cuttable;
 pub use counter::Method;
 pub use depth::{DEPTH_CAP, DepthPlan, DepthScratch, Quantity};
-pub(crate) use direct::least_mean;
+pub(crate) use direct::minimum_mean;
 pub use direct::{direct_cmf, direct_count, direct_element_measures};
 pub use elements::{ElementMeasures, ElementPlans, ElementScratch, elements_at_best};
 pub use imf::{Imf, imf, stream_orientations, stream_sections};
@@ -43,12 +43,11 @@ use thiserror::Error;
 use crate::control::Control;
 use crate::grid::Grid;
 use crate::obstacle::Obstacle;
-use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
 use crate::scene::Scene;
 use crate::tool::{Assembly, ClearanceError, RotatedTool, Tool, ToolError};
 
-use contact::PlannedSkin;
+use contact::PlannedLayer;
 use counter::{Counter, Estimate};
 use size::CircularSize;
 
@@ -94,6 +93,15 @@ pub enum SectionError {
     Cancelled,
 }
 
+/// Which points of the tool a section's minimum is taken over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum At {
+    /// The tip alone: the overlap, which fields are made of.
+    Tip,
+    /// All sharp points: the collision measure.
+    SharpPoints,
+}
+
 /// An orientation in general position.
 const SLANT: Orientation = Orientation { theta: 25.0, phi: 55.0, roll: 0.0 };
 
@@ -101,7 +109,9 @@ const SLANT: Orientation = Orientation { theta: 25.0, phi: 55.0, roll: 0.0 };
 ///
 /// Plan once, run many: sections take `&self` and a [`SectionScratch`] of the calling thread.
 pub struct SectionPlan {
-    obstacle: Occupancy,
+    obstacle: Obstacle,
+    assembly: Assembly,
+    /// The whole one, sharp where the minimum is taken.
     tool: Tool,
     sharp_points: Vec<DVec3>,
     grid: Grid,
@@ -111,7 +121,7 @@ pub struct SectionPlan {
     counter: Counter,
     /// For the tool at a slant, as most orientations have it.
     estimate: Estimate,
-    skin: Option<PlannedSkin>,
+    layer: Option<PlannedLayer>,
 }
 
 /// Working memory of one thread; buffers grow at the first use and are kept.
@@ -133,33 +143,27 @@ pub(crate) fn offset_of_query(obstacle: &Grid, query: &Grid) -> Result<[i64; 3],
 }
 
 impl SectionPlan {
-    /// Plans sections of `tool` around `obstacle` at every voxel of the obstacle's grid. The tool's lengths must be
+    /// Plans sections of a tool around an obstacle at every voxel of the obstacle's grid. The tool's lengths must be
     /// in the grid's unit ([`Tool::in_unit`]).
     ///
     /// # Errors
     /// A tool without volume.
-    pub fn new<'a>(obstacle: impl Into<Obstacles<'a>>, tool: &Tool) -> Result<Self, SectionError> {
+    pub fn new(
+        obstacle: impl Into<Obstacle>,
+        assembly: impl Into<Assembly>,
+        at: At,
+    ) -> Result<Self, SectionError> {
         let obstacle = obstacle.into();
-        Self::with_query(obstacle, &obstacle.solid.grid, tool)
+        let grid = *obstacle.grid();
+        Self::with_query(obstacle, assembly, at, &grid)
     }
 
-    /// Plans sections of a scene at its tool's tip, with contact where the scene has it: what fields are learnt from.
+    /// Plans sections of a scene, with its clearance, and with contact where the scene has it.
     ///
     /// # Errors
     /// A tool without volume.
-    pub fn of_scene(scene: &Scene) -> Result<Self, SectionError> {
-        let (contact, rest) = (Contact::of_scene(scene), scene.record.tool_without_cutter()?);
-        let obstacles = Obstacles::new(&scene.obstacle, contact.as_ref(), rest.as_ref());
-        Self::new(obstacles, &scene.record.tool.with_tip_only())
-    }
-
-    /// Plans sections at the tool's tip.
-    ///
-    /// # Errors
-    /// A tool without volume.
-    pub fn at_tip(obstacle: &Obstacle, assembly: &Assembly) -> Result<Self, SectionError> {
-        let obstacles = Obstacles::of(obstacle, assembly);
-        Self::new(obstacles, &assembly.whole().with_tip_only())
+    pub fn of_scene(scene: &Scene, at: At) -> Result<Self, SectionError> {
+        Self::new(scene, scene.record.assembly()?, at)
     }
 
     /// Plans sections at every voxel of `query_grid`, which lies on the obstacle's voxels and may be a part of its grid,
@@ -167,31 +171,38 @@ impl SectionPlan {
     ///
     /// # Errors
     /// A tool without volume, or a query grid with other voxels than the obstacle's.
-    pub fn with_query<'a>(
-        obstacle: impl Into<Obstacles<'a>>,
+    pub fn with_query(
+        obstacle: impl Into<Obstacle>,
+        assembly: impl Into<Assembly>,
+        at: At,
         query_grid: &Grid,
-        tool: &Tool,
     ) -> Result<Self, SectionError> {
-        let Obstacles { solid: obstacle, skin } = obstacle.into();
+        let (obstacle, assembly) = (obstacle.into(), assembly.into());
+        let tool = match at {
+            At::Tip => assembly.whole().with_tip_only(),
+            At::SharpPoints => assembly.whole().clone(),
+        };
         tool.check()?;
-        let offset = offset_of_query(&obstacle.grid, query_grid)?;
-        let sharp_points = tool.sharp_point_positions(obstacle.grid.pitch);
-        let (query, size) = Self::sizes(&obstacle.grid, offset, query_grid.dims, tool);
+        let (forbidden, own) = (&*obstacle.forbidden, *obstacle.grid());
+        let offset = offset_of_query(&own, query_grid)?;
+        let sharp_points = tool.sharp_point_positions(own.pitch);
+        let (query, size) = Self::sizes(&own, offset, query_grid.dims, &tool);
         // A tool too large or too small is refused now rather than at the first section.
-        let upright = RotatedTool::new(tool, &Orientation::default(), obstacle.grid.pitch)?;
-        let counter = Counter::new(obstacle, size);
-        let slanted = RotatedTool::new(tool, &SLANT, obstacle.grid.pitch).unwrap_or(upright);
-        let estimate = counter.estimate(obstacle, &slanted, &query);
+        let upright = RotatedTool::new(&tool, &Orientation::default(), own.pitch)?;
+        let counter = Counter::new(forbidden, size);
+        let slanted = RotatedTool::new(&tool, &SLANT, own.pitch).unwrap_or(upright);
+        let estimate = counter.estimate(forbidden, &slanted, &query);
         Ok(Self {
-            obstacle: obstacle.clone(),
-            tool: tool.clone(),
+            layer: Cuttable::of(&obstacle, &assembly).map(|layer| PlannedLayer::new(layer, query)),
+            obstacle,
+            assembly,
+            tool,
             sharp_points,
             grid: *query_grid,
             offset,
             query,
             counter,
             estimate,
-            skin: skin.map(|skin| PlannedSkin::new(skin, query)),
         })
     }
 
@@ -199,8 +210,8 @@ impl SectionPlan {
     #[must_use]
     pub fn with_method(mut self, method: Method) -> Self {
         self.counter.method = method;
-        if let Some(skin) = &mut self.skin {
-            skin.counter.method = method;
+        if let Some(layer) = &mut self.layer {
+            layer.counter.method = method;
         }
         self
     }
@@ -210,8 +221,9 @@ impl SectionPlan {
     /// # Errors
     /// A grid with other voxels than the obstacle's.
     pub fn over(&self, query_grid: &Grid) -> Result<Self, SectionError> {
-        let obstacles = Obstacles { solid: &self.obstacle, skin: self.skin() };
-        Ok(Self::with_query(obstacles, query_grid, &self.tool)?.with_method(self.counter.method))
+        let at = if self.tip_alone() { At::Tip } else { At::SharpPoints };
+        let plan = Self::with_query(&self.obstacle, &self.assembly, at, query_grid)?;
+        Ok(plan.with_method(self.counter.method))
     }
 
     fn sizes(grid: &Grid, offset: [i64; 3], dims: [usize; 3], tool: &Tool) -> (QueryBox, CircularSize) {
@@ -227,23 +239,29 @@ impl SectionPlan {
         &self.grid
     }
 
-    /// The obstacle that the whole tool must stay out of; see also [`SectionPlan::skin`].
+    /// What the tool must stay out of.
     #[must_use]
-    pub fn obstacle(&self) -> &Occupancy {
+    pub fn obstacle(&self) -> &Obstacle {
         &self.obstacle
     }
 
-    /// What a part of the tool must stay out of as well. [`SectionPlan::obstacle`] and [`SectionPlan::tool`] alone do
-    /// not make up the overlap where there is a skin.
+    /// The tool as it is counted, in the grid's unit.
     #[must_use]
-    pub fn skin(&self) -> Option<Skin<'_>> {
-        self.skin.as_ref().map(PlannedSkin::skin)
+    pub fn assembly(&self) -> &Assembly {
+        &self.assembly
     }
 
-    /// The tool, in the grid's unit.
+    /// The whole tool, sharp where the minimum is taken.
     #[must_use]
     pub fn tool(&self) -> &Tool {
         &self.tool
+    }
+
+    /// True where there is a layer that the cutter may enter and something that may not: then forbidden voxels in the whole tool
+    /// alone do not make up the overlap.
+    #[must_use]
+    pub fn has_layer(&self) -> bool {
+        self.layer.is_some()
     }
 
     /// One line for people: how sections are computed.
@@ -298,7 +316,7 @@ impl SectionPlan {
     }
 
     /// The collision measure at a voxel of the grid by direct sums: the definition, for the plan's tool rotated into the
-    /// orientation. With a skin it is the sum of the elements' measures.
+    /// orientation. With a layer that the cutter may enter it is the sum of the elements' measures.
     ///
     /// # Errors
     /// A tool that does not fit the grid.
@@ -309,13 +327,13 @@ impl SectionPlan {
         voxel: [usize; 3],
     ) -> Result<f64, ToolError> {
         let at = [0, 1, 2].map(|axis| voxel[axis] as i64 + self.offset[axis]);
-        if let Some(skin) = self.skin() {
-            let obstacles = Obstacles { solid: &self.obstacle, skin: Some(skin) };
-            let elements = direct::element_measures(obstacles, &self.tool, orientation, at)?;
+        if self.has_layer() {
+            let elements =
+                direct::element_measures(&self.obstacle, &self.assembly, &self.tool, orientation, at)?;
             return Ok(elements.iter().map(|&(_, measure)| measure).sum());
         }
-        let (obstacle, at) = (Obstacles::from(&self.obstacle), DVec3::from_array(at.map(|v| v as f64)));
-        Ok(least_mean(obstacle, rotated, None, &self.sharp_points, orientation, at))
+        let at = DVec3::from_array(at.map(|v| v as f64));
+        Ok(minimum_mean(&self.obstacle.forbidden, rotated, None, &self.sharp_points, orientation, at))
     }
 
     /// The voxels where overlaps are counted: those of the grid, and where points off the tip are sharp as many
@@ -346,7 +364,7 @@ impl SectionPlan {
         window: &Grid,
         scratch: &'s mut SectionScratch,
     ) -> Result<(u32, &'s [u32]), SectionError> {
-        let offset = offset_of_query(&self.obstacle.grid, window)?;
+        let offset = offset_of_query(self.obstacle.grid(), window)?;
         let query = QueryBox::around(offset, window.dims, 0);
         assert!(self.query.holds(&query), "a window within the plan's grid");
         let rotated = self.box_counts(orientation, &query, scratch)?;
@@ -360,12 +378,18 @@ impl SectionPlan {
         query: &QueryBox,
         scratch: &mut SectionScratch,
     ) -> Result<u32, SectionError> {
-        let rotated = RotatedTool::new(&self.tool, orientation, self.obstacle.grid.pitch)?;
+        let rotated = RotatedTool::new(&self.tool, orientation, self.obstacle.grid().pitch)?;
         scratch.counts.resize(query.len(), 0);
-        self.counter.count(&self.obstacle, &rotated, query, &mut scratch.counter, &mut scratch.counts);
+        self.counter.count(
+            &self.obstacle.forbidden,
+            &rotated,
+            query,
+            &mut scratch.counter,
+            &mut scratch.counts,
+        );
         self.spot_check(&rotated, query, &scratch.counts)?;
-        if let Some(skin) = &self.skin {
-            skin.add(query, orientation, scratch)?;
+        if let Some(layer) = &self.layer {
+            layer.add(query, orientation, scratch)?;
         }
         Ok(rotated.count)
     }
@@ -377,7 +401,7 @@ impl SectionPlan {
         query: &QueryBox,
         counts: &[u32],
     ) -> Result<(), SectionError> {
-        direct::spot_check(&self.obstacle, rotated, query, counts)
+        direct::spot_check(&self.obstacle.forbidden, rotated, query, counts)
     }
 }
 

@@ -26,7 +26,7 @@ use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::pose::Pose;
 use imf_core::scene::SceneSpec;
-use imf_core::section::{Quantity, SectionPlan};
+use imf_core::section::{At, Quantity, SectionPlan};
 use imf_core::tool::{Clearance, Tool};
 use imf_fields::field::{Field, VerifiedField};
 use imf_fields::file::FieldFile;
@@ -69,7 +69,8 @@ fn field() -> Result<Field, Box<dyn Error>> {
         axes: 60,
         ..FitSettings::default()
     };
-    let made = fit(&SectionPlan::of_scene(&scene)?, Domain::Directions, &settings, Control::quiet())?;
+    let made =
+        fit(&SectionPlan::of_scene(&scene, At::Tip)?, Domain::Directions, &settings, Control::quiet())?;
     let file = HarmonicFile { field: made, scene, settings, calibration: None };
     Ok(Field::new(FieldFile::Harmonic(Arc::new(file)))?)
 }

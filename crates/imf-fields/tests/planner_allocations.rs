@@ -13,7 +13,7 @@ use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::pose::Pose;
 use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::SectionPlan;
+use imf_core::section::{At, SectionPlan};
 use imf_core::tool::Tool;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::{Axis, FactoredField, FactoredShape, Symmetry, TeachSettings};
@@ -46,7 +46,7 @@ fn harmonic(scene: &Scene, precision: Precision) -> HarmonicFile {
         precision,
         ..FitSettings::default()
     };
-    let plan = SectionPlan::of_scene(scene).unwrap();
+    let plan = SectionPlan::of_scene(scene, At::Tip).unwrap();
     let field = fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap();
     HarmonicFile { field, scene: scene.clone(), settings, calibration: None }
 }

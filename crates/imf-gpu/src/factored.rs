@@ -130,9 +130,9 @@ impl GpuFactored {
         self.network.coefficients_of(&self.field, points, submissions)
     }
 
-    /// What coefficients are multiplied by; the network is given up.
-    pub(crate) fn into_over(self) -> OverOrientations {
-        self.over
+    /// The field as it is evaluated, and what its coefficients are multiplied by; the network is given up.
+    pub(crate) fn into_parts(self) -> (FactoredField, OverOrientations) {
+        (self.field, self.over)
     }
 
     pub(crate) fn rows(&self) -> &CoefficientRows {

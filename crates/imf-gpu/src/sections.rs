@@ -69,13 +69,13 @@ pub struct GpuSections<'a> {
     plan: &'a SectionPlan,
     whole: Layer<'a>,
     /// What a part of the tool must stay out of as well.
-    skin: Option<Layer<'a>>,
+    cuttable: Option<Layer<'a>>,
 }
 
 /// A round of orientations for both layers.
 struct Round {
     whole: Vec<Turned>,
-    skin: Vec<Turned>,
+    cuttable: Vec<Turned>,
 }
 
 impl<'a> GpuSections<'a> {
@@ -85,8 +85,8 @@ impl<'a> GpuSections<'a> {
     /// [`EngineError::Device`] for a scene beyond the adapter's limits, too little memory, or a device that failed.
     pub fn new(gpu: &Gpu, plan: &'a SectionPlan) -> Result<Self, EngineError> {
         let query = plan.query_box();
-        let skin = plan.skin_layer().map(|layer| Layer::new(gpu, layer, query, true)).transpose()?;
-        Ok(Self { gpu: gpu.clone(), plan, whole: Layer::new(gpu, plan.layer(), query, false)?, skin })
+        let cuttable = plan.cuttable_layer().map(|layer| Layer::new(gpu, layer, query, true)).transpose()?;
+        Ok(Self { gpu: gpu.clone(), plan, whole: Layer::new(gpu, plan.layer(), query, false)?, cuttable })
     }
 
     /// One line for people: how sections are computed.
@@ -105,7 +105,7 @@ impl<'a> GpuSections<'a> {
     }
 
     fn layers(&self) -> impl Iterator<Item = &Layer<'a>> {
-        [&self.whole].into_iter().chain(&self.skin)
+        [&self.whole].into_iter().chain(&self.cuttable)
     }
 
     /// Orientations of one round. Sections that are read back wait on the host for their turn.
@@ -115,8 +115,12 @@ impl<'a> GpuSections<'a> {
     }
 
     fn prepare(&self, orientations: &[Orientation], first: usize) -> Result<Round, GpuSectionError> {
-        let skin = self.skin.as_ref().map(|layer| layer.prepare(orientations, first, &[])).transpose()?;
-        Ok(Round { whole: self.whole.prepare(orientations, first, &[])?, skin: skin.unwrap_or_default() })
+        let cuttable =
+            self.cuttable.as_ref().map(|layer| layer.prepare(orientations, first, &[])).transpose()?;
+        Ok(Round {
+            whole: self.whole.prepare(orientations, first, &[])?,
+            cuttable: cuttable.unwrap_or_default(),
+        })
     }
 
     /// As [`imf_core::section::stream_sections`]: computes the sections of `orientations` and shows each to `visit`
@@ -142,17 +146,17 @@ impl<'a> GpuSections<'a> {
         let plan = self.plan;
         let idle: Mutex<Vec<(V, Vec<f32>)>> = Mutex::new(Vec::new());
         let lock = || idle.lock().unwrap_or_else(PoisonError::into_inner);
-        while let Some(Round { whole, skin }) = round {
+        while let Some(Round { whole, cuttable }) = round {
             let begun = self.whole.begin(&whole)?;
-            let begun_skin = self.skin.as_mut().map(|layer| layer.begin(&skin)).transpose()?;
+            let begun_cuttable = self.cuttable.as_mut().map(|layer| layer.begin(&cuttable)).transpose()?;
             // While the device is at work.
             round = match rounds.next() {
                 Some((part, first)) => Some(self.prepare(part, first)?),
                 None => None,
             };
             let counts = self.whole.finish(begun, whole.len())?;
-            let counts_skin = match (&self.skin, begun_skin) {
-                (Some(layer), Some(begun)) => layer.finish(begun, skin.len())?,
+            let counts_cuttable = match (&self.cuttable, begun_cuttable) {
+                (Some(layer), Some(begun)) => layer.finish(begun, cuttable.len())?,
                 _ => Vec::new(),
             };
             (&whole, counts).into_par_iter().enumerate().try_for_each(|(place, (turn, counts))| {
@@ -161,7 +165,10 @@ impl<'a> GpuSections<'a> {
                 }
                 // The whole tool holds a voxel centre, or it had been refused.
                 let Some(rotated) = &turn.rotated else { return Ok(()) };
-                let more = skin.get(place).and_then(|turn| turn.rotated.as_ref()).zip(counts_skin.get(place));
+                let more = cuttable
+                    .get(place)
+                    .and_then(|turn| turn.rotated.as_ref())
+                    .zip(counts_cuttable.get(place));
                 let more = more.map(|(rotated, counts)| (rotated, counts.as_slice()));
                 let (mut visitor, mut cmf) =
                     lock().pop().unwrap_or_else(|| (start(), vec![0.0; plan.grid().len()]));
@@ -179,7 +186,7 @@ impl<'a> GpuSections<'a> {
     /// cutter that may touch the part, the sections are read back, and the minimum is taken on the host as on the CPU.
     #[must_use]
     pub fn keeps_minimum(&self) -> bool {
-        self.plan.tip_alone() && self.skin.is_none()
+        self.plan.tip_alone() && self.cuttable.is_none()
     }
 
     /// As [`imf_core::section::imf`], value for value and orientation for orientation. One unit of progress is one
@@ -243,8 +250,8 @@ impl<'a> GpuSections<'a> {
     /// As [`GpuSections::stream`].
     pub fn measure(&mut self, orientations: &[Orientation], times: usize) -> Result<f64, GpuSectionError> {
         let mut seconds = self.whole.measure(orientations, times)?;
-        if let Some(skin) = &mut self.skin {
-            seconds += skin.measure(orientations, times)?;
+        if let Some(cuttable) = &mut self.cuttable {
+            seconds += cuttable.measure(orientations, times)?;
         }
         Ok(seconds / orientations.len().max(1) as f64)
     }
@@ -252,6 +259,6 @@ impl<'a> GpuSections<'a> {
     /// Fills what the kernels write on the device with `value`, on which no result may depend: for tests.
     pub fn fill_scratch(&mut self, value: u32) {
         self.whole.fill_scratch(value);
-        self.skin.iter_mut().for_each(|layer| layer.fill_scratch(value));
+        self.cuttable.iter_mut().for_each(|layer| layer.fill_scratch(value));
     }
 }

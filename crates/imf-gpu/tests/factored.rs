@@ -10,7 +10,7 @@ use imf_core::control::Control;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
-use imf_core::section::{Imf, Quantity, SectionPlan};
+use imf_core::section::{At, Imf, Quantity, SectionPlan};
 use imf_core::tool::Tool;
 use imf_fields::factored::reference::loss_and_gradient;
 use imf_fields::factored::{
@@ -32,7 +32,7 @@ fn teacher() -> HarmonicField {
     let tool = Tool::paper();
     let scene = SceneSpec::of_reference(ReferencePart::Teapot, &mesh, [15, 19, 31], &tool);
     let scene = scene.scene().expect("a scene");
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).expect("a plan");
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).expect("a plan");
     let settings = FitSettings {
         quantity: Quantity::Overlap,
         degree: 5,

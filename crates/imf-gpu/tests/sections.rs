@@ -5,12 +5,13 @@ mod adapter;
 use imf_core::control::Control;
 use imf_core::grid::Grid;
 use imf_core::mesh::Mesh;
+use imf_core::obstacle::Obstacle;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::Bodies;
-use imf_core::section::{Contact, SectionError, SectionPlan, imf, sections};
-use imf_core::tool::{Element, RotatedTool, Segment, SharpPoints, Tool, ToolShape};
+use imf_core::section::{At, SectionError, SectionPlan, imf, sections};
+use imf_core::tool::{Element, ElementKind, RotatedTool, Segment, SharpPoints, Tool, ToolShape};
 use imf_core::voxelize::voxelize;
 use imf_gpu::{Gpu, GpuLimits, GpuSectionError, GpuSections};
 
@@ -93,7 +94,7 @@ fn every_value_is_the_cpus_at_sizes_that_are_no_multiple_of_anything() {
         (5.0, [67, 2, 3]),
         (7.0, [4, 3, 259]),
     ] {
-        let plan = SectionPlan::new(&scattered(grid(pitch, dims)), &Tool::paper()).unwrap();
+        let plan = SectionPlan::new(&scattered(grid(pitch, dims)), &Tool::paper(), At::SharpPoints).unwrap();
         agree(&plan, &orientations(), 40_000).unwrap();
     }
 }
@@ -110,7 +111,7 @@ fn sharp_points_and_tools_without_symmetry_agree() {
         wedge(),
         Tool { sharp_points: points([4.0, 0.5, 1.0]), ..wedge() },
     ] {
-        let plan = SectionPlan::new(&obstacle, &tool).unwrap();
+        let plan = SectionPlan::new(&obstacle, &tool, At::SharpPoints).unwrap();
         let device = adapter::open();
         let device = GpuSections::new(&device, &plan).unwrap();
         assert_eq!(device.keeps_minimum(), tool.sharp_points == SharpPoints::Tip);
@@ -136,7 +137,7 @@ fn query_grids_inside_across_and_beside_the_obstacle_agree() {
         for axis in 0..3 {
             query.origin[axis] += 4.0 * f64::from(offset[axis]);
         }
-        let plan = SectionPlan::with_query(&obstacle, &query, &Tool::paper()).unwrap();
+        let plan = SectionPlan::with_query(&obstacle, &Tool::paper(), At::SharpPoints, &query).unwrap();
         agree(&plan, &orientations(), 40_000).unwrap();
     }
 }
@@ -151,29 +152,32 @@ fn a_layer_that_only_the_cutter_may_enter_is_counted_for_the_rest() {
     let part = Occupancy { grid, solid: (0..grid.len()).map(|i| inside(i, 2, 11)).collect() };
     let fixtures = Occupancy { grid, solid: (0..grid.len()).map(|i| inside(i, 10, 13)).collect() };
     let bodies = Bodies { part, fixtures };
-    let contact = Contact::new(&bodies.obstacle(), bodies.layer(4.0));
-    assert!(contact.skin.count() > 0 && contact.solid.count() > 0);
+    let obstacle = Obstacle::with_cuttable(&bodies.obstacle(), bodies.layer(4.0));
+    assert!(obstacle.forbidden.count() > 0 && obstacle.cuttable.as_ref().unwrap().count() > 0);
     for sharp_points in [SharpPoints::Tip, SharpPoints::Points(vec![[1.0, 0.0, 3.0].into()])] {
         let tool = with_sharp_points(sharp_points);
         // A holder so thin that it holds no voxel centre when it stands askew.
-        let thin = match &tool.shape {
-            ToolShape::Revolved(elements) => {
-                let segment = Segment::Line { from: 40.0, to: 41.0, radius_from: 0.4, radius_to: 0.4 };
-                let holder = Element { profile: vec![segment], ..elements[1].clone() };
-                Tool { shape: ToolShape::Revolved(vec![holder]), ..tool.clone() }
-            }
-            ToolShape::Mesh(_) => unreachable!("the paper's tool has elements"),
+        let ToolShape::Revolved(elements) = &tool.shape else {
+            unreachable!("the paper's tool has elements")
         };
+        let of = |elements: Vec<Element>| Tool { shape: ToolShape::Revolved(elements), ..tool.clone() };
+        let segment = Segment::Line { from: 40.0, to: 41.0, radius_from: 0.4, radius_to: 0.4 };
+        let holder = Element { kind: ElementKind::Holder(0), profile: vec![segment] };
+        let cutter = Element { kind: ElementKind::Cutter, ..elements[0].clone() };
+        let thin = of(vec![holder.clone()]);
         let pitch = grid.pitch;
         let holds = |o: &Orientation| RotatedTool::new(&thin, o, pitch).is_ok();
         assert!(!orientations().iter().all(holds), "thin in some orientation");
-        for rest in [tool.without_cutter().unwrap(), thin] {
-            let plan = SectionPlan::new(contact.obstacles(Some(&rest)), &tool).unwrap();
+        for tool in [tool.clone(), of(vec![cutter.clone(), holder])] {
+            let plan = SectionPlan::new(&obstacle, &tool, At::SharpPoints).unwrap();
+            assert!(plan.has_layer());
             assert!(!GpuSections::new(&adapter::open(), &plan).unwrap().keeps_minimum());
             agree(&plan, &orientations(), 40_000).unwrap();
         }
         // A tool that is all cutter: nothing of it must stay out of the layer.
-        agree(&SectionPlan::new(contact.obstacles(None), &tool).unwrap(), &orientations(), 40_000).unwrap();
+        let plan = SectionPlan::new(&obstacle, &of(vec![cutter]), At::SharpPoints).unwrap();
+        assert!(!plan.has_layer());
+        agree(&plan, &orientations(), 40_000).unwrap();
     }
 }
 
@@ -182,7 +186,12 @@ fn a_layer_that_only_the_cutter_may_enter_is_counted_for_the_rest() {
 fn nothing_and_everything_solid_agree() {
     let grid = grid(4.0, [9, 14, 12]);
     for obstacle in [Occupancy::empty(grid), Occupancy { grid, solid: vec![1; grid.len()] }] {
-        agree(&SectionPlan::new(&obstacle, &Tool::paper()).unwrap(), &orientations(), 40_000).unwrap();
+        agree(
+            &SectionPlan::new(&obstacle, &Tool::paper(), At::SharpPoints).unwrap(),
+            &orientations(),
+            40_000,
+        )
+        .unwrap();
     }
 }
 
@@ -198,7 +207,7 @@ fn the_reference_parts_agree() {
         let pitch = 3.0;
         let dims = (scale * (upper - lower) / pitch).ceil().to_array().map(|n| n as usize);
         let obstacle = voxelize(&mesh, &Grid { origin: scale * lower, pitch, dims }, false);
-        let plan = SectionPlan::new(&obstacle, &Tool::paper()).unwrap();
+        let plan = SectionPlan::new(&obstacle, &Tool::paper(), At::SharpPoints).unwrap();
         agree(&plan, &OrientationSet::parse("fibonacci:40").unwrap().orientations, 600_000).unwrap();
     }
 }
@@ -206,7 +215,8 @@ fn the_reference_parts_agree() {
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn limits_and_interruption_are_told() {
-    let plan = SectionPlan::new(&scattered(grid(4.0, [13, 11, 17])), &Tool::paper()).unwrap();
+    let plan =
+        SectionPlan::new(&scattered(grid(4.0, [13, 11, 17])), &Tool::paper(), At::SharpPoints).unwrap();
     let gpu = adapter::open();
     let tiny = GpuLimits { storage_binding: 1024, buffer: 1 << 30, workgroups: 3 };
     let message = GpuSections::new(&gpu.clone().with_limits(tiny), &plan).err().unwrap().to_string();

@@ -10,7 +10,7 @@ use imf_core::control::Control;
 use imf_core::field::EngineError;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::scene::Scene;
-use imf_core::section::{SectionError, SectionPlan, stream_sections};
+use imf_core::section::{At, SectionError, SectionPlan, stream_sections};
 use imf_fields::metrics::{ErrorReport, Errors};
 use imf_fields::recipe::HeldOutChoice;
 use imf_fields::siren::EvaluationEngine;
@@ -46,7 +46,7 @@ impl HeldOut {
         control: Control<'_>,
     ) -> Result<Self, SectionError> {
         let orientations = unseen(choice.orientations.clamp(1, choice.poses.max(1)), choice.seed, trained);
-        let plan = SectionPlan::of_scene(scene)?;
+        let plan = SectionPlan::of_scene(scene, At::Tip)?;
         let grid = scene.record.grid;
         let share = |index: usize| (index * choice.poses) / orientations.len();
         let drawn =

@@ -34,7 +34,7 @@ fn sections_of_the_papers_teapot_are_direct_sums_and_the_imf_is_their_least() {
         let mut colliding = 0;
         for voxel in (0..CHECKED).map(|place| order.at(place)) {
             let at = plan.grid().voxel(voxel).map(|v| v as i64);
-            let expected = direct_count(plan.obstacle(), &rotated, at);
+            let expected = direct_count(&plan.obstacle().forbidden, &rotated, at);
             assert_eq!(counts[voxel], expected, "{:?}, voxel {at:?}", set[index]);
             colliding += usize::from(expected > 0);
         }

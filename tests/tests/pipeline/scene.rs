@@ -4,7 +4,7 @@ use imf_core::control::Control;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::SectionPlan;
+use imf_core::section::{At, SectionPlan};
 use imf_core::tool::Tool;
 use imf_fields::recipe::Sampling;
 use imf_gpu::{DeviceChoice, Gpu};
@@ -29,7 +29,7 @@ pub(crate) fn bracket() -> Scene {
 
 /// A scene's sections.
 pub(crate) fn plan(scene: &Scene) -> SectionPlan {
-    SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap()
+    SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap()
 }
 
 /// A set of orientations from its text.

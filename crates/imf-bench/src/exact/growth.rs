@@ -9,7 +9,7 @@ use imf_cli::session::{Session, show_bytes};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
-use imf_core::section::{SectionPlan, imf, stream_sections};
+use imf_core::section::{At, SectionPlan, imf, stream_sections};
 use imf_core::tool::Tool;
 use serde::Serialize;
 
@@ -79,7 +79,7 @@ pub(super) fn measure(session: &Session, arguments: &ExactArguments) -> Result<G
                 continue;
             }
             reset_peak_memory();
-            let plan = SectionPlan::new(&obstacle, &paper)?;
+            let plan = SectionPlan::new(&obstacle, &paper, At::SharpPoints)?;
             let seconds_per_section = time_sections(session, &plan, &orientations)?;
             growth.sizes.push(Size {
                 side,
@@ -91,7 +91,7 @@ pub(super) fn measure(session: &Session, arguments: &ExactArguments) -> Result<G
         }
     }
     let obstacle = SceneSpec::of_reference(part, &mesh, growth.stream_dims, &paper).scene()?.obstacle;
-    let plan = SectionPlan::new(&obstacle, &paper)?;
+    let plan = SectionPlan::new(&obstacle, &paper, At::SharpPoints)?;
     let most = if arguments.full { usize::MAX } else { QUICK_ORIENTATIONS };
     for count in ORIENTATIONS.into_iter().filter(|&count| count <= most) {
         session.note(&format!("IMF over {count} orientations"));

@@ -9,7 +9,7 @@ use imf_cli::report::{Questions, Subject, evaluate as compare};
 use imf_cli::session::Session;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::scene::SceneRecord;
-use imf_core::section::{SectionError, SectionPlan};
+use imf_core::section::{At, SectionError, SectionPlan};
 use imf_fields::evaluation::{EvaluationError, grid_imf};
 use imf_fields::file::FieldFile;
 use imf_fields::metrics::ErrorReport;
@@ -100,7 +100,7 @@ fn one(workshop: &Workshop<'_>, asked: &EvaluationSettings, done: &Finished) -> 
         .iter()
         .map(|row| Answer { name: row.name.clone(), errors: row.errors })
         .collect();
-    let plan = SectionPlan::of_scene(&model.scene)?;
+    let plan = SectionPlan::of_scene(&model.scene, At::Tip)?;
     for set in others {
         let stage = session.stage("evaluating", "sections", set.len() as u64);
         let advance = |n| stage.advance(n);

@@ -10,7 +10,7 @@ use imf_cli::job::{self, Data};
 use imf_cli::output::prepare_folder;
 use imf_cli::session::Session;
 use imf_core::scene::{Scene, SceneRecord};
-use imf_core::section::SectionPlan;
+use imf_core::section::{At, SectionPlan};
 use imf_fields::model::{Model, TrainingRecord};
 use imf_fields::recipe::Cursor;
 use imf_fields::recipe::OnlineSettings;
@@ -199,7 +199,7 @@ impl Workshop<'_> {
         self.session.require_memory(bytes, || {
             "the pool of sections; choose a smaller online.pool or sampling.density".into()
         })?;
-        let plan = SectionPlan::of_scene(coarse)?;
+        let plan = SectionPlan::of_scene(coarse, At::Tip)?;
         let sections = OnlineSections { plan, frame: full.record.grid, sampling: stage.sampling, settings };
         Ok((sections, bytes))
     }
@@ -216,7 +216,7 @@ fn fingerprint(sections: &OnlineSections) -> Result<u32> {
     // How far the producer may be ahead changes nothing.
     let settings = OnlineSettings { lead: 0, ..sections.settings };
     let mut hasher = crc32fast::Hasher::new();
-    hasher.update(&sections.plan.obstacle().packed());
+    hasher.update(&sections.plan.obstacle().forbidden.packed());
     let tool = sections.plan.tool();
     hasher.update(&serde_json::to_vec(&(sections.plan.grid(), tool, sections.sampling, settings))?);
     Ok(hasher.finalize())

@@ -17,7 +17,7 @@ use imf_core::field::{Gradient, GridField, PoseField};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::pose::Pose;
 use imf_core::scene::Scene;
-use imf_core::section::{SectionPlan, sections};
+use imf_core::section::{At, SectionPlan, sections};
 use imf_fields::factored::TeachSettings;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::file::FieldFile;
@@ -68,7 +68,7 @@ pub(super) fn measured(
     sizes: &Sizes,
     part: &mut Part,
 ) -> Result<()> {
-    let plan = SectionPlan::of_scene(scene)?;
+    let plan = SectionPlan::of_scene(scene, At::Tip)?;
     let (teacher, settings, fitted) = taught_by(session, scene, &plan, sizes)?;
     let [x, y, z] = plan.grid().dims;
     let teacher_told = format!(

@@ -7,7 +7,7 @@ use anyhow::{Context as _, Result};
 use imf_cli::session::Session;
 use imf_core::orientation::Orientation;
 use imf_core::scene::Scene;
-use imf_core::section::{SectionError, SectionPlan};
+use imf_core::section::{At, SectionError, SectionPlan};
 use imf_fields::factored::{FactoredField, Symmetry, TeachSettings};
 use imf_fields::harmonic::basis::{Basis, Domain};
 use imf_fields::harmonic::coefficients::Precision;
@@ -94,7 +94,7 @@ pub(super) fn measure(
         + 2 * (voxels * settings.axes) as u64
         + SectionPlan::memory_estimate(&scene.record.grid, &tool, session.threads());
     session.require_memory(needed, || format!("{} stored sections and a harmonic field of them", n * n))?;
-    let plan = SectionPlan::of_scene(scene)?;
+    let plan = SectionPlan::of_scene(scene, At::Tip)?;
     let repeated = &questions.imf[0].orientations;
     let asked = 4 * (questions.field_sections() + repeated.len());
     let total = n * n + questions.exact_sections() + section_count(Domain::Directions, &settings) + asked;

@@ -63,11 +63,10 @@ fn find(session: &Session, setup: &Setup) -> Result<Findings> {
     let settings = AccessSettings { tau: setup.tau, lists: setup.lists };
     let mut together = Together::new(setup.query.len());
     let (mut tools, mut elements, mut swept, mut maps) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    for (index, tool) in setup.tools.iter().enumerate() {
-        let obstacles = setup.obstacles(index);
-        let plans = ElementPlans::new(obstacles, &setup.query, &tool.grown)?;
+    for (index, assembly) in setup.tools.iter().enumerate() {
+        let plans = ElementPlans::new(&setup.obstacle, assembly, &setup.query)?;
         let plan = plans.whole();
-        let tool = &tool.grown;
+        let tool = assembly.whole();
         session.detail(&format!("{}: {}", tool.name, plan.describe()));
         let stage =
             session.stage(&format!("sections, {}", tool.name), "orientations", orientations.len() as u64);
@@ -84,7 +83,7 @@ fn find(session: &Session, setup: &Setup) -> Result<Findings> {
         stage.finish("");
         drop(plans);
         tools.push(access);
-        if let (Some(stock), Some(cutter)) = (&setup.stock, cutter_of(&setup.tools[index].bare)) {
+        if let (Some(stock), Some(cutter)) = (&setup.stock, cutter_of(assembly.tool())) {
             let stage = session.stage(
                 &format!("removable, {}", tool.name),
                 "orientations",
@@ -92,7 +91,8 @@ fn find(session: &Session, setup: &Setup) -> Result<Findings> {
             );
             let advance = |n| stage.advance(n);
             let control = session.control(&advance);
-            let found = removable(obstacles, &stock.solid, tool, &cutter, orientations, setup.tau, control);
+            let found =
+                removable(&setup.obstacle, assembly, &stock.solid, &cutter, orientations, setup.tau, control);
             swept.push(
                 found
                     .map_err(|error| match error {
@@ -107,7 +107,7 @@ fn find(session: &Session, setup: &Setup) -> Result<Findings> {
             let stage =
                 session.stage(&format!("map, {}", tool.name), "directions", (cells[0] * cells[1]) as u64);
             let advance = |n| stage.advance(n);
-            let map = access_map(obstacles, tool, point, cells, session.control(&advance));
+            let map = access_map(&setup.obstacle, assembly, point, cells, session.control(&advance));
             let map = map.map_err(interrupted)?;
             maps.push(match &setup.limits {
                 Some(limits) => map.within(limits),

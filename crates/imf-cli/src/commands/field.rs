@@ -13,9 +13,10 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 use imf_core::atomic_file::write_atomically;
+use imf_core::obstacle::Obstacle;
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::scene::{Bodies, Scene};
-use imf_core::section::{Contact, ElementPlans, Obstacles, SectionPlan};
+use imf_core::scene::Scene;
+use imf_core::section::{At, ElementPlans, SectionPlan};
 use serde_json::{Value, json};
 
 use self::approximate::Approximate;
@@ -55,23 +56,24 @@ pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
         }
         FieldMethod::Harmonic => (arguments.scene.scene_with(session, &arguments.contact)?, None),
     };
-    let obstacle = bodies.as_ref().map_or_else(|| scene.obstacle.clone(), Bodies::obstacle);
     let tool = &scene.record.tool;
     if let Some((set, _)) = asked.as_ref().filter(|_| !scene.record.bare_tool().is_axisymmetric()) {
         note_of_rolls(session, set);
     }
     let device = Device::open(&arguments.device, session)?;
-    let contact = match (&bodies, scene.record.contact) {
-        (Some(bodies), Some(depth)) => Some(Contact::new(&obstacle, bodies.layer(depth))),
-        _ => Contact::of_scene(&scene),
+    let obstacle = match (&bodies, scene.record.contact) {
+        (Some(bodies), Some(depth)) => Obstacle::with_cuttable(&bodies.obstacle(), bodies.layer(depth)),
+        (Some(bodies), None) => bodies.obstacle().into(),
+        (None, _) => Obstacle::from(&scene),
     };
-    let rest = scene.record.tool_without_cutter()?;
-    let obstacles = Obstacles::new(&obstacle, contact.as_ref(), rest.as_ref());
-    // A field that is kept is of the tip, which serves every sharp point; sections are of the least over all of them.
-    let tip = asked.is_none().then(|| tool.with_tip_only());
-    let plan = SectionPlan::with_query(obstacles, &scene.record.grid, tip.as_ref().unwrap_or(tool))?;
-    let elements =
-        arguments.elements.then(|| ElementPlans::new(obstacles, &scene.record.grid, tool)).transpose()?;
+    let assembly = scene.record.assembly()?;
+    // A field that is saved is of the tip, which serves every sharp point; sections are of the minimum over all of them.
+    let at = if asked.is_none() { At::Tip } else { At::SharpPoints };
+    let plan = SectionPlan::with_query(&obstacle, &assembly, at, &scene.record.grid)?;
+    let elements = arguments
+        .elements
+        .then(|| ElementPlans::new(&obstacle, &assembly, &scene.record.grid))
+        .transpose()?;
     if elements.as_ref().is_some_and(|elements| elements.elements().next().is_none()) {
         bail!("--elements needs a tool of cutter, shank and holder, and the tool '{}' is a mesh", tool.name);
     }

@@ -2,7 +2,7 @@
 
 use imf_core::control::Control;
 use imf_core::orientation::OrientationSet;
-use imf_core::section::{SectionPlan, sections};
+use imf_core::section::{At, SectionPlan, sections};
 use imf_fields::harmonic::file::HarmonicFile;
 
 use crate::folder::Folder;
@@ -23,7 +23,7 @@ fn sections_are_near_the_exact_ones_and_the_file_gives_them_again() {
     let set = "fibonacci:19";
     let summary = folder.json(&arguments(&["--orientations", set, "--save", "field.safetensors"]));
     let scene = model().scene;
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
     let orientations = OrientationSet::parse(set).unwrap().orientations;
     let exact = sections(&plan, &orientations, Control::quiet()).unwrap();
     let file = HarmonicFile::read(&folder.path("field.safetensors")).unwrap();
@@ -287,7 +287,7 @@ fn eval_says_of_both_families_what_plain_sums_say() {
     let small = ["compress", "field.safetensors", "--width", "32", "--layers", "2", "--batch", "128"];
     folder.succeed(&[&small[..], &["--steps", "600", "--rate", "4e-3", "--out", "small"]].concat());
     let scene = model().scene;
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
     let random = OrientationSet::parse("random:20:3").unwrap().orientations;
     let harmonic = HarmonicFile::read(&folder.path("field.safetensors")).unwrap();
     let factored =

@@ -4,9 +4,10 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::control::Control;
+use crate::obstacle::Obstacle;
 use crate::orientation::{Limits, Orientation};
-use crate::section::{Obstacles, SectionError, least_mean};
-use crate::tool::{RotatedTool, Tool};
+use crate::section::{Cuttable, SectionError, minimum_mean};
+use crate::tool::{Assembly, RotatedTool};
 
 /// Collision measures over cells of longitude θ and latitude 90° − φ of the tool's axis.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,16 +60,17 @@ impl AccessMap {
 ///
 /// # Errors
 /// A tool that does not fit the grid; [`SectionError::Cancelled`] when the control asks to stop.
-pub fn access_map<'a>(
-    obstacles: impl Into<Obstacles<'a>>,
-    tool: &Tool,
+pub fn access_map(
+    obstacle: impl Into<Obstacle>,
+    assembly: impl Into<Assembly>,
     point: DVec3,
     cells: [usize; 2],
     control: Control<'_>,
 ) -> Result<AccessMap, SectionError> {
-    let obstacles = obstacles.into();
+    let (obstacle, assembly) = (obstacle.into(), assembly.into());
+    let (tool, layer) = (assembly.whole(), Cuttable::of(&obstacle, &assembly));
     tool.check()?;
-    let grid = &obstacles.solid.grid;
+    let grid = obstacle.grid();
     let sharp_points = tool.sharp_point_positions(grid.pitch);
     let at = (point - grid.centre([0; 3])) / grid.pitch;
     let values = (0..cells[0] * cells[1]).into_par_iter().map(|cell| {
@@ -77,9 +79,11 @@ pub fn access_map<'a>(
         }
         let orientation = AccessMap::orientation(cells, cell / cells[1], cell % cells[1]);
         let rotated = RotatedTool::new(tool, &orientation, grid.pitch)?;
-        let rest = obstacles.skin.map(|skin| skin.rotated(&orientation)).transpose()?.flatten();
+        let rest = layer.map(|layer| layer.rotated(&orientation)).transpose()?.flatten();
+        let layer = layer.zip(rest.as_ref()).map(|(layer, rest)| (&**layer.voxels, rest));
         (control.progress)(1);
-        Ok(least_mean(obstacles, &rotated, rest.as_ref(), &sharp_points, &orientation, at).min(1.0) as f32)
+        Ok(minimum_mean(&obstacle.forbidden, &rotated, layer, &sharp_points, &orientation, at).min(1.0)
+            as f32)
     });
     Ok(AccessMap { cells, values: values.collect::<Result<_, SectionError>>()? })
 }
@@ -88,15 +92,16 @@ pub fn access_map<'a>(
 mod tests {
     use super::*;
     use crate::access::tests::{slotted, small_tool};
-    use crate::section::{SectionPlan, SectionScratch, direct_cmf};
-    use crate::tool::SharpPoints;
+    use crate::section::{At, SectionPlan, SectionScratch, direct_cmf};
+    use crate::tool::{SharpPoints, Tool};
 
     #[test]
     fn at_a_voxel_centre_it_is_the_direct_measure_of_every_direction() {
         let (obstacle, tool) = (slotted(), small_tool());
         let voxel = [6, 5, 4];
         let cells = [7, 5];
-        let map = access_map(&obstacle, &tool, obstacle.grid.centre(voxel), cells, Control::quiet()).unwrap();
+        let centre = obstacle.grid.centre(voxel);
+        let map = access_map(&obstacle, &tool, centre, cells, Control::quiet()).unwrap();
         for (cell, &value) in map.values.iter().enumerate() {
             let orientation = AccessMap::orientation(cells, cell / 5, cell % 5);
             let expected = direct_cmf(&obstacle, &tool, &orientation, voxel).unwrap();
@@ -127,8 +132,8 @@ mod tests {
             let centre = obstacle.grid.centre(at);
             let map = |point| access_map(&obstacle, &tool, point, cells, Control::quiet()).unwrap().values;
             let (there, between) = (map(centre), map(centre + step * obstacle.grid.pitch));
-            let plan = SectionPlan::new(&obstacle, &tool.with_tip_only()).unwrap();
-            let whole = SectionPlan::new(&obstacle, &tool).unwrap();
+            let plan = SectionPlan::new(&obstacle, &tool, At::Tip).unwrap();
+            let whole = SectionPlan::new(&obstacle, &tool, At::SharpPoints).unwrap();
             let mut cmf = vec![0.0; obstacle.grid.len()];
             for cell in 0..12 {
                 let orientation = AccessMap::orientation(cells, cell / 3, cell % 3);

@@ -11,10 +11,11 @@ use thiserror::Error;
 use super::dilation::{Dilation, meeting_positions};
 use crate::control::Control;
 use crate::grid::{Grid, GridError};
+use crate::obstacle::Obstacle;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
-use crate::section::{Obstacles, SectionError, SectionPlan, SectionScratch, stream_orientations};
-use crate::tool::{ElementKind, RotatedTool, Tool, ToolError, ToolShape};
+use crate::section::{At, SectionError, SectionPlan, SectionScratch, stream_orientations};
+use crate::tool::{Assembly, ElementKind, RotatedTool, Tool, ToolError, ToolShape};
 
 /// Why the removable volume cannot be found.
 #[derive(Debug, Error)]
@@ -81,22 +82,22 @@ pub fn removable_memory_estimate(
 }
 
 /// Finds the voxels of `stock` that `cutter` ([`cutter_of`] the tool as it is) covers at a pose at which the overlap of
-/// `tool` (perhaps grown by a clearance) with the obstacles is at most `tau`. Lengths are in the grid's unit. Voxels of the stock that
+/// the tool (perhaps offset by a clearance) with the obstacle is at most `tau`. Lengths are in the grid's unit. Voxels of the stock that
 /// the obstacle holds should be left out of it beforehand. One unit of progress is one orientation; the result does not depend on the number of threads.
 ///
 /// # Errors
 /// A stock on other voxels than the obstacle, as [`SectionPlan::cmf`], or cancellation.
-pub fn removable<'a>(
-    obstacles: impl Into<Obstacles<'a>>,
+pub fn removable(
+    obstacle: impl Into<Obstacle>,
+    assembly: impl Into<Assembly>,
     stock: &Occupancy,
-    tool: &Tool,
     cutter: &Tool,
     orientations: &[Orientation],
     tau: f64,
     control: Control<'_>,
 ) -> Result<Removable, RemovableError> {
     let positions = around(&stock.grid, cutter)?;
-    let plan = SectionPlan::with_query(obstacles, &positions, &tool.with_tip_only())?;
+    let plan = SectionPlan::with_query(obstacle, assembly, At::Tip, &positions)?;
     // A cutter too thin for the grid is refused before the work begins.
     RotatedTool::new(cutter, &Orientation::default(), positions.pitch)?;
     let start = || (SectionScratch::default(), Dilation::new(&stock.grid));
@@ -171,7 +172,7 @@ mod tests {
             for threads in [1, 3] {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
                 let found = pool.install(|| {
-                    removable(&obstacle, &stock, &tool, &cutter, &orientations, tau, Control::quiet())
+                    removable(&obstacle, &tool, &stock, &cutter, &orientations, tau, Control::quiet())
                         .unwrap()
                 });
                 assert_eq!(found.covered, expected);

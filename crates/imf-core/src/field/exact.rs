@@ -14,7 +14,7 @@ use crate::obstacle::Obstacle;
 use crate::orientation::Orientation;
 use crate::pose::Pose;
 use crate::scene::Scene;
-use crate::section::{Imf, Quantity, SectionPlan, SectionScratch, imf};
+use crate::section::{At, Imf, Quantity, SectionPlan, SectionScratch, imf};
 use crate::tool::{Assembly, Clearance, ClearanceError, ToolError};
 use crate::workspaces::Workspaces;
 
@@ -140,7 +140,7 @@ impl ExactField {
         if let Some(plan) = self.plan.get() {
             return Ok(plan);
         }
-        let plan = SectionPlan::at_tip(&self.obstacle, &self.assembly)?;
+        let plan = SectionPlan::new(&self.obstacle, &self.assembly, At::Tip)?;
         Ok(self.plan.get_or_init(|| plan))
     }
 }

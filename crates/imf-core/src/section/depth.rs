@@ -12,7 +12,7 @@
 use pulp::Arch;
 use serde::{Deserialize, Serialize};
 
-use super::{Obstacles, SectionError, SectionPlan, SectionScratch};
+use super::{SectionError, SectionPlan, SectionScratch};
 use crate::grid::Grid;
 use crate::orientation::Orientation;
 use crate::vectorised::vectorised;
@@ -97,12 +97,7 @@ impl DepthPlan {
             dims: grid.dims.map(|n| n + 2 * DEPTH_CAP),
             pitch: grid.pitch,
         };
-        let obstacles = Obstacles { solid: plan.obstacle(), skin: plan.skin() };
-        Ok(Self {
-            sections: SectionPlan::with_query(obstacles, &around, plan.tool())?,
-            grid,
-            arch: Arch::new(),
-        })
+        Ok(Self { sections: plan.over(&around)?, grid, arch: Arch::new() })
     }
 
     /// No depth is larger than this, in units of length, nor smaller than its negative.
@@ -190,6 +185,7 @@ mod tests {
     use crate::parts::ReferencePart;
     use crate::pose::Pose;
     use crate::scene::{Scene, SceneSpec};
+    use crate::section::At;
     use crate::tool::{Clearance, Tool};
     use glam::DVec3;
 
@@ -202,7 +198,7 @@ mod tests {
     }
 
     fn depths(scene: &Scene, orientation: &Orientation) -> Vec<f32> {
-        let plan = DepthPlan::of(&SectionPlan::of_scene(scene).unwrap()).unwrap();
+        let plan = DepthPlan::of(&SectionPlan::of_scene(scene, At::Tip).unwrap()).unwrap();
         let mut depths = vec![f32::NAN; scene.record.grid.len()];
         plan.depths(orientation, &mut DepthScratch::default(), &mut depths).unwrap();
         depths

@@ -3,10 +3,11 @@
 use glam::DVec3;
 
 use super::size::QueryBox;
-use super::{Obstacles, SectionError};
+use super::{Cuttable, SectionError};
+use crate::obstacle::Obstacle;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
-use crate::tool::{Element, ElementKind, RotatedTool, SLACK, Tool, ToolError, ToolShape, holds};
+use crate::tool::{Assembly, Element, ElementKind, RotatedTool, SLACK, Tool, ToolError, ToolShape, holds};
 
 /// Voxels that are solid both in the obstacle and in the rotated tool with its tip on `voxel`, which may lie outside
 /// the obstacle's grid (space there is empty).
@@ -53,28 +54,27 @@ pub fn direct_cmf(
     let rotated = RotatedTool::new(tool, orientation, obstacle.grid.pitch)?;
     let sharp_points = tool.sharp_point_positions(obstacle.grid.pitch);
     let at = DVec3::from_array(voxel.map(|v| v as f64));
-    Ok(least_mean(obstacle.into(), &rotated, None, &sharp_points, orientation, at))
+    Ok(minimum_mean(obstacle, &rotated, None, &sharp_points, orientation, at))
 }
 
-/// The least over sharp points of the trilinear means of direct sums around `x − R k`, over the rotated tool's own count.
-/// `rest` is the rotated tool of the skin, where there is a skin and that tool holds a voxel centre. `at`, x, counts in
+/// The minimum over sharp points of the trilinear means of direct sums around `x − R k`, over the rotated tool's own count.
+/// `layer` is what the cutter may enter with the rotated rest of the tool, where that holds a voxel centre. `at`, x, counts in
 /// voxels from the centre of the obstacle's first one, and may lie outside its grid.
-pub(crate) fn least_mean(
-    obstacles: Obstacles<'_>,
+pub(crate) fn minimum_mean(
+    forbidden: &Occupancy,
     rotated: &RotatedTool,
-    rest: Option<&RotatedTool>,
+    layer: Option<(&Occupancy, &RotatedTool)>,
     sharp_points: &[DVec3],
     orientation: &Orientation,
     at: DVec3,
 ) -> f64 {
-    let (rotation, pitch) = (orientation.rotation(), obstacles.solid.grid.pitch);
-    let skin = obstacles.skin.zip(rest);
+    let (rotation, pitch) = (orientation.rotation(), forbidden.grid.pitch);
     let mut least = f64::INFINITY;
     for &sharp in sharp_points {
         let mut mean = 0.0;
         for (position, weight) in around(at - rotation * sharp / pitch) {
-            let more = skin.map_or(0, |(skin, rest)| direct_count(skin.voxels, rest, position));
-            mean += weight * f64::from(direct_count(obstacles.solid, rotated, position) + more);
+            let more = layer.map_or(0, |(voxels, rest)| direct_count(voxels, rest, position));
+            mean += weight * f64::from(direct_count(forbidden, rotated, position) + more);
         }
         least = least.min(mean / f64::from(rotated.count));
     }
@@ -99,32 +99,34 @@ pub(crate) fn around(at: DVec3) -> impl Iterator<Item = ([i64; 3], f64)> {
     corners.filter(|&(_, weight)| weight > 0.0)
 }
 
-/// The collision measure at the centre of `voxel` (of the obstacles' grid), element by element, from the tip upwards:
+/// The collision measure at the centre of `voxel` (of the obstacle's grid), element by element, from the tip upwards:
 /// every solid voxel belongs to the element whose heights hold its centre in the tool frame, or, in the layer that the
 /// cutter may enter, to that of shank and holder alone; each element's voxels over the whole tool's count, at the first
 /// sharp point at which their sum (as an f32) is least. Empty for a mesh tool.
 ///
 /// # Errors
 /// A tool that holds no voxel centre, or is too large.
-pub fn direct_element_measures<'a>(
-    obstacles: impl Into<Obstacles<'a>>,
-    tool: &Tool,
+pub fn direct_element_measures(
+    obstacle: impl Into<Obstacle>,
+    assembly: impl Into<Assembly>,
     orientation: &Orientation,
     voxel: [usize; 3],
 ) -> Result<Vec<(ElementKind, f64)>, ToolError> {
-    element_measures(obstacles.into(), tool, orientation, voxel.map(|v| v as i64))
+    let (obstacle, assembly) = (obstacle.into(), assembly.into());
+    element_measures(&obstacle, &assembly, assembly.whole(), orientation, voxel.map(|v| v as i64))
 }
 
-/// The same, at a voxel that may lie outside the obstacles' grid.
+/// The same with the minimum over the sharp points of `tool`, at a voxel that may lie outside the obstacle's grid.
 pub(super) fn element_measures(
-    obstacles: Obstacles<'_>,
+    obstacle: &Obstacle,
+    assembly: &Assembly,
     tool: &Tool,
     orientation: &Orientation,
     voxel: [i64; 3],
 ) -> Result<Vec<(ElementKind, f64)>, ToolError> {
-    let grid = &obstacles.solid.grid;
+    let (grid, layer) = (obstacle.grid(), Cuttable::of(obstacle, assembly));
     let normaliser = f64::from(RotatedTool::new(tool, orientation, grid.pitch)?.count);
-    let rest = obstacles.skin.map(|skin| elements_of(skin.rest)).unwrap_or_default();
+    let rest = layer.map(|layer| elements_of(layer.noncutting)).unwrap_or_default();
     let whole = elements_of(tool);
     let mut kinds: Vec<ElementKind> = whole.iter().chain(rest).map(|e| e.kind).collect();
     kinds.sort_by_key(|kind| kind.rank());
@@ -138,8 +140,8 @@ pub(super) fn element_measures(
             for index in 0..grid.len() {
                 let there = [0, 1, 2].map(|axis| (grid.voxel(index)[axis] as i64 - tip[axis]) as f64);
                 let point = DVec3::from_array(there) * grid.pitch;
-                let in_skin = obstacles.skin.is_some_and(|skin| skin.voxels.solid[index] != 0);
-                let elements = match (obstacles.solid.solid[index] != 0, in_skin) {
+                let in_layer = layer.is_some_and(|layer| layer.voxels.solid[index] != 0);
+                let elements = match (obstacle.forbidden.solid[index] != 0, in_layer) {
                     (true, _) => whole,
                     (false, true) => rest,
                     (false, false) => continue,

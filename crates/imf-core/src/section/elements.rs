@@ -3,16 +3,17 @@
 //! An element's measure is its share of the collision measure: its voxels over the *whole* tool's count, at the sharp
 //! point that makes the whole least. Elements do not overlap, so their measures sum to the collision measure.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::{
-    Imf, Obstacles, SectionError, SectionPlan, SectionScratch, Skin, direct_count, stream_orientations,
+    At, Cuttable, Imf, SectionError, SectionPlan, SectionScratch, direct_count, stream_orientations,
 };
 use crate::control::Control;
 use crate::grid::Grid;
+use crate::obstacle::Obstacle;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
-use crate::tool::{Element, ElementKind, RotatedTool, SharpPoints, Tool, ToolError, ToolShape};
+use crate::tool::{Assembly, Element, ElementKind, RotatedTool, SharpPoints, Tool, ToolError, ToolShape};
 
 /// One plan for each element of a tool, and one for the whole.
 ///
@@ -33,7 +34,7 @@ enum Layer {
     Planned(Box<SectionPlan>),
     /// It holds no voxel centre upright: it is so thin that direct sums are quick.
     Thin {
-        obstacle: Occupancy,
+        obstacle: Arc<Occupancy>,
         alone: Tool,
     },
 }
@@ -51,25 +52,25 @@ pub struct ElementScratch {
 }
 
 impl ElementPlans {
-    /// Plans sections of every element of `tool` at every voxel of `query_grid`; no element for a mesh.
+    /// Plans sections of every element of a tool at every voxel of `query_grid`; no element for a mesh.
     ///
     /// # Errors
     /// As [`SectionPlan::with_query`].
-    pub fn new<'a>(
-        obstacles: impl Into<Obstacles<'a>>,
+    pub fn new(
+        obstacle: impl Into<Obstacle>,
+        assembly: impl Into<Assembly>,
         query_grid: &Grid,
-        tool: &Tool,
     ) -> Result<Self, SectionError> {
-        let obstacles = obstacles.into();
-        let whole = SectionPlan::with_query(obstacles, query_grid, tool)?;
-        let skin = obstacles.skin;
+        let (obstacle, assembly) = (obstacle.into(), assembly.into());
+        let whole = SectionPlan::with_query(&obstacle, &assembly, At::SharpPoints, query_grid)?;
+        let (tool, layer) = (assembly.whole(), Cuttable::of(&obstacle, &assembly));
         let mut kinds = kinds_of(tool);
-        kinds.extend(skin.iter().flat_map(|skin| kinds_of(skin.rest)));
+        kinds.extend(layer.iter().flat_map(|layer| kinds_of(layer.noncutting)));
         kinds.sort_by_key(|kind| kind.rank());
         kinds.dedup();
         let plan = |kind: ElementKind| {
-            let against =
-                [(obstacles.solid, tool)].into_iter().chain(skin.map(|Skin { voxels, rest }| (voxels, rest)));
+            let cuttable = layer.map(|Cuttable { voxels, noncutting }| (voxels, noncutting));
+            let against = [(&obstacle.forbidden, tool)].into_iter().chain(cuttable);
             let layers = against
                 .filter_map(|(obstacle, owner)| Some((obstacle, alone(owner, kind, tool, query_grid.pitch)?)))
                 .map(|(obstacle, alone)| Layer::new(obstacle, query_grid, alone))
@@ -227,8 +228,8 @@ fn alone(owner: &Tool, kind: ElementKind, tool: &Tool, pitch: f64) -> Option<Too
 }
 
 impl Layer {
-    fn new(obstacle: &Occupancy, query_grid: &Grid, alone: Tool) -> Result<Self, SectionError> {
-        match SectionPlan::with_query(obstacle, query_grid, &alone) {
+    fn new(obstacle: &Arc<Occupancy>, query_grid: &Grid, alone: Tool) -> Result<Self, SectionError> {
+        match SectionPlan::with_query(obstacle.clone(), &alone, At::SharpPoints, query_grid) {
             Ok(plan) => Ok(Self::Planned(Box::new(plan))),
             Err(SectionError::Tool(ToolError::TooSmall { .. } | ToolError::Empty { .. })) => {
                 Ok(Self::Thin { obstacle: obstacle.clone(), alone })

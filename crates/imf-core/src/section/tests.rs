@@ -1,5 +1,6 @@
 use super::clipped::ClippedTool;
 use super::*;
+use crate::occupancy::Occupancy;
 use crate::orientation::OrientationSet;
 use crate::tool::{Element, ElementKind, Segment, SharpPoints, ToolShape};
 use crate::unit::LengthUnit;
@@ -34,7 +35,7 @@ fn archs() -> Vec<pulp::Arch> {
 
 /// Sections by every method and every instruction set are direct sums.
 fn every_method_counts_like_direct(obstacle: &Occupancy, tool: &Tool, orientations: &[Orientation]) {
-    let mut plan = SectionPlan::new(obstacle, tool).unwrap().with_method(Method::Transform);
+    let mut plan = SectionPlan::new(obstacle, tool, At::SharpPoints).unwrap().with_method(Method::Transform);
     orientations.iter().for_each(|o| counts_equal_direct(&plan, o));
     plan = plan.with_method(Method::RunEnds);
     for arch in archs() {
@@ -51,7 +52,11 @@ fn counts_equal_direct(plan: &SectionPlan, orientation: &Orientation) {
     let rotated = RotatedTool::new(plan.tool(), orientation, plan.grid().pitch).unwrap();
     for (index, &count) in counts.iter().enumerate() {
         let voxel = plan.grid().voxel(index).map(|v| v as i64);
-        assert_eq!(count, direct_count(plan.obstacle(), &rotated, voxel), "{orientation:?} {voxel:?}");
+        assert_eq!(
+            count,
+            direct_count(&plan.obstacle().forbidden, &rotated, voxel),
+            "{orientation:?} {voxel:?}"
+        );
     }
 }
 
@@ -95,7 +100,7 @@ fn runs_and_counts_beyond_a_byte_and_beyond_sixteen_bits_are_exact() {
     let obstacle = Occupancy { grid, solid: vec![1; grid.len()] };
     let tool = cylinder(60.0, 70.0);
     for method in [Method::RunEnds, Method::Transform] {
-        let plan = SectionPlan::new(&obstacle, &tool).unwrap().with_method(method);
+        let plan = SectionPlan::new(&obstacle, &tool, At::SharpPoints).unwrap().with_method(method);
         let mut counts = vec![0; grid.len()];
         plan.counts(&orientations[3], &mut SectionScratch::default(), &mut counts).unwrap();
         let rotated = RotatedTool::new(&tool, &orientations[3], 1.0).unwrap();
@@ -134,7 +139,7 @@ fn mesh_tools_with_holes_and_sharp_points_off_the_grid_are_direct_sums() {
     let obstacle = scattered([8, 7, 9]);
     every_method_counts_like_direct(&obstacle, &tool, &orientations);
     for method in [Method::RunEnds, Method::Transform, Method::Fastest] {
-        let plan = SectionPlan::new(&obstacle, &tool).unwrap().with_method(method);
+        let plan = SectionPlan::new(&obstacle, &tool, At::SharpPoints).unwrap().with_method(method);
         let mut cmf = vec![f32::NAN; plan.grid().len()];
         for orientation in &orientations {
             plan.cmf(orientation, &mut SectionScratch::default(), &mut cmf).unwrap();
@@ -150,7 +155,7 @@ fn mesh_tools_with_holes_and_sharp_points_off_the_grid_are_direct_sums() {
 fn the_estimate_prefers_run_ends_for_slender_tools_and_transforms_for_fat_ones() {
     let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [58, 76, 121] };
     let obstacle = Occupancy { grid, solid: vec![1; grid.len()] };
-    let plan = SectionPlan::new(&obstacle, &Tool::paper()).unwrap();
+    let plan = SectionPlan::new(&obstacle, &Tool::paper(), At::SharpPoints).unwrap();
     assert!(plan.describe().starts_with("run ends"), "{}", plan.describe());
     let slow = Estimate { run_ends: 2.0, transform: 1.0 };
     assert!(
@@ -166,14 +171,15 @@ fn sharp_points_are_read_by_trilinear_means() {
     let few = SharpPoints::Points(vec![DVec3::new(1.3, -0.4, 0.7), DVec3::ZERO]);
     for (sharp_points, step) in [(few, 1), (SharpPoints::Boundary(None), 7)] {
         let tool = Tool { sharp_points, ..cylinder(2.5, 7.0) };
-        let plan = SectionPlan::new(&scattered(DIMS), &tool).unwrap();
+        let plan = SectionPlan::new(&scattered(DIMS), &tool, At::SharpPoints).unwrap();
         let mut scratch = SectionScratch::default();
         let mut cmf = vec![f32::NAN; plan.grid().len()];
         for orientation in OrientationSet::parse("0,0;20,50;110,130").unwrap().orientations {
             plan.cmf(&orientation, &mut scratch, &mut cmf).unwrap();
             for (index, &value) in cmf.iter().enumerate().step_by(step) {
                 let expected =
-                    direct_cmf(plan.obstacle(), &tool, &orientation, plan.grid().voxel(index)).unwrap();
+                    direct_cmf(&plan.obstacle().forbidden, &tool, &orientation, plan.grid().voxel(index))
+                        .unwrap();
                 assert!((f64::from(value) - expected).abs() < 1e-6, "{value} {expected}");
             }
         }
@@ -188,7 +194,7 @@ fn rounding_of_a_rotation_makes_no_neighbour_count() {
     let orientation = Orientation::new(0.0, 60.0);
     let z = (orientation.rotation() * DVec3::new(0.0, 0.0, 2.0)).z;
     assert!(z != 1.0 && (z - 1.0).abs() < 1e-9, "{z:e}");
-    let plan = SectionPlan::new(&scattered(DIMS), &tool).unwrap();
+    let plan = SectionPlan::new(&scattered(DIMS), &tool, At::SharpPoints).unwrap();
     let mut cmf = vec![0.0; plan.grid().len()];
     plan.cmf(&orientation, &mut SectionScratch::default(), &mut cmf).unwrap();
     let least = cmf.iter().copied().filter(|&value| value > 0.0).fold(f32::INFINITY, f32::min);
@@ -202,7 +208,7 @@ fn a_box_of_voxels_under_a_one_voxel_line_is_counted_in_closed_form() {
     // A line of 5 voxels going up over a block that fills z < 4: overlap = clamp(4 − z, 0, 5).
     let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [4, 4, 8] };
     let solid = (0..grid.len()).map(|i| u8::from(i % 8 < 4)).collect();
-    let plan = SectionPlan::new(&Occupancy { grid, solid }, &cylinder(0.4, 4.5)).unwrap();
+    let plan = SectionPlan::new(&Occupancy { grid, solid }, &cylinder(0.4, 4.5), At::SharpPoints).unwrap();
     let mut cmf = vec![0.0; grid.len()];
     plan.cmf(&Orientation::default(), &mut SectionScratch::default(), &mut cmf).unwrap();
     for (index, &value) in cmf.iter().enumerate() {
@@ -213,7 +219,7 @@ fn a_box_of_voxels_under_a_one_voxel_line_is_counted_in_closed_form() {
 
 #[test]
 fn the_imf_is_the_least_section_with_the_first_index_at_a_tie() {
-    let plan = SectionPlan::new(&scattered(DIMS), &cylinder(2.0, 6.0)).unwrap();
+    let plan = SectionPlan::new(&scattered(DIMS), &cylinder(2.0, 6.0), At::SharpPoints).unwrap();
     let mut orientations = OrientationSet::parse("fibonacci:9").unwrap().orientations;
     orientations.extend(orientations.clone());
     let all = sections(&plan, &orientations, Control::quiet()).unwrap();
@@ -234,7 +240,7 @@ fn the_imf_is_the_least_section_with_the_first_index_at_a_tie() {
 
 #[test]
 fn cancelling_stops_the_stream() {
-    let plan = SectionPlan::new(&scattered(DIMS), &cylinder(2.0, 6.0)).unwrap();
+    let plan = SectionPlan::new(&scattered(DIMS), &cylinder(2.0, 6.0), At::SharpPoints).unwrap();
     let stop = std::sync::atomic::AtomicBool::new(true);
     let control = Control { progress: &|_| {}, cancelled: &stop };
     let orientations = OrientationSet::parse("fibonacci:9").unwrap().orientations;
@@ -295,7 +301,7 @@ fn a_query_grid_of_its_own_sees_the_whole_obstacle() {
         let all = obstacle.grid.grown(before.map(|b| b.max(0)), after.map(|a| a.max(0))).unwrap();
         let (whole, shift) = (obstacle.on(&all).unwrap(), all.offset_of(&query).unwrap());
         for tool in [&cylinder(2.0, 9.0), &sharp] {
-            let plan = SectionPlan::with_query(&obstacle, &query, tool).unwrap();
+            let plan = SectionPlan::with_query(&obstacle, tool, At::SharpPoints, &query).unwrap();
             let (mut scratch, mut counts) = (SectionScratch::default(), vec![u32::MAX; query.len()]);
             let mut cmf = vec![f32::NAN; query.len()];
             for orientation in OrientationSet::parse("random:3:8").unwrap().orientations {
@@ -315,7 +321,7 @@ fn a_query_grid_of_its_own_sees_the_whole_obstacle() {
         }
     }
     let moved = Grid { origin: obstacle.grid.origin + 0.5, ..obstacle.grid };
-    let refusal = SectionPlan::with_query(&obstacle, &moved, &sharp).err().unwrap();
+    let refusal = SectionPlan::with_query(&obstacle, &sharp, At::SharpPoints, &moved).err().unwrap();
     assert!(refusal.to_string().contains("whole voxels"), "{refusal}");
 }
 
@@ -325,7 +331,9 @@ fn a_window_of_the_plans_grid_has_its_counts() {
     let query = obstacle.grid.grown([9, 8, 10], [8, 9, 11]).unwrap();
     for tool in [cylinder(2.0, 9.0), cylinder(1.5, 30.0)] {
         for method in [Method::RunEnds, Method::Transform, Method::Fastest] {
-            let plan = SectionPlan::with_query(&obstacle, &query, &tool).unwrap().with_method(method);
+            let plan = SectionPlan::with_query(&obstacle, &tool, At::SharpPoints, &query)
+                .unwrap()
+                .with_method(method);
             let (mut scratch, mut all) = (SectionScratch::default(), vec![u32::MAX; query.len()]);
             for orientation in OrientationSet::parse("random:4:8").unwrap().orientations {
                 let total = plan.counts(&orientation, &mut scratch, &mut all).unwrap();

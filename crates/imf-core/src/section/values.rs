@@ -23,7 +23,7 @@ impl SectionPlan {
         }
         let rotation = orientation.rotation();
         for (index, &sharp) in self.sharp_points.iter().enumerate() {
-            let shift = rotation * sharp / self.obstacle.grid.pitch;
+            let shift = rotation * sharp / self.obstacle.grid().pitch;
             self.read_shifted(counts, -shift, f64::from(normaliser), index == 0, cmf);
         }
     }

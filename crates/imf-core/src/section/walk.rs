@@ -7,7 +7,7 @@
 use std::ops::Range;
 
 use super::clipped::ClippedTool;
-use super::contact::PlannedSkin;
+use super::contact::PlannedLayer;
 use super::counter::{self, Counter};
 use super::direct::{Spot, spots};
 use super::run_ends::RunEnds;
@@ -23,7 +23,7 @@ pub struct SectionWalk {
     /// The rotated tool's own count.
     pub whole: u32,
     solid: Layer,
-    skin: Option<Layer>,
+    cuttable: Option<Layer>,
 }
 
 /// The same through one of the obstacles.
@@ -80,34 +80,34 @@ impl SectionPlan {
         orientation: &Orientation,
         scratch: &mut SectionScratch,
     ) -> Result<SectionWalk, SectionError> {
-        let rotated = RotatedTool::new(&self.tool, orientation, self.obstacle.grid.pitch)?;
+        let rotated = RotatedTool::new(&self.tool, orientation, self.obstacle.grid().pitch)?;
         let solid = Layer::new(self.counted(), &rotated, scratch);
-        let skin = match &self.skin {
-            Some(skin) => {
-                let rest = skin.skin().rotated(orientation)?;
-                rest.map(|rest| Layer::new(self.counted_skin(skin), &rest, scratch))
+        let cuttable = match &self.layer {
+            Some(layer) => {
+                let rest = layer.rotated(orientation)?;
+                rest.map(|rest| Layer::new(self.counted_layer(layer), &rest, scratch))
             }
             None => None,
         };
-        Ok(SectionWalk { whole: rotated.count, solid, skin })
+        Ok(SectionWalk { whole: rotated.count, solid, cuttable })
     }
 
     fn counted(&self) -> Counted<'_> {
-        Counted { counter: &self.counter, obstacle: &self.obstacle, query: &self.query }
+        Counted { counter: &self.counter, obstacle: &self.obstacle.forbidden, query: &self.query }
     }
 
-    fn counted_skin<'a>(&'a self, skin: &'a PlannedSkin) -> Counted<'a> {
-        Counted { counter: &skin.counter, obstacle: &skin.voxels, query: &self.query }
+    fn counted_layer<'a>(&'a self, layer: &'a PlannedLayer) -> Counted<'a> {
+        Counted { counter: &layer.counter, obstacle: &layer.voxels, query: &self.query }
     }
 
     /// Bytes of a [`SectionWalk`], by estimate.
     pub fn walk_bytes(&self) -> u64 {
         let [_, ny, nz] = self.query.dims;
-        let Ok(slanted) = RotatedTool::new(&self.tool, &SLANT, self.obstacle.grid.pitch) else { return 0 };
+        let Ok(slanted) = RotatedTool::new(&self.tool, &SLANT, self.obstacle.grid().pitch) else { return 0 };
         let clipped = ClippedTool::new(&slanted, self.counter.size());
         let ends = RunEnds::count(&clipped).into_iter().max().unwrap_or(0);
         let table = 2 * (clipped.dims[0] + 1) * (clipped.dims[1] + 1);
-        let layers = 1 + u64::from(self.skin.is_some());
+        let layers = 1 + u64::from(self.layer.is_some());
         layers * 4 * (table + 2 * ends + ny * nz) as u64
     }
 }
@@ -127,9 +127,9 @@ impl SectionWalk {
         let [_, ny, nz] = plan.query.dims;
         counts.resize(planes.len() * ny * nz, 0);
         self.solid.advance(plan.counted(), &planes, counter, counts)?;
-        if let Some((layer, skin)) = self.skin.as_mut().zip(plan.skin.as_ref()) {
+        if let Some((layer, planned)) = self.cuttable.as_mut().zip(plan.layer.as_ref()) {
             more.resize(counts.len(), 0);
-            layer.advance(plan.counted_skin(skin), &planes, counter, more)?;
+            layer.advance(plan.counted_layer(planned), &planes, counter, more)?;
             counts.iter_mut().zip(more).for_each(|(count, more)| *count += *more);
         }
         Ok(counts)
@@ -142,7 +142,7 @@ mod tests {
     use crate::orientation::OrientationSet;
     use crate::parts::ReferencePart;
     use crate::scene::SceneSpec;
-    use crate::section::Method;
+    use crate::section::{At, Method};
     use crate::tool::Tool;
 
     #[test]
@@ -155,8 +155,8 @@ mod tests {
         for touching in [false, true] {
             let depth = 2.0 * scene.record.grid.pitch;
             let scene = if touching { scene.clone().with_contact(&bodies, depth) } else { scene.clone() };
-            let plan = SectionPlan::of_scene(&scene).unwrap().with_method(Method::RunEnds);
-            assert_eq!((plan.walks(), plan.skin().is_some()), (true, touching));
+            let plan = SectionPlan::of_scene(&scene, At::Tip).unwrap().with_method(Method::RunEnds);
+            assert_eq!((plan.walks(), plan.has_layer()), (true, touching));
             // Along the axes and aslant, with every axis of steps among them.
             let mut set = OrientationSet::parse("fibonacci:40").unwrap().orientations;
             set.extend(OrientationSet::parse("0,0;0,180;0,90;180,90;90,90;270,90").unwrap().orientations);

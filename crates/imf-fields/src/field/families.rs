@@ -219,7 +219,7 @@ fn angles(pose: &Pose) -> [f64; 2] {
     } else {
         let x = pose.rotation.normalize() * DVec3::X;
         let x = x.map(|v| if v.abs() < 1e-12 { 0.0 } else { v });
-        if axis.z > 0.0 { x.y.atan2(x.x) } else { x.y.atan2(-x.x) }
+        if axis.z > 0.0 { x.y.atan2(x.x) } else { (-x.y).atan2(-x.x) }
     };
     [if theta < 0.0 { theta + std::f64::consts::TAU } else { theta }, across.atan2(axis.z)]
 }

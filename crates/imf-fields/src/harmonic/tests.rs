@@ -13,7 +13,7 @@ use imf_core::control::Control;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::{Imf, Quantity, SectionPlan, sections};
+use imf_core::section::{At, Imf, Quantity, SectionPlan, sections};
 use imf_core::tool::Tool;
 
 fn scene() -> Scene {
@@ -53,7 +53,7 @@ fn mean_squared(plan: &SectionPlan, field: &HarmonicField, set: &[Orientation]) 
 #[test]
 fn unseen_directions_are_near_the_exact_sections_and_the_report_says_how_near() {
     let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
     let field = made(&plan, &settings());
     let unseen = OrientationSet::parse("random:40:5").unwrap().orientations;
     let mse = mean_squared(&plan, &field, &unseen);
@@ -68,7 +68,7 @@ fn unseen_directions_are_near_the_exact_sections_and_the_report_says_how_near() 
 #[test]
 fn rounding_does_not_take_the_highest_degree_away() {
     let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
     let most = FitSettings { degree: 40, sections_per_function: 4.0 / 3.0, ..settings() };
     let report = made(&plan, &most).report;
     // Degree 37 has 8e-6 of this scene.
@@ -78,7 +78,7 @@ fn rounding_does_not_take_the_highest_degree_away() {
 #[test]
 fn one_pass_and_two_make_the_same_field() {
     let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
     let some = FitSettings { axes: 30, ..settings() };
     let (one, two) = (made(&plan, &some), made(&plan, &FitSettings { one_pass: false, ..some }));
     let set = OrientationSet::parse("random:20:4").unwrap().orientations;
@@ -104,7 +104,7 @@ fn one_pass_and_two_make_the_same_field() {
 #[test]
 fn class_by_class_all_functions_get_what_they_get_together() {
     let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
     let set = OrientationSet::parse("random:20:4").unwrap().orientations;
     for sections_per_function in [1.0, 1.33, 3.0] {
         let some = FitSettings { sections_per_function, ..settings() };
@@ -126,7 +126,7 @@ fn class_by_class_all_functions_get_what_they_get_together() {
 #[test]
 fn as_many_sections_as_functions_make_a_field_that_is_no_worse_than_a_lower_degrees() {
     let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
     let unseen = OrientationSet::parse("random:40:5").unwrap().orientations;
     let error = |degree, sections_per_function| {
         mean_squared(
@@ -145,7 +145,7 @@ fn as_many_sections_as_functions_make_a_field_that_is_no_worse_than_a_lower_degr
 #[test]
 fn fewer_axes_and_half_precision_cost_what_is_stated() {
     let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
     let whole = made(&plan, &settings());
     let few = made(&plan, &FitSettings { axes: 30, sample: usize::MAX, ..settings() });
     let halves = made(&plan, &FitSettings { precision: Precision::F16, ..settings() });
@@ -176,7 +176,7 @@ fn fewer_axes_and_half_precision_cost_what_is_stated() {
 fn coefficients_agree_with_the_definition() {
     let scene = scene();
     let tool = &scene.record.tool;
-    let plan = SectionPlan::new(&scene.obstacle, tool).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, tool, At::SharpPoints).unwrap();
     let field = made(&plan, &FitSettings { sections_per_function: 16.0, ..settings() });
     let grid = plan.grid();
     let mut scratch = Vec::new();
@@ -206,7 +206,7 @@ fn coefficients_agree_with_the_definition() {
 #[test]
 fn the_minimum_is_the_least_section_and_ties_go_to_the_first() {
     let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
     let field = made(&plan, &FitSettings { axes: 30, ..settings() });
     // More than one chunk, and a direction twice.
     let mut set = OrientationSet::parse("fibonacci:700").unwrap().orientations;
@@ -231,7 +231,7 @@ fn the_minimum_is_the_least_section_and_ties_go_to_the_first() {
 #[test]
 fn single_poses_equal_sections_and_gradients_central_differences() {
     let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
     let field = made(&plan, &FitSettings { axes: 30, ..settings() });
     let grid = *plan.grid();
     let set = OrientationSet::parse("random:3:9").unwrap().orientations;
@@ -288,7 +288,7 @@ fn tools_that_are_not_of_revolution_have_fields_over_rotations() {
             * DMat4::from_scale(DVec3::new(24.0, 12.0, 50.0))),
     );
     scene.record.tool = Tool { shape: imf_core::tool::ToolShape::Mesh(side), ..Tool::paper() };
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
     let settings = FitSettings { degree: 4, axes: 60, sections_per_function: 3.0, ..settings() };
     let field = fit(&plan, Domain::Rotations, &settings, Control::quiet()).unwrap();
     assert_eq!(field.report.functions, 165);
@@ -301,7 +301,7 @@ fn tools_that_are_not_of_revolution_have_fields_over_rotations() {
 #[test]
 fn files_read_back_bit_for_bit_and_damage_is_named() {
     let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
     let folder = tempfile::tempdir().unwrap();
     for precision in [Precision::F16, Precision::F32] {
         let settings = FitSettings { axes: 20, precision, ..settings() };
@@ -329,7 +329,7 @@ fn files_read_back_bit_for_bit_and_damage_is_named() {
 #[test]
 fn a_degree_is_found_for_an_error_and_for_a_memory_limit() {
     let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
     let settings = FitSettings { sample: 2000, ..settings() };
     let at = |degree| {
         let settings = FitSettings { degree, ..settings };
@@ -363,7 +363,7 @@ fn a_degree_is_found_for_an_error_and_for_a_memory_limit() {
 #[test]
 fn numpys_arrays_are_the_fields() {
     let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
     let folder = tempfile::tempdir().unwrap();
     for quantity in [Quantity::Overlap, Quantity::Depth] {
         let settings = FitSettings { degree: 3, axes: 11, precision: Precision::F16, quantity, ..settings() };

@@ -26,6 +26,8 @@ use crate::uniforms::Batch;
 pub(super) struct GridCoefficients {
     voxels: Voxels,
     over: OverOrientations,
+    /// A factored field in the form that its network answers in.
+    evaluated: Option<FactoredField>,
 }
 
 /// What says what orientations are worth.
@@ -70,7 +72,7 @@ impl GridCoefficients {
             upload(gpu, field, voxels.part(place), columns, (buffer, 0), &mut padded)?;
         }
         let over = OverOrientations::new(gpu, voxels.rows.clone())?;
-        Ok(Self { voxels, over })
+        Ok(Self { voxels, over, evaluated: None })
     }
 
     /// Runs a field's network at every voxel centre, and keeps what it says.
@@ -88,7 +90,8 @@ impl GridCoefficients {
             let made = network.coefficients_of(&points, &mut submissions)?;
             submissions.copy(gpu, &made, buffer)?;
         }
-        Ok(Self { voxels, over: network.into_over() })
+        let (field, over) = network.into_parts();
+        Ok(Self { voxels, over, evaluated: Some(field) })
     }
 
     /// The sections of some orientations, `[orientation][voxel]` into `sections`; overlaps in [0, 1], or depths. Waits for the device.
@@ -104,7 +107,8 @@ impl GridCoefficients {
         orientations: &[Orientation],
         sections: &mut [f32],
     ) -> Result<(), EngineError> {
-        let Self { voxels, over } = self;
+        let Self { voxels, over, evaluated } = self;
+        let source = evaluated.as_ref().map_or(source, Source::Factored);
         assert_eq!(
             sections.len(),
             voxels.count * orientations.len(),
@@ -131,7 +135,8 @@ impl GridCoefficients {
         orientations: &[Orientation],
         control: Control<'_>,
     ) -> Result<Imf, FieldError> {
-        let Self { voxels, over } = self;
+        let Self { voxels, over, evaluated } = self;
+        let source = evaluated.as_ref().map_or(source, Source::Factored);
         let scaled = |some: &[Orientation]| source.scaled(some);
         let mut found = over.minimum(voxels.count, orientations, scaled, |part, count, _| {
             if control.is_cancelled() {

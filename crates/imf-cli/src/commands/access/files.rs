@@ -101,7 +101,7 @@ fn write_removable(setup: &Setup, stock: &Stock, findings: &Findings, folder: &P
 
 /// For every voxel of the stock's grid: 0 no stock, 1 stock that stays, 2 stock that some tool removes, 3 part or fixture.
 pub(super) fn removable_classes(setup: &Setup, stock: &Stock, findings: &Findings) -> Vec<u8> {
-    let held = setup.obstacle.on(&stock.solid.grid).unwrap_or_else(|| stock.solid.clone());
+    let held = setup.obstacle.whole().on(&stock.solid.grid).unwrap_or_else(|| stock.solid.clone());
     (0..stock.solid.solid.len())
         .map(|v| {
             if held.solid[v] != 0 {

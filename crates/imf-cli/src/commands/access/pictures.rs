@@ -21,14 +21,14 @@ pub(super) fn draw(setup: &Setup, findings: &Findings, folder: &Path) -> Result<
     }
     for (index, tool) in setup.tools.iter().enumerate().take(findings.maps.len()) {
         let file = named("map", "png", index, setup.tools.len() > 1);
-        draw_map(setup, findings, index, &tool.bare.name, &folder.join(&file))?;
+        draw_map(setup, findings, index, &tool.tool().name, &folder.join(&file))?;
         written.push(file);
     }
     Ok(written)
 }
 
 fn title(setup: &Setup) -> String {
-    let tools: Vec<&str> = setup.tools.iter().map(|tool| tool.bare.name.as_str()).collect();
+    let tools: Vec<&str> = setup.tools.iter().map(|tool| tool.tool().name.as_str()).collect();
     format!("{}, tools: {}", setup.part, tools.join(", "))
 }
 

@@ -5,11 +5,12 @@ use glam::DVec3;
 use imf_core::access::{AccessSettings, memory_estimate, position_grid, removable_memory_estimate};
 use imf_core::grid::Grid;
 use imf_core::mesh::Mesh;
+use imf_core::obstacle::Obstacle;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Limits, OrientationSet};
 use imf_core::scene::Promise;
-use imf_core::section::{Contact, ElementPlans, Obstacles, SectionPlan};
-use imf_core::tool::{Clearance, Tool};
+use imf_core::section::{ElementPlans, SectionPlan};
+use imf_core::tool::{Assembly, Clearance, Tool};
 use imf_core::unit::LengthUnit;
 use imf_core::voxelize::voxelize;
 
@@ -25,34 +26,20 @@ pub(super) struct Stock {
     pub(super) solid: Occupancy,
 }
 
-/// A tool in the part's unit.
-pub(super) struct GuardedTool {
-    /// As it is.
-    pub(super) bare: Tool,
-    /// Grown by the clearance: what must be free.
-    pub(super) grown: Tool,
-    /// Shank and holder, grown: what must stay out of the layer that the cutter may enter.
-    rest: Option<Tool>,
-}
-
-/// How deep the cutter may reach, and what follows.
-pub(super) struct Touch {
-    pub(super) depth: f64,
-    divided: Contact,
-}
-
 /// What a run is about.
 pub(super) struct Setup {
     pub(super) part: String,
     pub(super) unit: LengthUnit,
     pub(super) clearance: Clearance,
-    pub(super) contact: Option<Touch>,
+    /// How deep the cutter may reach.
+    pub(super) contact: Option<f64>,
     /// The weakest of the tools' promises.
     pub(super) promise: Promise,
     /// The part's surface in the world.
     pub(super) mesh: Mesh,
     pub(super) fixtures: Vec<String>,
-    pub(super) tools: Vec<GuardedTool>,
+    /// In the part's unit, offset by the clearance.
+    pub(super) tools: Vec<Assembly>,
     pub(super) orientations: OrientationSet,
     pub(super) tau: f64,
     pub(super) lists: bool,
@@ -64,7 +51,7 @@ pub(super) struct Setup {
     /// The voxels to be examined.
     pub(super) query: Grid,
     /// All that the tools can meet, on its own grid.
-    pub(super) obstacle: Occupancy,
+    pub(super) obstacle: Obstacle,
     /// The obstacle on the query grid.
     pub(super) solid: Occupancy,
     /// The fixtures on the query grid.
@@ -85,21 +72,19 @@ impl Setup {
         let unit = reading.part.unit;
         let clearance = arguments.scene.clearance.clearance();
         let depth = arguments.contact.depth(&reading.tools)?;
-        let guarded = |tool: &Tool| -> Result<GuardedTool> {
-            let bare = tool.in_unit(unit);
-            let grown = bare.inflated(&clearance)?;
-            let rest = bare.without_cutter().map(|rest| rest.inflated(&clearance)).transpose()?;
-            Ok(GuardedTool { bare, grown, rest })
-        };
-        let tools: Vec<GuardedTool> = reading.tools.iter().map(guarded).collect::<Result<_>>()?;
+        let tools: Vec<Assembly> = reading
+            .tools
+            .iter()
+            .map(|tool| tool.in_unit(unit).offset(&clearance))
+            .collect::<Result<_, _>>()?;
         let fixtures = reading.fixtures();
-        let spec = arguments.scene.spec(&reading, &fixtures, &tools[0].bare);
+        let spec = arguments.scene.spec(&reading, &fixtures, tools[0].tool());
         let border = [i64::try_from(arguments.border)?; 3];
         let query = spec.grid()?.grown(border, border)?;
         if arguments.surface && arguments.border + arguments.scene.margin == 0 {
             bail!("--surface reads half a pitch outside the part: use --border 1 or more");
         }
-        if tools.iter().all(|tool| tool.bare.is_axisymmetric())
+        if tools.iter().all(|tool| tool.tool().is_axisymmetric())
             && orientations.orientations.iter().any(|o| o.roll != 0.0)
         {
             session
@@ -133,13 +118,13 @@ impl Setup {
         // Everything that can be hit from any position of any tool that is examined.
         let mut positions = query;
         for (stock, tool) in stock_grid.iter().flat_map(|stock| tools.iter().map(move |tool| (stock, tool))) {
-            let around = position_grid(stock, &tool.bare)?;
+            let around = position_grid(stock, tool.tool())?;
             let (lower, upper) = (around.origin, around.origin + around.size());
             let whole = (positions.origin, positions.origin + positions.size());
             positions = positions.covering(lower.min(whole.0), upper.max(whole.1), 0)?;
         }
         let reach =
-            tools.iter().map(|tool| tool.grown.reach_from_sharp_points(query.pitch)).fold(0.0, f64::max);
+            tools.iter().map(|tool| tool.whole().reach_from_sharp_points(query.pitch)).fold(0.0, f64::max);
         let obstacle_grid = spec.obstacle_grid(&positions, reach)?;
 
         let settings = AccessSettings { tau: arguments.tau, lists: arguments.lists };
@@ -162,13 +147,11 @@ impl Setup {
 
         warn_of_fixtures_out_of_reach(session, &spec, &obstacle_grid)?;
         let bodies = spec.bodies(&obstacle_grid)?;
-        let obstacle = bodies.obstacle();
-        let contact =
-            depth.map(|depth| Touch { depth, divided: Contact::new(&obstacle, bodies.layer(depth)) });
+        let whole = bodies.obstacle();
         let conservative = arguments.scene.conservative;
         let promise = tools
             .iter()
-            .map(|tool| Promise::new(conservative, &tool.bare, &clearance, depth.is_some(), query.pitch))
+            .map(|tool| Promise::new(conservative, tool.tool(), &clearance, depth.is_some(), query.pitch))
             .min_by_key(Promise::strength)
             .unwrap_or(Promise::Centres);
         let on = |occupancy: &Occupancy, grid: &Grid| {
@@ -177,7 +160,7 @@ impl Setup {
         let stock = match (stock_mesh, stock_grid) {
             (Some(stock), Some(grid)) => {
                 let mut solid = voxelize(&stock.mesh, &grid, false);
-                let held = on(&obstacle, &grid)?;
+                let held = on(&whole, &grid)?;
                 solid.solid.iter_mut().zip(&held.solid).for_each(|(s, &o)| *s &= 1 - o);
                 ensure!(solid.count() > 0, "the stock '{}' holds nothing beside the part", stock.name);
                 Some(Stock { name: stock.name, solid })
@@ -191,18 +174,18 @@ impl Setup {
             query.pitch,
             bodies.part.count(),
             bodies.fixtures.count(),
-            tools.iter().map(|tool| tool.bare.name.as_str()).collect::<Vec<_>>().join(", "),
+            tools.iter().map(|tool| tool.tool().name.as_str()).collect::<Vec<_>>().join(", "),
             promise
         ));
         Ok(Self {
             part: reading.part.name.clone(),
             unit,
             clearance,
-            contact,
+            contact: depth,
             promise,
             mesh: reading.part.mesh.transformed(&reading.transform),
             fixtures: fixtures.iter().map(|fixture| fixture.name.to_owned()).collect(),
-            solid: on(&obstacle, &query)?,
+            solid: on(&whole, &query)?,
             held: on(&bodies.fixtures, &query)?,
             tools,
             orientations,
@@ -212,19 +195,12 @@ impl Setup {
             map,
             limits,
             query,
-            obstacle,
+            obstacle: match depth {
+                Some(depth) => Obstacle::with_cuttable(&whole, bodies.layer(depth)),
+                None => whole.into(),
+            },
             stock,
         })
-    }
-}
-
-impl Setup {
-    /// What a tool must stay out of.
-    pub(super) fn obstacles(&self, tool: usize) -> Obstacles<'_> {
-        match &self.contact {
-            Some(touch) => touch.divided.obstacles(self.tools[tool].rest.as_ref()),
-            None => Obstacles::from(&self.obstacle),
-        }
     }
 }
 
@@ -248,14 +224,15 @@ fn needed(
     obstacle: &Grid,
     query: &Grid,
     stock: Option<&Grid>,
-    tools: &[GuardedTool],
+    tools: &[Assembly],
     orientations: &OrientationSet,
     settings: AccessSettings,
     session: &Session,
 ) -> Result<u64> {
     let threads = session.threads();
     let mut most = 0;
-    for GuardedTool { bare, grown: tool, .. } in tools {
+    for assembly in tools {
+        let (tool, bare) = (assembly.whole(), assembly.tool());
         let plan = SectionPlan::memory_estimate_with_query(obstacle, query, tool, threads)
             + ElementPlans::memory_estimate(obstacle, query, tool, threads);
         let streaming = memory_estimate(query.dims, orientations.len(), settings, threads);

@@ -116,7 +116,7 @@ impl Summary {
             imf.iter().zip(&setup.solid.solid).filter(|&(&v, &s)| s == 0 && f64::from(v) <= setup.tau).count()
         };
         let tools = setup.tools.iter().enumerate().map(|(index, tool)| ToolRow {
-            tool: tool.bare.name.clone(),
+            tool: tool.tool().name.clone(),
             accessible: measure(reached(&findings.tools[index].imf.value)),
             blocked_by: blocked::by_tool(setup, findings, index),
             removable: findings.removable.get(index).map(|swept| measure(marked(swept))),
@@ -145,7 +145,7 @@ impl Summary {
             orientation_count: setup.orientations.len(),
             tau: setup.tau,
             clearance: setup.clearance,
-            contact: setup.contact.as_ref().map(|contact| contact.depth),
+            contact: setup.contact,
             promise: setup.promise.to_string(),
             solid: measure(setup.solid.count()),
             accessible: region(space.accessible_volume(), &space.accessible),

@@ -85,6 +85,7 @@ mod tests {
     use imf_core::tool::{SharpPoints, Tool};
 
     use super::*;
+    use imf_core::section::At;
 
     #[test]
     fn one_wrong_count_is_found_and_right_ones_are_counted() {
@@ -92,7 +93,9 @@ mod tests {
         let solid = (0..grid.len()).map(|i| u8::from(i % 3 == 0)).collect();
         for sharp_points in [SharpPoints::Tip, SharpPoints::Points(vec![DVec3::new(1.0, 0.0, 3.0)])] {
             let tool = Tool { sharp_points, ..Tool::paper() };
-            let plan = SectionPlan::new(&Occupancy { grid, solid: Vec::clone(&solid) }, &tool).unwrap();
+            let plan =
+                SectionPlan::new(&Occupancy { grid, solid: Vec::clone(&solid) }, &tool, At::SharpPoints)
+                    .unwrap();
             let orientation = Orientation::new(30.0, 50.0);
             let mut cmf = vec![0.0; grid.len()];
             plan.cmf(&orientation, &mut SectionScratch::default(), &mut cmf).unwrap();

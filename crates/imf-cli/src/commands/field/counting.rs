@@ -85,7 +85,7 @@ impl Work<'_> {
             Values::Counted(counted) => counted,
         };
         if let Device::Gpu(gpu) = self.device {
-            let whole = plan.tip_alone() && plan.skin().is_none();
+            let whole = plan.tip_alone() && !plan.has_layer();
             let why = match (whole, check.is_wanted()) {
                 (true, false) => {
                     return self.staged(|control, _| {

@@ -3,7 +3,7 @@
 
 use anyhow::Result;
 use imf_core::scene::Scene;
-use imf_core::section::SectionPlan;
+use imf_core::section::{At, SectionPlan};
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::{Symmetry, TeachSettings};
 use imf_fields::harmonic::FitSettings;
@@ -95,7 +95,7 @@ pub(in crate::commands) fn made(
         None => Extent::of_field(fit, domain, voxels),
     };
     extent.require(session, &settings)?;
-    let plan = SectionPlan::of_scene(scene)?;
+    let plan = SectionPlan::of_scene(scene, At::Tip)?;
     if settings.teach.online.is_some() {
         let teacher = functions_of(session, &plan, domain, &fit)?;
         let teacher = Teacher::Sections(Box::new(Sections { teacher, scene, fit }));

@@ -20,7 +20,7 @@ fn at_centres(grid: &Grid, orientation: &Orientation, step: usize) -> Vec<Pose> 
 #[test]
 fn at_voxel_centres_it_is_the_section() {
     let scene = bracket([10, 30, 18], &Tool::paper());
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
     let field = ExactField::new(&scene.obstacle, &scene.record.tool);
     let orientations = OrientationSet::parse("0,0;90,90;0,180;45,45;37,61;200,100").unwrap().orientations;
     let exact = sections(&plan, &orientations, Control::quiet()).unwrap();
@@ -59,7 +59,8 @@ fn with_contact_it_is_the_section_with_contact() {
     let grid = scene.record.grid;
     let touching = scene.clone().with_contact(&spec.bodies(&grid).unwrap(), 2.0 * grid.pitch);
     let set = OrientationSet::parse("fibonacci:5").unwrap().orientations;
-    let found = sections(&SectionPlan::of_scene(&touching).unwrap(), &set, Control::quiet()).unwrap();
+    let found =
+        sections(&SectionPlan::of_scene(&touching, At::Tip).unwrap(), &set, Control::quiet()).unwrap();
     let field = ExactField::of_scene(&touching, &clearance).unwrap();
     for (orientation, section) in set.iter().zip(&found) {
         let poses = at_centres(&grid, orientation, 1);
@@ -80,7 +81,7 @@ fn with_contact_it_is_the_section_with_contact() {
         assert_eq!(&section_again, section);
     }
     // Contact takes something away, and not everything.
-    let without = sections(&SectionPlan::of_scene(&scene).unwrap(), &set, Control::quiet()).unwrap();
+    let without = sections(&SectionPlan::of_scene(&scene, At::Tip).unwrap(), &set, Control::quiet()).unwrap();
     let sum = |all: &[Vec<f32>]| all.iter().flatten().sum::<f32>();
     assert!(sum(&found) < sum(&without) && sum(&found) > 0.0);
 }

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::*;
 use crate::scene::Bodies;
-use crate::section::{Contact, direct_element_measures, imf};
+use crate::section::{At, direct_element_measures, imf};
 use crate::tool::{Clearance, Segment};
 use crate::unit::LengthUnit;
 
@@ -47,17 +47,21 @@ fn held() -> (Occupancy, Occupancy) {
 }
 
 /// Every voxel's measures are the definition's, and they sum to the section; some sharp point beside the first is best.
-fn agrees<'a>(obstacles: impl Into<Obstacles<'a>>, tool: &Tool, orientation: &Orientation) -> Vec<Vec<f32>> {
-    let obstacles = obstacles.into();
-    let grid = obstacles.solid.grid;
-    let plans = ElementPlans::new(obstacles, &grid, tool).unwrap();
+fn agrees(
+    obstacle: impl Into<Obstacle>,
+    assembly: impl Into<Assembly>,
+    orientation: &Orientation,
+) -> Vec<Vec<f32>> {
+    let (obstacle, assembly) = (obstacle.into(), assembly.into());
+    let grid = *obstacle.grid();
+    let plans = ElementPlans::new(&obstacle, &assembly, &grid).unwrap();
     let kinds: Vec<ElementKind> = plans.elements().collect();
     let mut measures = vec![vec![f32::NAN; grid.len()]; kinds.len()];
     plans.measures(orientation, &mut ElementScratch::default(), &mut measures).unwrap();
     let mut cmf = vec![f32::NAN; grid.len()];
     plans.whole().cmf(orientation, &mut SectionScratch::default(), &mut cmf).unwrap();
     for voxel in 0..grid.len() {
-        let direct = direct_element_measures(obstacles, tool, orientation, grid.voxel(voxel)).unwrap();
+        let direct = direct_element_measures(&obstacle, &assembly, orientation, grid.voxel(voxel)).unwrap();
         assert_eq!(direct.iter().map(|d| d.0).collect::<Vec<_>>(), kinds);
         let sum: f64 = measures.iter().map(|m| f64::from(m[voxel])).sum();
         // Each measure and the section are rounded to f32 once.
@@ -104,9 +108,10 @@ fn elements_are_their_definition_and_sum_to_the_section_flat_and_deep() {
 fn contact_and_clearance_are_counted_by_their_definition() {
     let (part, clamp) = held();
     let bodies = Bodies { part: part.clone(), fixtures: clamp.clone() };
-    let contact = Contact::new(&bodies.obstacle(), bodies.layer(1.0));
-    assert!(contact.solid.solid.iter().zip(&contact.skin.solid).all(|(a, b)| a & b == 0));
-    assert!(contact.skin.count() > 0 && contact.solid.count() > clamp.count());
+    let obstacle = Obstacle::with_cuttable(&bodies.obstacle(), bodies.layer(1.0));
+    let (forbidden, cuttable) = (&obstacle.forbidden, obstacle.cuttable.as_ref().unwrap());
+    assert!(forbidden.solid.iter().zip(&cuttable.solid).all(|(a, b)| a & b == 0));
+    assert!(cuttable.count() > 0 && forbidden.count() > clamp.count());
     let sharp = SharpPoints::Points(vec![DVec3::ZERO, DVec3::new(0.7, 0.2, 0.5)]);
     // A cutter that grows beyond the shank, and holder and shank that reach down over the cutter.
     for clearance in [
@@ -115,14 +120,13 @@ fn contact_and_clearance_are_counted_by_their_definition() {
         Clearance { holder: 0.0, shank: 0.0, cutter: 1.5 },
     ] {
         let bare = tool(sharp.clone());
-        let grown = bare.inflated(&clearance).unwrap();
-        let rest = bare.without_cutter().unwrap().inflated(&clearance).unwrap();
+        let assembly = bare.offset(&clearance).unwrap();
         let bodies = bare.inflated_elements(&clearance).unwrap();
         for orientation in [Orientation::default(), Orientation::new(200.0, 110.0)] {
-            agrees(contact.obstacles(Some(&rest)), &grown, &orientation);
+            agrees(&obstacle, &assembly, &orientation);
             // A tip is free where no body holds what is forbidden to it: grown elements one by one.
-            let tip = grown.with_tip_only();
-            let plan = SectionPlan::new(contact.obstacles(Some(&rest)), &tip).unwrap();
+            let tip = assembly.whole().with_tip_only();
+            let plan = SectionPlan::new(&obstacle, &assembly, At::Tip).unwrap();
             let mut counts = vec![0; part.grid.len()];
             plan.counts(&orientation, &mut SectionScratch::default(), &mut counts).unwrap();
             let field = |occupancy: &Occupancy, cutter: bool, at: DVec3| -> u32 {
@@ -137,7 +141,7 @@ fn contact_and_clearance_are_counted_by_their_definition() {
             let whole = part.union(&clamp).unwrap();
             for (index, &count) in counts.iter().enumerate() {
                 let at = part.grid.centre(part.grid.voxel(index));
-                let forbidden = field(&contact.solid, true, at) + field(&whole, false, at);
+                let forbidden = field(&obstacle.forbidden, true, at) + field(&whole, false, at);
                 assert_eq!(count > 0, forbidden > 0, "{clearance:?} {:?}", part.grid.voxel(index));
             }
         }
@@ -149,7 +153,7 @@ fn the_best_orientations_elements_sum_to_the_imf_whatever_the_threads() {
     let obstacle = scattered([6, 7, 8]);
     let tool = tool(SharpPoints::Cutter(5));
     let orientations = crate::orientation::OrientationSet::parse("fibonacci:13").unwrap().orientations;
-    let plans = ElementPlans::new(&obstacle, &obstacle.grid, &tool).unwrap();
+    let plans = ElementPlans::new(&obstacle, &tool, &obstacle.grid).unwrap();
     let imf = imf(plans.whole(), &orientations, Control::quiet()).unwrap();
     let at_best = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -173,5 +177,5 @@ fn a_mesh_has_no_elements() {
     let mesh = crate::mesh::tests::unit_cube().transformed(&glam::DMat4::from_scale(DVec3::splat(3.0)));
     let tool = Tool { shape: ToolShape::Mesh(mesh), ..tool(SharpPoints::Tip) };
     let obstacle = scattered([4, 4, 4]);
-    assert_eq!(ElementPlans::new(&obstacle, &obstacle.grid, &tool).unwrap().elements().count(), 0);
+    assert_eq!(ElementPlans::new(&obstacle, &tool, &obstacle.grid).unwrap().elements().count(), 0);
 }

@@ -39,11 +39,11 @@ impl Mirrored {
             && quantity.is_overlap()
             && plan.tip_alone()
             && plan.tool().is_axisymmetric()
-            && whole == plan.obstacle().grid;
+            && whole == *plan.obstacle().grid();
         let holds = |axis| {
             can_be
-                && is_mirrored(plan.obstacle(), axis)
-                && plan.skin().is_none_or(|skin| is_mirrored(skin.voxels, axis))
+                && is_mirrored(&plan.obstacle().forbidden, axis)
+                && plan.obstacle().cuttable.as_ref().is_none_or(|layer| is_mirrored(layer, axis))
         };
         Self { whole, across: [0, 1, 2].map(holds) }
     }
@@ -189,8 +189,10 @@ pub(in crate::harmonic) mod tests {
     use crate::harmonic::coefficients::Precision;
     use crate::harmonic::{FitSettings, HarmonicField, fit};
     use imf_core::control::Control;
+    use imf_core::obstacle::Obstacle;
     use imf_core::orientation::OrientationSet;
-    use imf_core::section::{Obstacles, Skin, sections};
+    use imf_core::section::{At, sections};
+    use std::sync::Arc;
 
     const DIMS: [usize; 3] = [15, 12, 14];
 
@@ -215,7 +217,7 @@ pub(in crate::harmonic) mod tests {
     }
 
     pub(in crate::harmonic) fn plan(beyond: usize) -> SectionPlan {
-        SectionPlan::new(&obstacle(beyond), &small_tool()).unwrap()
+        SectionPlan::new(&obstacle(beyond), &small_tool(), At::SharpPoints).unwrap()
     }
 
     pub(in crate::harmonic) fn made(plan: &SectionPlan, settings: &FitSettings) -> HarmonicField {
@@ -240,13 +242,13 @@ pub(in crate::harmonic) mod tests {
         let place = dented.grid.index([2, 5, 4]);
         dented.solid[place] = 0;
         let tool = small_tool();
-        assert_eq!(across(&SectionPlan::new(&dented, &tool).unwrap()), [false; 3]);
+        assert_eq!(across(&SectionPlan::new(&dented, &tool, At::SharpPoints).unwrap()), [false; 3]);
         // With the voxel's image across x, and with that across z.
         for (image, expected) in [([12, 5, 4], [true, false, false]), ([2, 5, 9], [false, false, true])] {
             let mut dented = dented.clone();
             let place = dented.grid.index(image);
             dented.solid[place] = 0;
-            assert_eq!(across(&SectionPlan::new(&dented, &tool).unwrap()), expected);
+            assert_eq!(across(&SectionPlan::new(&dented, &tool, At::SharpPoints).unwrap()), expected);
         }
         assert_eq!(Mirrored::of(&plan(0), Domain::Rotations, Quantity::Overlap).across, [false; 3]);
         assert_eq!(Mirrored::of(&plan(0), Domain::Directions, Quantity::Depth).across, [false; 3]);
@@ -254,13 +256,15 @@ pub(in crate::harmonic) mod tests {
 
     #[test]
     fn a_layer_that_the_cutter_may_enter_is_mirrored_as_well_or_nothing_is() {
-        let (solid, rest) = (obstacle(0), small_tool().without_cutter().unwrap());
+        let solid = obstacle(0);
+        assert!(small_tool().without_cutter().is_some());
         let mut voxels = Occupancy::empty(solid.grid);
         for (layer, expected) in [([7, 1, 6], [true, false, false]), ([7, 1, 7], [true, false, true])] {
             let place = voxels.grid.index(layer);
             voxels.solid[place] = 1;
-            let skin = Some(Skin { voxels: &voxels, rest: &rest });
-            let plan = SectionPlan::new(Obstacles { solid: &solid, skin }, &small_tool()).unwrap();
+            let obstacle =
+                Obstacle { forbidden: Arc::new(solid.clone()), cuttable: Some(Arc::new(voxels.clone())) };
+            let plan = SectionPlan::new(obstacle, &small_tool(), At::SharpPoints).unwrap();
             assert_eq!(across(&plan), expected);
         }
     }
