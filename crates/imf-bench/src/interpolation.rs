@@ -308,7 +308,7 @@ mod tests {
     fn stored_sections_answer_between_themselves() {
         let grid = Grid { origin: DVec3::ZERO, pitch: 8.0, dims: [9, 10, 11] };
         let solid = (0..grid.len()).map(|i| u8::from(i % 7 < 3)).collect();
-        let plan = SectionPlan::new(&Occupancy { grid, solid }, &Tool::paper(), At::SharpPoints).unwrap();
+        let plan = SectionPlan::new(&Occupancy { grid, solid }, Tool::paper(), At::SharpPoints).unwrap();
         let angles = AngleGrid::new(6);
         let stored = StoredSections::new(&plan, angles, Control::quiet()).unwrap();
         assert_eq!(stored.orientations, pairs(6));

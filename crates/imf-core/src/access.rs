@@ -172,7 +172,7 @@ pub(crate) mod tests {
     fn counts_and_lists_are_those_of_the_single_sections() {
         let obstacle = slotted();
         let query = obstacle.grid.grown([2, 1, 0], [-1, 3, 2]).unwrap();
-        let plan = SectionPlan::with_query(&obstacle, &small_tool(), At::SharpPoints, &query).unwrap();
+        let plan = SectionPlan::with_query(&obstacle, small_tool(), At::SharpPoints, &query).unwrap();
         let orientations = OrientationSet::parse("fibonacci:23").unwrap().orientations;
         let all = sections(&plan, &orientations, Control::quiet()).unwrap();
         for (tau, threads) in [(0.0, 1), (0.07, 3)] {

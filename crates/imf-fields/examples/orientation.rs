@@ -38,8 +38,8 @@ fn choose(field: &VerifiedField) -> Result<Axes, Box<dyn Error>> {
         }
     }
     let set = OrientationSet::parse(&format!("fibonacci:{AXES}"))?.orientations;
-    let axes: Vec<DVec3> = set.iter().map(|o| o.direction()).collect();
-    let rotations: Vec<DQuat> = set.iter().map(|o| o.quaternion()).collect();
+    let axes: Vec<DVec3> = set.iter().map(imf_core::orientation::Orientation::direction).collect();
+    let rotations: Vec<DQuat> = set.iter().map(imf_core::orientation::Orientation::quaternion).collect();
     let mut best = vec![Best::NONE; points.len()];
     field.best(&points, &rotations, &mut best)?;
     // Points that no axis reaches are left out.

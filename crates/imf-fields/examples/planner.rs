@@ -187,8 +187,8 @@ fn plan(tool: &VerifiedField, seed: u64) -> Result<Plan, Box<dyn Error>> {
     let home = Node { tip: low + size * DVec3::new(-0.1, 0.5, 0.5), axis: DVec3::Z };
     let away = Node { tip: low + size * DVec3::new(1.1, 0.5, 0.5), axis: DVec3::Z };
     let set = OrientationSet::parse("cone:0,0,1:70:120")?.orientations;
-    let axes: Vec<DVec3> = set.iter().map(|orientation| orientation.direction()).collect();
-    let rotations: Vec<DQuat> = set.iter().map(|orientation| orientation.quaternion()).collect();
+    let axes: Vec<DVec3> = set.iter().map(imf_core::orientation::Orientation::direction).collect();
+    let rotations: Vec<DQuat> = set.iter().map(imf_core::orientation::Orientation::quaternion).collect();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut number = || f64::from(random.next_u32()) / f64::from(u32::MAX);
     let blocked = |a: Node, b: Node| {
@@ -327,7 +327,7 @@ fn both_legs_are_free_and_were_not_when_straight() {
         // The exact field finds no collision at poses between, asked one by one.
         for pair in nodes.windows(2) {
             for part in 0..20 {
-                let time = part as f64 / 20.0;
+                let time = f64::from(part) / 20.0;
                 let tip = pair[0].tip.lerp(pair[1].tip, time);
                 let axis = pair[0].axis.slerp(pair[1].axis, time);
                 let mut decision = [Decision::Undecided];

@@ -94,7 +94,7 @@ fn every_value_is_the_cpus_at_sizes_that_are_no_multiple_of_anything() {
         (5.0, [67, 2, 3]),
         (7.0, [4, 3, 259]),
     ] {
-        let plan = SectionPlan::new(&scattered(grid(pitch, dims)), &Tool::paper(), At::SharpPoints).unwrap();
+        let plan = SectionPlan::new(scattered(grid(pitch, dims)), Tool::paper(), At::SharpPoints).unwrap();
         agree(&plan, &orientations(), 40_000).unwrap();
     }
 }
@@ -137,7 +137,7 @@ fn query_grids_inside_across_and_beside_the_obstacle_agree() {
         for axis in 0..3 {
             query.origin[axis] += 4.0 * f64::from(offset[axis]);
         }
-        let plan = SectionPlan::with_query(&obstacle, &Tool::paper(), At::SharpPoints, &query).unwrap();
+        let plan = SectionPlan::with_query(&obstacle, Tool::paper(), At::SharpPoints, &query).unwrap();
         agree(&plan, &orientations(), 40_000).unwrap();
     }
 }
@@ -175,7 +175,7 @@ fn a_layer_that_only_the_cutter_may_enter_is_counted_for_the_rest() {
             agree(&plan, &orientations(), 40_000).unwrap();
         }
         // A tool that is all cutter: nothing of it must stay out of the layer.
-        let plan = SectionPlan::new(&obstacle, &of(vec![cutter]), At::SharpPoints).unwrap();
+        let plan = SectionPlan::new(&obstacle, of(vec![cutter]), At::SharpPoints).unwrap();
         assert!(!plan.has_layer());
         agree(&plan, &orientations(), 40_000).unwrap();
     }
@@ -186,12 +186,8 @@ fn a_layer_that_only_the_cutter_may_enter_is_counted_for_the_rest() {
 fn nothing_and_everything_solid_agree() {
     let grid = grid(4.0, [9, 14, 12]);
     for obstacle in [Occupancy::empty(grid), Occupancy { grid, solid: vec![1; grid.len()] }] {
-        agree(
-            &SectionPlan::new(&obstacle, &Tool::paper(), At::SharpPoints).unwrap(),
-            &orientations(),
-            40_000,
-        )
-        .unwrap();
+        agree(&SectionPlan::new(&obstacle, Tool::paper(), At::SharpPoints).unwrap(), &orientations(), 40_000)
+            .unwrap();
     }
 }
 
@@ -207,7 +203,7 @@ fn the_reference_parts_agree() {
         let pitch = 3.0;
         let dims = (scale * (upper - lower) / pitch).ceil().to_array().map(|n| n as usize);
         let obstacle = voxelize(&mesh, &Grid { origin: scale * lower, pitch, dims }, false);
-        let plan = SectionPlan::new(&obstacle, &Tool::paper(), At::SharpPoints).unwrap();
+        let plan = SectionPlan::new(&obstacle, Tool::paper(), At::SharpPoints).unwrap();
         agree(&plan, &OrientationSet::parse("fibonacci:40").unwrap().orientations, 600_000).unwrap();
     }
 }
@@ -215,8 +211,7 @@ fn the_reference_parts_agree() {
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn limits_and_interruption_are_told() {
-    let plan =
-        SectionPlan::new(&scattered(grid(4.0, [13, 11, 17])), &Tool::paper(), At::SharpPoints).unwrap();
+    let plan = SectionPlan::new(scattered(grid(4.0, [13, 11, 17])), Tool::paper(), At::SharpPoints).unwrap();
     let gpu = adapter::open();
     let tiny = GpuLimits { storage_binding: 1024, buffer: 1 << 30, workgroups: 3 };
     let message = GpuSections::new(&gpu.clone().with_limits(tiny), &plan).err().unwrap().to_string();

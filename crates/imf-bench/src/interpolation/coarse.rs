@@ -149,7 +149,7 @@ mod tests {
     fn plan() -> SectionPlan {
         let grid = Grid { origin: DVec3::ZERO, pitch: 8.0, dims: [9, 10, 11] };
         let solid = (0..grid.len()).map(|i| u8::from(i % 7 < 3)).collect();
-        SectionPlan::new(&Occupancy { grid, solid }, &Tool::paper(), At::SharpPoints).unwrap()
+        SectionPlan::new(&Occupancy { grid, solid }, Tool::paper(), At::SharpPoints).unwrap()
     }
 
     #[test]

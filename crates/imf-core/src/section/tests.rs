@@ -155,7 +155,7 @@ fn mesh_tools_with_holes_and_sharp_points_off_the_grid_are_direct_sums() {
 fn the_estimate_prefers_run_ends_for_slender_tools_and_transforms_for_fat_ones() {
     let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [58, 76, 121] };
     let obstacle = Occupancy { grid, solid: vec![1; grid.len()] };
-    let plan = SectionPlan::new(&obstacle, &Tool::paper(), At::SharpPoints).unwrap();
+    let plan = SectionPlan::new(&obstacle, Tool::paper(), At::SharpPoints).unwrap();
     assert!(plan.describe().starts_with("run ends"), "{}", plan.describe());
     let slow = Estimate { run_ends: 2.0, transform: 1.0 };
     assert!(
@@ -171,7 +171,7 @@ fn sharp_points_are_read_by_trilinear_means() {
     let few = SharpPoints::Points(vec![DVec3::new(1.3, -0.4, 0.7), DVec3::ZERO]);
     for (sharp_points, step) in [(few, 1), (SharpPoints::Boundary(None), 7)] {
         let tool = Tool { sharp_points, ..cylinder(2.5, 7.0) };
-        let plan = SectionPlan::new(&scattered(DIMS), &tool, At::SharpPoints).unwrap();
+        let plan = SectionPlan::new(scattered(DIMS), &tool, At::SharpPoints).unwrap();
         let mut scratch = SectionScratch::default();
         let mut cmf = vec![f32::NAN; plan.grid().len()];
         for orientation in OrientationSet::parse("0,0;20,50;110,130").unwrap().orientations {
@@ -194,7 +194,7 @@ fn rounding_of_a_rotation_makes_no_neighbour_count() {
     let orientation = Orientation::new(0.0, 60.0);
     let z = (orientation.rotation() * DVec3::new(0.0, 0.0, 2.0)).z;
     assert!(z != 1.0 && (z - 1.0).abs() < 1e-9, "{z:e}");
-    let plan = SectionPlan::new(&scattered(DIMS), &tool, At::SharpPoints).unwrap();
+    let plan = SectionPlan::new(scattered(DIMS), &tool, At::SharpPoints).unwrap();
     let mut cmf = vec![0.0; plan.grid().len()];
     plan.cmf(&orientation, &mut SectionScratch::default(), &mut cmf).unwrap();
     let least = cmf.iter().copied().filter(|&value| value > 0.0).fold(f32::INFINITY, f32::min);
@@ -208,7 +208,7 @@ fn a_box_of_voxels_under_a_one_voxel_line_is_counted_in_closed_form() {
     // A line of 5 voxels going up over a block that fills z < 4: overlap = clamp(4 − z, 0, 5).
     let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [4, 4, 8] };
     let solid = (0..grid.len()).map(|i| u8::from(i % 8 < 4)).collect();
-    let plan = SectionPlan::new(&Occupancy { grid, solid }, &cylinder(0.4, 4.5), At::SharpPoints).unwrap();
+    let plan = SectionPlan::new(&Occupancy { grid, solid }, cylinder(0.4, 4.5), At::SharpPoints).unwrap();
     let mut cmf = vec![0.0; grid.len()];
     plan.cmf(&Orientation::default(), &mut SectionScratch::default(), &mut cmf).unwrap();
     for (index, &value) in cmf.iter().enumerate() {
@@ -219,7 +219,7 @@ fn a_box_of_voxels_under_a_one_voxel_line_is_counted_in_closed_form() {
 
 #[test]
 fn the_imf_is_the_least_section_with_the_first_index_at_a_tie() {
-    let plan = SectionPlan::new(&scattered(DIMS), &cylinder(2.0, 6.0), At::SharpPoints).unwrap();
+    let plan = SectionPlan::new(scattered(DIMS), cylinder(2.0, 6.0), At::SharpPoints).unwrap();
     let mut orientations = OrientationSet::parse("fibonacci:9").unwrap().orientations;
     orientations.extend(orientations.clone());
     let all = sections(&plan, &orientations, Control::quiet()).unwrap();
@@ -240,7 +240,7 @@ fn the_imf_is_the_least_section_with_the_first_index_at_a_tie() {
 
 #[test]
 fn cancelling_stops_the_stream() {
-    let plan = SectionPlan::new(&scattered(DIMS), &cylinder(2.0, 6.0), At::SharpPoints).unwrap();
+    let plan = SectionPlan::new(scattered(DIMS), cylinder(2.0, 6.0), At::SharpPoints).unwrap();
     let stop = std::sync::atomic::AtomicBool::new(true);
     let control = Control { progress: &|_| {}, cancelled: &stop };
     let orientations = OrientationSet::parse("fibonacci:9").unwrap().orientations;

@@ -363,7 +363,7 @@ mod tests {
             let bar = inside(1, x, 8) && inside(3, y, 7) && inside(3, z, 10);
             cross.solid[place] = u8::from(bar || inside(3, x, 8) && inside(2, y, 7) && inside(4, z, 10));
         }
-        let plan = SectionPlan::new(&cross, &small_tool(), At::SharpPoints).unwrap();
+        let plan = SectionPlan::new(&cross, small_tool(), At::SharpPoints).unwrap();
         let settings =
             FitSettings { degree: 5, axes: 36, precision: Precision::F32, ..FitSettings::default() };
         let field = made(&plan, &settings);

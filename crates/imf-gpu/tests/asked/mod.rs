@@ -135,7 +135,7 @@ pub(crate) fn compare_minima_of(field: &GpuField, within: &Within, count: usize,
     let mut points: Vec<DVec3> = poses(&grid, count).iter().map(|pose| pose.position).collect();
     points[3].x = f64::INFINITY;
     let set = OrientationSet::parse(set).expect("a set").orientations;
-    let orientations: Vec<DQuat> = set.iter().map(|o| o.quaternion()).collect();
+    let orientations: Vec<DQuat> = set.iter().map(imf_core::orientation::Orientation::quaternion).collect();
     let (mut found, mut expected) = (vec![Best::NONE; points.len()], vec![Best::NONE; points.len()]);
     field.best(&points, &orientations, &mut found).expect("answers");
     field.twin().best(&points, &orientations, &mut expected).expect("answers");

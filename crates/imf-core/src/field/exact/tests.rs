@@ -109,7 +109,7 @@ fn the_noncutting_part_of_an_offset_tool_is_not_that_of_the_tool_offset() {
 #[test]
 fn an_invalid_pose_is_never_free() {
     let scene = bracket([10, 30, 18], &Tool::paper());
-    let field = ExactField::new(&scene, &Tool::paper());
+    let field = ExactField::new(&scene, Tool::paper());
     let far = DVec3::splat(1e4);
     let (nan, endless) = (f64::NAN, f64::INFINITY);
     let turned = |theta, phi, roll| Orientation { theta, phi, roll };

@@ -94,7 +94,7 @@ fn elements_are_their_definition_and_sum_to_the_section_flat_and_deep() {
         for sharp in [SharpPoints::Tip, off_tip.clone(), SharpPoints::Cutter(9), SharpPoints::Boundary(None)]
         {
             for orientation in [Orientation::default(), Orientation::new(40.0, 75.0)] {
-                let measures = agrees(&obstacle, &tool(sharp.clone()), &orientation);
+                let measures = agrees(&obstacle, tool(sharp.clone()), &orientation);
                 let hits = measures.iter().map(|m| m.iter().any(|&v| v > 0.0));
                 seen.iter_mut().zip(hits).for_each(|(seen, hits)| *seen |= hits);
             }

@@ -217,7 +217,7 @@ pub(in crate::harmonic) mod tests {
     }
 
     pub(in crate::harmonic) fn plan(beyond: usize) -> SectionPlan {
-        SectionPlan::new(&obstacle(beyond), &small_tool(), At::SharpPoints).unwrap()
+        SectionPlan::new(obstacle(beyond), small_tool(), At::SharpPoints).unwrap()
     }
 
     pub(in crate::harmonic) fn made(plan: &SectionPlan, settings: &FitSettings) -> HarmonicField {
@@ -264,7 +264,7 @@ pub(in crate::harmonic) mod tests {
             voxels.solid[place] = 1;
             let obstacle =
                 Obstacle { forbidden: Arc::new(solid.clone()), cuttable: Some(Arc::new(voxels.clone())) };
-            let plan = SectionPlan::new(obstacle, &small_tool(), At::SharpPoints).unwrap();
+            let plan = SectionPlan::new(obstacle, small_tool(), At::SharpPoints).unwrap();
             assert_eq!(across(&plan), expected);
         }
     }

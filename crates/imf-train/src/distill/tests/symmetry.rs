@@ -243,7 +243,7 @@ fn obstacle(grid: Grid, is_solid: impl Fn(DVec3) -> bool) -> Occupancy {
 fn symmetry_is_found_where_it_is_and_nowhere_else() {
     let grid = Grid { origin: DVec3::new(3.0, -2.0, 1.0), pitch: 0.5, dims: [20, 23, 26] };
     let fitted = |occupancy: &Occupancy| {
-        let plan = SectionPlan::new(occupancy, &Tool::paper(), At::SharpPoints).unwrap();
+        let plan = SectionPlan::new(occupancy, Tool::paper(), At::SharpPoints).unwrap();
         let settings = FitSettings { axes: usize::MAX, ..FIT };
         fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap()
     };

@@ -15,7 +15,7 @@ const SHAPE: SirenShape = SirenShape { width: 16, hidden: 3, skip_after: Some(2)
 fn sections(settings: OnlineSettings) -> OnlineSections {
     let grid = Grid { origin: DVec3::ZERO, pitch: 8.0, dims: [9, 10, 11] };
     let solid = (0..grid.len()).map(|i| u8::from(i % 7 < 3)).collect();
-    let plan = SectionPlan::new(&Occupancy { grid, solid }, &Tool::paper(), At::SharpPoints).unwrap();
+    let plan = SectionPlan::new(&Occupancy { grid, solid }, Tool::paper(), At::SharpPoints).unwrap();
     OnlineSections { plan, frame: grid, sampling: Sampling { density: 0.1, ..Sampling::default() }, settings }
 }
 
