@@ -8,7 +8,8 @@
 //! trained in `imf-train`, whose settings are here too ([`recipe`]), since a field's file tells how it was made.
 //!
 //! # Where to begin
-//! [`learnt::Field`] is a field from a file of any family.
+//! [`field::Field`] is a field from a file of any family, which answers poses and whole grids; [`field::VerifiedField`]
+//! decides by proof as well.
 
 pub mod calibration;
 pub mod evaluation;

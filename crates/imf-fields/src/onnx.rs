@@ -10,7 +10,7 @@
 //! depth      f32 [poses]      how far the tool must be moved to be free, below 0 how far it may be moved
 //! ```
 //!
-//! Answers are those of [`imf_core::field::Field`] but for the rounding of single precision: outside the box of the voxel centres those
+//! Answers are those of [`crate::field::Field`] but for the rounding of single precision: outside the box of the voxel centres those
 //! of the nearest point inside, without promise. What a field is of stands in the model's metadata: part, tool, unit,
 //! clearance, the corners of that box. Graphs are of opset 17.
 //!
