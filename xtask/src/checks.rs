@@ -2,6 +2,7 @@
 //!
 //! Cheap checks stand first, the tests last, so that their result lines are what a reader sees above the summary.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -19,6 +20,7 @@ pub(crate) fn run() -> Result<()> {
         Stage { name: "formatting", work: formatting },
         Stage { name: "clippy", work: clippy },
         Stage { name: "rustdoc", work: rustdoc },
+        Stage { name: "core alone", work: core_alone },
         Stage { name: "GPU driver", work: adapter::ensure_driver },
         Stage { name: "tests", work: tests },
     ])
@@ -36,6 +38,31 @@ fn clippy() -> Result<()> {
 
 fn rustdoc() -> Result<()> {
     cargo(&["doc", "--workspace", "--no-deps"], &[("RUSTDOCFLAGS", "-D warnings")])
+}
+
+/// The target of browsers, where there are no threads and no files.
+const BROWSER: &str = "wasm32-unknown-unknown";
+/// Crates that `imf-core` without its features pulls there, at most.
+const MOST_CRATES: usize = 30;
+
+/// `imf-core` without its features: for browsers where the target is there or can be had, else for this machine, and few crates.
+fn core_alone() -> Result<()> {
+    let core = ["-p", "imf-core", "--no-default-features"];
+    let tree = [&["tree", "-e", "normal", "--prefix", "none", "--target", BROWSER][..], &core].concat();
+    let listed = cargo_command().args(&tree).output().context("cannot start cargo")?;
+    ensure!(listed.status.success(), "cargo tree: {}", String::from_utf8_lossy(&listed.stderr));
+    let text = String::from_utf8_lossy(&listed.stdout);
+    let names = text.lines().filter_map(|line| line.split(' ').next()).filter(|name| !name.is_empty());
+    let crates = names.collect::<BTreeSet<_>>().len() - 1;
+    println!("imf-core without features pulls {crates} crates");
+    ensure!(crates <= MOST_CRATES, "imf-core without features pulls {crates} crates, more than {MOST_CRATES}");
+    let added = Command::new("rustup").args(["target", "add", BROWSER]).status();
+    let check = [&["check"][..], &core].concat();
+    if added.is_ok_and(|status| status.success()) {
+        return cargo(&[&check[..], &["--target", BROWSER]].concat(), &[]);
+    }
+    println!("the target {BROWSER} cannot be had here: checked for this machine instead");
+    cargo(&check, &[])
 }
 
 fn tests() -> Result<()> {

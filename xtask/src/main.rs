@@ -15,7 +15,8 @@ const USAGE: &str = "\
 usage: cargo xtask <chore>
 
 chores:
-  test     formatting, clippy and rustdoc with warnings denied, a look for a Vulkan driver, all tests
+  test     formatting, clippy and rustdoc with warnings denied, imf-core without its features (for browsers), a look for a
+           Vulkan driver, all tests
   stress   [--kills N] [--device cpu|software] [--seed S]: a training that is killed at random moments (50 by default)
            and resumed ends with the bytes of one in peace
   mpi      the build with the feature mpi, and trainings of several ranks by mpirun; needs an MPI library and libclang

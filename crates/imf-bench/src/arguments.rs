@@ -76,7 +76,7 @@ pub(crate) struct GpuArguments {
     /// Python with PyTorch
     #[arg(long, default_value = "python3", value_name = "COMMAND")]
     pub(crate) python: String,
-    /// gpu, software (software Vulkan), or a number or part of a name from `imf devices`
+    /// gpu, software (software Vulkan), or a number or part of a name from `imf info`
     #[arg(long, default_value = "gpu", value_name = "DEVICE")]
     pub(crate) device: String,
 }
@@ -108,7 +108,7 @@ pub(crate) struct ExactArguments {
     /// Python with numpy and scipy
     #[arg(long, default_value = "python3", value_name = "COMMAND")]
     pub(crate) python: String,
-    /// Measure this device too: gpu, software (software Vulkan), or a number or part of a name from `imf devices`
+    /// Measure this device too: gpu, software (software Vulkan), or a number or part of a name from `imf info`
     #[arg(long, default_value = "cpu", value_name = "DEVICE")]
     pub(crate) device: String,
 }

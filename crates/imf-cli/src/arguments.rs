@@ -15,7 +15,6 @@ pub mod harmonic;
 pub mod numbers;
 pub(crate) mod query;
 pub mod scene;
-pub(crate) mod sections;
 pub(crate) mod train;
 pub(crate) mod transform;
 
@@ -101,22 +100,18 @@ pub(crate) enum Command {
     Finetune(FinetuneArguments),
     Compress(compress::CompressArguments),
     Calibrate(calibrate::CalibrateArguments),
-    Sections(sections::SectionsArguments),
     Eval(eval::EvalArguments),
     Query(query::QueryArguments),
     Export(export::ExportArguments),
     Check(check::CheckArguments),
     Info(InfoArguments),
-    /// List the devices that can train and evaluate
-    #[command(after_help = "Example:\n  imf devices")]
-    Devices,
 }
 
 /// Where networks are trained and evaluated.
 #[derive(Args, Clone)]
 pub struct DeviceArguments {
     /// auto (a discrete or integrated GPU, else the CPU), cpu, gpu, software (software Vulkan), or a number or part of
-    /// a name from `imf devices`
+    /// a name from `imf info`
     #[arg(long, default_value = "auto", value_name = "DEVICE")]
     pub device: String,
 }
@@ -125,7 +120,7 @@ pub struct DeviceArguments {
 #[derive(Args)]
 pub(crate) struct FieldDeviceArguments {
     /// Where the field is evaluated: auto (the CPU; for siren5 a discrete or integrated GPU where there is one), cpu, gpu, software
-    /// (software Vulkan), or a number or part of a name from `imf devices`
+    /// (software Vulkan), or a number or part of a name from `imf info`
     #[arg(long, default_value = "auto", value_name = "DEVICE")]
     pub(crate) device: String,
 }
@@ -352,11 +347,12 @@ pub(crate) struct FinetuneArguments {
 /// Describe a mesh, a tool, a dataset, a model or a field
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  imf info part.obj\n  imf info mill.toml\n  imf info model/model.safetensors"
+    after_help = "Examples:\n  imf info\n  imf info part.obj\n  imf info mill.toml\n  imf info model/model.safetensors"
 )]
 pub(crate) struct InfoArguments {
-    /// A mesh, a reference part, a tool file, a dataset's folder, a model or a field
-    pub(crate) what: PathBuf,
+    /// A mesh, a reference part, a tool file, a dataset's folder, a model or a field; without it, what this machine can compute with
+    /// and the built-in parts
+    pub(crate) what: Option<PathBuf>,
     /// Unit of a mesh: mm (the default), cm, m or inch; 3MF files state theirs
     #[arg(long, value_name = "UNIT")]
     pub(crate) unit: Option<String>,

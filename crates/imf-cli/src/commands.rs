@@ -6,7 +6,6 @@ pub(crate) mod check;
 pub mod compress;
 pub mod dataset;
 pub mod demo;
-pub(crate) mod devices;
 pub(crate) mod eval;
 pub(crate) mod export;
 pub mod field;
@@ -39,12 +38,10 @@ pub fn run(cli: &Cli, rank: Rank) -> anyhow::Result<()> {
         Command::Finetune(arguments) => finetune::run(&session, arguments),
         Command::Compress(arguments) => compress::run(&session, arguments),
         Command::Calibrate(arguments) => calibrate::run(&session, arguments),
-        Command::Sections(arguments) => field::kept::run(&session, arguments),
         Command::Eval(arguments) => eval::run(&session, arguments),
         Command::Export(arguments) => export::run(&session, arguments),
         Command::Query(arguments) => query::run(&session, arguments),
         Command::Check(arguments) => check::run(&session, arguments),
         Command::Info(arguments) => info::run(&session, arguments),
-        Command::Devices => devices::run(&session),
     }
 }

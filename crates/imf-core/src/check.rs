@@ -13,7 +13,6 @@ mod interpolate;
 use std::sync::Arc;
 
 use glam::DVec3;
-use rayon::prelude::*;
 use serde::Serialize;
 use thiserror::Error;
 
@@ -21,6 +20,7 @@ use crate::control::Control;
 use crate::distance::deeper_than;
 use crate::field::solid::SolidField;
 use crate::occupancy::Occupancy;
+use crate::parallel;
 use crate::pose::Pose;
 use crate::tool::{Clearance, ClearanceError, Element, ElementKind, Tool, ToolError};
 use crate::toolpath::{OppositeAxes, Toolpath};
@@ -194,17 +194,14 @@ pub fn check_toolpath_with(
     let motions: Vec<Poses> = (0..toolpath.locations.len())
         .map(|index| Poses::to(&toolpath.locations, index, reach, settings.tolerance))
         .collect::<Result<_, _>>()?;
-    let lines: Vec<LineCollisions> = motions
-        .par_iter()
-        .map(|motion| {
-            if control.is_cancelled() {
-                return Err(CheckError::Cancelled);
-            }
-            let line = check_motion(&groups, motion, is_free, part.grid.voxel_volume());
-            (control.progress)(1);
-            Ok(line)
-        })
-        .collect::<Result<_, _>>()?;
+    let lines: Vec<LineCollisions> = parallel::try_map(motions.len(), |index| {
+        if control.is_cancelled() {
+            return Err(CheckError::Cancelled);
+        }
+        let line = check_motion(&groups, &motions[index], is_free, part.grid.voxel_volume());
+        (control.progress)(1);
+        Ok(line)
+    })?;
     Ok(CheckReport {
         settings: *settings,
         locations: toolpath.locations.len(),

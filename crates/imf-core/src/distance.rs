@@ -8,9 +8,9 @@
 //! the nearest point of the grid, and as seen from within the obstacle the outside is the nearest empty space.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::occupancy::Occupancy;
+use crate::parallel;
 
 /// No solid voxel anywhere.
 const NONE: u32 = u32::MAX;
@@ -29,17 +29,14 @@ impl DistanceField {
     pub fn new(obstacle: &Occupancy) -> Self {
         let dims = obstacle.grid.dims;
         let nearest = nearest_voxels(obstacle, 1);
-        let distance = (0..nearest.len())
-            .into_par_iter()
-            .map(|index| match nearest[index] {
-                NONE => f32::INFINITY,
-                // Rounded down, so that it stays a lower bound.
-                witness => {
-                    ((squared_distance(dims, index, witness as usize) as f64).sqrt() as f32).next_down()
-                }
-            })
-            .map(|d| d.max(0.0))
-            .collect();
+        let distance = parallel::map(nearest.len(), |index| match nearest[index] {
+            NONE => f32::INFINITY,
+            // Rounded down, so that it stays a lower bound.
+            witness => {
+                let squared = squared_distance(dims, index, witness as usize);
+                ((squared as f64).sqrt() as f32).next_down().max(0.0)
+            }
+        });
         Self { dims, nearest, distance }
     }
 
@@ -94,16 +91,15 @@ pub struct Probe {
 pub fn squared_depths(obstacle: &Occupancy) -> Vec<u64> {
     let dims = obstacle.grid.dims;
     let nearest = nearest_voxels(obstacle, 0);
-    nearest
-        .par_iter()
-        .enumerate()
-        .map(|(index, &witness)| {
-            let voxel = obstacle.grid.voxel(index);
-            let face = (0..3).map(|axis| (voxel[axis] + 1).min(dims[axis] - voxel[axis]) as u64).min();
-            let face = face.map_or(0, |d| d * d);
-            if witness == NONE { face } else { face.min(squared_distance(dims, index, witness as usize)) }
-        })
-        .collect()
+    parallel::map(nearest.len(), |index| {
+        let voxel = obstacle.grid.voxel(index);
+        let face = (0..3).map(|axis| (voxel[axis] + 1).min(dims[axis] - voxel[axis]) as u64).min();
+        let face = face.map_or(0, |d| d * d);
+        match nearest[index] {
+            NONE => face,
+            witness => face.min(squared_distance(dims, index, witness as usize)),
+        }
+    })
 }
 
 /// The solid voxels that lie deeper than `depth` (in the grid's unit) below the surface. The surface is taken to lie
@@ -147,7 +143,7 @@ fn nearest_voxels(obstacle: &Occupancy, wanted: u8) -> Vec<u32> {
         }
     }
     let mut nearest = vec![NONE; nx * slab];
-    nearest.par_chunks_mut(slab).enumerate().for_each(|(x, out)| {
+    parallel::for_each_chunk(&mut nearest, slab, || (), |(), x, out| {
         let along_x = &nearest_x[x * slab..][..slab];
         let mut envelope = Envelope::default();
         let mut witness = vec![NONE; slab];

@@ -50,12 +50,12 @@ pub(crate) mod solid;
 pub use exact::ExactField;
 
 use glam::{DQuat, DVec3, Vec3};
-use rayon::prelude::*;
 use thiserror::Error;
 
 use crate::control::Control;
 use crate::grid::Grid;
 use crate::orientation::Orientation;
+use crate::parallel;
 use crate::pose::Pose;
 use crate::section::{Imf, Quantity, SectionError};
 use crate::tool::{ClearanceError, ToolError};
@@ -275,10 +275,9 @@ pub fn values_on_all_threads(
     values: &mut [f32],
 ) -> Result<(), FieldError> {
     check_lengths(poses.len(), values.len())?;
-    poses
-        .par_chunks(CHUNK)
-        .zip(values.par_chunks_mut(CHUNK))
-        .try_for_each(|(poses, values)| field.values(poses, values))
+    parallel::try_for_each_chunk(values, CHUNK, |index, values| {
+        field.values(&poses[index * CHUNK..][..values.len()], values)
+    })
 }
 
 /// That the output slice has as many places as there are queries: what every field checks first.

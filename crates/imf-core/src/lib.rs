@@ -24,6 +24,12 @@
 //! | ask for single poses | [`field`]: values, gradients, decisions, of any family |
 //! | move a tool in a planner | [`motion`]: proofs for all poses between two |
 //!
+//! # Features
+//! - `parallel`, on by default: all threads of the current rayon pool; without it the thread that calls.
+//! - `random`, on by default: random sets of orientations.
+//! - `formats`, on by default: STL, PLY and 3MF meshes, tool files and tool libraries, fields for other programs, and writing files at
+//!   all. Without the three the crate builds for `wasm32-unknown-unknown`.
+//!
 //! # Conventions
 //! - Lengths are in the mesh's own unit, millimetres unless told; angles are degrees, pairs always (θ, φ).
 //! - Right-handed world. A [`grid::Grid`] has cubic voxels; the centre of voxel `i` is `origin + pitch·(i + ½)`.
@@ -56,11 +62,13 @@
 pub use glam;
 
 pub mod access;
+#[cfg(feature = "formats")]
 pub mod atomic_file;
 pub mod check;
 pub mod control;
 pub mod distance;
 pub mod field;
+#[cfg(feature = "formats")]
 pub mod field_files;
 pub mod grid;
 pub mod mesh;
@@ -68,6 +76,7 @@ pub mod motion;
 pub mod obstacle;
 pub mod occupancy;
 pub mod orientation;
+mod parallel;
 pub mod parts;
 pub mod pose;
 pub mod scene;

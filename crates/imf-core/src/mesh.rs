@@ -7,6 +7,7 @@ pub mod read;
 mod refine;
 pub mod topology;
 mod weld;
+#[cfg(feature = "formats")]
 pub mod write;
 
 /// A triangle mesh in its own unit. Vertices may be shared or repeated; orientation may be any.

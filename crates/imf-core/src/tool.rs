@@ -4,8 +4,10 @@
 //! inside where `0 ≤ z < length` and `r ≤ ρ(z)`. Elements do not overlap: each owns its own range of heights.
 
 mod assembly;
+#[cfg(feature = "formats")]
 mod file;
 mod inflate;
+#[cfg(feature = "formats")]
 mod library;
 mod posed;
 mod profile;
@@ -13,8 +15,10 @@ mod rotated;
 mod sharp;
 
 pub use assembly::Assembly;
+#[cfg(feature = "formats")]
 pub use file::ToolFileError;
 pub use inflate::{Clearance, ClearanceError};
+#[cfg(feature = "formats")]
 pub use library::ToolLibraryError;
 pub(crate) use posed::snapped;
 pub use profile::{Element, ElementKind, Segment};

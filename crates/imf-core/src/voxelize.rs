@@ -11,12 +11,12 @@ mod cone;
 mod surface;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::mesh::topology::boundary_chain;
 use crate::occupancy::Occupancy;
+use crate::parallel;
 
 use columns::WeightedTriangle;
 use cone::BoundaryCone;
@@ -36,9 +36,11 @@ pub fn voxelize(mesh: &Mesh, grid: &Grid, conservative: bool) -> Occupancy {
 
     let mut occupancy = Occupancy::empty(*grid);
     let plane_size = grid.dims[1] * grid.dims[2];
-    occupancy.solid.par_chunks_mut(plane_size).enumerate().for_each_init(
+    parallel::for_each_chunk(
+        &mut occupancy.solid,
+        plane_size,
         || vec![0i32; grid.dims[1] * (grid.dims[2] + 1)],
-        |counts, (x, plane)| {
+        |counts, x, plane| {
             columns::wind_plane(grid, x, by_plane.of(x).map(|t| &triangles[t]), counts);
             for y in 0..grid.dims[1] {
                 let column = &counts[y * (grid.dims[2] + 1)..][..grid.dims[2]];

@@ -55,7 +55,7 @@ pub(crate) struct CompressArguments {
     /// 3e-4 from another field's network
     #[arg(long, value_name = "RATE", value_parser = super::numbers::parse_rate)]
     pub(crate) rate: Option<f32>,
-    /// Where it is taught: cpu, auto, gpu, software, a name or an index as `imf devices` has them. A checkpoint made on one
+    /// Where it is taught: cpu, auto, gpu, software, a name or an index as `imf info` has them. A checkpoint made on one
     /// is resumed on any
     #[arg(long, default_value = "cpu", value_name = "DEVICE")]
     pub(crate) device: String,

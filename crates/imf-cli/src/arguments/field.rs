@@ -1,17 +1,23 @@
-//! What `imf field` is asked.
+//! The arguments of `imf field`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use clap::Args;
 
 use super::harmonic::{FieldMethod, FieldQuantity};
 use super::scene::SceneArguments;
+use super::train::Given;
 use super::{clearance, harmonic};
 
-/// Compute the field: how much the tool hits at every point, for each direction or at the best of them
+/// The field over the whole grid: how much the tool hits at every point, for each direction or at the best of them
 #[derive(Args)]
+#[command(mut_arg("part", |part| part.value_name("PART or FIELD").help(
+    "An OBJ, STL, PLY or 3MF file, or a built-in part (teapot, bracket, bracket-raw, screw-gear), whose voxels are counted; or a \
+     saved field (.safetensors), which answers without counting anything again: then none of the options of a part"
+)))]
 #[command(after_help = "Examples:\n  imf field teapot --orientations '0,0;12,6' --out sections\n  \
+                        imf field model/field.safetensors --orientations fibonacci:10000 --imf --out imf\n  \
                         imf field part.obj --tool mill.toml --orientations fibonacci:225 --imf --out imf\n  \
                         imf field bracket --clearance 2 --clearance-cutter 2 --method harmonic --quantity depth --save \
                         bracket.safetensors\n\n\
@@ -19,6 +25,9 @@ use super::{clearance, harmonic};
                         kept alone (--save), and decides best for planners: how far the tool must be moved to be free, held \
                         within 8 pitches.")]
 pub(crate) struct FieldArguments {
+    // Before the others, which take their values away.
+    #[command(flatten)]
+    pub(crate) given: Given,
     #[command(flatten)]
     pub(crate) scene: SceneArguments,
     /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, so3:N, pairs such as 0,0;30,40 or a CSV file
@@ -41,11 +50,11 @@ pub(crate) struct FieldArguments {
     /// Compare this many voxels of every section with direct sums, and say so
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub(crate) check: usize,
-    /// Where sections are counted, or the harmonic field is evaluated: cpu, gpu, auto, software (software Vulkan), or a number
-    /// or part of a name from `imf devices`. All count the same values; a CPU, which takes a few milliseconds a section at most, is
-    /// the default; auto is a discrete or integrated GPU where there is one
-    #[arg(long, default_value = "cpu", value_name = "DEVICE")]
-    pub(crate) device: String,
+    /// Where sections are counted or the field is evaluated: cpu, gpu, auto (a discrete or integrated GPU where there is one), software
+    /// (software Vulkan), or a number or part of a name from `imf info`. Sections are counted by the CPU by default, in a few
+    /// milliseconds each at most; of saved fields siren5 alone goes to a GPU by itself
+    #[arg(long, value_name = "DEVICE")]
+    device: Option<String>,
     #[command(flatten)]
     pub(crate) harmonic: harmonic::HarmonicArguments,
     /// Folder to write to
@@ -54,6 +63,28 @@ pub(crate) struct FieldArguments {
 }
 
 impl FieldArguments {
+    /// The device's name, or that which is usual for its subject.
+    pub(crate) fn device_or<'a>(&'a self, usual: &'a str) -> &'a str {
+        self.device.as_deref().unwrap_or(usual)
+    }
+
+    /// Refuses what is a part's, beside a saved field.
+    pub(crate) fn check_of_saved(&self) -> Result<(&str, &Path)> {
+        let given = [self.given.first_of::<SceneArguments>(), self.given.first_of::<clearance::ContactArguments>()];
+        let mut given = given.into_iter().flatten().chain(self.given.has("elements").then(|| "--elements".into()));
+        let of_part = given.next().or_else(|| self.given.has("check").then(|| "--check".into()));
+        if let Some(option) = of_part.or_else(|| self.harmonic.first_of_fit().map(str::to_owned)) {
+            bail!(
+                "{option} is of a part, and {} is a saved field, which was made with its own: leave it out",
+                self.scene.part
+            );
+        }
+        match (&self.orientations, &self.out) {
+            (Some(set), Some(out)) => Ok((set, out)),
+            _ => bail!("a saved field has every direction: give --orientations and --out"),
+        }
+    }
+
     /// Refuses what does not go together and what would be passed over.
     pub(crate) fn check(&self) -> Result<()> {
         let Self { harmonic, orientations, .. } = self;

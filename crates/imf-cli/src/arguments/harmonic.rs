@@ -59,10 +59,10 @@ pub(crate) struct HarmonicArguments {
     #[arg(help_heading = HEADING, long, requires = "method")]
     pub(crate) single: bool,
     /// With --imf: the least over all orientations, not only over the set: from its best one down the field's gradient
-    #[arg(help_heading = HEADING, long, requires = "method", requires = "imf")]
+    #[arg(help_heading = HEADING, long, requires = "imf")]
     pub(crate) refine: bool,
-    /// Keep the harmonic field in this file, for imf query, imf sections and imf info; NAME.npz for NumPy. A field of depth is
-    /// refused by imf sections, imf eval and imf query --exact
+    /// Keep the harmonic field in this file, for imf query, imf field and imf info; NAME.npz for NumPy. A field of depth is
+    /// refused by imf field, imf eval and imf query --exact
     #[arg(help_heading = HEADING, long, value_name = "FILE", requires = "method")]
     pub(crate) save: Option<PathBuf>,
     /// With --save: leave out measuring what the field's decisions are worth (imf calibrate), which takes a few seconds
@@ -92,9 +92,15 @@ impl HarmonicArguments {
         self.target_mse.is_some() || self.fill_memory
     }
 
-    /// An option of a fit that was given and is not what it is by default.
+    /// An option of a fit that was given and is not what it is by default, or of its evaluation.
     pub(crate) fn first_given(&self) -> Option<&'static str> {
+        self.first_of_fit().or(self.refine.then_some("--refine"))
+    }
+
+    /// An option of a fit that was given and is not what it is by default.
+    pub(super) fn first_of_fit(&self) -> Option<&'static str> {
         let given = [
+            (self.method == FieldMethod::Harmonic, "--method"),
             (self.save.is_some(), "--save"),
             (self.degree.is_some(), "--degree"),
             (self.target_mse.is_some(), "--target-mse"),
@@ -102,7 +108,6 @@ impl HarmonicArguments {
             (self.axes.is_some(), "--axes"),
             (self.sections_per_function != DEFAULT_SECTIONS, "--sections-per-function"),
             (self.single, "--single"),
-            (self.refine, "--refine"),
         ];
         given.into_iter().find_map(|(given, option)| given.then_some(option))
     }

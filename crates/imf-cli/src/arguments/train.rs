@@ -75,7 +75,7 @@ pub(crate) struct TrainArguments {
     #[arg(long)]
     pub(crate) no_calibrate: bool,
     /// Where it is trained: auto (a discrete or integrated GPU, else the CPU), cpu, gpu, software (software Vulkan), or a
-    /// number or part of a name from `imf devices`; by default cpu for a factored field, auto for siren5
+    /// number or part of a name from `imf info`; by default cpu for a factored field, auto for siren5
     #[arg(long, value_name = "DEVICE")]
     device: Option<String>,
     #[command(flatten)]
@@ -249,7 +249,7 @@ impl Given {
     }
 
     /// The first option of a group that was given.
-    fn first_of<T: Args>(&self) -> Option<String> {
+    pub(super) fn first_of<T: Args>(&self) -> Option<String> {
         let group = T::augment_args(Command::new("group"));
         let given = group.get_arguments().filter(|option| self.0.iter().any(|name| option.get_id() == name));
         given.filter_map(|option| option.get_long()).map(|long| format!("--{long}")).next()

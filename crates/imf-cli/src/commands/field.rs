@@ -6,7 +6,7 @@ mod counting;
 mod elements;
 pub mod harmonic;
 mod inaccessibility;
-pub(crate) mod kept;
+mod saved;
 mod sections;
 
 use std::path::Path;
@@ -36,13 +36,10 @@ const TAU: f32 = 1e-3;
 const ORIENTATIONS: &str = "orientations.csv";
 
 pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
-    arguments.check()?;
-    let part = &arguments.scene.part;
-    if is_field(Path::new(part)) {
-        bail!(
-            "{part} is a field that was kept, not a part: imf sections {part} writes its sections and its IMF"
-        );
+    if is_field(Path::new(&arguments.scene.part)) {
+        return saved::run(session, arguments);
     }
+    arguments.check()?;
     let asked = match (&arguments.orientations, &arguments.out) {
         (Some(set), Some(out)) => Some((OrientationSet::parse(set)?, OutputFolder::check(out)?)),
         _ => None,
@@ -60,7 +57,7 @@ pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
     if let Some((set, _)) = asked.as_ref().filter(|_| !scene.record.bare_tool().is_axisymmetric()) {
         note_of_rolls(session, set);
     }
-    let device = Device::open(&arguments.device, session)?;
+    let device = Device::open(arguments.device_or("cpu"), session)?;
     let obstacle = match (&bodies, scene.record.contact) {
         (Some(bodies), Some(depth)) => Obstacle::with_cuttable(&bodies.obstacle(), bodies.layer(depth)),
         (Some(bodies), None) => bodies.obstacle().into(),
@@ -101,9 +98,10 @@ pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
     calibrated(session, arguments)
 }
 
-/// Whether a part is none, but looks like a field that was kept.
+/// Whether a part is none, but looks like a saved field.
 fn is_field(part: &Path) -> bool {
-    part.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("safetensors")) && part.is_file()
+    let ending = part.extension().unwrap_or_default().to_ascii_lowercase();
+    ending == "safetensors" || ending == "npz"
 }
 
 /// Says so where a tool whose roll matters is never rolled.

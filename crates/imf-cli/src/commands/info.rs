@@ -1,6 +1,7 @@
 //! `imf info`: what a mesh, a tool, a dataset or a model is.
 
 mod dataset;
+mod devices;
 mod factored;
 mod harmonic;
 mod mesh;
@@ -34,7 +35,8 @@ struct Description {
 }
 
 pub(crate) fn run(session: &Session, arguments: &InfoArguments) -> Result<()> {
-    let Description { lines, json } = describe(session, arguments)?;
+    let Some(what) = &arguments.what else { return devices::run(session) };
+    let Description { lines, json } = describe(session, what, arguments)?;
     if session.json {
         return print_json(&json);
     }
@@ -44,8 +46,7 @@ pub(crate) fn run(session: &Session, arguments: &InfoArguments) -> Result<()> {
 }
 
 /// Decides by what is there: a folder, else the ending of a file; a name of which there is no file is built in.
-fn describe(session: &Session, arguments: &InfoArguments) -> Result<Description> {
-    let path: &Path = &arguments.what;
+fn describe(session: &Session, path: &Path, arguments: &InfoArguments) -> Result<Description> {
     let unit = arguments.unit.as_deref().map(str::parse).transpose()?;
     if !path.exists() {
         let name = path.to_string_lossy();

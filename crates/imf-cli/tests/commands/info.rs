@@ -1,4 +1,4 @@
-//! `imf info` and `imf devices`.
+//! `imf info`.
 
 use imf_core::control::Control;
 use imf_core::field::ExactField;
@@ -108,7 +108,7 @@ fn a_field_kept_for_numpy_is_refused_by_what_reads_fields() {
     for asked in [
         &["info", "n.npz"][..],
         &["query", "n.npz", "poses.csv"],
-        &["sections", "n.npz", "--orientations", "0,0", "--out", "out"],
+        &["field", "n.npz", "--orientations", "0,0", "--out", "out"],
         &["eval", "n.npz", "--out", "out"],
         &["calibrate", "n.npz"],
         &["compress", "n.npz", "--out", "out"],
@@ -131,10 +131,11 @@ fn what_is_nothing_is_said_to_be_nothing() {
 #[test]
 fn devices_are_listed_and_none_is_no_failure() {
     let folder = Folder::new();
-    let run = folder.succeed(&["devices", "--threads", "1"]);
+    let run = folder.succeed(&["info", "--threads", "1"]);
     assert!(run.stdout.contains("CPU engine, 1 threads"), "{}", run.stdout);
-    let devices = folder.json(&["devices"]);
+    let devices = folder.json(&["info"]);
     assert!(devices["cpu"]["threads"].as_u64().unwrap() >= 1);
+    assert!(run.stdout.contains("bracket-raw") && devices["parts"][0] == "teapot", "{devices}");
     if cfg!(target_os = "linux") {
         assert!(run.stdout.contains("apt install mesa-vulkan-drivers"), "{}", run.stdout);
         assert_eq!((&devices["auto"], &devices["adapters"]), (&"cpu".into(), &serde_json::json!([])));

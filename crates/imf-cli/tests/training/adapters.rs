@@ -137,7 +137,7 @@ fn harmonic_and_factored_fields_are_evaluated_and_asked_on_the_adapter_as_on_the
         answers.as_array().unwrap().iter().map(|row| row["overlap"].as_f64().unwrap()).collect()
     };
     for file in ["field.safetensors", "factored/field.safetensors"] {
-        let sections = format!("sections {file} --orientations fibonacci:9 --imf");
+        let sections = format!("field {file} --orientations fibonacci:9 --imf");
         work.imf(&format!("{sections} --out kept")).done();
         work.imf(&format!("{sections} --out kept-there {on_adapter}")).done();
         let (here, there) = (values("kept/imf.npy"), values("kept-there/imf.npy"));

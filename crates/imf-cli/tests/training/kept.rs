@@ -1,4 +1,4 @@
-//! Fields that were kept, over their grids: `imf sections` against the library and against what made them.
+//! Fields that were kept, over their grids: `imf field FIELD` against the library and against what made them.
 
 use std::fs::File;
 
@@ -23,7 +23,7 @@ fn npy<T: ReadableElement>(work: &Workdir, file: &str) -> Array3<T> {
 fn a_harmonic_field_that_is_kept_is_what_was_made() {
     let work = Workdir::new();
     work.imf(&format!("{HARMONIC} --out made --save field.safetensors --no-calibrate")).done();
-    let sections = format!("sections field.safetensors --orientations {SET}");
+    let sections = format!("field field.safetensors --orientations {SET}");
     let summary = work.imf(&format!("{sections} --out kept --json")).done().json();
     assert_eq!(summary["harmonic"]["report"]["functions"], 25);
     assert!(summary["promise"].as_str().unwrap().starts_with("approximate (at unseen"), "{summary}");
@@ -47,11 +47,15 @@ fn a_harmonic_field_that_is_kept_is_what_was_made() {
         assert_eq!(made, kept, "{option}");
         work.picture(&format!("kept{option}/imf.png"));
     }
-    work.imf("field field.safetensors --orientations 0,0 --out none")
-        .refused(&["imf sections field.safetensors"]);
+    for option in ["--pitch 3", "--contact 1", "--elements", "--check 2", "--degree 3"] {
+        let name = option.split(' ').next().unwrap();
+        work.imf(&format!("{sections} --out none {option} --method harmonic"))
+            .refused(&[name, "a saved field", "leave it out"]);
+    }
+    work.imf("field field.safetensors --save other.safetensors --method harmonic").refused(&["saved field"]);
     assert_eq!(work.imf(&format!("{sections} --refine --out none")).code, Some(2));
     work.imf(&format!("{sections} --out none --memory 1KiB")).refused(&["values", "--memory"]);
-    work.imf("sections missing.safetensors --orientations 0,0 --out none").refused(&["missing.safetensors"]);
+    work.imf("field missing.safetensors --orientations 0,0 --out none").refused(&["missing.safetensors"]);
 }
 
 #[test]
@@ -64,11 +68,11 @@ fn sections_of_networks_are_the_librarys() {
     for (file, family) in [("factored/field.safetensors", "factored"), ("siren/model.safetensors", "siren5")]
     {
         let summary = work
-            .imf(&format!("sections {file} --orientations {SET} --out {family}-sections --json"))
+            .imf(&format!("field {file} --orientations {SET} --out {family}-sections --json"))
             .done()
             .json();
         assert!(summary[family].is_object() && summary["harmonic"].is_null(), "{summary}");
-        work.imf(&format!("sections {file} --orientations {SET} --imf --out {family}-imf")).done();
+        work.imf(&format!("field {file} --orientations {SET} --imf --out {family}-imf")).done();
         let stored = FieldFile::read(&work.path(file)).unwrap();
         let voxels = stored.scene().record.grid.len();
         let mut expected = vec![0.0; voxels * orientations.len()];
@@ -102,12 +106,12 @@ fn sections_of_networks_are_the_librarys() {
             );
         }
     }
-    work.imf(&format!("sections siren/model.safetensors --orientations {SET} --imf --refine --out none"))
+    work.imf(&format!("field siren/model.safetensors --orientations {SET} --imf --refine --out none"))
         .refused(&["--refine", "leave it out"]);
     // What is refused leaves what was there.
     let kept = work.bytes("factored-sections/cmf-00018.npy");
     let missed = format!(
-        "sections factored/field.safetensors --orientations {SET} --out factored-sections --memory 1KiB"
+        "field factored/field.safetensors --orientations {SET} --out factored-sections --memory 1KiB"
     );
     work.imf(&missed).refused(&["at most 16 sections", "--memory"]);
     assert!(work.bytes("factored-sections/cmf-00018.npy") == kept);
@@ -140,7 +144,7 @@ fn what_was_made_before_is_kept_and_no_source_is_replaced() {
 fn networks_reach_what_they_nearly_take_for_free() {
     let work = Workdir::with_dataset();
     work.imf("train data --width 16 --layers 2 --epochs 1 --no-calibrate --out siren").done();
-    let sections = "sections siren/model.safetensors --orientations fibonacci:5";
+    let sections = "field siren/model.safetensors --orientations fibonacci:5";
     let summary = work.imf(&format!("{sections} --imf --out least --json")).done().json();
     let values = npy::<f32>(&work, "least/imf.npy");
     let scene = FieldFile::read(&work.path("siren/model.safetensors")).unwrap().scene().clone();
@@ -160,7 +164,7 @@ fn fields_of_depth_are_refused_by_name_and_those_of_contact_are_not() {
     let work = Workdir::new();
     let field = "field teapot --dims 9,11,17 --method harmonic --degree 2 --no-calibrate";
     work.imf(&format!("{field} --quantity depth --save depth.safetensors")).done();
-    work.imf("sections depth.safetensors --orientations 0,0 --out none").refused(&["depth", "imf query"]);
+    work.imf("field depth.safetensors --orientations 0,0 --out none").refused(&["depth", "imf query"]);
     work.imf(&format!("{field} --contact 1 --save contact.safetensors")).done();
     let contact = "sections contact.safetensors --orientations fibonacci:5 --imf";
     work.imf(&format!("{contact} --out least")).done();
@@ -190,14 +194,13 @@ fn what_a_kept_field_is_of_is_said() {
     work.imf(&format!("{TRAIN} --steps 50 --out siren --checkpoint-every 0")).done();
     let field = "field teapot --dims 9,11,17 --method harmonic --degree 2 --no-calibrate --clearance 2";
     work.imf(&format!("{field} --save grown.safetensors")).done();
-    let told = work.imf("sections grown.safetensors --orientations 0,0 --out grown").done();
+    let told = work.imf("field grown.safetensors --orientations 0,0 --out grown").done();
     assert!(told.stderr.contains("grown by a clearance"), "{}", told.stderr);
     let tool = "name = \"side\"\nunit = \"mm\"\nstick_out = 35.0\nsharp_points = [[5.0, 0.0, 20.0]]\n[cutter]\n\
                 shape = \"ball\"\ndiameter = 10.0\nlength = 35.0\n";
     work.write("side.toml", tool.as_bytes());
     work.imf("field teapot --dims 9,11,17 --method harmonic --degree 2 --no-calibrate --tool side.toml --save side.safetensors")
         .done();
-    let summary = work.imf("sections side.safetensors --orientations 0,0 --out side --json").done().json();
+    let summary = work.imf("field side.safetensors --orientations 0,0 --out side --json").done().json();
     assert!(summary["promise"].as_str().unwrap().contains("the tool's tip"), "{summary}");
-    work.imf("sections teapot --orientations 0,0 --out none").refused(&["a field that was kept", "teapot"]);
 }

@@ -1,11 +1,11 @@
 //! The access map of one point: the collision measure of every direction from there, over longitude and latitude.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::control::Control;
 use crate::obstacle::Obstacle;
 use crate::orientation::{Limits, Orientation};
+use crate::parallel;
 use crate::section::{Cuttable, SectionError, minimum_mean};
 use crate::tool::{Assembly, RotatedTool};
 
@@ -73,7 +73,7 @@ pub fn access_map(
     let grid = obstacle.grid();
     let sharp_points = tool.sharp_point_positions(grid.pitch);
     let at = (point - grid.centre([0; 3])) / grid.pitch;
-    let values = (0..cells[0] * cells[1]).into_par_iter().map(|cell| {
+    let values = parallel::try_map(cells[0] * cells[1], |cell| {
         if control.is_cancelled() {
             return Err(SectionError::Cancelled);
         }
@@ -84,8 +84,8 @@ pub fn access_map(
         (control.progress)(1);
         Ok(minimum_mean(&obstacle.forbidden, &rotated, layer, &sharp_points, &orientation, at).min(1.0)
             as f32)
-    });
-    Ok(AccessMap { cells, values: values.collect::<Result<_, SectionError>>()? })
+    })?;
+    Ok(AccessMap { cells, values })
 }
 
 #[cfg(test)]

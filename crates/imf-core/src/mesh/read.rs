@@ -15,8 +15,11 @@ use super::Mesh;
 use crate::unit::LengthUnit;
 
 mod obj;
+#[cfg(feature = "formats")]
 mod ply;
+#[cfg(feature = "formats")]
 mod stl;
+#[cfg(feature = "formats")]
 mod three_mf;
 
 /// Why a mesh could not be read. Every text names the file, the cause and a remedy.
@@ -121,8 +124,11 @@ fn at_line(line: Option<usize>) -> String {
 #[derive(Clone, Copy)]
 enum Format {
     Obj,
+    #[cfg(feature = "formats")]
     Stl,
+    #[cfg(feature = "formats")]
     Ply,
+    #[cfg(feature = "formats")]
     ThreeMf,
 }
 
@@ -193,8 +199,11 @@ fn parse(bytes: Vec<u8>, format: Format, path: &Path) -> Result<MeshFile, MeshFi
     }
     let (mesh, unit) = match format {
         Format::Obj => (obj::parse(&bytes, path)?, None),
+        #[cfg(feature = "formats")]
         Format::Stl => (stl::parse(bytes, path)?, None),
+        #[cfg(feature = "formats")]
         Format::Ply => (ply::parse(&bytes, path)?, None),
+        #[cfg(feature = "formats")]
         Format::ThreeMf => {
             let (mesh, unit) = three_mf::parse(&bytes, path)?;
             (mesh, Some(unit))
@@ -210,9 +219,17 @@ fn format_of(path: &Path) -> Result<Format, MeshFileError> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     let (found, remedy) = match extension.as_str() {
         "obj" => return Ok(Format::Obj),
+        #[cfg(feature = "formats")]
         "stl" => return Ok(Format::Stl),
+        #[cfg(feature = "formats")]
         "ply" => return Ok(Format::Ply),
+        #[cfg(feature = "formats")]
         "3mf" => return Ok(Format::ThreeMf),
+        #[cfg(not(feature = "formats"))]
+        "stl" | "ply" | "3mf" => (
+            format!("a mesh in the .{extension} format, which this program was built without"),
+            "export it as OBJ, or build with the feature `formats` of imf-core",
+        ),
         "step" | "stp" | "iges" | "igs" | "brep" => (
             "a CAD file of exact surfaces".to_owned(),
             "convert it to triangles at a deviation well below the voxel pitch, with gmsh \

@@ -6,10 +6,10 @@
 use std::fmt;
 
 use glam::DVec3;
-use rayon::slice::ParallelSliceMut;
 use serde::Serialize;
 
 use super::Mesh;
+use crate::parallel;
 use crate::unit::{Length, LengthUnit};
 
 /// A triangle counts as degenerate if it is this thin: twice its area over its longest edge squared.
@@ -33,7 +33,7 @@ pub fn boundary_chain(mesh: &Mesh) -> Vec<([u32; 2], i32)> {
             }
         }
     }
-    uses.par_sort_unstable();
+    parallel::sort(&mut uses);
     let mut chain: Vec<_> = uses
         .chunk_by(|(first, _), (second, _)| first == second)
         .filter_map(|run| {

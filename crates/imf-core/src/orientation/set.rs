@@ -6,7 +6,9 @@ use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::spread::{direction_orientation, fibonacci, grid, random, super_fibonacci};
+#[cfg(feature = "random")]
+use super::spread::random;
+use super::spread::{direction_orientation, fibonacci, grid, super_fibonacci};
 use super::{Limits, Orientation, wrap_degrees};
 
 /// Why a set of orientations cannot be made.
@@ -91,6 +93,9 @@ impl OrientationSet {
                 grid(n)
             }
             ["fibonacci", n] => fibonacci(count(n)?, -1.0).map(direction_orientation).collect(),
+            #[cfg(not(feature = "random"))]
+            ["random", ..] => return Err(fail("random sets need the feature `random` of imf-core")),
+            #[cfg(feature = "random")]
             ["random", n, seed] => {
                 let seed =
                     seed.parse().map_err(|_| fail(&format!("'{seed}' is no seed (a whole number)")))?;

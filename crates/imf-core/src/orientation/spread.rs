@@ -3,7 +3,9 @@
 use std::f64::consts::{PI, SQRT_2, TAU};
 
 use glam::{DMat3, DQuat, DVec3};
+#[cfg(feature = "random")]
 use rand::{Rng, SeedableRng};
+#[cfg(feature = "random")]
 use rand_chacha::ChaCha8Rng;
 
 use super::Orientation;
@@ -29,6 +31,7 @@ pub(super) fn fibonacci(n: usize, lowest: f64) -> impl Iterator<Item = DVec3> {
     })
 }
 
+#[cfg(feature = "random")]
 pub(super) fn random(n: usize, seed: u64) -> Vec<Orientation> {
     let mut generator = ChaCha8Rng::seed_from_u64(seed);
     let mut unit = || (generator.next_u64() >> 11) as f64 / (1u64 << 53) as f64;

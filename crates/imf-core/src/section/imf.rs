@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use super::{Quantity, SectionError, SectionPlan, SectionScratch};
 use crate::control::Control;
 use crate::orientation::Orientation;
+use crate::parallel;
 
 /// The inaccessibility measure field: the least collision measure over a set of orientations.
 #[derive(Clone, Debug, PartialEq)]
@@ -119,21 +120,16 @@ pub fn stream_orientations<V: Send, E: From<SectionError> + Send>(
             (control.progress)(1);
         }
     };
-    let threads = rayon::current_num_threads().clamp(1, count.max(1));
-    rayon::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|_| {
-                let result = work();
-                if result.is_err() {
-                    next.store(usize::MAX / 2, Ordering::Relaxed);
-                }
-                let mut all = finished.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-                match (&mut *all, result) {
-                    (Ok(list), Ok(visitor)) => list.push(visitor),
-                    (state @ Ok(_), Err(error)) => *state = Err(error),
-                    (Err(_), _) => {}
-                }
-            });
+    parallel::on_each_thread(count, || {
+        let result = work();
+        if result.is_err() {
+            next.store(usize::MAX / 2, Ordering::Relaxed);
+        }
+        let mut all = finished.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        match (&mut *all, result) {
+            (Ok(list), Ok(visitor)) => list.push(visitor),
+            (state @ Ok(_), Err(error)) => *state = Err(error),
+            (Err(_), _) => {}
         }
     });
     finished.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner)

@@ -1,4 +1,4 @@
-//! Sections, of `imf field` and `imf sections`: one array of collision measures for each orientation, written as they are finished.
+//! Sections, of a part or of a saved field: one array of collision measures for each orientation, written as they are finished.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 

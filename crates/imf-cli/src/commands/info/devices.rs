@@ -1,6 +1,7 @@
-//! `imf devices`: where networks can be trained and evaluated on this machine.
+//! `imf info` of nothing: where this machine can train and evaluate, and the built-in parts.
 
 use anyhow::Result;
+use imf_core::parts::ReferencePart;
 use imf_gpu::wgpu::DeviceType;
 use imf_gpu::{AdapterSummary, DeviceChoice, Gpu, adapters};
 use serde_json::{Value, json};
@@ -12,7 +13,7 @@ use crate::session::{Session, show_bytes};
 const REMEDY: &str = "for a GPU install its driver; for software Vulkan on Debian or Ubuntu: \
                       apt install mesa-vulkan-drivers libvulkan1";
 
-pub(crate) fn run(session: &Session) -> Result<()> {
+pub(super) fn run(session: &Session) -> Result<()> {
     let found = adapters();
     // Opened, not only looked at: a broken driver shows here.
     let chosen = if found.is_empty() {
@@ -27,6 +28,7 @@ pub(crate) fn run(session: &Session) -> Result<()> {
         return print_json(&json!({
             "cpu": { "threads": session.threads() },
             "adapters": found.iter().map(entry).collect::<Vec<_>>(),
+            "parts": ReferencePart::ALL.map(|part| part.to_string()),
             "auto": chosen.map_or_else(|| json!("cpu"), |index| json!(index)),
         }));
     }
@@ -38,7 +40,8 @@ pub(crate) fn run(session: &Session) -> Result<()> {
     if found.is_empty() {
         text += &format!("no GPU adapter was found: {REMEDY}\n");
     }
-    print(&text)
+    let parts = ReferencePart::ALL.map(|part| part.to_string()).join(", ");
+    print(&format!("{text}\nbuilt-in parts: {parts}; tool: paper\n"))
 }
 
 fn kind(adapter: &AdapterSummary) -> &'static str {
