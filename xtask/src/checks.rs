@@ -55,7 +55,10 @@ fn core_alone() -> Result<()> {
     let names = text.lines().filter_map(|line| line.split(' ').next()).filter(|name| !name.is_empty());
     let crates = names.collect::<BTreeSet<_>>().len() - 1;
     println!("imf-core without features pulls {crates} crates");
-    ensure!(crates <= MOST_CRATES, "imf-core without features pulls {crates} crates, more than {MOST_CRATES}");
+    ensure!(
+        crates <= MOST_CRATES,
+        "imf-core without features pulls {crates} crates, more than {MOST_CRATES}"
+    );
     let added = Command::new("rustup").args(["target", "add", BROWSER]).status();
     let check = [&["check"][..], &core].concat();
     if added.is_ok_and(|status| status.success()) {

@@ -143,32 +143,37 @@ fn nearest_voxels(obstacle: &Occupancy, wanted: u8) -> Vec<u32> {
         }
     }
     let mut nearest = vec![NONE; nx * slab];
-    parallel::for_each_chunk(&mut nearest, slab, || (), |(), x, out| {
-        let along_x = &nearest_x[x * slab..][..slab];
-        let mut envelope = Envelope::default();
-        let mut witness = vec![NONE; slab];
-        let mut squared = vec![u64::MAX; slab];
-        for z in 0..nz {
-            let height = |y: usize| match along_x[y * nz + z] {
-                NONE => None,
-                w => Some(u64::from(w).abs_diff(x as u64).pow(2)),
-            };
-            envelope.sweep(ny, height, |y, (from, d2)| {
-                witness[y * nz + z] = along_x[from * nz + z] * ny as u32 + from as u32;
-                squared[y * nz + z] = d2;
-            });
-        }
-        for y in 0..ny {
-            let line = &squared[y * nz..][..nz];
-            envelope.sweep(
-                nz,
-                |z| Some(line[z]).filter(|&s| s != u64::MAX),
-                |z, (from, _)| {
-                    out[y * nz + z] = witness[y * nz + from] * nz as u32 + from as u32;
-                },
-            );
-        }
-    });
+    parallel::for_each_chunk(
+        &mut nearest,
+        slab,
+        || (),
+        |(), x, out| {
+            let along_x = &nearest_x[x * slab..][..slab];
+            let mut envelope = Envelope::default();
+            let mut witness = vec![NONE; slab];
+            let mut squared = vec![u64::MAX; slab];
+            for z in 0..nz {
+                let height = |y: usize| match along_x[y * nz + z] {
+                    NONE => None,
+                    w => Some(u64::from(w).abs_diff(x as u64).pow(2)),
+                };
+                envelope.sweep(ny, height, |y, (from, d2)| {
+                    witness[y * nz + z] = along_x[from * nz + z] * ny as u32 + from as u32;
+                    squared[y * nz + z] = d2;
+                });
+            }
+            for y in 0..ny {
+                let line = &squared[y * nz..][..nz];
+                envelope.sweep(
+                    nz,
+                    |z| Some(line[z]).filter(|&s| s != u64::MAX),
+                    |z, (from, _)| {
+                        out[y * nz + z] = witness[y * nz + from] * nz as u32 + from as u32;
+                    },
+                );
+            }
+        },
+    );
     nearest
 }
 

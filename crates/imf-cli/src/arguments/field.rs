@@ -70,8 +70,10 @@ impl FieldArguments {
 
     /// Refuses what is a part's, beside a saved field.
     pub(crate) fn check_of_saved(&self) -> Result<(&str, &Path)> {
-        let given = [self.given.first_of::<SceneArguments>(), self.given.first_of::<clearance::ContactArguments>()];
-        let mut given = given.into_iter().flatten().chain(self.given.has("elements").then(|| "--elements".into()));
+        let given =
+            [self.given.first_of::<SceneArguments>(), self.given.first_of::<clearance::ContactArguments>()];
+        let mut given =
+            given.into_iter().flatten().chain(self.given.has("elements").then(|| "--elements".into()));
         let of_part = given.next().or_else(|| self.given.has("check").then(|| "--check".into()));
         if let Some(option) = of_part.or_else(|| self.harmonic.first_of_fit().map(str::to_owned)) {
             bail!(

@@ -49,8 +49,11 @@ fn a_harmonic_field_that_is_kept_is_what_was_made() {
     }
     for option in ["--pitch 3", "--contact 1", "--elements", "--check 2", "--degree 3"] {
         let name = option.split(' ').next().unwrap();
-        work.imf(&format!("{sections} --out none {option} --method harmonic"))
-            .refused(&[name, "a saved field", "leave it out"]);
+        work.imf(&format!("{sections} --out none {option} --method harmonic")).refused(&[
+            name,
+            "a saved field",
+            "leave it out",
+        ]);
     }
     work.imf("field field.safetensors --save other.safetensors --method harmonic").refused(&["saved field"]);
     assert_eq!(work.imf(&format!("{sections} --refine --out none")).code, Some(2));

@@ -23,7 +23,10 @@ pub(super) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
     let path = Path::new(&arguments.scene.part);
     let stored = FieldFile::read(path)?;
     if stored.quantity() == Quantity::Depth {
-        bail!("{} is a field of depth, which is asked for poses: see imf query and imf check", path.display());
+        bail!(
+            "{} is a field of depth, which is asked for poses: see imf query and imf check",
+            path.display()
+        );
     }
     let scene = stored.scene().clone();
     let record = &scene.record;
