@@ -23,7 +23,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         } else if all(held == pose.position.xyz) {
             if value <= thresholds.free_up_to {
                 decision = FREE;
-            } else if value >= thresholds.blocked_from {
+            } else if value >= thresholds.colliding_from {
                 decision = COLLIDING;
             }
         }

@@ -215,7 +215,7 @@ struct Lattice {
 /// What a field's calibration decides by; beyond all values where it decides nothing.
 struct Thresholds {
     free_up_to: f32,
-    blocked_from: f32,
+    colliding_from: f32,
 }
 
 /// Jobs that count overlaps: one job is one orientation over one slab of the query box. Bits are the obstacle's.

@@ -16,7 +16,7 @@ use imf_core::section::{At, Quantity, SectionPlan};
 use imf_core::tool::{Clearance, Tool};
 use imf_fields::calibration::{Calibration, Judgement};
 use imf_fields::factored::file::FactoredFile;
-use imf_fields::factored::{FactoredField, TeachSettings};
+use imf_fields::factored::{DistillSettings, FactoredField};
 use imf_fields::field::Field;
 use imf_fields::field::calibrate::{CalibrationSettings, calibrate, judge};
 use imf_fields::file::FieldFile;
@@ -56,8 +56,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         made.report
     );
     let taught = if steps > 0 {
-        let defaults = TeachSettings::default();
-        let settings = TeachSettings {
+        let defaults = DistillSettings::default();
+        let settings = DistillSettings {
             width: 256,
             omega: 20.0,
             plan: imf_fields::recipe::TrainingPlan {
@@ -99,9 +99,9 @@ fn tell(name: &str, stored: FieldFile, uniform: usize) -> Result<(), Box<dyn Err
     let begun = Instant::now();
     let calibration: Calibration = calibrate(&field, &settings, Control::quiet())?;
     println!(
-        "{name}: free up to {:?}, blocked from {:?}, calibrated in {:.1} s",
+        "{name}: free up to {:?}, colliding from {:?}, calibrated in {:.1} s",
         calibration.free_up_to,
-        calibration.blocked_from,
+        calibration.colliding_from,
         begun.elapsed().as_secs_f64()
     );
     line("uniform, judged", &calibration.uniform);
@@ -115,15 +115,15 @@ fn tell(name: &str, stored: FieldFile, uniform: usize) -> Result<(), Box<dyn Err
 
 fn line(name: &str, judged: &Judgement) {
     println!(
-        "  {name:<18} false-free {} of {} (≤ {:.1e}), false-blocked {:.2} % (≤ {:.2} %), near {:.2} %, clear found free \
+        "  {name:<18} false-free {} of {} (≤ {:.1e}), false-colliding {:.2} % (≤ {:.2} %), undecided {:.2} %, clear found free \
          {:.2} %, largest error {:.3}",
         judged.false_free.wrong,
         judged.false_free.of,
         judged.false_free.bound,
-        100.0 * judged.false_blocked.share(),
-        100.0 * judged.false_blocked.bound,
-        100.0 * judged.near_share(),
-        100.0 * judged.found_free as f64 / judged.false_blocked.of.max(1) as f64,
+        100.0 * judged.false_colliding.share(),
+        100.0 * judged.false_colliding.bound,
+        100.0 * judged.undecided_share(),
+        100.0 * judged.found_free as f64 / judged.false_colliding.of.max(1) as f64,
         judged.largest_error
     );
 }

@@ -20,7 +20,7 @@ use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
 use imf_core::section::{At, SectionPlan, sections};
 use imf_core::tool::Tool;
-use imf_fields::factored::{FactoredField, PointScratch, Symmetry, TeachSettings};
+use imf_fields::factored::{DistillSettings, FactoredField, PointScratch, Symmetry};
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::{FitSettings, HarmonicField, fit, section_count};
@@ -74,7 +74,7 @@ fn main() -> Result<(), Failure> {
     let judge = Judge { random: &random, exact: &exact };
     judge.tell("teacher", |group| {
         let mut values = vec![0.0; teacher.grid.len() * group.len()];
-        teacher.sections(&teacher.heads(group), &mut values);
+        teacher.sections(&teacher.direction_weights(group), &mut values);
         values
     });
     for trial in &trials {
@@ -120,18 +120,18 @@ fn taught_from(values: &Values, part: ReferencePart) -> Result<(SectionPlan, Tea
 }
 
 /// How a network is taught, but for how long.
-fn settings(values: &Values) -> Result<TeachSettings, Failure> {
-    let usual = TeachSettings::default();
+fn settings(values: &Values) -> Result<DistillSettings, Failure> {
+    let usual = DistillSettings::default();
     let length = usual.plan.length;
     let defaults = match (values.get("pool", 0)?, values.get("fine", 0)?) {
         (0, 0) => usual,
-        (0, _) => TeachSettings::of_another(length),
+        (0, _) => DistillSettings::of_another(length),
         (pool, _) => {
             let every = values.get("every", 1)?;
-            TeachSettings::of_sections(length, OnlineSettings { pool, every, ..OnlineSettings::default() })
+            DistillSettings::of_sections(length, OnlineSettings { pool, every, ..OnlineSettings::default() })
         }
     };
-    let mut settings = TeachSettings {
+    let mut settings = DistillSettings {
         width: values.get("width", defaults.width)?,
         hidden: values.get("hidden", defaults.hidden)?,
         omega: values.get("omega", defaults.omega)?,
@@ -283,7 +283,7 @@ fn evaluate(field: &FactoredField, teacher: &HarmonicField) -> Result<(), Failur
     let evaluator = field.evaluator();
     let voxels = field.grid.len();
     let set = OrientationSet::parse("fibonacci:225")?.orientations;
-    let heads = field.heads(&set);
+    let heads = field.direction_weights(&set);
     let mut sections = vec![0.0; voxels * set.len()];
     let mut expanded = None;
     let once = best(2, || expanded = Some(evaluator.expanded(Precision::F32, teacher.report)));
@@ -300,7 +300,7 @@ fn evaluate(field: &FactoredField, teacher: &HarmonicField) -> Result<(), Failur
     drop(sections);
     let many = OrientationSet::parse("fibonacci:10000")?.orientations;
     let start = Instant::now();
-    let heads = field.heads(&many);
+    let heads = field.direction_weights(&many);
     let prepared = seconds(start);
     black_box(evaluator.minimum(&heads));
     println!("  fibonacci:10000: IMF in {:.2} s (directions {prepared:.2} s of it)", seconds(start));
@@ -313,7 +313,7 @@ fn evaluate(field: &FactoredField, teacher: &HarmonicField) -> Result<(), Failur
             (0..total).map(|i| [(i * 7919 % points) as u32, (i * 104_729 % turns) as u32]).collect();
         let mut overlaps = vec![0.0; total];
         let all = best(3, || {
-            let heads = field.heads(&many[..turns]);
+            let heads = field.direction_weights(&many[..turns]);
             evaluator.poses(&positions, &heads, &poses, &mut overlaps);
         });
         println!("  {total} poses of {points} points and {turns} orientations: {:.2} million/s", 0.1 / all);
@@ -372,7 +372,7 @@ struct Judge<'a> {
 impl Judge<'_> {
     fn factored(&self, field: &FactoredField, group: &[Orientation]) -> Vec<f32> {
         let mut values = vec![0.0; field.grid.len() * group.len()];
-        field.evaluator().sections(&field.heads(group), &mut values);
+        field.evaluator().sections(&field.direction_weights(group), &mut values);
         values
     }
 
@@ -387,8 +387,8 @@ impl Judge<'_> {
         }
         let r = errors.report(1e-3);
         println!(
-            "{name}: MSE {:.3e}, MAE {:.3e}, MPE {:.4}; false free {:.4}, false blocked {:.4}, IoU {:.4}",
-            r.mse, r.mae, r.mpe, r.false_free, r.false_blocked, r.iou
+            "{name}: MSE {:.3e}, MAE {:.3e}, MPE {:.4}; false free {:.4}, false colliding {:.4}, IoU {:.4}",
+            r.mse, r.mae, r.mpe, r.false_free, r.false_colliding, r.iou
         );
     }
 }

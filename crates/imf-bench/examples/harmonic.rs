@@ -62,7 +62,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         field.bytes() as f64 / 1e6
     );
 
-    let heads = field.heads(&random);
+    let heads = field.direction_weights(&random);
     let mut values = vec![0.0; voxels * random.len()];
     field.sections(&heads, &mut values);
     let mut errors = Errors::default();
@@ -75,12 +75,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         let set = OrientationSet::parse(spec)?.orientations;
         if set.len() <= 256 {
             let start = Instant::now();
-            let heads = field.heads(&set);
+            let heads = field.direction_weights(&set);
             field.sections(&heads, &mut values[..voxels * set.len()]);
             println!("{spec}: sections in {:.3} s", seconds(start));
         }
         let start = Instant::now();
-        let heads = field.heads(&set);
+        let heads = field.direction_weights(&set);
         let prepared = seconds(start);
         let least = field.minimum(&heads);
         print!("{spec}: IMF in {:.3} s (directions {prepared:.3} s)", seconds(start));
@@ -95,7 +95,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     drop(values);
     let set = OrientationSet::parse("fibonacci:225")?.orientations;
-    let least = field.minimum(&field.heads(&set));
+    let least = field.minimum(&field.direction_weights(&set));
     let start = Instant::now();
     if let Some(refined) = field.refined(&least, &set, Control::quiet())? {
         let gains = least.value.iter().zip(&refined.value).map(|(a, b)| f64::from(a - b));

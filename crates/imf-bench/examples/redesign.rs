@@ -18,7 +18,7 @@ use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::{At, DepthPlan, DepthScratch, Quantity, SectionPlan};
 use imf_core::tool::Tool;
-use imf_fields::factored::{FactoredField, FactoredState, TeachSettings};
+use imf_fields::factored::{DistillSettings, FactoredField, FactoredState};
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::{FitSettings, HarmonicField, fit};
 use imf_fields::recipe::{Length, TrainingPlan};
@@ -85,11 +85,11 @@ fn study(study: &Study) -> Result<Vec<Step>, Box<dyn Error>> {
         let not_adapted = field.as_ref().map(error);
         let begun = Instant::now();
         let steps_of_teaching = Length::Steps(if field.is_some() { study.each } else { study.first });
-        let from_random = at_size_of(study, TeachSettings::of_length(steps_of_teaching));
+        let from_random = at_size_of(study, DistillSettings::of_length(steps_of_teaching));
         let start = || from_random.start(teacher.axis_count());
         let tuned = match &field {
             Some(old) => {
-                let tuning = at_size_of(study, TeachSettings::of_another(steps_of_teaching));
+                let tuning = at_size_of(study, DistillSettings::of_another(steps_of_teaching));
                 taught(&teacher, &tuning, start_from(old, &teacher, &part)?)?
             }
             None => taught(&teacher, &from_random, start())?,
@@ -110,14 +110,14 @@ fn study(study: &Study) -> Result<Vec<Step>, Box<dyn Error>> {
 }
 
 /// The defaults for a start, at the study's size.
-fn at_size_of(study: &Study, defaults: TeachSettings) -> TeachSettings {
-    TeachSettings { width: study.width, plan: TrainingPlan { batch: 512, ..defaults.plan }, ..defaults }
+fn at_size_of(study: &Study, defaults: DistillSettings) -> DistillSettings {
+    DistillSettings { width: study.width, plan: TrainingPlan { batch: 512, ..defaults.plan }, ..defaults }
 }
 
 /// The network at the end of a teaching from a start.
 fn taught(
     teacher: &HarmonicField,
-    settings: &TeachSettings,
+    settings: &DistillSettings,
     mut state: FactoredState,
 ) -> Result<FactoredField, Box<dyn Error>> {
     teach(teacher, settings, &mut state, Control::quiet(), &mut |_| {})?;
@@ -137,7 +137,7 @@ fn depths(plan: &SectionPlan, set: &[Orientation]) -> Result<Vec<f32>, Box<dyn E
 
 fn root_mean_square(field: &FactoredField, set: &[Orientation], exact: &[f32]) -> f64 {
     let mut found = vec![0.0; exact.len()];
-    field.evaluator().sections(&field.heads(set), &mut found);
+    field.evaluator().sections(&field.direction_weights(set), &mut found);
     let squares: f64 = found.iter().zip(exact).map(|(&a, &b)| f64::from(a - b).powi(2)).sum();
     (squares / exact.len() as f64).sqrt()
 }

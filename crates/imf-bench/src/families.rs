@@ -26,7 +26,7 @@ use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::{At, Imf, SectionPlan, imf};
 use imf_core::tool::Tool;
 use imf_fields::evaluation::field_sections;
-use imf_fields::factored::{FactoredField, Symmetry, TeachSettings};
+use imf_fields::factored::{DistillSettings, FactoredField, Symmetry};
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::{HarmonicField, fit, section_count};
@@ -284,7 +284,7 @@ impl Bench<'_> {
 }
 
 /// How the factored field is taught: as `imf compress` does by default.
-fn taught_by(arguments: &FamiliesArguments) -> TeachSettings {
-    let defaults = TeachSettings::of_length(Length::Steps(arguments.factored_steps));
-    TeachSettings { plan: TrainingPlan { seed: arguments.seed, ..defaults.plan }, ..defaults }
+fn taught_by(arguments: &FamiliesArguments) -> DistillSettings {
+    let defaults = DistillSettings::of_length(Length::Steps(arguments.factored_steps));
+    DistillSettings { plan: TrainingPlan { seed: arguments.seed, ..defaults.plan }, ..defaults }
 }

@@ -35,7 +35,7 @@ struct Row {
     answers: &'static str,
     poses: usize,
     poses_per_second: f64,
-    /// Share of the poses called free, and called blocked.
+    /// Share of the poses called free, and called colliding.
     free: Option<f64>,
     blocked: Option<f64>,
     /// Share of the decided poses where the decision is the exact one for the true tool.
@@ -222,7 +222,7 @@ impl Trial<'_> {
 impl Report {
     fn markdown(&self) -> String {
         let mut text = format!(
-            "Random poses, one core: {}\n{}\n\n| | answers | poses/s | free | blocked | as exact | how |\n| --- | --- \
+            "Random poses, one core: {}\n{}\n\n| | answers | poses/s | free | colliding | as exact | how |\n| --- | --- \
              | --- | --- | --- | --- | --- |\n",
             self.scene, self.machine
         );

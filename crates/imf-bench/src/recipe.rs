@@ -163,7 +163,7 @@ pub(crate) struct EvaluationSettings {
     pub(crate) seed: u64,
     /// Orientation sets of the inaccessibility measure.
     pub(crate) imf: Vec<String>,
-    /// CMF above which a pose is called blocked.
+    /// CMF above which a pose is called colliding.
     pub(crate) threshold: f64,
 }
 

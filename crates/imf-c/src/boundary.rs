@@ -106,7 +106,7 @@ pub(crate) unsafe fn read<'a, T>(pointer: *const T, count: usize, what: &str) ->
         return Ok(&[]);
     }
     check(pointer, count, what)?;
-    // SAFETY: not null, aligned, of a size that can be; the rest is promised by the caller.
+    // SAFETY: not null, aligned, of a size that can be; the rest is guaranteed by the caller.
     Ok(unsafe { std::slice::from_raw_parts(pointer, count) })
 }
 
@@ -116,7 +116,7 @@ pub(crate) unsafe fn read<'a, T>(pointer: *const T, count: usize, what: &str) ->
 /// As [`read`], of one element.
 pub(crate) unsafe fn read_one<'a, T>(pointer: *const T, what: &str) -> Result<&'a T, Refusal> {
     check(pointer, 1, what)?;
-    // SAFETY: not null and aligned; the rest is promised by the caller.
+    // SAFETY: not null and aligned; the rest is guaranteed by the caller.
     Ok(unsafe { &*pointer })
 }
 
@@ -144,7 +144,7 @@ impl<T: Copy> Places<T> {
     /// If there is no such place.
     pub(crate) fn write(&mut self, place: usize, value: T) {
         assert!(place < self.count, "a place beyond the end");
-        // SAFETY: checked in `new` and here; the memory is promised there.
+        // SAFETY: checked in `new` and here; the memory is guaranteed there.
         unsafe { self.pointer.add(place).write(value) };
     }
 }
@@ -157,7 +157,7 @@ pub(crate) unsafe fn path<'a>(pointer: *const c_char) -> Result<&'a str, Refusal
     if pointer.is_null() {
         return Err(Refusal::null("path"));
     }
-    // SAFETY: not null; the end is promised by the caller.
+    // SAFETY: not null; the end is guaranteed by the caller.
     let text = unsafe { CStr::from_ptr(pointer) };
     text.to_str().map_err(|_| Refusal::new(ImfStatus::Argument, "path is no text in UTF-8"))
 }

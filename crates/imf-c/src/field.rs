@@ -111,10 +111,10 @@ unsafe fn open(
     opened: impl FnOnce(&Path) -> Result<ImfField, Refusal>,
 ) -> ImfStatus {
     call(|| {
-        // SAFETY: promised by the caller.
+        // SAFETY: guaranteed by the caller.
         let mut place = unsafe { Places::new(field, 1, "field") }?;
         place.write(0, std::ptr::null_mut());
-        // SAFETY: promised by the caller.
+        // SAFETY: guaranteed by the caller.
         let path = unsafe { path(path_text) }?;
         place.write(0, Box::into_raw(Box::new(opened(Path::new(path))?)));
         Ok(())
@@ -133,7 +133,7 @@ pub unsafe extern "C" fn imf_open_model(path: *const c_char, field: *mut *mut Im
         let (scene, calibration) = (field.scene().clone(), field.calibration().copied());
         Ok(ImfField::new(Kind::Model(Box::new(field)), &scene, calibration.as_ref()))
     };
-    // SAFETY: promised by the caller.
+    // SAFETY: guaranteed by the caller.
     unsafe { open(path, field, opened) }
 }
 
@@ -145,7 +145,7 @@ pub unsafe extern "C" fn imf_open_model(path: *const c_char, field: *mut *mut Im
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn imf_open_verified(path: *const c_char, field: *mut *mut ImfField) -> ImfStatus {
     let opened = |path: &Path| Ok(verified(VerifiedField::load(path).map_err(of_file)?));
-    // SAFETY: promised by the caller.
+    // SAFETY: guaranteed by the caller.
     unsafe { open(path, field, opened) }
 }
 
@@ -163,7 +163,7 @@ pub unsafe extern "C" fn imf_open_verified_with_clearance(
         let clearance = model.scene().record.clearance;
         Ok(verified(VerifiedField::with_clearance(model, clearance).map_err(of_file)?))
     };
-    // SAFETY: promised by the caller.
+    // SAFETY: guaranteed by the caller.
     unsafe { open(path, field, opened) }
 }
 
@@ -174,7 +174,7 @@ pub unsafe extern "C" fn imf_open_verified_with_clearance(
 /// path is a text that ends with 0, in UTF-8; field has room for a pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn imf_open_exact(path: *const c_char, field: *mut *mut ImfField) -> ImfStatus {
-    // SAFETY: promised by the caller.
+    // SAFETY: guaranteed by the caller.
     unsafe { open(path, field, exact) }
 }
 
@@ -185,7 +185,7 @@ pub unsafe extern "C" fn imf_open_exact(path: *const c_char, field: *mut *mut Im
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn imf_info(field: *const ImfField, info: *mut ImfInfo) -> ImfStatus {
     call(|| {
-        // SAFETY: promised by the caller.
+        // SAFETY: guaranteed by the caller.
         let (field, mut place) = unsafe { (read_one(field, "field")?, Places::new(info, 1, "info")?) };
         place.write(0, field.info);
         Ok(())
@@ -201,7 +201,7 @@ pub unsafe extern "C" fn imf_close(field: *mut ImfField) {
     if !field.is_null() {
         // Memory is given back; there is nothing to tell.
         let _ = call(|| {
-            // SAFETY: made by `Box::into_raw` and closed once, as the caller promises.
+            // SAFETY: made by `Box::into_raw` and closed once, as the caller guarantees.
             drop(unsafe { Box::from_raw(field) });
             Ok(())
         });

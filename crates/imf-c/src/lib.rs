@@ -6,7 +6,7 @@
 //! - every function that can fail returns an [`ImfStatus`]; [`imf_last_error`] has the message of this thread's last failure;
 //! - results go to memory of the caller; a field is the only thing that is opened and closed;
 //! - no panic crosses: one that happens all the same is a status;
-//! - null and misaligned pointers, and counts that no memory could hold, are refused; what else a pointer promises cannot be
+//! - null and misaligned pointers, and counts that no memory could hold, are refused; what else a pointer guarantees cannot be
 //!   checked.
 //!
 //! `include/imf.h` is generated from these sources; a test keeps it the same. `examples/poses.c` is compiled and run by the tests.

@@ -33,9 +33,9 @@ unsafe fn each<T: Copy, C: Copy + From<T>>(
     ask: impl Fn(&ImfField, &[Pose], &mut [T]) -> Result<(), FieldError>,
 ) -> ImfStatus {
     call(|| {
-        // SAFETY: promised by the caller.
+        // SAFETY: guaranteed by the caller.
         let field = unsafe { read_one(field, "field") }?;
-        // SAFETY: promised by the caller.
+        // SAFETY: guaranteed by the caller.
         let (poses, mut answers) =
             unsafe { (read(poses, count, "poses")?, Places::new(answers, count, what)?) };
         let mut turned = [Pose::new(DVec3::ZERO, DQuat::IDENTITY); BLOCK];
@@ -66,7 +66,7 @@ pub unsafe extern "C" fn imf_values(
     count: usize,
     values: *mut f32,
 ) -> ImfStatus {
-    // SAFETY: promised by the caller.
+    // SAFETY: guaranteed by the caller.
     unsafe { each(field, poses, count, values, "values", 0.0_f32, |f, p, v| f.poses().values(p, v)) }
 }
 
@@ -83,7 +83,7 @@ pub unsafe extern "C" fn imf_gradients(
     gradients: *mut ImfGradient,
 ) -> ImfStatus {
     let ask = |f: &ImfField, p: &[Pose], g: &mut [Gradient]| f.poses().gradients(p, g);
-    // SAFETY: promised by the caller.
+    // SAFETY: guaranteed by the caller.
     unsafe { each(field, poses, count, gradients, "gradients", Gradient::NAN, ask) }
 }
 
@@ -100,7 +100,7 @@ pub unsafe extern "C" fn imf_classify(
     decisions: *mut ImfDecision,
 ) -> ImfStatus {
     let ask = |f: &ImfField, p: &[Pose], d: &mut [Decision]| f.poses().classify(p, d);
-    // SAFETY: promised by the caller.
+    // SAFETY: guaranteed by the caller.
     unsafe { each(field, poses, count, decisions, "decisions", Decision::Undecided, ask) }
 }
 
@@ -120,9 +120,9 @@ pub unsafe extern "C" fn imf_best(
     best: *mut ImfBest,
 ) -> ImfStatus {
     call(|| {
-        // SAFETY: promised by the caller.
+        // SAFETY: guaranteed by the caller.
         let field = unsafe { read_one(field, "field") }?;
-        // SAFETY: promised by the caller; a count that overflows is absurd and refused as such.
+        // SAFETY: guaranteed by the caller; a count that overflows is absurd and refused as such.
         let (points, rotations, mut places) = unsafe {
             (
                 read(points, point_count.saturating_mul(3), "points")?,
@@ -154,9 +154,9 @@ pub unsafe extern "C" fn imf_check_motion(
     motion: *mut ImfMotion,
 ) -> ImfStatus {
     call(|| {
-        // SAFETY: promised by the caller.
+        // SAFETY: guaranteed by the caller.
         let (field, a, b) = unsafe { (read_one(field, "field")?, read_one(a, "a")?, read_one(b, "b")?) };
-        // SAFETY: promised by the caller.
+        // SAFETY: guaranteed by the caller.
         let mut place = unsafe { Places::new(motion, 1, "motion") }?;
         let found = match &field.kind {
             Kind::Verified(verified) => verified.check_motion(&a.to_pose(), &b.to_pose()),

@@ -33,7 +33,7 @@ pub struct Questions {
     pub random: OrientationSet,
     /// Orientations of the inaccessibility measure.
     pub imf: OrientationSet,
-    /// Overlap above which a pose counts as blocked.
+    /// Overlap above which a pose counts as colliding.
     pub threshold: f64,
 }
 
@@ -62,7 +62,7 @@ pub struct Report {
     clearance: Clearance,
     /// How deep the cutter may reach below the part's surface, in `unit`.
     contact: Option<f64>,
-    promise: String,
+    guarantee: String,
     #[serde(flatten)]
     made: Made,
     /// Sections that it was made from.
@@ -151,7 +151,7 @@ pub fn evaluate(
         unit: record.unit.to_string(),
         clearance: record.clearance,
         contact: record.contact,
-        promise: record.promise().to_string(),
+        guarantee: record.guarantee().to_string(),
         made: subject.made.clone(),
         training_sections: training.len(),
         evaluation_engine: engine,
@@ -175,27 +175,27 @@ impl Report {
         let width = self.rows.iter().map(|row| row.name.chars().count()).max().unwrap_or(0);
         let tau = self.rows.first().map_or(0.0, |row| row.errors.threshold);
         let mut text = format!(
-            "{:width$}  {:>9}  {:>9}  {:>7}  {:>10}  {:>13}  {:>6}\n",
-            "", "MSE", "MAE", "MPE", "false-free", "false-blocked", "IoU"
+            "{:width$}  {:>9}  {:>9}  {:>7}  {:>10}  {:>15}  {:>6}\n",
+            "", "MSE", "MAE", "MPE", "false-free", "false-colliding", "IoU"
         );
         for row in &self.rows {
             let e = &row.errors;
             let _ = writeln!(
                 text,
-                "{:width$}  {:>9.2e}  {:>9.2e}  {:>7.4}  {:>9.2} %  {:>12.2} %  {:>6.4}",
+                "{:width$}  {:>9.2e}  {:>9.2e}  {:>7.4}  {:>9.2} %  {:>14.2} %  {:>6.4}",
                 row.name,
                 e.mse,
                 e.mae,
                 e.mpe,
                 100.0 * e.false_free,
-                100.0 * e.false_blocked,
+                100.0 * e.false_colliding,
                 e.iou
             );
         }
         let _ = write!(
             text,
-            "MSE and MPE against the exact field; a pose counts as blocked above τ = {tau}; {}.\n{}",
-            self.promise,
+            "MSE and MPE against the exact field; a pose counts as colliding above τ = {tau}; {}.\n{}",
+            self.guarantee,
             self.verdict()
         );
         text
@@ -227,7 +227,7 @@ impl Report {
             self.unit,
             self.made.describe(self.training_sections)
         );
-        text.push_str("| | MSE | MAE | MPE | false-free | false-blocked | IoU |\n");
+        text.push_str("| | MSE | MAE | MPE | false-free | false-colliding | IoU |\n");
         text.push_str("| --- | --- | --- | --- | --- | --- | --- |\n");
         for row in &self.rows {
             let e = &row.errors;
@@ -239,17 +239,17 @@ impl Report {
                 e.mae,
                 e.mpe,
                 100.0 * e.false_free,
-                100.0 * e.false_blocked,
+                100.0 * e.false_colliding,
                 e.iou
             );
         }
         let tau = self.rows.first().map_or(0.0, |row| row.errors.threshold);
         let _ = writeln!(
             text,
-            "\nErrors are against the exact field; a pose counts as blocked above τ = {tau}, and exactly where it \
+            "\nErrors are against the exact field; a pose counts as colliding above τ = {tau}, and exactly where it \
              collides at all. Note that {}. Shallow contacts have almost no volume: a small error is not yet a safe \
              answer.\n\n{}\n",
-            self.promise,
+            self.guarantee,
             self.verdict()
         );
         for (file, caption) in pictures {

@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn probes_never_promise_more_than_the_true_distance() {
+    fn probes_never_guarantee_more_than_the_true_distance() {
         let obstacle = scattered([9, 8, 10], 37);
         let field = DistanceField::new(&obstacle);
         let centres: Vec<DVec3> = (0..obstacle.solid.len())

@@ -4,10 +4,10 @@
 //! The obstacle is the union of part and fixtures. Where the grid is chosen around the part alone, fixtures may stick
 //! out of it and still be hit: [`SceneSpec::bodies`] gives all that a tool can meet from the grid's voxels.
 
-mod promise;
+mod guarantee;
 mod stored;
 
-pub use promise::Promise;
+pub use guarantee::Guarantee;
 pub use stored::StoredVoxelsError;
 
 use glam::{DMat4, DVec3};

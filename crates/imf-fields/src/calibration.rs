@@ -1,4 +1,4 @@
-//! What a field's decisions are worth: thresholds for "free" and "blocked", and the rates measured with them.
+//! What a field's decisions are worth: thresholds for "free" and "colliding", and the rates measured with them.
 //!
 //! A record that a field's file carries. The thresholds are chosen on some poses and judged on others, drawn apart; the
 //! rates here are the judges'. "Colliding" and "free" are about two tools: a *colliding* pose is one of the true tool's, a
@@ -37,8 +37,8 @@ impl Rate {
 pub struct Goals {
     /// Most of the colliding poses that may be called free.
     pub false_free: f64,
-    /// Most of the clear poses that may be called blocked.
-    pub false_blocked: f64,
+    /// Most of the clear poses that may be called colliding.
+    pub false_colliding: f64,
     /// How sure both should be.
     pub confidence: f64,
 }
@@ -46,7 +46,7 @@ pub struct Goals {
 impl Default for Goals {
     /// One colliding pose in ten thousand, one clear pose in twenty, at 99 %.
     fn default() -> Self {
-        Self { false_free: 1e-4, false_blocked: 0.05, confidence: 0.99 }
+        Self { false_free: 1e-4, false_colliding: 0.05, confidence: 0.99 }
     }
 }
 
@@ -57,10 +57,10 @@ pub struct Judgement {
     pub poses: u64,
     /// Colliding poses called free.
     pub false_free: Rate,
-    /// Clear poses called blocked.
-    pub false_blocked: Rate,
-    /// Poses that are neither called free nor blocked.
-    pub near: u64,
+    /// Clear poses called colliding.
+    pub false_colliding: Rate,
+    /// Poses that are neither called free nor colliding.
+    pub undecided: u64,
     /// Clear poses called free.
     pub found_free: u64,
     /// Largest error of a value against the exact one of the grown tool. Of a field of depth: how far a value lies on the
@@ -71,8 +71,8 @@ pub struct Judgement {
 impl Judgement {
     /// Share of the poses that are left to an exact check.
     #[must_use]
-    pub fn near_share(&self) -> f64 {
-        self.near as f64 / self.poses.max(1) as f64
+    pub fn undecided_share(&self) -> f64 {
+        self.undecided as f64 / self.poses.max(1) as f64
     }
 }
 
@@ -81,8 +81,8 @@ impl Judgement {
 pub struct Calibration {
     /// Values up to this one, not clipped to [0, 1], are called free; `None` where no value is safe enough.
     pub free_up_to: Option<f32>,
-    /// Values from this one on are called blocked; `None` where none is.
-    pub blocked_from: Option<f32>,
+    /// Values from this one on are called colliding; `None` where none is.
+    pub colliding_from: Option<f32>,
     /// What was asked for.
     pub goals: Goals,
     /// Seed of the poses.
@@ -98,17 +98,17 @@ impl Calibration {
     #[must_use]
     pub fn keeps_its_goals(&self) -> bool {
         let Self { goals, uniform, .. } = self;
-        uniform.false_free.bound <= goals.false_free && uniform.false_blocked.bound <= goals.false_blocked
+        uniform.false_free.bound <= goals.false_free && uniform.false_colliding.bound <= goals.false_colliding
     }
 
     /// What is wrong with a record from a file, if anything is.
     #[must_use]
     pub fn fault(&self) -> Option<&'static str> {
         let finite = |threshold: Option<f32>| threshold.is_none_or(f32::is_finite);
-        if !finite(self.free_up_to) || !finite(self.blocked_from) {
+        if !finite(self.free_up_to) || !finite(self.colliding_from) {
             return Some("a threshold of its calibration is not a finite number");
         }
-        match (self.free_up_to, self.blocked_from) {
+        match (self.free_up_to, self.colliding_from) {
             (Some(free), Some(blocked)) if free >= blocked => Some("its thresholds cross"),
             _ => None,
         }

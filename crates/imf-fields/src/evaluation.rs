@@ -222,7 +222,7 @@ mod tests {
         let set = OrientationSet::parse("fibonacci:11").unwrap().orientations;
         let zero = field_sections(&plan, &set, 0.01, Control::quiet(), |_, out| out.fill(0.0)).unwrap();
         assert_eq!(zero.sections.len(), 11);
-        assert_eq!((zero.overall.false_free, zero.overall.false_blocked), (1.0, 0.0));
+        assert_eq!((zero.overall.false_free, zero.overall.false_colliding), (1.0, 0.0));
         // mse(c) = variance + (mean − c)², and mae(0) is the mean.
         let mean = zero.overall.mae;
         assert!((zero.overall.mse - zero.overall.variance - mean * mean).abs() < 1e-9);

@@ -29,7 +29,7 @@ pub mod targets;
 
 pub use evaluate::FactoredEvaluator;
 pub use point::{FactoredPoint, PointScratch};
-pub use settings::TeachSettings;
+pub use settings::DistillSettings;
 pub use state::FactoredState;
 pub use symmetry::{ANGLE, Axis, Frame, Inputs, LocalHarmonics, Place, Symmetry};
 
@@ -39,7 +39,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::harmonic::basis::Basis;
-use crate::harmonic::{HarmonicField, Heads};
+use crate::harmonic::{DirectionWeights, HarmonicField};
 use crate::siren::stack::{Ending, Stack};
 use crate::siren::{Layer, ShapeError};
 use imf_core::grid::Grid;
@@ -170,10 +170,10 @@ impl FactoredField {
 
     /// Prepares orientations for the coefficients of [`FactoredEvaluator`].
     #[must_use]
-    pub fn heads(&self, orientations: &[Orientation]) -> Heads {
+    pub fn direction_weights(&self, orientations: &[Orientation]) -> DirectionWeights {
         match self.local_harmonics() {
-            None => Heads::new(&self.basis, &self.axes, &self.mean, orientations),
-            Some(local) => Heads::in_order(&self.basis, local.order(), orientations),
+            None => DirectionWeights::new(&self.basis, &self.axes, &self.mean, orientations),
+            Some(local) => DirectionWeights::in_order(&self.basis, local.order(), orientations),
         }
     }
 

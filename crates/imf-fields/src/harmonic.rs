@@ -30,7 +30,7 @@ pub mod sphere;
 
 pub use degree::{degree_for, sections_tried};
 pub use evaluate::VoxelCoefficients;
-pub use evaluate::{HEADS_AT_ONCE, Heads};
+pub use evaluate::{DIRECTIONS_AT_ONCE, DirectionWeights};
 pub(crate) use evaluate::{minimum_of, minimum_over, sections_of};
 pub use fit::solve::function_values;
 pub use fit::source::{Source, SourceScratch};

@@ -14,10 +14,10 @@ pub struct Errors {
     colliding: u64,
     free: u64,
     false_free: u64,
-    false_blocked: u64,
+    false_colliding: u64,
 }
 
-/// What is reported. MSE and MPE as in the paper; decisions call a pose blocked where the field exceeds `threshold`.
+/// What is reported. MSE and MPE as in the paper; decisions call a pose colliding where the field exceeds `threshold`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ErrorReport {
     /// Values compared.
@@ -30,12 +30,12 @@ pub struct ErrorReport {
     pub mpe: f64,
     /// Variance of the exact values: the MSE of the best constant.
     pub variance: f64,
-    /// Values above which a pose is called blocked by the field; exactly, blocked is CMF > 0.
+    /// Values above which a pose is called colliding by the field; exactly, colliding is CMF > 0.
     pub threshold: f64,
     /// Share of colliding poses that the field calls free.
     pub false_free: f64,
-    /// Share of free poses that the field calls blocked.
-    pub false_blocked: f64,
+    /// Share of free poses that the field calls colliding.
+    pub false_colliding: f64,
     /// Intersection over union of the configuration-space obstacle, exact and by the field.
     pub iou: f64,
 }
@@ -60,7 +60,7 @@ impl Errors {
             self.colliding += u64::from(collides);
             self.free += u64::from(!collides);
             self.false_free += u64::from(collides && !blocked);
-            self.false_blocked += u64::from(!collides && blocked);
+            self.false_colliding += u64::from(!collides && blocked);
         }
         self.count += exact.len() as u64;
     }
@@ -76,7 +76,7 @@ impl Errors {
         self.colliding += other.colliding;
         self.free += other.free;
         self.false_free += other.false_free;
-        self.false_blocked += other.false_blocked;
+        self.false_colliding += other.false_colliding;
     }
 
     /// The errors; all zero where nothing was compared.
@@ -94,11 +94,11 @@ impl Errors {
             variance: (self.exact_squared / n - mean * mean).max(0.0),
             threshold,
             false_free: share(self.false_free, self.colliding),
-            false_blocked: share(self.false_blocked, self.free),
-            iou: if both + self.false_free + self.false_blocked == 0 {
+            false_colliding: share(self.false_colliding, self.free),
+            iou: if both + self.false_free + self.false_colliding == 0 {
                 1.0
             } else {
-                share(both, both + self.false_free + self.false_blocked)
+                share(both, both + self.false_free + self.false_colliding)
             },
         }
     }
@@ -117,7 +117,7 @@ mod tests {
         assert!((r.mae - 0.6 / 4.0).abs() < 1e-8);
         assert!((r.mpe - 0.5).abs() < 1e-12);
         assert!((r.variance - (1.25 / 4.0 - 0.140_625)).abs() < 1e-12);
-        assert_eq!((r.false_free, r.false_blocked), (0.5, 0.5));
+        assert_eq!((r.false_free, r.false_colliding), (0.5, 0.5));
         assert!((r.iou - 1.0 / 3.0).abs() < 1e-12);
     }
 

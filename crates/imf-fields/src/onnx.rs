@@ -11,7 +11,7 @@
 //! ```
 //!
 //! Answers are those of [`crate::field::Field`] but for the rounding of single precision: outside the box of the voxel centres those
-//! of the nearest point inside, without promise. What a field is of stands in the model's metadata: part, tool, unit,
+//! of the nearest point inside, without guarantee. What a field is of stands in the model's metadata: part, tool, unit,
 //! clearance, the corners of that box. Graphs are of opset 17.
 //!
 //! The messages are written here, a dozen of them, since the crates that have all of ONNX's are no longer kept (`onnx-pb`,

@@ -16,7 +16,7 @@ use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::{At, SectionPlan};
 use imf_core::tool::Tool;
 use imf_fields::factored::file::FactoredFile;
-use imf_fields::factored::{Axis, FactoredField, FactoredShape, Symmetry, TeachSettings};
+use imf_fields::factored::{Axis, DistillSettings, FactoredField, FactoredShape, Symmetry};
 use imf_fields::field::{Field, VerifiedField};
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
@@ -53,7 +53,7 @@ fn harmonic(scene: &Scene, precision: Precision) -> HarmonicFile {
 
 fn factored(scene: &Scene) -> FactoredFile {
     let HarmonicFile { field: teacher, settings: fit, .. } = harmonic(scene, Precision::F32);
-    let settings = TeachSettings { width: 40, hidden: 3, omega: 6.0, ..TeachSettings::default() };
+    let settings = DistillSettings { width: 40, hidden: 3, omega: 6.0, ..DistillSettings::default() };
     let axes = teacher.axis_count();
     let shape = FactoredShape {
         width: 40,

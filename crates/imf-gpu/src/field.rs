@@ -434,7 +434,7 @@ impl Work {
         };
         let thresholds = Thresholds {
             free_up_to: threshold(|calibration| calibration.free_up_to, f32::MIN),
-            blocked_from: threshold(|calibration| calibration.blocked_from, f32::MAX),
+            colliding_from: threshold(|calibration| calibration.colliding_from, f32::MAX),
         };
         Ok(Self {
             frame: Frame::new(gpu, &field.scene().record.grid)?,

@@ -16,7 +16,7 @@ use imf_core::field::EngineError;
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, Quantity};
 use imf_fields::factored::FactoredField;
-use imf_fields::harmonic::{HEADS_AT_ONCE, Heads};
+use imf_fields::harmonic::{DIRECTIONS_AT_ONCE, DirectionWeights};
 
 use crate::device::{Gpu, Reading};
 use crate::kernel::{Bound, Kernel, uniform};
@@ -109,7 +109,7 @@ impl OverOrientations {
     /// Compiles the kernels, and allocates what they write.
     pub(crate) fn new(gpu: &Gpu, rows: CoefficientRows) -> Result<Self, EngineError> {
         let chunk = chunk(gpu);
-        let batch = HEADS_AT_ONCE.min(gpu.limits().elements() / (rows.columns + 1)) / chunk * chunk;
+        let batch = DIRECTIONS_AT_ONCE.min(gpu.limits().elements() / (rows.columns + 1)) / chunk * chunk;
         let mut plan = Plan::default();
         let places = [
             plan.add("values", rows.rows * chunk),
@@ -328,13 +328,13 @@ fn require(orientations: &[Orientation]) -> Result<(), EngineError> {
 
 /// Orientations as a field reads them, for coefficients that lie on the device over a scale.
 pub(crate) struct Scaled {
-    pub(crate) heads: Heads,
+    pub(crate) heads: DirectionWeights,
     pub(crate) scale: f32,
 }
 
 impl Scaled {
     /// Of a factored field.
     pub(crate) fn of(field: &FactoredField, orientations: &[Orientation]) -> Self {
-        Self { heads: field.heads(orientations), scale: field.scale }
+        Self { heads: field.direction_weights(orientations), scale: field.scale }
     }
 }

@@ -239,7 +239,7 @@ pub struct Lattice {
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct Thresholds {
     pub free_up_to: f32,
-    pub blocked_from: f32,
+    pub colliding_from: f32,
 }
 
 /// Jobs that count overlaps over one slab.

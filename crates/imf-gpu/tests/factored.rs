@@ -14,7 +14,7 @@ use imf_core::section::{At, Imf, Quantity, SectionPlan};
 use imf_core::tool::Tool;
 use imf_fields::factored::reference::loss_and_gradient;
 use imf_fields::factored::{
-    Axis, FactoredField, FactoredShape, FactoredState, INPUTS, Symmetry, TeachSettings,
+    Axis, DistillSettings, FactoredField, FactoredShape, FactoredState, INPUTS, Symmetry,
 };
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
@@ -47,8 +47,8 @@ fn teacher() -> HarmonicField {
     fit(&plan, Domain::Directions, &settings, Control::quiet()).expect("a harmonic field")
 }
 
-fn settings(steps: u64) -> TeachSettings {
-    TeachSettings {
+fn settings(steps: u64) -> DistillSettings {
+    DistillSettings {
         width: 40,
         hidden: 2,
         omega: 10.0,
@@ -56,10 +56,10 @@ fn settings(steps: u64) -> TeachSettings {
             length: Length::Steps(steps),
             batch: 300,
             schedule: Schedule::Cosine { initial: 3e-3, last: 0.0, warmup: 10 },
-            ..TeachSettings::default().plan
+            ..DistillSettings::default().plan
         },
         optimiser: Optimiser::Adam,
-        ..TeachSettings::default()
+        ..DistillSettings::default()
     }
 }
 
@@ -67,7 +67,12 @@ fn orientations(set: &str) -> Vec<Orientation> {
     OrientationSet::parse(set).expect("a set").orientations
 }
 
-fn engine(gpu: &Gpu, settings: &TeachSettings, teacher: &HarmonicField, state: &FactoredState) -> GpuTrainer {
+fn engine(
+    gpu: &Gpu,
+    settings: &DistillSettings,
+    teacher: &HarmonicField,
+    state: &FactoredState,
+) -> GpuTrainer {
     let stack = settings.shape(teacher.axis_count()).stack();
     let TrainingPlan { adam, loss, .. } = settings.plan;
     let learning =
@@ -85,7 +90,7 @@ fn compare(set: &str, field: &FactoredField) {
     let (grid, points) = (field.grid, voxel_centres(field));
     let evaluator = field.evaluator();
     let orientations = orientations(set);
-    let heads = field.heads(&orientations);
+    let heads = field.direction_weights(&orientations);
     let mut expected = vec![0.0; orientations.len() * grid.len()];
     evaluator.sections(&heads, &mut expected);
     let least = evaluator.minimum(&heads);
@@ -199,7 +204,7 @@ fn teaching_reaches_the_cpus_error_and_goes_on_to_the_same_bits() {
     let gpu = adapter::open();
     let axes = teacher.axis_count();
     for optimiser in [Optimiser::Adam, Optimiser::Soap(SoapConfig::default())] {
-        let all = TeachSettings { optimiser, ..settings(300) };
+        let all = DistillSettings { optimiser, ..settings(300) };
         let run = |stop: bool| {
             let mut state = all.start(axes);
             let mut told = 0.0;

@@ -22,7 +22,7 @@ use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::Quantity;
 use imf_core::tool::Tool;
 use imf_fields::factored::file::FactoredFile;
-use imf_fields::factored::{Axis, FactoredField, FactoredShape, Symmetry, TeachSettings};
+use imf_fields::factored::{Axis, DistillSettings, FactoredField, FactoredShape, Symmetry};
 use imf_fields::field::Field;
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::{Basis, Domain};
@@ -72,7 +72,7 @@ fn file_with(
         scene,
         fit,
         report: FitReport { functions, sections: 0, dropped: 0.0, held_out_mse: 0.0, held_out_mpe: 0.0 },
-        settings: TeachSettings::default(),
+        settings: DistillSettings::default(),
         precision: Precision::F32,
         state: None,
         calibration: None,
@@ -331,7 +331,7 @@ fn orientations_that_one_buffer_does_not_hold_are_met_in_batches() {
     for gpu in &devices()[MatrixKernel::ALL.len()..] {
         let found = GpuField::new(gpu, FieldFile::Harmonic(file.clone())).expect("a field");
         let orientations = OrientationSet::parse("fibonacci:12000").expect("a set").orientations;
-        let expected = field.minimum(&field.heads(&orientations));
+        let expected = field.minimum(&field.direction_weights(&orientations));
         let least = found.minimum(&orientations, Control::quiet()).expect("minima");
         let (mut others, mut late) = (0, 0);
         for voxel in 0..field.grid.len() {

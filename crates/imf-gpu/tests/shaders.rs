@@ -241,7 +241,7 @@ fn uniform_blocks_have_the_same_size_and_offsets_in_rust_and_wgsl() {
         block!(Turns: count, factor, summand),
         block!(Harmonics: degree, stride),
         block!(Lattice: nx, ny, nz, stride, columns, pitch),
-        block!(Thresholds: free_up_to, blocked_from),
+        block!(Thresholds: free_up_to, colliding_from),
         block!(Sweep: base, points, directions, first_direction),
         block!(
             Counting: planes, lead_bits, plane_bits, line_bits, jobs, groups, lines, lower_x, lower_y, lower_z, nx, ny,

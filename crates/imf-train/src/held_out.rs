@@ -20,7 +20,7 @@ use imf_fields::siren::{INPUTS, features};
 const SEED_MARK: u64 = 0x4845_4c44_5f4f_5554;
 /// Directions closer than this cosine are one direction: a thousandth of a degree.
 const SAME_DIRECTION: f64 = 1.0 - 1.5e-10;
-/// Value above which the field calls a pose blocked; only the decisions of the report depend on it.
+/// Value above which the field calls a pose colliding; only the decisions of the report depend on it.
 const THRESHOLD: f64 = 0.001;
 
 /// The poses and their exact values.

@@ -31,10 +31,10 @@ pub(crate) struct FamiliesArguments {
     /// Seed of the random orientations, and of weights and their training
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
-    /// Overlap above which a field's pose is called blocked
+    /// Overlap above which a field's pose is called colliding
     #[arg(long, default_value_t = 0.001, value_name = "τ", value_parser = parse_threshold)]
     pub(crate) threshold: f64,
-    /// Poses at most this many voxels from where free turns to blocked count as near the boundary
+    /// Poses at most this many voxels from where free turns to colliding count as near the boundary
     #[arg(long, default_value_t = 1, value_name = "VOXELS")]
     pub(crate) near: usize,
     /// Steps of siren5's training

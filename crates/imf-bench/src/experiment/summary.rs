@@ -123,7 +123,7 @@ impl Summary {
                     format!("{:.2e}", e.mse),
                     format!("{:.4}", e.mpe),
                     format!("{:.2} %", 100.0 * e.false_free),
-                    format!("{:.2} %", 100.0 * e.false_blocked),
+                    format!("{:.2} %", 100.0 * e.false_colliding),
                     format!("{:.4}", e.iou),
                 ]
             };
@@ -134,7 +134,7 @@ impl Summary {
 
     /// The results for a terminal.
     pub(super) fn text(&self) -> String {
-        table(&["", "MSE", "MPE", "false-free", "false-blocked", "IoU"], &self.rows())
+        table(&["", "MSE", "MPE", "false-free", "false-colliding", "IoU"], &self.rows())
     }
 
     fn markdown(&self) -> String {
@@ -162,7 +162,7 @@ impl Summary {
                 let _ = writeln!(text, "\nStage {}: {}", stage.name, waits.said());
             }
         }
-        text.push_str("\n| against the exact field | MSE | MPE | false-free | false-blocked | IoU |\n");
+        text.push_str("\n| against the exact field | MSE | MPE | false-free | false-colliding | IoU |\n");
         text.push_str("| --- | --- | --- | --- | --- | --- |\n");
         for row in self.rows() {
             let _ = writeln!(text, "| {} |", row.join(" | "));

@@ -16,7 +16,7 @@ const AT_ONCE: usize = 16;
 /// Share of the colliding poses that may be called free where thresholds are compared.
 pub(super) const ALLOWED: f64 = 0.01;
 
-/// Exact sections, and where they turn from free to blocked.
+/// Exact sections, and where they turn from free to colliding.
 pub(super) struct Judge<'a> {
     session: &'a Session,
     orientations: &'a [Orientation],
@@ -34,8 +34,8 @@ pub(super) struct Verdict {
     /// Over positions near the boundary alone.
     pub(super) near: ErrorReport,
     /// With the highest threshold at which at most [`ALLOWED`] of the colliding poses near the boundary are called free,
-    /// the share of the free ones there that are called blocked.
-    pub(super) blocked_when_safe: f64,
+    /// the share of the free ones there that are called colliding.
+    pub(super) colliding_when_safe: f64,
 }
 
 impl<'a> Judge<'a> {
@@ -87,13 +87,13 @@ impl<'a> Judge<'a> {
         Ok(Verdict {
             everywhere: everywhere.report(self.threshold),
             near: near.report(self.threshold),
-            blocked_when_safe: blocked_when_safe(&mut colliding, &free),
+            colliding_when_safe: colliding_when_safe(&mut colliding, &free),
         })
     }
 }
 
 /// The share of `free` values above the highest threshold that calls at most [`ALLOWED`] of `colliding` free.
-fn blocked_when_safe(colliding: &mut [f32], free: &[f32]) -> f64 {
+fn colliding_when_safe(colliding: &mut [f32], free: &[f32]) -> f64 {
     colliding.sort_unstable_by(f32::total_cmp);
     let allowed = (colliding.len() as f64 * ALLOWED) as usize;
     // A threshold calls free what is at most it, so it lies just below the first value that must not pass.
@@ -110,9 +110,9 @@ mod tests {
     fn a_safe_threshold_passes_one_in_a_hundred() {
         // 200 colliding values 0.001, 0.002, … : two may be called free, so the threshold lies just below 0.003.
         let mut colliding: Vec<f32> = (1..=200).rev().map(|i| i as f32 / 1000.0).collect();
-        assert_eq!(blocked_when_safe(&mut colliding, &[0.0, 0.0029, 0.0031, 0.5]), 0.5);
-        // A field that is zero where the tool collides must call every zero blocked.
-        assert_eq!(blocked_when_safe(&mut [0.0; 50], &[0.0, 0.0]), 1.0);
-        assert_eq!(blocked_when_safe(&mut [], &[0.2]), 0.0);
+        assert_eq!(colliding_when_safe(&mut colliding, &[0.0, 0.0029, 0.0031, 0.5]), 0.5);
+        // A field that is zero where the tool collides must call every zero colliding.
+        assert_eq!(colliding_when_safe(&mut [0.0; 50], &[0.0, 0.0]), 1.0);
+        assert_eq!(colliding_when_safe(&mut [], &[0.2]), 0.0);
     }
 }

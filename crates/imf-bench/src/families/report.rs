@@ -22,9 +22,9 @@ const HEAD: [&str; 11] = [
     "MSE",
     "MPE",
     "false-free",
-    "false-blocked",
+    "false-colliding",
     "IoU",
-    "blocked if safe",
+    "colliding if safe",
     "225 sections",
     "their IMF",
 ];
@@ -127,9 +127,9 @@ impl Report {
     fn reading(&self) -> String {
         format!(
             "MSE and MPE (largest error), in shares of the tool's volume, over all positions and {} random directions that \
-             nothing was made from. Wrong decisions are of the poses within {} voxel(s) of where free turns to blocked, \
-             with everything above {} called blocked: colliding poses called free, free ones called blocked, and the \
-             overlap of both obstacles (IoU). Blocked if safe: free poses there that are called blocked once the threshold \
+             nothing was made from. Wrong decisions are of the poses within {} voxel(s) of where free turns to colliding, \
+             with everything above {} called colliding: colliding poses called free, free ones called colliding, and the \
+             overlap of both obstacles (IoU). Colliding if safe: free poses there that are called colliding once the threshold \
              is so low that at most {} % of the colliding ones pass. Times on {} threads.",
             self.random,
             self.near_voxels,
@@ -154,7 +154,7 @@ impl Comparison {
         self.rows
             .iter()
             .map(|row| {
-                let Verdict { everywhere, near, blocked_when_safe } = &row.verdict;
+                let Verdict { everywhere, near, colliding_when_safe } = &row.verdict;
                 vec![
                     row.name.into(),
                     seconds(row.made),
@@ -162,9 +162,9 @@ impl Comparison {
                     error(everywhere.mse),
                     format!("{:.3}", everywhere.mpe),
                     percent(near.false_free),
-                    percent(near.false_blocked),
+                    percent(near.false_colliding),
                     format!("{:.3}", near.iou),
-                    percent(*blocked_when_safe),
+                    percent(*colliding_when_safe),
                     seconds(row.sections),
                     seconds(row.minimum),
                 ]

@@ -7,7 +7,7 @@ use imf_core::control::Control;
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, SectionPlan, SectionScratch, imf};
 use imf_fields::factored::FactoredField;
-use imf_fields::harmonic::{HarmonicField, Heads};
+use imf_fields::harmonic::{DirectionWeights, HarmonicField};
 use rayon::prelude::*;
 
 use crate::interpolation::{CoarseTable, StoredSections};
@@ -46,24 +46,24 @@ impl Rival for Exact<'_> {
 
 impl Rival for HarmonicField {
     fn sections(&mut self, orientations: &[Orientation], values: &mut [f32]) -> Result<()> {
-        HarmonicField::sections(self, &self.heads(orientations), values);
+        HarmonicField::sections(self, &self.direction_weights(orientations), values);
         Ok(())
     }
 
     fn least(&mut self, orientations: &[Orientation]) -> Result<Imf> {
-        Ok(self.minimum(&self.heads(orientations)))
+        Ok(self.minimum(&self.direction_weights(orientations)))
     }
 }
 
 impl Rival for FactoredField {
     fn sections(&mut self, orientations: &[Orientation], values: &mut [f32]) -> Result<()> {
-        let heads: Heads = self.heads(orientations);
+        let heads: DirectionWeights = self.direction_weights(orientations);
         self.evaluator().sections(&heads, values);
         Ok(())
     }
 
     fn least(&mut self, orientations: &[Orientation]) -> Result<Imf> {
-        Ok(self.evaluator().minimum(&self.heads(orientations)))
+        Ok(self.evaluator().minimum(&self.direction_weights(orientations)))
     }
 }
 

@@ -18,7 +18,7 @@ use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::pose::Pose;
 use imf_core::scene::Scene;
 use imf_core::section::{At, SectionPlan, sections};
-use imf_fields::factored::TeachSettings;
+use imf_fields::factored::DistillSettings;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::FitSettings;
@@ -50,7 +50,7 @@ pub(super) struct Sizes {
     pub(super) poses: usize,
 }
 
-/// Overlap above which a pose counts as blocked.
+/// Overlap above which a pose counts as colliding.
 const THRESHOLD: f64 = 1e-3;
 /// What takes less memory.
 const SMALLER: &str = "take the other parts by --only";
@@ -178,7 +178,10 @@ fn taught_by(
         ..FitSettings::default()
     };
     let mut settings = Settings {
-        teach: TeachSettings { width: sizes.width, ..TeachSettings::of_length(Length::Steps(sizes.steps)) },
+        teach: DistillSettings {
+            width: sizes.width,
+            ..DistillSettings::of_length(Length::Steps(sizes.steps))
+        },
         precision: Precision::F32,
         checkpoint_every: f64::INFINITY,
         go_on: "the field starts over",

@@ -8,7 +8,7 @@ use imf_cli::session::Session;
 use imf_core::orientation::Orientation;
 use imf_core::scene::Scene;
 use imf_core::section::{At, SectionError, SectionPlan};
-use imf_fields::factored::{FactoredField, Symmetry, TeachSettings};
+use imf_fields::factored::{DistillSettings, FactoredField, Symmetry};
 use imf_fields::harmonic::basis::{Basis, Domain};
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::{FitSettings, HarmonicField, fit, section_count};
@@ -58,12 +58,12 @@ fn taught(
     session: &Session,
     teacher: &HarmonicField,
     scene: &Scene,
-    settings: &TeachSettings,
+    settings: &DistillSettings,
 ) -> Result<(FactoredField, f64)> {
     let stage = session.stage("teaching", "steps", settings.plan.total_steps(teacher.grid.len()));
     let advance = |steps| stage.advance(steps);
     let (begun, mut loss) = (Instant::now(), f64::NAN);
-    let settings = &TeachSettings { symmetry: Symmetry::of(teacher, &scene.obstacle), ..*settings };
+    let settings = &DistillSettings { symmetry: Symmetry::of(teacher, &scene.obstacle), ..*settings };
     let axes = settings.outputs(teacher);
     let mut state = settings.start(axes);
     let outcome =
@@ -82,7 +82,7 @@ pub(super) fn measure(
     scene: &Scene,
     questions: &Questions,
     n: usize,
-    teaching: &TeachSettings,
+    teaching: &DistillSettings,
 ) -> Result<Vec<Method>> {
     let angles = AngleGrid::new(n);
     let voxels = scene.record.grid.len();
@@ -128,7 +128,9 @@ pub(super) fn measure(
     judge("nearest section".into(), stored_in, bytes, &|o, values| stored.nearest(o, values))?;
     judge("linear in angle".into(), stored_in, bytes, &|o, values| stored.linear(o, values))?;
     let name = format!("harmonic, degree {}", settings.degree);
-    judge(name, fitted_in, harmonic.bytes(), &|o, values| harmonic.sections(&harmonic.heads(&[*o]), values))?;
+    judge(name, fitted_in, harmonic.bytes(), &|o, values| {
+        harmonic.sections(&harmonic.direction_weights(&[*o]), values);
+    })?;
     let (factored, taught_in) = taught(session, &harmonic, scene, teaching)?;
     // Its coefficients at every voxel, once for all sections.
     let begun = Instant::now();
@@ -136,7 +138,9 @@ pub(super) fn measure(
     let known_in = begun.elapsed().as_secs_f64();
     let name = format!("factored, {}×{}", teaching.hidden, teaching.width);
     let made = fitted_in + taught_in;
-    judge(name, made, factored.bytes(), &|o, values| known.sections(&known.heads(&[*o]), values))?;
+    judge(name, made, factored.bytes(), &|o, values| {
+        known.sections(&known.direction_weights(&[*o]), values);
+    })?;
     measured.last_mut().context("a field without answers")?.sections += known_in;
     stage.finish("");
     Ok(measured)

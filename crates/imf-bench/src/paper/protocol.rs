@@ -1,7 +1,7 @@
 //! How much of the paper's protocol is run: the built-in recipes as they are, or with changes that the report lists.
 
 use anyhow::Result;
-use imf_fields::factored::TeachSettings;
+use imf_fields::factored::DistillSettings;
 use imf_fields::recipe::Length;
 use serde::Serialize;
 
@@ -207,9 +207,9 @@ impl Protocol {
 
     /// How the factored field is taught: as `imf compress` does by itself, with a step for each 1,024 voxels five times
     /// over at the full resolution; a tiny one has a fifth of them.
-    pub(super) fn teaching(self) -> TeachSettings {
+    pub(super) fn teaching(self) -> DistillSettings {
         let steps = if self.scale == PaperScale::Tiny { 500 } else { 2600 };
-        TeachSettings::of_length(Length::Steps(steps))
+        DistillSettings::of_length(Length::Steps(steps))
     }
 
     /// What was tried for rows that fall short.

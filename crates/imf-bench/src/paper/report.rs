@@ -17,7 +17,7 @@ const SOURCE: &str = "The paper: Harabin, Mirzendehdel, Behandish, Deep Neural I
                       Multi-Axis Manufacturing, arXiv 2409.02115; its times were measured on a Xeon W-2275 with a Quadro \
                       RTX 6000.";
 const READING: &str = "MSE is the mean squared, MPE the largest error against the exact field, both in shares of the tool's \
-                       volume. A pose is called blocked above τ, and is so exactly where the tool collides at all: shallow \
+                       volume. A pose is called colliding above τ, and is so exactly where the tool collides at all: shallow \
                        contact has next to no volume, so false-free says more about τ than about the field. Bracket and \
                        screw gear are our parts in the style of the paper's, not the paper's: their ratios compare \
                        different shapes.";

@@ -56,7 +56,7 @@ impl Compared {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Decisions {
     pub(super) false_free: f64,
-    pub(super) false_blocked: f64,
+    pub(super) false_colliding: f64,
     pub(super) iou: f64,
 }
 
@@ -81,7 +81,7 @@ impl Row {
             ],
             decisions: Some(Decisions {
                 false_free: ours.false_free,
-                false_blocked: ours.false_blocked,
+                false_colliding: ours.false_colliding,
                 iou: ours.iou,
             }),
         }
@@ -178,7 +178,7 @@ impl Table {
             }
         }
         if decided {
-            head.extend(["false-free", "false-blocked", "IoU"].map(String::from));
+            head.extend(["false-free", "false-colliding", "IoU"].map(String::from));
         }
         let judged = self.judged && compared.contains(&true);
         if judged {
@@ -199,7 +199,7 @@ impl Table {
                 cells.extend(match row.decisions {
                     Some(d) => [
                         format!("{:.2} %", 100.0 * d.false_free),
-                        format!("{:.2} %", 100.0 * d.false_blocked),
+                        format!("{:.2} %", 100.0 * d.false_colliding),
                         format!("{:.4}", d.iou),
                     ],
                     None => ["–"; 3].map(String::from),

@@ -19,7 +19,7 @@ fn families_are_judged_alike_and_tables_fit_the_memory_that_they_are_given() {
     };
     let number = |name: &str, path: &str| row(name).pointer(path).unwrap().as_f64().unwrap();
     for path in
-        ["/everywhere/mse", "/everywhere/mpe", "/near/false_blocked", "/blocked_when_safe", "/imf/mpe"]
+        ["/everywhere/mse", "/everywhere/mpe", "/near/false_colliding", "/colliding_when_safe", "/imf/mpe"]
     {
         assert_eq!(number("exact", path), 0.0, "{path}");
     }

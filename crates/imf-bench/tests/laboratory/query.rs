@@ -30,6 +30,6 @@ fn a_field_that_is_not_calibrated_is_asked_for_poses_and_not_for_decisions() {
     let rows = report["rows"].as_array().unwrap();
     let row = rows.iter().find(|row| row["answers"].as_str().unwrap().contains("calibrat")).unwrap();
     assert_eq!(row["answers"], "not calibrated (imf calibrate)");
-    assert!(row["free"].is_null() && row["blocked"].is_null() && row["agree"].is_null(), "{row}");
+    assert!(row["free"].is_null() && row["colliding"].is_null() && row["agree"].is_null(), "{row}");
     assert!(row["poses_per_second"].as_f64().unwrap() > 0.0, "{row}");
 }

@@ -6,7 +6,7 @@ use clap::Args;
 use imf_fields::calibration::Goals;
 use imf_fields::field::calibrate::CalibrationSettings;
 
-/// Measure what a field's decisions are worth, choose its thresholds for free and blocked, and keep both in its file
+/// Measure what a field's decisions are worth, choose its thresholds for free and colliding, and keep both in its file
 #[derive(Args)]
 #[command(
     after_help = "Example:\n  imf field bracket --clearance 2 --clearance-cutter 2 --method harmonic --quantity depth \
@@ -29,9 +29,9 @@ pub(crate) struct CalibrateArguments {
     /// Most of the colliding poses that may be called free
     #[arg(long, default_value_t = Goals::default().false_free, value_name = "RATE")]
     pub(crate) false_free: f64,
-    /// Most of the clear poses that may be called blocked
-    #[arg(long, default_value_t = Goals::default().false_blocked, value_name = "RATE")]
-    pub(crate) false_blocked: f64,
+    /// Most of the clear poses that may be called colliding
+    #[arg(long, default_value_t = Goals::default().false_colliding, value_name = "RATE")]
+    pub(crate) false_colliding: f64,
     /// How sure both should be
     #[arg(long, default_value_t = Goals::default().confidence, value_name = "SHARE")]
     pub(crate) confidence: f64,
@@ -51,7 +51,7 @@ impl CalibrateArguments {
             seed: self.seed,
             goals: Goals {
                 false_free: self.false_free,
-                false_blocked: self.false_blocked,
+                false_colliding: self.false_colliding,
                 confidence: self.confidence,
             },
             ..CalibrationSettings::default()

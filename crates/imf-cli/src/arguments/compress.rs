@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use imf_fields::factored::TeachSettings;
+use imf_fields::factored::DistillSettings;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::recipe::Optimiser;
 use imf_fields::recipe::SoapConfig;
@@ -30,26 +30,26 @@ pub(crate) struct CompressArguments {
     #[arg(long, value_name = "FIELD", conflicts_with_all = ["width", "layers", "omega", "symmetry"])]
     pub(crate) from: Option<PathBuf>,
     /// Neurons of every hidden layer
-    #[arg(long, default_value_t = TeachSettings::default().width, value_name = "N")]
+    #[arg(long, default_value_t = DistillSettings::default().width, value_name = "N")]
     pub(crate) width: usize,
     /// Hidden layers
-    #[arg(long, default_value_t = TeachSettings::default().hidden, value_name = "N")]
+    #[arg(long, default_value_t = DistillSettings::default().hidden, value_name = "N")]
     pub(crate) layers: usize,
     /// Frequency factor ω inside every sine
-    #[arg(long, default_value_t = TeachSettings::default().omega, value_name = "ω", value_parser = super::numbers::parse_omega)]
+    #[arg(long, default_value_t = DistillSettings::default().omega, value_name = "ω", value_parser = super::numbers::parse_omega)]
     pub(crate) omega: f32,
     /// Leave out measuring what the field's decisions are worth (imf calibrate), which teaching 2.3 million voxels or more ends
     /// with: it takes at most an eighth of its time
     #[arg(long)]
     pub(crate) no_calibrate: bool,
     /// Times that every voxel is seen
-    #[arg(long, default_value_t = TeachSettings::EPOCHS, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, default_value_t = DistillSettings::EPOCHS, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) epochs: u64,
     /// Steps, instead of epochs
     #[arg(long, value_name = "N", conflicts_with = "epochs", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) steps: Option<u64>,
     /// Voxels of a step
-    #[arg(long, default_value_t = TeachSettings::default().plan.batch, value_name = "N", value_parser = super::numbers::parse_count)]
+    #[arg(long, default_value_t = DistillSettings::default().plan.batch, value_name = "N", value_parser = super::numbers::parse_count)]
     pub(crate) batch: usize,
     /// Highest learning rate, which falls to 0 by a cosine; by default 1.5e-3 in 1,000 steps, lower in more and in fewer, and
     /// 3e-4 from another field's network
@@ -129,19 +129,19 @@ impl TeachingArguments {
 
 impl CompressArguments {
     /// How the network is taught, but for the optimiser.
-    pub(crate) fn settings(&self) -> TeachSettings {
+    pub(crate) fn settings(&self) -> DistillSettings {
         let length = self.steps.map_or(Length::Epochs(self.epochs), Length::Steps);
         let usual = match self.from {
-            Some(_) => TeachSettings::of_another(length),
-            None => TeachSettings::of_length(length),
+            Some(_) => DistillSettings::of_another(length),
+            None => DistillSettings::of_length(length),
         };
-        TeachSettings {
+        DistillSettings {
             width: self.width,
             hidden: self.layers,
             omega: self.omega,
             plan: TrainingPlan {
                 batch: self.batch,
-                schedule: self.rate.map_or(usual.plan.schedule, TeachSettings::rates_from),
+                schedule: self.rate.map_or(usual.plan.schedule, DistillSettings::rates_from),
                 seed: self.seed,
                 ..usual.plan
             },

@@ -26,7 +26,7 @@ pub(crate) struct EvalArguments {
     /// Orientation set of the IMF; a model's training set by default, 225 spread evenly for other fields
     #[arg(long, value_name = "SET", allow_hyphen_values = true)]
     pub(crate) imf: Option<String>,
-    /// CMF above which a pose is called blocked
+    /// CMF above which a pose is called colliding
     #[arg(long, default_value_t = 0.001, value_name = "τ", value_parser = parse_threshold)]
     pub(crate) threshold: f64,
     /// Seed of the random orientations

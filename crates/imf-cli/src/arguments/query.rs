@@ -15,7 +15,7 @@ use super::FieldDeviceArguments;
                         they are called cmf and cmf_exact. A field of depth \
                         (imf info says which) adds the column depth instead: how far the tool must be moved to be free, below \
                         0 how far it may be moved, in the scene's unit, held within 8 pitches. Poses outside the box of the voxel centres are \
-                        answered as the nearest point inside, without promise; --exact counts everywhere.")]
+                        answered as the nearest point inside, without guarantee; --exact counts everywhere.")]
 pub(crate) struct QueryArguments {
     /// Trained model, or a harmonic or factored field
     pub(crate) model: PathBuf,

@@ -8,7 +8,7 @@ use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, Command, FromArgMatches};
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
-use imf_fields::factored::TeachSettings;
+use imf_fields::factored::DistillSettings;
 use imf_fields::recipe::OnlineSettings;
 use imf_fields::recipe::Sampling;
 use imf_fields::recipe::TrainingPlan;
@@ -116,7 +116,7 @@ struct SampleArguments {
 /// A training that was asked for, checked.
 pub(crate) enum Training<'a> {
     /// A network is taught by a part's harmonic field.
-    Taught(TeachSettings),
+    Taught(DistillSettings),
     /// The paper's network learns samples.
     Learnt(SirenShape, Samples<'a>),
 }
@@ -173,24 +173,24 @@ impl TrainArguments {
         self.device.as_deref().unwrap_or(usual)
     }
 
-    fn teaching(&self) -> TeachSettings {
-        let length = self.length.or_epochs(TeachSettings::EPOCHS);
+    fn teaching(&self) -> DistillSettings {
+        let length = self.length.or_epochs(DistillSettings::EPOCHS);
         let online = self.factored.online.map(|pool| OnlineSettings {
             pool: pool as usize,
             seed: self.length.seed,
             ..OnlineSettings::default()
         });
         let usual = match online {
-            Some(online) => TeachSettings::of_sections(length, online),
-            None => TeachSettings::of_length(length),
+            Some(online) => DistillSettings::of_sections(length, online),
+            None => DistillSettings::of_length(length),
         };
-        TeachSettings {
+        DistillSettings {
             width: self.width.unwrap_or(usual.width),
             hidden: self.layers.unwrap_or(usual.hidden),
             omega: self.omega.unwrap_or(usual.omega),
             plan: TrainingPlan {
                 batch: self.length.batch,
-                schedule: self.length.rate.map_or(usual.plan.schedule, TeachSettings::rates_from),
+                schedule: self.length.rate.map_or(usual.plan.schedule, DistillSettings::rates_from),
                 seed: self.length.seed,
                 ..usual.plan
             },

@@ -130,12 +130,12 @@ fn text(calibration: &Calibration) -> String {
     let threshold = |value: Option<f32>| value.map_or("never".into(), |v| format!("{v:.3e}"));
     let goals = &calibration.goals;
     let mut text = format!(
-        "free up to {}, blocked from {}; bounds at {} % confidence, goals {:.1e} false-free and {:.1e} false-blocked\n",
+        "free up to {}, colliding from {}; bounds at {} % confidence, goals {:.1e} false-free and {:.1e} false-colliding\n",
         threshold(calibration.free_up_to),
-        threshold(calibration.blocked_from),
+        threshold(calibration.colliding_from),
         goals.confidence * 100.0,
         goals.false_free,
-        goals.false_blocked
+        goals.false_colliding
     );
     for (name, judged) in [("uniform", &calibration.uniform), ("boundary", &calibration.boundary)] {
         // Writing to a string does not fail.
@@ -150,11 +150,11 @@ pub(crate) fn judgement(judged: &Judgement) -> String {
         format!("{} of {} ({:.1e}, at most {:.1e})", rate.wrong, rate.of, rate.share(), rate.bound)
     };
     format!(
-        "{} poses: colliding called free {}; clear called blocked {}; near {:.2} %; largest error {:.4}",
+        "{} poses: colliding called free {}; clear called colliding {}; undecided {:.2} %; largest error {:.4}",
         judged.poses,
         rate(&judged.false_free),
-        rate(&judged.false_blocked),
-        100.0 * judged.near_share(),
+        rate(&judged.false_colliding),
+        100.0 * judged.undecided_share(),
         judged.largest_error
     )
 }

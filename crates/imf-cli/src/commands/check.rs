@@ -9,7 +9,7 @@ use anyhow::{Result, ensure};
 use imf_core::check::{Against, CheckError, CheckReport, CheckSettings, Collision, check_toolpath_with};
 use imf_core::occupancy::Occupancy;
 use imf_core::pose::Pose;
-use imf_core::scene::{Promise, Scene, SceneRecord};
+use imf_core::scene::{Guarantee, Scene, SceneRecord};
 use imf_core::tool::{Segment, ToolShape};
 use imf_core::toolpath::Toolpath;
 use imf_fields::field::{Field, VerifiedField};
@@ -75,7 +75,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         print_json(&json!({
             "toolpath": arguments.toolpath, "part": record.part, "tool": record.tool.name, "unit": record.unit,
             "pitch": record.grid.pitch, "collides": !report.colliding.is_empty(), "report": report,
-            "promise": promise(&report, record).to_string(), "unknown_words": toolpath.unknown,
+            "guarantee": guarantee(&report, record).to_string(), "unknown_words": toolpath.unknown,
         }))?;
     } else {
         print(text(&report, record).trim_end())?;
@@ -173,15 +173,15 @@ fn text(report: &CheckReport, record: &SceneRecord) -> String {
         "accepted: {accepted}; clearance: holder {}, shank {}, cutter {} {unit}",
         clearance.holder, clearance.shank, clearance.cutter
     );
-    let promise = promise(report, record);
-    let _ = writeln!(text, "{promise} (voxels of {:.4} {unit})", record.grid.pitch);
+    let guarantee = guarantee(report, record);
+    let _ = writeln!(text, "{guarantee} (voxels of {:.4} {unit})", record.grid.pitch);
     text
 }
 
-/// Which promise holds: the cutter may touch wherever any contact is accepted.
-fn promise(report: &CheckReport, record: &SceneRecord) -> Promise {
+/// Which guarantee holds: the cutter may touch wherever any contact is accepted.
+fn guarantee(report: &CheckReport, record: &SceneRecord) -> Guarantee {
     let CheckSettings { clearance, contact, .. } = &report.settings;
-    Promise::new(record.conservative, record.bare_tool(), clearance, *contact > 0.0, record.grid.pitch)
+    Guarantee::new(record.conservative, record.bare_tool(), clearance, *contact > 0.0, record.grid.pitch)
 }
 
 fn one(collision: &Collision, poses: u64, record: &SceneRecord) -> String {

@@ -12,7 +12,7 @@ use anyhow::{Context as _, Result, bail};
 use imf_core::atomic_file::remove_all_leftovers;
 use imf_core::control::Control;
 use imf_fields::factored::file::FactoredFile;
-use imf_fields::factored::{FactoredField, FactoredState, Symmetry, TeachSettings};
+use imf_fields::factored::{DistillSettings, FactoredField, FactoredState, Symmetry};
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_gpu::shader::Factors;
@@ -57,8 +57,8 @@ pub(crate) fn run(session: &Session, arguments: &CompressArguments) -> Result<()
     let beginning = Beginning::at(&arguments.out, arguments.resume)?;
     if let Some((path, from)) = &from {
         beginning.require_network_of(path, from)?;
-        let TeachSettings { width, hidden, omega, .. } = from.settings;
-        teach = TeachSettings { width, hidden, omega, ..teach };
+        let DistillSettings { width, hidden, omega, .. } = from.settings;
+        teach = DistillSettings { width, hidden, omega, ..teach };
     }
     teach = beginning.settled(arguments.rate, arguments.teaching.optimiser(), teach);
     let symmetry = match &from {
@@ -125,7 +125,7 @@ pub fn symmetry_of(session: &Session, teacher: &HarmonicFile) -> Symmetry {
 #[derive(Clone, Copy)]
 pub struct Settings {
     /// Shape, length and rates.
-    pub teach: TeachSettings,
+    pub teach: DistillSettings,
     /// How the finished weights are kept.
     pub precision: Precision,
     /// Seconds between checkpoints.

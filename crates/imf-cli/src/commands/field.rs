@@ -206,7 +206,7 @@ impl Work<'_> {
             "solid_voxels": self.scene.obstacle.count(),
             "orientations": { "set": self.set.spec, "count": self.set.len(), "file": ORIENTATIONS },
             "computed_by": self.computed_by(),
-            "promise": self.promise(),
+            "guarantee": self.guarantee(),
             "tau": same_digits(self.tau()),
             "harmonic": null,
             "check": self.counted().map(|counted| counted.check.summary()),
@@ -221,11 +221,11 @@ impl Work<'_> {
         summary
     }
 
-    /// Which promise holds for the values.
-    fn promise(&self) -> String {
+    /// Which guarantee holds for the values.
+    fn guarantee(&self) -> String {
         match self.values {
-            Values::Approximate(field) => field.promise(),
-            Values::Counted(_) => self.scene.record.promise().to_string(),
+            Values::Approximate(field) => field.guarantee(),
+            Values::Counted(_) => self.scene.record.guarantee().to_string(),
         }
     }
 

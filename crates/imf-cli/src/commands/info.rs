@@ -92,9 +92,9 @@ fn calibration_lines(calibration: Option<&Calibration>) -> Vec<(&'static str, St
         (
             "decisions",
             format!(
-                "free up to {}, blocked from {}, near between; bounds at {} % confidence",
+                "free up to {}, colliding from {}, undecided between; bounds at {} % confidence",
                 threshold(known.free_up_to),
-                threshold(known.blocked_from),
+                threshold(known.colliding_from),
                 known.goals.confidence * 100.0
             ),
         ),
@@ -119,11 +119,11 @@ fn quantity_text(quantity: Quantity, scene: &SceneRecord) -> String {
     }
 }
 
-/// What a learnt or fitted field was made for: its own values promise nothing.
+/// What a learnt or fitted field was made for: its own values guarantee nothing.
 fn field_lines(scene: &SceneRecord) -> Vec<(&'static str, String)> {
     let mut lines = scene_lines(scene);
     for (name, text) in &mut lines {
-        if *name == "promise" {
+        if *name == "guarantee" {
             *text =
                 format!("none by its own values, which are estimates; what is counted (--exact) is {text}");
         }
@@ -156,7 +156,7 @@ fn scene_lines(scene: &SceneRecord) -> Vec<(&'static str, String)> {
     if let Some(text) = clearance_text(&scene.clearance, unit) {
         lines.push(("clearance", format!("{text}: the field is that of the grown tool")));
     }
-    lines.push(("promise", scene.promise().to_string()));
+    lines.push(("guarantee", scene.guarantee().to_string()));
     if scene.transform != DMat4::IDENTITY {
         let rows = scene.transform.transpose().to_cols_array_2d();
         let row = |r: [f64; 4]| r.map(short).join(" ");

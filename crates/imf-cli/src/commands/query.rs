@@ -62,7 +62,7 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
         ));
     }
     session.note(&match quantity.is_overlap() {
-        true => format!("a field is no proof; --exact answers: {}", record.promise()),
+        true => format!("a field is no proof; --exact answers: {}", record.guarantee()),
         false => {
             let [_, most] = quantity.bounds(record.grid.pitch);
             format!(
@@ -167,7 +167,7 @@ impl Work {
         if outside > 0 {
             session.note(&format!(
                 "{outside} of {answered} poses lie outside the box of the voxel centres, which the field was made for: it \
-                 answers them as the nearest point inside, without promise"
+                 answers them as the nearest point inside, without guarantee"
             ));
         }
         Ok(())

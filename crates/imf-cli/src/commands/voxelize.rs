@@ -35,7 +35,8 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
     sheet.save(&[MidPlanes::new(String::new(), &values, &grid)], &png)?;
 
     let volume = obstacle.volume();
-    let promise = if record.conservative { "every voxel that the surface touches" } else { "voxel centres" };
+    let guarantee =
+        if record.conservative { "every voxel that the surface touches" } else { "voxel centres" };
     if session.json {
         return print_json(&json!({
             "part": record.part,
@@ -62,7 +63,7 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
          from         {} {unit}\n\
          to           {} {unit}\n\
          solid        {} voxels ({share:.1} %), volume {} {unit}³\n\
-         solid where  {promise}\n\
+         solid where  {guarantee}\n\
          mesh         {surface}\n\
          written      {}, {}, {}",
         record.part,

@@ -165,14 +165,14 @@ fn clearance_takes_space_contact_gives_some_and_both_are_said() {
     assert!(accessible[1] < accessible[2], "{accessible:?}");
     assert_eq!(roomy["clearance"], serde_json::json!({ "holder": 2.0, "shank": 2.0, "cutter": 1.8 }));
     assert_eq!((&plain["contact"], &touching["contact"]), (&Value::Null, &2.0.into()));
-    let promise = |summary: &Value| summary["promise"].as_str().unwrap().to_owned();
+    let guarantee = |summary: &Value| summary["guarantee"].as_str().unwrap().to_owned();
     // Promises about the mesh itself need conservative voxels, and a clearance of half a voxel's diagonal.
     let run = |more: &[&str]| run(&[&["--conservative"], more].concat());
     let roomy = run(&["--clearance", "2", "--clearance-cutter", "1.8"]);
-    assert!(promise(&roomy).contains("the whole tool keeps off the mesh itself"));
-    assert!(promise(&run(&[])).contains("also needs a clearance"));
+    assert!(guarantee(&roomy).contains("the whole tool keeps off the mesh itself"));
+    assert!(guarantee(&run(&[])).contains("also needs a clearance"));
     let with_both = run(&["--clearance", "2", "--contact", "2"]);
-    assert!(promise(&with_both).contains("holder and shank keep off the mesh itself"));
+    assert!(guarantee(&with_both).contains("holder and shank keep off the mesh itself"));
 }
 
 #[test]

@@ -110,11 +110,11 @@ fn fixtures_are_hit_by_the_cutter_too_and_contact_does_not_help() {
         "{collisions:?}"
     );
     assert!(collisions.iter().all(|c| c["against"] == "fixtures"), "{collisions:?}");
-    assert!(answer["promise"].as_str().unwrap().starts_with("exact for voxel centres"));
+    assert!(answer["guarantee"].as_str().unwrap().starts_with("exact for voxel centres"));
 }
 
 #[test]
-fn the_promise_follows_clearance_and_voxels() {
+fn the_guarantee_follows_clearance_and_voxels() {
     let run = check("pass.csv", "-12,0,24\n12,0,24\n", &["--conservative", "--clearance", "1"]);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     assert!(run.stdout.contains("holder and shank keep off the mesh itself"), "{}", run.stdout);

@@ -65,8 +65,8 @@ fn a_field_of_depth_is_calibrated_when_it_is_made_and_leaves_little_near() {
     let count = |value: &Value| value.as_u64().unwrap_or_else(|| panic!("{info}"));
     assert!(count(&uniform["false_free"]["of"]) >= 46_052, "{uniform}");
     assert!(uniform["false_free"]["bound"].as_f64().unwrap() <= 1e-4, "{uniform}");
-    assert!(uniform["false_blocked"]["bound"].as_f64().unwrap() <= 0.05, "{uniform}");
-    assert!(10 * count(&uniform["near"]) <= count(&uniform["poses"]), "{uniform}");
+    assert!(uniform["false_colliding"]["bound"].as_f64().unwrap() <= 0.05, "{uniform}");
+    assert!(10 * count(&uniform["undecided"]) <= count(&uniform["poses"]), "{uniform}");
     // The stated rates hold on fresh poses.
     folder.succeed(&["calibrate", "depth.safetensors", "--verify", "--seed", "1"]);
 

@@ -149,7 +149,7 @@ fn the_imf_keeps_its_best_orientation() {
     let free =
         expected.value.iter().zip(&scene.obstacle.solid).filter(|&(&v, &s)| v == 0.0 && s == 0).count();
     assert_eq!(summary["accessible_outside"], free);
-    assert!(summary["promise"].as_str().unwrap().starts_with("exact for voxel centres"));
+    assert!(summary["guarantee"].as_str().unwrap().starts_with("exact for voxel centres"));
     assert_eq!(folder.read("out/orientations.csv").lines().count(), 10);
 }
 

@@ -28,7 +28,7 @@ fn sections_are_near_the_exact_ones_and_the_file_gives_them_again() {
     let exact = sections(&plan, &orientations, Control::quiet()).unwrap();
     let file = HarmonicFile::read(&folder.path("field.safetensors")).unwrap();
     let mut again = vec![0.0; plan.grid().len() * orientations.len()];
-    file.field.sections(&file.field.heads(&orientations), &mut again);
+    file.field.sections(&file.field.direction_weights(&orientations), &mut again);
     let mut squares = 0.0;
     for (index, (exact, again)) in exact.iter().zip(again.chunks_exact(plan.grid().len())).enumerate() {
         let found = folder.npy::<f32>(&format!("out/cmf-{index:05}.npy"));
@@ -42,7 +42,7 @@ fn sections_are_near_the_exact_ones_and_the_file_gives_them_again() {
     let told = summary["harmonic"]["report"]["held_out_mse"].as_f64().unwrap()
         + summary["harmonic"]["report"]["dropped"].as_f64().unwrap();
     assert!(mse < 3.0 * told && mse < 5e-3, "{mse} against {told}");
-    assert!(summary["promise"].as_str().unwrap().starts_with("approximate"));
+    assert!(summary["guarantee"].as_str().unwrap().starts_with("approximate"));
 
     let info = folder.json(&["info", "field.safetensors"]);
     assert_eq!((&info["kind"], &info["settings"]["degree"]), (&"harmonic".into(), &6.into()));
@@ -270,7 +270,7 @@ fn errors(
 ) -> (f64, f64, f64) {
     let exact = sections(plan, set, Control::quiet()).unwrap().concat();
     let mut values = vec![0.0; exact.len()];
-    field.sections(&field.heads(set), &mut values);
+    field.sections(&field.direction_weights(set), &mut values);
     let n = exact.len() as f64;
     let difference = |(&e, &v): (&f32, &f32)| f64::from(v) - f64::from(e);
     let squared: f64 = exact.iter().zip(&values).map(difference).map(|d| d * d).sum();

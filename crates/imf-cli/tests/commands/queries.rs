@@ -103,7 +103,7 @@ fn poses_outside_the_box_are_answered_as_the_nearest_inside() {
     }
     assert!(answers[0] != answers[2] && answers[2] != answers[4], "{}", run.stdout);
     assert!(run.stderr.contains("3 of 6 poses lie outside the box"), "{}", run.stderr);
-    assert!(run.stderr.contains("as the nearest point inside, without promise"), "{}", run.stderr);
+    assert!(run.stderr.contains("as the nearest point inside, without guarantee"), "{}", run.stderr);
     // The tip is the only sharp point.
     assert!(folder.succeed(&[&ask[..], &["--sharp"]].concat()).stderr.contains("3 of 6 poses"));
 }

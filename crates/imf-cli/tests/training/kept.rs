@@ -26,7 +26,7 @@ fn a_harmonic_field_that_is_kept_is_what_was_made() {
     let sections = format!("field field.safetensors --orientations {SET}");
     let summary = work.imf(&format!("{sections} --out kept --json")).done().json();
     assert_eq!(summary["harmonic"]["report"]["functions"], 25);
-    assert!(summary["promise"].as_str().unwrap().starts_with("approximate (at unseen"), "{summary}");
+    assert!(summary["guarantee"].as_str().unwrap().starts_with("approximate (at unseen"), "{summary}");
     for file in ["cmf-00000.npy", "cmf-00018.npy"] {
         let [made, kept] = ["made", "kept"].map(|name| npy::<f32>(&work, &format!("{name}/{file}")));
         assert_eq!(made, kept, "{file}");
@@ -81,7 +81,7 @@ fn sections_of_networks_are_the_librarys() {
         let mut expected = vec![0.0; voxels * orientations.len()];
         match &stored {
             FieldFile::Factored(file) => {
-                file.field.evaluator().sections(&file.field.heads(&orientations), &mut expected);
+                file.field.evaluator().sections(&file.field.direction_weights(&orientations), &mut expected);
             }
             FieldFile::Siren(model) => {
                 let mut engine = CpuEvaluator::new(model.shape, &model.state.parameters).unwrap();
@@ -205,5 +205,5 @@ fn what_a_kept_field_is_of_is_said() {
     work.imf("field teapot --dims 9,11,17 --method harmonic --degree 2 --no-calibrate --tool side.toml --save side.safetensors")
         .done();
     let summary = work.imf("field side.safetensors --orientations 0,0 --out side --json").done().json();
-    assert!(summary["promise"].as_str().unwrap().contains("the tool's tip"), "{summary}");
+    assert!(summary["guarantee"].as_str().unwrap().contains("the tool's tip"), "{summary}");
 }

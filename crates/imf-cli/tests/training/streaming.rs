@@ -1,5 +1,5 @@
 //! A dataset larger than the memory allowed: read from its shards while training runs, to the same bits however often it
-//! is interrupted, in the memory that was promised.
+//! is interrupted, in the memory that was guaranteed.
 #![cfg(target_os = "linux")]
 
 use std::process::Stdio;

@@ -239,7 +239,7 @@ impl SolidField {
         let mut open = [0; OPEN];
         match spine.prove(placed, bodies, distances, &mut open) {
             Verdict::Free => false,
-            Verdict::Blocked => true,
+            Verdict::Colliding => true,
             Verdict::Undecided => bodies.iter().any(|body| self.body_count(body, placed, true) > 0),
             Verdict::Open(found) => open[..found].iter().any(|&index| {
                 let piece = spine.piece(index);

@@ -193,6 +193,10 @@ pub fn parse_obj(content: &[u8], path: &Path) -> Result<Mesh, MeshFileError> {
     Ok(parse(content.to_vec(), Format::Obj, path)?.mesh)
 }
 
+#[cfg_attr(
+    not(feature = "formats"),
+    expect(clippy::needless_pass_by_value, reason = "STL files are consumed")
+)]
 fn parse(bytes: Vec<u8>, format: Format, path: &Path) -> Result<MeshFile, MeshFileError> {
     if bytes.trim_ascii().is_empty() {
         return Err(MeshFileError::Empty { path: path.into() });
@@ -311,7 +315,7 @@ mod tests {
         assert_eq!(read_mesh(&path).unwrap().triangles, [[0, 1, 2]]);
     }
 
-    /// Whatever the bytes are, the answer is an error or a mesh that keeps the module's promise.
+    /// Whatever the bytes are, the answer is an error or a mesh that keeps the module's guarantee.
     fn survives(bytes: &[u8], format: Format) {
         if let Ok(MeshFile { mesh, .. }) = parse(bytes.to_vec(), format, Path::new("part")) {
             assert!(mesh.vertices.iter().all(|v| v.is_finite()));

@@ -11,7 +11,7 @@ use super::FactoredField;
 use super::symmetry::{LocalHarmonics, MOST_INPUTS, Place};
 use crate::harmonic::coefficients::{Coefficients, Precision};
 use crate::harmonic::{
-    FitReport, HarmonicField, Heads, Mirrors, VoxelCoefficients, minimum_of, parities, sections_of,
+    DirectionWeights, FitReport, HarmonicField, Mirrors, VoxelCoefficients, minimum_of, parities, sections_of,
 };
 use crate::siren::forward::Network;
 use crate::siren::halves::HalfPanels;
@@ -209,14 +209,14 @@ impl FactoredEvaluator<'_> {
     ///
     /// # Panics
     /// If `sections` has not that length.
-    pub fn sections(&self, heads: &Heads, sections: &mut [f32]) {
+    pub fn sections(&self, heads: &DirectionWeights, sections: &mut [f32]) {
         sections_of(self, heads, sections);
     }
 
     /// The least value over the orientations at every voxel with the first orientation that has it, as
     /// [`HarmonicField::minimum`].
     #[must_use]
-    pub fn minimum(&self, heads: &Heads) -> Imf {
+    pub fn minimum(&self, heads: &DirectionWeights) -> Imf {
         minimum_of(self, heads)
     }
 
@@ -248,7 +248,13 @@ impl FactoredEvaluator<'_> {
     ///
     /// # Panics
     /// If an index is out of range, or there are not as many `overlaps` as poses.
-    pub fn poses(&self, points: &[DVec3], heads: &Heads, poses: &[[u32; 2]], overlaps: &mut [f32]) {
+    pub fn poses(
+        &self,
+        points: &[DVec3],
+        heads: &DirectionWeights,
+        poses: &[[u32; 2]],
+        overlaps: &mut [f32],
+    ) {
         assert_eq!(poses.len(), overlaps.len(), "one overlap for each pose");
         let axes = self.field.coefficient_count();
         let mut z = vec![0.0; points.len() * axes];

@@ -20,7 +20,7 @@ use half::f16;
 use safetensors::tensor::Dtype;
 use serde::{Deserialize, Serialize};
 
-use super::{FactoredField, FactoredState, TeachSettings};
+use super::{DistillSettings, FactoredField, FactoredState};
 use crate::calibration::Calibration;
 use crate::harmonic::basis::{Basis, Domain};
 use crate::harmonic::coefficients::Precision;
@@ -51,7 +51,7 @@ pub struct FactoredFile {
     /// What the teacher's making told of its errors.
     pub report: FitReport,
     /// How the field was taught.
-    pub settings: TeachSettings,
+    pub settings: DistillSettings,
     /// How the weights are kept.
     pub precision: Precision,
     /// Where teaching goes on.
@@ -68,7 +68,7 @@ struct Description {
     scene: SceneRecord,
     fit: FitSettings,
     report: FitReport,
-    settings: TeachSettings,
+    settings: DistillSettings,
     precision: Precision,
     scale: f32,
     /// There is no layer behind the last sines.

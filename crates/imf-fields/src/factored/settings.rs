@@ -13,7 +13,7 @@ use crate::siren::ShapeError;
 /// What a factored field is made by, beside its teacher.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct TeachSettings {
+pub struct DistillSettings {
     /// Neurons of every hidden layer.
     pub width: usize,
     /// Hidden layers.
@@ -29,7 +29,7 @@ pub struct TeachSettings {
     /// least squares, whatever the plan's loss.
     pub solve_every: u64,
     /// How sections come and go where they teach by themselves : no last layer is solved for then.
-    /// Nothing where a harmonic field teaches. [`TeachSettings::of_sections`] has the rates for it.
+    /// Nothing where a harmonic field teaches. [`DistillSettings::of_sections`] has the rates for it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub online: Option<OnlineSettings>,
     /// What the network is told of the obstacle's symmetry, where a harmonic field of directions teaches: [`Symmetry::of`] finds
@@ -54,7 +54,7 @@ const RATES_BY_SECTIONS: Schedule = rates(0.0);
 const RATE_OF_ANOTHER: f32 = 3e-4;
 const SOLVE_OF_ANOTHER: u64 = 10;
 
-impl Default for TeachSettings {
+impl Default for DistillSettings {
     /// What is taught where nothing is asked: a network of about a megabyte, every voxel five times over.
     fn default() -> Self {
         Self {
@@ -78,7 +78,7 @@ impl Default for TeachSettings {
     }
 }
 
-impl TeachSettings {
+impl DistillSettings {
     /// Times that every voxel is seen by default.
     pub const EPOCHS: u64 = 5;
 

@@ -6,7 +6,7 @@
 //! alone, so that their rates are rates of all poses; both kinds judge them, drawn anew.
 //!
 //! The threshold of "free" is the largest at which the bound of the false-free rate keeps half the goal, which leaves
-//! room for the judging poses to differ; that of "blocked" is the smallest at which the rate among clear poses
+//! room for the judging poses to differ; that of "colliding" is the smallest at which the rate among clear poses
 //! keeps nine tenths of its goal. Where the second lies below the first every pose can be decided, and both are moved to the
 //! middle between: then either rate is far below its goal.
 
@@ -103,10 +103,10 @@ impl CalibrationSettings {
     }
 
     fn check(&self) -> Result<(), CalibrationError> {
-        let Goals { false_free, false_blocked, confidence } = self.goals;
+        let Goals { false_free, false_colliding, confidence } = self.goals;
         let all = [
             ("the false-free rate", false_free),
-            ("the false-blocked rate", false_blocked),
+            ("the false-colliding rate", false_colliding),
             ("the confidence", confidence),
         ];
         match all.into_iter().find(|(_, value)| !(*value > 0.0 && *value < 1.0)) {
@@ -142,11 +142,12 @@ pub fn calibrate(
     // Where even half the goal cannot be shown, no error at all is the best there is.
     let most = most_errors(colliding.len() as u64, 0.5 * goals.false_free, goals.confidence).unwrap_or(0);
     let free_up_to = colliding.get(most as usize).map(|value| value.next_down());
-    let blocked_from = match most_errors(clear.len() as u64, 0.9 * goals.false_blocked, goals.confidence) {
+    let colliding_from = match most_errors(clear.len() as u64, 0.9 * goals.false_colliding, goals.confidence)
+    {
         Some(most) => clear.iter().rev().nth(most as usize).map(|value| value.next_up()),
         None => clear.last().map(|value| value.next_up()),
     };
-    let (free_up_to, blocked_from) = match (free_up_to, blocked_from) {
+    let (free_up_to, colliding_from) = match (free_up_to, colliding_from) {
         // Every pose can be decided: in the middle of what the goals allow.
         (Some(free), Some(blocked)) if blocked <= free => {
             let middle = 0.5 * (free + blocked);
@@ -156,9 +157,9 @@ pub fn calibrate(
         (None, None) => (None, Some(f32::MIN)),
         apart => apart,
     };
-    let thresholds = Thresholds { free_up_to, blocked_from, goals };
+    let thresholds = Thresholds { free_up_to, colliding_from, goals };
     let [uniform, boundary] = thresholds.judge(&truth, settings, control)?;
-    Ok(Calibration { free_up_to, blocked_from, goals, seed: settings.seed, uniform, boundary })
+    Ok(Calibration { free_up_to, colliding_from, goals, seed: settings.seed, uniform, boundary })
 }
 
 /// Judges a field's own calibration on fresh poses of another seed: uniform ones and boundary ones.
@@ -172,8 +173,8 @@ pub fn judge(
     control: Control<'_>,
 ) -> Result<[Judgement; 2], CalibrationError> {
     settings.check()?;
-    let Calibration { free_up_to, blocked_from, .. } = *calibration;
-    let thresholds = Thresholds { free_up_to, blocked_from, goals: settings.goals };
+    let Calibration { free_up_to, colliding_from, .. } = *calibration;
+    let thresholds = Thresholds { free_up_to, colliding_from, goals: settings.goals };
     thresholds.judge(&Truth::new(field)?, settings, control)
 }
 
@@ -349,7 +350,7 @@ fn number(random: &mut ChaCha8Rng) -> f64 {
 
 struct Thresholds {
     free_up_to: Option<f32>,
-    blocked_from: Option<f32>,
+    colliding_from: Option<f32>,
     goals: Goals,
 }
 
@@ -369,7 +370,7 @@ impl Thresholds {
     fn decide(&self, value: f32) -> Decision {
         if self.free_up_to.is_some_and(|free| value <= free) {
             Decision::Free
-        } else if self.blocked_from.is_some_and(|blocked| value >= blocked) {
+        } else if self.colliding_from.is_some_and(|blocked| value >= blocked) {
             Decision::Colliding
         } else {
             Decision::Undecided
@@ -389,8 +390,8 @@ impl Thresholds {
         Judgement {
             poses: seen.len() as u64,
             false_free: rate(Kind::Colliding, Decision::Free),
-            false_blocked: rate(Kind::Clear, Decision::Colliding),
-            near: count(None, Some(Decision::Undecided)),
+            false_colliding: rate(Kind::Clear, Decision::Colliding),
+            undecided: count(None, Some(Decision::Undecided)),
             found_free: count(Some(Kind::Clear), Some(Decision::Free)),
             largest_error: seen.iter().map(|s| s.error).fold(0.0, f64::max),
         }

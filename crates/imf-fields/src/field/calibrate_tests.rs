@@ -15,7 +15,7 @@ const SETTINGS: CalibrationSettings = CalibrationSettings {
     boundary: 3000,
     errors: 2000,
     seed: 5,
-    goals: Goals { false_free: 2e-3, false_blocked: 0.05, confidence: 0.99 },
+    goals: Goals { false_free: 2e-3, false_colliding: 0.05, confidence: 0.99 },
 };
 
 fn calibrated(field: &Field) -> Calibration {
@@ -27,13 +27,13 @@ fn stated_rates_hold_on_fresh_poses() {
     let scene = scene(&Tool::paper(), 2.0);
     let field = harmonic(&scene);
     let calibration = calibrated(&field);
-    let (free, blocked) = (calibration.free_up_to.unwrap(), calibration.blocked_from.unwrap());
+    let (free, blocked) = (calibration.free_up_to.unwrap(), calibration.colliding_from.unwrap());
     assert!(free < blocked && calibration.fault().is_none());
     assert!(calibration.keeps_its_goals(), "{calibration:?}");
     assert!(calibration.uniform.found_free > 0 && calibration.uniform.largest_error > 0.0);
     // A tool grown by two voxels still touches where the true one was moved a voxel away from contact.
     let boundary = calibration.boundary;
-    assert_eq!((boundary.poses, boundary.false_blocked.of), (3000, 0));
+    assert_eq!((boundary.poses, boundary.false_colliding.of), (3000, 0));
     assert!((600..2400).contains(&boundary.false_free.of), "{boundary:?}");
 
     // Other poses, judged by the definition of both tools.
@@ -41,7 +41,7 @@ fn stated_rates_hold_on_fresh_poses() {
     let asked = poses(&scene, 8000, 77);
     let mut decisions = vec![Decision::Undecided; asked.len()];
     field.classify(&asked, &mut decisions).unwrap();
-    let (mut colliding, mut false_free, mut clear, mut false_blocked) = (0.0, 0.0, 0.0, 0.0);
+    let (mut colliding, mut false_free, mut clear, mut false_colliding) = (0.0, 0.0, 0.0, 0.0);
     for (pose, decision) in asked.iter().zip(decisions) {
         let (position, orientation) = (pose.position, pose.orientation());
         let hits = |tool: &Tool| tool.count_inside(&scene.obstacle, position, &orientation) > 0;
@@ -50,7 +50,7 @@ fn stated_rates_hold_on_fresh_poses() {
             false_free += f64::from(decision == Decision::Free);
         } else if !hits(&scene.record.tool) {
             clear += 1.0;
-            false_blocked += f64::from(decision == Decision::Colliding);
+            false_colliding += f64::from(decision == Decision::Colliding);
         }
     }
     // Four standard deviations of a count beyond the bound: once in thirty thousand draws.
@@ -60,8 +60,8 @@ fn stated_rates_hold_on_fresh_poses() {
         "{false_free} of {colliding}"
     );
     assert!(
-        false_blocked <= most(clear, calibration.uniform.false_blocked.bound),
-        "{false_blocked} of {clear}"
+        false_colliding <= most(clear, calibration.uniform.false_colliding.bound),
+        "{false_colliding} of {clear}"
     );
 
     // And by the judge itself, whose draw of the same seed would be the same.
@@ -108,7 +108,11 @@ fn every_familys_file_keeps_its_calibration() {
         assert_eq!(FieldFile::read(&path).unwrap(), stored);
         assert_eq!(Field::load(&path).unwrap().calibration(), Some(&calibration));
         // Thresholds that cannot be.
-        stored.set_calibration(Calibration { free_up_to: Some(0.5), blocked_from: Some(0.2), ..calibration });
+        stored.set_calibration(Calibration {
+            free_up_to: Some(0.5),
+            colliding_from: Some(0.2),
+            ..calibration
+        });
         stored.write(&path).unwrap();
         let error = FieldFile::read(&path).unwrap_err().to_string();
         assert!(error.contains("thresholds cross"), "{error}");

@@ -276,7 +276,7 @@ impl Source<'_> {
     }
 
     /// The heads of up to [`BLOCK`] rotations into the scratch: `[orientation][axes]` and constants.
-    fn heads(&self, rotations: impl ExactSizeIterator<Item = DQuat>, scratch: &mut Scratch) {
+    fn direction_weights(&self, rotations: impl ExactSizeIterator<Item = DQuat>, scratch: &mut Scratch) {
         let (basis, axes, mean) = self.functions();
         let (count, functions, width) = (rotations.len(), basis.len(), self.axes());
         let order = self.order();
@@ -314,7 +314,7 @@ impl Source<'_> {
     fn values(&self, grid: &Grid, poses: &[Pose], values: &mut [f32], scratch: &mut Scratch) {
         let [low, high] = grid.box_of_centres();
         let axes = self.axes();
-        self.heads(poses.iter().map(|pose| pose.rotation), scratch);
+        self.direction_weights(poses.iter().map(|pose| pose.rotation), scratch);
         let Scratch { heads, constants, coefficients, corner, .. } = scratch;
         coefficients.resize(poses.len() * axes, 0.0);
         self.coefficients(poses.iter().map(|pose| held(pose.position, low, high)), coefficients, corner);
@@ -345,7 +345,7 @@ impl Source<'_> {
         best.fill(Best::NONE);
         for first in (0..rotations.len()).step_by(BLOCK) {
             let rotations = &rotations[first..(first + BLOCK).min(rotations.len())];
-            self.heads(rotations.iter().copied(), scratch);
+            self.direction_weights(rotations.iter().copied(), scratch);
             let Scratch { heads, constants, coefficients, products, .. } = scratch;
             let columns = rotations.len();
             let blocks = points.chunks(BLOCK).zip(best.chunks_mut(BLOCK));

@@ -136,7 +136,7 @@ impl Field {
         }
         if calibration.free_up_to.is_some_and(|free| value <= free) {
             Decision::Free
-        } else if calibration.blocked_from.is_some_and(|blocked| value >= blocked) {
+        } else if calibration.colliding_from.is_some_and(|blocked| value >= blocked) {
             Decision::Colliding
         } else {
             Decision::Undecided

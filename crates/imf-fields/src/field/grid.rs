@@ -28,9 +28,9 @@ impl GridField for Field {
                     over_grid::section(&mut &*network, self.grid(), orientation.angles(), section)?;
                 }
             }
-            Family::Harmonic(field) => field.sections(&field.heads(orientations), values),
+            Family::Harmonic(field) => field.sections(&field.direction_weights(orientations), values),
             Family::Factored(evaluator) => {
-                evaluator.sections(&evaluator.field().heads(orientations), values);
+                evaluator.sections(&evaluator.field().direction_weights(orientations), values);
             }
         }
         Ok(())
@@ -46,11 +46,14 @@ impl GridField for Field {
                 over_grid::minimum(&mut &*network, self.grid(), &directions, control)
             }
             Family::Harmonic(field) => {
-                minimum_over(&**field, |some| field.heads(some), orientations, control)
+                minimum_over(&**field, |some| field.direction_weights(some), orientations, control)
             }
-            Family::Factored(evaluator) => {
-                minimum_over(&**evaluator, |some| evaluator.field().heads(some), orientations, control)
-            }
+            Family::Factored(evaluator) => minimum_over(
+                &**evaluator,
+                |some| evaluator.field().direction_weights(some),
+                orientations,
+                control,
+            ),
         }
     }
 }

@@ -7,7 +7,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::factored::file::FactoredFile;
-use crate::factored::{FactoredField, TeachSettings};
+use crate::factored::{DistillSettings, FactoredField};
 use crate::field::Field;
 use crate::file::FieldFile;
 use crate::harmonic::basis::Domain;
@@ -58,7 +58,7 @@ pub(crate) fn harmonic(scene: &Scene) -> Field {
 /// Weights as they are before teaching: a field as bumpy as any.
 pub(crate) fn factored_file(scene: &Scene) -> FactoredFile {
     let teacher = harmonic_file(scene, 6);
-    let settings = TeachSettings { width: 24, hidden: 2, omega: 6.0, ..TeachSettings::default() };
+    let settings = DistillSettings { width: 24, hidden: 2, omega: 6.0, ..DistillSettings::default() };
     let shape = settings.shape(teacher.field.axis_count());
     FactoredFile {
         field: FactoredField::new(&teacher.field, shape, shape.initial_parameters(4)).unwrap(),

@@ -292,14 +292,14 @@ fn calibration(free: f32, blocked: f32) -> Calibration {
     let judged = Judgement {
         poses: 200,
         false_free: rate,
-        false_blocked: rate,
-        near: 1,
+        false_colliding: rate,
+        undecided: 1,
         found_free: 50,
         largest_error: 0.1,
     };
     let goals = Goals::default();
-    let (free_up_to, blocked_from) = (Some(free), Some(blocked));
-    Calibration { free_up_to, blocked_from, goals, seed: 1, uniform: judged, boundary: judged }
+    let (free_up_to, colliding_from) = (Some(free), Some(blocked));
+    Calibration { free_up_to, colliding_from, goals, seed: 1, uniform: judged, boundary: judged }
 }
 
 #[test]

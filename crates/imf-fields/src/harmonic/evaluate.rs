@@ -17,14 +17,14 @@ use imf_core::section::{Imf, Quantity};
 use imf_core::vectorised::vectorised;
 
 /// Orientations as the field reads them: `Uᵀ b(R)` and `μ·b(R)` for each.
-pub struct Heads {
+pub struct DirectionWeights {
     /// `[axes][orientation]`.
     along: Vec<f32>,
     /// `[orientation]`.
     constant: Vec<f32>,
 }
 
-impl Heads {
+impl DirectionWeights {
     /// Orientations for the functions of a basis, their `axes` `[K][axes]` and `mean` `[K]`.
     ///
     /// # Panics
@@ -136,7 +136,7 @@ impl Heads {
     }
 }
 
-/// [`Heads`] with each orientation's values side by side.
+/// [`DirectionWeights`] with each orientation's values side by side.
 pub(crate) struct TurnedHeads<'a> {
     axes: usize,
     /// `[orientation][axes]`.
@@ -172,8 +172,8 @@ pub trait VoxelCoefficients: Sync {
 
 /// Orientations of a chunk.
 const CHUNK: usize = 512;
-/// Orientations whose [`Heads`] are held at a time where any number is asked for: 57 MB of a field of degree 16.
-pub const HEADS_AT_ONCE: usize = 1 << 14;
+/// Orientations whose [`DirectionWeights`] are held at a time where any number is asked for: 57 MB of a field of degree 16.
+pub const DIRECTIONS_AT_ONCE: usize = 1 << 14;
 /// Orientations for which a field is looked through for its mirror planes: a product with so many takes several times as long.
 pub(super) const MANY: usize = 100;
 /// Orientations that one thread turns at a time.
@@ -185,23 +185,23 @@ impl HarmonicField {
 
     /// Prepares orientations.
     #[must_use]
-    pub fn heads(&self, orientations: &[Orientation]) -> Heads {
-        Heads::new(&self.basis, &self.axes, &self.mean, orientations)
+    pub fn direction_weights(&self, orientations: &[Orientation]) -> DirectionWeights {
+        DirectionWeights::new(&self.basis, &self.axes, &self.mean, orientations)
     }
 
     /// The sections of some orientations, `[orientation][voxel]` into `sections`; overlaps in [0, 1].
     ///
     /// # Panics
     /// If `sections` has not that length.
-    pub fn sections(&self, heads: &Heads, sections: &mut [f32]) {
+    pub fn sections(&self, heads: &DirectionWeights, sections: &mut [f32]) {
         sections_of(self, heads, sections);
     }
 
     /// The least value over the orientations at every voxel, an overlap in [0, 1], with the first orientation that has it before
-    /// clipping. Memory does not grow with the number of orientations but for [`Heads`], and a copy of these where the field is its
+    /// clipping. Memory does not grow with the number of orientations but for [`DirectionWeights`], and a copy of these where the field is its
     /// own mirror image.
     #[must_use]
-    pub fn minimum(&self, heads: &Heads) -> Imf {
+    pub fn minimum(&self, heads: &DirectionWeights) -> Imf {
         minimum_of(self, heads)
     }
 }
@@ -230,7 +230,7 @@ impl VoxelCoefficients for HarmonicField {
 }
 
 /// [`HarmonicField::sections`] of coefficients from anywhere.
-pub(crate) fn sections_of(source: &impl VoxelCoefficients, heads: &Heads, sections: &mut [f32]) {
+pub(crate) fn sections_of(source: &impl VoxelCoefficients, heads: &DirectionWeights, sections: &mut [f32]) {
     assert_eq!(sections.len(), source.voxels() * heads.len(), "one value for each orientation and voxel");
     match source.mirrors(heads.len()) {
         Some(mirrors) => sides::sections_of(source, &mirrors, heads, sections),
@@ -239,7 +239,7 @@ pub(crate) fn sections_of(source: &impl VoxelCoefficients, heads: &Heads, sectio
 }
 
 /// [`HarmonicField::minimum`] of coefficients from anywhere.
-pub(crate) fn minimum_of(source: &impl VoxelCoefficients, heads: &Heads) -> Imf {
+pub(crate) fn minimum_of(source: &impl VoxelCoefficients, heads: &DirectionWeights) -> Imf {
     let mut least = Imf::new(source.voxels());
     lower_to(source, heads, 0, &mut least, Control::quiet());
     least.hold(source.quantity());
@@ -249,13 +249,13 @@ pub(crate) fn minimum_of(source: &impl VoxelCoefficients, heads: &Heads) -> Imf 
 /// The same of any number of orientations, whose heads are made for some at a time. One unit of progress is one value.
 pub(crate) fn minimum_over(
     source: &impl VoxelCoefficients,
-    heads: impl Fn(&[Orientation]) -> Heads,
+    heads: impl Fn(&[Orientation]) -> DirectionWeights,
     orientations: &[Orientation],
     control: Control<'_>,
 ) -> Result<Imf, FieldError> {
     let mut least = Imf::new(source.voxels());
-    for (batch, orientations) in orientations.chunks(HEADS_AT_ONCE).enumerate() {
-        if !lower_to(source, &heads(orientations), batch * HEADS_AT_ONCE, &mut least, control) {
+    for (batch, orientations) in orientations.chunks(DIRECTIONS_AT_ONCE).enumerate() {
+        if !lower_to(source, &heads(orientations), batch * DIRECTIONS_AT_ONCE, &mut least, control) {
             return Err(FieldError::Cancelled);
         }
     }
@@ -267,7 +267,7 @@ pub(crate) fn minimum_over(
 /// the control asked to stop before all was done.
 fn lower_to(
     source: &impl VoxelCoefficients,
-    heads: &Heads,
+    heads: &DirectionWeights,
     first: usize,
     least: &mut Imf,
     control: Control<'_>,
@@ -279,7 +279,11 @@ fn lower_to(
 }
 
 /// [`sections_of`], voxel by voxel.
-pub(super) fn whole_sections(source: &impl VoxelCoefficients, heads: &Heads, sections: &mut [f32]) {
+pub(super) fn whole_sections(
+    source: &impl VoxelCoefficients,
+    heads: &DirectionWeights,
+    sections: &mut [f32],
+) {
     let (voxels, axes, quantity) = (source.voxels(), source.axes(), source.quantity());
     // The same array by blocks of voxels: one piece of each section.
     let blocks = voxels.div_ceil(HarmonicField::BLOCK);
@@ -307,7 +311,7 @@ pub(super) fn whole_sections(source: &impl VoxelCoefficients, heads: &Heads, sec
 /// [`lower_to`], voxel by voxel.
 pub(super) fn lower_to_whole(
     source: &impl VoxelCoefficients,
-    heads: &Heads,
+    heads: &DirectionWeights,
     first: usize,
     least: &mut Imf,
     control: Control<'_>,

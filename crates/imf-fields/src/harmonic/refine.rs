@@ -32,7 +32,7 @@ const HALVINGS: usize = 12;
 /// A slope below this, in shares of the tool's volume a radian, is level: the value cannot fall by more over the few
 /// degrees to the nearest other direction of a set than the field's own error.
 const LEVEL: f64 = 1e-6;
-/// Share of the fall that the slope promises which a step must bring (Armijo).
+/// Share of the fall that the slope guarantees which a step must bring (Armijo).
 const PROMISED: f64 = 1e-4;
 
 impl HarmonicField {
@@ -206,7 +206,7 @@ mod tests {
     fn check(domain: Domain, degree: usize, from: &str, larger: &str, level: f64) {
         let field = field(domain, degree);
         let set = OrientationSet::parse(from).unwrap().orientations;
-        let least = field.minimum(&field.heads(&set));
+        let least = field.minimum(&field.direction_weights(&set));
         let refined = field.refined(&least, &set, Control::quiet()).unwrap().unwrap();
         let (mut lower, mut gained, mut steep) = (0, 0.0f64, 0);
         for voxel in 0..field.grid.len() {
@@ -232,7 +232,8 @@ mod tests {
         // Many other orientations find lower valleys of voxels whose best of the set lay in another one; in sum they hold less
         // than descending gained.
         let many = OrientationSet::parse(larger).unwrap().orientations;
-        let dense = minimum_over(&field, |some| field.heads(some), &many, Control::quiet()).unwrap();
+        let dense =
+            minimum_over(&field, |some| field.direction_weights(some), &many, Control::quiet()).unwrap();
         let missed = refined.value.iter().zip(&dense.value).map(|(&r, &d)| f64::from((r - d).max(0.0)));
         let missed: f64 = missed.sum();
         assert!(missed < gained, "other valleys hold {missed}, descending gained {gained}");

@@ -11,7 +11,7 @@ use pulp::Arch;
 use rayon::prelude::*;
 
 use super::HarmonicField;
-use super::evaluate::{Heads, VoxelCoefficients, lowest};
+use super::evaluate::{DirectionWeights, VoxelCoefficients, lowest};
 use super::mirrors::{Mirrors, PARITIES, Parity};
 use crate::siren::matrix::{Matrix, multiply};
 use imf_core::control::Control;
@@ -22,7 +22,7 @@ use imf_core::vectorised::vectorised;
 pub(super) fn sections_of(
     source: &impl VoxelCoefficients,
     mirrors: &Mirrors,
-    heads: &Heads,
+    heads: &DirectionWeights,
     sections: &mut [f32],
 ) {
     let sides = Sides::new(source, mirrors, heads);
@@ -56,7 +56,7 @@ pub(super) fn sections_of(
 pub(super) fn lower_to(
     source: &impl VoxelCoefficients,
     mirrors: &Mirrors,
-    heads: &Heads,
+    heads: &DirectionWeights,
     first: usize,
     least: &mut Imf,
     control: Control<'_>,
@@ -98,7 +98,7 @@ struct Sides<'a, S> {
     classes: [Range<usize>; PARITIES],
     /// `[coefficient in that order][orientation]`, and what is added to the even ones.
     along: Vec<f32>,
-    heads: &'a Heads,
+    heads: &'a DirectionWeights,
 }
 
 /// Working memory of one thread.
@@ -113,7 +113,7 @@ struct Scratch {
 }
 
 impl<'a, S: VoxelCoefficients> Sides<'a, S> {
-    fn new(source: &'a S, mirrors: &Mirrors, heads: &'a Heads) -> Self {
+    fn new(source: &'a S, mirrors: &Mirrors, heads: &'a DirectionWeights) -> Self {
         let (dims, across, count) = (source.dims(), mirrors.across, heads.len());
         let mut order = Vec::with_capacity(mirrors.parities.len());
         let classes = std::array::from_fn(|class| {
@@ -264,7 +264,7 @@ mod tests {
     use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
     use super::super::coefficients::Precision;
-    use super::super::evaluate::{HEADS_AT_ONCE, MANY, lower_to_whole, whole_sections};
+    use super::super::evaluate::{DIRECTIONS_AT_ONCE, MANY, lower_to_whole, whole_sections};
     use super::super::fit::mirrored::tests::{made, plan};
     use super::super::{
         FitSettings, minimum_of as found_minimum, minimum_over, sections_of as found_sections,
@@ -285,7 +285,7 @@ mod tests {
 
     /// One side's sums and every voxel's own.
     fn assert_agree(field: &HarmonicField, set: &[Orientation]) {
-        let heads = field.heads(set);
+        let heads = field.direction_weights(set);
         let [mut found, mut expected] = [0, 1].map(|_| vec![f32::NAN; field.grid.len() * set.len()]);
         found_sections(field, &heads, &mut found);
         whole_sections(field, &heads, &mut expected);
@@ -326,9 +326,10 @@ mod tests {
                 done.fetch_add(voxels, Ordering::Relaxed);
             };
             let control = Control { progress: &progress, cancelled: &stop };
-            let minimum = |some: &[Orientation]| minimum_over(&field, |o| field.heads(o), some, control);
+            let minimum =
+                |some: &[Orientation]| minimum_over(&field, |o| field.direction_weights(o), some, control);
             let found = minimum(&set[..count]).unwrap();
-            assert_eq!(found, field.minimum(&field.heads(&set[..count])));
+            assert_eq!(found, field.minimum(&field.direction_weights(&set[..count])));
             assert_eq!(done.swap(0, Ordering::Relaxed), (field.grid.len() * count) as u64);
             stop.store(true, Ordering::Relaxed);
             assert!(matches!(minimum(&set[..count]), Err(FieldError::Cancelled)));
@@ -340,13 +341,14 @@ mod tests {
     fn more_orientations_than_are_held_at_a_time_have_the_least_of_all() {
         let field = field(9, Precision::F32);
         let set = OrientationSet::parse("random:16500:3").unwrap().orientations;
-        let least = minimum_over(&field, |some| field.heads(some), &set, Control::quiet()).unwrap();
-        let together = field.minimum(&field.heads(&set));
+        let least =
+            minimum_over(&field, |some| field.direction_weights(some), &set, Control::quiet()).unwrap();
+        let together = field.minimum(&field.direction_weights(&set));
         let mut late = 0;
         for voxel in 0..field.grid.len() {
             // The last few are too few for one side to be worth while: other sums.
             assert!((least.value[voxel] - together.value[voxel]).abs() < 2e-6, "voxel {voxel}");
-            late += usize::from(least.best[voxel] as usize >= HEADS_AT_ONCE);
+            late += usize::from(least.best[voxel] as usize >= DIRECTIONS_AT_ONCE);
         }
         assert!(late > 0, "none of the last orientations is the best anywhere");
     }

@@ -44,7 +44,7 @@ fn made(plan: &SectionPlan, settings: &FitSettings) -> HarmonicField {
 fn mean_squared(plan: &SectionPlan, field: &HarmonicField, set: &[Orientation]) -> f64 {
     let exact = sections(plan, set, Control::quiet()).unwrap();
     let mut values = vec![f32::NAN; plan.grid().len() * set.len()];
-    field.sections(&field.heads(set), &mut values);
+    field.sections(&field.direction_weights(set), &mut values);
     let mut errors = Errors::default();
     exact.iter().zip(values.chunks_exact(plan.grid().len())).for_each(|(e, v)| errors.add(e, v, 1e-3));
     errors.report(1e-3).mse
@@ -84,7 +84,7 @@ fn one_pass_and_two_make_the_same_field() {
     let set = OrientationSet::parse("random:20:4").unwrap().orientations;
     let mut values = [&one, &two].map(|field| {
         let mut values = vec![0.0; plan.grid().len() * set.len()];
-        field.sections(&field.heads(&set), &mut values);
+        field.sections(&field.direction_weights(&set), &mut values);
         values.into_iter()
     });
     let [a, b] = &mut values;
@@ -111,7 +111,7 @@ fn class_by_class_all_functions_get_what_they_get_together() {
         let (one, two) = (made(&plan, &some), made(&plan, &FitSettings { one_pass: false, ..some }));
         let [a, b] = [&one, &two].map(|field| {
             let mut values = vec![0.0; plan.grid().len() * set.len()];
-            field.sections(&field.heads(&set), &mut values);
+            field.sections(&field.direction_weights(&set), &mut values);
             values
         });
         // Sections rounded to multiples of 1/65535; few sections a function let some functions take up more of that.
@@ -152,7 +152,7 @@ fn fewer_axes_and_half_precision_cost_what_is_stated() {
     let set = Basis::new(Domain::Directions, 8).even_set(2000).unwrap().orientations;
     let voxels = plan.grid().len();
     let values = |field: &HarmonicField| {
-        let heads = field.heads(&set);
+        let heads = field.direction_weights(&set);
         let mut values = vec![0.0; voxels * set.len()];
         field.sections(&heads, &mut values);
         values
@@ -211,7 +211,7 @@ fn the_minimum_is_the_least_section_and_ties_go_to_the_first() {
     // More than one chunk, and a direction twice.
     let mut set = OrientationSet::parse("fibonacci:700").unwrap().orientations;
     set.push(set[3]);
-    let heads = field.heads(&set);
+    let heads = field.direction_weights(&set);
     let voxels = plan.grid().len();
     let mut values = vec![f32::NAN; voxels * set.len()];
     field.sections(&heads, &mut values);
@@ -236,7 +236,7 @@ fn single_poses_equal_sections_and_gradients_central_differences() {
     let grid = *plan.grid();
     let set = OrientationSet::parse("random:3:9").unwrap().orientations;
     let mut values = vec![0.0; grid.len() * 3];
-    field.sections(&field.heads(&set), &mut values);
+    field.sections(&field.direction_weights(&set), &mut values);
     let mut scratch = PointScratch::default();
     for (index, orientation) in set.iter().enumerate() {
         for voxel in [[0, 0, 0], [14, 18, 30], [7, 3, 20]] {

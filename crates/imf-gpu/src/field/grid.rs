@@ -177,7 +177,7 @@ pub(crate) fn upload(
 impl Source<'_> {
     fn scaled(&self, orientations: &[Orientation]) -> Scaled {
         match self {
-            Self::Harmonic(field) => Scaled { heads: field.heads(orientations), scale: 1.0 },
+            Self::Harmonic(field) => Scaled { heads: field.direction_weights(orientations), scale: 1.0 },
             Self::Factored(field) => Scaled::of(field, orientations),
         }
     }

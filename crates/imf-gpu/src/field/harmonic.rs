@@ -13,7 +13,7 @@ use imf_core::pose::Pose;
 use imf_core::section::Imf;
 use imf_fields::factored::Symmetry;
 use imf_fields::harmonic::basis::Basis;
-use imf_fields::harmonic::{HarmonicField, Heads};
+use imf_fields::harmonic::{DirectionWeights, HarmonicField};
 
 use super::Call;
 use super::grid::upload;
@@ -132,7 +132,10 @@ impl HarmonicPasses {
         let gpu = &frame.gpu;
         gpu.queue().write_buffer(&frame.sweep, 0, bytemuck::bytes_of(&Sweep::default()));
         let Self { mixing, over, basis, axes, mean, .. } = self;
-        let heads = |some: &[Orientation]| Scaled { heads: Heads::new(basis, axes, mean, some), scale: 1.0 };
+        let heads = |some: &[Orientation]| Scaled {
+            heads: DirectionWeights::new(basis, axes, mean, some),
+            scale: 1.0,
+        };
         over.minimum(points.len(), orientations, heads, |part, _, submissions| {
             let poses: Vec<Pose> =
                 points[part].iter().map(|point| Pose::new(*point, DQuat::IDENTITY)).collect();

@@ -20,19 +20,19 @@ pub(crate) struct Within {
 }
 
 /// Thresholds of any worth.
-pub(crate) fn calibration(free_up_to: f32, blocked_from: f32) -> Calibration {
+pub(crate) fn calibration(free_up_to: f32, colliding_from: f32) -> Calibration {
     let rate = Rate::new(0, 0, 0.99);
     let nothing = Judgement {
         poses: 0,
         false_free: rate,
-        false_blocked: rate,
-        near: 0,
+        false_colliding: rate,
+        undecided: 0,
         found_free: 0,
         largest_error: 0.0,
     };
     Calibration {
         free_up_to: Some(free_up_to),
-        blocked_from: Some(blocked_from),
+        colliding_from: Some(colliding_from),
         goals: Goals::default(),
         seed: 0,
         uniform: nothing,

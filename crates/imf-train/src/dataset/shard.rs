@@ -48,7 +48,7 @@ pub(super) fn file_bytes(sections: u64, samples: u64) -> u64 {
 }
 
 /// Opens a shard's file if it has the size that its samples ask for, which is looked at before it is read: no foreign
-/// file, and no manifest that promises too much, fills the memory. Returns what the manifest says, the file, and the
+/// file, and no manifest that guarantees too much, fills the memory. Returns what the manifest says, the file, and the
 /// most bytes to read of it.
 pub(super) fn open<'a>(
     folder: &Path,

@@ -28,7 +28,7 @@ use imf_core::orientation::Orientation;
 use imf_core::section::{Quantity, SectionError, SectionPlan};
 use imf_fields::factored::targets::TeacherFunctions;
 use imf_fields::factored::{
-    FactoredEvaluator, FactoredField, FactoredShape, FactoredState, INPUTS, TeachSettings,
+    DistillSettings, FactoredEvaluator, FactoredField, FactoredShape, FactoredState, INPUTS,
 };
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::{
@@ -89,7 +89,7 @@ impl<'a> SectionTeacher<'a> {
     /// Bytes of a teaching along so many axes of so many functions: of the pool and of what is being made, two a value; of what
     /// the pool's orientations make of a batch; and of a batch.
     #[must_use]
-    pub fn memory_bytes(functions: usize, axes: usize, voxels: usize, settings: &TeachSettings) -> u64 {
+    pub fn memory_bytes(functions: usize, axes: usize, voxels: usize, settings: &DistillSettings) -> u64 {
         let OnlineSettings { pool, lead, .. } = settings.online.unwrap_or_default();
         let sections = 2 * (pool + lead + 2) * voxels + 8 * voxels;
         // The Gram matrix and its factor, H and the solution in f64, both and the functions in f32.
@@ -122,15 +122,15 @@ impl<'a> SectionTeacher<'a> {
 /// Teaches the network of `state` by sections up to the plan's end, or until `control` asks to stop, which is looked at
 /// wherever the observer is told something; `state` then is where teaching goes on, to the same bits. One unit of progress is
 /// one step; while the pool fills, progress is told of 0 between sections, and `control` is looked at as well. The report's loss is the mean squared error at the pool's orientations before each step, most of which earlier
-/// steps have met. Sections come as [`TeachSettings::online`] says, or as its default;
-/// [`TeachSettings::of_sections`] has the settings to start from.
+/// steps have met. Sections come as [`DistillSettings::online`] says, or as its default;
+/// [`DistillSettings::of_sections`] has the settings to start from.
 ///
 /// # Errors
 /// Settings or a state out of range, a section that failed, or a loss that is not finite or has risen for good; `state` is
 /// untouched then.
 pub fn teach_by_sections(
     teacher: &SectionTeacher<'_>,
-    settings: &TeachSettings,
+    settings: &DistillSettings,
     state: &mut FactoredState,
     control: Control<'_>,
     observer: &mut dyn FnMut(&Report),
@@ -142,13 +142,13 @@ pub fn teach_by_sections(
 }
 
 /// As [`teach_by_sections`], on an engine that continues from `state`, such as a GPU's: made for the stack of
-/// [`TeachSettings::shape`] and batches of the plan's size, with the settings' optimiser.
+/// [`DistillSettings::shape`] and batches of the plan's size, with the settings' optimiser.
 ///
 /// # Errors
 /// As [`teach_by_sections`].
 pub fn teach_by_sections_on(
     teacher: &SectionTeacher<'_>,
-    settings: &TeachSettings,
+    settings: &DistillSettings,
     state: &mut FactoredState,
     engine: &mut dyn TrainingEngine,
     control: Control<'_>,

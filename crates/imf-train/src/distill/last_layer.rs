@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use crate::training::TrainingEngine;
 use imf_core::field::EngineError;
 use imf_fields::factored::targets::{TargetScratch, Targets, TeacherFunctions};
-use imf_fields::factored::{FactoredField, TeachSettings};
+use imf_fields::factored::{DistillSettings, FactoredField};
 use imf_fields::harmonic::HarmonicField;
 use imf_fields::recipe::TrainingState;
 use imf_fields::siren::matrix::{Matrix, multiply};
@@ -32,7 +32,7 @@ const RIDGE: f64 = 1e-5;
 
 /// Bytes that a solution of the last layer takes for a moment, over so many voxels and axes: the parts' sums and the whole system's.
 #[must_use]
-pub fn bytes_to_solve(settings: &TeachSettings, voxels: usize, axes: usize) -> u64 {
+pub fn bytes_to_solve(settings: &DistillSettings, voxels: usize, axes: usize) -> u64 {
     if settings.solve_every == 0 {
         return 0;
     }
@@ -130,7 +130,7 @@ impl<'a> Solving<'a> {
         engine: &'a mut dyn TrainingEngine,
         teacher: &HarmonicField,
         targets: &'a Targets<'a>,
-        settings: &TeachSettings,
+        settings: &DistillSettings,
         done: u64,
     ) -> Self {
         let shape = settings.shape(settings.outputs(teacher));

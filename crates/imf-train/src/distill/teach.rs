@@ -10,7 +10,7 @@ use crate::training::TrainingEngine;
 use crate::training::run::{Outcome, Report, Start, TrainError, train_by};
 use imf_core::control::Control;
 use imf_fields::factored::targets::Targets;
-use imf_fields::factored::{FactoredState, TeachSettings};
+use imf_fields::factored::{DistillSettings, FactoredState};
 use imf_fields::harmonic::HarmonicField;
 use imf_fields::recipe::{Cursor, Loss, RecipeError};
 
@@ -22,7 +22,7 @@ use imf_fields::recipe::{Cursor, Loss, RecipeError};
 /// Settings or a state out of range, or a loss that is not finite or has risen for good; `state` is untouched then.
 pub fn teach(
     teacher: &HarmonicField,
-    settings: &TeachSettings,
+    settings: &DistillSettings,
     state: &mut FactoredState,
     control: Control<'_>,
     observer: &mut dyn FnMut(&Report),
@@ -37,13 +37,13 @@ pub fn teach(
 }
 
 /// As [`teach`], on an engine that continues from `state`, such as a GPU's: made for the stack of
-/// [`TeachSettings::shape`] and batches of [`TeachSettings::batch`], with the settings' optimiser.
+/// [`DistillSettings::shape`] and batches of [`DistillSettings::batch`], with the settings' optimiser.
 ///
 /// # Errors
 /// As [`teach`].
 pub fn teach_on(
     teacher: &HarmonicField,
-    settings: &TeachSettings,
+    settings: &DistillSettings,
     state: &mut FactoredState,
     engine: &mut dyn TrainingEngine,
     control: Control<'_>,
@@ -59,13 +59,13 @@ pub fn teach_on(
 /// Teaches on any engine from `start` on; says how it ended, and where.
 fn run(
     teacher: &HarmonicField,
-    settings: &TeachSettings,
+    settings: &DistillSettings,
     start: Start,
     engine: &mut dyn TrainingEngine,
     control: Control<'_>,
     observer: &mut dyn FnMut(&Report),
 ) -> Result<(Outcome, Start), TrainError> {
-    let TeachSettings { plan, online, .. } = settings;
+    let DistillSettings { plan, online, .. } = settings;
     if online.is_some() {
         let what = "settings of a teaching by sections, and a harmonic field teaches";
         return Err(RecipeError(what.into()).into());

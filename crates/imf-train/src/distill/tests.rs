@@ -19,7 +19,8 @@ use imf_core::tool::Tool;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::targets::Targets;
 use imf_fields::factored::{
-    FactoredEvaluator, FactoredField, FactoredShape, INPUTS, PointScratch, Symmetry, TeachSettings, reference,
+    DistillSettings, FactoredEvaluator, FactoredField, FactoredShape, INPUTS, PointScratch, Symmetry,
+    reference,
 };
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
@@ -64,8 +65,8 @@ fn teacher(scene: &Scene) -> HarmonicField {
 const OPTIMISERS: [Optimiser; 2] =
     [Optimiser::Adam, Optimiser::Soap(SoapConfig { kept: 0.95, look_every: 4, rate: 1.0 })];
 
-fn settings(steps: u64) -> TeachSettings {
-    TeachSettings {
+fn settings(steps: u64) -> DistillSettings {
+    DistillSettings {
         width: 40,
         hidden: 2,
         omega: 10.0,
@@ -74,10 +75,10 @@ fn settings(steps: u64) -> TeachSettings {
             batch: 300,
             schedule: Schedule::Cosine { initial: 3e-3, last: 0.0, warmup: 10 },
             report_every: 7,
-            ..TeachSettings::default().plan
+            ..DistillSettings::default().plan
         },
         solve_every: 20,
-        ..TeachSettings::default()
+        ..DistillSettings::default()
     }
 }
 
@@ -196,7 +197,7 @@ fn every_way_to_evaluate_is_the_definition() {
     for field in fields.iter().cloned().chain(fields.iter().cloned().map(FactoredField::fold)) {
         let (grid, weights) = (field.grid, as_f64(&field.parameters));
         let evaluator = field.evaluator();
-        let heads = field.heads(&set);
+        let heads = field.direction_weights(&set);
         let mut sections = vec![f32::NAN; grid.len() * set.len()];
         evaluator.sections(&heads, &mut sections);
         let expanded = evaluator.expanded(Precision::F32, teacher.report);
@@ -318,7 +319,7 @@ fn teaching_brings_the_field_to_its_teacher_with_every_optimiser() {
     let constant =
         f64::from(Targets::new(&teacher, Symmetry::default()).unwrap().scale).powi(2) * axes as f64;
     for optimiser in OPTIMISERS {
-        let settings = TeachSettings { optimiser, ..settings(400) };
+        let settings = DistillSettings { optimiser, ..settings(400) };
         let mut state = settings.start(axes);
         let mut told = 0.0;
         let steps = AtomicU64::new(0);
@@ -372,7 +373,7 @@ fn solving_now_and_then_teaches_more_in_as_many_steps() {
     let axes = teacher.axis_count();
     let after = |solve_every: u64| {
         let optimiser = Optimiser::Soap(SoapConfig::default());
-        let settings = TeachSettings { solve_every, optimiser, ..settings(100) };
+        let settings = DistillSettings { solve_every, optimiser, ..settings(100) };
         let mut state = settings.start(axes);
         teach(&teacher, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
         let field = FactoredField::new(&teacher, settings.shape(axes), state.training.parameters).unwrap();
@@ -390,7 +391,7 @@ fn short_teachings_begin_with_a_solved_last_layer() {
     let first_loss = |steps: u64, solve_every: u64| {
         let settings = settings(steps);
         let plan = TrainingPlan { report_every: 1, ..settings.plan };
-        let settings = TeachSettings { plan, solve_every, ..settings };
+        let settings = DistillSettings { plan, solve_every, ..settings };
         let cancelled = AtomicBool::new(true);
         let control = Control { cancelled: &cancelled, ..Control::quiet() };
         let mut found = f64::NAN;
@@ -414,7 +415,7 @@ fn threads_and_interruptions_change_no_bit() {
     let axes = teacher.axis_count();
     for optimiser in OPTIMISERS {
         // Across the end of an epoch of 30 steps, whose last batch is smaller.
-        let settings = TeachSettings { optimiser, ..settings(50) };
+        let settings = DistillSettings { optimiser, ..settings(50) };
         let run = |threads: usize, stop: bool| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
@@ -447,16 +448,16 @@ fn what_does_not_fit_is_refused_by_name() {
     let teacher = teacher(&scene);
     let axes = teacher.axis_count();
     let start = settings(5).start(axes);
-    let refused = |settings: TeachSettings, words: &str| {
+    let refused = |settings: DistillSettings, words: &str| {
         let mut state = start.clone();
         let before = state.clone();
         let error = teach(&teacher, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap_err();
         assert!(error.to_string().contains(words), "{error}");
         assert_eq!(state, before);
     };
-    refused(TeachSettings { omega: f32::NAN, ..settings(5) }, "frequency");
-    refused(TeachSettings { width: 41, ..settings(5) }, "parameters");
-    let soap = TeachSettings { optimiser: OPTIMISERS[1], ..settings(5) };
+    refused(DistillSettings { omega: f32::NAN, ..settings(5) }, "frequency");
+    refused(DistillSettings { width: 41, ..settings(5) }, "parameters");
+    let soap = DistillSettings { optimiser: OPTIMISERS[1], ..settings(5) };
     let kept = 4 * 40 * 40;
     for (step, count) in [(3, 0), (3, kept - 1), (0, kept)] {
         let mut state = start.clone();
@@ -468,7 +469,7 @@ fn what_does_not_fit_is_refused_by_name() {
     plan.schedule = Schedule::Exponential { initial: 1e30, factor: 1.0, warmup: 0 };
     let mut state = settings(5).start(axes);
     let result =
-        teach(&teacher, &TeachSettings { plan, ..settings(5) }, &mut state, Control::quiet(), &mut |_| {});
+        teach(&teacher, &DistillSettings { plan, ..settings(5) }, &mut state, Control::quiet(), &mut |_| {});
     assert!(result.as_ref().is_err_and(TrainError::is_divergence), "{result:?}");
     let shape = settings(5).shape(axes + 1);
     assert!(FactoredField::new(&teacher, shape, shape.initial_parameters(1)).is_err());

@@ -1,4 +1,4 @@
-//! The CPU engine against the f64 definition, and its promise that threads change nothing.
+//! The CPU engine against the f64 definition, and its guarantee that threads change nothing.
 
 use crate::engine::*;
 use imf_fields::siren::EvaluationEngine;

@@ -8,7 +8,7 @@ use imf_core::mesh::Mesh;
 use imf_core::obstacle::Obstacle;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Limits, OrientationSet};
-use imf_core::scene::Promise;
+use imf_core::scene::Guarantee;
 use imf_core::section::{ElementPlans, SectionPlan};
 use imf_core::tool::{Assembly, Clearance, Tool};
 use imf_core::unit::LengthUnit;
@@ -33,8 +33,8 @@ pub(super) struct Setup {
     pub(super) clearance: Clearance,
     /// How deep the cutter may reach.
     pub(super) contact: Option<f64>,
-    /// The weakest of the tools' promises.
-    pub(super) promise: Promise,
+    /// The weakest of the tools' guarantees.
+    pub(super) guarantee: Guarantee,
     /// The part's surface in the world.
     pub(super) mesh: Mesh,
     pub(super) fixtures: Vec<String>,
@@ -149,11 +149,11 @@ impl Setup {
         let bodies = spec.bodies(&obstacle_grid)?;
         let whole = bodies.obstacle();
         let conservative = arguments.scene.conservative;
-        let promise = tools
+        let guarantee = tools
             .iter()
-            .map(|tool| Promise::new(conservative, tool.tool(), &clearance, depth.is_some(), query.pitch))
-            .min_by_key(Promise::strength)
-            .unwrap_or(Promise::Centres);
+            .map(|tool| Guarantee::new(conservative, tool.tool(), &clearance, depth.is_some(), query.pitch))
+            .min_by_key(Guarantee::strength)
+            .unwrap_or(Guarantee::Centres);
         let on = |occupancy: &Occupancy, grid: &Grid| {
             occupancy.on(grid).ok_or_else(|| anyhow::anyhow!("the grids of part and stock do not meet"))
         };
@@ -175,14 +175,14 @@ impl Setup {
             bodies.part.count(),
             bodies.fixtures.count(),
             tools.iter().map(|tool| tool.tool().name.as_str()).collect::<Vec<_>>().join(", "),
-            promise
+            guarantee
         ));
         Ok(Self {
             part: reading.part.name.clone(),
             unit,
             clearance,
             contact: depth,
-            promise,
+            guarantee,
             mesh: reading.part.mesh.transformed(&reading.transform),
             fixtures: fixtures.iter().map(|fixture| fixture.name.to_owned()).collect(),
             solid: on(&whole, &query)?,

@@ -76,7 +76,7 @@ pub(super) struct Summary {
     tau: f64,
     clearance: Clearance,
     contact: Option<f64>,
-    promise: String,
+    guarantee: String,
     solid: Volume,
     accessible: Region,
     inaccessible: Region,
@@ -146,7 +146,7 @@ impl Summary {
             tau: setup.tau,
             clearance: setup.clearance,
             contact: setup.contact,
-            promise: setup.promise.to_string(),
+            guarantee: setup.guarantee.to_string(),
             solid: measure(setup.solid.count()),
             accessible: region(space.accessible_volume(), &space.accessible),
             inaccessible: region(space.inaccessible_volume(), &space.inaccessible),
@@ -237,7 +237,7 @@ impl Summary {
         if let Some(depth) = self.contact {
             let _ = writeln!(text, "\nthe cutter may reach {depth} {} below the part's surface", self.unit);
         }
-        let _ = write!(text, "\n{}; {}.", show_seconds(self.seconds), self.promise);
+        let _ = write!(text, "\n{}; {}.", show_seconds(self.seconds), self.guarantee);
         text
     }
 }

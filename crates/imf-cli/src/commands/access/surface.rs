@@ -70,7 +70,7 @@ impl Surface {
         let comments = [
             format!("imf {}: {} in {}", env!("CARGO_PKG_VERSION"), setup.part, setup.unit),
             "imf: inaccessibility measure half a pitch outside; best: direction from tip to holder".into(),
-            setup.promise.to_string(),
+            setup.guarantee.to_string(),
         ];
         Ok(write_ply(path, &self.mesh, &values, &colours, &comments)?)
     }

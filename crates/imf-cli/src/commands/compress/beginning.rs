@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail, ensure};
 use imf_core::scene::Scene;
 use imf_fields::factored::file::FactoredFile;
-use imf_fields::factored::{FactoredField, FactoredState, Symmetry, TeachSettings};
+use imf_fields::factored::{DistillSettings, FactoredField, FactoredState, Symmetry};
 use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::recipe::Optimiser;
@@ -65,8 +65,8 @@ impl<'a> Beginning<'a> {
     /// Refuses a checkpoint of another network than that of `from`, which names its file.
     pub(super) fn require_network_of(&self, path: &Path, from: &FactoredFile) -> Result<()> {
         let Some(found) = &self.found else { return Ok(()) };
-        let network = |settings: &TeachSettings| {
-            let TeachSettings { width, hidden, omega, symmetry, .. } = settings;
+        let network = |settings: &DistillSettings| {
+            let DistillSettings { width, hidden, omega, symmetry, .. } = settings;
             format!("{hidden} layers of {width}, ω = {omega} and {symmetry}")
         };
         let [begun, other] = [found, from].map(|file| network(&file.settings));
@@ -86,11 +86,11 @@ impl<'a> Beginning<'a> {
         &self,
         rate: Option<f32>,
         optimiser: Option<Optimiser>,
-        teach: TeachSettings,
-    ) -> TeachSettings {
+        teach: DistillSettings,
+    ) -> DistillSettings {
         let begun = self.found.as_ref().map_or(teach, |found| found.settings);
         let schedule = if rate.is_some() { teach.plan.schedule } else { begun.plan.schedule };
-        TeachSettings {
+        DistillSettings {
             plan: TrainingPlan { schedule, ..teach.plan },
             solve_every: begun.solve_every,
             optimiser: optimiser.unwrap_or(begun.optimiser),
@@ -108,7 +108,7 @@ impl<'a> Beginning<'a> {
     }
 
     /// Refuses a checkpoint of other settings, and says which.
-    pub(in crate::commands) fn require_settings(&self, settings: &TeachSettings) -> Result<()> {
+    pub(in crate::commands) fn require_settings(&self, settings: &DistillSettings) -> Result<()> {
         match &self.found {
             Some(found) if found.settings != *settings => bail!(
                 "{} was begun with other settings ({}): give the same ones, or choose another --out",
@@ -230,10 +230,10 @@ mod tests {
 
     #[test]
     fn settings_that_differ_are_named_with_both_values() {
-        let there = TeachSettings { omega: 30.0, ..TeachSettings::of_length(Length::Epochs(40)) };
+        let there = DistillSettings { omega: 30.0, ..DistillSettings::of_length(Length::Epochs(40)) };
         assert!(differences(&there, &there).unwrap().is_empty());
         let plan = TrainingPlan { seed: 3, length: Length::Steps(7), ..there.plan };
-        let here = TeachSettings { omega: 0.1, plan, online: Some(OnlineSettings::default()), ..there };
+        let here = DistillSettings { omega: 0.1, plan, online: Some(OnlineSettings::default()), ..there };
         let mut found = differences(&there, &here).unwrap();
         let online = found.pop().unwrap();
         assert!(online.starts_with("online: none, not {") && online.contains("\"pool\":225"), "{online}");

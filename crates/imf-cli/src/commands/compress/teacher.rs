@@ -5,7 +5,7 @@ use imf_core::control::Control;
 use imf_core::grid::Grid;
 use imf_core::scene::Scene;
 use imf_fields::factored::file::FactoredFile;
-use imf_fields::factored::{FactoredField, FactoredShape, FactoredState, TeachSettings};
+use imf_fields::factored::{DistillSettings, FactoredField, FactoredShape, FactoredState};
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitReport, FitSettings, Sizes};
@@ -126,7 +126,7 @@ impl Teacher<'_> {
     }
 
     /// Outputs of the network.
-    pub(super) fn outputs(&self, settings: &TeachSettings) -> usize {
+    pub(super) fn outputs(&self, settings: &DistillSettings) -> usize {
         match self {
             Self::Harmonic(file) => settings.outputs(&file.field),
             Self::Sections(sections) => sections.teacher.axis_count(),
@@ -143,7 +143,7 @@ impl Teacher<'_> {
     }
 
     /// What is taught, for people.
-    pub(super) fn lesson(&self, settings: &TeachSettings) -> String {
+    pub(super) fn lesson(&self, settings: &DistillSettings) -> String {
         let voxels = self.grid().len();
         match self {
             Self::Harmonic(_) => format!("the coefficients of {voxels} voxels"),
@@ -157,7 +157,7 @@ impl Teacher<'_> {
     /// Random weights, or those of another field.
     pub(super) fn begun(
         &self,
-        settings: &TeachSettings,
+        settings: &DistillSettings,
         from: Option<&FactoredFile>,
     ) -> Result<FactoredState> {
         let (Some(from), Self::Harmonic(HarmonicFile { field: teacher, scene, .. })) = (from, self) else {
@@ -188,7 +188,7 @@ impl Teacher<'_> {
     /// Teaches on an engine that continues from `state`, or on the CPU.
     pub(super) fn teach(
         &self,
-        settings: &TeachSettings,
+        settings: &DistillSettings,
         state: &mut FactoredState,
         engine: Option<&mut dyn TrainingEngine>,
         control: Control<'_>,

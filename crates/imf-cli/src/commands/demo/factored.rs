@@ -3,7 +3,7 @@
 
 use anyhow::Result;
 use imf_core::scene::Scene;
-use imf_fields::factored::TeachSettings;
+use imf_fields::factored::DistillSettings;
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::recipe::{Length, TrainingPlan};
@@ -28,11 +28,11 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
     let device = Device::open(&arguments.device.device, session)?;
     let _claim = claim(&arguments.out)?;
     let beginning = Beginning::at(&arguments.out, compress::is_unfinished(&arguments.out))?;
-    let defaults = TeachSettings::of_length(Length::Steps(arguments.steps.unwrap_or(STEPS)));
+    let defaults = DistillSettings::of_length(Length::Steps(arguments.steps.unwrap_or(STEPS)));
     let defaults = beginning.settled(None, None, defaults);
     let symmetry = beginning.symmetry(SymmetryChoice::Auto);
     let settings = compress::Settings {
-        teach: TeachSettings {
+        teach: DistillSettings {
             plan: TrainingPlan { seed: arguments.seed, ..defaults.plan },
             symmetry: symmetry.unwrap_or_default(),
             ..defaults

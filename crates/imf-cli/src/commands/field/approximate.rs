@@ -10,7 +10,7 @@ use imf_core::section::{Imf, SectionError};
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Basis;
 use imf_fields::harmonic::coefficients::Precision;
-use imf_fields::harmonic::{HEADS_AT_ONCE, HarmonicField, Refined};
+use imf_fields::harmonic::{DIRECTIONS_AT_ONCE, HarmonicField, Refined};
 use serde_json::{Value, json};
 
 use super::Work;
@@ -33,7 +33,7 @@ pub(super) struct Approximate {
     /// The minimum is over all orientations.
     refine: bool,
     described: String,
-    /// What else its values are, for the promise.
+    /// What else its values are, for the guarantee.
     besides: String,
 }
 
@@ -90,9 +90,9 @@ impl Approximate {
         }
     }
 
-    /// Which promise holds for the values.
-    pub(super) fn promise(&self) -> String {
-        let promise = match &self.stored {
+    /// Which guarantee holds for the values.
+    pub(super) fn guarantee(&self) -> String {
+        let guarantee = match &self.stored {
             FieldFile::Harmonic(file) => {
                 format!("approximate ({}); decisions need exact counts", errors_text(&file.field))
             }
@@ -100,7 +100,7 @@ impl Approximate {
                 "approximate (imf eval says by how much); decisions need exact counts".to_owned()
             }
         };
-        promise + &self.besides
+        guarantee + &self.besides
     }
 
     /// What it is, by the name of its family.
@@ -166,7 +166,7 @@ impl Approximate {
 
     /// The least value over all orientations. Looks whether there is memory for what is made of it as well.
     pub(super) fn least(&self, work: &Work<'_>) -> Result<Streamed<Imf>> {
-        let together = work.set.len().min(HEADS_AT_ONCE);
+        let together = work.set.len().min(DIRECTIONS_AT_ONCE);
         // Refining takes the coefficients of every voxel in this machine's memory, and a direction each.
         let here = if self.refine { Device::Cpu.copied_bytes(&self.stored, Calls::Many) } else { 0 };
         let arrays = WRITTEN + if self.refine { ORIENTATION } else { 0 };
@@ -195,7 +195,7 @@ impl Approximate {
     /// what some orientations are multiplied with.
     fn require_memory(&self, work: &Work<'_>, copied: u64, arrays: usize, orientations: usize) -> Result<()> {
         let (values, heads) =
-            (4 * (arrays * work.scene.record.grid.len()) as u64, self.heads_bytes(orientations));
+            (4 * (arrays * work.scene.record.grid.len()) as u64, self.direction_weights_bytes(orientations));
         work.session.require_memory(copied + values + heads, || {
             let most = copied.max(values).max(heads);
             let remedy = match work.device {
@@ -211,7 +211,7 @@ impl Approximate {
     }
 
     /// Bytes of what orientations are multiplied with: their functions, and these along axes in two orders.
-    fn heads_bytes(&self, orientations: usize) -> u64 {
+    fn direction_weights_bytes(&self, orientations: usize) -> u64 {
         let functions = self.stored.basis().map_or(0, Basis::len);
         let axes = match &self.stored {
             FieldFile::Siren(_) => 0,

@@ -89,13 +89,13 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
          accessible    {} voxels outside the part ({:.1} %): {reached}\n\
          inaccessible  {} voxels outside the part\n\
          largest IMF   {largest:.4}\n\
-         promise       {}\n",
+         guarantee       {}\n",
         work.set.len(),
         work.set.spec,
         outside.accessible,
         outside.percent(),
         outside.inaccessible,
-        work.promise()
+        work.guarantee()
     );
     for row in &rows {
         text += &format!(

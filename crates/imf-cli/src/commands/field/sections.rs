@@ -128,7 +128,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     }
     text += &work.checked().map(|line| line + "\n").unwrap_or_default();
     if work.tau() > 0.0 {
-        text += &format!("promise: {}\n", work.promise());
+        text += &format!("guarantee: {}\n", work.guarantee());
     }
     // Those of the elements begin like their section's.
     let pictures = if work.elements().is_some() { "slices.png, elements.png" } else { "slices.png" };

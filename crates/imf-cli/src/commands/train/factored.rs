@@ -5,7 +5,7 @@ use anyhow::Result;
 use imf_core::scene::Scene;
 use imf_core::section::{At, SectionPlan};
 use imf_fields::factored::file::FactoredFile;
-use imf_fields::factored::{Symmetry, TeachSettings};
+use imf_fields::factored::{DistillSettings, Symmetry};
 use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
@@ -24,7 +24,7 @@ const DEGREE: usize = 16;
 /// Of whole rotations: nearly as many functions, and so as much memory and time.
 const DEGREE_OF_ROTATIONS: usize = 5;
 
-pub(super) fn run(session: &Session, arguments: &TrainArguments, teach: TeachSettings) -> Result<()> {
+pub(super) fn run(session: &Session, arguments: &TrainArguments, teach: DistillSettings) -> Result<()> {
     let device = Device::open(arguments.device_or("cpu"), session)?;
     let folder = OutputFolder::check(&arguments.out)?;
     let _before = claim(folder.path())?;
@@ -34,7 +34,7 @@ pub(super) fn run(session: &Session, arguments: &TrainArguments, teach: TeachSet
         Some(_) => Some(Symmetry::default()),
         None => beginning.symmetry(arguments.factored.teaching.symmetry()),
     };
-    let teach = TeachSettings {
+    let teach = DistillSettings {
         symmetry: symmetry.unwrap_or_default(),
         ..beginning.settled(arguments.length.rate, arguments.factored.teaching.optimiser(), teach)
     };

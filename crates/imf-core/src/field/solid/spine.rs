@@ -1,5 +1,5 @@
 //! Proofs by balls along the tool's axis: "free" where the obstacle stays out of balls that together cover the tool,
-//! "blocked" where a voxel nearest to the axis lies in it.
+//! "colliding" where a voxel nearest to the axis lies in it.
 //!
 //! The axis is halved again and again, once for each tool. Every piece has the ball around its middle that covers it;
 //! where the distance transform shows that ball to be free, the piece is done. Else the solid voxel nearest to the
@@ -42,7 +42,7 @@ pub(super) enum Verdict {
     /// No solid voxel in the tool.
     Free,
     /// At least one.
-    Blocked,
+    Colliding,
     /// So many pieces must be counted; the others are free.
     Open(usize),
     /// More pieces than [`OPEN`] must be counted.
@@ -117,7 +117,7 @@ impl Spine {
                     let (line, z) = (witness as u32 / nz, witness as u32 % nz);
                     let voxel = [f64::from(line / ny), f64::from(line % ny), f64::from(z)];
                     if bodies.iter().any(|body| placed.holds(&body.profile, voxel)) {
-                        return Verdict::Blocked;
+                        return Verdict::Colliding;
                     }
                 }
                 if piece.halves == 0 {

@@ -74,7 +74,7 @@ pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Mesh, MeshFileError> {
     let mut payload = parser.read_payload(&mut reader, &header).map_err(|error| explain(&error, path))?;
     let malformed =
         |cause: &str| MeshFileError::Malformed { path: path.into(), line: None, cause: cause.into() };
-    // More than the header promises: the header counts wrongly, or two files have become one.
+    // More than the header guarantees: the header counts wrongly, or two files have become one.
     let read = usize::try_from(reader.into_inner().position()).unwrap_or(bytes.len());
     let beyond = bytes.get(read..).unwrap_or_default();
     if !beyond.iter().all(u8::is_ascii_whitespace) {

@@ -22,16 +22,16 @@ pub(super) fn parse(mut bytes: Vec<u8>, path: &Path) -> Result<Mesh, MeshFileErr
     if is_ascii(&bytes) {
         return read_triangles(&clean(&bytes), path, true);
     }
-    let Some(promised) = promised_triangles(&bytes) else {
+    let Some(guaranteed) = promised_triangles(&bytes) else {
         let cause = "this is neither a binary nor an ASCII STL file".to_owned();
         return Err(MeshFileError::Malformed { path: path.into(), line: None, cause });
     };
     let held = (bytes.len() - PREAMBLE) / RECORD;
-    if held < promised {
-        let cause = format!("it holds {held} of the {promised} triangles that it announces");
+    if held < guaranteed {
+        let cause = format!("it holds {held} of the {guaranteed} triangles that it announces");
         return Err(MeshFileError::Truncated { path: path.into(), cause });
     }
-    check_count(promised, path)?;
+    check_count(guaranteed, path)?;
     // The reader takes a file for ASCII by its first word, which says nothing in a binary one.
     bytes[..HEADER].fill(0);
     read_triangles(&bytes, path, false)

@@ -230,7 +230,7 @@ pub(in crate::harmonic) mod tests {
 
     fn values(field: &HarmonicField, set: &[Orientation]) -> Vec<f32> {
         let mut values = vec![f32::NAN; field.grid.len() * set.len()];
-        field.sections(&field.heads(set), &mut values);
+        field.sections(&field.direction_weights(set), &mut values);
         values
     }
 

@@ -123,7 +123,7 @@ fn error_of(field: &FactoredField, plan: &SectionPlan) -> f64 {
     let set = OrientationSet::parse("random:40:77").unwrap().orientations;
     let exact = imf_core::section::sections(plan, &set, Control::quiet()).unwrap();
     let mut found = vec![0.0; exact.len() * field.grid.len()];
-    field.evaluator().sections(&field.heads(&set), &mut found);
+    field.evaluator().sections(&field.direction_weights(&set), &mut found);
     let pairs = found.iter().zip(exact.iter().flatten());
     pairs.map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / found.len() as f64
 }
@@ -132,7 +132,7 @@ fn error_of(field: &FactoredField, plan: &SectionPlan) -> f64 {
 fn sections_alone_teach_what_a_harmonic_field_would() {
     let scene = scene();
     let plan = plan(&scene);
-    let settings = TeachSettings { online: Some(ONLINE), ..settings(400) };
+    let settings = DistillSettings { online: Some(ONLINE), ..settings(400) };
     // Degree 2 leaves out a third of the field by itself.
     for (domain, degree, left) in [(Domain::Directions, 5, 0.25), (Domain::Rotations, 2, 0.5)] {
         let fit = FitSettings { degree, ..FIT };
@@ -155,7 +155,7 @@ fn a_stop_and_the_number_of_threads_change_no_bit() {
     let scene = scene();
     let plan = plan(&scene);
     let teacher = SectionTeacher::new(&plan, Domain::Directions, &FIT, Control::quiet()).unwrap();
-    let settings = TeachSettings { online: Some(ONLINE), ..settings(30) };
+    let settings = DistillSettings { online: Some(ONLINE), ..settings(30) };
     let run = |threads: usize, stop: bool| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
@@ -182,7 +182,7 @@ fn a_pool_that_fills_is_given_up_and_teaching_goes_on_to_the_same_bits() {
     let scene = scene();
     let plan = plan(&scene);
     let teacher = SectionTeacher::new(&plan, Domain::Directions, &FIT, Control::quiet()).unwrap();
-    let settings = TeachSettings { online: Some(ONLINE), ..settings(40) };
+    let settings = DistillSettings { online: Some(ONLINE), ..settings(40) };
     let taught = |state: &mut FactoredState, control: Control<'_>| {
         teach_by_sections(&teacher, &settings, state, control, &mut |_| {}).unwrap().0
     };

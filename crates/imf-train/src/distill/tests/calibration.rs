@@ -17,7 +17,7 @@ const SETTINGS: CalibrationSettings = CalibrationSettings {
     boundary: 3000,
     errors: 2000,
     seed: 5,
-    goals: Goals { false_free: 2e-3, false_blocked: 0.05, confidence: 0.99 },
+    goals: Goals { false_free: 2e-3, false_colliding: 0.05, confidence: 0.99 },
 };
 
 fn calibrated(field: &Field) -> Calibration {
@@ -44,12 +44,12 @@ fn coarse(part: ReferencePart) -> [FieldFile; 2] {
     };
     let plan = SectionPlan::of_scene(&scene, At::Tip).unwrap();
     let field = fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap();
-    let teaching = TeachSettings {
+    let teaching = DistillSettings {
         width: 96,
         omega: 15.0,
-        plan: TrainingPlan { length: Length::Steps(300), batch: 512, ..TeachSettings::default().plan },
+        plan: TrainingPlan { length: Length::Steps(300), batch: 512, ..DistillSettings::default().plan },
         optimiser: Optimiser::Soap(SoapConfig::default()),
-        ..TeachSettings::default()
+        ..DistillSettings::default()
     };
     let mut state = teaching.start(field.axis_count());
     teach(&field, &teaching, &mut state, Control::quiet(), &mut |_| {}).unwrap();
@@ -78,7 +78,7 @@ fn depth_decides_nearly_all_poses_of_every_reference_part() {
         for mut stored in coarse(part) {
             let calibration = calibrated(&Field::new(stored.clone()).unwrap());
             assert!(calibration.keeps_its_goals(), "{part:?}: {calibration:?}");
-            assert!(calibration.uniform.near_share() < 0.1, "{part:?}: {calibration:?}");
+            assert!(calibration.uniform.undecided_share() < 0.1, "{part:?}: {calibration:?}");
             // The file tells what it is of, and decides as it did; the rates hold on fresh poses, within four standard
             // deviations of their bound.
             stored.set_calibration(calibration);
@@ -90,12 +90,12 @@ fn depth_decides_nearly_all_poses_of_every_reference_part() {
             let [uniform, _] = judge(&field, &calibration, &fresh, Control::quiet()).unwrap();
             for (rate, stated) in [
                 (uniform.false_free, calibration.uniform.false_free),
-                (uniform.false_blocked, calibration.uniform.false_blocked),
+                (uniform.false_colliding, calibration.uniform.false_colliding),
             ] {
                 let expected = rate.of as f64 * stated.bound;
                 assert!(rate.wrong as f64 <= expected + 4.0 * expected.sqrt(), "{part:?}: {uniform:?}");
             }
-            assert!(uniform.near_share() < 0.1, "{part:?}: {uniform:?}");
+            assert!(uniform.undecided_share() < 0.1, "{part:?}: {uniform:?}");
         }
     }
 }

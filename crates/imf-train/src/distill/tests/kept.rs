@@ -20,7 +20,7 @@ fn a_folded_network_is_the_same_field_of_fewer_numbers() {
     let set = OrientationSet::parse("random:20:4").unwrap().orientations;
     let sections = |field: &FactoredField| {
         let mut sections = vec![0.0; field.grid.len() * set.len()];
-        field.evaluator().sections(&field.heads(&set), &mut sections);
+        field.evaluator().sections(&field.direction_weights(&set), &mut sections);
         sections
     };
     let expected = sections(&plain);
@@ -59,7 +59,7 @@ fn files_read_back_bit_for_bit_and_damage_is_named() {
         (adam, Precision::F32, false, true),
         (soap, Precision::F16, false, true),
     ] {
-        let settings = TeachSettings { optimiser, ..settings(8) };
+        let settings = DistillSettings { optimiser, ..settings(8) };
         let mut state = settings.start(axes);
         teach(&teacher, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
         let field =

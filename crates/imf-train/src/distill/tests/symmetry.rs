@@ -129,21 +129,21 @@ fn fields_with_symmetry_are_their_network_in_the_frames_of_places() {
     let symmetries =
         [0.13, 0.0].map(|beside| within(&teacher.grid, beside).into_iter().map(move |s| (s, beside)));
     for (symmetry, beside) in symmetries.into_iter().flatten() {
-        let settings = TeachSettings { width: 40, hidden: 2, omega: 6.0, symmetry, ..settings(1) };
+        let settings = DistillSettings { width: 40, hidden: 2, omega: 6.0, symmetry, ..settings(1) };
         let shape = settings.shape(teacher.axis_count());
         let plain = FactoredField::new(&teacher, shape, shape.initial_parameters(3)).unwrap();
         for field in [plain.clone(), plain.fold()] {
             let (grid, evaluator) = (field.grid, field.evaluator());
             let has_plane = symmetry.mirrors != [None; 3];
             assert_eq!(evaluator.mirrors(set.len()).is_some(), has_plane && beside == 0.0, "{symmetry}");
-            let heads = field.heads(&set);
+            let heads = field.direction_weights(&set);
             let mut sections = vec![0.0; grid.len() * set.len()];
             evaluator.sections(&heads, &mut sections);
             let least = evaluator.minimum(&heads);
             let report = teacher.report;
             let expanded = evaluator.expanded(Precision::F32, report);
             let mut from_array = vec![0.0; sections.len()];
-            expanded.sections(&expanded.heads(&set), &mut from_array);
+            expanded.sections(&expanded.direction_weights(&set), &mut from_array);
             let weights: Vec<f64> = field.parameters.iter().map(|&w| f64::from(w)).collect();
             let mut functions = vec![0.0; field.basis.len()];
             let (mut scratch, mut spread) = (PointScratch::default(), 0.0f64);
@@ -185,7 +185,7 @@ fn slopes_with_symmetry_are_those_of_differences() {
     let scene = scene();
     let teacher = all_functions(&scene);
     for symmetry in within(&teacher.grid, 0.13) {
-        let settings = TeachSettings { width: 40, hidden: 2, omega: 6.0, symmetry, ..settings(1) };
+        let settings = DistillSettings { width: 40, hidden: 2, omega: 6.0, symmetry, ..settings(1) };
         let shape = settings.shape(teacher.axis_count());
         let mut field = FactoredField::new(&teacher, shape, shape.initial_parameters(3)).unwrap();
         // Random weights are small.
@@ -283,7 +283,7 @@ fn symmetry_is_found_where_it_is_and_nowhere_else() {
     let solid = obstacle(grid, bar);
     let bar = fitted(&solid);
     let symmetry = Symmetry { mirrors: across([true, true, false]), axis: None };
-    let shape = TeachSettings { symmetry, ..settings(1) }.shape(bar.axis_count());
+    let shape = DistillSettings { symmetry, ..settings(1) }.shape(bar.axis_count());
     let network = FactoredField::new(&bar, shape, shape.initial_parameters(3)).unwrap();
     assert!(start_from(&network, &bar, &solid).is_ok());
     let moved = Grid { origin: grid.origin + DVec3::X, ..grid };
@@ -308,17 +308,17 @@ fn a_network_that_is_told_of_symmetry_learns_more_and_stays_what_it_is() {
     );
     let set = OrientationSet::parse("random:40:6").unwrap().orientations;
     let mut exact = vec![0.0; teacher.grid.len() * set.len()];
-    teacher.sections(&teacher.heads(&set), &mut exact);
+    teacher.sections(&teacher.direction_weights(&set), &mut exact);
     let mut errors = Vec::new();
     for symmetry in [Symmetry::default(), symmetry] {
-        let settings = TeachSettings { symmetry, ..settings(300) };
+        let settings = DistillSettings { symmetry, ..settings(300) };
         let mut state = settings.start(teacher.axis_count());
         let outcome = teach(&teacher, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
         assert_eq!(outcome, Outcome::Finished);
         let shape = settings.shape(teacher.axis_count());
         let field = FactoredField::new(&teacher, shape, state.training.parameters.clone()).unwrap();
         let mut sections = vec![0.0; exact.len()];
-        field.evaluator().sections(&field.heads(&set), &mut sections);
+        field.evaluator().sections(&field.direction_weights(&set), &mut sections);
         let squares = sections.iter().zip(&exact).map(|(a, b)| f64::from(a - b).powi(2));
         errors.push(squares.sum::<f64>() / exact.len() as f64);
 
@@ -359,19 +359,19 @@ fn a_network_that_is_told_of_symmetry_learns_more_and_stays_what_it_is() {
     let few = super::teacher(&scene);
     assert!(few.axis_count() < few.basis.len());
     assert_eq!(Symmetry::of(&few, &scene.obstacle).axis.map(|axis| axis.along), Some(0));
-    let settings = TeachSettings { symmetry, ..settings(300) };
+    let settings = DistillSettings { symmetry, ..settings(300) };
     let mut state = settings.start(settings.outputs(&few));
     teach(&few, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
     let shape = settings.shape(settings.outputs(&few));
     let field = FactoredField::new(&few, shape, state.training.parameters).unwrap();
     let (mut found, mut expected) = (vec![0.0; exact.len()], vec![0.0; exact.len()]);
-    field.evaluator().sections(&field.heads(&set), &mut found);
-    few.sections(&few.heads(&set), &mut expected);
+    field.evaluator().sections(&field.direction_weights(&set), &mut found);
+    few.sections(&few.direction_weights(&set), &mut expected);
     let squares = found.iter().zip(&expected).map(|(a, b)| f64::from(a - b).powi(2));
     assert!(squares.sum::<f64>() / (exact.len() as f64) < 1.5 * errors[1], "{errors:?}");
 
     // Sections do not, nor do fields over rotations; files that say so are damaged.
-    let online = TeachSettings { online: Some(OnlineSettings::default()), ..settings };
+    let online = DistillSettings { online: Some(OnlineSettings::default()), ..settings };
     let refused = online.check().unwrap_err();
     assert!(refused.to_string().contains("nor by sections"), "{refused}");
 }

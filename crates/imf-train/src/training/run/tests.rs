@@ -81,7 +81,7 @@ fn a_run_in_pieces_has_the_bits_of_one_in_one_go() {
 }
 
 #[test]
-fn reports_come_when_promised_and_count_right() {
+fn reports_come_when_guaranteed_and_count_right() {
     let (samples, plan) = (samples(), plan());
     let mut engine = engine(&plan, TrainingState::new(&SHAPE, 1));
     let mut reports = Vec::new();

@@ -222,7 +222,7 @@ fn groups_are_as_few_as_the_memory_allows_and_even() {
     let least = shards.memory_in_groups(694);
     assert_eq!(shards.groups_within(least), Some(694));
     assert_eq!(shards.groups_within(least - 1), None);
-    // What is promised is what is taken: the room never grows. And nobody gets more than a card more than another.
+    // What is guaranteed is what is taken: the room never grows. And nobody gets more than a card more than another.
     let mut room = shards.room_for(3);
     let capacity = (room.voxels.capacity(), room.values.capacity(), room.starts.capacity());
     let mut buffer = Vec::new();

@@ -11,9 +11,9 @@ use crate::tool::{Clearance, ElementKind, Tool, ToolShape};
 /// Half the diagonal of a voxel, in pitches.
 const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
 
-/// Which promise holds.
+/// Which guarantee holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Promise {
+pub enum Guarantee {
     /// For voxel centres: a wall thinner than a voxel may be missing.
     Centres,
     /// For voxels of which every one is solid that the surface touches, and the tool at their centres; for the mesh it
@@ -28,8 +28,8 @@ pub enum Promise {
     Mesh,
 }
 
-impl Promise {
-    /// The promise of sections and counts of a tool that is grown by `clearance`; with `contact` the cutter may touch.
+impl Guarantee {
+    /// The guarantee of sections and counts of a tool that is grown by `clearance`; with `contact` the cutter may touch.
     #[must_use]
     pub fn new(conservative: bool, tool: &Tool, clearance: &Clearance, contact: bool, pitch: f64) -> Self {
         let needed = HALF_DIAGONAL * pitch;
@@ -50,7 +50,7 @@ impl Promise {
     }
 }
 
-impl Promise {
+impl Guarantee {
     /// The order from the weakest to the strongest.
     #[must_use]
     pub fn strength(&self) -> u8 {
@@ -64,24 +64,24 @@ impl Promise {
 }
 
 impl SceneRecord {
-    /// Which promise holds for this scene's field.
+    /// Which guarantee holds for this scene's field.
     #[must_use]
-    pub fn promise(&self) -> Promise {
+    pub fn guarantee(&self) -> Guarantee {
         let contact = self.contact.is_some();
-        Promise::new(self.conservative, self.bare_tool(), &self.clearance, contact, self.grid.pitch)
+        Guarantee::new(self.conservative, self.bare_tool(), &self.clearance, contact, self.grid.pitch)
     }
 }
 
-impl fmt::Display for Promise {
+impl fmt::Display for Guarantee {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Centres => f.write_str(
-                "exact for voxel centres; no promise about the mesh itself (--conservative, and a clearance of at least \
+                "exact for voxel centres; no guarantee about the mesh itself (--conservative, and a clearance of at least \
                  √3/2 pitch)",
             ),
             Self::Voxels { needed } => write!(
                 f,
-                "exact for the tool at voxel centres against every voxel that the surface touches; a promise about the \
+                "exact for the tool at voxel centres against every voxel that the surface touches; a guarantee about the \
                  mesh itself also needs a clearance of at least √3/2 pitch ({needed:.4})"
             ),
             Self::HolderAndShank => f.write_str(
@@ -103,15 +103,15 @@ mod tests {
     #[test]
     fn the_mesh_itself_needs_conservative_voxels_and_half_a_diagonal() {
         let tool = Tool::paper();
-        let promise = |conservative, holder, cutter, contact| {
+        let guarantee = |conservative, holder, cutter, contact| {
             let clearance = Clearance { holder, shank: 0.0, cutter };
-            Promise::new(conservative, &tool, &clearance, contact, 2.0)
+            Guarantee::new(conservative, &tool, &clearance, contact, 2.0)
         };
-        assert_eq!(promise(false, 9.0, 9.0, false), Promise::Centres);
-        assert_eq!(promise(true, 1.7, 9.0, false), Promise::Voxels { needed: HALF_DIAGONAL * 2.0 });
-        assert_eq!(promise(true, 1.74, 1.7, false), Promise::HolderAndShank);
+        assert_eq!(guarantee(false, 9.0, 9.0, false), Guarantee::Centres);
+        assert_eq!(guarantee(true, 1.7, 9.0, false), Guarantee::Voxels { needed: HALF_DIAGONAL * 2.0 });
+        assert_eq!(guarantee(true, 1.74, 1.7, false), Guarantee::HolderAndShank);
         // The tool has no shank, whose clearance of none is no matter.
-        assert_eq!(promise(true, 1.74, 1.74, false), Promise::Mesh);
-        assert_eq!(promise(true, 1.74, 1.74, true), Promise::HolderAndShank);
+        assert_eq!(guarantee(true, 1.74, 1.74, false), Guarantee::Mesh);
+        assert_eq!(guarantee(true, 1.74, 1.74, true), Guarantee::HolderAndShank);
     }
 }
