@@ -2,8 +2,12 @@
 
 use std::process::ExitCode;
 
+use imf_core::scene::SceneError;
 use imf_core::section::SectionError;
 use imf_fields::evaluation::EvaluationError;
+use imf_fields::file::FieldFileError;
+use imf_fields::tensor_file::TensorFileError;
+use imf_train::dataset::DatasetError;
 
 use crate::commands::check::CollisionFound;
 use crate::interrupt::{self, Interrupted};
@@ -64,7 +68,30 @@ fn message(error: &anyhow::Error) -> String {
             text = format!("{text}: {cause}");
         }
     }
-    text
+    match error.chain().find_map(remedy) {
+        Some(options) => format!("{text} ({options})"),
+        None => text,
+    }
+}
+
+/// The options and commands that a library's remedy means here.
+fn remedy(cause: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
+    match cause.downcast_ref() {
+        Some(SceneError::FixtureOutside(_)) => return Some("--around all, or --margin"),
+        Some(SceneError::ThinFixture { .. } | SceneError::NoSolid { .. }) => {
+            return Some("--pitch, --conservative");
+        }
+        _ => {}
+    }
+    if let Some(DatasetError::Shares { .. }) = cause.downcast_ref() {
+        return Some("imf dataset merge");
+    }
+    let in_file = match cause.downcast_ref() {
+        Some(FieldFileError::Tensors(error)) => Some(error),
+        _ => cause.downcast_ref(),
+    };
+    matches!(in_file, Some(TensorFileError::ForNumPy { .. }))
+        .then_some("imf field --method harmonic --save NAME.safetensors")
 }
 
 /// Work that stopped at the user's wish without anything to keep.

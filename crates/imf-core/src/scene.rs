@@ -212,14 +212,14 @@ pub enum SceneError {
     NoFixtureTriangles(String),
     /// A fixture sticks out of a grid that has to hold the whole obstacle.
     #[error(
-        "the fixture '{0}' sticks out of the grid around the part, where its voxels would be lost: add --around all, \
-         or a larger --margin"
+        "the fixture '{0}' sticks out of the grid around the part, where its voxels would be lost: choose the grid around \
+         part and fixtures, or a larger margin"
     )]
     FixtureOutside(String),
     /// A fixture between the voxels' centres.
     #[error(
         "the fixture '{fixture}' holds no voxel centre at pitch {pitch}, and would be overlooked: it is too thin for this \
-         grid; choose a smaller pitch or --conservative"
+         grid; choose a smaller pitch, or let every voxel that the surface touches be solid"
     )]
     ThinFixture {
         /// The fixture.
@@ -230,7 +230,7 @@ pub enum SceneError {
     /// Nothing of the part is left at this resolution.
     #[error(
         "the part '{part}' holds no voxel centre at pitch {pitch}: it is too thin for this grid; choose a smaller \
-         pitch or --conservative"
+         pitch, or let every voxel that the surface touches be solid"
     )]
     NoSolid {
         /// The part.

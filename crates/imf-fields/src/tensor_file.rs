@@ -41,10 +41,7 @@ pub enum TensorFileError {
         what: String,
     },
     /// Arrays for NumPy, which lack what a field needs.
-    #[error(
-        "{path} was kept for NumPy, which alone reads it: imf field --method harmonic --save NAME.safetensors keeps a field \
-         that imf reads"
-    )]
+    #[error("{path} was saved for NumPy, which alone reads it: save the field as NAME.safetensors as well")]
     ForNumPy {
         /// The file.
         path: String,

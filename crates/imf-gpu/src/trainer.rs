@@ -135,7 +135,7 @@ impl GpuTrainer {
                 format!("{device}: its shaders have no f16; train with precision f32, or on another adapter")
             }
             Precision::Bf16 => format!(
-                "precision bf16 is computed on CPUs alone, not on {device}: add --device cpu, or train with precision f32"
+                "precision bf16 is computed on CPUs alone, not on {device}: train there, or with precision f32"
             ),
         }))
     }

@@ -190,8 +190,8 @@ impl CpuTrainer {
             }
             Precision::F16 => {
                 return Err(EngineError::Device(
-                    "precision f16 is computed on GPUs alone: choose one (--device; a resumed training keeps its \
-                     precision), or begin a training with precision f32"
+                    "precision f16 is computed on GPUs alone: train on one, as a resumed training keeps its precision, or \
+                     begin a training with precision f32"
                         .to_owned(),
                 ));
             }

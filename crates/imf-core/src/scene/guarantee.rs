@@ -76,8 +76,8 @@ impl fmt::Display for Guarantee {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Centres => f.write_str(
-                "exact for voxel centres; no guarantee about the mesh itself (--conservative, and a clearance of at least \
-                 √3/2 pitch)",
+                "exact for voxel centres; no guarantee about the mesh itself (which needs conservative voxels, and a \
+                 clearance of at least √3/2 pitch)",
             ),
             Self::Voxels { needed } => write!(
                 f,

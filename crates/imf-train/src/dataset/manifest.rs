@@ -95,9 +95,7 @@ pub enum DatasetError {
         shards: usize,
     },
     /// The folder holds shares that nobody has joined.
-    #[error(
-        "{path} holds {manifests} share(s) of a dataset and no manifest.json: join them with `imf dataset merge {path}`"
-    )]
+    #[error("{path} holds {manifests} share(s) of a dataset and no manifest.json: they must be merged first")]
     Shares {
         /// The folder.
         path: String,
