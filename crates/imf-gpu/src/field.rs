@@ -6,6 +6,7 @@
 //! `field/siren.rs`, `field/factored.rs` and `field/harmonic.rs`, whole grids in `field/grid.rs`. Buffers for slices of the host
 //! are kept from call to call.
 
+mod device_types;
 mod factored;
 pub(crate) mod grid;
 mod harmonic;
@@ -13,11 +14,13 @@ mod host;
 mod network;
 mod siren;
 mod turns;
+mod work;
+
+pub use device_types::{DeviceGradient, DevicePose, decision_of};
 
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
-use bytemuck::{Pod, Zeroable};
 use glam::{DQuat, DVec3, Vec3};
 use imf_core::control::Control;
 use imf_core::field::{
@@ -27,67 +30,14 @@ use imf_core::grid::Grid;
 use imf_core::orientation::Orientation;
 use imf_core::pose::Pose;
 use imf_core::section::{Imf, Quantity};
-use imf_fields::calibration::Calibration;
 use imf_fields::field::{Field, LoadError};
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::siren::{EvaluationEngine, over_grid};
 
 use crate::device::Gpu;
-use crate::kernel::{Kernel, uniform};
-use crate::shader::{COLLIDING, FREE, Shader};
-use crate::submit::Submissions;
-use crate::uniforms::{Batch, Sweep, Thresholds};
-use factored::FactoredPasses;
 use grid::{GridCoefficients, Source};
-use harmonic::HarmonicPasses;
-use host::HostBuffers;
-use network::{Frame, Passes};
-use siren::SirenPasses;
-
-/// A pose as the device reads it.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct DevicePose {
-    /// World position of the tip; the last number is idle.
-    pub position: [f32; 4],
-    /// Quaternion x, y, z, w from the tool's frame into the world, of any length but 0.
-    pub rotation: [f32; 4],
-}
-
-impl From<Pose> for DevicePose {
-    fn from(pose: Pose) -> Self {
-        // Of length 1 in double precision, so that no length is lost by rounding.
-        let DQuat { x, y, z, w } = pose.rotation.normalize();
-        let rotation = [x, y, z, w].map(|v| v as f32);
-        Self { position: pose.position.as_vec3().extend(0.0).to_array(), rotation }
-    }
-}
-
-/// A value and its derivatives as the device writes them.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct DeviceGradient {
-    /// The overlap, not clipped.
-    pub value: f32,
-    /// Change for a move of the tip by one unit of length.
-    pub position: [f32; 3],
-    /// Change for a turn of the tool's axis by a radian: tangent to the sphere at the axis.
-    pub direction: [f32; 3],
-    /// Change for a turn of the tool about its axis by a radian; 0 for tools of revolution.
-    pub roll: f32,
-}
-
-/// A decision as the device writes it, [`crate::shader::FREE`], [`crate::shader::COLLIDING`] or [`crate::shader::UNDECIDED`]; any
-/// other number is undecided.
-#[must_use]
-pub fn decision_of(code: u32) -> Decision {
-    match code {
-        FREE => Decision::Free,
-        COLLIDING => Decision::Colliding,
-        _ => Decision::Undecided,
-    }
-}
+use work::{Call, Family, Work, check_size};
 
 /// A network of the paper's kind, or a harmonic or factored field, on one GPU. Threads take turns.
 ///
@@ -118,33 +68,6 @@ pub struct GpuField {
     minima_on_device: bool,
     work: Mutex<Option<Box<Work>>>,
     over_grid: Mutex<Option<GridCoefficients>>,
-}
-
-/// What calls work with.
-struct Work {
-    frame: Frame,
-    family: Family,
-    host: HostBuffers,
-    decisions: Kernel,
-    thresholds: wgpu::Buffer,
-    /// The poses that are decided at once.
-    decided: wgpu::Buffer,
-    submissions: Submissions,
-}
-
-/// How poses pass through a field.
-enum Family {
-    Siren(Box<SirenPasses>),
-    Factored(Box<FactoredPasses>),
-    Harmonic(Box<HarmonicPasses>),
-}
-
-/// Buffers of a call.
-#[derive(Clone, Copy)]
-struct Call<'a> {
-    poses: &'a wgpu::Buffer,
-    values: &'a wgpu::Buffer,
-    gradients: Option<&'a wgpu::Buffer>,
 }
 
 impl GpuField {
@@ -420,94 +343,4 @@ impl GridField for GpuField {
         };
         self.with_grid(source, |grid| grid.minimum(source, orientations, control))
     }
-}
-
-impl Work {
-    fn new(gpu: &Gpu, file: &FieldFile, field: &Field) -> Result<Self, EngineError> {
-        let family = match file {
-            FieldFile::Siren(model) => Family::Siren(Box::new(SirenPasses::new(gpu, model)?)),
-            FieldFile::Factored(file) => Family::Factored(Box::new(FactoredPasses::new(gpu, &file.field)?)),
-            FieldFile::Harmonic(file) => Family::Harmonic(Box::new(HarmonicPasses::new(gpu, &file.field)?)),
-        };
-        let threshold = |found: fn(&Calibration) -> Option<f32>, none: f32| {
-            field.calibration().and_then(found).unwrap_or(none)
-        };
-        let thresholds = Thresholds {
-            free_up_to: threshold(|calibration| calibration.free_up_to, f32::MIN),
-            colliding_from: threshold(|calibration| calibration.colliding_from, f32::MAX),
-        };
-        Ok(Self {
-            frame: Frame::new(gpu, &field.scene().record.grid)?,
-            family,
-            host: HostBuffers::new(),
-            decisions: Kernel::new(gpu, Shader::PoseDecisions)?,
-            thresholds: uniform(gpu, "thresholds", &thresholds)?,
-            decided: uniform(gpu, "decided", &Batch::default())?,
-            submissions: Submissions::default(),
-        })
-    }
-
-    /// Submits the poses of a buffer in parts.
-    fn submit(&mut self, call: Call<'_>, count: usize) -> Result<(), EngineError> {
-        check_size("poses", call.poses, count, size_of::<DevicePose>())?;
-        check_size("values", call.values, count, size_of::<f32>())?;
-        if let Some(gradients) = call.gradients {
-            check_size("gradients", gradients, count, size_of::<DeviceGradient>())?;
-        }
-        let Self { frame, family, submissions, .. } = self;
-        match family {
-            Family::Siren(passes) => in_parts(frame, &**passes, submissions, call, count),
-            Family::Harmonic(passes) => in_parts(frame, &**passes, submissions, call, count),
-            Family::Factored(passes) => in_parts(frame, &**passes, submissions, call, count),
-        }
-    }
-
-    /// Submits what is decided of poses by values that were asked before.
-    fn decide(
-        &mut self,
-        poses: &wgpu::Buffer,
-        values: &wgpu::Buffer,
-        decisions: &wgpu::Buffer,
-        count: usize,
-    ) -> Result<(), EngineError> {
-        let gpu = &self.frame.gpu;
-        let block = Batch { rows: count as u32, ..Batch::default() };
-        gpu.queue().write_buffer(&self.decided, 0, bytemuck::bytes_of(&block));
-        let buffers = [&self.decided, &self.frame.world, &self.thresholds, poses, values, decisions];
-        let bound = self.decisions.bind(gpu, &buffers);
-        let workgroups = gpu.limits().workgroups;
-        self.submissions.pass(gpu, |pass| bound.linear(pass, count, workgroups))
-    }
-}
-
-/// Submits `count` poses, as many at a time as there is room for.
-fn in_parts<P: Passes>(
-    frame: &Frame,
-    passes: &P,
-    submissions: &mut Submissions,
-    call: Call<'_>,
-    count: usize,
-) -> Result<(), EngineError> {
-    let (bound, extent) = (passes.bind(frame, call), passes.extent());
-    let gpu = &frame.gpu;
-    for base in (0..count).step_by(extent.rows) {
-        let rows = extent.rows.min(count - base);
-        let padded_rows = rows.next_multiple_of(extent.padding);
-        let block = Batch { rows: rows as u32, padded_rows: padded_rows as u32, ..Batch::default() };
-        let part = Sweep { base: base as u32, ..Sweep::default() };
-        gpu.queue().write_buffer(extent.batch, 0, bytemuck::bytes_of(&block));
-        gpu.queue().write_buffer(&frame.sweep, 0, bytemuck::bytes_of(&part));
-        let limit = gpu.limits().workgroups;
-        submissions.pass(gpu, |pass| passes.record(&bound, pass, rows, padded_rows, limit))?;
-    }
-    Ok(())
-}
-
-/// Refuses a buffer that is too small for `count` elements of `each` bytes.
-fn check_size(name: &str, buffer: &wgpu::Buffer, count: usize, each: usize) -> Result<(), EngineError> {
-    let size = buffer.size();
-    if size / (each as u64) < count as u64 {
-        return Err(EngineError::Shape(format!("a buffer of {size} bytes for {count} {name}")));
-    }
-    Ok(())
 }

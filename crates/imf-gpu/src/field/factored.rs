@@ -8,9 +8,9 @@
 use imf_core::field::EngineError;
 use imf_fields::factored::FactoredField;
 
-use super::Call;
 use super::network::{Extent, Frame, Passes, TwoWay};
 use super::turns::{Coefficients, Functions, Turns};
+use super::work::Call;
 use crate::device::Gpu;
 use crate::factored::GpuFactored;
 use crate::kernel::{Bound, Kernel, uniform};

@@ -15,11 +15,11 @@ use imf_fields::factored::Symmetry;
 use imf_fields::harmonic::basis::Basis;
 use imf_fields::harmonic::{DirectionWeights, HarmonicField};
 
-use super::Call;
 use super::grid::upload;
 use super::host::HostBuffers;
 use super::network::{Extent, Frame, Passes, ROWS};
 use super::turns::{Coefficients, Functions, Turns};
+use super::work::Call;
 use crate::device::Gpu;
 use crate::kernel::{Bound, Kernel, uniform};
 use crate::memory::Plan;

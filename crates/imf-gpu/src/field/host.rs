@@ -3,7 +3,8 @@
 use imf_core::field::EngineError;
 use imf_core::pose::Pose;
 
-use super::{Call, DeviceGradient, DevicePose};
+use super::device_types::{DeviceGradient, DevicePose};
+use super::work::Call;
 use crate::device::Gpu;
 use crate::memory::{ReadBack, Room};
 

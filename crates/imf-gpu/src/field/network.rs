@@ -6,7 +6,7 @@ use imf_core::field::EngineError;
 use imf_core::grid::Grid;
 use imf_fields::siren::stack::Stack;
 
-use super::Call;
+use super::work::Call;
 use crate::device::Gpu;
 use crate::forward::{Forward, Network, layout_for, rows_per_pass};
 use crate::kernel::{Bound, Kernel, uniform};

@@ -7,8 +7,8 @@
 use imf_core::field::EngineError;
 use imf_fields::model::Model;
 
-use super::Call;
 use super::network::{Extent, Frame, Passes, TwoWay};
+use super::work::Call;
 use crate::device::Gpu;
 use crate::evaluator::GpuEvaluator;
 use crate::kernel::{Bound, Kernel, uniform};

@@ -13,8 +13,8 @@ use imf_fields::harmonic::basis::Basis;
 use imf_fields::harmonic::rotations::Step;
 use imf_fields::harmonic::sphere::SphereBasis;
 
-use super::Call;
 use super::network::Frame;
+use super::work::Call;
 use crate::device::Gpu;
 use crate::kernel::{Bound, Kernel, uniform};
 use crate::memory::Plan;
