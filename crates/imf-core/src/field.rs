@@ -29,12 +29,10 @@
 //! use imf_core::glam::DVec3;
 //! use imf_core::parts::ReferencePart;
 //! use imf_core::pose::Pose;
-//! use imf_core::scene::SceneSpec;
-//! use imf_core::tool::Tool;
+//! use imf_core::scene::Scene;
 //!
-//! let (part, tool) = (ReferencePart::Bracket, Tool::paper());
-//! let scene = SceneSpec::of_reference(part, &part.mesh(), [12, 36, 22], &tool).scene()?;
-//! let field = ExactField::new(&scene.obstacle, &tool);
+//! let scene = Scene::builder().reference(ReferencePart::Bracket).dims([12, 36, 22]).build()?.scene;
+//! let field = ExactField::new(&scene, scene.record.bare_tool());
 //! let mut decisions = [Decision::Undecided];
 //! field.classify(&[Pose::along(DVec3::new(10.0, 20.0, 300.0), DVec3::Z)], &mut decisions)?;
 //! assert_eq!(decisions, [Decision::Free]);

@@ -17,7 +17,7 @@
 //! # Where to begin
 //! | to | see |
 //! | --- | --- |
-//! | read a mesh and make voxels of it | [`mesh::read`], [`voxelize`](mod@voxelize), [`scene::SceneSpec`] |
+//! | read a mesh and make voxels of it | [`mesh::read`], [`voxelize`](mod@voxelize), [`Scene::builder`](scene::Scene::builder) |
 //! | describe a tool | [`tool::Tool`]: from a file, or element by element |
 //! | know what a tool reaches | [`section::SectionPlan`], [`access`] |
 //! | check a toolpath | [`check`](mod@check), [`toolpath`] |
@@ -40,16 +40,15 @@
 //! # Example
 //! Where can the built-in tool stand upright on the built-in bracket?
 //! ```
+//! use imf_core::field::{ExactField, GridField};
 //! use imf_core::orientation::Orientation;
 //! use imf_core::parts::ReferencePart;
-//! use imf_core::scene::SceneSpec;
-//! use imf_core::section::{At, SectionPlan, SectionScratch};
+//! use imf_core::scene::Scene;
 //!
-//! let (part, tool) = (ReferencePart::Bracket, imf_core::tool::Tool::paper());
-//! let scene = SceneSpec::of_reference(part, &part.mesh(), [12, 36, 22], &tool).scene()?;
-//! let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints)?;
-//! let mut cmf = vec![0.0; scene.record.grid.len()];
-//! plan.cmf(&Orientation::new(0.0, 0.0), &mut SectionScratch::default(), &mut cmf)?;
+//! let scene = Scene::builder().reference(ReferencePart::Bracket).dims([12, 36, 22]).build()?.scene;
+//! let field = ExactField::of_scene(&scene, &scene.record.clearance)?;
+//! let mut cmf = vec![0.0; field.grid().len()];
+//! field.section(&Orientation::new(0.0, 0.0), &mut cmf)?;
 //! let free = cmf.iter().filter(|&&v| v == 0.0).count();
 //! assert!(free > 0 && free < cmf.len());
 //! # Ok::<(), Box<dyn std::error::Error>>(())

@@ -4,9 +4,11 @@
 //! The obstacle is the union of part and fixtures. Where the grid is chosen around the part alone, fixtures may stick
 //! out of it and still be hit: [`SceneSpec::bodies`] gives all that a tool can meet from the grid's voxels.
 
+mod builder;
 mod guarantee;
 mod stored;
 
+pub use builder::{BuiltScene, SceneBuilder, SceneWarning};
 pub use guarantee::Guarantee;
 pub use stored::StoredVoxelsError;
 
@@ -17,12 +19,13 @@ use thiserror::Error;
 use crate::distance::deeper_than;
 use crate::grid::{Grid, GridError};
 use crate::mesh::Mesh;
+use crate::mesh::read::MeshFileError;
 use crate::mesh::topology::MeshReport;
 use crate::obstacle::Obstacle;
 use crate::occupancy::Occupancy;
 use crate::parts::ReferencePart;
 use crate::tool::{Assembly, Clearance, ClearanceError, Tool};
-use crate::unit::LengthUnit;
+use crate::unit::{ImplausibleSize, LengthUnit};
 use crate::voxelize::voxelize;
 
 /// How the grid around the part is chosen.
@@ -200,7 +203,25 @@ impl Bodies {
 
 /// Why a scene cannot be made.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum SceneError {
+    /// A builder without a part.
+    #[error("there is no part: give one by its mesh, by its file, or a built-in one")]
+    NoPart,
+    /// The part's file.
+    #[error(transparent)]
+    File(#[from] MeshFileError),
+    /// A part that is far too small or too large in its unit.
+    #[error("{part}: {size}")]
+    Size {
+        /// The part.
+        part: String,
+        /// Its size, and what it would be in other units.
+        size: ImplausibleSize,
+    },
+    /// A clearance that is no length, or around a tool that cannot be offset.
+    #[error(transparent)]
+    Clearance(#[from] ClearanceError),
     /// The part has no triangle.
     #[error("the part '{0}' has no triangle")]
     NoTriangles(String),

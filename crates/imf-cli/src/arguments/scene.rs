@@ -11,7 +11,7 @@ use imf_core::mesh::Mesh;
 use imf_core::mesh::read::{MeshFile, read_mesh_file};
 use imf_core::mesh::topology::MeshReport;
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{Around, Bodies, Fixture, Resolution, Scene, SceneSpec};
+use imf_core::scene::{Around, Bodies, Fixture, Resolution, Scene, SceneSpec, SceneWarning};
 use imf_core::section::{ElementPlans, SectionPlan};
 use imf_core::tool::Tool;
 use imf_core::unit::{LengthUnit, unit_check};
@@ -297,8 +297,8 @@ impl SceneArguments {
                 part.name, part.unit
             ));
         }
-        for tool in tools.iter().filter(|tool| !tool.has_holder()) {
-            session.note(&format!("the tool {} has no holder: what holds it is not seen", tool.name));
+        for warning in tools.iter().filter_map(SceneWarning::of_tool) {
+            session.note(&warning.to_string());
         }
         let given = self.unit.as_deref();
         let fixtures = self.fixture.iter().map(|text| FixtureMesh::read(text, given, part.unit));
@@ -307,17 +307,10 @@ impl SceneArguments {
         if let Some(implausible) = unit_check(report.extents, part.unit) {
             bail!("{}: {implausible}", part.name);
         }
-        if !report.closed && part.reference.is_none() {
-            session.warn(&format!(
-                "{} is open ({} boundary edges): inside is where the winding number exceeds one half",
-                part.name, report.boundary_edges
-            ));
-        }
-        if report.signed_volume < 0.0 {
-            session.warn(&format!(
-                "{} is inside out (negative volume); it is taken as solid all the same",
-                part.name
-            ));
+        if part.reference.is_none() {
+            SceneWarning::of_mesh(&part.name, &report)
+                .iter()
+                .for_each(|warning| session.warn(&warning.to_string()));
         }
         Ok(Reading { part, report, tools, transform, fixtures })
     }
