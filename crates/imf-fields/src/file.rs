@@ -52,6 +52,21 @@ impl FieldFile {
         Ok(Self::Siren(Box::new(Model::read(path)?)))
     }
 
+    /// Checks a field of any family in memory, such as in a browser or embedded in a program; errors call it `name`.
+    ///
+    /// # Errors
+    /// Foreign, newer, truncated or damaged bytes.
+    pub fn from_bytes(bytes: Vec<u8>, name: &str) -> Result<Self, FieldFileError> {
+        let name = Path::new(name);
+        if HarmonicFile::begins(&bytes) {
+            return Ok(Self::Harmonic(Arc::new(HarmonicFile::from_bytes(bytes, name)?)));
+        }
+        if FactoredFile::begins(&bytes) {
+            return Ok(Self::Factored(Box::new(FactoredFile::from_bytes(bytes, name)?)));
+        }
+        Ok(Self::Siren(Box::new(Model::from_bytes(&bytes, name)?)))
+    }
+
     /// What its decisions are worth, where that was measured.
     #[must_use]
     pub fn calibration(&self) -> Option<&Calibration> {

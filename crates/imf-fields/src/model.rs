@@ -273,10 +273,19 @@ impl Model {
     /// # Errors
     /// A missing, foreign, newer, truncated or damaged file; the message names it and what is wrong.
     pub fn read(path: &Path) -> Result<Self, ModelError> {
-        let shown = path.display().to_string();
+        let shown = || path.display().to_string();
+        let bytes = std::fs::read(path).map_err(|source| ModelError::Read { path: shown(), source })?;
+        Self::from_bytes(&bytes, path)
+    }
+
+    /// Checks a file in memory, which errors call `name`.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn from_bytes(bytes: &[u8], name: &Path) -> Result<Self, ModelError> {
+        let shown = name.display().to_string();
         let damaged = |what: String| ModelError::Damaged { path: shown.clone(), what };
-        let bytes = std::fs::read(path).map_err(|source| ModelError::Read { path: shown.clone(), source })?;
-        let (_, metadata) = SafeTensors::read_metadata(&bytes)
+        let (_, metadata) = SafeTensors::read_metadata(bytes)
             .map_err(|e| damaged(format!("{e}; it was cut short, or is no safetensors file")))?;
         let json = metadata.metadata().as_ref().and_then(|m| m.get("imf"));
         let json = json.ok_or_else(|| damaged("it is a safetensors file, but not one of imf's".into()))?;
@@ -291,7 +300,7 @@ impl Model {
             return Err(damaged(format!("there is no version {}", header.version)));
         }
         let description: Description = serde_json::from_str(json).map_err(|e| damaged(e.to_string()))?;
-        let found = whole_checksum(&bytes).ok_or_else(|| damaged("it has no checksum".into()))?;
+        let found = whole_checksum(bytes).ok_or_else(|| damaged("it has no checksum".into()))?;
         if description.crc32 != Some(found) {
             return Err(damaged("its checksum is wrong: it was changed after it was written".into()));
         }
@@ -301,7 +310,7 @@ impl Model {
         let shape = description.network;
         shape.check().map_err(|e| damaged(e.to_string()))?;
         let tensors =
-            SafeTensors::deserialize(&bytes).map_err(|e| damaged(format!("{e}; it was cut short")))?;
+            SafeTensors::deserialize(bytes).map_err(|e| damaged(format!("{e}; it was cut short")))?;
         let floats = |name: &str, dims: &[usize]| -> Result<Vec<f32>, ModelError> {
             let view = tensors.tensor(name).map_err(|e| damaged(e.to_string()))?;
             if view.dtype() != Dtype::F32 || view.shape() != dims {

@@ -65,6 +65,9 @@ pub enum TensorFileError {
     Write(#[from] AtomicFileError),
 }
 
+/// Bytes in which a file's format stands.
+const START: usize = 512;
+
 /// A kind of file.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Format {
@@ -95,9 +98,15 @@ impl Format {
     /// True for a file whose metadata begin with this format, whole or not.
     pub(crate) fn is_of(&self, path: &Path) -> bool {
         // The JSON header follows its length, and `imf` stands at its beginning.
-        let mut start = [0; 512];
+        let mut start = [0; START];
         let read = std::fs::File::open(path).and_then(|mut file| file.read(&mut start)).unwrap_or(0);
-        start[..read].windows(self.id.len()).any(|window| window == self.id.as_bytes())
+        self.begins(&start[..read])
+    }
+
+    /// The same of a file in memory.
+    pub(crate) fn begins(&self, bytes: &[u8]) -> bool {
+        let start = &bytes[..bytes.len().min(START)];
+        start.windows(self.id.len()).any(|window| window == self.id.as_bytes())
     }
 
     fn damaged(&self, path: &Path, what: String) -> TensorFileError {
@@ -126,13 +135,22 @@ impl Format {
     /// Reads a file as far as its description.
     pub(crate) fn read<'p>(&self, path: &'p Path) -> Result<Loaded<'p>, TensorFileError> {
         refuse_npz(path)?;
-        let shown = || path.display().to_string();
-        let damaged = |what: String| self.damaged(path, what);
         let bytes = std::fs::read(path).map_err(|source| TensorFileError::Read {
             name: self.name,
-            path: shown(),
+            path: path.display().to_string(),
             source,
         })?;
+        self.in_memory(bytes, path)
+    }
+
+    /// The same of a file in memory, which errors call `path`.
+    pub(crate) fn in_memory<'p>(
+        &self,
+        bytes: Vec<u8>,
+        path: &'p Path,
+    ) -> Result<Loaded<'p>, TensorFileError> {
+        let shown = || path.display().to_string();
+        let damaged = |what: String| self.damaged(path, what);
         let (_, metadata) = SafeTensors::read_metadata(&bytes)
             .map_err(|e| damaged(format!("{e}; it was cut short, or is no safetensors file")))?;
         let json = metadata.metadata().as_ref().and_then(|m| m.get("imf"));

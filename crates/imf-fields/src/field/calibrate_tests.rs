@@ -106,6 +106,11 @@ fn every_familys_file_keeps_its_calibration() {
         stored.set_calibration(calibration);
         stored.write(&path).unwrap();
         assert_eq!(FieldFile::read(&path).unwrap(), stored);
+        let bytes = std::fs::read(&path).unwrap();
+        assert_eq!(FieldFile::from_bytes(bytes.clone(), "mine").unwrap(), stored);
+        let short = FieldFile::from_bytes(bytes[..bytes.len() / 2].to_vec(), "mine").unwrap_err().to_string();
+        assert!(short.contains("mine") && short.contains("cut short"), "{short}");
+        assert!(FieldFile::from_bytes(Vec::new(), "nothing").unwrap_err().to_string().contains("nothing"));
         assert_eq!(Field::load(&path).unwrap().calibration(), Some(&calibration));
         // Thresholds that cannot be.
         stored.set_calibration(Calibration {

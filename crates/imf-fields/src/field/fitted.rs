@@ -39,6 +39,14 @@ impl Field {
         Self::new(FieldFile::read(path.as_ref())?)
     }
 
+    /// A field of any family from a file in memory; errors call it `name`.
+    ///
+    /// # Errors
+    /// Foreign, newer, truncated or damaged bytes.
+    pub fn from_bytes(bytes: Vec<u8>, name: &str) -> Result<Self, LoadError> {
+        Self::new(FieldFile::from_bytes(bytes, name)?)
+    }
+
     /// A field that was read or made already.
     ///
     /// # Errors

@@ -22,7 +22,7 @@ use super::coefficients::{Coefficients, Precision};
 use super::{FitReport, FitSettings, HarmonicField};
 use crate::calibration::Calibration;
 use crate::tensor_file::{
-    Format, Header, TensorFileError, checksum, floats, halves, little_endian, little_endian_halves,
+    Format, Header, Loaded, TensorFileError, checksum, floats, halves, little_endian, little_endian_halves,
 };
 use imf_core::scene::{Scene, SceneRecord};
 
@@ -99,7 +99,23 @@ impl HarmonicFile {
     /// # Errors
     /// A missing, foreign, newer, truncated or damaged file; the message names it and what is wrong.
     pub fn read(path: &Path) -> Result<Self, TensorFileError> {
-        let file = FORMAT.read(path)?;
+        Self::of(&FORMAT.read(path)?)
+    }
+
+    /// True for the bytes of such a file.
+    pub(crate) fn begins(bytes: &[u8]) -> bool {
+        FORMAT.begins(bytes)
+    }
+
+    /// Checks a file in memory, which errors call `name`.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn from_bytes(bytes: Vec<u8>, name: &Path) -> Result<Self, TensorFileError> {
+        Self::of(&FORMAT.in_memory(bytes, name)?)
+    }
+
+    fn of(file: &Loaded<'_>) -> Result<Self, TensorFileError> {
         let Description { domain, scene, settings, report, calibration, crc32, .. } = file.description()?;
         let tensors = file.tensors()?;
         settings.check().map_err(|e| file.damaged(&e))?;
