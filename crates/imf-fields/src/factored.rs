@@ -191,7 +191,7 @@ impl FactoredField {
         (!symmetry.is_none()).then(|| LocalHarmonics::new(symmetry, self.basis.degree()))
     }
 
-    /// Coefficients of a point as [`FactoredEvaluator`] has them for [`Self::heads`]: axes, or functions where the network is
+    /// Coefficients of a point as [`FactoredEvaluator`] has them for [`Self::direction_weights`]: axes, or functions where the network is
     /// told of symmetry.
     #[must_use]
     pub fn coefficient_count(&self) -> usize {
