@@ -161,14 +161,6 @@ impl SceneRecord {
     pub fn bare_tool(&self) -> &Tool {
         self.ungrown.as_ref().unwrap_or(&self.tool)
     }
-
-    /// Shank and holder, grown as the tool is: what stays out of the layer that the cutter may enter.
-    ///
-    /// # Errors
-    /// A clearance that is no length.
-    pub fn tool_without_cutter(&self) -> Result<Option<Tool>, ClearanceError> {
-        self.bare_tool().without_cutter().map(|rest| rest.inflated(&self.clearance)).transpose()
-    }
 }
 
 /// Part and fixtures apart, on one grid that holds all of them that matters.
