@@ -148,7 +148,7 @@ fn an_unfinished_stage_is_kept_for_its_own_settings() {
          stage.*.training.length={{steps=4000}} --checkpoint-every 0.01 --out out"
     );
     let checkpoint = "out/stages/main/checkpoint.safetensors";
-    work.interrupted_once_there_is(checkpoint, &line).interrupted(&["to go on"]);
+    work.interrupted_after(5, &line).interrupted(&["to go on"]);
     let kept = work.bytes(checkpoint);
     work.imf(&format!("{line} --set stage.main.training.batch=64"))
         .refused(&["stage main (training)", "--out"]);
@@ -200,7 +200,7 @@ fn the_waits_of_an_online_stage_are_those_of_all_its_runs() {
          --checkpoint-every 0.01 --out out"
     );
     let checkpoint = "out/stages/main/checkpoint.safetensors";
-    work.interrupted_once_there_is(checkpoint, &line).interrupted(&["to go on"]);
+    work.interrupted_after(5, &line).interrupted(&["to go on"]);
     let first = json(&work, "out/stages/main/waits.json");
     let count = |value: &Value, key: &str| value[key].as_u64().unwrap();
     assert!(count(&first, "sections") >= 8 && first["seconds"].as_f64().unwrap() > 0.0, "{first}");

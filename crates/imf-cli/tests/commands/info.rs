@@ -115,7 +115,7 @@ fn a_field_kept_for_numpy_is_refused_by_what_reads_fields() {
         &["export", "n.npz", "--out", "n.onnx"],
     ] {
         let run = folder.run(asked);
-        run.is_refusal(&["n.npz was saved for NumPy", "--save NAME.safetensors"], asked);
+        run.is_refusal(&["n.npz was saved for NumPy", "NAME.safetensors"], asked);
     }
     folder.refuse(&["query", "none.npz", "poses.csv"], &["cannot read", "none.npz"]);
 }

@@ -16,7 +16,7 @@ fn a_training_goes_on_from_its_checkpoint_to_the_bits_of_one_in_one_go() {
 
     let begin = format!("{TRAIN} {STEPS} --out broken --checkpoint-every 0.02");
     let checkpoint = "broken/checkpoint.safetensors";
-    work.interrupted_once_there_is(checkpoint, &begin).interrupted(&["is saved in", checkpoint, "--resume"]);
+    work.interrupted_after(5, &begin).interrupted(&["is saved in", checkpoint, "--resume"]);
     let saved = work.model(checkpoint);
     assert!((1..6000).contains(&saved.record.steps) && !saved.record.finished, "{}", saved.record.steps);
     assert!(saved.is_resumable() && !work.path("broken/model.safetensors").exists());

@@ -67,7 +67,7 @@ fn a_dataset_larger_than_memory_trains_from_its_shards_and_resumes_to_the_same_b
     // Interrupted, and gone on with where there is plenty.
     let begin = format!("{TRAIN} {LITTLE} --out broken --checkpoint-every 0.05");
     let checkpoint = "broken/checkpoint.safetensors";
-    work.interrupted_once_there_is(checkpoint, &begin).interrupted(&["is saved in", checkpoint, "--resume"]);
+    work.interrupted_after(5, &begin).interrupted(&["is saved in", checkpoint, "--resume"]);
     let saved = work.model(checkpoint);
     assert!((1..2600).contains(&saved.record.steps), "{}", saved.record.steps);
     assert_eq!(saved.record.groups_per_epoch, Some(groups));
@@ -85,11 +85,8 @@ fn a_dataset_larger_than_memory_trains_from_its_shards_and_resumes_to_the_same_b
     }
 
     // Begun in memory, it does not go on in another order.
-    work.interrupted_once_there_is(
-        "held/checkpoint.safetensors",
-        &format!("{TRAIN} {PLENTY} --out held --checkpoint-every 0.05"),
-    )
-    .interrupted(&["is saved in"]);
+    work.interrupted_after(5, &format!("{TRAIN} {PLENTY} --out held --checkpoint-every 0.05"))
+        .interrupted(&["is saved in"]);
     work.imf(&format!("{TRAIN} {LITTLE} --out held --resume"))
         .refused(&["begun with all of them in memory", "8 bytes each"]);
 
