@@ -3,7 +3,7 @@
 //
 // One invocation computes every (invocations)-th point of the part.
 //   values  [directions][points], the network's values of this part, from `base`
-//   least   [points], the least value so far
+//   least   [points], the minimum so far
 //   best    [points], index of its direction in the whole list
 
 @group(0) @binding(0) var<uniform> sweep: Sweep;

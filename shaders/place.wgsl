@@ -1,4 +1,4 @@
-// Purpose: the frame of a place, of fields that are told of the obstacle's symmetry: mirror planes fold the position, and about
+// Purpose: the frame of a place, of symmetry-reduced fields: mirror planes fold the position, and about
 // an axis the frame turns with the point. Without symmetry it is the world's, to the bit. Shared by the kernels that answer
 // poses; needs `symmetry`. The twin in Rust is `imf_core::factored::Symmetry`.
 

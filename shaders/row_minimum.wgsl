@@ -3,7 +3,7 @@
 //
 // One invocation computes every (invocations)-th row, a point.
 //   values  [padded_rows][outputs], the columns past `sweep.directions` are padding
-//   least   [rows], the least value so far, not clipped
+//   least   [rows], the minimum so far, not clipped
 //   best    [rows], index of its orientation in the whole list
 
 @group(0) @binding(0) var<uniform> batch: Batch;

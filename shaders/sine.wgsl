@@ -3,7 +3,7 @@
 //
 // x = n·π/2 + r with n = round(x·2/π) and |r| ≤ π/4 (Cody and Waite): π/2 is a sum of three numbers of few bits, so
 // that n times each of the first two is exact for |n| < 4096. The polynomials on [−π/4, π/4] are those of Cephes
-// (Moshier, `sinf.c`). Error at most 3e-7 for |x| ≤ 1000 (`tests/sine.rs`, which
+// (Moshier, `sinf.c`). Error at most 3e-7 for |x| ≤ 1000 (`shader/tests.rs`, which
 // also shows a compiler that regroups sums, as Metal's fast math may).
 
 struct SineCosine {

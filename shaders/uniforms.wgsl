@@ -161,7 +161,7 @@ struct Descent {
     skip_neurons: u32,
 }
 
-/// What a factored field's network is told of the obstacle's symmetry.
+/// The symmetry of the obstacle by which a factored field is reduced.
 struct Symmetry {
     /// Where mirror planes across x, y and z stand: below all positions where there is none.
     plane_x: f32,

@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, Result, bail, ensure};
 
 use crate::adapter;
-use crate::stages::{self, Stage};
+use crate::stages;
 
 /// Runs all checks.
 ///
@@ -17,13 +17,23 @@ use crate::stages::{self, Stage};
 /// The first stage that fails.
 pub(crate) fn run() -> Result<()> {
     stages::run(&[
-        Stage { name: "formatting", work: formatting },
-        Stage { name: "clippy", work: clippy },
-        Stage { name: "rustdoc", work: rustdoc },
-        Stage { name: "core alone", work: core_alone },
-        Stage { name: "GPU driver", work: adapter::ensure_driver },
-        Stage { name: "tests", work: tests },
+        ("formatting", formatting),
+        ("clippy", clippy),
+        ("rustdoc", rustdoc),
+        ("core alone", core_alone),
+        ("GPU driver", adapter::ensure_driver),
+        ("tests", tests),
     ])
+}
+
+/// Rewrites the lists of the public surface in `docs/api`.
+///
+/// # Errors
+/// A build that fails, or sources that cannot be read.
+pub(crate) fn api() -> Result<()> {
+    // Of the whole workspace, whose dependencies the other chores have compiled.
+    let test = ["test", "--workspace", "--test", "architecture", "surface"];
+    cargo(&test, &[("IMF_WRITE_API", "1")])
 }
 
 fn formatting() -> Result<()> {

@@ -1,7 +1,7 @@
 //! The project's own chores, run as `cargo xtask <chore>`.
 //!
 //! `test` is the whole of what continuous integration runs: see [`checks`]. `stress` kills trainings: see [`stress`]. `mpi` trains in
-//! several processes: see [`ranks`].
+//! several processes: see [`ranks`]. `api` writes the lists of the public surface: see [`checks::api`].
 
 mod adapter;
 mod checks;
@@ -19,6 +19,7 @@ chores:
            Vulkan driver, all tests
   stress   [--kills N] [--device cpu|software] [--seed S]: a training that is killed at random moments (50 by default)
            and resumed ends with the bytes of one in peace
+  api      writes the lists of what imf-core and imf-fields make public, docs/api, anew
   mpi      the build with the feature mpi, and trainings of several ranks by mpirun; needs an MPI library and libclang
 
 environment:
@@ -30,6 +31,7 @@ fn main() -> ExitCode {
     match arguments[..] {
         ["test"] => ended(checks::run()),
         ["mpi"] => ended(ranks::run()),
+        ["api"] => ended(checks::api()),
         ["stress", ref options @ ..] => ended(stress::Stress::parse(options).and_then(stress::Stress::run)),
         ["help" | "--help" | "-h"] => {
             println!("{USAGE}");

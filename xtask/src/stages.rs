@@ -5,65 +5,46 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::time::{Duration, Instant};
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result};
 
-/// One stage: a name for its headline and what it does.
-pub(crate) struct Stage {
-    /// Shown in the headline and in the summary.
-    pub(crate) name: &'static str,
-    /// The work; its error ends the run.
-    pub(crate) work: fn() -> Result<()>,
-}
-
-enum Outcome {
-    Passed(Duration),
-    Failed(Duration),
-    NotRun,
-}
+/// One stage: its name in headline and summary, and the work, whose error ends the run.
+pub(crate) type Stage = (&'static str, fn() -> Result<()>);
 
 /// Runs `stages` in order up to the first that fails, then prints the summary.
 ///
 /// # Errors
 /// The error of the stage that failed.
 pub(crate) fn run(stages: &[Stage]) -> Result<()> {
-    let mut outcomes = Vec::with_capacity(stages.len());
-    let mut failure = None;
-    for (index, stage) in stages.iter().enumerate() {
-        if failure.is_some() {
-            outcomes.push(Outcome::NotRun);
-            continue;
-        }
-        println!("\n=== {}/{} {} ===", index + 1, stages.len(), stage.name);
+    let mut times = Vec::with_capacity(stages.len());
+    let mut outcome = Ok(());
+    for (index, (name, work)) in stages.iter().enumerate() {
+        println!("\n=== {}/{} {name} ===", index + 1, stages.len());
         // The stage's own processes write to the same terminal: headline first.
         std::io::stdout().flush()?;
         let start = Instant::now();
-        match (stage.work)() {
-            Ok(()) => outcomes.push(Outcome::Passed(start.elapsed())),
-            Err(error) => {
-                outcomes.push(Outcome::Failed(start.elapsed()));
-                failure = Some((stage.name, error));
-            }
+        outcome = work().context(*name);
+        times.push(start.elapsed());
+        if outcome.is_err() {
+            break;
         }
     }
-    print!("{}", summary(stages, &outcomes));
-    match failure {
-        None => Ok(()),
-        Some((name, error)) => bail!("{name}: {error:#}"),
-    }
+    print!("{}", summary(stages, &times, outcome.is_err()));
+    outcome
 }
 
-fn summary(stages: &[Stage], outcomes: &[Outcome]) -> String {
-    let width = stages.iter().map(|stage| stage.name.len()).max().unwrap_or(0);
+/// One line a stage; `times` are of those that ran, of which the last failed or not.
+fn summary(stages: &[Stage], times: &[Duration], failed: bool) -> String {
+    let width = stages.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
     let mut text = String::from("\n=== summary ===\n");
-    for (stage, outcome) in stages.iter().zip(outcomes) {
-        let (verdict, time) = match outcome {
-            Outcome::Passed(time) => ("ok", Some(time)),
-            Outcome::Failed(time) => ("FAILED", Some(time)),
-            Outcome::NotRun => ("not run", None),
+    for (index, (name, _)) in stages.iter().enumerate() {
+        let verdict = match times.len() {
+            ran if index >= ran => "not run",
+            ran if failed && index + 1 == ran => "FAILED",
+            _ => "ok",
         };
-        let time = time.map_or_else(|| "-".to_owned(), |time| format!("{:.1} s", time.as_secs_f64()));
+        let time = times.get(index).map_or("-".into(), |time| format!("{:.1} s", time.as_secs_f64()));
         // Writing to a string cannot fail.
-        let _ = writeln!(text, "{:width$}  {verdict:<7}  {time:>8}", stage.name);
+        let _ = writeln!(text, "{name:width$}  {verdict:<7}  {time:>8}");
     }
     text
 }
@@ -74,28 +55,19 @@ mod tests {
 
     #[test]
     fn the_first_failure_ends_the_run_and_is_named() {
-        let stages = [
-            Stage { name: "first", work: || Ok(()) },
-            Stage { name: "second", work: || bail!("broken") },
-            Stage { name: "third", work: || panic!("a stage after a failure must not run") },
+        let stages: [Stage; 3] = [
+            ("first", || Ok(())),
+            ("second", || anyhow::bail!("broken")),
+            ("third", || panic!("a stage after a failure must not run")),
         ];
-        assert_eq!(run(&stages).unwrap_err().to_string(), "second: broken");
+        assert_eq!(format!("{:#}", run(&stages).unwrap_err()), "second: broken");
         assert!(run(&stages[..1]).is_ok());
     }
 
     #[test]
     fn the_summary_has_one_line_a_stage() {
-        let stages = [
-            Stage { name: "format", work: || Ok(()) },
-            Stage { name: "clippy", work: || Ok(()) },
-            Stage { name: "tests", work: || Ok(()) },
-        ];
-        let outcomes = [
-            Outcome::Passed(Duration::from_millis(1500)),
-            Outcome::Failed(Duration::from_secs(20)),
-            Outcome::NotRun,
-        ];
-        let text = summary(&stages, &outcomes);
+        let stages: [Stage; 3] = [("format", || Ok(())), ("clippy", || Ok(())), ("tests", || Ok(()))];
+        let text = summary(&stages, &[Duration::from_millis(1500), Duration::from_secs(20)], true);
         assert!(text.contains("format  ok          1.5 s\n"), "{text}");
         assert!(text.contains("clippy  FAILED     20.0 s\n"), "{text}");
         assert!(text.contains("tests   not run         -\n"), "{text}");

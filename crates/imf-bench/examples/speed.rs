@@ -4,10 +4,9 @@
 use std::time::Instant;
 
 use imf_core::field::EngineError;
-use imf_fields::recipe::TrainingState;
+use imf_fields::recipe::{Precision, TrainingState};
 use imf_fields::siren::EvaluationEngine;
 use imf_fields::siren::{INPUTS, SirenShape};
-use imf_gpu::shader::Factors;
 use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuTrainer, MatrixKernel, TrainerSettings};
 use imf_train::training::TrainingEngine;
 
@@ -27,23 +26,20 @@ fn main() -> Result<(), EngineError> {
     println!("{} hidden layers of {}, batch {batch}", shape.hidden, shape.width);
     for kernel in MatrixKernel::ALL {
         let gpu = gpu.clone().with_matrix_kernel(kernel);
-        measure(&gpu, shape, batch, Factors::Single)?;
-        if gpu.adapter().half.is_some() {
-            measure(&gpu.for_half(Some(Factors::Half))?, shape, batch, Factors::Half)?;
+        measure(&gpu, shape, batch, Precision::F32)?;
+        if gpu.adapter().half {
+            measure(&gpu, shape, batch, Precision::F16)?;
         }
-    }
-    if let Some(units @ Factors::Fragments(_)) = gpu.adapter().half {
-        measure(&gpu.with_matrix_kernel(MatrixKernel::Tiled).for_half(None)?, shape, batch, units)?;
     }
     Ok(())
 }
 
-fn measure(gpu: &Gpu, shape: SirenShape, batch: usize, factors: Factors) -> Result<(), EngineError> {
+fn measure(gpu: &Gpu, shape: SirenShape, batch: usize, precision: Precision) -> Result<(), EngineError> {
     let (inputs, targets) = (vec![0.1; INPUTS * batch], vec![0.5; batch]);
     let state = TrainingState::new(&shape, 1);
     let mut evaluator = GpuEvaluator::new(gpu, shape, &state.parameters)?;
-    let settings = TrainerSettings { factors, ..TrainerSettings::default() };
-    let mut trainer = GpuTrainer::of_stack(gpu, shape.stack(), &settings, batch, &state)?;
+    let settings = TrainerSettings { precision, ..TrainerSettings::default() };
+    let mut trainer = GpuTrainer::new(gpu, shape.stack(), &settings, batch, &state)?;
     let steps = rate(|| {
         for _ in 0..4 {
             trainer.step(&inputs, &targets, 1e-5)?;
@@ -59,10 +55,10 @@ fn measure(gpu: &Gpu, shape: SirenShape, batch: usize, factors: Factors) -> Resu
     let poses = rate(|| evaluator.minimum(&points, &directions, &mut least, &mut best))? * rows as f64;
     let giga = |samples: f64| samples * shape.forward_flops() as f64 / 1e9;
     println!(
-        "{:8} {:19} {steps:8.1} steps/s ({:.0} samples/s, {:.1} GFLOP/s); evaluation {values:.0} values/s ({:.1} GFLOP/s); \
+        "{:8} {:4} {steps:8.1} steps/s ({:.0} samples/s, {:.1} GFLOP/s); evaluation {values:.0} values/s ({:.1} GFLOP/s); \
          minimum {poses:.0} poses/s",
         gpu.matrix_kernel().name(),
-        factors.name(),
+        precision,
         steps * batch as f64,
         giga(steps * batch as f64) * STEP_OVER_FORWARD,
         giga(values),

@@ -140,7 +140,7 @@ pub(crate) fn run(session: &Session, arguments: &GpuArguments) -> Result<()> {
             steps(session, gpu, &trained(Precision::F32), part)
         }),
         (GpuPart::Training, "Training steps, f16", &|gpu, part| {
-            if gpu.adapter().half.is_none() {
+            if !gpu.adapter().half {
                 part.text = "This adapter has no f16 in shaders.\n".into();
                 return Ok(());
             }

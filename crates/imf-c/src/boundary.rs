@@ -3,6 +3,7 @@
 use std::any::Any;
 use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char};
+use std::mem::MaybeUninit;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// What became of a call.
@@ -115,38 +116,25 @@ pub(crate) unsafe fn read<'a, T>(pointer: *const T, count: usize, what: &str) ->
 /// # Safety
 /// As [`read`], of one element.
 pub(crate) unsafe fn read_one<'a, T>(pointer: *const T, what: &str) -> Result<&'a T, Refusal> {
-    check(pointer, 1, what)?;
-    // SAFETY: not null and aligned; the rest is guaranteed by the caller.
-    Ok(unsafe { &*pointer })
+    // SAFETY: guaranteed by the caller.
+    Ok(&unsafe { read(pointer, 1, what) }?[0])
 }
 
-/// Where C wants answers. The memory need not hold anything yet: it is only written.
-pub(crate) struct Places<T> {
+/// Where C wants results. The memory need not hold anything yet: it is only written.
+///
+/// # Safety
+/// `pointer` has room for `count` elements that nobody else reads or writes for as long as the slice is used.
+pub(crate) unsafe fn output<'a, T>(
     pointer: *mut T,
     count: usize,
-}
-
-impl<T: Copy> Places<T> {
-    /// Checks the pointer.
-    ///
-    /// # Safety
-    /// `pointer` has room for `count` elements that nobody else reads or writes for as long as the places are used.
-    pub(crate) unsafe fn new(pointer: *mut T, count: usize, what: &str) -> Result<Self, Refusal> {
-        if count > 0 {
-            check(pointer, count, what)?;
-        }
-        Ok(Self { pointer, count })
+    what: &str,
+) -> Result<&'a mut [MaybeUninit<T>], Refusal> {
+    if count == 0 {
+        return Ok(&mut []);
     }
-
-    /// Writes one answer.
-    ///
-    /// # Panics
-    /// If there is no such place.
-    pub(crate) fn write(&mut self, place: usize, value: T) {
-        assert!(place < self.count, "a place beyond the end");
-        // SAFETY: checked in `new` and here; the memory is guaranteed there.
-        unsafe { self.pointer.add(place).write(value) };
-    }
+    check(pointer, count, what)?;
+    // SAFETY: not null, aligned, of a size that can be; the rest is guaranteed by the caller.
+    Ok(unsafe { std::slice::from_raw_parts_mut(pointer.cast(), count) })
 }
 
 /// A path that C gives.
@@ -196,8 +184,8 @@ mod tests {
             let askew = numbers.as_ptr().byte_add(1);
             assert_eq!(status(read(askew, 1, "poses")), Some(ImfStatus::Argument));
             assert_eq!(status(read(numbers.as_ptr(), usize::MAX / 2, "poses")), Some(ImfStatus::Argument));
-            assert!(Places::<f32>::new(std::ptr::null_mut(), 0, "values").is_ok());
-            assert!(Places::<f32>::new(std::ptr::null_mut(), 1, "values").is_err());
+            assert!(output::<f32>(std::ptr::null_mut(), 0, "values").is_ok());
+            assert!(output::<f32>(std::ptr::null_mut(), 1, "values").is_err());
             assert_eq!(path(std::ptr::null()).unwrap_err().status, ImfStatus::NullPointer);
             assert_eq!(path(c"\xff".as_ptr()).unwrap_err().status, ImfStatus::Argument);
         }

@@ -10,7 +10,7 @@ use imf_fields::calibration::Calibration;
 use imf_fields::field::{Field, LoadError, VerifiedField};
 use imf_fields::file::FieldFile;
 
-use crate::boundary::{ImfStatus, Places, Refusal, call, path, read_one};
+use crate::boundary::{ImfStatus, Refusal, call, output, path, read_one};
 use crate::values::ImfQuantity;
 
 /// A field, opened from a file.
@@ -112,11 +112,11 @@ unsafe fn open(
 ) -> ImfStatus {
     call(|| {
         // SAFETY: guaranteed by the caller.
-        let mut place = unsafe { Places::new(field, 1, "field") }?;
-        place.write(0, std::ptr::null_mut());
+        let place = &mut unsafe { output(field, 1, "field") }?[0];
+        place.write(std::ptr::null_mut());
         // SAFETY: guaranteed by the caller.
         let path = unsafe { path(path_text) }?;
-        place.write(0, Box::into_raw(Box::new(opened(Path::new(path))?)));
+        place.write(Box::into_raw(Box::new(opened(Path::new(path))?)));
         Ok(())
     })
 }
@@ -186,8 +186,8 @@ pub unsafe extern "C" fn imf_open_exact(path: *const c_char, field: *mut *mut Im
 pub unsafe extern "C" fn imf_info(field: *const ImfField, info: *mut ImfInfo) -> ImfStatus {
     call(|| {
         // SAFETY: guaranteed by the caller.
-        let (field, mut place) = unsafe { (read_one(field, "field")?, Places::new(info, 1, "info")?) };
-        place.write(0, field.info);
+        let (field, place) = unsafe { (read_one(field, "field")?, output(info, 1, "info")?) };
+        place[0].write(field.info);
         Ok(())
     })
 }

@@ -4,7 +4,7 @@ use imf_core::field::{Best, Decision, FieldError, Gradient};
 use imf_core::glam::{DQuat, DVec3};
 use imf_core::pose::Pose;
 
-use crate::boundary::{ImfStatus, Places, Refusal, call, read, read_one};
+use crate::boundary::{ImfStatus, Refusal, call, output, read, read_one};
 use crate::field::{ImfField, Kind};
 use crate::values::{ImfBest, ImfDecision, ImfGradient, ImfMotion, ImfPose};
 
@@ -36,19 +36,16 @@ unsafe fn each<T: Copy, C: Copy + From<T>>(
         // SAFETY: guaranteed by the caller.
         let field = unsafe { read_one(field, "field") }?;
         // SAFETY: guaranteed by the caller.
-        let (poses, mut answers) =
-            unsafe { (read(poses, count, "poses")?, Places::new(answers, count, what)?) };
+        let (poses, answers) = unsafe { (read(poses, count, "poses")?, output(answers, count, what)?) };
         let mut turned = [Pose::new(DVec3::ZERO, DQuat::IDENTITY); BLOCK];
         let mut found = [blank; BLOCK];
-        for (block, poses) in poses.chunks(BLOCK).enumerate() {
+        for (poses, answers) in poses.chunks(BLOCK).zip(answers.chunks_mut(BLOCK)) {
             for (turned, pose) in turned.iter_mut().zip(poses) {
                 *turned = pose.to_pose();
             }
             let found = &mut found[..poses.len()];
             ask(field, &turned[..poses.len()], found).map_err(|error| of_field(&error))?;
-            for (place, &answer) in found.iter().enumerate() {
-                answers.write(block * BLOCK + place, answer.into());
-            }
+            answers.iter_mut().zip(found).for_each(|(place, answer)| _ = place.write((*answer).into()));
         }
         Ok(())
     })
@@ -123,20 +120,18 @@ pub unsafe extern "C" fn imf_best(
         // SAFETY: guaranteed by the caller.
         let field = unsafe { read_one(field, "field") }?;
         // SAFETY: guaranteed by the caller; a count that overflows is absurd and refused as such.
-        let (points, rotations, mut places) = unsafe {
+        let (points, rotations, places) = unsafe {
             (
                 read(points, point_count.saturating_mul(3), "points")?,
                 read(rotations, rotation_count.saturating_mul(4), "rotations")?,
-                Places::new(best, point_count, "best")?,
+                output(best, point_count, "best")?,
             )
         };
         let points: Vec<DVec3> = points.as_chunks().0.iter().copied().map(DVec3::from_array).collect();
         let rotations: Vec<DQuat> = rotations.as_chunks().0.iter().copied().map(DQuat::from_array).collect();
         let mut found = vec![Best::NONE; points.len()];
         field.poses().best(&points, &rotations, &mut found).map_err(|error| of_field(&error))?;
-        for (place, best) in found.into_iter().enumerate() {
-            places.write(place, best.into());
-        }
+        places.iter_mut().zip(found).for_each(|(place, best)| _ = place.write(best.into()));
         Ok(())
     })
 }
@@ -157,7 +152,7 @@ pub unsafe extern "C" fn imf_check_motion(
         // SAFETY: guaranteed by the caller.
         let (field, a, b) = unsafe { (read_one(field, "field")?, read_one(a, "a")?, read_one(b, "b")?) };
         // SAFETY: guaranteed by the caller.
-        let mut place = unsafe { Places::new(motion, 1, "motion") }?;
+        let place = unsafe { output(motion, 1, "motion") }?;
         let found = match &field.kind {
             Kind::Verified(verified) => verified.check_motion(&a.to_pose(), &b.to_pose()),
             Kind::Exact(checker) => checker.check_motion(&a.to_pose(), &b.to_pose()),
@@ -167,7 +162,8 @@ pub unsafe extern "C" fn imf_check_motion(
                 return Err(Refusal::new(ImfStatus::Unsupported, message));
             }
         };
-        place.write(0, found.map_err(|error| Refusal::new(ImfStatus::NoAnswer, error.to_string()))?.into());
+        let found = found.map_err(|error| Refusal::new(ImfStatus::NoAnswer, error.to_string()))?;
+        place[0].write(found.into());
         Ok(())
     })
 }

@@ -213,7 +213,7 @@ pub(crate) struct PlanArguments {
     #[arg(long, value_enum, default_value = "l1")]
     pub(crate) loss: LossKind,
     /// What products of layers are computed in, sums being f32: f32; bf16 (factors rounded to bfloat16), faster on CPUs with
-    /// AVX-512 BF16; or f16 (factors rounded to f16) on GPUs, by their matrix units where they have them
+    /// AVX-512 BF16; or f16 (factors rounded to f16) on GPUs
     #[arg(long, value_enum, default_value = "f32")]
     pub(crate) precision: PrecisionKind,
     /// Coupled L2 of Adam

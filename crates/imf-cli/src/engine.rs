@@ -10,7 +10,7 @@ use imf_fields::recipe::{Precision, TrainingState};
 use imf_fields::siren::EvaluationEngine;
 use imf_fields::siren::SirenShape;
 use imf_fields::siren::evaluator::CpuEvaluator;
-use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuField, GpuTrainer};
+use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuField, GpuTrainer, TrainerSettings};
 use imf_train::engine::CpuTrainer;
 use imf_train::training::TrainingEngine;
 
@@ -168,7 +168,8 @@ impl Device {
             }
             Self::Gpu(gpu) => {
                 let (adam, loss, precision) = (plan.adam, plan.loss, plan.precision);
-                Box::new(GpuTrainer::with_precision(gpu, shape, adam, loss, batch, &state, precision)?)
+                let settings = TrainerSettings { adam, loss, precision, ..TrainerSettings::default() };
+                Box::new(GpuTrainer::new(gpu, shape.stack(), &settings, batch, &state)?)
             }
         })
     }

@@ -1,4 +1,4 @@
-//! Which adapter to run on: the list of what the machine has, and the choice by flag or automatically.
+//! Which adapter to run on: the list of what the machine has, and the choice by name or automatically.
 //!
 //! Automatic means a discrete GPU, else an integrated one. A software device (Mesa's lavapipe, Windows' WARP) is slower
 //! than this project's own CPU engine, so it is taken only when asked for.
@@ -10,8 +10,6 @@ use std::str::FromStr;
 use imf_core::field::EngineError;
 use thiserror::Error;
 use wgpu::DeviceType;
-
-use crate::shader::{FRAGMENTS_MEMORY, Factors, Fragment};
 
 /// Which adapter is wanted.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -64,8 +62,8 @@ pub struct AdapterSummary {
     pub workgroup_memory: u32,
     /// Workgroups in one dimension of a dispatch.
     pub workgroups: u32,
-    /// What products in half precision would be computed with; none where shaders have no f16.
-    pub half: Option<Factors>,
+    /// Whether shaders have f16.
+    pub half: bool,
 }
 
 impl AdapterSummary {
@@ -82,36 +80,10 @@ impl AdapterSummary {
             buffer: limits.max_buffer_size,
             workgroup_memory: limits.max_compute_workgroup_storage_size,
             workgroups: limits.max_compute_workgroups_per_dimension,
-            half: half(adapter, limits.max_compute_workgroup_storage_size),
+            half: adapter.features().contains(wgpu::Features::SHADER_F16),
         }
     }
-}
 
-/// The best way of an adapter to multiply f16.
-fn half(adapter: &wgpu::Adapter, workgroup_memory: u32) -> Option<Factors> {
-    let offered = adapter.features();
-    if !offered.contains(wgpu::Features::SHADER_F16) {
-        return None;
-    }
-    let info = adapter.get_info();
-    let fits = |fragment: &Fragment| {
-        let side = fragment.side();
-        info.subgroup_min_size == fragment.subgroup()
-            && info.subgroup_max_size == fragment.subgroup()
-            && adapter.cooperative_matrix_properties().iter().any(|found| {
-                [found.m_size, found.n_size, found.k_size] == [side; 3]
-                    && found.ab_type == wgpu::CooperativeScalarType::F16
-                    && found.cr_type == wgpu::CooperativeScalarType::F32
-            })
-    };
-    let fragment = Fragment::ALL.into_iter().find(fits).filter(|_| {
-        offered.contains(wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX | wgpu::Features::SUBGROUP)
-            && workgroup_memory >= FRAGMENTS_MEMORY
-    });
-    Some(fragment.map_or(Factors::Half, Factors::Fragments))
-}
-
-impl AdapterSummary {
     /// True for a device that computes on the CPU.
     #[must_use]
     pub fn is_software(&self) -> bool {
@@ -147,7 +119,7 @@ impl fmt::Display for AdapterSummary {
             mebibytes(self.buffer),
             self.workgroup_memory >> 10,
             self.workgroups,
-            self.half.map_or("no f16", Factors::name),
+            if self.half { "f16" } else { "no f16" },
         )
     }
 }
@@ -260,7 +232,7 @@ mod tests {
             buffer: 1 << 31,
             workgroup_memory: 32 << 10,
             workgroups: 65_535,
-            half: None,
+            half: false,
         };
         kinds.iter().enumerate().map(adapter).collect()
     }

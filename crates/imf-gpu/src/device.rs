@@ -3,15 +3,14 @@
 //! wgpu reports most failures through callbacks, some time after the call that caused them. They are kept here, and
 //! the next call that can return an error returns them.
 
-use std::fmt::Write as _;
+use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use bytemuck::Pod;
 use imf_core::field::EngineError;
 use wgpu::DeviceType;
 
 use crate::adapter::{self, AdapterSummary, DeviceChoice};
-use crate::shader::{Factors, MatrixKernel};
+use crate::shader::MatrixKernel;
 
 /// Limits that buffers and dispatches keep to: the adapter's, or smaller ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,12 +35,14 @@ impl GpuLimits {
 pub struct Gpu {
     device: wgpu::Device,
     queue: wgpu::Queue,
-    adapter: AdapterSummary,
+    adapter: Arc<AdapterSummary>,
     limits: GpuLimits,
     matrix: MatrixKernel,
-    /// What products in half precision are computed with, on a device opened for them.
-    half: Option<Factors>,
     faults: Faults,
+    /// Submissions that nobody waited for.
+    pub(crate) under_way: Arc<Mutex<VecDeque<wgpu::SubmissionIndex>>>,
+    /// The buffer that was last read by; see `transfer.rs`.
+    pub(crate) staging: Arc<Mutex<Option<wgpu::Buffer>>>,
 }
 
 /// The first failure that a callback reported.
@@ -67,41 +68,13 @@ impl Gpu {
     /// # Errors
     /// [`EngineError::Device`] naming cause and remedy: no such adapter, no driver or loader, or a driver that refuses.
     pub fn open(choice: &DeviceChoice) -> Result<Self, EngineError> {
-        Self::open_with(choice, None)
-    }
-
-    /// The same adapter opened anew for products in half precision, with the best that it offers
-    /// ([`AdapterSummary::half`]) or with `factors`.
-    ///
-    /// # Errors
-    /// [`EngineError::Device`]: it has no f16, or the driver refuses.
-    pub fn for_half(&self, factors: Option<Factors>) -> Result<Self, EngineError> {
-        let Some(half) = factors.or(self.adapter.half) else {
-            return Err(EngineError::Device(format!(
-                "{} has no f16 in shaders: train with precision f32, or choose another adapter",
-                self.adapter.name
-            )));
-        };
-        let opened = Self::open_with(&DeviceChoice::Index(self.adapter.index), Some(half))?;
-        Ok(opened.with_limits(self.limits).with_matrix_kernel(self.matrix))
-    }
-
-    fn open_with(choice: &DeviceChoice, half: Option<Factors>) -> Result<Self, EngineError> {
         let (summary, adapter) = adapter::choose(choice)?;
         let limits = adapter.limits();
-        let fragments = matches!(half, Some(Factors::Fragments(_)));
-        let mut features = wgpu::Features::empty();
-        features.set(wgpu::Features::SHADER_F16, half.is_some());
-        features.set(wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX | wgpu::Features::SUBGROUP, fragments);
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("imf"),
-            required_features: features,
+            required_features: adapter.features() & wgpu::Features::SHADER_F16,
             required_limits: limits.clone(),
-            experimental_features: if fragments {
-                experimental()
-            } else {
-                wgpu::ExperimentalFeatures::disabled()
-            },
+            experimental_features: wgpu::ExperimentalFeatures::disabled(),
             memory_hints: wgpu::MemoryHints::Performance,
             trace: wgpu::Trace::Off,
         }))
@@ -129,7 +102,16 @@ impl Gpu {
             buffer: limits.max_buffer_size,
             workgroups: limits.max_compute_workgroups_per_dimension,
         };
-        Ok(Self { device, queue, adapter: summary, limits, matrix, half, faults })
+        Ok(Self {
+            device,
+            queue,
+            adapter: Arc::new(summary),
+            limits,
+            matrix,
+            faults,
+            under_way: Arc::default(),
+            staging: Arc::default(),
+        })
     }
 
     /// The same device held to smaller limits where `limits` has smaller ones.
@@ -151,9 +133,7 @@ impl Gpu {
     /// Name, backend, driver, limits and matrix kernel in one line, for people.
     #[must_use]
     pub fn describe(&self) -> String {
-        let mut text = self.adapter.to_string();
-        let _ = write!(text, ", {} matrix kernel", self.matrix.name());
-        text
+        format!("{}, {} matrix kernel", self.adapter, self.matrix.name())
     }
 
     /// What the adapter is and can do.
@@ -172,12 +152,6 @@ impl Gpu {
     #[must_use]
     pub fn matrix_kernel(&self) -> MatrixKernel {
         self.matrix
-    }
-
-    /// What products in half precision are computed with; none on a device that is not opened by [`Self::for_half`].
-    #[must_use]
-    pub fn half(&self) -> Option<Factors> {
-        self.half
     }
 
     /// The device, for kernels of one's own.
@@ -221,64 +195,6 @@ impl Gpu {
             EngineError::Device(format!("waiting for {} failed: {error}", self.adapter.name))
         })
     }
-
-    /// Copies the first `count` elements of a buffer to the host; waits for the device.
-    pub(crate) fn read<T: Pod>(&self, buffer: &wgpu::Buffer, count: usize) -> Result<Vec<T>, EngineError> {
-        if count == 0 {
-            return Ok(Vec::new());
-        }
-        self.finish_read(self.begin_read(buffer, count * size_of::<T>() / 4)?)
-    }
-
-    /// Submits a copy of the first `count` 4-byte elements of a buffer, of which there is at least one.
-    pub(crate) fn begin_read(&self, buffer: &wgpu::Buffer, count: usize) -> Result<Reading, EngineError> {
-        let bytes = 4 * count as u64;
-        let staging = self.guarded(|| {
-            self.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("read-back"),
-                size: bytes,
-                usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            })
-        })?;
-        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
-        let submission = self.queue.submit([encoder.finish()]);
-        // A failed mapping shows in `get_mapped_range`.
-        staging.map_async(wgpu::MapMode::Read, .., |_| ());
-        Ok(Reading { staging, submission })
-    }
-
-    /// What was copied; waits for the copy, and not for what was submitted after it.
-    pub(crate) fn finish_read<T: Pod>(&self, reading: Reading) -> Result<Vec<T>, EngineError> {
-        let Reading { staging, submission } = reading;
-        self.wait(Some(submission))?;
-        let view = self.mapped(&staging, staging.size())?;
-        Ok(bytemuck::pod_collect_to_vec(&view))
-    }
-
-    /// The first bytes of a buffer whose mapping the device was waited for.
-    pub(crate) fn mapped(&self, buffer: &wgpu::Buffer, bytes: u64) -> Result<wgpu::BufferView, EngineError> {
-        buffer.get_mapped_range(..bytes).map_err(|error| {
-            EngineError::Device(format!("reading back from {} failed: {error}", self.adapter.name))
-        })
-    }
-}
-
-/// Leave to use the matrix units, whose interface wgpu calls experimental: who trains in f16 asks for it, and
-/// `trainer/proof.rs` compares their products with plain ones before anything is trained.
-#[expect(unsafe_code, reason = "wgpu's way of saying that an interface may change and is less tried")]
-fn experimental() -> wgpu::ExperimentalFeatures {
-    // SAFETY: nothing that this crate relies on for memory safety hangs on it; wgpu's notes ask that its users know
-    // that the interface is not yet proven against ill-formed shaders, and ours are fixed and validated in tests.
-    unsafe { wgpu::ExperimentalFeatures::enabled() }
-}
-
-/// A copy to the host that is under way.
-#[derive(Debug)]
-pub(crate) struct Reading {
-    staging: wgpu::Buffer,
-    submission: wgpu::SubmissionIndex,
 }
 
 /// A wgpu error as cause and remedy.
@@ -286,7 +202,7 @@ fn explain(error: &wgpu::Error) -> String {
     match error {
         wgpu::Error::OutOfMemory { .. } => {
             "the GPU ran out of memory. Close other programs that use it, take a smaller batch, network or grid, or use \
-             the CPU (--device cpu)"
+             the CPU"
                 .to_owned()
         }
         wgpu::Error::Validation { description, .. } => format!(

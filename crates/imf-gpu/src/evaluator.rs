@@ -7,14 +7,12 @@ use imf_core::field::EngineError;
 use imf_fields::siren::EvaluationEngine;
 use imf_fields::siren::{INPUTS, SirenShape, features};
 
-use crate::device::{Gpu, GpuLimits};
-use crate::forward::{Forward, Network, layout_for, rows_per_pass};
-use crate::kernel::{Bound, Kernel, uniform};
-use crate::layout::PaddedLayout;
-use crate::memory::Plan;
-use crate::shader::{DIRECTION_INPUTS, Factors, POINT_INPUTS, Shader};
-use crate::submit::Submissions;
-use crate::uniforms::{Batch, Sweep};
+use crate::device::Gpu;
+use crate::forward::{LayerKernels, Network, layout_for, rows_per_pass};
+use crate::kernel::{Dispatch, Extent, Kernel, uniform};
+use crate::memory::allocate;
+use crate::shader::{DIRECTION_INPUTS, POINT_INPUTS, Shader};
+use crate::uniforms::Sweep;
 
 /// Elements of one signal: 16 MiB, 8192 rows of the paper's 512 neurons.
 const SIGNAL_ELEMENTS: usize = 1 << 22;
@@ -30,11 +28,10 @@ pub struct GpuEvaluator {
     part_rows: usize,
     /// Values that `outputs` holds.
     gathered: usize,
-    from_samples: Vec<Option<Bound>>,
-    from_poses: Vec<Option<Bound>>,
-    forward: Forward,
-    values: Bound,
-    minimum: Bound,
+    /// From samples to values.
+    of_samples: Vec<Dispatch>,
+    /// From points × directions to the minimum.
+    of_poses: Vec<Dispatch>,
     sweep: wgpu::Buffer,
     samples: wgpu::Buffer,
     points: wgpu::Buffer,
@@ -43,42 +40,7 @@ pub struct GpuEvaluator {
     least: wgpu::Buffer,
     best: wgpu::Buffer,
     /// Everything that a part writes before it reads it.
-    scratch: Vec<wgpu::Buffer>,
-    submissions: Submissions,
-}
-
-/// Places of an evaluator's buffers in its plan.
-struct Places {
-    parameters: usize,
-    samples: usize,
-    points: usize,
-    directions: usize,
-    signals: [usize; 2],
-    results: usize,
-    outputs: usize,
-    least: usize,
-    best: usize,
-}
-
-/// What an evaluator allocates, rows of one pass, and values gathered before they are read.
-fn plan(layout: &PaddedLayout, limits: GpuLimits) -> (Plan, Places, usize, usize) {
-    let columns = layout.layers.iter().map(|layer| layer.inputs).max().unwrap_or(1);
-    let rows = rows_per_pass(layout, limits, (SIGNAL_ELEMENTS / columns).clamp(1024, 1 << 16));
-    let binding = limits.elements();
-    let gathered = (GATHERED.min(binding) / rows).max(1) * rows;
-    let mut plan = Plan::default();
-    let places = Places {
-        parameters: plan.add("parameters", layout.parameters),
-        samples: plan.add("samples", rows * INPUTS),
-        points: plan.add("points", rows * POINT_INPUTS as usize),
-        directions: plan.add("directions", rows * DIRECTION_INPUTS as usize),
-        signals: [0, 1].map(|_| plan.add("signal", rows * columns)),
-        results: plan.add("results", rows * layout.layers.last().map_or(0, |layer| layer.outputs)),
-        outputs: plan.add("outputs", gathered),
-        least: plan.add("least values", rows),
-        best: plan.add("best directions", rows),
-    };
-    (plan, places, rows, gathered)
+    scratch: [wgpu::Buffer; 4],
 }
 
 impl GpuEvaluator {
@@ -90,31 +52,47 @@ impl GpuEvaluator {
     pub fn new(gpu: &Gpu, shape: SirenShape, parameters: &[f32]) -> Result<Self, EngineError> {
         let layout = layout_for(gpu, shape.stack())?;
         shape.check_parameters(parameters).map_err(|error| EngineError::Shape(error.to_string()))?;
-        let (plan, places, part_rows, gathered) = plan(&layout, gpu.limits());
-        let buffers = plan.allocate(gpu)?;
-        let at = |place: usize| buffers[place].clone();
-        let network = Network::new(gpu, layout, at(places.parameters), parameters)?;
-        let turns: Vec<wgpu::Buffer> =
-            (0..network.layers.len()).map(|layer| at(places.signals[layer % 2])).collect();
-        let (results, outputs) = (at(places.results), at(places.outputs));
-        let (samples, points, directions) = (at(places.samples), at(places.points), at(places.directions));
-        let (least, best) = (at(places.least), at(places.best));
+        let columns = layout.layers.iter().map(|layer| layer.inputs).max().unwrap_or(1);
+        let part_rows =
+            rows_per_pass(&layout, gpu.limits(), (SIGNAL_ELEMENTS / columns).clamp(1024, 1 << 16));
+        let gathered = (GATHERED.min(gpu.limits().elements()) / part_rows).max(1) * part_rows;
+        let outputs = layout.layers.last().map_or(0, |layer| layer.outputs);
+        let [weights, samples, points, directions, even, odd, results, outputs, least, best] = allocate(
+            gpu,
+            [
+                ("parameters", layout.parameters),
+                ("samples", part_rows * INPUTS),
+                ("points", part_rows * POINT_INPUTS as usize),
+                ("directions", part_rows * DIRECTION_INPUTS as usize),
+                ("signal", part_rows * columns),
+                ("signal", part_rows * columns),
+                ("results", part_rows * outputs),
+                ("outputs", gathered),
+                ("minima", part_rows),
+                ("best directions", part_rows),
+            ],
+        )?;
+        let network = Network::new(gpu, layout, weights, parameters)?;
+        let in_turns: Vec<wgpu::Buffer> =
+            [&even, &odd].into_iter().cycle().take(network.layers.len()).cloned().collect();
         let sweep = uniform(gpu, "sweep", &Sweep::default())?;
         let last = &network.layers[network.layers.len() - 1];
-        let kernel = |shader| Kernel::new(gpu, shader);
+        let layers = LayerKernels::new(gpu, Shader::HiddenEvaluate, false)?;
+        let values = Kernel::new(gpu, Shader::Outputs)?;
+        let pass = |shader, sources: &[&wgpu::Buffer]| {
+            let inputs = Kernel::new(gpu, shader)?;
+            let mut pass = network.forward(gpu, &layers, (&inputs, sources), &in_turns, &results, &[])?;
+            pass.push(values.bind(Extent::Rows(1), &[&network.batch, last, &sweep, &results, &outputs]));
+            Ok::<_, EngineError>(pass)
+        };
+        let of_samples = pass(Shader::Inputs, &[&samples])?;
+        let mut of_poses = pass(Shader::Poses, &[&sweep, &points, &directions])?;
+        let minimum = Kernel::new(gpu, Shader::Minimum)?;
+        of_poses.push(minimum.bind(Extent::Elements(part_rows), &[&sweep, &outputs, &least, &best]));
         Ok(Self {
-            from_samples: network.bind_inputs(gpu, &kernel(Shader::Inputs)?, &[&samples], &turns)?,
-            from_poses: network.bind_inputs(
-                gpu,
-                &kernel(Shader::Poses)?,
-                &[&sweep, &points, &directions],
-                &turns,
-            )?,
-            forward: Forward::new(gpu, &network, &turns, &results, None, Factors::Single)?,
-            values: kernel(Shader::Outputs)?.bind(gpu, &[&network.batch, last, &sweep, &results, &outputs]),
-            minimum: kernel(Shader::Minimum)?.bind(gpu, &[&sweep, &outputs, &least, &best]),
-            scratch: [places.signals[0], places.signals[1], places.results, places.outputs].map(at).to_vec(),
             gpu: gpu.clone(),
+            of_samples,
+            of_poses,
             network,
             part_rows,
             gathered,
@@ -122,46 +100,24 @@ impl GpuEvaluator {
             samples,
             points,
             directions,
+            scratch: [even, odd, results, outputs.clone()],
             outputs,
             least,
             best,
-            submissions: Submissions::default(),
         })
-    }
-
-    /// Bytes of device memory that an evaluator needs, read-back and uniforms left out.
-    ///
-    /// # Errors
-    /// As [`GpuEvaluator::new`], without allocating anything.
-    pub fn memory_bytes(gpu: &Gpu, shape: SirenShape) -> Result<u64, EngineError> {
-        let plan = plan(&layout_for(gpu, shape.stack())?, gpu.limits()).0;
-        plan.check(gpu.limits())?;
-        Ok(plan.bytes())
     }
 
     /// Fills all scratch memory with `value`, on which no result may depend: for tests.
     pub fn fill_scratch(&mut self, value: f32) {
-        for buffer in &self.scratch {
-            let values = vec![value; buffer.size() as usize / 4];
-            self.gpu.queue().write_buffer(buffer, 0, bytemuck::cast_slice(&values));
-        }
+        self.scratch.iter().for_each(|buffer| self.gpu.fill(buffer, value));
     }
 
     /// Submits one part: its inputs are already written; its values go to `outputs` from `sweep.base`.
-    fn part(&mut self, rows: usize, sweep: Sweep, minimum: bool) -> Result<(), EngineError> {
-        let padded_rows = rows.next_multiple_of(self.network.layout.padding);
-        let batch = Batch { rows: rows as u32, padded_rows: padded_rows as u32, ..Batch::default() };
-        self.gpu.queue().write_buffer(&self.network.batch, 0, bytemuck::bytes_of(&batch));
-        self.gpu.queue().write_buffer(&self.sweep, 0, bytemuck::bytes_of(&sweep));
-        let workgroups = self.gpu.limits().workgroups;
-        let inputs = if minimum { &self.from_poses } else { &self.from_samples };
-        self.submissions.pass(&self.gpu, |pass| {
-            self.forward.record(pass, inputs, padded_rows, workgroups);
-            self.values.linear(pass, rows, workgroups);
-            if minimum {
-                self.minimum.linear(pass, sweep.points as usize, workgroups);
-            }
-        })
+    fn part(&self, pass: &[Dispatch], rows: usize, sweep: Sweep) -> Result<(), EngineError> {
+        let batch = self.network.batch_of(rows);
+        self.gpu.write(&self.network.batch, &[batch]);
+        self.gpu.write(&self.sweep, &[sweep]);
+        self.gpu.run(pass, batch)
     }
 }
 
@@ -189,8 +145,8 @@ impl EvaluationEngine for GpuEvaluator {
             let mut base = 0;
             for part in inputs.chunks(INPUTS * self.part_rows) {
                 let rows = part.len() / INPUTS;
-                self.gpu.queue().write_buffer(&self.samples, 0, bytemuck::cast_slice(part));
-                self.part(rows, Sweep { base: base as u32, ..Sweep::default() }, false)?;
+                self.gpu.write(&self.samples, part);
+                self.part(&self.of_samples, rows, Sweep { base: base as u32, ..Sweep::default() })?;
                 base += rows;
             }
             outputs.copy_from_slice(&self.gpu.read::<f32>(&self.outputs, base)?);
@@ -207,7 +163,7 @@ impl EvaluationEngine for GpuEvaluator {
     ) -> Result<(), EngineError> {
         if least.len() != points.len() || best.len() != points.len() {
             return Err(EngineError::Shape(format!(
-                "{} points need as many least values and best directions, not {} and {}",
+                "{} points need as many minima and best directions, not {} and {}",
                 points.len(),
                 least.len(),
                 best.len()
@@ -229,18 +185,18 @@ impl EvaluationEngine for GpuEvaluator {
         let blocks = least.chunks_mut(self.part_rows).zip(best.chunks_mut(self.part_rows));
         for (points, (least, best)) in points.chunks(self.part_rows).zip(blocks) {
             let block: Vec<[f32; 3]> = points.iter().map(of_point).collect();
-            self.gpu.queue().write_buffer(&self.points, 0, bytemuck::cast_slice(&block));
+            self.gpu.write(&self.points, &block);
             let at_once = self.part_rows / points.len();
             for (index, part) in directions.chunks(at_once).enumerate() {
                 let block: Vec<[f32; 2]> = part.iter().map(of_direction).collect();
-                self.gpu.queue().write_buffer(&self.directions, 0, bytemuck::cast_slice(&block));
+                self.gpu.write(&self.directions, &block);
                 let sweep = Sweep {
                     base: 0,
                     points: points.len() as u32,
                     directions: part.len() as u32,
                     first_direction: (index * at_once) as u32,
                 };
-                self.part(points.len() * part.len(), sweep, true)?;
+                self.part(&self.of_poses, points.len() * part.len(), sweep)?;
             }
             least.copy_from_slice(&self.gpu.read::<f32>(&self.least, points.len())?);
             best.copy_from_slice(&self.gpu.read::<u32>(&self.best, points.len())?);

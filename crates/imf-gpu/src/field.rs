@@ -2,19 +2,21 @@
 //! from buffers that stay on the device; and whole grids.
 //!
 //! The twin on the CPU is [`Field`], whose conventions hold here: an invalid pose is NaN and colliding, outside the box
-//! of the voxel centres values are those of the nearest point inside. How poses pass through a family's field stands in
-//! `field/siren.rs`, `field/factored.rs` and `field/harmonic.rs`, whole grids in `field/grid.rs`. Buffers for slices of the host
-//! are kept from call to call.
+//! of the voxel centres values are those of the nearest point inside. Poses pass through every field alike (`field/passes.rs`), by
+//! the kernels of its family (`field/siren.rs`, `field/factored.rs`, `field/harmonic.rs`); whole grids stand in `field/grid.rs`.
+//! Buffers for slices of the host are kept from call to call.
 
+mod coefficients;
 mod device_types;
 mod factored;
-pub(crate) mod grid;
+mod grid;
 mod harmonic;
 mod host;
 mod network;
+mod passes;
+mod poses;
 mod siren;
 mod turns;
-mod work;
 
 pub use device_types::{DeviceGradient, DevicePose, decision_of};
 
@@ -33,11 +35,13 @@ use imf_core::section::{Imf, Quantity};
 use imf_fields::field::{Field, LoadError};
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
-use imf_fields::siren::{EvaluationEngine, over_grid};
+use imf_fields::siren::over_grid;
 
 use crate::device::Gpu;
-use grid::{GridCoefficients, Source};
-use work::{Call, Family, Work, check_size};
+use crate::over_orientations::Source;
+use grid::GridCoefficients;
+use passes::{Call, check_size};
+use poses::PoseKernels;
 
 /// A network of the paper's kind, or a harmonic or factored field, on one GPU. Threads take turns.
 ///
@@ -66,7 +70,7 @@ pub struct GpuField {
     rolls: bool,
     /// Whether minima are not computed on the CPU: of tools with their tip alone.
     minima_on_device: bool,
-    work: Mutex<Option<Box<Work>>>,
+    over_poses: Mutex<Option<Box<PoseKernels>>>,
     over_grid: Mutex<Option<GridCoefficients>>,
 }
 
@@ -86,7 +90,7 @@ impl GpuField {
             field,
             rolls,
             minima_on_device: is_tip_alone,
-            work: Mutex::default(),
+            over_poses: Mutex::default(),
             over_grid: Mutex::default(),
         })
     }
@@ -117,7 +121,7 @@ impl GpuField {
         values: &wgpu::Buffer,
         count: usize,
     ) -> Result<(), EngineError> {
-        self.with(|work| work.submit(Call { poses, values, gradients: None }, count))
+        self.with(|kernels| kernels.submit(Call { poses, values, gradients: None }, count))
     }
 
     /// As [`Self::values_on_device`], with a [`DeviceGradient`] each as well.
@@ -131,7 +135,7 @@ impl GpuField {
         gradients: &wgpu::Buffer,
         count: usize,
     ) -> Result<(), EngineError> {
-        self.with(|work| work.submit(Call { poses, values, gradients: Some(gradients) }, count))
+        self.with(|kernels| kernels.submit(Call { poses, values, gradients: Some(gradients) }, count))
     }
 
     /// As [`Self::values_on_device`], with a decision each as well, a `u32` that [`decision_of`] reads. A value that is not finite is
@@ -146,10 +150,10 @@ impl GpuField {
         decisions: &wgpu::Buffer,
         count: usize,
     ) -> Result<(), EngineError> {
-        self.with(|work| {
+        self.with(|kernels| {
             check_size("decisions", decisions, count, size_of::<u32>())?;
-            work.submit(Call { poses, values, gradients: None }, count)?;
-            work.decide(poses, values, decisions, count)
+            kernels.submit(Call { poses, values, gradients: None }, count)?;
+            kernels.decide(poses, values, decisions, count)
         })
     }
 
@@ -163,11 +167,14 @@ impl GpuField {
     }
 
     /// A panic of another thread leaves nothing half done that the next call reads.
-    fn with<T>(&self, work: impl FnOnce(&mut Work) -> Result<T, EngineError>) -> Result<T, EngineError> {
-        let mut guard = self.work.lock().unwrap_or_else(PoisonError::into_inner);
+    fn with<T>(
+        &self,
+        work: impl FnOnce(&mut PoseKernels) -> Result<T, EngineError>,
+    ) -> Result<T, EngineError> {
+        let mut guard = self.over_poses.lock().unwrap_or_else(PoisonError::into_inner);
         let made = match guard.take() {
             Some(made) => made,
-            None => Box::new(Work::new(&self.gpu, &self.file, &self.field)?),
+            None => Box::new(PoseKernels::new(&self.gpu, &self.file, &self.field)?),
         };
         work(guard.insert(made))
     }
@@ -197,16 +204,14 @@ impl GpuField {
 
     /// Hands over values that are not clipped, with the places of their poses.
     fn unclipped(&self, poses: &[Pose], mut take: impl FnMut(usize, f32)) -> Result<(), FieldError> {
-        self.with(|work| {
-            for (part, poses) in poses.chunks(GATHERED).enumerate() {
-                let buffers = work.host.upload(&work.frame.gpu, poses, false)?;
-                work.submit(buffers.call(), poses.len())?;
-                work.host.read(&work.frame.gpu, &buffers.values, poses.len(), |place, value| {
+        for (part, poses) in poses.chunks(GATHERED).enumerate() {
+            self.with(|kernels| {
+                let buffers = kernels.ask(poses, false)?;
+                self.gpu.read_each(&buffers.values, poses.len(), |place, value| {
                     take(part * GATHERED + place, value);
-                })?;
-            }
-            Ok(())
-        })?;
+                })
+            })?;
+        }
         Ok(())
     }
 }
@@ -237,12 +242,11 @@ impl PoseField for GpuField {
 
     fn gradients(&self, poses: &[Pose], gradients: &mut [Gradient]) -> Result<(), FieldError> {
         check_lengths(poses.len(), gradients.len())?;
-        self.with(|work| {
-            for (poses, gradients) in poses.chunks(GATHERED).zip(gradients.chunks_mut(GATHERED)) {
-                let buffers = work.host.upload(&work.frame.gpu, poses, true)?;
-                work.submit(buffers.call(), poses.len())?;
-                let Some(found) = &buffers.gradients else { continue };
-                work.host.read(&work.frame.gpu, found, poses.len(), |place, found: DeviceGradient| {
+        for (poses, gradients) in poses.chunks(GATHERED).zip(gradients.chunks_mut(GATHERED)) {
+            self.with(|kernels| {
+                let buffers = kernels.ask(poses, true)?;
+                let Some(found) = &buffers.gradients else { return Ok(()) };
+                self.gpu.read_each(found, poses.len(), |place, found: DeviceGradient| {
                     let direction = Vec3::from_array(found.direction);
                     gradients[place] = Gradient {
                         value: found.value,
@@ -250,10 +254,9 @@ impl PoseField for GpuField {
                         direction,
                         rotation: turned(&poses[place], direction, found.roll),
                     };
-                })?;
-            }
-            Ok(())
-        })?;
+                })
+            })?;
+        }
         Ok(())
     }
 
@@ -278,21 +281,8 @@ impl PoseField for GpuField {
         let [low, high] = grid.box_of_centres();
         let held: Vec<DVec3> =
             points.iter().map(|point| if point.is_finite() { point.clamp(low, high) } else { low }).collect();
-        let Imf { value: least, best: chosen } = self.with(|work| {
-            let Work { frame, family, host, .. } = work;
-            match family {
-                Family::Siren(passes) => {
-                    let units: Vec<[f32; 3]> =
-                        held.iter().map(|&point| grid.unit(point).as_vec3().to_array()).collect();
-                    let angles: Vec<[f32; 2]> = orientations.iter().map(Orientation::angles).collect();
-                    let mut found = Imf::new(units.len());
-                    passes.evaluator.minimum(&units, &angles, &mut found.value, &mut found.best)?;
-                    Ok(found)
-                }
-                Family::Factored(passes) => passes.minimum.minimum_unclipped(&held, &orientations),
-                Family::Harmonic(passes) => passes.minimum(frame, host, &held, &orientations),
-            }
-        })?;
+        let found = self.with(|kernels| kernels.minimum(grid, &held, &orientations))?;
+        let Imf { value: least, best: chosen } = found;
         let quantity = self.field.quantity();
         for (((point, best), value), orientation) in points.iter().zip(best).zip(least).zip(chosen) {
             *best = if point.is_finite() {
@@ -316,11 +306,11 @@ impl GridField for GpuField {
         assert_eq!(values.len(), voxels * orientations.len(), "one section for each orientation");
         match self.source() {
             Some(source) => self.with_grid(source, |grid| grid.sections(source, orientations, values))?,
-            None => self.with(|work| {
-                let Family::Siren(passes) = &mut work.family else { return Ok(()) };
+            None => self.with(|kernels| {
+                let Some(evaluator) = kernels.evaluator() else { return Ok(()) };
                 for (orientation, section) in orientations.iter().zip(values.chunks_exact_mut(voxels.max(1)))
                 {
-                    over_grid::section(&mut passes.evaluator, self.grid(), orientation.angles(), section)?;
+                    over_grid::section(evaluator, self.grid(), orientation.angles(), section)?;
                 }
                 Ok(())
             })?,
@@ -334,11 +324,9 @@ impl GridField for GpuField {
         }
         let Some(source) = self.source() else {
             let directions: Vec<[f32; 2]> = orientations.iter().map(Orientation::angles).collect();
-            return self.with(|work| match &mut work.family {
-                Family::Siren(passes) => {
-                    Ok(over_grid::minimum(&mut passes.evaluator, self.grid(), &directions, control))
-                }
-                _ => Ok(Err(FieldError::Orientations(0))),
+            return self.with(|kernels| match kernels.evaluator() {
+                Some(evaluator) => Ok(over_grid::minimum(evaluator, self.grid(), &directions, control)),
+                None => Ok(Err(FieldError::Orientations(0))),
             })?;
         };
         self.with_grid(source, |grid| grid.minimum(source, orientations, control))

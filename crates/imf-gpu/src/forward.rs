@@ -4,9 +4,9 @@ use imf_core::field::EngineError;
 use imf_fields::siren::stack::Stack;
 
 use crate::device::{Gpu, GpuLimits};
-use crate::kernel::{Bound, Kernel, uniform};
+use crate::kernel::{Dispatch, Extent, Kernel, uniform};
 use crate::layout::PaddedLayout;
-use crate::shader::{Factors, Shader, TILE};
+use crate::shader::{Shader, TILE};
 use crate::uniforms::{Batch, Layer, Placement};
 
 /// The padded layout and the small buffers that describe it to the kernels.
@@ -75,90 +75,90 @@ impl Network {
 
     /// Uploads other weights, flat ones.
     pub(crate) fn write_parameters(&self, gpu: &Gpu, parameters: &[f32]) {
-        gpu.queue().write_buffer(&self.parameters, 0, bytemuck::cast_slice(&self.layout.pad(parameters)));
+        gpu.write(&self.parameters, &self.layout.pad(parameters));
     }
 
-    /// Binds a kernel that writes inputs to every signal that takes them: `batch`, `placement`, `sources`, signal.
-    pub(crate) fn bind_inputs(
+    /// A batch of so many rows, padded.
+    pub(crate) fn batch_of(&self, rows: usize) -> Batch {
+        Batch::of_rows(rows, self.layout.padding)
+    }
+
+    /// The forward pass. Layer l reads `signals[l]` and writes `signals[l + 1]`, the last one `results`; where the kernels keep
+    /// slopes, each hidden layer's go to `slopes[l]`. A layer's inputs, which `inputs` makes of its buffers, are written just before
+    /// its activations, so that signals may share buffers in turns.
+    pub(crate) fn forward(
         &self,
         gpu: &Gpu,
-        kernel: &Kernel,
-        sources: &[&wgpu::Buffer],
-        signals: &[wgpu::Buffer],
-    ) -> Result<Vec<Option<Bound>>, EngineError> {
-        let bind = |(layer, signal): (&crate::layout::PaddedLayer, &wgpu::Buffer)| {
-            let Some(offset) = layer.input_block else { return Ok(None) };
-            let block = Placement {
-                stride: layer.inputs as u32,
-                offset: offset as u32,
-                columns: self.layout.input_columns() as u32,
-                inputs: self.layout.stack.inputs as u32,
-            };
-            let placement = uniform(gpu, "placement", &block)?;
-            let mut buffers = vec![&self.batch, &placement];
-            buffers.extend(sources);
-            buffers.push(signal);
-            Ok(Some(kernel.bind(gpu, &buffers)))
-        };
-        self.layout.layers.iter().zip(signals).map(bind).collect()
-    }
-}
-
-/// The layers of a forward pass, bound to their buffers.
-#[derive(Debug)]
-pub(crate) struct Forward {
-    layers: Vec<(Bound, usize)>,
-}
-
-impl Forward {
-    /// Layer l reads `signals[l]` and writes `signals[l + 1]`, the last one `results`. With `slopes` (one buffer for
-    /// each hidden layer) the pass keeps what the backward pass needs. `factors` are those of the products between
-    /// hidden layers; the first layer's inputs and the output are f32.
-    pub(crate) fn new(
-        gpu: &Gpu,
-        network: &Network,
+        kernels: &LayerKernels,
+        (inputs, sources): (&Kernel, &[&wgpu::Buffer]),
         signals: &[wgpu::Buffer],
         results: &wgpu::Buffer,
-        slopes: Option<&[wgpu::Buffer]>,
-        factors: Factors,
-    ) -> Result<Self, EngineError> {
-        let shader = if slopes.is_some() { Shader::HiddenTrain } else { Shader::HiddenEvaluate };
-        let first = Kernel::new(gpu, shader)?;
-        let hidden = first.between_layers(gpu, shader, factors)?;
-        let linear = Kernel::new(gpu, Shader::Linear)?;
-        let last = network.layers.len() - 1;
-        let bind = |index: usize| {
-            let target = if index == last { results } else { &signals[index + 1] };
-            let mut buffers =
-                vec![&network.batch, &network.layers[index], &network.parameters, &signals[index], target];
-            if index == last {
-                return linear.bind(gpu, &buffers);
+        slopes: &[wgpu::Buffer],
+    ) -> Result<Vec<Dispatch>, EngineError> {
+        let last = self.layers.len() - 1;
+        let mut pass = Vec::new();
+        for (index, (padded, layer)) in self.layout.layers.iter().zip(&self.layers).enumerate() {
+            // The first layer's inputs and those of the next come before it.
+            let placed = if index == 0 { 0..2 } else { index + 1..index + 2 };
+            for (padded, signal) in placed.filter_map(|l| self.layout.layers.get(l).zip(signals.get(l))) {
+                let Some(offset) = padded.input_block else { continue };
+                let block = Placement {
+                    stride: padded.inputs as u32,
+                    offset: offset as u32,
+                    columns: self.layout.input_columns() as u32,
+                    inputs: self.layout.stack.inputs as u32,
+                };
+                let placement = uniform(gpu, "placement", &block)?;
+                let buffers = [&[&self.batch, &placement], sources, &[signal]].concat();
+                pass.push(inputs.bind(Extent::PaddedRows, &buffers));
             }
-            buffers.extend(slopes.map(|slopes| &slopes[index]));
-            if index == 0 { first.bind(gpu, &buffers) } else { hidden.bind(gpu, &buffers) }
-        };
-        let layers = (0..=last).map(|index| (bind(index), network.layout.layers[index].outputs)).collect();
-        Ok(Self { layers })
+            let target = if index == last { results } else { &signals[index + 1] };
+            let mut buffers = vec![&self.batch, layer, &self.parameters, &signals[index], target];
+            let kernel = match index {
+                _ if index == last => &kernels.last,
+                0 => &kernels.first,
+                _ => &kernels.hidden,
+            };
+            if index < last {
+                buffers.extend(slopes.get(index));
+            }
+            pass.push(kernel.bind(Extent::Product(padded.outputs), &buffers));
+        }
+        Ok(pass)
     }
 
-    /// Records the pass. A layer's inputs are written just before its activations, so that signals may share buffers
-    /// in turns.
-    pub(crate) fn record(
+    /// The way back from the last layer's Δ to the first one's: layer l reads `deltas[l]`, and in `deltas[l − 1]` its slopes become
+    /// its Δ. The products between hidden layers have factors of f16 if `half`.
+    pub(crate) fn backward(
         &self,
-        pass: &mut wgpu::ComputePass<'_>,
-        inputs: &[Option<Bound>],
-        padded_rows: usize,
-        workgroups: u32,
-    ) {
-        let place = |pass: &mut wgpu::ComputePass<'_>, index: usize| {
-            if let Some(Some(bound)) = inputs.get(index) {
-                bound.linear(pass, padded_rows, workgroups);
-            }
+        gpu: &Gpu,
+        deltas: &[wgpu::Buffer],
+        half: bool,
+    ) -> Result<Vec<Dispatch>, EngineError> {
+        let last_kernel = Kernel::new(gpu, Shader::Backward)?;
+        let hidden = last_kernel.rounded(Shader::Backward, half)?;
+        let last = self.layers.len() - 1;
+        let bind = |l: usize| {
+            let buffers = [&self.batch, &self.layers[l], &self.parameters, &deltas[l], &deltas[l - 1]];
+            let kernel = if l == last { &last_kernel } else { &hidden };
+            kernel.bind(Extent::Product(self.layout.layers[l - 1].outputs), &buffers)
         };
-        place(pass, 0);
-        for (index, (bound, outputs)) in self.layers.iter().enumerate() {
-            place(pass, index + 1);
-            bound.product(pass, padded_rows, *outputs, 1);
-        }
+        Ok((1..=last).rev().map(bind).collect())
+    }
+}
+
+/// The kernels of a forward pass. The first layer's inputs and the output are f32 always.
+#[derive(Debug)]
+pub(crate) struct LayerKernels {
+    first: Kernel,
+    hidden: Kernel,
+    last: Kernel,
+}
+
+impl LayerKernels {
+    /// Of hidden layers by `shader`, whose factors are rounded to f16 between them if `half`.
+    pub(crate) fn new(gpu: &Gpu, shader: Shader, half: bool) -> Result<Self, EngineError> {
+        let first = Kernel::new(gpu, shader)?;
+        Ok(Self { hidden: first.rounded(shader, half)?, first, last: Kernel::new(gpu, Shader::Linear)? })
     }
 }

@@ -1,52 +1,78 @@
-//! A compiled kernel, what it is bound to, and how many workgroups it takes.
+//! A compiled kernel, the buffers that it is bound to, and how many workgroups it takes.
 
 use imf_core::field::EngineError;
 
 use crate::device::Gpu;
-use crate::shader::{Factors, LINEAR_GROUP, Shader, TILE};
+use crate::shader::{LINEAR_GROUP, Shader, TILE};
+use crate::uniforms::Batch;
 
 /// A compiled kernel. Clones share it.
 #[derive(Clone, Debug)]
 pub(crate) struct Kernel {
+    gpu: Gpu,
     pipeline: wgpu::ComputePipeline,
     name: String,
 }
 
-/// A kernel with its buffers.
+/// How many invocations a dispatch has, by the rows at hand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Extent {
+    /// Strides over so many elements of every row.
+    Rows(usize),
+    /// Strides over the rows, those of padding among them.
+    PaddedRows,
+    /// Strides over so many elements.
+    Elements(usize),
+    /// A matrix product with so many columns for every row, those of padding among them.
+    Product(usize),
+    /// A matrix product of so many rows and columns in every slice.
+    SlicedProduct(usize, usize),
+    /// One invocation for each of so many elements in every slice.
+    Sliced(usize),
+    /// One workgroup.
+    Single,
+}
+
+/// A kernel with its buffers and its extent.
 #[derive(Debug)]
-pub(crate) struct Bound {
+pub(crate) struct Dispatch {
     pipeline: wgpu::ComputePipeline,
     group: wgpu::BindGroup,
+    extent: Extent,
+    /// Workgroups of one that strides, at most.
+    most_groups: u32,
 }
 
 impl Kernel {
     /// Compiles a shader for the device's matrix kernel.
     pub(crate) fn new(gpu: &Gpu, shader: Shader) -> Result<Self, EngineError> {
-        Self::with_factors(gpu, shader, Factors::Single)
+        Self::compile(gpu, shader, false)
     }
 
-    /// The same matrix product for the layers between the first and the last: itself where their factors are f32.
-    pub(crate) fn between_layers(
-        &self,
+    /// The same matrix product with factors rounded to f16, if `half`; else itself.
+    pub(crate) fn rounded(&self, shader: Shader, half: bool) -> Result<Self, EngineError> {
+        if half { Self::compile(&self.gpu, shader, true) } else { Ok(self.clone()) }
+    }
+
+    fn compile(gpu: &Gpu, shader: Shader, half: bool) -> Result<Self, EngineError> {
+        let name = format!("{shader:?}, {}", if half { "f16" } else { "f32" });
+        let source = shader.source(gpu.matrix_kernel(), half);
+        Self::of_source(gpu, name, source, shader.has_counting_loops())
+    }
+
+    /// Compiles a text with the entry point `main`, whose loops all count up to a bound where that is said.
+    pub(crate) fn of_source(
         gpu: &Gpu,
-        shader: Shader,
-        factors: Factors,
+        name: String,
+        source: String,
+        counting_loops: bool,
     ) -> Result<Self, EngineError> {
-        match factors {
-            Factors::Single => Ok(self.clone()),
-            _ => Self::with_factors(gpu, shader, factors),
-        }
-    }
-
-    /// As [`Self::new`], for a matrix product with these factors.
-    fn with_factors(gpu: &Gpu, shader: Shader, factors: Factors) -> Result<Self, EngineError> {
-        let name = format!("{shader:?}, {}", factors.name());
         let pipeline = gpu.guarded(|| {
             let module = wgpu::ShaderModuleDescriptor {
                 label: Some(&name),
-                source: wgpu::ShaderSource::Wgsl(shader.source(gpu.matrix_kernel(), factors).into()),
+                source: wgpu::ShaderSource::Wgsl(source.into()),
             };
-            let module = match shader.has_counting_loops() {
+            let module = match counting_loops {
                 true => with_loops_as_they_stand(gpu.device(), module),
                 false => gpu.device().create_shader_module(module),
             };
@@ -63,58 +89,45 @@ impl Kernel {
                 cache: None,
             })
         })?;
-        Ok(Self { pipeline, name })
+        Ok(Self { gpu: gpu.clone(), pipeline, name })
     }
 
     /// Binds whole buffers to bindings 0, 1, 2, …
-    pub(crate) fn bind(&self, gpu: &Gpu, buffers: &[&wgpu::Buffer]) -> Bound {
+    pub(crate) fn bind(&self, extent: Extent, buffers: &[&wgpu::Buffer]) -> Dispatch {
         let entries: Vec<wgpu::BindGroupEntry<'_>> = buffers
             .iter()
             .zip(0..)
             .map(|(buffer, binding)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
             .collect();
-        let group = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+        let group = self.gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(&self.name),
             layout: &self.pipeline.get_bind_group_layout(0),
             entries: &entries,
         });
-        Bound { pipeline: self.pipeline.clone(), group }
+        let most_groups = self.gpu.limits().workgroups;
+        Dispatch { pipeline: self.pipeline.clone(), group, extent, most_groups }
     }
 }
 
-impl Bound {
-    fn dispatch(&self, pass: &mut wgpu::ComputePass<'_>, groups: [u32; 3]) {
+impl Dispatch {
+    /// Records it for the rows and slices at hand.
+    pub(crate) fn record(&self, pass: &mut wgpu::ComputePass<'_>, batch: Batch) {
+        let Batch { rows, padded_rows, slices, .. } = batch;
+        let groups = |count: usize| count.div_ceil(LINEAR_GROUP as usize) as u32;
+        let striding = |count: usize| [groups(count).clamp(1, self.most_groups), 1, 1];
+        let tiles = |n: usize| n.div_ceil(TILE as usize) as u32;
+        let [x, y, z] = match self.extent {
+            Extent::Rows(each) => striding(rows as usize * each),
+            Extent::PaddedRows => striding(padded_rows as usize),
+            Extent::Elements(count) => striding(count),
+            Extent::Product(columns) => [tiles(columns), tiles(padded_rows as usize), 1],
+            Extent::SlicedProduct(rows, columns) => [tiles(columns), tiles(rows), slices],
+            Extent::Sliced(count) => [groups(count), slices, 1],
+            Extent::Single => [1, 1, 1],
+        };
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.group, &[]);
-        pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
-    }
-
-    /// A matrix product with `rows` × `columns` outputs in each of `slices` slices.
-    pub(crate) fn product(
-        &self,
-        pass: &mut wgpu::ComputePass<'_>,
-        rows: usize,
-        columns: usize,
-        slices: usize,
-    ) {
-        let tiles = |n: usize| n.div_ceil(TILE as usize) as u32;
-        self.dispatch(pass, [tiles(columns), tiles(rows), slices as u32]);
-    }
-
-    /// A kernel that strides over `count` elements, with at most `limit` workgroups.
-    pub(crate) fn linear(&self, pass: &mut wgpu::ComputePass<'_>, count: usize, limit: u32) {
-        let groups = count.div_ceil(LINEAR_GROUP as usize).min(limit as usize) as u32;
-        self.dispatch(pass, [groups.max(1), 1, 1]);
-    }
-
-    /// A kernel with one invocation for each of `count` elements in each of `slices` slices.
-    pub(crate) fn sliced(&self, pass: &mut wgpu::ComputePass<'_>, count: usize, slices: usize) {
-        self.dispatch(pass, [count.div_ceil(LINEAR_GROUP as usize) as u32, slices as u32, 1]);
-    }
-
-    /// A kernel of one workgroup.
-    pub(crate) fn single(&self, pass: &mut wgpu::ComputePass<'_>) {
-        self.dispatch(pass, [1, 1, 1]);
+        pass.dispatch_workgroups(x, y, z);
     }
 }
 
@@ -127,7 +140,7 @@ fn with_loops_as_they_stand(
 ) -> wgpu::ShaderModule {
     let checks =
         wgpu::ShaderRuntimeChecks { force_loop_bounding: false, ..wgpu::ShaderRuntimeChecks::checked() };
-    // SAFETY: only shaders of this crate come here whose loops count up to a bound in constant steps (`tests/shaders.rs` looks at
+    // SAFETY: only shaders of this crate come here whose loops count up to a bound in constant steps (`shader/tests.rs` looks at
     // all of them). Every other check, that of bounds above all, stays.
     unsafe { device.create_shader_module_trusted(module, checks) }
 }
@@ -146,6 +159,6 @@ pub(crate) fn uniform<T: bytemuck::Pod>(
             mapped_at_creation: false,
         })
     })?;
-    gpu.queue().write_buffer(&buffer, 0, bytemuck::bytes_of(value));
+    gpu.write(&buffer, std::slice::from_ref(value));
     Ok(buffer)
 }

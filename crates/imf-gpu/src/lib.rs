@@ -5,9 +5,9 @@
 //! One step of a small network, on any device that there is.
 #![cfg_attr(no_gpu_tests, doc = "```no_run")]
 #![cfg_attr(not(no_gpu_tests), doc = "```")]
-//! use imf_fields::recipe::{AdamConfig, Loss, TrainingState};
+//! use imf_fields::recipe::TrainingState;
 //! use imf_fields::siren::SirenShape;
-//! use imf_gpu::{DeviceChoice, Gpu, GpuTrainer};
+//! use imf_gpu::{DeviceChoice, Gpu, GpuTrainer, TrainerSettings};
 //! use imf_train::training::TrainingEngine;
 //!
 //! // `Automatic`, the default, takes hardware alone.
@@ -15,7 +15,7 @@
 //! println!("{}", gpu.describe());
 //! let shape = SirenShape { width: 16, ..SirenShape::default() };
 //! let state = TrainingState::new(&shape, 1);
-//! let mut trainer = GpuTrainer::new(&gpu, shape, AdamConfig::default(), Loss::L1, 64, &state)?;
+//! let mut trainer = GpuTrainer::new(&gpu, shape.stack(), &TrainerSettings::default(), 64, &state)?;
 //! // Two samples of five numbers in [−1, 1], and what they should give.
 //! trainer.step(&[0.0, 0.1, 0.2, 0.3, 0.4, -0.5, 0.0, 0.5, 0.0, -1.0], &[0.5, 0.0], 5e-4)?;
 //! let loss = trainer.take_mean_loss()?;
@@ -33,7 +33,6 @@
 mod adapter;
 mod device;
 mod evaluator;
-mod factored;
 mod field;
 mod forward;
 mod kernel;
@@ -42,15 +41,15 @@ mod memory;
 mod over_orientations;
 mod peak;
 mod sections;
-pub mod shader;
+mod shader;
 mod submit;
 mod trainer;
-pub mod uniforms;
+mod transfer;
+mod uniforms;
 
 pub use adapter::{AdapterSummary, DeviceChoice, MissingAdapter, adapters};
 pub use device::{Gpu, GpuLimits};
 pub use evaluator::GpuEvaluator;
-pub use factored::GpuFactored;
 pub use field::{DeviceGradient, DevicePose, GpuField, decision_of};
 pub use peak::Peak;
 pub use sections::{GpuSectionError, GpuSections};

@@ -1,9 +1,9 @@
-//! Coefficients of points that lie on the device, multiplied with orientations there, and the least of the values over these.
+//! Coefficients of points that lie on the device, multiplied with orientations there, and the minimum of the values over these.
 //! Where coefficients come from, a network or a field that keeps them, is for others to say: they name the buffer that has those of
 //! some points.
 //!
 //! ```text
-//! coefficients [points][axes] × heads [axes][orientations of a chunk] → values → sections [orientation][point]
+//! coefficients [points][axes] × directions [axes][orientations of a chunk] → values → sections [orientation][point]
 //!                                                                              → running minimum
 //! ```
 //!
@@ -16,13 +16,13 @@ use imf_core::field::EngineError;
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, Quantity};
 use imf_fields::factored::FactoredField;
-use imf_fields::harmonic::{DIRECTIONS_AT_ONCE, DirectionWeights};
+use imf_fields::harmonic::{DIRECTIONS_AT_ONCE, DirectionWeights, HarmonicField};
 
-use crate::device::{Gpu, Reading};
-use crate::kernel::{Bound, Kernel, uniform};
-use crate::memory::{Plan, Room};
+use crate::device::Gpu;
+use crate::kernel::{Dispatch, Extent, Kernel, uniform};
+use crate::memory::{Room, allocate};
 use crate::shader::{Shader, TILE};
-use crate::submit::Submissions;
+use crate::transfer::Reading;
 use crate::uniforms::{Batch, Layer, Sweep};
 
 /// Points whose coefficients lie together, at most.
@@ -46,9 +46,7 @@ pub(crate) struct CoefficientRows {
 impl CoefficientRows {
     /// Says how many points lie there.
     pub(crate) fn hold(&self, gpu: &Gpu, rows: usize) {
-        let padded_rows = rows.next_multiple_of(gpu.matrix_kernel().padding());
-        let batch = Batch { rows: rows as u32, padded_rows: padded_rows as u32, ..Batch::default() };
-        gpu.queue().write_buffer(&self.batch, 0, bytemuck::bytes_of(&batch));
+        gpu.write(&self.batch, &[Batch::of_rows(rows, gpu.matrix_kernel().padding())]);
     }
 }
 
@@ -67,7 +65,6 @@ pub(crate) struct OverOrientations {
     product: Kernel,
     section: Kernel,
     minimum: Kernel,
-    submissions: Submissions,
 }
 
 /// Some orientations on the device.
@@ -76,7 +73,7 @@ struct Chunk {
     uploaded: wgpu::Buffer,
     layer: wgpu::Buffer,
     /// What is made of the values.
-    then: Bound,
+    then: Dispatch,
     /// Which of those that were uploaded together.
     orientations: Range<usize>,
     /// As many, and padding.
@@ -85,7 +82,7 @@ struct Chunk {
 
 /// What is made of values.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Made {
+enum Output {
     Sections,
     Minimum,
 }
@@ -110,14 +107,8 @@ impl OverOrientations {
     pub(crate) fn new(gpu: &Gpu, rows: CoefficientRows) -> Result<Self, EngineError> {
         let chunk = chunk(gpu);
         let batch = DIRECTIONS_AT_ONCE.min(gpu.limits().elements() / (rows.columns + 1)) / chunk * chunk;
-        let mut plan = Plan::default();
-        let places = [
-            plan.add("values", rows.rows * chunk),
-            plan.add("least values", rows.rows),
-            plan.add("best orientations", rows.rows),
-        ];
-        let buffers = plan.allocate(gpu)?;
-        let [values, least, best] = places.map(|place| buffers[place].clone());
+        let sizes = [("values", rows.rows * chunk), ("minima", rows.rows), ("best orientations", rows.rows)];
+        let [values, least, best] = allocate(gpu, sizes)?;
         Ok(Self {
             gpu: gpu.clone(),
             rows,
@@ -130,24 +121,23 @@ impl OverOrientations {
             product: Kernel::new(gpu, Shader::Linear)?,
             section: Kernel::new(gpu, Shader::RowSections)?,
             minimum: Kernel::new(gpu, Shader::RowMinimum)?,
-            submissions: Submissions::default(),
         })
     }
 
-    /// The least value over the orientations at so many points, not clipped, with the first orientation that has it. `heads` says what
-    /// some orientations are worth. `fill` submits what puts the coefficients of a range of points into the buffer that it names, and may
-    /// end the work by an error; it is called for every batch of orientations, whose number it is told. Waits for the device.
+    /// The minimum over the orientations at so many points, not clipped, with the first orientation that has it. `source` says
+    /// what orientations are worth. `fill` submits what puts the coefficients of a range of points into the buffer that it names, and may
+    /// end the work by an error; it is called for every batch of orientations, whose number it gets. Waits for the device.
     pub(crate) fn minimum<E: From<EngineError>>(
         &mut self,
         points: usize,
         orientations: &[Orientation],
-        heads: impl Fn(&[Orientation]) -> Scaled,
-        mut fill: impl FnMut(Range<usize>, usize, &mut Submissions) -> Result<wgpu::Buffer, E>,
+        source: Source<'_>,
+        mut fill: impl FnMut(Range<usize>, usize) -> Result<wgpu::Buffer, E>,
     ) -> Result<Imf, E> {
         require(orientations)?;
         let mut found = Imf::new(points);
         for (batch, orientations) in orientations.chunks(self.batch).enumerate() {
-            let chunks = self.chunks(&heads(orientations), Made::Minimum)?;
+            let chunks = self.chunks(source, orientations, Output::Minimum)?;
             let first = (batch * self.batch) as u32;
             let gpu = self.gpu.clone();
             let mut readings = Readings::new(|(part, least, best): (Range<usize>, Reading, Reading)| {
@@ -163,9 +153,9 @@ impl OverOrientations {
             });
             for part in self.parts(points) {
                 let rows = part.len();
-                let coefficients = fill(part.clone(), orientations.len(), &mut self.submissions)?;
+                let coefficients = fill(part.clone(), orientations.len())?;
                 for chunk in &chunks {
-                    self.submit(chunk, &coefficients, rows, rows)?;
+                    self.submit(chunk, &coefficients, rows)?;
                 }
                 let read = |buffer| gpu.begin_read(buffer, rows);
                 readings.add((part, read(&self.least)?, read(&self.best)?))?;
@@ -175,20 +165,21 @@ impl OverOrientations {
         Ok(found)
     }
 
-    /// The values at so many points in every orientation, as their quantity holds them, `[orientation][point]` into `sections`. `heads`
+    /// The values at so many points in every orientation, as their quantity holds them, `[orientation][point]` into `sections`. `source`
     /// and `fill` are as of [`Self::minimum`].
     pub(crate) fn sections<E: From<EngineError>>(
         &mut self,
         points: usize,
         orientations: &[Orientation],
-        heads: impl Fn(&[Orientation]) -> Scaled,
-        (quantity, sections): (Quantity, &mut [f32]),
-        mut fill: impl FnMut(Range<usize>, &mut Submissions) -> Result<wgpu::Buffer, E>,
+        source: Source<'_>,
+        sections: &mut [f32],
+        mut fill: impl FnMut(Range<usize>) -> Result<wgpu::Buffer, E>,
     ) -> Result<(), E> {
         require(orientations)?;
+        let quantity = source.quantity();
         let all = orientations.chunks(self.batch).zip(sections.chunks_mut((self.batch * points).max(1)));
         for (orientations, sections) in all {
-            let chunks = self.chunks(&heads(orientations), Made::Sections)?;
+            let chunks = self.chunks(source, orientations, Output::Sections)?;
             let gpu = self.gpu.clone();
             let mut readings = Readings::new(|(part, of, reading): (Range<usize>, Range<usize>, Reading)| {
                 let values = gpu.finish_read::<f32>(reading)?;
@@ -200,10 +191,10 @@ impl OverOrientations {
             });
             for part in self.parts(points) {
                 let rows = part.len();
-                let coefficients = fill(part.clone(), &mut self.submissions)?;
+                let coefficients = fill(part.clone())?;
                 for chunk in &chunks {
                     let of = chunk.orientations.clone();
-                    self.submit(chunk, &coefficients, rows, rows * of.len())?;
+                    self.submit(chunk, &coefficients, rows)?;
                     let made = self.sections.fit(&gpu, rows * of.len())?;
                     let reading = gpu.begin_read(&made, rows * of.len())?;
                     readings.add((part.clone(), of, reading))?;
@@ -221,12 +212,17 @@ impl OverOrientations {
     }
 
     /// Uploads what orientations are multiplied with: `[column][axes]` and their means, a chunk behind the other.
-    fn chunks(&mut self, heads: &Scaled, made: Made) -> Result<Vec<Chunk>, EngineError> {
-        let Scaled { heads, scale } = heads;
-        let (count, axes) = (heads.len(), heads.along().len() / heads.len());
+    fn chunks(
+        &mut self,
+        source: Source<'_>,
+        orientations: &[Orientation],
+        made: Output,
+    ) -> Result<Vec<Chunk>, EngineError> {
+        let (directions, scale) = source.direction_weights(orientations);
+        let (count, axes) = (directions.len(), directions.along().len() / directions.len());
         let sections = match made {
-            Made::Sections => Some(self.sections.fit(&self.gpu, self.rows.rows * self.chunk.min(count))?),
-            Made::Minimum => None,
+            Output::Sections => Some(self.sections.fit(&self.gpu, self.rows.rows * self.chunk.min(count))?),
+            Output::Minimum => None,
         };
         let Self { gpu, rows: CoefficientRows { batch, columns: inputs, .. }, .. } = self;
         let mut weights = Vec::new();
@@ -239,16 +235,14 @@ impl OverOrientations {
             let (rows, biases) = weights[at..].split_at_mut(columns * *inputs);
             for (orientation, row) in orientations.clone().zip(rows.chunks_exact_mut(*inputs)) {
                 for (axis, weight) in row[..axes].iter_mut().enumerate() {
-                    *weight = heads.along()[axis * count + orientation] * scale;
+                    *weight = directions.along()[axis * count + orientation] * scale;
                 }
             }
-            biases[..orientations.len()].copy_from_slice(&heads.constants()[orientations.clone()]);
+            biases[..orientations.len()].copy_from_slice(&directions.constants()[orientations.clone()]);
             places.push((at, orientations, columns));
         }
-        let mut plan = Plan::default();
-        plan.add("orientations", weights.len());
-        let uploaded = plan.allocate(gpu)?.remove(0);
-        gpu.queue().write_buffer(&uploaded, 0, bytemuck::cast_slice(&weights));
+        let [uploaded] = allocate(gpu, [("orientations", weights.len())])?;
+        gpu.write(&uploaded, &weights);
         let chunk = |(at, orientations, columns): (usize, Range<usize>, usize)| {
             let layer = Layer {
                 inputs: *inputs as u32,
@@ -267,30 +261,25 @@ impl OverOrientations {
             let sweep = uniform(gpu, "sweep", &sweep)?;
             let front = [batch, &layer, &sweep, &self.values];
             let then = match &sections {
-                Some(sections) => self.section.bind(gpu, &[&front[..], &[sections]].concat()),
-                None => self.minimum.bind(gpu, &[&front[..], &[&self.least, &self.best]].concat()),
+                Some(sections) => {
+                    let extent = Extent::Rows(orientations.len());
+                    self.section.bind(extent, &[&front[..], &[sections]].concat())
+                }
+                None => {
+                    self.minimum.bind(Extent::Rows(1), &[&front[..], &[&self.least, &self.best]].concat())
+                }
             };
             Ok(Chunk { uploaded: uploaded.clone(), layer, then, orientations, columns })
         };
         places.into_iter().map(chunk).collect()
     }
 
-    /// Submits the product of coefficients with a chunk of orientations, and what is made of so many of its values.
-    fn submit(
-        &mut self,
-        chunk: &Chunk,
-        coefficients: &wgpu::Buffer,
-        rows: usize,
-        count: usize,
-    ) -> Result<(), EngineError> {
-        let Self { gpu, product, rows: CoefficientRows { batch, .. }, values, submissions, .. } = self;
-        let product = product.bind(gpu, &[batch, &chunk.layer, &chunk.uploaded, coefficients, values]);
-        let padded_rows = rows.next_multiple_of(gpu.matrix_kernel().padding());
-        let workgroups = gpu.limits().workgroups;
-        submissions.pass(gpu, |pass| {
-            product.product(pass, padded_rows, chunk.columns, 1);
-            chunk.then.linear(pass, count, workgroups);
-        })
+    /// Submits the product of so many rows of coefficients with a chunk of orientations, and what is made of its values.
+    fn submit(&self, chunk: &Chunk, coefficients: &wgpu::Buffer, rows: usize) -> Result<(), EngineError> {
+        let Self { gpu, product, rows: CoefficientRows { batch, .. }, values, .. } = self;
+        let buffers = [batch, &chunk.layer, &chunk.uploaded, coefficients, values];
+        let product = product.bind(Extent::Product(chunk.columns), &buffers);
+        gpu.run([&product, &chunk.then], Batch::of_rows(rows, gpu.matrix_kernel().padding()))
     }
 }
 
@@ -326,15 +315,28 @@ fn require(orientations: &[Orientation]) -> Result<(), EngineError> {
     Ok(())
 }
 
-/// Orientations as a field reads them, for coefficients that lie on the device over a scale.
-pub(crate) struct Scaled {
-    pub(crate) heads: DirectionWeights,
-    pub(crate) scale: f32,
+/// What says what orientations are worth.
+#[derive(Clone, Copy)]
+pub(crate) enum Source<'a> {
+    Harmonic(&'a HarmonicField),
+    /// Its coefficients lie on the device over its scale.
+    Factored(&'a FactoredField),
 }
 
-impl Scaled {
-    /// Of a factored field.
-    pub(crate) fn of(field: &FactoredField, orientations: &[Orientation]) -> Self {
-        Self { heads: field.direction_weights(orientations), scale: field.scale }
+impl Source<'_> {
+    /// Orientations as the field reads them, and the scale of its coefficients.
+    fn direction_weights(self, orientations: &[Orientation]) -> (DirectionWeights, f32) {
+        match self {
+            Self::Harmonic(field) => (field.direction_weights(orientations), 1.0),
+            Self::Factored(field) => (field.direction_weights(orientations), field.scale),
+        }
+    }
+
+    /// What its values are.
+    pub(crate) fn quantity(self) -> Quantity {
+        match self {
+            Self::Harmonic(field) => field.quantity,
+            Self::Factored(field) => field.quantity,
+        }
     }
 }

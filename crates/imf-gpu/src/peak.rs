@@ -5,11 +5,10 @@ use std::time::Instant;
 use imf_core::field::EngineError;
 
 use crate::device::Gpu;
-use crate::kernel::{Bound, Kernel, uniform};
-use crate::memory::Plan;
+use crate::kernel::{Dispatch, Extent, Kernel, uniform};
+use crate::memory::allocate;
 use crate::shader::{LINEAR_GROUP, Shader};
-use crate::submit::Submissions;
-use crate::uniforms::Turns;
+use crate::uniforms::{Batch, Turns};
 
 /// Invocations: several times what a large GPU holds at once.
 const INVOCATIONS: usize = 1 << 20;
@@ -25,10 +24,9 @@ const OPERATIONS: f64 = 2.0;
 /// Measures it.
 pub struct Peak {
     gpu: Gpu,
-    kernel: Bound,
+    kernel: Dispatch,
     turns: wgpu::Buffer,
     sums: wgpu::Buffer,
-    submissions: Submissions,
 }
 
 impl Peak {
@@ -37,12 +35,12 @@ impl Peak {
     /// # Errors
     /// [`EngineError::Device`] for too little memory, or a device that failed.
     pub fn new(gpu: &Gpu) -> Result<Self, EngineError> {
-        let mut plan = Plan::default();
-        plan.add("sums", INVOCATIONS);
-        let sums = plan.allocate(gpu)?.remove(0);
+        let [sums] = allocate(gpu, [("sums", INVOCATIONS)])?;
         let turns = uniform(gpu, "turns", &Turns::default())?;
-        let kernel = Kernel::new(gpu, Shader::MultiplyAdds)?.bind(gpu, &[&turns, &sums]);
-        Ok(Self { gpu: gpu.clone(), kernel, turns, sums, submissions: Submissions::default() })
+        // One invocation for each, whatever the limit of a kernel that strides.
+        let kernel =
+            Kernel::new(gpu, Shader::MultiplyAdds)?.bind(Extent::Sliced(INVOCATIONS), &[&turns, &sums]);
+        Ok(Self { gpu: gpu.clone(), kernel, turns, sums })
     }
 
     /// Operations a second, a multiply-add being two: the best of ever longer runs, for so many seconds together. Waits for the
@@ -65,10 +63,9 @@ impl Peak {
 
     /// Seconds of so many turns.
     fn run(&mut self, turns: &Turns) -> Result<f64, EngineError> {
-        self.gpu.queue().write_buffer(&self.turns, 0, bytemuck::bytes_of(turns));
+        self.gpu.write(&self.turns, &[*turns]);
         let begun = Instant::now();
-        let groups = (INVOCATIONS / LINEAR_GROUP as usize) as u32;
-        self.submissions.pass(&self.gpu, |pass| self.kernel.linear(pass, INVOCATIONS, groups))?;
+        self.gpu.run([&self.kernel], Batch { slices: 1, ..Batch::default() })?;
         self.gpu.wait(None)?;
         Ok(begun.elapsed().as_secs_f64())
     }

@@ -2,7 +2,7 @@
 //!
 //! The host voxelises the rotated tool and lists its run ends ([`imf_core::section::StepSpace`]); the device never
 //! recomputes a voxel. It takes the differences of neighbouring overlaps from the obstacle's bits, sums them up along
-//! the tool's axis of steps, and hands the overlaps back or keeps the least value over all orientations. Everything
+//! the tool's axis of steps, and hands the overlaps back or keeps the minimum over all orientations. Everything
 //! on the device is whole numbers. Values are made by the host: from counts that are read back, or beforehand for
 //! every possible count of a tool, as a table that the device looks up, so that ties between orientations fall as on the
 //! CPU.
@@ -44,7 +44,7 @@ use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterato
 use thiserror::Error;
 
 use self::batch::MOST_JOBS;
-use self::layer::{Layer, Turned};
+use self::layer::{Layer, OrientedTool};
 use crate::device::Gpu;
 
 /// Bytes of counts that wait on the host for one round of orientations.
@@ -74,8 +74,8 @@ pub struct GpuSections<'a> {
 
 /// A round of orientations for both layers.
 struct Round {
-    whole: Vec<Turned>,
-    cuttable: Vec<Turned>,
+    whole: Vec<OrientedTool>,
+    cuttable: Vec<OrientedTool>,
 }
 
 impl<'a> GpuSections<'a> {
@@ -231,8 +231,8 @@ impl<'a> GpuSections<'a> {
             let (value, best) = (whole.value[voxel], whole.best[voxel]);
             if value != expected.value[place] || best != expected.best[place] {
                 return Err(GpuSectionError::Device(EngineError::Device(format!(
-                    "{} found the least value {value} for orientation {best} at voxel {:?}, direct sums {} for {}: \
-                     please report this, and count on the CPU (--device cpu)",
+                    "{} found the minimum {value} for orientation {best} at voxel {:?}, direct sums {} for {}: \
+                     please report this, and count on the CPU",
                     self.gpu.adapter().name,
                     self.plan.grid().voxel(voxel),
                     expected.value[place],

@@ -9,9 +9,7 @@
 //! the batch and the limits alone.
 
 mod kernels;
-mod matrices;
 mod plan;
-mod proof;
 mod soap;
 
 use imf_core::field::EngineError;
@@ -23,13 +21,12 @@ use imf_train::training::TrainingEngine;
 
 use crate::device::Gpu;
 use crate::forward::{Network, layout_for};
-use crate::kernel::uniform;
-use crate::shader::{Factors, LOSS_L1, LOSS_L2};
+use crate::kernel::{Dispatch, uniform};
+use crate::shader::{LOSS_L1, LOSS_L2};
 use crate::submit::Recorder;
 use crate::uniforms::{Batch, Step};
-use kernels::Kernels;
 use plan::{LOSS_SLOTS, plan, slice};
-use soap::SoapPlaces;
+use soap::SoapStep;
 
 /// How a trainer learns.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -40,9 +37,8 @@ pub struct TrainerSettings {
     pub loss: Loss,
     /// How the matrices between hidden layers follow the gradient.
     pub optimiser: Optimiser,
-    /// Factors of the products between hidden layers; anything but [`Factors::Single`] needs a device
-    /// [opened for it](Gpu::for_half).
-    pub factors: Factors,
+    /// What the products between hidden layers are computed in.
+    pub precision: Precision,
 }
 
 /// A training engine on one GPU.
@@ -55,7 +51,10 @@ pub struct GpuTrainer {
     part_rows: usize,
     max_slices: usize,
     network: Network,
-    kernels: Kernels,
+    gradient: Vec<Dispatch>,
+    adam: Vec<Dispatch>,
+    /// The matrices between hidden layers, where Adam does not step them.
+    soap: Option<SoapStep>,
     buffers: Buffers,
     recorder: Recorder,
     /// Steps since the moments were zero.
@@ -66,60 +65,92 @@ pub struct GpuTrainer {
     read_losses: (f64, u64),
 }
 
-/// The buffers that the host writes or reads.
+/// The buffers of a step beside the parameters.
 #[derive(Debug)]
 struct Buffers {
     step: wgpu::Buffer,
     samples: wgpu::Buffer,
     targets: wgpu::Buffer,
+    signals: Vec<wgpu::Buffer>,
+    deltas: Vec<wgpu::Buffer>,
+    results: wgpu::Buffer,
+    row_losses: wgpu::Buffer,
+    losses: wgpu::Buffer,
+    partials: wgpu::Buffer,
     gradient: wgpu::Buffer,
     first_moment: wgpu::Buffer,
     second_moment: wgpu::Buffer,
-    losses: wgpu::Buffer,
-    /// Everything that a step writes before it reads it.
-    scratch: Vec<wgpu::Buffer>,
 }
 
 impl GpuTrainer {
-    /// Compiles the kernels, allocates the buffers for batches of up to `max_batch` samples, and uploads `state`.
+    /// Compiles the kernels, allocates the buffers for batches of up to `max_batch` samples, and uploads `state`. The moments of
+    /// `state` mean what they mean on the CPU, whichever the optimiser, so that a training moves between the two.
     ///
     /// # Errors
-    /// [`EngineError::Shape`] for a shape, state, batch or Adam setting that cannot be; [`EngineError::Device`] for a
-    /// network beyond the adapter's limits (with the estimate), too little memory, or a device that failed.
+    /// [`EngineError::Shape`] for a network, state, batch or Adam setting that cannot be; [`EngineError::Device`] for a precision
+    /// that the adapter does not have, a network beyond its limits (with the estimate), too little memory, or a device that failed.
     pub fn new(
         gpu: &Gpu,
-        shape: SirenShape,
-        adam: AdamConfig,
-        loss: Loss,
+        stack: Stack,
+        settings: &TrainerSettings,
         max_batch: usize,
         state: &TrainingState,
     ) -> Result<Self, EngineError> {
-        let settings = TrainerSettings { adam, loss, ..TrainerSettings::default() };
-        Self::of_stack(gpu, shape.stack(), &settings, max_batch, state)
-    }
-
-    /// As [`Self::new`], with the products between hidden layers in `precision`. For f16 the adapter is opened anew
-    /// ([`Gpu::for_half`]); matrix units are used once their products have been found to be those of plain f16.
-    ///
-    /// # Errors
-    /// As [`Self::new`]; an adapter without f16; bf16, which GPUs do not have here.
-    pub fn with_precision(
-        gpu: &Gpu,
-        shape: SirenShape,
-        adam: AdamConfig,
-        loss: Loss,
-        max_batch: usize,
-        state: &TrainingState,
-        precision: Precision,
-    ) -> Result<Self, EngineError> {
+        let TrainerSettings { adam, optimiser, precision, .. } = *settings;
         Self::check_precision(gpu, precision)?;
-        if precision != Precision::F16 {
-            return Self::new(gpu, shape, adam, loss, max_batch, state);
+        let layout = layout_for(gpu, stack)?;
+        check_state(&stack, state)?;
+        if max_batch == 0 {
+            return Err(EngineError::Shape("a batch needs at least one sample".to_owned()));
         }
-        let gpu = proof::proven(gpu.for_half(None)?)?;
-        let factors = gpu.half().unwrap_or_default();
-        let settings = TrainerSettings { adam, loss, factors, ..TrainerSettings::default() };
-        Self::of_stack(&gpu, shape.stack(), &settings, max_batch, state)
+        if adam.epsilon <= 0.0 {
+            return Err(EngineError::Shape(format!("Adam's epsilon must be positive, not {}", adam.epsilon)));
+        }
+        let (plan, places, part_rows, max_slices) = plan(&layout, gpu.limits(), max_batch);
+        let allocated = plan.allocate(gpu)?;
+        let at = |place: usize| allocated[place].clone();
+        let all = |places: &[usize]| places.iter().map(|&place| at(place)).collect::<Vec<_>>();
+        let buffers = Buffers {
+            step: uniform(gpu, "step", &Step::default())?,
+            samples: at(places.samples),
+            targets: at(places.targets),
+            signals: all(&places.signals),
+            deltas: all(&places.deltas),
+            results: at(places.results),
+            row_losses: at(places.row_losses),
+            losses: at(places.losses),
+            partials: at(places.partials),
+            gradient: at(places.gradient),
+            first_moment: at(places.first_moment),
+            second_moment: at(places.second_moment),
+        };
+        gpu.write(&buffers.first_moment, &layout.pad(&state.first_moment));
+        gpu.write(&buffers.second_moment, &layout.pad(&state.second_moment));
+        let network = Network::new(gpu, layout, at(places.parameters), &state.parameters)?;
+        let soap = match optimiser {
+            Optimiser::Adam => None,
+            Optimiser::Soap(config) => {
+                gpu.guarded(|| SoapStep::new(gpu, &network, &buffers, config, state))??
+            }
+        };
+        let half = precision == Precision::F16;
+        let gradient = gpu.guarded(|| kernels::gradient(gpu, &network, &buffers, half))??;
+        Ok(Self {
+            gpu: gpu.clone(),
+            settings: *settings,
+            max_batch,
+            part_rows,
+            max_slices,
+            gradient,
+            adam: kernels::adam(gpu, &network, &buffers, soap.is_some())?,
+            network,
+            soap,
+            buffers,
+            recorder: Recorder::new(gpu, at(places.upload)),
+            step: state.step,
+            slot: 0,
+            read_losses: (0.0, 0),
+        })
     }
 
     /// Whether an adapter has the products of a precision.
@@ -130,7 +161,7 @@ impl GpuTrainer {
         let device = gpu.describe();
         Err(EngineError::Device(match precision {
             Precision::F32 => return Ok(()),
-            Precision::F16 if gpu.adapter().half.is_some() => return Ok(()),
+            Precision::F16 if gpu.adapter().half => return Ok(()),
             Precision::F16 => {
                 format!("{device}: its shaders have no f16; train with precision f32, or on another adapter")
             }
@@ -140,98 +171,12 @@ impl GpuTrainer {
         }))
     }
 
-    /// As [`Self::new`], of any stack of sine layers, factored fields' networks among them. The moments of `state` mean what
-    /// they mean on the CPU, whichever the optimiser, so that a training moves between the two.
-    ///
-    /// # Errors
-    /// As [`Self::new`]; factors that the device was not opened for.
-    pub fn of_stack(
-        gpu: &Gpu,
-        stack: Stack,
-        settings: &TrainerSettings,
-        max_batch: usize,
-        state: &TrainingState,
-    ) -> Result<Self, EngineError> {
-        let TrainerSettings { adam, optimiser, factors, .. } = *settings;
-        let opened = match factors {
-            Factors::Single => true,
-            Factors::Half => gpu.half().is_some(),
-            Factors::Fragments(_) => gpu.half() == Some(factors) && gpu.matrix_kernel().is_padded_to_tiles(),
-        };
-        if !opened {
-            return Err(EngineError::Device(format!(
-                "{} is not opened for {}",
-                gpu.describe(),
-                factors.name()
-            )));
-        }
-        let layout = layout_for(gpu, stack)?;
-        check_state(&stack, state)?;
-        if max_batch == 0 {
-            return Err(EngineError::Shape("a batch needs at least one sample".to_owned()));
-        }
-        if adam.epsilon <= 0.0 {
-            return Err(EngineError::Shape(format!("Adam's epsilon must be positive, not {}", adam.epsilon)));
-        }
-        let (plan, places, part_rows, max_slices) = plan(&layout, gpu.limits(), max_batch, optimiser);
-        let buffers = plan.allocate(gpu)?;
-        let at = |place: usize| buffers[place].clone();
-        let all = |places: &[usize]| places.iter().map(|&place| at(place)).collect::<Vec<_>>();
-        for (place, moments) in
-            [(places.first_moment, &state.first_moment), (places.second_moment, &state.second_moment)]
-        {
-            gpu.queue().write_buffer(&buffers[place], 0, bytemuck::cast_slice(&layout.pad(moments)));
-        }
-        let upload = at(places.upload);
-        let network = Network::new(gpu, layout, at(places.parameters), &state.parameters)?;
-        let mut scratch = all(&places.signals);
-        scratch.extend(all(&places.deltas));
-        scratch.extend([places.gradient, places.partials, places.row_losses, places.results].map(at));
-        scratch.extend(places.matrices.iter().flat_map(SoapPlaces::scratch).map(at));
-        let host = Buffers {
-            step: uniform(gpu, "step", &Step::default())?,
-            samples: at(places.samples),
-            targets: at(places.targets),
-            gradient: at(places.gradient),
-            first_moment: at(places.first_moment),
-            second_moment: at(places.second_moment),
-            losses: at(places.losses),
-            scratch,
-        };
-        let kernels = gpu.guarded(|| {
-            Kernels::new(
-                gpu,
-                &network,
-                &host,
-                &all(&places.signals),
-                &all(&places.deltas),
-                [&at(places.results), &at(places.row_losses), &at(places.partials)],
-                factors,
-            )?
-            .with_optimiser(gpu, &network, &host, &places, &buffers, state)
-        })??;
-        Ok(Self {
-            gpu: gpu.clone(),
-            settings: *settings,
-            max_batch,
-            part_rows,
-            max_slices,
-            network,
-            kernels,
-            buffers: host,
-            recorder: Recorder::new(upload),
-            step: state.step,
-            slot: 0,
-            read_losses: (0.0, 0),
-        })
-    }
-
     /// Bytes of device memory that a trainer by Adam needs, read-back and uniforms left out.
     ///
     /// # Errors
     /// As [`GpuTrainer::new`], without allocating anything.
     pub fn memory_bytes(gpu: &Gpu, shape: SirenShape, max_batch: usize) -> Result<u64, EngineError> {
-        let plan = plan(&layout_for(gpu, shape.stack())?, gpu.limits(), max_batch, Optimiser::Adam).0;
+        let plan = plan(&layout_for(gpu, shape.stack())?, gpu.limits(), max_batch).0;
         plan.check(gpu.limits())?;
         Ok(plan.bytes())
     }
@@ -247,7 +192,7 @@ impl GpuTrainer {
     ) -> Result<(f64, Vec<f32>), EngineError> {
         self.read_losses_if(self.slot == LOSS_SLOTS)?;
         self.run(inputs, targets, None)?;
-        self.recorder.submit(&self.gpu)?;
+        self.recorder.submit()?;
         let losses: Vec<f32> = self.gpu.read(&self.buffers.losses, self.slot + 1)?;
         let gradient = self.gpu.read(&self.buffers.gradient, self.network.layout.parameters)?;
         Ok((f64::from(losses[self.slot]), self.network.layout.unpad(&gradient)))
@@ -258,11 +203,11 @@ impl GpuTrainer {
     /// # Errors
     /// A device that failed.
     pub fn fill_scratch(&mut self, value: f32) -> Result<(), EngineError> {
-        self.recorder.submit(&self.gpu)?;
-        for buffer in &self.buffers.scratch {
-            let values = vec![value; buffer.size() as usize / 4];
-            self.gpu.queue().write_buffer(buffer, 0, bytemuck::cast_slice(&values));
-        }
+        self.recorder.submit()?;
+        let Buffers { signals, deltas, results, row_losses, partials, gradient, .. } = &self.buffers;
+        let scratch = [results, row_losses, partials, gradient].into_iter().chain(signals).chain(deltas);
+        let of_soap = self.soap.iter().flat_map(|soap| &soap.scratch);
+        scratch.chain(of_soap).for_each(|buffer| self.gpu.fill(buffer, value));
         Ok(())
     }
 
@@ -290,14 +235,9 @@ impl GpuTrainer {
         let last = count.div_ceil(self.part_rows) - 1;
         for (index, (inputs, targets)) in parts.enumerate() {
             let rows = targets.len() / learnt;
-            let padded_rows = rows.next_multiple_of(self.network.layout.padding);
-            let (slice_rows, slices) = slice(padded_rows, self.max_slices);
-            let batch = Batch {
-                rows: rows as u32,
-                padded_rows: padded_rows as u32,
-                slice_rows: slice_rows as u32,
-                slices: slices as u32,
-            };
+            let batch = self.network.batch_of(rows);
+            let (slice_rows, slices) = slice(batch.padded_rows as usize, self.max_slices);
+            let batch = Batch { slice_rows: slice_rows as u32, slices: slices as u32, ..batch };
             step.first = u32::from(index == 0);
             let writes = [
                 (&self.network.batch, bytemuck::bytes_of(&batch)),
@@ -305,12 +245,12 @@ impl GpuTrainer {
                 (&self.buffers.samples, bytemuck::cast_slice(inputs)),
                 (&self.buffers.targets, bytemuck::cast_slice(targets)),
             ];
-            let workgroups = self.gpu.limits().workgroups;
-            let (kernels, layout, step) = (&self.kernels, &self.network.layout, self.step + 1);
-            self.recorder.pass(&self.gpu, &writes, |pass| {
-                kernels.record_gradient(pass, layout, padded_rows, slices, workgroups);
-                if index == last && rate.is_some() {
-                    kernels.record_update(pass, workgroups, step);
+            let updates = index == last && rate.is_some();
+            self.recorder.pass(&writes, |pass| {
+                self.gradient.iter().for_each(|dispatch| dispatch.record(pass, batch));
+                if updates {
+                    self.adam.iter().for_each(|dispatch| dispatch.record(pass, batch));
+                    self.soap.iter().for_each(|soap| soap.record(pass, self.step + 1));
                 }
             })?;
         }
@@ -353,7 +293,7 @@ impl GpuTrainer {
     /// Adds the losses on the device to those read, if `wanted`.
     fn read_losses_if(&mut self, wanted: bool) -> Result<(), EngineError> {
         if wanted {
-            self.recorder.submit(&self.gpu)?;
+            self.recorder.submit()?;
             let losses: Vec<f32> = self.gpu.read(&self.buffers.losses, self.slot)?;
             self.read_losses.0 += losses.iter().map(|&loss| f64::from(loss)).sum::<f64>();
             self.read_losses.1 += losses.len() as u64;
@@ -361,9 +301,7 @@ impl GpuTrainer {
         }
         Ok(())
     }
-}
 
-impl GpuTrainer {
     /// An array of the device in the flat layout.
     fn unpadded(&self, buffer: &wgpu::Buffer) -> Result<Vec<f32>, EngineError> {
         let padded = self.gpu.read(buffer, self.network.layout.parameters)?;
@@ -386,9 +324,9 @@ fn check_state(stack: &Stack, state: &TrainingState) -> Result<(), EngineError> 
 
 impl TrainingEngine for GpuTrainer {
     fn describe(&self) -> String {
-        match self.settings.factors {
-            Factors::Single => self.gpu.describe(),
-            factors => format!("{}, products in {}", self.gpu.describe(), factors.name()),
+        match self.settings.precision {
+            Precision::F32 => self.gpu.describe(),
+            precision => format!("{}, products in {precision}", self.gpu.describe()),
         }
     }
 
@@ -415,17 +353,22 @@ impl TrainingEngine for GpuTrainer {
     }
 
     fn state(&mut self) -> Result<TrainingState, EngineError> {
+        let parameters = self.weights()?;
+        let preconditioners = match &self.soap {
+            Some(soap) => soap.kept(&self.gpu, &self.network.layout)?,
+            None => Vec::new(),
+        };
         Ok(TrainingState {
-            parameters: self.weights()?,
+            parameters,
             first_moment: self.unpadded(&self.buffers.first_moment)?,
             second_moment: self.unpadded(&self.buffers.second_moment)?,
-            preconditioners: self.kernels.kept(&self.gpu, &self.network.layout)?,
+            preconditioners,
             step: self.step,
         })
     }
 
     fn weights(&mut self) -> Result<Vec<f32>, EngineError> {
-        self.recorder.submit(&self.gpu)?;
+        self.recorder.submit()?;
         self.unpadded(&self.network.parameters)
     }
 
@@ -433,7 +376,7 @@ impl TrainingEngine for GpuTrainer {
         let refused = |error: imf_fields::siren::ShapeError| EngineError::Shape(error.to_string());
         self.network.layout.stack.check_parameters(parameters).map_err(refused)?;
         // Steps that were recorded see the weights before.
-        self.recorder.submit(&self.gpu)?;
+        self.recorder.submit()?;
         self.network.write_parameters(&self.gpu, parameters);
         Ok(())
     }

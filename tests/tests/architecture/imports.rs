@@ -101,7 +101,7 @@ impl Source {
     /// The members of `use path::{…}`.
     fn tree(&mut self, members: TokenStream, base: &[String]) {
         let tokens: Vec<TokenTree> = members.into_iter().collect();
-        for member in tokens.split(|token| matches!(token, TokenTree::Punct(mark) if mark.as_char() == ',')) {
+        for member in tokens.split(|token| is_punct(token, ',')) {
             match member.first() {
                 Some(TokenTree::Ident(name)) => {
                     let mut path = base.to_vec();
@@ -119,41 +119,40 @@ impl Source {
     }
 }
 
-fn word(token: Option<&TokenTree>) -> Option<String> {
+pub(crate) fn word(token: Option<&TokenTree>) -> Option<String> {
     match token {
         Some(TokenTree::Ident(ident)) => Some(ident.to_string()),
         _ => None,
     }
 }
 
+pub(crate) fn is_punct(token: &TokenTree, mark: char) -> bool {
+    matches!(token, TokenTree::Punct(punct) if punct.as_char() == mark)
+}
+
 fn is_path_separator(tokens: &[TokenTree]) -> bool {
-    matches!(tokens, [TokenTree::Punct(one), TokenTree::Punct(two), ..] if one.as_char() == ':' && two.as_char() == ':')
+    matches!(tokens, [one, two, ..] if is_punct(one, ':') && is_punct(two, ':'))
 }
 
 /// `#[cfg(test)]`, or a `cfg` of several conditions that needs `test`.
-fn is_test_attribute(tokens: &[TokenTree]) -> bool {
-    let [TokenTree::Punct(mark), TokenTree::Group(attribute), ..] = tokens else { return false };
+pub(crate) fn is_test_attribute(tokens: &[TokenTree]) -> bool {
+    let [mark, TokenTree::Group(attribute), ..] = tokens else { return false };
     let text = attribute.stream().to_string().replace(' ', "");
-    mark.as_char() == '#' && (text == "cfg(test)" || text.starts_with("cfg(all(test"))
+    is_punct(mark, '#') && (text == "cfg(test)" || text.starts_with("cfg(all(test"))
 }
 
-/// Behind the item that starts at `at`: behind its first braces or semicolon.
-fn end_of_item(tokens: &[TokenTree], at: usize) -> usize {
+/// Behind the item that starts at `at`: behind its first braces or semicolon; `use a::{b};` ends at its semicolon.
+pub(crate) fn end_of_item(tokens: &[TokenTree], at: usize) -> usize {
     let ends = |token: &TokenTree| match token {
         TokenTree::Group(group) => group.delimiter() == Delimiter::Brace,
-        TokenTree::Punct(mark) => mark.as_char() == ';',
-        _ => false,
+        _ => is_punct(token, ';'),
     };
-    let mut end = at;
-    // `use a::{b};` ends at its semicolon, not at its braces.
-    while let Some(token) = tokens.get(end) {
-        end += 1;
-        if ends(token) {
-            let semicolon = matches!(tokens.get(end), Some(TokenTree::Punct(mark)) if mark.as_char() == ';');
-            return end + usize::from(semicolon);
+    match tokens[at..].iter().position(ends) {
+        Some(end) => {
+            at + end + 1 + usize::from(tokens.get(at + end + 1).is_some_and(|next| is_punct(next, ';')))
         }
+        None => tokens.len(),
     }
-    end
 }
 
 #[cfg(test)]

@@ -1,6 +1,8 @@
-//! Keeps ARCHITECTURE.md true: the order of the house, the core's independence, and the names of things.
+//! Keeps ARCHITECTURE.md true: the order inside the crates, the core's independence, and the names of things; and the lists of
+//! what the crates make public.
 
 mod imports;
+mod surface;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -24,9 +26,6 @@ fn read(path: &Path) -> String {
 
 /// Crates whose modules have an order of their own.
 const ORDERED: [&str; 2] = ["imf-core", "imf-fields"];
-/// The crates, first to last: each may import those before it.
-const CRATES: [&str; 7] = ["imf-core", "imf-fields", "imf-train", "imf-gpu", "imf-cli", "imf-bench", "imf-c"];
-
 /// The modules of the first fenced block below the heading "The order inside" of a crate, in order. An entry may be a
 /// module of a module (`siren::reference`), which then stands at its own place.
 fn order_inside(krate: &str) -> Vec<Vec<String>> {
@@ -52,13 +51,18 @@ fn modules(crate_folder: &Path) -> BTreeMap<Vec<String>, (PathBuf, Source)> {
         let parsed =
             parse(&read(&file), &module).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
         for child in &parsed.children {
-            let flat = source.join(child.join("/")).with_extension("rs");
-            let nested = source.join(child.join("/")).join("mod.rs");
-            waiting.push((child.clone(), if flat.exists() { flat } else { nested }));
+            waiting.push((child.clone(), module_file(&source, child)));
         }
         found.insert(module, (file, parsed));
     }
     found
+}
+
+/// The file of a module.
+fn module_file(source: &Path, module: &[String]) -> PathBuf {
+    let path = source.join(module.join("/"));
+    let flat = path.with_extension("rs");
+    if flat.exists() { flat } else { path.join("mod.rs") }
 }
 
 /// The place of the longest entry that `module` lies in.
@@ -111,18 +115,6 @@ fn the_orders_list_exactly_the_modules() {
 }
 
 #[test]
-fn crates_import_only_what_stands_before_them() {
-    for (here, krate) in CRATES.iter().enumerate() {
-        let manifest = read(&root().join("crates").join(krate).join("Cargo.toml"));
-        let manifest: toml::Table = manifest.parse().unwrap();
-        let needed = manifest["dependencies"].as_table().unwrap().keys();
-        let own: Vec<&str> = needed.map(String::as_str).filter(|name| name.starts_with("imf-")).collect();
-        let allowed = if *krate == "imf-c" { &CRATES[..2] } else { &CRATES[..here] };
-        assert!(own.iter().all(|name| allowed.contains(name)), "{krate} imports {own:?}, of {allowed:?}");
-    }
-}
-
-#[test]
 fn core_and_fields_need_no_gpu_and_no_command_line() {
     let lock: toml::Table = read(&root().join("Cargo.lock")).parse().unwrap();
     let packages = lock["package"].as_array().unwrap();
@@ -148,13 +140,14 @@ fn core_and_fields_need_no_gpu_and_no_command_line() {
 #[test]
 fn mpi_comes_only_where_it_is_asked_for() {
     let mut users = Vec::new();
-    let crates = CRATES.map(|name| format!("crates/{name}"));
-    for folder in crates.iter().map(String::as_str).chain(["tests", "xtask"]) {
+    let workspace: toml::Table = read(&root().join("Cargo.toml")).parse().unwrap();
+    for folder in workspace["workspace"]["members"].as_array().unwrap() {
+        let folder = folder.as_str().unwrap();
         let manifest: toml::Table = read(&root().join(folder).join("Cargo.toml")).parse().unwrap();
         let tables = ["dependencies", "dev-dependencies", "build-dependencies"];
         let dependency = tables.iter().find_map(|table| manifest.get(*table)?.get("mpi"));
         if let Some(dependency) = dependency {
-            users.push(folder);
+            users.push(folder.to_owned());
             assert_eq!(dependency.get("optional"), Some(&toml::Value::Boolean(true)), "{folder}");
             assert!(manifest["features"].get("default").is_none(), "{folder} turns features on by default");
         }
@@ -185,30 +178,9 @@ fn no_folder_file_or_module_has_an_empty_name() {
                         source.inline_modules.iter().filter(|name| EMPTY_NAMES.contains(&name.as_str()));
                     found.extend(empty.map(|name| format!("{}: mod {name}", path.display())));
                 }
-                Some("md") => {
-                    let text = read(&path);
-                    let lines = text.lines().filter(|line| !line.contains("://"));
-                    let named = lines.filter(|line| EMPTY_NAMES.iter().any(|name| names_folder(line, name)));
-                    found.extend(named.map(|line| format!("{}: {line}", path.display())));
-                }
                 _ => {}
             }
         }
     }
     assert!(found.is_empty(), "names that say nothing:\n{}\n", found.join("\n"));
-}
-
-/// True if `line` holds `name/` as a whole path component.
-fn names_folder(line: &str, name: &str) -> bool {
-    line.match_indices(&format!("{name}/")).any(|(start, _)| {
-        let before = line[..start].chars().next_back();
-        !before.is_some_and(|letter| letter.is_alphanumeric() || matches!(letter, '-' | '_'))
-    })
-}
-
-#[test]
-fn folders_are_recognised_in_text() {
-    assert!(names_folder("see `src/misc/`", "misc"));
-    assert!(!names_folder("see `src/not-misc/`", "misc"));
-    assert!(!names_folder("miscellany", "misc"));
 }

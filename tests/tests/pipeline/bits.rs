@@ -12,7 +12,7 @@ use imf_fields::recipe::{Cursor, Length, TrainingPlan};
 use imf_fields::siren::SirenShape;
 use imf_fields::siren::evaluator::CpuEvaluator;
 use imf_fields::siren::over_grid;
-use imf_gpu::{GpuEvaluator, GpuTrainer};
+use imf_gpu::{GpuEvaluator, GpuTrainer, TrainerSettings};
 use imf_train::dataset::generate;
 use imf_train::engine::CpuTrainer;
 use imf_train::samples::Samples;
@@ -89,7 +89,8 @@ fn the_same_seed_gives_the_same_weights_and_values_on_the_gpu() {
     let once = || {
         let gpu = adapter();
         let start = TrainingState::new(&SHAPE, 7);
-        let mut engine = GpuTrainer::new(&gpu, SHAPE, plan.adam, plan.loss, plan.batch, &start).unwrap();
+        let settings = TrainerSettings { adam: plan.adam, loss: plan.loss, ..TrainerSettings::default() };
+        let mut engine = GpuTrainer::new(&gpu, SHAPE.stack(), &settings, plan.batch, &start).unwrap();
         let weights = run(&plan, &samples, &mut engine).parameters;
         let mut evaluator = GpuEvaluator::new(&gpu, SHAPE, &weights).unwrap();
         let mut values = vec![f32::NAN; SMALL.iter().product()];

@@ -7,7 +7,7 @@ use imf_fields::recipe::TrainingState;
 use imf_fields::recipe::{Cursor, Length, TrainingPlan};
 use imf_fields::siren::reference::{adam_step, loss_and_gradient};
 use imf_fields::siren::{INPUTS, SirenShape};
-use imf_gpu::{GpuTrainer, MatrixKernel};
+use imf_gpu::{GpuTrainer, MatrixKernel, TrainerSettings};
 use imf_train::engine::CpuTrainer;
 use imf_train::samples::Samples;
 use imf_train::training::TrainingEngine;
@@ -143,9 +143,10 @@ fn ten_steps_on_the_gpu_are_those_of_the_definition_and_of_the_cpu() {
     let mut cpu = CpuTrainer::new(SHAPE, plan().adam, plan().loss, BATCH, start.clone()).unwrap();
     let cpu_loss = ten_steps(&mut cpu, &samples);
     let cpu = (cpu_loss, wide(cpu.parameters()));
+    let settings = TrainerSettings { adam: plan().adam, loss: plan().loss, ..TrainerSettings::default() };
     for kernel in MatrixKernel::ALL {
         let gpu = adapter().with_matrix_kernel(kernel);
-        let mut engine = GpuTrainer::new(&gpu, SHAPE, plan().adam, plan().loss, BATCH, &start).unwrap();
+        let mut engine = GpuTrainer::new(&gpu, SHAPE.stack(), &settings, BATCH, &start).unwrap();
         let loss = ten_steps(&mut engine, &samples);
         let found = engine.state().unwrap().parameters;
         agree(&format!("GPU, {}", kernel.name()), (loss, &found), &expected, &start.parameters);

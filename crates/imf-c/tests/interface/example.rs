@@ -84,10 +84,10 @@ fn the_example_in_c_answers_as_rust_does() {
         let answers =
             answers.strip_prefix(says).unwrap_or_else(|| panic!("{says} is not said by\n{answers}"));
         let expected = expected(&field, &poses);
+        assert_eq!(answers.lines().count(), expected.lines().count());
         for (line, (found, expected)) in answers.lines().zip(expected.lines()).enumerate() {
-            assert_eq!(found, expected, "line {line} of {}", field.display());
+            assert_eq!(normal(found), normal(expected), "line {line} of {}", field.display());
         }
-        assert_eq!(answers, expected);
         assert!(answers.contains(" free ") && answers.contains(" colliding "), "{answers}");
     }
     let missing = folder.path().join("none.safetensors");
@@ -113,48 +113,26 @@ fn expected(field: &Path, poses: &[Pose]) -> String {
     for i in 0..count {
         let Gradient { value, position: p, direction: d, .. } = gradients[i];
         for number in [value, p.x, p.y, p.z, d.x, d.y, d.z, counted[i]] {
-            write!(text, "{} ", general(number.into(), 9)).unwrap();
+            write!(text, "{number} ").unwrap();
         }
         let decision = format!("{:?}", decisions[i]).to_lowercase();
-        writeln!(text, "{decision} {} {}", best[i].orientation, general(best[i].value.into(), 9)).unwrap();
+        writeln!(text, "{decision} {} {}", best[i].orientation, best[i].value).unwrap();
     }
     let (kind, from, to) = match verified.check_motion(&poses[0], &poses[count - 1]).unwrap() {
         MotionResult::Free => (0, 1.0, 1.0),
         MotionResult::Colliding { free_until, at, .. } => (1, free_until, at),
         MotionResult::Undecided { from, to } => (2, from, to),
     };
-    writeln!(text, "motion {kind} {} {}", general(from, 17), general(to, 17)).unwrap();
+    writeln!(text, "motion {kind} {from} {to}").unwrap();
     text
 }
 
-/// A number as C's `%.{digits}g` writes it.
-fn general(number: f64, digits: usize) -> String {
-    if number == 0.0 {
-        return if number.is_sign_negative() { "-0".into() } else { "0".into() };
-    }
-    let scientific = format!("{number:.*e}", digits - 1);
-    let (mantissa, exponent) = scientific.split_once('e').unwrap();
-    let exponent: i32 = exponent.parse().unwrap();
-    let short = |text: &str| -> String {
-        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text.into() }
+/// A line with every number as Rust writes it: C's digits are enough for each to be read back to the bit, those of a motion as
+/// doubles.
+fn normal(line: &str) -> Vec<String> {
+    let number = |word: &str| match line.starts_with("motion") {
+        true => word.parse::<f64>().map(|number| number.to_string()),
+        false => word.parse::<f32>().map(|number| number.to_string()),
     };
-    if exponent < -4 || exponent >= digits as i32 {
-        let sign = if exponent < 0 { '-' } else { '+' };
-        return format!("{}e{sign}{:02}", short(mantissa), exponent.abs());
-    }
-    short(&format!("{number:.*}", (digits as i32 - 1 - exponent) as usize))
-}
-
-#[test]
-fn numbers_are_written_as_c_writes_them() {
-    for (number, expected) in [
-        (0.1, "0.1"),
-        (-1234.5, "-1234.5"),
-        (1e-5, "1e-05"),
-        (123456789.0, "123456789"),
-        (1234567890.0, "1.23456789e+09"),
-        (-0.0, "-0"),
-    ] {
-        assert_eq!(general(number, 9), expected);
-    }
+    line.split_whitespace().map(|word| number(word).unwrap_or_else(|_| word.to_owned())).collect()
 }

@@ -15,7 +15,6 @@ use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::{DistillSettings, FactoredField, FactoredState, Symmetry};
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::file::HarmonicFile;
-use imf_gpu::shader::Factors;
 use imf_gpu::{Gpu, GpuTrainer, TrainerSettings};
 use imf_train::training::run::{Outcome, Report};
 use serde_json::json;
@@ -243,10 +242,10 @@ impl Lesson<'_> {
             adam: plan.adam,
             loss: plan.loss,
             optimiser: settings.optimiser,
-            factors: Factors::Single,
+            ..TrainerSettings::default()
         };
         let batch = plan.batch.min(self.teacher.grid().len());
-        Ok(GpuTrainer::of_stack(gpu, stack, &learning, batch, &state.training)?)
+        Ok(GpuTrainer::new(gpu, stack, &learning, batch, &state.training)?)
     }
 
     /// Writes a checkpoint, which goes on, or the finished field.

@@ -4,9 +4,9 @@ use imf_core::field::EngineError;
 use imf_core::pose::Pose;
 
 use super::device_types::{DeviceGradient, DevicePose};
-use super::work::Call;
+use super::passes::Call;
 use crate::device::Gpu;
-use crate::memory::{ReadBack, Room};
+use crate::memory::Room;
 
 /// Poses that go up in one piece, for which the graphics interface makes and drops memory of its own: 256 KiB.
 const PIECE: usize = 1 << 13;
@@ -17,17 +17,16 @@ pub(super) struct HostBuffers {
     poses: Room,
     values: Room,
     gradients: Room,
-    back: ReadBack,
 }
 
 /// The buffers of a call.
-pub(super) struct Uploaded {
+pub(super) struct PoseBuffers {
     poses: wgpu::Buffer,
     pub(super) values: wgpu::Buffer,
     pub(super) gradients: Option<wgpu::Buffer>,
 }
 
-impl Uploaded {
+impl PoseBuffers {
     pub(super) fn call(&self) -> Call<'_> {
         Call { poses: &self.poses, values: &self.values, gradients: self.gradients.as_ref() }
     }
@@ -40,7 +39,6 @@ impl HostBuffers {
             poses: Room::new("poses"),
             values: Room::new("values of poses"),
             gradients: Room::new("gradients of poses"),
-            back: ReadBack::default(),
         }
     }
 
@@ -50,7 +48,7 @@ impl HostBuffers {
         gpu: &Gpu,
         poses: &[Pose],
         with_gradients: bool,
-    ) -> Result<Uploaded, EngineError> {
+    ) -> Result<PoseBuffers, EngineError> {
         let elements = |bytes: usize| poses.len() * bytes / 4;
         let asked = self.poses.fit(gpu, elements(size_of::<DevicePose>()))?;
         for (piece, poses) in poses.chunks(PIECE).enumerate() {
@@ -63,18 +61,7 @@ impl HostBuffers {
             true => Some(self.gradients.fit(gpu, elements(size_of::<DeviceGradient>()))?),
             false => None,
         };
-        Ok(Uploaded { poses: asked, values: self.values.fit(gpu, poses.len())?, gradients })
-    }
-
-    /// Hands over the first `count` elements of a buffer with their places; waits for the device.
-    pub(super) fn read<T: bytemuck::Pod>(
-        &mut self,
-        gpu: &Gpu,
-        buffer: &wgpu::Buffer,
-        count: usize,
-        take: impl FnMut(usize, T),
-    ) -> Result<(), EngineError> {
-        self.back.read(gpu, buffer, count, take)
+        Ok(PoseBuffers { poses: asked, values: self.values.fit(gpu, poses.len())?, gradients })
     }
 }
 
@@ -97,13 +84,13 @@ mod tests {
             let up = host.upload(&gpu, &poses, true).unwrap();
             let mut seen = 0;
             let expected = |place: usize| DevicePose::from(poses[place]);
-            host.read(&gpu, &up.poses, count, |place, pose: DevicePose| {
+            gpu.read_each(&up.poses, count, |place, pose: DevicePose| {
                 assert!(pose == expected(place) && place == seen);
                 seen += 1;
             })
             .unwrap();
             assert_eq!(seen, count);
-            (up.poses, up.values, up.gradients, host.back.buffer().cloned())
+            (up.poses, up.values, up.gradients, gpu.staging.lock().unwrap().clone())
         };
         let first = buffers(&mut host, 20_000);
         assert!(buffers(&mut host, 20_000) == first && buffers(&mut host, 3) == first);

@@ -1,7 +1,7 @@
 //! From a point's coefficients to values at any direction or rotation d: what factored and harmonic fields have in common.
 //! Coefficients z give every function its weight, w = s·U z + μ; the value is the sum of the functions b(d) by their weights, and so
-//! are its derivatives by d. By the coefficients it changes as s·Uᵀ b(d), where the way back to the point begins. Where a field is
-//! told of a symmetry, the functions are of the direction in the frame of the point's place; derivatives are by the world's.
+//! are its derivatives by d. By the coefficients it changes as s·Uᵀ b(d), where the way back to the point begins. In a
+//! symmetry-reduced field the functions are of the direction in the frame of the point's place; derivatives are by the world's.
 //!
 //! Both products are the shader of a linear layer; the scale s is in their weights.
 
@@ -13,11 +13,9 @@ use imf_fields::harmonic::basis::Basis;
 use imf_fields::harmonic::rotations::Step;
 use imf_fields::harmonic::sphere::SphereBasis;
 
-use super::network::Frame;
-use super::work::Call;
-use crate::device::Gpu;
-use crate::kernel::{Bound, Kernel, uniform};
-use crate::memory::Plan;
+use super::passes::{CallKernel, Frame, Slot, own};
+use crate::kernel::{Dispatch, Extent, Kernel, uniform};
+use crate::memory::allocate;
 use crate::shader::Shader;
 use crate::uniforms::{self, Harmonics, Layer};
 
@@ -52,33 +50,25 @@ pub(super) struct Coefficients<'a> {
     pub(super) slopes: &'a wgpu::Buffer,
 }
 
-/// The kernels, and what they work with.
+/// The kernels.
 pub(super) struct Turns {
-    batch: wgpu::Buffer,
-    values: Kernel,
-    slopes: Kernel,
-    /// From coefficients to weights of the functions, and from functions to slopes.
-    weigh: Bound,
-    seed: Bound,
-    harmonics: wgpu::Buffer,
+    /// From coefficients to weights of the functions, and from functions to slopes by the coefficients.
+    pub(super) weigh: Dispatch,
+    pub(super) seed: Dispatch,
+    pub(super) values: CallKernel,
+    /// Values with derivatives by how the tool stands, and with the functions.
+    pub(super) slopes: CallKernel,
     /// [`uniforms::Symmetry`]
     pub(super) symmetry: wgpu::Buffer,
-    /// See `harmonics.wgsl` and `rotations.wgsl`.
-    steps: wgpu::Buffer,
-    /// `[rows][columns]`
-    weights: wgpu::Buffer,
-    functions: wgpu::Buffer,
-    /// Functions and axes, padding among them.
-    columns: usize,
-    axes: usize,
 }
 
 impl Turns {
     pub(super) fn new(
-        gpu: &Gpu,
+        frame: &Frame,
         functions: Functions<'_>,
         at: &Coefficients<'_>,
     ) -> Result<Self, EngineError> {
+        let Frame { gpu, world, sweep } = frame;
         let columns = functions.columns(gpu.matrix_kernel().padding());
         let table = recurrence(functions.basis);
         let (values_of, slopes_of) = match functions.basis {
@@ -86,68 +76,34 @@ impl Turns {
             Basis::Rotations(_) => (Shader::RotationValues, Shader::RotationSlopes),
         };
         let (mixing, [weigh, seed]) = mixing(functions, columns, at.axes);
-        let mut plan = Plan::default();
-        let places = [
-            plan.add("recurrence", 4 * table.len()),
-            plan.add("axes", mixing.len()),
-            plan.add("weights of functions", at.rows * columns),
-            plan.add("functions", at.rows * columns),
+        let sizes = [
+            // See `harmonics.wgsl` and `rotations.wgsl`.
+            ("recurrence", 4 * table.len()),
+            ("axes", mixing.len()),
+            ("weights of functions", at.rows * columns),
+            ("functions", at.rows * columns),
         ];
-        let buffers = plan.allocate(gpu)?;
-        let [steps, axes, weights, values] = places.map(|place| buffers[place].clone());
-        gpu.queue().write_buffer(&steps, 0, bytemuck::cast_slice(&table));
-        gpu.queue().write_buffer(&axes, 0, bytemuck::cast_slice(&mixing));
+        let [steps, axes, weights, values] = allocate(gpu, sizes)?;
+        gpu.write(&steps, &table);
+        gpu.write(&axes, &mixing);
         let (weigh, seed) = (uniform(gpu, "weights", &weigh)?, uniform(gpu, "seed", &seed)?);
         let linear = Kernel::new(gpu, Shader::Linear)?;
         let harmonics = Harmonics { degree: functions.basis.degree() as u32, stride: columns as u32 };
+        let harmonics = uniform(gpu, "harmonics", &harmonics)?;
+        let symmetry = uniforms::Symmetry::new(&functions.symmetry, functions.blunt);
+        let symmetry = uniform(gpu, "symmetry", &symmetry)?;
+        let mut slots: Vec<Slot> =
+            [at.batch, world, sweep, &symmetry, &harmonics].map(own).into_iter().collect();
+        slots.extend([Slot::Poses, own(&steps), own(&weights), Slot::Values]);
+        let with_slopes = [&slots[..], &[Slot::Gradients, own(&values)]].concat();
+        let (forth, back) = (Extent::Product(columns), Extent::Product(at.axes));
         Ok(Self {
-            batch: at.batch.clone(),
-            values: Kernel::new(gpu, values_of)?,
-            slopes: Kernel::new(gpu, slopes_of)?,
-            weigh: linear.bind(gpu, &[at.batch, &weigh, &axes, at.values, &weights]),
-            seed: linear.bind(gpu, &[at.batch, &seed, &axes, &values, at.slopes]),
-            harmonics: uniform(gpu, "harmonics", &harmonics)?,
-            symmetry: uniform(
-                gpu,
-                "symmetry",
-                &uniforms::Symmetry::new(&functions.symmetry, functions.blunt),
-            )?,
-            steps,
-            weights,
-            functions: values,
-            columns,
-            axes: at.axes,
+            weigh: linear.bind(forth, &[at.batch, &weigh, &axes, at.values, &weights]),
+            seed: linear.bind(back, &[at.batch, &seed, &axes, &values, at.slopes]),
+            values: CallKernel::new(gpu, values_of, Extent::Rows(1), slots)?,
+            slopes: CallKernel::new(gpu, slopes_of, Extent::Rows(1), with_slopes)?,
+            symmetry,
         })
-    }
-
-    /// The kernel of values, or of values and derivatives by how the tool stands where gradients are asked.
-    pub(super) fn bind(&self, frame: &Frame, call: Call<'_>) -> Bound {
-        let Frame { gpu, world, sweep } = frame;
-        let Call { poses, values, gradients } = call;
-        let Self { batch, symmetry, harmonics, steps, weights, functions, .. } = self;
-        let front = [batch, world, sweep, symmetry, harmonics, poses, steps, weights, values];
-        match gradients {
-            None => self.values.bind(gpu, &front),
-            Some(gradients) => self.slopes.bind(gpu, &[&front[..], &[gradients, functions]].concat()),
-        }
-    }
-
-    /// From coefficients to values; `values` is what [`Self::bind`] gave.
-    pub(super) fn record(
-        &self,
-        values: &Bound,
-        pass: &mut wgpu::ComputePass<'_>,
-        rows: usize,
-        padded_rows: usize,
-        limit: u32,
-    ) {
-        self.weigh.product(pass, padded_rows, self.columns, 1);
-        values.linear(pass, rows, limit);
-    }
-
-    /// From the functions that [`Self::record`] left, where gradients were asked, to slopes by the coefficients.
-    pub(super) fn record_slopes(&self, pass: &mut wgpu::ComputePass<'_>, padded_rows: usize) {
-        self.seed.product(pass, padded_rows, self.axes, 1);
     }
 }
 

@@ -15,13 +15,13 @@ pub(super) const MOST_JOBS: usize = 32;
 const MOST_WORK: u64 = 2_000_000_000;
 
 /// One orientation over one slab, ready for the device.
-pub(super) struct Prepared {
+pub(super) struct SlabJob {
     tool: SteppedTool,
     covered: Vec<u32>,
     uncovered: Vec<u32>,
 }
 
-impl Prepared {
+impl SlabJob {
     /// # Errors
     /// More run ends than a count's digits hold.
     pub(super) fn new(tool: SteppedTool, layout: &BitLayout) -> Result<Self, EngineError> {
@@ -30,7 +30,7 @@ impl Prepared {
         if ends > most {
             return Err(EngineError::Device(format!(
                 "the tool has {ends} run ends in this grid, and the GPU's kernels add up at most {most}. Take a larger \
-                 pitch, or count on the CPU (--device cpu)"
+                 pitch, or count on the CPU"
             )));
         }
         Ok(Self { tool, covered, uncovered })
@@ -79,7 +79,7 @@ pub(super) struct Batch {
 impl Batch {
     /// True where the job is still to be added: it does not make the differences, nor sections of `voxels` each, more
     /// than `room`. A first job always fits.
-    pub(super) fn takes(&self, job: &Prepared, voxels: usize, room: usize) -> bool {
+    pub(super) fn takes(&self, job: &SlabJob, voxels: usize, room: usize) -> bool {
         let jobs = self.jobs.len() + 1;
         let full = jobs > MOST_JOBS
             || self.differences + job.steps() > room
@@ -89,7 +89,7 @@ impl Batch {
     }
 
     /// Adds a job; with a count of voxels of the tool, the values of all its counts.
-    pub(super) fn add(&mut self, prepared: &Prepared, orientation: usize, values_of: Option<u32>) {
+    pub(super) fn add(&mut self, prepared: &SlabJob, orientation: usize, values_of: Option<u32>) {
         let tool = &prepared.tool;
         let [lower_x, lower_y, lower_z] = tool.steps.lower.map(|v| v as i32);
         let [nx, ny, nz] = tool.steps.dims.map(|n| n as u32);

@@ -35,7 +35,7 @@ impl BitLayout {
         if bits > u64::from(u32::MAX) {
             return Err(EngineError::Device(format!(
                 "the obstacle with the tool's reach around it takes {} MiB as bits, and the GPU's kernels address 512. \
-                 Take a larger pitch, or count on the CPU (--device cpu)",
+                 Take a larger pitch, or count on the CPU",
                 bits >> 23
             )));
         }

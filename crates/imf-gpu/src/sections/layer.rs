@@ -9,14 +9,14 @@ use imf_core::tool::{RotatedTool, Tool, ToolError};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use super::GpuSectionError;
-use super::batch::{Batch, MOST_JOBS, Prepared};
+use super::batch::{Batch, MOST_JOBS, SlabJob};
 use super::bits::BitLayout;
-use crate::device::{Gpu, Reading};
-use crate::kernel::{Bound, Kernel, uniform};
+use crate::device::Gpu;
+use crate::kernel::{Dispatch, Extent, Kernel, uniform};
 use crate::memory::Room;
 use crate::shader::Shader;
-use crate::submit::Submissions;
-use crate::uniforms::Counting;
+use crate::transfer::Reading;
+use crate::uniforms;
 
 /// Differences, in elements, of one submission where the adapter binds so much: 128 MiB, 32 sections of the paper's scene.
 const DIFFERENCES: usize = 1 << 25;
@@ -37,7 +37,7 @@ pub(super) struct Layer<'a> {
     differences_kernel: Kernel,
     totals_kernel: Kernel,
     sections_kernel: Kernel,
-    least_kernel: Kernel,
+    minimum_kernel: Kernel,
     counting: wgpu::Buffer,
     bits: wgpu::Buffer,
     jobs: Room,
@@ -46,18 +46,17 @@ pub(super) struct Layer<'a> {
     shares: Room,
     differences: Room,
     sections: Room,
-    /// Least values, as bits, and their orientations, for each slab.
+    /// Minima, as bits, and their orientations, for each slab.
     least: Vec<[Room; 2]>,
-    submissions: Submissions,
 }
 
 /// One orientation, prepared on the host.
-pub(super) struct Turned {
+pub(super) struct OrientedTool {
     pub(super) index: usize,
     /// `None` where a tool that may be thin holds no voxel centre: it overlaps nothing.
     pub(super) rotated: Option<RotatedTool>,
     /// One for each slab.
-    jobs: Vec<Prepared>,
+    jobs: Vec<SlabJob>,
     /// Overlaps at the watched voxels, by direct sums.
     pub(super) watched: Vec<u32>,
 }
@@ -69,7 +68,7 @@ fn slabs(query: &QueryBox, most_steps: [usize; 3], room: usize) -> Result<Vec<Qu
     if planes == 0 {
         return Err(EngineError::Device(format!(
             "one plane of this grid has {} MiB of differences, and the adapter binds {}. Take a larger pitch, or count \
-             on the CPU (--device cpu)",
+             on the CPU",
             plane >> 18,
             room >> 18
         )));
@@ -105,8 +104,8 @@ impl<'a> Layer<'a> {
             differences_kernel: kernel(Shader::CountDifferences)?,
             totals_kernel: kernel(Shader::CountTotals)?,
             sections_kernel: kernel(Shader::CountSections)?,
-            least_kernel: kernel(Shader::CountLeast)?,
-            counting: uniform(gpu, "counting", &Counting::default())?,
+            minimum_kernel: kernel(Shader::CountMinimum)?,
+            counting: uniform(gpu, "counting", &uniforms::Counting::default())?,
             bits,
             jobs: Room::new("jobs"),
             starts: Room::new("starts of run ends"),
@@ -114,11 +113,7 @@ impl<'a> Layer<'a> {
             shares: Room::new("values of counts"),
             differences: Room::new("differences"),
             sections: Room::new("sections"),
-            least: slabs
-                .iter()
-                .map(|_| [Room::new("least values"), Room::new("best orientations")])
-                .collect(),
-            submissions: Submissions::default(),
+            least: slabs.iter().map(|_| [Room::new("minima"), Room::new("best orientations")]).collect(),
             gpu: gpu.clone(),
             obstacle,
             tool,
@@ -148,12 +143,12 @@ impl<'a> Layer<'a> {
         orientations: &[Orientation],
         first: usize,
         watched: &[usize],
-    ) -> Result<Vec<Turned>, GpuSectionError> {
-        let turn = |place: usize| -> Result<Turned, GpuSectionError> {
+    ) -> Result<Vec<OrientedTool>, GpuSectionError> {
+        let turn = |place: usize| -> Result<OrientedTool, GpuSectionError> {
             let index = first + place;
             let rotated = match RotatedTool::new(self.tool, &orientations[place], self.grid().pitch) {
                 Err(ToolError::TooSmall { .. }) if self.may_be_thin => {
-                    return Ok(Turned {
+                    return Ok(OrientedTool {
                         index,
                         rotated: None,
                         jobs: Vec::new(),
@@ -166,92 +161,103 @@ impl<'a> Layer<'a> {
                 let stepped = self.space.step(&rotated, slab, self.room).ok_or_else(|| {
                     EngineError::Device("a slab does not fit the adapter: please report this".to_owned())
                 })?;
-                Prepared::new(stepped, &self.layout)
+                SlabJob::new(stepped, &self.layout)
             });
             let jobs = jobs.collect::<Result<_, _>>()?;
             let watched = watched
                 .iter()
                 .map(|&voxel| direct_count(self.obstacle, &rotated, self.query.voxel(voxel)))
                 .collect();
-            Ok(Turned { index, rotated: Some(rotated), jobs, watched })
+            Ok(OrientedTool { index, rotated: Some(rotated), jobs, watched })
         };
         (0..orientations.len()).into_par_iter().map(turn).collect()
     }
 
-    /// As many orientations as go in one submission over a slab, at least one; for sections that are read back, or
-    /// for the minimum, which wants the values of all counts.
-    fn batch(&self, turned: &[Turned], slab: usize, read_back: bool) -> Batch {
+    /// As many orientations as go in one submission over a slab, at least one, and those that are left; for sections that are read
+    /// back, or for the minimum, which wants the values of all counts. None once only tools are left that hold no voxel centre.
+    fn batch<'t>(
+        &self,
+        turned: &'t [OrientedTool],
+        slab: usize,
+        read_back: bool,
+    ) -> Option<(Batch, &'t [OrientedTool])> {
+        let first = turned.iter().position(|turn| turn.rotated.is_some())?;
         let voxels = if read_back { self.slabs[slab].len() } else { 0 };
         let mut batch = Batch::default();
-        for turn in turned {
-            // Nothing to do for a tool that holds no voxel centre.
+        let mut rest = &turned[first..];
+        while let Some((turn, others)) = rest.split_first() {
             let Some((job, rotated)) = turn.jobs.get(slab).zip(turn.rotated.as_ref()) else { break };
             if !batch.takes(job, voxels, self.room) {
                 break;
             }
             batch.add(job, turn.index, (!read_back).then_some(rotated.count));
+            rest = others;
         }
-        batch
+        Some((batch, rest))
     }
 
-    /// Uploads a batch and binds the kernels that make overlaps of it; the list ends with `last`.
+    /// Uploads a batch and binds the kernels that make overlaps of it; the list ends with `last`, which takes `elements`.
     fn bind(
         &mut self,
         batch: &Batch,
-        slab: &QueryBox,
-        last: impl FnOnce(&Self, [&wgpu::Buffer; 3]) -> Bound,
-    ) -> Result<[Bound; 3], EngineError> {
-        let counting = batch.counting(&self.layout, self.space.obstacle[0], slab);
+        slab: usize,
+        last: Shader,
+        elements: usize,
+        others: &[&wgpu::Buffer],
+    ) -> Result<[Dispatch; 3], EngineError> {
+        let counting = batch.counting(&self.layout, self.space.obstacle[0], &self.slabs[slab]);
         let jobs = self.jobs.upload(&self.gpu, &batch.jobs)?;
         let starts = self.starts.upload(&self.gpu, &batch.starts)?;
         let ends = self.ends.upload(&self.gpu, &batch.ends)?;
         let differences = self.differences.fit(&self.gpu, batch.differences)?;
-        self.gpu.queue().write_buffer(&self.counting, 0, bytemuck::bytes_of(&counting));
-        let (gpu, counting) = (&self.gpu, &self.counting);
+        self.gpu.write(&self.counting, &[counting]);
+        let (counting, invocations) = (&self.counting, batch.difference_invocations());
+        let last = if last == Shader::CountMinimum { &self.minimum_kernel } else { &self.sections_kernel };
         Ok([
-            self.differences_kernel.bind(gpu, &[counting, &jobs, &self.bits, &starts, &ends, &differences]),
-            self.totals_kernel.bind(gpu, &[counting, &jobs, &differences]),
-            last(self, [counting, &jobs, &differences]),
+            self.differences_kernel.bind(
+                Extent::Elements(invocations),
+                &[counting, &jobs, &self.bits, &starts, &ends, &differences],
+            ),
+            self.totals_kernel.bind(Extent::Elements(batch.total_lines()), &[counting, &jobs, &differences]),
+            last.bind(Extent::Elements(elements), &[&[counting, &jobs, &differences], others].concat()),
         ])
     }
 
-    /// Submits a batch; the last kernel takes `elements`.
-    fn submit(&mut self, batch: &Batch, bound: &[Bound; 3], elements: usize) -> Result<(), EngineError> {
-        let workgroups = self.gpu.limits().workgroups;
-        self.submissions.pass(&self.gpu, |pass| {
-            bound[0].linear(pass, batch.difference_invocations(), workgroups);
-            bound[1].linear(pass, batch.total_lines(), workgroups);
-            bound[2].linear(pass, elements, workgroups);
-        })
+    /// Binds a batch whose sections are read back, with where they go and how many values they have.
+    fn bind_sections(
+        &mut self,
+        batch: &Batch,
+        slab: usize,
+    ) -> Result<([Dispatch; 3], wgpu::Buffer, usize), EngineError> {
+        let elements = batch.jobs.len() * self.slabs[slab].len();
+        let sections = self.sections.fit(&self.gpu, elements)?;
+        let bound = self.bind(batch, slab, Shader::CountSections, elements, &[&sections])?;
+        Ok((bound, sections, elements))
     }
 
-    /// Submits one batch whose sections are read back.
-    fn read_back(&mut self, batch: &Batch, slab: &QueryBox) -> Result<Reading, EngineError> {
-        let elements = batch.jobs.len() * slab.len();
-        let sections = self.sections.fit(&self.gpu, elements)?;
-        let bound = self.bind(batch, slab, |own, [counting, jobs, differences]| {
-            own.sections_kernel.bind(&own.gpu, &[counting, jobs, differences, &sections])
-        })?;
-        self.submit(batch, &bound, elements)?;
-        self.gpu.begin_read(&sections, elements)
+    fn submit(&self, bound: &[Dispatch; 3]) -> Result<(), EngineError> {
+        self.gpu.run(bound, uniforms::Batch::default())
     }
 
     /// Submits a round of orientations; [`Layer::finish`] reads their overlaps.
-    pub(super) fn begin(&mut self, turned: &[Turned]) -> Result<Vec<Begun>, EngineError> {
-        let mut begun = Vec::new();
-        for (index, slab) in self.slabs.clone().iter().enumerate() {
-            let from =
-                (slab.lower[0] - self.query.lower[0]) as usize * self.query.dims[1] * self.query.dims[2];
-            let mut first = 0;
-            while first < turned.len() {
-                if turned[first].rotated.is_none() {
-                    first += 1;
-                    continue;
-                }
-                let batch = self.batch(&turned[first..], index, true);
-                begun.push(Begun { first, from, voxels: slab.len(), reading: self.read_back(&batch, slab)? });
-                first += batch.jobs.len();
+    pub(super) fn begin(&mut self, turned: &[OrientedTool]) -> Result<Vec<BatchReading>, EngineError> {
+        let (mut begun, mut from) = (Vec::new(), 0);
+        for slab in 0..self.slabs.len() {
+            let voxels = self.slabs[slab].len();
+            let mut left = turned;
+            while let Some((batch, rest)) = self.batch(left, slab, true) {
+                left = rest;
+                let (bound, sections, elements) = self.bind_sections(&batch, slab)?;
+                self.submit(&bound)?;
+                let first = turned.len() - rest.len() - batch.jobs.len();
+                begun.push(BatchReading {
+                    first,
+                    from,
+                    voxels,
+                    reading: self.gpu.begin_read(&sections, elements)?,
+                });
             }
+            from += voxels;
         }
         Ok(begun)
     }
@@ -259,11 +265,11 @@ impl<'a> Layer<'a> {
     /// Overlaps over the query box for the `orientations` of a round, `[orientation][voxel]`.
     pub(super) fn finish(
         &self,
-        begun: Vec<Begun>,
+        begun: Vec<BatchReading>,
         orientations: usize,
     ) -> Result<Vec<Vec<u32>>, EngineError> {
         let mut counts = vec![vec![0; self.query.len()]; orientations];
-        for Begun { first, from, voxels, reading } in begun {
+        for BatchReading { first, from, voxels, reading } in begun {
             let values = self.gpu.finish_read::<u32>(reading)?;
             for (target, values) in counts[first..].iter_mut().zip(values.chunks_exact(voxels)) {
                 target[from..from + voxels].copy_from_slice(values);
@@ -284,20 +290,17 @@ impl<'a> Layer<'a> {
     }
 
     /// Submits a round of orientations whose minimum is kept on the device.
-    pub(super) fn lower_to(&mut self, turned: &[Turned]) -> Result<(), EngineError> {
-        for (index, slab) in self.slabs.clone().iter().enumerate() {
-            let mut rest = turned;
-            while !rest.is_empty() {
-                let batch = self.batch(rest, index, false);
-                rest = &rest[batch.jobs.len()..];
+    pub(super) fn lower_to(&mut self, turned: &[OrientedTool]) -> Result<(), EngineError> {
+        for slab in 0..self.slabs.len() {
+            let (voxels, mut left) = (self.slabs[slab].len(), turned);
+            while let Some((batch, rest)) = self.batch(left, slab, false) {
+                left = rest;
                 let shares = self.shares.upload(&self.gpu, &batch.shares)?;
-                let [least, best] = &mut self.least[index];
-                let (least, best) = (least.fit(&self.gpu, slab.len())?, best.fit(&self.gpu, slab.len())?);
-                let bound = self.bind(&batch, slab, |own, [counting, jobs, differences]| {
-                    let buffers = [counting, jobs, differences, &shares, &least, &best];
-                    own.least_kernel.bind(&own.gpu, &buffers)
-                })?;
-                self.submit(&batch, &bound, slab.len())?;
+                let [least, best] = &mut self.least[slab];
+                let (least, best) = (least.fit(&self.gpu, voxels)?, best.fit(&self.gpu, voxels)?);
+                let bound =
+                    self.bind(&batch, slab, Shader::CountMinimum, voxels, &[&shares, &least, &best])?;
+                self.submit(&bound)?;
             }
         }
         Ok(())
@@ -327,25 +330,16 @@ impl<'a> Layer<'a> {
         let mut seconds = 0.0;
         for (part, first) in orientations.chunks(MOST_JOBS).zip((0..).step_by(MOST_JOBS)) {
             let turned = self.prepare(part, first, &[])?;
-            for (index, slab) in self.slabs.clone().iter().enumerate() {
-                let mut rest = &turned[..];
-                while let Some(turn) = rest.first() {
-                    if turn.rotated.is_none() {
-                        rest = &rest[1..];
-                        continue;
-                    }
-                    let batch = self.batch(rest, index, true);
-                    rest = &rest[batch.jobs.len()..];
-                    let elements = batch.jobs.len() * slab.len();
-                    let sections = self.sections.fit(&self.gpu, elements)?;
-                    let bound = self.bind(&batch, slab, |own, [counting, jobs, differences]| {
-                        own.sections_kernel.bind(&own.gpu, &[counting, jobs, differences, &sections])
-                    })?;
-                    self.submit(&batch, &bound, elements)?;
+            for slab in 0..self.slabs.len() {
+                let mut left = &turned[..];
+                while let Some((batch, rest)) = self.batch(left, slab, true) {
+                    left = rest;
+                    let (bound, ..) = self.bind_sections(&batch, slab)?;
+                    self.submit(&bound)?;
                     self.gpu.wait(None)?;
                     let start = std::time::Instant::now();
                     for _ in 0..times {
-                        self.submit(&batch, &bound, elements)?;
+                        self.submit(&bound)?;
                     }
                     self.gpu.wait(None)?;
                     seconds += start.elapsed().as_secs_f64() / times as f64;
@@ -364,7 +358,7 @@ impl<'a> Layer<'a> {
 }
 
 /// A batch that is being read back: orientations of the round from `first` on, voxels of the query box from `from` on.
-pub(super) struct Begun {
+pub(super) struct BatchReading {
     first: usize,
     from: usize,
     /// Voxels of each orientation.

@@ -1,9 +1,5 @@
 //! What a trainer allocates, and how a batch is cut into slices of rows.
 
-use imf_fields::recipe::Optimiser;
-
-use super::matrices::Matrices;
-use super::soap::SoapPlaces;
 use crate::device::GpuLimits;
 use crate::forward::rows_per_pass;
 use crate::layout::PaddedLayout;
@@ -36,16 +32,14 @@ pub(super) struct Places {
     pub(super) results: usize,
     pub(super) signals: Vec<usize>,
     pub(super) deltas: Vec<usize>,
-    pub(super) matrices: Option<SoapPlaces>,
 }
 
-/// What a trainer allocates, how many rows one pass holds, and how many partial gradients there are; with what the
-/// optimiser of the matrices needs.
+/// What a trainer allocates beside its optimiser of the matrices, how many rows one pass holds, and how many partial gradients there
+/// are.
 pub(super) fn plan(
     layout: &PaddedLayout,
     limits: GpuLimits,
     max_batch: usize,
-    optimiser: Optimiser,
 ) -> (Plan, Places, usize, usize) {
     let (inputs, outputs) = (layout.stack.inputs, layout.stack.outputs);
     let rows = rows_per_pass(layout, limits, max_batch);
@@ -71,12 +65,6 @@ pub(super) fn plan(
         results: plan.add("results", rows * layout.layers.last().map_or(0, |layer| layer.outputs)),
         signals: layout.layers.iter().map(|layer| plan.add("signal", rows * layer.inputs)).collect(),
         deltas: layout.layers.iter().map(|layer| plan.add("delta", rows * layer.outputs)).collect(),
-        matrices: match optimiser {
-            Optimiser::Adam => None,
-            Optimiser::Soap(config) => {
-                Matrices::of(layout).map(|matrices| SoapPlaces::plan(&mut plan, config, matrices))
-            }
-        },
     };
     (plan, places, rows, max_slices)
 }

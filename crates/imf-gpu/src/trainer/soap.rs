@@ -13,7 +13,6 @@
 //! whatever the factors of the network's products are.
 
 mod look;
-mod products;
 mod side;
 
 use imf_core::field::EngineError;
@@ -22,165 +21,188 @@ use imf_fields::recipe::TrainingState;
 use imf_train::engine::soap::FIRST_LOOKS;
 
 use super::Buffers;
-use super::matrices::Matrices;
 use crate::device::Gpu;
 use crate::forward::Network;
-use crate::kernel::{Bound, Kernel};
+use crate::kernel::{Dispatch, Extent, Kernel, uniform};
 use crate::layout::PaddedLayout;
-use crate::memory::Plan;
-use crate::shader::Shader;
-use crate::uniforms::MatrixPlace;
-use look::{Look, LookKernels};
-use products::{BoundProduct, Factor, Products};
-use side::{Numbers, SidePlaces, SideStep};
+use crate::memory::allocate;
+use crate::shader::{LINEAR_GROUP, MATRIX_GROUPS, Shader};
+use crate::uniforms::{Batch, Between, MatrixPlace, Product};
+use look::LookKernels;
+use side::{Numbers, SideBuffers, SideStep};
 
-/// Places of what SOAP works with.
-pub(super) struct SoapPlaces {
-    config: SoapConfig,
-    matrices: Matrices,
-    /// A [`MatrixPlace`] each.
-    table: usize,
-    gradient: usize,
-    half: usize,
-    along: usize,
-    sides: [SidePlaces; 2],
-}
-
-impl SoapPlaces {
-    pub(super) fn plan(plan: &mut Plan, config: SoapConfig, matrices: Matrices) -> Self {
-        let Matrices { count, rows, columns } = matrices;
-        let [gradient, half, along] =
-            ["gradients along SOAP's axes"; 3].map(|name| plan.add(name, count * rows * columns));
-        let table = plan.add("places of the matrices", count * size_of::<MatrixPlace>() / 4);
-        let sides = [rows, columns].map(|stride| SidePlaces::plan(plan, count, stride));
-        Self { config, matrices, table, gradient, half, along, sides }
-    }
-
-    /// What a step writes before it reads it.
-    pub(super) fn scratch(&self) -> Vec<usize> {
-        let of_sides = self.sides.iter().flat_map(SidePlaces::scratch);
-        [self.gradient, self.half, self.along].into_iter().chain(of_sides).collect()
-    }
-}
+/// Goes over the numbers of all matrices.
+const EACH: Extent = Extent::Sliced((MATRIX_GROUPS * LINEAR_GROUP) as usize);
 
 /// The kernels of a step, bound.
 #[derive(Debug)]
 pub(super) struct SoapStep {
-    matrices: Matrices,
+    count: usize,
     look_every: u64,
-    gather: Bound,
-    turn: [BoundProduct; 2],
-    moments: Bound,
-    turn_back: [BoundProduct; 2],
-    update: Bound,
+    gather: Dispatch,
+    /// From the second step on.
+    step: Vec<Dispatch>,
     sides: [SideStep; 2],
-    follow: Follow,
+    /// How moments come to the axes of the last look.
+    follow: Vec<Dispatch>,
+    /// What a step writes before it reads it.
+    pub(super) scratch: Vec<wgpu::Buffer>,
 }
 
-/// How moments come to the axes of the last look.
-#[derive(Debug)]
-struct Follow {
-    first_moment: Bound,
-    turn: [BoundProduct; 2],
-    first_moment_back: Bound,
-    second_moment: Bound,
-    second_moment_back: Bound,
+/// A factor as it stands, or its transpose.
+#[derive(Clone, Copy)]
+enum Factor<'a> {
+    Plain(&'a wgpu::Buffer),
+    Transposed(&'a wgpu::Buffer),
+}
+
+/// Products of all matrices together.
+struct Products<'a> {
+    gpu: &'a Gpu,
+    kernel: Kernel,
+}
+
+impl Products<'_> {
+    /// `to ← kept·to + share·left·right`, of `[rows, columns, inner]`.
+    fn added(
+        &self,
+        [rows, columns, inner]: [usize; 3],
+        factors: [Factor<'_>; 2],
+        to: &wgpu::Buffer,
+        [kept, share]: [f32; 2],
+    ) -> Result<Dispatch, EngineError> {
+        let [(left, left_transposed), (right, right_transposed)] = factors.map(|factor| match factor {
+            Factor::Plain(buffer) => (buffer, 0),
+            Factor::Transposed(buffer) => (buffer, 1),
+        });
+        let extent = Extent::SlicedProduct(rows, columns);
+        let [rows, columns, inner] = [rows, columns, inner].map(|n| n as u32);
+        let block = Product { rows, columns, inner, left_transposed, right_transposed, kept, share };
+        let block = uniform(self.gpu, "product of SOAP", &block)?;
+        Ok(self.kernel.bind(extent, &[&block, left, right, to]))
+    }
+
+    /// `to ← left·right`.
+    fn of(
+        &self,
+        size: [usize; 3],
+        factors: [Factor<'_>; 2],
+        to: &wgpu::Buffer,
+    ) -> Result<Dispatch, EngineError> {
+        self.added(size, factors, to, [0.0, 1.0])
+    }
 }
 
 impl SoapStep {
-    /// Compiles and binds the kernels and uploads means and axes; `buffers` are those of the trainer's plan.
+    /// Compiles and binds the kernels, allocates their buffers and uploads means and axes; none where there is one hidden layer.
     pub(super) fn new(
         gpu: &Gpu,
         network: &Network,
         host: &Buffers,
-        places: &SoapPlaces,
-        buffers: &[wgpu::Buffer],
+        config: SoapConfig,
         state: &TrainingState,
-    ) -> Result<Self, EngineError> {
-        let SoapPlaces { config, matrices, .. } = *places;
-        let Matrices { count, rows, columns } = matrices;
-        let [table, gradient, half, along] =
-            [places.table, places.gradient, places.half, places.along].map(|place| &buffers[place]);
-        let block = matrices.upload(gpu, &network.layout, table, config.kept, |_| config.rate)?;
-        for (side, numbers) in
-            places.sides.iter().zip(Numbers::of_state(&network.layout, [rows, columns], state)?)
-        {
-            side.write(gpu, buffers, &numbers);
-        }
+    ) -> Result<Option<Self>, EngineError> {
+        let layout = &network.layout;
+        let between = layout.between();
+        let Some(columns) = between.iter().map(|layer| layer.inputs).max() else { return Ok(None) };
+        let (count, rows) = (between.len(), between[0].outputs);
+        let [table, gradient, half, along] = allocate(
+            gpu,
+            [
+                ("places of the matrices", count * size_of::<MatrixPlace>() / 4),
+                ("gradients of the matrices", count * rows * columns),
+                ("half a product of SOAP", count * rows * columns),
+                ("gradients along SOAP's axes", count * rows * columns),
+            ],
+        )?;
+        let place = |layer: &crate::layout::PaddedLayer| MatrixPlace {
+            weights: layer.weights as u32,
+            columns: layer.inputs as u32,
+            length: config.rate,
+        };
+        gpu.write(&table, &between.iter().map(place).collect::<Vec<_>>());
+        let kept = config.kept;
+        let block = Between { rows: rows as u32, columns: columns as u32, kept, one_minus_kept: 1.0 - kept };
+        let block = uniform(gpu, "matrices", &block)?;
+        let numbers = Numbers::of_state(layout, [rows, columns], state)?;
+        let [left, right] = numbers.map(|numbers| SideBuffers::new(gpu, &numbers, count));
+        let (left, right) = (left?, right?);
+
         let kernel = |shader| Kernel::new(gpu, shader);
         let (gather, scatter) = (kernel(Shader::SoapGather)?, kernel(Shader::SoapScatter)?);
+        let each =
+            |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(EACH, &[&[&block], buffers].concat());
+        let products = Products { gpu, kernel: kernel(Shader::SoapProduct)? };
+        // `along ← left·(middle·right)`, by way of `half`.
+        let turned = |left: Factor<'_>, middle: &wgpu::Buffer, right: Factor<'_>| {
+            Ok::<_, EngineError>([
+                products.of([rows, columns, columns], [Factor::Plain(middle), right], &half)?,
+                products.of([rows, columns, rows], [left, Factor::Plain(&half)], &along)?,
+            ])
+        };
+        let (step, parameters) = (&host.step, &network.parameters);
+        let (first_moment, second_moment) = (&host.first_moment, &host.second_moment);
+        let mut steps = Vec::new();
+        steps.extend(turned(Factor::Transposed(&left.axes), &gradient, Factor::Plain(&right.axes))?);
+        let moments = [step, &table, &along, first_moment, second_moment];
+        steps.push(each(&kernel(Shader::SoapMoments)?, &moments));
+        steps.extend(turned(Factor::Plain(&left.axes), &along, Factor::Transposed(&right.axes))?);
+        steps.push(each(&kernel(Shader::MatricesUpdate)?, &[step, &table, &along, parameters]));
+
+        let mut follow = vec![each(&gather, &[&table, first_moment, &along])];
+        follow.extend(turned(Factor::Plain(&left.turned), &along, Factor::Transposed(&right.turned))?);
+        follow.push(each(&scatter, &[&table, &along, first_moment]));
+        let orders = [&table, &left.order, &right.order, second_moment, &half];
+        follow.push(each(&kernel(Shader::SoapFollow)?, &orders));
+        follow.push(each(&scatter, &[&table, &half, second_moment]));
+
         let looks = LookKernels::new(gpu)?;
-        let products = Products::new(gpu, count)?;
-        let between = |left: Factor<'_>, middle: &wgpu::Buffer, right: Factor<'_>| {
-            products.between([rows, columns], [left, Factor::Plain(middle), right], half, along)
+        let (plain, transposed) = (Factor::Plain(&gradient), Factor::Transposed(&gradient));
+        let side = |buffers: &SideBuffers, squares, inner| {
+            let look = looks.look(gpu, &products, buffers)?;
+            SideStep::new(look, &products, buffers, squares, inner, kept)
         };
-        let side = |side: usize, squares: [Factor<'_>; 2], inner: usize| {
-            let own = &places.sides[side];
-            let look = Look::new(gpu, &looks, &products, own, buffers, count)?;
-            SideStep::new(look, &products, own, buffers, (squares, inner), config.kept)
-        };
-        let of_sides =
-            |place: fn(&SidePlaces) -> usize| places.sides.each_ref().map(|side| &buffers[place(side)]);
-        let [left, right] = of_sides(|side| side.axes);
-        let [left_change, right_change] = of_sides(|side| side.turned);
-        let [rows_order, columns_order] = of_sides(|side| side.order);
-        let [first_moment, second_moment] = [&host.first_moment, &host.second_moment];
-        let (plain, transposed) = (Factor::Plain(gradient), Factor::Transposed(gradient));
-        Ok(Self {
-            matrices,
+        let sides = [side(&left, [plain, transposed], columns)?, side(&right, [transposed, plain], rows)?];
+        let scratch = [&left, &right].into_iter().flat_map(SideBuffers::scratch);
+        Ok(Some(Self {
+            count,
             look_every: config.look_every,
-            gather: gather.bind(gpu, &[&block, table, &host.gradient, gradient]),
-            turn: between(Factor::Transposed(left), gradient, Factor::Plain(right))?,
-            moments: kernel(Shader::SoapMoments)?
-                .bind(gpu, &[&block, &host.step, table, along, first_moment, second_moment]),
-            turn_back: between(Factor::Plain(left), along, Factor::Transposed(right))?,
-            update: kernel(Shader::MatricesUpdate)?
-                .bind(gpu, &[&block, &host.step, table, along, &network.parameters]),
-            sides: [side(0, [plain, transposed], columns)?, side(1, [transposed, plain], rows)?],
-            follow: Follow {
-                first_moment: gather.bind(gpu, &[&block, table, first_moment, along]),
-                turn: between(Factor::Plain(left_change), along, Factor::Transposed(right_change))?,
-                first_moment_back: scatter.bind(gpu, &[&block, table, along, first_moment]),
-                second_moment: kernel(Shader::SoapFollow)?
-                    .bind(gpu, &[&block, table, rows_order, columns_order, second_moment, half]),
-                second_moment_back: scatter.bind(gpu, &[&block, table, half, second_moment]),
-            },
-        })
+            gather: each(&gather, &[&table, &host.gradient, &gradient]),
+            step: steps,
+            sides,
+            follow,
+            scratch: scratch.chain([gradient.clone(), half.clone(), along.clone()]).collect(),
+        }))
     }
 
     /// Step number `step`, counted from 1, by a gradient that is whole.
     pub(super) fn record(&self, pass: &mut wgpu::ComputePass<'_>, step: u64) {
-        let matrices = &self.matrices;
-        matrices.each(pass, &self.gather);
+        let batch = Batch { slices: self.count as u32, ..Batch::default() };
+        let mut record = |dispatches: &[Dispatch]| {
+            dispatches.iter().for_each(|dispatch| dispatch.record(pass, batch));
+        };
+        record(std::slice::from_ref(&self.gather));
         if step == 1 {
             for side in &self.sides {
-                side.first_mean.record(pass);
-                (0..FIRST_LOOKS).for_each(|_| side.look.record(pass));
+                record(std::slice::from_ref(&side.first_mean));
+                (0..FIRST_LOOKS).for_each(|_| record(&side.look));
             }
             return;
         }
-        self.turn.iter().for_each(|product| product.record(pass));
-        matrices.each(pass, &self.moments);
-        self.turn_back.iter().for_each(|product| product.record(pass));
-        matrices.each(pass, &self.update);
-        self.sides.iter().for_each(|side| side.next_mean.record(pass));
+        record(&self.step);
+        self.sides.iter().for_each(|side| record(std::slice::from_ref(&side.next_mean)));
         if (step - 1).is_multiple_of(self.look_every) {
             for side in &self.sides {
-                side.look.record(pass);
-                side.change.record(pass);
+                record(&side.look);
+                record(std::slice::from_ref(&side.change));
             }
-            let follow = &self.follow;
-            matrices.each(pass, &follow.first_moment);
-            follow.turn.iter().for_each(|product| product.record(pass));
-            for kernel in [&follow.first_moment_back, &follow.second_moment, &follow.second_moment_back] {
-                matrices.each(pass, kernel);
-            }
+            record(&self.follow);
         }
     }
 
     /// Means and axes, as a state has them.
     pub(super) fn kept(&self, gpu: &Gpu, layout: &PaddedLayout) -> Result<Vec<f32>, EngineError> {
-        let [rows, columns] = self.sides.each_ref().map(|side| side.read(gpu, self.matrices.count));
+        let [rows, columns] = self.sides.each_ref().map(|side| side.read(gpu, self.count));
         let strides = self.sides.each_ref().map(|side| side.stride);
         Ok(Numbers::to_state(layout, strides, &[rows?, columns?]))
     }

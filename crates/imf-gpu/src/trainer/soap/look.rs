@@ -7,12 +7,14 @@
 //! The work of a dispatch has bounds of its own. Mesa's software Vulkan ends every loop of an invocation once it has gone
 //! through 65,535 turns of all loops together, and says nothing; a workgroup of a GPU must not hold it for long either.
 
+use std::ops::Range;
+
 use imf_core::field::EngineError;
 
-use super::products::{BoundProduct, Factor, Products};
-use super::side::SidePlaces;
+use super::side::SideBuffers;
+use super::{Factor, Products};
 use crate::device::Gpu;
-use crate::kernel::{Bound, Kernel, uniform};
+use crate::kernel::{Dispatch, Extent, Kernel, uniform};
 use crate::shader::{SOAP_PANEL, Shader};
 use crate::uniforms::Panel;
 
@@ -36,49 +38,19 @@ impl LookKernels {
             reflect: Kernel::new(gpu, Shader::SoapReflect)?,
         })
     }
-}
 
-/// A look of one side, bound.
-#[derive(Debug)]
-pub(super) struct Look {
-    count: usize,
-    stride: usize,
-    turned: BoundProduct,
-    means: Bound,
-    order: Bound,
-    /// Each with what takes it to the axes behind.
-    panels: Vec<(Bound, Vec<Reflections>)>,
-    back: Vec<Reflections>,
-}
-
-/// Some reflections, and how many axes they are taken to.
-#[derive(Debug)]
-struct Reflections {
-    kernel: Bound,
-    axes: usize,
-}
-
-impl Look {
-    /// For `count` matrices whose mean is M.
-    pub(super) fn new(
+    /// A look of one side of all matrices, whose mean is M.
+    pub(super) fn look(
+        &self,
         gpu: &Gpu,
-        kernels: &LookKernels,
         products: &Products<'_>,
-        places: &SidePlaces,
-        buffers: &[wgpu::Buffer],
-        count: usize,
-    ) -> Result<Self, EngineError> {
-        let stride = places.stride;
-        let [table, mean, axes, turned, before, reflections, order, line] =
-            places.all().map(|place| &buffers[place]);
-        let block = |span: &std::ops::Range<usize>, behind: usize, backwards: bool| {
-            let panel = Panel {
-                first: span.start as u32,
-                end: span.end as u32,
-                behind: behind as u32,
-                backwards: backwards.into(),
-            };
-            uniform(gpu, "reflections", &panel)
+        side: &SideBuffers,
+    ) -> Result<Vec<Dispatch>, EngineError> {
+        let SideBuffers { stride, table, mean, axes, turned, before, reflections, order, line } = side;
+        let stride = *stride;
+        let block = |span: &Range<usize>, behind: usize, backwards: bool| {
+            let [first, end, behind] = [span.start, span.end, behind].map(|n| n as u32);
+            uniform(gpu, "reflections", &Panel { first, end, behind, backwards: backwards.into() })
         };
         let spans = |length: usize| {
             let span = move |start: usize| start..(start + length).min(stride);
@@ -86,45 +58,31 @@ impl Look {
         };
         // Once M·Q is in order, its place is the vectors'.
         let vectors = turned;
-        let taken = |span: std::ops::Range<usize>, behind: usize, to: &wgpu::Buffer, backwards| {
-            let block = block(&span, behind, backwards)?;
-            let kernel = kernels.reflect.bind(gpu, &[&block, table, vectors, to]);
-            Ok::<_, EngineError>(Reflections { kernel, axes: stride - behind })
+        // Some reflections, taken to the axes behind.
+        let taken = |span: &Range<usize>, behind: usize, to: &wgpu::Buffer, backwards| {
+            let block = block(span, behind, backwards)?;
+            let axes = Extent::Sliced(stride - behind);
+            Ok::<_, EngineError>(self.reflect.bind(axes, &[&block, table, vectors, to]))
         };
+        let each = Extent::Sliced(stride);
+        let mut look = vec![
+            products.of([stride; 3], [Factor::Plain(mean), Factor::Plain(axes)], turned)?,
+            self.means.bind(each, &[table, axes, turned, before, line]),
+            self.order.bind(each, &[table, line, turned, order, reflections, axes]),
+        ];
         let panel = SOAP_PANEL as usize;
         // A power of two, as a panel's length is: no part lies in two panels.
         let at_once = 1 << (MOST_TURNS / (2 * stride)).clamp(1, panel).ilog2();
-        let mut panels = Vec::new();
         for own in spans(panel) {
-            let found =
-                kernels.panel.bind(gpu, &[&block(&own, own.end, false)?, table, reflections, vectors]);
-            let parts = spans(at_once).filter(|part| own.contains(&part.start) && own.end < stride);
-            let behind = parts.map(|part| taken(part, own.end, reflections, false));
-            panels.push((found, behind.collect::<Result<_, _>>()?));
+            let found = [&block(&own, own.end, false)?, table, reflections, vectors];
+            look.push(self.panel.bind(Extent::Sliced(1), &found));
+            for part in spans(at_once).filter(|part| own.contains(&part.start) && own.end < stride) {
+                look.push(taken(&part, own.end, reflections, false)?);
+            }
         }
-        let mut back = spans(at_once)
-            .map(|part| taken(part.clone(), part.start, axes, true))
-            .collect::<Result<Vec<_>, _>>()?;
-        back.reverse();
-        Ok(Self {
-            count,
-            stride,
-            turned: products.of([stride; 3], [Factor::Plain(mean), Factor::Plain(axes)], turned)?,
-            means: kernels.means.bind(gpu, &[table, axes, turned, before, line]),
-            order: kernels.order.bind(gpu, &[table, line, turned, order, reflections, axes]),
-            panels,
-            back,
-        })
-    }
-
-    pub(super) fn record(&self, pass: &mut wgpu::ComputePass<'_>) {
-        self.turned.record(pass);
-        self.means.sliced(pass, self.stride, self.count);
-        self.order.sliced(pass, self.stride, self.count);
-        for (found, behind) in &self.panels {
-            found.sliced(pass, 1, self.count);
-            behind.iter().for_each(|taken| taken.kernel.sliced(pass, taken.axes, self.count));
+        for part in spans(at_once).collect::<Vec<_>>().into_iter().rev() {
+            look.push(taken(&part, part.start, axes, true)?);
         }
-        self.back.iter().for_each(|taken| taken.kernel.sliced(pass, taken.axes, self.count));
+        Ok(look)
     }
 }

@@ -4,65 +4,54 @@ use imf_core::field::EngineError;
 use imf_fields::recipe::TrainingState;
 use imf_train::engine::soap::kept_of;
 
-use super::look::Look;
-use super::products::{BoundProduct, Factor, Products};
+use super::{Factor, Products};
 use crate::device::Gpu;
+use crate::kernel::Dispatch;
 use crate::layout::PaddedLayout;
-use crate::memory::Plan;
+use crate::memory::allocate;
 use crate::uniforms::Side;
 
-/// Places of what belongs to one side; all but table, order and line are `[matrices][stride][stride]`.
-pub(super) struct SidePlaces {
+/// What belongs to one side; all but table, order and line are `[matrices][stride][stride]`.
+pub(super) struct SideBuffers {
     pub(super) stride: usize,
     /// A [`Side`] each.
-    table: usize,
-    mean: usize,
-    pub(super) axes: usize,
+    pub(super) table: wgpu::Buffer,
+    pub(super) mean: wgpu::Buffer,
+    pub(super) axes: wgpu::Buffer,
     /// M·Q, then the vectors of its reflections; after a look the new axes along those before.
-    pub(super) turned: usize,
-    before: usize,
-    reflections: usize,
-    pub(super) order: usize,
-    line: usize,
+    pub(super) turned: wgpu::Buffer,
+    pub(super) before: wgpu::Buffer,
+    pub(super) reflections: wgpu::Buffer,
+    pub(super) order: wgpu::Buffer,
+    pub(super) line: wgpu::Buffer,
 }
 
-impl SidePlaces {
-    pub(super) fn plan(plan: &mut Plan, count: usize, stride: usize) -> Self {
-        let mut square = |name: &str| plan.add(name, count * stride * stride);
-        let [mean, axes] = ["means of SOAP", "axes of SOAP"].map(&mut square);
-        let [turned, before, reflections] = ["turning of SOAP's axes"; 3].map(square);
-        Self {
-            stride,
-            table: plan.add("sides of the matrices", count * size_of::<Side>() / 4),
-            mean,
-            axes,
-            turned,
-            before,
-            reflections,
-            order: plan.add("order of SOAP's axes", count * stride),
-            line: plan.add("means along SOAP's axes", count * stride),
-        }
-    }
-
-    /// Every one: table, mean, axes, turned, before, reflections, order, line.
-    pub(super) fn all(&self) -> [usize; 8] {
-        let Self { table, mean, axes, turned, before, reflections, order, line, .. } = *self;
-        [table, mean, axes, turned, before, reflections, order, line]
+impl SideBuffers {
+    /// With means and axes, and an order in which padding keeps its place.
+    pub(super) fn new(gpu: &Gpu, numbers: &Numbers, count: usize) -> Result<Self, EngineError> {
+        let stride = numbers.stride;
+        let square = count * stride * stride;
+        let sizes = [
+            ("sides of the matrices", count * size_of::<Side>() / 4),
+            ("means of SOAP", square),
+            ("axes of SOAP", square),
+            ("SOAP's axes turned", square),
+            ("SOAP's axes before", square),
+            ("reflections of SOAP's axes", square),
+            ("order of SOAP's axes", count * stride),
+            ("means along SOAP's axes", count * stride),
+        ];
+        let [table, mean, axes, turned, before, reflections, order, line] = allocate(gpu, sizes)?;
+        gpu.write(&table, &numbers.table);
+        gpu.write(&mean, &numbers.mean);
+        gpu.write(&axes, &numbers.axes);
+        gpu.write(&order, &numbers.table.iter().flat_map(|side| 0..side.stride).collect::<Vec<_>>());
+        Ok(Self { stride, table, mean, axes, turned, before, reflections, order, line })
     }
 
     /// What a step writes before it reads it.
-    pub(super) fn scratch(&self) -> [usize; 4] {
-        [self.turned, self.before, self.reflections, self.line]
-    }
-
-    /// Writes means and axes, and an order in which padding keeps its place.
-    pub(super) fn write(&self, gpu: &Gpu, buffers: &[wgpu::Buffer], numbers: &Numbers) {
-        let write = |place: usize, bytes: &[u8]| gpu.queue().write_buffer(&buffers[place], 0, bytes);
-        write(self.table, bytemuck::cast_slice(&numbers.table));
-        write(self.mean, bytemuck::cast_slice(&numbers.mean));
-        write(self.axes, bytemuck::cast_slice(&numbers.axes));
-        let order: Vec<u32> = numbers.table.iter().flat_map(|side| 0..side.stride).collect();
-        write(self.order, bytemuck::cast_slice(&order));
+    pub(super) fn scratch(&self) -> [wgpu::Buffer; 4] {
+        [&self.turned, &self.before, &self.reflections, &self.line].map(Clone::clone)
     }
 }
 
@@ -73,26 +62,26 @@ pub(super) struct SideStep {
     mean: wgpu::Buffer,
     axes: wgpu::Buffer,
     /// The first gradient's products, and every other's.
-    pub(super) first_mean: BoundProduct,
-    pub(super) next_mean: BoundProduct,
-    pub(super) look: Look,
+    pub(super) first_mean: Dispatch,
+    pub(super) next_mean: Dispatch,
+    pub(super) look: Vec<Dispatch>,
     /// The new axes along those before.
-    pub(super) change: BoundProduct,
+    pub(super) change: Dispatch,
 }
 
 impl SideStep {
     /// `squares` are the factors of the mean's products, which have `inner` terms; `kept` is the share of the mean that a step
     /// leaves.
     pub(super) fn new(
-        look: Look,
+        look: Vec<Dispatch>,
         products: &Products<'_>,
-        places: &SidePlaces,
-        buffers: &[wgpu::Buffer],
-        (squares, inner): ([Factor<'_>; 2], usize),
+        buffers: &SideBuffers,
+        squares: [Factor<'_>; 2],
+        inner: usize,
         kept: f32,
     ) -> Result<Self, EngineError> {
-        let stride = places.stride;
-        let [_, mean, axes, turned, before, ..] = places.all().map(|place| &buffers[place]);
+        let SideBuffers { stride, mean, axes, turned, before, .. } = buffers;
+        let stride = *stride;
         let size = [stride, stride, inner];
         Ok(Self {
             stride,
@@ -114,6 +103,7 @@ impl SideStep {
 
 /// What one side's buffers hold.
 pub(super) struct Numbers {
+    stride: usize,
     table: Vec<Side>,
     mean: Vec<f32>,
     axes: Vec<f32>,
@@ -130,7 +120,7 @@ impl Numbers {
             .map_err(|error| EngineError::Shape(error.to_string()))?;
         let mut numbers = strides.map(|stride| {
             let zeros = vec![0.0; matrices.len() * stride * stride];
-            Self { table: Vec::new(), mean: zeros.clone(), axes: zeros }
+            Self { stride, table: Vec::new(), mean: zeros.clone(), axes: zeros }
         });
         for (matrix, (sides, mut kept)) in sides_of(layout, strides).zip(matrices).enumerate() {
             for (numbers, side) in numbers.iter_mut().zip(sides) {

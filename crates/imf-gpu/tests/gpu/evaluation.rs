@@ -1,13 +1,12 @@
 //! Evaluation and the minimum over directions on the adapter against the f64 definition and a plain loop.
 
-mod adapter;
-mod every_device;
-
-use every_device::every_device;
 use imf_fields::siren::EvaluationEngine;
 use imf_fields::siren::reference::forward;
 use imf_fields::siren::{INPUTS, SirenShape, features};
 use imf_gpu::{Gpu, GpuEvaluator, GpuLimits, MatrixKernel};
+
+use crate::devices::{every_device, open, rows, wide};
+use crate::tolerances::NETWORK;
 
 const SHAPE: SirenShape = SirenShape { width: 37, hidden: 5, skip_after: Some(2), omega: 30.0 };
 /// Room for the weights; one workgroup is 64 rows at a time, so everything goes in parts.
@@ -28,13 +27,9 @@ fn inputs(points: &[[f32; 3]], [theta, phi]: [f32; 2]) -> Vec<f32> {
 
 fn devices() -> Vec<Gpu> {
     let mut devices = every_device().to_vec();
-    devices.push(adapter::open().with_matrix_kernel(MatrixKernel::Register).with_limits(SMALL));
+    devices.push(open().with_matrix_kernel(MatrixKernel::Register).with_limits(SMALL));
     devices
 }
-
-/// The rounding of an angle of a few units is some 1e-7 and grows by about √2 a layer with the starting weights; the sigmoid
-/// divides it by four or more. Lavapipe is off by 1e-7 at most; another device may add up and take `exp` otherwise.
-const TOLERANCE: f64 = 2e-6;
 
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
@@ -42,7 +37,7 @@ fn values_agree_with_the_definition() {
     for (width, hidden, skip_after) in [(37, 5, Some(2)), (64, 3, None), (1, 1, None), (20, 3, Some(1))] {
         let shape = SirenShape { width, hidden, skip_after, omega: 30.0 };
         let parameters = shape.initial_parameters(3);
-        let wide: Vec<f64> = parameters.iter().map(|&value| f64::from(value)).collect();
+        let exact = wide(&parameters);
         for gpu in devices() {
             let mut evaluator = GpuEvaluator::new(&gpu, shape, &parameters).unwrap();
             for count in [0, 1, 77, 500] {
@@ -50,10 +45,9 @@ fn values_agree_with_the_definition() {
                 let mut outputs = vec![f32::NAN; count];
                 evaluator.fill_scratch(f32::NAN);
                 evaluator.evaluate(&inputs, &mut outputs).unwrap();
-                for (row, &output) in inputs.chunks(INPUTS).zip(&outputs) {
-                    let row = std::array::from_fn(|i| f64::from(row[i]));
-                    let error = (f64::from(output) - forward(&shape, &wide, &row)).abs();
-                    assert!(error <= TOLERANCE, "{hidden} × {width}, {count} rows: off by {error}");
+                for (row, &output) in rows::<INPUTS>(&inputs).into_iter().zip(&outputs) {
+                    let error = (f64::from(output) - forward(&shape, &exact, &row)).abs();
+                    assert!(error <= NETWORK, "{hidden} × {width}, {count} rows: off by {error}");
                 }
             }
         }
@@ -66,14 +60,14 @@ fn matrix_kernels_agree() {
     let parameters = SHAPE.initial_parameters(3);
     let inputs = inputs(&points(300), [10.0, 90.0]);
     let [first, others @ ..] = MatrixKernel::ALL.map(|kernel| {
-        let gpu = adapter::open().with_matrix_kernel(kernel);
+        let gpu = open().with_matrix_kernel(kernel);
         let mut outputs = vec![f32::NAN; 300];
         GpuEvaluator::new(&gpu, SHAPE, &parameters).unwrap().evaluate(&inputs, &mut outputs).unwrap();
         outputs
     });
     for other in others {
         for (a, b) in first.iter().zip(&other) {
-            assert!(f64::from((a - b).abs()) <= TOLERANCE, "{a} {b}");
+            assert!(f64::from((a - b).abs()) <= NETWORK, "{a} {b}");
         }
     }
 }

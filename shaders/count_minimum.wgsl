@@ -1,4 +1,4 @@
-// Purpose: the least collision measure over orientations so far, jobs in ascending order of orientation. Of equal
+// Purpose: the minimum collision measure over orientations so far, jobs in ascending order of orientation. Of equal
 // values the first orientation stays. Values are floats ≥ 0 as their bits, which are in the order of the values; the
 // host has made the value of every possible count, so that nothing is rounded here.
 //
@@ -6,7 +6,7 @@
 //   jobs      [jobs]
 //   overlaps  [nx][ny][nz] for each job, over its own box
 //   shares    [count + 1] for each job, the value of every count
-//   least     [slab's nx][ny][nz], the least value so far; all ones before the first
+//   least     [slab's nx][ny][nz], the minimum so far; all ones before the first
 //   best      [slab's nx][ny][nz], its orientation
 
 @group(0) @binding(0) var<uniform> counting: Counting;

@@ -1,28 +1,26 @@
 //! What cannot be done is refused with cause and remedy: wrong lengths, networks beyond the adapter's limits, adapters
 //! that are not there, faults on the device.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-mod adapter;
-
 use imf_core::field::EngineError;
-use imf_fields::recipe::{AdamConfig, Loss, TrainingState};
+use imf_fields::recipe::TrainingState;
 use imf_fields::siren::EvaluationEngine;
 use imf_fields::siren::SirenShape;
-use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuLimits, GpuTrainer, adapters, wgpu};
+use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuLimits, GpuTrainer, TrainerSettings, adapters, wgpu};
 use imf_train::training::TrainingEngine;
+
+use crate::devices::open;
 
 const SHAPE: SirenShape = SirenShape { width: 8, hidden: 2, skip_after: None, omega: 30.0 };
 
 fn trainer(gpu: &Gpu) -> GpuTrainer {
     let state = TrainingState::new(&SHAPE, 1);
-    GpuTrainer::new(gpu, SHAPE, AdamConfig::default(), Loss::L1, 16, &state).unwrap()
+    GpuTrainer::new(gpu, SHAPE.stack(), &TrainerSettings::default(), 16, &state).unwrap()
 }
 
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn wrong_lengths_are_shape_errors() {
-    let gpu = adapter::open();
+    let gpu = open();
     let mut trainer = trainer(&gpu);
     let mut refused = |inputs: usize, targets: usize| {
         let error = trainer.step(&vec![0.0; inputs], &vec![0.0; targets], 1e-3).unwrap_err();
@@ -33,7 +31,7 @@ fn wrong_lengths_are_shape_errors() {
     refused(85, 17);
     let mut short = TrainingState::new(&SHAPE, 1);
     short.second_moment.pop();
-    let error = GpuTrainer::new(&gpu, SHAPE, AdamConfig::default(), Loss::L1, 16, &short).unwrap_err();
+    let error = GpuTrainer::new(&gpu, SHAPE.stack(), &TrainerSettings::default(), 16, &short).unwrap_err();
     assert!(error.to_string().contains("second moments"), "{error}");
 
     let mut evaluator = GpuEvaluator::new(&gpu, SHAPE, &SHAPE.initial_parameters(1)).unwrap();
@@ -46,20 +44,20 @@ fn wrong_lengths_are_shape_errors() {
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn a_network_beyond_the_limits_is_refused_with_the_estimate() {
     let limits = GpuLimits { storage_binding: 1 << 20, buffer: 1 << 20, workgroups: 65_535 };
-    let gpu = adapter::open().with_limits(limits);
+    let gpu = open().with_limits(limits);
     let shape = SirenShape::default();
     let error = GpuTrainer::memory_bytes(&gpu, shape, 1024).unwrap_err().to_string();
     assert!(error.contains("MiB of GPU memory") && error.contains("at most 1.00 MiB"), "{error}");
     assert!(GpuEvaluator::new(&gpu, shape, &shape.initial_parameters(1)).is_err());
-    let gpu = adapter::open().with_limits(GpuLimits { workgroups: 2, ..adapter::open().limits() });
-    let error = GpuEvaluator::memory_bytes(&gpu, shape).unwrap_err().to_string();
+    let gpu = open().with_limits(GpuLimits { workgroups: 2, ..open().limits() });
+    let error = GpuEvaluator::new(&gpu, shape, &shape.initial_parameters(1)).unwrap_err().to_string();
     assert!(error.contains("workgroups"), "{error}");
 }
 
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn the_adapter_is_listed_and_described() {
-    let gpu = adapter::open();
+    let gpu = open();
     assert!(adapters().contains(gpu.adapter()));
     let text = gpu.describe();
     assert!(text.contains(&gpu.adapter().name) && text.contains("MiB"), "{text}");
@@ -73,7 +71,7 @@ fn the_adapter_is_listed_and_described() {
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn a_fault_on_the_device_becomes_an_error_of_the_next_call() {
-    let gpu = adapter::open();
+    let gpu = open();
     let mut trainer = trainer(&gpu);
     trainer.step(&[0.0; 5], &[0.5], 1e-3).unwrap();
     // A buffer that no adapter makes; nobody looks at the result.
@@ -91,7 +89,7 @@ fn a_fault_on_the_device_becomes_an_error_of_the_next_call() {
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn a_lost_device_is_an_error_not_a_panic() {
-    let gpu = adapter::open();
+    let gpu = open();
     let mut trainer = trainer(&gpu);
     gpu.device().destroy();
     let outcome = trainer.step(&[0.0; 5], &[0.5], 1e-3).and_then(|()| trainer.take_mean_loss().map(|_| ()));

@@ -5,40 +5,10 @@ use imf_core::field::{Best, Decision, Gradient, PoseField};
 use imf_core::grid::Grid;
 use imf_core::orientation::OrientationSet;
 use imf_core::pose::Pose;
-use imf_fields::calibration::{Calibration, Goals, Judgement, Rate};
 use imf_gpu::wgpu::{Buffer, BufferDescriptor, BufferUsages, MapMode, PollType};
 use imf_gpu::{DeviceGradient, DevicePose, Gpu, GpuField, decision_of};
 
-/// How far the two may be apart.
-pub(crate) struct Within {
-    /// Of values.
-    pub(crate) value: f32,
-    /// Of gradients, relative to the largest.
-    pub(crate) slope: f32,
-    /// Whether slopes mean something at the poles.
-    pub(crate) poles: bool,
-}
-
-/// Thresholds of any worth.
-pub(crate) fn calibration(free_up_to: f32, colliding_from: f32) -> Calibration {
-    let rate = Rate::new(0, 0, 0.99);
-    let nothing = Judgement {
-        poses: 0,
-        false_free: rate,
-        false_colliding: rate,
-        undecided: 0,
-        found_free: 0,
-        largest_error: 0.0,
-    };
-    Calibration {
-        free_up_to: Some(free_up_to),
-        colliding_from: Some(colliding_from),
-        goals: Goals::default(),
-        seed: 0,
-        uniform: nothing,
-        boundary: nothing,
-    }
-}
+use crate::tolerances::Within;
 
 /// Poses in and around the box, along the grid's axes among them, and invalid ones.
 pub(crate) fn poses(grid: &Grid, count: usize) -> Vec<Pose> {

@@ -1,15 +1,14 @@
 //! Training on the adapter against the f64 definition: gradient, update, ten steps; sizes that are no multiple of a
 //! tile; the same bits again.
 
-mod adapter;
-mod every_device;
-
-use every_device::every_device;
 use imf_fields::recipe::{AdamConfig, Loss, TrainingState};
 use imf_fields::siren::reference::{adam_step, loss_and_gradient};
 use imf_fields::siren::{INPUTS, SirenShape};
-use imf_gpu::{Gpu, GpuLimits, GpuTrainer, MatrixKernel};
+use imf_gpu::{Gpu, GpuLimits, GpuTrainer, MatrixKernel, TrainerSettings};
 use imf_train::training::TrainingEngine;
+
+use crate::devices::{every_device, open, rows, wide};
+use crate::tolerances::GRADIENT;
 
 const SHAPE: SirenShape = SirenShape { width: 37, hidden: 4, skip_after: Some(2), omega: 30.0 };
 const BATCH: usize = 77;
@@ -33,12 +32,9 @@ fn batch(count: usize, seed: u32) -> (Vec<f32>, Vec<f32>) {
     (noise(INPUTS * count, seed), targets)
 }
 
-fn rows(inputs: &[f32]) -> Vec<[f64; INPUTS]> {
-    inputs.chunks(INPUTS).map(|row| std::array::from_fn(|i| f64::from(row[i]))).collect()
-}
-
-fn wide(values: &[f32]) -> Vec<f64> {
-    values.iter().map(|&value| f64::from(value)).collect()
+fn trainer(gpu: &Gpu, shape: SirenShape, loss: Loss, max_batch: usize, state: &TrainingState) -> GpuTrainer {
+    let settings = TrainerSettings { adam: ADAM, loss, ..TrainerSettings::default() };
+    GpuTrainer::new(gpu, shape.stack(), &settings, max_batch, state).unwrap()
 }
 
 /// A state in the middle of training: moments that are not zero.
@@ -59,11 +55,6 @@ fn worst(found: &[f32], expected: &[f64], absolute: f64, relative: f64) -> f64 {
         / (absolute + relative * scale)
 }
 
-/// A gradient in f32: every layer adds the rounding of its angle, 2⁻²⁴·|ω·s| with |ω·s| of a few units, and passes on that
-/// of the layers before; sums over the batch average it. Lavapipe is off by 1.1e-6 of the largest entry; ten times that
-/// leaves room for other orders of the sums and other roundings.
-const GRADIENT: f64 = 1e-5;
-
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn loss_and_gradient_agree_with_the_definition() {
@@ -78,12 +69,12 @@ fn loss_and_gradient_agree_with_the_definition() {
                 let (expected_loss, expected) = loss_and_gradient(
                     &shape,
                     &wide(&state.parameters),
-                    &rows(&inputs),
+                    &rows::<INPUTS>(&inputs),
                     &wide(&targets),
                     loss,
                 );
                 // Room for more samples than there are: the rows behind must not matter.
-                let mut trainer = GpuTrainer::new(&gpu, shape, ADAM, loss, count + 13, &state).unwrap();
+                let mut trainer = trainer(&gpu, shape, loss, count + 13, &state);
                 trainer.fill_scratch(f32::NAN).unwrap();
                 let (found_loss, found) = trainer.loss_and_gradient(&inputs, &targets).unwrap();
                 let case =
@@ -99,10 +90,10 @@ fn loss_and_gradient_agree_with_the_definition() {
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn an_update_agrees_with_the_definition() {
-    let gpu = adapter::open();
+    let gpu = open();
     let before = state(&SHAPE);
     let (inputs, targets) = batch(BATCH, 12);
-    let mut trainer = GpuTrainer::new(&gpu, SHAPE, ADAM, Loss::L1, BATCH, &before).unwrap();
+    let mut trainer = trainer(&gpu, SHAPE, Loss::L1, BATCH, &before);
     let (_, gradient) = trainer.loss_and_gradient(&inputs, &targets).unwrap();
     trainer.step(&inputs, &targets, 1e-2).unwrap();
     let after = trainer.state().unwrap();
@@ -128,7 +119,7 @@ fn an_update_agrees_with_the_definition() {
 fn ten_steps_agree_with_the_definition() {
     for gpu in every_device() {
         let start = TrainingState::new(&SHAPE, 21);
-        let mut trainer = GpuTrainer::new(&gpu, SHAPE, ADAM, Loss::L2, BATCH, &start).unwrap();
+        let mut trainer = trainer(&gpu, SHAPE, Loss::L2, BATCH, &start);
         let mut parameters = wide(&start.parameters);
         let mut first = vec![0.0; parameters.len()];
         let mut second = first.clone();
@@ -139,7 +130,7 @@ fn ten_steps_agree_with_the_definition() {
             let (inputs, targets) = batch(count, 30 + step);
             trainer.step(&inputs, &targets, 1e-4).unwrap();
             let (loss, gradient) =
-                loss_and_gradient(&SHAPE, &parameters, &rows(&inputs), &wide(&targets), Loss::L2);
+                loss_and_gradient(&SHAPE, &parameters, &rows::<INPUTS>(&inputs), &wide(&targets), Loss::L2);
             mean += loss / 10.0;
             adam_step(&ADAM, 1e-4, u64::from(step), &mut parameters, &gradient, &mut first, &mut second);
         }
@@ -162,10 +153,9 @@ fn ten_steps_agree_with_the_definition() {
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn the_same_seed_gives_the_same_bits_whatever_scratch_held_and_wherever_it_resumed() {
-    let gpu = adapter::open();
+    let gpu = open();
     let run = |sentinel: Option<f32>, max_batch: usize, resume: bool| {
-        let make =
-            |state: &TrainingState| GpuTrainer::new(&gpu, SHAPE, ADAM, Loss::L1, max_batch, state).unwrap();
+        let make = |state: &TrainingState| trainer(&gpu, SHAPE, Loss::L1, max_batch, state);
         let mut trainer = make(&TrainingState::new(&SHAPE, 9));
         for step in 0..6 {
             if let Some(value) = sentinel {
@@ -191,15 +181,14 @@ fn the_same_seed_gives_the_same_bits_whatever_scratch_held_and_wherever_it_resum
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn a_batch_in_parts_has_the_gradient_of_the_whole() {
-    let whole = adapter::open().with_matrix_kernel(MatrixKernel::Register);
+    let whole = open().with_matrix_kernel(MatrixKernel::Register);
     // 37 neurons and 5 inputs are padded to 48 columns of 4 bytes: 120 rows at a time, less than the batch. The
     // 5928 parameters fit once, so there is one partial gradient. Loops over parameters stride over one workgroup.
     let limits = GpuLimits { storage_binding: 24_000, buffer: 1 << 30, workgroups: 2 };
     let parts = whole.clone().with_limits(limits);
     let (inputs, targets) = batch(300, 40);
     let gradient = |gpu: &Gpu| {
-        let mut trainer =
-            GpuTrainer::new(gpu, SHAPE, ADAM, Loss::L2, 300, &TrainingState::new(&SHAPE, 2)).unwrap();
+        let mut trainer = trainer(gpu, SHAPE, Loss::L2, 300, &TrainingState::new(&SHAPE, 2));
         trainer.fill_scratch(f32::NAN).unwrap();
         trainer.loss_and_gradient(&inputs, &targets).unwrap()
     };
@@ -215,8 +204,7 @@ fn a_batch_in_parts_has_the_gradient_of_the_whole() {
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn losses_are_gathered_over_more_steps_than_there_are_slots() {
     let shape = SirenShape { width: 4, hidden: 1, skip_after: None, omega: 1.0 };
-    let mut trainer =
-        GpuTrainer::new(&adapter::open(), shape, ADAM, Loss::L2, 1, &TrainingState::new(&shape, 2)).unwrap();
+    let mut trainer = trainer(&open(), shape, Loss::L2, 1, &TrainingState::new(&shape, 2));
     // With rate 0 nothing moves, so every step has the same loss, and so has their mean.
     let (inputs, targets) = batch(1, 50);
     trainer.step(&inputs, &targets, 0.0).unwrap();

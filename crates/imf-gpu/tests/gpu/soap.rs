@@ -1,17 +1,14 @@
 //! SOAP on the adapter: its training against the CPU's engine, and states that move between the two.
 
-mod adapter;
-mod every_device;
-
-use every_device::every_device;
-use imf_fields::recipe::Optimiser;
-use imf_fields::recipe::SoapConfig;
-use imf_fields::recipe::{Loss, TrainingState};
+use imf_fields::recipe::{Loss, Optimiser, SoapConfig, TrainingState};
 use imf_fields::siren::stack::{Ending, Stack};
 use imf_gpu::{Gpu, GpuTrainer, TrainerSettings};
 use imf_train::engine::CpuTrainer;
 use imf_train::engine::soap::kept_of;
 use imf_train::training::TrainingEngine;
+
+use crate::devices::{every_device, numbers};
+use crate::tolerances::SOAP as APART;
 
 /// With looks between the places where trainings stop, and behind them.
 const SOAP: SoapConfig = SoapConfig { kept: 0.9, look_every: 3, rate: 1.5 };
@@ -19,11 +16,6 @@ const RATE: f32 = 1e-3;
 
 fn settings(optimiser: Optimiser) -> TrainerSettings {
     TrainerSettings { loss: Loss::L2, optimiser, ..TrainerSettings::default() }
-}
-
-/// Multiples of irrational numbers, modulo 1, in [−1, 1].
-fn numbers(count: usize, step: f64) -> Vec<f32> {
-    (0..count).map(|i| ((i as f64 * step).fract() * 2.0 - 1.0) as f32).collect()
 }
 
 /// Orthonormal rows: the unit matrix turned by every pair of neighbours, by angles around `angle`.
@@ -105,8 +97,7 @@ impl Course {
 
     fn on_gpu(&self, gpu: &Gpu, state: &TrainingState, steps: std::ops::Range<usize>) -> TrainingState {
         let settings = settings(self.optimiser);
-        let mut engine =
-            GpuTrainer::of_stack(gpu, self.stack, &settings, self.batch, state).expect("an engine");
+        let mut engine = GpuTrainer::new(gpu, self.stack, &settings, self.batch, state).expect("an engine");
         engine.fill_scratch(f32::NAN).expect("a device");
         self.feed(&mut engine, steps)
     }
@@ -141,10 +132,6 @@ fn stacks() -> [Stack; 4] {
         Stack { width: 16, hidden: 1, ..plain },
     ]
 }
-
-/// Twelve steps that each round weights of up to 0.5, by 3e-5 of the learning rate, and gradients that differ by their own
-/// rounding. Another iteration, length or order of two averages parts them by more than 0.1.
-const APART: f32 = 2e-3;
 
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]

@@ -1,7 +1,5 @@
 //! Exact sections on the adapter: every count and value is the CPU's, bit for bit, and the minimum's orientation too.
 
-mod adapter;
-
 use imf_core::control::Control;
 use imf_core::grid::Grid;
 use imf_core::mesh::Mesh;
@@ -14,6 +12,8 @@ use imf_core::section::{At, SectionError, SectionPlan, imf, sections};
 use imf_core::tool::{Element, ElementKind, RotatedTool, Segment, SharpPoints, Tool, ToolShape};
 use imf_core::voxelize::voxelize;
 use imf_gpu::{Gpu, GpuLimits, GpuSectionError, GpuSections};
+
+use crate::devices::open;
 
 /// Numbers that no buffer of counts, differences or values may show.
 const SENTINEL: u32 = 0x5A5A_1234;
@@ -51,7 +51,7 @@ fn orientations() -> Vec<Orientation> {
 
 /// As it is, and held to limits that force slabs, strides and submissions of few jobs.
 fn devices(smallest: u64) -> Vec<Gpu> {
-    let gpu = adapter::open();
+    let gpu = open();
     let small = GpuLimits { storage_binding: smallest, buffer: 1 << 30, workgroups: 3 };
     vec![gpu.clone(), gpu.with_limits(small)]
 }
@@ -112,7 +112,7 @@ fn sharp_points_and_tools_without_symmetry_agree() {
         Tool { sharp_points: points([4.0, 0.5, 1.0]), ..wedge() },
     ] {
         let plan = SectionPlan::new(&obstacle, &tool, At::SharpPoints).unwrap();
-        let device = adapter::open();
+        let device = open();
         let device = GpuSections::new(&device, &plan).unwrap();
         assert_eq!(device.keeps_minimum(), tool.sharp_points == SharpPoints::Tip);
         let mut orientations = orientations();
@@ -171,7 +171,7 @@ fn a_layer_that_only_the_cutter_may_enter_is_counted_for_the_rest() {
         for tool in [tool.clone(), of(vec![cutter.clone(), holder])] {
             let plan = SectionPlan::new(&obstacle, &tool, At::SharpPoints).unwrap();
             assert!(plan.has_layer());
-            assert!(!GpuSections::new(&adapter::open(), &plan).unwrap().keeps_minimum());
+            assert!(!GpuSections::new(&open(), &plan).unwrap().keeps_minimum());
             agree(&plan, &orientations(), 40_000).unwrap();
         }
         // A tool that is all cutter: nothing of it must stay out of the layer.
@@ -210,12 +210,12 @@ fn the_reference_parts_agree() {
 
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
-fn limits_and_interruption_are_told() {
+fn limits_and_cancellation_are_reported() {
     let plan = SectionPlan::new(scattered(grid(4.0, [13, 11, 17])), Tool::paper(), At::SharpPoints).unwrap();
-    let gpu = adapter::open();
+    let gpu = open();
     let tiny = GpuLimits { storage_binding: 1024, buffer: 1 << 30, workgroups: 3 };
     let message = GpuSections::new(&gpu.clone().with_limits(tiny), &plan).err().unwrap().to_string();
-    assert!(message.contains("--device cpu"), "{message}");
+    assert!(message.contains("on the CPU"), "{message}");
 
     let stop = std::sync::atomic::AtomicBool::new(true);
     let control = Control { progress: &|_| {}, cancelled: &stop };

@@ -1,72 +1,23 @@
 //! Poses answered on the adapter for the paper's network against the same field on the CPU: values, gradients, decisions and
 //! minima, from slices and from buffers of the device.
 
-mod adapter;
-mod asked;
-mod every_device;
-
-use asked::{Within, calibration, compare, compare_minima, compare_on_device};
-use every_device::every_device;
 use glam::DVec3;
 use imf_core::control::Control;
 use imf_core::field::{GridField as _, PoseField as _};
 use imf_core::orientation::OrientationSet;
-use imf_core::parts::ReferencePart;
 use imf_core::pose::Pose;
-use imf_core::scene::SceneSpec;
-use imf_core::tool::Tool;
 use imf_fields::file::FieldFile;
-use imf_fields::model::{Model, TrainingRecord};
-use imf_fields::recipe::Sampling;
-use imf_fields::recipe::TrainingState;
-use imf_fields::recipe::divergence::Watch;
-use imf_fields::recipe::{Cursor, TrainingPlan};
-use imf_fields::siren::{EvaluationEngine as _, SirenShape, features};
+use imf_fields::siren::{EvaluationEngine as _, features};
 use imf_gpu::{Gpu, GpuEvaluator, GpuField};
 
-/// A network of random weights over the teapot's box, with thresholds among its values, which are worth nothing.
+use crate::devices::{every_device, open};
+use crate::fields::model;
+use crate::queries::{compare, compare_minima, compare_on_device};
+use crate::tolerances::SIREN as WITHIN;
+
 fn field(gpu: &Gpu, skip_after: Option<usize>) -> GpuField {
     GpuField::new(gpu, FieldFile::Siren(Box::new(model(skip_after)))).expect("a field")
 }
-
-fn model(skip_after: Option<usize>) -> Model {
-    let (mesh, tool) = (ReferencePart::Teapot.mesh(), Tool::paper());
-    let scene = SceneSpec::of_reference(ReferencePart::Teapot, &mesh, [15, 19, 31], &tool);
-    let shape = SirenShape { width: 48, hidden: 3, skip_after, omega: 10.0 };
-    Model {
-        shape,
-        scene: scene.scene().expect("a scene"),
-        record: record(),
-        state: TrainingState::new(&shape, 4),
-        calibration: Some(calibration(0.49, 0.51)),
-    }
-}
-
-fn record() -> TrainingRecord {
-    TrainingRecord {
-        program: "test".to_owned(),
-        plan: TrainingPlan::default(),
-        cursor: Cursor::default(),
-        watch: Watch::default(),
-        finished: true,
-        steps: 0,
-        seconds: 0.0,
-        engine: "none".to_owned(),
-        orientations: OrientationSet::parse("fibonacci:3").expect("a set"),
-        sampling: Sampling::default(),
-        samples: 0,
-        dataset_crc32: 0,
-        groups_per_epoch: None,
-        fine_tuned_from: None,
-        pending_loss: (0.0, 0),
-        held_out: None,
-        losses: Vec::new(),
-    }
-}
-
-/// Angles of a few units in the last place, ω = 10 times through three layers. At the poles the slope in θ is divided by 1e-3
-/// and so is its rounding.
-const WITHIN: Within = Within { value: 2e-5, slope: 2e-4, poles: false };
 
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
@@ -81,20 +32,20 @@ fn values_gradients_and_decisions_are_the_twins() {
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn minima_are_the_twins_and_lengths_are_checked() {
-    compare_minima(&field(&adapter::open(), Some(1)), &WITHIN);
+    compare_minima(&field(&open(), Some(1)), &WITHIN);
 }
 
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn buffers_of_the_device_are_answered_in_place() {
-    let gpu = adapter::open();
+    let gpu = open();
     compare_on_device(&gpu, &field(&gpu, Some(1)));
 }
 
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn positions_outside_the_box_are_answered_alike_by_poses_and_by_samples() {
-    let (gpu, model) = (adapter::open(), model(Some(1)));
+    let (gpu, model) = (open(), model(Some(1)));
     let grid = model.scene.record.grid;
     let [low, high] = grid.box_of_centres();
     let poses: Vec<Pose> = (0..60)
@@ -128,7 +79,7 @@ fn positions_outside_the_box_are_answered_alike_by_poses_and_by_samples() {
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn grids_are_the_twins_and_at_the_poles_theta_is_that_of_the_orientation() {
-    let device = field(&adapter::open(), Some(1));
+    let device = field(&open(), Some(1));
     let twin = device.twin();
     let set = OrientationSet::parse("0,0;90,0;37,180;40,65").expect("a set").orientations;
     let voxels = twin.grid().len();

@@ -1,0 +1,160 @@
+//! What a field works with when poses are asked: its passes, minima over orientations at points, decisions, and buffers for slices
+//! of the host.
+
+use std::sync::Arc;
+
+use glam::{DQuat, DVec3};
+use imf_core::field::EngineError;
+use imf_core::grid::Grid;
+use imf_core::orientation::Orientation;
+use imf_core::pose::Pose;
+use imf_core::section::Imf;
+use imf_fields::calibration::Calibration;
+use imf_fields::field::Field;
+use imf_fields::file::FieldFile;
+use imf_fields::harmonic::file::HarmonicFile;
+use imf_fields::siren::EvaluationEngine;
+
+use super::coefficients::PointCoefficients;
+use super::host::{HostBuffers, PoseBuffers};
+use super::passes::{Call, Frame, Passes};
+use super::{factored, harmonic, siren};
+use crate::device::Gpu;
+use crate::evaluator::GpuEvaluator;
+use crate::kernel::{Extent, Kernel, uniform};
+use crate::over_orientations::{CoefficientRows, OverOrientations, Source};
+use crate::shader::Shader;
+use crate::uniforms::{Batch, Sweep, Thresholds};
+
+/// The kernels and their buffers.
+pub(super) struct PoseKernels {
+    frame: Frame,
+    passes: Passes,
+    minima: Minima,
+    host: HostBuffers,
+    decisions: Kernel,
+    thresholds: wgpu::Buffer,
+    /// The poses that are decided at once.
+    decided: wgpu::Buffer,
+}
+
+/// How minima over orientations at points are taken.
+enum Minima {
+    /// Of a network of the paper's kind.
+    Siren(GpuEvaluator),
+    Factored(Box<PointCoefficients>, OverOrientations),
+    /// With where the passes put the coefficients of poses.
+    Harmonic(Arc<HarmonicFile>, CoefficientRows, wgpu::Buffer, OverOrientations),
+}
+
+impl PoseKernels {
+    pub(super) fn new(gpu: &Gpu, file: &FieldFile, field: &Field) -> Result<Self, EngineError> {
+        let frame = Frame::new(gpu, &field.scene().record.grid)?;
+        let (passes, minima) = match file {
+            FieldFile::Siren(model) => {
+                let evaluator = GpuEvaluator::new(gpu, model.shape, &model.state.parameters)?;
+                (siren::passes(&frame, model)?, Minima::Siren(evaluator))
+            }
+            FieldFile::Factored(file) => {
+                let points = Box::new(PointCoefficients::new(gpu, &file.field.unfolded())?);
+                let over = OverOrientations::new(gpu, points.rows.clone())?;
+                (factored::passes(&frame, &file.field)?, Minima::Factored(points, over))
+            }
+            FieldFile::Harmonic(file) => {
+                let (passes, rows, coefficients) = harmonic::passes(&frame, &file.field)?;
+                let over = OverOrientations::new(gpu, rows.clone())?;
+                (passes, Minima::Harmonic(file.clone(), rows, coefficients, over))
+            }
+        };
+        let threshold = |found: fn(&Calibration) -> Option<f32>, none: f32| {
+            field.calibration().and_then(found).unwrap_or(none)
+        };
+        let thresholds = Thresholds {
+            free_up_to: threshold(|calibration| calibration.free_up_to, f32::MIN),
+            colliding_from: threshold(|calibration| calibration.colliding_from, f32::MAX),
+        };
+        Ok(Self {
+            frame,
+            passes,
+            minima,
+            host: HostBuffers::new(),
+            decisions: Kernel::new(gpu, Shader::PoseDecisions)?,
+            thresholds: uniform(gpu, "thresholds", &thresholds)?,
+            decided: uniform(gpu, "decided", &Batch::default())?,
+        })
+    }
+
+    /// Submits the poses of a buffer in parts.
+    pub(super) fn submit(&self, call: Call<'_>, count: usize) -> Result<(), EngineError> {
+        self.passes.submit(&self.frame, call, count)
+    }
+
+    /// Uploads poses and submits them; says where their values and gradients come to lie.
+    pub(super) fn ask(&mut self, poses: &[Pose], with_gradients: bool) -> Result<PoseBuffers, EngineError> {
+        let buffers = self.host.upload(&self.frame.gpu, poses, with_gradients)?;
+        self.submit(buffers.call(), poses.len())?;
+        Ok(buffers)
+    }
+
+    /// Submits what is decided of poses by values that were asked before.
+    pub(super) fn decide(
+        &self,
+        poses: &wgpu::Buffer,
+        values: &wgpu::Buffer,
+        decisions: &wgpu::Buffer,
+        count: usize,
+    ) -> Result<(), EngineError> {
+        let Frame { gpu, world, .. } = &self.frame;
+        let batch = Batch::of_rows(count, 1);
+        gpu.write(&self.decided, &[batch]);
+        let buffers = [&self.decided, world, &self.thresholds, poses, values, decisions];
+        gpu.run([&self.decisions.bind(Extent::Rows(1), &buffers)], batch)
+    }
+
+    /// The minimum over orientations at points of the box, not clipped.
+    pub(super) fn minimum(
+        &mut self,
+        grid: &Grid,
+        points: &[DVec3],
+        orientations: &[Orientation],
+    ) -> Result<Imf, EngineError> {
+        let Self { frame, passes, host, minima, .. } = self;
+        match minima {
+            Minima::Factored(network, over) => {
+                let field = network.field.clone();
+                let source = Source::Factored(&field);
+                over.minimum(points.len(), orientations, source, |part, _| network.of_points(&points[part]))
+            }
+            Minima::Harmonic(file, rows, coefficients, over) => {
+                let gpu = &frame.gpu;
+                gpu.write(&frame.sweep, &[Sweep::default()]);
+                let source = Source::Harmonic(&file.field);
+                over.minimum(points.len(), orientations, source, |part, _| {
+                    let at = |point: &DVec3| Pose::new(*point, DQuat::IDENTITY);
+                    let poses: Vec<Pose> = points[part].iter().map(at).collect();
+                    let uploaded = host.upload(gpu, &poses, false)?;
+                    let points = passes.points.bind(uploaded.call());
+                    rows.hold(gpu, poses.len());
+                    gpu.run([&points], Batch::of_rows(poses.len(), passes.padding))?;
+                    Ok(coefficients.clone())
+                })
+            }
+            Minima::Siren(evaluator) => {
+                let unit = |&point: &DVec3| grid.unit(point).as_vec3().to_array();
+                let units: Vec<[f32; 3]> = points.iter().map(unit).collect();
+                let angles: Vec<[f32; 2]> = orientations.iter().map(Orientation::angles).collect();
+                let mut found = Imf::new(units.len());
+                evaluator.minimum(&units, &angles, &mut found.value, &mut found.best)?;
+                Ok(found)
+            }
+        }
+    }
+
+    /// The evaluator of a network of the paper's kind.
+    pub(super) fn evaluator(&mut self) -> Option<&mut GpuEvaluator> {
+        match &mut self.minima {
+            Minima::Siren(evaluator) => Some(evaluator),
+            _ => None,
+        }
+    }
+}

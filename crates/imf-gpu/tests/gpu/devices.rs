@@ -1,0 +1,36 @@
+//! The adapter of the tests: any, software included. Tests that need one fail without one, unless `IMF_NO_GPU_TESTS=1`
+//! was set when they were built; then the runner reports them as ignored. And numbers that look random.
+
+use imf_gpu::{DeviceChoice, Gpu, MatrixKernel};
+
+/// Opens the machine's adapter.
+pub(crate) fn open() -> Gpu {
+    Gpu::open(&DeviceChoice::Any).unwrap_or_else(|error| {
+        panic!("{error}.\nTo leave these tests out on purpose: IMF_NO_GPU_TESTS=1 cargo test")
+    })
+}
+
+/// With every way to multiply matrices.
+pub(crate) fn every_device() -> [Gpu; MatrixKernel::ALL.len()] {
+    let gpu = open();
+    MatrixKernel::ALL.map(|kernel| gpu.clone().with_matrix_kernel(kernel))
+}
+
+/// Multiples of an irrational number, modulo 1, in [−1, 1]: they fill the interval evenly.
+pub(crate) fn numbers(count: usize, step: f64) -> Vec<f32> {
+    (0..count).map(|place| number(place, step)).collect()
+}
+
+/// One of them.
+pub(crate) fn number(place: usize, step: f64) -> f32 {
+    ((place as f64 * step).fract() * 2.0 - 1.0) as f32
+}
+
+pub(crate) fn wide(values: &[f32]) -> Vec<f64> {
+    values.iter().map(|&value| f64::from(value)).collect()
+}
+
+/// Rows of so many numbers.
+pub(crate) fn rows<const N: usize>(values: &[f32]) -> Vec<[f64; N]> {
+    values.chunks_exact(N).map(|row| std::array::from_fn(|i| f64::from(row[i]))).collect()
+}

@@ -1,0 +1,125 @@
+//! Poses answered on the adapter for factored and harmonic fields against the same field on the CPU, as `planner.rs` does for
+//! the paper's network.
+
+use glam::DVec3;
+use imf_core::pose::Pose;
+use imf_core::section::Quantity;
+use imf_fields::file::FieldFile;
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::coefficients::Precision;
+use imf_gpu::{Gpu, GpuField};
+
+use crate::devices::{every_device, open};
+use crate::fields::{Spec, scene, symmetries};
+use crate::queries::{compare, compare_at, compare_minima, compare_minima_of, compare_on_device, poses};
+use crate::tolerances::FUNCTIONS as WITHIN;
+
+fn made(gpu: &Gpu, file: FieldFile) -> GpuField {
+    GpuField::new(gpu, file).expect("a field")
+}
+
+/// 64 functions, which need no padding, and 289; axes within a tile and beyond.
+fn specs() -> [Spec; 2] {
+    let directions = Domain::Directions;
+    [Spec::new(directions, 7, 21, Quantity::Overlap), Spec::new(directions, 16, 70, Quantity::Depth)]
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn values_gradients_and_decisions_are_the_twins_also_at_the_poles() {
+    for spec in specs() {
+        for gpu in every_device() {
+            compare(&made(&gpu, spec.factored_file(true)), &WITHIN);
+        }
+    }
+}
+
+/// A point a little off the middle of the grid, in what single precision holds: device and CPU then agree about which side of
+/// a plane through it a position is on.
+fn middle() -> DVec3 {
+    let grid = scene().record.grid;
+    (grid.origin + 0.45 * grid.size()).as_vec3().as_dvec3()
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn fields_with_symmetry_are_answered_as_on_the_cpu() {
+    let grid = scene().record.grid;
+    let mut asked = poses(&grid, 9000);
+    // On the planes and on the axis itself, where the angle is 0 by convention and has no slope; in directions at the poles of
+    // every frame. Beside the axis none is nearer to it than some thousandths of the box: slopes by the angle grow as the
+    // distance falls, and would be all that the others are measured by.
+    let axes = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
+    asked.extend(axes.map(|axis| Pose::along(middle(), axis)));
+    asked.extend(axes.map(|axis| Pose::along(middle() + 0.2 * grid.size() * axis, axis)));
+    for (index, pose) in asked[20..50].iter_mut().enumerate() {
+        pose.position[index % 3] = middle()[index % 3];
+    }
+    for symmetry in symmetries(middle()) {
+        for spec in specs() {
+            let file = Spec { symmetry, ..spec }.factored_file(true);
+            for gpu in every_device() {
+                let field = made(&gpu, file.clone());
+                println!("{symmetry}, degree {}:", spec.degree);
+                compare_at(&field, &WITHIN, &asked);
+                compare_minima(&field, &WITHIN);
+            }
+        }
+    }
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn harmonic_fields_are_answered_as_on_the_cpu() {
+    let directions = Domain::Directions;
+    for file in [
+        Spec::new(directions, 7, 21, Quantity::Overlap).harmonic(Precision::F16),
+        Spec::new(directions, 9, 70, Quantity::Depth).harmonic(Precision::F32),
+    ] {
+        for gpu in every_device() {
+            let field = made(&gpu, FieldFile::Harmonic(file.clone()));
+            compare(&field, &WITHIN);
+            compare_on_device(&gpu, &field);
+            compare_minima(&field, &WITHIN);
+        }
+    }
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn minima_are_the_twins_and_lengths_are_checked() {
+    for quantity in [Quantity::Overlap, Quantity::Depth] {
+        let file = Spec::new(Domain::Directions, 7, 21, quantity).factored_file(true);
+        compare_minima(&made(&open(), file), &WITHIN);
+    }
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn buffers_of_the_device_are_answered_in_place() {
+    let gpu = open();
+    let file = Spec::new(Domain::Directions, 9, 30, Quantity::Overlap).factored_file(true);
+    compare_on_device(&gpu, &made(&gpu, file));
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn fields_over_rotations_are_answered_as_on_the_cpu() {
+    let spec = |degree, axes, quantity| Spec::new(Domain::Rotations, degree, axes, quantity);
+    // 10, 455, 84 and 165 functions.
+    let factored = [spec(1, 5, Quantity::Overlap), spec(6, 70, Quantity::Depth)];
+    let harmonic = [
+        spec(3, 21, Quantity::Overlap).harmonic(Precision::F16),
+        spec(4, 70, Quantity::Overlap).harmonic(Precision::F32),
+    ];
+    for gpu in every_device() {
+        let factored = factored.iter().map(|spec| spec.factored_file(false));
+        let harmonic = harmonic.iter().map(|file| FieldFile::Harmonic(file.clone()));
+        for file in factored.chain(harmonic) {
+            let field = made(&gpu, file);
+            compare(&field, &WITHIN);
+            compare_on_device(&gpu, &field);
+            compare_minima_of(&field, &WITHIN, 300, "so3:40");
+        }
+    }
+}
