@@ -41,9 +41,6 @@ pub(super) struct PointCoefficients {
 
 impl PointCoefficients {
     /// Compiles the kernels, allocates the buffers and uploads the weights.
-    ///
-    /// # Errors
-    /// [`EngineError::Device`] for a network beyond the adapter's limits, too little memory, or a device that failed.
     pub(super) fn new(gpu: &Gpu, field: &FactoredField) -> Result<Self, EngineError> {
         let symmetric = !field.shape.symmetry.is_none();
         let field = if symmetric { field.by_function() } else { field.unfolded().into_owned() };

@@ -1,5 +1,5 @@
-//! A harmonic or factored field over its whole grid on the GPU: the coefficients of all voxels stay there, and sections and minima over any orientations
-//! are products with them. Coefficients are a harmonic field's own, or what a factored field's network says of every voxel, once.
+//! A harmonic or factored field over its whole grid on the GPU: the coefficients of all voxels stay there, and sections and minima
+//! over any orientations are products with them. Coefficients are a harmonic field's own, or what a factored field's network says of every voxel, once.
 //!
 //! Functions of orientations are computed by the host, so that fields over rotations, of tools that are not symmetric about their axis,
 //! are answered as well. The twins are [`HarmonicField::sections`] and [`HarmonicField::minimum`].
@@ -40,9 +40,6 @@ struct Voxels {
 
 impl GridCoefficients {
     /// Uploads a harmonic field's, or runs a factored field's network at every voxel centre and keeps what it says.
-    ///
-    /// # Errors
-    /// [`EngineError::Device`] for a field beyond the adapter's memory, a network beyond its limits, or a device that failed.
     pub(super) fn new(gpu: &Gpu, source: Source<'_>) -> Result<Self, EngineError> {
         let (voxels, evaluated) = match source {
             Source::Harmonic(field) => (Voxels::of_harmonic(gpu, field)?, None),
@@ -55,12 +52,6 @@ impl GridCoefficients {
     }
 
     /// The sections of some orientations, `[orientation][voxel]` into `sections`; overlaps in [0, 1], or depths. Waits for the device.
-    ///
-    /// # Errors
-    /// No orientation, too many for the adapter's memory, or a device that failed.
-    ///
-    /// # Panics
-    /// If `sections` has not that length.
     pub(super) fn sections(
         &mut self,
         source: Source<'_>,
@@ -69,19 +60,11 @@ impl GridCoefficients {
     ) -> Result<(), EngineError> {
         let Self { voxels, over, evaluated } = self;
         let source = evaluated.as_deref().map_or(source, Source::Factored);
-        assert_eq!(
-            sections.len(),
-            voxels.count * orientations.len(),
-            "one value for each orientation and voxel"
-        );
         over.sections(voxels.count, orientations, source, sections, |part| Ok(voxels.hold(&part)))
     }
 
     /// The minimum over the orientations at every voxel, an overlap in [0, 1], with the first orientation that has it before
     /// clipping. One unit of progress is one value. Waits for the device.
-    ///
-    /// # Errors
-    /// As [`Self::sections`]; [`FieldError::Cancelled`] when the control asks to stop.
     pub(super) fn minimum(
         &mut self,
         source: Source<'_>,

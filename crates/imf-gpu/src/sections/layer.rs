@@ -83,9 +83,6 @@ fn slabs(query: &QueryBox, most_steps: [usize; 3], room: usize) -> Result<Vec<Qu
 
 impl<'a> Layer<'a> {
     /// Compiles the kernels and uploads the obstacle.
-    ///
-    /// # Errors
-    /// [`EngineError::Device`] for a scene beyond the adapter's limits, too little memory, or a device that failed.
     pub(super) fn new(
         gpu: &Gpu,
         layer: SectionLayer<'a>,
