@@ -5,10 +5,10 @@
 //   poses      from `sweep.base`
 //   steps      see `harmonics.wgsl` and `rotations.wgsl`
 //   weights    [padded_rows][stride], of function k in column k
-//   values     from `sweep.base`; NaN for what is no pose
+//   values     from `sweep.base`; NaN for an invalid pose
 //   gradients  from `sweep.base`, two vec4 a pose, of which the second is written: ∂/∂d, tangent to the sphere at d, and the
 //              change for a turn about d, 0 where the tool's roll does not count
-//   functions  [padded_rows][stride], zeros behind the functions and for what is no pose
+//   functions  [padded_rows][stride], zeros behind the functions and for an invalid pose
 
 @group(0) @binding(0) var<uniform> batch: Batch;
 @group(0) @binding(1) var<uniform> world: World;

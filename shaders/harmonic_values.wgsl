@@ -5,7 +5,7 @@
 //   poses    from `sweep.base`
 //   steps    see `harmonics.wgsl` and `rotations.wgsl`
 //   weights  [padded_rows][stride], of function k in column k
-//   values   from `sweep.base`; NaN for what is no pose
+//   values   from `sweep.base`; NaN for an invalid pose
 
 @group(0) @binding(0) var<uniform> batch: Batch;
 @group(0) @binding(1) var<uniform> world: World;

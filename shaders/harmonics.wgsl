@@ -1,5 +1,5 @@
 // Purpose: real spherical harmonics of a direction, all functions up to a degree, by the recurrence of
-// `imf_core::harmonic::sphere`: polynomials in x, y, z, so that nothing is singular at the poles. What becomes of a function
+// `imf_fields::harmonic::sphere`: polynomials in x, y, z, so that nothing is singular at the poles. What becomes of a function
 // stands in the file that follows, which defines
 //   take(place, value)   place l² + l + m
 //

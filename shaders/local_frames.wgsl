@@ -1,6 +1,6 @@
 // Purpose: coefficients of all functions of the direction, out of the frames of their places to the axes in the order that ends
 // with the one of revolution: functions ±m turn by m times the angle, then those that are odd across what was mirrored change
-// their sign. The twin in Rust is `imf_core::factored::symmetry::local`.
+// their sign. The twin in Rust is `imf_fields::factored::symmetry::local`.
 //
 // One invocation turns the functions ±m of a row, for every (invocations)-th pair of row and m.
 //   frames        [rows]

@@ -1,6 +1,6 @@
 // Purpose: the frame of a place, of symmetry-reduced fields: mirror planes fold the position, and about
 // an axis the frame turns with the point. Without symmetry it is the world's, to the bit. Shared by the kernels that answer
-// poses; needs `symmetry`. The twin in Rust is `imf_core::factored::Symmetry`.
+// poses; needs `symmetry`. The twin in Rust is `imf_fields::factored::Symmetry`.
 
 struct Place {
     /// On the far side of every mirror: where coordinates are larger.

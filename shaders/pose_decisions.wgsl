@@ -1,4 +1,4 @@
-// Purpose: what is decided of poses by their values: `planner::NeuralField::decide`.
+// Purpose: what is decided of poses by their values: the twin of `imf_fields::field::Field`.
 //
 // One invocation computes every (invocations)-th pose of `batch.rows`.
 //   poses, values

@@ -1,5 +1,5 @@
 // Purpose: the points of poses as a factored field's network sees them: the grid's middle is 0, its longest edge [−1, 1]; with an
-// axis of symmetry the angle about it, too. Positions are held in the box of the voxel centres; what is no pose gets some point, and NaN for its value later.
+// axis of symmetry the angle about it, too. Positions are held in the box of the voxel centres; an invalid pose gets some point, and NaN for its value later.
 //
 // One invocation computes every (invocations)-th row.
 //   poses    from `sweep.base`

@@ -4,7 +4,7 @@
 //   poses   from `sweep.base`
 //   sums    s [padded_rows][outputs], column 0
 //   deltas  [padded_rows][outputs], columns past 0 and rows of padding are 0
-//   values  from `sweep.base`; NaN for what is no pose
+//   values  from `sweep.base`; NaN for an invalid pose
 
 @group(0) @binding(0) var<uniform> batch: Batch;
 @group(0) @binding(1) var<uniform> layer: Layer;

@@ -1,5 +1,5 @@
 // Purpose: what a pose in world coordinates is to a network; shared by the kernels that answer poses. The twin in
-// Rust is `field/families.rs`.
+// Rust is `imf_fields::field`.
 
 struct Pose {
     /// Tip in the world; w is idle.
@@ -45,7 +45,7 @@ fn axis_of(pose: Pose) -> vec3<f32> {
     return normalize(select(axis, vec3<f32>(), abs(axis) < vec3<f32>(STEP)));
 }
 
-/// A pose's tip, held in a box; some point of it for what is no pose.
+/// A pose's tip, held in a box; some point of it for an invalid pose.
 fn held_tip(pose: Pose, low: vec3<f32>, high: vec3<f32>) -> vec3<f32> {
     if is_pose(pose) {
         return clamp(pose.position.xyz, low, high);

@@ -1,4 +1,4 @@
-// Purpose: functions of a rotation, √(2l+1) M^l_mn, all up to a degree, by the recurrence of `imf_core::harmonic::rotations`, where
+// Purpose: functions of a rotation, √(2l+1) M^l_mn, all up to a degree, by the recurrence of `imf_fields::harmonic::rotations`, where
 // A, B, f and g are defined: polynomials in a unit quaternion, so that nothing is singular where Euler's angles are. What becomes
 // of a function stands in the file that follows, which defines
 //   take(place, value)   place begins_of(l) + (l + m)·(2l + 1) + l + n

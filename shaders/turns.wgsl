@@ -1,5 +1,5 @@
 // Purpose: how the sum of functions by their weights changes as what they are of is turned about the axes, by a radian: the twin of
-// `imf_core::harmonic::rotations::sum_with_turns`. A turn acts on the orders m by the angular momentum in real harmonics, column by
+// `imf_fields::harmonic::rotations::sum_with_turns`. A turn acts on the orders m by the angular momentum in real harmonics, column by
 // column. Needs `columns_of` and `begins_of`, and of the kernel
 //   value_and_weight(place)   of a function
 

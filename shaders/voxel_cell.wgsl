@@ -1,4 +1,4 @@
-// Purpose: the eight voxels around a point of a harmonic field, as `imf_core::harmonic` has them: trilinear between voxel
+// Purpose: the eight voxels around a point of a harmonic field, as `imf_fields::harmonic` has them: trilinear between voxel
 // centres, one-sided on a centre's plane. Shared by the kernels that bind `world` and `lattice`.
 
 struct Cell {
@@ -7,7 +7,7 @@ struct Cell {
     fraction: vec3<f32>,
 }
 
-/// The cell of a pose's point, which is held in the box of the voxel centres; of some point for what is no pose.
+/// The cell of a pose's point, which is held in the box of the voxel centres; of some point for an invalid pose.
 fn cell_of(pose: Pose) -> Cell {
     let position = held_tip(pose, world.low.xyz, world.high.xyz);
     let at = max((position - world.low.xyz) / lattice.pitch, vec3<f32>());

@@ -11,7 +11,7 @@
 //! Why the zeros alter nothing: a neuron of padding has no weights and no bias, so it is sin(0) = 0 and adds nothing
 //! forwards. Its weights to the next layer are 0, so its delta is 0, so are the gradients of its weights; weights from
 //! it have gradient Δ·0. Adam leaves a parameter alone whose value, moments and gradient are 0. Rows of padding have a delta of
-//! 0 from the start. `tests/training.rs` fills all scratch memory with NaN first and finds the same bits.
+//! 0 from the start. `tests/gpu/training.rs` fills all scratch memory with NaN first and finds the same bits.
 
 use imf_fields::siren::Layer;
 use imf_fields::siren::stack::Stack;

@@ -47,7 +47,7 @@ impl Peak {
     /// device.
     ///
     /// # Errors
-    /// A device that failed, or that did not do what it was asked.
+    /// A device that failed, or that did not do its work.
     pub fn measure(&mut self, seconds: f64) -> Result<f64, EngineError> {
         let [mut count, most] = TURNS;
         let (mut best, begun) = (0.0f64, Instant::now());

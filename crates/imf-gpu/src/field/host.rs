@@ -50,18 +50,18 @@ impl HostBuffers {
         with_gradients: bool,
     ) -> Result<PoseBuffers, EngineError> {
         let elements = |bytes: usize| poses.len() * bytes / 4;
-        let asked = self.poses.fit(gpu, elements(size_of::<DevicePose>()))?;
+        let uploaded = self.poses.fit(gpu, elements(size_of::<DevicePose>()))?;
         for (piece, poses) in poses.chunks(PIECE).enumerate() {
             self.staged.clear();
             self.staged.extend(poses.iter().map(|&pose| DevicePose::from(pose)));
             let offset = (piece * PIECE * size_of::<DevicePose>()) as u64;
-            gpu.queue().write_buffer(&asked, offset, bytemuck::cast_slice(&self.staged));
+            gpu.queue().write_buffer(&uploaded, offset, bytemuck::cast_slice(&self.staged));
         }
         let gradients = match with_gradients {
             true => Some(self.gradients.fit(gpu, elements(size_of::<DeviceGradient>()))?),
             false => None,
         };
-        Ok(PoseBuffers { poses: asked, values: self.values.fit(gpu, poses.len())?, gradients })
+        Ok(PoseBuffers { poses: uploaded, values: self.values.fit(gpu, poses.len())?, gradients })
     }
 }
 

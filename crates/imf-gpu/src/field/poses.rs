@@ -1,4 +1,4 @@
-//! What a field works with when poses are asked: its passes, minima over orientations at points, decisions, and buffers for slices
+//! What a field works with for queries of poses: its passes, minima over orientations at points, decisions, and buffers for slices
 //! of the host.
 
 use std::sync::Arc;
@@ -96,7 +96,7 @@ impl PoseKernels {
         Ok(buffers)
     }
 
-    /// Submits what is decided of poses by values that were asked before.
+    /// Submits what is decided of poses by values that were computed before.
     pub(super) fn decide(
         &self,
         poses: &wgpu::Buffer,
