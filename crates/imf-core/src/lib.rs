@@ -61,7 +61,9 @@
 pub use glam;
 
 pub mod access;
+// For the files of the project's other crates.
 #[cfg(feature = "formats")]
+#[doc(hidden)]
 pub mod atomic_file;
 pub mod check;
 pub mod control;
@@ -69,6 +71,7 @@ pub mod distance;
 pub mod field;
 #[cfg(feature = "formats")]
 pub mod field_files;
+pub mod file_error;
 pub mod grid;
 pub mod mesh;
 pub mod motion;
@@ -83,8 +86,10 @@ pub mod section;
 pub mod tool;
 pub mod toolpath;
 pub mod unit;
+// For inner loops of the project's other crates.
 #[doc(hidden)]
 pub mod vectorised;
 pub mod voxelize;
+// For the scratch memory of the project's other crates.
 #[doc(hidden)]
 pub mod workspaces;

@@ -81,16 +81,17 @@ impl Occupancy {
     /// Lowest and highest solid voxel along each axis; `None` where nothing is solid.
     #[must_use]
     pub fn extent(&self) -> Option<([usize; 3], [usize; 3])> {
-        let mut extent: Option<([usize; 3], [usize; 3])> = None;
-        for (index, _) in self.solid.iter().enumerate().filter(|&(_, &s)| s != 0) {
-            let voxel = self.grid.voxel(index);
-            let (low, high) = extent.get_or_insert((voxel, voxel));
-            for axis in 0..3 {
-                low[axis] = low[axis].min(voxel[axis]);
-                high[axis] = high[axis].max(voxel[axis]);
+        let [_, ny, nz] = self.grid.dims;
+        let (mut low, mut high) = ([usize::MAX; 3], [0; 3]);
+        for (row, line) in self.solid.chunks_exact(nz).enumerate() {
+            let Some(first) = line.iter().position(|&s| s != 0) else { continue };
+            let last = line.iter().rposition(|&s| s != 0).unwrap_or(first);
+            for (axis, range) in [[row / ny; 2], [row % ny; 2], [first, last]].into_iter().enumerate() {
+                low[axis] = low[axis].min(range[0]);
+                high[axis] = high[axis].max(range[1]);
             }
         }
-        extent
+        (low[0] != usize::MAX).then_some((low, high))
     }
 
     /// Eight voxels a byte, the first voxel in the lowest bit; the last byte is padded with zeros.

@@ -11,8 +11,8 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use super::FieldFileError;
-use crate::atomic_file::write_atomically;
+use super::{check_length, check_names};
+use crate::atomic_file::{AtomicFileError, write_atomically};
 use crate::mesh::Mesh;
 
 /// One value for each vertex, under the name of a PLY property.
@@ -36,24 +36,16 @@ pub fn write_ply(
     values: &[VertexValues<'_>],
     colours: &[[u8; 3]],
     comments: &[String],
-) -> Result<(), FieldFileError> {
-    let path = path.as_ref();
-    let expected = mesh.vertices.len();
-    let lengths = values.iter().map(|v| (v.name, v.values.len())).chain([("colour", colours.len())]);
-    for (name, found) in lengths {
-        if found != expected {
-            return Err(FieldFileError::Vertices { path: path.into(), name: name.into(), found, expected });
-        }
-    }
-    for (i, value) in values.iter().enumerate() {
-        let name = value.name;
-        let letters = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
-        let taken = ["x", "y", "z", "red", "green", "blue", ""].contains(&name);
-        if !letters || taken || values[..i].iter().any(|other| other.name == name) {
-            return Err(FieldFileError::Name { path: path.into(), name: name.into() });
-        }
-    }
+) -> Result<(), AtomicFileError> {
     write_atomically(path, |out| {
+        let lengths = values.iter().map(|v| (v.name, v.values.len())).chain([("colour", colours.len())]);
+        for (name, found) in lengths {
+            check_length(name, found, mesh.vertices.len())?;
+        }
+        let taken = ["x", "y", "z", "red", "green", "blue"];
+        check_names(values.iter().map(|v| v.name), |name| {
+            !taken.contains(&name) && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+        })?;
         write_header(out, mesh, values, comments)?;
         for (vertex, position) in mesh.vertices.iter().enumerate() {
             for coordinate in position.as_vec3().to_array() {
@@ -72,8 +64,7 @@ pub fn write_ply(
             }
         }
         Ok(())
-    })?;
-    Ok(())
+    })
 }
 
 /// A header's line as readers take it: in ASCII alone.

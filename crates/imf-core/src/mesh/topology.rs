@@ -22,8 +22,7 @@ const DEGENERATE_RATIO: f64 = 1e-12;
 /// The list is empty exactly when the directed uses of every edge cancel, and at every vertex as much goes in as out.
 /// It is defined for any triangles at all: edges shared by one, three or more, neighbours that disagree on
 /// orientation, triangles that name a vertex twice. It is what a generalised winding number of an open mesh depends on.
-#[must_use]
-pub fn boundary_chain(mesh: &Mesh) -> Vec<([u32; 2], i32)> {
+pub(crate) fn boundary_chain(mesh: &Mesh) -> Vec<([u32; 2], i32)> {
     let mut uses = Vec::with_capacity(3 * mesh.triangles.len());
     for &[a, b, c] in &mesh.triangles {
         for (from, to) in [(a, b), (b, c), (c, a)] {
@@ -50,11 +49,7 @@ pub fn boundary_chain(mesh: &Mesh) -> Vec<([u32; 2], i32)> {
 }
 
 /// Number of pieces of a mesh: sets of triangles connected by shared vertices.
-///
-/// # Panics
-/// If a triangle names a vertex that does not exist.
-#[must_use]
-pub fn component_count(mesh: &Mesh) -> usize {
+fn component_count(mesh: &Mesh) -> usize {
     fn root(parents: &mut [u32], mut vertex: u32) -> u32 {
         while parents[vertex as usize] != vertex {
             // Path halving keeps the trees flat.
@@ -91,7 +86,7 @@ pub struct MeshReport {
     /// Triangles without area: twice the area is at most 10⁻¹² of the longest edge squared.
     pub degenerate_triangles: usize,
     /// Edges whose directed uses do not cancel: borders of holes, or seams between triangles that disagree on
-    /// orientation. See [`boundary_chain`].
+    /// orientation.
     pub boundary_edges: usize,
     /// Pieces connected by shared vertices.
     pub components: usize,

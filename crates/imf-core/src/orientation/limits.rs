@@ -8,10 +8,10 @@
 
 use std::fmt;
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
 use super::set::numbers;
-use super::spread::direction_orientation;
+use super::spread::{direction_orientation, fibonacci};
 use super::{Orientation, OrientationSetError};
 
 /// Angles this far outside a range still count as inside, in degrees: ends of ranges are meant to be reached.
@@ -67,16 +67,11 @@ impl Limits {
             }
         };
         match text.split(':').collect::<Vec<_>>().as_slice() {
-            ["ac", a0, a1, c0, c1] => Ok(Self::Rotary {
-                tilting: TiltingAxis::A,
-                tilt: range("A", a0, a1)?,
-                turn: range("C", c0, c1)?,
-            }),
-            ["bc", b0, b1, c0, c1] => Ok(Self::Rotary {
-                tilting: TiltingAxis::B,
-                tilt: range("B", b0, b1)?,
-                turn: range("C", c0, c1)?,
-            }),
+            [axes @ ("ac" | "bc"), low, high, c0, c1] => {
+                let (name, tilting) =
+                    if *axes == "ac" { ("A", TiltingAxis::A) } else { ("B", TiltingAxis::B) };
+                Ok(Self::Rotary { tilting, tilt: range(name, low, high)?, turn: range("C", c0, c1)? })
+            }
             ["cone", axis, half_angle] => {
                 let axis = numbers(axis).filter(|v| v.len() == 3);
                 let axis = axis.and_then(|v| DVec3::from_slice(&v).try_normalize());
@@ -114,6 +109,17 @@ impl Limits {
                 })
             }
         }
+    }
+
+    /// `n` directions spread evenly over a cone.
+    ///
+    /// # Panics
+    /// For two rotary axes.
+    pub(super) fn cone(&self, n: usize) -> Vec<Orientation> {
+        let Self::Cone { axis, half_angle } = *self else { panic!("a cone") };
+        let turn = DQuat::from_rotation_arc(DVec3::Z, axis);
+        let lowest = half_angle.to_radians().cos();
+        fibonacci(n, lowest).map(|direction| direction_orientation(turn * direction)).collect()
     }
 
     /// `n_tilt` × `n_turn` directions evenly over the ranges, tilt outermost, ends included; where C makes a whole turn

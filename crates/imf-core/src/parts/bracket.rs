@@ -51,13 +51,13 @@ const STORED: &[u8] = include_bytes!("bracket.obj");
 /// # Panics
 /// Never: the stored file is part of the program, and the tests read it.
 #[must_use]
-pub fn mesh() -> Mesh {
+pub(super) fn mesh() -> Mesh {
     parse_obj(STORED, Path::new("bracket.obj")).expect("the stored bracket is a mesh")
 }
 
 /// The bracket's design domain: closed, one shell, facing outwards.
 #[must_use]
-pub fn design_domain() -> Mesh {
+pub(super) fn design_domain() -> Mesh {
     let mut shell = Shell::default();
     let [x, y, z] = SIZE.map(|size| [0.0, size]);
     let (bolts, heads, pin) =
@@ -98,7 +98,7 @@ mod tests {
     use super::*;
     use crate::mesh::topology::MeshReport;
     use crate::parts::shell::area;
-    use crate::parts::tests::winding_number;
+    use crate::voxelize::winding_number;
 
     #[test]
     fn extents_are_exact() {

@@ -30,6 +30,7 @@ pub struct Clearance {
 
 /// Why a tool cannot be grown.
 #[derive(Debug, Error, PartialEq)]
+#[non_exhaustive]
 pub enum ClearanceError {
     /// A clearance below zero or not finite.
     #[error("the clearance of the {0} must be a finite length of at least 0, not {1}")]

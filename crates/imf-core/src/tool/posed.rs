@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::{DMat4, DVec3};
 
 use super::rotated::{MOST_VOXELS, SLACK, bounds, holds};
-use super::{Segment, Tool, ToolShape};
+use super::{RotatedTool, Segment, Tool, ToolShape};
 use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
@@ -83,34 +83,22 @@ fn count_in_mesh(turned: &Mesh, obstacle: &Occupancy, tip: DVec3, (lower, upper)
         return count_held(obstacle, tip, [xs, ys, zs], held);
     }
     let own = Grid { origin: (lower - (tip - whole) - 0.5) * grid.pitch, pitch: grid.pitch, dims };
-    let tool = voxelize(turned, &own, false);
-    // The obstacle's voxel in the tool's own first place; the ranges' voxels are beyond it.
-    let first = whole + lower;
-    let place = |axis: usize, at: usize| (at as f64 - first[axis]) as usize;
-    let mut count = 0;
-    for (x, y) in xs.flat_map(|x| ys.clone().map(move |y| (x, y))) {
-        let solid = &obstacle.solid[grid.index([x, y, zs.start])..][..zs.len()];
-        let held = &tool.solid[own.index([place(0, x), place(1, y), place(2, zs.start)])..][..zs.len()];
-        count += solid.iter().zip(held).map(|(solid, held)| u32::from(solid & held)).sum::<u32>();
-    }
-    count
+    let solid = voxelize(turned, &own, false).solid;
+    // The voxels' own count, which normalises, is not needed.
+    let voxels = RotatedTool { lower: lower.to_array().map(|v| v as i32), dims, solid, count: 0 };
+    voxels.count_in(obstacle, whole.to_array().map(|v| v as i64))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::RotatedTool;
     use super::*;
+    use crate::mesh::tests::unit_cube;
     use crate::orientation::OrientationSet;
 
     /// A box whose faces lie on voxel centres when it is upright, with the tip on its lowest.
     fn tool() -> Tool {
-        let corner = |i: usize| {
-            let pick = |bit: usize, low: f64, high: f64| if i >> bit & 1 == 0 { low } else { high };
-            DVec3::new(pick(0, -2.0, 4.0), pick(1, -3.0, 1.0), pick(2, 0.0, 9.0))
-        };
-        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-        let triangles = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
-        let mesh = Mesh { vertices: (0..8).map(corner).collect(), triangles };
+        let place = DMat4::from_translation(DVec3::new(-2.0, -3.0, 0.0));
+        let mesh = unit_cube().transformed(&(place * DMat4::from_scale(DVec3::new(6.0, 4.0, 9.0))));
         Tool { shape: ToolShape::Mesh(mesh), ..Tool::paper() }
     }
 
