@@ -2,7 +2,7 @@
 //! carry it, so that one file is enough to know what a field means.
 //!
 //! The obstacle is the union of part and fixtures. Where the grid is chosen around the part alone, fixtures may stick
-//! out of it and still be hit: [`SceneSpec::bodies`] gives all that a tool can meet from the grid's voxels.
+//! out of it and still be hit. Most scenes are made by [`Scene::builder`].
 
 mod builder;
 mod guarantee;
@@ -32,6 +32,7 @@ use crate::tool::{Assembly, Clearance, ClearanceError, Tool};
 use crate::unit::{ImplausibleSize, LengthUnit};
 
 /// How the grid around the part is chosen.
+#[doc(hidden)]
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Resolution {
@@ -52,6 +53,7 @@ pub enum Around {
 }
 
 /// What holds the part: a mesh that the tool must not touch either.
+#[doc(hidden)]
 #[derive(Clone, Debug)]
 pub struct Fixture<'a> {
     /// Name of the fixture.
@@ -79,18 +81,18 @@ pub struct SceneRecord {
     pub conservative: bool,
     /// True if the part's mesh is closed.
     pub closed: bool,
-    /// The tool whose field this is, in `unit`: grown by the clearance where there is any.
+    /// The tool whose field this is, in `unit`: offset by the clearance where there is any.
     pub tool: Tool,
-    /// By how much its elements are grown, in `unit`.
+    /// By how much its elements are offset, in `unit`.
     #[serde(default, skip_serializing_if = "Clearance::is_zero")]
     pub clearance: Clearance,
-    /// The tool as it is, where it was grown; see [`SceneRecord::bare_tool`].
+    /// The tool as it is, where it was offset; see [`SceneRecord::bare_tool`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ungrown: Option<Tool>,
     /// Names of the fixtures, whose voxels are part of the obstacle.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fixtures: Vec<String>,
-    /// How deep below the part's surface the cutter may reach, in `unit`; see [`Scene::with_contact`].
+    /// How deep below the part's surface the cutter may reach, in `unit`; see [`SceneBuilder::contact`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub contact: Option<f64>,
     /// CRC-32 of the obstacle's packed voxels.
@@ -112,6 +114,7 @@ pub struct Scene {
 
 impl Scene {
     /// A scene as files keep it: the union of part and fixtures.
+    #[doc(hidden)]
     #[must_use]
     pub fn from_union(record: SceneRecord, obstacle: Occupancy) -> Self {
         let fixtures = Occupancy::empty(obstacle.grid);
@@ -120,6 +123,7 @@ impl Scene {
 
     /// The scene with a cutter that may reach `depth` (in the scene's unit) below the part's surface: `bodies` are its
     /// part and fixtures, on its grid or a wider one of the same voxels.
+    #[doc(hidden)]
     #[must_use]
     pub fn with_contact(mut self, bodies: &Bodies, depth: f64) -> Self {
         self.record.contact = Some(depth);
@@ -127,10 +131,10 @@ impl Scene {
         self
     }
 
-    /// The scene with its tool grown by a clearance in the scene's unit, instead of any that it had.
+    /// The scene with its tool offset by a clearance in the scene's unit, instead of any that it had.
     ///
     /// # Errors
-    /// A clearance that is no length, or a mesh tool, which cannot be grown.
+    /// A clearance that is no length, or a mesh tool, which cannot be offset.
     pub fn with_clearance(mut self, clearance: &Clearance) -> Result<Self, ClearanceError> {
         clearance.check()?;
         let bare = self.record.bare_tool().clone();
@@ -167,6 +171,7 @@ impl SceneRecord {
 }
 
 /// Part and fixtures apart, on one grid that holds all of them that matters.
+#[doc(hidden)]
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bodies {
     /// Solid voxels of the part.

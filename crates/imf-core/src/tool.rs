@@ -6,9 +6,9 @@
 mod assembly;
 #[cfg(feature = "formats")]
 mod file;
-mod inflate;
 #[cfg(feature = "formats")]
 mod library;
+mod offset;
 mod posed;
 mod profile;
 mod rotated;
@@ -17,7 +17,7 @@ mod sharp;
 mod stack;
 
 pub use assembly::Assembly;
-pub use inflate::{Clearance, ClearanceError};
+pub use offset::{Clearance, ClearanceError};
 pub(crate) use posed::snapped;
 pub use profile::{Element, ElementKind, Segment};
 // For sections on a GPU.

@@ -126,46 +126,38 @@ impl MeshReport {
     /// The report as a few lines of text, with lengths in `unit`.
     #[must_use]
     pub fn display(&self, unit: LengthUnit) -> impl fmt::Display + '_ {
-        ReportText { report: self, unit }
+        fmt::from_fn(move |f| self.write(f, unit))
+    }
+
+    fn write(&self, f: &mut fmt::Formatter<'_>, unit: LengthUnit) -> fmt::Result {
+        let count = |n: usize, noun: &str| format!("{n} {noun}{}", if n == 1 { "" } else { "s" });
+        let [x, y, z] = self.extents.to_array().map(Length);
+        write!(f, "extents     {x} × {y} × {z} {unit}")?;
+        let vertices =
+            if self.vertices == 1 { "1 vertex".into() } else { format!("{} vertices", self.vertices) };
+        let components = count(self.components, "component");
+        write!(f, "\ntriangles   {} on {vertices}, {components}", self.triangles)?;
+        if self.degenerate_triangles > 0 {
+            write!(f, ", {} without area", self.degenerate_triangles)?;
+        }
+        if self.closed {
+            let volume = Length(self.signed_volume.abs());
+            write!(f, "\nsurface     closed, volume {volume} {unit}³")?;
+            if self.inverted {
+                write!(f, "; its triangles face inwards (treated as if they faced outwards)")?;
+            }
+        } else {
+            let edges = count(self.boundary_edges, "boundary edge");
+            write!(f, "\nsurface     open: {edges}, from holes or triangles that face the wrong way")?;
+            write!(f, " (what is inside is decided by the winding number)")?;
+        }
+        Ok(())
     }
 }
 
 fn is_degenerate([a, b, c]: [DVec3; 3]) -> bool {
     let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
     (b - a).cross(c - a).length() <= DEGENERATE_RATIO * longest
-}
-
-struct ReportText<'a> {
-    report: &'a MeshReport,
-    unit: LengthUnit,
-}
-
-impl fmt::Display for ReportText<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (report, unit) = (self.report, self.unit);
-        let count = |n: usize, noun: &str| format!("{n} {noun}{}", if n == 1 { "" } else { "s" });
-        let [x, y, z] = report.extents.to_array().map(Length);
-        write!(f, "extents     {x} × {y} × {z} {unit}")?;
-        let vertices =
-            if report.vertices == 1 { "1 vertex".into() } else { format!("{} vertices", report.vertices) };
-        let components = count(report.components, "component");
-        write!(f, "\ntriangles   {} on {vertices}, {components}", report.triangles)?;
-        if report.degenerate_triangles > 0 {
-            write!(f, ", {} without area", report.degenerate_triangles)?;
-        }
-        if report.closed {
-            let volume = Length(report.signed_volume.abs());
-            write!(f, "\nsurface     closed, volume {volume} {unit}³")?;
-            if report.inverted {
-                write!(f, "; its triangles face inwards (treated as if they faced outwards)")?;
-            }
-        } else {
-            let edges = count(report.boundary_edges, "boundary edge");
-            write!(f, "\nsurface     open: {edges}, from holes or triangles that face the wrong way")?;
-            write!(f, " (what is inside is decided by the winding number)")?;
-        }
-        Ok(())
-    }
 }
 
 #[cfg(test)]

@@ -16,7 +16,7 @@ pub enum SharpPoints {
     /// The tip and rings of points over the cutter's surface, this many in all.
     Cutter(usize),
     /// Every voxel of the upright cutter that has a face neighbour outside the tool, at the grid's pitch and with the tip
-    /// on a voxel centre. Where elements are given they are the tool meant: those of a tool that has since been grown or
+    /// on a voxel centre. Where elements are given they are the tool meant: those of a tool that has since been offset or
     /// taken apart.
     Boundary(Option<Vec<Element>>),
     /// These points, in the tool frame.
@@ -48,7 +48,7 @@ impl Tool {
         self.reach() + sharp
     }
 
-    /// The sharp points as they stand, for a tool made of this one by growing it or taking it apart.
+    /// The sharp points as they stand, for a tool made of this one by offsetting it or taking it apart.
     pub(super) fn inherited_sharp_points(&self) -> SharpPoints {
         match (&self.sharp_points, &self.shape) {
             (SharpPoints::Boundary(None), ToolShape::Revolved(elements)) => {
@@ -171,15 +171,15 @@ mod tests {
     }
 
     #[test]
-    fn a_grown_or_divided_tool_is_sharp_where_the_bare_one_is() {
+    fn an_offset_or_divided_tool_is_sharp_where_the_bare_one_is() {
         for sharp_points in [SharpPoints::Cutter(12), SharpPoints::Boundary(None)] {
             let tool = Tool { sharp_points, ..Tool::paper() };
             let bare = tool.sharp_point_positions(1.0);
             let clearance = Clearance { cutter: 0.5, shank: 0.0, holder: 3.0 };
-            let grown = tool.inflated(&clearance).unwrap();
-            assert_eq!(grown.sharp_point_positions(1.0), bare);
+            let offset = tool.inflated(&clearance).unwrap();
+            assert_eq!(offset.sharp_point_positions(1.0), bare);
             assert_eq!(tool.without_cutter().unwrap().sharp_point_positions(1.0), bare);
-            let inches = grown.in_unit(LengthUnit::Inch).sharp_point_positions(1.0 / 25.4);
+            let inches = offset.in_unit(LengthUnit::Inch).sharp_point_positions(1.0 / 25.4);
             assert_eq!(inches.len(), bare.len());
             assert!(inches.iter().zip(&bare).all(|(a, b)| (*a * 25.4 - *b).length() < 1e-9));
         }
@@ -189,7 +189,7 @@ mod tests {
     fn the_boundary_of_the_cutter_is_the_same_from_every_side() {
         let tool = Tool { sharp_points: SharpPoints::Boundary(None), ..Tool::paper() };
         assert!(tool.is_axisymmetric());
-        let grown = tool.inflated(&Clearance { cutter: 0.0, shank: 0.0, holder: 1.0 }).unwrap();
-        assert!(grown.is_axisymmetric());
+        let offset = tool.inflated(&Clearance { cutter: 0.0, shank: 0.0, holder: 1.0 }).unwrap();
+        assert!(offset.is_axisymmetric());
     }
 }
