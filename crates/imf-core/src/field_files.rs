@@ -12,7 +12,7 @@ use crate::atomic_file::{AtomicFileError, write_atomically};
 mod ply;
 mod vti;
 
-pub use ply::{VertexValues, write_ply};
+pub use ply::write_ply;
 pub use vti::write_vti;
 
 /// The values of a field in one of the types that fields have.

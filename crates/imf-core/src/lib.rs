@@ -11,8 +11,8 @@
 //! Exact values are whole numbers of voxels, computed for one rotation at a time ([`section`]) or one pose at a time ([`field`]).
 //! Fields that hold every direction at once are in the crate `imf-fields`, which builds on this one.
 //!
-//! This crate is the truth: it owns geometry, exact counts, what a tool reaches, toolpaths, and the interface that every field
-//! answers ([`field`]). It imports no other crate of the project.
+//! This crate is the truth: it owns geometry, exact counts, what a tool reaches, toolpaths, and the interface of every
+//! field ([`field`]). It imports no other crate of the project.
 //!
 //! # Where to begin
 //! | to | see |
@@ -21,7 +21,7 @@
 //! | describe a tool | [`tool::Tool`]: from a file, or element by element |
 //! | know what a tool reaches | [`section::SectionPlan`], [`access`] |
 //! | check a toolpath | [`check`](mod@check), [`toolpath`] |
-//! | ask for single poses | [`field`]: values, gradients, decisions, of any family |
+//! | query single poses | [`field`]: values, gradients, decisions, of any family |
 //! | move a tool in a planner | [`motion`]: proofs for all poses between two |
 //!
 //! # Features
@@ -31,7 +31,7 @@
 //!   all. Without the three the crate builds for `wasm32-unknown-unknown`.
 //!
 //! # Conventions
-//! - Lengths are in the mesh's own unit, millimetres unless told; angles are degrees, pairs always (θ, φ).
+//! - Lengths are in the mesh's own unit, millimetres by default; angles are degrees, pairs always (θ, φ).
 //! - Right-handed world. A [`grid::Grid`] has cubic voxels; the centre of voxel `i` is `origin + pitch·(i + ½)`.
 //!   Arrays are C-ordered `[x, y, z]`, `z` contiguous.
 //! - Tool frame: tip at the origin, axis +z from tip to holder; `R(θ, φ) = R_z(θ) R_y(φ)`.

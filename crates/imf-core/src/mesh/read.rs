@@ -2,7 +2,7 @@
 //!
 //! A mesh that is read has finite vertices, each used by a triangle, no two of them equal, numbered in the order of
 //! their first use: its indices are its topology ([`Mesh::welded`]). Positions are in the file's own unit, which 3MF alone states. Files are
-//! not trusted: whatever they hold, the answer is a mesh or an error that says what is wrong and what to do.
+//! not trusted: whatever they hold, the result is a mesh or an error that says what is wrong and what to do.
 
 use std::fs;
 use std::io;
@@ -213,7 +213,7 @@ mod tests {
         assert_eq!(read_mesh(&path).unwrap().triangles, [[0, 1, 2]]);
     }
 
-    /// Whatever the bytes are, the answer is an error or a mesh that keeps the module's guarantee.
+    /// Whatever the bytes are, the result is an error or a mesh that keeps the module's guarantee.
     fn survives(bytes: &[u8], format: Format) {
         if let Ok(MeshFile { mesh, .. }) = parse(bytes, format) {
             assert!(mesh.vertices.iter().all(|v| v.is_finite()));

@@ -31,9 +31,9 @@ pub enum Limits {
     Rotary {
         /// The tilting axis.
         tilting: TiltingAxis,
-        /// Least and greatest angle of A or B.
+        /// Smallest and largest angle of A or B.
         tilt: [f64; 2],
-        /// Least and greatest angle of C.
+        /// Smallest and largest angle of C.
         turn: [f64; 2],
     },
 }
@@ -183,10 +183,7 @@ mod tests {
 
     use super::super::OrientationSet;
     use super::*;
-
-    fn set(spec: &str) -> Vec<Orientation> {
-        OrientationSet::parse(spec).unwrap().orientations
-    }
+    use crate::orientation::tests::set;
 
     #[test]
     fn directions_are_the_rotation_matrices_of_the_convention() {
@@ -244,10 +241,10 @@ mod tests {
     fn limits_filter_any_set_and_the_text_makes_it_again() {
         let all = OrientationSet::parse("fibonacci:400").unwrap();
         let limits = Limits::parse("ac:-30:120:-360:360").unwrap();
-        let kept = all.within(&limits).unwrap();
-        // With C free the tilt alone decides: the share of the sphere with z ≥ cos 120° is 3/4.
-        assert_eq!(kept.len(), 300);
-        assert_eq!(OrientationSet::parse(&kept.spec).unwrap(), kept);
+        let within = all.within(&limits).unwrap();
+        // With C free the tilt alone decides: the fraction of the sphere with z ≥ cos 120° is 3/4.
+        assert_eq!(within.len(), 300);
+        assert_eq!(OrientationSet::parse(&within.spec).unwrap(), within);
         let cone = OrientationSet::parse("within:cone:0,0,-1:90@fibonacci:400").unwrap();
         assert_eq!(cone.len(), 200);
         assert!(cone.orientations.iter().all(|o| o.direction().z <= 0.0));

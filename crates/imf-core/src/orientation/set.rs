@@ -204,10 +204,7 @@ fn angle_pair(theta: f64, phi: f64, roll: f64) -> Result<Orientation, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn set(spec: &str) -> Vec<Orientation> {
-        OrientationSet::parse(spec).unwrap().orientations
-    }
+    use crate::orientation::tests::set;
 
     #[test]
     fn the_papers_grid_holds_its_out_of_sample_pair_at_30_only() {

@@ -122,10 +122,10 @@ mod tests {
     }
 
     #[test]
-    fn the_bracket_has_the_share_of_its_domain_that_was_asked() {
-        let share = mesh().signed_volume() / design_domain().signed_volume();
+    fn the_bracket_has_the_intended_fraction_of_its_domain() {
+        let fraction = mesh().signed_volume() / design_domain().signed_volume();
         // So much of the elements; the surface cuts edges off and rounds.
-        assert!((share - 0.15).abs() < 0.02, "{share}");
+        assert!((fraction - 0.15).abs() < 0.02, "{fraction}");
     }
 
     #[test]

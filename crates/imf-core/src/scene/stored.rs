@@ -5,7 +5,7 @@
 use thiserror::Error;
 
 use super::{Scene, SceneRecord};
-use crate::occupancy::{Occupancy, PackedLengthError};
+use crate::occupancy::Occupancy;
 
 const OBSTACLE: &str = "obstacle";
 const LAYER: &str = "layer";
@@ -18,8 +18,8 @@ pub enum StoredVoxelsError {
     #[error("it has no voxels '{0}'")]
     Missing(&'static str),
     /// Voxels of another grid.
-    #[error(transparent)]
-    Length(#[from] PackedLengthError),
+    #[error("its voxels '{0}' are not as many as its grid has")]
+    Length(&'static str),
     /// Voxels of another scene, or damaged ones.
     #[error("the obstacle's checksum is wrong")]
     Checksum,
@@ -53,15 +53,19 @@ impl Scene {
         record: SceneRecord,
         bits: impl Fn(&str) -> Option<&'a [u8]>,
     ) -> Result<Self, StoredVoxelsError> {
-        let packed = bits(OBSTACLE).ok_or(StoredVoxelsError::Missing(OBSTACLE))?;
-        if crc32(packed) != record.obstacle_crc32 {
+        let grid = record.grid;
+        let voxels = |name| -> Result<_, StoredVoxelsError> {
+            let packed = bits(name).ok_or(StoredVoxelsError::Missing(name))?;
+            let unpacked = Occupancy::from_packed(grid, packed).ok_or(StoredVoxelsError::Length(name))?;
+            Ok((unpacked, crc32(packed)))
+        };
+        let (obstacle, checksum) = voxels(OBSTACLE)?;
+        if checksum != record.obstacle_crc32 {
             return Err(StoredVoxelsError::Checksum);
         }
-        let obstacle = Occupancy::from_packed(record.grid, packed)?;
         let mut scene = Self::from_union(record, obstacle);
         if scene.record.contact.is_some() {
-            let packed = bits(LAYER).ok_or(StoredVoxelsError::Missing(LAYER))?;
-            let layer = Occupancy::from_packed(scene.record.grid, packed)?;
+            let (layer, _) = voxels(LAYER)?;
             if layer.solid.iter().zip(&scene.obstacle.solid).any(|(l, o)| l & (1 - o) != 0) {
                 return Err(StoredVoxelsError::Layer);
             }

@@ -21,7 +21,7 @@ const NAMELESS: &str = "no tool is named behind the #";
 /// Names that a message lists.
 const LISTED: usize = 20;
 
-/// Several tools, or none, answer to the name.
+/// Several tools, or none, have the name.
 fn no_choice(what: &str, tools: &[String]) -> Fault {
     Fault::malformed(format!("{what}; its tools are: {}", listed(tools)))
 }
@@ -45,25 +45,14 @@ fn listed(tools: &[String]) -> String {
     if more > 0 { format!("{names} and {more} more") } else { names }
 }
 
-/// Which program's file it is.
-#[derive(Clone, Copy, PartialEq)]
-enum Kind {
-    FreeCad,
-    Fusion,
-}
-
-fn kind(path: &Path) -> Option<Kind> {
-    let ending = path.extension()?.to_ascii_lowercase();
-    match ending.to_str()? {
-        "fctb" => Some(Kind::FreeCad),
-        "json" | "tools" => Some(Kind::Fusion),
-        _ => None,
-    }
+/// True for a file whose ending is one of these.
+fn ends_in(path: &Path, endings: &[&str]) -> bool {
+    path.extension().is_some_and(|ending| endings.iter().any(|known| ending.eq_ignore_ascii_case(known)))
 }
 
 /// True for a file whose ending is that of a library.
 pub(super) fn is_library(path: &Path) -> bool {
-    kind(path).is_some()
+    ends_in(path, &["fctb", "json", "tools"])
 }
 
 /// A path and, behind a `#`, the tool that is meant: only where there is no file of the whole name.
@@ -82,10 +71,7 @@ pub(super) fn location(text: &str) -> (&Path, Option<&str>) {
 
 /// The tool of a library that `wanted` names, or its only one.
 pub(super) fn tool(path: &Path, bytes: &[u8], wanted: Option<&str>) -> Result<Tool, Fault> {
-    match kind(path) {
-        Some(Kind::FreeCad) => freecad::tool(bytes, wanted),
-        _ => fusion::tool(bytes, wanted),
-    }
+    if ends_in(path, &["fctb"]) { freecad::tool(bytes, wanted) } else { fusion::tool(bytes, wanted) }
 }
 
 #[cfg(test)]

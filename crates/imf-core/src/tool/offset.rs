@@ -202,16 +202,16 @@ mod tests {
 
     /// Distance in the half-plane of height and radius from a point to the element, by a fine walk over its outline.
     fn distance(element: &Element, height: f64, radius: f64) -> f64 {
-        let mut least = f64::INFINITY;
+        let mut minimum = f64::INFINITY;
         for segment in &element.profile {
             let (from, to) = segment.range();
             for i in 0..=2000 {
                 let h = from + (to - from) * f64::from(i) / 2000.0;
                 // All of the disc at this height belongs to the element.
-                least = least.min((h - height).hypot((radius - segment.radius(h)).max(0.0)));
+                minimum = minimum.min((h - height).hypot((radius - segment.radius(h)).max(0.0)));
             }
         }
-        least
+        minimum
     }
 
     fn inside(element: &Element, height: f64, radius: f64) -> bool {

@@ -31,8 +31,8 @@ impl Tool {
             ToolShape::Revolved(elements) => {
                 let profile: Vec<Segment> = elements.iter().flat_map(|e| e.profile.iter().copied()).collect();
                 let (direction, pitch) = (orientation.direction(), obstacle.grid.pitch);
-                let held = |offset| holds(&profile, direction, offset, SLACK * pitch * pitch);
-                count_held(obstacle, tip, ranges(&obstacle.grid, tip, bounds), held)
+                let inside = |offset| holds(&profile, direction, offset, SLACK * pitch * pitch);
+                count_one_by_one(obstacle, tip, ranges(&obstacle.grid, tip, bounds), inside)
             }
             ToolShape::Mesh(mesh) => {
                 let turned = mesh.transformed(&DMat4::from_mat3(orientation.rotation()));
@@ -50,18 +50,18 @@ fn ranges(grid: &Grid, tip: DVec3, (lower, upper): (DVec3, DVec3)) -> [Range<usi
     })
 }
 
-/// Voxel by voxel: solid ones whose offsets from the tip, in world units, are held.
-fn count_held(
+/// Voxel by voxel: solid ones whose offsets from the tip, in world units, are inside.
+fn count_one_by_one(
     obstacle: &Occupancy,
     tip: DVec3,
     [xs, ys, zs]: [Range<usize>; 3],
-    held: impl Fn(DVec3) -> bool,
+    inside: impl Fn(DVec3) -> bool,
 ) -> u32 {
     let grid = &obstacle.grid;
     let mut count = 0;
     for (x, y) in xs.flat_map(|x| ys.clone().map(move |y| (x, y))) {
         for z in zs.clone().filter(|&z| obstacle.solid[grid.index([x, y, z])] != 0) {
-            count += u32::from(held((DVec3::new(x as f64, y as f64, z as f64) - tip) * grid.pitch));
+            count += u32::from(inside((DVec3::new(x as f64, y as f64, z as f64) - tip) * grid.pitch));
         }
     }
     count
@@ -79,8 +79,8 @@ fn count_in_mesh(turned: &Mesh, obstacle: &Occupancy, tip: DVec3, (lower, upper)
     let dims = (upper - lower + 2.0).to_array().map(|span| span as usize);
     if dims.iter().map(|&n| n as f64).product::<f64>() > MOST_VOXELS as f64 {
         // Too large to be made of voxels.
-        let held = |offset| winding_number(turned, offset).abs() > 0.5;
-        return count_held(obstacle, tip, [xs, ys, zs], held);
+        let inside = |offset| winding_number(turned, offset).abs() > 0.5;
+        return count_one_by_one(obstacle, tip, [xs, ys, zs], inside);
     }
     let own = Grid { origin: (lower - (tip - whole) - 0.5) * grid.pitch, pitch: grid.pitch, dims };
     let solid = voxelize(turned, &own, false).solid;

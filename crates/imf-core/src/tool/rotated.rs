@@ -135,15 +135,15 @@ impl RotatedTool {
                 *height = flat + z * direction.z;
                 *square = (flat_square + z * z) - *height * *height;
             }
-            let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+            let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
             for &height in heights.iter() {
-                least = least.min(height);
-                most = most.max(height);
+                lowest = lowest.min(height);
+                highest = highest.max(height);
             }
             // The segments' ranges meet without overlap: at most one of them holds a height.
             for segment in profile {
                 let (from, to) = segment.range();
-                if from > most || to <= least {
+                if from > highest || to <= lowest {
                     continue;
                 }
                 for ((solid, &height), &square) in line.iter_mut().zip(heights.iter()).zip(squares.iter()) {

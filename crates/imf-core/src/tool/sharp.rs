@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::profile::{self, Element, ElementKind, Segment};
 use super::{SLACK, Tool, ToolShape, holds};
 
-/// The points of a tool at which it cuts: the collision measure is the least over them.
+/// The points of a tool at which it cuts: the collision measure is the minimum over them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SharpPoints {
@@ -89,17 +89,15 @@ fn boundary(elements: &[Element], pitch: f64) -> Vec<DVec3> {
         let to = element.profile.last().map_or(0.0, |s| s.range().1);
         for z in (from / pitch).floor() as i64..=(to / pitch).ceil() as i64 {
             for (x, y) in (-reach..=reach).flat_map(|x| (-reach..=reach).map(move |y| (x, y))) {
-                let around = [
-                    [x - 1, y, z],
-                    [x + 1, y, z],
-                    [x, y - 1, z],
-                    [x, y + 1, z],
-                    [x, y, z - 1],
-                    [x, y, z + 1],
-                ];
-                let inside = holds(&element.profile, DVec3::Z, at([x, y, z]), slack);
-                if inside && [x, y, z] != [0; 3] && !around.into_iter().all(in_tool) {
-                    points.push(at([x, y, z]));
+                let voxel = [x, y, z];
+                let mut neighbours = (0..6).map(|side: usize| {
+                    let mut next = voxel;
+                    next[side / 2] += if side.is_multiple_of(2) { -1 } else { 1 };
+                    next
+                });
+                let inside = holds(&element.profile, DVec3::Z, at(voxel), slack);
+                if inside && voxel != [0; 3] && !neighbours.all(in_tool) {
+                    points.push(at(voxel));
                 }
             }
         }

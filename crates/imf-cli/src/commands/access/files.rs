@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use imf_core::field_files::{NamedField, write_npy, write_vti};
 
 use super::Findings;

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use imf_core::field_files::{NamedField, write_npy, write_vti};
 use imf_core::orientation::Orientation;
 use imf_core::section::ElementPlans;

@@ -22,7 +22,7 @@ impl Folder {
     }
 
     /// The tool of a library of Fusion's that holds one entry.
-    fn fusion(&self, entry: Value) -> Result<Tool, String> {
+    fn fusion(&self, entry: &Value) -> Result<Tool, String> {
         self.read("t.json", &json!({"data": [entry]}))
     }
 
@@ -80,7 +80,7 @@ fn names_with_a_hash_are_found_behind_the_library() {
 fn a_shoulder_without_a_diameter_is_as_wide_as_the_cutters_end() {
     let folder = Folder::new();
     let entry = fusion("tapered mill", "taper", 1, json!({"DC": 1.0, "TA": 5.0, "shoulder-diameter": null}));
-    let tool = folder.fusion(entry).unwrap();
+    let tool = folder.fusion(&entry).unwrap();
     // 18 mm of edges at 5°, and 2 mm of shoulder.
     let end = 0.5 + 18.0 * 5f64.to_radians().tan();
     close(radius(&tool, 19.0), end);
@@ -217,11 +217,11 @@ fn fusions_tools_become_cutter_shoulder_shaft_and_holder() {
     let mut entry = fusion("flat end mill", "flat", 1, json!({}));
     entry["shaft"] =
         json!({"type": "shaft", "segments": [{"height": 4.0, "lower-diameter": 5.8, "upper-diameter": 8.0}]});
-    let tool = folder.fusion(entry).unwrap();
+    let tool = folder.fusion(&entry).unwrap();
     close(radius(&tool, 22.0), 0.25 * (5.8 + 8.0));
     close(radius(&tool, 24.0), 4.0);
     let entry = fusion("ball end mill", "ball", 1, json!({"LCF": 40.0, "shoulder-length": 40.0}));
-    let tool = folder.fusion(entry).unwrap();
+    let tool = folder.fusion(&entry).unwrap();
     assert_eq!(elements(&tool).len(), 3);
     close(radius(&tool, 29.0), 3.0);
     close(radius(&tool, 31.0), 12.7 + 6.35 / 25.4);
@@ -235,7 +235,7 @@ fn fusions_tools_become_cutter_shoulder_shaft_and_holder() {
     ];
     for (kind, geometry, height, expected) in shapes {
         let entry = fusion(kind, kind, 1, geometry);
-        let tool = folder.fusion(entry).unwrap();
+        let tool = folder.fusion(&entry).unwrap();
         close(radius(&tool, height), expected);
     }
 }
@@ -314,7 +314,7 @@ fn what_fusion_has_and_we_do_not_is_refused_by_name() {
         (unknown_unit, "'furlongs'"),
         (broken_holder, "holder"),
     ] {
-        let error = folder.fusion(entry).unwrap_err();
+        let error = folder.fusion(&entry).unwrap_err();
         assert!(error.contains("t.json") && error.contains(expected), "{error}");
         assert!(error.contains("TOML"), "{error}");
     }
