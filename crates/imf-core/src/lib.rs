@@ -17,7 +17,8 @@
 //! # Where to begin
 //! | to | see |
 //! | --- | --- |
-//! | read a mesh and make voxels of it | [`mesh::read`], [`voxelize`](mod@voxelize), [`Scene::builder`](scene::Scene::builder) |
+//! | make a scene of part, tool and grid | [`Scene::builder`](scene::Scene::builder) |
+//! | read a mesh and make voxels of it | [`mesh::read`], [`voxelize`](mod@voxelize) |
 //! | describe a tool | [`tool::Tool`]: from a file, or element by element |
 //! | know what a tool reaches | [`section::SectionPlan`], [`access`] |
 //! | check a toolpath | [`check`](mod@check), [`toolpath`] |
@@ -36,6 +37,12 @@
 //!   Arrays are C-ordered `[x, y, z]`, `z` contiguous.
 //! - Tool frame: tip at the origin, axis +z from tip to holder; `R(θ, φ) = R_z(θ) R_y(φ)`.
 //! - "Exact" is exact for voxel centres. Space outside the obstacle's grid is empty.
+//!
+//! # Errors
+//! Every library function that can fail for its input gives a small error of its own area: [`file_error::FileError`] for files that are
+//! read (file, line, kind, cause and remedy) and `AtomicFileError` for those that are written, [`scene::SceneError`], [`grid::GridError`],
+//! [`tool::ToolError`], [`tool::ClearanceError`], [`orientation::OrientationSetError`] and those of sections, fields and checks. Remarks
+//! that keep nothing from being used come as values ([`scene::SceneWarning`]).
 //!
 //! # Example
 //! Where can the built-in tool stand upright on the built-in bracket?

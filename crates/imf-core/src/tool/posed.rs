@@ -114,39 +114,22 @@ mod tests {
         let grid = obstacle.grid;
         let mut set = OrientationSet::parse("0,0;90,90;0,180;0,90;45,90").unwrap().orientations;
         set.extend(OrientationSet::parse("so3:6").unwrap().orientations);
+        let inside = [[5, 4, 6], [0, 0, 0], [10, 8, 12], [3, 7, 1]];
+        let outside = [[-4, 2, 15], [40, 0, 0], [10, 8, 15], [5, 4, -50]];
+        let tips: Vec<[i64; 3]> = inside.into_iter().chain(outside).collect();
         for orientation in &set {
             let rotated = RotatedTool::new(&tool, orientation, grid.pitch).unwrap();
-            // Some of them outside the box.
-            for at in [
-                [5, 4, 6],
-                [0, 0, 0],
-                [10, 8, 12],
-                [3, 7, 1],
-                [-4, 2, 15],
-                [40, 0, 0],
-                [10, 8, 15],
-                [5, 4, -50],
-            ] {
-                let mut expected = 0;
-                for (index, _) in rotated.solid.iter().enumerate().filter(|(_, solid)| **solid == 1) {
-                    let [_, ny, nz] = rotated.dims;
-                    let own = [index / (ny * nz), index / nz % ny, index % nz];
-                    let voxel = [0, 1, 2].map(|a| at[a] + rotated.lower[a] + own[a] as i32);
-                    if (0..3).all(|a| (0..grid.dims[a] as i32).contains(&voxel[a])) {
-                        expected += u32::from(obstacle.solid[grid.index(voxel.map(|v| v as usize))]);
-                    }
-                }
-                assert_eq!(
-                    rotated.count_in(&obstacle, at.map(i64::from)),
-                    expected,
-                    "{at:?} {orientation:?}"
-                );
-                let tip = grid.origin + (DVec3::from_array(at.map(f64::from)) + 0.5) * grid.pitch;
-                assert_eq!(
-                    tool.count_inside(&obstacle, tip, orientation),
-                    expected,
-                    "{at:?} {orientation:?}"
-                );
+            for &at in &tips {
+                let solid = rotated.offsets().filter(|offset| {
+                    let voxel = [0, 1, 2].map(|a| at[a] + offset[a]);
+                    let inside = (0..3).all(|a| (0..grid.dims[a] as i64).contains(&voxel[a]));
+                    inside && obstacle.solid[grid.index(voxel.map(|v| v as usize))] == 1
+                });
+                let expected = solid.count() as u32;
+                assert_eq!(rotated.count_in(&obstacle, at), expected, "{at:?} {orientation:?}");
+                let tip = grid.origin + (DVec3::from_array(at.map(|v| v as f64)) + 0.5) * grid.pitch;
+                let counted = tool.count_inside(&obstacle, tip, orientation);
+                assert_eq!(counted, expected, "{at:?} {orientation:?}");
             }
         }
     }

@@ -100,6 +100,14 @@ impl RotatedTool {
         count
     }
 
+    /// Offsets of the solid voxels from the tip's.
+    #[cfg(test)]
+    pub(crate) fn offsets(&self) -> impl Iterator<Item = [i64; 3]> {
+        let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: self.dims };
+        let solid = (0..self.solid.len()).filter(|&i| self.solid[i] == 1);
+        solid.map(move |i| grid.voxel(i)).map(|v| [0, 1, 2].map(|a| i64::from(self.lower[a]) + v[a] as i64))
+    }
+
     /// Offset of the last voxel of the box from the tip's voxel.
     #[must_use]
     pub fn upper(&self) -> [i32; 3] {
@@ -245,7 +253,7 @@ mod tests {
     use crate::tool::{Element, ElementKind};
 
     /// Every voxel of a generous box tested against the definition.
-    fn definition(tool: &Tool, orientation: &Orientation, pitch: f64) -> Vec<[i32; 3]> {
+    fn definition(tool: &Tool, orientation: &Orientation, pitch: f64) -> Vec<[i64; 3]> {
         let ToolShape::Revolved(elements) = &tool.shape else { panic!("revolved") };
         let d = orientation.direction();
         let reach = (tool.reach() / pitch).ceil() as i32 + 1;
@@ -261,21 +269,12 @@ mod tests {
                             && r2 <= s.radius(height).powi(2) + 1e-9 * pitch * pitch
                     });
                     if solid {
-                        inside.push([x, y, z]);
+                        inside.push([x, y, z].map(i64::from));
                     }
                 }
             }
         }
         inside
-    }
-
-    fn offsets(rotated: &RotatedTool) -> Vec<[i32; 3]> {
-        let [_, ny, nz] = rotated.dims;
-        (0..rotated.solid.len())
-            .filter(|&i| rotated.solid[i] == 1)
-            .map(|i| [i / (ny * nz), i / nz % ny, i % nz])
-            .map(|v| [0, 1, 2].map(|axis| rotated.lower[axis] + v[axis] as i32))
-            .collect()
     }
 
     #[test]
@@ -295,7 +294,7 @@ mod tests {
             for orientation in &set {
                 let rotated = RotatedTool::new(tool, orientation, pitch).unwrap();
                 let expected = definition(tool, orientation, pitch);
-                assert_eq!(offsets(&rotated), expected, "{orientation:?}");
+                assert_eq!(rotated.offsets().collect::<Vec<_>>(), expected, "{orientation:?}");
                 assert_eq!(rotated.count as usize, expected.len());
             }
         }
@@ -326,20 +325,10 @@ mod tests {
     #[test]
     fn absurd_sizes_are_refused() {
         let tool = Tool::paper();
-        assert!(matches!(
-            RotatedTool::new(&tool, &Orientation::default(), 1e-3),
-            Err(ToolError::TooLarge { .. })
-        ));
-        let thin = Tool {
-            shape: ToolShape::Revolved(vec![Element {
-                kind: ElementKind::Cutter,
-                profile: vec![Segment::Line { from: 0.5, to: 0.9, radius_from: 0.1, radius_to: 0.1 }],
-            }]),
-            ..tool
-        };
-        assert!(matches!(
-            RotatedTool::new(&thin, &Orientation::default(), 1.0),
-            Err(ToolError::TooSmall { .. })
-        ));
+        let made = |tool: &Tool, pitch: f64| RotatedTool::new(tool, &Orientation::default(), pitch);
+        assert!(matches!(made(&tool, 1e-3), Err(ToolError::TooLarge { .. })));
+        let profile = vec![Segment::Line { from: 0.5, to: 0.9, radius_from: 0.1, radius_to: 0.1 }];
+        let shape = ToolShape::Revolved(vec![Element { kind: ElementKind::Cutter, profile }]);
+        assert!(matches!(made(&Tool { shape, ..tool }, 1.0), Err(ToolError::TooSmall { .. })));
     }
 }

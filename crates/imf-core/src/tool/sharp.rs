@@ -107,6 +107,8 @@ fn boundary(elements: &[Element], pitch: f64) -> Vec<DVec3> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::HashSet;
+
     use super::*;
     use crate::orientation::Orientation;
     use crate::tool::{Clearance, RotatedTool};
@@ -130,31 +132,14 @@ mod tests {
         let tool = Tool { sharp_points: SharpPoints::Boundary(None), ..Tool::paper() };
         for pitch in [1.0, 1.7] {
             let voxels = RotatedTool::new(&tool, &Orientation::default(), pitch).unwrap();
-            let solid = |offset: [i64; 3]| {
-                let at = [0, 1, 2].map(|a| offset[a] - i64::from(voxels.lower[a]));
-                let within = (0..3).all(|a| (0..voxels.dims[a] as i64).contains(&at[a]));
-                within
-                    && voxels.solid[((at[0] as usize) * voxels.dims[1] + at[1] as usize) * voxels.dims[2]
-                        + at[2] as usize]
-                        != 0
+            let solid: HashSet<[i64; 3]> = voxels.offsets().collect();
+            let open = |&[x, y, z]: &[i64; 3]| {
+                let beside = |step| [[x + step, y, z], [x, y + step, z], [x, y, z + step]];
+                [-1, 1].into_iter().flat_map(beside).any(|next| !solid.contains(&next))
             };
-            let mut expected = Vec::new();
-            let [nx, ny, nz] = voxels.dims;
-            for index in 0..nx * ny * nz {
-                let at = [index / (ny * nz), index / nz % ny, index % nz];
-                let o = [0, 1, 2].map(|a| at[a] as i64 + i64::from(voxels.lower[a]));
-                let open = (0..3).any(|a| {
-                    [-1, 1].into_iter().any(|step| {
-                        let mut next = o;
-                        next[a] += step;
-                        !solid(next)
-                    })
-                });
-                // The holder begins at height 35.
-                if solid(o) && open && (o[2] as f64 * pitch) < 35.0 {
-                    expected.push(o);
-                }
-            }
+            // The holder begins at height 35.
+            let cutter = |offset: &&[i64; 3]| (offset[2] as f64 * pitch) < 35.0;
+            let mut expected: Vec<_> = solid.iter().filter(cutter).copied().filter(open).collect();
             let mut found: Vec<[i64; 3]> = tool
                 .sharp_point_positions(pitch)
                 .iter()
