@@ -87,8 +87,8 @@ pub(super) struct Model {
 /// The name of the root model that a package's relationships give.
 pub(super) fn root_target(text: &str) -> Result<Option<String>, Fault> {
     let mut root = None;
-    each(text, |part| {
-        if let Part::Start { name: "Relationship", element } = part
+    each(text, |name, start| {
+        if let ("Relationship", Some(element)) = (name, start)
             && attribute(element, "Type")?.as_deref() == Some(ROOT)
         {
             root = attribute(element, "Target")?.as_deref().map(plain);
@@ -103,15 +103,14 @@ fn plain(name: &str) -> String {
     name.trim_start_matches('/').to_owned()
 }
 
-/// The beginning or the end of an element of the core namespace.
-enum Part<'a> {
-    Start { name: &'a str, element: &'a BytesStart<'a> },
-    End { name: &'a str },
-}
-
-/// Calls `take` with the beginning and the end of every element of the core namespace, or of none.
-fn each(text: &str, mut take: impl FnMut(Part<'_>) -> Result<(), Fault>) -> Result<(), Fault> {
+/// Calls `take` with the name of every element of the core namespace, or of none: at its beginning with the element, at its end
+/// without.
+fn each(
+    text: &str,
+    mut take: impl FnMut(&str, Option<&BytesStart<'_>>) -> Result<(), Fault>,
+) -> Result<(), Fault> {
     let mut reader = NsReader::from_str(text);
+    reader.config_mut().expand_empty_elements = true;
     let mut depth = 0_usize;
     loop {
         let (namespace, event) = match reader.read_resolved_event() {
@@ -127,17 +126,13 @@ fn each(text: &str, mut take: impl FnMut(Part<'_>) -> Result<(), Fault>) -> Resu
             Event::Start(element) => {
                 depth += 1;
                 if ours {
-                    take(Part::Start { name: element.local_name().as_ref(), element: &element })?;
+                    take(element.local_name().as_ref(), Some(&element))?;
                 }
-            }
-            Event::Empty(element) if ours => {
-                take(Part::Start { name: element.local_name().as_ref(), element: &element })?;
-                take(Part::End { name: element.local_name().as_ref() })?;
             }
             Event::End(element) => {
                 depth = depth.saturating_sub(1);
                 if ours {
-                    take(Part::End { name: element.local_name().as_ref() })?;
+                    take(element.local_name().as_ref(), None)?;
                 }
             }
             Event::DocType(_) => return Err(of_xml("it has a document type, which 3MF forbids")),
@@ -208,10 +203,10 @@ struct Reading {
 impl Model {
     pub(super) fn read(text: &str) -> Result<Self, Fault> {
         let mut reading = Reading::default();
-        each(text, |part| match part {
-            Part::Start { name, element } => reading.start(name, element),
-            Part::End { name: "object" } => reading.end_object(),
-            Part::End { .. } => Ok(()),
+        each(text, |name, start| match start {
+            Some(element) => reading.start(name, element),
+            None if name == "object" => reading.end_object(),
+            None => Ok(()),
         })?;
         if !reading.seen {
             return Err(Fault::malformed("it holds no model of the 3MF core specification"));
