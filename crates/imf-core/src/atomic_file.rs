@@ -15,59 +15,25 @@ use thiserror::Error;
 /// How the names of temporary files end.
 const PART: &str = ".part";
 
-/// Why a file could not be written. The old content of `path`, if there was any, is untouched.
+/// A file could not be written. Its old content, if there was any, is untouched.
 #[derive(Debug, Error)]
-pub enum AtomicFileError {
-    /// The folder of the file does not exist.
-    #[error("cannot write {path}: its folder {folder} does not exist; create it first")]
-    MissingFolder {
-        /// The file to be written.
-        path: PathBuf,
-        /// The folder that is missing.
-        folder: PathBuf,
-    },
-    /// The folder or the existing file may not be written.
-    #[error("cannot write {path}: no permission ({source}); choose another folder or change its permissions")]
-    Permission {
-        /// The file to be written.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// The disk or the user's share of it is full.
-    #[error("cannot write {path}: the disk is full ({source}); free some space or choose another disk")]
-    Full {
-        /// The file to be written.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// The path names a folder, a device or a pipe.
-    #[error("cannot write {path}: it names a folder or a device; give the name of a file")]
-    NotAFile {
-        /// The path given.
-        path: PathBuf,
-    },
-    /// Anything else.
-    #[error("cannot write {path}: {source}")]
-    Other {
-        /// The file to be written.
-        path: PathBuf,
-        /// What the system, or the function that produced the content, said.
-        source: io::Error,
-    },
+#[error("cannot write {}: {source}{}", .path.display(), remedy(.source.kind()))]
+pub struct AtomicFileError {
+    /// The file to be written.
+    pub path: PathBuf,
+    /// What the system, or the function that made the content, said.
+    pub source: io::Error,
 }
 
-impl AtomicFileError {
-    fn new(path: &Path, source: io::Error) -> Self {
-        let path = path.to_path_buf();
-        match source.kind() {
-            io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
-                Self::Permission { path, source }
-            }
-            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => Self::Full { path, source },
-            _ => Self::Other { path, source },
+fn remedy(kind: io::ErrorKind) -> &'static str {
+    match kind {
+        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
+            "; choose another folder or change its permissions"
         }
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
+            ": the disk is full; free some space or choose another disk"
+        }
+        _ => "",
     }
 }
 
@@ -83,6 +49,7 @@ pub fn write_atomically(
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
 ) -> Result<(), AtomicFileError> {
     replace(path.as_ref(), None, write)
+        .map_err(|source| AtomicFileError { path: path.as_ref().into(), source })
 }
 
 /// As [`write_atomically`]; the content that is replaced stays as `previous`, a name in the same folder. Whenever the
@@ -95,7 +62,8 @@ pub fn write_keeping_previous(
     previous: impl AsRef<Path>,
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
 ) -> Result<(), AtomicFileError> {
-    replace(path.as_ref(), Some(previous.as_ref()), write)
+    let written = replace(path.as_ref(), Some(previous.as_ref()), write);
+    written.map_err(|source| AtomicFileError { path: path.as_ref().into(), source })
 }
 
 /// Gives what `path` holds now the further name `previous`, in the same folder, before it is replaced.
@@ -113,13 +81,31 @@ pub fn keep_previous(path: impl AsRef<Path>, previous: impl AsRef<Path>) -> io::
 /// Returns how many there were; what cannot be removed stays.
 pub fn remove_leftovers(path: impl AsRef<Path>) -> usize {
     let target = fs::canonicalize(&path).unwrap_or_else(|_| path.as_ref().to_path_buf());
-    let Some(name) = target.file_name().and_then(|n| n.to_str()) else { return 0 };
-    let start = format!(".{name}.");
+    remove_temporary(folder_of(&target), |name| {
+        target.file_name().is_some_and(|own| own.to_str() == Some(name))
+    })
+}
+
+/// As [`remove_leftovers`], of whatever was being written in a folder.
+pub fn remove_all_leftovers(folder: impl AsRef<Path>) -> usize {
+    remove_temporary(folder.as_ref(), |_| true)
+}
+
+/// Removes the temporary files of a folder whose final names are `wanted`, but for those that somebody is writing.
+fn remove_temporary(folder: &Path, wanted: impl Fn(&str) -> bool) -> usize {
     let is_leftover = |entry: &fs::DirEntry| {
         let file = entry.file_name();
-        file.to_str().is_some_and(|file| file.starts_with(&start) && file.ends_with(PART))
+        let inner = file.to_str().and_then(|file| file.strip_prefix('.')?.strip_suffix(PART));
+        let name = inner.and_then(|inner| inner.rsplit_once('.'));
+        name.is_some_and(|(name, random)| !name.is_empty() && !random.is_empty() && wanted(name))
+            && entry.file_type().is_ok_and(|kind| kind.is_file())
     };
-    let entries = fs::read_dir(folder_of(&target)).into_iter().flatten().flatten();
+    let removed = |entry: &fs::DirEntry| {
+        let file = File::options().read(true).write(true).open(entry.path());
+        let written = file.is_ok_and(|file| matches!(file.try_lock(), Err(TryLockError::WouldBlock)));
+        !written && fs::remove_file(entry.path()).is_ok()
+    };
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     entries.filter(is_leftover).filter(removed).count()
 }
 
@@ -128,53 +114,28 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Removes a temporary file unless somebody is writing it.
-fn removed(entry: &fs::DirEntry) -> bool {
-    let path = entry.path();
-    let written = File::options()
-        .read(true)
-        .write(true)
-        .open(&path)
-        .is_ok_and(|file| matches!(file.try_lock(), Err(TryLockError::WouldBlock)));
-    !written && fs::remove_file(path).is_ok()
-}
-
-/// Removes the temporary files that killed processes left in a folder, whatever they were writing, and none that is being
-/// written. Returns how many there were; what cannot be removed stays.
-pub fn remove_all_leftovers(folder: impl AsRef<Path>) -> usize {
-    let is_leftover = |entry: &fs::DirEntry| {
-        let file = entry.file_name();
-        let inner = file.to_str().and_then(|file| file.strip_prefix('.')?.strip_suffix(PART));
-        let name = inner.and_then(|inner| inner.rsplit_once('.'));
-        name.is_some_and(|(name, random)| !name.is_empty() && !random.is_empty())
-            && entry.file_type().is_ok_and(|kind| kind.is_file())
-    };
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    entries.filter(is_leftover).filter(removed).count()
-}
-
 fn replace(
     path: &Path,
     previous: Option<&Path>,
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
-) -> Result<(), AtomicFileError> {
-    let fail = |source| AtomicFileError::new(path, source);
+) -> io::Result<()> {
+    let refuse = |kind: io::ErrorKind, what: &str| Err(io::Error::new(kind, what.to_owned()));
     // Renaming onto a link would replace the link, not the file behind it.
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
     let existing = fs::metadata(&target).ok();
     // Renaming onto a device would remove the device.
-    let Some(name) = target.file_name() else { return Err(AtomicFileError::NotAFile { path: path.into() }) };
-    if existing.as_ref().is_some_and(|metadata| !metadata.is_file()) {
-        return Err(AtomicFileError::NotAFile { path: path.into() });
-    }
+    let is_file = existing.as_ref().is_none_or(fs::Metadata::is_file);
+    let Some(name) = target.file_name().filter(|_| is_file) else {
+        return refuse(io::ErrorKind::IsADirectory, "it names a folder or a device; give the name of a file");
+    };
     // Renaming needs no permission on the old file, so its protection has to be respected here.
     if existing.as_ref().is_some_and(|metadata| metadata.permissions().readonly()) {
-        let source = io::Error::new(io::ErrorKind::PermissionDenied, "the file is write-protected");
-        return Err(AtomicFileError::Permission { path: path.into(), source });
+        return refuse(io::ErrorKind::PermissionDenied, "the file is write-protected");
     }
     let folder = folder_of(&target);
     if !folder.is_dir() {
-        return Err(AtomicFileError::MissingFolder { path: path.into(), folder: folder.into() });
+        let what = format!("its folder {} does not exist; create it first", folder.display());
+        return refuse(io::ErrorKind::NotFound, &what);
     }
 
     let mut prefix = OsString::from(".");
@@ -188,21 +149,21 @@ fn replace(
         // The umask applies; the crate's own default would be for the user's eyes only.
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
-    let temporary = builder.tempfile_in(folder).map_err(fail)?;
+    let temporary = builder.tempfile_in(folder)?;
     // Where files cannot be locked, nobody else may write in the folder.
     let _ = temporary.as_file().try_lock();
     let mut writer = BufWriter::with_capacity(1 << 16, temporary.as_file());
-    write(&mut writer).and_then(|()| writer.flush()).map_err(fail)?;
+    write(&mut writer).and_then(|()| writer.flush())?;
     drop(writer);
     if let Some(metadata) = existing {
-        temporary.as_file().set_permissions(metadata.permissions()).map_err(fail)?;
+        temporary.as_file().set_permissions(metadata.permissions())?;
     }
-    temporary.as_file().sync_all().map_err(fail)?;
+    temporary.as_file().sync_all()?;
     if let Some(previous) = previous.filter(|_| target.exists()) {
-        keep_as(&target, previous, &builder, folder).map_err(fail)?;
+        keep_as(&target, previous, &builder, folder)?;
     }
-    temporary.persist(&target).map_err(|error| fail(error.error))?;
-    sync_folder(folder).map_err(fail)
+    temporary.persist(&target).map_err(|error| error.error)?;
+    sync_folder(folder)
 }
 
 /// Gives the content of `target` the further name `previous`, replacing what had it, without a moment in which either
@@ -276,7 +237,7 @@ mod tests {
             Err(io::Error::from(io::ErrorKind::StorageFull))
         };
         let error = write_atomically(&path, full).unwrap_err();
-        assert!(matches!(error, AtomicFileError::Full { .. }));
+        assert_eq!(error.source.kind(), io::ErrorKind::StorageFull);
         assert!(
             error.to_string().contains("a.bin") && error.to_string().contains("free some space"),
             "{error}"
@@ -352,16 +313,16 @@ mod tests {
     fn impossible_places_are_named() {
         let folder = tempfile::tempdir().unwrap();
         let missing = write_atomically(folder.path().join("no/such/a.bin"), |_| Ok(())).unwrap_err();
-        assert!(matches!(missing, AtomicFileError::MissingFolder { .. }), "{missing}");
+        assert_eq!(missing.source.kind(), io::ErrorKind::NotFound, "{missing}");
         let error = write_atomically(folder.path(), |_| Ok(())).unwrap_err();
-        assert!(matches!(error, AtomicFileError::NotAFile { .. }), "{error}");
+        assert_eq!(error.source.kind(), io::ErrorKind::IsADirectory, "{error}");
         let path = folder.path().join("protected");
         fs::write(&path, b"old").unwrap();
         let mut permissions = fs::metadata(&path).unwrap().permissions();
         permissions.set_readonly(true);
         fs::set_permissions(&path, permissions).unwrap();
         let error = write_atomically(&path, |_| Ok(())).unwrap_err();
-        assert!(matches!(error, AtomicFileError::Permission { .. }), "{error}");
+        assert_eq!(error.source.kind(), io::ErrorKind::PermissionDenied, "{error}");
         assert_eq!(fs::read(&path).unwrap(), b"old");
     }
 
@@ -379,6 +340,6 @@ mod tests {
         assert_eq!(fs::read(&path).unwrap(), b"new");
         assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o640);
         let error = write_atomically("/dev/null", |_| Ok(())).unwrap_err();
-        assert!(matches!(error, AtomicFileError::NotAFile { .. }), "{error}");
+        assert_eq!(error.source.kind(), io::ErrorKind::IsADirectory, "{error}");
     }
 }

@@ -20,6 +20,7 @@ pub struct Grid {
 
 /// Why a grid cannot be made.
 #[derive(Debug, Error, PartialEq)]
+#[non_exhaustive]
 pub enum GridError {
     /// The pitch is zero, negative, infinite or NaN.
     #[error("the pitch must be a positive finite number, not {0}")]
@@ -86,10 +87,7 @@ impl Grid {
     }
 
     fn centred(lower: DVec3, upper: DVec3, pitch: f64, dims: [usize; 3]) -> Result<Self, GridError> {
-        let voxels = dims.iter().try_fold(1usize, |product, &d| product.checked_mul(d));
-        if voxels.is_none_or(|n| n > 1 << 31) {
-            return Err(GridError::TooLarge(dims));
-        }
+        check_voxels(dims)?;
         let size = DVec3::from_array(dims.map(|d| d as f64)) * pitch;
         Ok(Self { origin: (lower + upper) * 0.5 - size * 0.5, pitch, dims })
     }
@@ -105,10 +103,7 @@ impl Grid {
         if dims.contains(&0) {
             return Err(GridError::Dims(dims));
         }
-        let voxels = dims.iter().try_fold(1usize, |product, &d| product.checked_mul(d));
-        if voxels.is_none_or(|n| n > 1 << 31) {
-            return Err(GridError::TooLarge(dims));
-        }
+        check_voxels(dims)?;
         let shift = DVec3::from_array(before.map(|b| b as f64)) * self.pitch;
         Ok(Self { origin: self.origin - shift, pitch: self.pitch, dims })
     }
@@ -204,19 +199,16 @@ impl Grid {
         [self.centre([0; 3]), self.centre(self.dims.map(|n| n - 1))]
     }
 
-    /// The nearest point in the box of the voxel centres; what is no number stays so.
-    #[must_use]
-    pub fn nearest_between_centres(&self, point: DVec3) -> DVec3 {
-        let [low, high] = self.box_of_centres();
-        // `clamp` makes a number of what is none.
-        if point.is_nan() { point } else { point.clamp(low, high) }
-    }
-
     /// Volume of one voxel in world units cubed.
     #[must_use]
     pub fn voxel_volume(&self) -> f64 {
         self.pitch.powi(3)
     }
+}
+
+fn check_voxels(dims: [usize; 3]) -> Result<(), GridError> {
+    let voxels = dims.iter().try_fold(1usize, |product, &d| product.checked_mul(d));
+    if voxels.is_some_and(|n| n <= 1 << 31) { Ok(()) } else { Err(GridError::TooLarge(dims)) }
 }
 
 fn checked_extent(lower: DVec3, upper: DVec3) -> Result<DVec3, GridError> {
@@ -253,23 +245,6 @@ mod tests {
             assert_eq!(grid.index(grid.voxel(index)), index);
         }
         assert_eq!(grid.index([0, 0, 1]), 1);
-    }
-
-    #[test]
-    fn the_nearest_point_between_centres_is_held_by_axis() {
-        let grid = Grid { origin: DVec3::new(1.0, 2.0, 3.0), pitch: 2.0, dims: [3, 1, 5] };
-        let [low, high] = grid.box_of_centres();
-        assert_eq!([low, high], [DVec3::new(2.0, 3.0, 4.0), DVec3::new(6.0, 3.0, 12.0)]);
-        for (point, nearest) in [
-            (DVec3::new(3.0, 3.0, 11.0), DVec3::new(3.0, 3.0, 11.0)),
-            // In the outer half of a voxel, and beyond all.
-            (DVec3::new(1.5, 3.5, 5.0), DVec3::new(2.0, 3.0, 5.0)),
-            (DVec3::new(f64::INFINITY, -1e9, 12.5), DVec3::new(6.0, 3.0, 12.0)),
-        ] {
-            assert_eq!(grid.nearest_between_centres(point), nearest, "{point}");
-            assert!(grid.is_between_centres(nearest));
-        }
-        assert!(grid.nearest_between_centres(DVec3::new(0.0, f64::NAN, 0.0)).is_nan());
     }
 
     #[test]

@@ -11,17 +11,18 @@
 //! Exact values are whole numbers of voxels, computed for one rotation at a time ([`section`]) or one pose at a time ([`field`]).
 //! Fields that hold every direction at once are in the crate `imf-fields`, which builds on this one.
 //!
-//! This crate is the truth: it owns geometry, exact counts, what a tool reaches, toolpaths, and the interface that every field
-//! answers ([`field`]). It imports no other crate of the project.
+//! This crate is the truth: it owns geometry, exact counts, what a tool reaches, toolpaths, and the interface of every
+//! field ([`field`]). It imports no other crate of the project.
 //!
 //! # Where to begin
 //! | to | see |
 //! | --- | --- |
-//! | read a mesh and make voxels of it | [`mesh::read`], [`voxelize`](mod@voxelize), [`Scene::builder`](scene::Scene::builder) |
+//! | make a scene of part, tool and grid | [`Scene::builder`](scene::Scene::builder) |
+//! | read a mesh and make voxels of it | [`mesh::read`], [`voxelize`](mod@voxelize) |
 //! | describe a tool | [`tool::Tool`]: from a file, or element by element |
 //! | know what a tool reaches | [`section::SectionPlan`], [`access`] |
 //! | check a toolpath | [`check`](mod@check), [`toolpath`] |
-//! | ask for single poses | [`field`]: values, gradients, decisions, of any family |
+//! | query single poses | [`field`]: values, gradients, decisions, of any family |
 //! | move a tool in a planner | [`motion`]: proofs for all poses between two |
 //!
 //! # Features
@@ -31,11 +32,17 @@
 //!   all. Without the three the crate builds for `wasm32-unknown-unknown`.
 //!
 //! # Conventions
-//! - Lengths are in the mesh's own unit, millimetres unless told; angles are degrees, pairs always (θ, φ).
+//! - Lengths are in the mesh's own unit, millimetres by default; angles are degrees, pairs always (θ, φ).
 //! - Right-handed world. A [`grid::Grid`] has cubic voxels; the centre of voxel `i` is `origin + pitch·(i + ½)`.
 //!   Arrays are C-ordered `[x, y, z]`, `z` contiguous.
 //! - Tool frame: tip at the origin, axis +z from tip to holder; `R(θ, φ) = R_z(θ) R_y(φ)`.
 //! - "Exact" is exact for voxel centres. Space outside the obstacle's grid is empty.
+//!
+//! # Errors
+//! Every library function that can fail for its input gives a small error of its own area: [`file_error::FileError`] for files that are
+//! read (file, line, kind, cause and remedy) and `AtomicFileError` for those that are written, [`scene::SceneError`], [`grid::GridError`],
+//! [`tool::ToolError`], [`tool::ClearanceError`], [`orientation::OrientationSetError`] and those of sections, fields and checks. Remarks
+//! that keep nothing from being used come as values ([`scene::SceneWarning`]).
 //!
 //! # Example
 //! Where can the built-in tool stand upright on the built-in bracket?
@@ -61,7 +68,9 @@
 pub use glam;
 
 pub mod access;
+// For the files of the project's other crates.
 #[cfg(feature = "formats")]
+#[doc(hidden)]
 pub mod atomic_file;
 pub mod check;
 pub mod control;
@@ -69,6 +78,7 @@ pub mod distance;
 pub mod field;
 #[cfg(feature = "formats")]
 pub mod field_files;
+pub mod file_error;
 pub mod grid;
 pub mod mesh;
 pub mod motion;
@@ -83,8 +93,10 @@ pub mod section;
 pub mod tool;
 pub mod toolpath;
 pub mod unit;
+// For inner loops of the project's other crates.
 #[doc(hidden)]
 pub mod vectorised;
 pub mod voxelize;
+// For the scratch memory of the project's other crates.
 #[doc(hidden)]
 pub mod workspaces;

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 pub mod read;
 mod refine;
 pub mod topology;
-mod weld;
+pub(crate) mod weld;
 #[cfg(feature = "formats")]
 pub mod write;
 

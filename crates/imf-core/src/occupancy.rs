@@ -1,7 +1,6 @@
 //! Which voxels are solid: one byte a voxel while computing, one bit a voxel on disk.
 
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
 use crate::grid::Grid;
 
@@ -12,18 +11,6 @@ pub struct Occupancy {
     pub grid: Grid,
     /// One byte a voxel, `grid.len()` of them, each 0 or 1.
     pub solid: Vec<u8>,
-}
-
-/// Packed bits that do not fit their grid.
-#[derive(Debug, Error, PartialEq, Eq)]
-#[error("{found} bytes of packed voxels, but a grid of {dims:?} needs {expected}")]
-pub struct PackedLengthError {
-    /// Bytes found.
-    pub found: usize,
-    /// Bytes expected.
-    pub expected: usize,
-    /// The grid's dimensions.
-    pub dims: [usize; 3],
 }
 
 impl Occupancy {
@@ -81,16 +68,17 @@ impl Occupancy {
     /// Lowest and highest solid voxel along each axis; `None` where nothing is solid.
     #[must_use]
     pub fn extent(&self) -> Option<([usize; 3], [usize; 3])> {
-        let mut extent: Option<([usize; 3], [usize; 3])> = None;
-        for (index, _) in self.solid.iter().enumerate().filter(|&(_, &s)| s != 0) {
-            let voxel = self.grid.voxel(index);
-            let (low, high) = extent.get_or_insert((voxel, voxel));
-            for axis in 0..3 {
-                low[axis] = low[axis].min(voxel[axis]);
-                high[axis] = high[axis].max(voxel[axis]);
+        let [_, ny, nz] = self.grid.dims;
+        let (mut low, mut high) = ([usize::MAX; 3], [0; 3]);
+        for (row, line) in self.solid.chunks_exact(nz).enumerate() {
+            let Some(first) = line.iter().position(|&s| s != 0) else { continue };
+            let last = line.iter().rposition(|&s| s != 0).unwrap_or(first);
+            for (axis, range) in [[row / ny; 2], [row % ny; 2], [first, last]].into_iter().enumerate() {
+                low[axis] = low[axis].min(range[0]);
+                high[axis] = high[axis].max(range[1]);
             }
         }
-        extent
+        (low[0] != usize::MAX).then_some((low, high))
     }
 
     /// Eight voxels a byte, the first voxel in the lowest bit; the last byte is padded with zeros.
@@ -102,17 +90,11 @@ impl Occupancy {
             .collect()
     }
 
-    /// The inverse of [`Occupancy::packed`].
-    ///
-    /// # Errors
-    /// A number of bytes that does not fit the grid.
-    pub fn from_packed(grid: Grid, packed: &[u8]) -> Result<Self, PackedLengthError> {
-        let expected = grid.len().div_ceil(8);
-        if packed.len() != expected {
-            return Err(PackedLengthError { found: packed.len(), expected, dims: grid.dims });
-        }
-        let solid = (0..grid.len()).map(|i| (packed[i / 8] >> (i % 8)) & 1).collect();
-        Ok(Self { grid, solid })
+    /// The inverse of [`Occupancy::packed`]; `None` for a number of bytes that does not fit the grid.
+    #[must_use]
+    pub(crate) fn from_packed(grid: Grid, packed: &[u8]) -> Option<Self> {
+        let solid = || (0..grid.len()).map(|i| (packed[i / 8] >> (i % 8)) & 1).collect();
+        (packed.len() == grid.len().div_ceil(8)).then(|| Self { grid, solid: solid() })
     }
 }
 
@@ -156,6 +138,6 @@ mod tests {
         let packed = occupancy.packed();
         assert_eq!(packed.len(), 14);
         assert_eq!(Occupancy::from_packed(grid, &packed).unwrap(), occupancy);
-        assert_eq!(Occupancy::from_packed(grid, &packed[1..]).unwrap_err().expected, 14);
+        assert_eq!(Occupancy::from_packed(grid, &packed[1..]), None);
     }
 }

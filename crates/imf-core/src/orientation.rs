@@ -105,10 +105,10 @@ fn wrap_degrees(angle: f64) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
-    fn set(spec: &str) -> Vec<Orientation> {
+    pub(crate) fn set(spec: &str) -> Vec<Orientation> {
         OrientationSet::parse(spec).unwrap().orientations
     }
 

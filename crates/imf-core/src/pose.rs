@@ -63,6 +63,7 @@ impl Pose {
 }
 
 /// The tool's axis from tip to holder of a quaternion of any length; `None` where it has none.
+#[doc(hidden)]
 #[inline]
 #[must_use]
 pub fn axis_of(rotation: DQuat) -> Option<DVec3> {

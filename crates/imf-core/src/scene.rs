@@ -2,33 +2,37 @@
 //! carry it, so that one file is enough to know what a field means.
 //!
 //! The obstacle is the union of part and fixtures. Where the grid is chosen around the part alone, fixtures may stick
-//! out of it and still be hit: [`SceneSpec::bodies`] gives all that a tool can meet from the grid's voxels.
+//! out of it and still be hit. Most scenes are made by [`Scene::builder`].
 
 mod builder;
 mod guarantee;
+mod spec;
 mod stored;
 
 pub use builder::{BuiltScene, SceneBuilder, SceneWarning};
 pub use guarantee::Guarantee;
+// What the builder is made of, for the command, which checks memory between the steps.
+#[doc(hidden)]
+pub use spec::SceneSpec;
+// For the files of fields and datasets.
+#[doc(hidden)]
 pub use stored::StoredVoxelsError;
 
-use glam::{DMat4, DVec3};
+use glam::DMat4;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::distance::deeper_than;
+use crate::file_error::FileError;
 use crate::grid::{Grid, GridError};
 use crate::mesh::Mesh;
-use crate::mesh::read::MeshFileError;
-use crate::mesh::topology::MeshReport;
 use crate::obstacle::Obstacle;
 use crate::occupancy::Occupancy;
-use crate::parts::ReferencePart;
 use crate::tool::{Assembly, Clearance, ClearanceError, Tool};
 use crate::unit::{ImplausibleSize, LengthUnit};
-use crate::voxelize::voxelize;
 
 /// How the grid around the part is chosen.
+#[doc(hidden)]
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Resolution {
@@ -49,6 +53,7 @@ pub enum Around {
 }
 
 /// What holds the part: a mesh that the tool must not touch either.
+#[doc(hidden)]
 #[derive(Clone, Debug)]
 pub struct Fixture<'a> {
     /// Name of the fixture.
@@ -76,18 +81,18 @@ pub struct SceneRecord {
     pub conservative: bool,
     /// True if the part's mesh is closed.
     pub closed: bool,
-    /// The tool whose field this is, in `unit`: grown by the clearance where there is any.
+    /// The tool whose field this is, in `unit`: offset by the clearance where there is any.
     pub tool: Tool,
-    /// By how much its elements are grown, in `unit`.
+    /// By how much its elements are offset, in `unit`.
     #[serde(default, skip_serializing_if = "Clearance::is_zero")]
     pub clearance: Clearance,
-    /// The tool as it is, where it was grown; see [`SceneRecord::bare_tool`].
+    /// The tool as it is, where it was offset; see [`SceneRecord::bare_tool`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ungrown: Option<Tool>,
     /// Names of the fixtures, whose voxels are part of the obstacle.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fixtures: Vec<String>,
-    /// How deep below the part's surface the cutter may reach, in `unit`; see [`Scene::with_contact`].
+    /// How deep below the part's surface the cutter may reach, in `unit`; see [`SceneBuilder::contact`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub contact: Option<f64>,
     /// CRC-32 of the obstacle's packed voxels.
@@ -109,6 +114,7 @@ pub struct Scene {
 
 impl Scene {
     /// A scene as files keep it: the union of part and fixtures.
+    #[doc(hidden)]
     #[must_use]
     pub fn from_union(record: SceneRecord, obstacle: Occupancy) -> Self {
         let fixtures = Occupancy::empty(obstacle.grid);
@@ -117,6 +123,7 @@ impl Scene {
 
     /// The scene with a cutter that may reach `depth` (in the scene's unit) below the part's surface: `bodies` are its
     /// part and fixtures, on its grid or a wider one of the same voxels.
+    #[doc(hidden)]
     #[must_use]
     pub fn with_contact(mut self, bodies: &Bodies, depth: f64) -> Self {
         self.record.contact = Some(depth);
@@ -124,10 +131,10 @@ impl Scene {
         self
     }
 
-    /// The scene with its tool grown by a clearance in the scene's unit, instead of any that it had.
+    /// The scene with its tool offset by a clearance in the scene's unit, instead of any that it had.
     ///
     /// # Errors
-    /// A clearance that is no length, or a mesh tool, which cannot be grown.
+    /// A clearance that is no length, or a mesh tool, which cannot be offset.
     pub fn with_clearance(mut self, clearance: &Clearance) -> Result<Self, ClearanceError> {
         clearance.check()?;
         let bare = self.record.bare_tool().clone();
@@ -164,6 +171,7 @@ impl SceneRecord {
 }
 
 /// Part and fixtures apart, on one grid that holds all of them that matters.
+#[doc(hidden)]
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bodies {
     /// Solid voxels of the part.
@@ -202,7 +210,7 @@ pub enum SceneError {
     NoPart,
     /// The part's file.
     #[error(transparent)]
-    File(#[from] MeshFileError),
+    File(#[from] FileError),
     /// A part that is far too small or too large in its unit.
     #[error("{part}: {size}")]
     Size {
@@ -251,210 +259,6 @@ pub enum SceneError {
         /// The grid's pitch.
         pitch: f64,
     },
-}
-
-/// Everything that a scene is made from.
-#[derive(Clone, Debug)]
-pub struct SceneSpec<'a> {
-    /// Name of the part.
-    pub part: &'a str,
-    /// The part in its own coordinates.
-    pub mesh: &'a Mesh,
-    /// Unit of the mesh.
-    pub unit: LengthUnit,
-    /// Set-up of the part.
-    pub transform: DMat4,
-    /// Grid.
-    pub resolution: Resolution,
-    /// Empty voxels on each side of the part.
-    pub margin: usize,
-    /// Also make every voxel solid that the surface touches.
-    pub conservative: bool,
-    /// The tool, in any unit.
-    pub tool: &'a Tool,
-    /// What holds the part.
-    pub fixtures: &'a [Fixture<'a>],
-    /// What the grid is chosen around.
-    pub around: Around,
-}
-
-impl<'a> SceneSpec<'a> {
-    /// A reference part on so many voxels, alone and as it lies. `mesh` is the part's own.
-    #[must_use]
-    pub fn of_reference(part: ReferencePart, mesh: &'a Mesh, dims: [usize; 3], tool: &'a Tool) -> Self {
-        Self {
-            part: part.name(),
-            mesh,
-            unit: LengthUnit::Mm,
-            transform: DMat4::IDENTITY,
-            resolution: Resolution::Dims(dims),
-            margin: 0,
-            conservative: false,
-            tool,
-            fixtures: &[],
-            around: Around::Part,
-        }
-    }
-
-    /// The grid that the scene will have. With [`Around::All`] and [`Resolution::Dims`] the pitch is the smallest at
-    /// which everything fits.
-    ///
-    /// # Errors
-    /// A mesh without triangles, or a grid that cannot be made.
-    pub fn grid(&self) -> Result<Grid, SceneError> {
-        let (mut lower, mut upper) = self.part_bounds()?;
-        if self.around == Around::All {
-            for fixture in self.fixtures {
-                let bounds = fixture_bounds(fixture)?;
-                (lower, upper) = (lower.min(bounds.0), upper.max(bounds.1));
-            }
-        }
-        Ok(match self.resolution {
-            Resolution::Pitch(pitch) => Grid::with_pitch(lower, upper, pitch, self.margin)?,
-            Resolution::Dims(dims) => Grid::with_dims(lower, upper, dims, self.margin)?,
-        })
-    }
-
-    /// Voxelises part and fixtures on the scene's grid.
-    ///
-    /// # Errors
-    /// As [`SceneSpec::grid`]; a part of which no voxel is left; a fixture that sticks out of the grid.
-    pub fn scene(&self) -> Result<Scene, SceneError> {
-        let grid = self.grid()?;
-        if let Some(fixture) = self.fixture_outside(&grid)? {
-            return Err(SceneError::FixtureOutside(fixture.to_owned()));
-        }
-        Ok(self.scene_of(grid, self.bodies(&grid)?))
-    }
-
-    /// As [`SceneSpec::scene`], but fixtures may stick out of the scene's grid: also gives part and fixtures on a grid that
-    /// holds all that a tool can meet which reaches `reach` (in the part's unit) from the scene's voxels. The scene's own
-    /// obstacle is what of them lies on its grid.
-    ///
-    /// # Errors
-    /// As [`SceneSpec::scene`], but for fixtures that stick out.
-    pub fn scene_and_bodies(&self, reach: f64) -> Result<(Scene, Bodies), SceneError> {
-        let grid = self.grid()?;
-        let bodies = self.bodies(&self.wide_grid(&grid, reach)?)?;
-        let on = |occupancy: &Occupancy| occupancy.on(&grid).unwrap_or_else(|| Occupancy::empty(grid));
-        let here = Bodies { part: on(&bodies.part), fixtures: on(&bodies.fixtures) };
-        Ok((self.scene_of(grid, here), bodies))
-    }
-
-    /// The grid of the bodies that [`SceneSpec::scene_and_bodies`] gives around its scene's `grid`: that one where it holds all
-    /// fixtures, so that such a scene is the same here as in [`SceneSpec::scene`]. A surface on the grid's own faces makes voxels
-    /// solid inside of it alone, also with `conservative`, and these hold all of what is solid.
-    ///
-    /// # Errors
-    /// As [`SceneSpec::obstacle_grid`].
-    pub fn wide_grid(&self, grid: &Grid, reach: f64) -> Result<Grid, SceneError> {
-        if self.fixture_outside(grid)?.is_none() { Ok(*grid) } else { self.obstacle_grid(grid, reach) }
-    }
-
-    /// The first fixture that sticks out of a grid.
-    fn fixture_outside(&self, grid: &Grid) -> Result<Option<&str>, SceneError> {
-        let (lower, upper) = (grid.origin, grid.origin + grid.size());
-        let slack = 1e-6 * grid.pitch;
-        for fixture in self.fixtures {
-            let bounds = fixture_bounds(fixture)?;
-            if (lower - bounds.0).max_element() > slack || (bounds.1 - upper).max_element() > slack {
-                return Ok(Some(fixture.name));
-            }
-        }
-        Ok(None)
-    }
-
-    fn scene_of(&self, grid: Grid, bodies: Bodies) -> Scene {
-        let obstacle = bodies.obstacle();
-        let record = SceneRecord {
-            part: self.part.to_owned(),
-            unit: self.unit,
-            transform: self.transform,
-            grid,
-            margin: self.margin,
-            conservative: self.conservative,
-            closed: MeshReport::new(self.mesh).closed,
-            tool: self.tool.in_unit(self.unit),
-            clearance: Clearance::default(),
-            ungrown: None,
-            fixtures: self.fixtures.iter().map(|fixture| fixture.name.to_owned()).collect(),
-            contact: None,
-            obstacle_crc32: crc32fast::hash(&obstacle.packed()),
-        };
-        Scene { record, obstacle, fixtures: bodies.fixtures, layer: None }
-    }
-
-    /// The grid of all that a tool can meet which reaches `reach` (in the part's unit) from the voxels of `query`: it
-    /// lies on the same voxels, and holds the part, and of the fixtures what is near enough.
-    ///
-    /// # Errors
-    /// A mesh without triangles, or more voxels than can be indexed.
-    pub fn obstacle_grid(&self, query: &Grid, reach: f64) -> Result<Grid, SceneError> {
-        let (mut lower, mut upper) = self.part_bounds()?;
-        let far = reach + 2.0 * query.pitch;
-        let (nearest, farthest) = (query.origin - far, query.origin + query.size() + far);
-        for fixture in self.fixtures {
-            let bounds = fixture_bounds(fixture)?;
-            lower = lower.min(bounds.0.max(nearest));
-            upper = upper.max(bounds.1.min(farthest));
-        }
-        // One voxel more: with `conservative` a surface on a voxel's face makes both sides solid.
-        Ok(query.covering(lower, upper, 1)?)
-    }
-
-    /// Names of the fixtures whose box does not meet a grid, such as [`SceneSpec::wide_grid`]: nothing there can touch them.
-    ///
-    /// # Errors
-    /// A fixture without triangles.
-    pub fn fixtures_out_of(&self, grid: &Grid) -> Result<Vec<&str>, SceneError> {
-        let (lower, upper) = (grid.origin, grid.origin + grid.size());
-        let mut out = Vec::new();
-        for fixture in self.fixtures {
-            let bounds = fixture_bounds(fixture)?;
-            if bounds.0.cmpgt(upper).any() || bounds.1.cmplt(lower).any() {
-                out.push(fixture.name);
-            }
-        }
-        Ok(out)
-    }
-
-    /// Voxelises part and fixtures, apart, on a grid.
-    ///
-    /// # Errors
-    /// A mesh without triangles, or a part of which no voxel is left.
-    pub fn bodies(&self, grid: &Grid) -> Result<Bodies, SceneError> {
-        self.part_bounds()?;
-        let part = voxelize(&self.mesh.transformed(&self.transform), grid, self.conservative);
-        if part.count() == 0 {
-            return Err(SceneError::NoSolid { part: self.part.to_owned(), pitch: grid.pitch });
-        }
-        let mut fixtures = Occupancy::empty(*grid);
-        for fixture in self.fixtures {
-            fixture_bounds(fixture)?;
-            let mesh = fixture.mesh.transformed(&fixture.transform);
-            let solid = voxelize(&mesh, grid, self.conservative).solid;
-            // Its surface passes through the grid, and yet it holds none of the centres: it is too thin for them.
-            if !solid.contains(&1) && voxelize(&mesh, grid, true).count() > 0 {
-                return Err(SceneError::ThinFixture { fixture: fixture.name.to_owned(), pitch: grid.pitch });
-            }
-            fixtures.solid.iter_mut().zip(solid).for_each(|(all, one)| *all |= one);
-        }
-        Ok(Bodies { part, fixtures })
-    }
-
-    /// The part's box in the world.
-    ///
-    /// # Errors
-    /// A mesh without triangles.
-    pub fn part_bounds(&self) -> Result<(DVec3, DVec3), SceneError> {
-        let bounds = self.mesh.transformed(&self.transform).bounds();
-        bounds.ok_or_else(|| SceneError::NoTriangles(self.part.to_owned()))
-    }
-}
-
-fn fixture_bounds(fixture: &Fixture<'_>) -> Result<(DVec3, DVec3), SceneError> {
-    let bounds = fixture.mesh.transformed(&fixture.transform).bounds();
-    bounds.ok_or_else(|| SceneError::NoFixtureTriangles(fixture.name.to_owned()))
 }
 
 #[cfg(test)]

@@ -6,22 +6,22 @@
 mod assembly;
 #[cfg(feature = "formats")]
 mod file;
-mod inflate;
 #[cfg(feature = "formats")]
 mod library;
+mod offset;
 mod posed;
 mod profile;
 mod rotated;
 mod sharp;
+#[cfg(feature = "formats")]
+mod stack;
 
 pub use assembly::Assembly;
-#[cfg(feature = "formats")]
-pub use file::ToolFileError;
-pub use inflate::{Clearance, ClearanceError};
-#[cfg(feature = "formats")]
-pub use library::ToolLibraryError;
+pub use offset::{Clearance, ClearanceError};
 pub(crate) use posed::snapped;
 pub use profile::{Element, ElementKind, Segment};
+// For sections on a GPU.
+#[doc(hidden)]
 pub use rotated::RotatedTool;
 pub(crate) use rotated::{SLACK, holds};
 pub use sharp::SharpPoints;
@@ -58,6 +58,7 @@ pub enum ToolShape {
 
 /// Why a tool is refused.
 #[derive(Debug, Error, PartialEq)]
+#[non_exhaustive]
 pub enum ToolError {
     /// No element, or one of zero or non-finite size.
     #[error("the tool '{name}' has no volume: {what}")]

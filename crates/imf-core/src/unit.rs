@@ -116,7 +116,7 @@ impl fmt::Display for Length {
 }
 
 /// Whether a part of these extents (in `unit`) makes sense: its largest extent should lie between 0.1 mm and 20 m.
-/// Gives what to tell the user if not, also for extents that are not finite.
+/// Gives the reason if not, also for extents that are not finite.
 #[must_use]
 pub fn unit_check(extents: DVec3, unit: LengthUnit) -> Option<ImplausibleSize> {
     let largest = extents.max_element() * unit.in_mm();

@@ -2,7 +2,7 @@
 //!
 //! pulp compiles a closure for an instruction set by inlining it into a function that has it. A closure that could be
 //! called twice is called through a shim, and once its body is large the compiler inlines that no longer: the loop then runs
-//! in the plain instructions that every processor has, at a quarter of the speed, and nothing tells. [`vectorised`] makes a
+//! in the plain instructions that every processor has, at a quarter of the speed, and nothing reports it. [`vectorised`] makes a
 //! closure that can be called but once, whose body is always inlined.
 
 /// What a closure that can be called but once takes away.

@@ -64,8 +64,7 @@ pub fn voxelize(mesh: &Mesh, grid: &Grid, conservative: bool) -> Occupancy {
 }
 
 /// Generalised winding number of the mesh at a point, by summing every triangle's solid angle: the definition.
-#[must_use]
-pub fn winding_number(mesh: &Mesh, point: DVec3) -> f64 {
+pub(crate) fn winding_number(mesh: &Mesh, point: DVec3) -> f64 {
     let angles = (0..mesh.triangles.len()).map(|t| {
         let (sine, cosine) = cone::half_angle(mesh.corners(t).map(|c| c - point));
         2.0 * sine.atan2(cosine)
@@ -132,18 +131,10 @@ mod tests {
                 })
                 .collect();
         }
-        let mut mesh = Mesh::default();
-        let mut known = std::collections::HashMap::new();
-        for face in faces {
-            mesh.triangles.push(face.map(|corner| {
-                let position = centre + corner * radius;
-                *known.entry(position.to_array().map(f64::to_bits)).or_insert_with(|| {
-                    mesh.vertices.push(position);
-                    mesh.vertices.len() as u32 - 1
-                })
-            }));
-        }
-        mesh
+        let vertices: Vec<DVec3> =
+            faces.as_flattened().iter().map(|&corner| centre + corner * radius).collect();
+        let triangles = (0..vertices.len() as u32).step_by(3).map(|v| [v, v + 1, v + 2]).collect();
+        Mesh { vertices, triangles }.welded()
     }
 
     fn grid() -> Grid {

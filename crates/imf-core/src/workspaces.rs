@@ -1,8 +1,8 @@
-//! Working memory for whichever thread asks.
+//! Working memory that threads take in turn.
 
 use std::sync::{Mutex, PoisonError};
 
-/// Working memories, as many as threads ever asked at once.
+/// Working memories, as many as threads ever needed at once.
 pub struct Workspaces<T> {
     free: Mutex<Vec<T>>,
 }

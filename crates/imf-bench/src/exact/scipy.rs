@@ -7,7 +7,6 @@ use anyhow::{Context, Result};
 use imf_cli::output::write_json;
 use imf_cli::session::Session;
 use imf_core::field_files::write_npy;
-use ndarray::ArrayView3;
 use serde::Deserialize;
 
 use super::{Rival, Trial};
@@ -57,16 +56,13 @@ pub(super) fn measure(
 
 fn run(python: &str, folder: &Path, workers: usize, trial: &Trial) -> Result<Answer> {
     let array = |dims: [usize; 3], solid: &[u8], name: &str| -> Result<()> {
-        Ok(write_npy(folder.join(name), ArrayView3::from_shape(dims, solid)?)?)
+        Ok(write_npy(folder.join(name), dims, solid)?)
     };
     let dims = trial.obstacle.grid.dims;
     array(dims, &trial.obstacle.solid, "obstacle.npy")?;
     for (index, (tool, counts)) in trial.tools.iter().zip(&trial.counts).enumerate() {
         array(tool.dims, &tool.solid, &format!("tool_{index}.npy"))?;
-        write_npy(
-            folder.join(format!("counts_{index}.npy")),
-            ArrayView3::from_shape(dims, counts.as_slice())?,
-        )?;
+        write_npy(folder.join(format!("counts_{index}.npy")), dims, counts.as_slice())?;
     }
     let lower: Vec<[i32; 3]> = trial.tools.iter().map(|tool| tool.lower).collect();
     let scene = serde_json::json!({ "lower": lower, "reach": trial.reach, "workers": workers });

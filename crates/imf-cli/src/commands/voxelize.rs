@@ -1,9 +1,8 @@
 //! `imf voxelize`: the solid voxels of a part, as arrays, for ParaView, and as pictures.
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use glam::DVec3;
 use imf_core::field_files::{NamedField, write_npy, write_vti};
-use ndarray::ArrayView3;
 use serde_json::json;
 
 use crate::arguments::VoxelizeArguments;
@@ -16,12 +15,11 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
     let (scene, mesh) = arguments.scene.scene_without_sections(session)?;
     let (record, obstacle) = (&scene.record, &scene.obstacle);
     let (grid, unit) = (record.grid, record.unit);
-    let solid =
-        ArrayView3::from_shape(grid.dims, &obstacle.solid).context("the voxels do not fit their grid")?;
+    let solid = &obstacle.solid[..];
 
     folder.create()?;
     let (npy, vti, png) = (folder.file("solid.npy"), folder.file("solid.vti"), folder.file("slices.png"));
-    write_npy(&npy, solid)?;
+    write_npy(&npy, grid.dims, solid)?;
     write_vti(&vti, &grid, &[NamedField::new("solid", solid)])?;
     let values: Vec<f32> = obstacle.solid.iter().map(|&s| f32::from(s)).collect();
     let sheet = MidPlaneSheet {

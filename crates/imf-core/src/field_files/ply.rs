@@ -11,21 +11,13 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use super::FieldFileError;
-use crate::atomic_file::write_atomically;
+use super::{check_length, check_names};
+use crate::atomic_file::{AtomicFileError, write_atomically};
 use crate::mesh::Mesh;
 
-/// One value for each vertex, under the name of a PLY property.
-#[derive(Clone, Copy, Debug)]
-pub struct VertexValues<'a> {
-    /// The property's name, such as `imf`: letters, digits and underscores.
-    pub name: &'a str,
-    /// As many values as the mesh has vertices.
-    pub values: &'a [f32],
-}
-
-/// Writes a mesh with values and colours at its vertices, whole or not at all. Positions are written in f32 (the format
-/// that every viewer reads), in the mesh's unit; `comments` become lines of the header.
+/// Writes a mesh with values and colours at its vertices, whole or not at all. Values go by the name of their PLY property, such
+/// as `imf`: letters, digits and underscores. Positions are written in f32 (the format that every viewer reads), in the mesh's
+/// unit; `comments` become lines of the header.
 ///
 /// # Errors
 /// Values or colours of another number than the vertices, a name that is empty, malformed or used twice, or a file that
@@ -33,34 +25,27 @@ pub struct VertexValues<'a> {
 pub fn write_ply(
     path: impl AsRef<Path>,
     mesh: &Mesh,
-    values: &[VertexValues<'_>],
+    values: &[(&str, &[f32])],
     colours: &[[u8; 3]],
     comments: &[String],
-) -> Result<(), FieldFileError> {
-    let path = path.as_ref();
-    let expected = mesh.vertices.len();
-    let lengths = values.iter().map(|v| (v.name, v.values.len())).chain([("colour", colours.len())]);
-    for (name, found) in lengths {
-        if found != expected {
-            return Err(FieldFileError::Vertices { path: path.into(), name: name.into(), found, expected });
-        }
-    }
-    for (i, value) in values.iter().enumerate() {
-        let name = value.name;
-        let letters = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
-        let taken = ["x", "y", "z", "red", "green", "blue", ""].contains(&name);
-        if !letters || taken || values[..i].iter().any(|other| other.name == name) {
-            return Err(FieldFileError::Name { path: path.into(), name: name.into() });
-        }
-    }
+) -> Result<(), AtomicFileError> {
     write_atomically(path, |out| {
+        let lengths =
+            values.iter().map(|(name, values)| (*name, values.len())).chain([("colour", colours.len())]);
+        for (name, found) in lengths {
+            check_length(name, found, mesh.vertices.len())?;
+        }
+        let taken = ["x", "y", "z", "red", "green", "blue"];
+        check_names(values.iter().map(|(name, _)| *name), |name| {
+            !taken.contains(&name) && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+        })?;
         write_header(out, mesh, values, comments)?;
         for (vertex, position) in mesh.vertices.iter().enumerate() {
             for coordinate in position.as_vec3().to_array() {
                 out.write_all(&coordinate.to_le_bytes())?;
             }
-            for value in values {
-                out.write_all(&value.values[vertex].to_le_bytes())?;
+            for (_, values) in values {
+                out.write_all(&values[vertex].to_le_bytes())?;
             }
             out.write_all(&colours[vertex])?;
         }
@@ -72,8 +57,7 @@ pub fn write_ply(
             }
         }
         Ok(())
-    })?;
-    Ok(())
+    })
 }
 
 /// A header's line as readers take it: in ASCII alone.
@@ -85,7 +69,7 @@ fn ascii(line: &str) -> String {
 fn write_header(
     out: &mut impl Write,
     mesh: &Mesh,
-    values: &[VertexValues<'_>],
+    values: &[(&str, &[f32])],
     comments: &[String],
 ) -> io::Result<()> {
     writeln!(out, "ply\nformat binary_little_endian 1.0")?;
@@ -93,7 +77,7 @@ fn write_header(
         writeln!(out, "comment {}", ascii(line))?;
     }
     writeln!(out, "element vertex {}", mesh.vertices.len())?;
-    let names = ["x", "y", "z"].into_iter().chain(values.iter().map(|v| v.name));
+    let names = ["x", "y", "z"].into_iter().chain(values.iter().map(|(name, _)| *name));
     for name in names {
         writeln!(out, "property float {name}")?;
     }
@@ -113,7 +97,7 @@ mod tests {
         let colours: Vec<[u8; 3]> = (0..8).map(|i| [i, 2 * i, 3 * i]).collect();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("surface.ply");
-        let values = [VertexValues { name: "imf", values: &imf }];
+        let values = [("imf", &imf[..])];
         write_ply(
             &path,
             &mesh,
@@ -147,7 +131,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("surface.ply");
         let refusal = |name: &str, values: &[f32]| {
-            write_ply(&path, &mesh, &[VertexValues { name, values }], &colours, &[]).unwrap_err().to_string()
+            write_ply(&path, &mesh, &[(name, values)], &colours, &[]).unwrap_err().to_string()
         };
         assert!(refusal("imf", &seven).contains("imf"));
         assert!(refusal("x", &[0.0; 8]).contains("`x`"));

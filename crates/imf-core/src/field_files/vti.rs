@@ -10,10 +10,8 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use ndarray::ArrayView3;
-
-use super::{FieldFileError, FieldValues, NamedField};
-use crate::atomic_file::write_atomically;
+use super::{FieldValues, NamedField, check_length, check_names, refused};
+use crate::atomic_file::{AtomicFileError, write_atomically};
 use crate::grid::Grid;
 
 /// Layers in z that are gathered together: one cache line of f32, so that each is read once.
@@ -27,39 +25,26 @@ pub fn write_vti(
     path: impl AsRef<Path>,
     grid: &Grid,
     fields: &[NamedField<'_>],
-) -> Result<(), FieldFileError> {
-    let path = path.as_ref();
-    check(path, grid, fields)?;
+) -> Result<(), AtomicFileError> {
     write_atomically(path, |out| {
+        if fields.is_empty() {
+            return Err(refused("no field was given".into()));
+        }
+        for field in fields {
+            check_length(field.name, field.values.len(), grid.len())?;
+        }
+        check_names(fields.iter().map(|field| field.name), |_| true)?;
         write_header(out, grid, fields)?;
         for field in fields {
             out.write_all(&block_bytes(&field.values).to_le_bytes())?;
-            match &field.values {
-                FieldValues::F32(values) => write_x_fastest(out, values, f32::to_le_bytes)?,
-                FieldValues::U8(values) => write_x_fastest(out, values, u8::to_le_bytes)?,
-                FieldValues::U32(values) => write_x_fastest(out, values, u32::to_le_bytes)?,
+            match field.values {
+                FieldValues::F32(values) => write_x_fastest(out, grid, values, f32::to_le_bytes)?,
+                FieldValues::U8(values) => write_x_fastest(out, grid, values, u8::to_le_bytes)?,
+                FieldValues::U32(values) => write_x_fastest(out, grid, values, u32::to_le_bytes)?,
             }
         }
         out.write_all(b"\n  </AppendedData>\n</VTKFile>\n")
-    })?;
-    Ok(())
-}
-
-fn check(path: &Path, grid: &Grid, fields: &[NamedField<'_>]) -> Result<(), FieldFileError> {
-    if fields.is_empty() {
-        return Err(FieldFileError::NoField { path: path.into() });
-    }
-    for (i, field) in fields.iter().enumerate() {
-        let name = field.name.to_owned();
-        let found = field.values.dims();
-        if found != grid.dims {
-            return Err(FieldFileError::Dims { path: path.into(), name, found, expected: grid.dims });
-        }
-        if name.is_empty() || fields[..i].iter().any(|other| other.name == name) {
-            return Err(FieldFileError::Name { path: path.into(), name });
-        }
-    }
-    Ok(())
+    })
 }
 
 fn write_header(out: &mut impl Write, grid: &Grid, fields: &[NamedField<'_>]) -> io::Result<()> {
@@ -100,23 +85,24 @@ fn block_bytes(values: &FieldValues<'_>) -> u64 {
         FieldValues::F32(_) | FieldValues::U32(_) => 4,
         FieldValues::U8(_) => 1,
     };
-    values.dims().iter().map(|&d| d as u64).product::<u64>() * size
+    values.len() as u64 * size
 }
 
-/// Writes `[x, y, z]` values with x fastest, a few layers of z at a time.
+/// Writes the values of a grid with x fastest, a few layers of z at a time.
 fn write_x_fastest<T: Copy, const N: usize>(
     out: &mut impl Write,
-    values: &ArrayView3<'_, T>,
+    grid: &Grid,
+    values: &[T],
     to_bytes: impl Fn(T) -> [u8; N],
 ) -> io::Result<()> {
-    let (nx, ny, nz) = values.dim();
+    let [nx, ny, nz] = grid.dims;
     let mut slab = vec![[0; N]; nx * ny * LAYERS.min(nz)];
     for first in (0..nz).step_by(LAYERS) {
         let layers = LAYERS.min(nz - first);
         for x in 0..nx {
             for y in 0..ny {
                 for layer in 0..layers {
-                    slab[(layer * ny + y) * nx + x] = to_bytes(values[[x, y, first + layer]]);
+                    slab[(layer * ny + y) * nx + x] = to_bytes(values[grid.index([x, y, first + layer])]);
                 }
             }
         }
@@ -132,10 +118,8 @@ fn escaped(name: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
-    use ndarray::Array3;
-
     use super::*;
+    use glam::DVec3;
 
     fn grid() -> Grid {
         Grid { origin: DVec3::new(-1.5, 1000.5, 0.1), pitch: 0.1, dims: [5, 4, 19] }
@@ -159,16 +143,15 @@ mod tests {
     #[test]
     fn every_voxel_of_every_field_is_where_vtk_looks_for_it() {
         let grid = grid();
-        let index = |(x, y, z)| grid.index([x, y, z]);
-        let real = Array3::from_shape_fn(grid.dims, |voxel| index(voxel) as f32 + 0.25);
-        let flags = Array3::from_shape_fn(grid.dims, |voxel| index(voxel) as u8);
-        let counts = Array3::from_shape_fn(grid.dims, |voxel| 1000 * index(voxel) as u32);
+        let real: Vec<f32> = (0..grid.len()).map(|i| i as f32 + 0.25).collect();
+        let flags: Vec<u8> = (0..grid.len()).map(|i| i as u8).collect();
+        let counts: Vec<u32> = (0..grid.len()).map(|i| 1000 * i as u32).collect();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("field.vti");
         let fields = [
-            NamedField::new("imf", real.view()),
-            NamedField::new("solid <&\">", flags.view()),
-            NamedField::new("best", counts.view()),
+            NamedField::new("imf", &real[..]),
+            NamedField::new("solid <&\">", &flags[..]),
+            NamedField::new("best", &counts[..]),
         ];
         write_vti(&path, &grid, &fields).unwrap();
         let file = std::fs::read(&path).unwrap();
@@ -189,11 +172,14 @@ mod tests {
     fn what_does_not_fit_is_refused_by_name() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("field.vti");
-        let (good, small) = (Array3::<u8>::zeros(grid().dims), Array3::<u8>::zeros((5, 4, 18)));
+        let (good, small) = ([0_u8; 5 * 4 * 19], [0_u8; 5 * 4 * 18]);
         let refusal = |fields: &[NamedField<'_>]| write_vti(&path, &grid(), fields).unwrap_err().to_string();
-        let text = refusal(&[NamedField::new("imf", small.view())]);
-        assert!(text.contains("field.vti") && text.contains("imf") && text.contains("[5, 4, 18]"), "{text}");
-        let twice = NamedField::new("imf", good.view());
+        let text = refusal(&[NamedField::new("imf", &small[..])]);
+        assert!(
+            text.contains("field.vti") && text.contains("imf") && text.contains("360 values, not 380"),
+            "{text}"
+        );
+        let twice = NamedField::new("imf", &good[..]);
         assert!(refusal(&[twice, twice]).contains("used twice"));
         assert!(refusal(&[]).contains("no field"));
         assert!(!path.exists());

@@ -2,16 +2,16 @@
 //!
 //! A mesh that is read has finite vertices, each used by a triangle, no two of them equal, numbered in the order of
 //! their first use: its indices are its topology ([`Mesh::welded`]). Positions are in the file's own unit, which 3MF alone states. Files are
-//! not trusted: whatever they hold, the answer is a mesh or an error that says what is wrong and what to do.
+//! not trusted: whatever they hold, the result is a mesh or an error that says what is wrong and what to do.
 
 use std::fs;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::{DMat4, DVec3};
-use thiserror::Error;
 
 use super::Mesh;
+use crate::file_error::{Fault, FaultKind, FileError};
 use crate::unit::LengthUnit;
 
 mod obj;
@@ -21,105 +21,6 @@ mod ply;
 mod stl;
 #[cfg(feature = "formats")]
 mod three_mf;
-
-/// Why a mesh could not be read. Every text names the file, the cause and a remedy.
-#[derive(Debug, Error)]
-pub enum MeshFileError {
-    /// There is no such file.
-    #[error("there is no mesh file {path}; check the name and the folder")]
-    Missing {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The system refuses to read the file.
-    #[error("cannot read {path}: {source}; check that it is a file and that you may read it")]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// The name's ending belongs to no format that is read.
-    #[error("{path} is {found}; meshes are read from .obj, .stl, .ply and .3mf files: {remedy}")]
-    Format {
-        /// The file.
-        path: PathBuf,
-        /// What the ending says.
-        found: String,
-        /// How to get a file that can be read.
-        remedy: &'static str,
-    },
-    /// The file has no content.
-    #[error("{path} is empty; export the mesh again")]
-    Empty {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The content does not follow the format.
-    #[error("{path}{}: {cause}; export the mesh again or correct the file", at_line(*.line))]
-    Malformed {
-        /// The file.
-        path: PathBuf,
-        /// The line, from 1, where it is known.
-        line: Option<usize>,
-        /// What is wrong.
-        cause: String,
-    },
-    /// The file ends too early.
-    #[error("{path} is cut short: {cause}; copy or export it again")]
-    Truncated {
-        /// The file.
-        path: PathBuf,
-        /// What is missing.
-        cause: String,
-    },
-    /// There is nothing to work on.
-    #[error(
-        "{path} holds no faces; export the part as a triangle mesh, not as points, curves or an empty selection"
-    )]
-    NoFaces {
-        /// The file.
-        path: PathBuf,
-    },
-    /// A face names a vertex that the file does not have.
-    #[error(
-        "{path}{}: a face uses vertex {index}, but the file has {vertices}; export the mesh again",
-        at_line(*.line)
-    )]
-    VertexIndex {
-        /// The file.
-        path: PathBuf,
-        /// The line of the face, from 1, where it is known.
-        line: Option<usize>,
-        /// The index as the file gives it: in OBJ from 1, or negative from the end; in PLY from 0.
-        index: i64,
-        /// Number of vertices in the file.
-        vertices: usize,
-    },
-    /// A coordinate is not a number or infinite.
-    #[error(
-        "{path}{}: {vertex} has a coordinate that is NaN or infinite; repair the mesh (MeshLab, Blender) and export it again",
-        at_line(*.line)
-    )]
-    NotFinite {
-        /// The file.
-        path: PathBuf,
-        /// The line of the vertex, from 1, where it is known.
-        line: Option<usize>,
-        /// Which vertex.
-        vertex: String,
-    },
-    /// The mesh is larger than can be indexed.
-    #[error("{path} has more than 2^31 triangles; reduce the mesh (MeshLab, Blender) and export it again")]
-    TooLarge {
-        /// The file.
-        path: PathBuf,
-    },
-}
-
-fn at_line(line: Option<usize>) -> String {
-    line.map(|line| format!(", line {line}")).unwrap_or_default()
-}
 
 #[derive(Clone, Copy)]
 enum Format {
@@ -159,7 +60,7 @@ impl MeshFile {
 ///
 /// # Errors
 /// As [`read_mesh_file`].
-pub fn read_mesh(path: impl AsRef<Path>) -> Result<Mesh, MeshFileError> {
+pub fn read_mesh(path: impl AsRef<Path>) -> Result<Mesh, FileError> {
     Ok(read_mesh_file(path)?.mesh)
 }
 
@@ -170,56 +71,54 @@ pub fn read_mesh(path: impl AsRef<Path>) -> Result<Mesh, MeshFileError> {
 /// # Errors
 /// The file is missing, unreadable, empty, in another format, malformed or cut short; it has no faces, a vertex
 /// index out of range, a NaN or infinite coordinate, or more than 2³¹ triangles.
-pub fn read_mesh_file(path: impl AsRef<Path>) -> Result<MeshFile, MeshFileError> {
+pub fn read_mesh_file(path: impl AsRef<Path>) -> Result<MeshFile, FileError> {
     let path = path.as_ref();
-    let metadata = fs::metadata(path).map_err(|source| match source.kind() {
-        io::ErrorKind::NotFound => MeshFileError::Missing { path: path.into() },
-        _ => MeshFileError::Unreadable { path: path.into(), source },
-    })?;
-    if metadata.is_dir() {
-        let source = io::Error::from(io::ErrorKind::IsADirectory);
-        return Err(MeshFileError::Unreadable { path: path.into(), source });
+    read(path).map_err(|fault| fault.at(path))
+}
+
+fn read(path: &Path) -> Result<MeshFile, Fault> {
+    let refused = |error: io::Error| Fault::of_system("mesh file", &error);
+    if fs::metadata(path).map_err(refused)?.is_dir() {
+        return Err(refused(io::ErrorKind::IsADirectory.into()));
     }
     let format = format_of(path)?;
-    let bytes = fs::read(path).map_err(|source| MeshFileError::Unreadable { path: path.into(), source })?;
-    parse(bytes, format, path)
+    parse(&fs::read(path).map_err(refused)?, format)
 }
 
 /// Reads an OBJ that is in memory already, as [`read_mesh`] reads its file; errors name `path`.
-///
-/// # Errors
-/// As those of [`read_mesh`] for a file's content.
-pub fn parse_obj(content: &[u8], path: &Path) -> Result<Mesh, MeshFileError> {
-    Ok(parse(content.to_vec(), Format::Obj, path)?.mesh)
+pub(crate) fn parse_obj(content: &[u8], path: &Path) -> Result<Mesh, FileError> {
+    Ok(parse(content, Format::Obj).map_err(|fault| fault.at(path))?.mesh)
 }
 
-#[cfg_attr(
-    not(feature = "formats"),
-    expect(clippy::needless_pass_by_value, reason = "STL files are consumed")
-)]
-fn parse(bytes: Vec<u8>, format: Format, path: &Path) -> Result<MeshFile, MeshFileError> {
+fn parse(bytes: &[u8], format: Format) -> Result<MeshFile, Fault> {
     if bytes.trim_ascii().is_empty() {
-        return Err(MeshFileError::Empty { path: path.into() });
+        return Err(Fault::new(FaultKind::Empty, "it is empty; export the mesh again"));
     }
-    let (mesh, unit) = match format {
-        Format::Obj => (obj::parse(&bytes, path)?, None),
+    let parsed = match format {
+        Format::Obj => obj::parse(bytes).map(|mesh| (mesh, None)),
         #[cfg(feature = "formats")]
-        Format::Stl => (stl::parse(bytes, path)?, None),
+        Format::Stl => stl::parse(bytes).map(|mesh| (mesh, None)),
         #[cfg(feature = "formats")]
-        Format::Ply => (ply::parse(&bytes, path)?, None),
+        Format::Ply => ply::parse(bytes).map(|mesh| (mesh, None)),
         #[cfg(feature = "formats")]
-        Format::ThreeMf => {
-            let (mesh, unit) = three_mf::parse(&bytes, path)?;
-            (mesh, Some(unit))
-        }
+        Format::ThreeMf => three_mf::parse(bytes).map(|(mesh, unit)| (mesh, Some(unit))),
     };
+    let (mesh, unit) = parsed.map_err(|mut fault| {
+        fault.cause += match fault.kind {
+            FaultKind::Malformed => "; export the mesh again or correct the file",
+            FaultKind::Truncated => "; copy or export it again",
+            _ => "",
+        };
+        fault
+    })?;
     if mesh.triangles.is_empty() {
-        return Err(MeshFileError::NoFaces { path: path.into() });
+        let cause = "it holds no faces; export the part as a triangle mesh, not as points, curves or an empty selection";
+        return Err(Fault::new(FaultKind::Empty, cause));
     }
     Ok(MeshFile { mesh, unit })
 }
 
-fn format_of(path: &Path) -> Result<Format, MeshFileError> {
+fn format_of(path: &Path) -> Result<Format, Fault> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     let (found, remedy) = match extension.as_str() {
         "obj" => return Ok(Format::Obj),
@@ -247,14 +146,20 @@ fn format_of(path: &Path) -> Result<Format, MeshFileError> {
         "" => ("without an ending that names its format".to_owned(), "rename it if it is one of these"),
         _ => (format!("of an unknown kind (.{extension})"), "rename it if it is one of these, or convert it"),
     };
-    Err(MeshFileError::Format { path: path.into(), found, remedy })
+    let cause = format!("it is {found}; meshes are read from .obj, .stl, .ply and .3mf files: {remedy}");
+    Err(Fault::new(FaultKind::Format, cause))
 }
 
-/// The most triangles that a mesh may have.
-const MAX_TRIANGLES: usize = 1 << 31;
+/// A face that names a vertex which the file does not have; `index` as the file gives it: in OBJ from 1, or negative from the
+/// end; in PLY and 3MF from 0.
+fn no_vertex(index: i64, vertices: usize) -> Fault {
+    Fault::malformed(format!("a face uses vertex {index}, but the file has {vertices}"))
+}
 
-fn check_count(triangles: usize, path: &Path) -> Result<(), MeshFileError> {
-    if triangles > MAX_TRIANGLES { Err(MeshFileError::TooLarge { path: path.into() }) } else { Ok(()) }
+/// A coordinate that is not a number or infinite.
+fn not_finite(vertex: &str) -> Fault {
+    let remedy = "repair the mesh (MeshLab, Blender)";
+    Fault::malformed(format!("{vertex} has a coordinate that is NaN or infinite; {remedy}"))
 }
 
 #[cfg(test)]
@@ -265,28 +170,26 @@ mod tests {
     use super::*;
     use crate::mesh::tests::unit_cube;
 
-    pub(super) fn parse_obj(text: &str) -> Result<Mesh, MeshFileError> {
-        Ok(parse(text.as_bytes().to_vec(), Format::Obj, Path::new("part.obj"))?.mesh)
-    }
-
-    pub(super) fn parse_stl(bytes: &[u8]) -> Result<Mesh, MeshFileError> {
-        Ok(parse(bytes.to_vec(), Format::Stl, Path::new("part.stl"))?.mesh)
+    /// A mesh of the format, or the error's text for the file `part`.
+    pub(super) fn mesh_of(bytes: impl AsRef<[u8]>, format: Format) -> Result<Mesh, String> {
+        let parsed = parse(bytes.as_ref(), format);
+        parsed.map(|file| file.mesh).map_err(|fault| fault.at(Path::new("part")).to_string())
     }
 
     #[test]
     fn files_that_are_no_meshes_are_told_apart() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
-        let failure = |path: PathBuf| {
+        let failure = |path: std::path::PathBuf| {
             let error = read_mesh(&path).unwrap_err();
             assert!(error.to_string().contains(&path.display().to_string()), "{error}");
             error
         };
-        assert!(matches!(failure(at("none.obj")), MeshFileError::Missing { .. }));
-        assert!(matches!(failure(folder.path().into()), MeshFileError::Unreadable { .. }));
+        assert_eq!(failure(at("none.obj")).fault.kind, FaultKind::Missing);
+        assert_eq!(failure(folder.path().into()).fault.kind, FaultKind::Unreadable);
         for name in ["empty.obj", "empty.stl", "empty.ply", "empty.3mf"] {
             fs::write(at(name), " \n").unwrap();
-            assert!(matches!(failure(at(name)), MeshFileError::Empty { .. }));
+            assert_eq!(failure(at(name)).fault.kind, FaultKind::Empty);
         }
         for (name, hint) in [
             ("a.STEP", "gmsh"),
@@ -300,11 +203,6 @@ mod tests {
             let text = failure(at(name)).to_string();
             assert!(text.contains(hint) && text.contains(".obj, .stl, .ply and .3mf"), "{text}");
         }
-        assert!(matches!(
-            check_count(MAX_TRIANGLES + 1, Path::new("a")),
-            Err(MeshFileError::TooLarge { .. })
-        ));
-        assert!(check_count(MAX_TRIANGLES, Path::new("a")).is_ok());
     }
 
     #[test]
@@ -315,9 +213,9 @@ mod tests {
         assert_eq!(read_mesh(&path).unwrap().triangles, [[0, 1, 2]]);
     }
 
-    /// Whatever the bytes are, the answer is an error or a mesh that keeps the module's guarantee.
+    /// Whatever the bytes are, the result is an error or a mesh that keeps the module's guarantee.
     fn survives(bytes: &[u8], format: Format) {
-        if let Ok(MeshFile { mesh, .. }) = parse(bytes.to_vec(), format, Path::new("part")) {
+        if let Ok(MeshFile { mesh, .. }) = parse(bytes, format) {
             assert!(mesh.vertices.iter().all(|v| v.is_finite()));
             assert_eq!(mesh.welded(), mesh);
         }
@@ -345,7 +243,7 @@ mod tests {
         let telling = b"0123456789-+e./ \n#\\fv";
         let mut random = ChaCha8Rng::seed_from_u64(3);
         for (sample, format) in &samples {
-            assert_eq!(parse(sample.clone(), *format, Path::new("part")).unwrap().mesh.triangles.len(), 12);
+            assert_eq!(mesh_of(sample, *format).unwrap().triangles.len(), 12);
             for length in 0..sample.len() {
                 survives(&sample[..length], *format);
             }

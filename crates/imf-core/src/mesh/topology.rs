@@ -22,8 +22,7 @@ const DEGENERATE_RATIO: f64 = 1e-12;
 /// The list is empty exactly when the directed uses of every edge cancel, and at every vertex as much goes in as out.
 /// It is defined for any triangles at all: edges shared by one, three or more, neighbours that disagree on
 /// orientation, triangles that name a vertex twice. It is what a generalised winding number of an open mesh depends on.
-#[must_use]
-pub fn boundary_chain(mesh: &Mesh) -> Vec<([u32; 2], i32)> {
+pub(crate) fn boundary_chain(mesh: &Mesh) -> Vec<([u32; 2], i32)> {
     let mut uses = Vec::with_capacity(3 * mesh.triangles.len());
     for &[a, b, c] in &mesh.triangles {
         for (from, to) in [(a, b), (b, c), (c, a)] {
@@ -50,11 +49,7 @@ pub fn boundary_chain(mesh: &Mesh) -> Vec<([u32; 2], i32)> {
 }
 
 /// Number of pieces of a mesh: sets of triangles connected by shared vertices.
-///
-/// # Panics
-/// If a triangle names a vertex that does not exist.
-#[must_use]
-pub fn component_count(mesh: &Mesh) -> usize {
+fn component_count(mesh: &Mesh) -> usize {
     fn root(parents: &mut [u32], mut vertex: u32) -> u32 {
         while parents[vertex as usize] != vertex {
             // Path halving keeps the trees flat.
@@ -91,7 +86,7 @@ pub struct MeshReport {
     /// Triangles without area: twice the area is at most 10⁻¹² of the longest edge squared.
     pub degenerate_triangles: usize,
     /// Edges whose directed uses do not cancel: borders of holes, or seams between triangles that disagree on
-    /// orientation. See [`boundary_chain`].
+    /// orientation.
     pub boundary_edges: usize,
     /// Pieces connected by shared vertices.
     pub components: usize,
@@ -131,46 +126,38 @@ impl MeshReport {
     /// The report as a few lines of text, with lengths in `unit`.
     #[must_use]
     pub fn display(&self, unit: LengthUnit) -> impl fmt::Display + '_ {
-        ReportText { report: self, unit }
+        fmt::from_fn(move |f| self.write(f, unit))
+    }
+
+    fn write(&self, f: &mut fmt::Formatter<'_>, unit: LengthUnit) -> fmt::Result {
+        let count = |n: usize, noun: &str| format!("{n} {noun}{}", if n == 1 { "" } else { "s" });
+        let [x, y, z] = self.extents.to_array().map(Length);
+        write!(f, "extents     {x} × {y} × {z} {unit}")?;
+        let vertices =
+            if self.vertices == 1 { "1 vertex".into() } else { format!("{} vertices", self.vertices) };
+        let components = count(self.components, "component");
+        write!(f, "\ntriangles   {} on {vertices}, {components}", self.triangles)?;
+        if self.degenerate_triangles > 0 {
+            write!(f, ", {} without area", self.degenerate_triangles)?;
+        }
+        if self.closed {
+            let volume = Length(self.signed_volume.abs());
+            write!(f, "\nsurface     closed, volume {volume} {unit}³")?;
+            if self.inverted {
+                write!(f, "; its triangles face inwards (treated as if they faced outwards)")?;
+            }
+        } else {
+            let edges = count(self.boundary_edges, "boundary edge");
+            write!(f, "\nsurface     open: {edges}, from holes or triangles that face the wrong way")?;
+            write!(f, " (what is inside is decided by the winding number)")?;
+        }
+        Ok(())
     }
 }
 
 fn is_degenerate([a, b, c]: [DVec3; 3]) -> bool {
     let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
     (b - a).cross(c - a).length() <= DEGENERATE_RATIO * longest
-}
-
-struct ReportText<'a> {
-    report: &'a MeshReport,
-    unit: LengthUnit,
-}
-
-impl fmt::Display for ReportText<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (report, unit) = (self.report, self.unit);
-        let count = |n: usize, noun: &str| format!("{n} {noun}{}", if n == 1 { "" } else { "s" });
-        let [x, y, z] = report.extents.to_array().map(Length);
-        write!(f, "extents     {x} × {y} × {z} {unit}")?;
-        let vertices =
-            if report.vertices == 1 { "1 vertex".into() } else { format!("{} vertices", report.vertices) };
-        let components = count(report.components, "component");
-        write!(f, "\ntriangles   {} on {vertices}, {components}", report.triangles)?;
-        if report.degenerate_triangles > 0 {
-            write!(f, ", {} without area", report.degenerate_triangles)?;
-        }
-        if report.closed {
-            let volume = Length(report.signed_volume.abs());
-            write!(f, "\nsurface     closed, volume {volume} {unit}³")?;
-            if report.inverted {
-                write!(f, "; its triangles face inwards (treated as if they faced outwards)")?;
-            }
-        } else {
-            let edges = count(report.boundary_edges, "boundary edge");
-            write!(f, "\nsurface     open: {edges}, from holes or triangles that face the wrong way")?;
-            write!(f, " (what is inside is decided by the winding number)")?;
-        }
-        Ok(())
-    }
 }
 
 #[cfg(test)]

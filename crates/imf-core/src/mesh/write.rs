@@ -1,30 +1,10 @@
 //! Writing a mesh as an OBJ file.
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
-
-use thiserror::Error;
+use std::io::{self, Write};
+use std::path::Path;
 
 use super::Mesh;
 use crate::atomic_file::{AtomicFileError, write_atomically};
-
-/// Why a mesh could not be written.
-#[derive(Debug, Error)]
-pub enum MeshWriteError {
-    /// A coordinate is not a number or infinite, which no reader would accept.
-    #[error(
-        "cannot write {path}: vertex {vertex} (from 0) of the mesh has a coordinate that is NaN or infinite"
-    )]
-    NotFinite {
-        /// The file to be written.
-        path: PathBuf,
-        /// The vertex's index in the mesh.
-        vertex: usize,
-    },
-    /// The file system refused.
-    #[error(transparent)]
-    File(#[from] AtomicFileError),
-}
 
 /// Writes a mesh as OBJ, whole or not at all. The comment, of any number of lines, goes before it.
 ///
@@ -33,12 +13,13 @@ pub enum MeshWriteError {
 ///
 /// # Errors
 /// A coordinate is not finite, or the file cannot be written.
-pub fn write_obj(mesh: &Mesh, path: impl AsRef<Path>, header_comment: &str) -> Result<(), MeshWriteError> {
-    let path = path.as_ref();
-    if let Some(vertex) = mesh.vertices.iter().position(|v| !v.is_finite()) {
-        return Err(MeshWriteError::NotFinite { path: path.into(), vertex });
-    }
+pub fn write_obj(mesh: &Mesh, path: impl AsRef<Path>, header_comment: &str) -> Result<(), AtomicFileError> {
     write_atomically(path, |out| {
+        if let Some(vertex) = mesh.vertices.iter().position(|v| !v.is_finite()) {
+            let cause =
+                format!("vertex {vertex} (from 0) of the mesh has a coordinate that is NaN or infinite");
+            return Err(io::Error::other(cause));
+        }
         for line in header_comment.lines() {
             writeln!(out, "# {line}")?;
         }
@@ -50,8 +31,7 @@ pub fn write_obj(mesh: &Mesh, path: impl AsRef<Path>, header_comment: &str) -> R
             writeln!(out, "f {a} {b} {c}")?;
         }
         Ok(())
-    })?;
-    Ok(())
+    })
 }
 
 #[cfg(test)]

@@ -8,10 +8,10 @@
 
 use std::fmt;
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
 use super::set::numbers;
-use super::spread::direction_orientation;
+use super::spread::{direction_orientation, fibonacci};
 use super::{Orientation, OrientationSetError};
 
 /// Angles this far outside a range still count as inside, in degrees: ends of ranges are meant to be reached.
@@ -31,9 +31,9 @@ pub enum Limits {
     Rotary {
         /// The tilting axis.
         tilting: TiltingAxis,
-        /// Least and greatest angle of A or B.
+        /// Smallest and largest angle of A or B.
         tilt: [f64; 2],
-        /// Least and greatest angle of C.
+        /// Smallest and largest angle of C.
         turn: [f64; 2],
     },
 }
@@ -67,16 +67,11 @@ impl Limits {
             }
         };
         match text.split(':').collect::<Vec<_>>().as_slice() {
-            ["ac", a0, a1, c0, c1] => Ok(Self::Rotary {
-                tilting: TiltingAxis::A,
-                tilt: range("A", a0, a1)?,
-                turn: range("C", c0, c1)?,
-            }),
-            ["bc", b0, b1, c0, c1] => Ok(Self::Rotary {
-                tilting: TiltingAxis::B,
-                tilt: range("B", b0, b1)?,
-                turn: range("C", c0, c1)?,
-            }),
+            [axes @ ("ac" | "bc"), low, high, c0, c1] => {
+                let (name, tilting) =
+                    if *axes == "ac" { ("A", TiltingAxis::A) } else { ("B", TiltingAxis::B) };
+                Ok(Self::Rotary { tilting, tilt: range(name, low, high)?, turn: range("C", c0, c1)? })
+            }
             ["cone", axis, half_angle] => {
                 let axis = numbers(axis).filter(|v| v.len() == 3);
                 let axis = axis.and_then(|v| DVec3::from_slice(&v).try_normalize());
@@ -114,6 +109,17 @@ impl Limits {
                 })
             }
         }
+    }
+
+    /// `n` directions spread evenly over a cone.
+    ///
+    /// # Panics
+    /// For two rotary axes.
+    pub(super) fn cone(&self, n: usize) -> Vec<Orientation> {
+        let Self::Cone { axis, half_angle } = *self else { panic!("a cone") };
+        let turn = DQuat::from_rotation_arc(DVec3::Z, axis);
+        let lowest = half_angle.to_radians().cos();
+        fibonacci(n, lowest).map(|direction| direction_orientation(turn * direction)).collect()
     }
 
     /// `n_tilt` × `n_turn` directions evenly over the ranges, tilt outermost, ends included; where C makes a whole turn
@@ -177,10 +183,7 @@ mod tests {
 
     use super::super::OrientationSet;
     use super::*;
-
-    fn set(spec: &str) -> Vec<Orientation> {
-        OrientationSet::parse(spec).unwrap().orientations
-    }
+    use crate::orientation::tests::set;
 
     #[test]
     fn directions_are_the_rotation_matrices_of_the_convention() {
@@ -238,10 +241,10 @@ mod tests {
     fn limits_filter_any_set_and_the_text_makes_it_again() {
         let all = OrientationSet::parse("fibonacci:400").unwrap();
         let limits = Limits::parse("ac:-30:120:-360:360").unwrap();
-        let kept = all.within(&limits).unwrap();
-        // With C free the tilt alone decides: the share of the sphere with z ≥ cos 120° is 3/4.
-        assert_eq!(kept.len(), 300);
-        assert_eq!(OrientationSet::parse(&kept.spec).unwrap(), kept);
+        let within = all.within(&limits).unwrap();
+        // With C free the tilt alone decides: the fraction of the sphere with z ≥ cos 120° is 3/4.
+        assert_eq!(within.len(), 300);
+        assert_eq!(OrientationSet::parse(&within.spec).unwrap(), within);
         let cone = OrientationSet::parse("within:cone:0,0,-1:90@fibonacci:400").unwrap();
         assert_eq!(cone.len(), 200);
         assert!(cone.orientations.iter().all(|o| o.direction().z <= 0.0));

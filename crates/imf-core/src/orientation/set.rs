@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -13,6 +13,7 @@ use super::{Limits, Orientation, wrap_degrees};
 
 /// Why a set of orientations cannot be made.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum OrientationSetError {
     /// The text is none of the known forms.
     #[error(
@@ -101,20 +102,7 @@ impl OrientationSet {
                     seed.parse().map_err(|_| fail(&format!("'{seed}' is no seed (a whole number)")))?;
                 random(count(n)?, seed)
             }
-            ["cone", axis, half_angle, n] => {
-                let axis = numbers(axis)
-                    .filter(|v| v.len() == 3)
-                    .and_then(|v| DVec3::from_slice(&v).try_normalize());
-                let axis =
-                    axis.ok_or_else(|| fail("the axis must be three numbers, not all zero, such as 0,0,1"))?;
-                let half_angle: f64 = half_angle.parse().unwrap_or(f64::NAN);
-                if !(0.0..=180.0).contains(&half_angle) {
-                    return Err(fail("the half angle must be from 0 to 180 degrees"));
-                }
-                let turn = DQuat::from_rotation_arc(DVec3::Z, axis);
-                let lowest = half_angle.to_radians().cos();
-                fibonacci(count(n)?, lowest).map(|d| direction_orientation(turn * d)).collect()
-            }
+            ["cone", _, _, n] => Limits::parse(&parts[..3].join(":"))?.cone(count(n)?),
             ["ac" | "bc", _, _, _, _, n_tilt, n_turn] => {
                 let (n_tilt, n_turn) = (count(n_tilt)?, count(n_turn)?);
                 if n_tilt.saturating_mul(n_turn) > MOST {
@@ -216,10 +204,7 @@ fn angle_pair(theta: f64, phi: f64, roll: f64) -> Result<Orientation, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn set(spec: &str) -> Vec<Orientation> {
-        OrientationSet::parse(spec).unwrap().orientations
-    }
+    use crate::orientation::tests::set;
 
     #[test]
     fn the_papers_grid_holds_its_out_of_sample_pair_at_30_only() {

@@ -65,12 +65,8 @@ pub(super) fn super_fibonacci(n: usize) -> Vec<Orientation> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::OrientationSet;
     use super::*;
-
-    fn set(spec: &str) -> Vec<Orientation> {
-        OrientationSet::parse(spec).unwrap().orientations
-    }
+    use crate::orientation::tests::set;
 
     #[test]
     fn spirals_and_random_sets_are_balanced() {

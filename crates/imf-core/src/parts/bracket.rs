@@ -51,13 +51,13 @@ const STORED: &[u8] = include_bytes!("bracket.obj");
 /// # Panics
 /// Never: the stored file is part of the program, and the tests read it.
 #[must_use]
-pub fn mesh() -> Mesh {
+pub(super) fn mesh() -> Mesh {
     parse_obj(STORED, Path::new("bracket.obj")).expect("the stored bracket is a mesh")
 }
 
 /// The bracket's design domain: closed, one shell, facing outwards.
 #[must_use]
-pub fn design_domain() -> Mesh {
+pub(super) fn design_domain() -> Mesh {
     let mut shell = Shell::default();
     let [x, y, z] = SIZE.map(|size| [0.0, size]);
     let (bolts, heads, pin) =
@@ -98,7 +98,7 @@ mod tests {
     use super::*;
     use crate::mesh::topology::MeshReport;
     use crate::parts::shell::area;
-    use crate::parts::tests::winding_number;
+    use crate::voxelize::winding_number;
 
     #[test]
     fn extents_are_exact() {
@@ -122,10 +122,10 @@ mod tests {
     }
 
     #[test]
-    fn the_bracket_has_the_share_of_its_domain_that_was_asked() {
-        let share = mesh().signed_volume() / design_domain().signed_volume();
+    fn the_bracket_has_the_intended_fraction_of_its_domain() {
+        let fraction = mesh().signed_volume() / design_domain().signed_volume();
         // So much of the elements; the surface cuts edges off and rounds.
-        assert!((share - 0.15).abs() < 0.02, "{share}");
+        assert!((fraction - 0.15).abs() < 0.02, "{fraction}");
     }
 
     #[test]

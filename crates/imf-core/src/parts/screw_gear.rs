@@ -56,8 +56,7 @@ const THREAD_RADII: [f64; 2] = [12.5, 15.0];
 const TURNS: usize = 7;
 
 /// The gear: closed, one shell, facing outwards; its lower end at z = 0, its axis at x = y = 0.
-#[must_use]
-pub fn mesh() -> Mesh {
+pub(super) fn mesh() -> Mesh {
     let mut shell = Shell::default();
     let (rim, hub) = (circle(DVec2::ZERO, RIM_RADIUS, CIRCLE), circle(DVec2::ZERO, HUB_RADIUS, CIRCLE));
     let chamfered = circle(DVec2::ZERO, HUB_RADIUS - CHAMFER, CIRCLE);

@@ -4,16 +4,15 @@
 //! positions become one vertex, so faces and walls that share a loop close without a seam, and no tolerance
 //! decides what belongs together.
 
-use std::collections::HashMap;
-
 use earcut::{Earcut, refine};
 use glam::{DVec2, DVec3};
 
 use crate::mesh::Mesh;
+use crate::mesh::weld::Welder;
 
 /// The world axis that a plane of loops is perpendicular to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Axis {
+pub(super) enum Axis {
     /// Planes at constant x; a loop's coordinates are (y, z).
     X,
     /// Planes at constant y; a loop's coordinates are (z, x).
@@ -24,7 +23,7 @@ pub enum Axis {
 
 /// The side of its plane that a flat face looks to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Facing {
+pub(super) enum Facing {
     /// Towards smaller coordinates on the axis.
     Down,
     /// Towards larger coordinates on the axis.
@@ -33,8 +32,7 @@ pub enum Facing {
 
 impl Axis {
     /// The point of the plane at `height` with the plane's coordinates `p`.
-    #[must_use]
-    pub fn point(self, p: DVec2, height: f64) -> DVec3 {
+    pub(super) fn point(self, p: DVec2, height: f64) -> DVec3 {
         match self {
             Self::X => DVec3::new(height, p.x, p.y),
             Self::Y => DVec3::new(p.y, height, p.x),
@@ -43,47 +41,33 @@ impl Axis {
     }
 
     /// A loop of the plane at `height`.
-    #[must_use]
-    pub fn place(self, outline: &[DVec2], height: f64) -> Vec<DVec3> {
+    pub(super) fn place(self, outline: &[DVec2], height: f64) -> Vec<DVec3> {
         outline.iter().map(|&p| self.point(p, height)).collect()
     }
 }
 
 /// A mesh under construction, whose equal positions are one vertex.
-#[derive(Debug, Default)]
-pub struct Shell {
-    mesh: Mesh,
-    index: HashMap<[u64; 3], u32>,
+#[derive(Default)]
+pub(super) struct Shell {
+    welder: Welder,
 }
 
 impl Shell {
     /// The finished mesh.
-    #[must_use]
-    pub fn into_mesh(self) -> Mesh {
-        self.mesh
-    }
-
-    fn vertex(&mut self, position: DVec3) -> u32 {
-        // Adding zero turns −0 into 0, which has other bits.
-        let position = position + 0.0;
-        let next = self.mesh.vertices.len() as u32;
-        let index = *self.index.entry(position.to_array().map(f64::to_bits)).or_insert(next);
-        if index == next {
-            self.mesh.vertices.push(position);
-        }
-        index
+    pub(super) fn into_mesh(self) -> Mesh {
+        self.welder.finish()
     }
 
     /// Adds a triangle, counter-clockwise seen from outside; one with two equal corners is dropped.
-    pub fn triangle(&mut self, a: DVec3, b: DVec3, c: DVec3) {
+    fn triangle(&mut self, a: DVec3, b: DVec3, c: DVec3) {
         if a != b && b != c && c != a {
-            let corners = [a, b, c].map(|p| self.vertex(p));
-            self.mesh.triangles.push(corners);
+            // The parts have far fewer triangles than can be indexed.
+            let _ = self.welder.push([a, b, c]);
         }
     }
 
     /// Adds the quadrilateral `a b c d`, counter-clockwise seen from outside, cut along its shorter diagonal.
-    pub fn quad(&mut self, a: DVec3, b: DVec3, c: DVec3, d: DVec3) {
+    fn quad(&mut self, a: DVec3, b: DVec3, c: DVec3, d: DVec3) {
         if a.distance_squared(c) < b.distance_squared(d) {
             self.triangle(a, b, c);
             self.triangle(a, c, d);
@@ -94,7 +78,14 @@ impl Shell {
     }
 
     /// Adds a flat face: the loop `outer` less the loops `holes`, all of any sense, in the plane at `height`.
-    pub fn face(&mut self, axis: Axis, height: f64, facing: Facing, outer: &[DVec2], holes: &[&[DVec2]]) {
+    pub(super) fn face(
+        &mut self,
+        axis: Axis,
+        height: f64,
+        facing: Facing,
+        outer: &[DVec2],
+        holes: &[&[DVec2]],
+    ) {
         let mut corners = outer.to_vec();
         let mut starts = Vec::with_capacity(holes.len());
         for hole in holes {
@@ -119,7 +110,7 @@ impl Shell {
     ///
     /// # Panics
     /// If the lines differ in length.
-    pub fn strip(&mut self, from: &[DVec3], to: &[DVec3]) {
+    pub(super) fn strip(&mut self, from: &[DVec3], to: &[DVec3]) {
         assert_eq!(from.len(), to.len(), "a strip runs between lines of equal length");
         for i in 1..from.len() {
             self.quad(from[i - 1], from[i], to[i], to[i - 1]);
@@ -131,61 +122,32 @@ impl Shell {
     ///
     /// # Panics
     /// If the loops are empty or differ in length.
-    pub fn band(&mut self, from: &[DVec3], to: &[DVec3]) {
+    pub(super) fn band(&mut self, from: &[DVec3], to: &[DVec3]) {
         self.strip(from, to);
         let last = from.len() - 1;
         self.quad(from[last], from[0], to[0], to[last]);
     }
 
     /// Adds the outside of the body that a counter-clockwise loop sweeps between two heights, without its ends.
-    pub fn post(&mut self, axis: Axis, outline: &[DVec2], heights: [f64; 2]) {
+    pub(super) fn post(&mut self, axis: Axis, outline: &[DVec2], heights: [f64; 2]) {
         self.band(&axis.place(outline, heights[0]), &axis.place(outline, heights[1]));
     }
 
     /// Adds the inside of the hole that a counter-clockwise loop sweeps between two heights, without its ends.
-    pub fn hole(&mut self, axis: Axis, outline: &[DVec2], heights: [f64; 2]) {
+    pub(super) fn hole(&mut self, axis: Axis, outline: &[DVec2], heights: [f64; 2]) {
         self.band(&axis.place(outline, heights[1]), &axis.place(outline, heights[0]));
     }
 }
 
-/// The points of an arc of a circle, both ends included, over angles in degrees.
-#[must_use]
-pub fn arc(centre: DVec2, radius: f64, degrees: [f64; 2], segments: usize) -> Vec<DVec2> {
-    let step = (degrees[1] - degrees[0]) / segments as f64;
-    (0..=segments)
-        .map(|i| centre + radius * DVec2::from_angle((degrees[0] + i as f64 * step).to_radians()))
-        .collect()
-}
-
 /// A whole circle, counter-clockwise.
-#[must_use]
-pub fn circle(centre: DVec2, radius: f64, segments: usize) -> Vec<DVec2> {
-    let mut points = arc(centre, radius, [0.0, 360.0], segments);
-    points.pop();
-    points
-}
-
-/// A rectangle with round corners, counter-clockwise: `segments` to a quarter circle.
-#[must_use]
-pub fn rounded_rectangle(lower: DVec2, upper: DVec2, radius: f64, segments: usize) -> Vec<DVec2> {
-    let (low, high) = (lower + radius, upper - radius);
-    let centres = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)];
-    let mut outline = Vec::with_capacity(4 * (segments + 1));
-    for (i, centre) in centres.into_iter().enumerate() {
-        let start = 180.0 + 90.0 * i as f64;
-        outline.extend(arc(centre, radius, [start, start + 90.0], segments));
-    }
-    // Where the arcs of a slot's end meet, their common point would stand twice.
-    outline.dedup_by(|a, b| a.distance(*b) < 1e-9 * radius);
-    if outline[0].distance(outline[outline.len() - 1]) < 1e-9 * radius {
-        outline.pop();
-    }
-    outline
+pub(super) fn circle(centre: DVec2, radius: f64, segments: usize) -> Vec<DVec2> {
+    let step = 360.0 / segments as f64;
+    (0..segments).map(|i| centre + radius * DVec2::from_angle((i as f64 * step).to_radians())).collect()
 }
 
 /// Area of a loop by the shoelace formula: positive for a counter-clockwise one.
-#[must_use]
-pub fn area(outline: &[DVec2]) -> f64 {
+#[cfg(test)]
+pub(super) fn area(outline: &[DVec2]) -> f64 {
     (0..outline.len()).map(|i| outline[i].perp_dot(outline[(i + 1) % outline.len()])).sum::<f64>() / 2.0
 }
 
@@ -196,7 +158,7 @@ mod tests {
 
     #[test]
     fn a_tube_closes_along_every_axis() {
-        let outer = rounded_rectangle(DVec2::ZERO, DVec2::new(30.0, 20.0), 4.0, 5);
+        let outer = [[0.0, 0.0], [30.0, 0.0], [30.0, 20.0], [0.0, 20.0]].map(DVec2::from_array);
         let inner = circle(DVec2::new(11.0, 9.0), 6.0, 17);
         for axis in [Axis::X, Axis::Y, Axis::Z] {
             let mut shell = Shell::default();
@@ -216,11 +178,7 @@ mod tests {
 
     #[test]
     fn polygons_of_circles_have_the_areas_of_geometry() {
-        let sides = 24;
         let polygon = 0.5 * 24.0 * (std::f64::consts::TAU / 24.0).sin() * 9.0;
-        assert!((area(&circle(DVec2::new(5.0, -2.0), 3.0, sides)) - polygon).abs() < 1e-12);
-        let slot = rounded_rectangle(DVec2::ZERO, DVec2::new(6.0, 10.0), 3.0, sides / 4);
-        assert!((area(&slot) - (polygon + 6.0 * 4.0)).abs() < 1e-12);
-        assert_eq!(slot.len(), sides + 2);
+        assert!((area(&circle(DVec2::new(5.0, -2.0), 3.0, 24)) - polygon).abs() < 1e-12);
     }
 }

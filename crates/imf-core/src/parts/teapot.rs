@@ -15,14 +15,13 @@ use crate::mesh::Mesh;
 
 /// Segments to a patch's edge. At sixteen the triangles stay within 0.11 mm of the surface, a ninth of the pitch
 /// (measured from the vertices of 48 segments; worst at the root of the spout); at twelve it is 0.21 mm.
-pub const SEGMENTS: usize = 16;
+pub(super) const SEGMENTS: usize = 16;
 
 /// Height of the teapot along x, in millimetres: the grid's 58 voxels.
-pub const HEIGHT_MM: f64 = 58.0;
+pub(super) const HEIGHT_MM: f64 = 58.0;
 
 /// The teapot in millimetres, standing on x = 0 with its axis at y = z = 0 and its spout towards +z.
-#[must_use]
-pub fn mesh() -> Mesh {
+pub(super) fn mesh() -> Mesh {
     let mut shell = Shell::default();
     for patch in patches() {
         tessellate(&mut shell, &patch);
@@ -67,7 +66,8 @@ mod tests {
     use std::collections::HashSet;
 
     use super::*;
-    use crate::parts::tests::{open_edges, winding_number};
+    use crate::parts::tests::open_edges;
+    use crate::voxelize::winding_number;
 
     #[test]
     fn extents_are_newells() {

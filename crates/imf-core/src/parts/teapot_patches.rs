@@ -11,19 +11,19 @@
 use glam::DVec3;
 
 /// Height of the teapot in Newell's unit.
-pub const HEIGHT: f64 = 3.15;
+pub(super) const HEIGHT: f64 = 3.15;
 
 /// One row of a quarter of a round patch: the control points (r, 0), (r, k), (k, r) and (0, r) at height z, as
 /// `[r, k, z]`.
-pub type Ring = [f64; 3];
+pub(super) type Ring = [f64; 3];
 
 /// One row of half a tube: two points `(x, z)` on the plane y = 0 and the control polygon's half width between
 /// them, as `[x₀, z₀, x₁, z₁, y]`. The points are (x₀, 0, z₀), (x₀, −y, z₀), (x₁, −y, z₁) and (x₁, 0, z₁).
-pub type Rung = [f64; 5];
+pub(super) type Rung = [f64; 5];
 
 /// The round patches, from the inside outwards and from the top downwards: a rim, two of the body, two of the
 /// lid, the bottom.
-pub const ROUND: [[Ring; 4]; 6] = [
+pub(super) const ROUND: [[Ring; 4]; 6] = [
     // Rim.
     [[1.4, 0.784, 2.4], [1.3375, 0.749, 2.53125], [1.4375, 0.805, 2.53125], [1.5, 0.84, 2.4]],
     // Body.
@@ -37,7 +37,7 @@ pub const ROUND: [[Ring; 4]; 6] = [
 ];
 
 /// The tubes: two patches of the handle from the rim downwards, two of the spout from the body outwards.
-pub const TUBES: [[Rung; 4]; 4] = [
+pub(super) const TUBES: [[Rung; 4]; 4] = [
     // Handle.
     [
         [-1.6, 2.025, -1.5, 2.25, 0.3],
@@ -68,16 +68,15 @@ pub const TUBES: [[Rung; 4]; 4] = [
 
 /// A bicubic Bézier patch.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Patch {
+pub(super) struct Patch {
     /// Control points: the row runs along the silhouette or the tube, the column around it.
-    pub points: [[DVec3; 4]; 4],
+    pub(super) points: [[DVec3; 4]; 4],
     /// True if ∂/∂column × ∂/∂row looks outwards, false if it looks inwards.
-    pub outward: bool,
+    pub(super) outward: bool,
 }
 
 /// The 32 patches: rim, body, lid and bottom (24), then handle and spout (8).
-#[must_use]
-pub fn patches() -> Vec<Patch> {
+pub(super) fn patches() -> Vec<Patch> {
     let mut patches = Vec::with_capacity(32);
     for rings in ROUND {
         let quarter =

@@ -210,7 +210,8 @@ impl SceneBuilder {
     /// Voxelises.
     ///
     /// # Errors
-    /// No part, or one that cannot be read or is of an implausible size; as [`SceneSpec::scene`]; a clearance that is no length.
+    /// No part, or one that cannot be read, is of an implausible size, or of which no voxel is left; a grid that cannot be made; a
+    /// fixture that sticks out of it; a clearance that is no length.
     pub fn build(self) -> Result<BuiltScene, SceneError> {
         let part = self.part?;
         let report = MeshReport::new(&part.mesh);

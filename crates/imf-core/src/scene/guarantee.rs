@@ -1,7 +1,7 @@
 //! What a "free" of the exact field is worth for the mesh itself.
 //!
 //! Where every voxel that the surface touches is solid, every point of the part lies in a solid voxel, at most √3/2 pitch
-//! from its centre. An element grown by that much that holds no solid centre therefore keeps off the mesh itself.
+//! from its centre. An element offset by that much that holds no solid centre therefore keeps off the mesh itself.
 
 use std::fmt;
 
@@ -29,7 +29,7 @@ pub enum Guarantee {
 }
 
 impl Guarantee {
-    /// The guarantee of sections and counts of a tool that is grown by `clearance`; with `contact` the cutter may touch.
+    /// The guarantee of sections and counts of a tool that is offset by `clearance`; with `contact` the cutter may touch.
     #[must_use]
     pub fn new(conservative: bool, tool: &Tool, clearance: &Clearance, contact: bool, pitch: f64) -> Self {
         let needed = HALF_DIAGONAL * pitch;

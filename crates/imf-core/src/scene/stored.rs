@@ -5,20 +5,21 @@
 use thiserror::Error;
 
 use super::{Scene, SceneRecord};
-use crate::occupancy::{Occupancy, PackedLengthError};
+use crate::occupancy::Occupancy;
 
 const OBSTACLE: &str = "obstacle";
 const LAYER: &str = "layer";
 
 /// Why voxels read from a file are not the scene's.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum StoredVoxelsError {
     /// A tensor that the scene needs.
     #[error("it has no voxels '{0}'")]
     Missing(&'static str),
     /// Voxels of another grid.
-    #[error(transparent)]
-    Length(#[from] PackedLengthError),
+    #[error("its voxels '{0}' are not as many as its grid has")]
+    Length(&'static str),
     /// Voxels of another scene, or damaged ones.
     #[error("the obstacle's checksum is wrong")]
     Checksum,
@@ -27,8 +28,15 @@ pub enum StoredVoxelsError {
     Layer,
 }
 
+/// The CRC-32 of ZIP and PNG (polynomial 0xEDB88320), bit by bit: voxels are packed, and hashed but once.
+pub(super) fn crc32(bytes: &[u8]) -> u32 {
+    let step = |crc: u32| (crc >> 1) ^ (0xEDB8_8320 & (crc & 1).wrapping_neg());
+    !bytes.iter().fold(!0, |crc, &byte| (0..8).fold(crc ^ u32::from(byte), |crc, _| step(crc)))
+}
+
 impl Scene {
     /// Names and packed bits ([`Occupancy::packed`]) of what a file has to keep beside the record.
+    #[doc(hidden)]
     #[must_use]
     pub fn packed_voxels(&self) -> Vec<(&'static str, Vec<u8>)> {
         let mut all = vec![(OBSTACLE, self.obstacle.packed())];
@@ -40,24 +48,41 @@ impl Scene {
     ///
     /// # Errors
     /// Bits that are missing, of another length, or not this scene's.
+    #[doc(hidden)]
     pub fn from_packed_voxels<'a>(
         record: SceneRecord,
         bits: impl Fn(&str) -> Option<&'a [u8]>,
     ) -> Result<Self, StoredVoxelsError> {
-        let packed = bits(OBSTACLE).ok_or(StoredVoxelsError::Missing(OBSTACLE))?;
-        if crc32fast::hash(packed) != record.obstacle_crc32 {
+        let grid = record.grid;
+        let voxels = |name| -> Result<_, StoredVoxelsError> {
+            let packed = bits(name).ok_or(StoredVoxelsError::Missing(name))?;
+            let unpacked = Occupancy::from_packed(grid, packed).ok_or(StoredVoxelsError::Length(name))?;
+            Ok((unpacked, crc32(packed)))
+        };
+        let (obstacle, checksum) = voxels(OBSTACLE)?;
+        if checksum != record.obstacle_crc32 {
             return Err(StoredVoxelsError::Checksum);
         }
-        let obstacle = Occupancy::from_packed(record.grid, packed)?;
         let mut scene = Self::from_union(record, obstacle);
         if scene.record.contact.is_some() {
-            let packed = bits(LAYER).ok_or(StoredVoxelsError::Missing(LAYER))?;
-            let layer = Occupancy::from_packed(scene.record.grid, packed)?;
+            let (layer, _) = voxels(LAYER)?;
             if layer.solid.iter().zip(&scene.obstacle.solid).any(|(l, o)| l & (1 - o) != 0) {
                 return Err(StoredVoxelsError::Layer);
             }
             scene.layer = Some(layer);
         }
         Ok(scene)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::crc32;
+
+    #[test]
+    fn the_checksum_is_that_of_zip() {
+        assert_eq!(crc32(b"123456789"), 0xCBF4_3926);
+        let bytes: Vec<u8> = (0..3000_u32).map(|i| (i * i % 251) as u8).collect();
+        assert_eq!(crc32(&bytes), crc32fast::hash(&bytes));
     }
 }

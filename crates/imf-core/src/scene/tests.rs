@@ -1,3 +1,5 @@
+use glam::DVec3;
+
 use super::*;
 use crate::mesh::tests::unit_cube;
 
@@ -111,18 +113,18 @@ fn records_of_older_files_have_no_fixtures() {
 }
 
 #[test]
-fn a_clearance_grows_the_tool_and_is_written_down() {
+fn a_clearance_offsets_the_tool_and_is_written_down() {
     let (cube, tool) = (unit_cube(), Tool::paper());
     let scene = spec(&cube, &tool, &[]).scene().unwrap();
     let clearance = Clearance { holder: 2.0, shank: 1.0, cutter: 0.0 };
-    let grown = scene.clone().with_clearance(&clearance).unwrap();
-    let record = &grown.record;
+    let offset = scene.clone().with_clearance(&clearance).unwrap();
+    let record = &offset.record;
     assert_eq!((record.bare_tool(), record.clearance), (&tool, clearance));
     assert_eq!(record.tool, tool.inflated(&clearance).unwrap());
     let text = serde_json::to_string(record).unwrap();
     assert_eq!(&serde_json::from_str::<SceneRecord>(&text).unwrap(), record);
     // Another clearance starts from the tool as it is; none gives the scene back.
-    assert_eq!(grown.clone().with_clearance(&clearance).unwrap(), grown);
-    assert_eq!(grown.with_clearance(&Clearance::default()).unwrap(), scene);
+    assert_eq!(offset.clone().with_clearance(&clearance).unwrap(), offset);
+    assert_eq!(offset.with_clearance(&Clearance::default()).unwrap(), scene);
     assert!(scene.with_clearance(&Clearance { holder: f64::NAN, ..clearance }).is_err());
 }

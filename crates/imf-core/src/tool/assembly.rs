@@ -2,7 +2,7 @@
 
 use super::{Clearance, ClearanceError, Tool};
 
-/// The tool that is asked about. Shank and holder offset by a clearance are more than the offset tool without its cutter, so both are
+/// A tool with a clearance around it. Shank and holder offset by a clearance are more than the offset tool without its cutter, so both are
 /// made together, from the tool as it is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Assembly {

@@ -26,59 +26,18 @@
 //!
 //! or `mesh = "head.stl"` instead of cutter, shank and holder: a closed mesh in the tool frame.
 
-mod cutter;
-
 use std::path::Path;
 
 use glam::DVec3;
 use serde::Deserialize;
-use thiserror::Error;
 use toml::Spanned;
 
-use cutter::CutterText;
-pub(super) use cutter::rounded;
-
-use super::library::{self, ToolLibraryError};
-use super::{Element, ElementKind, Segment, SharpPoints, Tool, ToolError, ToolShape};
-use crate::mesh::read::{MeshFileError, read_mesh_file};
+use super::library;
+use super::stack::{Stack, line, rounded};
+use super::{Segment, SharpPoints, Tool, ToolShape};
+use crate::file_error::{Fault, FaultKind, FileError};
+use crate::mesh::read::read_mesh_file;
 use crate::unit::LengthUnit;
-
-/// Why a tool file is refused.
-#[derive(Debug, Error)]
-pub enum ToolFileError {
-    /// The file cannot be read.
-    #[error("cannot read the tool file {path}: {source}")]
-    Read {
-        /// The file.
-        path: String,
-        /// The system's reason.
-        source: std::io::Error,
-    },
-    /// The text is not what a tool file holds.
-    #[error("{path}, line {line}: {what}")]
-    Content {
-        /// The file.
-        path: String,
-        /// Line in the file, from 1.
-        line: usize,
-        /// The key and what is wrong with it.
-        what: String,
-    },
-    /// The mesh that the file names cannot be read.
-    #[error(transparent)]
-    Mesh(#[from] MeshFileError),
-    /// The library of a CAM program.
-    #[error(transparent)]
-    Library(#[from] ToolLibraryError),
-    /// The assembly has no volume.
-    #[error("{path}: {source}")]
-    Tool {
-        /// The file.
-        path: String,
-        /// What is wrong with the tool.
-        source: ToolError,
-    },
-}
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -88,8 +47,8 @@ struct ToolText {
     stick_out: Option<Spanned<f64>>,
     sharp_points: Option<Spanned<SharpText>>,
     mesh: Option<Spanned<String>>,
-    cutter: Option<Spanned<CutterText>>,
-    shank: Option<Spanned<ShankText>>,
+    cutter: Option<CutterText>,
+    shank: Option<ShankText>,
     #[serde(default)]
     holder: Vec<HolderText>,
 }
@@ -100,6 +59,25 @@ enum SharpText {
     Name(String),
     Count(usize),
     Points(Vec<[f64; 3]>),
+}
+
+#[derive(Clone, Copy, Deserialize, PartialEq)]
+#[serde(rename_all = "lowercase")]
+enum CutterShape {
+    Flat,
+    Ball,
+    Bull,
+    Tapered,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CutterText {
+    shape: CutterShape,
+    diameter: Spanned<f64>,
+    length: Spanned<f64>,
+    corner_radius: Option<Spanned<f64>>,
+    half_angle: Option<Spanned<f64>>,
 }
 
 #[derive(Deserialize)]
@@ -122,168 +100,200 @@ impl Tool {
     ///
     /// # Errors
     /// Names the file, the line and the key.
-    pub fn read(path: &Path) -> Result<Self, ToolFileError> {
-        if library::is_library(path) {
-            return Ok(library::read(path, None)?);
-        }
-        let shown = path.display().to_string();
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| ToolFileError::Read { path: shown.clone(), source })?;
-        let reader = Reader { path: &shown, text: &text };
-        let parsed: ToolText = toml::from_str(&text).map_err(|error| {
-            let line = error.span().map_or(1, |span| reader.line(span.start));
-            reader.at(line, error.message().to_owned())
-        })?;
-        let tool = reader.tool(&parsed, path.parent().unwrap_or(Path::new(".")))?;
-        tool.check().map_err(|source| ToolFileError::Tool { path: shown.clone(), source })?;
-        Ok(tool)
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        read(path, None)
     }
-}
 
-impl Tool {
     /// As [`Tool::read`], of a path, or of `LIBRARY#TOOL`: a tool of several by its name or number.
     ///
     /// # Errors
     /// As [`Tool::read`]; a name that no tool of the library has, or several.
-    pub fn find(text: &str) -> Result<Self, ToolFileError> {
+    pub fn find(text: &str) -> Result<Self, FileError> {
         match library::location(text) {
-            (path, Some(tool)) if library::is_library(path) => Ok(library::read(path, Some(tool))?),
-            _ => Self::read(Path::new(text)),
+            (path, Some(tool)) if library::is_library(path) => read(path, Some(tool)),
+            _ => read(Path::new(text), None),
         }
     }
+}
+
+/// The tool of a file, or the one of a library that `wanted` names.
+fn read(path: &Path, wanted: Option<&str>) -> Result<Tool, FileError> {
+    let whole = || -> Result<Tool, Fault> {
+        let bytes = std::fs::read(path).map_err(|error| Fault::of_system("tool file", &error))?;
+        let tool = if library::is_library(path) {
+            library::tool(path, &bytes, wanted)?
+        } else {
+            let text = String::from_utf8(bytes);
+            Reader { text: &text.map_err(|_| Fault::malformed("it is no text in UTF-8"))? }.tool(path)?
+        };
+        tool.check().map_err(|error| Fault::new(FaultKind::Empty, error.to_string()))?;
+        Ok(tool)
+    };
+    whole().map_err(|fault| fault.at(path))
 }
 
 /// The text being read, for errors that name their line.
 struct Reader<'a> {
-    path: &'a str,
     text: &'a str,
 }
 
 impl Reader<'_> {
-    fn line(&self, offset: usize) -> usize {
-        self.text[..offset.min(self.text.len())].matches('\n').count() + 1
+    fn at(&self, offset: usize, what: impl Into<String>) -> Fault {
+        let line = self.text[..offset.min(self.text.len())].matches('\n').count() + 1;
+        Fault::malformed(what).on_line(line)
     }
 
-    fn at(&self, line: usize, what: String) -> ToolFileError {
-        ToolFileError::Content { path: self.path.to_owned(), line, what }
+    fn wrong<T>(&self, place: &Spanned<T>, what: impl Into<String>) -> Fault {
+        self.at(place.span().start, what)
     }
 
     /// A length that must be positive and finite.
-    fn length(&self, key: &str, value: &Spanned<f64>) -> Result<f64, ToolFileError> {
+    fn length(&self, key: &str, value: &Spanned<f64>) -> Result<f64, Fault> {
         let number = *value.get_ref();
         if number.is_finite() && number > 0.0 {
-            Ok(number)
-        } else {
-            let line = self.line(value.span().start);
-            Err(self.at(line, format!("{key} must be a positive number, not {number}")))
+            return Ok(number);
         }
+        Err(self.wrong(value, format!("{key} must be a positive number, not {number}")))
     }
 
-    fn tool(&self, text: &ToolText, folder: &Path) -> Result<Tool, ToolFileError> {
+    fn tool(&self, path: &Path) -> Result<Tool, Fault> {
+        let text: ToolText = toml::from_str(self.text)
+            .map_err(|error| self.at(error.span().map_or(0, |span| span.start), error.message()))?;
         let mut unit = text.unit.unwrap_or_default();
         let shape = match (&text.mesh, &text.cutter) {
             (Some(mesh), None)
                 if text.shank.is_none() && text.holder.is_empty() && text.stick_out.is_none() =>
             {
-                let file = read_mesh_file(folder.join(mesh.get_ref()))?;
+                let file = path.parent().unwrap_or(Path::new(".")).join(mesh.get_ref());
+                let file = read_mesh_file(file).map_err(|error| Fault {
+                    kind: error.fault.kind,
+                    ..self.wrong(mesh, error.to_string())
+                })?;
                 unit = text.unit.or(file.unit).unwrap_or_default();
                 ToolShape::Mesh(file.in_unit(unit))
             }
             (Some(mesh), _) => {
                 let what = "mesh stands alone: remove cutter, shank, holder and stick_out, or remove mesh";
-                return Err(self.at(self.line(mesh.span().start), what.into()));
+                return Err(self.wrong(mesh, what));
             }
-            (None, None) => return Err(self.at(1, "a tool needs a [cutter] or a mesh".into())),
-            (None, Some(cutter)) => ToolShape::Revolved(self.elements(text, cutter.get_ref())?),
+            (None, None) => return Err(self.at(0, "a tool needs a [cutter] or a mesh")),
+            (None, Some(cutter)) => self.stack(&text, cutter)?.shape(),
         };
-        let sharp_points = match text.sharp_points.as_ref().map(|s| (s.get_ref(), s.span().start)) {
+        let sharp_points = match &text.sharp_points {
             None => SharpPoints::Tip,
-            Some((SharpText::Name(name), _)) if name == "tip" => SharpPoints::Tip,
-            Some((SharpText::Name(name), _))
-                if name == "boundary" && matches!(shape, ToolShape::Revolved(_)) =>
-            {
-                SharpPoints::Boundary(None)
-            }
-            Some((SharpText::Count(count), _)) if *count > 0 && matches!(shape, ToolShape::Revolved(_)) => {
-                SharpPoints::Cutter(*count)
-            }
-            Some((SharpText::Points(points), _))
-                if !points.is_empty() && points.iter().flatten().all(|v| v.is_finite()) =>
-            {
-                SharpPoints::Points(points.iter().map(|&p| DVec3::from_array(p)).collect())
-            }
-            Some((_, offset)) => {
+            Some(sharp) => sharp_points(sharp.get_ref(), &shape).ok_or_else(|| {
                 let what = "sharp_points must be \"tip\", a positive number of points on the cutter or \"boundary\" \
                             (neither for a mesh), or a list of points [[x, y, z], …]";
-                return Err(self.at(self.line(offset), what.into()));
-            }
+                self.wrong(sharp, what)
+            })?,
         };
-        let name = text.name.clone().unwrap_or_else(|| {
-            Path::new(self.path)
-                .file_stem()
-                .map_or_else(|| "tool".into(), |s| s.to_string_lossy().into_owned())
-        });
-        Ok(Tool { name, unit, shape, sharp_points })
+        let of_file = || path.file_stem().map_or_else(|| "tool".into(), |s| s.to_string_lossy().into_owned());
+        Ok(Tool { name: text.name.unwrap_or_else(of_file), unit, shape, sharp_points })
     }
 
-    fn elements(&self, text: &ToolText, cutter: &CutterText) -> Result<Vec<Element>, ToolFileError> {
-        let cutter_profile = self.cutter(cutter)?;
+    fn stack(&self, text: &ToolText, cutter: &CutterText) -> Result<Stack, Fault> {
+        let profile = self.cutter(cutter)?;
         let cutter_length = *cutter.length.get_ref();
-        let shank_diameter =
-            text.shank.as_ref().map(|s| self.length("shank.diameter", &s.get_ref().diameter)).transpose()?;
-        let shank_length = match text.shank.as_ref().and_then(|s| s.get_ref().length.as_ref()) {
-            Some(length) => Some(self.length("shank.length", length)?),
+        let shank = text.shank.as_ref();
+        let diameter = shank.map(|shank| self.length("shank.diameter", &shank.diameter)).transpose()?;
+        let length = shank.and_then(|shank| shank.length.as_ref());
+        let shank_end = match length {
+            Some(length) => Some(cutter_length + self.length("shank.length", length)?),
             None => None,
         };
         let stick_out = text.stick_out.as_ref().map(|s| self.length("stick_out", s)).transpose()?;
-        let face = stick_out.unwrap_or(cutter_length + shank_length.unwrap_or(0.0));
-        if let (Some(stick), Some(length)) = (&text.stick_out, shank_length)
-            && !text.holder.is_empty()
-            && cutter_length + length < face
-        {
-            let what = format!(
-                "stick_out {face} leaves a gap below the holder: cutter and shank reach only {}",
-                cutter_length + length
-            );
-            return Err(self.at(self.line(stick.span().start), what));
+        let face = stick_out.unwrap_or(shank_end.unwrap_or(cutter_length));
+        if let Some(stick) = &text.stick_out {
+            if let Some(end) = shank_end.filter(|&end| end < face && !text.holder.is_empty()) {
+                let what = format!(
+                    "stick_out {face} leaves a gap below the holder: cutter and shank reach only {end}"
+                );
+                return Err(self.wrong(stick, what));
+            }
+            if diameter.is_none() && face > cutter_length {
+                let what = format!(
+                    "stick_out {face} is longer than the cutter ({cutter_length}): a [shank] is needed"
+                );
+                return Err(self.wrong(stick, what));
+            }
         }
-        if let (Some(stick), None) = (&text.stick_out, shank_diameter)
-            && face > cutter_length
-        {
-            let what =
-                format!("stick_out {face} is longer than the cutter ({cutter_length}): a [shank] is needed");
-            return Err(self.at(self.line(stick.span().start), what));
+        let (end, radius) = (shank_end.unwrap_or(face), diameter.unwrap_or_default() / 2.0);
+        let shank =
+            diameter.filter(|_| end > cutter_length).map(|_| line(cutter_length, end, radius, radius));
+        let mut holder = Vec::new();
+        for part in &text.holder {
+            let lower = self.length("holder.diameter", &part.diameter)?;
+            let upper = part.top_diameter.as_ref().unwrap_or(&part.diameter);
+            let upper = self.length("holder.top_diameter", upper)?;
+            holder.push([self.length("holder.length", &part.length)?, lower, upper]);
         }
-        // What is inside the holder belongs to the holder.
-        let top = if text.holder.is_empty() { f64::INFINITY } else { face };
-        let visible: Vec<Segment> = cutter_profile.iter().filter_map(|s| s.below(top)).collect();
-        let mut elements = vec![Element { kind: ElementKind::Cutter, profile: visible }];
-        let shank_top = shank_length.map_or(face, |length| cutter_length + length).min(top);
-        if let Some(diameter) = shank_diameter.filter(|_| shank_top > cutter_length) {
-            let radius = diameter / 2.0;
-            let line =
-                Segment::Line { from: cutter_length, to: shank_top, radius_from: radius, radius_to: radius };
-            elements.push(Element { kind: ElementKind::Shank, profile: vec![line] });
+        // Without a holder nothing is hidden.
+        let face = if holder.is_empty() { f64::INFINITY } else { face };
+        Ok(Stack { cutter: profile, shank: shank.into_iter().collect(), face, holder })
+    }
+
+    /// Outline of the cutter: a corner arc (the whole ball for ball ends), then a cylinder or a cone.
+    fn cutter(&self, cutter: &CutterText) -> Result<Vec<Segment>, Fault> {
+        let radius = self.length("cutter.diameter", &cutter.diameter)? / 2.0;
+        let length = self.length("cutter.length", &cutter.length)?;
+        let corner = match (&cutter.corner_radius, cutter.shape) {
+            (Some(corner), CutterShape::Bull | CutterShape::Tapered) => {
+                let value = self.length("cutter.corner_radius", corner)?;
+                if value > radius {
+                    let what =
+                        format!("cutter.corner_radius {value} is larger than the cutter's radius {radius}");
+                    return Err(self.wrong(corner, what));
+                }
+                value
+            }
+            (Some(corner), _) => {
+                let what = "cutter.corner_radius belongs to shape = \"bull\" or \"tapered\"";
+                return Err(self.wrong(corner, what));
+            }
+            (None, CutterShape::Bull) => {
+                return Err(self.wrong(&cutter.diameter, "a bull-nose cutter needs cutter.corner_radius"));
+            }
+            (None, CutterShape::Flat) => 0.0,
+            (None, CutterShape::Ball | CutterShape::Tapered) => radius,
+        };
+        let half_angle = match (&cutter.half_angle, cutter.shape == CutterShape::Tapered) {
+            (Some(angle), true) if *angle.get_ref() > 0.0 && *angle.get_ref() < 80.0 => *angle.get_ref(),
+            (Some(angle), _) => {
+                let what =
+                    "cutter.half_angle belongs to shape = \"tapered\" and lies between 0 and 80 degrees";
+                return Err(self.wrong(angle, what));
+            }
+            (None, true) => {
+                return Err(self.wrong(&cutter.diameter, "a tapered cutter needs cutter.half_angle"));
+            }
+            (None, false) => 0.0,
+        };
+        let what = || format!("cutter.length {length} is shorter than the cutter's rounded end");
+        let profile = rounded(radius, corner, half_angle.to_radians(), length);
+        profile.ok_or_else(|| self.wrong(&cutter.length, what()))
+    }
+}
+
+/// `None` for points that the shape cannot have.
+fn sharp_points(text: &SharpText, shape: &ToolShape) -> Option<SharpPoints> {
+    let revolved = matches!(shape, ToolShape::Revolved(_));
+    match text {
+        SharpText::Name(name) if name == "tip" => Some(SharpPoints::Tip),
+        SharpText::Name(name) if name == "boundary" && revolved => Some(SharpPoints::Boundary(None)),
+        SharpText::Count(count) if *count > 0 && revolved => Some(SharpPoints::Cutter(*count)),
+        SharpText::Points(points) if !points.is_empty() && points.iter().flatten().all(|v| v.is_finite()) => {
+            Some(SharpPoints::Points(points.iter().map(|&p| DVec3::from_array(p)).collect()))
         }
-        let mut from = face;
-        for (index, holder) in text.holder.iter().enumerate() {
-            let radius_from = self.length("holder.diameter", &holder.diameter)? / 2.0;
-            let top_diameter = holder.top_diameter.as_ref().unwrap_or(&holder.diameter);
-            let radius_to = self.length("holder.top_diameter", top_diameter)? / 2.0;
-            let to = from + self.length("holder.length", &holder.length)?;
-            let line = Segment::Line { from, to, radius_from, radius_to };
-            elements.push(Element { kind: ElementKind::Holder(index), profile: vec![line] });
-            from = to;
-        }
-        Ok(elements)
+        _ => None,
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tool::ElementKind;
 
-    fn read(text: &str) -> Result<Tool, ToolFileError> {
+    fn read(text: &str) -> Result<Tool, FileError> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("tool.toml");
         std::fs::write(&path, text).unwrap();
@@ -349,14 +359,11 @@ mod tests {
             ("[cutter\n", 1, ""),
         ];
         for (text, line, key) in cases {
-            match read(text).unwrap_err() {
-                ToolFileError::Content { line: found, what, .. } => {
-                    assert_eq!(found, line, "{text}: {what}");
-                    assert!(what.contains(key), "{text}: {what}");
-                }
-                other => panic!("{other}"),
-            }
+            let Fault { line: found, cause, .. } = read(text).unwrap_err().fault;
+            assert_eq!(found, Some(line), "{text}: {cause}");
+            assert!(cause.contains(key), "{text}: {cause}");
         }
-        assert!(matches!(Tool::read(Path::new("no/such/tool.toml")), Err(ToolFileError::Read { .. })));
+        let missing = Tool::read(Path::new("no/such/tool.toml")).unwrap_err();
+        assert_eq!(missing.fault.kind, FaultKind::Missing);
     }
 }

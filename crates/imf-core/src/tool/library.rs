@@ -6,70 +6,35 @@
 //! has no place in a stack of bodies of revolution is refused by name, never left out. FreeCAD's bits know no holder, and no tool
 //! here has other sharp points than its tip.
 
-mod bodies;
 mod freecad;
 mod fusion;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use thiserror::Error;
-
-use super::{Tool, ToolError};
-
-/// Why a library gives no tool. Every message names the file.
-#[derive(Debug, Error)]
-pub enum ToolLibraryError {
-    /// The file cannot be read.
-    #[error("cannot read the tool library {path}: {source}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The system's reason.
-        source: std::io::Error,
-    },
-    /// The file is not what its ending says.
-    #[error("{path} is no intact tool library: {what}; export it again")]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        what: String,
-    },
-    /// Several tools, or none, answer to the name.
-    #[error("{path}: {what}; its tools are: {}", listed(.tools))]
-    Choice {
-        /// The file.
-        path: PathBuf,
-        /// What was asked.
-        what: String,
-        /// What there is.
-        tools: Vec<String>,
-    },
-    /// The tool cannot be described by elements.
-    #[error("{path}, tool '{tool}': {what}; describe it in a tool file (TOML) instead")]
-    Tool {
-        /// The file.
-        path: PathBuf,
-        /// The tool.
-        tool: String,
-        /// What is missing, wrong, or without a place.
-        what: String,
-    },
-    /// The assembly has no volume.
-    #[error("{path}: {source}")]
-    Empty {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with the tool.
-        source: ToolError,
-    },
-}
+use super::Tool;
+use super::stack::{Stack, end_mill, line, pointed, top};
+use crate::file_error::Fault;
 
 /// What is wrong with `FILE#`: an empty name would be answered by whatever tool happens to have none.
 const NAMELESS: &str = "no tool is named behind the #";
 
 /// Names that a message lists.
 const LISTED: usize = 20;
+
+/// Several tools, or none, have the name.
+fn no_choice(what: &str, tools: &[String]) -> Fault {
+    Fault::malformed(format!("{what}; its tools are: {}", listed(tools)))
+}
+
+/// The file is not what its ending says.
+fn damaged(what: impl std::fmt::Display) -> Fault {
+    Fault::malformed(format!("it is no intact tool library: {what}; export it again"))
+}
+
+/// What is missing in a tool, wrong, or without a place among elements.
+fn refused(tool: &str, what: &str) -> Fault {
+    Fault::malformed(format!("tool '{tool}': {what}; describe it in a tool file (TOML) instead"))
+}
 
 fn listed(tools: &[String]) -> String {
     if tools.is_empty() {
@@ -80,25 +45,14 @@ fn listed(tools: &[String]) -> String {
     if more > 0 { format!("{names} and {more} more") } else { names }
 }
 
-/// Which program's file it is.
-#[derive(Clone, Copy, PartialEq)]
-enum Kind {
-    FreeCad,
-    Fusion,
-}
-
-fn kind(path: &Path) -> Option<Kind> {
-    let ending = path.extension()?.to_ascii_lowercase();
-    match ending.to_str()? {
-        "fctb" => Some(Kind::FreeCad),
-        "json" | "tools" => Some(Kind::Fusion),
-        _ => None,
-    }
+/// True for a file whose ending is one of these.
+fn ends_in(path: &Path, endings: &[&str]) -> bool {
+    path.extension().is_some_and(|ending| endings.iter().any(|known| ending.eq_ignore_ascii_case(known)))
 }
 
 /// True for a file whose ending is that of a library.
 pub(super) fn is_library(path: &Path) -> bool {
-    kind(path).is_some()
+    ends_in(path, &["fctb", "json", "tools"])
 }
 
 /// A path and, behind a `#`, the tool that is meant: only where there is no file of the whole name.
@@ -115,15 +69,9 @@ pub(super) fn location(text: &str) -> (&Path, Option<&str>) {
     }
 }
 
-/// Reads the tool of a library that `wanted` names, or its only one.
-pub(super) fn read(path: &Path, wanted: Option<&str>) -> Result<Tool, ToolLibraryError> {
-    let bytes = std::fs::read(path).map_err(|source| ToolLibraryError::Read { path: path.into(), source })?;
-    let tool = match kind(path) {
-        Some(Kind::FreeCad) => freecad::tool(path, &bytes, wanted)?,
-        _ => fusion::tool(path, &bytes, wanted)?,
-    };
-    tool.check().map_err(|source| ToolLibraryError::Empty { path: path.into(), source })?;
-    Ok(tool)
+/// The tool of a library that `wanted` names, or its only one.
+pub(super) fn tool(path: &Path, bytes: &[u8], wanted: Option<&str>) -> Result<Tool, Fault> {
+    if ends_in(path, &["fctb"]) { freecad::tool(bytes, wanted) } else { fusion::tool(bytes, wanted) }
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::{DMat4, DVec3};
 
 use super::rotated::{MOST_VOXELS, SLACK, bounds, holds};
-use super::{Segment, Tool, ToolShape};
+use super::{RotatedTool, Segment, Tool, ToolShape};
 use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
@@ -31,8 +31,8 @@ impl Tool {
             ToolShape::Revolved(elements) => {
                 let profile: Vec<Segment> = elements.iter().flat_map(|e| e.profile.iter().copied()).collect();
                 let (direction, pitch) = (orientation.direction(), obstacle.grid.pitch);
-                let held = |offset| holds(&profile, direction, offset, SLACK * pitch * pitch);
-                count_held(obstacle, tip, ranges(&obstacle.grid, tip, bounds), held)
+                let inside = |offset| holds(&profile, direction, offset, SLACK * pitch * pitch);
+                count_one_by_one(obstacle, tip, ranges(&obstacle.grid, tip, bounds), inside)
             }
             ToolShape::Mesh(mesh) => {
                 let turned = mesh.transformed(&DMat4::from_mat3(orientation.rotation()));
@@ -50,18 +50,18 @@ fn ranges(grid: &Grid, tip: DVec3, (lower, upper): (DVec3, DVec3)) -> [Range<usi
     })
 }
 
-/// Voxel by voxel: solid ones whose offsets from the tip, in world units, are held.
-fn count_held(
+/// Voxel by voxel: solid ones whose offsets from the tip, in world units, are inside.
+fn count_one_by_one(
     obstacle: &Occupancy,
     tip: DVec3,
     [xs, ys, zs]: [Range<usize>; 3],
-    held: impl Fn(DVec3) -> bool,
+    inside: impl Fn(DVec3) -> bool,
 ) -> u32 {
     let grid = &obstacle.grid;
     let mut count = 0;
     for (x, y) in xs.flat_map(|x| ys.clone().map(move |y| (x, y))) {
         for z in zs.clone().filter(|&z| obstacle.solid[grid.index([x, y, z])] != 0) {
-            count += u32::from(held((DVec3::new(x as f64, y as f64, z as f64) - tip) * grid.pitch));
+            count += u32::from(inside((DVec3::new(x as f64, y as f64, z as f64) - tip) * grid.pitch));
         }
     }
     count
@@ -79,38 +79,26 @@ fn count_in_mesh(turned: &Mesh, obstacle: &Occupancy, tip: DVec3, (lower, upper)
     let dims = (upper - lower + 2.0).to_array().map(|span| span as usize);
     if dims.iter().map(|&n| n as f64).product::<f64>() > MOST_VOXELS as f64 {
         // Too large to be made of voxels.
-        let held = |offset| winding_number(turned, offset).abs() > 0.5;
-        return count_held(obstacle, tip, [xs, ys, zs], held);
+        let inside = |offset| winding_number(turned, offset).abs() > 0.5;
+        return count_one_by_one(obstacle, tip, [xs, ys, zs], inside);
     }
     let own = Grid { origin: (lower - (tip - whole) - 0.5) * grid.pitch, pitch: grid.pitch, dims };
-    let tool = voxelize(turned, &own, false);
-    // The obstacle's voxel in the tool's own first place; the ranges' voxels are beyond it.
-    let first = whole + lower;
-    let place = |axis: usize, at: usize| (at as f64 - first[axis]) as usize;
-    let mut count = 0;
-    for (x, y) in xs.flat_map(|x| ys.clone().map(move |y| (x, y))) {
-        let solid = &obstacle.solid[grid.index([x, y, zs.start])..][..zs.len()];
-        let held = &tool.solid[own.index([place(0, x), place(1, y), place(2, zs.start)])..][..zs.len()];
-        count += solid.iter().zip(held).map(|(solid, held)| u32::from(solid & held)).sum::<u32>();
-    }
-    count
+    let solid = voxelize(turned, &own, false).solid;
+    // The voxels' own count, which normalises, is not needed.
+    let voxels = RotatedTool { lower: lower.to_array().map(|v| v as i32), dims, solid, count: 0 };
+    voxels.count_in(obstacle, whole.to_array().map(|v| v as i64))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::RotatedTool;
     use super::*;
+    use crate::mesh::tests::unit_cube;
     use crate::orientation::OrientationSet;
 
     /// A box whose faces lie on voxel centres when it is upright, with the tip on its lowest.
     fn tool() -> Tool {
-        let corner = |i: usize| {
-            let pick = |bit: usize, low: f64, high: f64| if i >> bit & 1 == 0 { low } else { high };
-            DVec3::new(pick(0, -2.0, 4.0), pick(1, -3.0, 1.0), pick(2, 0.0, 9.0))
-        };
-        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-        let triangles = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
-        let mesh = Mesh { vertices: (0..8).map(corner).collect(), triangles };
+        let place = DMat4::from_translation(DVec3::new(-2.0, -3.0, 0.0));
+        let mesh = unit_cube().transformed(&(place * DMat4::from_scale(DVec3::new(6.0, 4.0, 9.0))));
         Tool { shape: ToolShape::Mesh(mesh), ..Tool::paper() }
     }
 
@@ -126,39 +114,22 @@ mod tests {
         let grid = obstacle.grid;
         let mut set = OrientationSet::parse("0,0;90,90;0,180;0,90;45,90").unwrap().orientations;
         set.extend(OrientationSet::parse("so3:6").unwrap().orientations);
+        let inside = [[5, 4, 6], [0, 0, 0], [10, 8, 12], [3, 7, 1]];
+        let outside = [[-4, 2, 15], [40, 0, 0], [10, 8, 15], [5, 4, -50]];
+        let tips: Vec<[i64; 3]> = inside.into_iter().chain(outside).collect();
         for orientation in &set {
             let rotated = RotatedTool::new(&tool, orientation, grid.pitch).unwrap();
-            // Some of them outside the box.
-            for at in [
-                [5, 4, 6],
-                [0, 0, 0],
-                [10, 8, 12],
-                [3, 7, 1],
-                [-4, 2, 15],
-                [40, 0, 0],
-                [10, 8, 15],
-                [5, 4, -50],
-            ] {
-                let mut expected = 0;
-                for (index, _) in rotated.solid.iter().enumerate().filter(|(_, solid)| **solid == 1) {
-                    let [_, ny, nz] = rotated.dims;
-                    let own = [index / (ny * nz), index / nz % ny, index % nz];
-                    let voxel = [0, 1, 2].map(|a| at[a] + rotated.lower[a] + own[a] as i32);
-                    if (0..3).all(|a| (0..grid.dims[a] as i32).contains(&voxel[a])) {
-                        expected += u32::from(obstacle.solid[grid.index(voxel.map(|v| v as usize))]);
-                    }
-                }
-                assert_eq!(
-                    rotated.count_in(&obstacle, at.map(i64::from)),
-                    expected,
-                    "{at:?} {orientation:?}"
-                );
-                let tip = grid.origin + (DVec3::from_array(at.map(f64::from)) + 0.5) * grid.pitch;
-                assert_eq!(
-                    tool.count_inside(&obstacle, tip, orientation),
-                    expected,
-                    "{at:?} {orientation:?}"
-                );
+            for &at in &tips {
+                let solid = rotated.offsets().filter(|offset| {
+                    let voxel = [0, 1, 2].map(|a| at[a] + offset[a]);
+                    let inside = (0..3).all(|a| (0..grid.dims[a] as i64).contains(&voxel[a]));
+                    inside && obstacle.solid[grid.index(voxel.map(|v| v as usize))] == 1
+                });
+                let expected = solid.count() as u32;
+                assert_eq!(rotated.count_in(&obstacle, at), expected, "{at:?} {orientation:?}");
+                let tip = grid.origin + (DVec3::from_array(at.map(|v| v as f64)) + 0.5) * grid.pitch;
+                let counted = tool.count_inside(&obstacle, tip, orientation);
+                assert_eq!(counted, expected, "{at:?} {orientation:?}");
             }
         }
     }

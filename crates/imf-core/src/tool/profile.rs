@@ -211,13 +211,13 @@ pub(super) fn surface_points(profile: &[Segment], count: usize) -> Vec<DVec3> {
         let mut rest = total * (index + 1) as f64 / rings as f64;
         for (step, &length) in lengths.iter().enumerate() {
             if rest <= length || step + 1 == lengths.len() {
-                let share = if length > 0.0 { (rest / length).min(1.0) } else { 1.0 };
+                let fraction = if length > 0.0 { (rest / length).min(1.0) } else { 1.0 };
                 let (low, high) = (outline[step], outline[step + 1]);
-                let z = low.0 + (high.0 - low.0) * share;
+                let z = low.0 + (high.0 - low.0) * fraction;
                 // Back onto the outline itself, not its polyline; a level step is its own outline.
                 let on_outline =
                     profile.iter().find(|s| (s.range().0..=s.range().1).contains(&z) && high.0 > low.0);
-                return (z, on_outline.map_or(low.1 + (high.1 - low.1) * share, |s| s.radius(z)));
+                return (z, on_outline.map_or(low.1 + (high.1 - low.1) * fraction, |s| s.radius(z)));
             }
             rest -= length;
         }

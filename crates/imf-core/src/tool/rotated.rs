@@ -100,6 +100,14 @@ impl RotatedTool {
         count
     }
 
+    /// Offsets of the solid voxels from the tip's.
+    #[cfg(test)]
+    pub(crate) fn offsets(&self) -> impl Iterator<Item = [i64; 3]> {
+        let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: self.dims };
+        let solid = (0..self.solid.len()).filter(|&i| self.solid[i] == 1);
+        solid.map(move |i| grid.voxel(i)).map(|v| [0, 1, 2].map(|a| i64::from(self.lower[a]) + v[a] as i64))
+    }
+
     /// Offset of the last voxel of the box from the tip's voxel.
     #[must_use]
     pub fn upper(&self) -> [i32; 3] {
@@ -135,15 +143,15 @@ impl RotatedTool {
                 *height = flat + z * direction.z;
                 *square = (flat_square + z * z) - *height * *height;
             }
-            let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+            let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
             for &height in heights.iter() {
-                least = least.min(height);
-                most = most.max(height);
+                lowest = lowest.min(height);
+                highest = highest.max(height);
             }
             // The segments' ranges meet without overlap: at most one of them holds a height.
             for segment in profile {
                 let (from, to) = segment.range();
-                if from > most || to <= least {
+                if from > highest || to <= lowest {
                     continue;
                 }
                 for ((solid, &height), &square) in line.iter_mut().zip(heights.iter()).zip(squares.iter()) {
@@ -157,30 +165,15 @@ impl RotatedTool {
 
     /// Shrinks the box to its solid voxels, so that convolutions are no larger than they need be.
     fn crop(&mut self) {
-        let [nx, ny, nz] = self.dims;
-        let (mut low, mut high) = ([nx, ny, nz], [0usize; 3]);
-        for (row, line) in self.solid.chunks_exact(nz).enumerate() {
-            let Some(first) = line.iter().position(|&s| s != 0) else { continue };
-            let last = line.iter().rposition(|&s| s != 0).unwrap_or(first);
-            for (axis, range) in [[row / ny; 2], [row % ny; 2], [first, last]].into_iter().enumerate() {
-                low[axis] = low[axis].min(range[0]);
-                high[axis] = high[axis].max(range[1]);
-            }
-        }
+        let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: self.dims };
+        let whole = Occupancy { grid, solid: std::mem::take(&mut self.solid) };
+        let (low, high) = whole.extent().unwrap_or(([0; 3], self.dims.map(|n| n - 1)));
         let dims = [0, 1, 2].map(|axis| high[axis] - low[axis] + 1);
-        if dims == self.dims {
-            return;
-        }
-        let mut cropped = Vec::with_capacity(dims.iter().product());
-        for x in low[0]..=high[0] {
-            for y in low[1]..=high[1] {
-                let start = (x * ny + y) * nz + low[2];
-                cropped.extend_from_slice(&self.solid[start..start + dims[2]]);
-            }
-        }
+        let origin = DVec3::from_array(low.map(|v| v as f64));
+        let cropped = (dims != self.dims).then(|| whole.on(&Grid { origin, dims, ..grid })).flatten();
         self.lower = [0, 1, 2].map(|axis| self.lower[axis] + low[axis] as i32);
         self.dims = dims;
-        self.solid = cropped;
+        self.solid = cropped.unwrap_or(whole).solid;
     }
 }
 
@@ -255,10 +248,12 @@ fn line_through_cylinder(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::tests::unit_cube;
     use crate::orientation::OrientationSet;
+    use crate::tool::{Element, ElementKind};
 
     /// Every voxel of a generous box tested against the definition.
-    fn definition(tool: &Tool, orientation: &Orientation, pitch: f64) -> Vec<[i32; 3]> {
+    fn definition(tool: &Tool, orientation: &Orientation, pitch: f64) -> Vec<[i64; 3]> {
         let ToolShape::Revolved(elements) = &tool.shape else { panic!("revolved") };
         let d = orientation.direction();
         let reach = (tool.reach() / pitch).ceil() as i32 + 1;
@@ -274,21 +269,12 @@ mod tests {
                             && r2 <= s.radius(height).powi(2) + 1e-9 * pitch * pitch
                     });
                     if solid {
-                        inside.push([x, y, z]);
+                        inside.push([x, y, z].map(i64::from));
                     }
                 }
             }
         }
         inside
-    }
-
-    fn offsets(rotated: &RotatedTool) -> Vec<[i32; 3]> {
-        let [_, ny, nz] = rotated.dims;
-        (0..rotated.solid.len())
-            .filter(|&i| rotated.solid[i] == 1)
-            .map(|i| [i / (ny * nz), i / nz % ny, i % nz])
-            .map(|v| [0, 1, 2].map(|axis| rotated.lower[axis] + v[axis] as i32))
-            .collect()
     }
 
     #[test]
@@ -300,7 +286,7 @@ mod tests {
             Segment::Line { from: 4.0, to: 20.0, radius_from: 10.0, radius_to: 3.0 },
             Segment::Line { from: 20.0, to: 31.0, radius_from: 13.0, radius_to: 13.0 },
         ];
-        let element = super::super::Element { kind: super::super::ElementKind::Cutter, profile };
+        let element = Element { kind: ElementKind::Cutter, profile };
         let waisted = Tool { shape: ToolShape::Revolved(vec![element]), ..paper.clone() };
         let mut set = OrientationSet::parse("random:12:3").unwrap().orientations;
         set.extend(OrientationSet::parse("0,0;0,90;90,90;0,180;45,90;0,45").unwrap().orientations);
@@ -308,7 +294,7 @@ mod tests {
             for orientation in &set {
                 let rotated = RotatedTool::new(tool, orientation, pitch).unwrap();
                 let expected = definition(tool, orientation, pitch);
-                assert_eq!(offsets(&rotated), expected, "{orientation:?}");
+                assert_eq!(rotated.offsets().collect::<Vec<_>>(), expected, "{orientation:?}");
                 assert_eq!(rotated.count as usize, expected.len());
             }
         }
@@ -325,13 +311,8 @@ mod tests {
     #[test]
     fn a_mesh_tool_turns_like_its_vertices() {
         // A box 4 × 2 × 6 off the axis.
-        let mut mesh = Mesh::default();
-        for corner in 0..8 {
-            let pick = |bit: i32, low: f64, high: f64| if corner >> bit & 1 == 0 { low } else { high };
-            mesh.vertices.push(DVec3::new(pick(0, 0.6, 4.6), pick(1, -1.1, 0.9), pick(2, 0.3, 6.3)));
-        }
-        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-        mesh.triangles = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        let place = DMat4::from_translation(DVec3::new(0.6, -1.1, 0.3));
+        let mesh = unit_cube().transformed(&(place * DMat4::from_scale(DVec3::new(4.0, 2.0, 6.0))));
         assert!((mesh.signed_volume() - 48.0).abs() < 1e-9);
         let tool = Tool { shape: ToolShape::Mesh(mesh), ..Tool::paper() };
         let upright = RotatedTool::new(&tool, &Orientation::default(), 1.0).unwrap();
@@ -344,22 +325,10 @@ mod tests {
     #[test]
     fn absurd_sizes_are_refused() {
         let tool = Tool::paper();
-        assert!(matches!(
-            RotatedTool::new(&tool, &Orientation::default(), 1e-3),
-            Err(ToolError::TooLarge { .. })
-        ));
-        let thin = Tool {
-            shape: ToolShape::Revolved(vec![super::super::Element {
-                kind: super::super::ElementKind::Cutter,
-                profile: vec![Segment::Line { from: 0.5, to: 0.9, radius_from: 0.1, radius_to: 0.1 }],
-            }]),
-            ..tool
-        };
-        assert!(matches!(
-            RotatedTool::new(&thin, &Orientation::default(), 1.0),
-            Err(ToolError::TooSmall { .. })
-        ));
+        let made = |tool: &Tool, pitch: f64| RotatedTool::new(tool, &Orientation::default(), pitch);
+        assert!(matches!(made(&tool, 1e-3), Err(ToolError::TooLarge { .. })));
+        let profile = vec![Segment::Line { from: 0.5, to: 0.9, radius_from: 0.1, radius_to: 0.1 }];
+        let shape = ToolShape::Revolved(vec![Element { kind: ElementKind::Cutter, profile }]);
+        assert!(matches!(made(&Tool { shape, ..tool }, 1.0), Err(ToolError::TooSmall { .. })));
     }
-
-    use crate::mesh::Mesh;
 }

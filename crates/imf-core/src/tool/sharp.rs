@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::profile::{self, Element, ElementKind, Segment};
 use super::{SLACK, Tool, ToolShape, holds};
 
-/// The points of a tool at which it cuts: the collision measure is the least over them.
+/// The points of a tool at which it cuts: the collision measure is the minimum over them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SharpPoints {
@@ -16,7 +16,7 @@ pub enum SharpPoints {
     /// The tip and rings of points over the cutter's surface, this many in all.
     Cutter(usize),
     /// Every voxel of the upright cutter that has a face neighbour outside the tool, at the grid's pitch and with the tip
-    /// on a voxel centre. Where elements are given they are the tool meant: those of a tool that has since been grown or
+    /// on a voxel centre. Where elements are given they are the tool meant: those of a tool that has since been offset or
     /// taken apart.
     Boundary(Option<Vec<Element>>),
     /// These points, in the tool frame.
@@ -48,7 +48,7 @@ impl Tool {
         self.reach() + sharp
     }
 
-    /// The sharp points as they stand, for a tool made of this one by growing it or taking it apart.
+    /// The sharp points as they stand, for a tool made of this one by offsetting it or taking it apart.
     pub(super) fn inherited_sharp_points(&self) -> SharpPoints {
         match (&self.sharp_points, &self.shape) {
             (SharpPoints::Boundary(None), ToolShape::Revolved(elements)) => {
@@ -89,17 +89,15 @@ fn boundary(elements: &[Element], pitch: f64) -> Vec<DVec3> {
         let to = element.profile.last().map_or(0.0, |s| s.range().1);
         for z in (from / pitch).floor() as i64..=(to / pitch).ceil() as i64 {
             for (x, y) in (-reach..=reach).flat_map(|x| (-reach..=reach).map(move |y| (x, y))) {
-                let around = [
-                    [x - 1, y, z],
-                    [x + 1, y, z],
-                    [x, y - 1, z],
-                    [x, y + 1, z],
-                    [x, y, z - 1],
-                    [x, y, z + 1],
-                ];
-                let inside = holds(&element.profile, DVec3::Z, at([x, y, z]), slack);
-                if inside && [x, y, z] != [0; 3] && !around.into_iter().all(in_tool) {
-                    points.push(at([x, y, z]));
+                let voxel = [x, y, z];
+                let mut neighbours = (0..6).map(|side: usize| {
+                    let mut next = voxel;
+                    next[side / 2] += if side.is_multiple_of(2) { -1 } else { 1 };
+                    next
+                });
+                let inside = holds(&element.profile, DVec3::Z, at(voxel), slack);
+                if inside && voxel != [0; 3] && !neighbours.all(in_tool) {
+                    points.push(at(voxel));
                 }
             }
         }
@@ -109,6 +107,8 @@ fn boundary(elements: &[Element], pitch: f64) -> Vec<DVec3> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::HashSet;
+
     use super::*;
     use crate::orientation::Orientation;
     use crate::tool::{Clearance, RotatedTool};
@@ -132,31 +132,14 @@ mod tests {
         let tool = Tool { sharp_points: SharpPoints::Boundary(None), ..Tool::paper() };
         for pitch in [1.0, 1.7] {
             let voxels = RotatedTool::new(&tool, &Orientation::default(), pitch).unwrap();
-            let solid = |offset: [i64; 3]| {
-                let at = [0, 1, 2].map(|a| offset[a] - i64::from(voxels.lower[a]));
-                let within = (0..3).all(|a| (0..voxels.dims[a] as i64).contains(&at[a]));
-                within
-                    && voxels.solid[((at[0] as usize) * voxels.dims[1] + at[1] as usize) * voxels.dims[2]
-                        + at[2] as usize]
-                        != 0
+            let solid: HashSet<[i64; 3]> = voxels.offsets().collect();
+            let open = |&[x, y, z]: &[i64; 3]| {
+                let beside = |step| [[x + step, y, z], [x, y + step, z], [x, y, z + step]];
+                [-1, 1].into_iter().flat_map(beside).any(|next| !solid.contains(&next))
             };
-            let mut expected = Vec::new();
-            let [nx, ny, nz] = voxels.dims;
-            for index in 0..nx * ny * nz {
-                let at = [index / (ny * nz), index / nz % ny, index % nz];
-                let o = [0, 1, 2].map(|a| at[a] as i64 + i64::from(voxels.lower[a]));
-                let open = (0..3).any(|a| {
-                    [-1, 1].into_iter().any(|step| {
-                        let mut next = o;
-                        next[a] += step;
-                        !solid(next)
-                    })
-                });
-                // The holder begins at height 35.
-                if solid(o) && open && (o[2] as f64 * pitch) < 35.0 {
-                    expected.push(o);
-                }
-            }
+            // The holder begins at height 35.
+            let cutter = |offset: &&[i64; 3]| (offset[2] as f64 * pitch) < 35.0;
+            let mut expected: Vec<_> = solid.iter().filter(cutter).copied().filter(open).collect();
             let mut found: Vec<[i64; 3]> = tool
                 .sharp_point_positions(pitch)
                 .iter()
@@ -171,15 +154,15 @@ mod tests {
     }
 
     #[test]
-    fn a_grown_or_divided_tool_is_sharp_where_the_bare_one_is() {
+    fn an_offset_or_divided_tool_is_sharp_where_the_bare_one_is() {
         for sharp_points in [SharpPoints::Cutter(12), SharpPoints::Boundary(None)] {
             let tool = Tool { sharp_points, ..Tool::paper() };
             let bare = tool.sharp_point_positions(1.0);
             let clearance = Clearance { cutter: 0.5, shank: 0.0, holder: 3.0 };
-            let grown = tool.inflated(&clearance).unwrap();
-            assert_eq!(grown.sharp_point_positions(1.0), bare);
+            let offset = tool.inflated(&clearance).unwrap();
+            assert_eq!(offset.sharp_point_positions(1.0), bare);
             assert_eq!(tool.without_cutter().unwrap().sharp_point_positions(1.0), bare);
-            let inches = grown.in_unit(LengthUnit::Inch).sharp_point_positions(1.0 / 25.4);
+            let inches = offset.in_unit(LengthUnit::Inch).sharp_point_positions(1.0 / 25.4);
             assert_eq!(inches.len(), bare.len());
             assert!(inches.iter().zip(&bare).all(|(a, b)| (*a * 25.4 - *b).length() < 1e-9));
         }
@@ -189,7 +172,7 @@ mod tests {
     fn the_boundary_of_the_cutter_is_the_same_from_every_side() {
         let tool = Tool { sharp_points: SharpPoints::Boundary(None), ..Tool::paper() };
         assert!(tool.is_axisymmetric());
-        let grown = tool.inflated(&Clearance { cutter: 0.0, shank: 0.0, holder: 1.0 }).unwrap();
-        assert!(grown.is_axisymmetric());
+        let offset = tool.inflated(&Clearance { cutter: 0.0, shank: 0.0, holder: 1.0 }).unwrap();
+        assert!(offset.is_axisymmetric());
     }
 }

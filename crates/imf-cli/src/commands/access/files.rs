@@ -2,9 +2,8 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result};
-use imf_core::field_files::{FieldValues, NamedField, write_npy, write_vti};
-use ndarray::ArrayView3;
+use anyhow::Result;
+use imf_core::field_files::{NamedField, write_npy, write_vti};
 
 use super::Findings;
 use super::setup::{Setup, Stock};
@@ -34,27 +33,27 @@ pub(super) fn write(setup: &Setup, findings: &Findings, folder: &Path) -> Result
         .collect();
     let together = &findings.together;
     let mut fields = vec![
-        NamedField::new("imf", shaped(&together.imf.value, dims)?),
-        NamedField::new("best_orientation", shaped(&together.imf.best, dims)?),
-        NamedField::new("free_orientations", shaped(&together.free, dims)?),
-        NamedField::new("accessible", shaped(&findings.space.accessible.labels, dims)?),
-        NamedField::new("inaccessible", shaped(&findings.space.inaccessible.labels, dims)?),
-        NamedField::new("solid", shaped(&solid, dims)?),
+        NamedField::new("imf", &together.imf.value[..]),
+        NamedField::new("best_orientation", &together.imf.best[..]),
+        NamedField::new("free_orientations", &together.free[..]),
+        NamedField::new("accessible", &findings.space.accessible.labels[..]),
+        NamedField::new("inaccessible", &findings.space.inaccessible.labels[..]),
+        NamedField::new("solid", &solid[..]),
     ];
     if many {
-        fields.push(NamedField::new("best_tool", shaped(&together.tool, dims)?));
+        fields.push(NamedField::new("best_tool", &together.tool[..]));
         for (name, access) in by_tool.iter().zip(&findings.tools) {
-            fields.push(NamedField::new(name, shaped(&access.imf.value, dims)?));
+            fields.push(NamedField::new(name, &access.imf.value[..]));
         }
     }
     for (name, values) in &by_element {
-        fields.push(NamedField::new(name, shaped(values, dims)?));
+        fields.push(NamedField::new(name, &values[..]));
     }
     write_vti(folder.join("imf.vti"), &setup.query, &fields)?;
     let mut written = vec!["imf.vti".to_owned()];
     for field in &fields {
         let file = format!("{}.npy", field.name);
-        write_npy(folder.join(&file), field.values)?;
+        write_npy(folder.join(&file), dims, field.values)?;
         written.push(file);
     }
     write_text(&folder.join("orientations.csv"), &orientation_list(setup))?;
@@ -67,13 +66,13 @@ pub(super) fn write(setup: &Setup, findings: &Findings, folder: &Path) -> Result
             let file = named("free_lists", "npy", index, many);
             let shape = lists.shape();
             let bytes = lists.clone().into_bytes();
-            write_npy(folder.join(&file), shaped(&bytes, shape)?)?;
+            write_npy(folder.join(&file), shape, &bytes[..])?;
             written.push(file);
         }
     }
     for (index, map) in findings.maps.iter().enumerate() {
         let file = named("map", "npy", index, many);
-        write_npy(folder.join(&file), shaped(&map.values, [1, map.cells[0], map.cells[1]])?)?;
+        write_npy(folder.join(&file), [1, map.cells[0], map.cells[1]], &map.values[..])?;
         written.push(file);
     }
     Ok(written)
@@ -87,12 +86,12 @@ pub(super) fn named(name: &str, extension: &str, tool: usize, many: bool) -> Str
 fn write_removable(setup: &Setup, stock: &Stock, findings: &Findings, folder: &Path) -> Result<Vec<String>> {
     let grid = &stock.solid.grid;
     let classes = removable_classes(setup, stock, findings);
-    write_npy(folder.join("removable.npy"), shaped(&classes, grid.dims)?)?;
+    write_npy(folder.join("removable.npy"), grid.dims, &classes[..])?;
     let by_tool: Vec<String> = (0..setup.tools.len()).map(|t| format!("removable_tool_{t}")).collect();
-    let mut fields = vec![NamedField::new("removable", shaped(&classes, grid.dims)?)];
+    let mut fields = vec![NamedField::new("removable", &classes[..])];
     if setup.tools.len() > 1 {
         for (name, swept) in by_tool.iter().zip(&findings.removable) {
-            fields.push(NamedField::new(name, shaped(swept, grid.dims)?));
+            fields.push(NamedField::new(name, &swept[..]));
         }
     }
     write_vti(folder.join("removable.vti"), grid, &fields)?;
@@ -119,11 +118,4 @@ pub(super) fn removable_classes(setup: &Setup, stock: &Stock, findings: &Finding
 fn orientation_list(setup: &Setup) -> String {
     let lines = setup.orientations.orientations.iter().map(|o| format!("{},{},{}\n", o.theta, o.phi, o.roll));
     std::iter::once("theta,phi,roll\n".to_owned()).chain(lines).collect()
-}
-
-fn shaped<T>(values: &[T], shape: [usize; 3]) -> Result<ArrayView3<'_, T>>
-where
-    for<'a> FieldValues<'a>: From<ArrayView3<'a, T>>,
-{
-    ArrayView3::from_shape(shape, values).context("a field has not its grid's length")
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::Result;
 use imf_core::access::{surface_voxels, vertex_normals};
-use imf_core::field_files::{VertexValues, write_ply};
+use imf_core::field_files::write_ply;
 use imf_core::mesh::Mesh;
 
 use super::Findings;
@@ -61,12 +61,7 @@ impl Surface {
         let scale = self.scale();
         let colours: Vec<[u8; 3]> = self.imf.iter().map(|&v| scale.rgb(v)).collect();
         let [i, j, k] = &self.best;
-        let values = [
-            VertexValues { name: "imf", values: &self.imf },
-            VertexValues { name: "best_i", values: i },
-            VertexValues { name: "best_j", values: j },
-            VertexValues { name: "best_k", values: k },
-        ];
+        let values = [("imf", &self.imf[..]), ("best_i", &i[..]), ("best_j", &j[..]), ("best_k", &k[..])];
         let comments = [
             format!("imf {}: {} in {}", env!("CARGO_PKG_VERSION"), setup.part, setup.unit),
             "imf: inaccessibility measure half a pitch outside; best: direction from tip to holder".into(),

@@ -1,10 +1,9 @@
 //! Measures of cutter, shank and each holder segment beside the whole tool's: what collides.
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use imf_core::field_files::write_npy;
 use imf_core::section::{ElementScratch, Imf, SectionError, elements_at_best};
 use imf_core::tool::ElementKind;
-use ndarray::ArrayView3;
 use serde::Serialize;
 
 use super::Work;
@@ -72,8 +71,7 @@ pub(super) fn write(
     let grid = &work.scene.record.grid;
     let row = |&(kind, values): &(ElementKind, &[f32])| {
         let array = array(prefix, kind);
-        let view = ArrayView3::from_shape(grid.dims, values).context("a measure does not fit its grid")?;
-        write_npy(work.folder.file(&format!("{array}.npy")), view)?;
+        write_npy(work.folder.file(&format!("{array}.npy")), grid.dims, values)?;
         let outside = values.iter().zip(&work.scene.obstacle.solid).filter(|&(_, &solid)| solid == 0);
         Ok(ElementRow {
             element: kind.to_string(),

@@ -6,7 +6,6 @@ use imf_core::orientation::Orientation;
 use imf_core::section::Imf;
 use imf_core::tool::ElementKind;
 use imf_fields::harmonic::Refined;
-use ndarray::{ArrayView3, aview1};
 use serde_json::json;
 
 use super::elements::{self, ElementRow};
@@ -137,21 +136,19 @@ fn write_fields(
     };
     let met = refined.unwrap_or(&work.set.orientations);
     let angles: Vec<(&str, Vec<f32>)> = angles(met).map(|(name, angle)| (name, of_best(angle))).collect();
-    let value = aview1(&whole.value).into_shape_with_order(grid.dims)?;
-    let best = aview1(&whole.best).into_shape_with_order(grid.dims)?;
-    write_npy(work.folder.file("imf.npy"), value)?;
-    write_npy(work.folder.file("best.npy"), best)?;
+    let (value, best) = (&whole.value[..], &whole.best[..]);
+    write_npy(work.folder.file("imf.npy"), grid.dims, value)?;
+    write_npy(work.folder.file("best.npy"), grid.dims, best)?;
     let mut fields = vec![NamedField::new("imf", value), NamedField::new("best", best)];
     for (name, angle) in &angles {
-        let angle = aview1(angle).into_shape_with_order(grid.dims)?;
         if refined.is_some() {
-            write_npy(work.folder.file(&format!("{name}.npy")), angle)?;
+            write_npy(work.folder.file(&format!("{name}.npy")), grid.dims, &angle[..])?;
         }
-        fields.push(NamedField::new(name, angle));
+        fields.push(NamedField::new(name, &angle[..]));
     }
-    fields.push(NamedField::new("solid", ArrayView3::from_shape(grid.dims, &work.scene.obstacle.solid)?));
+    fields.push(NamedField::new("solid", &work.scene.obstacle.solid[..]));
     for ((_, values), row) in elements.iter().zip(rows) {
-        fields.push(NamedField::new(&row.array, ArrayView3::from_shape(grid.dims, values)?));
+        fields.push(NamedField::new(&row.array, &values[..]));
     }
     write_vti(work.folder.file("imf.vti"), grid, &fields)?;
     work.write_orientations()

@@ -2,11 +2,10 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use imf_core::field_files::{NamedField, write_npy, write_vti};
 use imf_core::orientation::Orientation;
 use imf_core::section::ElementPlans;
-use ndarray::{ArrayView3, aview1};
 use serde_json::{Value, json};
 
 use super::elements::{self, ElementRow, OwnMeasures};
@@ -57,15 +56,14 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     };
     let written = AtomicUsize::new(0);
     let visit = |own: &mut Own, index: usize, cmf: &[f32]| -> Result<()> {
-        let array = ArrayView3::from_shape(grid.dims, cmf).context("a section does not fit its grid")?;
-        write_npy(work.folder.file(&format!("{}.npy", name(index))), array)?;
+        write_npy(work.folder.file(&format!("{}.npy", name(index))), grid.dims, cmf)?;
         let measured = own.measures.measure(work, index)?;
         let elements = elements::write(work, &name(index), &measured, index == 0)?;
         if !shared {
             let vti = work.folder.file(&format!("{}.vti", name(index)));
-            let mut fields = vec![NamedField::new("cmf", array)];
+            let mut fields = vec![NamedField::new("cmf", cmf)];
             for (row, (_, values)) in elements.iter().zip(&measured) {
-                fields.push(NamedField::new(&row.array, ArrayView3::from_shape(grid.dims, values)?));
+                fields.push(NamedField::new(&row.array, *values));
             }
             write_vti(vti, grid, &fields)?;
         }
@@ -162,12 +160,11 @@ fn files(work: &Work<'_>, shared: bool) -> Vec<String> {
 /// All sections as named arrays of one file.
 fn write_shared(work: &Work<'_>, kept: &[Kept]) -> Result<()> {
     let grid = &work.scene.record.grid;
-    let solid = ArrayView3::from_shape(grid.dims, &work.scene.obstacle.solid)?;
     let mut fields = Vec::new();
     for (name, values) in kept.iter().flat_map(|section| &section.values) {
-        fields.push(NamedField::new(name, aview1(values).into_shape_with_order(grid.dims)?));
+        fields.push(NamedField::new(name, &values[..]));
     }
-    fields.push(NamedField::new("solid", solid));
+    fields.push(NamedField::new("solid", &work.scene.obstacle.solid[..]));
     Ok(write_vti(work.folder.file("sections.vti"), grid, &fields)?)
 }
 

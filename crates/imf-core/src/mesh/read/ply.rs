@@ -4,13 +4,12 @@
 //! become triangle fans, and everything else that a file may hold (normals, colours, qualities, edges) is passed over.
 
 use std::io::{Cursor, ErrorKind};
-use std::path::Path;
 
 use glam::DVec3;
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 
-use super::{MeshFileError, check_count};
+use super::{Fault, no_vertex, not_finite};
 use crate::mesh::Mesh;
 use crate::mesh::weld::Welder;
 
@@ -67,77 +66,60 @@ fn indices(property: Property) -> Option<Vec<i64>> {
     }
 }
 
-pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Mesh, MeshFileError> {
+pub(super) fn parse(bytes: &[u8]) -> Result<Mesh, Fault> {
     let parser = Parser::<Item>::new();
     let mut reader = Reader::new(Cursor::new(bytes));
-    let header = parser.read_header(&mut reader).map_err(|error| explain(&error, path))?;
-    let mut payload = parser.read_payload(&mut reader, &header).map_err(|error| explain(&error, path))?;
-    let malformed =
-        |cause: &str| MeshFileError::Malformed { path: path.into(), line: None, cause: cause.into() };
+    let header = parser.read_header(&mut reader).map_err(|error| explain(&error))?;
+    let mut payload = parser.read_payload(&mut reader, &header).map_err(|error| explain(&error))?;
     // More than the header guarantees: the header counts wrongly, or two files have become one.
     let read = usize::try_from(reader.into_inner().position()).unwrap_or(bytes.len());
     let beyond = bytes.get(read..).unwrap_or_default();
     if !beyond.iter().all(u8::is_ascii_whitespace) {
-        return Err(malformed(&format!("{} bytes follow the elements that its header names", beyond.len())));
+        let cause = format!("{} bytes follow the elements that its header names", beyond.len());
+        return Err(Fault::malformed(cause));
     }
-    let Some(vertices) = payload.swap_remove("vertex") else {
-        return Err(malformed("it has no element `vertex`"));
-    };
+    let vertices = payload.swap_remove("vertex");
+    let vertices = vertices.ok_or_else(|| Fault::malformed("it has no element `vertex`"))?;
     for name in ["x", "y", "z"] {
         if header.elements.get("vertex").is_some_and(|vertex| !vertex.properties.contains_key(name)) {
-            return Err(malformed(&format!("its vertices have no property `{name}`")));
+            return Err(Fault::malformed(format!("its vertices have no property `{name}`")));
         }
     }
     let faces = payload.swap_remove("face").unwrap_or_default();
     if !faces.is_empty() && faces.iter().all(|face| face.corners.is_empty()) {
-        return Err(malformed("its faces have no list `vertex_indices` or `vertex_index`"));
+        return Err(Fault::malformed("its faces have no list `vertex_indices` or `vertex_index`"));
     }
-    check_count(faces.iter().map(|face| face.corners.len().saturating_sub(2)).sum(), path)?;
+    let corner = |&index: &i64| {
+        let found = usize::try_from(index).ok().and_then(|at| vertices.get(at));
+        let position = found.ok_or_else(|| no_vertex(index, vertices.len()))?.position;
+        let vertex = || format!("vertex {index} (counted from 0)");
+        if position.is_finite() { Ok(position) } else { Err(not_finite(&vertex())) }
+    };
     let mut welder = Welder::default();
     for face in &faces {
-        let corner = |&index: &i64| {
-            let found = usize::try_from(index).ok().and_then(|at| vertices.get(at));
-            let Some(Item { position, .. }) = found else {
-                let (path, vertices) = (path.into(), vertices.len());
-                return Err(MeshFileError::VertexIndex { path, line: None, index, vertices });
-            };
-            if position.is_finite() {
-                Ok(*position)
-            } else {
-                let vertex = format!("vertex {index} (counted from 0)");
-                Err(MeshFileError::NotFinite { path: path.into(), line: None, vertex })
-            }
-        };
-        let corners = face.corners.iter().map(corner).collect::<Result<Vec<DVec3>, _>>()?;
-        for at in 2..corners.len() {
-            let triangle = [corners[0], corners[at - 1], corners[at]];
-            welder.push(triangle).ok_or_else(|| MeshFileError::TooLarge { path: path.into() })?;
-        }
+        welder.push_fan(&face.corners.iter().map(corner).collect::<Result<Vec<_>, _>>()?)?;
     }
     Ok(welder.finish())
 }
 
-fn explain(error: &ParseError, path: &Path) -> MeshFileError {
-    let path = path.into();
+fn explain(error: &ParseError) -> Fault {
     // Of its several lines the first names the cause.
     let cause = error.to_string().lines().next().unwrap_or_default().to_owned();
-    match error.kind() {
-        ErrorKind::UnexpectedEof => MeshFileError::Truncated { path, cause },
-        _ => {
-            let prefix = error.line().map(|line| format!("Line {line}: ")).unwrap_or_default();
-            let cause = cause.strip_prefix(&prefix).unwrap_or(&cause).to_owned();
-            MeshFileError::Malformed { path, line: error.line(), cause }
-        }
+    if error.kind() == ErrorKind::UnexpectedEof {
+        return Fault::truncated(cause);
     }
+    let prefix = error.line().map(|line| format!("Line {line}: ")).unwrap_or_default();
+    Fault { line: error.line(), ..Fault::malformed(cause.strip_prefix(&prefix).unwrap_or(&cause)) }
 }
 
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use crate::file_error::FaultKind;
     use crate::mesh::tests::unit_cube;
 
-    fn parse_text(text: &str) -> Result<Mesh, MeshFileError> {
-        parse(text.as_bytes(), Path::new("part.ply"))
+    fn parse_text(text: &str) -> Result<Mesh, Fault> {
+        parse(text.as_bytes())
     }
 
     /// The mesh with a colour at each vertex and a quality at each face.
@@ -184,7 +166,7 @@ pub(super) mod tests {
         let cube = unit_cube().welded();
         assert_eq!(parse_text(&ascii(&cube)).unwrap(), cube);
         for little in [true, false] {
-            assert_eq!(parse(&binary(&cube, little), Path::new("part.ply")).unwrap(), cube);
+            assert_eq!(parse(&binary(&cube, little)).unwrap(), cube);
         }
     }
 
@@ -202,15 +184,15 @@ pub(super) mod tests {
     fn what_follows_the_elements_is_refused_but_for_blank_lines() {
         let cube = unit_cube().welded();
         assert_eq!(parse_text(&(ascii(&cube) + "\n \n")).unwrap(), cube);
-        let message = parse_text(&(ascii(&cube) + "3 0 1 2 0.5\n")).unwrap_err().to_string();
+        let message = parse_text(&(ascii(&cube) + "3 0 1 2 0.5\n")).unwrap_err().cause;
         assert!(message.contains("12 bytes follow"), "{message}");
         for little in [true, false] {
             let mut bytes = binary(&cube, little);
             bytes.push(b'\n');
-            assert_eq!(parse(&bytes, Path::new("part.ply")).unwrap(), cube);
+            assert_eq!(parse(&bytes).unwrap(), cube);
             bytes.push(3);
-            let error = parse(&bytes, Path::new("part.ply")).unwrap_err();
-            assert!(error.to_string().contains("2 bytes follow"), "{error}");
+            let message = parse(&bytes).unwrap_err().cause;
+            assert!(message.contains("2 bytes follow"), "{message}");
         }
     }
 
@@ -219,27 +201,22 @@ pub(super) mod tests {
         let cube = unit_cube();
         let text = ascii(&cube);
         let failure = |text: &str| parse_text(text).unwrap_err();
-        assert!(matches!(
-            failure(&text.replace("3 0 ", "3 9 ")),
-            MeshFileError::VertexIndex { index: 9, .. }
-        ));
-        assert!(matches!(
-            failure(&text.replace("3 0 ", "3 -1 ")),
-            MeshFileError::VertexIndex { index: -1, .. }
-        ));
+        for index in ["9", "-1"] {
+            let message = failure(&text.replace("3 0 ", &format!("3 {index} "))).cause;
+            assert!(message.contains(&format!("vertex {index}, but")), "{message}");
+        }
         // In text the word is refused, in binary the number is found.
         assert!(parse_text(&text.replace("0 0 0 200", "nan 0 0 200")).is_err());
         let mut broken = cube.clone();
         broken.vertices[0].x = f64::NAN;
-        let error = parse(&binary(&broken, true), Path::new("part.ply")).unwrap_err();
-        assert!(matches!(error, MeshFileError::NotFinite { .. }), "{error}");
-        assert!(matches!(failure(&text.replace("property float z\n", "")), MeshFileError::Malformed { .. }));
-        let message = failure(&text.replace("vertex_indices", "corners")).to_string();
+        let message = parse(&binary(&broken, true)).unwrap_err().cause;
+        assert!(message.contains("vertex 0 (counted from 0) has a coordinate that is NaN"), "{message}");
+        assert_eq!(failure(&text.replace("property float z\n", "")).kind, FaultKind::Malformed);
+        let message = failure(&text.replace("vertex_indices", "corners")).cause;
         assert!(message.contains("vertex_indices"), "{message}");
-        let message = failure(&text.replace("format ascii", "format strange")).to_string();
-        assert!(message.contains("line 2") && !message.contains("Line 2"), "{message}");
+        let fault = failure(&text.replace("format ascii", "format strange"));
+        assert!(fault.line == Some(2) && !fault.cause.contains("Line 2"), "{fault:?}");
         let cut = binary(&cube, true);
-        let error = parse(&cut[..cut.len() - 5], Path::new("part.ply")).unwrap_err();
-        assert!(matches!(error, MeshFileError::Truncated { .. }), "{error}");
+        assert_eq!(parse(&cut[..cut.len() - 5]).unwrap_err().kind, FaultKind::Truncated);
     }
 }

@@ -1,14 +1,11 @@
-//! STL, binary and ASCII, through `stl_io`.
+//! STL, binary and ASCII.
 //!
 //! Which of the two a file is follows from its length and content, since binary files may begin with `solid` as well.
-//! Normals are ignored (some exporters write NaN for them); several solids in one ASCII file are merged.
-
-use std::io::{self, Cursor};
-use std::path::Path;
+//! Normals are ignored (some exporters write NaN for them); several solids in one ASCII file are merged. Both hold f32.
 
 use glam::DVec3;
 
-use super::{MeshFileError, check_count};
+use super::{Fault, not_finite};
 use crate::mesh::Mesh;
 use crate::mesh::weld::Welder;
 
@@ -18,121 +15,102 @@ const PREAMBLE: usize = HEADER + 4;
 /// Bytes of one triangle: normal and three corners in f32, and two of no meaning.
 const RECORD: usize = 50;
 
-pub(super) fn parse(mut bytes: Vec<u8>, path: &Path) -> Result<Mesh, MeshFileError> {
-    if is_ascii(&bytes) {
-        return read_triangles(&clean(&bytes), path, true);
+pub(super) fn parse(bytes: &[u8]) -> Result<Mesh, Fault> {
+    if is_ascii(bytes) {
+        return parse_ascii(bytes);
     }
-    let Some(guaranteed) = promised_triangles(&bytes) else {
-        let cause = "this is neither a binary nor an ASCII STL file".to_owned();
-        return Err(MeshFileError::Malformed { path: path.into(), line: None, cause });
+    let Some(count) = announced_triangles(bytes) else {
+        return Err(Fault::malformed("this is neither a binary nor an ASCII STL file"));
     };
-    let held = (bytes.len() - PREAMBLE) / RECORD;
-    if held < guaranteed {
-        let cause = format!("it holds {held} of the {guaranteed} triangles that it announces");
-        return Err(MeshFileError::Truncated { path: path.into(), cause });
+    let records = bytes[PREAMBLE..].chunks_exact(RECORD);
+    if records.len() < count {
+        let cause = format!("it holds {} of the {count} triangles that it announces", records.len());
+        return Err(Fault::truncated(cause));
     }
-    check_count(guaranteed, path)?;
-    // The reader takes a file for ASCII by its first word, which says nothing in a binary one.
-    bytes[..HEADER].fill(0);
-    read_triangles(&bytes, path, false)
+    let mut welder = Welder::default();
+    for (number, record) in records.take(count).enumerate() {
+        // The normal comes first.
+        let values: Vec<f64> = record[12..48]
+            .chunks_exact(4)
+            .map(|value| f32::from_le_bytes([value[0], value[1], value[2], value[3]]).into())
+            .collect();
+        let corners = [0, 3, 6].map(|at| DVec3::from_slice(&values[at..]));
+        if let Some(corner) = corners.iter().position(|corner| !corner.is_finite()) {
+            return Err(not_finite(&format!("corner {} of triangle {}", corner + 1, number + 1)));
+        }
+        welder.push(corners)?;
+    }
+    Ok(welder.finish())
 }
 
 /// The number of triangles that a binary file announces; `None` if it is too short for one.
-fn promised_triangles(bytes: &[u8]) -> Option<usize> {
+fn announced_triangles(bytes: &[u8]) -> Option<usize> {
     let count = bytes.get(HEADER..PREAMBLE)?;
     Some(u32::from_le_bytes(count.try_into().ok()?) as usize)
 }
 
 fn is_ascii(bytes: &[u8]) -> bool {
-    let exact = promised_triangles(bytes).is_some_and(|count| bytes.len() == PREAMBLE + count * RECORD);
+    let exact = announced_triangles(bytes).is_some_and(|count| bytes.len() == PREAMBLE + count * RECORD);
     let start = bytes.trim_ascii_start();
     let start = start[..start.len().min(1024)].to_ascii_lowercase();
     let names = |word: &[u8]| start.windows(word.len()).any(|window| window == word);
     !exact && start.starts_with(b"solid") && (names(b"facet") || names(b"endsolid") || !start.contains(&0))
 }
 
-/// An ASCII file as `stl_io` wants it, line by line so that line numbers stay: lower case, one solid, plain normals.
-fn clean(bytes: &[u8]) -> Vec<u8> {
-    let mut cleaned = Vec::with_capacity(bytes.len() + 16);
-    let mut started = false;
-    let mut ended = false;
-    for line in bytes.trim_ascii_start().split(|&byte| byte == b'\n') {
-        let line = String::from_utf8_lossy(line).trim().to_ascii_lowercase();
-        let word = line.split_whitespace().next().unwrap_or_default();
-        if !word.is_empty() {
-            ended = word == "endsolid";
-        }
-        match word {
-            "solid" if !started => {
-                started = true;
-                cleaned.extend_from_slice(b"solid ");
-            }
-            "solid" | "endsolid" => {}
-            "facet" => cleaned.extend_from_slice(b"facet normal 0 0 0"),
-            _ => cleaned.extend_from_slice(line.as_bytes()),
-        }
-        cleaned.push(b'\n');
-    }
-    if ended {
-        cleaned.extend_from_slice(b"endsolid\n");
-    }
-    cleaned
-}
-
-fn read_triangles(bytes: &[u8], path: &Path, ascii: bool) -> Result<Mesh, MeshFileError> {
-    let mut cursor = Cursor::new(bytes);
+fn parse_ascii(bytes: &[u8]) -> Result<Mesh, Fault> {
     let mut welder = Welder::default();
-    let mut count = 0;
-    // Where the triangle being read is, for errors.
-    let line = |count: usize| if ascii { facet_line(bytes, count) } else { None };
-    let triangles = stl_io::create_stl_reader(&mut cursor).map_err(|error| explain(&error, None, path))?;
-    for triangle in triangles {
-        let triangle = triangle.map_err(|error| explain(&error, line(count), path))?;
-        let corners = triangle.vertices.map(|vertex| DVec3::from_array(vertex.0.map(f64::from)));
-        if let Some(corner) = corners.iter().position(|corner| !corner.is_finite()) {
-            let vertex = format!("corner {} of triangle {}", corner + 1, count + 1);
-            return Err(MeshFileError::NotFinite { path: path.into(), line: line(count), vertex });
+    // The line of the facet that is being read, and its corners so far.
+    let mut facet: Option<(usize, Vec<DVec3>)> = None;
+    let mut ended = false;
+    for (number, line) in bytes.split(|&byte| byte == b'\n').enumerate() {
+        let line = String::from_utf8_lossy(line).to_ascii_lowercase();
+        let mut words = line.split_whitespace();
+        let Some(word) = words.next() else { continue };
+        ended = word == "endsolid";
+        match (word, &mut facet) {
+            ("solid" | "endsolid", None) | ("outer" | "endloop", Some(_)) => {}
+            ("facet", None) => facet = Some((number + 1, Vec::new())),
+            ("vertex", Some((begin, corners))) => {
+                let values: Option<Vec<f32>> = words.map(|word| word.parse().ok()).collect();
+                let Some(&[x, y, z]) = values.as_deref() else { return Err(unreadable(*begin)) };
+                corners.push(DVec3::new(x.into(), y.into(), z.into()));
+            }
+            ("endfacet", Some((begin, corners))) => {
+                let corners: [DVec3; 3] = corners[..].try_into().map_err(|_| unreadable(*begin))?;
+                if !corners.iter().all(|corner| corner.is_finite()) {
+                    return Err(not_finite("a corner of the facet that begins here").on_line(*begin));
+                }
+                welder.push(corners)?;
+                facet = None;
+            }
+            (_, found) => return Err(unreadable(found.as_ref().map_or(number + 1, |(begin, _)| *begin))),
         }
-        welder.push(corners).ok_or_else(|| MeshFileError::TooLarge { path: path.into() })?;
-        count += 1;
     }
-    check_count(count, path)?;
-    Ok(welder.finish())
+    match facet {
+        Some((begin, _)) => {
+            Err(Fault::truncated(format!("it ends within the facet that begins on line {begin}")))
+        }
+        None if !ended => Err(Fault::truncated("the last solid has no `endsolid`")),
+        None => Ok(welder.finish()),
+    }
 }
 
-/// The line, from 1, on which a facet begins.
-fn facet_line(cleaned: &[u8], facet: usize) -> Option<usize> {
-    let lines = cleaned.split(|&byte| byte == b'\n').enumerate();
-    lines.filter(|(_, line)| line.starts_with(b"facet")).nth(facet).map(|(line, _)| line + 1)
-}
-
-fn explain(error: &io::Error, line: Option<usize>, path: &Path) -> MeshFileError {
-    let path = path.into();
-    match (error.kind(), line) {
-        (io::ErrorKind::UnexpectedEof, None) => {
-            let cause = "the last solid has no `endsolid`".to_owned();
-            MeshFileError::Truncated { path, cause }
-        }
-        (io::ErrorKind::UnexpectedEof, Some(line)) => {
-            let cause = format!("it ends within the facet that begins on line {line}");
-            MeshFileError::Truncated { path, cause }
-        }
-        _ if error.to_string().contains("finite") => MeshFileError::NotFinite {
-            path,
-            line,
-            vertex: "a corner of the facet that begins here".to_owned(),
-        },
-        _ => MeshFileError::Malformed { path, line, cause: format!("cannot read this facet: {error}") },
-    }
+fn unreadable(line: usize) -> Fault {
+    Fault::malformed("cannot read this facet").on_line(line)
 }
 
 #[cfg(test)]
 pub(super) mod tests {
     use std::fmt::Write as _;
 
-    use super::super::tests::parse_stl;
+    use super::super::Format;
+    use super::super::tests::mesh_of;
     use super::*;
     use crate::mesh::tests::unit_cube;
+
+    fn parse_stl(bytes: &[u8]) -> Result<Mesh, String> {
+        mesh_of(bytes, Format::Stl)
+    }
 
     pub(in crate::mesh::read) fn ascii(mesh: &Mesh) -> String {
         let mut text = "solid cube\n".to_owned();
@@ -208,15 +186,15 @@ pub(super) mod tests {
             ("solid a\nendsolid a\n".to_owned(), "holds no faces"),
             ("something else".to_owned(), "neither a binary nor an ASCII STL"),
         ] {
-            let error = parse_stl(changed.as_bytes()).unwrap_err().to_string();
-            assert!(error.contains("part.stl") && error.contains(expected), "{error}");
+            let error = parse_stl(changed.as_bytes()).unwrap_err();
+            assert!(error.contains("part") && error.contains(expected), "{error}");
         }
         let bytes = binary(&cube);
-        let error = parse_stl(&bytes[..bytes.len() - 1]).unwrap_err().to_string();
+        let error = parse_stl(&bytes[..bytes.len() - 1]).unwrap_err();
         assert!(error.contains("11 of the 12 triangles"), "{error}");
         let mut bytes = bytes;
         bytes[PREAMBLE + RECORD + 24..][..4].copy_from_slice(&f32::INFINITY.to_le_bytes());
-        let error = parse_stl(&bytes).unwrap_err().to_string();
+        let error = parse_stl(&bytes).unwrap_err();
         assert!(error.contains("corner 2 of triangle 2"), "{error}");
     }
 }

@@ -14,15 +14,16 @@ mod model;
 
 use std::collections::HashMap;
 use std::io::{Cursor, Read};
-use std::path::Path;
 
-use glam::DMat4;
+use glam::{DMat4, DVec3};
 use zip::ZipArchive;
+use zip::result::ZipError;
 
-use super::MeshFileError;
+use super::Fault;
+use crate::file_error::FaultKind;
 use crate::mesh::Mesh;
 use crate::unit::LengthUnit;
-use model::{Body, Fault, Model, Relationships, Role, Unit};
+use model::{Body, Model, Role};
 
 /// The most bytes that an archive may unfold to, for each of its own: text of meshes is packed some ten times.
 const MOST_UNFOLDING: u64 = 200;
@@ -37,115 +38,86 @@ const ZIP: &[u8] = b"PK";
 
 type Archive<'a> = ZipArchive<Cursor<&'a [u8]>>;
 
-/// The mesh and the unit it is in.
-pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<(Mesh, LengthUnit), MeshFileError> {
-    read(bytes).map_err(|fault| fault.at(path))
+fn no_archive(error: &ZipError) -> Fault {
+    Fault::truncated(format!("it is no whole ZIP archive, as 3MF files are ({error})"))
 }
 
-fn read(bytes: &[u8]) -> Result<(Mesh, LengthUnit), Fault> {
+/// The mesh and the unit it is in.
+pub(super) fn parse(bytes: &[u8]) -> Result<(Mesh, LengthUnit), Fault> {
     if !bytes.starts_with(ZIP) {
-        return Err(Fault::Malformed("it is no 3MF file: it does not begin as a ZIP archive does".into()));
+        return Err(Fault::malformed("it is no 3MF file: it does not begin as a ZIP archive does"));
     }
-    let mut archive = Archive::new(Cursor::new(bytes)).map_err(|error| Fault::of_archive(&error))?;
+    let mut archive = Archive::new(Cursor::new(bytes)).map_err(|error| no_archive(&error))?;
     let mut budget = (bytes.len() as u64).saturating_mul(MOST_UNFOLDING);
     let root = root_name(&mut archive, &mut budget)?;
     let mut models = HashMap::new();
-    let first = read_model(&mut archive, &root, &mut budget)?;
-    let (unit, items, unprinted) = (first.unit, first.items.clone(), first.unprinted);
-    models.insert(root.clone(), first);
-    // Models that items and components name, and those that these name.
-    let mut wanted: Vec<String> = items.iter().filter_map(|item| item.path.clone()).collect();
-    wanted.extend(models[&root].paths());
+    // The root, and the models that items and components name.
+    let mut wanted = vec![root.clone()];
     while let Some(name) = wanted.pop() {
-        let name = plain(&name);
         if models.contains_key(&name) {
             continue;
         }
         let model = read_model(&mut archive, &name, &mut budget)?;
-        if model.unit != unit {
-            return Err(Fault::Malformed(format!("{name} and {root} are in different units")));
+        if models.get(&root).is_some_and(|first: &Model| first.unit != model.unit) {
+            return Err(Fault::malformed(format!("{name} and {root} are in different units")));
         }
-        wanted.extend(model.paths());
+        let items = if name == root { &model.items[..] } else { &[] };
+        wanted.extend(items.iter().chain(model.components()).filter_map(|placed| placed.path.clone()));
         models.insert(name, model);
     }
+    let Model { items, unprinted, unit: (scale, unit), .. } = &models[&root];
     if items.is_empty() {
-        let cause = match unprinted {
+        return Err(Fault::malformed(match unprinted {
             0 => "its build has no item: nothing is placed".to_owned(),
             count => format!("nothing of its build is to be printed: {count} items have printable=\"0\""),
-        };
-        return Err(Fault::Malformed(cause));
+        }));
     }
     let mut placing = Placing { models: &models, mesh: Mesh::default(), placements: 0 };
-    for item in &items {
-        let model = item.path.as_ref().map_or_else(|| root.clone(), |path| plain(path));
-        if models.get(&model).and_then(|m| m.objects.get(&item.object)).is_some_and(|o| o.role == Role::Other)
-        {
-            let cause = format!(
-                "an item places object {} of {model}, whose type 'other' no item may have",
-                item.object
-            );
-            return Err(Fault::Malformed(cause));
+    for item in items {
+        let (model, object) = (item.path.as_ref().unwrap_or(&root), item.object);
+        if models.get(model).and_then(|m| m.objects.get(&object)).is_some_and(|o| o.role == Role::Other) {
+            let cause =
+                format!("an item places object {object} of {model}, whose type 'other' no item may have");
+            return Err(Fault::malformed(cause));
         }
-        placing.place(&model, item.object, &item.transform, 0)?;
+        placing.place(model, object, &item.transform, 0)?;
     }
-    let (scale, unit) = unit_of(unit);
     let mesh = placing.mesh;
-    let mesh =
-        if scale == 1.0 { mesh } else { mesh.transformed(&DMat4::from_scale(glam::DVec3::splat(scale))) };
-    Ok((mesh.welded(), unit))
-}
-
-/// Our unit for a file's, and what its lengths are multiplied by.
-fn unit_of(unit: Unit) -> (f64, LengthUnit) {
-    match unit {
-        Unit::Micron => (1e-3, LengthUnit::Mm),
-        Unit::Millimeter => (1.0, LengthUnit::Mm),
-        Unit::Centimeter => (1.0, LengthUnit::Cm),
-        Unit::Meter => (1.0, LengthUnit::M),
-        Unit::Inch => (1.0, LengthUnit::Inch),
-        Unit::Foot => (12.0, LengthUnit::Inch),
-    }
-}
-
-/// A part's name in the archive, as paths in the XML begin with a slash.
-fn plain(name: &str) -> String {
-    name.trim_start_matches('/').to_owned()
+    let mesh = if *scale == 1.0 { mesh } else { mesh.transformed(&DMat4::from_scale(DVec3::splat(*scale))) };
+    Ok((mesh.welded(), *unit))
 }
 
 /// The name of the model that the package's relationships call its root; where it usually is if they do not.
 fn root_name(archive: &mut Archive<'_>, budget: &mut u64) -> Result<String, Fault> {
     const RELATIONSHIPS: &str = "_rels/.rels";
-    let known = archive.index_for_name(RELATIONSHIPS).is_some();
-    let found = if known {
-        let text = unpack(archive, RELATIONSHIPS, budget)?;
-        Relationships::read(&text)?.root
-    } else {
-        None
+    let found = match archive.index_for_name(RELATIONSHIPS) {
+        Some(_) => model::root_target(&unpack(archive, RELATIONSHIPS, budget)?)?,
+        None => None,
     };
-    Ok(found.map_or_else(|| "3D/3dmodel.model".into(), |name| plain(&name)))
+    Ok(found.unwrap_or_else(|| "3D/3dmodel.model".into()))
 }
 
 fn read_model(archive: &mut Archive<'_>, name: &str, budget: &mut u64) -> Result<Model, Fault> {
     let text = unpack(archive, name, budget)?;
-    Model::read(&text).map_err(|fault| fault.within(name))
+    Model::read(&text).map_err(|fault| Fault { cause: format!("{name}: {}", fault.cause), ..fault })
 }
 
 /// A part of the archive.
 fn unpack(archive: &mut Archive<'_>, name: &str, budget: &mut u64) -> Result<String, Fault> {
     let Some(index) = archive.index_for_name(name) else {
-        return Err(Fault::Malformed(format!("the archive has no {name}")));
+        return Err(Fault::malformed(format!("the archive has no {name}")));
     };
-    let file = archive.by_index(index).map_err(|error| Fault::of_archive(&error))?;
+    let file = archive.by_index(index).map_err(|error| no_archive(&error))?;
     let mut text = Vec::new();
     file.take(*budget + 1)
         .read_to_end(&mut text)
-        .map_err(|error| Fault::Truncated(format!("{name}: {error}")))?;
+        .map_err(|error| Fault::truncated(format!("{name}: {error}")))?;
     let length = text.len() as u64;
     if length > *budget {
-        return Err(Fault::Malformed(format!("{name} unfolds to more than {MOST_UNFOLDING} times the file")));
+        return Err(Fault::malformed(format!("{name} unfolds to more than {MOST_UNFOLDING} times the file")));
     }
     *budget -= length;
-    String::from_utf8(text).map_err(|_| Fault::Malformed(format!("{name} is no text in UTF-8")))
+    String::from_utf8(text).map_err(|_| Fault::malformed(format!("{name} is no text in UTF-8")))
 }
 
 struct Placing<'a> {
@@ -160,28 +132,29 @@ impl Placing<'_> {
         self.placements += 1;
         if depth > DEEPEST || self.placements > MOST_PLACEMENTS {
             let cause = "its components nest too deeply, in a circle, or are too many";
-            return Err(Fault::Malformed(cause.into()));
+            return Err(Fault::malformed(cause));
         }
-        let missing = || Fault::Malformed(format!("{model} has no object {object}, which is placed"));
+        let missing = || Fault::malformed(format!("{model} has no object {object}, which is placed"));
         let models = self.models;
         let found = models.get(model).and_then(|model| model.objects.get(&object)).ok_or_else(missing)?;
         match &found.body {
             _ if found.role != Role::Part => {}
             Body::Mesh(mesh) => {
                 if self.mesh.triangles.len() + mesh.triangles.len() > MOST_TRIANGLES {
-                    return Err(Fault::TooLarge);
+                    let cause = format!("it places more than {MOST_TRIANGLES} triangles");
+                    return Err(Fault::new(FaultKind::TooLarge, cause));
                 }
                 let placed = mesh.transformed(transform);
                 if placed.vertices.iter().any(|vertex| !vertex.is_finite()) {
                     let cause = format!("object {object} of {model} is placed beyond what numbers hold");
-                    return Err(Fault::Malformed(cause));
+                    return Err(Fault::malformed(cause));
                 }
                 self.mesh.append(&placed);
             }
             Body::Components(components) => {
                 for part in components {
-                    let within = part.path.as_ref().map_or_else(|| model.to_owned(), |path| plain(path));
-                    self.place(&within, part.object, &(*transform * part.transform), depth + 1)?;
+                    let within = part.path.as_deref().unwrap_or(model);
+                    self.place(within, part.object, &(*transform * part.transform), depth + 1)?;
                 }
             }
         }

@@ -5,14 +5,12 @@
 //! larger of two readings. The tool is as long as its `Stickout`, where there is one, else as its `Length`.
 
 use std::collections::HashMap;
-use std::path::Path;
 
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::ToolLibraryError;
-use super::bodies::{Bodies, end_mill, line, pointed, top};
-use crate::tool::{Segment, Tool};
+use super::{Fault, Stack, damaged, end_mill, line, no_choice, pointed, refused, top};
+use crate::tool::{Segment, SharpPoints, Tool};
 use crate::unit::LengthUnit;
 
 #[derive(Deserialize)]
@@ -27,9 +25,8 @@ struct Bit {
 }
 
 /// The tool of a `.fctb` file.
-pub(super) fn tool(path: &Path, bytes: &[u8], wanted: Option<&str>) -> Result<Tool, ToolLibraryError> {
-    let bit: Bit = serde_json::from_slice(bytes)
-        .map_err(|error| ToolLibraryError::Damaged { path: path.into(), what: error.to_string() })?;
+pub(super) fn tool(bytes: &[u8], wanted: Option<&str>) -> Result<Tool, Fault> {
+    let bit: Bit = serde_json::from_slice(bytes).map_err(damaged)?;
     if let Some(wanted) = wanted.map(str::trim)
         && (wanted.is_empty() || !wanted.eq_ignore_ascii_case(bit.name.trim()))
     {
@@ -37,10 +34,10 @@ pub(super) fn tool(path: &Path, bytes: &[u8], wanted: Option<&str>) -> Result<To
             "" => super::NAMELESS.to_owned(),
             _ => format!("no tool of it is called '{wanted}'"),
         };
-        return Err(ToolLibraryError::Choice { path: path.into(), what, tools: vec![bit.name] });
+        return Err(no_choice(&what, &[bit.name]));
     }
-    let fail = |what| ToolLibraryError::Tool { path: path.into(), tool: bit.name.clone(), what };
-    Ok(bit.bodies().map_err(fail)?.tool())
+    let shape = bit.stack().map_err(|what| refused(&bit.name, &what))?.shape();
+    Ok(Tool { name: bit.name, unit: LengthUnit::Mm, shape, sharp_points: SharpPoints::Tip })
 }
 
 impl Bit {
@@ -53,7 +50,7 @@ impl Bit {
         name.rsplit(['/', '\\']).next().unwrap_or(name).replace(['-', '_', ' '], "")
     }
 
-    fn bodies(&self) -> Result<Bodies, String> {
+    fn stack(&self) -> Result<Stack, String> {
         let kind = self.kind();
         let radius = 0.5 * self.length("Diameter")?;
         let whole = self.length("Length")?;
@@ -75,14 +72,7 @@ impl Bit {
         let shank = self.shank(&cutter, whole)?;
         let face = self.optional_length("Stickout")?.filter(|&length| length > 0.0).unwrap_or(whole);
         let end = top(&shank).max(top(&cutter));
-        Ok(Bodies {
-            name: self.name.clone(),
-            unit: LengthUnit::Mm,
-            cutter,
-            shank,
-            face: face.min(end),
-            holder: Vec::new(),
-        })
+        Ok(Stack { cutter, shank, face: face.min(end), holder: Vec::new() })
     }
 
     fn corner(&self, radius: f64) -> Result<f64, String> {

@@ -11,14 +11,12 @@
 
 use std::borrow::Cow;
 use std::io::Read as _;
-use std::path::Path;
 
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::ToolLibraryError;
-use super::bodies::{Bodies, end_mill, line, pointed, top};
-use crate::tool::{Segment, Tool};
+use super::{Fault, Stack, damaged, end_mill, line, no_choice, pointed, refused, top};
+use crate::tool::{Segment, SharpPoints, Tool};
 use crate::unit::LengthUnit;
 
 #[derive(Deserialize)]
@@ -73,43 +71,33 @@ struct Post {
 const MOST_BYTES: u64 = 1 << 28;
 
 /// The tool of a `.json` or `.tools` file that `wanted` names, or its only one.
-pub(super) fn tool(path: &Path, bytes: &[u8], wanted: Option<&str>) -> Result<Tool, ToolLibraryError> {
-    let damaged = |what: String| ToolLibraryError::Damaged { path: path.into(), what };
-    let unpacked;
+pub(super) fn tool(bytes: &[u8], wanted: Option<&str>) -> Result<Tool, Fault> {
     let text = if bytes.starts_with(b"PK") {
-        unpacked = unpacked_json(bytes).map_err(damaged)?;
-        &unpacked
+        Cow::Owned(unpacked_json(bytes).map_err(damaged)?)
     } else {
-        bytes
+        Cow::Borrowed(bytes)
     };
-    let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
-    let library: Library = serde_json::from_slice(text).map_err(|error| damaged(error.to_string()))?;
+    let library: Library =
+        serde_json::from_slice(text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&text)).map_err(damaged)?;
     let tools: Vec<&Entry> = library.data.iter().filter(|entry| entry.kind != "holder").collect();
-    let choice = |what: String| {
-        let tools = tools.iter().map(|entry| entry.title()).collect();
-        ToolLibraryError::Choice { path: path.into(), what, tools }
+    let found: Vec<&Entry> = match wanted.map(str::trim) {
+        Some("") => Vec::new(),
+        Some(wanted) => tools.iter().copied().filter(|entry| entry.answers_to(wanted)).collect(),
+        None => tools.clone(),
     };
-    let entry = match (wanted, tools.as_slice()) {
-        (None, [only]) => only,
-        (None, all) => {
-            return Err(choice(format!("it holds {} tools; name one, as in FILE#NAME", all.len())));
-        }
-        (Some(wanted), _) if wanted.trim().is_empty() => {
-            return Err(choice(super::NAMELESS.into()));
-        }
-        (Some(wanted), all) => {
-            let found: Vec<_> = all.iter().filter(|entry| entry.answers_to(wanted)).collect();
-            match found.as_slice() {
-                [one] => *one,
-                [] => return Err(choice(format!("no tool of it is called '{wanted}'"))),
-                several => {
-                    return Err(choice(format!("{} tools of it are called '{wanted}'", several.len())));
-                }
-            }
-        }
+    let &[entry] = found.as_slice() else {
+        let what = match wanted {
+            None => format!("it holds {} tools; name one, as in FILE#NAME", found.len()),
+            Some(wanted) if wanted.trim().is_empty() => super::NAMELESS.into(),
+            Some(wanted) if found.is_empty() => format!("no tool of it is called '{wanted}'"),
+            Some(wanted) => format!("{} tools of it are called '{wanted}'", found.len()),
+        };
+        let titles: Vec<String> = tools.iter().map(|entry| entry.title()).collect();
+        return Err(no_choice(&what, &titles));
     };
-    let fail = |what| ToolLibraryError::Tool { path: path.into(), tool: entry.title(), what };
-    Ok(entry.bodies().map_err(fail)?.tool())
+    let (name, sharp_points) = (entry.title(), SharpPoints::Tip);
+    let (unit, stack) = entry.stack().map_err(|what| refused(&name, &what))?;
+    Ok(Tool { name, unit, shape: stack.shape(), sharp_points })
 }
 
 /// The JSON inside a `.tools` archive.
@@ -148,12 +136,12 @@ impl Entry {
     }
 
     fn answers_to(&self, wanted: &str) -> bool {
-        let wanted = wanted.trim();
         let same = |name: &str| name.trim().eq_ignore_ascii_case(wanted);
         same(&self.description) || same(&self.product) || self.number().is_some_and(|number| same(&number))
     }
 
-    fn bodies(&self) -> Result<Bodies, String> {
+    /// The unit that the entry states, and its parts in it.
+    fn stack(&self) -> Result<(LengthUnit, Stack), String> {
         let named = self.unit.as_deref().ok_or("it has no unit")?;
         let unit_here = unit(named)?;
         let (radius, edges) = (0.5 * self.positive("DC")?, self.positive("LCF")?);
@@ -171,7 +159,7 @@ impl Entry {
         }
         holder.retain(|[height, ..]| *height > 0.0);
         let face = if holder.is_empty() { face.min(top(&shank).max(top(&cutter))) } else { face };
-        Ok(Bodies { name: self.title(), unit: unit_here, cutter, shank, face, holder })
+        Ok((unit_here, Stack { cutter, shank, face, holder }))
     }
 
     fn cutter(&self, radius: f64, edges: f64) -> Result<Vec<Segment>, String> {

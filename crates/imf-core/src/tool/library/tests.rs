@@ -16,6 +16,16 @@ impl Folder {
         Self(tempfile::tempdir().unwrap())
     }
 
+    /// The only tool of a library, or the error's text.
+    fn read(&self, name: &str, content: &Value) -> Result<Tool, String> {
+        Tool::read(&self.with(name, content)).map_err(|error| error.to_string())
+    }
+
+    /// The tool of a library of Fusion's that holds one entry.
+    fn fusion(&self, entry: &Value) -> Result<Tool, String> {
+        self.read("t.json", &json!({"data": [entry]}))
+    }
+
     fn with(&self, name: &str, content: &Value) -> PathBuf {
         let path = self.0.path().join(name);
         std::fs::write(&path, content.to_string()).unwrap();
@@ -70,7 +80,7 @@ fn names_with_a_hash_are_found_behind_the_library() {
 fn a_shoulder_without_a_diameter_is_as_wide_as_the_cutters_end() {
     let folder = Folder::new();
     let entry = fusion("tapered mill", "taper", 1, json!({"DC": 1.0, "TA": 5.0, "shoulder-diameter": null}));
-    let tool = Tool::read(&folder.with("taper.json", &json!({"data": [entry]}))).unwrap();
+    let tool = folder.fusion(&entry).unwrap();
     // 18 mm of edges at 5°, and 2 mm of shoulder.
     let end = 0.5 + 18.0 * 5f64.to_radians().tan();
     close(radius(&tool, 19.0), end);
@@ -79,7 +89,7 @@ fn a_shoulder_without_a_diameter_is_as_wide_as_the_cutters_end() {
 #[test]
 fn freecads_bits_become_cutter_and_shank() {
     let folder = Folder::new();
-    let read = |content: &Value| Tool::read(&folder.with("bit.fctb", content));
+    let read = |content: &Value| folder.read("bit.fctb", content);
     let bullnose = bit(
         "Bullnose",
         json!({
@@ -150,7 +160,7 @@ fn what_freecad_has_and_we_do_not_is_refused_by_name() {
         ),
         (json!({"name": "none"}), "parameter"),
     ] {
-        let error = Tool::read(&folder.with("bit.fctb", &content)).unwrap_err().to_string();
+        let error = folder.read("bit.fctb", &content).unwrap_err();
         assert!(error.contains("bit.fctb") && error.contains(expected), "{error}");
     }
 }
@@ -185,7 +195,7 @@ fn fusions_tools_become_cutter_shoulder_shaft_and_holder() {
     let folder = Folder::new();
     let library =
         json!({"data": [fusion("bull nose end mill", "6 mm bull", 3, json!({"RE": 1.0}))], "version": 1});
-    let tool = Tool::read(&folder.with("tools.json", &library)).unwrap();
+    let tool = folder.read("tools.json", &library).unwrap();
     assert_eq!((tool.name.as_str(), tool.unit), ("6 mm bull", LengthUnit::Mm));
     close(tool.length(), 30.0 + 1.5 * 25.4);
     let kinds: Vec<_> = elements(&tool).iter().map(|e| e.kind).collect();
@@ -207,11 +217,11 @@ fn fusions_tools_become_cutter_shoulder_shaft_and_holder() {
     let mut entry = fusion("flat end mill", "flat", 1, json!({}));
     entry["shaft"] =
         json!({"type": "shaft", "segments": [{"height": 4.0, "lower-diameter": 5.8, "upper-diameter": 8.0}]});
-    let tool = Tool::read(&folder.with("tools.json", &json!({"data": [entry]}))).unwrap();
+    let tool = folder.fusion(&entry).unwrap();
     close(radius(&tool, 22.0), 0.25 * (5.8 + 8.0));
     close(radius(&tool, 24.0), 4.0);
     let entry = fusion("ball end mill", "ball", 1, json!({"LCF": 40.0, "shoulder-length": 40.0}));
-    let tool = Tool::read(&folder.with("tools.json", &json!({"data": [entry]}))).unwrap();
+    let tool = folder.fusion(&entry).unwrap();
     assert_eq!(elements(&tool).len(), 3);
     close(radius(&tool, 29.0), 3.0);
     close(radius(&tool, 31.0), 12.7 + 6.35 / 25.4);
@@ -225,7 +235,7 @@ fn fusions_tools_become_cutter_shoulder_shaft_and_holder() {
     ];
     for (kind, geometry, height, expected) in shapes {
         let entry = fusion(kind, kind, 1, geometry);
-        let tool = Tool::read(&folder.with("tools.json", &json!({"data": [entry]}))).unwrap();
+        let tool = folder.fusion(&entry).unwrap();
         close(radius(&tool, height), expected);
     }
 }
@@ -304,7 +314,7 @@ fn what_fusion_has_and_we_do_not_is_refused_by_name() {
         (unknown_unit, "'furlongs'"),
         (broken_holder, "holder"),
     ] {
-        let error = Tool::read(&folder.with("t.json", &json!({"data": [entry]}))).unwrap_err().to_string();
+        let error = folder.fusion(&entry).unwrap_err();
         assert!(error.contains("t.json") && error.contains(expected), "{error}");
         assert!(error.contains("TOML"), "{error}");
     }
@@ -313,5 +323,5 @@ fn what_fusion_has_and_we_do_not_is_refused_by_name() {
     std::fs::write(&path, b"PK\x03\x04 cut short").unwrap();
     assert!(Tool::read(&path).unwrap_err().to_string().contains("no intact tool library"));
     let missing = folder.0.path().join("none.tools");
-    assert!(Tool::read(&missing).unwrap_err().to_string().contains("cannot read"));
+    assert!(Tool::read(&missing).unwrap_err().to_string().contains("there is no tool file"));
 }

@@ -1,17 +1,17 @@
 //! One XML model of a 3MF archive: its unit, its objects, what its build places.
 
 use std::collections::HashMap;
-use std::path::Path;
 use std::str::FromStr;
 
-use glam::{DMat4, DVec3, DVec4};
+use glam::{DMat4, DVec3};
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::name::{Namespace, ResolveResult};
 use quick_xml::{NsReader, XmlVersion};
-use zip::result::ZipError;
 
-use super::MeshFileError;
+use super::super::{no_vertex, not_finite};
+use super::Fault;
 use crate::mesh::Mesh;
+use crate::unit::LengthUnit;
 
 /// The namespace of objects, meshes and items.
 const CORE: &str = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02";
@@ -25,79 +25,27 @@ const KNOWN: [&str; 4] = [
     CORE,
 ];
 
-/// What is wrong with a file.
-#[derive(Debug)]
-pub(super) enum Fault {
-    Malformed(String),
-    Truncated(String),
-    Index { index: u32, vertices: usize },
-    NotFinite(String),
-    TooLarge,
+fn of_xml(error: impl std::fmt::Display) -> Fault {
+    Fault::malformed(error.to_string())
 }
 
-impl Fault {
-    pub(super) fn of_archive(error: &ZipError) -> Self {
-        Self::Truncated(format!("it is no whole ZIP archive, as 3MF files are ({error})"))
-    }
-
-    fn of_xml(error: impl std::fmt::Display) -> Self {
-        Self::Malformed(error.to_string())
-    }
-
-    /// Names the part of the archive.
-    pub(super) fn within(self, name: &str) -> Self {
-        match self {
-            Self::Malformed(cause) => Self::Malformed(format!("{name}: {cause}")),
-            Self::Truncated(cause) => Self::Truncated(format!("{name}: {cause}")),
-            Self::NotFinite(vertex) => Self::NotFinite(format!("{vertex} of {name}")),
-            other => other,
-        }
-    }
-
-    pub(super) fn at(self, path: &Path) -> MeshFileError {
-        let path = path.to_owned();
-        match self {
-            Self::Malformed(cause) => MeshFileError::Malformed { path, line: None, cause },
-            Self::Truncated(cause) => MeshFileError::Truncated { path, cause },
-            Self::Index { index, vertices } => {
-                MeshFileError::VertexIndex { path, line: None, index: index.into(), vertices }
-            }
-            Self::NotFinite(vertex) => MeshFileError::NotFinite { path, line: None, vertex },
-            Self::TooLarge => MeshFileError::TooLarge { path },
-        }
-    }
-}
-
-/// The units of the format.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Unit {
-    Micron,
-    Millimeter,
-    Centimeter,
-    Inch,
-    Foot,
-    Meter,
-}
-
-impl FromStr for Unit {
-    type Err = Fault;
-
-    fn from_str(text: &str) -> Result<Self, Fault> {
-        match text {
-            "micron" => Ok(Self::Micron),
-            "millimeter" => Ok(Self::Millimeter),
-            "centimeter" => Ok(Self::Centimeter),
-            "inch" => Ok(Self::Inch),
-            "foot" => Ok(Self::Foot),
-            "meter" => Ok(Self::Meter),
-            _ => Err(Fault::Malformed(format!("'{text}' is no unit of the format"))),
-        }
+/// What lengths of a file are multiplied by, and the unit they are in then.
+fn unit(name: &str) -> Result<(f64, LengthUnit), Fault> {
+    match name {
+        "micron" => Ok((1e-3, LengthUnit::Mm)),
+        "millimeter" => Ok((1.0, LengthUnit::Mm)),
+        "centimeter" => Ok((1.0, LengthUnit::Cm)),
+        "meter" => Ok((1.0, LengthUnit::M)),
+        "inch" => Ok((1.0, LengthUnit::Inch)),
+        "foot" => Ok((12.0, LengthUnit::Inch)),
+        _ => Err(Fault::malformed(format!("'{name}' is no unit of the format"))),
     }
 }
 
 /// An object that stands somewhere: by its number, in this model or another.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct Placement {
+    /// The other model's name in the archive.
     pub(super) path: Option<String>,
     pub(super) object: u32,
     pub(super) transform: DMat4,
@@ -126,9 +74,9 @@ pub(super) struct Object {
     pub(super) body: Body,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Model {
-    pub(super) unit: Unit,
+    pub(super) unit: (f64, LengthUnit),
     pub(super) objects: HashMap<u32, Object>,
     /// What is to be printed.
     pub(super) items: Vec<Placement>,
@@ -136,44 +84,38 @@ pub(super) struct Model {
     pub(super) unprinted: usize,
 }
 
-/// What an archive says of its parts.
-pub(super) struct Relationships {
-    /// The path of the root model.
-    pub(super) root: Option<String>,
+/// The name of the root model that a package's relationships give.
+pub(super) fn root_target(text: &str) -> Result<Option<String>, Fault> {
+    let mut root = None;
+    each(text, |name, start| {
+        if let ("Relationship", Some(element)) = (name, start)
+            && attribute(element, "Type")?.as_deref() == Some(ROOT)
+        {
+            root = attribute(element, "Target")?.as_deref().map(plain);
+        }
+        Ok(())
+    })?;
+    Ok(root)
 }
 
-impl Relationships {
-    pub(super) fn read(text: &str) -> Result<Self, Fault> {
-        let mut root = None;
-        each(text, |event| {
-            if let Part::Start { name: "Relationship", element } = event
-                && attribute(element, "Type")?.as_deref() == Some(ROOT)
-            {
-                root = attribute(element, "Target")?;
-            }
-            Ok(())
-        })?;
-        Ok(Self { root })
-    }
+/// A part's name in the archive, as paths in the XML begin with a slash.
+fn plain(name: &str) -> String {
+    name.trim_start_matches('/').to_owned()
 }
 
-/// The beginning or the end of an element of the core namespace.
-enum Part<'a> {
-    Start { name: &'a str, element: &'a BytesStart<'a> },
-    End { name: &'a str },
-}
-
-/// Calls `take` with the beginning and the end of every element of the core namespace, or of none.
-fn each(text: &str, mut take: impl FnMut(Part<'_>) -> Result<(), Fault>) -> Result<(), Fault> {
+/// Calls `take` with the name of every element of the core namespace, or of none: at its beginning with the element, at its end
+/// without.
+fn each(
+    text: &str,
+    mut take: impl FnMut(&str, Option<&BytesStart<'_>>) -> Result<(), Fault>,
+) -> Result<(), Fault> {
     let mut reader = NsReader::from_str(text);
+    reader.config_mut().expand_empty_elements = true;
     let mut depth = 0_usize;
     loop {
         let (namespace, event) = match reader.read_resolved_event() {
             Ok(found) => found,
-            Err(error) => {
-                let at = reader.error_position();
-                return Err(Fault::Malformed(format!("{error}, at byte {at}")));
-            }
+            Err(error) => return Err(of_xml(format!("{error}, at byte {}", reader.error_position()))),
         };
         let ours = match namespace {
             ResolveResult::Bound(Namespace(name)) => name == CORE || name.ends_with("/relationships"),
@@ -184,23 +126,17 @@ fn each(text: &str, mut take: impl FnMut(Part<'_>) -> Result<(), Fault>) -> Resu
             Event::Start(element) => {
                 depth += 1;
                 if ours {
-                    take(Part::Start { name: element.local_name().as_ref(), element: &element })?;
+                    take(element.local_name().as_ref(), Some(&element))?;
                 }
-            }
-            Event::Empty(element) if ours => {
-                take(Part::Start { name: element.local_name().as_ref(), element: &element })?;
-                take(Part::End { name: element.local_name().as_ref() })?;
             }
             Event::End(element) => {
                 depth = depth.saturating_sub(1);
                 if ours {
-                    take(Part::End { name: element.local_name().as_ref() })?;
+                    take(element.local_name().as_ref(), None)?;
                 }
             }
-            Event::DocType(_) => {
-                return Err(Fault::Malformed("it has a document type, which 3MF forbids".into()));
-            }
-            Event::Eof if depth > 0 => return Err(Fault::Truncated("the XML ends inside an element".into())),
+            Event::DocType(_) => return Err(of_xml("it has a document type, which 3MF forbids")),
+            Event::Eof if depth > 0 => return Err(Fault::truncated("the XML ends inside an element")),
             Event::Eof => return Ok(()),
             _ => {}
         }
@@ -219,9 +155,9 @@ fn foreign(element: &BytesStart<'_>, name: &str) -> Result<Option<String>, Fault
 
 fn matching(element: &BytesStart<'_>, is_it: impl Fn(&str) -> bool) -> Result<Option<String>, Fault> {
     for found in element.attributes() {
-        let found = found.map_err(Fault::of_xml)?;
+        let found = found.map_err(of_xml)?;
         if is_it(found.key.as_ref()) {
-            let value = found.normalized_value(XmlVersion::Implicit1_0).map_err(Fault::of_xml)?;
+            let value = found.normalized_value(XmlVersion::Implicit1_0).map_err(of_xml)?;
             return Ok(Some(value.into_owned()));
         }
     }
@@ -233,36 +169,31 @@ fn number<T: FromStr>(element: &BytesStart<'_>, name: &str) -> Result<T, Fault> 
     let kind = element.local_name();
     let kind: &str = kind.as_ref();
     let text = attribute(element, name)?
-        .ok_or_else(|| Fault::Malformed(format!("an element '{kind}' has no {name}")))?;
-    text.trim().parse().map_err(|_| Fault::Malformed(format!("{name} of an element '{kind}' is '{text}'")))
+        .ok_or_else(|| Fault::malformed(format!("an element '{kind}' has no {name}")))?;
+    text.trim().parse().map_err(|_| Fault::malformed(format!("{name} of an element '{kind}' is '{text}'")))
 }
 
 fn placement(element: &BytesStart<'_>) -> Result<Placement, Fault> {
     let transform = attribute(element, "transform")?.map_or(Ok(DMat4::IDENTITY), |text| transform(&text))?;
-    Ok(Placement { path: foreign(element, "path")?, object: number(element, "objectid")?, transform })
+    let path = foreign(element, "path")?.as_deref().map(plain);
+    Ok(Placement { path, object: number(element, "objectid")?, transform })
 }
 
 /// Twelve numbers: the images of the axes, then the shift.
 fn transform(text: &str) -> Result<DMat4, Fault> {
-    let wrong = || Fault::Malformed(format!("'{text}' is no transform of twelve finite numbers"));
-    let numbers: Vec<f64> = text.split_ascii_whitespace().filter_map(|n| n.parse().ok()).collect();
-    let whole = numbers.len() == 12 && text.split_ascii_whitespace().count() == 12;
-    if !whole || numbers.iter().any(|n| !n.is_finite()) {
-        return Err(wrong());
-    }
-    let column =
-        |row: usize, w: f64| DVec4::new(numbers[3 * row], numbers[3 * row + 1], numbers[3 * row + 2], w);
+    let numbers: Result<Vec<f64>, _> = text.split_ascii_whitespace().map(str::parse).collect();
+    let numbers = numbers.ok().filter(|all| all.len() == 12 && all.iter().all(|n| n.is_finite()));
+    let wrong = || Fault::malformed(format!("'{text}' is no transform of twelve finite numbers"));
+    let numbers = numbers.ok_or_else(wrong)?;
+    let column = |row: usize, w: f64| DVec3::from_slice(&numbers[3 * row..]).extend(w);
     Ok(DMat4::from_cols(column(0, 0.0), column(1, 0.0), column(2, 0.0), column(3, 1.0)))
 }
 
 /// What of a model was read so far.
 #[derive(Default)]
 struct Reading {
-    unit: Option<Unit>,
+    model: Model,
     seen: bool,
-    objects: HashMap<u32, Object>,
-    items: Vec<Placement>,
-    unprinted: usize,
     /// The object that is being read: its number, what it is for, its mesh or components.
     object: Option<(u32, Role)>,
     mesh: Option<Mesh>,
@@ -272,25 +203,24 @@ struct Reading {
 impl Model {
     pub(super) fn read(text: &str) -> Result<Self, Fault> {
         let mut reading = Reading::default();
-        each(text, |part| match part {
-            Part::Start { name, element } => reading.start(name, element),
-            Part::End { name: "object" } => reading.end_object(),
-            Part::End { .. } => Ok(()),
+        each(text, |name, start| match start {
+            Some(element) => reading.start(name, element),
+            None if name == "object" => reading.end_object(),
+            None => Ok(()),
         })?;
-        let Reading { unit, seen, objects, items, unprinted, .. } = reading;
-        if !seen {
-            return Err(Fault::Malformed("it holds no model of the 3MF core specification".into()));
+        if !reading.seen {
+            return Err(Fault::malformed("it holds no model of the 3MF core specification"));
         }
-        Ok(Self { unit: unit.unwrap_or(Unit::Millimeter), objects, items, unprinted })
+        Ok(reading.model)
     }
 
-    /// The other models that its components name.
-    pub(super) fn paths(&self) -> impl Iterator<Item = String> + use<'_> {
-        let components = self.objects.values().filter_map(|object| match &object.body {
-            Body::Components(components) => Some(components),
-            Body::Mesh(_) => None,
+    /// The components of all its objects.
+    pub(super) fn components(&self) -> impl Iterator<Item = &Placement> {
+        let components = self.objects.values().map(|object| match &object.body {
+            Body::Components(components) => &components[..],
+            Body::Mesh(_) => &[],
         });
-        components.flatten().filter_map(|part| part.path.clone())
+        components.flatten()
     }
 }
 
@@ -300,7 +230,7 @@ impl Reading {
             ("model", false) => {
                 self.seen = true;
                 require_known(element)?;
-                self.unit = attribute(element, "unit")?.map(|text| text.parse()).transpose()?;
+                self.model.unit = unit(attribute(element, "unit")?.as_deref().unwrap_or("millimeter"))?;
             }
             ("object", false) => {
                 let kind = attribute(element, "type")?;
@@ -322,7 +252,7 @@ impl Reading {
                 let vertex = DVec3::new(x?, y?, z?);
                 let vertices = &mut self.mesh.get_or_insert_default().vertices;
                 if !vertex.is_finite() {
-                    return Err(Fault::NotFinite(format!("vertex {}", vertices.len())));
+                    return Err(not_finite(&format!("vertex {}", vertices.len())));
                 }
                 vertices.push(vertex);
             }
@@ -333,8 +263,8 @@ impl Reading {
             ("item", false) => {
                 let placed = placement(element)?;
                 match attribute(element, "printable")?.as_deref().map(str::trim) {
-                    Some("0" | "false") => self.unprinted += 1,
-                    _ => self.items.push(placed),
+                    Some("0" | "false") => self.model.unprinted += 1,
+                    _ => self.model.items.push(placed),
                 }
             }
             _ => {}
@@ -349,15 +279,15 @@ impl Reading {
                 let vertices = mesh.vertices.len();
                 let beyond = mesh.triangles.iter().flatten().find(|&&index| index as usize >= vertices);
                 if let Some(&index) = beyond {
-                    return Err(Fault::Index { index, vertices });
+                    return Err(no_vertex(index.into(), vertices));
                 }
                 Body::Mesh(mesh)
             }
             (None, Some(components)) => Body::Components(components),
-            _ => return Err(Fault::Malformed(format!("object {id} is neither a mesh nor components"))),
+            _ => return Err(Fault::malformed(format!("object {id} is neither a mesh nor components"))),
         };
-        if self.objects.insert(id, Object { role, body }).is_some() {
-            return Err(Fault::Malformed(format!("there are two objects {id}")));
+        if self.model.objects.insert(id, Object { role, body }).is_some() {
+            return Err(Fault::malformed(format!("there are two objects {id}")));
         }
         Ok(())
     }
@@ -369,7 +299,7 @@ fn require_known(model: &BytesStart<'_>) -> Result<(), Fault> {
     for prefix in required.split_ascii_whitespace() {
         let namespace = attribute(model, &format!("xmlns:{prefix}"))?.unwrap_or_else(|| prefix.to_owned());
         if !KNOWN.contains(&namespace.as_str()) {
-            return Err(Fault::Malformed(format!(
+            return Err(Fault::malformed(format!(
                 "it requires the extension {namespace}, which is not read: export plain meshes"
             )));
         }

@@ -1,13 +1,9 @@
-//! From a library's measures to elements: the outlines that its cutters have, and the stack of cutter, shaft and holder.
+//! Cutter, shank and holder as files give them, stacked to elements, and the outlines that cutters have.
 
-use crate::tool::file::rounded;
-use crate::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
-use crate::unit::LengthUnit;
+use super::{Element, ElementKind, Segment, ToolShape};
 
 /// The parts of a tool from the tip upwards, heights from the tip.
-pub(super) struct Bodies {
-    pub(super) name: String,
-    pub(super) unit: LengthUnit,
+pub(super) struct Stack {
     /// Ends where its edges end.
     pub(super) cutter: Vec<Segment>,
     /// Goes on where the cutter ends.
@@ -18,8 +14,8 @@ pub(super) struct Bodies {
     pub(super) holder: Vec<[f64; 3]>,
 }
 
-impl Bodies {
-    pub(super) fn tool(self) -> Tool {
+impl Stack {
+    pub(super) fn shape(self) -> ToolShape {
         let below = |profile: Vec<Segment>| -> Vec<Segment> {
             profile.iter().filter_map(|segment| segment.below(self.face)).collect()
         };
@@ -34,8 +30,7 @@ impl Bodies {
             elements.push(Element { kind: ElementKind::Holder(index), profile });
             from += height;
         }
-        let shape = ToolShape::Revolved(elements);
-        Tool { name: self.name, unit: self.unit, shape, sharp_points: SharpPoints::Tip }
+        ToolShape::Revolved(elements)
     }
 }
 
@@ -85,4 +80,28 @@ pub(super) fn pointed(
 /// Height at which a profile ends.
 pub(super) fn top(profile: &[Segment]) -> f64 {
     profile.last().map_or(0.0, |segment| segment.range().1)
+}
+
+/// Outline of a cutter whose end has a radius and a corner of another (all of it for ball ends), and whose flank is a cylinder or
+/// a cone of a half angle in radians; `None` where the length ends within the corner.
+pub(super) fn rounded(radius: f64, corner: f64, half_angle: f64, length: f64) -> Option<Vec<Segment>> {
+    // The arc ends where it is tangent to the flank.
+    let arc_top = corner * (1.0 - half_angle.sin());
+    if length <= arc_top {
+        return None;
+    }
+    let flank = radius - corner + corner * half_angle.cos();
+    let mut profile = Vec::new();
+    if corner > 0.0 {
+        profile.push(Segment::Arc {
+            from: 0.0,
+            to: arc_top,
+            centre_height: corner,
+            centre_radius: radius - corner,
+            arc_radius: corner,
+        });
+    }
+    let radius_to = flank + (length - arc_top) * half_angle.tan();
+    profile.push(Segment::Line { from: arc_top, to: length, radius_from: flank, radius_to });
+    Some(profile)
 }

@@ -1,11 +1,11 @@
-//! The tool grown by a clearance: every point within δ of an element.
+//! The tool offset by a clearance: every point within δ of an element.
 //!
-//! A body of revolution grown by δ is again one: its outline is the upper envelope of the outline's lines moved out by
+//! A body of revolution offset by δ is again one: its outline is the upper envelope of the outline's lines moved out by
 //! δ along their normals, its arcs with a radius larger by δ, and an arc of radius δ around every corner. These are
-//! all lines and arcs, so the grown outline is exact, not an approximation; it is made larger by a billionth of δ so
+//! all lines and arcs, so the offset outline is exact, not an approximation; it is made larger by a billionth of δ so
 //! that rounding never takes anything away.
 //!
-//! Grown elements overlap: the bottom of a grown holder reaches below the holder's face, over the cutter. So they are
+//! Offset elements overlap: the bottom of an offset holder reaches below the holder's face, over the cutter. So they are
 //! bodies of their own, each with its own heights, which may begin below the tip.
 
 mod envelope;
@@ -28,15 +28,16 @@ pub struct Clearance {
     pub cutter: f64,
 }
 
-/// Why a tool cannot be grown.
+/// Why a tool cannot be offset.
 #[derive(Debug, Error, PartialEq)]
+#[non_exhaustive]
 pub enum ClearanceError {
     /// A clearance below zero or not finite.
     #[error("the clearance of the {0} must be a finite length of at least 0, not {1}")]
     Value(&'static str, f64),
     /// A mesh has no elements and no outline.
     #[error(
-        "the tool '{0}' is a mesh: it cannot be grown by a clearance; describe it by cutter, shank and holder"
+        "the tool '{0}' is a mesh: it cannot be offset by a clearance; describe it by cutter, shank and holder"
     )]
     Mesh(String),
 }
@@ -58,7 +59,7 @@ impl Clearance {
         }
     }
 
-    /// True where nothing grows.
+    /// True where nothing is offset.
     #[must_use]
     pub fn is_zero(&self) -> bool {
         *self == Self::default()
@@ -85,7 +86,7 @@ impl Clearance {
 }
 
 impl Tool {
-    /// Every element grown by its clearance: bodies that overlap, in the order of the tool's elements.
+    /// Every element offset by its clearance: bodies that overlap, in the order of the tool's elements.
     ///
     /// # Errors
     /// A mesh tool with any clearance, or a clearance that is no length. Without clearance a mesh tool has no
@@ -101,7 +102,7 @@ impl Tool {
         }
     }
 
-    /// One tool that is the union of the grown elements; each piece of its outline belongs to the element that reaches
+    /// One tool that is the union of the offset elements; each piece of its outline belongs to the element that reaches
     /// farthest out there. It may begin below the tip, which stays the origin. Sharp points keep their places; those
     /// spread over the cutter become a list of points.
     ///
@@ -133,26 +134,26 @@ impl Tool {
     }
 }
 
-/// The element grown by `clearance` in every direction.
+/// The element offset by `clearance` in every direction.
 fn inflated(element: &Element, clearance: f64) -> Element {
     if clearance == 0.0 {
         return element.clone();
     }
-    let grow = clearance * (1.0 + 1e-9);
+    let by = clearance * (1.0 + 1e-9);
     let mut curves = Vec::new();
     for segment in &element.profile {
         let (from, to) = segment.range();
         let corner = |height: f64| Segment::Arc {
-            from: height - grow,
-            to: height + grow,
+            from: height - by,
+            to: height + by,
             centre_height: height,
             centre_radius: segment.radius(height),
-            arc_radius: grow,
+            arc_radius: by,
         };
         let moved = match *segment {
             Segment::Line { radius_from, radius_to, .. } => {
                 let slope = (radius_to - radius_from) / (to - from);
-                let out = grow / slope.hypot(1.0);
+                let out = by / slope.hypot(1.0);
                 Segment::Line {
                     from: from - slope * out,
                     to: to - slope * out,
@@ -161,13 +162,13 @@ fn inflated(element: &Element, clearance: f64) -> Element {
                 }
             }
             Segment::Arc { centre_height, centre_radius, arc_radius, .. } => {
-                let stretch = (arc_radius + grow) / arc_radius;
+                let stretch = (arc_radius + by) / arc_radius;
                 Segment::Arc {
                     from: centre_height + (from - centre_height) * stretch,
                     to: centre_height + (to - centre_height) * stretch,
                     centre_height,
                     centre_radius,
-                    arc_radius: arc_radius + grow,
+                    arc_radius: arc_radius + by,
                 }
             }
         };
@@ -201,16 +202,16 @@ mod tests {
 
     /// Distance in the half-plane of height and radius from a point to the element, by a fine walk over its outline.
     fn distance(element: &Element, height: f64, radius: f64) -> f64 {
-        let mut least = f64::INFINITY;
+        let mut minimum = f64::INFINITY;
         for segment in &element.profile {
             let (from, to) = segment.range();
             for i in 0..=2000 {
                 let h = from + (to - from) * f64::from(i) / 2000.0;
                 // All of the disc at this height belongs to the element.
-                least = least.min((h - height).hypot((radius - segment.radius(h)).max(0.0)));
+                minimum = minimum.min((h - height).hypot((radius - segment.radius(h)).max(0.0)));
             }
         }
-        least
+        minimum
     }
 
     fn inside(element: &Element, height: f64, radius: f64) -> bool {
@@ -221,12 +222,12 @@ mod tests {
     }
 
     #[test]
-    fn grown_elements_are_the_points_within_the_clearance() {
+    fn offset_elements_are_the_points_within_the_clearance() {
         let clearance = Clearance { holder: 2.0, shank: 1.0, cutter: 0.5 };
         for tool in [Tool::paper(), tapered()] {
             let ToolShape::Revolved(elements) = &tool.shape else { panic!() };
-            let grown = tool.inflated_elements(&clearance).unwrap();
-            for (element, body) in elements.iter().zip(&grown) {
+            let offset = tool.inflated_elements(&clearance).unwrap();
+            for (element, body) in elements.iter().zip(&offset) {
                 let delta = clearance.of(element.kind);
                 let (low, high) = (body.profile[0].range().0, body.profile.last().unwrap().range().1);
                 assert!((low - (element.profile[0].range().0 - delta)).abs() < 1e-6);
@@ -264,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn a_grown_cylinder_has_the_volume_in_closed_form() {
+    fn an_offset_cylinder_has_the_volume_in_closed_form() {
         let line = Segment::Line { from: 3.0, to: 11.0, radius_from: 4.0, radius_to: 4.0 };
         let element = Element { kind: ElementKind::Shank, profile: vec![line] };
         let (r, h, d, pi) = (4.0, 8.0, 1.25, std::f64::consts::PI);
@@ -277,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn the_union_holds_every_grown_element_and_nothing_else() {
+    fn the_union_holds_every_offset_element_and_nothing_else() {
         let clearance = Clearance { holder: 2.0, shank: 1.0, cutter: 0.5 };
         let tool = tapered();
         let bodies = tool.inflated_elements(&clearance).unwrap();
@@ -296,17 +297,18 @@ mod tests {
     }
 
     #[test]
-    fn a_grown_tool_can_be_voxelised_below_its_tip() {
+    fn an_offset_tool_can_be_voxelised_below_its_tip() {
         let clearance = Clearance { holder: 1.0, shank: 1.0, cutter: 2.0 };
-        let grown = Tool::paper().inflated(&clearance).unwrap();
+        let offset = Tool::paper().inflated(&clearance).unwrap();
         let rotated =
-            super::super::RotatedTool::new(&grown, &crate::orientation::Orientation::default(), 1.0).unwrap();
+            super::super::RotatedTool::new(&offset, &crate::orientation::Orientation::default(), 1.0)
+                .unwrap();
         assert_eq!(rotated.lower, [-15, -15, -2]);
-        assert!((f64::from(rotated.count) / grown.volume() - 1.0).abs() < 0.02);
+        assert!((f64::from(rotated.count) / offset.volume() - 1.0).abs() < 0.02);
     }
 
     #[test]
-    fn what_cannot_be_grown_is_refused() {
+    fn what_cannot_be_offset_is_refused() {
         let negative = Clearance { shank: -1.0, ..Clearance::default() };
         let error = Tool::paper().inflated_elements(&negative).unwrap_err();
         assert_eq!(error, ClearanceError::Value("shank", -1.0));

@@ -1,0 +1,88 @@
+//! What is wrong with a file: one error for meshes, tools and tool libraries that are read, one for all that is written.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+#[cfg(feature = "formats")]
+pub use crate::atomic_file::AtomicFileError;
+
+/// A file that could not be read. Its text names the file, the line where it is known, the cause and a remedy.
+#[derive(Debug, Error)]
+#[error("{}{}: {}", .path.display(), .fault.line.map(|line| format!(", line {line}")).unwrap_or_default(), .fault.cause)]
+pub struct FileError {
+    /// The file.
+    pub path: PathBuf,
+    /// What is wrong with it.
+    pub fault: Fault,
+}
+
+/// What is wrong with a file's content.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// The kind of fault, for programs.
+    pub kind: FaultKind,
+    /// The line, from 1, where it is known.
+    pub line: Option<usize>,
+    /// Cause and remedy, for people.
+    pub cause: String,
+}
+
+/// Kinds of faults of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum FaultKind {
+    /// There is no such file.
+    Missing,
+    /// The system refuses to read it.
+    Unreadable,
+    /// It is in a format that is not read.
+    Format,
+    /// There is nothing to work on.
+    Empty,
+    /// The content does not follow the format.
+    Malformed,
+    /// It ends too early.
+    Truncated,
+    /// It holds more than can be indexed.
+    TooLarge,
+}
+
+impl Fault {
+    pub(crate) fn new(kind: FaultKind, cause: impl Into<String>) -> Self {
+        Self { kind, line: None, cause: cause.into() }
+    }
+
+    pub(crate) fn malformed(cause: impl Into<String>) -> Self {
+        Self::new(FaultKind::Malformed, cause)
+    }
+
+    #[cfg(feature = "formats")]
+    pub(crate) fn truncated(cause: impl std::fmt::Display) -> Self {
+        Self::new(FaultKind::Truncated, format!("cut short: {cause}"))
+    }
+
+    pub(crate) fn on_line(self, line: usize) -> Self {
+        Self { line: Some(line), ..self }
+    }
+
+    /// What the system said when a file was to be read; `noun` is the kind of file.
+    pub(crate) fn of_system(noun: &str, error: &io::Error) -> Self {
+        match error.kind() {
+            io::ErrorKind::NotFound => {
+                let cause = format!("there is no {noun} of this name; check the name and the folder");
+                Self::new(FaultKind::Missing, cause)
+            }
+            _ => {
+                let cause =
+                    format!("cannot read it: {error}; check that it is a file and that you may read it");
+                Self::new(FaultKind::Unreadable, cause)
+            }
+        }
+    }
+
+    pub(crate) fn at(self, path: &Path) -> FileError {
+        FileError { path: path.to_owned(), fault: self }
+    }
+}

@@ -1,0 +1,211 @@
+//! What a scene is made from, and its voxels.
+
+use glam::{DMat4, DVec3};
+
+use super::stored::crc32;
+use super::{Around, Bodies, Fixture, Resolution, Scene, SceneError, SceneRecord};
+use crate::grid::Grid;
+use crate::mesh::Mesh;
+use crate::mesh::topology::MeshReport;
+use crate::occupancy::Occupancy;
+use crate::parts::ReferencePart;
+use crate::tool::{Clearance, Tool};
+use crate::unit::LengthUnit;
+use crate::voxelize::voxelize;
+
+/// Everything that a scene is made from.
+#[derive(Clone, Debug)]
+pub struct SceneSpec<'a> {
+    /// Name of the part.
+    pub part: &'a str,
+    /// The part in its own coordinates.
+    pub mesh: &'a Mesh,
+    /// Unit of the mesh.
+    pub unit: LengthUnit,
+    /// Set-up of the part.
+    pub transform: DMat4,
+    /// Grid.
+    pub resolution: Resolution,
+    /// Empty voxels on each side of the part.
+    pub margin: usize,
+    /// Also make every voxel solid that the surface touches.
+    pub conservative: bool,
+    /// The tool, in any unit.
+    pub tool: &'a Tool,
+    /// What holds the part.
+    pub fixtures: &'a [Fixture<'a>],
+    /// What the grid is chosen around.
+    pub around: Around,
+}
+
+impl<'a> SceneSpec<'a> {
+    /// A reference part on so many voxels, alone and as it lies. `mesh` is the part's own.
+    #[must_use]
+    pub fn of_reference(part: ReferencePart, mesh: &'a Mesh, dims: [usize; 3], tool: &'a Tool) -> Self {
+        Self {
+            part: part.name(),
+            mesh,
+            unit: LengthUnit::Mm,
+            transform: DMat4::IDENTITY,
+            resolution: Resolution::Dims(dims),
+            margin: 0,
+            conservative: false,
+            tool,
+            fixtures: &[],
+            around: Around::Part,
+        }
+    }
+
+    /// The grid that the scene will have. With [`Around::All`] and [`Resolution::Dims`] the pitch is the smallest at
+    /// which everything fits.
+    ///
+    /// # Errors
+    /// A mesh without triangles, or a grid that cannot be made.
+    pub fn grid(&self) -> Result<Grid, SceneError> {
+        let (mut lower, mut upper) = self.part_bounds()?;
+        for (_, low, high) in self.fixture_boxes()?.into_iter().filter(|_| self.around == Around::All) {
+            (lower, upper) = (lower.min(low), upper.max(high));
+        }
+        Ok(match self.resolution {
+            Resolution::Pitch(pitch) => Grid::with_pitch(lower, upper, pitch, self.margin)?,
+            Resolution::Dims(dims) => Grid::with_dims(lower, upper, dims, self.margin)?,
+        })
+    }
+
+    /// Voxelises part and fixtures on the scene's grid.
+    ///
+    /// # Errors
+    /// As [`SceneSpec::grid`]; a part of which no voxel is left; a fixture that sticks out of the grid.
+    pub fn scene(&self) -> Result<Scene, SceneError> {
+        let grid = self.grid()?;
+        if let Some(fixture) = self.fixture_outside(&grid)? {
+            return Err(SceneError::FixtureOutside(fixture.to_owned()));
+        }
+        Ok(self.scene_of(grid, self.bodies(&grid)?))
+    }
+
+    /// As [`SceneSpec::scene`], but fixtures may stick out of the scene's grid: also gives part and fixtures on a grid that
+    /// holds all that a tool can meet which reaches `reach` (in the part's unit) from the scene's voxels. The scene's own
+    /// obstacle is what of them lies on its grid.
+    ///
+    /// # Errors
+    /// As [`SceneSpec::scene`], but for fixtures that stick out.
+    pub fn scene_and_bodies(&self, reach: f64) -> Result<(Scene, Bodies), SceneError> {
+        let grid = self.grid()?;
+        let bodies = self.bodies(&self.wide_grid(&grid, reach)?)?;
+        let on = |occupancy: &Occupancy| occupancy.on(&grid).unwrap_or_else(|| Occupancy::empty(grid));
+        let here = Bodies { part: on(&bodies.part), fixtures: on(&bodies.fixtures) };
+        Ok((self.scene_of(grid, here), bodies))
+    }
+
+    /// The grid of the bodies that [`SceneSpec::scene_and_bodies`] gives around its scene's `grid`: that one where it holds all
+    /// fixtures, so that such a scene is the same here as in [`SceneSpec::scene`]. A surface on the grid's own faces makes voxels
+    /// solid inside of it alone, also with `conservative`, and these hold all of what is solid.
+    ///
+    /// # Errors
+    /// As [`SceneSpec::obstacle_grid`].
+    pub fn wide_grid(&self, grid: &Grid, reach: f64) -> Result<Grid, SceneError> {
+        if self.fixture_outside(grid)?.is_none() { Ok(*grid) } else { self.obstacle_grid(grid, reach) }
+    }
+
+    /// The first fixture that sticks out of a grid.
+    fn fixture_outside(&self, grid: &Grid) -> Result<Option<&'a str>, SceneError> {
+        let slack = DVec3::splat(1e-6 * grid.pitch);
+        let (lower, upper) = (grid.origin - slack, grid.origin + grid.size() + slack);
+        let mut boxes = self.fixture_boxes()?.into_iter();
+        let out = boxes.find(|&(_, low, high)| low.cmplt(lower).any() || high.cmpgt(upper).any());
+        Ok(out.map(|(name, ..)| name))
+    }
+
+    fn scene_of(&self, grid: Grid, bodies: Bodies) -> Scene {
+        let obstacle = bodies.obstacle();
+        let record = SceneRecord {
+            part: self.part.to_owned(),
+            unit: self.unit,
+            transform: self.transform,
+            grid,
+            margin: self.margin,
+            conservative: self.conservative,
+            closed: MeshReport::new(self.mesh).closed,
+            tool: self.tool.in_unit(self.unit),
+            clearance: Clearance::default(),
+            ungrown: None,
+            fixtures: self.fixtures.iter().map(|fixture| fixture.name.to_owned()).collect(),
+            contact: None,
+            obstacle_crc32: crc32(&obstacle.packed()),
+        };
+        Scene { record, obstacle, fixtures: bodies.fixtures, layer: None }
+    }
+
+    /// The grid of all that a tool can meet which reaches `reach` (in the part's unit) from the voxels of `query`: it
+    /// lies on the same voxels, and holds the part, and of the fixtures what is near enough.
+    ///
+    /// # Errors
+    /// A mesh without triangles, or more voxels than can be indexed.
+    pub fn obstacle_grid(&self, query: &Grid, reach: f64) -> Result<Grid, SceneError> {
+        let (mut lower, mut upper) = self.part_bounds()?;
+        let far = reach + 2.0 * query.pitch;
+        let (nearest, farthest) = (query.origin - far, query.origin + query.size() + far);
+        for (_, low, high) in self.fixture_boxes()? {
+            lower = lower.min(low.max(nearest));
+            upper = upper.max(high.min(farthest));
+        }
+        // One voxel more: with `conservative` a surface on a voxel's face makes both sides solid.
+        Ok(query.covering(lower, upper, 1)?)
+    }
+
+    /// Names of the fixtures whose box does not meet a grid, such as [`SceneSpec::wide_grid`]: nothing there can touch them.
+    ///
+    /// # Errors
+    /// A fixture without triangles.
+    pub fn fixtures_out_of(&self, grid: &Grid) -> Result<Vec<&'a str>, SceneError> {
+        let (lower, upper) = (grid.origin, grid.origin + grid.size());
+        let mut boxes = self.fixture_boxes()?;
+        boxes.retain(|(_, low, high)| low.cmpgt(upper).any() || high.cmplt(lower).any());
+        Ok(boxes.into_iter().map(|(name, ..)| name).collect())
+    }
+
+    /// Voxelises part and fixtures, apart, on a grid.
+    ///
+    /// # Errors
+    /// A mesh without triangles, or a part of which no voxel is left.
+    pub fn bodies(&self, grid: &Grid) -> Result<Bodies, SceneError> {
+        self.part_bounds()?;
+        self.fixture_boxes()?;
+        let part = voxelize(&self.mesh.transformed(&self.transform), grid, self.conservative);
+        if part.count() == 0 {
+            return Err(SceneError::NoSolid { part: self.part.to_owned(), pitch: grid.pitch });
+        }
+        let mut fixtures = Occupancy::empty(*grid);
+        for fixture in self.fixtures {
+            let mesh = fixture.mesh.transformed(&fixture.transform);
+            let solid = voxelize(&mesh, grid, self.conservative).solid;
+            // Its surface passes through the grid, and yet it holds none of the centres: it is too thin for them.
+            if !solid.contains(&1) && voxelize(&mesh, grid, true).count() > 0 {
+                return Err(SceneError::ThinFixture { fixture: fixture.name.to_owned(), pitch: grid.pitch });
+            }
+            fixtures.solid.iter_mut().zip(solid).for_each(|(all, one)| *all |= one);
+        }
+        Ok(Bodies { part, fixtures })
+    }
+
+    /// The part's box in the world.
+    ///
+    /// # Errors
+    /// A mesh without triangles.
+    pub fn part_bounds(&self) -> Result<(DVec3, DVec3), SceneError> {
+        let bounds = self.mesh.transformed(&self.transform).bounds();
+        bounds.ok_or_else(|| SceneError::NoTriangles(self.part.to_owned()))
+    }
+
+    /// Name and box in the world of every fixture.
+    fn fixture_boxes(&self) -> Result<Vec<(&'a str, DVec3, DVec3)>, SceneError> {
+        let boxes = self.fixtures.iter().map(|fixture| {
+            let bounds = fixture.mesh.transformed(&fixture.transform).bounds();
+            let (low, high) =
+                bounds.ok_or_else(|| SceneError::NoFixtureTriangles(fixture.name.to_owned()))?;
+            Ok((fixture.name, low, high))
+        });
+        boxes.collect()
+    }
+}
