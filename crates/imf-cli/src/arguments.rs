@@ -21,6 +21,7 @@ pub(crate) mod transform;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use imf_core::unit::LengthUnit;
 use imf_fields::recipe::Length;
 use imf_fields::recipe::schedule::RateRule;
 
@@ -355,5 +356,5 @@ pub(crate) struct InfoArguments {
     pub(crate) what: Option<PathBuf>,
     /// Unit of a mesh: mm (the default), cm, m or inch; 3MF files state theirs
     #[arg(long, value_name = "UNIT")]
-    pub(crate) unit: Option<String>,
+    pub(crate) unit: Option<LengthUnit>,
 }

@@ -60,6 +60,7 @@ fn header(part: ReferencePart) -> String {
     )
 }
 
-fn origin(part: ReferencePart) -> &'static str {
+/// Whose part it is.
+pub(super) fn origin(part: ReferencePart) -> &'static str {
     if part.is_papers_own() { "the paper's own part" } else { "ours, in the paper's style" }
 }
