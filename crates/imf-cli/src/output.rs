@@ -200,6 +200,11 @@ pub(crate) fn standard_output_failed(error: Error) -> anyhow::Error {
     anyhow::Error::new(error).context(text)
 }
 
+/// Writes an answer to standard output: as JSON where that is asked for, or in words.
+pub(crate) fn answer(session: &Session, json: &impl Serialize, words: &str) -> Result<()> {
+    if session.json { print_json(json) } else { print(words) }
+}
+
 /// Writes a value as JSON to standard output.
 pub fn print_json(value: &impl Serialize) -> Result<()> {
     print(&serde_json::to_string_pretty(value)?)

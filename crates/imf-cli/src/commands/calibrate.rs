@@ -10,9 +10,9 @@ use imf_fields::field::calibrate::{CHUNK, CalibrationError, CalibrationSettings,
 use imf_fields::file::FieldFile;
 use serde_json::json;
 
-use crate::arguments::calibrate::CalibrateArguments;
+use crate::arguments::saved::CalibrateArguments;
 use crate::interrupt::Interrupted;
-use crate::output::{OutputFile, print, print_json};
+use crate::output::{OutputFile, answer};
 use crate::session::{Session, show_bytes};
 
 pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<()> {
@@ -69,13 +69,11 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
         stored.write(out)?;
         session.note(&format!("wrote {}", out.display()));
     }
-    if session.json {
-        return print_json(&json!({
-            "field": arguments.field, "verified": arguments.verify, "keeps_its_goals": calibration.keeps_its_goals(),
-            "calibration": calibration,
-        }));
-    }
-    print(&text(&calibration))
+    let json = json!({
+        "field": arguments.field, "verified": arguments.verify, "keeps_its_goals": calibration.keeps_its_goals(),
+        "calibration": calibration,
+    });
+    answer(session, &json, &text(&calibration))
 }
 
 /// Measures what the decisions of a field just written are worth, and keeps it in its file: the end of making or training

@@ -20,7 +20,7 @@ use imf_fields::file::FieldFile;
 use self::answers::{AnswerWriter, Answers};
 use self::poses::Poses;
 use super::notes;
-use crate::arguments::query::QueryArguments;
+use crate::arguments::saved::QueryArguments;
 use crate::engine::{Calls, Device, Evaluated};
 use crate::interrupt::{self, Interrupted};
 use crate::output::{OutputFile, short, standard_output_failed};

@@ -7,7 +7,7 @@ use ndarray::ArrayView3;
 use serde_json::json;
 
 use crate::arguments::VoxelizeArguments;
-use crate::output::{OutputFolder, print, print_json, short};
+use crate::output::{OutputFolder, answer, short};
 use crate::session::Session;
 use crate::slices::{MidPlaneSheet, MidPlanes};
 
@@ -37,18 +37,16 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
     let volume = obstacle.volume();
     let guarantee =
         if record.conservative { "every voxel that the surface touches" } else { "voxel centres" };
-    if session.json {
-        return print_json(&json!({
-            "part": record.part,
-            "unit": unit,
-            "grid": grid,
-            "conservative": record.conservative,
-            "solid_voxels": obstacle.count(),
-            "volume": volume,
-            "mesh": mesh,
-            "files": [npy, vti, png],
-        }));
-    }
+    let json = json!({
+        "part": record.part,
+        "unit": unit,
+        "grid": grid,
+        "conservative": record.conservative,
+        "solid_voxels": obstacle.count(),
+        "volume": volume,
+        "mesh": mesh,
+        "files": [npy, vti, png],
+    });
     let [x, y, z] = grid.dims;
     let surface = if mesh.closed {
         format!("closed, volume {} {unit}³", short(mesh.signed_volume.abs()))
@@ -57,7 +55,7 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
     };
     let share = 100.0 * obstacle.count() as f64 / grid.len() as f64;
     let corner = |p: DVec3| p.to_array().map(short).join(", ");
-    print(&format!(
+    let words = format!(
         "part         {}\n\
          grid         {x}×{y}×{z}, pitch {} {unit}\n\
          from         {} {unit}\n\
@@ -75,5 +73,6 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
         npy.display(),
         vti.display(),
         png.display()
-    ))
+    );
+    answer(session, &json, &words)
 }

@@ -7,79 +7,49 @@ use ndarray::ArrayView2;
 /// Values that are not finite: in neither sequence.
 pub(super) const NOT_FINITE: Rgb<u8> = Rgb([255, 0, 255]);
 
-/// How a scale's values become colours.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Sequence {
-    /// Viridis, from 0 to the limit.
-    Measure,
-    /// Blue through white to red, from minus the limit to the limit.
-    Difference,
-    /// Viridis at even steps, from 0 to the limit: the last of the classes.
-    Classes,
-}
-
 /// A range of values, its colours, and the words beside its colour bar. Panels with equal scales share one bar.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scale {
-    sequence: Sequence,
+    /// Blue through white to red from minus the limit to the limit, not Viridis from 0 to the limit.
+    signed: bool,
     limit: f32,
-    label: String,
-    /// Names of the classes 0, 1, 2, …; empty for other scales.
-    classes: Vec<String>,
+    /// Beside the colour bar.
+    pub(super) label: String,
+    /// Names of the classes 0, 1, 2, …; none of a scale of values.
+    pub(super) classes: Vec<String>,
 }
 
 impl Scale {
-    fn new(sequence: Sequence, limit: f32, label: &str) -> Self {
-        Self { sequence, limit, label: label.to_owned(), classes: Vec::new() }
-    }
-
     /// A measure's scale up to the largest finite value of all `slices`; up to 1 if there is none above 0.
     pub fn measure_of(slices: &[ArrayView2<'_, f32>], label: &str) -> Self {
-        Self::new(Sequence::Measure, largest(slices, |value| value), label)
+        Self::measure(largest(slices, |value| value), label)
     }
 
     /// A difference's scale up to the largest finite magnitude of all `slices`; up to 1 if there is none above 0.
     pub fn difference_of(slices: &[ArrayView2<'_, f32>], label: &str) -> Self {
-        Self::new(Sequence::Difference, largest(slices, f32::abs), label)
+        Self { signed: true, ..Self::measure(largest(slices, f32::abs), label) }
     }
 
     /// From 0 to `max`, for values that know their range.
     pub fn measure(max: f32, label: &str) -> Self {
-        Self::new(Sequence::Measure, max, label)
+        Self { signed: false, limit: max, label: label.to_owned(), classes: Vec::new() }
     }
 
     /// Values that are the numbers of classes: each has its colour, and its name beside it.
     pub(crate) fn classes(names: &[&str]) -> Self {
         let limit = names.len().saturating_sub(1).max(1) as f32;
-        let classes = names.iter().map(|&name| name.to_owned()).collect();
-        Self { classes, ..Self::new(Sequence::Classes, limit, "") }
-    }
-
-    /// Names of the classes; none of a scale of values.
-    pub(super) fn class_names(&self) -> &[String] {
-        &self.classes
+        Self { classes: names.iter().map(|&name| name.to_owned()).collect(), ..Self::measure(limit, "") }
     }
 
     /// First and last value.
     pub(super) fn range(&self) -> (f64, f64) {
         let limit = f64::from(self.limit);
-        match self.sequence {
-            Sequence::Measure | Sequence::Classes => (0.0, limit),
-            Sequence::Difference => (-limit, limit),
-        }
-    }
-
-    /// The words beside the colour bar.
-    pub(super) fn label(&self) -> &str {
-        &self.label
+        (if self.signed { -limit } else { 0.0 }, limit)
     }
 
     /// Colour of the part's outline that stands out from this scale's colours.
     pub(super) fn outline(&self) -> Rgb<u8> {
-        match self.sequence {
-            Sequence::Measure | Sequence::Classes => Rgb([255, 255, 255]),
-            Sequence::Difference => Rgb([60, 60, 60]),
-        }
+        Rgb([if self.signed { 60 } else { 255 }; 3])
     }
 
     /// Red, green and blue of a value, for other programs' pictures.
@@ -93,12 +63,11 @@ impl Scale {
             return NOT_FINITE;
         }
         let (low, high) = self.range();
-        let value = f64::from(value);
-        let place = (value.clamp(low, high) - low) / (high - low);
-        let colour = match self.sequence {
-            Sequence::Measure | Sequence::Classes => colorous::VIRIDIS.eval_continuous(place),
+        let place = (f64::from(value).clamp(low, high) - low) / (high - low);
+        let colour = match self.signed {
+            false => colorous::VIRIDIS.eval_continuous(place),
             // The sequence begins with red; red shall mean too large.
-            Sequence::Difference => colorous::RED_BLUE.eval_continuous(1.0 - place),
+            true => colorous::RED_BLUE.eval_continuous(1.0 - place),
         };
         Rgb([colour.r, colour.g, colour.b])
     }

@@ -1,6 +1,6 @@
 //! One slice of a field: its voxels as squares, the part over them, a frame and axes in the mesh's unit.
 
-use anyhow::{Context as _, Result, ensure};
+use anyhow::{Context as _, Result};
 use image::{Rgb, RgbImage};
 use ndarray::ArrayView2;
 use plotters::chart::ChartBuilder;
@@ -68,32 +68,6 @@ pub struct Panel<'a> {
 }
 
 impl Panel<'_> {
-    /// Checks what drawing relies on.
-    ///
-    /// # Errors
-    /// An empty slice, a mask of another shape, a pitch that is not positive.
-    pub(super) fn check(&self) -> Result<()> {
-        let (title, shape) = (&self.title, self.values.dim());
-        ensure!(!self.values.is_empty(), "panel \"{title}\" has no values ({}×{})", shape.0, shape.1);
-        if let Some(mask) = &self.mask {
-            let other = mask.voxels.dim();
-            ensure!(
-                other == shape,
-                "panel \"{title}\": the mask has {}×{} voxels, the values {}×{}",
-                other.0,
-                other.1,
-                shape.0,
-                shape.1
-            );
-        }
-        ensure!(
-            self.axes.pitch.is_finite() && self.axes.pitch > 0.0,
-            "panel \"{title}\": pitch {}",
-            self.axes.pitch
-        );
-        Ok(())
-    }
-
     /// Values that are shown and are not finite.
     pub(super) fn not_finite(&self) -> usize {
         let shown = |(at, value): &((usize, usize), &f32)| !value.is_finite() && !self.hides(*at);
@@ -269,19 +243,5 @@ mod tests {
         assert_eq!(*image.get_pixel(5, 9), inside, "outside of it");
         assert_eq!(*image.get_pixel(12, 11), inside, "no line between marked voxels");
         assert_eq!(*image.get_pixel(23, 9), line, "right edge, on the edge of the slice");
-    }
-
-    #[test]
-    fn what_does_not_fit_is_refused_by_name() {
-        let (values, voxels) = (Array2::<f32>::zeros((3, 2)), Array2::<u8>::zeros((2, 3)));
-        let mut panel = panel(&values);
-        panel.mask = Some(Mask { voxels: voxels.view(), style: MaskStyle::Fill });
-        let message = panel.check().unwrap_err().to_string();
-        assert!(message.contains("2×3") && message.contains("section"), "{message}");
-        panel.mask = None;
-        panel.axes.pitch = 0.0;
-        assert!(panel.check().is_err());
-        let empty = Array2::<f32>::zeros((0, 2));
-        assert!(Panel { values: empty.view(), ..panel }.check().is_err());
     }
 }

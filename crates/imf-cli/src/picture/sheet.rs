@@ -50,8 +50,7 @@ impl PanelSheet<'_> {
     /// Draws the sheet and writes it as a PNG file.
     ///
     /// # Errors
-    /// No panels, a panel that is empty or does not fit its mask, a picture that would be too large, or a file that cannot be
-    /// written; the error names the file.
+    /// No panels, a picture that would be too large, or a file that cannot be written; the error names the file.
     pub fn save(&self, path: &Path) -> Result<()> {
         save(self.draw(), path)
     }
@@ -59,7 +58,6 @@ impl PanelSheet<'_> {
     fn draw(&self) -> Result<RgbImage> {
         let panels = || self.rows.iter().flat_map(|row| &row.panels);
         ensure!(panels().next().is_some(), "a sheet without panels");
-        panels().try_for_each(Panel::check)?;
         let side = self.side();
         // Panels stand in columns of one width.
         let column = panels().map(|panel| panel.size(side).0).max().unwrap_or(0) + GAP;
@@ -122,21 +120,21 @@ impl PanelSheet<'_> {
 
 /// Height of a colour bar with its label and its ticks, or of the swatches of classes.
 fn bar_height(scale: &Scale) -> u32 {
-    if scale.class_names().is_empty() { BAR_HEIGHT } else { SWATCH + GAP }
+    if scale.classes.is_empty() { BAR_HEIGHT } else { SWATCH + GAP }
 }
 
 /// A colour bar, its label above and its ticks below; of classes, a swatch each with its name.
 fn bar(area: &Area<'_>, scale: &Scale, (mut left, top): (u32, u32)) -> Result<()> {
     let label = text(NAME_SIZE, INK);
-    for (class, name) in scale.class_names().iter().enumerate() {
+    for (class, name) in scale.classes.iter().enumerate() {
         show(area, (left, top), RgbImage::from_pixel(SWATCH, SWATCH, scale.colour(class as f32)))?;
         write(area, name, &label, (left + SWATCH + 6, top + 2))?;
         left += SWATCH + width(name, &label) + 2 * GAP;
     }
-    if !scale.class_names().is_empty() {
+    if !scale.classes.is_empty() {
         return Ok(());
     }
-    write(area, scale.label(), &label, (left, top + 2))?;
+    write(area, &scale.label, &label, (left, top + 2))?;
     let top = top + 20;
     let (low, high) = scale.range();
     let value = |column| low + (f64::from(column) + 0.5) / f64::from(BAR_LENGTH) * (high - low);
