@@ -4,7 +4,6 @@
 //! pixels for each voxel, with their first axis to the right and their second upwards.
 
 mod axis;
-mod bars;
 mod chart;
 mod colour;
 mod panel;
@@ -12,8 +11,7 @@ mod paper;
 mod sheet;
 
 pub use axis::AxisScale;
-pub use bars::{Bar, BarChart};
-pub use chart::{Chart, Series};
+pub use chart::{Bar, BarChart, Chart, Series};
 pub use colour::Scale;
 pub use panel::{Axes, Mask, MaskStyle, Panel};
 pub use sheet::{PanelRow, PanelSheet};

@@ -4,8 +4,26 @@
 
 use std::ops::Range;
 
+use anyhow::Result;
+use plotters::backend::BitMapBackend;
+use plotters::chart::{ChartBuilder, ChartContext};
+use plotters::coord::cartesian::Cartesian2d;
 use plotters::coord::ranged1d::{BoldPoints, KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use plotters::coord::types::RangedCoordf64;
+use plotters::style::RGBColor;
+
+use super::paper::{Area, FAINT_INK, INK, text, width};
+
+/// Size of the numbers along axes.
+pub(super) const TICK_SIZE: f64 = 14.0;
+/// Size of names of axes, curves and panels.
+pub(super) const NAME_SIZE: f64 = 15.5;
+/// Room below a plot for numbers and the axis' name, in pixels.
+pub(super) const BELOW: u32 = 44;
+/// Grid lines at numbers, and between them.
+pub(super) const GRIDS: [RGBColor; 2] = [RGBColor(214, 214, 214), RGBColor(240, 240, 240)];
+/// By how much plotters writes the numbers of an axis upwards too high.
+const LOWER: i32 = 3;
 
 /// How values are spread along an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,6 +51,8 @@ pub(super) struct Axis {
     /// Coordinates of the numbers along it.
     numbers: Vec<f64>,
     decimals: usize,
+    /// What is written instead of the numbers, if anything is.
+    names: Vec<String>,
 }
 
 impl Axis {
@@ -40,7 +60,7 @@ impl Axis {
     fn new(scale: AxisScale, range: [f64; 2], most: usize) -> Self {
         let [low, high] = range;
         let ticks = |most| RangedCoordf64::from(low..high).key_points(BoldPoints(most));
-        let mut axis = Self { scale, range, numbers: Vec::new(), decimals: 0 };
+        let mut axis = Self { scale, range, numbers: vec![], decimals: 0, names: vec![] };
         axis.numbers = match scale {
             // A tick alone tells no scale.
             AxisScale::Linear => {
@@ -63,10 +83,10 @@ impl Axis {
         Self::new(AxisScale::Linear, [low, high], most)
     }
 
-    /// So many rows from top to bottom, with a number in the middle of each.
-    pub(super) fn rows(count: usize) -> Self {
-        let numbers = (0..count).map(|row| row as f64 + 0.5).collect();
-        Self { scale: AxisScale::Linear, range: [count as f64, 0.0], numbers, decimals: 0 }
+    /// Rows from top to bottom with their names, each one long.
+    pub(super) fn rows(names: Vec<String>) -> Self {
+        let numbers = (0..names.len()).map(|row| row as f64 + 0.5).collect();
+        Self { scale: AxisScale::Linear, range: [names.len() as f64, 0.0], numbers, decimals: 0, names }
     }
 
     /// Spans those of `values` that have a place, with `room` of the span left free at both ends.
@@ -93,9 +113,14 @@ impl Axis {
         Self::new(AxisScale::Logarithmic, [low, high + 0.05 * (high - low)], 8)
     }
 
-    /// What is written along the axis.
-    pub(super) fn labels(&self) -> impl Iterator<Item = String> {
-        self.numbers.iter().map(|place| self.format_ext(place))
+    /// Room for what is written along the axis, if it is one upwards, and for its ticks and its name.
+    pub(super) fn room(&self) -> u32 {
+        let style = text(TICK_SIZE, FAINT_INK);
+        self.labels().iter().map(|label| width(label, &style)).max().unwrap_or(0) + 36
+    }
+
+    fn labels(&self) -> Vec<String> {
+        self.numbers.iter().map(|place| self.format_ext(place)).collect()
     }
 
     /// Coordinates of these digits of every decade within the axis.
@@ -131,6 +156,9 @@ impl Ranged for Axis {
 
 impl ValueFormatter<f64> for Axis {
     fn format_ext(&self, place: &f64) -> String {
+        if let Some(name) = self.names.get(*place as usize) {
+            return name.clone();
+        }
         match self.scale {
             // No minus sign before zero.
             AxisScale::Linear if place.abs() < 1e-9 * (self.range[1] - self.range[0]) => {
@@ -142,24 +170,49 @@ impl ValueFormatter<f64> for Axis {
     }
 }
 
+/// Draws axes with `left` and `below` pixels of room for their numbers and names, and grid lines where they are wanted.
+pub(super) fn plot<'a, 'b>(
+    area: &'a Area<'b>,
+    [left, below]: [u32; 2],
+    [across, up]: [Axis; 2],
+    [x_name, y_name]: [&str; 2],
+    grid: bool,
+) -> Result<ChartContext<'a, BitMapBackend<'b>, Cartesian2d<Axis, Axis>>> {
+    let mut chart = ChartBuilder::on(area)
+        .x_label_area_size(below)
+        .y_label_area_size(left)
+        .build_cartesian_2d(across, up)?;
+    let mut mesh = chart.configure_mesh();
+    if !grid {
+        mesh.disable_mesh();
+    }
+    mesh.bold_line_style(GRIDS[0])
+        .light_line_style(GRIDS[1])
+        .axis_style(INK)
+        .set_all_tick_mark_size(4)
+        .label_style(text(TICK_SIZE, FAINT_INK))
+        .y_label_offset(LOWER)
+        .axis_desc_style(text(NAME_SIZE, INK))
+        .x_desc(x_name)
+        .y_desc(y_name)
+        .draw()?;
+    Ok(chart)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn labels(axis: &Axis) -> Vec<String> {
-        axis.labels().collect()
-    }
 
     #[test]
     fn a_linear_axis_is_even() {
         let axis = Axis::around(AxisScale::Linear, [0.0, 4.0, f64::NAN].into_iter(), 0.0);
         assert_eq!(axis.range, [0.0, 4.0]);
-        assert_eq!(labels(&Axis::linear(0.0, 4.0, 5)), ["0", "1", "2", "3", "4"]);
-        assert_eq!(labels(&Axis::linear(-0.25, 1.0, 7)), ["-0.2", "0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
-        assert_eq!(labels(&Axis::linear(-3.0, 61.0, 5)), ["0", "20", "40", "60"]);
-        assert_eq!(labels(&Axis::linear(0.0, 0.0123, 4)), ["0.000", "0.005", "0.010"]);
+        assert_eq!(Axis::linear(0.0, 4.0, 5).labels(), ["0", "1", "2", "3", "4"]);
+        assert_eq!(Axis::linear(-0.25, 1.0, 7).labels(), ["-0.2", "0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
+        assert_eq!(Axis::linear(-3.0, 61.0, 5).labels(), ["0", "20", "40", "60"]);
+        assert_eq!(Axis::linear(0.0, 0.0123, 4).labels(), ["0.000", "0.005", "0.010"]);
         for limit in [0.0047, 0.0057] {
-            assert!((3..6).contains(&labels(&Axis::linear(-limit, limit, 3)).len()));
+            assert!((3..6).contains(&Axis::linear(-limit, limit, 3).labels().len()));
         }
     }
 
@@ -168,9 +221,9 @@ mod tests {
         let around = |values: &[f64]| Axis::around(AxisScale::Logarithmic, values.iter().copied(), 0.0);
         let axis = around(&[1e-4, 1.0, 0.0, -3.0]);
         assert_eq!((axis.range, axis.digits(&[1, 2, 3, 4, 5, 6, 7, 8, 9]).len()), ([-4.0, 0.0], 37));
-        assert_eq!(labels(&axis), ["1e-4", "1e-3", "1e-2", "1e-1", "1e0"]);
-        assert_eq!(labels(&Axis::new(axis.scale, axis.range, 2)), ["1e-4", "1e-2", "1e0"]);
-        assert_eq!(labels(&around(&[0.015, 0.09])), ["2e-2", "5e-2"]);
+        assert_eq!(axis.labels(), ["1e-4", "1e-3", "1e-2", "1e-1", "1e0"]);
+        assert_eq!(Axis::new(axis.scale, axis.range, 2).labels(), ["1e-4", "1e-2", "1e0"]);
+        assert_eq!(around(&[0.015, 0.09]).labels(), ["2e-2", "5e-2"]);
         assert_eq!(AxisScale::Logarithmic.place(0.0), None);
     }
 
@@ -185,7 +238,7 @@ mod tests {
         for scale in [AxisScale::Linear, AxisScale::Logarithmic] {
             for values in [vec![], vec![0.25], vec![0.25, 0.25]] {
                 let axis = Axis::around(scale, values.into_iter(), 0.05);
-                assert!(axis.range[1] > axis.range[0] && labels(&axis).len() > 1);
+                assert!(axis.range[1] > axis.range[0] && axis.labels().len() > 1);
             }
         }
     }

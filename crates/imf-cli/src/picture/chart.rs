@@ -1,30 +1,27 @@
-//! Curves over axes that are each linear or logarithmic.
+//! Curves over axes that are each linear or logarithmic, and named values as level bars.
 
 use std::path::Path;
 
 use anyhow::{Result, ensure};
 use image::RgbImage;
-use plotters::chart::{ChartBuilder, SeriesLabelPosition};
-use plotters::element::{Circle, PathElement};
+use plotters::chart::SeriesLabelPosition;
+use plotters::element::{Circle, PathElement, Rectangle};
 use plotters::style::{Color as _, RGBColor};
 
-use super::axis::{Axis, AxisScale};
-use super::paper::{FAINT_INK, INK, Lines, MARGIN, PAPER, bold, on_paper, save, text, width};
+use super::axis::{Axis, AxisScale, BELOW, GRIDS, NAME_SIZE, plot};
+use super::paper::{INK, Lines, MARGIN, PAPER, bold, on_paper, save, text, width, write};
 
 const WIDTH: u32 = 960;
 const HEIGHT: u32 = 540;
 /// Size of a picture's title.
 pub(super) const TITLE_SIZE: f64 = 23.0;
-/// Size of names of axes and curves.
-pub(super) const NAME_SIZE: f64 = 16.0;
-/// Size of the numbers along the axes.
-pub(super) const TICK_SIZE: f64 = 14.5;
-/// Room below a plot for numbers and the axis' name.
-pub(super) const BELOW: u32 = 46;
-/// Grid lines at numbers, and between them.
-pub(super) const GRIDS: [RGBColor; 2] = [RGBColor(214, 214, 214), RGBColor(240, 240, 240)];
-/// By how much plotters writes the numbers of an axis upwards too high.
-pub(super) const LOWER: i32 = 3;
+/// Room for the bars themselves, and for one of them.
+const BARS_WIDTH: u32 = 600;
+const ROW_HEIGHT: u32 = 40;
+/// Part of a row that its bar covers.
+const BAR: f64 = 0.6;
+const PLAIN: RGBColor = RGBColor(158, 172, 186);
+const MARKED: RGBColor = RGBColor(0, 114, 178);
 /// Colours of Okabe and Ito, which colour-blind readers tell apart too.
 const SERIES_COLOURS: [RGBColor; 6] = [
     RGBColor(0, 114, 178),
@@ -77,29 +74,13 @@ impl Chart {
         let points = || self.series.iter().flat_map(|series| &series.points);
         let across = Axis::around(self.x_scale, points().map(|point| point.0), 0.01);
         let up = Axis::around(self.value_scale, points().map(|point| point.1), 0.04);
-        let (names, ticks) = (text(NAME_SIZE, INK), text(TICK_SIZE, FAINT_INK));
-        let numbers = up.labels().map(|label| width(&label, &ticks)).max().unwrap_or(0);
         let title = Lines::new(&self.title, bold(TITLE_SIZE), WIDTH - 2 * MARGIN);
         on_paper((WIDTH, HEIGHT), |area| {
             title.draw(area, (MARGIN, MARGIN))?;
-            let mut chart = ChartBuilder::on(area)
-                .margin(MARGIN)
-                .margin_top(MARGIN + title.height() + 8)
-                .margin_bottom(MARGIN / 2)
-                .x_label_area_size(BELOW)
-                .y_label_area_size(numbers + 36)
-                .build_cartesian_2d(across, up)?;
-            chart
-                .configure_mesh()
-                .bold_line_style(GRIDS[0])
-                .light_line_style(GRIDS[1])
-                .axis_style(INK)
-                .label_style(ticks)
-                .y_label_offset(LOWER)
-                .axis_desc_style(names.clone())
-                .x_desc(&self.x_name)
-                .y_desc(&self.value_name)
-                .draw()?;
+            let top = MARGIN + title.height() + 8;
+            let area = area.clone().shrink((MARGIN, top), (WIDTH - 2 * MARGIN, HEIGHT - top - MARGIN / 2));
+            let (room, names) = ([up.room(), BELOW], [&self.x_name[..], &self.value_name]);
+            let mut chart = plot(&area, room, [across, up], names, true)?;
             for (series, colour) in self.series.iter().zip(SERIES_COLOURS.into_iter().cycle()) {
                 let place =
                     |&(x, value): &(f64, f64)| self.x_scale.place(x).zip(self.value_scale.place(value));
@@ -120,8 +101,70 @@ impl Chart {
                 .position(SeriesLabelPosition::UpperRight)
                 .background_style(PAPER.mix(0.85))
                 .border_style(GRIDS[0])
-                .label_font(names)
+                .label_font(text(NAME_SIZE, INK))
                 .draw()?;
+            Ok(())
+        })
+    }
+}
+
+/// One named value.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bar {
+    /// At the left of the bar.
+    pub name: String,
+    /// What is not above 0 gets no bar, only its number.
+    pub value: f64,
+    /// In the colour of what the chart is about.
+    pub marked: bool,
+}
+
+/// Bars from top to bottom over a logarithmic axis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BarChart {
+    /// Written on top.
+    pub title: String,
+    /// Name of the value axis, with its unit.
+    pub value_name: String,
+    /// The values.
+    pub bars: Vec<Bar>,
+}
+
+impl BarChart {
+    /// Draws the chart and writes it as a PNG file.
+    ///
+    /// # Errors
+    /// No bars, too many for a picture, or a file that cannot be written; the error names the file.
+    pub fn save(&self, path: &Path) -> Result<()> {
+        save(self.draw(), path)
+    }
+
+    fn draw(&self) -> Result<RgbImage> {
+        ensure!(!self.bars.is_empty(), "a chart without bars");
+        let names = text(NAME_SIZE, INK);
+        let number = |bar: &Bar| format!("{:.2e}", bar.value);
+        let right = self.bars.iter().map(|bar| width(&number(bar), &names)).max().unwrap_or(0) + 10;
+        let axis = Axis::for_bars(self.bars.iter().map(|bar| bar.value));
+        let rows = Axis::rows(self.bars.iter().map(|bar| bar.name.clone()).collect());
+        let [foot, _] = axis.range;
+        let inside = rows.room() + BARS_WIDTH;
+        let title = Lines::new(&self.title, bold(TITLE_SIZE), inside + right);
+        let top = MARGIN + title.height() + 8;
+        let height = ROW_HEIGHT.saturating_mul(self.bars.len() as u32).saturating_add(BELOW);
+        on_paper((2 * MARGIN + inside + right, height.saturating_add(top + MARGIN / 2)), |area| {
+            title.draw(area, (MARGIN, MARGIN))?;
+            let plotted = area.clone().shrink((MARGIN, top), (inside, height));
+            let room = [rows.room(), BELOW];
+            let mut chart = plot(&plotted, room, [axis, rows], [&self.value_name, ""], true)?;
+            for (bar, row) in self.bars.iter().zip(0..) {
+                let middle = f64::from(row) + 0.5;
+                let end = AxisScale::Logarithmic.place(bar.value);
+                let corners = end.map(|end| [(foot, middle - BAR / 2.0), (end, middle + BAR / 2.0)]);
+                let colour = if bar.marked { MARKED } else { PLAIN };
+                chart.draw_series(corners.map(|corners| Rectangle::new(corners, colour.filled())))?;
+                let (x, y) = chart.backend_coord(&(end.unwrap_or(foot), middle));
+                write(area, &number(bar), &names, (x as u32 + 9, y as u32 - 5))?;
+            }
             Ok(())
         })
     }
@@ -186,5 +229,46 @@ mod tests {
         let image = many.draw().unwrap();
         let edge = |x: u32| x < MARGIN / 2 || x >= WIDTH - MARGIN / 2;
         assert!(image.enumerate_pixels().all(|(x, _, found)| !edge(x) || *found == pixel(PAPER)));
+    }
+
+    fn bars(values: &[f64]) -> BarChart {
+        BarChart {
+            title: "Errors".into(),
+            value_name: "mean squared error".into(),
+            bars: values
+                .iter()
+                .enumerate()
+                .map(|(index, &value)| Bar { name: format!("field {index}"), value, marked: index == 0 })
+                .collect(),
+        }
+    }
+
+    /// Length of the longest bar of a colour.
+    fn length(picture: &RgbImage, colour: RGBColor) -> usize {
+        let rows = picture.rows();
+        rows.map(|row| row.filter(|&&found| found == pixel(colour)).count()).max().unwrap_or(0)
+    }
+
+    #[test]
+    fn a_decade_is_as_long_everywhere() {
+        let [one, two, three] = [[1e-4, 1e-1], [1e-3, 1e-1], [1e-2, 1e-1]].map(|values| {
+            let mut chart = bars(&values);
+            chart.bars.push(Bar { name: String::new(), value: 1e-4, marked: false });
+            length(&chart.draw().unwrap(), MARKED)
+        });
+        assert!((two - one).abs_diff(three - two) <= 1, "{one} {two} {three}");
+    }
+
+    #[test]
+    fn what_has_no_place_has_no_bar() {
+        let picture = bars(&[0.0, f64::NAN, 0.5]).draw().unwrap();
+        assert_eq!(length(&picture, MARKED), 0);
+        assert!(length(&picture, PLAIN) > 0);
+    }
+
+    #[test]
+    fn an_empty_chart_is_refused_with_the_file_named() {
+        let message = format!("{:#}", bars(&[]).save(Path::new("errors.png")).unwrap_err());
+        assert!(message.contains("errors.png"), "{message}");
     }
 }

@@ -3,22 +3,14 @@
 use anyhow::{Context as _, Result};
 use image::{Rgb, RgbImage};
 use ndarray::ArrayView2;
-use plotters::chart::ChartBuilder;
 use plotters::element::{BitMapElement, Rectangle};
 
-use super::axis::Axis;
-use super::chart::LOWER;
+use super::axis::{Axis, BELOW, NAME_SIZE, plot};
 use super::colour::Scale;
-use super::paper::{Area, FAINT_INK, INK, text, width, write};
+use super::paper::{Area, INK, text, width, write};
 
-/// Room below a panel for ticks and the name of its first axis, in pixels.
-const BELOW: u32 = 42;
 /// Room above a panel for its title.
 const ABOVE: u32 = 24;
-/// Size of numbers along axes and colour bars.
-pub(super) const TICK_SIZE: f64 = 14.0;
-/// Size of titles of panels and names of axes.
-pub(super) const NAME_SIZE: f64 = 15.5;
 const PART_COLOUR: Rgb<u8> = Rgb([158, 158, 158]);
 
 /// Where a slice lies in the world.
@@ -126,8 +118,7 @@ impl Panel<'_> {
 
     /// Room at the left of the values for ticks, numbers and name of the second axis.
     fn room(&self, side: u32) -> u32 {
-        let [_, up] = self.axes(side);
-        up.labels().map(|label| width(&label, &text(TICK_SIZE, INK))).max().unwrap_or(0) + 36
+        self.axes(side)[1].room()
     }
 
     /// Width and height in pixels with title and axes, with `side` pixels a voxel.
@@ -142,22 +133,9 @@ impl Panel<'_> {
         let image = self.image(side);
         let ((width, height), room) = (image.dimensions(), self.room(side));
         write(area, &self.title, &text(NAME_SIZE, INK), (left + room, top + 4))?;
-        let [across, up] = self.axes(side);
         let [first, second] = [0, 1].map(|axis| format!("{} [{}]", self.axes.names[axis], self.axes.unit));
-        ChartBuilder::on(&area.clone().shrink((left, top + ABOVE), (room + width, height + BELOW)))
-            .x_label_area_size(BELOW)
-            .y_label_area_size(room)
-            .build_cartesian_2d(across, up)?
-            .configure_mesh()
-            .disable_mesh()
-            .axis_style(INK)
-            .set_all_tick_mark_size(4)
-            .label_style(text(TICK_SIZE, FAINT_INK))
-            .y_label_offset(LOWER)
-            .axis_desc_style(text(NAME_SIZE, INK))
-            .x_desc(first)
-            .y_desc(second)
-            .draw()?;
+        let whole = area.clone().shrink((left, top + ABOVE), (room + width, height + BELOW));
+        plot(&whole, [room, BELOW], self.axes(side), [&first, &second], false)?;
         show(area, (left + room, top + ABOVE), image)
     }
 }

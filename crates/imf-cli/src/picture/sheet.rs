@@ -4,12 +4,11 @@ use std::path::Path;
 
 use anyhow::{Result, ensure};
 use image::RgbImage;
-use plotters::chart::ChartBuilder;
 
-use super::axis::Axis;
+use super::axis::{Axis, NAME_SIZE, TICK_SIZE, plot};
 use super::chart::TITLE_SIZE;
 use super::colour::Scale;
-use super::panel::{NAME_SIZE, Panel, TICK_SIZE, show};
+use super::panel::{Panel, show};
 use super::paper::{Area, FAINT_INK, INK, Lines, MARGIN, bold, on_paper, save, text, width, write};
 
 /// The longest side of the largest panel in pixels, where a voxel is at least one pixel.
@@ -139,16 +138,8 @@ fn bar(area: &Area<'_>, scale: &Scale, (mut left, top): (u32, u32)) -> Result<()
     let (low, high) = scale.range();
     let value = |column| low + (f64::from(column) + 0.5) / f64::from(BAR_LENGTH) * (high - low);
     let colours = RgbImage::from_fn(BAR_LENGTH, SWATCH, |column, _| scale.colour(value(column) as f32));
-    let axis = Axis::linear(low, high, 7);
-    ChartBuilder::on(&area.clone().shrink((left, top), (BAR_LENGTH, SWATCH + 24)))
-        .x_label_area_size(24)
-        .build_cartesian_2d(axis, Axis::rows(1))?
-        .configure_mesh()
-        .disable_mesh()
-        .axis_style(INK)
-        .set_all_tick_mark_size(4)
-        .label_style(text(TICK_SIZE, FAINT_INK))
-        .draw()?;
+    let whole = area.clone().shrink((left, top), (BAR_LENGTH, SWATCH + 24));
+    plot(&whole, [0, 24], [Axis::linear(low, high, 7), Axis::linear(0.0, 1.0, 2)], ["", ""], false)?;
     show(area, (left, top), colours)
 }
 
