@@ -15,6 +15,3 @@ pub use chart::{Bar, BarChart, Chart, Series};
 pub use colour::Scale;
 pub use panel::{Axes, Mask, MaskStyle, Panel};
 pub use sheet::{PanelRow, PanelSheet};
-
-#[cfg(test)]
-mod examples;

@@ -15,9 +15,9 @@ use plotters::style::RGBColor;
 use super::paper::{Area, FAINT_INK, INK, text, width};
 
 /// Size of the numbers along axes.
-pub(super) const TICK_SIZE: f64 = 14.0;
+pub(super) const TICK_SIZE: f64 = 15.0;
 /// Size of names of axes, curves and panels.
-pub(super) const NAME_SIZE: f64 = 15.5;
+pub(super) const NAME_SIZE: f64 = 16.0;
 /// Room below a plot for numbers and the axis' name, in pixels.
 pub(super) const BELOW: u32 = 44;
 /// Grid lines at numbers, and between them.

@@ -76,8 +76,8 @@ pub(super) fn text(size: f64, colour: RGBColor) -> TextStyle<'static> {
 
 /// Bold text of a size in pixels.
 pub(super) fn bold(size: f64) -> TextStyle<'static> {
-    let TextStyle { font, color, pos } = text(size, INK);
-    TextStyle { font: font.style(FontStyle::Bold), color, pos }
+    LazyLock::force(&FONTS);
+    FontDesc::new(FontFamily::SansSerif, size, FontStyle::Bold).color(&INK)
 }
 
 /// Width of a text in pixels.

@@ -125,6 +125,7 @@ fn wrong_arguments_exit_with_2() {
         (voxelize(&["--pitch", "1,1,2"]), "cubes"),
         (voxelize(&["--unit", "furlong"]), "furlong"),
         (voxelize(&["--transform", "rotate:0,0,0:90"]), "rotate:0,0,0:90': the axis must not be zero"),
+        (voxelize(&["--fixture", "clamp.obj@turn:1"]), "clamp.obj@turn:1"),
         (voxelize(&["--fixture", "vice.stl@scale:2"]), "scale:2"),
         (vec!["info", "teapot", "--unit", "furlong"], "mm, cm, m and inch"),
         (vec!["voxelize", "bracket"], "--out"),
