@@ -19,7 +19,7 @@ use imf_fields::metrics::ErrorReport;
 use ndarray::Array2;
 use serde::Serialize;
 
-use crate::output::{short, write_json, write_text};
+use crate::output::{short, table, write_json, write_text};
 use crate::picture::{Bar, BarChart, PanelRow, PanelSheet, Scale};
 use crate::session::Session;
 use crate::slices;
@@ -171,33 +171,27 @@ pub fn evaluate(
 impl Report {
     /// The closing table.
     pub(crate) fn table(&self) -> String {
-        let width = self.rows.iter().map(|row| row.name.chars().count()).max().unwrap_or(0);
         let tau = self.rows.first().map_or(0.0, |row| row.errors.threshold);
-        let mut text = format!(
-            "{:width$}  {:>9}  {:>9}  {:>7}  {:>10}  {:>15}  {:>6}\n",
-            "", "MSE", "MAE", "MPE", "false-free", "false-colliding", "IoU"
-        );
-        for row in &self.rows {
+        let cells = |row: &Row| {
             let e = &row.errors;
-            let _ = writeln!(
-                text,
-                "{:width$}  {:>9.2e}  {:>9.2e}  {:>7.4}  {:>9.2} %  {:>14.2} %  {:>6.4}",
-                row.name,
-                e.mse,
-                e.mae,
-                e.mpe,
-                100.0 * e.false_free,
-                100.0 * e.false_colliding,
-                e.iou
-            );
-        }
-        let _ = write!(
-            text,
-            "MSE and MPE against the exact field; a pose counts as colliding above τ = {tau}; {}.\n{}",
+            vec![
+                row.name.clone(),
+                format!("{:.2e}", e.mse),
+                format!("{:.2e}", e.mae),
+                format!("{:.4}", e.mpe),
+                format!("{:.2} %", 100.0 * e.false_free),
+                format!("{:.2} %", 100.0 * e.false_colliding),
+                format!("{:.4}", e.iou),
+            ]
+        };
+        let head = ["", "MSE", "MAE", "MPE", "false-free", "false-colliding", "IoU"];
+        let rows: Vec<Vec<String>> = self.rows.iter().map(cells).collect();
+        format!(
+            "{}MSE and MPE against the exact field; a pose counts as colliding above τ = {tau}; {}.\n{}",
+            table(&head, &rows),
             self.guarantee,
             self.verdict()
-        );
-        text
+        )
     }
 
     /// Whether the field was learnt, in one sentence.

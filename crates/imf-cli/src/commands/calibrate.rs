@@ -63,10 +63,8 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
     // Two of a field need not be in memory at once.
     drop(field);
     if let Some(out) = out {
-        let mut stored = FieldFile::read(&arguments.field)?;
-        stored.set_calibration(calibration);
         let out = out.begin()?;
-        stored.write(out)?;
+        keep(&arguments.field, calibration, out)?;
         session.note(&format!("wrote {}", out.display()));
     }
     let json = json!({
@@ -107,13 +105,18 @@ pub(super) fn afterwards(session: &Session, path: &Path) -> Result<()> {
         Ok(calibration) => {
             stage.finish(if calibration.keeps_its_goals() { "goals kept" } else { "goals missed" });
             drop(field);
-            let mut stored = FieldFile::read(path)?;
-            stored.set_calibration(calibration);
-            stored.write(path)?;
+            keep(path, calibration, path)?;
             session.note(&format!("decisions: {}", judgement(&calibration.uniform)));
             Ok(())
         }
     }
+}
+
+/// Writes a field with what its decisions are worth.
+fn keep(field: &Path, calibration: Calibration, out: &Path) -> Result<()> {
+    let mut stored = FieldFile::read(field)?;
+    stored.set_calibration(calibration);
+    Ok(stored.write(out)?)
 }
 
 /// Samples that a training must at least have seen for its calibration to take an eighth of its time: an evaluation takes a

@@ -15,7 +15,7 @@ use imf_fields::file::FieldFile;
 use serde_json::Value;
 
 use crate::arguments::InfoArguments;
-use crate::output::answer;
+use crate::output::{aligned, answer};
 use crate::session::Session;
 
 /// A name and a value.
@@ -31,9 +31,7 @@ struct Description {
 pub(crate) fn run(session: &Session, arguments: &InfoArguments) -> Result<()> {
     let Some(what) = &arguments.what else { return devices::run(session) };
     let Description { lines, json } = describe(session, what, arguments.unit)?;
-    let width = lines.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
-    let text = lines.iter().map(|(name, value)| format!("{name:<width$}  {value}\n"));
-    answer(session, &json, &text.collect::<String>())
+    answer(session, &json, &aligned(&lines))
 }
 
 /// Decides by what is there: a folder, else the ending of a file; a name of which there is no file is built in.

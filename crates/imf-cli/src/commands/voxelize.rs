@@ -7,7 +7,7 @@ use ndarray::ArrayView3;
 use serde_json::json;
 
 use crate::arguments::VoxelizeArguments;
-use crate::output::{OutputFolder, answer, short};
+use crate::output::{OutputFolder, aligned, answer, short};
 use crate::session::Session;
 use crate::slices::{MidPlaneSheet, MidPlanes};
 
@@ -55,24 +55,15 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
     };
     let share = 100.0 * obstacle.count() as f64 / grid.len() as f64;
     let corner = |p: DVec3| p.to_array().map(short).join(", ");
-    let words = format!(
-        "part         {}\n\
-         grid         {x}×{y}×{z}, pitch {} {unit}\n\
-         from         {} {unit}\n\
-         to           {} {unit}\n\
-         solid        {} voxels ({share:.1} %), volume {} {unit}³\n\
-         solid where  {guarantee}\n\
-         mesh         {surface}\n\
-         written      {}, {}, {}",
-        record.part,
-        short(grid.pitch),
-        corner(grid.origin),
-        corner(grid.origin + grid.size()),
-        obstacle.count(),
-        short(volume),
-        npy.display(),
-        vti.display(),
-        png.display()
-    );
-    answer(session, &json, &words)
+    let lines = [
+        ("part", record.part.clone()),
+        ("grid", format!("{x}×{y}×{z}, pitch {} {unit}", short(grid.pitch))),
+        ("from", format!("{} {unit}", corner(grid.origin))),
+        ("to", format!("{} {unit}", corner(grid.origin + grid.size()))),
+        ("solid", format!("{} voxels ({share:.1} %), volume {} {unit}³", obstacle.count(), short(volume))),
+        ("solid where", guarantee.into()),
+        ("mesh", surface),
+        ("written", format!("{}, {}, {}", npy.display(), vti.display(), png.display())),
+    ];
+    answer(session, &json, &aligned(&lines))
 }

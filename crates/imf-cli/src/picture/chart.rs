@@ -227,7 +227,7 @@ mod tests {
         let title = "A title of more words than fit into one line of the picture ".repeat(3);
         let many = Chart { title, series: (0..12).map(one).collect(), ..chart(vec![]) };
         let image = many.draw().unwrap();
-        let edge = |x: u32| x < MARGIN / 2 || x >= WIDTH - MARGIN / 2;
+        let edge = |x: u32| !(MARGIN / 2..WIDTH - MARGIN / 2).contains(&x);
         assert!(image.enumerate_pixels().all(|(x, _, found)| !edge(x) || *found == pixel(PAPER)));
     }
 

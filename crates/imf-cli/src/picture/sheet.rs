@@ -198,7 +198,7 @@ mod tests {
         let long = PanelSheet { title: title.clone(), notes: vec![title], ..sheet(vec![row.clone()]) };
         let (long, short) = (long.draw().unwrap(), sheet(vec![row]).draw().unwrap());
         assert_eq!(long.width(), short.width());
-        let edge = |x: u32| x < MARGIN / 2 || x >= long.width() - MARGIN / 2;
+        let edge = |x: u32| !(MARGIN / 2..long.width() - MARGIN / 2).contains(&x);
         assert!(long.enumerate_pixels().all(|(x, _, found)| !edge(x) || *found == pixel(PAPER)));
     }
 
