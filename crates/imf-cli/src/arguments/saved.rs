@@ -13,8 +13,8 @@ use super::numbers::parse_threshold;
 /// Measure what a field's decisions are worth, choose its thresholds for free and colliding, and keep both in its file
 #[derive(Args)]
 #[command(
-    after_help = "Example:\n  imf field bracket --clearance 2 --clearance-cutter 2 --method harmonic --quantity depth \
-                  --no-calibrate --save bracket.safetensors\n  imf calibrate bracket.safetensors\n  imf calibrate \
+    after_help = "Example:\n  imf train harmonic bracket --clearance 2 --clearance-cutter 2 --quantity depth \
+                  --no-calibrate --out bracket.safetensors\n  imf calibrate bracket.safetensors\n  imf calibrate \
                   bracket.safetensors --verify --seed 1\n\nA colliding pose is one of the tool as it is, a clear pose one \
                   where the tool grown by its clearance is free: what lies between may be answered either way."
 )]
@@ -65,7 +65,7 @@ impl CalibrateArguments {
 
 /// Compare a model, or a harmonic or factored field, with the exact field
 #[derive(Args)]
-#[command(after_help = "Examples:\n  imf eval model/model.safetensors\n  imf eval model/model.safetensors \
+#[command(after_help = "Examples:\n  imf eval model/field.safetensors\n  imf eval model/field.safetensors \
                         --random 256 --imf grid:25 --out report")]
 pub(crate) struct EvalArguments {
     /// Model or field to evaluate
@@ -97,7 +97,7 @@ pub(crate) struct EvalArguments {
 
 /// Answer poses from a CSV file: how much does the tool overlap the part when its tip is here, or how deep is it
 #[derive(Args)]
-#[command(after_help = "Example:\n  imf query model/model.safetensors poses.csv --out answers.csv\n\n\
+#[command(after_help = "Example:\n  imf query model/field.safetensors poses.csv --out answers.csv\n\n\
                         The first line names the columns: x,y,z,i,j,k (tool axis from tip to holder) or \
                         x,y,z,theta,phi (degrees); a column roll (degrees) turns the tool about its own axis. Other columns \
                         are kept. Answers add the column overlap, from 0 to 1; with --exact also overlap_exact; with --sharp \
@@ -127,7 +127,7 @@ pub(crate) struct QueryArguments {
 /// Write a field for other programs: as an ONNX graph, its inputs in the scene's units
 #[derive(Args)]
 #[command(
-    after_help = "Example:\n  imf export model/model.safetensors --out model.onnx\n\nInputs: position [poses, 3] in the \
+    after_help = "Example:\n  imf export model/field.safetensors --out model.onnx\n\nInputs: position [poses, 3] in the \
                   scene's unit, and direction [poses, 3] of the tool's axis from tip to holder; the paper's network takes \
                   angles [poses, 2] instead, (theta, phi) in degrees. Output: overlap [poses], or depth [poses] of a field of depth, in the scene's unit. What the field is of stands in \
                   the graph's metadata. A harmonic field of a tool without symmetry has no such form."

@@ -58,10 +58,13 @@ impl PanelSheet<'_> {
         let panels = || self.rows.iter().flat_map(|row| &row.panels);
         ensure!(panels().next().is_some(), "a sheet without panels");
         let side = self.side();
-        // Panels stand in columns of one width.
-        let column = panels().map(|panel| panel.size(side).0).max().unwrap_or(0) + GAP;
-        let columns = self.rows.iter().map(|row| row.panels.len() as u32).max().unwrap_or(0);
-        let inside = (column * columns).max(LEAST_WIDTH);
+        // A column is as wide as its widest panel.
+        let mut columns: Vec<u32> = Vec::new();
+        for (panel, index) in self.rows.iter().flat_map(|row| row.panels.iter().zip(0..)) {
+            columns.resize(columns.len().max(index + 1), 0);
+            columns[index] = columns[index].max(panel.size(side).0 + GAP);
+        }
+        let inside = columns.iter().sum::<u32>().max(LEAST_WIDTH);
         let mut scales: Vec<&Scale> = Vec::new();
         for scale in panels().map(|panel| &panel.scale) {
             if !scales.contains(&scale) {
@@ -91,8 +94,10 @@ impl PanelSheet<'_> {
             for (row, title) in &rows {
                 title.draw(area, (MARGIN, top))?;
                 top += title.height();
-                for (panel, index) in row.panels.iter().zip(0..) {
-                    panel.draw(area, (MARGIN + index * column, top), side)?;
+                let mut left = MARGIN;
+                for (panel, column) in row.panels.iter().zip(&columns) {
+                    panel.draw(area, (left, top), side)?;
+                    left += column;
                 }
                 top += row_height(row);
             }
