@@ -9,8 +9,9 @@ pub(crate) mod recipe;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use imf_cli::arguments::numbers::{parse_count, with_negative_numbers};
-use imf_cli::arguments::{DeviceArguments, GlobalArguments, PrecisionKind};
+use imf_cli::arguments::numbers::{named, parse_count, with_negative_numbers};
+use imf_cli::arguments::{DeviceArguments, GlobalArguments};
+use imf_fields::recipe::Precision;
 
 /// Measures imf beside its rivals, makes the paper's tables, and trains by recipes.
 #[derive(Parser)]
@@ -48,8 +49,8 @@ pub(crate) struct TrainArguments {
     #[arg(long, default_value_t = 512, value_name = "N")]
     pub(crate) width: usize,
     /// What products of layers are computed in, PyTorch's too (bf16 and f16: by its autocast)
-    #[arg(long, value_enum, default_value = "f32")]
-    pub(crate) precision: PrecisionKind,
+    #[arg(long, default_value = "f32", value_parser = named::<Precision>(&["f32", "bf16", "f16"]))]
+    pub(crate) precision: Precision,
     /// Python with PyTorch
     #[arg(long, default_value = "python3", value_name = "COMMAND")]
     pub(crate) python: String,

@@ -88,7 +88,7 @@ pub(crate) fn run(session: &Session, arguments: &TrainArguments) -> Result<()> {
     let device = Device::open(&arguments.device.device, session)?;
     let asked = Asked {
         width: arguments.width,
-        precision: arguments.precision.into(),
+        precision: arguments.precision,
         batches: &arguments.batch,
         python: Some(&arguments.python),
         rounds: Rounds::default(),

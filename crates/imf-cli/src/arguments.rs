@@ -2,18 +2,15 @@
 //! asked has a file each.
 
 pub(crate) mod access;
-pub(crate) mod calibrate;
 pub(crate) mod check;
 pub mod clearance;
 pub(crate) mod compress;
 pub(crate) mod dataset;
-pub(crate) mod eval;
-pub(crate) mod export;
 pub(crate) mod field;
 pub(crate) mod fixture;
 pub mod harmonic;
 pub mod numbers;
-pub(crate) mod query;
+pub(crate) mod saved;
 pub mod scene;
 pub(crate) mod train;
 pub(crate) mod transform;
@@ -21,6 +18,7 @@ pub(crate) mod transform;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use imf_core::unit::LengthUnit;
 use imf_fields::recipe::Length;
 use imf_fields::recipe::schedule::RateRule;
 
@@ -99,10 +97,10 @@ pub(crate) enum Command {
     Train(Box<train::TrainArguments>),
     Finetune(FinetuneArguments),
     Compress(compress::CompressArguments),
-    Calibrate(calibrate::CalibrateArguments),
-    Eval(eval::EvalArguments),
-    Query(query::QueryArguments),
-    Export(export::ExportArguments),
+    Calibrate(saved::CalibrateArguments),
+    Eval(saved::EvalArguments),
+    Query(saved::QueryArguments),
+    Export(saved::ExportArguments),
     Check(check::CheckArguments),
     Info(InfoArguments),
 }
@@ -204,18 +202,18 @@ pub(crate) struct LengthArguments {
 #[derive(Args, Clone)]
 pub(crate) struct PlanArguments {
     /// How the rate follows the batch, from 1024 on; sqrt and linear begin with a rise of 100 steps
-    #[arg(long, value_enum, default_value = "constant")]
-    pub(crate) rate_rule: RuleKind,
+    #[arg(long, default_value = "constant", value_parser = numbers::named::<RateRule>(&["constant", "sqrt", "linear"]))]
+    pub(crate) rate_rule: RateRule,
     /// exponential: ×0.93 every epoch (the paper's); cosine: down to a hundredth over all steps
     #[arg(long, value_enum, default_value = "exponential")]
     pub(crate) schedule: ScheduleKind,
     /// What a step minimises
-    #[arg(long, value_enum, default_value = "l1")]
-    pub(crate) loss: LossKind,
+    #[arg(long, default_value = "l1", value_parser = numbers::named::<Loss>(&["l1", "l2"]))]
+    pub(crate) loss: Loss,
     /// What products of layers are computed in, sums being f32: f32; bf16 (factors rounded to bfloat16), faster on CPUs with
     /// AVX-512 BF16; or f16 (factors rounded to f16) on GPUs
-    #[arg(long, value_enum, default_value = "f32")]
-    pub(crate) precision: PrecisionKind,
+    #[arg(long, default_value = "f32", value_parser = numbers::named::<Precision>(&["f32", "bf16", "f16"]))]
+    pub(crate) precision: Precision,
     /// Coupled L2 of Adam
     #[arg(long, default_value_t = 1e-6, value_name = "W")]
     pub(crate) weight_decay: f32,
@@ -256,62 +254,6 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
 pub(crate) enum ScheduleKind {
     Exponential,
     Cosine,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-pub(crate) enum RuleKind {
-    /// The same rate for every batch
-    Constant,
-    /// Rate × √(batch / 1024)
-    Sqrt,
-    /// Rate × batch / 1024
-    Linear,
-}
-
-impl From<RuleKind> for RateRule {
-    fn from(kind: RuleKind) -> Self {
-        match kind {
-            RuleKind::Constant => Self::Constant,
-            RuleKind::Sqrt => Self::Sqrt,
-            RuleKind::Linear => Self::Linear,
-        }
-    }
-}
-
-/// What products of layers are computed in.
-#[derive(Clone, Copy, ValueEnum)]
-pub enum PrecisionKind {
-    /// Single precision
-    F32,
-    /// Factors rounded to bfloat16, sums in f32
-    Bf16,
-    /// Factors rounded to f16, sums in f32
-    F16,
-}
-
-impl From<PrecisionKind> for Precision {
-    fn from(kind: PrecisionKind) -> Self {
-        match kind {
-            PrecisionKind::F32 => Self::F32,
-            PrecisionKind::Bf16 => Self::Bf16,
-            PrecisionKind::F16 => Self::F16,
-        }
-    }
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-pub(crate) enum LossKind {
-    L1,
-    L2,
-}
-
-impl From<LossKind> for Loss {
-    fn from(kind: LossKind) -> Self {
-        match kind {
-            LossKind::L1 => Self::L1,
-            LossKind::L2 => Self::L2,
-        }
-    }
 }
 
 /// Adapt a trained model to another dataset, such as a changed part
@@ -355,5 +297,5 @@ pub(crate) struct InfoArguments {
     pub(crate) what: Option<PathBuf>,
     /// Unit of a mesh: mm (the default), cm, m or inch; 3MF files state theirs
     #[arg(long, value_name = "UNIT")]
-    pub(crate) unit: Option<String>,
+    pub(crate) unit: Option<LengthUnit>,
 }

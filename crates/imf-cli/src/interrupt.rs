@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
+use thiserror::Error;
 
 /// Signals closer together than this are one.
 const SAME_WISH: Duration = Duration::from_millis(500);
@@ -16,16 +17,9 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 const AFTER_REPORTS: &str = "IMF_INTERRUPT_AFTER_REPORTS";
 
 /// Work stopped because the user asked for it; the text says what is kept.
-#[derive(Debug)]
+#[derive(Debug, Error)]
+#[error("interrupted: {0}")]
 pub struct Interrupted(pub String);
-
-impl std::fmt::Display for Interrupted {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "interrupted: {}", self.0)
-    }
-}
-
-impl std::error::Error for Interrupted {}
 
 /// Starts listening for Ctrl-C (and a polite kill); `aloud` where this process answers it in words.
 pub(crate) fn listen(aloud: bool) -> Result<()> {

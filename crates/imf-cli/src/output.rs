@@ -200,6 +200,11 @@ pub(crate) fn standard_output_failed(error: Error) -> anyhow::Error {
     anyhow::Error::new(error).context(text)
 }
 
+/// Writes an answer to standard output: as JSON where that is asked for, or in words.
+pub(crate) fn answer(session: &Session, json: &impl Serialize, words: &str) -> Result<()> {
+    if session.json { print_json(json) } else { print(words) }
+}
+
 /// Writes a value as JSON to standard output.
 pub fn print_json(value: &impl Serialize) -> Result<()> {
     print(&serde_json::to_string_pretty(value)?)
@@ -235,6 +240,12 @@ pub(crate) fn element_name(kind: ElementKind) -> String {
 /// The number that is written with the same digits as this f32: 0.1 and not 0.10000000149.
 pub(crate) fn same_digits(value: f32) -> f64 {
     value.to_string().parse().unwrap_or(f64::from(value))
+}
+
+/// Names and values, a line each, the values below each other.
+pub(crate) fn aligned(lines: &[(&str, String)]) -> String {
+    let width = lines.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
+    lines.iter().map(|(name, value)| format!("{name:<width$}  {value}\n")).collect()
 }
 
 /// Rows as text in columns, as wide as they need to be. The first row is the head; columns of numbers stand right.

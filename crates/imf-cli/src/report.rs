@@ -10,15 +10,17 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use imf_core::control::Control;
 use imf_core::field::GridField;
+use imf_core::grid::Grid;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::{At, SectionPlan};
 use imf_core::tool::Clearance;
 use imf_fields::evaluation::{ImfComparison, grid_imf, grid_sections, nearest_sections};
 use imf_fields::metrics::ErrorReport;
+use ndarray::Array2;
 use serde::Serialize;
 
-use crate::output::{write_json, write_text};
-use crate::picture::{AxisScale, Bar, BarChart, PanelRow, PanelSheet, Scale};
+use crate::output::{short, table, write_json, write_text};
+use crate::picture::{Bar, BarChart, PanelRow, PanelSheet, Scale};
 use crate::session::Session;
 use crate::slices;
 use subject::Made;
@@ -103,24 +105,21 @@ pub fn evaluate(
     let plan = SectionPlan::of_scene(subject.scene, At::Tip)?;
     session.detail(&format!("sections: {}", plan.describe()));
     let training = subject.seen.as_ref();
-    let singles: Vec<(&str, Orientation)> = [("in", questions.in_sample), ("out", questions.out_of_sample)]
-        .into_iter()
-        .filter_map(|(kind, orientation)| Some((kind, orientation?)))
-        .collect();
+    let singles: Vec<Orientation> =
+        [questions.in_sample, questions.out_of_sample].into_iter().flatten().collect();
     let total = singles.len() + 2 * questions.random.len() + questions.imf.len();
     let stage = session.stage("evaluating", "sections", total as u64);
     let advance = |n| stage.advance(n);
-    let control: Control<'_> = session.control(&advance);
+    let control = session.control(&advance);
     let tau = questions.threshold;
 
     let mut rows = Vec::new();
-    for (_, orientation) in &singles {
+    for orientation in &singles {
         // Whether training saw it is looked up, not assumed.
         let seen = training.iter().any(|o| (o.direction() - orientation.direction()).length() < 1e-9);
         let kind = if seen { "in-sample" } else { "out-of-sample" };
         let errors = grid_sections(&plan, &[*orientation], field, tau, control)?.overall;
-        let degrees =
-            |angle: f64| format!("{angle:.2}").trim_end_matches('0').trim_end_matches('.').to_owned();
+        let degrees = |angle: f64| short((1e2 * angle).round() / 1e2);
         let name =
             format!("section ({}°, {}°), {kind}", degrees(orientation.theta), degrees(orientation.phi));
         rows.push(Row { name, orientations: 1, errors });
@@ -172,33 +171,27 @@ pub fn evaluate(
 impl Report {
     /// The closing table.
     pub(crate) fn table(&self) -> String {
-        let width = self.rows.iter().map(|row| row.name.chars().count()).max().unwrap_or(0);
         let tau = self.rows.first().map_or(0.0, |row| row.errors.threshold);
-        let mut text = format!(
-            "{:width$}  {:>9}  {:>9}  {:>7}  {:>10}  {:>15}  {:>6}\n",
-            "", "MSE", "MAE", "MPE", "false-free", "false-colliding", "IoU"
-        );
-        for row in &self.rows {
+        let cells = |row: &Row| {
             let e = &row.errors;
-            let _ = writeln!(
-                text,
-                "{:width$}  {:>9.2e}  {:>9.2e}  {:>7.4}  {:>9.2} %  {:>14.2} %  {:>6.4}",
-                row.name,
-                e.mse,
-                e.mae,
-                e.mpe,
-                100.0 * e.false_free,
-                100.0 * e.false_colliding,
-                e.iou
-            );
-        }
-        let _ = write!(
-            text,
-            "MSE and MPE against the exact field; a pose counts as colliding above τ = {tau}; {}.\n{}",
+            vec![
+                row.name.clone(),
+                format!("{:.2e}", e.mse),
+                format!("{:.2e}", e.mae),
+                format!("{:.4}", e.mpe),
+                format!("{:.2} %", 100.0 * e.false_free),
+                format!("{:.2} %", 100.0 * e.false_colliding),
+                format!("{:.4}", e.iou),
+            ]
+        };
+        let head = ["", "MSE", "MAE", "MPE", "false-free", "false-colliding", "IoU"];
+        let rows: Vec<Vec<String>> = self.rows.iter().map(cells).collect();
+        format!(
+            "{}MSE and MPE against the exact field; a pose counts as colliding above τ = {tau}; {}.\n{}",
+            table(&head, &rows),
             self.guarantee,
             self.verdict()
-        );
-        text
+        )
     }
 
     /// Whether the field was learnt, in one sentence.
@@ -216,41 +209,19 @@ impl Report {
         }
     }
 
+    /// The table, with what it is of, and the pictures.
     fn markdown(&self, pictures: &[(&str, &str)]) -> String {
         let [x, y, z] = self.dims;
         let mut text = format!(
-            "# {}, tool {}\n\n{} · {x}×{y}×{z} voxels of {:.4} {} · {}\n\n",
+            "# {}, tool {}\n\n{} · {x}×{y}×{z} voxels of {:.4} {} · {}\n\n```text\n{}\n```\n\nShallow contacts have almost \
+             no volume: a small error is not yet a safe answer.\n\n",
             self.part,
             self.tool,
             self.program,
             self.pitch,
             self.unit,
-            self.made.describe(self.training_sections)
-        );
-        text.push_str("| | MSE | MAE | MPE | false-free | false-colliding | IoU |\n");
-        text.push_str("| --- | --- | --- | --- | --- | --- | --- |\n");
-        for row in &self.rows {
-            let e = &row.errors;
-            let _ = writeln!(
-                text,
-                "| {} | {:.3e} | {:.3e} | {:.4} | {:.2} % | {:.2} % | {:.4} |",
-                row.name,
-                e.mse,
-                e.mae,
-                e.mpe,
-                100.0 * e.false_free,
-                100.0 * e.false_colliding,
-                e.iou
-            );
-        }
-        let tau = self.rows.first().map_or(0.0, |row| row.errors.threshold);
-        let _ = writeln!(
-            text,
-            "\nErrors are against the exact field; a pose counts as colliding above τ = {tau}, and exactly where it \
-             collides at all. Note that {}. Shallow contacts have almost no volume: a small error is not yet a safe \
-             answer.\n\n{}\n",
-            self.guarantee,
-            self.verdict()
+            self.made.describe(self.training_sections),
+            self.table()
         );
         for (file, caption) in pictures {
             let _ = writeln!(text, "![{caption}]({file})\n\n{caption}\n");
@@ -259,11 +230,30 @@ impl Report {
     }
 }
 
+/// Planes of the exact field and of another one.
+struct Comparison {
+    title: String,
+    /// At right angles to the plane.
+    axis: usize,
+    exact: Array2<f32>,
+    other: Array2<f32>,
+    difference: Array2<f32>,
+}
+
+impl Comparison {
+    /// The planes in the middle of an axis.
+    fn new(title: String, grid: &Grid, axis: usize, exact: &[f32], other: &[f32]) -> Self {
+        let [exact, other] =
+            [exact, other].map(|values| slices::slice(values, grid, axis, slices::middle(grid, axis)));
+        Self { title, axis, difference: &other - &exact, exact, other }
+    }
+}
+
 impl Evaluation {
     /// Writes `report.json`, `report.md` and the pictures.
     pub fn write(&self, folder: &Path, subject: &Subject<'_>, field: &dyn GridField) -> Result<()> {
-        self.draw_sections(&folder.join("sections.png"), subject, field).context("sections.png")?;
-        self.draw_imf(&folder.join("imf.png"), subject).context("imf.png")?;
+        self.draw_sections(folder, subject, field).context("sections.png")?;
+        self.draw_imf(folder, subject).context("imf.png")?;
         self.error_bars().save(&folder.join("errors.png"))?;
         let mut pictures = vec![
             (
@@ -282,116 +272,88 @@ impl Evaluation {
         write_text(&folder.join("report.md"), &self.report.markdown(&pictures))
     }
 
-    fn draw_sections(&self, path: &Path, subject: &Subject<'_>, field: &dyn GridField) -> Result<()> {
-        let (grid, unit) = (*self.plan.grid(), subject.scene.record.unit);
-        let shown_as = self.report.made.shown_as;
-        let axis = 1;
-        let middle = slices::middle(&grid, axis);
+    fn draw_sections(&self, folder: &Path, subject: &Subject<'_>, field: &dyn GridField) -> Result<()> {
+        let (grid, axis) = (self.plan.grid(), 1);
         let shown = &self.random.orientations[..self.random.len().min(3)];
         let exact = imf_core::section::sections(&self.plan, shown, Control::quiet())?;
-        let mut slices_shown = Vec::new();
+        let mut planes = Vec::new();
         for (orientation, section) in shown.iter().zip(&exact) {
             let mut learnt = vec![0.0; grid.len()];
             field.section(orientation, &mut learnt)?;
-            let exact = slices::slice(section, &grid, axis, middle);
-            let learnt = slices::slice(&learnt, &grid, axis, middle);
-            let difference = &learnt - &exact;
-            slices_shown.push((orientation, exact, learnt, difference));
+            let title = format!("θ = {:.1}°, φ = {:.1}°", orientation.theta, orientation.phi);
+            planes.push(Comparison::new(title, grid, axis, section, &learnt));
         }
-        let solid = slices::mask(&subject.scene.obstacle, axis, middle);
-        let all: Vec<_> = slices_shown.iter().flat_map(|(_, e, l, _)| [e.view(), l.view()]).collect();
-        let measure = Scale::measure_of(&all, "overlap, share of the tool's volume");
-        let differences: Vec<_> = slices_shown.iter().map(|(.., d)| d.view()).collect();
-        let difference = Scale::difference_of(&differences, &format!("{shown_as} − exact"));
-        let axes = slices::axes(&grid, unit, axis);
-        let rows = slices_shown
-            .iter()
-            .map(|(orientation, e, l, d)| PanelRow {
-                title: format!("θ = {:.1}°, φ = {:.1}°", orientation.theta, orientation.phi),
-                panels: vec![
-                    slices::panel("exact", e, &solid, &measure, &axes),
-                    slices::panel(shown_as, l, &solid, &measure, &axes),
-                    slices::panel("difference", d, &solid, &difference, &axes),
-                ],
-            })
-            .collect();
-        PanelSheet {
-            title: format!("{}, tool {}", self.report.part, self.report.tool),
-            rows,
-            notes: vec![format!(
-                "Random orientations that the field was not made from; plane {}; outline: the part",
-                slices::layer_title(&grid, unit, axis, middle)
-            )],
-            pixels_per_voxel: None,
-        }
-        .save(path)?;
-        Ok(())
+        let plane = slices::layer_title(grid, subject.scene.record.unit, axis, slices::middle(grid, axis));
+        let title = format!("{}, tool {}", self.report.part, self.report.tool);
+        let note =
+            format!("Random orientations that the field was not made from; plane {plane}; outline: the part");
+        let measure = "overlap, fraction of the tool's volume";
+        self.compare(subject, title, &planes, measure, note, &folder.join("sections.png"))
     }
 
-    fn draw_imf(&self, path: &Path, subject: &Subject<'_>) -> Result<()> {
-        let (grid, unit) = (*self.plan.grid(), subject.scene.record.unit);
+    fn draw_imf(&self, folder: &Path, subject: &Subject<'_>) -> Result<()> {
+        let grid = self.plan.grid();
+        let planes = [0, 1, 2].map(|axis| {
+            let middle = slices::middle(grid, axis);
+            let title = slices::layer_title(grid, subject.scene.record.unit, axis, middle);
+            Comparison::new(title, grid, axis, &self.imf.exact.value, &self.imf.learnt.value)
+        });
+        let title =
+            format!("{}: minimum overlap over {} orientations", self.report.part, self.imf_orientations);
+        let (measure, note) = ("inaccessibility measure IMF", "Outline: the part".into());
+        self.compare(subject, title, &planes, measure, note, &folder.join("imf.png"))
+    }
+
+    /// A sheet of planes: exact, of the field, and their difference in a scale of its own.
+    fn compare(
+        &self,
+        subject: &Subject<'_>,
+        title: String,
+        planes: &[Comparison],
+        measure: &str,
+        note: String,
+        path: &Path,
+    ) -> Result<()> {
+        let (grid, unit) = (self.plan.grid(), subject.scene.record.unit);
         let shown_as = self.report.made.shown_as;
-        let difference: Vec<f32> =
-            self.imf.learnt.value.iter().zip(&self.imf.exact.value).map(|(l, e)| l - e).collect();
-        let cut =
-            |values: &[f32], axis: usize| slices::slice(values, &grid, axis, slices::middle(&grid, axis));
-        let planes: Vec<_> = [0, 1, 2]
-            .iter()
-            .map(|&axis| {
-                let fields = (
-                    cut(&self.imf.exact.value, axis),
-                    cut(&self.imf.learnt.value, axis),
-                    cut(&difference, axis),
-                );
-                (axis, fields, slices::mask(&subject.scene.obstacle, axis, slices::middle(&grid, axis)))
-            })
-            .collect();
-        let all: Vec<_> = planes.iter().flat_map(|(_, (e, l, _), _)| [e.view(), l.view()]).collect();
-        let measure = Scale::measure_of(&all, "inaccessibility measure IMF");
-        let differences: Vec<_> = planes.iter().map(|(_, (.., d), _)| d.view()).collect();
+        let values: Vec<_> = planes.iter().flat_map(|p| [p.exact.view(), p.other.view()]).collect();
+        let measure = Scale::measure_of(&values, measure);
+        let differences: Vec<_> = planes.iter().map(|plane| plane.difference.view()).collect();
         let signed = Scale::difference_of(&differences, &format!("{shown_as} − exact"));
-        let rows = planes
-            .iter()
-            .map(|(axis, (e, l, d), solid)| {
-                let axes = slices::axes(&grid, unit, *axis);
-                PanelRow {
-                    title: slices::layer_title(&grid, unit, *axis, slices::middle(&grid, *axis)),
-                    panels: vec![
-                        slices::panel("exact", e, solid, &measure, &axes),
-                        slices::panel(shown_as, l, solid, &measure, &axes),
-                        slices::panel("difference", d, solid, &signed, &axes),
-                    ],
-                }
-            })
-            .collect();
-        PanelSheet {
-            title: format!("{}: least overlap over {} orientations", self.report.part, self.imf_orientations),
-            rows,
-            notes: vec!["Outline: the part".into()],
-            pixels_per_voxel: None,
-        }
-        .save(path)?;
-        Ok(())
+        let solid = |plane: &Comparison| {
+            slices::mask(&subject.scene.obstacle, plane.axis, slices::middle(grid, plane.axis))
+        };
+        let solids: Vec<_> = planes.iter().map(solid).collect();
+        let rows = planes.iter().zip(&solids).map(|(plane, solid)| {
+            let axes = slices::axes(grid, unit, plane.axis);
+            PanelRow {
+                title: plane.title.clone(),
+                panels: vec![
+                    slices::panel("exact", &plane.exact, solid, &measure, &axes),
+                    slices::panel(shown_as, &plane.other, solid, &measure, &axes),
+                    slices::panel("difference", &plane.difference, solid, &signed, &axes),
+                ],
+            }
+        });
+        PanelSheet { title, rows: rows.collect(), notes: vec![note], pixels_per_voxel: None }.save(path)
     }
 
     fn error_bars(&self) -> BarChart {
-        let mse = |name: &str| self.report.rows.iter().find(|r| r.name.ends_with(name)).map(|r| r.errors);
-        let mut bars = Vec::new();
+        let errors = |name: &str| self.report.rows.iter().find(|r| r.name.ends_with(name)).map(|r| r.errors);
         let made = &self.report.made;
         let nearest = format!("nearest {} section", made.participle);
-        if let (Some(learnt), Some(others)) = (mse("random sections"), mse(&nearest)) {
-            let bar = |name: &str, value, marked| Bar { name: name.into(), value, marked };
-            bars = vec![
+        let bar = |name: &str, value, marked| Bar { name: name.into(), value, marked };
+        let bars = errors("random sections").zip(errors(&nearest)).map(|(learnt, others)| {
+            vec![
                 bar(&format!("{} field", made.shown_as), learnt.mse, true),
                 bar(&nearest, others.mse, false),
                 bar("constant (variance)", learnt.variance, false),
-            ];
-        }
+            ]
+        });
         BarChart {
             title: format!("{}: error at {} random orientations", self.report.part, self.random.len()),
             value_name: "mean squared error".into(),
-            scale: AxisScale::Logarithmic,
-            bars,
+            bars: bars.unwrap_or_default(),
         }
     }
 }

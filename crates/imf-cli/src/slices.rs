@@ -10,7 +10,7 @@ use imf_core::occupancy::Occupancy;
 use imf_core::unit::LengthUnit;
 use ndarray::{Array2, ArrayView3, Axis};
 
-use crate::picture::{Axes, Mask, MaskStyle, Panel, PanelRow, PanelSheet, Scale, Tally};
+use crate::picture::{Axes, Mask, MaskStyle, Panel, PanelRow, PanelSheet, Scale};
 
 /// Names of the world's axes.
 const NAMES: [&str; 3] = ["x", "y", "z"];
@@ -115,7 +115,7 @@ impl MidPlaneSheet<'_> {
     ///
     /// # Errors
     /// No field, or a file that cannot be written.
-    pub(crate) fn save(&self, fields: &[MidPlanes], path: &Path) -> Result<Tally> {
+    pub(crate) fn save(&self, fields: &[MidPlanes], path: &Path) -> Result<()> {
         let grid = &self.part.grid;
         let masks = [0, 1, 2].map(|axis| mask(self.part, axis, middle(grid, axis)));
         let views: Vec<_> = fields.iter().flat_map(|f| &f.slices).map(|slice| slice.view()).collect();
@@ -210,7 +210,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("sheet.png");
         let field = MidPlanes::new("row".into(), &vec![0.25; grid.len()], &grid);
-        assert_eq!(sheet.save(&[field.clone(), field], &path).unwrap(), Tally::default());
+        sheet.save(&[field.clone(), field], &path).unwrap();
         assert!(image::open(&path).unwrap().width() > 100);
         assert!(sheet.save(&[], &path).is_err());
     }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::Result;
 use imf_cli::output::{table, write_json, write_text};
-use imf_cli::picture::{AxisScale, Bar, BarChart};
+use imf_cli::picture::{Bar, BarChart};
 use imf_cli::progress::show_seconds;
 use imf_cli::session::show_bytes;
 use imf_fields::metrics::ErrorReport;
@@ -178,7 +178,6 @@ impl Comparison {
         BarChart {
             title: format!("{}: error at {random} random directions", self.part),
             value_name: "mean squared error".into(),
-            scale: AxisScale::Logarithmic,
             bars: rows
                 .map(|row| Bar {
                     name: format!("{} ({})", row.name, show_bytes(row.bytes)),

@@ -1,13 +1,84 @@
-//! What stands around the part: fixtures, each `FILE[@STEPS]`, and the stock it is cut from.
+//! The meshes of a scene: the part, fixtures around it, each `FILE[@STEPS]`, and the stock it is cut from.
 
-use anyhow::{Context, Result, ensure};
+use std::path::Path;
+use std::str::FromStr as _;
+
+use anyhow::{Context as _, Result, bail, ensure};
 use glam::{DMat4, DVec3};
 use imf_core::mesh::Mesh;
+use imf_core::mesh::read::{MeshFile, read_mesh_file};
+use imf_core::parts::ReferencePart;
 use imf_core::scene::Fixture;
 use imf_core::unit::LengthUnit;
 
-use super::scene::Part;
 use super::transform::parse_transform;
+
+/// A part as read, before it is voxelised.
+pub(crate) struct Part {
+    pub(crate) name: String,
+    pub(crate) mesh: Mesh,
+    pub(crate) unit: LengthUnit,
+    pub(crate) reference: Option<ReferencePart>,
+    /// True where the unit is neither given nor assumed, but the file's own.
+    pub(crate) unit_is_its_own: bool,
+    /// The file's own unit, where another one was given.
+    pub(crate) overruled: Option<LengthUnit>,
+}
+
+impl Part {
+    /// Reads a file or makes a built-in part. A file of that name wins over a built-in part, a folder does not.
+    pub(crate) fn read(part: &str, given: Option<LengthUnit>) -> Result<Self> {
+        let path = Path::new(part);
+        if !path.is_file()
+            && let Ok(reference) = ReferencePart::from_str(part)
+        {
+            return Ok(Self {
+                name: reference.name().into(),
+                mesh: reference.mesh(),
+                unit: LengthUnit::Mm,
+                reference: Some(reference),
+                unit_is_its_own: true,
+                overruled: None,
+            });
+        }
+        let is_stl = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("stl"));
+        if is_stl && given.is_none() && path.exists() {
+            bail!("{part}: an STL file does not say its unit; add --unit mm (or cm, m, inch)");
+        }
+        let MeshFile { mesh, unit: stated } = read_mesh_file(path)?;
+        let name = path.file_name().map_or_else(|| part.to_owned(), |n| n.to_string_lossy().into_owned());
+        Ok(Self {
+            name,
+            mesh,
+            unit: given.or(stated).unwrap_or_default(),
+            reference: None,
+            unit_is_its_own: given.is_none() && stated.is_some(),
+            overruled: stated.filter(|stated| given.is_some_and(|given| given != *stated)),
+        })
+    }
+
+    /// What stands around a part in `unit`: scaled where its own unit is known to be another.
+    pub(crate) fn around_part_in(mut self, unit: LengthUnit) -> Self {
+        if self.unit_is_its_own && self.unit != unit {
+            let factor = self.unit.in_mm() / unit.in_mm();
+            self.mesh = self.mesh.transformed(&DMat4::from_scale(DVec3::splat(factor)));
+            self.unit = unit;
+        }
+        self
+    }
+}
+
+/// What was typed of a fixture: `FILE` or `FILE@STEPS`.
+#[derive(Clone, Debug)]
+pub struct FixtureArgument {
+    file: String,
+    transform: DMat4,
+}
+
+pub(super) fn parse_fixture(text: &str) -> Result<FixtureArgument, String> {
+    let (file, steps) = text.split_once('@').unwrap_or((text, ""));
+    Ok(FixtureArgument { file: file.to_owned(), transform: parse_transform(steps)? })
+}
 
 /// A fixture as read.
 pub(crate) struct FixtureMesh {
@@ -17,14 +88,15 @@ pub(crate) struct FixtureMesh {
 }
 
 impl FixtureMesh {
-    /// Reads `FILE` or `FILE@STEPS`; lengths are in the part's unit, `part_unit`, unless the file states its own and no `unit` is
-    /// given.
-    pub(crate) fn read(text: &str, unit: Option<&str>, part_unit: LengthUnit) -> Result<Self> {
-        let (file, steps) = text.split_once('@').unwrap_or((text, ""));
+    /// Lengths are in the part's unit, `part_unit`, unless the file states its own and no `unit` is given.
+    pub(crate) fn read(
+        FixtureArgument { file, transform }: &FixtureArgument,
+        unit: Option<LengthUnit>,
+        part_unit: LengthUnit,
+    ) -> Result<Self> {
         let part = Part::read(file, unit).with_context(|| format!("the fixture {file} cannot be used"))?;
         let part = part.around_part_in(part_unit);
-        let transform = parse_transform(steps).with_context(|| format!("set-up of the fixture {file}"))?;
-        Ok(Self { name: part.name, mesh: part.mesh, transform })
+        Ok(Self { name: part.name, mesh: part.mesh, transform: *transform })
     }
 
     /// As the scene takes it.
@@ -47,7 +119,7 @@ impl Stock {
         text: &str,
         part_box: (DVec3, DVec3),
         transform: &DMat4,
-        unit: Option<&str>,
+        unit: Option<LengthUnit>,
         part_unit: LengthUnit,
     ) -> Result<Self> {
         let margin = match text.split_once(':') {
@@ -99,10 +171,11 @@ mod tests {
 
     #[test]
     fn a_fixture_has_its_own_set_up() {
-        let fixture = FixtureMesh::read("bracket@translate:0,0,5", None, LengthUnit::Mm).unwrap();
+        let read = |text: &str| FixtureMesh::read(&parse_fixture(text).unwrap(), None, LengthUnit::Mm);
+        let fixture = read("bracket@translate:0,0,5").unwrap();
         assert_eq!(fixture.transform.transform_point3(DVec3::ZERO), DVec3::new(0.0, 0.0, 5.0));
-        assert!(FixtureMesh::read("bracket@scale:2", None, LengthUnit::Mm).is_err());
-        let refusal = format!("{:#}", FixtureMesh::read("nowhere.stl", None, LengthUnit::Mm).err().unwrap());
+        assert!(parse_fixture("bracket@scale:2").is_err());
+        let refusal = format!("{:#}", read("nowhere.stl").err().unwrap());
         assert!(refusal.contains("nowhere.stl"), "{refusal}");
     }
 }

@@ -1,6 +1,9 @@
-//! Numbers on the command line: what each may be, so that one out of range is refused beside the option that it was given to.
+//! Numbers and names on the command line: what each may be, so that another is refused beside the option that it was given to.
 
 use clap::Command;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use serde::de::DeserializeOwned;
+use serde_json::Value;
 
 /// Inputs are from −1 to 1: above it a sine turns several times within a voxel of a grid of a thousand, and nothing is learnt.
 const MOST_OMEGA: f32 = 1e4;
@@ -13,6 +16,13 @@ pub fn with_negative_numbers(command: Command) -> Command {
             argument.allow_negative_numbers(is_option)
         })
         .mut_subcommands(with_negative_numbers)
+}
+
+/// One of a library's values by the names that it has in files.
+pub fn named<T: DeserializeOwned + Clone + Send + Sync + 'static>(
+    names: &'static [&'static str],
+) -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(names).try_map(|name| serde_json::from_value(Value::String(name)))
 }
 
 /// A measure above which a pose counts as colliding.

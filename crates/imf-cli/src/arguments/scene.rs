@@ -1,23 +1,20 @@
 //! From arguments to a scene: part, fixtures, unit, set-up, grid and tool, checked in one step.
 
 use std::path::Path;
-use std::str::FromStr;
 
 use anyhow::{Context, Result, bail};
-use clap::{Args, ValueEnum};
-use glam::{DMat4, DVec3};
+use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser as _};
+use glam::DMat4;
 use imf_core::grid::Grid;
-use imf_core::mesh::Mesh;
-use imf_core::mesh::read::{MeshFile, read_mesh_file};
 use imf_core::mesh::topology::MeshReport;
-use imf_core::parts::ReferencePart;
 use imf_core::scene::{Around, Bodies, Fixture, Resolution, Scene, SceneSpec, SceneWarning};
 use imf_core::section::{ElementPlans, SectionPlan};
 use imf_core::tool::Tool;
 use imf_core::unit::{LengthUnit, unit_check};
 
 use super::clearance::{ClearanceArguments, ContactArguments, clearance_text};
-use super::fixture::FixtureMesh;
+use super::fixture::{FixtureArgument, FixtureMesh, Part, parse_fixture};
 use super::transform::parse_transform;
 use crate::session::{Session, show_bytes};
 
@@ -35,19 +32,19 @@ pub struct SceneArguments {
     /// Unit of the part: mm, cm, m or inch; STL files need it, 3MF files state theirs, others are in mm by
     /// default
     #[arg(help_heading = HEADING, long, value_name = "UNIT")]
-    pub unit: Option<String>,
+    pub unit: Option<LengthUnit>,
     /// Edge of a voxel in the part's unit
     #[arg(help_heading = HEADING, long, value_name = "LENGTH", conflicts_with = "dims", value_parser = parse_pitch)]
     pub pitch: Option<f64>,
     /// Voxels along x, y and z, the part fitted between them; built-in parts have their own by default
     #[arg(help_heading = HEADING, long, value_name = "NX,NY,NZ", value_parser = parse_dims)]
-    pub dims: Option<Dims>,
+    pub dims: Option<[usize; 3]>,
     /// Empty voxels on each side of the part
     #[arg(help_heading = HEADING, long, default_value_t = 0, value_name = "VOXELS")]
     pub margin: usize,
     /// Set-up of the part, steps applied in order: 'rotate:X,Y,Z:ANGLE; translate:X,Y,Z; matrix:…'
-    #[arg(help_heading = HEADING, long, value_name = "STEPS")]
-    pub transform: Option<String>,
+    #[arg(help_heading = HEADING, long, value_name = "STEPS", value_parser = parse_transform)]
+    pub transform: Option<DMat4>,
     /// Every voxel that the surface touches is solid, not only those whose centre is inside
     #[arg(help_heading = HEADING, long)]
     pub conservative: bool,
@@ -56,28 +53,20 @@ pub struct SceneArguments {
     #[arg(help_heading = HEADING, long, default_value = "paper", value_name = "TOOL")]
     pub tool: Vec<String>,
     /// What holds the part: an OBJ, STL, PLY or 3MF file in the part's unit (3MF: in its own), with its set-up after an @; may be repeated
-    #[arg(help_heading = HEADING, long, value_name = "FILE[@STEPS]")]
-    pub fixture: Vec<String>,
-    /// What the grid is chosen around
-    #[arg(help_heading = HEADING, long, value_enum, default_value = "part")]
-    pub around: AroundKind,
+    #[arg(help_heading = HEADING, long, value_name = "FILE[@STEPS]", value_parser = parse_fixture)]
+    pub fixture: Vec<FixtureArgument>,
+    /// What the grid is chosen around: the part (and the margin), or part and fixtures
+    #[arg(help_heading = HEADING, long, default_value = "part", value_parser = around())]
+    pub around: Around,
     /// Room that the tool must keep.
     #[command(flatten)]
     pub clearance: ClearanceArguments,
 }
 
-/// What the grid is chosen around.
-#[derive(Clone, Copy, ValueEnum)]
-pub enum AroundKind {
-    /// The part (and the margin)
-    Part,
-    /// Part and fixtures
-    All,
+fn around() -> impl clap::builder::TypedValueParser<Value = Around> {
+    PossibleValuesParser::new(["part", "all"])
+        .map(|name| if name == "all" { Around::All } else { Around::Part })
 }
-
-/// Voxels along the three axes.
-#[derive(Clone, Copy, Debug)]
-pub struct Dims(pub(crate) [usize; 3]);
 
 fn parse_pitch(text: &str) -> Result<f64, String> {
     if text.contains(',') {
@@ -93,68 +82,11 @@ fn parse_pitch(text: &str) -> Result<f64, String> {
     }
 }
 
-fn parse_dims(text: &str) -> Result<Dims, String> {
+fn parse_dims(text: &str) -> Result<[usize; 3], String> {
     let values: Vec<usize> = text.split(',').filter_map(|t| t.trim().parse().ok()).collect();
     match values.as_slice() {
-        &[x, y, z] if text.split(',').count() == 3 => Ok(Dims([x, y, z])),
+        &[x, y, z] if text.split(',').count() == 3 => Ok([x, y, z]),
         _ => Err("three whole numbers such as 58,76,121".into()),
-    }
-}
-
-/// A part as read, before it is voxelised.
-pub(crate) struct Part {
-    pub(crate) name: String,
-    pub(crate) mesh: Mesh,
-    pub(crate) unit: LengthUnit,
-    pub(crate) reference: Option<ReferencePart>,
-    /// True where the unit is neither given nor assumed, but the file's own.
-    pub(crate) unit_is_its_own: bool,
-    /// The file's own unit, where another one was given.
-    pub(crate) overruled: Option<LengthUnit>,
-}
-
-impl Part {
-    /// Reads a file or makes a built-in part. A file of that name wins over a built-in part, a folder does not.
-    pub(crate) fn read(part: &str, unit: Option<&str>) -> Result<Self> {
-        let given = unit.map(LengthUnit::from_str).transpose()?;
-        let path = Path::new(part);
-        if !path.is_file()
-            && let Ok(reference) = ReferencePart::from_str(part)
-        {
-            let unit = LengthUnit::Mm;
-            return Ok(Self {
-                name: reference.name().into(),
-                mesh: reference.mesh(),
-                unit,
-                reference: Some(reference),
-                unit_is_its_own: true,
-                overruled: None,
-            });
-        }
-        let is_stl = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("stl"));
-        if is_stl && given.is_none() && path.exists() {
-            bail!("{part}: an STL file does not say its unit; add --unit mm (or cm, m, inch)");
-        }
-        let MeshFile { mesh, unit: stated } = read_mesh_file(path)?;
-        let name = path.file_name().map_or_else(|| part.to_owned(), |n| n.to_string_lossy().into_owned());
-        Ok(Self {
-            name,
-            mesh,
-            unit: given.or(stated).unwrap_or_default(),
-            reference: None,
-            unit_is_its_own: given.is_none() && stated.is_some(),
-            overruled: stated.filter(|stated| given.is_some_and(|given| given != *stated)),
-        })
-    }
-
-    /// What stands around a part in `unit`: scaled where its own unit is known to be another.
-    pub(crate) fn around_part_in(mut self, unit: LengthUnit) -> Self {
-        if self.unit_is_its_own && self.unit != unit {
-            let factor = self.unit.in_mm() / unit.in_mm();
-            self.mesh = self.mesh.transformed(&DMat4::from_scale(DVec3::splat(factor)));
-            self.unit = unit;
-        }
-        self
     }
 }
 
@@ -168,14 +100,6 @@ pub(crate) struct Reading {
 }
 
 impl Reading {
-    /// The tool, where the command takes one.
-    fn only_tool(&self) -> Result<&Tool> {
-        match self.tools.as_slice() {
-            [tool] => Ok(tool),
-            _ => bail!("one --tool at a time (imf access takes several)"),
-        }
-    }
-
     /// The fixtures as a scene takes them.
     pub(crate) fn fixtures(&self) -> Vec<Fixture<'_>> {
         self.fixtures.iter().map(FixtureMesh::as_fixture).collect()
@@ -187,18 +111,15 @@ impl SceneArguments {
     /// may enter where it may enter one. Fixtures must lie within the grid: the scene is all that is kept. Remarks go to
     /// the session.
     pub fn scene_with(&self, session: &Session, contact: &ContactArguments) -> Result<Scene> {
-        let reading = self.read(session)?;
-        let tool = reading.only_tool()?;
-        let fixtures = reading.fixtures();
-        let spec = self.spec(&reading, &fixtures, tool);
-        let grid = spec.grid()?;
-        let depth = contact.depth([tool])?;
-        let tool_here = tool.in_unit(reading.part.unit).inflated(&self.clearance.clearance())?;
-        require_memory_for_sections(session, &grid, &grid, &tool_here, depth.is_some(), false)?;
-        let scene = self.announced(session, spec.scene()?)?;
-        Ok(match depth {
-            Some(depth) => scene.with_contact(&spec.bodies(&grid)?, depth),
-            None => scene,
+        self.with_spec(session, |spec, _| {
+            let grid = spec.grid()?;
+            let (tool, depth) = self.offset_tool(spec, contact)?;
+            require_memory_for_sections(session, &grid, &grid, &tool, depth.is_some(), false)?;
+            let scene = self.announced(session, spec.scene()?)?;
+            Ok(match depth {
+                Some(depth) => scene.with_contact(&spec.bodies(&grid)?, depth),
+                None => scene,
+            })
         })
     }
 
@@ -210,43 +131,38 @@ impl SceneArguments {
         contact: &ContactArguments,
         elements: bool,
     ) -> Result<(Scene, Bodies)> {
-        let reading = self.read(session)?;
-        let tool = reading.only_tool()?;
-        let fixtures = reading.fixtures();
-        let spec = self.spec(&reading, &fixtures, tool);
-        let grid = spec.grid()?;
-        let depth = contact.depth([tool])?;
-        let tool_here = tool.in_unit(reading.part.unit).inflated(&self.clearance.clearance())?;
-        let reach = tool_here.reach_from_sharp_points(grid.pitch);
-        let wide = spec.wide_grid(&grid, reach)?;
-        require_memory_for_sections(session, &wide, &grid, &tool_here, depth.is_some(), elements)?;
-        warn_of_fixtures_out_of_reach(session, &spec, &wide)?;
-        let (scene, bodies) = spec.scene_and_bodies(reach)?;
-        let scene = self.announced(session, scene)?;
-        Ok(match depth {
-            Some(depth) => (scene.with_contact(&bodies, depth), bodies),
-            None => (scene, bodies),
+        self.with_spec(session, |spec, _| {
+            let grid = spec.grid()?;
+            let (tool, depth) = self.offset_tool(spec, contact)?;
+            let reach = tool.reach_from_sharp_points(grid.pitch);
+            let wide = spec.wide_grid(&grid, reach)?;
+            require_memory_for_sections(session, &wide, &grid, &tool, depth.is_some(), elements)?;
+            warn_of_fixtures_out_of_reach(session, spec, &wide)?;
+            let (scene, bodies) = spec.scene_and_bodies(reach)?;
+            let scene = self.announced(session, scene)?;
+            Ok(match depth {
+                Some(depth) => (scene.with_contact(&bodies, depth), bodies),
+                None => (scene, bodies),
+            })
         })
     }
 
     /// A scene that is read and voxelised, with no room kept for sections: the tool is only written down. Also gives what
     /// is known of the mesh.
     pub(crate) fn scene_without_sections(&self, session: &Session) -> Result<(Scene, MeshReport)> {
-        let reading = self.read(session)?;
-        let fixtures = reading.fixtures();
-        let spec = self.spec(&reading, &fixtures, reading.only_tool()?);
-        require_memory_for_voxels(session, &spec.grid()?)?;
-        Ok((self.announced(session, spec.scene()?)?, reading.report))
+        self.with_spec(session, |spec, report| {
+            require_memory_for_voxels(session, &spec.grid()?)?;
+            Ok((self.announced(session, spec.scene()?)?, report.clone()))
+        })
     }
 
     /// The scene as [`Self::scene_without_sections`] makes it, and part and fixtures apart on a grid that holds them all.
     pub(crate) fn scene_and_bodies(&self, session: &Session) -> Result<(Scene, Bodies)> {
-        let reading = self.read(session)?;
-        let fixtures = reading.fixtures();
-        let spec = self.spec(&reading, &fixtures, reading.only_tool()?);
-        require_memory_for_voxels(session, &spec.wide_grid(&spec.grid()?, f64::INFINITY)?)?;
-        let (scene, bodies) = spec.scene_and_bodies(f64::INFINITY)?;
-        Ok((self.announced(session, scene)?, bodies))
+        self.with_spec(session, |spec, _| {
+            require_memory_for_voxels(session, &spec.wide_grid(&spec.grid()?, f64::INFINITY)?)?;
+            let (scene, bodies) = spec.scene_and_bodies(f64::INFINITY)?;
+            Ok((self.announced(session, scene)?, bodies))
+        })
     }
 
     /// The same scene on a grid of `scale` times as many voxels along each axis.
@@ -254,11 +170,28 @@ impl SceneArguments {
         if scale == 1.0 {
             return Ok(self.clone());
         }
-        let reading = self.read(session)?;
-        let fixtures = reading.fixtures();
-        let grid = self.spec(&reading, &fixtures, reading.only_tool()?).grid()?;
+        let grid = self.with_spec(session, |spec, _| Ok(spec.grid()?))?;
         let margin = (self.margin as f64 * scale).ceil() as usize;
         Ok(Self { pitch: Some(grid.pitch / scale), dims: None, margin, ..self.clone() })
+    }
+
+    /// Makes something of what a scene of the one tool is made from.
+    fn with_spec<T>(
+        &self,
+        session: &Session,
+        make: impl FnOnce(&SceneSpec<'_>, &MeshReport) -> Result<T>,
+    ) -> Result<T> {
+        let reading = self.read(session)?;
+        let [tool] = reading.tools.as_slice() else {
+            bail!("one --tool at a time (imf access takes several)");
+        };
+        make(&self.spec(&reading, &reading.fixtures(), tool), &reading.report)
+    }
+
+    /// The tool in the part's unit, offset by its clearance, and how deep its cutter may touch.
+    fn offset_tool(&self, spec: &SceneSpec<'_>, contact: &ContactArguments) -> Result<(Tool, Option<f64>)> {
+        let tool = spec.tool.in_unit(spec.unit).inflated(&self.clearance.clearance())?;
+        Ok((tool, contact.depth([spec.tool])?))
     }
 
     /// Grows the tool and says what the scene is.
@@ -287,10 +220,9 @@ impl SceneArguments {
 
     /// Reads part, fixtures and tools and checks them; remarks go to the session.
     pub(crate) fn read(&self, session: &Session) -> Result<Reading> {
-        let part = Part::read(&self.part, self.unit.as_deref())?;
+        let part = Part::read(&self.part, self.unit)?;
         let tools = self.tool.iter().map(|tool| read_tool(tool)).collect::<Result<Vec<_>>>()?;
         tools.iter().try_for_each(Tool::check)?;
-        let transform = self.transform.as_deref().map_or(Ok(DMat4::IDENTITY), parse_transform)?;
         if let Some(stated) = part.overruled {
             session.warn(&format!(
                 "{} says that it is in {stated}; --unit {} overrules it",
@@ -300,8 +232,7 @@ impl SceneArguments {
         for warning in tools.iter().filter_map(SceneWarning::of_tool) {
             session.note(&warning.to_string());
         }
-        let given = self.unit.as_deref();
-        let fixtures = self.fixture.iter().map(|text| FixtureMesh::read(text, given, part.unit));
+        let fixtures = self.fixture.iter().map(|fixture| FixtureMesh::read(fixture, self.unit, part.unit));
         let fixtures = fixtures.collect::<Result<_>>()?;
         let report = MeshReport::new(&part.mesh);
         if let Some(implausible) = unit_check(report.extents, part.unit) {
@@ -312,6 +243,7 @@ impl SceneArguments {
                 .iter()
                 .for_each(|warning| session.warn(&warning.to_string()));
         }
+        let transform = self.transform.unwrap_or(DMat4::IDENTITY);
         Ok(Reading { part, report, tools, transform, fixtures })
     }
 
@@ -332,17 +264,14 @@ impl SceneArguments {
             conservative: self.conservative,
             tool,
             fixtures,
-            around: match self.around {
-                AroundKind::Part => Around::Part,
-                AroundKind::All => Around::All,
-            },
+            around: self.around,
         }
     }
 
     fn resolution(&self, part: &Part, report: &MeshReport) -> Resolution {
         match (self.pitch, self.dims, part.reference) {
             (Some(pitch), _, _) => Resolution::Pitch(pitch),
-            (None, Some(Dims(dims)), _) => Resolution::Dims(dims),
+            (None, Some(dims), _) => Resolution::Dims(dims),
             (None, None, Some(reference)) => Resolution::Dims(reference.dims()),
             (None, None, None) => Resolution::Pitch(report.extents.max_element() / DEFAULT_LONGEST),
         }

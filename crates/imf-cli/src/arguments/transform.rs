@@ -6,9 +6,11 @@ use glam::{DMat4, DQuat, DVec3};
 /// Reads steps separated by `;`, the first applied first:
 /// `rotate:X,Y,Z:ANGLE` (axis, degrees), `translate:X,Y,Z`, or `matrix:` and 12 numbers (three rows of four) that
 /// keep lengths and handedness.
-pub(crate) fn parse_transform(text: &str) -> Result<DMat4> {
-    text.split(';').map(str::trim).filter(|step| !step.is_empty()).try_fold(DMat4::IDENTITY, |done, step| {
-        Ok(parse_step(step).with_context(|| format!("transform step '{step}'"))? * done)
+pub(crate) fn parse_transform(text: &str) -> Result<DMat4, String> {
+    let mut steps = text.split(';').map(str::trim).filter(|step| !step.is_empty());
+    steps.try_fold(DMat4::IDENTITY, |done, step| match parse_step(step) {
+        Ok(transform) => Ok(transform * done),
+        Err(error) => Err(format!("transform step '{step}': {error:#}")),
     })
 }
 

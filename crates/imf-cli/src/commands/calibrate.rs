@@ -10,9 +10,9 @@ use imf_fields::field::calibrate::{CHUNK, CalibrationError, CalibrationSettings,
 use imf_fields::file::FieldFile;
 use serde_json::json;
 
-use crate::arguments::calibrate::CalibrateArguments;
+use crate::arguments::saved::CalibrateArguments;
 use crate::interrupt::Interrupted;
-use crate::output::{OutputFile, print, print_json};
+use crate::output::{OutputFile, answer};
 use crate::session::{Session, show_bytes};
 
 pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<()> {
@@ -63,19 +63,15 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
     // Two of a field need not be in memory at once.
     drop(field);
     if let Some(out) = out {
-        let mut stored = FieldFile::read(&arguments.field)?;
-        stored.set_calibration(calibration);
         let out = out.begin()?;
-        stored.write(out)?;
+        keep(&arguments.field, calibration, out)?;
         session.note(&format!("wrote {}", out.display()));
     }
-    if session.json {
-        return print_json(&json!({
-            "field": arguments.field, "verified": arguments.verify, "keeps_its_goals": calibration.keeps_its_goals(),
-            "calibration": calibration,
-        }));
-    }
-    print(&text(&calibration))
+    let json = json!({
+        "field": arguments.field, "verified": arguments.verify, "keeps_its_goals": calibration.keeps_its_goals(),
+        "calibration": calibration,
+    });
+    answer(session, &json, &text(&calibration))
 }
 
 /// Measures what the decisions of a field just written are worth, and keeps it in its file: the end of making or training
@@ -109,13 +105,18 @@ pub(super) fn afterwards(session: &Session, path: &Path) -> Result<()> {
         Ok(calibration) => {
             stage.finish(if calibration.keeps_its_goals() { "goals kept" } else { "goals missed" });
             drop(field);
-            let mut stored = FieldFile::read(path)?;
-            stored.set_calibration(calibration);
-            stored.write(path)?;
+            keep(path, calibration, path)?;
             session.note(&format!("decisions: {}", judgement(&calibration.uniform)));
             Ok(())
         }
     }
+}
+
+/// Writes a field with what its decisions are worth.
+fn keep(field: &Path, calibration: Calibration, out: &Path) -> Result<()> {
+    let mut stored = FieldFile::read(field)?;
+    stored.set_calibration(calibration);
+    Ok(stored.write(out)?)
 }
 
 /// Samples that a training must at least have seen for its calibration to take an eighth of its time: an evaluation takes a

@@ -14,23 +14,17 @@ use imf_core::tool::{Segment, ToolShape};
 use imf_core::toolpath::Toolpath;
 use imf_fields::field::{Field, VerifiedField};
 use serde_json::json;
+use thiserror::Error;
 
 use crate::arguments::check::CheckArguments;
 use crate::interrupt::Interrupted;
-use crate::output::{print, print_json};
+use crate::output::answer;
 use crate::session::Session;
 
 /// The answer is "it collides": said on standard output already, left to the exit code.
-#[derive(Debug)]
+#[derive(Debug, Error)]
+#[error("the toolpath collides")]
 pub(crate) struct CollisionFound;
-
-impl std::fmt::Display for CollisionFound {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("the toolpath collides")
-    }
-}
-
-impl std::error::Error for CollisionFound {}
 
 pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let (scene, bodies) = arguments.scene.scene_and_bodies(session)?;
@@ -71,15 +65,12 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         let free = proven.into_inner();
         session.note(&format!("{free} of {} poses were proven free by the guarded field", report.poses));
     }
-    if session.json {
-        print_json(&json!({
-            "toolpath": arguments.toolpath, "part": record.part, "tool": record.tool.name, "unit": record.unit,
-            "pitch": record.grid.pitch, "collides": !report.colliding.is_empty(), "report": report,
-            "guarantee": guarantee(&report, record).to_string(), "unknown_words": toolpath.unknown,
-        }))?;
-    } else {
-        print(text(&report, record).trim_end())?;
-    }
+    let json = json!({
+        "toolpath": arguments.toolpath, "part": record.part, "tool": record.tool.name, "unit": record.unit,
+        "pitch": record.grid.pitch, "collides": !report.colliding.is_empty(), "report": report,
+        "guarantee": guarantee(&report, record).to_string(), "unknown_words": toolpath.unknown,
+    });
+    answer(session, &json, &text(&report, record))?;
     if report.colliding.is_empty() { Ok(()) } else { Err(CollisionFound.into()) }
 }
 

@@ -14,7 +14,7 @@ use imf_core::tool::Tool;
 
 pub use self::siren::SHAPE;
 use crate::arguments::{DemoArguments, NetworkFamily};
-use crate::output::{prepare_folder, print, print_json};
+use crate::output::{answer, prepare_folder};
 use crate::progress::show_seconds;
 use crate::report::Questions;
 use crate::session::Session;
@@ -32,15 +32,13 @@ pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
             (siren::made(session, arguments, &scene)?, "model.safetensors")
         }
     };
-    if session.json {
-        return print_json(&report);
-    }
-    print(&format!(
+    let words = format!(
         "\n{}\n\n{} holds {made}, report.md, report.json and pictures; {} in all.",
         report.table(),
         arguments.out.display(),
         show_seconds(begun.elapsed().as_secs_f64())
-    ))
+    );
+    answer(session, &report, &words)
 }
 
 /// The paper's teapot and tool at a resolution.

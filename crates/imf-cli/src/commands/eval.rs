@@ -1,14 +1,14 @@
 //! `imf eval`: a field of any family against the exact one.
 
 use anyhow::{Result, bail};
-use imf_core::orientation::{Orientation, OrientationSet};
+use imf_core::orientation::OrientationSet;
 use imf_core::section::{Quantity, SectionPlan};
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Basis;
 
-use crate::arguments::eval::EvalArguments;
+use crate::arguments::saved::EvalArguments;
 use crate::engine::{Calls, Device, Evaluated};
-use crate::output::{prepare_folder, print, print_json};
+use crate::output::{answer, prepare_folder};
 use crate::report::{Questions, Subject, evaluate};
 use crate::session::Session;
 
@@ -28,11 +28,7 @@ pub(crate) fn run(session: &Session, arguments: &EvalArguments) -> Result<()> {
     }
     let device = Device::for_field(&arguments.device.device, session, &stored)?;
     require_memory(session, &device, &stored)?;
-    let questions = match &stored {
-        FieldFile::Siren(model) => questions(arguments, None, model.record.orientations.clone())?,
-        FieldFile::Harmonic(file) => by_functions(arguments, &file.field.basis)?,
-        FieldFile::Factored(file) => by_functions(arguments, &file.field.basis)?,
-    };
+    let questions = questions(arguments, &stored)?;
     let subject = Subject::of_stored(&stored)?;
     let Evaluated { field, by, .. } = device.field(session, &stored, Calls::Many)?;
     session.note(&format!("evaluating on {by}"));
@@ -41,7 +37,7 @@ pub(crate) fn run(session: &Session, arguments: &EvalArguments) -> Result<()> {
         evaluation.write(folder, &subject, &*field)?;
         session.note(&format!("wrote {}", folder.join("report.md").display()));
     }
-    if session.json { print_json(&evaluation.report) } else { print(&evaluation.report.table()) }
+    answer(session, &evaluation.report, &evaluation.report.table())
 }
 
 /// Refuses what would not fit beside the exact field.
@@ -53,31 +49,22 @@ pub(super) fn require_memory(session: &Session, device: &Device, stored: &FieldF
     session.require_memory(needed, || "the exact field beside the other one; use fewer --threads".into())
 }
 
-/// What is asked of a field that is a sum of functions of the orientation.
-fn by_functions(arguments: &EvalArguments, basis: &Basis) -> Result<Questions> {
-    questions(arguments, Some(basis), basis.even_set(IMF_ORIENTATIONS)?)
+/// What is asked; of a field over rotations the random orientations roll too.
+fn questions(arguments: &EvalArguments, stored: &FieldFile) -> Result<Questions> {
+    let EvalArguments { in_sample, out_of_sample, random, seed, threshold, .. } = *arguments;
+    let (random, imf) = match stored {
+        FieldFile::Siren(model) => {
+            let random = OrientationSet::parse(&format!("random:{random}:{seed}"))?;
+            (random, model.record.orientations.clone())
+        }
+        FieldFile::Harmonic(file) => by_functions(&file.field.basis, random, seed)?,
+        FieldFile::Factored(file) => by_functions(&file.field.basis, random, seed)?,
+    };
+    let imf = arguments.imf.as_deref().map_or(Ok(imf), OrientationSet::parse)?;
+    Ok(Questions { in_sample: Some(in_sample), out_of_sample: Some(out_of_sample), random, imf, threshold })
 }
 
-/// What is asked; of a harmonic field over rotations the random orientations roll too.
-fn questions(arguments: &EvalArguments, fitted: Option<&Basis>, imf: OrientationSet) -> Result<Questions> {
-    Ok(Questions {
-        in_sample: Some(pair(&arguments.in_sample)?),
-        out_of_sample: Some(pair(&arguments.out_of_sample)?),
-        random: match fitted {
-            Some(basis) => basis.random_set(arguments.random, arguments.seed)?,
-            None => OrientationSet::parse(&format!("random:{}:{}", arguments.random, arguments.seed))?,
-        },
-        imf: match &arguments.imf {
-            Some(spec) => OrientationSet::parse(spec)?,
-            None => imf,
-        },
-        threshold: arguments.threshold,
-    })
-}
-
-fn pair(text: &str) -> Result<Orientation> {
-    match OrientationSet::parse(text)?.orientations.as_slice() {
-        [one] => Ok(*one),
-        _ => bail!("'{text}' must be one pair θ,φ"),
-    }
+/// Random orientations, and those of the IMF.
+fn by_functions(basis: &Basis, random: usize, seed: u64) -> Result<(OrientationSet, OrientationSet)> {
+    Ok((basis.random_set(random, seed)?, basis.even_set(IMF_ORIENTATIONS)?))
 }

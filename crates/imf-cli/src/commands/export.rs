@@ -5,7 +5,7 @@ use imf_fields::file::FieldFile;
 use imf_fields::onnx::{onnx_bytes, write_onnx};
 use serde_json::json;
 
-use crate::arguments::export::ExportArguments;
+use crate::arguments::saved::ExportArguments;
 use crate::output::{OutputFile, print_json};
 use crate::session::{Session, show_bytes};
 

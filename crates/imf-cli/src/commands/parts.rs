@@ -9,7 +9,7 @@ use imf_core::parts::ReferencePart;
 use serde_json::json;
 
 use crate::arguments::PartsArguments;
-use crate::output::{OutputFolder, print, print_json, table};
+use crate::output::{OutputFolder, answer, table};
 use crate::session::Session;
 
 pub(crate) fn run(session: &Session, arguments: &PartsArguments) -> Result<()> {
@@ -44,10 +44,8 @@ pub(crate) fn run(session: &Session, arguments: &PartsArguments) -> Result<()> {
             "mesh": report,
         }));
     }
-    if session.json {
-        return print_json(&json!(answers));
-    }
-    print(&table(&["file", "triangles", "surface", "extents", "grid", "whose"], &rows))
+    let table = table(&["file", "triangles", "surface", "extents", "grid", "whose"], &rows);
+    answer(session, &answers, &table)
 }
 
 /// The comment at the head of a part's file.
@@ -60,6 +58,7 @@ fn header(part: ReferencePart) -> String {
     )
 }
 
-fn origin(part: ReferencePart) -> &'static str {
+/// Whose part it is.
+pub(super) fn origin(part: ReferencePart) -> &'static str {
     if part.is_papers_own() { "the paper's own part" } else { "ours, in the paper's style" }
 }

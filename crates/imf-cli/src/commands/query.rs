@@ -20,7 +20,7 @@ use imf_fields::file::FieldFile;
 use self::answers::{AnswerWriter, Answers};
 use self::poses::Poses;
 use super::notes;
-use crate::arguments::query::QueryArguments;
+use crate::arguments::saved::QueryArguments;
 use crate::engine::{Calls, Device, Evaluated};
 use crate::interrupt::{self, Interrupted};
 use crate::output::{OutputFile, short, standard_output_failed};
@@ -76,10 +76,7 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
         grid: record.grid,
         quantity,
         field,
-        exact: match arguments.exact {
-            true => Some(ExactField::of_scene(scene, &record.clearance)?),
-            false => None,
-        },
+        exact: arguments.exact.then(|| ExactField::of_scene(scene, &record.clearance)).transpose()?,
         sharp_points: arguments.sharp.then(|| record.tool.sharp_point_positions(record.grid.pitch)),
     };
     let Some(out) = out else {
@@ -148,13 +145,11 @@ impl Work {
                 let kept = if whole { "nothing was written" } else { "no further pose is answered" };
                 return Err(Interrupted(format!("{answered} poses were answered; {kept}")).into());
             }
-            let sharp = self.sharp_points.as_deref();
-            let values = |poses: &[Pose], values: &mut [f32]| self.field.values(poses, values);
-            evaluate(values, sharp, &answers.poses, &mut answers.values)?;
+            answers.values =
+                self.measure(&answers.poses, |poses, values| self.field.values(poses, values))?;
             if let Some(exact) = &self.exact {
-                let counted =
-                    |poses: &[Pose], values: &mut [f32]| values_on_all_threads(exact, poses, values);
-                evaluate(counted, sharp, &answers.poses, &mut answers.exact)?;
+                answers.exact = self
+                    .measure(&answers.poses, |poses, values| values_on_all_threads(exact, poses, values))?;
             }
             writer.write(&answers, out)?;
             answered += answers.poses.len() as u64;
@@ -178,20 +173,18 @@ impl Work {
         let sharp_points = self.sharp_points.as_deref().unwrap_or(&[DVec3::ZERO]);
         sharp_points.iter().any(|&sharp| !self.grid.is_between_centres(pose.position - pose.rotation * sharp))
     }
-}
 
-/// Overlaps of the tool with its tip at the poses, or collision measures where sharp points are given.
-fn evaluate(
-    mut field: impl FnMut(&[Pose], &mut [f32]) -> Result<(), FieldError>,
-    sharp_points: Option<&[DVec3]>,
-    poses: &[Pose],
-    values: &mut Vec<f32>,
-) -> Result<()> {
-    values.clear();
-    values.resize(poses.len(), 0.0);
-    match sharp_points {
-        Some(points) => collision_measures(field, points, poses, values)?,
-        None => field(poses, values)?,
+    /// Overlaps of the tool with its tip at the poses, or collision measures where sharp points are given.
+    fn measure(
+        &self,
+        poses: &[Pose],
+        mut field: impl FnMut(&[Pose], &mut [f32]) -> Result<(), FieldError>,
+    ) -> Result<Vec<f32>> {
+        let mut values = vec![0.0; poses.len()];
+        match &self.sharp_points {
+            Some(points) => collision_measures(field, points, poses, &mut values)?,
+            None => field(poses, &mut values)?,
+        }
+        Ok(values)
     }
-    Ok(())
 }

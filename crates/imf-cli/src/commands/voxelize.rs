@@ -6,7 +6,7 @@ use imf_core::field_files::{NamedField, write_npy, write_vti};
 use serde_json::json;
 
 use crate::arguments::VoxelizeArguments;
-use crate::output::{OutputFolder, print, print_json, short};
+use crate::output::{OutputFolder, aligned, answer, short};
 use crate::session::Session;
 use crate::slices::{MidPlaneSheet, MidPlanes};
 
@@ -35,18 +35,16 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
     let volume = obstacle.volume();
     let guarantee =
         if record.conservative { "every voxel that the surface touches" } else { "voxel centres" };
-    if session.json {
-        return print_json(&json!({
-            "part": record.part,
-            "unit": unit,
-            "grid": grid,
-            "conservative": record.conservative,
-            "solid_voxels": obstacle.count(),
-            "volume": volume,
-            "mesh": mesh,
-            "files": [npy, vti, png],
-        }));
-    }
+    let json = json!({
+        "part": record.part,
+        "unit": unit,
+        "grid": grid,
+        "conservative": record.conservative,
+        "solid_voxels": obstacle.count(),
+        "volume": volume,
+        "mesh": mesh,
+        "files": [npy, vti, png],
+    });
     let [x, y, z] = grid.dims;
     let surface = if mesh.closed {
         format!("closed, volume {} {unit}³", short(mesh.signed_volume.abs()))
@@ -55,23 +53,15 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
     };
     let share = 100.0 * obstacle.count() as f64 / grid.len() as f64;
     let corner = |p: DVec3| p.to_array().map(short).join(", ");
-    print(&format!(
-        "part         {}\n\
-         grid         {x}×{y}×{z}, pitch {} {unit}\n\
-         from         {} {unit}\n\
-         to           {} {unit}\n\
-         solid        {} voxels ({share:.1} %), volume {} {unit}³\n\
-         solid where  {guarantee}\n\
-         mesh         {surface}\n\
-         written      {}, {}, {}",
-        record.part,
-        short(grid.pitch),
-        corner(grid.origin),
-        corner(grid.origin + grid.size()),
-        obstacle.count(),
-        short(volume),
-        npy.display(),
-        vti.display(),
-        png.display()
-    ))
+    let lines = [
+        ("part", record.part.clone()),
+        ("grid", format!("{x}×{y}×{z}, pitch {} {unit}", short(grid.pitch))),
+        ("from", format!("{} {unit}", corner(grid.origin))),
+        ("to", format!("{} {unit}", corner(grid.origin + grid.size()))),
+        ("solid", format!("{} voxels ({share:.1} %), volume {} {unit}³", obstacle.count(), short(volume))),
+        ("solid where", guarantee.into()),
+        ("mesh", surface),
+        ("written", format!("{}, {}, {}", npy.display(), vti.display(), png.display())),
+    ];
+    answer(session, &json, &aligned(&lines))
 }

@@ -2,7 +2,7 @@
 
 use imf_fields::recipe::AdamConfig;
 use imf_fields::recipe::TrainingPlan;
-use imf_fields::recipe::schedule::{RateRule, Schedule};
+use imf_fields::recipe::schedule::Schedule;
 
 use crate::arguments::{LengthArguments, PlanArguments, ScheduleKind};
 
@@ -24,10 +24,10 @@ pub(crate) fn plan(
     TrainingPlan {
         length: length.or_epochs(epochs),
         batch: length.batch,
-        schedule: RateRule::from(arguments.rate_rule).apply(schedule, length.batch),
+        schedule: arguments.rate_rule.apply(schedule, length.batch),
         adam: AdamConfig { weight_decay: arguments.weight_decay, ..AdamConfig::default() },
-        loss: arguments.loss.into(),
-        precision: arguments.precision.into(),
+        loss: arguments.loss,
+        precision: arguments.precision,
         seed: length.seed,
         report_every: REPORT_EVERY,
     }

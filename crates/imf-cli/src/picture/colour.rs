@@ -4,118 +4,72 @@
 use image::Rgb;
 use ndarray::ArrayView2;
 
-use super::Tally;
-
 /// Values that are not finite: in neither sequence.
 pub(super) const NOT_FINITE: Rgb<u8> = Rgb([255, 0, 255]);
-
-/// How a scale's values become colours.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Sequence {
-    /// Viridis, from 0 to the limit.
-    Measure,
-    /// Blue through white to red, from minus the limit to the limit.
-    Difference,
-    /// Viridis at even steps, from 0 to the limit: the last of the classes.
-    Classes,
-}
 
 /// A range of values, its colours, and the words beside its colour bar. Panels with equal scales share one bar.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scale {
-    sequence: Sequence,
+    /// Blue through white to red from minus the limit to the limit, not Viridis from 0 to the limit.
+    signed: bool,
     limit: f32,
-    label: String,
-    /// Names of the classes 0, 1, 2, …; empty for other scales.
-    classes: Vec<String>,
+    /// Beside the colour bar.
+    pub(super) label: String,
+    /// Names of the classes 0, 1, 2, …; none of a scale of values.
+    pub(super) classes: Vec<String>,
 }
 
 impl Scale {
     /// A measure's scale up to the largest finite value of all `slices`; up to 1 if there is none above 0.
     pub fn measure_of(slices: &[ArrayView2<'_, f32>], label: &str) -> Self {
-        Self {
-            sequence: Sequence::Measure,
-            limit: largest(slices, |value| value),
-            label: label.to_owned(),
-            classes: Vec::new(),
-        }
+        Self::measure(largest(slices, |value| value), label)
     }
 
     /// A difference's scale up to the largest finite magnitude of all `slices`; up to 1 if there is none above 0.
     pub fn difference_of(slices: &[ArrayView2<'_, f32>], label: &str) -> Self {
-        Self {
-            sequence: Sequence::Difference,
-            limit: largest(slices, f32::abs),
-            label: label.to_owned(),
-            classes: Vec::new(),
-        }
+        Self { signed: true, ..Self::measure(largest(slices, f32::abs), label) }
     }
 
     /// From 0 to `max`, for values that know their range.
     pub fn measure(max: f32, label: &str) -> Self {
-        Self { sequence: Sequence::Measure, limit: max, label: label.to_owned(), classes: Vec::new() }
-    }
-
-    /// From −`limit` to `limit`, for tests.
-    #[cfg(test)]
-    pub(super) fn difference(limit: f32, label: &str) -> Self {
-        Self { sequence: Sequence::Difference, limit, label: label.to_owned(), classes: Vec::new() }
+        Self { signed: false, limit: max, label: label.to_owned(), classes: Vec::new() }
     }
 
     /// Values that are the numbers of classes: each has its colour, and its name beside it.
     pub(crate) fn classes(names: &[&str]) -> Self {
         let limit = names.len().saturating_sub(1).max(1) as f32;
-        let classes = names.iter().map(|&name| name.to_owned()).collect();
-        Self { sequence: Sequence::Classes, limit, label: String::new(), classes }
-    }
-
-    /// Names of the classes; none of a scale of values.
-    pub(super) fn class_names(&self) -> &[String] {
-        &self.classes
+        Self { classes: names.iter().map(|&name| name.to_owned()).collect(), ..Self::measure(limit, "") }
     }
 
     /// First and last value.
     pub(super) fn range(&self) -> (f64, f64) {
         let limit = f64::from(self.limit);
-        match self.sequence {
-            Sequence::Measure | Sequence::Classes => (0.0, limit),
-            Sequence::Difference => (-limit, limit),
-        }
-    }
-
-    /// The words beside the colour bar.
-    pub(super) fn label(&self) -> &str {
-        &self.label
+        (if self.signed { -limit } else { 0.0 }, limit)
     }
 
     /// Colour of the part's outline that stands out from this scale's colours.
     pub(super) fn outline(&self) -> Rgb<u8> {
-        match self.sequence {
-            Sequence::Measure | Sequence::Classes => Rgb([255, 255, 255]),
-            Sequence::Difference => Rgb([60, 60, 60]),
-        }
+        Rgb([if self.signed { 60 } else { 255 }; 3])
     }
 
     /// Red, green and blue of a value, for other programs' pictures.
     pub(crate) fn rgb(&self, value: f32) -> [u8; 3] {
-        self.colour(value).0.0
+        self.colour(value).0
     }
 
-    /// Colour of a value, and what could not be shown as it is.
-    pub(super) fn colour(&self, value: f32) -> (Rgb<u8>, Tally) {
+    /// Colour of a value: beyond the scale that at its end, and one of its own where it is not finite.
+    pub(super) fn colour(&self, value: f32) -> Rgb<u8> {
         if !value.is_finite() {
-            return (NOT_FINITE, Tally { not_finite: 1, out_of_range: 0 });
+            return NOT_FINITE;
         }
         let (low, high) = self.range();
-        let value = f64::from(value);
-        let place = (value.clamp(low, high) - low) / (high - low);
-        let colour = match self.sequence {
-            Sequence::Measure | Sequence::Classes => colorous::VIRIDIS.eval_continuous(place),
+        let place = (f64::from(value).clamp(low, high) - low) / (high - low);
+        let colour = match self.signed {
+            false => colorous::VIRIDIS.eval_continuous(place),
             // The sequence begins with red; red shall mean too large.
-            Sequence::Difference => colorous::RED_BLUE.eval_continuous(1.0 - place),
+            true => colorous::RED_BLUE.eval_continuous(1.0 - place),
         };
-        let outside = usize::from(value < low || value > high);
-        (Rgb([colour.r, colour.g, colour.b]), Tally { not_finite: 0, out_of_range: outside })
+        Rgb([colour.r, colour.g, colour.b])
     }
 }
 
@@ -131,36 +85,39 @@ mod tests {
 
     use super::*;
 
+    fn difference(limit: f32) -> Scale {
+        Scale::difference_of(&[array![[limit]].view()], "")
+    }
+
     #[test]
     fn known_values_have_the_published_colours() {
         let measure = Scale::measure(0.5, "");
-        assert_eq!(measure.colour(0.0), (Rgb([0x44, 0x01, 0x54]), Tally::default()));
-        assert_eq!(measure.colour(0.5), (Rgb([0xfd, 0xe7, 0x25]), Tally::default()));
-        let difference = Scale::difference(0.1, "");
-        let [red, green, blue] = difference.colour(0.0).0.0;
+        assert_eq!(measure.colour(0.0), Rgb([0x44, 0x01, 0x54]));
+        assert_eq!(measure.colour(0.5), Rgb([0xfd, 0xe7, 0x25]));
+        let difference = difference(0.1);
+        let [red, green, blue] = difference.colour(0.0).0;
         assert!(red > 230 && green > 230 && blue > 230);
-        let [red, _, blue] = difference.colour(0.08).0.0;
+        let [red, _, blue] = difference.colour(0.08).0;
         assert!(red > blue + 80, "too large is red");
-        let [red, _, blue] = difference.colour(-0.08).0.0;
+        let [red, _, blue] = difference.colour(-0.08).0;
         assert!(blue > red + 80, "too small is blue");
     }
 
     #[test]
-    fn values_outside_take_the_colour_at_the_end_and_are_counted() {
+    fn values_outside_take_the_colour_at_the_end() {
         let scale = Scale::measure(0.5, "");
-        let outside = Tally { not_finite: 0, out_of_range: 1 };
-        assert_eq!(scale.colour(7.0), (scale.colour(0.5).0, outside));
-        assert_eq!(scale.colour(-0.1), (scale.colour(0.0).0, outside));
+        assert_eq!(scale.colour(7.0), scale.colour(0.5));
+        assert_eq!(scale.colour(-0.1), scale.colour(0.0));
     }
 
     #[test]
     fn what_is_not_finite_has_its_own_colour() {
-        for scale in [Scale::measure(1.0, ""), Scale::difference(1.0, "")] {
+        for scale in [Scale::measure(1.0, ""), difference(1.0)] {
             for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-                assert_eq!(scale.colour(value), (NOT_FINITE, Tally { not_finite: 1, out_of_range: 0 }));
+                assert_eq!(scale.colour(value), NOT_FINITE);
             }
             for step in -100i16..=100 {
-                assert_ne!(scale.colour(f32::from(step) / 100.0).0, NOT_FINITE);
+                assert_ne!(scale.colour(f32::from(step) / 100.0), NOT_FINITE);
             }
         }
     }

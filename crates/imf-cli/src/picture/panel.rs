@@ -1,23 +1,16 @@
 //! One slice of a field: its voxels as squares, the part over them, a frame and axes in the mesh's unit.
 
-use anyhow::{Result, ensure};
+use anyhow::{Context as _, Result};
 use image::{Rgb, RgbImage};
 use ndarray::ArrayView2;
+use plotters::element::{BitMapElement, Rectangle};
 
+use super::axis::{Axis, BELOW, NAME_SIZE, plot};
 use super::colour::Scale;
-use super::text::{Align, Pen};
-use super::ticks::{label, ticks};
-use super::{FAINT_INK, INK, Tally, fill, frame};
+use super::paper::{Area, INK, text, width, write};
 
-/// Room below a panel for ticks and the name of its first axis, in pixels.
-pub(super) const BELOW: u32 = 42;
-
-const TICK_SIZE: f32 = 12.0;
-const NAME_SIZE: f32 = 13.0;
-const TICK_LENGTH: u32 = 4;
-/// Least distances of numbers along the axes, in pixels.
-const APART_RIGHT: u32 = 48;
-const APART_UP: u32 = 36;
+/// Room above a panel for its title.
+const ABOVE: u32 = 24;
 const PART_COLOUR: Rgb<u8> = Rgb([158, 158, 158]);
 
 /// Where a slice lies in the world.
@@ -67,157 +60,105 @@ pub struct Panel<'a> {
 }
 
 impl Panel<'_> {
-    /// Checks what drawing relies on.
-    ///
-    /// # Errors
-    /// An empty slice, a mask of another shape, a pitch that is not positive.
-    pub(super) fn check(&self) -> Result<()> {
-        let (title, shape) = (&self.title, self.values.dim());
-        ensure!(!self.values.is_empty(), "panel \"{title}\" has no values ({}×{})", shape.0, shape.1);
-        if let Some(mask) = &self.mask {
-            let other = mask.voxels.dim();
-            ensure!(
-                other == shape,
-                "panel \"{title}\": the mask has {}×{} voxels, the values {}×{}",
-                other.0,
-                other.1,
-                shape.0,
-                shape.1
-            );
-        }
-        ensure!(
-            self.axes.pitch.is_finite() && self.axes.pitch > 0.0,
-            "panel \"{title}\": pitch {}",
-            self.axes.pitch
-        );
-        Ok(())
+    /// Values that are shown and are not finite.
+    pub(super) fn not_finite(&self) -> usize {
+        let shown = |(at, value): &((usize, usize), &f32)| !value.is_finite() && !self.hides(*at);
+        self.values.indexed_iter().filter(shown).count()
     }
 
-    /// True if the second axis reads the same as that of `other`.
-    pub(super) fn shares_second_axis(&self, other: &Self) -> bool {
-        let (one, two) = (&self.axes, &other.axes);
-        self.values.dim().1 == other.values.dim().1
-            && one.names[1] == two.names[1]
-            && one.unit == two.unit
-            && one.start[1] == two.start[1]
-            && one.pitch == two.pitch
+    fn hides(&self, at: (usize, usize)) -> bool {
+        self.mask.is_some_and(|mask| mask.style == MaskStyle::Fill && mask.voxels[at] != 0)
     }
 
-    /// Width and height in pixels, without axes, with `side` pixels a voxel.
-    pub(super) fn size(&self, side: u32) -> (u32, u32) {
+    /// Values and mask, with `side` pixels a voxel.
+    fn image(&self, side: u32) -> RgbImage {
         let (columns, rows) = self.values.dim();
-        (columns as u32 * side, rows as u32 * side)
-    }
-
-    /// Draws values, mask and frame with the upper left corner at (`left`, `top`).
-    pub(super) fn paint(&self, image: &mut RgbImage, left: u32, top: u32, side: u32) -> Tally {
-        let (width, height) = self.size(side);
-        let corner =
-            |column: usize, row: usize| (left + column as u32 * side, top + height - (row as u32 + 1) * side);
-        let hidden = |column, row| {
-            self.mask.is_some_and(|mask| mask.style == MaskStyle::Fill && mask.voxels[[column, row]] != 0)
-        };
-        let mut tally = Tally::default();
+        let mut image = RgbImage::new(columns as u32 * side, rows as u32 * side);
         for ((column, row), &value) in self.values.indexed_iter() {
-            let (x, y) = corner(column, row);
-            let colour = if hidden(column, row) {
-                PART_COLOUR
-            } else {
-                let (colour, counted) = self.scale.colour(value);
-                tally += counted;
-                colour
-            };
-            fill(image, x, y, side, side, colour);
+            let hidden = self.hides((column, row));
+            let colour = if hidden { PART_COLOUR } else { self.scale.colour(value) };
+            let corner = corner(&image, (column, row), side);
+            fill(&mut image, corner, [side, side], colour);
         }
         if let Some(Mask { voxels, style: MaskStyle::Outline }) = &self.mask {
-            self.outline(image, voxels, side, corner);
+            self.outline(&mut image, voxels, side);
         }
-        frame(image, left, top, width, height, INK);
-        tally
+        image
     }
 
     /// Lines on those edges of marked voxels beyond which no marked voxel lies.
-    fn outline(
-        &self,
-        image: &mut RgbImage,
-        voxels: &ArrayView2<'_, u8>,
-        side: u32,
-        corner: impl Fn(usize, usize) -> (u32, u32),
-    ) {
+    fn outline(&self, image: &mut RgbImage, voxels: &ArrayView2<'_, u8>, side: u32) {
         let line = if side < 5 { 1 } else { 2 };
-        let colour = self.scale.outline();
-        let marked = |column: Option<usize>, row: Option<usize>| {
-            column.zip(row).and_then(|at| voxels.get(at)).is_some_and(|&voxel| voxel != 0)
-        };
+        let far = side - line;
+        // Beside voxel 0 there is none.
+        let marked = |column: usize, row: usize| voxels.get((column, row)).is_some_and(|&voxel| voxel != 0);
         for ((column, row), _) in voxels.indexed_iter().filter(|&(_, &voxel)| voxel != 0) {
-            let (x, y) = corner(column, row);
-            let (here, there) = (Some(column), Some(row));
-            if !marked(column.checked_sub(1), there) {
-                fill(image, x, y, line, side, colour);
-            }
-            if !marked(Some(column + 1), there) {
-                fill(image, x + side - line, y, line, side, colour);
-            }
-            if !marked(here, Some(row + 1)) {
-                fill(image, x, y, side, line, colour);
-            }
-            if !marked(here, row.checked_sub(1)) {
-                fill(image, x, y + side - line, side, line, colour);
+            let [x, y] = corner(image, (column, row), side);
+            for (beyond, corner, size) in [
+                (marked(column.wrapping_sub(1), row), [x, y], [line, side]),
+                (marked(column + 1, row), [x + far, y], [line, side]),
+                (marked(column, row + 1), [x, y], [side, line]),
+                (marked(column, row.wrapping_sub(1)), [x, y + far], [side, line]),
+            ] {
+                if !beyond {
+                    fill(image, corner, size, self.scale.outline());
+                }
             }
         }
     }
 
-    /// Ticks, numbers and name of the first axis, below a panel painted at (`left`, `top`).
-    pub(super) fn first_axis(&self, image: &mut RgbImage, left: u32, top: u32, side: u32) {
-        let (width, height) = self.size(side);
-        let bottom = top + height;
-        let pen = Pen::regular(TICK_SIZE, FAINT_INK);
-        let (values, decimals) = self.axis_ticks(0, width, APART_RIGHT);
-        for (value, offset) in values {
-            let x = left + offset;
-            fill(image, x, bottom + 1, 1, TICK_LENGTH, INK);
-            let at = (i64::from(x), i64::from(bottom + TICK_LENGTH) + 13);
-            pen.write(image, at, Align::Middle, &label(value, decimals));
+    /// The axes to the right and upwards, numbers about so many pixels apart.
+    fn axes(&self, side: u32) -> [Axis; 2] {
+        [(0, 48), (1, 36)].map(|(axis, apart)| {
+            let (start, voxels) = (self.axes.start[axis], self.values.shape()[axis]);
+            let most = (voxels as u32 * side / apart).max(2) as usize;
+            Axis::linear(start, start + self.axes.pitch * voxels as f64, most)
+        })
+    }
+
+    /// Room at the left of the values for ticks, numbers and name of the second axis.
+    fn room(&self, side: u32) -> u32 {
+        self.axes(side)[1].room()
+    }
+
+    /// Width and height in pixels with title and axes, with `side` pixels a voxel.
+    pub(super) fn size(&self, side: u32) -> (u32, u32) {
+        let (columns, rows) = self.values.dim();
+        let title = width(&self.title, &text(NAME_SIZE, INK));
+        (self.room(side) + title.max(columns as u32 * side), ABOVE + rows as u32 * side + BELOW)
+    }
+
+    /// Draws title, values, mask, frame and axes with the upper left corner at a point.
+    pub(super) fn draw(&self, area: &Area<'_>, (left, top): (u32, u32), side: u32) -> Result<()> {
+        let image = self.image(side);
+        let ((width, height), room) = (image.dimensions(), self.room(side));
+        write(area, &self.title, &text(NAME_SIZE, INK), (left + room, top + 4))?;
+        let [first, second] = [0, 1].map(|axis| format!("{} [{}]", self.axes.names[axis], self.axes.unit));
+        let whole = area.clone().shrink((left, top + ABOVE), (room + width, height + BELOW));
+        plot(&whole, [room, BELOW], self.axes(side), [&first, &second], false)?;
+        show(area, (left + room, top + ABOVE), image)
+    }
+}
+
+/// Puts an image on the paper, with a frame around it.
+pub(super) fn show(area: &Area<'_>, (left, top): (u32, u32), image: RgbImage) -> Result<()> {
+    let ((left, top), (width, height)) = ((left as i32, top as i32), image.dimensions());
+    let bitmap = BitMapElement::with_owned_buffer((left, top), (width, height), image.into_raw());
+    area.draw(&bitmap.context("an image of another size")?)?;
+    let corners = [(left - 1, top - 1), (left + width as i32, top + height as i32)];
+    Ok(area.draw(&Rectangle::new(corners, INK))?)
+}
+
+/// Upper left corner of a voxel.
+fn corner(image: &RgbImage, (column, row): (usize, usize), side: u32) -> [u32; 2] {
+    [column as u32 * side, image.height() - (row as u32 + 1) * side]
+}
+
+fn fill(image: &mut RgbImage, [left, top]: [u32; 2], [width, height]: [u32; 2], colour: Rgb<u8>) {
+    for y in top..top + height {
+        for x in left..left + width {
+            image.put_pixel(x, y, colour);
         }
-        let at = (i64::from(left + width / 2), i64::from(bottom + BELOW) - 7);
-        Pen::regular(NAME_SIZE, INK).write(image, at, Align::Middle, &self.axis_name(0));
-    }
-
-    /// Room at the left of a panel for ticks, numbers and name of its second axis, in pixels.
-    pub(super) fn second_axis_room(&self, side: u32) -> u32 {
-        let pen = Pen::regular(TICK_SIZE, FAINT_INK);
-        let (values, decimals) = self.axis_ticks(1, self.size(side).1, APART_UP);
-        let numbers = values.into_iter().map(|(value, _)| pen.width(&label(value, decimals)));
-        numbers.max().unwrap_or(0) + TICK_LENGTH + 28
-    }
-
-    /// Ticks, numbers and name of the second axis, at the left of a panel painted at (`left`, `top`).
-    pub(super) fn second_axis(&self, image: &mut RgbImage, left: u32, top: u32, side: u32) {
-        let (_, height) = self.size(side);
-        let pen = Pen::regular(TICK_SIZE, FAINT_INK);
-        let lower = (pen.digit_height() / 2.0).round() as i64;
-        let (values, decimals) = self.axis_ticks(1, height, APART_UP);
-        for (value, offset) in values {
-            let y = top + height - 1 - offset;
-            fill(image, left - 1 - TICK_LENGTH, y, TICK_LENGTH, 1, INK);
-            let at = (i64::from(left - TICK_LENGTH) - 4, i64::from(y) + lower);
-            pen.write(image, at, Align::End, &label(value, decimals));
-        }
-        let at = (i64::from(left - self.second_axis_room(side)) + 14, i64::from(top + height / 2));
-        Pen::regular(NAME_SIZE, INK).write_upwards(image, at, Align::Middle, &self.axis_name(1));
-    }
-
-    /// Values with their pixels from the axis' start, about one every `apart` pixels.
-    fn axis_ticks(&self, axis: usize, length: u32, apart: u32) -> (Vec<(f64, u32)>, usize) {
-        let low = self.axes.start[axis];
-        let span = self.axes.pitch * self.values.shape()[axis] as f64;
-        let (values, decimals) = ticks(low, low + span, (length / apart).max(2) as usize);
-        let offset = |value: f64| ((value - low) / span * f64::from(length - 1)).round() as u32;
-        (values.into_iter().map(|value| (value, offset(value))).collect(), decimals)
-    }
-
-    fn axis_name(&self, axis: usize) -> String {
-        format!("{} [{}]", self.axes.names[axis], self.axes.unit)
     }
 }
 
@@ -226,7 +167,7 @@ mod tests {
     use ndarray::{Array2, array};
 
     use super::*;
-    use crate::picture::blank;
+    use crate::picture::paper::{on_paper, pixel};
 
     fn panel(values: &Array2<f32>) -> Panel<'_> {
         Panel {
@@ -242,28 +183,29 @@ mod tests {
     fn the_first_axis_runs_right_and_the_second_up() {
         let values = array![[0.0f32, 0.25], [0.5, 0.75], [1.0, f32::NAN]];
         let panel = panel(&values);
-        let mut image = blank(40, 40).unwrap();
-        let tally = panel.paint(&mut image, 10, 20, 4);
-        assert_eq!(panel.size(4), (12, 8));
-        assert_eq!(tally, Tally { not_finite: 1, out_of_range: 0 });
+        let image = panel.image(4);
+        assert_eq!(image.dimensions(), (12, 8));
         for ((column, row), &value) in values.indexed_iter() {
-            let expected = panel.scale.colour(value).0;
-            let (left, top) = (10 + 4 * column as u32, 24 - 4 * row as u32);
+            let expected = panel.scale.colour(value);
+            let (left, top) = (4 * column as u32, 4 - 4 * row as u32);
             for (x, y) in [(left, top), (left + 3, top), (left, top + 3), (left + 3, top + 3)] {
                 assert_eq!(*image.get_pixel(x, y), expected, "voxel {column}, {row}");
             }
         }
-        assert_eq!(*image.get_pixel(9, 22), INK, "frame");
+        let (room, size) = (panel.room(4), panel.size(4));
+        let drawn = on_paper(size, |area| panel.draw(area, (0, 0), 4)).unwrap();
+        assert_eq!(image::imageops::crop_imm(&drawn, room, ABOVE, 12, 8).to_image(), image);
+        assert_eq!(*drawn.get_pixel(room - 1, ABOVE + 2), pixel(INK), "frame");
     }
 
     #[test]
-    fn a_filled_mask_hides_values_and_their_tally() {
+    fn a_filled_mask_hides_values() {
         let (values, voxels) = (array![[f32::NAN, 9.0], [0.5, 0.5]], array![[1u8, 0], [0, 0]]);
         let mut panel = panel(&values);
         panel.mask = Some(Mask { voxels: voxels.view(), style: MaskStyle::Fill });
-        let mut image = blank(20, 20).unwrap();
-        assert_eq!(panel.paint(&mut image, 2, 2, 3), Tally { not_finite: 0, out_of_range: 1 });
-        assert_eq!(*image.get_pixel(3, 6), PART_COLOUR);
+        let image = panel.image(3);
+        assert_eq!(panel.not_finite(), 0);
+        assert_eq!(*image.get_pixel(1, 4), PART_COLOUR);
     }
 
     #[test]
@@ -273,26 +215,11 @@ mod tests {
         voxels.slice_mut(ndarray::s![1..4, 1..3]).fill(1);
         let mut panel = panel(&values);
         panel.mask = Some(Mask { voxels: voxels.view(), style: MaskStyle::Outline });
-        let mut image = blank(30, 30).unwrap();
-        panel.paint(&mut image, 1, 1, 6);
-        let (line, inside) = (panel.scale.outline(), panel.scale.colour(0.0).0);
-        assert_eq!(*image.get_pixel(7, 10), line, "left edge of the mask");
-        assert_eq!(*image.get_pixel(6, 10), inside, "outside of it");
-        assert_eq!(*image.get_pixel(13, 12), inside, "no line between marked voxels");
-        assert_eq!(*image.get_pixel(24, 10), line, "right edge, on the edge of the slice");
-    }
-
-    #[test]
-    fn what_does_not_fit_is_refused_by_name() {
-        let (values, voxels) = (Array2::<f32>::zeros((3, 2)), Array2::<u8>::zeros((2, 3)));
-        let mut panel = panel(&values);
-        panel.mask = Some(Mask { voxels: voxels.view(), style: MaskStyle::Fill });
-        let message = panel.check().unwrap_err().to_string();
-        assert!(message.contains("2×3") && message.contains("section"), "{message}");
-        panel.mask = None;
-        panel.axes.pitch = 0.0;
-        assert!(panel.check().is_err());
-        let empty = Array2::<f32>::zeros((0, 2));
-        assert!(Panel { values: empty.view(), ..panel }.check().is_err());
+        let image = panel.image(6);
+        let (line, inside) = (panel.scale.outline(), panel.scale.colour(0.0));
+        assert_eq!(*image.get_pixel(6, 9), line, "left edge of the mask");
+        assert_eq!(*image.get_pixel(5, 9), inside, "outside of it");
+        assert_eq!(*image.get_pixel(12, 11), inside, "no line between marked voxels");
+        assert_eq!(*image.get_pixel(23, 9), line, "right edge, on the edge of the slice");
     }
 }

@@ -6,8 +6,7 @@ use anyhow::Result;
 use imf_core::orientation::Orientation;
 use imf_core::scene::Scene;
 use imf_fields::file::FieldFile;
-use imf_fields::harmonic::FitReport;
-use imf_fields::harmonic::basis::{Basis, Domain};
+use imf_fields::harmonic::basis::Domain;
 use imf_fields::model::{Model, TrainingRecord};
 use serde::Serialize;
 
@@ -97,60 +96,40 @@ impl<'a> Subject<'a> {
     /// # Errors
     /// A number of sections that no set can have.
     pub(crate) fn of_stored(stored: &'a FieldFile) -> Result<Self> {
-        let made = |family, parameters, how, verb| Made {
-            family,
-            parameters,
-            training: None,
-            how,
-            shown_as: family,
-            verb,
-            participle: "fitted",
-        };
-        let seen = |basis: &Basis, report: &FitReport| -> Result<Cow<'a, [Orientation]>> {
-            Ok(Cow::Owned(basis.fitted_set(report.sections)?))
-        };
-        Ok(match stored {
-            FieldFile::Siren(model) => Self::of_model(model),
+        let (basis, report, family, parameters, how, verb) = match stored {
+            FieldFile::Siren(model) => return Ok(Self::of_model(model)),
             FieldFile::Harmonic(file) => {
                 let field = &file.field;
+                let of = match field.basis.domain() {
+                    Domain::Directions => "direction",
+                    Domain::Rotations => "rotation",
+                };
                 let how = format!(
-                    "harmonic field of degree {}, {} functions of the {} along {} axes, {:.0} MB",
+                    "harmonic field of degree {}, {} functions of the {of} along {} axes, {:.0} MB",
                     field.basis.degree(),
                     field.basis.len(),
-                    domain_name(field.basis.domain()),
                     field.axis_count(),
                     field.bytes() as f64 / 1e6
                 );
-                Self {
-                    scene: &file.scene,
-                    seen: seen(&field.basis, &field.report)?,
-                    made: made("harmonic", field.coefficients.len(), how, "fitted"),
-                    training: None,
-                }
+                (&field.basis, &field.report, "harmonic", field.coefficients.len(), how, "fitted")
             }
             FieldFile::Factored(file) => {
-                let field = &file.field;
+                let (field, parameters) = (&file.field, file.field.parameter_count());
                 let how = format!(
-                    "factored field, {} ({} parameters, {:.2} MB), taught a harmonic field of degree {}",
+                    "factored field, {} ({parameters} parameters, {:.2} MB), taught a harmonic field of degree {}",
                     field.shape,
-                    field.parameter_count(),
                     field.bytes() as f64 / 1e6,
                     field.basis.degree()
                 );
-                Self {
-                    scene: &file.scene,
-                    seen: seen(&field.basis, &file.report)?,
-                    made: made("factored", field.parameter_count(), how, "learnt"),
-                    training: None,
-                }
+                (&field.basis, &file.report, "factored", parameters, how, "learnt")
             }
+        };
+        let (shown_as, participle) = (family, "fitted");
+        Ok(Self {
+            scene: stored.scene(),
+            seen: Cow::Owned(basis.fitted_set(report.sections)?),
+            made: Made { family, parameters, training: None, how, shown_as, verb, participle },
+            training: None,
         })
-    }
-}
-
-fn domain_name(domain: Domain) -> &'static str {
-    match domain {
-        Domain::Directions => "direction",
-        Domain::Rotations => "rotation",
     }
 }

@@ -208,7 +208,6 @@ fn bad_input_is_refused_with_a_remedy() {
     refuse(&["--limits", "cone:1,0,0:5"], &["none of its 1 orientations", "cone:1,0,0:5"]);
     refuse(&["--map", "0,0,0", "--map-step", "0"], &["--map-step"]);
     refuse(&["--fixture", "vice.obj"], &["vice.obj", "no mesh file"]);
-    refuse(&["--fixture", "clamp.obj@turn:1"], &["clamp.obj", "turn:1"]);
     refuse(&["--stock", "bar.obj"], &["bar.obj"]);
     refuse(&["--stock", "box:-2"], &["--stock", "negative"]);
     refuse(&["--clearance=-1"], &["clearance of the holder", "not -1"]);

@@ -61,19 +61,8 @@ fn what_would_be_overlooked_is_refused() {
     folder.write("block.obj", BLOCK);
     folder.write("path.csv", "0,0,40\n0,0,4\n");
     folder.write("thin.toml", "name = \"thin\"\n[cutter]\nshape = \"flat\"\ndiameter = 3.0\nlength = 30.0\n");
-    let run = |pitch: &str| {
-        folder.run(&[
-            "check",
-            "block.obj",
-            "path.csv",
-            "--tool",
-            "thin.toml",
-            "--contact",
-            "0",
-            "--pitch",
-            pitch,
-        ])
-    };
+    let thin = ["check", "block.obj", "path.csv", "--tool", "thin.toml", "--contact", "0", "--pitch"];
+    let run = |pitch: &str| folder.run(&[&thin[..], &[pitch]].concat());
     run("4").is_refusal(&["cutter", "3.0000 mm thick", "--pitch of at most 2.1213"], &["check"]);
     assert_eq!(run("2").code, Some(3));
     folder.write("plate.obj", BLOCK.replace("20", "0.4"));

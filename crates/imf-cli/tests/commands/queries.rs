@@ -19,6 +19,16 @@ use crate::model::write_model;
 const POSES: &str = "name,x,y,z,phi,theta\n\
                      \"left, above\",24,70,40,6,12\nright,10.5,140,80,100,-160\nfar,500,0,0,0,0\n";
 
+const ASK: [&str; 5] = ["query", "m.safetensors", "poses.csv", "--device", "cpu"];
+
+/// A folder with a model and poses.
+fn folder_of(poses: &str) -> (Folder, Model) {
+    let folder = Folder::new();
+    let model = write_model(&folder.path("m.safetensors"));
+    folder.write("poses.csv", poses);
+    (folder, model)
+}
+
 fn poses() -> [Pose; 3] {
     let pose = |position: [f64; 3], theta, phi| {
         Pose::oriented(DVec3::from_array(position), &Orientation::new(theta, phi))
@@ -45,19 +55,8 @@ fn exact(model: &Model) -> [f32; 3] {
 
 #[test]
 fn answers_stand_behind_the_columns_that_were_asked_with() {
-    let folder = Folder::new();
-    let model = write_model(&folder.path("m.safetensors"));
-    folder.write("poses.csv", POSES);
-    let run = folder.succeed(&[
-        "query",
-        "m.safetensors",
-        "poses.csv",
-        "--device",
-        "cpu",
-        "--exact",
-        "--out",
-        "a.csv",
-    ]);
+    let (folder, model) = folder_of(POSES);
+    let run = folder.succeed(&[&ASK[..], &["--exact", "--out", "a.csv"]].concat());
     assert!(run.stdout.is_empty());
     assert!(run.stderr.contains("1 of 3 poses lie outside the box"), "{}", run.stderr);
     // The rate counts what the line counts.
@@ -77,8 +76,7 @@ fn answers_stand_behind_the_columns_that_were_asked_with() {
 
 #[test]
 fn poses_outside_the_box_are_answered_as_the_nearest_inside() {
-    let folder = Folder::new();
-    let model = write_model(&folder.path("m.safetensors"));
+    let (folder, model) = folder_of("");
     let grid = model.scene.record.grid;
     let [low, high] = grid.box_of_centres();
     let room = 0.4 * grid.pitch;
@@ -94,8 +92,7 @@ fn poses_outside_the_box_are_answered_as_the_nearest_inside() {
     ];
     let lines = points.map(|p| format!("{},{},{},40,70\n", p.x, p.y, p.z));
     folder.write("poses.csv", format!("x,y,z,theta,phi\n{}", lines.concat()));
-    let ask = ["query", "m.safetensors", "poses.csv", "--device", "cpu"];
-    let run = folder.succeed(&ask);
+    let run = folder.succeed(&ASK);
     let answers: Vec<&str> =
         run.stdout.lines().skip(1).map(|line| line.rsplit(',').next().unwrap()).collect();
     for pair in answers.chunks(2) {
@@ -105,19 +102,18 @@ fn poses_outside_the_box_are_answered_as_the_nearest_inside() {
     assert!(run.stderr.contains("3 of 6 poses lie outside the box"), "{}", run.stderr);
     assert!(run.stderr.contains("as the nearest point inside, without guarantee"), "{}", run.stderr);
     // The tip is the only sharp point.
-    assert!(folder.succeed(&[&ask[..], &["--sharp"]].concat()).stderr.contains("3 of 6 poses"));
+    assert!(folder.succeed(&[&ASK[..], &["--sharp"]].concat()).stderr.contains("3 of 6 poses"));
 }
 
 #[test]
 fn directions_and_json_give_the_same_answers() {
-    let folder = Folder::new();
-    let model = write_model(&folder.path("m.safetensors"));
+    let (folder, model) = folder_of("");
     let lines = poses().map(|pose| {
         let (p, d) = (pose.position, 3.0 * pose.axis().unwrap());
         format!("{},{},{},{},{},{}\n", d.z, d.y, d.x, p.x, p.y, p.z)
     });
     folder.write("poses.csv", format!("k,j,i,x,y,z\n{}", lines.concat()));
-    let answers = folder.json(&["query", "m.safetensors", "poses.csv", "--device", "cpu", "--sharp"]);
+    let answers = folder.json(&[&ASK[..], &["--sharp"]].concat());
     assert_eq!(answers.as_array().unwrap().len(), 3);
     for (answer, expected) in answers.as_array().unwrap().iter().zip(learnt(&model)) {
         // The tip is the paper's tool's only sharp point.
@@ -128,12 +124,10 @@ fn directions_and_json_give_the_same_answers() {
 
 #[test]
 fn more_poses_than_a_chunk_are_all_answered() {
-    let folder = Folder::new();
-    write_model(&folder.path("m.safetensors"));
     let count = 40_000;
     let lines: String = (0..count).map(|i| format!("{i},{},20,30,{},90\n", i % 49, i % 360)).collect();
-    folder.write("poses.csv", format!("id,x,y,z,theta,phi\n{lines}"));
-    folder.succeed(&["query", "m.safetensors", "poses.csv", "--device", "cpu", "--out", "a.csv", "--quiet"]);
+    let (folder, _) = folder_of(&format!("id,x,y,z,theta,phi\n{lines}"));
+    folder.succeed(&[&ASK[..], &["--out", "a.csv", "--quiet"]].concat());
     let answers = folder.read("a.csv");
     for (index, line) in answers.lines().skip(1).enumerate() {
         assert!(line.starts_with(&format!("{index},")), "{line}");
@@ -143,11 +137,9 @@ fn more_poses_than_a_chunk_are_all_answered() {
 
 #[test]
 fn a_bad_line_of_a_file_is_found_before_anything_is_answered() {
-    let folder = Folder::new();
-    write_model(&folder.path("m.safetensors"));
     // More than are answered at a time.
     let text = format!("x,y,z,theta,phi\n{}1,NaN,3,4,5\n1,2,3,4,5\n", "1,2,3,4,5\n".repeat(600));
-    folder.write("poses.csv", &text);
+    let (folder, _) = folder_of(&text);
     let ask = |poses| ["query", "m.safetensors", poses, "--device", "cpu", "--exact"];
     let run = folder.run(&ask("poses.csv"));
     run.is_refusal(&["poses.csv, line 602, column y: 'NaN'"], &ask("poses.csv"));
@@ -160,10 +152,8 @@ fn a_bad_line_of_a_file_is_found_before_anything_is_answered() {
 
 #[test]
 fn identifiers_in_json_are_the_ones_that_were_given() {
-    let folder = Folder::new();
-    write_model(&folder.path("m.safetensors"));
-    folder.write("poses.csv", "id,x,y,z,theta,phi\n0,1,2.5,3,4,5\n007,1,2,3,4,5\n");
-    let run = folder.succeed(&["query", "m.safetensors", "poses.csv", "--device", "cpu", "--json"]);
+    let (folder, _) = folder_of("id,x,y,z,theta,phi\n0,1,2.5,3,4,5\n007,1,2,3,4,5\n");
+    let run = folder.succeed(&[&ASK[..], &["--json"]].concat());
     for text in ["\"id\":0,", "\"id\":\"007\",", "\"y\":2.5,"] {
         assert!(run.stdout.contains(text), "{text}: {}", run.stdout);
     }
@@ -172,27 +162,23 @@ fn identifiers_in_json_are_the_ones_that_were_given() {
 #[test]
 #[cfg(target_os = "linux")]
 fn a_full_disk_is_named_with_the_file_and_the_remedy() {
-    let folder = Folder::new();
-    write_model(&folder.path("m.safetensors"));
-    folder.write("poses.csv", format!("x,y,z,theta,phi\n{}", "1,2,3,4,5\n".repeat(9000)));
-    let ask = ["query", "m.safetensors", "poses.csv", "--device", "cpu"];
+    let (folder, _) = folder_of(&format!("x,y,z,theta,phi\n{}", "1,2,3,4,5\n".repeat(9000)));
     let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
-    let run = Run::of(folder.command(&ask).stdout(full).spawn().unwrap());
-    run.is_refusal(&["cannot write to standard output: the disk is full", "free some space"], &ask);
+    let run = Run::of(folder.command(&ASK).stdout(full).spawn().unwrap());
+    run.is_refusal(&["cannot write to standard output: the disk is full", "free some space"], &ASK);
     // A limit on the size of files, met by the file of answers alone, whose signal is ignored.
     let limited = "trap '' XFSZ; ulimit -f 64; exec \"$@\"";
     let binary = env!("CARGO_BIN_EXE_imf");
     let mut shell = std::process::Command::new("sh");
-    shell.args(["-c", limited, "sh", binary]).args(ask).args(["--out", "a.csv"]);
+    shell.args(["-c", limited, "sh", binary]).args(ASK).args(["--out", "a.csv"]);
     shell.current_dir(folder.path("")).stdout(Stdio::piped()).stderr(Stdio::piped());
-    Run::of(shell.spawn().unwrap()).is_refusal(&["cannot write a.csv: "], &ask);
+    Run::of(shell.spawn().unwrap()).is_refusal(&["cannot write a.csv: "], &ASK);
     assert!(!folder.path("a.csv").exists());
 }
 
 #[test]
 fn bad_poses_are_refused_by_line_and_column() {
-    let folder = Folder::new();
-    write_model(&folder.path("m.safetensors"));
+    let (folder, _) = folder_of("");
     for (text, expected) in [
         ("", "is empty"),
         ("x,y,z\n1,2,3\n", "no column theta"),
@@ -201,8 +187,7 @@ fn bad_poses_are_refused_by_line_and_column() {
         ("x,y,z,i,j,k\n1,2,3,0,0\n", "line 2: it has 5 columns"),
     ] {
         folder.write("poses.csv", text);
-        let arguments = ["query", "m.safetensors", "poses.csv", "--device", "cpu", "--out", "a.csv"];
-        folder.refuse(&arguments, &["poses.csv", expected]);
+        folder.refuse(&[&ASK[..], &["--out", "a.csv"]].concat(), &["poses.csv", expected]);
     }
     folder.refuse(&["query", "m.safetensors", "missing.csv"], &["missing.csv"]);
     folder.write("poses.csv", POSES);
@@ -212,9 +197,7 @@ fn bad_poses_are_refused_by_line_and_column() {
 #[test]
 #[cfg_attr(not(target_os = "linux"), ignore = "the system brings an adapter that no variable hides")]
 fn a_gpu_that_is_not_there_is_missed_with_a_remedy() {
-    let folder = Folder::new();
-    write_model(&folder.path("m.safetensors"));
-    folder.write("poses.csv", POSES);
+    let (folder, _) = folder_of(POSES);
     let arguments = ["query", "m.safetensors", "poses.csv", "--device", "gpu", "--out", "a.csv"];
     folder.refuse(&arguments, &["--device gpu", "apt install mesa-vulkan-drivers"]);
 }

@@ -35,11 +35,9 @@ fn units_and_sizes() {
     folder.write("cube.stl", "solid cube\nendsolid cube\n");
     refuse(&folder, &["cube.stl"], &["cube.stl", "--unit mm"]);
     refuse(&folder, &["cube.obj", "--unit", "m"], &["cube.obj", "100 × 100 × 100 m", "0.1 mm to 20 m"]);
-    refuse(&folder, &["cube.obj", "--unit", "furlong"], &["furlong"]);
     refuse(&folder, &["cube.obj", "--pitch", "1e-9"], &["too large", "larger pitch"]);
     refuse(&folder, &["cube.obj", "--dims", "9,0,9"], &["at least 1"]);
     refuse(&folder, &["cube.obj", "--dims", "9,9,9", "--margin", "5"], &["margin"]);
-    refuse(&folder, &["cube.obj", "--transform", "rotate:0,0,0:90"], &["rotate:0,0,0:90"]);
     refuse(&folder, &["bracket", "--threads", "0"], &["--threads"]);
     refuse(&folder, &["bracket", "--threads", "100000"], &["--threads 100000", "cores"]);
 }
@@ -118,20 +116,28 @@ fn orientation_sets_and_parts_that_are_none() {
 #[test]
 fn wrong_arguments_exit_with_2() {
     let folder = Folder::new();
-    for arguments in [
-        &["voxelize", "bracket", "--dims", "5,15", "--out", "out"][..],
-        &["voxelize", "bracket", "--dims", "5,15,9", "--pitch", "2", "--out", "out"],
-        &["voxelize", "bracket", "--pitch", "0", "--out", "out"],
-        &["voxelize", "bracket", "--pitch", "NaN", "--out", "out"],
-        &["voxelize", "bracket", "--pitch", "1,1,2", "--out", "out"],
-        &["voxelize", "bracket"],
-        &["field", "bracket", "--out", "out"],
-        &["field", "bracket", "--orientations", "0,0", "--out", "out", "--memory", "plenty"],
-        &["polish"],
+    let voxelize = |more: &[&'static str]| [&["voxelize", "bracket", "--out", "out"], more].concat();
+    for (arguments, expected) in [
+        (voxelize(&["--dims", "5,15"]), "three whole numbers"),
+        (voxelize(&["--dims", "5,15,9", "--pitch", "2"]), "--pitch"),
+        (voxelize(&["--pitch", "0"]), "a positive length"),
+        (voxelize(&["--pitch", "NaN"]), "a positive length"),
+        (voxelize(&["--pitch", "1,1,2"]), "cubes"),
+        (voxelize(&["--unit", "furlong"]), "furlong"),
+        (voxelize(&["--transform", "rotate:0,0,0:90"]), "rotate:0,0,0:90': the axis must not be zero"),
+        (voxelize(&["--fixture", "clamp.obj@turn:1"]), "clamp.obj@turn:1"),
+        (voxelize(&["--fixture", "vice.stl@scale:2"]), "scale:2"),
+        (vec!["info", "teapot", "--unit", "furlong"], "mm, cm, m and inch"),
+        (vec!["voxelize", "bracket"], "--out"),
+        (vec!["field", "bracket", "--out", "out"], "--orientations"),
+        (vec!["field", "bracket", "--orientations", "0,0", "--out", "out", "--memory", "plenty"], "plenty"),
+        (vec!["eval", "model", "--in-sample", "grid:2"], "one pair"),
+        (vec!["polish"], "polish"),
     ] {
-        let run = folder.run(arguments);
+        let run = folder.run(&arguments);
         assert_eq!(run.code, Some(2), "{arguments:?}: {}", run.stderr);
         assert!(run.stdout.is_empty() && run.stderr.contains("error: "), "{}", run.stderr);
+        assert!(run.stderr.contains(expected), "{expected}: {}", run.stderr);
     }
     assert!(folder.entries().is_empty());
 }

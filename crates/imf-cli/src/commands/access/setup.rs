@@ -102,7 +102,7 @@ impl Setup {
                     text,
                     part_box,
                     &reading.transform,
-                    arguments.scene.unit.as_deref(),
+                    arguments.scene.unit,
                     reading.part.unit,
                 )
             })

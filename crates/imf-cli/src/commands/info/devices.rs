@@ -6,7 +6,7 @@ use imf_gpu::wgpu::DeviceType;
 use imf_gpu::{AdapterSummary, DeviceChoice, Gpu, adapters};
 use serde_json::{Value, json};
 
-use crate::output::{print, print_json};
+use crate::output::answer;
 use crate::session::{Session, show_bytes};
 
 /// What to do where there is no adapter.
@@ -24,14 +24,12 @@ pub(super) fn run(session: &Session) -> Result<()> {
             .ok()
             .map(|gpu| gpu.adapter().index)
     };
-    if session.json {
-        return print_json(&json!({
-            "cpu": { "threads": session.threads() },
-            "adapters": found.iter().map(entry).collect::<Vec<_>>(),
-            "parts": ReferencePart::ALL.map(|part| part.to_string()),
-            "auto": chosen.map_or_else(|| json!("cpu"), |index| json!(index)),
-        }));
-    }
+    let json = json!({
+        "cpu": { "threads": session.threads() },
+        "adapters": found.iter().map(entry).collect::<Vec<_>>(),
+        "parts": ReferencePart::ALL.map(|part| part.to_string()),
+        "auto": chosen.map_or_else(|| json!("cpu"), |index| json!(index)),
+    });
     let mark = |yes: bool| if yes { "  ← auto" } else { "" };
     let mut text = format!("cpu  CPU engine, {} threads{}\n", session.threads(), mark(chosen.is_none()));
     for adapter in &found {
@@ -41,7 +39,7 @@ pub(super) fn run(session: &Session) -> Result<()> {
         text += &format!("no GPU adapter was found: {REMEDY}\n");
     }
     let parts = ReferencePart::ALL.map(|part| part.to_string()).join(", ");
-    print(&format!("{text}\nbuilt-in parts: {parts}; tool: paper\n"))
+    answer(session, &json, &format!("{text}\nbuilt-in parts: {parts}; tool: paper\n"))
 }
 
 fn kind(adapter: &AdapterSummary) -> &'static str {

@@ -19,6 +19,13 @@ pub(super) struct Answers {
     pub(super) exact: Vec<f32>,
 }
 
+impl Answers {
+    /// What the fields answered to a line.
+    fn of(&self, index: usize) -> impl Iterator<Item = f32> {
+        [Some(self.values[index]), self.exact.get(index).copied()].into_iter().flatten()
+    }
+}
+
 /// Writes chunk after chunk.
 pub(super) struct AnswerWriter {
     /// Titles in JSON; `None` for CSV.
@@ -96,8 +103,7 @@ impl AnswerWriter {
         for (title, text) in titles.iter().zip(&answers.records[index]) {
             object.insert(title.clone(), as_written(text));
         }
-        let values = [Some(answers.values[index]), answers.exact.get(index).copied()];
-        for (title, value) in titles[self.columns..].iter().zip(values.into_iter().flatten()) {
+        for (title, value) in titles[self.columns..].iter().zip(answers.of(index)) {
             object.insert(title.clone(), json!(same_digits(value)));
         }
         Value::Object(object)
@@ -119,14 +125,9 @@ fn as_written(text: &str) -> Value {
 fn csv_lines(answers: &Answers) -> Result<Vec<u8>> {
     let mut csv = Writer::from_writer(Vec::new());
     for (index, record) in answers.records.iter().enumerate() {
-        for text in record {
-            csv.write_field(text)?;
-        }
-        csv.write_field(answers.values[index].to_string())?;
-        if let Some(exact) = answers.exact.get(index) {
-            csv.write_field(exact.to_string())?;
-        }
-        csv.write_record(None::<&[u8]>)?;
+        let mut line = record.clone();
+        answers.of(index).for_each(|value| line.push_field(&value.to_string()));
+        csv.write_record(&line)?;
     }
     Ok(csv.into_inner()?)
 }
