@@ -4,7 +4,7 @@
 //! the runs' beginnings and covers those just past their ends, so that the difference of two neighbouring overlaps is
 //! a sum over run ends alone: a few thousand where the tool has tens of thousands of voxels.
 
-use super::clipped::ClippedTool;
+use super::size::ClippedTool;
 
 /// The axis along which a tool is stepped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,6 +48,16 @@ impl Offsets {
         self.table.dims = [tool.dims[0] + 1, tool.dims[1] + 1];
         self.table.starts.clear();
         self.z.clear();
+    }
+
+    /// All offsets, in order.
+    pub(super) fn iter(&self) -> impl Iterator<Item = [i64; 3]> {
+        let OffsetTable { lower, dims: [planes, lines], .. } = self.table;
+        let line = move |x: usize, y: usize| {
+            let at = [lower[0] + x as i64, lower[1] + y as i64];
+            self.z[self.table.range(x, y, y + 1)].iter().map(move |&z| [at[0], at[1], i64::from(z)])
+        };
+        (0..planes).flat_map(move |x| (0..lines).flat_map(move |y| line(x, y)))
     }
 
     /// What follows stands at the next (x, y).

@@ -2,10 +2,9 @@
 
 use std::ops::Range;
 
-use super::bit_adder::TILE_BITS;
-use super::clipped::ClippedTool;
+use super::bit_sliced::TILE_BITS;
 use super::run_ends::{Axis, RunEnds};
-use super::size::QueryBox;
+use super::size::{ClippedTool, QueryBox};
 
 /// In which order the differences are summed up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

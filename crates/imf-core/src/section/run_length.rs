@@ -1,29 +1,28 @@
-//! Overlaps by differences: stepping the tool by a voxel changes the overlap by what its run ends cover and uncover.
+//! Run-length difference counting: stepping the tool by a voxel changes the overlap by what its run ends cover and uncover.
 //!
 //! Far enough along the axis the tool has left the obstacle and its overlap is zero; from there the differences are
 //! summed up. All is whole numbers, so nothing is rounded. The sums over run ends are taken for thousands of voxels
-//! at once (`bit_adder`), from the obstacle's bits (`bit_obstacle`).
+//! at once (`bit_sliced`), from the obstacle's bits (`bit_obstacle`).
 
 use std::ops::Range;
 
 use pulp::Arch;
 
-use super::bit_adder::{DIGITS, Digits, TILE_BITS, ZERO, add, spread, subtract};
 use super::bit_obstacle::BitObstacle;
-use super::clipped::ClippedTool;
-use super::run_ends::{Axis, OffsetTable, Offsets, RunEnds};
-use super::size::{CircularSize, QueryBox};
+use super::bit_sliced::{DIGITS, Digits, TILE_BITS, ZERO, add, spread, subtract};
+use super::run_ends::{Axis, OffsetTable, RunEnds};
+use super::size::{CircularSize, ClippedTool, QueryBox};
 use super::sweep::Sweep;
 use crate::occupancy::Occupancy;
 use crate::vectorised::vectorised;
 
 /// The obstacle prepared for tools and query boxes of one size.
-pub(super) struct SurfaceCounter {
+pub(super) struct RunLengthCounter {
     arch: Arch,
     obstacle: BitObstacle,
 }
 
-/// A tool on its way through the planes of a query box.
+/// Where a tool stands that is counted plane by plane of a query box.
 #[derive(Clone, Default)]
 pub(super) struct Walk {
     /// `None` where the tool meets nothing.
@@ -34,6 +33,16 @@ pub(super) struct Walk {
     next: i64,
     /// Overlaps of the plane before, where the tool is stepped along x.
     previous: Vec<i32>,
+}
+
+impl Walk {
+    /// Bytes of one, by estimate.
+    pub(super) fn memory(tool: &ClippedTool<'_>, query: &QueryBox) -> u64 {
+        let [_, ny, nz] = query.dims;
+        let ends = RunEnds::count(tool).into_iter().max().unwrap_or(0);
+        let table = 2 * (tool.dims[0] + 1) * (tool.dims[1] + 1);
+        4 * (table + 2 * ends + ny * nz) as u64
+    }
 }
 
 /// Run ends of one kind by the addresses at which they are read.
@@ -47,8 +56,6 @@ struct Side {
 /// Working memory of one thread.
 pub(super) struct Scratch {
     ends: RunEnds,
-    /// Of tools that are counted over a whole box at once.
-    walk: Walk,
     /// Addresses that one tile reads.
     reads: Vec<u32>,
     digits: Box<[Digits; 2]>,
@@ -60,7 +67,6 @@ impl Default for Scratch {
     fn default() -> Self {
         Self {
             ends: RunEnds::default(),
-            walk: Walk::default(),
             reads: Vec::new(),
             digits: Box::new([ZERO, ZERO]),
             plane: Vec::new(),
@@ -68,36 +74,14 @@ impl Default for Scratch {
     }
 }
 
-impl SurfaceCounter {
+impl RunLengthCounter {
     pub(super) fn new(arch: Arch, obstacle: &Occupancy, size: &CircularSize) -> Self {
-        Self { arch, obstacle: BitObstacle::new(obstacle, size, TILE_BITS) }
+        Self { arch, obstacle: BitObstacle::new(obstacle, size) }
     }
 
-    /// Overlaps of the tool over a query box into `counts`; the size given to `new` holds for the box.
-    pub(super) fn count(
-        &self,
-        tool: &ClippedTool<'_>,
-        sweep: Sweep,
-        query: &QueryBox,
-        scratch: &mut Scratch,
-        counts: &mut [u32],
-    ) {
-        let mut walk = std::mem::take(&mut scratch.walk);
-        self.start(tool, sweep, scratch, &mut walk);
-        self.advance(&mut walk, query, query.planes(), scratch, counts);
-        scratch.walk = walk;
-    }
-
-    /// A tool before the first plane of a query box; the sweep is one of [`Order::PlanesUpwards`].
-    ///
-    /// [`Order::PlanesUpwards`]: super::sweep::Order::PlanesUpwards
-    pub(super) fn begin(&self, tool: &ClippedTool<'_>, sweep: Sweep, scratch: &mut Scratch) -> Walk {
-        let mut walk = Walk::default();
-        self.start(tool, sweep, scratch, &mut walk);
-        walk
-    }
-
-    fn start(&self, tool: &ClippedTool<'_>, sweep: Sweep, scratch: &mut Scratch, walk: &mut Walk) {
+    /// Puts a tool before the first plane of a query box. Where planes are taken one after the other, the sweep is one of
+    /// [`Order::PlanesUpwards`](super::sweep::Order::PlanesUpwards).
+    pub(super) fn start(&self, tool: &ClippedTool<'_>, sweep: Sweep, scratch: &mut Scratch, walk: &mut Walk) {
         walk.sweep = (tool.dims[0] > 0 && sweep.steps() > 0).then_some(sweep);
         if walk.sweep.is_none() {
             return;
@@ -106,13 +90,15 @@ impl SurfaceCounter {
         ends.collect(tool, sweep.axis);
         for (side, offsets) in walk.sides.iter_mut().zip([&ends.covered, &ends.uncovered]) {
             side.table.clone_from(&offsets.table);
-            self.addresses_of(offsets, &mut side.addresses);
+            side.addresses.clear();
+            let addresses = offsets.iter().map(|offset| self.obstacle.offset_address(offset) as u32);
+            side.addresses.extend(addresses);
         }
         walk.next = i64::MIN;
         walk.previous.clear();
     }
 
-    /// Overlaps over the next planes of the query box that the walk was begun for into `counts`: planes upwards from one
+    /// Overlaps over the next planes of the query box into `counts`: planes upwards from one
     /// call to the next, or all at once.
     pub(super) fn advance(
         &self,
@@ -159,22 +145,6 @@ impl SurfaceCounter {
                 let source = if along_x { &*previous } else { &*plane };
                 store(&window, x + ahead, &ys, &zs, &sweep, source, counts);
             });
-        }
-    }
-
-    fn addresses_of(&self, offsets: &Offsets, addresses: &mut Vec<u32>) {
-        addresses.clear();
-        let table = &offsets.table;
-        for x in 0..table.dims[0] {
-            for y in 0..table.dims[1] {
-                let at = [table.lower[0] + x as i64, table.lower[1] + y as i64];
-                let range = table.range(x, y, y + 1);
-                addresses.extend(
-                    offsets.z[range]
-                        .iter()
-                        .map(|&z| self.obstacle.offset_address([at[0], at[1], i64::from(z)]) as u32),
-                );
-            }
         }
     }
 

@@ -1,4 +1,4 @@
-//! Adding bits at hundreds of places at once.
+//! Bit-sliced counters: adding bits at thousands of places at once by carry-save adders.
 //!
 //! A count is kept as one register for each binary digit, a place in every lane of a bit. A full adder (five logical
 //! operations, two instructions with AVX-512) takes three registers of one weight to one of that weight and one of
@@ -185,14 +185,7 @@ pub(super) fn add(arch: Arch, bytes: &[u8], addresses: &[u32], digits: &mut Digi
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn archs() -> Vec<Arch> {
-        let mut archs = vec![Arch::new()];
-        #[cfg(target_arch = "x86_64")]
-        archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
-        archs.push(Arch::Scalar);
-        archs
-    }
+    use crate::section::fixtures::archs;
 
     fn bytes(length: usize) -> Vec<u8> {
         (0..length as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect()
@@ -215,22 +208,16 @@ mod tests {
             let sum = |list: &[u32], place| list.iter().map(|&address| bit(address, place)).sum::<i32>();
             for arch in archs() {
                 let (mut covered, mut uncovered) = (ZERO, ZERO);
-                let used =
-                    [add(arch, &bytes, &plus, &mut covered), add(arch, &bytes, &minus, &mut uncovered)];
-                let used = used[0].max(used[1]);
+                let used = add(arch, &bytes, &plus, &mut covered);
+                let used = used.max(add(arch, &bytes, &minus, &mut uncovered));
                 subtract(arch, &mut covered, &uncovered, used);
                 for (from, count) in [(0, TILE_BITS), (5, 121), (2000, 48), (32, 32), (31, 1)] {
                     let mut out = vec![i32::MAX; count];
                     spread(arch, &covered, used, from, &mut out);
                     for (index, &found) in out.iter().enumerate().step_by(7) {
                         let expected = sum(&plus, from + index) - sum(&minus, from + index);
-                        assert_eq!(
-                            found,
-                            expected,
-                            "{arch:?} {} {} at {from}+{index}",
-                            plus.len(),
-                            minus.len()
-                        );
+                        let lengths = (plus.len(), minus.len());
+                        assert_eq!(found, expected, "{arch:?} {lengths:?} at {from}+{index}");
                     }
                 }
             }

@@ -93,6 +93,23 @@ pub fn stream_sections<V: Send>(
     Ok(parts.into_iter().map(|(visitor, ..)| visitor).collect())
 }
 
+/// Runs the sections of a set one after the other on the calling thread's pool and writes each into its own array.
+///
+/// # Errors
+/// As [`SectionPlan::cmf`]; [`SectionError::Cancelled`] when the control asks to stop.
+pub fn sections(
+    plan: &SectionPlan,
+    orientations: &[Orientation],
+    control: Control<'_>,
+) -> Result<Vec<Vec<f32>>, SectionError> {
+    let parts = stream_sections(plan, orientations, control, Vec::new, |list: &mut Vec<_>, index, cmf| {
+        list.push((index, cmf.to_vec()));
+    })?;
+    let mut all: Vec<(usize, Vec<f32>)> = parts.into_iter().flatten().collect();
+    all.sort_by_key(|&(index, _)| index);
+    Ok(all.into_iter().map(|(_, cmf)| cmf).collect())
+}
+
 /// Shows the indices `0..count` to `visit`, each once and in no fixed order, on all threads of the current pool. Every
 /// thread has its own visitor, made by `start`; all are returned. One unit of progress is one index.
 ///
