@@ -345,7 +345,7 @@ impl SectionPlan {
         self.query
     }
 
-    /// True where the tip alone is sharp: then a section's values are shares of the counts over its own grid.
+    /// True where the tip alone is sharp: then a section's values are fractions of the counts over its own grid.
     #[must_use]
     pub fn tip_alone(&self) -> bool {
         self.sharp_points == [DVec3::ZERO]

@@ -1,4 +1,4 @@
-//! Which orientations are free at a voxel: one bit for each pair, kept only where somebody asks for it.
+//! Which orientations are free at a voxel: one bit for each pair, where they are wanted.
 
 /// For every orientation the voxels where it is free, one bit each.
 ///

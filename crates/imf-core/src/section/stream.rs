@@ -8,7 +8,7 @@ use crate::control::Control;
 use crate::orientation::Orientation;
 use crate::parallel;
 
-/// The inaccessibility measure field: the least collision measure over a set of orientations.
+/// The inaccessibility measure field: the minimum collision measure over a set of orientations.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Imf {
     /// IMF at every voxel, C-ordered, in [0, 1].

@@ -109,7 +109,7 @@ impl Sweep {
         query: &QueryBox,
     ) -> f64 {
         let ranges = Axis::ALL.map(|axis| self.range(axis, query));
-        // Mean share of the tool's offsets that meet the obstacle's box, times the voxels where they are tried.
+        // Mean fraction of the tool's offsets that meet the obstacle's box, times the voxels where they are tried.
         let tried = |a: usize| {
             let met: i64 = (tool.lower[a]..=tool.upper()[a])
                 .map(|o| (ranges[a].end.min(obstacle[a] as i64 - o) - ranges[a].start.max(-o)).max(0))

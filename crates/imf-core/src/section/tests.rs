@@ -7,6 +7,8 @@ use crate::occupancy::Occupancy;
 use crate::tool::{SharpPoints, ToolShape};
 
 const DIMS: [usize; 3] = [13, 11, 17];
+/// Three-dimensional and one voxel thick.
+const SHAPES: [[usize; 3]; 3] = [DIMS, [1, 13, 11], [10, 12, 1]];
 
 fn plan(obstacle: &Occupancy, tool: &Tool, method: Method) -> SectionPlan {
     SectionPlan::new(obstacle, tool, At::SharpPoints).unwrap().with_method(method)
@@ -133,11 +135,17 @@ fn the_estimate_prefers_run_lengths_for_slender_tools_and_transforms_for_fat_one
 
 #[test]
 fn sharp_points_are_read_by_trilinear_means() {
-    let few = SharpPoints::Points(vec![DVec3::new(1.3, -0.4, 0.7), DVec3::ZERO]);
-    for (sharp_points, step) in [(few, 1), (SharpPoints::Boundary(None), 7)] {
-        let tool = Tool { sharp_points, ..cylinder(2.5, 7.0) };
-        let plan = plan(&scattered(DIMS, 1), &tool, Method::Fastest);
-        orientations("0,0;20,50;110,130").iter().for_each(|o| cmf_equals_direct(&plan, o, step));
+    let few = SharpPoints::Points(vec![DVec3::new(1.3, -0.4, 0.7), DVec3::ZERO, DVec3::new(-0.6, 1.1, 2.9)]);
+    let mut set = orientations("0,0;20,50;110,130;0,90");
+    set.extend(orientations("random:2:1"));
+    for dims in SHAPES {
+        for (sharp_points, step) in
+            [(few.clone(), 1), (SharpPoints::Boundary(None), 7), (SharpPoints::Cutter(12), 5)]
+        {
+            let tool = Tool { sharp_points, ..cylinder(2.5, 7.0) };
+            let plan = plan(&scattered(dims, 1), &tool, Method::Fastest);
+            set.iter().for_each(|o| cmf_equals_direct(&plan, o, step));
+        }
     }
 }
 
@@ -168,14 +176,15 @@ fn a_box_of_voxels_under_a_one_voxel_line_is_counted_in_closed_form() {
 }
 
 #[test]
-fn the_imf_is_the_minimum_section_with_the_first_index_at_a_tie() {
-    let plan = plan(&scattered(DIMS, 1), &cylinder(2.0, 6.0), Method::Fastest);
+fn the_imf_is_the_minimum_section_with_the_first_index_at_a_tie_and_falls_with_more_orientations() {
     let mut set = orientations("fibonacci:9");
     set.extend(set.clone());
-    let all = sections(&plan, &set, Control::quiet()).unwrap();
-    for threads in [1, 3] {
+    for (dims, threads) in SHAPES.into_iter().flat_map(|dims| [(dims, 1), (dims, 3)]) {
+        let plan = plan(&scattered(dims, 1), &cylinder(2.0, 6.0), Method::Fastest);
+        let all = sections(&plan, &set, Control::quiet()).unwrap();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let result = pool.install(|| imf(&plan, &set, Control::quiet())).unwrap();
+        let part = imf(&plan, &set[..5], Control::quiet()).unwrap();
         for voxel in 0..plan.grid().len() {
             let mut expected = (f32::INFINITY, u32::MAX);
             for (index, section) in all.iter().enumerate() {
@@ -184,6 +193,7 @@ fn the_imf_is_the_minimum_section_with_the_first_index_at_a_tie() {
                 }
             }
             assert_eq!((result.value[voxel], result.best[voxel]), expected);
+            assert!(result.value[voxel] <= part.value[voxel]);
         }
     }
 }

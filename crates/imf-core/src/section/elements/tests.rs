@@ -19,7 +19,7 @@ fn tool(sharp_points: SharpPoints) -> Tool {
 }
 
 /// A block with a fixture beside it.
-fn held() -> (Occupancy, Occupancy) {
+fn clamped_block() -> (Occupancy, Occupancy) {
     let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [10, 9, 8] };
     let (mut part, mut clamp) = (Occupancy::empty(grid), Occupancy::empty(grid));
     for index in 0..grid.len() {
@@ -85,7 +85,7 @@ fn elements_are_their_definition_and_sum_to_the_section_flat_and_deep() {
 
 #[test]
 fn contact_and_clearance_are_counted_by_their_definition() {
-    let (part, clamp) = held();
+    let (part, clamp) = clamped_block();
     let bodies = Bodies { part: part.clone(), fixtures: clamp.clone() };
     let obstacle = Obstacle::with_cuttable(&bodies.obstacle(), bodies.layer(1.0));
     let (forbidden, cuttable) = (&obstacle.forbidden, obstacle.cuttable.as_ref().unwrap());
@@ -103,7 +103,7 @@ fn contact_and_clearance_are_counted_by_their_definition() {
         let bodies = bare.inflated_elements(&clearance).unwrap();
         for orientation in [Orientation::default(), Orientation::new(200.0, 110.0)] {
             agrees(&obstacle, &assembly, &orientation);
-            // A tip is free where no body holds what is forbidden to it: grown elements one by one.
+            // A tip is free where no body holds what is forbidden to it: offset elements one by one.
             let tip = assembly.whole().with_tip_only();
             let plan = SectionPlan::new(&obstacle, &assembly, At::Tip).unwrap();
             let (counts, _) = fixtures::counts(&plan, &orientation);
