@@ -56,6 +56,7 @@ use crate::parallel;
 use crate::pose::Pose;
 use crate::section::{Imf, Quantity, SectionError};
 use crate::tool::{ClearanceError, ToolError};
+use minimum::with_sharp_point_at;
 
 /// Whether the tool collides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -247,9 +248,8 @@ pub fn collision_measures(
     measures.fill(f32::INFINITY);
     let mut overlaps = vec![0.0; poses.len()];
     for &sharp in sharp_points {
-        let at_sharp =
-            |pose: &Pose| Pose::new(pose.position - pose.rotation.normalize() * sharp, pose.rotation);
-        let shifted: Vec<Pose> = poses.iter().map(at_sharp).collect();
+        let shifted = poses.iter().map(|pose| with_sharp_point_at(pose.position, sharp, pose.rotation));
+        let shifted: Vec<Pose> = shifted.collect();
         values(&shifted, &mut overlaps)?;
         for (measure, &overlap) in measures.iter_mut().zip(&overlaps) {
             // NaN of an invalid pose stays.

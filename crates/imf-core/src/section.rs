@@ -31,7 +31,8 @@ pub use elements::{ElementMeasures, ElementPlans, ElementScratch, elements_at_be
 pub(crate) use overlap::Cuttable;
 pub use overlap::Method;
 pub use size::QueryBox;
-pub use stream::{Imf, imf, sections, stream_orientations, stream_sections};
+pub(crate) use stream::stream_orientations;
+pub use stream::{Imf, imf, sections, stream_sections};
 pub use values::share;
 pub use walk::SectionWalk;
 

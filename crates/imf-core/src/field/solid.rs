@@ -180,9 +180,6 @@ impl SolidField {
     }
 
     /// The tool's own count in a rotation with its tip on a voxel centre: what overlaps are divided by.
-    ///
-    /// # Errors
-    /// A tool that holds no voxel centre, or a mesh tool too large to be voxelised.
     pub(crate) fn normaliser(&self, rotation: DQuat) -> Result<u32, ToolError> {
         let pitch = self.obstacle.grid.pitch;
         let too_small = || ToolError::TooSmall { name: self.name.clone(), pitch };

@@ -15,7 +15,7 @@ use crate::control::Control;
 use crate::grid::Grid;
 use crate::obstacle::Obstacle;
 use crate::orientation::Orientation;
-use crate::tool::{Assembly, Element, ElementKind, SharpPoints, Tool, ToolError, ToolShape};
+use crate::tool::{Assembly, Element, ElementKind, SharpPoints, Tool, ToolShape};
 
 /// One plan for each element of a tool, and one for the whole.
 ///
@@ -80,14 +80,6 @@ impl ElementPlans {
         &self.whole
     }
 
-    /// The whole tool's count in an orientation, which every element's count is divided by.
-    ///
-    /// # Errors
-    /// A tool that does not fit the grid.
-    pub fn normaliser(&self, orientation: &Orientation) -> Result<u32, ToolError> {
-        Ok(self.whole.rotated(orientation)?.count)
-    }
-
     /// Bytes that plans of a tool's elements take with this many threads, beside those of the whole tool's plan.
     #[must_use]
     pub fn memory_estimate(obstacle: &Grid, query_grid: &Grid, tool: &Tool, threads: usize) -> u64 {
@@ -123,7 +115,7 @@ impl ElementPlans {
         let (plan, voxels) = (&self.whole, self.whole.grid.len());
         let fits = measures.len() == self.elements.len() && measures.iter().all(|m| m.len() == voxels);
         assert!(fits, "one array of the grid's length for each element");
-        let normaliser = self.normaliser(orientation)?;
+        let normaliser = plan.rotated(orientation)?.count;
         let ElementScratch { section, counts, total, minimum, at } = scratch;
         counts.resize_with(self.elements.len(), Vec::new);
         total.clear();

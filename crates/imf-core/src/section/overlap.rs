@@ -136,9 +136,6 @@ impl OverlapCounter {
     }
 
     /// The tool in an orientation; `None` where it is too thin to hold a voxel centre.
-    ///
-    /// # Errors
-    /// A tool of absurd size.
     pub(super) fn rotated(&self, orientation: &Orientation) -> Result<Option<RotatedTool>, ToolError> {
         rotated_if_thick(&self.tool, orientation, self.obstacle.grid.pitch)
     }
@@ -180,9 +177,6 @@ impl OverlapCounter {
     }
 
     /// Overlaps over a box into `counts`, a few voxels compared with direct sums.
-    ///
-    /// # Errors
-    /// A failed spot check.
     pub(super) fn count(
         &self,
         tool: &RotatedTool,
@@ -196,7 +190,7 @@ impl OverlapCounter {
             let Scratch { run_length, walk, .. } = scratch;
             let counter = self.run_length();
             counter.start(&clipped, sweep, run_length, walk);
-            counter.advance(walk, query, query.planes(), run_length, counts);
+            counter.advance(walk, query, query.range(0), run_length, counts);
         } else {
             self.convolve(tool, &clipped, query, scratch, counts);
         }
@@ -223,9 +217,6 @@ impl OverlapCounter {
     }
 
     /// Adds the overlaps in an orientation to the counts over a box; none where the tool is too thin.
-    ///
-    /// # Errors
-    /// A tool of absurd size, or a failed spot check.
     pub(super) fn add(
         &self,
         orientation: &Orientation,
@@ -305,9 +296,6 @@ impl<'a> Cuttable<'a> {
     }
 
     /// What must stay out of the voxels, rotated; `None` where it is too thin to hold a voxel centre in this orientation.
-    ///
-    /// # Errors
-    /// A tool of absurd size.
     pub(crate) fn rotated(&self, orientation: &Orientation) -> Result<Option<RotatedTool>, ToolError> {
         rotated_if_thick(self.noncutting, orientation, self.voxels.grid.pitch)
     }

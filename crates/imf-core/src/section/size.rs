@@ -1,6 +1,8 @@
 //! Sizes: the box of voxels of a section, the circular convolution that gives it without wrapping, and the part of the
 //! tool that can matter there.
 
+use std::ops::Range;
+
 use rustfft::FftNum;
 use rustfft::num_traits::Float;
 
@@ -24,15 +26,14 @@ impl QueryBox {
 
     /// True where every voxel of the other box is one of this.
     pub(super) fn holds(&self, other: &Self) -> bool {
-        (0..3).all(|a| {
-            other.lower[a] >= self.lower[a]
-                && other.lower[a] + other.dims[a] as i64 <= self.lower[a] + self.dims[a] as i64
-        })
+        (0..3)
+            .map(|a| (self.range(a), other.range(a)))
+            .all(|(own, its)| its.start >= own.start && its.end <= own.end)
     }
 
-    /// Its voxels along x.
-    pub(super) fn planes(&self) -> std::ops::Range<i64> {
-        self.lower[0]..self.lower[0] + self.dims[0] as i64
+    /// Its voxels along an axis.
+    pub(super) fn range(&self, axis: usize) -> Range<i64> {
+        self.lower[axis]..self.lower[axis] + self.dims[axis] as i64
     }
 
     /// Number of voxels.
@@ -87,7 +88,7 @@ impl CircularSize {
         let mut size = Self { needed: [0; 3], n: [0; 3], first: [0; 3], last: [0; 3] };
         for axis in 0..3 {
             let n = obstacle[axis] as i64;
-            let (q0, q1) = (query.lower[axis], query.lower[axis] + query.dims[axis] as i64);
+            let Range { start: q0, end: q1 } = query.range(axis);
             // x + o must be able to meet [0, n).
             size.first[axis] = (-reach).max(1 - q1);
             size.last[axis] = reach.min(n - 1 - q0);

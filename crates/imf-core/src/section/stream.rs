@@ -115,7 +115,7 @@ pub fn sections(
 ///
 /// # Errors
 /// The first failure of a visit; [`SectionError::Cancelled`] when the control asks to stop.
-pub fn stream_orientations<V: Send, E: From<SectionError> + Send>(
+pub(crate) fn stream_orientations<V: Send, E: From<SectionError> + Send>(
     count: usize,
     control: Control<'_>,
     start: impl Fn() -> V + Sync,
