@@ -98,9 +98,6 @@ pub enum At {
     SharpPoints,
 }
 
-/// An orientation in general position.
-const SLANT: Orientation = Orientation { theta: 25.0, phi: 55.0, roll: 0.0 };
-
 /// What is computed once for an obstacle and a tool, and used for any number of orientations.
 ///
 /// Plan once, run many: sections take `&self` and a [`SectionScratch`] of the calling thread.

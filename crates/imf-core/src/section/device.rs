@@ -114,11 +114,7 @@ impl StepSpace {
 
 impl StepEnds {
     fn new(ends: &Offsets) -> Self {
-        let table = &ends.table;
-        let [planes, lines] = table.dims;
-        let mut starts = vec![0];
-        starts.extend((0..planes).map(|x| table.range(x, 0, lines).end as u32));
-        Self { first_plane: table.lower[0], starts, offsets: ends.iter().collect() }
+        Self { first_plane: ends.lower[0], starts: ends.plane_starts(), offsets: ends.iter().collect() }
     }
 }
 

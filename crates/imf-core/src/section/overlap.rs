@@ -8,13 +8,13 @@ use std::sync::{Arc, OnceLock};
 
 use pulp::Arch;
 
+use super::SectionError;
 use super::bit_obstacle::BitObstacle;
 use super::direct::spot_check;
 use super::fft::{self, Convolver};
 use super::run_length::{self, RunLengthCounter, Walk};
 use super::size::{CircularSize, ClippedTool, QueryBox};
 use super::sweep::{Order, Sweep};
-use super::{SLANT, SectionError};
 use crate::grid::Grid;
 use crate::obstacle::Obstacle;
 use crate::occupancy::Occupancy;
@@ -114,8 +114,11 @@ impl Estimate {
     }
 }
 
+/// An orientation in general position.
+const SLANT: Orientation = Orientation { theta: 25.0, phi: 55.0, roll: 0.0 };
+
 /// The tool in an orientation in general position, or upright where it holds no voxel centre there.
-pub(super) fn slanted(tool: &Tool, pitch: f64) -> Option<RotatedTool> {
+fn slanted(tool: &Tool, pitch: f64) -> Option<RotatedTool> {
     [SLANT, Orientation::default()].iter().find_map(|o| RotatedTool::new(tool, o, pitch).ok())
 }
 

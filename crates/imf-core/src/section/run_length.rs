@@ -10,7 +10,7 @@ use pulp::Arch;
 
 use super::bit_obstacle::BitObstacle;
 use super::bit_sliced::{DIGITS, Digits, TILE_BITS, ZERO, add, spread, subtract};
-use super::run_ends::{Axis, OffsetTable, RunEnds};
+use super::run_ends::{Axis, ByLine, RunEnds};
 use super::size::{CircularSize, ClippedTool, QueryBox};
 use super::sweep::Sweep;
 use crate::occupancy::Occupancy;
@@ -27,8 +27,8 @@ pub(super) struct RunLengthCounter {
 pub(super) struct Walk {
     /// `None` where the tool meets nothing.
     sweep: Option<Sweep>,
-    /// What steps cover, what they uncover.
-    sides: [Side; 2],
+    /// Addresses at which is read what steps cover and what they uncover, relative to a tile's; they wrap.
+    addresses: [ByLine<u32>; 2],
     /// Plane along x whose differences are taken next, where the tool is stepped along x.
     next: i64,
     /// Overlaps of the plane before, where the tool is stepped along x.
@@ -43,14 +43,6 @@ impl Walk {
         let table = 2 * (tool.dims[0] + 1) * (tool.dims[1] + 1);
         4 * (table + 2 * ends + ny * nz) as u64
     }
-}
-
-/// Run ends of one kind by the addresses at which they are read.
-#[derive(Clone, Default)]
-struct Side {
-    table: OffsetTable,
-    /// Relative to a tile's; they wrap.
-    addresses: Vec<u32>,
 }
 
 /// Working memory of one thread.
@@ -88,11 +80,8 @@ impl RunLengthCounter {
         }
         let ends = &mut scratch.ends;
         ends.collect(tool, sweep.axis);
-        for (side, offsets) in walk.sides.iter_mut().zip([&ends.covered, &ends.uncovered]) {
-            side.table.clone_from(&offsets.table);
-            side.addresses.clear();
-            let addresses = offsets.iter().map(|offset| self.obstacle.offset_address(offset) as u32);
-            side.addresses.extend(addresses);
+        for (addresses, offsets) in walk.addresses.iter_mut().zip([&ends.covered, &ends.uncovered]) {
+            offsets.map_into(addresses, |offset| self.obstacle.offset_address(offset) as u32);
         }
         walk.next = i64::MIN;
         walk.previous.clear();
@@ -132,7 +121,7 @@ impl RunLengthCounter {
         (window.lower[0], window.dims[0]) = (planes.start, (planes.end - planes.start) as usize);
         for step in 0..(xs.end - xs.start).max(0) {
             let x = if along_x && !sweep.upwards { xs.end - 1 - step } else { xs.start + step };
-            self.differences(x, &ys, &zs, &walk.sides, scratch);
+            self.differences(x, &ys, &zs, &walk.addresses, scratch);
             let (plane, previous) = (&mut scratch.plane, &mut walk.previous);
             vectorised!(self.arch, {
                 match sweep.axis {
@@ -154,7 +143,7 @@ impl RunLengthCounter {
         x: i64,
         ys: &Range<i64>,
         zs: &Range<i64>,
-        sides: &[Side; 2],
+        addresses: &[ByLine<u32>; 2],
         scratch: &mut Scratch,
     ) {
         let line = self.obstacle.line_bits();
@@ -169,8 +158,8 @@ impl RunLengthCounter {
             let tile_address = self.obstacle.tile_address(x, start) as u32;
             let mut used = [0; 2];
             let Scratch { reads, digits, .. } = scratch;
-            for ((side, digits), used) in sides.iter().zip(digits.iter_mut()).zip(&mut used) {
-                self.reads_of(side, x, top..bottom, tile_address, reads);
+            for ((addresses, digits), used) in addresses.iter().zip(digits.iter_mut()).zip(&mut used) {
+                self.reads_of(addresses, x, top..bottom, tile_address, reads);
                 // Digits beyond those of this tile are never read.
                 let most = (usize::BITS - reads.len().leading_zeros()) as usize;
                 digits[..most.clamp(5, DIGITS)].fill([0; TILE_BITS / 64]);
@@ -201,22 +190,28 @@ impl RunLengthCounter {
     }
 
     /// Addresses that a tile at plane x over these lines reads; padded with zeros' addresses to a multiple of eight.
-    fn reads_of(&self, side: &Side, x: i64, lines: Range<i64>, tile_address: u32, reads: &mut Vec<u32>) {
+    fn reads_of(
+        &self,
+        addresses: &ByLine<u32>,
+        x: i64,
+        lines: Range<i64>,
+        tile_address: u32,
+        reads: &mut Vec<u32>,
+    ) {
         reads.clear();
-        let Side { table, addresses } = side;
+        let ([first_x, first_y], [planes, all_lines]) = (addresses.lower, addresses.dims);
         // Planes that are inside the obstacle's grid.
-        let low = (-x - table.lower[0]).max(0);
-        let high = (self.obstacle.dims()[0] as i64 - x - table.lower[0]).min(table.dims[0] as i64);
+        let low = (-x - first_x).max(0);
+        let high = (self.obstacle.dims()[0] as i64 - x - first_x).min(planes as i64);
         for offset in low..high {
-            let Some([first, last]) = self.obstacle.solid_lines((x + table.lower[0] + offset) as usize)
-            else {
+            let Some([first, last]) = self.obstacle.solid_lines((x + first_x + offset) as usize) else {
                 continue;
             };
-            let from = (first - lines.end - table.lower[1]).max(0);
-            let to = (last - lines.start - table.lower[1] + 1).min(table.dims[1] as i64);
+            let from = (first - lines.end - first_y).max(0);
+            let to = (last - lines.start - first_y + 1).min(all_lines as i64);
             if from < to {
-                let range = table.range(offset as usize, from as usize, to as usize);
-                reads.extend(addresses[range].iter().map(|&address| tile_address.wrapping_add(address)));
+                let addresses = addresses.lines(offset as usize, from as usize, to as usize);
+                reads.extend(addresses.iter().map(|&address| tile_address.wrapping_add(address)));
             }
         }
         reads.resize(reads.len().next_multiple_of(8), 0);
