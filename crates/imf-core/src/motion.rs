@@ -1,10 +1,9 @@
 //! Straight motions with a turning tool: proven free by conservative advancement.
 //!
-//! On the way from one pose to another ([`Pose::interpolate`]) no point
-//! of the tool moves farther in a time dt than dt times the tip's way plus the turn's angle times the tool's reach. So where a
-//! clearance c is proven at one time, the motion is free as long as no point has moved by c, before and after. A clearance
-//! comes from the obstacle's distance transform; where that proves none, from tools offset by fixed lengths, which collide or
-//! not exactly. What is left are stretches where the tool passes closer than the smallest of these lengths and is not
+//! On the way from one pose to another ([`Pose::interpolate`]) no point of the tool moves farther in a time dt than dt times
+//! the tip's way plus the turn's angle times the tool's reach. So where a clearance c is proven at one time, the motion is free
+//! as long as no point has moved by c, before and after. A clearance comes from the obstacle's distance transform; where that
+//! proves none, from tools offset by fixed lengths, which collide or not exactly. What is left are stretches where the tool passes closer than the smallest of these lengths and is not
 //! seen to collide: they are undecided. So is a motion to where double precision tells no voxel from the next one, but for its
 //! ends: it would take as many steps as there are numbers.
 

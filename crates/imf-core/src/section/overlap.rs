@@ -10,7 +10,7 @@ use pulp::Arch;
 
 use super::SectionError;
 use super::bit_obstacle::BitObstacle;
-use super::direct::spot_check;
+use super::direct::{Spot, spot_check, spots};
 use super::fft::{self, Convolver};
 use super::run_length::{self, RunLengthCounter, Walk};
 use super::size::{CircularSize, ClippedTool, QueryBox};
@@ -45,6 +45,12 @@ pub(super) struct OverlapCounter {
     pub(super) run_length: OnceLock<RunLengthCounter>,
     single: OnceLock<Convolver<f32>>,
     double: OnceLock<Convolver<f64>>,
+}
+
+/// Where a tool stands that is counted plane by plane of a box, and voxels that are compared with direct sums.
+pub(super) struct OverlapWalk {
+    walk: Walk,
+    spots: [Spot; 3],
 }
 
 /// Working memory of one thread.
@@ -239,22 +245,27 @@ impl OverlapCounter {
     }
 
     /// A tool before the first plane of a box, to be counted by its run ends.
-    pub(super) fn begin(&self, tool: &RotatedTool, query: &QueryBox, scratch: &mut Scratch) -> Walk {
+    pub(super) fn begin(&self, tool: &RotatedTool, query: &QueryBox, scratch: &mut Scratch) -> OverlapWalk {
         let clipped = ClippedTool::new(tool, &self.size);
         let (sweep, mut walk) = (self.sweep(&clipped, query, Order::PlanesUpwards), Walk::default());
         self.run_length().start(&clipped, sweep, &mut scratch.run_length, &mut walk);
-        walk
+        OverlapWalk { walk, spots: spots(&self.obstacle, tool, query) }
     }
 
-    /// Overlaps over the next planes of the box into `counts`.
+    /// Overlaps over the next planes of the box, counted from its first one, into `counts`.
     pub(super) fn advance(
         &self,
-        walk: &mut Walk,
-        (query, planes): (&QueryBox, Range<i64>),
+        OverlapWalk { walk, spots }: &mut OverlapWalk,
+        (query, planes): (&QueryBox, &Range<usize>),
         scratch: &mut Scratch,
         counts: &mut [u32],
-    ) {
-        self.run_length().advance(walk, query, planes, &mut scratch.run_length, counts);
+    ) -> Result<(), SectionError> {
+        let QueryBox { lower: [lower, ..], dims: [_, ny, nz] } = *query;
+        let range = lower + planes.start as i64..lower + planes.end as i64;
+        self.run_length().advance(walk, query, range, &mut scratch.run_length, counts);
+        let first = planes.start * ny * nz;
+        let mut own = spots.iter().filter(|spot| (first..first + counts.len()).contains(&spot.index));
+        own.try_for_each(|spot| spot.check(counts[spot.index - first]))
     }
 
     /// Bytes of what [`OverlapCounter::begin`] gives, by estimate.

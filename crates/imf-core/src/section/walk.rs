@@ -6,50 +6,17 @@
 
 use std::ops::Range;
 
-use super::direct::{Spot, spots};
-use super::overlap::{OverlapCounter, Scratch};
-use super::run_length::Walk;
-use super::size::QueryBox;
+use super::overlap::OverlapWalk;
 use super::{SectionError, SectionPlan, SectionScratch};
 use crate::orientation::Orientation;
-use crate::tool::{RotatedTool, ToolError};
+use crate::tool::ToolError;
 
 /// A tool in one orientation on its way through a plan's planes along x.
 pub struct SectionWalk {
     /// The rotated tool's own count.
     pub whole: u32,
-    forbidden: ObstacleWalk,
-    cuttable: Option<ObstacleWalk>,
-}
-
-/// The same through one of the obstacles.
-struct ObstacleWalk {
-    walk: Walk,
-    spots: [Spot; 3],
-}
-
-impl ObstacleWalk {
-    fn new(plan: &SectionPlan, counter: &OverlapCounter, tool: &RotatedTool, scratch: &mut Scratch) -> Self {
-        let walk = counter.begin(tool, &plan.query, scratch);
-        Self { walk, spots: spots(&counter.obstacle, tool, &plan.query) }
-    }
-
-    /// Counts over some planes of the query box.
-    fn advance(
-        &mut self,
-        plan: &SectionPlan,
-        counter: &OverlapCounter,
-        planes: &Range<usize>,
-        scratch: &mut Scratch,
-        counts: &mut [u32],
-    ) -> Result<(), SectionError> {
-        let QueryBox { lower: [lower, ..], dims: [_, ny, nz] } = plan.query;
-        let range = lower + planes.start as i64..lower + planes.end as i64;
-        counter.advance(&mut self.walk, (&plan.query, range), scratch, counts);
-        let first = planes.start * ny * nz;
-        let mut own = self.spots.iter().filter(|spot| (first..first + counts.len()).contains(&spot.index));
-        own.try_for_each(|spot| spot.check(counts[spot.index - first]))
-    }
+    forbidden: OverlapWalk,
+    cuttable: Option<OverlapWalk>,
 }
 
 impl SectionPlan {
@@ -70,10 +37,10 @@ impl SectionPlan {
     ) -> Result<SectionWalk, SectionError> {
         let scratch = &mut scratch.counter;
         let rotated = self.rotated(orientation)?;
-        let forbidden = ObstacleWalk::new(self, &self.whole, &rotated, scratch);
+        let forbidden = self.whole.begin(&rotated, &self.query, scratch);
         let noncutting = self.noncutting.as_ref().map(|counter| -> Result<_, ToolError> {
             let rest = counter.rotated(orientation)?;
-            Ok(rest.map(|rest| ObstacleWalk::new(self, counter, &rest, scratch)))
+            Ok(rest.map(|rest| counter.begin(&rest, &self.query, scratch)))
         });
         Ok(SectionWalk { whole: rotated.count, forbidden, cuttable: noncutting.transpose()?.flatten() })
     }
@@ -98,10 +65,11 @@ impl SectionWalk {
         let SectionScratch { counter: scratch, counts, more } = scratch;
         let [_, ny, nz] = plan.query.dims;
         counts.resize(planes.len() * ny * nz, 0);
-        self.forbidden.advance(plan, &plan.whole, &planes, scratch, counts)?;
+        let window = (&plan.query, &planes);
+        plan.whole.advance(&mut self.forbidden, window, scratch, counts)?;
         if let Some((walk, counter)) = self.cuttable.as_mut().zip(plan.noncutting.as_ref()) {
             more.resize(counts.len(), 0);
-            walk.advance(plan, counter, &planes, scratch, more)?;
+            counter.advance(walk, window, scratch, more)?;
             counts.iter_mut().zip(more).for_each(|(count, more)| *count += *more);
         }
         Ok(counts)
