@@ -76,7 +76,7 @@ impl SectionPlan {
 }
 
 /// The weighted mean of counts at the `z`-th voxel of a line.
-#[inline]
+#[inline(always)]
 pub(super) fn mean(counts: &[u32], starts: &[(usize, f64)], z: usize) -> f32 {
     let mean: f64 = starts.iter().map(|&(from, weight)| weight * f64::from(counts[from + z])).sum();
     (mean as f32).clamp(0.0, 1.0)
