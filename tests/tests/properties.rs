@@ -1,12 +1,11 @@
 //! Properties that the exact field must have whatever the shapes are: what the mathematics says, on random cases.
 
 use glam::{DMat4, DVec3};
-use imf_core::control::Control;
 use imf_core::grid::Grid;
 use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::section::{At, SectionPlan, SectionScratch, direct_cmf, imf, sections};
+use imf_core::section::{At, SectionPlan, SectionScratch};
 use imf_core::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
 use imf_core::voxelize::voxelize;
@@ -168,26 +167,6 @@ fn a_buried_tool_overlaps_wholly_and_a_distant_one_not_at_all() {
     }
 }
 
-#[test]
-fn the_inaccessibility_is_the_least_of_the_sections_and_falls_with_more_orientations() {
-    let mut random = Random(5);
-    for dims in SHAPES {
-        let (solid, tool) = (obstacle(&mut random, dims, 1.0), tool(&mut random));
-        let plan = SectionPlan::new(&solid, &tool, At::SharpPoints).unwrap();
-        let orientations = axes("fibonacci:17");
-        let all = sections(&plan, &orientations, Control::quiet()).unwrap();
-        let (whole, part) = (
-            imf(&plan, &orientations, Control::quiet()).unwrap(),
-            imf(&plan, &orientations[..8], Control::quiet()).unwrap(),
-        );
-        for voxel in 0..solid.grid.len() {
-            assert!(all.iter().all(|section| whole.value[voxel] <= section[voxel]));
-            assert_eq!(whole.value[voxel], all[whole.best[voxel] as usize][voxel]);
-            assert!(whole.value[voxel] <= part.value[voxel]);
-        }
-    }
-}
-
 /// Length of the overlap of [a, b) and [c, d) in whole voxels.
 fn shared(a: i64, b: i64, c: i64, d: i64) -> i64 {
     (b.min(d) - a.max(c)).max(0)
@@ -230,35 +209,6 @@ fn a_box_tool_and_a_box_part_overlap_in_a_box() {
                     (f64::from(value) - expected).abs() < 1e-7,
                     "{orientation:?} {tip:?}: {value} {expected}"
                 );
-            }
-        }
-    }
-}
-
-#[test]
-fn sharp_points_are_the_direct_definition() {
-    let mut random = Random(6);
-    for dims in SHAPES {
-        for points in 1..4 {
-            let solid = obstacle(&mut random, dims, 1.0);
-            let sharp = (0..points).map(|_| {
-                DVec3::new(random.between(-1.5, 1.5), random.between(-1.5, 1.5), random.between(-0.5, 3.0))
-            });
-            let sharp_points = SharpPoints::Points(sharp.collect());
-            let tools = [
-                Tool { sharp_points, ..tool(&mut random) },
-                Tool { sharp_points: SharpPoints::Cutter(12), ..tool(&mut random) },
-            ];
-            for tool in &tools {
-                for orientation in axes(&format!("random:2:{points}")).into_iter().chain(axes("0,90")) {
-                    let values = cmf(&solid, &solid.grid, tool, &orientation);
-                    for _ in 0..60 {
-                        let voxel = dims.map(|d| random.below(d));
-                        let expected = direct_cmf(&solid, tool, &orientation, voxel).unwrap();
-                        let value = f64::from(values[solid.grid.index(voxel)]);
-                        assert!((value - expected).abs() < 1e-6, "{voxel:?}: {value} {expected}");
-                    }
-                }
             }
         }
     }

@@ -1,4 +1,4 @@
-//! The cost model against the clock: seconds of a section by run ends and by real FFTs, and what was estimated.
+//! The cost model against the clock: seconds of a section by run-length counting and by real FFTs, and what was estimated.
 //!
 //! ```sh
 //! cargo run --release -p imf-bench --example methods -- 256
@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             obstacle.grid.pitch = if scaled { PAPER_SIDE / side as f64 } else { 1.0 };
             println!("{side}³, tool {}", if scaled { "scaled" } else { "29×29×83" });
             println!("  chosen    {}", SectionPlan::new(&obstacle, &tool, At::SharpPoints)?.describe());
-            for (method, name) in [(Method::RunEnds, "run ends"), (Method::Transform, "real FFT")] {
+            for (method, name) in [(Method::RunLength, "run-length"), (Method::Fft, "real FFT")] {
                 let plan = SectionPlan::new(&obstacle, &tool, At::SharpPoints)?.with_method(method);
                 let (mut scratch, mut counts) = (SectionScratch::default(), vec![0; obstacle.grid.len()]);
                 // The first section also makes the plan's tables.

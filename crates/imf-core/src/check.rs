@@ -1,14 +1,12 @@
 //! A toolpath checked against what must not be hit, exactly, pose by pose and element by element.
 //!
 //! Between two lines of the toolpath poses are taken so close together that no point of the tool moves farther than
-//! the tolerance from one to the next. Holder and shank, grown by their clearance, must hold no solid voxel's centre.
+//! the tolerance from one to the next. Holder and shank, offset by their clearance, must hold no solid voxel's centre.
 //! The cutter must touch what it cuts: its overlap with the part is accepted down to `contact` below the part's
 //! surface. With fixtures nothing is accepted.
 //!
 //! The surface is taken to lie half-way between solid and empty centres: a solid voxel is as deep below it as its
 //! centre's distance to the nearest empty centre, less half a pitch.
-
-mod interpolate;
 
 use std::sync::Arc;
 
@@ -21,10 +19,9 @@ use crate::distance::deeper_than;
 use crate::field::solid::SolidField;
 use crate::occupancy::Occupancy;
 use crate::parallel;
-use crate::pose::Pose;
+use crate::pose::{Pose, StraightMotion};
 use crate::tool::{Clearance, ClearanceError, Element, ElementKind, Tool, ToolError};
-use crate::toolpath::{OppositeAxes, Toolpath};
-use interpolate::Poses;
+use crate::toolpath::{Location, Toolpath};
 
 /// What is accepted, and how closely the path is followed. Lengths in the unit of the part's grid.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -51,12 +48,17 @@ pub enum CheckError {
     /// The tool has no volume.
     #[error(transparent)]
     Tool(#[from] ToolError),
-    /// The tool cannot be grown.
+    /// The tool cannot be offset.
     #[error(transparent)]
     Clearance(#[from] ClearanceError),
-    /// Which way the tool turns is not said.
-    #[error(transparent)]
-    Opposite(#[from] OppositeAxes),
+    /// Which way the tool turns is not defined.
+    #[error(
+        "line {line}: the tool axis turns to its opposite in one step; which way is not said, so add a line between"
+    )]
+    Opposite {
+        /// The line the motion ends on.
+        line: usize,
+    },
     /// A setting is no length.
     #[error("the {name} must be {wanted}, not {value}")]
     Setting {
@@ -79,7 +81,7 @@ pub enum CheckError {
         /// The tolerance.
         tolerance: f64,
     },
-    /// An outline that bends inwards cannot be told apart by elements.
+    /// The elements of an outline that bends inwards cannot be counted by themselves.
     #[error(
         "the tool '{0}' has an arc around a centre beyond its axis, which cannot be checked with a clearance"
     )]
@@ -106,7 +108,7 @@ pub struct Collision {
     pub element: String,
     /// What it hits.
     pub against: Against,
-    /// Most solid voxels in the element, grown by its clearance, at any pose of the motion; what contact accepts is
+    /// Most solid voxels in the element, offset by its clearance, at any pose of the motion; what contact accepts is
     /// not counted.
     pub voxels: u32,
     /// Their volume in units cubed.
@@ -150,9 +152,40 @@ struct ElementGroup {
     against: Against,
 }
 
+/// More poses than this on one motion are a slip of units.
+const MOST: f64 = 1e8;
+
+/// Evenly spaced poses of one motion, its end included, its start left to the motion before.
+struct Poses {
+    motion: StraightMotion,
+    line: usize,
+    count: u64,
+}
+
+impl Poses {
+    /// The way to location `index`; for the first, that location alone.
+    fn to(locations: &[Location], index: usize, reach: f64, tolerance: f64) -> Result<Self, CheckError> {
+        let [from, to] = [index.saturating_sub(1), index].map(|index| locations[index]);
+        let motion = StraightMotion::new((from.position, from.axis), (to.position, to.axis));
+        let motion = motion.ok_or(CheckError::Opposite { line: to.line })?;
+        let poses = (motion.farthest(reach) / tolerance - 1e-9).ceil().max(1.0);
+        if poses > MOST {
+            return Err(CheckError::TooLong { line: to.line, poses, tolerance });
+        }
+        Ok(Self { motion, line: to.line, count: poses as u64 })
+    }
+
+    /// Tip and axis of every pose.
+    fn iter(&self) -> impl Iterator<Item = (DVec3, DVec3)> {
+        (1..=self.count).map(|step| self.motion.at(step as f64 / self.count as f64))
+    }
+}
+
 /// Checks every motion of a toolpath on all threads of the current pool. One unit of progress is one location.
 ///
 /// `part` and `fixtures` stand on grids of one pitch, in world coordinates; the tool's lengths are in the same unit.
+/// Poses of which `is_free` knows that the whole tool, offset by the clearance, is free of part and fixtures are not counted: where
+/// what it knows is proven (`is_free` of a verified field), the report is the same as with `|_| false`.
 ///
 /// # Errors
 /// Settings or a tool that make no sense, a motion whose turn is not defined or that is absurdly long, cancellation.
@@ -162,24 +195,7 @@ pub fn check_toolpath(
     tool: &Tool,
     toolpath: &Toolpath,
     settings: &CheckSettings,
-    control: Control<'_>,
-) -> Result<CheckReport, CheckError> {
-    check_toolpath_with(part, fixtures, tool, toolpath, settings, &|_| false, control)
-}
-
-/// As [`check_toolpath`], counting only the poses of which `is_free` does not know that the whole tool, grown by the
-/// clearance, is free of part and fixtures: what it knows must be proven
-/// (`is_free` of a verified field). Then the report is the same.
-///
-/// # Errors
-/// As [`check_toolpath`].
-pub fn check_toolpath_with(
-    part: &Occupancy,
-    fixtures: Option<&Occupancy>,
-    tool: &Tool,
-    toolpath: &Toolpath,
-    settings: &CheckSettings,
-    is_free: &(dyn Fn(&Pose) -> bool + Sync),
+    is_free: impl Fn(&Pose) -> bool + Sync,
     control: Control<'_>,
 ) -> Result<CheckReport, CheckError> {
     check_settings(settings)?;
@@ -198,7 +214,7 @@ pub fn check_toolpath_with(
         if control.is_cancelled() {
             return Err(CheckError::Cancelled);
         }
-        let line = check_motion(&groups, &motions[index], is_free, part.grid.voxel_volume());
+        let line = check_motion(&groups, &motions[index], &is_free, part.grid.voxel_volume());
         (control.progress)(1);
         Ok(line)
     })?;
@@ -211,13 +227,14 @@ pub fn check_toolpath_with(
 }
 
 fn check_settings(settings: &CheckSettings) -> Result<(), CheckError> {
-    if !(settings.contact.is_finite() && settings.contact >= 0.0) {
+    let CheckSettings { contact, tolerance, .. } = *settings;
+    if !(contact.is_finite() && contact >= 0.0) {
         let wanted = "a finite length of at least 0";
-        return Err(CheckError::Setting { name: "contact", wanted, value: settings.contact });
+        return Err(CheckError::Setting { name: "contact", wanted, value: contact });
     }
-    if !(settings.tolerance.is_finite() && settings.tolerance > 0.0) {
+    if !(tolerance.is_finite() && tolerance > 0.0) {
         let wanted = "a finite length above 0";
-        return Err(CheckError::Setting { name: "tolerance", wanted, value: settings.tolerance });
+        return Err(CheckError::Setting { name: "tolerance", wanted, value: tolerance });
     }
     Ok(())
 }
@@ -269,10 +286,10 @@ fn whole_tool(part: &Arc<Occupancy>, fixtures: Option<&Arc<Occupancy>>, tool: &T
 fn check_motion(
     groups: &[ElementGroup],
     motion: &Poses,
-    is_free: &dyn Fn(&Pose) -> bool,
+    is_free: impl Fn(&Pose) -> bool,
     voxel_volume: f64,
 ) -> LineCollisions {
-    let mut line = LineCollisions { line: motion.line(), poses: motion.len(), collisions: Vec::new() };
+    let mut line = LineCollisions { line: motion.line, poses: motion.count, collisions: Vec::new() };
     let mut found: Vec<_> =
         groups.iter().map(|g| (vec![0; g.names.len()], vec![None::<Collision>; g.names.len()])).collect();
     for (position, axis) in motion.iter() {

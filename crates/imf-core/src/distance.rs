@@ -2,7 +2,7 @@
 //!
 //! Separable, as Meijster, Roerdink and Hesselink (2000) and Felzenszwalb and Huttenlocher (2012) have it: the nearest
 //! solid voxel along x by two sweeps, then along y and z by lower envelopes of parabolas, in whole numbers. The
-//! nearest voxel itself is kept as well: a witness is worth more than a length.
+//! nearest voxel itself is stored as well: a witness is worth more than a length.
 //!
 //! Space outside the grid is empty: for a point out there the distance to the obstacle is bounded from below through
 //! the nearest point of the grid, and as seen from within the obstacle the outside is the nearest empty space.
@@ -63,15 +63,15 @@ impl DistanceField {
     #[must_use]
     pub fn probe(&self, point: DVec3) -> Probe {
         let last = DVec3::from_array(self.dims.map(|d| (d - 1) as f64));
-        let held = point.clamp(DVec3::ZERO, last);
-        let centre = (held + 0.5).floor().min(last);
+        let nearest = point.clamp(DVec3::ZERO, last);
+        let centre = (nearest + 0.5).floor().min(last);
         let [x, y, z] = [centre.x as usize, centre.y as usize, centre.z as usize];
         let index = (x * self.dims[1] + y) * self.dims[2] + z;
         let to_centre = f64::from(self.distance[index]);
         // Every solid centre lies in the box of centres, and the angle at the box's nearest point is obtuse: the
         // squares of the way to the box and of the way on from there add up to a lower bound.
-        let inside = (to_centre - (held - centre).length()).max(0.0);
-        let outside = (point - held).length_squared();
+        let inside = (to_centre - (nearest - centre).length()).max(0.0);
+        let outside = (point - nearest).length_squared();
         Probe { index, squared: outside + inside * inside }
     }
 }
@@ -177,7 +177,7 @@ fn nearest_voxels(obstacle: &Occupancy, wanted: u8) -> Vec<u32> {
     nearest
 }
 
-/// The lower envelope of parabolas `(i − j)² + height(j)` over whole numbers `i`; memory is kept between lines.
+/// The lower envelope of parabolas `(i − j)² + height(j)` over whole numbers `i`; memory is reused between lines.
 #[derive(Default)]
 struct Envelope {
     /// Parabolas on the envelope from left to right: vertex, height, first place where it is the lowest.

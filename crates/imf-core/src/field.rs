@@ -1,10 +1,10 @@
 //! One interface for every family of fields, on CPU and GPU: values, gradients and decisions at poses, and whole grids.
 //!
 //! [`ExactField`] counts voxels; the crate `imf-fields` has fields from files of any family, and verified ones, which have a
-//! model's values and gradients and decide by proof. [`PoseField`] is what planners ask; [`GridField`] adds the values at all
+//! model's values and gradients and decide by verification. [`PoseField`] is for planners; [`GridField`] adds the values at all
 //! voxel centres at once. Both are object-safe, every method takes `&self`, and threads share one field.
 //!
-//! # What is answered
+//! # Results
 //! - Values are `overlap(x, R)`: the fraction of the tool's volume that lies in the obstacle with the tool's tip at x. Those of
 //!   a field of signed penetration depth ([`Quantity`]) are lengths: how far the tool must be moved to be free, below 0 how
 //!   far it may be moved. Decisions by depth are the sharper ones by far; either falls towards freedom.
@@ -39,7 +39,6 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod differences;
 mod exact;
 #[doc(hidden)]
 pub mod minimum;
@@ -57,6 +56,7 @@ use crate::parallel;
 use crate::pose::Pose;
 use crate::section::{Imf, Quantity, SectionError};
 use crate::tool::{ClearanceError, ToolError};
+use minimum::with_sharp_point_at;
 
 /// Whether the tool collides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -200,7 +200,7 @@ pub trait PoseField: Send + Sync {
     fn best(&self, points: &[DVec3], rotations: &[DQuat], best: &mut [Best]) -> Result<(), FieldError>;
 }
 
-/// A field of which the values at all voxel centres of a grid are asked at once.
+/// A field that gives the values at all voxel centres of a grid at once.
 pub trait GridField: PoseField {
     /// The grid.
     fn grid(&self) -> &Grid;
@@ -248,9 +248,8 @@ pub fn collision_measures(
     measures.fill(f32::INFINITY);
     let mut overlaps = vec![0.0; poses.len()];
     for &sharp in sharp_points {
-        let at_sharp =
-            |pose: &Pose| Pose::new(pose.position - pose.rotation.normalize() * sharp, pose.rotation);
-        let shifted: Vec<Pose> = poses.iter().map(at_sharp).collect();
+        let shifted = poses.iter().map(|pose| with_sharp_point_at(pose.position, sharp, pose.rotation));
+        let shifted: Vec<Pose> = shifted.collect();
         values(&shifted, &mut overlaps)?;
         for (measure, &overlap) in measures.iter_mut().zip(&overlaps) {
             // NaN of an invalid pose stays.
@@ -260,7 +259,7 @@ pub fn collision_measures(
     Ok(())
 }
 
-/// Poses that a thread answers at a time.
+/// Poses that a thread evaluates at a time.
 const CHUNK: usize = 256;
 
 /// The values of many poses on all threads of the current pool: for fields that answer on the thread that calls.

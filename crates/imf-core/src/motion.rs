@@ -1,19 +1,17 @@
 //! Straight motions with a turning tool: proven free by conservative advancement.
 //!
-//! On the way from one pose to another the tip moves along a line and the axis along a great circle, both evenly. No point
-//! of the tool moves farther in a time dt than dt times the tip's way plus the turn's angle times the tool's reach. So where a
-//! clearance c is proven at one time, the motion is free as long as no point has moved by c, before and after. A clearance
-//! comes from the obstacle's distance transform; where that proves none, from tools offset by fixed lengths, which collide or
-//! not exactly. What is left are stretches where the tool passes closer than the least of these lengths and is not
+//! On the way from one pose to another ([`Pose::interpolate`]) no point of the tool moves farther in a time dt than dt times
+//! the tip's way plus the turn's angle times the tool's reach. So where a clearance c is proven at one time, the motion is free
+//! as long as no point has moved by c, before and after. A clearance comes from the obstacle's distance transform; where that
+//! proves none, from tools offset by fixed lengths, which collide or not exactly. What is left are stretches where the tool passes closer than the smallest of these lengths and is not
 //! seen to collide: they are undecided. So is a motion to where double precision tells no voxel from the next one, but for its
 //! ends: it would take as many steps as there are numbers.
 
 use std::sync::{Arc, OnceLock};
 
 use crate::field::ExactField;
-use crate::pose::Pose;
+use crate::pose::{Pose, StraightMotion};
 use crate::tool::ToolShape;
-use crate::toolpath::{Location, Motion};
 
 /// What is known of a motion; times run from 0 at its beginning to 1 at its end.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -74,9 +72,9 @@ struct Checker {
     offset: OnceLock<Option<[ExactField; OFFSETS.len()]>>,
 }
 
-/// Checks motions of a tool, exactly and without a model: proofs for every pose between two.
+/// Validates motions of a tool, exactly and without a model: verdicts for every pose between two.
 ///
-/// Clones share what they were made from; threads share one checker.
+/// Clones share field and offset tools; threads share one checker.
 #[derive(Clone)]
 pub struct MotionChecker(Arc<Checker>);
 
@@ -104,7 +102,8 @@ impl MotionChecker {
         if matches!(field.assembly().tool().shape, ToolShape::Mesh(_)) {
             return Err(MotionError::Mesh);
         }
-        let way = way(a, b)?;
+        let end = |pose: &Pose| Ok((pose.position, pose.axis().ok_or(MotionError::InvalidPose)?));
+        let way = StraightMotion::new(end(a)?, end(b)?).ok_or(MotionError::Opposite)?;
         let offset = offset.get_or_init(|| offset_further(field)).as_ref().ok_or(MotionError::Offset)?;
         Ok(advance(field, offset, &way, a, b))
     }
@@ -120,17 +119,8 @@ fn offset_further(field: &ExactField) -> Option<[ExactField; OFFSETS.len()]> {
     Some([a?, b?, c?])
 }
 
-/// The way between two poses.
-fn way(a: &Pose, b: &Pose) -> Result<Motion, MotionError> {
-    let end = |pose: &Pose| {
-        let axis = pose.axis().ok_or(MotionError::InvalidPose)?;
-        Ok(Location { line: 0, position: pose.position, axis })
-    };
-    Motion::new(end(a)?, end(b)?).map_err(|_| MotionError::Opposite)
-}
-
 /// The pose at a time.
-fn pose_at(way: &Motion, time: f64) -> Pose {
+fn pose_at(way: &StraightMotion, time: f64) -> Pose {
     let (position, axis) = way.at(time);
     Pose::along(position, axis)
 }
@@ -139,14 +129,14 @@ fn pose_at(way: &Motion, time: f64) -> Pose {
 fn advance(
     field: &ExactField,
     offset: &[ExactField; OFFSETS.len()],
-    way: &Motion,
+    way: &StraightMotion,
     a: &Pose,
     b: &Pose,
 ) -> MotionResult {
     let pitch = field.obstacle().grid().pitch;
     let reach = field.reach();
     // Farthest that any point of the tool moves in a unit of time.
-    let speed = way.sweep(reach);
+    let speed = way.farthest(reach);
     // Of positions as large as the ends', of axes at the tool's far end.
     let largest = a.position.abs().max(b.position.abs()).max_element();
     let rounding = 4.0 * f64::EPSILON * largest;
@@ -191,7 +181,7 @@ fn advance(
             break;
         }
         before = time;
-        // At the end itself a pose is asked as well; a time never stands still.
+        // The end itself is tried as well; a time never stands still.
         time = next.max(time.next_up()).min(1.0);
     }
     if free_until < 1.0 {
@@ -209,7 +199,7 @@ fn too_far(field: &ExactField, a: &Pose, b: &Pose) -> MotionResult {
 }
 
 /// The earliest colliding pose that halving finds between a time without and one with a collision.
-fn first(way: &Motion, field: &ExactField, mut low: f64, high: f64, pose: Pose) -> (f64, Pose) {
+fn first(way: &StraightMotion, field: &ExactField, mut low: f64, high: f64, pose: Pose) -> (f64, Pose) {
     let mut found = (high, pose);
     for _ in 0..HALVINGS {
         let middle = 0.5 * (low + found.0);

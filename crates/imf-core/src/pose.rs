@@ -49,6 +49,15 @@ impl Pose {
         if self.position.is_finite() { axis_of(self.rotation) } else { None }
     }
 
+    /// The pose at a fraction of the way to another, from 0 to 1: the tip goes along the line and the axis along the great
+    /// circle, both evenly, without roll. `None` where a pose is invalid, or the axes are opposite.
+    #[must_use]
+    pub fn interpolate(&self, to: &Self, fraction: f64) -> Option<Self> {
+        let motion = StraightMotion::new((self.position, self.axis()?), (to.position, to.axis()?))?;
+        let (position, axis) = motion.at(fraction);
+        Some(Self::along(position, axis))
+    }
+
     /// True where every number is finite and the quaternion has a length.
     #[must_use]
     pub fn is_valid(&self) -> bool {
@@ -59,6 +68,41 @@ impl Pose {
     #[must_use]
     pub fn orientation(&self) -> Orientation {
         Orientation::from_rotation(&DMat3::from_quat(self.rotation.normalize()))
+    }
+}
+
+/// The straight motion between two poses: the tip goes along the line and the axis along the great circle, both evenly.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct StraightMotion {
+    /// Tip and axis.
+    from: (DVec3, DVec3),
+    to: (DVec3, DVec3),
+    /// Between the axes, in radians.
+    angle: f64,
+}
+
+impl StraightMotion {
+    /// `None` for axes that are opposite to a thousandth of a degree: which way the tool turns is not defined.
+    pub(crate) fn new(from: (DVec3, DVec3), to: (DVec3, DVec3)) -> Option<Self> {
+        let angle = from.1.cross(to.1).length().atan2(from.1.dot(to.1));
+        (angle <= std::f64::consts::PI - 1.7e-5).then_some(Self { from, to, angle })
+    }
+
+    /// Upper bound of how far any point of a tool moves whose points are at most `reach` away from its tip.
+    pub(crate) fn farthest(&self, reach: f64) -> f64 {
+        self.from.0.distance(self.to.0) + self.angle * reach
+    }
+
+    /// Tip and axis at a fraction of the way.
+    pub(crate) fn at(&self, fraction: f64) -> (DVec3, DVec3) {
+        let position = self.from.0.lerp(self.to.0, fraction);
+        let axis = if self.angle < 1e-9 {
+            self.to.1
+        } else {
+            let weights = [((1.0 - fraction) * self.angle).sin(), (fraction * self.angle).sin()];
+            (self.from.1 * weights[0] + self.to.1 * weights[1]).normalize_or(self.to.1)
+        };
+        (position, axis)
     }
 }
 
@@ -109,6 +153,26 @@ mod tests {
             let arc = DQuat::from_rotation_arc(DVec3::Z, axis);
             assert_eq!(Pose::new(DVec3::ZERO, arc).axis(), Some(axis));
         }
+    }
+
+    #[test]
+    fn motions_go_straight_and_turn_evenly() {
+        let (from, to) = ((DVec3::ZERO, DVec3::Z), (DVec3::new(4.0, 0.0, 2.0), DVec3::X));
+        let motion = StraightMotion::new(from, to).unwrap();
+        let (position, axis) = motion.at(0.5);
+        assert!((position - DVec3::new(2.0, 0.0, 1.0)).length() < 1e-12);
+        assert!((axis - DVec3::new(1.0, 0.0, 1.0).normalize()).length() < 1e-12);
+        let (_, third) = motion.at(1.0 / 3.0);
+        assert!((third.z - 30f64.to_radians().cos()).abs() < 1e-12);
+        assert!((motion.farthest(10.0) - 20f64.sqrt() - 5.0 * std::f64::consts::PI).abs() < 1e-12);
+        assert_eq!(motion.at(1.0), to);
+
+        let (a, b) = (Pose::along(from.0, from.1), Pose::along(to.0, to.1));
+        let middle = a.interpolate(&b, 0.5).unwrap();
+        assert!((middle.position - position).length() < 1e-12);
+        assert!((middle.axis().unwrap() - axis).length() < 1e-12);
+        assert_eq!(a.interpolate(&Pose::along(DVec3::ZERO, DVec3::NEG_Z), 0.5), None);
+        assert_eq!(a.interpolate(&Pose::along(DVec3::NAN, DVec3::X), 0.5), None);
     }
 
     #[test]

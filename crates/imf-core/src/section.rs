@@ -1,55 +1,51 @@
 //! Exact sections of the collision measure field: one orientation, every voxel of the query grid.
 //!
 //! `overlap(x) = Σ_o O[x + o]·RT[o] / count(RT)`: a correlation of two sets of voxels. `direct` is its definition;
-//! `convolution` computes the same whole numbers by real FFTs. The collision measure is the least overlap over the
-//! tool's sharp points, `CMF(x) = min_k overlap(x − R k)`, read by trilinear means of the whole-number sections
+//! `overlap` computes the same whole numbers by real FFTs or by run-length difference counting, whichever is faster. The
+//! collision measure is the minimum overlap over the tool's sharp points, `CMF(x) = min_k overlap(x − R k)`, read by trilinear means of the whole-number sections
 //! where `R k` is no whole number of voxels.
 
-mod bit_adder;
 mod bit_obstacle;
-mod clipped;
-mod contact;
-mod convolution;
-mod counter;
+mod bit_sliced;
 mod depth;
+mod device;
 mod direct;
 mod elements;
-mod elsewhere;
-mod imf;
-mod memory;
+mod fft;
+#[cfg(test)]
+pub(crate) mod fixtures;
+mod overlap;
 mod run_ends;
+mod run_length;
 mod size;
-mod stepped;
-mod surface;
+mod stream;
 mod sweep;
 mod values;
 mod walk;
 
-pub(crate) use contact::Cuttable;
-pub use counter::Method;
 pub use depth::{DEPTH_CAP, DepthPlan, DepthScratch, Quantity};
+pub use device::{SectionLayer, StepEnds, StepSpace, SteppedTool};
 pub(crate) use direct::minimum_mean;
 pub use direct::{direct_cmf, direct_count, direct_element_measures};
 pub use elements::{ElementMeasures, ElementPlans, ElementScratch, elements_at_best};
-pub use imf::{Imf, imf, stream_orientations, stream_sections};
+pub(crate) use overlap::Cuttable;
+pub use overlap::Method;
 pub use size::QueryBox;
-pub use stepped::{SectionLayer, StepEnds, StepSpace, SteppedTool};
+pub(crate) use stream::stream_orientations;
+pub use stream::{Imf, imf, sections, stream_sections};
 pub use values::share;
 pub use walk::SectionWalk;
 
 use glam::DVec3;
 use thiserror::Error;
 
-use crate::control::Control;
 use crate::grid::Grid;
 use crate::obstacle::Obstacle;
 use crate::orientation::Orientation;
 use crate::scene::Scene;
 use crate::tool::{Assembly, ClearanceError, RotatedTool, Tool, ToolError};
 
-use contact::PlannedLayer;
-use counter::{Counter, Estimate};
-use size::CircularSize;
+use overlap::OverlapCounter;
 
 /// Why a section cannot be computed.
 #[derive(Debug, Error)]
@@ -88,7 +84,7 @@ pub enum SectionError {
         /// Pitch of the obstacle's grid.
         pitch: f64,
     },
-    /// The caller's [`Control`] asked to stop.
+    /// The caller's [`Control`](crate::control::Control) asked to stop.
     #[error("interrupted")]
     Cancelled,
 }
@@ -102,44 +98,46 @@ pub enum At {
     SharpPoints,
 }
 
-/// An orientation in general position.
-const SLANT: Orientation = Orientation { theta: 25.0, phi: 55.0, roll: 0.0 };
-
 /// What is computed once for an obstacle and a tool, and used for any number of orientations.
 ///
 /// Plan once, run many: sections take `&self` and a [`SectionScratch`] of the calling thread.
 pub struct SectionPlan {
     obstacle: Obstacle,
     assembly: Assembly,
-    /// The whole one, sharp where the minimum is taken.
-    tool: Tool,
     sharp_points: Vec<DVec3>,
     grid: Grid,
     /// Voxel (0, 0, 0) of `grid` in the obstacle's grid.
     offset: [i64; 3],
     query: QueryBox,
-    counter: Counter,
-    /// For the tool at a slant, as most orientations have it.
-    estimate: Estimate,
-    layer: Option<PlannedLayer>,
+    /// The whole tool, sharp where the minimum is taken, and what is forbidden.
+    whole: OverlapCounter,
+    /// Shank and holder, and what the cutter may enter.
+    noncutting: Option<OverlapCounter>,
 }
 
-/// Working memory of one thread; buffers grow at the first use and are kept.
+/// Working memory of one thread; buffers grow at the first use and are reused.
 #[derive(Default)]
 pub struct SectionScratch {
-    counter: counter::Scratch,
+    counter: overlap::Scratch,
     counts: Vec<u32>,
     more: Vec<u32>,
 }
 
-/// Voxels from the obstacle's first to that of a grid at which it is asked.
-pub(crate) fn offset_of_query(obstacle: &Grid, query: &Grid) -> Result<[i64; 3], SectionError> {
+/// Voxels from the obstacle's first to that of a query grid.
+fn offset_of_query(obstacle: &Grid, query: &Grid) -> Result<[i64; 3], SectionError> {
     obstacle.offset_of(query).ok_or(SectionError::QueryGrid {
         query: query.origin,
         query_pitch: query.pitch,
         obstacle: obstacle.origin,
         pitch: obstacle.pitch,
     })
+}
+
+/// The voxels where overlaps are counted: those of the query grid, and as many around them as sharp points off the tip reach.
+fn query_box(obstacle: &Grid, query: &Grid, sharp_points: &[DVec3]) -> Result<QueryBox, SectionError> {
+    let farthest = sharp_points.iter().map(|k| k.length()).fold(0.0, f64::max);
+    let grow = if farthest > 0.0 { (farthest / obstacle.pitch).ceil() as i64 + 1 } else { 0 };
+    Ok(QueryBox::around(offset_of_query(obstacle, query)?, query.dims, grow))
 }
 
 impl SectionPlan {
@@ -183,36 +181,30 @@ impl SectionPlan {
             At::SharpPoints => assembly.whole().clone(),
         };
         tool.check()?;
-        let (forbidden, own) = (&*obstacle.forbidden, *obstacle.grid());
-        let offset = offset_of_query(&own, query_grid)?;
+        let own = *obstacle.grid();
         let sharp_points = tool.sharp_point_positions(own.pitch);
-        let (query, size) = Self::sizes(&own, offset, query_grid.dims, &tool);
+        let query = query_box(&own, query_grid, &sharp_points)?;
         // A tool too large or too small is refused now rather than at the first section.
-        let upright = RotatedTool::new(&tool, &Orientation::default(), own.pitch)?;
-        let counter = Counter::new(forbidden, size);
-        let slanted = RotatedTool::new(&tool, &SLANT, own.pitch).unwrap_or(upright);
-        let estimate = counter.estimate(forbidden, &slanted, &query);
+        RotatedTool::new(&tool, &Orientation::default(), own.pitch)?;
+        let noncutting = Cuttable::of(&obstacle, &assembly)
+            .map(|layer| OverlapCounter::new(layer.voxels.clone(), layer.noncutting.clone(), query));
         Ok(Self {
-            layer: Cuttable::of(&obstacle, &assembly).map(|layer| PlannedLayer::new(layer, query)),
-            obstacle,
-            assembly,
-            tool,
+            offset: offset_of_query(&own, query_grid)?,
             sharp_points,
             grid: *query_grid,
-            offset,
             query,
-            counter,
-            estimate,
+            whole: OverlapCounter::new(obstacle.forbidden.clone(), tool, query),
+            noncutting,
+            obstacle,
+            assembly,
         })
     }
 
     /// The same plan with sections by this method alone.
     #[must_use]
     pub fn with_method(mut self, method: Method) -> Self {
-        self.counter.method = method;
-        if let Some(layer) = &mut self.layer {
-            layer.counter.method = method;
-        }
+        let counters = [Some(&mut self.whole), self.noncutting.as_mut()];
+        counters.into_iter().flatten().for_each(|counter| counter.method = method);
         self
     }
 
@@ -223,14 +215,24 @@ impl SectionPlan {
     pub fn over(&self, query_grid: &Grid) -> Result<Self, SectionError> {
         let at = if self.tip_alone() { At::Tip } else { At::SharpPoints };
         let plan = Self::with_query(&self.obstacle, &self.assembly, at, query_grid)?;
-        Ok(plan.with_method(self.counter.method))
+        Ok(plan.with_method(self.whole.method))
     }
 
-    fn sizes(grid: &Grid, offset: [i64; 3], dims: [usize; 3], tool: &Tool) -> (QueryBox, CircularSize) {
-        let farthest = tool.sharp_point_positions(grid.pitch).iter().map(|k| k.length()).fold(0.0, f64::max);
-        let grow = if farthest > 0.0 { (farthest / grid.pitch).ceil() as i64 + 1 } else { 0 };
-        let query = QueryBox::around(offset, dims, grow);
-        (query, CircularSize::new(grid.dims, query, tool.reach() / grid.pitch))
+    /// Bytes that a plan with this many threads will take, known before it is made.
+    #[must_use]
+    pub fn memory_estimate(grid: &Grid, tool: &Tool, threads: usize) -> u64 {
+        Self::memory_estimate_with_query(grid, grid, tool, threads)
+    }
+
+    /// The same for a query grid of its own ([`SectionPlan::with_query`]).
+    #[must_use]
+    pub fn memory_estimate_with_query(grid: &Grid, query_grid: &Grid, tool: &Tool, threads: usize) -> u64 {
+        let query = query_box(grid, query_grid, &tool.sharp_point_positions(grid.pitch)).unwrap_or_default();
+        let threads = threads as u64;
+        let rotated = (2.0 * tool.reach() / grid.pitch + 3.0).powi(3).min(1e18) as u64;
+        // A tool of absurd size is left to the plan, which refuses it.
+        let counting = if rotated < 1 << 30 { overlap::memory(grid, &query, tool, threads) } else { 0 };
+        2 * grid.len() as u64 + threads * (2 * rotated + 16 * query.len() as u64) + counting
     }
 
     /// The grid whose voxels a section covers.
@@ -254,20 +256,21 @@ impl SectionPlan {
     /// The whole tool, sharp where the minimum is taken.
     #[must_use]
     pub fn tool(&self) -> &Tool {
-        &self.tool
+        &self.whole.tool
     }
 
     /// True where there is a layer that the cutter may enter and something that may not: then forbidden voxels in the whole tool
     /// alone do not make up the overlap.
     #[must_use]
     pub fn has_layer(&self) -> bool {
-        self.layer.is_some()
+        self.noncutting.is_some()
     }
 
     /// One line for people: how sections are computed.
     #[must_use]
     pub fn describe(&self) -> String {
-        self.counter.describe(self.estimate)
+        let estimate = self.whole.usual_estimate(&self.query);
+        estimate.map_or_else(String::new, |estimate| self.whole.describe(estimate))
     }
 
     /// Voxels shared by obstacle and rotated tool with the tip at every voxel of the grid, C-ordered into `counts`,
@@ -286,13 +289,10 @@ impl SectionPlan {
     ) -> Result<u32, SectionError> {
         assert_eq!(counts.len(), self.grid.len(), "one count for each voxel of the grid");
         let rotated = self.box_counts(orientation, &self.query, scratch)?;
-        let [nx, ny, nz] = self.grid.dims;
-        let [ox, oy, oz] = self.offset;
-        for x in 0..nx {
-            for y in 0..ny {
-                let from = self.query.index([x as i64 + ox, y as i64 + oy, oz]);
-                counts[(x * ny + y) * nz..][..nz].copy_from_slice(&scratch.counts[from..from + nz]);
-            }
+        let ([ox, oy, oz], nz) = (self.offset, self.grid.dims[2]);
+        for (line, [x, y]) in self.lines() {
+            let from = self.query.index([x + ox, y + oy, oz]);
+            counts[line].copy_from_slice(&scratch.counts[from..from + nz]);
         }
         Ok(rotated)
     }
@@ -329,7 +329,7 @@ impl SectionPlan {
         let at = [0, 1, 2].map(|axis| voxel[axis] as i64 + self.offset[axis]);
         if self.has_layer() {
             let elements =
-                direct::element_measures(&self.obstacle, &self.assembly, &self.tool, orientation, at)?;
+                direct::element_measures(&self.obstacle, &self.assembly, self.tool(), orientation, at)?;
             return Ok(elements.iter().map(|&(_, measure)| measure).sum());
         }
         let at = DVec3::from_array(at.map(|v| v as f64));
@@ -343,7 +343,7 @@ impl SectionPlan {
         self.query
     }
 
-    /// True where the tip alone is sharp: then a section's values are shares of the counts over its own grid.
+    /// True where the tip alone is sharp: then a section's values are fractions of the counts over its own grid.
     #[must_use]
     pub fn tip_alone(&self) -> bool {
         self.sharp_points == [DVec3::ZERO]
@@ -378,48 +378,20 @@ impl SectionPlan {
         query: &QueryBox,
         scratch: &mut SectionScratch,
     ) -> Result<u32, SectionError> {
-        let rotated = RotatedTool::new(&self.tool, orientation, self.obstacle.grid().pitch)?;
-        scratch.counts.resize(query.len(), 0);
-        self.counter.count(
-            &self.obstacle.forbidden,
-            &rotated,
-            query,
-            &mut scratch.counter,
-            &mut scratch.counts,
-        );
-        self.spot_check(&rotated, query, &scratch.counts)?;
-        if let Some(layer) = &self.layer {
-            layer.add(query, orientation, scratch)?;
+        let rotated = self.rotated(orientation)?;
+        let SectionScratch { counter: scratch, counts, more } = scratch;
+        counts.resize(query.len(), 0);
+        self.whole.count(&rotated, query, scratch, counts)?;
+        if let Some(counter) = &self.noncutting {
+            counter.add(orientation, query, scratch, (counts, more))?;
         }
         Ok(rotated.count)
     }
 
-    /// Compares a few voxels, other ones for every orientation, with direct sums.
-    fn spot_check(
-        &self,
-        rotated: &RotatedTool,
-        query: &QueryBox,
-        counts: &[u32],
-    ) -> Result<(), SectionError> {
-        direct::spot_check(&self.obstacle.forbidden, rotated, query, counts)
+    /// The whole tool in an orientation.
+    fn rotated(&self, orientation: &Orientation) -> Result<RotatedTool, ToolError> {
+        RotatedTool::new(self.tool(), orientation, self.obstacle.grid().pitch)
     }
-}
-
-/// Runs the sections of a set one after the other on the calling thread's pool and writes each into its own array.
-///
-/// # Errors
-/// As [`SectionPlan::cmf`]; [`SectionError::Cancelled`] when the control asks to stop.
-pub fn sections(
-    plan: &SectionPlan,
-    orientations: &[Orientation],
-    control: Control<'_>,
-) -> Result<Vec<Vec<f32>>, SectionError> {
-    let parts = stream_sections(plan, orientations, control, Vec::new, |list: &mut Vec<_>, index, cmf| {
-        list.push((index, cmf.to_vec()));
-    })?;
-    let mut all: Vec<(usize, Vec<f32>)> = parts.into_iter().flatten().collect();
-    all.sort_by_key(|&(index, _)| index);
-    Ok(all.into_iter().map(|(_, cmf)| cmf).collect())
 }
 
 #[cfg(test)]

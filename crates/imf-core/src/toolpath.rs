@@ -1,7 +1,7 @@
 //! Toolpaths of five axes: where the tip goes and how the tool is turned, line by line of the file it came from.
 //!
 //! Positions are the tool's tip; axes point from the tip to the holder. Between two lines the tip moves straight and
-//! the axis turns along the great circle, both evenly: [`Motion`].
+//! the axis turns along the great circle, both evenly, as in [`Pose::interpolate`](crate::pose::Pose::interpolate).
 
 mod apt;
 mod csv;
@@ -78,7 +78,7 @@ struct Wrong {
 }
 
 impl Toolpath {
-    /// Reads a CSV file (`x,y,z,i,j,k`) or an APT/CL file (`GOTO/x,y,z,i,j,k`), told apart by the words in it. Lengths
+    /// Reads a CSV file (`x,y,z,i,j,k`) or an APT/CL file (`GOTO/x,y,z,i,j,k`), distinguished by the words in it. Lengths
     /// become those of `unit`: a CSV file is taken to be in it, an APT file too unless it has a `UNITS/` line.
     ///
     /// # Errors
@@ -124,88 +124,12 @@ fn location(line: usize, position: [f64; 3], axis: [f64; 3]) -> Result<Location,
     Ok(Location { line, position, axis })
 }
 
-/// The way from one location to the next.
-#[derive(Clone, Copy, Debug)]
-pub struct Motion {
-    from: Location,
-    to: Location,
-    /// Angle between the axes in radians.
-    angle: f64,
-}
-
-/// The axes of two locations point in opposite directions: which way the tool turns is not said.
-#[derive(Debug, Error, PartialEq, Eq)]
-#[error(
-    "line {line}: the tool axis turns to its opposite in one step; which way is not said, so add a line between"
-)]
-pub struct OppositeAxes {
-    /// Line of the second location.
-    pub line: usize,
-}
-
-impl Motion {
-    /// The way between two locations.
-    ///
-    /// # Errors
-    /// Axes that are opposite to a thousandth of a degree.
-    pub fn new(from: Location, to: Location) -> Result<Self, OppositeAxes> {
-        let angle = from.axis.cross(to.axis).length().atan2(from.axis.dot(to.axis));
-        if angle > std::f64::consts::PI - 1.7e-5 {
-            return Err(OppositeAxes { line: to.line });
-        }
-        Ok(Self { from, to, angle })
-    }
-
-    /// Upper bound of how far any point of a tool moves whose points are at most `reach` away from its tip.
-    #[must_use]
-    pub fn sweep(&self, reach: f64) -> f64 {
-        self.from.position.distance(self.to.position) + self.angle * reach
-    }
-
-    /// Tip and axis at `share` of the way, from 0 to 1.
-    #[must_use]
-    pub fn at(&self, share: f64) -> (DVec3, DVec3) {
-        let position = self.from.position.lerp(self.to.position, share);
-        let axis = if self.angle < 1e-9 {
-            self.to.axis
-        } else {
-            let weights = [((1.0 - share) * self.angle).sin(), (share * self.angle).sin()];
-            (self.from.axis * weights[0] + self.to.axis * weights[1]).normalize_or(self.to.axis)
-        };
-        (position, axis)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn at(line: usize, position: [f64; 3], axis: [f64; 3]) -> Location {
-        location(line, position, axis).ok().unwrap()
-    }
-
     #[test]
-    fn motions_go_straight_and_turn_evenly() {
-        let motion =
-            Motion::new(at(1, [0.0; 3], [0.0, 0.0, 1.0]), at(2, [4.0, 0.0, 2.0], [2.0, 0.0, 0.0])).unwrap();
-        let (position, axis) = motion.at(0.5);
-        assert!((position - DVec3::new(2.0, 0.0, 1.0)).length() < 1e-12);
-        assert!((axis - DVec3::new(1.0, 0.0, 1.0).normalize()).length() < 1e-12);
-        let (_, third) = motion.at(1.0 / 3.0);
-        assert!((third.z - 30f64.to_radians().cos()).abs() < 1e-12);
-        assert!((motion.sweep(10.0) - 20f64.sqrt() - 5.0 * std::f64::consts::PI).abs() < 1e-12);
-        assert_eq!(motion.at(1.0), (DVec3::new(4.0, 0.0, 2.0), DVec3::X));
-    }
-
-    #[test]
-    fn opposite_axes_are_refused_with_their_line() {
-        let error =
-            Motion::new(at(1, [0.0; 3], [0.0, 0.0, 1.0]), at(7, [0.0; 3], [0.0, 0.0, -1.0])).unwrap_err();
-        assert_eq!(error, OppositeAxes { line: 7 });
-    }
-
-    #[test]
-    fn files_are_told_apart_and_missing_ones_named() {
+    fn formats_are_recognised_and_missing_files_named() {
         let unit = LengthUnit::Mm;
         let apt = Toolpath::parse("PARTNO A/B\nGOTO/1,2,3\n", unit, "a").unwrap();
         let csv = Toolpath::parse("x,y,z\n1,2,3\n", unit, "b").unwrap();

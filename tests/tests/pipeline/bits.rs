@@ -19,7 +19,7 @@ use imf_train::samples::Samples;
 use imf_train::training::TrainingEngine;
 use imf_train::training::run::{Outcome, train};
 
-use crate::scene::{SMALL, adapter, bits, bracket, on_threads, orientations, samples};
+use crate::scene::{SMALL, adapter, angles, bits, bracket, on_threads, orientations, samples};
 
 const SHAPE: SirenShape = SirenShape { width: 37, hidden: 4, skip_after: Some(2), omega: 30.0 };
 
@@ -127,8 +127,7 @@ fn a_model_that_was_written_and_read_evaluates_as_before() {
         held_out: None,
     };
     let model = Model { shape: SHAPE, scene, record, state, calibration: None };
-    let angles: Vec<[f32; 2]> =
-        set.orientations.iter().map(imf_core::orientation::Orientation::angles).collect();
+    let angles = angles(&set);
     let evaluate = |model: &Model| {
         let mut engine = CpuEvaluator::new(model.shape, &model.state.parameters).unwrap();
         let grid = model.scene.record.grid;

@@ -7,7 +7,7 @@ use imf_fields::siren::{EvaluationEngine, SirenShape, over_grid};
 use imf_gpu::{GpuEvaluator, MatrixKernel};
 
 use crate::bits::trained;
-use crate::scene::{SMALL, adapter, bracket, orientations};
+use crate::scene::{SMALL, adapter, angles, bracket, orientations};
 
 const SHAPE: SirenShape = SirenShape { width: 48, hidden: 4, skip_after: Some(2), omega: 30.0 };
 
@@ -34,14 +34,13 @@ fn the_learnt_imf_is_the_least_of_the_learnt_sections() {
     let mut engine = CpuEvaluator::new(SHAPE, &trained(SHAPE)).unwrap();
     // The second are more than one call of the engine takes, as are their values.
     for set in ["grid:5", "random:1100:3"] {
-        let set = orientations(set).orientations;
-        let angles: Vec<[f32; 2]> = set.iter().map(imf_core::orientation::Orientation::angles).collect();
-        let mut least = Imf::new(SMALL.iter().product());
+        let angles = angles(&orientations(set));
+        let mut minimum = Imf::new(SMALL.iter().product());
         for (index, section) in sections(&mut engine, &angles).iter().enumerate() {
-            least.lower_to(index, section);
+            minimum.lower_to(index, section);
         }
-        assert!(set.len() < 1025 || least.best.iter().any(|&best| best >= 1024));
-        assert_eq!(imf(&mut engine, &angles), least);
+        assert!(angles.len() < 1025 || minimum.best.iter().any(|&best| best >= 1024));
+        assert_eq!(imf(&mut engine, &angles), minimum);
     }
 }
 
@@ -49,8 +48,7 @@ fn the_learnt_imf_is_the_least_of_the_learnt_sections() {
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn cpu_and_gpu_give_the_same_sections_the_same_imf_and_the_same_best_orientation() {
     let parameters = trained(SHAPE);
-    let set = orientations("fibonacci:25").orientations;
-    let angles: Vec<[f32; 2]> = set.iter().map(imf_core::orientation::Orientation::angles).collect();
+    let angles = angles(&orientations("fibonacci:25"));
     let mut cpu = CpuEvaluator::new(SHAPE, &parameters).unwrap();
     let (expected, least) = (sections(&mut cpu, &angles), imf(&mut cpu, &angles));
     // How far the second-best orientation is behind.

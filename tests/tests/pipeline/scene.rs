@@ -1,7 +1,7 @@
 //! What the tests compute with: reference parts under the paper's tool, their samples, and the machine's adapter.
 
 use imf_core::control::Control;
-use imf_core::orientation::OrientationSet;
+use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::{At, SectionPlan};
@@ -35,6 +35,11 @@ pub(crate) fn plan(scene: &Scene) -> SectionPlan {
 /// A set of orientations from its text.
 pub(crate) fn orientations(spec: &str) -> OrientationSet {
     OrientationSet::parse(spec).unwrap()
+}
+
+/// Angles of the tool's axis, as networks take them.
+pub(crate) fn angles(set: &OrientationSet) -> Vec<[f32; 2]> {
+    set.orientations.iter().map(Orientation::angles).collect()
 }
 
 /// The samples of a scene as training gets them: written to a dataset and read back.

@@ -93,14 +93,10 @@ fn find(session: &Session, setup: &Setup) -> Result<Findings> {
             let control = session.control(&advance);
             let found =
                 removable(&setup.obstacle, assembly, &stock.solid, &cutter, orientations, setup.tau, control);
-            swept.push(
-                found
-                    .map_err(|error| match error {
-                        RemovableError::Section(error) => interrupted(error),
-                        other => other.into(),
-                    })?
-                    .covered,
-            );
+            swept.push(found.map_err(|error| match error {
+                RemovableError::Section(error) => interrupted(error),
+                other => other.into(),
+            })?);
             stage.finish("");
         }
         if let Some((point, cells)) = setup.map {

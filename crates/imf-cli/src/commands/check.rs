@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Result, ensure};
-use imf_core::check::{Against, CheckError, CheckReport, CheckSettings, Collision, check_toolpath_with};
+use imf_core::check::{Against, CheckError, CheckReport, CheckSettings, Collision, check_toolpath};
 use imf_core::occupancy::Occupancy;
 use imf_core::pose::Pose;
 use imf_core::scene::{Guarantee, Scene, SceneRecord};
@@ -55,7 +55,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
     let tool = record.bare_tool();
-    let report = check_toolpath_with(&bodies.part, fixtures, tool, &toolpath, &settings, &is_free, control);
+    let report = check_toolpath(&bodies.part, fixtures, tool, &toolpath, &settings, &is_free, control);
     let report = report.map_err(|error| match error {
         CheckError::Cancelled => Interrupted("the toolpath was not checked to its end".into()).into(),
         other => anyhow::Error::from(other),

@@ -1,4 +1,4 @@
-//! What a body covers while it visits a set of voxels: the union of its copies, by strings of bits.
+//! What a body covers while it visits a set of voxels: the union of its copies, 64 voxels at a time.
 //!
 //! The set is one bit a voxel, all lines along z of a plane x behind one another at one distance:
 //!
@@ -181,7 +181,7 @@ fn or_shifted(source: &[u64], bits: usize, target: &mut [u64]) {
 mod tests {
     use super::*;
     use crate::access::tests::{slotted, small_tool};
-    use crate::orientation::OrientationSet;
+    use crate::section::fixtures::orientations;
 
     /// The definition: every voxel of the body at every position.
     fn direct(body: &RotatedTool, target: &Grid, counts: &[u32], most: u32) -> Vec<u8> {
@@ -192,12 +192,9 @@ mod tests {
             for index in (0..body.solid.len()).filter(|&i| body.solid[i] == 1) {
                 let [_, ny, nz] = body.dims;
                 let local = [index / (ny * nz), index / nz % ny, index % nz];
-                let at = [0, 1, 2].map(|a| {
-                    positions.voxel(position)[a] as i64
-                        + shift[a]
-                        + local[a] as i64
-                        + i64::from(body.lower[a])
-                });
+                let origin = positions.voxel(position);
+                let at =
+                    [0, 1, 2].map(|a| (origin[a] + local[a]) as i64 + shift[a] + i64::from(body.lower[a]));
                 if (0..3).all(|a| (0..target.dims[a] as i64).contains(&at[a])) {
                     expected[target.index(at.map(|v| v as usize))] = 1;
                 }
@@ -215,9 +212,7 @@ mod tests {
             let target = slotted().grid.grown(before, after).unwrap();
             let mut both = Dilation::new(&target);
             let mut either = vec![0; target.len()];
-            for (index, orientation) in
-                OrientationSet::parse("random:4:2").unwrap().orientations.iter().enumerate()
-            {
+            for (index, orientation) in orientations("random:4:2").iter().enumerate() {
                 let mut body = RotatedTool::new(&small_tool(), orientation, 1.0).unwrap();
                 if index == 3 {
                     // Several runs on a line, and a body that does not hold its origin.

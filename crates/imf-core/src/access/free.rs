@@ -1,4 +1,4 @@
-//! Which orientations are free at a voxel: one bit for each pair, kept only where somebody asks for it.
+//! Which orientations are free at a voxel: one bit for each pair, where they are wanted.
 
 /// For every orientation the voxels where it is free, one bit each.
 ///
@@ -40,24 +40,15 @@ impl FreeOrientations {
         bytes
     }
 
-    /// True where orientation `index` is free at `voxel`.
-    ///
-    /// # Panics
-    /// If the voxel or the orientation does not exist.
-    #[must_use]
-    pub fn is_free(&self, voxel: [usize; 3], index: usize) -> bool {
-        let [x, y, z] = voxel;
-        let row = (x * self.dims[1] + y) * self.dims[2].div_ceil(8);
-        self.planes[index][row + z / 8] >> (z % 8) & 1 == 1
-    }
-
     /// The free orientations of a voxel by index, in order.
     ///
     /// # Panics
     /// If the voxel does not exist.
     #[must_use]
-    pub fn of(&self, voxel: [usize; 3]) -> Vec<usize> {
-        (0..self.planes.len()).filter(|&index| self.is_free(voxel, index)).collect()
+    pub fn of(&self, [x, y, z]: [usize; 3]) -> Vec<usize> {
+        let byte = (x * self.dims[1] + y) * self.dims[2].div_ceil(8) + z / 8;
+        let is_free = |plane: &[u8]| plane[byte] >> (z % 8) & 1 == 1;
+        (0..self.planes.len()).filter(|&index| is_free(&self.planes[index])).collect()
     }
 
     /// Notes the section of orientation `index`.

@@ -2,7 +2,7 @@
 //!
 //! For every orientation one correlation finds the free positions of the whole tool (its overlap with the obstacle, tip
 //! on a voxel centre, is at most τ), and a second one, of those positions with the rotated cutter, the voxels that it
-//! sweeps there; here the second is a dilation by strings of bits. Both look only at the positions from which the cutter
+//! sweeps there; here the second is a dilation of bits, 64 at a time. Both look only at the positions from which the cutter
 //! in that orientation meets the stock. The stock itself is no obstacle: the question is what can be removed at all, in
 //! whatever order.
 
@@ -14,7 +14,7 @@ use crate::grid::{Grid, GridError};
 use crate::obstacle::Obstacle;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
-use crate::section::{At, SectionError, SectionPlan, SectionScratch, stream_orientations};
+use crate::section::{At, SectionError, SectionPlan, SectionScratch, share, stream_orientations};
 use crate::tool::{Assembly, ElementKind, RotatedTool, Tool, ToolError, ToolShape};
 
 /// Why the removable volume cannot be found.
@@ -36,13 +36,6 @@ pub enum RemovableError {
     Tool(#[from] ToolError),
 }
 
-/// What of the stock a tool can remove.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Removable {
-    /// 1 for every voxel of the stock that the cutter covers at some free pose, on the stock's grid.
-    pub covered: Vec<u8>,
-}
-
 /// The cutter of a tool alone, in the tool's frame; `None` for a mesh, or where no element is a cutter.
 #[must_use]
 pub fn cutter_of(tool: &Tool) -> Option<Tool> {
@@ -51,7 +44,7 @@ pub fn cutter_of(tool: &Tool) -> Option<Tool> {
     (!cutters.is_empty()).then(|| Tool { shape: ToolShape::Revolved(cutters), ..tool.with_tip_only() })
 }
 
-/// The grid of all positions of the tip from which the cutter can cover a voxel of `stock`; `tool` as it is, not grown.
+/// The grid of all positions of the tip from which the cutter can cover a voxel of `stock`; `tool` as it is, not offset.
 ///
 /// # Errors
 /// A tool without a cutter, or a grid that is too large.
@@ -65,7 +58,7 @@ fn around(stock: &Grid, cutter: &Tool) -> Result<Grid, GridError> {
     stock.grown([reach; 3], [reach; 3])
 }
 
-/// Bytes that [`removable`] takes for `tool`, which is `bare` or grown from it: known before anything is allocated.
+/// Bytes that [`removable`] takes for `tool`, which is `bare` or offset from it: known before anything is allocated.
 ///
 /// # Errors
 /// As [`position_grid`].
@@ -81,9 +74,10 @@ pub fn removable_memory_estimate(
     Ok(plan + threads as u64 * Dilation::memory(stock.dims, positions.dims) + stock.len() as u64)
 }
 
-/// Finds the voxels of `stock` that `cutter` ([`cutter_of`] the tool as it is) covers at a pose at which the overlap of
-/// the tool (perhaps offset by a clearance) with the obstacle is at most `tau`. Lengths are in the grid's unit. Voxels of the stock that
-/// the obstacle holds should be left out of it beforehand. One unit of progress is one orientation; the result does not depend on the number of threads.
+/// 1 for every voxel of `stock` that `cutter` ([`cutter_of`] the tool as it is) covers at a pose at which the overlap of
+/// the tool (perhaps offset by a clearance) with the obstacle is at most `tau`. Lengths are in the grid's unit. Voxels of
+/// the stock that the obstacle holds should be left out of it beforehand. One unit of progress is one orientation; the
+/// result does not depend on the number of threads.
 ///
 /// # Errors
 /// A stock on other voxels than the obstacle, as [`SectionPlan::cmf`], or cancellation.
@@ -95,7 +89,7 @@ pub fn removable(
     orientations: &[Orientation],
     tau: f64,
     control: Control<'_>,
-) -> Result<Removable, RemovableError> {
+) -> Result<Vec<u8>, RemovableError> {
     let positions = around(&stock.grid, cutter)?;
     let plan = SectionPlan::with_query(obstacle, assembly, At::Tip, &positions)?;
     // A cutter too thin for the grid is refused before the work begins.
@@ -116,13 +110,12 @@ pub fn removable(
     parts.iter().for_each(|(_, part)| whole.merge(part));
     let mut covered = whole.covered();
     covered.iter_mut().zip(&stock.solid).for_each(|(all, &there)| *all &= there);
-    Ok(Removable { covered })
+    Ok(covered)
 }
 
 /// The largest count whose collision measure, as sections give it, is at most `tau`; none where even 0 is too much.
 fn most_free(whole: u32, tau: f64) -> Option<u32> {
-    let share = 1.0 / f64::from(whole);
-    let free = |count: u32| f64::from((share * f64::from(count)).min(1.0) as f32) <= tau;
+    let free = |count: u32| f64::from(share(count, whole)) <= tau;
     // The measure grows with the count.
     let (mut low, mut high) = (0, u64::from(whole) + 1);
     while low < high {
@@ -136,8 +129,8 @@ fn most_free(whole: u32, tau: f64) -> Option<u32> {
 mod tests {
     use super::*;
     use crate::access::tests::{slotted, small_tool};
-    use crate::orientation::OrientationSet;
     use crate::section::direct_count;
+    use crate::section::fixtures::orientations;
 
     #[test]
     fn it_is_what_the_cutter_covers_at_free_poses_counted_one_by_one() {
@@ -148,12 +141,12 @@ mod tests {
         let mut stock = Occupancy::empty(obstacle.grid.grown([0, 1, 0], [0, -2, 2]).unwrap());
         let there = obstacle.on(&stock.grid).unwrap();
         stock.solid.iter_mut().zip(&there.solid).for_each(|(s, &part)| *s = 1 - part);
-        let orientations = OrientationSet::parse("0,0;40,25;200,90;0,180").unwrap().orientations;
+        let set = orientations("0,0;40,25;200,90;0,180");
         let (tool, cutter) = (small_tool(), cutter_of(&small_tool()).unwrap());
         for tau in [0.0, 0.1] {
             let mut expected = vec![0u8; stock.grid.len()];
             let shift = obstacle.grid.offset_of(&stock.grid).unwrap();
-            for orientation in &orientations {
+            for orientation in &set {
                 let whole = RotatedTool::new(&tool, orientation, 1.0).unwrap();
                 let body = RotatedTool::new(&cutter, orientation, 1.0).unwrap();
                 for index in (0..stock.grid.len()).filter(|&i| stock.solid[i] == 1) {
@@ -172,10 +165,9 @@ mod tests {
             for threads in [1, 3] {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
                 let found = pool.install(|| {
-                    removable(&obstacle, &tool, &stock, &cutter, &orientations, tau, Control::quiet())
-                        .unwrap()
+                    removable(&obstacle, &tool, &stock, &cutter, &set, tau, Control::quiet()).unwrap()
                 });
-                assert_eq!(found.covered, expected);
+                assert_eq!(found, expected);
             }
             let count = expected.iter().map(|&v| usize::from(v)).sum::<usize>();
             assert!(count > 0 && (tau > 0.0 || count < stock.count()));

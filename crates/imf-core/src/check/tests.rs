@@ -6,33 +6,40 @@ use crate::grid::Grid;
 use crate::scene::Bodies;
 use crate::unit::LengthUnit;
 
-/// A block of 40×40×20 mm with its top at z = 20, on a grid of 1 mm with room around it.
-fn block() -> Occupancy {
+/// What lies within a box on a grid of 1 mm.
+fn solid_within(lower: DVec3, upper: DVec3) -> Occupancy {
     let grid = Grid { origin: DVec3::new(-30.0, -30.0, -5.0), pitch: 1.0, dims: [60, 60, 60] };
-    let mut block = Occupancy::empty(grid);
-    for index in 0..grid.len() {
-        let p = grid.centre(grid.voxel(index));
-        block.solid[index] = u8::from(p.x.abs() < 20.0 && p.y.abs() < 20.0 && p.z > 0.0 && p.z < 20.0);
-    }
-    block
+    let inside = |p: DVec3| p.cmpgt(lower).all() && p.cmplt(upper).all();
+    let solid = |index| u8::from(inside(grid.centre(grid.voxel(index))));
+    Occupancy { grid, solid: (0..grid.len()).map(solid).collect() }
+}
+
+/// A block of 40×40×20 mm with its top at z = 20, with room around it.
+fn block() -> Occupancy {
+    solid_within(DVec3::new(-20.0, -20.0, 0.0), DVec3::new(20.0, 20.0, 20.0))
 }
 
 /// A post beside the block, as tall as the holder is high.
 fn post() -> Occupancy {
-    let mut post = Occupancy::empty(block().grid);
-    for index in 0..post.grid.len() {
-        let p = post.grid.centre(post.grid.voxel(index));
-        post.solid[index] = u8::from(p.x > 10.0 && p.x < 14.0 && p.y.abs() < 3.0 && p.z > 20.0 && p.z < 54.0);
-    }
-    post
+    solid_within(DVec3::new(10.0, -3.0, 20.0), DVec3::new(14.0, 3.0, 54.0))
 }
 
 fn path(text: &str) -> Toolpath {
     Toolpath::parse(text, LengthUnit::Mm, "path").unwrap()
 }
 
+fn check_with(
+    fixtures: Option<&Occupancy>,
+    text: &str,
+    settings: &CheckSettings,
+    is_free: impl Fn(&Pose) -> bool + Sync,
+) -> Result<CheckReport, CheckError> {
+    let (tool, path) = (Tool::paper(), path(text));
+    check_toolpath(&block(), fixtures, &tool, &path, settings, is_free, Control::quiet())
+}
+
 fn check(fixtures: Option<&Occupancy>, text: &str, settings: &CheckSettings) -> CheckReport {
-    check_toolpath(&block(), fixtures, &Tool::paper(), &path(text), settings, Control::quiet()).unwrap()
+    check_with(fixtures, text, settings, |_| false).unwrap()
 }
 
 #[test]
@@ -129,9 +136,7 @@ fn interpolation_finds_what_lies_between_two_free_lines() {
 #[test]
 fn what_cannot_be_checked_is_refused() {
     let refuse = |text: &str, settings: CheckSettings| {
-        check_toolpath(&block(), None, &Tool::paper(), &path(text), &settings, Control::quiet())
-            .unwrap_err()
-            .to_string()
+        check_with(None, text, &settings, |_| false).unwrap_err().to_string()
     };
     let settings = CheckSettings::of_pitch(1.0);
     assert!(refuse("0,0,0,0,0,1\n0,0,0,0,0,-1\n", settings).contains("line 2"));
@@ -154,27 +159,22 @@ fn depth_is_counted_from_the_surface() {
 
 #[test]
 fn what_a_proof_knows_free_changes_no_line_of_the_report() {
-    let (part, post) = (block(), post());
-    let obstacle = Bodies { part: part.clone(), fixtures: post.clone() }.obstacle();
+    let post = post();
+    let obstacle = Bodies { part: block(), fixtures: post.clone() }.obstacle();
     let text = "-25,0,24,0,0,1\n25,0,24,0,0.3,1\n0,0,16,0,0,1\n12,0,22,0,0,1\n-40,-40,40,1,0,0.2\n";
     for room in [0.0, 1.5] {
         let clearance = Clearance { holder: room, shank: room, cutter: 0.0 };
         let settings = CheckSettings { clearance, ..CheckSettings::of_pitch(1.0) };
         let plain = check(Some(&post), text, &settings);
         assert!(plain.colliding.len() > 1);
-        let grown = Tool::paper().inflated(&clearance).unwrap();
-        let exact = ExactField::new(&obstacle, &grown);
+        let exact = ExactField::new(&obstacle, Tool::paper().inflated(&clearance).unwrap());
         let known = std::sync::atomic::AtomicU64::new(0);
         let is_free = |pose: &Pose| {
             let free = !exact.collides(pose);
             known.fetch_add(u64::from(free), std::sync::atomic::Ordering::Relaxed);
             free
         };
-        let (tool, path) = (Tool::paper(), path(text));
-        let control = Control::quiet();
-        let guarded =
-            check_toolpath_with(&part, Some(&post), &tool, &path, &settings, &is_free, control).unwrap();
-        assert_eq!(guarded, plain);
+        assert_eq!(check_with(Some(&post), text, &settings, is_free).unwrap(), plain);
         let known = known.into_inner();
         assert!(known > 0 && known < plain.poses, "{known} of {}", plain.poses);
     }

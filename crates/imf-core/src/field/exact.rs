@@ -2,9 +2,8 @@
 
 use std::sync::OnceLock;
 
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec3, Vec3};
 
-use super::differences::gradient;
 use super::minimum::minimum_pose_by_pose;
 use super::solid::SolidField;
 use super::{Best, Decision, FieldError, Gradient, GridField, PoseField, check_lengths};
@@ -100,7 +99,7 @@ impl ExactField {
     }
 
     /// Lower bound of the distance from the tool's surface to the nearest solid voxel's centre that it must stay out of, in world
-    /// units, from the balls that cover the tool: loose by the rounding of points on the axis to voxels (up to 0.87 voxels) and
+    /// units, from the tool's bounding spheres: loose by the rounding of points on the axis to voxels (up to 0.87 voxels) and
     /// by the balls' excess. At most 0 where the tool may hold a centre, and at an invalid pose. `None` for mesh tools.
     #[must_use]
     pub fn clearance_bound(&self, pose: &Pose) -> Option<f64> {
@@ -108,8 +107,8 @@ impl ExactField {
         bounds.reduce(|a, b| Some(a?.min(b?)))?
     }
 
-    /// Lower bound of the length of any translation that frees the tool, in world units, by balls inside the tool; 0
-    /// where none is proven, which a free pose always has. How good it is depends on the balls: of a cylinder deep in
+    /// Lower bound of the length of any translation that frees the tool, in world units, by spheres inscribed in the tool; 0
+    /// where none is proven, which a free pose always has. How good it is depends on the spheres: of a cylinder deep in
     /// a block it falls short of the truth by about 1.7 voxels. `None` for mesh tools.
     #[must_use]
     pub fn penetration_bound(&self, pose: &Pose) -> Option<f64> {
@@ -238,6 +237,49 @@ impl GridField for ExactField {
         let progress = |units: u64| (control.progress)(units * voxels);
         Ok(imf(self.plan()?, orientations, Control { progress: &progress, cancelled: control.cancelled })?)
     }
+}
+
+/// Poses of one gradient: the pose itself, then a pair for each axis of position and of rotation.
+const POSES: usize = 13;
+
+/// The pose with its neighbours, `step` away in position and `angle` in rotation about each axis of the world.
+fn neighbours(pose: &Pose, step: f64, angle: f64) -> [Pose; POSES] {
+    std::array::from_fn(|index| {
+        let Some(pair) = index.checked_sub(1) else { return *pose };
+        let axis = DVec3::AXES[pair / 2 % 3];
+        let side = if pair % 2 == 0 { 1.0 } else { -1.0 };
+        if pair < 6 {
+            Pose { position: pose.position + axis * (side * step), ..*pose }
+        } else {
+            // Of any length, as the pose's own.
+            let turn = DQuat::from_axis_angle(axis, side * angle);
+            Pose { rotation: turn.mul_quat(pose.rotation), ..*pose }
+        }
+    })
+}
+
+/// A gradient by central differences of `values`.
+fn gradient(
+    pose: &Pose,
+    step: f64,
+    angle: f64,
+    values: impl FnOnce(&[Pose], &mut [f32]) -> Result<(), FieldError>,
+) -> Result<Gradient, FieldError> {
+    let Some(axis) = pose.axis() else { return Ok(Gradient::NAN) };
+    let mut found = [0.0; POSES];
+    values(&neighbours(pose, step, angle), &mut found)?;
+    let slopes = |first: usize, width: f64| {
+        Vec3::from_array(std::array::from_fn(|a| {
+            (found[first + 2 * a] - found[first + 2 * a + 1]) / width as f32
+        }))
+    };
+    let rotation = slopes(7, 2.0 * angle);
+    Ok(Gradient {
+        value: found[0],
+        position: slopes(1, 2.0 * step),
+        direction: rotation.cross(axis.as_vec3()),
+        rotation,
+    })
 }
 
 #[cfg(test)]

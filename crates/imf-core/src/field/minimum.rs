@@ -46,7 +46,7 @@ pub fn minimum_pose_by_pose(
             let decisions = &mut decisions[..rotations.len()];
             for sharp in sharp_points {
                 for (pose, &rotation) in poses.iter_mut().zip(rotations) {
-                    *pose = Pose::new(point - rotated(rotation, *sharp), rotation);
+                    *pose = with_sharp_point_at(point, *sharp, rotation);
                 }
                 evaluate(poses, values, decisions)?;
                 for (place, (&value, &decision)) in values.iter().zip(decisions.iter()).enumerate() {
@@ -60,10 +60,8 @@ pub fn minimum_pose_by_pose(
     Ok(())
 }
 
-/// `R k`; of a quaternion of any length.
-fn rotated(rotation: DQuat, sharp: DVec3) -> DVec3 {
-    if sharp == DVec3::ZERO {
-        return sharp;
-    }
-    rotation.normalize() * sharp
+/// The pose at which a sharp point of the tool stands at a point.
+pub(super) fn with_sharp_point_at(point: DVec3, sharp: DVec3, rotation: DQuat) -> Pose {
+    let position = if sharp == DVec3::ZERO { point } else { point - rotation.normalize() * sharp };
+    Pose::new(position, rotation)
 }

@@ -4,9 +4,10 @@
 //! lead | plane 0: line 0 (nz voxels, zeros) line 1 … line ny−1 | gap | plane 1: … | gap
 //! ```
 //! Lines are `line_bits` apart, planes `plane_bits`. Zeros behind a line and behind a plane are so many that reading at
-//! any offset that matters meets the line itself or nothing. The string is kept eight times, shifted by 0 to 7 bits:
+//! any offset that matters meets the line itself or nothing. The string is stored eight times, shifted by 0 to 7 bits:
 //! every bit is then the first of a byte in one of the copies, and a load needs no shifting.
 
+use super::bit_sliced::TILE_BITS;
 use super::size::CircularSize;
 use crate::occupancy::Occupancy;
 
@@ -26,24 +27,24 @@ pub(super) struct BitObstacle {
 }
 
 impl BitObstacle {
-    /// Bytes that it takes, and the distances between lines and between planes in bits.
-    fn layout(dims: [usize; 3], size: &CircularSize, tile_bits: usize) -> (i64, i64, i64, usize) {
+    /// Distances between lines and between planes and the lead in bits, and the bytes of a copy.
+    fn layout(dims: [usize; 3], size: &CircularSize) -> (i64, i64, i64, usize) {
         let line = size.line_bits();
-        let gap = (tile_bits as i64 + 2 * line + 63) / 64 * 64;
+        let gap = (TILE_BITS as i64 + 2 * line + 63) / 64 * 64;
         let plane = (dims[1] as i64 * line + 63) / 64 * 64 + gap;
         let copy = (gap + dims[0] as i64 * plane) as usize / 8;
         (line, plane, gap, copy)
     }
 
     /// Bytes that it takes.
-    pub(super) fn memory(dims: [usize; 3], size: &CircularSize, tile_bits: usize) -> u64 {
-        COPIES as u64 * Self::layout(dims, size, tile_bits).3 as u64
+    pub(super) fn memory(dims: [usize; 3], size: &CircularSize) -> u64 {
+        COPIES as u64 * Self::layout(dims, size).3 as u64
     }
 
-    /// For loads of at most `tile_bits` bits.
-    pub(super) fn new(obstacle: &Occupancy, size: &CircularSize, tile_bits: usize) -> Self {
+    /// For loads of at most [`TILE_BITS`].
+    pub(super) fn new(obstacle: &Occupancy, size: &CircularSize) -> Self {
         let dims = obstacle.grid.dims;
-        let (line_bits, plane_bits, lead_bits, copy_bytes) = Self::layout(dims, size, tile_bits);
+        let (line_bits, plane_bits, lead_bits, copy_bytes) = Self::layout(dims, size);
         let mut bytes = vec![0; COPIES * copy_bytes];
         let mut solid_lines = vec![None; dims[0]];
         for (row, line) in obstacle.solid.chunks_exact(dims[2]).enumerate() {

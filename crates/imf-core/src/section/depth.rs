@@ -1,4 +1,4 @@
-//! Signed depth: how far a colliding tool must be moved to be free; below zero, how far a free one may be moved.
+//! Signed penetration depth: how far a colliding tool must be moved to be free; below zero, how far a free one may be moved.
 //!
 //! In one orientation the positions where the tool collides are a set of voxels, known exactly by a section. The depth at
 //! a position is its distance to the nearest position of the other kind less half a pitch, the surface between them lying
@@ -6,8 +6,8 @@
 //! and crosses zero with slope one, where an overlap leaves zero slowly, shallow contact having almost no volume. So
 //! an error of a tenth of a voxel in a learnt depth moves its decisions by a tenth of a voxel.
 //!
-//! Half a voxel is what whole positions cannot tell. Depths are held within eight pitches (`DEPTH_CAP`); positions as far around the
-//! grid are looked at as well, so that its faces make no difference.
+//! Half a voxel is what whole positions cannot tell. Depths are clamped to eight pitches (`DEPTH_CAP`); positions as far around the
+//! grid count as well, so that its faces make no difference.
 
 use pulp::Arch;
 use serde::{Deserialize, Serialize};
@@ -17,19 +17,19 @@ use crate::grid::Grid;
 use crate::orientation::Orientation;
 use crate::vectorised::vectorised;
 
-/// What a field's values are. Both are the lower the better, so that the least over orientations is the best of them.
+/// What a field's values are. Both are the lower the better, so that the minimum over orientations is the best of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Quantity {
-    /// The share of the tool's volume that lies in the obstacle, in [0, 1].
+    /// The fraction of the tool's volume that lies in the obstacle, in [0, 1].
     #[default]
     Overlap,
-    /// The signed depth, in the grid's unit.
+    /// The signed penetration depth, in the grid's unit.
     Depth,
 }
 
 impl Quantity {
-    /// A value as it is answered: an overlap is held in [0, 1], a depth stays as it is.
+    /// A value as fields give it: an overlap is clamped to [0, 1], a depth stays as it is.
     #[inline]
     #[must_use]
     pub fn held(self, value: f32) -> f32 {
@@ -48,14 +48,14 @@ impl Quantity {
         }
     }
 
-    /// True of what all fields were before there were depths.
+    /// True of overlaps.
     #[must_use]
     pub fn is_overlap(&self) -> bool {
         *self == Self::Overlap
     }
 }
 
-/// Depths are held within so many pitches: a tool that is deeper, or farther off, has a depth just below this, or just above
+/// Depths are clamped to so many pitches: a tool that is deeper, or farther off, has a depth just below this, or just above
 /// its negative. Wider makes no better decisions (a harmonic fit of degree 14 errs as much near
 /// contact with 6 as without any), and a margin of as many voxels has to be counted around the grid.
 pub const DEPTH_CAP: usize = 8;
@@ -221,16 +221,16 @@ mod tests {
             for index in (0..grid.len()).step_by(61) {
                 let voxel = grid.voxel(index).map(|v| v as i64);
                 let own = collides(voxel);
-                let mut least = cap * cap;
+                let mut nearest = cap * cap;
                 for (x, y, z) in (-cap..=cap)
                     .flat_map(|x| (-cap..=cap).flat_map(move |y| (-cap..=cap).map(move |z| (x, y, z))))
                 {
                     let squared = x * x + y * y + z * z;
-                    if squared < least && collides([voxel[0] + x, voxel[1] + y, voxel[2] + z]) != own {
-                        least = squared;
+                    if squared < nearest && collides([voxel[0] + x, voxel[1] + y, voxel[2] + z]) != own {
+                        nearest = squared;
                     }
                 }
-                let expected = ((least as f64).sqrt() - 0.5) * grid.pitch * if own { 1.0 } else { -1.0 };
+                let expected = ((nearest as f64).sqrt() - 0.5) * grid.pitch * if own { 1.0 } else { -1.0 };
                 assert!((f64::from(found[index]) - expected).abs() < 1e-5, "{voxel:?}: {expected}");
                 if own { above += 1 } else { below += 1 }
             }
@@ -242,7 +242,7 @@ mod tests {
     fn depth_crosses_zero_with_slope_one_and_follows_a_clearance() {
         let orientation = Orientation::new(40.0, 70.0);
         let (tight, roomy) = (scene(0.0), scene(4.0));
-        let (grid, bare, grown) =
+        let (grid, bare, offset) =
             (tight.record.grid, depths(&tight, &orientation), depths(&roomy, &orientation));
         let pitch = grid.pitch as f32;
         let [_, ny, nz] = grid.dims;
@@ -254,13 +254,13 @@ mod tests {
                 }
             }
         }
-        // Where neither is held, a tool grown by δ is deeper by δ, to the voxel that whole positions tell.
-        let held = (DEPTH_CAP as f32 - 1.5) * pitch;
-        let [least, most] = Quantity::Depth.bounds(grid.pitch).map(|bound| bound as f32);
-        assert!(bare.iter().chain(&grown).all(|depth| (least..=most).contains(depth)));
+        // Where neither is clamped, a tool offset by δ is deeper by δ, to the voxel that whole positions tell.
+        let clamped = (DEPTH_CAP as f32 - 1.5) * pitch;
+        let [lowest, highest] = Quantity::Depth.bounds(grid.pitch).map(|bound| bound as f32);
+        assert!(bare.iter().chain(&offset).all(|depth| (lowest..=highest).contains(depth)));
         let (mut compared, mut worst) = (0, 0.0_f32);
-        for (&a, &b) in bare.iter().zip(&grown) {
-            if a < -0.5 * pitch && a > -held && b.abs() < held {
+        for (&a, &b) in bare.iter().zip(&offset) {
+            if a < -0.5 * pitch && a > -clamped && b.abs() < clamped {
                 compared += 1;
                 worst = worst.max((b - a - 4.0).abs());
             }

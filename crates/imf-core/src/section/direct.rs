@@ -13,34 +13,10 @@ use crate::tool::{Assembly, Element, ElementKind, RotatedTool, SLACK, Tool, Tool
 /// the obstacle's grid (space there is empty).
 #[must_use]
 pub fn direct_count(obstacle: &Occupancy, tool: &RotatedTool, voxel: [i64; 3]) -> u32 {
-    let dims = obstacle.grid.dims;
-    let first = [0, 1, 2].map(|axis| voxel[axis] + i64::from(tool.lower[axis]));
-    // Only the box where tool and grid overlap.
-    let range = |axis: usize| {
-        let low = (-first[axis]).max(0);
-        let high = (dims[axis] as i64 - first[axis]).min(tool.dims[axis] as i64);
-        low..high.max(low)
-    };
-    let mut count = 0;
-    for x in range(0) {
-        for y in range(1) {
-            let z = range(2);
-            if z.is_empty() {
-                continue;
-            }
-            let length = (z.end - z.start) as usize;
-            let in_tool = (x as usize * tool.dims[1] + y as usize) * tool.dims[2] + z.start as usize;
-            let at = [first[0] + x, first[1] + y, first[2] + z.start].map(|i| i as usize);
-            let in_obstacle = obstacle.grid.index(at);
-            let tool = &tool.solid[in_tool..in_tool + length];
-            let obstacle = &obstacle.solid[in_obstacle..in_obstacle + length];
-            count += tool.iter().zip(obstacle).map(|(&t, &o)| u32::from(t & o)).sum::<u32>();
-        }
-    }
-    count
+    tool.count_in(obstacle, voxel)
 }
 
-/// The collision measure at the centre of `voxel`: the least overlap over the sharp points, each the trilinear mean
+/// The collision measure at the centre of `voxel`: the minimum overlap over the sharp points, each the trilinear mean
 /// of the eight direct sums around `x − R k`.
 ///
 /// # Errors
@@ -69,16 +45,16 @@ pub(crate) fn minimum_mean(
     at: DVec3,
 ) -> f64 {
     let (rotation, pitch) = (orientation.rotation(), forbidden.grid.pitch);
-    let mut least = f64::INFINITY;
+    let mut minimum = f64::INFINITY;
     for &sharp in sharp_points {
         let mut mean = 0.0;
         for (position, weight) in around(at - rotation * sharp / pitch) {
             let more = layer.map_or(0, |(voxels, rest)| direct_count(voxels, rest, position));
             mean += weight * f64::from(direct_count(forbidden, rotated, position) + more);
         }
-        least = least.min(mean / f64::from(rotated.count));
+        minimum = minimum.min(mean / f64::from(rotated.count));
     }
-    least
+    minimum
 }
 
 /// Points this close to a voxel's centre, in voxels, are at it: rounding of a rotation must not make a neighbour count.
@@ -89,11 +65,11 @@ pub(crate) fn around(at: DVec3) -> impl Iterator<Item = ([i64; 3], f64)> {
     let nearest = at.round();
     let at = DVec3::select((at - nearest).abs().cmplt(DVec3::splat(AT_CENTRE)), nearest, at);
     let low = at.floor();
-    let share = at - low;
+    let fraction = at - low;
     let corners = (0..8).map(move |corner: i64| {
         let bits = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
         let weight: f64 =
-            (0..3).map(|axis| if bits[axis] == 1 { share[axis] } else { 1.0 - share[axis] }).product();
+            (0..3).map(|axis| if bits[axis] == 1 { fraction[axis] } else { 1.0 - fraction[axis] }).product();
         ([0, 1, 2].map(|axis| low[axis] as i64 + bits[axis]), weight)
     });
     corners.filter(|&(_, weight)| weight > 0.0)
@@ -128,11 +104,9 @@ pub(super) fn element_measures(
     let normaliser = f64::from(RotatedTool::new(tool, orientation, grid.pitch)?.count);
     let rest = layer.map(|layer| elements_of(layer.noncutting)).unwrap_or_default();
     let whole = elements_of(tool);
-    let mut kinds: Vec<ElementKind> = whole.iter().chain(rest).map(|e| e.kind).collect();
-    kinds.sort_by_key(|kind| kind.rank());
-    kinds.dedup();
+    let kinds = kinds_of(whole.iter().chain(rest));
     let slack = SLACK * grid.pitch * grid.pitch;
-    let mut least = (f32::INFINITY, Vec::new());
+    let mut minimum = (f32::INFINITY, Vec::new());
     for sharp in tool.sharp_point_positions(grid.pitch) {
         let mut measures = vec![0.0; kinds.len()];
         let at = DVec3::from_array(voxel.map(|v| v as f64)) - orientation.rotation() * sharp / grid.pitch;
@@ -154,14 +128,23 @@ pub(super) fn element_measures(
             }
         }
         let sum = measures.iter().sum::<f64>() as f32;
-        if sum < least.0 {
-            least = (sum, measures);
+        if sum < minimum.0 {
+            minimum = (sum, measures);
         }
     }
-    Ok(kinds.into_iter().zip(least.1).collect())
+    Ok(kinds.into_iter().zip(minimum.1).collect())
 }
 
-fn elements_of(tool: &Tool) -> &[Element] {
+/// Each element once, from the tip upwards.
+pub(super) fn kinds_of<'a>(elements: impl Iterator<Item = &'a Element>) -> Vec<ElementKind> {
+    let mut kinds: Vec<ElementKind> = elements.map(|e| e.kind).collect();
+    kinds.sort_by_key(|kind| kind.rank());
+    kinds.dedup();
+    kinds
+}
+
+/// The elements of a tool; none of a mesh.
+pub(super) fn elements_of(tool: &Tool) -> &[Element] {
     match &tool.shape {
         ToolShape::Revolved(elements) => elements,
         ToolShape::Mesh(_) => &[],

@@ -4,7 +4,9 @@
 //! the runs' beginnings and covers those just past their ends, so that the difference of two neighbouring overlaps is
 //! a sum over run ends alone: a few thousand where the tool has tens of thousands of voxels.
 
-use super::clipped::ClippedTool;
+use std::ops::Range;
+
+use super::size::ClippedTool;
 
 /// The axis along which a tool is stepped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,46 +24,70 @@ impl Axis {
     }
 }
 
-/// Where the offsets of each (x, y) stand in a list sorted by x, then y.
+/// Values by the line along z that they stand on, sorted by its x, then its y.
 #[derive(Clone, Default)]
-pub(super) struct OffsetTable {
-    /// Offset of the first (x, y) of the table.
+pub(super) struct ByLine<T> {
+    /// Offset of the first line from the tip's voxel along x and y.
     pub(super) lower: [i64; 2],
-    /// (x, y) pairs of the table along x and y.
+    /// Lines along x and y.
     pub(super) dims: [usize; 2],
-    /// `[dims[0]·dims[1] + 1]`: where the offsets of (x, y) begin.
+    /// `[dims[0]·dims[1] + 1]`: where the values of each line begin.
     starts: Vec<u32>,
+    values: Vec<T>,
 }
 
-/// Offsets from the tip's voxel, sorted by x, then y.
-#[derive(Default)]
-pub(super) struct Offsets {
-    pub(super) table: OffsetTable,
-    /// Along z.
-    pub(super) z: Vec<i32>,
-}
-
-impl Offsets {
+impl<T> ByLine<T> {
     fn clear(&mut self, tool: &ClippedTool<'_>) {
-        self.table.lower = [tool.lower[0], tool.lower[1]];
+        self.lower = [tool.lower[0], tool.lower[1]];
         // One more than the box: a run may end at its upper side.
-        self.table.dims = [tool.dims[0] + 1, tool.dims[1] + 1];
-        self.table.starts.clear();
-        self.z.clear();
+        self.dims = [tool.dims[0] + 1, tool.dims[1] + 1];
+        self.starts.clear();
+        self.values.clear();
     }
 
-    /// What follows stands at the next (x, y).
+    /// What follows stands on the next line.
     fn next(&mut self) {
-        self.table.starts.push(self.z.len() as u32);
+        self.starts.push(self.values.len() as u32);
     }
-}
 
-impl OffsetTable {
-    /// Everything at offset x (counted from `lower`) with y in `low..high` (counted likewise).
-    #[inline]
-    pub(super) fn range(&self, x: usize, low: usize, high: usize) -> std::ops::Range<usize> {
+    fn range(&self, x: usize, low: usize, high: usize) -> Range<usize> {
         let row = x * self.dims[1];
         self.starts[row + low] as usize..self.starts[row + high] as usize
+    }
+
+    /// Everything at offset x (counted from `lower`) with y in `low..high` (counted likewise).
+    #[inline]
+    pub(super) fn lines(&self, x: usize, low: usize, high: usize) -> &[T] {
+        &self.values[self.range(x, low, high)]
+    }
+}
+
+/// Offsets along z from the tip's voxel.
+pub(super) type Offsets = ByLine<i32>;
+
+impl Offsets {
+    /// All offsets, in order.
+    pub(super) fn iter(&self) -> impl Iterator<Item = [i64; 3]> {
+        let (lower, [planes, lines]) = (self.lower, self.dims);
+        let line = move |x: usize, y: usize| {
+            let at = [lower[0] + x as i64, lower[1] + y as i64];
+            self.lines(x, y, y + 1).iter().map(move |&z| [at[0], at[1], i64::from(z)])
+        };
+        (0..planes).flat_map(move |x| (0..lines).flat_map(move |y| line(x, y)))
+    }
+
+    /// Where the offsets of each plane along x begin, and where those of the last one end.
+    pub(super) fn plane_starts(&self) -> Vec<u32> {
+        let ends = (0..self.dims[0]).map(|x| self.range(x, 0, self.dims[1]).end as u32);
+        std::iter::once(0).chain(ends).collect()
+    }
+
+    /// The value of each offset into `values`.
+    pub(super) fn map_into<T>(&self, values: &mut ByLine<T>, value: impl Fn([i64; 3]) -> T) {
+        (values.lower, values.dims) = (self.lower, self.dims);
+        values.starts.clone_from(&self.starts);
+        values.values.clear();
+        values.values.extend(self.iter().map(value));
     }
 }
 
@@ -146,7 +172,7 @@ impl RunEnds {
         const GROUP: usize = 16;
         if below.is_empty() {
             if line.first().is_some_and(|&solid| solid != 0) {
-                self.uncovered.z.push(lower as i32);
+                self.uncovered.values.push(lower as i32);
             }
             return;
         }
@@ -157,8 +183,8 @@ impl RunEnds {
             for (place, (&solid, &before)) in here.iter().zip(there).enumerate() {
                 let offset = lower as i32 + (group * GROUP + place) as i32;
                 match (before, solid) {
-                    (0, 1) => self.uncovered.z.push(offset),
-                    (1, 0) => self.covered.z.push(offset),
+                    (0, 1) => self.uncovered.values.push(offset),
+                    (1, 0) => self.covered.values.push(offset),
                     _ => {}
                 }
             }

@@ -1,7 +1,16 @@
-//! Sizes: the box of voxels where a section is wanted, and the circular convolution that gives it without wrapping.
+//! Sizes: the box of voxels of a section, the circular convolution that gives it without wrapping, and the part of the
+//! tool that can matter there.
+
+use std::ops::Range;
+
+use rustfft::FftNum;
+use rustfft::num_traits::Float;
+
+use crate::grid::Grid;
+use crate::tool::{RotatedTool, Tool};
 
 /// A box of voxels relative to the obstacle's grid; it may start below voxel 0. Arrays over it are C-ordered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct QueryBox {
     /// The first voxel.
     pub lower: [i64; 3],
@@ -10,12 +19,6 @@ pub struct QueryBox {
 }
 
 impl QueryBox {
-    /// The obstacle's grid grown by `grow` voxels on each side.
-    #[cfg(test)]
-    pub(super) fn grown(dims: [usize; 3], grow: i64) -> Self {
-        Self::around([0; 3], dims, grow)
-    }
-
     /// The box of `dims` voxels whose first stands at `offset` in the obstacle's grid, grown by `grow` on each side.
     pub(super) fn around(offset: [i64; 3], dims: [usize; 3], grow: i64) -> Self {
         Self { lower: offset.map(|o| o - grow), dims: dims.map(|d| d + 2 * grow as usize) }
@@ -23,15 +26,14 @@ impl QueryBox {
 
     /// True where every voxel of the other box is one of this.
     pub(super) fn holds(&self, other: &Self) -> bool {
-        (0..3).all(|a| {
-            other.lower[a] >= self.lower[a]
-                && other.lower[a] + other.dims[a] as i64 <= self.lower[a] + self.dims[a] as i64
-        })
+        (0..3)
+            .map(|a| (self.range(a), other.range(a)))
+            .all(|(own, its)| its.start >= own.start && its.end <= own.end)
     }
 
-    /// Its voxels along x.
-    pub(super) fn planes(&self) -> std::ops::Range<i64> {
-        self.lower[0]..self.lower[0] + self.dims[0] as i64
+    /// Its voxels along an axis.
+    pub(super) fn range(&self, axis: usize) -> Range<i64> {
+        self.lower[axis]..self.lower[axis] + self.dims[axis] as i64
     }
 
     /// Number of voxels.
@@ -74,6 +76,11 @@ pub(super) struct CircularSize {
 }
 
 impl CircularSize {
+    /// For a tool around an obstacle on this grid.
+    pub(super) fn of(obstacle: &Grid, query: QueryBox, tool: &Tool) -> Self {
+        Self::new(obstacle.dims, query, tool.reach() / obstacle.pitch)
+    }
+
     /// `reach` is the tool's reach in voxels. For outputs in [q0, q1), an obstacle in [0, n) and tool offsets in
     /// [−a, b], wrapping is harmless from max(n, q1 + b, n + a − q0) points on.
     pub(super) fn new(obstacle: [usize; 3], query: QueryBox, reach: f64) -> Self {
@@ -81,7 +88,7 @@ impl CircularSize {
         let mut size = Self { needed: [0; 3], n: [0; 3], first: [0; 3], last: [0; 3] };
         for axis in 0..3 {
             let n = obstacle[axis] as i64;
-            let (q0, q1) = (query.lower[axis], query.lower[axis] + query.dims[axis] as i64);
+            let Range { start: q0, end: q1 } = query.range(axis);
             // x + o must be able to meet [0, n).
             size.first[axis] = (-reach).max(1 - q1);
             size.last[axis] = reach.min(n - 1 - q0);
@@ -92,7 +99,7 @@ impl CircularSize {
         size
     }
 
-    /// Bits from a line of the obstacle to the next where it is kept as bits.
+    /// Bits from a line of the obstacle to the next where it is stored as bits.
     pub(super) fn line_bits(&self) -> i64 {
         self.needed[2] as i64
     }
@@ -106,43 +113,50 @@ impl CircularSize {
     pub(super) fn error_bound<T: Precision>(&self, obstacle_count: usize, tool_count: usize) -> f64 {
         let points: f64 = self.n.iter().map(|&n| n as f64).product();
         let norms = (obstacle_count as f64 * tool_count as f64).sqrt();
-        3.0 * points.log2() * T::UNIT_ROUNDOFF * norms
+        let unit_roundoff = 0.5 * T::epsilon().into();
+        3.0 * points.log2() * unit_roundoff * norms
     }
 }
 
 /// A float in which a convolution can run.
-pub(super) trait Precision: realfft::FftNum + Default {
-    /// Half the distance from 1 to the next float.
-    const UNIT_ROUNDOFF: f64;
+pub(super) trait Precision: FftNum + Float + Default + Into<f64> {}
 
-    /// The value in f64, unchanged.
-    fn widen(self) -> f64;
+impl Precision for f32 {}
+impl Precision for f64 {}
 
-    /// The nearest value.
-    fn narrow(value: f64) -> Self;
+/// The part of a rotated tool that can matter: offsets beyond it meet no obstacle from any voxel of the query box. A box of
+/// the tool's voxels, read where they lie.
+pub(super) struct ClippedTool<'a> {
+    tool: &'a RotatedTool,
+    skip: [usize; 3],
+    /// Offset of the first voxel of the box from the tip's voxel.
+    pub(super) lower: [i64; 3],
+    /// Voxels of the box; zero along every axis where nothing is left.
+    pub(super) dims: [usize; 3],
 }
 
-impl Precision for f32 {
-    const UNIT_ROUNDOFF: f64 = (Self::EPSILON / 2.0) as f64;
-
-    fn widen(self) -> f64 {
-        f64::from(self)
+impl<'a> ClippedTool<'a> {
+    pub(super) fn new(tool: &'a RotatedTool, size: &CircularSize) -> Self {
+        let upper = tool.upper();
+        let lower = [0, 1, 2].map(|a| i64::from(tool.lower[a]).max(size.first[a]));
+        let last = [0, 1, 2].map(|a| i64::from(upper[a]).min(size.last[a]));
+        let skip = [0, 1, 2].map(|a| (lower[a] - i64::from(tool.lower[a])) as usize);
+        let mut dims = [0, 1, 2].map(|a| (last[a] + 1 - lower[a]).max(0) as usize);
+        if dims.contains(&0) {
+            dims = [0; 3];
+        }
+        Self { tool, skip, lower, dims }
     }
 
-    fn narrow(value: f64) -> Self {
-        value as Self
-    }
-}
-
-impl Precision for f64 {
-    const UNIT_ROUNDOFF: f64 = Self::EPSILON / 2.0;
-
-    fn widen(self) -> f64 {
-        self
+    /// Offset of the last voxel of the box from the tip's voxel.
+    pub(super) fn upper(&self) -> [i64; 3] {
+        [0, 1, 2].map(|axis| self.lower[axis] + self.dims[axis] as i64 - 1)
     }
 
-    fn narrow(value: f64) -> Self {
-        value
+    /// The voxels along z at (x, y) of the box.
+    pub(super) fn line(&self, x: usize, y: usize) -> &'a [u8] {
+        let row = (x + self.skip[0]) * self.tool.dims[1] + y + self.skip[1];
+        &self.tool.solid[row * self.tool.dims[2] + self.skip[2]..][..self.dims[2]]
     }
 }
 
@@ -168,7 +182,7 @@ mod tests {
     #[test]
     fn the_papers_scene_has_the_measured_size() {
         let dims = [58, 76, 121];
-        let size = CircularSize::new(dims, QueryBox::grown(dims, 0), 84.26);
+        let size = CircularSize::new(dims, QueryBox::around([0; 3], dims, 0), 84.26);
         // Offsets beyond the grid itself cannot meet it: x needs 58 + 57, not 58 + 85.
         assert_eq!(size.n, [120, 160, 210]);
         assert_eq!((size.first[0], size.last[0]), (-57, 57));

@@ -2,10 +2,9 @@
 
 use std::ops::Range;
 
-use super::bit_adder::TILE_BITS;
-use super::clipped::ClippedTool;
+use super::bit_sliced::TILE_BITS;
 use super::run_ends::{Axis, RunEnds};
-use super::size::QueryBox;
+use super::size::{ClippedTool, QueryBox};
 
 /// In which order the differences are summed up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,7 +73,7 @@ impl Sweep {
         let sweeps = Axis::ALL.into_iter().filter_map(|axis| {
             let a = axis.index();
             let n = obstacle[a] as i64;
-            let (q0, q1) = (query.lower[a], query.lower[a] + query.dims[a] as i64);
+            let Range { start: q0, end: q1 } = query.range(a);
             let down = Self { axis, upwards: false, lower: q0, upper: n - tool.lower[a], ends: ends[a] };
             let up = Self { axis, upwards: true, lower: -upper[a] - 1, upper: q1 - 1, ends: ends[a] };
             let upwards = order == Order::PlanesUpwards && axis == Axis::X;
@@ -92,12 +91,7 @@ impl Sweep {
 
     /// The voxels where differences are taken along `axis`: the sweep's own along its axis, else the query's.
     pub(super) fn range(&self, axis: Axis, query: &QueryBox) -> Range<i64> {
-        let a = axis.index();
-        if axis == self.axis {
-            self.lower..self.upper.max(self.lower)
-        } else {
-            query.lower[a]..query.lower[a] + query.dims[a] as i64
-        }
+        if axis == self.axis { self.lower..self.upper.max(self.lower) } else { query.range(axis.index()) }
     }
 
     /// Tile-wide loads that the sweep makes, by estimate: run ends spread evenly over the tool's box, lines of the
@@ -110,7 +104,7 @@ impl Sweep {
         query: &QueryBox,
     ) -> f64 {
         let ranges = Axis::ALL.map(|axis| self.range(axis, query));
-        // Mean share of the tool's offsets that meet the obstacle's box, times the voxels where they are tried.
+        // Mean fraction of the tool's offsets that meet the obstacle's box, times the voxels where they are tried.
         let tried = |a: usize| {
             let met: i64 = (tool.lower[a]..=tool.upper()[a])
                 .map(|o| (ranges[a].end.min(obstacle[a] as i64 - o) - ranges[a].start.max(-o)).max(0))

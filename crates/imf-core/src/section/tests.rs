@@ -1,112 +1,90 @@
-use super::clipped::ClippedTool;
+use super::fixtures::{archs, cmf, counts, cylinder, orientations, scattered};
+use super::overlap::Estimate;
+use super::size::{CircularSize, ClippedTool};
 use super::*;
+use crate::control::Control;
 use crate::occupancy::Occupancy;
-use crate::orientation::OrientationSet;
-use crate::tool::{Element, ElementKind, Segment, SharpPoints, ToolShape};
-use crate::unit::LengthUnit;
+use crate::tool::{SharpPoints, ToolShape};
 
 const DIMS: [usize; 3] = [13, 11, 17];
+/// Three-dimensional and one voxel thick.
+const SHAPES: [[usize; 3]; 3] = [DIMS, [1, 13, 11], [10, 12, 1]];
 
-/// A cylinder of the given radius and height with its tip at the origin.
-fn cylinder(radius: f64, height: f64) -> Tool {
-    let line = Segment::Line { from: 0.0, to: height, radius_from: radius, radius_to: radius };
-    Tool {
-        name: "cylinder".into(),
-        unit: LengthUnit::Mm,
-        shape: ToolShape::Revolved(vec![Element { kind: ElementKind::Cutter, profile: vec![line] }]),
-        sharp_points: SharpPoints::Tip,
-    }
-}
-
-fn scattered(dims: [usize; 3]) -> Occupancy {
-    let grid = Grid { origin: DVec3::new(0.3, -1.0, 2.0), pitch: 1.0, dims };
-    let solid = (0..grid.len()).map(|i| u8::from(i.wrapping_mul(2_654_435_761) >> 7 & 3 == 0)).collect();
-    Occupancy { grid, solid }
-}
-
-/// Instruction sets of this machine, from the best to the plain one.
-fn archs() -> Vec<pulp::Arch> {
-    let mut archs = vec![pulp::Arch::new()];
-    #[cfg(target_arch = "x86_64")]
-    archs.extend(pulp::x86::V3::try_new().map(pulp::Arch::V3));
-    archs.push(pulp::Arch::Scalar);
-    archs
+fn plan(obstacle: &Occupancy, tool: &Tool, method: Method) -> SectionPlan {
+    SectionPlan::new(obstacle, tool, At::SharpPoints).unwrap().with_method(method)
 }
 
 /// Sections by every method and every instruction set are direct sums.
 fn every_method_counts_like_direct(obstacle: &Occupancy, tool: &Tool, orientations: &[Orientation]) {
-    let mut plan = SectionPlan::new(obstacle, tool, At::SharpPoints).unwrap().with_method(Method::Transform);
-    orientations.iter().for_each(|o| counts_equal_direct(&plan, o));
-    plan = plan.with_method(Method::RunEnds);
+    let by_fft = plan(obstacle, tool, Method::Fft);
+    orientations.iter().for_each(|o| counts_equal_direct(&by_fft, o));
     for arch in archs() {
-        plan.counter.arch = arch;
+        let mut plan = plan(obstacle, tool, Method::RunLength);
+        plan.whole.arch = arch;
         orientations.iter().for_each(|o| counts_equal_direct(&plan, o));
-        plan.counter.run_ends = std::sync::OnceLock::new();
     }
 }
 
 fn counts_equal_direct(plan: &SectionPlan, orientation: &Orientation) {
-    let mut scratch = SectionScratch::default();
-    let mut counts = vec![u32::MAX; plan.grid().len()];
-    plan.counts(orientation, &mut scratch, &mut counts).unwrap();
     let rotated = RotatedTool::new(plan.tool(), orientation, plan.grid().pitch).unwrap();
-    for (index, &count) in counts.iter().enumerate() {
+    for (index, count) in counts(plan, orientation).0.into_iter().enumerate() {
         let voxel = plan.grid().voxel(index).map(|v| v as i64);
-        assert_eq!(
-            count,
-            direct_count(&plan.obstacle().forbidden, &rotated, voxel),
-            "{orientation:?} {voxel:?}"
-        );
+        let expected = direct_count(&plan.obstacle().forbidden, &rotated, voxel);
+        assert_eq!(count, expected, "{orientation:?} {voxel:?}");
+    }
+}
+
+/// Every `step`-th value is the direct measure.
+fn cmf_equals_direct(plan: &SectionPlan, orientation: &Orientation, step: usize) {
+    for (index, value) in cmf(plan, orientation).into_iter().enumerate().step_by(step) {
+        let voxel = plan.grid().voxel(index);
+        let expected = direct_cmf(&plan.obstacle().forbidden, plan.tool(), orientation, voxel).unwrap();
+        assert!((f64::from(value) - expected).abs() < 1e-6, "{voxel:?}: {value} {expected}");
     }
 }
 
 #[test]
 fn counts_are_direct_sums_for_tools_smaller_and_larger_than_the_grid() {
-    let mut orientations = OrientationSet::parse("random:6:1").unwrap().orientations;
-    orientations.extend(OrientationSet::parse("0,0;0,180;90,90;45,45").unwrap().orientations);
+    let mut set = orientations("random:6:1");
+    set.extend(orientations("0,0;0,180;90,90;45,45"));
     for tool in [cylinder(2.0, 6.0), cylinder(4.0, 45.0), cylinder(0.6, 1.0), cylinder(30.0, 50.0)] {
         for dims in [DIMS, [1, 5, 2], [1, 1, 1], [3, 1, 40]] {
-            every_method_counts_like_direct(&scattered(dims), &tool, &orientations);
+            every_method_counts_like_direct(&scattered(dims, 1), &tool, &set);
         }
     }
 }
 
 #[test]
 fn lines_without_anything_solid_are_passed_over_rightly() {
-    let orientations = OrientationSet::parse("random:8:5").unwrap().orientations;
+    let set = orientations("random:8:5");
     // Solid voxels in a few lines only, and none at all.
-    let mut obstacle = scattered([9, 14, 12]);
+    let mut obstacle = scattered([9, 14, 12], 1);
     for (index, solid) in obstacle.solid.iter_mut().enumerate() {
         let (x, y) = (index / (14 * 12), index / 12 % 14);
         *solid &= u8::from((x + 3 * y) % 7 == 2 && x != 4);
     }
-    every_method_counts_like_direct(&obstacle, &cylinder(3.3, 8.0), &orientations);
-    every_method_counts_like_direct(
-        &Occupancy::empty(obstacle.grid),
-        &cylinder(3.3, 8.0),
-        &orientations[..2],
-    );
+    let (tool, empty) = (cylinder(3.3, 8.0), Occupancy::empty(obstacle.grid));
+    every_method_counts_like_direct(&obstacle, &tool, &set);
+    every_method_counts_like_direct(&empty, &tool, &set[..2]);
 }
 
 #[test]
 fn runs_and_counts_beyond_a_byte_and_beyond_sixteen_bits_are_exact() {
     // Everything solid: a run of 300 voxels, and a tool of more than 65,535.
-    let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [3, 2, 300] };
-    let obstacle = Occupancy { grid, solid: vec![1; grid.len()] };
-    let orientations = OrientationSet::parse("0,0;0,180;90,90;31,62").unwrap().orientations;
-    every_method_counts_like_direct(&obstacle, &cylinder(4.0, 320.0), &orientations);
+    let solid = |dims| {
+        let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims };
+        Occupancy { grid, solid: vec![1; grid.len()] }
+    };
+    let set = orientations("0,0;0,180;90,90;31,62");
+    every_method_counts_like_direct(&solid([3, 2, 300]), &cylinder(4.0, 320.0), &set);
 
-    let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [64, 50, 50] };
-    let obstacle = Occupancy { grid, solid: vec![1; grid.len()] };
-    let tool = cylinder(60.0, 70.0);
-    for method in [Method::RunEnds, Method::Transform] {
-        let plan = SectionPlan::new(&obstacle, &tool, At::SharpPoints).unwrap().with_method(method);
-        let mut counts = vec![0; grid.len()];
-        plan.counts(&orientations[3], &mut SectionScratch::default(), &mut counts).unwrap();
-        let rotated = RotatedTool::new(&tool, &orientations[3], 1.0).unwrap();
+    let (obstacle, tool) = (solid([64, 50, 50]), cylinder(60.0, 70.0));
+    for method in [Method::RunLength, Method::Fft] {
+        let (counts, _) = counts(&plan(&obstacle, &tool, method), &set[3]);
+        let rotated = RotatedTool::new(&tool, &set[3], 1.0).unwrap();
         assert!(counts.iter().any(|&count| count > 70_000));
         for (index, &count) in counts.iter().enumerate().step_by(1_371) {
-            let voxel = grid.voxel(index).map(|v| v as i64);
+            let voxel = obstacle.grid.voxel(index).map(|v| v as i64);
             assert_eq!(count, direct_count(&obstacle, &rotated, voxel), "{method:?} {voxel:?}");
         }
     }
@@ -134,54 +112,39 @@ fn mesh_tools_with_holes_and_sharp_points_off_the_grid_are_direct_sums() {
         sharp_points: SharpPoints::Points(vec![DVec3::new(-4.2, 6.1, -3.3), DVec3::new(0.5, 0.0, 9.0)]),
         ..cylinder(1.0, 1.0)
     };
-    let mut orientations = OrientationSet::parse("random:4:2").unwrap().orientations;
-    orientations.push(Orientation { theta: 10.0, phi: 140.0, roll: 77.0 });
-    let obstacle = scattered([8, 7, 9]);
-    every_method_counts_like_direct(&obstacle, &tool, &orientations);
-    for method in [Method::RunEnds, Method::Transform, Method::Fastest] {
-        let plan = SectionPlan::new(&obstacle, &tool, At::SharpPoints).unwrap().with_method(method);
-        let mut cmf = vec![f32::NAN; plan.grid().len()];
-        for orientation in &orientations {
-            plan.cmf(orientation, &mut SectionScratch::default(), &mut cmf).unwrap();
-            for (index, &value) in cmf.iter().enumerate().step_by(5) {
-                let expected = direct_cmf(&obstacle, &tool, orientation, plan.grid().voxel(index)).unwrap();
-                assert!((f64::from(value) - expected).abs() < 1e-6, "{method:?}: {value} {expected}");
-            }
-        }
+    let mut set = orientations("random:4:2");
+    set.push(Orientation { theta: 10.0, phi: 140.0, roll: 77.0 });
+    let obstacle = scattered([8, 7, 9], 1);
+    every_method_counts_like_direct(&obstacle, &tool, &set);
+    for method in [Method::RunLength, Method::Fft, Method::Fastest] {
+        let plan = plan(&obstacle, &tool, method);
+        set.iter().for_each(|orientation| cmf_equals_direct(&plan, orientation, 5));
     }
 }
 
 #[test]
-fn the_estimate_prefers_run_ends_for_slender_tools_and_transforms_for_fat_ones() {
+fn the_estimate_prefers_run_lengths_for_slender_tools_and_transforms_for_fat_ones() {
     let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [58, 76, 121] };
     let obstacle = Occupancy { grid, solid: vec![1; grid.len()] };
     let plan = SectionPlan::new(&obstacle, Tool::paper(), At::SharpPoints).unwrap();
-    assert!(plan.describe().starts_with("run ends"), "{}", plan.describe());
-    let slow = Estimate { run_ends: 2.0, transform: 1.0 };
-    assert!(
-        plan.counter.describe(slow).starts_with("real FFT 120×160×210"),
-        "{}",
-        plan.counter.describe(slow)
-    );
-    assert!(plan.with_method(Method::Transform).describe().starts_with("real FFT"));
+    assert!(plan.describe().starts_with("run-length counting ("), "{}", plan.describe());
+    let slow = plan.whole.describe(Estimate { run_length: 2.0, fft: 1.0 });
+    assert!(slow.starts_with("real FFT 120×160×210"), "{slow}");
+    assert!(plan.with_method(Method::Fft).describe().starts_with("real FFT"));
 }
 
 #[test]
 fn sharp_points_are_read_by_trilinear_means() {
-    let few = SharpPoints::Points(vec![DVec3::new(1.3, -0.4, 0.7), DVec3::ZERO]);
-    for (sharp_points, step) in [(few, 1), (SharpPoints::Boundary(None), 7)] {
-        let tool = Tool { sharp_points, ..cylinder(2.5, 7.0) };
-        let plan = SectionPlan::new(scattered(DIMS), &tool, At::SharpPoints).unwrap();
-        let mut scratch = SectionScratch::default();
-        let mut cmf = vec![f32::NAN; plan.grid().len()];
-        for orientation in OrientationSet::parse("0,0;20,50;110,130").unwrap().orientations {
-            plan.cmf(&orientation, &mut scratch, &mut cmf).unwrap();
-            for (index, &value) in cmf.iter().enumerate().step_by(step) {
-                let expected =
-                    direct_cmf(&plan.obstacle().forbidden, &tool, &orientation, plan.grid().voxel(index))
-                        .unwrap();
-                assert!((f64::from(value) - expected).abs() < 1e-6, "{value} {expected}");
-            }
+    let few = SharpPoints::Points(vec![DVec3::new(1.3, -0.4, 0.7), DVec3::ZERO, DVec3::new(-0.6, 1.1, 2.9)]);
+    let mut set = orientations("0,0;20,50;110,130;0,90");
+    set.extend(orientations("random:2:1"));
+    for dims in SHAPES {
+        for (sharp_points, step) in
+            [(few.clone(), 1), (SharpPoints::Boundary(None), 7), (SharpPoints::Cutter(12), 5)]
+        {
+            let tool = Tool { sharp_points, ..cylinder(2.5, 7.0) };
+            let plan = plan(&scattered(dims, 1), &tool, Method::Fastest);
+            set.iter().for_each(|o| cmf_equals_direct(&plan, o, step));
         }
     }
 }
@@ -189,17 +152,15 @@ fn sharp_points_are_read_by_trilinear_means() {
 #[test]
 fn rounding_of_a_rotation_makes_no_neighbour_count() {
     // At φ = 60° half of a height of 2 is a whole voxel, but for a last bit.
-    let tool =
-        Tool { sharp_points: SharpPoints::Points(vec![DVec3::new(0.0, 0.0, 2.0)]), ..cylinder(0.4, 4.5) };
+    let sharp = DVec3::new(0.0, 0.0, 2.0);
+    let tool = Tool { sharp_points: SharpPoints::Points(vec![sharp]), ..cylinder(0.4, 4.5) };
     let orientation = Orientation::new(0.0, 60.0);
-    let z = (orientation.rotation() * DVec3::new(0.0, 0.0, 2.0)).z;
+    let z = (orientation.rotation() * sharp).z;
     assert!(z != 1.0 && (z - 1.0).abs() < 1e-9, "{z:e}");
-    let plan = SectionPlan::new(scattered(DIMS), &tool, At::SharpPoints).unwrap();
-    let mut cmf = vec![0.0; plan.grid().len()];
-    plan.cmf(&orientation, &mut SectionScratch::default(), &mut cmf).unwrap();
-    let least = cmf.iter().copied().filter(|&value| value > 0.0).fold(f32::INFINITY, f32::min);
-    // The least share of a voxel that a trilinear mean can have here is that of the one fraction, along x.
-    assert!(least > 1e-3, "{least:e}");
+    let cmf = cmf(&plan(&scattered(DIMS, 1), &tool, Method::Fastest), &orientation);
+    let minimum = cmf.iter().copied().filter(|&value| value > 0.0).fold(f32::INFINITY, f32::min);
+    // The smallest fraction of a voxel that a trilinear mean can have here is that of the one fraction, along x.
+    assert!(minimum > 1e-3, "{minimum:e}");
     assert!(cmf.contains(&0.0));
 }
 
@@ -208,24 +169,22 @@ fn a_box_of_voxels_under_a_one_voxel_line_is_counted_in_closed_form() {
     // A line of 5 voxels going up over a block that fills z < 4: overlap = clamp(4 − z, 0, 5).
     let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [4, 4, 8] };
     let solid = (0..grid.len()).map(|i| u8::from(i % 8 < 4)).collect();
-    let plan = SectionPlan::new(&Occupancy { grid, solid }, cylinder(0.4, 4.5), At::SharpPoints).unwrap();
-    let mut cmf = vec![0.0; grid.len()];
-    plan.cmf(&Orientation::default(), &mut SectionScratch::default(), &mut cmf).unwrap();
-    for (index, &value) in cmf.iter().enumerate() {
-        let z = index % 8;
-        assert_eq!(value, (4usize.saturating_sub(z)) as f32 / 5.0);
+    let plan = plan(&Occupancy { grid, solid }, &cylinder(0.4, 4.5), Method::Fastest);
+    for (index, value) in cmf(&plan, &Orientation::default()).into_iter().enumerate() {
+        assert_eq!(value, (4usize.saturating_sub(index % 8)) as f32 / 5.0);
     }
 }
 
 #[test]
-fn the_imf_is_the_least_section_with_the_first_index_at_a_tie() {
-    let plan = SectionPlan::new(scattered(DIMS), cylinder(2.0, 6.0), At::SharpPoints).unwrap();
-    let mut orientations = OrientationSet::parse("fibonacci:9").unwrap().orientations;
-    orientations.extend(orientations.clone());
-    let all = sections(&plan, &orientations, Control::quiet()).unwrap();
-    for threads in [1, 3] {
+fn the_imf_is_the_minimum_section_with_the_first_index_at_a_tie_and_falls_with_more_orientations() {
+    let mut set = orientations("fibonacci:9");
+    set.extend(set.clone());
+    for (dims, threads) in SHAPES.into_iter().flat_map(|dims| [(dims, 1), (dims, 3)]) {
+        let plan = plan(&scattered(dims, 1), &cylinder(2.0, 6.0), Method::Fastest);
+        let all = sections(&plan, &set, Control::quiet()).unwrap();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let result = pool.install(|| imf(&plan, &orientations, Control::quiet())).unwrap();
+        let result = pool.install(|| imf(&plan, &set, Control::quiet())).unwrap();
+        let part = imf(&plan, &set[..5], Control::quiet()).unwrap();
         for voxel in 0..plan.grid().len() {
             let mut expected = (f32::INFINITY, u32::MAX);
             for (index, section) in all.iter().enumerate() {
@@ -234,17 +193,17 @@ fn the_imf_is_the_least_section_with_the_first_index_at_a_tie() {
                 }
             }
             assert_eq!((result.value[voxel], result.best[voxel]), expected);
+            assert!(result.value[voxel] <= part.value[voxel]);
         }
     }
 }
 
 #[test]
 fn cancelling_stops_the_stream() {
-    let plan = SectionPlan::new(scattered(DIMS), cylinder(2.0, 6.0), At::SharpPoints).unwrap();
+    let plan = plan(&scattered(DIMS, 1), &cylinder(2.0, 6.0), Method::Fastest);
     let stop = std::sync::atomic::AtomicBool::new(true);
     let control = Control { progress: &|_| {}, cancelled: &stop };
-    let orientations = OrientationSet::parse("fibonacci:9").unwrap().orientations;
-    assert!(matches!(imf(&plan, &orientations, control), Err(SectionError::Cancelled)));
+    assert!(matches!(imf(&plan, &orientations("fibonacci:9"), control), Err(SectionError::Cancelled)));
 }
 
 #[test]
@@ -253,38 +212,29 @@ fn the_papers_scene_fits_f32_and_its_estimate_is_near_the_truth() {
     // Copies of the obstacle of 1.2 MB, and about 19 MB a thread.
     let estimate = SectionPlan::memory_estimate(&grid, &Tool::paper(), 2) as f64 / 1e6;
     assert!((10.0..100.0).contains(&estimate), "{estimate} MB");
-    let bound =
-        CircularSize::new(grid.dims, QueryBox::grown(grid.dims, 0), 84.3).error_bound::<f32>(120_000, 33_000);
-    assert!(bound < 0.5);
+    let size = CircularSize::new(grid.dims, QueryBox::around([0; 3], grid.dims, 0), 84.3);
+    assert!(size.error_bound::<f32>(120_000, 33_000) < 0.5);
 }
 
 #[test]
 fn both_precisions_of_the_transform_give_the_same_whole_numbers() {
-    let obstacle = scattered(DIMS);
+    let obstacle = scattered(DIMS, 1);
     let rotated = RotatedTool::new(&cylinder(3.0, 9.0), &Orientation::new(33.0, 71.0), 1.0).unwrap();
-    let query = QueryBox::grown(DIMS, 0);
+    let query = QueryBox::around([0; 3], DIMS, 0);
     let size = CircularSize::new(DIMS, query, 10.0);
     let clipped = ClippedTool::new(&rotated, &size);
     let (mut single, mut double) = (vec![7; query.len()], vec![9; query.len()]);
-    let far = convolution::Convolver::<f32>::new(&obstacle, size).correlate(
-        &clipped,
-        &query,
-        &mut convolution::Scratch::default(),
-        &mut single,
-    );
-    convolution::Convolver::<f64>::new(&obstacle, size).correlate(
-        &clipped,
-        &query,
-        &mut convolution::Scratch::default(),
-        &mut double,
-    );
+    let by_f32 = fft::Convolver::<f32>::new(&obstacle, size);
+    let far = by_f32.correlate(&clipped, &query, &mut fft::Scratch::default(), &mut single);
+    let by_f64 = fft::Convolver::<f64>::new(&obstacle, size);
+    by_f64.correlate(&clipped, &query, &mut fft::Scratch::default(), &mut double);
     assert!(far < 0.01, "{far}");
     assert_eq!(single, double);
 }
 
 #[test]
 fn a_query_grid_of_its_own_sees_the_whole_obstacle() {
-    let obstacle = scattered(DIMS);
+    let obstacle = scattered(DIMS, 1);
     let points = SharpPoints::Points(vec![DVec3::new(0.3, -0.4, 0.7)]);
     let sharp = Tool { sharp_points: points, ..cylinder(1.5, 5.0) };
     // Within, sticking out on one side, around it all, and beside it: nearer and farther than the tool reaches.
@@ -302,11 +252,9 @@ fn a_query_grid_of_its_own_sees_the_whole_obstacle() {
         let (whole, shift) = (obstacle.on(&all).unwrap(), all.offset_of(&query).unwrap());
         for tool in [&cylinder(2.0, 9.0), &sharp] {
             let plan = SectionPlan::with_query(&obstacle, tool, At::SharpPoints, &query).unwrap();
-            let (mut scratch, mut counts) = (SectionScratch::default(), vec![u32::MAX; query.len()]);
-            let mut cmf = vec![f32::NAN; query.len()];
-            for orientation in OrientationSet::parse("random:3:8").unwrap().orientations {
-                let total = plan.counts(&orientation, &mut scratch, &mut counts).unwrap();
-                plan.cmf(&orientation, &mut scratch, &mut cmf).unwrap();
+            for orientation in orientations("random:3:8") {
+                let (counts, total) = counts(&plan, &orientation);
+                let cmf = cmf(&plan, &orientation);
                 let rotated = RotatedTool::new(tool, &orientation, 1.0).unwrap();
                 assert_eq!(total, rotated.count);
                 for index in 0..query.len() {
@@ -327,19 +275,16 @@ fn a_query_grid_of_its_own_sees_the_whole_obstacle() {
 
 #[test]
 fn a_window_of_the_plans_grid_has_its_counts() {
-    let obstacle = scattered(DIMS);
+    let obstacle = scattered(DIMS, 1);
     let query = obstacle.grid.grown([9, 8, 10], [8, 9, 11]).unwrap();
+    let cases = [([-12, -3, -20], [-5, -20, -4]), ([0; 3], [0; 3]), ([0, -27, 0], [-29, 0, 0])];
     for tool in [cylinder(2.0, 9.0), cylinder(1.5, 30.0)] {
-        for method in [Method::RunEnds, Method::Transform, Method::Fastest] {
-            let plan = SectionPlan::with_query(&obstacle, &tool, At::SharpPoints, &query)
-                .unwrap()
-                .with_method(method);
-            let (mut scratch, mut all) = (SectionScratch::default(), vec![u32::MAX; query.len()]);
-            for orientation in OrientationSet::parse("random:4:8").unwrap().orientations {
-                let total = plan.counts(&orientation, &mut scratch, &mut all).unwrap();
-                for (before, after) in
-                    [([-12, -3, -20], [-5, -20, -4]), ([0; 3], [0; 3]), ([0, -27, 0], [-29, 0, 0])]
-                {
+        for method in [Method::RunLength, Method::Fft, Method::Fastest] {
+            let plan = SectionPlan::with_query(&obstacle, &tool, At::SharpPoints, &query).unwrap();
+            let (plan, mut scratch) = (plan.with_method(method), SectionScratch::default());
+            for orientation in orientations("random:4:8") {
+                let (all, total) = counts(&plan, &orientation);
+                for (before, after) in cases {
                     let window = query.grown(before, after).unwrap();
                     let (whole, counts) = plan.counts_in(&orientation, &window, &mut scratch).unwrap();
                     assert_eq!((whole, counts.len()), (total, window.len()));

@@ -1,4 +1,6 @@
-//! From counted overlaps to values: shares of the tool, and the least over its sharp points by trilinear means.
+//! From counted overlaps to values: fractions of the tool, and the minimum over its sharp points by trilinear means.
+
+use std::ops::Range;
 
 use glam::DVec3;
 
@@ -21,43 +23,63 @@ impl SectionPlan {
             }
             return;
         }
-        let rotation = orientation.rotation();
+        let mut starts = Vec::new();
         for (index, &sharp) in self.sharp_points.iter().enumerate() {
-            let shift = rotation * sharp / self.obstacle.grid().pitch;
-            self.read_shifted(counts, -shift, f64::from(normaliser), index == 0, cmf);
-        }
-    }
-
-    /// The voxels around `x + shift` (in voxels) from the voxel `x` of the grid, and the weights of their trilinear mean.
-    pub(super) fn corners(&self, shift: DVec3) -> Vec<([i64; 3], f64)> {
-        // Corners of weight zero are not read: a whole shift reads one voxel.
-        direct::around(shift + DVec3::from_array(self.offset.map(|v| v as f64))).collect()
-    }
-
-    /// `cmf[x] = min(cmf[x], overlap(x + shift))` with `shift` in voxels; the first call of a section sets.
-    fn read_shifted(&self, counts: &[u32], shift: DVec3, normaliser: f64, first: bool, cmf: &mut [f32]) {
-        let mut corners = self.corners(shift);
-        corners.iter_mut().for_each(|(_, weight)| *weight /= normaliser);
-        let [nx, ny, nz] = self.grid.dims;
-        for x in 0..nx {
-            for y in 0..ny {
-                let line = &mut cmf[(x * ny + y) * nz..][..nz];
+            let corners = self.corners(orientation, sharp, normaliser);
+            for (line, at) in self.lines() {
+                let line = &mut cmf[line];
                 // Most of space is free for the first sharp point, and nothing is below that.
-                if !first && line.iter().all(|&value| value == 0.0) {
+                if index > 0 && line.iter().all(|&value| value == 0.0) {
                     continue;
                 }
-                let starts: Vec<(usize, f64)> = corners
-                    .iter()
-                    .map(|&([dx, dy, dz], w)| (self.query.index([x as i64 + dx, y as i64 + dy, dz]), w))
-                    .collect();
+                self.starts(&corners, at, &mut starts);
                 for (z, value) in line.iter_mut().enumerate() {
-                    let overlap: f64 = starts.iter().map(|&(from, w)| w * f64::from(counts[from + z])).sum();
-                    let overlap = (overlap as f32).clamp(0.0, 1.0);
-                    *value = if first { overlap } else { value.min(overlap) };
+                    let overlap = mean(counts, &starts, z);
+                    *value = if index == 0 { overlap } else { value.min(overlap) };
                 }
             }
         }
     }
+
+    /// The voxels around `x − R sharp` from the voxel `x` of the grid, and the weights of their trilinear mean over the
+    /// normaliser.
+    pub(super) fn corners(
+        &self,
+        orientation: &Orientation,
+        sharp: DVec3,
+        normaliser: u32,
+    ) -> Vec<([i64; 3], f64)> {
+        let shift = -(orientation.rotation() * sharp / self.obstacle.grid().pitch);
+        // Corners of weight zero are not read: a whole shift reads one voxel.
+        let corners = direct::around(shift + DVec3::from_array(self.offset.map(|v| v as f64)));
+        corners.map(|(corner, weight)| (corner, weight / f64::from(normaliser))).collect()
+    }
+
+    /// Every line along z of the grid: where it stands in an array over the grid, and its x and y.
+    pub(super) fn lines(&self) -> impl Iterator<Item = (Range<usize>, [i64; 2])> {
+        let [nx, ny, nz] = self.grid.dims;
+        let line = move |x: usize, y: usize| ((x * ny + y) * nz..(x * ny + y + 1) * nz, [x as i64, y as i64]);
+        (0..nx).flat_map(move |x| (0..ny).map(move |y| line(x, y)))
+    }
+
+    /// Where in the query box the reading of a line begins.
+    pub(super) fn starts(
+        &self,
+        corners: &[([i64; 3], f64)],
+        [x, y]: [i64; 2],
+        starts: &mut Vec<(usize, f64)>,
+    ) {
+        starts.clear();
+        let corners = corners.iter();
+        starts.extend(corners.map(|&([dx, dy, dz], w)| (self.query.index([x + dx, y + dy, dz]), w)));
+    }
+}
+
+/// The weighted mean of counts at the `z`-th voxel of a line.
+#[inline(always)]
+pub(super) fn mean(counts: &[u32], starts: &[(usize, f64)], z: usize) -> f32 {
+    let mean: f64 = starts.iter().map(|&(from, weight)| weight * f64::from(counts[from + z])).sum();
+    (mean as f32).clamp(0.0, 1.0)
 }
 
 /// The collision measure of so many shared voxels of a tool that has `normaliser`, rounded as every section is.

@@ -11,52 +11,17 @@ use super::{Toolpath, UnknownWord, Wrong, location};
 use crate::unit::LengthUnit;
 
 /// Words without a movement of their own.
-const STILL: [&str; 40] = [
-    "AUXFUN",
-    "CLEARP",
-    "COOLNT",
-    "CUTCOM",
-    "CUTTER",
-    "DELAY",
-    "DISPLY",
-    "END",
-    "END-OF-PATH",
-    "FEDRAT",
-    "FINI",
-    "HEAD",
-    "INSERT",
-    "INTOL",
-    "LEADER",
-    "LOADTL",
-    "MACHIN",
-    "MODE",
-    "MSYS",
-    "MULTAX",
-    "OPSKIP",
-    "OPSTOP",
-    "OUTTOL",
-    "PAINT",
-    "PARTNO",
-    "PPRINT",
-    "PREFUN",
-    "RAPID",
-    "REMARK",
-    "SELCTL",
-    "SEQNO",
-    "SPINDL",
-    "STOP",
-    "TLENGTH",
-    "TOLER",
-    "TLDATA",
-    "TOOL",
-    "TOOLNO",
-    "TPRINT",
-    "TURRET",
-];
+const STILL: &str = "AUXFUN CLEARP COOLNT CUTCOM CUTTER DELAY DISPLY END END-OF-PATH FEDRAT FINI HEAD INSERT INTOL LEADER LOADTL \
+                     MACHIN MODE MSYS MULTAX OPSKIP OPSTOP OUTTOL PAINT PARTNO PPRINT PREFUN RAPID REMARK SELCTL SEQNO \
+                     SPINDL STOP TLENGTH TOLER TLDATA TOOL TOOLNO TPRINT TURRET";
 
 /// Words that move the tool along a way of their own; `CYCLE` does at every location that follows.
-const MOVING: [&str; 9] =
-    ["CIRCLE", "CYCLE", "GOBACK", "GODOWN", "GOFWD", "GOLFT", "GORGT", "GOUP", "SPLINE"];
+const MOVING: &str = "CIRCLE CYCLE GOBACK GODOWN GOFWD GOLFT GORGT GOUP SPLINE";
+
+/// True where a word is one of a list.
+fn is_of(list: &str, word: &str) -> bool {
+    list.split_ascii_whitespace().any(|known| known == word)
+}
 
 pub(super) fn parse(text: &str, unit: LengthUnit) -> Result<Toolpath, Wrong> {
     let mut toolpath = Toolpath::default();
@@ -101,9 +66,9 @@ pub(super) fn parse(text: &str, unit: LengthUnit) -> Result<Toolpath, Wrong> {
                 let file = LengthUnit::from_str(named).map_err(|error| wrong(error.to_string()))?;
                 factor = file.in_mm() / unit.in_mm();
             }
-            known if STILL.contains(&known) => {}
+            known if is_of(STILL, known) => {}
             "CYCLE" if rest.trim().eq_ignore_ascii_case("OFF") => {}
-            moving if MOVING.contains(&moving) => {
+            moving if is_of(MOVING, moving) => {
                 return Err(wrong(format!(
                     "{moving} moves the tool along a way that is not followed here; let the CAM program write that \
                      motion as GOTO/ lines"

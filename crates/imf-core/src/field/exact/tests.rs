@@ -1,11 +1,11 @@
 //! Poses against sections, with contact and without, and what is never free.
 
 use super::*;
-use crate::orientation::OrientationSet;
 use crate::parts::ReferencePart;
 use crate::scene::SceneSpec;
+use crate::section::fixtures::{line, orientations, revolved};
 use crate::section::sections;
-use crate::tool::{Element, ElementKind, Segment, Tool, ToolShape};
+use crate::tool::{ElementKind, Tool, ToolShape};
 
 fn bracket(dims: [usize; 3], tool: &Tool) -> Scene {
     let part = ReferencePart::Bracket;
@@ -22,10 +22,10 @@ fn at_voxel_centres_it_is_the_section() {
     let scene = bracket([10, 30, 18], &Tool::paper());
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
     let field = ExactField::new(&scene.obstacle, &scene.record.tool);
-    let orientations = OrientationSet::parse("0,0;90,90;0,180;45,45;37,61;200,100").unwrap().orientations;
-    let exact = sections(&plan, &orientations, Control::quiet()).unwrap();
+    let set = orientations("0,0;90,90;0,180;45,45;37,61;200,100");
+    let exact = sections(&plan, &set, Control::quiet()).unwrap();
     let grid = scene.record.grid;
-    for (orientation, section) in orientations.iter().zip(&exact) {
+    for (orientation, section) in set.iter().zip(&exact) {
         let poses = at_centres(&grid, orientation, 17);
         let mut values = vec![f32::NAN; poses.len()];
         field.values(&poses, &mut values).unwrap();
@@ -33,18 +33,15 @@ fn at_voxel_centres_it_is_the_section() {
             assert_eq!(value, section, "{orientation:?}");
         }
     }
-    let mut all = vec![f32::NAN; grid.len() * orientations.len()];
-    field.sections(&orientations, &mut all).unwrap();
+    let mut all = vec![f32::NAN; grid.len() * set.len()];
+    field.sections(&set, &mut all).unwrap();
     assert_eq!(all, exact.concat());
     let units = std::sync::atomic::AtomicU64::new(0);
     let progress = |some: u64| {
         units.fetch_add(some, std::sync::atomic::Ordering::Relaxed);
     };
     let control = Control { progress: &progress, ..Control::quiet() };
-    assert_eq!(
-        field.minimum(&orientations, control).unwrap(),
-        imf(&plan, &orientations, Control::quiet()).unwrap()
-    );
+    assert_eq!(field.minimum(&set, control).unwrap(), imf(&plan, &set, Control::quiet()).unwrap());
     assert_eq!(units.into_inner(), all.len() as u64);
     assert!(field.minimum(&[], Control::quiet()).is_err());
 }
@@ -52,13 +49,13 @@ fn at_voxel_centres_it_is_the_section() {
 #[test]
 fn with_contact_it_is_the_section_with_contact() {
     let clearance = Clearance { holder: 2.0, shank: 1.0, cutter: 0.0 };
-    let part = ReferencePart::Bracket;
-    let (mesh, tool) = (part.mesh(), Tool::paper());
-    let spec = SceneSpec { margin: 1, ..SceneSpec::of_reference(part, &mesh, [9, 27, 16], &tool) };
+    let (mesh, tool) = (ReferencePart::Bracket.mesh(), Tool::paper());
+    let spec = SceneSpec::of_reference(ReferencePart::Bracket, &mesh, [9, 27, 16], &tool);
+    let spec = SceneSpec { margin: 1, ..spec };
     let scene = spec.scene().unwrap().with_clearance(&clearance).unwrap();
     let grid = scene.record.grid;
     let touching = scene.clone().with_contact(&spec.bodies(&grid).unwrap(), 2.0 * grid.pitch);
-    let set = OrientationSet::parse("fibonacci:5").unwrap().orientations;
+    let set = orientations("fibonacci:5");
     let found =
         sections(&SectionPlan::of_scene(&touching, At::Tip).unwrap(), &set, Control::quiet()).unwrap();
     let field = ExactField::of_scene(&touching, &clearance).unwrap();
@@ -89,12 +86,10 @@ fn with_contact_it_is_the_section_with_contact() {
 #[test]
 fn the_noncutting_part_of_an_offset_tool_is_not_that_of_the_tool_offset() {
     // The shank stands back behind the cutter: offset by 2 it reaches below the cutter's end.
-    let body = |kind, from, to, radius| Element {
-        kind,
-        profile: vec![Segment::Line { from, to, radius_from: radius, radius_to: radius }],
-    };
-    let elements = vec![body(ElementKind::Cutter, 0.0, 4.0, 3.0), body(ElementKind::Shank, 4.0, 20.0, 3.0)];
-    let tool = Tool { shape: ToolShape::Revolved(elements), ..Tool::paper() };
+    let tool = revolved([
+        (ElementKind::Cutter, vec![line(0.0, 4.0, 3.0, 3.0)]),
+        (ElementKind::Shank, vec![line(4.0, 20.0, 3.0, 3.0)]),
+    ]);
     let assembly = tool.offset(&Clearance { holder: 0.0, shank: 2.0, cutter: 0.0 }).unwrap();
     let lowest = |tool: &Tool| match &tool.shape {
         ToolShape::Revolved(elements) => elements[0].profile[0].range().0,

@@ -1,9 +1,55 @@
-//! Counting by runs: the tool's exact run on every line of voxels, summed or read from the obstacle's running sums.
+//! Counting by runs: the tool's exact run on every line of voxels, summed or read from the obstacle's running sums along
+//! z, which tell in two reads how many voxels of a line are solid between two heights.
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::columns::Columns;
-use super::sweep::{LANES, Sweep};
+use super::segment::{LANES, PlacedSegment};
+use crate::occupancy::Occupancy;
+
+/// Running sums of solid voxels along every line of constant x and y.
+pub(super) struct Columns {
+    /// Voxels along x, y, z.
+    dims: [usize; 3],
+    /// `nz + 1` sums a line, lines C-ordered over `[x, y]`: entry k counts the solid voxels below k.
+    sums: Vec<u32>,
+    /// First and last y of a line that holds anything, for each x; first above last where none does.
+    rows: Vec<(i64, i64)>,
+}
+
+impl Columns {
+    pub(super) fn new(obstacle: &Occupancy) -> Self {
+        let [nx, ny, nz] = obstacle.grid.dims;
+        let mut sums = Vec::with_capacity(nx * ny * (nz + 1));
+        let mut rows = vec![(i64::MAX, i64::MIN); nx];
+        for (line, solid) in obstacle.solid.chunks(nz).enumerate() {
+            let mut sum = 0;
+            sums.push(sum);
+            sums.extend(solid.iter().map(|&s| {
+                sum += u32::from(s);
+                sum
+            }));
+            if sum > 0 {
+                let y = (line % ny) as i64;
+                let row = &mut rows[line / ny];
+                *row = (row.0.min(y), row.1.max(y));
+            }
+        }
+        Self { dims: obstacle.grid.dims, sums, rows }
+    }
+
+    /// The sums of the lines of one x, from `y` on.
+    #[inline(always)]
+    fn sums(&self, x: usize, y: usize) -> &[u32] {
+        let [_, ny, nz] = self.dims;
+        &self.sums[(x * ny + y) * (nz + 1)..]
+    }
+
+    /// First and last y at this x of a line that holds anything.
+    #[inline(always)]
+    fn row(&self, x: usize) -> (i64, i64) {
+        self.rows[x]
+    }
+}
 
 /// What is counted.
 #[derive(Clone, Copy)]
@@ -15,8 +61,8 @@ pub(super) enum Within<'a> {
 }
 
 /// Voxel centres within a segment. With `stop` the count may end at the first line that holds any.
-pub(super) fn count(arch: Arch, sweep: &Sweep<'_>, within: Within<'_>, stop: bool) -> u32 {
-    struct Pass<'a>(&'a Sweep<'a>, Within<'a>, bool);
+pub(super) fn count(arch: Arch, segment: &PlacedSegment<'_>, within: Within<'_>, stop: bool) -> u32 {
+    struct Pass<'a>(&'a PlacedSegment<'a>, Within<'a>, bool);
     impl WithSimd for Pass<'_> {
         type Output = u32;
         #[inline(always)]
@@ -27,26 +73,26 @@ pub(super) fn count(arch: Arch, sweep: &Sweep<'_>, within: Within<'_>, stop: boo
             }
         }
     }
-    arch.dispatch(Pass(sweep, within, stop))
+    arch.dispatch(Pass(segment, within, stop))
 }
 
 #[inline(always)]
 fn count_lines<S: Simd, const OBSTACLE: bool>(
     simd: S,
-    sweep: &Sweep<'_>,
+    segment: &PlacedSegment<'_>,
     columns: Option<&Columns>,
     most: i64,
     stop: bool,
 ) -> u32 {
-    let tip = sweep.placed.tip;
-    let (mut x_low, mut x_high) = sweep.columns();
+    let tip = segment.placed.tip;
+    let (mut x_low, mut x_high) = segment.columns();
     let mut z_bounds = (-most, most);
     if let Some(columns) = columns {
         x_low = x_low.max(0);
         x_high = x_high.min(columns.dims[0] as i64 - 1);
         z_bounds = (0, columns.dims[2] as i64 - 1);
     }
-    let silhouette = Silhouette::new(sweep);
+    let silhouette = Silhouette::new(segment);
     // A quarter of a voxel off the last centres: an end that was cut off there is sure.
     let cut = (z_bounds.0 as f64 - 0.25, z_bounds.1 as f64 + 0.75);
     let mut total = 0;
@@ -60,14 +106,14 @@ fn count_lines<S: Simd, const OBSTACLE: bool>(
         }
         while y <= y_high {
             let lanes = ((y_high - y + 1) as usize).min(LANES);
-            let runs = sweep.runs(simd, across, y as f64 - tip.y, cut);
+            let runs = segment.runs(simd, across, y as f64 - tip.y, cut);
             match columns {
                 Some(columns) if OBSTACLE => {
                     let sums = columns.sums(x as usize, y as usize);
                     let line = columns.dims[2] + 1;
                     for lane in 0..lanes {
                         let (from, to) = if runs.doubt {
-                            let (from, to) = sweep.run(x, y + lane as i64, z_bounds);
+                            let (from, to) = segment.run(x, y + lane as i64, z_bounds);
                             (from as i32, to as i32)
                         } else {
                             runs.run(lane)
@@ -78,7 +124,7 @@ fn count_lines<S: Simd, const OBSTACLE: bool>(
                 }
                 _ if runs.doubt => {
                     for lane in 0..lanes {
-                        let (from, to) = sweep.run(x, y + lane as i64, z_bounds);
+                        let (from, to) = segment.run(x, y + lane as i64, z_bounds);
                         total += (to - from).max(0) as u32;
                     }
                 }
@@ -103,12 +149,16 @@ struct Silhouette {
 }
 
 impl Silhouette {
-    fn new(sweep: &Sweep<'_>) -> Self {
-        let d = sweep.placed.direction;
+    fn new(segment: &PlacedSegment<'_>) -> Self {
+        let d = segment.placed.direction;
         let lean = d.x.hypot(d.y);
         let along = if lean > 1e-12 { [d.x / lean, d.y / lean] } else { [1.0, 0.0] };
-        let spread = sweep.widest * d.z.abs();
-        Self { along, half_width: sweep.widest, ends: (sweep.from * lean - spread, sweep.to * lean + spread) }
+        let spread = segment.widest * d.z.abs();
+        Self {
+            along,
+            half_width: segment.widest,
+            ends: (segment.from * lean - spread, segment.to * lean + spread),
+        }
     }
 
     /// First and last whole y of lines at distance `x` from the tip that may meet the segment.
@@ -121,12 +171,12 @@ impl Silhouette {
             (ux, -self.half_width + x * uy, self.half_width + x * uy),
             (uy, self.ends.0 - x * ux, self.ends.1 - x * ux),
         ];
-        for (factor, least, most) in bounds {
+        for (factor, lowest, highest) in bounds {
             if factor.abs() > 1e-9 {
-                let (one, other) = (least / factor, most / factor);
+                let (one, other) = (lowest / factor, highest / factor);
                 low = f64::max(low, one.min(other));
                 high = f64::min(high, one.max(other));
-            } else if least > 1e-6 || most < -1e-6 {
+            } else if lowest > 1e-6 || highest < -1e-6 {
                 return (0, -1);
             }
         }

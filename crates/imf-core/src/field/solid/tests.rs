@@ -2,9 +2,10 @@
 
 use super::*;
 use crate::grid::Grid;
-use crate::orientation::{Orientation, OrientationSet};
+use crate::orientation::Orientation;
 use crate::parts::ReferencePart;
 use crate::scene::{Scene, SceneSpec};
+use crate::section::fixtures::{archs, line, orientations, revolved};
 use crate::tool::{Clearance, RotatedTool};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -23,38 +24,14 @@ fn field_of(scene: &Scene) -> SolidField {
 
 /// Bull-nose cutter with a corner, tapered flank, shank, holder with a cone that narrows.
 fn awkward() -> Tool {
-    let element = |kind, profile| Element { kind, profile };
-    Tool {
-        name: "awkward".into(),
-        shape: ToolShape::Revolved(vec![
-            element(
-                ElementKind::Cutter,
-                vec![
-                    Segment::Arc {
-                        from: 0.0,
-                        to: 1.6,
-                        centre_height: 2.0,
-                        centre_radius: 2.0,
-                        arc_radius: 2.0,
-                    },
-                    Segment::Line { from: 1.6, to: 20.0, radius_from: 3.959_591_794_226_542, radius_to: 7.0 },
-                ],
-            ),
-            element(
-                ElementKind::Shank,
-                vec![Segment::Line { from: 20.0, to: 34.0, radius_from: 3.0, radius_to: 3.0 }],
-            ),
-            element(
-                ElementKind::Holder(0),
-                vec![Segment::Line { from: 34.0, to: 44.0, radius_from: 16.0, radius_to: 9.0 }],
-            ),
-            element(
-                ElementKind::Holder(1),
-                vec![Segment::Line { from: 44.0, to: 70.0, radius_from: 2.0, radius_to: 18.0 }],
-            ),
-        ]),
-        ..Tool::paper()
-    }
+    let nose = Segment::Arc { from: 0.0, to: 1.6, centre_height: 2.0, centre_radius: 2.0, arc_radius: 2.0 };
+    let elements = [
+        (ElementKind::Cutter, vec![nose, line(1.6, 20.0, 3.959_591_794_226_542, 7.0)]),
+        (ElementKind::Shank, vec![line(20.0, 34.0, 3.0, 3.0)]),
+        (ElementKind::Holder(0), vec![line(34.0, 44.0, 16.0, 9.0)]),
+        (ElementKind::Holder(1), vec![line(44.0, 70.0, 2.0, 18.0)]),
+    ];
+    Tool { name: "awkward".into(), ..revolved(elements) }
 }
 
 fn number(random: &mut ChaCha8Rng) -> f64 {
@@ -82,41 +59,40 @@ fn pose(grid: &Grid, random: &mut ChaCha8Rng, index: usize) -> Pose {
     Pose::oriented(position, &orientation)
 }
 
-#[test]
-fn counts_and_answers_are_the_definitions_at_random_poses() {
+/// The `index`-th pose of a seed.
+fn random_pose(grid: &Grid, seed: usize, index: usize) -> Pose {
+    pose(grid, &mut ChaCha8Rng::seed_from_u64((seed * 1_000_000 + index) as u64), index)
+}
+
+/// So many poses of every part with two tools, on all threads.
+fn at_random_poses(poses: usize, check: impl Fn(&Scene, &SolidField, &Pose, std::fmt::Arguments<'_>) + Sync) {
     for (seed, part) in ReferencePart::ALL.into_iter().enumerate() {
         for tool in [Tool::paper(), awkward()] {
             let scene = half(part, &tool);
             let field = field_of(&scene);
-            (0..1500).into_par_iter().for_each(|index| {
-                let mut random = ChaCha8Rng::seed_from_u64((seed * 1_000_000 + index) as u64);
-                let pose = pose(&scene.record.grid, &mut random, index);
-                let expected = tool.count_inside(&scene.obstacle, pose.position, &pose.orientation());
-                assert_eq!(field.count(&pose), Some(expected), "{part} {} {index} {pose:?}", tool.name);
-                assert_eq!(field.collides(&pose), expected > 0, "{part} {} {index} {pose:?}", tool.name);
+            (0..poses).into_par_iter().for_each(|index| {
+                let pose = random_pose(&scene.record.grid, seed, index);
+                check(&scene, &field, &pose, format_args!("{part} {} {index} {pose:?}", tool.name));
             });
         }
     }
 }
 
 #[test]
-fn yes_and_no_are_never_wrong_at_many_poses() {
-    for (seed, part) in ReferencePart::ALL.into_iter().enumerate() {
-        for tool in [Tool::paper(), awkward()] {
-            let scene = half(part, &tool);
-            let field = field_of(&scene);
-            (0..60_000).into_par_iter().for_each(|index| {
-                let mut random = ChaCha8Rng::seed_from_u64((seed * 1_000_000 + index) as u64);
-                let pose = pose(&scene.record.grid, &mut random, index);
-                assert_eq!(
-                    field.collides(&pose),
-                    field.count(&pose).unwrap() > 0,
-                    "{part} {} {pose:?}",
-                    tool.name
-                );
-            });
-        }
-    }
+fn counts_and_decisions_are_the_definitions_at_random_poses() {
+    at_random_poses(1500, |scene, field, pose, case| {
+        let tool = &scene.record.tool;
+        let expected = tool.count_inside(&scene.obstacle, pose.position, &pose.orientation());
+        assert_eq!(field.count(pose), Some(expected), "{case}");
+        assert_eq!(field.collides(pose), expected > 0, "{case}");
+    });
+}
+
+#[test]
+fn decisions_are_never_wrong_at_many_poses() {
+    at_random_poses(60_000, |_, field, pose, case| {
+        assert_eq!(field.collides(pose), field.count(pose).unwrap() > 0, "{case}");
+    });
 }
 
 #[test]
@@ -125,8 +101,7 @@ fn the_normaliser_is_the_rotated_tools_count() {
         let scene = half(ReferencePart::Bracket, &tool);
         let field = field_of(&scene);
         (0..300).into_par_iter().for_each(|index| {
-            let mut random = ChaCha8Rng::seed_from_u64(index as u64);
-            let pose = pose(&scene.record.grid, &mut random, index);
+            let pose = random_pose(&scene.record.grid, 0, index);
             let orientation = pose.orientation();
             let expected = RotatedTool::new(&tool, &orientation, scene.record.grid.pitch).unwrap().count;
             assert_eq!(field.normaliser(pose.rotation).unwrap(), expected, "{} {orientation:?}", tool.name);
@@ -135,27 +110,25 @@ fn the_normaliser_is_the_rotated_tools_count() {
 }
 
 #[test]
-fn elements_sum_to_the_whole_and_grown_ones_are_counted_by_their_outline() {
+fn elements_sum_to_the_whole_and_offset_ones_are_counted_by_their_outline() {
     let tool = awkward();
     let scene = half(ReferencePart::Teapot, &tool);
-    let grown = tool.inflated_elements(&Clearance { holder: 2.0, shank: 1.0, cutter: 0.7 }).unwrap();
-    let (field, grown_field) =
-        (field_of(&scene), SolidField::of_elements(Arc::new(scene.obstacle.clone()), &grown).unwrap());
+    let offset = tool.inflated_elements(&Clearance { holder: 2.0, shank: 1.0, cutter: 0.7 }).unwrap();
+    let field = field_of(&scene);
+    let offset_field = SolidField::of_elements(Arc::new(scene.obstacle.clone()), &offset).unwrap();
     (0..600).into_par_iter().for_each(|index| {
-        let mut random = ChaCha8Rng::seed_from_u64(index as u64);
-        let pose = pose(&scene.record.grid, &mut random, index);
-        let mut counts = [0; 4];
+        let pose = random_pose(&scene.record.grid, 0, index);
+        let (mut counts, mut offset_counts) = ([0; 4], [0; 4]);
         field.element_counts(&pose, &mut counts);
         assert_eq!(Some(counts.iter().sum::<u32>()), field.count(&pose));
-        let mut grown_counts = [0; 4];
-        grown_field.element_counts(&pose, &mut grown_counts);
-        for (element, (count, grown_count)) in grown.iter().zip(counts.iter().zip(&grown_counts)) {
+        offset_field.element_counts(&pose, &mut offset_counts);
+        for (element, (count, offset_count)) in offset.iter().zip(counts.iter().zip(&offset_counts)) {
             let alone = Tool { shape: ToolShape::Revolved(vec![element.clone()]), ..tool.clone() };
             let expected = alone.count_inside(&scene.obstacle, pose.position, &pose.orientation());
-            assert_eq!(*grown_count, expected, "{:?} {pose:?}", element.kind);
-            assert!(grown_count >= count);
+            assert_eq!(*offset_count, expected, "{:?} {pose:?}", element.kind);
+            assert!(offset_count >= count);
         }
-        assert_eq!(grown_field.collides(&pose), grown_counts.iter().any(|&c| c > 0), "{pose:?}");
+        assert_eq!(offset_field.collides(&pose), offset_counts.iter().any(|&c| c > 0), "{pose:?}");
     });
 }
 
@@ -166,15 +139,14 @@ fn the_clearance_is_a_lower_bound() {
     let field = field_of(&scene);
     let mut free = 0;
     for index in 0..2000 {
-        let mut random = ChaCha8Rng::seed_from_u64(index as u64);
-        let pose = pose(&scene.record.grid, &mut random, index);
+        let pose = random_pose(&scene.record.grid, 0, index);
         let bound = field.clearance_bound(&pose).unwrap();
         if bound > 0.0 {
             free += 1;
-            // Grown by what it is said to have free, the tool still holds nothing.
+            // Offset by what it is said to have free, the tool still holds nothing.
             let all = Clearance { holder: bound, shank: bound, cutter: bound };
-            let grown = tool.inflated_elements(&all).unwrap();
-            let field = SolidField::of_elements(Arc::new(scene.obstacle.clone()), &grown).unwrap();
+            let offset = tool.inflated_elements(&all).unwrap();
+            let field = SolidField::of_elements(Arc::new(scene.obstacle.clone()), &offset).unwrap();
             assert_eq!(field.count(&pose), Some(0), "{bound} {pose:?}");
         }
     }
@@ -186,14 +158,10 @@ fn every_instruction_set_counts_the_same() {
     let tool = awkward();
     let scene = half(ReferencePart::ScrewGear, &tool);
     let field = field_of(&scene);
-    let mut archs = vec![Arch::Scalar];
-    #[cfg(target_arch = "x86_64")]
-    archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
-    for arch in archs {
+    for arch in archs() {
         let other = SolidField { arch, ..field_of(&scene) };
         for index in 0..400 {
-            let mut random = ChaCha8Rng::seed_from_u64(index as u64);
-            let pose = pose(&scene.record.grid, &mut random, index);
+            let pose = random_pose(&scene.record.grid, 0, index);
             assert_eq!(other.count(&pose), field.count(&pose), "{pose:?}");
             assert_eq!(other.normaliser(pose.rotation), field.normaliser(pose.rotation));
             assert_eq!(other.collides(&pose), field.collides(&pose), "{pose:?}");
@@ -202,19 +170,13 @@ fn every_instruction_set_counts_the_same() {
 }
 
 #[test]
-fn yes_is_a_count_above_zero_where_flat_ends_pass_by_voxel_centres() {
-    let scene = SceneSpec::of_reference(
-        ReferencePart::Bracket,
-        &ReferencePart::Bracket.mesh(),
-        ReferencePart::Bracket.dims(),
-        &Tool::paper(),
-    )
-    .scene()
-    .unwrap();
+fn colliding_is_a_count_above_zero_where_flat_ends_pass_by_voxel_centres() {
+    let part = ReferencePart::Bracket;
+    let scene = SceneSpec::of_reference(part, &part.mesh(), part.dims(), &Tool::paper()).scene().unwrap();
     let field = field_of(&scene);
     let (Grid { origin, pitch, dims }, set) = (scene.record.grid, "0,0;0,180;0,90;90,90;180,90;270,90");
     let mut colliding = 0;
-    for orientation in OrientationSet::parse(set).unwrap().orientations {
+    for orientation in orientations(set) {
         for along in -90..180 {
             for (across, beside) in [(0, 0), (3, 5), (17, 40), (24, 80), (40, 71)] {
                 // The tip on voxel centres along the axis, so that the holder's flat end meets centres.

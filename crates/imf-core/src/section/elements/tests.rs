@@ -1,41 +1,25 @@
 //! Elements against their definition, with and without contact, clearance and sharp points off the tip.
 
-use glam::DVec3;
-
 use super::*;
+use crate::occupancy::Occupancy;
 use crate::scene::Bodies;
-use crate::section::{At, direct_element_measures, imf};
-use crate::tool::{Clearance, Segment};
-use crate::unit::LengthUnit;
-
-fn line(from: f64, to: f64, radius_from: f64, radius_to: f64) -> Vec<Segment> {
-    vec![Segment::Line { from, to, radius_from, radius_to }]
-}
+use crate::section::fixtures::{self, line, orientations, revolved, scattered};
+use crate::section::{direct_element_measures, imf};
+use crate::tool::Clearance;
 
 /// Cutter, shank and two holder segments; the upper is so thin that it holds no centre upright.
 fn tool(sharp_points: SharpPoints) -> Tool {
-    let element = |kind, profile| Element { kind, profile };
-    Tool {
-        name: "four".into(),
-        unit: LengthUnit::Mm,
-        shape: ToolShape::Revolved(vec![
-            element(ElementKind::Cutter, line(0.0, 3.0, 1.3, 1.3)),
-            element(ElementKind::Shank, line(3.0, 4.5, 0.8, 1.7)),
-            element(ElementKind::Holder(0), line(4.5, 8.1, 2.4, 2.9)),
-            element(ElementKind::Holder(1), line(8.1, 8.9, 3.3, 3.3)),
-        ]),
-        sharp_points,
-    }
-}
-
-fn scattered(dims: [usize; 3]) -> Occupancy {
-    let grid = Grid { origin: DVec3::new(0.5, -2.0, 1.0), pitch: 1.0, dims };
-    let solid = (0..grid.len()).map(|i| u8::from(i.wrapping_mul(2_654_435_761) >> 7 & 3 < 2)).collect();
-    Occupancy { grid, solid }
+    let elements = [
+        (ElementKind::Cutter, vec![line(0.0, 3.0, 1.3, 1.3)]),
+        (ElementKind::Shank, vec![line(3.0, 4.5, 0.8, 1.7)]),
+        (ElementKind::Holder(0), vec![line(4.5, 8.1, 2.4, 2.9)]),
+        (ElementKind::Holder(1), vec![line(8.1, 8.9, 3.3, 3.3)]),
+    ];
+    Tool { sharp_points, ..revolved(elements) }
 }
 
 /// A block with a fixture beside it.
-fn held() -> (Occupancy, Occupancy) {
+fn clamped_block() -> (Occupancy, Occupancy) {
     let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [10, 9, 8] };
     let (mut part, mut clamp) = (Occupancy::empty(grid), Occupancy::empty(grid));
     for index in 0..grid.len() {
@@ -58,8 +42,7 @@ fn agrees(
     let kinds: Vec<ElementKind> = plans.elements().collect();
     let mut measures = vec![vec![f32::NAN; grid.len()]; kinds.len()];
     plans.measures(orientation, &mut ElementScratch::default(), &mut measures).unwrap();
-    let mut cmf = vec![f32::NAN; grid.len()];
-    plans.whole().cmf(orientation, &mut SectionScratch::default(), &mut cmf).unwrap();
+    let cmf = fixtures::cmf(plans.whole(), orientation);
     for voxel in 0..grid.len() {
         let direct = direct_element_measures(&obstacle, &assembly, orientation, grid.voxel(voxel)).unwrap();
         assert_eq!(direct.iter().map(|d| d.0).collect::<Vec<_>>(), kinds);
@@ -70,11 +53,7 @@ fn agrees(
         for ((kind, expected), found) in direct.iter().zip(&measures) {
             // Sums of eighths of counts in another order; a near-tie of two sharp points would be far larger.
             let found = f64::from(found[voxel]);
-            assert!(
-                (found - expected).abs() <= 1e-6,
-                "{kind} at {:?}: {found} {expected}",
-                grid.voxel(voxel)
-            );
+            assert!((found - expected).abs() <= 1e-6, "{kind} at {voxel}: {found} {expected}");
         }
     }
     measures
@@ -89,7 +68,7 @@ fn elements_are_their_definition_and_sum_to_the_section_flat_and_deep() {
         DVec3::new(0.0, 0.0, 3.0),
     ]);
     for dims in [[7, 8, 6], [1, 9, 7], [6, 8, 1]] {
-        let obstacle = scattered(dims);
+        let obstacle = scattered(dims, 2);
         let mut seen = [false; 4];
         for sharp in [SharpPoints::Tip, off_tip.clone(), SharpPoints::Cutter(9), SharpPoints::Boundary(None)]
         {
@@ -106,7 +85,7 @@ fn elements_are_their_definition_and_sum_to_the_section_flat_and_deep() {
 
 #[test]
 fn contact_and_clearance_are_counted_by_their_definition() {
-    let (part, clamp) = held();
+    let (part, clamp) = clamped_block();
     let bodies = Bodies { part: part.clone(), fixtures: clamp.clone() };
     let obstacle = Obstacle::with_cuttable(&bodies.obstacle(), bodies.layer(1.0));
     let (forbidden, cuttable) = (&obstacle.forbidden, obstacle.cuttable.as_ref().unwrap());
@@ -124,11 +103,10 @@ fn contact_and_clearance_are_counted_by_their_definition() {
         let bodies = bare.inflated_elements(&clearance).unwrap();
         for orientation in [Orientation::default(), Orientation::new(200.0, 110.0)] {
             agrees(&obstacle, &assembly, &orientation);
-            // A tip is free where no body holds what is forbidden to it: grown elements one by one.
+            // A tip is free where no body holds what is forbidden to it: offset elements one by one.
             let tip = assembly.whole().with_tip_only();
             let plan = SectionPlan::new(&obstacle, &assembly, At::Tip).unwrap();
-            let mut counts = vec![0; part.grid.len()];
-            plan.counts(&orientation, &mut SectionScratch::default(), &mut counts).unwrap();
+            let (counts, _) = fixtures::counts(&plan, &orientation);
             let field = |occupancy: &Occupancy, cutter: bool, at: DVec3| -> u32 {
                 let wanted = bodies.iter().filter(|b| (b.kind == ElementKind::Cutter) == cutter);
                 wanted
@@ -150,19 +128,19 @@ fn contact_and_clearance_are_counted_by_their_definition() {
 
 #[test]
 fn the_best_orientations_elements_sum_to_the_imf_whatever_the_threads() {
-    let obstacle = scattered([6, 7, 8]);
+    let obstacle = scattered([6, 7, 8], 2);
     let tool = tool(SharpPoints::Cutter(5));
-    let orientations = crate::orientation::OrientationSet::parse("fibonacci:13").unwrap().orientations;
+    let set = orientations("fibonacci:13");
     let plans = ElementPlans::new(&obstacle, &tool, &obstacle.grid).unwrap();
-    let imf = imf(plans.whole(), &orientations, Control::quiet()).unwrap();
+    let imf = imf(plans.whole(), &set, Control::quiet()).unwrap();
     let at_best = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| elements_at_best(&plans, &orientations, &imf, Control::quiet())).unwrap()
+        pool.install(|| elements_at_best(&plans, &set, &imf, Control::quiet())).unwrap()
     };
     let found = at_best(1);
     assert_eq!(found, at_best(3));
     for voxel in 0..obstacle.grid.len() {
-        let best = &orientations[imf.best[voxel] as usize];
+        let best = &set[imf.best[voxel] as usize];
         let direct = direct_element_measures(&obstacle, &tool, best, obstacle.grid.voxel(voxel)).unwrap();
         let sum: f64 = found.values.iter().map(|v| f64::from(v[voxel])).sum();
         assert!((sum - f64::from(imf.value[voxel])).abs() <= f64::from(f32::EPSILON) * sum.max(1e-30));
@@ -176,6 +154,6 @@ fn the_best_orientations_elements_sum_to_the_imf_whatever_the_threads() {
 fn a_mesh_has_no_elements() {
     let mesh = crate::mesh::tests::unit_cube().transformed(&glam::DMat4::from_scale(DVec3::splat(3.0)));
     let tool = Tool { shape: ToolShape::Mesh(mesh), ..tool(SharpPoints::Tip) };
-    let obstacle = scattered([4, 4, 4]);
+    let obstacle = scattered([4, 4, 4], 2);
     assert_eq!(ElementPlans::new(&obstacle, &tool, &obstacle.grid).unwrap().elements().count(), 0);
 }

@@ -1,54 +1,53 @@
-//! Overlaps by differences: stepping the tool by a voxel changes the overlap by what its run ends cover and uncover.
+//! Run-length difference counting: stepping the tool by a voxel changes the overlap by what its run ends cover and uncover.
 //!
 //! Far enough along the axis the tool has left the obstacle and its overlap is zero; from there the differences are
 //! summed up. All is whole numbers, so nothing is rounded. The sums over run ends are taken for thousands of voxels
-//! at once (`bit_adder`), from the obstacle's bits (`bit_obstacle`).
+//! at once (`bit_sliced`), from the obstacle's bits (`bit_obstacle`).
 
 use std::ops::Range;
 
 use pulp::Arch;
 
-use super::bit_adder::{DIGITS, Digits, TILE_BITS, ZERO, add, spread, subtract};
 use super::bit_obstacle::BitObstacle;
-use super::clipped::ClippedTool;
-use super::run_ends::{Axis, OffsetTable, Offsets, RunEnds};
-use super::size::{CircularSize, QueryBox};
+use super::bit_sliced::{DIGITS, Digits, TILE_BITS, ZERO, add, spread, subtract};
+use super::run_ends::{Axis, ByLine, RunEnds};
+use super::size::{CircularSize, ClippedTool, QueryBox};
 use super::sweep::Sweep;
 use crate::occupancy::Occupancy;
 use crate::vectorised::vectorised;
 
 /// The obstacle prepared for tools and query boxes of one size.
-pub(super) struct SurfaceCounter {
+pub(super) struct RunLengthCounter {
     arch: Arch,
     obstacle: BitObstacle,
 }
 
-/// A tool on its way through the planes of a query box.
+/// Where a tool stands that is counted plane by plane of a query box.
 #[derive(Clone, Default)]
 pub(super) struct Walk {
     /// `None` where the tool meets nothing.
     sweep: Option<Sweep>,
-    /// What steps cover, what they uncover.
-    sides: [Side; 2],
+    /// Addresses at which is read what steps cover and what they uncover, relative to a tile's; they wrap.
+    addresses: [ByLine<u32>; 2],
     /// Plane along x whose differences are taken next, where the tool is stepped along x.
     next: i64,
     /// Overlaps of the plane before, where the tool is stepped along x.
     previous: Vec<i32>,
 }
 
-/// Run ends of one kind by the addresses at which they are read.
-#[derive(Clone, Default)]
-struct Side {
-    table: OffsetTable,
-    /// Relative to a tile's; they wrap.
-    addresses: Vec<u32>,
+impl Walk {
+    /// Bytes of one, by estimate.
+    pub(super) fn memory(tool: &ClippedTool<'_>, query: &QueryBox) -> u64 {
+        let [_, ny, nz] = query.dims;
+        let ends = RunEnds::count(tool).into_iter().max().unwrap_or(0);
+        let table = 2 * (tool.dims[0] + 1) * (tool.dims[1] + 1);
+        4 * (table + 2 * ends + ny * nz) as u64
+    }
 }
 
 /// Working memory of one thread.
 pub(super) struct Scratch {
     ends: RunEnds,
-    /// Of tools that are counted over a whole box at once.
-    walk: Walk,
     /// Addresses that one tile reads.
     reads: Vec<u32>,
     digits: Box<[Digits; 2]>,
@@ -60,7 +59,6 @@ impl Default for Scratch {
     fn default() -> Self {
         Self {
             ends: RunEnds::default(),
-            walk: Walk::default(),
             reads: Vec::new(),
             digits: Box::new([ZERO, ZERO]),
             plane: Vec::new(),
@@ -68,51 +66,28 @@ impl Default for Scratch {
     }
 }
 
-impl SurfaceCounter {
+impl RunLengthCounter {
     pub(super) fn new(arch: Arch, obstacle: &Occupancy, size: &CircularSize) -> Self {
-        Self { arch, obstacle: BitObstacle::new(obstacle, size, TILE_BITS) }
+        Self { arch, obstacle: BitObstacle::new(obstacle, size) }
     }
 
-    /// Overlaps of the tool over a query box into `counts`; the size given to `new` holds for the box.
-    pub(super) fn count(
-        &self,
-        tool: &ClippedTool<'_>,
-        sweep: Sweep,
-        query: &QueryBox,
-        scratch: &mut Scratch,
-        counts: &mut [u32],
-    ) {
-        let mut walk = std::mem::take(&mut scratch.walk);
-        self.start(tool, sweep, scratch, &mut walk);
-        self.advance(&mut walk, query, query.planes(), scratch, counts);
-        scratch.walk = walk;
-    }
-
-    /// A tool before the first plane of a query box; the sweep is one of [`Order::PlanesUpwards`].
-    ///
-    /// [`Order::PlanesUpwards`]: super::sweep::Order::PlanesUpwards
-    pub(super) fn begin(&self, tool: &ClippedTool<'_>, sweep: Sweep, scratch: &mut Scratch) -> Walk {
-        let mut walk = Walk::default();
-        self.start(tool, sweep, scratch, &mut walk);
-        walk
-    }
-
-    fn start(&self, tool: &ClippedTool<'_>, sweep: Sweep, scratch: &mut Scratch, walk: &mut Walk) {
+    /// Puts a tool before the first plane of a query box. Where planes are taken one after the other, the sweep is one of
+    /// [`Order::PlanesUpwards`](super::sweep::Order::PlanesUpwards).
+    pub(super) fn start(&self, tool: &ClippedTool<'_>, sweep: Sweep, scratch: &mut Scratch, walk: &mut Walk) {
         walk.sweep = (tool.dims[0] > 0 && sweep.steps() > 0).then_some(sweep);
         if walk.sweep.is_none() {
             return;
         }
         let ends = &mut scratch.ends;
         ends.collect(tool, sweep.axis);
-        for (side, offsets) in walk.sides.iter_mut().zip([&ends.covered, &ends.uncovered]) {
-            side.table.clone_from(&offsets.table);
-            self.addresses_of(offsets, &mut side.addresses);
+        for (addresses, offsets) in walk.addresses.iter_mut().zip([&ends.covered, &ends.uncovered]) {
+            offsets.map_into(addresses, |offset| self.obstacle.offset_address(offset) as u32);
         }
         walk.next = i64::MIN;
         walk.previous.clear();
     }
 
-    /// Overlaps over the next planes of the query box that the walk was begun for into `counts`: planes upwards from one
+    /// Overlaps over the next planes of the query box into `counts`: planes upwards from one
     /// call to the next, or all at once.
     pub(super) fn advance(
         &self,
@@ -146,7 +121,7 @@ impl SurfaceCounter {
         (window.lower[0], window.dims[0]) = (planes.start, (planes.end - planes.start) as usize);
         for step in 0..(xs.end - xs.start).max(0) {
             let x = if along_x && !sweep.upwards { xs.end - 1 - step } else { xs.start + step };
-            self.differences(x, &ys, &zs, &walk.sides, scratch);
+            self.differences(x, &ys, &zs, &walk.addresses, scratch);
             let (plane, previous) = (&mut scratch.plane, &mut walk.previous);
             vectorised!(self.arch, {
                 match sweep.axis {
@@ -162,29 +137,13 @@ impl SurfaceCounter {
         }
     }
 
-    fn addresses_of(&self, offsets: &Offsets, addresses: &mut Vec<u32>) {
-        addresses.clear();
-        let table = &offsets.table;
-        for x in 0..table.dims[0] {
-            for y in 0..table.dims[1] {
-                let at = [table.lower[0] + x as i64, table.lower[1] + y as i64];
-                let range = table.range(x, y, y + 1);
-                addresses.extend(
-                    offsets.z[range]
-                        .iter()
-                        .map(|&z| self.obstacle.offset_address([at[0], at[1], i64::from(z)]) as u32),
-                );
-            }
-        }
-    }
-
     /// Differences at plane x over `ys × zs` into `scratch.plane`.
     fn differences(
         &self,
         x: i64,
         ys: &Range<i64>,
         zs: &Range<i64>,
-        sides: &[Side; 2],
+        addresses: &[ByLine<u32>; 2],
         scratch: &mut Scratch,
     ) {
         let line = self.obstacle.line_bits();
@@ -199,8 +158,8 @@ impl SurfaceCounter {
             let tile_address = self.obstacle.tile_address(x, start) as u32;
             let mut used = [0; 2];
             let Scratch { reads, digits, .. } = scratch;
-            for ((side, digits), used) in sides.iter().zip(digits.iter_mut()).zip(&mut used) {
-                self.reads_of(side, x, top..bottom, tile_address, reads);
+            for ((addresses, digits), used) in addresses.iter().zip(digits.iter_mut()).zip(&mut used) {
+                self.reads_of(addresses, x, top..bottom, tile_address, reads);
                 // Digits beyond those of this tile are never read.
                 let most = (usize::BITS - reads.len().leading_zeros()) as usize;
                 digits[..most.clamp(5, DIGITS)].fill([0; TILE_BITS / 64]);
@@ -231,22 +190,28 @@ impl SurfaceCounter {
     }
 
     /// Addresses that a tile at plane x over these lines reads; padded with zeros' addresses to a multiple of eight.
-    fn reads_of(&self, side: &Side, x: i64, lines: Range<i64>, tile_address: u32, reads: &mut Vec<u32>) {
+    fn reads_of(
+        &self,
+        addresses: &ByLine<u32>,
+        x: i64,
+        lines: Range<i64>,
+        tile_address: u32,
+        reads: &mut Vec<u32>,
+    ) {
         reads.clear();
-        let Side { table, addresses } = side;
+        let ([first_x, first_y], [planes, all_lines]) = (addresses.lower, addresses.dims);
         // Planes that are inside the obstacle's grid.
-        let low = (-x - table.lower[0]).max(0);
-        let high = (self.obstacle.dims()[0] as i64 - x - table.lower[0]).min(table.dims[0] as i64);
+        let low = (-x - first_x).max(0);
+        let high = (self.obstacle.dims()[0] as i64 - x - first_x).min(planes as i64);
         for offset in low..high {
-            let Some([first, last]) = self.obstacle.solid_lines((x + table.lower[0] + offset) as usize)
-            else {
+            let Some([first, last]) = self.obstacle.solid_lines((x + first_x + offset) as usize) else {
                 continue;
             };
-            let from = (first - lines.end - table.lower[1]).max(0);
-            let to = (last - lines.start - table.lower[1] + 1).min(table.dims[1] as i64);
+            let from = (first - lines.end - first_y).max(0);
+            let to = (last - lines.start - first_y + 1).min(all_lines as i64);
             if from < to {
-                let range = table.range(offset as usize, from as usize, to as usize);
-                reads.extend(addresses[range].iter().map(|&address| tile_address.wrapping_add(address)));
+                let addresses = addresses.lines(offset as usize, from as usize, to as usize);
+                reads.extend(addresses.iter().map(|&address| tile_address.wrapping_add(address)));
             }
         }
         reads.resize(reads.len().next_multiple_of(8), 0);

@@ -17,7 +17,7 @@ use crate::tool::{SLACK, Segment, holds};
 pub(super) const LANES: usize = 8;
 /// Farther than any voxel.
 const FAR: f64 = 1e9;
-/// An end this close to a voxel centre is unsure. Rounding moves ends by less, see [`Sweep::new`].
+/// An end this close to a voxel centre is unsure. Rounding moves ends by less, see [`PlacedSegment::new`].
 const CLOSE: f64 = 1e-5;
 /// Tilt of the axis along z below which heights do not bound the line well: |d_z|.
 const LEVEL: f64 = 1e-6;
@@ -81,7 +81,7 @@ impl Runs {
 }
 
 /// One segment in one pose.
-pub(super) struct Sweep<'a> {
+pub(super) struct PlacedSegment<'a> {
     pub(super) placed: Placed,
     /// The segment in world units.
     world: &'a Segment,
@@ -107,7 +107,7 @@ pub(super) struct Sweep<'a> {
     tangent: f64,
 }
 
-impl<'a> Sweep<'a> {
+impl<'a> PlacedSegment<'a> {
     /// Prepares the part of a segment between the heights `from` and `to`, given in world units and, for speed, in
     /// voxels as well.
     #[inline]
@@ -148,7 +148,7 @@ impl<'a> Sweep<'a> {
         // error is rounding / (2·a·√discriminant): below CLOSE unless the discriminant is called tangent.
         let reach = from.abs().max(to.abs()) + widest + 1.0;
         let rounding = 4e-14 * reach * reach;
-        let least_root = rounding / (CLOSE * a.abs());
+        let smallest_root = rounding / (CLOSE * a.abs());
         let level = d.z.abs() <= LEVEL;
         let (near, far) = if d.z > 0.0 { (from, to) } else { (to, from) };
         Self {
@@ -168,7 +168,7 @@ impl<'a> Sweep<'a> {
             b,
             c,
             rounding,
-            tangent: least_root * least_root + rounding,
+            tangent: smallest_root * smallest_root + rounding,
         }
     }
 
@@ -216,18 +216,18 @@ impl<'a> Sweep<'a> {
         runs
     }
 
-    /// First and one past the last whole z of the line at voxel (x, y), within the whole numbers `[least, most]`.
+    /// First and one past the last whole z of the line at voxel (x, y), within the whole numbers `[lowest, highest]`.
     #[inline(never)]
-    pub(super) fn run(&self, x: i64, y: i64, (least, most): (i64, i64)) -> (i64, i64) {
+    pub(super) fn run(&self, x: i64, y: i64, (lowest, highest): (i64, i64)) -> (i64, i64) {
         let tip = self.placed.tip;
         let (low, high, unsure) = self.line(x as f64 - tip.x, y as f64 - tip.y);
         let (low, high) = (low + tip.z, high + tip.z);
         if low > high + 1.0 {
-            return (least, least);
+            return (lowest, lowest);
         }
         let margin = if unsure { 0.5 } else { 2.0 * CLOSE };
-        let mut first = (low - margin).ceil().max(least as f64) as i64;
-        let mut last = (high + margin).floor().min(most as f64) as i64;
+        let mut first = (low - margin).ceil().max(lowest as f64) as i64;
+        let mut last = (high + margin).floor().min(highest as f64) as i64;
         let inside = |z: i64| {
             let offset = (DVec3::new(x as f64, y as f64, z as f64) - tip) * self.placed.pitch;
             let slack = SLACK * self.placed.pitch * self.placed.pitch;
@@ -244,7 +244,7 @@ impl<'a> Sweep<'a> {
                 last -= 1;
             }
         }
-        if first <= last { (first, last + 1) } else { (least, least) }
+        if first <= last { (first, last + 1) } else { (lowest, lowest) }
     }
 
     /// One line by whichever method; unsure ends are generous.

@@ -8,7 +8,7 @@ use crate::control::Control;
 use crate::orientation::Orientation;
 use crate::parallel;
 
-/// The inaccessibility measure field: the least collision measure over a set of orientations.
+/// The inaccessibility measure field: the minimum collision measure over a set of orientations.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Imf {
     /// IMF at every voxel, C-ordered, in [0, 1].
@@ -93,12 +93,29 @@ pub fn stream_sections<V: Send>(
     Ok(parts.into_iter().map(|(visitor, ..)| visitor).collect())
 }
 
+/// Runs the sections of a set one after the other on the calling thread's pool and writes each into its own array.
+///
+/// # Errors
+/// As [`SectionPlan::cmf`]; [`SectionError::Cancelled`] when the control asks to stop.
+pub fn sections(
+    plan: &SectionPlan,
+    orientations: &[Orientation],
+    control: Control<'_>,
+) -> Result<Vec<Vec<f32>>, SectionError> {
+    let parts = stream_sections(plan, orientations, control, Vec::new, |list: &mut Vec<_>, index, cmf| {
+        list.push((index, cmf.to_vec()));
+    })?;
+    let mut all: Vec<(usize, Vec<f32>)> = parts.into_iter().flatten().collect();
+    all.sort_by_key(|&(index, _)| index);
+    Ok(all.into_iter().map(|(_, cmf)| cmf).collect())
+}
+
 /// Shows the indices `0..count` to `visit`, each once and in no fixed order, on all threads of the current pool. Every
 /// thread has its own visitor, made by `start`; all are returned. One unit of progress is one index.
 ///
 /// # Errors
 /// The first failure of a visit; [`SectionError::Cancelled`] when the control asks to stop.
-pub fn stream_orientations<V: Send, E: From<SectionError> + Send>(
+pub(crate) fn stream_orientations<V: Send, E: From<SectionError> + Send>(
     count: usize,
     control: Control<'_>,
     start: impl Fn() -> V + Sync,

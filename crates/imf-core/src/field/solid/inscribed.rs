@@ -1,4 +1,4 @@
-//! How far a colliding tool must at least be moved: balls inside the tool against the distance transforms.
+//! How far a colliding tool must at least be moved: spheres inscribed in the tool against the distance transforms.
 //!
 //! A tool is free after a translation only if every ball inside it is. Let h(p) be the distance from a point to the
 //! nearest solid centre, a function that changes no faster than p moves, and B a ball of radius r inside the tool with
@@ -8,7 +8,7 @@
 //! nearest empty centre, and from the last point in a solid cell there is r − √3/2 still to go. The two add up, for
 //! r > √3/2; a smaller ball may rest within a solid cell. All lengths in voxels.
 
-use super::sweep::Placed;
+use super::segment::Placed;
 use super::{Body, Part};
 use crate::distance::{DistanceField, squared_depths};
 use crate::occupancy::Occupancy;
@@ -16,22 +16,22 @@ use crate::tool::Segment;
 
 /// Half the diagonal of a voxel.
 const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
-/// Balls stand at most this far apart along the axis.
+/// Spheres stand at most this far apart along the axis.
 const STEP: f64 = 0.5;
 /// Taken off every radius: more than all rounding.
 const MARGIN: f64 = 1e-6;
 
-/// Balls inside the tool's bodies with their middles on the axis, and the obstacle's depths.
-pub(super) struct Depths {
+/// Spheres inscribed in the tool's bodies with their middles on the axis, and the obstacle's depths.
+pub(super) struct InscribedSpheres {
     /// Heights and radii.
-    balls: Vec<(f64, f64)>,
+    spheres: Vec<(f64, f64)>,
     /// By voxel: distance to the nearest empty centre, rounded down; 0 where empty.
     depth: Vec<f32>,
 }
 
-impl Depths {
+impl InscribedSpheres {
     pub(super) fn new(bodies: &[Body], obstacle: &Occupancy) -> Self {
-        let mut balls = Vec::new();
+        let mut spheres = Vec::new();
         for body in bodies {
             let (Some(first), Some(last)) = (body.parts.first(), body.parts.last()) else { continue };
             let (from, to) = (first.segment.range().0, last.segment.range().1);
@@ -40,19 +40,19 @@ impl Depths {
                 let height = from + (to - from) * (step as f64 + 0.5) / steps as f64;
                 let radius = inscribed(&body.parts, (from, to), height) - MARGIN;
                 if radius > 0.0 {
-                    balls.push((height, radius));
+                    spheres.push((height, radius));
                 }
             }
         }
         let round_down = |squared: u64| ((squared as f64).sqrt() as f32).next_down().max(0.0);
-        Self { balls, depth: squared_depths(obstacle).into_iter().map(round_down).collect() }
+        Self { spheres, depth: squared_depths(obstacle).into_iter().map(round_down).collect() }
     }
 
     /// Lower bound of the length of every translation that frees the tool, in voxels; 0 where none is proven.
     pub(super) fn bound(&self, placed: Placed, distances: &DistanceField, obstacle: &Occupancy) -> f64 {
         let grid = &obstacle.grid;
         let mut most: f64 = 0.0;
-        for &(height, radius) in &self.balls {
+        for &(height, radius) in &self.spheres {
             let middle = placed.tip + placed.direction * height;
             let index = distances.probe(middle).index;
             let centre = |index: usize| glam::DVec3::from_array(grid.voxel(index).map(|v| v as f64));
@@ -70,16 +70,16 @@ impl Depths {
     }
 }
 
-/// Radius of a ball on the axis at `height` that stays inside the body: below its distance to either end and to every
+/// Radius of a sphere on the axis at `height` that stays inside the body: below its distance to either end and to every
 /// piece of the outline (of an arc, to its whole circle).
 fn inscribed(parts: &[Part], (from, to): (f64, f64), height: f64) -> f64 {
     let ends = (height - from).min(to - height);
     let distance = |part: &Part| match part.segment {
         Segment::Line { from, to, radius_from, radius_to } => {
             let (along, out) = (to - from, radius_to - radius_from);
-            let share = ((height - from) * along - radius_from * out) / (along * along + out * out);
-            let share = share.clamp(0.0, 1.0);
-            (from + share * along - height).hypot(radius_from + share * out)
+            let foot = ((height - from) * along - radius_from * out) / (along * along + out * out);
+            let foot = foot.clamp(0.0, 1.0);
+            (from + foot * along - height).hypot(radius_from + foot * out)
         }
         Segment::Arc { centre_height, centre_radius, arc_radius, .. } => {
             ((height - centre_height).hypot(centre_radius) - arc_radius).abs()
@@ -95,24 +95,18 @@ mod tests {
     use crate::field::ExactField;
     use crate::grid::Grid;
     use crate::occupancy::Occupancy;
-    use crate::orientation::OrientationSet;
     use crate::pose::Pose;
-    use crate::tool::{Element, ElementKind, Segment, Tool, ToolShape};
+    use crate::section::fixtures::{cylinder, line, orientations, revolved};
+    use crate::tool::{ElementKind, Segment, Tool};
 
     /// A bull nose under a cone and a wide collar.
     fn tool() -> Tool {
-        let cutter = vec![
-            Segment::Arc { from: 0.0, to: 2.0, centre_height: 2.0, centre_radius: 1.5, arc_radius: 2.0 },
-            Segment::Line { from: 2.0, to: 9.0, radius_from: 3.5, radius_to: 2.0 },
-        ];
-        let holder = vec![Segment::Line { from: 9.0, to: 19.0, radius_from: 5.5, radius_to: 5.5 }];
-        Tool {
-            shape: ToolShape::Revolved(vec![
-                Element { kind: ElementKind::Cutter, profile: cutter },
-                Element { kind: ElementKind::Holder(0), profile: holder },
-            ]),
-            ..Tool::paper()
-        }
+        let nose =
+            Segment::Arc { from: 0.0, to: 2.0, centre_height: 2.0, centre_radius: 1.5, arc_radius: 2.0 };
+        revolved([
+            (ElementKind::Cutter, vec![nose, line(2.0, 9.0, 3.5, 2.0)]),
+            (ElementKind::Holder(0), vec![line(9.0, 19.0, 5.5, 5.5)]),
+        ])
     }
 
     /// A slab of 16 voxels with a groove, and scattered voxels above.
@@ -132,13 +126,12 @@ mod tests {
     fn no_shorter_translation_frees_the_tool() {
         let (obstacle, tool) = (obstacle(), tool());
         let field = ExactField::new(&obstacle, &tool);
-        let orientations = OrientationSet::parse("random:400:4").unwrap().orientations;
-        let ways = OrientationSet::parse("fibonacci:40").unwrap().orientations;
+        let ways = orientations("fibonacci:40");
         let (low, size) = (obstacle.grid.origin, obstacle.grid.size());
         let (mut proven, mut colliding) = (0, 0);
-        for (i, orientation) in orientations.iter().enumerate() {
-            let share = |prime: usize| (i * prime % 101) as f64 / 101.0 * 1.4 - 0.2;
-            let position = low + size * DVec3::new(share(37), share(53), share(71));
+        for (i, orientation) in orientations("random:400:4").iter().enumerate() {
+            let place = |prime: usize| (i * prime % 101) as f64 / 101.0 * 1.4 - 0.2;
+            let position = low + size * DVec3::new(place(37), place(53), place(71));
             let pose = Pose::oriented(position, orientation);
             let bound = field.penetration_bound(&pose).unwrap();
             let signed = field.signed_clearance(&pose).unwrap();
@@ -156,17 +149,15 @@ mod tests {
                 }
             }
         }
-        // Contacts shallower than half a voxel's diagonal hold no ball and are left at 0.
+        // Contacts shallower than half a voxel's diagonal hold no sphere and are left at 0.
         assert!(colliding > 100 && 10 * proven > 7 * colliding, "{proven} of {colliding}");
     }
 
     #[test]
-    fn a_cylinder_deep_in_a_block_is_as_deep_as_its_balls_say() {
+    fn a_cylinder_deep_in_a_block_is_as_deep_as_its_spheres_say() {
         let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [41; 3] };
         let block = Occupancy { grid, solid: vec![1; grid.len()] };
-        let line = Segment::Line { from: 0.0, to: 12.0, radius_from: 4.0, radius_to: 4.0 };
-        let element = Element { kind: ElementKind::Cutter, profile: vec![line] };
-        let tool = Tool { shape: ToolShape::Revolved(vec![element]), ..Tool::paper() };
+        let tool = cylinder(4.0, 12.0);
         let field = ExactField::new(&block, &tool);
         let position = grid.centre([20, 20, 14]);
         let bound = field.penetration_bound(&Pose::along(position, DVec3::Z)).unwrap();

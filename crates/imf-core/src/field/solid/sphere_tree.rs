@@ -1,12 +1,12 @@
-//! Proofs by balls along the tool's axis: "free" where the obstacle stays out of balls that together cover the tool,
+//! A sphere tree along the tool's axis: "free" where the obstacle stays out of bounding spheres that together cover the tool,
 //! "colliding" where a voxel nearest to the axis lies in it.
 //!
-//! The axis is halved again and again, once for each tool. Every piece has the ball around its middle that covers it;
-//! where the distance transform shows that ball to be free, the piece is done. Else the solid voxel nearest to the
-//! middle is tried with the predicate that defines the tool: one that is inside decides the pose. Else the halves are
-//! looked at. Pieces that are too short to halve stay open: they must be counted.
+//! The axis is halved again and again, once for each tool. Every piece has its bounding sphere, around its middle;
+//! where the distance transform shows that sphere to be free, the piece is free. Else the solid voxel nearest to the
+//! middle is tried with the predicate that defines the tool: one that is inside decides the pose. Else the halves
+//! are tried. Pieces that are too short to halve stay open: they must be counted.
 
-use super::sweep::Placed;
+use super::segment::Placed;
 use super::{Body, MOST_SEGMENTS};
 use crate::distance::DistanceField;
 use crate::tool::Segment;
@@ -16,15 +16,15 @@ pub(super) const OPEN: usize = 48;
 /// Room for the halves that wait: one for each level of the tree, which has no more levels than a body has segments
 /// and its length in voxels has bits.
 const DEPTH: usize = MOST_SEGMENTS + 32;
-/// Added to every covering radius, in voxels: more than the slack of the tool's predicate and all rounding.
+/// Added to every bounding radius, in voxels: more than the slack of the tool's predicate and all rounding.
 const MARGIN: f64 = 1e-4;
 
 /// A stretch of a body's axis; lengths in voxels.
 #[derive(Clone, Debug)]
 pub(super) struct Piece {
-    /// Height of the covering ball's centre.
+    /// Height of the bounding sphere's centre.
     middle: f64,
-    /// Radius of the ball that covers the piece.
+    /// Radius of the bounding sphere.
     radius: f64,
     squared: f64,
     /// Position of the first half, the second follows it; 0 for a piece that is not halved.
@@ -37,7 +37,7 @@ pub(super) struct Piece {
     pub(super) to: f64,
 }
 
-/// What balls can tell of a pose.
+/// What the spheres can tell of a pose.
 pub(super) enum Verdict {
     /// No solid voxel in the tool.
     Free,
@@ -50,12 +50,12 @@ pub(super) enum Verdict {
 }
 
 /// The pieces of all bodies.
-pub(super) struct Spine {
+pub(super) struct SphereTree {
     pieces: Vec<Piece>,
     roots: usize,
 }
 
-impl Spine {
+impl SphereTree {
     pub(super) fn new(bodies: &[Body]) -> Self {
         let mut pieces: Vec<Piece> = Vec::new();
         // Bodies farther from the tip are the wider ones: they are the first to touch.
@@ -89,7 +89,7 @@ impl Spine {
 
     /// Tries to decide a pose. Pieces left open are listed in `open`.
     #[inline]
-    pub(super) fn prove(
+    pub(super) fn decide(
         &self,
         placed: Placed,
         bodies: &[Body],
@@ -139,7 +139,7 @@ impl Spine {
     /// Lower bound of the distance from the tool to any solid voxel's centre, in voxels; below zero where the tool may
     /// hold one, and then no lower than minus the depth it may have.
     pub(super) fn clearance(&self, placed: Placed, distances: &DistanceField) -> f64 {
-        let mut least = f64::INFINITY;
+        let mut minimum = f64::INFINITY;
         let mut stack = [0_u32; DEPTH];
         for root in 0..self.roots as u32 {
             stack[0] = root;
@@ -149,25 +149,25 @@ impl Spine {
                 let piece = &self.pieces[stack[depth] as usize];
                 let away = distances.probe(placed.tip + placed.direction * piece.middle).squared.sqrt();
                 let bound = away - piece.radius;
-                if bound < least && piece.halves == 0 {
-                    least = bound;
-                } else if bound < least {
+                if bound < minimum && piece.halves == 0 {
+                    minimum = bound;
+                } else if bound < minimum {
                     stack[depth] = piece.halves;
                     stack[depth + 1] = piece.halves + 1;
                     depth += 2;
                 }
             }
         }
-        least
+        minimum
     }
 }
 
 /// Pieces shorter than this many voxels are not halved.
 const SHORTEST: f64 = 1.0;
-/// A piece of length l is halved while l² exceeds this times its radius: then its ball sticks out by l²/8r.
+/// A piece of length l is halved while l² exceeds this times its radius: then its sphere sticks out by l²/8r.
 const SLENDER: f64 = 1.2;
 
-/// The stretch of a body between two heights with the ball that covers it.
+/// The stretch of a body between two heights with its bounding sphere.
 fn piece(bodies: &[Body], body: usize, from: f64, to: f64) -> Piece {
     const STEPS: i32 = 8;
     let middle = 0.5 * (from + to);

@@ -15,8 +15,7 @@ use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
 use rustfft::num_complex::Complex;
 use rustfft::{Fft, FftPlanner};
 
-use super::clipped::ClippedTool;
-use super::size::{CircularSize, Precision, QueryBox};
+use super::size::{CircularSize, ClippedTool, Precision, QueryBox};
 use crate::occupancy::Occupancy;
 
 /// Wave numbers along z that are transformed together: one cache line of complex f32.
@@ -109,7 +108,8 @@ impl<T: Precision> Convolver<T> {
         let mut scratch = Scratch::default();
         let solid = Solid::Obstacle(obstacle);
         self.transform_z(&solid, &mut scratch);
-        let scale = T::narrow(1.0 / self.size.n.iter().map(|&n| n as f64).product::<f64>());
+        let points = self.size.n.iter().map(|&n| n as f64).product::<f64>();
+        let scale = T::from_f64(1.0 / points).unwrap_or_else(T::one);
         let mut spectrum = vec![Self::zero(); self.blocks() * ny * LANES * nx];
         for (block, out) in spectrum.chunks_exact_mut(ny * LANES * nx).enumerate() {
             self.transform_y(&solid, block, &mut scratch);
@@ -191,7 +191,7 @@ impl<T: Precision> Convolver<T> {
             let done = self.inverse_z.process_with_scratch(half, &mut real[..nz], fft);
             debug_assert!(done.is_ok(), "buffer lengths are the plan's");
             for (z, count) in counts[row * qz..][..qz].iter_mut().enumerate() {
-                let value = real[wrap(query.lower[2] + z as i64, nz)].widen();
+                let value: f64 = real[wrap(query.lower[2] + z as i64, nz)].into();
                 let rounded = value.round();
                 worst = worst.max((value - rounded).abs());
                 *count = rounded.max(0.0) as u32;

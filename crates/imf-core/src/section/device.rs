@@ -1,0 +1,164 @@
+//! Overlaps counted on a device, as a GPU: what it needs of a plan and of a tool in an orientation, and values from its counts.
+//!
+//! It is the same arithmetic as `run_length`, handed out instead of done: at every voxel p of a box the difference of
+//! two neighbouring overlaps is `overlap(p + 1) − overlap(p) = Σ O[p + covered] − Σ O[p + uncovered]`, where p + 1 is
+//! the next voxel along the axis. Upwards the differences below a voxel sum up to its overlap, downwards those from the
+//! voxel on to its negative. Where no difference is taken the overlap is zero.
+
+use super::direct::spot_check;
+use super::overlap::OverlapCounter;
+use super::run_ends::{Axis, Offsets, RunEnds};
+use super::size::{CircularSize, ClippedTool, QueryBox};
+use super::sweep::Sweep;
+use super::{SectionError, SectionPlan};
+use crate::occupancy::Occupancy;
+use crate::orientation::Orientation;
+use crate::tool::{RotatedTool, Tool};
+
+/// Run ends, sorted by x, then y, then z.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StepEnds {
+    /// Offset of the first plane of `starts` along x, from the tip's voxel.
+    pub first_plane: i64,
+    /// `[planes + 1]`: where the ends of each plane begin in `offsets`.
+    pub starts: Vec<u32>,
+    /// Offsets from the tip's voxel, in voxels along x, y, z.
+    pub offsets: Vec<[i64; 3]>,
+}
+
+/// What a device needs of a tool in one orientation to count its overlaps over a box of voxels.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SteppedTool {
+    /// Axis along which the tool is stepped: 0 for x, 1 for y, 2 for z.
+    pub axis: usize,
+    /// Whether a difference leads to the next voxel, or back from it.
+    pub upwards: bool,
+    /// Voxels where differences are taken, in the obstacle's grid.
+    pub steps: QueryBox,
+    /// What a step covers.
+    pub covered: StepEnds,
+    /// What a step uncovers.
+    pub uncovered: StepEnds,
+}
+
+/// Sizes that hold for a plan's whole query box, and thus for every part of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StepSpace {
+    /// Dimensions of the obstacle's grid.
+    pub obstacle: [usize; 3],
+    /// The tool's reach in voxels.
+    reach: i64,
+    /// Voxels from a line (along y) or the first voxel of a line (along z) to the next so that, with nothing in the
+    /// places beyond the obstacle, reading at any offset meets the line itself or nothing. Not needed along x.
+    pub spacing: [usize; 3],
+    /// At most so many differences are taken along each axis.
+    pub most_steps: [usize; 3],
+}
+
+/// What a device needs to know to count overlaps of a tool with an obstacle over a plan's query box or parts of it.
+#[derive(Clone, Copy, Debug)]
+pub struct SectionLayer<'a> {
+    /// The obstacle.
+    pub obstacle: &'a Occupancy,
+    /// What must stay out of it, in the grid's unit.
+    pub tool: &'a Tool,
+    /// Sizes.
+    pub space: StepSpace,
+}
+
+impl StepSpace {
+    fn new(obstacle: [usize; 3], query: QueryBox, reach: f64) -> Self {
+        let size = CircularSize::new(obstacle, query, reach);
+        // Along the axis of the steps the tool is tried from where it does not meet the obstacle yet.
+        let spacing = [0, 1, 2].map(|a| {
+            let tool = (size.last[a] - size.first[a] + 1).max(0) as usize;
+            size.needed[a].max(obstacle[a] + tool)
+        });
+        Self { obstacle, reach: reach.min(1e9).ceil() as i64, spacing, most_steps: size.needed }
+    }
+
+    /// Prepares a tool for `query`, the plan's query box or a part of it, by the cheapest axis along which there are at
+    /// most `most` differences. Nothing if there is none.
+    #[must_use]
+    pub fn step(&self, tool: &RotatedTool, query: &QueryBox, most: usize) -> Option<SteppedTool> {
+        let clipped = ClippedTool::new(tool, &CircularSize::new(self.obstacle, *query, self.reach as f64));
+        let nothing = || SteppedTool {
+            axis: 0,
+            upwards: true,
+            steps: QueryBox { lower: query.lower, dims: [0; 3] },
+            covered: StepEnds::new(&Offsets::default()),
+            uncovered: StepEnds::new(&Offsets::default()),
+        };
+        if clipped.dims[0] == 0 {
+            return Some(nothing());
+        }
+        let sweep = Sweep::choose_within(&clipped, self.obstacle, query, most)?;
+        if sweep.steps() == 0 {
+            return Some(nothing());
+        }
+        let ranges = Axis::ALL.map(|axis| sweep.range(axis, query));
+        let mut ends = RunEnds::default();
+        ends.collect(&clipped, sweep.axis);
+        Some(SteppedTool {
+            axis: sweep.axis.index(),
+            upwards: sweep.upwards,
+            steps: QueryBox {
+                lower: ranges.clone().map(|range| range.start),
+                dims: ranges.map(|range| (range.end - range.start) as usize),
+            },
+            covered: StepEnds::new(&ends.covered),
+            uncovered: StepEnds::new(&ends.uncovered),
+        })
+    }
+}
+
+impl StepEnds {
+    fn new(ends: &Offsets) -> Self {
+        Self { first_plane: ends.lower[0], starts: ends.plane_starts(), offsets: ends.iter().collect() }
+    }
+}
+
+impl SectionPlan {
+    /// What a device needs to know to count overlaps of the whole tool over the query box or parts of it.
+    #[must_use]
+    pub fn layer(&self) -> SectionLayer<'_> {
+        self.layer_of(&self.whole)
+    }
+
+    /// The same for what a part of the tool must stay out of as well, where there is such a thing.
+    #[must_use]
+    pub fn cuttable_layer(&self) -> Option<SectionLayer<'_>> {
+        self.noncutting.as_ref().map(|counter| self.layer_of(counter))
+    }
+
+    fn layer_of<'a>(&self, OverlapCounter { obstacle, tool, .. }: &'a OverlapCounter) -> SectionLayer<'a> {
+        let space = StepSpace::new(obstacle.grid.dims, self.query, tool.reach() / obstacle.grid.pitch);
+        SectionLayer { obstacle, tool, space }
+    }
+
+    /// As [`SectionPlan::cmf`], from overlaps that were counted on a device, over [`SectionPlan::query_box`]: those of
+    /// [`SectionPlan::layer`] with its tool in this orientation, and where the plan has a [`SectionPlan::cuttable_layer`] those
+    /// of it, or none where its tool holds no voxel centre.
+    ///
+    /// # Errors
+    /// A failed spot check.
+    ///
+    /// # Panics
+    /// If counts have not the query box's length, or `cmf` the grid's.
+    pub fn cmf_of_counts(
+        &self,
+        orientation: &Orientation,
+        (rotated, mut counts): (&RotatedTool, Vec<u32>),
+        cuttable: Option<(&RotatedTool, &[u32])>,
+        cmf: &mut [f32],
+    ) -> Result<(), SectionError> {
+        assert_eq!(counts.len(), self.query.len(), "one count for each voxel of the query box");
+        spot_check(&self.obstacle.forbidden, rotated, &self.query, &counts)?;
+        if let (Some((rest, more)), Some(counter)) = (cuttable, &self.noncutting) {
+            spot_check(&counter.obstacle, rest, &self.query, more)?;
+            counts.iter_mut().zip(more).for_each(|(count, more)| *count += more);
+        }
+        self.read_values(orientation, rotated.count, &counts, cmf);
+        Ok(())
+    }
+}

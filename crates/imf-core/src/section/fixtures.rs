@@ -1,0 +1,64 @@
+//! Small tools and obstacles that tests share.
+
+use glam::DVec3;
+use pulp::Arch;
+
+use super::{SectionPlan, SectionScratch};
+use crate::grid::Grid;
+use crate::occupancy::Occupancy;
+use crate::orientation::{Orientation, OrientationSet};
+use crate::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
+use crate::unit::LengthUnit;
+
+pub(crate) fn line(from: f64, to: f64, radius_from: f64, radius_to: f64) -> Segment {
+    Segment::Line { from, to, radius_from, radius_to }
+}
+
+/// Sharp at its tip.
+pub(crate) fn revolved(elements: impl IntoIterator<Item = (ElementKind, Vec<Segment>)>) -> Tool {
+    let elements = elements.into_iter().map(|(kind, profile)| Element { kind, profile }).collect();
+    Tool {
+        name: "test".into(),
+        unit: LengthUnit::Mm,
+        shape: ToolShape::Revolved(elements),
+        sharp_points: SharpPoints::Tip,
+    }
+}
+
+/// A cutter of the given radius and height.
+pub(crate) fn cylinder(radius: f64, height: f64) -> Tool {
+    revolved([(ElementKind::Cutter, vec![line(0.0, height, radius, radius)])])
+}
+
+/// A grid of unit voxels of which so many of four are solid.
+pub(crate) fn scattered(dims: [usize; 3], of_four: usize) -> Occupancy {
+    let grid = Grid { origin: DVec3::new(0.3, -1.0, 2.0), pitch: 1.0, dims };
+    let solid = |i: usize| u8::from(i.wrapping_mul(2_654_435_761) >> 7 & 3 < of_four);
+    Occupancy { grid, solid: (0..grid.len()).map(solid).collect() }
+}
+
+pub(crate) fn orientations(set: &str) -> Vec<Orientation> {
+    OrientationSet::parse(set).unwrap().orientations
+}
+
+/// Instruction sets of this machine, from the best to the plain one.
+pub(crate) fn archs() -> Vec<Arch> {
+    let mut archs = vec![Arch::new()];
+    #[cfg(target_arch = "x86_64")]
+    archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
+    archs.push(Arch::Scalar);
+    archs
+}
+
+pub(crate) fn cmf(plan: &SectionPlan, orientation: &Orientation) -> Vec<f32> {
+    let mut cmf = vec![f32::NAN; plan.grid().len()];
+    plan.cmf(orientation, &mut SectionScratch::default(), &mut cmf).unwrap();
+    cmf
+}
+
+/// Counts over the plan's grid, and the tool's own.
+pub(crate) fn counts(plan: &SectionPlan, orientation: &Orientation) -> (Vec<u32>, u32) {
+    let mut counts = vec![u32::MAX; plan.grid().len()];
+    let whole = plan.counts(orientation, &mut SectionScratch::default(), &mut counts).unwrap();
+    (counts, whole)
+}
