@@ -72,8 +72,7 @@ fn describe(session: &Session, path: &Path, arguments: &InfoArguments) -> Result
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     match ending.as_deref() {
         Some("toml" | "fctb" | "json" | "tools") => Ok(tool::describe(&Tool::read(path)?)),
-        // Of an .npz it says what is read instead.
-        Some("safetensors" | "npz") => match FieldFile::read(path)? {
+        Some("safetensors") => match FieldFile::read(path)? {
             FieldFile::Siren(model) => model::describe(path, &model),
             FieldFile::Harmonic(file) => harmonic::describe(path, &file),
             FieldFile::Factored(file) => factored::describe(path, &file),
