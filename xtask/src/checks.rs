@@ -21,6 +21,7 @@ pub(crate) fn run() -> Result<()> {
         ("clippy", clippy),
         ("rustdoc", rustdoc),
         ("core alone", core_alone),
+        ("fields alone", fields_alone),
         ("GPU driver", adapter::ensure_driver),
         ("tests", tests),
     ])
@@ -76,6 +77,26 @@ fn core_alone() -> Result<()> {
     }
     println!("the target {BROWSER} cannot be had here: checked for this machine instead");
     cargo(&check, &[])
+}
+
+/// Crates that loading a field and asking it pulls, at most, `imf-fields` among them.
+const MOST_CRATES_OF_FIELDS: usize = 60;
+
+/// `imf-fields` without its features builds, and pulls few crates.
+fn fields_alone() -> Result<()> {
+    let fields = ["-p", "imf-fields", "--no-default-features"];
+    let tree = [&["tree", "-e", "normal", "--prefix", "none"][..], &fields].concat();
+    let listed = cargo_command().args(&tree).output().context("cannot start cargo")?;
+    ensure!(listed.status.success(), "cargo tree: {}", String::from_utf8_lossy(&listed.stderr));
+    // Two versions of a crate are two.
+    let text = String::from_utf8_lossy(&listed.stdout);
+    let crates = text.lines().filter_map(|line| line.split(" (").next()).collect::<BTreeSet<_>>().len();
+    ensure!(
+        crates <= MOST_CRATES_OF_FIELDS,
+        "imf-fields without features pulls {crates} crates, more than {MOST_CRATES_OF_FIELDS}"
+    );
+    println!("imf-fields without features is {crates} crates");
+    cargo(&[&["check"][..], &fields].concat(), &[])
 }
 
 fn tests() -> Result<()> {

@@ -304,20 +304,6 @@ fn evaluate(field: &FactoredField, teacher: &HarmonicField) -> Result<(), Failur
     let prepared = seconds(start);
     black_box(evaluator.minimum(&heads));
     println!("  fibonacci:10000: IMF in {:.2} s (directions {prepared:.2} s of it)", seconds(start));
-
-    let position = |index: usize| place(field, index);
-    let total = 100_000;
-    for (points, turns) in [(1000, 100), (1000, 10_000), (100_000, 10_000)] {
-        let positions: Vec<DVec3> = (0..points).map(position).collect();
-        let poses: Vec<[u32; 2]> =
-            (0..total).map(|i| [(i * 7919 % points) as u32, (i * 104_729 % turns) as u32]).collect();
-        let mut overlaps = vec![0.0; total];
-        let all = best(3, || {
-            let heads = field.direction_weights(&many[..turns]);
-            evaluator.poses(&positions, &heads, &poses, &mut overlaps);
-        });
-        println!("  {total} poses of {points} points and {turns} orientations: {:.2} million/s", 0.1 / all);
-    }
     Ok(())
 }
 
@@ -347,19 +333,7 @@ fn single_poses(field: &FactoredField) -> Result<(), Failure> {
             black_box(evaluator.overlap_with_gradient(position(index), directions[index], &mut scratch));
         }
     });
-    let repeated = best(rounds, || {
-        if let Some(mut point) = evaluator.point(position(1), &mut scratch) {
-            for direction in &directions[..count] {
-                black_box(point.gradient(*direction));
-            }
-        }
-    });
-    println!(
-        "  single poses: value {:.1} µs, with gradients {:.1} µs, with gradients at a known point {:.1} µs",
-        each(value),
-        each(gradient),
-        each(repeated)
-    );
+    println!("  single poses: value {:.1} µs, with gradients {:.1} µs", each(value), each(gradient));
     Ok(())
 }
 

@@ -1,10 +1,10 @@
 """What else might teach a factored field better: optimisers, encodings, losses and starts, tried in PyTorch.
 
-    python crates/imf-bench/python/tries.py optimisers|encodings|losses FIELD.npz
-    python crates/imf-bench/python/tries.py starts FIELD.npz FIELD.npz NEW.npz
+    python crates/imf-bench/python/tries.py optimisers|encodings|losses FIELD
+    python crates/imf-bench/python/tries.py starts FIELD FIELD NEW
 
-A FIELD is what `imf field PART --method harmonic --save FIELD.npz` writes, of overlaps over directions. Needs torch (as
-in crates/imf-bench/python/requirements-torch.txt) and numpy. Prints a Markdown table, each row a teaching of its own from the same seed.
+A FIELD is what `imf field PART --method harmonic --save FIELD` writes (a .safetensors file), of overlaps over directions.
+Needs torch (as in crates/imf-bench/python/requirements-torch.txt), numpy and safetensors. Prints a Markdown table, each row a teaching of its own from the same seed.
 
 A row differs from the baseline in what it says and in nothing else. The baseline is `imf compress --optimiser muon --rate
 1.5e-3`: sines 3→256³
@@ -23,6 +23,7 @@ CPU, s      processor time of teaching, solving included, of all threads: compar
 import argparse
 import copy
 import dataclasses
+import json
 import math
 import os
 import pathlib
@@ -36,6 +37,7 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 import numpy as np
 import torch
+from safetensors import safe_open
 from torch import nn
 
 OMEGA = 20.0
@@ -78,9 +80,12 @@ class Teacher:
     """A harmonic field: `inputs` [voxels, 3] and `targets` [voxels, axes] in units of `scale`."""
 
     def __init__(self, path: pathlib.Path):
-        with np.load(path) as file:
-            coefficients, axes, mean, degree = file["coefficients"], file["axes"], file["mean"], int(file["degree"][0])
-            if bool(file["depth"][0]) or len(mean) != (degree + 1) ** 2:
+        with safe_open(path, framework="np") as file:
+            settings = json.loads(file.metadata()["imf"])["settings"]
+            numbers = (file.get_tensor(name).astype(np.float32) for name in ("coefficients", "axes", "mean"))
+            coefficients, axes, mean = numbers
+            degree = settings["degree"]
+            if "quantity" in settings or len(mean) != (degree + 1) ** 2:
                 raise SystemExit(f"{path}: a field of overlaps over directions is needed")
         self.name = path.stem
         dims = np.array(coefficients.shape[:3])
@@ -463,7 +468,7 @@ TRIES = {
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=TRIES)
-    parser.add_argument("fields", nargs="+", type=pathlib.Path, metavar="FIELD.npz")
+    parser.add_argument("fields", nargs="+", type=pathlib.Path, metavar="FIELD")
     parser.add_argument("--steps", type=int, nargs="+", help="numbers of steps; the first chooses the rate for all")
     parser.add_argument("--rates", type=float, nargs="+", help="rates of what is tried")
     parser.add_argument("--only", nargs="+", default=[""], help="rows that begin so, such as Muon SOAP")

@@ -5,8 +5,6 @@ use std::process::ExitCode;
 use imf_core::scene::SceneError;
 use imf_core::section::SectionError;
 use imf_fields::evaluation::EvaluationError;
-use imf_fields::file::FieldFileError;
-use imf_fields::tensor_file::TensorFileError;
 use imf_train::dataset::DatasetError;
 
 use crate::commands::check::CollisionFound;
@@ -83,15 +81,7 @@ fn remedy(cause: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
         }
         _ => {}
     }
-    if let Some(DatasetError::Shares { .. }) = cause.downcast_ref() {
-        return Some("imf dataset merge");
-    }
-    let in_file = match cause.downcast_ref() {
-        Some(FieldFileError::Tensors(error)) => Some(error),
-        _ => cause.downcast_ref(),
-    };
-    matches!(in_file, Some(TensorFileError::ForNumPy { .. }))
-        .then_some("imf field --method harmonic --save NAME.safetensors")
+    matches!(cause.downcast_ref(), Some(DatasetError::Shares { .. })).then_some("imf dataset merge")
 }
 
 /// Work that stopped at the user's wish without anything to keep.

@@ -10,7 +10,7 @@ use std::error::Error;
 
 use glam::{DQuat, DVec3};
 use imf_core::field::{Best, Decision, PoseField};
-use imf_core::orientation::OrientationSet;
+use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::pose::Pose;
 use imf_fields::field::VerifiedField;
 
@@ -26,6 +26,11 @@ struct Axes {
     smooth: Vec<DVec3>,
 }
 
+fn field() -> Result<VerifiedField, Box<dyn Error>> {
+    // Holder 3 mm away, or the model says how close.
+    Ok(VerifiedField::new(bracket::field(3.0, 0, bracket::overlaps())?)?)
+}
+
 fn choose(field: &VerifiedField) -> Result<Axes, Box<dyn Error>> {
     let scene = field.model().scene();
     let grid = scene.record.grid;
@@ -38,8 +43,8 @@ fn choose(field: &VerifiedField) -> Result<Axes, Box<dyn Error>> {
         }
     }
     let set = OrientationSet::parse(&format!("fibonacci:{AXES}"))?.orientations;
-    let axes: Vec<DVec3> = set.iter().map(imf_core::orientation::Orientation::direction).collect();
-    let rotations: Vec<DQuat> = set.iter().map(imf_core::orientation::Orientation::quaternion).collect();
+    let axes: Vec<DVec3> = set.iter().map(Orientation::direction).collect();
+    let rotations: Vec<DQuat> = set.iter().map(Orientation::quaternion).collect();
     let mut best = vec![Best::NONE; points.len()];
     field.best(&points, &rotations, &mut best)?;
     // Points that no axis reaches are left out.
@@ -87,8 +92,7 @@ fn turning(axes: &[DVec3]) -> f64 {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    // Holder 3 mm away, or the model says how close.
-    let field = VerifiedField::new(bracket::field(3.0)?)?;
+    let field = field()?;
     let Axes { points, best, smooth } = choose(&field)?;
     println!("x,y,z,i,j,k");
     for (p, d) in points.iter().zip(&smooth) {
@@ -105,7 +109,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 #[test]
 fn smooth_axes_are_free_and_turn_less() {
-    let field = VerifiedField::new(bracket::field(3.0).unwrap()).unwrap();
+    let field = field().unwrap();
     let Axes { points, best, smooth } = choose(&field).unwrap();
     assert!(points.len() > 20 && points.len() == smooth.len());
     for (&point, &axis) in points.iter().zip(&smooth) {

@@ -47,8 +47,8 @@ struct Found {
 fn plan(seed: u64) -> Result<Found, Box<dyn Error>> {
     let room = Clearance { holder: CLEARANCE, shank: CLEARANCE, cutter: CLEARANCE };
     // Poses are asked with the clearance, motions are proven of the tool itself.
-    let field = VerifiedField::with_clearance(bracket::field(0.0)?, room)?;
-    let tool = VerifiedField::new(bracket::field(0.0)?)?;
+    let field = VerifiedField::with_clearance(bracket::field(0.0, 0, bracket::overlaps())?, room)?;
+    let tool = VerifiedField::new(bracket::field(0.0, 0, bracket::overlaps())?)?;
     let grid = field.model().scene().record.grid;
     let random = RefCell::new(ChaCha8Rng::seed_from_u64(seed));
     let number = || f64::from(random.borrow_mut().next_u32()) / f64::from(u32::MAX);

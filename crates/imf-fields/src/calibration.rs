@@ -4,8 +4,8 @@
 //! rates here are the judges'. "Colliding" and "free" are about two tools: a *colliding* pose is one of the true tool's, a
 //! *clear* pose is one where the tool grown by the scene's clearance is free. What lies between may be answered either way.
 
+use imf_core::field::Decision;
 use serde::{Deserialize, Serialize};
-use statrs::function::beta::beta_reg;
 
 /// Errors of one kind among poses of one kind.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -20,13 +20,13 @@ pub struct Rate {
 
 impl Rate {
     /// So many errors, with their bound.
+    #[cfg(feature = "calibration")]
     #[must_use]
     pub fn new(wrong: u64, of: u64, confidence: f64) -> Self {
         Self { wrong, of, bound: upper_bound(wrong, of, confidence) }
     }
 
     /// The share itself; 0 of none.
-    #[must_use]
     pub fn share(&self) -> f64 {
         self.wrong as f64 / self.of.max(1) as f64
     }
@@ -70,7 +70,6 @@ pub struct Judgement {
 
 impl Judgement {
     /// Share of the poses that are left to an exact check.
-    #[must_use]
     pub fn undecided_share(&self) -> f64 {
         self.undecided as f64 / self.poses.max(1) as f64
     }
@@ -95,14 +94,17 @@ pub struct Calibration {
 
 impl Calibration {
     /// True where the bounds of the uniform poses' rates keep the goals.
-    #[must_use]
     pub fn keeps_its_goals(&self) -> bool {
         let Self { goals, uniform, .. } = self;
         uniform.false_free.bound <= goals.false_free && uniform.false_colliding.bound <= goals.false_colliding
     }
 
+    /// The decision of a value, not clipped.
+    pub(crate) fn decide(&self, value: f32) -> Decision {
+        decide(self.free_up_to, self.colliding_from, value)
+    }
+
     /// What is wrong with a record from a file, if anything is.
-    #[must_use]
     pub fn fault(&self) -> Option<&'static str> {
         let finite = |threshold: Option<f32>| threshold.is_none_or(f32::is_finite);
         if !finite(self.free_up_to) || !finite(self.colliding_from) {
@@ -115,11 +117,22 @@ impl Calibration {
     }
 }
 
+/// The decision of a value by thresholds.
+pub(crate) fn decide(free_up_to: Option<f32>, colliding_from: Option<f32>, value: f32) -> Decision {
+    if free_up_to.is_some_and(|free| value <= free) {
+        Decision::Free
+    } else if colliding_from.is_some_and(|colliding| value >= colliding) {
+        Decision::Colliding
+    } else {
+        Decision::Undecided
+    }
+}
+
 /// The largest rate at which `wrong` or fewer errors among `of` still have the probability 1 − `confidence`; 1 where
 /// nothing was tried.
 ///
 /// Clopper and Pearson (1934): the quantile of the beta distribution Beta(wrong + 1, of − wrong).
-#[must_use]
+#[cfg(feature = "calibration")]
 pub fn upper_bound(wrong: u64, of: u64, confidence: f64) -> f64 {
     if wrong >= of || !(confidence > 0.0 && confidence < 1.0) {
         return 1.0;
@@ -129,7 +142,7 @@ pub fn upper_bound(wrong: u64, of: u64, confidence: f64) -> f64 {
     // Sixty halvings reach the last bit of any rate above 1e-3, and nine digits of one in a thousand million.
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
-        if beta_reg(a, b, middle) < confidence {
+        if statrs::function::beta::beta_reg(a, b, middle) < confidence {
             low = middle;
         } else {
             high = middle;
@@ -139,7 +152,7 @@ pub fn upper_bound(wrong: u64, of: u64, confidence: f64) -> f64 {
 }
 
 /// The most errors among `of` poses whose bound still keeps `rate`; `None` where even none is too many.
-#[must_use]
+#[cfg(feature = "calibration")]
 pub fn most_errors(of: u64, rate: f64, confidence: f64) -> Option<u64> {
     if upper_bound(0, of, confidence) > rate {
         return None;

@@ -15,6 +15,7 @@ const AT_ONCE: usize = 8;
 
 /// Why an evaluation stopped.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum EvaluationError {
     /// An exact section failed, or the work was interrupted.
     #[error(transparent)]

@@ -21,17 +21,23 @@ mod evaluate;
 pub mod file;
 mod fold;
 mod point;
+// The definition and the targets that imf-train trains and tests by.
+#[doc(hidden)]
 pub mod reference;
 mod settings;
 mod state;
 mod symmetry;
+#[doc(hidden)]
 pub mod targets;
 
 pub use evaluate::FactoredEvaluator;
-pub use point::{FactoredPoint, PointScratch};
+pub use point::PointScratch;
 pub use settings::DistillSettings;
 pub use state::FactoredState;
-pub use symmetry::{ANGLE, Axis, Frame, Inputs, LocalHarmonics, Place, Symmetry};
+pub use symmetry::{Axis, Symmetry};
+// For the trainer and the GPU twin.
+#[doc(hidden)]
+pub use symmetry::{ANGLE, Frame, Inputs, LocalHarmonics, Place};
 
 use std::borrow::Cow;
 
@@ -80,7 +86,6 @@ impl std::fmt::Display for FactoredShape {
 
 impl FactoredShape {
     /// The network as a stack of layers.
-    #[must_use]
     pub fn stack(&self) -> Stack {
         let Self { width, hidden, omega, axes, folded, symmetry } = *self;
         Stack {
@@ -103,7 +108,6 @@ impl FactoredShape {
     }
 
     /// The layers in order, the linear one last where there is one: the layout of the flat parameters.
-    #[must_use]
     pub fn layers(&self) -> Vec<Layer> {
         self.stack().layers()
     }
@@ -121,13 +125,11 @@ impl FactoredShape {
     }
 
     /// Number of parameters, weights and biases together.
-    #[must_use]
     pub fn parameter_count(&self) -> usize {
         self.stack().parameter_count()
     }
 
     /// Random starting weights, in the ranges of the paper's network; the same seed gives the same bits everywhere.
-    #[must_use]
     pub fn initial_parameters(&self, seed: u64) -> Vec<f32> {
         self.stack().initial_parameters(seed)
     }
@@ -169,7 +171,6 @@ impl FactoredField {
     }
 
     /// Prepares orientations for the coefficients of [`FactoredEvaluator`].
-    #[must_use]
     pub fn direction_weights(&self, orientations: &[Orientation]) -> DirectionWeights {
         match self.local_harmonics() {
             None => DirectionWeights::new(&self.basis, &self.axes, &self.mean, orientations),
@@ -193,25 +194,21 @@ impl FactoredField {
 
     /// Coefficients of a point as [`FactoredEvaluator`] has them for [`Self::direction_weights`]: axes, or functions where the network is
     /// told of symmetry.
-    #[must_use]
     pub fn coefficient_count(&self) -> usize {
         self.shape.symmetry.coefficients(self.shape.axes, self.basis.len())
     }
 
     /// Numbers that the field consists of: weights, axes and mean.
-    #[must_use]
     pub fn parameter_count(&self) -> usize {
         self.parameters.len() + self.axes.len() + self.mean.len()
     }
 
     /// Bytes of these in f32.
-    #[must_use]
     pub fn bytes(&self) -> u64 {
         4 * self.parameter_count() as u64
     }
 
     /// Nearer to an axis than this slopes do not grow.
-    #[must_use]
     pub fn blunt(&self) -> f64 {
         0.5 * self.grid.pitch
     }
@@ -222,14 +219,12 @@ impl FactoredField {
     }
 
     /// What the network sees of a position.
-    #[must_use]
     pub fn input(&self, position: DVec3) -> Inputs {
         let symmetry = &self.shape.symmetry;
         symmetry.inputs_at(&self.grid, &symmetry.place(position))
     }
 
     /// What the network sees of a position, and the frame that its coefficients there are in.
-    #[must_use]
     pub fn seen(&self, position: DVec3) -> (Inputs, Frame) {
         let symmetry = &self.shape.symmetry;
         let place = symmetry.place(position);

@@ -1,5 +1,6 @@
 //! Fields from files as planners ask them, and verified ones.
 
+#[cfg(feature = "calibration")]
 pub mod calibrate;
 mod families;
 mod fitted;
@@ -20,6 +21,7 @@ use crate::file::FieldFileError;
 
 /// Why a file gives no field for planners.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum LoadError {
     /// The file.
     #[error(transparent)]
@@ -33,8 +35,10 @@ pub enum LoadError {
 }
 
 #[cfg(test)]
+mod allocation_tests;
+#[cfg(test)]
 mod calibrate_tests;
 #[cfg(test)]
-mod motion_tests;
-#[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod verified_tests;

@@ -1,16 +1,16 @@
 //! A field read from a file, whichever family it is of.
 
+use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
-
-use thiserror::Error;
 
 use crate::calibration::Calibration;
 use crate::factored::file::FactoredFile;
 use crate::harmonic::basis::Basis;
 use crate::harmonic::file::HarmonicFile;
-use crate::model::{Model, ModelError};
-use crate::tensor_file::{TensorFileError, refuse_npz};
+use crate::model::Model;
+pub use crate::tensor_file::FieldFileError;
+use crate::{factored, harmonic, model};
 use imf_core::scene::Scene;
 use imf_core::section::Quantity;
 
@@ -25,50 +25,47 @@ pub enum FieldFile {
     Factored(Box<FactoredFile>),
 }
 
-/// Why a file gives no field; the message names it.
-#[derive(Debug, Error)]
-pub enum FieldFileError {
-    /// A network's file.
-    #[error(transparent)]
-    Model(#[from] ModelError),
-    /// A harmonic or factored field's file.
-    #[error(transparent)]
-    Tensors(#[from] TensorFileError),
-}
-
 impl FieldFile {
     /// Reads and checks a field of any family.
     ///
     /// # Errors
-    /// A missing, foreign, newer, truncated or damaged file, and one that was kept for NumPy.
+    /// A missing, foreign, newer, truncated or damaged file; the message names it.
     pub fn read(path: &Path) -> Result<Self, FieldFileError> {
-        refuse_npz(path)?;
-        if HarmonicFile::is_one(path) {
-            return Ok(Self::Harmonic(Arc::new(HarmonicFile::read(path)?)));
-        }
-        if FactoredFile::is_one(path) {
-            return Ok(Self::Factored(Box::new(FactoredFile::read(path)?)));
-        }
-        Ok(Self::Siren(Box::new(Model::read(path)?)))
+        let formats = [harmonic::file::FORMAT, factored::file::FORMAT];
+        let format = formats.into_iter().find(|format| format.is_of(path)).unwrap_or(model::FORMAT);
+        Self::of(&format.bytes(path)?, path)
     }
 
     /// Checks a field of any family in memory, such as in a browser or embedded in a program; errors call it `name`.
     ///
     /// # Errors
     /// Foreign, newer, truncated or damaged bytes.
-    pub fn from_bytes(bytes: Vec<u8>, name: &str) -> Result<Self, FieldFileError> {
-        let name = Path::new(name);
-        if HarmonicFile::begins(&bytes) {
+    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Self, FieldFileError> {
+        Self::of(bytes, Path::new(name))
+    }
+
+    /// As [`FieldFile::from_bytes`], from all that a reader gives.
+    ///
+    /// # Errors
+    /// A reader that fails; foreign, newer, truncated or damaged bytes.
+    pub fn from_reader(mut reader: impl Read, name: &str) -> Result<Self, FieldFileError> {
+        let mut bytes = Vec::new();
+        let read = reader.read_to_end(&mut bytes);
+        read.map_err(|source| FieldFileError::Read { name: "field", path: name.into(), source })?;
+        Self::from_bytes(&bytes, name)
+    }
+
+    fn of(bytes: &[u8], name: &Path) -> Result<Self, FieldFileError> {
+        if harmonic::file::FORMAT.begins(bytes) {
             return Ok(Self::Harmonic(Arc::new(HarmonicFile::from_bytes(bytes, name)?)));
         }
-        if FactoredFile::begins(&bytes) {
+        if factored::file::FORMAT.begins(bytes) {
             return Ok(Self::Factored(Box::new(FactoredFile::from_bytes(bytes, name)?)));
         }
-        Ok(Self::Siren(Box::new(Model::from_bytes(&bytes, name)?)))
+        Ok(Self::Siren(Box::new(Model::from_bytes(bytes, name)?)))
     }
 
     /// What its decisions are worth, where that was measured.
-    #[must_use]
     pub fn calibration(&self) -> Option<&Calibration> {
         match self {
             Self::Siren(model) => model.calibration.as_ref(),
@@ -90,17 +87,16 @@ impl FieldFile {
     ///
     /// # Errors
     /// A file that cannot be written.
+    #[cfg(feature = "fit")]
     pub fn write(&self, path: &Path) -> Result<(), FieldFileError> {
         match self {
-            Self::Siren(model) => model.write(path)?,
-            Self::Harmonic(file) => file.write(path)?,
-            Self::Factored(file) => file.write(path)?,
+            Self::Siren(model) => model.write(path),
+            Self::Harmonic(file) => file.write(path),
+            Self::Factored(file) => file.write(path),
         }
-        Ok(())
     }
 
     /// What its values are.
-    #[must_use]
     pub fn quantity(&self) -> Quantity {
         match self {
             Self::Siren(_) => Quantity::Overlap,
@@ -110,7 +106,6 @@ impl FieldFile {
     }
 
     /// The functions of an orientation that it is a sum of; none of the paper's network.
-    #[must_use]
     pub fn basis(&self) -> Option<&Basis> {
         match self {
             Self::Siren(_) => None,
@@ -120,7 +115,6 @@ impl FieldFile {
     }
 
     /// What the field is of.
-    #[must_use]
     pub fn scene(&self) -> &Scene {
         match self {
             Self::Siren(model) => &model.scene,
@@ -129,3 +123,6 @@ impl FieldFile {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -14,32 +14,38 @@
 pub mod basis;
 mod both_ways;
 pub mod coefficients;
-mod degree;
 mod evaluate;
 pub mod file;
+#[cfg(feature = "fit")]
 mod fit;
-mod fours;
-mod mirrors;
-mod npz;
+pub(crate) mod mirror;
 mod point;
-pub mod radial;
+#[cfg(test)]
+mod radial;
 mod refine;
+mod settings;
+
+// The functions' recurrences, for the GPU twin.
+#[doc(hidden)]
 pub mod rotations;
-mod sides;
+#[doc(hidden)]
 pub mod sphere;
 
-pub use degree::{degree_for, sections_tried};
+#[doc(hidden)]
 pub use evaluate::VoxelCoefficients;
 pub use evaluate::{DIRECTIONS_AT_ONCE, DirectionWeights};
 pub(crate) use evaluate::{minimum_of, minimum_over, sections_of};
-pub use fit::solve::function_values;
-pub use fit::source::{Source, SourceScratch};
-pub use fit::{FitReport, FitSettings, Sizes, estimate, fit, section_count};
-pub use fit::{Outline, outline};
-pub(crate) use mirrors::{Mirrors, parities};
+#[cfg(feature = "fit")]
+pub use fit::{degree_for, estimate, fit, section_count, sections_tried};
+// For distillation from sections that come and go.
+#[cfg(feature = "fit")]
+#[doc(hidden)]
+pub use fit::{Outline, Source, SourceScratch, function_values, outline};
+pub(crate) use mirror::{Mirrors, Planes};
 pub(crate) use point::{Functions, TurnScratch};
 pub use point::{Gradient, PointScratch};
 pub use refine::Refined;
+pub use settings::{FitReport, FitSettings, Sizes};
 
 use thiserror::Error;
 
@@ -51,6 +57,7 @@ use imf_core::section::{Quantity, SectionError};
 
 /// Why a harmonic field cannot be made.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum HarmonicError {
     /// A setting out of range.
     #[error("harmonic field: {0}")]
@@ -87,13 +94,11 @@ pub struct HarmonicField {
 
 impl HarmonicField {
     /// Axes kept.
-    #[must_use]
     pub fn axis_count(&self) -> usize {
         self.axes.len() / self.basis.len()
     }
 
     /// Bytes of the coefficients and axes.
-    #[must_use]
     pub fn bytes(&self) -> u64 {
         self.coefficients.len() as u64 * self.coefficients.precision().bytes()
             + 4 * (self.axes.len() + self.mean.len()) as u64

@@ -5,11 +5,20 @@
 //! megabyte: [`factored`] is distilled from harmonics, [`siren`] is the paper's. [`file`](mod@file) reads any from its file.
 //!
 //! This crate may import `imf-core` alone. It evaluates, calibrates and exports fields, and fits harmonic ones; networks are
-//! trained in `imf-train`, whose settings are here too ([`recipe`]), since a field's file tells how it was made.
+//! trained in `imf-train`, whose settings are here too ([`recipe`]), since a field's file says how it was made.
 //!
 //! # Where to begin
 //! [`field::Field`] is a field from a file of any family, which answers poses and whole grids; [`field::VerifiedField`]
 //! decides by proof as well.
+//!
+//! # Features
+//! All are on by default. Without any, a field of every family is loaded from a file, a reader or bytes and asked for values,
+//! gradients, decisions, sections and minima, with at most 60 crates.
+//! - `parallel`: all threads of the current rayon pool; without it the thread that calls.
+//! - `fit`: making fields (harmonic fits, starting weights' teachers) and saving them.
+//! - `calibration`: measuring what a field's decisions are worth.
+//! - `export`: ONNX graphs.
+#![cfg_attr(not(feature = "fit"), allow(dead_code, reason = "fits and files alone use it"))]
 
 pub mod calibration;
 pub mod evaluation;
@@ -21,7 +30,9 @@ mod fixtures;
 pub mod harmonic;
 pub mod metrics;
 pub mod model;
+#[cfg(feature = "export")]
 pub mod onnx;
+mod parallel;
 pub mod recipe;
 pub mod siren;
-pub mod tensor_file;
+mod tensor_file;

@@ -80,7 +80,6 @@ impl Errors {
     }
 
     /// The errors; all zero where nothing was compared.
-    #[must_use]
     pub fn report(&self, threshold: f64) -> ErrorReport {
         let n = self.count.max(1) as f64;
         let share = |part: u64, whole: u64| if whole == 0 { 0.0 } else { part as f64 / whole as f64 };

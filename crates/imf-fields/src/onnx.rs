@@ -59,16 +59,17 @@ const OVERLAP: &str = "the share of the tool's volume in the obstacle, in [0, 1]
 
 /// Why a field is not written.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum OnnxError {
     /// Its functions are of rotations; the family's name.
     #[error(
         "a {0} field of a tool that is not symmetric about its axis has no ONNX form: its functions are of rotations, and \
-         only those of directions are written; ask it by imf query, or through the library"
+         only those of directions are written"
     )]
     Rotations(&'static str),
     /// Larger than the format holds.
     #[error(
-        "the field's {0} bytes are more than an ONNX file holds (2 GiB): make it a network by `imf compress`, or choose a \
+        "the field's {0} bytes are more than an ONNX file holds (2 GiB): distil it to a network, or choose a \
          lower degree or a larger pitch"
     )]
     Size(u64),
@@ -78,7 +79,6 @@ pub enum OnnxError {
 }
 
 /// Bytes of a field's numbers in its graph; writing takes three times as many of memory.
-#[must_use]
 pub fn onnx_bytes(stored: &FieldFile) -> u64 {
     match stored {
         FieldFile::Siren(model) => 4 * model.state.parameters.len() as u64,

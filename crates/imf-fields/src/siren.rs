@@ -18,17 +18,28 @@
 
 mod evaluation;
 pub mod evaluator;
-pub mod forward;
-pub mod halves;
-pub mod lanes;
-pub mod matrix;
 pub mod over_grid;
+pub(crate) mod tangent;
+
+// What the engines of imf-train and the twins of imf-gpu build on.
+#[doc(hidden)]
+pub mod forward;
+#[doc(hidden)]
+pub mod halves;
+#[doc(hidden)]
+pub mod lanes;
+#[doc(hidden)]
+pub mod matrix;
+#[doc(hidden)]
 pub mod plan;
+#[doc(hidden)]
 pub mod reference;
+#[doc(hidden)]
 pub mod scratch;
+#[doc(hidden)]
 pub mod sine;
+#[doc(hidden)]
 pub mod stack;
-pub mod tangent;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -77,6 +88,7 @@ pub struct Layer {
 
 /// Why a network's description is refused.
 #[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
 pub enum ShapeError {
     /// Width or depth is zero or absurd.
     #[error("a network needs 1 to 64 hidden layers of 1 to 8192 neurons, not {hidden} of {width}")]
@@ -118,15 +130,14 @@ pub enum ShapeError {
     Symmetry,
     /// A network that was told of mirror planes, and another field that is not its own image across them.
     #[error(
-        "the network was taught a part that is {0}, and this one is not: teach it anew, or go on with a network that was told of \
-         no symmetry (--symmetry none)"
+        "the network was trained for a part that is {0}, and this one is not: train it anew, or go on with a network without \
+         symmetry"
     )]
     OtherSymmetry(String),
 }
 
 impl SirenShape {
     /// The network as a stack of layers.
-    #[must_use]
     pub fn stack(&self) -> Stack {
         let Self { width, hidden, skip_after, omega } = *self;
         Stack { inputs: INPUTS, width, hidden, skip_after, omega, outputs: 1, ending: Ending::Sigmoid }
@@ -141,26 +152,22 @@ impl SirenShape {
     }
 
     /// The layers in order, hidden ones first, the output layer last: the one definition of the flat layout.
-    #[must_use]
     pub fn layers(&self) -> Vec<Layer> {
         self.stack().layers()
     }
 
     /// Number of parameters, weights and biases together.
-    #[must_use]
     pub fn parameter_count(&self) -> usize {
         self.stack().parameter_count()
     }
 
     /// Floating-point operations of one forward pass of one sample (products and sums of the layers).
-    #[must_use]
     pub fn forward_flops(&self) -> usize {
         self.layers().iter().map(|layer| 2 * layer.inputs * layer.outputs).sum()
     }
 
     /// Starting weights: the first layer U(±1/inputs), the others U(±√(6/inputs)/ω); biases U(±1/√inputs), where
     /// the paper is silent. The same seed gives the same bits on every machine.
-    #[must_use]
     pub fn initial_parameters(&self, seed: u64) -> Vec<f32> {
         self.stack().initial_parameters(seed)
     }
@@ -175,7 +182,6 @@ impl SirenShape {
 }
 
 /// The five inputs of one pose: unit coordinates of the point in its grid and the angle pair in degrees.
-#[must_use]
 pub fn features(unit: [f32; 3], theta_degrees: f32, phi_degrees: f32) -> [f32; INPUTS] {
     [
         2.0 * unit[0] - 1.0,

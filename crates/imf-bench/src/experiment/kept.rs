@@ -6,7 +6,8 @@ use anyhow::{Result, bail};
 use imf_cli::job::{self, Latest};
 use imf_cli::session::Session;
 use imf_core::scene::SceneRecord;
-use imf_fields::model::{Model, ModelError};
+use imf_fields::file::FieldFileError;
+use imf_fields::model::Model;
 use imf_fields::recipe::Sampling;
 use imf_fields::recipe::TrainingPlan;
 use imf_fields::siren::SirenShape;
@@ -79,7 +80,7 @@ impl<'a> Training<'a> {
                 [] => {}
                 differing => other = Some(differing.join(", ")),
             },
-            Err(error @ ModelError::Newer { .. }) => return Err(error.into()),
+            Err(error @ FieldFileError::Newer { .. }) => return Err(error.into()),
             // Damaged files are nothing to go on from, nor anything to keep.
             Err(_) => {}
         }
@@ -89,7 +90,7 @@ impl<'a> Training<'a> {
                 [] => {}
                 differing => other = Some(differing.join(", ")),
             },
-            Err(error) if matches!(error.downcast_ref(), Some(ModelError::Newer { .. })) => {
+            Err(error) if matches!(error.downcast_ref(), Some(FieldFileError::Newer { .. })) => {
                 return Err(error);
             }
             // Damaged files are nothing to go on from, nor anything to keep.

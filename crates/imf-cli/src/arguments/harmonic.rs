@@ -61,7 +61,7 @@ pub(crate) struct HarmonicArguments {
     /// With --imf: the least over all orientations, not only over the set: from its best one down the field's gradient
     #[arg(help_heading = HEADING, long, requires = "imf")]
     pub(crate) refine: bool,
-    /// Keep the harmonic field in this file, for imf query, imf field and imf info; NAME.npz for NumPy. A field of depth is
+    /// Keep the harmonic field in this file, for imf query, imf field and imf info. A field of depth is
     /// refused by imf field, imf eval and imf query --exact
     #[arg(help_heading = HEADING, long, value_name = "FILE", requires = "method")]
     pub(crate) save: Option<PathBuf>,

@@ -22,7 +22,6 @@ use serde_json::{Value, json};
 use self::approximate::Approximate;
 use self::check::Check;
 use self::counting::Streamed;
-use self::harmonic::is_npz;
 use super::calibrate;
 use crate::arguments::field::FieldArguments;
 use crate::arguments::harmonic::FieldMethod;
@@ -100,8 +99,7 @@ pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
 
 /// Whether a part is none, but looks like a saved field.
 fn is_field(part: &Path) -> bool {
-    let ending = part.extension().unwrap_or_default().to_ascii_lowercase();
-    ending == "safetensors" || ending == "npz"
+    part.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("safetensors"))
 }
 
 /// Says so where a tool whose roll matters is never rolled.
@@ -114,9 +112,7 @@ fn note_of_rolls(session: &Session, set: &OrientationSet) {
 /// Measures what the decisions of a field that was kept are worth; two of it need not be in memory at once.
 fn calibrated(session: &Session, arguments: &FieldArguments) -> Result<()> {
     match &arguments.harmonic.save {
-        Some(path) if !arguments.harmonic.no_calibrate && !is_npz(path) => {
-            calibrate::afterwards(session, path)
-        }
+        Some(path) if !arguments.harmonic.no_calibrate => calibrate::afterwards(session, path),
         _ => Ok(()),
     }
 }

@@ -60,8 +60,7 @@ fn describe(session: &Session, path: &Path, unit: Option<LengthUnit>) -> Result<
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     match ending.as_deref() {
         Some("toml" | "fctb" | "json" | "tools") => Ok(geometry::tool(&Tool::read(path)?)),
-        // Of an .npz it says what is read instead.
-        Some("safetensors" | "npz") => fields::field(path, &FieldFile::read(path)?),
+        Some("safetensors") => fields::field(path, &FieldFile::read(path)?),
         _ => geometry::mesh_file(session, path, unit),
     }
 }

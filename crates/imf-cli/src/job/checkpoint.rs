@@ -10,7 +10,8 @@ use std::time::Instant;
 
 use anyhow::{Context as _, Result};
 use imf_core::atomic_file::remove_all_leftovers;
-use imf_fields::model::{Model, ModelError, steps_said};
+use imf_fields::file::FieldFileError;
+use imf_fields::model::{Model, steps_said};
 
 use crate::arguments::NetworkFamily;
 use crate::session::Session;
@@ -40,7 +41,7 @@ pub fn latest(out: &Path) -> Result<Latest> {
     let (current, previous) = (out.join(CURRENT), out.join(PREVIOUS));
     let error = match Model::read(&current) {
         Ok(model) => return Ok(Latest { model, path: current, damage: None }),
-        Err(error @ ModelError::Newer { .. }) => return Err(error.into()),
+        Err(error @ FieldFileError::Newer { .. }) => return Err(error.into()),
         Err(error) => error,
     };
     let model = match Model::read(&previous) {

@@ -5,7 +5,8 @@ use std::path::Path;
 use anyhow::{Context as _, Result, bail, ensure};
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::SceneRecord;
-use imf_fields::model::{Model, ModelError, TrainingRecord};
+use imf_fields::file::FieldFileError;
+use imf_fields::model::{Model, TrainingRecord};
 use imf_fields::recipe::Sampling;
 use imf_fields::recipe::TrainingState;
 use imf_fields::recipe::divergence::Watch;
@@ -241,7 +242,7 @@ fn refuse_unfinished(out: &Path) -> Result<()> {
             found.path.display(),
             found.model.record.steps
         ),
-        Err(error) if matches!(error.downcast_ref(), Some(ModelError::Newer { .. })) => Err(error),
+        Err(error) if matches!(error.downcast_ref(), Some(FieldFileError::Newer { .. })) => Err(error),
         _ => Ok(()),
     }
 }

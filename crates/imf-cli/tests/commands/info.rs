@@ -100,27 +100,6 @@ fn models_are_described_and_damaged_ones_refused() {
 }
 
 #[test]
-fn a_field_kept_for_numpy_is_refused_by_what_reads_fields() {
-    let folder = Folder::new();
-    let kept = ["--method", "harmonic", "--degree", "2", "--save", "n.npz"];
-    folder.succeed(&[&["field", "bracket", "--dims", "5,15,9"], &kept[..]].concat());
-    folder.write("poses.csv", "x,y,z,theta,phi\n1,2,3,40,50\n");
-    for asked in [
-        &["info", "n.npz"][..],
-        &["query", "n.npz", "poses.csv"],
-        &["field", "n.npz", "--orientations", "0,0", "--out", "out"],
-        &["eval", "n.npz", "--out", "out"],
-        &["calibrate", "n.npz"],
-        &["compress", "n.npz", "--out", "out"],
-        &["export", "n.npz", "--out", "n.onnx"],
-    ] {
-        let run = folder.run(asked);
-        run.is_refusal(&["n.npz was saved for NumPy", "NAME.safetensors"], asked);
-    }
-    folder.refuse(&["query", "none.npz", "poses.csv"], &["cannot read", "none.npz"]);
-}
-
-#[test]
 fn what_is_nothing_is_said_to_be_nothing() {
     let folder = Folder::new();
     folder.refuse(&["info", "kettle"], &["kettle", "bracket-raw"]);

@@ -1,31 +1,33 @@
 //! The bracket of the examples: a coarse one, with a harmonic field made in a moment.
 
+use std::error::Error;
 use std::sync::Arc;
 
 use imf_core::control::Control;
 use imf_core::parts::ReferencePart;
-use imf_core::scene::SceneSpec;
+use imf_core::scene::Scene;
 use imf_core::section::{At, SectionPlan};
-use imf_core::tool::{Clearance, Tool};
+use imf_core::tool::Clearance;
 use imf_fields::field::Field;
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitSettings, fit};
 
-/// The field of the paper's tool, its holder grown by `clearance`. A program would load it: `Field::load`.
-pub(crate) fn field(clearance: f64) -> Result<Field, Box<dyn std::error::Error>> {
-    let scene = SceneSpec::of_reference(
-        ReferencePart::Bracket,
-        &ReferencePart::Bracket.mesh(),
-        [17, 49, 29],
-        &Tool::paper(),
-    )
-    .scene()?
-    .with_clearance(&Clearance::around_holder_and_shank(clearance))?;
-    let settings = FitSettings { degree: 6, sections_per_function: 2.0, axes: 49, ..FitSettings::default() };
-    let made =
-        fit(&SectionPlan::of_scene(&scene, At::Tip)?, Domain::Directions, &settings, Control::quiet())?;
-    let file = HarmonicFile { field: made, scene, settings, calibration: None };
+/// The field of the paper's tool, its holder offset by `clearance`, with as many voxels around the part as `margin` says. A
+/// program would load it: `Field::load`.
+pub(crate) fn field(clearance: f64, margin: usize, settings: FitSettings) -> Result<Field, Box<dyn Error>> {
+    let dims = [17, 49, 29].map(|n| n + 2 * margin);
+    let part = Scene::builder().reference(ReferencePart::Bracket).dims(dims).margin(margin);
+    let scene = part.build()?.scene.with_clearance(&Clearance::around_holder_and_shank(clearance))?;
+    let plan = SectionPlan::of_scene(&scene, At::Tip)?;
+    let field = fit(&plan, Domain::Directions, &settings, Control::quiet())?;
+    let file = HarmonicFile { field, scene, settings, calibration: None };
     Ok(Field::new(FieldFile::Harmonic(Arc::new(file)))?)
+}
+
+/// Of a field of overlaps.
+#[allow(dead_code, reason = "not every example has one")]
+pub(crate) fn overlaps() -> FitSettings {
+    FitSettings { degree: 6, sections_per_function: 2.0, axes: 49, ..FitSettings::default() }
 }

@@ -3,24 +3,23 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
+use crate::parallel::*;
 use glam::DVec3;
 use pulp::Arch;
-use rayon::prelude::*;
 
 use super::FactoredField;
 use super::symmetry::{LocalHarmonics, MOST_INPUTS, Place};
+use crate::harmonic::basis::Basis;
 use crate::harmonic::coefficients::{Coefficients, Precision};
 use crate::harmonic::{
-    DirectionWeights, FitReport, HarmonicField, Mirrors, VoxelCoefficients, minimum_of, parities, sections_of,
+    DirectionWeights, FitReport, HarmonicField, Mirrors, Planes, VoxelCoefficients, minimum_of, sections_of,
 };
 use crate::siren::forward::Network;
 use crate::siren::halves::HalfPanels;
-use crate::siren::lanes::dot;
 use crate::siren::matrix::{Matrix, multiply, prefer_unpacked};
 use crate::siren::plan::{Plan, transpose, transpose_all};
 use crate::siren::scratch::ScratchPool;
 use imf_core::section::{Imf, Quantity};
-use imf_core::vectorised::vectorised;
 use imf_core::workspaces::Workspaces;
 
 /// A field ready to be evaluated, on the current rayon pool.
@@ -56,7 +55,6 @@ const BLOCK: usize = HarmonicField::BLOCK;
 
 impl FactoredField {
     /// Lays the weights out for evaluation.
-    #[must_use]
     pub fn evaluator(&self) -> FactoredEvaluator<'_> {
         FactoredEvaluator::new(Cow::Borrowed(self))
     }
@@ -97,7 +95,6 @@ impl<'a> FactoredEvaluator<'a> {
     }
 
     /// The field that is evaluated.
-    #[must_use]
     pub fn field(&self) -> &FactoredField {
         &self.field
     }
@@ -140,12 +137,6 @@ impl FactoredEvaluator<'_> {
         for (row, place) in z.chunks_exact_mut(count).zip(places) {
             harmonics.to_world(place, row);
         }
-    }
-
-    /// The axes' order where coefficients are those of all functions of a direction whose numbers are in it, and nothing is added:
-    /// of fields that are told of a symmetry.
-    pub(crate) fn order(&self) -> Option<[usize; 3]> {
-        self.local.as_ref().map(|local| local.harmonics.order())
     }
 
     /// The network's outputs at up to a block's places, scaled, into `z` as `[place][axes]`.
@@ -209,19 +200,17 @@ impl FactoredEvaluator<'_> {
     ///
     /// # Panics
     /// If `sections` has not that length.
-    pub fn sections(&self, heads: &DirectionWeights, sections: &mut [f32]) {
-        sections_of(self, heads, sections);
+    pub fn sections(&self, weights: &DirectionWeights, sections: &mut [f32]) {
+        sections_of(self, weights, sections);
     }
 
     /// The least value over the orientations at every voxel with the first orientation that has it, as
     /// [`HarmonicField::minimum`].
-    #[must_use]
-    pub fn minimum(&self, heads: &DirectionWeights) -> Imf {
-        minimum_of(self, heads)
+    pub fn minimum(&self, weights: &DirectionWeights) -> Imf {
+        minimum_of(self, weights)
     }
 
     /// The coefficients at every voxel, for many evaluations; `report` is the teacher's.
-    #[must_use]
     pub fn expanded(&self, precision: Precision, report: FitReport) -> HarmonicField {
         let (field, axes) = (&self.field, self.field.coefficient_count());
         let mut coefficients = vec![0.0; field.grid.len() * axes];
@@ -240,42 +229,6 @@ impl FactoredEvaluator<'_> {
             coefficients: Coefficients::new(coefficients, precision),
             report,
         }
-    }
-
-    /// Overlaps, in [0, 1], of many poses: `poses` are pairs of a point's and an orientation's index. The network runs
-    /// once a point and the functions once an orientation, however often poses name them. NaN outside the box of the
-    /// voxel centres.
-    ///
-    /// # Panics
-    /// If an index is out of range, or there are not as many `overlaps` as poses.
-    pub fn poses(
-        &self,
-        points: &[DVec3],
-        heads: &DirectionWeights,
-        poses: &[[u32; 2]],
-        overlaps: &mut [f32],
-    ) {
-        assert_eq!(poses.len(), overlaps.len(), "one overlap for each pose");
-        let axes = self.field.coefficient_count();
-        let mut z = vec![0.0; points.len() * axes];
-        z.par_chunks_mut(BLOCK * axes).zip(points.par_chunks(BLOCK)).for_each(|(z, points)| {
-            self.block(points.iter().copied(), z);
-            for (z, &point) in z.chunks_exact_mut(axes).zip(points) {
-                if !self.field.grid.is_between_centres(point) {
-                    z.fill(f32::NAN);
-                }
-            }
-        });
-        let turned = heads.by_orientation();
-        overlaps.par_chunks_mut(BLOCK).zip(poses.par_chunks(BLOCK)).for_each(|(overlaps, poses)| {
-            vectorised!(self.arch, {
-                for (overlap, &[point, orientation]) in overlaps.iter_mut().zip(poses) {
-                    let z = &z[point as usize * axes..][..axes];
-                    let (constant, along) = turned.of(orientation as usize);
-                    *overlap = self.field.quantity.held(constant + dot(z, along));
-                }
-            });
-        });
     }
 }
 
@@ -299,7 +252,8 @@ impl VoxelCoefficients for FactoredEvaluator<'_> {
             let plane = self.field.shape.symmetry.mirrors[axis];
             plane.is_some_and(|plane| (plane - middle[axis]).abs() <= NEAR * grid.pitch)
         });
-        Mirrors::new(across, parities(self.field.basis.degree(), across, local.harmonics.order()))
+        let planes = Planes::new(grid.dims, across);
+        Mirrors::new(planes, planes.parities(self.field.basis.degree(), local.harmonics.order()))
     }
 
     fn read<'a>(&'a self, voxels: Range<usize>, scratch: &'a mut Vec<f32>) -> &'a [f32] {
@@ -307,5 +261,17 @@ impl VoxelCoefficients for FactoredEvaluator<'_> {
         let grid = &self.field.grid;
         self.block(voxels.map(|voxel| grid.centre(grid.voxel(voxel))), scratch);
         scratch
+    }
+
+    fn at(&self, points: &mut dyn Iterator<Item = DVec3>, z: &mut [f32], _: &mut Vec<f32>) {
+        self.block(points, z);
+    }
+
+    fn functions(&self) -> (&Basis, &[f32], &[f32]) {
+        (&self.field.basis, &self.field.axes, &self.field.mean)
+    }
+
+    fn order(&self) -> Option<[usize; 3]> {
+        self.local.as_ref().map(|local| local.harmonics.order())
     }
 }

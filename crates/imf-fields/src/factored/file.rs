@@ -1,40 +1,31 @@
-//! The factored field on disk: one safetensors file that stands alone, for queries as for going on with teaching.
-//!
-//! Its metadata has one key, `imf`: JSON with the format's name and version, the scene, how teacher and field were made.
-//! Its tensors:
+//! The factored field on disk (`tensor_file` has what all share), for queries as for going on with distillation, with these
+//! tensors:
 //!
 //! ```text
-//! parameters  f16 or f32 [weights]             g, in the layout of FactoredShape::layers
-//! axes        f32 [functions, axes]            U: orthonormal columns; of a folded network V, of the weights' kind; with symmetry
-//!                                              of the functions of the direction in the frame of the place
-//! mean        f32 [functions]                  μ
-//! obstacle    u8  [⌈voxels/8⌉]                 the scene's solid voxels, eight a byte, first voxel in the lowest bit
-//! layer       u8  [⌈voxels/8⌉]                 where there is contact: the voxels that the cutter may enter
-//! state       f32 [3, weights]                 where teaching can go on: weights and both moments
-//! preconditioners f32 [numbers]                what the optimiser keeps beside these (SOAP's; TrainingState)
+//! parameters  f16 or f32 [weights]       g, in the layout of FactoredShape::layers
+//! axes        f32 [functions, axes]      U: orthonormal columns; of a folded network V, of the weights' kind; with symmetry
+//!                                        of the functions of the direction in the frame of the place
+//! mean        f32 [functions]            μ
+//! state       f32 [3, weights]           where distillation can go on: weights and both moments
+//! preconditioners f32 [numbers]          what the optimiser keeps beside these (SOAP's; TrainingState)
 //! ```
 
 use std::path::Path;
 
 use half::f16;
-use safetensors::tensor::Dtype;
 use serde::{Deserialize, Serialize};
 
 use super::{DistillSettings, FactoredField, FactoredState};
 use crate::calibration::Calibration;
 use crate::harmonic::basis::{Basis, Domain};
 use crate::harmonic::coefficients::Precision;
-use crate::harmonic::file::kind;
 use crate::harmonic::{FitReport, FitSettings};
-use crate::recipe::Cursor;
-use crate::recipe::TrainingState;
 use crate::recipe::divergence::Watch;
-use crate::tensor_file::{
-    Format, Header, Loaded, TensorFileError, checksum, floats, halves, little_endian, little_endian_halves,
-};
-use imf_core::scene::{Scene, SceneRecord};
+use crate::recipe::{Cursor, TrainingState};
+use crate::tensor_file::{FieldFileError, Format, Loaded};
+use imf_core::scene::Scene;
 
-const FORMAT: Format = Format { id: "imf-factored", name: "factored field", version: 1 };
+pub(crate) const FORMAT: Format = Format { id: "imf-factored", name: "factored field" };
 
 /// Arrays of a state.
 const STATE: usize = 3;
@@ -62,10 +53,7 @@ pub struct FactoredFile {
 
 #[derive(Serialize, Deserialize)]
 struct Description {
-    #[serde(flatten)]
-    header: Header,
     domain: Domain,
-    scene: SceneRecord,
     fit: FitSettings,
     report: FitReport,
     settings: DistillSettings,
@@ -78,16 +66,10 @@ struct Description {
     /// Of the state.
     #[serde(default, skip_serializing_if = "Watch::is_new")]
     watch: Watch,
-    /// Nothing where the field was never calibrated.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    calibration: Option<Calibration>,
-    /// CRC-32 over parameters, axes, mean and state.
-    crc32: u32,
 }
 
 impl FactoredFile {
     /// True where teaching stopped before the end of its plan.
-    #[must_use]
     pub fn is_unfinished(&self) -> bool {
         let steps = self.settings.plan.total_steps(self.field.grid.len());
         self.state.as_ref().is_some_and(|state| state.training.step < steps)
@@ -113,7 +95,6 @@ impl FactoredFile {
     }
 
     /// True for a file whose header names this format, read or not.
-    #[must_use]
     pub fn is_one(path: &Path) -> bool {
         FORMAT.is_of(path)
     }
@@ -122,103 +103,79 @@ impl FactoredFile {
     ///
     /// # Errors
     /// A file that cannot be written.
-    pub fn write(&self, path: &Path) -> Result<(), TensorFileError> {
-        let field = &self.field;
-        let count = field.parameters.len();
-        let stored = |values: &[f32], precision| match precision {
-            Precision::F32 => little_endian(values).into_owned(),
-            Precision::F16 => {
-                let halves: Vec<f16> = values.iter().map(|&w| f16::from_f32(w)).collect();
-                little_endian_halves(&halves).into_owned()
-            }
-        };
+    #[cfg(feature = "fit")]
+    pub fn write(&self, path: &Path) -> Result<(), FieldFileError> {
+        use crate::tensor_file::{Contents, Tensor, little_endian, little_endian_halves};
+        use safetensors::tensor::Dtype;
+        fn numbers<'a>(
+            name: &'static str,
+            shape: &[usize],
+            values: &'a [f32],
+            precision: Precision,
+        ) -> Tensor<'a> {
+            let (kind, bytes) = match precision {
+                Precision::F32 => (Dtype::F32, little_endian(values)),
+                Precision::F16 => {
+                    let halves: Vec<f16> = values.iter().map(|&value| f16::from_f32(value)).collect();
+                    (Dtype::F16, little_endian_halves(&halves).into_owned().into())
+                }
+            };
+            (name.into(), kind, shape.to_vec(), bytes)
+        }
+        let (field, state) = (&self.field, self.state.as_ref());
+        let (functions, count) = (field.basis.len(), field.parameters.len());
         let of_axes = precision_of_axes(self.precision, field.shape.folded);
-        let (parameters, axes) = (stored(&field.parameters, self.precision), stored(&field.axes, of_axes));
-        let mean = little_endian(&field.mean);
-        let state = self.state.as_ref().map_or(Vec::new(), |state| {
-            let TrainingState { parameters, first_moment, second_moment, .. } = &state.training;
-            let arrays = [parameters, first_moment, second_moment];
-            arrays.map(|values| little_endian(values)).concat()
+        let mut tensors = vec![
+            numbers("axes", &[functions, field.shape.axes], &field.axes, of_axes),
+            numbers("mean", &[functions], &field.mean, Precision::F32),
+            numbers("parameters", &[count], &field.parameters, self.precision),
+        ];
+        let arrays = state.map(|FactoredState { training, .. }| {
+            [&training.parameters[..], &training.first_moment, &training.second_moment].concat()
         });
-        let kept = self.state.as_ref().map_or(&[][..], |state| &state.training.preconditioners);
-        let preconditioners = little_endian(kept);
+        if let Some(arrays) = &arrays {
+            tensors.push(numbers("state", &[STATE, count], arrays, Precision::F32));
+        }
+        let kept = state.map_or(&[][..], |state| &state.training.preconditioners);
+        if !kept.is_empty() {
+            tensors.push(numbers("preconditioners", &[kept.len()], kept, Precision::F32));
+        }
         let description = Description {
-            header: FORMAT.header(),
             domain: field.basis.domain(),
-            scene: self.scene.record.clone(),
             fit: self.fit,
             report: self.report,
             settings: self.settings,
             precision: self.precision,
             scale: field.scale,
             folded: field.shape.folded,
-            progress: self.state.as_ref().map(|state| (state.cursor, state.training.step)),
-            watch: self.state.as_ref().map_or_else(Watch::default, |state| state.watch),
-            calibration: self.calibration,
-            crc32: checksum(&[&parameters, &axes, &mean, &state, &preconditioners]),
+            progress: state.map(|state| (state.cursor, state.training.step)),
+            watch: state.map_or_else(Watch::default, |state| state.watch),
         };
-        let voxels = self.scene.packed_voxels();
-        let functions = field.basis.len();
-        let mut tensors = vec![
-            ("axes", kind(of_axes), vec![functions, field.shape.axes], axes.as_slice()),
-            ("mean", Dtype::F32, vec![functions], &mean),
-            ("parameters", kind(self.precision), vec![count], &parameters),
-        ];
-        tensors.extend(voxels.iter().map(|(name, bits)| (*name, Dtype::U8, vec![bits.len()], &bits[..])));
-        if !state.is_empty() {
-            tensors.push(("state", Dtype::F32, vec![STATE, count], &state));
-        }
-        if !kept.is_empty() {
-            tensors.push(("preconditioners", Dtype::F32, vec![kept.len()], &preconditioners));
-        }
-        FORMAT.write(path, &description, &tensors)
+        let (scene, calibration) = (&self.scene, self.calibration);
+        FORMAT.write(path, None, Contents { scene, calibration, description, tensors })
     }
 
     /// Reads and checks a field.
     ///
     /// # Errors
     /// A missing, foreign, newer, truncated or damaged file; the message names it and what is wrong.
-    pub fn read(path: &Path) -> Result<Self, TensorFileError> {
-        Self::of(&FORMAT.read(path)?)
-    }
-
-    /// True for the bytes of such a file.
-    pub(crate) fn begins(bytes: &[u8]) -> bool {
-        FORMAT.begins(bytes)
+    pub fn read(path: &Path) -> Result<Self, FieldFileError> {
+        Self::from_bytes(&FORMAT.bytes(path)?, path)
     }
 
     /// Checks a file in memory, which errors call `name`.
     ///
     /// # Errors
     /// As [`Self::read`].
-    pub fn from_bytes(bytes: Vec<u8>, name: &Path) -> Result<Self, TensorFileError> {
-        Self::of(&FORMAT.in_memory(bytes, name)?)
-    }
-
-    fn of(file: &Loaded<'_>) -> Result<Self, TensorFileError> {
-        let Description {
-            domain,
-            scene,
-            fit,
-            report,
-            settings,
-            precision,
-            scale,
-            folded,
-            progress,
-            watch,
-            calibration,
-            crc32,
-            ..
-        } = file.description()?;
-        let tensors = file.tensors()?;
+    pub fn from_bytes(bytes: &[u8], name: &Path) -> Result<Self, FieldFileError> {
+        let file = FORMAT.open(bytes, name)?;
+        let description: Description = file.description()?;
+        let Description { domain, fit, report, settings, precision, scale, folded, progress, watch } =
+            description;
         fit.check().map_err(|e| file.damaged(&e))?;
         settings.check().map_err(|e| file.damaged(&e))?;
-        if let Some(fault) = calibration.and_then(|c| c.fault()) {
-            return Err(file.damaged(&fault));
-        }
-        let symmetry = settings.symmetry;
-        if !symmetry.is_none() && (domain != Domain::Directions || !symmetry.is_within(&scene.grid)) {
+        let (symmetry, grid) = (settings.symmetry, file.scene.record.grid);
+        if !symmetry.is_none() && (domain != Domain::Directions || !symmetry.is_within(&grid)) {
             return Err(
                 file.damaged(&format!("it says that its network is told of {symmetry}, which cannot be"))
             );
@@ -226,69 +183,51 @@ impl FactoredFile {
         if !(scale.is_finite() && scale > 0.0) {
             return Err(file.damaged(&format!("its scale is {scale}")));
         }
-        let sizes = fit.sizes(domain);
-        let shape = settings.shape(settings.symmetry.coefficients(sizes.axes, sizes.functions));
-        let shape = if folded { shape.folded() } else { shape };
         if folded && progress.is_some() {
-            return Err(file.damaged("it has a state, and a folded network is not taught"));
+            return Err(file.damaged("it has a state, and a folded network is not trained"));
         }
-        let count = shape.parameter_count();
-        let parameters = tensors.bytes("parameters", kind(precision), &[count])?;
-        let of_axes = precision_of_axes(precision, folded);
-        let axes = tensors.bytes("axes", kind(of_axes), &[sizes.functions, shape.axes])?;
-        let mean = tensors.bytes("mean", Dtype::F32, &[sizes.functions])?;
-        let state = match progress {
-            Some(_) => tensors.bytes("state", Dtype::F32, &[STATE, count])?,
-            None => &[],
+        let sizes = fit.sizes(domain);
+        let shape = settings.shape(symmetry.coefficients(sizes.axes, sizes.functions));
+        let shape = if folded { shape.folded() } else { shape };
+        let numbers = |name: &str, shape: &[usize], precision| match precision {
+            Precision::F32 => file.floats(name, shape),
+            Precision::F16 => file.widened(name, shape),
         };
-        let kept_count = match progress {
-            Some((_, step)) if step > 0 => {
-                shape.between().map(|layer| settings.optimiser.kept_count(layer.outputs, layer.inputs)).sum()
-            }
-            _ => 0,
-        };
-        let preconditioners = match kept_count {
-            0 => &[],
-            count => tensors.bytes("preconditioners", Dtype::F32, &[count])?,
-        };
-        if checksum(&[parameters, axes, mean, state, preconditioners]) != crc32 {
-            return Err(file.damaged("the checksum of its weights is wrong"));
-        }
-        let scene =
-            Scene::from_packed_voxels(scene, |name| tensors.optional(name)).map_err(|e| file.damaged(&e))?;
-        let kept = |bytes, precision| match precision {
-            Precision::F32 => floats(bytes),
-            Precision::F16 => halves(bytes).into_iter().map(f16::to_f32).collect(),
-        };
-        let (parameters, axes): (Vec<f32>, Vec<f32>) = (kept(parameters, precision), kept(axes, of_axes));
-        if parameters.iter().chain(&axes).any(|w| !w.is_finite()) {
-            return Err(file.damaged("a weight is not a finite number"));
-        }
-        let state = progress.map(|(cursor, step)| {
-            let mut arrays =
-                floats(state).chunks_exact(count).map(<[f32]>::to_vec).collect::<Vec<_>>().into_iter();
-            let mut next = || arrays.next().unwrap_or_default();
-            let training = TrainingState {
-                parameters: next(),
-                first_moment: next(),
-                second_moment: next(),
-                preconditioners: floats(preconditioners),
-                step,
-            };
-            FactoredState { training, cursor, watch }
-        });
         let field = FactoredField {
             quantity: fit.quantity,
-            grid: scene.record.grid,
+            grid,
             basis: Basis::new(domain, fit.degree),
-            axes,
-            mean: floats(mean),
+            axes: numbers("axes", &[sizes.functions, shape.axes], precision_of_axes(precision, folded))?,
+            mean: file.floats("mean", &[sizes.functions])?,
             shape,
-            parameters,
+            parameters: numbers("parameters", &[shape.parameter_count()], precision)?,
             scale,
         };
+        let training =
+            progress.map(|(_, step)| training_state(&file, &field, &settings, step)).transpose()?;
+        let state =
+            progress.zip(training).map(|((cursor, _), training)| FactoredState { training, cursor, watch });
+        let (scene, calibration) = (file.scene, file.calibration);
         Ok(Self { field, scene, fit, report, settings, precision, state, calibration })
     }
+}
+
+fn training_state(
+    file: &Loaded<'_>,
+    field: &FactoredField,
+    settings: &DistillSettings,
+    step: u64,
+) -> Result<TrainingState, FieldFileError> {
+    let count = field.parameters.len();
+    let arrays = file.floats("state", &[STATE, count])?;
+    let kept = field.shape.between().map(|layer| settings.optimiser.kept_count(layer.outputs, layer.inputs));
+    let preconditioners = match kept.sum::<usize>() {
+        count if count > 0 && step > 0 => file.floats("preconditioners", &[count])?,
+        _ => Vec::new(),
+    };
+    let array = |index: usize| arrays[index * count..][..count].to_vec();
+    let [parameters, first_moment, second_moment] = [0, 1, 2].map(array);
+    Ok(TrainingState { parameters, first_moment, second_moment, preconditioners, step })
 }
 
 /// How the axes are kept: those of a folded network are most of its weights.

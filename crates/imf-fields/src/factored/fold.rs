@@ -10,7 +10,7 @@ use std::borrow::Cow;
 
 use super::{FactoredField, FactoredShape};
 use crate::siren::Layer;
-use crate::siren::matrix::{Matrix, multiply};
+use crate::siren::matrix::{Matrix, product};
 
 impl FactoredField {
     /// The same field, to the rounding of f32, whose last sines are its coefficients; as it is where that would take more
@@ -26,15 +26,12 @@ impl FactoredField {
     #[must_use]
     pub fn fold(self) -> Self {
         let FactoredShape { width, axes, .. } = self.shape;
-        let functions = self.basis.len();
         let Some(Layer { weights, biases, .. }) = self.shape.layers().pop() else { return self };
         let (matrix, bias) = (&self.parameters[weights..biases], &self.parameters[biases..]);
-        let turned = Matrix::row_major(&self.axes, functions, axes, axes);
-        let mut along = vec![0.0; functions * width];
-        multiply(&mut along, width, turned, Matrix::row_major(matrix, axes, width, width), false);
+        let turned = Matrix::dense(&self.axes, axes);
+        let mut along = product(turned, Matrix::dense(matrix, width));
         along.iter_mut().for_each(|value| *value *= self.scale);
-        let mut mean = vec![0.0; functions];
-        multiply(&mut mean, 1, turned, Matrix::row_major(bias, axes, 1, 1), false);
+        let mut mean = product(turned, Matrix::dense(bias, 1));
         mean.iter_mut().zip(&self.mean).for_each(|(sum, &mean)| *sum = mean + self.scale * *sum);
         let mut parameters = self.parameters;
         parameters.truncate(weights);
@@ -58,7 +55,6 @@ impl FactoredField {
     }
 
     /// The same field with a linear layer behind its sines: that of a folded one changes nothing.
-    #[must_use]
     pub fn unfolded(&self) -> Cow<'_, Self> {
         if !self.shape.folded {
             return Cow::Borrowed(self);

@@ -1,8 +1,7 @@
 //! Single poses: value and exact derivatives in position and direction.
 //!
 //! A point passes through the network with its three tangents beside it, four rows that share one reading of the
-//! weights; what comes out are the coefficients and their derivatives by position, whatever the direction. Each direction
-//! asked there then costs two readings of the axes.
+//! weights; what comes out are the coefficients and their derivatives by position, whatever the direction.
 
 use glam::DVec3;
 
@@ -24,16 +23,8 @@ pub struct PointScratch {
     turns: TurnScratch,
 }
 
-/// The field at one point: ask it for any number of directions.
-pub struct FactoredPoint<'a> {
-    evaluator: &'a FactoredEvaluator<'a>,
-    place: Place,
-    scratch: &'a mut PointScratch,
-}
-
 impl FactoredEvaluator<'_> {
     /// The overlap with the tool's tip at a world position, in [0, 1]. `None` outside the box of the voxel centres.
-    #[must_use]
     pub fn overlap(
         &self,
         position: DVec3,
@@ -41,26 +32,38 @@ impl FactoredEvaluator<'_> {
         scratch: &mut PointScratch,
     ) -> Option<f32> {
         let place = self.pass::<1>(position, scratch)?;
-        Some(self.field.quantity.held(self.value(&place, orientation, scratch)))
+        let PointScratch { z, turns, .. } = scratch;
+        let z = &z[..self.plan.stack.outputs];
+        let facing = match self.field.basis.facing_at(orientation) {
+            Facing::Direction(direction) if self.local.is_some() => {
+                Facing::Direction(place.to_local(direction))
+            }
+            facing => facing,
+        };
+        Some(self.field.quantity.held(self.functions().value(facing, z, turns)))
     }
 
     /// The overlap, not clipped, with its gradients in position and in how the tool stands. `None` outside the box of the voxel
     /// centres, and for a direction alone where the field is over rotations.
-    #[must_use]
     pub fn overlap_with_gradient(
         &self,
         position: DVec3,
         facing: impl Into<Facing>,
         scratch: &mut PointScratch,
     ) -> Option<Gradient> {
-        self.point(position, scratch)?.gradient(facing)
-    }
-
-    /// The field at a world position, with its derivatives. `None` outside the box of the voxel centres.
-    #[must_use]
-    pub fn point<'a>(&'a self, position: DVec3, scratch: &'a mut PointScratch) -> Option<FactoredPoint<'a>> {
+        let field = &*self.field;
+        let facing = field.basis.facing(facing)?;
         let place = self.pass::<4>(position, scratch)?;
-        Some(FactoredPoint { evaluator: self, place, scratch })
+        let PointScratch { z, turns, .. } = scratch;
+        let (z, slopes) = z.split_at(self.plan.stack.outputs);
+        let Facing::Direction(direction) = facing else {
+            // Fields over rotations know no symmetry: the place's frame is the world's.
+            return Some(self.functions().gradient(facing, z, slopes, turns));
+        };
+        let local = place.to_local(direction);
+        let found = self.functions().gradient(Facing::Direction(local), z, slopes, turns);
+        let [position, turn] = place.slopes_in_world(local, found.position, found.direction, field.blunt());
+        Some(Gradient { position, direction: turn, rotation: direction.cross(turn), ..found })
     }
 
     /// Fills the first `ROWS` rows of `z`: the coefficients in the frame of the place, then their derivatives by its position.
@@ -115,47 +118,8 @@ impl FactoredEvaluator<'_> {
         Some(place)
     }
 
-    /// The value at an orientation of what the first row of `z` holds.
-    fn value(&self, place: &Place, orientation: &Orientation, scratch: &mut PointScratch) -> f32 {
-        let PointScratch { z, turns, .. } = scratch;
-        let z = &z[..self.plan.stack.outputs];
-        match self.local {
-            None => self.functions().value(orientation, z, turns),
-            Some(_) => self.functions().value_at(place.to_local(orientation.direction()), z, turns),
-        }
-    }
-
     fn functions(&self) -> Functions<'_> {
         let field = &*self.field;
         Functions { arch: self.arch, basis: &field.basis, axes: &field.axes, mean: &field.mean }
-    }
-}
-
-impl FactoredPoint<'_> {
-    /// The overlap in an orientation, in [0, 1].
-    #[must_use]
-    pub fn overlap(&mut self, orientation: &Orientation) -> f32 {
-        let value = self.evaluator.value(&self.place, orientation, self.scratch);
-        self.evaluator.field.quantity.held(value)
-    }
-
-    /// The overlap, not clipped, with its gradients; `None` for a direction alone where the field is over rotations, or one of no
-    /// length.
-    #[must_use]
-    pub fn gradient(&mut self, facing: impl Into<Facing>) -> Option<Gradient> {
-        let field = &*self.evaluator.field;
-        let facing = field.basis.facing(facing)?;
-        let PointScratch { z, turns, .. } = &mut *self.scratch;
-        let (z, slopes) = z.split_at(self.evaluator.plan.stack.outputs);
-        let functions = self.evaluator.functions();
-        let Facing::Direction(direction) = facing else {
-            // Fields over rotations know no symmetry: the place's frame is the world's.
-            return Some(functions.gradient(facing, z, slopes, turns));
-        };
-        let local = self.place.to_local(direction);
-        let found = functions.gradient(Facing::Direction(local), z, slopes, turns);
-        let [position, turn] =
-            self.place.slopes_in_world(local, found.position, found.direction, field.blunt());
-        Some(Gradient { position, direction: turn, rotation: direction.cross(turn), ..found })
     }
 }

@@ -8,7 +8,6 @@ use crate::siren::reference::{activations, backward};
 ///
 /// # Panics
 /// If `parameters` does not fit `shape`.
-#[must_use]
 pub fn forward(shape: &FactoredShape, parameters: &[f64], input: &[f64]) -> Vec<f64> {
     let mut outputs = activations(&shape.stack(), parameters, input).sums.pop().unwrap_or_default();
     if shape.folded {
@@ -22,7 +21,6 @@ pub fn forward(shape: &FactoredShape, parameters: &[f64], input: &[f64]) -> Vec<
 ///
 /// # Panics
 /// If lengths do not fit.
-#[must_use]
 pub fn loss_and_gradient(
     shape: &FactoredShape,
     parameters: &[f64],
@@ -50,7 +48,6 @@ pub fn loss_and_gradient(
 ///
 /// # Panics
 /// If `parameters` does not fit `shape`, or the network is folded.
-#[must_use]
 pub fn jacobian(shape: &FactoredShape, parameters: &[f64], input: &[f64; INPUTS]) -> Vec<[f64; INPUTS]> {
     assert!(!shape.folded, "a network with a linear layer");
     let stack = shape.stack();

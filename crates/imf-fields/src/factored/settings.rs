@@ -107,32 +107,27 @@ impl DistillSettings {
     }
 
     /// The rates of a teaching from the highest, which by default follows from the length.
-    #[must_use]
     pub fn rates_from(highest: f32) -> Schedule {
         Schedule::Cosine { initial: highest, last: 0.0, warmup: WARMUP }
     }
 
     /// Outputs of the network that a field teaches: its axes, or its functions where the network is told of symmetry.
-    #[must_use]
     pub fn outputs(&self, teacher: &HarmonicField) -> usize {
         self.symmetry.coefficients(teacher.axis_count(), teacher.basis.len())
     }
 
     /// The network for so many axes.
-    #[must_use]
     pub fn shape(&self, axes: usize) -> FactoredShape {
         let Self { width, hidden, omega, symmetry, .. } = *self;
         FactoredShape { width, hidden, omega, axes, folded: false, symmetry }
     }
 
     /// The random start of a training.
-    #[must_use]
     pub fn start(&self, axes: usize) -> FactoredState {
         FactoredState::new(&self.shape(axes), self.plan.seed)
     }
 
     /// Voxels of a step at a teacher.
-    #[must_use]
     pub fn batch(&self, teacher: &HarmonicField) -> usize {
         self.plan.batch.min(teacher.grid.len())
     }

@@ -103,13 +103,11 @@ pub struct Angle {
 
 impl Symmetry {
     /// True where there is none.
-    #[must_use]
     pub fn is_none(&self) -> bool {
         *self == Self::default()
     }
 
     /// Inputs of the network.
-    #[must_use]
     pub fn inputs(&self) -> usize {
         if self.axis.is_some() { MOST_INPUTS } else { super::INPUTS }
     }
@@ -121,7 +119,6 @@ impl Symmetry {
     }
 
     /// What is wrong with it, if anything.
-    #[must_use]
     pub fn fault(&self) -> Option<String> {
         if self.mirrors.iter().flatten().any(|plane| !plane.is_finite()) {
             return Some("a mirror plane stands nowhere".to_owned());

@@ -2,9 +2,9 @@
 
 use std::borrow::Cow;
 
+use crate::parallel::*;
 use glam::DVec3;
 use pulp::Arch;
-use rayon::prelude::*;
 
 use super::symmetry::{LocalHarmonics, Symmetry};
 use super::{FactoredField, FactoredShape};

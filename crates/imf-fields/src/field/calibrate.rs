@@ -11,12 +11,13 @@
 //! middle between: then either rate is far below its goal.
 
 use glam::{DQuat, DVec3};
-use rand::{Rng, SeedableRng};
+
+use crate::parallel::*;
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
+use rand_chacha::rand_core::{Rng as _, SeedableRng as _};
 use thiserror::Error;
 
-use crate::calibration::{Calibration, Goals, Judgement, Rate, most_errors};
+use crate::calibration::{Calibration, Goals, Judgement, Rate, decide, most_errors};
 use crate::field::Field;
 use imf_core::control::Control;
 use imf_core::field::{Decision, ExactField, FieldError, PoseField};
@@ -47,6 +48,7 @@ impl Default for CalibrationSettings {
 
 /// Why a field is not calibrated.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum CalibrationError {
     /// A goal out of range.
     #[error("{name} must lie between 0 and 1, not {value}")]
@@ -86,14 +88,12 @@ pub const CHUNK: usize = 1024;
 
 impl CalibrationSettings {
     /// Units of progress of [`calibrate`].
-    #[must_use]
     pub fn units(&self) -> u64 {
         (2 * self.uniform.div_ceil(CHUNK) + self.boundary.div_ceil(CHUNK)) as u64
     }
 
     /// Bytes of the poses of [`calibrate`]: those that thresholds are chosen by, with their sorted values, and beside them
     /// those that judge, each kind twice while its chunks are joined.
-    #[must_use]
     pub fn memory_bytes(&self) -> u64 {
         let seen = size_of::<Seen>() as u64;
         // Values are sorted beside the list that they were gathered in, which may have grown to twice its length.
@@ -367,20 +367,11 @@ impl Thresholds {
         Ok([self.judgement(&uniform), self.judgement(&boundary)])
     }
 
-    fn decide(&self, value: f32) -> Decision {
-        if self.free_up_to.is_some_and(|free| value <= free) {
-            Decision::Free
-        } else if self.colliding_from.is_some_and(|blocked| value >= blocked) {
-            Decision::Colliding
-        } else {
-            Decision::Undecided
-        }
-    }
-
     fn judgement(&self, seen: &[Seen]) -> Judgement {
         let count = |kind: Option<Kind>, decision: Option<Decision>| {
             let of = |s: &&Seen| {
-                kind.is_none_or(|k| k == s.kind) && decision.is_none_or(|d| d == self.decide(s.value))
+                kind.is_none_or(|k| k == s.kind)
+                    && decision.is_none_or(|d| d == decide(self.free_up_to, self.colliding_from, s.value))
             };
             seen.iter().filter(of).count() as u64
         };

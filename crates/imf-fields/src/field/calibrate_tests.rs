@@ -1,10 +1,8 @@
-use std::sync::Arc;
-
 use crate::calibration::{Calibration, Goals};
 use crate::field::Field;
 use crate::field::calibrate::{CalibrationError, CalibrationSettings, calibrate, judge};
-use crate::field::scenes::{factored_file, harmonic, harmonic_file, poses, scene, siren_model};
-use crate::file::FieldFile;
+use crate::field::scenes::{calibration, harmonic, poses, scene};
+use crate::field::tests::all;
 use imf_core::control::Control;
 use imf_core::field::{Decision, PoseField};
 use imf_core::tool::Tool;
@@ -87,39 +85,30 @@ fn what_cannot_be_shown_is_refused() {
 }
 
 #[test]
-fn every_familys_file_keeps_its_calibration() {
-    let scene = scene(&Tool::paper(), 2.0);
-    let calibration = calibrated(&harmonic(&scene));
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("field.safetensors");
-    let all = [
-        FieldFile::Siren(Box::new(siren_model(&scene))),
-        FieldFile::Harmonic(Arc::new(harmonic_file(&scene, 4))),
-        FieldFile::Factored(Box::new(factored_file(&scene))),
-    ];
-    for mut stored in all {
-        // A file without one, as all were before.
-        stored.write(&path).unwrap();
-        let plain = std::fs::read(&path).unwrap();
-        assert!(!plain.windows(11).any(|w| w == b"calibration"));
-        assert_eq!(FieldFile::read(&path).unwrap().calibration(), None);
-        stored.set_calibration(calibration);
-        stored.write(&path).unwrap();
-        assert_eq!(FieldFile::read(&path).unwrap(), stored);
-        let bytes = std::fs::read(&path).unwrap();
-        assert_eq!(FieldFile::from_bytes(bytes.clone(), "mine").unwrap(), stored);
-        let short = FieldFile::from_bytes(bytes[..bytes.len() / 2].to_vec(), "mine").unwrap_err().to_string();
-        assert!(short.contains("mine") && short.contains("cut short"), "{short}");
-        assert!(FieldFile::from_bytes(Vec::new(), "nothing").unwrap_err().to_string().contains("nothing"));
-        assert_eq!(Field::load(&path).unwrap().calibration(), Some(&calibration));
-        // Thresholds that cannot be.
-        stored.set_calibration(Calibration {
-            free_up_to: Some(0.5),
-            colliding_from: Some(0.2),
-            ..calibration
-        });
-        stored.write(&path).unwrap();
-        let error = FieldFile::read(&path).unwrap_err().to_string();
-        assert!(error.contains("thresholds cross"), "{error}");
+fn decisions_follow_the_thresholds_and_are_near_without() {
+    let scene = scene(&Tool::paper(), 0.0);
+    let asked = poses(&scene, 600, 5);
+    for (name, field) in all(&scene) {
+        let mut raw = vec![0.0; asked.len()];
+        field.values_unclipped(&asked, &mut raw).unwrap();
+        let mut sorted = raw.clone();
+        sorted.sort_by(f32::total_cmp);
+        let (free, blocked) = (sorted[200], sorted[400]);
+        let mut decisions = vec![Decision::Colliding; asked.len()];
+        field.classify(&asked, &mut decisions).unwrap();
+        assert!(decisions.iter().all(|&d| d == Decision::Undecided), "{name}");
+        let field = field.with_calibration(Some(calibration(free, blocked)));
+        field.classify(&asked, &mut decisions).unwrap();
+        for (value, decision) in raw.iter().zip(&decisions) {
+            let expected = match value {
+                v if *v <= free => Decision::Free,
+                v if *v >= blocked => Decision::Colliding,
+                _ => Decision::Undecided,
+            };
+            assert_eq!(*decision, expected, "{name}: {value}");
+        }
+        assert!(
+            [Decision::Free, Decision::Colliding, Decision::Undecided].iter().all(|d| decisions.contains(d))
+        );
     }
 }

@@ -1,6 +1,5 @@
 //! The families behind a [`Field`](super::Field): blocks of poses to values, by whole products.
 
-use std::ops::Deref;
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
@@ -9,10 +8,10 @@ use pulp::Arch;
 use crate::factored::{self, FactoredEvaluator};
 use crate::harmonic::basis::{Basis, Facing};
 use crate::harmonic::file::HarmonicFile;
-use crate::harmonic::{self, HarmonicField};
+use crate::harmonic::{self, VoxelCoefficients};
 use crate::siren::evaluator::{CpuEvaluator, TangentScratch};
 use crate::siren::lanes::dot;
-use crate::siren::matrix::{Matrix, multiply, prefer_unpacked};
+use crate::siren::matrix::{Matrix, multiply};
 use crate::siren::{INPUTS, features};
 use imf_core::field::minimum::{BLOCK, is_better};
 use imf_core::field::{Best, Decision, Gradient};
@@ -29,26 +28,9 @@ pub(super) enum Family {
     /// The paper's network.
     Siren(CpuEvaluator),
     /// Coefficients at voxels.
-    Harmonic(VoxelField),
+    Harmonic(Arc<HarmonicFile>),
     /// Coefficients by a network.
     Factored(Box<FactoredEvaluator<'static>>),
-}
-
-/// Coefficients at voxels: those of a file, or what a factored field's network says.
-pub(super) enum VoxelField {
-    File(Arc<HarmonicFile>),
-    Expanded(Box<HarmonicField>),
-}
-
-impl Deref for VoxelField {
-    type Target = HarmonicField;
-
-    fn deref(&self) -> &HarmonicField {
-        match self {
-            Self::File(file) => &file.field,
-            Self::Expanded(field) => field,
-        }
-    }
 }
 
 /// Working memory of a thread.
@@ -63,7 +45,7 @@ pub(super) struct Scratch {
     /// `[orientation][K]`.
     rows: Vec<f32>,
     /// `[orientation][axes]`.
-    heads: Vec<f32>,
+    weights: Vec<f32>,
     /// `[orientation]`.
     constants: Vec<f32>,
     /// `[point][axes]`.
@@ -73,42 +55,38 @@ pub(super) struct Scratch {
     products: Vec<f32>,
 }
 
-/// Coefficients along axes, from voxels or from a network.
-#[derive(Clone, Copy)]
-enum Source<'a> {
-    Voxels(&'a HarmonicField),
-    Network(&'a FactoredEvaluator<'static>),
+/// How a family's values come about.
+pub(super) enum Kind<'a> {
+    /// By a network of the whole pose.
+    Network(&'a CpuEvaluator),
+    /// As a sum of functions of the orientation, by coefficients of the point.
+    Sum(&'a dyn VoxelCoefficients),
 }
 
 impl Family {
-    /// Makes what products need.
-    pub(super) fn prepare(&self) {
-        prefer_unpacked();
-    }
-
     /// What its values are.
     pub(super) fn quantity(&self) -> Quantity {
         match self {
             Self::Siren(_) => Quantity::Overlap,
-            Self::Harmonic(field) => field.quantity,
+            Self::Harmonic(file) => file.field.quantity,
             Self::Factored(evaluator) => evaluator.field().quantity,
         }
     }
 
-    fn source(&self) -> Option<Source<'_>> {
+    /// How its values come about.
+    pub(super) fn kind(&self) -> Kind<'_> {
         match self {
-            Self::Siren(_) => None,
-            Self::Harmonic(field) => Some(Source::Voxels(field)),
-            Self::Factored(evaluator) => Some(Source::Network(evaluator)),
+            Self::Siren(network) => Kind::Network(network),
+            Self::Harmonic(file) => Kind::Sum(&file.field),
+            Self::Factored(evaluator) => Kind::Sum(&**evaluator),
         }
     }
 
     /// Values of up to [`BLOCK`] poses, not clipped; those of invalid poses mean nothing.
     pub(super) fn values(&self, grid: &Grid, poses: &[Pose], values: &mut [f32], scratch: &mut Scratch) {
-        match self.source() {
-            Some(source) => source.values(grid, poses, values, scratch),
-            None => {
-                let Self::Siren(network) = self else { return };
+        match self.kind() {
+            Kind::Sum(source) => values_of(source, grid, poses, values, scratch),
+            Kind::Network(network) => {
                 scratch.inputs.resize(poses.len() * INPUTS, 0.0);
                 for (input, pose) in scratch.inputs.as_chunks_mut::<INPUTS>().0.iter_mut().zip(poses) {
                     *input = siren_input(grid, pose).0;
@@ -125,9 +103,9 @@ impl Family {
         let held = tip.clamp(low, high);
         let found = match self {
             Self::Siren(network) => siren_gradient(network, grid, pose, direction, scratch),
-            Self::Harmonic(field) => {
-                let facing = facing(pose.rotation, direction, &field.basis);
-                field.overlap_with_gradient(held, facing, &mut scratch.harmonic)?
+            Self::Harmonic(file) => {
+                let facing = facing(pose.rotation, direction, &file.field.basis);
+                file.field.overlap_with_gradient(held, facing, &mut scratch.harmonic)?
             }
             Self::Factored(evaluator) => {
                 let facing = facing(pose.rotation, direction, &evaluator.field().basis);
@@ -155,9 +133,9 @@ impl Family {
         scratch: &mut Scratch,
         decide: impl Fn(DVec3, f32) -> Decision,
     ) -> bool {
-        let Some(source) = self.source() else { return false };
+        let Kind::Sum(source) = self.kind() else { return false };
         for (points, best) in points.chunks(POINTS).zip(best.chunks_mut(POINTS)) {
-            source.least(grid, points, rotations, best, scratch, &decide);
+            minimum_at(source, grid, points, rotations, best, scratch, &decide);
         }
         true
     }
@@ -229,147 +207,104 @@ fn held(position: DVec3, low: DVec3, high: DVec3) -> DVec3 {
     if position.is_nan() { low } else { position.clamp(low, high) }
 }
 
-impl Source<'_> {
-    /// Basis, U `[K][axes]`, μ `[K]`; where there is an order of directions only the basis is of the world.
-    fn functions(&self) -> (&Basis, &[f32], &[f32]) {
-        match self {
-            Self::Voxels(field) => (&field.basis, &field.axes, &field.mean),
-            Self::Network(evaluator) => {
-                let field = evaluator.field();
-                (&field.basis, &field.axes, &field.mean)
+/// The weights of up to [`BLOCK`] rotations into the scratch: `[orientation][axes]` and constants.
+fn direction_weights(
+    source: &dyn VoxelCoefficients,
+    rotations: impl ExactSizeIterator<Item = DQuat>,
+    scratch: &mut Scratch,
+) {
+    let (basis, axes, mean) = source.functions();
+    let (count, functions, width) = (rotations.len(), basis.len(), source.axes());
+    let order = source.order();
+    let Scratch { functions: row, rows, weights, constants, .. } = scratch;
+    row.resize(functions, 0.0);
+    rows.resize(count * functions, 0.0);
+    constants.resize(count, 0.0);
+    weights.resize(count * width, 0.0);
+    let each = rows.chunks_exact_mut(functions).zip(constants.iter_mut());
+    for (rotation, (out, constant)) in rotations.zip(each) {
+        match axis_of(rotation) {
+            Some(direction) => {
+                let ordered = order.map_or(direction, |order| order.map(|axis| direction[axis]).into());
+                basis.values_facing(facing(rotation, ordered, basis), row);
             }
+            None => row.fill(f64::NAN),
         }
+        *constant = row.iter().zip(mean).map(|(&b, &m)| b * f64::from(m)).sum::<f64>() as f32;
+        out.iter_mut().zip(row.iter()).for_each(|(out, &value)| *out = value as f32);
     }
+    if order.is_some() {
+        weights.copy_from_slice(rows);
+        constants.fill(0.0);
+        return;
+    }
+    multiply(weights, width, Matrix::dense(rows, functions), Matrix::dense(axes, width), false);
+}
 
-    /// Coefficients of a point.
-    fn axes(&self) -> usize {
-        match self {
-            Self::Voxels(field) => field.axis_count(),
-            Self::Network(evaluator) => evaluator.field().coefficient_count(),
+fn values_of(
+    source: &dyn VoxelCoefficients,
+    grid: &Grid,
+    poses: &[Pose],
+    values: &mut [f32],
+    scratch: &mut Scratch,
+) {
+    let [low, high] = grid.box_of_centres();
+    let axes = source.axes();
+    direction_weights(source, poses.iter().map(|pose| pose.rotation), scratch);
+    let Scratch { weights, constants, coefficients, corner, .. } = scratch;
+    coefficients.resize(poses.len() * axes, 0.0);
+    source.at(&mut poses.iter().map(|pose| held(pose.position, low, high)), coefficients, corner);
+    let each = coefficients.chunks_exact(axes).zip(weights.chunks_exact(axes));
+    vectorised!(Arch::new(), {
+        for ((value, (z, weight)), constant) in values.iter_mut().zip(each).zip(constants) {
+            *value = *constant + dot(z, weight);
         }
-    }
+    });
+}
 
-    /// Where the coefficients are those of the functions themselves: the order that directions are to be brought in.
-    fn order(&self) -> Option<[usize; 3]> {
-        match self {
-            Self::Voxels(_) => None,
-            Self::Network(evaluator) => evaluator.order(),
-        }
+fn minimum_at(
+    source: &dyn VoxelCoefficients,
+    grid: &Grid,
+    points: &[DVec3],
+    rotations: &[DQuat],
+    best: &mut [Best],
+    scratch: &mut Scratch,
+    decide: &impl Fn(DVec3, f32) -> Decision,
+) {
+    let [low, high] = grid.box_of_centres();
+    let axes = source.axes();
+    let place = |point: &DVec3| held(*point, low, high);
+    scratch.coefficients.resize(points.len() * axes, 0.0);
+    for (points, z) in points.chunks(BLOCK).zip(scratch.coefficients.chunks_mut(BLOCK * axes)) {
+        source.at(&mut points.iter().map(place), z, &mut scratch.corner);
     }
-
-    /// The coefficients at points, which are held in the box.
-    fn coefficients(
-        &self,
-        points: impl ExactSizeIterator<Item = DVec3>,
-        z: &mut [f32],
-        corner: &mut Vec<f32>,
-    ) {
-        match self {
-            Self::Voxels(field) => {
-                for (point, z) in points.zip(z.chunks_exact_mut(self.axes())) {
-                    // A held point is in the box.
-                    let _ = field.coefficients_at(point, z, corner);
+    best.fill(Best::NONE);
+    for first in (0..rotations.len()).step_by(BLOCK) {
+        let rotations = &rotations[first..(first + BLOCK).min(rotations.len())];
+        direction_weights(source, rotations.iter().copied(), scratch);
+        let Scratch { weights, constants, coefficients, products, .. } = scratch;
+        let columns = rotations.len();
+        let blocks = points.chunks(BLOCK).zip(best.chunks_mut(BLOCK));
+        for ((points, best), z) in blocks.zip(coefficients.chunks(BLOCK * axes)) {
+            products.resize(points.len() * columns, 0.0);
+            products.chunks_exact_mut(columns).for_each(|row| row.copy_from_slice(constants));
+            multiply(
+                products,
+                columns,
+                Matrix::dense(z, axes),
+                Matrix::dense(weights, axes).transposed(),
+                true,
+            );
+            for ((best, &point), row) in best.iter_mut().zip(points).zip(products.chunks_exact(columns)) {
+                if !point.is_finite() {
+                    continue;
                 }
-            }
-            Self::Network(evaluator) => evaluator.block(points, z),
-        }
-    }
-
-    /// The heads of up to [`BLOCK`] rotations into the scratch: `[orientation][axes]` and constants.
-    fn direction_weights(&self, rotations: impl ExactSizeIterator<Item = DQuat>, scratch: &mut Scratch) {
-        let (basis, axes, mean) = self.functions();
-        let (count, functions, width) = (rotations.len(), basis.len(), self.axes());
-        let order = self.order();
-        let Scratch { functions: row, rows, heads, constants, .. } = scratch;
-        row.resize(functions, 0.0);
-        rows.resize(count * functions, 0.0);
-        constants.resize(count, 0.0);
-        heads.resize(count * width, 0.0);
-        let each = rows.chunks_exact_mut(functions).zip(constants.iter_mut());
-        for (rotation, (out, constant)) in rotations.zip(each) {
-            match axis_of(rotation) {
-                Some(direction) => {
-                    let ordered = order.map_or(direction, |order| order.map(|axis| direction[axis]).into());
-                    basis.values_facing(facing(rotation, ordered, basis), row);
-                }
-                None => row.fill(f64::NAN),
-            }
-            *constant = row.iter().zip(mean).map(|(&b, &m)| b * f64::from(m)).sum::<f64>() as f32;
-            out.iter_mut().zip(row.iter()).for_each(|(out, &value)| *out = value as f32);
-        }
-        if order.is_some() {
-            heads.copy_from_slice(rows);
-            constants.fill(0.0);
-            return;
-        }
-        multiply(
-            heads,
-            width,
-            Matrix::row_major(rows, count, functions, functions),
-            Matrix::row_major(axes, functions, width, width),
-            false,
-        );
-    }
-
-    fn values(&self, grid: &Grid, poses: &[Pose], values: &mut [f32], scratch: &mut Scratch) {
-        let [low, high] = grid.box_of_centres();
-        let axes = self.axes();
-        self.direction_weights(poses.iter().map(|pose| pose.rotation), scratch);
-        let Scratch { heads, constants, coefficients, corner, .. } = scratch;
-        coefficients.resize(poses.len() * axes, 0.0);
-        self.coefficients(poses.iter().map(|pose| held(pose.position, low, high)), coefficients, corner);
-        let each = coefficients.chunks_exact(axes).zip(heads.chunks_exact(axes));
-        vectorised!(Arch::new(), {
-            for ((value, (z, head)), constant) in values.iter_mut().zip(each).zip(constants) {
-                *value = *constant + dot(z, head);
-            }
-        });
-    }
-
-    fn least(
-        &self,
-        grid: &Grid,
-        points: &[DVec3],
-        rotations: &[DQuat],
-        best: &mut [Best],
-        scratch: &mut Scratch,
-        decide: &impl Fn(DVec3, f32) -> Decision,
-    ) {
-        let [low, high] = grid.box_of_centres();
-        let axes = self.axes();
-        let place = |point: &DVec3| held(*point, low, high);
-        scratch.coefficients.resize(points.len() * axes, 0.0);
-        for (points, z) in points.chunks(BLOCK).zip(scratch.coefficients.chunks_mut(BLOCK * axes)) {
-            self.coefficients(points.iter().map(place), z, &mut scratch.corner);
-        }
-        best.fill(Best::NONE);
-        for first in (0..rotations.len()).step_by(BLOCK) {
-            let rotations = &rotations[first..(first + BLOCK).min(rotations.len())];
-            self.direction_weights(rotations.iter().copied(), scratch);
-            let Scratch { heads, constants, coefficients, products, .. } = scratch;
-            let columns = rotations.len();
-            let blocks = points.chunks(BLOCK).zip(best.chunks_mut(BLOCK));
-            for ((points, best), z) in blocks.zip(coefficients.chunks(BLOCK * axes)) {
-                products.resize(points.len() * columns, 0.0);
-                products.chunks_exact_mut(columns).for_each(|row| row.copy_from_slice(constants));
-                multiply(
-                    products,
-                    columns,
-                    Matrix::row_major(z, points.len(), axes, axes),
-                    Matrix::row_major(heads, columns, axes, axes).transposed(),
-                    true,
-                );
-                for ((best, &point), row) in best.iter_mut().zip(points).zip(products.chunks_exact(columns)) {
-                    if !point.is_finite() {
-                        continue;
-                    }
-                    for (at, &value) in row.iter().enumerate() {
-                        // Of one point's decisions only the best value's matters: they follow the value.
-                        if best.value.is_nan() || value < best.value {
-                            let decision = decide(point, value);
-                            if is_better(value, decision, best) {
-                                *best = Best { value, orientation: (first + at) as u32, decision };
-                            }
+                for (at, &value) in row.iter().enumerate() {
+                    // Of one point's decisions only the best value's matters: they follow the value.
+                    if best.value.is_nan() || value < best.value {
+                        let decision = decide(point, value);
+                        if is_better(value, decision, best) {
+                            *best = Best { value, orientation: (first + at) as u32, decision };
                         }
                     }
                 }

@@ -1,16 +1,19 @@
 //! A field from a file, whichever family it is of.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
 use crate::calibration::Calibration;
 use crate::field::LoadError;
-use crate::field::families::{Family, Scratch, VoxelField};
+use crate::field::families::{Family, Scratch};
 use crate::file::FieldFile;
-use crate::harmonic::FitReport;
 use crate::harmonic::coefficients::Precision;
+use crate::harmonic::file::HarmonicFile;
+use crate::harmonic::{FitReport, FitSettings};
 use crate::siren::evaluator::CpuEvaluator;
+use crate::siren::matrix::prefer_unpacked;
 use imf_core::field::minimum::{BLOCK, check_minimum, minimum_pose_by_pose};
 use imf_core::field::{Best, Decision, FieldError, Gradient, PoseField, check_lengths};
 use imf_core::pose::Pose;
@@ -43,7 +46,7 @@ impl Field {
     ///
     /// # Errors
     /// Foreign, newer, truncated or damaged bytes.
-    pub fn from_bytes(bytes: Vec<u8>, name: &str) -> Result<Self, LoadError> {
+    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Self, LoadError> {
         Self::new(FieldFile::from_bytes(bytes, name)?)
     }
 
@@ -59,19 +62,18 @@ impl Field {
             }
             FieldFile::Harmonic(file) => {
                 let (scene, calibration) = (file.scene.clone(), file.calibration);
-                (Family::Harmonic(VoxelField::File(file)), scene, calibration)
+                (Family::Harmonic(file), scene, calibration)
             }
             FieldFile::Factored(file) => {
                 (Family::Factored(Box::new(file.field.into_evaluator())), file.scene, file.calibration)
             }
         };
-        family.prepare();
+        prefer_unpacked();
         let sharp_points = scene.record.tool.sharp_point_positions(scene.record.grid.pitch);
         Ok(Self { family, scene, calibration, sharp_points, scratch: Workspaces::default() })
     }
 
     /// What the field is of: part, grid, tool and clearance.
-    #[must_use]
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
@@ -86,11 +88,12 @@ impl Field {
     pub fn expanded(self) -> Self {
         let Family::Factored(evaluator) = &self.family else { return self };
         let field = evaluator.expanded(Precision::F32, FitReport::default());
-        Self { family: Family::Harmonic(VoxelField::Expanded(Box::new(field))), ..self }
+        let (scene, settings) = (self.scene.clone(), FitSettings::default());
+        let file = HarmonicFile { field, scene, settings, calibration: None };
+        Self { family: Family::Harmonic(Arc::new(file)), ..self }
     }
 
     /// What its decisions are worth, where that was measured.
-    #[must_use]
     pub fn calibration(&self) -> Option<&Calibration> {
         self.calibration.as_ref()
     }
@@ -133,19 +136,13 @@ impl Field {
     }
 
     /// The decision of an unclipped value of this field with the tip at a point, for those who have values by other ways.
-    #[must_use]
     pub fn decide(&self, position: DVec3, value: f32) -> Decision {
         if value.is_nan() {
             return Decision::Colliding;
         }
         let Some(calibration) = &self.calibration else { return Decision::Undecided };
-        if !self.scene.record.grid.is_between_centres(position) {
-            return Decision::Undecided;
-        }
-        if calibration.free_up_to.is_some_and(|free| value <= free) {
-            Decision::Free
-        } else if calibration.colliding_from.is_some_and(|blocked| value >= blocked) {
-            Decision::Colliding
+        if self.scene.record.grid.is_between_centres(position) {
+            calibration.decide(value)
         } else {
             Decision::Undecided
         }

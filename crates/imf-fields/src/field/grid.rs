@@ -7,8 +7,8 @@ use imf_core::orientation::Orientation;
 use imf_core::section::Imf;
 
 use super::Field;
-use super::families::Family;
-use crate::harmonic::minimum_over;
+use super::families::Kind;
+use crate::harmonic::{minimum_over, sections_of};
 use crate::siren::over_grid;
 
 /// A factored field's network runs at every voxel for each call; whoever calls often expands it before
@@ -21,16 +21,12 @@ impl GridField for Field {
     fn sections(&self, orientations: &[Orientation], values: &mut [f32]) -> Result<(), FieldError> {
         let voxels = self.grid().len();
         assert_eq!(values.len(), voxels * orientations.len(), "one section for each orientation");
-        match self.family() {
-            Family::Siren(network) => {
-                for (orientation, section) in orientations.iter().zip(values.chunks_exact_mut(voxels.max(1)))
-                {
-                    over_grid::section(&mut &*network, self.grid(), orientation.angles(), section)?;
+        match self.family().kind() {
+            Kind::Sum(source) => sections_of(source, &source.direction_weights(orientations), values),
+            Kind::Network(mut network) => {
+                for (orientation, section) in orientations.iter().zip(values.chunks_exact_mut(voxels)) {
+                    over_grid::section(&mut network, self.grid(), orientation.angles(), section)?;
                 }
-            }
-            Family::Harmonic(field) => field.sections(&field.direction_weights(orientations), values),
-            Family::Factored(evaluator) => {
-                evaluator.sections(&evaluator.field().direction_weights(orientations), values);
             }
         }
         Ok(())
@@ -40,20 +36,12 @@ impl GridField for Field {
         if orientations.is_empty() {
             return Err(FieldError::Orientations(0));
         }
-        match self.family() {
-            Family::Siren(network) => {
+        match self.family().kind() {
+            Kind::Sum(source) => minimum_over(source, orientations, control),
+            Kind::Network(mut network) => {
                 let directions: Vec<[f32; 2]> = orientations.iter().map(Orientation::angles).collect();
-                over_grid::minimum(&mut &*network, self.grid(), &directions, control)
+                over_grid::minimum(&mut network, self.grid(), &directions, control)
             }
-            Family::Harmonic(field) => {
-                minimum_over(&**field, |some| field.direction_weights(some), orientations, control)
-            }
-            Family::Factored(evaluator) => minimum_over(
-                &**evaluator,
-                |some| evaluator.field().direction_weights(some),
-                orientations,
-                control,
-            ),
         }
     }
 }

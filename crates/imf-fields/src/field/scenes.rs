@@ -3,15 +3,17 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng as _, SeedableRng as _};
+
+use crate::calibration::{Calibration, Goals, Judgement, Rate};
 use crate::factored::file::FactoredFile;
-use crate::factored::{DistillSettings, FactoredField};
+use crate::factored::{DistillSettings, FactoredField, FactoredShape, Symmetry};
 use crate::field::Field;
 use crate::file::FieldFile;
 use crate::harmonic::basis::Domain;
-use crate::harmonic::coefficients::Precision;
+use crate::harmonic::coefficients::{Coefficients, Precision};
 use crate::harmonic::file::HarmonicFile;
 use crate::harmonic::{FitSettings, fit};
 use crate::model::{Model, TrainingRecord};
@@ -51,6 +53,15 @@ pub(crate) fn harmonic_file(scene: &Scene, degree: usize) -> HarmonicFile {
     HarmonicFile { field, scene: scene.clone(), settings, calibration: None }
 }
 
+/// The same with coefficients in f16.
+pub(crate) fn harmonic_in_halves(scene: &Scene, degree: usize) -> HarmonicFile {
+    let mut file = harmonic_file(scene, degree);
+    let Coefficients::F32(values) = file.field.coefficients else { panic!("made in f32") };
+    file.field.coefficients = Coefficients::new(values, Precision::F16);
+    file.settings.precision = Precision::F16;
+    file
+}
+
 pub(crate) fn harmonic(scene: &Scene) -> Field {
     Field::new(FieldFile::Harmonic(Arc::new(harmonic_file(scene, 8)))).unwrap()
 }
@@ -88,6 +99,30 @@ pub(crate) fn siren_model(scene: &Scene) -> Model {
     .unwrap();
     let state = TrainingState::new(&shape, 3);
     Model { shape, scene: scene.clone(), record, state, calibration: None }
+}
+
+/// A factored field with other starting weights, of a network with this symmetry.
+pub(crate) fn with_symmetry(scene: &Scene, symmetry: Symmetry) -> FactoredFile {
+    let file = factored_file(scene);
+    let shape = FactoredShape { symmetry, ..file.field.shape };
+    let parameters = shape.initial_parameters(5);
+    FactoredFile { field: FactoredField { shape, parameters, ..file.field }, ..file }
+}
+
+/// A calibration of these thresholds.
+pub(crate) fn calibration(free: f32, colliding: f32) -> Calibration {
+    let rate = Rate::new(0, 100, 0.99);
+    let judged = Judgement {
+        poses: 200,
+        false_free: rate,
+        false_colliding: rate,
+        undecided: 1,
+        found_free: 50,
+        largest_error: 0.1,
+    };
+    let (free_up_to, colliding_from) = (Some(free), Some(colliding));
+    let goals = Goals::default();
+    Calibration { free_up_to, colliding_from, goals, seed: 1, uniform: judged, boundary: judged }
 }
 
 pub(crate) fn siren(scene: &Scene) -> Field {

@@ -1,15 +1,15 @@
 use std::f64::consts::FRAC_PI_2;
 
-use glam::{DQuat, DVec3};
+use glam::{DMat4, DQuat, DVec3};
 
-use crate::calibration::{Calibration, Goals, Judgement, Rate};
-use crate::factored::file::FactoredFile;
-use crate::factored::{Axis, FactoredField, FactoredShape, PointScratch, Symmetry};
+use crate::factored::{Axis, PointScratch, Symmetry};
 use crate::field::scenes::{
-    factored, factored_file, harmonic, harmonic_file, poses, scene, siren, siren_model,
+    calibration, factored, factored_file, harmonic, harmonic_file, poses, scene, siren, siren_model,
+    with_symmetry,
 };
 use crate::field::{Field, VerifiedField};
 use crate::file::FieldFile;
+use crate::fixtures::unit_cube;
 use crate::siren::EvaluationEngine;
 use crate::siren::evaluator::CpuEvaluator;
 use crate::siren::features;
@@ -18,13 +18,13 @@ use imf_core::field::*;
 use imf_core::orientation::OrientationSet;
 use imf_core::pose::Pose;
 use imf_core::scene::Scene;
-use imf_core::tool::{SharpPoints, Tool};
+use imf_core::tool::{SharpPoints, Tool, ToolShape};
 
-fn all(scene: &Scene) -> Vec<(&'static str, Field)> {
+pub(super) fn all(scene: &Scene) -> Vec<(&'static str, Field)> {
     vec![("siren", siren(scene)), ("harmonic", harmonic(scene)), ("factored", factored(scene))]
 }
 
-fn values(field: &dyn PoseField, poses: &[Pose]) -> Vec<f32> {
+pub(super) fn values(field: &dyn PoseField, poses: &[Pose]) -> Vec<f32> {
     let mut values = vec![-7.0; poses.len()];
     field.values(poses, &mut values).unwrap();
     values
@@ -41,7 +41,7 @@ fn fields_are_shared_by_threads() {
 }
 
 /// Single precision in another order of addition, and directions rounded to it: relative to waves of degree 8.
-const ROUNDING: f32 = 1e-4;
+pub(super) const ROUNDING: f32 = 1e-4;
 
 #[test]
 fn values_are_those_of_each_familys_own_interface() {
@@ -62,16 +62,12 @@ fn values_are_those_of_each_familys_own_interface() {
     near("harmonic", &values(&harmonic(&scene), &asked), &expected);
     assert!(expected.iter().any(|&v| v > 0.05) && expected.contains(&0.0));
 
-    let file = factored_file(&scene);
     // With an order of axes that is not the world's.
     let through = scene.record.grid.origin + 0.45 * scene.record.grid.size();
     let symmetry =
         Symmetry { mirrors: [None, Some(through.y), None], axis: Some(Axis { along: 0, through }) };
-    let shape = FactoredShape { symmetry, ..file.field.shape };
-    let parameters = shape.initial_parameters(5);
-    let symmetric =
-        FactoredFile { field: FactoredField { shape, parameters, ..file.field.clone() }, ..file.clone() };
-    for (name, file) in [("factored", file), ("with symmetry", symmetric)] {
+    let symmetric = with_symmetry(&scene, symmetry);
+    for (name, file) in [("factored", factored_file(&scene)), ("with symmetry", symmetric)] {
         let (evaluator, mut scratch) = (file.field.evaluator(), PointScratch::default());
         for (pose, expected) in asked.iter().zip(&mut expected) {
             *expected = evaluator.overlap(pose.position, &pose.orientation(), &mut scratch).unwrap();
@@ -287,50 +283,6 @@ fn what_is_no_pose_or_outside_has_the_documented_answer() {
     }
 }
 
-fn calibration(free: f32, blocked: f32) -> Calibration {
-    let rate = Rate::new(0, 100, 0.99);
-    let judged = Judgement {
-        poses: 200,
-        false_free: rate,
-        false_colliding: rate,
-        undecided: 1,
-        found_free: 50,
-        largest_error: 0.1,
-    };
-    let goals = Goals::default();
-    let (free_up_to, colliding_from) = (Some(free), Some(blocked));
-    Calibration { free_up_to, colliding_from, goals, seed: 1, uniform: judged, boundary: judged }
-}
-
-#[test]
-fn decisions_follow_the_thresholds_and_are_near_without() {
-    let scene = scene(&Tool::paper(), 0.0);
-    let asked = poses(&scene, 600, 5);
-    for (name, field) in all(&scene) {
-        let mut raw = vec![0.0; asked.len()];
-        field.values_unclipped(&asked, &mut raw).unwrap();
-        let mut sorted = raw.clone();
-        sorted.sort_by(f32::total_cmp);
-        let (free, blocked) = (sorted[200], sorted[400]);
-        let mut decisions = vec![Decision::Colliding; asked.len()];
-        field.classify(&asked, &mut decisions).unwrap();
-        assert!(decisions.iter().all(|&d| d == Decision::Undecided), "{name}");
-        let field = field.with_calibration(Some(calibration(free, blocked)));
-        field.classify(&asked, &mut decisions).unwrap();
-        for (value, decision) in raw.iter().zip(&decisions) {
-            let expected = match value {
-                v if *v <= free => Decision::Free,
-                v if *v >= blocked => Decision::Colliding,
-                _ => Decision::Undecided,
-            };
-            assert_eq!(*decision, expected, "{name}: {value}");
-        }
-        assert!(
-            [Decision::Free, Decision::Colliding, Decision::Undecided].iter().all(|d| decisions.contains(d))
-        );
-    }
-}
-
 #[test]
 fn the_best_orientation_is_that_of_asking_each() {
     let at = |z: f64| DVec3::new(0.0, 0.0, z);
@@ -366,49 +318,11 @@ fn the_best_orientation_is_that_of_asking_each() {
 }
 
 #[test]
-fn verified_fields_say_free_where_the_true_tool_is_free_and_nowhere_else() {
-    for clearance in [0.0, 1.5] {
-        let scene = scene(&Tool::paper(), clearance);
-        let verified = VerifiedField::new(harmonic(&scene)).unwrap();
-        let keeping = VerifiedField::with_clearance(harmonic(&scene), scene.record.clearance).unwrap();
-        let asked = poses(&scene, 4000, 11);
-        let (mut decisions, mut kept) = (vec![Decision::Undecided; 4000], vec![Decision::Undecided; 4000]);
-        verified.classify(&asked, &mut decisions).unwrap();
-        keeping.classify(&asked, &mut kept).unwrap();
-        let mut between = 0;
-        for ((pose, decision), kept) in asked.iter().zip(&decisions).zip(&kept) {
-            // The definition.
-            let (position, orientation) = (pose.position, pose.orientation());
-            let count = |tool: &Tool| tool.count_inside(&scene.obstacle, position, &orientation);
-            assert_eq!(*decision == Decision::Free, count(scene.record.bare_tool()) == 0, "{pose:?}");
-            assert_eq!(*kept == Decision::Free, count(&scene.record.tool) == 0, "{pose:?}");
-            between += usize::from(decision != kept);
-        }
-        assert_eq!(between > 0, clearance > 0.0);
-        // The best of those that are free, where any is.
-        let points: Vec<DVec3> = asked.iter().take(50).map(|p| p.position).collect();
-        let rotations: Vec<DQuat> = asked.iter().skip(100).take(60).map(|p| p.rotation).collect();
-        let mut best = vec![Best::NONE; points.len()];
-        verified.best(&points, &rotations, &mut best).unwrap();
-        let model = verified.model();
-        for (&point, best) in points.iter().zip(&best) {
-            let all: Vec<Pose> = rotations.iter().map(|&r| Pose::new(point, r)).collect();
-            let mut decided = vec![Decision::Undecided; all.len()];
-            verified.classify(&all, &mut decided).unwrap();
-            let free = decided.contains(&Decision::Free);
-            assert_eq!(best.decision == Decision::Free, free);
-            let of = values(model, &all);
-            let least = of.iter().zip(&decided).filter(|(_, d)| !free || **d == Decision::Free);
-            let least = least.map(|(v, _)| *v).fold(f32::INFINITY, f32::min);
-            assert!((best.value - least).abs() < ROUNDING);
-        }
-    }
-}
-
-#[test]
 fn tools_that_turn_have_values_and_gradients_too() {
-    let mesh = ReferenceBox::tool();
-    let scene = scene(&mesh, 0.0);
+    // A tool without symmetry.
+    let corners = DMat4::from_translation(DVec3::new(-6.0, -5.0, 0.0));
+    let side = unit_cube().transformed(&(corners * DMat4::from_scale(DVec3::new(20.0, 12.0, 50.0))));
+    let scene = scene(&Tool { shape: ToolShape::Mesh(side), ..Tool::paper() }, 0.0);
     for (name, field) in [("harmonic", harmonic(&scene)), ("factored", factored(&scene))] {
         let mut asked = poses(&scene, 60, 13);
         for (index, pose) in asked.iter_mut().enumerate() {
@@ -451,38 +365,5 @@ fn tools_that_turn_have_values_and_gradients_too() {
         let nowhere = Pose::new(DVec3::ZERO, DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0));
         field.gradients(&[nowhere], &mut found[..1]).unwrap();
         assert!(found[0].value.is_nan() && found[0].rotation.is_nan(), "{name}");
-    }
-}
-
-/// A tool without symmetry.
-struct ReferenceBox;
-
-impl ReferenceBox {
-    fn tool() -> Tool {
-        let corner = |i: usize| {
-            DVec3::new(
-                if i & 1 == 0 { -6.0 } else { 14.0 },
-                if i & 2 == 0 { -5.0 } else { 7.0 },
-                if i & 4 == 0 { 0.0 } else { 50.0 },
-            )
-        };
-        let mesh = imf_core::mesh::Mesh {
-            vertices: (0..8).map(corner).collect(),
-            triangles: vec![
-                [0, 2, 1],
-                [1, 2, 3],
-                [4, 5, 6],
-                [5, 7, 6],
-                [0, 1, 4],
-                [1, 5, 4],
-                [2, 6, 3],
-                [3, 6, 7],
-                [0, 4, 2],
-                [2, 4, 6],
-                [1, 3, 5],
-                [3, 7, 5],
-            ],
-        };
-        Tool { shape: imf_core::tool::ToolShape::Mesh(mesh), ..Tool::paper() }
     }
 }

@@ -60,19 +60,16 @@ impl VerifiedField {
     }
 
     /// The model.
-    #[must_use]
     pub fn model(&self) -> &Field {
         &self.model
     }
 
     /// What decides.
-    #[must_use]
     pub fn exact(&self) -> &ExactField {
         self.checker.field()
     }
 
     /// True where it is proven that the tool holds no solid voxel's centre; false for an invalid pose.
-    #[must_use]
     pub fn is_free(&self, pose: &Pose) -> bool {
         !self.exact().collides(pose)
     }
@@ -86,7 +83,6 @@ impl VerifiedField {
     }
 
     /// The clearance that decisions keep.
-    #[must_use]
     pub fn clearance(&self) -> &Clearance {
         self.exact().assembly().clearance()
     }

@@ -8,10 +8,12 @@ use std::f64::consts::PI;
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
-use super::fours::{IMAGES, directions_in_fours};
 use super::rotations::{self, RotationBasis};
 use super::sphere::{self, SphereBasis};
 use imf_core::orientation::{Orientation, OrientationSet, OrientationSetError};
+
+/// Images of a direction under half turns about x, y and z, itself included: directions are fitted in fours.
+pub(super) const IMAGES: usize = 4;
 
 /// Which functions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -64,7 +66,6 @@ impl Basis {
     }
 
     /// Number of functions of a domain up to a degree.
-    #[must_use]
     pub const fn count(domain: Domain, degree: usize) -> usize {
         match domain {
             Domain::Directions => sphere::function_count(degree),
@@ -81,7 +82,6 @@ impl Basis {
     }
 
     /// Where the functions live.
-    #[must_use]
     pub fn domain(&self) -> Domain {
         match self {
             Self::Directions(_) => Domain::Directions,
@@ -90,7 +90,6 @@ impl Basis {
     }
 
     /// Highest degree.
-    #[must_use]
     pub fn degree(&self) -> usize {
         match self {
             Self::Directions(sphere) => sphere.degree(),
@@ -99,13 +98,11 @@ impl Basis {
     }
 
     /// Number of functions.
-    #[must_use]
     pub fn len(&self) -> usize {
         Self::count(self.domain(), self.degree())
     }
 
     /// Never: degree 0 already is one function.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         false
     }
@@ -134,7 +131,6 @@ impl Basis {
     /// # Panics
     /// If the functions are of rotations.
     #[inline]
-    #[must_use]
     pub fn sum_with_gradient(&self, direction: DVec3, weight: impl Fn(usize) -> f64) -> (f64, DVec3) {
         let (sum, gradient) = self.sphere().sum_with_gradient(direction, weight);
         let scale = (4.0 * PI).sqrt();
@@ -157,7 +153,6 @@ impl Basis {
 
     /// What these functions read of how a tool stands: its direction, or its rotation. `None` for a direction alone where functions
     /// are of rotations, and for what has no length.
-    #[must_use]
     pub fn facing(&self, facing: impl Into<Facing>) -> Option<Facing> {
         let facing = match (self, facing.into()) {
             (Self::Directions(_), Facing::Direction(direction)) => {
@@ -176,7 +171,6 @@ impl Basis {
     }
 
     /// What these functions read of an orientation.
-    #[must_use]
     pub fn facing_at(&self, orientation: &Orientation) -> Facing {
         match self {
             Self::Directions(_) => Facing::Direction(orientation.direction()),
@@ -204,16 +198,16 @@ impl Basis {
     ///
     /// # Errors
     /// A count that no set can have.
+    #[cfg(feature = "fit")]
     pub fn fitted_set(&self, count: usize) -> Result<Vec<Orientation>, OrientationSetError> {
         if self.domain() == Domain::Rotations || !count.is_multiple_of(IMAGES) {
             return Ok(self.even_set(count)?.orientations);
         }
-        let directions = directions_in_fours(count / IMAGES).into_iter();
+        let directions = super::fit::quadrature::directions_in_fours(count / IMAGES).into_iter();
         Ok(directions.filter_map(Orientation::from_direction).collect())
     }
 
     /// Nearly `count` sections, as many as a set of this domain can have; no fewer than `least`.
-    #[must_use]
     pub(super) const fn fitted_count(domain: Domain, count: usize, least: usize) -> usize {
         match domain {
             Domain::Rotations => {

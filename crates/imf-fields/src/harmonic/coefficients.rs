@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
+use crate::parallel::*;
 use half::f16;
 use half::slice::HalfFloatSliceExt as _;
 use half::vec::HalfBitsVecExt as _;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use imf_core::workspaces::Workspaces;
@@ -110,7 +110,6 @@ impl Coefficients {
     }
 
     /// How they are kept.
-    #[must_use]
     pub fn precision(&self) -> Precision {
         match self {
             Self::F32(_) => Precision::F32,
@@ -119,7 +118,6 @@ impl Coefficients {
     }
 
     /// Number of coefficients.
-    #[must_use]
     pub fn len(&self) -> usize {
         match self {
             Self::F32(values) => values.len(),
@@ -128,7 +126,6 @@ impl Coefficients {
     }
 
     /// True without any.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -2,14 +2,14 @@
 
 use std::ops::Range;
 
+use crate::parallel::*;
+use glam::DVec3;
 use pulp::Arch;
-use rayon::prelude::*;
 
 use super::HarmonicField;
 use super::basis::Basis;
-use super::mirrors::Mirrors;
-use super::sides;
-use crate::siren::matrix::{Matrix, multiply};
+use super::mirror::{Mirrors, one_side};
+use crate::siren::matrix::{Matrix, multiply, product};
 use imf_core::control::Control;
 use imf_core::field::FieldError;
 use imf_core::orientation::Orientation;
@@ -49,14 +49,8 @@ impl DirectionWeights {
             .par_chunks(functions)
             .map(|row| row.iter().zip(mean).map(|(&b, &m)| f64::from(b) * f64::from(m)).sum::<f64>() as f32)
             .collect();
-        let mut along = vec![0.0; width * orientations.len()];
-        multiply(
-            &mut along,
-            orientations.len(),
-            Matrix::row_major(axes, functions, width, width).transposed(),
-            Matrix::row_major(&values, orientations.len(), functions, functions).transposed(),
-            false,
-        );
+        let along =
+            product(Matrix::dense(axes, width).transposed(), Matrix::dense(&values, functions).transposed());
         Self { along, constant }
     }
 
@@ -74,30 +68,13 @@ impl DirectionWeights {
     }
 
     /// `Uᵀ b(R)` of every orientation: `[axes][orientation]`.
-    #[must_use]
     pub fn along(&self) -> &[f32] {
         &self.along
     }
 
     /// `μ·b(R)` of every orientation.
-    #[must_use]
     pub fn constants(&self) -> &[f32] {
         &self.constant
-    }
-
-    /// The same orientations, each one's values side by side, for poses in no order.
-    pub(crate) fn by_orientation(&self) -> TurnedHeads<'_> {
-        let (count, axes) = (self.len(), self.along.len() / self.len().max(1));
-        let mut along = vec![0.0; self.along.len()];
-        along.par_chunks_mut(TURNED * axes.max(1)).enumerate().for_each(|(part, along)| {
-            let first = part * TURNED;
-            for (axis, row) in self.along.chunks_exact(count).enumerate() {
-                for (place, &value) in row[first..].iter().take(along.len() / axes).enumerate() {
-                    along[place * axes + axis] = value;
-                }
-            }
-        });
-        TurnedHeads { axes, along, constant: &self.constant }
     }
 
     /// The orientations in chunks whose values stay in the inner caches.
@@ -114,45 +91,22 @@ impl DirectionWeights {
         for row in values.chunks_exact_mut(columns) {
             row.copy_from_slice(&self.constant[chunk.clone()]);
         }
-        multiply(
-            values,
-            columns,
-            Matrix::row_major(z, rows, axes, axes),
-            Matrix::row_major(&self.along[chunk.start..], axes, columns, self.len()),
-            true,
-        );
+        let along = Matrix::row_major(&self.along[chunk.start..], axes, columns, self.len());
+        multiply(values, columns, Matrix::dense(z, axes), along, true);
     }
 
     /// Number of orientations.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.constant.len()
     }
 
     /// True without any.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.constant.is_empty()
     }
 }
 
-/// [`DirectionWeights`] with each orientation's values side by side.
-pub(crate) struct TurnedHeads<'a> {
-    axes: usize,
-    /// `[orientation][axes]`.
-    along: Vec<f32>,
-    constant: &'a [f32],
-}
-
-impl TurnedHeads<'_> {
-    /// `μ·b(R)` and `Uᵀ b(R)` of an orientation.
-    #[inline(always)]
-    pub(crate) fn of(&self, orientation: usize) -> (f32, &[f32]) {
-        (self.constant[orientation], &self.along[orientation * self.axes..][..self.axes])
-    }
-}
-
-/// Where the coefficients of a block of voxels come from: an array, or a network.
+/// Where coefficients come from: an array, or a network.
 pub trait VoxelCoefficients: Sync {
     /// Voxels of the grid along each axis.
     fn dims(&self) -> [usize; 3];
@@ -168,6 +122,22 @@ pub trait VoxelCoefficients: Sync {
     fn mirrors(&self, orientations: usize) -> Option<Mirrors>;
     /// `[voxel][axes]` of a range: where they lie, or computed into `scratch`.
     fn read<'a>(&'a self, voxels: Range<usize>, scratch: &'a mut Vec<f32>) -> &'a [f32];
+    /// `[point][axes]` of up to a block's points, which lie in the box of the voxel centres; `scratch` is working memory.
+    fn at(&self, points: &mut dyn Iterator<Item = DVec3>, z: &mut [f32], scratch: &mut Vec<f32>);
+    /// Basis, U `[K][axes]`, μ `[K]`; where there is an order of directions only the basis is of the world.
+    fn functions(&self) -> (&Basis, &[f32], &[f32]);
+    /// Where the coefficients are those of the functions themselves: the order that directions are to be brought in.
+    fn order(&self) -> Option<[usize; 3]> {
+        None
+    }
+    /// Prepares orientations.
+    fn direction_weights(&self, orientations: &[Orientation]) -> DirectionWeights {
+        let (basis, axes, mean) = self.functions();
+        match self.order() {
+            None => DirectionWeights::new(basis, axes, mean, orientations),
+            Some(order) => DirectionWeights::in_order(basis, order, orientations),
+        }
+    }
 }
 
 /// Orientations of a chunk.
@@ -176,15 +146,11 @@ const CHUNK: usize = 512;
 pub const DIRECTIONS_AT_ONCE: usize = 1 << 14;
 /// Orientations for which a field is looked through for its mirror planes: a product with so many takes several times as long.
 pub(super) const MANY: usize = 100;
-/// Orientations that one thread turns at a time.
-const TURNED: usize = 256;
-
 impl HarmonicField {
     /// Voxels of a block: its coefficients and a chunk's values stay in the inner caches.
     pub const BLOCK: usize = 256;
 
     /// Prepares orientations.
-    #[must_use]
     pub fn direction_weights(&self, orientations: &[Orientation]) -> DirectionWeights {
         DirectionWeights::new(&self.basis, &self.axes, &self.mean, orientations)
     }
@@ -193,16 +159,15 @@ impl HarmonicField {
     ///
     /// # Panics
     /// If `sections` has not that length.
-    pub fn sections(&self, heads: &DirectionWeights, sections: &mut [f32]) {
-        sections_of(self, heads, sections);
+    pub fn sections(&self, weights: &DirectionWeights, sections: &mut [f32]) {
+        sections_of(self, weights, sections);
     }
 
     /// The least value over the orientations at every voxel, an overlap in [0, 1], with the first orientation that has it before
     /// clipping. Memory does not grow with the number of orientations but for [`DirectionWeights`], and a copy of these where the field is its
     /// own mirror image.
-    #[must_use]
-    pub fn minimum(&self, heads: &DirectionWeights) -> Imf {
-        minimum_of(self, heads)
+    pub fn minimum(&self, weights: &DirectionWeights) -> Imf {
+        minimum_of(self, weights)
     }
 }
 
@@ -227,35 +192,51 @@ impl VoxelCoefficients for HarmonicField {
         let axes = self.axis_count();
         self.coefficients.read(voxels.start * axes, voxels.end * axes, scratch)
     }
+
+    fn at(&self, points: &mut dyn Iterator<Item = DVec3>, z: &mut [f32], scratch: &mut Vec<f32>) {
+        for (point, z) in points.zip(z.chunks_exact_mut(self.axis_count())) {
+            // In the box there is an answer.
+            let _ = self.coefficients_at(point, z, scratch);
+        }
+    }
+
+    fn functions(&self) -> (&Basis, &[f32], &[f32]) {
+        (&self.basis, &self.axes, &self.mean)
+    }
 }
 
 /// [`HarmonicField::sections`] of coefficients from anywhere.
-pub(crate) fn sections_of(source: &impl VoxelCoefficients, heads: &DirectionWeights, sections: &mut [f32]) {
-    assert_eq!(sections.len(), source.voxels() * heads.len(), "one value for each orientation and voxel");
-    match source.mirrors(heads.len()) {
-        Some(mirrors) => sides::sections_of(source, &mirrors, heads, sections),
-        None => whole_sections(source, heads, sections),
+pub(crate) fn sections_of(source: &dyn VoxelCoefficients, weights: &DirectionWeights, sections: &mut [f32]) {
+    assert_eq!(sections.len(), source.voxels() * weights.len(), "one value for each orientation and voxel");
+    match source.mirrors(weights.len()) {
+        Some(mirrors) => one_side::sections_of(source, &mirrors, weights, sections),
+        None => whole_sections(source, weights, sections),
     }
 }
 
 /// [`HarmonicField::minimum`] of coefficients from anywhere.
-pub(crate) fn minimum_of(source: &impl VoxelCoefficients, heads: &DirectionWeights) -> Imf {
+pub(crate) fn minimum_of(source: &dyn VoxelCoefficients, weights: &DirectionWeights) -> Imf {
     let mut least = Imf::new(source.voxels());
-    lower_to(source, heads, 0, &mut least, Control::quiet());
+    lower_to(source, weights, 0, &mut least, Control::quiet());
     least.hold(source.quantity());
     least
 }
 
-/// The same of any number of orientations, whose heads are made for some at a time. One unit of progress is one value.
+/// The same of any number of orientations, whose weights are made for some at a time. One unit of progress is one value.
 pub(crate) fn minimum_over(
-    source: &impl VoxelCoefficients,
-    heads: impl Fn(&[Orientation]) -> DirectionWeights,
+    source: &dyn VoxelCoefficients,
     orientations: &[Orientation],
     control: Control<'_>,
 ) -> Result<Imf, FieldError> {
     let mut least = Imf::new(source.voxels());
     for (batch, orientations) in orientations.chunks(DIRECTIONS_AT_ONCE).enumerate() {
-        if !lower_to(source, &heads(orientations), batch * DIRECTIONS_AT_ONCE, &mut least, control) {
+        if !lower_to(
+            source,
+            &source.direction_weights(orientations),
+            batch * DIRECTIONS_AT_ONCE,
+            &mut least,
+            control,
+        ) {
             return Err(FieldError::Cancelled);
         }
     }
@@ -266,28 +247,28 @@ pub(crate) fn minimum_over(
 /// Takes the values of some orientations, the first of which has a place in a longer list, into account, not clipped; `false` where
 /// the control asked to stop before all was done.
 fn lower_to(
-    source: &impl VoxelCoefficients,
-    heads: &DirectionWeights,
+    source: &dyn VoxelCoefficients,
+    weights: &DirectionWeights,
     first: usize,
     least: &mut Imf,
     control: Control<'_>,
 ) -> bool {
-    match source.mirrors(heads.len()) {
-        Some(mirrors) => sides::lower_to(source, &mirrors, heads, first, least, control),
-        None => lower_to_whole(source, heads, first, least, control),
+    match source.mirrors(weights.len()) {
+        Some(mirrors) => one_side::lower_to(source, &mirrors, weights, first, least, control),
+        None => lower_to_whole(source, weights, first, least, control),
     }
 }
 
 /// [`sections_of`], voxel by voxel.
 pub(super) fn whole_sections(
-    source: &impl VoxelCoefficients,
-    heads: &DirectionWeights,
+    source: &dyn VoxelCoefficients,
+    weights: &DirectionWeights,
     sections: &mut [f32],
 ) {
     let (voxels, axes, quantity) = (source.voxels(), source.axes(), source.quantity());
     // The same array by blocks of voxels: one piece of each section.
     let blocks = voxels.div_ceil(HarmonicField::BLOCK);
-    let mut pieces: Vec<Vec<&mut [f32]>> = (0..blocks).map(|_| Vec::with_capacity(heads.len())).collect();
+    let mut pieces: Vec<Vec<&mut [f32]>> = (0..blocks).map(|_| Vec::with_capacity(weights.len())).collect();
     for section in sections.chunks_exact_mut(voxels) {
         for (block, piece) in section.chunks_mut(HarmonicField::BLOCK).enumerate() {
             pieces[block].push(piece);
@@ -297,8 +278,8 @@ pub(super) fn whole_sections(
         let Scratch { coefficients, values, .. } = scratch;
         let from = block * HarmonicField::BLOCK;
         let z = source.read(from..(from + HarmonicField::BLOCK).min(voxels), coefficients);
-        for chunk in heads.chunks() {
-            heads.values(z, axes, chunk.clone(), values);
+        for chunk in weights.chunks() {
+            weights.values(z, axes, chunk.clone(), values);
             let columns = chunk.len();
             for (column, piece) in pieces[chunk].iter_mut().enumerate() {
                 let values = values[column..].iter().step_by(columns);
@@ -310,8 +291,8 @@ pub(super) fn whole_sections(
 
 /// [`lower_to`], voxel by voxel.
 pub(super) fn lower_to_whole(
-    source: &impl VoxelCoefficients,
-    heads: &DirectionWeights,
+    source: &dyn VoxelCoefficients,
+    weights: &DirectionWeights,
     first: usize,
     least: &mut Imf,
     control: Control<'_>,
@@ -319,15 +300,15 @@ pub(super) fn lower_to_whole(
     let axes = source.axes();
     let values = least.value.par_chunks_mut(HarmonicField::BLOCK);
     let blocks = values.zip(least.best.par_chunks_mut(HarmonicField::BLOCK)).enumerate();
-    let done = blocks.map_init(Scratch::default, |scratch, (block, (least, best))| {
+    let done = |scratch: &mut Scratch, (block, (least, best)): (usize, (&mut [f32], &mut [u32]))| {
         if control.is_cancelled() {
             return false;
         }
         let Scratch { arch, coefficients, values } = scratch;
         let from = block * HarmonicField::BLOCK;
         let z = source.read(from..from + least.len(), coefficients);
-        for chunk in heads.chunks() {
-            heads.values(z, axes, chunk.clone(), values);
+        for chunk in weights.chunks() {
+            weights.values(z, axes, chunk.clone(), values);
             let rows = values.chunks_exact(chunk.len());
             for ((least, best), row) in least.iter_mut().zip(best.iter_mut()).zip(rows) {
                 let lowest = vectorised!(arch, lowest(row));
@@ -337,10 +318,10 @@ pub(super) fn lower_to_whole(
                 }
             }
         }
-        (control.progress)((least.len() * heads.len()) as u64);
+        (control.progress)((least.len() * weights.len()) as u64);
         true
-    });
-    done.reduce(|| true, |a, b| a && b)
+    };
+    blocks.map_init(Scratch::default, done).all(|done| done)
 }
 
 /// The least of some values.

@@ -58,22 +58,10 @@ pub(crate) struct Functions<'a> {
 }
 
 impl Functions<'_> {
-    /// The overlap, not clipped, of coefficients `z` in an orientation.
-    pub(crate) fn value(self, orientation: &Orientation, z: &[f32], scratch: &mut TurnScratch) -> f32 {
+    /// The overlap, not clipped, of coefficients `z` at what [`Basis::facing`] gave.
+    pub(crate) fn value(self, facing: Facing, z: &[f32], scratch: &mut TurnScratch) -> f32 {
         scratch.functions.resize(self.basis.len(), 0.0);
-        self.basis.values(orientation, &mut scratch.functions);
-        self.sum(z, scratch)
-    }
-
-    /// As [`Self::value`] in a direction, of a basis of directions.
-    pub(crate) fn value_at(self, direction: DVec3, z: &[f32], scratch: &mut TurnScratch) -> f32 {
-        scratch.functions.resize(self.basis.len(), 0.0);
-        self.basis.values_of_direction(direction, &mut scratch.functions);
-        self.sum(z, scratch)
-    }
-
-    /// The functions' sum, weighted by coefficients.
-    fn sum(self, z: &[f32], scratch: &mut TurnScratch) -> f32 {
+        self.basis.values_facing(facing, &mut scratch.functions);
         self.weigh(z, scratch);
         let weights = scratch.weights.iter().zip(self.mean);
         let terms = weights.zip(&scratch.functions).map(|((&w, &m), &b)| f64::from(w + m) * b);
@@ -134,7 +122,6 @@ impl HarmonicField {
 
     /// The overlap with the tool's tip at a world position, clipped to [0, 1], or the depth; trilinear between voxel centres.
     /// `None` outside the box of the voxel centres.
-    #[must_use]
     pub fn overlap(
         &self,
         position: DVec3,
@@ -142,14 +129,14 @@ impl HarmonicField {
         scratch: &mut PointScratch,
     ) -> Option<f32> {
         self.mix(position, 1, scratch)?;
-        let value = self.functions().value(orientation, &scratch.mixed, &mut scratch.turns);
+        let facing = self.basis.facing_at(orientation);
+        let value = self.functions().value(facing, &scratch.mixed, &mut scratch.turns);
         Some(self.quantity.held(value))
     }
 
     /// The overlap with its gradients in position and in how the tool stands. One-sided where a position lies on a voxel
     /// centre's plane: the slope of the cell towards higher indices. `None` outside the box of the voxel centres, and for a
     /// direction alone where the field is over rotations.
-    #[must_use]
     pub fn overlap_with_gradient(
         &self,
         position: DVec3,

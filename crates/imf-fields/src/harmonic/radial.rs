@@ -21,8 +21,7 @@ const SAMPLES: usize = 4096;
 /// The tool's angular profile at radius `r`: `t_l(r)` for l = 0 to `degree`, from the tool's geometry.
 ///
 /// `None` for a tool that is a mesh.
-#[must_use]
-pub fn radial_profile(tool: &Tool, radius: f64, degree: usize) -> Option<Vec<f64>> {
+pub(super) fn radial_profile(tool: &Tool, radius: f64, degree: usize) -> Option<Vec<f64>> {
     let ToolShape::Revolved(elements) = &tool.shape else { return None };
     let inside = |u: f64| {
         let height = radius * u;
@@ -74,8 +73,7 @@ fn add_interval(profile: &mut [f64], from: f64, to: f64) {
 /// The coefficients `c_lm` at a world position by the direct sum over all solid voxel centres: slow, and the definition.
 ///
 /// `None` for a tool that is a mesh.
-#[must_use]
-pub fn direct_coefficients(
+pub(super) fn direct_coefficients(
     obstacle: &Occupancy,
     tool: &Tool,
     position: DVec3,

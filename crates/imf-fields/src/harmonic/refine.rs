@@ -2,9 +2,9 @@
 
 use std::f64::consts::PI;
 
+use crate::parallel::*;
 use glam::{DMat3, DQuat, DVec3};
 use pulp::Arch;
-use rayon::prelude::*;
 
 use super::HarmonicField;
 use super::basis::{Basis, Facing};
@@ -232,8 +232,7 @@ mod tests {
         // Many other orientations find lower valleys of voxels whose best of the set lay in another one; in sum they hold less
         // than descending gained.
         let many = OrientationSet::parse(larger).unwrap().orientations;
-        let dense =
-            minimum_over(&field, |some| field.direction_weights(some), &many, Control::quiet()).unwrap();
+        let dense = minimum_over(&field, &many, Control::quiet()).unwrap();
         let missed = refined.value.iter().zip(&dense.value).map(|(&r, &d)| f64::from((r - d).max(0.0)));
         let missed: f64 = missed.sum();
         assert!(missed < gained, "other valleys hold {missed}, descending gained {gained}");

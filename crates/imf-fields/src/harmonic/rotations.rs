@@ -10,11 +10,10 @@
 //! l, so that nothing is singular where Euler's angles are. Source: D. A. Varshalovich, A. N. Moskalev, V. K. Khersonskii,
 //! Quantum Theory of Angular Momentum (1988), chapter 4.
 
+use gemm::c64 as Complex64;
 use glam::{DQuat, DVec3};
-use rustfft::num_complex::Complex64;
 
 /// Functions up to degree `degree`: (L+1)(2L+1)(2L+3)/3.
-#[must_use]
 pub const fn function_count(degree: usize) -> usize {
     (degree + 1) * (2 * degree + 1) * (2 * degree + 3) / 3
 }
@@ -89,25 +88,21 @@ impl RotationBasis {
     }
 
     /// Highest degree.
-    #[must_use]
     pub fn degree(&self) -> usize {
         self.degree
     }
 
     /// Number of functions.
-    #[must_use]
     pub fn len(&self) -> usize {
         function_count(self.degree)
     }
 
     /// Never: degree 0 already is one function.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         false
     }
 
     /// The recurrences' constants in the order in which they are used: s = m + n ascending, then t = m − n, then l from m on.
-    #[must_use]
     pub fn steps(&self) -> &[Step] {
         &self.steps
     }
@@ -183,7 +178,6 @@ fn put(values: &mut [f64], l: usize, [m, n]: [usize; 2], powers: [Complex64; 2],
 /// # Panics
 /// If a slice has not the length of [`function_count`].
 #[inline(always)]
-#[must_use]
 pub fn sum_with_turns(degree: usize, values: &[f64], weights: &[f32]) -> (f64, DVec3) {
     let count = function_count(degree);
     assert_eq!((values.len(), weights.len()), (count, count), "one number for each function");

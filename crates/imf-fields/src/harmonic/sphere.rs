@@ -10,7 +10,6 @@ use std::f64::consts::{FRAC_1_PI, SQRT_2};
 use glam::DVec3;
 
 /// Functions up to degree `degree`.
-#[must_use]
 pub const fn function_count(degree: usize) -> usize {
     (degree + 1) * (degree + 1)
 }
@@ -69,19 +68,16 @@ impl SphereBasis {
     }
 
     /// Highest degree.
-    #[must_use]
     pub fn degree(&self) -> usize {
         self.degree
     }
 
     /// Number of functions, `(degree + 1)²`.
-    #[must_use]
     pub fn len(&self) -> usize {
         function_count(self.degree)
     }
 
     /// Never: degree 0 already is one function.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         false
     }
@@ -90,7 +86,6 @@ impl SphereBasis {
     ///
     /// # Panics
     /// If m is beyond the degree.
-    #[must_use]
     pub fn sectoral(&self, m: usize) -> f64 {
         self.sectoral[m]
     }
@@ -99,7 +94,6 @@ impl SphereBasis {
     ///
     /// # Panics
     /// If l or m is beyond the degree.
-    #[must_use]
     pub fn step(&self, l: usize, m: usize) -> (f64, f64) {
         self.steps[l * (l + 1) / 2 + m]
     }
@@ -109,24 +103,31 @@ impl SphereBasis {
     /// # Panics
     /// If `values` has not the length [`SphereBasis::len`].
     pub fn values(&self, direction: DVec3, values: &mut [f64]) {
-        self.each(direction, |place, value, _| values[place] = value);
+        let DVec3 { x, y, z } = direction;
+        // Re and Im of (x + iy)^m.
+        let (mut cosine, mut sine) = (1.0, 0.0);
+        for m in 0..=self.degree {
+            let (mut before, mut value) = (0.0, self.sectoral[m]);
+            for l in m..=self.degree {
+                if l > m {
+                    let (a, b) = self.steps[l * (l + 1) / 2 + m];
+                    (before, value) = (value, a * (z * value - b * before));
+                }
+                let middle = l * l + l;
+                if m == 0 {
+                    values[middle] = value;
+                } else {
+                    let q = SQRT_2 * value;
+                    (values[middle + m], values[middle - m]) = (q * cosine, q * sine);
+                }
+            }
+            (cosine, sine) = (x * cosine - y * sine, x * sine + y * cosine);
+        }
     }
 
-    /// All functions and their gradients along the sphere: derivatives for a small turn of `direction`, tangent to it.
-    ///
-    /// # Panics
-    /// If a slice has not the length [`SphereBasis::len`].
-    pub fn values_with_gradients(&self, direction: DVec3, values: &mut [f64], gradients: &mut [DVec3]) {
-        self.each(direction, |place, value, gradient| {
-            values[place] = value;
-            gradients[place] = gradient - direction * gradient.dot(direction);
-        });
-    }
-
-    /// The sum of all functions, each by the weight that `weight` says of its place, and its gradient along the sphere:
-    /// that of [`SphereBasis::values_with_gradients`]. Functions of one m share what depends on x and y.
+    /// The sum of all functions, each by the weight that `weight` says of its place, and its gradient along the sphere: the
+    /// derivative for a small turn of `direction`, tangent to it. Functions of one m share what depends on x and y.
     #[inline]
-    #[must_use]
     pub fn sum_with_gradient(&self, direction: DVec3, weight: impl Fn(usize) -> f64) -> (f64, DVec3) {
         let DVec3 { x, y, z } = direction;
         let (mut cosine, mut sine) = (1.0, 0.0);
@@ -164,44 +165,6 @@ impl SphereBasis {
             (cosine, sine) = (x * cosine - y * sine, x * sine + y * cosine);
         }
         (sum, gradient - direction * gradient.dot(direction))
-    }
-
-    /// Calls `take` with place, value and the gradient of the polynomial in (x, y, z) of every function.
-    #[inline(always)]
-    fn each(&self, direction: DVec3, mut take: impl FnMut(usize, f64, DVec3)) {
-        let DVec3 { x, y, z } = direction;
-        // Re and Im of (x + iy)^m and of (x + iy)^(m−1).
-        let (mut cosine, mut sine) = (1.0, 0.0);
-        let (mut cosine_before, mut sine_before) = (0.0, 0.0);
-        for m in 0..=self.degree {
-            let (mut before, mut value) = (0.0, self.sectoral[m]);
-            let (mut slope_before, mut slope) = (0.0, 0.0);
-            for l in m..=self.degree {
-                if l > m {
-                    let (a, b) = self.steps[l * (l + 1) / 2 + m];
-                    let next = a * (z * value - b * before);
-                    let next_slope = a * (value + z * slope - b * slope_before);
-                    (before, value) = (value, next);
-                    (slope_before, slope) = (slope, next_slope);
-                }
-                let middle = l * l + l;
-                if m == 0 {
-                    take(middle, value, DVec3::new(0.0, 0.0, slope));
-                    continue;
-                }
-                let q = SQRT_2 * value;
-                let dq = SQRT_2 * slope;
-                let turn = q * m as f64;
-                take(
-                    middle + m,
-                    q * cosine,
-                    DVec3::new(turn * cosine_before, -turn * sine_before, dq * cosine),
-                );
-                take(middle - m, q * sine, DVec3::new(turn * sine_before, turn * cosine_before, dq * sine));
-            }
-            (cosine_before, sine_before) = (cosine, sine);
-            (cosine, sine) = (x * cosine - y * sine, x * sine + y * cosine);
-        }
     }
 }
 
@@ -284,40 +247,45 @@ mod tests {
     }
 
     #[test]
-    fn gradients_are_central_differences_also_at_the_poles() {
+    fn gradients_of_sums_are_central_differences_also_at_the_poles() {
         let basis = SphereBasis::new(12);
         let n = basis.len();
-        let (mut values, mut gradients) = (vec![0.0; n], vec![DVec3::ZERO; n]);
-        let (mut ahead, mut behind) = (vec![0.0; n], vec![0.0; n]);
+        let (mut values, mut ahead, mut behind) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
         let step = 1e-5;
         for d in [DVec3::Z, -DVec3::Z, DVec3::new(0.3, -0.5, 0.2).normalize(), DVec3::X] {
-            basis.values_with_gradients(d, &mut values, &mut gradients);
+            basis.values(d, &mut values);
             let (u, v) = d.any_orthonormal_pair();
             for tangent in [u, v] {
                 basis.values((d + tangent * step).normalize(), &mut ahead);
                 basis.values((d - tangent * step).normalize(), &mut behind);
                 for place in 0..n {
+                    let alone = |other: usize| f64::from(u8::from(other == place));
+                    let (value, gradient) = basis.sum_with_gradient(d, alone);
                     let expected = (ahead[place] - behind[place]) / (2.0 * step);
-                    let found = gradients[place].dot(tangent);
+                    let found = gradient.dot(tangent);
                     // Third derivatives of degree 12 are some 12³; times step².
                     assert!((found - expected).abs() < 1e-6, "function {place} at {d}: {found}, {expected}");
-                    assert!(gradients[place].dot(d).abs() < 1e-10);
+                    assert!(gradient.dot(d).abs() < 1e-10 && (value - values[place]).abs() < 1e-12);
                 }
             }
         }
     }
 
     #[test]
-    fn a_sum_is_that_of_values_and_gradients() {
+    fn a_sum_is_that_of_its_functions() {
         for degree in [0, 1, 5, 20] {
             let basis = SphereBasis::new(degree);
-            let (mut values, mut gradients) = (vec![0.0; basis.len()], vec![DVec3::ZERO; basis.len()]);
+            let mut values = vec![0.0; basis.len()];
             let weight = |place: usize| ((place * 37 + 11) % 23) as f64 - 11.0;
             for d in [DVec3::Z, -DVec3::Z, DVec3::X, DVec3::new(0.3, -0.5, 0.2).normalize()] {
-                basis.values_with_gradients(d, &mut values, &mut gradients);
-                let value: f64 = values.iter().enumerate().map(|(k, v)| weight(k) * v).sum();
-                let gradient: DVec3 = gradients.iter().enumerate().map(|(k, &g)| weight(k) * g).sum();
+                basis.values(d, &mut values);
                 let (sum, slope) = basis.sum_with_gradient(d, weight);
+                let (mut value, mut gradient) = (0.0, DVec3::ZERO);
+                for (place, of_place) in values.iter().enumerate() {
+                    value += weight(place) * of_place;
+                    let alone = |other: usize| f64::from(u8::from(other == place));
+                    gradient += weight(place) * basis.sum_with_gradient(d, alone).1;
+                }
                 // Some hundred terms of up to a thousand in f64.
                 assert!((sum - value).abs() < 1e-9, "degree {degree} at {d}: {sum}, {value}");
                 assert!(slope.distance(gradient) < 1e-8, "degree {degree} at {d}: {slope}, {gradient}");

@@ -4,16 +4,14 @@ use glam::{DMat4, DVec3};
 
 use super::basis::{Basis, Domain};
 use super::coefficients::Precision;
-use super::file::HarmonicFile;
 use super::radial::direct_coefficients;
 use super::{FitSettings, HarmonicField, PointScratch, fit, section_count};
 use crate::metrics::Errors;
-use crate::tensor_file::TensorFileError;
 use imf_core::control::Control;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::{At, Imf, Quantity, SectionPlan, sections};
+use imf_core::section::{At, Imf, SectionPlan, sections};
 use imf_core::tool::Tool;
 
 fn scene() -> Scene {
@@ -25,6 +23,18 @@ fn scene() -> Scene {
     )
     .scene()
     .unwrap()
+}
+
+fn plan() -> SectionPlan {
+    let scene = scene();
+    SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap()
+}
+
+/// Sections of a field, `[orientation][voxel]`.
+fn values(field: &HarmonicField, set: &[Orientation]) -> Vec<f32> {
+    let mut values = vec![f32::NAN; field.grid.len() * set.len()];
+    field.sections(&field.direction_weights(set), &mut values);
+    values
 }
 
 fn settings() -> FitSettings {
@@ -43,17 +53,14 @@ fn made(plan: &SectionPlan, settings: &FitSettings) -> HarmonicField {
 
 fn mean_squared(plan: &SectionPlan, field: &HarmonicField, set: &[Orientation]) -> f64 {
     let exact = sections(plan, set, Control::quiet()).unwrap();
-    let mut values = vec![f32::NAN; plan.grid().len() * set.len()];
-    field.sections(&field.direction_weights(set), &mut values);
     let mut errors = Errors::default();
-    exact.iter().zip(values.chunks_exact(plan.grid().len())).for_each(|(e, v)| errors.add(e, v, 1e-3));
+    errors.add(&exact.concat(), &values(field, set), 1e-3);
     errors.report(1e-3).mse
 }
 
 #[test]
 fn unseen_directions_are_near_the_exact_sections_and_the_report_says_how_near() {
-    let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
+    let plan = plan();
     let field = made(&plan, &settings());
     let unseen = OrientationSet::parse("random:40:5").unwrap().orientations;
     let mse = mean_squared(&plan, &field, &unseen);
@@ -67,8 +74,7 @@ fn unseen_directions_are_near_the_exact_sections_and_the_report_says_how_near() 
 
 #[test]
 fn rounding_does_not_take_the_highest_degree_away() {
-    let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
+    let plan = plan();
     let most = FitSettings { degree: 40, sections_per_function: 4.0 / 3.0, ..settings() };
     let report = made(&plan, &most).report;
     // Degree 37 has 8e-6 of this scene.
@@ -77,19 +83,13 @@ fn rounding_does_not_take_the_highest_degree_away() {
 
 #[test]
 fn one_pass_and_two_make_the_same_field() {
-    let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
+    let plan = plan();
     let some = FitSettings { axes: 30, ..settings() };
     let (one, two) = (made(&plan, &some), made(&plan, &FitSettings { one_pass: false, ..some }));
     let set = OrientationSet::parse("random:20:4").unwrap().orientations;
-    let mut values = [&one, &two].map(|field| {
-        let mut values = vec![0.0; plan.grid().len() * set.len()];
-        field.sections(&field.direction_weights(&set), &mut values);
-        values.into_iter()
-    });
-    let [a, b] = &mut values;
+    let [a, b] = [&one, &two].map(|field| values(field, &set));
     // The same sums of products in another order; the axes follow from covariances that differ as little.
-    assert!(a.zip(b).all(|(a, b)| (a - b).abs() < 1e-4));
+    assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-4));
     let close = |a: f64, b: f64| (a - b).abs() < 1e-3 * b;
     assert!(close(one.report.held_out_mse, two.report.held_out_mse));
     assert!(close(one.report.dropped, two.report.dropped));
@@ -103,17 +103,12 @@ fn one_pass_and_two_make_the_same_field() {
 
 #[test]
 fn class_by_class_all_functions_get_what_they_get_together() {
-    let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
+    let plan = plan();
     let set = OrientationSet::parse("random:20:4").unwrap().orientations;
     for sections_per_function in [1.0, 1.33, 3.0] {
         let some = FitSettings { sections_per_function, ..settings() };
         let (one, two) = (made(&plan, &some), made(&plan, &FitSettings { one_pass: false, ..some }));
-        let [a, b] = [&one, &two].map(|field| {
-            let mut values = vec![0.0; plan.grid().len() * set.len()];
-            field.sections(&field.direction_weights(&set), &mut values);
-            values
-        });
+        let [a, b] = [&one, &two].map(|field| values(field, &set));
         // Sections rounded to multiples of 1/65535; few sections a function let some functions take up more of that.
         assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-4));
         assert!((one.report.held_out_mse / two.report.held_out_mse - 1.0).abs() < 1e-3);
@@ -125,8 +120,7 @@ fn class_by_class_all_functions_get_what_they_get_together() {
 
 #[test]
 fn as_many_sections_as_functions_make_a_field_that_is_no_worse_than_a_lower_degrees() {
-    let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
+    let plan = plan();
     let unseen = OrientationSet::parse("random:40:5").unwrap().orientations;
     let error = |degree, sections_per_function| {
         mean_squared(
@@ -144,24 +138,16 @@ fn as_many_sections_as_functions_make_a_field_that_is_no_worse_than_a_lower_degr
 
 #[test]
 fn fewer_axes_and_half_precision_cost_what_is_stated() {
-    let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
+    let plan = plan();
     let whole = made(&plan, &settings());
     let few = made(&plan, &FitSettings { axes: 30, sample: usize::MAX, ..settings() });
     let halves = made(&plan, &FitSettings { precision: Precision::F16, ..settings() });
     let set = Basis::new(Domain::Directions, 8).even_set(2000).unwrap().orientations;
-    let voxels = plan.grid().len();
-    let values = |field: &HarmonicField| {
-        let heads = field.direction_weights(&set);
-        let mut values = vec![0.0; voxels * set.len()];
-        field.sections(&heads, &mut values);
-        values
-    };
     let mean_square = |a: &[f32], b: &[f32]| {
         a.iter().zip(b).map(|(&a, &b)| f64::from(a - b).powi(2)).sum::<f64>() / a.len() as f64
     };
-    let exact = values(&whole);
-    let dropped = mean_square(&exact, &values(&few));
+    let exact = values(&whole, &set);
+    let dropped = mean_square(&exact, &values(&few, &set));
     // Clipping to [0, 1] hides a part of it.
     assert!(
         dropped < 1.05 * few.report.dropped && dropped > 0.3 * few.report.dropped,
@@ -169,7 +155,7 @@ fn fewer_axes_and_half_precision_cost_what_is_stated() {
         few.report
     );
     // Eleven bits of coefficients of order one tenth.
-    assert!(mean_square(&exact, &values(&halves)) < 1e-7);
+    assert!(mean_square(&exact, &values(&halves, &set)) < 1e-7);
 }
 
 #[test]
@@ -205,21 +191,18 @@ fn coefficients_agree_with_the_definition() {
 
 #[test]
 fn the_minimum_is_the_least_section_and_ties_go_to_the_first() {
-    let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
+    let plan = plan();
     let field = made(&plan, &FitSettings { axes: 30, ..settings() });
     // More than one chunk, and a direction twice.
     let mut set = OrientationSet::parse("fibonacci:700").unwrap().orientations;
     set.push(set[3]);
-    let heads = field.direction_weights(&set);
     let voxels = plan.grid().len();
-    let mut values = vec![f32::NAN; voxels * set.len()];
-    field.sections(&heads, &mut values);
+    let values = values(&field, &set);
     let mut expected = Imf::new(voxels);
     for (index, section) in values.chunks_exact(voxels).enumerate() {
         expected.lower_to(index, section);
     }
-    let found = field.minimum(&heads);
+    let found = field.minimum(&field.direction_weights(&set));
     for (voxel, (&value, &least)) in found.value.iter().zip(&expected.value).enumerate() {
         // Products of other block sizes add in another order.
         assert!((value - least).abs() < 1e-6, "voxel {voxel}: {value} against {least}");
@@ -230,13 +213,11 @@ fn the_minimum_is_the_least_section_and_ties_go_to_the_first() {
 
 #[test]
 fn single_poses_equal_sections_and_gradients_central_differences() {
-    let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
+    let plan = plan();
     let field = made(&plan, &FitSettings { axes: 30, ..settings() });
     let grid = *plan.grid();
     let set = OrientationSet::parse("random:3:9").unwrap().orientations;
-    let mut values = vec![0.0; grid.len() * 3];
-    field.sections(&field.direction_weights(&set), &mut values);
+    let values = values(&field, &set);
     let mut scratch = PointScratch::default();
     for (index, orientation) in set.iter().enumerate() {
         for voxel in [[0, 0, 0], [14, 18, 30], [7, 3, 20]] {
@@ -299,37 +280,8 @@ fn tools_that_are_not_of_revolution_have_fields_over_rotations() {
 }
 
 #[test]
-fn files_read_back_bit_for_bit_and_damage_is_named() {
-    let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    for precision in [Precision::F16, Precision::F32] {
-        let settings = FitSettings { axes: 20, precision, ..settings() };
-        let path = folder.path().join("field.safetensors");
-        let stored = Scene::from_union(scene.record.clone(), scene.obstacle.clone());
-        let file = HarmonicFile { field: made(&plan, &settings), scene: stored, settings, calibration: None };
-        file.write(&path).unwrap();
-        assert!(HarmonicFile::is_one(&path));
-        assert_eq!(HarmonicFile::read(&path).unwrap(), file);
-        let bytes = std::fs::read(&path).unwrap();
-        for cut in [0, 7, 100, bytes.len() / 2, bytes.len() - 1] {
-            std::fs::write(&path, &bytes[..cut]).unwrap();
-            let error = HarmonicFile::read(&path).unwrap_err();
-            assert!(error.to_string().contains("field.safetensors"), "{error}");
-        }
-        let mut flipped = bytes.clone();
-        let place = bytes.len() - 5000;
-        flipped[place] ^= 0x10;
-        std::fs::write(&path, flipped).unwrap();
-        assert!(matches!(HarmonicFile::read(&path), Err(TensorFileError::Damaged { .. })));
-    }
-    assert!(matches!(HarmonicFile::read(&folder.path().join("none")), Err(TensorFileError::Read { .. })));
-}
-
-#[test]
 fn a_degree_is_found_for_an_error_and_for_a_memory_limit() {
-    let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
+    let plan = plan();
     let settings = FitSettings { sample: 2000, ..settings() };
     let at = |degree| {
         let settings = FitSettings { degree, ..settings };
@@ -358,43 +310,4 @@ fn a_degree_is_found_for_an_error_and_for_a_memory_limit() {
     assert_eq!(within(bytes(9)), Some(9));
     assert_eq!(within(bytes(9) - 1), Some(8));
     assert_eq!(within(10), None);
-}
-
-#[test]
-fn numpys_arrays_are_the_fields() {
-    let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    for quantity in [Quantity::Overlap, Quantity::Depth] {
-        let settings = FitSettings { degree: 3, axes: 11, precision: Precision::F16, quantity, ..settings() };
-        let field = fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap();
-        let file = HarmonicFile { field, scene: scene.clone(), settings, calibration: None };
-        let path = folder.path().join("field.npz");
-        file.write_npz(&path).unwrap();
-        let mut npz = ndarray_npy::NpzReader::new(std::fs::File::open(&path).unwrap()).unwrap();
-        let coefficients: ndarray::Array4<f32> = npz.by_name("coefficients").unwrap();
-        let axes: ndarray::Array2<f32> = npz.by_name("axes").unwrap();
-        let mean: ndarray::Array1<f32> = npz.by_name("mean").unwrap();
-        let degree: ndarray::Array1<u32> = npz.by_name("degree").unwrap();
-        let depth: ndarray::Array1<bool> = npz.by_name("depth").unwrap();
-        let obstacle: ndarray::Array3<u8> = npz.by_name("obstacle").unwrap();
-        assert_eq!((degree[0], mean.len(), axes.dim()), (3, 16, (16, 11)));
-        assert_eq!(depth.as_slice().unwrap(), [quantity == Quantity::Depth]);
-        assert_eq!(obstacle.as_slice().unwrap(), file.scene.obstacle.solid);
-        // As a reader would: b · (μ + U z), clipped where it is an overlap.
-        let grid = file.field.grid;
-        for (voxel, theta) in [([7, 9, 15], 30.0), ([0, 1, 2], 200.0)] {
-            let orientation = Orientation::new(theta, 70.0);
-            let mut functions = vec![0.0; 16];
-            file.field.basis.values(&orientation, &mut functions);
-            let z = coefficients.slice(ndarray::s![voxel[0], voxel[1], voxel[2], ..]);
-            let products =
-                (&mean + &axes.dot(&z)).into_iter().zip(&functions).map(|(c, &b)| f64::from(c) * b);
-            let value: f64 = products.sum();
-            let value = if depth[0] { value } else { value.clamp(0.0, 1.0) };
-            let expected =
-                file.field.overlap(grid.centre(voxel), &orientation, &mut PointScratch::default()).unwrap();
-            assert!((value - f64::from(expected)).abs() < 1e-4, "{value} {expected}");
-        }
-    }
 }

@@ -10,10 +10,11 @@ use prost::Message as _;
 
 use super::messages::{FLOAT, FLOAT16, INT64, NodeProto, TensorProto};
 use super::*;
-use crate::factored::{Axis, FactoredField, FactoredShape, Symmetry};
+use crate::factored::{Axis, Symmetry};
 use crate::field::Field;
-use crate::field::scenes::{factored_file, harmonic_file, poses, scene, siren_model};
-use crate::harmonic::coefficients::{Coefficients, Precision};
+use crate::field::scenes::{
+    factored_file, harmonic_file, harmonic_in_halves, poses, scene, siren_model, with_symmetry,
+};
 use imf_core::field::PoseField;
 use imf_core::orientation::Orientation;
 use imf_core::pose::Pose;
@@ -175,13 +176,20 @@ fn answers(model: &ModelProto, poses: &[Pose]) -> Vec<f64> {
 /// The field evaluates in single precision, its networks with sums of some tens of products.
 const ROUNDING: f64 = 2e-5;
 
+/// The field's own values, which the graph's are held against.
+fn agreed(graph: &ModelProto, field: &Field, asked: &[Pose]) -> Vec<f32> {
+    let mut expected = vec![0.0; asked.len()];
+    field.values(asked, &mut expected).unwrap();
+    for ((found, &expected), pose) in answers(graph, asked).iter().zip(&expected).zip(asked) {
+        let (name, apart) = (&graph.graph.as_ref().unwrap().name, (found - f64::from(expected)).abs());
+        assert!(apart < ROUNDING, "{name}, {pose:?}: {found} against {expected}");
+    }
+    expected
+}
+
 #[test]
 fn graphs_of_every_family_answer_as_the_fields_do() {
     let scene = scene(&Tool::paper(), 0.0);
-    let mut harmonic = harmonic_file(&scene, 7);
-    let single = FieldFile::Harmonic(Arc::new(harmonic.clone()));
-    let Coefficients::F32(values) = harmonic.field.coefficients else { panic!() };
-    harmonic.field.coefficients = Coefficients::new(values, Precision::F16);
     // As if its values were depths: not held in [0, 1].
     let mut deep = factored_file(&scene);
     deep.field.quantity = Quantity::Depth;
@@ -196,8 +204,8 @@ fn graphs_of_every_family_answer_as_the_fields_do() {
         FieldFile::Harmonic(Arc::new(deep_harmonic)),
         FieldFile::Factored(Box::new(deep)),
         FieldFile::Siren(Box::new(siren_model(&scene))),
-        single,
-        FieldFile::Harmonic(Arc::new(harmonic)),
+        FieldFile::Harmonic(Arc::new(harmonic_file(&scene, 7))),
+        FieldFile::Harmonic(Arc::new(harmonic_in_halves(&scene, 7))),
         FieldFile::Factored(Box::new(factored_file(&scene))),
     ] {
         let folder = tempfile::tempdir().unwrap();
@@ -205,13 +213,8 @@ fn graphs_of_every_family_answer_as_the_fields_do() {
         write_onnx(&stored, &path).unwrap();
         let model = ModelProto::decode(std::fs::read(&path).unwrap().as_slice()).unwrap();
         assert_eq!((model.ir_version, model.opset_import[0].version), (8, 17));
-        let found = answers(&model, &asked);
-        let mut expected = vec![0.0; asked.len()];
-        Field::new(stored).unwrap().values(&asked, &mut expected).unwrap();
+        let expected = agreed(&model, &Field::new(stored).unwrap(), &asked);
         let name = &model.graph.as_ref().unwrap().name;
-        for (found, &expected) in found.iter().zip(&expected) {
-            assert!((found - f64::from(expected)).abs() < ROUNDING, "{name}: {found} against {expected}");
-        }
         assert!(expected.iter().any(|v| *v > 0.05), "{name} answers more than nothing");
         let output = &model.graph.as_ref().unwrap().output[0].name;
         assert_eq!(expected.iter().any(|v| *v < 0.0), output == "depth", "{name}: {output}");
@@ -234,10 +237,7 @@ fn graphs_of_fields_with_symmetry_answer_as_the_fields_do() {
         Symmetry { mirrors: [Some(x), Some(y), Some(z)], axis: axis(1) },
         Symmetry { mirrors: [None, Some(y), None], axis: axis(2) },
     ] {
-        let mut file = factored_file(&scene);
-        let shape = FactoredShape { symmetry, ..file.field.shape };
-        file.field = FactoredField { shape, parameters: shape.initial_parameters(5), ..file.field };
-        let stored = FieldFile::Factored(Box::new(file));
+        let stored = FieldFile::Factored(Box::new(with_symmetry(&scene, symmetry)));
         let mut asked = poses(&scene, 200, 23);
         // On the axis and the planes, in directions at the poles of every axis.
         for (pose, axis) in
@@ -248,13 +248,7 @@ fn graphs_of_fields_with_symmetry_answer_as_the_fields_do() {
         for (index, pose) in asked[6..12].iter_mut().enumerate() {
             pose.position[index % 3] = middle[index % 3];
         }
-        let found = answers(&model(&stored).unwrap(), &asked);
-        let mut expected = vec![0.0; asked.len()];
-        Field::new(stored).unwrap().values(&asked, &mut expected).unwrap();
-        for ((found, &expected), pose) in found.iter().zip(&expected).zip(&asked) {
-            let apart = (found - f64::from(expected)).abs();
-            assert!(apart < ROUNDING, "{symmetry}, {pose:?}: {found} against {expected}");
-        }
+        let expected = agreed(&model(&stored).unwrap(), &Field::new(stored).unwrap(), &asked);
         assert!(expected.iter().any(|v| *v > 0.05 && *v < 0.95), "{symmetry}: answers more than nothing");
     }
 }
@@ -263,12 +257,10 @@ fn graphs_of_fields_with_symmetry_answer_as_the_fields_do() {
 fn positions_outside_are_answered_by_every_graph_as_at_the_nearest_inside() {
     let scene = scene(&Tool::paper(), 0.0);
     let grid = scene.record.grid;
-    let mut told = factored_file(&scene);
     let through = grid.origin + 0.45 * grid.size();
     let symmetry =
         Symmetry { mirrors: [Some(through.x), None, None], axis: Some(Axis { along: 2, through }) };
-    let shape = FactoredShape { symmetry, ..told.field.shape };
-    told.field = FactoredField { shape, parameters: shape.initial_parameters(5), ..told.field };
+    let told = with_symmetry(&scene, symmetry);
     let mut deep = factored_file(&scene);
     deep.field.quantity = Quantity::Depth;
     // Less than half a voxel outside, and far from all.
@@ -288,21 +280,15 @@ fn positions_outside_are_answered_by_every_graph_as_at_the_nearest_inside() {
     ] {
         let graph = model(&stored).unwrap();
         let name = graph.graph.as_ref().unwrap().name.clone();
-        let found = answers(&graph, &asked);
-        let held: Vec<Pose> =
+        let nearest: Vec<Pose> =
             asked.iter().map(|pose| Pose { position: pose.position.clamp(low, high), ..*pose }).collect();
-        let mut expected = [vec![0.0; asked.len()], vec![0.0; asked.len()]];
         let field = Field::new(stored).unwrap();
-        for (poses, expected) in [&asked, &held].into_iter().zip(&mut expected) {
-            field.values(poses, expected).unwrap();
-        }
-        for expected in &expected {
-            for ((found, &expected), pose) in found.iter().zip(expected).zip(&asked) {
-                let apart = (found - f64::from(expected)).abs();
-                assert!(apart < ROUNDING, "{name}, {pose:?}: {found} against {expected}");
-            }
-        }
-        let moved = answers(&graph, &inside);
+        agreed(&graph, &field, &asked);
+        let mut at_nearest = vec![0.0; asked.len()];
+        field.values(&nearest, &mut at_nearest).unwrap();
+        let (found, moved) = (answers(&graph, &asked), answers(&graph, &inside));
+        let mut pairs = found.iter().zip(&at_nearest);
+        assert!(pairs.all(|(found, &value)| (found - f64::from(value)).abs() < ROUNDING), "{name}");
         assert!(moved.iter().zip(&found).any(|(a, b)| (a - b).abs() > 1e-3), "{name} varies in space");
     }
 }

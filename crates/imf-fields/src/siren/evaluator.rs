@@ -1,8 +1,8 @@
 //! The CPU evaluation engine: values of a network at any number of poses, and minima over directions, on the current
 //! rayon pool. A block of samples at a time, so that memory does not grow with the number of poses.
 
+use crate::parallel::*;
 use pulp::Arch;
-use rayon::prelude::*;
 
 use super::forward::{Network, sigmoid};
 use super::matrix::prefer_unpacked;

@@ -50,7 +50,6 @@ pub fn dot(a: &[f32], b: &[f32]) -> f32 {
 
 /// The instruction sets that this machine can run, from the best to the plain one, for tests of what is dispatched.
 #[doc(hidden)]
-#[must_use]
 pub fn archs() -> Vec<pulp::Arch> {
     let mut archs = vec![pulp::Arch::new()];
     #[cfg(target_arch = "x86_64")]

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
+use crate::parallel::*;
 
 /// A matrix inside a slice; element (i, j) is `data[i·row_stride + j·column_stride]`.
 #[derive(Clone, Copy, Debug)]
@@ -30,6 +30,12 @@ impl<'a> Matrix<'a> {
             "the slice is too short for {rows}×{columns} by {stride}"
         );
         Self { data, rows, columns, row_stride: stride, column_stride: 1 }
+    }
+
+    /// All of a slice, as many whole rows as there are, without room between them.
+    #[must_use]
+    pub fn dense(data: &'a [f32], columns: usize) -> Self {
+        Self::row_major(data, data.len() / columns.max(1), columns, columns)
     }
 
     /// The same elements with rows and columns exchanged.
@@ -80,6 +86,17 @@ pub fn prefer_unpacked() {
 /// If the inner dimensions differ or `out` is too short.
 pub fn multiply(out: &mut [f32], stride: usize, a: Matrix<'_>, b: Matrix<'_>, accumulate: bool) {
     combine(out, stride, f32::from(u8::from(accumulate)), a, b, 1.0);
+}
+
+/// `a·b`, row-major.
+///
+/// # Panics
+/// If the inner dimensions differ.
+#[must_use]
+pub fn product(a: Matrix<'_>, b: Matrix<'_>) -> Vec<f32> {
+    let mut out = vec![0.0; a.rows * b.columns];
+    multiply(&mut out, b.columns, a, b, false);
+    out
 }
 
 /// `out = kept·out + factor·a·b`, with `out` row-major and its rows `stride` apart; elements between the rows are left

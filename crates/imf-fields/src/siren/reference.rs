@@ -9,7 +9,6 @@ use crate::recipe::{AdamConfig, Loss};
 ///
 /// # Panics
 /// If `parameters` does not fit `shape`.
-#[must_use]
 pub fn forward(shape: &SirenShape, parameters: &[f64], input: &[f64; INPUTS]) -> f64 {
     output(&activations(&shape.stack(), parameters, input))
 }
@@ -88,7 +87,6 @@ fn output(kept: &Activations) -> f64 {
 ///
 /// # Panics
 /// If the lengths of `inputs`, `targets` or `parameters` do not fit.
-#[must_use]
 pub fn loss_and_gradient(
     shape: &SirenShape,
     parameters: &[f64],
@@ -115,7 +113,6 @@ pub fn loss_and_gradient(
 ///
 /// # Panics
 /// If `parameters` does not fit `shape`.
-#[must_use]
 pub fn input_gradient(shape: &SirenShape, parameters: &[f64], input: &[f64; INPUTS]) -> [f64; INPUTS] {
     let stack = shape.stack();
     let kept = activations(&stack, parameters, input);

@@ -2,6 +2,7 @@
 
 use pulp::Arch;
 
+use crate::parallel::threads;
 use imf_core::workspaces::Workspaces;
 
 /// The CPU engine's name for people.
@@ -13,7 +14,7 @@ pub fn describe(arch: Arch) -> String {
         Some("Neon") => "NEON",
         _ => "scalar",
     };
-    let threads = rayon::current_num_threads();
+    let threads = threads();
     format!("CPU, {threads} thread{}, {set} vectors", if threads == 1 { "" } else { "s" })
 }
 

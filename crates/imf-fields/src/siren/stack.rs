@@ -5,8 +5,8 @@
 
 use std::ops::Range;
 
-use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng as _, SeedableRng as _};
 
 use super::{Layer, ShapeError};
 
@@ -79,13 +79,11 @@ impl Stack {
     }
 
     /// The layers between hidden ones, whose matrices are neither the first nor the last.
-    #[must_use]
     pub fn between(&self) -> Range<usize> {
         1..self.hidden.max(1)
     }
 
     /// The layers in order, hidden ones first, the output layer last if there is one: the one definition of the flat layout.
-    #[must_use]
     pub fn layers(&self) -> Vec<Layer> {
         let mut layers = Vec::with_capacity(self.hidden + 1);
         let mut offset = 0;
@@ -106,14 +104,12 @@ impl Stack {
     }
 
     /// Number of parameters, weights and biases together.
-    #[must_use]
     pub fn parameter_count(&self) -> usize {
         self.layers().last().map_or(0, |layer| layer.biases + layer.outputs)
     }
 
     /// Starting weights: the first layer U(±1/inputs), the others U(±√(6/inputs)/ω); biases U(±1/√inputs). The same
     /// seed gives the same bits on every machine.
-    #[must_use]
     pub fn initial_parameters(&self, seed: u64) -> Vec<f32> {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
         let mut parameters = vec![0.0; self.parameter_count()];
@@ -146,7 +142,6 @@ impl Stack {
 
 /// A value of U(−bound, bound) from 24 random bits, so that it does not depend on a library's sampling code.
 fn symmetric_uniform(generator: &mut ChaCha8Rng, bound: f32) -> f32 {
-    use rand::Rng;
     let unit = (generator.next_u32() >> 8) as f32 / (1u32 << 24) as f32;
     (2.0 * unit - 1.0) * bound
 }

@@ -1,6 +1,5 @@
 //! `imf field --method harmonic`: a fit to exact sections, which answers for any orientations.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
@@ -18,11 +17,6 @@ use crate::arguments::harmonic::{FieldMethod, HarmonicArguments};
 use crate::interrupt::Interrupted;
 use crate::output::OutputFile;
 use crate::session::{Session, show_bytes};
-
-/// True where a field is kept for NumPy.
-pub(super) fn is_npz(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("npz"))
-}
 
 /// The settings, with the degree that the memory allows or the error asks for.
 fn chosen(
@@ -134,11 +128,7 @@ pub(super) fn make(
     let file = fitted(session, scene, plan, domain, settings, smaller)?;
     if let Some(save) = save {
         let path = save.begin()?;
-        if is_npz(path) {
-            file.write_npz(path)?;
-        } else {
-            file.write(path)?;
-        }
+        file.write(path)?;
         session.note(&format!("wrote {}", path.display()));
     }
     let stored = FieldFile::Harmonic(Arc::new(file));

@@ -1,21 +1,20 @@
 //! The passes over the orientations: one where memory holds all sections, else two.
 
+use crate::parallel::*;
 use nalgebra::{DMatrix, DVector};
 use pulp::Arch;
-use rayon::prelude::*;
 
-use super::classes::{ClassWeights, class_order};
-use super::kept::{KEPT_BLOCK, KeptSections};
-use super::mirrored::{Mirrored, keep_even};
-use super::parts::Parts;
+use super::quadrature::{ClassWeights, class_order};
 use super::sample::Sample;
-use super::solve::{NormalMatrix, Solved, function_values, principal_axes};
+use super::sections::{KEPT_BLOCK, KeptSections, Parts};
+use super::solve::{NormalMatrix, Solved, function_values, keep_even, principal_axes};
 use super::source::{Source, SourceScratch};
-use super::{BLOCK, FitReport, FitSettings, Sizes, batch_size};
+use super::{BLOCK, batch_size};
 use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::{Basis, Domain};
 use crate::harmonic::coefficients::{Coefficients, Precision};
-use crate::harmonic::mirrors::Parity;
+use crate::harmonic::mirror::{Parity, Planes};
+use crate::harmonic::settings::{FitReport, FitSettings, Sizes};
 use crate::siren::matrix::{Matrix, multiply};
 use imf_core::control::Control;
 use imf_core::orientation::Orientation;
@@ -28,7 +27,8 @@ pub(super) struct Start {
     set: Vec<Orientation>,
     sample: Sample,
     sizes: Sizes,
-    /// Of the functions, where one side is fitted for both.
+    /// Planes of which one side is fitted for both, and the functions' parities.
+    pub(super) planes: Planes,
     parities: Vec<Parity>,
 }
 
@@ -52,15 +52,15 @@ impl Start {
         source: &Source<'_>,
         domain: Domain,
         settings: &FitSettings,
-        mirrored: &Mirrored,
+        planes: Planes,
         control: Control<'_>,
     ) -> Result<Self, HarmonicError> {
         let basis = Basis::new(domain, settings.degree);
-        let parities = mirrored.parities(&basis);
+        let parities = planes.parities_of(&basis);
         let sizes = settings.sizes(domain);
         let set = basis.fitted_set(sizes.sections)?;
-        let sample = Sample::take(source, settings, &basis, mirrored, control)?;
-        Ok(Self { basis, set, sample, sizes, parities })
+        let sample = Sample::take(source, settings, &basis, planes, control)?;
+        Ok(Self { basis, set, sample, sizes, planes, parities })
     }
 
     pub(super) fn dense(&self) -> Result<Dense, HarmonicError> {

@@ -1,15 +1,16 @@
 //! Exact values at a sample of voxels: what decides on the axes, and what the errors are told by.
 
+use crate::parallel::*;
 use nalgebra::DMatrix;
-use rayon::prelude::*;
 
-use super::mirrored::Mirrored;
+use super::BLOCK;
 use super::solve::{Moments, NormalMatrix, column_means, function_values, gram};
 use super::source::{Source, SourceScratch};
-use super::{BLOCK, FitReport, FitSettings};
 use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::Basis;
-use crate::siren::matrix::{Matrix, multiply};
+use crate::harmonic::mirror::Planes;
+use crate::harmonic::settings::{FitReport, FitSettings};
+use crate::siren::matrix::{Matrix, multiply, product};
 use imf_core::control::Control;
 use imf_core::orientation::Orientation;
 use imf_core::section::{Quantity, SectionError};
@@ -29,7 +30,7 @@ impl Sample {
         source: &Source<'_>,
         settings: &FitSettings,
         basis: &Basis,
-        mirrored: &Mirrored,
+        planes: Planes,
         control: Control<'_>,
     ) -> Result<Self, HarmonicError> {
         let total = source.grid().len();
@@ -46,7 +47,7 @@ impl Sample {
         let mut held_out = basis.random_set(settings.held_out, settings.seed)?.orientations;
         let mut judged = gather(source, &held_out, &places, control)?;
         // With these the sections are whole again, and have been told as that.
-        let images = mirrored.images(&held_out);
+        let images = planes.images(&held_out);
         judged.extend(gather(source, &images, &places, Control { progress: &|_| {}, ..control })?);
         held_out.extend(images);
         Ok(Self { places, held_out, judged, quantity: settings.quantity })
@@ -123,19 +124,12 @@ impl Sample {
         let (rows, order) = (values.chunks_exact(functions), &order);
         let values: Vec<f32> =
             rows.flat_map(|row| (0..functions).map(move |place| row[order(place)])).collect();
-        let (count, voxels) = (self.held_out.len(), self.places.len());
-        let mut predicted = vec![0.0; count * voxels];
-        multiply(
-            &mut predicted,
-            voxels,
-            Matrix::row_major(&values, count, functions, functions),
-            Matrix::row_major(coefficients, voxels, functions, functions).transposed(),
-            false,
-        );
+        let of_voxels = Matrix::dense(coefficients, functions).transposed();
+        let predicted = product(Matrix::dense(&values, functions), of_voxels);
         let errors = predicted.iter().zip(&self.judged).map(|(&p, &e)| f64::from(self.quantity.held(p) - e));
         let (sum, largest) =
             errors.fold((0.0, 0.0f64), |(sum, largest), e| (sum + e * e, largest.max(e.abs())));
-        let held_out_mse = sum / (count * voxels) as f64;
+        let held_out_mse = sum / predicted.len() as f64;
         FitReport { functions, sections, dropped, held_out_mse, held_out_mpe: largest }
     }
 }

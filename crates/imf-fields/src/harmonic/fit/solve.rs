@@ -1,13 +1,13 @@
 //! The dense algebra of a fit: the functions' values, the normal matrix, moments of a sample, principal axes.
 
+use crate::parallel::*;
 use nalgebra::{Cholesky, DMatrix, DMatrixViewMut, DVector, Dyn, SymmetricEigen};
-use rayon::prelude::*;
 
 use super::BLOCK;
 use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::Basis;
-use crate::harmonic::mirrors::Parity;
-use crate::siren::matrix::{Matrix, multiply};
+use crate::harmonic::mirror::Parity;
+use crate::siren::matrix::{Matrix, multiply, product};
 use imf_core::control::Control;
 use imf_core::orientation::Orientation;
 use imf_core::section::SectionError;
@@ -134,34 +134,22 @@ impl NormalMatrix {
         control: Control<'_>,
     ) -> Result<Vec<f32>, HarmonicError> {
         let (functions, count) = axes.shape();
-        let sections = values.len() / functions;
         let projected = row_major(&self.solve(axes.clone(), control)?);
-        let mut weights = vec![0.0; sections * count];
-        multiply(
-            &mut weights,
-            count,
-            Matrix::row_major(values, sections, functions, functions),
-            Matrix::row_major(&projected, functions, count, count),
-            false,
-        );
-        Ok(weights)
+        Ok(product(Matrix::dense(values, functions), Matrix::dense(&projected, count)))
     }
 }
 
 /// AᵀA of a row-major matrix with `columns` columns; products in f32, sums of row blocks in f64.
 pub(super) fn gram(values: &[f32], columns: usize) -> DMatrix<f64> {
-    let (rows_at_once, parts_at_once) = (256, rayon::current_num_threads().clamp(4, 8));
-    let product = |rows: &[f32]| {
-        let count = rows.len() / columns;
-        let matrix = Matrix::row_major(rows, count, columns, columns);
-        let mut product = vec![0.0; columns * columns];
-        multiply(&mut product, columns, matrix.transposed(), matrix, false);
-        product
+    let (rows_at_once, parts_at_once) = (256, threads().clamp(4, 8));
+    let square = |rows: &[f32]| {
+        let matrix = Matrix::dense(rows, columns);
+        product(matrix.transposed(), matrix)
     };
     let mut sum = DMatrix::zeros(columns, columns);
     // Always in the same order, some parts in memory at a time.
     for rows in values.chunks(parts_at_once * rows_at_once * columns) {
-        let parts: Vec<Vec<f32>> = rows.par_chunks(rows_at_once * columns).map(product).collect();
+        let parts: Vec<Vec<f32>> = rows.par_chunks(rows_at_once * columns).map(square).collect();
         for part in &parts {
             sum.iter_mut().zip(part).for_each(|(sum, &v)| *sum += f64::from(v));
         }
@@ -201,16 +189,36 @@ impl Moments {
             let count = out.len() / functions;
             let right = &self.right[block * BLOCK * functions..];
             let right = Matrix::row_major(right, count, functions, functions);
-            multiply(
-                out,
-                functions,
-                right,
-                Matrix::row_major(&inverse, functions, functions, functions),
-                false,
-            );
+            multiply(out, functions, right, Matrix::dense(&inverse, functions), false);
         });
         Ok(Solved { mean, covariance, coefficients })
     }
+}
+
+impl Solved {
+    /// What a sample of one side says of both: the covariance has nothing between even and odd functions, and the mean nothing
+    /// of the odd ones (voxels on the plane, which are their own images, are taken for either side's).
+    pub(super) fn of_both_sides(mut self, parities: &[Parity]) -> Self {
+        if parities.iter().all(|&parity| parity == 0) {
+            return self;
+        }
+        let both = keep_even(&self.mean, parities);
+        self.covariance += &self.mean * self.mean.transpose() - &both * both.transpose();
+        let rows = parities.len();
+        for (place, value) in self.covariance.iter_mut().enumerate() {
+            if parities[place % rows] != parities[place / rows] {
+                *value = 0.0;
+            }
+        }
+        self.mean = both;
+        self
+    }
+}
+
+/// The mean over both sides, from that over one.
+pub(super) fn keep_even(mean: &DVector<f64>, parities: &[Parity]) -> DVector<f64> {
+    let both = mean.iter().zip(parities).map(|(&mean, &parity)| if parity == 0 { mean } else { 0.0 });
+    DVector::from_iterator(mean.len(), both)
 }
 
 /// Means of the columns of a row-major matrix.

@@ -12,7 +12,7 @@ use imf_core::section::{
 use imf_core::vectorised::vectorised;
 
 /// What one of the whole numbers stands for where values are overlaps.
-pub(crate) const UNIT: f32 = 1.0 / STEPS;
+pub(super) const UNIT: f32 = 1.0 / STEPS;
 /// Whole numbers up to this one are kept.
 const STEPS: f32 = 65535.0;
 

@@ -95,15 +95,15 @@ fn files_read_back_bit_for_bit_and_damage_is_named() {
             flipped[place] ^= 0x10;
             std::fs::write(&path, flipped).unwrap();
             let error = FactoredFile::read(&path).unwrap_err();
-            assert!(matches!(error, TensorFileError::Damaged { .. }), "byte {place}: {error}");
+            assert!(matches!(error, FieldFileError::Damaged { .. }), "byte {place}: {error}");
         }
         let text = std::str::from_utf8(&bytes[8..header]).unwrap();
         let newer = text.replacen(r#"\"version\":1"#, r#"\"version\":9"#, 1);
         let other = [&bytes[..8], newer.as_bytes(), &bytes[header..]].concat();
         std::fs::write(&path, other).unwrap();
-        assert!(matches!(FactoredFile::read(&path), Err(TensorFileError::Newer { found: 9, .. })));
+        assert!(matches!(FactoredFile::read(&path), Err(FieldFileError::Newer { found: 9, .. })));
     }
-    assert!(matches!(FactoredFile::read(&folder.path().join("none")), Err(TensorFileError::Read { .. })));
+    assert!(matches!(FactoredFile::read(&folder.path().join("none")), Err(FieldFileError::Read { .. })));
 }
 
 #[test]

@@ -1,8 +1,11 @@
-use glam::DVec3;
+//! Decisions and motions of verified fields, against exact counts.
+
+use glam::{DQuat, DVec3};
 
 use crate::field::VerifiedField;
 use crate::field::scenes::{harmonic, poses, scene};
-use imf_core::field::{Decision, PoseField};
+use crate::field::tests::{ROUNDING, values};
+use imf_core::field::{Best, Decision, PoseField};
 use imf_core::motion::{MotionError, MotionResult};
 use imf_core::pose::Pose;
 use imf_core::tool::{Clearance, Tool};
@@ -130,5 +133,45 @@ fn motions_to_the_end_of_numbers_are_answered_at_once() {
         assert_eq!(from_within, MotionResult::Colliding { free_until: 0.0, at: 0.0, pose: inside });
         let into = field.check_motion(&far(-distance), &inside).unwrap();
         assert_eq!(into, MotionResult::Colliding { free_until: 0.0, at: 1.0, pose: inside });
+    }
+}
+
+#[test]
+fn verified_fields_say_free_where_the_true_tool_is_free_and_nowhere_else() {
+    for clearance in [0.0, 1.5] {
+        let scene = scene(&Tool::paper(), clearance);
+        let verified = VerifiedField::new(harmonic(&scene)).unwrap();
+        let keeping = VerifiedField::with_clearance(harmonic(&scene), scene.record.clearance).unwrap();
+        let asked = poses(&scene, 4000, 11);
+        let (mut decisions, mut kept) = (vec![Decision::Undecided; 4000], vec![Decision::Undecided; 4000]);
+        verified.classify(&asked, &mut decisions).unwrap();
+        keeping.classify(&asked, &mut kept).unwrap();
+        let mut between = 0;
+        for ((pose, decision), kept) in asked.iter().zip(&decisions).zip(&kept) {
+            // The definition.
+            let (position, orientation) = (pose.position, pose.orientation());
+            let count = |tool: &Tool| tool.count_inside(&scene.obstacle, position, &orientation);
+            assert_eq!(*decision == Decision::Free, count(scene.record.bare_tool()) == 0, "{pose:?}");
+            assert_eq!(*kept == Decision::Free, count(&scene.record.tool) == 0, "{pose:?}");
+            between += usize::from(decision != kept);
+        }
+        assert_eq!(between > 0, clearance > 0.0);
+        // The best of those that are free, where any is.
+        let points: Vec<DVec3> = asked.iter().take(50).map(|p| p.position).collect();
+        let rotations: Vec<DQuat> = asked.iter().skip(100).take(60).map(|p| p.rotation).collect();
+        let mut best = vec![Best::NONE; points.len()];
+        verified.best(&points, &rotations, &mut best).unwrap();
+        let model = verified.model();
+        for (&point, best) in points.iter().zip(&best) {
+            let all: Vec<Pose> = rotations.iter().map(|&r| Pose::new(point, r)).collect();
+            let mut decided = vec![Decision::Undecided; all.len()];
+            verified.classify(&all, &mut decided).unwrap();
+            let free = decided.contains(&Decision::Free);
+            assert_eq!(best.decision == Decision::Free, free);
+            let of = values(model, &all);
+            let least = of.iter().zip(&decided).filter(|(_, d)| !free || **d == Decision::Free);
+            let least = least.map(|(v, _)| *v).fold(f32::INFINITY, f32::min);
+            assert!((best.value - least).abs() < ROUNDING);
+        }
     }
 }

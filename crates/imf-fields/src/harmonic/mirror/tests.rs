@@ -1,0 +1,298 @@
+//! Fields of obstacles that are their own mirror images, against fits and products of the whole grid.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use super::*;
+use crate::fixtures::small_tool;
+use crate::harmonic::coefficients::Precision;
+use crate::harmonic::evaluate::{DIRECTIONS_AT_ONCE, MANY, lower_to_whole, whole_sections};
+use crate::harmonic::{FitSettings, fit, minimum_of, minimum_over, sections_of};
+use imf_core::control::Control;
+use imf_core::field::FieldError;
+use imf_core::obstacle::Obstacle;
+use imf_core::orientation::OrientationSet;
+use imf_core::section::{At, Imf, sections};
+
+const DIMS: [usize; 3] = [15, 12, 14];
+
+/// A bent bar and a pin, or a quarter of them and its images across x and z; `beyond` empty planes lie along x and z behind.
+fn obstacle(beyond: usize) -> Occupancy {
+    let dims = [DIMS[0] + beyond, DIMS[1], DIMS[2] + beyond];
+    let grid =
+        Grid { dims, ..Grid::with_dims(DVec3::ZERO, DVec3::from(DIMS.map(|n| n as f64)), DIMS, 0).unwrap() };
+    let mut obstacle = Occupancy::empty(grid);
+    for index in 0..grid.len() {
+        let [x, y, z] = grid.voxel(index);
+        if x < DIMS[0] && z < DIMS[2] {
+            let (x, z) = (x.min(DIMS[0] - 1 - x), z.min(DIMS[2] - 1 - z));
+            let is_solid = (2..4).contains(&x) && y > 1 && (3..6).contains(&z) || y == 3 && x > 2 && z > 2;
+            obstacle.solid[index] = u8::from(is_solid);
+        }
+    }
+    obstacle
+}
+
+fn plan(beyond: usize) -> SectionPlan {
+    SectionPlan::new(obstacle(beyond), small_tool(), At::SharpPoints).unwrap()
+}
+
+fn made(plan: &SectionPlan, settings: &FitSettings) -> HarmonicField {
+    fit(plan, Domain::Directions, settings, Control::quiet()).unwrap()
+}
+
+fn across(plan: &SectionPlan) -> [bool; 3] {
+    let planes = Planes::of_plan(plan, Domain::Directions, Quantity::Overlap);
+    [0, 1, 2].map(|axis| planes.is_across(axis))
+}
+
+fn values(field: &HarmonicField, set: &[Orientation]) -> Vec<f32> {
+    let mut values = vec![f32::NAN; field.grid.len() * set.len()];
+    field.sections(&field.direction_weights(set), &mut values);
+    values
+}
+
+#[test]
+fn planes_are_those_across_which_every_voxel_has_its_image() {
+    assert_eq!(across(&plan(0)), [true, false, true]);
+    assert_eq!(across(&plan(1)), [false; 3]);
+    let mut dented = obstacle(0);
+    let place = dented.grid.index([2, 5, 4]);
+    dented.solid[place] = 0;
+    let tool = small_tool();
+    assert_eq!(across(&SectionPlan::new(&dented, &tool, At::SharpPoints).unwrap()), [false; 3]);
+    // With the voxel's image across x, and with that across z.
+    for (image, expected) in [([12, 5, 4], [true, false, false]), ([2, 5, 9], [false, false, true])] {
+        let mut dented = dented.clone();
+        let place = dented.grid.index(image);
+        dented.solid[place] = 0;
+        assert_eq!(across(&SectionPlan::new(&dented, &tool, At::SharpPoints).unwrap()), expected);
+    }
+    assert!(Planes::of_plan(&plan(0), Domain::Rotations, Quantity::Overlap).is_empty());
+    assert!(Planes::of_plan(&plan(0), Domain::Directions, Quantity::Depth).is_empty());
+}
+
+#[test]
+fn a_layer_that_the_cutter_may_enter_is_mirrored_as_well_or_nothing_is() {
+    let solid = obstacle(0);
+    assert!(small_tool().without_cutter().is_some());
+    let mut voxels = Occupancy::empty(solid.grid);
+    for (layer, expected) in [([7, 1, 6], [true, false, false]), ([7, 1, 7], [true, false, true])] {
+        let place = voxels.grid.index(layer);
+        voxels.solid[place] = 1;
+        let obstacle =
+            Obstacle { forbidden: Arc::new(solid.clone()), cuttable: Some(Arc::new(voxels.clone())) };
+        let plan = SectionPlan::new(obstacle, small_tool(), At::SharpPoints).unwrap();
+        assert_eq!(across(&plan), expected);
+    }
+}
+
+#[test]
+fn memory_is_asked_for_one_side_and_then_for_the_whole_field_beside_it() {
+    let settings = FitSettings { degree: 6, axes: 49, ..FitSettings::default() };
+    let (plan, voxels) = (plan(0), DIMS.iter().product::<usize>() as u64);
+    let (peak, field) = settings.memory_with(&plan, Domain::Directions);
+    // Two bytes for each of 49 functions; eight of fifteen planes, half of the lines.
+    assert_eq!(field, voxels * 98);
+    assert!(peak >= field + field * 4 / 15 && peak > 2 * 196 * voxels * 4 / 15);
+}
+
+#[test]
+fn both_sides_hold_what_one_side_of_a_fit_of_the_whole_grid_does() {
+    let settings =
+        FitSettings { degree: 6, axes: usize::MAX, sections_per_function: 1.33, ..FitSettings::default() };
+    // One pass rounds sections to multiples of 1/65535; directions and their images to 1e-16. Halves have 11 bits.
+    for (one_pass, precision, tolerance) in
+        [(true, Precision::F32, 5e-5), (false, Precision::F32, 5e-5), (true, Precision::F16, 1e-3)]
+    {
+        let settings = FitSettings { one_pass, precision, ..settings };
+        let (mirrored, whole) = (made(&plan(0), &settings), made(&plan(1), &settings));
+        let set = OrientationSet::parse("random:6:3").unwrap().orientations;
+        for orientation in &set {
+            let found = values(&mirrored, &[*orientation]);
+            for [flip_x, flip_z] in [[false, false], [true, false], [false, true], [true, true]] {
+                let sign = |flip| if flip { -1.0 } else { 1.0 };
+                let image = orientation.direction() * DVec3::new(sign(flip_x), 1.0, sign(flip_z));
+                let image = Orientation::from_direction(image).unwrap();
+                let expected = values(&whole, &[image]);
+                // What lies on the plane across x is fitted, not mirrored.
+                for x in 0..DIMS[0] / 2 {
+                    for (y, z) in (0..DIMS[1]).flat_map(|y| (0..DIMS[2] / 2).map(move |z| (y, z))) {
+                        let of = |flip: bool, v: usize, n: usize| if flip { n - 1 - v } else { v };
+                        let voxel = [of(flip_x, x, DIMS[0]), y, of(flip_z, z, DIMS[2])];
+                        let found = found[mirrored.grid.index(voxel)];
+                        let expected = expected[whole.grid.index([x, y, z])];
+                        assert!((found - expected).abs() < tolerance, "{voxel:?}: {found} {expected}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_report_tells_of_both_sides() {
+    let (plan, set) = (plan(0), OrientationSet::parse("random:16:0").unwrap().orientations);
+    let field = made(&plan, &FitSettings { degree: 6, axes: 49, ..FitSettings::default() });
+    let exact = sections(&plan, &set, Control::quiet()).unwrap().concat();
+    let squares: Vec<f64> =
+        exact.iter().zip(values(&field, &set)).map(|(e, v)| f64::from(e - v).powi(2)).collect();
+    let mean = |squares: Vec<f64>| squares.iter().sum::<f64>() / squares.len() as f64;
+    let is_fitted = |place: &usize| {
+        let [x, _, z] = field.grid.voxel(place % field.grid.len());
+        x <= DIMS[0] / 2 && z < DIMS[2] / 2
+    };
+    let one_side = mean((0..squares.len()).filter(is_fitted).map(|place| squares[place]).collect());
+    let all = mean(squares);
+    let told = field.report.held_out_mse;
+    // The plane across x counts twice.
+    assert!((0.9..1.1).contains(&(told / all)), "{told} {all} {one_side}");
+    assert!(!(0.9..1.1).contains(&(told / one_side)), "{told} {all} {one_side}");
+}
+
+/// Coefficients of all functions at every voxel.
+fn functions(field: &HarmonicField) -> Vec<f32> {
+    let (count, axes) = (field.mean.len(), field.axes.len() / field.mean.len());
+    let Coefficients::F32(coefficients) = &field.coefficients else { panic!("made in f32") };
+    let rows = coefficients.chunks_exact(axes);
+    let of = |z: &[f32], k: usize| -> f32 {
+        field.mean[k] + z.iter().zip(&field.axes[k * axes..]).map(|(z, u)| z * u).sum::<f32>()
+    };
+    rows.flat_map(|z| (0..count).map(move |k| of(z, k))).collect()
+}
+
+#[test]
+fn fewer_axes_leave_out_over_both_sides_what_one_side_told() {
+    let plan = plan(0);
+    for one_pass in [true, false] {
+        let settings =
+            FitSettings { degree: 6, one_pass, precision: Precision::F32, ..FitSettings::default() };
+        let all = functions(&made(&plan, &FitSettings { axes: 49, ..settings }));
+        for axes in [5, 20] {
+            let field = made(&plan, &FitSettings { axes, ..settings });
+            let few = functions(&field);
+            let sum: f64 = all.iter().zip(&few).map(|(a, b)| f64::from(a - b).powi(2)).sum();
+            let ratio = sum / plan.grid().len() as f64 / field.report.dropped;
+            // The plane across x is an eighth of one side, a fifteenth of both.
+            assert!((0.9..1.1).contains(&ratio), "{axes}: {ratio}");
+        }
+    }
+}
+
+#[test]
+fn planes_of_a_field_are_those_across_which_every_coefficient_has_its_image() {
+    for precision in [Precision::F32, Precision::F16] {
+        let settings = FitSettings { degree: 6, axes: 20, precision, ..FitSettings::default() };
+        assert_eq!(Mirrors::of(&made(&plan(1), &settings)), None);
+        let field = made(&plan(0), &settings);
+        // One coefficient of one voxel, off the plane across x or on it.
+        for (x, expected) in [(3, None), (7, Some(0b001))] {
+            let mut other = field.clone();
+            let place = field.grid.index([x, 4, 5]) * 20 + 3;
+            match &mut other.coefficients {
+                Coefficients::F32(values) => values[place] += 1e-3,
+                Coefficients::F16(values) => values[place] = half::f16::from_f32(0.125),
+            }
+            assert_eq!(Mirrors::of(&other).map(|mirrors| mirrors.planes.across), expected, "{x}");
+        }
+        // An axis, or the mean, of even and odd functions.
+        let (mut turned, mut shifted) = (field.clone(), field);
+        turned.axes.iter_mut().step_by(20).for_each(|value| *value = 0.1);
+        shifted.mean.fill(0.1);
+        assert_eq!((Mirrors::of(&turned), Mirrors::of(&shifted)), (None, None));
+    }
+}
+
+/// Mirrored across x, where a plane goes through voxels, and z, where one goes between.
+fn field(axes: usize, precision: Precision) -> HarmonicField {
+    made(&plan(0), &FitSettings { degree: 6, axes, precision, ..FitSettings::default() })
+}
+
+/// One side's sums and every voxel's own.
+fn assert_agree(field: &HarmonicField, set: &[Orientation]) {
+    let weights = field.direction_weights(set);
+    let [mut found, mut expected] = [0, 1].map(|_| vec![f32::NAN; field.grid.len() * set.len()]);
+    sections_of(field, &weights, &mut found);
+    whole_sections(field, &weights, &mut expected);
+    let apart = found.iter().zip(&expected).fold(0.0f32, |most, (a, b)| most.max((a - b).abs()));
+    // Sums of up to 49 products in another order.
+    assert!(apart < 2e-6, "{apart}");
+    let (least, mut whole) = (minimum_of(field, &weights), Imf::new(field.grid.len()));
+    assert!(lower_to_whole(field, &weights, 0, &mut whole, Control::quiet()));
+    whole.hold(field.quantity);
+    for voxel in 0..field.grid.len() {
+        let value = least.value[voxel];
+        assert!((value - whole.value[voxel]).abs() < 2e-6, "voxel {voxel}");
+        assert_eq!(value, found[least.best[voxel] as usize * field.grid.len() + voxel]);
+    }
+}
+
+#[test]
+fn what_one_side_tells_of_all_is_what_every_voxel_tells_of_itself() {
+    let set = OrientationSet::parse("random:600:3").unwrap().orientations;
+    for (axes, precision) in [(49, Precision::F32), (20, Precision::F32), (20, Precision::F16)] {
+        let field = field(axes, precision);
+        assert_eq!(Mirrors::of(&field).unwrap().planes.across, 0b101);
+        // Products of chunks of orientations, whole and cut.
+        for count in [MANY, 600] {
+            assert_agree(&field, &set[..count]);
+        }
+    }
+}
+
+#[test]
+fn a_minimum_tells_how_far_it_is_and_stops_when_asked() {
+    let field = field(49, Precision::F32);
+    let set = OrientationSet::parse("random:120:3").unwrap().orientations;
+    // Voxel by voxel, and on one side.
+    for count in [MANY - 1, set.len()] {
+        let (done, stop) = (AtomicU64::new(0), AtomicBool::new(false));
+        let progress = |voxels| {
+            done.fetch_add(voxels, Ordering::Relaxed);
+        };
+        let control = Control { progress: &progress, cancelled: &stop };
+        let minimum = |some: &[Orientation]| minimum_over(&field, some, control);
+        let found = minimum(&set[..count]).unwrap();
+        assert_eq!(found, field.minimum(&field.direction_weights(&set[..count])));
+        assert_eq!(done.swap(0, Ordering::Relaxed), (field.grid.len() * count) as u64);
+        stop.store(true, Ordering::Relaxed);
+        assert!(matches!(minimum(&set[..count]), Err(FieldError::Cancelled)));
+        assert_eq!(done.load(Ordering::Relaxed), 0);
+    }
+}
+
+#[test]
+fn more_orientations_than_are_held_at_a_time_have_the_least_of_all() {
+    let field = field(9, Precision::F32);
+    let set = OrientationSet::parse("random:16500:3").unwrap().orientations;
+    let least = minimum_over(&field, &set, Control::quiet()).unwrap();
+    let together = field.minimum(&field.direction_weights(&set));
+    let mut late = 0;
+    for voxel in 0..field.grid.len() {
+        // The last few are too few for one side to be worth while: other sums.
+        assert!((least.value[voxel] - together.value[voxel]).abs() < 2e-6, "voxel {voxel}");
+        late += usize::from(least.best[voxel] as usize >= DIRECTIONS_AT_ONCE);
+    }
+    assert!(late > 0, "none of the last orientations is the best anywhere");
+}
+
+#[test]
+fn three_planes_leave_an_eighth() {
+    // Even and odd lengths.
+    let dims = [8, 7, 10];
+    let grid = Grid::with_dims(DVec3::ZERO, DVec3::new(8.0, 7.0, 10.0), dims, 0).unwrap();
+    let mut cross = Occupancy::empty(grid);
+    for place in 0..grid.len() {
+        let [x, y, z] = grid.voxel(place);
+        let inside = |from: usize, at: usize, n: usize| (from..n - from).contains(&at);
+        let bar = inside(1, x, 8) && inside(3, y, 7) && inside(3, z, 10);
+        cross.solid[place] = u8::from(bar || inside(3, x, 8) && inside(2, y, 7) && inside(4, z, 10));
+    }
+    let plan = SectionPlan::new(&cross, small_tool(), At::SharpPoints).unwrap();
+    let settings = FitSettings { degree: 5, axes: 36, precision: Precision::F32, ..FitSettings::default() };
+    let field = made(&plan, &settings);
+    let mirrors = Mirrors::of(&field).unwrap();
+    assert_eq!(mirrors.planes.across, 0b111);
+    assert!((0..8).all(|parity| mirrors.parities.contains(&parity)));
+    assert_agree(&field, &OrientationSet::parse("random:150:3").unwrap().orientations);
+}
