@@ -81,7 +81,7 @@ pub(crate) struct GpuArguments {
     pub(crate) device: String,
 }
 
-/// What a GPU is measured at.
+/// A measurement of a GPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum GpuPart {
     /// Multiply-adds alone, in f32
@@ -90,7 +90,7 @@ pub(crate) enum GpuPart {
     Sections,
     /// Steps of the paper's network, PyTorch's beside them
     Training,
-    /// A field taught, evaluated and asked for poses
+    /// A field distilled and evaluated over grids and at poses
     Field,
 }
 
@@ -108,7 +108,4 @@ pub(crate) struct ExactArguments {
     /// Python with numpy and scipy
     #[arg(long, default_value = "python3", value_name = "COMMAND")]
     pub(crate) python: String,
-    /// Measure this device too: gpu, software (software Vulkan), or a number or part of a name from `imf info`
-    #[arg(long, default_value = "cpu", value_name = "DEVICE")]
-    pub(crate) device: String,
 }

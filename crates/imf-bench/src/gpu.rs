@@ -1,34 +1,35 @@
 //! `imf-bench gpu`: what a GPU does, in one go, beside the CPU of the same machine and with values compared: its peak, exact
-//! sections, training steps, and a field that is taught, evaluated and asked for poses.
+//! sections, training steps, and a field that is distilled and evaluated over grids and at poses.
 //!
 //! A part is written as soon as it is measured, whatever becomes of those after it; parts that an earlier run on the same device left
 //! in the folder stay until they are measured again.
 
 mod field;
+mod sections;
 
 use std::fmt::Write as _;
 use std::path::Path;
-use std::time::Instant;
 
 use anyhow::{Result, anyhow, bail, ensure};
 use imf_cli::engine::Device;
 use imf_cli::interrupt::{self, Interrupted};
-use imf_cli::output::{prepare_folder, print, print_json, table, write_json, write_text};
+use imf_cli::output::{prepare_folder, print, print_json, write_json, write_text};
 use imf_cli::session::Session;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{Scene, SceneSpec};
+use imf_core::scene::Scene;
 use imf_core::section::{At, SectionPlan, stream_sections};
-use imf_core::tool::Tool;
 use imf_fields::recipe::Precision;
 use imf_gpu::{DeviceChoice, Gpu, Peak};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::arguments::{GpuArguments, GpuPart};
-use crate::exact::{ROUNDS, SECTIONS, device};
-use crate::machine::Machine;
-use crate::train::{self, Asked, Rounds};
+use crate::candidates::reference_scene;
+use crate::document::Document;
+use crate::exact::SECTIONS;
+use crate::measurement::{Machine, ROUNDS, least_seconds};
+use crate::train::{self, Rounds, Steps};
 
 const JSON: &str = "gpu.json";
 
@@ -88,11 +89,8 @@ impl Sizes {
         }
     }
 
-    /// The teapot.
     fn scene(&self) -> Result<Scene> {
-        let part = ReferencePart::Teapot;
-        let dims = part.dims().map(|n| (n as f64 * self.scale).round() as usize);
-        Ok(SceneSpec::of_reference(part, &part.mesh(), dims, &Tool::paper()).scene()?)
+        reference_scene(ReferencePart::Teapot, self.scale)
     }
 }
 
@@ -131,11 +129,11 @@ pub(crate) fn run(session: &Session, arguments: &GpuArguments) -> Result<()> {
 
     let trained = |precision| {
         let (width, batches, rounds) = (sizes.width, sizes.batches, sizes.rounds);
-        Asked { width, precision, batches, python: Some(&arguments.python), rounds }
+        Steps { width, precision, batches, python: Some(&arguments.python), rounds }
     };
     let works: [(GpuPart, &str, Work<'_>); 5] = [
         (GpuPart::Peak, "Peak in f32", &|gpu, part| peak(gpu, &sizes, part)),
-        (GpuPart::Sections, "Exact sections", &|gpu, part| sections(session, gpu, &sizes, part)),
+        (GpuPart::Sections, "Exact sections", &|gpu, part| exact_sections(session, gpu, &sizes, part)),
         (GpuPart::Training, "Training steps, f32", &|gpu, part| {
             steps(session, gpu, &trained(Precision::F32), part)
         }),
@@ -146,7 +144,7 @@ pub(crate) fn run(session: &Session, arguments: &GpuArguments) -> Result<()> {
             }
             steps(session, gpu, &trained(Precision::F16), part)
         }),
-        (GpuPart::Field, "A field taught, evaluated and asked", &|gpu, part| {
+        (GpuPart::Field, "A field distilled and evaluated", &|gpu, part| {
             field::measured(session, gpu, &sizes.scene()?, &sizes.field, part)
         }),
     ];
@@ -248,43 +246,43 @@ fn peak(gpu: &Gpu, sizes: &Sizes, part: &mut Part) -> Result<()> {
 }
 
 /// Sections of `fibonacci:225`, every value of some of them compared.
-fn sections(session: &Session, gpu: &Gpu, sizes: &Sizes, part: &mut Part) -> Result<()> {
+fn exact_sections(session: &Session, gpu: &Gpu, sizes: &Sizes, part: &mut Part) -> Result<()> {
     let scene = sizes.scene()?;
     let plan = SectionPlan::of_scene(&scene, At::Tip)?;
     let control = session.control(&|_| {});
     let orientations = OrientationSet::parse(&format!("fibonacci:{SECTIONS}"))?.orientations;
-    let mut ours = f64::INFINITY;
-    for _ in 0..ROUNDS {
-        let start = Instant::now();
-        stream_sections(&plan, &orientations, control, || (), |(), _, _| {})?;
-        ours = ours.min(start.elapsed().as_secs_f64() / SECTIONS as f64);
-    }
+    let [ours] = least_seconds(
+        ROUNDS,
+        [&mut || Ok(drop(stream_sections(&plan, &orientations, control, || (), |(), _, _| {})?))],
+    )?;
+    let ours = ours / SECTIONS as f64;
     let apart = SECTIONS / sizes.compared;
     let compared: Vec<Orientation> =
         orientations.iter().copied().step_by(apart).take(sizes.compared).collect();
-    let rows = device::measure(gpu, &plan, &orientations, &compared, ours, control)?;
+    let rows = sections::measure(gpu, &plan, &orientations, &compared, ours, control)?;
     let [x, y, z] = plan.grid().dims;
-    let how = plan.describe();
-    part.text = format!("Teapot {x}×{y}×{z}; the CPU takes {:.3} ms a section: {how}.\n\n", ours * 1e3);
-    let cells: Vec<Vec<String>> = rows
-        .iter()
-        .map(|row| {
-            let equal = if row.equal == Some(true) { "yes" } else { "NO" };
-            let ms = format!("{:.3}", row.milliseconds_per_section);
-            vec![row.name.clone(), ms, format!("{:.2}", 1.0 / row.ratio), equal.into(), row.how.clone()]
-        })
-        .collect();
-    part.text += &table(&["", "ms a section", "times as fast", "same counts", "how"], &cells);
+    let mut document = Document::default();
+    let (ms, how) = (ours * 1e3, plan.describe());
+    document.paragraph(format!("Teapot {x}×{y}×{z}; the CPU takes {ms:.3} ms a section: {how}."));
+    let cells = rows.iter().map(|row| {
+        let equal = if row.equal == Some(true) { "yes" } else { "NO" };
+        let ms = format!("{:.3}", row.milliseconds_per_section);
+        vec![row.name.clone(), ms, format!("{:.2}", 1.0 / row.ratio), equal.into(), row.how.clone()]
+    });
+    document.table(&["", "ms a section", "times as fast", "same counts", "how"], cells.collect());
+    part.text = document.markdown();
     part.found = json!({ "cpu_milliseconds_per_section": ours * 1e3, "rows": rows });
     ensure!(rows.iter().all(|row| row.equal == Some(true)), "the counts are not the CPU's");
     Ok(())
 }
 
 /// Steps of the paper's network, PyTorch's by turns with them.
-fn steps(session: &Session, gpu: &Gpu, asked: &Asked<'_>, part: &mut Part) -> Result<()> {
-    let report = train::measured(session, &Device::Gpu(gpu.clone()), asked)?;
+fn steps(session: &Session, gpu: &Gpu, of: &Steps<'_>, part: &mut Part) -> Result<()> {
+    let report = train::measured(session, &Device::Gpu(gpu.clone()), of)?;
     if !report.rows.is_empty() {
-        (part.text, part.found) = (report.found()?, serde_json::to_value(&report)?);
+        let mut document = Document::default();
+        report.describe(&mut document);
+        (part.text, part.found) = (document.markdown(), serde_json::to_value(&report)?);
     }
     report.failed.map_or(Ok(()), |why| bail!("{why}"))
 }

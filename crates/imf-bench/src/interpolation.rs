@@ -10,7 +10,7 @@ mod coarse;
 pub(crate) use coarse::CoarseTable;
 
 use imf_core::control::Control;
-use imf_core::orientation::Orientation;
+use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::{SectionError, SectionPlan, sections};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -114,13 +114,8 @@ impl AngleGrid {
 
     /// The pairs in order.
     fn orientations(&self) -> Vec<Orientation> {
-        let n = self.n;
-        (0..n * n)
-            .map(|index| {
-                let [theta, phi] = [index / n, index % n].map(|step| step as f64 / n as f64);
-                Orientation::new(360.0 * theta, 180.0 * phi)
-            })
-            .collect()
+        let set = OrientationSet::parse(&format!("grid:{}", self.n));
+        set.map_or_else(|error| unreachable!("{error}"), |set| set.orientations)
     }
 
     /// Which sections make up the one at `orientation`, and with which weights; these sum to 1.
@@ -210,7 +205,6 @@ mod tests {
     use glam::DVec3;
     use imf_core::grid::Grid;
     use imf_core::occupancy::Occupancy;
-    use imf_core::orientation::OrientationSet;
     use imf_core::section::At;
     use imf_core::tool::Tool;
 

@@ -37,12 +37,9 @@ pub(super) fn measure(
     if let Some(why) = lacks(python, "import numpy, scipy.fft", REQUIREMENTS) {
         return Ok(Err(format!("scipy was not compared: {why}")));
     }
-    let folder = arguments.out.join("scipy-voxels");
-    std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
-    let answer = run(python, &folder, session.threads(), trial);
-    // Megabytes that nobody wants to keep, whatever became of the run.
-    let _ = std::fs::remove_dir_all(&folder);
-    let answer = answer?;
+    // Megabytes that nobody wants to keep, whatever becomes of the run.
+    let folder = tempfile::tempdir_in(&arguments.out).context("cannot make a temporary folder")?;
+    let answer = run(python, folder.path(), session.threads(), trial)?;
     let each = answer.seconds.iter().sum::<f64>() / answer.seconds.len().max(1) as f64;
     let [x, y, z] = answer.size;
     Ok(Ok(Rival {

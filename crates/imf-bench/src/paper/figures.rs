@@ -10,14 +10,14 @@ use imf_cli::slices;
 use imf_core::control::Control;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
+use imf_core::parts::ReferencePart;
 use imf_core::section::{At, SectionPlan, imf, sections};
 use imf_fields::siren::over_grid;
 use ndarray::{Array2, ArrayView3, Axis};
 
-use super::questions::Questions;
 use super::{Bench, Run};
-use crate::arguments::paper::PaperPart;
 use crate::planar::silhouette;
+use crate::recipe::Questions;
 
 /// A picture in the report's folder and its caption.
 pub(super) type Figure = (String, String);
@@ -41,7 +41,7 @@ fn thickness(solid: &Occupancy, axis: usize) -> Result<Array2<f32>> {
 pub(super) fn scenes(bench: &Bench<'_>) -> Result<Figure> {
     let mut seen = Vec::new();
     for &part in &bench.parts {
-        let mut settings = bench.protocol.settings("single")?.scene;
+        let mut settings = bench.protocol.recipe("single", None)?.recipe()?.scene;
         settings.part = part.name().into();
         let scene = bench.scene(&settings)?;
         let views = [0, 1, 2].map(|axis| thickness(&scene.obstacle, axis));
@@ -108,7 +108,7 @@ struct Slices {
 /// Sections and the inaccessibility measure of a part, exact and by each recipe's network.
 pub(super) fn fields(
     bench: &Bench<'_>,
-    part: PaperPart,
+    part: ReferencePart,
     questions: &Questions,
     runs: &[(&str, Run)],
 ) -> Result<Figure> {

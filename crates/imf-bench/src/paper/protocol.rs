@@ -3,10 +3,9 @@
 use anyhow::Result;
 use imf_fields::factored::DistillSettings;
 use imf_fields::recipe::Length;
-use serde::Serialize;
 
 use crate::arguments::paper::PaperScale;
-use crate::recipe::{self, Recipe, built_in};
+use crate::recipe::{Source, built_in};
 
 /// What is changed in a recipe, as `imf-bench recipe run --set` takes it, and why in words.
 struct Changes {
@@ -49,7 +48,16 @@ const REDUCED: Changes = Changes {
             ],
         ),
         ("sparsity", &["stage.*.training.length={epochs=12}", QUARTER]),
-        ("architecture", &["stage.*.training.length={epochs=12}", QUARTER]),
+        (
+            "architecture",
+            &[
+                "stage.*.training.length={epochs=12}",
+                QUARTER,
+                "variant=[{name=\"5x256\",set={\"network.width\"=64}},{name=\"4x512\",set={\"network.layers\"=4}},\
+                 {name=\"5x512\",set={}},{name=\"6x512\",set={\"network.layers\"=6}},\
+                 {name=\"5x1024\",set={\"network.width\"=256}}]",
+            ],
+        ),
     ],
 };
 
@@ -96,19 +104,17 @@ const TINY: Changes = Changes {
             ],
         ),
         ("sparsity", &["stage.*.training.length={steps=2000}"]),
-        ("architecture", &["stage.*.training.length={steps=1500}"]),
+        (
+            "architecture",
+            // Depth shows nothing in so few steps; width does, from a quarter to four times, as the paper's.
+            &[
+                "stage.*.training.length={steps=1500}",
+                "variant=[{name=\"5x256\",set={}},{name=\"5x512\",set={\"network.width\"=128}},\
+                 {name=\"5x1024\",set={\"network.width\"=256}}]",
+            ],
+        ),
     ],
 };
-
-/// A variant of a sweep at a scale: the paper's name, and what is changed.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub(super) struct Variant {
-    /// As the recipe calls it.
-    pub(super) name: &'static str,
-    /// What it is at this scale.
-    pub(super) about: String,
-    pub(super) table: toml::Table,
-}
 
 /// The protocol of a scale.
 #[derive(Clone, Copy)]
@@ -134,80 +140,21 @@ impl Protocol {
         }
     }
 
-    /// How many times fewer neurons a layer has.
-    fn narrower(self) -> usize {
-        match self.scale {
-            PaperScale::Full => 1,
-            PaperScale::Reduced => 4,
-            PaperScale::Tiny => 8,
-        }
-    }
-
-    /// A built-in recipe's table with the scale's changes; `part` replaces the scene's.
-    pub(super) fn recipe(self, name: &str, part: Option<&str>) -> Result<toml::Table> {
-        let mut table = recipe::table(built_in(name)?.text)?;
+    /// A built-in recipe with the scale's changes; `part` replaces the scene's.
+    pub(super) fn recipe(self, name: &str, part: Option<&str>) -> Result<Source> {
+        let mut source = Source::parse(built_in(name)?)?;
         let changes = self.changes();
         let own = changes.own.iter().filter(|(recipe, _)| *recipe == name).flat_map(|(_, list)| list.iter());
-        for text in changes.all.iter().chain(own) {
-            let (path, value) = recipe::assignment(text)?;
-            recipe::set(&mut table, &path, value)?;
-        }
+        changes.all.iter().chain(own).try_for_each(|text| source.assign(text))?;
         if let Some(part) = part {
-            recipe::set(&mut table, "scene.part", part.into())?;
+            source.set("scene.part", part)?;
         }
-        Recipe::from_table(table.clone())?;
-        Ok(table)
+        Ok(source)
     }
 
-    /// The settings of a recipe at this scale, read.
-    pub(super) fn settings(self, name: &str) -> Result<Recipe> {
-        Ok(Recipe::from_table(self.recipe(name, None)?)?)
-    }
-
-    /// The variants of a sweep at this scale.
-    pub(super) fn sweep(self, name: &str) -> Result<Vec<Variant>> {
-        let mut base = self.recipe(name, None)?;
-        base.remove("variant");
-        let mut variants = Vec::new();
-        let listed: &[&'static str] = match (name, self.scale) {
-            ("sparsity", _) => &["10-percent", "35-percent", "50-percent"],
-            // Depth shows nothing in so few steps; width does.
-            (_, PaperScale::Tiny) => &["5x256", "5x512", "5x1024"],
-            _ => &["5x256", "4x512", "5x512", "6x512", "5x1024"],
-        };
-        for &name in listed {
-            let mut table = base.clone();
-            let about = match name.split_once("-percent") {
-                Some((percent, _)) => {
-                    let density: f64 = percent.parse()?;
-                    recipe::set(&mut table, "stage.*.sampling.density", (density / 100.0).into())?;
-                    format!("{percent} %")
-                }
-                None => {
-                    let (layers, width) = self.network(name)?;
-                    recipe::set(&mut table, "network.layers", (layers as i64).into())?;
-                    recipe::set(&mut table, "network.width", (width as i64).into())?;
-                    format!("{layers}×{width}")
-                }
-            };
-            Recipe::from_table(table.clone())?;
-            variants.push(Variant { name, about, table });
-        }
-        Ok(variants)
-    }
-
-    /// Layers and width of a variant such as 5x256 at this scale.
-    fn network(self, name: &str) -> Result<(usize, usize)> {
-        let (layers, width) = name.split_once('x').unwrap_or(("5", "512"));
-        let width: usize = width.parse()?;
-        // The narrowest and the widest of tiny are 64 and 256, four times apart as the paper's.
-        let width = if self.scale == PaperScale::Tiny { width / 4 } else { width / self.narrower() };
-        Ok((layers.parse()?, width))
-    }
-
-    /// How the factored field is taught: as `imf compress` does by itself, with a step for each 1,024 voxels five times
+    /// How the factored field is distilled: as `imf` does by itself, with a step for each 1,024 voxels five times
     /// over at the full resolution; a tiny one has a fifth of them.
-    pub(super) fn teaching(self) -> DistillSettings {
+    pub(super) fn distillation(self) -> DistillSettings {
         let steps = if self.scale == PaperScale::Tiny { 500 } else { 2600 };
         DistillSettings::of_length(Length::Steps(steps))
     }
@@ -233,32 +180,32 @@ impl Protocol {
 mod tests {
     use super::*;
 
+    const SCALES: [PaperScale; 3] = [PaperScale::Full, PaperScale::Reduced, PaperScale::Tiny];
+
     #[test]
     fn every_scale_makes_recipes_that_are_valid_and_full_is_the_built_in_ones() {
-        for scale in [PaperScale::Full, PaperScale::Reduced, PaperScale::Tiny] {
+        for scale in SCALES {
             let protocol = Protocol::new(scale);
-            for name in ["single", "multi", "transfer"] {
-                let table = protocol.recipe(name, None).unwrap();
-                let same = table == recipe::table(built_in(name).unwrap().text).unwrap();
+            for name in ["single", "multi", "transfer", "sparsity", "architecture"] {
+                let source = protocol.recipe(name, None).unwrap();
+                source.recipe().unwrap();
+                let same = source == Source::parse(built_in(name).unwrap()).unwrap();
                 assert_eq!(same, scale == PaperScale::Full, "{name} at {scale:?}");
-            }
-            for name in ["sparsity", "architecture"] {
-                assert!(protocol.sweep(name).unwrap().len() >= 3);
+                let variants = source.variants().unwrap().len();
+                assert_eq!(variants >= 3, matches!(name, "sparsity" | "architecture"), "{name}");
             }
             assert!(!protocol.statement().is_empty());
         }
     }
 
     #[test]
-    fn full_variants_are_those_of_the_recipes() {
-        for name in ["sparsity", "architecture"] {
-            let runs = recipe::runs(&recipe::table(built_in(name).unwrap().text).unwrap()).unwrap();
-            let ours = Protocol::new(PaperScale::Full).sweep(name).unwrap();
-            assert_eq!(ours.len(), runs.len());
-            for (variant, (run, table)) in ours.iter().zip(&runs) {
-                assert_eq!(Some(variant.name), run.as_deref());
-                let read = |table: &toml::Table| Recipe::from_table(table.clone()).unwrap();
-                assert_eq!(read(&variant.table), read(table), "{}", variant.name);
+    fn networks_of_the_architecture_are_as_many_times_narrower_as_the_scale_says() {
+        for (scale, narrower) in SCALES.into_iter().zip([1, 4, 4]) {
+            let variants = Protocol::new(scale).recipe("architecture", None).unwrap().variants().unwrap();
+            for (name, source) in variants {
+                let network = source.recipe().unwrap().network;
+                let found = format!("{}x{}", network.layers, network.width * narrower);
+                assert_eq!(found, name, "{scale:?}");
             }
         }
     }

@@ -8,7 +8,7 @@ use imf_cli::session::Session;
 use serde::Deserialize;
 
 use crate::python::lacks;
-use crate::train::Asked;
+use crate::train::Steps;
 
 const SCRIPT: &str = include_str!("../../python/train_torch.py");
 const REQUIREMENTS: &str =
@@ -34,8 +34,8 @@ struct Answer {
 
 impl Torch {
     /// The rival, or why there is none and what would help.
-    pub(super) fn start(session: &Session, asked: &Asked<'_>, device: &str) -> Result<Result<Self, String>> {
-        let Some(python) = asked.python else {
+    pub(super) fn start(session: &Session, of: &Steps<'_>, device: &str) -> Result<Result<Self, String>> {
+        let Some(python) = of.python else {
             return Ok(Err("PyTorch was not compared here.".into()));
         };
         let runs = |code: &str| {
@@ -57,9 +57,9 @@ impl Torch {
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let mut process = command
             .arg(&script)
-            .args(["--threads", &session.threads().to_string(), "--width", &asked.width.to_string()])
+            .args(["--threads", &session.threads().to_string(), "--width", &of.width.to_string()])
             .args(["--device", device])
-            .args(["--precision", &asked.precision.to_string()])
+            .args(["--precision", &of.precision.to_string()])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())

@@ -64,7 +64,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_turned_tool_has_the_tools_volume_and_faces_outwards() {
+    fn the_mesh_has_the_tools_volume_and_faces_outwards() {
         let tool = Tool::paper();
         let mesh = mesh(&tool);
         // A polygon of 48 corners has 0.3 % less area than its circle, arcs in 12 pieces lose a little more.
