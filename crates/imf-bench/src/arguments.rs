@@ -60,8 +60,7 @@ pub(crate) struct TrainArguments {
 /// What a GPU does beside the CPU of the same machine, with values compared
 #[derive(Args)]
 #[command(after_help = "Example:\n  imf-bench gpu --python venv/bin/python --out bench-gpu\n\n\
-                        Writes gpu.json and gpu.md part by part; parts that an earlier run on the same device left there stay until they are \
-                        measured again. \
+                        Writes a JSON and a Markdown file for each part; those of an earlier run stay until their part is measured again. \
                         Some minutes; on a software device small sizes, which show that every part works.")]
 pub(crate) struct GpuArguments {
     /// Folder to write to

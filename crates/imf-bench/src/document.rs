@@ -49,6 +49,10 @@ impl Document {
         self.0.push(Block::Picture(file.into(), caption.into()));
     }
 
+    pub(crate) fn append(&mut self, other: Self) {
+        self.0.extend(other.0);
+    }
+
     pub(crate) fn markdown(&self) -> String {
         self.text(|head, rows| {
             let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));

@@ -32,7 +32,7 @@ use imf_fields::recipe::{AdamConfig, Length, Sampling, TrainingPlan, TrainingSta
 use crate::arguments::families::FamiliesArguments;
 use crate::candidates::{Candidate, distilled, fitted, harmonic_settings, reference_scene, symmetric};
 use crate::cells::interruption;
-use crate::interpolation::{AngleGrid, CoarseTable, StoredSections};
+use crate::interpolation::{AngleGrid, SectionTable};
 use crate::measurement::{Machine, better_seconds, seconds};
 use crate::recipe::{RANDOM_START, Runner, Stage};
 use judge::Judge;
@@ -121,7 +121,7 @@ fn require_memory(
     let voxels = record.grid.len();
     let count = arguments.sections();
     let settings = harmonic_settings(count);
-    let families = settings.memory(Domain::Directions, voxels).0.max(StoredSections::memory(angles, voxels));
+    let families = settings.memory(Domain::Directions, voxels).0.max(SectionTable::memory(angles, voxels));
     let needed = families
         + Judge::memory(arguments.random as usize, voxels)
         + 4 * (asked * voxels) as u64
@@ -226,10 +226,11 @@ impl Bench<'_> {
         let stage = self.session.stage("stored sections", "sections", count as u64);
         let advance = |sections| stage.advance(sections);
         let control = self.session.control(&advance);
-        let (seconds, stored) = seconds(|| Ok(StoredSections::new(self.plan, angles, control)?))?;
+        let (seconds, stored) =
+            seconds(|| Ok(SectionTable::new(self.plan, angles, self.plan.grid().dims, control)?))?;
         stage.finish("");
         let voxels = self.plan.grid().len();
-        let bytes = StoredSections::memory(angles, voxels);
+        let bytes = SectionTable::memory(angles, voxels);
         let making =
             |name, how: &str| Making { name, how: format!("{how} of {count} stored in f32"), seconds, bytes };
         let nearest = Candidate::Table(voxels, &|o, values| stored.nearest(o, values));
@@ -247,13 +248,13 @@ impl Bench<'_> {
         let stage = session.stage("coarse tables", "sections", total as u64);
         let advance = |sections| stage.advance(sections);
         let control = session.control(&advance);
-        let mut best: Option<(f64, f64, CoarseTable)> = None;
+        let mut best: Option<(f64, f64, SectionTable)> = None;
         for n in COARSE_ANGLES {
             let angles = AngleGrid::new(n);
-            let points = CoarseTable::points_within(self.plan.grid(), angles, bytes);
-            let (seconds, table) = seconds(|| Ok(CoarseTable::new(self.plan, angles, points, control)?))?;
+            let points = SectionTable::points_within(self.plan.grid(), angles, bytes);
+            let (seconds, table) = seconds(|| Ok(SectionTable::new(self.plan, angles, points, control)?))?;
             let tau = self.arguments.threshold;
-            let errors = field_sections(self.plan, &choosing, tau, control, |o, v| table.section(o, v))?;
+            let errors = field_sections(self.plan, &choosing, tau, control, |o, v| table.linear(o, v))?;
             if best.as_ref().is_none_or(|(mse, ..)| errors.overall.mse < *mse) {
                 best = Some((errors.overall.mse, seconds, table));
             }
@@ -263,7 +264,7 @@ impl Bench<'_> {
         let ([x, y, z], sections) = table.shape();
         let how = format!("{x}×{y}×{z} points × {sections} sections, linear between them");
         let (bytes, voxels) = (table.bytes(), self.plan.grid().len());
-        let table = Candidate::Table(voxels, &|o, values| table.section(o, values));
+        let table = Candidate::Table(voxels, &|o, values| table.linear(o, values));
         self.measure(Making { name, how, seconds, bytes }, &table)
     }
 }

@@ -130,7 +130,7 @@ pub(crate) fn run(session: &Session, arguments: &PaperArguments) -> Result<()> {
             datasets: out.join("datasets"),
         },
         cells: Cells::new(session, &device, out)?,
-        protocol: Protocol::new(arguments.scale),
+        protocol: Protocol::new(arguments.scale)?,
         parts,
         out: out.clone(),
     };
@@ -153,7 +153,7 @@ pub(crate) fn run(session: &Session, arguments: &PaperArguments) -> Result<()> {
         }
     }
     for table in &mut tables {
-        table.tried = Some(bench.protocol.tried());
+        table.tried = Some(bench.protocol.tried.clone());
     }
     machine.finish();
     let report = Report {

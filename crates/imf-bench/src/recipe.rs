@@ -24,9 +24,7 @@ mod summary;
 mod tests;
 mod waits;
 
-pub(crate) use definition::{
-    EvaluationSettings, NetworkSettings, RANDOM_START, Recipe, SceneSettings, Stage,
-};
+pub(crate) use definition::{RANDOM_START, Recipe, SceneSettings, Stage};
 pub(crate) use questions::{Answer, Questions, RANDOM};
 pub(crate) use scenes::Scenes;
 pub(crate) use source::{Source, built_in};

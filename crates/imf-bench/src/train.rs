@@ -81,8 +81,6 @@ pub(crate) struct Row {
 struct Rival {
     mode: &'static str,
     samples_per_second: Option<f64>,
-    /// Ours over theirs.
-    ratio: Option<f64>,
     failed: Option<String>,
 }
 
@@ -97,22 +95,19 @@ pub(crate) fn run(session: &Session, arguments: &TrainArguments) -> Result<()> {
         rounds: Rounds::default(),
     };
     let report = measured(session, &device, &steps)?;
-    if let (Some(why), true) = (&report.failed, report.rows.is_empty()) {
-        if interrupt::requested() {
-            return Err(Interrupted("nothing was measured".into()).into());
-        }
-        bail!("{why}");
-    }
     let mut document = Document::new("Training steps");
     document.paragraph(report.machine.to_string());
     report.describe(&mut document);
-    document.write(&arguments.out, "train", &report)?;
-    let Some(why) = report.failed else { return document.show(session, &report) };
-    let kept = format!("what was measured before is in {}", arguments.out.display());
-    if interrupt::requested() {
-        return Err(Interrupted(kept).into());
+    let mut kept = "nothing was measured".to_owned();
+    if !report.rows.is_empty() {
+        document.write(&arguments.out, "train", &report)?;
+        kept = format!("what was measured is in {}", arguments.out.display());
     }
-    bail!("{why}; {kept}")
+    match &report.failed {
+        None => document.show(session, &report),
+        Some(_) if interrupt::requested() => Err(Interrupted(kept).into()),
+        Some(why) => bail!("{why}; {kept}"),
+    }
 }
 
 /// Measures the paper's network on a device, up to the first batch that fails or is not waited for.
@@ -177,7 +172,7 @@ fn row(
     let flops = 3 * shape.forward_flops() - 2 * INPUTS * shape.layers()[0].outputs;
     let (inputs, targets) = (ramp(batch * INPUTS), ramp(batch));
     let (mut ours, mut top) = (0.0f64, 0.0f64);
-    let mut rivals = MODES.map(|mode| Rival { mode, samples_per_second: None, ratio: None, failed: None });
+    let mut rivals = MODES.map(|mode| Rival { mode, samples_per_second: None, failed: None });
     for _ in 0..rounds.count {
         if interrupt::requested() {
             bail!("interrupted");
@@ -208,9 +203,6 @@ fn row(
                 }
             }
         }
-    }
-    for rival in &mut rivals {
-        rival.ratio = rival.samples_per_second.map(|theirs| ours / theirs);
     }
     let gflops = ours * flops as f64 * 1e-9;
     Ok(Row {
@@ -250,8 +242,9 @@ impl Report {
             ];
             for mode in MODES {
                 let rival = row.rivals.iter().find(|rival| rival.mode == mode);
-                cells.push(number(rival.and_then(|rival| rival.samples_per_second), 0));
-                cells.push(number(rival.and_then(|rival| rival.ratio), 2));
+                let theirs = rival.and_then(|rival| rival.samples_per_second);
+                cells.push(number(theirs, 0));
+                cells.push(number(theirs.map(|theirs| row.samples_per_second / theirs), 2));
                 if let Some(why) = rival.and_then(|rival| rival.failed.as_ref()) {
                     failures.push(format!("batch {}, {mode}: {why}", row.batch));
                 }

@@ -1,8 +1,6 @@
 //! A factored field of the scene, distilled on the GPU and on the CPU, and the harmonic field that it is distilled from; their minima
 //! at every voxel, the first one's errors at random orientations, its sections and its values at random poses, by both.
 
-use std::sync::Arc;
-
 use anyhow::{Result, ensure};
 use imf_cli::arguments::harmonic::DEFAULT_SECTIONS;
 use imf_cli::engine::Device;
@@ -240,7 +238,7 @@ impl Rows<'_> {
         });
         let head = ["", "s on the GPU", "s on the CPU", "times as fast", "largest difference"];
         document.table(&head, cells.collect());
-        part.text = document.markdown();
+        part.document = document;
         part.found = json!({ "judged": judged, "rows": rows });
     }
 }
@@ -263,6 +261,7 @@ mod tests {
         rows.add("fine", 1.0, 2.0, Some(1e-6)).unwrap();
         let refused = rows.add("apart", 1.0, 2.0, Some(f32::NAN)).unwrap_err().to_string();
         assert!(refused.contains("apart"), "{refused}");
-        assert!(part.text.contains("fine") && part.text.contains("apart"), "{}", part.text);
+        let text = part.document.markdown();
+        assert!(text.contains("fine") && text.contains("apart"), "{text}");
     }
 }

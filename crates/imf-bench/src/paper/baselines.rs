@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Bench;
 use crate::candidates::{distilled, fitted, harmonic_settings, symmetric};
-use crate::interpolation::{AngleGrid, StoredSections};
+use crate::interpolation::{AngleGrid, SectionTable};
 use crate::measurement::seconds;
 use crate::recipe::{Answer, Questions, Recipe};
 
@@ -37,7 +37,7 @@ pub(super) fn measure(bench: &Bench<'_>, recipe: &Recipe, n: usize) -> Result<Ve
     let (scene, distillation) = (bench.scene(&recipe.scene)?, bench.protocol.distillation());
     let (angles, voxels) = (AngleGrid::new(n), scene.record.grid.len());
     let settings = harmonic_settings(n * n);
-    let stored_bytes = StoredSections::memory(angles, voxels);
+    let stored_bytes = SectionTable::memory(angles, voxels);
     let tool = scene.record.tool.with_tip_only();
     let needed = stored_bytes
         + settings.memory(Domain::Directions, voxels).0
@@ -51,7 +51,8 @@ pub(super) fn measure(bench: &Bench<'_>, recipe: &Recipe, n: usize) -> Result<Ve
     let stage = session.stage("exact sections", "sections", (n * n + exact_sections) as u64);
     let advance = |sections| stage.advance(sections);
     let exact = questions.exact(&plan, session.control(&advance))?;
-    let (stored_in, stored) = seconds(|| Ok(StoredSections::new(&plan, angles, session.control(&advance))?))?;
+    let (stored_in, stored) =
+        seconds(|| Ok(SectionTable::new(&plan, angles, plan.grid().dims, session.control(&advance))?))?;
     stage.finish("");
     let (fitted_in, file) = seconds(|| fitted(session, &scene, &plan, settings))?;
     let harmonic = &file.field;

@@ -4,8 +4,9 @@ use anyhow::{Context as _, Result};
 use imf_core::parts::ReferencePart;
 
 use super::baselines::{self, Method};
+use super::published::PAPER;
 use super::table::{Compared, Kind, Row, Table};
-use super::{Bench, Training, figures, part_label, published};
+use super::{Bench, Training, figures, part_label};
 use crate::recipe::{Questions, RANDOM, Recipe};
 
 /// The recipes of the table.
@@ -52,7 +53,7 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
         for recipe in RECIPES {
             let questions = Questions::of(&bench.protocol.recipe(recipe, None)?.recipe()?.evaluation)?;
             let training = bench.trained(part, recipe)?;
-            let papers = published::parts(part.name(), recipe);
+            let papers = PAPER.parts[recipe].get(part.name());
             let paper = |index: usize| papers.and_then(|papers| papers.get(index).copied());
             table.add_training(&[&name, recipe], (&training, None), &questions, paper)?;
             runs.extend(training.ok().map(|run| (recipe, run)));

@@ -8,7 +8,7 @@ use std::ops::ControlFlow;
 
 use anyhow::{Context as _, Result};
 use imf_cli::interrupt;
-use imf_cli::picture::{PanelRow, PanelSheet, Scale};
+use imf_cli::picture::PanelSheet;
 use imf_cli::progress::show_seconds;
 use imf_cli::slices;
 use imf_core::occupancy::Occupancy;
@@ -21,8 +21,10 @@ use imf_train::samples::Samples;
 use imf_train::training::run::train;
 use serde::{Deserialize, Serialize};
 
+use super::Bench;
+use super::figures::Slices;
+use super::published::PAPER;
 use super::table::{Row, Table};
-use super::{Bench, published};
 use crate::interpolation::Periodic;
 use crate::measurement::seconds;
 use crate::planar::{layer, section};
@@ -207,35 +209,16 @@ fn measure(bench: &Bench<'_>, recipe: &Recipe, stage: &Stage) -> Result<Measured
 fn draw(bench: &Bench<'_>, sections: &Sections, methods: &[(&str, Imf)]) -> Result<()> {
     let grid = sections.part.grid;
     let cut = |values: &[f32]| slices::slice(values, &grid, 2, 0);
-    let exact = cut(&sections.least.value);
-    let found: Vec<_> = methods.iter().map(|(name, least)| (*name, cut(&least.value))).collect();
-    let differences: Vec<_> = found.iter().map(|(name, values)| (*name, values - &exact)).collect();
+    let found = methods.iter().map(|(name, least)| (*name, cut(&least.value))).collect();
+    let title = format!("IMF over {}", fine_angles().len());
+    let rows = [Slices::new(title, cut(&sections.least.value), found)];
+    let scales = Slices::scales(&rows, "inaccessibility measure IMF");
     let solid = slices::mask(&sections.part, 2, 0);
     let mut axes = slices::axes(&grid, imf_core::unit::LengthUnit::Mm, 2);
     axes.names = ["x".into(), "z".into()];
-    let views: Vec<_> = found.iter().map(|(_, v)| v.view()).chain([exact.view()]).collect();
-    let measure = Scale::measure_of(&views, "inaccessibility measure IMF");
-    let views: Vec<_> = differences.iter().map(|(_, values)| values.view()).collect();
-    let signed = Scale::difference_of(&views, "method − exact");
     let sheet = PanelSheet {
         title: "One rotation in the plane".into(),
-        rows: vec![
-            PanelRow {
-                title: format!("IMF over {}", fine_angles().len()),
-                panels: [("exact", &exact)]
-                    .into_iter()
-                    .chain(found.iter().map(|(name, values)| (*name, values)))
-                    .map(|(name, values)| slices::panel(name, values, &solid, &measure, &axes))
-                    .collect(),
-            },
-            PanelRow {
-                title: "method − exact".into(),
-                panels: differences
-                    .iter()
-                    .map(|(name, values)| slices::panel(name, values, &solid, &signed, &axes))
-                    .collect(),
-            },
-        ],
+        rows: rows[0].panels(&scales, &solid, &axes).into(),
         notes: vec!["Outline: the teapot's middle plane".into()],
         pixels_per_voxel: None,
     };
@@ -265,7 +248,7 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
     for method in &measured.methods {
         let labels = |what: &str| vec![method.name.clone(), what.to_owned()];
         table.rows.push(Row::errors(labels("CMF, 145 sections"), None, Some(&method.cmf)));
-        let paper = published::plane(&method.name);
+        let paper = PAPER.plane.get(&method.name).copied();
         table.rows.push(Row::errors(labels("IMF over 145"), paper, Some(&method.imf)));
     }
     if let Some(network) = measured.methods.first() {

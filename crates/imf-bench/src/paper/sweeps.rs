@@ -3,8 +3,9 @@
 use anyhow::Result;
 use imf_core::parts::ReferencePart;
 
+use super::Bench;
+use super::published::PAPER;
 use super::table::Table;
-use super::{Bench, published};
 use crate::recipe::{Questions, Recipe, Source};
 
 /// From bracket-raw to bracket, and as many epochs from random weights.
@@ -20,7 +21,7 @@ pub(super) fn transfer(bench: &Bench<'_>) -> Result<Table> {
     );
     for (stage, label) in [("adapted", "fine-tuned"), ("control", "random weights")] {
         // Two sections stand before the IMF over 225.
-        let paper = |index| published::transfer(stage).filter(|_| index == 2);
+        let paper = |index| PAPER.transfer.get(stage).filter(|_| index == 2).copied();
         table.add_training(&[label], (&training, Some(stage)), &questions, paper)?;
     }
     Ok(table)
@@ -80,7 +81,7 @@ fn sweep(
         } else {
             bench.run(&format!("{name}-{variant}"), &source)?
         };
-        let papers = published::sweep(&variant);
+        let papers = PAPER.sweep.get(&variant);
         // Two sections stand before the two IMFs.
         let paper = |index: usize| papers.and_then(|papers| papers.get(index.checked_sub(2)?).copied());
         let questions = Questions::of(&recipe.evaluation)?;
@@ -100,7 +101,7 @@ mod tests {
         for (scale, again) in
             [(PaperScale::Full, true), (PaperScale::Reduced, true), (PaperScale::Tiny, false)]
         {
-            let protocol = Protocol::new(scale);
+            let protocol = Protocol::new(scale).unwrap();
             for (name, part, same) in
                 [("sparsity", "teapot", "35-percent"), ("architecture", "screw-gear", "5x512")]
             {

@@ -9,8 +9,9 @@ use imf_fields::siren::over_grid;
 use imf_gpu::GpuSections;
 use serde::{Deserialize, Serialize};
 
+use super::published::PAPER;
 use super::table::{Compared, Kind, Row, Table};
-use super::{Bench, Run, part_label, published};
+use super::{Bench, Run, part_label};
 use crate::measurement::seconds;
 
 /// The sections that the paper evaluates.
@@ -95,7 +96,7 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
         };
         let key = (bench.protocol.recipe("single", Some(part.name()))?, SECTIONS);
         let measured = bench.cells.get(&format!("time-{}", part.name()), &key, || measure(bench, &run))?;
-        let paper = published::seconds(part.name());
+        let paper = PAPER.seconds.get(part.name());
         let mut row = |what: &str, papers: [Option<f64>; 2], seconds: f64, bytes: u64| {
             table.rows.push(Row {
                 labels: vec![part_label(part), what.into()],
@@ -108,7 +109,7 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
         };
         let samples: u64 = run.summary.stages.iter().map(|stage| stage.samples).sum();
         row("train (single)", [paper.map(|p| p[0]), None], run.summary.seconds(), SAMPLE_BYTES * samples);
-        let network = [paper.map(|p| p[1]), Some(published::NETWORK_BYTES)];
+        let network = [paper.map(|p| p[1]), Some(PAPER.network_bytes)];
         row("225 sections, network", network, measured.network, measured.network_bytes);
         let exact = paper.map(|p| p[2]);
         let on_cpu = if measured.exact_gpu.is_some() { None } else { exact };

@@ -4,6 +4,7 @@ use imf_fields::recipe::schedule::{RateRule, Schedule};
 use imf_fields::recipe::{AdamConfig, Length, Loss, Precision, TrainingPlan};
 use imf_fields::siren::SirenShape;
 
+use super::definition::EvaluationSettings;
 use super::source::BUILT_IN;
 use super::*;
 
