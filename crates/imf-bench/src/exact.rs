@@ -70,8 +70,8 @@ pub(crate) fn run(session: &Session, arguments: &ExactArguments) -> Result<()> {
     let [sections_seconds, imf_seconds] = least_seconds(
         ROUNDS,
         [
-            &mut || Ok(drop(stream_sections(&plan, &orientations, control, || (), |(), _, _| {})?)),
-            &mut || Ok(drop(imf(&plan, &orientations, control)?)),
+            &mut || Ok(stream_sections(&plan, &orientations, control, || (), |(), _, _| {}).map(drop)?),
+            &mut || Ok(imf(&plan, &orientations, control).map(drop)?),
         ],
     )?;
     let ours = sections_seconds / SECTIONS as f64;

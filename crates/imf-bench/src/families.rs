@@ -106,7 +106,7 @@ fn compare(
     bench.stored(angles)?;
     bench.coarse("coarse table, as large as factored", factored)?;
     bench.coarse("coarse table, as large as siren5", siren)?;
-    Ok(Comparison { part, dims: [x, y, z], sections: arguments.sections(), rows: bench.rows })
+    Ok(Comparison { part: part.name(), dims: [x, y, z], sections: arguments.sections(), rows: bench.rows })
 }
 
 /// Everything that is held at once at the most.

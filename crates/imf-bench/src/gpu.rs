@@ -128,7 +128,7 @@ pub(crate) fn run(session: &Session, arguments: &GpuArguments) -> Result<()> {
     );
     let trained = |precision| {
         let (width, batches, rounds) = (sizes.width, sizes.batches, sizes.rounds);
-        Steps { width, precision, batches, python: Some(&arguments.python), rounds }
+        Steps { width, precision, batches, python: &arguments.python, rounds }
     };
     let works: [(GpuPart, &'static str, Work<'_>); 5] = [
         (GpuPart::Peak, "peak", &|gpu, part| peak(gpu, &sizes, part)),
@@ -209,7 +209,7 @@ fn exact_sections(session: &Session, gpu: &Gpu, sizes: &Sizes, part: &mut Part) 
     let orientations = OrientationSet::parse(&format!("fibonacci:{SECTIONS}"))?.orientations;
     let [ours] = least_seconds(
         ROUNDS,
-        [&mut || Ok(drop(stream_sections(&plan, &orientations, control, || (), |(), _, _| {})?))],
+        [&mut || Ok(stream_sections(&plan, &orientations, control, || (), |(), _, _| {}).map(drop)?)],
     )?;
     let ours = ours / SECTIONS as f64;
     let apart = SECTIONS / sizes.compared;

@@ -25,9 +25,9 @@ mod interpolation;
 mod measurement;
 mod paper;
 mod planar;
-mod python;
 mod query;
 mod recipe;
+mod rivals;
 mod train;
 
 use std::process::ExitCode;

@@ -243,16 +243,12 @@ fn require_own(out: &Path, text: &str) -> Result<PathBuf> {
     }
     let found = std::fs::read_to_string(&file)
         .with_context(|| format!("cannot read {}; choose another --out", file.display()))?;
-    let only = |one: &str, other: &str| {
-        let line = one.lines().find(|line| !other.lines().any(|other| other == *line));
-        line.unwrap_or("the order of its lines").to_owned()
-    };
+    let mut lines = found.lines().zip(text.lines());
+    let (there, here) = lines.find(|(there, here)| there != here).unwrap_or_default();
     ensure!(
         found == text,
-        "{} is the folder of another recipe ({} there, {} here): choose another --out, or remove it",
-        out.display(),
-        only(&found, text),
-        only(text, &found)
+        "{} is the folder of another recipe ({there} there, {here} here): choose another --out, or remove it",
+        out.display()
     );
     Ok(file)
 }

@@ -32,7 +32,7 @@ pub(crate) struct Steps<'a> {
     /// Samples of a step, one measurement each.
     pub(crate) batches: &'a [usize],
     /// Python with PyTorch, which is compared.
-    pub(crate) python: Option<&'a str>,
+    pub(crate) python: &'a str,
     pub(crate) rounds: Rounds,
 }
 
@@ -91,7 +91,7 @@ pub(crate) fn run(session: &Session, arguments: &TrainArguments) -> Result<()> {
         width: arguments.width,
         precision: arguments.precision.into(),
         batches: &arguments.batch,
-        python: Some(&arguments.python),
+        python: &arguments.python,
         rounds: Rounds::default(),
     };
     let report = measured(session, &device, &steps)?;

@@ -6,7 +6,6 @@ use anyhow::Result;
 use imf_cli::picture::{AxisScale, Bar, BarChart};
 use imf_cli::progress::show_seconds;
 use imf_cli::session::{Session, show_bytes};
-use imf_core::parts::ReferencePart;
 use imf_fields::metrics::ErrorReport;
 use serde::Serialize;
 
@@ -52,8 +51,7 @@ pub(super) struct Row {
 /// All families of a part.
 #[derive(Debug, Serialize)]
 pub(super) struct Comparison {
-    #[serde(serialize_with = "by_name")]
-    pub(super) part: ReferencePart,
+    pub(super) part: &'static str,
     pub(super) dims: [usize; 3],
     /// Exact sections that every family is made from, but coarse tables.
     pub(super) sections: usize,
@@ -119,7 +117,7 @@ impl Report {
 impl Comparison {
     fn title(&self) -> String {
         let [x, y, z] = self.dims;
-        let ours = if self.part == ReferencePart::Teapot { "" } else { " (our part)" };
+        let ours = if self.part == "teapot" { "" } else { " (our part)" };
         format!("{}{ours}, {x}×{y}×{z} voxels, made from {} exact sections", self.part, self.sections)
     }
 
@@ -164,8 +162,4 @@ impl Comparison {
                 .collect(),
         }
     }
-}
-
-fn by_name<S: serde::Serializer>(part: &ReferencePart, to: S) -> Result<S::Ok, S::Error> {
-    to.serialize_str(part.name())
 }

@@ -46,8 +46,8 @@ pub(super) fn measure(
     let device = std::cell::RefCell::new(device);
     let [minimum, read] = least_seconds(
         ROUNDS,
-        [&mut || Ok(drop(device.borrow_mut().imf(orientations, control)?)), &mut || {
-            Ok(drop(device.borrow_mut().stream(orientations, control, || (), |(), _, _| {})?))
+        [&mut || Ok(device.borrow_mut().imf(orientations, control).map(drop)?), &mut || {
+            Ok(device.borrow_mut().stream(orientations, control, || (), |(), _, _| {}).map(drop)?)
         }],
     )?
     .map(|seconds| seconds / orientations.len() as f64);

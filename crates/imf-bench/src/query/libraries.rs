@@ -15,6 +15,7 @@ use serde_json::json;
 
 use super::{Row, tool_mesh};
 use crate::arguments::query::QueryArguments;
+use crate::rivals;
 
 const SCRIPT: &str = include_str!("../../python/query_rivals.py");
 const INSTALL: &str = "Install: python3 -m pip install -r crates/imf-bench/python/requirements-query.txt";
@@ -64,32 +65,20 @@ pub(super) fn measure(
         .collect();
     let scene = json!({ "part": listed(part), "tool": listed(tool), "poses": asked });
     write_json(&folder.join("scene.json"), &scene)?;
-    let script = folder.join("query_rivals.py");
-    std::fs::write(&script, SCRIPT)?;
     let (mut rows, mut missing) = (Vec::new(), Vec::new());
-    let programs = [
-        ("Coal and FCL", Command::new(&arguments.python).arg(&script).arg(folder).output(), INSTALL),
-        ("parry3d", Command::new(&arguments.parry3d).arg(folder).output(), BUILD),
-    ];
-    for (who, output, remedy) in programs {
-        let answer: Answer = match output {
-            Ok(output) if output.status.success() => {
-                serde_json::from_slice(&output.stdout).with_context(|| format!("{who} answered no JSON"))?
+    let mut python = Command::new(&arguments.python);
+    python.args(["-c", SCRIPT]).arg(folder);
+    let mut parry3d = Command::new(&arguments.parry3d);
+    parry3d.arg(folder);
+    for (who, command, remedy) in [("Coal and FCL", python, INSTALL), ("parry3d", parry3d, BUILD)] {
+        match rivals::ask::<Answer>(who, &mut { command }, remedy) {
+            Ok(answer) => {
+                missing.extend(answer.missing.iter().map(|reason| format!("{reason}. {remedy}")));
+                for found in answer.found {
+                    rows.push(row(found, truth, [part, tool])?);
+                }
             }
-            Ok(output) => {
-                let said = String::from_utf8_lossy(&output.stderr);
-                let last = said.trim().lines().last().unwrap_or_default();
-                missing.push(format!("{who} not asked: {last}. {remedy}"));
-                continue;
-            }
-            Err(error) => {
-                missing.push(format!("{who} not asked: {error}. {remedy}"));
-                continue;
-            }
-        };
-        missing.extend(answer.missing.iter().map(|reason| format!("{reason}. {remedy}")));
-        for found in answer.found {
-            rows.push(row(found, truth, [part, tool])?);
+            Err(why) => missing.push(why),
         }
     }
     Ok((rows, missing))
