@@ -9,7 +9,6 @@ use glam::DVec3;
 use imf_cli::output::prepare_folder;
 use imf_cli::session::Session;
 use imf_core::grid::Grid;
-use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
@@ -22,6 +21,7 @@ use crate::arguments::ExactArguments;
 use crate::candidates::reference_scene;
 use crate::document::Document;
 use crate::measurement::{Machine, ROUNDS, least_seconds};
+use crate::revolved::sphere;
 use growth::Growth;
 
 /// Orientations of the comparison.
@@ -156,7 +156,7 @@ impl Trial {
 
 /// Seconds for the voxels of a sphere of 1,280 triangles on 128³.
 fn voxels_of_a_sphere() -> Result<f64> {
-    let mesh = sphere(3);
+    let mesh = sphere();
     let grid = Grid { origin: DVec3::splat(-1.01), pitch: 2.02 / 128.0, dims: [128; 3] };
     let [seconds] = least_seconds(
         2 * ROUNDS,
@@ -166,45 +166,6 @@ fn voxels_of_a_sphere() -> Result<f64> {
         }],
     )?;
     Ok(seconds)
-}
-
-/// An icosahedron whose faces are halved `levels` times: 20·4^levels triangles with shared vertices.
-fn sphere(levels: usize) -> Mesh {
-    let golden = (1.0 + 5f64.sqrt()) / 2.0;
-    let mut mesh = Mesh::default();
-    for (a, b) in [(1.0, golden), (-1.0, golden), (1.0, -golden), (-1.0, -golden)] {
-        mesh.vertices.extend([DVec3::new(0.0, a, b), DVec3::new(a, b, 0.0), DVec3::new(b, 0.0, a)]);
-    }
-    // Faces are the triples of vertices at an edge's distance, turned outwards.
-    let corners = mesh.vertices.clone();
-    let near = |a: usize, b: usize| (corners[a].distance(corners[b]) - 2.0).abs() < 1e-9;
-    for a in 0..12 {
-        for b in a + 1..12 {
-            for c in b + 1..12 {
-                if near(a, b) && near(b, c) && near(c, a) {
-                    let outwards = corners[a].dot(corners[b].cross(corners[c])) > 0.0;
-                    let face = if outwards { [a, b, c] } else { [a, c, b] };
-                    mesh.triangles.push(face.map(|v| v as u32));
-                }
-            }
-        }
-    }
-    for _ in 0..levels {
-        let mut middles = std::collections::HashMap::new();
-        let mut finer = Vec::new();
-        for &[a, b, c] in &mesh.triangles {
-            let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| {
-                *middles.entry((p.min(q), p.max(q))).or_insert_with(|| {
-                    mesh.vertices.push((mesh.vertices[p as usize] + mesh.vertices[q as usize]) / 2.0);
-                    mesh.vertices.len() as u32 - 1
-                })
-            });
-            finer.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
-        }
-        mesh.triangles = finer;
-    }
-    mesh.vertices.iter_mut().for_each(|v| *v = v.normalize());
-    mesh
 }
 
 impl Report {
@@ -238,13 +199,6 @@ impl Report {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_sphere_is_closed_round_and_faces_outwards() {
-        let mesh = sphere(3);
-        assert_eq!((mesh.triangles.len(), mesh.vertices.len()), (1280, 642));
-        assert!((mesh.signed_volume() / (4.0 / 3.0 * std::f64::consts::PI) - 1.0).abs() < 0.02);
-    }
 
     #[test]
     fn plain_transforms_count_like_sections() {

@@ -27,6 +27,7 @@ mod paper;
 mod planar;
 mod query;
 mod recipe;
+mod revolved;
 mod rivals;
 mod train;
 

@@ -1,7 +1,6 @@
 //! `imf-bench query`: poses a second on one core, and what each answer is worth.
 
 mod libraries;
-mod tool_mesh;
 
 use anyhow::{Result, ensure};
 use glam::DVec3;

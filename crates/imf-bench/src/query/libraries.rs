@@ -13,8 +13,9 @@ use imf_core::scene::SceneRecord;
 use serde::Deserialize;
 use serde_json::json;
 
-use super::{Row, tool_mesh};
+use super::Row;
 use crate::arguments::query::QueryArguments;
+use crate::revolved::tool_mesh;
 use crate::rivals;
 
 const SCRIPT: &str = include_str!("../../python/query_rivals.py");
@@ -39,7 +40,7 @@ struct Found {
 /// The meshes of a scene's part, where it is built in, and of its tool.
 pub(super) fn meshes(record: &SceneRecord) -> Option<[Mesh; 2]> {
     let part = ReferencePart::from_str(&record.part).ok()?;
-    Some([part.mesh().transformed(&record.transform), tool_mesh::mesh(record.bare_tool())])
+    Some([part.mesh().transformed(&record.transform), tool_mesh(record.bare_tool())])
 }
 
 /// The libraries' rows, and why others are missing.
