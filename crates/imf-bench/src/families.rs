@@ -7,8 +7,8 @@
 //! OUT/runs/PART-…/, OUT/datasets/    siren5's training and its samples, which go on after an interruption
 //! ```
 
-mod judge;
 mod report;
+mod truth;
 
 use anyhow::{Context as _, Result};
 use imf_cli::commands::demo::SHAPE;
@@ -35,14 +35,14 @@ use crate::cells::interruption;
 use crate::interpolation::{AngleGrid, SectionTable};
 use crate::measurement::{Machine, better_seconds, seconds};
 use crate::recipe::{RANDOM_START, Runner, Stage};
-use judge::Judge;
 use report::{Comparison, Report, Row};
+use truth::Truth;
 
 /// Orientations whose sections, and whose IMF, are timed.
 const ASKED: &str = "fibonacci:225";
 /// Angles along each side that the coarse table may take.
 const COARSE_ANGLES: [usize; 7] = [5, 6, 8, 10, 12, 15, 20];
-/// Orientations that choose among them, at random with another seed than those that judge.
+/// Orientations that choose among them, at random with another seed than those of the comparison.
 const CHOOSING: usize = 8;
 
 pub(crate) fn run(session: &Session, arguments: &FamiliesArguments) -> Result<()> {
@@ -62,7 +62,7 @@ struct Bench<'a> {
     session: &'a Session,
     arguments: &'a FamiliesArguments,
     plan: &'a SectionPlan,
-    judge: Judge<'a>,
+    truth: Truth<'a>,
     /// Whose sections are timed.
     asked: Vec<Orientation>,
     /// The exact minimum over them.
@@ -93,9 +93,9 @@ fn compare(
     let [x, y, z] = scene.record.grid.dims;
     session.note(&format!("{part}, {x}×{y}×{z} voxels: the exact field"));
     let (planned, plan) = seconds(|| Ok(SectionPlan::of_scene(&scene, At::Tip)?))?;
-    let judge = Judge::new(session, &plan, &random.orientations, arguments.near, arguments.threshold)?;
+    let truth = Truth::new(session, &plan, &random.orientations, arguments.near, arguments.threshold)?;
     let least = imf(&plan, &asked, session.control(&|_| {}))?;
-    let mut bench = Bench { session, arguments, plan: &plan, judge, asked, least, rows: Vec::new() };
+    let mut bench = Bench { session, arguments, plan: &plan, truth, asked, least, rows: Vec::new() };
     let how = format!("counts voxels for every direction: {}", plan.describe());
     let bytes = plan.grid().len().div_ceil(8) as u64;
     bench
@@ -123,7 +123,7 @@ fn require_memory(
     let settings = harmonic_settings(count);
     let families = settings.memory(Domain::Directions, voxels).0.max(SectionTable::memory(angles, voxels));
     let needed = families
-        + Judge::memory(arguments.random as usize, voxels)
+        + Truth::memory(arguments.random as usize, voxels)
         + 4 * (asked * voxels) as u64
         + SectionPlan::memory_estimate(&record.grid, &record.tool, session.threads());
     session.require_memory(needed, || {
@@ -134,7 +134,7 @@ fn require_memory(
 impl Bench<'_> {
     /// Judges a family and takes its times.
     fn measure(&mut self, making: Making, field: &Candidate<'_>) -> Result<()> {
-        let verdict = self.judge.compare(field)?;
+        let verdict = self.truth.compare(field)?;
         let mut values = vec![0.0; self.asked.len() * self.plan.grid().len()];
         let (sections, ()) = better_seconds(|| field.sections(&self.asked, &mut values))?;
         drop(values);

@@ -9,7 +9,7 @@ use imf_cli::session::{Session, show_bytes};
 use imf_fields::metrics::ErrorReport;
 use serde::Serialize;
 
-use super::judge::{ALLOWED, Verdict};
+use super::truth::{ALLOWED, Verdict};
 use crate::arguments::families::FamiliesArguments;
 use crate::document::Document;
 use crate::measurement::Machine;

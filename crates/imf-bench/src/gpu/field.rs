@@ -188,7 +188,7 @@ struct Row {
 
 /// Errors of a field that one of them distilled.
 #[derive(Serialize)]
-struct Judged {
+struct DistilledErrors {
     by: &'static str,
     errors: ErrorReport,
 }
@@ -197,13 +197,13 @@ struct Judged {
 struct Rows<'a> {
     part: &'a mut Part,
     about: String,
-    judged: Vec<Judged>,
+    judged: Vec<DistilledErrors>,
     rows: Vec<Row>,
 }
 
 impl Rows<'_> {
     fn judge(&mut self, by: &'static str, errors: ErrorReport) {
-        self.judged.push(Judged { by, errors });
+        self.judged.push(DistilledErrors { by, errors });
         self.update();
     }
 
@@ -226,7 +226,7 @@ impl Rows<'_> {
         let Self { part, about, judged, rows } = self;
         let mut document = Document::default();
         document.paragraph(about.as_str());
-        for Judged { by, errors: ErrorReport { mse, mpe, .. } } in &*judged {
+        for DistilledErrors { by, errors: ErrorReport { mse, mpe, .. } } in &*judged {
             document.paragraph(format!("Distilled on the {by}: MSE {mse:.2e}, MPE {mpe:.4}."));
         }
         let cells = rows.iter().map(|row| {

@@ -17,7 +17,7 @@ const AT_ONCE: usize = 16;
 pub(super) const ALLOWED: f64 = 0.01;
 
 /// Exact sections, and where they turn from free to colliding.
-pub(super) struct Judge<'a> {
+pub(super) struct Truth<'a> {
     session: &'a Session,
     orientations: &'a [Orientation],
     exact: Vec<Vec<f32>>,
@@ -26,7 +26,7 @@ pub(super) struct Judge<'a> {
     threshold: f64,
 }
 
-/// What the judge found.
+/// How far a field is from it.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(super) struct Verdict {
     /// Over all positions.
@@ -38,8 +38,8 @@ pub(super) struct Verdict {
     pub(super) colliding_when_safe: f64,
 }
 
-impl<'a> Judge<'a> {
-    /// Counts the sections to judge by. `width` in voxels is what counts as near.
+impl<'a> Truth<'a> {
+    /// Counts the sections to compare with. `width` in voxels is what counts as near.
     pub(super) fn new(
         session: &'a Session,
         plan: &SectionPlan,
