@@ -3,12 +3,13 @@
 //! fine-tuned to the new part's signed depth. Beside it the same network from random weights, in as many steps, and the
 //! old field as it was.
 //!
-//! `cargo run --release -p imf-bench --example redesign [FOLDER [STEPS]]`; so many steps of teaching at each change, 200 by default
+//! `cargo run --release -p imf-bench --example redesign [FOLDER [STEPS]]`; so many steps at each change, 200 by default
 
 use std::error::Error;
 use std::path::Path;
 use std::time::Instant;
 
+use imf_cli::output::table;
 use imf_cli::picture::{AxisScale, Chart, Series};
 use imf_core::control::Control;
 use imf_core::distance::DistanceField;
@@ -30,44 +31,48 @@ struct Study {
     degree: usize,
     axes: usize,
     width: usize,
-    /// Steps of teaching: from random weights at the first part, then at each change.
+    /// Steps of training: from random weights at the first part, then at each change.
     first: u64,
     each: u64,
 }
 
 /// Material is kept up to these distances from the optimised bracket, in voxels.
 const KEPT: [f64; 7] = [f64::INFINITY, 5.0, 3.5, 2.3, 1.5, 1.0, 0.0];
-/// Orientations at which fields are judged; no fit has seen them.
-const JUDGED: &str = "random:24:9";
+/// Orientations at which fields are compared; no fit has seen them.
+const RANDOM: &str = "random:24:9";
+/// What is compared, and what takes time.
+const ERRORS: [&str; 3] =
+    ["fine-tuned from the last step", "from random weights, as many steps", "last step's field as it was"];
+const SECONDS: [&str; 2] = ["exact sections and their fit", "fine-tuning"];
 
-/// What a step came to; errors are root mean squares in mm against exact depths.
+/// What a step came to.
 struct Step {
-    /// Share of the design domain that is solid.
+    /// Fraction of the design domain that is solid.
     solid: f64,
-    fine_tuned: f64,
-    from_random: f64,
-    not_adapted: Option<f64>,
-    /// Seconds: fitting the teacher to exact sections, fine-tuning.
-    fitting: f64,
-    tuning: f64,
+    /// Root mean squares in mm against exact depths, in the order of [`ERRORS`].
+    errors: [Option<f64>; 3],
+    /// In the order of [`SECONDS`].
+    seconds: [f64; 2],
 }
 
 fn study(study: &Study) -> Result<Vec<Step>, Box<dyn Error>> {
     let voxelised =
         |part: ReferencePart| SceneSpec::of_reference(part, &part.mesh(), study.dims, &Tool::paper()).scene();
-    let domain = voxelised(ReferencePart::BracketRaw)?;
+    let domain = voxelised(ReferencePart::BracketRaw)?.obstacle;
     let Scene { record, obstacle: goal, .. } = voxelised(ReferencePart::Bracket)?;
     let away = DistanceField::new(&goal);
-    let judged = OrientationSet::parse(JUDGED)?.orientations;
+    let random = OrientationSet::parse(RANDOM)?.orientations;
+    let of_size = |defaults: DistillSettings| DistillSettings {
+        width: study.width,
+        plan: TrainingPlan { batch: 512, ..defaults.plan },
+        ..defaults
+    };
     let mut steps: Vec<Step> = Vec::new();
     let mut field: Option<FactoredField> = None;
     for kept in KEPT {
         let near = |index: usize| away.squared(index).is_some_and(|d| (d as f64).sqrt() <= kept);
-        let solid = (0..goal.solid.len())
-            .map(|index| {
-                u8::from(goal.solid[index] != 0 || (domain.obstacle.solid[index] != 0 && near(index)))
-            })
-            .collect();
+        let is_solid = |index| goal.solid[index] != 0 || (domain.solid[index] != 0 && near(index));
+        let solid = (0..goal.solid.len()).map(|index| u8::from(is_solid(index))).collect();
         let part = Occupancy { grid: goal.grid, solid };
         let plan = SectionPlan::new(&part, &record.tool, At::SharpPoints)?;
         let begun = Instant::now();
@@ -80,42 +85,34 @@ fn study(study: &Study) -> Result<Vec<Step>, Box<dyn Error>> {
         };
         let teacher = fit(&plan, Domain::Directions, &settings, Control::quiet())?;
         let fitting = begun.elapsed().as_secs_f64();
-        let exact = depths(&plan, &judged)?;
-        let error = |field: &FactoredField| root_mean_square(field, &judged, &exact);
+        let exact = depths(&plan, &random)?;
+        let error = |field: &FactoredField| root_mean_square(field, &random, &exact);
         let not_adapted = field.as_ref().map(error);
         let begun = Instant::now();
-        let steps_of_teaching = Length::Steps(if field.is_some() { study.each } else { study.first });
-        let from_random = at_size_of(study, DistillSettings::of_length(steps_of_teaching));
+        let length = Length::Steps(if field.is_some() { study.each } else { study.first });
+        let from_random = of_size(DistillSettings::of_length(length));
         let start = || from_random.start(teacher.axis_count());
         let tuned = match &field {
             Some(old) => {
-                let tuning = at_size_of(study, DistillSettings::of_another(steps_of_teaching));
-                taught(&teacher, &tuning, start_from(old, &teacher, &part)?)?
+                let tuning = of_size(DistillSettings::of_another(length));
+                distilled(&teacher, &tuning, start_from(old, &teacher, &part)?)?
             }
-            None => taught(&teacher, &from_random, start())?,
+            None => distilled(&teacher, &from_random, start())?,
         };
         let tuning = begun.elapsed().as_secs_f64();
-        let anew = taught(&teacher, &from_random, start())?;
+        let anew = distilled(&teacher, &from_random, start())?;
         steps.push(Step {
-            solid: part.count() as f64 / domain.obstacle.count() as f64,
-            fine_tuned: error(&tuned),
-            from_random: error(&anew),
-            not_adapted,
-            fitting,
-            tuning,
+            solid: part.count() as f64 / domain.count() as f64,
+            errors: [Some(error(&tuned)), Some(error(&anew)), not_adapted],
+            seconds: [fitting, tuning],
         });
         field = Some(tuned);
     }
     Ok(steps)
 }
 
-/// The defaults for a start, at the study's size.
-fn at_size_of(study: &Study, defaults: DistillSettings) -> DistillSettings {
-    DistillSettings { width: study.width, plan: TrainingPlan { batch: 512, ..defaults.plan }, ..defaults }
-}
-
-/// The network at the end of a teaching from a start.
-fn taught(
+/// The network at the end of a training from a start.
+fn distilled(
     teacher: &HarmonicField,
     settings: &DistillSettings,
     mut state: FactoredState,
@@ -142,43 +139,32 @@ fn root_mean_square(field: &FactoredField, set: &[Orientation], exact: &[f32]) -
     (squares / exact.len() as f64).sqrt()
 }
 
-/// A curve by step.
-type Curve<'a> = (&'a str, &'a dyn Fn(&Step) -> Option<f64>);
-
 /// Error and time by step, `errors.png` and `seconds.png` in a folder.
 fn draw(folder: &Path, steps: &[Step]) -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(folder)?;
-    let chart = |title: &str, value_name: &str, curves: &[Curve<'_>]| Chart {
-        title: title.into(),
-        x_name: "material taken from the design domain, %".into(),
-        x_scale: AxisScale::Linear,
-        value_name: value_name.into(),
-        value_scale: AxisScale::Linear,
-        series: curves
-            .iter()
-            .map(|(name, value)| Series {
-                name: (*name).into(),
-                points: steps.iter().filter_map(|s| Some((100.0 * (1.0 - s.solid), value(s)?))).collect(),
-                markers: true,
-            })
-            .collect(),
+    let chart = |title: &str,
+                 value_name: &str,
+                 names: &[&str],
+                 value: &dyn Fn(&Step, usize) -> Option<f64>| {
+        let series = names.iter().enumerate().map(|(index, name)| Series {
+            name: (*name).into(),
+            points: steps.iter().filter_map(|s| Some((100.0 * (1.0 - s.solid), value(s, index)?))).collect(),
+            markers: true,
+        });
+        Chart {
+            title: title.into(),
+            x_name: "material taken from the design domain, %".into(),
+            x_scale: AxisScale::Linear,
+            value_name: value_name.into(),
+            value_scale: AxisScale::Linear,
+            series: series.collect(),
+        }
     };
-    let errors = chart(
-        "Error as the part changes",
-        "root mean square of the depth's error, mm",
-        &[
-            ("fine-tuned from the last step", &|s| Some(s.fine_tuned)),
-            ("from random weights, as many steps", &|s| Some(s.from_random)),
-            ("last step's field as it was", &|s| s.not_adapted),
-        ],
-    );
-    errors.save(&folder.join("errors.png"))?;
-    let seconds = chart(
-        "Time of a step",
-        "seconds",
-        &[("exact sections and their fit", &|s| Some(s.fitting)), ("fine-tuning", &|s| Some(s.tuning))],
-    );
-    seconds.save(&folder.join("seconds.png"))?;
+    let error = "root mean square of the depth's error, mm";
+    chart("Error as the part changes", error, &ERRORS, &|step, index| step.errors[index])
+        .save(&folder.join("errors.png"))?;
+    chart("Time of a step", "seconds", &SECONDS, &|step, index| Some(step.seconds[index]))
+        .save(&folder.join("seconds.png"))?;
     Ok(())
 }
 
@@ -187,14 +173,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let each = std::env::args().nth(2).map_or(Ok(200), |steps| steps.parse())?;
     let whole = Study { dims: [17, 49, 29], degree: 8, axes: 60, width: 128, first: 1500, each };
     let steps = study(&whole)?;
-    println!("solid   fine-tuned  from random  not adapted   fit    fine-tuning");
-    for Step { solid, fine_tuned, from_random, not_adapted, fitting, tuning } in &steps {
-        let not_adapted = not_adapted.map_or("          -".into(), |error| format!("{error:8.2} mm"));
-        println!(
-            "{:4.0} %  {fine_tuned:8.2} mm {from_random:9.2} mm  {not_adapted}  {fitting:4.1} s  {tuning:5.1} s",
-            100.0 * solid
-        );
-    }
+    let rows = steps.iter().map(|step| {
+        let errors = step.errors.map(|error| error.map_or("–".into(), |error| format!("{error:.2} mm")));
+        let seconds = step.seconds.map(|seconds| format!("{seconds:.1} s"));
+        [format!("{:.0} %", 100.0 * step.solid)].into_iter().chain(errors).chain(seconds).collect()
+    });
+    let head: Vec<&str> = ["solid"].into_iter().chain(ERRORS).chain(SECONDS).collect();
+    println!("{}", table(&head, &rows.collect::<Vec<_>>()));
     draw(Path::new(&folder), &steps)?;
     println!("wrote {folder}/errors.png and {folder}/seconds.png");
     Ok(())
@@ -206,10 +191,9 @@ fn fine_tuning_keeps_up_with_the_part() {
     let steps = study(&small).unwrap();
     assert!(steps.windows(2).all(|pair| pair[1].solid < pair[0].solid));
     for (place, step) in steps.iter().enumerate().skip(1) {
-        let old = step.not_adapted.unwrap();
-        assert!(step.fine_tuned < old, "step {place}: {} against {old} unadapted", step.fine_tuned);
-        let anew = step.from_random;
-        assert!(step.fine_tuned < anew, "step {place}: {} against {anew} anew", step.fine_tuned);
+        let [tuned, anew, old] = step.errors.map(Option::unwrap);
+        assert!(tuned < old, "step {place}: {tuned} against {old} unadapted");
+        assert!(tuned < anew, "step {place}: {tuned} against {anew} anew");
     }
     let folder = tempfile::tempdir().unwrap();
     draw(folder.path(), &steps).unwrap();

@@ -61,8 +61,7 @@ pub(crate) struct TrainArguments {
 /// What a GPU does beside the CPU of the same machine, with values compared
 #[derive(Args)]
 #[command(after_help = "Example:\n  imf-bench gpu --python venv/bin/python --out bench-gpu\n\n\
-                        Writes gpu.json and gpu.md part by part; parts that an earlier run on the same device left there stay until they are \
-                        measured again. \
+                        Writes a JSON and a Markdown file for each part; those of an earlier run stay until their part is measured again. \
                         Some minutes; on a software device small sizes, which show that every part works.")]
 pub(crate) struct GpuArguments {
     /// Folder to write to
@@ -82,7 +81,7 @@ pub(crate) struct GpuArguments {
     pub(crate) device: String,
 }
 
-/// What a GPU is measured at.
+/// A measurement of a GPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum GpuPart {
     /// Multiply-adds alone, in f32
@@ -91,7 +90,7 @@ pub(crate) enum GpuPart {
     Sections,
     /// Steps of the paper's network, PyTorch's beside them
     Training,
-    /// A field taught, evaluated and asked for poses
+    /// A field distilled and evaluated over grids and at poses
     Field,
 }
 
@@ -109,7 +108,4 @@ pub(crate) struct ExactArguments {
     /// Python with numpy and scipy
     #[arg(long, default_value = "python3", value_name = "COMMAND")]
     pub(crate) python: String,
-    /// Measure this device too: gpu, software (software Vulkan), or a number or part of a name from `imf info`
-    #[arg(long, default_value = "cpu", value_name = "DEVICE")]
-    pub(crate) device: String,
 }

@@ -1,39 +1,33 @@
 //! `imf-bench exact`: the exact sections beside what one would write oneself, and how their cost grows.
 
-pub(crate) mod device;
 mod growth;
 mod plain_fft;
 mod scipy;
 
-use std::fmt::Write;
-use std::time::Instant;
-
 use anyhow::{Result, ensure};
 use glam::DVec3;
-use imf_cli::engine::Device;
-use imf_cli::output::{prepare_folder, print, print_json, write_json, write_text};
+use imf_cli::output::prepare_folder;
 use imf_cli::session::Session;
 use imf_core::grid::Grid;
-use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
-use imf_core::scene::SceneSpec;
-use imf_core::section::{At, SectionPlan, SectionScratch, stream_sections};
+use imf_core::section::{At, SectionPlan, SectionScratch, imf, stream_sections};
 use imf_core::tool::{RotatedTool, Tool};
 use imf_core::voxelize::voxelize;
 use serde::Serialize;
 
 use crate::arguments::ExactArguments;
-use crate::machine::Machine;
+use crate::candidates::reference_scene;
+use crate::document::Document;
+use crate::measurement::{Machine, ROUNDS, least_seconds};
+use crate::revolved::sphere;
 use growth::Growth;
 
 /// Orientations of the comparison.
 pub(crate) const SECTIONS: usize = 225;
 /// Sections of the rivals without `--full`; their time does not depend on the orientation.
 const RIVAL_SECTIONS: usize = 12;
-/// Everything of ours is measured this often; the least time counts.
-pub(crate) const ROUNDS: usize = 3;
 
 /// One way to compute sections.
 #[derive(Serialize)]
@@ -43,7 +37,7 @@ pub(crate) struct Rival {
     pub(crate) milliseconds_per_section: f64,
     /// Its time divided by ours.
     pub(crate) ratio: f64,
-    /// Whether its whole numbers are ours; it is not asked of ourselves.
+    /// Whether its whole numbers are ours; it is not compared of ourselves.
     pub(crate) equal: Option<bool>,
     pub(crate) how: String,
 }
@@ -65,27 +59,21 @@ struct Report {
 }
 
 pub(crate) fn run(session: &Session, arguments: &ExactArguments) -> Result<()> {
-    let device = Device::open(&arguments.device, session)?;
     prepare_folder(&arguments.out)?;
     let mut machine = Machine::new(session.threads());
-    let part = ReferencePart::Teapot;
-    let tool = Tool::paper();
-    let (mesh, dims) = (part.mesh(), part.dims());
     session.note("voxelising the teapot");
-    let scene = SceneSpec::of_reference(part, &mesh, dims, &tool).scene()?;
+    let (scene, tool) = (reference_scene(ReferencePart::Teapot, 1.0)?, Tool::paper());
     let plan = SectionPlan::new(&scene.obstacle, &tool, At::SharpPoints)?;
     let orientations = OrientationSet::parse(&format!("fibonacci:{SECTIONS}"))?.orientations;
     session.note(&format!("sections: {}", plan.describe()));
-    let mut sections_seconds = f64::INFINITY;
-    let mut imf_seconds = f64::INFINITY;
-    for _ in 0..ROUNDS {
-        let start = Instant::now();
-        stream_sections(&plan, &orientations, session.control(&|_| {}), || (), |(), _, _| {})?;
-        sections_seconds = sections_seconds.min(start.elapsed().as_secs_f64());
-        let start = Instant::now();
-        imf_core::section::imf(&plan, &orientations, session.control(&|_| {}))?;
-        imf_seconds = imf_seconds.min(start.elapsed().as_secs_f64());
-    }
+    let control = session.control(&|_| {});
+    let [sections_seconds, imf_seconds] = least_seconds(
+        ROUNDS,
+        [
+            &mut || Ok(stream_sections(&plan, &orientations, control, || (), |(), _, _| {}).map(drop)?),
+            &mut || Ok(imf(&plan, &orientations, control).map(drop)?),
+        ],
+    )?;
     let ours = sections_seconds / SECTIONS as f64;
 
     // First what shows the memory that sections take: the rivals' counts would hide it.
@@ -102,11 +90,6 @@ pub(crate) fn run(session: &Session, arguments: &ExactArguments) -> Result<()> {
         equal: None,
         how: plan.describe(),
     }];
-    if let Device::Gpu(gpu) = &device {
-        session.note("the GPU");
-        let control = session.control(&|_| {});
-        rivals.extend(device::measure(gpu, &plan, &orientations, &compared, ours, control)?);
-    }
     let mut missing = Vec::new();
     session.note("rustfft used plainly");
     rivals.push(plain_fft::measure(session, &trial, ours));
@@ -116,14 +99,12 @@ pub(crate) fn run(session: &Session, arguments: &ExactArguments) -> Result<()> {
         Err(advice) => missing.push(advice),
     }
     drop(trial);
-    let sphere_voxels_milliseconds = voxels_of_a_sphere();
+    let sphere_voxels_milliseconds = 1e3 * voxels_of_a_sphere()?;
     machine.finish();
+    let [x, y, z] = scene.record.grid.dims;
     let report = Report {
         machine,
-        scene: format!(
-            "teapot {}×{}×{}, tool paper (29×29×83 voxels), fibonacci:{SECTIONS}",
-            dims[0], dims[1], dims[2]
-        ),
+        scene: format!("teapot {x}×{y}×{z}, tool paper (29×29×83 voxels), fibonacci:{SECTIONS}"),
         method: plan.describe(),
         sections_seconds,
         imf_seconds,
@@ -132,13 +113,12 @@ pub(crate) fn run(session: &Session, arguments: &ExactArguments) -> Result<()> {
         sphere_voxels_milliseconds,
         growth,
     };
-    let text = report.markdown();
-    write_json(&arguments.out.join("exact.json"), &report)?;
-    write_text(&arguments.out.join("exact.md"), &text)?;
+    let document = report.document();
+    document.write(&arguments.out, "exact", &report)?;
     for (name, chart) in report.growth.charts() {
         chart.save(&arguments.out.join(name))?;
     }
-    if session.json { print_json(&report) } else { print(&text) }
+    document.show(session, &report)
 }
 
 /// What the rivals are given: voxels of obstacle and tools, and what we counted.
@@ -174,98 +154,51 @@ impl Trial {
     }
 }
 
-/// Milliseconds for the voxels of a sphere of 1,280 triangles on 128³.
-fn voxels_of_a_sphere() -> f64 {
-    let mesh = sphere(3);
+/// Seconds for the voxels of a sphere of 1,280 triangles on 128³.
+fn voxels_of_a_sphere() -> Result<f64> {
+    let mesh = sphere();
     let grid = Grid { origin: DVec3::splat(-1.01), pitch: 2.02 / 128.0, dims: [128; 3] };
-    let least = (0..2 * ROUNDS).map(|_| {
-        let start = Instant::now();
-        let solid = voxelize(&mesh, &grid, false);
-        let elapsed = start.elapsed().as_secs_f64();
-        assert!(solid.count() > 0, "a sphere has an inside");
-        elapsed
-    });
-    least.fold(f64::INFINITY, f64::min) * 1e3
-}
-
-/// An icosahedron whose faces are halved `levels` times: 20·4^levels triangles with shared vertices.
-fn sphere(levels: usize) -> Mesh {
-    let golden = (1.0 + 5f64.sqrt()) / 2.0;
-    let mut mesh = Mesh::default();
-    for (a, b) in [(1.0, golden), (-1.0, golden), (1.0, -golden), (-1.0, -golden)] {
-        mesh.vertices.extend([DVec3::new(0.0, a, b), DVec3::new(a, b, 0.0), DVec3::new(b, 0.0, a)]);
-    }
-    // Faces are the triples of vertices at an edge's distance, turned outwards.
-    let corners = mesh.vertices.clone();
-    let near = |a: usize, b: usize| (corners[a].distance(corners[b]) - 2.0).abs() < 1e-9;
-    for a in 0..12 {
-        for b in a + 1..12 {
-            for c in b + 1..12 {
-                if near(a, b) && near(b, c) && near(c, a) {
-                    let outwards = corners[a].dot(corners[b].cross(corners[c])) > 0.0;
-                    let face = if outwards { [a, b, c] } else { [a, c, b] };
-                    mesh.triangles.push(face.map(|v| v as u32));
-                }
-            }
-        }
-    }
-    for _ in 0..levels {
-        let mut middles = std::collections::HashMap::new();
-        let mut finer = Vec::new();
-        for &[a, b, c] in &mesh.triangles {
-            let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| {
-                *middles.entry((p.min(q), p.max(q))).or_insert_with(|| {
-                    mesh.vertices.push((mesh.vertices[p as usize] + mesh.vertices[q as usize]) / 2.0);
-                    mesh.vertices.len() as u32 - 1
-                })
-            });
-            finer.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
-        }
-        mesh.triangles = finer;
-    }
-    mesh.vertices.iter_mut().for_each(|v| *v = v.normalize());
-    mesh
+    let [seconds] = least_seconds(
+        2 * ROUNDS,
+        [&mut || {
+            ensure!(voxelize(&mesh, &grid, false).count() > 0, "a sphere has an inside");
+            Ok(())
+        }],
+    )?;
+    Ok(seconds)
 }
 
 impl Report {
-    fn markdown(&self) -> String {
-        let mut text = format!(
-            "Exact sections: {}\n{}\n\n{SECTIONS} sections {:.2} s, IMF {:.2} s, by {}\n\n",
-            self.scene, self.machine, self.sections_seconds, self.imf_seconds, self.method
-        );
-        text.push_str(
-            "| | ms a section | times ours | same counts | how |\n| --- | --- | --- | --- | --- |\n",
-        );
-        for rival in &self.rivals {
-            let equal = rival.equal.map_or("", |equal| if equal { "yes" } else { "NO" });
-            let _ = writeln!(
-                text,
-                "| {} | {:.2} | {:.1} | {equal} | {} |",
-                rival.name, rival.milliseconds_per_section, rival.ratio, rival.how
-            );
-        }
-        for advice in &self.missing {
-            let _ = writeln!(text, "\n{advice}");
-        }
-        let _ = writeln!(
-            text,
-            "\nVoxels of a sphere of 1,280 triangles on 128³: {:.1} ms\n\n{}",
-            self.sphere_voxels_milliseconds, self.growth
-        );
-        text
+    fn document(&self) -> Document {
+        let mut document = Document::new("Exact sections");
+        document.paragraph(format!("{}\n{}", self.scene, self.machine));
+        document.paragraph(format!(
+            "{SECTIONS} sections {:.2} s, IMF {:.2} s, by {}",
+            self.sections_seconds, self.imf_seconds, self.method
+        ));
+        let rows = self.rivals.iter().map(|rival| {
+            vec![
+                rival.name.clone(),
+                format!("{:.2}", rival.milliseconds_per_section),
+                format!("{:.1}", rival.ratio),
+                rival.equal.map_or("", |equal| if equal { "yes" } else { "NO" }).into(),
+                rival.how.clone(),
+            ]
+        });
+        document.table(&["", "ms a section", "times ours", "same counts", "how"], rows.collect());
+        self.missing.iter().for_each(|advice| document.paragraph(advice));
+        document.paragraph(format!(
+            "Voxels of a sphere of 1,280 triangles on 128³: {:.1} ms",
+            self.sphere_voxels_milliseconds
+        ));
+        self.growth.describe(&mut document);
+        document
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_sphere_is_closed_round_and_faces_outwards() {
-        let mesh = sphere(3);
-        assert_eq!((mesh.triangles.len(), mesh.vertices.len()), (1280, 642));
-        assert!((mesh.signed_volume() / (4.0 / 3.0 * std::f64::consts::PI) - 1.0).abs() < 0.02);
-    }
 
     #[test]
     fn plain_transforms_count_like_sections() {

@@ -1,40 +1,36 @@
 //! `imf-bench gpu`: what a GPU does, in one go, beside the CPU of the same machine and with values compared: its peak, exact
-//! sections, training steps, and a field that is taught, evaluated and asked for poses.
+//! sections, training steps, and a field that is distilled and evaluated over grids and at poses.
 //!
-//! A part is written as soon as it is measured, whatever becomes of those after it; parts that an earlier run on the same device left
-//! in the folder stay until they are measured again.
+//! A part has files of its own, written as soon as it is measured, whatever becomes of those after it; those of an earlier run stay until
+//! the part is measured again.
 
 mod field;
+mod sections;
 
-use std::fmt::Write as _;
-use std::path::Path;
-use std::time::Instant;
-
-use anyhow::{Result, anyhow, bail, ensure};
+use anyhow::{Result, bail, ensure};
 use imf_cli::engine::Device;
 use imf_cli::interrupt::{self, Interrupted};
-use imf_cli::output::{prepare_folder, print, print_json, table, write_json, write_text};
+use imf_cli::output::{prepare_folder, print, print_json};
 use imf_cli::session::Session;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{Scene, SceneSpec};
+use imf_core::scene::Scene;
 use imf_core::section::{At, SectionPlan, stream_sections};
-use imf_core::tool::Tool;
 use imf_fields::recipe::Precision;
 use imf_gpu::{DeviceChoice, Gpu, Peak};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::arguments::{GpuArguments, GpuPart};
-use crate::exact::{ROUNDS, SECTIONS, device};
-use crate::machine::Machine;
-use crate::train::{self, Asked, Rounds};
-
-const JSON: &str = "gpu.json";
+use crate::candidates::reference_scene;
+use crate::document::Document;
+use crate::exact::SECTIONS;
+use crate::measurement::{Machine, ROUNDS, least_seconds};
+use crate::train::{self, Rounds, Steps};
 
 /// How much is measured.
 struct Sizes {
-    /// Resolution of the teapot, as a share of the paper's.
+    /// Resolution of the teapot, as a fraction of the paper's.
     scale: f64,
     /// Seconds of the peak.
     peak: f64,
@@ -88,30 +84,24 @@ impl Sizes {
         }
     }
 
-    /// The teapot.
     fn scene(&self) -> Result<Scene> {
-        let part = ReferencePart::Teapot;
-        let dims = part.dims().map(|n| (n as f64 * self.scale).round() as usize);
-        Ok(SceneSpec::of_reference(part, &part.mesh(), dims, &Tool::paper()).scene()?)
+        reference_scene(ReferencePart::Teapot, self.scale)
     }
 }
 
-#[derive(Serialize, Deserialize)]
-struct Report {
-    device: String,
-    parts: Vec<Part>,
-}
-
 /// One measurement.
-#[derive(Default, Serialize, Deserialize)]
+#[derive(Default, Serialize)]
 struct Part {
-    title: String,
+    /// Also its files' name.
+    name: &'static str,
+    device: String,
     /// The machine beside the device.
     machine: String,
-    text: String,
     found: Value,
     /// Why there is no more of it.
     failed: Option<String>,
+    #[serde(skip)]
+    document: Document,
 }
 
 /// What measures a part: it adds to what was found as it goes.
@@ -127,164 +117,125 @@ pub(crate) fn run(session: &Session, arguments: &GpuArguments) -> Result<()> {
     let small = arguments.small || gpu.adapter().is_software();
     let sizes = if small { Sizes::small() } else { Sizes::whole() };
     prepare_folder(&arguments.out)?;
-    let mut report = Report::begun(&arguments.out, &gpu, small)?;
-
+    let sizes_used = if small { "small sizes" } else { "the paper's sizes" };
+    let adapter = gpu.adapter();
+    let device = format!(
+        "imf {}, {sizes_used}, on {} ({}, driver {})",
+        env!("CARGO_PKG_VERSION"),
+        adapter.name,
+        adapter.backend,
+        adapter.driver
+    );
     let trained = |precision| {
         let (width, batches, rounds) = (sizes.width, sizes.batches, sizes.rounds);
-        Asked { width, precision, batches, python: Some(&arguments.python), rounds }
+        Steps { width, precision, batches, python: &arguments.python, rounds }
     };
-    let works: [(GpuPart, &str, Work<'_>); 5] = [
-        (GpuPart::Peak, "Peak in f32", &|gpu, part| peak(gpu, &sizes, part)),
-        (GpuPart::Sections, "Exact sections", &|gpu, part| sections(session, gpu, &sizes, part)),
-        (GpuPart::Training, "Training steps, f32", &|gpu, part| {
-            steps(session, gpu, &trained(Precision::F32), part)
-        }),
-        (GpuPart::Training, "Training steps, f16", &|gpu, part| {
-            if !gpu.adapter().half {
-                part.text = "This adapter has no f16 in shaders.\n".into();
-                return Ok(());
+    let works: [(GpuPart, &'static str, Work<'_>); 5] = [
+        (GpuPart::Peak, "peak", &|gpu, part| peak(gpu, &sizes, part)),
+        (GpuPart::Sections, "sections", &|gpu, part| exact_sections(session, gpu, &sizes, part)),
+        (GpuPart::Training, "training-f32", &|gpu, part| steps(session, gpu, &trained(Precision::F32), part)),
+        (GpuPart::Training, "training-f16", &|gpu, part| match gpu.adapter().half {
+            true => steps(session, gpu, &trained(Precision::F16), part),
+            false => {
+                part.document.paragraph("This adapter has no f16 in shaders.");
+                Ok(())
             }
-            steps(session, gpu, &trained(Precision::F16), part)
         }),
-        (GpuPart::Field, "A field taught, evaluated and asked", &|gpu, part| {
+        (GpuPart::Field, "field", &|gpu, part| {
             field::measured(session, gpu, &sizes.scene()?, &sizes.field, part)
         }),
     ];
-    let mut failed = Vec::new();
-    for (which, title, work) in works {
+    let mut parts = Vec::new();
+    for (which, name, work) in works {
         if !arguments.only.is_empty() && !arguments.only.contains(&which) {
             continue;
         }
-        session.note(title);
+        session.note(name);
         let mut machine = Machine::new(session.threads());
-        let mut part = Part { title: title.into(), ..Part::default() };
+        let mut part = Part { name, device: device.clone(), ..Part::default() };
         // A device that was lost stays lost: each part has its own.
-        let opened = Gpu::open(&DeviceChoice::Index(gpu.adapter().index));
+        let opened = Gpu::open(&DeviceChoice::Index(adapter.index));
         let outcome = opened.map_err(Into::into).and_then(|gpu| work(&gpu, &mut part));
-        let stopped = interrupt::requested();
-        if let Err(error) = outcome {
-            failed.push(title);
-            part.failed = Some(if stopped { "interrupted".into() } else { format!("{error:#}") });
-        }
+        part.failed = outcome.err().map(|error| format!("{error:#}"));
         machine.finish();
         part.machine = machine.to_string();
-        if !(stopped && part.found.is_null()) {
-            report.add(part);
-            report.write(&arguments.out)?;
+        // Where nothing was found, what an earlier run found stays.
+        part.finish_document();
+        if !part.found.is_null() {
+            part.document.write(&arguments.out, name, &part)?;
         }
-        if stopped {
-            let kept = match report.parts.is_empty() {
-                true => "nothing was measured".to_owned(),
-                false => format!("what was measured is in {}", arguments.out.join(JSON).display()),
-            };
+        parts.push(part);
+        if interrupt::requested() {
+            let kept = format!("what was measured is in {}", arguments.out.display());
             return Err(Interrupted(kept).into());
         }
     }
-    ensure!(
-        failed.is_empty(),
-        "not measured whole: {}; see {}",
-        failed.join(", "),
-        arguments.out.join(JSON).display()
-    );
-    if session.json { print_json(&report) } else { print(&report.markdown()) }
+    let failed = parts.iter().filter_map(|part| Some(format!("{} ({})", part.name, part.failed.as_ref()?)));
+    let failed: Vec<String> = failed.collect();
+    ensure!(failed.is_empty(), "not measured whole: {}", failed.join(", "));
+    if session.json {
+        return print_json(&parts);
+    }
+    parts.iter().try_for_each(|part| print(&part.document.columns()))
 }
 
-impl Report {
-    /// With the parts that an earlier run of this version on the same device left; refuses what it cannot go on with.
-    fn begun(out: &Path, gpu: &Gpu, small: bool) -> Result<Self> {
-        let sizes = if small { "small sizes" } else { "the paper's sizes" };
-        let adapter = gpu.adapter();
-        let device = format!(
-            "imf {}, {sizes}, on {} ({}, driver {})",
-            env!("CARGO_PKG_VERSION"),
-            adapter.name,
-            adapter.backend,
-            adapter.driver
-        );
-        let path = out.join(JSON);
-        let Some(bytes) = path.exists().then(|| std::fs::read(&path)).transpose()? else {
-            return Ok(Self { device, parts: Vec::new() });
-        };
-        let name = path.display();
-        let remedy = "choose another --out, or remove it";
-        let found: Self = serde_json::from_slice(&bytes)
-            .map_err(|error| anyhow!("{name} is no record of a GPU ({error}): {remedy}"))?;
-        ensure!(found.device == device, "{name} is of {}, this is {device}: {remedy}", found.device);
-        Ok(found)
-    }
-
-    /// In place of what there was of it; where nothing was found that stays, with the reason.
-    fn add(&mut self, part: Part) {
-        match self.parts.iter_mut().find(|old| old.title == part.title) {
-            Some(old) if part.failed.is_some() && part.found.is_null() => old.failed = part.failed,
-            Some(old) => *old = part,
-            None => self.parts.push(part),
+impl Part {
+    /// Says in what was found where, and why not more.
+    fn finish_document(&mut self) {
+        let mut document = Document::new(self.name);
+        document.paragraph(format!("{}\n{}", self.device, self.machine));
+        document.append(std::mem::take(&mut self.document));
+        if let Some(why) = &self.failed {
+            document.paragraph(format!("Failed: {why}"));
         }
-    }
-
-    fn markdown(&self) -> String {
-        let mut text = format!("{}\n", self.device);
-        for Part { title, machine, text: found, failed, .. } in &self.parts {
-            let _ = write!(text, "\n## {title}\n\n{machine}\n\n{found}");
-            if let Some(why) = failed {
-                let _ = writeln!(text, "\nFailed: {why}");
-            }
-        }
-        text
-    }
-
-    fn write(&self, out: &Path) -> Result<()> {
-        write_json(&out.join(JSON), self)?;
-        write_text(&out.join("gpu.md"), &self.markdown())
+        self.document = document;
     }
 }
 
 /// Multiply-adds in f32.
 fn peak(gpu: &Gpu, sizes: &Sizes, part: &mut Part) -> Result<()> {
     let rate = Peak::new(gpu)?.measure(sizes.peak)?;
-    part.text = format!("{:.2} TFLOP/s by multiply-adds alone, without matrix units\n", rate * 1e-12);
+    let text = format!("{:.2} TFLOP/s by multiply-adds alone, without matrix units", rate * 1e-12);
+    part.document.paragraph(text);
     part.found = json!({ "flops_per_second": rate });
     Ok(())
 }
 
 /// Sections of `fibonacci:225`, every value of some of them compared.
-fn sections(session: &Session, gpu: &Gpu, sizes: &Sizes, part: &mut Part) -> Result<()> {
+fn exact_sections(session: &Session, gpu: &Gpu, sizes: &Sizes, part: &mut Part) -> Result<()> {
     let scene = sizes.scene()?;
     let plan = SectionPlan::of_scene(&scene, At::Tip)?;
     let control = session.control(&|_| {});
     let orientations = OrientationSet::parse(&format!("fibonacci:{SECTIONS}"))?.orientations;
-    let mut ours = f64::INFINITY;
-    for _ in 0..ROUNDS {
-        let start = Instant::now();
-        stream_sections(&plan, &orientations, control, || (), |(), _, _| {})?;
-        ours = ours.min(start.elapsed().as_secs_f64() / SECTIONS as f64);
-    }
+    let [ours] = least_seconds(
+        ROUNDS,
+        [&mut || Ok(stream_sections(&plan, &orientations, control, || (), |(), _, _| {}).map(drop)?)],
+    )?;
+    let ours = ours / SECTIONS as f64;
     let apart = SECTIONS / sizes.compared;
     let compared: Vec<Orientation> =
         orientations.iter().copied().step_by(apart).take(sizes.compared).collect();
-    let rows = device::measure(gpu, &plan, &orientations, &compared, ours, control)?;
+    let rows = sections::measure(gpu, &plan, &orientations, &compared, ours, control)?;
     let [x, y, z] = plan.grid().dims;
-    let how = plan.describe();
-    part.text = format!("Teapot {x}×{y}×{z}; the CPU takes {:.3} ms a section: {how}.\n\n", ours * 1e3);
-    let cells: Vec<Vec<String>> = rows
-        .iter()
-        .map(|row| {
-            let equal = if row.equal == Some(true) { "yes" } else { "NO" };
-            let ms = format!("{:.3}", row.milliseconds_per_section);
-            vec![row.name.clone(), ms, format!("{:.2}", 1.0 / row.ratio), equal.into(), row.how.clone()]
-        })
-        .collect();
-    part.text += &table(&["", "ms a section", "times as fast", "same counts", "how"], &cells);
+    let (ms, how) = (ours * 1e3, plan.describe());
+    part.document.paragraph(format!("Teapot {x}×{y}×{z}; the CPU takes {ms:.3} ms a section: {how}."));
+    let cells = rows.iter().map(|row| {
+        let equal = if row.equal == Some(true) { "yes" } else { "NO" };
+        let ms = format!("{:.3}", row.milliseconds_per_section);
+        vec![row.name.clone(), ms, format!("{:.2}", 1.0 / row.ratio), equal.into(), row.how.clone()]
+    });
+    part.document.table(&["", "ms a section", "times as fast", "same counts", "how"], cells.collect());
     part.found = json!({ "cpu_milliseconds_per_section": ours * 1e3, "rows": rows });
     ensure!(rows.iter().all(|row| row.equal == Some(true)), "the counts are not the CPU's");
     Ok(())
 }
 
 /// Steps of the paper's network, PyTorch's by turns with them.
-fn steps(session: &Session, gpu: &Gpu, asked: &Asked<'_>, part: &mut Part) -> Result<()> {
-    let report = train::measured(session, &Device::Gpu(gpu.clone()), asked)?;
+fn steps(session: &Session, gpu: &Gpu, of: &Steps<'_>, part: &mut Part) -> Result<()> {
+    let report = train::measured(session, &Device::Gpu(gpu.clone()), of)?;
     if !report.rows.is_empty() {
-        (part.text, part.found) = (report.found()?, serde_json::to_value(&report)?);
+        report.describe(&mut part.document);
+        part.found = serde_json::to_value(&report)?;
     }
     report.failed.map_or(Ok(()), |why| bail!("{why}"))
 }

@@ -3,22 +3,17 @@
 //!
 //! [`Periodic`] continues values at equal steps of one full turn, as weights of these values. [`AngleGrid`] does so
 //! over the `grid:N` of angle pairs: bilinear in θ and φ, periodic in θ; beyond the last φ, which lies one step before 180°,
-//! over the pole to the opposite meridian. [`CoarseTable`] keeps fewer voxels too: what a given memory is worth.
+//! over the pole to the opposite meridian. [`SectionTable`] holds sections at these pairs.
 
-mod coarse;
+mod section_table;
 
-pub(crate) use coarse::CoarseTable;
+pub(crate) use section_table::SectionTable;
 
-use imf_core::control::Control;
-use imf_core::orientation::Orientation;
-use imf_core::section::{SectionError, SectionPlan, sections};
+use imf_core::orientation::{Orientation, OrientationSet};
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 
 /// Weights below this are left out: an angle on a step of the grid has one weight, whatever the rounding.
 const NO_WEIGHT: f64 = 1e-9;
-/// Voxels that one thread interpolates at a time.
-const BLOCK: usize = 4096;
 
 /// How values at equal steps of a full turn are continued between them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -114,13 +109,8 @@ impl AngleGrid {
 
     /// The pairs in order.
     fn orientations(&self) -> Vec<Orientation> {
-        let n = self.n;
-        (0..n * n)
-            .map(|index| {
-                let [theta, phi] = [index / n, index % n].map(|step| step as f64 / n as f64);
-                Orientation::new(360.0 * theta, 180.0 * phi)
-            })
-            .collect()
+        let set = OrientationSet::parse(&format!("grid:{}", self.n));
+        set.map_or_else(|error| unreachable!("{error}"), |set| set.orientations)
     }
 
     /// Which sections make up the one at `orientation`, and with which weights; these sum to 1.
@@ -148,71 +138,9 @@ impl AngleGrid {
     }
 }
 
-/// Exact sections at the pairs of an angle grid.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct StoredSections {
-    angles: AngleGrid,
-    orientations: Vec<Orientation>,
-    sections: Vec<Vec<f32>>,
-}
-
-impl StoredSections {
-    /// Computes and keeps n × n sections. One unit of progress is one section.
-    ///
-    /// # Errors
-    /// A failed section, or cancellation.
-    pub(crate) fn new(
-        plan: &SectionPlan,
-        angles: AngleGrid,
-        control: Control<'_>,
-    ) -> Result<Self, SectionError> {
-        let orientations = angles.orientations();
-        let sections = sections(plan, &orientations, control)?;
-        Ok(Self { angles, orientations, sections })
-    }
-
-    /// Bytes that n × n sections of so many voxels take.
-    pub(crate) fn memory(angles: AngleGrid, voxels: usize) -> u64 {
-        4 * (angles.n * angles.n * voxels) as u64
-    }
-
-    /// The section between the stored ones, by the weights of [`AngleGrid::weights`].
-    ///
-    /// # Panics
-    /// If `values` has not a section's length.
-    pub(crate) fn linear(&self, orientation: &Orientation, values: &mut [f32]) {
-        let weights = self.angles.weights(orientation);
-        values.par_chunks_mut(BLOCK).enumerate().for_each(|(block, values)| {
-            values.fill(0.0);
-            for &(index, weight) in &weights {
-                let section = &self.sections[index][block * BLOCK..][..values.len()];
-                values.iter_mut().zip(section).for_each(|(value, &s)| *value += weight as f32 * s);
-            }
-        });
-    }
-
-    /// The stored section of the nearest direction.
-    ///
-    /// # Panics
-    /// If `values` has not a section's length.
-    pub(crate) fn nearest(&self, orientation: &Orientation, values: &mut [f32]) {
-        let direction = orientation.direction();
-        let closeness = |o: &Orientation| direction.dot(o.direction());
-        let places = self.orientations.iter().enumerate();
-        let nearest = places.max_by(|(_, a), (_, b)| closeness(a).total_cmp(&closeness(b)));
-        values.copy_from_slice(&self.sections[nearest.map_or(0, |(index, _)| index)]);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DVec3;
-    use imf_core::grid::Grid;
-    use imf_core::occupancy::Occupancy;
-    use imf_core::orientation::OrientationSet;
-    use imf_core::section::At;
-    use imf_core::tool::Tool;
 
     const ALL: [Periodic; 3] = [Periodic::Linear, Periodic::CubicSpline, Periodic::Trigonometric];
 
@@ -302,28 +230,5 @@ mod tests {
             let sum: f64 = angles.weights(&orientation).iter().map(|w| w.1).sum();
             assert!((sum - 1.0).abs() < 1e-6);
         }
-    }
-
-    #[test]
-    fn stored_sections_answer_between_themselves() {
-        let grid = Grid { origin: DVec3::ZERO, pitch: 8.0, dims: [9, 10, 11] };
-        let solid = (0..grid.len()).map(|i| u8::from(i % 7 < 3)).collect();
-        let plan = SectionPlan::new(&Occupancy { grid, solid }, Tool::paper(), At::SharpPoints).unwrap();
-        let angles = AngleGrid::new(6);
-        let stored = StoredSections::new(&plan, angles, Control::quiet()).unwrap();
-        assert_eq!(stored.orientations, pairs(6));
-        let asked = Orientation::new(37.0, 81.0);
-        let exact = sections(&plan, &stored.orientations, Control::quiet()).unwrap();
-        let (mut linear, mut nearest) = (vec![7.0; grid.len()], vec![7.0; grid.len()]);
-        stored.linear(&asked, &mut linear);
-        stored.nearest(&asked, &mut nearest);
-        for voxel in 0..grid.len() {
-            let expected: f64 =
-                angles.weights(&asked).iter().map(|&(i, w)| w * f64::from(exact[i][voxel])).sum();
-            // Four products of values below 1, in f32.
-            assert!((f64::from(linear[voxel]) - expected).abs() < 1e-6);
-        }
-        // θ = 60°, φ = 90° is the nearest of the grid's pairs: index 1·6 + 3.
-        assert_eq!(nearest, exact[9]);
     }
 }

@@ -10,22 +10,25 @@
 //! cargo run --release -p imf-bench -- recipe      trainings in stages and sweeps, by the files in `recipes`
 //! ```
 //!
-//! `examples` has what measures a single piece (`cargo run --release -p imf-bench --example pose`), and the topology optimisation
-//! of the bracket; `python` the rivals and the readers of files that are written in Python, `parry3d` the one in Rust, which
+//! `examples` has the topology optimisation of the bracket (`simp`), and a part that changes in steps with a field that follows
+//! (`redesign`); `python` the rivals and the readers of files that are written in Python, `parry3d` the one in Rust, which
 //! stands outside the workspace. Options, messages and exit codes are those of `imf`, whose library ([`imf_cli`]) does the work.
 
 mod arguments;
+mod candidates;
+mod cells;
+mod document;
 mod exact;
-mod experiment;
 mod families;
 mod gpu;
 mod interpolation;
-mod machine;
+mod measurement;
 mod paper;
 mod planar;
-mod python;
 mod query;
 mod recipe;
+mod revolved;
+mod rivals;
 mod train;
 
 use std::process::ExitCode;
@@ -49,7 +52,7 @@ fn run(cli: &Cli, rank: Rank) -> anyhow::Result<()> {
         Command::Gpu(arguments) => gpu::run(&session, arguments),
         Command::Paper(arguments) => paper::run(&session, arguments),
         Command::Query(arguments) => query::run(&session, arguments),
-        Command::Recipe(arguments) => experiment::run(&session, arguments),
+        Command::Recipe(arguments) => recipe::run(&session, arguments),
         Command::Train(arguments) => train::run(&session, arguments),
     }
 }

@@ -7,63 +7,64 @@
 //! OUT/runs/NAME-…/, OUT/datasets/            the recipes' folders, as `imf-bench recipe run` leaves them
 //! ```
 //!
-//! Trainings are the recipes' own (`experiment`), with the changes that a scale makes (`protocol`). Whatever was
+//! Trainings are the recipes' own (`recipe`), with the changes that a scale makes (`protocol`). Whatever was
 //! interrupted goes on with the same command.
 
 mod baselines;
-mod cells;
 mod figures;
+mod parts;
 mod plane;
 mod protocol;
 mod published;
-mod questions;
 mod report;
-mod space;
 mod sweeps;
 mod table;
 mod time;
-
-pub(crate) use baselines::settings as harmonic_settings;
 
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result};
 use imf_cli::engine::Device;
-use imf_cli::job::Settings;
 use imf_cli::output::{prepare_folder, print, print_json};
 use imf_cli::session::Session;
+use imf_core::parts::ReferencePart;
+use imf_core::scene::Scene;
 use imf_fields::model::Model;
 use imf_train::training::run::TrainError;
 use serde::{Deserialize, Serialize};
 
-use crate::arguments::paper::{PaperArguments, PaperPart, PaperTable};
-use crate::experiment::{GO_ON, Summary, Workshop, run_or_read};
-use crate::machine::Machine;
-use cells::Cells;
+use crate::arguments::paper::{PaperArguments, PaperTable};
+use crate::cells::{Cells, device_name};
+use crate::measurement::Machine;
+use crate::recipe::{RunSummary, Runner, SceneSettings, Scenes, Source};
 use protocol::Protocol;
 use report::Report;
+use table::Table;
 
 /// What every table needs.
 struct Bench<'a> {
     session: &'a Session,
     device: &'a Device,
-    workshop: Workshop<'a>,
+    runner: Runner<'a>,
     cells: Cells<'a>,
     protocol: Protocol,
-    parts: Vec<PaperPart>,
+    parts: Vec<ReferencePart>,
     out: PathBuf,
 }
 
 /// A recipe that was run.
 struct Run {
-    summary: Summary,
+    summary: RunSummary,
     folder: PathBuf,
 }
+
+/// A recipe that was run, or why it has no result.
+type Training = Result<Run, String>;
 
 /// What a training came to, as it is kept.
 #[derive(Serialize, Deserialize)]
 enum Trained {
-    Finished(Box<Summary>),
+    Finished(Box<RunSummary>),
     /// The loss rose for good: a finding (the paper has one too), not a failure of the report. In words, where.
     Diverged(String),
 }
@@ -71,29 +72,35 @@ enum Trained {
 impl Run {
     /// The first result's model.
     fn model(&self) -> Result<Model> {
-        let path = self.folder.join("model.safetensors");
-        Model::read(&path).with_context(|| {
+        Model::read(&self.folder.join("model.safetensors")).with_context(|| {
             format!("the run in {} is no longer whole: remove it and its cell", self.folder.display())
         })
     }
 }
 
 impl Bench<'_> {
-    /// Runs a recipe to its end, or finds that it was; or why it has none.
-    fn run(&self, name: &str, table: &toml::Table) -> Result<Result<Run, String>> {
-        let folder = self.out.join("runs").join(format!("{name}-{}", self.cells.mark(table)?));
-        let trained = self.cells.get(name, table, || match run_or_read(&self.workshop, table, &folder) {
-            Ok(summary) => Ok(Trained::Finished(Box::new(summary))),
-            Err(error) => match divergence(&error) {
-                Some(what) => Ok(Trained::Diverged(what)),
-                None => Err(error),
-            },
+    /// Runs a recipe without variants to its end, or finds that it was.
+    fn run(&self, name: &str, source: &Source) -> Result<Training> {
+        let folder = self.out.join("runs").join(format!("{name}-{}", self.cells.mark(source)?));
+        let trained = self.cells.get(name, source, || match self.runner.run(source, &folder) {
+            Ok(mut summary) => Ok(Trained::Finished(Box::new(summary.runs.remove(0)))),
+            Err(error) => divergence(&error).map(Trained::Diverged).ok_or(error),
         })?;
         Ok(match trained {
             Trained::Finished(summary) => Ok(Run { summary: *summary, folder }),
             Trained::Diverged(what) => Err(what),
         })
     }
+
+    /// A scene at its full resolution.
+    fn scene(&self, settings: &SceneSettings) -> Result<Scene> {
+        Scenes::default().get(self.session, settings, None, 1.0)
+    }
+}
+
+/// A part, marked where it is ours in the style of the paper's.
+fn part_label(part: ReferencePart) -> String {
+    format!("{part}{}", if part == ReferencePart::Teapot { "" } else { " (ours)" })
 }
 
 /// In words that a training diverged; nothing where it failed otherwise.
@@ -103,83 +110,65 @@ fn divergence(error: &anyhow::Error) -> Option<String> {
 }
 
 pub(crate) fn run(session: &Session, arguments: &PaperArguments) -> Result<()> {
-    prepare_folder(&arguments.out)?;
+    let out = &arguments.out;
+    prepare_folder(out)?;
     let mut machine = Machine::new(session.threads());
     let device = Device::open(&arguments.device.device, session)?;
-    let device_name = match &device {
-        Device::Cpu => "networks on the CPU".to_owned(),
-        Device::Gpu(gpu) => format!("networks on {}", gpu.describe()),
-    };
     let mut parts = arguments.part.clone();
     if parts.is_empty() {
-        parts = PaperPart::ALL.to_vec();
+        parts = vec![ReferencePart::Teapot, ReferencePart::Bracket, ReferencePart::ScrewGear];
     }
     let bench = Bench {
         session,
         device: &device,
-        workshop: Workshop {
+        runner: Runner {
             session,
             device: &device,
-            settings: Settings {
-                checkpoint_every: arguments.checkpoint_every,
-                go_on: GO_ON,
-                slower: " with a rate of ",
-                held_out: 0,
-                held_out_every: None,
-                log: None,
-                tensorboard: false,
-            },
+            checkpoint_every: arguments.checkpoint_every,
+            held_out: 0,
             log: false,
-            datasets: arguments.out.join("datasets"),
+            datasets: out.join("datasets"),
         },
-        cells: Cells::new(session, &arguments.out, &device_name)?,
-        protocol: Protocol::new(arguments.scale),
+        cells: Cells::new(session, &device, out)?,
+        protocol: Protocol::new(arguments.scale)?,
         parts,
-        out: arguments.out.clone(),
+        out: out.clone(),
     };
-    let asked = |table| arguments.only.is_empty() || arguments.only.contains(&table);
     let mut tables = Vec::new();
-    if asked(PaperTable::Plane) {
-        tables.push(plane::table(&bench)?);
-    }
-    if asked(PaperTable::Space) {
-        let table = space::table(&bench)?;
-        let beside = space::side_by_side(&table);
-        tables.extend([table, beside]);
-    }
-    if asked(PaperTable::Time) {
-        tables.push(time::table(&bench)?);
-    }
-    if asked(PaperTable::Transfer) {
-        tables.push(sweeps::transfer(&bench)?);
-    }
-    if asked(PaperTable::Sparsity) {
-        tables.push(sweeps::sparsity(&bench)?);
-    }
-    if asked(PaperTable::Architecture) {
-        tables.push(sweeps::architecture(&bench)?);
+    type Maker = fn(&Bench<'_>) -> Result<Table>;
+    let makers: [(PaperTable, Maker); 6] = [
+        (PaperTable::Plane, plane::table),
+        (PaperTable::Space, parts::table),
+        (PaperTable::Time, time::table),
+        (PaperTable::Transfer, sweeps::transfer),
+        (PaperTable::Sparsity, sweeps::sparsity),
+        (PaperTable::Architecture, sweeps::architecture),
+    ];
+    for (which, make) in makers {
+        if arguments.only.is_empty() || arguments.only.contains(&which) {
+            tables.push(make(&bench)?);
+            if which == PaperTable::Space {
+                tables.push(parts::side_by_side(&tables[tables.len() - 1]));
+            }
+        }
     }
     for table in &mut tables {
-        table.tried = Some(bench.protocol.tried());
+        table.tried = Some(bench.protocol.tried.clone());
     }
     machine.finish();
     let report = Report {
         machine,
-        device: device_name,
+        device: device_name(&device),
         scale: arguments.scale,
         protocol: bench.protocol.statement(),
-        threshold: bench.protocol.settings("single")?.evaluation.threshold,
+        threshold: bench.protocol.recipe("single", None)?.recipe()?.evaluation.threshold,
         tables,
     };
-    report.write(&arguments.out)?;
+    report.write(out)?;
     if session.json {
         return print_json(&report);
     }
-    print(&format!(
-        "\n{}{} holds report.md, report.json and report.html.",
-        report.summary(),
-        arguments.out.display()
-    ))
+    print(&format!("\n{}{} holds report.md, report.json and report.html.", report.summary(), out.display()))
 }
 
 #[cfg(test)]

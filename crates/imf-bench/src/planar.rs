@@ -9,7 +9,7 @@ use glam::DVec3;
 use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
-use imf_core::section::{At, SectionError, SectionPlan, SectionScratch, share};
+use imf_core::section::{SectionError, SectionPlan, SectionScratch, share};
 use imf_core::tool::{RotatedTool, Tool, ToolError};
 
 /// The layer `index` at right angles to `axis` as a part of its own: the other two axes in their order become x and y.
@@ -64,55 +64,35 @@ pub(crate) fn silhouette(tool: &Tool, theta: f64, pitch: f64) -> Result<Vec<[i32
     Ok(pixels)
 }
 
-/// Sections of a part of one layer.
-pub(crate) struct PlanarPlan {
-    plan: SectionPlan,
-}
-
-impl PlanarPlan {
-    /// Plans sections of a tool of revolution around a part.
-    ///
-    /// # Errors
-    /// A tool without volume.
-    ///
-    /// # Panics
-    /// If the part is more than one layer, or the tool has no axis of symmetry.
-    pub(crate) fn new(part: &Occupancy, tool: &Tool) -> Result<Self, SectionError> {
-        assert!(part.grid.dims[2] == 1, "a part of one layer, not {:?}", part.grid.dims);
-        assert!(tool.is_axisymmetric(), "a cut through the axis of a tool of revolution");
-        Ok(Self { plan: SectionPlan::new(part, tool, At::Tip)? })
-    }
-
-    /// The part's grid.
-    pub(crate) fn grid(&self) -> &Grid {
-        self.plan.grid()
-    }
-
-    /// The collision measure at every pixel with the tool at θ degrees, C-ordered into `cmf`.
-    ///
-    /// # Errors
-    /// A tool that does not fit the grid, or a failed spot check.
-    ///
-    /// # Panics
-    /// If `cmf` has not the grid's length.
-    pub(crate) fn section(
-        &self,
-        theta: f64,
-        scratch: &mut SectionScratch,
-        cmf: &mut [f32],
-    ) -> Result<(), SectionError> {
-        let mut counts = vec![0; self.grid().len()];
-        self.plan.counts(&lying(theta), scratch, &mut counts)?;
-        let pixels = silhouette(self.plan.tool(), theta, self.grid().pitch)?.len() as u32;
-        assert_eq!(cmf.len(), counts.len(), "one value for each pixel");
-        cmf.iter_mut().zip(&counts).for_each(|(value, &count)| *value = share(count, pixels));
-        Ok(())
-    }
+/// The collision measure at every pixel of a part of one layer with the tool at θ degrees, C-ordered into `cmf`. The tool is
+/// one of revolution, the plan is of its tip.
+///
+/// # Errors
+/// A tool that does not fit the grid, or a failed spot check.
+///
+/// # Panics
+/// If the part is more than one layer, the tool has no axis of symmetry, or `cmf` has not the grid's length.
+pub(crate) fn section(
+    plan: &SectionPlan,
+    theta: f64,
+    scratch: &mut SectionScratch,
+    cmf: &mut [f32],
+) -> Result<(), SectionError> {
+    let grid = plan.grid();
+    assert!(grid.dims[2] == 1, "a part of one layer, not {:?}", grid.dims);
+    assert!(plan.tool().is_axisymmetric(), "a cut through the axis of a tool of revolution");
+    let mut counts = vec![0; grid.len()];
+    plan.counts(&lying(theta), scratch, &mut counts)?;
+    let pixels = silhouette(plan.tool(), theta, grid.pitch)?.len() as u32;
+    assert_eq!(cmf.len(), counts.len(), "one value for each pixel");
+    cmf.iter_mut().zip(&counts).for_each(|(value, &count)| *value = share(count, pixels));
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use imf_core::section::At;
 
     /// Pixels shared by the part and the tool's `silhouette` with the tip at a pixel: the definition.
     fn direct_count(part: &Occupancy, silhouette: &[[i32; 2]], tip: [usize; 2]) -> u32 {
@@ -135,12 +115,12 @@ mod tests {
     #[test]
     fn sections_are_direct_sums_over_pixels() {
         let (part, tool) = (part(), Tool::paper());
-        let plan = PlanarPlan::new(&part, &tool).unwrap();
+        let plan = SectionPlan::new(&part, &tool, At::Tip).unwrap();
         let mut scratch = SectionScratch::default();
         for theta in [0.0, 12.5, 90.0, 217.0, 360.0] {
             let pixels = silhouette(&tool, theta, 4.0).unwrap();
             let mut cmf = vec![9.0; part.grid.len()];
-            plan.section(theta, &mut scratch, &mut cmf).unwrap();
+            section(&plan, theta, &mut scratch, &mut cmf).unwrap();
             assert!(cmf.iter().any(|&v| v > 0.0));
             for (pixel, &value) in cmf.iter().enumerate() {
                 let count = direct_count(&part, &pixels, [pixel / 13, pixel % 13]);

@@ -1,380 +1,254 @@
-//! A recipe: how a network is trained, as plain data. One TOML file says which scene, which network, and stage after
-//! stage which sections at which resolution, how they are sampled, for how long and with which learning rate, and which
-//! stage's weights it starts from. A sweep is a recipe with variants: lists of overrides, run one after the other.
+//! `imf-bench recipe`: trainings of one or several stages, described by a file, each run by one command.
 //!
-//! Files carry a `version`; what is not known is refused, so a slip of the pen is no silent default. Some are
-//! built in: the files of the folder `recipes`.
+//! ```text
+//! OUT/recipe.toml               what is run, recipe and changes together: run it again with `imf-bench recipe run`
+//! OUT/datasets/NAME-…/          one for each different set of sections
+//! OUT/stages/NAME/              checkpoint, model, log; for results the report with its pictures
+//! OUT/model.safetensors         the first result
+//! OUT/VARIANT/…                 a sweep has stages and model for each variant
+//! OUT/cells/                    what the results are worth, keyed by what they were made of
+//! OUT/recipe.md, recipe.json    stages and results of all variants; loss.png
+//! ```
+//!
+//! A folder is of one recipe: another one, or the same with changes, is refused. Whatever was interrupted, the same command
+//! goes on: datasets keep their shards, finished stages are known by their settings and by the weights that they started
+//! from, an unfinished one continues from its checkpoint. What can be known before the first training begins is checked there.
 
-mod built_in;
-mod overrides;
+mod definition;
+mod questions;
+mod scenes;
+mod source;
+mod stage;
+mod summary;
+#[cfg(test)]
+mod tests;
+mod waits;
 
-pub(crate) use built_in::{BUILT_IN, built_in};
-pub(crate) use overrides::{assignment, set};
+pub(crate) use definition::{RANDOM_START, Recipe, SceneSettings, Stage};
+pub(crate) use questions::{Answer, Questions, RANDOM};
+pub(crate) use scenes::Scenes;
+pub(crate) use source::{Source, built_in};
+pub(crate) use stage::Runner;
+pub(crate) use summary::{Outcome, RunSummary, Summary};
 
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
-use imf_core::orientation::OrientationSet;
-use imf_core::tool::Clearance;
-use imf_fields::recipe::OnlineSettings;
-use imf_fields::recipe::Sampling;
-use imf_fields::recipe::schedule::RateRule;
-use imf_fields::recipe::{Length, TrainingPlan};
-use imf_fields::siren::SirenShape;
-use serde::{Deserialize, Serialize};
-use thiserror::Error;
+use anyhow::{Context as _, Result, ensure};
+use imf_cli::engine::Device;
+use imf_cli::output::{OutputFolder, claim, prepare_folder, print, print_json, write_text};
+use imf_cli::progress::show_seconds;
+use imf_cli::session::Session;
+use imf_core::scene::{Scene, SceneRecord};
+use imf_core::section::SectionPlan;
+use imf_fields::model::Model;
+use imf_fields::recipe::TrainingState;
+use serde_json::json;
 
-/// Version of the files that this program reads.
-pub(crate) const VERSION: u32 = 1;
-/// [`Stage::start`] of a stage that begins with random weights.
-pub(crate) const RANDOM_START: &str = "random";
+use crate::arguments::recipe::{RecipeArguments, RecipeCommand, RunArguments};
+use crate::cells::Cells;
+use source::BUILT_IN;
 
-/// Why a recipe is refused.
-#[derive(Debug, Error)]
-pub(crate) enum RecipeError {
-    /// The text is no such TOML.
-    #[error("the recipe cannot be read: {0}")]
-    Toml(String),
-    /// Made for a newer program.
-    #[error("the recipe has version {0}, and this program reads version {VERSION}: use a newer imf")]
-    Newer(i64),
-    /// A value out of range, or a name that leads nowhere.
-    #[error("recipe: {0}")]
-    Value(String),
-    /// No built-in recipe has this name.
-    #[error("there is no recipe '{0}'; the built-in ones are {names}; a file of your own is given by its path",
-        names = BUILT_IN.iter().map(|p| p.name).collect::<Vec<_>>().join(", "))]
-    Unknown(String),
-}
+/// What to do after an interruption.
+pub(crate) const GO_ON: &str = "run the same command again";
 
-/// How a network is trained.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Recipe {
-    /// [`VERSION`].
-    pub(crate) version: u32,
-    /// Name, for titles.
-    pub(crate) name: String,
-    /// What it is, in a line or two.
-    pub(crate) about: String,
-    /// What is to be learnt.
-    #[serde(default)]
-    pub(crate) scene: SceneSettings,
-    /// The network, the same in every stage.
-    #[serde(default)]
-    pub(crate) network: NetworkSettings,
-    /// What the results are asked.
-    #[serde(default)]
-    pub(crate) evaluation: EvaluationSettings,
-    /// The stages, in order.
-    #[serde(rename = "stage")]
-    pub(crate) stages: Vec<Stage>,
-    /// A sweep's variants; without any the recipe is run once.
-    #[serde(default, rename = "variant", skip_serializing_if = "Vec::is_empty")]
-    pub(crate) variants: Vec<Variant>,
-}
-
-/// Part, full grid and tool.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub(crate) struct SceneSettings {
-    /// A reference part or a mesh file; a stage may name another.
-    pub(crate) part: String,
-    /// Unit of a mesh file.
-    pub(crate) unit: Option<String>,
-    /// Edge of a voxel; a reference part's own grid by default.
-    pub(crate) pitch: Option<f64>,
-    /// The full grid has this many times as many voxels along each axis: below 1 for trials.
-    pub(crate) scale: f64,
-    /// Empty voxels on each side.
-    pub(crate) margin: usize,
-    /// Also make every voxel solid that the surface touches.
-    pub(crate) conservative: bool,
-    /// `paper` or a tool file.
-    pub(crate) tool: String,
-    /// How deep the cutter may reach below the part's surface; it may not touch where nothing is said.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) contact: Option<f64>,
-    /// Room that the tool's elements must keep.
-    #[serde(skip_serializing_if = "Clearance::is_zero")]
-    pub(crate) clearance: Clearance,
-}
-
-impl Default for SceneSettings {
-    fn default() -> Self {
-        Self {
-            part: "teapot".into(),
-            unit: None,
-            pitch: None,
-            scale: 1.0,
-            margin: 0,
-            conservative: false,
-            tool: "paper".into(),
-            contact: None,
-            clearance: Clearance::default(),
-        }
+pub(crate) fn run(session: &Session, arguments: &RecipeArguments) -> Result<()> {
+    match &arguments.command {
+        RecipeCommand::List => list(session),
+        RecipeCommand::Show(arguments) => print(built_in(&arguments.name)?),
+        RecipeCommand::Run(arguments) => run_recipe(session, arguments),
     }
 }
 
-/// The network; the default is the paper's.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub(crate) struct NetworkSettings {
-    /// Neurons of every hidden layer.
-    pub(crate) width: usize,
-    /// Hidden layers.
-    pub(crate) layers: usize,
-    /// The input is concatenated again behind this hidden layer, counted from 1; 0 for never.
-    pub(crate) skip_after: usize,
-    /// Frequency factor inside every sine.
-    pub(crate) omega: f32,
-    /// Seed of the starting weights.
-    pub(crate) seed: u64,
-}
-
-impl Default for NetworkSettings {
-    fn default() -> Self {
-        Self { width: 512, layers: 5, skip_after: 2, omega: 30.0, seed: 0 }
+fn list(session: &Session) -> Result<()> {
+    let recipes =
+        BUILT_IN.iter().map(|(_, text)| Source::parse(text)?.recipe()).collect::<Result<Vec<_>>>()?;
+    if session.json {
+        let all: Vec<_> = recipes.iter().map(|r| json!({"name": r.name, "about": r.about})).collect();
+        return print_json(&all);
     }
+    let lines: Vec<String> = recipes.iter().map(|r| format!("{:<13} {}", r.name, r.about)).collect();
+    print(&lines.join("\n"))
 }
 
-impl NetworkSettings {
-    /// The network's description.
-    pub(crate) fn shape(&self) -> SirenShape {
-        SirenShape {
-            width: self.width,
-            hidden: self.layers,
-            skip_after: Some(self.skip_after).filter(|&layer| layer > 0),
-            omega: self.omega,
-        }
+fn run_recipe(session: &Session, arguments: &RunArguments) -> Result<()> {
+    let begun = Instant::now();
+    let source = changed(arguments).with_context(|| format!("the recipe {}", arguments.recipe))?;
+    OutputFolder::check(&arguments.out)?;
+    let _claim = claim(&arguments.out)?;
+    let device = Device::open(&arguments.device.device, session)?;
+    let runner = Runner {
+        session,
+        device: &device,
+        checkpoint_every: arguments.checkpoint_every,
+        held_out: arguments.held_out,
+        log: arguments.log,
+        datasets: arguments.out.join("datasets"),
+    };
+    let summary = runner.run(&source, &arguments.out)?;
+    if session.json {
+        return print_json(&summary);
     }
+    print(&format!(
+        "\n{}\n{} holds recipe.md, loss.png, stages and models; {} in all.",
+        summary.document().columns(),
+        arguments.out.display(),
+        show_seconds(begun.elapsed().as_secs_f64())
+    ))
 }
 
-/// What a result is asked; the default is what the paper reports, and random orientations beside it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub(crate) struct EvaluationSettings {
-    /// A section that training saw, θ,φ.
-    pub(crate) in_sample: String,
-    /// A section that training did not see, θ,φ.
-    pub(crate) out_of_sample: String,
-    /// Number of random orientations.
-    pub(crate) random: usize,
-    /// Seed of those.
-    pub(crate) seed: u64,
-    /// Orientation sets of the inaccessibility measure.
-    pub(crate) imf: Vec<String>,
-    /// CMF above which a pose is called colliding.
-    pub(crate) threshold: f64,
-}
-
-impl Default for EvaluationSettings {
-    fn default() -> Self {
-        Self {
-            in_sample: "0,0".into(),
-            out_of_sample: "12,6".into(),
-            random: 64,
-            seed: 1,
-            imf: vec!["grid:15".into(), "grid:25".into()],
-            threshold: 0.001,
-        }
+/// The recipe with the changes that the command line asks for.
+fn changed(arguments: &RunArguments) -> Result<Source> {
+    let mut source = Source::open(&arguments.recipe)?;
+    if let Some(part) = &arguments.part {
+        source.set("scene.part", part.as_str())?;
     }
-}
-
-/// One training within a recipe.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Stage {
-    /// Name, of letters, digits, `-` and `_`: also its folder's.
-    pub(crate) name: String,
-    /// Part, where it is not the scene's.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) part: Option<String>,
-    /// [`RANDOM_START`], or an earlier stage whose weights it starts from; the optimiser's moments start at zero.
-    #[serde(default = "random_start")]
-    pub(crate) start: String,
-    /// Resolution of the sections, as a share of the full grid's along each axis.
-    #[serde(default = "one")]
-    pub(crate) resolution: f64,
-    /// A fixed set of orientations.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) orientations: Option<String>,
-    /// Fresh sections at random orientations while training runs.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) online: Option<OnlineSettings>,
-    /// How each section is sampled.
-    #[serde(default)]
-    pub(crate) sampling: Sampling,
-    /// How long, in which batches, at which rate.
-    #[serde(default)]
-    pub(crate) training: TrainingPlan,
-    /// How the rate follows the batch.
-    #[serde(default)]
-    pub(crate) rate_rule: RateRule,
-}
-
-fn random_start() -> String {
-    RANDOM_START.into()
-}
-
-fn one() -> f64 {
-    1.0
-}
-
-/// Steps between two reports of a stage, so that interruption is noticed soon.
-const REPORT_EVERY: u64 = 20;
-
-impl Stage {
-    /// The training plan with the rate rule applied.
-    pub(crate) fn plan(&self) -> TrainingPlan {
-        TrainingPlan {
-            schedule: self.rate_rule.apply(self.training.schedule, self.training.batch),
-            report_every: self.training.report_every.min(REPORT_EVERY),
-            ..self.training
-        }
+    if let Some(tool) = &arguments.tool {
+        source.set("scene.tool", tool.as_str())?;
     }
-
-    fn check(&self, earlier: &[Self]) -> Result<(), String> {
-        let is_plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-        if self.name.is_empty() || !self.name.chars().all(is_plain) || self.name == RANDOM_START {
-            return Err("its name must be letters, digits, - and _, and not 'random'".into());
-        }
-        if earlier.iter().any(|stage| stage.name == self.name) {
-            return Err("an earlier stage has the same name".into());
-        }
-        if self.start != RANDOM_START && !earlier.iter().any(|stage| stage.name == self.start) {
-            return Err(format!("start = \"{}\" is neither 'random' nor an earlier stage", self.start));
-        }
-        if !(self.resolution > 0.0 && self.resolution <= 4.0) {
-            return Err(format!("resolution must be above 0 and at most 4, not {}", self.resolution));
-        }
-        match (&self.orientations, &self.online) {
-            (Some(_), None) => {}
-            (None, Some(online)) => online.check().map_err(|e| e.to_string())?,
-            _ => return Err("it needs either `orientations` or `online`".into()),
-        }
-        self.sampling.check().map_err(|e| e.to_string())?;
-        if matches!(self.training.length, Length::Epochs(0) | Length::Steps(0)) {
-            return Err("its length must be at least 1".into());
-        }
-        self.plan().check().map_err(|e| e.to_string())
+    if let Some(scale) = arguments.scale {
+        source.set("scene.scale", scale)?;
     }
+    arguments.set.iter().try_for_each(|text| source.assign(text))?;
+    ensure!(
+        arguments.part.is_none() || source.recipe()?.stages.iter().any(|stage| stage.part.is_none()),
+        "every stage names its own part: change it with --set stage.NAME.part=…"
+    );
+    Ok(source)
 }
 
-/// One run of a sweep.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Variant {
-    /// Name, of letters, digits, `-` and `_`: also its folder's.
-    pub(crate) name: String,
-    /// Values by path, as [`set`] takes them: `"network.width" = 256`.
-    pub(crate) set: BTreeMap<String, toml::Value>,
-}
-
-impl Recipe {
-    /// Reads and checks a recipe's text.
-    ///
-    /// # Errors
-    /// A text that is no TOML, an unknown key, another version, a value out of range.
-    pub(crate) fn parse(text: &str) -> Result<Self, RecipeError> {
-        Self::from_table(table(text)?)
-    }
-
-    /// Reads and checks a recipe's table, with overrides applied or not.
-    ///
-    /// # Errors
-    /// As [`Recipe::parse`].
-    pub(crate) fn from_table(table: toml::Table) -> Result<Self, RecipeError> {
-        match table.get("version").and_then(toml::Value::as_integer) {
-            Some(found) if found > i64::from(VERSION) => return Err(RecipeError::Newer(found)),
-            Some(found) if found == i64::from(VERSION) => {}
-            _ => return Err(RecipeError::Toml(format!("`version = {VERSION}` is missing"))),
+impl Runner<'_> {
+    /// Runs a recipe with all its variants in a folder of its own, or goes on with it there.
+    pub(crate) fn run(&self, source: &Source, out: &Path) -> Result<Summary> {
+        let (recipe, text) = (source.recipe()?, source.text()?);
+        let mut runs = Vec::new();
+        for (variant, source) in source.variants()? {
+            let folder = if variant.is_empty() { out.to_owned() } else { out.join(&variant) };
+            runs.push((variant, source.recipe()?, folder));
         }
-        let recipe: Self = table.try_into().map_err(|e: toml::de::Error| RecipeError::Toml(e.to_string()))?;
-        recipe.check()?;
-        Ok(recipe)
-    }
-
-    /// Checks the values that no type keeps in range.
-    ///
-    /// # Errors
-    /// [`RecipeError::Value`], naming the stage and the value.
-    pub(crate) fn check(&self) -> Result<(), RecipeError> {
-        let fail = RecipeError::Value;
-        if self.stages.is_empty() {
-            return Err(fail("it has no stage".into()));
-        }
-        self.network.shape().check().map_err(|e| fail(e.to_string()))?;
-        if !(self.scene.scale > 0.0 && self.scene.scale <= 16.0) {
-            return Err(fail(format!(
-                "scene.scale must be above 0 and at most 16, not {}",
-                self.scene.scale
-            )));
-        }
-        for (index, stage) in self.stages.iter().enumerate() {
-            let name = &stage.name;
-            stage.check(&self.stages[..index]).map_err(|what| fail(format!("stage '{name}': {what}")))?;
-            if let Some(spec) = &stage.orientations {
-                OrientationSet::parse(spec).map_err(|e| fail(format!("stage '{name}': {e}")))?;
+        let file = require_own(out, &text)?;
+        let mut scenes = Scenes::default();
+        for (variant, recipe, _) in &runs {
+            for stage in &recipe.stages {
+                let of = if variant.is_empty() { String::new() } else { format!("variant {variant}, ") };
+                let named = || format!("{of}stage {}", stage.name);
+                self.check(recipe, stage, &mut scenes).with_context(named)?;
             }
         }
-        let asked = &self.evaluation;
-        if asked.random == 0 || asked.imf.is_empty() {
-            return Err(fail("evaluation needs at least one random orientation and one `imf` set".into()));
-        }
-        for spec in asked.imf.iter().chain([&asked.in_sample, &asked.out_of_sample]) {
-            OrientationSet::parse(spec).map_err(|e| fail(format!("evaluation: {e}")))?;
-        }
-        let is_plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-        for (index, variant) in self.variants.iter().enumerate() {
-            let name = &variant.name;
-            if name.is_empty() || !name.chars().all(is_plain) {
-                return Err(fail(format!("variant '{name}': its name must be letters, digits, - and _")));
+        prepare_folder(out)?;
+        write_text(&file, &text)?;
+        let cells = Cells::new(self.session, self.device, out)?;
+        let runs = runs.iter().map(|(variant, recipe, folder)| {
+            if !variant.is_empty() {
+                self.session.note(&format!("variant {variant}:"));
             }
-            if self.variants[..index].iter().any(|other| other.name == *name) {
-                return Err(fail(format!("two variants are called '{name}'")));
-            }
+            self.run_variant(variant, recipe, folder, &cells, &mut scenes)
+        });
+        let summary = Summary::new(&recipe, runs.collect::<Result<_>>()?);
+        summary.write(out)?;
+        Ok(summary)
+    }
+
+    /// Makes a stage's scenes, and refuses what would end it later.
+    fn check(&self, recipe: &Recipe, stage: &Stage, scenes: &mut Scenes) -> Result<()> {
+        let [full, coarse] = self.scenes(recipe, stage, scenes)?;
+        self.require_memory(stage, recipe.network.shape(), [&full, &coarse])?;
+        if recipe.results().any(|result| result.name == stage.name) {
+            self.require_memory_of_report(&full.record)?;
         }
         Ok(())
     }
 
-    /// The stages that no other starts from: what the recipe is run for.
-    pub(crate) fn results(&self) -> impl Iterator<Item = &Stage> {
-        self.stages.iter().filter(|stage| self.stages.iter().all(|other| other.start != stage.name))
+    /// The scene that a stage's network is of, and the one that its sections are of.
+    fn scenes(&self, recipe: &Recipe, stage: &Stage, scenes: &mut Scenes) -> Result<[Scene; 2]> {
+        let part = stage.part.as_deref();
+        let mut get = |resolution| scenes.get(self.session, &recipe.scene, part, resolution);
+        Ok([get(1.0)?, get(stage.resolution)?])
     }
-}
 
-/// A recipe's text as a table, to apply overrides to.
-///
-/// # Errors
-/// A text that is no TOML.
-pub(crate) fn table(text: &str) -> Result<toml::Table, RecipeError> {
-    text.parse().map_err(|e: toml::de::Error| RecipeError::Toml(e.to_string()))
-}
-
-/// The runs of a recipe's table: each variant with its overrides applied and without variants; the table itself where
-/// there is none. Every one is checked.
-///
-/// # Errors
-/// As [`Recipe::from_table`] and [`set`], naming the variant.
-pub(crate) fn runs(table: &toml::Table) -> Result<Vec<(Option<String>, toml::Table)>, RecipeError> {
-    let recipe = Recipe::from_table(table.clone())?;
-    if recipe.variants.is_empty() {
-        return Ok(vec![(None, table.clone())]);
-    }
-    let run = |variant: &Variant| {
-        let mut own = table.clone();
-        own.remove("variant");
-        for (path, value) in &variant.set {
-            set(&mut own, path, value.clone())?;
+    /// The stages of a variant, and what its results are worth.
+    fn run_variant(
+        &self,
+        variant: &str,
+        recipe: &Recipe,
+        folder: &Path,
+        cells: &Cells<'_>,
+        scenes: &mut Scenes,
+    ) -> Result<RunSummary> {
+        let (shape, seed) = (recipe.network.shape(), recipe.network.seed);
+        let mut summary = RunSummary::new(variant);
+        let mut models: BTreeMap<&str, Model> = BTreeMap::new();
+        for stage in &recipe.stages {
+            self.session.note(&format!("stage {}:", stage.name));
+            let [full, coarse] = self.scenes(recipe, stage, scenes)?;
+            let start = match models.get(stage.start.as_str()) {
+                None => (TrainingState::new(&shape, seed), None),
+                Some(earlier) => {
+                    let parameters = earlier.state.parameters.clone();
+                    // The checksum lets a stage that started from other weights be noticed.
+                    let (part, mark) = (&earlier.scene.record.part, checksum(&parameters));
+                    let from = format!("{part} (stage {}, {mark:08x})", stage.start);
+                    (TrainingState::from_parameters(parameters), Some(from))
+                }
+            };
+            let trained = self.train(stage, shape, [&full, &coarse], start, &stage_folder(folder, stage))?;
+            summary.add(stage, coarse.record.grid.dims, &trained);
+            models.insert(&stage.name, trained.model);
         }
-        Recipe::from_table(own.clone())?;
-        Ok((Some(variant.name.clone()), own))
-    };
-    let named = |variant: &Variant| {
-        run(variant).map_err(|e: RecipeError| RecipeError::Value(format!("variant '{}': {e}", variant.name)))
-    };
-    recipe.variants.iter().map(named).collect()
+        let questions = Questions::of(&recipe.evaluation)?;
+        for stage in recipe.results() {
+            let model = &models[stage.name.as_str()];
+            if summary.results.is_empty() {
+                model.write(&folder.join("model.safetensors"))?;
+            }
+            self.require_memory_of_report(&model.scene.record)?;
+            let key = (&recipe.evaluation, shape, &model.scene.record, checksum(&model.state.parameters));
+            let name = summary::name(variant, &stage.name).replace(", ", "-");
+            let answers = cells.get(&name, &key, || {
+                questions.report(self.session, self.device, model, &stage_folder(folder, stage))
+            })?;
+            let parameters = shape.parameter_count();
+            summary.results.push(Outcome { stage: stage.name.clone(), parameters, answers });
+        }
+        Ok(summary)
+    }
+
+    /// Refuses the comparison of a scene's exact field with a learnt one where it would not fit.
+    fn require_memory_of_report(&self, record: &SceneRecord) -> Result<()> {
+        let threads = self.session.threads();
+        let needed = SectionPlan::memory_estimate(&record.grid, &record.tool, threads)
+            + 40 * record.grid.len() as u64 * threads as u64;
+        self.session
+            .require_memory(needed, || "the exact field beside the learnt one; use fewer --threads".into())
+    }
 }
 
-#[cfg(test)]
-mod tests;
+fn stage_folder(folder: &Path, stage: &Stage) -> PathBuf {
+    folder.join("stages").join(&stage.name)
+}
+
+/// A checksum of weights.
+fn checksum(weights: &[f32]) -> u32 {
+    let mut hasher = crc32fast::Hasher::new();
+    weights.iter().for_each(|weight| hasher.update(&weight.to_le_bytes()));
+    hasher.finalize()
+}
+
+/// Refuses a folder of another recipe; gives the file that says whose it is.
+fn require_own(out: &Path, text: &str) -> Result<PathBuf> {
+    let file = out.join("recipe.toml");
+    if !file.exists() {
+        return Ok(file);
+    }
+    let found = std::fs::read_to_string(&file)
+        .with_context(|| format!("cannot read {}; choose another --out", file.display()))?;
+    let mut lines = found.lines().zip(text.lines());
+    let (there, here) = lines.find(|(there, here)| there != here).unwrap_or_default();
+    ensure!(
+        found == text,
+        "{} is the folder of another recipe ({there} there, {here} here): choose another --out, or remove it",
+        out.display()
+    );
+    Ok(file)
+}

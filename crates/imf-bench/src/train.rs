@@ -3,13 +3,12 @@
 
 mod torch;
 
-use std::fmt::Write as _;
 use std::time::Instant;
 
 use anyhow::{Result, bail};
 use imf_cli::engine::Device;
 use imf_cli::interrupt::{self, Interrupted};
-use imf_cli::output::{prepare_folder, print, print_json, table, write_json, write_text};
+use imf_cli::output::prepare_folder;
 use imf_cli::session::Session;
 use imf_fields::recipe::TrainingPlan;
 use imf_fields::recipe::{Precision, TrainingState};
@@ -21,20 +20,24 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::arguments::TrainArguments;
-use crate::machine::Machine;
+use crate::document::Document;
+use crate::measurement::Machine;
 use torch::Torch;
 
 /// Which steps are measured.
-pub(crate) struct Asked<'a> {
+pub(crate) struct Steps<'a> {
     /// Neurons of every hidden layer.
     pub(crate) width: usize,
     pub(crate) precision: Precision,
     /// Samples of a step, one measurement each.
     pub(crate) batches: &'a [usize],
     /// Python with PyTorch, which is compared.
-    pub(crate) python: Option<&'a str>,
+    pub(crate) python: &'a str,
     pub(crate) rounds: Rounds,
 }
+
+/// Ways of PyTorch.
+const MODES: [&str; 2] = ["eager", "compiled"];
 
 /// Everything is measured by turns; the best of each counts.
 #[derive(Clone, Copy)]
@@ -78,46 +81,40 @@ pub(crate) struct Row {
 struct Rival {
     mode: &'static str,
     samples_per_second: Option<f64>,
-    /// Ours over theirs.
-    ratio: Option<f64>,
     failed: Option<String>,
 }
 
 pub(crate) fn run(session: &Session, arguments: &TrainArguments) -> Result<()> {
     prepare_folder(&arguments.out)?;
     let device = Device::open(&arguments.device.device, session)?;
-    let asked = Asked {
+    let steps = Steps {
         width: arguments.width,
         precision: arguments.precision,
         batches: &arguments.batch,
-        python: Some(&arguments.python),
+        python: &arguments.python,
         rounds: Rounds::default(),
     };
-    let report = measured(session, &device, &asked)?;
-    if let (Some(why), true) = (&report.failed, report.rows.is_empty()) {
-        if interrupt::requested() {
-            return Err(Interrupted("nothing was measured".into()).into());
-        }
-        bail!("{why}");
+    let report = measured(session, &device, &steps)?;
+    let mut document = Document::new("Training steps");
+    document.paragraph(report.machine.to_string());
+    report.describe(&mut document);
+    let mut kept = "nothing was measured".to_owned();
+    if !report.rows.is_empty() {
+        document.write(&arguments.out, "train", &report)?;
+        kept = format!("what was measured is in {}", arguments.out.display());
     }
-    write_json(&arguments.out.join("train.json"), &report)?;
-    let text = report.markdown()?;
-    write_text(&arguments.out.join("train.md"), &text)?;
-    let Some(why) = report.failed else {
-        return if session.json { print_json(&report) } else { print(&text) };
-    };
-    let kept = format!("what was measured before is in {}", arguments.out.display());
-    if interrupt::requested() {
-        return Err(Interrupted(kept).into());
+    match &report.failed {
+        None => document.show(session, &report),
+        Some(_) if interrupt::requested() => Err(Interrupted(kept).into()),
+        Some(why) => bail!("{why}; {kept}"),
     }
-    bail!("{why}; {kept}")
 }
 
 /// Measures the paper's network on a device, up to the first batch that fails or is not waited for.
-pub(crate) fn measured(session: &Session, device: &Device, asked: &Asked<'_>) -> Result<Report> {
-    let shape = SirenShape { width: asked.width, ..SirenShape::default() };
+pub(crate) fn measured(session: &Session, device: &Device, of: &Steps<'_>) -> Result<Report> {
+    let shape = SirenShape { width: of.width, ..SirenShape::default() };
     shape.check()?;
-    let plan = TrainingPlan { precision: asked.precision, ..TrainingPlan::default() };
+    let plan = TrainingPlan { precision: of.precision, ..TrainingPlan::default() };
     device.require_precision(plan.precision)?;
     let mut machine = Machine::new(session.threads());
     let mut ceiling = match device {
@@ -128,12 +125,12 @@ pub(crate) fn measured(session: &Session, device: &Device, asked: &Asked<'_>) ->
         Device::Gpu(gpu) if gpu.adapter().is_software() => {
             Err("PyTorch was not compared: this is a software device.".into())
         }
-        _ => Torch::start(session, asked, ceiling.torch_device())
+        _ => Torch::start(session, of, ceiling.torch_device())
             .unwrap_or_else(|error| Err(format!("PyTorch was not compared: {error:#}"))),
     };
     let (mut rows, mut failed) = (Vec::new(), None);
     let mut engine_name = String::new();
-    for &batch in asked.batches {
+    for &batch in of.batches {
         let mut measured = || {
             let of_batch = (4 * (INPUTS as u64 + 1)).saturating_mul(batch as u64);
             let needed = device.training_memory(shape, batch, plan.precision)?.saturating_add(of_batch);
@@ -142,7 +139,7 @@ pub(crate) fn measured(session: &Session, device: &Device, asked: &Asked<'_>) ->
                 device.trainer(session.rank(), shape, &plan, batch, TrainingState::new(&shape, 1))?;
             engine_name = engine.describe();
             session.note(&format!("batch {batch}: {engine_name}"));
-            row(shape, batch, engine.as_mut(), &mut ceiling, &mut torch, asked.rounds)
+            row(shape, batch, engine.as_mut(), &mut ceiling, &mut torch, of.rounds)
         };
         match measured() {
             Ok(row) => rows.push(row),
@@ -175,8 +172,7 @@ fn row(
     let flops = 3 * shape.forward_flops() - 2 * INPUTS * shape.layers()[0].outputs;
     let (inputs, targets) = (ramp(batch * INPUTS), ramp(batch));
     let (mut ours, mut top) = (0.0f64, 0.0f64);
-    let mut rivals =
-        ["eager", "compiled"].map(|mode| Rival { mode, samples_per_second: None, ratio: None, failed: None });
+    let mut rivals = MODES.map(|mode| Rival { mode, samples_per_second: None, failed: None });
     for _ in 0..rounds.count {
         if interrupt::requested() {
             bail!("interrupted");
@@ -208,9 +204,6 @@ fn row(
             }
         }
     }
-    for rival in &mut rivals {
-        rival.ratio = rival.samples_per_second.map(|theirs| ours / theirs);
-    }
     let gflops = ours * flops as f64 * 1e-9;
     Ok(Row {
         batch,
@@ -223,60 +216,43 @@ fn row(
 }
 
 impl Report {
-    fn markdown(&self) -> Result<String> {
-        Ok(format!("{}\n\n{}", self.machine, self.found()?))
-    }
-
-    /// What is measured and what was found, in text.
-    pub(crate) fn found(&self) -> Result<String> {
-        let Self { network, engine, torch, rows, failed, .. } = self;
-        let mut text = format!("{network} · {engine}\n{torch}\n\n");
+    /// What is measured and what was found.
+    pub(crate) fn describe(&self, document: &mut Document) {
+        document.paragraph(format!("{} · {}\n{}", self.network, self.engine, self.torch));
         let head = [
             "batch",
             "samples/s",
             "GFLOP/s",
-            "share of the f32 peak",
+            "fraction of the f32 peak",
             "PyTorch eager",
             "ours over it",
             "compiled",
             "ours over it",
         ];
-        let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |v| format!("{v:.0}"));
-        let ratio = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |v| format!("{v:.2}"));
-        let cells: Vec<Vec<String>> = rows
-            .iter()
-            .map(|row| {
-                let share = format!("{:.0} % of {:.0}", 100.0 * row.share, row.peak_gflops);
-                let mut cells = vec![
-                    row.batch.to_string(),
-                    format!("{:.0}", row.samples_per_second),
-                    format!("{:.0}", row.gflops),
-                    share,
-                ];
-                for mode in ["eager", "compiled"] {
-                    let rival = row.rivals.iter().find(|rival| rival.mode == mode);
-                    cells.push(number(rival.and_then(|rival| rival.samples_per_second)));
-                    cells.push(ratio(rival.and_then(|rival| rival.ratio)));
+        let number = |value: Option<f64>, decimals: usize| {
+            value.map_or_else(|| "–".to_owned(), |value| format!("{value:.decimals$}"))
+        };
+        let mut failures = Vec::new();
+        let rows = self.rows.iter().map(|row| {
+            let mut cells = vec![
+                row.batch.to_string(),
+                format!("{:.0}", row.samples_per_second),
+                format!("{:.0}", row.gflops),
+                format!("{:.0} % of {:.0}", 100.0 * row.share, row.peak_gflops),
+            ];
+            for mode in MODES {
+                let rival = row.rivals.iter().find(|rival| rival.mode == mode);
+                let theirs = rival.and_then(|rival| rival.samples_per_second);
+                cells.push(number(theirs, 0));
+                cells.push(number(theirs.map(|theirs| row.samples_per_second / theirs), 2));
+                if let Some(why) = rival.and_then(|rival| rival.failed.as_ref()) {
+                    failures.push(format!("batch {}, {mode}: {why}", row.batch));
                 }
-                cells
-            })
-            .collect();
-        text += &table(&head, &cells);
-        for row in rows {
-            for rival in row.rivals.iter().filter(|rival| rival.failed.is_some()) {
-                writeln!(
-                    text,
-                    "batch {}, {}: {}",
-                    row.batch,
-                    rival.mode,
-                    rival.failed.as_deref().unwrap_or_default()
-                )?;
             }
-        }
-        if let Some(why) = failed {
-            writeln!(text, "{why}")?;
-        }
-        Ok(text)
+            cells
+        });
+        document.table(&head, rows.collect());
+        failures.iter().chain(&self.failed).for_each(|why| document.paragraph(why));
     }
 }
 

@@ -23,7 +23,7 @@
 //! to add, of which a GPU with three-operand logic needs half. An H200 does some 1.4e13 such operations and 7e12 loads
 //! from its first-level cache a second, so that by count a section takes 0.05 ms; the obstacle's bits (0.5 MB with
 //! their zeros, a tenth of it read) stay in that cache. Differences and sums, three times 3 MB a section, stay in the
-//! second level. **None of this has been measured on a hardware GPU yet**: `imf-bench exact --device gpu` does.
+//! second level. **None of this has been measured on a hardware GPU yet**: `imf-bench gpu --only sections` does.
 //!
 //! What one invocation does for one section is too little to fill a large GPU (4,408 tiles, 270,000 invocations), so
 //! up to 32 orientations go in one submission of three dispatches. A grid whose differences exceed what the adapter

@@ -53,15 +53,11 @@ pub(crate) fn fixed(p: DVec3) -> f64 {
     seat.min(lugs)
 }
 
-/// Sides of an element.
-pub(crate) fn sides() -> [f64; 3] {
-    [SIZE[0] / 2.0 / QUARTER[0] as f64, SIZE[1] / 2.0 / QUARTER[1] as f64, SIZE[2] / QUARTER[2] as f64]
-}
-
 /// The problem at a resolution that is `coarser` times lower along each axis (1, 2, 4 or 8).
 pub(crate) fn problem(coarser: usize) -> Problem {
     let lattice = Lattice { n: QUARTER.map(|n| n / coarser) };
-    let sides = sides().map(|side| side * coarser as f64);
+    let [x, y, z] = QUARTER.map(|n| n as f64);
+    let sides = [SIZE[0] / 2.0 / x, SIZE[1] / 2.0 / y, SIZE[2] / z].map(|side| side * coarser as f64);
     let at = |i: [f64; 3]| DVec3::new(i[0] * sides[0], i[1] * sides[1], i[2] * sides[2]);
     let [_, ny, nz] = lattice.n;
     let material = (0..lattice.elements()).map(|e| {

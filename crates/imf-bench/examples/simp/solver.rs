@@ -5,8 +5,6 @@
 //! Smoothing is damped Jacobi, the coarsest system is factorised. (Amir, Aage, Lazarov, On multigrid-CG for efficient topology
 //! optimization, 2014.)
 
-use std::fmt;
-
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::solvers::{Llt, Solve};
 use faer::matrix_free::conjugate_gradient::{CgParams, conjugate_gradient, conjugate_gradient_scratch};
@@ -33,6 +31,7 @@ pub(crate) enum SolveError {
 }
 
 /// All lattices' stiffness, finest first; the same for every load.
+#[derive(Debug)]
 pub(crate) struct Hierarchy {
     levels: Vec<Stiffness>,
     diagonals: Vec<Vec<f64>>,
@@ -87,6 +86,7 @@ fn injected(fine: Lattice, coarse: Lattice, values: &[f64]) -> Vec<f64> {
 }
 
 /// Solves for one set of held displacements.
+#[derive(Debug)]
 pub(crate) struct Solver<'a> {
     hierarchy: &'a Hierarchy,
     /// 1 where a displacement is free, 0 where it is held; by level.
@@ -94,12 +94,6 @@ pub(crate) struct Solver<'a> {
     /// The diagonal's inverse, 0 where held; by level.
     inverses: Vec<Vec<f64>>,
     coarsest: Llt<f64>,
-}
-
-impl fmt::Debug for Solver<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Solver").field("levels", &self.free.len()).finish_non_exhaustive()
-    }
 }
 
 impl Solver<'_> {

@@ -8,6 +8,7 @@ use crate::element::{Matrix, ROWS, corners, node};
 use crate::lattice::Lattice;
 
 /// Elements' matrices.
+#[derive(Debug)]
 enum Elements {
     /// One matrix times each element's factor, both kept.
     Scaled(Box<Matrix>, Vec<f64>),
@@ -16,6 +17,7 @@ enum Elements {
 }
 
 /// A stiffness, symmetric and positive semi-definite.
+#[derive(Debug)]
 pub(crate) struct Stiffness {
     pub(crate) lattice: Lattice,
     elements: Elements,

@@ -1,12 +1,11 @@
-//! What `imf-bench families` is asked.
+//! The arguments of `imf-bench families`.
 
 use std::path::PathBuf;
 
 use clap::Args;
 use imf_cli::arguments::DeviceArguments;
 use imf_cli::arguments::numbers::parse_threshold;
-
-use super::paper::PaperPart;
+use imf_core::parts::ReferencePart;
 
 /// Every family of fields side by side: errors, wrong decisions, time to make and to evaluate, memory
 #[derive(Args)]
@@ -16,11 +15,11 @@ use super::paper::PaperPart;
                         training. Writes families.md, families.json and a picture for each part. Which family when: \
                         docs/guide/families.md")]
 pub(crate) struct FamiliesArguments {
-    /// Parts; several with commas
-    #[arg(long, value_enum, value_delimiter = ',', default_value = "teapot", value_name = "PART")]
-    pub(crate) part: Vec<PaperPart>,
-    /// Resolution, as a share of the reference parts' own
-    #[arg(long, default_value_t = 0.5, value_name = "SHARE", value_parser = parse_scale)]
+    /// Parts (imf parts); several with commas
+    #[arg(long, value_delimiter = ',', default_value = "teapot", value_name = "PART")]
+    pub(crate) part: Vec<ReferencePart>,
+    /// Resolution, as a fraction of the reference parts' own
+    #[arg(long, default_value_t = 0.5, value_name = "FRACTION", value_parser = parse_scale)]
     pub(crate) scale: f64,
     /// Every family is made from N × N exact sections, but coarse tables, which take as many as serve their size best
     #[arg(long, default_value_t = 15, value_name = "N", value_parser = clap::value_parser!(u64).range(4..=64))]
@@ -40,7 +39,7 @@ pub(crate) struct FamiliesArguments {
     /// Steps of siren5's training
     #[arg(long, default_value_t = 12_000, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) siren_steps: u64,
-    /// Steps in which the factored field is taught
+    /// Steps in which the factored field is distilled
     #[arg(long, default_value_t = 1500, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) factored_steps: u64,
     /// Folder to write to
@@ -50,9 +49,16 @@ pub(crate) struct FamiliesArguments {
     pub(crate) device: DeviceArguments,
 }
 
+impl FamiliesArguments {
+    /// The sections that every family is made from.
+    pub(crate) fn sections(&self) -> usize {
+        (self.angles * self.angles) as usize
+    }
+}
+
 fn parse_scale(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(scale) if (0.05..=4.0).contains(&scale) => Ok(scale),
-        _ => Err("a share from 0.05 to 4, such as 0.5".into()),
+        _ => Err("a fraction from 0.05 to 4, such as 0.5".into()),
     }
 }

@@ -1,9 +1,10 @@
-//! What `imf-bench paper` is asked.
+//! The arguments of `imf-bench paper`.
 
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use imf_cli::arguments::DeviceArguments;
+use imf_core::parts::ReferencePart;
 use serde::Serialize;
 
 /// The paper's tables and figures, its values, ours and their ratio side by side
@@ -20,9 +21,9 @@ pub(crate) struct PaperArguments {
     /// Only these tables; several with commas
     #[arg(long, value_enum, value_delimiter = ',', value_name = "TABLE")]
     pub(crate) only: Vec<PaperTable>,
-    /// Only these parts of the tables 3d and time; several with commas
-    #[arg(long, value_enum, value_delimiter = ',', value_name = "PART")]
-    pub(crate) part: Vec<PaperPart>,
+    /// Only these parts of the tables 3d and time (teapot, bracket, screw-gear); several with commas
+    #[arg(long, value_delimiter = ',', value_name = "PART")]
+    pub(crate) part: Vec<ReferencePart>,
     /// Folder to write to
     #[arg(long, default_value = "imf-paper", value_name = "DIR")]
     pub(crate) out: PathBuf,
@@ -68,30 +69,4 @@ pub(crate) enum PaperTable {
     /// How large a network is enough
     #[serde(rename = "architecture")]
     Architecture,
-}
-
-/// A part of the tables.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum PaperPart {
-    /// The paper's own
-    Teapot,
-    /// Ours, in the style of the paper's
-    Bracket,
-    /// Ours, in the style of the paper's
-    ScrewGear,
-}
-
-impl PaperPart {
-    /// All, in the paper's order.
-    pub(crate) const ALL: [Self; 3] = [Self::Teapot, Self::Bracket, Self::ScrewGear];
-
-    /// The reference part's name.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Teapot => "teapot",
-            Self::Bracket => "bracket",
-            Self::ScrewGear => "screw-gear",
-        }
-    }
 }

@@ -1,4 +1,4 @@
-//! What `imf-bench recipe` is asked.
+//! The arguments of `imf-bench recipe`.
 
 use std::path::PathBuf;
 
@@ -37,8 +37,8 @@ pub(crate) struct ShowArguments {
                         imf-bench recipe run multi --scale 0.5 --set network.width=128 --set 'stage.*.training.batch=512' \
                         --out trial\n  imf-bench recipe run mine.toml --out mine\n\n\
                         Writes recipe.toml (what was run), datasets, stages, model.safetensors, recipe.md, recipe.json \
-                        and loss.png. After Ctrl-C or a crash the same command goes on, to the same weights. A changed recipe keeps the finished \
-                        stages of the folder whose settings are the same; it refuses to overwrite others.")]
+                        and loss.png. After Ctrl-C or a crash the same command goes on, to the same weights. Another recipe, or \
+                        a changed one, needs another folder.")]
 pub(crate) struct RunArguments {
     /// A built-in recipe (imf-bench recipe list) or a file
     pub(crate) recipe: String,
@@ -66,9 +66,6 @@ pub(crate) struct RunArguments {
     /// Also write loss, rate, held-out error and speed of every stage to log.jsonl in its folder, a JSON object a line
     #[arg(long)]
     pub(crate) log: bool,
-    /// Also write event files for TensorBoard, to the folder tensorboard in every stage's folder
-    #[arg(long)]
-    pub(crate) tensorboard: bool,
     #[command(flatten)]
     pub(crate) device: DeviceArguments,
 }

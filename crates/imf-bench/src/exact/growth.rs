@@ -1,8 +1,5 @@
 //! How time and memory grow with the grid, the tool and the number of orientations.
 
-use std::fmt;
-use std::time::Instant;
-
 use anyhow::Result;
 use imf_cli::picture::{AxisScale, Chart, Series};
 use imf_cli::session::{Session, show_bytes};
@@ -14,7 +11,8 @@ use imf_core::tool::Tool;
 use serde::Serialize;
 
 use crate::arguments::ExactArguments;
-use crate::machine::{peak_memory, reset_peak_memory};
+use crate::document::Document;
+use crate::measurement::{peak_memory, reset_peak_memory, seconds};
 
 /// Voxels along each side of the grid.
 const SIDES: [usize; 8] = [32, 64, 96, 128, 192, 256, 320, 384];
@@ -97,9 +95,7 @@ pub(super) fn measure(session: &Session, arguments: &ExactArguments) -> Result<G
         session.note(&format!("IMF over {count} orientations"));
         let orientations = OrientationSet::parse(&format!("fibonacci:{count}"))?.orientations;
         reset_peak_memory();
-        let start = Instant::now();
-        imf(&plan, &orientations, session.control(&|_| {}))?;
-        let seconds = start.elapsed().as_secs_f64();
+        let (seconds, _) = seconds(|| Ok(imf(&plan, &orientations, session.control(&|_| {}))?))?;
         growth.streams.push(Stream { orientations: count, seconds, peak_bytes: peak_memory() });
     }
     Ok(growth)
@@ -107,10 +103,10 @@ pub(super) fn measure(session: &Session, arguments: &ExactArguments) -> Result<G
 
 /// Seconds a section on all threads, from as many sections as the budget allows and at least one a thread.
 fn time_sections(session: &Session, plan: &SectionPlan, orientations: &[Orientation]) -> Result<f64> {
+    let control = session.control(&|_| {});
     let run = |orientations: &[Orientation]| -> Result<f64> {
-        let start = Instant::now();
-        stream_sections(plan, orientations, session.control(&|_| {}), || (), |(), _, _| {})?;
-        Ok(start.elapsed().as_secs_f64() / orientations.len() as f64)
+        let (time, _) = seconds(|| Ok(stream_sections(plan, orientations, control, || (), |(), _, _| {})?))?;
+        Ok(time / orientations.len() as f64)
     };
     // Directions far apart, so that few of them stand for all.
     let spread = |count: usize| -> Vec<Orientation> {
@@ -129,46 +125,21 @@ impl Growth {
     /// Pictures by the names of their files: time and memory against the side of the grid and against the number of
     /// orientations.
     pub(super) fn charts(&self) -> [(&'static str, Chart); 4] {
-        let seconds = |size: &Size| Some(size.seconds_per_section);
-        let memory = |size: &Size| size.peak_bytes.map(mebibytes);
-        let side = "voxels along each side of the grid";
-        let count = "orientations";
+        let (side, count) = ("voxels along each side of the grid", "orientations");
+        let peak = "peak memory, MiB";
+        let times = self.by_side(|size| Some(size.seconds_per_section));
+        let times = with_line(times, 128.0, "n³ log n", |n| n.powi(3) * n.log2());
+        let memory =
+            with_line(self.by_side(|size| size.peak_bytes.map(mebibytes)), 384.0, "n³", |n| n.powi(3));
+        let imf_times = with_line(self.by_count(|s| Some(s.seconds)), 1e3, "proportional", |n| n);
+        let imf_memory = self.by_count(|s| s.peak_bytes.map(mebibytes));
         [
-            (
-                "growth.png",
-                chart(
-                    "Exact sections as the grid grows",
-                    side,
-                    "seconds a section",
-                    with_line(self.by_side(seconds), 128.0, "n³ log n", |n| n.powi(3) * n.log2()),
-                ),
-            ),
-            (
-                "growth-memory.png",
-                chart(
-                    "Peak memory as the grid grows",
-                    side,
-                    "peak memory, MiB",
-                    with_line(self.by_side(memory), 384.0, "n³", |n| n.powi(3)),
-                ),
-            ),
-            (
-                "orientations.png",
-                chart(
-                    "The IMF as orientations grow",
-                    count,
-                    "seconds",
-                    with_line(vec![self.by_count("IMF", |s| Some(s.seconds))], 1e3, "proportional", |n| n),
-                ),
-            ),
+            ("growth.png", chart("Exact sections as the grid grows", side, "seconds a section", times)),
+            ("growth-memory.png", chart("Peak memory as the grid grows", side, peak, memory)),
+            ("orientations.png", chart("The IMF as orientations grow", count, "seconds", imf_times)),
             (
                 "orientations-memory.png",
-                chart(
-                    "Peak memory of the IMF as orientations grow",
-                    count,
-                    "peak memory, MiB",
-                    vec![self.by_count("IMF", |s| s.peak_bytes.map(mebibytes))],
-                ),
+                chart("Peak memory of the IMF as orientations grow", count, peak, imf_memory),
             ),
         ]
     }
@@ -189,9 +160,35 @@ impl Growth {
     }
 
     /// A quantity against the number of orientations.
-    fn by_count(&self, name: &str, value: impl Fn(&Stream) -> Option<f64>) -> Series {
+    fn by_count(&self, value: impl Fn(&Stream) -> Option<f64>) -> Vec<Series> {
         let points = self.streams.iter().filter_map(|s| Some((s.orientations as f64, value(s)?))).collect();
-        Series { name: name.into(), points, markers: true }
+        vec![Series { name: "IMF".into(), points, markers: true }]
+    }
+
+    pub(super) fn describe(&self, document: &mut Document) {
+        let bytes = |peak: Option<u64>| peak.map_or("unknown".into(), show_bytes);
+        document.paragraph(format!("As the grid grows ({} on n³ voxels):", self.part));
+        let rows = self.sizes.iter().map(|size| {
+            vec![
+                size.side.to_string(),
+                if size.scaled { "scaled" } else { "29×29×83" }.into(),
+                format!("{:.2}", 1.0 / size.seconds_per_section),
+                bytes(size.peak_bytes),
+                size.method.clone(),
+            ]
+        });
+        document.table(&["n", "tool", "sections/s", "peak memory", "by"], rows.collect());
+        let [x, y, z] = self.stream_dims;
+        document.paragraph(format!("IMF of the {} at {x}×{y}×{z} as orientations grow:", self.part));
+        let rows = self.streams.iter().map(|stream| {
+            vec![
+                stream.orientations.to_string(),
+                format!("{:.2}", stream.seconds),
+                format!("{:.0}", stream.orientations as f64 / stream.seconds),
+                bytes(stream.peak_bytes),
+            ]
+        });
+        document.table(&["orientations", "seconds", "sections/s", "peak memory"], rows.collect());
     }
 }
 
@@ -220,40 +217,4 @@ fn with_line(mut series: Vec<Series>, at: f64, name: &str, growth: impl Fn(f64) 
 
 fn mebibytes(bytes: u64) -> f64 {
     bytes as f64 / f64::from(1 << 20)
-}
-
-fn bytes(peak: Option<u64>) -> String {
-    peak.map_or("unknown".into(), show_bytes)
-}
-
-impl fmt::Display for Growth {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "As the grid grows ({} on n³ voxels):\n", self.part)?;
-        writeln!(f, "| n | tool | sections/s | peak memory | by |\n| --- | --- | --- | --- | --- |")?;
-        for size in &self.sizes {
-            writeln!(
-                f,
-                "| {} | {} | {:.2} | {} | {} |",
-                size.side,
-                if size.scaled { "scaled" } else { "29×29×83" },
-                1.0 / size.seconds_per_section,
-                bytes(size.peak_bytes),
-                size.method
-            )?;
-        }
-        let [x, y, z] = self.stream_dims;
-        writeln!(f, "\nIMF of the {} at {x}×{y}×{z} as orientations grow:\n", self.part)?;
-        writeln!(f, "| orientations | seconds | sections/s | peak memory |\n| --- | --- | --- | --- |")?;
-        for stream in &self.streams {
-            writeln!(
-                f,
-                "| {} | {:.2} | {:.0} | {} |",
-                stream.orientations,
-                stream.seconds,
-                stream.orientations as f64 / stream.seconds,
-                bytes(stream.peak_bytes)
-            )?;
-        }
-        Ok(())
-    }
 }

@@ -1,6 +1,5 @@
 //! scipy's real FFTs on the very same voxels, where Python has it.
 
-use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context, Result};
@@ -11,11 +10,10 @@ use serde::Deserialize;
 
 use super::{Rival, Trial};
 use crate::arguments::ExactArguments;
-use crate::python::lacks;
+use crate::rivals;
 
 const SCRIPT: &str = include_str!("../../python/exact_scipy.py");
-const REQUIREMENTS: &str =
-    "python3 -m pip install numpy==2.4.6 scipy==1.17.1 (crates/imf-bench/python/requirements.txt)";
+const REQUIREMENTS: &str = "Install: python3 -m pip install -r crates/imf-bench/python/requirements.txt, or name another by --python";
 
 #[derive(Deserialize)]
 struct Answer {
@@ -32,29 +30,9 @@ pub(super) fn measure(
     trial: &Trial,
     ours: f64,
 ) -> Result<Result<Rival, String>> {
-    let python = &arguments.python;
-    if let Some(why) = lacks(python, "import numpy, scipy.fft", REQUIREMENTS) {
-        return Ok(Err(format!("scipy was not compared: {why}")));
-    }
-    let folder = arguments.out.join("scipy-voxels");
-    std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
-    let answer = run(python, &folder, session.threads(), trial);
-    // Megabytes that nobody wants to keep, whatever became of the run.
-    let _ = std::fs::remove_dir_all(&folder);
-    let answer = answer?;
-    let each = answer.seconds.iter().sum::<f64>() / answer.seconds.len().max(1) as f64;
-    let [x, y, z] = answer.size;
-    Ok(Ok(Rival {
-        name: "scipy".into(),
-        sections: answer.seconds.len(),
-        milliseconds_per_section: each * 1e3,
-        ratio: each / ours,
-        equal: Some(answer.equal),
-        how: format!("rfftn/irfftn f32, {x}×{y}×{z}, workers={}, {}", session.threads(), answer.versions),
-    }))
-}
-
-fn run(python: &str, folder: &Path, workers: usize, trial: &Trial) -> Result<Answer> {
+    // Megabytes that nobody wants to keep, whatever becomes of the run.
+    let folder = tempfile::tempdir_in(&arguments.out).context("cannot make a temporary folder")?;
+    let folder = folder.path();
     let array = |dims: [usize; 3], solid: &[u8], name: &str| -> Result<()> {
         Ok(write_npy(folder.join(name), dims, solid)?)
     };
@@ -65,19 +43,20 @@ fn run(python: &str, folder: &Path, workers: usize, trial: &Trial) -> Result<Ans
         write_npy(folder.join(format!("counts_{index}.npy")), dims, counts.as_slice())?;
     }
     let lower: Vec<[i32; 3]> = trial.tools.iter().map(|tool| tool.lower).collect();
+    let workers = session.threads();
     let scene = serde_json::json!({ "lower": lower, "reach": trial.reach, "workers": workers });
     write_json(&folder.join("scene.json"), &scene)?;
-    let script = folder.join("exact_scipy.py");
-    std::fs::write(&script, SCRIPT)?;
-    let output = Command::new(python)
-        .arg(&script)
-        .arg(folder)
-        .output()
-        .with_context(|| format!("cannot start {python}"))?;
-    anyhow::ensure!(
-        output.status.success(),
-        "the comparison with scipy failed: {}",
-        String::from_utf8_lossy(&output.stderr).trim()
-    );
-    serde_json::from_slice(&output.stdout).context("the comparison with scipy answered no JSON")
+    let mut command = Command::new(&arguments.python);
+    let answer = rivals::ask("scipy", command.args(["-c", SCRIPT]).arg(folder), REQUIREMENTS);
+    Ok(answer.map(|Answer { seconds, equal, size: [x, y, z], versions }| {
+        let each = seconds.iter().sum::<f64>() / seconds.len().max(1) as f64;
+        Rival {
+            name: "scipy".into(),
+            sections: seconds.len(),
+            milliseconds_per_section: each * 1e3,
+            ratio: each / ours,
+            equal: Some(equal),
+            how: format!("rfftn/irfftn f32, {x}×{y}×{z}, workers={workers}, {versions}"),
+        }
+    }))
 }

@@ -1,19 +1,18 @@
-//! The comparison as text, Markdown, JSON and bars.
+//! The comparison as a document, as JSON and as bars.
 
-use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::Result;
-use imf_cli::output::{table, write_json, write_text};
 use imf_cli::picture::{Bar, BarChart};
 use imf_cli::progress::show_seconds;
-use imf_cli::session::show_bytes;
+use imf_cli::session::{Session, show_bytes};
 use imf_fields::metrics::ErrorReport;
 use serde::Serialize;
 
-use super::judge::{ALLOWED, Verdict};
+use super::truth::{ALLOWED, Verdict};
 use crate::arguments::families::FamiliesArguments;
-use crate::machine::Machine;
+use crate::document::Document;
+use crate::measurement::Machine;
 
 const HEAD: [&str; 11] = [
     "family",
@@ -53,8 +52,6 @@ pub(super) struct Row {
 #[derive(Debug, Serialize)]
 pub(super) struct Comparison {
     pub(super) part: &'static str,
-    /// True where the part is not the paper's but ours in its style.
-    pub(super) ours: bool,
     pub(super) dims: [usize; 3],
     /// Exact sections that every family is made from, but coarse tables.
     pub(super) sections: usize,
@@ -84,49 +81,26 @@ impl Report {
         }
     }
 
-    /// Writes `families.json`, `families.md` and a picture for each part.
-    pub(super) fn write(&self, out: &Path) -> Result<()> {
+    /// Writes `families.json`, `families.md` and a picture for each part, and shows what it wrote.
+    pub(super) fn write(&self, session: &Session, out: &Path) -> Result<()> {
+        let mut document = Document::new("Families of fields");
+        document.paragraph(self.machine.to_string());
+        document.paragraph(self.reading());
         for comparison in &self.comparisons {
-            comparison.bars(self.random).save(&out.join(format!("{}.png", comparison.part)))?;
+            let picture = format!("{}.png", comparison.part);
+            comparison.bars(self.random).save(&out.join(&picture))?;
+            document.section(&comparison.title());
+            document.table(&HEAD, comparison.cells());
+            document.list(comparison.rows.iter().map(|row| format!("{}: {}", row.name, row.how)).collect());
+            document.picture(&picture, &format!("Errors of {}", comparison.part));
         }
-        write_json(&out.join("families.json"), self)?;
-        write_text(&out.join("families.md"), &self.markdown())
-    }
-
-    /// For a terminal.
-    pub(super) fn text(&self) -> String {
-        let mut text = String::new();
-        for comparison in &self.comparisons {
-            let _ = writeln!(text, "\n{}\n", comparison.title());
-            text.push_str(&table(&HEAD, &comparison.cells()));
-            for row in &comparison.rows {
-                let _ = writeln!(text, "  {}: {}", row.name, row.how);
-            }
-        }
-        let _ = writeln!(text, "\n{}", self.reading());
-        text
-    }
-
-    fn markdown(&self) -> String {
-        let mut text = format!("# Families of fields\n\n{}\n\n{}\n", self.machine, self.reading());
-        for comparison in &self.comparisons {
-            let _ = writeln!(text, "\n## {}\n", comparison.title());
-            let _ = writeln!(text, "| {} |\n|{}", HEAD.join(" | "), " --- |".repeat(HEAD.len()));
-            for cells in comparison.cells() {
-                let _ = writeln!(text, "| {} |", cells.join(" | "));
-            }
-            text.push('\n');
-            for row in &comparison.rows {
-                let _ = writeln!(text, "- {}: {}", row.name, row.how);
-            }
-            let _ = writeln!(text, "\n![Errors of {0}]({0}.png)", comparison.part);
-        }
-        text
+        document.write(out, "families", self)?;
+        document.show(session, self)
     }
 
     fn reading(&self) -> String {
         format!(
-            "MSE and MPE (largest error), in shares of the tool's volume, over all positions and {} random directions that \
+            "MSE and MPE (largest error), in fractions of the tool's volume, over all positions and {} random directions that \
              nothing was made from. Wrong decisions are of the poses within {} voxel(s) of where free turns to colliding, \
              with everything above {} called colliding: colliding poses called free, free ones called colliding, and the \
              overlap of both obstacles (IoU). Colliding if safe: free poses there that are called colliding once the threshold \
@@ -143,7 +117,7 @@ impl Report {
 impl Comparison {
     fn title(&self) -> String {
         let [x, y, z] = self.dims;
-        let ours = if self.ours { " (our part)" } else { "" };
+        let ours = if self.part == "teapot" { "" } else { " (our part)" };
         format!("{}{ours}, {x}×{y}×{z} voxels, made from {} exact sections", self.part, self.sections)
     }
 

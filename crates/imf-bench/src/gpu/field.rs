@@ -1,16 +1,10 @@
-//! A factored field of the scene, taught on the GPU and on the CPU, and the harmonic field that teaches it; their minima at every voxel,
-//! the first one's errors at random orientations, its sections and its answers to random poses, by both.
-
-use std::sync::Arc;
-use std::time::Instant;
+//! A factored field of the scene, distilled on the GPU and on the CPU, and the harmonic field that it is distilled from; their minima
+//! at every voxel, the first one's errors at random orientations, its sections and its values at random poses, by both.
 
 use anyhow::{Result, ensure};
 use imf_cli::arguments::harmonic::DEFAULT_SECTIONS;
-use imf_cli::commands::compress::{self, Beginning, Extent, Lesson, Settings, Teacher};
-use imf_cli::commands::field::harmonic;
 use imf_cli::engine::Device;
 use imf_cli::interrupt;
-use imf_cli::output::table;
 use imf_cli::session::Session;
 use imf_core::control::Control;
 use imf_core::field::{Gradient, GridField, PoseField};
@@ -19,12 +13,10 @@ use imf_core::pose::Pose;
 use imf_core::scene::Scene;
 use imf_core::section::{At, SectionPlan, sections};
 use imf_fields::factored::DistillSettings;
-use imf_fields::factored::file::FactoredFile;
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
-use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::metrics::{ErrorReport, Errors};
 use imf_fields::recipe::Length;
 use imf_gpu::{Gpu, GpuField};
@@ -33,12 +25,14 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::Part;
-use crate::machine::timed;
+use crate::candidates::{distilled, fitted, symmetric};
+use crate::document::Document;
+use crate::measurement::{better_seconds, seconds};
 use crate::query::random_poses;
 
 /// How much is measured.
 pub(super) struct Sizes {
-    /// Of the harmonic field that teaches.
+    /// Of the harmonic field.
     pub(super) degree: usize,
     /// Neurons of a hidden layer.
     pub(super) width: usize,
@@ -68,33 +62,46 @@ pub(super) fn measured(
     sizes: &Sizes,
     part: &mut Part,
 ) -> Result<()> {
-    let plan = SectionPlan::of_scene(scene, At::Tip)?;
-    let (teacher, settings, fitted) = taught_by(session, scene, &plan, sizes)?;
-    let [x, y, z] = plan.grid().dims;
-    let teacher_told = format!(
-        "Teapot {x}×{y}×{z}; the harmonic field of degree {} that teaches took {fitted:.2} s on the CPU. Errors are at {} random \
-         orientations.",
+    let (grid, plan) = (scene.record.grid, SectionPlan::of_scene(scene, At::Tip)?);
+    let fit = FitSettings {
+        degree: sizes.degree,
+        axes: usize::MAX,
+        precision: Precision::F32,
+        sections_per_function: DEFAULT_SECTIONS,
+        ..FitSettings::default()
+    };
+    let needed = fit.memory(Domain::Directions, grid.len()).0;
+    session.require_memory(needed, || format!("a harmonic field; {SMALLER}"))?;
+    let (time, harmonic) = seconds(|| fitted(session, scene, &plan, fit))?;
+    let settings =
+        DistillSettings { width: sizes.width, ..DistillSettings::of_length(Length::Steps(sizes.steps)) };
+    let settings = symmetric(&harmonic, settings);
+    let [x, y, z] = grid.dims;
+    let about = format!(
+        "Teapot {x}×{y}×{z}; the harmonic field of degree {} took {time:.2} s on the CPU. Errors are at {} random orientations.",
         sizes.degree, sizes.random
     );
-    let mut rows = Rows { part, teacher: teacher_told, judged: Vec::new(), rows: Vec::new() };
-    let (file, seconds) = taught(session, &Device::Gpu(gpu.clone()), &teacher, settings)?;
-    let what = format!("{} steps of {}", sizes.steps, file.field.shape);
-    let (of_cpu, cpu_seconds) = taught(session, &Device::Cpu, &teacher, settings)?;
-    rows.add(&what, seconds, cpu_seconds, None)?;
+    let mut rows = Rows { part, about, judged: Vec::new(), rows: Vec::new() };
+    let (gpu_time, by_gpu) = seconds(|| distilled(session, &Device::Gpu(gpu.clone()), &harmonic, settings))?;
+    let (cpu_time, by_cpu) = seconds(|| distilled(session, &Device::Cpu, &harmonic, settings))?;
+    rows.add(&format!("{} steps of {}", sizes.steps, by_gpu.field.shape), gpu_time, cpu_time, None)?;
     let sets = sizes.minima.iter().map(|set| Ok((*set, OrientationSet::parse(set)?.orientations)));
     let sets: Vec<(&str, Vec<Orientation>)> = sets.collect::<Result<_>>()?;
-    of_harmonic(gpu, teacher, &sets, &mut rows)?;
+    let on_device = GpuField::new(gpu, FieldFile::Harmonic(harmonic))?;
+    // The first call uploads.
+    let (time, _) = seconds(|| Ok(on_device.minimum(&sets[0].1[..1], Control::quiet())?))?;
+    rows.about += &format!(" Its coefficients went up in {time:.2} s.");
+    minima(&on_device, &sets, " by that harmonic field", &mut rows)?;
+    drop(on_device);
 
-    let grid = scene.record.grid;
     // The sections at random orientations, exact and of a field.
     let needed = grid.len() * 2 * size_of::<f32>() * sizes.random;
     session.require_memory(needed as u64, || format!("{} sections; {SMALLER}", sizes.random))?;
     let random = OrientationSet::parse(&format!("random:{}:1", sizes.random))?.orientations;
     let exact = sections(&plan, &random, session.control(&|_| {}))?;
     drop(plan);
-    let [on_device, of_cpu] =
-        [file, of_cpu].map(|file| GpuField::new(gpu, FieldFile::Factored(Box::new(file))));
-    let (on_device, of_cpu) = (on_device?, of_cpu?);
+    let on_gpu = |file| GpuField::new(gpu, FieldFile::Factored(Box::new(file)));
+    let (on_device, of_cpu) = (on_gpu(by_gpu)?, on_gpu(by_cpu)?);
     for (by, field) in [("GPU", &on_device), ("CPU", &of_cpu)] {
         rows.judge(by, errors(field, &random, &exact)?);
     }
@@ -102,55 +109,42 @@ pub(super) fn measured(
 
     let few = &random[..COMPARED.min(random.len())];
     let [mut found, mut twin] = [0; 2].map(|_| vec![0.0; grid.len() * few.len()]);
-    let (seconds, ()) = timed(|| Ok(on_device.sections(few, &mut found)?))?;
-    let (cpu, ()) = timed(|| Ok(on_device.twin().sections(few, &mut twin)?))?;
-    rows.add(&format!("{} sections, read back", few.len()), seconds, cpu, Some(largest(&found, &twin)?))?;
-    for (set, orientations) in &sets {
-        let (seconds, least) = timed(|| Ok(on_device.minimum(orientations, Control::quiet())?))?;
-        let (cpu, twin) = timed(|| Ok(on_device.twin().minimum(orientations, Control::quiet())?))?;
-        rows.add(&format!("IMF over {set}"), seconds, cpu, Some(largest(&least.value, &twin.value)?))?;
-    }
-
+    let (gpu_time, ()) = better_seconds(|| Ok(on_device.sections(few, &mut found)?))?;
+    let (cpu_time, ()) = better_seconds(|| Ok(on_device.twin().sections(few, &mut twin)?))?;
+    let difference = Some(largest(&found, &twin)?);
+    rows.add(&format!("{} sections, read back", few.len()), gpu_time, cpu_time, difference)?;
+    minima(&on_device, &sets, "", &mut rows)?;
     let poses = random_poses(&grid, sizes.poses, 1)?;
-    asked(&on_device, &poses, &mut rows)
+    at_poses(&on_device, &poses, &mut rows)
 }
 
-/// Minima of the harmonic field, whose coefficients stay on the device.
-fn of_harmonic(
-    gpu: &Gpu,
-    teacher: HarmonicFile,
-    sets: &[(&str, Vec<Orientation>)],
-    rows: &mut Rows<'_>,
-) -> Result<()> {
-    let on_device = GpuField::new(gpu, FieldFile::Harmonic(Arc::new(teacher)))?;
-    let begun = Instant::now();
-    // The first call uploads.
-    on_device.minimum(&sets[0].1[..1], Control::quiet())?;
-    rows.teacher += &format!(" Its coefficients went up in {:.2} s.", begun.elapsed().as_secs_f64());
+/// Minima at every voxel.
+fn minima(field: &GpuField, sets: &[(&str, Vec<Orientation>)], by: &str, rows: &mut Rows<'_>) -> Result<()> {
     for (set, orientations) in sets {
-        let (seconds, least) = timed(|| Ok(on_device.minimum(orientations, Control::quiet())?))?;
-        let (cpu, twin) = timed(|| Ok(on_device.twin().minimum(orientations, Control::quiet())?))?;
-        let difference = largest(&least.value, &twin.value)?;
-        rows.add(&format!("IMF over {set} by that harmonic field"), seconds, cpu, Some(difference))?;
+        let (gpu_time, found) = better_seconds(|| Ok(field.minimum(orientations, Control::quiet())?))?;
+        let (cpu_time, twin) =
+            better_seconds(|| Ok(field.twin().minimum(orientations, Control::quiet())?))?;
+        let difference = Some(largest(&found.value, &twin.value)?);
+        rows.add(&format!("IMF over {set}{by}"), gpu_time, cpu_time, difference)?;
     }
     Ok(())
 }
 
 /// Random poses, values and gradients.
-fn asked(field: &GpuField, poses: &[Pose], rows: &mut Rows<'_>) -> Result<()> {
+fn at_poses(field: &GpuField, poses: &[Pose], rows: &mut Rows<'_>) -> Result<()> {
     // The first call compiles and uploads.
     field.values(&poses[..1], &mut [0.0])?;
     let (mut found, mut twin) = (vec![0.0; poses.len()], vec![0.0; poses.len()]);
-    let (seconds, ()) = timed(|| Ok(field.values(poses, &mut found)?))?;
-    let (cpu, ()) = timed(|| {
+    let (gpu_time, ()) = better_seconds(|| Ok(field.values(poses, &mut found)?))?;
+    let (cpu_time, ()) = better_seconds(|| {
         let parts = poses.par_chunks(POSES).zip(twin.par_chunks_mut(POSES));
         Ok(parts.try_for_each(|(poses, values)| field.twin().values(poses, values))?)
     })?;
-    rows.add(&format!("{} poses", poses.len()), seconds, cpu, Some(largest(&found, &twin)?))?;
+    rows.add(&format!("{} poses", poses.len()), gpu_time, cpu_time, Some(largest(&found, &twin)?))?;
 
     let (mut found, mut twin) = (vec![Gradient::NAN; poses.len()], vec![Gradient::NAN; poses.len()]);
-    let (seconds, ()) = timed(|| Ok(field.gradients(poses, &mut found)?))?;
-    let (cpu, ()) = timed(|| {
+    let (gpu_time, ()) = better_seconds(|| Ok(field.gradients(poses, &mut found)?))?;
+    let (cpu_time, ()) = better_seconds(|| {
         let parts = poses.par_chunks(POSES).zip(twin.par_chunks_mut(POSES));
         Ok(parts.try_for_each(|(poses, found)| field.twin().gradients(poses, found))?)
     })?;
@@ -160,53 +154,7 @@ fn asked(field: &GpuField, poses: &[Pose], rows: &mut Rows<'_>) -> Result<()> {
     let (slopes, expected) = (slopes(&found), slopes(&twin));
     let scale = expected.iter().fold(0.0f32, |most, slope| most.max(slope.abs()));
     let difference = largest(&slopes, &expected)? / scale;
-    rows.add(&format!("{} with gradients", poses.len()), seconds, cpu, Some(difference))
-}
-
-/// The harmonic field that teaches, how, and the seconds that it took.
-fn taught_by(
-    session: &Session,
-    scene: &Scene,
-    plan: &SectionPlan,
-    sizes: &Sizes,
-) -> Result<(HarmonicFile, Settings, f64)> {
-    let fit = FitSettings {
-        degree: sizes.degree,
-        axes: usize::MAX,
-        precision: Precision::F32,
-        sections_per_function: DEFAULT_SECTIONS,
-        ..FitSettings::default()
-    };
-    let mut settings = Settings {
-        teach: DistillSettings {
-            width: sizes.width,
-            ..DistillSettings::of_length(Length::Steps(sizes.steps))
-        },
-        precision: Precision::F32,
-        checkpoint_every: f64::INFINITY,
-        go_on: "the field starts over",
-        smaller: SMALLER,
-    };
-    Extent::of_field(fit, Domain::Directions, scene.record.grid.len()).require(session, &settings)?;
-    let begun = Instant::now();
-    let teacher = harmonic::fitted(session, scene, plan, Domain::Directions, fit, SMALLER)?;
-    settings.teach.symmetry = compress::symmetry_of(session, &teacher);
-    Ok((teacher, settings, begun.elapsed().as_secs_f64()))
-}
-
-/// A field that a device was taught, and the seconds of that.
-fn taught(
-    session: &Session,
-    device: &Device,
-    teacher: &HarmonicFile,
-    settings: Settings,
-) -> Result<(FactoredFile, f64)> {
-    let folder = tempfile::tempdir()?;
-    let beginning = Beginning::at(folder.path(), false)?;
-    let begun = Instant::now();
-    let lesson = Lesson { teacher: Teacher::Harmonic(teacher), settings, beginning: &beginning };
-    let (file, _) = lesson.taught(session, device, None)?;
-    Ok((file, begun.elapsed().as_secs_f64()))
+    rows.add(&format!("{} with gradients", poses.len()), gpu_time, cpu_time, Some(difference))
 }
 
 /// A field's errors, evaluated on the GPU.
@@ -238,25 +186,25 @@ struct Row {
     largest_difference: Option<f32>,
 }
 
-/// What a field that one of them was taught errs by.
+/// Errors of a field that one of them distilled.
 #[derive(Serialize)]
-struct Judged {
-    taught_on: &'static str,
+struct DistilledErrors {
+    by: &'static str,
     errors: ErrorReport,
 }
 
 /// What was found, which the part has after every row.
 struct Rows<'a> {
     part: &'a mut Part,
-    teacher: String,
-    judged: Vec<Judged>,
+    about: String,
+    judged: Vec<DistilledErrors>,
     rows: Vec<Row>,
 }
 
 impl Rows<'_> {
-    fn judge(&mut self, taught_on: &'static str, errors: ErrorReport) {
-        self.judged.push(Judged { taught_on, errors });
-        self.tell();
+    fn judge(&mut self, by: &'static str, errors: ErrorReport) {
+        self.judged.push(DistilledErrors { by, errors });
+        self.update();
     }
 
     /// A row; refuses values that are not the CPU's.
@@ -267,36 +215,30 @@ impl Rows<'_> {
             cpu_seconds: cpu,
             largest_difference: difference,
         });
-        self.tell();
+        self.update();
         let most = difference.unwrap_or(0.0);
         ensure!(most <= TOLERANCE, "{what}: values of the GPU and of the CPU are {most:.1e} apart");
         ensure!(!interrupt::requested(), "interrupted");
         Ok(())
     }
 
-    fn tell(&mut self) {
-        let Self { part, teacher, judged, rows } = self;
-        part.text = format!("{teacher}\n");
-        for Judged { taught_on, errors } in &*judged {
-            let ErrorReport { mse, mpe, .. } = errors;
-            part.text += &format!("Taught on the {taught_on}: MSE {mse:.2e}, MPE {mpe:.4}.\n");
+    fn update(&mut self) {
+        let Self { part, about, judged, rows } = self;
+        let mut document = Document::default();
+        document.paragraph(about.as_str());
+        for DistilledErrors { by, errors: ErrorReport { mse, mpe, .. } } in &*judged {
+            document.paragraph(format!("Distilled on the {by}: MSE {mse:.2e}, MPE {mpe:.4}."));
         }
-        let cells: Vec<Vec<String>> = rows
-            .iter()
-            .map(|row| {
-                let Row { what, gpu_seconds: gpu, cpu_seconds: cpu, largest_difference } = row;
-                let difference = largest_difference.map_or("–".to_owned(), |most| format!("{most:.1e}"));
-                vec![
-                    what.clone(),
-                    format!("{gpu:.4}"),
-                    format!("{cpu:.4}"),
-                    format!("{:.2}", cpu / gpu),
-                    difference,
-                ]
-            })
-            .collect();
+        let cells = rows.iter().map(|row| {
+            let Row { what, gpu_seconds: gpu, cpu_seconds: cpu, largest_difference } = row;
+            let difference = largest_difference.map_or("–".to_owned(), |most| format!("{most:.1e}"));
+            let times = [gpu, cpu].map(|time| format!("{time:.4}"));
+            let ratio = format!("{:.2}", cpu / gpu);
+            [what.clone()].into_iter().chain(times).chain([ratio, difference]).collect()
+        });
         let head = ["", "s on the GPU", "s on the CPU", "times as fast", "largest difference"];
-        part.text += &format!("\n{}", table(&head, &cells));
+        document.table(&head, cells.collect());
+        part.document = document;
         part.found = json!({ "judged": judged, "rows": rows });
     }
 }
@@ -315,10 +257,11 @@ mod tests {
         }
         assert!(largest(&[], &[1.0]).is_err());
         let mut part = Part::default();
-        let mut rows = Rows { part: &mut part, teacher: String::new(), judged: Vec::new(), rows: Vec::new() };
+        let mut rows = Rows { part: &mut part, about: String::new(), judged: Vec::new(), rows: Vec::new() };
         rows.add("fine", 1.0, 2.0, Some(1e-6)).unwrap();
         let refused = rows.add("apart", 1.0, 2.0, Some(f32::NAN)).unwrap_err().to_string();
         assert!(refused.contains("apart"), "{refused}");
-        assert!(part.text.contains("fine") && part.text.contains("apart"), "{}", part.text);
+        let text = part.document.markdown();
+        assert!(text.contains("fine") && text.contains("apart"), "{text}");
     }
 }

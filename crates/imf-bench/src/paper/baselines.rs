@@ -1,27 +1,19 @@
 //! What stands beside the paper's network: the nearest of the stored sections, linear interpolation between them, the
-//! harmonic field fitted to as many, and that taught to a small network of the point (the factored field).
+//! harmonic field fitted to as many, and the factored field that is distilled from that one.
 
-use std::time::Instant;
-
-use anyhow::{Context as _, Result};
-use imf_cli::session::Session;
+use anyhow::Result;
+use imf_cli::engine::Device;
 use imf_core::orientation::Orientation;
-use imf_core::scene::Scene;
-use imf_core::section::{At, SectionError, SectionPlan};
-use imf_fields::factored::{DistillSettings, FactoredField, Symmetry};
-use imf_fields::harmonic::basis::{Basis, Domain};
+use imf_core::section::{At, SectionPlan};
+use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
-use imf_fields::harmonic::{FitSettings, HarmonicField, fit, section_count};
-use imf_fields::metrics::ErrorReport;
-use imf_train::distill::teach;
-use imf_train::training::run::Outcome;
 use serde::{Deserialize, Serialize};
 
-use super::questions::Questions;
-use crate::interpolation::{AngleGrid, StoredSections};
-
-/// Sections for each function at least: with fewer the fit has no firm minimum.
-const LEAST_SECTIONS: f64 = 1.3;
+use super::Bench;
+use crate::candidates::{distilled, fitted, harmonic_settings, symmetric};
+use crate::interpolation::{AngleGrid, SectionTable};
+use crate::measurement::seconds;
+use crate::recipe::{Answer, Questions, Recipe};
 
 /// A field beside the paper's network, and what it came to.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -33,134 +25,76 @@ pub(super) struct Method {
     pub(super) sections: f64,
     /// Bytes of what is kept.
     pub(super) bytes: u64,
-    /// In the order of the questions.
-    pub(super) answers: Vec<ErrorReport>,
+    pub(super) answers: Vec<Answer>,
 }
 
-/// Settings of the harmonic field of the highest degree that `sections` sections determine.
-pub(crate) fn settings(sections: usize) -> FitSettings {
-    let fits =
-        |degree: &usize| Basis::count(Domain::Directions, *degree) as f64 * LEAST_SECTIONS <= sections as f64;
-    let degree = (0..40).take_while(fits).last().unwrap_or(0);
-    let functions = Basis::count(Domain::Directions, degree);
-    FitSettings {
-        degree,
-        // Rounded up by the fit to the number of sections exactly, and down to whole fours.
-        sections_per_function: (sections as f64 - 0.5) / functions as f64,
-        axes: functions,
-        precision: Precision::F16,
-        ..FitSettings::default()
-    }
-}
+/// What answers one orientation.
+type Section<'a> = &'a dyn Fn(&Orientation, &mut [f32]);
 
-/// The harmonic field taught to a network, as `imf compress` does, and the seconds that took.
-fn taught(
-    session: &Session,
-    teacher: &HarmonicField,
-    scene: &Scene,
-    settings: &DistillSettings,
-) -> Result<(FactoredField, f64)> {
-    let stage = session.stage("teaching", "steps", settings.plan.total_steps(teacher.grid.len()));
-    let advance = |steps| stage.advance(steps);
-    let (begun, mut loss) = (Instant::now(), f64::NAN);
-    let settings = &DistillSettings { symmetry: Symmetry::of(teacher, &scene.obstacle), ..*settings };
-    let axes = settings.outputs(teacher);
-    let mut state = settings.start(axes);
-    let outcome =
-        teach(teacher, settings, &mut state, session.control(&advance), &mut |step| loss = step.mean_loss)?;
-    if let Outcome::Stopped(_) = outcome {
-        return Err(SectionError::Cancelled.into());
-    }
-    stage.finish(&format!("loss {loss:.2e}"));
-    let field = FactoredField::new(teacher, settings.shape(axes), state.training.parameters)?;
-    Ok((field.folded(), begun.elapsed().as_secs_f64()))
-}
-
-/// Makes and asks all of them from the n × n sections of `grid:n`, or as many; the factored field by `teaching`.
-pub(super) fn measure(
-    session: &Session,
-    scene: &Scene,
-    questions: &Questions,
-    n: usize,
-    teaching: &DistillSettings,
-) -> Result<Vec<Method>> {
-    let angles = AngleGrid::new(n);
-    let voxels = scene.record.grid.len();
+/// Makes and asks all of them from the n × n sections of `grid:n`, or as many.
+pub(super) fn measure(bench: &Bench<'_>, recipe: &Recipe, n: usize) -> Result<Vec<Method>> {
+    let (session, questions) = (bench.session, Questions::of(&recipe.evaluation)?);
+    let (scene, distillation) = (bench.scene(&recipe.scene)?, bench.protocol.distillation());
+    let (angles, voxels) = (AngleGrid::new(n), scene.record.grid.len());
+    let settings = harmonic_settings(n * n);
+    let stored_bytes = SectionTable::memory(angles, voxels);
     let tool = scene.record.tool.with_tip_only();
-    let settings = settings(n * n);
-    let needed = StoredSections::memory(angles, voxels)
+    let needed = stored_bytes
         + settings.memory(Domain::Directions, voxels).0
         // The factored field's coefficients at every voxel.
         + 2 * (voxels * settings.axes) as u64
         + SectionPlan::memory_estimate(&scene.record.grid, &tool, session.threads());
     session.require_memory(needed, || format!("{} stored sections and a harmonic field of them", n * n))?;
-    let plan = SectionPlan::of_scene(scene, At::Tip)?;
-    let repeated = &questions.imf[0].orientations;
-    let asked = 4 * (questions.field_sections() + repeated.len());
-    let total = n * n + questions.exact_sections() + section_count(Domain::Directions, &settings) + asked;
-    let stage = session.stage("baselines", "sections", total as u64);
+    let plan = SectionPlan::of_scene(&scene, At::Tip)?;
+
+    let [exact_sections, asked] = questions.sections();
+    let stage = session.stage("exact sections", "sections", (n * n + exact_sections) as u64);
     let advance = |sections| stage.advance(sections);
-    let control = session.control(&advance);
-
-    let exact = questions.exact(&plan, control)?;
-    let begun = Instant::now();
-    let stored = StoredSections::new(&plan, angles, control)?;
-    let stored_in = begun.elapsed().as_secs_f64();
-    let begun = Instant::now();
-    let harmonic = fit(&plan, Domain::Directions, &settings, control)?;
-    let fitted_in = begun.elapsed().as_secs_f64();
-
-    let mut measured = Vec::new();
-    let mut judge =
-        |name: String, made: f64, bytes: u64, field: &dyn Fn(&Orientation, &mut [f32])| -> Result<()> {
-            let answers = questions.ask(&plan, &exact, control, field)?;
-            let mut values = vec![0.0; voxels];
-            let begun = Instant::now();
-            for orientation in repeated {
-                field(orientation, &mut values);
-                advance(1);
-            }
-            let sections = begun.elapsed().as_secs_f64();
-            measured.push(Method { name, made, sections, bytes, answers });
-            Ok(())
-        };
-    let bytes = StoredSections::memory(angles, voxels);
-    judge("nearest section".into(), stored_in, bytes, &|o, values| stored.nearest(o, values))?;
-    judge("linear in angle".into(), stored_in, bytes, &|o, values| stored.linear(o, values))?;
-    let name = format!("harmonic, degree {}", settings.degree);
-    judge(name, fitted_in, harmonic.bytes(), &|o, values| {
-        harmonic.sections(&harmonic.direction_weights(&[*o]), values);
-    })?;
-    let (factored, taught_in) = taught(session, &harmonic, scene, teaching)?;
-    // Its coefficients at every voxel, once for all sections.
-    let begun = Instant::now();
-    let known = factored.evaluator().expanded(Precision::F16, harmonic.report);
-    let known_in = begun.elapsed().as_secs_f64();
-    let name = format!("factored, {}×{}", teaching.hidden, teaching.width);
-    let made = fitted_in + taught_in;
-    judge(name, made, factored.bytes(), &|o, values| {
-        known.sections(&known.direction_weights(&[*o]), values);
-    })?;
-    measured.last_mut().context("a field without answers")?.sections += known_in;
+    let exact = questions.exact(&plan, session.control(&advance))?;
+    let (stored_in, stored) =
+        seconds(|| Ok(SectionTable::new(&plan, angles, plan.grid().dims, session.control(&advance))?))?;
     stage.finish("");
-    Ok(measured)
-}
+    let (fitted_in, file) = seconds(|| fitted(session, &scene, &plan, settings))?;
+    let harmonic = &file.field;
+    let (distilled_in, factored) = seconds(|| {
+        let settings = symmetric(&file, distillation);
+        Ok(distilled(session, &Device::Cpu, &file, settings)?.field)
+    })?;
+    // Its coefficients at every voxel, once for all sections.
+    let (expanded_in, expanded) =
+        seconds(|| Ok(factored.evaluator().expanded(Precision::F16, harmonic.report)))?;
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_harmonic_field_takes_as_many_sections_as_are_stored_in_whole_fours() {
-        for n in [4, 8, 15, 30] {
-            let settings = settings(n * n);
-            let sizes = settings.sizes(Domain::Directions);
-            // Directions are fitted in fours.
-            assert_eq!(sizes.sections, n * n / 4 * 4);
-            assert!(sizes.sections as f64 >= LEAST_SECTIONS * sizes.functions as f64);
-            let next = Basis::count(Domain::Directions, settings.degree + 1);
-            assert!((n * n) as f64 / (next as f64) < LEAST_SECTIONS, "a higher degree would do");
+    let names = [
+        "nearest section".into(),
+        "linear in angle".into(),
+        format!("harmonic, degree {}", settings.degree),
+        format!("factored, {}×{}", distillation.hidden, distillation.width),
+    ];
+    let made = [stored_in, stored_in, fitted_in, fitted_in + distilled_in];
+    let bytes = [stored_bytes, stored_bytes, harmonic.bytes(), factored.bytes()];
+    let sections: [Section<'_>; 4] = [
+        &|o, values| stored.nearest(o, values),
+        &|o, values| stored.linear(o, values),
+        &|o, values| harmonic.sections(&harmonic.direction_weights(&[*o]), values),
+        &|o, values| expanded.sections(&expanded.direction_weights(&[*o]), values),
+    ];
+    let repeated = &questions.imf[0].orientations;
+    let stage = session.stage("baselines", "sections", (4 * (asked + repeated.len())) as u64);
+    let advance = |sections| stage.advance(sections);
+    let mut methods = Vec::new();
+    for (index, (name, field)) in names.into_iter().zip(sections).enumerate() {
+        let answers = questions.ask(&plan, &exact, session.control(&advance), field)?;
+        let mut values = vec![0.0; voxels];
+        let (mut sections, ()) = seconds(|| {
+            repeated.iter().for_each(|orientation| field(orientation, &mut values));
+            Ok(())
+        })?;
+        advance(repeated.len() as u64);
+        if index == 3 {
+            sections += expanded_in;
         }
-        assert_eq!(settings(225).degree, 12);
+        methods.push(Method { name, made: made[index], sections, bytes: bytes[index], answers });
     }
+    stage.finish("");
+    Ok(methods)
 }

@@ -5,19 +5,19 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use imf_cli::output::{prepare_folder, short};
-use imf_cli::picture::{Panel, PanelRow, PanelSheet, Scale};
+use imf_cli::picture::{Axes, Panel, PanelRow, PanelSheet, Scale};
 use imf_cli::slices;
 use imf_core::control::Control;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
+use imf_core::parts::ReferencePart;
 use imf_core::section::{At, SectionPlan, imf, sections};
 use imf_fields::siren::over_grid;
 use ndarray::{Array2, ArrayView3, Axis};
 
-use super::questions::Questions;
 use super::{Bench, Run};
-use crate::arguments::paper::PaperPart;
 use crate::planar::silhouette;
+use crate::recipe::Questions;
 
 /// A picture in the report's folder and its caption.
 pub(super) type Figure = (String, String);
@@ -41,48 +41,41 @@ fn thickness(solid: &Occupancy, axis: usize) -> Result<Array2<f32>> {
 pub(super) fn scenes(bench: &Bench<'_>) -> Result<Figure> {
     let mut seen = Vec::new();
     for &part in &bench.parts {
-        let mut settings = bench.protocol.settings("single")?.scene;
+        let mut settings = bench.protocol.recipe("single", None)?.recipe()?.scene;
         settings.part = part.name().into();
         let scene = bench.scene(&settings)?;
-        let views = [0, 1, 2].map(|axis| thickness(&scene.obstacle, axis));
-        let [x, y, z] = views;
-        seen.push((part, scene, [x?, y?, z?]));
+        let views = (0..3).map(|axis| thickness(&scene.obstacle, axis)).collect::<Result<Vec<_>>>()?;
+        seen.push((part, scene.record, views));
     }
     let all: Vec<_> = seen.iter().flat_map(|(.., views)| views.iter().map(|array| array.view())).collect();
     let scale = Scale::measure_of(&all, "solid voxels behind each other");
-    let mut rows: Vec<PanelRow<'_>> = seen
-        .iter()
-        .map(|(part, scene, views)| {
-            let [x, y, z] = scene.record.grid.dims;
-            PanelRow {
-                title: format!("{}, {x}×{y}×{z} voxels", part.name()),
-                panels: (0..3)
-                    .map(|axis| Panel {
-                        title: format!("along {}", ["x", "y", "z"][axis]),
-                        values: views[axis].view(),
-                        mask: None,
-                        scale: scale.clone(),
-                        axes: slices::axes(&scene.record.grid, scene.record.unit, axis),
-                    })
-                    .collect(),
-            }
-        })
-        .collect();
-    let (_, scene, _) = &seen[0];
-    let pitch = scene.record.grid.pitch;
+    let mut rows = Vec::new();
+    for (part, record, views) in &seen {
+        let [x, y, z] = record.grid.dims;
+        let panels = views.iter().enumerate().map(|(axis, view)| Panel {
+            title: format!("along {}", ["x", "y", "z"][axis]),
+            values: view.view(),
+            mask: None,
+            scale: scale.clone(),
+            axes: slices::axes(&record.grid, record.unit, axis),
+        });
+        rows.push(PanelRow { title: format!("{part}, {x}×{y}×{z} voxels"), panels: panels.collect() });
+    }
+    let (_, record, _) = &seen[0];
+    let pitch = record.grid.pitch;
     // Upright in the plane: its axis runs up.
-    let pixels = silhouette(&scene.record.tool, 90.0, pitch)?;
+    let pixels = silhouette(&record.tool, 90.0, pitch)?;
     let low = [0, 1].map(|axis| pixels.iter().map(|p| p[axis]).min().unwrap_or(0));
     let high = [0, 1].map(|axis| pixels.iter().map(|p| p[axis]).max().unwrap_or(0));
     let mut tool = Array2::zeros([0, 1].map(|axis| (high[axis] - low[axis] + 1) as usize));
     for [x, y] in pixels {
         tool[[(x - low[0]) as usize, (y - low[1]) as usize]] = 1.0;
     }
-    let mut axes = slices::axes(&scene.record.grid, scene.record.unit, 2);
+    let mut axes = slices::axes(&record.grid, record.unit, 2);
     axes.names = ["across".into(), "along its axis".into()];
     axes.start = low.map(|v| (f64::from(v) - 0.5) * pitch);
     rows.push(PanelRow {
-        title: format!("tool {}, cut through its axis", scene.record.tool.name),
+        title: format!("tool {}, cut through its axis", record.tool.name),
         panels: vec![Panel {
             title: String::new(),
             values: tool.view(),
@@ -97,18 +90,52 @@ pub(super) fn scenes(bench: &Bench<'_>) -> Result<Figure> {
     Ok((file, "Parts seen along the axes, and the tool in the same voxels".into()))
 }
 
-/// A row of the picture of fields: a slice of the exact one and of every network's.
-struct Slices {
+/// Slices of the exact field and of others by name, and the differences.
+pub(super) struct Slices<'a> {
     title: String,
     exact: Array2<f32>,
-    learnt: Vec<Array2<f32>>,
-    differences: Vec<Array2<f32>>,
+    others: Vec<(&'a str, Array2<f32>)>,
+    differences: Vec<(String, Array2<f32>)>,
+}
+
+impl<'a> Slices<'a> {
+    pub(super) fn new(title: String, exact: Array2<f32>, others: Vec<(&'a str, Array2<f32>)>) -> Self {
+        let difference = |(name, values): &(&str, Array2<f32>)| (format!("{name} − exact"), values - &exact);
+        Self { differences: others.iter().map(difference).collect(), title, exact, others }
+    }
+
+    /// The scale of values and that of differences which some share.
+    pub(super) fn scales(rows: &[Self], what: &str) -> [Scale; 2] {
+        let others = rows.iter().flat_map(|row| row.others.iter().map(|(_, values)| values.view()));
+        let values: Vec<_> = others.chain(rows.iter().map(|row| row.exact.view())).collect();
+        let differences = rows.iter().flat_map(|row| row.differences.iter().map(|(_, v)| v.view()));
+        let differences: Vec<_> = differences.collect();
+        let signed = format!("{what}: difference from exact");
+        [Scale::measure_of(&values, what), Scale::difference_of(&differences, &signed)]
+    }
+
+    /// Panels of values and of differences.
+    pub(super) fn panels<'p>(
+        &'p self,
+        [measure, signed]: &[Scale; 2],
+        solid: &'p Array2<u8>,
+        axes: &Axes,
+    ) -> [PanelRow<'p>; 2] {
+        let exact = ("exact", &self.exact);
+        let values = [exact].into_iter().chain(self.others.iter().map(|(name, values)| (*name, values)));
+        let differences = self.differences.iter();
+        [
+            values.map(|(name, values)| slices::panel(name, values, solid, measure, axes)).collect(),
+            differences.map(|(name, values)| slices::panel(name, values, solid, signed, axes)).collect(),
+        ]
+        .map(|panels| PanelRow { title: self.title.clone(), panels })
+    }
 }
 
 /// Sections and the inaccessibility measure of a part, exact and by each recipe's network.
 pub(super) fn fields(
     bench: &Bench<'_>,
-    part: PaperPart,
+    part: ReferencePart,
     questions: &Questions,
     runs: &[(&str, Run)],
 ) -> Result<Figure> {
@@ -122,87 +149,53 @@ pub(super) fn fields(
     let stage = bench.session.stage("drawing", "sections", set.len() as u64 + 2);
     let advance = |n| stage.advance(n);
     let control: Control<'_> = bench.session.control(&advance);
-    let asked = [questions.in_sample, questions.out_of_sample];
-    let exact = sections(&plan, &asked, control)?;
-    let least = imf(&plan, &set.orientations, control)?;
-    let mut rows: Vec<Slices> = asked
-        .iter()
-        .zip(&exact)
-        .zip(["in-sample", "out-of-sample"])
-        .map(|((o, section), kind)| Slices {
-            title: format!("section θ = {}°, φ = {}°, {kind}", short(o.theta), short(o.phi)),
-            exact: cut(section),
-            learnt: Vec::new(),
-            differences: Vec::new(),
-        })
-        .collect();
-    rows.push(Slices {
-        title: format!("inaccessibility measure over {}", set.len()),
-        exact: cut(&least.value),
-        learnt: Vec::new(),
-        differences: Vec::new(),
-    });
+    let pairs = [questions.in_sample, questions.out_of_sample];
+    let mut exact: Vec<_> = sections(&plan, &pairs, control)?.iter().map(|values| cut(values)).collect();
+    exact.push(cut(&imf(&plan, &set.orientations, control)?.value));
+    stage.finish("");
     let directions: Vec<[f32; 2]> = set.orientations.iter().map(Orientation::angles).collect();
-    for model in &models {
+    let mut learnt = [const { Vec::new() }; 3];
+    for ((name, _), model) in runs.iter().zip(&models) {
         let mut engine = bench.device.evaluator(model.shape, &model.state.parameters)?;
         let mut values = vec![0.0; grid.len()];
-        for (orientation, row) in asked.iter().zip(&mut rows) {
+        for (orientation, row) in pairs.iter().zip(&mut learnt) {
             over_grid::section(engine.as_mut(), &grid, orientation.angles(), &mut values)?;
-            row.learnt.push(cut(&values));
+            row.push((*name, cut(&values)));
         }
         let control = bench.session.control(&|_| {});
-        rows[2].learnt.push(cut(&over_grid::minimum(engine.as_mut(), &grid, &directions, control)?.value));
+        let minimum = over_grid::minimum(engine.as_mut(), &grid, &directions, control)?;
+        learnt[2].push((*name, cut(&minimum.value)));
     }
-    for row in &mut rows {
-        row.differences = row.learnt.iter().map(|learnt| learnt - &row.exact).collect();
-    }
-    stage.finish("");
+    let section = |o: &Orientation, kind: &str| {
+        format!("section θ = {}°, φ = {}°, {kind}", short(o.theta), short(o.phi))
+    };
+    let titles = [
+        section(&pairs[0], "in-sample"),
+        section(&pairs[1], "out-of-sample"),
+        format!("inaccessibility measure over {}", set.len()),
+    ];
+    let rows = titles.into_iter().zip(exact).zip(learnt);
+    let rows: Vec<Slices<'_>> =
+        rows.map(|((title, exact), learnt)| Slices::new(title, exact, learnt)).collect();
 
     let solid = slices::mask(&scene.obstacle, axis, middle);
     let axes = slices::axes(&grid, scene.record.unit, axis);
     // Sections share their scales; the measure is far smaller and has its own.
-    let (sections, least) = rows.split_at(2);
-    let scales = |rows: &[Slices], what: &str| {
-        let fields: Vec<_> =
-            rows.iter().flat_map(|r| r.learnt.iter().chain([&r.exact])).map(|array| array.view()).collect();
-        let differences: Vec<_> =
-            rows.iter().flat_map(|r| &r.differences).map(|array| array.view()).collect();
-        (
-            Scale::measure_of(&fields, what),
-            Scale::difference_of(&differences, &format!("{what}: learnt − exact")),
-        )
-    };
-    let of_sections = scales(sections, "sections CMF");
-    let of_least = scales(least, "measure IMF");
+    let scales = [Slices::scales(&rows[..2], "sections CMF"), Slices::scales(&rows[2..], "measure IMF")];
+    let whole = rows.iter().enumerate().map(|(index, row)| {
+        let [mut values, differences] = row.panels(&scales[index / 2], &solid, &axes);
+        values.panels.extend(differences.panels);
+        values
+    });
+    let plane = slices::layer_title(&grid, scene.record.unit, axis, middle);
     let sheet = PanelSheet {
-        title: format!("{}: exact field and networks", part.name()),
-        rows: rows
-            .iter()
-            .enumerate()
-            .map(|(index, row)| {
-                let (measure, signed) = if index < sections.len() { &of_sections } else { &of_least };
-                let mut panels = vec![slices::panel("exact", &row.exact, &solid, measure, &axes)];
-                for ((name, _), learnt) in runs.iter().zip(&row.learnt) {
-                    panels.push(slices::panel(name, learnt, &solid, measure, &axes));
-                }
-                for ((name, _), difference) in runs.iter().zip(&row.differences) {
-                    let title = format!("{name} − exact");
-                    panels.push(slices::panel(&title, difference, &solid, signed, &axes));
-                }
-                PanelRow { title: row.title.clone(), panels }
-            })
-            .collect(),
-        notes: vec![format!(
-            "Plane {}; outline: the part",
-            slices::layer_title(&grid, scene.record.unit, axis, middle)
-        )],
+        title: format!("{part}: exact field and networks"),
+        rows: whole.collect(),
+        notes: vec![format!("Plane {plane}; outline: the part")],
         pixels_per_voxel: None,
     };
-    let (path, file) = bench.picture(&format!("fields-{}", part.name()))?;
+    let (path, file) = bench.picture(&format!("fields-{part}"))?;
     sheet.save(&path)?;
-    let caption = format!(
-        "{}: sections and inaccessibility measure, exact, learnt and their difference, in shared scales",
-        part.name()
-    );
-    Ok((file, caption))
+    let what = "sections and inaccessibility measure, exact, learnt and their difference, in shared scales";
+    Ok((file, format!("{part}: {what}")))
 }

@@ -5,29 +5,29 @@
 //! weights never matter, and what is left is the network of (x, y, θ).
 
 use std::ops::ControlFlow;
-use std::time::Instant;
 
 use anyhow::{Context as _, Result};
 use imf_cli::interrupt;
-use imf_cli::picture::{PanelRow, PanelSheet, Scale};
+use imf_cli::picture::PanelSheet;
 use imf_cli::progress::show_seconds;
 use imf_cli::slices;
 use imf_core::occupancy::Occupancy;
-use imf_core::section::{Imf, SectionError, SectionScratch};
+use imf_core::section::{At, Imf, SectionError, SectionPlan, SectionScratch};
 use imf_core::tool::Tool;
 use imf_fields::metrics::{ErrorReport, Errors};
-use imf_fields::recipe::Cursor;
-use imf_fields::recipe::Sampling;
-use imf_fields::recipe::TrainingState;
+use imf_fields::recipe::{Cursor, Sampling, TrainingState};
 use imf_fields::siren::over_grid;
 use imf_train::samples::Samples;
 use imf_train::training::run::train;
 use serde::{Deserialize, Serialize};
 
+use super::Bench;
+use super::figures::Slices;
+use super::published::PAPER;
 use super::table::{Row, Table};
-use super::{Bench, published};
 use crate::interpolation::Periodic;
-use crate::planar::{PlanarPlan, layer};
+use crate::measurement::seconds;
+use crate::planar::{layer, section};
 use crate::recipe::{Recipe, Stage};
 
 /// Degrees between the sections that are given; 0° and 360° are both given, as in the paper's 37.
@@ -69,7 +69,7 @@ struct Sections {
 
 impl Sections {
     fn new(part: Occupancy, tool: &Tool) -> Result<Self> {
-        let plan = PlanarPlan::new(&part, tool)?;
+        let plan = SectionPlan::new(&part, tool, At::Tip)?;
         let mut scratch = SectionScratch::default();
         let mut least = Imf::new(part.grid.len());
         let mut exact = Vec::new();
@@ -77,10 +77,10 @@ impl Sections {
             if interrupt::requested() {
                 return Err(SectionError::Cancelled.into());
             }
-            let mut section = vec![0.0; part.grid.len()];
-            plan.section(theta, &mut scratch, &mut section)?;
-            least.lower_to(index, &section);
-            exact.push(section);
+            let mut values = vec![0.0; part.grid.len()];
+            section(&plan, theta, &mut scratch, &mut values)?;
+            least.lower_to(index, &values);
+            exact.push(values);
         }
         Ok(Self { part, exact, least })
     }
@@ -90,7 +90,7 @@ impl Sections {
     }
 
     /// Errors of the sections that `field` writes, over all up-sampled angles.
-    fn judge(
+    fn compare(
         &self,
         name: &str,
         threshold: f64,
@@ -155,22 +155,22 @@ fn measure(bench: &Bench<'_>, recipe: &Recipe, stage: &Stage) -> Result<Measured
         bench.device.trainer(bench.session.rank(), shape, &plan, plan.batch.min(samples.len()), state)?;
     let total = plan.total_steps(samples.len());
     let progress = bench.session.stage("training", "steps", total);
-    let begun = Instant::now();
     let mut done = 0;
-    train(&plan, &samples, engine.as_mut(), Cursor::default(), &mut |report, _| {
-        progress.advance(report.step - done);
-        done = report.step;
-        if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    let (trained_in, _) = seconds(|| {
+        Ok(train(&plan, &samples, engine.as_mut(), Cursor::default(), &mut |report, _| {
+            progress.advance(report.step - done);
+            done = report.step;
+            if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        })?)
     })?;
     if done < total {
         return Err(SectionError::Cancelled.into());
     }
     progress.finish("");
-    let trained_in = begun.elapsed().as_secs_f64();
     let parameters = engine.state()?.parameters;
     let mut evaluator = bench.device.evaluator(shape, &parameters)?;
     let grid = sections.part.grid;
-    let (network, learnt) = sections.judge("network", tau, trained_in, |theta, values| {
+    let (network, learnt) = sections.compare("network", tau, trained_in, |theta, values| {
         Ok(over_grid::section(evaluator.as_mut(), &grid, [theta as f32, 90.0], values)?)
     })?;
     let mut methods = vec![network];
@@ -187,12 +187,13 @@ fn measure(bench: &Bench<'_>, recipe: &Recipe, stage: &Stage) -> Result<Measured
                 continue;
             }
             let shown = if clipped { format!("{name}, clipped to [0, 1]") } else { name.to_owned() };
-            let begun = Instant::now();
-            let (mut method, least) = sections.judge(&shown, tau, 0.0, |theta, values| {
-                sections.interpolate(kind, clipped, theta, values);
-                Ok(())
+            let (time, (mut method, least)) = seconds(|| {
+                sections.compare(&shown, tau, 0.0, |theta, values| {
+                    sections.interpolate(kind, clipped, theta, values);
+                    Ok(())
+                })
             })?;
-            method.seconds = begun.elapsed().as_secs_f64();
+            method.seconds = time;
             methods.push(method);
             if !clipped {
                 drawn.push((name, least));
@@ -208,35 +209,16 @@ fn measure(bench: &Bench<'_>, recipe: &Recipe, stage: &Stage) -> Result<Measured
 fn draw(bench: &Bench<'_>, sections: &Sections, methods: &[(&str, Imf)]) -> Result<()> {
     let grid = sections.part.grid;
     let cut = |values: &[f32]| slices::slice(values, &grid, 2, 0);
-    let exact = cut(&sections.least.value);
-    let found: Vec<_> = methods.iter().map(|(name, least)| (*name, cut(&least.value))).collect();
-    let differences: Vec<_> = found.iter().map(|(name, values)| (*name, values - &exact)).collect();
+    let found = methods.iter().map(|(name, least)| (*name, cut(&least.value))).collect();
+    let title = format!("IMF over {}", fine_angles().len());
+    let rows = [Slices::new(title, cut(&sections.least.value), found)];
+    let scales = Slices::scales(&rows, "inaccessibility measure IMF");
     let solid = slices::mask(&sections.part, 2, 0);
     let mut axes = slices::axes(&grid, imf_core::unit::LengthUnit::Mm, 2);
     axes.names = ["x".into(), "z".into()];
-    let views: Vec<_> = found.iter().map(|(_, v)| v.view()).chain([exact.view()]).collect();
-    let measure = Scale::measure_of(&views, "inaccessibility measure IMF");
-    let views: Vec<_> = differences.iter().map(|(_, values)| values.view()).collect();
-    let signed = Scale::difference_of(&views, "method − exact");
     let sheet = PanelSheet {
         title: "One rotation in the plane".into(),
-        rows: vec![
-            PanelRow {
-                title: format!("IMF over {}", fine_angles().len()),
-                panels: [("exact", &exact)]
-                    .into_iter()
-                    .chain(found.iter().map(|(name, values)| (*name, values)))
-                    .map(|(name, values)| slices::panel(name, values, &solid, &measure, &axes))
-                    .collect(),
-            },
-            PanelRow {
-                title: "method − exact".into(),
-                panels: differences
-                    .iter()
-                    .map(|(name, values)| slices::panel(name, values, &solid, &signed, &axes))
-                    .collect(),
-            },
-        ],
+        rows: rows[0].panels(&scales, &solid, &axes).into(),
         notes: vec!["Outline: the teapot's middle plane".into()],
         pixels_per_voxel: None,
     };
@@ -245,7 +227,7 @@ fn draw(bench: &Bench<'_>, sections: &Sections, methods: &[(&str, Imf)]) -> Resu
 }
 
 pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
-    let mut recipe = bench.protocol.settings("single")?;
+    let mut recipe = bench.protocol.recipe("single", None)?.recipe()?;
     // A plane is small: its resolution is the paper's at every scale. All pixels of the few sections are learnt from: the
     // interpolations know them too.
     recipe.scene.scale = 1.0;
@@ -265,8 +247,9 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
     ));
     for method in &measured.methods {
         let labels = |what: &str| vec![method.name.clone(), what.to_owned()];
-        table.rows.push(Row::errors(labels("CMF, 145 sections"), None, &method.cmf));
-        table.rows.push(Row::errors(labels("IMF over 145"), published::plane(&method.name), &method.imf));
+        table.rows.push(Row::errors(labels("CMF, 145 sections"), None, Some(&method.cmf)));
+        let paper = PAPER.plane.get(&method.name).copied();
+        table.rows.push(Row::errors(labels("IMF over 145"), paper, Some(&method.imf)));
     }
     if let Some(network) = measured.methods.first() {
         table.notes.push(format!("The network was trained in {}.", show_seconds(network.seconds)));

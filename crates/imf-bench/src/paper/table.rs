@@ -1,11 +1,14 @@
 //! The report's tables as data: what was measured beside what the paper has, and how both stand to each other.
 
+use anyhow::{Context as _, Result};
 use imf_cli::progress::show_seconds;
 use imf_cli::session::show_bytes;
 use imf_fields::metrics::ErrorReport;
 use serde::{Deserialize, Serialize};
 
+use super::Training;
 use super::published::Published;
+use crate::recipe::Questions;
 
 /// What a number is, for people.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -47,17 +50,9 @@ impl Compared {
     }
 
     /// More than the paper's, which is worse of an error, a time or a size; or nothing where the paper has something.
-    pub(super) fn falls_short(&self) -> bool {
+    fn falls_short(&self) -> bool {
         self.paper.is_some() && self.ratio.is_none_or(|ratio| ratio > 1.0)
     }
-}
-
-/// Decisions at the threshold, as shares.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Decisions {
-    pub(super) false_free: f64,
-    pub(super) false_colliding: f64,
-    pub(super) iou: f64,
 }
 
 /// A line of a table.
@@ -67,30 +62,18 @@ pub(super) struct Row {
     pub(super) labels: Vec<String>,
     /// One for each of the table's values.
     pub(super) values: Vec<Compared>,
-    pub(super) decisions: Option<Decisions>,
+    /// Where wrong decisions are shown.
+    pub(super) errors: Option<ErrorReport>,
 }
 
 impl Row {
-    /// A row of errors.
-    pub(super) fn errors(labels: Vec<String>, paper: Option<Published>, ours: &ErrorReport) -> Self {
-        Self {
-            labels,
-            values: vec![
-                Compared::new(paper.map(|p| p.mse), Some(ours.mse)),
-                Compared::new(paper.map(|p| p.mpe), Some(ours.mpe)),
-            ],
-            decisions: Some(Decisions {
-                false_free: ours.false_free,
-                false_colliding: ours.false_colliding,
-                iou: ours.iou,
-            }),
-        }
-    }
-
-    /// A row of errors of a training that diverged.
-    pub(super) fn diverged(labels: Vec<String>, paper: Option<Published>) -> Self {
-        let values = [paper.map(|p| p.mse), paper.map(|p| p.mpe)];
-        Self { labels, values: values.map(|paper| Compared::new(paper, None)).into(), decisions: None }
+    /// MSE and MPE; of a training that diverged there are none.
+    pub(super) fn errors(labels: Vec<String>, paper: Option<Published>, ours: Option<&ErrorReport>) -> Self {
+        let values = vec![
+            Compared::new(paper.map(|p| p.0), ours.map(|e| e.mse)),
+            Compared::new(paper.map(|p| p.1), ours.map(|e| e.mpe)),
+        ];
+        Self { labels, values, errors: ours.copied() }
     }
 
     /// In words whether it stands up to the paper, and what of it does not; empty where the paper has nothing.
@@ -129,8 +112,7 @@ pub(super) struct Table {
 impl Table {
     /// A table of MSE and MPE.
     pub(super) fn of_errors(id: &str, title: &str, labels: &[&str]) -> Self {
-        let values = [("MSE", Kind::Error), ("MPE", Kind::Error)];
-        Self::new(id, title, labels, &values)
+        Self::new(id, title, labels, &[("MSE", Kind::Error), ("MPE", Kind::Error)])
     }
 
     pub(super) fn new(id: &str, title: &str, labels: &[&str], values: &[(&str, Kind)]) -> Self {
@@ -145,6 +127,43 @@ impl Table {
             rows: Vec::new(),
             figures: Vec::new(),
         }
+    }
+
+    /// A row for each question to a result of a training, the first one's where no stage is named, and a note about it.
+    pub(super) fn add_training(
+        &mut self,
+        labels: &[&str],
+        (training, stage): (&Training, Option<&str>),
+        questions: &Questions,
+        paper: impl Fn(usize) -> Option<Published>,
+    ) -> Result<()> {
+        let name = labels.join(", ");
+        let labels = |asked: &str| labels.iter().copied().chain([asked]).map(String::from).collect();
+        match training {
+            Err(diverged) => {
+                let rows = questions.names().into_iter().enumerate();
+                self.rows.extend(rows.map(|(index, asked)| Row::errors(labels(&asked), paper(index), None)));
+                self.notes.push(format!("{name}: no result. {diverged}"));
+            }
+            Ok(run) => {
+                let results = &run.summary.results;
+                let of_stage = |o: &&crate::recipe::Outcome| stage.is_none_or(|stage| o.stage == stage);
+                let outcome =
+                    results.iter().find(of_stage).with_context(|| format!("{name} has no result"))?;
+                // Behind the questions stands the nearest section, which the baselines have too.
+                for (index, answer) in outcome.answers.iter().take(questions.names().len()).enumerate() {
+                    self.rows.push(Row::errors(labels(&answer.name), paper(index), Some(&answer.errors)));
+                }
+                self.notes.push(format!(
+                    "{name}: {} parameters ({}), {} steps in {}.",
+                    outcome.parameters,
+                    Kind::Bytes.show(4.0 * outcome.parameters as f64),
+                    run.summary.steps(),
+                    Kind::Seconds.show(run.summary.seconds())
+                ));
+            }
+        }
+        Ok(())
     }
 
     /// Rows with something of the paper's, and those of them that fall short.
@@ -168,7 +187,8 @@ impl Table {
     pub(super) fn cells(&self) -> (Vec<String>, Vec<Vec<String>>) {
         let has_paper = |index: usize| self.rows.iter().any(|row| row.values[index].paper.is_some());
         let compared: Vec<bool> = (0..self.values.len()).map(has_paper).collect();
-        let decided = self.rows.iter().any(|row| row.decisions.is_some());
+        let decided = self.rows.iter().any(|row| row.errors.is_some());
+        let judged = self.judged && compared.contains(&true);
         let mut head = self.labels.clone();
         for ((name, _), &compared) in self.values.iter().zip(&compared) {
             if compared {
@@ -180,7 +200,6 @@ impl Table {
         if decided {
             head.extend(["false-free", "false-colliding", "IoU"].map(String::from));
         }
-        let judged = self.judged && compared.contains(&true);
         if judged {
             head.push("against the paper".into());
         }
@@ -196,11 +215,11 @@ impl Table {
                 }
             }
             if decided {
-                cells.extend(match row.decisions {
-                    Some(d) => [
-                        format!("{:.2} %", 100.0 * d.false_free),
-                        format!("{:.2} %", 100.0 * d.false_colliding),
-                        format!("{:.4}", d.iou),
+                cells.extend(match row.errors {
+                    Some(e) => [
+                        format!("{:.2} %", 100.0 * e.false_free),
+                        format!("{:.2} %", 100.0 * e.false_colliding),
+                        format!("{:.4}", e.iou),
                     ],
                     None => ["–"; 3].map(String::from),
                 });
@@ -232,7 +251,7 @@ mod tests {
         let row = |paper: Option<f64>, ours: f64| Row {
             labels: vec!["teapot".into()],
             values: vec![Compared::new(paper, Some(ours)), Compared::new(None, Some(0.5))],
-            decisions: None,
+            errors: None,
         };
         table.rows = vec![row(Some(1e-6), 2e-6), row(Some(1e-6), 1e-6), row(None, 7.0)];
         assert_eq!(table.standing(), (2, 1));
@@ -244,7 +263,7 @@ mod tests {
         assert_eq!(cells[0], ["teapot", "1.00e-6", "2.00e-6", "2.00", "0.5000", "**falls short**: MSE"]);
         assert_eq!(cells[1][5], "at or below");
         assert_eq!(cells[2], ["teapot", "–", "7.0000", "–", "0.5000", ""]);
-        let none = Row::diverged(vec!["teapot".into()], Some(Published { mse: 1e-6, mpe: 0.1 }));
+        let none = Row::errors(vec!["teapot".into()], Some((1e-6, 0.1)), None);
         assert!(
             none.verdict(&table.values).ends_with("MSE, MPE")
                 && none.values.iter().all(|value| value.ours.is_none())

@@ -1,19 +1,18 @@
 //! The table of time: training, 225 sections by the network and exactly on the same device in the same run, and what
 //! everything takes in memory.
 
-use std::time::Instant;
-
-use anyhow::Result;
+use anyhow::{Result, bail};
 use imf_cli::engine::Device;
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::section::{At, SectionPlan, stream_sections};
+use imf_core::section::{At, SectionError, SectionPlan, stream_sections};
 use imf_fields::siren::over_grid;
 use imf_gpu::GpuSections;
 use serde::{Deserialize, Serialize};
 
+use super::published::PAPER;
 use super::table::{Compared, Kind, Row, Table};
-use super::{Bench, Run, published};
-use crate::arguments::paper::PaperPart;
+use super::{Bench, Run, part_label};
+use crate::measurement::seconds;
 
 /// The sections that the paper evaluates.
 const SECTIONS: &str = "grid:15";
@@ -47,27 +46,24 @@ fn measure(bench: &Bench<'_>, run: &Run) -> Result<Measured> {
     let mut values = vec![0.0; grid.len()];
     // Once before, so that nothing is compiled or allocated while the clock runs.
     section(&set[0], &mut values)?;
-    let begun = Instant::now();
-    for orientation in &set {
-        if control.is_cancelled() {
-            return Err(imf_core::section::SectionError::Cancelled.into());
+    let (network, ()) = seconds(|| {
+        for orientation in &set {
+            if control.is_cancelled() {
+                bail!(SectionError::Cancelled);
+            }
+            section(orientation, &mut values)?;
+            advance(1);
         }
-        section(orientation, &mut values)?;
-        advance(1);
-    }
-    let network = begun.elapsed().as_secs_f64();
-    let begun = Instant::now();
-    stream_sections(&plan, &set, control, || (), |(), _, _| {})?;
-    let exact_cpu = begun.elapsed().as_secs_f64();
-    let on_gpu = |set: &[Orientation]| -> Result<Option<f64>> {
-        let Device::Gpu(gpu) = bench.device else { return Ok(None) };
+        Ok(())
+    })?;
+    let (exact_cpu, _) = seconds(|| Ok(stream_sections(&plan, &set, control, || (), |(), _, _| {})?))?;
+    let mut exact_gpu = None;
+    if let Device::Gpu(gpu) = bench.device {
         let mut sections = GpuSections::new(gpu, &plan)?;
         sections.stream(&set[..1], control, || (), |(), _, _| {})?;
-        let begun = Instant::now();
-        sections.stream(set, control, || (), |(), _, _| {})?;
-        Ok(Some(begun.elapsed().as_secs_f64()))
-    };
-    let exact_gpu = on_gpu(&set)?;
+        let (time, _) = seconds(|| Ok(sections.stream(&set, control, || (), |(), _, _| {})?))?;
+        exact_gpu = Some(time);
+    }
     stage.finish("");
     Ok(Measured {
         network,
@@ -100,21 +96,20 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
         };
         let key = (bench.protocol.recipe("single", Some(part.name()))?, SECTIONS);
         let measured = bench.cells.get(&format!("time-{}", part.name()), &key, || measure(bench, &run))?;
-        let paper = published::seconds(part.name());
-        let own = if part == PaperPart::Teapot { "" } else { " (ours)" };
+        let paper = PAPER.seconds.get(part.name());
         let mut row = |what: &str, papers: [Option<f64>; 2], seconds: f64, bytes: u64| {
             table.rows.push(Row {
-                labels: vec![format!("{}{own}", part.name()), what.into()],
+                labels: vec![part_label(part), what.into()],
                 values: vec![
                     Compared::new(papers[0], Some(seconds)),
                     Compared::new(papers[1], Some(bytes as f64)),
                 ],
-                decisions: None,
+                errors: None,
             });
         };
         let samples: u64 = run.summary.stages.iter().map(|stage| stage.samples).sum();
         row("train (single)", [paper.map(|p| p[0]), None], run.summary.seconds(), SAMPLE_BYTES * samples);
-        let network = [paper.map(|p| p[1]), Some(published::NETWORK_BYTES)];
+        let network = [paper.map(|p| p[1]), Some(PAPER.network_bytes)];
         row("225 sections, network", network, measured.network, measured.network_bytes);
         let exact = paper.map(|p| p[2]);
         let on_cpu = if measured.exact_gpu.is_some() { None } else { exact };

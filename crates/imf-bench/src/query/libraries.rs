@@ -13,8 +13,10 @@ use imf_core::scene::SceneRecord;
 use serde::Deserialize;
 use serde_json::json;
 
-use super::{Row, turned};
+use super::Row;
 use crate::arguments::query::QueryArguments;
+use crate::revolved::tool_mesh;
+use crate::rivals;
 
 const SCRIPT: &str = include_str!("../../python/query_rivals.py");
 const INSTALL: &str = "Install: python3 -m pip install -r crates/imf-bench/python/requirements-query.txt";
@@ -38,7 +40,7 @@ struct Found {
 /// The meshes of a scene's part, where it is built in, and of its tool.
 pub(super) fn meshes(record: &SceneRecord) -> Option<[Mesh; 2]> {
     let part = ReferencePart::from_str(&record.part).ok()?;
-    Some([part.mesh().transformed(&record.transform), turned::mesh(record.bare_tool())])
+    Some([part.mesh().transformed(&record.transform), tool_mesh(record.bare_tool())])
 }
 
 /// The libraries' rows, and why others are missing.
@@ -48,8 +50,9 @@ pub(super) fn measure(
     poses: &[Pose],
     truth: &[Decision],
 ) -> Result<(Vec<Row>, Vec<String>)> {
-    let folder = arguments.out.join("query-meshes");
-    std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
+    // Megabytes that nobody wants to keep, whatever becomes of the run.
+    let folder = tempfile::tempdir_in(&arguments.out).context("cannot make a temporary folder")?;
+    let folder = folder.path();
     let listed = |mesh: &Mesh| {
         let vertices: Vec<[f64; 3]> = mesh.vertices.iter().map(glam::DVec3::to_array).collect();
         json!({ "vertices": vertices, "triangles": mesh.triangles })
@@ -63,34 +66,20 @@ pub(super) fn measure(
         .collect();
     let scene = json!({ "part": listed(part), "tool": listed(tool), "poses": asked });
     write_json(&folder.join("scene.json"), &scene)?;
-    let script = folder.join("query_rivals.py");
-    std::fs::write(&script, SCRIPT)?;
     let (mut rows, mut missing) = (Vec::new(), Vec::new());
-    let programs = [
-        ("Coal and FCL", Command::new(&arguments.python).arg(&script).arg(&folder).output(), INSTALL),
-        ("parry3d", Command::new(&arguments.parry3d).arg(&folder).output(), BUILD),
-    ];
-    // Megabytes that nobody wants to keep, whatever became of the run.
-    let _ = std::fs::remove_dir_all(&folder);
-    for (who, output, remedy) in programs {
-        let answer: Answer = match output {
-            Ok(output) if output.status.success() => {
-                serde_json::from_slice(&output.stdout).with_context(|| format!("{who} answered no JSON"))?
+    let mut python = Command::new(&arguments.python);
+    python.args(["-c", SCRIPT]).arg(folder);
+    let mut parry3d = Command::new(&arguments.parry3d);
+    parry3d.arg(folder);
+    for (who, command, remedy) in [("Coal and FCL", python, INSTALL), ("parry3d", parry3d, BUILD)] {
+        match rivals::ask::<Answer>(who, &mut { command }, remedy) {
+            Ok(answer) => {
+                missing.extend(answer.missing.iter().map(|reason| format!("{reason}. {remedy}")));
+                for found in answer.found {
+                    rows.push(row(found, truth, [part, tool])?);
+                }
             }
-            Ok(output) => {
-                let said = String::from_utf8_lossy(&output.stderr);
-                let last = said.trim().lines().last().unwrap_or_default();
-                missing.push(format!("{who} not asked: {last}. {remedy}"));
-                continue;
-            }
-            Err(error) => {
-                missing.push(format!("{who} not asked: {error}. {remedy}"));
-                continue;
-            }
-        };
-        missing.extend(answer.missing.iter().map(|reason| format!("{reason}. {remedy}")));
-        for found in answer.found {
-            rows.push(row(found, truth, [part, tool])?);
+            Err(why) => missing.push(why),
         }
     }
     Ok((rows, missing))
@@ -100,17 +89,17 @@ pub(super) fn measure(
 fn row(found: Found, truth: &[Decision], [part, tool]: [&Mesh; 2]) -> Result<Row> {
     let count = found.colliding.len();
     ensure!((1..=truth.len()).contains(&count), "{} answered {count} poses", found.name);
-    let blocked = found.colliding.iter().filter(|&&c| c).count() as f64 / count as f64;
+    let colliding = found.colliding.iter().filter(|&&c| c).count() as f64 / count as f64;
     let same = |(c, t): &(&bool, &Decision)| **c == (**t == Decision::Colliding);
     let agree = found.colliding.iter().zip(truth).filter(same).count() as f64 / count as f64;
     let distance = found.name.ends_with("distance");
     Ok(Row {
-        answers: if distance { "distance of the surfaces" } else { "do the surfaces meet" },
+        answers: if distance { "distance of the surfaces" } else { "do the surfaces meet" }.into(),
         poses: count,
         // What the call from Python costs is not the library's.
         poses_per_second: count as f64 / (found.seconds - found.overhead).max(f64::MIN_POSITIVE),
-        free: Some(1.0 - blocked),
-        blocked: Some(blocked),
+        free: Some(1.0 - colliding),
+        colliding: Some(colliding),
         agree: Some(agree),
         how: format!(
             "{}, meshes of {} and {} triangles; {:.1} µs a call left out",

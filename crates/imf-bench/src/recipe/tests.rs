@@ -1,10 +1,15 @@
-use imf_fields::recipe::schedule::Schedule;
-use imf_fields::recipe::{AdamConfig, Loss, Precision};
+use imf_core::orientation::OrientationSet;
+use imf_core::tool::Clearance;
+use imf_fields::recipe::schedule::{RateRule, Schedule};
+use imf_fields::recipe::{AdamConfig, Length, Loss, Precision, TrainingPlan};
+use imf_fields::siren::SirenShape;
 
+use super::definition::EvaluationSettings;
+use super::source::BUILT_IN;
 use super::*;
 
 fn recipe(name: &str) -> Recipe {
-    Recipe::parse(built_in(name).unwrap().text).unwrap_or_else(|error| panic!("{name}: {error}"))
+    Source::open(name).unwrap().recipe().unwrap_or_else(|error| panic!("{name}: {error:#}"))
 }
 
 /// What the paper trains with in every stage but for length and rate.
@@ -30,9 +35,9 @@ fn sections(stage: &Stage) -> usize {
 
 #[test]
 fn every_built_in_recipe_has_its_name_and_the_papers_network() {
-    for built_in in BUILT_IN {
-        let recipe = recipe(built_in.name);
-        assert_eq!(recipe.name, built_in.name);
+    for (name, text) in BUILT_IN {
+        let recipe = recipe(name);
+        assert_eq!(recipe.name, name);
         assert_eq!(recipe.network.shape(), SirenShape::default());
         assert_eq!(recipe.network.shape().parameter_count(), 1_056_769);
         assert_eq!((recipe.scene.tool.as_str(), recipe.scene.scale), ("paper", 1.0));
@@ -40,7 +45,7 @@ fn every_built_in_recipe_has_its_name_and_the_papers_network() {
         let counts: Vec<usize> =
             recipe.evaluation.imf.iter().map(|s| OrientationSet::parse(s).unwrap().len()).collect();
         assert_eq!(counts, [225, 625]);
-        assert!(!runs(&table(built_in.text).unwrap()).unwrap().is_empty());
+        assert!(!Source::parse(text).unwrap().variants().unwrap().is_empty());
     }
 }
 
@@ -84,8 +89,8 @@ fn transfer_is_the_papers_with_its_control() {
 #[test]
 fn sweeps_are_single_with_one_thing_changed() {
     let run = |name: &str| -> Vec<(String, Recipe)> {
-        let all = runs(&table(built_in(name).unwrap().text).unwrap()).unwrap();
-        all.into_iter().map(|(name, t)| (name.unwrap(), Recipe::from_table(t).unwrap())).collect()
+        let all = Source::open(name).unwrap().variants().unwrap();
+        all.into_iter().map(|(name, source)| (name, source.recipe().unwrap())).collect()
     };
     let single = recipe("single");
     let densities: Vec<f64> = run("sparsity").iter().map(|(_, r)| r.stages[0].sampling.density).collect();
@@ -115,61 +120,56 @@ fn online_sees_as_many_samples_as_single() {
 
 #[test]
 fn values_are_set_by_path_and_checked_like_the_file() {
-    let base = table(built_in("multi").unwrap().text).unwrap();
-    let with = |path: &str, value: toml::Value| {
+    let base = Source::open("multi").unwrap();
+    let with = |text: &str| {
         let mut own = base.clone();
-        set(&mut own, path, value)?;
-        Recipe::from_table(own)
+        own.assign(text)?;
+        own.recipe()
     };
-    assert_eq!(with("network.width", 128.into()).unwrap().network.width, 128);
-    assert_eq!(with("scene.scale", 0.5.into()).unwrap().scene.scale, 0.5);
-    let all = with("stage.*.training.batch", 64.into()).unwrap();
+    assert_eq!(with("network.width=128").unwrap().network.width, 128);
+    assert_eq!(with("scene.scale=0.5").unwrap().scene.scale, 0.5);
+    assert_eq!(with("evaluation.imf=[\"grid:3\"]").unwrap().evaluation.imf, ["grid:3"]);
+    assert_eq!(with("stage.full.start = random").unwrap().stages[1].start, RANDOM_START);
+    let all = with("stage.*.training.batch=64").unwrap();
     assert!(all.stages.iter().all(|stage| stage.training.batch == 64));
-    let one = with("stage.full.training.length.epochs", 3.into()).unwrap();
+    let one = with("stage.full.training.length.epochs=3").unwrap();
     assert_eq!(one.stages[1].training.length, Length::Epochs(3));
     assert_eq!(one.stages[0].training.length, Length::Epochs(20));
-    for (path, value, word) in [
-        ("network.widht", toml::Value::from(3), "widht"),
-        ("stage.fine.training.batch", 3.into(), "no stage 'fine'"),
-        ("stage.full", 3.into(), "say what"),
-        ("stage.full.training.batch", 0.into(), "batch"),
-        ("stage.full.start", "later".into(), "neither"),
-        ("stage.coarse.start", "full".into(), "neither"),
-        ("stage.full.name", "coarse".into(), "same name"),
-        ("stage.full.sampling.density", 2.0.into(), "density"),
-        ("stage.full.orientations", "grid".into(), "grid"),
-        ("network.width.deep", 1.into(), "plain value"),
-        ("network..width", 1.into(), "names with dots"),
-        ("version", 2.into(), "newer"),
-        ("scene.scale", 0.0.into(), "scale"),
-        ("evaluation.imf", toml::Value::Array(Vec::new()), "imf"),
+    for (text, word) in [
+        ("network.width", "KEY=VALUE"),
+        ("network.widht=3", "widht"),
+        ("stage.fine.training.batch=3", "no stage 'fine'"),
+        ("stage.full=3", "say what"),
+        ("stage.full.training.batch=0", "batch"),
+        ("stage.full.start=later", "neither"),
+        ("stage.coarse.start=full", "neither"),
+        ("stage.full.name=coarse", "same name"),
+        ("stage.full.sampling.density=2.0", "density"),
+        ("stage.full.orientations=grid", "grid"),
+        ("network.width.deep=1", "plain value"),
+        ("network..width=1", "names with dots"),
+        ("version=2", "newer"),
+        ("scene.scale=0.0", "scale"),
+        ("evaluation.imf=[]", "imf"),
     ] {
-        let error = with(path, value).unwrap_err().to_string();
-        assert!(error.contains(word), "{path}: {error}");
+        let error = format!("{:#}", with(text).unwrap_err());
+        assert!(error.contains(word), "{text}: {error}");
     }
-    assert!(built_in("singel").unwrap_err().to_string().contains("single, multi"));
-    assert!(Recipe::parse("name = 'x'").unwrap_err().to_string().contains("version = 1"));
-
-    for (text, path, value) in [
-        ("network.width=128", "network.width", toml::Value::from(128)),
-        ("stage.a.start = random", "stage.a.start", "random".into()),
-        ("evaluation.imf=[\"grid:3\"]", "evaluation.imf", vec!["grid:3"].into()),
-        ("scene.scale=0.5", "scene.scale", 0.5.into()),
-    ] {
-        assert_eq!(assignment(text).unwrap(), (path.to_owned(), value), "{text}");
-    }
-    assert!(assignment("network.width").is_err());
+    assert!(Source::open("singel").unwrap_err().root_cause().to_string().contains("single, multi"));
+    let missing = Source::parse("name = 'x'").unwrap().recipe().unwrap_err();
+    assert!(missing.to_string().contains("version = 1"));
 }
 
 #[test]
 fn clearance_and_contact_are_set_by_path_and_written_again() {
-    let mut table: toml::Table = built_in("single").unwrap().text.parse().unwrap();
-    for text in ["scene.clearance.holder=2", "scene.contact=0.5"] {
-        let (path, value) = assignment(text).unwrap();
-        set(&mut table, &path, value).unwrap();
-    }
-    let recipe = Recipe::parse(&toml::to_string(&table).unwrap()).unwrap();
+    let mut source = Source::open("single").unwrap();
+    source.assign("scene.clearance.holder=2").unwrap();
+    source.assign("scene.contact=0.5").unwrap();
+    let again = Source::parse(&source.text().unwrap()).unwrap();
+    assert_eq!(again, source);
+    let recipe = again.recipe().unwrap();
     assert_eq!(recipe.scene.clearance, Clearance { holder: 2.0, ..Clearance::default() });
     assert_eq!(recipe.scene.contact, Some(0.5));
-    assert_eq!(Recipe::parse(&toml::to_string(&recipe).unwrap()).unwrap(), recipe);
+    let written = Source::parse(&toml::to_string(&recipe).unwrap()).unwrap();
+    assert_eq!(written.recipe().unwrap(), recipe);
 }

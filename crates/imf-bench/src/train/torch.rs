@@ -1,4 +1,4 @@
-//! PyTorch in a process of its own, asked by turns with the training engine.
+//! PyTorch in a process of its own, measured by turns with the training engine.
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
@@ -7,12 +7,11 @@ use anyhow::{Context as _, Result, ensure};
 use imf_cli::session::Session;
 use serde::Deserialize;
 
-use crate::python::lacks;
-use crate::train::Asked;
+use crate::rivals;
+use crate::train::Steps;
 
 const SCRIPT: &str = include_str!("../../python/train_torch.py");
-const REQUIREMENTS: &str =
-    "python3 -m pip install torch==2.15.0 (crates/imf-bench/python/requirements-torch.txt)";
+const REQUIREMENTS: &str = "Install: python3 -m pip install -r crates/imf-bench/python/requirements-torch.txt, or name another by --python";
 
 /// PyTorch in a process of its own, asked by turns.
 pub(super) struct Torch {
@@ -34,20 +33,15 @@ struct Answer {
 
 impl Torch {
     /// The rival, or why there is none and what would help.
-    pub(super) fn start(session: &Session, asked: &Asked<'_>, device: &str) -> Result<Result<Self, String>> {
-        let Some(python) = asked.python else {
-            return Ok(Err("PyTorch was not compared here.".into()));
-        };
-        let runs = |code: &str| {
-            let found = Command::new(python).args(["-c", code]).output();
-            found.is_ok_and(|output| output.status.success())
-        };
-        if let Some(why) = lacks(python, "import torch", REQUIREMENTS) {
-            return Ok(Err(format!("PyTorch was not compared: {why}")));
+    pub(super) fn start(session: &Session, of: &Steps<'_>, device: &str) -> Result<Result<Self, String>> {
+        let python = of.python;
+        let check = format!("import torch; torch.zeros(1, device='{device}'); print(1)");
+        if let Err(why) =
+            rivals::ask::<u32>("PyTorch", Command::new(python).args(["-c", &check]), REQUIREMENTS)
+        {
+            return Ok(Err(why));
         }
-        if !runs(&format!("import torch; torch.zeros(1, device='{device}')")) {
-            return Ok(Err(format!("PyTorch was not compared: that of {python} has no {device}")));
-        }
+        // In a file, which torch.compile may read again.
         let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
         let script = folder.path().join("train_torch.py");
         std::fs::write(&script, SCRIPT).with_context(|| format!("cannot write {}", script.display()))?;
@@ -57,9 +51,9 @@ impl Torch {
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let mut process = command
             .arg(&script)
-            .args(["--threads", &session.threads().to_string(), "--width", &asked.width.to_string()])
+            .args(["--threads", &session.threads().to_string(), "--width", &of.width.to_string()])
             .args(["--device", device])
-            .args(["--precision", &asked.precision.to_string()])
+            .args(["--precision", &of.precision.to_string()])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())

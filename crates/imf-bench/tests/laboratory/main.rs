@@ -10,7 +10,6 @@ mod gpu;
 mod paper;
 mod query;
 mod recipe;
-mod recipe_folder;
 mod refusals;
 
 /// The binary that is run.

@@ -46,7 +46,7 @@ fn the_tiny_tables_hold_in_direction() {
         let random = |field| mse(&report, "3d", &[part, field, "64 random"]);
         assert!(random("single") < random("nearest"), "{part}");
         assert!(random("linear") < random("nearest") && random("harmonic") < random("nearest"), "{part}");
-        // It was taught the harmonic field.
+        // It was distilled from the harmonic field.
         assert!(random("factored") < 1.1 * random("harmonic"), "{part}");
         assert_eq!(mse(&report, "3d", &[part, "linear", "section (0°, 0°)"]), 0.0);
     }

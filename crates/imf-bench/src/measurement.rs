@@ -1,4 +1,4 @@
-//! What the measurements were taken on, and the clock.
+//! The machine that is measured, the clock, and the memory.
 
 use std::fmt;
 use std::time::Instant;
@@ -7,6 +7,8 @@ use anyhow::Result;
 use serde::Serialize;
 use sysinfo::{CpuRefreshKind, RefreshKind, System};
 
+/// Works of this program are measured this often.
+pub(crate) const ROUNDS: usize = 3;
 /// A single measurement shorter than this is repeated, and the better one counts.
 const SHORT: f64 = 1.0;
 
@@ -69,15 +71,34 @@ pub(crate) fn peak_memory() -> Option<u64> {
     Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
 }
 
-/// Seconds of some work: of a short one the better of two.
-pub(crate) fn timed<T>(mut work: impl FnMut() -> Result<T>) -> Result<(f64, T)> {
+/// Seconds of some work.
+pub(crate) fn seconds<T>(work: impl FnOnce() -> Result<T>) -> Result<(f64, T)> {
     let begun = Instant::now();
-    let mut found = work()?;
-    let mut seconds = begun.elapsed().as_secs_f64();
-    if seconds < SHORT {
-        let begun = Instant::now();
-        found = work()?;
-        seconds = seconds.min(begun.elapsed().as_secs_f64());
+    let found = work()?;
+    Ok((begun.elapsed().as_secs_f64(), found))
+}
+
+/// Seconds of some work: of a short one the better of two.
+pub(crate) fn better_seconds<T>(mut work: impl FnMut() -> Result<T>) -> Result<(f64, T)> {
+    let (first, found) = seconds(&mut work)?;
+    if first >= SHORT {
+        return Ok((first, found));
     }
-    Ok((seconds, found))
+    drop(found);
+    let (second, found) = seconds(work)?;
+    Ok((first.min(second), found))
+}
+
+/// The least seconds of each work, all by turns: a busy moment then slows none of them alone.
+pub(crate) fn least_seconds<const N: usize>(
+    rounds: usize,
+    mut works: [&mut dyn FnMut() -> Result<()>; N],
+) -> Result<[f64; N]> {
+    let mut least = [f64::INFINITY; N];
+    for _ in 0..rounds {
+        for (work, least) in works.iter_mut().zip(&mut least) {
+            *least = least.min(seconds(work)?.0);
+        }
+    }
+    Ok(least)
 }

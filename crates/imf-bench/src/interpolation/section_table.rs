@@ -1,5 +1,5 @@
-//! A plain table of the field: exact values at every so many-th voxel and at an angle grid, and straight lines between
-//! them in place and angle. What a given amount of memory is worth without any idea.
+//! Tables of exact sections at an angle grid: of all voxels, or of every so many-th one, with straight lines between them in place
+//! and angle. What a given amount of memory is worth without any idea.
 
 use imf_core::control::Control;
 use imf_core::grid::Grid;
@@ -11,15 +11,18 @@ use super::AngleGrid;
 
 /// Along each axis at least this many points are kept, of grids that have as many voxels.
 const LEAST_POINTS: usize = 2;
+/// Points that one thread interpolates at a time.
+const BLOCK: usize = 4096;
 
-/// A coarse table of sections.
+/// Exact sections at the pairs of an angle grid.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct CoarseTable {
+pub(crate) struct SectionTable {
     angles: AngleGrid,
+    orientations: Vec<Orientation>,
     dims: [usize; 3],
     axes: [Lattice; 3],
-    /// `[section][x][y][z]` of the points kept.
-    values: Vec<f32>,
+    /// `[section][x, y, z]` of the points kept.
+    sections: Vec<Vec<f32>>,
 }
 
 /// The voxels of an axis that are kept, and between which of them each voxel lies.
@@ -37,7 +40,7 @@ impl Lattice {
         let last = (count - 1).max(1);
         let kept: Vec<usize> = (0..count).map(|i| (i * (n - 1) + last / 2) / last).collect();
         let place = |voxel: usize| {
-            let below = kept.partition_point(|&k| k <= voxel).saturating_sub(1).min(count.saturating_sub(2));
+            let below = kept.partition_point(|&k| k <= voxel) - 1;
             let width = kept.get(below + 1).map_or(1, |&next| next - kept[below]).max(1);
             (below, (voxel - kept[below]) as f32 / width as f32)
         };
@@ -49,7 +52,7 @@ impl Lattice {
     }
 }
 
-impl CoarseTable {
+impl SectionTable {
     /// How many points along each axis a table of about `bytes` has room for, beside n × n angles.
     pub(crate) fn points_within(grid: &Grid, angles: AngleGrid, bytes: u64) -> [usize; 3] {
         let whole = 4.0 * (angles.n * angles.n * grid.len()) as f64;
@@ -82,16 +85,26 @@ impl CoarseTable {
                 }
                 own.push((index, kept));
             })?;
-        let mut values = vec![0.0; orientations.len() * each];
+        let mut sections = vec![Vec::new(); orientations.len()];
         for (index, kept) in parts.into_iter().flatten() {
-            values[index * each..][..each].copy_from_slice(&kept);
+            sections[index] = kept;
         }
-        Ok(Self { angles, dims, axes, values })
+        Ok(Self { angles, orientations, dims, axes, sections })
+    }
+
+    /// Bytes that n × n sections of so many voxels take.
+    pub(crate) fn memory(angles: AngleGrid, voxels: usize) -> u64 {
+        4 * (angles.n * angles.n * voxels) as u64
     }
 
     /// Bytes of the values.
     pub(crate) fn bytes(&self) -> u64 {
-        4 * self.values.len() as u64
+        4 * (self.points() * self.sections.len()) as u64
+    }
+
+    /// Points of a section.
+    fn points(&self) -> usize {
+        self.sections[0].len()
     }
 
     /// Points kept along x, y and z, and sections.
@@ -99,20 +112,31 @@ impl CoarseTable {
         ([0, 1, 2].map(|axis| self.axes[axis].len()), self.angles.n * self.angles.n)
     }
 
-    /// The section at an orientation: linear in angle, trilinear in place.
+    /// The kept points of the section of the nearest direction.
+    ///
+    /// # Panics
+    /// If `values` has not their number.
+    pub(crate) fn nearest(&self, orientation: &Orientation, values: &mut [f32]) {
+        let direction = orientation.direction();
+        let closeness = |o: &Orientation| direction.dot(o.direction());
+        let places = self.orientations.iter().enumerate();
+        let nearest = places.max_by(|(_, a), (_, b)| closeness(a).total_cmp(&closeness(b)));
+        values.copy_from_slice(&self.sections[nearest.map_or(0, |(index, _)| index)]);
+    }
+
+    /// The section at an orientation: linear in angle, by the weights of [`AngleGrid::weights`], and trilinear in place.
     ///
     /// # Panics
     /// If `values` has not a section's length.
-    pub(crate) fn section(&self, orientation: &Orientation, values: &mut [f32]) {
-        let ([_, my, mz], _) = self.shape();
-        let each: usize = self.axes.iter().map(Lattice::len).product();
-        let mut turned = vec![0.0f32; each];
-        for (index, weight) in self.angles.weights(orientation) {
-            let section = &self.values[index * each..][..each];
-            turned.iter_mut().zip(section).for_each(|(value, &s)| *value += weight as f32 * s);
-        }
+    pub(crate) fn linear(&self, orientation: &Orientation, values: &mut [f32]) {
         let [nx, ny, nz] = self.dims;
         assert_eq!(values.len(), nx * ny * nz, "one value for each voxel");
+        if self.points() == values.len() {
+            return self.at_points(orientation, values);
+        }
+        let ([_, my, mz], _) = self.shape();
+        let mut turned = vec![0.0f32; self.points()];
+        self.at_points(orientation, &mut turned);
         let [along_x, along_y, along_z] = &self.axes;
         values.par_chunks_exact_mut(ny * nz).zip(&along_x.places).for_each(|(slab, &(x, tx))| {
             let mut plane = vec![0.0f32; my * mz];
@@ -135,15 +159,26 @@ impl CoarseTable {
             }
         });
     }
+
+    /// The kept points of the section at an orientation.
+    fn at_points(&self, orientation: &Orientation, values: &mut [f32]) {
+        let weights = self.angles.weights(orientation);
+        values.par_chunks_mut(BLOCK).enumerate().for_each(|(block, values)| {
+            values.fill(0.0);
+            for &(index, weight) in &weights {
+                let section = &self.sections[index][block * BLOCK..][..values.len()];
+                values.iter_mut().zip(section).for_each(|(value, &s)| *value += weight as f32 * s);
+            }
+        });
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::interpolation::StoredSections;
     use glam::DVec3;
     use imf_core::occupancy::Occupancy;
-    use imf_core::section::At;
+    use imf_core::section::{At, sections};
     use imf_core::tool::Tool;
 
     fn plan() -> SectionPlan {
@@ -152,34 +187,37 @@ mod tests {
         SectionPlan::new(&Occupancy { grid, solid }, Tool::paper(), At::SharpPoints).unwrap()
     }
 
+    fn whole(plan: &SectionPlan, n: usize) -> SectionTable {
+        SectionTable::new(plan, AngleGrid::new(n), plan.grid().dims, Control::quiet()).unwrap()
+    }
+
     #[test]
-    fn with_every_voxel_kept_it_is_linear_interpolation_in_angle() {
-        let (plan, angles) = (plan(), AngleGrid::new(4));
-        let stored = StoredSections::new(&plan, angles, Control::quiet()).unwrap();
-        let table = CoarseTable::new(&plan, angles, plan.grid().dims, Control::quiet()).unwrap();
-        assert_eq!(table.bytes(), StoredSections::memory(angles, plan.grid().len()));
-        let (mut expected, mut found) = (vec![0.0; plan.grid().len()], vec![7.0; plan.grid().len()]);
-        for orientation in [Orientation::new(100.0, 20.0), Orientation::new(355.0, 179.0)] {
-            stored.linear(&orientation, &mut expected);
-            table.section(&orientation, &mut found);
-            for (found, expected) in found.iter().zip(&expected) {
-                // The same products, added in another order.
-                assert!((found - expected).abs() < 1e-6);
-            }
+    fn whole_sections_are_interpolated_in_angle_alone() {
+        let (plan, angles) = (plan(), AngleGrid::new(6));
+        let (voxels, stored) = (plan.grid().len(), whole(&plan, 6));
+        assert_eq!(stored.bytes(), SectionTable::memory(angles, voxels));
+        let between = Orientation::new(37.0, 81.0);
+        let exact = sections(&plan, &stored.orientations, Control::quiet()).unwrap();
+        let (mut linear, mut nearest) = (vec![7.0; voxels], vec![7.0; voxels]);
+        stored.linear(&between, &mut linear);
+        stored.nearest(&between, &mut nearest);
+        for voxel in 0..voxels {
+            let expected: f64 =
+                angles.weights(&between).iter().map(|&(i, w)| w * f64::from(exact[i][voxel])).sum();
+            // Four products of values below 1, in f32.
+            assert!((f64::from(linear[voxel]) - expected).abs() < 1e-6);
         }
+        // θ = 60°, φ = 90° is the nearest of the grid's pairs: index 1·6 + 3.
+        assert_eq!(nearest, exact[9]);
     }
 
     #[test]
     fn kept_voxels_are_exact_at_kept_angles_and_others_lie_between() {
         let (plan, angles) = (plan(), AngleGrid::new(4));
-        let points = CoarseTable::points_within(plan.grid(), angles, 4000);
-        let table = CoarseTable::new(&plan, angles, points, Control::quiet()).unwrap();
+        let points = SectionTable::points_within(plan.grid(), angles, 4000);
+        let table = SectionTable::new(&plan, angles, points, Control::quiet()).unwrap();
         assert!(table.bytes() <= 6000 && table.bytes() > 2000, "{} bytes", table.bytes());
-        let orientation = angles.orientations()[6];
-        let stored = StoredSections::new(&plan, angles, Control::quiet()).unwrap();
         let (mut exact, mut found) = (vec![0.0; plan.grid().len()], vec![7.0; plan.grid().len()]);
-        stored.linear(&orientation, &mut exact);
-        table.section(&orientation, &mut found);
         let grid = plan.grid();
         // By the definition: the mean of the eight corners of the cell, weighted by the distance.
         let around = |axis: usize, voxel: usize| {
@@ -190,17 +228,22 @@ mod tests {
             let t = (voxel - kept[below]) as f32 / width;
             [(kept[below], 1.0 - t), (kept[above], t)]
         };
-        for index in 0..grid.len() {
-            let voxel = grid.voxel(index);
-            let mut expected = 0.0;
-            for (x, a) in around(0, voxel[0]) {
-                for (y, b) in around(1, voxel[1]) {
-                    for (z, c) in around(2, voxel[2]) {
-                        expected += a * b * c * exact[grid.index([x, y, z])];
+        let of_grid = angles.orientations()[6];
+        for orientation in [of_grid, Orientation::new(100.0, 20.0), Orientation::new(355.0, 179.0)] {
+            whole(&plan, 4).linear(&orientation, &mut exact);
+            table.linear(&orientation, &mut found);
+            for index in 0..grid.len() {
+                let voxel = grid.voxel(index);
+                let mut expected = 0.0;
+                for (x, a) in around(0, voxel[0]) {
+                    for (y, b) in around(1, voxel[1]) {
+                        for (z, c) in around(2, voxel[2]) {
+                            expected += a * b * c * exact[grid.index([x, y, z])];
+                        }
                     }
                 }
+                assert!((found[index] - expected).abs() < 1e-6, "{voxel:?}: {} and {expected}", found[index]);
             }
-            assert!((found[index] - expected).abs() < 1e-6, "{voxel:?}: {} and {expected}", found[index]);
         }
     }
 

@@ -4,20 +4,20 @@ use anyhow::{Result, bail};
 use imf_cli::interrupt;
 use imf_cli::session::Session;
 use imf_core::orientation::Orientation;
-use imf_core::section::{SectionPlan, sections};
+use imf_core::section::{SectionError, SectionPlan, sections};
 use imf_fields::metrics::{ErrorReport, Errors};
 use imf_train::dataset::boundary;
 use serde::Serialize;
 
-use super::rivals::Rival;
+use crate::candidates::Candidate;
 
-/// Sections asked for at a time.
+/// Sections at a time.
 const AT_ONCE: usize = 16;
-/// Share of the colliding poses that may be called free where thresholds are compared.
+/// Fraction of the colliding poses that may be called free where thresholds are compared.
 pub(super) const ALLOWED: f64 = 0.01;
 
 /// Exact sections, and where they turn from free to colliding.
-pub(super) struct Judge<'a> {
+pub(super) struct Truth<'a> {
     session: &'a Session,
     orientations: &'a [Orientation],
     exact: Vec<Vec<f32>>,
@@ -26,7 +26,7 @@ pub(super) struct Judge<'a> {
     threshold: f64,
 }
 
-/// What the judge found.
+/// How far a field is from it.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(super) struct Verdict {
     /// Over all positions.
@@ -34,12 +34,12 @@ pub(super) struct Verdict {
     /// Over positions near the boundary alone.
     pub(super) near: ErrorReport,
     /// With the highest threshold at which at most [`ALLOWED`] of the colliding poses near the boundary are called free,
-    /// the share of the free ones there that are called colliding.
+    /// the fraction of the free ones there that are called colliding.
     pub(super) colliding_when_safe: f64,
 }
 
-impl<'a> Judge<'a> {
-    /// Counts the sections to judge by. `width` in voxels is what counts as near.
+impl<'a> Truth<'a> {
+    /// Counts the sections to compare with. `width` in voxels is what counts as near.
     pub(super) fn new(
         session: &'a Session,
         plan: &SectionPlan,
@@ -57,14 +57,14 @@ impl<'a> Judge<'a> {
         ((5 * orientations + 4 * AT_ONCE) * voxels) as u64
     }
 
-    pub(super) fn ask(&self, field: &mut dyn Rival) -> Result<Verdict> {
+    pub(super) fn compare(&self, field: &Candidate<'_>) -> Result<Verdict> {
         let voxels = self.exact.first().map_or(0, Vec::len);
         let mut values = vec![0.0; AT_ONCE.min(self.orientations.len()) * voxels];
         let (mut everywhere, mut near) = (Errors::default(), Errors::default());
         let (mut free, mut colliding) = (Vec::new(), Vec::new());
         for (chunk, orientations) in self.orientations.chunks(AT_ONCE).enumerate() {
             if interrupt::requested() {
-                bail!(interrupt::Interrupted("a comparison needs every family; nothing was written".into()));
+                bail!(SectionError::Cancelled);
             }
             let values = &mut values[..orientations.len() * voxels];
             field.sections(orientations, values)?;
@@ -92,14 +92,14 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// The share of `free` values above the highest threshold that calls at most [`ALLOWED`] of `colliding` free.
+/// The fraction of `free` values above the highest threshold that calls at most [`ALLOWED`] of `colliding` free.
 fn colliding_when_safe(colliding: &mut [f32], free: &[f32]) -> f64 {
     colliding.sort_unstable_by(f32::total_cmp);
     let allowed = (colliding.len() as f64 * ALLOWED) as usize;
     // A threshold calls free what is at most it, so it lies just below the first value that must not pass.
     let first = colliding.get(allowed).copied().unwrap_or(f32::INFINITY);
-    let blocked = free.iter().filter(|&&value| value >= first).count();
-    if free.is_empty() { 0.0 } else { blocked as f64 / free.len() as f64 }
+    let alarms = free.iter().filter(|&&value| value >= first).count();
+    if free.is_empty() { 0.0 } else { alarms as f64 / free.len() as f64 }
 }
 
 #[cfg(test)]

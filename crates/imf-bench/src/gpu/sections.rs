@@ -1,20 +1,19 @@
 //! The same sections on a GPU: what the device takes alone, with the host's preparation, and with sections read back.
 
-use std::time::Instant;
-
 use anyhow::Result;
 use imf_core::control::Control;
 use imf_core::orientation::Orientation;
 use imf_core::section::{SectionPlan, imf, sections};
 use imf_gpu::{Gpu, GpuSections};
 
-use super::{ROUNDS, Rival};
+use crate::exact::Rival;
+use crate::measurement::{ROUNDS, least_seconds};
 
 /// Sections that a software device is measured at.
 const MOST_ON_SOFTWARE: usize = 16;
 
 /// Measures `orientations` on `gpu`; `ours` is the CPU's time for a section in seconds.
-pub(crate) fn measure(
+pub(super) fn measure(
     gpu: &Gpu,
     plan: &SectionPlan,
     orientations: &[Orientation],
@@ -44,20 +43,14 @@ pub(crate) fn measure(
     let same_least = device.imf(compared, control)? == imf(plan, compared, control)?;
 
     let alone = device.measure(orientations, ROUNDS)?;
-    let mut least = |work: &mut dyn FnMut(&mut GpuSections<'_>) -> Result<()>| -> Result<f64> {
-        let mut seconds = f64::INFINITY;
-        for _ in 0..ROUNDS {
-            let start = Instant::now();
-            work(&mut device)?;
-            seconds = seconds.min(start.elapsed().as_secs_f64() / orientations.len() as f64);
-        }
-        Ok(seconds)
-    };
-    let minimum = least(&mut |device| Ok(device.imf(orientations, control).map(|_| ())?))?;
-    let read = least(&mut |device| {
-        device.stream(orientations, control, || (), |(), _, _| {})?;
-        Ok(())
-    })?;
+    let device = std::cell::RefCell::new(device);
+    let [minimum, read] = least_seconds(
+        ROUNDS,
+        [&mut || Ok(device.borrow_mut().imf(orientations, control).map(drop)?), &mut || {
+            Ok(device.borrow_mut().stream(orientations, control, || (), |(), _, _| {}).map(drop)?)
+        }],
+    )?
+    .map(|seconds| seconds / orientations.len() as f64);
     Ok(vec![
         rival(
             "device alone",

@@ -1,23 +1,27 @@
-//! Finished cells of the report, one JSON file each, so that an interrupted run repeats nothing that came to its end.
+//! Finished pieces of work, one JSON file each, so that an interrupted command repeats nothing that came to its end.
 //!
 //! A cell is keyed by what made it: settings, scene, device, version. Its file's name carries a checksum of the key, and the
 //! key stands in the file; where it is another one, the cell is made again.
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Error, Result};
+use imf_cli::engine::Device;
+use imf_cli::interrupt::Interrupted;
 use imf_cli::output::{prepare_folder, write_json};
 use imf_cli::session::Session;
 use imf_core::mesh::Mesh;
 use imf_core::parts::ReferencePart;
+use imf_core::section::SectionError;
+use imf_fields::evaluation::EvaluationError;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use crate::experiment::interruption;
+use crate::recipe::GO_ON;
 
 /// Where cells are kept.
-pub(super) struct Cells<'a> {
+pub(crate) struct Cells<'a> {
     session: &'a Session,
     out: PathBuf,
     folder: PathBuf,
@@ -31,12 +35,20 @@ struct Cell<T> {
     value: T,
 }
 
+/// Where networks run, in words.
+pub(crate) fn device_name(device: &Device) -> String {
+    match device {
+        Device::Cpu => "networks on the CPU".to_owned(),
+        Device::Gpu(gpu) => format!("networks on {}", gpu.describe()),
+    }
+}
+
 impl<'a> Cells<'a> {
-    /// Cells in `out/cells`; `device` names where networks run.
-    pub(super) fn new(session: &'a Session, out: &Path, device: &str) -> Result<Self> {
+    /// Cells in `out/cells`.
+    pub(crate) fn new(session: &'a Session, device: &Device, out: &Path) -> Result<Self> {
         let folder = out.join("cells");
         prepare_folder(&folder)?;
-        let common = json!({ "program": env!("CARGO_PKG_VERSION"), "device": device });
+        let common = json!({ "program": env!("CARGO_PKG_VERSION"), "device": device_name(device) });
         Ok(Self { session, out: out.to_owned(), folder, common })
     }
 
@@ -45,19 +57,19 @@ impl<'a> Cells<'a> {
         let mut made_by = json!({ "common": self.common, "cell": serde_json::to_value(key)? });
         // Of the parts the bracket is a stored file, which may be made again under its name.
         if made_by["cell"].to_string().contains("\"bracket\"") {
-            made_by["bracket"] = shape(&ReferencePart::Bracket.mesh()).into();
+            made_by["bracket"] = checksum(&ReferencePart::Bracket.mesh()).into();
         }
         let mark = crc32fast::hash(&serde_json::to_vec(&made_by)?);
         Ok((made_by, format!("{mark:08x}")))
     }
 
     /// What tells the files of this key from those of others.
-    pub(super) fn mark(&self, key: &impl Serialize) -> Result<String> {
+    pub(crate) fn mark(&self, key: &impl Serialize) -> Result<String> {
         Ok(self.key(key)?.1)
     }
 
     /// The cell of that name and key, read where it is kept, else made by `make` and kept.
-    pub(super) fn get<T: Serialize + DeserializeOwned>(
+    pub(crate) fn get<T: Serialize + DeserializeOwned>(
         &self,
         name: &str,
         key: &impl Serialize,
@@ -79,8 +91,21 @@ impl<'a> Cells<'a> {
     }
 }
 
+/// Work that was interrupted leaves what was finished before it.
+pub(crate) fn interruption(error: Error, out: &Path) -> Error {
+    let cancelled = error.chain().any(|cause| {
+        matches!(cause.downcast_ref(), Some(SectionError::Cancelled))
+            || matches!(cause.downcast_ref(), Some(EvaluationError::Section(SectionError::Cancelled)))
+    });
+    if cancelled {
+        let kept = format!("what was finished is kept in {}; {GO_ON} to go on", out.display());
+        return Interrupted(kept).into();
+    }
+    error
+}
+
 /// A checksum of a mesh's vertices.
-fn shape(mesh: &Mesh) -> u32 {
+fn checksum(mesh: &Mesh) -> u32 {
     let mut hasher = crc32fast::Hasher::new();
     for vertex in &mesh.vertices {
         vertex.to_array().iter().for_each(|v| hasher.update(&v.to_le_bytes()));
@@ -94,26 +119,25 @@ mod tests {
 
     #[test]
     fn cells_of_the_bracket_know_its_shape() {
-        let folder = tempfile::tempdir().unwrap();
-        let session = Session::silent();
-        let cells = Cells::new(&session, folder.path(), "cpu").unwrap();
+        let (folder, session) = (tempfile::tempdir().unwrap(), Session::silent());
+        let cells = Cells::new(&session, &Device::Cpu, folder.path()).unwrap();
         let of_part = |part: &str| cells.key(&json!({ "scene": { "part": part } })).unwrap().0;
         assert!(of_part("bracket")["bracket"].is_u64());
         assert!(of_part("teapot")["bracket"].is_null());
         let mut mesh = ReferencePart::Bracket.mesh();
-        let before = shape(&mesh);
+        let before = checksum(&mesh);
         mesh.vertices[7].z += 0.001;
-        assert_ne!(before, shape(&mesh));
+        assert_ne!(before, checksum(&mesh));
     }
 
     #[test]
     fn a_cell_is_made_once_for_each_key() {
-        let folder = tempfile::tempdir().unwrap();
-        let session = Session::silent();
-        let cells = Cells::new(&session, folder.path(), "cpu").unwrap();
+        let (folder, session) = (tempfile::tempdir().unwrap(), Session::silent());
+        let cells = Cells::new(&session, &Device::Cpu, folder.path()).unwrap();
         let get = |key: u32, value: f64| cells.get("one", &key, || Ok(value)).unwrap();
         assert_eq!((get(1, 0.1), get(1, 7.0), get(2, 3.0), get(2, 4.0)), (0.1, 0.1, 3.0, 3.0));
-        let other = Cells::new(&session, folder.path(), "gpu").unwrap();
+        let mut other = Cells::new(&session, &Device::Cpu, folder.path()).unwrap();
+        other.common["device"] = "networks on another".into();
         assert_eq!(other.get("one", &1, || Ok(9.0)).unwrap(), 9.0);
         // A damaged cell is made again.
         for entry in std::fs::read_dir(folder.path().join("cells")).unwrap() {

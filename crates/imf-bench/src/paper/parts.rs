@@ -1,100 +1,68 @@
 //! The table of the three parts: `single` and `multi` against the exact field, and baselines in the same rows.
 
-use anyhow::{Context as _, Result, bail};
-use imf_core::scene::Scene;
+use anyhow::{Context as _, Result};
+use imf_core::parts::ReferencePart;
 
 use super::baselines::{self, Method};
-use super::questions::{Questions, RANDOM};
+use super::published::PAPER;
 use super::table::{Compared, Kind, Row, Table};
-use super::{Bench, Run, figures, published};
-use crate::arguments::paper::PaperPart;
-use crate::experiment::Scenes;
-use crate::recipe::{Recipe, SceneSettings};
+use super::{Bench, Training, figures, part_label};
+use crate::recipe::{Questions, RANDOM, Recipe};
 
 /// The recipes of the table.
-pub(super) const RECIPES: [&str; 2] = ["single", "multi"];
+const RECIPES: [&str; 2] = ["single", "multi"];
+/// The families of ours, as their rows begin.
+const OURS: [&str; 2] = ["harmonic", "factored"];
 
 impl Bench<'_> {
     /// A part's training by a recipe.
-    pub(super) fn trained(&self, part: PaperPart, recipe: &str) -> Result<Result<Run, String>> {
+    pub(super) fn trained(&self, part: ReferencePart, recipe: &str) -> Result<Training> {
         let part = part.name();
         self.run(&format!("{recipe}-{part}"), &self.protocol.recipe(recipe, Some(part))?)
     }
 
     /// What stands beside the paper's network, for a part.
-    pub(super) fn baselines(&self, part: PaperPart) -> Result<Vec<Method>> {
-        let recipe = Recipe::from_table(self.protocol.recipe("single", Some(part.name()))?)?;
+    pub(super) fn baselines(&self, part: ReferencePart) -> Result<Vec<Method>> {
+        let recipe = self.protocol.recipe("single", Some(part.name()))?.recipe()?;
         let n = trained_grid(&recipe)?;
-        let teaching = self.protocol.teaching();
-        let key = (&recipe.scene, &recipe.evaluation, n, &teaching);
-        self.cells.get(&format!("baselines-{}", part.name()), &key, || {
-            let scene = self.scene(&recipe.scene)?;
-            baselines::measure(self.session, &scene, &Questions::of(&recipe.evaluation)?, n, &teaching)
-        })
-    }
-
-    /// A scene at its full resolution.
-    pub(super) fn scene(&self, settings: &SceneSettings) -> Result<Scene> {
-        Scenes::default().of_part(self.session, settings, &settings.part, 1.0)
+        let key = (&recipe.scene, &recipe.evaluation, n, self.protocol.distillation());
+        let name = format!("baselines-{}", part.name());
+        self.cells.get(&name, &key, || baselines::measure(self, &recipe, n))
     }
 }
 
 /// N of the `grid:N` that `single` learns from.
 fn trained_grid(single: &Recipe) -> Result<usize> {
     let spec = single.stages.first().and_then(|stage| stage.orientations.as_deref());
-    match spec.and_then(|spec| spec.strip_prefix("grid:")?.parse().ok()) {
-        Some(n) => Ok(n),
-        None => bail!("single must learn from a grid of orientations to be compared with interpolation"),
-    }
+    let n = spec.and_then(|spec| spec.strip_prefix("grid:")?.parse().ok());
+    n.context("single must learn from a grid of orientations to be compared with interpolation")
 }
 
 pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
     let mut table = Table::of_errors("3d", "Three parts in space", &["part", "field", "compared"]);
-    let single = bench.protocol.settings("single")?;
+    let single = bench.protocol.recipe("single", None)?.recipe()?;
     let sections = trained_grid(&single)?.pow(2);
     table.notes.push(format!(
         "`single` and `multi` are the paper's network (`siren5`) and recipes. Beside them what is made from as many exact \
          sections ({sections}): the nearest one, linear interpolation in θ and φ, the harmonic field (its fit reads each \
-         section twice), and the factored field that is taught it. Random sections are ours: at orientations of no grid."
+         section twice), and the factored field that is distilled from it. Random sections are ours: at orientations of no grid."
     ));
     for &part in &bench.parts {
-        let own = if part == PaperPart::Teapot { "" } else { " (ours)" };
-        let name = format!("{}{own}", part.name());
+        let name = part_label(part);
         let mut runs = Vec::new();
         for recipe in RECIPES {
-            let questions = Questions::of(&bench.protocol.settings(recipe)?.evaluation)?;
-            let papers = published::space(part.name(), recipe);
+            let questions = Questions::of(&bench.protocol.recipe(recipe, None)?.recipe()?.evaluation)?;
+            let training = bench.trained(part, recipe)?;
+            let papers = PAPER.parts[recipe].get(part.name());
             let paper = |index: usize| papers.and_then(|papers| papers.get(index).copied());
-            let labels = |question: String| vec![name.clone(), recipe.into(), question];
-            let run = match bench.trained(part, recipe)? {
-                Ok(run) => run,
-                Err(diverged) => {
-                    let rows = questions.names().into_iter().enumerate();
-                    table.rows.extend(rows.map(|(index, asked)| Row::diverged(labels(asked), paper(index))));
-                    table.notes.push(format!("{name}, {recipe}: no result. {diverged}"));
-                    continue;
-                }
-            };
-            let outcome = run.summary.results.first().context("a recipe without results")?;
-            let answers = questions.names().into_iter().zip(questions.answers(outcome)?);
-            table.rows.extend(
-                answers
-                    .enumerate()
-                    .map(|(index, (asked, errors))| Row::errors(labels(asked), paper(index), &errors)),
-            );
-            table.notes.push(format!(
-                "{name}, {recipe}: {} parameters ({}), trained in {}.",
-                outcome.parameters,
-                Kind::Bytes.show(4.0 * outcome.parameters as f64),
-                Kind::Seconds.show(run.summary.seconds())
-            ));
-            runs.push((recipe, run));
+            table.add_training(&[&name, recipe], (&training, None), &questions, paper)?;
+            runs.extend(training.ok().map(|run| (recipe, run)));
         }
         let questions = Questions::of(&single.evaluation)?;
         for method in bench.baselines(part)? {
-            for (question, errors) in questions.names().into_iter().zip(&method.answers) {
-                let labels = vec![name.clone(), method.name.clone(), question];
-                table.rows.push(Row::errors(labels, None, errors));
+            for answer in &method.answers {
+                let labels = vec![name.clone(), method.name.clone(), answer.name.clone()];
+                table.rows.push(Row::errors(labels, None, Some(&answer.errors)));
             }
             table.notes.push(format!(
                 "{name}, {}: {}, made in {}; {} sections in {}.",
@@ -112,9 +80,6 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
     table.figures.insert(0, figures::scenes(bench)?);
     Ok(table)
 }
-
-/// The families of ours, as their rows begin.
-const OURS: [&str; 2] = ["harmonic", "factored"];
 
 /// The paper's network and, for each part, that of our families which errs least at random orientations, each in its own
 /// columns beside the paper's MSE.
@@ -136,14 +101,11 @@ pub(super) fn side_by_side(table: &Table) -> Table {
         let Some(best) = random.min_by(|a, b| mse(a).total_cmp(&mse(b))) else { continue };
         let answer =
             of_part().find(|other| other.labels[1..] == [best.labels[1].clone(), row.labels[2].clone()]);
-        let paper = row.values[0].paper;
+        let answer = answer.and_then(|row| row.values[0].ours);
         beside.rows.push(Row {
             labels: row.labels.iter().chain([&best.labels[1]]).cloned().collect(),
-            values: vec![
-                row.values[0].clone(),
-                Compared::new(paper, answer.and_then(|row| row.values[0].ours)),
-            ],
-            decisions: None,
+            values: vec![row.values[0].clone(), Compared::new(row.values[0].paper, answer)],
+            errors: None,
         });
     }
     beside
@@ -159,7 +121,7 @@ mod tests {
         let row = |field: &str, asked: &str, paper: Option<f64>, ours: f64| Row {
             labels: ["teapot", field, asked].map(String::from).into(),
             values: vec![Compared::new(paper, Some(ours)), Compared::new(None, Some(9.0))],
-            decisions: None,
+            errors: None,
         };
         table.rows = vec![
             row("single", "IMF", Some(1e-6), 4e-6),

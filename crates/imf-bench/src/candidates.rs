@@ -1,0 +1,180 @@
+//! The fields that stand beside the paper's network, made from as many exact sections as it learns from, and evaluated alike.
+
+use std::sync::Arc;
+
+use anyhow::{Result, bail};
+use imf_cli::engine::Device;
+use imf_cli::session::Session;
+use imf_core::control::Control;
+use imf_core::field::GridField;
+use imf_core::orientation::Orientation;
+use imf_core::parts::ReferencePart;
+use imf_core::scene::{Scene, SceneSpec};
+use imf_core::section::{Imf, SectionError, SectionPlan, SectionScratch, imf};
+use imf_core::tool::Tool;
+use imf_fields::factored::file::FactoredFile;
+use imf_fields::factored::{DistillSettings, FactoredField, Symmetry};
+use imf_fields::harmonic::basis::{Basis, Domain};
+use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::file::HarmonicFile;
+use imf_fields::harmonic::{FitSettings, fit, section_count};
+use imf_gpu::shader::Factors;
+use imf_gpu::{GpuTrainer, TrainerSettings};
+use imf_train::distill::{teach, teach_on};
+use imf_train::training::run::{Outcome, Report};
+use rayon::prelude::*;
+
+/// Sections for each basis function at least: with fewer the fit has no firm minimum.
+const LEAST_SECTIONS: f64 = 1.3;
+
+/// A reference part with the paper's tool, at a fraction of its own resolution.
+pub(crate) fn reference_scene(part: ReferencePart, scale: f64) -> Result<Scene> {
+    let dims = part.dims().map(|n| ((n as f64 * scale).round() as usize).max(4));
+    Ok(SceneSpec::of_reference(part, &part.mesh(), dims, &Tool::paper()).scene()?)
+}
+
+/// A field that is compared with the exact one.
+pub(crate) enum Candidate<'a> {
+    /// The exact one itself.
+    Exact(&'a Session, &'a SectionPlan),
+    Field(&'a dyn GridField),
+    /// What answers one orientation at a time, of so many voxels.
+    Table(usize, &'a dyn Fn(&Orientation, &mut [f32])),
+}
+
+impl Candidate<'_> {
+    /// `[orientation][voxel]` into `values`, in the way that is fastest for it.
+    pub(crate) fn sections(&self, orientations: &[Orientation], values: &mut [f32]) -> Result<()> {
+        match self {
+            Self::Exact(_, plan) => values
+                .par_chunks_exact_mut(plan.grid().len())
+                .zip(orientations)
+                .try_for_each_init(SectionScratch::default, |scratch, (values, orientation)| {
+                    plan.cmf(orientation, scratch, values)
+                })?,
+            Self::Field(field) => field.sections(orientations, values)?,
+            Self::Table(voxels, section) => {
+                let sections = values.chunks_exact_mut(*voxels).zip(orientations);
+                sections.for_each(|(values, orientation)| section(orientation, values));
+            }
+        }
+        Ok(())
+    }
+
+    /// The minimum over the orientations.
+    pub(crate) fn minimum(&self, orientations: &[Orientation]) -> Result<Imf> {
+        match self {
+            Self::Exact(session, plan) => Ok(imf(plan, orientations, session.control(&|_| {}))?),
+            Self::Field(field) => Ok(field.minimum(orientations, Control::quiet())?),
+            Self::Table(voxels, section) => {
+                let (mut minimum, mut values) = (Imf::new(*voxels), vec![0.0; *voxels]);
+                for (index, orientation) in orientations.iter().enumerate() {
+                    section(orientation, &mut values);
+                    minimum.lower_to(index, &values);
+                }
+                Ok(minimum)
+            }
+        }
+    }
+}
+
+/// Settings of the harmonic field of the highest degree that `sections` sections determine.
+pub(crate) fn harmonic_settings(sections: usize) -> FitSettings {
+    let fits =
+        |degree: &usize| Basis::count(Domain::Directions, *degree) as f64 * LEAST_SECTIONS <= sections as f64;
+    let degree = (0..40).take_while(fits).last().unwrap_or(0);
+    let functions = Basis::count(Domain::Directions, degree);
+    FitSettings {
+        degree,
+        // Rounded up by the fit to the number of sections exactly, and down to whole fours.
+        sections_per_function: (sections as f64 - 0.5) / functions as f64,
+        axes: functions,
+        precision: Precision::F16,
+        ..FitSettings::default()
+    }
+}
+
+/// The harmonic field of a scene.
+pub(crate) fn fitted(
+    session: &Session,
+    scene: &Scene,
+    plan: &SectionPlan,
+    settings: FitSettings,
+) -> Result<Arc<HarmonicFile>> {
+    let total = section_count(Domain::Directions, &settings) as u64;
+    let stage = session.stage("harmonic", "sections", total);
+    let advance = |sections| stage.advance(sections);
+    let field = fit(plan, Domain::Directions, &settings, session.control(&advance))?;
+    stage.finish("");
+    Ok(Arc::new(HarmonicFile { field, scene: scene.clone(), settings, calibration: None }))
+}
+
+/// `settings` with the symmetry that a field and its obstacle have.
+pub(crate) fn symmetric(teacher: &HarmonicFile, settings: DistillSettings) -> DistillSettings {
+    DistillSettings { symmetry: Symmetry::of(&teacher.field, &teacher.scene.obstacle), ..settings }
+}
+
+/// The factored field that a device distils from a harmonic one.
+pub(crate) fn distilled(
+    session: &Session,
+    device: &Device,
+    teacher: &HarmonicFile,
+    settings: DistillSettings,
+) -> Result<FactoredFile> {
+    let field = &teacher.field;
+    let shape = settings.shape(settings.outputs(field));
+    let mut state = settings.start(shape.axes);
+    let stage = session.stage("factored", "steps", settings.plan.total_steps(field.grid.len()));
+    let advance = |steps| stage.advance(steps);
+    let control = session.control(&advance);
+    let mut loss = f64::NAN;
+    let observer = &mut |report: &Report| loss = report.mean_loss;
+    let outcome = match device {
+        Device::Cpu => teach(field, &settings, &mut state, control, observer)?,
+        Device::Gpu(gpu) => {
+            let learning = TrainerSettings {
+                adam: settings.plan.adam,
+                loss: settings.plan.loss,
+                optimiser: settings.optimiser,
+                factors: Factors::Single,
+            };
+            let batch = settings.batch(field);
+            let mut engine = GpuTrainer::of_stack(gpu, shape.stack(), &learning, batch, &state.training)?;
+            teach_on(field, &settings, &mut state, &mut engine, control, observer)?
+        }
+    };
+    if !matches!(outcome, Outcome::Finished) {
+        bail!(SectionError::Cancelled);
+    }
+    stage.finish(&format!("loss {loss:.2e}"));
+    let file = FactoredFile {
+        field: FactoredField::new(field, shape, state.training.parameters)?,
+        scene: teacher.scene.clone(),
+        fit: teacher.settings,
+        report: field.report,
+        settings,
+        precision: Precision::F32,
+        state: None,
+        calibration: None,
+    };
+    Ok(file.finished(Precision::F32))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_harmonic_field_takes_as_many_sections_as_are_given_in_whole_fours() {
+        for n in [4, 8, 15, 30] {
+            let settings = harmonic_settings(n * n);
+            let sizes = settings.sizes(Domain::Directions);
+            // Directions are fitted in fours.
+            assert_eq!(sizes.sections, n * n / 4 * 4);
+            assert!(sizes.sections as f64 >= LEAST_SECTIONS * sizes.functions as f64);
+            let next = Basis::count(Domain::Directions, settings.degree + 1);
+            assert!((n * n) as f64 / (next as f64) < LEAST_SECTIONS, "a higher degree would do");
+        }
+        assert_eq!(harmonic_settings(225).degree, 12);
+    }
+}

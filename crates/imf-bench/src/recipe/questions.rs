@@ -1,0 +1,138 @@
+//! What every field is compared at, so that the networks of recipes and what stands beside them have the same rows.
+
+use anyhow::{Result, bail};
+use imf_cli::engine::{Calls, Device, Evaluated};
+use imf_cli::output::short;
+use imf_cli::report::{self, Subject};
+use imf_cli::session::Session;
+use imf_core::control::Control;
+use imf_core::orientation::{Orientation, OrientationSet};
+use imf_core::section::{At, Imf, SectionPlan, imf};
+use imf_fields::evaluation::{field_imf, field_sections, grid_imf};
+use imf_fields::file::FieldFile;
+use imf_fields::metrics::ErrorReport;
+use imf_fields::model::Model;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+use super::definition::{EvaluationSettings, pair};
+
+/// How the name of the last question ends.
+pub(crate) const RANDOM: &str = "random sections";
+
+/// Two sections, the inaccessibility measure over some sets, and random sections, in this order.
+pub(crate) struct Questions {
+    pub(crate) in_sample: Orientation,
+    pub(crate) out_of_sample: Orientation,
+    pub(crate) imf: Vec<OrientationSet>,
+    random: OrientationSet,
+    threshold: f64,
+}
+
+/// One comparison with the exact field.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Answer {
+    /// What was compared.
+    pub(crate) name: String,
+    #[serde(flatten)]
+    pub(crate) errors: ErrorReport,
+}
+
+impl Questions {
+    pub(crate) fn of(settings: &EvaluationSettings) -> Result<Self> {
+        Ok(Self {
+            in_sample: pair(&settings.in_sample)?,
+            out_of_sample: pair(&settings.out_of_sample)?,
+            imf: settings.imf.iter().map(|spec| OrientationSet::parse(spec)).collect::<Result<_, _>>()?,
+            random: OrientationSet::parse(&format!("random:{}:{}", settings.random, settings.seed))?,
+            threshold: settings.threshold,
+        })
+    }
+
+    /// Names of the questions, in order.
+    pub(crate) fn names(&self) -> Vec<String> {
+        let pair = |o: &Orientation| format!("({}°, {}°)", short(o.theta), short(o.phi));
+        let mut names = vec![
+            format!("section {}, in-sample", pair(&self.in_sample)),
+            format!("section {}, out-of-sample", pair(&self.out_of_sample)),
+        ];
+        names.extend(self.imf.iter().map(|set| format!("IMF over {}", set.len())));
+        names.push(format!("{} {RANDOM}", self.random.len()));
+        names
+    }
+
+    fn named(&self, errors: impl IntoIterator<Item = ErrorReport>) -> Vec<Answer> {
+        self.names().into_iter().zip(errors).map(|(name, errors)| Answer { name, errors }).collect()
+    }
+
+    /// Exact and other sections that [`Self::exact`] and [`Self::ask`] compute.
+    pub(crate) fn sections(&self) -> [usize; 2] {
+        let exact = self.imf.iter().map(OrientationSet::len).sum();
+        [exact, 2 + exact + self.random.len()]
+    }
+
+    /// The exact minima, which all fields of a scene are compared with. One unit of progress is one section.
+    pub(crate) fn exact(&self, plan: &SectionPlan, control: Control<'_>) -> Result<Vec<Imf>> {
+        let imf = self.imf.iter().map(|set| imf(plan, &set.orientations, control));
+        Ok(imf.collect::<Result<_, _>>()?)
+    }
+
+    /// The answers of a field. One unit of progress is one section.
+    pub(crate) fn ask(
+        &self,
+        plan: &SectionPlan,
+        exact: &[Imf],
+        control: Control<'_>,
+        mut field: impl FnMut(&Orientation, &mut [f32]),
+    ) -> Result<Vec<Answer>> {
+        let tau = self.threshold;
+        let mut errors = Vec::with_capacity(3 + exact.len());
+        for section in [self.in_sample, self.out_of_sample] {
+            errors.push(field_sections(plan, &[section], tau, control, &mut field)?.overall);
+        }
+        for (set, exact) in self.imf.iter().zip(exact) {
+            errors.push(field_imf(exact, &set.orientations, tau, control, &mut field)?);
+        }
+        errors.push(field_sections(plan, &self.random.orientations, tau, control, &mut field)?.overall);
+        Ok(self.named(errors))
+    }
+
+    /// The answers of a network, and those of the nearest section that it learnt from; writes its report with pictures.
+    pub(crate) fn report(
+        &self,
+        session: &Session,
+        device: &Device,
+        model: &Model,
+        folder: &Path,
+    ) -> Result<Vec<Answer>> {
+        let Some((first, others)) = self.imf.split_first() else { bail!("evaluation.imf names no set") };
+        let questions = report::Questions {
+            in_sample: Some(self.in_sample),
+            out_of_sample: Some(self.out_of_sample),
+            random: self.random.clone(),
+            imf: first.clone(),
+            threshold: self.threshold,
+        };
+        let file = FieldFile::Siren(Box::new(model.clone()));
+        let Evaluated { field, by, .. } = device.field(session, &file, Calls::Many)?;
+        let subject = Subject::of_model(model);
+        let evaluation = report::evaluate(session, &subject, &*field, by, &questions)?;
+        evaluation.write(folder, &subject, &*field)?;
+        let [in_sample, out_of_sample, random, nearest, first] = evaluation.report.rows.as_slice() else {
+            bail!("a report of {} rows", evaluation.report.rows.len());
+        };
+        let mut errors = vec![in_sample.errors, out_of_sample.errors, first.errors];
+        let plan = SectionPlan::of_scene(&model.scene, At::Tip)?;
+        for set in others {
+            let stage = session.stage("evaluating", "sections", set.len() as u64);
+            let advance = |n| stage.advance(n);
+            let control = session.control(&advance);
+            errors.push(grid_imf(&plan, &set.orientations, &*field, self.threshold, control)?.errors);
+            stage.finish("");
+        }
+        errors.push(random.errors);
+        let mut answers = self.named(errors);
+        answers.push(Answer { name: nearest.name.clone(), errors: nearest.errors });
+        Ok(answers)
+    }
+}
