@@ -18,7 +18,6 @@ use imf_fields::harmonic::basis::{Basis, Domain};
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitSettings, fit, section_count};
-use imf_gpu::shader::Factors;
 use imf_gpu::{GpuTrainer, TrainerSettings};
 use imf_train::distill::{teach, teach_on};
 use imf_train::training::run::{Outcome, Report};
@@ -136,10 +135,10 @@ pub(crate) fn distilled(
                 adam: settings.plan.adam,
                 loss: settings.plan.loss,
                 optimiser: settings.optimiser,
-                factors: Factors::Single,
+                precision: imf_fields::recipe::Precision::F32,
             };
             let batch = settings.batch(field);
-            let mut engine = GpuTrainer::of_stack(gpu, shape.stack(), &learning, batch, &state.training)?;
+            let mut engine = GpuTrainer::new(gpu, shape.stack(), &learning, batch, &state.training)?;
             teach_on(field, &settings, &mut state, &mut engine, control, observer)?
         }
     };

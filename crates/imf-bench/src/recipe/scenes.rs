@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use anyhow::Result;
 use imf_cli::arguments::clearance::{ClearanceArguments, ContactArguments};
-use imf_cli::arguments::scene::{AroundKind, SceneArguments};
+use imf_cli::arguments::scene::SceneArguments;
 use imf_cli::session::Session;
-use imf_core::scene::Scene;
+use imf_core::scene::{Around, Scene};
 
 use super::definition::SceneSettings;
 
@@ -31,7 +31,7 @@ impl Scenes {
         }
         let arguments = SceneArguments {
             part: settings.part,
-            unit: settings.unit,
+            unit: settings.unit.as_deref().map(str::parse).transpose()?,
             pitch: settings.pitch,
             dims: None,
             margin: settings.margin,
@@ -39,7 +39,7 @@ impl Scenes {
             conservative: settings.conservative,
             tool: vec![settings.tool],
             fixture: Vec::new(),
-            around: AroundKind::Part,
+            around: Around::Part,
             clearance: ClearanceArguments::from(settings.clearance),
         };
         let contact = ContactArguments::from(settings.contact);

@@ -11,7 +11,8 @@ use imf_cli::output::prepare_folder;
 use imf_cli::session::Session;
 use imf_core::scene::{Scene, SceneRecord};
 use imf_core::section::{At, SectionPlan};
-use imf_fields::model::{Model, ModelError, TrainingRecord};
+use imf_fields::file::FieldFileError;
+use imf_fields::model::{Model, TrainingRecord};
 use imf_fields::recipe::divergence::Watch;
 use imf_fields::recipe::{Cursor, OnlineSettings, TrainingState};
 use imf_fields::siren::SirenShape;
@@ -160,7 +161,7 @@ impl Runner<'_> {
         for found in [finished, checkpoint] {
             let (model, damage) = match found {
                 Ok(found) => found,
-                Err(error) if matches!(error.downcast_ref(), Some(ModelError::Newer { .. })) => {
+                Err(error) if matches!(error.downcast_ref(), Some(FieldFileError::Newer { .. })) => {
                     return Err(error);
                 }
                 // Damaged files are nothing to go on from, nor anything to keep.
