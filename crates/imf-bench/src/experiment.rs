@@ -84,7 +84,6 @@ fn run_recipe(session: &Session, arguments: &RunArguments) -> Result<()> {
             held_out: arguments.held_out,
             held_out_every: None,
             log: None,
-            tensorboard: arguments.tensorboard,
         },
         log: arguments.log,
         datasets: arguments.out.join("datasets"),

@@ -127,7 +127,6 @@ pub(crate) fn run(session: &Session, arguments: &PaperArguments) -> Result<()> {
                 held_out: 0,
                 held_out_every: None,
                 log: None,
-                tensorboard: false,
             },
             log: false,
             datasets: arguments.out.join("datasets"),

@@ -228,9 +228,6 @@ pub(crate) struct PlanArguments {
     /// Also write loss, rate, held-out error and speed to this file, a JSON object a line; --resume goes on with it
     #[arg(long, value_name = "FILE")]
     pub(crate) log: Option<PathBuf>,
-    /// Also write event files for TensorBoard, to the folder tensorboard in the output folder
-    #[arg(long)]
-    pub(crate) tensorboard: bool,
     /// Train together with the other processes that mpirun started, each on its share of every batch, on CPUs; needs a build
     /// with the feature mpi
     #[arg(long)]

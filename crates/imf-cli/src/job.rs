@@ -8,10 +8,10 @@ mod checkpoint;
 mod curve;
 mod data;
 mod held_out;
+mod log;
 mod memory;
 mod plan;
 mod start;
-mod telemetry;
 
 pub use checkpoint::{Latest, latest};
 pub(crate) use curve::loss_chart;
@@ -45,8 +45,8 @@ use crate::session::Session;
 use checkpoint::{Checkpoints, PREVIOUS};
 use data::Source;
 use held_out::HeldOutWatch;
+use log::{Log, Row};
 use plan::REPORT_EVERY;
-use telemetry::{Row, Telemetry};
 
 /// What a training comes to.
 pub const MODEL: &str = "model.safetensors";
@@ -68,8 +68,6 @@ pub struct Settings {
     pub held_out_every: Option<u64>,
     /// File of JSON lines.
     pub log: Option<PathBuf>,
-    /// Write TensorBoard's event files.
-    pub tensorboard: bool,
 }
 
 impl Settings {
@@ -82,7 +80,6 @@ impl Settings {
             held_out: arguments.held_out,
             held_out_every: arguments.held_out_every,
             log: arguments.log.clone(),
-            tensorboard: arguments.tensorboard,
         }
     }
 }
@@ -184,9 +181,8 @@ fn train_to_the_end(
     let writing = rank.is_first();
     let _claim = if writing { Some(claim(out)?) } else { None };
     let held_out = if writing { HeldOutWatch::new(session, &model)? } else { None };
-    let folder = (settings.tensorboard && writing).then(|| out.join("tensorboard"));
     let log = settings.log.as_deref().filter(|_| writing);
-    let telemetry = Telemetry::open(log, folder, model.record.steps)?;
+    let log = log.map(|path| Log::open(path, model.record.steps)).transpose()?;
     let mut engine = device.trainer(rank, model.shape, &model.record.plan, batch, model.state.clone())?;
     session.note(&format!(
         "training {}×{} ({} parameters, ω = {}) on {} samples, {} steps of {batch}; {}",
@@ -206,7 +202,7 @@ fn train_to_the_end(
         point_every: (total / CURVE_POINTS).max(REPORT_EVERY),
         checkpoints: Checkpoints::new(out, model.record.steps, settings.checkpoint_every, writing),
         held_out,
-        telemetry,
+        log,
         go_on: settings.go_on,
         slower: settings.slower,
         failure: None,
@@ -315,7 +311,7 @@ struct Run<'a> {
     point_every: u64,
     checkpoints: Checkpoints,
     held_out: Option<HeldOutWatch>,
-    telemetry: Telemetry,
+    log: Option<Log>,
     go_on: &'static str,
     slower: &'static str,
     failure: Option<anyhow::Error>,
@@ -356,7 +352,7 @@ impl Run<'_> {
                 seconds: self.seconds(),
                 seconds_left: report.remaining(&self.model.record.plan).map(|left| left.as_secs_f64()),
             };
-            self.telemetry.add(self.session, &row);
+            self.log.iter_mut().for_each(|log| log.add(self.session, &row));
         }
         let last = self.model.record.held_out.as_ref().and_then(|held| held.errors.last());
         let held_out = last.map_or_else(String::new, |error| format!("held-out MSE {:.2e}, ", error.mse));

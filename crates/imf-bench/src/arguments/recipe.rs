@@ -66,9 +66,6 @@ pub(crate) struct RunArguments {
     /// Also write loss, rate, held-out error and speed of every stage to log.jsonl in its folder, a JSON object a line
     #[arg(long)]
     pub(crate) log: bool,
-    /// Also write event files for TensorBoard, to the folder tensorboard in every stage's folder
-    #[arg(long)]
-    pub(crate) tensorboard: bool,
     #[command(flatten)]
     pub(crate) device: DeviceArguments,
 }

@@ -57,7 +57,6 @@ pub(super) fn train(
         held_out: 0,
         held_out_every: None,
         log: None,
-        tensorboard: false,
     };
     let model = job::run(session, device, &data, model, &out, &settings)?;
     let seconds = sampled + model.record.seconds;

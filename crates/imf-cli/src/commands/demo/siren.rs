@@ -59,7 +59,6 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
         held_out: HeldOutChoice::default().poses,
         held_out_every: None,
         log: None,
-        tensorboard: false,
     };
     let model = job::run(session, &device, &data, model, &arguments.out, &settings)?;
 
