@@ -28,7 +28,7 @@ use imf_fields::recipe::Length;
 use imf_fields::recipe::Optimiser;
 use imf_fields::recipe::SoapConfig;
 use imf_fields::recipe::schedule::Schedule;
-use imf_train::distill::teach;
+use imf_train::distill::distil;
 
 /// Clearance around all elements, in voxels.
 const CLEARANCE: f64 = 2.0;
@@ -70,7 +70,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         };
         let begun = Instant::now();
         let (mut state, mut loss) = (settings.start(made.axis_count()), 0.0);
-        teach(&made, &settings, &mut state, Control::quiet(), &mut |report| loss = report.mean_loss)?;
+        distil(&made, &settings, &mut state, Control::quiet(), &mut |report| loss = report.mean_loss)?;
         println!(
             "taught in {:.1} s, mean squared error from the teacher {loss:.2e}",
             begun.elapsed().as_secs_f64()

@@ -31,7 +31,7 @@ use imf_fields::recipe::Optimiser;
 use imf_fields::recipe::SoapConfig;
 use imf_fields::recipe::schedule::Schedule;
 use imf_fields::recipe::{AdamConfig, Loss};
-use imf_train::distill::{SectionTeacher, start_from, teach, teach_by_sections};
+use imf_train::distill::{SectionSource, distil, start_from};
 
 type Failure = Box<dyn Error>;
 
@@ -175,10 +175,10 @@ fn by_sections(values: &Values, plan: &SectionPlan, judge: &Judge<'_>) -> Result
     let steps: u64 = values.get("steps", 1000)?;
     settings.plan.length = Length::Steps(steps);
     let start = Instant::now();
-    let teacher = SectionTeacher::new(plan, Domain::Directions, &fitting(values)?, Control::quiet())?;
+    let teacher = SectionSource::new(plan, Domain::Directions, &fitting(values)?, Control::quiet())?;
     let mut state = settings.start(teacher.axis_count());
     let mut next = steps / 8;
-    let (_, waits) = teach_by_sections(&teacher, &settings, &mut state, Control::quiet(), &mut |report| {
+    let (_, waits) = distil(&teacher, &settings, &mut state, Control::quiet(), &mut |report| {
         if report.step >= next {
             println!(
                 "  {:6.1} s step {:6} of {steps}: MSE at the pool {:.3e}",
@@ -216,7 +216,7 @@ fn one(
             const TRIAL: u64 = 20;
             settings.plan.length = Length::Steps(TRIAL);
             let start = Instant::now();
-            teach(
+            distil(
                 teacher,
                 &settings,
                 &mut settings.start(settings.outputs(teacher)),
@@ -234,7 +234,7 @@ fn one(
     };
     let start = Instant::now();
     let mut next = steps / 8;
-    teach(teacher, &settings, &mut state, Control::quiet(), &mut |report| {
+    distil(teacher, &settings, &mut state, Control::quiet(), &mut |report| {
         if report.step >= next {
             println!(
                 "  {:6.1} s step {:6} of {steps}: loss {:.3e}",

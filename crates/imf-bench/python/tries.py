@@ -3,7 +3,7 @@
     python crates/imf-bench/python/tries.py optimisers|encodings|losses FIELD.npz
     python crates/imf-bench/python/tries.py starts FIELD.npz FIELD.npz NEW.npz
 
-A FIELD is what `imf field PART --method harmonic --save FIELD.npz` writes, of overlaps over directions. Needs torch (as
+A FIELD is what `imf train harmonic PART --out FIELD.npz` writes, of overlaps over directions. Needs torch (as
 in crates/imf-bench/python/requirements-torch.txt) and numpy. Prints a Markdown table, each row a teaching of its own from the same seed.
 
 A row differs from the baseline in what it says and in nothing else. The baseline is `imf compress --optimiser muon --rate
@@ -40,7 +40,7 @@ from torch import nn
 
 OMEGA = 20.0
 WIDTH, HIDDEN = 256, 3
-# Of `imf compress`: highest rate, steps of rise.
+# Of `imf train factored`: highest rate, steps of rise.
 RATE, RISE = 1.5e-3, 10
 # Voxels for each weight of an output: while teaching goes on, and at the end.
 WHILE_TEACHING, AT_THE_END = 64, 512

@@ -83,9 +83,7 @@ fn run_recipe(session: &Session, arguments: &RunArguments) -> Result<()> {
             slower: " with another --out and --set stage.*.training.schedule.initial=",
             held_out: arguments.held_out,
             held_out_every: None,
-            log: None,
         },
-        log: arguments.log,
         datasets: arguments.out.join("datasets"),
     };
     // The only run of its folder is gone through again, variants that came to their end are read.

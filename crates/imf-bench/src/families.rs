@@ -32,7 +32,7 @@ use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::{HarmonicField, fit, section_count};
 use imf_fields::metrics::Errors;
 use imf_fields::recipe::{Length, TrainingPlan};
-use imf_train::distill::teach;
+use imf_train::distill::distil;
 use imf_train::training::run::Outcome;
 
 use crate::arguments::families::FamiliesArguments;
@@ -195,7 +195,7 @@ impl Bench<'_> {
         settings.symmetry = Symmetry::of(&teacher, &scene.obstacle);
         let mut state = settings.start(settings.outputs(&teacher));
         let control = self.session.control(&advance);
-        let outcome = teach(&teacher, &settings, &mut state, control, &mut |_| {})?;
+        let (outcome, _) = distil(&teacher, &settings, &mut state, control, &mut |_| {})?;
         if !matches!(outcome, Outcome::Finished) || interrupt::requested() {
             return Err(Interrupted("a comparison needs every family; nothing was written".into()).into());
         }
@@ -283,7 +283,7 @@ impl Bench<'_> {
     }
 }
 
-/// How the factored field is taught: as `imf compress` does by default.
+/// How the factored field is taught: as `imf train factored` does by default.
 fn taught_by(arguments: &FamiliesArguments) -> DistillSettings {
     let defaults = DistillSettings::of_length(Length::Steps(arguments.factored_steps));
     DistillSettings { plan: TrainingPlan { seed: arguments.seed, ..defaults.plan }, ..defaults }

@@ -91,7 +91,7 @@ fn remedy(cause: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
         _ => cause.downcast_ref(),
     };
     matches!(in_file, Some(TensorFileError::ForNumPy { .. }))
-        .then_some("imf field --method harmonic --save NAME.safetensors")
+        .then_some("imf train harmonic PART --out NAME.safetensors")
 }
 
 /// Work that stopped at the user's wish without anything to keep.

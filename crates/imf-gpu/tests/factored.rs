@@ -25,7 +25,7 @@ use imf_fields::recipe::SoapConfig;
 use imf_fields::recipe::schedule::Schedule;
 use imf_fields::recipe::{Length, TrainingPlan};
 use imf_gpu::{Gpu, GpuFactored, GpuTrainer, TrainerSettings};
-use imf_train::distill::{teach, teach_on};
+use imf_train::distill::{distil, distil_on};
 
 fn teacher() -> HarmonicField {
     let mesh = ReferencePart::Teapot.mesh();
@@ -214,20 +214,21 @@ fn teaching_reaches_the_cpus_error_and_goes_on_to_the_same_bits() {
                 let control = Control { cancelled: &cancelled, ..Control::quiet() };
                 for _ in 0..2 {
                     let mut engine = engine(&gpu, &all, &teacher, &state);
-                    teach_on(&teacher, &all, &mut state, &mut engine, control, &mut |_| {}).unwrap();
+                    distil_on(&teacher, &all, &mut state, &mut engine, control, &mut |_| {}).unwrap();
                 }
                 assert!(state.training.step > 0 && state.training.step < 300, "{}", state.training.step);
             }
             let mut engine = engine(&gpu, &all, &teacher, &state);
             let mut observe = |report: &imf_train::training::run::Report| told = report.mean_loss;
-            teach_on(&teacher, &all, &mut state, &mut engine, Control::quiet(), &mut observe).unwrap();
+            distil_on(&teacher, &all, &mut state, &mut engine, Control::quiet(), &mut observe).unwrap();
             (state.training, told)
         };
         let (training, told) = run(false);
         assert!(run(true).0 == training, "{optimiser:?}: stopped on the way, it ended elsewhere");
         let mut state = all.start(axes);
         let mut of_cpu = 0.0;
-        teach(&teacher, &all, &mut state, Control::quiet(), &mut |report| of_cpu = report.mean_loss).unwrap();
+        distil(&teacher, &all, &mut state, Control::quiet(), &mut |report| of_cpu = report.mean_loss)
+            .unwrap();
         println!("{optimiser:?}: GPU {told:.2e}, CPU {of_cpu:.2e}");
         // Roundings part the two a little more with every step.
         assert!((told / of_cpu - 1.0).abs() < 0.1, "{optimiser:?}: {told} on the GPU, {of_cpu} on the CPU");

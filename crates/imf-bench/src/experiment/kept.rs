@@ -73,7 +73,7 @@ impl<'a> Training<'a> {
     pub(super) fn find(&self, folder: &Path) -> Result<Found> {
         let differences = |found: &Model| self.differences(&Training::of(found));
         let mut other = None;
-        match Model::read(&folder.join(job::MODEL)) {
+        match Model::read(&folder.join(job::FIELD)) {
             Ok(model) => match differences(&model).as_slice() {
                 [] if model.record.finished => return Ok(Found::Finished(Box::new(model))),
                 [] => {}
@@ -83,7 +83,7 @@ impl<'a> Training<'a> {
             // Damaged files are nothing to go on from, nor anything to keep.
             Err(_) => {}
         }
-        match job::latest(folder) {
+        match job::latest::<Model>(folder) {
             Ok(found) => match differences(&found.model).as_slice() {
                 [] if found.model.is_resumable() => return Ok(Found::Checkpoint(Box::new(found))),
                 [] => {}

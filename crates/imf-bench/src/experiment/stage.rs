@@ -33,8 +33,6 @@ pub(crate) struct Workshop<'a> {
     pub(crate) device: &'a Device,
     /// What happens beside the steps.
     pub(crate) settings: job::Settings,
-    /// Write log.jsonl into every stage's folder.
-    pub(crate) log: bool,
     /// Datasets of all stages and variants.
     pub(crate) datasets: PathBuf,
 }
@@ -70,8 +68,6 @@ impl Workshop<'_> {
         let folder = run.stage_folder(&stage.name);
         prepare_folder(&folder)?;
         StageSettings::of(recipe, stage).write(&folder)?;
-        let log = self.log.then(|| folder.join("log.jsonl"));
-        let beside = job::Settings { log, ..self.settings.clone() };
         let section_dims = coarse.record.grid.dims;
         let done = |model, waits, folder| Finished {
             name: stage.name.clone(),
@@ -122,7 +118,7 @@ impl Workshop<'_> {
                 job::Epoch { samples, bytes },
                 *model,
                 &folder,
-                &beside,
+                &self.settings,
                 &mut |plan, engine, start, observer| {
                     let (outcome, waited) =
                         train_online(plan, &sections, engine, start, interrupt::flag(), observer)?;
@@ -141,7 +137,7 @@ impl Workshop<'_> {
         let fresh = job::fresh_model(&data, shape, stage.plan(), state, from);
         let model = match standing(session, &folder, fresh)? {
             Standing::Finished(model) => *model,
-            Standing::At(model) => job::run(session, self.device, &data, *model, &folder, &beside)?,
+            Standing::At(model) => job::run(session, self.device, &data, *model, &folder, &self.settings)?,
         };
         Ok(done(model, None, folder))
     }

@@ -56,7 +56,6 @@ pub(super) fn train(
         slower: " with a rate of ",
         held_out: 0,
         held_out_every: None,
-        log: None,
     };
     let model = job::run(session, device, &data, model, &out, &settings)?;
     let seconds = sampled + model.record.seconds;

@@ -6,10 +6,10 @@ use std::time::Instant;
 
 use anyhow::{Result, ensure};
 use imf_cli::arguments::harmonic::DEFAULT_SECTIONS;
-use imf_cli::commands::compress::{self, Beginning, Extent, Lesson, Settings, Teacher};
-use imf_cli::commands::field::harmonic;
+use imf_cli::commands::train::harmonic;
 use imf_cli::engine::Device;
 use imf_cli::interrupt;
+use imf_cli::job::{Distillation, Extent, FactoredStart, Settings, Source, symmetry_of};
 use imf_cli::output::table;
 use imf_cli::session::Session;
 use imf_core::control::Control;
@@ -169,7 +169,7 @@ fn taught_by(
     scene: &Scene,
     plan: &SectionPlan,
     sizes: &Sizes,
-) -> Result<(HarmonicFile, Settings, f64)> {
+) -> Result<(HarmonicFile, DistillSettings, f64)> {
     let fit = FitSettings {
         degree: sizes.degree,
         axes: usize::MAX,
@@ -177,20 +177,13 @@ fn taught_by(
         sections_per_function: DEFAULT_SECTIONS,
         ..FitSettings::default()
     };
-    let mut settings = Settings {
-        teach: DistillSettings {
-            width: sizes.width,
-            ..DistillSettings::of_length(Length::Steps(sizes.steps))
-        },
-        precision: Precision::F32,
-        checkpoint_every: f64::INFINITY,
-        go_on: "the field starts over",
-        smaller: SMALLER,
-    };
-    Extent::of_field(fit, Domain::Directions, scene.record.grid.len()).require(session, &settings)?;
+    let mut settings =
+        DistillSettings { width: sizes.width, ..DistillSettings::of_length(Length::Steps(sizes.steps)) };
+    let (domain, voxels) = (Domain::Directions, scene.record.grid.len());
+    Extent { by_sections: false, fit, domain, voxels }.require(session, &settings, SMALLER)?;
     let begun = Instant::now();
     let teacher = harmonic::fitted(session, scene, plan, Domain::Directions, fit, SMALLER)?;
-    settings.teach.symmetry = compress::symmetry_of(session, &teacher);
+    settings.symmetry = symmetry_of(session, &teacher);
     Ok((teacher, settings, begun.elapsed().as_secs_f64()))
 }
 
@@ -199,13 +192,21 @@ fn taught(
     session: &Session,
     device: &Device,
     teacher: &HarmonicFile,
-    settings: Settings,
+    settings: DistillSettings,
 ) -> Result<(FactoredFile, f64)> {
     let folder = tempfile::tempdir()?;
-    let beginning = Beginning::at(folder.path(), false)?;
+    let start = &FactoredStart::at(folder.path(), false)?;
     let begun = Instant::now();
-    let lesson = Lesson { teacher: Teacher::Harmonic(teacher), settings, beginning: &beginning };
-    let (file, _) = lesson.taught(session, device, None)?;
+    let beside = Settings {
+        checkpoint_every: f64::INFINITY,
+        go_on: "the field starts over",
+        slower: " with a rate of ",
+        held_out: 0,
+        held_out_every: None,
+    };
+    let (source, precision, smaller) = (Source::Harmonic(teacher), Precision::F32, SMALLER);
+    let (file, _) =
+        Distillation { source, settings, precision, beside, smaller, start }.run(session, device, None)?;
     Ok((file, begun.elapsed().as_secs_f64()))
 }
 

@@ -13,7 +13,7 @@ use imf_fields::harmonic::basis::{Basis, Domain};
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::{FitSettings, HarmonicField, fit, section_count};
 use imf_fields::metrics::ErrorReport;
-use imf_train::distill::teach;
+use imf_train::distill::distil;
 use imf_train::training::run::Outcome;
 use serde::{Deserialize, Serialize};
 
@@ -53,7 +53,7 @@ pub(crate) fn settings(sections: usize) -> FitSettings {
     }
 }
 
-/// The harmonic field taught to a network, as `imf compress` does, and the seconds that took.
+/// The harmonic field taught to a network, as `imf train factored` does, and the seconds that took.
 fn taught(
     session: &Session,
     teacher: &HarmonicField,
@@ -66,8 +66,8 @@ fn taught(
     let settings = &DistillSettings { symmetry: Symmetry::of(teacher, &scene.obstacle), ..*settings };
     let axes = settings.outputs(teacher);
     let mut state = settings.start(axes);
-    let outcome =
-        teach(teacher, settings, &mut state, session.control(&advance), &mut |step| loss = step.mean_loss)?;
+    let (outcome, _) =
+        distil(teacher, settings, &mut state, session.control(&advance), &mut |step| loss = step.mean_loss)?;
     if let Outcome::Stopped(_) = outcome {
         return Err(SectionError::Cancelled.into());
     }

@@ -205,7 +205,7 @@ impl Protocol {
         Ok((layers.parse()?, width))
     }
 
-    /// How the factored field is taught: as `imf compress` does by itself, with a step for each 1,024 voxels five times
+    /// How the factored field is taught: as `imf train factored` does by itself, with a step for each 1,024 voxels five times
     /// over at the full resolution; a tiny one has a fifth of them.
     pub(super) fn teaching(self) -> DistillSettings {
         let steps = if self.scale == PaperScale::Tiny { 500 } else { 2600 };

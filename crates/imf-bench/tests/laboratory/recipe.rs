@@ -86,7 +86,7 @@ fn single_from_a_file_of_ones_own() {
     }
     let model = work.model("out/model.safetensors");
     assert_eq!((model.record.steps, model.shape.width), (300, 24));
-    assert!(model.state == work.model("out/stages/main/model.safetensors").state);
+    assert!(model.state == work.model("out/stages/main/field.safetensors").state);
 
     // The same again finds everything done, other settings are refused, and what was written down repeats it.
     let again = work.imf(&line).done();
@@ -101,7 +101,7 @@ fn multi_goes_on_after_sigkill_in_either_stage_to_the_same_bits() {
     let work = Workdir::new();
     work.imf(&format!("{} --out whole", multi())).done();
     let [coarse, full] =
-        ["coarse", "full"].map(|s| work.model(&format!("whole/stages/{s}/model.safetensors")));
+        ["coarse", "full"].map(|s| work.model(&format!("whole/stages/{s}/field.safetensors")));
     assert_eq!(coarse.scene, full.scene, "both stages' networks speak of the full grid");
     assert!(full.record.fine_tuned_from.as_ref().unwrap().contains("stage coarse"));
     let summary: Value = serde_json::from_str(&work.text("whole/recipe.json")).unwrap();
@@ -112,8 +112,8 @@ fn multi_goes_on_after_sigkill_in_either_stage_to_the_same_bits() {
 
     killed(&work, &format!("{} --out broken", multi()), "broken/stages/coarse/checkpoint.safetensors", 2);
     for stage in ["coarse", "full"] {
-        let broken = work.model(&format!("broken/stages/{stage}/model.safetensors"));
-        let whole = work.model(&format!("whole/stages/{stage}/model.safetensors"));
+        let broken = work.model(&format!("broken/stages/{stage}/field.safetensors"));
+        let whole = work.model(&format!("whole/stages/{stage}/field.safetensors"));
         assert!(broken.state == whole.state, "stage {stage} ended elsewhere");
     }
     killed(&work, &format!("{} --out late", multi()), "late/stages/full/checkpoint.safetensors", 2);

@@ -9,8 +9,8 @@ use imf_fields::field::calibrate::CalibrationSettings;
 /// Measure what a field's decisions are worth, choose its thresholds for free and colliding, and keep both in its file
 #[derive(Args)]
 #[command(
-    after_help = "Example:\n  imf field bracket --clearance 2 --clearance-cutter 2 --method harmonic --quantity depth \
-                  --no-calibrate --save bracket.safetensors\n  imf calibrate bracket.safetensors\n  imf calibrate \
+    after_help = "Example:\n  imf train harmonic bracket --clearance 2 --clearance-cutter 2 --quantity depth \
+                  --no-calibrate --out bracket.safetensors\n  imf calibrate bracket.safetensors\n  imf calibrate \
                   bracket.safetensors --verify --seed 1\n\nA colliding pose is one of the tool as it is, a clear pose one \
                   where the tool grown by its clearance is free: what lies between may be answered either way."
 )]

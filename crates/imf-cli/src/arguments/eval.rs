@@ -9,7 +9,7 @@ use super::numbers::parse_threshold;
 
 /// Compare a model, or a harmonic or factored field, with the exact field
 #[derive(Args)]
-#[command(after_help = "Examples:\n  imf eval model/model.safetensors\n  imf eval model/model.safetensors \
+#[command(after_help = "Examples:\n  imf eval model/field.safetensors\n  imf eval model/field.safetensors \
                         --random 256 --imf grid:25 --out report")]
 pub(crate) struct EvalArguments {
     /// Model or field to evaluate

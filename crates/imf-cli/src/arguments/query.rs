@@ -8,7 +8,7 @@ use super::FieldDeviceArguments;
 
 /// Answer poses from a CSV file: how much does the tool overlap the part when its tip is here, or how deep is it
 #[derive(Args)]
-#[command(after_help = "Example:\n  imf query model/model.safetensors poses.csv --out answers.csv\n\n\
+#[command(after_help = "Example:\n  imf query model/field.safetensors poses.csv --out answers.csv\n\n\
                         The first line names the columns: x,y,z,i,j,k (tool axis from tip to holder) or \
                         x,y,z,theta,phi (degrees); a column roll (degrees) turns the tool about its own axis. Other columns \
                         are kept. Answers add the column overlap, from 0 to 1; with --exact also overlap_exact; with --sharp \

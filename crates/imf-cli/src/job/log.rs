@@ -59,7 +59,7 @@ impl Log {
         };
         let rows = || text.lines().map(|line| (line, serde_json::from_str::<Row>(line)));
         if rows().next().is_some_and(|(_, row)| row.is_err()) {
-            bail!("{} is no log of a training: give --log another name", path.display());
+            bail!("{} is no log of a training: move it, or choose another folder", path.display());
         }
         let kept: String = rows()
             .filter(|(_, row)| row.as_ref().is_ok_and(|row| row.step <= steps && steps > 0))

@@ -102,8 +102,8 @@ fn models_are_described_and_damaged_ones_refused() {
 #[test]
 fn a_field_kept_for_numpy_is_refused_by_what_reads_fields() {
     let folder = Folder::new();
-    let kept = ["--method", "harmonic", "--degree", "2", "--save", "n.npz"];
-    folder.succeed(&[&["field", "bracket", "--dims", "5,15,9"], &kept[..]].concat());
+    let fit = ["train", "harmonic", "bracket", "--dims", "5,15,9", "--degree", "2", "--out", "n.npz"];
+    folder.succeed(&fit);
     folder.write("poses.csv", "x,y,z,theta,phi\n1,2,3,40,50\n");
     for asked in [
         &["info", "n.npz"][..],
@@ -111,7 +111,7 @@ fn a_field_kept_for_numpy_is_refused_by_what_reads_fields() {
         &["field", "n.npz", "--orientations", "0,0", "--out", "out"],
         &["eval", "n.npz", "--out", "out"],
         &["calibrate", "n.npz"],
-        &["compress", "n.npz", "--out", "out"],
+        &["train", "n.npz", "--out", "out"],
         &["export", "n.npz", "--out", "n.onnx"],
     ] {
         let run = folder.run(asked);

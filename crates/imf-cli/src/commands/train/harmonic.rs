@@ -1,0 +1,149 @@
+//! `imf train harmonic`: a fit to exact sections, which answers for any orientations.
+
+use anyhow::{Result, bail};
+use imf_core::scene::Scene;
+use imf_core::section::{At, SectionError, SectionPlan};
+use imf_core::tool::Tool;
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::file::HarmonicFile;
+use imf_fields::harmonic::{
+    FitSettings, HarmonicError, HarmonicField, degree_for, fit, section_count, sections_tried,
+};
+use serde_json::json;
+
+use crate::arguments::harmonic::HarmonicArguments;
+use crate::commands::calibrate;
+use crate::interrupt::Interrupted;
+use crate::output::{OutputFile, print, print_json};
+use crate::session::{Session, show_bytes};
+
+pub(super) fn run(session: &Session, arguments: &HarmonicArguments) -> Result<()> {
+    let out = OutputFile::check(&arguments.out)?;
+    let scene = arguments.scene.scene_with(session, &arguments.contact)?;
+    // A field that is saved is of the tip, which serves every sharp point: turning a tool of revolution about its axis moves
+    // its sharp points, not the overlap at its tip.
+    let plan = SectionPlan::of_scene(&scene, At::Tip)?;
+    let domain = domain(&scene.record.bare_tool().with_tip_only());
+    let settings = chosen(session, &plan, domain, arguments)?;
+    let smaller = "use a lower --degree, fewer --components, or a larger --pitch";
+    let file = fitted(session, &scene, &plan, domain, settings, smaller)?;
+    drop(plan);
+    let path = out.begin()?;
+    let for_numpy = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("npz"));
+    if for_numpy {
+        file.write_npz(path)?
+    } else {
+        file.write(path)?
+    }
+    if session.json {
+        print_json(&json!({
+            "field": path, "settings": file.settings, "report": file.field.report, "bytes": file.field.bytes(),
+            "scene": scene.record,
+        }))?;
+    } else {
+        print(&format!("{}: {}", path.display(), describe(&file)))?;
+    }
+    // Two of a field need not be in memory at once.
+    drop(file);
+    if arguments.no_calibrate || for_numpy { Ok(()) } else { calibrate::afterwards(session, path) }
+}
+
+/// A field and its errors, for people.
+pub(in crate::commands) fn describe(file: &HarmonicFile) -> String {
+    let report = &file.field.report;
+    format!(
+        "{} harmonics of degree {} fitted to {} exact sections, {} components; {}",
+        report.functions,
+        file.settings.degree,
+        report.sections,
+        file.field.axis_count(),
+        errors_text(&file.field),
+    )
+}
+
+/// What is known of the errors of a fit.
+pub(in crate::commands) fn errors_text(field: &HarmonicField) -> String {
+    let report = &field.report;
+    let left_out = match report.dropped {
+        0.0 => String::new(),
+        dropped => format!(", and {dropped:.1e} by the components left out"),
+    };
+    format!(
+        "at unseen orientations MSE {:.1e}, MPE {:.3}{left_out}",
+        report.held_out_mse, report.held_out_mpe
+    )
+}
+
+/// The settings, with the degree that the error asks for, as far as the memory goes.
+fn chosen(
+    session: &Session,
+    plan: &SectionPlan,
+    domain: Domain,
+    arguments: &HarmonicArguments,
+) -> Result<FitSettings> {
+    let settings = arguments.settings(domain);
+    let Some(target) = arguments.target_mse else { return Ok(settings) };
+    let room = session.memory_limit();
+    let Some(most) = settings.degree_within(plan, domain, room) else {
+        bail!(
+            "no harmonic field fits into {} of memory; use a larger --pitch, or raise --memory",
+            show_bytes(room)
+        );
+    };
+    let stage =
+        session.stage("choosing the degree", "sections", sections_tried(domain, &settings, most) as u64);
+    let advance = |sections| stage.advance(sections);
+    let found = degree_for(plan, domain, &settings, target, most, session.control(&advance));
+    let (settings, report) = found.map_err(|error| interruption(error, "choosing the degree"))?;
+    stage.finish(&format!("{}: MSE {:.1e} expected", settings.degree, report.expected_mse()));
+    if report.expected_mse() > target {
+        session.warn(&format!(
+            "an MSE of {target:e} is out of reach: degree {}, the best up to {most}, is expected to have {:.1e}",
+            settings.degree,
+            report.expected_mse()
+        ));
+    }
+    Ok(settings)
+}
+
+/// An interrupted fit says that nothing is kept; other errors stay as they are.
+pub(in crate::commands) fn interruption(error: HarmonicError, what: &str) -> anyhow::Error {
+    match error {
+        HarmonicError::Section(SectionError::Cancelled) => {
+            Interrupted(format!("{what} needs every section; nothing was written")).into()
+        }
+        other => other.into(),
+    }
+}
+
+/// What the field of a tool depends on beside the point; the tool is one without clearance.
+pub(in crate::commands) fn domain(bare: &Tool) -> Domain {
+    if bare.is_axisymmetric() { Domain::Directions } else { Domain::Rotations }
+}
+
+/// The field of a scene, in so many exact sections as the settings ask for; `smaller` says what takes less memory.
+pub fn fitted(
+    session: &Session,
+    scene: &Scene,
+    plan: &SectionPlan,
+    domain: Domain,
+    mut settings: FitSettings,
+    smaller: &str,
+) -> Result<HarmonicFile> {
+    let [one, two] =
+        [true, false].map(|one_pass| FitSettings { one_pass, ..settings }.memory_with(plan, domain).0);
+    settings.one_pass = one <= session.memory_limit().max(two);
+    let needed = if settings.one_pass { one } else { two };
+    session.require_memory(needed, || {
+        let axes = settings.sizes(domain).axes;
+        format!("a harmonic field of degree {} along {axes} components; {smaller}", settings.degree)
+    })?;
+    let stage = session.stage("sections to fit", "sections", section_count(domain, &settings) as u64);
+    let advance = |sections| stage.advance(sections);
+    let field = fit(plan, domain, &settings, session.control(&advance));
+    let field = field.map_err(|error| interruption(error, "a fit"))?;
+    stage.finish(&errors_text(&field));
+    // As its file would have them, which does not tell one pass from two: what is distilled from it is resumed by a fit in either.
+    let settings = FitSettings { one_pass: true, ..settings };
+    Ok(HarmonicFile { field, scene: scene.clone(), settings, calibration: None })
+}
