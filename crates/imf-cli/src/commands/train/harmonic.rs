@@ -31,9 +31,9 @@ pub(super) fn run(session: &Session, arguments: &HarmonicArguments) -> Result<()
     let path = out.begin()?;
     let for_numpy = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("npz"));
     if for_numpy {
-        file.write_npz(path)?
+        file.write_npz(path)?;
     } else {
-        file.write(path)?
+        file.write(path)?;
     }
     if session.json {
         print_json(&json!({
