@@ -13,6 +13,7 @@ pub(crate) mod field;
 pub(crate) mod fixture;
 pub(crate) mod given;
 pub mod harmonic;
+mod network;
 pub mod numbers;
 pub(crate) mod query;
 pub mod scene;

@@ -5,8 +5,10 @@
 //! the end), `log.jsonl`, and of siren5 `loss.png`.
 
 mod checkpoint;
+mod checkpoint_files;
 mod curve;
 mod data;
+mod differences;
 mod factored;
 mod held_out;
 mod log;
@@ -40,7 +42,8 @@ use crate::interrupt::{self, Interrupted};
 use crate::output::claim;
 use crate::progress::Stage;
 use crate::session::Session;
-use checkpoint::{CheckpointFiles, PREVIOUS, write_result};
+use checkpoint::{PREVIOUS, write_result};
+use checkpoint_files::CheckpointFiles;
 use held_out::HeldOutWatch;
 use log::{Log, Row};
 

@@ -19,7 +19,8 @@ use super::clearance::ContactArguments;
 use super::either::Either;
 use super::given::Given;
 use super::harmonic::HarmonicArguments;
-use super::numbers::{parse_count, parse_omega, parse_rate};
+use super::network::{Network, parse_network};
+use super::numbers::{parse_count, parse_rate};
 use super::scene::SceneArguments;
 use crate::job::REPORT_EVERY;
 
@@ -169,27 +170,6 @@ pub(crate) struct SampleArguments {
     /// with the feature mpi
     #[arg(long)]
     pub(crate) mpi: bool,
-}
-
-/// A network as it was asked for.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Network {
-    layers: Option<(usize, usize)>,
-    omega: Option<f32>,
-}
-
-fn parse_network(text: &str) -> Result<Network, String> {
-    let fault = || "layers and width, and perhaps ω, such as 5x128, 5x128:10 or :10".to_owned();
-    let (layers, omega) = match text.split_once(':') {
-        Some((layers, omega)) => (layers, Some(parse_omega(omega)?)),
-        None => (text, None),
-    };
-    let layers = match layers.split_once('x') {
-        Some((hidden, width)) => hidden.parse().ok().zip(width.parse().ok()).map(Some).ok_or_else(fault)?,
-        None if layers.is_empty() && omega.is_some() => None,
-        None => return Err(fault()),
-    };
-    Ok(Network { layers, omega })
 }
 
 /// Settings of a factored field's training that have no option of their own.
@@ -391,21 +371,5 @@ impl<'a> Siren5Training<'a> {
                 _ => None,
             })
             .next()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn networks_are_read_in_parts() {
-        let network = |layers, omega| Ok(Network { layers, omega });
-        assert_eq!(parse_network("5x128"), network(Some((5, 128)), None));
-        assert_eq!(parse_network("3x24:10"), network(Some((3, 24)), Some(10.0)));
-        assert_eq!(parse_network(":12.5"), network(None, Some(12.5)));
-        for text in ["", ":", "5", "x", "5x", "5xmany", "5x128:", "5x128:nan", "128"] {
-            assert!(parse_network(text).is_err(), "{text}");
-        }
     }
 }
