@@ -1,10 +1,10 @@
 """imf's models in PyTorch: weights, scaling of the inputs and all from the safetensors file that `imf train` wrote.
 
     from imf_torch import load
-    field = load("model/model.safetensors")             # a torch.nn.Module, differentiable in its inputs
+    field = load("model/field.safetensors")             # a torch.nn.Module, differentiable in its inputs
     overlap = field(position, angles)                   # [n, 3] in the scene's unit, [n, 2] of (theta, phi) in degrees
 
-    field = load("small/field.safetensors")             # what `imf train PART` or `imf compress` wrote
+    field = load("small/field.safetensors")             # what `imf train PART` wrote
     overlap = field(position, direction)                # [n, 3] of the tool's axis from tip to holder, of any length
 
 `overlap` is the share of the tool's volume inside the part, at the tip's position. A field of depth (`field.depth` is true)

@@ -15,8 +15,8 @@ use crate::checks;
 /// A kill comes at most this long after the start of the process.
 const LATEST_KILL: Duration = Duration::from_millis(900);
 const DATASET: &str = "dataset bracket --dims 7,21,12 --orientations fibonacci:16 --out data";
-const TRAIN: &str = "train data --layers 3 --omega 10 --rate 1e-3 --schedule cosine --checkpoint-every 0.02 \
-                     --held-out 512 --quiet";
+const TRAIN: &str = "train siren5 data --rate 1e-3 --set schedule=cosine --set checkpoint_every=0.02 \
+                     --set held_out=512 --quiet";
 
 /// What to do.
 pub(crate) struct Stress {
@@ -55,9 +55,9 @@ impl Stress {
         work.run_through(DATASET)?;
         // Some seconds on either; a step of software Vulkan takes longer.
         let size = if self.device == "cpu" {
-            "--width 64 --batch 512 --steps 20000"
+            "--network 3x64:10 --batch 512 --steps 20000"
         } else {
-            "--width 24 --batch 128 --steps 1500"
+            "--network 3x24:10 --batch 128 --steps 1500"
         };
         let train = format!("{TRAIN} {size} --device {}", self.device);
         let begun = Instant::now();
@@ -127,7 +127,7 @@ impl Workplace {
     /// What a training left, without the seconds it took.
     fn outcome(&self, out: &str) -> Result<Vec<Vec<u8>>> {
         let folder = self.folder.join(out);
-        ["model.safetensors", "checkpoint.safetensors"]
+        ["field.safetensors", "checkpoint.safetensors"]
             .map(|name| timeless(&folder.join(name)))
             .into_iter()
             .collect()

@@ -23,7 +23,7 @@ use imf_fields::factored::{DistillSettings, FactoredField, FactoredState};
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::{FitSettings, HarmonicField, fit};
 use imf_fields::recipe::{Length, TrainingPlan};
-use imf_train::distill::{start_from, teach};
+use imf_train::distill::{distil, start_from};
 
 /// How large the study is.
 struct Study {
@@ -117,7 +117,7 @@ fn distilled(
     settings: &DistillSettings,
     mut state: FactoredState,
 ) -> Result<FactoredField, Box<dyn Error>> {
-    teach(teacher, settings, &mut state, Control::quiet(), &mut |_| {})?;
+    distil(teacher, settings, &mut state, Control::quiet(), &mut |_| {})?;
     Ok(FactoredField::new(teacher, settings.shape(teacher.axis_count()), state.training.parameters)?)
 }
 

@@ -63,16 +63,17 @@ def run(imf: str, *arguments: str, text: str | None = None) -> str:
 
 def make(imf: str, work: pathlib.Path) -> dict[str, pathlib.Path]:
     """A field of each family, and sections."""
-    run(imf, "field", *SCENE, "--orientations", "0,0;40,70", "--method", "harmonic", "--degree", "8", "--single",
-        "--save", work / "harmonic.safetensors", "--out", work / "sections")
-    run(imf, "compress", work / "harmonic.safetensors", "--out", work / "factored", "--epochs", "5")
+    fit = ["train", "harmonic", *SCENE, "--degree", "8"]
+    run(imf, *fit, "--out", work / "harmonic.safetensors")
+    run(imf, "field", work / "harmonic.safetensors", "--orientations", "0,0;40,70", "--out", work / "sections")
+    run(imf, "train", "factored", work / "harmonic.safetensors", "--out", work / "factored")
     run(imf, "dataset", *SCENE, "--orientations", "fibonacci:20", "--out", work / "samples")
-    run(imf, "train", work / "samples", "--out", work / "model", "--steps", "200", "--device", "cpu")
-    deep = [*SCENE, "--method", "harmonic", "--quantity", "depth", "--degree", "8", "--single"]
-    run(imf, "field", *deep, "--no-calibrate", "--save", work / "harmonic-depth.safetensors")
-    run(imf, "compress", work / "harmonic-depth.safetensors", "--out", work / "factored-depth", "--epochs", "5")
+    run(imf, "train", "siren5", work / "samples", "--out", work / "model", "--steps", "200", "--device", "cpu")
+    deep = [*fit, "--quantity", "depth"]
+    run(imf, *deep, "--no-calibrate", "--out", work / "harmonic-depth.safetensors")
+    run(imf, "train", "factored", work / "harmonic-depth.safetensors", "--out", work / "factored-depth")
     return {
-        "siren5": work / "model/model.safetensors",
+        "siren5": work / "model/field.safetensors",
         "harmonic": work / "harmonic.safetensors",
         "factored": work / "factored/field.safetensors",
         "harmonic-depth": work / "harmonic-depth.safetensors",

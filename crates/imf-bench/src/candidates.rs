@@ -19,7 +19,7 @@ use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitSettings, fit, section_count};
 use imf_gpu::{GpuTrainer, TrainerSettings};
-use imf_train::distill::{teach, teach_on};
+use imf_train::distill::{distil, distil_on};
 use imf_train::training::run::{Outcome, Report};
 use rayon::prelude::*;
 
@@ -128,8 +128,8 @@ pub(crate) fn distilled(
     let control = session.control(&advance);
     let mut loss = f64::NAN;
     let observer = &mut |report: &Report| loss = report.mean_loss;
-    let outcome = match device {
-        Device::Cpu => teach(field, &settings, &mut state, control, observer)?,
+    let (outcome, _) = match device {
+        Device::Cpu => distil(field, &settings, &mut state, control, observer)?,
         Device::Gpu(gpu) => {
             let learning = TrainerSettings {
                 adam: settings.plan.adam,
@@ -139,7 +139,7 @@ pub(crate) fn distilled(
             };
             let batch = settings.batch(field);
             let mut engine = GpuTrainer::new(gpu, shape.stack(), &learning, batch, &state.training)?;
-            teach_on(field, &settings, &mut state, &mut engine, control, observer)?
+            distil_on(field, &settings, &mut state, &mut engine, control, observer)?
         }
     };
     if !matches!(outcome, Outcome::Finished) {

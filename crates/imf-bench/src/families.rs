@@ -201,7 +201,6 @@ impl Bench<'_> {
             device,
             checkpoint_every: 60.0,
             held_out: 0,
-            log: false,
             datasets: arguments.out.join("datasets"),
         };
         let start = (TrainingState::new(&SHAPE, seed), None);

@@ -126,7 +126,6 @@ pub(crate) fn run(session: &Session, arguments: &PaperArguments) -> Result<()> {
             device: &device,
             checkpoint_every: arguments.checkpoint_every,
             held_out: 0,
-            log: false,
             datasets: out.join("datasets"),
         },
         cells: Cells::new(session, &device, out)?,

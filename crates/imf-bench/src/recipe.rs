@@ -83,7 +83,6 @@ fn run_recipe(session: &Session, arguments: &RunArguments) -> Result<()> {
         device: &device,
         checkpoint_every: arguments.checkpoint_every,
         held_out: arguments.held_out,
-        log: arguments.log,
         datasets: arguments.out.join("datasets"),
     };
     let summary = runner.run(&source, &arguments.out)?;

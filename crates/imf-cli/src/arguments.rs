@@ -4,11 +4,13 @@
 pub(crate) mod access;
 pub(crate) mod check;
 pub mod clearance;
-pub(crate) mod compress;
 pub(crate) mod dataset;
+pub(crate) mod either;
 pub(crate) mod field;
 pub(crate) mod fixture;
+pub(crate) mod given;
 pub mod harmonic;
+mod network;
 pub mod numbers;
 pub(crate) mod saved;
 pub mod scene;
@@ -19,12 +21,9 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use imf_core::unit::LengthUnit;
-use imf_fields::recipe::Length;
-use imf_fields::recipe::schedule::RateRule;
 
-use self::train::Given;
-use imf_fields::recipe::{Loss, Precision};
-
+use self::either::Either;
+use self::train::TrainFamily;
 use scene::SceneArguments;
 
 /// Tells where, and from which directions, a tool can reach a part without collision.
@@ -48,8 +47,8 @@ impl Cli {
     /// True where it takes part in a training of several processes.
     pub fn joins_ranks(&self) -> bool {
         match &self.command {
-            Command::Train(arguments) => arguments.plan.mpi,
-            Command::Finetune(arguments) => arguments.plan.mpi,
+            Command::Train(Either::Sub(TrainFamily::Siren5(arguments))) => arguments.samples.mpi,
+            Command::Finetune(arguments) => arguments.samples.mpi,
             _ => false,
         }
     }
@@ -86,17 +85,13 @@ pub(crate) enum Command {
     Field(field::FieldArguments),
     Access(access::AccessArguments),
     /// Sample exact sections into a dataset for training; continues one that was interrupted
-    #[command(
-        args_conflicts_with_subcommands = true,
-        subcommand_negates_reqs = true,
-        after_help = "Examples:\n  imf dataset teapot --orientations grid:15 --out teapot-225\n  \
+    #[command(after_help = "Examples:\n  imf dataset teapot --orientations grid:15 --out teapot-225\n  \
                       imf dataset teapot --orientations grid:15 --out share-3 --shard 3/8\n  \
-                      imf dataset merge teapot-225 share-1 share-2 share-3"
-    )]
+                      imf dataset merge teapot-225 share-1 share-2 share-3")]
     Dataset(dataset::DatasetArguments),
-    Train(Box<train::TrainArguments>),
-    Finetune(FinetuneArguments),
-    Compress(compress::CompressArguments),
+    /// Train a field that answers every point and direction: by a network of a megabyte, or of the family that is named
+    Train(train::TrainArguments),
+    Finetune(train::FinetuneArguments),
     Calibrate(saved::CalibrateArguments),
     Eval(saved::EvalArguments),
     Query(saved::QueryArguments),
@@ -133,7 +128,7 @@ pub(crate) struct DemoArguments {
     /// Seed of sampling, starting weights and order
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
-    /// What is made: a harmonic field and the network of a megabyte that is taught it, or the paper's network
+    /// What is made: a harmonic field and the network of a megabyte that it is distilled into, or the paper's network
     #[arg(long, value_enum, default_value = "factored")]
     pub(crate) family: NetworkFamily,
     /// Training steps; by default 1,000 for the factored field, 30,000 for siren5
@@ -143,10 +138,10 @@ pub(crate) struct DemoArguments {
     pub(crate) device: DeviceArguments,
 }
 
-/// The families of networks that imf demo and imf train make.
+/// The families of networks that imf demo makes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum NetworkFamily {
-    /// A harmonic field of every direction, then the network of a megabyte that is taught it
+    /// A harmonic field of every direction, then the network of a megabyte that it is distilled into
     Factored,
     /// The paper's network, trained on samples of exact sections
     Siren5,
@@ -175,73 +170,6 @@ pub(crate) struct VoxelizeArguments {
     pub(crate) out: PathBuf,
 }
 
-/// How long and how fast to train, whatever is learnt.
-#[derive(Args, Clone)]
-pub(crate) struct LengthArguments {
-    /// Passes over the dataset
-    #[arg(long, value_name = "N", conflicts_with = "steps", value_parser = clap::value_parser!(u64).range(1..))]
-    pub(crate) epochs: Option<u64>,
-    /// Steps, instead of epochs
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
-    pub(crate) steps: Option<u64>,
-    /// Samples in a step
-    #[arg(long, default_value_t = 1024, value_name = "N", value_parser = numbers::parse_count)]
-    pub(crate) batch: usize,
-    /// Highest learning rate; with --resume, the rate to go on from
-    #[arg(long, value_name = "RATE", value_parser = numbers::parse_rate)]
-    pub(crate) rate: Option<f32>,
-    /// Seed of starting weights and order
-    #[arg(long, default_value_t = 0)]
-    pub(crate) seed: u64,
-    /// Seconds between checkpoints
-    #[arg(long, default_value_t = 60.0, value_name = "SECONDS", value_parser = parse_seconds)]
-    pub(crate) checkpoint_every: f64,
-}
-
-/// How siren5 learns samples; shared by train and finetune.
-#[derive(Args, Clone)]
-pub(crate) struct PlanArguments {
-    /// How the rate follows the batch, from 1024 on; sqrt and linear begin with a rise of 100 steps
-    #[arg(long, default_value = "constant", value_parser = numbers::named::<RateRule>(&["constant", "sqrt", "linear"]))]
-    pub(crate) rate_rule: RateRule,
-    /// exponential: ×0.93 every epoch (the paper's); cosine: down to a hundredth over all steps
-    #[arg(long, value_enum, default_value = "exponential")]
-    pub(crate) schedule: ScheduleKind,
-    /// What a step minimises
-    #[arg(long, default_value = "l1", value_parser = numbers::named::<Loss>(&["l1", "l2"]))]
-    pub(crate) loss: Loss,
-    /// What products of layers are computed in, sums being f32: f32; bf16 (factors rounded to bfloat16), faster on CPUs with
-    /// AVX-512 BF16; or f16 (factors rounded to f16) on GPUs
-    #[arg(long, default_value = "f32", value_parser = numbers::named::<Precision>(&["f32", "bf16", "f16"]))]
-    pub(crate) precision: Precision,
-    /// Coupled L2 of Adam
-    #[arg(long, default_value_t = 1e-6, value_name = "W")]
-    pub(crate) weight_decay: f32,
-    /// Poses at random orientations that training never sees, to watch the error at; 0 for none
-    #[arg(long, default_value_t = 16_384, value_name = "N")]
-    pub(crate) held_out: usize,
-    /// Steps between two looks at that error; about a hundredth of all steps, at least 500, by default
-    #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u64).range(1..))]
-    pub(crate) held_out_every: Option<u64>,
-    /// Also write loss, rate, held-out error and speed to this file, a JSON object a line; --resume goes on with it
-    #[arg(long, value_name = "FILE")]
-    pub(crate) log: Option<PathBuf>,
-    /// Also write event files for TensorBoard, to the folder tensorboard in the output folder
-    #[arg(long)]
-    pub(crate) tensorboard: bool,
-    /// Train together with the other processes that mpirun started, each on its share of every batch, on CPUs; needs a build
-    /// with the feature mpi
-    #[arg(long)]
-    pub(crate) mpi: bool,
-}
-
-impl LengthArguments {
-    /// The length asked for, else so many epochs.
-    pub(crate) fn or_epochs(&self, epochs: u64) -> Length {
-        self.steps.map_or(Length::Epochs(self.epochs.unwrap_or(epochs)), Length::Steps)
-    }
-}
-
 /// Seconds of at least 0.
 pub fn parse_seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
@@ -250,46 +178,10 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
     }
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-pub(crate) enum ScheduleKind {
-    Exponential,
-    Cosine,
-}
-
-/// Adapt a trained model to another dataset, such as a changed part
-#[derive(Args)]
-#[command(after_help = "Example:\n  imf finetune raw/model.safetensors bracket-225 --out adapted\n\n\
-                        By default 5 epochs from a learning rate of 1e-4.")]
-pub(crate) struct FinetuneArguments {
-    // Before the others, which take their values away.
-    #[command(flatten)]
-    pub(crate) given: Given,
-    /// Model to start from
-    pub(crate) model: PathBuf,
-    /// Folder of the dataset
-    pub(crate) dataset: PathBuf,
-    /// Folder to write to
-    #[arg(long, value_name = "DIR")]
-    pub(crate) out: PathBuf,
-    /// Continue from the checkpoint in the output folder
-    #[arg(long)]
-    pub(crate) resume: bool,
-    /// Leave out measuring what the model's decisions are worth (imf calibrate), which a training of 2.3 million samples or
-    /// more ends with: it takes at most an eighth of its time
-    #[arg(long)]
-    pub(crate) no_calibrate: bool,
-    #[command(flatten)]
-    pub(crate) length: LengthArguments,
-    #[command(flatten)]
-    pub(crate) plan: PlanArguments,
-    #[command(flatten)]
-    pub(crate) device: DeviceArguments,
-}
-
 /// Describe a mesh, a tool, a dataset, a model or a field
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  imf info\n  imf info part.obj\n  imf info mill.toml\n  imf info model/model.safetensors"
+    after_help = "Examples:\n  imf info\n  imf info part.obj\n  imf info mill.toml\n  imf info model/field.safetensors"
 )]
 pub(crate) struct InfoArguments {
     /// A mesh, a reference part, a tool file, a dataset's folder, a model or a field; without it, what this machine can compute with

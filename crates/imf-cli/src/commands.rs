@@ -3,18 +3,16 @@
 pub(crate) mod access;
 pub(crate) mod calibrate;
 pub(crate) mod check;
-pub mod compress;
 pub mod dataset;
 pub mod demo;
 pub(crate) mod eval;
 pub(crate) mod export;
-pub mod field;
-pub(crate) mod finetune;
+pub(crate) mod field;
 pub(crate) mod info;
 mod notes;
 pub(crate) mod parts;
 pub(crate) mod query;
-pub(crate) mod train;
+pub mod train;
 pub(crate) mod voxelize;
 
 use crate::arguments::{Cli, Command};
@@ -35,8 +33,7 @@ pub fn run(cli: &Cli, rank: Rank) -> anyhow::Result<()> {
         Command::Access(arguments) => access::run(&session, arguments),
         Command::Dataset(arguments) => dataset::run(&session, arguments),
         Command::Train(arguments) => train::run(&session, arguments),
-        Command::Finetune(arguments) => finetune::run(&session, arguments),
-        Command::Compress(arguments) => compress::run(&session, arguments),
+        Command::Finetune(arguments) => train::siren5::finetune(&session, arguments),
         Command::Calibrate(arguments) => calibrate::run(&session, arguments),
         Command::Eval(arguments) => eval::run(&session, arguments),
         Command::Export(arguments) => export::run(&session, arguments),

@@ -1,328 +1,198 @@
-//! A training run with everything around the loop: progress, checkpoints, interruption, the finished model.
+//! A training of any family with everything around the loop: progress, checkpoints, interruption, the log, the finished field.
 //!
-//! In the output folder stand `checkpoint.safetensors` (with the optimiser's moments, written every so often, at
-//! Ctrl-C and at the end), `checkpoint.previous.safetensors` (the one before), `model.safetensors` (without moments, at
-//! the end) and `loss.png`.
+//! In the output folder stand `checkpoint.safetensors` (with the optimiser's state, written every so often, at
+//! Ctrl-C and at the end), `checkpoint.previous.safetensors` (the one before), `field.safetensors` (weights alone, at
+//! the end), `log.jsonl`, and of siren5 `loss.png`.
 
 mod checkpoint;
+mod checkpoint_files;
 mod curve;
 mod data;
+mod differences;
+mod factored;
 mod held_out;
+mod log;
 mod memory;
-mod plan;
-mod start;
-mod telemetry;
+mod siren5;
 
-pub use checkpoint::{Latest, latest};
+pub use checkpoint::{Checkpoint, Latest, Progress, latest};
+pub(crate) use checkpoint::{is_unfinished, to_resume};
 pub(crate) use curve::loss_chart;
 pub use data::Data;
+pub use factored::{Distillation, Extent, FactoredStart, Source, symmetry_of};
 pub use memory::Footprint;
-pub(crate) use plan::plan;
-pub use plan::plan_defaults;
-pub use start::{continued, fresh_model};
-pub(crate) use start::{require_togetherness, resumed_model, to_resume};
+pub use siren5::{Epoch, continued, fresh_model, plan_defaults, run, run_by};
+pub(crate) use siren5::{require_togetherness, resumed_model};
 
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::path::Path;
+use std::time::Instant;
 
 use anyhow::{Context as _, Result, bail};
 use imf_core::field::EngineError;
 use imf_core::section::SectionError;
-use imf_fields::model::{HeldOutPoint, LossPoint, Model};
+use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::model::{HeldOutPoint, LossPoint};
 use imf_fields::recipe::TrainingPlan;
 use imf_fields::recipe::schedule::Schedule;
 use imf_train::training::TrainingEngine;
-use imf_train::training::run::{Outcome, Report, Start, TrainError, train};
-use imf_train::training::streamed::train_streamed;
+use imf_train::training::run::{Observer, Outcome, Report, Start, TrainError};
 
-use crate::arguments::{LengthArguments, PlanArguments};
-use crate::engine::Device;
 use crate::interrupt::{self, Interrupted};
-use crate::output::{claim, keep_former};
+use crate::output::claim;
 use crate::progress::Stage;
 use crate::session::Session;
-use checkpoint::{Checkpoints, PREVIOUS};
-use data::Source;
+use checkpoint::{PREVIOUS, write_result};
+use checkpoint_files::CheckpointFiles;
 use held_out::HeldOutWatch;
-use plan::REPORT_EVERY;
-use telemetry::{Row, Telemetry};
+use log::{Log, Row};
 
 /// What a training comes to.
-pub const MODEL: &str = "model.safetensors";
-/// Points that a loss curve keeps at most, about.
+pub const FIELD: &str = "field.safetensors";
+/// Steps between two looks at the loss and at Ctrl-C.
+pub(crate) const REPORT_EVERY: u64 = 20;
+/// Points that a loss curve has at most, about.
 const CURVE_POINTS: u64 = 400;
 
 /// What happens beside the steps of a training.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Settings {
     /// Seconds between checkpoints.
     pub checkpoint_every: f64,
     /// What to do after an interruption, such as "add --resume".
     pub go_on: &'static str,
-    /// Where the learning rate is told, such as " with --rate ".
+    /// Where a lower learning rate is given, such as " with --rate ".
     pub slower: &'static str,
-    /// Poses held out of a fresh training; a resumed one keeps those that it has.
+    /// Poses held out of a fresh training of siren5; a resumed one has its own.
     pub held_out: usize,
     /// Steps between two evaluations at them.
     pub held_out_every: Option<u64>,
-    /// File of JSON lines.
-    pub log: Option<PathBuf>,
-    /// Write TensorBoard's event files.
-    pub tensorboard: bool,
 }
 
-impl Settings {
-    /// What the arguments ask for.
-    pub(crate) fn new(length: &LengthArguments, arguments: &PlanArguments) -> Self {
-        Self {
-            checkpoint_every: length.checkpoint_every,
-            go_on: "add --resume",
-            slower: " with --rate ",
-            held_out: arguments.held_out,
-            held_out_every: arguments.held_out_every,
-            log: arguments.log.clone(),
-            tensorboard: arguments.tensorboard,
+/// Runs a plan on an engine from a start: where the samples come from is its own affair.
+pub(crate) type Loop<'a> = dyn FnMut(&TrainingPlan, &mut dyn TrainingEngine, Start, &mut Observer<'_>) -> Result<Outcome, TrainError>
+    + 'a;
+
+/// A training that is about to begin or to go on.
+struct Training<'a, T> {
+    session: &'a Session,
+    out: &'a Path,
+    settings: &'a Settings,
+    field: T,
+    plan: TrainingPlan,
+    /// Samples of an epoch.
+    samples: usize,
+    /// Whether it goes on from a checkpoint of `out`.
+    resumed: bool,
+    /// How the finished weights are saved.
+    precision: Precision,
+    /// What is watched beside the loss.
+    held_out: Option<HeldOutWatch>,
+}
+
+impl<T: Checkpoint> Training<'_, T> {
+    /// Trains `engine`, which has the field's state, by `by` to the end of the plan; writes checkpoints and the field. Also says
+    /// the mean loss of the last steps, if any was done.
+    fn run(self, engine: &mut dyn TrainingEngine, by: &mut Loop<'_>) -> Result<(T, Option<f64>)> {
+        let Self { session, out, settings, field, plan, samples, resumed, precision, held_out } = self;
+        let writing = session.rank().is_first();
+        let _claim = if writing { Some(claim(out)?) } else { None };
+        let progress = field.progress();
+        let total = plan.total_steps(samples);
+        let steps = resumed.then_some(progress.steps);
+        let mut stage = session.stage("training", "steps", total);
+        stage.begin_at(progress.steps);
+        let mut run = Run {
+            session,
+            settings,
+            plan,
+            stage,
+            begun: Instant::now(),
+            earlier_seconds: progress.seconds,
+            point_every: (total / CURVE_POINTS).max(plan.report_every),
+            files: CheckpointFiles::new::<T>(out, steps, settings.checkpoint_every, writing),
+            held_out,
+            log: writing.then(|| Log::open(&out.join("log.jsonl"), progress.steps)).transpose()?,
+            failure: None,
+            last_loss: None,
+            progress,
+            field,
+        };
+        let start = run.progress.start;
+        let outcome = by(&plan, engine, start, &mut |report, engine| run.observe(report, engine));
+        if let Some(failure) = run.failure {
+            return Err(failure);
         }
+        match outcome {
+            // The first sections were still being made.
+            Err(TrainError::Section(SectionError::Cancelled)) if interrupt::requested() => {
+                run.take_state(engine)?;
+                run.files.write(&run.field).context("interrupted")?;
+                return Err(run.interrupted(total));
+            }
+            Err(error) => {
+                if error.is_divergence() {
+                    run.files.drop_doubtful::<T>();
+                }
+                return Err(run.explain(error));
+            }
+            Ok(Outcome::Stopped(_)) => return Err(run.interrupted(total)),
+            Ok(Outcome::Finished) => {}
+        }
+        run.take_state(engine)?;
+        run.field.finish();
+        let saved = run.files.write(&run.field);
+        let Run { stage, field, files, progress, last_loss, .. } = run;
+        let unseen = progress.held_out.as_ref().and_then(|held| held.errors.last());
+        let unseen = unseen.map_or_else(String::new, |error| format!(", held-out MSE {:.2e}", error.mse));
+        stage.finish(&last_loss.map_or_else(String::new, |loss| format!("loss {loss:.2e}{unseen}")));
+        let field = field.result(precision);
+        if !writing {
+            return saved.map(|()| (field, last_loss));
+        }
+        if progress.start.watch.is_suspicious() {
+            session.warn(&format!(
+                "the loss ended far above its best: training may have diverged in its last steps; a lower learning rate is the \
+                 remedy, and {PREVIOUS} in {} is of before",
+                out.display()
+            ));
+        }
+        let path = out.join(FIELD);
+        match (write_result(session, out, &field), saved) {
+            (Ok(()), Ok(())) => {}
+            // The field is what a training is for, and the smaller of the two.
+            (Ok(()), Err(error)) => {
+                session.warn(&format!("{error:#}; {} is the finished field all the same", path.display()));
+            }
+            (Err(error), Ok(())) => {
+                return Err(error.context(format!("the training is finished and saved: {}", files.kept())));
+            }
+            (Err(_), Err(error)) => return Err(error),
+        }
+        session.note(&format!("wrote {}", path.display()));
+        Ok((field, last_loss))
     }
 }
 
 /// The observer of a training.
-pub(crate) type Observer<'a> = dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()> + 'a;
-/// Runs a plan on an engine from a cursor: where the samples come from is its own affair.
-pub(crate) type Loop<'a> = dyn FnMut(&TrainingPlan, &mut dyn TrainingEngine, Start, &mut Observer<'_>) -> Result<Outcome, TrainError>
-    + 'a;
-
-/// What an epoch learns from.
-#[derive(Clone, Copy, Debug)]
-pub struct Epoch {
-    /// Samples.
-    pub samples: usize,
-    /// Bytes that they take beside the training.
-    pub bytes: u64,
-}
-
-/// Trains `model` to the end of its plan and writes it to `out`.
-pub fn run(
-    session: &Session,
-    device: &Device,
-    data: &Data,
-    mut model: Model,
-    out: &Path,
-    settings: &Settings,
-) -> Result<Model> {
-    let samples = data.shards.samples();
-    let footprint = footprint(session, device, &model, samples, settings)?;
-    let source = data.source(session, &footprint, &mut model)?;
-    let mut waited = Duration::ZERO;
-    let by: &mut Loop<'_> = &mut |plan, engine, start, observer| match &source {
-        Source::Memory(samples) => train(plan, samples, engine, start, observer),
-        Source::Groups(groups) => {
-            let (outcome, seconds) = train_streamed(plan, &data.shards, *groups, engine, start, observer)?;
-            waited = seconds;
-            Ok(outcome)
-        }
-    };
-    let model = train_to_the_end(session, device, samples, model, out, settings, by)?;
-    if matches!(source, Source::Groups(_)) {
-        session.note(&format!("training waited {:.1} s for shards", waited.as_secs_f64()));
-    }
-    Ok(model)
-}
-
-/// As [`run`], with samples from wherever `by` has them.
-pub fn run_by(
-    session: &Session,
-    device: &Device,
-    epoch: Epoch,
-    model: Model,
-    out: &Path,
-    settings: &Settings,
-    by: &mut Loop<'_>,
-) -> Result<Model> {
-    let footprint = footprint(session, device, &model, epoch.samples, settings)?;
-    footprint.require(session, epoch.bytes)?;
-    train_to_the_end(session, device, epoch.samples, model, out, settings, by)
-}
-
-/// What the training takes beside its samples.
-fn footprint(
-    session: &Session,
-    device: &Device,
-    model: &Model,
-    samples: usize,
-    settings: &Settings,
-) -> Result<Footprint> {
-    let record = &model.record;
-    let held_out = match &record.held_out {
-        _ if record.steps == 0 => settings.held_out,
-        held_out => held_out.as_ref().map_or(0, |held_out| held_out.choice.poses),
-    };
-    let batch = record.plan.batch.min(samples.max(1));
-    Footprint::new(session, device, model.shape, &record.plan, &model.scene.record, batch, held_out)
-}
-
-/// Trains with an epoch of so many samples, which `by` has; memory was asked for.
-fn train_to_the_end(
-    session: &Session,
-    device: &Device,
-    samples: usize,
-    mut model: Model,
-    out: &Path,
-    settings: &Settings,
-    by: &mut Loop<'_>,
-) -> Result<Model> {
-    let rank = session.rank();
-    let batch = model.record.plan.batch.min(samples.max(1));
-    let total = model.record.plan.total_steps(samples);
-    if model.record.steps == 0 {
-        let seed = model.record.plan.seed;
-        model.record.held_out = held_out::record(settings.held_out, settings.held_out_every, seed, total);
-    }
-    // After this no rank reads what the first may write.
-    rank.agree("training", fingerprint(&model)?)?;
-    let writing = rank.is_first();
-    let _claim = if writing { Some(claim(out)?) } else { None };
-    let held_out = if writing { HeldOutWatch::new(session, &model)? } else { None };
-    let folder = (settings.tensorboard && writing).then(|| out.join("tensorboard"));
-    let log = settings.log.as_deref().filter(|_| writing);
-    let telemetry = Telemetry::open(log, folder, model.record.steps)?;
-    let mut engine = device.trainer(rank, model.shape, &model.record.plan, batch, model.state.clone())?;
-    session.note(&format!(
-        "training {}×{} ({} parameters, ω = {}) on {} samples, {} steps of {batch}; {}",
-        model.shape.hidden,
-        model.shape.width,
-        model.shape.parameter_count(),
-        model.shape.omega,
-        samples,
-        total,
-        engine.describe()
-    ));
-    let mut run = Run {
-        session,
-        stage: session.stage("training", "steps", total),
-        begun: Instant::now(),
-        earlier_seconds: model.record.seconds,
-        point_every: (total / CURVE_POINTS).max(REPORT_EVERY),
-        checkpoints: Checkpoints::new(out, model.record.steps, settings.checkpoint_every, writing),
-        held_out,
-        telemetry,
-        go_on: settings.go_on,
-        slower: settings.slower,
-        failure: None,
-        model,
-    };
-    run.model.record.engine = engine.describe();
-    run.model.record.program = env!("CARGO_PKG_VERSION").into();
-    run.stage.begin_at(run.model.record.steps);
-    let start = Start { cursor: run.model.record.cursor, watch: run.model.record.watch };
-    let plan = run.model.record.plan;
-    let outcome = by(&plan, engine.as_mut(), start, &mut |report, engine| run.observe(report, engine));
-    if let Some(failure) = run.failure {
-        return Err(failure);
-    }
-    match outcome {
-        Err(TrainError::Section(SectionError::Cancelled)) if interrupt::requested() => {
-            let kept = run.checkpoints.kept();
-            let text = format!("the first sections were still being made; {kept}; {} to go on", run.go_on);
-            return Err(Interrupted(text).into());
-        }
-        Err(error) => {
-            if error.is_divergence() {
-                run.checkpoints.drop_doubtful();
-            }
-            return Err(run.explain(error));
-        }
-        Ok(Outcome::Stopped(_)) => {
-            let path = run.checkpoints.last().map_or(out, |(path, _)| path).display().to_string();
-            let go_on = settings.go_on;
-            let steps = run.model.record.steps;
-            let text = format!("step {steps} of {total} is saved in {path}; {go_on} to go on");
-            return Err(Interrupted(text).into());
-        }
-        Ok(Outcome::Finished) => {}
-    }
-    run.model.record.finished = true;
-    run.take_state(engine.as_mut())?;
-    let kept = run.checkpoints.write(&run.model);
-    let Run { stage, model, checkpoints, .. } = run;
-    let last = model.record.losses.last().map_or(f64::NAN, |p| p.loss);
-    let unseen = model.record.held_out.as_ref().and_then(|held| held.errors.last());
-    let unseen = unseen.map_or_else(String::new, |error| format!(", held-out MSE {:.2e}", error.mse));
-    stage.finish(&format!("loss {last:.2e}{unseen}"));
-    let model = model.without_moments();
-    if !writing {
-        return kept.map(|()| model);
-    }
-    if model.record.watch.is_suspicious() {
-        session.warn(&format!(
-            "the loss ended far above its best: training may have diverged in its last steps; a lower learning rate is the \
-             remedy, and {PREVIOUS} in {} is of before",
-            out.display()
-        ));
-    }
-    let path = out.join(MODEL);
-    match (write_result(session, out, &model), kept) {
-        (Ok(()), Ok(())) => {}
-        // The model is what a training is for, and the smaller of the two.
-        (Ok(()), Err(error)) => {
-            session.warn(&format!("{error:#}; {} is the finished model all the same", path.display()));
-        }
-        (Err(error), Ok(())) => {
-            return Err(error.context(format!("the training is finished and kept: {}", checkpoints.kept())));
-        }
-        (Err(_), Err(error)) => return Err(error),
-    }
-    session.note(&format!("wrote {}", path.display()));
-    Ok(model)
-}
-
-/// Writes what a finished training came to: its model, without moments, and the course of its loss. The model of an earlier one
-/// is kept.
-fn write_result(session: &Session, out: &Path, model: &Model) -> Result<()> {
-    let path = out.join(MODEL);
-    keep_former(session, &path)?;
-    model.write(&path)?;
-    loss_chart(&model.record).save(&out.join("loss.png"))?;
-    Ok(())
-}
-
-/// A checksum of all that ranks must have in common.
-fn fingerprint(model: &Model) -> Result<u64> {
-    let record = &model.record;
-    let mut hasher = crc32fast::Hasher::new();
-    hasher.update(&serde_json::to_vec(&(
-        model.shape,
-        record.plan,
-        record.cursor,
-        record.steps,
-        record.dataset_crc32,
-        record.groups_per_epoch,
-    ))?);
-    let state = &model.state;
-    for array in [&state.parameters, &state.first_moment, &state.second_moment] {
-        array.iter().for_each(|value| hasher.update(&value.to_le_bytes()));
-    }
-    Ok(u64::from(hasher.finalize()))
-}
-
-/// What the observer of a run keeps between reports.
-struct Run<'a> {
+struct Run<'a, T> {
     session: &'a Session,
+    settings: &'a Settings,
+    plan: TrainingPlan,
     stage: Stage,
     begun: Instant,
     earlier_seconds: f64,
     point_every: u64,
-    checkpoints: Checkpoints,
+    files: CheckpointFiles,
     held_out: Option<HeldOutWatch>,
-    telemetry: Telemetry,
-    go_on: &'static str,
-    slower: &'static str,
+    log: Option<Log>,
     failure: Option<anyhow::Error>,
-    model: Model,
+    last_loss: Option<f64>,
+    progress: Progress,
+    field: T,
 }
 
-impl Run<'_> {
+impl<T: Checkpoint> Run<'_, T> {
     fn observe(&mut self, report: &Report, engine: &mut dyn TrainingEngine) -> ControlFlow<()> {
         match self.try_observe(report, engine) {
             Ok(flow) => flow,
@@ -334,14 +204,15 @@ impl Run<'_> {
     }
 
     fn try_observe(&mut self, report: &Report, engine: &mut dyn TrainingEngine) -> Result<ControlFlow<()>> {
-        let record = &mut self.model.record;
-        let steps = report.step - record.steps;
-        record.steps = report.step;
-        (record.cursor, record.watch) = (report.cursor, report.watch);
-        record.pending_loss.0 += report.mean_loss * steps as f64;
-        record.pending_loss.1 += steps;
+        let progress = &mut self.progress;
+        let steps = report.step - progress.steps;
+        progress.steps = report.step;
+        progress.start = Start { cursor: report.cursor, watch: report.watch };
+        progress.pending_loss.0 += report.mean_loss * steps as f64;
+        progress.pending_loss.1 += steps;
+        self.last_loss = Some(report.mean_loss);
         let is_last = report.step == report.total_steps;
-        let point = record.pending_loss.1 >= self.point_every || is_last;
+        let point = progress.pending_loss.1 >= self.point_every || is_last;
         let loss = point.then(|| self.end_point());
         let unseen = self.measure(report, engine)?;
         if loss.is_some() || unseen.is_some() {
@@ -354,11 +225,11 @@ impl Run<'_> {
                 held_out_mae: unseen.map(|error| error.mae),
                 samples_per_second: report.samples_per_second,
                 seconds: self.seconds(),
-                seconds_left: report.remaining(&self.model.record.plan).map(|left| left.as_secs_f64()),
+                seconds_left: report.remaining(&self.plan).map(|left| left.as_secs_f64()),
             };
-            self.telemetry.add(self.session, &row);
+            self.log.iter_mut().for_each(|log| log.add(self.session, &row));
         }
-        let last = self.model.record.held_out.as_ref().and_then(|held| held.errors.last());
+        let last = self.progress.held_out.as_ref().and_then(|held| held.errors.last());
         let held_out = last.map_or_else(String::new, |error| format!("held-out MSE {:.2e}, ", error.mse));
         self.stage.advance_saying(
             steps,
@@ -370,29 +241,28 @@ impl Run<'_> {
         );
         if !is_last && self.session.rank().stop(interrupt::requested_at_report())? {
             self.take_state(engine)?;
-            self.checkpoints.write(&self.model).context("interrupted")?;
+            self.files.write(&self.field).context("interrupted")?;
             return Ok(ControlFlow::Break(()));
         }
         // A state that may be lost must not take the place of a good one. The last step has a checkpoint of its own.
-        if self.checkpoints.is_due() && !report.watch.is_suspicious() && !is_last {
+        if self.files.is_due() && !report.watch.is_suspicious() && !is_last {
             self.take_state(engine)?;
-            self.checkpoints.write_or_warn(self.session, &self.model);
+            self.files.write_or_warn(self.session, &self.field);
         }
         Ok(ControlFlow::Continue(()))
     }
 
     /// The mean loss since the last point becomes a point of the curve.
     fn end_point(&mut self) -> f64 {
-        let record = &mut self.model.record;
-        let (sum, steps) = std::mem::take(&mut record.pending_loss);
+        let (sum, steps) = std::mem::take(&mut self.progress.pending_loss);
         let loss = sum / steps.max(1) as f64;
-        record.losses.push(LossPoint { step: record.steps, loss });
+        self.progress.losses.push(LossPoint { step: self.progress.steps, loss });
         loss
     }
 
     /// The error at held-out poses, where it is due.
     fn measure(&mut self, report: &Report, engine: &mut dyn TrainingEngine) -> Result<Option<HeldOutPoint>> {
-        let (Some(watch), Some(record)) = (&mut self.held_out, &mut self.model.record.held_out) else {
+        let (Some(watch), Some(record)) = (&mut self.held_out, &mut self.progress.held_out) else {
             return Ok(None);
         };
         if !watch.is_due(report.step, report.total_steps) {
@@ -411,16 +281,23 @@ impl Run<'_> {
     fn take_state(&mut self, engine: &mut dyn TrainingEngine) -> Result<()> {
         let state = engine.state()?;
         if !state.is_finite() {
-            self.checkpoints.drop_doubtful();
+            self.files.drop_doubtful::<T>();
             bail!(
                 "the weights are no longer finite numbers at step {}: training has diverged; {}",
-                self.model.record.steps,
+                self.progress.steps,
                 self.way_out(true)
             );
         }
-        self.model.state = state;
-        self.model.record.seconds = self.seconds();
+        self.progress.seconds = self.seconds();
+        self.field.update(&self.progress, state);
         Ok(())
+    }
+
+    /// What is said at Ctrl-C, once the checkpoint is written.
+    fn interrupted(&self, total: u64) -> anyhow::Error {
+        let path = self.files.last().map_or_else(String::new, |(path, _)| path.display().to_string());
+        let (steps, go_on) = (self.progress.steps, self.settings.go_on);
+        Interrupted(format!("step {steps} of {total} is saved in {path}; {go_on} to go on")).into()
     }
 
     /// Adds what is left to go on from.
@@ -433,20 +310,19 @@ impl Run<'_> {
 
     /// The checkpoint to go on from, and how; more slowly where training diverged.
     fn way_out(&self, diverged: bool) -> String {
-        let third = match self.model.record.plan.schedule {
+        let Settings { go_on, slower, .. } = self.settings;
+        let third = match self.plan.schedule {
             Schedule::Exponential { initial, .. }
             | Schedule::Cosine { initial, .. }
             | Schedule::Length { initial, .. } => initial / 3.0,
         };
-        let slower =
-            if diverged { format!("{}{third:.1e}", self.slower) } else { " to go on from it".into() };
-        match self.checkpoints.last() {
+        let more_slowly = if diverged { format!("{slower}{third:.1e}") } else { " to go on from it".into() };
+        match self.files.last() {
             Some((path, step)) => format!(
-                "the last good checkpoint is {}, of step {step}; {}{slower}",
-                path.display(),
-                self.go_on
+                "the last good checkpoint is {}, of step {step}; {go_on}{more_slowly}",
+                path.display()
             ),
-            None if diverged => format!("no checkpoint was written yet; start again{slower}"),
+            None if diverged => format!("no checkpoint was written yet; start again{more_slowly}"),
             None => "no checkpoint was written yet".to_owned(),
         }
     }

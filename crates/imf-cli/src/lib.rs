@@ -11,7 +11,6 @@
 //! sessions, trainings, reports and pictures. It is no stable interface: programs use `imf-core`.
 
 pub mod arguments;
-mod checkpoints;
 pub mod commands;
 pub mod engine;
 pub mod exit;

@@ -69,7 +69,7 @@ pub enum OnnxError {
     Rotations(&'static str),
     /// Larger than the format holds.
     #[error(
-        "the field's {0} bytes are more than an ONNX file holds (2 GiB): distil it to a network, or choose a \
+        "the field's {0} bytes are more than an ONNX file holds (2 GiB): distil it into a network, or choose a \
          lower degree or a larger pitch"
     )]
     Size(u64),

@@ -1,4 +1,4 @@
-//! Poses held out of training: how well a network does where it was never taught, watched while it trains.
+//! Poses held out of training: how well a network does where it has no samples, watched while it trains.
 //!
 //! A few random orientations, none of them one of the training set, and in each of their exact sections some voxels
 //! drawn uniformly. Seed, numbers and scene decide all of it, so a run that goes on sees the same poses.
@@ -25,7 +25,6 @@ const THRESHOLD: f64 = 0.001;
 
 /// The poses and their exact values.
 pub struct HeldOut {
-    choice: HeldOutChoice,
     /// `[poses][5]`, section after section.
     inputs: Vec<f32>,
     /// `[poses]`
@@ -73,19 +72,7 @@ impl HeldOut {
                 exact.push(value);
             }
         }
-        Ok(Self { choice, answers: vec![0.0; exact.len()], inputs, exact })
-    }
-
-    /// What was asked for.
-    #[must_use]
-    pub fn choice(&self) -> HeldOutChoice {
-        self.choice
-    }
-
-    /// Network inputs `[poses][5]` and exact values `[poses]`.
-    #[must_use]
-    pub fn poses(&self) -> (&[f32], &[f32]) {
-        (&self.inputs, &self.exact)
+        Ok(Self { answers: vec![0.0; exact.len()], inputs, exact })
     }
 
     /// Errors of a network at the poses.
@@ -122,37 +109,10 @@ fn unseen(count: usize, seed: u64, trained: &[Orientation]) -> Vec<Orientation> 
 
 #[cfg(test)]
 mod tests {
-    use glam::{DMat4, DVec3};
-
     use super::*;
-    use imf_core::grid::Grid;
-    use imf_core::occupancy::Occupancy;
-    use imf_core::scene::SceneRecord;
+    use crate::fixtures::scene;
     use imf_core::section::direct_count;
-    use imf_core::tool::{RotatedTool, Tool};
-    use imf_core::unit::LengthUnit;
-
-    fn scene() -> Scene {
-        let grid = Grid { origin: DVec3::ZERO, pitch: 8.0, dims: [9, 10, 11] };
-        let solid = (0..grid.len()).map(|i| u8::from(i % 7 < 3)).collect();
-        let obstacle = Occupancy { grid, solid };
-        let record = SceneRecord {
-            part: "test".into(),
-            unit: LengthUnit::Mm,
-            transform: DMat4::IDENTITY,
-            grid,
-            margin: 0,
-            conservative: false,
-            closed: true,
-            tool: Tool::paper(),
-            clearance: Default::default(),
-            ungrown: None,
-            fixtures: Vec::new(),
-            contact: None,
-            obstacle_crc32: crc32fast::hash(&obstacle.packed()),
-        };
-        Scene::from_union(record, obstacle)
-    }
+    use imf_core::tool::RotatedTool;
 
     const CHOICE: HeldOutChoice = HeldOutChoice { poses: 101, orientations: 7, seed: 3 };
 
@@ -160,7 +120,7 @@ mod tests {
     fn poses_are_the_exact_field_at_voxels_of_unseen_directions() {
         let scene = scene();
         let held = HeldOut::new(CHOICE, &scene, &[], Control::quiet()).unwrap();
-        let (inputs, exact) = held.poses();
+        let HeldOut { inputs, exact, .. } = &held;
         assert_eq!((inputs.len(), exact.len()), (101 * INPUTS, 101));
         let orientations = unseen(7, 3, &[]);
         for (pose, value) in inputs.chunks(INPUTS).zip(exact) {

@@ -9,6 +9,8 @@
 pub mod dataset;
 pub mod distill;
 pub mod engine;
+#[cfg(test)]
+mod fixtures;
 pub mod held_out;
 pub mod samples;
 pub mod training;

@@ -63,9 +63,6 @@ pub(crate) struct RunArguments {
     /// Poses at random orientations that training never sees, to watch the error of every stage at; 0 for none
     #[arg(long, default_value_t = 16_384, value_name = "N")]
     pub(crate) held_out: usize,
-    /// Also write loss, rate, held-out error and speed of every stage to log.jsonl in its folder, a JSON object a line
-    #[arg(long)]
-    pub(crate) log: bool,
     #[command(flatten)]
     pub(crate) device: DeviceArguments,
 }

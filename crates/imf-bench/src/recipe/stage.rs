@@ -32,8 +32,6 @@ pub(crate) struct Runner<'a> {
     pub(crate) checkpoint_every: f64,
     /// Poses at which the error is watched.
     pub(crate) held_out: usize,
-    /// Write log.jsonl into every stage's folder.
-    pub(crate) log: bool,
     /// Datasets of all stages and variants.
     pub(crate) datasets: PathBuf,
 }
@@ -68,7 +66,7 @@ impl Runner<'_> {
         let fresh = job::fresh_model(&data, shape, stage.plan(), start.0, start.1);
         let mut model = self.found(folder, fresh)?;
         if !model.record.finished {
-            model = job::run(self.session, self.device, &data, model, folder, &self.settings(folder))?;
+            model = job::run(self.session, self.device, &data, model, folder, &self.settings())?;
         }
         Ok(Trained { model, sampled, waits: None })
     }
@@ -117,7 +115,7 @@ impl Runner<'_> {
                 job::Epoch { samples, bytes },
                 model,
                 folder,
-                &self.settings(folder),
+                &self.settings(),
                 &mut |plan, engine, start, observer| {
                     let mut observe = |report: &Report, engine: &mut dyn TrainingEngine| {
                         last = report.step;
@@ -138,15 +136,13 @@ impl Runner<'_> {
         Ok(Trained { model, sampled: 0.0, waits: Some(waits) })
     }
 
-    fn settings(&self, folder: &Path) -> job::Settings {
+    fn settings(&self) -> job::Settings {
         job::Settings {
             checkpoint_every: self.checkpoint_every,
             go_on: super::GO_ON,
             slower: " in another folder, with a training.schedule.initial of ",
             held_out: self.held_out,
             held_out_every: None,
-            log: self.log.then(|| folder.join("log.jsonl")),
-            tensorboard: false,
         }
     }
 
@@ -155,7 +151,7 @@ impl Runner<'_> {
     /// # Errors
     /// A model or a checkpoint of another training, which this one would overwrite, or one of a newer program.
     fn found(&self, folder: &Path, fresh: Model) -> Result<Model> {
-        let finished = Model::read(&folder.join(job::MODEL)).map_err(anyhow::Error::from);
+        let finished = Model::read(&folder.join(job::FIELD)).map_err(anyhow::Error::from);
         let finished = finished.map(|model| (model, None));
         let checkpoint = job::latest(folder).map(|Latest { model, damage, .. }| (model, damage));
         for found in [finished, checkpoint] {

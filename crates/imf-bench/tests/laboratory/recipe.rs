@@ -97,7 +97,7 @@ fn single_from_a_file_of_ones_own_has_a_folder_of_its_own() {
     assert_eq!(last["step"], 300, "{log}");
     let model = work.model("out/model.safetensors");
     assert_eq!((model.record.steps, model.shape.width), (300, 24));
-    assert!(model.state == work.model("out/stages/main/model.safetensors").state);
+    assert!(model.state == work.model("out/stages/main/field.safetensors").state);
 
     // The same again finds everything done, another recipe is refused, and what was written down repeats it.
     let before = work.text("out/recipe.json");
@@ -123,7 +123,7 @@ fn multi_goes_on_after_sigkill_in_either_stage_to_the_same_bits() {
     let multi = |out: &str| few("multi", 700, &format!("--checkpoint-every 0.01 --out {out}"));
     work.imf(&multi("whole")).done();
     let [coarse, full] =
-        ["coarse", "full"].map(|s| work.model(&format!("whole/stages/{s}/model.safetensors")));
+        ["coarse", "full"].map(|s| work.model(&format!("whole/stages/{s}/field.safetensors")));
     assert_eq!(coarse.scene, full.scene, "both stages' networks speak of the full grid");
     assert!(full.record.fine_tuned_from.as_ref().unwrap().contains("stage coarse"));
     let summary = json(&work, "whole/recipe.json");
@@ -135,7 +135,7 @@ fn multi_goes_on_after_sigkill_in_either_stage_to_the_same_bits() {
 
     killed(&work, &multi("broken"), "broken/stages/coarse/checkpoint.safetensors", 2);
     for (stage, whole) in [("coarse", coarse), ("full", full.clone())] {
-        let broken = work.model(&format!("broken/stages/{stage}/model.safetensors"));
+        let broken = work.model(&format!("broken/stages/{stage}/field.safetensors"));
         assert!(broken.state == whole.state, "stage {stage} ended elsewhere");
     }
     killed(&work, &multi("late"), "late/stages/full/checkpoint.safetensors", 2);

@@ -3,44 +3,17 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
-use clap::{ArgMatches, Args, FromArgMatches, Subcommand};
+use clap::{Args, Subcommand};
 use imf_core::orientation::OrientationSet;
 use imf_fields::recipe::Sampling;
 use imf_train::dataset::{Layout, Share};
 
 use super::clearance;
+use super::either::Either;
 use super::scene::SceneArguments;
 
 /// A dataset is made, or what was made of it is joined or finished.
-pub(crate) enum DatasetArguments {
-    Make(Box<DatasetMakeArguments>),
-    Act(DatasetAction),
-}
-
-// By hand: an optional group of arguments that holds another group is never seen as present by the derived code.
-impl FromArgMatches for DatasetArguments {
-    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-        if matches.subcommand_name().is_some() {
-            return DatasetAction::from_arg_matches(matches).map(Self::Act);
-        }
-        DatasetMakeArguments::from_arg_matches(matches).map(|make| Self::Make(Box::new(make)))
-    }
-
-    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
-        *self = Self::from_arg_matches(matches)?;
-        Ok(())
-    }
-}
-
-impl Args for DatasetArguments {
-    fn augment_args(command: clap::Command) -> clap::Command {
-        DatasetAction::augment_subcommands(DatasetMakeArguments::augment_args(command))
-    }
-
-    fn augment_args_for_update(command: clap::Command) -> clap::Command {
-        Self::augment_args(command)
-    }
-}
+pub(crate) type DatasetArguments = Either<DatasetMakeArguments, DatasetAction>;
 
 #[derive(Subcommand)]
 pub(crate) enum DatasetAction {
@@ -82,11 +55,16 @@ pub(crate) struct DatasetMakeArguments {
     /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, pairs such as 0,0;30,40 or a CSV file
     #[arg(long, value_name = "SET", allow_hyphen_values = true)]
     pub(crate) orientations: String,
-    #[command(flatten)]
-    pub(crate) sampling: SamplingArguments,
+    /// Fraction of every section's voxels to sample, three quarters of them where the tool collides
+    #[arg(long, default_value_t = 0.35)]
+    density: f64,
     /// Seed of the sampling
     #[arg(long, default_value_t = 0)]
-    pub(crate) seed: u64,
+    seed: u64,
+    /// Samples in one file, about: it holds whole sections, and at least one; by default 4,000,000. A dataset that is there
+    /// stays cut up as it is
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    shard_samples: Option<u64>,
     /// Make only share I of N, on this machine or another; `imf dataset merge` joins them
     #[arg(long, value_name = "I/N")]
     pub(crate) shard: Option<Share>,
@@ -95,44 +73,17 @@ pub(crate) struct DatasetMakeArguments {
     pub(crate) out: PathBuf,
 }
 
-/// How sections are sampled; shared by dataset and train.
-#[derive(Args)]
-pub(crate) struct SamplingArguments {
-    /// Share of every section's voxels to sample
-    #[arg(long, default_value_t = 0.35)]
-    density: f64,
-    /// Share of the samples to draw where the tool collides
-    #[arg(long, default_value_t = 0.75)]
-    positive_share: f64,
-    /// Share of the samples to draw at the boundary between free and colliding; --positive-share divides the rest
-    #[arg(long, default_value_t = 0.0)]
-    boundary_share: f64,
-    /// How far from the boundary still counts as at it
-    #[arg(long, default_value_t = 1, value_name = "VOXELS")]
-    boundary_width: usize,
-    /// Samples in one file, about: it holds whole sections, and at least one; by default 4,000,000. A dataset that is there
-    /// stays cut up as it is
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
-    shard_samples: Option<u64>,
-}
-
-impl SamplingArguments {
-    /// How many voxels of a section are drawn, and where.
-    pub(crate) fn sampling(&self, seed: u64) -> Result<Sampling> {
-        let sampling = Sampling {
-            density: self.density,
-            positive_share: self.positive_share,
-            boundary_share: self.boundary_share,
-            boundary_width: self.boundary_width,
-            seed,
-        };
+impl DatasetMakeArguments {
+    /// How many voxels of a section are drawn.
+    pub(crate) fn sampling(&self) -> Result<Sampling> {
+        let sampling = Sampling { density: self.density, seed: self.seed, ..Sampling::default() };
         sampling.check()?;
         Ok(sampling)
     }
 
-    /// How the samples are cut up.
-    pub(crate) fn layout(&self, share: Option<Share>) -> Layout {
-        Layout { shard_samples: self.shard_samples, share }
+    /// How the samples are cut up, and which are made.
+    pub(crate) fn layout(&self) -> Layout {
+        Layout { shard_samples: self.shard_samples, share: self.shard }
     }
 }
 

@@ -1,4 +1,4 @@
-//! How a field is computed, and what a harmonic field is made by.
+//! The arguments of `imf train harmonic`.
 
 use std::path::PathBuf;
 
@@ -8,65 +8,47 @@ use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
 
-/// The families that `imf field` can compute with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum FieldMethod {
-    /// Whole numbers of voxels, one orientation after the other
-    Exact,
-    /// Every orientation at once from a fit to exact sections: approximate, with its error stated
-    Harmonic,
-}
-
-/// Heading of these options.
-const HEADING: &str = "Every direction at once (--method harmonic)";
+use super::clearance::ContactArguments;
+use super::scene::SceneArguments;
 
 /// What a field's values are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum FieldQuantity {
-    /// The share of the tool's volume that lies in the part
+    /// The fraction of the tool's volume that lies in the part
     Overlap,
-    /// How far the tool must be moved to be free, below 0 how far it may be moved, held within 8 pitches: what decides best.
-    /// With --save alone
+    /// Signed penetration depth: how far the tool must be moved to be free, below 0 how far it may be moved, clamped within 8
+    /// pitches. What decides best; imf field, imf eval and imf query --exact refuse it
     Depth,
 }
 
-/// Options of --method harmonic.
-#[derive(Args, Clone)]
+/// Fit a field of every direction to exact sections, in seconds: approximate, with its error stated
+#[derive(Args)]
+#[command(after_help = "Examples:\n  imf train harmonic teapot --out teapot.safetensors\n  \
+                  imf train harmonic bracket --clearance 2 --clearance-cutter 2 --quantity depth --out bracket.safetensors\n\n\
+                  The file is for imf query, imf field, imf check and imf train factored.")]
 pub(crate) struct HarmonicArguments {
-    /// How the field is computed
-    #[arg(help_heading = HEADING, long, value_enum, default_value = "exact")]
-    pub(crate) method: FieldMethod,
+    #[command(flatten)]
+    pub(crate) scene: SceneArguments,
+    #[command(flatten)]
+    pub(crate) contact: ContactArguments,
+    /// File to write
+    #[arg(long, value_name = "FILE")]
+    pub(crate) out: PathBuf,
     /// What the field's values are
-    #[arg(help_heading = HEADING, long, value_enum, default_value = "overlap")]
-    pub(crate) quantity: FieldQuantity,
+    #[arg(long, value_enum, default_value = "overlap")]
+    quantity: FieldQuantity,
     /// Highest degree of the harmonics: more is finer and costs memory and time by its square; by default 14. For tools that
     /// are not symmetric about their axis by its cube, and by default 8
-    #[arg(help_heading = HEADING, long, value_name = "L", requires = "method")]
-    pub(crate) degree: Option<usize>,
-    /// Choose the lowest degree whose mean squared error, estimated on a sample, is at most this
-    #[arg(help_heading = HEADING, long, value_name = "MSE", requires = "method", conflicts_with = "degree", value_parser = parse_target)]
+    #[arg(long, value_name = "L")]
+    degree: Option<usize>,
+    /// Choose the lowest degree whose mean squared error, estimated on a sample, is at most this, as far as the memory goes
+    #[arg(long, value_name = "MSE", conflicts_with = "degree", value_parser = parse_target)]
     pub(crate) target_mse: Option<f64>,
-    /// Choose the highest degree that the memory limit allows; with --target-mse, look no further than it
-    #[arg(help_heading = HEADING, long, requires = "method", conflicts_with = "degree")]
-    pub(crate) fill_memory: bool,
-    /// Principal axes kept of the harmonics' coefficients; by default 128, and all where the degree is chosen
-    #[arg(help_heading = HEADING, long, value_name = "N", requires = "method", value_parser = super::numbers::parse_count)]
-    pub(crate) axes: Option<usize>,
-    /// Exact sections for each harmonic
-    #[arg(help_heading = HEADING, long, default_value_t = DEFAULT_SECTIONS, value_name = "N", requires = "method")]
-    pub(crate) sections_per_function: f64,
-    /// Keep coefficients in f32, not in f16
-    #[arg(help_heading = HEADING, long, requires = "method")]
-    pub(crate) single: bool,
-    /// With --imf: the least over all orientations, not only over the set: from its best one down the field's gradient
-    #[arg(help_heading = HEADING, long, requires = "imf")]
-    pub(crate) refine: bool,
-    /// Keep the harmonic field in this file, for imf query, imf field and imf info. A field of depth is
-    /// refused by imf field, imf eval and imf query --exact
-    #[arg(help_heading = HEADING, long, value_name = "FILE", requires = "method")]
-    pub(crate) save: Option<PathBuf>,
-    /// With --save: leave out measuring what the field's decisions are worth (imf calibrate), which takes a few seconds
-    #[arg(help_heading = HEADING, long, requires = "save")]
+    /// Principal components that are saved of the harmonics' coefficients; by default 128, and all with --target-mse
+    #[arg(long, value_name = "N", value_parser = super::numbers::parse_count)]
+    components: Option<usize>,
+    /// Leave out measuring what the field's decisions are worth (imf calibrate), which takes a few seconds
+    #[arg(long)]
     pub(crate) no_calibrate: bool,
 }
 
@@ -74,10 +56,11 @@ pub(crate) struct HarmonicArguments {
 const DEFAULT_DEGREE: usize = 14;
 /// 969 functions of a rotation, where degree 14 has 4,495.
 const DEFAULT_DEGREE_OF_ROTATIONS: usize = 8;
-/// Measured: beyond a third more sections than functions, a higher degree is the better use of sections.
+/// Exact sections for each basis function. Measured: beyond a third more sections than functions, a higher degree is the
+/// better use of sections.
 pub const DEFAULT_SECTIONS: f64 = 1.33;
-/// Axes that hold most of a field of degree 14.
-const DEFAULT_AXES: usize = 128;
+/// Components that hold most of a field of degree 14.
+const DEFAULT_COMPONENTS: usize = 128;
 
 fn parse_target(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
@@ -87,33 +70,9 @@ fn parse_target(text: &str) -> Result<f64, String> {
 }
 
 impl HarmonicArguments {
-    /// True where the degree follows from an error or from the memory.
-    pub(crate) fn chooses_degree(&self) -> bool {
-        self.target_mse.is_some() || self.fill_memory
-    }
-
-    /// An option of a fit that was given and is not what it is by default, or of its evaluation.
-    pub(crate) fn first_given(&self) -> Option<&'static str> {
-        self.first_of_fit().or(self.refine.then_some("--refine"))
-    }
-
-    /// An option of a fit that was given and is not what it is by default.
-    pub(super) fn first_of_fit(&self) -> Option<&'static str> {
-        let given = [
-            (self.method == FieldMethod::Harmonic, "--method"),
-            (self.save.is_some(), "--save"),
-            (self.degree.is_some(), "--degree"),
-            (self.target_mse.is_some(), "--target-mse"),
-            (self.fill_memory, "--fill-memory"),
-            (self.axes.is_some(), "--axes"),
-            (self.sections_per_function != DEFAULT_SECTIONS, "--sections-per-function"),
-            (self.single, "--single"),
-        ];
-        given.into_iter().find_map(|(given, option)| given.then_some(option))
-    }
-
     /// The settings of the fit of a field over directions or rotations.
     pub(crate) fn settings(&self, domain: Domain) -> FitSettings {
+        let usual = if self.target_mse.is_some() { usize::MAX } else { DEFAULT_COMPONENTS };
         FitSettings {
             quantity: match self.quantity {
                 FieldQuantity::Overlap => Quantity::Overlap,
@@ -123,9 +82,9 @@ impl HarmonicArguments {
                 Domain::Directions => DEFAULT_DEGREE,
                 Domain::Rotations => DEFAULT_DEGREE_OF_ROTATIONS,
             }),
-            axes: self.axes.unwrap_or(if self.chooses_degree() { usize::MAX } else { DEFAULT_AXES }),
-            sections_per_function: self.sections_per_function,
-            precision: if self.single { Precision::F32 } else { Precision::F16 },
+            axes: self.components.unwrap_or(usual),
+            sections_per_function: DEFAULT_SECTIONS,
+            precision: Precision::F16,
             ..FitSettings::default()
         }
     }

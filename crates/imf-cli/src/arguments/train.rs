@@ -1,281 +1,375 @@
-//! What `imf train` is asked, and which training follows from it: options of the other family are refused by name.
+//! The arguments of `imf train`, by the family of fields that is trained, and of `imf finetune`.
 
-use std::path::{Path, PathBuf};
-use std::str::FromStr as _;
+use std::path::PathBuf;
 
-use anyhow::{Result, bail};
-use clap::parser::ValueSource;
-use clap::{ArgMatches, Args, Command, FromArgMatches};
-use imf_core::orientation::OrientationSet;
-use imf_core::parts::ReferencePart;
+use anyhow::{Context as _, Result, ensure};
+use clap::{Args, Subcommand};
 use imf_fields::factored::DistillSettings;
-use imf_fields::recipe::OnlineSettings;
-use imf_fields::recipe::Sampling;
-use imf_fields::recipe::TrainingPlan;
+use imf_fields::harmonic::coefficients::Precision as SavedPrecision;
+use imf_fields::recipe::schedule::{RateRule, Schedule};
+use imf_fields::recipe::{
+    AdamConfig, HeldOutChoice, Length, Loss, OnlineSettings, Optimiser, Precision, SoapConfig, TrainingPlan,
+};
 use imf_fields::siren::SirenShape;
-use imf_train::dataset::{Layout, Manifest};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Value};
 
 use super::clearance::ContactArguments;
-use super::compress::TeachingArguments;
-use super::dataset::{SamplingArguments, directions};
+use super::either::Either;
+use super::given::Given;
+use super::harmonic::HarmonicArguments;
+use super::network::{Network, parse_network};
+use super::numbers::{parse_count, parse_rate};
 use super::scene::SceneArguments;
-use super::{LengthArguments, NetworkFamily, PlanArguments};
+use crate::job::REPORT_EVERY;
 
-/// Train a network that answers every point and direction, of a part or of a dataset
+/// Arguments of `imf train`: without a family those of a factored field.
+pub(crate) type TrainArguments = Either<FactoredArguments, TrainFamily>;
+
+/// A family of fields to train.
+#[derive(Subcommand)]
+pub(crate) enum TrainFamily {
+    Factored(Box<FactoredArguments>),
+    Harmonic(Box<HarmonicArguments>),
+    Siren5(Box<Siren5Arguments>),
+}
+
+/// Train a network of about a megabyte that answers every point and direction (what imf train PART does)
 #[derive(Args)]
 #[command(
-    mut_arg("part", |part| part.value_name("SUBJECT").help(
-        "What it is a field of: an OBJ, STL, PLY or 3MF file, a built-in part (teapot, bracket, bracket-raw, \
-         screw-gear), or the folder of a dataset"
+    mut_arg("part", |part| part.value_name("PART or FIELD").help(
+        "What it is a field of: an OBJ, STL, PLY or 3MF file, or a built-in part (teapot, bracket, bracket-raw, screw-gear); or a \
+         harmonic field to distil, from imf train harmonic: then none of the options of a part"
     )),
-    mut_arg("epochs", |epochs| epochs.help("Passes over all samples; by default 5 for a factored field, 50 for siren5")),
-    mut_arg("rate", |rate| rate.help(
-        "Highest learning rate; by default 1.5e-3 for a factored field in 1,000 steps, lower in more, and in fewer too where a \
-         harmonic field teaches; 5e-4 for siren5, where --resume goes on from the rate that is given"
-    )),
-    mut_arg("seed", |seed| seed.help("Seed of starting weights and order, and of a part's samples")),
-    after_help = "Examples:\n  imf train part.stl --unit mm --tool mill.toml --out model\n  imf train teapot --out model \
-                  --resume\n  imf train teapot --family siren5 --omega 10 --out paper\n  imf train teapot-225 --out \
-                  paper --width 128 --epochs 10 --rate 3e-4 --schedule cosine\n\n\
-                  Of a part: fits a harmonic field to exact sections and teaches it to a network of about a megabyte, as imf field \
-                  --method harmonic and imf compress do. Writes field.safetensors and teaching.safetensors (for \
-                  --resume).\n\nBy siren5, the paper's network: learns samples of exact sections, those of a dataset, or of a \
-                  part's own, which is made in the folder dataset. Writes model.safetensors, checkpoint.safetensors (for \
-                  --resume) and loss.png.\n\nCtrl-C writes a checkpoint and stops."
+    after_help = "Examples:\n  imf train part.stl --unit mm --tool mill.toml --out field\n  imf train teapot --out field --resume\n  \
+                  imf train factored changed.safetensors --from field/field.safetensors --steps 100 --out changed\n\n\
+                  Fits a harmonic field to exact sections and distils it into a network. Writes field.safetensors, \
+                  checkpoint.safetensors (for --resume) and log.jsonl. Ctrl-C writes a checkpoint and stops.\n\n\
+                  --set also takes epochs (5, where --steps is left out), batch (1024), seed (0), optimiser (soap or adam), \
+                  symmetry (true, or false to leave the part's out of account) and checkpoint_every (60 seconds)."
 )]
-pub(crate) struct TrainArguments {
-    // Before the others, which take their values away.
+pub(crate) struct FactoredArguments {
     #[command(flatten)]
     pub(crate) given: Given,
     #[command(flatten)]
     pub(crate) scene: SceneArguments,
     #[command(flatten)]
     pub(crate) contact: ContactArguments,
+    #[command(flatten)]
+    pub(crate) run: RunArguments,
+    #[command(flatten)]
+    pub(crate) start: StartArguments,
+    /// Highest degree of the harmonics that are distilled: more is finer and costs memory and time by its square; by default 16, and
+    /// 5 of whole rotations, where the tool is not symmetric about its axis
+    #[arg(long, value_name = "L")]
+    pub(crate) degree: Option<usize>,
+    /// Train by exact sections themselves, N at a time and always fresh ones, not by a harmonic field: takes less memory, for
+    /// large grids and tools that are not symmetric about their axis, and learns more slowly; 225 where N is left out
+    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "225", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub(crate) online: Option<u32>,
+    /// Save weights in f16: half the file
+    #[arg(long)]
+    pub(crate) half: bool,
+}
+
+/// Train the paper's network on samples of exact sections
+#[derive(Args)]
+#[command(
+    mut_arg("part", |part| part.value_name("PART or DATASET").help(
+        "What it is a field of: an OBJ, STL, PLY or 3MF file, or a built-in part (teapot, bracket, bracket-raw, screw-gear), \
+         whose 225 sections are sampled in the folder dataset; or the folder of a dataset: then none of the options of a part"
+    )),
+    after_help = "Examples:\n  imf train siren5 teapot --network :10 --out paper\n  imf train siren5 teapot-225 --out paper \
+                  --network 5x128 --epochs 10 --rate 3e-4 --set schedule=cosine\n\n\
+                  Writes field.safetensors, checkpoint.safetensors (for --resume), log.jsonl and loss.png. Ctrl-C writes a \
+                  checkpoint and stops.\n\n--set also takes seed (0), schedule (exponential: ×0.93 every epoch, the paper's; cosine: \
+                  down to a hundredth over all steps), loss (l1 or l2), precision (f32; bf16, on CPUs with AVX-512 BF16; f16, on \
+                  GPUs), weight_decay (1e-6), rate_rule (how the rate follows the batch from 1024 on: constant, sqrt, linear), \
+                  held_out (16384 poses to watch the error at), held_out_every (steps) and checkpoint_every (60 seconds)."
+)]
+pub(crate) struct Siren5Arguments {
+    #[command(flatten)]
+    pub(crate) given: Given,
+    #[command(flatten)]
+    pub(crate) scene: SceneArguments,
+    #[command(flatten)]
+    pub(crate) contact: ContactArguments,
+    #[command(flatten)]
+    pub(crate) run: RunArguments,
+    #[command(flatten)]
+    pub(crate) start: StartArguments,
+    #[command(flatten)]
+    pub(crate) samples: SampleArguments,
+}
+
+/// Adapt a trained network (siren5) to another dataset, such as a changed part's
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf finetune raw/field.safetensors bracket-225 --out adapted\n\n\
+                        As imf train siren5 DATASET --from MODEL: by default 5 epochs from a learning rate of 1e-4.")]
+pub(crate) struct FinetuneArguments {
+    #[command(flatten)]
+    pub(crate) given: Given,
+    /// Model to start from
+    pub(crate) model: PathBuf,
+    /// Folder of the dataset
+    pub(crate) dataset: PathBuf,
+    #[command(flatten)]
+    pub(crate) run: RunArguments,
+    #[command(flatten)]
+    pub(crate) samples: SampleArguments,
+}
+
+/// How any network is trained.
+#[derive(Args)]
+pub(crate) struct RunArguments {
     /// Folder to write to
     #[arg(long, value_name = "DIR")]
     pub(crate) out: PathBuf,
-    /// What is made; by default factored of a part, siren5 of a dataset
-    #[arg(long, value_enum)]
-    family: Option<NetworkFamily>,
     /// Continue from the checkpoint in the output folder
     #[arg(long)]
     pub(crate) resume: bool,
-    /// Neurons of every hidden layer; by default 256 for a factored field, 512 for siren5
-    #[arg(long, value_name = "N")]
-    width: Option<usize>,
-    /// Hidden layers; by default 3 for a factored field, 5 for siren5
-    #[arg(long, value_name = "N")]
-    layers: Option<usize>,
-    /// Frequency factor ω inside every sine; by default 20 for a factored field, for siren5 the paper's 30, where 10 often
-    /// does better between orientations
-    #[arg(long, value_name = "ω", value_parser = super::numbers::parse_omega)]
-    omega: Option<f32>,
-    /// Leave out measuring what the field's decisions are worth (imf calibrate), which a training of 2.3 million samples or
-    /// more ends with: it takes at most an eighth of its time
-    #[arg(long)]
-    pub(crate) no_calibrate: bool,
+    /// Steps of the training, instead of passes over all samples
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    steps: Option<u64>,
+    /// Highest learning rate; by default 1.5e-3 for a factored field in 1,000 steps, lower in more and mostly in fewer, 5e-4 for
+    /// siren5, which --resume goes on with from another one; less with --from
+    #[arg(long, value_name = "RATE", value_parser = parse_rate)]
+    pub(crate) rate: Option<f32>,
     /// Where it is trained: auto (a discrete or integrated GPU, else the CPU), cpu, gpu, software (software Vulkan), or a
     /// number or part of a name from `imf info`; by default cpu for a factored field, auto for siren5
     #[arg(long, value_name = "DEVICE")]
     device: Option<String>,
-    #[command(flatten)]
-    pub(crate) length: LengthArguments,
-    #[command(flatten, next_help_heading = "A factored field")]
-    pub(crate) factored: FactoredArguments,
-    #[command(flatten, next_help_heading = "The paper's network (siren5)")]
-    pub(crate) plan: PlanArguments,
-    #[command(flatten, next_help_heading = "A part's samples (--family siren5)")]
-    samples: SampleArguments,
+    /// Another setting, see below; may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
 }
 
-/// What is asked of factored fields alone.
+/// What network is trained, from which weights.
 #[derive(Args)]
-pub(crate) struct FactoredArguments {
-    /// Highest degree of the harmonics that are taught: more is finer and costs memory and time by its square; by default 16, and
-    /// 5 of whole rotations, where the tool is not symmetric about its axis
-    #[arg(long, value_name = "L")]
-    pub(crate) degree: Option<usize>,
-    /// Teach by exact sections themselves, N at a time and always fresh ones, not by a harmonic field: takes less memory, for
-    /// large grids and tools that are not symmetric about their axis, and learns more slowly; 225 where N is left out
-    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "225", value_parser = clap::value_parser!(u32).range(1..=1000))]
-    online: Option<u32>,
-    #[command(flatten)]
-    pub(crate) teaching: TeachingArguments,
+pub(crate) struct StartArguments {
+    /// Hidden layers, their width, and the frequency factor ω inside every sine, such as 5x128, 5x128:10 or :10; by default
+    /// 3x256:20 for a factored field, the paper's 5x512:30 for siren5, where an ω of 10 often does better between orientations
+    #[arg(long, value_name = "LxW:ω", value_parser = parse_network)]
+    network: Option<Network>,
+    /// Start from the network of another field of the family, such as that of the part before it was changed; it keeps its layers
+    #[arg(long, value_name = "FIELD", conflicts_with = "network")]
+    pub(crate) from: Option<PathBuf>,
 }
 
-/// What is asked of samples that are made first.
+/// How siren5 goes through its samples.
 #[derive(Args)]
-struct SampleArguments {
-    /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, pairs such as 0,0;30,40 or a CSV file
-    #[arg(long, value_name = "SET", allow_hyphen_values = true, default_value = "fibonacci:225")]
-    orientations: String,
-    #[command(flatten)]
-    sampling: SamplingArguments,
+pub(crate) struct SampleArguments {
+    /// Passes over all samples; by default 50, and 5 from another network
+    #[arg(long, value_name = "N", conflicts_with = "steps", value_parser = clap::value_parser!(u64).range(1..))]
+    epochs: Option<u64>,
+    /// Samples in a step
+    #[arg(long, default_value_t = 1024, value_name = "N", value_parser = parse_count)]
+    batch: usize,
+    /// Train together with the other processes that mpirun started, each on its share of every batch, on CPUs; needs a build
+    /// with the feature mpi
+    #[arg(long)]
+    pub(crate) mpi: bool,
 }
 
-/// A training that was asked for, checked.
-pub(crate) enum Training<'a> {
-    /// A network is taught by a part's harmonic field.
-    Taught(DistillSettings),
-    /// The paper's network learns samples.
-    Learnt(SirenShape, Samples<'a>),
+/// Settings of a factored field's training that have no option of their own.
+#[derive(Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct FactoredSettings {
+    epochs: Option<u64>,
+    batch: Option<usize>,
+    seed: Option<u64>,
+    optimiser: Option<OptimiserName>,
+    pub(crate) symmetry: Option<bool>,
+    checkpoint_every: Option<f64>,
 }
 
-/// Where samples come from.
-pub(crate) enum Samples<'a> {
-    /// The folder of a dataset.
-    Dataset(&'a Path),
-    /// They are made of the part.
-    OfPart { set: OrientationSet, sampling: Sampling, layout: Layout },
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum OptimiserName {
+    Soap,
+    Adam,
 }
 
-impl TrainArguments {
-    /// What is trained, and from what.
-    pub(crate) fn training(&self) -> Result<Training<'_>> {
-        let subject = &self.scene.part;
-        let dataset = Manifest::is_in(Path::new(subject)).then_some(Path::new(subject));
-        if dataset.is_none() && !Path::new(subject).is_file() && ReferencePart::from_str(subject).is_err() {
-            bail!(
-                "{subject} is neither a part (an OBJ, STL, PLY or 3MF file, or teapot, bracket, bracket-raw or screw-gear) nor \
-                 the folder of a dataset (see imf dataset)"
-            );
-        }
-        let usual = if dataset.is_some() { NetworkFamily::Siren5 } else { NetworkFamily::Factored };
-        match (self.family.unwrap_or(usual), dataset) {
-            (NetworkFamily::Factored, Some(_)) => bail!(
-                "{subject} is a dataset, which has samples of some directions, and a factored field is taught all of them: give \
-                 the part instead of the dataset, or leave out --family factored"
-            ),
-            (NetworkFamily::Factored, None) => {
-                self.refuse::<PlanArguments>("--family siren5, and a factored field is asked for")?;
-                self.refuse::<SampleArguments>("--family siren5, and a factored field is asked for")?;
-                if self.factored.online.is_some() && self.factored.teaching.asks_for_symmetry() {
-                    bail!(
-                        "--symmetry auto is of a harmonic field that teaches, and exact sections are to teach (--online), which \
-                         cannot tell of symmetry: leave out one of them"
-                    );
-                }
-                let teach = self.teaching();
-                teach.check()?;
-                Ok(Training::Taught(teach))
-            }
-            (NetworkFamily::Siren5, dataset) => {
-                self.refuse::<FactoredArguments>("--family factored, and siren5 is asked for")?;
-                let shape = self.shape();
-                shape.check()?;
-                Ok(Training::Learnt(shape, self.samples(dataset)?))
-            }
-        }
-    }
+/// Those of siren5's.
+#[derive(Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct Siren5Settings {
+    pub(crate) seed: Option<u64>,
+    schedule: Option<ScheduleName>,
+    loss: Option<Loss>,
+    precision: Option<Precision>,
+    weight_decay: Option<f32>,
+    rate_rule: Option<RateRule>,
+    held_out: Option<usize>,
+    pub(crate) held_out_every: Option<u64>,
+    checkpoint_every: Option<f64>,
+}
 
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum ScheduleName {
+    Exponential,
+    Cosine,
+}
+
+/// Seconds between checkpoints.
+const CHECKPOINT_EVERY: f64 = 60.0;
+
+fn checkpoint_every(seconds: Option<f64>) -> Result<f64> {
+    let seconds = seconds.unwrap_or(CHECKPOINT_EVERY);
+    ensure!(seconds >= 0.0, "--set checkpoint_every={seconds} is no number of seconds");
+    Ok(seconds)
+}
+
+impl RunArguments {
     /// The device's name, or the family's own choice.
     pub(crate) fn device_or<'a>(&'a self, usual: &'a str) -> &'a str {
         self.device.as_deref().unwrap_or(usual)
     }
 
-    fn teaching(&self) -> DistillSettings {
-        let length = self.length.or_epochs(DistillSettings::EPOCHS);
-        let online = self.factored.online.map(|pool| OnlineSettings {
-            pool: pool as usize,
-            seed: self.length.seed,
-            ..OnlineSettings::default()
-        });
-        let usual = match online {
-            Some(online) => DistillSettings::of_sections(length, online),
+    fn length(&self, epochs: u64) -> Length {
+        self.steps.map_or(Length::Epochs(epochs), Length::Steps)
+    }
+
+    /// What `--set` says; a value is a number, true or false, else a word.
+    fn settings<T: DeserializeOwned>(&self) -> Result<T> {
+        let mut all = Map::new();
+        for text in &self.set {
+            let (key, value) =
+                text.split_once('=').with_context(|| format!("--set {text} is no KEY=VALUE"))?;
+            let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
+            let one = Map::from_iter([(key.to_owned(), value.clone())]);
+            serde_json::from_value::<T>(Value::Object(one)).with_context(|| format!("--set {text}"))?;
+            all.insert(key.to_owned(), value);
+        }
+        Ok(serde_json::from_value(Value::Object(all))?)
+    }
+}
+
+impl FactoredArguments {
+    /// How the network is trained but for its symmetry, with the settings that were given.
+    pub(crate) fn settings(&self) -> Result<(DistillSettings, FactoredSettings)> {
+        let set: FactoredSettings = self.run.settings()?;
+        let length = self.run.length(set.epochs.unwrap_or(DistillSettings::EPOCHS));
+        let seed = set.seed.unwrap_or(0);
+        let usual = match self.online {
+            Some(pool) => {
+                let online = OnlineSettings { pool: pool as usize, seed, ..OnlineSettings::default() };
+                DistillSettings::of_sections(length, online)
+            }
+            None if self.start.from.is_some() => DistillSettings::of_another(length),
             None => DistillSettings::of_length(length),
         };
-        DistillSettings {
-            width: self.width.unwrap_or(usual.width),
-            hidden: self.layers.unwrap_or(usual.hidden),
-            omega: self.omega.unwrap_or(usual.omega),
-            plan: TrainingPlan {
-                batch: self.length.batch,
-                schedule: self.length.rate.map_or(usual.plan.schedule, DistillSettings::rates_from),
-                seed: self.length.seed,
-                ..usual.plan
-            },
-            ..usual
-        }
+        let Network { layers, omega } = self.start.network.unwrap_or_default();
+        let (hidden, width) = layers.unwrap_or((usual.hidden, usual.width));
+        let plan = TrainingPlan {
+            batch: set.batch.unwrap_or(usual.plan.batch),
+            schedule: self.run.rate.map_or(usual.plan.schedule, DistillSettings::rates_from),
+            seed,
+            ..usual.plan
+        };
+        let settings = DistillSettings { width, hidden, omega: omega.unwrap_or(usual.omega), plan, ..usual };
+        settings.check()?;
+        Ok((settings, set))
     }
 
-    fn shape(&self) -> SirenShape {
-        let usual = SirenShape::default();
-        SirenShape {
-            width: self.width.unwrap_or(usual.width),
-            hidden: self.layers.unwrap_or(usual.hidden),
-            omega: self.omega.unwrap_or(usual.omega),
-            ..usual
-        }
+    /// How the finished weights are saved.
+    pub(crate) fn precision(&self) -> SavedPrecision {
+        if self.half { SavedPrecision::F16 } else { SavedPrecision::F32 }
     }
+}
 
-    fn samples<'a>(&'a self, dataset: Option<&'a Path>) -> Result<Samples<'a>> {
-        let SampleArguments { orientations, sampling } = &self.samples;
-        if let Some(folder) = dataset {
-            let made = "a part, and the dataset was made with its own";
-            self.refuse::<SceneArguments>(made)?;
-            self.refuse::<ContactArguments>(made)?;
-            self.refuse::<SampleArguments>(made)?;
-            return Ok(Samples::Dataset(folder));
-        }
-        if self.plan.mpi {
-            bail!(
-                "--mpi is of a dataset, and {} is a part: make its dataset first (imf dataset)",
-                self.scene.part
-            );
-        }
-        Ok(Samples::OfPart {
-            set: directions(orientations)?,
-            sampling: sampling.sampling(self.length.seed)?,
-            layout: sampling.layout(None),
+impl FactoredSettings {
+    /// What the weights are to be moved by, where that was asked.
+    pub(crate) fn optimiser(&self) -> Option<Optimiser> {
+        self.optimiser.map(|name| match name {
+            OptimiserName::Soap => Optimiser::Soap(SoapConfig::default()),
+            OptimiserName::Adam => Optimiser::Adam,
         })
     }
 
-    /// Refuses the first option of a group that was given; `whose` says to what the group belongs, and why it cannot be.
-    fn refuse<T: Args>(&self, whose: &str) -> Result<()> {
-        match self.given.first_of::<T>() {
-            Some(option) => bail!("{option} is of {whose}: leave it out"),
-            None => Ok(()),
-        }
+    /// Seconds between checkpoints.
+    pub(crate) fn checkpoint_every(&self) -> Result<f64> {
+        checkpoint_every(self.checkpoint_every)
     }
 }
 
-/// The names of what was given on the command line, whatever its value.
-pub(crate) struct Given(Vec<String>);
-
-impl Given {
-    /// Whether an argument of this name was given.
-    pub(crate) fn has(&self, name: &str) -> bool {
-        self.0.iter().any(|given| given == name)
-    }
-
-    /// The first option of a group that was given.
-    pub(super) fn first_of<T: Args>(&self) -> Option<String> {
-        let group = T::augment_args(Command::new("group"));
-        let given = group.get_arguments().filter(|option| self.0.iter().any(|name| option.get_id() == name));
-        given.filter_map(|option| option.get_long()).map(|long| format!("--{long}")).next()
+impl StartArguments {
+    /// The shape of siren5.
+    pub(crate) fn shape(&self) -> SirenShape {
+        let usual = SirenShape::default();
+        let Network { layers, omega } = self.network.unwrap_or_default();
+        let (hidden, width) = layers.unwrap_or((usual.hidden, usual.width));
+        SirenShape { width, hidden, omega: omega.unwrap_or(usual.omega), ..usual }
     }
 }
 
-// By hand: it has no arguments of its own, and looks at those of the others.
-impl Args for Given {
-    fn augment_args(command: Command) -> Command {
-        command
-    }
-
-    fn augment_args_for_update(command: Command) -> Command {
-        command
-    }
+/// How siren5 is trained, and what of it was given.
+pub(crate) struct Siren5Training<'a> {
+    pub(crate) given: &'a Given,
+    pub(crate) run: &'a RunArguments,
+    pub(crate) set: Siren5Settings,
+    pub(crate) plan: TrainingPlan,
 }
 
-impl FromArgMatches for Given {
-    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-        let names = matches.ids().map(clap::Id::as_str);
-        let given = names.filter(|name| matches.value_source(name) == Some(ValueSource::CommandLine));
-        Ok(Self(given.map(str::to_owned).collect()))
+impl<'a> Siren5Training<'a> {
+    /// From random weights, or from those of another network.
+    pub(crate) fn new(
+        given: &'a Given,
+        run: &'a RunArguments,
+        samples: &SampleArguments,
+        from_another: bool,
+    ) -> Result<Self> {
+        let set: Siren5Settings = run.settings()?;
+        let (rate, epochs) = if from_another { (1e-4, 5) } else { (5e-4, 50) };
+        let initial = run.rate.unwrap_or(rate);
+        let schedule = match set.schedule {
+            None | Some(ScheduleName::Exponential) => {
+                Schedule::Exponential { initial, factor: 0.93, warmup: 0 }
+            }
+            Some(ScheduleName::Cosine) => Schedule::Cosine { initial, last: initial * 0.01, warmup: 200 },
+        };
+        let adam = AdamConfig::default();
+        let plan = TrainingPlan {
+            length: run.length(samples.epochs.unwrap_or(epochs)),
+            batch: samples.batch,
+            schedule: set.rate_rule.unwrap_or_default().apply(schedule, samples.batch),
+            adam: AdamConfig { weight_decay: set.weight_decay.unwrap_or(adam.weight_decay), ..adam },
+            loss: set.loss.unwrap_or_default(),
+            precision: set.precision.unwrap_or_default(),
+            seed: set.seed.unwrap_or(0),
+            report_every: REPORT_EVERY,
+        };
+        plan.check()?;
+        ensure!(set.held_out_every != Some(0), "--set held_out_every=0: give at least 1");
+        Ok(Self { given, run, set, plan })
     }
 
-    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
-        *self = Self::from_arg_matches(matches)?;
-        Ok(())
+    /// Poses to watch the error at.
+    pub(crate) fn held_out(&self) -> usize {
+        self.set.held_out.unwrap_or(HeldOutChoice::default().poses)
+    }
+
+    /// Seconds between checkpoints.
+    pub(crate) fn checkpoint_every(&self) -> Result<f64> {
+        checkpoint_every(self.set.checkpoint_every)
+    }
+
+    /// Whether a setting was given by `--set`.
+    fn is_set(&self, key: &str) -> bool {
+        self.run.set.iter().any(|text| text.split_once('=').is_some_and(|(name, _)| name == key))
+    }
+
+    /// The first of these options and settings that was given and says something else than the training that is resumed.
+    pub(crate) fn first_other(&self, differs: &[(&str, bool)]) -> Option<String> {
+        let others = differs.iter().filter(|(_, differs)| *differs);
+        others
+            .filter_map(|&(name, _)| match name {
+                name if self.given.has(name) => Some(format!("--{name}")),
+                name if self.is_set(name) => Some(format!("--set {name}")),
+                _ => None,
+            })
+            .next()
     }
 }

@@ -15,24 +15,25 @@ use serde_json::json;
 use crate::arguments::dataset::{
     DatasetAction, DatasetArguments, DatasetFinishArguments, DatasetMakeArguments, directions,
 };
+use crate::arguments::either::Either;
 use crate::interrupt::Interrupted;
 use crate::output::{Claim, claim, prepare_folder, print, print_json};
 use crate::session::Session;
 
 pub(crate) fn run(session: &Session, arguments: &DatasetArguments) -> Result<()> {
     match arguments {
-        DatasetArguments::Act(DatasetAction::Merge(arguments)) => merge::run(session, arguments),
-        DatasetArguments::Act(DatasetAction::Finish(arguments)) => finish(session, arguments),
-        DatasetArguments::Make(arguments) => make_new(session, arguments),
+        Either::Sub(DatasetAction::Merge(arguments)) => merge::run(session, arguments),
+        Either::Sub(DatasetAction::Finish(arguments)) => finish(session, arguments),
+        Either::Own(arguments) => make_new(session, arguments),
     }
 }
 
 fn make_new(session: &Session, arguments: &DatasetMakeArguments) -> Result<()> {
     let set = directions(&arguments.orientations)?;
-    let sampling = arguments.sampling.sampling(arguments.seed)?;
+    let sampling = arguments.sampling()?;
     let scene = arguments.scene.scene_with(session, &arguments.contact)?;
     prepare_folder(&arguments.out)?;
-    let layout = arguments.sampling.layout(arguments.shard);
+    let layout = arguments.layout();
     let _claim = claimed(&arguments.out, &layout)?;
     make(session, &arguments.out, &scene, &set, &sampling, &layout)
 }

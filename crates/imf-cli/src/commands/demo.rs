@@ -22,18 +22,18 @@ use crate::session::Session;
 pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
     let begun = Instant::now();
     prepare_folder(&arguments.out)?;
-    let (report, made) = match arguments.family {
+    let report = match arguments.family {
         NetworkFamily::Factored => {
             let scene = teapot(session, ReferencePart::Teapot.dims())?;
-            (factored::made(session, arguments, &scene)?, "field.safetensors")
+            factored::made(session, arguments, &scene)?
         }
         NetworkFamily::Siren5 => {
             let scene = teapot(session, siren::DIMS)?;
-            (siren::made(session, arguments, &scene)?, "model.safetensors")
+            siren::made(session, arguments, &scene)?
         }
     };
     let words = format!(
-        "\n{}\n\n{} holds {made}, report.md, report.json and pictures; {} in all.",
+        "\n{}\n\n{} holds field.safetensors, report.md, report.json and pictures; {} in all.",
         report.table(),
         arguments.out.display(),
         show_seconds(begun.elapsed().as_secs_f64())

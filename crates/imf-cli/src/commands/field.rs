@@ -1,10 +1,8 @@
-//! `imf field`: the exact field, as sections of the collision measure or as its least value over orientations.
+//! `imf field`: sections of the collision measure, or their minimum over orientations, of a part or of a saved field.
 
-mod approximate;
 mod check;
 mod counting;
 mod elements;
-pub mod harmonic;
 mod inaccessibility;
 mod saved;
 mod sections;
@@ -16,17 +14,18 @@ use imf_core::atomic_file::write_atomically;
 use imf_core::obstacle::Obstacle;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::scene::Scene;
-use imf_core::section::{At, ElementPlans, SectionPlan};
+use imf_core::section::{At, ElementPlans, Quantity, SectionPlan};
+use imf_fields::file::FieldFile;
+use imf_fields::harmonic::basis::Domain;
 use serde_json::{Value, json};
 
-use self::approximate::Approximate;
 use self::check::Check;
 use self::counting::Streamed;
-use super::calibrate;
+use self::saved::Saved;
+use super::notes;
 use crate::arguments::field::FieldArguments;
-use crate::arguments::harmonic::FieldMethod;
 use crate::engine::Device;
-use crate::output::{OutputFolder, SUMMARY, print, print_json, same_digits};
+use crate::output::{OutputFolder, SUMMARY, same_digits};
 use crate::session::Session;
 
 /// Estimates at most this count as accessible, as `imf eval` judges decisions by default.
@@ -35,70 +34,78 @@ const TAU: f32 = 1e-3;
 const ORIENTATIONS: &str = "orientations.csv";
 
 pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
-    if is_field(Path::new(&arguments.scene.part)) {
-        return saved::run(session, arguments);
+    let subject = Path::new(&arguments.scene.part);
+    let is_saved = is_field(subject);
+    arguments.check(is_saved)?;
+    let set = OrientationSet::parse(&arguments.orientations)?;
+    let folder = OutputFolder::check(&arguments.out)?;
+    if is_saved {
+        of_saved(session, arguments, subject, &set, folder)
+    } else {
+        of_part(session, arguments, &set, folder)
     }
-    arguments.check()?;
-    let asked = match (&arguments.orientations, &arguments.out) {
-        (Some(set), Some(out)) => Some((OrientationSet::parse(set)?, OutputFolder::check(out)?)),
-        _ => None,
-    };
-    // A harmonic field is kept with its scene, which must then hold every fixture.
-    let (scene, bodies) = match arguments.harmonic.method {
-        FieldMethod::Exact => {
-            let (scene, bodies) =
-                arguments.scene.scene_among(session, &arguments.contact, arguments.elements)?;
-            (scene, Some(bodies))
-        }
-        FieldMethod::Harmonic => (arguments.scene.scene_with(session, &arguments.contact)?, None),
-    };
-    let tool = &scene.record.tool;
-    if let Some((set, _)) = asked.as_ref().filter(|_| !scene.record.bare_tool().is_axisymmetric()) {
+}
+
+fn of_part(
+    session: &Session,
+    arguments: &FieldArguments,
+    set: &OrientationSet,
+    folder: OutputFolder,
+) -> Result<()> {
+    let (scene, bodies) = arguments.scene.scene_among(session, &arguments.contact, arguments.elements)?;
+    if !scene.record.bare_tool().is_axisymmetric() {
         note_of_rolls(session, set);
     }
     let device = Device::open(arguments.device_or("cpu"), session)?;
-    let obstacle = match (&bodies, scene.record.contact) {
-        (Some(bodies), Some(depth)) => Obstacle::with_cuttable(&bodies.obstacle(), bodies.layer(depth)),
-        (Some(bodies), None) => bodies.obstacle().into(),
-        (None, _) => Obstacle::from(&scene),
+    let obstacle = match scene.record.contact {
+        Some(depth) => Obstacle::with_cuttable(&bodies.obstacle(), bodies.layer(depth)),
+        None => bodies.obstacle().into(),
     };
     let assembly = scene.record.assembly()?;
-    // A field that is saved is of the tip, which serves every sharp point; sections are of the minimum over all of them.
-    let at = if asked.is_none() { At::Tip } else { At::SharpPoints };
-    let plan = SectionPlan::with_query(&obstacle, &assembly, at, &scene.record.grid)?;
+    let plan = SectionPlan::with_query(&obstacle, &assembly, At::SharpPoints, &scene.record.grid)?;
     let elements = arguments
         .elements
         .then(|| ElementPlans::new(&obstacle, &assembly, &scene.record.grid))
         .transpose()?;
     if elements.as_ref().is_some_and(|elements| elements.elements().next().is_none()) {
-        bail!("--elements needs a tool of cutter, shank and holder, and the tool '{}' is a mesh", tool.name);
+        let name = &scene.record.tool.name;
+        bail!("--elements needs a tool of cutter, shank and holder, and the tool '{name}' is a mesh");
     }
-    let harmonic = harmonic::make(session, &scene, &plan, arguments)?;
-    let Some((set, folder)) = asked else {
-        let told = harmonic.as_ref().map(|made| {
-            let (family, summary) = made.summary();
-            json!({ family: summary, "scene": scene.record })
-        });
-        let described = harmonic.as_ref().map(|made| made.describe().to_owned()).unwrap_or_default();
-        drop(harmonic);
-        calibrated(session, arguments)?;
-        return if session.json { print_json(&told) } else { print(&format!("{described}\n")) };
-    };
-    let values = match &harmonic {
-        Some(field) => Values::Approximate(field),
-        None => Values::Counted(Counted {
-            plan: &plan,
-            elements: elements.as_ref(),
-            check: Check::new(arguments.check),
-        }),
-    };
-    Work { session, folder, scene: &scene, device: &device, values, set: &set }.run(arguments.imf)?;
-    drop(harmonic);
-    calibrated(session, arguments)
+    let (elements, check) = (elements.as_ref(), Check::new(arguments.check));
+    let values = Values::Counted(Counted { plan: &plan, elements, check });
+    Work { session, folder, scene: &scene, device: &device, values, set }.run(arguments.imf)
+}
+
+fn of_saved(
+    session: &Session,
+    arguments: &FieldArguments,
+    path: &Path,
+    set: &OrientationSet,
+    folder: OutputFolder,
+) -> Result<()> {
+    let stored = FieldFile::read(path)?;
+    if stored.quantity() == Quantity::Depth {
+        bail!(
+            "{} is a field of depth, which is asked for poses: see imf query and imf check",
+            path.display()
+        );
+    }
+    let scene = stored.scene().clone();
+    if stored.basis().is_some_and(|basis| basis.domain() == Domain::Rotations) {
+        note_of_rolls(session, set);
+    }
+    let field = Saved::new(stored, arguments.refine)?;
+    notes::of_scene(session, &scene.record);
+    if let FieldFile::Siren(model) = field.stored() {
+        notes::of_training(session, path, model);
+    }
+    let device = Device::for_field(arguments.device_or("auto"), session, field.stored())?;
+    Work { session, folder, scene: &scene, device: &device, values: Values::Saved(&field), set }
+        .run(arguments.imf)
 }
 
 /// Whether a part is none, but looks like a saved field.
-fn is_field(part: &Path) -> bool {
+pub(super) fn is_field(part: &Path) -> bool {
     part.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("safetensors"))
 }
 
@@ -106,14 +113,6 @@ fn is_field(part: &Path) -> bool {
 fn note_of_rolls(session: &Session, set: &OrientationSet) {
     if set.orientations.iter().all(|orientation| orientation.roll == 0.0) {
         session.note("the tool is not axisymmetric, and no orientation rolls it: see so3:N");
-    }
-}
-
-/// Measures what the decisions of a field that was kept are worth; two of it need not be in memory at once.
-fn calibrated(session: &Session, arguments: &FieldArguments) -> Result<()> {
-    match &arguments.harmonic.save {
-        Some(path) if !arguments.harmonic.no_calibrate => calibrate::afterwards(session, path),
-        _ => Ok(()),
     }
 }
 
@@ -130,7 +129,7 @@ struct Work<'a> {
 /// Where values come from.
 enum Values<'a> {
     Counted(Counted<'a>),
-    Approximate(&'a Approximate),
+    Saved(&'a Saved),
 }
 
 /// Exact sections.
@@ -141,7 +140,7 @@ struct Counted<'a> {
 }
 
 impl Work<'_> {
-    /// Computes, writes and reports sections, or the least of them.
+    /// Computes, writes and reports sections, or their minimum.
     fn run(&self, imf: bool) -> Result<()> {
         self.session.detail(&self.computed_by());
         if imf { inaccessibility::run(self) } else { sections::run(self) }
@@ -151,7 +150,7 @@ impl Work<'_> {
     fn counted(&self) -> Option<&Counted<'_>> {
         match &self.values {
             Values::Counted(counted) => Some(counted),
-            Values::Approximate(_) => None,
+            Values::Saved(_) => None,
         }
     }
 
@@ -180,7 +179,7 @@ impl Work<'_> {
     /// Largest value of what counts as accessible: estimates are hardly ever 0.
     fn tau(&self) -> f32 {
         match self.values {
-            Values::Approximate(_) => TAU,
+            Values::Saved(_) => TAU,
             Values::Counted(_) => 0.0,
         }
     }
@@ -208,7 +207,7 @@ impl Work<'_> {
             "check": self.counted().map(|counted| counted.check.summary()),
         });
         if let (Some(all), Value::Object(own)) = (summary.as_object_mut(), own) {
-            if let Values::Approximate(field) = self.values {
+            if let Values::Saved(field) = self.values {
                 let (family, made) = field.summary();
                 all.insert(family.to_owned(), made);
             }
@@ -220,7 +219,7 @@ impl Work<'_> {
     /// Which guarantee holds for the values.
     fn guarantee(&self) -> String {
         match self.values {
-            Values::Approximate(field) => field.guarantee(),
+            Values::Saved(field) => field.guarantee(),
             Values::Counted(_) => self.scene.record.guarantee().to_string(),
         }
     }
@@ -229,7 +228,7 @@ impl Work<'_> {
     fn exactness(&self) -> &'static str {
         match self.values {
             Values::Counted(_) => "exact for voxel centres",
-            Values::Approximate(field) => field.exactness(),
+            Values::Saved(field) => field.exactness(),
         }
     }
 

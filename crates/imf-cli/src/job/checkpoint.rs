@@ -1,58 +1,222 @@
-//! The files that a run continues from.
+//! What a training of any family goes on from: the last checkpoint of a folder, or the one before.
 //!
-//! The last checkpoint and the one before are kept, each whole and with a checksum. Where the last is damaged, the one
-//! before serves, and the steps between are repeated to the same bits. A checkpoint that cannot be written while
-//! training goes on is one warning; the next is tried at its time.
+//! Both are whole and have a checksum. Where the last is damaged, the one before serves, and the steps between are repeated to the
+//! same bits.
 
-use std::fs;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
-use anyhow::{Context as _, Result};
-use imf_core::atomic_file::remove_all_leftovers;
+use anyhow::{Context as _, Error, Result, bail};
+use imf_fields::factored::FactoredState;
+use imf_fields::factored::file::FactoredFile;
 use imf_fields::file::FieldFileError;
-use imf_fields::model::{Model, steps_said};
+use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::model::{HeldOutRecord, LossPoint, Model, steps_said};
+use imf_fields::recipe::TrainingState;
+use imf_train::training::run::Start;
 
-use crate::arguments::NetworkFamily;
+use super::FIELD;
+use super::curve::loss_chart;
+use crate::output::keep_former;
+use crate::picture::Chart;
 use crate::session::Session;
 
-const CURRENT: &str = NetworkFamily::Siren5.checkpoint();
+pub(super) const CURRENT: &str = "checkpoint.safetensors";
 pub(super) const PREVIOUS: &str = "checkpoint.previous.safetensors";
 
+/// How far a training is, and what its losses were.
+#[derive(Clone, Debug, Default)]
+pub struct Progress {
+    /// Steps done.
+    pub steps: u64,
+    /// Where it goes on.
+    pub start: Start,
+    /// Seconds of all runs together.
+    pub seconds: f64,
+    /// Points of the loss curve.
+    pub losses: Vec<LossPoint>,
+    /// Sum of the losses since the last point, and of how many steps.
+    pub pending_loss: (f64, u64),
+    /// Errors at held-out poses, where they are watched.
+    pub held_out: Option<HeldOutRecord>,
+}
+
+/// A field in training, as its checkpoints hold it.
+pub trait Checkpoint: Clone {
+    /// Its family for people, and the command that goes on with it.
+    const FAMILY: [&str; 2];
+
+    /// Reads and checks one.
+    ///
+    /// # Errors
+    /// A file that is missing, damaged, newer or of another family.
+    fn read(path: &Path) -> Result<Self>;
+    /// Writes it whole or not at all.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    fn write(&self, path: &Path) -> Result<()>;
+    /// True for a file of the other family of networks.
+    fn is_other(path: &Path) -> bool;
+    /// Steps that a damaged one says were done.
+    fn steps_of_damaged(path: &Path) -> Option<u64>;
+    /// How far it is.
+    fn progress(&self) -> Progress;
+    /// Takes over a state, and how far it is.
+    fn update(&mut self, progress: &Progress, state: TrainingState);
+    /// Notes that the plan is done.
+    fn finish(&mut self);
+    /// True where no steps are left.
+    fn is_finished(&self) -> bool;
+    /// What a finished training comes to.
+    fn result(&self, precision: Precision) -> Self;
+    /// True for the same field, however calibrated.
+    fn is_same(&self, other: &Self) -> bool;
+    /// How training went, as a picture.
+    fn chart(&self) -> Option<Chart>;
+}
+
+impl Checkpoint for Model {
+    const FAMILY: [&'static str; 2] = ["siren5", "imf train siren5 (or imf finetune)"];
+
+    fn read(path: &Path) -> Result<Self> {
+        Ok(Self::read(path)?)
+    }
+
+    fn write(&self, path: &Path) -> Result<()> {
+        Ok(self.write(path)?)
+    }
+
+    fn is_other(path: &Path) -> bool {
+        FactoredFile::is_one(path)
+    }
+
+    fn steps_of_damaged(path: &Path) -> Option<u64> {
+        steps_said(path)
+    }
+
+    fn progress(&self) -> Progress {
+        let record = &self.record;
+        Progress {
+            steps: record.steps,
+            start: Start { cursor: record.cursor, watch: record.watch },
+            seconds: record.seconds,
+            losses: record.losses.clone(),
+            pending_loss: record.pending_loss,
+            held_out: record.held_out.clone(),
+        }
+    }
+
+    fn update(&mut self, progress: &Progress, state: TrainingState) {
+        let Progress { steps, start, seconds, losses, pending_loss, held_out } = progress.clone();
+        let record = &mut self.record;
+        (record.steps, record.cursor, record.watch) = (steps, start.cursor, start.watch);
+        (record.seconds, record.losses, record.pending_loss) = (seconds, losses, pending_loss);
+        record.held_out = held_out;
+        self.state = state;
+    }
+
+    fn finish(&mut self) {
+        self.record.finished = true;
+    }
+
+    fn is_finished(&self) -> bool {
+        self.record.finished
+    }
+
+    fn result(&self, _: Precision) -> Self {
+        self.clone().without_moments()
+    }
+
+    fn is_same(&self, other: &Self) -> bool {
+        let key = |model: &Self| (model.record.clone(), model.shape);
+        key(self) == key(other) && self.state.parameters == other.state.parameters
+    }
+
+    fn chart(&self) -> Option<Chart> {
+        Some(loss_chart(&self.record))
+    }
+}
+
+impl Checkpoint for FactoredFile {
+    const FAMILY: [&'static str; 2] = ["a factored field", "imf train factored"];
+
+    fn read(path: &Path) -> Result<Self> {
+        Ok(Self::read(path)?)
+    }
+
+    fn write(&self, path: &Path) -> Result<()> {
+        Ok(self.write(path)?)
+    }
+
+    fn is_other(path: &Path) -> bool {
+        Model::read(path).is_ok()
+    }
+
+    fn steps_of_damaged(_: &Path) -> Option<u64> {
+        None
+    }
+
+    fn progress(&self) -> Progress {
+        let Some(FactoredState { training, cursor, watch }) = &self.state else { return Progress::default() };
+        let start = Start { cursor: *cursor, watch: *watch };
+        Progress { steps: training.step, start, ..Progress::default() }
+    }
+
+    fn update(&mut self, progress: &Progress, state: TrainingState) {
+        self.field.parameters.clone_from(&state.parameters);
+        let Start { cursor, watch } = progress.start;
+        self.state = Some(FactoredState { training: state, cursor, watch });
+    }
+
+    fn finish(&mut self) {}
+
+    fn is_finished(&self) -> bool {
+        !self.is_unfinished()
+    }
+
+    fn result(&self, precision: Precision) -> Self {
+        self.clone().finished(precision)
+    }
+
+    fn is_same(&self, other: &Self) -> bool {
+        let uncalibrated = |file: &Self| Self { calibration: None, ..file.clone() }.as_kept();
+        uncalibrated(self) == uncalibrated(other)
+    }
+
+    fn chart(&self) -> Option<Chart> {
+        None
+    }
+}
+
 /// What an output folder holds to go on from.
-pub struct Latest {
-    /// The network at its last step.
-    pub model: Model,
+pub struct Latest<T = Model> {
+    /// The field at its last step.
+    pub model: T,
     pub(crate) path: PathBuf,
     /// What is wrong with a later checkpoint, and what that costs.
     pub damage: Option<String>,
-}
-
-/// True where a folder holds a checkpoint, intact or not.
-pub(super) fn is_any(out: &Path) -> bool {
-    [CURRENT, PREVIOUS].iter().any(|name| out.join(name).exists())
 }
 
 /// The last intact checkpoint of a folder.
 ///
 /// # Errors
 /// No checkpoint, none that is intact, or one of a newer program.
-pub fn latest(out: &Path) -> Result<Latest> {
+pub fn latest<T: Checkpoint>(out: &Path) -> Result<Latest<T>> {
     let (current, previous) = (out.join(CURRENT), out.join(PREVIOUS));
-    let error = match Model::read(&current) {
+    let error = match T::read(&current) {
         Ok(model) => return Ok(Latest { model, path: current, damage: None }),
-        Err(error @ FieldFileError::Newer { .. }) => return Err(error.into()),
+        Err(error) if is_newer(&error) => return Err(error),
         Err(error) => error,
     };
-    let model = match Model::read(&previous) {
+    let model = match T::read(&previous) {
         Ok(model) => model,
-        Err(_) if !previous.exists() => return Err(error.into()),
+        Err(_) if !previous.exists() => return Err(error),
         Err(second) => {
             return Err(error).with_context(|| format!("{second}; nor can the one after it be used"));
         }
     };
-    let steps = model.record.steps;
-    let repeated = match steps_said(&current) {
+    let steps = model.progress().steps;
+    let repeated = match T::steps_of_damaged(&current) {
         Some(later) if later > steps => format!("{} steps are repeated", later - steps),
         _ => "all steps after it are repeated; how many is lost with the damaged file".to_owned(),
     };
@@ -60,139 +224,78 @@ pub fn latest(out: &Path) -> Result<Latest> {
     Ok(Latest { model, path: previous, damage: Some(damage) })
 }
 
-/// Writes checkpoints of one training.
-pub(super) struct Checkpoints {
-    writing: bool,
-    current: PathBuf,
-    previous: PathBuf,
-    seconds_between: f64,
-    tried: Instant,
-    /// True where the last try failed, which has been said.
-    failing: bool,
-    /// What the files hold.
-    content: Content,
-    /// The last checkpoint is of a state that may be lost: the one before is the good one.
-    doubtful: bool,
+fn is_newer(error: &Error) -> bool {
+    matches!(error.downcast_ref(), Some(FieldFileError::Newer { .. }))
 }
 
-/// What stands in the folder.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Content {
-    /// Nothing of this training.
-    Foreign,
-    /// Only the checkpoint before the last is this training's and intact.
-    PreviousAt(u64),
-    /// The last checkpoint is intact.
-    CurrentAt(u64),
+/// What an output folder holds to go on from, where that is asked for. Refuses to begin where a training is unfinished, and to
+/// go on where there is none, or one of the other family.
+pub(crate) fn to_resume<T: Checkpoint>(out: &Path, resume: bool) -> Result<Option<Latest<T>>> {
+    let current = out.join(CURRENT);
+    let [family, command] = T::FAMILY;
+    if resume && ![CURRENT, PREVIOUS].iter().any(|name| out.join(name).exists()) {
+        bail!("there is nothing to resume: {} does not exist", current.display());
+    }
+    if T::is_other(&current) && (resume || !out.join(FIELD).exists()) {
+        bail!(
+            "{} is of a training of the other family, not of {family}, which {command} makes: choose another --out",
+            current.display()
+        );
+    }
+    let found = latest::<T>(out);
+    if resume {
+        return found.map(Some).context("there is nothing to resume");
+    }
+    match found {
+        Ok(found) if !found.model.is_finished() || !out.join(FIELD).exists() => bail!(
+            "{} holds an unfinished training ({} steps done): add --resume, choose another --out, or remove it",
+            found.path.display(),
+            found.model.progress().steps
+        ),
+        Err(error) if is_newer(&error) => Err(error),
+        _ => Ok(None),
+    }
 }
 
-impl Checkpoints {
-    /// For a training that has done `steps` steps, those of the checkpoint that it goes on from. Without `writing`
-    /// another process writes them, and nothing is done here.
-    pub(super) fn new(out: &Path, steps: u64, seconds_between: f64, writing: bool) -> Self {
-        let (current, previous) = (out.join(CURRENT), out.join(PREVIOUS));
-        let tried = Instant::now();
-        if !writing {
-            let (content, doubtful) = (Content::Foreign, false);
-            return Self {
-                writing,
-                current,
-                previous,
-                seconds_between,
-                tried,
-                failing: false,
-                content,
-                doubtful,
-            };
-        }
-        remove_all_leftovers(out);
-        let (content, doubtful) = match Model::read(&current) {
-            _ if steps == 0 => (Content::Foreign, false),
-            Ok(Model { record, .. }) if record.steps == steps => {
-                (Content::CurrentAt(steps), record.watch.is_suspicious())
-            }
-            _ => (Content::PreviousAt(steps), false),
-        };
-        Self { writing, current, previous, seconds_between, tried, failing: false, content, doubtful }
-    }
+/// True where an earlier run left a checkpoint in `out` before its end, or no field.
+pub(crate) fn is_unfinished<T: Checkpoint>(out: &Path) -> bool {
+    latest::<T>(out).is_ok_and(|found| !found.model.is_finished() || !out.join(FIELD).exists())
+}
 
-    /// True once the next checkpoint is due.
-    pub(super) fn is_due(&self) -> bool {
-        self.writing && self.tried.elapsed().as_secs_f64() >= self.seconds_between
+impl<T: Checkpoint> Latest<T> {
+    /// The field of a finished training: as it lies in `out`, else written there from the checkpoint. Nothing where steps are
+    /// left.
+    pub(crate) fn finished(&self, session: &Session, out: &Path, precision: Precision) -> Result<Option<T>> {
+        if !self.model.is_finished() {
+            return Ok(None);
+        }
+        let path = out.join(FIELD);
+        let result = self.model.result(precision);
+        let said = format!(
+            "{} is finished after {} steps: nothing is left to do (imf train --from trains a field further)",
+            self.path.display(),
+            self.model.progress().steps
+        );
+        // Of these very weights, which the field of an earlier training is not.
+        if let Some(saved) = T::read(&path).ok().filter(|saved| saved.is_same(&result)) {
+            session.note(&said);
+            return Ok(Some(saved));
+        }
+        if session.rank().is_first() {
+            write_result(session, out, &result)?;
+        }
+        session.note(&format!("{said}; wrote {}", path.display()));
+        Ok(Some(result))
     }
+}
 
-    /// Writes a checkpoint.
-    ///
-    /// # Errors
-    /// A file that cannot be written; what was there stays.
-    pub(super) fn write(&mut self, model: &Model) -> Result<()> {
-        if !self.writing {
-            return Ok(());
-        }
-        self.tried = Instant::now();
-        let written = match self.content {
-            // What is damaged, or may be lost, must not take the place of what is not.
-            Content::CurrentAt(_) if self.doubtful && self.previous.exists() => model.write(&self.current),
-            Content::PreviousAt(_) => model.write(&self.current),
-            Content::CurrentAt(_) => model.write_keeping_previous(&self.current, &self.previous),
-            Content::Foreign => {
-                // Of another training, which is finished: nobody goes on from it.
-                let _ = fs::remove_file(&self.previous);
-                model.write(&self.current)
-            }
-        };
-        written.with_context(|| format!("the checkpoint could not be written, {}", self.kept()))?;
-        self.content = Content::CurrentAt(model.record.steps);
-        self.doubtful = model.record.watch.is_suspicious();
-        Ok(())
+/// Writes what a finished training comes to. The field of an earlier one is kept beside it.
+pub(super) fn write_result<T: Checkpoint>(session: &Session, out: &Path, result: &T) -> Result<()> {
+    let path = out.join(FIELD);
+    keep_former(session, &path)?;
+    result.write(&path)?;
+    if let Some(chart) = result.chart() {
+        chart.save(&out.join("loss.png"))?;
     }
-
-    /// Training has diverged: a last checkpoint of that time goes, where there is a good one before it to go on from.
-    pub(super) fn drop_doubtful(&mut self) {
-        if !(self.writing && self.doubtful) {
-            return;
-        }
-        if let Ok(good) = Model::read(&self.previous)
-            && !good.record.watch.is_suspicious()
-            && fs::remove_file(&self.current).is_ok()
-        {
-            (self.content, self.doubtful) = (Content::PreviousAt(good.record.steps), false);
-        }
-    }
-
-    /// Writes a checkpoint, or warns once that this is not possible now.
-    pub(super) fn write_or_warn(&mut self, session: &Session, model: &Model) {
-        match self.write(model) {
-            Ok(()) if self.failing => {
-                self.failing = false;
-                session.note(&format!("checkpoints are written again, at step {}", model.record.steps));
-            }
-            Ok(()) => {}
-            Err(error) if !self.failing => {
-                self.failing = true;
-                session.warn(&format!(
-                    "{error:#}; training goes on and tries again every {} s",
-                    self.seconds_between
-                ));
-            }
-            Err(_) => {}
-        }
-    }
-
-    /// The file that training can go on from, if there is one.
-    pub(super) fn last(&self) -> Option<(&Path, u64)> {
-        match self.content {
-            Content::Foreign => None,
-            Content::PreviousAt(step) => Some((&self.previous, step)),
-            Content::CurrentAt(step) => Some((&self.current, step)),
-        }
-    }
-
-    /// In words, what there is to go on from.
-    pub(super) fn kept(&self) -> String {
-        match self.last() {
-            Some((path, step)) => format!("the last good one is {}, of step {step}", path.display()),
-            None => "no checkpoint was written yet".to_owned(),
-        }
-    }
+    Ok(())
 }

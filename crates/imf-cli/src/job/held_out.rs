@@ -11,7 +11,7 @@ use imf_fields::recipe::TrainingState;
 use imf_fields::siren::evaluator::CpuEvaluator;
 use imf_train::held_out::HeldOut;
 
-use super::plan::REPORT_EVERY;
+use super::REPORT_EVERY;
 use crate::interrupt::Interrupted;
 use crate::session::Session;
 

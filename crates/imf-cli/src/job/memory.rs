@@ -89,9 +89,9 @@ impl Footprint {
     /// What would take less.
     pub(super) fn remedy(&self) -> &'static str {
         if self.held_out > self.training + self.poses {
-            "use fewer --held-out poses (0 needs no section), fewer --threads, or a smaller --width or --batch"
+            "hold out fewer poses (--set held_out=0 needs no section), use fewer --threads, or a smaller --network or --batch"
         } else {
-            "use a smaller --width or --batch"
+            "use a smaller --network or --batch"
         }
     }
 

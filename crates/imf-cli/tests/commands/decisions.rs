@@ -9,8 +9,8 @@ const SCENE: [&str; 7] = ["teapot", "--dims", "15,20,31", "--clearance", "4", "-
 #[test]
 fn a_calibrated_field_tells_what_it_is_worth_and_proves_what_a_check_may_leave_out() {
     let folder = Folder::new();
-    let made = ["--method", "harmonic", "--degree", "6", "--no-calibrate", "--save", "field.safetensors"];
-    folder.succeed(&[&["field"], &SCENE[..], &made].concat());
+    let made = ["--degree", "6", "--no-calibrate", "--out", "field.safetensors"];
+    folder.succeed(&[&["train", "harmonic"], &SCENE[..], &made].concat());
     folder.refuse(
         &["calibrate", "field.safetensors", "--verify"],
         &["field.safetensors", "leave out --verify"],
@@ -47,14 +47,13 @@ fn a_calibrated_field_tells_what_it_is_worth_and_proves_what_a_check_may_leave_o
 #[test]
 fn a_field_of_depth_is_calibrated_when_it_is_made_and_leaves_little_near() {
     let folder = Folder::new();
-    let made =
-        ["--method", "harmonic", "--quantity", "depth", "--degree", "8", "--save", "depth.safetensors"];
+    let made = ["--quantity", "depth", "--degree", "8", "--out", "depth.safetensors"];
     // Two voxels of clearance.
     let scene = ["teapot", "--dims", "15,20,31", "--clearance", "8", "--clearance-cutter", "8"];
-    let making = [&["field"], &scene[..], &made].concat();
+    let making = [&["train", "harmonic"], &scene[..], &made].concat();
     let run = folder.run(&[&making[..], &["--json"]].concat());
     let told: Value = serde_json::from_str(&run.stdout).unwrap();
-    assert_eq!(told["harmonic"]["settings"]["quantity"], "depth");
+    assert_eq!(told["settings"]["quantity"], "depth");
     let info = folder.json(&["info", "depth.safetensors"]);
     assert_eq!(info["settings"]["quantity"], "depth");
     let most = 8.0 * info["scene"]["grid"]["pitch"].as_f64().unwrap();
@@ -78,32 +77,4 @@ fn a_field_of_depth_is_calibrated_when_it_is_made_and_leaves_little_near() {
     folder.run(&exact).is_refusal(&["depth.safetensors", "--exact counts overlaps"], &exact);
     let eval = ["eval", "depth.safetensors"];
     folder.run(&eval).is_refusal(&["imf calibrate --verify"], &eval);
-    let sections = [&making[..], &["--orientations", "0,0", "--out", "sections"]].concat();
-    folder.run(&sections).is_refusal(&["leave out --orientations"], &sections);
-}
-
-#[test]
-fn what_a_field_of_depth_cannot_be_is_refused_for_what_it_is() {
-    let folder = Folder::new();
-    let field = |more: &[&str], expected: &[&str]| {
-        folder.refuse(&[&["field", "bracket", "--dims", "5,15,9"], more].concat(), expected);
-    };
-    let sections = ["--orientations", "0,0", "--out", "out"];
-    // Exact sections are not what is wrong with --orientations and --out, and no file is what is missing.
-    for more in [&sections[..], &["--save", "field.safetensors"], &[]] {
-        let exact = [&["--quantity", "depth", "--method", "exact"], more].concat();
-        field(&exact, &["exact sections are of overlaps", "--method harmonic --quantity depth --save FILE"]);
-    }
-    field(&["--quantity", "depth"], &["exact sections are of overlaps"]);
-    for more in [&sections[..], &[]] {
-        let unsaved = [&["--method", "harmonic", "--quantity", "depth"], more].concat();
-        field(&unsaved, &["kept in a file", "give --save FILE, and leave out --orientations and --out"]);
-    }
-    field(&["--quantity", "overlap"], &["nothing to write", "--orientations and --out", "--save FILE"]);
-    let kept = ["--method", "harmonic", "--save", "field.safetensors"];
-    field(&[&kept[..], &["--imf"]].concat(), &["--imf is the least over orientations", "or leave out --imf"]);
-    for option in [&["--save", "field.safetensors"][..], &["--degree", "5"], &["--single"]] {
-        let passed_over = [&["--method", "exact"], option, &sections].concat();
-        field(&passed_over, &[option[0], "is of --method harmonic"]);
-    }
 }

@@ -5,9 +5,8 @@ use crate::folder::Folder;
 #[test]
 fn a_field_is_written_as_a_graph_and_nothing_else_is() {
     let folder = Folder::new();
-    let made =
-        ["--method", "harmonic", "--degree", "3", "--orientations", "0,0", "--save", "field.safetensors"];
-    folder.succeed(&[&["field", "teapot", "--dims", "8,10,16"], &made[..], &["--out", "sections"]].concat());
+    let fit = ["train", "harmonic", "teapot", "--dims", "8,10,16", "--degree", "3"];
+    folder.succeed(&[&fit[..], &["--out", "field.safetensors"]].concat());
     let said = folder.json(&["export", "field.safetensors", "--out", "field.onnx"]);
     let bytes = std::fs::read(folder.path("field.onnx")).unwrap();
     assert_eq!(

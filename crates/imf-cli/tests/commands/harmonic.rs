@@ -1,4 +1,4 @@
-//! `imf field --method harmonic`, held against exact sections and against its own file.
+//! `imf train harmonic` and `imf train factored`, held against exact sections and against their own files.
 
 use imf_core::control::Control;
 use imf_core::orientation::OrientationSet;
@@ -8,20 +8,18 @@ use imf_fields::harmonic::file::HarmonicFile;
 use crate::folder::Folder;
 use crate::model::model;
 
-const RUN: [&str; 12] = [
-    "field", "bracket", "--dims", "5,15,9", "--method", "harmonic", "--degree", "6", "--axes", "30", "--out",
-    "out",
-];
-
-fn arguments<'a>(more: &[&'a str]) -> Vec<&'a str> {
-    [&RUN[..], more].concat()
+/// The bracket's harmonic field, written to field.safetensors.
+fn fitted(folder: &Folder) -> serde_json::Value {
+    let fit = ["train", "harmonic", "bracket", "--dims", "5,15,9", "--degree", "6", "--components", "30"];
+    folder.json(&[&fit[..], &["--no-calibrate", "--out", "field.safetensors"]].concat())
 }
 
 #[test]
 fn sections_are_near_the_exact_ones_and_the_file_gives_them_again() {
     let folder = Folder::new();
     let set = "fibonacci:19";
-    let summary = folder.json(&arguments(&["--orientations", set, "--save", "field.safetensors"]));
+    fitted(&folder);
+    let summary = folder.json(&["field", "field.safetensors", "--orientations", set, "--out", "out"]);
     let scene = model().scene;
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
     let orientations = OrientationSet::parse(set).unwrap().orientations;
@@ -69,9 +67,8 @@ const SIDE: &str = "name = \"side\"\nunit = \"mm\"\nstick_out = 35.0\nsharp_poin
 fn a_field_that_is_kept_is_of_the_tip_whatever_points_are_sharp() {
     let folder = Folder::new();
     folder.write("side.toml", SIDE);
-    let scene = ["field", "bracket", "--dims", "8,24,15", "--tool", "side.toml", "--method", "harmonic"];
-    let kept = [&scene[..], &["--degree", "10", "--save", "side.safetensors", "--no-calibrate"]].concat();
-    folder.succeed(&kept);
+    let fit = ["train", "harmonic", "bracket", "--dims", "8,24,15", "--tool", "side.toml", "--degree", "10"];
+    folder.succeed(&[&fit[..], &["--out", "side.safetensors", "--no-calibrate"]].concat());
     let info = folder.json(&["info", "side.safetensors"]);
     // A body of revolution: functions of the direction, not of the whole rotation.
     assert_eq!(info["report"]["functions"], 121);
@@ -98,39 +95,37 @@ fn a_field_that_is_kept_is_of_the_tip_whatever_points_are_sharp() {
         // Counts step from voxel to voxel, which are coarse here; the other quantity is off by more than half.
         assert!(error < 0.4 * value, "{error} of {value}");
     }
-    // Sections are the least over the sharp points, which turn with the tool; one fit cannot be both.
-    let sections = ["--degree", "2", "--orientations", "0,0", "--out", "out"];
-    let summary = folder.json(&[&scene[..], &sections].concat());
-    assert_eq!(summary["harmonic"]["report"]["functions"], 35);
-    let both = [&scene[..], &sections, &["--save", "both.safetensors"]].concat();
-    folder.run(&both).is_refusal(&["tip", "leave out --orientations and --out"], &both);
 }
 
 #[test]
-fn the_degree_follows_from_an_error_or_from_the_memory() {
+fn the_degree_follows_from_an_error_and_the_memory() {
     let folder = Folder::new();
     let field = |more: &[&str]| {
-        let bracket = ["field", "bracket", "--dims", "5,15,9", "--method", "harmonic"];
-        folder.json(&[&bracket[..], &["--orientations", "0,0", "--out", "out"], more].concat())
+        let fit = ["train", "harmonic", "bracket", "--dims", "5,15,9", "--no-calibrate"];
+        folder.json(&[&fit[..], &["--out", "field.safetensors"], more].concat())
     };
-    let loose = field(&["--target-mse", "2e-3"]);
-    let tight = field(&["--target-mse", "5e-4"]);
-    let degree = |summary: &serde_json::Value| summary["harmonic"]["settings"]["degree"].as_u64().unwrap();
+    let [loose, tight] = ["2e-3", "5e-4"].map(|target| field(&["--target-mse", target]));
+    let degree = |summary: &serde_json::Value| summary["settings"]["degree"].as_u64().unwrap();
     assert!(degree(&loose) < degree(&tight), "{} {}", degree(&loose), degree(&tight));
-    assert!(tight["harmonic"]["report"]["held_out_mse"].as_f64().unwrap() <= 5e-4);
-    let small = field(&["--fill-memory", "--memory", "6MiB"]);
-    let large = field(&["--fill-memory", "--memory", "12MiB"]);
+    assert!(tight["report"]["held_out_mse"].as_f64().unwrap() <= 5e-4);
+    // As far as the memory goes, for an error that is out of reach.
+    let [small, large] =
+        ["6MiB", "12MiB"].map(|memory| field(&["--target-mse", "1e-12", "--memory", memory]));
     assert!(0 < degree(&small) && degree(&small) < degree(&large));
+    let fit =
+        ["train", "harmonic", "bracket", "--dims", "5,15,9", "--memory", "80KiB", "--out", "no.safetensors"];
+    folder.refuse(&fit, &["--degree", "--memory"]);
 }
 
 #[test]
 fn over_rotations_a_refined_minimum_has_its_roll() {
     let folder = Folder::new();
-    folder.write("side.toml", SIDE);
+    crate::rolls::write_arm(&folder);
+    let fit = ["train", "harmonic", "bracket", "--dims", "6,18,11", "--tool", "arm.toml", "--degree", "2"];
+    folder.succeed(&[&fit[..], &["--no-calibrate", "--out", "arm.safetensors"]].concat());
     let run = |more: &[&str], out: &str| {
-        let scene = ["field", "bracket", "--dims", "6,18,11", "--tool", "side.toml", "--method", "harmonic"];
-        let asked = ["--degree", "2", "--orientations", "so3:40", "--imf", "--out", out];
-        folder.json(&[&scene[..], &asked, more].concat())
+        let field = ["field", "arm.safetensors", "--orientations", "so3:40", "--imf", "--out", out];
+        folder.json(&[&field[..], more].concat())
     };
     run(&[], "set");
     let summary = run(&["--refine"], "refined");
@@ -150,13 +145,13 @@ fn over_rotations_a_refined_minimum_has_its_roll() {
 #[test]
 fn a_refined_minimum_is_nowhere_above_the_sets() {
     let folder = Folder::new();
-    let run = |more: &[&str], out: &'static str| {
-        let mut asked = arguments(&["--orientations", "fibonacci:30", "--imf"]);
-        asked[11] = out;
-        folder.json(&[&asked[..], more].concat())
+    fitted(&folder);
+    let run = |more: &[&str], out: &str| {
+        let field = ["field", "field.safetensors", "--orientations", "fibonacci:30", "--imf", "--out", out];
+        folder.json(&[&field[..], more].concat())
     };
     run(&[], "set");
-    let summary = run(&["--refine", "--save", "field.safetensors"], "refined");
+    let summary = run(&["--refine"], "refined");
     let (set, refined) = (folder.npy::<f32>("set/imf.npy"), folder.npy::<f32>("refined/imf.npy"));
     let lower = set.iter().zip(&refined).filter(|(set, refined)| refined < set).count();
     assert!(set.iter().zip(&refined).all(|(set, refined)| refined <= set) && lower > 10, "{lower} lower");
@@ -178,71 +173,65 @@ fn a_refined_minimum_is_nowhere_above_the_sets() {
 }
 
 #[test]
-fn what_belongs_to_exact_sections_is_refused() {
+fn a_field_is_distilled_into_a_network_through_an_interruption() {
     let folder = Folder::new();
-    let refuse = |more: &[&str], expected: &[&str]| {
-        folder.refuse(&arguments(&[&["--orientations", "0,0"], more].concat()), expected);
-    };
-    refuse(&["--check", "3"], &["--check", "leave out --method harmonic"]);
-    refuse(&["--elements"], &["--elements"]);
-    refuse(&["--memory", "80KiB"], &["--degree", "--memory"]);
-}
-
-#[test]
-fn a_field_is_compressed_into_a_network_through_an_interruption() {
-    let folder = Folder::new();
-    folder.succeed(&arguments(&["--orientations", "0,0", "--save", "field.safetensors"]));
-    fn compress<'a>(more: &[&'a str]) -> Vec<&'a str> {
-        let small = ["compress", "field.safetensors", "--width", "32", "--layers", "2", "--batch", "128"];
+    fitted(&folder);
+    fn distil<'a>(more: &[&'a str]) -> Vec<&'a str> {
+        let small = ["train", "factored", "field.safetensors", "--network", "2x32", "--set", "batch=128"];
         [&small[..], &["--steps", "600", "--rate", "4e-3"], more].concat()
     }
-    let whole = folder.json(&compress(&["--out", "whole"]));
+    let whole = folder.json(&distil(&["--out", "whole"]));
     let variance = 1e-2;
     assert!(whole["loss"].as_f64().unwrap() < 0.1 * variance, "{whole}");
-    // A checkpoint after every report is as many stops and goes.
-    folder.succeed(&compress(&["--out", "often", "--checkpoint-every", "0"]));
+    // A checkpoint after every report changes nothing.
+    folder.succeed(&distil(&["--out", "often", "--set", "checkpoint_every=0"]));
     let bytes = |name: &str| std::fs::read(folder.path(name)).unwrap();
     assert_eq!(bytes("whole/field.safetensors"), bytes("often/field.safetensors"));
     std::fs::remove_file(folder.path("often/field.safetensors")).unwrap();
-    folder.refuse(&compress(&["--out", "often"]), &["unfinished", "--resume"]);
-    folder.succeed(&compress(&["--out", "often", "--resume"]));
+    folder.refuse(&distil(&["--out", "often"]), &["unfinished", "--resume"]);
+    folder.succeed(&distil(&["--out", "often", "--resume"]));
     assert_eq!(bytes("whole/field.safetensors"), bytes("often/field.safetensors"));
-    folder.refuse(&compress(&["--out", "often", "--resume", "--seed", "3"]), &["other settings"]);
-    let again = folder.json(&compress(&["--out", "often", "--resume"]));
+    // A damaged checkpoint costs the steps since the one before it.
+    let damaged = bytes("often/checkpoint.safetensors");
+    std::fs::write(folder.path("often/checkpoint.safetensors"), &damaged[..damaged.len() / 2]).unwrap();
+    std::fs::remove_file(folder.path("often/field.safetensors")).unwrap();
+    let resumed = folder.succeed(&distil(&["--out", "often", "--resume"]));
+    assert!(resumed.stderr.contains("often/checkpoint.previous.safetensors at step 5"), "{}", resumed.stderr);
+    assert_eq!(bytes("whole/field.safetensors"), bytes("often/field.safetensors"));
+    folder.refuse(&distil(&["--out", "often", "--resume", "--set", "seed=3"]), &["other settings"]);
+    let again = folder.json(&distil(&["--out", "often", "--resume"]));
     assert!(again["loss"].is_null(), "no step was taken: {again}");
 
-    // From its own network a few steps are enough, where random sines with the best last layer are not; a network of another shape
+    // From its own network a few steps are enough, where random sines with the best output layer are not; a network of another shape
     // is taken over.
     let few: &[&str] =
-        &["compress", "field.safetensors", "--batch", "128", "--steps", "20", "--rate", "1e-4"];
+        &["train", "factored", "field.safetensors", "--set", "batch=128", "--steps", "20", "--rate", "1e-4"];
     let loss = |more: &[&str]| folder.json(&[few, more].concat())["loss"].as_f64().unwrap();
     let (tuned, fresh) = (
         loss(&["--from", "whole/field.safetensors", "--out", "tuned"]),
-        loss(&["--width", "32", "--layers", "2", "--out", "fresh"]),
+        loss(&["--network", "2x32", "--out", "fresh"]),
     );
     assert!(tuned < 1.5 * whole["loss"].as_f64().unwrap() && tuned < 0.5 * fresh, "{tuned} {fresh}");
     let info = folder.json(&["info", "tuned/field.safetensors"]);
     assert_eq!(info["network"]["width"], 32);
     // The same line goes on; another field's network is not the one that was begun with, nor are widths given twice.
     let tuned = [few, &["--from", "whole/field.safetensors", "--out", "tuned", "--resume"]].concat();
-    assert!(folder.succeed(&tuned).stderr.contains("tuned/teaching.safetensors is finished"));
-    folder.succeed(&[few, &["--width", "16", "--layers", "2", "--out", "narrow"]].concat());
+    assert!(folder.succeed(&tuned).stderr.contains("tuned/checkpoint.safetensors is finished"));
+    folder.succeed(&[few, &["--network", "2x16", "--out", "narrow"]].concat());
     let other = tuned.iter().map(|word| word.replace("whole/", "narrow/")).collect::<Vec<_>>();
     let other: Vec<&str> = other.iter().map(String::as_str).collect();
     let words =
-        ["tuned/teaching.safetensors", "narrow/field.safetensors", "2 layers of 32", "2 layers of 16"];
+        ["tuned/checkpoint.safetensors", "narrow/field.safetensors", "2 layers of 32", "2 layers of 16"];
     folder.refuse(&other, &words);
-    for option in ["--width", "--layers", "--omega"] {
-        let run = folder.run(&[&tuned[..], &[option, "20"]].concat());
-        assert!(run.code == Some(2) && run.stderr.contains(option), "{}", run.stderr);
-    }
+    let run = folder.run(&[&tuned[..], &["--network", "2x20"]].concat());
+    assert!(run.code == Some(2) && run.stderr.contains("--network"), "{}", run.stderr);
     folder.refuse(&[few, &["--from", "field.safetensors", "--out", "no"]].concat(), &["field.safetensors"]);
     // What adapts which is said where they are mixed up.
-    let taught = "whole/field.safetensors";
-    let words = [taught, "needs a harmonic field", "--from whole/field.safetensors"];
-    folder.refuse(&["compress", taught, "--out", "no"], &words);
-    let words = ["is a factored field", "imf compress FIELD --from whole/field.safetensors"];
-    folder.refuse(&["finetune", taught, "data", "--out", "no"], &words);
+    let distilled = "whole/field.safetensors";
+    let words = [distilled, "a factored field already", "--from whole/field.safetensors"];
+    folder.refuse(&["train", distilled, "--out", "no"], &words);
+    let words = ["is a factored field", "imf train factored PART --from whole/field.safetensors"];
+    folder.refuse(&["finetune", distilled, "data", "--out", "no"], &words);
     folder
         .refuse(&["finetune", "field.safetensors", "data", "--out", "no"], &["is a harmonic field", "anew"]);
 
@@ -283,8 +272,8 @@ fn errors(
 #[test]
 fn eval_says_of_both_families_what_plain_sums_say() {
     let folder = Folder::new();
-    folder.succeed(&arguments(&["--orientations", "0,0", "--save", "field.safetensors"]));
-    let small = ["compress", "field.safetensors", "--width", "32", "--layers", "2", "--batch", "128"];
+    fitted(&folder);
+    let small = ["train", "factored", "field.safetensors", "--network", "2x32", "--set", "batch=128"];
     folder.succeed(&[&small[..], &["--steps", "600", "--rate", "4e-3", "--out", "small"]].concat());
     let scene = model().scene;
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();

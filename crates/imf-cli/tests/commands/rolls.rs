@@ -23,7 +23,7 @@ const ARM: &str = "v -6 -6 -2\nv 45 -6 -2\nv -6 6 -2\nv 45 6 -2\nv -6 -6 30\nv 4
 const SCENE: [&str; 6] = ["field", "bracket", "--dims", "6,18,11", "--tool", "arm.toml"];
 const ROLLS: [f64; 3] = [0.0, 90.0, 200.0];
 
-fn write_arm(folder: &Folder) {
+pub(crate) fn write_arm(folder: &Folder) {
     folder.write("arm.obj", ARM);
     folder.write("arm.toml", "name = \"arm\"\nmesh = \"arm.obj\"\n");
     let rows = ROLLS.map(|roll| format!("30,60,{roll}\n"));
@@ -41,10 +41,10 @@ fn poses_are_answered_at_their_roll_by_every_family_that_knows_it() {
     let run = folder.succeed(&[&SCENE[..], &["--orientations", "rolled.csv", "--out", "out"]].concat());
     // Rows of one direction are told apart.
     assert!(run.stdout.contains('ψ') && run.stdout.contains("200.0°"), "{}", run.stdout);
-    let kept = ["--method", "harmonic", "--degree", "2", "--save", "arm.safetensors", "--no-calibrate"];
-    folder.succeed(&[&SCENE[..], &kept].concat());
-    let network = ["--width", "16", "--layers", "2", "--steps", "5", "--out", "small"];
-    folder.succeed(&[&["compress", "arm.safetensors"], &network[..]].concat());
+    let fit = ["--degree", "2", "--out", "arm.safetensors", "--no-calibrate"];
+    folder.succeed(&[&["train", "harmonic"], &SCENE[1..], &fit].concat());
+    let network = ["--network", "2x16", "--steps", "5", "--out", "small"];
+    folder.succeed(&[&["train", "factored", "arm.safetensors"], &network[..]].concat());
     let harmonic = HarmonicFile::read(&folder.path("arm.safetensors")).unwrap();
     let factored = FactoredFile::read(&folder.path("small/field.safetensors")).unwrap();
     let mut siren = model();

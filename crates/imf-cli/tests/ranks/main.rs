@@ -68,18 +68,18 @@ fn errors(stderr: &str) -> Vec<&str> {
 #[test]
 fn ranks_reach_the_loss_of_one_process_and_repeat_to_the_bit() {
     let work = Workdir::with_dataset();
-    let train = format!("{TRAIN} --steps 600 --held-out 300 --held-out-every 200");
+    let train = format!("{TRAIN} --steps 600 --set held_out=300 --set held_out_every=200");
     work.imf(&format!("{train} --threads 1 --out one")).done();
-    let one = work.model("one/model.safetensors");
+    let one = work.model("one/field.safetensors");
     // One rank, with and without mpirun, is one process.
     work.imf(&format!("{train} --threads 1 --mpi --out single")).done();
     on_ranks(&work, 1, &format!("{train} --out lone")).done();
     for folder in ["single", "lone"] {
-        assert!(work.model(&format!("{folder}/model.safetensors")).state == one.state, "{folder}");
+        assert!(work.model(&format!("{folder}/field.safetensors")).state == one.state, "{folder}");
     }
     for ranks in [2, 3] {
-        let done = on_ranks(&work, ranks, &format!("{train} --out of-{ranks} --log of-{ranks}.jsonl")).done();
-        let several = work.model(&format!("of-{ranks}/model.safetensors"));
+        let done = on_ranks(&work, ranks, &format!("{train} --out of-{ranks}")).done();
+        let several = work.model(&format!("of-{ranks}/field.safetensors"));
         let [first, later] = like(&several, &one);
         println!(
             "{ranks} ranks: losses differ from one process's by {first:.1e} in {FIRST_STEPS} steps, {later:.1e} later"
@@ -91,9 +91,9 @@ fn ranks_reach_the_loss_of_one_process_and_repeat_to_the_bit() {
         // One speaks.
         assert_eq!(done.stdout.lines().count(), 1, "{}", done.stdout);
         assert_eq!(done.stderr.matches("wrote of-").count(), 1, "{}", done.stderr);
-        assert!(work.text(&format!("of-{ranks}.jsonl")).lines().count() > 10);
+        assert!(work.text(&format!("of-{ranks}/log.jsonl")).lines().count() > 10);
         on_ranks(&work, ranks, &format!("{train} --out again-{ranks}")).done();
-        assert!(work.model(&format!("again-{ranks}/model.safetensors")).state == several.state, "again");
+        assert!(work.model(&format!("again-{ranks}/field.safetensors")).state == several.state, "again");
     }
 }
 
@@ -102,8 +102,8 @@ fn ctrl_c_saves_once_and_any_number_of_ranks_goes_on() {
     let work = Workdir::with_dataset();
     let train = format!("{TRAIN} --steps 4000");
     work.imf(&format!("{train} --threads 1 --out whole")).done();
-    let whole = work.model("whole/model.safetensors");
-    let words = format!("-n 2 imf {train} --mpi --threads 1 --out broken --checkpoint-every 0.05");
+    let whole = work.model("whole/field.safetensors");
+    let words = format!("-n 2 imf {train} --mpi --threads 1 --out broken --set checkpoint_every=0.05");
     let (begun, mut child) = started(&work, &words);
     await_file(&work, "broken/checkpoint.safetensors", &mut child);
     signal("INT", &child.id().to_string());
@@ -122,13 +122,13 @@ fn ctrl_c_saves_once_and_any_number_of_ranks_goes_on() {
         std::fs::create_dir(work.path(&folder)).unwrap();
         work.write(&format!("{folder}/checkpoint.safetensors"), &work.bytes("broken/checkpoint.safetensors"));
         on_ranks(&work, ranks, &format!("{train} --out {folder} --resume")).done();
-        let resumed = work.model(&format!("{folder}/model.safetensors"));
+        let resumed = work.model(&format!("{folder}/field.safetensors"));
         assert_eq!(resumed.record.steps, 4000);
         // After thousands of steps the paths have parted; how good they are has not.
         let [found, expected] = [&resumed, &whole].map(|model| model.record.losses.last().unwrap().loss);
         assert!((found / expected - 1.0).abs() < 0.1, "{ranks} ranks: {found} and {expected}");
         if ranks == 2 {
-            assert!(resumed.state == work.model("of-two/model.safetensors").state);
+            assert!(resumed.state == work.model("of-two/field.safetensors").state);
         }
     }
 }
@@ -139,7 +139,7 @@ fn what_fails_on_one_rank_or_on_all_ends_all_with_one_message() {
     let train = format!("{TRAIN} --mpi --threads 1 --steps 100000000");
     // All alike.
     for (line, word) in [
-        (train.replace("train data", "train nowhere"), "nowhere/manifest.json"),
+        (train.replace("train siren5 data", "train siren5 nowhere"), "nowhere/manifest.json"),
         (format!("{train} --memory 1MiB"), "this needs about"),
     ] {
         let words = format!("-n 3 imf {line} --out out");
@@ -150,7 +150,7 @@ fn what_fails_on_one_rank_or_on_all_ends_all_with_one_message() {
     }
     // One alone, before the first step: another seed, too little memory.
     for (second, word) in [
-        (train.replace("--mpi", "--mpi --seed 5"), "different training"),
+        (train.replace("--mpi", "--mpi --set seed=5"), "different training"),
         (format!("{train} --memory 1MiB"), "memory"),
     ] {
         let words = format!("-n 1 imf {train} --out out : -n 1 imf {second} --out out");
@@ -161,7 +161,7 @@ fn what_fails_on_one_rank_or_on_all_ends_all_with_one_message() {
     }
     // One is killed, or told to stop, in the middle of training.
     for (name, code) in [("KILL", None), ("TERM", Some(130))] {
-        let words = format!("-n 2 imf {train} --out {name} --checkpoint-every 0.05");
+        let words = format!("-n 2 imf {train} --out {name} --set checkpoint_every=0.05");
         let (begun, mut child) = started(&work, &words);
         let checkpoint = format!("{name}/checkpoint.safetensors");
         await_file(&work, &checkpoint, &mut child);
@@ -186,14 +186,14 @@ fn ranks_with_unlike_memory_read_a_large_dataset_in_one_order() {
     let work = Workdir::new();
     work.imf(&format!("{} --shard-samples 30000", DATASET.replace("7,21,12", "24,73,43"))).done();
     // 16 sections of 26,368 samples, one a shard: 3.4 MB beside 25.7 MB for the rest.
-    let train = format!("{TRAIN} --steps 300 --held-out 0");
+    let train = format!("{TRAIN} --steps 300 --set held_out=0");
     let trained = |memory: &str, out: &str| {
         let words = format!(
             "-n 1 imf {train} --mpi --threads 1 --memory 1GiB --out {out} : -n 1 imf {train} --mpi \
                              --threads 1 --memory {memory} --out {out}"
         );
         finish(&words, &mut mpirun(&work, &words)).done();
-        work.model(&format!("{out}/model.safetensors"))
+        work.model(&format!("{out}/field.safetensors"))
     };
     let of_whole = trained("900MiB", "whole");
     let of_groups = trained("27500KiB", "groups");
@@ -201,7 +201,7 @@ fn ranks_with_unlike_memory_read_a_large_dataset_in_one_order() {
     assert!(of_groups.record.groups_per_epoch.is_some_and(|groups| (2..16).contains(&groups)));
     assert!(of_groups.state != of_whole.state);
     on_ranks(&work, 2, &format!("{train} --memory 27500KiB --out again")).done();
-    assert!(work.model("again/model.safetensors").state == of_groups.state);
+    assert!(work.model("again/field.safetensors").state == of_groups.state);
 }
 
 /// Starts `mpirun`; when that was, and the process.

@@ -16,29 +16,29 @@ fn a_training_on_the_adapter_resumes_to_the_same_bits_and_evaluates_as_on_the_cp
     let work = Workdir::with_dataset();
     let on_adapter = format!("--device {}", device());
     let train = TRAIN.replace("--device cpu", &on_adapter).replace("--batch 256", "--batch 64");
-    let train = format!("{train} --steps 400 --schedule cosine");
+    let train = format!("{train} --steps 400 --set schedule=cosine");
     let whole = work.imf(&format!("{train} --out whole --json")).done();
     let name = adapters().into_iter().map(|adapter| adapter.name);
     let engine = whole.json()["engine"].as_str().unwrap().to_owned();
     assert!(name.into_iter().any(|name| engine.contains(&name)), "{engine}");
 
-    work.imf(&format!("{train} --precision bf16 --out none")).refused(&[
+    work.imf(&format!("{train} --set precision=bf16 --out none")).refused(&[
         "bf16",
         "on CPUs alone",
         "train there",
     ]);
 
-    work.imf(&format!("{train} --precision f16 --out half")).done();
-    let half = work.model("half/model.safetensors");
+    work.imf(&format!("{train} --set precision=f16 --out half")).done();
+    let half = work.model("half/field.safetensors");
     assert_eq!(half.record.plan.precision, Precision::F16);
-    let plain = work.model("whole/model.safetensors");
+    let plain = work.model("whole/field.safetensors");
     assert!(half.state != plain.state, "nothing was rounded");
     let [half, plain] = [half, plain].map(|model| model.record.losses.last().unwrap().loss);
     // Chance parts two trainings of 400 steps by some percent.
     assert!(half < 1.25 * plain, "{half} in f16, {plain} in f32");
 
     let checkpoint = "broken/checkpoint.safetensors";
-    work.interrupted_after(5, &format!("{train} --out broken --checkpoint-every 0.02")).interrupted(&[
+    work.interrupted_after(5, &format!("{train} --out broken --set checkpoint_every=0.02")).interrupted(&[
         "is saved in",
         checkpoint,
         "--resume",
@@ -46,14 +46,14 @@ fn a_training_on_the_adapter_resumes_to_the_same_bits_and_evaluates_as_on_the_cp
     let saved = work.model(checkpoint);
     assert!((1..400).contains(&saved.record.steps), "{}", saved.record.steps);
     work.imf(&format!("{train} --out broken --resume")).done();
-    for file in ["model.safetensors", "checkpoint.safetensors"] {
+    for file in ["field.safetensors", "checkpoint.safetensors"] {
         let [whole, broken] = ["whole", "broken"].map(|folder| work.model(&format!("{folder}/{file}")).state);
         assert!(whole == broken, "{file}: the pieces ended elsewhere");
     }
 
     let eval = |device: &str| {
         let line =
-            format!("eval whole/model.safetensors --random 3 --imf fibonacci:4 --json --device {device}");
+            format!("eval whole/field.safetensors --random 3 --imf fibonacci:4 --json --device {device}");
         work.imf(&line).done().json()
     };
     let (gpu, cpu) = (eval(device()), eval("cpu"));
@@ -66,34 +66,31 @@ fn a_training_on_the_adapter_resumes_to_the_same_bits_and_evaluates_as_on_the_cp
 
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
-fn a_harmonic_field_is_compressed_on_the_adapter_and_goes_on_there() {
+fn a_harmonic_field_is_distilled_on_the_adapter_and_goes_on_there() {
     let work = Workdir::new();
-    work.imf(
-        "field teapot --dims 15,19,31 --method harmonic --degree 4 --orientations 0,0 --out sections --save \
-         field.safetensors",
-    )
-    .done();
-    let small = "compress field.safetensors --width 32 --layers 2 --batch 128 --steps 200 --rate 4e-3 --json";
-    let compress = format!("{small} --device {}", device());
+    work.imf("train harmonic teapot --dims 15,19,31 --degree 4 --out field.safetensors").done();
+    let small =
+        "train factored field.safetensors --network 2x32 --set batch=128 --steps 200 --rate 4e-3 --json";
+    let there = format!("{small} --device {}", device());
     // SOAP, which is what an adapter does by itself, as the CPU; and Adam for every weight.
-    for (optimiser, asked) in [("", ""), ("-adam", " --optimiser adam")] {
-        let (compress, small) = (format!("{compress}{asked}"), format!("{small}{asked}"));
+    for (optimiser, asked) in [("", ""), ("-adam", " --set optimiser=adam")] {
+        let (there, small) = (format!("{there}{asked}"), format!("{small}{asked}"));
         let [whole, often, cpu] = ["whole", "often", "cpu"].map(|name| format!("{name}{optimiser}"));
-        let report = work.imf(&format!("{compress} --out {whole}")).done().json();
+        let report = work.imf(&format!("{there} --out {whole}")).done().json();
         let on_cpu = work.imf(&format!("{small} --out {cpu}")).done().json();
         let [found, expected] = [report, on_cpu].map(|report| report["loss"].as_f64().unwrap());
         // Roundings part the two a little more with every step.
         assert!((found / expected - 1.0).abs() < 0.1, "{found} and {expected}");
         // A checkpoint after every report is as many stops and goes.
-        work.imf(&format!("{compress} --out {often} --checkpoint-every 0")).done();
+        work.imf(&format!("{there} --out {often} --set checkpoint_every=0")).done();
         let field = |folder: &str| work.bytes(&format!("{folder}/field.safetensors"));
         assert!(field(&whole) == field(&often));
         std::fs::remove_file(work.path(&format!("{often}/field.safetensors"))).unwrap();
-        work.imf(&format!("{compress} --out {often} --resume")).done();
+        work.imf(&format!("{there} --out {often} --resume")).done();
         assert!(field(&whole) == field(&often));
     }
     // What one engine made, the other takes for its own.
-    work.imf(&format!("{compress} --out cpu --resume")).done();
+    work.imf(&format!("{there} --out cpu --resume")).done();
     work.imf(&format!("{small} --out whole --resume")).done();
 }
 
@@ -102,9 +99,10 @@ fn a_harmonic_field_is_compressed_on_the_adapter_and_goes_on_there() {
 fn harmonic_and_factored_fields_are_evaluated_and_asked_on_the_adapter_as_on_the_cpu() {
     let work = Workdir::new();
     let on_adapter = format!("--device {}", device());
-    let field = "field teapot --dims 15,19,31 --method harmonic --degree 4 --orientations fibonacci:20";
-    work.imf(&format!("{field} --out sections --save field.safetensors")).done();
-    work.imf("compress field.safetensors --width 32 --layers 2 --steps 50 --out factored").done();
+    work.imf("train harmonic teapot --dims 15,19,31 --degree 4 --out field.safetensors").done();
+    work.imf("train factored field.safetensors --network 2x32 --steps 50 --out factored").done();
+    let field = "field field.safetensors --orientations fibonacci:20";
+    work.imf(&format!("{field} --out sections")).done();
 
     // Sections and minima by the same harmonics.
     work.imf(&format!("{field} --out there {on_adapter}")).done();

@@ -7,11 +7,11 @@ fn numbers_out_of_range_are_named() {
     let work = Workdir::with_dataset();
     let train = format!("{TRAIN} --steps 3 --out model");
     for (from, to, words) in [
-        ("--width 24", "--width 0", ["neurons", "of 0"]),
-        ("--width 24", "--width 9000", ["neurons", "9000"]),
-        ("--layers 3", "--layers 0", ["hidden layers", "not 0"]),
-        ("--steps 3", "--steps 3 --weight-decay nan", ["weight decay", "NaN"]),
-        ("--steps 3", "--steps 3 --weight-decay -1", ["weight decay", "-1"]),
+        ("3x24", "3x0", ["neurons", "of 0"]),
+        ("3x24", "3x9000", ["neurons", "9000"]),
+        ("3x24", "0x24", ["hidden layers", "not 0"]),
+        ("--steps 3", "--steps 3 --set weight_decay=nan", ["weight_decay", "nan"]),
+        ("--steps 3", "--steps 3 --set weight_decay=-1", ["weight decay", "-1"]),
         ("--steps 3", "--steps 3 --threads 0", ["--threads", "at least 1"]),
     ] {
         let line = train.replace(from, to);
@@ -27,7 +27,6 @@ fn numbers_out_of_range_are_named() {
         ("--density nan", ["density", "NaN"]),
         ("--density -1", ["density", "-1"]),
         ("--contact -1", ["contact", "-1"]),
-        ("--positive-share 1.5", ["positive share", "1.5"]),
     ] {
         work.imf(&format!("{dataset} {more}")).refused(&words);
     }
@@ -49,28 +48,28 @@ fn numbers_out_of_range_are_named() {
 fn numbers_out_of_range_are_refused_beside_the_option_that_they_were_given_to() {
     let work = Workdir::new();
     let trainings = [
-        "train data --out m",
+        "train siren5 data --out m",
         "train bracket --out m",
+        "train factored bracket --out m",
         "finetune m.safetensors data --out m",
-        "compress f --out m",
     ];
-    let of_training =
-        ["--rate 0", "--rate -1", "--rate nan", "--rate inf", "--batch 0", "--batch -1", "--seed -1"];
+    let of_training = ["--rate 0", "--rate -1", "--rate nan", "--rate inf", "--steps 0"];
     let mut lines: Vec<(&str, &str)> =
         trainings.iter().flat_map(|&line| of_training.map(|option| (line, option))).collect();
     lines.extend([
-        ("train data --out m", "--omega 1e30"),
-        ("train data --out m", "--omega 0"),
-        ("train data --out m", "--omega nan"),
-        ("train data --out m", "--held-out-every 0"),
-        ("compress f --out m", "--omega 1e30"),
+        ("train siren5 data --out m", "--batch 0"),
+        ("finetune m.safetensors data --out m", "--batch -1"),
+        ("train siren5 data --out m", "--network 3x24:1e30"),
+        ("train siren5 data --out m", "--network :0"),
+        ("train bracket --out m", "--network 3x24:nan"),
+        ("train bracket --out m", "--network many"),
         ("eval m.safetensors", "--threshold nan"),
         ("eval m.safetensors", "--threshold -1"),
         ("eval m.safetensors", "--threshold=-1"),
         ("eval m.safetensors", "--threshold 2"),
         ("eval m.safetensors", "--threshold 1"),
         ("access teapot --out m", "--tau 1"),
-        ("field teapot --method harmonic --save f.safetensors", "--axes 0"),
+        ("train harmonic teapot --out f.safetensors", "--components 0"),
     ]);
     for (line, option) in lines {
         let refused = work.imf(&format!("{line} {option}"));
@@ -84,12 +83,30 @@ fn numbers_out_of_range_are_refused_beside_the_option_that_they_were_given_to() 
 }
 
 #[test]
+fn settings_are_named_with_those_that_there_are() {
+    let work = Workdir::with_dataset();
+    for (line, set, words) in [
+        ("siren5 data", "bach=3", ["--set bach=3", "held_out"]),
+        ("siren5 data", "seed=-1", ["--set seed=-1", "integer"]),
+        ("siren5 data", "schedule=linear", ["--set schedule=linear", "cosine"]),
+        ("siren5 data", "seed", ["--set seed", "KEY=VALUE"]),
+        ("siren5 data", "held_out_every=0", ["held_out_every=0", "at least 1"]),
+        ("siren5 data", "checkpoint_every=-1", ["checkpoint_every=-1", "seconds"]),
+        ("factored bracket", "batch=0", ["`batch`", "at least 1"]),
+        ("factored bracket", "held_out=3", ["--set held_out=3", "optimiser"]),
+    ] {
+        work.imf(&format!("train {line} --out m --set {set}")).refused(&words);
+    }
+    assert!(!work.path("m").exists());
+}
+
+#[test]
 fn a_batch_larger_than_the_dataset_is_judged_by_what_was_trained_with() {
     let work = Workdir::with_dataset();
     let train = TRAIN.replace("--batch 256", "--batch 100000000000");
     // Two steps of 9,872 samples: far too short a training for its calibration.
-    work.imf(&format!("{train} --steps 2 --held-out 0 --out model")).done();
-    assert!(work.model("model/model.safetensors").calibration.is_none());
+    work.imf(&format!("{train} --steps 2 --set held_out=0 --out model")).done();
+    assert!(work.model("model/field.safetensors").calibration.is_none());
 }
 
 #[test]
@@ -97,11 +114,13 @@ fn arguments_that_make_no_sense_have_an_exit_code_of_their_own() {
     let work = Workdir::new();
     for line in [
         "train",
-        "train data",
-        "train data --out model --epochs 3 --steps 3",
+        "train siren5",
+        "train siren5 data",
+        "train harmonic bracket",
+        "train siren5 data --out model --epochs 3 --steps 3",
         "train bracket --out model --steps 0",
-        "train data --out model --width many",
-        "train data --out model --memory lots",
+        "train siren5 data --out model --network many",
+        "train siren5 data --out model --memory lots",
         "dataset bracket --dims 7,21 --orientations grid:2 --out data",
         "polish the-part",
         "",
@@ -116,7 +135,7 @@ fn arguments_that_make_no_sense_have_an_exit_code_of_their_own() {
 fn what_does_not_fit_the_memory_is_refused_with_an_estimate() {
     let work = Workdir::with_dataset();
     work.imf(&format!("{TRAIN} --steps 3 --out model")).done();
-    let eval = "eval model/model.safetensors --device cpu --random 2 --imf fibonacci:2";
+    let eval = "eval model/field.safetensors --device cpu --random 2 --imf fibonacci:2";
     for (line, remedy) in [
         (DATASET.replace("--out data", "--out new"), "--pitch"),
         (format!("{TRAIN} --steps 3 --out other"), "--density"),
@@ -138,7 +157,7 @@ fn folders_that_cannot_be_written_are_named_before_any_work() {
     let work = Workdir::with_dataset();
     work.imf(&format!("{TRAIN} --steps 3 --out model")).done();
     work.write("file", b"in the way");
-    let model = "model/model.safetensors";
+    let model = "model/field.safetensors";
     for line in [
         DATASET.replace("--out data", "--out file/below"),
         format!("{TRAIN} --steps 3 --out file/below"),
@@ -163,7 +182,7 @@ fn divergence_stops_with_the_step_and_a_remedy() {
         "lower learning rate",
         "no checkpoint was written",
     ]);
-    assert!(!work.path("model/model.safetensors").exists());
+    assert!(!work.path("model/field.safetensors").exists());
 
     // A finished training in the same folder is no place to go on from.
     work.imf(&format!("{TRAIN} --steps 3 --out model")).done();
@@ -186,8 +205,8 @@ fn a_machine_without_a_gpu_names_the_remedy() {
     let train = TRAIN.replace("--device cpu", "--device DEVICE");
     for line in [
         format!("{train} --steps 3 --out gpu"),
-        "finetune model/model.safetensors data --steps 3 --out gpu --device DEVICE".to_owned(),
-        "eval model/model.safetensors --random 2 --imf fibonacci:2 --device DEVICE".to_owned(),
+        "finetune model/field.safetensors data --steps 3 --out gpu --device DEVICE".to_owned(),
+        "eval model/field.safetensors --random 2 --imf fibonacci:2 --device DEVICE".to_owned(),
         "demo --out gpu --device DEVICE".to_owned(),
     ] {
         for device in ["gpu", "software", "0", "geforce"] {
@@ -196,7 +215,7 @@ fn a_machine_without_a_gpu_names_the_remedy() {
             refused.refused(&[&asked, "no GPU adapter was found", "mesa-vulkan-drivers", "the CPU engine"]);
         }
     }
-    assert!(!work.path("gpu/model.safetensors").exists());
+    assert!(!work.path("gpu/field.safetensors").exists());
     // Left to itself it takes the CPU.
     let trained =
         run(&format!("{train} --steps 3 --out auto --json").replace("DEVICE", "auto")).done().json();

@@ -13,8 +13,7 @@ use serde_json::Value;
 /// The bracket at a seventh of its grid: 1,764 voxels, sections in a millisecond.
 pub(crate) const DATASET: &str = "dataset bracket --dims 7,21,12 --orientations fibonacci:16 --out data";
 /// A network that a step takes well under a millisecond.
-pub(crate) const TRAIN: &str =
-    "train data --device cpu --width 24 --layers 3 --omega 10 --rate 1e-3 --batch 256";
+pub(crate) const TRAIN: &str = "train siren5 data --device cpu --network 3x24:10 --rate 1e-3 --batch 256";
 
 /// A fresh folder; it goes when the value does.
 pub(crate) struct Workdir(tempfile::TempDir);

@@ -11,7 +11,7 @@ fn replaced(bytes: &[u8], from: &str, to: &str) -> Vec<u8> {
 fn damaged_datasets_are_named() {
     let work = Workdir::with_dataset();
     let train = format!("{TRAIN} --steps 3 --out model");
-    work.imf(&train.replace("train data", "train nowhere"))
+    work.imf(&train.replace("train siren5 data", "train siren5 nowhere"))
         .refused(&["nowhere", "nor the folder of a dataset"]);
 
     let manifest = "data/manifest.json";
@@ -48,7 +48,7 @@ fn damaged_datasets_are_named() {
         work.imf(&train).refused(&[file, "cannot read"]);
         work.write(file, &whole);
     }
-    assert!(!work.path("model/model.safetensors").exists());
+    assert!(!work.path("model/field.safetensors").exists());
     work.imf(&train).done();
 }
 
@@ -56,7 +56,7 @@ fn damaged_datasets_are_named() {
 fn damaged_models_are_named() {
     let work = Workdir::with_dataset();
     work.imf(&format!("{TRAIN} --steps 3 --out model")).done();
-    let file = "model/model.safetensors";
+    let file = "model/field.safetensors";
     let eval = format!("eval {file} --device cpu --random 2 --imf fibonacci:2");
     let finetune = format!("finetune {file} data --device cpu --steps 2 --out adapted");
     let whole = work.bytes(file);
@@ -101,7 +101,7 @@ fn a_damaged_checkpoint_is_named() {
     work.write(checkpoint, &whole[..whole.len() / 2]);
     work.imf(&format!("{train} --resume")).refused(&[checkpoint, "no intact model"]);
     // The finished model is no checkpoint: it has no moments.
-    let mut model = work.model("model/model.safetensors");
+    let mut model = work.model("model/field.safetensors");
     model.record.finished = false;
     model.write(&work.path(checkpoint)).unwrap();
     work.imf(&format!("{train} --resume")).refused(&[checkpoint, "no optimiser state"]);

@@ -6,7 +6,7 @@ use crate::binary::Workdir;
 use crate::pipeline::honest;
 
 #[test]
-fn a_short_demo_fits_teaches_and_says_how_well_the_network_learnt() {
+fn a_short_demo_fits_distils_and_says_how_well_the_network_learnt() {
     let work = Workdir::new();
     let demo = work.imf("demo --steps 60 --device cpu --out demo").done();
     let report: Value = serde_json::from_str(&work.text("demo/report.json")).unwrap();
@@ -18,7 +18,7 @@ fn a_short_demo_fits_teaches_and_says_how_well_the_network_learnt() {
         work.picture(&format!("demo/{picture}"));
         assert!(work.text("demo/report.md").contains(picture), "{picture}");
     }
-    for stage in ["sections to fit: 400 sections in", "teaching: 60 steps in", "evaluating: 354 sections in"]
+    for stage in ["sections to fit: 400 sections in", "training: 60 steps in", "evaluating: 354 sections in"]
     {
         let line = demo.stderr.lines().find(|line| line.starts_with(stage));
         assert!(line.is_some_and(|line| line.contains("/s)")), "{stage} in\n{}", demo.stderr);
@@ -41,7 +41,7 @@ fn a_short_demo_of_the_papers_network_leaves_everything_and_says_how_well_it_lea
         work.picture(&format!("demo/{picture}"));
         assert!(work.text("demo/report.md").contains(picture), "{picture}");
     }
-    let model = work.model("demo/model.safetensors");
+    let model = work.model("demo/field.safetensors");
     assert_eq!((model.record.steps, model.record.finished), (300, true));
     // A line for each stage, with a rate.
     for stage in ["exact sections: 225 sections in", "training: 300 steps in", "evaluating: 355 sections in"]

@@ -7,25 +7,25 @@ use serde_json::json;
 use crate::binary::{DATASET, TRAIN, Workdir};
 
 /// A second or two of training: some hundred times what it takes to write a checkpoint and notice it.
-const STEPS: &str = "--steps 6000 --schedule cosine";
+const STEPS: &str = "--steps 6000 --set schedule=cosine";
 
 #[test]
 fn a_training_goes_on_from_its_checkpoint_to_the_bits_of_one_in_one_go() {
     let work = Workdir::with_dataset();
     work.imf(&format!("{TRAIN} {STEPS} --out whole")).done();
 
-    let begin = format!("{TRAIN} {STEPS} --out broken --checkpoint-every 0.02");
+    let begin = format!("{TRAIN} {STEPS} --out broken --set checkpoint_every=0.02");
     let checkpoint = "broken/checkpoint.safetensors";
     work.interrupted_after(5, &begin).interrupted(&["is saved in", checkpoint, "--resume"]);
     let saved = work.model(checkpoint);
     assert!((1..6000).contains(&saved.record.steps) && !saved.record.finished, "{}", saved.record.steps);
-    assert!(saved.is_resumable() && !work.path("broken/model.safetensors").exists());
+    assert!(saved.is_resumable() && !work.path("broken/field.safetensors").exists());
 
     // Nothing starts over what is unfinished, and nothing goes on with other samples.
     let steps = saved.record.steps.to_string();
     work.imf(&begin).refused(&[checkpoint, "unfinished", &steps, "--resume"]);
     work.imf(&DATASET.replace("fibonacci:16 --out data", "fibonacci:15 --out other")).done();
-    let elsewhere = begin.replace("train data", "train other");
+    let elsewhere = begin.replace("train siren5 data", "train siren5 other");
     work.imf(&format!("{elsewhere} --resume")).refused(&[checkpoint, "another dataset"]);
     assert!(work.model(checkpoint) == saved, "a refusal changed the checkpoint");
 
@@ -33,7 +33,7 @@ fn a_training_goes_on_from_its_checkpoint_to_the_bits_of_one_in_one_go() {
     let cursor = saved.record.cursor;
     let from = format!("resuming at epoch {}, step {} ({steps} steps done)", cursor.epoch, cursor.step);
     assert!(resumed.stderr.contains(&from), "no '{from}' in\n{}", resumed.stderr);
-    for file in ["model.safetensors", "checkpoint.safetensors"] {
+    for file in ["field.safetensors", "checkpoint.safetensors"] {
         let [whole, broken] = ["whole", "broken"].map(|folder| work.model(&format!("{folder}/{file}")));
         assert!(whole.state == broken.state, "{file}: the pieces ended elsewhere");
         assert_eq!((whole.record.steps, broken.record.steps), (6000, 6000));
@@ -54,7 +54,7 @@ fn a_dataset_keeps_its_finished_shards() {
     let kept = work.bytes(first);
 
     // Training does not start on a part of it.
-    work.imf("train broken --device cpu --out model").refused(&["broken", "lacks", "of 4 shards"]);
+    work.imf("train siren5 broken --device cpu --out model").refused(&["broken", "lacks", "of 4 shards"]);
 
     let went_on = work.imf(&format!("{dataset} broken")).done().json();
     let (kept_shards, made) = (&went_on["shards_kept"], &went_on["shards_made"]);
@@ -76,21 +76,21 @@ fn a_dataset_keeps_its_finished_shards() {
 }
 
 #[test]
-fn an_interrupted_teaching_goes_on_with_the_same_demo() {
+fn an_interrupted_distillation_goes_on_with_the_same_demo() {
     let work = Workdir::new();
     // What is finished there is begun anew; what is not goes on, though an older field lies beside it. The teapot has an axis, so the
     // network five inputs.
     work.imf("demo --steps 2 --device cpu --out demo").done();
     let demo = "demo --steps 100000 --device cpu --out demo";
-    work.interrupted_once_it_says("teaching 5→", demo)
-        .interrupted(&["the checkpoint is demo/teaching.safetensors", "same command"]);
+    work.interrupted_once_it_says("training 5→", demo)
+        .interrupted(&["is saved in demo/checkpoint.safetensors", "same command"]);
     let steps = || {
-        let file = FactoredFile::read(&work.path("demo/teaching.safetensors")).unwrap();
+        let file = FactoredFile::read(&work.path("demo/checkpoint.safetensors")).unwrap();
         file.state.unwrap().training.step
     };
     let first = steps();
     assert!((1..100_000).contains(&first), "{first} steps");
-    work.interrupted_once_it_says("teaching 5→", demo).interrupted(&["same command"]);
+    work.interrupted_once_it_says("training 5→", demo).interrupted(&["same command"]);
     assert!(steps() > first, "{} steps after {first}", steps());
 }
 

@@ -1,4 +1,4 @@
-//! Fields that were kept, over their grids: `imf field FIELD` against the library and against what made them.
+//! Saved fields over their grids: `imf field FIELD` against the library.
 
 use std::fs::File;
 
@@ -13,49 +13,35 @@ use crate::binary::{TRAIN, Workdir};
 
 const SET: &str = "fibonacci:19";
 const HARMONIC: &str =
-    "field teapot --dims 15,19,31 --method harmonic --degree 4 --orientations fibonacci:19";
+    "train harmonic teapot --dims 15,19,31 --degree 4 --no-calibrate --out field.safetensors";
 
 fn npy<T: ReadableElement>(work: &Workdir, file: &str) -> Array3<T> {
     Array3::read_npy(File::open(work.path(file)).unwrap()).unwrap()
 }
 
 #[test]
-fn a_harmonic_field_that_is_kept_is_what_was_made() {
+fn options_of_a_part_are_refused_beside_a_saved_field() {
     let work = Workdir::new();
-    work.imf(&format!("{HARMONIC} --out made --save field.safetensors --no-calibrate")).done();
+    work.imf(HARMONIC).done();
     let sections = format!("field field.safetensors --orientations {SET}");
-    let summary = work.imf(&format!("{sections} --out kept --json")).done().json();
+    let summary = work.imf(&format!("{sections} --out saved --json")).done().json();
     assert_eq!(summary["harmonic"]["report"]["functions"], 25);
     assert!(summary["guarantee"].as_str().unwrap().starts_with("approximate (at unseen"), "{summary}");
-    for file in ["cmf-00000.npy", "cmf-00018.npy"] {
-        let [made, kept] = ["made", "kept"].map(|name| npy::<f32>(&work, &format!("{name}/{file}")));
-        assert_eq!(made, kept, "{file}");
-    }
-    work.picture("kept/slices.png");
+    work.picture("saved/slices.png");
     for option in ["", "--refine"] {
-        work.imf(&format!("{HARMONIC} --imf {option} --out made{option}")).done();
-        work.imf(&format!("{sections} --imf {option} --out kept{option}")).done();
-        for file in
-            ["imf.npy", "theta.npy"].into_iter().filter(|file| option == "--refine" || *file == "imf.npy")
-        {
-            let [made, kept] =
-                ["made", "kept"].map(|name| npy::<f32>(&work, &format!("{name}{option}/{file}")));
-            assert_eq!(made, kept, "{option}: {file}");
-        }
-        let [made, kept] =
-            ["made", "kept"].map(|name| npy::<u32>(&work, &format!("{name}{option}/best.npy")));
-        assert_eq!(made, kept, "{option}");
-        work.picture(&format!("kept{option}/imf.png"));
+        work.imf(&format!("{sections} --imf {option} --out saved{option}")).done();
+        work.picture(&format!("saved{option}/imf.png"));
     }
-    for option in ["--pitch 3", "--contact 1", "--elements", "--check 2", "--method harmonic"] {
+    for option in ["--pitch 3", "--contact 1", "--elements", "--check 2"] {
         let name = option.split(' ').next().unwrap();
-        work.imf(&format!("{sections} --out none {option}")).refused(&[
-            name,
-            "a saved field",
-            "leave it out",
-        ]);
+        let words = [name, "a saved field", "leave it out"];
+        work.imf(&format!("{sections} --out none {option}")).refused(&words);
     }
-    work.imf("field field.safetensors --save other.safetensors --method harmonic").refused(&["saved field"]);
+    for option in ["--pitch 3", "--contact 1", "--degree 4", "--online"] {
+        work.imf(&format!("train field.safetensors --out none {option}")).refused(&["is of a part"]);
+    }
+    work.imf("field bracket --orientations 0,0 --imf --refine --out none")
+        .refused(&["--refine is of saved fields"]);
     assert_eq!(work.imf(&format!("{sections} --refine --out none")).code, Some(2));
     work.imf(&format!("{sections} --out none --memory 1KiB")).refused(&["values", "--memory"]);
     work.imf("field missing.safetensors --orientations 0,0 --out none").refused(&["missing.safetensors"]);
@@ -64,11 +50,11 @@ fn a_harmonic_field_that_is_kept_is_what_was_made() {
 #[test]
 fn sections_of_networks_are_the_librarys() {
     let work = Workdir::with_dataset();
-    work.imf(&format!("{HARMONIC} --out made --save field.safetensors --no-calibrate")).done();
-    work.imf("compress field.safetensors --width 32 --layers 2 --steps 50 --out factored").done();
+    work.imf(HARMONIC).done();
+    work.imf("train factored field.safetensors --network 2x32 --steps 50 --out factored").done();
     work.imf(&format!("{TRAIN} --steps 50 --out siren")).done();
     let orientations = OrientationSet::parse(SET).unwrap().orientations;
-    for (file, family) in [("factored/field.safetensors", "factored"), ("siren/model.safetensors", "siren5")]
+    for (file, family) in [("factored/field.safetensors", "factored"), ("siren/field.safetensors", "siren5")]
     {
         let summary = work
             .imf(&format!("field {file} --orientations {SET} --out {family}-sections --json"))
@@ -109,7 +95,7 @@ fn sections_of_networks_are_the_librarys() {
             );
         }
     }
-    work.imf(&format!("field siren/model.safetensors --orientations {SET} --imf --refine --out none"))
+    work.imf(&format!("field siren/field.safetensors --orientations {SET} --imf --refine --out none"))
         .refused(&["--refine", "leave it out"]);
     // What is refused leaves what was there.
     let kept = work.bytes("factored-sections/cmf-00018.npy");
@@ -124,20 +110,21 @@ fn sections_of_networks_are_the_librarys() {
 #[test]
 fn what_was_made_before_is_kept_and_no_source_is_replaced() {
     let work = Workdir::new();
-    let taught = "--width 16 --layers 2 --steps 5 --batch 64 --no-calibrate";
-    work.imf("field teapot --dims 9,11,17 --method harmonic --degree 2 --save own/field.safetensors --no-calibrate")
+    let small = "--network 2x16 --steps 5 --set batch=64";
+    work.imf("train harmonic teapot --dims 9,11,17 --degree 2 --out own/field.safetensors --no-calibrate")
         .done();
     let source = work.bytes("own/field.safetensors");
     let refused = ["would be replaced", "another --out"];
-    work.imf(&format!("compress own/field.safetensors {taught} --out own")).refused(&refused);
+    work.imf(&format!("train factored own/field.safetensors {small} --out own")).refused(&refused);
     assert!(work.bytes("own/field.safetensors") == source);
-    work.imf(&format!("compress own/field.safetensors {taught} --out network")).done();
+    work.imf(&format!("train factored own/field.safetensors {small} --out network")).done();
     let first = work.bytes("network/field.safetensors");
-    let from = "compress own/field.safetensors --from network/field.safetensors --steps 5 --no-calibrate";
+    let from = "train factored own/field.safetensors --from network/field.safetensors --steps 5";
     work.imf(&format!("{from} --out network")).refused(&refused);
     assert!(work.bytes("network/field.safetensors") == first);
     // Another run's result gives way, and stays.
-    let again = work.imf(&format!("compress own/field.safetensors {taught} --seed 7 --out network")).done();
+    let again =
+        work.imf(&format!("train factored own/field.safetensors {small} --set seed=7 --out network")).done();
     assert!(again.stderr.contains("network/field.former.safetensors"), "{}", again.stderr);
     assert!(work.bytes("network/field.former.safetensors") == first);
     assert!(work.bytes("network/field.safetensors") != first);
@@ -146,11 +133,11 @@ fn what_was_made_before_is_kept_and_no_source_is_replaced() {
 #[test]
 fn networks_reach_what_they_nearly_take_for_free() {
     let work = Workdir::with_dataset();
-    work.imf("train data --width 16 --layers 2 --epochs 1 --no-calibrate --out siren").done();
-    let sections = "field siren/model.safetensors --orientations fibonacci:5";
+    work.imf("train siren5 data --network 2x16 --epochs 1 --out siren").done();
+    let sections = "field siren/field.safetensors --orientations fibonacci:5";
     let summary = work.imf(&format!("{sections} --imf --out least --json")).done().json();
     let values = npy::<f32>(&work, "least/imf.npy");
-    let scene = FieldFile::read(&work.path("siren/model.safetensors")).unwrap().scene().clone();
+    let scene = FieldFile::read(&work.path("siren/field.safetensors")).unwrap().scene().clone();
     let free = values.iter().zip(&scene.obstacle.solid);
     let free = free.filter(|&(&value, &solid)| solid == 0 && value <= 1e-3).count();
     assert_eq!((&summary["accessible_outside"], &summary["tau"]), (&free.into(), &0.001.into()));
@@ -158,17 +145,17 @@ fn networks_reach_what_they_nearly_take_for_free() {
     assert!(text.contains("at most 0.001 there, an estimate"), "{text}");
     let table = work.imf(&format!("{sections} --out sections")).done().stdout;
     assert!(table.contains("at most 0.001 outside the part") && table.contains("approximate"), "{table}");
-    let info = work.imf("info siren/model.safetensors").done().stdout;
+    let info = work.imf("info siren/field.safetensors").done().stdout;
     assert!(info.contains("none by its own values"), "{info}");
 }
 
 #[test]
 fn fields_of_depth_are_refused_by_name_and_those_of_contact_are_not() {
     let work = Workdir::new();
-    let field = "field teapot --dims 9,11,17 --method harmonic --degree 2 --no-calibrate";
-    work.imf(&format!("{field} --quantity depth --save depth.safetensors")).done();
+    let field = "train harmonic teapot --dims 9,11,17 --degree 2 --no-calibrate";
+    work.imf(&format!("{field} --quantity depth --out depth.safetensors")).done();
     work.imf("field depth.safetensors --orientations 0,0 --out none").refused(&["depth", "imf query"]);
-    work.imf(&format!("{field} --contact 1 --save contact.safetensors")).done();
+    work.imf(&format!("{field} --contact 1 --out contact.safetensors")).done();
     let contact = "field contact.safetensors --orientations fibonacci:5 --imf";
     work.imf(&format!("{contact} --out least")).done();
     assert!(!work.path("none").exists());
@@ -177,14 +164,12 @@ fn fields_of_depth_are_refused_by_name_and_those_of_contact_are_not() {
 #[test]
 fn many_orientations_are_met_in_batches_and_can_be_interrupted() {
     let work = Workdir::new();
-    work.imf(
-        "field teapot --dims 15,19,31 --method harmonic --degree 8 --save field.safetensors --no-calibrate",
-    )
-    .done();
+    work.imf("train harmonic teapot --dims 15,19,31 --degree 8 --out field.safetensors --no-calibrate")
+        .done();
     let minimum = "field field.safetensors --imf --out least";
     // What a million orientations are worth would take more than a gigabyte at once.
     work.interrupted_once_it_says(
-        "least of the field",
+        "minimum of the field",
         &format!("{minimum} --orientations fibonacci:1000000 --memory 128MiB"),
     )
     .interrupted(&["IMF", "none was written"]);
@@ -194,15 +179,15 @@ fn many_orientations_are_met_in_batches_and_can_be_interrupted() {
 #[test]
 fn what_a_kept_field_is_of_is_said() {
     let work = Workdir::with_dataset();
-    work.imf(&format!("{TRAIN} --steps 50 --out siren --checkpoint-every 0")).done();
-    let field = "field teapot --dims 9,11,17 --method harmonic --degree 2 --no-calibrate --clearance 2";
-    work.imf(&format!("{field} --save grown.safetensors")).done();
+    work.imf(&format!("{TRAIN} --steps 50 --out siren --set checkpoint_every=0")).done();
+    let field = "train harmonic teapot --dims 9,11,17 --degree 2 --no-calibrate --clearance 2";
+    work.imf(&format!("{field} --out grown.safetensors")).done();
     let told = work.imf("field grown.safetensors --orientations 0,0 --out grown").done();
     assert!(told.stderr.contains("grown by a clearance"), "{}", told.stderr);
     let tool = "name = \"side\"\nunit = \"mm\"\nstick_out = 35.0\nsharp_points = [[5.0, 0.0, 20.0]]\n[cutter]\n\
                 shape = \"ball\"\ndiameter = 10.0\nlength = 35.0\n";
     work.write("side.toml", tool.as_bytes());
-    work.imf("field teapot --dims 9,11,17 --method harmonic --degree 2 --no-calibrate --tool side.toml --save side.safetensors")
+    work.imf("train harmonic teapot --dims 9,11,17 --degree 2 --no-calibrate --tool side.toml --out side.safetensors")
         .done();
     let summary = work.imf("field side.safetensors --orientations 0,0 --out side --json").done().json();
     assert!(summary["guarantee"].as_str().unwrap().contains("the tool's tip"), "{summary}");

@@ -55,20 +55,20 @@ pub(crate) fn honest(report: &Value, text: &str) -> bool {
 fn a_model_is_trained_evaluated_and_adapted() {
     let work = Workdir::with_dataset();
     let trained =
-        work.imf(&format!("{TRAIN} --steps 400 --schedule cosine --out model --json")).done().json();
+        work.imf(&format!("{TRAIN} --steps 400 --set schedule=cosine --out model --json")).done().json();
     assert_eq!((&trained["steps"], &trained["parameters"]), (&json!(400), &json!(1_489)));
-    assert_eq!(trained["model"], json!("model/model.safetensors"));
+    assert_eq!(trained["field"], json!("model/field.safetensors"));
     assert!(
         trained["loss"].as_f64().unwrap() < 0.2 && trained["seconds"].as_f64().unwrap() > 0.0,
         "{trained}"
     );
     assert!(trained["engine"].as_str().unwrap().contains("CPU"), "{trained}");
     work.picture("model/loss.png");
-    let model = work.model("model/model.safetensors");
+    let model = work.model("model/field.safetensors");
     assert!(model.record.finished && !model.is_resumable());
     assert!(work.model("model/checkpoint.safetensors").is_resumable());
 
-    let eval = "eval model/model.safetensors --device cpu --random 5 --imf fibonacci:8 --json --out report";
+    let eval = "eval model/field.safetensors --device cpu --random 5 --imf fibonacci:8 --json --out report";
     let evaluated = work.imf(eval).done();
     let report = evaluated.json();
     assert_eq!(serde_json::from_str::<Value>(&work.text("report/report.json")).unwrap(), report);
@@ -92,15 +92,15 @@ fn a_model_is_trained_evaluated_and_adapted() {
 
     work.imf(&DATASET.replace("bracket", "bracket-raw").replace("--out data", "--out raw")).done();
     // At a rate of next to nothing nothing moves: fine-tuning starts from the model's own weights.
-    let finetune = "finetune model/model.safetensors raw --device cpu --batch 256";
+    let finetune = "finetune model/field.safetensors raw --device cpu --batch 256";
     work.imf(&format!("{finetune} --steps 40 --rate 1e-30 --out still")).done();
-    let still = work.model("still/model.safetensors");
+    let still = work.model("still/field.safetensors");
     assert!(still.state.parameters == model.state.parameters, "so low a rate moved the weights");
     assert_eq!(still.record.fine_tuned_from.as_deref(), Some("bracket"));
     assert_eq!(still.scene.record.part, "bracket-raw");
     let adapted = work.imf(&format!("{finetune} --epochs 1 --out adapted --json")).done().json();
     assert_eq!(adapted["steps"], json!((16 * 617u64).div_ceil(256)));
-    assert!(work.model("adapted/model.safetensors").state.parameters != model.state.parameters);
+    assert!(work.model("adapted/field.safetensors").state.parameters != model.state.parameters);
 }
 
 #[test]
@@ -110,7 +110,7 @@ fn a_network_that_was_hardly_trained_is_called_not_learnt() {
     let trained = work.imf(&format!("{TRAIN} --steps 1 --out short --json")).done().json();
     assert_eq!(trained["steps"], json!(1));
     assert!(trained["loss"].is_number(), "{trained}");
-    let eval = "eval short/model.safetensors --device cpu --random 5 --imf fibonacci:8";
+    let eval = "eval short/field.safetensors --device cpu --random 5 --imf fibonacci:8";
     let report = work.imf(&format!("{eval} --json --out short")).done().json();
     assert!(!honest(&report, &work.imf(eval).done().stdout), "{report}");
     assert!(holds(&work.path("short"), "loss.png"));

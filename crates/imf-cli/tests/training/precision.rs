@@ -1,16 +1,16 @@
-//! `--precision bf16`: as good as f32, recorded, resumed to the same bits; refused by name where it cannot be.
+//! `--set precision=bf16`: as good as f32, recorded, resumed to the same bits; refused by name where it cannot be.
 
 use imf_fields::recipe::Precision;
 use imf_train::engine::CpuTrainer;
 
 use crate::binary::{TRAIN, Workdir};
 
-const STEPS: &str = "--steps 3000 --schedule cosine";
+const STEPS: &str = "--steps 3000 --set schedule=cosine";
 
 #[test]
 fn a_training_in_bfloat16_is_as_good_and_resumes_to_the_same_bits() {
     let work = Workdir::with_dataset();
-    let rounded = format!("{TRAIN} {STEPS} --precision bf16");
+    let rounded = format!("{TRAIN} {STEPS} --set precision=bf16");
     if CpuTrainer::check_precision(Precision::Bf16).is_err() {
         work.imf(&format!("{rounded} --out none")).refused(&["bfloat16", "AVX-512 BF16", "f32"]);
         assert!(!work.path("none/checkpoint.safetensors").exists());
@@ -19,7 +19,7 @@ fn a_training_in_bfloat16_is_as_good_and_resumes_to_the_same_bits() {
     let whole = work.imf(&format!("{rounded} --out whole")).done();
     assert!(whole.stderr.contains("products in bfloat16"), "{}", whole.stderr);
     work.imf(&format!("{TRAIN} {STEPS} --out plain")).done();
-    let [whole, plain] = ["whole", "plain"].map(|folder| work.model(&format!("{folder}/model.safetensors")));
+    let [whole, plain] = ["whole", "plain"].map(|folder| work.model(&format!("{folder}/field.safetensors")));
     assert_eq!((whole.record.plan.precision, plain.record.plan.precision), (Precision::Bf16, Precision::F32));
     assert!(whole.state != plain.state, "nothing was rounded");
     let [of_whole, of_plain] = [&whole, &plain].map(|model| model.record.losses.last().unwrap().loss);
@@ -28,14 +28,14 @@ fn a_training_in_bfloat16_is_as_good_and_resumes_to_the_same_bits() {
 
     // What goes on keeps the precision of its checkpoint, whatever is asked for.
     let checkpoint = "broken/checkpoint.safetensors";
-    work.interrupted_after(5, &format!("{rounded} --out broken --checkpoint-every 0.02")).interrupted(&[
+    work.interrupted_after(5, &format!("{rounded} --out broken --set checkpoint_every=0.02")).interrupted(&[
         "is saved in",
         checkpoint,
         "--resume",
     ]);
     assert!((1..3000).contains(&work.model(checkpoint).record.steps));
     work.imf(&format!("{TRAIN} {STEPS} --out broken --resume")).done();
-    let broken = work.model("broken/model.safetensors");
+    let broken = work.model("broken/field.safetensors");
     assert!(broken.state == whole.state, "the pieces ended elsewhere");
     assert_eq!(broken.record.plan, whole.record.plan);
 }

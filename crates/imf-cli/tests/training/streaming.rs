@@ -11,8 +11,8 @@ use crate::binary::{Finished, Workdir};
 const DATASET: &str = "dataset bracket --dims 24,73,43 --density 1 --orientations fibonacci:64 --shard-samples 151000 --out data";
 const SAMPLE_BYTES: u64 = 64 * 75_336 * 8;
 /// More than an epoch, which has 2,355 steps.
-const TRAIN: &str = "train data --device cpu --width 24 --layers 3 --omega 10 --rate 1e-3 --batch 2048 --steps 2600 \
-                     --threads 2 --held-out 500";
+const TRAIN: &str = "train siren5 data --device cpu --network 3x24:10 --rate 1e-3 --batch 2048 --steps 2600 \
+                     --threads 2 --set held_out=500";
 /// Too little for all samples, and enough for a few groups of them.
 const LITTLE: &str = "--memory 60MiB";
 const LITTLE_BYTES: u64 = 60 << 20;
@@ -44,14 +44,14 @@ fn a_dataset_larger_than_memory_trains_from_its_shards_and_resumes_to_the_same_b
     let finished = finished.done();
     assert!(!finished.stderr.contains("groups an epoch"), "{}", finished.stderr);
     assert!(peak > SAMPLE_BYTES, "all samples in {peak} bytes");
-    let in_memory = work.model("whole/model.safetensors");
+    let in_memory = work.model("whole/field.safetensors");
     assert_eq!(in_memory.record.groups_per_epoch, None);
 
     // From the shards, in the memory that was allowed.
     let (finished, peak) = with_peak(&work, &format!("{TRAIN} {LITTLE} --out streamed"));
     let finished = finished.done();
     assert!(peak < LITTLE_BYTES, "{peak} bytes instead of {LITTLE_BYTES}\n{}", finished.stderr);
-    let streamed = work.model("streamed/model.safetensors");
+    let streamed = work.model("streamed/field.safetensors");
     let groups = streamed.record.groups_per_epoch.expect("groups");
     assert!((2..16).contains(&groups), "{groups} groups");
     for words in [&*format!("is read in {groups} groups an epoch"), "training waited"] {
@@ -65,7 +65,7 @@ fn a_dataset_larger_than_memory_trains_from_its_shards_and_resumes_to_the_same_b
     assert!(of_shards < 1.5 * of_memory && of_memory < 0.1, "{of_shards} and {of_memory}");
 
     // Interrupted, and gone on with where there is plenty.
-    let begin = format!("{TRAIN} {LITTLE} --out broken --checkpoint-every 0.05");
+    let begin = format!("{TRAIN} {LITTLE} --out broken --set checkpoint_every=0.05");
     let checkpoint = "broken/checkpoint.safetensors";
     work.interrupted_after(5, &begin).interrupted(&["is saved in", checkpoint, "--resume"]);
     let saved = work.model(checkpoint);
@@ -78,14 +78,14 @@ fn a_dataset_larger_than_memory_trains_from_its_shards_and_resumes_to_the_same_b
     ]);
     assert!(work.model(checkpoint) == saved, "a refusal changed the checkpoint");
     work.imf(&format!("{TRAIN} {PLENTY} --out broken --resume")).done();
-    for file in ["model.safetensors", "checkpoint.safetensors"] {
+    for file in ["field.safetensors", "checkpoint.safetensors"] {
         let [whole, broken] = ["streamed", "broken"].map(|folder| work.model(&format!("{folder}/{file}")));
         assert!(whole.state == broken.state, "{file}: the pieces ended elsewhere");
         assert_eq!(broken.record.groups_per_epoch, Some(groups));
     }
 
     // Begun in memory, it does not go on in another order.
-    work.interrupted_after(5, &format!("{TRAIN} {PLENTY} --out held --checkpoint-every 0.05"))
+    work.interrupted_after(5, &format!("{TRAIN} {PLENTY} --out held --set checkpoint_every=0.05"))
         .interrupted(&["is saved in"]);
     work.imf(&format!("{TRAIN} {LITTLE} --out held --resume"))
         .refused(&["begun with all of them in memory", "8 bytes each"]);

@@ -1,4 +1,4 @@
-//! How a network of the point is distilled from its teacher.
+//! How a network of the point is distilled.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +10,7 @@ use crate::recipe::{
 };
 use crate::siren::ShapeError;
 
-/// What a factored field is made by, beside its teacher.
+/// How a factored field is trained.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct DistillSettings {
@@ -24,38 +24,36 @@ pub struct DistillSettings {
     pub plan: TrainingPlan,
     /// How the weights follow the gradient.
     pub optimiser: Optimiser,
-    /// Steps between two solutions of the last layer in closed form, one of which ends teaching, and one begins it if it has no more
-    /// than 400 steps; 0 for none. They are of
-    /// least squares, whatever the plan's loss.
+    /// Steps between two solutions of the output layer in closed form, one of which ends the training, and one begins it if it has
+    /// no more than 400 steps; 0 for none. They are of least squares, whatever the plan's loss.
     pub solve_every: u64,
-    /// How sections come and go where they teach by themselves : no last layer is solved for then.
-    /// Nothing where a harmonic field teaches. [`DistillSettings::of_sections`] has the rates for it.
+    /// How sections come and go where the network is trained by them alone: no output layer is solved for then. Nothing where a
+    /// harmonic field is distilled. [`DistillSettings::of_sections`] has the rates for it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub online: Option<OnlineSettings>,
-    /// What the network is told of the obstacle's symmetry, where a harmonic field of directions teaches: [`Symmetry::of`] finds
-    /// what there is.
+    /// The obstacle's symmetry as a prior, where a harmonic field of directions is distilled: [`Symmetry::of`] finds what there is.
     #[serde(skip_serializing_if = "Symmetry::is_none")]
     pub symmetry: Symmetry,
 }
 
-/// Steps in which the rate rises; a solved last layer needs few.
+/// Steps in which the rate rises; a closed-form output layer needs few.
 const WARMUP: u64 = 10;
-/// The highest rate from a teaching's length; it falls to 0 over it.
+/// The highest rate from a training's length; it falls to 0 over it.
 const fn rates(shorter: f32) -> Schedule {
     Schedule::Length { initial: 1.5e-3, steps: 1000, power: 0.75, shorter, warmup: WARMUP }
 }
-/// Short teachings keep most of the sines that they begin with, and the last layer is solved for.
+/// Short trainings keep most of the sines that they begin with, and the output layer is solved for.
 const RATES: Schedule = rates(0.6);
 /// Where it is not, it is learnt.
 const RATES_BY_SECTIONS: Schedule = rates(0.0);
 
-/// The highest rate from another field's network, and steps between two solutions of the last layer: higher rates lose what it
+/// The highest rate from another field's network, and steps between two solutions of the output layer: higher rates lose what it
 /// knows in the first steps, before there are moments to go by.
 const RATE_OF_ANOTHER: f32 = 3e-4;
 const SOLVE_OF_ANOTHER: u64 = 10;
 
 impl Default for DistillSettings {
-    /// What is taught where nothing is asked: a network of about a megabyte, every voxel five times over.
+    /// A network of about a megabyte, every voxel seen five times.
     fn default() -> Self {
         Self {
             width: 256,
@@ -89,8 +87,8 @@ impl DistillSettings {
         Self { plan: TrainingPlan { length, ..defaults.plan }, ..defaults }
     }
 
-    /// The defaults for a length of a teaching that begins with the network of another field, such as that of the part before it
-    /// was changed (see the trainer).
+    /// The defaults for a length of a warm start: a training from the network of another field, such as that of the part before
+    /// it was changed.
     #[must_use]
     pub fn of_another(length: Length) -> Self {
         let usual = Self::of_length(length);
@@ -98,7 +96,7 @@ impl DistillSettings {
         Self { plan, solve_every: SOLVE_OF_ANOTHER, ..usual }
     }
 
-    /// The defaults for a length of a teaching by sections that come and go like this .
+    /// The defaults for a length of a training by sections that come and go like this.
     #[must_use]
     pub fn of_sections(length: Length, online: OnlineSettings) -> Self {
         let usual = Self::of_length(length);
@@ -106,12 +104,13 @@ impl DistillSettings {
         Self { plan, online: Some(online), ..usual }
     }
 
-    /// The rates of a teaching from the highest, which by default follows from the length.
+    /// The rates of a training from the highest, which by default follows from the length.
     pub fn rates_from(highest: f32) -> Schedule {
         Schedule::Cosine { initial: highest, last: 0.0, warmup: WARMUP }
     }
 
-    /// Outputs of the network that a field teaches: its axes, or its functions where the network is told of symmetry.
+    /// Outputs of the network that a field is distilled into: its components, or its functions where the network is
+    /// symmetry-reduced.
     pub fn outputs(&self, teacher: &HarmonicField) -> usize {
         self.symmetry.coefficients(teacher.axis_count(), teacher.basis.len())
     }
@@ -127,7 +126,7 @@ impl DistillSettings {
         FactoredState::new(&self.shape(axes), self.plan.seed)
     }
 
-    /// Voxels of a step at a teacher.
+    /// Voxels of a step over a field's grid.
     pub fn batch(&self, teacher: &HarmonicField) -> usize {
         self.plan.batch.min(teacher.grid.len())
     }

@@ -4,7 +4,7 @@ use super::FactoredShape;
 use crate::recipe::divergence::Watch;
 use crate::recipe::{Cursor, TrainingState};
 
-/// Everything that teaching changes: enough to go on to the same bits.
+/// Everything that training changes: enough to go on to the same bits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FactoredState {
     /// Weights, moments and steps.

@@ -10,7 +10,7 @@ use imf_fields::harmonic::{FitSettings, HarmonicField, fit};
 use imf_fields::recipe::schedule::Schedule;
 use imf_fields::recipe::{Length, Loss, Optimiser, SoapConfig, TrainingPlan};
 use imf_gpu::{Gpu, GpuTrainer, TrainerSettings};
-use imf_train::distill::{teach, teach_on};
+use imf_train::distill::{distil, distil_on};
 
 use crate::devices::{every_device, numbers, open, rows, wide};
 use crate::fields::scene;
@@ -109,20 +109,21 @@ fn distillation_reaches_the_cpus_error_and_goes_on_to_the_same_bits() {
                 let control = Control { cancelled: &cancelled, ..Control::quiet() };
                 for _ in 0..2 {
                     let mut engine = engine(&gpu, &all, &teacher, &state);
-                    teach_on(&teacher, &all, &mut state, &mut engine, control, &mut |_| {}).unwrap();
+                    distil_on(&teacher, &all, &mut state, &mut engine, control, &mut |_| {}).unwrap();
                 }
                 assert!(state.training.step > 0 && state.training.step < 300, "{}", state.training.step);
             }
             let mut engine = engine(&gpu, &all, &teacher, &state);
             let mut observe = |report: &imf_train::training::run::Report| of_gpu = report.mean_loss;
-            teach_on(&teacher, &all, &mut state, &mut engine, Control::quiet(), &mut observe).unwrap();
+            distil_on(&teacher, &all, &mut state, &mut engine, Control::quiet(), &mut observe).unwrap();
             (state.training, of_gpu)
         };
         let (training, of_gpu) = run(false);
         assert!(run(true).0 == training, "{optimiser:?}: stopped on the way, it ended elsewhere");
         let mut state = all.start(axes);
         let mut of_cpu = 0.0;
-        teach(&teacher, &all, &mut state, Control::quiet(), &mut |report| of_cpu = report.mean_loss).unwrap();
+        distil(&teacher, &all, &mut state, Control::quiet(), &mut |report| of_cpu = report.mean_loss)
+            .unwrap();
         println!("{optimiser:?}: GPU {of_gpu:.2e}, CPU {of_cpu:.2e}");
         // Roundings part the two a little more with every step.
         assert!(

@@ -23,7 +23,7 @@ const FORMAT: &str = "imf-dataset";
 const VERSION: u32 = 1;
 const MANIFEST: &str = "manifest.json";
 const OBSTACLE: &str = "obstacle.safetensors";
-/// Samples that a shard holds at most unless told, and unless one section has more: 8 bytes each.
+/// Samples that a shard holds at most by default, unless one section has more: 8 bytes each.
 const SHARD_SAMPLES: u64 = 4_000_000;
 
 /// How a dataset is cut up, and which part of it is made here.

@@ -3,37 +3,9 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use glam::{DMat4, DVec3};
-
 use super::*;
-use imf_core::grid::Grid;
-use imf_core::occupancy::Occupancy;
-use imf_core::scene::SceneRecord;
+use crate::fixtures::scene;
 use imf_core::section::sections;
-use imf_core::tool::Tool;
-use imf_core::unit::LengthUnit;
-
-fn scene() -> Scene {
-    let grid = Grid { origin: DVec3::ZERO, pitch: 8.0, dims: [9, 10, 11] };
-    let solid = (0..grid.len()).map(|i| u8::from(i % 7 < 3)).collect();
-    let obstacle = Occupancy { grid, solid };
-    let record = SceneRecord {
-        part: "test".into(),
-        unit: LengthUnit::Mm,
-        transform: DMat4::IDENTITY,
-        grid,
-        margin: 0,
-        conservative: false,
-        closed: true,
-        tool: Tool::paper(),
-        clearance: imf_core::tool::Clearance::default(),
-        ungrown: None,
-        fixtures: Vec::new(),
-        contact: None,
-        obstacle_crc32: crc32fast::hash(&obstacle.packed()),
-    };
-    Scene::from_union(record, obstacle)
-}
 
 fn make(folder: &Path) -> Result<Generated, DatasetError> {
     generate(

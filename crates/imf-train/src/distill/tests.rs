@@ -1,12 +1,12 @@
-//! The fast engine against the f64 definition, the field against its teacher and central differences, and against itself
+//! The fast engine against the f64 definition, the field against its harmonic and central differences, and against itself
 //! read back.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use glam::DVec3;
 
-use super::adapt::parameters_for;
-use super::last_layer::{SOLVED_FIRST, solve_last_layer};
+use super::output_layer::{SOLVED_FIRST, solve_output_layer};
+use super::warm_start::parameters_for;
 use super::*;
 use crate::training::TrainingEngine;
 use crate::training::run::{Outcome, TrainError};
@@ -19,8 +19,8 @@ use imf_core::tool::Tool;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::targets::Targets;
 use imf_fields::factored::{
-    DistillSettings, FactoredEvaluator, FactoredField, FactoredShape, INPUTS, PointScratch, Symmetry,
-    reference,
+    DistillSettings, FactoredEvaluator, FactoredField, FactoredShape, FactoredState, INPUTS, PointScratch,
+    Symmetry, reference,
 };
 use imf_fields::file::FieldFileError;
 use imf_fields::harmonic::basis::Domain;
@@ -56,7 +56,7 @@ const FIT: FitSettings = FitSettings {
     one_pass: true,
 };
 
-fn teacher(scene: &Scene) -> HarmonicField {
+fn harmonic(scene: &Scene) -> HarmonicField {
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
     fit(&plan, Domain::Directions, &FIT, Control::quiet()).unwrap()
 }
@@ -175,114 +175,16 @@ fn the_definitions_gradient_and_jacobian_are_central_differences() {
 }
 
 /// A state of random weights whose field is no constant.
-fn field(teacher: &HarmonicField, width: usize) -> FactoredField {
+fn field(harmonic: &HarmonicField, width: usize) -> FactoredField {
     let shape = FactoredShape {
         width,
         hidden: 3,
         omega: 8.0,
-        axes: teacher.axis_count(),
+        axes: harmonic.axis_count(),
         folded: false,
         symmetry: Symmetry::default(),
     };
-    FactoredField::new(teacher, shape, shape.initial_parameters(2)).unwrap()
-}
-
-#[test]
-fn every_way_to_evaluate_is_the_definition() {
-    let scene = scene();
-    let teacher = teacher(&scene);
-    let set = OrientationSet::parse("random:530:4").unwrap().orientations;
-    let mut functions = vec![0.0; teacher.basis.len()];
-    let fields = [37, 130].map(|width| field(&teacher, width));
-    for field in fields.iter().cloned().chain(fields.iter().cloned().map(FactoredField::fold)) {
-        let (grid, weights) = (field.grid, as_f64(&field.parameters));
-        let evaluator = field.evaluator();
-        let heads = field.direction_weights(&set);
-        let mut sections = vec![f32::NAN; grid.len() * set.len()];
-        evaluator.sections(&heads, &mut sections);
-        let expanded = evaluator.expanded(Precision::F32, teacher.report);
-        let mut again = vec![f32::NAN; sections.len()];
-        expanded.sections(&heads, &mut again);
-        assert_eq!(sections, again);
-        let least = evaluator.minimum(&heads);
-        let mut expected = Imf::new(grid.len());
-        for (index, section) in sections.chunks_exact(grid.len()).enumerate() {
-            expected.lower_to(index, section);
-        }
-        let voxels = [[0, 0, 0], [14, 18, 30], [7, 3, 20], [3, 11, 9]];
-        let points: Vec<DVec3> =
-            voxels.iter().map(|&v| grid.centre(v)).chain([grid.origin, DVec3::NAN]).collect();
-        let poses: Vec<[u32; 2]> = (0..points.len() as u32 * 11).map(|i| [i / 11, i % 11 * 48]).collect();
-        let mut scratch = PointScratch::default();
-        for &[point, orientation] in &poses {
-            let (point, orientation) = (point as usize, orientation as usize);
-            if point >= voxels.len() {
-                assert_eq!(evaluator.overlap(points[point], &set[orientation], &mut scratch), None);
-                continue;
-            }
-            let input: Vec<f64> = field.input(points[point]).iter().map(|&v| f64::from(v)).collect();
-            let z = reference::forward(&field.shape, &weights, &input);
-            field.basis.values(&set[orientation], &mut functions);
-            let defined = defined(&field, &z, &functions);
-            let defined = defined.clamp(0.0, 1.0);
-            let section = sections[orientation * grid.len() + grid.index(voxels[point])];
-            let single = evaluator.overlap(points[point], &set[orientation], &mut scratch).unwrap();
-            for found in [section, single] {
-                // Sums of some hundred products in f32, of values up to one.
-                assert!((f64::from(found) - defined).abs() < 2e-5, "{found}, not {defined}");
-            }
-        }
-        for voxel in 0..grid.len() {
-            let value = least.value[voxel];
-            assert!((value - expected.value[voxel]).abs() < 1e-6);
-            let of_best = sections[least.best[voxel] as usize * grid.len() + voxel];
-            assert!((of_best - value).abs() < 1e-6, "voxel {voxel}: {of_best}, {value}");
-        }
-    }
-}
-
-#[test]
-fn gradients_of_single_poses_are_central_differences_on_every_instruction_set() {
-    let scene = scene();
-    let teacher = teacher(&scene);
-    let field = field(&teacher, 70);
-    let folded = field.clone().fold();
-    let grid = field.grid;
-    let mut scratch = PointScratch::default();
-    for (arch, field) in archs().into_iter().flat_map(|arch| [(arch, &field), (arch, &folded)]) {
-        let mut evaluator = field.evaluator();
-        evaluator.arch = arch;
-        for (fraction, direction) in [
-            (DVec3::new(0.31, 0.52, 0.44), DVec3::new(0.4, 0.5, -0.7)),
-            (DVec3::new(0.61, 0.42, 0.74), DVec3::Z),
-            (DVec3::new(0.47, 0.22, 0.58), -DVec3::Z),
-        ] {
-            let position = grid.origin + grid.size() * fraction;
-            let direction = direction.normalize();
-            let found = evaluator.overlap_with_gradient(position, direction, &mut scratch).unwrap();
-            let mut at = |position, direction| {
-                f64::from(evaluator.overlap_with_gradient(position, direction, &mut scratch).unwrap().value)
-            };
-            // Values in f32: about 1e-6 over a tenth of a voxel, whose third derivative the second order leaves out.
-            let step = 0.1;
-            for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
-                let by = axis * step * grid.pitch;
-                let expected =
-                    (at(position + by, direction) - at(position - by, direction)) / (2.0 * step * grid.pitch);
-                let slope = found.position.dot(axis);
-                assert!((slope - expected).abs() < 2e-3 / grid.pitch, "{arch:?}: {slope}, {expected}");
-            }
-            let step = 1e-2;
-            let (u, v) = direction.any_orthonormal_pair();
-            for tangent in [u, v] {
-                let ahead = at(position, direction + tangent * step);
-                let behind = at(position, direction - tangent * step);
-                let expected = (ahead - behind) / (2.0 * step);
-                let slope = found.direction.dot(tangent);
-                assert!((slope - expected).abs() < 2e-3, "{arch:?}: {slope}, {expected}");
-            }
-        }
-    }
+    FactoredField::new(harmonic, shape, shape.initial_parameters(2)).unwrap()
 }
 
 /// What a field is by definition of its network's outputs and its functions' values, not clipped: `Σ b_k (μ_k + s Σ U_ka z_a)`.
@@ -296,60 +198,63 @@ fn defined(field: &FactoredField, z: &[f64], functions: &[f64]) -> f64 {
 }
 
 /// The mean squared error of the coefficients, which is that of the field over the sphere.
-fn error(field: &FactoredField, teacher: &HarmonicField) -> f64 {
-    let expanded = field.evaluator().expanded(Precision::F32, teacher.report);
+fn error(field: &FactoredField, harmonic: &HarmonicField) -> f64 {
+    let expanded = field.evaluator().expanded(Precision::F32, harmonic.report);
     let (mut a, mut b) = (Vec::new(), Vec::new());
-    let (found, taught) = (
+    let (found, distilled) = (
         expanded.coefficients.read(0, expanded.coefficients.len(), &mut a),
-        teacher.coefficients.read(0, teacher.coefficients.len(), &mut b),
+        harmonic.coefficients.read(0, harmonic.coefficients.len(), &mut b),
     );
-    let sum: f64 = found.iter().zip(taught).map(|(&f, &t)| f64::from(f - t).powi(2)).sum();
-    sum / teacher.grid.len() as f64
+    let sum: f64 = found.iter().zip(distilled).map(|(&f, &t)| f64::from(f - t).powi(2)).sum();
+    sum / harmonic.grid.len() as f64
 }
 
 #[test]
-fn teaching_brings_the_field_to_its_teacher_with_every_optimiser() {
+fn distillation_brings_the_field_to_the_harmonic_one_with_every_optimiser() {
     let scene = scene();
-    let teacher = teacher(&scene);
-    let axes = teacher.axis_count();
+    let harmonic = harmonic(&scene);
+    let axes = harmonic.axis_count();
     let constant =
-        f64::from(Targets::new(&teacher, Symmetry::default()).unwrap().scale).powi(2) * axes as f64;
+        f64::from(Targets::new(&harmonic, Symmetry::default()).unwrap().scale).powi(2) * axes as f64;
     for optimiser in OPTIMISERS {
         let settings = DistillSettings { optimiser, ..settings(400) };
         let mut state = settings.start(axes);
-        let mut told = 0.0;
+        let mut reported = 0.0;
         let steps = AtomicU64::new(0);
         let count = |done| {
             steps.fetch_add(done, Ordering::Relaxed);
         };
         let control = Control { progress: &count, ..Control::quiet() };
-        teach(&teacher, &settings, &mut state, control, &mut |report| told = report.mean_loss).unwrap();
+        distil(&harmonic, &settings, &mut state, control, &mut |report| reported = report.mean_loss).unwrap();
         assert_eq!(steps.into_inner(), 400);
-        let field = FactoredField::new(&teacher, settings.shape(axes), state.training.parameters).unwrap();
-        let found = error(&field, &teacher);
+        let field = FactoredField::new(&harmonic, settings.shape(axes), state.training.parameters).unwrap();
+        let found = error(&field, &harmonic);
         assert!(found < 0.02 * constant, "{optimiser:?}: {found} of {constant}");
         // The loss of the last steps' batches is that of all voxels, nearly.
-        assert!((0.5..2.0).contains(&(told / found)), "{optimiser:?}: told {told}, found {found}");
+        assert!(
+            (0.5..2.0).contains(&(reported / found)),
+            "{optimiser:?}: reported {reported}, found {found}"
+        );
     }
 }
 
 #[test]
-fn the_solved_last_layer_is_that_of_least_squares() {
+fn the_closed_form_output_layer_is_that_of_least_squares() {
     let scene = scene();
-    let teacher = teacher(&scene);
-    let axes = teacher.axis_count();
-    let mut field = field(&teacher, 17);
+    let harmonic = harmonic(&scene);
+    let axes = harmonic.axis_count();
+    let mut field = field(&harmonic, 17);
     let shape = field.shape;
     // All voxels: what the definition sums over.
-    let targets = Targets::new(&teacher, Symmetry::default()).unwrap();
-    solve_last_layer(&mut field, &targets, usize::MAX / 1000, 0.0);
-    let (columns, voxels) = (shape.width + 1, teacher.grid.len());
+    let targets = Targets::new(&harmonic, Symmetry::default()).unwrap();
+    solve_output_layer(&mut field, &targets, usize::MAX / 1000, 0.0);
+    let (columns, voxels) = (shape.width + 1, harmonic.grid.len());
     let (mut last, mut outputs) = (vec![0.0; voxels * columns], vec![0.0; voxels * axes]);
-    let centres = (0..voxels).map(|voxel| teacher.grid.centre(teacher.grid.voxel(voxel)));
+    let centres = (0..voxels).map(|voxel| harmonic.grid.centre(harmonic.grid.voxel(voxel)));
     field.evaluator().with_last_layer(centres, &mut last, &mut outputs);
     let last = nalgebra::DMatrix::from_row_slice(voxels, columns, &as_f64(&last));
     let mut scratch = Vec::new();
-    let z = teacher.coefficients.read(0, teacher.coefficients.len(), &mut scratch);
+    let z = harmonic.coefficients.read(0, harmonic.coefficients.len(), &mut scratch);
     let targets = nalgebra::DMatrix::from_row_slice(voxels, axes, &as_f64(z)) / f64::from(field.scale);
     let expected = last.clone().svd(true, true).solve(&targets, 1e-9).unwrap();
     let layer = shape.layers()[shape.hidden];
@@ -363,27 +268,27 @@ fn the_solved_last_layer_is_that_of_least_squares() {
 }
 
 #[test]
-fn solving_now_and_then_teaches_more_in_as_many_steps() {
+fn solving_now_and_then_learns_more_in_as_many_steps() {
     let scene = scene();
-    let teacher = teacher(&scene);
-    let axes = teacher.axis_count();
+    let harmonic = harmonic(&scene);
+    let axes = harmonic.axis_count();
     let after = |solve_every: u64| {
         let optimiser = Optimiser::Soap(SoapConfig::default());
         let settings = DistillSettings { solve_every, optimiser, ..settings(100) };
         let mut state = settings.start(axes);
-        teach(&teacher, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
-        let field = FactoredField::new(&teacher, settings.shape(axes), state.training.parameters).unwrap();
-        error(&field, &teacher)
+        distil(&harmonic, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
+        let field = FactoredField::new(&harmonic, settings.shape(axes), state.training.parameters).unwrap();
+        error(&field, &harmonic)
     };
     let [never, now_and_then] = [0, 20].map(after);
     assert!(now_and_then < 0.8 * never, "{now_and_then}, without {never}");
 }
 
 #[test]
-fn short_teachings_begin_with_a_solved_last_layer() {
+fn short_trainings_begin_with_a_closed_form_output_layer() {
     let scene = scene();
-    let teacher = teacher(&scene);
-    let axes = teacher.axis_count();
+    let harmonic = harmonic(&scene);
+    let axes = harmonic.axis_count();
     let first_loss = |steps: u64, solve_every: u64| {
         let settings = settings(steps);
         let plan = TrainingPlan { report_every: 1, ..settings.plan };
@@ -391,7 +296,7 @@ fn short_teachings_begin_with_a_solved_last_layer() {
         let cancelled = AtomicBool::new(true);
         let control = Control { cancelled: &cancelled, ..Control::quiet() };
         let mut found = f64::NAN;
-        teach(&teacher, &settings, &mut settings.start(axes), control, &mut |report| {
+        distil(&harmonic, &settings, &mut settings.start(axes), control, &mut |report| {
             assert_eq!(report.step, 1);
             found = report.mean_loss;
         })
@@ -407,8 +312,8 @@ fn short_teachings_begin_with_a_solved_last_layer() {
 #[test]
 fn threads_and_interruptions_change_no_bit() {
     let scene = scene();
-    let teacher = teacher(&scene);
-    let axes = teacher.axis_count();
+    let harmonic = harmonic(&scene);
+    let axes = harmonic.axis_count();
     for optimiser in OPTIMISERS {
         // Across the end of an epoch of 30 steps, whose last batch is smaller.
         let settings = DistillSettings { optimiser, ..settings(50) };
@@ -420,13 +325,14 @@ fn threads_and_interruptions_change_no_bit() {
                     let cancelled = AtomicBool::new(true);
                     let control = Control { cancelled: &cancelled, ..Control::quiet() };
                     for _ in 0..3 {
-                        let outcome = teach(&teacher, &settings, &mut state, control, &mut |_| {}).unwrap();
+                        let (outcome, _) =
+                            distil(&harmonic, &settings, &mut state, control, &mut |_| {}).unwrap();
                         assert_eq!(outcome, Outcome::Stopped(state.cursor));
                     }
                     assert_eq!(state.cursor, Cursor { epoch: 0, step: 21 });
                 }
                 let quiet = Control::quiet();
-                let outcome = teach(&teacher, &settings, &mut state, quiet, &mut |_| {}).unwrap();
+                let (outcome, _) = distil(&harmonic, &settings, &mut state, quiet, &mut |_| {}).unwrap();
                 assert_eq!(outcome, Outcome::Finished);
                 state
             })
@@ -441,13 +347,13 @@ fn threads_and_interruptions_change_no_bit() {
 #[test]
 fn what_does_not_fit_is_refused_by_name() {
     let scene = scene();
-    let teacher = teacher(&scene);
-    let axes = teacher.axis_count();
+    let harmonic = harmonic(&scene);
+    let axes = harmonic.axis_count();
     let start = settings(5).start(axes);
     let refused = |settings: DistillSettings, words: &str| {
         let mut state = start.clone();
         let before = state.clone();
-        let error = teach(&teacher, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap_err();
+        let error = distil(&harmonic, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap_err();
         assert!(error.to_string().contains(words), "{error}");
         assert_eq!(state, before);
     };
@@ -458,21 +364,26 @@ fn what_does_not_fit_is_refused_by_name() {
     for (step, count) in [(3, 0), (3, kept - 1), (0, kept)] {
         let mut state = start.clone();
         (state.training.step, state.training.preconditioners) = (step, vec![0.0; count]);
-        let error = teach(&teacher, &soap, &mut state, Control::quiet(), &mut |_| {}).unwrap_err();
+        let error = distil(&harmonic, &soap, &mut state, Control::quiet(), &mut |_| {}).unwrap_err();
         assert!(error.to_string().contains("SOAP's means and axes"), "{error}");
     }
     let mut plan = settings(2000).plan;
     plan.schedule = Schedule::Exponential { initial: 1e30, factor: 1.0, warmup: 0 };
     let mut state = settings(5).start(axes);
-    let result =
-        teach(&teacher, &DistillSettings { plan, ..settings(5) }, &mut state, Control::quiet(), &mut |_| {});
+    let result = distil(
+        &harmonic,
+        &DistillSettings { plan, ..settings(5) },
+        &mut state,
+        Control::quiet(),
+        &mut |_| {},
+    );
     assert!(result.as_ref().is_err_and(TrainError::is_divergence), "{result:?}");
     let shape = settings(5).shape(axes + 1);
-    assert!(FactoredField::new(&teacher, shape, shape.initial_parameters(1)).is_err());
+    assert!(FactoredField::new(&harmonic, shape, shape.initial_parameters(1)).is_err());
 }
 
-mod by_sections;
 mod calibration;
 mod evaluators;
-mod kept;
+mod files;
+mod sections;
 mod symmetry;

@@ -1,6 +1,7 @@
 //! The CPU engine against the f64 definition, and its guarantee that threads change nothing.
 
 use crate::engine::*;
+use crate::training::TrainingEngine as _;
 use imf_fields::siren::EvaluationEngine;
 use imf_fields::siren::INPUTS;
 use imf_fields::siren::lanes::archs;

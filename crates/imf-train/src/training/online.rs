@@ -6,7 +6,7 @@
 //! run can be repeated, and resumed from the step alone: the pool is computed anew. A trainer that comes too early waits,
 //! a producer that is [`OnlineSettings::lead`] sections ahead waits as well; [`Waits`] says who did.
 
-use std::ops::{ControlFlow, Range};
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::TrainingEngine;
 use super::permutation::mix;
-use super::run::{Outcome, Report, Start, TrainError, gather, train_by};
+use super::run::{Observer, Outcome, Start, TrainError, gather, train_by};
 use crate::dataset::draw;
 use imf_core::grid::Grid;
 use imf_core::section::{SectionError, SectionPlan, SectionScratch};
@@ -200,7 +200,7 @@ pub fn train_online(
     engine: &mut dyn TrainingEngine,
     start: impl Into<Start>,
     cancelled: &AtomicBool,
-    observer: &mut dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()>,
+    observer: &mut Observer<'_>,
 ) -> Result<(Outcome, Waits), TrainError> {
     let settings = sections.settings;
     settings.check()?;

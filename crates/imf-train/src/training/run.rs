@@ -1,4 +1,4 @@
-//! The training loop: feeds batches in each epoch's order to an engine, reports, and stops where it is told to.
+//! The training loop: feeds batches in each epoch's order to an engine, reports, and stops where its observer says so.
 //!
 //! Where training stands is a [`Cursor`]: epoch and step in it. The order of the samples, the learning rate and the
 //! batches follow from the plan and the cursor alone, so a run that is stopped and continued with the engine's saved
@@ -35,7 +35,7 @@ impl From<Cursor> for Start {
     }
 }
 
-/// What the observer is told.
+/// What the observer gets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Report {
     /// The next step; with the engine's state all that resuming needs.
@@ -58,7 +58,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// Time left at the present rate of steps; nothing where none can be told.
+    /// Time left at the present rate of steps; nothing where none can be known.
     #[must_use]
     pub fn remaining(&self, plan: &TrainingPlan) -> Option<Duration> {
         let samples = (self.total_steps - self.step) as f64 * plan.batch as f64;
@@ -148,6 +148,9 @@ impl TrainError {
     }
 }
 
+/// What happens at every report of a training; a break ends it.
+pub type Observer<'a> = dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()> + 'a;
+
 /// Fills rows of a step's batch: its cursor, its number from the run's beginning, which rows (all, or the share of this
 /// process), their `inputs` and `targets` as [`TrainingEngine::step`] takes them. What a row holds must follow from cursor,
 /// step and row alone.
@@ -167,7 +170,7 @@ pub fn train(
     samples: &Samples,
     engine: &mut dyn TrainingEngine,
     start: impl Into<Start>,
-    observer: &mut dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()>,
+    observer: &mut Observer<'_>,
 ) -> Result<Outcome, TrainError> {
     let start = start.into();
     let epoch = start.cursor.epoch;
@@ -193,7 +196,7 @@ pub fn train_by(
     feed: &mut Feed<'_>,
     engine: &mut dyn TrainingEngine,
     start: impl Into<Start>,
-    observer: &mut dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()>,
+    observer: &mut Observer<'_>,
 ) -> Result<Outcome, TrainError> {
     plan.check()?;
     if samples == 0 {

@@ -16,14 +16,14 @@
 //! A second thread reads the next group while the present one is trained on. Two groups' room is allocated once and
 //! goes to and fro between the threads; [`Shards::memory_in_groups`] says how much that is.
 
-use std::ops::{ControlFlow, Range};
+use std::ops::Range;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::time::{Duration, Instant};
 
 use super::TrainingEngine;
 use super::permutation::{Permutation, mix};
-use super::run::{Outcome, Report, Start, TrainError, gather, train_by};
+use super::run::{Observer, Outcome, Start, TrainError, gather, train_by};
 use crate::dataset::{DatasetError, Shards};
 use crate::samples::Samples;
 use imf_core::section::SectionError;
@@ -202,7 +202,7 @@ pub fn train_streamed(
     groups: usize,
     engine: &mut dyn TrainingEngine,
     start: impl Into<Start>,
-    observer: &mut dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()>,
+    observer: &mut Observer<'_>,
 ) -> Result<(Outcome, Duration), TrainError> {
     let start = start.into();
     plan.check()?;

@@ -4,22 +4,22 @@
 use anyhow::Result;
 use imf_core::scene::Scene;
 use imf_fields::factored::DistillSettings;
+use imf_fields::factored::file::FactoredFile;
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::recipe::{Length, TrainingPlan};
 
 use super::questions;
 use crate::arguments::DemoArguments;
-use crate::arguments::compress::SymmetryChoice;
-use crate::commands::compress::{self, Beginning};
 use crate::commands::eval::{IMF_ORIENTATIONS, require_memory};
-use crate::commands::train::factored::{self, Asked};
+use crate::commands::train::factored::{Request, beside};
 use crate::engine::{Calls, Device, Evaluated};
+use crate::job::{self, FactoredStart};
 use crate::output::claim;
 use crate::report::{Report, Subject, evaluate};
 use crate::session::Session;
 
-/// Steps of teaching: twice through the grid, a dozen seconds on two fast cores.
+/// Steps of training: twice through the grid, a dozen seconds on two fast cores.
 const STEPS: u64 = 1_000;
 /// Seconds between checkpoints.
 const CHECKPOINT_EVERY: f64 = 30.0;
@@ -27,24 +27,24 @@ const CHECKPOINT_EVERY: f64 = 30.0;
 pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) -> Result<Report> {
     let device = Device::open(&arguments.device.device, session)?;
     let _claim = claim(&arguments.out)?;
-    let beginning = Beginning::at(&arguments.out, compress::is_unfinished(&arguments.out))?;
+    let start = FactoredStart::at(&arguments.out, job::is_unfinished::<FactoredFile>(&arguments.out))?;
     let defaults = DistillSettings::of_length(Length::Steps(arguments.steps.unwrap_or(STEPS)));
-    let defaults = beginning.settled(None, None, defaults);
-    let symmetry = beginning.symmetry(SymmetryChoice::Auto);
-    let settings = compress::Settings {
-        teach: DistillSettings {
+    let defaults = start.settled(None, None, defaults);
+    let symmetry = start.symmetry(true);
+    let request = Request {
+        degree: None,
+        find_symmetry: symmetry.is_none(),
+        settings: DistillSettings {
             plan: TrainingPlan { seed: arguments.seed, ..defaults.plan },
             symmetry: symmetry.unwrap_or_default(),
             ..defaults
         },
         precision: Precision::F32,
-        checkpoint_every: CHECKPOINT_EVERY,
-        go_on: "run the same command again",
+        beside: beside(CHECKPOINT_EVERY, "run the same command again"),
         smaller: "raise --memory, or take the smaller demo: --family siren5",
     };
-    beginning.require_settings(&settings.teach)?;
-    let asked = Asked { degree: None, find_symmetry: symmetry.is_none() };
-    let (file, _) = factored::made(session, &device, scene, asked, settings, &beginning)?;
+    start.require_settings(&request.settings)?;
+    let (file, _) = request.of_scene(session, &device, scene, &start, None)?;
 
     let imf = file.field.basis.even_set(IMF_ORIENTATIONS)?;
     let stored = FieldFile::Factored(file.into());

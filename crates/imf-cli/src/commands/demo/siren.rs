@@ -58,8 +58,6 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
         slower: " with a rate of ",
         held_out: HeldOutChoice::default().poses,
         held_out_every: None,
-        log: None,
-        tensorboard: false,
     };
     let model = job::run(session, &device, &data, model, &arguments.out, &settings)?;
 

@@ -64,7 +64,7 @@ impl Check {
         Ok(())
     }
 
-    /// What to tell people; nothing where nothing was to be compared.
+    /// What to say to people; nothing where nothing was to be compared.
     pub(super) fn describe(&self) -> Option<String> {
         let agreed = self.agreed.load(Ordering::Relaxed);
         (self.voxels > 0).then(|| format!("{agreed} of {agreed} compared voxels equal their direct sums"))

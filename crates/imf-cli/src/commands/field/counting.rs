@@ -1,4 +1,4 @@
-//! Where sections are counted, on the CPU or on a GPU: a stream of sections, or their least value. Both give the same
+//! Where sections are counted, on the CPU or on a GPU: a stream of sections, or their minimum. Both give the same
 //! values.
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -25,7 +25,7 @@ impl Work<'_> {
     /// How sections are computed, for people.
     pub(super) fn computed_by(&self) -> String {
         let Counted { plan, .. } = match &self.values {
-            Values::Approximate(field) => {
+            Values::Saved(field) => {
                 return match self.device {
                     Device::Gpu(gpu) => format!("{}, evaluated on {}", field.describe(), gpu.describe()),
                     Device::Cpu => field.describe().to_owned(),
@@ -48,7 +48,7 @@ impl Work<'_> {
         visit: impl Fn(&mut V, usize, &[f32]) -> Result<()> + Sync,
     ) -> Result<Streamed<Vec<V>>> {
         let Counted { plan, check, .. } = match &self.values {
-            Values::Approximate(field) => return field.stream(self, ready, start, visit),
+            Values::Saved(field) => return field.stream(self, ready, start, visit),
             Values::Counted(counted) => counted,
         };
         let mut device = match self.device {
@@ -78,10 +78,10 @@ impl Work<'_> {
         }
     }
 
-    /// The least section over all orientations.
-    pub(super) fn least(&self) -> Result<Streamed<Imf>> {
+    /// The minimum over all orientations.
+    pub(super) fn minimum(&self) -> Result<Streamed<Imf>> {
         let Counted { plan, check, .. } = match &self.values {
-            Values::Approximate(field) => return field.least(self),
+            Values::Saved(field) => return field.minimum(self),
             Values::Counted(counted) => counted,
         };
         if let Device::Gpu(gpu) = self.device {
@@ -101,8 +101,8 @@ impl Work<'_> {
             ));
         }
         let voxels = plan.grid().len();
-        let visit = |least: &mut Imf, index: usize, cmf: &[f32]| {
-            least.lower_to(index, cmf);
+        let visit = |minimum: &mut Imf, index: usize, cmf: &[f32]| {
+            minimum.lower_to(index, cmf);
             Ok(())
         };
         Ok(match self.stream(|| Ok(()), || Imf::new(voxels), visit)? {

@@ -1,4 +1,4 @@
-//! The inaccessibility measure: the least section over all orientations, and which orientation has it.
+//! The inaccessibility measure: the minimum of the sections over all orientations, and which orientation has it.
 
 use anyhow::Result;
 use imf_core::field_files::{NamedField, write_npy, write_vti};
@@ -18,9 +18,9 @@ use crate::slices::{MidPlaneSheet, MidPlanes};
 pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let (grid, obstacle) = (&work.scene.record.grid, &work.scene.obstacle);
     let unfinished = || Err(Interrupted("the IMF needs every section; none was written".into()).into());
-    let Streamed::Whole(mut whole) = work.least()? else { return unfinished() };
+    let Streamed::Whole(mut whole) = work.minimum()? else { return unfinished() };
     let refined = match work.values {
-        Values::Approximate(field) => field.refined(work, &whole)?,
+        Values::Saved(field) => field.refined(work, &whole)?,
         Values::Counted(_) => None,
     };
     let refined = match refined {
@@ -44,7 +44,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         style: Some(MaskStyle::Outline),
         unit: work.scene.record.unit,
         notes: vec![format!(
-            "least over {}{} orientations ({}); white line: the part; {}",
+            "minimum over {}{} orientations ({}); white line: the part; {}",
             if refined.is_some() { "all, from the best of " } else { "" },
             work.set.len(),
             work.set.spec,
@@ -81,7 +81,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     }
     let reached = match work.tau() {
         0.0 => "some orientation reaches them freely".to_owned(),
-        tau => format!("the field's least is at most {tau} there, an estimate"),
+        tau => format!("the field's minimum is at most {tau} there, an estimate"),
     };
     let mut text = format!(
         "orientations  {} ({})\n\

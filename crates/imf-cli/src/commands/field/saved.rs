@@ -1,44 +1,241 @@
-//! `imf field FIELD`: sections of a saved field, or their minimum, with no exact section counted.
+//! Values of a saved field of any family: its sections, and their minimum, with nothing counted.
 
-use std::path::Path;
+use std::borrow::Cow;
 
 use anyhow::{Result, bail};
-use imf_core::orientation::OrientationSet;
-use imf_core::section::Quantity;
+use glam::DVec3;
+use imf_core::field::FieldError;
+use imf_core::orientation::Orientation;
+use imf_core::section::{Imf, SectionError};
 use imf_fields::file::FieldFile;
-use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::basis::Basis;
+use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::{DIRECTIONS_AT_ONCE, HarmonicField, Refined};
+use serde_json::{Value, json};
 
-use super::approximate::Approximate;
-use super::{Values, Work, note_of_rolls};
-use crate::arguments::field::FieldArguments;
-use crate::commands::notes;
-use crate::engine::Device;
-use crate::output::OutputFolder;
-use crate::session::Session;
+use super::Work;
+use super::counting::Streamed;
+use crate::commands::train::harmonic::{describe, errors_text};
+use crate::engine::{Calls, Device};
+use crate::interrupt;
+use crate::report::Subject;
 
-pub(super) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
-    let (set, out) = arguments.check_of_saved()?;
-    let set = OrientationSet::parse(set)?;
-    let folder = OutputFolder::check(out)?;
-    let path = Path::new(&arguments.scene.part);
-    let stored = FieldFile::read(path)?;
-    if stored.quantity() == Quantity::Depth {
-        bail!(
-            "{} is a field of depth, which is asked for poses: see imf query and imf check",
-            path.display()
-        );
+/// Sections evaluated at a time.
+const AT_ONCE: usize = 16;
+
+/// Arrays that an inaccessibility measure is written from: values, places in the list, and angles.
+const WRITTEN: usize = 7;
+/// As many as an orientation takes.
+const ORIENTATION: usize = size_of::<Orientation>() / size_of::<f32>();
+
+/// A field of any family and how it is used.
+pub(super) struct Saved {
+    stored: FieldFile,
+    /// The minimum is over all orientations.
+    refine: bool,
+    described: String,
+    /// What else its values are, for the guarantee.
+    besides: String,
+}
+
+impl Saved {
+    /// Of a field from a file, which is of the tool's tip.
+    pub(super) fn new(stored: FieldFile, refine: bool) -> Result<Self> {
+        if matches!(stored, FieldFile::Siren(_)) && refine {
+            bail!("--refine is for harmonic and factored fields: leave it out");
+        }
+        let described = match &stored {
+            FieldFile::Harmonic(file) => describe(file),
+            FieldFile::Siren(_) | FieldFile::Factored(_) => Subject::of_stored(&stored)?.describe(),
+        };
+        let mut besides = String::new();
+        let record = &stored.scene().record;
+        if record.tool.sharp_point_positions(record.grid.pitch) != [DVec3::ZERO] {
+            besides += "; values are overlaps with the tool's tip at the voxel, and imf query --sharp asks of its sharp points";
+        }
+        if matches!(&stored, FieldFile::Siren(model) if !model.record.finished) {
+            besides += "; the network is not trained to its end";
+        }
+        Ok(Self { stored, refine, described, besides })
     }
-    let scene = stored.scene().clone();
-    let record = &scene.record;
-    if stored.basis().is_some_and(|basis| basis.domain() == Domain::Rotations) {
-        note_of_rolls(session, &set);
+
+    pub(super) fn stored(&self) -> &FieldFile {
+        &self.stored
     }
-    let field = Approximate::kept(stored, arguments.harmonic.refine)?;
-    notes::of_scene(session, record);
-    if let FieldFile::Siren(model) = field.stored() {
-        notes::of_training(session, path, model);
+
+    /// How values are computed, for people.
+    pub(super) fn describe(&self) -> &str {
+        &self.described
     }
-    let device = Device::for_field(arguments.device_or("auto"), session, field.stored())?;
-    Work { session, folder, scene: &scene, device: &device, values: Values::Approximate(&field), set: &set }
-        .run(arguments.imf)
+
+    /// In titles of pictures.
+    pub(super) fn exactness(&self) -> &'static str {
+        match &self.stored {
+            FieldFile::Siren(_) => "from a network trained on exact sections",
+            FieldFile::Harmonic(_) => "from a harmonic fit to exact sections",
+            FieldFile::Factored(_) => "from a network distilled from a harmonic fit to exact sections",
+        }
+    }
+
+    /// Which guarantee holds for the values.
+    pub(super) fn guarantee(&self) -> String {
+        let guarantee = match &self.stored {
+            FieldFile::Harmonic(file) => {
+                format!("approximate ({}); decisions need exact counts", errors_text(&file.field))
+            }
+            FieldFile::Siren(_) | FieldFile::Factored(_) => {
+                "approximate (imf eval says by how much); decisions need exact counts".to_owned()
+            }
+        };
+        guarantee + &self.besides
+    }
+
+    /// What it is, by the name of its family.
+    pub(super) fn summary(&self) -> (&'static str, Value) {
+        let refined = self.refine;
+        match &self.stored {
+            FieldFile::Harmonic(file) => (
+                "harmonic",
+                json!({
+                    "settings": file.settings,
+                    "report": file.field.report,
+                    "bytes": file.field.bytes(),
+                    "refined": refined,
+                }),
+            ),
+            FieldFile::Factored(file) => (
+                "factored",
+                json!({
+                    "shape": file.field.shape,
+                    "distilled_from": { "settings": file.fit, "report": file.report },
+                    "bytes": file.field.bytes(),
+                    "refined": refined,
+                }),
+            ),
+            FieldFile::Siren(model) => {
+                ("siren5", json!({ "shape": model.shape, "steps": model.record.steps }))
+            }
+        }
+    }
+
+    /// Shows the sections of all orientations in order, once it is `ready` to.
+    pub(super) fn stream<V>(
+        &self,
+        work: &Work<'_>,
+        ready: impl FnOnce() -> Result<()>,
+        start: impl Fn() -> V,
+        visit: impl Fn(&mut V, usize, &[f32]) -> Result<()>,
+    ) -> Result<Streamed<Vec<V>>> {
+        let voxels = work.scene.record.grid.len();
+        let all = &work.set.orientations;
+        let calls = if all.len() > AT_ONCE { Calls::Many } else { Calls::One };
+        let together = AT_ONCE.min(all.len());
+        self.require_memory(work, work.device.copied_bytes(&self.stored, calls), together, together)?;
+        let stage = work.session.stage("sections of the field", "sections", all.len() as u64);
+        let field = work.device.field(work.session, &self.stored, calls)?.field;
+        ready()?;
+        let mut values = vec![0.0; voxels * together];
+        let mut own = start();
+        for (batch, orientations) in all.chunks(AT_ONCE).enumerate() {
+            if interrupt::requested() {
+                return Ok(Streamed::Interrupted);
+            }
+            let sections = &mut values[..voxels * orientations.len()];
+            field.sections(orientations, sections)?;
+            for (place, section) in sections.chunks_exact(voxels).enumerate() {
+                visit(&mut own, batch * AT_ONCE + place, section)?;
+                stage.advance(1);
+            }
+        }
+        stage.finish("");
+        Ok(Streamed::Whole(vec![own]))
+    }
+
+    /// The minimum over all orientations. Looks whether there is memory for what is made of it as well.
+    pub(super) fn minimum(&self, work: &Work<'_>) -> Result<Streamed<Imf>> {
+        let together = work.set.len().min(DIRECTIONS_AT_ONCE);
+        // Refining takes the coefficients of every voxel in this machine's memory, and a direction each.
+        let here = if self.refine { Device::Cpu.copied_bytes(&self.stored, Calls::Many) } else { 0 };
+        let arrays = WRITTEN + if self.refine { ORIENTATION } else { 0 };
+        self.require_memory(
+            work,
+            here.max(work.device.copied_bytes(&self.stored, Calls::One)),
+            arrays,
+            together,
+        )?;
+        let values = work.scene.record.grid.len() as u64 * work.set.len() as u64;
+        let stage = work.session.stage("minimum of the field", "values", values);
+        let advance = |values| stage.advance(values);
+        let control = work.session.control(&advance);
+        let field = work.device.field(work.session, &self.stored, Calls::One)?.field;
+        match field.minimum(&work.set.orientations, control) {
+            Err(FieldError::Cancelled) => Ok(Streamed::Interrupted),
+            Err(error) => Err(error.into()),
+            Ok(minimum) => {
+                stage.finish("");
+                Ok(Streamed::Whole(minimum))
+            }
+        }
+    }
+
+    /// Refuses what does not fit beside the field: its coefficients at every voxel where they are needed, some arrays of values, and
+    /// what some orientations are multiplied with.
+    fn require_memory(&self, work: &Work<'_>, copied: u64, arrays: usize, orientations: usize) -> Result<()> {
+        let (values, heads) =
+            (4 * (arrays * work.scene.record.grid.len()) as u64, self.direction_weights_bytes(orientations));
+        work.session.require_memory(copied + values + heads, || {
+            let most = copied.max(values).max(heads);
+            let remedy = match work.device {
+                _ if most == heads && heads > 0 => "take fewer orientations",
+                Device::Gpu(_) if most == copied && copied > 0 => "take --device cpu",
+                Device::Cpu if most == copied && copied > 0 => {
+                    "take at most 16 sections at a time, and leave out --refine"
+                }
+                _ => "take fewer orientations at a time, or a field of a larger pitch",
+            };
+            format!("the field's values, and where needed its coefficients, at every voxel; {remedy}")
+        })
+    }
+
+    /// Bytes of what orientations are multiplied with: their functions, and these along axes in two orders.
+    fn direction_weights_bytes(&self, orientations: usize) -> u64 {
+        let functions = self.stored.basis().map_or(0, Basis::len);
+        let axes = match &self.stored {
+            FieldFile::Siren(_) => 0,
+            FieldFile::Harmonic(file) => file.field.axis_count(),
+            FieldFile::Factored(file) => file.field.coefficient_count(),
+        };
+        4 * (orientations * (functions + 2 * axes)) as u64
+    }
+
+    /// The minimum over all orientations, where that is asked for.
+    pub(super) fn refined(&self, work: &Work<'_>, minimum: &Imf) -> Result<Option<Streamed<Refined>>> {
+        if !self.refine {
+            return Ok(None);
+        }
+        let field = self.by_functions()?;
+        let stage = work.session.stage("refining", "voxels", field.grid.len() as u64);
+        let advance = |voxels| stage.advance(voxels);
+        match field.refined(minimum, &work.set.orientations, work.session.control(&advance)) {
+            Err(SectionError::Cancelled) => Ok(Some(Streamed::Interrupted)),
+            Err(error) => Err(error.into()),
+            Ok(refined) => {
+                stage.finish("");
+                Ok(refined.map(Streamed::Whole))
+            }
+        }
+    }
+
+    /// The field as functions of the orientation by the coefficients of every voxel, on the CPU.
+    fn by_functions(&self) -> Result<Cow<'_, HarmonicField>> {
+        match &self.stored {
+            FieldFile::Harmonic(file) => Ok(Cow::Borrowed(&file.field)),
+            FieldFile::Factored(file) => {
+                Ok(Cow::Owned(file.field.evaluator().expanded(Precision::F32, file.report)))
+            }
+            FieldFile::Siren(_) => {
+                bail!("a network of the paper's kind has no basis functions")
+            }
+        }
+    }
 }

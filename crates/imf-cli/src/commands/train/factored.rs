@@ -1,126 +1,260 @@
-//! A factored field of a scene: a harmonic field of all functions of a degree, then the network that is taught it. As
-//! `imf field --method harmonic` and `imf compress`; `imf demo` makes its field so too.
+//! A factored field: distilled from a harmonic field, one of a file or one that is fitted first, or trained by a part's exact
+//! sections. `imf demo` makes its field so too.
 
-use anyhow::Result;
+use std::path::Path;
+
+use anyhow::{Context as _, Result, bail};
 use imf_core::scene::Scene;
 use imf_core::section::{At, SectionPlan};
+use imf_fields::factored::DistillSettings;
 use imf_fields::factored::file::FactoredFile;
-use imf_fields::factored::{DistillSettings, Symmetry};
 use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
-use imf_train::distill::SectionTeacher;
+use imf_fields::harmonic::file::HarmonicFile;
+use imf_train::dataset::Manifest;
+use imf_train::distill::SectionSource;
+use serde_json::json;
 
+use super::{calibrated, harmonic};
+use crate::arguments::clearance::ContactArguments;
 use crate::arguments::harmonic::DEFAULT_SECTIONS;
-use crate::arguments::train::TrainArguments;
-use crate::commands::compress::{self, Beginning, Extent, Lesson, Sections, Settings, Teacher};
-use crate::commands::field::harmonic;
+use crate::arguments::scene::SceneArguments;
+use crate::arguments::train::FactoredArguments;
+use crate::commands::field::is_field;
 use crate::engine::Device;
-use crate::output::{OutputFolder, claim};
-use crate::session::Session;
+use crate::job::{Distillation, Extent, FIELD, FactoredStart, Settings, Source, symmetry_of};
+use crate::output::{OutputFolder, claim, print, print_json, require_other};
+use crate::session::{Session, show_bytes};
 
 /// A degree that leaves the teapot an error of a few millionths.
 const DEGREE: usize = 16;
 /// Of whole rotations: nearly as many functions, and so as much memory and time.
 const DEGREE_OF_ROTATIONS: usize = 5;
 
-pub(super) fn run(session: &Session, arguments: &TrainArguments, teach: DistillSettings) -> Result<()> {
-    let device = Device::open(arguments.device_or("cpu"), session)?;
-    let folder = OutputFolder::check(&arguments.out)?;
+pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()> {
+    let FactoredArguments { given, scene, contact, run, start, degree, online, .. } = arguments;
+    let subject = Path::new(&scene.part);
+    if FactoredFile::is_one(subject) {
+        bail!(
+            "{0} is a factored field already, and a part or a harmonic field is distilled (imf train harmonic); --from {0} begins with \
+             this one's network",
+            scene.part
+        );
+    }
+    if Manifest::is_in(subject) {
+        bail!(
+            "{0} is a dataset, which has samples of some directions, and a factored field is trained on all of them: give the part \
+             instead, or train siren5 on it (imf train siren5 {0})",
+            scene.part
+        );
+    }
+    let is_saved = is_field(subject);
+    if is_saved {
+        let whose = "a part, and the harmonic field was made with its own";
+        given.refuse::<SceneArguments>(whose)?;
+        given.refuse::<ContactArguments>(whose)?;
+        given.refuse_option("degree", whose)?;
+        given.refuse_option("online", whose)?;
+    }
+    let (settings, set) = arguments.settings()?;
+    if online.is_some() && (start.from.is_some() || set.symmetry == Some(true)) {
+        bail!(
+            "--from and --set symmetry=true are of a harmonic field that is distilled, and exact sections cannot tell of it (--online): \
+             leave out one of them"
+        );
+    }
+    let from = match &start.from {
+        Some(path) => Some((path, FactoredFile::read(path)?)),
+        None => None,
+    };
+    let folder = OutputFolder::check(&run.out)?;
+    for source in is_saved.then_some(subject).into_iter().chain(start.from.as_deref()) {
+        require_other(source, &folder.file(FIELD))?;
+    }
+    let device = Device::open(run.device_or("cpu"), session)?;
     let _before = claim(folder.path())?;
-    let beginning = Beginning::at(folder.path(), arguments.resume)?;
-    let symmetry = match teach.online {
+    let begun = FactoredStart::at(folder.path(), run.resume)?;
+    let mut settings = settings;
+    if let Some((path, from)) = &from {
+        begun.require_network_of(path, from)?;
+        let DistillSettings { width, hidden, omega, .. } = from.settings;
+        settings = DistillSettings { width, hidden, omega, ..settings };
+    }
+    settings = begun.settled(run.rate, set.optimiser(), settings);
+    let symmetry = match &from {
+        Some((_, from)) => Some(from.settings.symmetry),
         // Sections cannot tell of it.
-        Some(_) => Some(Symmetry::default()),
-        None => beginning.symmetry(arguments.factored.teaching.symmetry()),
+        None => begun.symmetry(set.symmetry.unwrap_or(true) && online.is_none()),
     };
-    let teach = DistillSettings {
-        symmetry: symmetry.unwrap_or_default(),
-        ..beginning.settled(arguments.length.rate, arguments.factored.teaching.optimiser(), teach)
+    settings.symmetry = symmetry.unwrap_or_default();
+    begun.require_settings(&settings)?;
+    let request = Request {
+        degree: *degree,
+        find_symmetry: symmetry.is_none(),
+        settings,
+        precision: arguments.precision(),
+        beside: beside(set.checkpoint_every()?, "add --resume"),
+        smaller: "use a lower --degree, a smaller --network or --online, or a larger --pitch",
     };
-    beginning.require_settings(&teach)?;
-    let scene = arguments.scene.scene_with(session, &arguments.contact)?;
-    folder.create()?;
-    let _claim = claim(folder.path())?;
-    let settings = Settings {
-        teach,
-        precision: arguments.factored.teaching.precision(),
-        checkpoint_every: arguments.length.checkpoint_every,
-        go_on: "add --resume to go on",
-        smaller: "use a lower --degree, a smaller --batch or --online, or a larger --pitch",
+    let trained = if is_saved {
+        let field = HarmonicFile::read(subject)?;
+        begun.require_source(&field.scene, &field.settings)?;
+        match begun.finished(session, request.precision)? {
+            Some(file) => (file, None),
+            None => {
+                folder.create()?;
+                let _claim = claim(folder.path())?;
+                request.distilled(session, &device, &field, &begun, from.as_ref().map(|(_, from)| from))?
+            }
+        }
+    } else {
+        let scene = scene.scene_with(session, contact)?;
+        folder.create()?;
+        let _claim = claim(folder.path())?;
+        request.of_scene(session, &device, &scene, &begun, from.as_ref().map(|(_, from)| from))?
     };
-    let degree = arguments.factored.degree;
-    let asked = Asked { degree, find_symmetry: symmetry.is_none() };
-    let taught = made(session, &device, &scene, asked, settings, &beginning)?;
-    compress::concluded(session, folder.path(), taught, arguments.no_calibrate)
+    concluded(session, folder.path(), trained)
 }
 
-/// What the harmonic field decides.
-pub(in crate::commands) struct Asked {
-    /// Its degree; by default that of its kind of functions.
+/// What happens beside the steps.
+pub(in crate::commands) fn beside(checkpoint_every: f64, go_on: &'static str) -> Settings {
+    Settings { checkpoint_every, go_on, slower: " with --rate ", held_out: 0, held_out_every: None }
+}
+
+/// A field that is wanted.
+pub(in crate::commands) struct Request {
+    /// Degree of the harmonics; by default that of its kind of functions.
     pub(in crate::commands) degree: Option<usize>,
-    /// The network is told of what symmetry the field has.
+    /// The network relies on what symmetry the field has.
     pub(in crate::commands) find_symmetry: bool,
+    /// How the network is trained.
+    pub(in crate::commands) settings: DistillSettings,
+    /// How its weights are saved.
+    pub(in crate::commands) precision: Precision,
+    pub(in crate::commands) beside: Settings,
+    /// What takes less memory.
+    pub(in crate::commands) smaller: &'static str,
 }
 
-/// The field of a scene by harmonics of a degree, written to the folder, with the last loss. Where a teaching is resumed that
-/// has steps left, the harmonic field is fitted, or the functions are chosen, once more. What cannot be is refused before.
-pub(in crate::commands) fn made(
-    session: &Session,
-    device: &Device,
-    scene: &Scene,
-    Asked { degree, find_symmetry }: Asked,
-    mut settings: Settings,
-    beginning: &Beginning<'_>,
-) -> Result<(FactoredFile, f64)> {
-    let domain = harmonic::domain(&scene.record.bare_tool().with_tip_only());
-    let usual = match domain {
-        Domain::Directions => DEGREE,
-        Domain::Rotations => DEGREE_OF_ROTATIONS,
-    };
-    let fit = FitSettings {
-        degree: degree.unwrap_or(usual),
-        axes: usize::MAX,
-        precision: Precision::F32,
-        sections_per_function: DEFAULT_SECTIONS,
-        ..FitSettings::default()
-    };
-    beginning.require_teacher(scene, &fit)?;
-    if let Some(file) = beginning.finished(session, settings.precision)? {
-        return Ok((file, f64::NAN));
+impl Request {
+    /// The field of a scene, written to the folder, with the last loss. Where a training is resumed that
+    /// has steps left, the harmonic field is fitted, or the functions are chosen, once more. What cannot be is refused before.
+    pub(in crate::commands) fn of_scene(
+        self,
+        session: &Session,
+        device: &Device,
+        scene: &Scene,
+        start: &FactoredStart<'_>,
+        from: Option<&FactoredFile>,
+    ) -> Result<(FactoredFile, Option<f64>)> {
+        let domain = harmonic::domain(&scene.record.bare_tool().with_tip_only());
+        let usual = match domain {
+            Domain::Directions => DEGREE,
+            Domain::Rotations => DEGREE_OF_ROTATIONS,
+        };
+        let fit = FitSettings {
+            degree: self.degree.unwrap_or(usual),
+            axes: usize::MAX,
+            precision: Precision::F32,
+            sections_per_function: DEFAULT_SECTIONS,
+            ..FitSettings::default()
+        };
+        start.require_source(scene, &fit)?;
+        if let Some(file) = start.finished(session, self.precision)? {
+            return Ok((file, None));
+        }
+        let by_sections = self.settings.online.is_some();
+        let extent = Extent { by_sections, fit, domain, voxels: scene.record.grid.len() };
+        extent.require(session, &self.settings, self.smaller)?;
+        let plan = SectionPlan::of_scene(scene, At::Tip)?;
+        if by_sections {
+            let source = Box::new(section_source(session, &plan, domain, &fit)?);
+            let source = Source::Sections { source, scene, fit };
+            return self.trained(session, device, source, start, None);
+        }
+        let field = harmonic::fitted(session, scene, &plan, domain, fit, self.smaller)?;
+        drop(plan);
+        self.distilled(session, device, &field, start, from)
     }
-    let voxels = scene.record.grid.len();
-    let extent = match settings.teach.online {
-        Some(_) => Extent::of_sections(fit, domain, voxels),
-        None => Extent::of_field(fit, domain, voxels),
-    };
-    extent.require(session, &settings)?;
-    let plan = SectionPlan::of_scene(scene, At::Tip)?;
-    if settings.teach.online.is_some() {
-        let teacher = functions_of(session, &plan, domain, &fit)?;
-        let teacher = Teacher::Sections(Box::new(Sections { teacher, scene, fit }));
-        return Lesson { teacher, settings, beginning }.taught(session, device, None);
+
+    /// The network that a harmonic field is distilled into.
+    fn distilled(
+        mut self,
+        session: &Session,
+        device: &Device,
+        field: &HarmonicFile,
+        start: &FactoredStart<'_>,
+        from: Option<&FactoredFile>,
+    ) -> Result<(FactoredFile, Option<f64>)> {
+        if self.find_symmetry {
+            self.settings.symmetry = symmetry_of(session, field);
+        }
+        self.trained(session, device, Source::Harmonic(field), start, from)
     }
-    let teacher = harmonic::fitted(session, scene, &plan, domain, fit, settings.smaller)?;
-    drop(plan);
-    if find_symmetry {
-        settings.teach.symmetry = compress::symmetry_of(session, &teacher);
+
+    fn trained(
+        self,
+        session: &Session,
+        device: &Device,
+        source: Source<'_>,
+        start: &FactoredStart<'_>,
+        from: Option<&FactoredFile>,
+    ) -> Result<(FactoredFile, Option<f64>)> {
+        let Self { settings, precision, beside, smaller, .. } = self;
+        Distillation { source, settings, precision, beside, smaller, start }.run(session, device, from)
     }
-    Lesson { teacher: Teacher::Harmonic(&teacher), settings, beginning }.taught(session, device, None)
 }
 
-/// The functions that sections teach along, chosen by a sample of voxels.
-fn functions_of<'a>(
+/// The functions that sections are learnt along, chosen by a sample of voxels.
+fn section_source<'a>(
     session: &Session,
     plan: &'a SectionPlan,
     domain: Domain,
     fit: &FitSettings,
-) -> Result<SectionTeacher<'a>> {
+) -> Result<SectionSource<'a>> {
     let sections = fit.sizes(domain).sections + fit.held_out;
     let stage = session.stage("functions", "sections", sections as u64);
     let advance = |sections| stage.advance(sections);
-    let teacher = SectionTeacher::new(plan, domain, fit, session.control(&advance));
-    let teacher = teacher.map_err(|error| harmonic::interruption(error, "a choice of functions"))?;
+    let source = SectionSource::new(plan, domain, fit, session.control(&advance));
+    let source = source.map_err(|error| harmonic::interruption(error, "a choice of functions"))?;
     stage.finish("");
-    Ok(teacher)
+    Ok(source)
+}
+
+/// The end of a training: its closing line, and what the field's decisions are worth, where that is short beside it and not
+/// yet known.
+fn concluded(session: &Session, out: &Path, (file, loss): (FactoredFile, Option<f64>)) -> Result<()> {
+    let path = out.join(FIELD);
+    announce(session, &path, &file, loss)?;
+    let plan = file.settings.plan;
+    let voxels = file.field.grid.len();
+    let samples = plan.total_steps(voxels).saturating_mul(plan.batch.min(voxels) as u64);
+    let known = file.calibration.is_some();
+    drop(file);
+    calibrated(session, &path, known, samples)
+}
+
+fn announce(session: &Session, path: &Path, file: &FactoredFile, loss: Option<f64>) -> Result<()> {
+    let bytes = std::fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len();
+    if session.json {
+        return print_json(&json!({
+            "field": path, "bytes": bytes, "parameters": file.field.parameter_count(), "loss": loss,
+            "settings": file.settings, "source": file.report,
+        }));
+    }
+    let (source, own) = match file.settings.online {
+        Some(_) => ("exact sections", "a fit of its functions to them has"),
+        None => ("the harmonic field", "that field's own error"),
+    };
+    // None where a finished training was asked to go on.
+    let its_loss =
+        loss.map_or_else(String::new, |loss| format!("MSE from {source} in the last steps {loss:.1e}, "));
+    print(&format!(
+        "{}: {}, {its_loss}{own} {:.1e}; ask it by: imf query {}",
+        path.display(),
+        show_bytes(bytes),
+        file.report.expected_mse(),
+        path.display()
+    ))
 }

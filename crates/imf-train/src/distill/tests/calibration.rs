@@ -25,7 +25,7 @@ fn calibrated(field: &Field) -> Calibration {
 }
 
 /// A field of depth of a reference part at a quarter of its resolution, with two voxels of clearance, as harmonic field and,
-/// taught a little, as factored one.
+/// distilled a little, as factored one.
 fn coarse(part: ReferencePart) -> [FieldFile; 2] {
     let dims = part.dims().map(|n| n / 4);
     let (mesh, tool) = (part.mesh(), Tool::paper());
@@ -33,7 +33,7 @@ fn coarse(part: ReferencePart) -> [FieldFile; 2] {
     let scene = spec.scene().unwrap();
     let room = 2.0 * scene.record.grid.pitch;
     let scene = scene.with_clearance(&Clearance { holder: room, shank: room, cutter: room }).unwrap();
-    let settings = FitSettings {
+    let fitting = FitSettings {
         quantity: Quantity::Depth,
         degree: 9,
         axes: 60,
@@ -43,26 +43,26 @@ fn coarse(part: ReferencePart) -> [FieldFile; 2] {
         ..FitSettings::default()
     };
     let plan = SectionPlan::of_scene(&scene, At::Tip).unwrap();
-    let field = fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap();
-    let teaching = DistillSettings {
+    let field = fit(&plan, Domain::Directions, &fitting, Control::quiet()).unwrap();
+    let settings = DistillSettings {
         width: 96,
         omega: 15.0,
         plan: TrainingPlan { length: Length::Steps(300), batch: 512, ..DistillSettings::default().plan },
         optimiser: Optimiser::Soap(SoapConfig::default()),
         ..DistillSettings::default()
     };
-    let mut state = teaching.start(field.axis_count());
-    teach(&field, &teaching, &mut state, Control::quiet(), &mut |_| {}).unwrap();
+    let mut state = settings.start(field.axis_count());
+    distil(&field, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
     let small =
-        FactoredField::new(&field, teaching.shape(field.axis_count()), state.training.parameters).unwrap();
+        FactoredField::new(&field, settings.shape(field.axis_count()), state.training.parameters).unwrap();
     let report = field.report;
-    let harmonic = HarmonicFile { field, scene: scene.clone(), settings, calibration: None };
+    let harmonic = HarmonicFile { field, scene: scene.clone(), settings: fitting, calibration: None };
     let factored = FactoredFile {
         field: small,
         scene,
-        fit: settings,
+        fit: fitting,
         report,
-        settings: teaching,
+        settings,
         precision: Precision::F32,
         state: None,
         calibration: None,

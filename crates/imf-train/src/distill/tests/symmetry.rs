@@ -1,4 +1,4 @@
-//! Networks that are told of symmetry: frames and coefficients by their definition, fields by the reference network, slopes
+//! Symmetry-reduced networks: frames and coefficients by their definition, fields by the reference network, slopes
 //! by differences, and what is found of a part.
 
 use glam::DMat3;
@@ -103,7 +103,7 @@ fn coefficients_in_the_frame_of_a_place_are_of_the_same_values() {
     }
 }
 
-/// A teacher of all functions, whose grid the symmetries' planes and lines cross.
+/// A harmonic of all functions, whose grid the symmetries' planes and lines cross.
 fn all_functions(scene: &Scene) -> HarmonicField {
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
     let settings = FitSettings { axes: usize::MAX, ..FIT };
@@ -123,15 +123,15 @@ fn within(grid: &Grid, beside: f64) -> Vec<Symmetry> {
 #[test]
 fn fields_with_symmetry_are_their_network_in_the_frames_of_places() {
     let scene = scene();
-    let teacher = all_functions(&scene);
+    let harmonic = all_functions(&scene);
     let set = OrientationSet::parse("random:9:5").unwrap().orientations;
     // Where a plane is the grid's middle, one side is computed for both.
     let symmetries =
-        [0.13, 0.0].map(|beside| within(&teacher.grid, beside).into_iter().map(move |s| (s, beside)));
+        [0.13, 0.0].map(|beside| within(&harmonic.grid, beside).into_iter().map(move |s| (s, beside)));
     for (symmetry, beside) in symmetries.into_iter().flatten() {
         let settings = DistillSettings { width: 40, hidden: 2, omega: 6.0, symmetry, ..settings(1) };
-        let shape = settings.shape(teacher.axis_count());
-        let plain = FactoredField::new(&teacher, shape, shape.initial_parameters(3)).unwrap();
+        let shape = settings.shape(harmonic.axis_count());
+        let plain = FactoredField::new(&harmonic, shape, shape.initial_parameters(3)).unwrap();
         for field in [plain.clone(), plain.fold()] {
             let (grid, evaluator) = (field.grid, field.evaluator());
             let has_plane = symmetry.mirrors != [None; 3];
@@ -140,7 +140,7 @@ fn fields_with_symmetry_are_their_network_in_the_frames_of_places() {
             let mut sections = vec![0.0; grid.len() * set.len()];
             evaluator.sections(&heads, &mut sections);
             let least = evaluator.minimum(&heads);
-            let report = teacher.report;
+            let report = harmonic.report;
             let expanded = evaluator.expanded(Precision::F32, report);
             let mut from_array = vec![0.0; sections.len()];
             expanded.sections(&expanded.direction_weights(&set), &mut from_array);
@@ -183,11 +183,11 @@ fn fields_with_symmetry_are_their_network_in_the_frames_of_places() {
 #[test]
 fn slopes_with_symmetry_are_those_of_differences() {
     let scene = scene();
-    let teacher = all_functions(&scene);
-    for symmetry in within(&teacher.grid, 0.13) {
+    let harmonic = all_functions(&scene);
+    for symmetry in within(&harmonic.grid, 0.13) {
         let settings = DistillSettings { width: 40, hidden: 2, omega: 6.0, symmetry, ..settings(1) };
-        let shape = settings.shape(teacher.axis_count());
-        let mut field = FactoredField::new(&teacher, shape, shape.initial_parameters(3)).unwrap();
+        let shape = settings.shape(harmonic.axis_count());
+        let mut field = FactoredField::new(&harmonic, shape, shape.initial_parameters(3)).unwrap();
         // Random weights are small.
         field.scale *= 8.0;
         let (grid, evaluator) = (field.grid, field.evaluator());
@@ -297,26 +297,26 @@ fn symmetry_is_found_where_it_is_and_nowhere_else() {
 }
 
 #[test]
-fn a_network_that_is_told_of_symmetry_learns_more_and_stays_what_it_is() {
+fn a_symmetry_reduced_network_learns_more_and_stays_what_it_is() {
     let scene = scene();
-    let teacher = all_functions(&scene);
-    let symmetry = Symmetry::of(&teacher, &scene.obstacle);
+    let harmonic = all_functions(&scene);
+    let symmetry = Symmetry::of(&harmonic, &scene.obstacle);
     // The teapot's spout and handle lie in a plane, its body is turned about x.
     assert!(
         symmetry.mirrors[1].is_some() && symmetry.axis.is_some_and(|axis| axis.along == 0),
         "{symmetry:?}"
     );
     let set = OrientationSet::parse("random:40:6").unwrap().orientations;
-    let mut exact = vec![0.0; teacher.grid.len() * set.len()];
-    teacher.sections(&teacher.direction_weights(&set), &mut exact);
+    let mut exact = vec![0.0; harmonic.grid.len() * set.len()];
+    harmonic.sections(&harmonic.direction_weights(&set), &mut exact);
     let mut errors = Vec::new();
     for symmetry in [Symmetry::default(), symmetry] {
         let settings = DistillSettings { symmetry, ..settings(300) };
-        let mut state = settings.start(teacher.axis_count());
-        let outcome = teach(&teacher, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
+        let mut state = settings.start(harmonic.axis_count());
+        let (outcome, _) = distil(&harmonic, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
         assert_eq!(outcome, Outcome::Finished);
-        let shape = settings.shape(teacher.axis_count());
-        let field = FactoredField::new(&teacher, shape, state.training.parameters.clone()).unwrap();
+        let shape = settings.shape(harmonic.axis_count());
+        let field = FactoredField::new(&harmonic, shape, state.training.parameters.clone()).unwrap();
         let mut sections = vec![0.0; exact.len()];
         field.evaluator().sections(&field.direction_weights(&set), &mut sections);
         let squares = sections.iter().zip(&exact).map(|(a, b)| f64::from(a - b).powi(2));
@@ -326,7 +326,7 @@ fn a_network_that_is_told_of_symmetry_learns_more_and_stays_what_it_is() {
             field: field.clone(),
             scene: scene.clone(),
             fit: FitSettings { axes: usize::MAX, ..FIT },
-            report: teacher.report,
+            report: harmonic.report,
             settings,
             precision: Precision::F32,
             state: Some(state),
@@ -346,22 +346,22 @@ fn a_network_that_is_told_of_symmetry_learns_more_and_stays_what_it_is() {
                 assert!(damaged.to_string().contains("told of mirrored across y"), "{damaged}");
             }
         }
-        // To its own teacher nothing changes.
-        let targets = Targets::new(&teacher, symmetry).unwrap();
-        let same = parameters_for(&field, &teacher, &targets).unwrap();
+        // To its own harmonic nothing changes.
+        let targets = Targets::new(&harmonic, symmetry).unwrap();
+        let same = parameters_for(&field, &harmonic, &targets).unwrap();
         let worst = same.iter().zip(&field.parameters).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(worst < 1e-4, "{worst}");
     }
     // Full size gains a half and more; of this coarse teapot a quarter is enough to tell.
     assert!(errors[1] < 0.75 * errors[0], "{errors:?}");
 
-    // A teacher that keeps fewer axes tells of it as well: of all functions, as far as its axes go.
-    let few = super::teacher(&scene);
+    // A harmonic that keeps fewer axes tells of it as well: of all functions, as far as its axes go.
+    let few = super::harmonic(&scene);
     assert!(few.axis_count() < few.basis.len());
     assert_eq!(Symmetry::of(&few, &scene.obstacle).axis.map(|axis| axis.along), Some(0));
     let settings = DistillSettings { symmetry, ..settings(300) };
     let mut state = settings.start(settings.outputs(&few));
-    teach(&few, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
+    distil(&few, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
     let shape = settings.shape(settings.outputs(&few));
     let field = FactoredField::new(&few, shape, state.training.parameters).unwrap();
     let (mut found, mut expected) = (vec![0.0; exact.len()], vec![0.0; exact.len()]);

@@ -3,12 +3,9 @@
 use std::ops::ControlFlow;
 use std::sync::{Arc, Barrier, Mutex};
 
-use glam::DVec3;
-
 use crate::engine::ranks::*;
-use crate::samples::Samples;
+use crate::fixtures::samples;
 use crate::training::run::{Outcome, train};
-use imf_core::grid::Grid;
 use imf_fields::recipe::{Cursor, Length, TrainingPlan};
 use imf_fields::siren::SirenShape;
 
@@ -86,21 +83,6 @@ fn on_ranks<T: Send>(ranks: usize, work: impl Fn(Thread) -> T + Sync) -> Vec<T> 
         let threads: Vec<_> = (0..ranks).map(start).collect();
         threads.into_iter().map(|thread| thread.join().unwrap()).collect()
     })
-}
-
-fn samples() -> Samples {
-    let grid = Grid::with_dims(DVec3::ZERO, DVec3::new(1.0, 2.0, 1.5), [6, 11, 9], 0).unwrap();
-    let mut samples = Samples::new(grid);
-    for section in 0..5 {
-        let voxels: Vec<u32> = (0..grid.len() as u32).filter(|v| (v + section) % 3 != 0).collect();
-        let value = |voxel: &u32| {
-            let unit = grid.unit(grid.centre(grid.voxel(*voxel as usize)));
-            (0.5 + 0.4 * ((unit.x + unit.y) * 3.0 + f64::from(section)).sin()) as f32
-        };
-        let values: Vec<f32> = voxels.iter().map(value).collect();
-        samples.push_section([section as f32 * 40.0, 90.0], &voxels, &values);
-    }
-    samples
 }
 
 fn plan(batch: usize) -> TrainingPlan {

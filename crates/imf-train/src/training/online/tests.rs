@@ -1,13 +1,15 @@
 use super::*;
 use crate::engine::CpuTrainer;
+use crate::fixtures::{Recorder, go_on};
+use crate::training::run::Report;
 use glam::DVec3;
-use imf_core::field::EngineError;
 use imf_core::occupancy::Occupancy;
 use imf_core::section::At;
 use imf_core::tool::Tool;
 use imf_fields::recipe::Length;
 use imf_fields::recipe::TrainingState;
 use imf_fields::siren::SirenShape;
+use std::ops::ControlFlow;
 use std::sync::atomic::AtomicU64;
 
 const SHAPE: SirenShape = SirenShape { width: 16, hidden: 3, skip_after: Some(2), omega: 10.0 };
@@ -25,10 +27,6 @@ fn plan() -> TrainingPlan {
 
 fn engine(state: TrainingState) -> CpuTrainer {
     CpuTrainer::new(SHAPE, plan().adam, plan().loss, plan().batch, state).unwrap()
-}
-
-fn go_on(_: &Report, _: &mut dyn TrainingEngine) -> ControlFlow<()> {
-    ControlFlow::Continue(())
 }
 
 /// Nobody wishes to stop.
@@ -65,41 +63,16 @@ fn stopped_anywhere_it_goes_on_to_the_same_bits_and_lead_changes_nothing() {
     assert!(other.state().unwrap() != whole, "the seed decides nothing");
 }
 
-/// Keeps what it is given, and takes its time.
-struct Recorder {
-    batches: Vec<(Vec<f32>, Vec<f32>)>,
-    pause: Duration,
-}
-
-impl TrainingEngine for Recorder {
-    fn describe(&self) -> String {
-        "a recorder".into()
-    }
-
-    fn step(&mut self, inputs: &[f32], targets: &[f32], _: f32) -> Result<(), EngineError> {
-        self.batches.push((inputs.to_vec(), targets.to_vec()));
-        std::thread::sleep(self.pause);
-        Ok(())
-    }
-
-    fn take_mean_loss(&mut self) -> Result<f64, EngineError> {
-        Ok(0.0)
-    }
-
-    fn state(&mut self) -> Result<TrainingState, EngineError> {
-        Ok(TrainingState::from_parameters(Vec::new()))
-    }
-    fn replace_parameters(&mut self, _: &[f32]) -> Result<(), EngineError> {
-        Err(EngineError::Device("nothing to replace".into()))
-    }
-}
-
 #[test]
 fn every_sample_is_an_exact_value_of_a_section_in_the_pool_of_its_step() {
     let sections = sections(SETTINGS);
-    let mut recorder = Recorder { batches: Vec::new(), pause: Duration::from_millis(2) };
+    let mut recorder = Recorder::default();
+    let mut slow = |_: &Report, _: &mut dyn TrainingEngine| {
+        std::thread::sleep(Duration::from_millis(20));
+        ControlFlow::Continue(())
+    };
     let (_, waits) =
-        train_online(&plan(), &sections, &mut recorder, Cursor::default(), &NEVER, &mut go_on).unwrap();
+        train_online(&plan(), &sections, &mut recorder, Cursor::default(), &NEVER, &mut slow).unwrap();
     assert!(waits.producer > 0.0, "a slow trainer keeps the producer waiting: {waits:?}");
     let grid = *sections.plan.grid();
     let mut scratch = SectionScratch::default();

@@ -1,28 +1,11 @@
 use super::*;
 use crate::engine::CpuTrainer;
-use glam::DVec3;
-use imf_core::grid::Grid;
+use crate::fixtures::{Recorder, go_on, samples};
 use imf_fields::recipe::schedule::Schedule;
 use imf_fields::recipe::{Length, TrainingState};
 use imf_fields::siren::SirenShape;
 
 const SHAPE: SirenShape = SirenShape { width: 24, hidden: 3, skip_after: Some(2), omega: 10.0 };
-
-/// A smooth field over a small grid at five directions.
-fn samples() -> Samples {
-    let grid = Grid::with_dims(DVec3::ZERO, DVec3::new(1.0, 2.0, 1.5), [6, 11, 9], 0).unwrap();
-    let mut samples = Samples::new(grid);
-    for section in 0..5 {
-        let voxels: Vec<u32> = (0..grid.len() as u32).filter(|v| (v + section) % 3 != 0).collect();
-        let value = |voxel: &u32| {
-            let unit = grid.unit(grid.centre(grid.voxel(*voxel as usize)));
-            (0.5 + 0.4 * ((unit.x + unit.y) * 3.0 + f64::from(section)).sin()) as f32
-        };
-        let values: Vec<f32> = voxels.iter().map(value).collect();
-        samples.push_section([section as f32 * 40.0, 90.0], &voxels, &values);
-    }
-    samples
-}
 
 fn plan() -> TrainingPlan {
     TrainingPlan {
@@ -36,10 +19,6 @@ fn plan() -> TrainingPlan {
 
 fn engine(plan: &TrainingPlan, state: TrainingState) -> CpuTrainer {
     CpuTrainer::new(SHAPE, plan.adam, plan.loss, plan.batch, state).unwrap()
-}
-
-fn go_on(_: &Report, _: &mut dyn TrainingEngine) -> ControlFlow<()> {
-    ControlFlow::Continue(())
 }
 
 #[test]
@@ -107,46 +86,23 @@ fn reports_come_when_guaranteed_and_count_right() {
 
 #[test]
 fn an_epoch_shows_every_sample_once() {
-    /// Notes what it is fed.
-    struct Recorder(Vec<(Vec<u32>, u32)>, Vec<usize>);
-    impl TrainingEngine for Recorder {
-        fn describe(&self) -> String {
-            "recorder".into()
-        }
-        fn step(&mut self, inputs: &[f32], targets: &[f32], _: f32) -> Result<(), EngineError> {
-            self.1.push(targets.len());
-            let bits = |values: &[f32]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
-            self.0.extend(
-                inputs.chunks(INPUTS).zip(targets).map(|(input, target)| (bits(input), target.to_bits())),
-            );
-            Ok(())
-        }
-        fn take_mean_loss(&mut self) -> Result<f64, EngineError> {
-            Ok(1.0)
-        }
-        fn state(&mut self) -> Result<TrainingState, EngineError> {
-            Err(EngineError::Device("a recorder has no state".into()))
-        }
-        fn replace_parameters(&mut self, _: &[f32]) -> Result<(), EngineError> {
-            Err(EngineError::Device("nothing to replace".into()))
-        }
-    }
     let samples = samples();
     let plan = TrainingPlan { length: Length::Epochs(1), ..plan() };
-    let mut recorder = Recorder(Vec::new(), Vec::new());
+    let mut recorder = Recorder::default();
     train(&plan, &samples, &mut recorder, Cursor::default(), &mut go_on).unwrap();
-    let mut expected: Vec<_> = (0..samples.len())
-        .map(|index| {
-            let (input, target) = samples.sample(index);
-            (input.map(f32::to_bits).to_vec(), target.to_bits())
-        })
-        .collect();
-    assert_ne!(recorder.0, expected, "the order is shuffled");
-    recorder.0.sort_unstable();
+    let row = |index: usize| {
+        let (input, target) = samples.sample(index);
+        std::array::from_fn(|i| input.get(i).unwrap_or(&target).to_bits())
+    };
+    let mut expected: Vec<[u32; INPUTS + 1]> = (0..samples.len()).map(row).collect();
+    let batches = recorder.rows();
+    let (last, others) = batches.split_last().unwrap();
+    assert!(others.iter().all(|batch| batch.len() == 150) && last.len() == samples.len() % 150);
+    let mut found = batches.concat();
+    assert_ne!(found, expected, "the order is shuffled");
+    found.sort_unstable();
     expected.sort_unstable();
-    assert_eq!(recorder.0, expected);
-    let (last, others) = recorder.1.split_last().unwrap();
-    assert!(others.iter().all(|&count| count == 150) && *last == samples.len() % 150);
+    assert_eq!(found, expected);
 }
 
 #[test]
@@ -194,26 +150,8 @@ fn divergence_and_what_does_not_fit_are_errors_that_say_so() {
 
 #[test]
 fn a_loss_that_rises_for_good_stops_the_run() {
-    /// Learns for a while, then answers a constant.
-    struct Collapse(u64);
-    impl TrainingEngine for Collapse {
-        fn describe(&self) -> String {
-            "collapse".into()
-        }
-        fn step(&mut self, _: &[f32], _: &[f32], _: f32) -> Result<(), EngineError> {
-            self.0 += 1;
-            Ok(())
-        }
-        fn take_mean_loss(&mut self) -> Result<f64, EngineError> {
-            Ok(if self.0 <= 600 { 0.01 } else { 0.2 })
-        }
-        fn state(&mut self) -> Result<TrainingState, EngineError> {
-            Err(EngineError::Device("nothing to see".into()))
-        }
-        fn replace_parameters(&mut self, _: &[f32]) -> Result<(), EngineError> {
-            Err(EngineError::Device("nothing to replace".into()))
-        }
-    }
+    // Learns for a while, then answers a constant.
+    let collapse = || Recorder { loss: |steps| if steps <= 600 { 0.01 } else { 0.2 }, ..Recorder::default() };
     let samples = samples();
     let plan = TrainingPlan { length: Length::Steps(4000), ..plan() };
     let mut suspicious = Vec::new();
@@ -221,11 +159,11 @@ fn a_loss_that_rises_for_good_stops_the_run() {
         suspicious.push((report.step, report.watch.is_suspicious()));
         ControlFlow::Continue(())
     };
-    let error = train(&plan, &samples, &mut Collapse(0), Cursor::default(), &mut note).unwrap_err();
+    let error = train(&plan, &samples, &mut collapse(), Cursor::default(), &mut note).unwrap_err();
     let TrainError::Diverged { best_step, step, .. } = error else { panic!("{error}") };
 
     // Stopped and continued at every report, it ends as one that was not.
-    let (mut start, mut engine) = (Start::default(), Collapse(0));
+    let (mut start, mut engine) = (Start::default(), collapse());
     let mut again = Vec::new();
     let ended = loop {
         let from = start;

@@ -1,49 +1,27 @@
-use glam::{DMat4, DVec3};
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::*;
 use crate::dataset::{Layout, generate_share, load};
 use crate::engine::CpuTrainer;
+use crate::fixtures::{Recorder, go_on, scene};
+use crate::training::run::Report;
 use crate::training::run::train;
 use imf_core::control::Control;
-use imf_core::field::EngineError;
-use imf_core::grid::Grid;
-use imf_core::occupancy::Occupancy;
 use imf_core::orientation::OrientationSet;
-use imf_core::scene::{Scene, SceneRecord};
-use imf_core::tool::Tool;
-use imf_core::unit::LengthUnit;
 use imf_fields::recipe::Length;
 use imf_fields::recipe::Sampling;
 use imf_fields::recipe::TrainingState;
 use imf_fields::siren::SirenShape;
+use std::ops::ControlFlow;
 
 const SHAPE: SirenShape = SirenShape { width: 16, hidden: 2, skip_after: None, omega: 10.0 };
 
 /// Seven shards, the last one smaller: 13 sections of 347 samples, two a shard.
 fn dataset(folder: &Path) -> Shards {
-    let grid = Grid { origin: DVec3::ZERO, pitch: 8.0, dims: [9, 10, 11] };
-    let obstacle = Occupancy { grid, solid: (0..grid.len()).map(|i| u8::from(i % 7 < 3)).collect() };
-    let record = SceneRecord {
-        part: "test".into(),
-        unit: LengthUnit::Mm,
-        transform: DMat4::IDENTITY,
-        grid,
-        margin: 0,
-        conservative: false,
-        closed: true,
-        tool: Tool::paper(),
-        clearance: imf_core::tool::Clearance::default(),
-        ungrown: None,
-        contact: None,
-        fixtures: Vec::new(),
-        obstacle_crc32: crc32fast::hash(&obstacle.packed()),
-    };
-    let scene = Scene::from_union(record, obstacle);
     let set = OrientationSet::parse("fibonacci:13").unwrap();
     let layout = Layout { shard_samples: Some(2 * 347), share: None };
-    generate_share(folder, &scene, &set, &Sampling::default(), &layout, Control::quiet()).unwrap();
+    generate_share(folder, &scene(), &set, &Sampling::default(), &layout, Control::quiet()).unwrap();
     let shards = Shards::open(folder).unwrap();
     assert_eq!((shards.count(), shards.samples()), (7, 13 * 347));
     shards
@@ -64,41 +42,11 @@ fn engine(plan: &TrainingPlan, state: TrainingState) -> CpuTrainer {
     CpuTrainer::new(SHAPE, plan.adam, plan.loss, plan.batch, state).unwrap()
 }
 
-fn go_on(_: &Report, _: &mut dyn TrainingEngine) -> ControlFlow<()> {
-    ControlFlow::Continue(())
-}
-
-/// Notes what it is fed, batch after batch.
-#[derive(Default)]
-struct Recorder(Vec<Vec<[u32; INPUTS + 1]>>);
-
-impl TrainingEngine for Recorder {
-    fn describe(&self) -> String {
-        "recorder".into()
-    }
-    fn step(&mut self, inputs: &[f32], targets: &[f32], _: f32) -> Result<(), EngineError> {
-        let row = |(input, target): (&[f32], &f32)| {
-            std::array::from_fn(|i| input.get(i).unwrap_or(target).to_bits())
-        };
-        self.0.push(inputs.chunks(INPUTS).zip(targets).map(row).collect());
-        Ok(())
-    }
-    fn take_mean_loss(&mut self) -> Result<f64, EngineError> {
-        Ok(1.0)
-    }
-    fn state(&mut self) -> Result<TrainingState, EngineError> {
-        Err(EngineError::Device("a recorder has no state".into()))
-    }
-    fn replace_parameters(&mut self, _: &[f32]) -> Result<(), EngineError> {
-        Err(EngineError::Device("nothing to replace".into()))
-    }
-}
-
 fn fed(shards: &Shards, groups: usize, plan: &TrainingPlan, start: Cursor) -> Vec<Vec<[u32; INPUTS + 1]>> {
     let mut recorder = Recorder::default();
     let (outcome, _) = train_streamed(plan, shards, groups, &mut recorder, start, &mut go_on).unwrap();
     assert_eq!(outcome, Outcome::Finished);
-    recorder.0
+    recorder.rows()
 }
 
 #[test]

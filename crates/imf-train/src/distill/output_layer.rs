@@ -1,7 +1,7 @@
 //! The best linear layer behind given hidden ones, in closed form.
 //!
 //! Behind its sines a network is linear, and its loss, summed over voxels, is a sum of squares: the last layer's best
-//! weights solve a linear system of the hidden layers' width (least squares). An optimiser follows them slowly: teaching
+//! weights solve a linear system of the hidden layers' width (least squares). An optimiser follows them slowly: training
 //! that solves for them now and then needs a third of the steps (variable projection), and a network of another part
 //! begins where its hidden layers are worth most.
 
@@ -18,8 +18,8 @@ use imf_fields::harmonic::HarmonicField;
 use imf_fields::recipe::TrainingState;
 use imf_fields::siren::matrix::{Matrix, multiply};
 
-/// Voxels for each weight of an output while teaching goes on: their choice adds some 3 % to the squared error, until the next.
-pub(super) const WHILE_TEACHING: usize = 32;
+/// Voxels for each weight of an output while training goes on: their choice adds some 3 % to the squared error, until the next.
+pub(super) const IN_TRAINING: usize = 32;
 /// Voxels for each weight of an output at the end.
 pub(super) const AT_THE_END: usize = 128;
 /// Voxels of a part; parts are added in their order, whatever thread does them.
@@ -27,10 +27,10 @@ const PART: usize = 2048;
 /// What follows the last solution's choice of voxels.
 const GOLDEN: f64 = 0.618_033_988_749_895;
 /// What is added to the diagonal, over its mean. Sums of products in f32 leave the smallest eigenvalues of a width of 380 off by
-/// 1e-6 of it, either way: with no more than that one solution in a teaching of 3,000 steps threw all away.
+/// 1e-6 of it, either way: with no more than that one solution in a training of 3,000 steps threw all away.
 const RIDGE: f64 = 1e-5;
 
-/// Bytes that a solution of the last layer takes for a moment, over so many voxels and axes: the parts' sums and the whole system's.
+/// Bytes that a solution of the output layer takes for a moment, over so many voxels and axes: the parts' sums and the whole system's.
 #[must_use]
 pub fn bytes_to_solve(settings: &DistillSettings, voxels: usize, axes: usize) -> u64 {
     if settings.solve_every == 0 {
@@ -41,10 +41,10 @@ pub fn bytes_to_solve(settings: &DistillSettings, voxels: usize, axes: usize) ->
     ((4 * parts + 3 * 8) * columns * (columns + axes)) as u64
 }
 
-/// Replaces the last layer's weights by those of least squared error from `targets`, over so many voxels for each
+/// Replaces the output layer's weights by those of least squared error from `targets`, over so many voxels for each
 /// weight of an output, evenly spread; `turn` in [0, 1) chooses which ones. What is solved for is the correction, with a
 /// slight pull to 0 (ridge regression), so a direction in which the voxels say nothing keeps its weights.
-pub(super) fn solve_last_layer(field: &mut FactoredField, targets: &Targets<'_>, voxels: usize, turn: f64) {
+pub(super) fn solve_output_layer(field: &mut FactoredField, targets: &Targets<'_>, voxels: usize, turn: f64) {
     let Some(last) = field.shape.layers().pop() else { return };
     let (axes, columns) = (last.outputs, last.inputs + 1);
     let (gram, right) = normal_equations(field, targets, columns, voxels, turn);
@@ -63,7 +63,7 @@ pub(super) fn solve_last_layer(field: &mut FactoredField, targets: &Targets<'_>,
     }
 }
 
-/// `AᵀA` and `Aᵀ(T − Z)` over the voxels: A their last activations and a 1, T the teacher's coefficients in the
+/// `AᵀA` and `Aᵀ(T − Z)` over the voxels: A their last activations and a 1, T the harmonic field's coefficients in the
 /// network's units, Z what the network says.
 fn normal_equations(
     field: &FactoredField,
@@ -107,13 +107,13 @@ fn normal_equations(
     (DMatrix::from_row_slice(columns, columns, &gram), DMatrix::from_row_slice(columns, axes, &right))
 }
 
-/// Steps of the longest teaching that begins with a solution. A short one ends not far from the sines that it begins with; in
+/// Steps of the longest training that begins with a solution. A short one ends not far from the sines that it begins with; in
 /// a long one the large weights that fit a field by random sines lead the hidden layers astray (both measured, in the record).
 pub(super) const SOLVED_FIRST: u64 = 400;
 
-/// An engine whose last layer is solved for after every so many steps, and after the last; in a short teaching before the
+/// An engine whose output layer is solved for in closed form after every so many steps, and after the last; in a short training before the
 /// first too. Which ones those are depends on the plan alone, so that a training that was interrupted goes on to the same bits.
-pub(super) struct Solving<'a> {
+pub(super) struct ClosedForm<'a> {
     engine: &'a mut dyn TrainingEngine,
     targets: &'a Targets<'a>,
     /// Of the engine's weights at the last solution.
@@ -124,18 +124,18 @@ pub(super) struct Solving<'a> {
     total: u64,
 }
 
-impl<'a> Solving<'a> {
+impl<'a> ClosedForm<'a> {
     /// Goes on after `done` steps.
     pub(super) fn new(
         engine: &'a mut dyn TrainingEngine,
-        teacher: &HarmonicField,
+        harmonic: &HarmonicField,
         targets: &'a Targets<'a>,
         settings: &DistillSettings,
         done: u64,
     ) -> Self {
-        let shape = settings.shape(settings.outputs(teacher));
-        let field = TeacherFunctions::of(teacher, targets).of_weights(shape, Vec::new());
-        let total = settings.plan.total_steps(teacher.grid.len());
+        let shape = settings.shape(settings.outputs(harmonic));
+        let field = TeacherFunctions::of(harmonic, targets).of_weights(shape, Vec::new());
+        let total = settings.plan.total_steps(harmonic.grid.len());
         Self { engine, targets, field, every: settings.solve_every, done, total }
     }
 
@@ -143,12 +143,12 @@ impl<'a> Solving<'a> {
         self.field.parameters = self.engine.weights()?;
         // By the golden section no two solutions in a row see the same voxels.
         let turn = (self.done as f64 * GOLDEN).fract();
-        solve_last_layer(&mut self.field, self.targets, voxels, turn);
+        solve_output_layer(&mut self.field, self.targets, voxels, turn);
         self.engine.replace_parameters(&self.field.parameters)
     }
 }
 
-impl TrainingEngine for Solving<'_> {
+impl TrainingEngine for ClosedForm<'_> {
     fn describe(&self) -> String {
         self.engine.describe()
     }
@@ -167,14 +167,14 @@ impl TrainingEngine for Solving<'_> {
 
     fn step(&mut self, inputs: &[f32], targets: &[f32], learning_rate: f32) -> Result<(), EngineError> {
         if self.done == 0 && self.total <= SOLVED_FIRST && self.every > 0 {
-            self.solve(WHILE_TEACHING)?;
+            self.solve(IN_TRAINING)?;
         }
         self.engine.step(inputs, targets, learning_rate)?;
         self.done += 1;
         match self.every {
             0 => Ok(()),
             _ if self.done == self.total => self.solve(AT_THE_END),
-            every if self.done.is_multiple_of(every) => self.solve(WHILE_TEACHING),
+            every if self.done.is_multiple_of(every) => self.solve(IN_TRAINING),
             _ => Ok(()),
         }
     }

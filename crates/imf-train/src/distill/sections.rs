@@ -1,4 +1,4 @@
-//! Teaching by exact sections themselves, where no harmonic field is to hand: none is kept, whatever the grid.
+//! Training by exact sections themselves, where no harmonic field is to hand: none is held in memory, whatever the grid.
 //!
 //! A pool holds the latest sections at random orientations without end ([`crate::training::online`]); a step takes P voxels
 //! at all Q orientations of the pool. Let H be the field's functions there, `[Q][axes]`, s a voxel's exact values less the
@@ -16,20 +16,18 @@ use std::ops::Range;
 use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
 
-use super::course::{Told, Voxels};
-use super::engine::cpu_engine;
-use super::start_of;
+use super::target::steps_before;
+use super::voxels::Voxels;
 use crate::training::TrainingEngine;
 use crate::training::online::{Waits, with_arrivals};
-use crate::training::run::{Outcome, Report, Start, TrainError, train_by};
+use crate::training::run::{Observer, Outcome, Start, TrainError, train_by};
 use imf_core::control::Control;
 use imf_core::field::EngineError;
+use imf_core::grid::Grid;
 use imf_core::orientation::Orientation;
-use imf_core::section::{Quantity, SectionError, SectionPlan};
+use imf_core::section::{Quantity, SectionPlan};
 use imf_fields::factored::targets::TeacherFunctions;
-use imf_fields::factored::{
-    DistillSettings, FactoredEvaluator, FactoredField, FactoredShape, FactoredState, INPUTS,
-};
+use imf_fields::factored::{DistillSettings, FactoredEvaluator, FactoredField, FactoredShape, INPUTS};
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::{
     FitReport, FitSettings, HarmonicError, Outline, Source, SourceScratch, function_values, outline,
@@ -47,14 +45,14 @@ const RIDGE: f64 = 0.03;
 /// Rows of a batch whose targets one thread makes at a time.
 const ROWS: usize = 64;
 
-/// The sections of a scene as a teacher, with the functions that its field is made of.
-pub struct SectionTeacher<'a> {
+/// The sections of a scene, with the functions that a field trained by them is made of.
+pub struct SectionSource<'a> {
     plan: &'a SectionPlan,
     quantity: Quantity,
     outline: Outline,
 }
 
-impl<'a> SectionTeacher<'a> {
+impl<'a> SectionSource<'a> {
     /// Chooses functions, mean and scale by a sample of voxels. Progress as [`imf_fields::harmonic::estimate`].
     ///
     /// # Errors
@@ -74,7 +72,7 @@ impl<'a> SectionTeacher<'a> {
         self.outline.axes.len() / self.outline.mean.len()
     }
 
-    /// What the sample told of the functions' errors.
+    /// What the sample says of the functions' errors.
     #[must_use]
     pub fn report(&self) -> FitReport {
         self.outline.report
@@ -86,7 +84,7 @@ impl<'a> SectionTeacher<'a> {
         self.outline.basis.domain()
     }
 
-    /// Bytes of a teaching along so many axes of so many functions: of the pool and of what is being made, two a value; of what
+    /// Bytes of a training along so many axes of so many functions: of the pool and of what is being made, two a value; of what
     /// the pool's orientations make of a batch; and of a batch.
     #[must_use]
     pub fn memory_bytes(functions: usize, axes: usize, voxels: usize, settings: &DistillSettings) -> u64 {
@@ -117,93 +115,56 @@ impl<'a> SectionTeacher<'a> {
             Domain::Rotations => online.rotation(number),
         }
     }
-}
 
-/// Teaches the network of `state` by sections up to the plan's end, or until `control` asks to stop, which is looked at
-/// wherever the observer is told something; `state` then is where teaching goes on, to the same bits. One unit of progress is
-/// one step; while the pool fills, progress is told of 0 between sections, and `control` is looked at as well. The report's loss is the mean squared error at the pool's orientations before each step, most of which earlier
-/// steps have met. Sections come as [`DistillSettings::online`] says, or as its default;
-/// [`DistillSettings::of_sections`] has the settings to start from.
-///
-/// # Errors
-/// Settings or a state out of range, a section that failed, or a loss that is not finite or has risen for good; `state` is
-/// untouched then.
-pub fn teach_by_sections(
-    teacher: &SectionTeacher<'_>,
-    settings: &DistillSettings,
-    state: &mut FactoredState,
-    control: Control<'_>,
-    observer: &mut dyn FnMut(&Report),
-) -> Result<(Outcome, Waits), TrainError> {
-    let shape = settings.shape(teacher.axis_count());
-    let batch = settings.plan.batch.min(teacher.plan.grid().len());
-    let mut engine = cpu_engine(shape, &settings.plan, settings.optimiser, batch, state)?;
-    teach_by_sections_on(teacher, settings, state, &mut engine, control, observer)
-}
-
-/// As [`teach_by_sections`], on an engine that continues from `state`, such as a GPU's: made for the stack of
-/// [`DistillSettings::shape`] and batches of the plan's size, with the settings' optimiser.
-///
-/// # Errors
-/// As [`teach_by_sections`].
-pub fn teach_by_sections_on(
-    teacher: &SectionTeacher<'_>,
-    settings: &DistillSettings,
-    state: &mut FactoredState,
-    engine: &mut dyn TrainingEngine,
-    control: Control<'_>,
-    observer: &mut dyn FnMut(&Report),
-) -> Result<(Outcome, Waits), TrainError> {
-    settings.check()?;
-    if !settings.symmetry.is_none() {
-        return Err(RecipeError(ShapeError::Symmetry.to_string()).into());
+    /// The grid whose voxels a training sees.
+    pub(super) fn grid(&self) -> &Grid {
+        self.plan.grid()
     }
-    let online = settings.online.unwrap_or_default();
-    let grid = *teacher.plan.grid();
-    let shape = settings.shape(teacher.axis_count());
-    let (plan, start) = (&settings.plan, start_of(state));
-    let mut told = Told::new(plan, grid.len(), start, control, observer);
-    let first = told.steps;
-    let last = plan.total_steps(grid.len()).saturating_sub(1);
-    let source = Source::new(teacher.plan, teacher.quantity)?;
-    let field = teacher.field(shape, state.training.parameters.clone());
-    let field = field.map_err(|error| EngineError::Shape(error.to_string()))?;
-    let mut corrected = Corrected::new(engine, teacher, online, field, first);
-    let mut scratch = SourceScratch::default();
-    let make = |number| {
-        let mut kept = vec![0; grid.len()];
-        source.kept(&teacher.orientation(&online, number), &mut scratch, &mut kept)?;
-        Ok(kept)
-    };
-    let (low, unit) = source.steps();
-    let mut order = Voxels::new(plan, &grid, settings.symmetry, start.cursor);
-    let stop = || {
-        (control.progress)(0);
-        control.is_cancelled()
-    };
-    let (outcome, waits) = with_arrivals(online, [first, last], make, &stop, |arrivals| {
-        let mut feed =
-            |at: Cursor, step: u64, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
-                let pool = arrivals.at(step)?;
-                order.fill(at, &rows, inputs, targets, |_, voxel, targets| {
-                    for (target, section) in targets.iter_mut().zip(pool.iter().flatten()) {
-                        *target = low + f32::from(section[voxel]) * unit;
-                    }
-                });
-                Ok(())
-            };
-        train_by(plan, grid.len(), &mut feed, &mut corrected, start, &mut |report, _| told.hear(report))
-    });
-    let outcome = match outcome {
-        // No step was taken.
-        Err(TrainError::Section(SectionError::Cancelled)) if control.is_cancelled() => {
-            Outcome::Stopped(start.cursor)
+
+    /// As [`Target::train`](super::Target::train): sections come as [`DistillSettings::online`] says, or as its default.
+    pub(super) fn train(
+        &self,
+        settings: &DistillSettings,
+        engine: &mut dyn TrainingEngine,
+        start: Start,
+        stop: &dyn Fn() -> bool,
+        observer: &mut Observer<'_>,
+    ) -> Result<(Outcome, Waits), TrainError> {
+        if !settings.symmetry.is_none() {
+            return Err(RecipeError(ShapeError::Symmetry.to_string()).into());
         }
-        outcome => outcome?,
-    };
-    let Start { cursor, watch } = told.start;
-    *state = FactoredState { training: corrected.state()?, cursor, watch };
-    Ok((outcome, waits))
+        let online = settings.online.unwrap_or_default();
+        let grid = *self.plan.grid();
+        let plan = &settings.plan;
+        let first = steps_before(settings, grid.len(), start.cursor);
+        let last = plan.total_steps(grid.len()).saturating_sub(1);
+        let source = Source::new(self.plan, self.quantity)?;
+        let field = self.field(settings.shape(self.axis_count()), engine.weights()?);
+        let field = field.map_err(|error| EngineError::Shape(error.to_string()))?;
+        let mut corrected = Corrected::new(engine, self, online, field, first);
+        let mut scratch = SourceScratch::default();
+        let make = |number| {
+            let mut kept = vec![0; grid.len()];
+            source.kept(&self.orientation(&online, number), &mut scratch, &mut kept)?;
+            Ok(kept)
+        };
+        let (low, unit) = source.steps();
+        let mut order = Voxels::new(plan, &grid, settings.symmetry, start.cursor);
+        let (outcome, waits) = with_arrivals(online, [first, last], make, stop, |arrivals| {
+            let mut feed =
+                |at: Cursor, step: u64, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
+                    let pool = arrivals.at(step)?;
+                    order.fill(at, &rows, inputs, targets, |_, voxel, targets| {
+                        for (target, section) in targets.iter_mut().zip(pool.iter().flatten()) {
+                            *target = low + f32::from(section[voxel]) * unit;
+                        }
+                    });
+                    Ok(())
+                };
+            train_by(plan, grid.len(), &mut feed, &mut corrected, start, observer)
+        });
+        Ok((outcome?, waits))
+    }
 }
 
 /// What a pool's orientations make of a batch.
@@ -219,11 +180,11 @@ struct Gain {
 }
 
 impl Gain {
-    fn new(teacher: &SectionTeacher<'_>, online: &OnlineSettings, step: u64) -> Result<Self, EngineError> {
-        let Outline { basis, axes, mean, .. } = &teacher.outline;
+    fn new(source: &SectionSource<'_>, online: &OnlineSettings, step: u64) -> Result<Self, EngineError> {
+        let Outline { basis, axes, mean, .. } = &source.outline;
         let set: Vec<Orientation> =
-            online.slots(step).map(|number| teacher.orientation(online, number)).collect();
-        let (count, width, pool) = (basis.len(), teacher.axis_count(), online.pool);
+            online.slots(step).map(|number| source.orientation(online, number)).collect();
+        let (count, width, pool) = (basis.len(), source.axis_count(), online.pool);
         let rows = function_values(basis, &set);
         let rows = Matrix::row_major(&rows, pool, count, count);
         let (mut functions, mut at_mean) = (vec![0.0; pool * width], vec![0.0; pool]);
@@ -242,10 +203,10 @@ impl Gain {
     }
 }
 
-/// An engine that is told the values at the pool's orientations, and tells its own engine the coefficients that follow.
+/// An engine whose targets are values at the pool's orientations: its own engine gets the coefficients that follow.
 pub(super) struct Corrected<'a> {
     engine: &'a mut dyn TrainingEngine,
-    teacher: &'a SectionTeacher<'a>,
+    source: &'a SectionSource<'a>,
     online: OnlineSettings,
     /// Of the engine's weights at the last step, laid out once.
     evaluator: FactoredEvaluator<'static>,
@@ -263,14 +224,14 @@ impl<'a> Corrected<'a> {
     /// Goes on after `done` steps.
     pub(super) fn new(
         engine: &'a mut dyn TrainingEngine,
-        teacher: &'a SectionTeacher<'a>,
+        source: &'a SectionSource<'a>,
         online: OnlineSettings,
         field: FactoredField,
         done: u64,
     ) -> Self {
         let (gain, targets) = (None, Vec::new());
         let evaluator = field.into_evaluator();
-        Self { engine, teacher, online, evaluator, done, gain, targets, squares: 0.0, steps: 0 }
+        Self { engine, source, online, evaluator, done, gain, targets, squares: 0.0, steps: 0 }
     }
 }
 
@@ -290,7 +251,7 @@ impl TrainingEngine for Corrected<'_> {
     fn step(&mut self, inputs: &[f32], values: &[f32], learning_rate: f32) -> Result<(), EngineError> {
         let gain = match self.gain.take() {
             Some(gain) if gain.newest == self.online.newest(self.done) => gain,
-            _ => Gain::new(self.teacher, &self.online, self.done)?,
+            _ => Gain::new(self.source, &self.online, self.done)?,
         };
         self.evaluator.set_parameters(self.engine.weights()?);
         let (evaluator, pool) = (&self.evaluator, self.online.pool);

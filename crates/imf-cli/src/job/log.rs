@@ -1,4 +1,7 @@
-//! Rows as JSON, one a line.
+//! The log of a training: a JSON object a line, with every point of the loss curve and every error at held-out poses.
+//!
+//! A run that goes on from a checkpoint takes back the rows of the steps that it repeats. A row that cannot be written is one
+//! warning: training goes on.
 
 use std::fs::{File, OpenOptions};
 use std::io::{ErrorKind, Write as _};
@@ -6,16 +9,42 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use imf_core::atomic_file::write_atomically;
+use serde::{Deserialize, Serialize};
 
-use super::Row;
+use crate::session::Session;
 
-/// A file that grows by a line a row.
-pub(super) struct JsonLines {
-    path: PathBuf,
-    file: File,
+/// One row: the state of a training after some steps.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Row {
+    /// Steps done.
+    pub(super) step: u64,
+    /// Epoch of the next step, from 0.
+    pub(super) epoch: u64,
+    /// Mean loss since the point of the loss curve before; only at points of the curve.
+    pub(super) loss: Option<f64>,
+    /// Learning rate of the last step.
+    pub(super) rate: f32,
+    /// Mean squared error at held-out poses, where it was just measured.
+    pub(super) held_out_mse: Option<f64>,
+    /// Mean absolute error there.
+    pub(super) held_out_mae: Option<f64>,
+    /// Samples a second.
+    pub(super) samples_per_second: f64,
+    /// Seconds of training, all runs together.
+    pub(super) seconds: f64,
+    /// Seconds to the end at this rate.
+    pub(super) seconds_left: Option<f64>,
 }
 
-impl JsonLines {
+/// A file that grows by a line a row.
+pub(super) struct Log {
+    path: PathBuf,
+    file: File,
+    /// True where a row could not be written, which has been said.
+    failing: bool,
+}
+
+impl Log {
     /// Opens the log of a training that has done `steps` steps: rows of later steps, and a last line that was cut
     /// short, are removed.
     pub(super) fn open(path: &Path, steps: u64) -> Result<Self> {
@@ -30,7 +59,7 @@ impl JsonLines {
         };
         let rows = || text.lines().map(|line| (line, serde_json::from_str::<Row>(line)));
         if rows().next().is_some_and(|(_, row)| row.is_err()) {
-            bail!("{} is no log of a training: give --log another name", path.display());
+            bail!("{} is no log of a training: move it, or choose another folder", path.display());
         }
         let kept: String = rows()
             .filter(|(_, row)| row.as_ref().is_ok_and(|row| row.step <= steps && steps > 0))
@@ -40,10 +69,17 @@ impl JsonLines {
             write_atomically(path, |file| file.write_all(kept.as_bytes()))?;
         }
         let file = OpenOptions::new().append(true).open(path).with_context(cannot)?;
-        Ok(Self { path: path.to_owned(), file })
+        Ok(Self { path: path.to_owned(), file, failing: false })
     }
 
-    pub(super) fn add(&mut self, row: &Row) -> Result<()> {
+    pub(super) fn add(&mut self, session: &Session, row: &Row) {
+        if let (Err(error), false) = (self.write(row), self.failing) {
+            self.failing = true;
+            session.warn(&format!("{error:#}; training goes on, rows may be missing"));
+        }
+    }
+
+    fn write(&mut self, row: &Row) -> Result<()> {
         let line = serde_json::to_string(row)? + "\n";
         self.file
             .write_all(line.as_bytes())
@@ -78,17 +114,17 @@ mod tests {
     fn repeated_steps_are_taken_back_and_half_lines_go() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("log.jsonl");
-        let mut lines = JsonLines::open(&path, 0).unwrap();
-        (1..=5).for_each(|step| lines.add(&row(step * 20)).unwrap());
+        let mut lines = Log::open(&path, 0).unwrap();
+        (1..=5).for_each(|step| lines.write(&row(step * 20)).unwrap());
         let mut text = std::fs::read_to_string(&path).unwrap();
         assert_eq!(serde_json::from_str::<Row>(text.lines().nth(1).unwrap()).unwrap(), row(40));
         text.push_str("{\"step\":12");
         std::fs::write(&path, &text).unwrap();
-        let mut lines = JsonLines::open(&path, 60).unwrap();
-        lines.add(&row(80)).unwrap();
+        let mut lines = Log::open(&path, 60).unwrap();
+        lines.write(&row(80)).unwrap();
         assert_eq!(steps(&path), [20, 40, 60, 80]);
         // A training from the start begins a new log.
-        JsonLines::open(&path, 0).unwrap().add(&row(20)).unwrap();
+        Log::open(&path, 0).unwrap().write(&row(20)).unwrap();
         assert_eq!(steps(&path), [20]);
     }
 
@@ -97,7 +133,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("data.csv");
         std::fs::write(&path, "x,y\n1,2\n").unwrap();
-        assert!(JsonLines::open(&path, 0).err().unwrap().to_string().contains("no log of a training"));
+        assert!(Log::open(&path, 0).err().unwrap().to_string().contains("no log of a training"));
         assert_eq!(std::fs::read(&path).unwrap(), b"x,y\n1,2\n");
     }
 }

@@ -1,16 +1,44 @@
-//! Weights for a changed part: a network taught one harmonic field as the start of another's.
+//! Warm start for a changed part: a network distilled from one harmonic field as the start of another's.
 //!
 //! Nothing is lost in between: what the network answers at a world position stays what it was, but for what the other
 //! field's axes leave out. Positions are scaled by the grid, which the first layer takes back; coefficients are along the
 //! axes and in units of the scale, which the last layer turns to the other's.
 
+use super::output_layer::{IN_TRAINING, solve_output_layer};
 use imf_core::grid::Grid;
-use imf_fields::factored::targets::Targets;
-use imf_fields::factored::{FactoredField, FactoredShape, INPUTS};
+use imf_core::occupancy::Occupancy;
+use imf_fields::factored::targets::{Targets, TeacherFunctions};
+use imf_fields::factored::{FactoredField, FactoredShape, FactoredState, INPUTS};
 use imf_fields::harmonic::HarmonicField;
 use imf_fields::siren::{Layer, ShapeError};
 
-/// A network's weights, turned to the grid, axes, mean and scale of `teacher`: the same field where the teacher
+/// Where fine-tuning starts: the network of another field, such as that of the part before it was changed, turned to
+/// this harmonic field's grid and axes, with the best output layer for it. Its symmetry stays; `obstacle` is what that is of.
+///
+/// # Errors
+/// Weights that do not fit their shape; mirror planes that the harmonic field does not have.
+///
+/// # Panics
+/// If one field is over directions and the other over rotations.
+pub fn start_from(
+    from: &FactoredField,
+    harmonic: &HarmonicField,
+    obstacle: &Occupancy,
+) -> Result<FactoredState, ShapeError> {
+    let symmetry = from.shape.symmetry;
+    if !symmetry.holds_in(harmonic, obstacle) {
+        return Err(ShapeError::OtherSymmetry(symmetry.to_string()));
+    }
+    let targets = Targets::new(harmonic, symmetry)?;
+    let shape = FactoredShape { axes: targets.outputs(), folded: false, ..from.shape };
+    let parameters = parameters_for(from, harmonic, &targets)?;
+    let mut field = TeacherFunctions::of(harmonic, &targets).field(shape, parameters)?;
+    // Other voxels than those of a solution before the first step.
+    solve_output_layer(&mut field, &targets, IN_TRAINING, 0.5);
+    Ok(FactoredState::from_parameters(field.parameters))
+}
+
+/// A network's weights, turned to the grid, axes, mean and scale of `harmonic`: the same field where that
 /// keeps all axes of at least this field's degree.
 ///
 /// # Errors
@@ -20,13 +48,13 @@ use imf_fields::siren::{Layer, ShapeError};
 /// If one field is over directions and the other over rotations.
 pub(super) fn parameters_for(
     field: &FactoredField,
-    teacher: &HarmonicField,
+    harmonic: &HarmonicField,
     targets: &Targets<'_>,
 ) -> Result<Vec<f32>, ShapeError> {
-    assert_eq!(field.basis.domain(), teacher.basis.domain(), "fields over the same orientations");
+    assert_eq!(field.basis.domain(), harmonic.basis.domain(), "fields over the same orientations");
     field.shape.stack().check_parameters(&field.parameters)?;
     if field.shape.folded {
-        return parameters_for(&field.unfolded(), teacher, targets);
+        return parameters_for(&field.unfolded(), harmonic, targets);
     }
     let axes = targets.outputs();
     let shape = FactoredShape { axes, ..field.shape };
@@ -39,8 +67,8 @@ pub(super) fn parameters_for(
     if let Some(first) = hidden.first() {
         let middle = |grid: &Grid| grid.origin + 0.5 * grid.size();
         let units = field.inverse_length();
-        let ratio = units * 0.5 * teacher.grid.size().max_element();
-        let shift = ((middle(&teacher.grid) - middle(&field.grid)) * units).to_array();
+        let ratio = units * 0.5 * harmonic.grid.size().max_element();
+        let shift = ((middle(&harmonic.grid) - middle(&field.grid)) * units).to_array();
         for neuron in 0..first.outputs {
             let from = first.weights + neuron * first.inputs;
             let row: [f64; INPUTS] = std::array::from_fn(|axis| f64::from(field.parameters[from + axis]));

@@ -2,19 +2,19 @@
 
 use super::*;
 
-fn targets(teacher: &HarmonicField) -> Targets<'_> {
-    Targets::new(teacher, Symmetry::default()).unwrap()
+fn targets(harmonic: &HarmonicField) -> Targets<'_> {
+    Targets::new(harmonic, Symmetry::default()).unwrap()
 }
 
 #[test]
 fn a_folded_network_is_the_same_field_of_fewer_numbers() {
     let scene = scene();
-    let plain = field(&teacher(&scene), 40);
+    let plain = field(&harmonic(&scene), 40);
     let folded = plain.clone().folded();
     // 21 axes of 36 functions: 40·36 numbers in place of 21·(40 + 36), and 21 biases.
     assert_eq!(plain.parameter_count() - folded.parameter_count(), 21 * 76 + 21 - 40 * 36);
     assert_eq!(folded.clone().folded(), folded);
-    let wide = field(&teacher(&scene), 60);
+    let wide = field(&harmonic(&scene), 60);
     assert_eq!(wide.clone().folded(), wide, "where it takes more it is left alone");
 
     let set = OrientationSet::parse("random:20:4").unwrap().orientations;
@@ -34,9 +34,9 @@ fn a_folded_network_is_the_same_field_of_fewer_numbers() {
 }
 
 #[test]
-fn a_folded_network_is_not_taught() {
+fn a_folded_network_is_not_trained() {
     let scene = scene();
-    let folded = field(&teacher(&scene), 40).fold();
+    let folded = field(&harmonic(&scene), 40).fold();
     let state = FactoredState::from_parameters(folded.parameters.clone());
     let plan = TrainingPlan::default();
     let Err(error) = engine::cpu_engine(folded.shape, &plan, Optimiser::Adam, 8, &state) else { panic!() };
@@ -46,8 +46,8 @@ fn a_folded_network_is_not_taught() {
 #[test]
 fn files_read_back_bit_for_bit_and_damage_is_named() {
     let scene = scene();
-    let teacher = teacher(&scene);
-    let axes = teacher.axis_count();
+    let harmonic = harmonic(&scene);
+    let axes = harmonic.axis_count();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("field.safetensors");
     let [adam, soap] = OPTIMISERS;
@@ -61,14 +61,14 @@ fn files_read_back_bit_for_bit_and_damage_is_named() {
     ] {
         let settings = DistillSettings { optimiser, ..settings(8) };
         let mut state = settings.start(axes);
-        teach(&teacher, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
+        distil(&harmonic, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
         let field =
-            FactoredField::new(&teacher, settings.shape(axes), state.training.parameters.clone()).unwrap();
+            FactoredField::new(&harmonic, settings.shape(axes), state.training.parameters.clone()).unwrap();
         let mut file = FactoredFile {
             field: if folded { field.fold() } else { field },
             scene: Scene::from_union(scene.record.clone(), scene.obstacle.clone()),
             fit: FIT,
-            report: teacher.report,
+            report: harmonic.report,
             settings,
             precision,
             state: resumable.then_some(state),
@@ -109,7 +109,7 @@ fn files_read_back_bit_for_bit_and_damage_is_named() {
 #[test]
 fn weights_turned_to_another_teacher_answer_as_before() {
     let scene = scene();
-    let own = field(&teacher(&scene), 40);
+    let own = field(&harmonic(&scene), 40);
     // Another grid, all axes, a higher degree: nothing is left out.
     let mesh = ReferencePart::Teapot.mesh();
     let tool = Tool::paper();
@@ -150,9 +150,9 @@ fn weights_turned_to_another_teacher_answer_as_before() {
     assert!(solved < 0.5 * turned, "with its best last layer {solved}, as it was {turned}");
     // With fewer axes it is what these leave of it: still closer than nothing.
     let same = {
-        let teacher = teacher(&scene);
-        parameters_for(&own, &teacher, &targets(&teacher)).unwrap()
+        let harmonic = harmonic(&scene);
+        parameters_for(&own, &harmonic, &targets(&harmonic)).unwrap()
     };
     let worst = same.iter().zip(&own.parameters).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-    assert!(worst < 1e-4, "to its own teacher nothing changes: {worst}");
+    assert!(worst < 1e-4, "to its own harmonic nothing changes: {worst}");
 }

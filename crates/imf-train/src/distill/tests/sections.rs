@@ -1,10 +1,10 @@
-//! Teaching by sections alone: each step's targets are those of the definition, the field comes near, and stops change no
+//! Training by sections alone: each step's targets are those of the definition, the field comes near, and stops change no
 //! bit.
 
 use super::*;
-use crate::distill::by_sections::Corrected;
+use crate::distill::sections::Corrected;
+use crate::fixtures::Recorder;
 use crate::training::run::Report;
-use imf_core::field::EngineError;
 use imf_fields::recipe::OnlineSettings;
 use imf_fields::recipe::TrainingState;
 use imf_fields::siren::ShapeError;
@@ -15,63 +15,25 @@ fn plan(scene: &Scene) -> SectionPlan {
     SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap()
 }
 
-/// Keeps what it is told.
-struct Told {
-    state: TrainingState,
-    axes: usize,
-    targets: Vec<f32>,
-}
-
-impl TrainingEngine for Told {
-    fn describe(&self) -> String {
-        "none".into()
-    }
-
-    fn inputs(&self) -> usize {
-        INPUTS
-    }
-
-    fn outputs(&self) -> usize {
-        self.axes
-    }
-
-    fn step(&mut self, _: &[f32], targets: &[f32], _: f32) -> Result<(), EngineError> {
-        self.targets = targets.to_vec();
-        Ok(())
-    }
-
-    fn take_mean_loss(&mut self) -> Result<f64, EngineError> {
-        Ok(0.0)
-    }
-
-    fn state(&mut self) -> Result<TrainingState, EngineError> {
-        Ok(self.state.clone())
-    }
-
-    fn replace_parameters(&mut self, _: &[f32]) -> Result<(), EngineError> {
-        Ok(())
-    }
-}
-
 #[test]
 fn targets_are_the_coefficients_to_expect() {
     let scene = scene();
     let plan = plan(&scene);
-    let teacher = SectionTeacher::new(&plan, Domain::Directions, &FIT, Control::quiet()).unwrap();
-    let shape = settings(1).shape(teacher.axis_count());
-    let field = teacher.field(shape, shape.initial_parameters(5)).unwrap();
+    let harmonic = SectionSource::new(&plan, Domain::Directions, &FIT, Control::quiet()).unwrap();
+    let shape = settings(1).shape(harmonic.axis_count());
+    let field = harmonic.field(shape, shape.initial_parameters(5)).unwrap();
     let other = FactoredShape { axes: shape.axes + 1, ..shape };
-    let refused = teacher.field(other, other.initial_parameters(5)).unwrap_err();
+    let refused = harmonic.field(other, other.initial_parameters(5)).unwrap_err();
     assert!(
         matches!(refused, ShapeError::Parameters { expected, .. } if expected == shape.parameter_count())
     );
     let state = TrainingState::from_parameters(field.parameters.clone());
-    let mut told = Told { state, axes: shape.axes, targets: Vec::new() };
+    let mut recorder = Recorder { inputs: INPUTS, outputs: shape.axes, state, ..Recorder::default() };
     // A step at which slots are not in the order of their numbers.
     let step = 17;
     let (count, inputs) = (5, numbers(5 * INPUTS, 8));
     let values: Vec<f32> = numbers(count * ONLINE.pool, 9).iter().map(|v| 0.5 + 0.5 * v).collect();
-    let mut corrected = Corrected::new(&mut told, &teacher, ONLINE, field.clone(), step);
+    let mut corrected = Corrected::new(&mut recorder, &harmonic, ONLINE, field.clone(), step);
     corrected.step(&inputs, &values, 1e-3).unwrap();
     let loss = corrected.take_mean_loss().unwrap();
 
@@ -110,7 +72,7 @@ fn targets_are_the_coefficients_to_expect() {
         let expected = z + h.transpose() * &inverse * left;
         let largest = expected.abs().max();
         for (axis, &expected) in expected.iter().enumerate() {
-            let found = f64::from(told.targets[row * shape.axes + axis]);
+            let found = f64::from(recorder.batches[0].1[row * shape.axes + axis]);
             // Sums of some hundred products in f32.
             assert!((found - expected).abs() < 1e-4 * largest, "{row}, {axis}: {found}, not {expected}");
         }
@@ -129,24 +91,23 @@ fn error_of(field: &FactoredField, plan: &SectionPlan) -> f64 {
 }
 
 #[test]
-fn sections_alone_teach_what_a_harmonic_field_would() {
+fn sections_alone_serve_as_a_harmonic_field_would() {
     let scene = scene();
     let plan = plan(&scene);
     let settings = DistillSettings { online: Some(ONLINE), ..settings(400) };
     // Degree 2 leaves out a third of the field by itself.
     for (domain, degree, left) in [(Domain::Directions, 5, 0.25), (Domain::Rotations, 2, 0.5)] {
         let fit = FitSettings { degree, ..FIT };
-        let teacher = SectionTeacher::new(&plan, domain, &fit, Control::quiet()).unwrap();
-        let mut state = settings.start(teacher.axis_count());
-        let shape = settings.shape(teacher.axis_count());
-        let untaught = error_of(&teacher.field(shape, state.training.parameters.clone()).unwrap(), &plan);
+        let harmonic = SectionSource::new(&plan, domain, &fit, Control::quiet()).unwrap();
+        let mut state = settings.start(harmonic.axis_count());
+        let shape = settings.shape(harmonic.axis_count());
+        let untrained = error_of(&harmonic.field(shape, state.training.parameters.clone()).unwrap(), &plan);
         let quiet = Control::quiet();
-        let (outcome, waits) =
-            teach_by_sections(&teacher, &settings, &mut state, quiet, &mut |_| {}).unwrap();
+        let (outcome, waits) = distil(&harmonic, &settings, &mut state, quiet, &mut |_| {}).unwrap();
         assert!(matches!(outcome, Outcome::Finished));
         assert_eq!(waits.sections, 400 - 1 + 40);
-        let taught = error_of(&teacher.field(shape, state.training.parameters).unwrap(), &plan);
-        assert!(taught < left * untaught, "{domain:?}: {taught:.2e} of {untaught:.2e}");
+        let trained = error_of(&harmonic.field(shape, state.training.parameters).unwrap(), &plan);
+        assert!(trained < left * untrained, "{domain:?}: {trained:.2e} of {untrained:.2e}");
     }
 }
 
@@ -154,21 +115,20 @@ fn sections_alone_teach_what_a_harmonic_field_would() {
 fn a_stop_and_the_number_of_threads_change_no_bit() {
     let scene = scene();
     let plan = plan(&scene);
-    let teacher = SectionTeacher::new(&plan, Domain::Directions, &FIT, Control::quiet()).unwrap();
+    let harmonic = SectionSource::new(&plan, Domain::Directions, &FIT, Control::quiet()).unwrap();
     let settings = DistillSettings { online: Some(ONLINE), ..settings(30) };
     let run = |threads: usize, stop: bool| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let mut state = settings.start(teacher.axis_count());
+            let mut state = settings.start(harmonic.axis_count());
             if stop {
                 let cancelled = AtomicBool::new(false);
                 let control = Control { cancelled: &cancelled, ..Control::quiet() };
                 let observe = &mut |_: &Report| cancelled.store(true, Ordering::Relaxed);
-                let (outcome, _) =
-                    teach_by_sections(&teacher, &settings, &mut state, control, observe).unwrap();
+                let (outcome, _) = distil(&harmonic, &settings, &mut state, control, observe).unwrap();
                 assert!(matches!(outcome, Outcome::Stopped(at) if at != Cursor::default()));
             }
-            teach_by_sections(&teacher, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
+            distil(&harmonic, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
             state
         })
     };
@@ -178,27 +138,27 @@ fn a_stop_and_the_number_of_threads_change_no_bit() {
 }
 
 #[test]
-fn a_pool_that_fills_is_given_up_and_teaching_goes_on_to_the_same_bits() {
+fn a_pool_that_fills_is_given_up_and_training_goes_on_to_the_same_bits() {
     let scene = scene();
     let plan = plan(&scene);
-    let teacher = SectionTeacher::new(&plan, Domain::Directions, &FIT, Control::quiet()).unwrap();
+    let harmonic = SectionSource::new(&plan, Domain::Directions, &FIT, Control::quiet()).unwrap();
     let settings = DistillSettings { online: Some(ONLINE), ..settings(40) };
-    let taught = |state: &mut FactoredState, control: Control<'_>| {
-        teach_by_sections(&teacher, &settings, state, control, &mut |_| {}).unwrap().0
+    let trained = |state: &mut FactoredState, control: Control<'_>| {
+        distil(&harmonic, &settings, state, control, &mut |_| {}).unwrap().0
     };
-    let begun = settings.start(teacher.axis_count());
+    let begun = settings.start(harmonic.axis_count());
     let mut whole = begun.clone();
-    assert_eq!(taught(&mut whole, Control::quiet()), Outcome::Finished);
+    assert_eq!(trained(&mut whole, Control::quiet()), Outcome::Finished);
 
     // The wish comes before the third of 40 sections: none is learnt from.
-    let (told, cancelled) = (AtomicU64::new(0), AtomicBool::new(false));
+    let (reported, cancelled) = (AtomicU64::new(0), AtomicBool::new(false));
     let progress = |steps| {
         assert_eq!(steps, 0, "a step was taken");
-        cancelled.store(told.fetch_add(1, Ordering::Relaxed) == 2, Ordering::Relaxed);
+        cancelled.store(reported.fetch_add(1, Ordering::Relaxed) == 2, Ordering::Relaxed);
     };
     let mut state = begun.clone();
-    let outcome = taught(&mut state, Control { progress: &progress, cancelled: &cancelled });
+    let outcome = trained(&mut state, Control { progress: &progress, cancelled: &cancelled });
     assert_eq!((outcome, &state), (Outcome::Stopped(begun.cursor), &begun));
-    assert_eq!(taught(&mut state, Control::quiet()), Outcome::Finished);
+    assert_eq!(trained(&mut state, Control::quiet()), Outcome::Finished);
     assert!(state == whole, "it went on to other bits");
 }

@@ -1,13 +1,10 @@
-//! The course of a teaching over a grid, whoever teaches: which voxels a step takes, where it stands, and what its observer was
-//! told.
+//! Which voxels a step of distillation takes.
 
-use std::ops::{ControlFlow, Range};
+use std::ops::Range;
 
 use rayon::prelude::*;
 
 use crate::training::permutation::Permutation;
-use crate::training::run::{Report, Start};
-use imf_core::control::Control;
 use imf_core::grid::Grid;
 use imf_fields::factored::Symmetry;
 use imf_fields::factored::targets::TargetScratch;
@@ -36,7 +33,7 @@ impl<'a> Voxels<'a> {
         }
     }
 
-    /// Fills rows of the batch at a cursor: a row's inputs are its voxel's place, its targets what `tell` says of the voxel,
+    /// Fills rows of the batch at a cursor: a row's inputs are its voxel's place, its targets what `read` says of the voxel,
     /// with working memory of a thread.
     pub(super) fn fill(
         &mut self,
@@ -44,7 +41,7 @@ impl<'a> Voxels<'a> {
         rows: &Range<usize>,
         inputs: &mut [f32],
         targets: &mut [f32],
-        tell: impl Fn(&mut TargetScratch, usize, &mut [f32]) + Send + Sync,
+        read: impl Fn(&mut TargetScratch, usize, &mut [f32]) + Send + Sync,
     ) {
         let Self { plan, grid, symmetry, order } = self;
         if order.0 != at.epoch {
@@ -60,40 +57,8 @@ impl<'a> Voxels<'a> {
                 let voxel = order.1.at(first + row);
                 let place = symmetry.place(grid.centre(grid.voxel(voxel)));
                 inputs.copy_from_slice(&symmetry.inputs_at(grid, &place));
-                tell(scratch, voxel, targets);
+                read(scratch, voxel, targets);
             },
         );
-    }
-}
-
-/// Where a teaching stands, as those who watch it were told.
-pub(super) struct Told<'a> {
-    /// Steps of the plan.
-    pub(super) steps: u64,
-    /// Where it would go on.
-    pub(super) start: Start,
-    control: Control<'a>,
-    observer: &'a mut dyn FnMut(&Report),
-}
-
-impl<'a> Told<'a> {
-    /// From a cursor of a plan over so many voxels on.
-    pub(super) fn new(
-        plan: &TrainingPlan,
-        voxels: usize,
-        start: Start,
-        control: Control<'a>,
-        observer: &'a mut dyn FnMut(&Report),
-    ) -> Self {
-        let Cursor { epoch, step } = start.cursor;
-        Self { steps: epoch * plan.steps_per_epoch(voxels) + step, start, control, observer }
-    }
-
-    /// Passes on a report; breaks where it is wished to stop.
-    pub(super) fn hear(&mut self, report: &Report) -> ControlFlow<()> {
-        (self.control.progress)(report.step - self.steps);
-        (self.steps, self.start) = (report.step, Start { cursor: report.cursor, watch: report.watch });
-        (self.observer)(report);
-        if self.control.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 }

@@ -1,44 +1,89 @@
-//! `imf field --method harmonic`: a fit to exact sections, which answers for any orientations.
-
-use std::sync::Arc;
+//! `imf train harmonic`: a fit to exact sections, which answers for any orientations.
 
 use anyhow::{Result, bail};
 use imf_core::scene::Scene;
-use imf_core::section::{SectionError, SectionPlan};
+use imf_core::section::{At, SectionError, SectionPlan};
 use imf_core::tool::Tool;
-use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::file::HarmonicFile;
-use imf_fields::harmonic::{FitSettings, HarmonicError, degree_for, fit, section_count, sections_tried};
+use imf_fields::harmonic::{
+    FitSettings, HarmonicError, HarmonicField, degree_for, fit, section_count, sections_tried,
+};
+use serde_json::json;
 
-use super::approximate::{Approximate, errors_text};
-use crate::arguments::field::FieldArguments;
-use crate::arguments::harmonic::{FieldMethod, HarmonicArguments};
+use crate::arguments::harmonic::HarmonicArguments;
+use crate::commands::calibrate;
 use crate::interrupt::Interrupted;
-use crate::output::OutputFile;
+use crate::output::{OutputFile, print, print_json};
 use crate::session::{Session, show_bytes};
 
-/// The settings, with the degree that the memory allows or the error asks for.
+pub(super) fn run(session: &Session, arguments: &HarmonicArguments) -> Result<()> {
+    let out = OutputFile::check(&arguments.out)?;
+    let scene = arguments.scene.scene_with(session, &arguments.contact)?;
+    // A field that is saved is of the tip, which serves every sharp point: turning a tool of revolution about its axis moves
+    // its sharp points, not the overlap at its tip.
+    let plan = SectionPlan::of_scene(&scene, At::Tip)?;
+    let domain = domain(&scene.record.bare_tool().with_tip_only());
+    let settings = chosen(session, &plan, domain, arguments)?;
+    let smaller = "use a lower --degree, fewer --components, or a larger --pitch";
+    let file = fitted(session, &scene, &plan, domain, settings, smaller)?;
+    drop(plan);
+    let path = out.begin()?;
+    file.write(path)?;
+    if session.json {
+        print_json(&json!({
+            "field": path, "settings": file.settings, "report": file.field.report, "bytes": file.field.bytes(),
+            "scene": scene.record,
+        }))?;
+    } else {
+        print(&format!("{}: {}", path.display(), describe(&file)))?;
+    }
+    // Two of a field need not be in memory at once.
+    drop(file);
+    if arguments.no_calibrate { Ok(()) } else { calibrate::afterwards(session, path) }
+}
+
+/// A field and its errors, for people.
+pub(in crate::commands) fn describe(file: &HarmonicFile) -> String {
+    let report = &file.field.report;
+    format!(
+        "{} harmonics of degree {} fitted to {} exact sections, {} components; {}",
+        report.functions,
+        file.settings.degree,
+        report.sections,
+        file.field.axis_count(),
+        errors_text(&file.field),
+    )
+}
+
+/// What is known of the errors of a fit.
+pub(in crate::commands) fn errors_text(field: &HarmonicField) -> String {
+    let report = &field.report;
+    let left_out = match report.dropped {
+        0.0 => String::new(),
+        dropped => format!(", and {dropped:.1e} by the components left out"),
+    };
+    format!(
+        "at unseen orientations MSE {:.1e}, MPE {:.3}{left_out}",
+        report.held_out_mse, report.held_out_mpe
+    )
+}
+
+/// The settings, with the degree that the error asks for, as far as the memory goes.
 fn chosen(
     session: &Session,
     plan: &SectionPlan,
     domain: Domain,
-    asked: &HarmonicArguments,
+    arguments: &HarmonicArguments,
 ) -> Result<FitSettings> {
-    let settings = asked.settings(domain);
-    if !asked.chooses_degree() {
-        return Ok(settings);
-    }
+    let settings = arguments.settings(domain);
+    let Some(target) = arguments.target_mse else { return Ok(settings) };
     let room = session.memory_limit();
     let Some(most) = settings.degree_within(plan, domain, room) else {
         bail!(
             "no harmonic field fits into {} of memory; use a larger --pitch, or raise --memory",
             show_bytes(room)
         );
-    };
-    let Some(target) = asked.target_mse else {
-        session.note(&format!("degree {most} is the highest that {} of memory allow", show_bytes(room)));
-        return Ok(FitSettings { degree: most, ..settings });
     };
     let stage =
         session.stage("choosing the degree", "sections", sections_tried(domain, &settings, most) as u64);
@@ -86,51 +131,14 @@ pub fn fitted(
     let needed = if settings.one_pass { one } else { two };
     session.require_memory(needed, || {
         let axes = settings.sizes(domain).axes;
-        format!("a harmonic field of degree {} along {axes} axes; {smaller}", settings.degree)
+        format!("a harmonic field of degree {} along {axes} components; {smaller}", settings.degree)
     })?;
     let stage = session.stage("sections to fit", "sections", section_count(domain, &settings) as u64);
     let advance = |sections| stage.advance(sections);
     let field = fit(plan, domain, &settings, session.control(&advance));
     let field = field.map_err(|error| interruption(error, "a fit"))?;
     stage.finish(&errors_text(&field));
-    // As its file would have them, which does not tell one pass from two: what is taught by it is resumed by a fit in either.
+    // As its file would have them, which does not tell one pass from two: what is distilled from it is resumed by a fit in either.
     let settings = FitSettings { one_pass: true, ..settings };
     Ok(HarmonicFile { field, scene: scene.clone(), settings, calibration: None })
-}
-
-/// Makes the field; `None` where exact sections are asked for.
-pub(super) fn make(
-    session: &Session,
-    scene: &Scene,
-    plan: &SectionPlan,
-    arguments: &FieldArguments,
-) -> Result<Option<Approximate>> {
-    let asked = &arguments.harmonic;
-    if asked.method == FieldMethod::Exact {
-        return Ok(None);
-    }
-    if arguments.elements || arguments.check > 0 {
-        bail!("--elements and --check are of exact sections: leave them out, or leave out --method harmonic");
-    }
-    if asked.save.is_some() && !plan.tip_alone() {
-        bail!(
-            "a field that is kept is of the tool's tip, which serves every sharp point, and sections are the least over \
-             all of them: leave out --orientations and --out to keep it, and --save for sections"
-        );
-    }
-    let save = asked.save.as_deref().map(OutputFile::check).transpose()?;
-    let bare = scene.record.bare_tool();
-    // Turning a tool of revolution about its axis moves its sharp points, not the overlap at its tip.
-    let bare = if plan.tip_alone() { &bare.with_tip_only() } else { bare };
-    let domain = domain(bare);
-    let settings = chosen(session, plan, domain, asked)?;
-    let smaller = "use a lower --degree or --axes, or a larger --pitch";
-    let file = fitted(session, scene, plan, domain, settings, smaller)?;
-    if let Some(save) = save {
-        let path = save.begin()?;
-        file.write(path)?;
-        session.note(&format!("wrote {}", path.display()));
-    }
-    let stored = FieldFile::Harmonic(Arc::new(file));
-    Ok(Some(Approximate::new(stored, asked.refine)?))
 }

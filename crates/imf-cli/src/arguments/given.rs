@@ -1,0 +1,57 @@
+//! Which options were given on the command line, whatever their values.
+
+use anyhow::{Result, bail};
+use clap::parser::ValueSource;
+use clap::{ArgMatches, Args, Command, FromArgMatches};
+
+/// The names of what was given. It stands before the other arguments of a command, which take their values away.
+pub(crate) struct Given(Vec<String>);
+
+impl Given {
+    /// Whether an argument of this name was given.
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.0.iter().any(|given| given == name)
+    }
+
+    /// Refuses the first option of a group that was given; `whose` says to what the group belongs, and why it cannot be.
+    pub(crate) fn refuse<T: Args>(&self, whose: &str) -> Result<()> {
+        let group = T::augment_args(Command::new("group"));
+        let mut given = group.get_arguments().filter(|option| self.has(option.get_id().as_str()));
+        match given.find_map(|option| option.get_long()) {
+            Some(option) => bail!("--{option} is of {whose}: leave it out"),
+            None => Ok(()),
+        }
+    }
+
+    /// Refuses an option by its name if it was given.
+    pub(crate) fn refuse_option(&self, name: &str, whose: &str) -> Result<()> {
+        match self.has(name) {
+            true => bail!("--{name} is of {whose}: leave it out"),
+            false => Ok(()),
+        }
+    }
+}
+
+// By hand: it has no arguments of its own, and looks at those of the others.
+impl Args for Given {
+    fn augment_args(command: Command) -> Command {
+        command
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        command
+    }
+}
+
+impl FromArgMatches for Given {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let names = matches.ids().map(clap::Id::as_str);
+        let given = names.filter(|name| matches.value_source(name) == Some(ValueSource::CommandLine));
+        Ok(Self(given.map(str::to_owned).collect()))
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}

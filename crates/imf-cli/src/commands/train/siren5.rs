@@ -1,0 +1,212 @@
+//! The paper's network on samples: those of a dataset, or of a part's own, which is made first; from random weights, or from
+//! those of another network.
+
+use std::path::Path;
+use std::str::FromStr as _;
+
+use anyhow::{Result, bail};
+use imf_core::orientation::OrientationSet;
+use imf_core::parts::ReferencePart;
+use imf_fields::factored::file::FactoredFile;
+use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::file::HarmonicFile;
+use imf_fields::model::Model;
+use imf_fields::recipe::{Sampling, TrainingState};
+use imf_train::dataset::{Layout, Manifest};
+use serde_json::json;
+
+use super::calibrated;
+use crate::arguments::clearance::ContactArguments;
+use crate::arguments::scene::SceneArguments;
+use crate::arguments::train::{FinetuneArguments, Siren5Arguments, Siren5Training};
+use crate::commands::dataset::sampled;
+use crate::engine::Device;
+use crate::job::{self, Data, FIELD, Footprint, Latest, Settings};
+use crate::output::{OutputFolder, claim, print, print_json, require_other};
+use crate::session::Session;
+
+/// Orientations of a part's own samples: as many as the paper's, spread evenly.
+const ORIENTATIONS: &str = "fibonacci:225";
+
+/// Where samples come from.
+enum Samples<'a> {
+    /// The folder of a dataset.
+    Dataset(&'a Path),
+    /// They are made of a part.
+    OfPart(&'a SceneArguments, &'a ContactArguments),
+}
+
+pub(super) fn run(session: &Session, arguments: &Siren5Arguments) -> Result<()> {
+    let Siren5Arguments { given, scene, contact, run, start, samples } = arguments;
+    let subject = Path::new(&scene.part);
+    let from = match &start.from {
+        Some(path) => Some((path.as_path(), start_model(path)?)),
+        None => None,
+    };
+    let training = Siren5Training::new(given, run, samples, from.is_some())?;
+    let of = if Manifest::is_in(subject) {
+        let made = "a part, and the dataset was made with its own";
+        given.refuse::<SceneArguments>(made)?;
+        given.refuse::<ContactArguments>(made)?;
+        Samples::Dataset(subject)
+    } else if subject.is_file() || ReferencePart::from_str(&scene.part).is_ok() {
+        if samples.mpi {
+            bail!(
+                "--mpi is of a dataset, and {} is a part: make its dataset first (imf dataset)",
+                scene.part
+            );
+        }
+        Samples::OfPart(scene, contact)
+    } else {
+        bail!(
+            "{} is neither a part (an OBJ, STL, PLY or 3MF file, or teapot, bracket, bracket-raw or screw-gear) nor \
+             the folder of a dataset (see imf dataset)",
+            scene.part
+        );
+    };
+    let shape = from.as_ref().map_or_else(|| start.shape(), |(_, model)| model.shape);
+    shape.check()?;
+    trained(session, &training, shape, &of, from)
+}
+
+pub(crate) fn finetune(session: &Session, arguments: &FinetuneArguments) -> Result<()> {
+    let FinetuneArguments { given, model, dataset, run, samples } = arguments;
+    job::require_togetherness(session)?;
+    let training = Siren5Training::new(given, run, samples, true)?;
+    let start = start_model(model)?;
+    trained(session, &training, start.shape, &Samples::Dataset(dataset), Some((model, start)))
+}
+
+/// The network to start from; a field of another family is named, and how to adapt it.
+fn start_model(path: &Path) -> Result<Model> {
+    let shown = path.display();
+    if FactoredFile::is_one(path) {
+        bail!(
+            "{shown} is a factored field, and models of siren5 are adapted here: imf train factored PART --from {shown} adapts it to a \
+             changed part"
+        );
+    }
+    if HarmonicFile::is_one(path) {
+        bail!(
+            "{shown} is a harmonic field, and models of siren5 are adapted here: make one of the changed part anew by imf train \
+             harmonic"
+        );
+    }
+    Ok(Model::read(path)?)
+}
+
+fn trained(
+    session: &Session,
+    training: &Siren5Training<'_>,
+    shape: imf_fields::siren::SirenShape,
+    samples: &Samples<'_>,
+    from: Option<(&Path, Model)>,
+) -> Result<()> {
+    let Siren5Training { run, plan, .. } = training;
+    let folder = OutputFolder::check(&run.out)?;
+    if let Some((path, _)) = from.as_ref().filter(|_| !run.resume) {
+        require_other(path, &folder.file(FIELD))?;
+    }
+    let _claim = claim(folder.path())?;
+    // Before anything is made for a training that cannot go on, or need not.
+    let found = job::to_resume::<Model>(folder.path(), run.resume)?;
+    let settings = Settings {
+        checkpoint_every: training.checkpoint_every()?,
+        go_on: "add --resume",
+        slower: " with --rate ",
+        held_out: training.held_out(),
+        held_out_every: training.set.held_out_every,
+    };
+    if let Some(found) = &found {
+        if let Some((_, start)) = &from {
+            found.require_origin(start)?;
+        }
+        found.require_options(shape, training)?;
+    }
+    let is_over = |same: &dyn Fn(&Latest) -> Result<()>| -> Result<bool> {
+        let Some(found) = &found else { return Ok(false) };
+        same(found)?;
+        let Some(model) = found.finished(session, folder.path(), Precision::F32)? else { return Ok(false) };
+        concluded(session, folder.path(), &model)?;
+        Ok(true)
+    };
+    let device = Device::open(run.device_or("auto"), session)?;
+    device.require_precision(plan.precision)?;
+    let data = match samples {
+        Samples::Dataset(dataset) => {
+            let data = Data::open(dataset)?;
+            if is_over(&|found| found.require_dataset(&data))? {
+                return Ok(());
+            }
+            data
+        }
+        Samples::OfPart(scene, contact) => {
+            let (set, sampling) =
+                (OrientationSet::parse(ORIENTATIONS)?, Sampling { seed: plan.seed, ..Sampling::default() });
+            let scene = scene.scene_with(session, contact)?;
+            if is_over(&|found| found.require_samples(&scene.record, &set, &sampling))? {
+                return Ok(());
+            }
+            if found.is_none() {
+                // Before the samples, which are most of the work for a short training.
+                let (record, batch) = (&scene.record, plan.batch);
+                Footprint::new(session, &device, shape, plan, record, batch, settings.held_out)?
+                    .require(session, 0)?;
+            }
+            folder.create()?;
+            let _claim = claim(folder.path())?;
+            let dataset = folder.file("dataset");
+            sampled(session, &dataset, &scene, &set, &sampling, &Layout::default())?;
+            Data::open(&dataset)?
+        }
+    };
+    folder.create()?;
+    let model = match (found, from) {
+        (Some(found), _) => job::resumed_model(session, found, &data, run.rate)?,
+        (None, Some((_, start))) => {
+            if start.scene.record.tool.shape != data.scene.record.tool.shape {
+                session.warn(
+                    "the model was made for another tool than the dataset; it will be adapted all the same",
+                );
+            }
+            let state = TrainingState::from_parameters(start.state.parameters);
+            job::fresh_model(&data, shape, *plan, state, Some(start.scene.record.part))
+        }
+        (None, None) => job::fresh_model(&data, shape, *plan, TrainingState::new(&shape, plan.seed), None),
+    };
+    let model = job::run(session, &device, &data, model, folder.path(), &settings)?;
+    concluded(session, folder.path(), &model)
+}
+
+/// The end of a training: its closing line, and what the model's decisions are worth, where that is short beside it and not yet
+/// known.
+fn concluded(session: &Session, out: &Path, model: &Model) -> Result<()> {
+    let path = out.join(FIELD);
+    announce(session, &path, model)?;
+    // A batch is no larger than the dataset.
+    let record = &model.record;
+    let samples = record.steps.saturating_mul(record.samples.min(record.plan.batch as u64));
+    calibrated(session, &path, model.calibration.is_some(), samples)
+}
+
+/// The closing line of a training.
+fn announce(session: &Session, path: &Path, model: &Model) -> Result<()> {
+    if !session.rank().is_first() {
+        return Ok(());
+    }
+    let loss = model.record.losses.last().map(|p| p.loss);
+    if session.json {
+        return print_json(&json!({
+            "field": path, "steps": model.record.steps, "seconds": model.record.seconds, "loss": loss,
+            "parameters": model.shape.parameter_count(), "engine": model.record.engine,
+            "held_out": model.record.held_out.as_ref().and_then(|held| held.errors.last()),
+        }));
+    }
+    print(&format!(
+        "{}: {} steps in {:.1} s; compare with: imf eval {}",
+        path.display(),
+        model.record.steps,
+        model.record.seconds,
+        path.display()
+    ))
+}

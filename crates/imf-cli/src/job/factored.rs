@@ -1,0 +1,366 @@
+//! Trainings of a factored field: from a harmonic field's coefficients, or from a scene's sections as they come; afresh, from
+//! another field's network, or from the checkpoint in the output folder. What is asked is held against that before
+//! anything is computed: first the settings, then the scene and what its functions are chosen by.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result, bail, ensure};
+use imf_core::scene::Scene;
+use imf_fields::factored::file::FactoredFile;
+use imf_fields::factored::{DistillSettings, FactoredField, FactoredState, Symmetry};
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::file::HarmonicFile;
+use imf_fields::harmonic::{FitReport, FitSettings, Sizes};
+use imf_fields::recipe::{Optimiser, TrainingPlan};
+use imf_gpu::{GpuTrainer, TrainerSettings};
+use imf_train::distill::{SectionSource, Target, bytes_to_solve, optimiser_bytes, start_from};
+use imf_train::training::TrainingEngine;
+
+use super::checkpoint::{Latest, to_resume};
+use super::differences::differences;
+use super::{Settings, Training};
+use crate::engine::Device;
+use crate::interrupt;
+use crate::session::Session;
+
+/// Bytes of a weight: itself, transposed, gradient, two moments, and a copy of weights and moments in a checkpoint.
+const BYTES_PER_PARAMETER: u64 = 4 * 8;
+
+/// What symmetry of the part the network of a field may rely on.
+pub fn symmetry_of(session: &Session, field: &HarmonicFile) -> Symmetry {
+    let symmetry = Symmetry::of(&field.field, &field.scene.obstacle);
+    if !symmetry.is_none() {
+        session.note(&format!("symmetry-reduced: {symmetry}"));
+    }
+    symmetry
+}
+
+/// What is distilled.
+pub enum Source<'a> {
+    /// A harmonic field.
+    Harmonic(&'a HarmonicFile),
+    /// The sections of a scene, along functions that were chosen by a fit's settings.
+    Sections {
+        /// The sections.
+        source: Box<SectionSource<'a>>,
+        /// Of this scene.
+        scene: &'a Scene,
+        /// What the functions were chosen by.
+        fit: FitSettings,
+    },
+}
+
+impl Source<'_> {
+    fn scene(&self) -> &Scene {
+        match self {
+            Self::Harmonic(file) => &file.scene,
+            Self::Sections { scene, .. } => scene,
+        }
+    }
+
+    fn fit(&self) -> (FitSettings, FitReport) {
+        match self {
+            Self::Harmonic(file) => (file.settings, file.field.report),
+            Self::Sections { source, fit, .. } => (*fit, source.report()),
+        }
+    }
+
+    fn target(&self) -> Target<'_> {
+        match self {
+            Self::Harmonic(file) => Target::Coefficients(&file.field),
+            Self::Sections { source, .. } => Target::Sections(source),
+        }
+    }
+
+    fn extent(&self) -> Extent {
+        let (by_sections, domain) = match self {
+            Self::Harmonic(file) => (false, file.field.basis.domain()),
+            Self::Sections { source, .. } => (true, source.domain()),
+        };
+        Extent { by_sections, fit: self.fit().0, domain, voxels: self.target().grid().len() }
+    }
+}
+
+/// How large a distillation becomes: known before its source is made.
+pub struct Extent {
+    /// By exact sections, not by a harmonic field.
+    pub by_sections: bool,
+    /// Of the harmonic field, or of the choice of functions.
+    pub fit: FitSettings,
+    /// What the field is a function of beside the point.
+    pub domain: Domain,
+    /// Of the grid.
+    pub voxels: usize,
+}
+
+impl Extent {
+    /// Refuses what does not fit into memory, the choice of its functions by sections with it; `smaller` says what takes less.
+    ///
+    /// # Errors
+    /// Less memory than this.
+    pub fn require(&self, session: &Session, settings: &DistillSettings, smaller: &str) -> Result<()> {
+        let Self { by_sections, fit, domain, voxels } = *self;
+        let Sizes { functions, axes, .. } = fit.sizes(domain);
+        // A symmetry-reduced network has every function for an output; whether there is any symmetry is seen later. Three
+        // matrices of these are held while it is trained.
+        let may_reduce = !by_sections && domain == Domain::Directions;
+        let outputs = if may_reduce { functions } else { axes };
+        let frames = if may_reduce { 12 * (functions * functions) as u64 } else { 0 };
+        let (choice, source, what) = if by_sections {
+            (
+                fit.outline_memory(domain, voxels),
+                SectionSource::memory_bytes(functions, axes, voxels, settings),
+                "the sections and the network",
+            )
+        } else {
+            let field = fit.memory(domain, voxels).1 + 4 * (functions * (axes + 1)) as u64;
+            let bytes = field + frames + bytes_to_solve(settings, voxels, outputs);
+            (0, bytes, "the harmonic field and the network")
+        };
+        let batch = settings.plan.batch.min(voxels) as u64;
+        let signals = 8 * batch * (settings.width * settings.hidden + outputs) as u64;
+        let shape = settings.shape(outputs);
+        let network =
+            BYTES_PER_PARAMETER * shape.parameter_count() as u64 + optimiser_bytes(settings.optimiser, shape);
+        session.require_memory(choice.max(source + network + signals), || format!("{what}; {smaller}"))
+    }
+}
+
+/// Where a distillation begins, in a folder.
+pub struct FactoredStart<'a> {
+    /// Where checkpoint and field are written.
+    pub(crate) out: &'a Path,
+    /// What is gone on with; nothing for a training afresh.
+    found: Option<Latest<FactoredFile>>,
+}
+
+impl<'a> FactoredStart<'a> {
+    /// Refuses to begin where a training is unfinished, and to go on where there is none.
+    ///
+    /// # Errors
+    /// As said.
+    pub fn at(out: &'a Path, resume: bool) -> Result<Self> {
+        let found = to_resume::<FactoredFile>(out, resume)?;
+        if let Some(Latest { model, path, .. }) = &found {
+            ensure!(model.state.is_some(), "{} has no optimiser's state to go on from", path.display());
+        }
+        Ok(Self { out, found })
+    }
+
+    /// The checkpoint that is gone on with, and its file.
+    fn found(&self) -> Option<(&FactoredFile, PathBuf)> {
+        self.found.as_ref().map(|found| (&found.model, found.path.clone()))
+    }
+
+    /// Refuses a checkpoint of another network than that of `from`, which names its file.
+    pub(crate) fn require_network_of(&self, path: &Path, from: &FactoredFile) -> Result<()> {
+        let Some((found, checkpoint)) = self.found() else { return Ok(()) };
+        let network = |settings: &DistillSettings| {
+            let DistillSettings { width, hidden, omega, symmetry, .. } = settings;
+            format!("{hidden} layers of {width}, ω = {omega} and {symmetry}")
+        };
+        let [begun, other] = [found, from].map(|file| network(&file.settings));
+        ensure!(
+            begun == other,
+            "{} was not begun from {}: the one has {begun}, the other {other}; leave out --from, or give the field that it \
+             was begun from",
+            checkpoint.display(),
+            path.display()
+        );
+        Ok(())
+    }
+
+    /// With the optimiser that was asked for, if any. A resumed training keeps its own where none was, its rates where none were
+    /// asked for, which stand in `settings`, and how often its output layer is solved for.
+    pub(crate) fn settled(
+        &self,
+        rate: Option<f32>,
+        optimiser: Option<Optimiser>,
+        settings: DistillSettings,
+    ) -> DistillSettings {
+        let begun = self.found().map_or(settings, |(found, _)| found.settings);
+        let schedule = if rate.is_some() { settings.plan.schedule } else { begun.plan.schedule };
+        DistillSettings {
+            plan: TrainingPlan { schedule, ..settings.plan },
+            solve_every: begun.solve_every,
+            optimiser: optimiser.unwrap_or(begun.optimiser),
+            ..settings
+        }
+    }
+
+    /// The network's symmetry as far as that is settled: as the checkpoint has it, or none where none is wanted. `None` where a
+    /// field is to be asked what there is.
+    pub(crate) fn symmetry(&self, wanted: bool) -> Option<Symmetry> {
+        match (wanted, self.found()) {
+            (false, _) => Some(Symmetry::default()),
+            (true, found) => found.map(|(found, _)| found.settings.symmetry),
+        }
+    }
+
+    /// Refuses a checkpoint of other settings, and says which.
+    pub(crate) fn require_settings(&self, settings: &DistillSettings) -> Result<()> {
+        match self.found() {
+            Some((found, checkpoint)) if found.settings != *settings => bail!(
+                "{} was begun with other settings ({}): give the same ones, or choose another --out",
+                checkpoint.display(),
+                differences(&found.settings, settings)?.join("; ")
+            ),
+            _ => Ok(()),
+        }
+    }
+
+    /// Refuses a checkpoint of another scene, or of functions that were chosen otherwise.
+    pub(crate) fn require_source(&self, scene: &Scene, fit: &FitSettings) -> Result<()> {
+        let Some((found, checkpoint)) = self.found() else { return Ok(()) };
+        ensure!(
+            found.scene.record == scene.record,
+            "{} is of another scene: give its part, tool and grid, or choose another --out",
+            checkpoint.display()
+        );
+        ensure!(
+            found.fit == *fit,
+            "{} was distilled from another harmonic field or other sections ({}): resume with these, or choose another --out",
+            checkpoint.display(),
+            differences(&found.fit, fit)?.join("; ")
+        );
+        Ok(())
+    }
+
+    /// Refuses a checkpoint of a network along other functions than `field`'s, though they were chosen by the same settings.
+    fn require_functions(&self, field: &FactoredField) -> Result<()> {
+        let Some((found, checkpoint)) = self.found() else { return Ok(()) };
+        // Components are of length 1; means are fractions of the tool, or depths. Rounding moves either by far less.
+        let near = |there: &[f32], here: &[f32]| {
+            let scale = there.iter().fold(1e-3, |most: f32, v| most.max(v.abs()));
+            there.len() == here.len() && there.iter().zip(here).all(|(a, b)| (a - b).abs() < 1e-3 * scale)
+        };
+        ensure!(
+            near(&found.field.axes, &field.axes) && near(&found.field.mean, &field.mean),
+            "{} was trained along other functions, which another limit of memory or another version chose by the same \
+             settings: resume as it was begun (--memory), or choose another --out",
+            checkpoint.display()
+        );
+        Ok(())
+    }
+
+    /// The field of a training that is finished, its weights saved so; nothing where steps are left.
+    pub(crate) fn finished(&self, session: &Session, precision: Precision) -> Result<Option<FactoredFile>> {
+        self.found.as_ref().map_or(Ok(None), |found| found.finished(session, self.out, precision))
+    }
+
+    /// The state to go on from.
+    fn state(&self, session: &Session) -> Option<FactoredState> {
+        let found = self.found.as_ref()?;
+        found.damage.iter().for_each(|damage| session.warn(damage));
+        found.model.state.clone()
+    }
+}
+
+/// A factored field that is trained, in a folder.
+pub struct Distillation<'a> {
+    /// What is distilled.
+    pub source: Source<'a>,
+    /// How.
+    pub settings: DistillSettings,
+    /// How the finished weights are saved.
+    pub precision: Precision,
+    /// What happens beside the steps.
+    pub beside: Settings,
+    /// What takes less memory.
+    pub smaller: &'static str,
+    /// From where, and where checkpoint and field are written.
+    pub start: &'a FactoredStart<'a>,
+}
+
+impl Distillation<'_> {
+    /// Trains from the checkpoint on where there is one to go on from, else from another field's network or from random
+    /// weights; writes checkpoints and the finished field. Also says the loss of the last steps.
+    ///
+    /// # Errors
+    /// Too little memory, a checkpoint of another training, one that cannot be written, a divergence, Ctrl-C.
+    pub fn run(
+        self,
+        session: &Session,
+        device: &Device,
+        from: Option<&FactoredFile>,
+    ) -> Result<(FactoredFile, Option<f64>)> {
+        let Self { source, settings, precision, beside, smaller, start } = self;
+        source.extent().require(session, &settings, smaller)?;
+        let target = source.target();
+        let resumed = start.state(session);
+        let state = match &resumed {
+            Some(state) => {
+                start.require_functions(&target.field(&settings, state.training.parameters.clone())?)?;
+                state.clone()
+            }
+            None => initial_state(&source, &settings, from)?,
+        };
+        let (shape, batch, voxels) = (target.shape(&settings), target.batch(&settings), target.grid().len());
+        let total = settings.plan.total_steps(voxels);
+        let of = match &source {
+            Source::Harmonic(_) => format!("to the coefficients of {voxels} voxels"),
+            Source::Sections { .. } => {
+                let pool = settings.online.unwrap_or_default().pool;
+                format!("to {voxels} voxels by exact sections, {pool} at a time")
+            }
+        };
+        let parameters = shape.parameter_count();
+        session.note(&format!("training {shape} ({parameters} parameters) {of}, {total} steps of {batch}"));
+        let mut engine: Box<dyn TrainingEngine> = match device {
+            Device::Cpu => Box::new(target.engine(&settings, &state)?),
+            Device::Gpu(gpu) => {
+                let DistillSettings { plan, optimiser, .. } = settings;
+                let precision = imf_fields::recipe::Precision::F32;
+                let learning = TrainerSettings { adam: plan.adam, loss: plan.loss, optimiser, precision };
+                Box::new(GpuTrainer::new(gpu, shape.stack(), &learning, batch, &state.training)?)
+            }
+        };
+        let (fit, report) = source.fit();
+        let field = FactoredFile {
+            field: target.field(&settings, state.training.parameters.clone())?,
+            scene: source.scene().clone(),
+            fit,
+            report,
+            settings,
+            precision: Precision::F32,
+            state: Some(state),
+            calibration: None,
+        };
+        let training = Training {
+            session,
+            out: start.out,
+            settings: &beside,
+            field,
+            plan: settings.plan,
+            samples: voxels,
+            resumed: resumed.is_some(),
+            precision,
+            held_out: None,
+        };
+        training.run(engine.as_mut(), &mut |_, engine, start, observer| {
+            let stop = || interrupt::requested();
+            Ok(target.train(&settings, engine, start, &stop, observer)?.0)
+        })
+    }
+}
+
+/// Random weights, or those of another field.
+fn initial_state(
+    source: &Source<'_>,
+    settings: &DistillSettings,
+    from: Option<&FactoredFile>,
+) -> Result<FactoredState> {
+    let (Some(from), Source::Harmonic(HarmonicFile { field, scene, .. })) = (from, source) else {
+        return Ok(FactoredState::new(&source.target().shape(settings), settings.plan.seed));
+    };
+    ensure!(
+        from.field.basis.domain() == field.basis.domain(),
+        "--from is a field of another kind of tool: one is symmetric about its axis, the other is not"
+    );
+    ensure!(
+        from.field.quantity == field.quantity,
+        "--from is a field of another quantity: one is of overlaps, the other of depths"
+    );
+    start_from(&from.field, field, &scene.obstacle).context("--from")
+}

@@ -1,0 +1,329 @@
+//! Trainings of siren5: on the samples of a dataset, or of whatever else a loop has; afresh, or from the checkpoint in the
+//! output folder.
+
+use std::path::Path;
+use std::time::Duration;
+
+use anyhow::{Result, bail, ensure};
+use imf_core::orientation::OrientationSet;
+use imf_core::scene::SceneRecord;
+use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::model::{Model, TrainingRecord};
+use imf_fields::recipe::divergence::Watch;
+use imf_fields::recipe::schedule::Schedule;
+use imf_fields::recipe::{Cursor, Sampling, TrainingPlan, TrainingState};
+use imf_fields::siren::SirenShape;
+use imf_train::training::run::train;
+use imf_train::training::streamed::train_streamed;
+
+use super::checkpoint::{Checkpoint as _, Latest, latest};
+use super::data::{Data, Source};
+use super::held_out::{HeldOutWatch, record};
+use super::memory::Footprint;
+use super::{Loop, REPORT_EVERY, Settings, Training};
+use crate::arguments::train::Siren5Training;
+use crate::engine::Device;
+use crate::output::claim;
+use crate::ranks::started_together;
+use crate::session::Session;
+
+/// What an epoch learns from.
+#[derive(Clone, Copy, Debug)]
+pub struct Epoch {
+    /// Samples.
+    pub samples: usize,
+    /// Bytes that they take beside the training.
+    pub bytes: u64,
+}
+
+/// Trains `model` to the end of its plan and writes it to `out`.
+pub fn run(
+    session: &Session,
+    device: &Device,
+    data: &Data,
+    mut model: Model,
+    out: &Path,
+    settings: &Settings,
+) -> Result<Model> {
+    let samples = data.shards.samples();
+    let footprint = footprint(session, device, &model, samples, settings)?;
+    let source = data.source(session, &footprint, &mut model)?;
+    let mut waited = Duration::ZERO;
+    let by: &mut Loop<'_> = &mut |plan, engine, start, observer| match &source {
+        Source::Memory(samples) => train(plan, samples, engine, start, observer),
+        Source::Groups(groups) => {
+            let (outcome, seconds) = train_streamed(plan, &data.shards, *groups, engine, start, observer)?;
+            waited = seconds;
+            Ok(outcome)
+        }
+    };
+    let model = train_to_the_end(session, device, samples, model, out, settings, by)?;
+    if matches!(source, Source::Groups(_)) {
+        session.note(&format!("training waited {:.1} s for shards", waited.as_secs_f64()));
+    }
+    Ok(model)
+}
+
+/// As [`run`], with samples from wherever `by` has them.
+pub fn run_by(
+    session: &Session,
+    device: &Device,
+    epoch: Epoch,
+    model: Model,
+    out: &Path,
+    settings: &Settings,
+    by: &mut Loop<'_>,
+) -> Result<Model> {
+    let footprint = footprint(session, device, &model, epoch.samples, settings)?;
+    footprint.require(session, epoch.bytes)?;
+    train_to_the_end(session, device, epoch.samples, model, out, settings, by)
+}
+
+/// What the training takes beside its samples.
+fn footprint(
+    session: &Session,
+    device: &Device,
+    model: &Model,
+    samples: usize,
+    settings: &Settings,
+) -> Result<Footprint> {
+    let record = &model.record;
+    let held_out = match &record.held_out {
+        _ if record.steps == 0 => settings.held_out,
+        held_out => held_out.as_ref().map_or(0, |held_out| held_out.choice.poses),
+    };
+    let batch = record.plan.batch.min(samples.max(1));
+    Footprint::new(session, device, model.shape, &record.plan, &model.scene.record, batch, held_out)
+}
+
+/// Trains with an epoch of so many samples, which `by` has; memory was asked for.
+fn train_to_the_end(
+    session: &Session,
+    device: &Device,
+    samples: usize,
+    mut model: Model,
+    out: &Path,
+    settings: &Settings,
+    by: &mut Loop<'_>,
+) -> Result<Model> {
+    let rank = session.rank();
+    let plan = model.record.plan;
+    let batch = plan.batch.min(samples.max(1));
+    let total = plan.total_steps(samples);
+    if model.record.steps == 0 {
+        model.record.held_out = record(settings.held_out, settings.held_out_every, plan.seed, total);
+    }
+    // After this no rank reads what the first may write.
+    rank.agree("training", fingerprint(&model)?)?;
+    let _claim = if rank.is_first() { Some(claim(out)?) } else { None };
+    let held_out = if rank.is_first() { HeldOutWatch::new(session, &model)? } else { None };
+    let mut engine = device.trainer(rank, model.shape, &plan, batch, model.state.clone())?;
+    session.note(&format!(
+        "training {}×{} ({} parameters, ω = {}) on {samples} samples, {total} steps of {batch}; {}",
+        model.shape.hidden,
+        model.shape.width,
+        model.shape.parameter_count(),
+        model.shape.omega,
+        engine.describe()
+    ));
+    model.record.engine = engine.describe();
+    model.record.program = env!("CARGO_PKG_VERSION").into();
+    let resumed = model.record.steps > 0;
+    let precision = Precision::F32;
+    let training =
+        Training { session, out, settings, field: model, plan, samples, resumed, precision, held_out };
+    Ok(training.run(engine.as_mut(), by)?.0)
+}
+
+/// A checksum of all that ranks must have in common.
+fn fingerprint(model: &Model) -> Result<u64> {
+    let record = &model.record;
+    let mut hasher = crc32fast::Hasher::new();
+    hasher.update(&serde_json::to_vec(&(
+        model.shape,
+        record.plan,
+        record.cursor,
+        record.steps,
+        record.dataset_crc32,
+        record.groups_per_epoch,
+    ))?);
+    let state = &model.state;
+    for array in [&state.parameters, &state.first_moment, &state.second_moment] {
+        array.iter().for_each(|value| hasher.update(&value.to_le_bytes()));
+    }
+    Ok(u64::from(hasher.finalize()))
+}
+
+/// Refuses to train alone in the company of processes that would all do the same, and write to one folder.
+pub(crate) fn require_togetherness(session: &Session) -> Result<()> {
+    match started_together() {
+        Some(count) if session.rank().of() == 1 => bail!(
+            "{count} processes were started together, and each would train by itself: add --mpi (in a build with the feature mpi) to share the work, or start one"
+        ),
+        _ => Ok(()),
+    }
+}
+
+/// The paper's plan, reported often enough to notice Ctrl-C.
+pub fn plan_defaults() -> TrainingPlan {
+    TrainingPlan { report_every: REPORT_EVERY, ..TrainingPlan::default() }
+}
+
+/// A model at the start of its training.
+pub fn fresh_model(
+    data: &Data,
+    shape: SirenShape,
+    plan: TrainingPlan,
+    state: TrainingState,
+    fine_tuned_from: Option<String>,
+) -> Model {
+    let record = TrainingRecord {
+        program: env!("CARGO_PKG_VERSION").into(),
+        plan,
+        cursor: Cursor::default(),
+        watch: Watch::default(),
+        finished: false,
+        steps: 0,
+        seconds: 0.0,
+        engine: String::new(),
+        orientations: data.manifest().orientations.clone(),
+        sampling: data.manifest().sampling,
+        samples: data.shards.samples() as u64,
+        dataset_crc32: data.manifest().fingerprint(),
+        groups_per_epoch: None,
+        fine_tuned_from,
+        losses: Vec::new(),
+        pending_loss: (0.0, 0),
+        held_out: None,
+    };
+    Model { shape, scene: data.scene.clone(), record, state, calibration: None }
+}
+
+impl Latest<Model> {
+    /// Refuses a checkpoint that was not trained on these samples; nothing of them need be there.
+    pub(crate) fn require_samples(
+        &self,
+        scene: &SceneRecord,
+        set: &OrientationSet,
+        sampling: &Sampling,
+    ) -> Result<()> {
+        let record = &self.model.record;
+        let same =
+            self.model.scene.record == *scene && record.orientations == *set && record.sampling == *sampling;
+        self.require_same(same)
+    }
+
+    /// Refuses a checkpoint of another dataset.
+    pub(crate) fn require_dataset(&self, data: &Data) -> Result<()> {
+        self.require_same(self.model.record.dataset_crc32 == data.manifest().fingerprint())
+    }
+
+    fn require_same(&self, same: bool) -> Result<()> {
+        ensure!(
+            same,
+            "{} was trained on another dataset: resume with the one that it was started on",
+            self.path.display()
+        );
+        Ok(())
+    }
+
+    /// Refuses a training that did not start from a model of this network and part.
+    pub(crate) fn require_origin(&self, start: &Model) -> Result<()> {
+        let from = self.model.record.fine_tuned_from.as_ref();
+        ensure!(
+            self.model.shape == start.shape && from == Some(&start.scene.record.part),
+            "{} was not fine-tuned from this model: give the one that it was started from, or choose another --out",
+            self.path.display()
+        );
+        Ok(())
+    }
+
+    /// Refuses options that were given and say something else than the training that is resumed; a rate may be given anew.
+    pub(crate) fn require_options(&self, shape: SirenShape, training: &Siren5Training<'_>) -> Result<()> {
+        let (own, record, plan) = (self.model.shape, &self.model.record, &training.plan);
+        let held_out = record.held_out.as_ref().map_or(0, |held_out| held_out.choice.poses);
+        let kind = |schedule: &Schedule| std::mem::discriminant(schedule);
+        let differ = [
+            ("network", shape != own),
+            ("epochs", plan.length != record.plan.length),
+            ("steps", plan.length != record.plan.length),
+            ("batch", plan.batch != record.plan.batch),
+            ("seed", plan.seed != record.plan.seed),
+            ("loss", plan.loss != record.plan.loss),
+            ("precision", plan.precision != record.plan.precision),
+            ("weight_decay", plan.adam.weight_decay != record.plan.adam.weight_decay),
+            ("schedule", kind(&plan.schedule) != kind(&record.plan.schedule)),
+            ("held_out", record.steps > 0 && training.held_out() != held_out),
+        ];
+        if let Some(option) = training.first_other(&differ) {
+            bail!(
+                "{option} is not that of the training in {}, which goes on as it was begun: leave it out, or begin another in another \
+                 --out",
+                self.path.display()
+            );
+        }
+        Ok(())
+    }
+}
+
+/// The checkpoint of an output folder, if it belongs to this dataset. Its plan goes on, but for a learning rate given
+/// anew, which is the way out of a divergence.
+pub(crate) fn resumed_model(
+    session: &Session,
+    found: Latest,
+    data: &Data,
+    rate: Option<f32>,
+) -> Result<Model> {
+    found.require_dataset(data)?;
+    let Latest { mut model, path, damage } = found;
+    // Of the weights as they were.
+    model.calibration = None;
+    if !model.is_resumable() {
+        bail!("{} holds no optimiser state: it cannot be resumed", path.display());
+    }
+    if let Some(damage) = damage {
+        session.warn(&damage);
+    }
+    let mut said = "by the plan of the checkpoint".to_owned();
+    if let Some(rate) = rate {
+        let plan = &mut model.record.plan;
+        let schedule = schedule_from(&plan.schedule, rate);
+        // The same rate given once more is no way out of a divergence.
+        if schedule != plan.schedule {
+            plan.schedule = schedule;
+            plan.check()?;
+            model.record.watch = model.record.watch.patient();
+        }
+        said = format!("by the plan of the checkpoint with a learning rate from {rate:e}");
+    }
+    session.note(&format!(
+        "resuming at epoch {}, step {} ({} steps done), {said}",
+        model.record.cursor.epoch, model.record.cursor.step, model.record.steps
+    ));
+    Ok(model)
+}
+
+/// The same schedule from another rate.
+fn schedule_from(schedule: &Schedule, initial: f32) -> Schedule {
+    match *schedule {
+        Schedule::Exponential { factor, warmup, .. } => Schedule::Exponential { initial, factor, warmup },
+        Schedule::Cosine { warmup, .. } => Schedule::Cosine { initial, last: initial * 0.01, warmup },
+        Schedule::Length { steps, power, shorter, warmup, .. } => {
+            Schedule::Length { initial, steps, power, shorter, warmup }
+        }
+    }
+}
+
+/// `fresh`, or the unfinished checkpoint of the same training in the output folder.
+pub fn continued(session: &Session, out: &Path, data: &Data, fresh: Model) -> Model {
+    let same = |found: &Model| {
+        !found.is_finished()
+            && found.shape == fresh.shape
+            && found.record.plan == fresh.record.plan
+            && found.record.dataset_crc32 == data.manifest().fingerprint()
+    };
+    match latest(out) {
+        Ok(found) if same(&found.model) => resumed_model(session, found, data, None).unwrap_or(fresh),
+        _ => fresh,
+    }
+}
