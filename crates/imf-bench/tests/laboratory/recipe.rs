@@ -80,7 +80,7 @@ fn single_from_a_file_of_ones_own_has_a_folder_of_its_own() {
     let work = Workdir::new();
     let shown = work.imf("recipe show single").done().stdout;
     work.write("mine.toml", shown.replace("name = \"single\"", "name = \"mine\"").as_bytes());
-    let line = few("mine.toml", 300, "--part bracket --log --out out");
+    let line = few("mine.toml", 300, "--part bracket --out out");
     let summary = work.imf(&format!("{line} --json")).done().json();
     assert_eq!(
         (&summary["recipe"], &summary["runs"][0]["stages"][0]["part"]),
@@ -114,7 +114,7 @@ fn single_from_a_file_of_ones_own_has_a_folder_of_its_own() {
     assert_eq!(work.text("out/recipe.json"), before, "a refusal changed something");
     work.imf("recipe run out/recipe.toml --device cpu --out repeated").done();
     assert!(work.model("repeated/model.safetensors").state == model.state, "not repeated");
-    assert!(!work.path("repeated/stages/main/log.jsonl").exists(), "nobody asked for a log");
+    assert!(work.path("repeated/stages/main/log.jsonl").exists(), "every training writes its log");
 }
 
 #[test]
@@ -274,7 +274,7 @@ fn a_model_of_another_training_or_of_a_newer_program_is_not_overwritten() {
     work.write("box.obj", mesh(24.0).as_bytes());
     let line = few("single", 40, "--part box.obj --set scene.pitch=6 --set scene.scale=1 --out out");
     work.imf(&line).done();
-    let file = "out/stages/main/model.safetensors";
+    let file = "out/stages/main/field.safetensors";
     let mut model = work.bytes(file);
     work.write("box.obj", mesh(36.0).as_bytes());
     work.imf(&line).refused(&["part, grid or tool", "--out", "remove out/stages/main"]);

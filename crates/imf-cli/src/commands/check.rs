@@ -55,7 +55,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
     let tool = record.bare_tool();
-    let report = check_toolpath(&bodies.part, fixtures, tool, &toolpath, &settings, &is_free, control);
+    let report = check_toolpath(&bodies.part, fixtures, tool, &toolpath, &settings, is_free, control);
     let report = report.map_err(|error| match error {
         CheckError::Cancelled => Interrupted("the toolpath was not checked to its end".into()).into(),
         other => anyhow::Error::from(other),

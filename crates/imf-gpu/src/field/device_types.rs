@@ -40,7 +40,7 @@ pub struct DeviceGradient {
     pub roll: f32,
 }
 
-/// A decision as the device writes it, [`crate::shader::FREE`], [`crate::shader::COLLIDING`] or [`crate::shader::UNDECIDED`]; any
+/// A decision as the device writes it, `FREE`, `COLLIDING` or `UNDECIDED` of the shaders; any
 /// other number is undecided.
 #[must_use]
 pub fn decision_of(code: u32) -> Decision {
