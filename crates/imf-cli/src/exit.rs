@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use imf_core::scene::SceneError;
 use imf_core::section::SectionError;
 use imf_fields::evaluation::EvaluationError;
+use imf_fields::onnx::OnnxError;
 use imf_train::dataset::DatasetError;
 
 use crate::commands::check::CollisionFound;
@@ -80,6 +81,9 @@ fn remedy(cause: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
             return Some("--pitch, --conservative");
         }
         _ => {}
+    }
+    if let Some(OnnxError::Rotations(_)) = cause.downcast_ref() {
+        return Some("ask it by imf query");
     }
     matches!(cause.downcast_ref(), Some(DatasetError::Shares { .. })).then_some("imf dataset merge")
 }
