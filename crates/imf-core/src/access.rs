@@ -10,14 +10,12 @@ mod free;
 mod map;
 mod removable;
 mod space;
-mod surface;
 
 pub use components::{Component, Components, components};
 pub use free::FreeOrientations;
 pub use map::{AccessMap, access_map};
 pub use removable::{RemovableError, cutter_of, position_grid, removable, removable_memory_estimate};
 pub use space::{Space, Volume};
-pub use surface::{surface_voxels, vertex_normals};
 
 use crate::control::Control;
 use crate::orientation::Orientation;

@@ -20,7 +20,7 @@
 //! | make a scene of part, tool and grid | [`Scene::builder`](scene::Scene::builder) |
 //! | read a mesh and make voxels of it | [`mesh::read`], [`voxelize`](mod@voxelize) |
 //! | describe a tool | [`tool::Tool`]: from a file, or element by element |
-//! | know what a tool reaches | [`section::SectionPlan`], [`access`] |
+//! | know what a tool reaches | [`surface`], [`access`], [`section::SectionPlan`] |
 //! | check a toolpath | [`check`](mod@check), [`toolpath`] |
 //! | query single poses | [`field`]: values, gradients, decisions, of any family |
 //! | move a tool in a planner | [`motion`]: proofs for all poses between two |
@@ -90,6 +90,7 @@ pub mod parts;
 pub mod pose;
 pub mod scene;
 pub mod section;
+pub mod surface;
 pub mod tool;
 pub mod toolpath;
 pub mod unit;

@@ -3,6 +3,7 @@
 use glam::{DMat4, DVec3};
 use serde::{Deserialize, Serialize};
 
+mod features;
 pub mod read;
 mod refine;
 pub mod topology;

@@ -9,7 +9,7 @@
 #[doc(hidden)]
 pub mod bracket;
 mod screw_gear;
-mod shell;
+pub(crate) mod shell;
 mod teapot;
 mod teapot_patches;
 

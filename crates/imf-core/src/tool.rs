@@ -4,6 +4,7 @@
 //! inside where `0 ≤ z < length` and `r ≤ ρ(z)`. Elements do not overlap: each owns its own range of heights.
 
 mod assembly;
+mod erode;
 #[cfg(feature = "formats")]
 mod file;
 #[cfg(feature = "formats")]

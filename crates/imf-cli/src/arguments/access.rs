@@ -14,9 +14,9 @@ use super::scene::SceneArguments;
 #[command(
     after_help = "Examples:\n  imf access teapot --out access\n  imf access part.stl --unit mm --pitch 0.5 --tool \
                   short.toml --tool long.toml --fixture vice.stl@translate:0,0,-20 --limits ac:-30:120:-360:360 \
-                  --surface --removable --stock box:2 --out access\n\n\
-                  Writes imf.vti (ParaView) and the same fields as .npy, slices.png, orientations.csv and summary.json; \
-                  with --surface surface.ply (MeshLab, ParaView), with --removable removable.vti and .npy, with --map \
+                  --removable --stock box:2 --out access\n\n\
+                  Writes surface.ply (MeshLab, ParaView: what is reached of the surface, and why the rest is not), imf.vti \
+                  (ParaView) and the same fields as .npy, slices.png, orientations.csv and summary.json; with --removable removable.vti and .npy, with --map \
                   map.png and map.npy, with --lists free_lists.npy.\n\
                   map.npy is [1, longitude, latitude] by cells, θ from 0° up, φ from 180° down; free_lists.npy is bytes \
                   [orientation, x·ny + y, z/8], bit z mod 8 (the lowest first) set where the voxel is free.\n\
@@ -39,9 +39,10 @@ pub(crate) struct AccessArguments {
     /// Voxels around the scene's grid that are examined too
     #[arg(long, default_value_t = 1, value_name = "VOXELS")]
     pub(crate) border: usize,
-    /// The part's surface with measure and best direction at every vertex
-    #[arg(long)]
-    pub(crate) surface: bool,
+    /// How deep the cutter may cut below the part's surface and still count as touching it; by default 0.05 mm or a tenth of
+    /// the pitch, whichever is more
+    #[arg(long, value_name = "LENGTH", value_parser = parse_length)]
+    pub(crate) tolerance: Option<f64>,
     /// The stock that a cutter covers at some free pose
     #[arg(long)]
     pub(crate) removable: bool,
@@ -68,5 +69,12 @@ fn parse_point(text: &str) -> Result<DVec3, String> {
     match values.as_slice() {
         &[x, y, z] if text.split(',').count() == 3 => Ok(DVec3::new(x, y, z)),
         _ => Err("three numbers such as 10,0,25.5".into()),
+    }
+}
+
+fn parse_length(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(length) if length.is_finite() && length > 0.0 => Ok(length),
+        _ => Err("a length above 0, such as 0.05".into()),
     }
 }

@@ -42,9 +42,10 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
     let begun = Instant::now();
     let setup = Setup::new(session, arguments)?;
     let folder = OutputFolder::check(&arguments.out)?;
+    let surface =
+        setup.surface.as_ref().map(|asked| surface::Surface::find(session, &setup, asked)).transpose()?;
     let findings = find(session, &setup)?;
     folder.begin(session)?;
-    let surface = setup.surface.then(|| surface::Surface::read(&setup, &findings));
     let mut written = files::write(&setup, &findings, &arguments.out)?;
     if let Some(surface) = &surface {
         surface.write(&setup, &arguments.out.join("surface.ply"))?;

@@ -52,11 +52,6 @@ impl Scale {
         Rgb([if self.signed { 60 } else { 255 }; 3])
     }
 
-    /// Red, green and blue of a value, for other programs' pictures.
-    pub(crate) fn rgb(&self, value: f32) -> [u8; 3] {
-        self.colour(value).0
-    }
-
     /// Colour of a value: beyond the scale that at its end, and one of its own where it is not finite.
     pub(super) fn colour(&self, value: f32) -> Rgb<u8> {
         if !value.is_finite() {

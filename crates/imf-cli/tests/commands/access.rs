@@ -69,7 +69,6 @@ fn every_output_is_there_and_agrees_with_the_summary() {
         "clamp.obj@translate:10,-3,0",
         "--orientations",
         "fibonacci:14",
-        "--surface",
         "--stock",
         "box:2",
         "--map",
@@ -203,7 +202,6 @@ fn bad_input_is_refused_with_a_remedy() {
     let refuse = |more: &[&str], expected: &[&str]| {
         folder.refuse(&arguments(&[&quick[..], more].concat()), expected);
     };
-    refuse(&["--surface", "--border", "0"], &["--border 1"]);
     refuse(&["--limits", "xy:0:1"], &["xy:0:1"]);
     refuse(&["--limits", "cone:1,0,0:5"], &["none of its 1 orientations", "cone:1,0,0:5"]);
     refuse(&["--map", "0,0,0", "--map-step", "0"], &["--map-step"]);

@@ -9,6 +9,7 @@ mod inscribed;
 mod oriented;
 mod runs;
 mod segment;
+mod side_step;
 mod sphere_tree;
 
 use std::sync::{Arc, OnceLock};

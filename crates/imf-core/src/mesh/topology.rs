@@ -49,7 +49,7 @@ pub(crate) fn boundary_chain(mesh: &Mesh) -> Vec<([u32; 2], i32)> {
 }
 
 /// Number of pieces of a mesh: sets of triangles connected by shared vertices.
-fn component_count(mesh: &Mesh) -> usize {
+pub(crate) fn component_count(mesh: &Mesh) -> usize {
     fn root(parents: &mut [u32], mut vertex: u32) -> u32 {
         while parents[vertex as usize] != vertex {
             // Path halving keeps the trees flat.

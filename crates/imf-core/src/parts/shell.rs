@@ -12,7 +12,7 @@ use crate::mesh::weld::Welder;
 
 /// The world axis that a plane of loops is perpendicular to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Axis {
+pub(crate) enum Axis {
     /// Planes at constant x; a loop's coordinates are (y, z).
     X,
     /// Planes at constant y; a loop's coordinates are (z, x).
@@ -23,7 +23,7 @@ pub(super) enum Axis {
 
 /// The side of its plane that a flat face looks to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Facing {
+pub(crate) enum Facing {
     /// Towards smaller coordinates on the axis.
     Down,
     /// Towards larger coordinates on the axis.
@@ -32,7 +32,7 @@ pub(super) enum Facing {
 
 impl Axis {
     /// The point of the plane at `height` with the plane's coordinates `p`.
-    pub(super) fn point(self, p: DVec2, height: f64) -> DVec3 {
+    pub(crate) fn point(self, p: DVec2, height: f64) -> DVec3 {
         match self {
             Self::X => DVec3::new(height, p.x, p.y),
             Self::Y => DVec3::new(p.y, height, p.x),
@@ -41,20 +41,20 @@ impl Axis {
     }
 
     /// A loop of the plane at `height`.
-    pub(super) fn place(self, outline: &[DVec2], height: f64) -> Vec<DVec3> {
+    pub(crate) fn place(self, outline: &[DVec2], height: f64) -> Vec<DVec3> {
         outline.iter().map(|&p| self.point(p, height)).collect()
     }
 }
 
 /// A mesh under construction, whose equal positions are one vertex.
 #[derive(Default)]
-pub(super) struct Shell {
+pub(crate) struct Shell {
     welder: Welder,
 }
 
 impl Shell {
     /// The finished mesh.
-    pub(super) fn into_mesh(self) -> Mesh {
+    pub(crate) fn into_mesh(self) -> Mesh {
         self.welder.finish()
     }
 
@@ -78,7 +78,7 @@ impl Shell {
     }
 
     /// Adds a flat face: the loop `outer` less the loops `holes`, all of any sense, in the plane at `height`.
-    pub(super) fn face(
+    pub(crate) fn face(
         &mut self,
         axis: Axis,
         height: f64,
@@ -110,7 +110,7 @@ impl Shell {
     ///
     /// # Panics
     /// If the lines differ in length.
-    pub(super) fn strip(&mut self, from: &[DVec3], to: &[DVec3]) {
+    pub(crate) fn strip(&mut self, from: &[DVec3], to: &[DVec3]) {
         assert_eq!(from.len(), to.len(), "a strip runs between lines of equal length");
         for i in 1..from.len() {
             self.quad(from[i - 1], from[i], to[i], to[i - 1]);
@@ -122,32 +122,32 @@ impl Shell {
     ///
     /// # Panics
     /// If the loops are empty or differ in length.
-    pub(super) fn band(&mut self, from: &[DVec3], to: &[DVec3]) {
+    pub(crate) fn band(&mut self, from: &[DVec3], to: &[DVec3]) {
         self.strip(from, to);
         let last = from.len() - 1;
         self.quad(from[last], from[0], to[0], to[last]);
     }
 
     /// Adds the outside of the body that a counter-clockwise loop sweeps between two heights, without its ends.
-    pub(super) fn post(&mut self, axis: Axis, outline: &[DVec2], heights: [f64; 2]) {
+    pub(crate) fn post(&mut self, axis: Axis, outline: &[DVec2], heights: [f64; 2]) {
         self.band(&axis.place(outline, heights[0]), &axis.place(outline, heights[1]));
     }
 
     /// Adds the inside of the hole that a counter-clockwise loop sweeps between two heights, without its ends.
-    pub(super) fn hole(&mut self, axis: Axis, outline: &[DVec2], heights: [f64; 2]) {
+    pub(crate) fn hole(&mut self, axis: Axis, outline: &[DVec2], heights: [f64; 2]) {
         self.band(&axis.place(outline, heights[1]), &axis.place(outline, heights[0]));
     }
 }
 
 /// A whole circle, counter-clockwise.
-pub(super) fn circle(centre: DVec2, radius: f64, segments: usize) -> Vec<DVec2> {
+pub(crate) fn circle(centre: DVec2, radius: f64, segments: usize) -> Vec<DVec2> {
     let step = 360.0 / segments as f64;
     (0..segments).map(|i| centre + radius * DVec2::from_angle((i as f64 * step).to_radians())).collect()
 }
 
 /// Area of a loop by the shoelace formula: positive for a counter-clockwise one.
 #[cfg(test)]
-pub(super) fn area(outline: &[DVec2]) -> f64 {
+pub(crate) fn area(outline: &[DVec2]) -> f64 {
     (0..outline.len()).map(|i| outline[i].perp_dot(outline[(i + 1) % outline.len()])).sum::<f64>() / 2.0
 }
 

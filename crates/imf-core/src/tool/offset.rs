@@ -8,13 +8,13 @@
 //! Offset elements overlap: the bottom of an offset holder reaches below the holder's face, over the cutter. So they are
 //! bodies of their own, each with its own heights, which may begin below the tip.
 
-mod envelope;
+pub(super) mod envelope;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{Element, ElementKind, Segment, Tool, ToolShape};
-use envelope::{Curve, envelope};
+use envelope::{Curve, Side, envelope};
 
 /// How much room each kind of element must keep from the obstacle, in the tool's unit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -120,7 +120,7 @@ impl Tool {
             .collect();
         let mut elements: Vec<Element> = Vec::new();
         let mut last = usize::MAX;
-        for curve in envelope(&curves) {
+        for curve in envelope(&curves, Side::Outer) {
             if curve.owner != last {
                 elements.push(Element { kind: bodies[curve.owner].kind, profile: Vec::new() });
                 last = curve.owner;
@@ -174,7 +174,10 @@ fn inflated(element: &Element, clearance: f64) -> Element {
         };
         curves.extend([corner(from), moved, corner(to)].map(|segment| Curve { segment, owner: 0 }));
     }
-    Element { kind: element.kind, profile: envelope(&curves).into_iter().map(|c| c.segment).collect() }
+    Element {
+        kind: element.kind,
+        profile: envelope(&curves, Side::Outer).into_iter().map(|c| c.segment).collect(),
+    }
 }
 
 #[cfg(test)]

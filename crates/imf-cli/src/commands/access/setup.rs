@@ -1,6 +1,8 @@
 //! From arguments to everything that a run needs, checked and within the memory, before any section is computed.
 
-use anyhow::{Result, bail, ensure};
+use std::sync::Arc;
+
+use anyhow::{Result, ensure};
 use glam::DVec3;
 use imf_core::access::{AccessSettings, memory_estimate, position_grid, removable_memory_estimate};
 use imf_core::grid::Grid;
@@ -8,12 +10,14 @@ use imf_core::mesh::Mesh;
 use imf_core::obstacle::Obstacle;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Limits, OrientationSet};
-use imf_core::scene::Guarantee;
+use imf_core::scene::{Guarantee, SceneError, SceneSpec};
 use imf_core::section::{ElementPlans, SectionPlan};
-use imf_core::tool::{Assembly, Clearance, Tool};
+use imf_core::surface::default_tolerance;
+use imf_core::tool::{Assembly, Clearance, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
 use imf_core::voxelize::voxelize;
 
+use super::surface::SurfaceSetup;
 use crate::arguments::access::AccessArguments;
 use crate::arguments::fixture;
 use crate::arguments::scene::warn_of_fixtures_out_of_reach;
@@ -43,7 +47,8 @@ pub(super) struct Setup {
     pub(super) orientations: OrientationSet,
     pub(super) tau: f64,
     pub(super) lists: bool,
-    pub(super) surface: bool,
+    /// `None` where no tool has a cutter.
+    pub(super) surface: Option<SurfaceSetup>,
     /// A point and the map's cells.
     pub(super) map: Option<(DVec3, [usize; 2])>,
     /// The machine's, where they are given: the orientations are within them.
@@ -81,9 +86,6 @@ impl Setup {
         let spec = arguments.scene.spec(&reading, &fixtures, tools[0].tool());
         let border = [i64::try_from(arguments.border)?; 3];
         let query = spec.grid()?.grown(border, border)?;
-        if arguments.surface && arguments.border + arguments.scene.margin == 0 {
-            bail!("--surface reads half a pitch outside the part: use --border 1 or more");
-        }
         if tools.iter().all(|tool| tool.tool().is_axisymmetric())
             && orientations.orientations.iter().any(|o| o.roll != 0.0)
         {
@@ -167,6 +169,11 @@ impl Setup {
             }
             _ => None,
         };
+        let surface = tools.iter().all(can_touch).then(|| surface(&spec, &obstacle_grid, unit, arguments));
+        let surface = surface.transpose()?;
+        if surface.is_none() {
+            session.warn("a tool without a cutter can touch nothing: the part's surface is left out");
+        }
         let [x, y, z] = query.dims;
         session.note(&format!(
             "{}: {x}×{y}×{z} voxels of {:.4} {unit}, {} solid, {} of fixtures; {}; {}",
@@ -191,7 +198,7 @@ impl Setup {
             orientations,
             tau: arguments.tau,
             lists: arguments.lists,
-            surface: arguments.surface,
+            surface,
             map,
             limits,
             query,
@@ -202,6 +209,30 @@ impl Setup {
             stock,
         })
     }
+}
+
+fn can_touch(assembly: &Assembly) -> bool {
+    let tool = assembly.tool();
+    tool.has_cutter() || matches!(tool.shape, ToolShape::Mesh(_))
+}
+
+/// Part and fixtures by the rule of voxel centres, at the pitch and at twice the pitch.
+fn surface(
+    spec: &SceneSpec<'_>,
+    grid: &Grid,
+    unit: LengthUnit,
+    arguments: &AccessArguments,
+) -> Result<SurfaceSetup> {
+    let spec = SceneSpec { conservative: false, ..*spec };
+    let tolerance = arguments.tolerance.unwrap_or_else(|| default_tolerance(grid.pitch, unit));
+    let coarse = Grid { pitch: 2.0 * grid.pitch, dims: grid.dims.map(|n| n.div_ceil(2)), ..*grid };
+    // A part that is too thin for the larger voxels has none, which says that nothing has converged.
+    let solid_of = |grid: &Grid| match spec.bodies(grid) {
+        Ok(bodies) => Ok(bodies.obstacle()),
+        Err(SceneError::NoSolid { .. } | SceneError::ThinFixture { .. }) => Ok(Occupancy::empty(*grid)),
+        Err(error) => Err(error),
+    };
+    Ok(SurfaceSetup { tolerance, solid: Arc::new(solid_of(grid)?), coarse: Arc::new(solid_of(&coarse)?) })
 }
 
 /// Adds to the name of each of several tools its place in the list, as their files and `best_tool` count it: from 0.
@@ -251,7 +282,9 @@ fn needed(
     let stock = stock.map_or(0, |stock| stock.len() as u64 * (3 + tools.len() as u64));
     // And up to half a dozen elements of each tool.
     let results = query.len() as u64 * (40 + 32 * tools.len() as u64);
-    Ok(most + 4 * obstacle.len() as u64 + results + lists + stock)
+    // Distances and nearest voxels of part and fixtures, for the surface: two sets where shank and holder have their own.
+    let surface = 30 * obstacle.len() as u64 + SurfaceSetup::memory_estimate(orientations.len(), tools.len());
+    Ok((most + 4 * obstacle.len() as u64).max(surface) + results + lists + stock)
 }
 
 #[cfg(test)]

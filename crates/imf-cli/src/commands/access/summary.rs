@@ -10,7 +10,7 @@ use super::Findings;
 use super::blocked::{self, BlockedRow};
 use super::pictures::directions;
 use super::setup::Setup;
-use super::surface::Surface;
+use super::surface::{Surface, SurfaceRow};
 use crate::arguments::clearance::clearance_text;
 use crate::progress::show_seconds;
 
@@ -35,6 +35,9 @@ struct ToolRow {
     tool: String,
     /// Empty voxels that it reaches.
     accessible: Volume,
+    /// Share of the surface that it reaches.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    surface_reached: Option<f64>,
     /// What collides where it does not reach.
     blocked_by: Vec<BlockedRow>,
     /// Stock that it removes.
@@ -52,13 +55,6 @@ struct StockRow {
     to_remove: Volume,
     removable: Volume,
     stays: Volume,
-}
-
-/// The surface and how much of it is reached.
-#[derive(Debug, Serialize)]
-struct SurfaceRow {
-    vertices: usize,
-    accessible_share_of_area: f64,
 }
 
 /// Everything in `summary.json`.
@@ -118,6 +114,7 @@ impl Summary {
         let tools = setup.tools.iter().enumerate().map(|(index, tool)| ToolRow {
             tool: tool.tool().name.clone(),
             accessible: measure(reached(&findings.tools[index].imf.value)),
+            surface_reached: surface.map(|surface| surface.reached_by(index)),
             blocked_by: blocked::by_tool(setup, findings, index),
             removable: findings.removable.get(index).map(|swept| measure(marked(swept))),
             map_free_share: findings.maps.get(index).map(|map| map.free_share(setup.tau)),
@@ -155,13 +152,22 @@ impl Summary {
             map: setup.map.map(|(point, cells)| (point.to_array(), cells)),
             map_directions: directions(setup),
             stock,
-            surface: surface.map(|surface| SurfaceRow {
-                vertices: surface.vertices(),
-                accessible_share_of_area: surface.accessible_share,
-            }),
+            surface: surface.map(|surface| surface.row(&setup.orientations)),
             seconds,
             files,
         }
+    }
+
+    /// The surface's lines, each tool's share among them where there are several.
+    fn surface_lines(&self) -> String {
+        let Some(surface) = &self.surface else { return String::new() };
+        let mut text = surface.lines(&self.unit);
+        for tool in self.tools.iter().filter(|_| self.tools.len() > 1) {
+            let share = 100.0 * tool.surface_reached.unwrap_or_default();
+            let _ = writeln!(text, "  {:34}{share:>8.1} %", format!("reached by {}", tool.tool));
+        }
+        text.push('\n');
+        text
     }
 
     /// The table for people.
@@ -172,13 +178,14 @@ impl Summary {
             self.tools.iter().filter(|_| self.tools.len() > 1).map(|t| accessible_to(t).chars().count());
         let wide = names.max().unwrap_or(0).max(NAMES);
         let mut text = format!(
-            "{}: {x}×{y}×{z} voxels of {:.4} {}, {} orientations ({}), τ = {}\n\n{:wide$}{:>12}{:>16}   pieces\n",
+            "{}: {x}×{y}×{z} voxels of {:.4} {}, {} orientations ({}), τ = {}\n\n{}{:wide$}{:>12}{:>16}   pieces\n",
             self.part,
             self.pitch,
             self.unit,
             self.orientation_count,
             self.orientations,
             self.tau,
+            self.surface_lines(),
             "",
             "voxels",
             format!("volume {}³", self.unit)
@@ -211,14 +218,6 @@ impl Summary {
                     row(&format!("  {} reaches", tool.tool), tool.removable.unwrap_or_default(), "");
                 }
             }
-        }
-        if let Some(surface) = &self.surface {
-            let _ = writeln!(
-                text,
-                "\n{:.1} % of the part's surface is accessible ({} vertices)",
-                100.0 * surface.accessible_share_of_area,
-                surface.vertices
-            );
         }
         for tool in &self.tools {
             if let Some(share) = tool.map_free_share {

@@ -1,77 +1,314 @@
-//! The part's surface with measure and best direction at every vertex.
+//! The part's surface: how much of its area is reached, from where, and what keeps the rest from being reached.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::Result;
-use imf_core::access::{surface_voxels, vertex_normals};
 use imf_core::field_files::write_ply;
 use imf_core::mesh::Mesh;
+use imf_core::occupancy::Occupancy;
+use imf_core::orientation::OrientationSet;
+use imf_core::surface::{
+    Reach, SurfaceAccess, SurfaceError, SurfaceSamples, SurfaceTool, surface_access, surface_memory_estimate,
+};
+use imf_core::tool::{Assembly, ElementKind};
+use serde::Serialize;
 
-use super::Findings;
 use super::setup::Setup;
-use crate::picture::Scale;
+use crate::interrupt::Interrupted;
+use crate::session::Session;
 
-/// Edges longer than this many pitches are halved, so that values show between the corners of large triangles.
-const LONGEST_EDGE: f64 = 2.0;
-/// No more refining from so many triangles on.
-const MOST_TRIANGLES: usize = 4_000_000;
+/// At least so many samples; triangles that are halved until they are small enough make up to four times as many.
+const SAMPLES: usize = 8_000;
+/// Directions that the summary lists.
+const LISTED: usize = 5;
 
-/// Values at the vertices of the part's refined mesh.
+/// What the surface is asked with.
+pub(super) struct SurfaceSetup {
+    /// How deep a cutter may cut below the surface, in the part's unit.
+    pub(super) tolerance: f64,
+    /// Part and fixtures, by the rule of voxel centres.
+    pub(super) solid: Arc<Occupancy>,
+    /// The same at twice the pitch.
+    pub(super) coarse: Arc<Occupancy>,
+}
+
+impl SurfaceSetup {
+    /// Bytes for so many directions and tools, beside the voxels.
+    pub(super) fn memory_estimate(directions: usize, tools: usize) -> u64 {
+        surface_memory_estimate(8 * SAMPLES, directions) * tools as u64
+    }
+}
+
+/// What was found.
 pub(super) struct Surface {
-    mesh: Mesh,
-    imf: Vec<f32>,
-    /// Components i, j, k of the best tool's best direction.
-    best: [Vec<f32>; 3],
-    /// Share of the surface's area that is reached.
-    pub(super) accessible_share: f64,
+    samples: SurfaceSamples,
+    /// By tool.
+    tools: Vec<(SurfaceAccess, Vec<ElementKind>)>,
+    /// By sample: the best verdict of any tool, and whose it is.
+    best: Vec<(Verdict, usize)>,
+    /// The share of the area that is reached at twice the pitch; the same samples.
+    coarse: f64,
+    tolerance: f64,
+    /// Area that each direction reaches with any tool.
+    by_direction: Vec<f64>,
+}
+
+/// A sample's verdict for people and files, the better ones first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Verdict {
+    Reached,
+    Obstructed,
+    Gouged,
+    NotFaced,
+}
+
+impl From<&Reach> for Verdict {
+    fn from(reach: &Reach) -> Self {
+        match reach {
+            Reach::Reached { .. } => Self::Reached,
+            Reach::Obstructed { .. } => Self::Obstructed,
+            Reach::Gouged => Self::Gouged,
+            Reach::NotFaced => Self::NotFaced,
+        }
+    }
+}
+
+impl Verdict {
+    /// Green, orange, magenta, grey: told apart by brightness as well.
+    fn rgb(self) -> [u8; 3] {
+        match self {
+            Self::Reached => [120, 190, 110],
+            Self::Obstructed => [235, 140, 40],
+            Self::Gouged => [170, 40, 130],
+            Self::NotFaced => [90, 90, 95],
+        }
+    }
 }
 
 impl Surface {
-    pub(super) fn read(setup: &Setup, findings: &Findings) -> Self {
-        let mesh = setup.mesh.welded().refined(LONGEST_EDGE * setup.query.pitch, MOST_TRIANGLES);
-        let normals = vertex_normals(&mesh);
-        let voxels = surface_voxels(&mesh, &normals, &setup.solid);
-        let together = &findings.together.imf;
-        let imf: Vec<f32> = voxels.iter().map(|v| v.map_or(f32::NAN, |v| together.value[v])).collect();
-        let mut best = [(); 3].map(|()| Vec::with_capacity(voxels.len()));
-        for voxel in &voxels {
-            let orientation =
-                voxel.and_then(|v| setup.orientations.orientations.get(together.best[v] as usize));
-            let direction = orientation.map(|o| o.direction().to_array()).unwrap_or_default();
-            best.iter_mut().zip(direction).for_each(|(list, d)| list.push(d as f32));
+    pub(super) fn find(session: &Session, setup: &Setup, asked: &SurfaceSetup) -> Result<Self> {
+        let samples = SurfaceSamples::new(&setup.mesh, &asked.solid, SAMPLES);
+        let orientations = &setup.orientations;
+        let mut tools = Vec::new();
+        for assembly in &setup.tools {
+            let obstacle = Arc::new(setup.obstacle.whole());
+            let found =
+                one_tool(session, assembly, [&asked.solid, &obstacle], asked, &samples, orientations)?;
+            tools.push(found);
         }
-        // A third of every triangle belongs to each of its corners.
-        let (mut reached, mut whole) = (0.0, 0.0);
-        for (triangle, corners) in mesh.triangles.iter().enumerate() {
-            let [a, b, c] = mesh.corners(triangle);
-            let third = (b - a).cross(c - a).length() / 6.0;
-            whole += 3.0 * third;
-            let free = |&&v: &&u32| f64::from(imf[v as usize]) <= setup.tau;
-            reached += third * corners.iter().filter(free).count() as f64;
+        let best = (0..samples.samples.len()).map(|sample| {
+            let verdicts =
+                tools.iter().map(|(access, _): &(SurfaceAccess, _)| Verdict::from(&access.reach[sample]));
+            let best = verdicts.enumerate().min_by_key(|&(tool, verdict)| (verdict, tool));
+            best.map_or((Verdict::NotFaced, 0), |(tool, verdict)| (verdict, tool))
+        });
+        let best: Vec<(Verdict, usize)> = best.collect();
+        let mut by_direction = vec![0.0; orientations.len()];
+        for (index, sample) in samples.samples.iter().enumerate() {
+            for (direction, area) in by_direction.iter_mut().enumerate() {
+                if tools.iter().any(|(access, _)| access.is_free(index, direction)) {
+                    *area += sample.area;
+                }
+            }
         }
-        let accessible_share = if whole > 0.0 { reached / whole } else { 0.0 };
-        Self { mesh, imf, best, accessible_share }
+        let mut surface =
+            Self { samples, tools, best, coarse: 0.0, tolerance: asked.tolerance, by_direction };
+        surface.coarse = surface.at_twice_the_pitch(session, setup, asked)?;
+        Ok(surface)
     }
 
-    pub(super) fn vertices(&self) -> usize {
-        self.mesh.vertices.len()
+    /// The share of the area that any tool reaches among voxels twice as large.
+    fn at_twice_the_pitch(&self, session: &Session, setup: &Setup, asked: &SurfaceSetup) -> Result<f64> {
+        let mut reached = vec![false; self.samples.samples.len()];
+        for assembly in &setup.tools {
+            let coarse = [&asked.coarse, &asked.coarse];
+            let (access, _) = one_tool(session, assembly, coarse, asked, &self.samples, &setup.orientations)?;
+            let any = |(all, one): (&mut bool, &Reach)| *all |= matches!(one, Reach::Reached { .. });
+            reached.iter_mut().zip(&access.reach).for_each(any);
+        }
+        let areas = self.samples.samples.iter().zip(reached).filter(|(_, reached)| *reached);
+        Ok(areas.map(|(sample, _)| sample.area).sum::<f64>() / self.samples.area())
+    }
+
+    /// Share of the samples' area for which something holds.
+    fn share(&self, holds: impl Fn(usize) -> bool) -> f64 {
+        let chosen = self.samples.samples.iter().enumerate().filter(|(index, _)| holds(*index));
+        // A sum of nothing is −0.
+        (chosen.map(|(_, sample)| sample.area).sum::<f64>() + 0.0) / self.samples.area()
+    }
+
+    /// The direction of those that reach a sample which reaches most of the surface.
+    fn direction(&self, sample: usize) -> Option<usize> {
+        let free =
+            |&direction: &usize| self.tools.iter().any(|(access, _)| access.is_free(sample, direction));
+        let area = |direction: &usize| self.by_direction[*direction];
+        (0..self.by_direction.len()).filter(free).max_by(|a, b| area(a).total_cmp(&area(b)).then(b.cmp(a)))
+    }
+
+    pub(super) fn row(&self, orientations: &OrientationSet) -> SurfaceRow {
+        let of = |verdict: Verdict| self.share(|sample| self.best[sample].0 == verdict);
+        let mut elements: Vec<ElementKind> = self.tools.iter().flat_map(|(_, kinds)| kinds.clone()).collect();
+        elements.sort_by_key(|kind| kind.rank());
+        elements.dedup();
+        let obstructs = |kind: ElementKind| {
+            self.share(|sample| {
+                let (verdict, tool) = self.best[sample];
+                let (access, kinds) = &self.tools[tool];
+                let Reach::Obstructed { elements, .. } = access.reach[sample] else { return false };
+                let bit = kinds.iter().position(|&k| k == kind);
+                verdict == Verdict::Obstructed && bit.is_some_and(|bit| elements >> bit & 1 == 1)
+            })
+        };
+        let elements = elements.into_iter().map(|kind| (kind.to_string(), obstructs(kind)));
+        let mut directions: Vec<usize> = (0..self.by_direction.len()).collect();
+        directions.sort_by(|&a, &b| self.by_direction[b].total_cmp(&self.by_direction[a]).then(a.cmp(&b)));
+        let listed = directions.into_iter().take(LISTED).map(|direction| DirectionRow {
+            direction: orientations.orientations[direction].direction().to_array(),
+            share: self.by_direction[direction] / self.samples.area(),
+        });
+        let reached = of(Verdict::Reached);
+        SurfaceRow {
+            area: self.samples.area(),
+            samples: self.samples.samples.len(),
+            hidden_area: self.samples.hidden_area,
+            tolerance: self.tolerance,
+            reached,
+            reached_at_twice_the_pitch: self.coarse,
+            difference: reached - self.coarse,
+            obstructed: of(Verdict::Obstructed),
+            obstructed_by: elements.filter(|(_, share)| *share > 0.0).collect(),
+            gouged: of(Verdict::Gouged),
+            not_faced: of(Verdict::NotFaced),
+            best_directions: listed.collect(),
+        }
+    }
+
+    /// The share that one tool reaches by itself.
+    pub(super) fn reached_by(&self, tool: usize) -> f64 {
+        self.share(|sample| matches!(self.tools[tool].0.reach[sample], Reach::Reached { .. }))
     }
 
     pub(super) fn write(&self, setup: &Setup, path: &Path) -> Result<()> {
-        let scale = self.scale();
-        let colours: Vec<[u8; 3]> = self.imf.iter().map(|&v| scale.rgb(v)).collect();
-        let [i, j, k] = &self.best;
-        let values = [("imf", &self.imf[..]), ("best_i", &i[..]), ("best_j", &j[..]), ("best_k", &k[..])];
+        let each = |value: &dyn Fn(usize) -> f32| -> Vec<f32> {
+            (0..self.best.len()).flat_map(|sample| [value(sample); 3]).collect()
+        };
+        let directions: Vec<[f32; 3]> = (0..self.best.len())
+            .map(|sample| match self.direction(sample) {
+                Some(at) => setup.orientations.orientations[at].direction().as_vec3().to_array(),
+                None => [0.0; 3],
+            })
+            .collect();
+        let verdict = each(&|sample| f32::from(self.best[sample].0 as u8));
+        let tool = each(&|sample| self.best[sample].1 as f32);
+        let number = each(&|sample| match self.tools[self.best[sample].1].0.reach[sample] {
+            Reach::Reached { directions } => directions as f32,
+            _ => 0.0,
+        });
+        let [i, j, k] = [0, 1, 2].map(|axis| each(&|sample| directions[sample][axis]));
+        let values = [
+            ("verdict", &verdict[..]),
+            ("directions", &number[..]),
+            ("tool", &tool[..]),
+            ("best_i", &i[..]),
+            ("best_j", &j[..]),
+            ("best_k", &k[..]),
+        ];
+        let colours: Vec<[u8; 3]> = self.best.iter().flat_map(|(verdict, _)| [verdict.rgb(); 3]).collect();
         let comments = [
             format!("imf {}: {} in {}", env!("CARGO_PKG_VERSION"), setup.part, setup.unit),
-            "imf: inaccessibility measure half a pitch outside; best: direction from tip to holder".into(),
-            setup.guarantee.to_string(),
+            "verdict: 0 reached, 1 obstructed by shank or holder, 2 the cutter does not fit, 3 no direction faces it"
+                .into(),
+            "directions: number that reach it; best: the one that reaches most of the surface, from tip to holder".into(),
+            format!("the cutter may cut {} {} below the surface", self.tolerance, setup.unit),
         ];
-        Ok(write_ply(path, &self.mesh, &values, &colours, &comments)?)
+        let mesh: &Mesh = &self.samples.mesh;
+        Ok(write_ply(path, mesh, &values, &colours, &comments)?)
     }
+}
 
-    fn scale(&self) -> Scale {
-        let all = ndarray::ArrayView2::from_shape((1, self.imf.len()), &self.imf);
-        all.map_or_else(|_| Scale::measure_of(&[], "IMF"), |all| Scale::measure_of(&[all], "IMF"))
+/// One tool against `[what its cutter must not cut, what shank and holder must stay out of]`.
+fn one_tool(
+    session: &Session,
+    assembly: &Assembly,
+    [cut, obstacle]: [&Arc<Occupancy>; 2],
+    asked: &SurfaceSetup,
+    samples: &SurfaceSamples,
+    orientations: &OrientationSet,
+) -> Result<(SurfaceAccess, Vec<ElementKind>)> {
+    let tool = SurfaceTool::new(cut, obstacle, assembly, asked.tolerance)?;
+    let name = format!("surface, {}, pitch {}", tool.name(), cut.grid.pitch);
+    let stage = session.stage(&name, "samples", samples.samples.len() as u64);
+    let advance = |n| stage.advance(n);
+    let control = session.control(&advance);
+    let access = surface_access(&tool, &samples.samples, &orientations.orientations, control);
+    let access = access.map_err(|error| match error {
+        SurfaceError::Cancelled => {
+            Interrupted("no result was written, since a share of the surface is no answer".into()).into()
+        }
+        other => anyhow::Error::from(other),
+    })?;
+    stage.finish("");
+    Ok((access, tool.obstructing().collect()))
+}
+
+/// One direction, and the share of the surface that it reaches.
+#[derive(Debug, Serialize)]
+pub(super) struct DirectionRow {
+    direction: [f64; 3],
+    share: f64,
+}
+
+/// The surface in the summary; shares are of its area.
+#[derive(Debug, Serialize)]
+pub(super) struct SurfaceRow {
+    area: f64,
+    samples: usize,
+    /// Inside other bodies of the part's mesh, and left out of all shares.
+    hidden_area: f64,
+    tolerance: f64,
+    reached: f64,
+    reached_at_twice_the_pitch: f64,
+    difference: f64,
+    /// The cutter fits, and something else of the tool collides.
+    obstructed: f64,
+    /// What collides; several may at once.
+    obstructed_by: Vec<(String, f64)>,
+    /// The cutter does not fit.
+    gouged: f64,
+    not_faced: f64,
+    best_directions: Vec<DirectionRow>,
+}
+
+impl SurfaceRow {
+    /// Lines for people.
+    pub(super) fn lines(&self, unit: &str) -> String {
+        use std::fmt::Write as _;
+        let mut text = format!(
+            "surface, {:.1} {unit}² (the cutter may cut {:.3} {unit} below it)\n",
+            self.area, self.tolerance
+        );
+        let mut row = |name: &str, share: f64, rest: &str| {
+            let _ = writeln!(text, "  {name:34}{:>8.1} %   {rest}", 100.0 * share);
+        };
+        let coarse = format!(
+            "{:.1} % at twice the pitch ({:+.1})",
+            100.0 * self.reached_at_twice_the_pitch,
+            100.0 * self.difference
+        );
+        row("reached", self.reached, &coarse);
+        let by =
+            self.obstructed_by.iter().map(|(element, share)| format!("{element} {:.1} %", 100.0 * share));
+        row("obstructed by shank or holder", self.obstructed, &by.collect::<Vec<_>>().join(", "));
+        row("the cutter does not fit", self.gouged, "");
+        row("no direction faces it", self.not_faced, "");
+        for DirectionRow { direction: [i, j, k], share } in &self.best_directions {
+            row(&format!("from ({i:.3}, {j:.3}, {k:.3})"), *share, "");
+        }
+        if self.hidden_area > 0.0 {
+            let _ =
+                writeln!(text, "  left out: {:.1} {unit}² inside other bodies of the part", self.hidden_area);
+        }
+        text
     }
 }

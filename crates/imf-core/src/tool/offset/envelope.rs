@@ -1,12 +1,21 @@
-//! The upper envelope of lines and arcs over the height: which of them reaches farthest from the axis, where.
+//! The envelope of lines and arcs over the height: which of them reaches farthest from the axis, or least far, where.
 
-use super::Segment;
+use crate::tool::Segment;
 
 /// A line or an arc, and whose it is.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Curve {
-    pub(super) segment: Segment,
-    pub(super) owner: usize,
+pub(in crate::tool) struct Curve {
+    pub(in crate::tool) segment: Segment,
+    pub(in crate::tool) owner: usize,
+}
+
+/// Which of the curves that stand above a height makes the envelope there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::tool) enum Side {
+    /// The one farthest from the axis: a union of bodies.
+    Outer,
+    /// The one nearest to the axis: what bodies have in common.
+    Inner,
 }
 
 /// Heights closer than this, relative to the largest, are one.
@@ -14,7 +23,7 @@ const SAME: f64 = 1e-12;
 
 /// The envelope from its lowest to its highest height; each piece is cut out of one of the curves. The curves'
 /// heights together must leave no gap.
-pub(super) fn envelope(curves: &[Curve]) -> Vec<Curve> {
+pub(in crate::tool) fn envelope(curves: &[Curve], side: Side) -> Vec<Curve> {
     let mut heights: Vec<f64> =
         curves.iter().flat_map(|c| [c.segment.range().0, c.segment.range().1]).collect();
     for (index, a) in curves.iter().enumerate() {
@@ -35,7 +44,10 @@ pub(super) fn envelope(curves: &[Curve]) -> Vec<Curve> {
             let (low, high) = curves[c].segment.range();
             low <= middle && middle <= high
         });
-        let radius = |&c: &usize| curves[c].segment.radius(middle);
+        let radius = |&c: &usize| match side {
+            Side::Outer => curves[c].segment.radius(middle),
+            Side::Inner => -curves[c].segment.radius(middle),
+        };
         if let Some(best) = reaching.max_by(|a, b| radius(a).total_cmp(&radius(b))) {
             match pieces.last_mut() {
                 Some((last, _, end)) if *last == best => *end = to,

@@ -1,0 +1,71 @@
+//! How a tool sheds solid voxels by a step across its axis.
+
+use glam::DVec3;
+
+use super::segment::Placed;
+use super::{Part, Shape, SolidField};
+use crate::pose::Pose;
+
+/// Heights are tried in steps of this many voxels.
+const STEP: f64 = 0.5;
+/// A step goes this many voxels past contact, where a centre still counts.
+const BEYOND: f64 = 1e-3;
+
+impl SolidField {
+    /// The step across the tool's axis, in world units, that sheds the one solid centre that lies deepest in it as seen from
+    /// the side, of those nearest to the voxels around its axis. `None` where none of these is in the tool, at an invalid
+    /// pose, and of mesh tools.
+    pub(crate) fn side_step(&self, pose: &Pose) -> Option<DVec3> {
+        let Shape::Bodies(bodies) = &self.shape else { return None };
+        let placed = self.placed(pose)?;
+        let (distances, _) = self.spheres(bodies);
+        let dims = distances.dims();
+        let most = DVec3::from_array(dims.map(|n| (n - 1) as f64));
+        let mut deepest = (0.0, DVec3::ZERO);
+        let mut last = [usize::MAX; 8];
+        for body in bodies {
+            for part in &body.parts {
+                let (from, to) = part.segment.range();
+                let steps = ((to - from) / STEP).ceil().clamp(1.0, 1e5) as usize;
+                for step in 0..=steps {
+                    let height = from + (to - from) * step as f64 / steps as f64;
+                    let low = (placed.tip + placed.direction * height).floor();
+                    for (corner, last) in last.iter_mut().enumerate() {
+                        let bit = |place: usize| (corner >> place & 1) as f64;
+                        let voxel = (low + DVec3::new(bit(2), bit(1), bit(0))).clamp(DVec3::ZERO, most);
+                        let [x, y, z] = voxel.to_array().map(|v| v as usize);
+                        let witness = distances.nearest((x * dims[1] + y) * dims[2] + z);
+                        let Some(witness) = witness.filter(|w| w != last) else { continue };
+                        *last = witness;
+                        let voxel = self.obstacle.grid.voxel(witness).map(|v| v as f64);
+                        if placed.holds(&body.profile, voxel) {
+                            let (height, away) = seen_from_the_side(placed, voxel);
+                            let depth = radius(&body.parts, height) - away.length();
+                            if depth > deepest.0 {
+                                deepest = (depth, away);
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        let (depth, away) = deepest;
+        Some(away.try_normalize()? * (-(depth + BEYOND) * placed.pitch))
+    }
+}
+
+/// Height of a voxel along the axis, and the way from the axis to it.
+fn seen_from_the_side(placed: Placed, voxel: [f64; 3]) -> (f64, DVec3) {
+    let offset = DVec3::from_array(voxel) - placed.tip;
+    let height = offset.dot(placed.direction);
+    (height, offset - placed.direction * height)
+}
+
+/// Largest radius of the segments that reach a height.
+fn radius(parts: &[Part], height: f64) -> f64 {
+    let reaching = parts.iter().filter(|part| {
+        let (from, to) = part.segment.range();
+        from <= height && height <= to
+    });
+    reaching.map(|part| part.segment.radius(height)).fold(0.0, f64::max)
+}

@@ -1,0 +1,193 @@
+//! Directions that a part itself suggests for its machining: normals of its large flat faces, axes of its cylinders.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+
+use super::Mesh;
+
+/// Faces and cylinders count from this share of the surface on.
+const SHARE: f64 = 0.005;
+/// Neighbours at less than this angle (its sine) lie in one plane, and at less than the other on one curved surface.
+const COPLANAR: f64 = 2e-3;
+const SMOOTH: f64 = 0.5;
+/// So many planes of about the same size on one curved surface are its facets.
+const FACETS: usize = 8;
+/// A normal this near to square to an axis belongs to its cylinder.
+const SQUARE: f64 = 0.02;
+
+impl Mesh {
+    /// Unit vectors: the outward normals of large flat faces, the largest first, then both ways along the axes of large
+    /// cylindrical surfaces (holes, bosses, rounded walls); none twice. For a mesh whose triangles share vertices
+    /// ([`Mesh::welded`]).
+    #[must_use]
+    pub fn machining_directions(&self) -> Vec<DVec3> {
+        let outward = if self.signed_volume() < 0.0 { -0.5 } else { 0.5 };
+        let vectors: Vec<DVec3> = (0..self.triangles.len())
+            .map(|triangle| {
+                let [a, b, c] = self.corners(triangle);
+                (b - a).cross(c - a) * outward
+            })
+            .collect();
+        let enough = SHARE * vectors.iter().map(|v| v.length()).sum::<f64>();
+        let mut flat = Groups::new(self.triangles.len());
+        let mut curved = Groups::new(self.triangles.len());
+        for (a, b) in self.neighbours() {
+            let (na, nb) = (vectors[a].normalize_or_zero(), vectors[b].normalize_or_zero());
+            let sine = na.cross(nb).length();
+            if na.dot(nb) > 0.0 && sine < SMOOTH {
+                curved.join(a, b);
+                if sine < COPLANAR {
+                    flat.join(a, b);
+                }
+            }
+        }
+        // Area and normal of each plane, by the curved surface that it is part of.
+        let mut planes: HashMap<usize, Vec<(f64, DVec3)>> = HashMap::new();
+        for members in flat.members() {
+            let sum: DVec3 = members.iter().map(|&t| vectors[t]).sum();
+            planes.entry(curved.root(members[0])).or_default().push((sum.length(), sum.normalize_or_zero()));
+        }
+        let facet = |area: f64, all: &[(f64, DVec3)]| {
+            all.iter().filter(|(other, _)| *other > 0.5 * area).count() >= FACETS
+        };
+        let mut faces: Vec<(f64, DVec3)> = planes
+            .values()
+            .flat_map(|all| all.iter().filter(|(area, _)| !facet(*area, all)))
+            .filter(|(area, _)| *area >= enough && *area > 0.0)
+            .copied()
+            .collect();
+        let place = |v: &DVec3| v.to_array().map(|c| (c * 1e6).round() as i64);
+        faces.sort_by(|a, b| b.0.total_cmp(&a.0).then(place(&b.1).cmp(&place(&a.1))));
+        let cylinders = curved.members().into_iter().filter_map(|members| axis(&members, &vectors, enough));
+        let mut found: Vec<DVec3> = Vec::new();
+        for direction in faces.into_iter().map(|(_, normal)| normal).chain(cylinders.flat_map(|a| [a, -a])) {
+            if found.iter().all(|known| known.dot(direction) < 1.0 - 1e-6) {
+                found.push(direction);
+            }
+        }
+        found
+    }
+
+    /// Pairs of triangles that share an edge with no third one.
+    fn neighbours(&self) -> Vec<(usize, usize)> {
+        let mut edges: HashMap<(u32, u32), (usize, usize, usize)> = HashMap::new();
+        for (triangle, &[a, b, c]) in self.triangles.iter().enumerate() {
+            for (from, to) in [(a, b), (b, c), (c, a)] {
+                let entry = edges.entry((from.min(to), from.max(to))).or_insert((triangle, triangle, 0));
+                entry.1 = triangle;
+                entry.2 += 1;
+            }
+        }
+        let mut pairs: Vec<(usize, usize)> =
+            edges.into_values().filter(|&(.., count)| count == 2).map(|(a, b, _)| (a, b)).collect();
+        pairs.sort_unstable();
+        pairs
+    }
+}
+
+/// The axis of a curved surface that is a cylinder, or any prism with round corners; `None` of others.
+fn axis(members: &[usize], vectors: &[DVec3], enough: f64) -> Option<DVec3> {
+    let area: f64 = members.iter().map(|&t| vectors[t].length()).sum();
+    if area < enough {
+        return None;
+    }
+    let largest =
+        members.iter().copied().max_by(|&a, &b| vectors[a].length().total_cmp(&vectors[b].length()))?;
+    let first = vectors[largest].try_normalize()?;
+    let across = |&t: &usize| first.cross(vectors[t].normalize_or_zero());
+    let axis = members.iter().map(across).max_by(|a, b| a.length().total_cmp(&b.length()))?;
+    // A surface that hardly turns is a plane.
+    let axis = (axis.length() > 0.1).then(|| axis.normalize())?;
+    let square = members.iter().filter(|&&t| vectors[t].normalize_or_zero().dot(axis).abs() < SQUARE);
+    let axis = axis.map(|v| if v.abs() < 1e-9 { 0.0 } else { v });
+    (square.map(|&t| vectors[t].length()).sum::<f64>() > 0.98 * area).then(|| axis.normalize())
+}
+
+/// Sets of triangles that are joined.
+struct Groups {
+    parent: Vec<usize>,
+}
+
+impl Groups {
+    fn new(count: usize) -> Self {
+        Self { parent: (0..count).collect() }
+    }
+
+    fn root(&mut self, mut index: usize) -> usize {
+        while self.parent[index] != index {
+            self.parent[index] = self.parent[self.parent[index]];
+            index = self.parent[index];
+        }
+        index
+    }
+
+    fn join(&mut self, a: usize, b: usize) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.parent[a.max(b)] = a.min(b);
+    }
+
+    /// In the order of their first members.
+    fn members(&mut self) -> Vec<Vec<usize>> {
+        let mut members = vec![Vec::new(); self.parent.len()];
+        for index in 0..self.parent.len() {
+            let root = self.root(index);
+            members[root].push(index);
+        }
+        members.retain(|group| !group.is_empty());
+        members
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DQuat, DVec2};
+
+    use super::*;
+    use crate::parts::shell::{Axis, Facing, Shell, circle};
+
+    /// A block of 20 × 30 × 10 with a through hole of 8 along z.
+    fn drilled() -> Mesh {
+        let outer = [DVec2::ZERO, DVec2::new(20.0, 0.0), DVec2::new(20.0, 30.0), DVec2::new(0.0, 30.0)];
+        let hole = circle(DVec2::new(10.0, 15.0), 4.0, 48);
+        let mut shell = Shell::default();
+        shell.post(Axis::Z, &outer, [0.0, 10.0]);
+        shell.hole(Axis::Z, &hole, [0.0, 10.0]);
+        shell.face(Axis::Z, 0.0, Facing::Down, &outer, &[&hole]);
+        shell.face(Axis::Z, 10.0, Facing::Up, &outer, &[&hole]);
+        shell.into_mesh()
+    }
+
+    #[test]
+    fn a_tilted_blocks_faces_and_its_holes_axis_are_found() {
+        let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -0.5).normalize(), 0.7);
+        let mut mesh = drilled();
+        mesh.vertices.iter_mut().for_each(|v| *v = turn * *v);
+        let found = mesh.machining_directions();
+        let expected = [DVec3::Z, DVec3::X, DVec3::Y].map(|d| turn * d);
+        assert_eq!(found.len(), 6, "{found:?}");
+        for direction in expected.iter().flat_map(|&d| [d, -d]) {
+            assert!(found.iter().any(|f| f.dot(direction) > 1.0 - 1e-9), "{direction} {found:?}");
+        }
+        // The top is the largest.
+        assert!(found[0].dot(expected[0]).abs() > 1.0 - 1e-9);
+    }
+
+    #[test]
+    fn a_cylinder_has_its_axis_and_its_ends_and_a_ball_has_none() {
+        let outline = circle(DVec2::ZERO, 5.0, 64);
+        let mut shell = Shell::default();
+        shell.post(Axis::Y, &outline, [0.0, 40.0]);
+        shell.face(Axis::Y, 0.0, Facing::Down, &outline, &[]);
+        shell.face(Axis::Y, 40.0, Facing::Up, &outline, &[]);
+        let found = shell.into_mesh().machining_directions();
+        assert_eq!(found, [DVec3::Y, DVec3::NEG_Y]);
+        let mut ball = Shell::default();
+        let ring = |i: usize| {
+            let (sine, cosine) = (std::f64::consts::PI * i as f64 / 60.0).sin_cos();
+            Axis::Z.place(&circle(DVec2::ZERO, sine, 120), -cosine)
+        };
+        (1..=60).for_each(|i| ball.band(&ring(i - 1), &ring(i)));
+        assert_eq!(ball.into_mesh().machining_directions(), []);
+    }
+}

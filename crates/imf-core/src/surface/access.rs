@@ -1,0 +1,88 @@
+//! What one tool reaches of a whole surface, on all threads.
+
+use glam::{DQuat, DVec3};
+
+use super::{Reach, SurfaceError, SurfaceSample, SurfaceTool};
+use crate::control::Control;
+use crate::orientation::Orientation;
+use crate::parallel;
+
+/// What one tool reaches of a surface.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceAccess {
+    /// By sample.
+    pub reach: Vec<Reach>,
+    /// 64 directions a word, the lowest first, words of one sample side by side: set where the sample is reached.
+    free: Vec<u64>,
+    directions: usize,
+}
+
+impl SurfaceAccess {
+    /// True where a sample is reached from a direction.
+    ///
+    /// # Panics
+    /// If there is no such sample or direction.
+    #[must_use]
+    pub fn is_free(&self, sample: usize, direction: usize) -> bool {
+        assert!(direction < self.directions, "no direction {direction}");
+        self.free[sample * self.directions.div_ceil(64) + direction / 64] >> (direction % 64) & 1 == 1
+    }
+
+    /// Number of directions.
+    #[must_use]
+    pub fn directions(&self) -> usize {
+        self.directions
+    }
+
+    /// The area that each direction reaches.
+    #[must_use]
+    pub fn area_by_direction(&self, samples: &[SurfaceSample]) -> Vec<f64> {
+        let mut areas = vec![0.0; self.directions];
+        for (index, sample) in samples.iter().enumerate() {
+            (0..self.directions)
+                .filter(|&direction| self.is_free(index, direction))
+                .for_each(|direction| areas[direction] += sample.area);
+        }
+        areas
+    }
+}
+
+/// Samples that are one unit of progress.
+const CHUNK: usize = 64;
+
+/// What a tool reaches of every sample from every direction, on all threads of the current pool; the result does not
+/// depend on their number. One unit of progress is one sample.
+///
+/// # Errors
+/// [`SurfaceError::Cancelled`] when the control asks to stop.
+pub fn surface_access(
+    tool: &SurfaceTool,
+    samples: &[SurfaceSample],
+    directions: &[Orientation],
+    control: Control<'_>,
+) -> Result<SurfaceAccess, SurfaceError> {
+    let words = directions.len().div_ceil(64);
+    let turned: Vec<(DVec3, DQuat)> = directions.iter().map(|o| (o.direction(), o.quaternion())).collect();
+    let parts = parallel::try_map(samples.len().div_ceil(CHUNK), |chunk| {
+        let samples = &samples[chunk * CHUNK..samples.len().min((chunk + 1) * CHUNK)];
+        let mut free = vec![0u64; samples.len() * words];
+        let mut reach = Vec::with_capacity(samples.len());
+        for (index, sample) in samples.iter().enumerate() {
+            if control.is_cancelled() {
+                return Err(SurfaceError::Cancelled);
+            }
+            let row = &mut free[index * words..(index + 1) * words];
+            reach.push(tool.reach(sample, &turned, |direction| row[direction / 64] |= 1 << (direction % 64)));
+        }
+        (control.progress)(samples.len() as u64);
+        Ok((reach, free))
+    })?;
+    let (reach, free): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
+    Ok(SurfaceAccess { reach: reach.concat(), free: free.concat(), directions: directions.len() })
+}
+
+/// Bytes of the results of [`surface_access`].
+#[must_use]
+pub fn surface_memory_estimate(samples: usize, directions: usize) -> u64 {
+    samples as u64 * (16 + 8 * directions.div_ceil(64) as u64) * 2
+}

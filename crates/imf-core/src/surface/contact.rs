@@ -1,0 +1,284 @@
+//! Where a tool stands when its cutter touches a point of a surface: its contact poses.
+//!
+//! At a point with outward normal n the cutter touches with that point of its outline whose own outward normal is −n: one
+//! point of a ball, the rim of a flat end or, with the axis along n, any point of its bottom; the flank, at any height,
+//! with the axis across n. The tip itself stands on the surface only where the outline has its tip there.
+
+use std::f64::consts::FRAC_PI_2;
+
+use glam::DVec3;
+
+use crate::tool::{Element, ElementKind, Segment, Tool, ToolShape};
+
+/// Angles closer than this are one, in radians.
+const SAME: f64 = 1e-9;
+/// Heights of a flank at which a tool is tried that narrows upward, such as a slot cutter.
+const HEIGHTS: i32 = 32;
+
+/// A piece of a cutter's outline that touches surfaces. Angles are of outward normals above the plane across the axis, in
+/// radians from −π/2 (down, away from the holder) to π/2.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Piece {
+    /// A level ring: the bottom, or a shoulder.
+    Level { height: f64, inner: f64, outer: f64, angle: f64 },
+    /// A cylinder or a cone.
+    Flank { from: [f64; 2], to: [f64; 2], angle: f64 },
+    /// Part of a ball or a torus: height and radius of its centre, its own radius, and the angles of its ends.
+    Round { centre: [f64; 2], radius: f64, from: f64, to: f64 },
+    /// A convex edge, at a height and a radius, between two angles.
+    Edge { height: f64, radius: f64, from: f64, to: f64 },
+}
+
+/// What touches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Touch {
+    /// One point of the outline, on the side that faces the surface.
+    Point { height: f64, radius: f64 },
+    /// Any point of a level ring.
+    Ring { height: f64, inner: f64, outer: f64 },
+}
+
+/// The outline of a tool's cutter as surfaces meet it, in the tool's unit.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Outline {
+    pieces: Vec<Piece>,
+    /// True where something above a point of the tool is narrower than the tool is there, as on a slot cutter.
+    undercuts: bool,
+}
+
+impl Outline {
+    /// Of a tool's cutter; `None` of a mesh, and of a tool without a cutter.
+    pub(super) fn of(tool: &Tool) -> Option<Self> {
+        let ToolShape::Revolved(elements) = &tool.shape else { return None };
+        let cutting = |e: &&Element| e.kind == ElementKind::Cutter;
+        let segments: Vec<Segment> =
+            elements.iter().filter(cutting).flat_map(|e| e.profile.clone()).collect();
+        let end = segments.last()?.range().1;
+        let above = elements.iter().filter(|e| !cutting(e)).find_map(|e| e.profile.first());
+        let neck = above.filter(|s| s.range().0 <= end).map_or(0.0, |s| s.radius(end));
+        let mut pieces = Vec::new();
+        let (mut height, mut radius) = (segments[0].range().0, 0.0);
+        let mut angle = -FRAC_PI_2;
+        for segment in &segments {
+            let (low, high) = segment.range();
+            if low >= high {
+                continue;
+            }
+            step(&mut pieces, &mut angle, height, [radius, segment.radius(low)]);
+            let piece = piece(segment);
+            let (begins, ends) = match piece {
+                Piece::Flank { angle, .. } | Piece::Level { angle, .. } => (angle, angle),
+                Piece::Round { from, to, .. } | Piece::Edge { from, to, .. } => (from, to),
+            };
+            edge(&mut pieces, angle, begins, low, segment.radius(low));
+            pieces.push(piece);
+            (height, radius, angle) = (high, segment.radius(high), ends);
+        }
+        if radius > neck {
+            step(&mut pieces, &mut angle, height, [radius, neck]);
+        }
+        let all = elements.iter().flat_map(|e| &e.profile);
+        let mut widest = 0.0;
+        let mut undercuts = false;
+        for segment in all {
+            let (low, high) = segment.range();
+            undercuts |= segment.radius(low).min(segment.radius(high)) < widest * (1.0 - SAME);
+            widest = segment.max_radius().max(widest);
+        }
+        Some(Self { pieces, undercuts })
+    }
+
+    /// True where the cutter's upper end sticks out beyond what stands on it.
+    pub(super) fn has_shoulder(&self) -> bool {
+        matches!(self.pieces.last(), Some(Piece::Level { angle, .. }) if *angle > 0.0)
+    }
+
+    /// The places that touch a surface whose normal seen from the tool has this angle (of −n, above the plane across the
+    /// axis). A level ring or a flank touches as a whole where no point of it then lies deeper than `tolerance`.
+    pub(super) fn touches(&self, angle: f64, tolerance: f64, mut visit: impl FnMut(Touch)) {
+        for piece in &self.pieces {
+            match *piece {
+                Piece::Level { height, inner, outer, angle: own } => {
+                    if (angle - own).abs() < FRAC_PI_2 && 2.0 * outer * (angle - own).sin().abs() <= tolerance
+                    {
+                        visit(Touch::Ring { height, inner, outer });
+                    }
+                }
+                Piece::Flank { from, to, angle: own } => {
+                    let length = (to[0] - from[0]).hypot(to[1] - from[1]);
+                    if length * (angle - own).sin().abs() <= tolerance {
+                        // A tool that nowhere narrows upward is least in the way with the lower end of a cylinder at the point:
+                        // moved down along it, it fills all that it filled, and more.
+                        let most = if self.undercuts || from[1] != to[1] { HEIGHTS } else { 0 };
+                        for step in 0..=most {
+                            let at =
+                                |i: usize| from[i] + (to[i] - from[i]) * f64::from(step) / f64::from(HEIGHTS);
+                            visit(Touch::Point { height: at(0), radius: at(1) });
+                        }
+                    }
+                }
+                Piece::Round { centre, radius, from, to } => {
+                    if (from - SAME..=to + SAME).contains(&angle) {
+                        let (sine, cosine) = angle.sin_cos();
+                        visit(Touch::Point {
+                            height: centre[0] + radius * sine,
+                            radius: (centre[1] + radius * cosine).max(0.0),
+                        });
+                    }
+                }
+                Piece::Edge { height, radius, from, to } => {
+                    if (from - SAME..=to + SAME).contains(&angle) {
+                        visit(Touch::Point { height, radius });
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A level ring where the outline steps outward or inward, with the edge before it.
+fn step(pieces: &mut Vec<Piece>, angle: &mut f64, height: f64, [radius, next]: [f64; 2]) {
+    if (radius - next).abs() <= SAME * radius.max(next) {
+        return;
+    }
+    let own = if next > radius { -FRAC_PI_2 } else { FRAC_PI_2 };
+    edge(pieces, *angle, own, height, radius);
+    pieces.push(Piece::Level { height, inner: radius.min(next), outer: radius.max(next), angle: own });
+    *angle = own;
+}
+
+/// The edge between two pieces, where it is convex.
+fn edge(pieces: &mut Vec<Piece>, from: f64, to: f64, height: f64, radius: f64) {
+    if to - from > SAME {
+        pieces.push(Piece::Edge { height, radius, from, to });
+    }
+}
+
+fn piece(segment: &Segment) -> Piece {
+    match *segment {
+        Segment::Line { from, to, radius_from, radius_to } => Piece::Flank {
+            from: [from, radius_from],
+            to: [to, radius_to],
+            angle: -(radius_to - radius_from).atan2(to - from),
+        },
+        Segment::Arc { from, to, centre_height, centre_radius, arc_radius } => {
+            let angle = |height: f64| ((height - centre_height) / arc_radius).clamp(-1.0, 1.0).asin();
+            Piece::Round {
+                centre: [centre_height, centre_radius],
+                radius: arc_radius,
+                from: angle(from),
+                to: angle(to),
+            }
+        }
+    }
+}
+
+/// The frame of a contact: the axis, and the direction across it in which the surface lies.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Facing {
+    pub(super) axis: DVec3,
+    /// Unit vector across the axis from the tool towards the surface; zero where the surface is level.
+    pub(super) across: DVec3,
+    /// Angle of the surface's inward normal above the plane across the axis.
+    pub(super) angle: f64,
+}
+
+impl Facing {
+    /// Of a surface with an outward unit normal, for a tool with this axis from tip to holder.
+    pub(super) fn new(normal: DVec3, axis: DVec3) -> Self {
+        let along = -normal.dot(axis);
+        let flat = -normal - along * axis;
+        Self { axis, across: flat.normalize_or_zero(), angle: along.clamp(-1.0, 1.0).asin() }
+    }
+
+    /// The tip of a tool that touches `point` with a point of its outline.
+    pub(super) fn tip(&self, point: DVec3, height: f64, radius: f64) -> DVec3 {
+        point - self.across * radius - self.axis * height
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tool::SharpPoints;
+    use crate::unit::LengthUnit;
+
+    fn tool(elements: &[(ElementKind, Vec<Segment>)]) -> Tool {
+        let elements =
+            elements.iter().map(|(kind, profile)| Element { kind: *kind, profile: profile.clone() });
+        Tool {
+            name: "test".into(),
+            unit: LengthUnit::Mm,
+            shape: ToolShape::Revolved(elements.collect()),
+            sharp_points: SharpPoints::Tip,
+        }
+    }
+
+    fn line(from: f64, to: f64, radius_from: f64, radius_to: f64) -> Segment {
+        Segment::Line { from, to, radius_from, radius_to }
+    }
+
+    fn found(tool: &Tool, degrees: f64) -> Vec<Touch> {
+        let mut found = Vec::new();
+        Outline::of(tool).unwrap().touches(degrees.to_radians(), 0.05, |touch| found.push(touch));
+        found
+    }
+
+    #[test]
+    fn a_ball_touches_with_the_point_of_that_normal() {
+        let ball =
+            Segment::Arc { from: 0.0, to: 3.0, centre_height: 3.0, centre_radius: 0.0, arc_radius: 3.0 };
+        let tool = tool(&[(ElementKind::Cutter, vec![ball, line(3.0, 20.0, 3.0, 3.0)])]);
+        for degrees in [-90.0, -60.0, -30.0] {
+            let found = found(&tool, degrees);
+            let [Touch::Point { height, radius }] = found[..] else { panic!("{degrees}: {found:?}") };
+            let (sine, cosine) = f64::to_radians(degrees).sin_cos();
+            assert!((height - 3.0 - 3.0 * sine).abs() < 1e-12 && (radius - 3.0 * cosine).abs() < 1e-12);
+        }
+        // The ball's equator, the flank's lower end, and the edge of the open end.
+        assert_eq!(found(&tool, 0.0).len(), 3);
+        // A plain end, and a surface that would have to be cut from behind.
+        assert_eq!(found(&tool, 30.0), [Touch::Point { height: 20.0, radius: 3.0 }]);
+    }
+
+    #[test]
+    fn a_flat_end_touches_with_its_bottom_its_rim_or_its_flank() {
+        let flank = line(0.0, 20.0, 5.0, 5.0);
+        let holder = line(20.0, 40.0, 12.0, 12.0);
+        let tool = tool(&[(ElementKind::Cutter, vec![flank]), (ElementKind::Holder(0), vec![holder])]);
+        let bottom = Touch::Ring { height: 0.0, inner: 0.0, outer: 5.0 };
+        let rim = Touch::Point { height: 0.0, radius: 5.0 };
+        assert_eq!(found(&tool, -90.0), [bottom, rim]);
+        assert_eq!(found(&tool, -40.0), [rim]);
+        assert_eq!(found(&tool, 0.0), [rim, rim]);
+        // The holder is wider: nothing of the cutter faces up.
+        assert_eq!(found(&tool, 30.0), []);
+    }
+
+    #[test]
+    fn a_slot_cutter_touches_with_its_shoulder_and_a_drill_with_its_point() {
+        let head = line(0.0, 4.0, 8.0, 8.0);
+        let neck = line(4.0, 30.0, 3.0, 3.0);
+        let slotter = tool(&[(ElementKind::Cutter, vec![head]), (ElementKind::Shank, vec![neck])]);
+        let shoulder = Touch::Ring { height: 4.0, inner: 3.0, outer: 8.0 };
+        assert_eq!(found(&slotter, 90.0), [Touch::Point { height: 4.0, radius: 8.0 }, shoulder]);
+        // Its flank at all heights, and both its edges.
+        assert_eq!(found(&slotter, 0.0).len(), 33 + 2);
+        let drill = tool(&[(ElementKind::Cutter, vec![line(0.0, 2.0, 0.0, 2.0), line(2.0, 9.0, 2.0, 2.0)])]);
+        assert_eq!(found(&drill, -90.0), [Touch::Point { height: 0.0, radius: 0.0 }]);
+        assert_eq!(found(&drill, -45.0).len(), 33 + 2);
+        assert_eq!(found(&drill, -20.0), [Touch::Point { height: 2.0, radius: 2.0 }]);
+    }
+
+    #[test]
+    fn the_touching_point_of_the_tool_lies_on_the_surface() {
+        let (normal, axis) = (DVec3::new(0.3, -0.5, 0.8).normalize(), DVec3::new(-0.2, 0.1, 0.9).normalize());
+        let facing = Facing::new(normal, axis);
+        let point = DVec3::new(4.0, 5.0, 6.0);
+        // Of a ball the centre lies one radius outside, whatever the axis.
+        let (sine, cosine) = facing.angle.sin_cos();
+        let tip = facing.tip(point, 2.0 + 2.0 * sine, 2.0 * cosine);
+        assert!((tip + axis * 2.0 - (point + normal * 2.0)).length() < 1e-12);
+        assert_eq!(Facing::new(DVec3::Z, DVec3::Z).across, DVec3::ZERO);
+    }
+}

@@ -1,0 +1,198 @@
+//! Samples of a surface by area: a point, a normal and an area each.
+
+use glam::DVec3;
+
+use crate::mesh::Mesh;
+use crate::mesh::topology::component_count;
+use crate::occupancy::Occupancy;
+use crate::parallel;
+
+/// A small piece of a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceSample {
+    /// Its middle.
+    pub point: DVec3,
+    /// Outward unit normal.
+    pub normal: DVec3,
+    /// Its area.
+    pub area: f64,
+}
+
+/// A surface cut into triangles of about the same size, with a sample in the middle of each.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceSamples {
+    /// Three vertices of its own for each triangle, so that values may differ from one triangle to the next.
+    pub mesh: Mesh,
+    /// In the order of the triangles.
+    pub samples: Vec<SurfaceSample>,
+    /// Area that lies inside the part, where bodies of the mesh cross each other. It has no samples.
+    pub hidden_area: f64,
+}
+
+/// How far outside the surface its voxel is looked up, in pitches.
+const OUTSIDE: f64 = 0.75;
+/// How far outside the surface crossings are counted, in pitches.
+const CLOSE: f64 = 1e-3;
+
+impl SurfaceSamples {
+    /// At least about `count` samples of a mesh; `solid` holds its voxels.
+    #[must_use]
+    pub fn new(mesh: &Mesh, solid: &Occupancy, count: usize) -> Self {
+        let area: f64 = (0..mesh.triangles.len()).map(|t| area_vector(mesh.corners(t)).length()).sum();
+        // The edge of an equilateral triangle of that area.
+        let edge = (area / count.max(1) as f64 * 4.0 / 3.0_f64.sqrt()).sqrt();
+        let fine = mesh.welded().refined(edge, count.saturating_mul(8));
+        let outward = if fine.signed_volume() < 0.0 { -1.0 } else { 1.0 };
+        let grid = &solid.grid;
+        // One body alone hides none of its own surface.
+        let crossings = (component_count(&fine) > 1).then(|| Crossings::new(&fine, grid.pitch));
+        let found = parallel::map(fine.triangles.len(), |triangle| {
+            let corners = fine.corners(triangle);
+            let vector = area_vector(corners) * outward;
+            let sample = SurfaceSample {
+                point: (corners[0] + corners[1] + corners[2]) / 3.0,
+                normal: vector.try_normalize()?,
+                area: vector.length(),
+            };
+            let outside = grid.continuous(sample.point + sample.normal * (OUTSIDE * grid.pitch)).round();
+            let within = (0..3).all(|axis| (0.0..grid.dims[axis] as f64).contains(&outside[axis]));
+            let is_solid =
+                within && solid.solid[grid.index(outside.to_array().map(|v| v.max(0.0) as usize))] != 0;
+            let close = sample.point + sample.normal * (CLOSE * grid.pitch);
+            let hidden = is_solid && crossings.as_ref().is_some_and(|c| c.winding(&fine, close) != 0);
+            Some((sample, hidden))
+        });
+        let mut all = Self { mesh: Mesh::default(), samples: Vec::new(), hidden_area: 0.0 };
+        for (triangle, found) in found.into_iter().enumerate() {
+            match found {
+                Some((sample, true)) => all.hidden_area += sample.area,
+                Some((sample, false)) => {
+                    let first = all.mesh.vertices.len() as u32;
+                    all.mesh.vertices.extend(fine.corners(triangle));
+                    all.mesh.triangles.push([first, first + 1, first + 2]);
+                    all.samples.push(sample);
+                }
+                None => {}
+            }
+        }
+        all
+    }
+
+    /// Area of all samples.
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        self.samples.iter().map(|sample| sample.area).sum()
+    }
+}
+
+/// The triangles above each cell of a lattice in x and y: winding numbers of a closed mesh by counting the crossings of a
+/// line along z.
+struct Crossings {
+    lower: DVec3,
+    cell: f64,
+    dims: [usize; 2],
+    triangles: Vec<Vec<u32>>,
+}
+
+impl Crossings {
+    fn new(mesh: &Mesh, pitch: f64) -> Self {
+        let (lower, upper) = mesh.bounds().unwrap_or_default();
+        let cell = pitch.max((upper - lower).max_element() / 1000.0);
+        let dims = [0, 1].map(|axis| ((upper - lower)[axis] / cell) as usize + 1);
+        let mut triangles = vec![Vec::new(); dims[0] * dims[1]];
+        for triangle in 0..mesh.triangles.len() {
+            let corners = mesh.corners(triangle).map(|c| (c - lower) / cell);
+            let [x, y] = [0, 1].map(|axis| {
+                let along = corners.map(|c| c[axis]);
+                let ends =
+                    [f64::min, f64::max].map(|pick| along.into_iter().reduce(pick).unwrap_or_default());
+                ends.map(|end| (end.max(0.0) as usize).min(dims[axis] - 1))
+            });
+            for column in x[0]..=x[1] {
+                for row in y[0]..=y[1] {
+                    triangles[column * dims[1] + row].push(triangle as u32);
+                }
+            }
+        }
+        Self { lower, cell, dims, triangles }
+    }
+
+    /// Signed crossings of the surface above a point.
+    fn winding(&self, mesh: &Mesh, point: DVec3) -> i32 {
+        let at = (point - self.lower) / self.cell;
+        if at.x < 0.0 || at.y < 0.0 || at.x >= self.dims[0] as f64 || at.y >= self.dims[1] as f64 {
+            return 0;
+        }
+        let above = self.triangles[at.x as usize * self.dims[1] + at.y as usize].iter();
+        above.map(|&triangle| crossing(mesh.corners(triangle as usize), point)).sum()
+    }
+}
+
+/// ±1 where a triangle lies above a point, by the side that it turns to it. An edge on the line belongs to one of its two
+/// triangles, as edges are read in one sense of rotation with ends that count once.
+fn crossing(corners: [DVec3; 3], point: DVec3) -> i32 {
+    let relative = corners.map(|c| c - point);
+    let side = |a: DVec3, b: DVec3| {
+        // The same bits whichever triangle reads the edge.
+        let (first, last, sign) = if (a.x, a.y) < (b.x, b.y) { (a, b, 1.0) } else { (b, a, -1.0) };
+        sign * (first.x * last.y - first.y * last.x)
+    };
+    let mut turns = 0;
+    for (a, b) in [(0, 1), (1, 2), (2, 0)] {
+        let (a, b) = (relative[a], relative[b]);
+        match (a.y <= 0.0, b.y <= 0.0) {
+            (true, false) if side(a, b) > 0.0 => turns += 1,
+            (false, true) if side(a, b) < 0.0 => turns -= 1,
+            _ => {}
+        }
+    }
+    let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+    // Height of the plane over the point.
+    let height = normal.dot(relative[0]) / normal.z;
+    if turns != 0 && height > 0.0 { turns } else { 0 }
+}
+
+/// Along the normal, as long as the triangle's area.
+fn area_vector([a, b, c]: [DVec3; 3]) -> DVec3 {
+    0.5 * (b - a).cross(c - a)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::Grid;
+    use crate::mesh::tests::unit_cube;
+    use crate::voxelize::voxelize;
+    use glam::DMat4;
+
+    #[test]
+    fn samples_divide_the_area_and_face_outward_even_from_a_mesh_that_is_inside_out() {
+        let cube = unit_cube().transformed(&DMat4::from_scale(DVec3::new(4.0, 4.0, 2.0)));
+        let mut inverted = cube.clone();
+        inverted.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        let grid = Grid { origin: DVec3::splat(-1.0), pitch: 0.5, dims: [12, 12, 8] };
+        let solid = voxelize(&cube, &grid, false);
+        for mesh in [cube, inverted] {
+            let samples = SurfaceSamples::new(&mesh, &solid, 500);
+            assert!((500..4000).contains(&samples.samples.len()));
+            assert!((samples.area() - 64.0).abs() < 1e-9 && samples.hidden_area == 0.0);
+            let middle = DVec3::new(2.0, 2.0, 1.0);
+            for (triangle, sample) in samples.samples.iter().enumerate() {
+                assert!(sample.normal.dot(sample.point - middle) > 0.0 && sample.area < 0.2);
+                assert!((area_vector(samples.mesh.corners(triangle)).length() - sample.area).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn what_lies_inside_another_body_of_the_mesh_is_not_surface() {
+        let cube = unit_cube().transformed(&DMat4::from_scale(DVec3::splat(4.0)));
+        let mut both = cube.clone();
+        both.append(&cube.transformed(&DMat4::from_translation(DVec3::new(3.0, 0.0, 0.0))));
+        let grid = Grid { origin: DVec3::splat(-1.0), pitch: 0.5, dims: [18, 12, 12] };
+        let samples = SurfaceSamples::new(&both, &voxelize(&both, &grid, false), 2000);
+        // One face of each is inside the other; their sides coincide for one unit along x, and no side of them is inside.
+        assert!((samples.hidden_area - 32.0).abs() < 1e-9, "{}", samples.hidden_area);
+        assert!((samples.area() - (2.0 * 96.0 - 32.0)).abs() < 1e-9);
+    }
+}
