@@ -90,9 +90,9 @@ impl Surface {
     pub(super) fn find(session: &Session, setup: &Setup, asked: &SurfaceSetup) -> Result<Self> {
         let samples = SurfaceSamples::new(&setup.mesh, &asked.solid, SAMPLES);
         let orientations = &setup.orientations;
+        let obstacle = Arc::new(setup.obstacle.whole());
         let mut tools = Vec::new();
         for assembly in &setup.tools {
-            let obstacle = Arc::new(setup.obstacle.whole());
             let found =
                 one_tool(session, assembly, [&asked.solid, &obstacle], asked, &samples, orientations)?;
             tools.push(found);
