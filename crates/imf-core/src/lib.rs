@@ -74,6 +74,7 @@ pub mod access;
 pub mod atomic_file;
 pub mod check;
 pub mod control;
+pub mod cover;
 pub mod distance;
 pub mod field;
 #[cfg(feature = "formats")]

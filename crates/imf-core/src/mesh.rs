@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 mod features;
 pub mod read;
 mod refine;
+mod rests;
 pub mod topology;
 pub(crate) mod weld;
 #[cfg(feature = "formats")]

@@ -7,9 +7,11 @@
 mod access;
 mod contact;
 mod samples;
+mod setups;
 
 pub use access::{SurfaceAccess, surface_access, surface_memory_estimate};
 pub use samples::{SurfaceSample, SurfaceSamples};
+pub use setups::{ChosenSetup, PartSetup, SetupPlan, fewest_setups};
 
 use std::f64::consts::TAU;
 use std::sync::Arc;

@@ -28,6 +28,15 @@ impl SurfaceAccess {
         self.free[sample * self.directions.div_ceil(64) + direction / 64] >> (direction % 64) & 1 == 1
     }
 
+    /// True where a sample is reached from any of these directions.
+    ///
+    /// # Panics
+    /// If there is no such sample or direction.
+    #[must_use]
+    pub fn is_free_from_any(&self, sample: usize, directions: &[usize]) -> bool {
+        directions.iter().any(|&direction| self.is_free(sample, direction))
+    }
+
     /// Number of directions.
     #[must_use]
     pub fn directions(&self) -> usize {

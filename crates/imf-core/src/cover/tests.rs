@@ -1,0 +1,79 @@
+use super::*;
+
+/// Numbers of a small linear congruential generator, the same everywhere.
+struct Numbers(u64);
+
+impl Numbers {
+    fn below(&mut self, n: u64) -> u64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) % n
+    }
+}
+
+fn random(numbers: &mut Numbers, elements: usize, sets: usize, one_in: u64) -> CoverProblem {
+    let mut problem = CoverProblem::new((0..elements).map(|_| numbers.below(10) as f64).collect());
+    for _ in 0..sets {
+        let held: Vec<usize> = (0..elements).filter(|_| numbers.below(one_in) == 0).collect();
+        problem.add(held);
+    }
+    problem
+}
+
+/// The size of the smallest cover, by trying all.
+fn by_trying_all(problem: &CoverProblem, fraction: f64) -> usize {
+    let all: Vec<usize> = (0..problem.sets()).collect();
+    let needed = fraction * problem.covered(&all);
+    let size = |choice: u32| choice.count_ones() as usize;
+    let enough = |choice: &u32| {
+        let sets: Vec<usize> = all.iter().copied().filter(|set| choice >> set & 1 == 1).collect();
+        problem.covered(&sets) >= needed - 1e-9
+    };
+    (0..1u32 << problem.sets()).filter(enough).map(size).min().unwrap()
+}
+
+#[test]
+fn covers_are_the_smallest_that_trying_all_finds() {
+    let mut numbers = Numbers(7);
+    let mut beyond_greedy = 0;
+    for round in 0..120 {
+        let problem = random(&mut numbers, 8 + round % 17, 3 + round % 9, 2 + round as u64 % 4);
+        for fraction in [1.0, 0.95, 0.8, 0.5] {
+            let settings = CoverSettings { fraction, ..CoverSettings::default() };
+            let cover = problem.fewest(&settings, Control::quiet()).unwrap();
+            assert!(cover.is_proven());
+            assert_eq!(cover.sets.len(), by_trying_all(&problem, fraction), "{round} {fraction} {problem:?}");
+            let all: Vec<usize> = (0..problem.sets()).collect();
+            assert!(problem.covered(&cover.sets) >= fraction * problem.covered(&all) - 1e-9);
+            let none = CoverSettings { places: 0, ..settings };
+            let greedy = problem.fewest(&none, Control::quiet()).unwrap();
+            assert!(greedy.at_least <= cover.sets.len() && cover.sets.len() <= greedy.sets.len());
+            beyond_greedy += usize::from(cover.sets.len() < greedy.sets.len());
+        }
+    }
+    assert!(beyond_greedy > 0, "the search was never needed");
+}
+
+#[test]
+fn where_greedy_takes_a_third_set_two_are_found_and_proven() {
+    let mut problem = CoverProblem::new(vec![1.0; 14]);
+    problem.add([0, 1, 2, 3, 7, 8, 9, 10]);
+    problem.add([4, 5, 11, 12]);
+    problem.add([6, 13]);
+    problem.add(0..7);
+    problem.add(7..14);
+    let cover = problem.fewest(&CoverSettings::default(), Control::quiet()).unwrap();
+    assert_eq!((cover.sets.as_slice(), cover.at_least), (&[3, 4][..], 2));
+    assert_eq!(problem.covered_alone(&cover.sets), [7.0, 7.0]);
+}
+
+#[test]
+fn what_no_set_holds_is_not_asked_for() {
+    let mut problem = CoverProblem::new(vec![1.0, 5.0, 2.0]);
+    problem.add([]);
+    problem.add([0]);
+    problem.add([2, 0]);
+    let cover = problem.fewest(&CoverSettings::default(), Control::quiet()).unwrap();
+    assert_eq!(cover.sets, [2]);
+    let empty = CoverProblem::new(vec![1.0]).fewest(&CoverSettings::default(), Control::quiet()).unwrap();
+    assert!(empty.sets.is_empty() && empty.is_proven());
+}

@@ -1,0 +1,97 @@
+//! Whether a part stands by itself on a plane.
+
+use glam::{DVec2, DVec3};
+
+use super::Mesh;
+
+/// Vertices this near to the lowest one stand on the plane too, as a fraction of the part's size.
+const LEVEL: f64 = 1e-6;
+
+impl Mesh {
+    /// True where the part, filled evenly, stands by itself with the unit vector `down` pointing to the floor: its centre of mass
+    /// lies above the inside of the convex hull of the vertices that touch the floor.
+    #[must_use]
+    pub fn rests_on(&self, down: DVec3) -> bool {
+        let Some((lower, upper)) = self.bounds() else { return false };
+        let (u, v) = down.any_orthonormal_pair();
+        let flat = |p: DVec3| DVec2::new(p.dot(u), p.dot(v));
+        let corners = || self.triangles.iter().flatten().map(|&index| self.vertices[index as usize]);
+        let floor = corners().map(|p| p.dot(down)).fold(f64::NEG_INFINITY, f64::max);
+        let level = LEVEL * (upper - lower).length();
+        let touching = corners().filter(|p| p.dot(down) >= floor - level).map(flat).collect();
+        let hull = hull(touching);
+        let centre = flat(self.centre_of_mass());
+        hull.len() > 2
+            && (0..hull.len()).all(|at| {
+                let (a, b) = (hull[at], hull[(at + 1) % hull.len()]);
+                (b - a).perp_dot(centre - a) > level * (b - a).length()
+            })
+    }
+
+    /// The centre of the enclosed volume; that of the vertices' box where no volume is enclosed.
+    fn centre_of_mass(&self) -> DVec3 {
+        let middle = self.bounds().map_or(DVec3::ZERO, |(lower, upper)| (lower + upper) * 0.5);
+        let (mut volume, mut moment) = (0.0, DVec3::ZERO);
+        for triangle in 0..self.triangles.len() {
+            let [a, b, c] = self.corners(triangle).map(|p| p - middle);
+            let part = a.dot(b.cross(c));
+            volume += part;
+            moment += (a + b + c) * (0.25 * part);
+        }
+        if volume == 0.0 { middle } else { middle + moment / volume }
+    }
+}
+
+/// The convex hull, counter-clockwise (Andrew's monotone chain).
+fn hull(mut points: Vec<DVec2>) -> Vec<DVec2> {
+    points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+    points.dedup();
+    let half = |points: &mut dyn Iterator<Item = DVec2>| {
+        let mut chain: Vec<DVec2> = Vec::new();
+        for point in points {
+            while let [.., a, b] = chain[..] {
+                if (b - a).perp_dot(point - b) > 0.0 {
+                    break;
+                }
+                chain.pop();
+            }
+            chain.push(point);
+        }
+        chain.pop();
+        chain
+    };
+    let mut chain = half(&mut points.iter().copied());
+    chain.extend(half(&mut points.iter().rev().copied()));
+    chain
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DMat4;
+
+    use super::*;
+    use crate::mesh::tests::unit_cube;
+
+    #[test]
+    fn a_cube_stands_on_its_faces_alone() {
+        let cube = unit_cube();
+        for down in [DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y, DVec3::Z, -DVec3::Z] {
+            assert!(cube.rests_on(down), "{down}");
+        }
+        for down in [DVec3::new(1.0, 1.0, 0.0), DVec3::new(1.0, 1.0, 1.0), DVec3::new(0.1, 0.0, 1.0)] {
+            assert!(!cube.rests_on(down.normalize()), "{down}");
+        }
+    }
+
+    /// A tower that leans by its height per height stands while less than half of its foot, and falls beyond.
+    #[test]
+    fn a_leaning_tower_falls_where_its_centre_leaves_its_foot() {
+        let leaning = |by: f64| {
+            let mut shear = DMat4::IDENTITY;
+            shear.z_axis.x = by;
+            unit_cube().transformed(&shear)
+        };
+        assert!(leaning(0.99).rests_on(-DVec3::Z));
+        assert!(!leaning(1.01).rests_on(-DVec3::Z));
+    }
+}
