@@ -82,7 +82,7 @@ pub struct Calibration {
     pub free_up_to: Option<f32>,
     /// Values from this one on are called colliding; `None` where none is.
     pub colliding_from: Option<f32>,
-    /// What was asked for.
+    /// The target rates.
     pub goals: Goals,
     /// Seed of the poses.
     pub seed: u64,

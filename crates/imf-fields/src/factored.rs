@@ -3,19 +3,19 @@
 //! `CMF(x, d) ≈ clamp(mean(d) + ⟨g(x), h(d)⟩)`. h are a harmonic field's functions of the orientation, turned to their
 //! principal axes and fixed; g is a sine network from the point to the coefficients along those axes. The axes are
 //! orthonormal functions of mean square 1, so the squared error of the coefficients is the mean squared error over the
-//! whole sphere (Parseval): every voxel teaches all directions at once, and no direction is ever sampled.
+//! whole sphere (Parseval): every voxel gives all directions at once, and no direction is ever sampled.
 //! Once g is known at a point every orientation costs one short dot product, by the harmonic field's own evaluation
 //! ([`FactoredEvaluator`]), and derivatives by position and direction are exact.
 //!
 //! The network sees positions scaled alike along x, y and z: the longest edge of the grid is [−1, 1]. Its outputs times
 //! one scale, the teacher's root mean square, are the coefficients. Outside the box of the voxel centres, where nothing
-//! was taught, there is no answer.
+//! was trained, there is no answer.
 //!
-//! Behind its sines g is linear, and what follows is too: once taught, the last layer is folded into the functions
-//! ([`FactoredField::folded`]). The last sines are the coefficients then, along axes that teaching has found: the same
+//! Behind its sines g is linear, and what follows is too: once trained, the last layer is folded into the functions
+//! ([`FactoredField::folded`]). The last sines are the coefficients then, along axes that training has found: the same
 //! field with fewer weights.
 //!
-//! Where a network is told of the obstacle's symmetry all this is of the direction in the frame of the place ([`Symmetry`]).
+//! Where a network is symmetry-reduced all this is of the direction in the frame of the place ([`Symmetry`]).
 
 mod evaluate;
 pub mod file;
@@ -51,7 +51,7 @@ use crate::siren::{Layer, ShapeError};
 use imf_core::grid::Grid;
 use imf_core::orientation::Orientation;
 use imf_core::section::Quantity;
-use targets::{Targets, TeacherFunctions};
+use targets::{ComponentBasis, Targets};
 
 /// Inputs of g: the point. With an axis of revolution there are two more ([`Symmetry`]).
 pub const INPUTS: usize = 3;
@@ -71,7 +71,7 @@ pub struct FactoredShape {
     /// There is no layer behind the last sines, which are the outputs.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub folded: bool,
-    /// What it is told of the obstacle's symmetry.
+    /// The obstacle's symmetry that it is reduced by.
     #[serde(default, skip_serializing_if = "Symmetry::is_none")]
     pub symmetry: Symmetry,
 }
@@ -140,7 +140,7 @@ impl FactoredShape {
 pub struct FactoredField {
     /// What its values are.
     pub quantity: Quantity,
-    /// Where the voxels are that it was taught at.
+    /// Where the voxels are that it was trained on.
     pub grid: Grid,
     /// The functions of the orientation, K of them.
     pub basis: Basis,
@@ -157,17 +157,17 @@ pub struct FactoredField {
 }
 
 impl FactoredField {
-    /// The field of a teacher's functions and a network taught by it.
+    /// The field of a teacher's basis and a network distilled from it.
     ///
     /// # Errors
-    /// Parameters that do not fit the shape, a shape of other axes than the teacher's, or a symmetry that it cannot teach.
+    /// Parameters that do not fit the shape, a shape of other axes than the teacher's, or a symmetry that it has not.
     pub fn new(
         teacher: &HarmonicField,
         shape: FactoredShape,
         parameters: Vec<f32>,
     ) -> Result<Self, ShapeError> {
         let targets = Targets::new(teacher, shape.symmetry)?;
-        TeacherFunctions::of(teacher, &targets).field(shape, parameters)
+        ComponentBasis::of(teacher, &targets).field(shape, parameters)
     }
 
     /// Prepares orientations for the coefficients of [`FactoredEvaluator`].
@@ -193,7 +193,7 @@ impl FactoredField {
     }
 
     /// Coefficients of a point as [`FactoredEvaluator`] has them for [`Self::direction_weights`]: axes, or functions where the network is
-    /// told of symmetry.
+    /// symmetry-reduced.
     pub fn coefficient_count(&self) -> usize {
         self.shape.symmetry.coefficients(self.shape.axes, self.basis.len())
     }

@@ -120,15 +120,15 @@ pub enum ShapeError {
         expected: usize,
     },
     /// Asked to learn, a network whose last sines are its outputs.
-    #[error("a network without a linear layer behind its sines is evaluated, not taught")]
+    #[error("a network without a linear layer behind its sines is evaluated, not trained")]
     NoLastLayer,
-    /// A network that is told of symmetry, and a teacher that cannot say what that means.
+    /// A symmetry-reduced network, and a teacher that does not define the symmetry.
     #[error(
         "symmetry is told by harmonic fields of a tool that is symmetric about its axis, not by fields over rotations nor by \
-         sections: teach without it"
+         sections: train without it"
     )]
     Symmetry,
-    /// A network that was told of mirror planes, and another field that is not its own image across them.
+    /// A network reduced by mirror planes, and another field that is not its own image across them.
     #[error(
         "the network was trained for a part that is {0}, and this one is not: train it anew, or go on with a network without \
          symmetry"

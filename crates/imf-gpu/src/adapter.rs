@@ -1,7 +1,7 @@
 //! Which adapter to run on: the list of what the machine has, and the choice by name or automatically.
 //!
 //! Automatic means a discrete GPU, else an integrated one. A software device (Mesa's lavapipe, Windows' WARP) is slower
-//! than this project's own CPU engine, so it is taken only when asked for.
+//! than this project's own CPU engine, so it is taken only on request.
 
 use std::convert::Infallible;
 use std::fmt;
@@ -134,7 +134,7 @@ pub enum MissingAdapter {
          the CPU engine"
     )]
     None,
-    /// Only software adapters are there and none was asked for.
+    /// Only software adapters are there and none was requested.
     #[error(
         "only a software adapter was found ({0}), which is slower than the CPU engine. Use the CPU engine, or ask for \
          it with `software`, its name or its index"
@@ -143,7 +143,7 @@ pub enum MissingAdapter {
     /// No adapter has the wanted name, index or kind.
     #[error("no adapter is `{wanted}`; the adapters are [{}]: choose one of them by name or index", found.join("; "))]
     Wanted {
-        /// What was asked for.
+        /// What was requested.
         wanted: String,
         /// What there is.
         found: Vec<String>,

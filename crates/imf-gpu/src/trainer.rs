@@ -311,7 +311,7 @@ impl GpuTrainer {
 
 /// Refuses a state that does not fit the network.
 fn check_state(stack: &Stack, state: &TrainingState) -> Result<(), EngineError> {
-    stack.taught_ending().map_err(|error| EngineError::Shape(error.to_string()))?;
+    stack.trained_ending().map_err(|error| EngineError::Shape(error.to_string()))?;
     for (name, values) in [
         ("parameters", &state.parameters),
         ("first moments", &state.first_moment),

@@ -31,7 +31,7 @@ use imf_fields::siren::forward::Network;
 use imf_fields::siren::matrix::prefer_unpacked;
 use imf_fields::siren::plan::{BLOCK, Plan, WINDOW, transpose_all};
 use imf_fields::siren::scratch::ScratchPool;
-use imf_fields::siren::stack::{Stack, TaughtEnding};
+use imf_fields::siren::stack::{Stack, TrainedEnding};
 
 use bf16::Pairs;
 use matrices::Matrices;
@@ -46,7 +46,7 @@ pub struct CpuTrainer {
     plan: Plan,
     adam: AdamConfig,
     loss: Loss,
-    ending: TaughtEnding,
+    ending: TrainedEnding,
     max_batch: usize,
     /// Samples that `activations` and `slopes` hold for each layer.
     window: usize,
@@ -129,7 +129,7 @@ impl CpuTrainer {
         state: TrainingState,
     ) -> Result<Self, EngineError> {
         let refused = |error: imf_fields::siren::ShapeError| EngineError::Shape(error.to_string());
-        let ending = stack.taught_ending().map_err(refused)?;
+        let ending = stack.trained_ending().map_err(refused)?;
         for array in [&state.parameters, &state.first_moment, &state.second_moment] {
             stack.check_parameters(array).map_err(refused)?;
         }
@@ -202,7 +202,7 @@ impl CpuTrainer {
 
     /// As [`Self::with_precision`], by a kernel that is there.
     fn with_kernel(mut self, kernel: Kernel) -> Result<Self, EngineError> {
-        if self.ending != TaughtEnding::Sigmoid || self.matrices.is_some() {
+        if self.ending != TrainedEnding::Sigmoid || self.matrices.is_some() {
             return Err(EngineError::Shape(
                 "bfloat16 products are made for the paper's network alone".into(),
             ));

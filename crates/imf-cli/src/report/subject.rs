@@ -116,7 +116,7 @@ impl<'a> Subject<'a> {
             FieldFile::Factored(file) => {
                 let (field, parameters) = (&file.field, file.field.parameter_count());
                 let how = format!(
-                    "factored field, {} ({parameters} parameters, {:.2} MB), taught a harmonic field of degree {}",
+                    "factored field, {} ({parameters} parameters, {:.2} MB), distilled from a harmonic field of degree {}",
                     field.shape,
                     field.bytes() as f64 / 1e6,
                     field.basis.degree()

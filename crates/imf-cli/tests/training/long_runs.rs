@@ -230,7 +230,7 @@ fn the_log_equals_the_record_through_interruptions() {
         );
         assert_eq!(column("held_out_mse"), errors().map(|e| (e.step, e.mse)).collect::<Vec<_>>(), "{log}");
         assert_eq!(column("held_out_mae"), errors().map(|e| (e.step, e.mae)).collect::<Vec<_>>(), "{log}");
-        // Of poses that training sees: 16 sections of so slender a part teach little about others.
+        // Of poses that training sees: 16 sections of so slender a part say little about others.
         assert!(losses.last().unwrap().1 < 0.5 * losses[0].1, "nothing was learnt: {losses:?}");
         assert!(rows.iter().all(|row| row["samples_per_second"].as_f64().unwrap() > 0.0));
     }

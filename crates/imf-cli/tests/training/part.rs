@@ -76,7 +76,7 @@ fn symmetry_is_found_used_and_kept_unless_none_is_wanted() {
     let info = work.imf("info told/field.safetensors").done();
     assert!(info.stdout.contains("mirrored across y, turned about x"), "{}", info.stdout);
 
-    // It is settled where a teaching begins: gone on with, and handed on to a changed part.
+    // It is settled where a training begins: gone on with, and handed on to a changed part.
     train("--out told --resume").done();
     train("--out told --resume --set symmetry=false").refused(&["told/checkpoint.safetensors", "symmetry"]);
     work.imf("train harmonic teapot --dims 16,20,32 --degree 5 --out other.safetensors").done();
@@ -96,7 +96,7 @@ fn symmetry_is_found_used_and_kept_unless_none_is_wanted() {
     let from = "train teapot --dims 15,19,31 --online 40 --from told/field.safetensors --out no";
     work.imf(from).refused(&["--from", "--online", "leave out one of them"]);
     let by_sections = train("--online 40 --out by-sections").done().stdout;
-    // Nothing but sections teaches, and nothing else is named.
+    // It is trained on sections alone, and nothing else is named.
     assert!(by_sections.contains("MSE from exact sections in the last steps"), "{by_sections}");
     let info = work.imf("info by-sections/field.safetensors").done().stdout;
     let teacher = info.lines().find(|line| line.starts_with("teacher")).unwrap();
@@ -230,7 +230,7 @@ fn what_is_finished_says_so_at_once_and_where_it_is() {
     work.imf(&format!("calibrate {field} --poses 4096 --boundary 1024 --false-free 0.1")).done();
     let calibrated = work.bytes(field);
     assert!(!resumed("") && work.bytes(field) == calibrated);
-    // A field that is gone, or another teaching's, comes from the checkpoint.
+    // A field that is gone, or another training's, comes from the checkpoint.
     std::fs::remove_file(work.path(field)).unwrap();
     assert!(resumed("") && work.bytes(field) == made);
     let other = train.replace("--out field", "--out other --set seed=1");
@@ -268,7 +268,7 @@ fn memory_is_asked_for_before_functions_are_chosen() {
     let train = format!("train {PART} {NETWORK} --online 1000 --memory 16MiB --out field");
     let refused = work.imf(&train).refused(&["the sections and the network", "--online"]);
     assert!(!refused.stderr.contains("functions:"), "{}", refused.stderr);
-    // And the choice by itself, though few sections teach.
+    // And the choice by itself, though it is trained on few sections.
     work.imf(&train.replace("1000 --memory 16MiB", "2 --memory 4MiB"))
         .refused(&["the sections and the network"]);
 }

@@ -39,13 +39,13 @@ pub struct FactoredFile {
     pub scene: Scene,
     /// How the teacher was made.
     pub fit: FitSettings,
-    /// What the teacher's making told of its errors.
+    /// The errors of the teacher's fit.
     pub report: FitReport,
-    /// How the field was taught.
+    /// How the field was trained.
     pub settings: DistillSettings,
     /// How the weights are kept.
     pub precision: Precision,
-    /// Where teaching goes on.
+    /// Where training goes on.
     pub state: Option<FactoredState>,
     /// What its decisions are worth, where that was measured of these weights.
     pub calibration: Option<Calibration>,
@@ -69,13 +69,13 @@ struct Description {
 }
 
 impl FactoredFile {
-    /// True where teaching stopped before the end of its plan.
+    /// True where training stopped before the end of its plan.
     pub fn is_unfinished(&self) -> bool {
         let steps = self.settings.plan.total_steps(self.field.grid.len());
         self.state.as_ref().is_some_and(|state| state.training.step < steps)
     }
 
-    /// What a teaching comes to: the field of this checkpoint folded, its weights kept in `precision`, no state.
+    /// The result of a training: the field of this checkpoint folded, its weights kept in `precision`, no state.
     #[must_use]
     pub fn finished(self, precision: Precision) -> Self {
         Self { field: self.field.folded(), precision, state: None, calibration: None, ..self }
@@ -176,9 +176,9 @@ impl FactoredFile {
         settings.check().map_err(|e| file.damaged(&e))?;
         let (symmetry, grid) = (settings.symmetry, file.scene.record.grid);
         if !symmetry.is_none() && (domain != Domain::Directions || !symmetry.is_within(&grid)) {
-            return Err(
-                file.damaged(&format!("it says that its network is told of {symmetry}, which cannot be"))
-            );
+            return Err(file.damaged(&format!(
+                "it says that its network is reduced by the symmetry '{symmetry}', which cannot be"
+            )));
         }
         if !(scale.is_finite() && scale > 0.0) {
             return Err(file.damaged(&format!("its scale is {scale}")));

@@ -1,4 +1,4 @@
-//! What a network is told of the obstacle's symmetry: mirror planes, and a line that the part is turned about.
+//! The obstacle's symmetry as a prior of a network: mirror planes, and a line that the part is turned about.
 //!
 //! ```text
 //! CMF(x, d) = F(u(x), T(x) d)
@@ -27,7 +27,7 @@ pub use local::LocalHarmonics;
 
 use imf_core::grid::Grid;
 
-/// What a network is told of the obstacle's symmetry; nothing by default.
+/// The obstacle's symmetry as a prior of a network; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Symmetry {

@@ -1,4 +1,4 @@
-//! What g is taught at a voxel: the teacher's coefficients as they are, or in the frame of the voxel's place.
+//! The targets of g at a voxel: the teacher's coefficients as they are, or in the frame of the voxel's place.
 
 use std::borrow::Cow;
 
@@ -77,7 +77,7 @@ pub struct Targets<'a> {
     teacher: &'a HarmonicField,
     symmetry: Symmetry,
     local: Option<(ByFunction<'a>, LocalHarmonics)>,
-    /// The root mean square of the coefficients that are taught, 1 where all are 0: targets are in units of it.
+    /// The root mean square of the coefficients that are targets, 1 where all are 0: targets are in units of it.
     pub scale: f32,
 }
 
@@ -165,8 +165,8 @@ impl<'a> Targets<'a> {
     }
 }
 
-/// The functions that a network is taught along, whoever chose them.
-pub struct TeacherFunctions<'a> {
+/// The basis in which a network gives coefficients: principal components of a teacher's basis functions, or of exact sections.
+pub struct ComponentBasis<'a> {
     /// What values are.
     pub quantity: Quantity,
     /// Where the voxels are.
@@ -181,7 +181,7 @@ pub struct TeacherFunctions<'a> {
     pub scale: f32,
 }
 
-impl<'a> TeacherFunctions<'a> {
+impl<'a> ComponentBasis<'a> {
     /// Those of a harmonic field's targets.
     pub fn of(teacher: &'a HarmonicField, targets: &Targets<'a>) -> Self {
         let HarmonicField { quantity, grid, basis, .. } = teacher;

@@ -66,7 +66,7 @@ pub enum CalibrationError {
     TooFew {
         /// Colliding poses drawn.
         colliding: usize,
-        /// The rate asked for.
+        /// The target rate.
         rate: f64,
     },
     /// Poses cannot be answered.
@@ -120,7 +120,7 @@ impl CalibrationSettings {
 /// poses.
 ///
 /// # Errors
-/// Goals out of range, too few poses to show the rate asked for, a tool that does not fit, cancellation.
+/// Goals out of range, too few poses to show the target rate, a tool that does not fit, cancellation.
 pub fn calibrate(
     field: &Field,
     settings: &CalibrationSettings,

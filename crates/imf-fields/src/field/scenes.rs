@@ -66,7 +66,7 @@ pub(crate) fn harmonic(scene: &Scene) -> Field {
     Field::new(FieldFile::Harmonic(Arc::new(harmonic_file(scene, 8)))).unwrap()
 }
 
-/// Weights as they are before teaching: a field as bumpy as any.
+/// Weights as they are before training: a field as bumpy as any.
 pub(crate) fn factored_file(scene: &Scene) -> FactoredFile {
     let teacher = harmonic_file(scene, 6);
     let settings = DistillSettings { width: 24, hidden: 2, omega: 6.0, ..DistillSettings::default() };

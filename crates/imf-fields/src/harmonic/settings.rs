@@ -99,7 +99,7 @@ pub struct Sizes {
     pub axes: usize,
 }
 
-/// What making a field told of its errors, on the sample's voxels.
+/// The errors of a fit, on the sample's voxels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FitReport {
     /// Functions of the orientation, K.

@@ -113,7 +113,7 @@ fn class_by_class_all_functions_get_what_they_get_together() {
         assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-4));
         assert!((one.report.held_out_mse / two.report.held_out_mse - 1.0).abs() < 1e-3);
         assert_eq!((one.report.dropped, one.report.sections), (0.0, two.report.sections));
-        // What is taught along these coefficients goes on along either's.
+        // A network trained on these coefficients goes on with either's.
         assert_eq!((&one.axes, &one.mean), (&two.axes, &two.mean));
     }
 }

@@ -1,4 +1,4 @@
-//! The frame of a place as a graph, for fields that are told of the obstacle's symmetry: what [`Symmetry`] does with a position,
+//! The frame of a place as a graph, for symmetry-reduced fields: what [`Symmetry`] does with a position,
 //! and with directions there.
 
 use super::graph::{Graph, Value};

@@ -17,13 +17,13 @@ pub enum Ending {
     Sigmoid,
     /// Any number of outputs, as they are.
     Linear,
-    /// No sum at all: the last hidden layer's sines are the outputs. Such a stack is evaluated, never taught.
+    /// No sum at all: the last hidden layer's sines are the outputs. Such a stack is evaluated, never trained.
     Sines,
 }
 
-/// What stands behind the last sum of a stack that is taught.
+/// What follows the last sum of a stack that is trained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TaughtEnding {
+pub enum TrainedEnding {
     /// As [`Ending::Sigmoid`].
     Sigmoid,
     /// As [`Ending::Linear`].
@@ -65,15 +65,15 @@ impl Stack {
         Ok(())
     }
 
-    /// As [`Stack::check`], of a stack that is to be taught: what its loss is taken behind.
+    /// As [`Stack::check`], of a stack that is to be trained: what its loss is taken of.
     ///
     /// # Errors
     /// As [`Stack::check`]; a stack without a last layer.
-    pub fn taught_ending(&self) -> Result<TaughtEnding, ShapeError> {
+    pub fn trained_ending(&self) -> Result<TrainedEnding, ShapeError> {
         self.check()?;
         match self.ending {
-            Ending::Sigmoid => Ok(TaughtEnding::Sigmoid),
-            Ending::Linear => Ok(TaughtEnding::Linear),
+            Ending::Sigmoid => Ok(TrainedEnding::Sigmoid),
+            Ending::Linear => Ok(TrainedEnding::Linear),
             Ending::Sines => Err(ShapeError::NoLastLayer),
         }
     }
@@ -161,11 +161,11 @@ mod tests {
     };
 
     #[test]
-    fn what_ends_in_sines_is_not_taught() {
-        let taught = |ending| Stack { ending, ..LINEAR }.taught_ending();
-        assert!(matches!(taught(Ending::Linear), Ok(TaughtEnding::Linear)));
-        assert!(matches!(taught(Ending::Sigmoid), Ok(TaughtEnding::Sigmoid)));
-        assert!(matches!(taught(Ending::Sines), Err(ShapeError::NoLastLayer)));
+    fn what_ends_in_sines_is_not_trained() {
+        let trained = |ending| Stack { ending, ..LINEAR }.trained_ending();
+        assert!(matches!(trained(Ending::Linear), Ok(TrainedEnding::Linear)));
+        assert!(matches!(trained(Ending::Sigmoid), Ok(TrainedEnding::Sigmoid)));
+        assert!(matches!(trained(Ending::Sines), Err(ShapeError::NoLastLayer)));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The kernels of a gradient and of Adam's update, bound to the trainer's buffers, in the order in which they run.
 
 use imf_core::field::EngineError;
-use imf_fields::siren::stack::TaughtEnding;
+use imf_fields::siren::stack::TrainedEnding;
 
 use super::Buffers;
 use crate::device::Gpu;
@@ -25,10 +25,10 @@ pub(super) fn gradient(
     let inputs = kernel(Shader::Inputs)?;
     let hidden = LayerKernels::new(gpu, Shader::HiddenTrain, half)?;
     let mut pass = network.forward(gpu, &hidden, (&inputs, &[&buffers.samples]), signals, results, deltas)?;
-    let ending = layout.stack.taught_ending().map_err(|error| EngineError::Shape(error.to_string()))?;
+    let ending = layout.stack.trained_ending().map_err(|error| EngineError::Shape(error.to_string()))?;
     let loss = kernel(match ending {
-        TaughtEnding::Sigmoid => Shader::Loss,
-        TaughtEnding::Linear => Shader::LossLinear,
+        TrainedEnding::Sigmoid => Shader::Loss,
+        TrainedEnding::Linear => Shader::LossLinear,
     })?;
     let of_loss = [batch, &layers[last], step, results, &buffers.targets, &deltas[last], row_losses];
     pass.push(loss.bind(Extent::PaddedRows, &of_loss));

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use crate::training::TrainingEngine;
 use imf_core::field::EngineError;
-use imf_fields::factored::targets::{TargetScratch, Targets, TeacherFunctions};
+use imf_fields::factored::targets::{ComponentBasis, TargetScratch, Targets};
 use imf_fields::factored::{DistillSettings, FactoredField};
 use imf_fields::harmonic::HarmonicField;
 use imf_fields::recipe::TrainingState;
@@ -134,7 +134,7 @@ impl<'a> ClosedForm<'a> {
         done: u64,
     ) -> Self {
         let shape = settings.shape(settings.outputs(harmonic));
-        let field = TeacherFunctions::of(harmonic, targets).of_weights(shape, Vec::new());
+        let field = ComponentBasis::of(harmonic, targets).of_weights(shape, Vec::new());
         let total = settings.plan.total_steps(harmonic.grid.len());
         Self { engine, targets, field, every: settings.solve_every, done, total }
     }

@@ -26,7 +26,7 @@ use imf_core::field::EngineError;
 use imf_core::grid::Grid;
 use imf_core::orientation::Orientation;
 use imf_core::section::{Quantity, SectionPlan};
-use imf_fields::factored::targets::TeacherFunctions;
+use imf_fields::factored::targets::ComponentBasis;
 use imf_fields::factored::{DistillSettings, FactoredEvaluator, FactoredField, FactoredShape, INPUTS};
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::{
@@ -104,7 +104,7 @@ impl<'a> SectionSource<'a> {
         let Outline { basis, axes, mean, scale, .. } = &self.outline;
         let grid = self.plan.grid();
         let (axes, mean) = (axes.into(), mean.into());
-        TeacherFunctions { quantity: self.quantity, grid, basis, axes, mean, scale: *scale }
+        ComponentBasis { quantity: self.quantity, grid, basis, axes, mean, scale: *scale }
             .field(shape, parameters)
     }
 

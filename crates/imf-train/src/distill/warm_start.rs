@@ -7,7 +7,7 @@
 use super::output_layer::{IN_TRAINING, solve_output_layer};
 use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
-use imf_fields::factored::targets::{Targets, TeacherFunctions};
+use imf_fields::factored::targets::{ComponentBasis, Targets};
 use imf_fields::factored::{FactoredField, FactoredShape, FactoredState, INPUTS};
 use imf_fields::harmonic::HarmonicField;
 use imf_fields::siren::{Layer, ShapeError};
@@ -32,7 +32,7 @@ pub fn start_from(
     let targets = Targets::new(harmonic, symmetry)?;
     let shape = FactoredShape { axes: targets.outputs(), folded: false, ..from.shape };
     let parameters = parameters_for(from, harmonic, &targets)?;
-    let mut field = TeacherFunctions::of(harmonic, &targets).field(shape, parameters)?;
+    let mut field = ComponentBasis::of(harmonic, &targets).field(shape, parameters)?;
     // Other voxels than those of a solution before the first step.
     solve_output_layer(&mut field, &targets, IN_TRAINING, 0.5);
     Ok(FactoredState::from_parameters(field.parameters))

@@ -5,7 +5,7 @@ use imf_fields::recipe::Loss;
 use imf_fields::siren::forward::{Network, sigmoid};
 use imf_fields::siren::plan::BLOCK;
 use imf_fields::siren::scratch::ScratchPool;
-use imf_fields::siren::stack::{Stack, TaughtEnding};
+use imf_fields::siren::stack::{Stack, TrainedEnding};
 
 /// Most hidden layers of a network ([`imf_fields::siren::SirenShape::check`]).
 const MAX_HIDDEN: usize = 64;
@@ -38,7 +38,7 @@ pub(super) struct BlockLoss {
     pub(super) loss: Loss,
     /// Samples of the whole batch, which the loss is averaged over.
     pub(super) batch: f64,
-    pub(super) ending: TaughtEnding,
+    pub(super) ending: TrainedEnding,
 }
 
 impl BlockLoss {
@@ -48,11 +48,11 @@ impl BlockLoss {
         for (delta, &target) in outputs.iter_mut().zip(targets) {
             let target = f64::from(target);
             let (output, slope) = match self.ending {
-                TaughtEnding::Sigmoid => {
+                TrainedEnding::Sigmoid => {
                     let output = sigmoid(*delta);
                     (output, output * (1.0 - output))
                 }
-                TaughtEnding::Linear => (f64::from(*delta), 1.0),
+                TrainedEnding::Linear => (f64::from(*delta), 1.0),
             };
             loss += self.loss.value(output, target);
             *delta = (self.loss.slope(output, target) / self.batch * slope) as f32;
@@ -128,11 +128,11 @@ impl BlockPass<'_> {
         network.outputs(last, outputs);
         let loss = self.loss.take(outputs, targets);
         let front = match self.loss.ending {
-            TaughtEnding::Sigmoid => {
+            TrainedEnding::Sigmoid => {
                 Backward(network).output_backward(inputs, outputs, last, slopes[hidden - 1], partial);
                 hidden - 1
             }
-            TaughtEnding::Linear => {
+            TrainedEnding::Linear => {
                 Backward(network).output_biases(outputs, partial);
                 hidden
             }

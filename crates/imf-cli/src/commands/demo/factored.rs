@@ -1,5 +1,5 @@
 //! The demo by the families that serve a newcomer best: a harmonic field of the full teapot from a few hundred exact
-//! sections, then the network of a megabyte that is taught it. As `imf train` and `imf eval`.
+//! sections, then the network of a megabyte that is distilled from it. As `imf train` and `imf eval`.
 
 use anyhow::Result;
 use imf_core::scene::Scene;

@@ -184,7 +184,7 @@ fn factored(file: &FactoredFile, size: &str) -> Family {
         ),
     };
     let made = vec![
-        ("symmetry", format!("the network is told of {}", shape.symmetry)),
+        ("symmetry", format!("the network is reduced by: {}", shape.symmetry)),
         ("teacher", teacher),
         resumable(state.is_some()),
     ];

@@ -29,7 +29,7 @@ const LEFT_BEHIND: f64 = 0.27;
 const LAST_STEP: f64 = 0.2;
 
 impl Symmetry {
-    /// What a network that a field teaches is told: the grid's middle planes across which field and obstacle are their own
+    /// The symmetry of a field that a network is distilled from: the grid's middle planes across which field and obstacle are their own
     /// images, as far as the field's own errors and the voxels' rounding go; and an axis where the obstacle is about one of
     /// revolution. Nothing of fields over rotations. `obstacle` is what the field is of, on its grid.
     #[must_use]
@@ -50,7 +50,7 @@ impl Symmetry {
         Self { mirrors, axis }
     }
 
-    /// True where a network that was told of this symmetry by another field can be taught this one: its mirror planes are
+    /// True where a network that was reduced by this symmetry of another field can be trained on this one: its mirror planes are
     /// mirror planes here as well.
     pub fn holds_in(&self, field: &HarmonicField, obstacle: &Occupancy) -> bool {
         let planes = || (0..3).filter_map(|axis| self.mirrors[axis].map(|plane| (axis, plane)));

@@ -40,7 +40,7 @@ fn a_folded_network_is_not_trained() {
     let state = FactoredState::from_parameters(folded.parameters.clone());
     let plan = TrainingPlan::default();
     let Err(error) = engine::cpu_engine(folded.shape, &plan, Optimiser::Adam, 8, &state) else { panic!() };
-    assert!(error.to_string().contains("evaluated, not taught"), "{error}");
+    assert!(error.to_string().contains("evaluated, not trained"), "{error}");
 }
 
 #[test]
