@@ -12,6 +12,7 @@ pub(crate) mod given;
 pub mod harmonic;
 mod network;
 pub mod numbers;
+pub(crate) mod orientations;
 pub(crate) mod saved;
 pub mod scene;
 pub(crate) mod train;
@@ -85,9 +86,11 @@ pub(crate) enum Command {
     Field(field::FieldArguments),
     Access(access::AccessArguments),
     /// Sample exact sections into a dataset for training; continues one that was interrupted
-    #[command(after_help = "Examples:\n  imf dataset teapot --orientations grid:15 --out teapot-225\n  \
-                      imf dataset teapot --orientations grid:15 --out share-3 --shard 3/8\n  \
-                      imf dataset merge teapot-225 share-1 share-2 share-3")]
+    #[command(after_help = orientations::after(
+        "Examples:\n  imf dataset teapot --orientations grid:15 --out teapot-225\n  \
+         imf dataset teapot --orientations grid:15 --out share-3 --shard 3/8\n  \
+         imf dataset merge teapot-225 share-1 share-2 share-3"
+    ))]
     Dataset(dataset::DatasetArguments),
     /// Train a field that answers every point and direction: by a network of a megabyte, or of the family that is named
     Train(train::TrainArguments),

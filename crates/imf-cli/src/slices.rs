@@ -64,6 +64,27 @@ pub fn middle(grid: &Grid, axis: usize) -> usize {
     grid.dims[axis] / 2
 }
 
+/// The layer at right angles to `axis` in which `values` outside the `hidden` voxels vary most: the sum of their distances from
+/// their mean; `None` where they do not vary in any.
+///
+/// # Panics
+/// If `values` has not the grid's length.
+pub(crate) fn most_varied(values: &[f32], hidden: &Occupancy, axis: usize) -> Option<usize> {
+    let grid = &hidden.grid;
+    let spread = |index: usize| {
+        let (layer, mask) = (slice(values, grid, axis, index), mask(hidden, axis, index));
+        let shown =
+            || layer.iter().zip(&mask).filter(|(_, hidden)| **hidden == 0).map(|(&v, _)| f64::from(v));
+        let mean = shown().sum::<f64>() / shown().count().max(1) as f64;
+        shown().map(|value| (value - mean).abs()).sum::<f64>()
+    };
+    // Of equal ones that next to the middle.
+    let from_middle = |index: &usize| index.abs_diff(middle(grid, axis));
+    let layers = (0..grid.dims[axis]).map(|index| (index, spread(index)));
+    let best = layers.max_by(|a, b| a.1.total_cmp(&b.1).then(from_middle(&b.0).cmp(&from_middle(&a.0))))?;
+    (best.1 > 0.0).then_some(best.0)
+}
+
 /// A layer in words: `y = 8.50 mm`, the height of its voxels' centres.
 pub fn layer_title(grid: &Grid, unit: LengthUnit, axis: usize, index: usize) -> String {
     let mut voxel = [0; 3];
@@ -185,6 +206,19 @@ mod tests {
                 assert_eq!(solid[[a, b]], part.solid[grid.index(voxel)]);
             }
         }
+    }
+
+    #[test]
+    fn the_most_varied_layer_is_found_outside_what_is_hidden() {
+        let grid = grid();
+        let mut hidden = Occupancy::empty(grid);
+        let mut values = vec![0.5; grid.len()];
+        assert_eq!(most_varied(&values, &hidden, 2), None);
+        values[grid.index([1, 2, 0])] = 0.0;
+        assert_eq!([0, 1, 2].map(|axis| most_varied(&values, &hidden, axis)), [Some(1), Some(2), Some(0)]);
+        let loud = grid.index([0, 0, 4]);
+        (values[loud], hidden.solid[loud]) = (9.0, 1);
+        assert_eq!(most_varied(&values, &hidden, 2), Some(0));
     }
 
     #[test]

@@ -14,7 +14,9 @@ mod space;
 pub use components::{Component, Components, components};
 pub use free::FreeOrientations;
 pub use map::{AccessMap, access_map};
-pub use removable::{RemovableError, cutter_of, position_grid, removable, removable_memory_estimate};
+pub use removable::{
+    Removable, RemovableError, cutter_of, position_grid, removable, removable_memory_estimate,
+};
 pub use space::{Space, Volume};
 
 use crate::control::Control;

@@ -12,6 +12,9 @@ pub(crate) mod weld;
 #[cfg(feature = "formats")]
 pub mod write;
 
+pub use features::MachiningDirection;
+pub(crate) use features::SAME;
+
 /// A triangle mesh in its own unit. Vertices may be shared or repeated; orientation may be any.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Mesh {

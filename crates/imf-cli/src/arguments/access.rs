@@ -11,8 +11,8 @@ use super::scene::SceneArguments;
 
 /// What the tools reach: accessible space, best directions, removable stock, the part's surface
 #[derive(Args)]
-#[command(
-    after_help = "Examples:\n  imf access teapot --out access\n  imf access part.stl --unit mm --pitch 0.5 --tool \
+#[command(after_help = super::orientations::after(
+    "Examples:\n  imf access teapot --out access\n  imf access part.stl --unit mm --pitch 0.5 --tool \
                   short.toml --tool long.toml --fixture vice.stl@translate:0,0,-20 --limits ac:-30:120:-360:360 \
                   --removable --stock box:2 --out access\n\n\
                   Writes surface.ply (MeshLab, ParaView: what is reached of the surface, and why the rest is not), imf.vti \
@@ -21,14 +21,15 @@ use super::scene::SceneArguments;
                   map.npy is [1, longitude, latitude] by cells, θ from 0° up, φ from 180° down; free_lists.npy is bytes \
                   [orientation, x·ny + y, z/8], bit z mod 8 (the lowest first) set where the voxel is free.\n\
                   Machine limits, in degrees: ac: d = Rz(C) Rx(A) z, bc: d = Rz(C) Ry(B) z, d from tip to holder."
-)]
+))]
 pub(crate) struct AccessArguments {
     #[command(flatten)]
     pub(crate) scene: SceneArguments,
-    /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, ac:A0:A1:C0:C1:NA:NC, bc:…, so3:N, pairs or a CSV
-    #[arg(long, default_value = "fibonacci:225", value_name = "SET", allow_hyphen_values = true)]
-    pub(crate) orientations: String,
-    /// Only orientations that the machine reaches: ac:A0:A1:C0:C1, bc:B0:B1:C0:C1 or cone:X,Y,Z:HALF_ANGLE
+    /// A set of directions, see below; by default axes+normals+fibonacci:225, or axes+normals+so3:500 where a tool is not round
+    #[arg(long, value_name = "SET", allow_hyphen_values = true)]
+    pub(crate) orientations: Option<String>,
+    /// Only orientations that the machine reaches, its fixed axis among them: ac:A0:A1:C0:C1, bc:B0:B1:C0:C1 or
+    /// cone:X,Y,Z:HALF_ANGLE
     #[arg(long, value_name = "LIMITS")]
     pub(crate) limits: Option<String>,
     /// Largest collision measure of a pose that counts as free; 0 is exact

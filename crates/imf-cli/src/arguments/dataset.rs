@@ -52,7 +52,7 @@ pub(crate) struct DatasetMakeArguments {
     pub(crate) scene: SceneArguments,
     #[command(flatten)]
     pub(crate) contact: clearance::ContactArguments,
-    /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, pairs such as 0,0;30,40 or a CSV file
+    /// A set of directions, see below, without those of the part (normals) and without rolls
     #[arg(long, value_name = "SET", allow_hyphen_values = true)]
     pub(crate) orientations: String,
     /// Fraction of every section's voxels to sample, three quarters of them where the tool collides

@@ -15,10 +15,12 @@ use super::scene::SceneArguments;
     "An OBJ, STL, PLY or 3MF file, or a built-in part (teapot, bracket, bracket-raw, screw-gear), whose voxels are counted; or a \
      saved field (.safetensors), which answers without counting anything again: then none of the options of a part"
 )))]
-#[command(after_help = "Examples:\n  imf field teapot --orientations '0,0;12,6' --out sections\n  \
+#[command(after_help = super::orientations::after(
+    "Examples:\n  imf field teapot --orientations '0,0;12,6' --out sections\n  \
                         imf field model/field.safetensors --orientations fibonacci:10000 --imf --out imf\n  \
-                        imf field part.obj --tool mill.toml --orientations fibonacci:225 --imf --out imf\n\n\
-                        Writes .npy, .vti (ParaView) and .png slices. A part's values are exact for voxel centres.")]
+                        imf field part.obj --tool mill.toml --imf --out imf\n\n\
+                        Writes .npy, .vti (ParaView) and .png slices. A part's values are exact for voxel centres."
+))]
 pub(crate) struct FieldArguments {
     #[command(flatten)]
     given: Given,
@@ -26,9 +28,10 @@ pub(crate) struct FieldArguments {
     pub(crate) scene: SceneArguments,
     #[command(flatten)]
     pub(crate) contact: ContactArguments,
-    /// grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, so3:N, pairs such as 0,0;30,40 or a CSV file
-    #[arg(long, value_name = "SET", allow_hyphen_values = true)]
-    pub(crate) orientations: String,
+    /// A set of directions, see below. With --imf by default axes+normals+fibonacci:225 of a part, axes+fibonacci:225 of a saved
+    /// field; so3:500 in place of fibonacci:225 where the tool is not round
+    #[arg(long, value_name = "SET", allow_hyphen_values = true, required_unless_present = "imf")]
+    pub(crate) orientations: Option<String>,
     /// The inaccessibility measure (minimum over the orientations) with its best orientation, not every section
     #[arg(long)]
     pub(crate) imf: bool,

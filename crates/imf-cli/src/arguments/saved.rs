@@ -65,8 +65,10 @@ impl CalibrateArguments {
 
 /// Compare a model, or a harmonic or factored field, with the exact field
 #[derive(Args)]
-#[command(after_help = "Examples:\n  imf eval model/field.safetensors\n  imf eval model/field.safetensors \
-                        --random 256 --imf grid:25 --out report")]
+#[command(after_help = super::orientations::after(
+    "Examples:\n  imf eval model/field.safetensors\n  imf eval model/field.safetensors \
+     --random 256 --imf grid:25 --out report"
+))]
 pub(crate) struct EvalArguments {
     /// Model or field to evaluate
     pub(crate) model: PathBuf,
@@ -79,7 +81,7 @@ pub(crate) struct EvalArguments {
     /// Number of random orientations
     #[arg(long, default_value_t = 64, value_name = "N")]
     pub(crate) random: usize,
-    /// Orientation set of the IMF; a model's training set by default, 225 spread evenly for other fields
+    /// Set of directions of the IMF, see below; a model's training set by default, 225 spread evenly for other fields
     #[arg(long, value_name = "SET", allow_hyphen_values = true)]
     pub(crate) imf: Option<String>,
     /// CMF above which a pose is called colliding

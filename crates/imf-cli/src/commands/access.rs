@@ -11,8 +11,8 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use imf_core::access::{
-    AccessMap, AccessSettings, RemovableError, Space, Together, ToolAccess, access_map, cutter_of, removable,
-    tool_access,
+    AccessMap, AccessSettings, Removable, RemovableError, Space, Together, ToolAccess, access_map, cutter_of,
+    removable, tool_access,
 };
 use imf_core::section::{ElementMeasures, ElementPlans, SectionError, elements_at_best};
 
@@ -32,8 +32,8 @@ struct Findings {
     elements: Vec<ElementMeasures>,
     together: Together,
     space: Space,
-    /// By tool, on the stock's grid: 1 where its cutter can remove stock.
-    removable: Vec<Vec<u8>>,
+    /// By tool, on the stock's grid: what its cutter can remove.
+    removable: Vec<Removable>,
     /// By tool.
     maps: Vec<AccessMap>,
 }
@@ -85,10 +85,11 @@ fn find(session: &Session, setup: &Setup) -> Result<Findings> {
         drop(plans);
         tools.push(access);
         if let (Some(stock), Some(cutter)) = (&setup.stock, cutter_of(assembly.tool())) {
+            // Each orientation twice: tips on voxel centres, and anywhere.
             let stage = session.stage(
                 &format!("removable, {}", tool.name),
-                "orientations",
-                orientations.len() as u64,
+                "sections",
+                2 * orientations.len() as u64,
             );
             let advance = |n| stage.advance(n);
             let control = session.control(&advance);

@@ -10,7 +10,9 @@ mod sections;
 use std::path::Path;
 
 use anyhow::{Result, bail};
+use glam::DMat4;
 use imf_core::atomic_file::write_atomically;
+use imf_core::mesh::MachiningDirection;
 use imf_core::obstacle::Obstacle;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::scene::Scene;
@@ -24,6 +26,8 @@ use self::counting::Streamed;
 use self::saved::Saved;
 use super::notes;
 use crate::arguments::field::FieldArguments;
+use crate::arguments::fixture::Part;
+use crate::arguments::orientations::{Directions, default_set};
 use crate::engine::Device;
 use crate::output::{OutputFolder, SUMMARY, same_digits};
 use crate::session::Session;
@@ -37,24 +41,25 @@ pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
     let subject = Path::new(&arguments.scene.part);
     let is_saved = is_field(subject);
     arguments.check(is_saved)?;
-    let set = OrientationSet::parse(&arguments.orientations)?;
     let folder = OutputFolder::check(&arguments.out)?;
-    if is_saved {
-        of_saved(session, arguments, subject, &set, folder)
-    } else {
-        of_part(session, arguments, &set, folder)
-    }
+    if is_saved { of_saved(session, arguments, subject, folder) } else { of_part(session, arguments, folder) }
 }
 
-fn of_part(
-    session: &Session,
-    arguments: &FieldArguments,
-    set: &OrientationSet,
-    folder: OutputFolder,
-) -> Result<()> {
+fn of_part(session: &Session, arguments: &FieldArguments, folder: OutputFolder) -> Result<()> {
+    // Before anything is voxelised, a part's own directions from its surface as it is set up.
+    let part = Part::read(&arguments.scene.part, arguments.scene.unit)?;
+    let transform = arguments.scene.transform.unwrap_or(DMat4::IDENTITY);
+    let directions =
+        |text: &str| Directions::of_part(text, || part.mesh.transformed(&transform).machining_directions());
+    let named = arguments.orientations.as_deref().map(directions).transpose()?;
     let (scene, bodies) = arguments.scene.scene_among(session, &arguments.contact, arguments.elements)?;
-    if !scene.record.bare_tool().is_axisymmetric() {
-        note_of_rolls(session, set);
+    let round = scene.record.bare_tool().is_axisymmetric();
+    let Directions { set, suggested } = match named {
+        Some(named) => named,
+        None => directions(default_set(round, true))?,
+    };
+    if !round {
+        note_of_rolls(session, &set);
     }
     let device = Device::open(arguments.device_or("cpu"), session)?;
     let obstacle = match scene.record.contact {
@@ -73,16 +78,12 @@ fn of_part(
     }
     let (elements, check) = (elements.as_ref(), Check::new(arguments.check));
     let values = Values::Counted(Counted { plan: &plan, elements, check });
-    Work { session, folder, scene: &scene, device: &device, values, set }.run(arguments.imf)
+    let work =
+        Work { session, folder, scene: &scene, device: &device, values, set: &set, suggested: &suggested };
+    work.run(arguments.imf)
 }
 
-fn of_saved(
-    session: &Session,
-    arguments: &FieldArguments,
-    path: &Path,
-    set: &OrientationSet,
-    folder: OutputFolder,
-) -> Result<()> {
+fn of_saved(session: &Session, arguments: &FieldArguments, path: &Path, folder: OutputFolder) -> Result<()> {
     let stored = FieldFile::read(path)?;
     if stored.quantity() == Quantity::Depth {
         bail!(
@@ -91,8 +92,11 @@ fn of_saved(
         );
     }
     let scene = stored.scene().clone();
+    let text = arguments.orientations.as_deref();
+    let text = text.unwrap_or_else(|| default_set(scene.record.bare_tool().is_axisymmetric(), false));
+    let set = OrientationSet::parse(text)?;
     if stored.basis().is_some_and(|basis| basis.domain() == Domain::Rotations) {
-        note_of_rolls(session, set);
+        note_of_rolls(session, &set);
     }
     let field = Saved::new(stored, arguments.refine)?;
     notes::of_scene(session, &scene.record);
@@ -100,7 +104,8 @@ fn of_saved(
         notes::of_training(session, path, model);
     }
     let device = Device::for_field(arguments.device_or("auto"), session, field.stored())?;
-    Work { session, folder, scene: &scene, device: &device, values: Values::Saved(&field), set }
+    let values = Values::Saved(&field);
+    Work { session, folder, scene: &scene, device: &device, values, set: &set, suggested: &[] }
         .run(arguments.imf)
 }
 
@@ -124,6 +129,8 @@ struct Work<'a> {
     device: &'a Device,
     values: Values<'a>,
     set: &'a OrientationSet,
+    /// What the part suggested, where the set names it.
+    suggested: &'a [MachiningDirection],
 }
 
 /// Where values come from.
@@ -199,7 +206,8 @@ impl Work<'_> {
             "kind": kind,
             "scene": self.scene.record,
             "solid_voxels": self.scene.obstacle.count(),
-            "orientations": { "set": self.set.spec, "count": self.set.len(), "file": ORIENTATIONS },
+            "orientations": { "set": self.set.spec, "count": self.set.len(), "file": ORIENTATIONS,
+                "suggested_by_the_part": self.suggested },
             "computed_by": self.computed_by(),
             "guarantee": self.guarantee(),
             "tau": same_digits(self.tau()),

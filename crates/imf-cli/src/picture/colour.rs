@@ -7,6 +7,9 @@ use ndarray::ArrayView2;
 /// Values that are not finite: in neither sequence.
 pub(super) const NOT_FINITE: Rgb<u8> = Rgb([255, 0, 255]);
 
+/// What is free: pale, as no colour of the sequence for measures is.
+const FREE: Rgb<u8> = Rgb([214, 234, 248]);
+
 /// A range of values, its colours, and the words beside its colour bar. Panels with equal scales share one bar.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scale {
@@ -17,6 +20,8 @@ pub struct Scale {
     pub(super) label: String,
     /// Names of the classes 0, 1, 2, …; none of a scale of values.
     pub(super) classes: Vec<String>,
+    /// Values up to here are free, and have a colour of their own.
+    pub(super) free: Option<f64>,
 }
 
 impl Scale {
@@ -32,13 +37,25 @@ impl Scale {
 
     /// From 0 to `max`, for values that know their range.
     pub fn measure(max: f32, label: &str) -> Self {
-        Self { signed: false, limit: max, label: label.to_owned(), classes: Vec::new() }
+        Self { signed: false, limit: max, label: label.to_owned(), classes: Vec::new(), free: None }
     }
 
     /// Values that are the numbers of classes: each has its colour, and its name beside it.
     pub(crate) fn classes(names: &[&str]) -> Self {
         let limit = names.len().saturating_sub(1).max(1) as f32;
         Self { classes: names.iter().map(|&name| name.to_owned()).collect(), ..Self::measure(limit, "") }
+    }
+
+    /// The scale with values of at most `tau` marked as free.
+    pub(crate) fn with_free(self, tau: f64) -> Self {
+        Self { free: Some(tau), ..self }
+    }
+
+    /// What has a colour of its own: each class, or what is free, with its name.
+    pub(super) fn swatches(&self) -> Vec<(Rgb<u8>, String)> {
+        let classes = self.classes.iter().enumerate();
+        let classes = classes.map(|(class, name)| (self.colour(class as f32), name.clone()));
+        classes.chain(self.free.map(|tau| (FREE, free_text(tau)))).collect()
     }
 
     /// First and last value.
@@ -57,6 +74,9 @@ impl Scale {
         if !value.is_finite() {
             return NOT_FINITE;
         }
+        if self.free.is_some_and(|tau| f64::from(value) <= tau) {
+            return FREE;
+        }
         let (low, high) = self.range();
         let place = (f64::from(value).clamp(low, high) - low) / (high - low);
         let colour = match self.signed {
@@ -66,6 +86,10 @@ impl Scale {
         };
         Rgb([colour.r, colour.g, colour.b])
     }
+}
+
+fn free_text(tau: f64) -> String {
+    if tau == 0.0 { "free: nothing collides".into() } else { format!("free: at most τ = {tau}") }
 }
 
 fn largest(slices: &[ArrayView2<'_, f32>], measure: impl Fn(f32) -> f32) -> f32 {
@@ -96,6 +120,13 @@ mod tests {
         assert!(red > blue + 80, "too large is red");
         let [red, _, blue] = difference.colour(-0.08).0;
         assert!(blue > red + 80, "too small is blue");
+    }
+
+    #[test]
+    fn what_is_free_is_told_from_the_least_that_collides() {
+        let scale = Scale::measure(0.5, "").with_free(0.0);
+        assert_eq!((scale.colour(0.0), scale.colour(1e-9)), (FREE, Rgb([0x44, 0x01, 0x54])));
+        assert_eq!(scale.swatches(), [(FREE, "free: nothing collides".to_owned())]);
     }
 
     #[test]

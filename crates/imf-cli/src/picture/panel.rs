@@ -7,10 +7,12 @@ use plotters::element::{BitMapElement, Rectangle};
 
 use super::axis::{Axis, BELOW, NAME_SIZE, plot};
 use super::colour::Scale;
-use super::paper::{Area, INK, text, width, write};
+use super::paper::{Area, INK, Lines, text};
 
-/// Room above a panel for its title.
-const ABOVE: u32 = 24;
+/// Room between a panel and its title.
+const ABOVE: u32 = 5;
+/// Titles are broken where they are wider than their panel, but not more than that.
+const LEAST_TITLE: u32 = 180;
 const PART_COLOUR: Rgb<u8> = Rgb([158, 158, 158]);
 
 /// Where a slice lies in the world.
@@ -121,22 +123,31 @@ impl Panel<'_> {
         self.axes(side)[1].room()
     }
 
-    /// Width and height in pixels with title and axes, with `side` pixels a voxel.
-    pub(super) fn size(&self, side: u32) -> (u32, u32) {
-        let (columns, rows) = self.values.dim();
-        let title = width(&self.title, &text(NAME_SIZE, INK));
-        (self.room(side) + title.max(columns as u32 * side), ABOVE + rows as u32 * side + BELOW)
+    fn title(&self, side: u32) -> Lines {
+        let most = (self.values.dim().0 as u32 * side).max(LEAST_TITLE);
+        Lines::new(&self.title, text(NAME_SIZE, INK), most)
     }
 
-    /// Draws title, values, mask, frame and axes with the upper left corner at a point.
+    /// Height of the title in pixels, with `side` pixels a voxel.
+    pub(super) fn above(&self, side: u32) -> u32 {
+        self.title(side).height() + ABOVE
+    }
+
+    /// Width, and height below the title, in pixels with axes.
+    pub(super) fn size(&self, side: u32) -> (u32, u32) {
+        let (columns, rows) = self.values.dim();
+        (self.room(side) + self.title(side).width().max(columns as u32 * side), rows as u32 * side + BELOW)
+    }
+
+    /// Draws title, values, mask, frame and axes, the upper left corner of what is below the title at a point.
     pub(super) fn draw(&self, area: &Area<'_>, (left, top): (u32, u32), side: u32) -> Result<()> {
         let image = self.image(side);
         let ((width, height), room) = (image.dimensions(), self.room(side));
-        write(area, &self.title, &text(NAME_SIZE, INK), (left + room, top + 4))?;
+        self.title(side).draw(area, (left + room, top - self.above(side)))?;
         let [first, second] = [0, 1].map(|axis| format!("{} [{}]", self.axes.names[axis], self.axes.unit));
-        let whole = area.clone().shrink((left, top + ABOVE), (room + width, height + BELOW));
+        let whole = area.clone().shrink((left, top), (room + width, height + BELOW));
         plot(&whole, [room, BELOW], self.axes(side), [&first, &second], false)?;
-        show(area, (left + room, top + ABOVE), image)
+        show(area, (left + room, top), image)
     }
 }
 
@@ -192,10 +203,10 @@ mod tests {
                 assert_eq!(*image.get_pixel(x, y), expected, "voxel {column}, {row}");
             }
         }
-        let (room, size) = (panel.room(4), panel.size(4));
-        let drawn = on_paper(size, |area| panel.draw(area, (0, 0), 4)).unwrap();
-        assert_eq!(image::imageops::crop_imm(&drawn, room, ABOVE, 12, 8).to_image(), image);
-        assert_eq!(*drawn.get_pixel(room - 1, ABOVE + 2), pixel(INK), "frame");
+        let (room, above, (width, height)) = (panel.room(4), panel.above(4), panel.size(4));
+        let drawn = on_paper((width, above + height), |area| panel.draw(area, (0, above), 4)).unwrap();
+        assert_eq!(image::imageops::crop_imm(&drawn, room, above, 12, 8).to_image(), image);
+        assert_eq!(*drawn.get_pixel(room - 1, above + 2), pixel(INK), "frame");
     }
 
     #[test]

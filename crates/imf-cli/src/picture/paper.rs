@@ -99,7 +99,7 @@ pub(super) struct Lines {
 }
 
 impl Lines {
-    /// Breaks a text between words.
+    /// Breaks a text between words, and a word that is wider than a line wherever it must.
     pub(super) fn new(text: &str, style: TextStyle<'static>, most: u32) -> Self {
         let mut lines: Vec<String> = Vec::new();
         for word in text.split_whitespace() {
@@ -108,10 +108,25 @@ impl Lines {
                     line.push(' ');
                     line.push_str(word);
                 }
-                _ => lines.push(word.to_owned()),
+                _ => lines.push(String::new()),
+            }
+            let Some(line) = lines.last_mut().filter(|line| line.is_empty()) else { continue };
+            line.push_str(word);
+            while let Some(line) = lines.last_mut().filter(|line| width(line, &style) > most) {
+                let places = || line.char_indices().map(|(place, _)| place).skip(1);
+                let fits = |&place: &usize| width(&line[..place], &style) <= most;
+                // At least one letter goes on every line.
+                let Some(place) = places().filter(fits).last().or_else(|| places().next()) else { break };
+                let rest = line.split_off(place);
+                lines.push(rest);
             }
         }
         Self { lines, style }
+    }
+
+    /// Width of the longest line in pixels; 0 of none.
+    pub(super) fn width(&self) -> u32 {
+        self.lines.iter().map(|line| width(line, &self.style)).max().unwrap_or(0)
     }
 
     fn line_height(&self) -> u32 {
@@ -159,5 +174,8 @@ mod tests {
         assert!(lines.lines.len() > 2 && lines.lines.iter().all(|line| width(line, &lines.style) <= 200));
         assert_eq!(lines.lines.join(" "), title);
         assert_eq!(Lines::new("", bold(20.0), 200).height(), 0);
+        let lines =
+            Lines::new("of bracket_revision_17_without_any_space_in_its_name.obj again", bold(20.0), 200);
+        assert!(lines.width() <= 200 && lines.lines.len() > 3, "{:?}", lines.lines);
     }
 }

@@ -9,7 +9,7 @@ use super::axis::{Axis, NAME_SIZE, TICK_SIZE, plot};
 use super::chart::TITLE_SIZE;
 use super::colour::Scale;
 use super::panel::{Panel, show};
-use super::paper::{Area, FAINT_INK, INK, Lines, MARGIN, bold, on_paper, save, text, width, write};
+use super::paper::{Area, FAINT_INK, INK, Lines, MARGIN, bold, on_paper, save, text, write};
 
 /// The longest side of the largest panel in pixels, where a voxel is at least one pixel.
 const FITTED_SIDE: u32 = 360;
@@ -71,7 +71,8 @@ impl PanelSheet<'_> {
                 scales.push(scale);
             }
         }
-        let bars: u32 = scales.iter().map(|scale| bar_height(scale)).sum();
+        let legends: Vec<Legend<'_>> = scales.iter().map(|scale| Legend::new(scale, inside)).collect();
+        let bars: u32 = legends.iter().map(Legend::height).sum();
 
         let title = Lines::new(&self.title, bold(TITLE_SIZE), inside);
         let row_titles = self.rows.iter().map(|row| Lines::new(&row.title, bold(17.0), inside));
@@ -82,9 +83,10 @@ impl PanelSheet<'_> {
         if not_finite > 0 {
             notes.push(note(&format!("{not_finite} values are not finite: in magenta")));
         }
-        let row_height =
-            |row: &PanelRow<'_>| row.panels.iter().map(|p| p.size(side).1).max().unwrap_or(0) + GAP;
-        let rows_height: u32 = rows.iter().map(|(row, title)| title.height() + row_height(row)).sum();
+        let above = |row: &PanelRow<'_>| row.panels.iter().map(|p| p.above(side)).max().unwrap_or(0);
+        let below = |row: &PanelRow<'_>| row.panels.iter().map(|p| p.size(side).1).max().unwrap_or(0) + GAP;
+        let row_height = |(row, title): &(&PanelRow<'_>, Lines)| title.height() + above(row) + below(row);
+        let rows_height: u32 = rows.iter().map(row_height).sum();
         let notes_height: u32 = notes.iter().map(Lines::height).sum();
         let height = title.height() + GAP + rows_height + bars + notes_height;
         on_paper((inside + 2 * MARGIN, height + 2 * MARGIN), |area| {
@@ -93,17 +95,17 @@ impl PanelSheet<'_> {
             top += title.height() + GAP;
             for (row, title) in &rows {
                 title.draw(area, (MARGIN, top))?;
-                top += title.height();
+                top += title.height() + above(row);
                 let mut left = MARGIN;
                 for (panel, column) in row.panels.iter().zip(&columns) {
                     panel.draw(area, (left, top), side)?;
                     left += column;
                 }
-                top += row_height(row);
+                top += below(row);
             }
-            for scale in scales {
-                bar(area, scale, (MARGIN, top))?;
-                top += bar_height(scale);
+            for legend in &legends {
+                legend.draw(area, (MARGIN, top))?;
+                top += legend.height();
             }
             for note in &notes {
                 note.draw(area, (MARGIN, top))?;
@@ -122,23 +124,57 @@ impl PanelSheet<'_> {
     }
 }
 
-/// Height of a colour bar with its label and its ticks, or of the swatches of classes.
-fn bar_height(scale: &Scale) -> u32 {
-    if scale.classes.is_empty() { BAR_HEIGHT } else { SWATCH + GAP }
+/// A colour bar with its label and its ticks, and a swatch with its name for each class and for what is free.
+struct Legend<'a> {
+    scale: &'a Scale,
+    /// Place of each swatch.
+    swatches: Vec<((u32, u32), image::Rgb<u8>, Lines)>,
+    /// Height of the swatches.
+    rows: u32,
 }
 
-/// A colour bar, its label above and its ticks below; of classes, a swatch each with its name.
-fn bar(area: &Area<'_>, scale: &Scale, (mut left, top): (u32, u32)) -> Result<()> {
-    let label = text(NAME_SIZE, INK);
-    for (class, name) in scale.classes.iter().enumerate() {
-        show(area, (left, top), RgbImage::from_pixel(SWATCH, SWATCH, scale.colour(class as f32)))?;
-        write(area, name, &label, (left + SWATCH + 6, top + 2))?;
-        left += SWATCH + width(name, &label) + 2 * GAP;
+impl<'a> Legend<'a> {
+    fn new(scale: &'a Scale, most: u32) -> Self {
+        let (mut left, mut top, mut swatches) = (0, 0, Vec::new());
+        for (colour, name) in scale.swatches() {
+            let name = Lines::new(&name, text(NAME_SIZE, INK), most - SWATCH - 6);
+            let wide = SWATCH + 6 + name.width();
+            if left > 0 && left + wide > most {
+                (left, top) = (0, top + SWATCH + GAP / 2);
+            }
+            let high = name.height();
+            swatches.push(((left, top), colour, name));
+            left += wide + 2 * GAP;
+            // A name of several lines has its row for itself.
+            if high > SWATCH + GAP {
+                (left, top) = (most, top + high - SWATCH - GAP / 2);
+            }
+        }
+        let rows = if swatches.is_empty() { 0 } else { top + SWATCH + GAP };
+        Self { scale, swatches, rows }
     }
-    if !scale.classes.is_empty() {
-        return Ok(());
+
+    fn has_bar(&self) -> bool {
+        self.scale.classes.is_empty()
     }
-    write(area, &scale.label, &label, (left, top + 2))?;
+
+    fn height(&self) -> u32 {
+        self.rows + if self.has_bar() { BAR_HEIGHT } else { 0 }
+    }
+
+    fn draw(&self, area: &Area<'_>, (left, top): (u32, u32)) -> Result<()> {
+        for ((right, down), colour, name) in &self.swatches {
+            let (left, top) = (left + right, top + down);
+            show(area, (left, top), RgbImage::from_pixel(SWATCH, SWATCH, *colour))?;
+            name.draw(area, (left + SWATCH + 6, top + 2))?;
+        }
+        if self.has_bar() { bar(area, self.scale, (left, top + self.rows)) } else { Ok(()) }
+    }
+}
+
+/// A colour bar, its label above and its ticks below.
+fn bar(area: &Area<'_>, scale: &Scale, (left, top): (u32, u32)) -> Result<()> {
+    write(area, &scale.label, &text(NAME_SIZE, INK), (left, top + 2))?;
     let top = top + 20;
     let (low, high) = scale.range();
     let value = |column| low + (f64::from(column) + 0.5) / f64::from(BAR_LENGTH) * (high - low);
@@ -200,7 +236,11 @@ mod tests {
         let scale = Scale::measure(1.0, "collision measure");
         let row = PanelRow { title: String::new(), panels: vec![panel(&values, &scale, "z")] };
         let title = "A title of more words than fit into one line of the picture ".repeat(3);
-        let long = PanelSheet { title: title.clone(), notes: vec![title], ..sheet(vec![row.clone()]) };
+        let mut wordy = row.clone();
+        wordy.panels[0].title = title.clone();
+        let classes: Vec<&str> = title.split(" of ").collect();
+        wordy.panels[0].scale = Scale::classes(&classes);
+        let long = PanelSheet { title: title.clone(), notes: vec![title], ..sheet(vec![wordy]) };
         let (long, short) = (long.draw().unwrap(), sheet(vec![row]).draw().unwrap());
         assert_eq!(long.width(), short.width());
         let edge = |x: u32| !(MARGIN / 2..long.width() - MARGIN / 2).contains(&x);

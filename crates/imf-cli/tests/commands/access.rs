@@ -112,7 +112,10 @@ fn every_output_is_there_and_agrees_with_the_summary() {
     let stock = &summary["stock"];
     assert_eq!(voxels(&stock["to_remove"]), voxels(&stock["removable"]) + voxels(&stock["stays"]));
     let classes = folder.npy::<u8>("out/removable.npy");
-    assert_eq!(voxels(&stock["removable"]), classes.iter().filter(|&&c| c == 2).count());
+    for (what, class) in [("out_of_reach", 1), ("removable", 2), ("undecided", 4)] {
+        assert_eq!(voxels(&stock[what]), classes.iter().filter(|&&c| c == class).count(), "{what}");
+    }
+    assert_eq!(voxels(&stock["stays"]), voxels(&stock["undecided"]) + voxels(&stock["out_of_reach"]));
 }
 
 #[test]
@@ -203,7 +206,7 @@ fn bad_input_is_refused_with_a_remedy() {
         folder.refuse(&arguments(&[&quick[..], more].concat()), expected);
     };
     refuse(&["--limits", "xy:0:1"], &["xy:0:1"]);
-    refuse(&["--limits", "cone:1,0,0:5"], &["none of its 1 orientations", "cone:1,0,0:5"]);
+    refuse(&["--limits", "ac:60:90:0:360"], &["none of its 1 orientations", "ac:60:90:0:360"]);
     refuse(&["--map", "0,0,0", "--map-step", "0"], &["--map-step"]);
     refuse(&["--fixture", "vice.obj"], &["vice.obj", "no mesh file"]);
     refuse(&["--stock", "bar.obj"], &["bar.obj"]);

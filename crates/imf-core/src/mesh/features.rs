@@ -4,8 +4,12 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
+use serde::Serialize;
+
 use super::Mesh;
 
+/// Directions at less than this angle, in radians, are one: five hundredths of a millimetre at the end of 100 mm.
+pub(crate) const SAME: f64 = 5e-4;
 /// Faces and cylinders count from this share of the surface on.
 const SHARE: f64 = 0.005;
 /// Neighbours at less than this angle (its sine) lie in one plane, and at less than the other on one curved surface.
@@ -16,12 +20,23 @@ const FACETS: usize = 8;
 /// A normal this near to square to an axis belongs to its cylinder.
 const SQUARE: f64 = 0.02;
 
+/// A direction that a part suggests, and what suggests it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct MachiningDirection {
+    /// Unit vector from tip to holder.
+    pub direction: DVec3,
+    /// Area of the large flat faces whose outward normal it is, in the mesh's unit squared; 0 of none.
+    pub flat_area: f64,
+    /// Cylindrical surfaces whose axis it is.
+    pub cylinders: usize,
+}
+
 impl Mesh {
-    /// Unit vectors: the outward normals of large flat faces, the largest first, then both ways along the axes of large
-    /// cylindrical surfaces (holes, bosses, rounded walls); none twice. For a mesh whose triangles share vertices
-    /// ([`Mesh::welded`]).
+    /// The outward normals of large flat faces, the largest first, then both ways along the axes of large
+    /// cylindrical surfaces (holes, bosses, rounded walls); none twice. For a mesh whose triangles share vertices, as
+    /// mesh files are read.
     #[must_use]
-    pub fn machining_directions(&self) -> Vec<DVec3> {
+    pub fn machining_directions(&self) -> Vec<MachiningDirection> {
         let outward = if self.signed_volume() < 0.0 { -0.5 } else { 0.5 };
         let vectors: Vec<DVec3> = (0..self.triangles.len())
             .map(|triangle| {
@@ -51,21 +66,29 @@ impl Mesh {
         let facet = |area: f64, all: &[(f64, DVec3)]| {
             all.iter().filter(|(other, _)| *other > 0.5 * area).count() >= FACETS
         };
-        let mut faces: Vec<(f64, DVec3)> = planes
+        let faces = planes
             .values()
             .flat_map(|all| all.iter().filter(|(area, _)| !facet(*area, all)))
-            .filter(|(area, _)| *area >= enough && *area > 0.0)
-            .copied()
-            .collect();
-        let place = |v: &DVec3| v.to_array().map(|c| (c * 1e6).round() as i64);
-        faces.sort_by(|a, b| b.0.total_cmp(&a.0).then(place(&b.1).cmp(&place(&a.1))));
-        let cylinders = curved.members().into_iter().filter_map(|members| axis(&members, &vectors, enough));
-        let mut found: Vec<DVec3> = Vec::new();
-        for direction in faces.into_iter().map(|(_, normal)| normal).chain(cylinders.flat_map(|a| [a, -a])) {
-            if found.iter().all(|known| known.dot(direction) < 1.0 - 1e-6) {
-                found.push(direction);
+            .filter(|(area, _)| *area >= enough && *area > 0.0);
+        let mut found: Vec<MachiningDirection> = Vec::new();
+        let mut note = |direction: DVec3, flat_area: f64, cylinders: usize| {
+            let same = |known: &&mut MachiningDirection| known.direction.distance(direction) < SAME;
+            match found.iter_mut().find(same) {
+                Some(known) => {
+                    known.flat_area += flat_area;
+                    known.cylinders += cylinders;
+                }
+                None => found.push(MachiningDirection { direction, flat_area, cylinders }),
             }
-        }
+        };
+        let place = |v: &DVec3| v.to_array().map(|c| (c * 1e6).round() as i64);
+        let mut faces: Vec<(f64, DVec3)> = faces.copied().collect();
+        faces.sort_by(|a, b| b.0.total_cmp(&a.0).then(place(&b.1).cmp(&place(&a.1))));
+        faces.into_iter().for_each(|(area, normal)| note(normal, area, 0));
+        let cylinders = curved.members().into_iter().filter_map(|members| axis(&members, &vectors, enough));
+        cylinders.flat_map(|axis| [axis, -axis]).for_each(|axis| note(axis, 0.0, 1));
+        // Faces of one normal are one face to a tool; the sort is stable, so that cylinders keep their order.
+        found.sort_by(|a, b| b.flat_area.total_cmp(&a.flat_area));
         found
     }
 
@@ -163,14 +186,18 @@ mod tests {
         let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -0.5).normalize(), 0.7);
         let mut mesh = drilled();
         mesh.vertices.iter_mut().for_each(|v| *v = turn * *v);
-        let found = mesh.machining_directions();
+        let suggested = mesh.machining_directions();
+        let found: Vec<DVec3> = suggested.iter().map(|s| s.direction).collect();
         let expected = [DVec3::Z, DVec3::X, DVec3::Y].map(|d| turn * d);
         assert_eq!(found.len(), 6, "{found:?}");
         for direction in expected.iter().flat_map(|&d| [d, -d]) {
             assert!(found.iter().any(|f| f.dot(direction) > 1.0 - 1e-9), "{direction} {found:?}");
         }
-        // The top is the largest.
+        // The top is the largest, and its normal is the hole's axis.
         assert!(found[0].dot(expected[0]).abs() > 1.0 - 1e-9);
+        let top = 20.0 * 30.0 - 0.5 * 48.0 * 16.0 * (std::f64::consts::TAU / 48.0).sin();
+        assert!((suggested[0].flat_area - top).abs() < 1e-9, "{suggested:?}");
+        assert_eq!(suggested.iter().map(|s| s.cylinders).collect::<Vec<_>>(), [1, 1, 0, 0, 0, 0]);
     }
 
     #[test]
@@ -181,7 +208,8 @@ mod tests {
         shell.face(Axis::Y, 0.0, Facing::Down, &outline, &[]);
         shell.face(Axis::Y, 40.0, Facing::Up, &outline, &[]);
         let found = shell.into_mesh().machining_directions();
-        assert_eq!(found, [DVec3::Y, DVec3::NEG_Y]);
+        assert!(found.iter().map(|f| f.direction).eq([DVec3::Y, DVec3::NEG_Y]), "{found:?}");
+        assert!(found.iter().all(|f| f.cylinders == 1 && f.flat_area > 0.0), "{found:?}");
         let mut ball = Shell::default();
         let ring = |i: usize| {
             let (sine, cosine) = (std::f64::consts::PI * i as f64 / 60.0).sin_cos();

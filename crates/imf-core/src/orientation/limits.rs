@@ -16,6 +16,8 @@ use super::{Orientation, OrientationSetError};
 
 /// Angles this far outside a range still count as inside, in degrees: ends of ranges are meant to be reached.
 const SLACK: f64 = 1e-7;
+/// Degrees between directions along a circle that a fixed rotary axis leaves.
+const STEP: f64 = 5.0;
 
 /// The directions that a machine reaches.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -111,15 +113,34 @@ impl Limits {
         }
     }
 
-    /// `n` directions spread evenly over a cone.
+    /// Directions that these limits alone name: a cone's axis, and those that a fixed rotary axis leaves to the other one.
+    pub(super) fn own_directions(&self) -> Vec<Orientation> {
+        match *self {
+            Self::Cone { .. } => self.cone(1),
+            Self::Rotary { tilt, turn, .. } => {
+                let [tilts, turns] = [tilt, turn].map(|[low, high]| high - low);
+                // So many that none is farther than half a step from one of them; a whole turn is enough.
+                let steps =
+                    |span: f64| if span <= SLACK { 1 } else { (span.min(360.0) / STEP).ceil() as usize + 1 };
+                if tilts.min(turns) <= SLACK {
+                    self.directions(steps(tilts), steps(turns))
+                } else {
+                    Vec::new()
+                }
+            }
+        }
+    }
+
+    /// `n` directions over a cone: its axis, then others spread evenly.
     ///
     /// # Panics
-    /// For two rotary axes.
+    /// For two rotary axes, and for none.
     pub(super) fn cone(&self, n: usize) -> Vec<Orientation> {
         let Self::Cone { axis, half_angle } = *self else { panic!("a cone") };
         let turn = DQuat::from_rotation_arc(DVec3::Z, axis);
         let lowest = half_angle.to_radians().cos();
-        fibonacci(n, lowest).map(|direction| direction_orientation(turn * direction)).collect()
+        let around = fibonacci(n - 1, lowest).map(|direction| turn * direction);
+        std::iter::once(axis).chain(around).map(direction_orientation).collect()
     }
 
     /// `n_tilt` × `n_turn` directions evenly over the ranges, tilt outermost, ends included; where C makes a whole turn
@@ -246,10 +267,24 @@ mod tests {
         assert_eq!(within.len(), 300);
         assert_eq!(OrientationSet::parse(&within.spec).unwrap(), within);
         let cone = OrientationSet::parse("within:cone:0,0,-1:90@fibonacci:400").unwrap();
-        assert_eq!(cone.len(), 200);
+        assert_eq!((cone.len(), cone.orientations[0].direction()), (201, DVec3::NEG_Z));
         assert!(cone.orientations.iter().all(|o| o.direction().z <= 0.0));
         let none = OrientationSet::parse("0,170").unwrap().within(&limits).unwrap_err().to_string();
         assert!(none.contains("none of its 1"), "{none}");
+    }
+
+    #[test]
+    fn a_fixed_axis_is_found_whatever_the_set() {
+        let within = |limits: &str| set(&format!("within:{limits}@fibonacci:225"));
+        let upright = [Orientation::new(0.0, 0.0)];
+        assert_eq!(within("cone:0,0,1:0"), upright);
+        assert_eq!(within("ac:0:0:0:0"), upright);
+        let tilted = within("cone:0,3,4:0");
+        assert!(tilted.len() == 1 && tilted[0].direction().distance(DVec3::new(0.0, 0.6, 0.8)) < 1e-12);
+        // A tilt that stands still leaves a circle, and C alone half of one.
+        let circle = within("bc:30:30:-720:720");
+        assert!(circle.len() == 73 && circle.iter().all(|o| (o.phi - 30.0).abs() < 1e-9), "{circle:?}");
+        assert_eq!(within("bc:-90:90:40:40").len(), 37);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Sets of orientations, as people write them down.
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use glam::DVec3;
@@ -10,17 +11,21 @@ use thiserror::Error;
 use super::spread::random;
 use super::spread::{direction_orientation, fibonacci, grid, super_fibonacci};
 use super::{Limits, Orientation, wrap_degrees};
+use crate::mesh::SAME;
 
 /// Why a set of orientations cannot be made.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum OrientationSetError {
     /// The text is none of the known forms.
-    #[error(
-        "'{0}' is no orientation set: use grid:N, fibonacci:N, random:N:SEED, cone:X,Y,Z:HALF_ANGLE:N, \
-         ac:A_MIN:A_MAX:C_MIN:C_MAX:NA:NC, bc:…, so3:N, within:LIMITS@SET, a list of angle pairs such as 0,0;12,6, or a CSV file"
-    )]
+    #[error("'{0}' is no orientation set. {forms}", forms = OrientationSet::FORMS)]
     Form(String),
+    /// The part's own directions are asked for where no part is known.
+    #[error(
+        "'normals' are directions that the surface of a part suggests, and no surface is known here: name them, or take \
+         axes+fibonacci:N"
+    )]
+    NoPart,
     /// A number in the text is missing, malformed or out of range.
     #[error("orientation set '{spec}': {what}")]
     Value {
@@ -54,38 +59,85 @@ pub struct OrientationSet {
     pub orientations: Vec<Orientation>,
 }
 
+/// Gives the directions of the part.
+type Part<'a> = &'a mut dyn FnMut() -> Result<Vec<DVec3>, OrientationSetError>;
+
+/// From above first, as most parts are set up.
+const AXES: [DVec3; 6] = [DVec3::Z, DVec3::NEG_Z, DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y];
+
 /// More orientations than this are refused as a slip of the keyboard.
 const MOST: usize = 10_000_000;
 
 impl OrientationSet {
-    /// Reads a set from its text:
-    ///
-    /// | text | set |
-    /// | --- | --- |
-    /// | `grid:N` | N × N angle pairs, θ = 360°·i/N, φ = 180°·j/N, θ outermost (the paper's; repeats the pole N times) |
-    /// | `fibonacci:N` | N directions spread evenly over the sphere |
-    /// | `random:N:SEED` | N directions uniform on the sphere |
-    /// | `cone:X,Y,Z:HALF_ANGLE:N` | N directions spread evenly within an angle (degrees) of an axis |
-    /// | `ac:A0:A1:C0:C1:NA:NC` | NA × NC directions of two rotary axes within their ranges, see [`Limits`] |
-    /// | `bc:B0:B1:C0:C1:NB:NC` | the same for B and C |
-    /// | `within:LIMITS@SET` | those directions of SET that a machine's [`Limits`] reach |
-    /// | `so3:N` | N rotations spread evenly over SO(3), for tools that are not axisymmetric |
-    /// | `θ,φ;θ,φ;…` | the pairs given, degrees |
-    /// | a path ending in `.csv` | columns `theta,phi[,roll]` in degrees or `i,j,k`, with that header line; a first column `index` is passed over |
+    /// The texts of sets, for people.
+    pub const FORMS: &str = "Sets of directions, joined by + (a direction that comes again is left out): axes (±x, ±y, ±z), \
+        normals (of the part's large flat faces, and both ways along its cylinders' axes), fibonacci:N (spread evenly), \
+        cone:X,Y,Z:HALF_ANGLE:N (an axis first, the others around it), ac:A0:A1:C0:C1:NA:NC and bc:… (of two rotary axes, \
+        evenly), within:LIMITS@SET (those that a machine reaches), pairs θ,φ such as 0,0;30,40, a CSV file \
+        (theta,phi[,roll] or i,j,k), so3:N (whole rotations, for tools that are not round), random:N:SEED, grid:N (the paper's). \
+        Angles are in degrees; a direction points from the tip to the holder.";
+
+    /// Reads a set from its text, where no part is known: as [`OrientationSet::parse_for`] without `normals`.
     ///
     /// # Errors
     /// Names the part of the text that is wrong.
     pub fn parse(spec: &str) -> Result<Self, OrientationSetError> {
+        Self::read(spec, &mut || Err(OrientationSetError::NoPart))
+    }
+
+    /// Reads a set from its text:
+    ///
+    /// | text | set |
+    /// | --- | --- |
+    /// | `axes` | ±z, ±x, ±y |
+    /// | `normals` | the directions that the part suggests, as `part` gives them ([`Mesh::machining_directions`](crate::mesh::Mesh::machining_directions)), in the frame of the set-up |
+    /// | `fibonacci:N` | N directions spread evenly over the sphere |
+    /// | `cone:X,Y,Z:HALF_ANGLE:N` | N directions within an angle (degrees) of an axis: the axis, then others spread evenly |
+    /// | `ac:A0:A1:C0:C1:NA:NC` | NA × NC directions of two rotary axes within their ranges, see [`Limits`] |
+    /// | `bc:B0:B1:C0:C1:NB:NC` | the same for B and C |
+    /// | `random:N:SEED` | N directions uniform on the sphere |
+    /// | `grid:N` | N × N angle pairs, θ = 360°·i/N, φ = 180°·j/N, θ outermost (the paper's; repeats the pole N times) |
+    /// | `so3:N` | N rotations spread evenly over SO(3), for tools that are not axisymmetric |
+    /// | `θ,φ;θ,φ;…` | the pairs given, degrees |
+    /// | a path ending in `.csv` | columns `theta,phi[,roll]` in degrees or `i,j,k`, with that header line; a first column `index` is passed over |
+    /// | `A+B` | A, then of B what has not come before: rotations at less than 0.03° are one |
+    /// | `within:LIMITS@SET` | of all that follows what a machine reaches, see [`OrientationSet::within`] |
+    ///
+    /// `part` is called where the text names `normals`, and not otherwise.
+    ///
+    /// # Errors
+    /// Names the part of the text that is wrong.
+    pub fn parse_for(spec: &str, mut part: impl FnMut() -> Vec<DVec3>) -> Result<Self, OrientationSetError> {
+        Self::read(spec, &mut || Ok(part()))
+    }
+
+    fn read(spec: &str, part: Part<'_>) -> Result<Self, OrientationSetError> {
+        if let Some((limits, set)) = spec.strip_prefix("within:").and_then(|rest| rest.split_once('@')) {
+            return Self::read(set, part)?.within(&Limits::parse(limits)?);
+        }
+        // A file's name may hold a plus.
+        let is_file = is_csv(spec) && Path::new(spec).is_file();
+        let orientations = match spec.split_once('+').filter(|_| !is_file) {
+            None => Self::term(spec, part)?,
+            Some((first, rest)) => {
+                let first = Self::term(first, part)?;
+                joined(&[&first, &Self::read(rest, part)?.orientations])
+            }
+        };
+        Ok(Self { spec: spec.to_owned(), orientations })
+    }
+
+    /// One set of those that are joined.
+    fn term(spec: &str, part: Part<'_>) -> Result<Vec<Orientation>, OrientationSetError> {
         let fail = |what: &str| OrientationSetError::Value { spec: spec.to_owned(), what: what.to_owned() };
         let count = |text: &str| match text.parse::<usize>() {
             Ok(n) if (1..=MOST).contains(&n) => Ok(n),
             _ => Err(fail(&format!("'{text}' is no number of orientations from 1 to {MOST}"))),
         };
-        if let Some((limits, set)) = spec.strip_prefix("within:").and_then(|rest| rest.split_once('@')) {
-            return Self::parse(set)?.within(&Limits::parse(limits)?);
-        }
         let parts: Vec<&str> = spec.split(':').collect();
-        let orientations = match parts.as_slice() {
+        Ok(match parts.as_slice() {
+            ["axes"] => AXES.map(direction_orientation).to_vec(),
+            ["normals"] => part()?.into_iter().map(direction_orientation).collect(),
             ["grid", n] => {
                 let n = count(n)?;
                 if n.saturating_mul(n) > MOST {
@@ -111,7 +163,7 @@ impl OrientationSet {
                 Limits::parse(&parts[..5].join(":"))?.directions(n_tilt, n_turn)
             }
             ["so3", n] => super_fibonacci(count(n)?),
-            [path] if path.to_ascii_lowercase().ends_with(".csv") => return Self::read_csv(Path::new(path)),
+            _ if is_csv(spec) => Self::read_csv(Path::new(spec))?,
             [list] if list.contains(',') => list
                 .split(';')
                 .map(|pair| match numbers(pair).as_deref() {
@@ -120,18 +172,20 @@ impl OrientationSet {
                 })
                 .collect::<Result<_, _>>()?,
             _ => return Err(OrientationSetError::Form(spec.to_owned())),
-        };
-        Ok(Self { spec: spec.to_owned(), orientations })
+        })
     }
 
-    /// The orientations whose directions lie within the limits, in the same order.
+    /// The limits' own directions, which no set meets by chance (a cone's axis; along a circle that a fixed rotary axis
+    /// leaves, every few degrees), then the orientations whose directions lie within the limits, in the same order.
     ///
     /// # Errors
     /// No orientation is left.
     pub fn within(&self, limits: &Limits) -> Result<Self, OrientationSetError> {
         let spec = format!("within:{limits}@{}", self.spec);
         let reachable = self.orientations.iter().copied().filter(|o| limits.reach(o.direction()));
-        let orientations: Vec<_> = reachable.collect();
+        let reachable: Vec<_> = reachable.collect();
+        let own = limits.own_directions();
+        let orientations = if own.is_empty() { reachable } else { joined(&[&own, &reachable]) };
         if orientations.is_empty() {
             let what = format!("none of its {} orientations is within {limits}", self.len());
             return Err(OrientationSetError::Value { spec: self.spec.clone(), what });
@@ -139,7 +193,7 @@ impl OrientationSet {
         Ok(Self { spec, orientations })
     }
 
-    fn read_csv(path: &Path) -> Result<Self, OrientationSetError> {
+    fn read_csv(path: &Path) -> Result<Vec<Orientation>, OrientationSetError> {
         let spec = path.display().to_string();
         let text = std::fs::read_to_string(path)
             .map_err(|source| OrientationSetError::Read { path: spec.clone(), source })?;
@@ -172,7 +226,7 @@ impl OrientationSet {
         if orientations.is_empty() {
             return Err(fail("holds no orientation".into()));
         }
-        Ok(Self { spec, orientations })
+        Ok(orientations)
     }
 
     /// Number of orientations.
@@ -191,6 +245,35 @@ impl OrientationSet {
 /// The finite numbers of a comma-separated list; `None` where one is none.
 pub(super) fn numbers(text: &str) -> Option<Vec<f64>> {
     text.split(',').map(|t| t.trim().parse::<f64>().ok().filter(|v| v.is_finite())).collect()
+}
+
+fn is_csv(text: &str) -> bool {
+    text.to_ascii_lowercase().ends_with(".csv")
+}
+
+/// Sets behind one another without what has come before.
+fn joined(sets: &[&[Orientation]]) -> Vec<Orientation> {
+    let mut orientations: Vec<Orientation> = Vec::new();
+    // By the cell of the direction, so that only neighbours are compared.
+    let mut cells: HashMap<[i64; 3], Vec<usize>> = HashMap::new();
+    for orientation in sets.iter().copied().flatten() {
+        let (direction, turn) = (orientation.direction(), orientation.quaternion());
+        let cell = (direction / SAME).floor().to_array().map(|place| place as i64);
+        let known = (0..27usize).any(|n| {
+            let near = [
+                cell[0] + (n / 9) as i64 - 1,
+                cell[1] + (n / 3 % 3) as i64 - 1,
+                cell[2] + (n % 3) as i64 - 1,
+            ];
+            let there = cells.get(&near).into_iter().flatten();
+            there.copied().any(|index| orientations[index].quaternion().angle_between(turn) < SAME)
+        });
+        if !known {
+            cells.entry(cell).or_default().push(orientations.len());
+            orientations.push(*orientation);
+        }
+    }
+    orientations
 }
 
 fn angle_pair(theta: f64, phi: f64, roll: f64) -> Result<Orientation, String> {
@@ -230,6 +313,43 @@ mod tests {
     }
 
     #[test]
+    fn joined_sets_keep_their_order_and_drop_what_has_come_before() {
+        let lone = set("fibonacci:50");
+        let both = set("axes+0,0;90,90;10,20+fibonacci:50");
+        assert_eq!(both[0].direction(), DVec3::Z);
+        assert_eq!(both[6], Orientation::new(10.0, 20.0));
+        assert_eq!(both[7..], lone);
+        // Rolled about an axis that came before: another rotation.
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a+b.csv");
+        std::fs::write(&path, "theta,phi,roll\n0,0,90\n0,0.01,0\n0,0,359.99\n").unwrap();
+        let path = path.to_str().unwrap();
+        assert_eq!(set(path).len(), 3);
+        std::fs::rename(path, folder.path().join("ab.csv")).unwrap();
+        let rolled = set(&format!("axes+{}", folder.path().join("ab.csv").display()));
+        assert_eq!((rolled.len(), rolled[6].roll), (7, 90.0));
+        assert_eq!(set("so3:40+axes").len(), 46);
+    }
+
+    #[test]
+    fn directions_of_the_part_are_asked_for_where_the_text_names_them() {
+        let mut asked = 0;
+        let mut part = || {
+            asked += 1;
+            vec![DVec3::NEG_Z, DVec3::new(3.0, 0.0, 4.0)]
+        };
+        let found = OrientationSet::parse_for("axes+normals+fibonacci:9", &mut part).unwrap();
+        assert_eq!(found.len(), 16);
+        assert!(found.orientations[6].direction().distance(DVec3::new(0.6, 0.0, 0.8)) < 1e-12);
+        let within = OrientationSet::parse_for("within:cone:0,0,1:40@normals+axes", &mut part).unwrap();
+        assert_eq!(within.len(), 2);
+        OrientationSet::parse_for("axes", &mut part).unwrap();
+        assert_eq!(asked, 2);
+        let refusal = OrientationSet::parse("axes+normals").unwrap_err();
+        assert!(matches!(refusal, OrientationSetError::NoPart), "{refusal}");
+    }
+
+    #[test]
     fn wrong_texts_are_refused() {
         for spec in [
             "",
@@ -241,6 +361,10 @@ mod tests {
             "cone:0,0,1:200:5",
             "1,2,3",
             "grid:99999",
+            "axes+",
+            "+axes",
+            "axes:3",
+            "axes+spiral:3",
         ] {
             assert!(OrientationSet::parse(spec).is_err(), "{spec}");
         }

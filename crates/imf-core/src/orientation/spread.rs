@@ -85,7 +85,9 @@ mod tests {
     #[test]
     fn a_cone_stays_within_its_angle() {
         let axis = DVec3::new(1.0, -2.0, 0.5).normalize();
-        for o in set("cone:1,-2,0.5:25:300") {
+        let cone = set("cone:1,-2,0.5:25:300");
+        assert!(cone.len() == 300 && cone[0].direction().distance(axis) < 1e-12);
+        for o in cone {
             assert!(o.direction().dot(axis) >= 25f64.to_radians().cos() - 1e-12);
         }
     }

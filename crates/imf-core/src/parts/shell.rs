@@ -145,6 +145,36 @@ pub(crate) fn circle(centre: DVec2, radius: f64, segments: usize) -> Vec<DVec2> 
     (0..segments).map(|i| centre + radius * DVec2::from_angle((i as f64 * step).to_radians())).collect()
 }
 
+/// A box from the origin to `size`, with the loop `pocket` cut into its top as deep as `depth`, or right through.
+#[cfg(test)]
+pub(crate) fn pocketed(size: DVec3, pocket: &[DVec2], depth: f64) -> Mesh {
+    let outer = [DVec2::ZERO, DVec2::new(size.x, 0.0), DVec2::new(size.x, size.y), DVec2::new(0.0, size.y)];
+    let floor = size.z - depth;
+    let mut shell = Shell::default();
+    shell.post(Axis::Z, &outer, [0.0, size.z]);
+    shell.face(Axis::Z, size.z, Facing::Up, &outer, &[pocket]);
+    shell.hole(Axis::Z, pocket, [floor, size.z]);
+    if floor > 0.0 {
+        shell.face(Axis::Z, 0.0, Facing::Down, &outer, &[]);
+        shell.face(Axis::Z, floor, Facing::Up, pocket, &[]);
+    } else {
+        shell.face(Axis::Z, 0.0, Facing::Down, &outer, &[pocket]);
+    }
+    shell.into_mesh()
+}
+
+/// A rectangle with round corners, counter-clockwise: `segments` to a quarter circle.
+#[cfg(test)]
+pub(crate) fn rounded_rectangle(lower: DVec2, upper: DVec2, radius: f64, segments: usize) -> Vec<DVec2> {
+    let (low, high) = (lower + radius, upper - radius);
+    let centres = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)];
+    let quarter = |(i, centre): (usize, DVec2)| {
+        let angle = move |step: usize| 180.0 + 90.0 * (i as f64 + step as f64 / segments as f64);
+        (0..=segments).map(move |step| centre + radius * DVec2::from_angle(angle(step).to_radians()))
+    };
+    centres.into_iter().enumerate().flat_map(quarter).collect()
+}
+
 /// Area of a loop by the shoelace formula: positive for a counter-clockwise one.
 #[cfg(test)]
 pub(crate) fn area(outline: &[DVec2]) -> f64 {

@@ -10,7 +10,7 @@ use crate::control::Control;
 use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::orientation::OrientationSet;
-use crate::parts::shell::{Axis, Facing as Side, Shell, circle};
+use crate::parts::shell::{Axis, Facing as Side, Shell, circle, pocketed, rounded_rectangle};
 use crate::tool::{Segment, SharpPoints, Tool};
 use crate::voxelize::voxelize;
 
@@ -46,34 +46,6 @@ fn ball(radius: f64) -> Tool {
     let round =
         Segment::Arc { from: 0.0, to: radius, centre_height: radius, centre_radius: 0.0, arc_radius: radius };
     tool(vec![round, line(radius, 20.0, radius, radius)], radius)
-}
-
-/// A box from the origin to `size`, with the loop `pocket` cut into its top as deep as `depth`, or right through.
-fn pocketed(size: DVec3, pocket: &[DVec2], depth: f64) -> Mesh {
-    let outer = [DVec2::ZERO, DVec2::new(size.x, 0.0), DVec2::new(size.x, size.y), DVec2::new(0.0, size.y)];
-    let floor = size.z - depth;
-    let mut shell = Shell::default();
-    shell.post(Axis::Z, &outer, [0.0, size.z]);
-    shell.face(Axis::Z, size.z, Side::Up, &outer, &[pocket]);
-    shell.hole(Axis::Z, pocket, [floor, size.z]);
-    if floor > 0.0 {
-        shell.face(Axis::Z, 0.0, Side::Down, &outer, &[]);
-        shell.face(Axis::Z, floor, Side::Up, pocket, &[]);
-    } else {
-        shell.face(Axis::Z, 0.0, Side::Down, &outer, &[pocket]);
-    }
-    shell.into_mesh()
-}
-
-/// A rectangle with round corners, counter-clockwise: `segments` to a quarter circle.
-fn rounded_rectangle(lower: DVec2, upper: DVec2, radius: f64, segments: usize) -> Vec<DVec2> {
-    let (low, high) = (lower + radius, upper - radius);
-    let centres = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)];
-    let quarter = |(i, centre): (usize, DVec2)| {
-        let angle = move |step: usize| 180.0 + 90.0 * (i as f64 + step as f64 / segments as f64);
-        (0..=segments).map(move |step| centre + radius * DVec2::from_angle(angle(step).to_radians()))
-    };
-    centres.into_iter().enumerate().flat_map(quarter).collect()
 }
 
 /// A profile in (z, x), counter-clockwise, extruded along y.

@@ -1,6 +1,6 @@
 //! A tool as it is counted: whole, and without its cutter, with or without a clearance around it.
 
-use super::{Clearance, ClearanceError, Tool};
+use super::{Clearance, ClearanceError, Element, Tool, ToolShape};
 
 /// A tool with a clearance around it. Shank and holder offset by a clearance are more than the offset tool without its cutter, so both are
 /// made together, from the tool as it is.
@@ -62,6 +62,26 @@ impl Assembly {
     pub fn offset_further(&self, more: f64) -> Result<Self, ClearanceError> {
         let Clearance { holder, shank, cutter } = self.clearance;
         self.tool.offset(&Clearance { holder: holder + more, shank: shank + more, cutter: cutter + more })
+    }
+
+    /// What is left of the offset tool at least `depth` below its surface: wherever the tip moves by no more than that, none of
+    /// it leaves the tool. `None` where nothing is left, and of a mesh.
+    pub(crate) fn eroded(&self, depth: f64) -> Option<Self> {
+        Some(Self {
+            whole: self.whole.eroded(depth)?,
+            noncutting: self.noncutting.as_ref().and_then(|rest| rest.eroded(depth)),
+            tool: self.tool.clone(),
+            clearance: self.clearance,
+        })
+    }
+}
+
+impl Tool {
+    /// Every element eroded by itself: where one element stands on another, a little more is taken away than need be.
+    fn eroded(&self, depth: f64) -> Option<Self> {
+        let ToolShape::Revolved(elements) = &self.shape else { return None };
+        let left: Vec<Element> = elements.iter().filter_map(|element| element.eroded(depth, true)).collect();
+        (!left.is_empty()).then(|| Self { shape: ToolShape::Revolved(left), ..self.with_tip_only() })
     }
 }
 

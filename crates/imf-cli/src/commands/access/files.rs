@@ -9,10 +9,11 @@ use super::Findings;
 use super::setup::{Setup, Stock};
 use crate::output::{element_name, write_text};
 
-/// What a voxel of the removable field is.
-const STAYS: u8 = 1;
-const REMOVABLE: u8 = 2;
+/// What a voxel of the removable field is; 0 where no stock is.
+pub(super) const OUT_OF_REACH: u8 = 1;
+pub(super) const REMOVABLE: u8 = 2;
 pub(super) const OBSTACLE: u8 = 3;
+pub(super) const UNDECIDED: u8 = 4;
 
 /// Writes the fields and gives back the files' names.
 pub(super) fn write(setup: &Setup, findings: &Findings, folder: &Path) -> Result<Vec<String>> {
@@ -90,25 +91,28 @@ fn write_removable(setup: &Setup, stock: &Stock, findings: &Findings, folder: &P
     let by_tool: Vec<String> = (0..setup.tools.len()).map(|t| format!("removable_tool_{t}")).collect();
     let mut fields = vec![NamedField::new("removable", &classes[..])];
     if setup.tools.len() > 1 {
-        for (name, swept) in by_tool.iter().zip(&findings.removable) {
-            fields.push(NamedField::new(name, &swept[..]));
+        for (name, found) in by_tool.iter().zip(&findings.removable) {
+            fields.push(NamedField::new(name, &found.covered[..]));
         }
     }
     write_vti(folder.join("removable.vti"), grid, &fields)?;
     Ok(vec!["removable.npy".into(), "removable.vti".into()])
 }
 
-/// For every voxel of the stock's grid: 0 no stock, 1 stock that stays, 2 stock that some tool removes, 3 part or fixture.
+/// For every voxel of the stock's grid: 0 no stock, 1 stock out of reach, 2 stock that some tool removes, 3 part or fixture, 4 stock
+/// of which this pitch does not decide.
 pub(super) fn removable_classes(setup: &Setup, stock: &Stock, findings: &Findings) -> Vec<u8> {
     let held = setup.obstacle.whole().on(&stock.solid.grid).unwrap_or_else(|| stock.solid.clone());
     (0..stock.solid.solid.len())
         .map(|v| {
             if held.solid[v] != 0 {
                 OBSTACLE
-            } else if findings.removable.iter().any(|swept| swept[v] != 0) {
+            } else if findings.removable.iter().any(|found| found.covered[v] != 0) {
                 REMOVABLE
+            } else if findings.removable.iter().any(|found| found.possible[v] != 0) {
+                UNDECIDED
             } else {
-                STAYS * stock.solid.solid[v]
+                OUT_OF_REACH * stock.solid.solid[v]
             }
         })
         .collect()

@@ -3,11 +3,13 @@
 use std::path::Path;
 
 use anyhow::Result;
+use glam::DVec3;
+use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 use ndarray::Array2;
 
 use super::Findings;
-use super::files::{OBSTACLE, named, removable_classes};
+use super::files::{OBSTACLE, OUT_OF_REACH, REMOVABLE, UNDECIDED, named, removable_classes};
 use super::setup::Setup;
 use crate::picture::{Axes, Mask, MaskStyle, Panel, PanelRow, PanelSheet, Scale};
 use crate::slices;
@@ -33,48 +35,55 @@ fn title(setup: &Setup) -> String {
 }
 
 fn draw_slices(setup: &Setup, findings: &Findings, path: &Path) -> Result<()> {
-    let (grid, unit) = (&setup.query, setup.unit.to_string());
+    let grid = &setup.query;
     let poses = (setup.orientations.len() * setup.tools.len()) as f32;
     let share: Vec<f32> = findings.together.free.iter().map(|&n| 100.0 * n as f32 / poses).collect();
-    let middle = |axis: usize| grid.dims[axis] / 2;
     // What collides anyway is hidden, and must not set the scale.
-    let around: Vec<f32> = findings
-        .together
-        .imf
-        .value
-        .iter()
-        .zip(&setup.solid.solid)
-        .map(|(&v, &s)| if s == 0 { v } else { 0.0 })
-        .collect();
+    let outside = |value: &dyn Fn(usize) -> f32| -> Vec<f32> {
+        let solid = setup.solid.solid.iter().enumerate();
+        solid.map(|(voxel, &solid)| if solid == 0 { value(voxel) } else { 0.0 }).collect()
+    };
+    let least = outside(&|voxel| findings.together.imf.value[voxel]);
+    let many = setup.tools.len() > 1;
+    let names: Vec<&str> = setup.tools.iter().map(|tool| tool.tool().name.as_str()).collect();
+    let classes = [&["no tool gets there"][..], &names[..]].concat();
+    let tool = outside(&|voxel| match f64::from(findings.together.imf.value[voxel]) <= setup.tau {
+        true => (findings.together.tool[voxel] + 1) as f32,
+        false => 0.0,
+    });
     let cuts: Vec<_> = (0..3)
         .map(|axis| {
-            let cut = |values: &[f32]| slices::slice(values, grid, axis, middle(axis));
-            let solid = slices::mask(&setup.solid, axis, middle(axis));
-            (axis, cut(&around), cut(&share), solid)
+            let varied = |values: &[f32]| slices::most_varied(values, &setup.solid, axis);
+            let index =
+                varied(&least).or_else(|| varied(&share)).unwrap_or_else(|| slices::middle(grid, axis));
+            let cut = |values: &[f32]| slices::slice(values, grid, axis, index);
+            let solid = slices::mask(&setup.solid, axis, index);
+            (axis, index, [cut(&least), cut(&share), cut(&tool)], solid)
         })
         .collect();
-    let measures: Vec<_> = cuts.iter().map(|(_, imf, ..)| imf.view()).collect();
-    let measure = Scale::measure_of(&measures, "inaccessibility measure IMF");
-    let shares: Vec<_> = cuts.iter().map(|(_, _, share, _)| share.view()).collect();
-    let free = Scale::measure_of(&shares, "free poses in %");
+    let all = |field: usize| cuts.iter().map(|(_, _, cut, _)| cut[field].view()).collect::<Vec<_>>();
+    let measure = Scale::measure_of(&all(0), "inaccessibility measure IMF: share of the tool that collides");
+    let measure = measure.with_free(setup.tau);
+    let free = Scale::measure_of(&all(1), "free poses in %");
+    let tools = Scale::classes(&classes);
     let rows = cuts
         .iter()
-        .map(|(axis, imf, share, solid)| {
+        .map(|(axis, index, [least, share, tool], solid)| {
             let axes = slices::axes(grid, setup.unit, *axis);
-            PanelRow {
-                title: plane(grid.centre(grid.dims.map(|n| n / 2))[*axis], *axis, &unit),
-                panels: vec![
-                    filled(slices::panel("least overlap", imf, solid, &measure, &axes)),
-                    filled(slices::panel("freedom", share, solid, &free, &axes)),
-                ],
+            let panel =
+                |title: &str, values, scale| filled(slices::panel(title, values, solid, scale, &axes));
+            let mut panels = vec![panel("least overlap", least, &measure), panel("freedom", share, &free)];
+            if many {
+                panels.push(panel("best tool", tool, &tools));
             }
+            PanelRow { title: plane(grid, setup, *axis, *index), panels }
         })
         .collect();
     PanelSheet {
         title: title(setup),
         rows,
         notes: vec![format!(
-            "{} ({}), τ = {}; grey: part and fixtures",
+            "{} ({}), τ = {}; grey: part and fixtures; slices where the least overlap varies most",
             count(setup.orientations.len(), "orientation"),
             setup.orientations.spec,
             setup.tau
@@ -88,28 +97,39 @@ fn draw_slices(setup: &Setup, findings: &Findings, path: &Path) -> Result<()> {
 /// False where there is no stock to draw.
 fn draw_removable(setup: &Setup, findings: &Findings, path: &Path) -> Result<bool> {
     let Some(stock) = &setup.stock else { return Ok(false) };
-    let (grid, unit) = (&stock.solid.grid, setup.unit.to_string());
-    // The part hides its own voxels.
+    let grid = &stock.solid.grid;
+    // What is left first, then by the first tool that removes it; the part hides its own voxels.
+    let by_tool = |voxel: usize| findings.removable.iter().position(|found| found.covered[voxel] != 0);
     let classes = removable_classes(setup, stock, findings);
-    let values: Vec<f32> = classes.iter().map(|&class| f32::from(class % OBSTACLE)).collect();
+    let values = classes.iter().enumerate().map(|(voxel, &class)| match (class, by_tool(voxel)) {
+        (REMOVABLE, Some(tool)) => (tool + 3) as f32,
+        (UNDECIDED, _) => 2.0,
+        (OUT_OF_REACH, _) => 1.0,
+        _ => 0.0,
+    });
+    let values: Vec<f32> = values.collect();
     let held =
         Occupancy { grid: *grid, solid: classes.iter().map(|&class| u8::from(class == OBSTACLE)).collect() };
     let cuts: Vec<_> = (0..3)
         .map(|axis| {
-            let middle = grid.dims[axis] / 2;
-            (axis, slices::slice(&values, grid, axis, middle), slices::mask(&held, axis, middle))
+            let index =
+                slices::most_varied(&values, &held, axis).unwrap_or_else(|| slices::middle(grid, axis));
+            let values = slices::slice(&values, grid, axis, index);
+            (axis, index, values, slices::mask(&held, axis, index))
         })
         .collect();
-    let scale = Scale::classes(&["no stock", "stays", "a cutter removes it"]);
+    let mut names = vec!["no stock".to_owned(), "out of reach".into(), "not decided at this pitch".into()];
+    match &setup.tools[..] {
+        [_] => names.push("a cutter removes it".into()),
+        tools => names.extend(tools.iter().map(|tool| format!("removed by {}", tool.tool().name))),
+    }
+    let scale = Scale::classes(&names.iter().map(String::as_str).collect::<Vec<_>>());
     let rows = cuts
         .iter()
-        .map(|(axis, values, solid)| {
-            let panel =
-                filled(slices::panel("stock", values, solid, &scale, &slices::axes(grid, setup.unit, *axis)));
-            PanelRow {
-                title: plane(grid.centre(grid.dims.map(|n| n / 2))[*axis], *axis, &unit),
-                panels: vec![panel],
-            }
+        .map(|(axis, index, values, solid)| {
+            let axes = slices::axes(grid, setup.unit, *axis);
+            let panel = filled(slices::panel("stock", values, solid, &scale, &axes));
+            PanelRow { title: plane(grid, setup, *axis, *index), panels: vec![panel] }
         })
         .collect();
     let notes = vec![format!("Stock: {}; grey: part and fixtures", stock.name)];
@@ -127,7 +147,8 @@ fn draw_map(setup: &Setup, findings: &Findings, index: usize, tool: &str, path: 
         start: [0.0, -90.0],
         pitch: 180.0 / map.cells[1] as f64,
     };
-    let scale = Scale::measure_of(&[values.view()], "collision measure CMF");
+    let label = "collision measure CMF: share of the tool that collides";
+    let scale = Scale::measure_of(&[values.view()], label).with_free(setup.tau);
     let name = format!("directions of {tool}, tip to holder");
     let outside = values.mapv(|value| u8::from(value.is_nan()));
     let mask = setup.limits.map(|_| Mask { voxels: outside.view(), style: MaskStyle::Fill });
@@ -137,10 +158,15 @@ fn draw_map(setup: &Setup, findings: &Findings, index: usize, tool: &str, path: 
         title: format!("{} at ({}, {}, {}) {}", setup.part, point.x, point.y, point.z, setup.unit),
         rows: vec![PanelRow { title: String::new(), panels: vec![panel] }],
         notes: vec![format!(
-            "{:.1} % of {} are free (τ = {}){}",
+            "{:.1} % of {} are free (τ = {}){}{}",
             100.0 * map.free_share(setup.tau),
             directions(setup),
             setup.tau,
+            if inside(setup, point) {
+                "; the point lies in part or fixture, so that the tip collides at once"
+            } else {
+                ""
+            },
             if setup.limits.is_some() { "; grey: out of the machine's limits" } else { "" }
         )],
         pixels_per_voxel: Some(side),
@@ -162,8 +188,16 @@ fn filled(mut panel: Panel<'_>) -> Panel<'_> {
     panel
 }
 
-fn plane(at: f64, axis: usize, unit: &str) -> String {
-    format!("plane {} = {at:.1} {unit}", ["x", "y", "z"][axis])
+fn plane(grid: &Grid, setup: &Setup, axis: usize, index: usize) -> String {
+    format!("plane {}", slices::layer_title(grid, setup.unit, axis, index))
+}
+
+/// True where the voxel that holds a point of the world is solid.
+fn inside(setup: &Setup, point: DVec3) -> bool {
+    let solid = &setup.obstacle.forbidden;
+    let place = ((point - solid.grid.origin) / solid.grid.pitch).floor().to_array();
+    let held = (0..3).all(|axis| (0.0..solid.grid.dims[axis] as f64).contains(&place[axis]));
+    held && solid.solid[solid.grid.index(place.map(|at| at as usize))] != 0
 }
 
 fn count(n: usize, what: &str) -> String {

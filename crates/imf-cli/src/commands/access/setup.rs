@@ -6,7 +6,7 @@ use anyhow::{Result, ensure};
 use glam::DVec3;
 use imf_core::access::{AccessSettings, memory_estimate, position_grid, removable_memory_estimate};
 use imf_core::grid::Grid;
-use imf_core::mesh::Mesh;
+use imf_core::mesh::{MachiningDirection, Mesh};
 use imf_core::obstacle::Obstacle;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Limits, OrientationSet};
@@ -20,6 +20,7 @@ use imf_core::voxelize::voxelize;
 use super::surface::SurfaceSetup;
 use crate::arguments::access::AccessArguments;
 use crate::arguments::fixture;
+use crate::arguments::orientations::{Directions, default_for};
 use crate::arguments::scene::warn_of_fixtures_out_of_reach;
 use crate::session::{Session, show_bytes};
 
@@ -45,6 +46,8 @@ pub(super) struct Setup {
     /// In the part's unit, offset by the clearance.
     pub(super) tools: Vec<Assembly>,
     pub(super) orientations: OrientationSet,
+    /// What the part suggested, where the set names it.
+    pub(super) suggested: Vec<MachiningDirection>,
     pub(super) tau: f64,
     pub(super) lists: bool,
     /// `None` where no tool has a cutter.
@@ -67,12 +70,16 @@ pub(super) struct Setup {
 impl Setup {
     pub(super) fn new(session: &Session, arguments: &AccessArguments) -> Result<Self> {
         let limits = arguments.limits.as_deref().map(Limits::parse).transpose()?;
-        let orientations = OrientationSet::parse(&arguments.orientations)?;
-        let orientations = match &limits {
-            Some(limits) => orientations.within(limits)?,
-            None => orientations,
-        };
         let mut reading = arguments.scene.read(session)?;
+        let mesh = reading.part.mesh.transformed(&reading.transform);
+        let text = arguments.orientations.as_deref().unwrap_or_else(|| default_for(&reading.tools));
+        let Directions { mut set, mut suggested } =
+            Directions::of_part(text, || mesh.machining_directions())?;
+        if let Some(limits) = &limits {
+            set = set.within(limits)?;
+            suggested.retain(|suggested| limits.reach(suggested.direction));
+        }
+        let orientations = set;
         number_names(&mut reading.tools);
         let unit = reading.part.unit;
         let clearance = arguments.scene.clearance.clearance();
@@ -190,12 +197,13 @@ impl Setup {
             clearance,
             contact: depth,
             guarantee,
-            mesh: reading.part.mesh.transformed(&reading.transform),
+            mesh,
             fixtures: fixtures.iter().map(|fixture| fixture.name.to_owned()).collect(),
             solid: on(&whole, &query)?,
             held: on(&bodies.fixtures, &query)?,
             tools,
             orientations,
+            suggested,
             tau: arguments.tau,
             lists: arguments.lists,
             surface,

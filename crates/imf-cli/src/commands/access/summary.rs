@@ -2,7 +2,8 @@
 
 use std::fmt::Write as _;
 
-use imf_core::access::{Component, Components, Volume};
+use imf_core::access::{Component, Components, Removable, Volume};
+use imf_core::mesh::MachiningDirection;
 use imf_core::tool::Clearance;
 use serde::Serialize;
 
@@ -12,6 +13,7 @@ use super::pictures::directions;
 use super::setup::Setup;
 use super::surface::{Surface, SurfaceRow};
 use crate::arguments::clearance::clearance_text;
+use crate::arguments::orientations::suggested_lines;
 use crate::progress::show_seconds;
 
 /// Pieces of space that the summary lists; the label fields have them all.
@@ -53,8 +55,14 @@ struct ToolRow {
 struct StockRow {
     stock: String,
     to_remove: Volume,
+    /// A cutter covers it, the tool's tip on a voxel's centre.
     removable: Volume,
+    /// The rest: what this pitch does not decide, and what is out of reach.
     stays: Volume,
+    /// With its tip between voxels' centres a cutter may cover it or not.
+    undecided: Volume,
+    /// From these directions no cutter covers it, wherever its tip lies.
+    out_of_reach: Volume,
 }
 
 /// Everything in `summary.json`.
@@ -69,6 +77,8 @@ pub(super) struct Summary {
     pitch: f64,
     orientations: String,
     orientation_count: usize,
+    /// Directions that the part suggested, with the area of flat faces and the number of cylinders that each is for.
+    suggested_by_the_part: Vec<MachiningDirection>,
     tau: f64,
     clearance: Clearance,
     contact: Option<f64>,
@@ -116,18 +126,23 @@ impl Summary {
             accessible: measure(reached(&findings.tools[index].imf.value)),
             surface_reached: surface.map(|surface| surface.reached_by(index)),
             blocked_by: blocked::by_tool(setup, findings, index),
-            removable: findings.removable.get(index).map(|swept| measure(marked(swept))),
+            removable: findings.removable.get(index).map(|found| measure(marked(&found.covered))),
             map_free_share: findings.maps.get(index).map(|map| map.free_share(setup.tau)),
         });
         let stock = setup.stock.as_ref().map(|stock| {
             let whole = stock.solid.count();
-            let any = |v: &usize| findings.removable.iter().any(|swept| swept[*v] != 0);
-            let removed = (0..stock.solid.solid.len()).filter(any).count();
+            let count = |by: fn(&Removable) -> &[u8]| {
+                let any = |v: &usize| findings.removable.iter().any(|found| by(found)[*v] != 0);
+                (0..stock.solid.solid.len()).filter(any).count()
+            };
+            let (removed, possible) = (count(|found| &found.covered), count(|found| &found.possible));
             StockRow {
                 stock: stock.name.clone(),
                 to_remove: measure(whole),
                 removable: measure(removed),
                 stays: measure(whole - removed),
+                undecided: measure(possible - removed),
+                out_of_reach: measure(whole - possible),
             }
         });
         Self {
@@ -140,6 +155,7 @@ impl Summary {
             pitch: setup.query.pitch,
             orientations: setup.orientations.spec.clone(),
             orientation_count: setup.orientations.len(),
+            suggested_by_the_part: setup.suggested.clone(),
             tau: setup.tau,
             clearance: setup.clearance,
             contact: setup.contact,
@@ -178,13 +194,14 @@ impl Summary {
             self.tools.iter().filter(|_| self.tools.len() > 1).map(|t| accessible_to(t).chars().count());
         let wide = names.max().unwrap_or(0).max(NAMES);
         let mut text = format!(
-            "{}: {x}×{y}×{z} voxels of {:.4} {}, {} orientations ({}), τ = {}\n\n{}{:wide$}{:>12}{:>16}   pieces\n",
+            "{}: {x}×{y}×{z} voxels of {:.4} {}, {} orientations ({}), τ = {}\n{}\n{}{:wide$}{:>12}{:>16}   pieces\n",
             self.part,
             self.pitch,
             self.unit,
             self.orientation_count,
             self.orientations,
             self.tau,
+            suggested_lines(&self.suggested_by_the_part, &self.unit),
             self.surface_lines(),
             "",
             "voxels",
@@ -212,7 +229,12 @@ impl Summary {
         if let Some(stock) = &self.stock {
             row("stock to remove", stock.to_remove, "");
             row("  a cutter reaches", stock.removable, "");
-            row("  stays at best", stock.stays, "");
+            row(
+                "  this pitch does not decide",
+                stock.undecided,
+                "near part and fixtures; less at a smaller --pitch",
+            );
+            row("  out of reach", stock.out_of_reach, "from these directions, at any pitch");
             if self.tools.len() > 1 {
                 for tool in &self.tools {
                     row(&format!("  {} reaches", tool.tool), tool.removable.unwrap_or_default(), "");

@@ -10,6 +10,7 @@ use serde_json::json;
 
 use super::elements::{self, ElementRow};
 use super::{ORIENTATIONS, SUMMARY, Streamed, Values, Work};
+use crate::arguments::orientations::suggested_lines;
 use crate::interrupt::Interrupted;
 use crate::output::{print, print_json, same_digits, write_json};
 use crate::picture::MaskStyle;
@@ -83,8 +84,9 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         0.0 => "some orientation reaches them freely".to_owned(),
         tau => format!("the field's minimum is at most {tau} there, an estimate"),
     };
+    let suggested = suggested_lines(work.suggested, &work.scene.record.unit.to_string());
     let mut text = format!(
-        "orientations  {} ({})\n\
+        "orientations  {} ({})\n{suggested}\
          accessible    {} voxels outside the part ({:.1} %): {reached}\n\
          inaccessible  {} voxels outside the part\n\
          largest IMF   {largest:.4}\n\
