@@ -21,7 +21,6 @@ pub struct CoverProblem {
 
 /// How far a cover is looked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
 pub struct CoverSettings {
     /// The fraction to cover of the weight that all sets together cover, above 0 and at most 1.
     pub fraction: f64,

@@ -8,6 +8,8 @@ mod access;
 mod contact;
 mod samples;
 mod setups;
+#[cfg(test)]
+mod skyline;
 
 pub use access::{SurfaceAccess, surface_access, surface_memory_estimate};
 pub use samples::{SurfaceSample, SurfaceSamples};

@@ -32,6 +32,13 @@ pub(crate) struct AccessArguments {
     /// cone:X,Y,Z:HALF_ANGLE
     #[arg(long, value_name = "LIMITS")]
     pub(crate) limits: Option<String>,
+    /// The fewest set-ups that reach the surface, proven, on a machine with this range of directions in each: by default the one
+    /// of a three-axis machine, else ac:A0:A1:C0:C1, bc:B0:B1:C0:C1 or cone:0,0,1:HALF_ANGLE
+    #[arg(long, value_name = "LIMITS", num_args = 0..=1, default_missing_value = "cone:0,0,1:0", conflicts_with = "limits")]
+    pub(crate) setups: Option<String>,
+    /// The percentage that the set-ups must reach of what all of them together would
+    #[arg(long, default_value_t = 100.0, value_name = "PERCENT", requires = "setups", value_parser = parse_percent)]
+    pub(crate) cover: f64,
     /// Largest collision measure of a pose that counts as free; 0 is exact
     #[arg(long, default_value_t = 0.0, value_name = "τ", value_parser = parse_threshold)]
     pub(crate) tau: f64,
@@ -70,6 +77,13 @@ fn parse_point(text: &str) -> Result<DVec3, String> {
     match values.as_slice() {
         &[x, y, z] if text.split(',').count() == 3 => Ok(DVec3::new(x, y, z)),
         _ => Err("three numbers such as 10,0,25.5".into()),
+    }
+}
+
+fn parse_percent(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(percent) if percent > 0.0 && percent <= 100.0 => Ok(percent),
+        _ => Err("a percentage above 0 and at most 100, such as 99.5".into()),
     }
 }
 

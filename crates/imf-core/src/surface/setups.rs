@@ -65,14 +65,14 @@ impl SetupPlan {
 }
 
 /// The fewest of these set-ups in which any of the tools reaches the fraction of [`CoverSettings`] of the area that all of
-/// them reach; `None` where the control asks to stop. Every element of `tools` is of these samples and of the directions
+/// them reach; `None` where the control asks to stop. One unit of progress is one set-up looked at. Every element of `tools` is of these samples and of the directions
 /// that the set-ups count.
 ///
 /// # Panics
 /// If the numbers of samples or directions differ.
 #[must_use]
 pub fn fewest_setups(
-    tools: &[SurfaceAccess],
+    tools: &[&SurfaceAccess],
     samples: &[SurfaceSample],
     setups: &[PartSetup],
     settings: &CoverSettings,
@@ -83,6 +83,7 @@ pub fn fewest_setups(
         let reaches =
             |sample: &usize| tools.iter().any(|tool| tool.is_free_from_any(*sample, &setup.directions));
         problem.add((0..samples.len()).filter(reaches));
+        (control.progress)(1);
         if control.is_cancelled() {
             return None;
         }
@@ -143,7 +144,7 @@ mod tests {
         let setups: Vec<PartSetup> =
             UPS.iter().map(|&up| PartSetup::new(&block, up, &directions, &limits)).collect();
         let settings = CoverSettings { fraction, ..CoverSettings::default() };
-        let plan = fewest_setups(&[access], &samples, &setups, &settings, Control::quiet()).unwrap();
+        let plan = fewest_setups(&[&access], &samples, &setups, &settings, Control::quiet()).unwrap();
         (plan, setups, samples.iter().map(|sample| sample.area).sum())
     }
 

@@ -17,7 +17,7 @@ use imf_core::tool::{Assembly, Clearance, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
 use imf_core::voxelize::voxelize;
 
-use super::surface::SurfaceSetup;
+use super::surface::{SetupQuestion, SurfaceSetup, as_pairs, ways_up};
 use crate::arguments::access::AccessArguments;
 use crate::arguments::fixture;
 use crate::arguments::orientations::{Directions, default_for};
@@ -73,8 +73,19 @@ impl Setup {
         let mut reading = arguments.scene.read(session)?;
         let mesh = reading.part.mesh.transformed(&reading.transform);
         let text = arguments.orientations.as_deref().unwrap_or_else(|| default_for(&reading.tools));
+        let range = arguments.setups.as_deref().map(Limits::parse).transpose()?;
+        let question = range.map(|range| SetupQuestion {
+            range,
+            fraction: 0.01 * arguments.cover,
+            every_direction: arguments.orientations.is_some(),
+        });
+        // A way up is a direction that the tool may come from.
+        let text = match question {
+            Some(_) => format!("{}+normals+{text}", as_pairs(&ways_up(&mesh.machining_directions()))),
+            None => text.to_owned(),
+        };
         let Directions { mut set, mut suggested } =
-            Directions::of_part(text, || mesh.machining_directions())?;
+            Directions::of_part(&text, || mesh.machining_directions())?;
         if let Some(limits) = &limits {
             set = set.within(limits)?;
             suggested.retain(|suggested| limits.reach(suggested.direction));
@@ -176,9 +187,14 @@ impl Setup {
             }
             _ => None,
         };
-        let surface = tools.iter().all(can_touch).then(|| surface(&spec, &obstacle_grid, unit, arguments));
+        let surface =
+            tools.iter().all(can_touch).then(|| surface(&spec, &obstacle_grid, unit, arguments, question));
         let surface = surface.transpose()?;
         if surface.is_none() {
+            ensure!(
+                question.is_none(),
+                "set-ups are chosen by the surface that they reach, and a tool here has no cutter"
+            );
             session.warn("a tool without a cutter can touch nothing: the part's surface is left out");
         }
         let [x, y, z] = query.dims;
@@ -230,6 +246,7 @@ fn surface(
     grid: &Grid,
     unit: LengthUnit,
     arguments: &AccessArguments,
+    setups: Option<SetupQuestion>,
 ) -> Result<SurfaceSetup> {
     let spec = SceneSpec { conservative: false, ..*spec };
     let tolerance = arguments.tolerance.unwrap_or_else(|| default_tolerance(grid.pitch, unit));
@@ -240,7 +257,8 @@ fn surface(
         Err(SceneError::NoSolid { .. } | SceneError::ThinFixture { .. }) => Ok(Occupancy::empty(*grid)),
         Err(error) => Err(error),
     };
-    Ok(SurfaceSetup { tolerance, solid: Arc::new(solid_of(grid)?), coarse: Arc::new(solid_of(&coarse)?) })
+    let (solid, coarse) = (Arc::new(solid_of(grid)?), Arc::new(solid_of(&coarse)?));
+    Ok(SurfaceSetup { tolerance, solid, coarse, setups })
 }
 
 /// Adds to the name of each of several tools its place in the list, as their files and `best_tool` count it: from 0.

@@ -11,7 +11,7 @@ use super::Findings;
 use super::blocked::{self, BlockedRow};
 use super::pictures::directions;
 use super::setup::Setup;
-use super::surface::{Surface, SurfaceRow};
+use super::surface::{SetupsRow, Surface, SurfaceRow};
 use crate::arguments::clearance::clearance_text;
 use crate::arguments::orientations::suggested_lines;
 use crate::progress::show_seconds;
@@ -99,6 +99,8 @@ pub(super) struct Summary {
     stock: Option<StockRow>,
     #[serde(skip_serializing_if = "Option::is_none")]
     surface: Option<SurfaceRow>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    setups: Option<SetupsRow>,
     seconds: f64,
     pub(super) files: Vec<String>,
 }
@@ -169,6 +171,7 @@ impl Summary {
             map_directions: directions(setup),
             stock,
             surface: surface.map(|surface| surface.row(&setup.orientations)),
+            setups: surface.and_then(|surface| surface.setups_row(setup)),
             seconds,
             files,
         }
@@ -181,6 +184,10 @@ impl Summary {
         for tool in self.tools.iter().filter(|_| self.tools.len() > 1) {
             let share = 100.0 * tool.surface_reached.unwrap_or_default();
             let _ = writeln!(text, "  {:34}{share:>8.1} %", format!("reached by {}", tool.tool));
+        }
+        if let Some(setups) = &self.setups {
+            text.push('\n');
+            text.push_str(&setups.lines(&self.unit));
         }
         text.push('\n');
         text

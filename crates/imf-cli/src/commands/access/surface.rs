@@ -1,5 +1,7 @@
 //! The part's surface: how much of its area is reached, from where, and what keeps the rest from being reached.
 
+mod setups;
+
 use std::path::Path;
 use std::sync::Arc;
 
@@ -13,6 +15,8 @@ use imf_core::surface::{
 };
 use imf_core::tool::{Assembly, ElementKind};
 use serde::Serialize;
+
+pub(super) use setups::{SetupQuestion, SetupsRow, as_pairs, ways_up};
 
 use super::setup::Setup;
 use crate::interrupt::Interrupted;
@@ -31,6 +35,8 @@ pub(super) struct SurfaceSetup {
     pub(super) solid: Arc<Occupancy>,
     /// The same at twice the pitch.
     pub(super) coarse: Arc<Occupancy>,
+    /// The fewest set-ups are looked for.
+    pub(super) setups: Option<SetupQuestion>,
 }
 
 impl SurfaceSetup {
@@ -52,6 +58,8 @@ pub(super) struct Surface {
     tolerance: f64,
     /// Area that each direction reaches with any tool.
     by_direction: Vec<f64>,
+    /// The fewest set-ups, where they are looked for.
+    setups: Option<setups::Setups>,
 }
 
 /// A sample's verdict for people and files, the better ones first.
@@ -112,9 +120,19 @@ impl Surface {
                 }
             }
         }
-        let mut surface =
-            Self { samples, tools, best, coarse: 0.0, tolerance: asked.tolerance, by_direction };
+        let mut surface = Self {
+            samples,
+            tools,
+            best,
+            coarse: 0.0,
+            tolerance: asked.tolerance,
+            by_direction,
+            setups: None,
+        };
         surface.coarse = surface.at_twice_the_pitch(session, setup, asked)?;
+        if let Some(question) = &asked.setups {
+            surface.setups = Some(setups::Setups::find(session, setup, question, &surface)?);
+        }
         Ok(surface)
     }
 
@@ -184,6 +202,10 @@ impl Surface {
         }
     }
 
+    pub(super) fn setups_row(&self, setup: &Setup) -> Option<SetupsRow> {
+        self.setups.as_ref().map(|found| found.row(self, &setup.suggested))
+    }
+
     /// The share that one tool reaches by itself.
     pub(super) fn reached_by(&self, tool: usize) -> f64 {
         self.share(|sample| matches!(self.tools[tool].0.reach[sample], Reach::Reached { .. }))
@@ -205,8 +227,10 @@ impl Surface {
             Reach::Reached { directions } => directions as f32,
             _ => 0.0,
         });
+        let in_setup = |setups: &setups::Setups| each(&|sample| setups.by_sample[sample] as f32);
+        let in_setup = self.setups.as_ref().map(in_setup);
         let [i, j, k] = [0, 1, 2].map(|axis| each(&|sample| directions[sample][axis]));
-        let values = [
+        let mut values = vec![
             ("verdict", &verdict[..]),
             ("directions", &number[..]),
             ("tool", &tool[..]),
@@ -214,6 +238,7 @@ impl Surface {
             ("best_j", &j[..]),
             ("best_k", &k[..]),
         ];
+        values.extend(in_setup.as_ref().map(|values| ("setup", &values[..])));
         let colours: Vec<[u8; 3]> = self.best.iter().flat_map(|(verdict, _)| [verdict.rgb(); 3]).collect();
         let comments = [
             format!("imf {}: {} in {}", env!("CARGO_PKG_VERSION"), setup.part, setup.unit),
