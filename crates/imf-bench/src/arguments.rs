@@ -1,6 +1,7 @@
 //! The command line: the measurements, and the arguments of those of exact sections, training steps and GPUs; the others
 //! have a file each.
 
+pub(crate) mod access;
 pub(crate) mod families;
 pub(crate) mod paper;
 pub(crate) mod query;
@@ -25,6 +26,7 @@ pub(crate) struct Cli {
 
 #[derive(Subcommand)]
 pub(crate) enum Command {
+    Access(access::AccessArguments),
     Exact(ExactArguments),
     Families(families::FamiliesArguments),
     Gpu(GpuArguments),

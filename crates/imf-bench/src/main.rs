@@ -1,6 +1,7 @@
 //! The laboratory of `imf`: what measures it beside its rivals, makes the paper's tables, and trains by recipes. Not published.
 //!
 //! ```text
+//! cargo run --release -p imf-bench -- access      what of a surface a tool reaches, beside the direct test
 //! cargo run --release -p imf-bench -- exact       exact sections beside scipy and rustfft, and how their cost grows
 //! cargo run --release -p imf-bench -- train       training steps beside PyTorch
 //! cargo run --release -p imf-bench -- gpu         what a GPU does beside the CPU
@@ -14,6 +15,7 @@
 //! (`redesign`); `python` the rivals and the readers of files that are written in Python, `parry3d` the one in Rust, which
 //! stands outside the workspace. Options, messages and exit codes are those of `imf`, whose library ([`imf_cli`]) does the work.
 
+mod access;
 mod arguments;
 mod candidates;
 mod cells;
@@ -47,6 +49,7 @@ fn main() -> ExitCode {
 fn run(cli: &Cli, rank: Rank) -> anyhow::Result<()> {
     let session = Session::new(&cli.global, rank)?;
     match &cli.command {
+        Command::Access(arguments) => access::run(&session, arguments),
         Command::Exact(arguments) => exact::run(&session, arguments),
         Command::Families(arguments) => families::run(&session, arguments),
         Command::Gpu(arguments) => gpu::run(&session, arguments),

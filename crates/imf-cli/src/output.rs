@@ -232,6 +232,15 @@ pub fn short(value: f64) -> String {
     if text == "-0" { "0".into() } else { text.into() }
 }
 
+/// An area or a volume: one decimal, and four digits at least, so that a small part has some in inches.
+pub(crate) fn show_measure(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() || value.abs() >= 1000.0 {
+        return format!("{value:.1}");
+    }
+    let decimals = (3 - value.abs().log10().floor() as i32).clamp(1, 12) as usize;
+    format!("{value:.decimals$}")
+}
+
 /// An element as a name of files and arrays: `cutter`, `shank`, `holder_1`.
 pub(crate) fn element_name(kind: ElementKind) -> String {
     kind.to_string().replace(' ', "_")

@@ -1,32 +1,33 @@
 //! How much of a part's surface a tool reaches, sample by sample and direction by direction, at contact poses.
 //!
 //! A sample is reached from a direction where some contact pose is good: shank and holder, offset by their clearance,
-//! hold no solid voxel centre, and the cutter none deeper below its own surface than a tolerance in length. Voxel centres
-//! that the part does not hold are never solid, so that the answer converges with the pitch, from above.
+//! hold no solid voxel centre, and the cutter none deeper below its own surface than a tolerance in length. On a facet of a
+//! curved surface a cutter that would cut deeper may turn about the sample as far as the facet's neighbours do, its own
+//! surface within the tolerance of the sample: a hole of facets takes the cutter of its diameter. Voxel centres that the part does not hold are never solid, so that
+//! the answer converges with the pitch, from above.
 
 mod access;
 mod contact;
 mod samples;
 mod setups;
-#[cfg(test)]
-mod skyline;
+mod stance;
+mod surroundings;
 
 pub use access::{SurfaceAccess, surface_access, surface_memory_estimate};
 pub use samples::{SurfaceSample, SurfaceSamples};
 pub use setups::{ChosenSetup, PartSetup, SetupPlan, fewest_setups};
-
-use std::f64::consts::TAU;
-use std::sync::Arc;
+pub use surroundings::{SolidBody, Surroundings};
 
 use glam::{DQuat, DVec3};
 use thiserror::Error;
 
-use contact::{Facing, Outline, Touch};
+use contact::Outline;
+use stance::{Outcome, Stance};
 
-use crate::field::solid::SolidField;
-use crate::occupancy::Occupancy;
-use crate::pose::Pose;
-use crate::tool::{Assembly, ClearanceError, Element, ElementKind, ToolShape};
+use crate::field::solid::{SolidField, SolidVoxels};
+use crate::orientation::Orientation;
+use crate::pose::axis_of;
+use crate::tool::{Assembly, ClearanceError, Element, ElementKind, Segment, ToolShape};
 use crate::unit::LengthUnit;
 
 /// Why a surface cannot be asked for.
@@ -70,12 +71,12 @@ pub enum Reach {
         /// Their number.
         directions: u32,
     },
-    /// The cutter fits, but something else of the tool collides from every such direction.
+    /// The cutter fits among the part, but something of the tool collides from every such direction.
     Obstructed {
         /// The direction nearest to the normal from which the cutter fits.
         direction: u32,
-        /// What collides there: bit i for element i of [`SurfaceTool::obstructing`]; none of a mesh tool.
-        elements: u32,
+        /// What collides there with what, as [`SurfaceTool::hits`] reads it; none of a mesh tool.
+        hits: u64,
     },
     /// The cutter itself does not fit: it would cut deeper into the part than the tolerance.
     Gouged,
@@ -83,20 +84,19 @@ pub enum Reach {
     NotFaced,
 }
 
-/// One tool around one obstacle, for contact poses.
+/// One tool among part and fixtures, for contact poses.
 pub struct SurfaceTool {
     name: String,
     shape: Shape,
     tolerance: f64,
-    rest: Option<SolidField>,
-    elements: Vec<(ElementKind, SolidField)>,
+    /// What [`Reach::Obstructed`] may blame: its kind, and it against every body.
+    elements: Vec<(ElementKind, Vec<SolidField>)>,
+    /// Most bodies of one element that 64 bits can tell apart.
+    bodies: usize,
 }
 
 enum Shape {
-    Revolved {
-        outline: Outline,
-        cutter: SolidField,
-    },
+    Revolved(Box<Revolved>),
     /// Vertices in the tool's frame.
     Mesh {
         vertices: Vec<DVec3>,
@@ -104,29 +104,57 @@ enum Shape {
     },
 }
 
-/// How a pose, or all poses of a direction, went; the better ones first.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Outcome {
-    Good,
-    Obstructed(Pose),
-    Gouged,
-    NoContact,
+/// A tool of revolution.
+struct Revolved {
+    outline: Outline,
+    /// A sine of the surface's inward normal above which nothing of the cutter touches.
+    highest: f64,
+    /// What lies deeper in the cutter than the tolerance, against the part.
+    cutter: SolidField,
+    /// The same against the fixtures.
+    held: Option<SolidField>,
+    /// Shank and holder.
+    rest: Option<SolidField>,
+    /// The cutter with the tolerance around it: what of the surface it may be said to touch.
+    touching: SolidField,
+    /// Largest radius of the cutter.
+    radius: f64,
+    /// Radius of the ball around a sample of which the solid centres are looked at once for all directions, in voxels; the
+    /// smaller is tried where the larger holds too many.
+    near: [f64; 2],
 }
 
-/// Starting places around a level ring, how many of them are followed, and steps from each.
-const STARTS: u32 = 8;
-const TRIES: usize = 3;
-const STEPS: usize = 6;
+/// A direction: the tool's axis, and its rotation.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Turn {
+    axis: DVec3,
+    rotation: DQuat,
+}
+
+impl Turn {
+    pub(crate) fn new(orientation: &Orientation) -> Self {
+        let rotation = orientation.quaternion();
+        // An orientation's quaternion has a length.
+        Self { axis: axis_of(rotation).unwrap_or(DVec3::Z), rotation }
+    }
+}
+
+/// By direction, what was last in the way: of samples side by side it is mostly the same.
+pub(crate) struct Memory(Vec<[Option<[f64; 3]>; 2]>);
+
+impl Memory {
+    pub(crate) fn new(directions: usize) -> Self {
+        Self(vec![[None; 2]; directions])
+    }
+}
 
 impl SurfaceTool {
-    /// `cut` is what the cutter must not cut into, by the rule of voxel centres; `obstacle` what shank and holder must stay
-    /// out of, which may be larger. The assembly is in the grid's unit.
+    /// The assembly is in the grid's unit.
     ///
     /// # Errors
     /// A tool without a cutter, or a tolerance that its cutter is not thick enough for.
     pub fn new(
-        cut: &Arc<Occupancy>,
-        obstacle: &Arc<Occupancy>,
+        surroundings: &Surroundings,
         assembly: &Assembly,
         tolerance: f64,
     ) -> Result<Self, SurfaceError> {
@@ -137,29 +165,48 @@ impl SurfaceTool {
         let name = tool.name.clone();
         let ToolShape::Revolved(parts) = &tool.shape else {
             let ToolShape::Mesh(mesh) = &tool.shape else { return Err(SurfaceError::NoCutter(name)) };
-            let whole = SolidField::of_tool(cut.clone(), tool);
+            let whole = SolidField::of_tool(surroundings.keep_out.clone(), tool);
             let shape = Shape::Mesh { vertices: mesh.vertices.clone(), whole };
-            return Ok(Self { name, shape, tolerance, rest: None, elements: Vec::new() });
+            return Ok(Self { name, shape, tolerance, elements: Vec::new(), bodies: 1 });
         };
         let outline = Outline::of(tool).ok_or_else(|| SurfaceError::NoCutter(name.clone()))?;
-        let cutting = parts.iter().filter(|e| e.kind == ElementKind::Cutter);
-        let cutter =
-            Element { kind: ElementKind::Cutter, profile: cutting.flat_map(|e| e.profile.clone()).collect() };
         let too_thick = || SurfaceError::Tolerance { name: name.clone(), tolerance };
-        let eroded = cutter.eroded(tolerance, outline.has_shoulder()).ok_or_else(too_thick)?;
-        let cutter = SolidField::of_elements(cut.clone(), &[eroded]).ok_or_else(too_thick)?;
+        let cutting = parts.iter().filter(|e| e.kind == ElementKind::Cutter);
+        let profile: Vec<Segment> = cutting.flat_map(|e| e.profile.clone()).collect();
+        let radius = profile.iter().map(Segment::max_radius).fold(0.0, f64::max);
+        let cutter = Element { kind: ElementKind::Cutter, profile };
+        let eroded = [cutter.eroded(tolerance, outline.has_shoulder()).ok_or_else(too_thick)?];
+        let of_cutter =
+            |voxels: &SolidVoxels| SolidField::of_elements(voxels.clone(), &eroded).ok_or_else(too_thick);
         let offset = tool.inflated_elements(assembly.clearance())?;
-        let others = offset.into_iter().filter(|e| e.kind != ElementKind::Cutter);
-        let elements = others.filter_map(|e| {
-            Some((e.kind, SolidField::of_elements(obstacle.clone(), std::slice::from_ref(&e))?))
-        });
-        Ok(Self {
-            shape: Shape::Revolved { outline, cutter },
-            tolerance,
-            rest: assembly.noncutting().map(|tool| SolidField::of_tool(obstacle.clone(), tool)),
-            elements: elements.collect(),
-            name,
-        })
+        let bodies = &surroundings.bodies;
+        let mut elements = Vec::new();
+        // The cutter is to blame for fixtures alone: what it would cut of the part is told by itself.
+        let held = surroundings.fixtures.as_ref().map(of_cutter).transpose()?;
+        let at_fixtures = bodies.iter().map(|[centres, _]| of_cutter(centres));
+        if held.is_some() {
+            elements.push((ElementKind::Cutter, at_fixtures.collect::<Result<Vec<_>, _>>()?));
+        }
+        for element in offset.into_iter().filter(|e| e.kind != ElementKind::Cutter) {
+            let element = std::slice::from_ref(&element);
+            let alone = bodies.iter().map(|[_, body]| SolidField::of_elements(body.clone(), element));
+            elements.extend(alone.collect::<Option<Vec<_>>>().map(|alone| (element[0].kind, alone)));
+        }
+        let touching = cutter.inflated(tolerance);
+        let pitch = surroundings.part.occupancy().grid.pitch;
+        let revolved = Revolved {
+            highest: outline.highest(tolerance),
+            cutter: of_cutter(&surroundings.part)?,
+            held,
+            rest: assembly.noncutting().map(|tool| SolidField::of_tool(surroundings.keep_out.clone(), tool)),
+            touching: SolidField::of_elements(surroundings.part.clone(), &[touching])
+                .ok_or_else(too_thick)?,
+            radius,
+            near: near_radii(radius / pitch),
+            outline,
+        };
+        let bodies = 64 / elements.len().max(1);
+        Ok(Self { name, shape: Shape::Revolved(Box::new(revolved)), tolerance, elements, bodies })
     }
 
     /// The tool's name.
@@ -168,30 +215,34 @@ impl SurfaceTool {
         &self.name
     }
 
-    /// The elements that may obstruct, in the order of the bits of [`Reach::Obstructed`].
-    pub fn obstructing(&self) -> impl Iterator<Item = ElementKind> {
-        self.elements.iter().map(|(kind, _)| *kind)
+    /// The hits of [`Reach::Obstructed`]: which element, from the tip upwards, and which body: 0 the part, then the
+    /// fixtures. The cutter is named for fixtures alone.
+    pub fn hits(&self, hits: u64) -> impl Iterator<Item = (ElementKind, usize)> {
+        let set = (0..64).filter(move |bit| hits >> bit & 1 == 1);
+        set.filter_map(|bit| Some((self.elements.get(bit / self.bodies)?.0, bit % self.bodies)))
     }
 
     /// What becomes of one sample; `free` is called with every direction from which it is reached.
-    pub fn reach(
+    pub(crate) fn reach(
         &self,
         sample: &SurfaceSample,
-        directions: &[(DVec3, DQuat)],
+        turns: &[Turn],
+        memory: &mut Memory,
         mut free: impl FnMut(usize),
     ) -> Reach {
+        let mut stance = Stance::new(self, sample);
         let (mut reached, mut faced) = (0, false);
-        let mut obstructed: Option<(f64, usize, Pose)> = None;
-        for (index, &(axis, rotation)) in directions.iter().enumerate() {
-            match self.outcome_from(sample, axis, rotation) {
+        let mut obstructed: Option<(f64, usize, DVec3)> = None;
+        for (index, (turn, last)) in turns.iter().zip(&mut memory.0).enumerate() {
+            match stance.from(turn, last) {
                 Outcome::Good => {
                     reached += 1;
                     free(index);
                 }
-                Outcome::Obstructed(pose) => {
-                    let facing = sample.normal.dot(axis);
+                Outcome::Obstructed(tip) => {
+                    let facing = sample.normal.dot(turn.axis);
                     if obstructed.is_none_or(|(best, ..)| facing > best + 1e-9) {
-                        obstructed = Some((facing, index, pose));
+                        obstructed = Some((facing, index, tip));
                     }
                 }
                 Outcome::Gouged => faced = true,
@@ -200,137 +251,37 @@ impl SurfaceTool {
         }
         match obstructed {
             _ if reached > 0 => Reach::Reached { directions: reached },
-            Some((_, direction, pose)) => {
-                Reach::Obstructed { direction: direction as u32, elements: self.colliding(&pose) }
+            Some((_, direction, tip)) => {
+                let hits = self.colliding(tip, turns[direction].axis);
+                Reach::Obstructed { direction: direction as u32, hits }
             }
             None if faced => Reach::Gouged,
             None => Reach::NotFaced,
         }
     }
 
-    fn outcome_from(&self, sample: &SurfaceSample, axis: DVec3, rotation: DQuat) -> Outcome {
-        let mut best = Outcome::NoContact;
-        let mut take = |outcome: Outcome| {
-            best = better(best, outcome);
-            best == Outcome::Good
-        };
-        match &self.shape {
-            Shape::Revolved { outline, .. } => {
-                let facing = Facing::new(sample.normal, axis);
-                let mut done = false;
-                outline.touches(facing.angle, self.tolerance, |touch| {
-                    if done {
-                        return;
-                    }
-                    done = match touch {
-                        Touch::Point { height, radius } => {
-                            take(self.at(&Pose::new(facing.tip(sample.point, height, radius), rotation)))
-                        }
-                        Touch::Ring { height, inner, outer } => {
-                            let middle = sample.point - axis * height;
-                            take(self.on_ring(middle, axis, rotation, inner, outer))
-                        }
-                    };
-                });
-            }
-            Shape::Mesh { vertices, whole } => {
-                // The vertices that lie farthest towards the surface, a tolerance outside it.
-                let support = |v: &DVec3| -sample.normal.dot(rotation * *v);
-                let farthest = vertices.iter().map(support).fold(f64::NEG_INFINITY, f64::max);
-                let tip = sample.point + sample.normal * self.tolerance;
-                let touching = vertices.iter().filter(|v| support(v) >= farthest - self.tolerance);
-                for vertex in touching.take(STEPS * STARTS as usize) {
-                    let pose = Pose::new(tip - rotation * *vertex, rotation);
-                    let outcome =
-                        if whole.collides(&pose) { Outcome::Obstructed(pose) } else { Outcome::Good };
-                    if take(outcome) {
-                        break;
-                    }
+    fn colliding(&self, tip: DVec3, axis: DVec3) -> u64 {
+        let mut hits = 0;
+        for (index, (kind, against)) in self.elements.iter().enumerate() {
+            for (body, solid) in against.iter().enumerate() {
+                let blamed = *kind != ElementKind::Cutter || body > 0;
+                if blamed && solid.meets(tip, axis, None, None) {
+                    // The last bit stands for all bodies beyond.
+                    hits |= 1 << (index * self.bodies + body.min(self.bodies - 1));
                 }
             }
         }
-        best
-    }
-
-    /// The best pose at which a level ring of the cutter touches: `middle` is the tip with the ring's own middle on the sample.
-    /// From a few starting places the tool steps away from what it hits, as far as the ring allows.
-    fn on_ring(&self, middle: DVec3, axis: DVec3, rotation: DQuat, inner: f64, outer: f64) -> Outcome {
-        let u = axis.any_orthonormal_vector();
-        let v = axis.cross(u);
-        let mut starts = Vec::with_capacity(1 + 2 * STARTS as usize);
-        if inner == 0.0 {
-            starts.push(DVec3::ZERO);
-        }
-        for radius in [0.5 * (inner + outer), outer] {
-            starts.extend((0..STARTS).map(|start| {
-                let (sine, cosine) = (f64::from(start) * TAU / f64::from(STARTS)).sin_cos();
-                (u * cosine + v * sine) * radius
-            }));
-        }
-        let mut best = Outcome::NoContact;
-        let mut steps = Vec::with_capacity(starts.len());
-        for &offset in &starts {
-            let pose = Pose::new(middle + offset, rotation);
-            best = better(best, self.at(&pose));
-            if best == Outcome::Good {
-                return best;
-            }
-            steps.extend(self.side_step(&pose).map(|step| (offset, step)));
-        }
-        // The places with the least in the way.
-        steps.sort_by(|a, b| a.1.length_squared().total_cmp(&b.1.length_squared()));
-        for &(start, step) in steps.iter().take(TRIES) {
-            let (mut offset, mut step) = (start, step);
-            for _ in 0..STEPS {
-                let next = offset + step;
-                offset = next.normalize_or(u) * next.length().clamp(inner, outer);
-                let pose = Pose::new(middle + offset, rotation);
-                best = better(best, self.at(&pose));
-                if best == Outcome::Good {
-                    return best;
-                }
-                let Some(next) = self.side_step(&pose) else { break };
-                step = next;
-            }
-        }
-        best
-    }
-
-    fn at(&self, pose: &Pose) -> Outcome {
-        let Shape::Revolved { cutter, .. } = &self.shape else { return Outcome::NoContact };
-        if cutter.collides(pose) {
-            Outcome::Gouged
-        } else if self.rest.as_ref().is_some_and(|rest| rest.collides(pose)) {
-            Outcome::Obstructed(*pose)
-        } else {
-            Outcome::Good
-        }
-    }
-
-    /// Of cutter and rest the longer step.
-    fn side_step(&self, pose: &Pose) -> Option<DVec3> {
-        let Shape::Revolved { cutter, .. } = &self.shape else { return None };
-        let steps =
-            [Some(cutter), self.rest.as_ref()].into_iter().flatten().filter_map(|s| s.side_step(pose));
-        steps.max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))
-    }
-
-    fn colliding(&self, pose: &Pose) -> u32 {
-        let bits = self.elements.iter().take(32).enumerate();
-        // Counted, since balls to prove by would have to be made for each element.
-        bits.filter(|(_, (_, solid))| solid.count(pose).is_none_or(|count| count > 0))
-            .fold(0, |bits, (i, _)| bits | 1 << i)
+        hits
     }
 }
 
-fn better(a: Outcome, b: Outcome) -> Outcome {
-    let rank = |outcome: &Outcome| match outcome {
-        Outcome::Good => 0,
-        Outcome::Obstructed(_) => 1,
-        Outcome::Gouged => 2,
-        Outcome::NoContact => 3,
-    };
-    if rank(&b) < rank(&a) { b } else { a }
+/// Largest radius of a first look around samples, in voxels.
+const LOOK: f64 = 16.0;
+
+/// For a cutter of a radius in voxels: as far as some way up along it, and as far as across it.
+fn near_radii(radius: f64) -> [f64; 2] {
+    let across = 2.0 * radius + 2.0;
+    [(3.0 * radius + 4.0).min(LOOK.max(across)), across]
 }
 
 #[cfg(test)]

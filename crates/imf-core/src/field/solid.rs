@@ -11,21 +11,22 @@ mod runs;
 mod segment;
 mod side_step;
 mod sphere_tree;
+mod voxels;
 
-use std::sync::{Arc, OnceLock};
+use std::sync::OnceLock;
 
 use glam::{DQuat, DVec3};
 use pulp::Arch;
 
-use crate::distance::DistanceField;
-use crate::occupancy::Occupancy;
 use crate::pose::{Pose, axis_of};
 use crate::tool::{Element, ElementKind, Segment, Tool, ToolError, ToolShape, snapped};
 use inscribed::InscribedSpheres;
 use oriented::OrientedTools;
-use runs::{Columns, Within, count};
+use runs::{Within, count, first_solid};
 use segment::{Placed, PlacedSegment};
+pub(crate) use sphere_tree::Cleared;
 use sphere_tree::{OPEN, SphereTree, Verdict};
+pub(crate) use voxels::SolidVoxels;
 
 /// Counts an obstacle's voxel centres in one analytic tool at any pose, divided by the tool's own count in that
 /// orientation with its tip on a voxel centre.
@@ -33,16 +34,15 @@ use sphere_tree::{OPEN, SphereTree, Verdict};
 /// Every method takes `&self` and allocates nothing for tools of revolution; threads share one field. Lengths are in
 /// the unit of the obstacle's grid. An invalid pose is never free.
 pub(crate) struct SolidField {
-    obstacle: Arc<Occupancy>,
+    voxels: SolidVoxels,
     /// The tool's, for messages.
     name: String,
     shape: Shape,
-    columns: Columns,
     /// Largest distance of any of the tool's points from its tip.
     reach: f64,
     arch: Arch,
     /// Made at the first decision.
-    spheres: OnceLock<(DistanceField, SphereTree)>,
+    spheres: OnceLock<SphereTree>,
     /// Made at the first bound of a penetration.
     inscribed: OnceLock<InscribedSpheres>,
 }
@@ -99,30 +99,31 @@ impl Body {
 
 impl SolidField {
     /// Of a tool around an obstacle.
-    pub(crate) fn of_tool(obstacle: Arc<Occupancy>, tool: &Tool) -> Self {
+    pub(crate) fn of_tool(obstacle: impl Into<SolidVoxels>, tool: &Tool) -> Self {
+        let voxels = obstacle.into();
         let bodies = match &tool.shape {
-            ToolShape::Revolved(elements) => bodies_of(elements, obstacle.grid.pitch),
+            ToolShape::Revolved(elements) => bodies_of(elements, voxels.occupancy().grid.pitch),
             ToolShape::Mesh(_) => None,
         };
         let definition = || Shape::Definition(Box::new(tool.clone()), OrientedTools::default());
         let shape = bodies.map_or_else(definition, Shape::Bodies);
-        Self::new(obstacle, &tool.name, shape, tool.reach())
+        Self::new(voxels, &tool.name, shape, tool.reach())
     }
 
     /// Of bodies that may overlap, such as [`Tool::inflated_elements`]: each is counted by itself, and
     /// the count of all is the sum. `None` for an outline with an arc around a centre
     /// beyond the axis, or with more than 64 segments.
-    pub(crate) fn of_elements(obstacle: Arc<Occupancy>, elements: &[Element]) -> Option<Self> {
-        let shape = Shape::Bodies(bodies_of(elements, obstacle.grid.pitch)?);
+    pub(crate) fn of_elements(obstacle: impl Into<SolidVoxels>, elements: &[Element]) -> Option<Self> {
+        let voxels = obstacle.into();
+        let shape = Shape::Bodies(bodies_of(elements, voxels.occupancy().grid.pitch)?);
         let farthest = |s: &Segment| s.max_radius().hypot(s.range().0.abs().max(s.range().1.abs()));
         let reach = elements.iter().flat_map(|e| &e.profile).map(farthest).fold(0.0, f64::max);
-        Some(Self::new(obstacle, "elements", shape, reach))
+        Some(Self::new(voxels, "elements", shape, reach))
     }
 
-    fn new(obstacle: Arc<Occupancy>, name: &str, shape: Shape, reach: f64) -> Self {
+    fn new(voxels: SolidVoxels, name: &str, shape: Shape, reach: f64) -> Self {
         Self {
-            columns: Columns::new(&obstacle),
-            obstacle,
+            voxels,
             name: name.to_owned(),
             shape,
             reach,
@@ -156,15 +157,16 @@ impl SolidField {
 
     /// By the tool's voxels where the tip is on a voxel centre, and by the definition elsewhere.
     fn definition_count(&self, tool: &Tool, oriented: &OrientedTools, pose: &Pose) -> u32 {
-        let grid = &self.obstacle.grid;
+        let obstacle = self.voxels.occupancy();
+        let grid = &obstacle.grid;
         let (tip, orientation) = (snapped(grid, pose.position), pose.orientation());
         if tip == tip.round()
             && tip.abs().max_element() < FARTHEST
             && let Ok(rotated) = oriented.of(tool, &orientation, grid.pitch)
         {
-            return rotated.count_in(&self.obstacle, tip.to_array().map(|v| v as i64));
+            return rotated.count_in(obstacle, tip.to_array().map(|v| v as i64));
         }
-        tool.count_inside(&self.obstacle, pose.position, &orientation)
+        tool.count_inside(obstacle, pose.position, &orientation)
     }
 
     /// Solid voxels in each element, in the order of [`SolidField::elements`]; 0 at an invalid pose.
@@ -182,7 +184,7 @@ impl SolidField {
 
     /// The tool's own count in a rotation with its tip on a voxel centre: what overlaps are divided by.
     pub(crate) fn normaliser(&self, rotation: DQuat) -> Result<u32, ToolError> {
-        let pitch = self.obstacle.grid.pitch;
+        let pitch = self.voxels.occupancy().grid.pitch;
         let too_small = || ToolError::TooSmall { name: self.name.clone(), pitch };
         let direction = axis_of(rotation).ok_or_else(too_small)?;
         if let Shape::Definition(tool, oriented) = &self.shape {
@@ -207,61 +209,122 @@ impl SolidField {
     pub(crate) fn collides(&self, pose: &Pose) -> bool {
         let Some(placed) = self.placed(pose) else { return true };
         match &self.shape {
-            Shape::Bodies(bodies) => self.bodies_collide(bodies, placed),
+            Shape::Bodies(bodies) => self.bodies_collide(bodies, placed, None, None),
             Shape::Definition(tool, oriented) => self.definition_count(tool, oriented, pose) > 0,
         }
     }
 
-    fn bodies_collide(&self, bodies: &[Body], placed: Placed) -> bool {
-        if !placed.tip.is_finite() {
+    /// `last` is a voxel to try first, and becomes one that is found in the tool.
+    #[inline]
+    fn bodies_collide(
+        &self,
+        bodies: &[Body],
+        placed: Placed,
+        cleared: Option<&Cleared>,
+        mut last: Option<&mut Option<[f64; 3]>>,
+    ) -> bool {
+        let holds = |voxel: [f64; 3]| bodies.iter().any(|body| placed.holds(&body.profile, voxel));
+        if !placed.tip.is_finite() || last.as_ref().is_some_and(|last| last.is_some_and(holds)) {
             return true;
         }
-        let (distances, tree) = self.spheres(bodies);
         let mut open = [0; OPEN];
-        match tree.decide(placed, bodies, distances, &mut open) {
+        match self.spheres(bodies).decide(placed, bodies, self.voxels.distances(), cleared, &mut open) {
             Verdict::Free => false,
-            Verdict::Colliding => true,
+            Verdict::Colliding(voxel) => {
+                if let Some(last) = last {
+                    *last = Some(voxel);
+                }
+                true
+            }
             Verdict::Undecided => bodies.iter().any(|body| self.body_count(body, placed, true) > 0),
             Verdict::Open(found) => open[..found].iter().any(|&index| {
-                let piece = tree.piece(index);
-                let body = &bodies[piece.body];
-                let (world, part) = (&body.profile[piece.segment], &body.parts[piece.segment]);
-                // A little over either end, as far as the segment reaches: the next piece's sphere covers its own
-                // heights only up to rounding.
-                let (lowest, highest) = part.segment.range();
-                let (from, to) = ((piece.from - 1e-4).max(lowest), (piece.to + 1e-4).min(highest));
-                let segment = PlacedSegment::new(placed, world, &part.segment, part.widest, from, to);
-                count(self.arch, &segment, Within::Obstacle(&self.columns), true) > 0
+                let segment = self.open_piece(bodies, placed, index);
+                let within = Within::Obstacle(self.voxels.columns());
+                let collides = count(self.arch, &segment, within, true) > 0;
+                if collides && let Some(last) = last.as_deref_mut() {
+                    *last = first_solid(&segment, self.voxels.columns());
+                }
+                collides
             }),
         }
+    }
+
+    /// A piece that the spheres left open.
+    fn open_piece<'a>(&self, bodies: &'a [Body], placed: Placed, index: u32) -> PlacedSegment<'a> {
+        let piece = self.spheres(bodies).piece(index);
+        let body = &bodies[piece.body];
+        let (world, part) = (&body.profile[piece.segment], &body.parts[piece.segment]);
+        // A little over either end, as far as the segment reaches: the next piece's sphere covers its own
+        // heights only up to rounding.
+        let (lowest, highest) = part.segment.range();
+        let (from, to) = ((piece.from - 1e-4).max(lowest), (piece.to + 1e-4).min(highest));
+        PlacedSegment::new(placed, world, &part.segment, part.widest, from, to)
+    }
+
+    /// [`SolidField::collides`] with the tip at a position and the axis along a unit vector, for poses that follow one
+    /// another: `last` is a voxel that was in the way before, and is tried first. No solid centre within `cleared` may lie
+    /// in the tool.
+    #[inline]
+    pub(crate) fn meets(
+        &self,
+        tip: DVec3,
+        axis: DVec3,
+        cleared: Option<&Cleared>,
+        last: Option<&mut Option<[f64; 3]>>,
+    ) -> bool {
+        match &self.shape {
+            Shape::Bodies(bodies) => self.bodies_collide(bodies, self.standing(tip, axis), cleared, last),
+            Shape::Definition(..) => self.collides(&Pose::along(tip, axis)),
+        }
+    }
+
+    /// True where the tool holds a point, given in continuous voxel coordinates; false of a mesh.
+    #[inline]
+    pub(crate) fn holds(&self, tip: DVec3, axis: DVec3, point: [f64; 3]) -> bool {
+        let placed = self.standing(tip, axis);
+        self.bodies().iter().any(|body| placed.holds(&body.profile, point))
+    }
+
+    /// A point of the world in continuous voxel coordinates.
+    pub(crate) fn voxel_of(&self, point: DVec3) -> [f64; 3] {
+        self.voxels.occupancy().grid.continuous(point).to_array()
+    }
+
+    /// What it is asked about.
+    pub(crate) fn voxels(&self) -> &SolidVoxels {
+        &self.voxels
+    }
+
+    #[inline]
+    fn standing(&self, tip: DVec3, direction: DVec3) -> Placed {
+        let grid = &self.voxels.occupancy().grid;
+        Placed { tip: snapped(grid, tip), direction, pitch: grid.pitch }
     }
 
     /// [`ExactField::clearance_bound`](super::ExactField::clearance_bound) of this obstacle.
     pub(crate) fn clearance_bound(&self, pose: &Pose) -> Option<f64> {
         let Shape::Bodies(bodies) = &self.shape else { return None };
         let Some(placed) = self.placed(pose) else { return Some(0.0) };
-        let (distances, tree) = self.spheres(bodies);
-        Some(tree.clearance(placed, distances) * placed.pitch)
+        Some(self.spheres(bodies).clearance(placed, self.voxels.distances()) * placed.pitch)
     }
 
     /// [`ExactField::penetration_bound`](super::ExactField::penetration_bound) of this obstacle.
     pub(crate) fn penetration_bound(&self, pose: &Pose) -> Option<f64> {
         let Shape::Bodies(bodies) = &self.shape else { return None };
         let Some(placed) = self.placed(pose) else { return Some(0.0) };
-        let (distances, _) = self.spheres(bodies);
-        let inscribed = self.inscribed.get_or_init(|| InscribedSpheres::new(bodies, &self.obstacle));
-        Some(inscribed.bound(placed, distances, &self.obstacle) * placed.pitch)
+        let obstacle = self.voxels.occupancy();
+        let inscribed = self.inscribed.get_or_init(|| InscribedSpheres::new(bodies, obstacle));
+        Some(inscribed.bound(placed, self.voxels.distances(), obstacle) * placed.pitch)
     }
 
-    fn spheres(&self, bodies: &[Body]) -> &(DistanceField, SphereTree) {
-        self.spheres.get_or_init(|| (DistanceField::new(&self.obstacle), SphereTree::new(bodies)))
+    fn spheres(&self, bodies: &[Body]) -> &SphereTree {
+        self.spheres.get_or_init(|| SphereTree::new(bodies))
     }
 
     /// `None` for an invalid pose.
     #[inline]
     fn placed(&self, pose: &Pose) -> Option<Placed> {
-        let (direction, grid) = (pose.axis()?, &self.obstacle.grid);
-        Some(Placed { tip: snapped(grid, pose.position), direction, pitch: grid.pitch })
+        Some(self.standing(pose.position, pose.axis()?))
     }
 
     /// Largest distance of any of the tool's points from its tip, in world units.
@@ -273,7 +336,7 @@ impl SolidField {
         if !placed.tip.is_finite() {
             return 0;
         }
-        let within = Within::Obstacle(&self.columns);
+        let within = Within::Obstacle(self.voxels.columns());
         body_segments(body, placed).map(|segment| count(self.arch, &segment, within, stop)).sum()
     }
 }

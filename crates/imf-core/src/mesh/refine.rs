@@ -12,10 +12,17 @@ impl Mesh {
     /// If a triangle names a vertex that does not exist.
     #[must_use]
     pub fn refined(&self, longest: f64, most: usize) -> Self {
+        self.refined_with_origins(longest, most).0
+    }
+
+    /// The same, with the triangle that each piece is of.
+    pub(crate) fn refined_with_origins(&self, longest: f64, most: usize) -> (Self, Vec<u32>) {
         let mut mesh = self.clone();
+        let mut origins: Vec<u32> = (0..self.triangles.len() as u32).collect();
         while mesh.triangles.len() <= most {
             let mut middles: HashMap<(u32, u32), Option<u32>> = HashMap::new();
             let mut triangles = Vec::with_capacity(mesh.triangles.len());
+            let mut pieces = Vec::with_capacity(mesh.triangles.len());
             for t in 0..mesh.triangles.len() {
                 let [a, b, c] = mesh.triangles[t];
                 let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(from, to)| {
@@ -29,14 +36,15 @@ impl Mesh {
                     })
                 });
                 split([a, b, c], [ab, bc, ca], &mut triangles);
+                pieces.resize(triangles.len(), origins[t]);
             }
             let done = triangles.len() == mesh.triangles.len();
-            mesh.triangles = triangles;
+            (mesh.triangles, origins) = (triangles, pieces);
             if done {
                 break;
             }
         }
-        mesh
+        (mesh, origins)
     }
 }
 

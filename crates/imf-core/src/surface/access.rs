@@ -1,8 +1,6 @@
 //! What one tool reaches of a whole surface, on all threads.
 
-use glam::{DQuat, DVec3};
-
-use super::{Reach, SurfaceError, SurfaceSample, SurfaceTool};
+use super::{Memory, Reach, SurfaceError, SurfaceSample, SurfaceTool, Turn};
 use crate::control::Control;
 use crate::orientation::Orientation;
 use crate::parallel;
@@ -71,17 +69,19 @@ pub fn surface_access(
     control: Control<'_>,
 ) -> Result<SurfaceAccess, SurfaceError> {
     let words = directions.len().div_ceil(64);
-    let turned: Vec<(DVec3, DQuat)> = directions.iter().map(|o| (o.direction(), o.quaternion())).collect();
+    let turns: Vec<Turn> = directions.iter().map(Turn::new).collect();
     let parts = parallel::try_map(samples.len().div_ceil(CHUNK), |chunk| {
         let samples = &samples[chunk * CHUNK..samples.len().min((chunk + 1) * CHUNK)];
         let mut free = vec![0u64; samples.len() * words];
         let mut reach = Vec::with_capacity(samples.len());
+        let mut memory = Memory::new(turns.len());
         for (index, sample) in samples.iter().enumerate() {
             if control.is_cancelled() {
                 return Err(SurfaceError::Cancelled);
             }
             let row = &mut free[index * words..(index + 1) * words];
-            reach.push(tool.reach(sample, &turned, |direction| row[direction / 64] |= 1 << (direction % 64)));
+            let free = |direction: usize| row[direction / 64] |= 1 << (direction % 64);
+            reach.push(tool.reach(sample, &turns, &mut memory, free));
         }
         (control.progress)(samples.len() as u64);
         Ok((reach, free))

@@ -1,84 +1,66 @@
 //! Parts of which geometry tells what a tool reaches, at pitches that halve: every answer stays within a bound of the closed
 //! form, and the bound falls with the pitch.
 
-use std::f64::consts::PI;
+mod solids;
 
-use glam::{DVec2, DVec3};
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use glam::{DMat4, DVec2, DVec3};
 
 use super::*;
 use crate::control::Control;
 use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::orientation::OrientationSet;
-use crate::parts::shell::{Axis, Facing as Side, Shell, circle, pocketed, rounded_rectangle};
-use crate::tool::{Segment, SharpPoints, Tool};
+use crate::parts::shell::{circle, pocketed, rounded_rectangle};
+use crate::tool::Tool;
 use crate::voxelize::voxelize;
+use solids::{ball, cylinder, dimpled, extruded, flat, line, of_mesh, slotted, tapered, tool};
 
 const PITCHES: [f64; 4] = [2.0, 1.0, 0.5, 0.25];
+/// Samples of a part, at least: some 0.8 to 1.5 mm apart.
+const SAMPLES: usize = 1500;
 
-fn line(from: f64, to: f64, radius_from: f64, radius_to: f64) -> Segment {
-    Segment::Line { from, to, radius_from, radius_to }
-}
-
-/// A cutter, a shank of a radius up to 30, and a holder of diameter 24 up to 60.
-fn tool(cutter: Vec<Segment>, shank: f64) -> Tool {
-    let end = cutter.last().unwrap().range().1;
-    let elements = [
-        (ElementKind::Cutter, cutter),
-        (ElementKind::Shank, vec![line(end, 30.0, shank, shank)]),
-        (ElementKind::Holder(0), vec![line(30.0, 60.0, 12.0, 12.0)]),
-    ];
-    Tool {
-        name: "test".into(),
-        unit: LengthUnit::Mm,
-        shape: ToolShape::Revolved(
-            elements.into_iter().map(|(kind, profile)| Element { kind, profile }).collect(),
-        ),
-        sharp_points: SharpPoints::Tip,
-    }
-}
-
-fn flat(radius: f64) -> Tool {
-    tool(vec![line(0.0, 20.0, radius, radius)], radius)
-}
-
-fn ball(radius: f64) -> Tool {
-    let round =
-        Segment::Arc { from: 0.0, to: radius, centre_height: radius, centre_radius: 0.0, arc_radius: radius };
-    tool(vec![round, line(radius, 20.0, radius, radius)], radius)
-}
-
-/// A profile in (z, x), counter-clockwise, extruded along y.
-fn extruded(profile: &[[f64; 2]], length: f64) -> Mesh {
-    let outline: Vec<DVec2> = profile.iter().map(|&p| DVec2::from_array(p)).collect();
-    let mut shell = Shell::default();
-    shell.post(Axis::Y, &outline, [0.0, length]);
-    shell.face(Axis::Y, 0.0, Side::Down, &outline, &[]);
-    shell.face(Axis::Y, length, Side::Up, &outline, &[]);
-    shell.into_mesh()
-}
-
-/// A part's samples, with what becomes of each.
-struct Found {
+/// A part at a pitch, for several tools.
+struct Part {
     samples: Vec<SurfaceSample>,
-    reach: Vec<Reach>,
+    surroundings: Surroundings,
+    pitch: f64,
 }
 
-impl Found {
-    fn new(mesh: &Mesh, tool: &Tool, pitch: f64, directions: &str) -> Self {
+impl Part {
+    fn new(mesh: &Mesh, pitch: f64) -> Self {
+        Self::sampled(mesh, pitch, SAMPLES)
+    }
+
+    fn sampled(mesh: &Mesh, pitch: f64, samples: usize) -> Self {
         let (lower, upper) = mesh.bounds().unwrap();
         // Off the part's own planes, as a user's part lies.
         let shift = DVec3::new(0.37, 0.21, 0.13) * pitch;
         let grid = Grid::with_pitch(lower - shift, upper + shift, pitch, 1).unwrap();
         let solid = Arc::new(voxelize(mesh, &grid, false));
-        let samples = SurfaceSamples::new(mesh, &solid, 3000).samples;
-        let tolerance = default_tolerance(pitch, LengthUnit::Mm);
-        let tool = SurfaceTool::new(&solid, &solid, &tool.into(), tolerance).unwrap();
-        let directions = OrientationSet::parse(directions).unwrap().orientations;
-        let reach = surface_access(&tool, &samples, &directions, Control::quiet()).unwrap().reach;
-        Self { samples, reach }
+        let samples = SurfaceSamples::new(mesh, &solid, samples).samples;
+        Self { samples, surroundings: Surroundings::new(&solid.into(), &[]), pitch }
     }
 
+    fn found(&self, tool: &Tool, directions: &str) -> Found<'_> {
+        let tolerance = default_tolerance(self.pitch, LengthUnit::Mm);
+        let tool = SurfaceTool::new(&self.surroundings, &tool.into(), tolerance).unwrap();
+        let directions = OrientationSet::parse(directions).unwrap().orientations;
+        let reach = surface_access(&tool, &self.samples, &directions, Control::quiet()).unwrap().reach;
+        Found { samples: &self.samples, tool, reach }
+    }
+}
+
+/// A part's samples, with what becomes of each.
+struct Found<'a> {
+    samples: &'a [SurfaceSample],
+    tool: SurfaceTool,
+    reach: Vec<Reach>,
+}
+
+impl Found<'_> {
     /// The share of the area of chosen samples for which a verdict holds.
     fn share(&self, of: impl Fn(&SurfaceSample) -> bool, is: impl Fn(&Reach) -> bool) -> f64 {
         let (mut whole, mut part) = (0.0, 0.0);
@@ -107,11 +89,12 @@ fn is_wall(sample: &SurfaceSample) -> bool {
 fn a_block_is_reached_all_around() {
     let mesh = extruded(&[[0.0, 0.0], [12.0, 0.0], [12.0, 16.0], [0.0, 16.0]], 16.0);
     for pitch in PITCHES {
+        let part = Part::new(&mesh, pitch);
         for tool in [flat(5.0), ball(3.0)] {
-            assert_eq!(Found::new(&mesh, &tool, pitch, AXES).reached(|_| true), 1.0, "{pitch}");
+            assert_eq!(part.found(&tool, AXES).reached(|_| true), 1.0, "{pitch}");
         }
         // No direction is a face's normal: the rim touches.
-        assert_eq!(Found::new(&mesh, &flat(5.0), pitch, "fibonacci:30").reached(|_| true), 1.0, "{pitch}");
+        assert_eq!(part.found(&flat(5.0), "fibonacci:30").reached(|_| true), 1.0, "{pitch}");
     }
 }
 
@@ -120,42 +103,45 @@ fn holes_below_at_and_above_the_cutters_diameter() {
     let centre = DVec2::splat(8.0);
     let inside =
         |s: &SurfaceSample| (s.point.truncate() - centre).length() < 4.3 && (0.1..19.9).contains(&s.point.z);
-    for pitch in PITCHES {
-        // Facets of less than the tolerance: a cutter as wide as the hole is moved along the facet that it touches.
-        for depth in [12.0, 20.0] {
-            let block = |radius| pocketed(DVec3::new(16.0, 16.0, 20.0), &circle(centre, radius, 256), depth);
-            for (radius, cutter_radius, cutter) in
-                [(4.0, 3.0, flat(3.0)), (3.0, 3.0, flat(3.0)), (4.0, 3.0, ball(3.0)), (4.0, 4.0, ball(4.0))]
-            {
-                let found = Found::new(&block(radius), &cutter, pitch, AXES);
-                let wall = |s: &SurfaceSample| inside(s) && is_wall(s);
-                // A ball touches a wall at its equator, a radius above its tip.
-                let is_ball = cutter == ball(3.0) || cutter == ball(4.0);
-                let left = if is_ball && depth < 20.0 { cutter_radius } else { 0.0 };
-                let expected = 1.0 - left / depth;
-                // Samples stand some 0.8 mm apart.
-                let bound = 0.01 + if is_ball { (0.8 + pitch) / depth } else { 0.0 };
-                assert!(
-                    (found.reached(wall) - expected).abs() < bound,
-                    "{pitch} {depth} {radius} {cutter_radius}: {} for {expected}",
-                    found.reached(wall)
-                );
-                // A flat end reaches the whole floor; a ball that is as wide as the hole its middle alone.
-                if depth < 20.0 && radius == 4.0 {
-                    let floor = |s: &SurfaceSample| inside(s) && s.normal.z > 0.5;
-                    let found = found.reached(floor);
-                    let least = if is_ball { 0.0 } else { 0.995 };
-                    assert!(found >= least, "{pitch} {radius}: {found}");
-                }
+    let wall = |s: &SurfaceSample| inside(s) && is_wall(s);
+    for (pitch, depth) in PITCHES.into_iter().flat_map(|pitch| [(pitch, 12.0), (pitch, 20.0)]) {
+        // Holes of facets, blind and through: a cutter of the hole's diameter gives way to the facets.
+        let part = |radius, facets| {
+            let hole = circle(centre, radius, facets);
+            Part::new(&pocketed(DVec3::new(16.0, 16.0, 20.0), &hole, depth), pitch)
+        };
+        let parts = [part(4.0, 24), part(3.0, 64)];
+        for (part, radius, cutter_radius, cutter) in [
+            (&parts[0], 4.0, 3.0, flat(3.0)),
+            (&parts[0], 4.0, 4.0, flat(4.0)),
+            (&parts[1], 3.0, 3.0, flat(3.0)),
+            (&parts[0], 4.0, 3.0, ball(3.0)),
+            (&parts[0], 4.0, 4.0, ball(4.0)),
+        ] {
+            let found = part.found(&cutter, AXES);
+            // A ball touches a wall at its equator, a radius above its tip.
+            let is_ball = cutter == ball(cutter_radius);
+            let left = if is_ball && depth < 20.0 { cutter_radius } else { 0.0 };
+            let expected = 1.0 - left / depth;
+            // Samples stand some 1 mm apart.
+            let bound = 0.02 + if is_ball { (1.0 + pitch) / depth } else { 0.01 * pitch };
+            assert!(
+                (found.reached(wall) - expected).abs() < bound,
+                "{pitch} {depth} {radius} {cutter_radius}: {} for {expected}",
+                found.reached(wall)
+            );
+            // A flat end reaches the whole floor, a ball that is as wide as the hole its middle alone.
+            if depth < 20.0 && !is_ball && radius > cutter_radius {
+                let floor = |s: &SurfaceSample| inside(s) && s.normal.z > 0.5;
+                assert!(found.reached(floor) >= 0.995, "{pitch} {radius}: {}", found.reached(floor));
             }
-            let found = Found::new(&block(4.0), &flat(5.0), pitch, AXES);
-            let fits = found.reached(inside);
-            // The cutter dips into the mouth as far as no solid centre lies below it.
-            assert!(fits < 0.1 * pitch || pitch > 1.0, "{pitch}: {fits}");
-            let gouged = found
-                .share(|s| inside(s) && s.normal.z > 0.5 || inside(s) && is_wall(s), |r| *r == Reach::Gouged);
-            assert!(gouged > 0.99 - 0.1 * pitch || pitch > 1.0, "{pitch}: {gouged}");
         }
+        let found = parts[0].found(&flat(5.0), AXES);
+        let fits = found.reached(inside);
+        // The cutter dips into the mouth as far as no solid centre lies below it.
+        assert!(fits < 0.1 * pitch || pitch > 1.0, "{pitch}: {fits}");
+        let gouged = found.share(|s| inside(s) && (s.normal.z > 0.5 || is_wall(s)), |r| *r == Reach::Gouged);
+        assert!(gouged > 0.99 - 0.1 * pitch || pitch > 1.0, "{pitch}: {gouged}");
     }
 }
 
@@ -165,13 +151,15 @@ fn a_hole_deeper_than_the_stick_out_is_reached_as_far_as_the_holder_lets() {
     let mesh = pocketed(DVec3::new(16.0, 16.0, 44.0), &circle(centre, 4.0, 64), 40.0);
     let wall = |s: &SurfaceSample| (s.point.truncate() - centre).length() < 4.1 && is_wall(s);
     for pitch in PITCHES {
-        let found = Found::new(&mesh, &flat(3.0), pitch, AXES);
+        let part = Part::new(&mesh, pitch);
+        let found = part.found(&flat(3.0), AXES);
         // The samples are some 1 mm apart.
         let expected = 30.0 / 40.0;
         let bound = 0.5 * pitch / 40.0 + 0.02;
         assert!((found.reached(wall) - expected).abs() < bound, "{pitch}: {}", found.reached(wall));
-        let by_holder = found
-            .share(wall, |reach| matches!(reach, Reach::Obstructed { elements, .. } if elements & 0b10 != 0));
+        let hits_part = |hits: u64| found.tool.hits(hits).any(|hit| hit == (ElementKind::Holder(0), 0));
+        let by_holder =
+            found.share(wall, |reach| matches!(*reach, Reach::Obstructed { hits, .. } if hits_part(hits)));
         let gouged = found.share(wall, |r| *r == Reach::Gouged);
         assert!(
             (by_holder - (1.0 - expected)).abs() < bound,
@@ -188,7 +176,8 @@ fn pockets_with_corners_rounder_and_sharper_than_the_cutter() {
         for corner in [4.0, 2.0] {
             let outline = rounded_rectangle(DVec2::splat(5.0), DVec2::splat(5.0 + side), corner, 12);
             let mesh = pocketed(DVec3::new(30.0, 30.0, 20.0), &outline, depth);
-            let found = Found::new(&mesh, &flat(r), pitch, DOWN);
+            let part = Part::sampled(&mesh, pitch, 3000);
+            let found = part.found(&flat(r), DOWN);
             let inside = |s: &SurfaceSample| {
                 let p = s.point.truncate();
                 p.min_element() > 4.9 && p.max_element() < 25.1
@@ -218,38 +207,6 @@ fn pockets_with_corners_rounder_and_sharper_than_the_cutter() {
     }
 }
 
-/// A block of 40 × 20 × 20 with a slot along y: a throat of a width in its top, and a head below.
-fn slotted(throat: f64, head: [f64; 2]) -> Mesh {
-    let (t, bottom, top) = (throat / 2.0, head[0] / 2.0, head[1] / 2.0);
-    let x = |offset: f64| 20.0 + offset;
-    // (z, x): up the left side would be clockwise; from the origin along z is against it.
-    let profile = [
-        [0.0, 0.0],
-        [20.0, 0.0],
-        [20.0, x(-t)],
-        [12.0, x(-t)],
-        [12.0, x(-top)],
-        [6.0, x(-bottom)],
-        [6.0, x(bottom)],
-        [12.0, x(top)],
-        [12.0, x(t)],
-        [20.0, x(t)],
-        [20.0, 40.0],
-        [0.0, 40.0],
-    ];
-    let mut mesh = extruded(&dedup(&profile), 20.0);
-    if mesh.signed_volume() < 0.0 {
-        mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
-    }
-    mesh
-}
-
-fn dedup(profile: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    let mut profile = profile.to_vec();
-    profile.dedup();
-    profile
-}
-
 #[test]
 fn undercuts_are_reached_by_the_cutters_made_for_them() {
     let within = |s: &SurfaceSample| (s.point.x - 20.0).abs() < 10.1 && s.normal.y.abs() < 0.5;
@@ -261,21 +218,21 @@ fn undercuts_are_reached_by_the_cutters_made_for_them() {
     let taper = 6.0 / 3.0_f64.sqrt();
     let dovetail = tool(vec![line(0.0, 6.0, 8.0, 8.0 - taper)], 2.0);
     for pitch in PITCHES {
-        let t_slot = slotted(8.0, [20.0, 20.0]);
-        let plain = Found::new(&t_slot, &flat(3.0), pitch, DOWN);
+        let t_slot = Part::sampled(&slotted(8.0, [20.0, 20.0]), pitch, 3000);
+        let plain = t_slot.found(&flat(3.0), DOWN);
         assert_eq!(plain.reached(ceiling), 0.0);
         assert_eq!(plain.share(ceiling, |r| *r == Reach::NotFaced), 1.0);
         assert!(plain.reached(head_walls) < 1e-9, "{pitch}: {}", plain.reached(head_walls));
         let under_throat = plain.reached(floor);
         // Half the floor is eight wide samples; a cutter passes a wall by a voxel at most.
         assert!((under_throat - 0.4).abs() < 0.05 + 0.12 * pitch, "{pitch}: {under_throat}");
-        let made_for_it = Found::new(&t_slot, &slotter, pitch, DOWN);
+        let made_for_it = t_slot.found(&slotter, DOWN);
         for area in [&head_walls as &dyn Fn(&SurfaceSample) -> bool, &ceiling, &floor] {
             assert!(made_for_it.reached(area) > 0.99, "{pitch}: {}", made_for_it.reached(area));
         }
-        let tail = slotted(20.0 - 2.0 * taper, [20.0, 20.0 - 2.0 * taper]);
-        assert_eq!(Found::new(&tail, &flat(3.0), pitch, DOWN).reached(head_walls), 0.0);
-        let made_for_it = Found::new(&tail, &dovetail, pitch, DOWN);
+        let tail = Part::new(&slotted(20.0 - 2.0 * taper, [20.0, 20.0 - 2.0 * taper]), pitch);
+        assert_eq!(tail.found(&flat(3.0), DOWN).reached(head_walls), 0.0);
+        let made_for_it = tail.found(&dovetail, DOWN);
         assert!(made_for_it.reached(head_walls) > 0.99, "{pitch}: {}", made_for_it.reached(head_walls));
     }
 }
@@ -285,11 +242,12 @@ fn a_slot_is_reached_by_cutters_up_to_its_width() {
     let slot = slotted(8.0, [8.0, 8.0]);
     let floor = |s: &SurfaceSample| (s.point.x - 20.0).abs() < 4.0 && s.normal.z > 0.5 && s.point.z < 7.0;
     for pitch in PITCHES {
+        let slot = Part::sampled(&slot, pitch, 3000);
         for radius in [3.0, 4.0] {
-            let found = Found::new(&slot, &flat(radius), pitch, AXES).reached(floor);
+            let found = slot.found(&flat(radius), AXES).reached(floor);
             assert!(found > 0.99, "{pitch} {radius}: {found}");
         }
-        let too_wide = Found::new(&slot, &flat(5.0), pitch, AXES);
+        let too_wide = slot.found(&flat(5.0), AXES);
         // From the open ends a tool lies on the last voxel of the floor, or on the last sample.
         let reached = too_wide.reached(floor);
         assert!(reached < 0.12 + 0.12 * pitch || pitch > 1.0, "{pitch}: {reached}");
@@ -299,33 +257,13 @@ fn a_slot_is_reached_by_cutters_up_to_its_width() {
 #[test]
 fn a_dimple_is_reached_by_balls_up_to_its_radius() {
     let (big, depth) = (10.0, 5.0);
-    let centre = DVec2::splat(15.0);
     let middle = DVec3::new(15.0, 15.0, 20.0 - depth + big);
-    let mut shell = Shell::default();
-    let outer = [DVec2::ZERO, DVec2::new(30.0, 0.0), DVec2::splat(30.0), DVec2::new(0.0, 30.0)];
-    let rim = |i: usize| {
-        let (sine, cosine) = (PI / 3.0 * i as f64 / 16.0).sin_cos();
-        (circle(centre, big * sine, 64), middle.z - big * cosine)
-    };
-    shell.post(Axis::Z, &outer, [0.0, 20.0]);
-    shell.face(Axis::Z, 0.0, Side::Down, &outer, &[]);
-    shell.face(Axis::Z, 20.0, Side::Up, &outer, &[&rim(16).0]);
-    for i in 1..=16 {
-        let (upper, height) = rim(i);
-        // The last ring lies in the top's own plane.
-        let height = if i == 16 { 20.0 } else { height };
-        if i == 1 {
-            shell.face(Axis::Z, height, Side::Up, &upper, &[]);
-        } else {
-            let (lower, below) = rim(i - 1);
-            shell.band(&Axis::Z.place(&upper, height), &Axis::Z.place(&lower, below));
-        }
-    }
-    let mesh = shell.into_mesh();
+    let mesh = dimpled(big, depth);
     let dimple = |s: &SurfaceSample| (s.point - middle).length() < big + 1e-6 && s.point.z < 19.9;
     for pitch in PITCHES {
+        let part = Part::new(&mesh, pitch);
         for (radius, expected) in [(5.0, 1.0), (9.0, 1.0), (16.0, 0.0)] {
-            let found = Found::new(&mesh, &ball(radius), pitch, DOWN).reached(dimple);
+            let found = part.found(&ball(radius), DOWN).reached(dimple);
             let bound = if expected == 1.0 { 0.005 } else { 0.7 * pitch };
             assert!((found - expected).abs() < bound, "{pitch} {radius}: {found}");
         }
@@ -334,15 +272,71 @@ fn a_dimple_is_reached_by_balls_up_to_its_radius() {
 
 #[test]
 fn a_cylinder_is_reached_by_the_flank_and_its_end_by_the_bottom() {
-    let mut shell = Shell::default();
-    let outline = circle(DVec2::ZERO, 20.0, 128);
-    shell.post(Axis::Z, &outline, [0.0, 16.0]);
-    shell.face(Axis::Z, 0.0, Side::Down, &outline, &[]);
-    shell.face(Axis::Z, 16.0, Side::Up, &outline, &[]);
-    let mesh = shell.into_mesh();
+    let mesh = cylinder(20.0, 16.0);
     for pitch in PITCHES {
-        let found = Found::new(&mesh, &flat(3.0), pitch, DOWN);
+        let part = Part::new(&mesh, pitch);
+        let found = part.found(&flat(3.0), DOWN);
         assert_eq!(found.reached(|s| s.normal.z > -0.5), 1.0, "{pitch}");
         assert_eq!(found.share(|s| s.normal.z < -0.5, |r| *r == Reach::NotFaced), 1.0, "{pitch}");
+    }
+}
+
+#[test]
+fn a_groove_with_draft_is_reached_by_tapers_up_to_its_own() {
+    // A floor 8 wide, 10 deep, walls that lean by 15 degrees.
+    let (floor_half, depth, degrees) = (4.0, 10.0, 15.0_f64);
+    let top_half = floor_half + depth * degrees.to_radians().tan();
+    let x = |offset: f64| 20.0 + offset;
+    let profile = [
+        [0.0, 0.0],
+        [16.0, 0.0],
+        [16.0, x(-top_half)],
+        [6.0, x(-floor_half)],
+        [6.0, x(floor_half)],
+        [16.0, x(top_half)],
+        [16.0, 40.0],
+        [0.0, 40.0],
+    ];
+    let mesh = extruded(&profile, 20.0);
+    let inner = |s: &SurfaceSample| (s.point.x - 20.0).abs() < top_half && (6.01..15.99).contains(&s.point.z);
+    let floor = |s: &SurfaceSample| (s.point.x - 20.0).abs() < floor_half && (s.point.z - 6.0).abs() < 0.01;
+    let wall = |s: &SurfaceSample| inner(s) && s.normal.y.abs() < 0.5;
+    for pitch in PITCHES {
+        let part = Part::new(&mesh, pitch);
+        // Its flank lies on the wall; a steeper one touches with its rim.
+        for taper in [15.0, 5.0] {
+            let found = part.found(&tapered(2.0, taper, 12.0), DOWN);
+            let found = [found.reached(wall), found.reached(floor)];
+            assert!(found.iter().all(|&share| share > 0.99), "{pitch} {taper}: {found:?}");
+        }
+        // A flatter one, 4 high, touches with its upper edge: a wall as far as the edge is above the floor, or as the tip is
+        // above the other wall.
+        let found = part.found(&tapered(2.0, 30.0, 4.0), DOWN).reached(wall);
+        let expected = 1.0 - 4.0 / depth;
+        assert!((found - expected).abs() < 0.05 + 0.1 * pitch, "{pitch}: {found} for {expected}");
+    }
+}
+
+#[test]
+fn a_mesh_tool_reaches_what_its_shape_fits() {
+    // 5 × 5 × 30, its tip in the middle of its end.
+    let square = [[0.0, -2.5], [30.0, -2.5], [30.0, 2.5], [0.0, 2.5]];
+    let bar = extruded(&square, 5.0).transformed(&DMat4::from_translation(DVec3::new(0.0, -2.5, 0.0)));
+    let tool = of_mesh(bar);
+    for pitch in [2.0, 1.0] {
+        // A groove 8 wide takes it, one 2 wide does not.
+        for (width, expected) in [(8.0, 1.0), (2.0, 0.0)] {
+            let part = Part::sampled(&slotted(width, [width, width]), pitch, 200);
+            let floor = |s: &SurfaceSample| {
+                (s.point.x - 20.0).abs() < 0.5 * width
+                    && s.normal.z > 0.5
+                    && s.point.z < 7.0
+                    && (5.0..15.0).contains(&s.point.y)
+            };
+            let found = part.found(&tool, DOWN);
+            assert_eq!(found.reached(floor), expected, "{pitch} {width}");
+            // The top is wide on either side.
+            assert_eq!(found.reached(|s| s.point.z > 19.99 && s.normal.z > 0.5), 1.0, "{pitch} {width}");
+        }
     }
 }

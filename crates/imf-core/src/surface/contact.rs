@@ -15,18 +15,46 @@ const SAME: f64 = 1e-9;
 /// Heights of a flank at which a tool is tried that narrows upward, such as a slot cutter.
 const HEIGHTS: i32 = 32;
 
-/// A piece of a cutter's outline that touches surfaces. Angles are of outward normals above the plane across the axis, in
-/// radians from −π/2 (down, away from the holder) to π/2.
+/// An angle of an outward normal above the plane across the axis, from −90° (down, away from the holder) to 90°, by sine and
+/// cosine: no angle is ever computed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Slope {
+    pub(super) sine: f64,
+    pub(super) cosine: f64,
+}
+
+impl Slope {
+    const DOWN: Self = Self { sine: -1.0, cosine: 0.0 };
+    const UP: Self = Self { sine: 1.0, cosine: 0.0 };
+
+    /// Of a vector, by its parts along the axis and away from it.
+    fn of(along: f64, away: f64) -> Self {
+        let length = along.hypot(away);
+        Self { sine: along / length, cosine: away / length }
+    }
+
+    /// Sine of the angle from another to this one.
+    fn beyond(self, other: Self) -> f64 {
+        self.sine * other.cosine - self.cosine * other.sine
+    }
+
+    /// True between two others, ends and what is as good as an end included.
+    fn is_between(self, from: Self, to: Self) -> bool {
+        self.beyond(from) >= -SAME && self.beyond(to) <= SAME
+    }
+}
+
+/// A piece of a cutter's outline that touches surfaces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Piece {
     /// A level ring: the bottom, or a shoulder.
-    Level { height: f64, inner: f64, outer: f64, angle: f64 },
+    Level { height: f64, inner: f64, outer: f64, slope: Slope },
     /// A cylinder or a cone.
-    Flank { from: [f64; 2], to: [f64; 2], angle: f64 },
-    /// Part of a ball or a torus: height and radius of its centre, its own radius, and the angles of its ends.
-    Round { centre: [f64; 2], radius: f64, from: f64, to: f64 },
-    /// A convex edge, at a height and a radius, between two angles.
-    Edge { height: f64, radius: f64, from: f64, to: f64 },
+    Flank { from: [f64; 2], to: [f64; 2], slope: Slope },
+    /// Part of a ball or a torus: height and radius of its centre, its own radius, and the slopes of its ends.
+    Round { centre: [f64; 2], radius: f64, from: Slope, to: Slope },
+    /// A convex edge, at a height and a radius, between two slopes.
+    Edge { height: f64, radius: f64, from: Slope, to: Slope },
 }
 
 /// What touches.
@@ -44,6 +72,8 @@ pub(super) struct Outline {
     pieces: Vec<Piece>,
     /// True where something above a point of the tool is narrower than the tool is there, as on a slot cutter.
     undercuts: bool,
+    /// True where the cutter lies on one side of every plane that touches it.
+    pub(super) convex: bool,
 }
 
 impl Outline {
@@ -56,26 +86,26 @@ impl Outline {
         let end = segments.last()?.range().1;
         let above = elements.iter().filter(|e| !cutting(e)).find_map(|e| e.profile.first());
         let neck = above.filter(|s| s.range().0 <= end).map_or(0.0, |s| s.radius(end));
-        let mut pieces = Vec::new();
+        let mut walk = Walk { pieces: Vec::new(), slope: Slope::DOWN, convex: true };
         let (mut height, mut radius) = (segments[0].range().0, 0.0);
-        let mut angle = -FRAC_PI_2;
         for segment in &segments {
             let (low, high) = segment.range();
             if low >= high {
                 continue;
             }
-            step(&mut pieces, &mut angle, height, [radius, segment.radius(low)]);
+            walk.step(height, [radius, segment.radius(low)]);
             let piece = piece(segment);
             let (begins, ends) = match piece {
-                Piece::Flank { angle, .. } | Piece::Level { angle, .. } => (angle, angle),
+                Piece::Flank { slope, .. } | Piece::Level { slope, .. } => (slope, slope),
                 Piece::Round { from, to, .. } | Piece::Edge { from, to, .. } => (from, to),
             };
-            edge(&mut pieces, angle, begins, low, segment.radius(low));
-            pieces.push(piece);
-            (height, radius, angle) = (high, segment.radius(high), ends);
+            walk.turn(begins, low, segment.radius(low));
+            walk.pieces.push(piece);
+            (height, radius, walk.slope) = (high, segment.radius(high), ends);
         }
+        let convex = walk.convex;
         if radius > neck {
-            step(&mut pieces, &mut angle, height, [radius, neck]);
+            walk.step(height, [radius, neck]);
         }
         let all = elements.iter().flat_map(|e| &e.profile);
         let mut widest = 0.0;
@@ -85,28 +115,42 @@ impl Outline {
             undercuts |= segment.radius(low).min(segment.radius(high)) < widest * (1.0 - SAME);
             widest = segment.max_radius().max(widest);
         }
-        Some(Self { pieces, undercuts })
+        Some(Self { pieces: walk.pieces, undercuts, convex })
     }
 
     /// True where the cutter's upper end sticks out beyond what stands on it.
     pub(super) fn has_shoulder(&self) -> bool {
-        matches!(self.pieces.last(), Some(Piece::Level { angle, .. }) if *angle > 0.0)
+        matches!(self.pieces.last(), Some(Piece::Level { slope, .. }) if slope.sine > 0.0)
     }
 
-    /// The places that touch a surface whose normal seen from the tool has this angle (of −n, above the plane across the
-    /// axis). A level ring or a flank touches as a whole where no point of it then lies deeper than `tolerance`.
-    pub(super) fn touches(&self, angle: f64, tolerance: f64, mut visit: impl FnMut(Touch)) {
+    /// A sine above which no surface is touched whose inward normal has it.
+    pub(super) fn highest(&self, tolerance: f64) -> f64 {
+        let highest = self.pieces.iter().map(|piece| match *piece {
+            Piece::Level { slope, .. } if slope.sine > 0.0 => 1.0,
+            // What is touched as a whole, though it is turned away by no more than the tolerance.
+            Piece::Level { outer, .. } => (0.5 * tolerance / outer).min(1.0) - 1.0,
+            Piece::Flank { from, to, slope } => {
+                // An angle is no more than π/2 times its sine.
+                slope.sine + FRAC_PI_2 * tolerance / (to[0] - from[0]).hypot(to[1] - from[1])
+            }
+            Piece::Round { to, .. } | Piece::Edge { to, .. } => to.sine,
+        });
+        highest.fold(-1.0, f64::max) + 2.0 * SAME
+    }
+
+    /// The places that touch a surface whose inward normal has this slope. A level ring or a flank touches as a whole where no
+    /// point of it then lies deeper than `tolerance`.
+    pub(super) fn touches(&self, slope: Slope, tolerance: f64, mut visit: impl FnMut(Touch)) {
         for piece in &self.pieces {
             match *piece {
-                Piece::Level { height, inner, outer, angle: own } => {
-                    if (angle - own).abs() < FRAC_PI_2 && 2.0 * outer * (angle - own).sin().abs() <= tolerance
-                    {
+                Piece::Level { height, inner, outer, slope: own } => {
+                    if slope.sine * own.sine > 0.0 && 2.0 * outer * slope.beyond(own).abs() <= tolerance {
                         visit(Touch::Ring { height, inner, outer });
                     }
                 }
-                Piece::Flank { from, to, angle: own } => {
+                Piece::Flank { from, to, slope: own } => {
                     let length = (to[0] - from[0]).hypot(to[1] - from[1]);
-                    if length * (angle - own).sin().abs() <= tolerance {
+                    if length * slope.beyond(own).abs() <= tolerance {
                         // A tool that nowhere narrows upward is least in the way with the lower end of a cylinder at the point:
                         // moved down along it, it fills all that it filled, and more.
                         let most = if self.undercuts || from[1] != to[1] { HEIGHTS } else { 0 };
@@ -118,16 +162,15 @@ impl Outline {
                     }
                 }
                 Piece::Round { centre, radius, from, to } => {
-                    if (from - SAME..=to + SAME).contains(&angle) {
-                        let (sine, cosine) = angle.sin_cos();
+                    if slope.is_between(from, to) {
                         visit(Touch::Point {
-                            height: centre[0] + radius * sine,
-                            radius: (centre[1] + radius * cosine).max(0.0),
+                            height: centre[0] + radius * slope.sine,
+                            radius: (centre[1] + radius * slope.cosine).max(0.0),
                         });
                     }
                 }
                 Piece::Edge { height, radius, from, to } => {
-                    if (from - SAME..=to + SAME).contains(&angle) {
+                    if slope.is_between(from, to) {
                         visit(Touch::Point { height, radius });
                     }
                 }
@@ -136,21 +179,38 @@ impl Outline {
     }
 }
 
-/// A level ring where the outline steps outward or inward, with the edge before it.
-fn step(pieces: &mut Vec<Piece>, angle: &mut f64, height: f64, [radius, next]: [f64; 2]) {
-    if (radius - next).abs() <= SAME * radius.max(next) {
-        return;
-    }
-    let own = if next > radius { -FRAC_PI_2 } else { FRAC_PI_2 };
-    edge(pieces, *angle, own, height, radius);
-    pieces.push(Piece::Level { height, inner: radius.min(next), outer: radius.max(next), angle: own });
-    *angle = own;
+/// The pieces so far, on the way up an outline.
+struct Walk {
+    pieces: Vec<Piece>,
+    /// Where the last piece ended.
+    slope: Slope,
+    convex: bool,
 }
 
-/// The edge between two pieces, where it is convex.
-fn edge(pieces: &mut Vec<Piece>, from: f64, to: f64, height: f64, radius: f64) {
-    if to - from > SAME {
-        pieces.push(Piece::Edge { height, radius, from, to });
+impl Walk {
+    /// A level ring where the outline steps outward or inward, with the edge before it.
+    fn step(&mut self, height: f64, [radius, next]: [f64; 2]) {
+        if (radius - next).abs() <= SAME * radius.max(next) {
+            return;
+        }
+        let slope = if next > radius { Slope::DOWN } else { Slope::UP };
+        self.turn(slope, height, radius);
+        self.pieces.push(Piece::Level { height, inner: radius.min(next), outer: radius.max(next), slope });
+        self.slope = slope;
+    }
+
+    /// The edge before the next piece where it is convex; a groove where it is not.
+    fn turn(&mut self, next: Slope, height: f64, radius: f64) {
+        // From straight down to straight up the sine of the way is 0 too.
+        let turned = if self.slope.sine * next.sine < 0.0 && self.slope.cosine + next.cosine < SAME {
+            next.sine
+        } else {
+            next.beyond(self.slope)
+        };
+        self.convex &= turned >= -SAME;
+        if turned > SAME {
+            self.pieces.push(Piece::Edge { height, radius, from: self.slope, to: next });
+        }
     }
 }
 
@@ -159,15 +219,18 @@ fn piece(segment: &Segment) -> Piece {
         Segment::Line { from, to, radius_from, radius_to } => Piece::Flank {
             from: [from, radius_from],
             to: [to, radius_to],
-            angle: -(radius_to - radius_from).atan2(to - from),
+            slope: Slope::of(radius_from - radius_to, to - from),
         },
         Segment::Arc { from, to, centre_height, centre_radius, arc_radius } => {
-            let angle = |height: f64| ((height - centre_height) / arc_radius).clamp(-1.0, 1.0).asin();
+            let slope = |height: f64| {
+                let sine = ((height - centre_height) / arc_radius).clamp(-1.0, 1.0);
+                Slope { sine, cosine: (1.0 - sine * sine).sqrt() }
+            };
             Piece::Round {
                 centre: [centre_height, centre_radius],
                 radius: arc_radius,
-                from: angle(from),
-                to: angle(to),
+                from: slope(from),
+                to: slope(to),
             }
         }
     }
@@ -179,16 +242,23 @@ pub(super) struct Facing {
     pub(super) axis: DVec3,
     /// Unit vector across the axis from the tool towards the surface; zero where the surface is level.
     pub(super) across: DVec3,
-    /// Angle of the surface's inward normal above the plane across the axis.
-    pub(super) angle: f64,
+    /// Of the surface's inward normal.
+    pub(super) slope: Slope,
 }
 
 impl Facing {
-    /// Of a surface with an outward unit normal, for a tool with this axis from tip to holder.
-    pub(super) fn new(normal: DVec3, axis: DVec3) -> Self {
-        let along = -normal.dot(axis);
-        let flat = -normal - along * axis;
-        Self { axis, across: flat.normalize_or_zero(), angle: along.clamp(-1.0, 1.0).asin() }
+    /// Of a surface with an outward unit normal, for a tool with this axis from tip to holder; `None` where the sine of the
+    /// inward normal is above `highest`.
+    pub(super) fn new(normal: DVec3, axis: DVec3, highest: f64) -> Option<Self> {
+        let sine = -normal.dot(axis);
+        if sine > highest {
+            return None;
+        }
+        let flat = -normal - sine * axis;
+        let cosine = flat.length();
+        // Normals and axes are unit vectors up to rounding: below this nothing is left of the direction.
+        let across = if cosine > 1e-12 { flat / cosine } else { DVec3::ZERO };
+        Some(Self { axis, across, slope: Slope { sine, cosine } })
     }
 
     /// The tip of a tool that touches `point` with a point of its outline.
@@ -220,7 +290,10 @@ mod tests {
 
     fn found(tool: &Tool, degrees: f64) -> Vec<Touch> {
         let mut found = Vec::new();
-        Outline::of(tool).unwrap().touches(degrees.to_radians(), 0.05, |touch| found.push(touch));
+        let outline = Outline::of(tool).unwrap();
+        let (sine, cosine) = degrees.to_radians().sin_cos();
+        outline.touches(Slope { sine, cosine }, 0.05, |touch| found.push(touch));
+        assert!(found.is_empty() || sine <= outline.highest(0.05), "{degrees}");
         found
     }
 
@@ -273,12 +346,13 @@ mod tests {
     #[test]
     fn the_touching_point_of_the_tool_lies_on_the_surface() {
         let (normal, axis) = (DVec3::new(0.3, -0.5, 0.8).normalize(), DVec3::new(-0.2, 0.1, 0.9).normalize());
-        let facing = Facing::new(normal, axis);
+        let facing = Facing::new(normal, axis, 1.0).unwrap();
         let point = DVec3::new(4.0, 5.0, 6.0);
         // Of a ball the centre lies one radius outside, whatever the axis.
-        let (sine, cosine) = facing.angle.sin_cos();
+        let Slope { sine, cosine } = facing.slope;
         let tip = facing.tip(point, 2.0 + 2.0 * sine, 2.0 * cosine);
         assert!((tip + axis * 2.0 - (point + normal * 2.0)).length() < 1e-12);
-        assert_eq!(Facing::new(DVec3::Z, DVec3::Z).across, DVec3::ZERO);
+        assert_eq!(Facing::new(DVec3::Z, DVec3::Z, 1.0).unwrap().across, DVec3::ZERO);
+        assert!(Facing::new(DVec3::Z, DVec3::NEG_Z, 0.5).is_none());
     }
 }

@@ -16,6 +16,9 @@ pub struct SurfaceSample {
     pub normal: DVec3,
     /// Its area.
     pub area: f64,
+    /// Sine of half the angle by which the mesh turns at the smooth edges of the triangle that it lies on, at most: a facet
+    /// stands for a curved surface whose own normal may differ by so much. 0 on a plane.
+    pub bend: f64,
 }
 
 /// A surface cut into triangles of about the same size, with a sample in the middle of each.
@@ -29,6 +32,8 @@ pub struct SurfaceSamples {
     pub hidden_area: f64,
 }
 
+/// Cosine of the angle between two facets beyond which their edge is sharp: 30 degrees.
+const SMOOTH: f64 = 0.866;
 /// How far outside the surface its voxel is looked up, in pitches.
 const OUTSIDE: f64 = 0.75;
 /// How far outside the surface crossings are counted, in pitches.
@@ -41,7 +46,9 @@ impl SurfaceSamples {
         let area: f64 = (0..mesh.triangles.len()).map(|t| area_vector(mesh.corners(t)).length()).sum();
         // The edge of an equilateral triangle of that area.
         let edge = (area / count.max(1) as f64 * 4.0 / 3.0_f64.sqrt()).sqrt();
-        let fine = mesh.welded().refined(edge, count.saturating_mul(8));
+        let welded = mesh.welded();
+        let bends = bends(&welded);
+        let (fine, origins) = welded.refined_with_origins(edge, count.saturating_mul(8));
         let outward = if fine.signed_volume() < 0.0 { -1.0 } else { 1.0 };
         let grid = &solid.grid;
         // One body alone hides none of its own surface.
@@ -53,6 +60,7 @@ impl SurfaceSamples {
                 point: (corners[0] + corners[1] + corners[2]) / 3.0,
                 normal: vector.try_normalize()?,
                 area: vector.length(),
+                bend: bends[origins[triangle] as usize],
             };
             let outside = grid.continuous(sample.point + sample.normal * (OUTSIDE * grid.pitch)).round();
             let within = (0..3).all(|axis| (0.0..grid.dims[axis] as f64).contains(&outside[axis]));
@@ -83,6 +91,31 @@ impl SurfaceSamples {
     pub fn area(&self) -> f64 {
         self.samples.iter().map(|sample| sample.area).sum()
     }
+}
+
+/// By triangle, [`SurfaceSample::bend`].
+fn bends(mesh: &Mesh) -> Vec<f64> {
+    let normals: Vec<DVec3> =
+        (0..mesh.triangles.len()).map(|t| area_vector(mesh.corners(t)).normalize_or_zero()).collect();
+    let mut edges: Vec<([u32; 2], u32)> = Vec::with_capacity(3 * mesh.triangles.len());
+    for (triangle, &[a, b, c]) in mesh.triangles.iter().enumerate() {
+        edges.extend([(a, b), (b, c), (c, a)].map(|(p, q)| ([p.min(q), p.max(q)], triangle as u32)));
+    }
+    parallel::sort(&mut edges);
+    let mut bends = vec![0.0_f64; mesh.triangles.len()];
+    for pair in edges.chunk_by(|a, b| a.0 == b.0) {
+        // An edge of more than two triangles bends nothing.
+        let &[(_, one), (_, other)] = pair else { continue };
+        let cosine = normals[one as usize].dot(normals[other as usize]);
+        // Below a thousandth of a degree it is rounding.
+        if (SMOOTH..1.0 - 1e-10).contains(&cosine) {
+            let half = (0.5 * (1.0 - cosine)).sqrt();
+            for triangle in [one, other] {
+                bends[triangle as usize] = bends[triangle as usize].max(half);
+            }
+        }
+    }
+    bends
 }
 
 /// The triangles above each cell of a lattice in x and y: winding numbers of a closed mesh by counting the crossings of a
@@ -162,8 +195,9 @@ mod tests {
     use super::*;
     use crate::grid::Grid;
     use crate::mesh::tests::unit_cube;
+    use crate::parts::shell::{Axis, Facing, circle};
     use crate::voxelize::voxelize;
-    use glam::DMat4;
+    use glam::{DMat4, DVec2};
 
     #[test]
     fn samples_divide_the_area_and_face_outward_even_from_a_mesh_that_is_inside_out() {
@@ -180,7 +214,24 @@ mod tests {
             for (triangle, sample) in samples.samples.iter().enumerate() {
                 assert!(sample.normal.dot(sample.point - middle) > 0.0 && sample.area < 0.2);
                 assert!((area_vector(samples.mesh.corners(triangle)).length() - sample.area).abs() < 1e-12);
+                assert_eq!(sample.bend, 0.0);
             }
+        }
+    }
+
+    #[test]
+    fn facets_of_a_cylinder_bend_by_half_their_angle_and_its_ends_do_not() {
+        let mut shell = crate::parts::shell::Shell::default();
+        let outline = circle(DVec2::ZERO, 4.0, 24);
+        shell.post(Axis::Z, &outline, [0.0, 6.0]);
+        shell.face(Axis::Z, 0.0, Facing::Down, &outline, &[]);
+        shell.face(Axis::Z, 6.0, Facing::Up, &outline, &[]);
+        let grid = Grid { origin: DVec3::splat(-5.0), pitch: 1.0, dims: [10, 10, 12] };
+        let mesh = shell.into_mesh();
+        let samples = SurfaceSamples::new(&mesh, &voxelize(&mesh, &grid, false), 2000);
+        for sample in samples.samples {
+            let expected = if sample.normal.z.abs() < 0.5 { 7.5_f64.to_radians().sin() } else { 0.0 };
+            assert!((sample.bend - expected).abs() < 1e-9, "{sample:?}");
         }
     }
 

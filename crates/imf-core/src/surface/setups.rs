@@ -113,7 +113,7 @@ mod tests {
     use crate::grid::Grid;
     use crate::mesh::tests::unit_cube;
     use crate::orientation::OrientationSet;
-    use crate::surface::{SurfaceSamples, SurfaceTool, default_tolerance, surface_access};
+    use crate::surface::{SurfaceSamples, SurfaceTool, Surroundings, default_tolerance, surface_access};
     use crate::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
     use crate::unit::LengthUnit;
     use crate::voxelize::voxelize;
@@ -136,9 +136,10 @@ mod tests {
         let grid = Grid::with_pitch(DVec3::splat(-0.4), DVec3::new(40.3, 30.3, 15.3), 1.0, 1).unwrap();
         let solid = Arc::new(voxelize(&block, &grid, false));
         let samples = SurfaceSamples::new(&block, &solid, 600).samples;
+        let surroundings = Surroundings::new(&solid.into(), &[]);
         let directions = OrientationSet::parse("0,0;0,180;0,90;180,90;90,90;270,90").unwrap().orientations;
         let tool =
-            SurfaceTool::new(&solid, &solid, &tool.into(), default_tolerance(1.0, LengthUnit::Mm)).unwrap();
+            SurfaceTool::new(&surroundings, &tool.into(), default_tolerance(1.0, LengthUnit::Mm)).unwrap();
         let access = surface_access(&tool, &samples, &directions, Control::quiet()).unwrap();
         let limits = Limits::parse(limits).unwrap();
         let setups: Vec<PartSetup> =

@@ -134,6 +134,13 @@ impl Tool {
     }
 }
 
+impl Element {
+    /// The element offset by a length in every direction.
+    pub(crate) fn inflated(&self, by: f64) -> Self {
+        inflated(self, by)
+    }
+}
+
 /// The element offset by `clearance` in every direction.
 fn inflated(element: &Element, clearance: f64) -> Element {
     if clearance == 0.0 {

@@ -12,7 +12,7 @@ use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Limits, OrientationSet};
 use imf_core::scene::{Guarantee, SceneError, SceneSpec};
 use imf_core::section::{ElementPlans, SectionPlan};
-use imf_core::surface::default_tolerance;
+use imf_core::surface::{SolidBody, Surroundings, default_tolerance};
 use imf_core::tool::{Assembly, Clearance, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
 use imf_core::voxelize::voxelize;
@@ -240,7 +240,7 @@ fn can_touch(assembly: &Assembly) -> bool {
     tool.has_cutter() || matches!(tool.shape, ToolShape::Mesh(_))
 }
 
-/// Part and fixtures by the rule of voxel centres, at the pitch and at twice the pitch.
+/// Part and fixtures as tools meet them at the pitch, and at twice the pitch.
 fn surface(
     spec: &SceneSpec<'_>,
     grid: &Grid,
@@ -248,17 +248,32 @@ fn surface(
     arguments: &AccessArguments,
     setups: Option<SetupQuestion>,
 ) -> Result<SurfaceSetup> {
-    let spec = SceneSpec { conservative: false, ..*spec };
-    let tolerance = arguments.tolerance.unwrap_or_else(|| default_tolerance(grid.pitch, unit));
+    let body = |mesh: &Mesh| {
+        let centres = Arc::new(voxelize(mesh, grid, false));
+        let keep_out = if spec.conservative { Arc::new(voxelize(mesh, grid, true)) } else { centres.clone() };
+        SolidBody { centres, keep_out }
+    };
+    let part = body(&spec.mesh.transformed(&spec.transform));
+    let fixtures: Vec<SolidBody> =
+        spec.fixtures.iter().map(|fixture| body(&fixture.mesh.transformed(&fixture.transform))).collect();
+    let mut solid = Occupancy::clone(&part.centres);
+    for fixture in &fixtures {
+        solid.solid.iter_mut().zip(&fixture.centres.solid).for_each(|(all, one)| *all |= one);
+    }
     let coarse = Grid { pitch: 2.0 * grid.pitch, dims: grid.dims.map(|n| n.div_ceil(2)), ..*grid };
     // A part that is too thin for the larger voxels has none, which says that nothing has converged.
-    let solid_of = |grid: &Grid| match spec.bodies(grid) {
-        Ok(bodies) => Ok(bodies.obstacle()),
-        Err(SceneError::NoSolid { .. } | SceneError::ThinFixture { .. }) => Ok(Occupancy::empty(*grid)),
-        Err(error) => Err(error),
+    let coarse = match (SceneSpec { conservative: false, ..*spec }).bodies(&coarse) {
+        Ok(bodies) => bodies.obstacle(),
+        Err(SceneError::NoSolid { .. } | SceneError::ThinFixture { .. }) => Occupancy::empty(coarse),
+        Err(error) => return Err(error.into()),
     };
-    let (solid, coarse) = (Arc::new(solid_of(grid)?), Arc::new(solid_of(&coarse)?));
-    Ok(SurfaceSetup { tolerance, solid, coarse, setups })
+    Ok(SurfaceSetup {
+        tolerance: arguments.tolerance.unwrap_or_else(|| default_tolerance(grid.pitch, unit)),
+        solid,
+        surroundings: Surroundings::new(&part, &fixtures),
+        coarse: Arc::new(coarse),
+        setups,
+    })
 }
 
 /// Adds to the name of each of several tools its place in the list, as their files and `best_tool` count it: from 0.

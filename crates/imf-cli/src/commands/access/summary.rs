@@ -14,6 +14,7 @@ use super::setup::Setup;
 use super::surface::{SetupsRow, Surface, SurfaceRow};
 use crate::arguments::clearance::clearance_text;
 use crate::arguments::orientations::suggested_lines;
+use crate::output::show_measure;
 use crate::progress::show_seconds;
 
 /// Pieces of space that the summary lists; the label fields have them all.
@@ -170,7 +171,7 @@ impl Summary {
             map: setup.map.map(|(point, cells)| (point.to_array(), cells)),
             map_directions: directions(setup),
             stock,
-            surface: surface.map(|surface| surface.row(&setup.orientations)),
+            surface: surface.map(|surface| surface.row(setup)),
             setups: surface.and_then(|surface| surface.setups_row(setup)),
             seconds,
             files,
@@ -215,14 +216,15 @@ impl Summary {
             format!("volume {}³", self.unit)
         );
         let mut row = |name: &str, volume: Volume, rest: &str| {
-            let _ = writeln!(text, "{name:wide$}{:>12}{:>16.1}   {rest}", volume.voxels, volume.volume);
+            let measure = show_measure(volume.volume);
+            let _ = writeln!(text, "{name:wide$}{:>12}{measure:>16}   {rest}", volume.voxels);
         };
         row("part and fixtures", self.solid, "");
         row("accessible around it", self.accessible.volume, &self.accessible.pieces());
         row("inaccessible around it", self.inaccessible.volume, &self.inaccessible.pieces());
         for blocked in &self.blocked_by {
-            let alone =
-                format!("alone {} voxels, {:.1} {}³", blocked.alone.voxels, blocked.alone.volume, self.unit);
+            let alone = show_measure(blocked.alone.volume);
+            let alone = format!("alone {} voxels, {alone} {}³", blocked.alone.voxels, self.unit);
             row(&format!("  the {} hits", blocked.element), blocked.hits, &alone);
         }
         if self.tools.len() > 1 {

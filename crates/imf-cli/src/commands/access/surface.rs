@@ -2,6 +2,7 @@
 
 mod setups;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -11,15 +12,17 @@ use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::OrientationSet;
 use imf_core::surface::{
-    Reach, SurfaceAccess, SurfaceError, SurfaceSamples, SurfaceTool, surface_access, surface_memory_estimate,
+    Reach, SurfaceAccess, SurfaceError, SurfaceSamples, SurfaceTool, Surroundings, surface_access,
+    surface_memory_estimate,
 };
-use imf_core::tool::{Assembly, ElementKind};
+use imf_core::tool::Assembly;
 use serde::Serialize;
 
 pub(super) use setups::{SetupQuestion, SetupsRow, as_pairs, ways_up};
 
 use super::setup::Setup;
 use crate::interrupt::Interrupted;
+use crate::output::show_measure;
 use crate::session::Session;
 
 /// At least so many samples; triangles that are halved until they are small enough make up to four times as many.
@@ -31,9 +34,11 @@ const LISTED: usize = 5;
 pub(super) struct SurfaceSetup {
     /// How deep a cutter may cut below the surface, in the part's unit.
     pub(super) tolerance: f64,
-    /// Part and fixtures, by the rule of voxel centres.
-    pub(super) solid: Arc<Occupancy>,
-    /// The same at twice the pitch.
+    /// Part and fixtures by the rule of voxel centres.
+    pub(super) solid: Occupancy,
+    /// Part and fixtures as tools meet them.
+    pub(super) surroundings: Surroundings,
+    /// The same by the rule of voxel centres at twice the pitch, as one body.
     pub(super) coarse: Arc<Occupancy>,
     /// The fewest set-ups are looked for.
     pub(super) setups: Option<SetupQuestion>,
@@ -50,7 +55,7 @@ impl SurfaceSetup {
 pub(super) struct Surface {
     samples: SurfaceSamples,
     /// By tool.
-    tools: Vec<(SurfaceAccess, Vec<ElementKind>)>,
+    tools: Vec<(SurfaceAccess, SurfaceTool)>,
     /// By sample: the best verdict of any tool, and whose it is.
     best: Vec<(Verdict, usize)>,
     /// The share of the area that is reached at twice the pitch; the same samples.
@@ -98,12 +103,17 @@ impl Surface {
     pub(super) fn find(session: &Session, setup: &Setup, asked: &SurfaceSetup) -> Result<Self> {
         let samples = SurfaceSamples::new(&setup.mesh, &asked.solid, SAMPLES);
         let orientations = &setup.orientations;
-        let obstacle = Arc::new(setup.obstacle.whole());
         let mut tools = Vec::new();
         for assembly in &setup.tools {
-            let found =
-                one_tool(session, assembly, [&asked.solid, &obstacle], asked, &samples, orientations)?;
-            tools.push(found);
+            let pitch = asked.solid.grid.pitch;
+            tools.push(one_tool(
+                session,
+                assembly,
+                (&asked.surroundings, pitch),
+                asked,
+                &samples,
+                orientations,
+            )?);
         }
         let best = (0..samples.samples.len()).map(|sample| {
             let verdicts =
@@ -139,8 +149,9 @@ impl Surface {
     /// The share of the area that any tool reaches among voxels twice as large.
     fn at_twice_the_pitch(&self, session: &Session, setup: &Setup, asked: &SurfaceSetup) -> Result<f64> {
         let mut reached = vec![false; self.samples.samples.len()];
+        let coarse = Surroundings::new(&asked.coarse.clone().into(), &[]);
         for assembly in &setup.tools {
-            let coarse = [&asked.coarse, &asked.coarse];
+            let coarse = (&coarse, asked.coarse.grid.pitch);
             let (access, _) = one_tool(session, assembly, coarse, asked, &self.samples, &setup.orientations)?;
             let any = |(all, one): (&mut bool, &Reach)| *all |= matches!(one, Reach::Reached { .. });
             reached.iter_mut().zip(&access.reach).for_each(any);
@@ -164,21 +175,32 @@ impl Surface {
         (0..self.by_direction.len()).filter(free).max_by(|a, b| area(a).total_cmp(&area(b)).then(b.cmp(a)))
     }
 
-    pub(super) fn row(&self, orientations: &OrientationSet) -> SurfaceRow {
+    /// Which element hits which body, with the share of the surface that this keeps from being reached; several may at once.
+    fn obstructed_by(&self, fixtures: &[String]) -> Vec<ObstructedRow> {
+        let mut shares = BTreeMap::new();
+        for (index, &(verdict, tool)) in self.best.iter().enumerate() {
+            let (access, surface_tool) = &self.tools[tool];
+            if let (Verdict::Obstructed, Reach::Obstructed { hits, .. }) = (verdict, access.reach[index]) {
+                for (kind, body) in surface_tool.hits(hits) {
+                    let row = shares.entry((kind.rank(), body)).or_insert((kind, 0.0));
+                    row.1 += self.samples.samples[index].area;
+                }
+            }
+        }
+        let rows = shares.into_iter().map(|((_, body), (kind, area))| ObstructedRow {
+            element: kind.to_string(),
+            body: match body {
+                0 => "part".into(),
+                fixture => fixtures.get(fixture - 1).cloned().unwrap_or_default(),
+            },
+            share: area / self.samples.area(),
+        });
+        rows.collect()
+    }
+
+    pub(super) fn row(&self, setup: &Setup) -> SurfaceRow {
+        let orientations = &setup.orientations;
         let of = |verdict: Verdict| self.share(|sample| self.best[sample].0 == verdict);
-        let mut elements: Vec<ElementKind> = self.tools.iter().flat_map(|(_, kinds)| kinds.clone()).collect();
-        elements.sort_by_key(|kind| kind.rank());
-        elements.dedup();
-        let obstructs = |kind: ElementKind| {
-            self.share(|sample| {
-                let (verdict, tool) = self.best[sample];
-                let (access, kinds) = &self.tools[tool];
-                let Reach::Obstructed { elements, .. } = access.reach[sample] else { return false };
-                let bit = kinds.iter().position(|&k| k == kind);
-                verdict == Verdict::Obstructed && bit.is_some_and(|bit| elements >> bit & 1 == 1)
-            })
-        };
-        let elements = elements.into_iter().map(|kind| (kind.to_string(), obstructs(kind)));
         let mut directions: Vec<usize> = (0..self.by_direction.len()).collect();
         directions.sort_by(|&a, &b| self.by_direction[b].total_cmp(&self.by_direction[a]).then(a.cmp(&b)));
         let listed = directions.into_iter().take(LISTED).map(|direction| DirectionRow {
@@ -195,7 +217,7 @@ impl Surface {
             reached_at_twice_the_pitch: self.coarse,
             difference: reached - self.coarse,
             obstructed: of(Verdict::Obstructed),
-            obstructed_by: elements.filter(|(_, share)| *share > 0.0).collect(),
+            obstructed_by: self.obstructed_by(&setup.fixtures),
             gouged: of(Verdict::Gouged),
             not_faced: of(Verdict::NotFaced),
             best_directions: listed.collect(),
@@ -242,7 +264,7 @@ impl Surface {
         let colours: Vec<[u8; 3]> = self.best.iter().flat_map(|(verdict, _)| [verdict.rgb(); 3]).collect();
         let comments = [
             format!("imf {}: {} in {}", env!("CARGO_PKG_VERSION"), setup.part, setup.unit),
-            "verdict: 0 reached, 1 obstructed by shank or holder, 2 the cutter does not fit, 3 no direction faces it"
+            "verdict: 0 reached, 1 obstructed by shank, holder or fixture, 2 the cutter does not fit, 3 no direction faces it"
                 .into(),
             "directions: number that reach it; best: the one that reaches most of the surface, from tip to holder".into(),
             format!("the cutter may cut {} {} below the surface", self.tolerance, setup.unit),
@@ -252,17 +274,17 @@ impl Surface {
     }
 }
 
-/// One tool against `[what its cutter must not cut, what shank and holder must stay out of]`.
+/// One tool among its surroundings, which are of a pitch.
 fn one_tool(
     session: &Session,
     assembly: &Assembly,
-    [cut, obstacle]: [&Arc<Occupancy>; 2],
+    (surroundings, pitch): (&Surroundings, f64),
     asked: &SurfaceSetup,
     samples: &SurfaceSamples,
     orientations: &OrientationSet,
-) -> Result<(SurfaceAccess, Vec<ElementKind>)> {
-    let tool = SurfaceTool::new(cut, obstacle, assembly, asked.tolerance)?;
-    let name = format!("surface, {}, pitch {}", tool.name(), cut.grid.pitch);
+) -> Result<(SurfaceAccess, SurfaceTool)> {
+    let tool = SurfaceTool::new(surroundings, assembly, asked.tolerance)?;
+    let name = format!("surface, {}, pitch {pitch}", tool.name());
     let stage = session.stage(&name, "samples", samples.samples.len() as u64);
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
@@ -274,13 +296,22 @@ fn one_tool(
         other => anyhow::Error::from(other),
     })?;
     stage.finish("");
-    Ok((access, tool.obstructing().collect()))
+    Ok((access, tool))
 }
 
 /// One direction, and the share of the surface that it reaches.
 #[derive(Debug, Serialize)]
 pub(super) struct DirectionRow {
     direction: [f64; 3],
+    share: f64,
+}
+
+/// What of a tool hits what, and how much of the surface is not reached where it does.
+#[derive(Debug, Serialize)]
+struct ObstructedRow {
+    element: String,
+    /// `part`, or a fixture's name.
+    body: String,
     share: f64,
 }
 
@@ -298,7 +329,7 @@ pub(super) struct SurfaceRow {
     /// The cutter fits, and something else of the tool collides.
     obstructed: f64,
     /// What collides; several may at once.
-    obstructed_by: Vec<(String, f64)>,
+    obstructed_by: Vec<ObstructedRow>,
     /// The cutter does not fit.
     gouged: f64,
     not_faced: f64,
@@ -310,8 +341,9 @@ impl SurfaceRow {
     pub(super) fn lines(&self, unit: &str) -> String {
         use std::fmt::Write as _;
         let mut text = format!(
-            "surface, {:.1} {unit}² (the cutter may cut {:.3} {unit} below it)\n",
-            self.area, self.tolerance
+            "surface, {} {unit}² (the cutter may cut {:.3} {unit} below it)\n",
+            show_measure(self.area),
+            self.tolerance
         );
         let mut row = |name: &str, share: f64, rest: &str| {
             let _ = writeln!(text, "  {name:34}{:>8.1} %   {rest}", 100.0 * share);
@@ -322,8 +354,10 @@ impl SurfaceRow {
             100.0 * self.difference
         );
         row("reached", self.reached, &coarse);
-        let by =
-            self.obstructed_by.iter().map(|(element, share)| format!("{element} {:.1} %", 100.0 * share));
+        let by = self.obstructed_by.iter().map(|row| {
+            let the = if row.body == "part" { "the " } else { "" };
+            format!("{} at {the}{} {:.1} %", row.element, row.body, 100.0 * row.share)
+        });
         row("obstructed by shank or holder", self.obstructed, &by.collect::<Vec<_>>().join(", "));
         row("the cutter does not fit", self.gouged, "");
         row("no direction faces it", self.not_faced, "");
@@ -331,8 +365,11 @@ impl SurfaceRow {
             row(&format!("from ({i:.3}, {j:.3}, {k:.3})"), *share, "");
         }
         if self.hidden_area > 0.0 {
-            let _ =
-                writeln!(text, "  left out: {:.1} {unit}² inside other bodies of the part", self.hidden_area);
+            let _ = writeln!(
+                text,
+                "  left out: {} {unit}² inside other bodies of the part",
+                show_measure(self.hidden_area)
+            );
         }
         text
     }

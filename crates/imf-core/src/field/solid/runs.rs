@@ -39,7 +39,7 @@ impl Columns {
 
     /// The sums of the lines of one x, from `y` on.
     #[inline(always)]
-    fn sums(&self, x: usize, y: usize) -> &[u32] {
+    pub(super) fn sums(&self, x: usize, y: usize) -> &[u32] {
         let [_, ny, nz] = self.dims;
         &self.sums[(x * ny + y) * (nz + 1)..]
     }
@@ -138,6 +138,27 @@ fn count_lines<S: Simd, const OBSTACLE: bool>(
         }
     }
     total
+}
+
+/// A solid voxel whose centre lies within the segment, in whole numbers: slow and simple.
+#[inline(never)]
+pub(super) fn first_solid(segment: &PlacedSegment<'_>, columns: &Columns) -> Option<[f64; 3]> {
+    let [nx, _, nz] = columns.dims.map(|n| n as i64);
+    let silhouette = Silhouette::new(segment);
+    let (x_low, x_high) = segment.columns();
+    for x in x_low.max(0)..=x_high.min(nx - 1) {
+        let (low, high) = silhouette.row(x as f64 - segment.placed.tip.x, segment.placed.tip.y);
+        let (first, last) = columns.row(x as usize);
+        for y in low.max(first)..=high.min(last) {
+            let (from, to) = segment.run(x, y, (0, nz - 1));
+            let sums = columns.sums(x as usize, y as usize);
+            let mut solid = (from..to).filter(|&z| sums[z as usize + 1] > sums[z as usize]);
+            if let Some(z) = solid.next() {
+                return Some([x, y, z].map(|v| v as f64));
+            }
+        }
+    }
+    None
 }
 
 /// The oblong that holds a segment as seen along z: a strip along the axis and its two ends.

@@ -18,7 +18,7 @@ impl SolidField {
     pub(crate) fn side_step(&self, pose: &Pose) -> Option<DVec3> {
         let Shape::Bodies(bodies) = &self.shape else { return None };
         let placed = self.placed(pose)?;
-        let (distances, _) = self.spheres(bodies);
+        let distances = self.voxels.distances();
         let dims = distances.dims();
         let most = DVec3::from_array(dims.map(|n| (n - 1) as f64));
         let mut deepest = (0.0, DVec3::ZERO);
@@ -37,7 +37,7 @@ impl SolidField {
                         let witness = distances.nearest((x * dims[1] + y) * dims[2] + z);
                         let Some(witness) = witness.filter(|w| w != last) else { continue };
                         *last = witness;
-                        let voxel = self.obstacle.grid.voxel(witness).map(|v| v as f64);
+                        let voxel = self.voxels.occupancy().grid.voxel(witness).map(|v| v as f64);
                         if placed.holds(&body.profile, voxel) {
                             let (height, away) = seen_from_the_side(placed, voxel);
                             let depth = radius(&body.parts, height) - away.length();
@@ -51,6 +51,15 @@ impl SolidField {
         }
         let (depth, away) = deepest;
         Some(away.try_normalize()? * (-(depth + BEYOND) * placed.pitch))
+    }
+
+    /// The step across the tool's axis that sheds one voxel, in world units; `None` where it lies on the axis, and of a mesh.
+    pub(crate) fn shedding(&self, tip: DVec3, axis: DVec3, voxel: [f64; 3]) -> Option<DVec3> {
+        let Shape::Bodies(bodies) = &self.shape else { return None };
+        let placed = self.standing(tip, axis);
+        let (height, away) = seen_from_the_side(placed, voxel);
+        let deepest = bodies.iter().map(|body| radius(&body.parts, height)).fold(0.0, f64::max);
+        Some(away.try_normalize()? * (-(deepest - away.length() + BEYOND) * placed.pitch))
     }
 }
 

@@ -6,6 +6,8 @@
 //! middle is tried with the predicate that defines the tool: one that is inside decides the pose. Else the halves
 //! are tried. Pieces that are too short to halve stay open: they must be counted.
 
+use glam::DVec3;
+
 use super::segment::Placed;
 use super::{Body, MOST_SEGMENTS};
 use crate::distance::DistanceField;
@@ -37,12 +39,28 @@ pub(super) struct Piece {
     pub(super) to: f64,
 }
 
+/// A ball of which somebody has seen that the tool holds no solid centre in it; in voxels.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cleared {
+    pub(crate) middle: DVec3,
+    pub(crate) radius: f64,
+}
+
+impl Cleared {
+    /// True where another ball lies within.
+    #[inline]
+    fn holds(&self, middle: DVec3, radius: f64) -> bool {
+        let left = self.radius - radius;
+        left > 0.0 && middle.distance_squared(self.middle) <= left * left
+    }
+}
+
 /// What the spheres can tell of a pose.
 pub(super) enum Verdict {
     /// No solid voxel in the tool.
     Free,
-    /// At least one.
-    Colliding,
+    /// At least one: this, in whole numbers.
+    Colliding([f64; 3]),
     /// So many pieces must be counted; the others are free.
     Open(usize),
     /// More pieces than [`OPEN`] must be counted.
@@ -94,6 +112,7 @@ impl SphereTree {
         placed: Placed,
         bodies: &[Body],
         distances: &DistanceField,
+        cleared: Option<&Cleared>,
         open: &mut [u32; OPEN],
     ) -> Verdict {
         let [_, ny, nz] = distances.dims().map(|n| n as u32);
@@ -107,8 +126,9 @@ impl SphereTree {
                 depth -= 1;
                 let index = stack[depth];
                 let piece = &self.pieces[index as usize];
-                let probe = distances.probe(placed.tip + placed.direction * piece.middle);
-                if probe.squared > piece.squared {
+                let middle = placed.tip + placed.direction * piece.middle;
+                let probe = distances.probe(middle);
+                if probe.squared > piece.squared || cleared.is_some_and(|c| c.holds(middle, piece.radius)) {
                     continue;
                 }
                 let Some(witness) = distances.nearest(probe.index) else { return Verdict::Free };
@@ -117,7 +137,7 @@ impl SphereTree {
                     let (line, z) = (witness as u32 / nz, witness as u32 % nz);
                     let voxel = [f64::from(line / ny), f64::from(line % ny), f64::from(z)];
                     if bodies.iter().any(|body| placed.holds(&body.profile, voxel)) {
-                        return Verdict::Colliding;
+                        return Verdict::Colliding(voxel);
                     }
                 }
                 if piece.halves == 0 {

@@ -1,5 +1,7 @@
 //! The fast paths against the definitions.
 
+use std::sync::Arc;
+
 use super::*;
 use crate::grid::Grid;
 use crate::orientation::Orientation;

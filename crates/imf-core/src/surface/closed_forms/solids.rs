@@ -1,0 +1,137 @@
+//! The parts and tools of the closed forms, in millimetres.
+
+use std::f64::consts::PI;
+
+use glam::{DVec2, DVec3};
+
+use crate::mesh::Mesh;
+use crate::parts::shell::{Axis, Facing as Side, Shell, circle};
+use crate::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
+use crate::unit::LengthUnit;
+
+pub(super) fn line(from: f64, to: f64, radius_from: f64, radius_to: f64) -> Segment {
+    Segment::Line { from, to, radius_from, radius_to }
+}
+
+/// A cutter, a shank of a radius up to 30, and a holder of diameter 24 up to 60.
+pub(super) fn tool(cutter: Vec<Segment>, shank: f64) -> Tool {
+    let end = cutter.last().unwrap().range().1;
+    let elements = [
+        (ElementKind::Cutter, cutter),
+        (ElementKind::Shank, vec![line(end, 30.0, shank, shank)]),
+        (ElementKind::Holder(0), vec![line(30.0, 60.0, 12.0, 12.0)]),
+    ];
+    Tool {
+        name: "test".into(),
+        unit: LengthUnit::Mm,
+        shape: ToolShape::Revolved(
+            elements.into_iter().map(|(kind, profile)| Element { kind, profile }).collect(),
+        ),
+        sharp_points: SharpPoints::Tip,
+    }
+}
+
+pub(super) fn flat(radius: f64) -> Tool {
+    tool(vec![line(0.0, 20.0, radius, radius)], radius)
+}
+
+pub(super) fn ball(radius: f64) -> Tool {
+    let round =
+        Segment::Arc { from: 0.0, to: radius, centre_height: radius, centre_radius: 0.0, arc_radius: radius };
+    tool(vec![round, line(radius, 20.0, radius, radius)], radius)
+}
+
+/// A profile in (z, x), counter-clockwise, extruded along y.
+pub(super) fn extruded(profile: &[[f64; 2]], length: f64) -> Mesh {
+    let outline: Vec<DVec2> = profile.iter().map(|&p| DVec2::from_array(p)).collect();
+    let mut shell = Shell::default();
+    shell.post(Axis::Y, &outline, [0.0, length]);
+    shell.face(Axis::Y, 0.0, Side::Down, &outline, &[]);
+    shell.face(Axis::Y, length, Side::Up, &outline, &[]);
+    shell.into_mesh()
+}
+
+/// A block of 40 × 20 × 20 with a slot along y: a throat of a width in its top, and a head below.
+pub(super) fn slotted(throat: f64, head: [f64; 2]) -> Mesh {
+    let (t, bottom, top) = (throat / 2.0, head[0] / 2.0, head[1] / 2.0);
+    let x = |offset: f64| 20.0 + offset;
+    // (z, x): up the left side would be clockwise; from the origin along z is against it.
+    let profile = [
+        [0.0, 0.0],
+        [20.0, 0.0],
+        [20.0, x(-t)],
+        [12.0, x(-t)],
+        [12.0, x(-top)],
+        [6.0, x(-bottom)],
+        [6.0, x(bottom)],
+        [12.0, x(top)],
+        [12.0, x(t)],
+        [20.0, x(t)],
+        [20.0, 40.0],
+        [0.0, 40.0],
+    ];
+    let mut mesh = extruded(&dedup(&profile), 20.0);
+    if mesh.signed_volume() < 0.0 {
+        mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+    }
+    mesh
+}
+
+fn dedup(profile: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let mut profile = profile.to_vec();
+    profile.dedup();
+    profile
+}
+
+/// A block of 30 × 30 × 20 with a spherical dimple of a radius in the middle of its top.
+pub(super) fn dimpled(big: f64, depth: f64) -> Mesh {
+    let centre = DVec2::splat(15.0);
+    let middle = DVec3::new(15.0, 15.0, 20.0 - depth + big);
+    let mut shell = Shell::default();
+    let outer = [DVec2::ZERO, DVec2::new(30.0, 0.0), DVec2::splat(30.0), DVec2::new(0.0, 30.0)];
+    let rim = |i: usize| {
+        let (sine, cosine) = (PI / 3.0 * i as f64 / 16.0).sin_cos();
+        (circle(centre, big * sine, 64), middle.z - big * cosine)
+    };
+    shell.post(Axis::Z, &outer, [0.0, 20.0]);
+    shell.face(Axis::Z, 0.0, Side::Down, &outer, &[]);
+    shell.face(Axis::Z, 20.0, Side::Up, &outer, &[&rim(16).0]);
+    for i in 1..=16 {
+        let (upper, height) = rim(i);
+        // The last ring lies in the top's own plane.
+        let height = if i == 16 { 20.0 } else { height };
+        if i == 1 {
+            shell.face(Axis::Z, height, Side::Up, &upper, &[]);
+        } else {
+            let (lower, below) = rim(i - 1);
+            shell.band(&Axis::Z.place(&upper, height), &Axis::Z.place(&lower, below));
+        }
+    }
+    shell.into_mesh()
+}
+
+/// A cylinder along z from the origin up.
+pub(super) fn cylinder(radius: f64, height: f64) -> Mesh {
+    let mut shell = Shell::default();
+    let outline = circle(DVec2::ZERO, radius, 128);
+    shell.post(Axis::Z, &outline, [0.0, height]);
+    shell.face(Axis::Z, 0.0, Side::Down, &outline, &[]);
+    shell.face(Axis::Z, height, Side::Up, &outline, &[]);
+    shell.into_mesh()
+}
+
+/// A cutter that widens from a radius at the tip by a half angle, up to a height.
+pub(super) fn tapered(radius: f64, degrees: f64, height: f64) -> Tool {
+    let top = radius + height * degrees.to_radians().tan();
+    tool(vec![line(0.0, height, radius, top)], radius)
+}
+
+/// A tool that is a mesh.
+pub(super) fn of_mesh(mesh: Mesh) -> Tool {
+    Tool {
+        name: "mesh".into(),
+        unit: LengthUnit::Mm,
+        shape: ToolShape::Mesh(mesh),
+        sharp_points: SharpPoints::Tip,
+    }
+}

@@ -1,0 +1,241 @@
+//! One sample and one tool: how the tool's contact poses go, direction by direction.
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+
+use super::contact::{Facing, Touch};
+use super::{Revolved, Shape, SurfaceSample, SurfaceTool, Turn};
+use crate::field::solid::Cleared;
+use crate::pose::Pose;
+
+/// How a pose, or all poses of a direction, went; the better ones first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Outcome {
+    Good,
+    /// With the tip there.
+    Obstructed(DVec3),
+    Gouged,
+    NoContact,
+}
+
+impl Outcome {
+    fn rank(&self) -> u8 {
+        match self {
+            Self::Good => 0,
+            Self::Obstructed(_) => 1,
+            Self::Gouged => 2,
+            Self::NoContact => 3,
+        }
+    }
+
+    fn or(self, other: Self) -> Self {
+        if other.rank() < self.rank() { other } else { self }
+    }
+}
+
+/// Starting places around a level ring, how many of them are followed, and steps from each.
+const STARTS: u32 = 8;
+const TRIES: usize = 3;
+const STEPS: usize = 6;
+/// Steps by which a cutter gives way.
+const GIVES_WAY: usize = 24;
+/// Vertices of a mesh tool that are tried.
+const VERTICES: usize = 48;
+/// Solid centres outside the tangent plane that are tried one by one in every direction; where more are near, none are.
+const FEW: usize = 24;
+
+/// What was last in the way of the cutter, and of shank and holder.
+type Last = [Option<[f64; 3]>; 2];
+
+/// A sample that a tool is put to.
+pub(super) struct Stance<'a> {
+    tool: &'a SurfaceTool,
+    sample: &'a SurfaceSample,
+    /// All solid centres in this ball that a cutter could hold are listed.
+    cleared: Option<Cleared>,
+    listed: Vec<[f64; 3]>,
+}
+
+impl<'a> Stance<'a> {
+    pub(super) fn new(tool: &'a SurfaceTool, sample: &'a SurfaceSample) -> Self {
+        let mut stance = Self { tool, sample, cleared: None, listed: Vec::new() };
+        if let Shape::Revolved(tool) = &tool.shape
+            && tool.outline.convex
+        {
+            let voxels = tool.cutter.voxels();
+            stance.cleared = tool.near.iter().find_map(|&radius| {
+                voxels.cleared(sample.point, sample.normal, radius, FEW, &mut stance.listed)
+            });
+        }
+        stance
+    }
+
+    /// The best pose of a direction.
+    pub(super) fn from(&mut self, turn: &Turn, last: &mut Last) -> Outcome {
+        let (tolerance, sample) = (self.tool.tolerance, self.sample);
+        let tool = match &self.tool.shape {
+            Shape::Revolved(tool) => tool,
+            Shape::Mesh { vertices, whole } => {
+                // The vertices that lie farthest towards the surface, a tolerance outside it; between them the tool is flat.
+                let support = |v: &DVec3| -sample.normal.dot(turn.rotation * *v);
+                let farthest = vertices.iter().map(support).fold(f64::NEG_INFINITY, f64::max);
+                let outside = sample.point + sample.normal * tolerance;
+                let touching = vertices.iter().filter(|v| support(v) >= farthest - tolerance).take(VERTICES);
+                let touching: Vec<DVec3> = touching.copied().collect();
+                let middle = touching.iter().sum::<DVec3>() / touching.len() as f64;
+                let halfway = touching.iter().map(|&vertex| 0.5 * (middle + vertex));
+                let places = std::iter::once(middle).chain(halfway).chain(touching.iter().copied());
+                let outcomes = places.map(|place| {
+                    let tip = outside - turn.rotation * place;
+                    let collides = whole.collides(&Pose::new(tip, turn.rotation));
+                    if collides { Outcome::Obstructed(tip) } else { Outcome::Good }
+                });
+                return best(outcomes);
+            }
+        };
+        let Some(facing) = Facing::new(sample.normal, turn.axis, tool.highest) else {
+            return Outcome::NoContact;
+        };
+        let mut best = Outcome::NoContact;
+        tool.outline.touches(facing.slope, tolerance, |touch| {
+            if best == Outcome::Good {
+                return;
+            }
+            best = best.or(match touch {
+                Touch::Point { height, radius } => {
+                    let tip = facing.tip(sample.point, height, radius);
+                    let outcome = self.at(tool, tip, turn.axis, last);
+                    if outcome == Outcome::Gouged { self.aside(tool, tip, turn, last) } else { outcome }
+                }
+                Touch::Ring { height, inner, outer } => {
+                    let middle = sample.point - turn.axis * height;
+                    self.on_ring(tool, middle, turn, [inner, outer], last)
+                }
+            });
+        });
+        best
+    }
+
+    /// On a facet of a curved surface a cutter that cuts too deep gives way to what it cuts: as far as the surface's own normal
+    /// may differ from the facet's, and with its surface within the tolerance of the sample.
+    fn aside(&self, tool: &Revolved, tip: DVec3, turn: &Turn, last: &mut Last) -> Outcome {
+        if self.sample.bend == 0.0 {
+            return Outcome::Gouged;
+        }
+        let most = tool.radius * self.sample.bend + self.tool.tolerance;
+        let sample = tool.cutter.voxel_of(self.sample.point);
+        let mut now = tip;
+        for _ in 0..GIVES_WAY {
+            // Of a voxel of the list nothing is remembered.
+            let mut blocker = last[0].take();
+            if !tool.cutter.meets(now, turn.axis, None, Some(&mut blocker)) {
+                return self.decide(tool, now, turn.axis, None, last);
+            }
+            last[0] = blocker;
+            let Some(step) = blocker.and_then(|voxel| tool.cutter.shedding(now, turn.axis, voxel)) else {
+                break;
+            };
+            now += step;
+            if now.distance(tip) > most || !tool.touching.holds(now, turn.axis, sample) {
+                break;
+            }
+        }
+        Outcome::Gouged
+    }
+
+    /// The best pose at which a level ring of the cutter touches: `middle` is the tip with the ring's own middle on the sample.
+    /// From a few starting places the tool steps away from what it hits, as far as the ring allows.
+    fn on_ring(
+        &self,
+        tool: &Revolved,
+        middle: DVec3,
+        turn: &Turn,
+        [inner, outer]: [f64; 2],
+        last: &mut Last,
+    ) -> Outcome {
+        let u = turn.axis.any_orthonormal_vector();
+        let v = turn.axis.cross(u);
+        let mut starts = Vec::with_capacity(1 + 2 * STARTS as usize);
+        if inner == 0.0 {
+            starts.push(DVec3::ZERO);
+        }
+        for radius in [0.5 * (inner + outer), outer] {
+            starts.extend((0..STARTS).map(|start| {
+                let (sine, cosine) = (f64::from(start) * TAU / f64::from(STARTS)).sin_cos();
+                (u * cosine + v * sine) * radius
+            }));
+        }
+        let mut best = Outcome::NoContact;
+        for &offset in &starts {
+            best = best.or(self.at(tool, middle + offset, turn.axis, last));
+            if best == Outcome::Good {
+                return best;
+            }
+        }
+        let side_step = |offset: DVec3| {
+            let pose = Pose::new(middle + offset, turn.rotation);
+            let steps = [Some(&tool.cutter), tool.held.as_ref(), tool.rest.as_ref()];
+            let steps = steps.into_iter().flatten().filter_map(|solid| solid.side_step(&pose));
+            // The longest.
+            steps.max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))
+        };
+        let mut steps: Vec<(DVec3, DVec3)> =
+            starts.into_iter().filter_map(|start| Some((start, side_step(start)?))).collect();
+        // The places with the least in the way.
+        steps.sort_by(|a, b| a.1.length_squared().total_cmp(&b.1.length_squared()));
+        for &(start, step) in steps.iter().take(TRIES) {
+            let (mut offset, mut step) = (start, step);
+            for _ in 0..STEPS {
+                let next = offset + step;
+                offset = next.normalize_or(u) * next.length().clamp(inner, outer);
+                best = best.or(self.at(tool, middle + offset, turn.axis, last));
+                if best == Outcome::Good {
+                    return best;
+                }
+                let Some(next) = side_step(offset) else { break };
+                step = next;
+            }
+        }
+        best
+    }
+
+    /// One contact pose.
+    fn at(&self, tool: &Revolved, tip: DVec3, axis: DVec3, last: &mut Last) -> Outcome {
+        let among = |&voxel: &[f64; 3]| tool.cutter.holds(tip, axis, voxel);
+        if self.cleared.is_some() && self.listed.iter().any(among) {
+            return Outcome::Gouged;
+        }
+        self.decide(tool, tip, axis, self.cleared.as_ref(), last)
+    }
+
+    /// Of a pose at which the cutter may cross the tangent plane nothing is `cleared`.
+    fn decide(
+        &self,
+        tool: &Revolved,
+        tip: DVec3,
+        axis: DVec3,
+        cleared: Option<&Cleared>,
+        last: &mut Last,
+    ) -> Outcome {
+        let [at_cutter, at_rest] = last;
+        if tool.cutter.meets(tip, axis, cleared, Some(at_cutter)) {
+            return Outcome::Gouged;
+        }
+        let obstructed = tool.held.as_ref().is_some_and(|held| held.meets(tip, axis, None, None))
+            || tool.rest.as_ref().is_some_and(|rest| rest.meets(tip, axis, None, Some(at_rest)));
+        if obstructed { Outcome::Obstructed(tip) } else { Outcome::Good }
+    }
+}
+
+/// The best of some outcomes, up to the first that is good.
+fn best(outcomes: impl Iterator<Item = Outcome>) -> Outcome {
+    let mut best = Outcome::NoContact;
+    for outcome in outcomes {
+        best = best.or(outcome);
+        if best == Outcome::Good {
+            break;
+        }
+    }
+    best
+}
