@@ -2,6 +2,7 @@
 
 use std::process::ExitCode;
 
+use imf_core::control::Cancelled;
 use imf_core::scene::SceneError;
 use imf_core::section::SectionError;
 use imf_fields::evaluation::EvaluationError;
@@ -9,11 +10,13 @@ use imf_fields::onnx::OnnxError;
 use imf_train::dataset::DatasetError;
 
 use crate::commands::check::CollisionFound;
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt::{self, Interrupted, NOTHING_FINISHED};
 use crate::ranks::{Membership, Rank};
 
 /// The work failed: bad input, a device, a disk.
 const FAILED: u8 = 1;
+/// Arguments that do not go together, as those that clap refuses.
+const WRONG_ARGUMENTS: u8 = 2;
 /// `imf check` found a collision.
 const COLLISION: u8 = 3;
 /// Stopped by Ctrl-C; what was finished is kept.
@@ -42,7 +45,7 @@ pub fn code_of(joins_ranks: bool, work: impl FnOnce(Rank) -> anyhow::Result<()>)
         }
         Err(error) if was_cancelled(&error) => {
             if rank.is_first() {
-                eprintln!("imf: interrupted: nothing was finished; run the same command again to start over");
+                eprintln!("imf: interrupted: {NOTHING_FINISHED}");
             }
             INTERRUPTED
         }
@@ -50,7 +53,11 @@ pub fn code_of(joins_ranks: bool, work: impl FnOnce(Rank) -> anyhow::Result<()>)
             membership.let_the_first_speak();
             let who = if rank.of() > 1 { format!(" of rank {}", rank.number()) } else { String::new() };
             eprintln!("imf: error{who}: {}", message(&error));
-            FAILED
+            if error.chain().any(|cause| matches!(cause.downcast_ref(), Some(SceneError::NoTool(_)))) {
+                WRONG_ARGUMENTS
+            } else {
+                FAILED
+            }
         }
     };
     membership.leave(code);
@@ -80,6 +87,11 @@ fn remedy(cause: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
         Some(SceneError::ThinFixture { .. } | SceneError::NoSolid { .. }) => {
             return Some("--pitch, --conservative");
         }
+        Some(SceneError::Coarse(_)) => return Some("--pitch, or --allow-coarse"),
+        Some(SceneError::Proportion { .. }) => {
+            return Some("--unit or --scale for the part, unit = \"…\" in the tool's file");
+        }
+        Some(SceneError::NoTool(_)) => return Some(TOOL_FILE),
         _ => {}
     }
     if let Some(OnnxError::Rotations(_)) = cause.downcast_ref() {
@@ -88,11 +100,18 @@ fn remedy(cause: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
     matches!(cause.downcast_ref(), Some(DatasetError::Shares { .. })).then_some("imf dataset merge")
 }
 
+/// How a tool is given.
+const TOOL_FILE: &str = "--tool mill.toml; for a 6 mm ball end mill in a 24 mm holder that file reads: unit = \"mm\", stick_out = 30.0, \
+     then [cutter] with shape = \"ball\", diameter = 6.0, length = 20.0, then [shank] with diameter = 6.0, then [[holder]] with \
+     diameter = 24.0, length = 40.0, each on its own line; or --tool paper";
+
 /// Work that stopped at the user's wish without anything to keep.
 fn was_cancelled(error: &anyhow::Error) -> bool {
     let section = error.chain().any(|cause| {
         let evaluation = cause.downcast_ref::<EvaluationError>();
         matches!(cause.downcast_ref(), Some(SectionError::Cancelled))
+            || matches!(cause.downcast_ref(), Some(SceneError::Cancelled(_)))
+            || cause.is::<Cancelled>()
             || matches!(evaluation, Some(EvaluationError::Section(SectionError::Cancelled)))
     });
     section && interrupt::requested()

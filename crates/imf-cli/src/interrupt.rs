@@ -1,4 +1,5 @@
-//! Ctrl-C: the first asks long work to stop at the next safe place, the second ends the program at once.
+//! Ctrl-C: the first asks long work to stop at the next safe place, the second ends the program at once. While input is still
+//! read and prepared there is nothing to keep, and the first one ends the program.
 
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -11,6 +12,9 @@ use thiserror::Error;
 const SAME_WISH: Duration = Duration::from_millis(500);
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Set once there is work that looks at [`INTERRUPTED`] itself.
+static AT_WORK: AtomicBool = AtomicBool::new(false);
 
 /// By this variable tests interrupt a training after so many of its reports, however fast the machine is. Release builds do not
 /// read it.
@@ -26,6 +30,12 @@ pub(crate) fn listen(aloud: bool) -> Result<()> {
     let mut first: Option<Instant> = None;
     ctrlc::set_handler(move || {
         INTERRUPTED.store(true, Ordering::Relaxed);
+        if !AT_WORK.load(Ordering::Relaxed) {
+            if aloud {
+                eprintln!("\nimf: interrupted: {NOTHING_FINISHED}");
+            }
+            std::process::exit(i32::from(crate::exit::INTERRUPTED));
+        }
         match first {
             // Wrappers send the signal to the program and to its group: one wish, not two.
             Some(time) if time.elapsed() < SAME_WISH => {}
@@ -39,6 +49,14 @@ pub(crate) fn listen(aloud: bool) -> Result<()> {
         }
     })
     .context("cannot listen for Ctrl-C")
+}
+
+/// What is said where nothing is kept.
+pub(crate) const NOTHING_FINISHED: &str = "nothing was finished; run the same command again to start over";
+
+/// From here on the work itself looks whether the user wants to stop, and keeps what is finished.
+pub(crate) fn work_begins() {
+    AT_WORK.store(true, Ordering::Relaxed);
 }
 
 /// Set once the user wants to stop.

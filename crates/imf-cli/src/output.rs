@@ -17,7 +17,7 @@ use tempfile::{Builder, NamedTempFile};
 
 pub(crate) use self::earlier::SUMMARY;
 use self::earlier::remove_earlier;
-use crate::session::Session;
+use crate::session::{Said, Session, said};
 
 /// A folder for results. It is made only when there is a result to put into it.
 #[derive(Debug)]
@@ -205,14 +205,34 @@ pub(crate) fn answer(session: &Session, json: &impl Serialize, words: &str) -> R
     if session.json { print_json(json) } else { print(words) }
 }
 
-/// Writes a value as JSON to standard output.
-pub fn print_json(value: &impl Serialize) -> Result<()> {
-    print(&serde_json::to_string_pretty(value)?)
+/// An answer and what was said beside it.
+#[derive(Serialize)]
+struct Answer<'a, T> {
+    #[serde(flatten)]
+    value: &'a T,
+    #[serde(flatten)]
+    said: &'a Said,
 }
 
-/// Writes a value as a JSON file, whole or not at all.
+/// A value as JSON; an object also has what was said beside it (`warnings`, `choices`).
+fn json_text(value: &impl Serialize) -> Result<String> {
+    let said = said();
+    let is_object = !said.is_empty() && serde_json::to_value(value)?.is_object();
+    Ok(if is_object {
+        serde_json::to_string_pretty(&Answer { value, said: &said })?
+    } else {
+        serde_json::to_string_pretty(value)?
+    })
+}
+
+/// Writes a value as JSON to standard output, with what was said beside it.
+pub fn print_json(value: &impl Serialize) -> Result<()> {
+    print(&json_text(value)?)
+}
+
+/// Writes a value as a JSON file, whole or not at all, with what was said beside it.
 pub fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
-    write_text(path, &(serde_json::to_string_pretty(value)? + "\n"))
+    write_text(path, &(json_text(value)? + "\n"))
 }
 
 /// Writes a text file, whole or not at all.

@@ -10,6 +10,9 @@ use indicatif::{ProgressBar, ProgressStyle};
 /// Time between lines where there is no terminal.
 const LINE_EVERY: Duration = Duration::from_secs(5);
 
+/// A brief stage is told of where it takes longer.
+const BRIEF: Duration = Duration::from_secs(1);
+
 /// One stage of the work.
 pub struct Stage {
     name: String,
@@ -21,6 +24,8 @@ pub struct Stage {
     start: Instant,
     bar: Option<ProgressBar>,
     last_line: Option<Mutex<Instant>>,
+    /// Nothing is said of it where it takes no longer than [`BRIEF`].
+    brief: bool,
 }
 
 impl Stage {
@@ -37,7 +42,12 @@ impl Stage {
         });
         let start = Instant::now();
         let last_line = (!terminal && !quiet).then(|| Mutex::new(start));
-        Self { name: name.to_owned(), unit, total, done: AtomicU64::new(0), before: 0, start, bar, last_line }
+        let (name, done) = (name.to_owned(), AtomicU64::new(0));
+        Self { name, unit, total, done, before: 0, start, bar, last_line, brief: false }
+    }
+
+    pub(crate) fn brief(name: &str, unit: &'static str, total: u64, quiet: bool) -> Self {
+        Self { brief: true, ..Self::new(name, unit, total, quiet) }
     }
 
     /// Units that were finished before: they count as done, not for the rate.
@@ -86,7 +96,8 @@ impl Stage {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
-        if self.bar.is_some() || self.last_line.is_some() {
+        let is_told = !self.brief || self.start.elapsed() > BRIEF;
+        if is_told && (self.bar.is_some() || self.last_line.is_some()) {
             let seconds = self.start.elapsed().as_secs_f64();
             let done = self.done.load(Ordering::Relaxed);
             let rate = (done - self.before) as f64 / seconds.max(1e-9);

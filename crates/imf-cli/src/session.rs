@@ -1,13 +1,40 @@
 //! What holds for a whole run of the command: threads, memory limit, how much to say, and interruption.
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use anyhow::{Context, Result, bail};
 use imf_core::control::Control;
+use serde::Serialize;
 use sysinfo::{MemoryRefreshKind, RefreshKind, System};
 
 use crate::arguments::GlobalArguments;
 use crate::interrupt;
 use crate::progress::Stage;
 use crate::ranks::Rank;
+
+/// What was said of a run's input, beside its answer: answers in JSON have it too.
+#[derive(Clone, Default, Serialize)]
+pub(crate) struct Said {
+    /// What is not as expected.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    warnings: Vec<String>,
+    /// What was chosen for the user, and why.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    choices: Vec<String>,
+}
+
+impl Said {
+    pub(crate) fn is_empty(&self) -> bool {
+        self.warnings.is_empty() && self.choices.is_empty()
+    }
+}
+
+static SAID: Mutex<Said> = Mutex::new(Said { warnings: Vec::new(), choices: Vec::new() });
+
+/// What this run has said so far.
+pub(crate) fn said() -> MutexGuard<'static, Said> {
+    SAID.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// Settings of one run.
 pub struct Session {
@@ -97,16 +124,33 @@ impl Session {
         }
     }
 
-    /// Something is not as expected, though the work goes on. Shown even when quiet.
+    /// Something is not as expected, though the work goes on. Shown even when quiet, and once.
     pub fn warn(&self, text: &str) {
-        if self.rank.is_first() {
+        let warnings = &mut said().warnings;
+        if self.rank.is_first() && !warnings.iter().any(|known| known == text) {
             eprintln!("imf: warning: {text}");
+            warnings.push(text.to_owned());
         }
     }
 
-    /// A progress line with a rate and the time left, for `total` units.
+    /// Something was chosen for the user; the text says what and why.
+    pub(crate) fn choose(&self, text: &str) {
+        let choices = &mut said().choices;
+        if !choices.iter().any(|known| known == text) {
+            self.note(text);
+            choices.push(text.to_owned());
+        }
+    }
+
+    /// A progress line with a rate and the time left, for `total` units. From here on Ctrl-C is answered by the work itself.
     pub fn stage(&self, name: &str, unit: &'static str, total: u64) -> Stage {
+        interrupt::work_begins();
         Stage::new(name, unit, total, self.quiet)
+    }
+
+    /// As [`Self::stage`], of work that is mostly over at once, and then nothing is said of it; Ctrl-C ends it at any place.
+    pub(crate) fn brief_stage(&self, name: &str, unit: &'static str, total: u64) -> Stage {
+        Stage::brief(name, unit, total, self.quiet)
     }
 
     /// Progress into `report`, cancellation by Ctrl-C.

@@ -3,15 +3,18 @@
 use glam::{DMat4, DVec3};
 use serde::{Deserialize, Serialize};
 
+mod facing;
 mod features;
 pub mod read;
 mod refine;
 mod rests;
+pub(crate) mod solid_angle;
 pub mod topology;
 pub(crate) mod weld;
 #[cfg(feature = "formats")]
 pub mod write;
 
+pub use facing::FaceRepair;
 pub use features::MachiningDirection;
 pub(crate) use features::SAME;
 
@@ -67,6 +70,12 @@ impl Mesh {
                 .map(|&[a, b, c]| if mirrored { [a, c, b] } else { [a, b, c] })
                 .collect(),
         }
+    }
+
+    /// Length of the longest side of the box around it; zero without triangles.
+    #[must_use]
+    pub fn longest_side(&self) -> f64 {
+        self.bounds().map_or(0.0, |(lower, upper)| (upper - lower).max_element())
     }
 
     /// Appends another mesh.

@@ -6,11 +6,17 @@
 
 mod builder;
 mod guarantee;
+mod pitch;
+mod resolution;
 mod spec;
 mod stored;
+mod warning;
 
-pub use builder::{BuiltScene, SceneBuilder, SceneWarning};
+pub use builder::{BuiltScene, SceneBuilder};
 pub use guarantee::Guarantee;
+pub use pitch::{ChosenPitch, PitchReason};
+pub use resolution::CoarseTool;
+pub use warning::SceneWarning;
 // What the builder is made of, for the command, which checks memory between the steps.
 #[doc(hidden)]
 pub use spec::SceneSpec;
@@ -22,6 +28,7 @@ use glam::DMat4;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::control::Cancelled;
 use crate::distance::deeper_than;
 use crate::file_error::FileError;
 use crate::grid::{Grid, GridError};
@@ -29,7 +36,7 @@ use crate::mesh::Mesh;
 use crate::obstacle::Obstacle;
 use crate::occupancy::Occupancy;
 use crate::tool::{Assembly, Clearance, ClearanceError, Tool};
-use crate::unit::{ImplausibleSize, LengthUnit};
+use crate::unit::{ImplausibleProportion, ImplausibleSize, LengthUnit};
 
 /// How the grid around the part is chosen.
 #[doc(hidden)]
@@ -178,6 +185,8 @@ pub struct Bodies {
     pub part: Occupancy,
     /// Solid voxels of the fixtures.
     pub fixtures: Occupancy,
+    /// Share of the centres in or near the part at which its mesh does not say whether they are inside.
+    pub undecided: f64,
 }
 
 impl Bodies {
@@ -219,6 +228,38 @@ pub enum SceneError {
         /// Its size, and what it would be in other units.
         size: ImplausibleSize,
     },
+    /// A part that is far too small for the tool.
+    #[error("{part}: {proportion}")]
+    Proportion {
+        /// The part.
+        part: String,
+        /// Both sizes, and what the part's would be in other units.
+        proportion: ImplausibleProportion,
+    },
+    /// A part without a tool.
+    #[error(
+        "there is no tool for the part '{0}': describe the one that you have, from its tip to its holder; the paper's tool is \
+         for built-in parts"
+    )]
+    NoTool(String),
+    /// A tool that would pass between the voxels' centres unseen.
+    #[error("{0}; or allow it, knowing that collisions are missed")]
+    Coarse(CoarseTool),
+    /// A mesh that does not say what is inside.
+    #[error(
+        "{name}: solid and empty cannot be told apart: at {:.0} % of the voxel centres in or near it (more than {:.0} %) the \
+         winding number lies between 0.2 and 0.8, for its surface has gaps or faces in no consistent way; join its vertices, \
+         close its holes and make its normals consistent (in MeshLab or Blender), or export it again as one closed solid",
+        100.0 * share, 100.0 * most
+    )]
+    Undecided {
+        /// The part or fixture.
+        name: String,
+        /// Share of the centres in or near it.
+        share: f64,
+        /// The largest share that is accepted.
+        most: f64,
+    },
     /// A clearance that is no length, or around a tool that cannot be offset.
     #[error(transparent)]
     Clearance(#[from] ClearanceError),
@@ -259,6 +300,9 @@ pub enum SceneError {
         /// The grid's pitch.
         pitch: f64,
     },
+    /// The caller's [`Control`](crate::control::Control) asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }
 
 #[cfg(test)]

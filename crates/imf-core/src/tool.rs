@@ -34,6 +34,9 @@ use thiserror::Error;
 use crate::mesh::Mesh;
 use crate::unit::LengthUnit;
 
+/// The longest tool that is believed, in millimetres.
+const LONGEST_MM: f64 = 20_000.0;
+
 /// A holder with its cutter, in its own unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tool {
@@ -68,6 +71,19 @@ pub enum ToolError {
         name: String,
         /// What is missing.
         what: String,
+    },
+    /// Longer or wider than any machine.
+    #[error(
+        "the tool '{name}' reaches {length:e} {unit} from its tip, where no machine holds more than 20 m: check its lengths \
+         (stick-out, cutter, holder) and its unit"
+    )]
+    TooLong {
+        /// The tool.
+        name: String,
+        /// From its tip to its farthest point.
+        length: f64,
+        /// Its unit.
+        unit: LengthUnit,
     },
     /// So thin that no voxel centre lies in it.
     #[error(
@@ -210,10 +226,28 @@ impl Tool {
         }
     }
 
-    /// Checks that the tool has a volume.
+    /// Name and largest diameter of the thinnest element; of a mesh, the shortest side of its box.
+    #[must_use]
+    pub fn thinnest(&self) -> (String, f64) {
+        match &self.shape {
+            ToolShape::Revolved(elements) => elements
+                .iter()
+                .map(|e| {
+                    (e.kind.to_string(), 2.0 * e.profile.iter().map(Segment::max_radius).fold(0.0, f64::max))
+                })
+                .min_by(|(_, a), (_, b)| a.total_cmp(b))
+                .unwrap_or_default(),
+            ToolShape::Mesh(mesh) => {
+                let side = mesh.bounds().map_or(0.0, |(lower, upper)| (upper - lower).min_element());
+                ("body".into(), side)
+            }
+        }
+    }
+
+    /// Checks that the tool has a volume, and lengths that a machine can hold.
     ///
     /// # Errors
-    /// [`ToolError::Empty`] with what is missing.
+    /// [`ToolError::Empty`] with what is missing, [`ToolError::TooLong`].
     pub fn check(&self) -> Result<(), ToolError> {
         let empty = |what: &str| ToolError::Empty { name: self.name.clone(), what: what.into() };
         match &self.shape {
@@ -226,6 +260,11 @@ impl Tool {
         let volume = self.volume();
         if !(volume.is_finite() && volume > 0.0) {
             return Err(empty(&format!("its volume is {volume}")));
+        }
+        let (name, unit) = (self.name.clone(), self.unit);
+        let length = self.reach();
+        if length * unit.in_mm() > LONGEST_MM {
+            return Err(ToolError::TooLong { name, length, unit });
         }
         Ok(())
     }
@@ -259,5 +298,13 @@ mod tests {
         let none = Tool { shape: ToolShape::Revolved(vec![]), ..Tool::paper() };
         assert!(none.check().unwrap_err().to_string().contains("no element"));
         assert!(Tool::paper().check().is_ok());
+        // A stick-out of 4e9 mm.
+        let line = |from, to, radius| Segment::Line { from, to, radius_from: radius, radius_to: radius };
+        let far = [(ElementKind::Cutter, line(0.0, 9.0, 3.0)), (ElementKind::Shank, line(9.0, 4e9, 2.0))];
+        let elements = far.map(|(kind, segment)| Element { kind, profile: vec![segment] });
+        let far = Tool { shape: ToolShape::Revolved(elements.to_vec()), ..Tool::paper() };
+        let text = far.check().unwrap_err().to_string();
+        assert!(text.contains("4e9 mm") && text.contains("stick-out"), "{text}");
+        assert_eq!(far.thinnest(), ("shank".into(), 4.0));
     }
 }

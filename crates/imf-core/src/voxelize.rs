@@ -10,10 +10,14 @@ mod columns;
 mod cone;
 mod surface;
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use glam::DVec3;
 
+use crate::control::{Cancelled, Control};
 use crate::grid::Grid;
 use crate::mesh::Mesh;
+use crate::mesh::solid_angle;
 use crate::mesh::topology::boundary_chain;
 use crate::occupancy::Occupancy;
 use crate::parallel;
@@ -21,19 +25,51 @@ use crate::parallel;
 use columns::WeightedTriangle;
 use cone::BoundaryCone;
 
+/// A winding number between these two, up to its sign, says neither solid nor empty with any confidence: where a surface is
+/// closed it is a whole number.
+const UNDECIDED: (f64, f64) = (0.2, 0.8);
+
+/// Solid voxels, and how sure it is that they are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Voxelized {
+    /// The solid voxels.
+    pub solid: Occupancy,
+    /// Of the voxel centres with a winding number of at least 0.2 (those inside or nearly so), the share at which it is also below
+    /// 0.8: 0 for a closed mesh, and near 1 where triangles face at random.
+    pub undecided: f64,
+}
+
 /// Solid voxels of `mesh` on `grid`; parts of the mesh outside the grid are left out.
 ///
 /// Memory beside the result: the triangles once, and one plane of counts a thread.
 #[must_use]
 pub fn voxelize(mesh: &Mesh, grid: &Grid, conservative: bool) -> Occupancy {
+    // Without a control nothing cancels it.
+    voxelize_with(mesh, grid, conservative, Control::quiet())
+        .map_or_else(|Cancelled| Occupancy::empty(*grid), |voxelized| voxelized.solid)
+}
+
+/// As [`voxelize`], reporting every plane of voxels x = const, with the share of what is undecided.
+///
+/// # Errors
+/// The caller's [`Control`] asked to stop; it is heard between two voxels of an open mesh, between two planes of a closed one.
+pub fn voxelize_with(
+    mesh: &Mesh,
+    grid: &Grid,
+    conservative: bool,
+    control: Control<'_>,
+) -> Result<Voxelized, Cancelled> {
     let cone = BoundaryCone::new(mesh, &boundary_chain(mesh));
+    control.check()?;
     let mut triangles: Vec<WeightedTriangle> =
         (0..mesh.triangles.len()).map(|t| WeightedTriangle { corners: mesh.corners(t), weight: 1 }).collect();
     triangles.extend(cone.closing_triangles());
     let by_plane = PlaneIndex::new(grid, triangles.iter().map(|t| &t.corners));
     let touching = conservative
         .then(|| PlaneIndex::new(grid, triangles[..mesh.triangles.len()].iter().map(|t| &t.corners)));
+    control.check()?;
 
+    let (claimed, undecided) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let mut occupancy = Occupancy::empty(*grid);
     let plane_size = grid.dims[1] * grid.dims[2];
     parallel::for_each_chunk(
@@ -41,35 +77,46 @@ pub fn voxelize(mesh: &Mesh, grid: &Grid, conservative: bool) -> Occupancy {
         plane_size,
         || vec![0i32; grid.dims[1] * (grid.dims[2] + 1)],
         |counts, x, plane| {
+            if control.is_cancelled() {
+                return;
+            }
             columns::wind_plane(grid, x, by_plane.of(x).map(|t| &triangles[t]), counts);
+            let (mut near, mut between) = (0, 0);
             for y in 0..grid.dims[1] {
                 let column = &counts[y * (grid.dims[2] + 1)..][..grid.dims[2]];
                 for (z, &closed) in column.iter().enumerate() {
                     let solid = if cone.is_empty() {
                         closed != 0
                     } else {
-                        cone.open_winding(closed, grid.centre([x, y, z]), mesh).abs() > 0.5
+                        if control.is_cancelled() {
+                            return;
+                        }
+                        let winding = cone.open_winding(closed, grid.centre([x, y, z]), mesh).abs();
+                        near += usize::from(winding >= UNDECIDED.0);
+                        between += usize::from(winding >= UNDECIDED.0 && winding < UNDECIDED.1);
+                        winding > 0.5
                     };
                     plane[y * grid.dims[2] + z] = u8::from(solid);
                 }
             }
+            claimed.fetch_add(near, Ordering::Relaxed);
+            undecided.fetch_add(between, Ordering::Relaxed);
             if let Some(index) = &touching {
                 for t in index.of(x) {
                     surface::touch_plane(grid, x, &triangles[t].corners, plane);
                 }
             }
+            (control.progress)(1);
         },
     );
-    occupancy
+    control.check()?;
+    let undecided = undecided.into_inner() as f64 / claimed.into_inner().max(1) as f64;
+    Ok(Voxelized { solid: occupancy, undecided })
 }
 
-/// Generalised winding number of the mesh at a point, by summing every triangle's solid angle: the definition.
+/// Generalised winding number of the mesh at a point: the definition.
 pub(crate) fn winding_number(mesh: &Mesh, point: DVec3) -> f64 {
-    let angles = (0..mesh.triangles.len()).map(|t| {
-        let (sine, cosine) = cone::half_angle(mesh.corners(t).map(|c| c - point));
-        2.0 * sine.atan2(cosine)
-    });
-    angles.sum::<f64>() / (4.0 * std::f64::consts::PI)
+    solid_angle::winding_number((0..mesh.triangles.len()).map(|t| mesh.corners(t)), point)
 }
 
 /// Which triangles meet which plane of voxels x = const, as one flat list with starts.

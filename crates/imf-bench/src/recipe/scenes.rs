@@ -32,11 +32,14 @@ impl Scenes {
         let arguments = SceneArguments {
             part: settings.part,
             unit: settings.unit.as_deref().map(str::parse).transpose()?,
+            scale: 1.0,
             pitch: settings.pitch,
             dims: None,
             margin: settings.margin,
             transform: None,
             conservative: settings.conservative,
+            // Protocols at a fraction of the resolution are coarse on purpose; it is warned about.
+            allow_coarse: true,
             tool: vec![settings.tool],
             fixture: Vec::new(),
             around: Around::Part,

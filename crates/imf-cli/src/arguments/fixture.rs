@@ -5,8 +5,8 @@ use std::str::FromStr as _;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use glam::{DMat4, DVec3};
-use imf_core::mesh::Mesh;
 use imf_core::mesh::read::{MeshFile, read_mesh_file};
+use imf_core::mesh::{FaceRepair, Mesh};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::Fixture;
 use imf_core::unit::LengthUnit;
@@ -23,11 +23,14 @@ pub(crate) struct Part {
     pub(crate) unit_is_its_own: bool,
     /// The file's own unit, where another one was given.
     pub(crate) overruled: Option<LengthUnit>,
+    /// What was done to make its triangles face consistently.
+    pub(crate) repair: FaceRepair,
 }
 
 impl Part {
-    /// Reads a file or makes a built-in part. A file of that name wins over a built-in part, a folder does not.
-    pub(crate) fn read(part: &str, given: Option<LengthUnit>) -> Result<Self> {
+    /// Reads a file or makes a built-in part. A file of that name wins over a built-in part, a folder does not. An STL file, which
+    /// does not say its unit, is in the `assumed` one, or asks for it.
+    pub(crate) fn read(part: &str, given: Option<LengthUnit>, assumed: Option<LengthUnit>) -> Result<Self> {
         let path = Path::new(part);
         if !path.is_file()
             && let Ok(reference) = ReferencePart::from_str(part)
@@ -39,29 +42,40 @@ impl Part {
                 reference: Some(reference),
                 unit_is_its_own: true,
                 overruled: None,
+                repair: FaceRepair::default(),
             });
         }
         let is_stl = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("stl"));
-        if is_stl && given.is_none() && path.exists() {
+        if is_stl && given.or(assumed).is_none() && path.exists() {
             bail!("{part}: an STL file does not say its unit; add --unit mm (or cm, m, inch)");
         }
         let MeshFile { mesh, unit: stated } = read_mesh_file(path)?;
+        let (mesh, repair) = mesh.with_consistent_faces();
         let name = path.file_name().map_or_else(|| part.to_owned(), |n| n.to_string_lossy().into_owned());
         Ok(Self {
             name,
             mesh,
-            unit: given.or(stated).unwrap_or_default(),
+            unit: given.or(stated).or(assumed).unwrap_or_default(),
             reference: None,
             unit_is_its_own: given.is_none() && stated.is_some(),
             overruled: stated.filter(|stated| given.is_some_and(|given| given != *stated)),
+            repair,
         })
+    }
+
+    /// The part with its coordinates multiplied.
+    pub(crate) fn scaled(mut self, factor: f64) -> Self {
+        if factor != 1.0 {
+            self.mesh = self.mesh.transformed(&DMat4::from_scale(DVec3::splat(factor)));
+        }
+        self
     }
 
     /// What stands around a part in `unit`: scaled where its own unit is known to be another.
     pub(crate) fn around_part_in(mut self, unit: LengthUnit) -> Self {
         if self.unit_is_its_own && self.unit != unit {
             let factor = self.unit.in_mm() / unit.in_mm();
-            self.mesh = self.mesh.transformed(&DMat4::from_scale(DVec3::splat(factor)));
+            self = self.scaled(factor);
             self.unit = unit;
         }
         self
@@ -85,6 +99,7 @@ pub(crate) struct FixtureMesh {
     pub(crate) name: String,
     pub(crate) mesh: Mesh,
     pub(crate) transform: DMat4,
+    pub(crate) repair: FaceRepair,
 }
 
 impl FixtureMesh {
@@ -94,9 +109,10 @@ impl FixtureMesh {
         unit: Option<LengthUnit>,
         part_unit: LengthUnit,
     ) -> Result<Self> {
-        let part = Part::read(file, unit).with_context(|| format!("the fixture {file} cannot be used"))?;
-        let part = part.around_part_in(part_unit);
-        Ok(Self { name: part.name, mesh: part.mesh, transform: *transform })
+        let part = Part::read(file, unit, Some(part_unit))
+            .with_context(|| format!("the fixture {file} cannot be used"))?
+            .around_part_in(part_unit);
+        Ok(Self { name: part.name, mesh: part.mesh, transform: *transform, repair: part.repair })
     }
 
     /// As the scene takes it.
@@ -135,7 +151,8 @@ impl Stock {
             let mesh = box_mesh(part_box.0 - margin, part_box.1 + margin);
             return Ok(Self { name: format!("the part's box and {margin} around"), mesh });
         }
-        let file = Part::read(text, unit).with_context(|| format!("the stock {text} cannot be used"))?;
+        let file = Part::read(text, unit, Some(part_unit))
+            .with_context(|| format!("the stock {text} cannot be used"))?;
         let file = file.around_part_in(part_unit);
         Ok(Self { name: file.name, mesh: file.mesh.transformed(transform) })
     }
@@ -175,6 +192,16 @@ mod tests {
         let fixture = read("bracket@translate:0,0,5").unwrap();
         assert_eq!(fixture.transform.transform_point3(DVec3::ZERO), DVec3::new(0.0, 0.0, 5.0));
         assert!(parse_fixture("bracket@scale:2").is_err());
+        // STL has no unit: it is in the part's.
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("block.stl");
+        let facet =
+            "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
+        std::fs::write(&file, format!("solid block\n{facet}endsolid block\n")).unwrap();
+        let text = parse_fixture(&file.display().to_string()).unwrap();
+        let block = FixtureMesh::read(&text, None, LengthUnit::Inch).unwrap();
+        assert_eq!(block.mesh.longest_side(), 1.0);
+        assert!(Part::read(&file.display().to_string(), None, None).is_err());
         let refusal = format!("{:#}", read("nowhere.stl").err().unwrap());
         assert!(refusal.contains("nowhere.stl"), "{refusal}");
     }

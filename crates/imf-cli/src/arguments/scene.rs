@@ -1,25 +1,20 @@
 //! From arguments to a scene: part, fixtures, unit, set-up, grid and tool, checked in one step.
 
-use std::path::Path;
-
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use glam::DMat4;
 use imf_core::grid::Grid;
 use imf_core::mesh::topology::MeshReport;
-use imf_core::scene::{Around, Bodies, Fixture, Resolution, Scene, SceneSpec, SceneWarning};
+use imf_core::scene::{Around, Bodies, Scene, SceneSpec, SceneWarning};
 use imf_core::section::{ElementPlans, SectionPlan};
 use imf_core::tool::Tool;
-use imf_core::unit::{LengthUnit, unit_check};
+use imf_core::unit::LengthUnit;
 
 use super::clearance::{ClearanceArguments, ContactArguments, clearance_text};
-use super::fixture::{FixtureArgument, FixtureMesh, Part, parse_fixture};
+use super::fixture::{FixtureArgument, parse_fixture};
 use super::transform::parse_transform;
 use crate::session::{Session, show_bytes};
-
-/// Voxels along the longest side where neither pitch nor dims are given.
-const DEFAULT_LONGEST: f64 = 96.0;
 
 /// Heading of these options.
 const HEADING: &str = "Part, voxels and tool";
@@ -33,7 +28,10 @@ pub struct SceneArguments {
     /// default
     #[arg(help_heading = HEADING, long, value_name = "UNIT")]
     pub unit: Option<LengthUnit>,
-    /// Edge of a voxel in the part's unit
+    /// Multiplies the part's coordinates, before the set-up: 25.4 for a file in inch that is to be in mm
+    #[arg(help_heading = HEADING, long, value_name = "FACTOR", default_value_t = 1.0, value_parser = parse_scale)]
+    pub scale: f64,
+    /// Edge of a voxel in the part's unit; by default it follows from tool and part, and is printed with the reason
     #[arg(help_heading = HEADING, long, value_name = "LENGTH", conflicts_with = "dims", value_parser = parse_pitch)]
     pub pitch: Option<f64>,
     /// Voxels along x, y and z, the part fitted between them; built-in parts have their own by default
@@ -42,15 +40,19 @@ pub struct SceneArguments {
     /// Empty voxels on each side of the part
     #[arg(help_heading = HEADING, long, default_value_t = 0, value_name = "VOXELS")]
     pub margin: usize,
-    /// Set-up of the part, steps applied in order: 'rotate:X,Y,Z:ANGLE; translate:X,Y,Z; matrix:…'
+    /// Set-up of the part, steps applied in order: 'rotate:X,Y,Z:ANGLE; translate:X,Y,Z; matrix:…' (12 or 16 numbers, by
+    /// rows, that turn, move and scale alike in all directions)
     #[arg(help_heading = HEADING, long, value_name = "STEPS", value_parser = parse_transform)]
     pub transform: Option<DMat4>,
     /// Every voxel that the surface touches is solid, not only those whose centre is inside
     #[arg(help_heading = HEADING, long)]
     pub conservative: bool,
+    /// Go on with a tool that is thinner than √2 voxels and passes between their centres, where that is refused
+    #[arg(help_heading = HEADING, long)]
+    pub allow_coarse: bool,
     /// A tool file (TOML), a tool of FreeCAD (.fctb) or of Fusion (LIBRARY.json#NAME or #NUMBER), or paper, the built-in
-    /// ball-end mill; imf access takes several
-    #[arg(help_heading = HEADING, long, default_value = "paper", value_name = "TOOL")]
+    /// ball-end mill, which built-in parts have by default; imf access takes several
+    #[arg(help_heading = HEADING, long, value_name = "TOOL")]
     pub tool: Vec<String>,
     /// What holds the part: an OBJ, STL, PLY or 3MF file in the part's unit (3MF: in its own), with its set-up after an @; may be repeated
     #[arg(help_heading = HEADING, long, value_name = "FILE[@STEPS]", value_parser = parse_fixture)]
@@ -82,6 +84,13 @@ fn parse_pitch(text: &str) -> Result<f64, String> {
     }
 }
 
+fn parse_scale(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(scale) if scale.is_finite() && scale > 0.0 => Ok(scale),
+        _ => Err("a factor above 0, such as 25.4".into()),
+    }
+}
+
 fn parse_dims(text: &str) -> Result<[usize; 3], String> {
     let values: Vec<usize> = text.split(',').filter_map(|t| t.trim().parse().ok()).collect();
     match values.as_slice() {
@@ -90,34 +99,19 @@ fn parse_dims(text: &str) -> Result<[usize; 3], String> {
     }
 }
 
-/// Part, fixtures, tools and set-up as read and checked, before anything is voxelised.
-pub(crate) struct Reading {
-    pub(crate) part: Part,
-    pub(crate) report: MeshReport,
-    pub(crate) tools: Vec<Tool>,
-    pub(crate) transform: DMat4,
-    fixtures: Vec<FixtureMesh>,
-}
-
-impl Reading {
-    /// The fixtures as a scene takes them.
-    pub(crate) fn fixtures(&self) -> Vec<Fixture<'_>> {
-        self.fixtures.iter().map(FixtureMesh::as_fixture).collect()
-    }
-}
-
 impl SceneArguments {
     /// Reads part, fixtures and tool, checks them, estimates the memory, and voxelises, with the layer that the cutter
     /// may enter where it may enter one. Fixtures must lie within the grid: the scene is all that is kept. Remarks go to
     /// the session.
     pub fn scene_with(&self, session: &Session, contact: &ContactArguments) -> Result<Scene> {
-        self.with_spec(session, |spec, _| {
+        self.with_spec(session, true, |spec, _| {
             let grid = spec.grid()?;
             let (tool, depth) = self.offset_tool(spec, contact)?;
             require_memory_for_sections(session, &grid, &grid, &tool, depth.is_some(), false)?;
-            let scene = self.announced(session, spec.scene()?)?;
+            let (scene, bodies) = voxelising(session, spec, &grid, |spec| spec.scene_alone())?;
+            let scene = self.announced(session, spec, scene, &bodies)?;
             Ok(match depth {
-                Some(depth) => scene.with_contact(&spec.bodies(&grid)?, depth),
+                Some(depth) => scene.with_contact(&bodies, depth),
                 None => scene,
             })
         })
@@ -131,15 +125,15 @@ impl SceneArguments {
         contact: &ContactArguments,
         elements: bool,
     ) -> Result<(Scene, Bodies)> {
-        self.with_spec(session, |spec, _| {
+        self.with_spec(session, true, |spec, _| {
             let grid = spec.grid()?;
             let (tool, depth) = self.offset_tool(spec, contact)?;
             let reach = tool.reach_from_sharp_points(grid.pitch);
             let wide = spec.wide_grid(&grid, reach)?;
             require_memory_for_sections(session, &wide, &grid, &tool, depth.is_some(), elements)?;
             warn_of_fixtures_out_of_reach(session, spec, &wide)?;
-            let (scene, bodies) = spec.scene_and_bodies(reach)?;
-            let scene = self.announced(session, scene)?;
+            let (scene, bodies) = voxelising(session, spec, &wide, |spec| spec.scene_and_bodies(reach))?;
+            let scene = self.announced(session, spec, scene, &bodies)?;
             Ok(match depth {
                 Some(depth) => (scene.with_contact(&bodies, depth), bodies),
                 None => (scene, bodies),
@@ -147,21 +141,26 @@ impl SceneArguments {
         })
     }
 
-    /// A scene that is read and voxelised, with no room kept for sections: the tool is only written down. Also gives what
-    /// is known of the mesh.
-    pub(crate) fn scene_without_sections(&self, session: &Session) -> Result<(Scene, MeshReport)> {
-        self.with_spec(session, |spec, report| {
-            require_memory_for_voxels(session, &spec.grid()?)?;
-            Ok((self.announced(session, spec.scene()?)?, report.clone()))
+    /// Part and fixtures on the grid, what is known of the mesh, and the unit: no tool is asked for.
+    pub(crate) fn voxels(&self, session: &Session) -> Result<(Bodies, MeshReport, LengthUnit, String)> {
+        self.with_spec(session, false, |spec, report| {
+            let grid = spec.grid()?;
+            require_memory_for_voxels(session, &grid)?;
+            let bodies = voxelising(session, spec, &grid, |spec| spec.bodies(&grid))?;
+            warn_of(session, &spec.warnings(&bodies)?);
+            Ok((bodies, report.clone(), spec.unit, spec.part.to_owned()))
         })
     }
 
-    /// The scene as [`Self::scene_without_sections`] makes it, and part and fixtures apart on a grid that holds them all.
+    /// The scene as [`Self::scene_with`] makes it, with no room kept for sections and without contact, and part and fixtures apart on a
+    /// grid that holds them all.
     pub(crate) fn scene_and_bodies(&self, session: &Session) -> Result<(Scene, Bodies)> {
-        self.with_spec(session, |spec, _| {
-            require_memory_for_voxels(session, &spec.wide_grid(&spec.grid()?, f64::INFINITY)?)?;
-            let (scene, bodies) = spec.scene_and_bodies(f64::INFINITY)?;
-            Ok((self.announced(session, scene)?, bodies))
+        self.with_spec(session, true, |spec, _| {
+            let wide = spec.wide_grid(&spec.grid()?, f64::INFINITY)?;
+            require_memory_for_voxels(session, &wide)?;
+            let (scene, bodies) =
+                voxelising(session, spec, &wide, |spec| spec.scene_and_bodies(f64::INFINITY))?;
+            Ok((self.announced(session, spec, scene, &bodies)?, bodies))
         })
     }
 
@@ -170,22 +169,26 @@ impl SceneArguments {
         if scale == 1.0 {
             return Ok(self.clone());
         }
-        let grid = self.with_spec(session, |spec, _| Ok(spec.grid()?))?;
+        let grid = self.with_spec(session, true, |spec, _| Ok(spec.grid()?))?;
         let margin = (self.margin as f64 * scale).ceil() as usize;
         Ok(Self { pitch: Some(grid.pitch / scale), dims: None, margin, ..self.clone() })
     }
 
-    /// Makes something of what a scene of the one tool is made from.
+    /// Makes something of what a scene of the one tool is made from; `asks` for a tool where none is given.
     fn with_spec<T>(
         &self,
         session: &Session,
+        asks: bool,
         make: impl FnOnce(&SceneSpec<'_>, &MeshReport) -> Result<T>,
     ) -> Result<T> {
-        let reading = self.read(session)?;
-        let [tool] = reading.tools.as_slice() else {
-            bail!("one --tool at a time (imf access takes several)");
+        let reading = self.read(session, asks)?;
+        let unused = Tool::paper();
+        let tool = match reading.tools.as_slice() {
+            [tool] => tool,
+            [] => &unused,
+            _ => bail!("one --tool at a time (imf access takes several)"),
         };
-        make(&self.spec(&reading, &reading.fixtures(), tool), &reading.report)
+        make(&self.spec(session, &reading, &reading.fixtures(), tool), &reading.report)
     }
 
     /// The tool in the part's unit, offset by its clearance, and how deep its cutter may touch.
@@ -195,7 +198,15 @@ impl SceneArguments {
     }
 
     /// Grows the tool and says what the scene is.
-    fn announced(&self, session: &Session, scene: Scene) -> Result<Scene> {
+    fn announced(
+        &self,
+        session: &Session,
+        spec: &SceneSpec<'_>,
+        scene: Scene,
+        bodies: &Bodies,
+    ) -> Result<Scene> {
+        warn_of(session, &spec.check_tool(spec.tool, &scene.record.grid)?);
+        warn_of(session, &spec.warnings(bodies)?);
         let clearance = self.clearance.clearance();
         let scene = scene.with_clearance(&clearance)?;
         let grid = scene.record.grid;
@@ -217,65 +228,26 @@ impl SceneArguments {
         ));
         Ok(scene)
     }
+}
 
-    /// Reads part, fixtures and tools and checks them; remarks go to the session.
-    pub(crate) fn read(&self, session: &Session) -> Result<Reading> {
-        let part = Part::read(&self.part, self.unit)?;
-        let tools = self.tool.iter().map(|tool| read_tool(tool)).collect::<Result<Vec<_>>>()?;
-        tools.iter().try_for_each(Tool::check)?;
-        if let Some(stated) = part.overruled {
-            session.warn(&format!(
-                "{} says that it is in {stated}; --unit {} overrules it",
-                part.name, part.unit
-            ));
-        }
-        for warning in tools.iter().filter_map(SceneWarning::of_tool) {
-            session.note(&warning.to_string());
-        }
-        let fixtures = self.fixture.iter().map(|fixture| FixtureMesh::read(fixture, self.unit, part.unit));
-        let fixtures = fixtures.collect::<Result<_>>()?;
-        let report = MeshReport::new(&part.mesh);
-        if let Some(implausible) = unit_check(report.extents, part.unit) {
-            bail!("{}: {implausible}", part.name);
-        }
-        if part.reference.is_none() {
-            SceneWarning::of_mesh(&part.name, &report)
-                .iter()
-                .for_each(|warning| session.warn(&warning.to_string()));
-        }
-        let transform = self.transform.unwrap_or(DMat4::IDENTITY);
-        Ok(Reading { part, report, tools, transform, fixtures })
-    }
+/// Says what should be known of a scene.
+pub(crate) fn warn_of(session: &Session, warnings: &[SceneWarning]) {
+    warnings.iter().for_each(|warning| session.warn(&warning.to_string()));
+}
 
-    /// What a scene of one tool is made from.
-    pub(crate) fn spec<'a>(
-        &self,
-        reading: &'a Reading,
-        fixtures: &'a [Fixture<'a>],
-        tool: &'a Tool,
-    ) -> SceneSpec<'a> {
-        SceneSpec {
-            part: &reading.part.name,
-            mesh: &reading.part.mesh,
-            unit: reading.part.unit,
-            transform: reading.transform,
-            resolution: self.resolution(&reading.part, &reading.report),
-            margin: self.margin,
-            conservative: self.conservative,
-            tool,
-            fixtures,
-            around: self.around,
-        }
-    }
-
-    fn resolution(&self, part: &Part, report: &MeshReport) -> Resolution {
-        match (self.pitch, self.dims, part.reference) {
-            (Some(pitch), _, _) => Resolution::Pitch(pitch),
-            (None, Some(dims), _) => Resolution::Dims(dims),
-            (None, None, Some(reference)) => Resolution::Dims(reference.dims()),
-            (None, None, None) => Resolution::Pitch(report.extents.max_element() / DEFAULT_LONGEST),
-        }
-    }
+/// Voxelises with progress where it takes its time; `grid` is the largest that there will be.
+pub(crate) fn voxelising<T, E: Into<anyhow::Error>>(
+    session: &Session,
+    spec: &SceneSpec<'_>,
+    grid: &Grid,
+    make: impl FnOnce(&SceneSpec<'_>) -> Result<T, E>,
+) -> Result<T> {
+    let planes = grid.dims[0] * (1 + spec.fixtures.len());
+    let stage = session.brief_stage("voxelising", "planes of voxels", planes as u64);
+    let advance = |n| stage.advance(n);
+    let made = make(&SceneSpec { control: session.control(&advance), ..spec.clone() }).map_err(Into::into)?;
+    stage.finish("");
+    Ok(made)
 }
 
 /// A fixture that nothing can touch changes no result, and was hardly meant to stand where it does.
@@ -331,13 +303,6 @@ fn require_memory_for_voxels(session: &Session, grid: &Grid) -> Result<()> {
         let [x, y, z] = grid.dims;
         format!("{x}×{y}×{z} voxels; use a larger --pitch")
     })
-}
-
-fn read_tool(text: &str) -> Result<Tool> {
-    if text == "paper" && !Path::new(text).exists() {
-        return Ok(Tool::paper());
-    }
-    Tool::find(text).with_context(|| format!("the tool {text} cannot be used"))
 }
 
 #[cfg(test)]

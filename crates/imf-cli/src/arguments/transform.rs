@@ -4,8 +4,8 @@ use anyhow::{Context, Result, bail, ensure};
 use glam::{DMat4, DQuat, DVec3};
 
 /// Reads steps separated by `;`, the first applied first:
-/// `rotate:X,Y,Z:ANGLE` (axis, degrees), `translate:X,Y,Z`, or `matrix:` and 12 numbers (three rows of four) that
-/// keep lengths and handedness.
+/// `rotate:X,Y,Z:ANGLE` (axis, degrees), `translate:X,Y,Z`, or `matrix:` and 12 or 16 numbers (three or four rows of four) that
+/// turn, move, and scale alike in all directions.
 pub(crate) fn parse_transform(text: &str) -> Result<DMat4, String> {
     let mut steps = text.split(';').map(str::trim).filter(|step| !step.is_empty());
     steps.try_fold(DMat4::IDENTITY, |done, step| match parse_step(step) {
@@ -28,17 +28,35 @@ fn parse_step(step: &str) -> Result<DMat4> {
         ["translate", offset] => Ok(DMat4::from_translation(vector(offset)?)),
         ["matrix", rows] => {
             let v = numbers(rows)?;
-            ensure!(v.len() == 12, "a matrix needs 12 numbers, three rows of four, not {}", v.len());
+            ensure!(
+                v.len() == 12 || v.len() == 16,
+                "a matrix needs 12 numbers, three rows of four, or 16 with the row 0,0,0,1, not {}",
+                v.len()
+            );
+            ensure!(
+                v.len() == 12 || v[12..] == [0.0, 0.0, 0.0, 1.0],
+                "the last row of a matrix must be 0,0,0,1: write it row by row, the translation at the end of the first three rows"
+            );
             let column = |c: usize| DVec3::new(v[c], v[4 + c], v[8 + c]);
             let (x, y, z) = (column(0), column(1), column(2));
-            let rigid = [x.length() - 1.0, y.length() - 1.0, z.length() - 1.0, x.dot(y), y.dot(z), z.dot(x)];
+            let scales = [x, y, z].map(DVec3::length);
+            let scale = scales.iter().sum::<f64>() / 3.0;
             ensure!(
-                rigid.iter().all(|e| e.abs() < 1e-6) && x.cross(y).dot(z) > 0.0,
-                "the matrix must be a rotation and a translation: a set-up neither scales nor mirrors"
+                scale > 0.0 && scales.iter().all(|s| (s / scale - 1.0).abs() < 1e-6),
+                "the matrix scales by {}, {} and {} along its axes: a part may be scaled by one factor only",
+                scales[0],
+                scales[1],
+                scales[2]
             );
+            let square = scale * scale;
+            ensure!(
+                [x.dot(y), y.dot(z), z.dot(x)].iter().all(|e| e.abs() < 1e-6 * square),
+                "the matrix shears: its axes must be at right angles to each other"
+            );
+            ensure!(x.cross(y).dot(z) > 0.0, "the matrix mirrors: a set-up turns and moves a part");
             Ok(DMat4::from_cols(x.extend(0.0), y.extend(0.0), z.extend(0.0), column(3).extend(1.0)))
         }
-        _ => bail!("use rotate:X,Y,Z:ANGLE, translate:X,Y,Z or matrix: with 12 numbers"),
+        _ => bail!("use rotate:X,Y,Z:ANGLE, translate:X,Y,Z or matrix: with 12 or 16 numbers"),
     }
 }
 
@@ -68,15 +86,27 @@ mod tests {
         assert!((m.transform_point3(DVec3::ZERO) - DVec3::Y).length() < 1e-12);
         let m = parse_transform("matrix:0,-1,0,5,1,0,0,6,0,0,1,7").unwrap();
         assert_eq!(m.transform_point3(DVec3::X), DVec3::new(5.0, 7.0, 7.0));
+        // One scale for all axes, and a last row that says nothing.
+        let scaled = "matrix:0,-25.4,0,5,25.4,0,0,6,0,0,25.4,7,0,0,0,1";
+        assert_eq!(parse_transform(scaled).unwrap().transform_point3(DVec3::X), DVec3::new(5.0, 31.4, 7.0));
     }
 
     #[test]
-    fn what_is_no_rigid_motion_is_refused() {
+    fn what_changes_the_parts_shape_is_refused_by_name() {
         for text in
             ["scale:2", "rotate:0,0,0:5", "matrix:1,2", "matrix:2,0,0,0,0,1,0,0,0,0,1,0", "translate:1,x,0"]
         {
             assert!(parse_transform(text).is_err(), "{text}");
         }
-        assert!(parse_transform("matrix:-1,0,0,0,0,1,0,0,0,0,1,0").is_err(), "a mirror");
+        for (text, name) in [
+            ("matrix:-1,0,0,0,0,1,0,0,0,0,1,0", "mirrors"),
+            ("matrix:2,0,0,0,0,1,0,0,0,0,1,0", "scales by 2, 1 and 1"),
+            ("matrix:1,0,0,0,0,0,0,0,0,0,1,0", "scales by 1, 0 and 1"),
+            ("matrix:1,0.6,0,0,0,0.8,0,0,0,0,1,0", "shears"),
+            ("matrix:1,0,0,0,0,1,0,0,0,0,1,0,5,6,7,1", "row by row"),
+        ] {
+            let refusal = parse_transform(text).unwrap_err();
+            assert!(refusal.contains(name), "{refusal}");
+        }
     }
 }

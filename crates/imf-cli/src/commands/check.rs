@@ -1,6 +1,5 @@
 //! `imf check`: a toolpath against the part, line by line and element by element.
 
-use std::f64::consts::SQRT_2;
 use std::fmt::Write;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -10,7 +9,6 @@ use imf_core::check::{Against, CheckError, CheckReport, CheckSettings, Collision
 use imf_core::occupancy::Occupancy;
 use imf_core::pose::Pose;
 use imf_core::scene::{Guarantee, Scene, SceneRecord};
-use imf_core::tool::{Segment, ToolShape};
 use imf_core::toolpath::Toolpath;
 use imf_fields::field::{Field, VerifiedField};
 use serde_json::json;
@@ -29,7 +27,6 @@ pub(crate) struct CollisionFound;
 pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let (scene, bodies) = arguments.scene.scene_and_bodies(session)?;
     let record = &scene.record;
-    refuse_thin_elements(record)?;
     let toolpath = Toolpath::read(&arguments.toolpath, record.unit)?;
     for unknown in &toolpath.unknown {
         let times = if unknown.times > 1 { format!(" ({} times)", unknown.times) } else { String::new() };
@@ -108,25 +105,6 @@ fn guarded(
     whole.record.contact = None;
     whole.layer = None;
     Ok(VerifiedField::of_scene(model, &whole, settings.clearance)?)
-}
-
-/// Between the centres' columns there is room for a tool that is thinner than a voxel's diagonal: it would pass through
-/// anything unseen.
-fn refuse_thin_elements(record: &SceneRecord) -> Result<()> {
-    let ToolShape::Revolved(elements) = &record.bare_tool().shape else { return Ok(()) };
-    let (unit, pitch) = (record.unit, record.grid.pitch);
-    for element in elements {
-        let radius = element.profile.iter().map(Segment::max_radius).fold(0.0, f64::max);
-        let most = 2.0 * radius / SQRT_2;
-        ensure!(
-            most >= pitch,
-            "the {} is {:.4} {unit} thick at most and would pass between the centres of voxels of {pitch:.4} {unit} \
-             unseen: choose a --pitch of at most {most:.4}",
-            element.kind,
-            2.0 * radius
-        );
-    }
-    Ok(())
 }
 
 /// The report for people: one line a collision, then what was checked and what was accepted.

@@ -47,7 +47,7 @@ pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
 
 fn of_part(session: &Session, arguments: &FieldArguments, folder: OutputFolder) -> Result<()> {
     // Before anything is voxelised, a part's own directions from its surface as it is set up.
-    let part = Part::read(&arguments.scene.part, arguments.scene.unit)?;
+    let part = Part::read(&arguments.scene.part, arguments.scene.unit, None)?.scaled(arguments.scene.scale);
     let transform = arguments.scene.transform.unwrap_or(DMat4::IDENTITY);
     let directions =
         |text: &str| Directions::of_part(text, || part.mesh.transformed(&transform).machining_directions());

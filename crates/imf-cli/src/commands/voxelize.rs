@@ -12,9 +12,9 @@ use crate::slices::{MidPlaneSheet, MidPlanes};
 
 pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()> {
     let folder = OutputFolder::check(&arguments.out)?;
-    let (scene, mesh) = arguments.scene.scene_without_sections(session)?;
-    let (record, obstacle) = (&scene.record, &scene.obstacle);
-    let (grid, unit) = (record.grid, record.unit);
+    let (bodies, mesh, unit, part) = arguments.scene.voxels(session)?;
+    let obstacle = bodies.obstacle();
+    let grid = obstacle.grid;
     let solid = &obstacle.solid[..];
 
     folder.create()?;
@@ -23,9 +23,9 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
     write_vti(&vti, &grid, &[NamedField::new("solid", solid)])?;
     let values: Vec<f32> = obstacle.solid.iter().map(|&s| f32::from(s)).collect();
     let sheet = MidPlaneSheet {
-        title: format!("{}: solid voxels", record.part),
+        title: format!("{part}: solid voxels"),
         label: "solid",
-        part: obstacle,
+        part: &obstacle,
         style: None,
         unit,
         notes: vec![],
@@ -34,27 +34,32 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
 
     let volume = obstacle.volume();
     let guarantee =
-        if record.conservative { "every voxel that the surface touches" } else { "voxel centres" };
+        if arguments.scene.conservative { "every voxel that the surface touches" } else { "voxel centres" };
     let json = json!({
-        "part": record.part,
+        "part": part,
         "unit": unit,
         "grid": grid,
-        "conservative": record.conservative,
+        "conservative": arguments.scene.conservative,
         "solid_voxels": obstacle.count(),
         "volume": volume,
         "mesh": mesh,
+        "undecided_share": bodies.undecided,
         "files": [npy, vti, png],
     });
     let [x, y, z] = grid.dims;
     let surface = if mesh.closed {
         format!("closed, volume {} {unit}³", short(mesh.signed_volume.abs()))
     } else {
-        format!("open, {} boundary edges; its volume is not defined", mesh.boundary_edges)
+        format!(
+            "open, {} boundary edges; its volume is not defined; inside is undecided at {:.1} % of the centres in or near it",
+            mesh.boundary_edges,
+            100.0 * bodies.undecided
+        )
     };
     let share = 100.0 * obstacle.count() as f64 / grid.len() as f64;
     let corner = |p: DVec3| p.to_array().map(short).join(", ");
     let lines = [
-        ("part", record.part.clone()),
+        ("part", part.clone()),
         ("grid", format!("{x}×{y}×{z}, pitch {} {unit}", short(grid.pitch))),
         ("from", format!("{} {unit}", corner(grid.origin))),
         ("to", format!("{} {unit}", corner(grid.origin + grid.size()))),

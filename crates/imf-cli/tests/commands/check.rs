@@ -13,7 +13,9 @@ fn check(name: &str, toolpath: &str, more: &[&str]) -> Run {
     let folder = Folder::new();
     folder.write("block.obj", BLOCK);
     folder.write(name, toolpath);
-    folder.run(&[&["check", "block.obj", name, "--pitch", "1", "--margin", "2"], more].concat())
+    folder.run(
+        &[&["check", "block.obj", name, "--tool", "paper", "--pitch", "1", "--margin", "2"], more].concat(),
+    )
 }
 
 #[test]
@@ -63,10 +65,17 @@ fn what_would_be_overlooked_is_refused() {
     folder.write("thin.toml", "name = \"thin\"\n[cutter]\nshape = \"flat\"\ndiameter = 3.0\nlength = 30.0\n");
     let thin = ["check", "block.obj", "path.csv", "--tool", "thin.toml", "--contact", "0", "--pitch"];
     let run = |pitch: &str| folder.run(&[&thin[..], &[pitch]].concat());
-    run("4").is_refusal(&["cutter", "3.0000 mm thick", "--pitch of at most 2.1213"], &["check"]);
+    run("4").is_refusal(
+        &["cutter", "3.0000 mm thick", "pitch of at most 2.1213", "--pitch, or --allow-coarse"],
+        &["check"],
+    );
     assert_eq!(run("2").code, Some(3));
+    // Whoever insists is answered, and told in the answer.
+    let coarse = folder.run(&[&thin[..], &["4", "--allow-coarse", "--json"]].concat());
+    let answer: Value = serde_json::from_str(&coarse.stdout).unwrap();
+    assert!(answer["warnings"][0].as_str().unwrap().contains("3.0000 mm thick"), "{answer}");
     folder.write("plate.obj", BLOCK.replace("20", "0.4"));
-    let held = ["check", "block.obj", "path.csv", "--pitch", "2", "--margin", "4"];
+    let held = ["check", "block.obj", "path.csv", "--tool", "paper", "--pitch", "2", "--margin", "4"];
     folder.refuse(
         &[&held[..], &["--fixture", "plate.obj@translate:0,0,21.3"]].concat(),
         &["plate.obj", "overlooked", "smaller pitch"],
@@ -81,7 +90,8 @@ fn fixtures_are_hit_by_the_cutter_too_and_contact_does_not_help() {
         folder.write("block.obj", BLOCK);
         folder.write("post.obj", &post);
         folder.write("path.csv", "-20,0,19.6\n20,0,19.6\n");
-        folder.run(&[&["check", "block.obj", "path.csv", "--pitch", "1", "--margin", "2"], more].concat())
+        let asked = ["check", "block.obj", "path.csv", "--tool", "paper", "--pitch", "1", "--margin", "2"];
+        folder.run(&[&asked[..], more].concat())
     };
     // The post stands on the block's edge, half of it beside the block.
     let post = ["--fixture", "post.obj@translate:10,0,0"];

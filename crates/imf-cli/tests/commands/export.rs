@@ -5,7 +5,7 @@ use crate::folder::Folder;
 #[test]
 fn a_field_is_written_as_a_graph_and_nothing_else_is() {
     let folder = Folder::new();
-    let fit = ["train", "harmonic", "teapot", "--dims", "8,10,16", "--degree", "3"];
+    let fit = ["train", "harmonic", "teapot", "--dims", "8,10,16", "--allow-coarse", "--degree", "3"];
     folder.succeed(&[&fit[..], &["--out", "field.safetensors"]].concat());
     let said = folder.json(&["export", "field.safetensors", "--out", "field.onnx"]);
     let bytes = std::fs::read(folder.path("field.onnx")).unwrap();

@@ -7,7 +7,9 @@ use imf_core::section::{At, SectionPlan, direct_element_measures, imf, sections}
 use crate::folder::Folder;
 use crate::model::model;
 
-const BRACKET: [&str; 4] = ["field", "bracket", "--dims", "5,15,9"];
+/// A cube of 100 mm on ten voxels a side, which the paper's cutter is thinner than √2 of.
+const BLOCK: [&str; 6] = ["block.obj", "--pitch", "10", "--tool", "paper", "--allow-coarse"];
+const BRACKET: [&str; 5] = ["field", "bracket", "--dims", "5,15,9", "--allow-coarse"];
 
 fn arguments<'a>(more: &[&'a str]) -> Vec<&'a str> {
     [&BRACKET[..], more].concat()
@@ -82,7 +84,7 @@ fn a_folder_used_again_holds_the_last_run_alone() {
     folder.succeed(&arguments(&["--orientations", "0,0;12,6", "--imf", "--elements", "--out", "out"]));
     assert!(!names().contains(&"cmf-00000.npy".to_owned()), "{:?}", names());
     assert_eq!(names(), listed(&["notes.txt"]));
-    let access = ["access", "bracket", "--dims", "5,15,9", "--orientations", "fibonacci:5", "--out", "out"];
+    let access = ["access", "bracket", "--dims", "7,21,13", "--orientations", "fibonacci:5", "--out", "out"];
     folder.succeed(&access);
     assert!(!names().contains(&"imf-cutter.npy".to_owned()), "{:?}", names());
     assert_eq!(names(), listed(&["notes.txt"]));
@@ -93,8 +95,8 @@ fn fixtures_beside_the_grid_count_as_far_as_the_tool_reaches() {
     let folder = Folder::new();
     folder.write("block.obj", [crate::folder::OPEN_CUBE, crate::folder::LAST_FACE].concat());
     let field = |more: &[&str]| {
-        let asked = ["field", "block.obj", "--pitch", "10", "--orientations", "0,0;90,90", "--out", "out"];
-        folder.json(&[&asked[..], more].concat())
+        let asked = ["--orientations", "0,0;90,90", "--out", "out"];
+        folder.json(&[&["field"], &BLOCK[..], &asked[..], more].concat())
     };
     // A second block 40 mm beside the first: the tool hits it lying down, never standing up.
     let beside = ["--fixture", "block.obj@translate:0,140,0", "--margin", "2", "--check", "200"];
@@ -111,14 +113,17 @@ fn fixtures_beside_the_grid_count_as_far_as_the_tool_reaches() {
         assert!(near.indexed_iter().all(|((x, y, z), value)| *value == whole[[x, y, z]]), "section {index}");
     }
     let far = ["--fixture", "block.obj@translate:0,9140,0", "--orientations", "0,0", "--out", "far"];
-    let run = folder.succeed(&[&["field", "block.obj", "--pitch", "10"], &far[..]].concat());
+    let run = folder.succeed(&[&["field"], &BLOCK[..], &far[..]].concat());
     assert!(run.stderr.contains("block.obj is beyond the tool's reach"), "{}", run.stderr);
     field(&beside[2..4]);
     let alone: Vec<_> = (0..2).map(|index| folder.npy::<f32>(&format!("out/cmf-0000{index}.npy"))).collect();
     assert_eq!(alone[0], found[0]);
     assert!(alone[1] != found[1]);
-    let arguments = ["dataset", "block.obj", "--pitch", "10", "--orientations", "0,0", "--out", "set"];
-    folder.refuse(&[&arguments[..], &beside[..2]].concat(), &["block.obj", "--around all"]);
+    let arguments = ["--orientations", "0,0", "--out", "set"];
+    folder.refuse(
+        &[&["dataset"], &BLOCK[..], &arguments[..], &beside[..2]].concat(),
+        &["block.obj", "--around all"],
+    );
 }
 
 #[test]

@@ -10,7 +10,18 @@ use crate::model::model;
 
 /// The bracket's harmonic field, written to field.safetensors.
 fn fitted(folder: &Folder) -> serde_json::Value {
-    let fit = ["train", "harmonic", "bracket", "--dims", "5,15,9", "--degree", "6", "--components", "30"];
+    let fit = [
+        "train",
+        "harmonic",
+        "bracket",
+        "--dims",
+        "5,15,9",
+        "--allow-coarse",
+        "--degree",
+        "6",
+        "--components",
+        "30",
+    ];
     folder.json(&[&fit[..], &["--no-calibrate", "--out", "field.safetensors"]].concat())
 }
 
@@ -101,7 +112,7 @@ fn a_field_that_is_kept_is_of_the_tip_whatever_points_are_sharp() {
 fn the_degree_follows_from_an_error_and_the_memory() {
     let folder = Folder::new();
     let field = |more: &[&str]| {
-        let fit = ["train", "harmonic", "bracket", "--dims", "5,15,9", "--no-calibrate"];
+        let fit = ["train", "harmonic", "bracket", "--dims", "5,15,9", "--allow-coarse", "--no-calibrate"];
         folder.json(&[&fit[..], &["--out", "field.safetensors"], more].concat())
     };
     let [loose, tight] = ["2e-3", "5e-4"].map(|target| field(&["--target-mse", target]));
@@ -112,8 +123,18 @@ fn the_degree_follows_from_an_error_and_the_memory() {
     let [small, large] =
         ["6MiB", "12MiB"].map(|memory| field(&["--target-mse", "1e-12", "--memory", memory]));
     assert!(0 < degree(&small) && degree(&small) < degree(&large));
-    let fit =
-        ["train", "harmonic", "bracket", "--dims", "5,15,9", "--memory", "80KiB", "--out", "no.safetensors"];
+    let fit = [
+        "train",
+        "harmonic",
+        "bracket",
+        "--dims",
+        "5,15,9",
+        "--allow-coarse",
+        "--memory",
+        "80KiB",
+        "--out",
+        "no.safetensors",
+    ];
     folder.refuse(&fit, &["--degree", "--memory"]);
 }
 

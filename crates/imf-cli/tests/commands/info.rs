@@ -123,8 +123,17 @@ fn devices_are_listed_and_none_is_no_failure() {
 #[test]
 fn a_clearance_is_recorded_in_datasets_and_models_and_said() {
     let folder = Folder::new();
-    let data =
-        ["dataset", "bracket", "--dims", "5,15,9", "--orientations", "fibonacci:2", "--clearance", "4"];
+    let data = [
+        "dataset",
+        "bracket",
+        "--dims",
+        "5,15,9",
+        "--allow-coarse",
+        "--orientations",
+        "fibonacci:2",
+        "--clearance",
+        "4",
+    ];
     folder.succeed(&[&data[..], &["--clearance-cutter", "1", "--out", "data"]].concat());
     let dataset = folder.json(&["info", "data"]);
     let clearance = serde_json::json!({ "holder": 4.0, "shank": 4.0, "cutter": 1.0 });
@@ -149,7 +158,7 @@ fn a_clearance_is_recorded_in_datasets_and_models_and_said() {
 #[test]
 fn contact_is_recorded_with_its_layer_and_exact_answers_know_it() {
     let folder = Folder::new();
-    let data = ["dataset", "bracket", "--dims", "5,15,9", "--orientations", "fibonacci:2"];
+    let data = ["dataset", "bracket", "--dims", "5,15,9", "--allow-coarse", "--orientations", "fibonacci:2"];
     folder.succeed(&[&data[..], &["--contact", "12", "--out", "data"]].concat());
     assert_eq!(folder.json(&["info", "data"])["scene"]["contact"], 12.0);
     assert!(folder.succeed(&["info", "data"]).stdout.contains("may reach 12 mm below"));

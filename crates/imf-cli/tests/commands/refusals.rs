@@ -17,8 +17,10 @@ fn meshes_that_cannot_be_read() {
     folder.write("nan.obj", format!("{triangle}v 0 NaN 0\nf 1 2 4\n"));
     folder.write("points.obj", triangle);
     folder.write("index.obj", format!("{triangle}f 1 2 9\n"));
+    folder.write("cut.obj", format!("{triangle}v 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3"));
     folder.write("cut.stl", [&[0; 80][..], &12u32.to_le_bytes(), &[0; 75]].concat());
     folder.write("part.step", "ISO-10303-21;");
+    refuse(&folder, &["cut.obj"], &["cut.obj", "line 7", "in the middle of a line"]);
     refuse(&folder, &["missing.obj"], &["missing.obj", "there is no mesh file"]);
     refuse(&folder, &["empty.obj"], &["empty.obj", "is empty"]);
     refuse(&folder, &["nan.obj"], &["nan.obj", "line 4", "NaN"]);
@@ -35,11 +37,76 @@ fn units_and_sizes() {
     folder.write("cube.stl", "solid cube\nendsolid cube\n");
     refuse(&folder, &["cube.stl"], &["cube.stl", "--unit mm"]);
     refuse(&folder, &["cube.obj", "--unit", "m"], &["cube.obj", "100 × 100 × 100 m", "0.1 mm to 20 m"]);
-    refuse(&folder, &["cube.obj", "--pitch", "1e-9"], &["too large", "larger pitch"]);
-    refuse(&folder, &["cube.obj", "--dims", "9,0,9"], &["at least 1"]);
-    refuse(&folder, &["cube.obj", "--dims", "9,9,9", "--margin", "5"], &["margin"]);
+    let paper = |more: &[&'static str]| [&["cube.obj", "--tool", "paper"], more].concat();
+    refuse(&folder, &paper(&["--pitch", "1e-9"]), &["too large", "larger pitch"]);
+    refuse(&folder, &paper(&["--dims", "9,0,9"]), &["at least 1"]);
+    refuse(&folder, &paper(&["--dims", "9,9,9", "--margin", "5"]), &["margin"]);
+    let field = |more: &[&'static str]| {
+        [&["field", "cube.obj", "--orientations", "0,0", "--out", "out"], more].concat()
+    };
+    // Without a tool there is no answer, and the message shows how one is described.
+    let run = folder.run(&field(&[]));
+    assert_eq!(run.code, Some(2), "{}", run.stderr);
+    assert!(
+        run.stderr.contains("[cutter] with shape") && run.stderr.contains("--tool paper"),
+        "{}",
+        run.stderr
+    );
+    // A cube of 1 mm and a cutter of 10.
+    let speck = field(&["--tool", "paper", "--scale", "0.01"]);
+    folder.refuse(&speck, &["longest side is 1 mm", "10 mm thick", "which unit", "in inch", "--scale"]);
+    let summary = folder.json(&field(&["--tool", "paper"]));
+    assert_eq!(summary["scene"]["grid"]["pitch"], 1.6, "{summary}");
+    assert!(summary["choices"][0].as_str().unwrap().contains("a sixth of the tool's thinnest element"));
+    std::fs::remove_dir_all(folder.path("out")).unwrap();
     refuse(&folder, &["bracket", "--threads", "0"], &["--threads"]);
     refuse(&folder, &["bracket", "--threads", "100000"], &["--threads 100000", "cores"]);
+}
+
+#[test]
+fn meshes_that_do_not_say_what_is_inside() {
+    let folder = Folder::new();
+    // The cube of twelve triangles, none of which shares a corner with another, half of them turned.
+    let cube = [OPEN_CUBE, LAST_FACE].concat();
+    let vertices: Vec<&str> = cube.lines().filter(|line| line.starts_with("v ")).collect();
+    let faces: Vec<[usize; 3]> = cube
+        .lines()
+        .filter_map(|line| line.strip_prefix("f "))
+        .map(|line| {
+            let corners: Vec<usize> = line.split(' ').map(|corner| corner.parse().unwrap()).collect();
+            [corners[0], corners[1], corners[2]]
+        })
+        .collect();
+    let mut soup = String::new();
+    for (index, &[a, b, c]) in faces.iter().enumerate() {
+        let corners = if index % 2 == 0 { [a, b, c] } else { [a, c, b] };
+        for corner in corners {
+            // Apart from all others by less than anyone would see.
+            soup += &format!("{}{index:03}1\n", vertices[corner - 1].to_owned() + ".00");
+        }
+        soup += &format!("f {} {} {}\n", 3 * index + 1, 3 * index + 2, 3 * index + 3);
+    }
+    folder.write("soup.obj", soup);
+    let pitch = ["--pitch", "10", "--tool", "paper", "--allow-coarse"];
+    refuse(
+        &folder,
+        &[&["soup.obj"], &pitch[..]].concat(),
+        &["soup.obj", "cannot be told apart", "winding number"],
+    );
+    // On shared corners the same triangles say it by themselves.
+    let turned: String = faces
+        .iter()
+        .enumerate()
+        .map(
+            |(index, &[a, b, c])| {
+                if index % 2 == 0 { format!("f {a} {b} {c}\n") } else { format!("f {a} {c} {b}\n") }
+            },
+        )
+        .collect();
+    folder.write("turned.obj", vertices.join("\n") + "\n" + &turned);
+    let answer = folder.json(&["voxelize", "turned.obj", "--pitch", "10", "--out", "out"]);
+    assert_eq!((&answer["solid_voxels"], &answer["undecided_share"]), (&1000.into(), &0.0.into()));
+    assert_eq!(answer["warnings"][0], "turned.obj: 6 of 12 triangles faced the wrong way and were turned");
 }
 
 #[test]
@@ -74,7 +141,9 @@ fn tool_files_are_refused_by_line_and_key() {
     refuse(&folder, &["bracket", "--tool", "missing.toml"], &["missing.toml"]);
     folder.write("tiny.toml", "[cutter]\nshape = \"flat\"\ndiameter = 0.01\nlength = 0.01\n");
     let field = ["field", "bracket", "--dims", "5,15,9", "--orientations", "12,6", "--out", "out"];
-    let run = folder.run(&[&field[..], &["--tool", "tiny.toml"]].concat());
+    let tiny = [&field[..], &["--tool", "tiny.toml"]].concat();
+    folder.refuse(&tiny, &["cutter", "0.0100 mm thick", "--pitch, or --allow-coarse"]);
+    let run = folder.run(&[&tiny[..], &["--allow-coarse"]].concat());
     // The tip's own voxel centre is in every tool.
     assert_eq!(run.code, Some(0), "{}", run.stderr);
 }
@@ -107,7 +176,7 @@ fn orientation_sets_and_parts_that_are_none() {
         ("missing.csv", "missing.csv"),
         ("o.csv", "line 3"),
     ] {
-        let arguments = ["field", "bracket", "--dims", "5,15,9", "--orientations", set, "--out", "out"];
+        let arguments = ["field", "bracket", "--orientations", set, "--out", "out"];
         folder.refuse(&arguments, &[expected]);
     }
     folder.refuse(&["parts", "out", "--only", "kettle"], &["kettle", "bracket-raw"]);

@@ -11,7 +11,8 @@ use imf_gpu::{adapters, wgpu::DeviceType};
 use serde_json::Value;
 
 /// The bracket at a seventh of its grid: 1,764 voxels, sections in a millisecond.
-pub(crate) const DATASET: &str = "dataset bracket --dims 7,21,12 --orientations fibonacci:16 --out data";
+pub(crate) const DATASET: &str =
+    "dataset bracket --dims 7,21,12 --allow-coarse --orientations fibonacci:16 --out data";
 /// A network that a step takes well under a millisecond.
 pub(crate) const TRAIN: &str = "train siren5 data --device cpu --network 3x24:10 --rate 1e-3 --batch 256";
 

@@ -11,7 +11,7 @@ use serde_json::json;
 use crate::binary::Workdir;
 
 /// The bracket on 675 voxels, and a network that a step takes a millisecond or two.
-const PART: &str = "bracket --dims 5,15,9";
+const PART: &str = "bracket --dims 5,15,9 --allow-coarse";
 const NETWORK: &str = "--network 2x32 --set batch=128 --rate 4e-3";
 
 /// An arm that stands off the axis: how the tool is rolled matters.

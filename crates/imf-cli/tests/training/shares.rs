@@ -5,7 +5,8 @@ use serde_json::json;
 use crate::binary::Workdir;
 
 /// Twelve sections of 617 samples in shards of two sections: six shards.
-const DATASET: &str = "dataset bracket --dims 7,21,12 --orientations fibonacci:12 --shard-samples 1300 --out";
+const DATASET: &str =
+    "dataset bracket --dims 7,21,12 --allow-coarse --orientations fibonacci:12 --shard-samples 1300 --out";
 
 #[test]
 fn shares_join_to_the_dataset_made_at_once_and_what_is_missing_is_named() {

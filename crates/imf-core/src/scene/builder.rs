@@ -1,20 +1,17 @@
 //! A scene step by step, with what should be known of it as values.
 
-use std::fmt;
 use std::path::Path;
 
 use glam::DMat4;
 
-use super::{Around, Fixture, Resolution, Scene, SceneError, SceneSpec};
+use super::{Around, ChosenPitch, Fixture, Resolution, Scene, SceneError, SceneSpec, SceneWarning};
+use crate::control::Control;
 use crate::mesh::Mesh;
 use crate::mesh::read::{MeshFile, read_mesh_file};
 use crate::mesh::topology::MeshReport;
 use crate::parts::ReferencePart;
 use crate::tool::{Clearance, Tool};
 use crate::unit::{LengthUnit, unit_check};
-
-/// Voxels along the longest side where neither pitch nor dims are given.
-const USUAL_LONGEST: f64 = 96.0;
 
 /// A scene that was built, and what should be known of it.
 #[derive(Clone, Debug)]
@@ -23,61 +20,11 @@ pub struct BuiltScene {
     pub scene: Scene,
     /// Nothing that keeps it from being used.
     pub warnings: Vec<SceneWarning>,
-}
-
-/// What should be known of a scene.
-#[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
-pub enum SceneWarning {
-    /// A mesh that is not closed.
-    Open {
-        /// The part.
-        part: String,
-        /// Edges of its boundary.
-        boundary_edges: usize,
-    },
-    /// A mesh whose triangles face inwards.
-    InsideOut {
-        /// The part.
-        part: String,
-    },
-    /// A tool of which nothing holds the cutter.
-    NoHolder {
-        /// The tool.
-        tool: String,
-    },
-}
-
-impl SceneWarning {
-    /// Those of a part's mesh.
-    #[must_use]
-    pub fn of_mesh(part: &str, report: &MeshReport) -> Vec<Self> {
-        let open = (!report.closed)
-            .then(|| Self::Open { part: part.to_owned(), boundary_edges: report.boundary_edges });
-        let turned = (report.signed_volume < 0.0).then(|| Self::InsideOut { part: part.to_owned() });
-        open.into_iter().chain(turned).collect()
-    }
-
-    /// Those of a tool.
-    #[must_use]
-    pub fn of_tool(tool: &Tool) -> Option<Self> {
-        (!tool.has_holder()).then(|| Self::NoHolder { tool: tool.name.clone() })
-    }
-}
-
-impl fmt::Display for SceneWarning {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Open { part, boundary_edges } => write!(
-                f,
-                "{part} is open ({boundary_edges} boundary edges): inside is where the winding number exceeds one half"
-            ),
-            Self::InsideOut { part } => {
-                write!(f, "{part} is inside out (negative volume); it is taken as solid all the same")
-            }
-            Self::NoHolder { tool } => write!(f, "the tool {tool} has no holder: what holds it is not seen"),
-        }
-    }
+    /// Of the voxel centres in or near the part, the share at which its mesh does not say whether they are inside
+    /// ([`Voxelized::undecided`](crate::voxelize::Voxelized)); 0 for a closed mesh.
+    pub undecided: f64,
+    /// The pitch that was chosen where neither pitch nor dims were given, and why.
+    pub chosen_pitch: Option<ChosenPitch>,
 }
 
 struct Part {
@@ -100,38 +47,43 @@ struct Part {
 /// # Ok::<(), imf_core::scene::SceneError>(())
 /// ```
 #[must_use]
-pub struct SceneBuilder {
+pub struct SceneBuilder<'a> {
     part: Result<Part, SceneError>,
     transform: DMat4,
     resolution: Option<Resolution>,
     margin: usize,
     conservative: bool,
-    tool: Tool,
+    allow_coarse: bool,
+    tool: Option<Tool>,
     clearance: Clearance,
     contact: Option<f64>,
     fixtures: Vec<(String, Mesh, DMat4)>,
     around: Around,
+    control: Control<'a>,
 }
 
 impl Scene {
-    /// A scene of a part, by default against the paper's tool, alone, as it lies, on 96 voxels along its longest side.
-    pub fn builder() -> SceneBuilder {
+    /// A scene of a part, by default alone, as it lies, at a pitch that follows from tool and part; a built-in part on its own
+    /// dims, against the paper's tool.
+    pub fn builder() -> SceneBuilder<'static> {
         SceneBuilder {
             part: Err(SceneError::NoPart),
             transform: DMat4::IDENTITY,
             resolution: None,
             margin: 0,
             conservative: false,
-            tool: Tool::paper(),
+            allow_coarse: false,
+            tool: None,
             clearance: Clearance::default(),
             contact: None,
             fixtures: Vec::new(),
             around: Around::Part,
+            control: Control::quiet(),
         }
     }
 }
 
-impl SceneBuilder {
+impl<'a> SceneBuilder<'a> {
     /// A part by its mesh.
     pub fn part(self, name: &str, mesh: Mesh, unit: LengthUnit) -> Self {
         Self { part: Ok(Part { name: name.to_owned(), mesh, unit, reference: None }), ..self }
@@ -181,9 +133,22 @@ impl SceneBuilder {
         Self { conservative, ..self }
     }
 
-    /// The tool, in any unit.
+    /// The tool, in any unit; every part but a built-in one needs one.
     pub fn tool(self, tool: &Tool) -> Self {
-        Self { tool: tool.clone(), ..self }
+        Self { tool: Some(tool.clone()), ..self }
+    }
+
+    /// Whether a tool that passes between the voxels' centres is a warning, not an error.
+    pub fn allow_coarse(self, allow_coarse: bool) -> Self {
+        Self { allow_coarse, ..self }
+    }
+
+    /// Who hears of every plane of voxels that is finished, and may stop the work.
+    pub fn control<'b>(self, control: Control<'b>) -> SceneBuilder<'b>
+    where
+        'a: 'b,
+    {
+        SceneBuilder { control, ..self }
     }
 
     /// Room that the tool keeps.
@@ -207,49 +172,70 @@ impl SceneBuilder {
         Self { around, ..self }
     }
 
-    /// Voxelises.
+    /// Makes the triangles of part and fixtures face consistently, and voxelises.
     ///
     /// # Errors
-    /// No part, or one that cannot be read, is of an implausible size, or of which no voxel is left; a grid that cannot be made; a
-    /// fixture that sticks out of it; a clearance that is no length.
+    /// No part, or one that cannot be read, is of an implausible size, or of which no voxel is left; no tool, or one that the grid
+    /// or the part is out of proportion to; a mesh that does not say what is inside; a grid that cannot be made; a fixture that
+    /// sticks out of it; a clearance that is no length; [`SceneError::Cancelled`].
     pub fn build(self) -> Result<BuiltScene, SceneError> {
-        let part = self.part?;
-        let report = MeshReport::new(&part.mesh);
-        if let Some(size) = unit_check(report.extents, part.unit) {
-            return Err(SceneError::Size { part: part.name, size });
+        let Part { name, mesh, unit, reference } = self.part?;
+        let tool = self.tool.or_else(|| reference.map(|_| Tool::paper()));
+        let tool = tool.ok_or_else(|| SceneError::NoTool(name.clone()))?;
+        let mut warnings = Vec::new();
+        let (mesh, repair) = mesh.with_consistent_faces();
+        let report = MeshReport::new(&mesh);
+        if let Some(size) = unit_check(report.extents, unit) {
+            return Err(SceneError::Size { part: name, size });
         }
-        let fixtures: Vec<Fixture<'_>> = self
-            .fixtures
+        if reference.is_none() {
+            warnings.extend(SceneWarning::of_repair(&name, &repair, report.triangles));
+            warnings.extend(SceneWarning::of_mesh(&name, &report));
+        }
+        warnings.extend(SceneWarning::of_tool(&tool));
+        let mut meshes = Vec::new();
+        for (name, mesh, transform) in self.fixtures {
+            let (mesh, repair) = mesh.with_consistent_faces();
+            warnings.extend(SceneWarning::of_repair(&name, &repair, mesh.triangles.len()));
+            meshes.push((name, mesh, transform));
+        }
+        let fixtures: Vec<Fixture<'_>> = meshes
             .iter()
             .map(|(name, mesh, transform)| Fixture { name, mesh, transform: *transform })
             .collect();
-        let resolution = self.resolution.unwrap_or_else(|| match part.reference {
-            Some(reference) => Resolution::Dims(reference.dims()),
-            None => Resolution::Pitch(report.extents.max_element() / USUAL_LONGEST),
-        });
+        let chosen = match (self.resolution, reference) {
+            (None, None) => Some(ChosenPitch::new(report.extents, unit, &[tool.in_unit(unit)], &|_| true)),
+            _ => None,
+        };
+        let resolution = match (self.resolution, reference, &chosen) {
+            (Some(resolution), ..) => resolution,
+            (None, Some(reference), _) => Resolution::Dims(reference.dims()),
+            (None, None, Some(chosen)) => Resolution::Pitch(chosen.pitch),
+            // A pitch was chosen for every part that is not built in.
+            (None, None, None) => return Err(SceneError::NoPart),
+        };
         let spec = SceneSpec {
-            part: &part.name,
-            mesh: &part.mesh,
-            unit: part.unit,
+            part: &name,
+            mesh: &mesh,
+            unit,
             transform: self.transform,
             resolution,
             margin: self.margin,
             conservative: self.conservative,
-            tool: &self.tool,
+            allow_coarse: self.allow_coarse,
+            tool: &tool,
             fixtures: &fixtures,
             around: self.around,
+            control: self.control,
         };
-        let mut scene = spec.scene()?.with_clearance(&self.clearance)?;
+        let (scene, bodies) = spec.scene_alone()?;
+        let mut scene = scene.with_clearance(&self.clearance)?;
         if let Some(depth) = self.contact {
-            let bodies = spec.bodies(&scene.record.grid)?;
             scene = scene.with_contact(&bodies, depth);
         }
-        let mut warnings = match part.reference {
-            Some(_) => Vec::new(),
-            None => SceneWarning::of_mesh(&part.name, &report),
-        };
-        warnings.extend(SceneWarning::of_tool(&self.tool));
-        Ok(BuiltScene { scene, warnings })
+        warnings.extend(spec.warnings(&bodies)?);
+        warnings.extend(spec.check_tool(&tool, &scene.record.grid)?);
+        Ok(BuiltScene { scene, warnings, undecided: bodies.undecided, chosen_pitch: chosen })
     }
 }
 
@@ -258,6 +244,7 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
+    use crate::mesh::tests::unit_cube;
     use crate::tool::{Element, ElementKind, Segment, ToolShape};
 
     #[test]
@@ -277,7 +264,8 @@ mod tests {
         let spec = SceneSpec { margin: 1, ..SceneSpec::of_reference(part, &mesh, [9, 27, 16], &tool) };
         let scene = spec.scene().unwrap().with_clearance(&clearance).unwrap();
         let bodies = spec.bodies(&scene.record.grid).unwrap();
-        assert_eq!((built.scene, built.warnings), (scene.with_contact(&bodies, 3.0), vec![]));
+        assert_eq!((built.scene, built.chosen_pitch), (scene.with_contact(&bodies, 3.0), None));
+        assert_eq!(built.undecided, 0.0);
     }
 
     #[test]
@@ -290,7 +278,10 @@ mod tests {
         let tool = Tool { shape: ToolShape::Revolved(vec![cutter]), ..Tool::paper() };
         let build = |mesh: Mesh| Scene::builder().part("wedge", mesh, LengthUnit::Mm).tool(&tool).build();
         let built = build(open.clone()).unwrap();
-        assert_eq!(built.scene.record.grid.dims.into_iter().max(), Some(96));
+        // A 48th of the part's 9 mm, to two digits.
+        assert_eq!(built.scene.record.grid.pitch, 0.18);
+        assert_eq!(built.chosen_pitch.map(|chosen| chosen.pitch), Some(built.scene.record.grid.pitch));
+        assert!(built.undecided > 0.5 && built.undecided < 0.9, "{}", built.undecided);
         let said: Vec<String> = built.warnings.iter().map(ToString::to_string).collect();
         assert!(
             said[0].contains("wedge is open (3 boundary edges)") && said[1].contains("no holder"),
@@ -299,6 +290,9 @@ mod tests {
         let far = build(open.transformed(&DMat4::from_scale(DVec3::splat(1e6)))).unwrap_err().to_string();
         assert!(far.contains("wedge") && far.contains("mm"), "{far}");
         assert!(Scene::builder().build().unwrap_err().to_string().contains("no part"));
+        let none =
+            Scene::builder().part("wedge", unit_cube(), LengthUnit::Mm).build().unwrap_err().to_string();
+        assert!(none.contains("wedge") && none.contains("tool"), "{none}");
         let missing = Scene::builder().part_file("no/such.obj", LengthUnit::Mm).build().unwrap_err();
         assert!(missing.to_string().contains("no/such.obj"), "{missing}");
     }

@@ -2,8 +2,10 @@
 
 use glam::{DMat4, DVec3};
 
+use super::resolution::MOST_UNDECIDED;
 use super::stored::crc32;
 use super::{Around, Bodies, Fixture, Resolution, Scene, SceneError, SceneRecord};
+use crate::control::Control;
 use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::mesh::topology::MeshReport;
@@ -11,7 +13,7 @@ use crate::occupancy::Occupancy;
 use crate::parts::ReferencePart;
 use crate::tool::{Clearance, Tool};
 use crate::unit::LengthUnit;
-use crate::voxelize::voxelize;
+use crate::voxelize::{Voxelized, voxelize_with};
 
 /// Everything that a scene is made from.
 #[derive(Clone, Debug)]
@@ -30,16 +32,20 @@ pub struct SceneSpec<'a> {
     pub margin: usize,
     /// Also make every voxel solid that the surface touches.
     pub conservative: bool,
+    /// A tool that passes between the voxels' centres is no error.
+    pub allow_coarse: bool,
     /// The tool, in any unit.
     pub tool: &'a Tool,
     /// What holds the part.
     pub fixtures: &'a [Fixture<'a>],
     /// What the grid is chosen around.
     pub around: Around,
+    /// Hears of every plane of voxels of part and fixtures, and may stop the work.
+    pub control: Control<'a>,
 }
 
 impl<'a> SceneSpec<'a> {
-    /// A reference part on so many voxels, alone and as it lies. `mesh` is the part's own.
+    /// A reference part on so many voxels, however few, alone and as it lies. `mesh` is the part's own.
     #[must_use]
     pub fn of_reference(part: ReferencePart, mesh: &'a Mesh, dims: [usize; 3], tool: &'a Tool) -> Self {
         Self {
@@ -50,14 +56,17 @@ impl<'a> SceneSpec<'a> {
             resolution: Resolution::Dims(dims),
             margin: 0,
             conservative: false,
+            allow_coarse: true,
             tool,
             fixtures: &[],
             around: Around::Part,
+            control: Control::quiet(),
         }
     }
 
     /// The grid that the scene will have. With [`Around::All`] and [`Resolution::Dims`] the pitch is the smallest at
-    /// which everything fits.
+    /// which everything fits. With `conservative` it holds every voxel that the surface touches: a pitch's grid has a voxel more on
+    /// a side where a surface lies on its face, that of so many voxels a pitch larger by 10⁻⁴.
     ///
     /// # Errors
     /// A mesh without triangles, or a grid that cannot be made.
@@ -66,22 +75,42 @@ impl<'a> SceneSpec<'a> {
         for (_, low, high) in self.fixture_boxes()?.into_iter().filter(|_| self.around == Around::All) {
             (lower, upper) = (lower.min(low), upper.max(high));
         }
-        Ok(match self.resolution {
-            Resolution::Pitch(pitch) => Grid::with_pitch(lower, upper, pitch, self.margin)?,
-            Resolution::Dims(dims) => Grid::with_dims(lower, upper, dims, self.margin)?,
-        })
+        match self.resolution {
+            Resolution::Pitch(pitch) => {
+                let grid = Grid::with_pitch(lower, upper, pitch, self.margin)?;
+                if self.conservative { self.grown_for_touch(&grid) } else { Ok(grid) }
+            }
+            Resolution::Dims(dims) => {
+                let room = if self.conservative && self.margin == 0 {
+                    0.5e-4 * (upper - lower)
+                } else {
+                    DVec3::ZERO
+                };
+                Ok(Grid::with_dims(lower - room, upper + room, dims, self.margin)?)
+            }
+        }
     }
 
     /// Voxelises part and fixtures on the scene's grid.
     ///
     /// # Errors
-    /// As [`SceneSpec::grid`]; a part of which no voxel is left; a fixture that sticks out of the grid.
+    /// As [`SceneSpec::grid`], [`SceneSpec::check_tool`] and [`SceneSpec::bodies`]; a fixture that sticks out of the grid.
     pub fn scene(&self) -> Result<Scene, SceneError> {
+        Ok(self.scene_alone()?.0)
+    }
+
+    /// As [`SceneSpec::scene`], with part and fixtures apart.
+    ///
+    /// # Errors
+    /// As [`SceneSpec::scene`].
+    pub fn scene_alone(&self) -> Result<(Scene, Bodies), SceneError> {
         let grid = self.grid()?;
+        self.check_tool(self.tool, &grid)?;
         if let Some(fixture) = self.fixture_outside(&grid)? {
             return Err(SceneError::FixtureOutside(fixture.to_owned()));
         }
-        Ok(self.scene_of(grid, self.bodies(&grid)?))
+        let bodies = self.bodies(&grid)?;
+        Ok((self.scene_of(grid, &bodies), bodies))
     }
 
     /// As [`SceneSpec::scene`], but fixtures may stick out of the scene's grid: also gives part and fixtures on a grid that
@@ -92,15 +121,15 @@ impl<'a> SceneSpec<'a> {
     /// As [`SceneSpec::scene`], but for fixtures that stick out.
     pub fn scene_and_bodies(&self, reach: f64) -> Result<(Scene, Bodies), SceneError> {
         let grid = self.grid()?;
+        self.check_tool(self.tool, &grid)?;
         let bodies = self.bodies(&self.wide_grid(&grid, reach)?)?;
         let on = |occupancy: &Occupancy| occupancy.on(&grid).unwrap_or_else(|| Occupancy::empty(grid));
-        let here = Bodies { part: on(&bodies.part), fixtures: on(&bodies.fixtures) };
-        Ok((self.scene_of(grid, here), bodies))
+        let here = Bodies { part: on(&bodies.part), fixtures: on(&bodies.fixtures), ..bodies };
+        Ok((self.scene_of(grid, &here), bodies))
     }
 
     /// The grid of the bodies that [`SceneSpec::scene_and_bodies`] gives around its scene's `grid`: that one where it holds all
-    /// fixtures, so that such a scene is the same here as in [`SceneSpec::scene`]. A surface on the grid's own faces makes voxels
-    /// solid inside of it alone, also with `conservative`, and these hold all of what is solid.
+    /// fixtures, so that such a scene is the same here as in [`SceneSpec::scene`].
     ///
     /// # Errors
     /// As [`SceneSpec::obstacle_grid`].
@@ -117,7 +146,7 @@ impl<'a> SceneSpec<'a> {
         Ok(out.map(|(name, ..)| name))
     }
 
-    fn scene_of(&self, grid: Grid, bodies: Bodies) -> Scene {
+    fn scene_of(&self, grid: Grid, bodies: &Bodies) -> Scene {
         let obstacle = bodies.obstacle();
         let record = SceneRecord {
             part: self.part.to_owned(),
@@ -134,7 +163,7 @@ impl<'a> SceneSpec<'a> {
             contact: None,
             obstacle_crc32: crc32(&obstacle.packed()),
         };
-        Scene { record, obstacle, fixtures: bodies.fixtures, layer: None }
+        Scene { record, obstacle, fixtures: bodies.fixtures.clone(), layer: None }
     }
 
     /// The grid of all that a tool can meet which reaches `reach` (in the part's unit) from the voxels of `query`: it
@@ -168,25 +197,34 @@ impl<'a> SceneSpec<'a> {
     /// Voxelises part and fixtures, apart, on a grid.
     ///
     /// # Errors
-    /// A mesh without triangles, or a part of which no voxel is left.
+    /// A mesh without triangles, or that does not say what is inside; a part of which no voxel is left; a fixture that no voxel
+    /// centre is in; [`SceneError::Cancelled`].
     pub fn bodies(&self, grid: &Grid) -> Result<Bodies, SceneError> {
         self.part_bounds()?;
         self.fixture_boxes()?;
-        let part = voxelize(&self.mesh.transformed(&self.transform), grid, self.conservative);
+        let body = |name: &str, mesh: &Mesh, transform: &DMat4| {
+            let mesh = mesh.transformed(transform);
+            let Voxelized { solid, undecided } = voxelize_with(&mesh, grid, self.conservative, self.control)?;
+            if undecided > MOST_UNDECIDED {
+                let name = name.to_owned();
+                return Err(SceneError::Undecided { name, share: undecided, most: MOST_UNDECIDED });
+            }
+            Ok((mesh, solid, undecided))
+        };
+        let (_, part, undecided) = body(self.part, self.mesh, &self.transform)?;
         if part.count() == 0 {
             return Err(SceneError::NoSolid { part: self.part.to_owned(), pitch: grid.pitch });
         }
         let mut fixtures = Occupancy::empty(*grid);
         for fixture in self.fixtures {
-            let mesh = fixture.mesh.transformed(&fixture.transform);
-            let solid = voxelize(&mesh, grid, self.conservative).solid;
+            let (mesh, Occupancy { solid, .. }, _) = body(fixture.name, fixture.mesh, &fixture.transform)?;
             // Its surface passes through the grid, and yet it holds none of the centres: it is too thin for them.
-            if !solid.contains(&1) && voxelize(&mesh, grid, true).count() > 0 {
+            if !solid.contains(&1) && voxelize_with(&mesh, grid, true, self.control)?.solid.count() > 0 {
                 return Err(SceneError::ThinFixture { fixture: fixture.name.to_owned(), pitch: grid.pitch });
             }
             fixtures.solid.iter_mut().zip(solid).for_each(|(all, one)| *all |= one);
         }
-        Ok(Bodies { part, fixtures })
+        Ok(Bodies { part, fixtures, undecided })
     }
 
     /// The part's box in the world.
@@ -199,7 +237,7 @@ impl<'a> SceneSpec<'a> {
     }
 
     /// Name and box in the world of every fixture.
-    fn fixture_boxes(&self) -> Result<Vec<(&'a str, DVec3, DVec3)>, SceneError> {
+    pub(super) fn fixture_boxes(&self) -> Result<Vec<(&'a str, DVec3, DVec3)>, SceneError> {
         let boxes = self.fixtures.iter().map(|fixture| {
             let bounds = fixture.mesh.transformed(&fixture.transform).bounds();
             let (low, high) =

@@ -1,6 +1,7 @@
 use glam::DVec3;
 
 use super::*;
+use crate::control::Control;
 use crate::mesh::tests::unit_cube;
 
 /// A cube of 4 mm, held by a clamp that lies on it and sticks out 6 mm to either side.
@@ -13,9 +14,11 @@ fn spec<'a>(cube: &'a Mesh, tool: &'a Tool, fixtures: &'a [Fixture<'a>]) -> Scen
         resolution: Resolution::Pitch(0.5),
         margin: 0,
         conservative: false,
+        allow_coarse: false,
         tool,
         fixtures,
         around: Around::Part,
+        control: Control::quiet(),
     }
 }
 
@@ -127,4 +130,110 @@ fn a_clearance_offsets_the_tool_and_is_written_down() {
     assert_eq!(offset.clone().with_clearance(&clearance).unwrap(), offset);
     assert_eq!(offset.with_clearance(&Clearance::default()).unwrap(), scene);
     assert!(scene.with_clearance(&Clearance { holder: f64::NAN, ..clearance }).is_err());
+}
+
+#[test]
+fn conservative_grids_hold_every_voxel_that_the_surface_touches() {
+    let (cube, tool) = (unit_cube(), Tool::paper());
+    let wall = |resolution: Resolution, margin: usize| SceneSpec {
+        transform: DMat4::from_scale(DVec3::new(20.0, 20.0, 2.0)),
+        resolution,
+        margin,
+        conservative: true,
+        ..spec(&cube, &tool, &[])
+    };
+    // Every face lies on voxels' faces, which are touched from both sides.
+    for margin in 0..3 {
+        let bodies = wall(Resolution::Pitch(1.0), margin);
+        let scene = bodies.scene().unwrap();
+        assert_eq!(scene.obstacle.count(), 22 * 22 * 4, "margin {margin}");
+    }
+    // So many voxels are so many: their pitch gives way.
+    let dims = wall(Resolution::Dims([20, 20, 2]), 0);
+    let scene = dims.scene().unwrap();
+    assert_eq!((scene.record.grid.dims, scene.obstacle.count()), ([20, 20, 2], 800));
+    let wider = scene.record.grid.grown([2; 3], [2; 3]).unwrap();
+    assert_eq!(dims.bodies(&wider).unwrap().part.count(), 800);
+}
+
+#[test]
+fn fixtures_that_overlap_the_part_are_told_with_the_volume() {
+    let (cube, tool) = (unit_cube(), Tool::paper());
+    let clamp = clamp(&cube);
+    let sunk = [Fixture { transform: DMat4::from_translation(DVec3::new(0.0, 0.0, -0.5)) * clamp.transform, ..clamp.clone() }];
+    for conservative in [false, true] {
+        let told = |fixtures: &[Fixture<'_>]| {
+            let spec = SceneSpec { conservative, around: Around::All, ..spec(&cube, &tool, fixtures) };
+            let (_, bodies) = spec.scene_alone().unwrap();
+            spec.warnings(&bodies).unwrap()
+        };
+        // It lies on the cube: their faces touch.
+        assert_eq!(told(&[clamp.clone()]), []);
+        // Half a millimetre deep, on 4 by 2 mm.
+        let overlap = SceneWarning::Overlap { fixture: "clamp".into(), volume: 4.0, unit: LengthUnit::Mm };
+        assert_eq!(told(&sunk), [overlap]);
+    }
+}
+
+#[test]
+fn what_the_grid_cannot_see_is_refused_or_told() {
+    let (cube, tool) = (unit_cube(), Tool::paper());
+    let scaled = |edge: f64, pitch: f64| SceneSpec {
+        transform: DMat4::from_scale(DVec3::splat(edge)),
+        resolution: Resolution::Pitch(pitch),
+        ..spec(&cube, &tool, &[])
+    };
+    let coarse = scaled(80.0, 8.0);
+    let refusal = coarse.scene().unwrap_err();
+    let text = refusal.to_string();
+    assert!(matches!(refusal, SceneError::Coarse(_)), "{text}");
+    assert!(["cutter", "paper", "10.0000 mm", "8.0000 mm", "at most 7.0711"].iter().all(|word| text.contains(word)), "{text}");
+    let allowed = SceneSpec { allow_coarse: true, ..coarse };
+    let (scene, bodies) = allowed.scene_and_bodies(10.0).unwrap();
+    assert!(matches!(allowed.check_tool(&tool, &scene.record.grid).unwrap()[..], [SceneWarning::Coarse(_)]));
+    assert_eq!(allowed.warnings(&bodies).unwrap(), []);
+    assert!(scaled(80.0, 7.07).scene().is_ok());
+    // A sheet of three voxels, and a part smaller than the cutter is thick.
+    let thin = scaled(6.0, 2.0);
+    let (scene, bodies) = thin.scene_alone().unwrap();
+    assert!(matches!(thin.warnings(&bodies).unwrap()[..], [SceneWarning::Thin { voxels: 3, .. }]));
+    assert!(matches!(thin.check_tool(&tool, &scene.record.grid).unwrap()[..], [SceneWarning::Proportion(_)]));
+    assert!(matches!(scaled(1.9, 0.2).scene(), Err(SceneError::Proportion { .. })));
+}
+
+#[test]
+fn a_mesh_that_does_not_say_what_is_inside_is_refused_and_one_with_a_hole_is_not() {
+    let tool = Tool::paper();
+    let mut cube = unit_cube().refined(0.2, 10_000);
+    let lid = |mesh: &Mesh, t: usize| mesh.corners(t).iter().all(|corner| corner.z == 1.0);
+    let kept: Vec<_> = (0..cube.triangles.len()).filter(|&t| !lid(&cube, t)).map(|t| cube.triangles[t]).collect();
+    let open = Mesh { triangles: kept, ..cube.clone() };
+    let (scene, bodies) = spec(&open, &tool, &[]).scene_alone().unwrap();
+    assert_eq!(scene.obstacle.count(), 512);
+    assert!((0.1..0.5).contains(&bodies.undecided), "{}", bodies.undecided);
+    // Half of the triangles turned, as good as at random.
+    let turned = |t: usize| t.wrapping_mul(2_654_435_761) >> 13 & 1 == 1;
+    cube.triangles.iter_mut().enumerate().filter(|(t, _)| turned(*t)).for_each(|(_, corners)| corners.swap(1, 2));
+    let refusal = spec(&cube, &tool, &[]).scene().unwrap_err();
+    assert!(matches!(&refusal, SceneError::Undecided { name, share, .. } if name == "cube" && *share > 0.9), "{refusal}");
+    // Those that share corners do.
+    let (repaired, _) = cube.with_consistent_faces();
+    assert_eq!(spec(&repaired, &tool, &[]).scene().unwrap().obstacle.count(), 512);
+}
+
+#[test]
+fn voxelising_tells_its_planes_and_stops_when_asked() {
+    use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+    let (cube, tool) = (unit_cube(), Tool::paper());
+    let fixtures = [clamp(&cube)];
+    let (planes, stop) = (AtomicU64::new(0), AtomicBool::new(false));
+    let progress = |n: u64| {
+        planes.fetch_add(n, Ordering::Relaxed);
+    };
+    let control = Control { progress: &progress, cancelled: &stop };
+    let spec = SceneSpec { around: Around::All, control, ..spec(&cube, &tool, &fixtures) };
+    let scene = spec.scene().unwrap();
+    assert_eq!(planes.load(Ordering::Relaxed), 2 * scene.record.grid.dims[0] as u64);
+    stop.store(true, Ordering::Relaxed);
+    assert!(matches!(spec.scene(), Err(SceneError::Cancelled(_))));
 }

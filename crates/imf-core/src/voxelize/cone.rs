@@ -9,6 +9,7 @@ use glam::DVec3;
 use super::columns::WeightedTriangle;
 use super::winding_number;
 use crate::mesh::Mesh;
+use crate::mesh::solid_angle::half_angle;
 
 /// Cones over the boundary of a mesh; empty for a closed one.
 pub(super) struct BoundaryCone {
@@ -69,13 +70,4 @@ impl BoundaryCone {
         let half_turns = sine.atan2(cosine) / (2.0 * std::f64::consts::PI);
         f64::from(closed) + half_turns + f64::from(turns)
     }
-}
-
-/// Sine and cosine, up to a common positive factor, of half the solid angle of a triangle seen from the origin
-/// (van Oosterom and Strackee 1983).
-pub(super) fn half_angle([a, b, c]: [DVec3; 3]) -> (f64, f64) {
-    let (la, lb, lc) = (a.length(), b.length(), c.length());
-    let sine = a.dot(b.cross(c));
-    let cosine = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
-    (sine, cosine)
 }

@@ -15,13 +15,13 @@ use imf_core::section::{ElementPlans, SectionPlan};
 use imf_core::surface::{SolidBody, Surroundings, default_tolerance};
 use imf_core::tool::{Assembly, Clearance, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
-use imf_core::voxelize::voxelize;
+use imf_core::voxelize::voxelize_with;
 
 use super::surface::{SetupQuestion, SurfaceSetup, as_pairs, ways_up};
 use crate::arguments::access::AccessArguments;
 use crate::arguments::fixture;
 use crate::arguments::orientations::{Directions, default_for};
-use crate::arguments::scene::warn_of_fixtures_out_of_reach;
+use crate::arguments::scene::{voxelising, warn_of, warn_of_fixtures_out_of_reach};
 use crate::session::{Session, show_bytes};
 
 /// What is cut.
@@ -70,7 +70,7 @@ pub(super) struct Setup {
 impl Setup {
     pub(super) fn new(session: &Session, arguments: &AccessArguments) -> Result<Self> {
         let limits = arguments.limits.as_deref().map(Limits::parse).transpose()?;
-        let mut reading = arguments.scene.read(session)?;
+        let mut reading = arguments.scene.read(session, true)?;
         let mesh = reading.part.mesh.transformed(&reading.transform);
         let text = arguments.orientations.as_deref().unwrap_or_else(|| default_for(&reading.tools));
         let range = arguments.setups.as_deref().map(Limits::parse).transpose()?;
@@ -101,9 +101,12 @@ impl Setup {
             .map(|tool| tool.in_unit(unit).offset(&clearance))
             .collect::<Result<_, _>>()?;
         let fixtures = reading.fixtures();
-        let spec = arguments.scene.spec(&reading, &fixtures, tools[0].tool());
+        let spec = arguments.scene.spec(session, &reading, &fixtures, tools[0].tool());
         let border = [i64::try_from(arguments.border)?; 3];
         let query = spec.grid()?.grown(border, border)?;
+        for tool in &reading.tools {
+            warn_of(session, &spec.check_tool(tool, &query)?);
+        }
         if tools.iter().all(|tool| tool.tool().is_axisymmetric())
             && orientations.orientations.iter().any(|o| o.roll != 0.0)
         {
@@ -166,7 +169,8 @@ impl Setup {
         session.detail(&format!("this needs about {}", show_bytes(needed)));
 
         warn_of_fixtures_out_of_reach(session, &spec, &obstacle_grid)?;
-        let bodies = spec.bodies(&obstacle_grid)?;
+        let bodies = voxelising(session, &spec, &obstacle_grid, |spec| spec.bodies(&obstacle_grid))?;
+        warn_of(session, &spec.warnings(&bodies)?);
         let whole = bodies.obstacle();
         let conservative = arguments.scene.conservative;
         let guarantee = tools
@@ -179,7 +183,7 @@ impl Setup {
         };
         let stock = match (stock_mesh, stock_grid) {
             (Some(stock), Some(grid)) => {
-                let mut solid = voxelize(&stock.mesh, &grid, false);
+                let mut solid = voxelize_with(&stock.mesh, &grid, false, session.control(&|_| {}))?.solid;
                 let held = on(&whole, &grid)?;
                 solid.solid.iter_mut().zip(&held.solid).for_each(|(s, &o)| *s &= 1 - o);
                 ensure!(solid.count() > 0, "the stock '{}' holds nothing beside the part", stock.name);
@@ -187,8 +191,10 @@ impl Setup {
             }
             _ => None,
         };
-        let surface =
-            tools.iter().all(can_touch).then(|| surface(&spec, &obstacle_grid, unit, arguments, question));
+        let surface = tools.iter().all(can_touch).then(|| {
+            let made = |spec: &SceneSpec<'_>| surface(spec, &obstacle_grid, unit, arguments, question);
+            voxelising(session, &spec, &obstacle_grid, made)
+        });
         let surface = surface.transpose()?;
         if surface.is_none() {
             ensure!(
@@ -248,14 +254,17 @@ fn surface(
     arguments: &AccessArguments,
     setups: Option<SetupQuestion>,
 ) -> Result<SurfaceSetup> {
-    let body = |mesh: &Mesh| {
-        let centres = Arc::new(voxelize(mesh, grid, false));
-        let keep_out = if spec.conservative { Arc::new(voxelize(mesh, grid, true)) } else { centres.clone() };
-        SolidBody { centres, keep_out }
+    let body = |mesh: &Mesh| -> Result<SolidBody> {
+        let centres = Arc::new(voxelize_with(mesh, grid, false, spec.control)?.solid);
+        let keep_out = match spec.conservative {
+            true => Arc::new(voxelize_with(mesh, grid, true, spec.control)?.solid),
+            false => centres.clone(),
+        };
+        Ok(SolidBody { centres, keep_out })
     };
-    let part = body(&spec.mesh.transformed(&spec.transform));
-    let fixtures: Vec<SolidBody> =
-        spec.fixtures.iter().map(|fixture| body(&fixture.mesh.transformed(&fixture.transform))).collect();
+    let part = body(&spec.mesh.transformed(&spec.transform))?;
+    let fixtures = spec.fixtures.iter().map(|fixture| body(&fixture.mesh.transformed(&fixture.transform)));
+    let fixtures: Vec<SolidBody> = fixtures.collect::<Result<_>>()?;
     let mut solid = Occupancy::clone(&part.centres);
     for fixture in &fixtures {
         solid.solid.iter_mut().zip(&fixture.centres.solid).for_each(|(all, one)| *all |= one);

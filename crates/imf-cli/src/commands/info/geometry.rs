@@ -6,11 +6,13 @@ use anyhow::Result;
 use imf_core::mesh::read::read_mesh_file;
 use imf_core::mesh::topology::MeshReport;
 use imf_core::parts::ReferencePart;
+use imf_core::scene::SceneWarning;
 use imf_core::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
 use imf_core::unit::{LengthUnit, unit_check};
 use serde_json::json;
 
 use super::{Description, Line};
+use crate::arguments::scene::warn_of;
 use crate::commands::parts::origin;
 use crate::output::short;
 use crate::session::Session;
@@ -38,7 +40,9 @@ pub(super) fn part(part: ReferencePart) -> Description {
 pub(super) fn mesh_file(session: &Session, path: &Path, given: Option<LengthUnit>) -> Result<Description> {
     let file = read_mesh_file(path)?;
     let unit = given.or(file.unit).unwrap_or_default();
-    let report = MeshReport::new(&file.mesh);
+    let (mesh, repair) = file.mesh.with_consistent_faces();
+    let report = MeshReport::new(&mesh);
+    warn_of(session, &SceneWarning::of_repair(&path.display().to_string(), &repair, report.triangles));
     let implausible = unit_check(report.extents, unit).map(|what| what.to_string());
     if let Some(what) = &implausible {
         session.warn(&format!("{}: {what}", path.display()));
@@ -50,6 +54,8 @@ pub(super) fn mesh_file(session: &Session, path: &Path, given: Option<LengthUnit
         "file": path,
         "unit": unit,
         "mesh": report,
+        "turned_triangles": repair.turned,
+        "one_sided_triangles": repair.one_sided,
         "implausible_size": implausible,
     });
     Ok(Description { lines, json })

@@ -7,8 +7,9 @@ use std::iter;
 
 use glam::DVec3;
 
-use super::{Fault, no_vertex, not_finite};
+use super::{Fault, FaultKind, no_vertex, not_finite};
 use crate::mesh::Mesh;
+use crate::mesh::topology::boundary_chain;
 use crate::mesh::weld::Welder;
 
 /// A face as it stands in the file, which may name vertices that follow it.
@@ -60,7 +61,23 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Mesh, Fault> {
         }
         welder.push_fan(&corners)?;
     }
-    Ok(welder.finish())
+    let mesh = welder.finish();
+    refuse_cut(bytes, &mesh)?;
+    Ok(mesh)
+}
+
+/// Writers end the last line. Where it has no end, and is no harmless one, the file may have been cut in the middle of a number,
+/// which cannot be told from a shorter number: only a mesh without a boundary shows that nothing is missing.
+fn refuse_cut(bytes: &[u8], mesh: &Mesh) -> Result<(), Fault> {
+    let tail = bytes.rsplit(|&byte| byte == b'\n').next().unwrap_or_default();
+    let is_vertex = tail.starts_with(b"v ");
+    if !is_vertex && (!tail.starts_with(b"f ") || boundary_chain(mesh).is_empty()) {
+        return Ok(());
+    }
+    let line = bytes.iter().filter(|&&byte| byte == b'\n').count() + 1;
+    let cause = "the file ends in the middle of a line, perhaps of a number, and what it holds is not closed; if it is whole, end \
+                 its last line";
+    Err(Fault::new(FaultKind::Truncated, cause).on_line(line))
 }
 
 /// Four numbers are a weighted point; more are a point and its colour.
@@ -137,10 +154,25 @@ mod tests {
                 .to_vec();
         let mesh = parse(&bytes).unwrap();
         assert_eq!(mesh.vertices, [DVec3::ZERO, DVec3::new(2.0, 0.0, 0.0), DVec3::new(0.0, 2.0, 0.0)]);
-        bytes.truncate(bytes.len() - 1);
+        bytes.extend(b"# last words");
         assert_eq!(parse(&bytes).unwrap(), mesh);
         let marked = "\u{feff}v 0 0 0\nv 2 0 0\nv 0 2 0\nf 1 2 3\n";
         assert_eq!(parse_obj(marked).unwrap(), mesh);
+    }
+
+    #[test]
+    fn a_file_that_was_cut_in_a_number_is_not_taken_for_a_whole_one() {
+        let tetrahedron = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4";
+        // Nothing is missing, but for the end of the last line.
+        assert_eq!(parse_obj(tetrahedron).unwrap().triangles.len(), 4);
+        // Twelve vertices, and the last face cut from 12 to 1.
+        let cut = tetrahedron.replace("f 3 1 4", "f 3 11 1");
+        let more = "v 5 0 0\n".repeat(8);
+        let text = parse_obj(&format!("{more}{cut}")).unwrap_err();
+        assert!(text.contains("part, line 16: the file ends in the middle of a line"), "{text}");
+        assert!(parse_obj(&format!("{more}{cut}\n")).is_ok(), "an open mesh, and the file has an end");
+        let text = parse_obj("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nv 0 0 1.").unwrap_err();
+        assert!(text.contains("line 5: the file ends"), "{text}");
     }
 
     #[test]

@@ -1,0 +1,132 @@
+//! Part, fixtures and tools as they are read, before anything is voxelised, and the pitch that follows from them.
+
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use glam::DMat4;
+use imf_core::grid::Grid;
+use imf_core::mesh::topology::MeshReport;
+use imf_core::scene::{ChosenPitch, Fixture, Resolution, SceneError, SceneSpec, SceneWarning};
+use imf_core::section::SectionPlan;
+use imf_core::tool::Tool;
+use imf_core::unit::unit_check;
+
+use super::fixture::{FixtureMesh, Part};
+use super::scene::{SceneArguments, warn_of};
+use crate::session::Session;
+
+/// Part, fixtures, tools and set-up as read and checked, before anything is voxelised.
+pub(crate) struct Reading {
+    pub(crate) part: Part,
+    pub(crate) report: MeshReport,
+    pub(crate) tools: Vec<Tool>,
+    pub(crate) transform: DMat4,
+    fixtures: Vec<FixtureMesh>,
+}
+
+impl Reading {
+    /// The fixtures as a scene takes them.
+    pub(crate) fn fixtures(&self) -> Vec<Fixture<'_>> {
+        self.fixtures.iter().map(FixtureMesh::as_fixture).collect()
+    }
+}
+
+impl SceneArguments {
+    /// Reads part, fixtures and tools and checks them; remarks go to the session. `asks` for a tool where none is given and the part
+    /// is not built in.
+    pub(crate) fn read(&self, session: &Session, asks: bool) -> Result<Reading> {
+        let part = Part::read(&self.part, self.unit, None)?.scaled(self.scale);
+        let mut tools = self.tool.iter().map(|tool| read_tool(tool)).collect::<Result<Vec<_>>>()?;
+        if tools.is_empty() && part.reference.is_some() {
+            tools.push(Tool::paper());
+        }
+        if tools.is_empty() && asks {
+            return Err(SceneError::NoTool(part.name).into());
+        }
+        tools.iter().try_for_each(Tool::check)?;
+        if let Some(stated) = part.overruled {
+            session.warn(&format!(
+                "{} says that it is in {stated}; --unit {} overrules it",
+                part.name, part.unit
+            ));
+        }
+        for warning in tools.iter().filter_map(SceneWarning::of_tool) {
+            session.note(&warning.to_string());
+        }
+        let fixtures = self.fixture.iter().map(|fixture| FixtureMesh::read(fixture, self.unit, part.unit));
+        let fixtures: Vec<FixtureMesh> = fixtures.collect::<Result<_>>()?;
+        let report = MeshReport::new(&part.mesh);
+        if let Some(implausible) = unit_check(report.extents, part.unit) {
+            bail!("{}: {implausible}", part.name);
+        }
+        warn_of(session, &SceneWarning::of_repair(&part.name, &part.repair, report.triangles));
+        for FixtureMesh { name, mesh, repair, .. } in &fixtures {
+            warn_of(session, &SceneWarning::of_repair(name, repair, mesh.triangles.len()));
+        }
+        if part.reference.is_none() {
+            warn_of(session, &SceneWarning::of_mesh(&part.name, &report));
+        }
+        let transform = self.transform.unwrap_or(DMat4::IDENTITY);
+        Ok(Reading { part, report, tools, transform, fixtures })
+    }
+
+    /// What a scene of one tool is made from; a pitch that is chosen follows from all of them, and is said.
+    pub(crate) fn spec<'a>(
+        &self,
+        session: &Session,
+        reading: &'a Reading,
+        fixtures: &'a [Fixture<'a>],
+        tool: &'a Tool,
+    ) -> SceneSpec<'a> {
+        let spec = SceneSpec {
+            part: &reading.part.name,
+            mesh: &reading.part.mesh,
+            unit: reading.part.unit,
+            transform: reading.transform,
+            resolution: Resolution::Dims([1; 3]),
+            margin: self.margin,
+            conservative: self.conservative,
+            allow_coarse: self.allow_coarse,
+            tool,
+            fixtures,
+            around: self.around,
+            control: session.control(&|_| {}),
+        };
+        let resolution = match (self.pitch, self.dims, reading.part.reference) {
+            (Some(pitch), ..) => Resolution::Pitch(pitch),
+            (None, Some(dims), _) => Resolution::Dims(dims),
+            (None, None, Some(reference)) => Resolution::Dims(reference.dims()),
+            (None, None, None) => {
+                let chosen = chosen(session, &spec, reading);
+                session.choose(&chosen.to_string());
+                Resolution::Pitch(chosen.pitch)
+            }
+        };
+        SceneSpec { resolution, ..spec }
+    }
+}
+
+/// The pitch that follows from part and tools, within the memory.
+fn chosen(session: &Session, spec: &SceneSpec<'_>, reading: &Reading) -> ChosenPitch {
+    let tools: Vec<Tool> = reading.tools.iter().map(|tool| tool.in_unit(spec.unit)).collect();
+    let fits = |pitch: f64| {
+        let grid = SceneSpec { resolution: Resolution::Pitch(pitch), ..spec.clone() }.grid();
+        let needed = |grid: Grid| {
+            let sections =
+                tools.iter().map(|tool| SectionPlan::memory_estimate(&grid, tool, session.threads()));
+            // Contact takes twice that, elements and answers no more.
+            4 * sections.max().unwrap_or_default() + 16 * grid.len() as u64
+        };
+        grid.is_ok_and(|grid| needed(grid) <= session.memory_limit())
+    };
+    // As the part is set up, which may scale it.
+    let extents = spec.part_bounds().map_or(reading.report.extents, |(lower, upper)| upper - lower);
+    ChosenPitch::new(extents, spec.unit, &tools, &fits)
+}
+
+fn read_tool(text: &str) -> Result<Tool> {
+    if text == "paper" && !Path::new(text).exists() {
+        return Ok(Tool::paper());
+    }
+    Tool::find(text).with_context(|| format!("the tool {text} cannot be used"))
+}

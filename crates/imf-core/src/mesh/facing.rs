@@ -1,0 +1,276 @@
+//! Triangles that face consistently, as far as the mesh itself says how.
+//!
+//! A *patch* is a set of triangles that hang together by edges which two triangles share: within it one triangle decides for
+//! all. Which of a patch's two sides is outside is what most of its area says, and where that is no clear majority, its signed
+//! volume and how deep it lies in others: an outermost shell faces outwards, a shell within it bounds a cavity, and so on.
+//! A mesh that is consistent already stays as it is, to the bit: nested shells that face alike are solids within solids.
+//!
+//! Everything here follows vertex indices, as in [`super::topology`].
+
+use glam::DVec3;
+
+use super::Mesh;
+use super::solid_angle::winding_number;
+use crate::parallel;
+
+/// Where this much of a patch's area faces one way, that way is meant. Below it the file says nothing.
+const CLEAR_MAJORITY: f64 = 0.9;
+
+/// Points of a shell that must lie in another for the whole to lie in it.
+const SAMPLES: usize = 8;
+
+/// What was done to make triangles face consistently.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FaceRepair {
+    /// Triangles that were turned.
+    pub turned: usize,
+    /// Triangles of patches that have one side alone, as a Möbius strip has; they stay as they were.
+    pub one_sided: usize,
+}
+
+/// A patch, and how it faces once its minority is turned.
+#[derive(Clone, Copy)]
+struct Patch {
+    /// Areas of its triangles by parity.
+    areas: [f64; 2],
+    /// Signed volume about the mesh's centre, its triangles of parity 1 turned.
+    volume: f64,
+    lower: DVec3,
+    upper: DVec3,
+    one_sided: bool,
+    closed: bool,
+    /// Whether its triangles of parity 0 are turned (and those of parity 1 are not), or the other way round.
+    turned: bool,
+}
+
+impl Patch {
+    /// True where the file says which way it faces.
+    fn is_clear(&self) -> bool {
+        let [a, b] = self.areas;
+        self.one_sided || a.max(b) >= CLEAR_MAJORITY * (a + b)
+    }
+
+    /// Its signed volume as it is turned now.
+    fn signed_volume(&self) -> f64 {
+        if self.turned { -self.volume } else { self.volume }
+    }
+}
+
+impl Mesh {
+    /// The same triangles in the same order, turned where need be so that they face consistently, and what was done. Vertices
+    /// that coincide must be shared ([`Mesh::welded`]; the readers do so): triangles that share none say nothing of each other.
+    ///
+    /// # Panics
+    /// If a triangle names a vertex that does not exist.
+    #[must_use]
+    pub fn with_consistent_faces(mut self) -> (Self, FaceRepair) {
+        let edges = sorted_edges(&self);
+        let (of, parity, mut patches) = patches(&self, &edges);
+        close(&edges, &of, &parity, &mut patches);
+        let closed: Vec<usize> = (0..patches.len()).filter(|&p| patches[p].closed).collect();
+        let agree = |sign: f64| closed.iter().all(|&p| patches[p].signed_volume() * sign >= 0.0);
+        if patches.iter().any(|patch| !patch.is_clear()) || !(agree(1.0) || agree(-1.0)) {
+            choose_sides(&self, &of, &parity, &closed, &mut patches);
+        }
+        let mut repair = FaceRepair::default();
+        for (triangle, corners) in self.triangles.iter_mut().enumerate() {
+            let patch = &patches[of[triangle] as usize];
+            repair.one_sided += usize::from(patch.one_sided);
+            if !patch.one_sided && parity[triangle] != patch.turned {
+                corners.swap(1, 2);
+                repair.turned += 1;
+            }
+        }
+        (self, repair)
+    }
+}
+
+/// A directed use of an edge by a triangle: the lower vertex first, the triangle, whether it goes upwards.
+type EdgeUse = ([u32; 2], u32, bool);
+
+/// All uses of edges, those of one edge together. Triangles that name a vertex twice have none.
+fn sorted_edges(mesh: &Mesh) -> Vec<EdgeUse> {
+    let mut edges = Vec::with_capacity(3 * mesh.triangles.len());
+    for (triangle, &[a, b, c]) in mesh.triangles.iter().enumerate() {
+        if a != b && b != c && c != a {
+            let upwards = |from: u32, to: u32| ([from.min(to), from.max(to)], triangle as u32, from < to);
+            edges.extend([upwards(a, b), upwards(b, c), upwards(c, a)]);
+        }
+    }
+    parallel::sort(&mut edges);
+    edges
+}
+
+fn runs(edges: &[EdgeUse]) -> impl Iterator<Item = &[EdgeUse]> {
+    edges.chunk_by(|first, second| first.0 == second.0)
+}
+
+/// The patch of every triangle, its parity (against the patch's root), and the patches, turned as most of their area faces.
+fn patches(mesh: &Mesh, edges: &[EdgeUse]) -> (Vec<u32>, Vec<bool>, Vec<Patch>) {
+    let mut forest = Forest::new(mesh.triangles.len());
+    for pair in runs(edges).filter(|run| run.len() == 2) {
+        // Consistent neighbours use their edge in opposite directions.
+        forest.join(pair[0].1, pair[1].1, pair[0].2 == pair[1].2);
+    }
+    let (lower, upper) = mesh.bounds().unwrap_or_default();
+    let centre = (lower + upper) * 0.5;
+    let mut number = vec![u32::MAX; mesh.triangles.len()];
+    let (mut of, mut parity) = (Vec::new(), Vec::new());
+    let mut patches: Vec<Patch> = Vec::new();
+    for triangle in 0..mesh.triangles.len() {
+        let (root, odd) = forest.root(triangle as u32);
+        let root = root as usize;
+        if number[root] == u32::MAX {
+            number[root] = patches.len() as u32;
+            patches.push(Patch {
+                areas: [0.0; 2],
+                volume: 0.0,
+                lower: DVec3::INFINITY,
+                upper: DVec3::NEG_INFINITY,
+                one_sided: forest.one_sided[root],
+                closed: true,
+                turned: false,
+            });
+        }
+        let patch = &mut patches[number[root] as usize];
+        // A one-sided patch stays as it is, and so has no parity.
+        let odd = odd && !patch.one_sided;
+        let [a, b, c] = mesh.corners(triangle);
+        patch.areas[usize::from(odd)] += (b - a).cross(c - a).length() / 2.0;
+        let volume = (a - centre).dot((b - centre).cross(c - centre)) / 6.0;
+        patch.volume += if odd { -volume } else { volume };
+        patch.lower = patch.lower.min(a).min(b).min(c);
+        patch.upper = patch.upper.max(a).max(b).max(c);
+        of.push(number[root]);
+        parity.push(odd);
+    }
+    for patch in &mut patches {
+        patch.turned = patch.areas[1] > patch.areas[0];
+    }
+    (of, parity, patches)
+}
+
+/// Finds out which patches have no boundary of their own once they are consistent.
+fn close(edges: &[EdgeUse], of: &[u32], parity: &[bool], patches: &mut [Patch]) {
+    for patch in patches.iter_mut() {
+        patch.closed = !patch.one_sided && patch.areas != [0.0; 2];
+    }
+    let mut net: Vec<(u32, i32)> = Vec::new();
+    for run in runs(edges) {
+        net.clear();
+        for &(_, triangle, upwards) in run {
+            let (patch, odd) = (of[triangle as usize], parity[triangle as usize]);
+            let sign = if upwards != odd { 1 } else { -1 };
+            match net.iter_mut().find(|(known, _)| *known == patch) {
+                Some((_, sum)) => *sum += sign,
+                None => net.push((patch, sign)),
+            }
+        }
+        for &(patch, _) in net.iter().filter(|(_, sum)| *sum != 0) {
+            patches[patch as usize].closed = false;
+        }
+    }
+}
+
+/// Decides which way patches face that do not say so, and that outermost shells face alike.
+fn choose_sides(mesh: &Mesh, of: &[u32], parity: &[bool], closed: &[usize], patches: &mut [Patch]) {
+    // What is open has no inside: as seen from the mesh's centre it faces away.
+    for patch in patches.iter_mut().filter(|patch| !patch.closed && !patch.is_clear()) {
+        patch.turned = patch.volume < 0.0;
+    }
+    let around: Vec<Vec<usize>> = shells_around(mesh, of, parity, closed, patches);
+    let is_clear: Vec<bool> = patches.iter().map(Patch::is_clear).collect();
+    let outermost = |place: usize| around[place].is_empty();
+    let known = (0..closed.len()).filter(|&place| outermost(place) && is_clear[closed[place]]);
+    let whole: f64 = known.map(|place| patches[closed[place]].signed_volume()).sum();
+    let outwards = if whole < 0.0 { -1.0 } else { 1.0 };
+    let before: Vec<f64> = patches.iter().map(Patch::signed_volume).collect();
+    for (place, &shell) in closed.iter().enumerate() {
+        let sign = if around[place].len().is_multiple_of(2) { outwards } else { -outwards };
+        let turn = match around[place].first() {
+            _ if !is_clear[shell] => before[shell] * sign < 0.0,
+            // What lies in a shell turns with it: what was a cavity stays one.
+            Some(&outer) => is_clear[outer] && before[outer] * outwards < 0.0,
+            None => before[shell] * outwards < 0.0,
+        };
+        patches[shell].turned ^= turn;
+    }
+}
+
+/// For every closed patch those that it lies in, the outermost first.
+fn shells_around(
+    mesh: &Mesh,
+    of: &[u32],
+    parity: &[bool],
+    closed: &[usize],
+    patches: &[Patch],
+) -> Vec<Vec<usize>> {
+    let mut triangles = vec![Vec::new(); patches.len()];
+    for (triangle, &patch) in of.iter().enumerate() {
+        triangles[patch as usize].push(triangle);
+    }
+    let holds = |outer: usize, inner: usize| {
+        let (a, b) = (&patches[outer], &patches[inner]);
+        if outer == inner || a.lower.cmpgt(b.lower).any() || a.upper.cmplt(b.upper).any() {
+            return false;
+        }
+        let own = &triangles[inner];
+        own.iter().step_by(own.len().div_ceil(SAMPLES)).all(|&triangle| {
+            let [p, q, r] = mesh.corners(triangle);
+            let shell = triangles[outer].iter().map(|&triangle| {
+                let [a, b, c] = mesh.corners(triangle);
+                if parity[triangle] { [a, c, b] } else { [a, b, c] }
+            });
+            winding_number(shell, (p + q + r) / 3.0).abs() > 0.75
+        })
+    };
+    let around = |&inner: &usize| {
+        let mut found: Vec<usize> = closed.iter().copied().filter(|&outer| holds(outer, inner)).collect();
+        found.sort_by(|&a, &b| patches[b].volume.abs().total_cmp(&patches[a].volume.abs()));
+        found
+    };
+    closed.iter().map(around).collect()
+}
+
+/// Sets of triangles joined by shared edges, with the parity of each against its set's root.
+struct Forest {
+    parents: Vec<(u32, bool)>,
+    /// By root: two ways around lead to different parities.
+    one_sided: Vec<bool>,
+}
+
+impl Forest {
+    fn new(count: usize) -> Self {
+        Self { parents: (0..count as u32).map(|t| (t, false)).collect(), one_sided: vec![false; count] }
+    }
+
+    fn root(&mut self, triangle: u32) -> (u32, bool) {
+        let (mut at, mut odd) = (triangle, false);
+        loop {
+            let (parent, step) = self.parents[at as usize];
+            if parent == at {
+                return (at, odd);
+            }
+            // Path halving keeps the trees flat.
+            let (grandparent, further) = self.parents[parent as usize];
+            self.parents[at as usize] = (grandparent, step ^ further);
+            odd ^= step ^ further;
+            at = grandparent;
+        }
+    }
+
+    fn join(&mut self, a: u32, b: u32, differ: bool) {
+        let ((a, odd_a), (b, odd_b)) = (self.root(a), self.root(b));
+        if a == b {
+            self.one_sided[a as usize] |= (odd_a ^ odd_b) != differ;
+            return;
+        }
+        // The smaller index becomes the root.
+        let (root, child) = (a.min(b), a.max(b));
+        self.parents[child as usize] = (root, odd_a ^ odd_b ^ differ);
+        self.one_sided[root as usize] |= self.one_sided[child as usize];
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,154 @@
+use glam::{DMat4, DVec3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::*;
+use crate::mesh::tests::unit_cube;
+use crate::mesh::topology::boundary_chain;
+
+/// A cube of many triangles around a centre, facing outwards or inwards.
+fn cube(centre: f64, edge: f64, inwards: bool) -> Mesh {
+    let place = DMat4::from_translation(DVec3::splat(centre - edge / 2.0));
+    let mut cube = unit_cube().transformed(&(place * DMat4::from_scale(DVec3::splat(edge))));
+    if inwards {
+        cube = reversed(cube);
+    }
+    cube.refined(edge / 3.0, 1_000_000)
+}
+
+fn reversed(mut mesh: Mesh) -> Mesh {
+    mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+    mesh
+}
+
+fn joined(meshes: &[Mesh]) -> Mesh {
+    let mut all = Mesh::default();
+    meshes.iter().for_each(|mesh| all.append(mesh));
+    all.welded()
+}
+
+/// The mesh with every triangle turned that the dice say, and how many those are.
+fn shuffled(mesh: &Mesh, chance: f64, seed: u64) -> (Mesh, usize) {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut mesh = mesh.clone();
+    let mut turned = 0;
+    for triangle in &mut mesh.triangles {
+        if random.random_bool(chance) {
+            triangle.swap(1, 2);
+            turned += 1;
+        }
+    }
+    (mesh, turned)
+}
+
+/// A strip with `twists` half turns.
+fn strip(twists: usize) -> Mesh {
+    let corner = |step: usize, side: f64| {
+        let (angle, turn) = (step as f64 / 30.0 * std::f64::consts::TAU, twists as f64 * 0.5);
+        let radius = 1.0 + side * (turn * angle).cos();
+        // Where the ends meet the corners are those of the beginning, to the bit.
+        let rounded = |v: f64| (v * 1e9).round() / 1e9;
+        DVec3::new(
+            rounded(radius * angle.cos()),
+            rounded(radius * angle.sin()),
+            rounded(side * (turn * angle).sin()),
+        )
+    };
+    let mut mesh = Mesh::default();
+    for step in 0..30 {
+        let base = mesh.vertices.len() as u32;
+        mesh.vertices
+            .extend([(0, -0.3), (0, 0.3), (1, -0.3), (1, 0.3)].map(|(more, side)| corner(step + more, side)));
+        mesh.triangles.extend([[base, base + 2, base + 1], [base + 1, base + 2, base + 3]]);
+    }
+    mesh.welded()
+}
+
+#[test]
+fn what_is_consistent_stays_as_it_is() {
+    let cavity = [cube(0.0, 9.0, false), cube(0.0, 4.0, true)];
+    let mut open = cube(0.0, 1.0, false);
+    open.triangles.truncate(40);
+    for (name, mesh) in [
+        ("a cube", unit_cube()),
+        ("a cavity", joined(&cavity)),
+        ("a cavity inside out", reversed(joined(&cavity))),
+        ("a solid in a solid", joined(&[cube(0.0, 9.0, false), cube(0.0, 4.0, false)])),
+        ("two bodies that overlap", joined(&[cube(0.0, 2.0, false), cube(0.7, 2.0, false)])),
+        ("open", open),
+        ("a strip with two sides", strip(2)),
+        ("nothing", Mesh::default()),
+    ] {
+        assert_eq!(mesh.clone().with_consistent_faces(), (mesh, FaceRepair::default()), "{name}");
+    }
+}
+
+#[test]
+fn triangles_that_face_at_random_become_the_solid_that_they_bound() {
+    let nest = [cube(0.0, 9.0, false), cube(0.0, 6.0, true), cube(0.0, 3.0, false)];
+    let bodies = [cube(0.0, 4.0, false), cube(0.0, 2.0, true), cube(8.0, 3.0, false)];
+    // They share one edge, of which four triangles make use.
+    let mut neighbours = unit_cube();
+    neighbours.append(&unit_cube().transformed(&DMat4::from_translation(DVec3::new(1.0, 1.0, 0.0))));
+    for (name, mesh, volume) in [
+        ("a cube", cube(3.0, 2.0, false), 8.0),
+        ("shells in shells", joined(&nest), 729.0 - 216.0 + 27.0),
+        ("a cavity beside a body", joined(&bodies), 64.0 - 8.0 + 27.0),
+        ("cubes on an edge", neighbours.welded().refined(0.4, 10_000), 2.0),
+    ] {
+        for seed in 0..5 {
+            let (random, _) = shuffled(&mesh, 0.5, seed);
+            let (repaired, repair) = random.clone().with_consistent_faces();
+            assert_eq!(repaired, mesh, "{name}, seed {seed}");
+            let differ = random.triangles.iter().zip(&mesh.triangles).filter(|(a, b)| a != b).count();
+            assert_eq!(repair, FaceRepair { turned: differ, one_sided: 0 }, "{name}");
+            assert!(boundary_chain(&repaired).is_empty() && (repaired.signed_volume() - volume).abs() < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn a_few_wrong_triangles_do_not_change_what_the_rest_says() {
+    // Parity would make a cavity of the inner solid.
+    let solids = joined(&[cube(0.0, 9.0, false), cube(0.0, 4.0, false)]);
+    let (few, turned) = shuffled(&solids, 0.04, 7);
+    assert!(turned > 2);
+    assert_eq!(few.with_consistent_faces(), (solids, FaceRepair { turned, one_sided: 0 }));
+    // An open mesh has no volume to go by.
+    let mut open = reversed(cube(0.0, 2.0, false));
+    open.triangles.truncate(open.triangles.len() - 4);
+    let (few, turned) = shuffled(&open, 0.04, 7);
+    assert!(turned > 2);
+    assert_eq!(few.with_consistent_faces(), (open, FaceRepair { turned, one_sided: 0 }));
+}
+
+#[test]
+fn bodies_beside_each_other_face_alike_and_keep_their_cavities() {
+    let hollow = |inwards: bool| {
+        let hollow = joined(&[cube(20.0, 5.0, false), cube(20.0, 2.0, true)]);
+        if inwards { reversed(hollow) } else { hollow }
+    };
+    let body = cube(0.0, 9.0, false);
+    let wrong = joined(&[body.clone(), hollow(true)]);
+    let turned = hollow(true).triangles.len();
+    let right = joined(&[body.clone(), hollow(false)]);
+    assert_eq!(wrong.with_consistent_faces(), (right, FaceRepair { turned, one_sided: 0 }));
+    // Two that overlap would be empty where they do.
+    let wrong = joined(&[body.clone(), reversed(cube(4.0, 3.0, false))]);
+    let right = joined(&[body, cube(4.0, 3.0, false)]);
+    assert_eq!(wrong.with_consistent_faces().0, right);
+}
+
+#[test]
+fn a_surface_with_one_side_stays_as_it_is_and_is_told() {
+    let moebius = strip(1);
+    let count = moebius.triangles.len();
+    assert_eq!((count, moebius.vertices.len()), (60, 60));
+    let repaired = moebius.clone().with_consistent_faces();
+    assert_eq!(repaired, (moebius.clone(), FaceRepair { turned: 0, one_sided: count }));
+    // It keeps nothing else from being repaired.
+    let far = cube(9.0, 2.0, false);
+    let (random, _) = shuffled(&far, 0.5, 1);
+    let (both, repair) = joined(&[moebius.clone(), random]).with_consistent_faces();
+    assert_eq!((both, repair.one_sided), (joined(&[moebius, far]), count));
+}

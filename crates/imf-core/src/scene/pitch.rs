@@ -1,0 +1,152 @@
+//! A pitch for those who name none: fine enough for the tool, coarse enough for an answer within a minute or so.
+
+use std::fmt;
+
+use glam::DVec3;
+
+use super::resolution::VOXELS_THICK;
+use crate::tool::Tool;
+use crate::unit::{Length, LengthUnit};
+
+/// Voxels across the thinnest element of the tool.
+const ACROSS_TOOL: f64 = 6.0;
+/// Voxels along the part's longest side, and across its shortest, where the tool alone would leave fewer.
+const ALONG_PART: f64 = 48.0;
+const ACROSS_PART: f64 = 4.0;
+/// Voxels along the longest side, and in all, up to which a couple of hundred sections take some seconds on two cores.
+const MOST_ALONG: f64 = 200.0;
+const MOST_VOXELS: f64 = 1e6;
+/// How many times as many may be taken rather than have the tool pass between the voxels.
+const MORE: f64 = 8.0;
+
+/// A pitch and why it was chosen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChosenPitch {
+    /// Edge of a voxel, in `unit`.
+    pub pitch: f64,
+    /// The part's unit.
+    pub unit: LengthUnit,
+    /// Why.
+    pub reason: PitchReason,
+}
+
+/// What decided about a pitch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum PitchReason {
+    /// Six voxels across the tool's thinnest element, of this diameter.
+    Tool(f64),
+    /// 48 voxels along the part's longest side, of this length.
+    Part(f64),
+    /// Four voxels across the part's shortest side, of this length.
+    Sheet(f64),
+    /// The finest that time and memory allow.
+    Bounded,
+    /// The coarsest at which the tool's thinnest element, of this diameter, is surely seen.
+    Coarsest(f64),
+}
+
+impl ChosenPitch {
+    /// A pitch for a part of these extents and for tools, all in `unit`; `fits` says whether there is memory for a pitch.
+    #[must_use]
+    pub fn new(extents: DVec3, unit: LengthUnit, tools: &[Tool], fits: &dyn Fn(f64) -> bool) -> Self {
+        let (longest, shortest) = (extents.max_element(), extents.min_element());
+        let thinnest = tools.iter().map(|tool| tool.thinnest().1).fold(f64::INFINITY, f64::min);
+        let mut candidates = vec![
+            (thinnest / ACROSS_TOOL, PitchReason::Tool(thinnest)),
+            (longest / ALONG_PART, PitchReason::Part(longest)),
+            (shortest / ACROSS_PART, PitchReason::Sheet(shortest)),
+        ];
+        candidates.retain(|(pitch, _)| *pitch > 0.0 && pitch.is_finite());
+        let finest = candidates.into_iter().min_by(|(a, _), (b, _)| a.total_cmp(b));
+        // An empty part is refused elsewhere.
+        let (wanted, mut reason) = finest.unwrap_or((1.0, PitchReason::Bounded));
+        let mut pitch = rounded(wanted, false);
+        let voxels = |pitch: f64| (extents / pitch).ceil().max(DVec3::ONE).element_product();
+        let is_bounded = |pitch: f64, more: f64| {
+            longest / pitch <= MOST_ALONG * more && voxels(pitch) <= MOST_VOXELS * more && fits(pitch)
+        };
+        while !is_bounded(pitch, 1.0) && longest / pitch > 1.0 {
+            pitch = rounded(pitch * 1.05, true);
+            reason = PitchReason::Bounded;
+        }
+        let seen = rounded(thinnest / VOXELS_THICK, false);
+        if pitch > seen && is_bounded(seen, MORE) {
+            (pitch, reason) = (seen, PitchReason::Coarsest(thinnest));
+        }
+        Self { pitch, unit, reason }
+    }
+}
+
+/// To two digits, so that it can be typed again.
+fn rounded(pitch: f64, up: bool) -> f64 {
+    let step = 10f64.powi(pitch.log10().floor() as i32 - 1);
+    // What is two digits up to rounding stays.
+    let steps = pitch / step;
+    let whole = if up { (steps - 1e-9).ceil() } else { (steps + 1e-9).floor() };
+    // The number that is printed so.
+    format!("{:.1e}", whole * step).parse().unwrap_or(whole * step)
+}
+
+impl fmt::Display for ChosenPitch {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { pitch, unit, reason } = self;
+        write!(f, "a pitch of {} {unit} was chosen, ", Length(*pitch))?;
+        match reason {
+            PitchReason::Tool(across) => {
+                write!(f, "a sixth of the tool's thinnest element ({} {unit})", Length(*across))
+            }
+            PitchReason::Part(along) => {
+                write!(f, "a 48th of the part's longest side ({} {unit})", Length(*along))
+            }
+            PitchReason::Sheet(across) => {
+                write!(f, "a quarter of the part's shortest side ({} {unit})", Length(*across))
+            }
+            PitchReason::Bounded => {
+                f.write_str("the finest that stays within a million voxels, 200 a side, and the memory")
+            }
+            PitchReason::Coarsest(across) => write!(
+                f,
+                "the coarsest that is sure to see the tool's thinnest element ({} {unit}); it may take minutes",
+                Length(*across)
+            ),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_pitch_follows_from_tool_and_part_within_its_bounds() {
+        // A tenth as large, so many times.
+        let shrunk = |tool: Tool, _| Tool { unit: LengthUnit::Mm, ..tool.in_unit(LengthUnit::Cm) };
+        let chosen = |extents: [f64; 3], times: usize| {
+            let scaled = (0..times).fold(Tool::paper(), shrunk);
+            let chosen = ChosenPitch::new(DVec3::from_array(extents), LengthUnit::Mm, &[scaled], &|_| true);
+            (chosen.pitch, chosen.reason)
+        };
+        // The cutter is 10 mm thick.
+        assert_eq!(chosen([150.0, 100.0, 90.0], 0), (1.6, PitchReason::Tool(10.0)));
+        assert_eq!(chosen([60.0, 60.0, 20.0], 0), (1.2, PitchReason::Part(60.0)));
+        assert_eq!(chosen([150.0, 90.0, 3.0], 0), (0.75, PitchReason::Sheet(3.0)));
+        assert_eq!(chosen([640.0, 10.0, 10.0], 0), (3.3, PitchReason::Bounded));
+        let (pitch, reason) = chosen([400.0, 400.0, 400.0], 0);
+        assert!(reason == PitchReason::Bounded && (400.0 / pitch).ceil().powi(3) <= MOST_VOXELS);
+        // A cutter of 1 mm would pass between voxels of 2 mm.
+        assert_eq!(chosen([400.0, 20.0, 20.0], 1), (0.7, PitchReason::Coarsest(1.0)));
+        // Nothing within reason sees a cutter of 0.1 mm there: the scene refuses it.
+        assert!(chosen([400.0, 20.0, 20.0], 2).0 > 0.1);
+    }
+
+    #[test]
+    fn memory_bounds_the_pitch_and_a_part_without_a_tool_has_one() {
+        let extents = DVec3::new(96.0, 30.0, 40.0);
+        let alone = ChosenPitch::new(extents, LengthUnit::Mm, &[], &|_| true);
+        assert_eq!((alone.pitch, alone.reason), (2.0, PitchReason::Part(96.0)));
+        assert!(alone.to_string().contains("2 mm"), "{alone}");
+        let little = ChosenPitch::new(extents, LengthUnit::Mm, &[], &|pitch| pitch > 3.0);
+        assert!(little.pitch > 3.0 && little.pitch < 3.4 && little.reason == PitchReason::Bounded);
+    }
+}

@@ -1,0 +1,196 @@
+//! What a grid cannot see of tool and part, one rule for every question.
+
+use std::f64::consts::SQRT_2;
+use std::fmt;
+
+use glam::DVec3;
+
+use super::{Bodies, SceneError, SceneSpec, SceneWarning};
+use crate::grid::Grid;
+use crate::mesh::Mesh;
+use crate::occupancy::Occupancy;
+use crate::tool::Tool;
+use crate::unit::{LengthUnit, proportion_check};
+use crate::voxelize::voxelize_with;
+
+/// Voxels across a tool from which on it is seen: between the columns of centres there is room for a cylinder of the
+/// diagonal of a voxel's face.
+pub(super) const VOXELS_THICK: f64 = SQRT_2;
+
+/// A part that is nowhere thicker than this many voxels is thin.
+const THIN: usize = 3;
+
+/// The share of undecided centres ([`Voxelized::undecided`](crate::voxelize::Voxelized)) from which on a mesh is refused.
+///
+/// Measured at 20 voxels along the longest side: a cube without its lid has 0.3, a sphere that lacks a fifth of its triangles 0.4, a
+/// hemisphere without its disc 0.8, and all their solid voxels are right. Triangles that share no corners and of which a fifth
+/// face the wrong way have 0.98, and lose up to a quarter of the solid; half of them, 1.0 and nearly all of it. A box without two opposite
+/// sides (0.96) or a shallow tray without its lid (0.99) may as well be a sheet.
+pub(super) const MOST_UNDECIDED: f64 = 0.9;
+
+/// A tool of which an element passes between the centres of voxels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CoarseTool {
+    /// The tool.
+    pub tool: String,
+    /// The thinnest of its elements.
+    pub element: String,
+    /// Its largest diameter, in `unit`.
+    pub thickness: f64,
+    /// The grid's pitch, in `unit`.
+    pub pitch: f64,
+    /// The part's unit.
+    pub unit: LengthUnit,
+}
+
+impl CoarseTool {
+    /// The largest pitch at which the element is seen.
+    #[must_use]
+    pub fn most(&self) -> f64 {
+        self.thickness / VOXELS_THICK
+    }
+}
+
+impl fmt::Display for CoarseTool {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { tool, element, thickness, pitch, unit } = self;
+        write!(
+            f,
+            "the {element} of the tool '{tool}' is {thickness:.4} {unit} thick at most and passes between the centres of \
+             voxels of {pitch:.4} {unit} unseen: choose a pitch of at most {:.4}, or check the tool's unit",
+            self.most()
+        )
+    }
+}
+
+impl SceneSpec<'_> {
+    /// What is to be known of a tool (in any unit, without clearance) on a grid.
+    ///
+    /// # Errors
+    /// [`SceneError::Coarse`] of a tool thinner than √2 voxels, unless the spec allows it; [`SceneError::Proportion`] of one that is more than
+    /// five times as thick as the part is long.
+    pub fn check_tool(&self, tool: &Tool, grid: &Grid) -> Result<Vec<SceneWarning>, SceneError> {
+        let (element, thickness) = tool.in_unit(self.unit).thinnest();
+        let (lower, upper) = self.part_bounds()?;
+        let mut warnings = Vec::new();
+        if let Some(proportion) = proportion_check((upper - lower).max_element(), thickness, self.unit) {
+            if proportion.is_absurd() {
+                return Err(SceneError::Proportion { part: self.part.to_owned(), proportion });
+            }
+            warnings.push(SceneWarning::Proportion(proportion));
+        }
+        // As good as equal is equal.
+        if thickness * (1.0 + 1e-9) < VOXELS_THICK * grid.pitch {
+            let (tool, pitch, unit) = (tool.name.clone(), grid.pitch, self.unit);
+            let coarse = CoarseTool { tool, element, thickness, pitch, unit };
+            if !self.allow_coarse {
+                return Err(SceneError::Coarse(coarse));
+            }
+            warnings.push(SceneWarning::Coarse(coarse));
+        }
+        Ok(warnings)
+    }
+
+    /// What is to be known of part and fixtures on their grid: a part of few voxels across, fixtures that overlap it.
+    ///
+    /// # Errors
+    /// As [`SceneSpec::bodies`].
+    pub fn warnings(&self, bodies: &Bodies) -> Result<Vec<SceneWarning>, SceneError> {
+        let grid = bodies.part.grid;
+        let voxels = thickness(&bodies.part);
+        let thin = SceneWarning::Thin { part: self.part.to_owned(), voxels, pitch: grid.pitch };
+        let mut warnings = Vec::new();
+        warnings.extend((voxels <= THIN).then_some(thin));
+        let part = self.part_bounds()?;
+        for (fixture, (name, low, high)) in self.fixtures.iter().zip(self.fixture_boxes()?) {
+            let (lower, upper) = (low.max(part.0), high.min(part.1));
+            // Faces that touch share no room.
+            if (upper - lower).min_element() <= 1e-6 * grid.pitch {
+                continue;
+            }
+            let common = grid.covering(lower, upper, 0)?;
+            let solid = |mesh: &Mesh| voxelize_with(mesh, &common, false, self.control);
+            let own = solid(&self.mesh.transformed(&self.transform))?.solid;
+            let other = solid(&fixture.mesh.transformed(&fixture.transform))?.solid;
+            let shared = own.solid.iter().zip(&other.solid).filter(|(a, b)| **a & **b == 1).count();
+            if shared > 0 {
+                let volume = shared as f64 * grid.voxel_volume();
+                warnings.push(SceneWarning::Overlap { fixture: name.to_owned(), volume, unit: self.unit });
+            }
+        }
+        Ok(warnings)
+    }
+
+    /// Refuses a grid that drops voxels which the surface touches, by growing it: with `conservative` a face on the grid's own makes
+    /// the voxels on both sides solid. Fixtures count where they lie within the grid.
+    pub(super) fn grown_for_touch(&self, grid: &Grid) -> Result<Grid, SceneError> {
+        let (lower, upper) = (grid.origin, grid.origin + grid.size());
+        let near = DVec3::splat(1e-5 * grid.pitch);
+        let within =
+            |low: DVec3, high: DVec3| low.cmpge(lower - near).all() && high.cmple(upper + near).all();
+        let (mut before, mut after) = ([0; 3], [0; 3]);
+        let fixtures = self.fixture_boxes()?.into_iter().map(|(_, low, high)| (low, high));
+        for (low, high) in [self.part_bounds()?].into_iter().chain(fixtures) {
+            if within(low, high) {
+                for axis in 0..3 {
+                    before[axis] |= i64::from(low[axis] <= lower[axis] + near[axis]);
+                    after[axis] |= i64::from(high[axis] >= upper[axis] - near[axis]);
+                }
+            }
+        }
+        Ok(grid.grown(before, after)?)
+    }
+}
+
+/// Voxels across a part where it is thickest: the edge of the largest cube of solid voxels, up to 255. A plate along the axes has its
+/// own thickness, also where a wall stands on it.
+fn thickness(part: &Occupancy) -> usize {
+    let [nx, ny, nz] = part.grid.dims;
+    // By the voxel that is the cube's last along every axis; one plane and the one before it.
+    let (mut before, mut here) = (vec![0_u8; ny * nz], vec![0_u8; ny * nz]);
+    let mut most = 0;
+    for x in 0..nx {
+        for y in 0..ny {
+            for z in 0..nz {
+                let at = y * nz + z;
+                let within = x > 0 && y > 0 && z > 0;
+                here[at] = match (part.solid[x * ny * nz + at], within) {
+                    (0, _) => 0,
+                    (_, false) => 1,
+                    (_, true) => {
+                        let corner = [at - 1, at - nz, at - nz - 1];
+                        let near = corner.iter().flat_map(|&near| [before[near], here[near]]);
+                        near.fold(before[at], u8::min).saturating_add(1)
+                    }
+                };
+                most = most.max(here[at]);
+            }
+        }
+        std::mem::swap(&mut before, &mut here);
+    }
+    most.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_thickness_of_plates_and_of_what_stands_on_them() {
+        let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [9, 8, 7] };
+        let of = |inside: &dyn Fn([usize; 3]) -> bool| {
+            let solid = (0..grid.len()).map(|index| u8::from(inside(grid.voxel(index)))).collect();
+            thickness(&Occupancy { grid, solid })
+        };
+        assert_eq!(of(&|_| false), 0);
+        assert_eq!(of(&|_| true), 7);
+        for axis in 0..3 {
+            assert_eq!(of(&|voxel| (1..4).contains(&voxel[axis])), 3);
+        }
+        // Two plates side by side, and a wall on a plate: as thick as the thicker.
+        assert_eq!(of(&|[x, ..]| x < 2 || x > 4), 4);
+        assert_eq!(of(&|[x, _, z]| z < 2 || x == 5), 2);
+        // A block of five on a plate of two.
+        assert_eq!(of(&|[x, y, z]| z < 2 || (x < 5 && y < 5 && z < 5)), 5);
+    }
+}
