@@ -2,9 +2,11 @@
 
 use std::process::ExitCode;
 
+use imf_core::check::CheckError;
 use imf_core::control::Cancelled;
 use imf_core::scene::SceneError;
 use imf_core::section::SectionError;
+use imf_core::toolpath::ToolpathError;
 use imf_fields::evaluation::EvaluationError;
 use imf_fields::onnx::OnnxError;
 use imf_train::dataset::DatasetError;
@@ -15,8 +17,8 @@ use crate::ranks::{Membership, Rank};
 
 /// The work failed: bad input, a device, a disk.
 const FAILED: u8 = 1;
-/// Arguments that do not go together, as those that clap refuses.
-const WRONG_ARGUMENTS: u8 = 2;
+/// What was given makes no sense, as of a wrong argument.
+const REFUSED: u8 = 2;
 /// `imf check` found a collision.
 const COLLISION: u8 = 3;
 /// Stopped by Ctrl-C; what was finished is kept.
@@ -53,15 +55,21 @@ pub fn code_of(joins_ranks: bool, work: impl FnOnce(Rank) -> anyhow::Result<()>)
             membership.let_the_first_speak();
             let who = if rank.of() > 1 { format!(" of rank {}", rank.number()) } else { String::new() };
             eprintln!("imf: error{who}: {}", message(&error));
-            if error.chain().any(|cause| matches!(cause.downcast_ref(), Some(SceneError::NoTool(_)))) {
-                WRONG_ARGUMENTS
-            } else {
-                FAILED
-            }
+            if is_bad_input(&error) { REFUSED } else { FAILED }
         }
     };
     membership.leave(code);
     ExitCode::from(code)
+}
+
+/// A toolpath, or a tool for it, that cannot be checked as it is; a part without a tool.
+fn is_bad_input(error: &anyhow::Error) -> bool {
+    let path = |error: &ToolpathError| !matches!(error, ToolpathError::Read { .. });
+    error.chain().any(|cause| {
+        cause.downcast_ref().is_some_and(path)
+            || matches!(cause.downcast_ref(), Some(SceneError::NoTool(_)))
+            || cause.downcast_ref::<CheckError>().is_some_and(|error| !matches!(error, CheckError::Cancelled))
+    })
 }
 
 /// The error and its causes in one line, without repeating a cause that the text above it quotes.
@@ -92,6 +100,13 @@ fn remedy(cause: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
             return Some("--unit or --scale for the part, unit = \"…\" in the tool's file");
         }
         Some(SceneError::NoTool(_)) => return Some(TOOL_FILE),
+        _ => {}
+    }
+    match cause.downcast_ref() {
+        Some(CheckError::ToolChange { .. } | CheckError::NoTool { .. } | CheckError::Tools(_)) => {
+            return Some("--tool NUMBER=FILE");
+        }
+        Some(CheckError::Contact { .. }) => return Some("--contact"),
         _ => {}
     }
     if let Some(OnnxError::Rotations(_)) = cause.downcast_ref() {

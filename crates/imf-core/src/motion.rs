@@ -92,7 +92,7 @@ impl MotionChecker {
     }
 
     /// Whether the tool may move from `a` to `b`: the tip along the straight line, the axis along the great circle,
-    /// both evenly. Proven free, or colliding, or undecided where the tool passes by closer than a thirtieth of a voxel.
+    /// both evenly ([`Pose::interpolate`]). Proven free, or colliding, or undecided where the tool passes by closer than a thirtieth of a voxel.
     /// The first call makes the tools that proofs need.
     ///
     /// # Errors
@@ -102,8 +102,10 @@ impl MotionChecker {
         if matches!(field.assembly().tool().shape, ToolShape::Mesh(_)) {
             return Err(MotionError::Mesh);
         }
-        let end = |pose: &Pose| Ok((pose.position, pose.axis().ok_or(MotionError::InvalidPose)?));
-        let way = StraightMotion::new(end(a)?, end(b)?).ok_or(MotionError::Opposite)?;
+        if !(a.is_valid() && b.is_valid()) {
+            return Err(MotionError::InvalidPose);
+        }
+        let way = StraightMotion::new(a, b).ok_or(MotionError::Opposite)?;
         let offset = offset.get_or_init(|| offset_further(field)).as_ref().ok_or(MotionError::Offset)?;
         Ok(advance(field, offset, &way, a, b))
     }
@@ -119,12 +121,6 @@ fn offset_further(field: &ExactField) -> Option<[ExactField; OFFSETS.len()]> {
     Some([a?, b?, c?])
 }
 
-/// The pose at a time.
-fn pose_at(way: &StraightMotion, time: f64) -> Pose {
-    let (position, axis) = way.at(time);
-    Pose::along(position, axis)
-}
-
 /// Conservative advancement from `a` to `b`.
 fn advance(
     field: &ExactField,
@@ -135,8 +131,8 @@ fn advance(
 ) -> MotionResult {
     let pitch = field.obstacle().grid().pitch;
     let reach = field.reach();
-    // Farthest that any point of the tool moves in a unit of time.
-    let speed = way.farthest(reach);
+    // Farthest that any point of the tool moves in a unit of time; the tool is round.
+    let speed = way.farthest(reach, 0.0);
     // Of positions as large as the ends', of axes at the tool's far end.
     let largest = a.position.abs().max(b.position.abs()).max_element();
     let rounding = 4.0 * f64::EPSILON * largest;
@@ -159,7 +155,7 @@ fn advance(
     let mut undecided: Option<(f64, f64)> = None;
     let (mut time, mut before) = (0.0_f64, 0.0_f64);
     loop {
-        let pose = pose_at(way, time);
+        let pose = way.at(time);
         if field.collides(&pose) {
             let (at, pose) = first(way, field, before, time, pose);
             let free_until = undecided.map_or(free_until, |(from, _)| from).min(at);
@@ -203,7 +199,7 @@ fn first(way: &StraightMotion, field: &ExactField, mut low: f64, high: f64, pose
     let mut found = (high, pose);
     for _ in 0..HALVINGS {
         let middle = 0.5 * (low + found.0);
-        let pose = pose_at(way, middle);
+        let pose = way.at(middle);
         if field.collides(&pose) {
             found = (middle, pose);
         } else {

@@ -1,5 +1,7 @@
 //! A pose of the tool: where its tip is and how it is turned.
 
+use std::f64::consts::{PI, TAU};
+
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::orientation::Orientation;
@@ -20,6 +22,9 @@ pub struct Pose {
 
 /// Components of an axis below this are 0, so that axes along the grid keep to it.
 const NEGLIGIBLE: f64 = 1e-12;
+
+/// A thousandth of a degree.
+const SAME: f64 = 1.7e-5;
 
 impl Pose {
     /// A tip and a rotation.
@@ -49,13 +54,12 @@ impl Pose {
         if self.position.is_finite() { axis_of(self.rotation) } else { None }
     }
 
-    /// The pose at a fraction of the way to another, from 0 to 1: the tip goes along the line and the axis along the great
-    /// circle, both evenly, without roll. `None` where a pose is invalid, or the axes are opposite.
+    /// The pose at a fraction of the way to another, from 0 to 1: the tip goes along the line, and the axis along the great
+    /// circle without rolling; what the roll at the end differs from that is rolled about the tool's own axis, the shorter way
+    /// (half a turn to the left). All three go evenly. `None` where a pose is invalid, or the axes are opposite.
     #[must_use]
     pub fn interpolate(&self, to: &Self, fraction: f64) -> Option<Self> {
-        let motion = StraightMotion::new((self.position, self.axis()?), (to.position, to.axis()?))?;
-        let (position, axis) = motion.at(fraction);
-        Some(Self::along(position, axis))
+        Some(StraightMotion::new(self, to)?.at(fraction))
     }
 
     /// True where every number is finite and the quaternion has a length.
@@ -71,38 +75,63 @@ impl Pose {
     }
 }
 
-/// The straight motion between two poses: the tip goes along the line and the axis along the great circle, both evenly.
+/// The straight motion between two poses, by the rule of [`Pose::interpolate`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StraightMotion {
-    /// Tip and axis.
-    from: (DVec3, DVec3),
-    to: (DVec3, DVec3),
-    /// Between the axes, in radians.
+    from: Pose,
+    to: Pose,
+    /// The axis turns about this, by so many radians.
+    pivot: DVec3,
     angle: f64,
+    /// About the tool's own axis, in radians, from −π to π.
+    roll: f64,
 }
 
 impl StraightMotion {
-    /// `None` for axes that are opposite to a thousandth of a degree: which way the tool turns is not defined.
-    pub(crate) fn new(from: (DVec3, DVec3), to: (DVec3, DVec3)) -> Option<Self> {
-        let angle = from.1.cross(to.1).length().atan2(from.1.dot(to.1));
-        (angle <= std::f64::consts::PI - 1.7e-5).then_some(Self { from, to, angle })
+    /// `None` for an invalid pose, and for axes that are opposite to a thousandth of a degree: which way the tool turns is not
+    /// defined.
+    pub(crate) fn new(from: &Pose, to: &Pose) -> Option<Self> {
+        let (one, other) = (from.axis()?, to.axis()?);
+        let cross = one.cross(other);
+        let angle = cross.length().atan2(one.dot(other));
+        if angle > PI - SAME {
+            return None;
+        }
+        let pivot = cross.try_normalize().unwrap_or(DVec3::X);
+        let [from, to] = [from, to].map(|pose| Pose { rotation: pose.rotation.normalize(), ..*pose });
+        let turned = DQuat::from_axis_angle(pivot, angle) * from.rotation;
+        let rest = turned.conjugate() * to.rotation;
+        let roll = (2.0 * rest.z.atan2(rest.w)).rem_euclid(TAU);
+        // A billionth more than half a turn is still half a turn to the left.
+        let roll = if roll > PI + 1e-9 { roll - TAU } else { roll };
+        Some(Self { from, to, pivot, angle, roll })
     }
 
-    /// Upper bound of how far any point of a tool moves whose points are at most `reach` away from its tip.
-    pub(crate) fn farthest(&self, reach: f64) -> f64 {
-        self.from.0.distance(self.to.0) + self.angle * reach
+    /// Upper bound of how far any point of a tool moves whose points are at most `reach` away from its tip and, where it is not
+    /// round, at most `radius` away from its axis.
+    pub(crate) fn farthest(&self, reach: f64, radius: f64) -> f64 {
+        self.from.position.distance(self.to.position) + self.angle * reach + self.roll.abs() * radius
     }
 
-    /// Tip and axis at a fraction of the way.
-    pub(crate) fn at(&self, fraction: f64) -> (DVec3, DVec3) {
-        let position = self.from.0.lerp(self.to.0, fraction);
-        let axis = if self.angle < 1e-9 {
-            self.to.1
-        } else {
-            let weights = [((1.0 - fraction) * self.angle).sin(), (fraction * self.angle).sin()];
-            (self.from.1 * weights[0] + self.to.1 * weights[1]).normalize_or(self.to.1)
-        };
-        (position, axis)
+    /// True where the tool rolls by half a turn, to a thousandth of a degree: which way is not defined.
+    pub(crate) fn rolls_over(&self) -> bool {
+        self.roll.abs() > PI - SAME
+    }
+
+    /// The pose at a fraction of the way.
+    pub(crate) fn at(&self, fraction: f64) -> Pose {
+        if fraction >= 1.0 {
+            return self.to;
+        }
+        let position = self.from.position.lerp(self.to.position, fraction);
+        let mut rotation = self.from.rotation;
+        if self.angle > 0.0 {
+            rotation = DQuat::from_axis_angle(self.pivot, fraction * self.angle) * rotation;
+        }
+        if self.roll != 0.0 {
+            rotation *= DQuat::from_rotation_z(fraction * self.roll);
+        }
+        Pose { position, rotation }
     }
 }
 
@@ -157,22 +186,67 @@ mod tests {
 
     #[test]
     fn motions_go_straight_and_turn_evenly() {
-        let (from, to) = ((DVec3::ZERO, DVec3::Z), (DVec3::new(4.0, 0.0, 2.0), DVec3::X));
-        let motion = StraightMotion::new(from, to).unwrap();
-        let (position, axis) = motion.at(0.5);
-        assert!((position - DVec3::new(2.0, 0.0, 1.0)).length() < 1e-12);
-        assert!((axis - DVec3::new(1.0, 0.0, 1.0).normalize()).length() < 1e-12);
-        let (_, third) = motion.at(1.0 / 3.0);
-        assert!((third.z - 30f64.to_radians().cos()).abs() < 1e-12);
-        assert!((motion.farthest(10.0) - 20f64.sqrt() - 5.0 * std::f64::consts::PI).abs() < 1e-12);
-        assert_eq!(motion.at(1.0), to);
-
-        let (a, b) = (Pose::along(from.0, from.1), Pose::along(to.0, to.1));
+        let (a, b) = (Pose::along(DVec3::ZERO, DVec3::Z), Pose::along(DVec3::new(4.0, 0.0, 2.0), DVec3::X));
+        let motion = StraightMotion::new(&a, &b).unwrap();
         let middle = a.interpolate(&b, 0.5).unwrap();
-        assert!((middle.position - position).length() < 1e-12);
-        assert!((middle.axis().unwrap() - axis).length() < 1e-12);
+        assert_eq!(middle, motion.at(0.5));
+        assert!((middle.position - DVec3::new(2.0, 0.0, 1.0)).length() < 1e-12);
+        assert!((middle.axis().unwrap() - DVec3::new(1.0, 0.0, 1.0).normalize()).length() < 1e-12);
+        let third = motion.at(1.0 / 3.0).axis().unwrap();
+        assert!((third.z - 30f64.to_radians().cos()).abs() < 1e-12);
+        assert!((motion.farthest(10.0, 3.0) - 20f64.sqrt() - 5.0 * PI).abs() < 1e-12);
+        assert_eq!((motion.at(0.0), motion.at(1.0)), (a, b));
         assert_eq!(a.interpolate(&Pose::along(DVec3::ZERO, DVec3::NEG_Z), 0.5), None);
         assert_eq!(a.interpolate(&Pose::along(DVec3::NAN, DVec3::X), 0.5), None);
+    }
+
+    #[test]
+    fn no_point_moves_farther_than_is_said_and_the_axis_keeps_to_the_great_circle() {
+        let set = OrientationSet::parse("so3:40").unwrap().orientations;
+        let points = [DVec3::new(3.0, 0.0, 4.0), DVec3::new(0.0, -3.0, 0.0), DVec3::new(-1.0, 2.0, 4.5)];
+        for (i, pair) in set.windows(2).enumerate() {
+            let a = Pose::oriented(DVec3::splat(i as f64), &pair[0]);
+            let b = Pose::oriented(DVec3::ONE, &pair[1]);
+            let motion = StraightMotion::new(&a, &b).unwrap();
+            let ends = a.axis().unwrap().cross(b.axis().unwrap());
+            let steps = 64;
+            let most = motion.farthest(5.0, 3.0) / f64::from(steps);
+            for step in 0..steps {
+                let [before, after] = [step, step + 1].map(|s| motion.at(f64::from(s) / f64::from(steps)));
+                let place = |pose: &Pose, point: DVec3| pose.position + pose.rotation * point;
+                let moved = points.map(|p| place(&before, p).distance(place(&after, p)));
+                assert!(moved.into_iter().all(|m| m <= most * (1.0 + 1e-9)), "{moved:?} {most}");
+                // It does not leave the plane of the two axes.
+                assert!(after.axis().unwrap().dot(ends).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn a_roll_goes_the_shorter_way_and_nothing_turns_over_between_neighbouring_axes() {
+        let rolled = |roll: f64| Orientation { roll, ..Orientation::new(30.0, 40.0) };
+        let middle = |from: f64, to: f64| {
+            let [a, b] = [from, to].map(|roll| Pose::oriented(DVec3::ZERO, &rolled(roll)));
+            a.interpolate(&b, 0.5).unwrap().orientation().roll
+        };
+        for (from, to, expected) in
+            [(10.0, 50.0, 30.0), (350.0, 30.0, 10.0), (30.0, 350.0, 10.0), (0.0, 180.0, 90.0)]
+        {
+            assert!((middle(from, to) - expected).abs() < 1e-9, "{from} {to}");
+        }
+        // Past the pole θ jumps by half a turn, and the roll that undoes it makes a motion that only tilts.
+        let a = Pose::oriented(DVec3::ZERO, &Orientation { roll: 180.0, ..Orientation::new(180.0, 1.0) });
+        let b = Pose::oriented(DVec3::ZERO, &Orientation::new(0.0, 1.0));
+        let motion = StraightMotion::new(&a, &b).unwrap();
+        assert!((motion.farthest(1.0, 1.0) - 2f64.to_radians()).abs() < 1e-9);
+        assert!(
+            StraightMotion::new(
+                &Pose { rotation: rolled(0.0).quaternion(), ..a },
+                &Pose { rotation: rolled(180.0).quaternion(), ..a }
+            )
+            .unwrap()
+            .rolls_over()
+        );
     }
 
     #[test]

@@ -13,7 +13,7 @@ mod stored;
 mod warning;
 
 pub use builder::{BuiltScene, SceneBuilder};
-pub use guarantee::Guarantee;
+pub use guarantee::{Guarantee, PathGuarantee};
 pub use pitch::{ChosenPitch, PitchReason};
 pub use resolution::CoarseTool;
 pub use warning::SceneWarning;

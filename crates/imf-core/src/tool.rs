@@ -4,6 +4,7 @@
 //! inside where `0 ≤ z < length` and `r ≤ ρ(z)`. Elements do not overlap: each owns its own range of heights.
 
 mod assembly;
+mod depth;
 mod erode;
 #[cfg(feature = "formats")]
 mod file;
@@ -18,6 +19,7 @@ mod sharp;
 mod stack;
 
 pub use assembly::Assembly;
+pub(crate) use depth::distance_to_mesh;
 pub use offset::{Clearance, ClearanceError};
 pub(crate) use posed::snapped;
 pub use profile::{Element, ElementKind, Segment};

@@ -1,39 +1,47 @@
-//! Toolpaths of five axes: where the tip goes and how the tool is turned, line by line of the file it came from.
+//! Toolpaths of five axes: which tool, where its tip goes and how it is turned, line by line of the file it came from.
 //!
-//! Positions are the tool's tip; axes point from the tip to the holder. Between two lines the tip moves straight and
-//! the axis turns along the great circle, both evenly, as in [`Pose::interpolate`](crate::pose::Pose::interpolate).
+//! Positions are the tool's tip; axes point from the tip to the holder. Between two lines the tool moves by
+//! [`Pose::interpolate`]. What is not understood is refused with its line: a word or a column that is skipped might be one that
+//! moves the tool.
 
 mod apt;
 mod csv;
 
 use std::path::Path;
 
-use glam::DVec3;
+use glam::{DMat3, DMat4, DQuat, DVec3};
 use serde::Serialize;
 use thiserror::Error;
 
+use crate::orientation::Orientation;
+use crate::pose::Pose;
 use crate::unit::LengthUnit;
 
-/// A tip position with an axis, and the line that says so.
+/// How the tool comes to a location.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MoveKind {
+    /// It begins there: the first location, and the first of another tool. The way to it is not in the file.
+    Start,
+    /// At rapid rate.
+    Rapid,
+    /// At feed rate.
+    Feed,
+}
+
+/// A pose of the tool, and the line that says so.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Location {
     /// Line of the file, from 1.
     pub line: usize,
-    /// The tip.
-    pub position: DVec3,
-    /// Unit vector from the tip to the holder.
-    pub axis: DVec3,
-}
-
-/// A word that is not understood: if it moves the tool, that movement is not known.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct UnknownWord {
-    /// The word.
-    pub word: String,
-    /// Line at which it stands first.
-    pub line: usize,
-    /// How often it stands.
-    pub times: usize,
+    /// Tip and rotation.
+    pub pose: Pose,
+    /// True where the file says how the tool is rolled about its axis; otherwise the pose's roll means nothing.
+    pub rolled: bool,
+    /// Number of the tool, where the file names one.
+    pub tool: Option<u32>,
+    /// How the tool comes here.
+    pub kind: MoveKind,
 }
 
 /// The locations of a file in order.
@@ -41,8 +49,6 @@ pub struct UnknownWord {
 pub struct Toolpath {
     /// In the order of the file.
     pub locations: Vec<Location>,
-    /// Each word once, in the order of the file.
-    pub unknown: Vec<UnknownWord>,
 }
 
 /// Why a toolpath cannot be read.
@@ -67,22 +73,24 @@ pub enum ToolpathError {
         what: String,
     },
     /// No location at all.
-    #[error("{0} holds no tool location: neither lines x,y,z,i,j,k nor GOTO/ lines")]
+    #[error("{0} holds no tool location: neither lines below a header such as x,y,z,i,j,k nor GOTO/ lines")]
     Empty(String),
 }
 
 /// What is wrong with a line, before the file's name is known.
+#[derive(Debug)]
 struct Wrong {
     line: usize,
     what: String,
 }
 
 impl Toolpath {
-    /// Reads a CSV file (`x,y,z,i,j,k`) or an APT/CL file (`GOTO/x,y,z,i,j,k`), distinguished by the words in it. Lengths
-    /// become those of `unit`: a CSV file is taken to be in it, an APT file too unless it has a `UNITS/` line.
+    /// Reads a CSV file (a header of column names, then numbers) or an APT/CL file (`GOTO/x,y,z,i,j,k`), distinguished by the
+    /// words in it. Lengths become those of `unit`: a CSV file is taken to be in it, an APT file too unless it has a
+    /// `UNITS/` line.
     ///
     /// # Errors
-    /// Names the file and the line that is wrong.
+    /// Names the file and the line that is wrong or not understood.
     pub fn read(path: &Path, unit: LengthUnit) -> Result<Self, ToolpathError> {
         let name = path.display().to_string();
         let bytes =
@@ -94,34 +102,103 @@ impl Toolpath {
     /// As [`Toolpath::read`], from the text of a file called `name`.
     ///
     /// # Errors
-    /// Names the file and the line that is wrong.
+    /// Names the file and the line that is wrong or not understood.
     pub fn parse(text: &str, unit: LengthUnit, name: &str) -> Result<Self, ToolpathError> {
         let is_apt = text.lines().any(|line| {
             let word = line.split('/').next().unwrap_or_default().trim();
-            line.contains('/') && !word.is_empty() && word.chars().all(|c| c.is_ascii_alphanumeric())
+            let mut letters = word.chars();
+            line.contains('/')
+                && letters.next().is_some_and(|c| c.is_ascii_alphabetic())
+                && letters.all(|c| c.is_ascii_alphanumeric())
         });
-        let toolpath = if is_apt { apt::parse(text, unit) } else { csv::parse(text) };
-        let toolpath = toolpath.map_err(|Wrong { line, what }| ToolpathError::Line {
+        let locations = if is_apt { apt::parse(text, unit) } else { csv::parse(text) };
+        let mut locations = locations.map_err(|Wrong { line, what }| ToolpathError::Line {
             path: name.to_owned(),
             line,
             what,
         })?;
-        if toolpath.locations.is_empty() {
+        if locations.is_empty() {
             return Err(ToolpathError::Empty(name.to_owned()));
         }
-        Ok(toolpath)
+        let mut last = None;
+        for location in &mut locations {
+            if last != Some(location.tool) {
+                location.kind = MoveKind::Start;
+            }
+            last = Some(location.tool);
+        }
+        Ok(Self { locations })
+    }
+
+    /// The path where a rigid motion puts it: from the part's own frame into the world.
+    #[must_use]
+    pub fn placed(&self, set_up: &DMat4) -> Self {
+        if *set_up == DMat4::IDENTITY {
+            return self.clone();
+        }
+        let turn = DQuat::from_mat3(&DMat3::from_mat4(*set_up));
+        let placed = |location: &Location| {
+            let Pose { position, rotation } = location.pose;
+            let pose = Pose::new(set_up.transform_point3(position), turn * rotation);
+            Location { pose, ..*location }
+        };
+        Self { locations: self.locations.iter().map(placed).collect() }
+    }
+
+    /// The numbers of its tools, each once, in the order of the file; `None` where the file names none.
+    #[must_use]
+    pub fn tools(&self) -> Vec<Option<u32>> {
+        let mut tools = Vec::new();
+        for location in &self.locations {
+            if !tools.contains(&location.tool) {
+                tools.push(location.tool);
+            }
+        }
+        tools
+    }
+
+    /// Tool changes and other places where the path begins anew: locations to which no way leads.
+    #[must_use]
+    pub fn starts(&self) -> usize {
+        self.locations.iter().filter(|location| location.kind == MoveKind::Start).count()
     }
 }
 
-/// A location from its numbers, checked.
-fn location(line: usize, position: [f64; 3], axis: [f64; 3]) -> Result<Location, Wrong> {
+/// Which way the tool points, as a file says it.
+#[derive(Clone, Copy, Debug)]
+enum Direction {
+    /// From tip to holder, of any length.
+    Axis([f64; 3]),
+    /// θ and φ in degrees.
+    Angles([f64; 2]),
+}
+
+/// A pose from its numbers, checked; the roll in degrees.
+fn pose(line: usize, position: [f64; 3], direction: Direction, roll: Option<f64>) -> Result<Pose, Wrong> {
+    let wrong = |what: String| Wrong { line, what };
     let position = DVec3::from_array(position);
     if !position.is_finite() {
-        return Err(Wrong { line, what: "a position must be finite".into() });
+        return Err(wrong("a position must be finite".into()));
     }
-    let axis = DVec3::from_array(axis).try_normalize();
-    let axis = axis.ok_or_else(|| Wrong { line, what: "the tool axis must not be zero".into() })?;
-    Ok(Location { line, position, axis })
+    let mut orientation = match direction {
+        Direction::Axis(axis) => Orientation::from_direction(DVec3::from_array(axis))
+            .ok_or_else(|| wrong("the tool axis must not be zero".into()))?,
+        Direction::Angles([theta, phi]) if theta.is_finite() && (0.0..=180.0).contains(&phi) => {
+            Orientation::new(theta.rem_euclid(360.0), phi)
+        }
+        Direction::Angles([theta, phi]) => {
+            return Err(wrong(format!(
+                "theta must be finite and phi from 0 to 180 degrees, not {theta} and {phi}"
+            )));
+        }
+    };
+    if let Some(roll) = roll {
+        if !roll.is_finite() {
+            return Err(wrong("the roll must be finite".into()));
+        }
+        orientation.roll = roll.rem_euclid(360.0);
+    }
+    Ok(Pose::oriented(position, &orientation))
 }
 
 #[cfg(test)]
@@ -133,9 +210,22 @@ mod tests {
         let unit = LengthUnit::Mm;
         let apt = Toolpath::parse("PARTNO A/B\nGOTO/1,2,3\n", unit, "a").unwrap();
         let csv = Toolpath::parse("x,y,z\n1,2,3\n", unit, "b").unwrap();
-        assert_eq!(apt.locations[0].position, csv.locations[0].position);
+        assert_eq!(apt.locations[0].pose, csv.locations[0].pose);
         assert!(matches!(Toolpath::parse("\n", unit, "c"), Err(ToolpathError::Empty(_))));
         let error = Toolpath::read(Path::new("no/such/path.apt"), unit).unwrap_err();
         assert!(error.to_string().contains("no/such/path.apt"));
+    }
+
+    #[test]
+    fn a_path_begins_anew_with_another_tool_and_goes_where_the_part_is_set_up() {
+        let text = "LOADTL/1\nRAPID\nGOTO/1,2,3\nRAPID\nGOTO/2,2,3\nLOADTL/2\nGOTO/1,2,3,1,0,0\nGOTO/1,2,4\n";
+        let path = Toolpath::parse(text, LengthUnit::Mm, "a").unwrap();
+        let kinds: Vec<MoveKind> = path.locations.iter().map(|l| l.kind).collect();
+        assert_eq!(kinds, [MoveKind::Start, MoveKind::Rapid, MoveKind::Start, MoveKind::Feed]);
+        assert_eq!((path.tools(), path.starts()), (vec![Some(1), Some(2)], 2));
+        let turn = DMat4::from_translation(DVec3::Z) * DMat4::from_rotation_z(std::f64::consts::FRAC_PI_2);
+        let placed = path.placed(&turn).locations[2];
+        assert!((placed.pose.position - DVec3::new(-2.0, 1.0, 4.0)).length() < 1e-12);
+        assert!((placed.pose.axis().unwrap() - DVec3::Y).length() < 1e-12);
     }
 }

@@ -54,10 +54,10 @@ pub(crate) struct AccessArguments {
     /// The stock that a cutter covers at some free pose
     #[arg(long)]
     pub(crate) removable: bool,
-    /// What is cut: box, box:MARGIN around the part, or a file in the part's coordinates; asks for --removable
+    /// What is cut: box, box:MARGIN around the part, or a file in the part's frame, set up with it; asks for --removable
     #[arg(long, value_name = "STOCK")]
     pub(crate) stock: Option<String>,
-    /// Measure of every direction at this point of the world, drawn over longitude and latitude
+    /// Measure of every direction at this point in the world's frame, drawn over longitude and latitude
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_point, allow_hyphen_values = true)]
     pub(crate) map: Option<DVec3>,
     /// Cells of the map in degrees

@@ -2,43 +2,97 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
-use imf_core::check::CheckSettings;
+use anyhow::Result;
+use clap::{Args, ValueEnum};
+use imf_core::check::{CheckError, CheckSettings};
+use imf_core::tool::Tool;
+use imf_core::unit::LengthUnit;
+use serde::Serialize;
 
+use super::reading::read_tool;
 use super::scene::SceneArguments;
 
 /// Check a 5-axis toolpath for collisions, exactly, line by line
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  imf check part.stl finish.cl --unit mm --tool mill.toml --clearance 2\n  \
-                        imf check teapot path.csv --contact 0.5 --json\n\n\
-                        The toolpath is CSV (x,y,z,i,j,k: tip, and axis from tip to holder) or APT/CL (GOTO/ lines), \
-                        in the part's coordinates and unit. Exit code 3 says that something collides."
+                        imf check part.stl all.cl --unit mm --tool 1=face.toml --tool 2=ball6.toml --out checked\n  \
+                        imf check teapot path.csv --contact 0.1 --json\n\n\
+                        The toolpath is CSV (a header of columns: x,y,z the tip, then i,j,k the axis from tip to holder or \
+                        theta,phi in degrees, roll for tools that are not round, tool for the tool's number) or APT/CL (GOTO/ \
+                        lines, LOADTL/ for the tool's number), in the part's unit. What is not understood is refused.\n\
+                        Coordinates are in the part's frame, that of its file, or with --frame world in the frame into which \
+                        --transform sets the part up; so are those of the answer.\n\
+                        Exit code 3 says that something collides, 2 that the toolpath or a tool cannot be checked."
 )]
 pub(crate) struct CheckArguments {
     #[command(flatten)]
     pub(crate) scene: SceneArguments,
     /// Toolpath, CSV or APT/CL
     pub(crate) toolpath: PathBuf,
+    /// Frame of the toolpath's coordinates
+    #[arg(long, value_enum, default_value = "part", value_name = "FRAME")]
+    pub(crate) frame: Frame,
     /// Farthest that any point of the tool moves between two checked poses; a quarter of a voxel by default
     #[arg(long, value_name = "LENGTH")]
     pub(crate) tolerance: Option<f64>,
     /// A field of this part, grid and tool: what its guard proves free is not counted again. The report is the same
     #[arg(long, value_name = "MODEL")]
     pub(crate) field: Option<PathBuf>,
-    /// How deep below the part's surface the cutter may reach; one voxel by default
+    /// How deep the part may lie in the cutter; 0.05 mm by default, with --conservative √3/2 of a voxel more, by which such
+    /// voxels reach out of the part
     #[arg(long, value_name = "LENGTH")]
     pub(crate) contact: Option<f64>,
+    /// Folder for collisions.csv, worst.png and summary.json
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) out: Option<PathBuf>,
+}
+
+/// Whose coordinates a file has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Frame {
+    /// The part's own, which --transform sets up in the world
+    Part,
+    /// The world's, in which fixtures stand as well
+    World,
+}
+
+/// A tool, and the number by which the path knows it.
+pub(crate) struct NumberedTool {
+    pub(crate) number: Option<u32>,
+    /// As given.
+    pub(crate) text: String,
+    pub(crate) tool: Tool,
 }
 
 impl CheckArguments {
-    /// The settings, with defaults that follow the grid's pitch.
-    pub(crate) fn settings(&self, pitch: f64) -> CheckSettings {
-        let usual = CheckSettings::of_pitch(pitch);
+    /// The settings, with defaults that follow the scene.
+    pub(crate) fn settings(&self, pitch: f64, unit: LengthUnit) -> CheckSettings {
+        let usual = CheckSettings::of_pitch(pitch, unit);
+        let outside = if self.scene.conservative { 0.75_f64.sqrt() * pitch } else { 0.0 };
         CheckSettings {
             clearance: self.scene.clearance.clearance(),
-            contact: self.contact.unwrap_or(usual.contact),
+            contact: self.contact.unwrap_or(usual.contact + outside),
             tolerance: self.tolerance.unwrap_or(usual.tolerance),
         }
+    }
+
+    /// `TOOL`, or `NUMBER=TOOL` for each of several.
+    pub(crate) fn tools(&self) -> Result<Vec<NumberedTool>> {
+        let tools = self.scene.tool.iter().map(|text| {
+            let numbered =
+                text.split_once('=').and_then(|(number, rest)| Some((number.trim().parse().ok()?, rest)));
+            let (number, text) =
+                numbered.map_or((None, text.as_str()), |(number, rest)| (Some(number), rest));
+            let tool = read_tool(text)?;
+            tool.check()?;
+            Ok(NumberedTool { number, text: text.to_owned(), tool })
+        });
+        let tools = tools.collect::<Result<Vec<_>>>()?;
+        if tools.len() > 1 && tools.iter().any(|tool| tool.number.is_none()) {
+            return Err(CheckError::Tools("several, some of them without a number".into()).into());
+        }
+        Ok(tools)
     }
 }

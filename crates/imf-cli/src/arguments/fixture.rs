@@ -129,8 +129,8 @@ pub(crate) struct Stock {
 }
 
 impl Stock {
-    /// Reads `box`, `box:MARGIN` (around the part's box, in its unit) or a file in the part's coordinates, which is set
-    /// up as the part is.
+    /// Reads `box`, `box:MARGIN` (around the part's box, in its unit) or a file in the part's frame, which is set up as the
+    /// part is.
     pub(crate) fn read(
         text: &str,
         part_box: (DVec3, DVec3),

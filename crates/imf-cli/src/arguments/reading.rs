@@ -124,7 +124,7 @@ fn chosen(session: &Session, spec: &SceneSpec<'_>, reading: &Reading) -> ChosenP
     ChosenPitch::new(extents, spec.unit, &tools, &fits)
 }
 
-fn read_tool(text: &str) -> Result<Tool> {
+pub(crate) fn read_tool(text: &str) -> Result<Tool> {
     if text == "paper" && !Path::new(text).exists() {
         return Ok(Tool::paper());
     }

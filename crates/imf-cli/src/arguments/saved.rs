@@ -110,7 +110,7 @@ pub(crate) struct EvalArguments {
 pub(crate) struct QueryArguments {
     /// Trained model, or a harmonic or factored field
     pub(crate) model: PathBuf,
-    /// CSV file of poses, or - for standard input
+    /// CSV file of poses in the world's frame, or - for standard input
     pub(crate) poses: PathBuf,
     /// CSV file of answers; standard output by default
     #[arg(long, value_name = "FILE")]

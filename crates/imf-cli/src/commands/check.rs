@@ -1,22 +1,32 @@
 //! `imf check`: a toolpath against the part, line by line and element by element.
 
-use std::fmt::Write;
+mod files;
+mod picture;
+mod words;
+
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Result, ensure};
-use imf_core::check::{Against, CheckError, CheckReport, CheckSettings, Collision, check_toolpath};
+use glam::{DMat4, DVec3};
+use imf_core::check::{CheckBodies, CheckError, CheckReport, CheckSettings, check_toolpath};
+use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 use imf_core::pose::Pose;
-use imf_core::scene::{Guarantee, Scene, SceneRecord};
+use imf_core::scene::{Bodies, PathGuarantee, Scene, SceneRecord};
+use imf_core::tool::{Element, Segment, Tool, ToolShape};
 use imf_core::toolpath::Toolpath;
+use imf_core::unit::LengthUnit;
+use imf_core::voxelize::voxelize;
 use imf_fields::field::{Field, VerifiedField};
 use serde_json::json;
 use thiserror::Error;
 
-use crate::arguments::check::CheckArguments;
+use crate::arguments::check::{CheckArguments, Frame, NumberedTool};
+use crate::arguments::fixture::FixtureMesh;
+use crate::arguments::scene::SceneArguments;
 use crate::interrupt::Interrupted;
-use crate::output::answer;
+use crate::output::{OutputFolder, answer};
 use crate::session::Session;
 
 /// The answer is "it collides": said on standard output already, left to the exit code.
@@ -24,22 +34,39 @@ use crate::session::Session;
 #[error("the toolpath collides")]
 pub(crate) struct CollisionFound;
 
+/// What was checked, beside what was found.
+struct Checked<'a> {
+    arguments: &'a CheckArguments,
+    record: &'a SceneRecord,
+    /// In the part's unit.
+    tools: Vec<(Option<u32>, Tool)>,
+    /// In the frame of the toolpath.
+    report: CheckReport,
+}
+
 pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
-    let (scene, bodies) = arguments.scene.scene_and_bodies(session)?;
+    let given = arguments.tools()?;
+    let out = arguments.out.as_deref().map(OutputFolder::check).transpose()?;
+    let (scene, bodies) = scene_arguments(arguments, &given).scene_and_bodies(session)?;
     let record = &scene.record;
-    let toolpath = Toolpath::read(&arguments.toolpath, record.unit)?;
-    for unknown in &toolpath.unknown {
-        let times = if unknown.times > 1 { format!(" ({} times)", unknown.times) } else { String::new() };
-        session.warn(&format!(
-            "line {}{times}: '{}' is not understood; if it moves the tool, that is not checked",
-            unknown.line, unknown.word
-        ));
+    let mut tools: Vec<(Option<u32>, Tool)> =
+        given.iter().map(|given| (given.number, given.tool.in_unit(record.unit))).collect();
+    if tools.is_empty() {
+        tools.push((None, record.bare_tool().clone()));
     }
-    // Contact is accepted with the part alone, never with a fixture.
-    let fixtures = (!record.fixtures.is_empty()).then_some(&bodies.fixtures);
-    let settings = arguments.settings(record.grid.pitch);
+    let set_up = match arguments.frame {
+        Frame::Part => record.transform,
+        Frame::World => DMat4::IDENTITY,
+    };
+    let toolpath = Toolpath::read(&arguments.toolpath, record.unit)?.placed(&set_up);
+    let fixtures = fixtures(arguments, record, &bodies)?;
+    let settings = arguments.settings(record.grid.pitch, record.unit);
     let guarded = match &arguments.field {
-        Some(path) => Some(guarded(path, &scene, &bodies.part, fixtures, &settings)?),
+        Some(path) => {
+            ensure!(tools.len() == 1, "--field knows one tool, and {} are given: leave it out", tools.len());
+            let held = (!record.fixtures.is_empty()).then_some(&bodies.fixtures);
+            Some(guarded(path, &scene, &bodies.part, held, &settings)?)
+        }
         None => None,
     };
     let proven = AtomicU64::new(0);
@@ -51,24 +78,117 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let stage = session.stage("checking", "lines", toolpath.locations.len() as u64);
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
-    let tool = record.bare_tool();
-    let report = check_toolpath(&bodies.part, fixtures, tool, &toolpath, &settings, is_free, control);
-    let report = report.map_err(|error| match error {
+    let numbered: Vec<(Option<u32>, &Tool)> = tools.iter().map(|(number, tool)| (*number, tool)).collect();
+    let around = CheckBodies { part: &bodies.part, fixtures: &fixtures };
+    let report = check_toolpath(around, &numbered, &toolpath, &settings, is_free, control);
+    let mut report = report.map_err(|error| match error {
         CheckError::Cancelled => Interrupted("the toolpath was not checked to its end".into()).into(),
-        other => anyhow::Error::from(other),
+        other => named(other, arguments),
     })?;
     stage.finish(&format!("{} poses", report.poses));
     if guarded.is_some() {
         let free = proven.into_inner();
         session.note(&format!("{free} of {} poses were proven free by the guarded field", report.poses));
     }
-    let json = json!({
-        "toolpath": arguments.toolpath, "part": record.part, "tool": record.tool.name, "unit": record.unit,
-        "pitch": record.grid.pitch, "collides": !report.colliding.is_empty(), "report": report,
-        "guarantee": guarantee(&report, record).to_string(), "unknown_words": toolpath.unknown,
-    });
-    answer(session, &json, &text(&report, record))?;
-    if report.colliding.is_empty() { Ok(()) } else { Err(CollisionFound.into()) }
+    let mut written = Vec::new();
+    if let Some(folder) = &out {
+        folder.begin(session)?;
+        if picture::draw(&report, &numbered, around, record.unit, &folder.file("worst.png"))? {
+            written.push("worst.png");
+        }
+    }
+    let back = set_up.inverse();
+    if set_up != DMat4::IDENTITY {
+        report.colliding.iter_mut().flat_map(|line| &mut line.collisions).for_each(|hit| hit.place(&back));
+    }
+    let checked = Checked { arguments, record, tools, report };
+    let mut json = checked.json();
+    if let Some(folder) = &out {
+        files::write(&checked, &mut json, written, folder, session)?;
+    }
+    answer(session, &json, &words::text(&checked))?;
+    if checked.report.colliding.is_empty() { Ok(()) } else { Err(CollisionFound.into()) }
+}
+
+/// The error, with the toolpath's name where it is about a line of it.
+fn named(error: CheckError, arguments: &CheckArguments) -> anyhow::Error {
+    let of_line = matches!(
+        error,
+        CheckError::Opposite { .. }
+            | CheckError::RollsOver { .. }
+            | CheckError::NoRoll { .. }
+            | CheckError::NoTool { .. }
+            | CheckError::ToolChange { .. }
+            | CheckError::TooLong { .. }
+    );
+    let error = anyhow::Error::from(error);
+    if of_line { error.context(arguments.toolpath.display().to_string()) } else { error }
+}
+
+/// The scene of one tool, the thinnest: voxels that it cannot pass unseen no other one can.
+fn scene_arguments(arguments: &CheckArguments, tools: &[NumberedTool]) -> SceneArguments {
+    let thinnest = tools.iter().min_by(|a, b| thickness(&a.tool).total_cmp(&thickness(&b.tool)));
+    let tool = thinnest.map(|given| given.text.clone()).into_iter().collect();
+    SceneArguments { tool, ..arguments.scene.clone() }
+}
+
+/// Of a tool's thinnest element, in mm.
+fn thickness(tool: &Tool) -> f64 {
+    let ToolShape::Revolved(elements) = &tool.in_unit(LengthUnit::Mm).shape else { return f64::INFINITY };
+    elements.iter().map(widest).fold(f64::INFINITY, f64::min)
+}
+
+/// Largest radius of an element.
+fn widest(element: &Element) -> f64 {
+    element.profile.iter().map(Segment::max_radius).fold(0.0, f64::max)
+}
+
+/// Every fixture's voxels by its name, on no more of the grid than they take; contact is accepted with none of them.
+fn fixtures(
+    arguments: &CheckArguments,
+    record: &SceneRecord,
+    bodies: &Bodies,
+) -> Result<Vec<(String, Occupancy)>> {
+    let mut found: Vec<(String, Occupancy)> = Vec::new();
+    for given in &arguments.scene.fixture {
+        let fixture = FixtureMesh::read(given, arguments.scene.unit, record.unit)?;
+        let grid = bodies.fixtures.grid;
+        let voxels = voxelize(&fixture.mesh.transformed(&fixture.transform), &grid, record.conservative);
+        let Some((low, high)) = voxels.extent() else { continue };
+        let own = Grid {
+            origin: grid.origin + DVec3::from_array(low.map(|v| v as f64)) * grid.pitch,
+            dims: [0, 1, 2].map(|axis| high[axis] - low[axis] + 1),
+            ..grid
+        };
+        let same = found.iter().filter(|(name, _)| name.split(" (").next() == Some(&fixture.name)).count();
+        let name = if same > 0 { format!("{} ({})", fixture.name, same + 1) } else { fixture.name };
+        found.push((name, voxels.on(&own).unwrap_or(voxels)));
+    }
+    Ok(found)
+}
+
+impl Checked<'_> {
+    /// The weakest of all tools: the cutter may touch wherever any contact is accepted.
+    fn guarantee(&self) -> String {
+        let CheckSettings { clearance, contact, tolerance } = &self.report.settings;
+        let of = |tool: &Tool| {
+            let (conservative, pitch) = (self.record.conservative, self.record.grid.pitch);
+            PathGuarantee::new(conservative, tool, clearance, *contact > 0.0, pitch, *tolerance)
+        };
+        let all = self.tools.iter().map(|(_, tool)| of(tool));
+        let weakest = all.min_by_key(|g| (g.at_all_times.strength(), g.at_poses.strength()));
+        weakest.map_or_else(String::new, |guarantee| guarantee.to_string())
+    }
+
+    fn json(&self) -> serde_json::Value {
+        let tools: Vec<_> =
+            self.tools.iter().map(|(number, tool)| json!({ "number": number, "name": tool.name })).collect();
+        json!({
+            "toolpath": self.arguments.toolpath, "frame": self.arguments.frame, "part": self.record.part, "tools": tools,
+            "unit": self.record.unit, "pitch": self.record.grid.pitch, "collides": !self.report.colliding.is_empty(),
+            "report": self.report, "guarantee": self.guarantee(),
+        })
+    }
 }
 
 /// A field's guard of the very part, fixtures and tool that are checked.
@@ -105,64 +225,4 @@ fn guarded(
     whole.record.contact = None;
     whole.layer = None;
     Ok(VerifiedField::of_scene(model, &whole, settings.clearance)?)
-}
-
-/// The report for people: one line a collision, then what was checked and what was accepted.
-fn text(report: &CheckReport, record: &SceneRecord) -> String {
-    let mut text = String::new();
-    // Writing to a string does not fail.
-    for line in &report.colliding {
-        for collision in &line.collisions {
-            let _ = writeln!(text, "line {}: {}", line.line, one(collision, line.poses, record));
-        }
-    }
-    let settings = &report.settings;
-    let unit = record.unit;
-    let verdict = match report.colliding.len() {
-        0 => "no collision".to_owned(),
-        1 => "1 line collides".to_owned(),
-        n => format!("{n} lines collide"),
-    };
-    let _ = writeln!(
-        text,
-        "{verdict}: {} lines, {} poses, no point of the tool moving more than {:.4} {unit} between them",
-        report.locations, report.poses, settings.tolerance
-    );
-    let clearance = &settings.clearance;
-    let accepted = if record.bare_tool().has_cutter() {
-        format!(
-            "the cutter's overlap with voxels down to {:.4} {unit} below the part's surface, by their centres",
-            settings.contact
-        )
-    } else {
-        "no overlap at all, for no element of the tool is a cutter".to_owned()
-    };
-    let _ = writeln!(
-        text,
-        "accepted: {accepted}; clearance: holder {}, shank {}, cutter {} {unit}",
-        clearance.holder, clearance.shank, clearance.cutter
-    );
-    let guarantee = guarantee(report, record);
-    let _ = writeln!(text, "{guarantee} (voxels of {:.4} {unit})", record.grid.pitch);
-    text
-}
-
-/// Which guarantee holds: the cutter may touch wherever any contact is accepted.
-fn guarantee(report: &CheckReport, record: &SceneRecord) -> Guarantee {
-    let CheckSettings { clearance, contact, .. } = &report.settings;
-    Guarantee::new(record.conservative, record.bare_tool(), clearance, *contact > 0.0, record.grid.pitch)
-}
-
-fn one(collision: &Collision, poses: u64, record: &SceneRecord) -> String {
-    let against = match collision.against {
-        Against::Part => "the part",
-        Against::Fixtures => "a fixture",
-    };
-    let [x, y, z] = collision.position;
-    let [i, j, k] = collision.axis;
-    format!(
-        "{} hits {against}: {} voxels, {:.3} {}³, at worst with the tip at {x:.3},{y:.3},{z:.3} and the axis \
-         {i:.4},{j:.4},{k:.4}; {} of {poses} poses",
-        collision.element, collision.voxels, collision.volume, record.unit, collision.poses
-    )
 }

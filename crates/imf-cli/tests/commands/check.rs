@@ -10,58 +10,171 @@ const BLOCK: &str = "v -10 -10 0\nv 10 -10 0\nv 10 10 0\nv -10 10 0\nv -10 -10 2
 
 /// Checks a toolpath over the block.
 fn check(name: &str, toolpath: &str, more: &[&str]) -> Run {
+    check_at("1", name, toolpath, more)
+}
+
+fn check_at(pitch: &str, name: &str, toolpath: &str, more: &[&str]) -> Run {
     let folder = Folder::new();
     folder.write("block.obj", BLOCK);
     folder.write(name, toolpath);
     folder.run(
-        &[&["check", "block.obj", name, "--tool", "paper", "--pitch", "1", "--margin", "2"], more].concat(),
+        &[&["check", "block.obj", name, "--tool", "paper", "--pitch", pitch, "--margin", "2"], more].concat(),
     )
 }
 
 #[test]
 fn a_finishing_pass_is_free_and_says_what_was_accepted() {
-    let run = check("pass.cl", "GOTO/-12,0,19.4,0,0,1\nFIXTUR/ON\nGOTO/12,0,19.4\n", &[]);
+    // The ball touches the top, and the uppermost centres are 0.04 deep in it.
+    let run = check("pass.cl", "GOTO/-12,0,19.46,0,0,1\nGOTO/12,0,19.46\n", &[]);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     assert!(run.stdout.starts_with("no collision: 2 lines"), "{}", run.stdout);
-    assert!(
-        run.stdout.contains("down to 1.0000 mm below the part's surface, by their centres"),
-        "{}",
-        run.stdout
-    );
-    assert!(run.stderr.contains("line 2: 'FIXTUR' is not understood"), "{}", run.stderr);
+    for said in ["accepted: the part up to 0.05 mm deep in the cutter", "of more than 2.0821 mm depth"] {
+        assert!(run.stdout.contains(said), "{}", run.stdout);
+    }
+    // At twice the pitch the same length is accepted.
+    let run = check_at("2", "deep.csv", "x,y,z\n0,0,17\n", &[]);
+    assert_eq!(run.code, Some(3), "{}{}", run.stdout, run.stderr);
+    assert!(run.stdout.contains("the part up to 0.05 mm deep"), "{}", run.stdout);
+    let run = check("pass.csv", "x,y,z\n-12,0,20\n12,0,20\n", &["--conservative"]);
+    assert!(run.code == Some(0) && run.stdout.contains("up to 0.916 mm deep"), "{}", run.stdout);
 }
 
 #[test]
-fn a_collision_names_its_line_and_element_and_leaves_3() {
+fn a_collision_names_its_line_element_depth_and_place_and_leaves_3() {
     // Beside the block, then in under the holder.
     let toolpath = "x,y,z,i,j,k\n0,0,40,0,0,1\n0,0,41,0,0,1\n-17,0,-20,0,0,1\n";
     let run = check("dive.csv", toolpath, &["--clearance", "1"]);
     assert_eq!(run.code, Some(3), "{}", run.stderr);
-    assert!(run.stdout.contains("line 4: holder 1 hits the part"), "{}", run.stdout);
+    assert!(run.stdout.contains("line 4: holder 1 with its clearance is 6."), "{}", run.stdout);
     let run = check("dive.csv", toolpath, &["--json", "--quiet"]);
     assert_eq!((run.code, run.stderr.as_str()), (Some(3), ""));
     let answer: Value = serde_json::from_str(&run.stdout).unwrap();
     assert_eq!(answer["collides"], true);
-    assert_eq!(answer["report"]["colliding"][0]["line"], 4);
+    let line = &answer["report"]["colliding"][0];
+    assert_eq!((&line["line"], &line["kind"]), (&Value::from(4), &Value::from("feed")));
+    let hits = line["collisions"].as_array().unwrap();
+    let holder = hits.iter().find(|hit| hit["element"] == "holder 1").unwrap();
+    // Its face is 5 below the top.
+    assert!((holder["depth"].as_f64().unwrap() - 5.0).abs() < 0.51, "{holder}");
+    assert_eq!(holder["position"], serde_json::json!([-17.0, 0.0, -20.0]));
+    // Just out of it, and nearer than is asked.
+    let run = check("near.csv", "x,y,z\n-17,0,-14\n", &["--clearance", "2"]);
+    assert!(
+        run.stdout.contains("line 2: holder 1 comes within 1.000 mm of the part, 2 mm asked"),
+        "{}",
+        run.stdout
+    );
 }
 
 #[test]
-fn mistakes_name_their_line() {
-    let run = check("path.csv", "0,0,40,0,0,1\n0,0,40,0,0,0\n", &[]);
-    run.is_refusal(&["path.csv, line 2: the tool axis must not be zero"], &["check"]);
-    let run = check("path.csv", "0,0,40\n", &["--tolerance", "0"]);
-    run.is_refusal(&["tolerance", "above 0"], &["check"]);
-    let run = check("path.csv", "", &[]);
-    run.is_refusal(&["path.csv", "no tool location"], &["check"]);
+fn a_folder_has_a_table_a_picture_and_the_answer() {
+    let folder = Folder::new();
+    folder.write("block.obj", BLOCK);
+    folder.write("dive.csv", "x,y,z\n0,0,40\n0,0,12\n");
+    let run = |path: &str| {
+        folder.run(&["check", "block.obj", path, "--tool", "paper", "--pitch", "1", "--out", "out"])
+    };
+    assert_eq!(run("dive.csv").code, Some(3));
+    let table = folder.read("out/collisions.csv");
+    let mut lines = table.lines();
+    assert!(lines.next().unwrap().starts_with("line,tool,kind,element,against,depth,"));
+    assert!(lines.next().unwrap().starts_with("3,,feed,cutter,part,7.9"), "{table}");
+    let summary: Value = serde_json::from_str(&folder.read("out/summary.json")).unwrap();
+    assert_eq!(summary["files"], serde_json::json!(["collisions.csv", "worst.png", "summary.json"]));
+    assert!(image::open(folder.path("out/worst.png")).unwrap().width() > 500);
+    // Nothing of it is left for a path that is free.
+    folder.write("free.csv", "x,y,z\n0,0,40\n");
+    assert_eq!(run("free.csv").code, Some(0));
+    assert_eq!(folder.read("out/collisions.csv").lines().count(), 1);
+    assert!(!folder.path("out/worst.png").exists());
+}
+
+#[test]
+fn what_is_not_understood_is_refused_with_its_line() {
+    let refuse = |name: &str, path: &str, more: &[&str], expected: &[&str]| {
+        check(name, path, more).is_bad_input(expected);
+    };
+    refuse(
+        "path.csv",
+        "x,y,z,i,j,k\n0,0,40,0,0,0\n",
+        &[],
+        &["path.csv, line 2: the tool axis must not be zero"],
+    );
+    refuse("path.csv", "x,y,z\n0,0,40\n", &["--tolerance", "0"], &["tolerance", "above 0"]);
+    refuse("path.csv", "", &[], &["path.csv", "no tool location"]);
+    refuse("path.csv", "0,0,40,0,.1,-.995\n", &[], &["line 1: numbers alone", "x,y,z,i,j,k"]);
+    refuse("path.csv", "x,y,z,A,C\n0,0,40,5,0\n", &[], &["line 1: the column 'a'", "rotary axis", "i,j,k"]);
+    refuse(
+        "drill.cl",
+        "GOTO/0,0,30\nCYCLE/DRILL,29,100\nGOTO/0,0,21\n",
+        &[],
+        &["drill.cl, line 2", "CYCLE moves"],
+    );
+    refuse(
+        "moved.cl",
+        "TRANS/0,0,-50\nGOTO/0,0,30\n",
+        &[],
+        &["moved.cl, line 1: TRANS/0,0,-50", "coordinate system"],
+    );
+    refuse("word.cl", "GOTO/0,0,30\nFIXTUR/ON\n", &[], &["word.cl, line 2: 'FIXTUR' is not understood"]);
+    let change = "LOADTL/1\nGOTO/0,0,30\nLOADTL/2\nGOTO/0,0,30\n";
+    refuse(
+        "two.cl",
+        change,
+        &[],
+        &["two.cl: line 4: the tool changes, from tool 1 to tool 2", "--tool NUMBER=FILE"],
+    );
+    refuse(
+        "two.cl",
+        change,
+        &["--tool", "1=paper"],
+        &["line 4: tool 2, and the tools that are given have the numbers 1"],
+    );
+    refuse("path.csv", "x,y,z\n0,0,40\n", &["--contact", "5"], &["twice the contact of 5", "--contact"]);
+    assert_eq!(check("two.cl", change, &["--tool", "1=paper", "--tool", "2=paper"]).code, Some(0));
+}
+
+#[test]
+fn a_pose_is_the_same_pose_whatever_columns_say_it() {
+    let found = |path: String| {
+        let run = check("path.csv", &path, &["--json", "--quiet"]);
+        assert_eq!(run.code, Some(3), "{}", run.stderr);
+        let answer: Value = serde_json::from_str(&run.stdout).unwrap();
+        let hits = answer["report"]["colliding"][0]["collisions"].as_array().unwrap().clone();
+        hits.iter().map(|hit| (hit["element"].clone(), hit["voxels"].clone())).collect::<Vec<_>>()
+    };
+    // Tilted down from above.
+    let phi = 0.1_f64.atan2(-0.995).to_degrees();
+    let named = found("x,y,z,i,j,k\n0,3,40,0,.1,-.995\n".into());
+    assert_eq!(named.len(), 2, "cutter and holder");
+    assert_eq!(found(format!("x,y,z,theta,phi\n0,3,40,90,{phi}\n")), named);
+    assert_eq!(found("k;j;i;z;y;x\n-.995;.1;0;40;3;0\n".into()), named);
+    assert_eq!(found("x y z i j k\n0 3 40 0 .1 -.995\n".into()), named);
+    assert_eq!(found("GOTO/0,3,40,0,.1,-.995\n".into()), named);
+}
+
+#[test]
+fn a_path_follows_the_part_or_stays_in_the_world() {
+    // The part is moved away from a path in the world, and takes one of its own along.
+    let moved = ["--transform", "translate:200,0,0"];
+    let path = "x,y,z\n0,0,12\n";
+    let part = check("path.csv", path, &[&moved[..], &["--json"]].concat());
+    assert_eq!(part.code, Some(3), "{}", part.stderr);
+    let answer: Value = serde_json::from_str(&part.stdout).unwrap();
+    assert_eq!(
+        answer["report"]["colliding"][0]["collisions"][0]["position"],
+        serde_json::json!([0.0, 0.0, 12.0])
+    );
+    let world = check("path.csv", path, &[&moved[..], &["--frame", "world"]].concat());
+    assert_eq!(world.code, Some(0), "{}", world.stdout);
+    assert!(world.stdout.contains("coordinates are in the world's frame"), "{}", world.stdout);
 }
 
 #[test]
 fn what_would_be_overlooked_is_refused() {
-    let run = check("drill.cl", "GOTO/0,0,30\nCYCLE/DRILL,29,100\nGOTO/0,0,21\nCYCLE/OFF\n", &[]);
-    run.is_refusal(&["drill.cl, line 2", "CYCLE moves the tool", "GOTO/"], &["check"]);
     let folder = Folder::new();
     folder.write("block.obj", BLOCK);
-    folder.write("path.csv", "0,0,40\n0,0,4\n");
+    folder.write("path.csv", "x,y,z\n0,0,40\n0,0,4\n");
     folder.write("thin.toml", "name = \"thin\"\n[cutter]\nshape = \"flat\"\ndiameter = 3.0\nlength = 30.0\n");
     let thin = ["check", "block.obj", "path.csv", "--tool", "thin.toml", "--contact", "0", "--pitch"];
     let run = |pitch: &str| folder.run(&[&thin[..], &[pitch]].concat());
@@ -89,9 +202,11 @@ fn fixtures_are_hit_by_the_cutter_too_and_contact_does_not_help() {
         let folder = Folder::new();
         folder.write("block.obj", BLOCK);
         folder.write("post.obj", &post);
-        folder.write("path.csv", "-20,0,19.6\n20,0,19.6\n");
-        let asked = ["check", "block.obj", "path.csv", "--tool", "paper", "--pitch", "1", "--margin", "2"];
-        folder.run(&[&asked[..], more].concat())
+        folder.write("path.csv", "x,y,z\n-20,0,20\n20,0,20\n");
+        folder.run(
+            &[&["check", "block.obj", "path.csv", "--tool", "paper", "--pitch", "1", "--margin", "2"], more]
+                .concat(),
+        )
     };
     // The post stands on the block's edge, half of it beside the block.
     let post = ["--fixture", "post.obj@translate:10,0,0"];
@@ -105,18 +220,25 @@ fn fixtures_are_hit_by_the_cutter_too_and_contact_does_not_help() {
     let answer: Value = serde_json::from_str(&hit.stdout).unwrap();
     let collisions = answer["report"]["colliding"][0]["collisions"].as_array().unwrap();
     assert!(
-        collisions.iter().any(|c| c["element"] == "cutter" && c["against"] == "fixtures"),
+        collisions.iter().any(|c| c["element"] == "cutter" && c["against"]["fixture"] == "post.obj"),
         "{collisions:?}"
     );
-    assert!(collisions.iter().all(|c| c["against"] == "fixtures"), "{collisions:?}");
+    assert!(collisions.iter().all(|c| c["against"]["fixture"] == "post.obj"), "{collisions:?}");
     assert!(answer["guarantee"].as_str().unwrap().starts_with("exact for voxel centres"));
 }
 
 #[test]
-fn the_guarantee_follows_clearance_and_voxels() {
-    let run = check("pass.csv", "-12,0,24\n12,0,24\n", &["--conservative", "--clearance", "1"]);
+fn the_guarantee_follows_clearance_voxels_and_tolerance() {
+    let path = "x,y,z\n-12,0,24\n12,0,24\n";
+    let run = check("pass.csv", path, &["--conservative", "--clearance", "1"]);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     assert!(run.stdout.contains("holder and shank keep off the mesh itself"), "{}", run.stdout);
-    let run = check("pass.csv", "-12,0,24\n", &["--clearance=-1"]);
+    assert!(run.stdout.contains("at every time, not only at the checked poses, for it"), "{}", run.stdout);
+    let all = ["--conservative", "--contact", "0", "--clearance", "0.87", "--clearance-cutter", "0.87"];
+    let run = check("pass.csv", path, &all);
+    for said in ["the whole tool keeps off the mesh itself", "nearer by 0.1250", "at least 0.9910"] {
+        assert!(run.stdout.contains(said), "{}", run.stdout);
+    }
+    let run = check("pass.csv", path, &["--clearance=-1"]);
     run.is_refusal(&["clearance of the holder", "not -1"], &["check"]);
 }

@@ -33,7 +33,7 @@ fn a_calibrated_field_tells_what_it_is_worth_and_proves_what_a_check_may_leave_o
     assert!(judged["calibration"]["uniform"]["poses"].is_u64(), "{judged}");
 
     // Down beside the teapot, then into it: the answer is the same line by line, whoever gives it.
-    folder.write("path.csv", "-40,-80,90,0,0,1\n-40,-80,60,0,0,1\n29,0,0,0,0,1\n");
+    folder.write("path.csv", "x,y,z,i,j,k\n-40,-80,90,0,0,1\n-40,-80,60,0,0,1\n29,0,0,0,0,1\n");
     let check = [&["check"], &SCENE[..1], &["path.csv"], &SCENE[1..]].concat();
     let plain = folder.run(&check);
     let guarded = folder.run(&[&check[..], &["--field", "field.safetensors"]].concat());

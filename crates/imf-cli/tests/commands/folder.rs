@@ -121,8 +121,17 @@ impl Run {
     }
 
     pub(crate) fn is_refusal(&self, expected: &[&str], what: &[&str]) {
+        self.is_refusal_with(1, expected, what);
+    }
+
+    /// A refusal of what was given, as of a wrong argument.
+    pub(crate) fn is_bad_input(&self, expected: &[&str]) {
+        self.is_refusal_with(2, expected, &[]);
+    }
+
+    fn is_refusal_with(&self, wanted: i32, expected: &[&str], what: &[&str]) {
         let Self { code, stdout, stderr } = self;
-        assert_eq!(*code, Some(1), "{what:?}: {stderr}");
+        assert_eq!(*code, Some(wanted), "{what:?}: {stderr}");
         assert!(stdout.is_empty(), "{what:?}: {stdout}");
         let messages: Vec<&str> = stderr.lines().filter(|line| line.starts_with("imf: error:")).collect();
         assert_eq!(messages.len(), 1, "{what:?}: {stderr}");

@@ -19,7 +19,7 @@ use glam::{DQuat, DVec3};
 use pulp::Arch;
 
 use crate::pose::{Pose, axis_of};
-use crate::tool::{Element, ElementKind, Segment, Tool, ToolError, ToolShape, snapped};
+use crate::tool::{Element, Segment, Tool, ToolError, ToolShape, snapped};
 use inscribed::InscribedSpheres;
 use oriented::OrientedTools;
 use runs::{Within, count, first_solid};
@@ -55,7 +55,6 @@ enum Shape {
 
 /// An element as the fast paths read it.
 struct Body {
-    kind: ElementKind,
     /// In world units: the predicate.
     profile: Vec<Segment>,
     /// The profile's segments in voxels.
@@ -93,7 +92,7 @@ impl Body {
             .map(|s| s.scaled(1.0 / pitch))
             .map(|segment| Part { segment, widest: segment.max_radius() + 1e-4 })
             .collect();
-        (convex && profile.len() <= MOST_SEGMENTS).then_some(Self { kind: element.kind, profile, parts })
+        (convex && profile.len() <= MOST_SEGMENTS).then_some(Self { profile, parts })
     }
 }
 
@@ -141,11 +140,6 @@ impl SolidField {
         }
     }
 
-    /// The elements that are counted by themselves, from the tip upwards; none for a mesh.
-    pub(crate) fn elements(&self) -> impl Iterator<Item = ElementKind> {
-        self.bodies().iter().map(|body| body.kind)
-    }
-
     /// Solid voxels whose centres lie in the tool; `None` for an invalid pose.
     pub(crate) fn count(&self, pose: &Pose) -> Option<u32> {
         let placed = self.placed(pose)?;
@@ -169,7 +163,7 @@ impl SolidField {
         tool.count_inside(obstacle, pose.position, &orientation)
     }
 
-    /// Solid voxels in each element, in the order of [`SolidField::elements`]; 0 at an invalid pose.
+    /// Solid voxels in each element, in the order they were given; 0 at an invalid pose.
     ///
     /// # Panics
     /// If `counts` has not as many places as there are elements.

@@ -32,7 +32,17 @@ impl Guarantee {
     /// The guarantee of sections and counts of a tool that is offset by `clearance`; with `contact` the cutter may touch.
     #[must_use]
     pub fn new(conservative: bool, tool: &Tool, clearance: &Clearance, contact: bool, pitch: f64) -> Self {
-        let needed = HALF_DIAGONAL * pitch;
+        Self::with_needed(conservative, tool, clearance, contact, HALF_DIAGONAL * pitch)
+    }
+
+    /// Which guarantee a clearance gives of which `needed` is enough.
+    fn with_needed(
+        conservative: bool,
+        tool: &Tool,
+        clearance: &Clearance,
+        contact: bool,
+        needed: f64,
+    ) -> Self {
         let keeps_off = |cutter: bool| match &tool.shape {
             ToolShape::Revolved(elements) => elements
                 .iter()
@@ -47,6 +57,67 @@ impl Guarantee {
             (true, true, false) if has_rest => Self::HolderAndShank,
             (true, ..) => Self::Voxels { needed },
         }
+    }
+}
+
+/// Which guarantees hold on a path that is checked pose by pose.
+///
+/// No point of the tool is ever farther than half the tolerance from where it is at the nearest of these poses. An element that
+/// is offset by so much more therefore keeps off the mesh at every time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathGuarantee {
+    /// At the poses that are checked.
+    pub at_poses: Guarantee,
+    /// At every time.
+    pub at_all_times: Guarantee,
+    /// The clearance that the mesh itself takes at every time, in the grid's unit.
+    pub needed: f64,
+    /// By how much less a pose between two keeps off.
+    pub between: f64,
+}
+
+impl PathGuarantee {
+    /// As [`Guarantee::new`], of a path on which no point of the tool moves farther than `tolerance` between two poses that are
+    /// checked.
+    #[must_use]
+    pub fn new(
+        conservative: bool,
+        tool: &Tool,
+        clearance: &Clearance,
+        contact: bool,
+        pitch: f64,
+        tolerance: f64,
+    ) -> Self {
+        let needed = HALF_DIAGONAL * pitch + 0.5 * tolerance;
+        Self {
+            at_poses: Guarantee::new(conservative, tool, clearance, contact, pitch),
+            at_all_times: Guarantee::with_needed(conservative, tool, clearance, contact, needed),
+            needed,
+            between: 0.5 * tolerance,
+        }
+    }
+}
+
+impl fmt::Display for PathGuarantee {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { at_poses, at_all_times, needed, between } = self;
+        if at_poses.strength() < Guarantee::HolderAndShank.strength() {
+            return write!(
+                f,
+                "{at_poses}; at every time, not only at the checked poses, of at least {needed:.4}"
+            );
+        }
+        if at_all_times == at_poses {
+            return write!(
+                f,
+                "{at_poses}; at every time, not only at the checked poses, for it is also at least {needed:.4}"
+            );
+        }
+        write!(
+            f,
+            "{at_poses}; that holds at the checked poses, between which the tool may come nearer by {between:.4}: at every time \
+             it takes a clearance of at least {needed:.4}"
+        )
     }
 }
 
@@ -99,6 +170,26 @@ impl fmt::Display for Guarantee {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_path_takes_half_of_its_tolerance_more() {
+        let tool = Tool::paper();
+        let guarantee = |room: f64, tolerance: f64| {
+            let clearance = Clearance { holder: room, shank: room, cutter: room };
+            PathGuarantee::new(true, &tool, &clearance, false, 1.0, tolerance)
+        };
+        let near = guarantee(0.87, 0.25);
+        assert_eq!(near.at_poses, Guarantee::Mesh);
+        assert!(matches!(near.at_all_times, Guarantee::Voxels { .. }));
+        assert!((near.needed - 0.991_025).abs() < 1e-6);
+        assert!(
+            near.to_string().contains("nearer by 0.1250") && near.to_string().contains("at least 0.9910")
+        );
+        let far = guarantee(1.0, 0.25);
+        assert_eq!(far.at_all_times, Guarantee::Mesh);
+        assert!(far.to_string().contains("at every time, not only at the checked poses, for it"), "{far}");
+        assert!(guarantee(1.0, 1.0).to_string().contains("at least 1.3660"));
+    }
 
     #[test]
     fn the_mesh_itself_needs_conservative_voxels_and_half_a_diagonal() {

@@ -160,7 +160,10 @@ fn conservative_grids_hold_every_voxel_that_the_surface_touches() {
 fn fixtures_that_overlap_the_part_are_told_with_the_volume() {
     let (cube, tool) = (unit_cube(), Tool::paper());
     let clamp = clamp(&cube);
-    let sunk = [Fixture { transform: DMat4::from_translation(DVec3::new(0.0, 0.0, -0.5)) * clamp.transform, ..clamp.clone() }];
+    let sunk = [Fixture {
+        transform: DMat4::from_translation(DVec3::new(0.0, 0.0, -0.5)) * clamp.transform,
+        ..clamp.clone()
+    }];
     for conservative in [false, true] {
         let told = |fixtures: &[Fixture<'_>]| {
             let spec = SceneSpec { conservative, around: Around::All, ..spec(&cube, &tool, fixtures) };
@@ -187,7 +190,12 @@ fn what_the_grid_cannot_see_is_refused_or_told() {
     let refusal = coarse.scene().unwrap_err();
     let text = refusal.to_string();
     assert!(matches!(refusal, SceneError::Coarse(_)), "{text}");
-    assert!(["cutter", "paper", "10.0000 mm", "8.0000 mm", "at most 7.0711"].iter().all(|word| text.contains(word)), "{text}");
+    assert!(
+        ["cutter", "paper", "10.0000 mm", "8.0000 mm", "at most 7.0711"]
+            .iter()
+            .all(|word| text.contains(word)),
+        "{text}"
+    );
     let allowed = SceneSpec { allow_coarse: true, ..coarse };
     let (scene, bodies) = allowed.scene_and_bodies(10.0).unwrap();
     assert!(matches!(allowed.check_tool(&tool, &scene.record.grid).unwrap()[..], [SceneWarning::Coarse(_)]));
@@ -206,16 +214,24 @@ fn a_mesh_that_does_not_say_what_is_inside_is_refused_and_one_with_a_hole_is_not
     let tool = Tool::paper();
     let mut cube = unit_cube().refined(0.2, 10_000);
     let lid = |mesh: &Mesh, t: usize| mesh.corners(t).iter().all(|corner| corner.z == 1.0);
-    let kept: Vec<_> = (0..cube.triangles.len()).filter(|&t| !lid(&cube, t)).map(|t| cube.triangles[t]).collect();
+    let kept: Vec<_> =
+        (0..cube.triangles.len()).filter(|&t| !lid(&cube, t)).map(|t| cube.triangles[t]).collect();
     let open = Mesh { triangles: kept, ..cube.clone() };
     let (scene, bodies) = spec(&open, &tool, &[]).scene_alone().unwrap();
     assert_eq!(scene.obstacle.count(), 512);
     assert!((0.1..0.5).contains(&bodies.undecided), "{}", bodies.undecided);
     // Half of the triangles turned, as good as at random.
     let turned = |t: usize| t.wrapping_mul(2_654_435_761) >> 13 & 1 == 1;
-    cube.triangles.iter_mut().enumerate().filter(|(t, _)| turned(*t)).for_each(|(_, corners)| corners.swap(1, 2));
+    cube.triangles
+        .iter_mut()
+        .enumerate()
+        .filter(|(t, _)| turned(*t))
+        .for_each(|(_, corners)| corners.swap(1, 2));
     let refusal = spec(&cube, &tool, &[]).scene().unwrap_err();
-    assert!(matches!(&refusal, SceneError::Undecided { name, share, .. } if name == "cube" && *share > 0.9), "{refusal}");
+    assert!(
+        matches!(&refusal, SceneError::Undecided { name, share, .. } if name == "cube" && *share > 0.9),
+        "{refusal}"
+    );
     // Those that share corners do.
     let (repaired, _) = cube.with_consistent_faces();
     assert_eq!(spec(&repaired, &tool, &[]).scene().unwrap().obstacle.count(), 512);

@@ -5,11 +5,12 @@ use std::ops::Range;
 use glam::{DMat4, DVec3};
 
 use super::rotated::{MOST_VOXELS, SLACK, bounds, holds};
-use super::{RotatedTool, Segment, Tool, ToolShape};
+use super::{ElementKind, RotatedTool, Segment, Tool, ToolShape};
 use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
+use crate::pose::Pose;
 use crate::voxelize::{voxelize, winding_number};
 
 /// A world point in continuous voxel coordinates; numbers that are whole to a billionth become whole, so that ties are
@@ -39,6 +40,16 @@ impl Tool {
                 count_in_mesh(&turned, obstacle, tip, bounds)
             }
         }
+    }
+}
+
+impl Tool {
+    /// The element that holds a point of the world with the tool at a pose; `None` outside, at an invalid pose, and of a mesh.
+    #[must_use]
+    pub fn element_at(&self, pose: &Pose, point: DVec3) -> Option<ElementKind> {
+        let ToolShape::Revolved(elements) = &self.shape else { return None };
+        let (axis, offset) = (pose.axis()?, point - pose.position);
+        elements.iter().find(|element| holds(&element.profile, axis, offset, 0.0)).map(|element| element.kind)
     }
 }
 
@@ -75,18 +86,30 @@ fn count_in_mesh(turned: &Mesh, obstacle: &Occupancy, tip: DVec3, (lower, upper)
     if [&xs, &ys, &zs].into_iter().any(Range::is_empty) {
         return 0;
     }
-    let whole = tip.floor();
+    match mesh_voxels(turned, grid.pitch, tip, (lower, upper)) {
+        Some(voxels) => voxels.count_in(obstacle, tip.floor().to_array().map(|v| v as i64)),
+        None => {
+            let inside = |offset| winding_number(turned, offset).abs() > 0.5;
+            count_one_by_one(obstacle, tip, [xs, ys, zs], inside)
+        }
+    }
+}
+
+/// A turned mesh's own voxels, relative to the voxel below its tip; `None` where it is too large to be made of voxels.
+pub(super) fn mesh_voxels(
+    turned: &Mesh,
+    pitch: f64,
+    tip: DVec3,
+    (lower, upper): (DVec3, DVec3),
+) -> Option<RotatedTool> {
     let dims = (upper - lower + 2.0).to_array().map(|span| span as usize);
     if dims.iter().map(|&n| n as f64).product::<f64>() > MOST_VOXELS as f64 {
-        // Too large to be made of voxels.
-        let inside = |offset| winding_number(turned, offset).abs() > 0.5;
-        return count_one_by_one(obstacle, tip, [xs, ys, zs], inside);
+        return None;
     }
-    let own = Grid { origin: (lower - (tip - whole) - 0.5) * grid.pitch, pitch: grid.pitch, dims };
+    let own = Grid { origin: (lower - (tip - tip.floor()) - 0.5) * pitch, pitch, dims };
     let solid = voxelize(turned, &own, false).solid;
     // The voxels' own count, which normalises, is not needed.
-    let voxels = RotatedTool { lower: lower.to_array().map(|v| v as i32), dims, solid, count: 0 };
-    voxels.count_in(obstacle, whole.to_array().map(|v| v as i64))
+    Some(RotatedTool { lower: lower.to_array().map(|v| v as i32), dims, solid, count: 0 })
 }
 
 #[cfg(test)]

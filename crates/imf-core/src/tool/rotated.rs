@@ -212,7 +212,7 @@ pub(super) fn bounds(tool: &Tool, orientation: &Orientation, pitch: f64) -> (DVe
 
 /// Range of voxel offsets along z within which the line over (x, y) can meet the cylinder of radius `widest` between
 /// two heights along `direction`; one voxel generous at either end.
-fn line_through_cylinder(
+pub(super) fn line_through_cylinder(
     x: f64,
     y: f64,
     direction: DVec3,

@@ -1,100 +1,261 @@
-//! Toolpaths as comma-separated numbers: `x,y,z,i,j,k`, or `x,y,z` for a tool along +z.
+//! Toolpaths as tables of numbers: a header that names every column, then a line for each location.
 //!
-//! A first line of names may put the columns in any order; others are ignored. Lines that begin with `#` and empty
-//! lines are skipped. Semicolons separate as well.
+//! Columns may stand in any order, separated by commas, semicolons, tabs or spaces, whichever the header has. Lines that
+//! begin with `#` and empty lines are skipped. Every column must be known: one that is not might turn the tool.
 
-use super::{Location, Toolpath, Wrong, location};
+use super::{Direction, Location, MoveKind, Wrong, pose};
 
-const NAMES: [&str; 6] = ["x", "y", "z", "i", "j", "k"];
+/// What a column holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Column {
+    /// Tip: x, y, z by place.
+    Position(usize),
+    /// Axis from tip to holder: i, j, k by place.
+    Axis(usize),
+    /// θ, φ in degrees by place.
+    Angle(usize),
+    /// ψ in degrees.
+    Roll,
+    /// The tool's number.
+    Tool,
+    /// Nothing that moves or turns the tool.
+    Still,
+}
 
-pub(super) fn parse(text: &str) -> Result<Toolpath, Wrong> {
-    let mut columns: Option<Vec<usize>> = None;
-    let mut locations: Vec<Location> = Vec::new();
+/// Every name that is read, in lower case, and what it means.
+const NAMES: [(&str, Column); 25] = [
+    ("x", Column::Position(0)),
+    ("y", Column::Position(1)),
+    ("z", Column::Position(2)),
+    ("i", Column::Axis(0)),
+    ("j", Column::Axis(1)),
+    ("k", Column::Axis(2)),
+    ("theta", Column::Angle(0)),
+    ("phi", Column::Angle(1)),
+    ("roll", Column::Roll),
+    ("psi", Column::Roll),
+    ("tool", Column::Tool),
+    ("t", Column::Tool),
+    ("feed", Column::Still),
+    ("feedrate", Column::Still),
+    ("f", Column::Still),
+    ("speed", Column::Still),
+    ("spindle", Column::Still),
+    ("s", Column::Still),
+    ("comment", Column::Still),
+    ("remark", Column::Still),
+    ("name", Column::Still),
+    ("line", Column::Still),
+    ("n", Column::Still),
+    ("id", Column::Still),
+    ("time", Column::Still),
+];
+
+/// What a header must have, for messages.
+const WANTED: &str = "x,y,z for a tool along +z, x,y,z,i,j,k (the axis from tip to holder) or x,y,z,theta,phi, each with roll where it counts";
+
+/// The columns of a header.
+struct Header {
+    /// `None` for spaces.
+    separator: Option<char>,
+    columns: Vec<Column>,
+    titles: Vec<String>,
+}
+
+pub(super) fn parse(text: &str) -> Result<Vec<Location>, Wrong> {
+    let mut header: Option<Header> = None;
+    let mut locations = Vec::new();
     for (index, text) in text.lines().enumerate() {
         let line = index + 1;
         let text = text.trim_start_matches('\u{feff}').trim();
         if text.is_empty() || text.starts_with('#') {
             continue;
         }
-        let fields: Vec<&str> = text.split([',', ';']).map(str::trim).collect();
-        if columns.is_none() {
-            columns = names(&fields, line)?;
-            if columns.is_some() {
-                continue;
-            }
-            columns = match fields.len() {
-                3 => Some(vec![0, 1, 2]),
-                6 => Some(vec![0, 1, 2, 3, 4, 5]),
-                n => {
-                    let what =
-                        format!("{n} numbers; without a line of names there must be x,y,z or x,y,z,i,j,k");
-                    return Err(Wrong { line, what });
-                }
-            };
+        match &header {
+            None => header = Some(Header::read(text).map_err(|what| Wrong { line, what })?),
+            Some(header) => locations.push(header.location(line, text)?),
         }
-        let chosen = columns.as_deref().unwrap_or_default();
-        let mut values = [0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
-        for (place, &column) in chosen.iter().enumerate() {
-            let name = NAMES[place];
-            let field = fields.get(column).ok_or_else(|| Wrong {
-                line,
-                what: format!("no column {name}: only {} fields", fields.len()),
-            })?;
-            values[place] = field
-                .parse()
-                .map_err(|_| Wrong { line, what: format!("{name} is '{field}', not a number") })?;
-        }
-        let [x, y, z, i, j, k] = values;
-        locations.push(location(line, [x, y, z], [i, j, k])?);
     }
-    Ok(Toolpath { locations, unknown: Vec::new() })
+    Ok(locations)
 }
 
-/// Columns of the names x, y, z and, if there are any, i, j, k; `None` for a line of numbers.
-fn names(fields: &[&str], line: usize) -> Result<Option<Vec<usize>>, Wrong> {
-    if fields.iter().all(|f| f.parse::<f64>().is_ok()) {
-        return Ok(None);
+impl Header {
+    fn read(text: &str) -> Result<Self, String> {
+        let separator = [';', '\t', ','].into_iter().find(|&separator| text.contains(separator));
+        let titles: Vec<String> = fields(text, separator).into_iter().map(str::to_ascii_lowercase).collect();
+        if titles.iter().any(|title| title.parse::<f64>().is_ok()) {
+            return Err(format!(
+                "numbers alone do not say what they are: name the columns in a line above, {WANTED}"
+            ));
+        }
+        if titles[0].starts_with(['%', '(']) || is_address(&titles[0]) {
+            return Err(format!(
+                "'{text}' looks like a program for a machine, which is not read: let the CAM program write an APT/CL file, \
+                 or a table with {WANTED}"
+            ));
+        }
+        let columns = titles.iter().map(|title| column(title)).collect::<Result<Vec<_>, _>>()?;
+        let header = Self { separator, columns, titles };
+        header.check()?;
+        Ok(header)
     }
-    let place = |name: &str| fields.iter().position(|f| f.eq_ignore_ascii_case(name));
-    let found: Vec<Option<usize>> = NAMES.iter().map(|name| place(name)).collect();
-    let whole = |range: std::ops::Range<usize>| found[range].iter().copied().collect::<Option<Vec<_>>>();
-    match (whole(0..6), whole(0..3), found[3..].iter().any(Option::is_some)) {
-        (Some(all), _, _) => Ok(Some(all)),
-        (None, Some(position), false) => Ok(Some(position)),
-        _ => Err(Wrong {
-            line,
-            what: "the line of names must have x,y,z,i,j,k, or x,y,z for a tool along +z".into(),
-        }),
+
+    /// Each column once, positions and directions whole.
+    fn check(&self) -> Result<(), String> {
+        for (place, column) in self.columns.iter().enumerate() {
+            if *column != Column::Still && self.columns[..place].contains(column) {
+                return Err(format!("the column '{}' stands twice", self.titles[place]));
+            }
+        }
+        let has = |column| self.place(column).is_some();
+        let axes = (0..3).filter(|&i| has(Column::Axis(i))).count();
+        let angles = (0..2).filter(|&i| has(Column::Angle(i))).count();
+        let whole =
+            (0..3).all(|i| has(Column::Position(i))) && matches!(axes, 0 | 3) && matches!(angles, 0 | 2);
+        match (whole, axes > 0 && angles > 0) {
+            (true, false) => Ok(()),
+            (true, true) => {
+                Err("the columns say the tool's direction twice, by i,j,k and by theta,phi".into())
+            }
+            (false, _) => Err(format!("the columns '{}' are not complete: {WANTED}", self.titles.join(","))),
+        }
     }
+
+    fn place(&self, column: Column) -> Option<usize> {
+        self.columns.iter().position(|&own| own == column)
+    }
+
+    fn location(&self, line: usize, text: &str) -> Result<Location, Wrong> {
+        let wrong = |what: String| Wrong { line, what };
+        let fields = fields(text, self.separator);
+        if fields.len() != self.titles.len() {
+            return Err(wrong(format!("{} fields below a header of {}", fields.len(), self.titles.len())));
+        }
+        let number = |column: Column| -> Result<Option<f64>, Wrong> {
+            let Some(place) = self.place(column) else { return Ok(None) };
+            let (field, title) = (fields[place], &self.titles[place]);
+            let hint = if field.contains(',') { " (decimals have a point)" } else { "" };
+            let value = field.parse::<f64>();
+            value.map(Some).map_err(|_| wrong(format!("{title} is '{field}', not a number{hint}")))
+        };
+        let need = |column: Column| Ok::<_, Wrong>(number(column)?.unwrap_or(0.0));
+        let position = [need(Column::Position(0))?, need(Column::Position(1))?, need(Column::Position(2))?];
+        let direction = if self.place(Column::Axis(0)).is_some() {
+            Direction::Axis([need(Column::Axis(0))?, need(Column::Axis(1))?, need(Column::Axis(2))?])
+        } else {
+            // Upright where there is no direction at all.
+            Direction::Angles([need(Column::Angle(0))?, need(Column::Angle(1))?])
+        };
+        let roll = number(Column::Roll)?;
+        let tool = match self.place(Column::Tool).map(|place| fields[place]) {
+            Some(field) => Some(
+                field.parse().map_err(|_| wrong(format!("tool is '{field}', not the number of a tool")))?,
+            ),
+            None => None,
+        };
+        let pose = pose(line, position, direction, roll)?;
+        Ok(Location { line, pose, rolled: roll.is_some(), tool, kind: MoveKind::Feed })
+    }
+}
+
+/// The fields of a line without the quotes that some programs put around them.
+fn fields(text: &str, separator: Option<char>) -> Vec<&str> {
+    fn bare(field: &str) -> &str {
+        let field = field.trim();
+        field.strip_prefix('"').and_then(|field| field.strip_suffix('"')).unwrap_or(field).trim()
+    }
+    match separator {
+        Some(separator) => text.split(separator).map(bare).collect(),
+        None => text.split_whitespace().map(bare).collect(),
+    }
+}
+
+/// A letter and a number, as machines read them.
+fn is_address(word: &str) -> bool {
+    let mut letters = word.split_whitespace().next().unwrap_or_default().chars();
+    let letter = letters.next().is_some_and(|c| c.is_ascii_alphabetic());
+    let number = letters.as_str();
+    letter && !number.is_empty() && number.parse::<f64>().is_ok()
+}
+
+fn column(title: &str) -> Result<Column, String> {
+    if let Some((_, column)) = NAMES.iter().find(|(name, _)| *name == title) {
+        return Ok(*column);
+    }
+    Err(match title {
+        "a" | "b" | "c" => format!(
+            "the column '{title}' is an angle of a rotary axis, which says nothing without its machine: convert the axes to \
+             i,j,k, the direction from tip to holder"
+        ),
+        "nx" | "ny" | "nz" => format!(
+            "the column '{title}' may be a normal of the surface or the tool's axis: name the axis from tip to holder i,j,k"
+        ),
+        _ => format!(
+            "the column '{title}' is not known and might move or turn the tool: leave it out, or name it by what it is: {WANTED}; \
+             tool is read, feed, speed, comment and line are skipped"
+        ),
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::orientation::Orientation;
+    use crate::pose::Pose;
     use glam::DVec3;
 
-    #[test]
-    fn columns_go_by_name_or_by_place() {
-        let path = parse("# made by hand\nk;j;i;feed;z;y;x\n2;0;0;900;3;2;1\n").ok().unwrap();
-        assert_eq!(
-            path.locations,
-            [Location { line: 3, position: DVec3::new(1.0, 2.0, 3.0), axis: DVec3::Z }]
-        );
-        let path = parse("1,2,3,0,4,0\n\n 4 , 5 , 6 , 1 , 0 , 0 \n").ok().unwrap();
-        assert_eq!(path.locations[0].axis, DVec3::Y);
-        assert_eq!((path.locations[1].line, path.locations[1].axis), (3, DVec3::X));
-        assert_eq!(parse("1,2,3\n").ok().unwrap().locations[0].axis, DVec3::Z);
+    fn read(text: &str) -> Vec<Location> {
+        parse(text).unwrap_or_else(|wrong| panic!("{text}: line {}: {}", wrong.line, wrong.what))
     }
 
     #[test]
-    fn mistakes_name_their_line() {
+    fn columns_go_by_name_whatever_separates_them() {
+        let table = "# made by hand\nk,j,i,feed,z,y,x\n.5,0,0,900,3,2,1\n\n 2 , 1 , 0 , 80 , 6 , 5 , 4 \n";
+        for separator in [",", ";", "\t", "; "] {
+            let path = read(&table.replace(',', separator));
+            assert_eq!(path[0].pose, Pose::along(DVec3::new(1.0, 2.0, 3.0), DVec3::Z));
+            assert_eq!((path[1].line, path[1].rolled), (5, false));
+            assert_eq!(path[1].pose, Pose::along(DVec3::new(4.0, 5.0, 6.0), DVec3::new(0.0, 1.0, 2.0)));
+        }
+        let path = read("\u{feff}\"X\" \"Y\"  Z\r\n1 2 3\r\n");
+        assert_eq!(path[0].pose, Pose::along(DVec3::new(1.0, 2.0, 3.0), DVec3::Z));
+        assert_eq!(path[0].tool, None);
+    }
+
+    #[test]
+    fn angles_rolls_and_tools_are_read() {
+        let path = read("tool,x,y,z,theta,phi,roll\n7,1,2,3,372,6,-90\n8,1,2,3,30,0,0\n");
+        let orientation = Orientation { roll: 270.0, ..Orientation::new(12.0, 6.0) };
+        assert_eq!(path[0].pose, Pose::oriented(DVec3::new(1.0, 2.0, 3.0), &orientation));
+        assert_eq!((path[0].rolled, path[0].tool, path[1].tool), (true, Some(7), Some(8)));
+        // Upright, θ is a roll.
+        assert_eq!(path[1].pose.rotation, Orientation::new(30.0, 0.0).quaternion());
+        let path = read("x,y,z,i,j,k,roll\n1,2,3,0,0,1,45\n");
+        assert_eq!(path[0].pose.rotation, Orientation { roll: 45.0, ..Orientation::default() }.quaternion());
+    }
+
+    #[test]
+    fn what_is_not_understood_is_refused_with_its_line() {
         let cases = [
             ("x,y,z,i,j,k\n1,2,3,0,0,1\n1,2,oops,0,0,1\n", 3, "z is 'oops'"),
-            ("1,2,3,0,0,1\n1,2,3,0,0\n", 2, "no column k"),
-            ("1,2,3,0,0,0\n", 1, "zero"),
-            ("1,2,nan\n", 1, "finite"),
-            ("1,2\n", 1, "2 numbers"),
-            ("x,y,z,i\n", 1, "line of names"),
+            ("x,y,z,i,j,k\n1,2,3,0,0,1\n1,2,3,0,0\n", 3, "5 fields below a header of 6"),
+            ("x,y,z,i,j,k\n1,2,3,0,0,0\n", 2, "zero"),
+            ("x,y,z\n1,2,nan\n", 2, "finite"),
+            ("\n0,30,98,0,.1,-.995\n", 2, "name the columns"),
+            ("0;30;98\n", 1, "name the columns"),
+            ("x,y,z,i\n", 1, "not complete"),
+            ("x,y,i,j,k\n", 1, "not complete"),
+            ("x,y,z,A,C\n0,30,98,5,0\n", 1, "'a' is an angle of a rotary axis"),
+            ("x,y,z,nx,ny,nz\n", 1, "'nx' may be a normal"),
+            ("x,y,z,u,v,w\n", 1, "'u' is not known"),
+            ("x,y,z,i,j,k,theta,phi\n", 1, "twice, by i,j,k and by theta,phi"),
+            ("x,y,z,x\n", 1, "'x' stands twice"),
+            ("x,y,z,theta,phi\n1,2,3,0,181\n", 2, "phi from 0 to 180"),
+            ("x,y,z,theta,phi,roll\n1,2,3,0,0,inf\n", 2, "roll must be finite"),
+            ("x;y;z\n1,5;2,0;3,0\n", 2, "decimals have a point"),
+            ("x,y,z,tool\n1,2,3,ball\n", 2, "tool is 'ball'"),
+            ("%\nO1000\nG0 X1 Y2\n", 1, "program for a machine"),
+            ("G1 X1 Y2\n", 1, "program for a machine"),
         ];
         for (text, line, what) in cases {
             let Err(wrong) = parse(text) else { panic!("{text}") };

@@ -8,7 +8,7 @@ use crate::orientation::Orientation;
 use crate::parts::ReferencePart;
 use crate::scene::{Scene, SceneSpec};
 use crate::section::fixtures::{archs, line, orientations, revolved};
-use crate::tool::{Clearance, RotatedTool};
+use crate::tool::{Clearance, ElementKind, RotatedTool};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;

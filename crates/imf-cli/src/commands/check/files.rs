@@ -1,0 +1,65 @@
+//! What a check leaves in a folder: a table of collisions, and the whole answer.
+
+use std::fmt::Write;
+
+use anyhow::{Context as _, Result};
+use imf_core::check::Against;
+use serde_json::{Value, json};
+
+use super::Checked;
+use crate::output::{OutputFolder, SUMMARY, write_json, write_text};
+use crate::session::Session;
+
+const COLUMNS: &str = "line,tool,kind,element,against,depth,depth_in_tool,clearance,contact_x,contact_y,contact_z,x,y,z,i,j,k,roll,\
+                       fraction,voxels,volume,poses,line_poses";
+
+/// Writes `collisions.csv` and, naming all files, `summary.json`; says so in the answer as well.
+pub(super) fn write(
+    checked: &Checked<'_>,
+    json: &mut Value,
+    written: Vec<&str>,
+    folder: &OutputFolder,
+    session: &Session,
+) -> Result<()> {
+    write_text(&folder.file("collisions.csv"), &table(checked))?;
+    let files: Vec<&str> = ["collisions.csv"].into_iter().chain(written).chain([SUMMARY]).collect();
+    json["program"] = json!(concat!("imf ", env!("CARGO_PKG_VERSION")));
+    json["files"] = json!(files);
+    write_json(&folder.file(SUMMARY), json).context(SUMMARY)?;
+    session.note(&format!("wrote {} to {}", files.join(", "), folder.path().display()));
+    Ok(())
+}
+
+fn table(checked: &Checked<'_>) -> String {
+    let mut text = format!("{COLUMNS}\n");
+    for line in &checked.report.colliding {
+        for hit in &line.collisions {
+            let tool = line.tool.map_or_else(String::new, |number| number.to_string());
+            let kind = format!("{:?}", line.kind).to_lowercase();
+            let against = match &hit.against {
+                Against::Part => "part".to_owned(),
+                Against::Fixture(name) => format!("\"{}\"", name.replace('"', "\"\"")),
+            };
+            let numbers = [hit.contact, hit.position, hit.axis].concat();
+            let numbers: Vec<String> = numbers.iter().map(|v| format!("{v:.6}")).collect();
+            let roll = hit.roll.map_or_else(String::new, |roll| format!("{roll:.6}"));
+            // Writing to a string does not fail.
+            let _ = writeln!(
+                text,
+                "{},{tool},{kind},{},{against},{:.6},{:.6},{},{},{roll},{:.6},{},{:.6},{},{}",
+                line.line,
+                hit.element,
+                hit.depth,
+                hit.depth_in_tool,
+                hit.clearance,
+                numbers.join(","),
+                hit.fraction,
+                hit.voxels,
+                hit.volume,
+                hit.poses,
+                line.poses
+            );
+        }
+    }
+    text
+}

@@ -1,0 +1,145 @@
+//! The worst places of a check as a picture: for each the tool and what it hits, in three planes through the contact point.
+
+use std::path::Path;
+
+use anyhow::Result;
+use glam::{DMat4, DVec3};
+use imf_core::check::{CheckBodies, CheckReport, Collision};
+use imf_core::grid::Grid;
+use imf_core::occupancy::Occupancy;
+use imf_core::orientation::Orientation;
+use imf_core::pose::Pose;
+use imf_core::tool::{Segment, Tool, ToolShape};
+use imf_core::unit::LengthUnit;
+use imf_core::voxelize::voxelize;
+use ndarray::Array2;
+
+use super::words;
+use crate::picture::{Panel, PanelRow, PanelSheet, Scale};
+use crate::slices;
+
+/// Places that are drawn, one of a line.
+const PLACES: usize = 4;
+/// Squares along a side.
+const SIDE: usize = 90;
+const CLASSES: [&str; 5] = ["empty", "part", "fixture", "tool", "tool in a body"];
+
+/// Draws the deepest collisions, in world coordinates; false where there are none.
+pub(super) fn draw(
+    report: &CheckReport,
+    tools: &[(Option<u32>, &Tool)],
+    bodies: CheckBodies<'_>,
+    unit: LengthUnit,
+    path: &Path,
+) -> Result<bool> {
+    let mut chosen: Vec<(String, &Collision, &Tool)> = Vec::new();
+    let mut lines = Vec::new();
+    for (line, hit) in report.worst() {
+        let tool = tools.iter().find(|(number, _)| number.is_none() || *number == line.tool);
+        let Some((_, tool)) = tool.filter(|_| !lines.contains(&line.line) && lines.len() < PLACES) else {
+            continue;
+        };
+        lines.push(line.line);
+        let title = format!(
+            "{}: {}, {:.3} {unit} deep in {}",
+            words::place(line),
+            hit.element,
+            hit.depth,
+            words::body(&hit.against)
+        );
+        chosen.push((title, hit, *tool));
+    }
+    if chosen.is_empty() {
+        return Ok(false);
+    }
+    let cuts: Vec<(String, Vec<(Grid, Array2<f32>)>)> = chosen
+        .into_iter()
+        .map(|(title, hit, tool)| (title, (0..3).map(|axis| cut(hit, tool, bodies, axis)).collect()))
+        .collect();
+    let scale = Scale::classes(&CLASSES);
+    let rows = cuts.iter().map(|(title, planes)| PanelRow {
+        title: title.clone(),
+        panels: planes
+            .iter()
+            .enumerate()
+            .map(|(axis, (grid, values))| Panel {
+                title: slices::layer_title(grid, unit, axis, 0),
+                values: values.view(),
+                mask: None,
+                scale: scale.clone(),
+                axes: slices::axes(grid, unit, axis),
+            })
+            .collect(),
+    });
+    PanelSheet {
+        title: "The deepest collisions".into(),
+        rows: rows.collect(),
+        notes: vec!["The contact point is in the middle of every panel; world coordinates; the tool without clearance".into()],
+        pixels_per_voxel: Some(3),
+    }
+    .save(path)?;
+    Ok(true)
+}
+
+/// What lies in the plane at right angles to `axis` through the contact point: a grid of one layer, and its classes.
+fn cut(hit: &Collision, tool: &Tool, bodies: CheckBodies<'_>, axis: usize) -> (Grid, Array2<f32>) {
+    let contact = DVec3::from_array(hit.contact);
+    let orientation = Orientation::from_direction(DVec3::from_array(hit.axis)).unwrap_or_default();
+    let pose = Pose::oriented(
+        DVec3::from_array(hit.position),
+        &Orientation { roll: hit.roll.unwrap_or(0.0), ..orientation },
+    );
+    let side = 2.0 * (1.5 * widest(tool, &hit.element)).max(8.0 * bodies.part.grid.pitch);
+    let pitch = side / SIDE as f64;
+    let mut dims = [SIDE; 3];
+    dims[axis] = 1;
+    let mut origin = contact - 0.5 * side;
+    origin[axis] = contact[axis] - 0.5 * pitch;
+    let grid = Grid { origin, pitch, dims };
+    let turned = match &tool.shape {
+        ToolShape::Revolved(_) => None,
+        ToolShape::Mesh(mesh) => {
+            let placed = DMat4::from_rotation_translation(pose.rotation, pose.position);
+            Some(voxelize(&mesh.transformed(&placed), &grid, false))
+        }
+    };
+    let values: Vec<f32> = (0..grid.len())
+        .map(|index| {
+            let point = grid.centre(grid.voxel(index));
+            let in_tool = match &turned {
+                Some(voxels) => voxels.solid[index] == 1,
+                None => tool.element_at(&pose, point).is_some(),
+            };
+            let in_fixture = || bodies.fixtures.iter().any(|(_, fixture)| is_solid(fixture, point));
+            match (in_tool, is_solid(bodies.part, point)) {
+                (false, true) => 1.0,
+                (true, true) => 4.0,
+                (false, false) if in_fixture() => 2.0,
+                (true, false) if in_fixture() => 4.0,
+                (true, false) => 3.0,
+                (false, false) => 0.0,
+            }
+        })
+        .collect();
+    let values = slices::slice(&values, &grid, axis, 0);
+    (grid, values)
+}
+
+/// Largest radius of the element of that name, or of the whole tool.
+fn widest(tool: &Tool, element: &str) -> f64 {
+    match &tool.shape {
+        ToolShape::Revolved(elements) => elements
+            .iter()
+            .filter(|own| own.kind.to_string() == element)
+            .flat_map(|own| &own.profile)
+            .map(Segment::max_radius)
+            .fold(0.0, f64::max),
+        ToolShape::Mesh(_) => 0.5 * tool.reach(),
+    }
+}
+
+fn is_solid(body: &Occupancy, point: DVec3) -> bool {
+    let voxel = body.grid.continuous(point).round().to_array();
+    let inside = (0..3).all(|a| voxel[a] >= 0.0 && voxel[a] < body.grid.dims[a] as f64);
+    inside && body.solid[body.grid.index(voxel.map(|v| v as usize))] == 1
+}

@@ -1,0 +1,108 @@
+//! The report for people: one line a collision, then what was checked, what was accepted, and what voxels can show.
+
+use std::fmt::Write;
+
+use glam::DMat4;
+use imf_core::check::{Against, Collision, LineCollisions};
+use imf_core::toolpath::MoveKind;
+
+use super::Checked;
+use crate::arguments::check::Frame;
+use crate::output::short;
+
+pub(super) fn text(checked: &Checked<'_>) -> String {
+    let Checked { report, record, .. } = checked;
+    let (settings, unit) = (&report.settings, record.unit);
+    let mut text = String::new();
+    // Writing to a string does not fail.
+    for line in &report.colliding {
+        for collision in &line.collisions {
+            let _ = writeln!(text, "{}: {}", place(line), one(collision, line.poses, checked));
+        }
+    }
+    let verdict = match report.colliding.len() {
+        0 => "no collision".to_owned(),
+        1 => "1 line collides".to_owned(),
+        n => format!("{n} lines collide"),
+    };
+    let _ = writeln!(
+        text,
+        "{verdict}: {} lines, {} poses, no point of the tool moving more than {:.4} {unit} between them",
+        report.locations, report.poses, settings.tolerance
+    );
+    if report.starts > 1 {
+        let _ = writeln!(
+            text,
+            "the path begins {} times: the ways to and from tool changes are not in the file, and were not checked",
+            report.starts
+        );
+    }
+    if record.transform != DMat4::IDENTITY {
+        let whose = match checked.arguments.frame {
+            Frame::Part => "the part's frame, which --transform sets up in the world",
+            Frame::World => "the world's frame, into which --transform sets up the part",
+        };
+        let _ = writeln!(text, "coordinates are in {whose}");
+    }
+    let clearance = &settings.clearance;
+    let accepted = if checked.tools.iter().any(|(_, tool)| tool.has_cutter()) && settings.contact > 0.0 {
+        format!("the part up to {} {unit} deep in the cutter", short(settings.contact))
+    } else {
+        "no overlap at all".to_owned()
+    };
+    let _ = writeln!(
+        text,
+        "accepted: {accepted}; clearance: holder {}, shank {}, cutter {} {unit}",
+        clearance.holder, clearance.shank, clearance.cutter
+    );
+    let _ = writeln!(
+        text,
+        "seen for sure: overlaps of more than {} {unit} depth, in walls no thinner; less deep ones where a voxel's centre lies in \
+         them (voxels of {:.4} {unit}; a smaller --pitch sees more)",
+        short(report.sure_depth),
+        record.grid.pitch
+    );
+    let _ = writeln!(text, "{}", checked.guarantee());
+    text
+}
+
+/// `line 4`, and with which tool.
+pub(super) fn place(line: &LineCollisions) -> String {
+    let tool = line.tool.map_or_else(String::new, |number| format!(", tool {number}"));
+    let rapid = if line.kind == MoveKind::Rapid { ", rapid" } else { "" };
+    format!("line {}{tool}{rapid}", line.line)
+}
+
+/// What was hit, in words.
+pub(super) fn body(against: &Against) -> String {
+    match against {
+        Against::Part => "the part".into(),
+        Against::Fixture(name) => format!("the fixture {name}"),
+    }
+}
+
+fn one(collision: &Collision, poses: u64, checked: &Checked<'_>) -> String {
+    let unit = checked.record.unit;
+    let (element, against) = (&collision.element, body(&collision.against));
+    // The depth below the offset surface tells how much of the clearance is left.
+    let within = collision.clearance - collision.depth;
+    let what = if collision.clearance > 0.0 && within >= 0.0 {
+        format!(
+            "{element} comes within {within:.3} {unit} of {against}, {} {unit} asked,",
+            collision.clearance
+        )
+    } else if collision.clearance > 0.0 {
+        format!("{element} with its clearance is {:.3} {unit} deep in {against}", collision.depth)
+    } else {
+        format!("{element} is {:.3} {unit} deep in {against}", collision.depth)
+    };
+    let [cx, cy, cz] = collision.contact;
+    let [x, y, z] = collision.position;
+    let [i, j, k] = collision.axis;
+    let roll = collision.roll.map_or_else(String::new, |roll| format!(", roll {roll:.1}°"));
+    format!(
+        "{what} at {cx:.3},{cy:.3},{cz:.3}: {} voxels, {:.3} {unit}³, at worst with the tip at {x:.3},{y:.3},{z:.3} and the axis \
+         {i:.4},{j:.4},{k:.4}{roll}; {} of {poses} poses",
+        collision.voxels, collision.volume, collision.poses
+    )
+}

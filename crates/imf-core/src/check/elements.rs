@@ -1,0 +1,253 @@
+//! The elements of one tool against part and fixtures: which collide at a pose, and how deep.
+
+use std::sync::{Arc, OnceLock};
+
+use glam::DVec3;
+
+use super::motions::Motion;
+use super::{Against, CheckError, CheckSettings, Collision};
+use crate::distance::squared_depths;
+use crate::field::solid::SolidField;
+use crate::occupancy::Occupancy;
+use crate::pose::Pose;
+use crate::tool::{Element, ElementKind, Tool, ToolShape, distance_to_mesh};
+
+/// Something that may be hit.
+pub(super) struct Body {
+    voxels: Arc<Occupancy>,
+    against: Against,
+    /// By voxel, how deep its centre lies below the surface; made at the first collision.
+    depths: OnceLock<Vec<f32>>,
+}
+
+impl Body {
+    pub(super) fn new(voxels: Arc<Occupancy>, against: Against) -> Self {
+        Self { voxels, against, depths: OnceLock::new() }
+    }
+
+    /// Half a pitch less than to the nearest empty centre.
+    fn depth(&self, index: usize) -> f64 {
+        let pitch = self.voxels.grid.pitch;
+        let depths = self.depths.get_or_init(|| {
+            let below = |squared: u64| (((squared as f64).sqrt() - 0.5) * pitch).max(0.0) as f32;
+            squared_depths(&self.voxels).into_iter().map(below).collect()
+        });
+        f64::from(depths[index])
+    }
+}
+
+/// An element whose depth is measured.
+struct Measured {
+    name: String,
+    clearance: f64,
+    shape: Shape,
+}
+
+enum Shape {
+    /// Bodies of revolution, and whether the upper end of each is surface.
+    Revolved(Vec<(Element, bool)>),
+    Mesh(Tool),
+}
+
+/// Elements that are decided together, and the body that they must not hit.
+struct Group<'a> {
+    field: SolidField,
+    elements: Vec<Measured>,
+    body: &'a Body,
+}
+
+/// All elements of one tool.
+pub(super) struct Elements<'a>(Vec<Group<'a>>);
+
+/// The deepest centre in an element.
+struct Deepest {
+    depth: f64,
+    in_tool: f64,
+    voxel: usize,
+    voxels: u32,
+}
+
+impl<'a> Elements<'a> {
+    pub(super) fn new(
+        part: &'a Body,
+        fixtures: &'a [Body],
+        tool: &Tool,
+        settings: &CheckSettings,
+    ) -> Result<Self, CheckError> {
+        let clearance = &settings.clearance;
+        let offset = tool.inflated_elements(clearance)?;
+        if offset.is_empty() {
+            return Ok(Self::whole(part, fixtures, tool));
+        }
+        let measured = |element: &Element| Measured {
+            name: element.kind.to_string(),
+            clearance: clearance.of(element.kind),
+            shape: Shape::Revolved(vec![(element.clone(), true)]),
+        };
+        let mut wanted: Vec<(&Body, Vec<Element>, Vec<Measured>)> = Vec::new();
+        let mut stay_out = offset.clone();
+        if settings.contact > 0.0
+            && let Some((cutter, exposed)) = tool.cutter()
+        {
+            let deep = cutter
+                .eroded(settings.contact, exposed)
+                .ok_or_else(|| CheckError::Contact { tool: tool.name.clone(), contact: settings.contact })?;
+            let shape = Shape::Revolved(vec![(cutter, exposed)]);
+            let whole = Measured { name: ElementKind::Cutter.to_string(), clearance: 0.0, shape };
+            wanted.push((part, vec![deep], vec![whole]));
+            stay_out.retain(|element| element.kind != ElementKind::Cutter);
+        }
+        let rest = stay_out.iter().map(measured).collect();
+        wanted.push((part, stay_out, rest));
+        wanted.extend(
+            fixtures.iter().map(|body| (body, offset.clone(), offset.iter().map(measured).collect())),
+        );
+        let mut groups = Vec::new();
+        for (body, decided, elements) in wanted.into_iter().filter(|(_, decided, _)| !decided.is_empty()) {
+            let Some(field) = SolidField::of_elements(body.voxels.clone(), &decided) else {
+                if clearance.is_zero() {
+                    return Ok(Self::whole(part, fixtures, tool));
+                }
+                return Err(CheckError::Outline(tool.name.clone()));
+            };
+            groups.push(Group { field, elements, body });
+        }
+        Ok(Self(groups))
+    }
+
+    /// A tool whose elements cannot be told apart: it has no cutter that could be let touch.
+    fn whole(part: &'a Body, fixtures: &'a [Body], tool: &Tool) -> Self {
+        let shape = || match &tool.shape {
+            ToolShape::Mesh(_) => Shape::Mesh(tool.clone()),
+            ToolShape::Revolved(elements) => {
+                Shape::Revolved(elements.iter().map(|e| (e.clone(), true)).collect())
+            }
+        };
+        let group = |body: &'a Body| Group {
+            field: SolidField::of_tool(body.voxels.clone(), tool),
+            elements: vec![Measured { name: "tool".into(), clearance: 0.0, shape: shape() }],
+            body,
+        };
+        Self(std::iter::once(part).chain(fixtures).map(group).collect())
+    }
+
+    /// What collides on a motion, each element with each body once, at its deepest.
+    pub(super) fn collisions(&self, motion: &Motion, is_free: impl Fn(&Pose) -> bool) -> Vec<Collision> {
+        let mut found: Vec<Vec<Track>> =
+            self.0.iter().map(|group| group.elements.iter().map(|_| Track::default()).collect()).collect();
+        let mut counts = Vec::new();
+        for (index, (fraction, pose)) in (1..).zip(motion.poses()) {
+            if is_free(&pose) {
+                continue;
+            }
+            for (group, tracks) in self.0.iter().zip(&mut found) {
+                if !group.field.collides(&pose) {
+                    continue;
+                }
+                counts.clear();
+                counts.resize(tracks.len(), 1);
+                if tracks.len() > 1 {
+                    group.field.element_counts(&pose, &mut counts);
+                }
+                for ((track, element), _) in
+                    tracks.iter_mut().zip(&group.elements).zip(&counts).filter(|(_, count)| **count > 0)
+                {
+                    track.poses += 1;
+                    let pitch = group.body.voxels.grid.pitch;
+                    if index == motion.count || track.may_be_deeper(index, motion.step, pitch) {
+                        track.last = index;
+                        if let Some(deepest) = element.deepest(group.body, &pose) {
+                            track.take(element, group.body, fraction, &pose, &deepest);
+                        }
+                    }
+                }
+            }
+        }
+        let tracks = found.into_iter().flatten();
+        tracks.filter_map(|track| Some(Collision { poses: track.poses, ..track.worst? })).collect()
+    }
+}
+
+/// The poses of a motion at which an element collides.
+#[derive(Default)]
+struct Track {
+    poses: u64,
+    /// Number of the pose that was measured last, and its depth.
+    last: u64,
+    depth: f64,
+    worst: Option<Collision>,
+}
+
+impl Track {
+    /// Depths are known to half a pitch: within as much of a pose that was measured there is no need to look again, nor as long
+    /// as the tool cannot have come as deep as it was. Centres that are new in the tool add up to two pitches.
+    fn may_be_deeper(&self, index: u64, step: f64, pitch: f64) -> bool {
+        let Some(worst) = &self.worst else { return true };
+        let moved = (index - self.last) as f64 * step;
+        moved > 0.5 * pitch && self.depth + moved + 2.0 * pitch > worst.depth
+    }
+
+    /// Keeps the deepest pose, the first of equals.
+    fn take(&mut self, element: &Measured, body: &Body, fraction: f64, pose: &Pose, found: &Deepest) {
+        self.depth = found.depth;
+        if self.worst.as_ref().is_some_and(|worst| worst.depth >= found.depth) {
+            return;
+        }
+        let grid = &body.voxels.grid;
+        self.worst = Some(Collision {
+            element: element.name.clone(),
+            against: body.against.clone(),
+            clearance: element.clearance,
+            depth: found.depth,
+            depth_in_tool: found.in_tool,
+            contact: grid.centre(grid.voxel(found.voxel)).to_array(),
+            position: pose.position.to_array(),
+            axis: pose.axis().unwrap_or(DVec3::NAN).to_array(),
+            roll: matches!(element.shape, Shape::Mesh(_)).then(|| pose.orientation().roll),
+            fraction,
+            voxels: found.voxels,
+            volume: f64::from(found.voxels) * grid.voxel_volume(),
+            poses: 0,
+        });
+    }
+}
+
+impl Measured {
+    /// `None` where it holds no solid centre.
+    fn deepest(&self, body: &Body, pose: &Pose) -> Option<Deepest> {
+        let mut found = Deepest { depth: -1.0, in_tool: 0.0, voxel: 0, voxels: 0 };
+        match &self.shape {
+            Shape::Revolved(elements) => {
+                for (element, exposed) in elements {
+                    element.held(&body.voxels, pose, |voxel, height, radius| {
+                        found.take(voxel, element.depth(height, radius, *exposed), body.depth(voxel));
+                    });
+                }
+            }
+            Shape::Mesh(tool) => {
+                // The distance to a mesh changes no faster than the point moves.
+                let mut known = (DVec3::ZERO, f64::INFINITY);
+                let visited = tool.held_by_mesh(&body.voxels, pose, |mesh, voxel, place| {
+                    let in_body = body.depth(voxel);
+                    if known.1 + known.0.distance(place) + in_body > found.depth {
+                        known = (place, distance_to_mesh(mesh, place));
+                        found.take(voxel, known.1, in_body);
+                    } else {
+                        found.voxels += 1;
+                    }
+                });
+                visited?;
+            }
+        }
+        (found.voxels > 0).then_some(found)
+    }
+}
+
+impl Deepest {
+    fn take(&mut self, voxel: usize, in_tool: f64, in_body: f64) {
+        self.voxels += 1;
+        if in_tool + in_body > self.depth {
+            (self.depth, self.in_tool, self.voxel) = (in_tool + in_body, in_tool, voxel);
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! What a check found, line by line.
+
+use glam::{DMat4, DVec3};
+use serde::Serialize;
+
+use super::CheckSettings;
+use crate::toolpath::MoveKind;
+
+/// What was hit.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Against {
+    /// The part.
+    Part,
+    /// A fixture, by its name.
+    Fixture(String),
+}
+
+/// One element that collides with one body during one motion. Lengths are in the grid's unit, places in world coordinates.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Collision {
+    /// The element's name; `tool` for a mesh.
+    pub element: String,
+    /// What it hits.
+    pub against: Against,
+    /// Room that the element, which is offset by it, was to keep.
+    pub clearance: f64,
+    /// Largest depth of all poses looked at: no shorter translation parts the element, offset by its clearance, from the body.
+    /// It falls short of the truth by up to a pitch or so.
+    pub depth: f64,
+    /// How deep the contact point lies below the surface of the element, offset by its clearance.
+    pub depth_in_tool: f64,
+    /// The solid voxel's centre that is so deep.
+    pub contact: [f64; 3],
+    /// Tip at that pose.
+    pub position: [f64; 3],
+    /// Axis at that pose, from tip to holder.
+    pub axis: [f64; 3],
+    /// Roll at that pose in degrees, of a tool that is not round.
+    pub roll: Option<f64>,
+    /// How far on the way to the line that pose is, from 0 to 1.
+    pub fraction: f64,
+    /// Solid voxels in the element at that pose.
+    pub voxels: u32,
+    /// Their volume in units cubed.
+    pub volume: f64,
+    /// Poses of the motion at which the element collides.
+    pub poses: u64,
+}
+
+impl Collision {
+    /// The same collision in other coordinates, by a rigid motion.
+    pub fn place(&mut self, into: &DMat4) {
+        let point = |p: [f64; 3]| into.transform_point3(DVec3::from_array(p)).to_array();
+        self.contact = point(self.contact);
+        self.position = point(self.position);
+        self.axis = into.transform_vector3(DVec3::from_array(self.axis)).to_array();
+    }
+}
+
+/// A line of the toolpath on the way to which something collides.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LineCollisions {
+    /// Line of the toolpath's file.
+    pub line: usize,
+    /// Number of the tool, where the file names one.
+    pub tool: Option<u32>,
+    /// How the tool comes there.
+    pub kind: MoveKind,
+    /// Poses checked on the way to it, its own included.
+    pub poses: u64,
+    /// What collides.
+    pub collisions: Vec<Collision>,
+}
+
+/// The answer for a whole toolpath.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CheckReport {
+    /// What was accepted.
+    pub settings: CheckSettings,
+    /// [`CheckSettings::sure_depth`] of these settings and voxels.
+    pub sure_depth: f64,
+    /// Locations of the toolpath.
+    pub locations: usize,
+    /// Locations to which no way is checked, since the file has none: the first, and the first of every other tool.
+    pub starts: usize,
+    /// Poses checked in all.
+    pub poses: u64,
+    /// Lines with a collision, in order.
+    pub colliding: Vec<LineCollisions>,
+}
+
+impl CheckReport {
+    /// Every collision with its line, the deepest first.
+    #[must_use]
+    pub fn worst(&self) -> Vec<(&LineCollisions, &Collision)> {
+        let mut all: Vec<_> =
+            self.colliding.iter().flat_map(|line| line.collisions.iter().map(move |c| (line, c))).collect();
+        all.sort_by(|a, b| b.1.depth.total_cmp(&a.1.depth));
+        all
+    }
+}

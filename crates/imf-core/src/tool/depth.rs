@@ -1,0 +1,210 @@
+//! Which solid voxels' centres an element or a mesh holds at a pose, and how deep below its surface each of them lies.
+
+use glam::{DMat4, DVec3};
+
+use super::posed::{mesh_voxels, snapped};
+use super::rotated::{SLACK, bounds, line_through_cylinder};
+use super::{Element, ElementKind, Segment, Tool, ToolShape};
+use crate::grid::Grid;
+use crate::mesh::Mesh;
+use crate::occupancy::Occupancy;
+use crate::pose::Pose;
+
+impl Tool {
+    /// All that cuts, as one element, and whether its upper end sticks out beyond what stands on it; `None` without a cutter.
+    pub(crate) fn cutter(&self) -> Option<(Element, bool)> {
+        let ToolShape::Revolved(elements) = &self.shape else { return None };
+        let cutting = |e: &&Element| e.kind == ElementKind::Cutter;
+        let profile: Vec<Segment> =
+            elements.iter().filter(cutting).flat_map(|e| e.profile.iter().copied()).collect();
+        let last = profile.last()?;
+        let end = last.range().1;
+        let rest = elements.iter().filter(|e| !cutting(e)).filter_map(|e| e.profile.first());
+        let neck = rest.filter(|s| s.range().0 <= end).map(|s| s.radius(end)).fold(0.0, f64::max);
+        let exposed = last.radius(end) > neck;
+        Some((Element { kind: ElementKind::Cutter, profile }, exposed))
+    }
+
+    /// Largest distance of any of a mesh's points from the tool's axis; 0 of a tool of revolution, which no roll moves.
+    pub(crate) fn rolling_radius(&self) -> f64 {
+        match &self.shape {
+            ToolShape::Revolved(_) => 0.0,
+            ToolShape::Mesh(mesh) => mesh.vertices.iter().map(|v| v.x.hypot(v.y)).fold(0.0, f64::max),
+        }
+    }
+}
+
+impl Element {
+    /// Visits the obstacle's solid voxels whose centres lie in the element at a pose, each with its height on the element's axis
+    /// and its distance from it, by the predicate that defines the tool. Nothing at an invalid pose.
+    pub(crate) fn held(&self, obstacle: &Occupancy, pose: &Pose, mut visit: impl FnMut(usize, f64, f64)) {
+        let Some(axis) = pose.axis() else { return };
+        let (Some(first), Some(last)) = (self.profile.first(), self.profile.last()) else { return };
+        let grid = &obstacle.grid;
+        let (pitch, tip) = (grid.pitch, snapped(grid, pose.position));
+        let span = (first.range().0, last.range().1);
+        let widest = self.profile.iter().map(Segment::max_radius).fold(0.0, f64::max);
+        let spread = (1.0 - axis * axis).max(DVec3::ZERO).map(f64::sqrt) * widest;
+        let (low, high) = ((axis * span.0).min(axis * span.1), (axis * span.0).max(axis * span.1));
+        let (low, high) = (tip + (low - spread) / pitch, tip + (high + spread) / pitch);
+        let clamp = |v: f64, axis: usize| v.clamp(0.0, grid.dims[axis] as f64) as usize;
+        let range = |axis: usize| clamp(low[axis].floor(), axis)..clamp(high[axis].ceil() + 1.0, axis);
+        for (x, y) in range(0).flat_map(|x| range(1).map(move |y| (x, y))) {
+            let (across, along) = ((x as f64 - tip.x) * pitch, (y as f64 - tip.y) * pitch);
+            let (from, to) = line_through_cylinder(across, along, axis, widest, span, pitch);
+            let row = grid.index([x, y, 0]);
+            for z in clamp((tip.z + from).floor(), 2)..clamp((tip.z + to).ceil() + 1.0, 2) {
+                if obstacle.solid[row + z] == 0 {
+                    continue;
+                }
+                let offset = DVec3::new(across, along, (z as f64 - tip.z) * pitch);
+                let height = offset.dot(axis);
+                let held = self.profile.iter().find(|s| s.range().0 <= height && height < s.range().1);
+                let squared = offset.length_squared() - height * height;
+                if held.is_some_and(|s| squared <= s.radius(height).powi(2) + SLACK * pitch * pitch) {
+                    visit(row + z, height, squared.max(0.0).sqrt());
+                }
+            }
+        }
+    }
+
+    /// Distance from a point in the element, by its height and its distance from the axis, to the element's surface. The upper
+    /// end is surface only where it is `exposed`.
+    pub(crate) fn depth(&self, height: f64, radius: f64, exposed: bool) -> f64 {
+        let level = |at: f64, one: f64, other: f64| {
+            let beside = (one.min(other) - radius).max(radius - one.max(other)).max(0.0);
+            (at - height).hypot(beside)
+        };
+        let (mut least, mut last) = (f64::INFINITY, (0.0, 0.0));
+        for (index, segment) in self.profile.iter().enumerate() {
+            let (from, to) = segment.range();
+            let start = if index == 0 { 0.0 } else { last.1 };
+            if from < to {
+                least =
+                    least.min(level(from, start, segment.radius(from))).min(outline(segment, height, radius));
+                last = (to, segment.radius(to));
+            }
+        }
+        if exposed { least.min(level(last.0, 0.0, last.1)) } else { least }
+    }
+}
+
+/// Distance from a point to one piece of an outline, in the plane of height and radius.
+fn outline(segment: &Segment, height: f64, radius: f64) -> f64 {
+    let (from, to) = segment.range();
+    match *segment {
+        Segment::Line { radius_from, radius_to, .. } => {
+            let (along, out) = (to - from, radius_to - radius_from);
+            let foot = ((height - from) * along + (radius - radius_from) * out) / (along * along + out * out);
+            let foot = foot.clamp(0.0, 1.0);
+            (from + foot * along - height).hypot(radius_from + foot * out - radius)
+        }
+        Segment::Arc { centre_height, centre_radius, arc_radius, .. } => {
+            let (up, out) = (height - centre_height, radius - centre_radius);
+            let away = up.hypot(out);
+            let facing = centre_height + arc_radius * up / away;
+            if out >= 0.0 && away > 0.0 && (from..=to).contains(&facing) {
+                return (arc_radius - away).abs();
+            }
+            let end = |at: f64| (at - height).hypot(segment.radius(at) - radius);
+            end(from).min(end(to))
+        }
+    }
+}
+
+impl Tool {
+    /// Visits the obstacle's solid voxels whose centres lie in a mesh tool at a pose, each with its place relative to the tip, and
+    /// gives the mesh turned as there. `None` for other tools, an invalid pose, and a mesh too large to be made of voxels.
+    pub(crate) fn held_by_mesh(
+        &self,
+        obstacle: &Occupancy,
+        pose: &Pose,
+        mut visit: impl FnMut(&Mesh, usize, DVec3),
+    ) -> Option<()> {
+        let ToolShape::Mesh(mesh) = &self.shape else { return None };
+        pose.axis()?;
+        let (grid, orientation) = (&obstacle.grid, pose.orientation());
+        let tip = snapped(grid, pose.position);
+        let turned = mesh.transformed(&DMat4::from_mat3(orientation.rotation()));
+        let voxels = mesh_voxels(&turned, grid.pitch, tip, bounds(self, &orientation, grid.pitch))?;
+        let own = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: voxels.dims };
+        for index in (0..voxels.solid.len()).filter(|&index| voxels.solid[index] == 1) {
+            let voxel = own.voxel(index);
+            let at = [0, 1, 2].map(|a| tip[a].floor() as i64 + i64::from(voxels.lower[a]) + voxel[a] as i64);
+            if (0..3).all(|a| (0..grid.dims[a] as i64).contains(&at[a])) {
+                let held = grid.index(at.map(|v| v as usize));
+                if obstacle.solid[held] == 1 {
+                    visit(&turned, held, (DVec3::from_array(at.map(|v| v as f64)) - tip) * grid.pitch);
+                }
+            }
+        }
+        Some(())
+    }
+}
+
+/// Distance from a point to the nearest triangle of a mesh.
+pub(crate) fn distance_to_mesh(mesh: &Mesh, point: DVec3) -> f64 {
+    let squared = (0..mesh.triangles.len()).map(|t| squared_to_triangle(mesh.corners(t), point));
+    squared.fold(f64::INFINITY, f64::min).sqrt()
+}
+
+fn squared_to_triangle([a, b, c]: [DVec3; 3], point: DVec3) -> f64 {
+    let normal = (b - a).cross(c - a);
+    // Inside of all three edges, seen along the normal.
+    let inside =
+        [(a, b), (b, c), (c, a)].iter().all(|(from, to)| normal.cross(*to - *from).dot(point - *from) >= 0.0);
+    if inside && normal.length_squared() > 0.0 {
+        return (point - a).dot(normal).powi(2) / normal.length_squared();
+    }
+    let edge = |from: DVec3, to: DVec3| {
+        let way = to - from;
+        let foot =
+            if way.length_squared() > 0.0 { (point - from).dot(way) / way.length_squared() } else { 0.0 };
+        point.distance_squared(from + way * foot.clamp(0.0, 1.0))
+    };
+    edge(a, b).min(edge(b, c)).min(edge(c, a))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::tests::unit_cube;
+
+    #[test]
+    fn depths_are_distances_to_the_outline() {
+        let cylinder = Segment::Line { from: 0.0, to: 10.0, radius_from: 3.0, radius_to: 3.0 };
+        let flat = Element { kind: ElementKind::Cutter, profile: vec![cylinder] };
+        let depths = [(1.0, 0.0), (5.0, 0.5), (9.5, 1.0)].map(|(h, r)| flat.depth(h, r, true));
+        assert_eq!(depths, [1.0, 2.5, 0.5]);
+        assert_eq!(flat.depth(9.5, 1.0, false), 2.0);
+        let ball =
+            Segment::Arc { from: 0.0, to: 3.0, centre_height: 3.0, centre_radius: 0.0, arc_radius: 3.0 };
+        let shaft = Segment::Line { from: 3.0, to: 10.0, radius_from: 3.0, radius_to: 3.0 };
+        let collar = Segment::Line { from: 10.0, to: 12.0, radius_from: 5.0, radius_to: 5.0 };
+        let mill = Element { kind: ElementKind::Cutter, profile: vec![ball, shaft, collar] };
+        for (height, radius, expected) in [
+            (1.0, 0.0, 1.0),
+            (3.0, 0.0, 3.0),
+            (2.0, 1.0, 3.0 - 2f64.sqrt()),
+            (7.0, 1.0, 2.0),
+            (10.5, 4.0, 0.5),
+            (11.0, 2.9, 1.0),
+        ] {
+            assert!((mill.depth(height, radius, true) - expected).abs() < 1e-12, "{height} {radius}");
+        }
+    }
+
+    #[test]
+    fn distances_to_a_cube_are_those_of_its_faces_edges_and_corners() {
+        let cube = unit_cube();
+        for (point, expected) in [
+            (DVec3::splat(0.5), 0.5),
+            (DVec3::new(0.2, 0.5, 0.6), 0.2),
+            (DVec3::new(2.0, 0.5, 0.5), 1.0),
+            (DVec3::new(4.0, 5.0, 0.5), 5.0),
+            (DVec3::new(3.0, 3.0, 2.0), 3.0),
+        ] {
+            assert!((distance_to_mesh(&cube, point) - expected).abs() < 1e-12, "{point}");
+        }
+    }
+}
