@@ -79,6 +79,8 @@ class Factored(torch.nn.Module):
         settings, grid = about["settings"], about["scene"]["grid"]
         self.omega, self.scale = settings["omega"], about["scale"]
         self.depth = about["fit"].get("quantity", "overlap") == "depth"
+        # Depths are clamped within eight pitches.
+        self.bounds = (-8.0 * grid["pitch"], 8.0 * grid["pitch"]) if self.depth else (0.0, 1.0)
         self.register_buffer("axes", tensors["axes"].float())
         self.register_buffer("mean", tensors["mean"])
         # Of a folded network the last sines are the coefficients.
@@ -128,7 +130,7 @@ class Factored(torch.nn.Module):
         along = self.scale * signal
         functions = harmonics(direction, math.isqrt(len(self.mean)) - 1).to(self.axes.dtype)
         values = (along * (functions @ self.axes)).sum(dim=1) + functions @ self.mean
-        return values if self.depth else values.clamp(0.0, 1.0)
+        return values.clamp(*self.bounds)
 
 
 def harmonics(direction, degree):

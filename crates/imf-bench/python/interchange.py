@@ -124,6 +124,7 @@ def compare(imf: str, name: str, field: pathlib.Path, work: pathlib.Path) -> flo
     onnx.checker.check_model(model, full_check=True)
     about = {entry.key: entry.value for entry in model.metadata_props}
     box = np.array([[float(v) for v in about[f"imf.box_{end}"].split()] for end in ("lower", "upper")])
+    origin = np.array([float(v) for v in about["imf.origin"].split()])
     session = onnxruntime.InferenceSession(graph, providers=["CPUExecutionProvider"])
     # A depth is a length: eight pitches at most.
     depth, pitch = about["imf.quantity"] == "depth", float(about["imf.pitch"])
@@ -137,7 +138,7 @@ def compare(imf: str, name: str, field: pathlib.Path, work: pathlib.Path) -> flo
     for where, (position, angles, direction) in places.items():
         turned = angles if "angles" in [value.name for value in session.get_inputs()] else direction
         expected = query(imf, field, position, turned)
-        inputs = {"position": position, ("angles" if turned is angles else "direction"): turned}
+        inputs = {"position": position - origin, ("angles" if turned is angles else "direction"): turned}
         inputs = {key: value.astype(np.float32) for key, value in inputs.items()}
         found = session.run([about["imf.quantity"]], inputs)[0]
         worst = max(worst, report(name, "onnxruntime", where, found, expected) / unit)

@@ -13,6 +13,7 @@ pub mod harmonic;
 mod network;
 pub mod numbers;
 pub(crate) mod orientations;
+pub(crate) mod quantity;
 pub(crate) mod reading;
 pub(crate) mod saved;
 pub mod scene;

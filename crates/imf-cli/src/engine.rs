@@ -1,7 +1,7 @@
 //! Choosing where networks run.
 
 use anyhow::{Context, Result, ensure};
-use imf_core::field::{FieldError, GridField, values_on_all_threads};
+use imf_core::field::{Decision, FieldError, GridField, values_on_all_threads};
 use imf_core::pose::Pose;
 use imf_fields::field::Field;
 use imf_fields::file::FieldFile;
@@ -13,6 +13,7 @@ use imf_fields::siren::evaluator::CpuEvaluator;
 use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuField, GpuTrainer, TrainerSettings};
 use imf_train::engine::CpuTrainer;
 use imf_train::training::TrainingEngine;
+use rayon::prelude::*;
 
 use crate::ranks::Rank;
 use crate::session::Session;
@@ -25,6 +26,9 @@ pub enum Calls {
     /// One after the other.
     Many,
 }
+
+/// Poses that a thread decides at a time.
+const DECIDED_AT_ONCE: usize = 256;
 
 /// A field, and where it is evaluated.
 pub struct Evaluated {
@@ -42,6 +46,15 @@ impl Evaluated {
             true => self.field.values(poses, values),
             false => values_on_all_threads(&*self.field, poses, values),
         }
+    }
+
+    /// Decisions of poses, likewise.
+    pub(crate) fn classify(&self, poses: &[Pose], decisions: &mut [Decision]) -> Result<(), FieldError> {
+        if self.on_gpu {
+            return self.field.classify(poses, decisions);
+        }
+        let chunks = poses.par_chunks(DECIDED_AT_ONCE).zip(decisions.par_chunks_mut(DECIDED_AT_ONCE));
+        chunks.try_for_each(|(poses, decisions)| self.field.classify(poses, decisions))
     }
 }
 

@@ -102,17 +102,18 @@ impl<T: Checkpoint> Training<'_, T> {
         let steps = resumed.then_some(progress.steps);
         let mut stage = session.stage("training", "steps", total);
         stage.begin_at(progress.steps);
+        let log = writing.then(|| Log::open(&out.join("log.jsonl"), progress.steps)).transpose()?;
         let mut run = Run {
             session,
             settings,
             plan,
             stage,
             begun: Instant::now(),
-            earlier_seconds: progress.seconds,
+            earlier_seconds: log.as_ref().map_or(0.0, |log| log.seconds),
             point_every: (total / CURVE_POINTS).max(plan.report_every),
             files: CheckpointFiles::new::<T>(out, steps, settings.checkpoint_every, writing),
             held_out,
-            log: writing.then(|| Log::open(&out.join("log.jsonl"), progress.steps)).transpose()?,
+            log,
             failure: None,
             last_loss: None,
             progress,

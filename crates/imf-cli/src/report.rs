@@ -1,10 +1,10 @@
 //! The evaluation of a field of any family as a table, as JSON and as pictures.
 
 mod subject;
+mod text;
 
 pub use subject::Subject;
 
-use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
@@ -12,14 +12,16 @@ use imf_core::control::Control;
 use imf_core::field::GridField;
 use imf_core::grid::Grid;
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::section::{At, SectionPlan};
+use imf_core::section::{At, Quantity, SectionPlan};
 use imf_core::tool::Clearance;
-use imf_fields::evaluation::{ImfComparison, grid_imf, grid_sections, nearest_sections};
-use imf_fields::metrics::ErrorReport;
+use imf_fields::evaluation::{Exact, ImfComparison, grid_imf, grid_sections, nearest_sections};
+use imf_fields::metrics::{ErrorReport, Validation};
 use ndarray::Array2;
 use serde::Serialize;
+use serde_json::Value;
 
-use crate::output::{short, table, write_json, write_text};
+use crate::commands::calibrate::Worth;
+use crate::output::{short, write_json, write_text};
 use crate::picture::{Bar, BarChart, PanelRow, PanelSheet, Scale};
 use crate::session::Session;
 use crate::slices;
@@ -35,8 +37,8 @@ pub struct Questions {
     pub random: OrientationSet,
     /// Orientations of the inaccessibility measure.
     pub imf: OrientationSet,
-    /// Overlap above which a pose counts as colliding.
-    pub threshold: f64,
+    /// Value above which a pose counts as colliding, instead of the calibrated one.
+    pub threshold: Option<f64>,
 }
 
 /// One row of the table.
@@ -72,12 +74,22 @@ pub struct Report {
     evaluation_engine: String,
     /// What was compared, line by line.
     pub rows: Vec<Row>,
+    /// What the values are.
+    quantity: Quantity,
+    /// Value above which a pose counts as colliding.
+    threshold: f64,
+    /// True where that is the field's calibrated one.
+    calibrated: bool,
+    /// The error at the random orientations.
+    validation: Validation,
     /// MSE of the field at random orientations over the exact field's variance there.
     mse_over_variance: f64,
     /// The same over the MSE of the nearest training section.
     mse_over_nearest: f64,
-    /// True where the first is at most a tenth and the second below one.
-    learnt: bool,
+    /// What the field may be used for.
+    verdict: Value,
+    #[serde(skip)]
+    verdict_text: String,
 }
 
 /// A report with the fields that its pictures show.
@@ -90,19 +102,30 @@ pub struct Evaluation {
     plan: SectionPlan,
 }
 
-/// Compares a field with the exact one; `engine` says what evaluates it.
-pub fn evaluate(
+/// Compares a field with the exact one; `engine` says what evaluates it, `worth` what its decisions are worth, whose threshold
+/// decides.
+pub(crate) fn evaluate(
     session: &Session,
     subject: &Subject<'_>,
     field: &dyn GridField,
     engine: String,
     questions: &Questions,
+    worth: &Worth,
 ) -> Result<Evaluation> {
     if questions.random.is_empty() {
         bail!("at least one random orientation is needed");
     }
     let record = &subject.scene.record;
     let plan = SectionPlan::of_scene(subject.scene, At::Tip)?;
+    let bare = match record.clearance.is_zero() {
+        true => None,
+        false => Some(SectionPlan::of_scene(
+            &subject.scene.clone().with_clearance(&Clearance::default())?,
+            At::Tip,
+        )?),
+    };
+    let quantity = field.quantity();
+    let exact = Exact::new(&plan, quantity, bare.as_ref())?;
     session.detail(&format!("sections: {}", plan.describe()));
     let training = subject.seen.as_ref();
     let singles: Vec<Orientation> =
@@ -111,22 +134,24 @@ pub fn evaluate(
     let stage = session.stage("evaluating", "sections", total as u64);
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
-    let tau = questions.threshold;
+    let own = worth.calibration().map(|known| f64::from(known.free_up_to.unwrap_or(f32::MIN)));
+    let tau = questions.threshold.or(own).unwrap_or(0.0);
 
     let mut rows = Vec::new();
     for orientation in &singles {
         // Whether training saw it is looked up, not assumed.
         let seen = training.iter().any(|o| (o.direction() - orientation.direction()).length() < 1e-9);
         let kind = if seen { "in-sample" } else { "out-of-sample" };
-        let errors = grid_sections(&plan, &[*orientation], field, tau, control)?.overall;
+        let errors = grid_sections(&exact, &[*orientation], field, tau, control)?.overall;
         let degrees = |angle: f64| short((1e2 * angle).round() / 1e2);
         let name =
             format!("section ({}°, {}°), {kind}", degrees(orientation.theta), degrees(orientation.phi));
         rows.push(Row { name, orientations: 1, errors });
     }
     let random = &questions.random.orientations;
-    let learnt = grid_sections(&plan, random, field, tau, control)?.overall;
-    let nearest = nearest_sections(&plan, random, training, tau, control)?.overall;
+    let learnt = grid_sections(&exact, random, field, tau, control)?;
+    let (validation, learnt) = (learnt.validation(), learnt.overall);
+    let nearest = nearest_sections(&exact, random, training, tau, control)?.overall;
     let n = random.len();
     rows.push(Row { name: format!("{n} random sections"), orientations: n, errors: learnt });
     rows.push(Row {
@@ -134,8 +159,9 @@ pub fn evaluate(
         orientations: n,
         errors: nearest,
     });
-    let imf = grid_imf(&plan, &questions.imf.orientations, field, tau, control)?;
-    let name = format!("IMF over {} ({})", questions.imf.len(), questions.imf.spec);
+    let imf = grid_imf(&exact, &questions.imf.orientations, field, tau, control)?;
+    let measure = if quantity.is_overlap() { "IMF" } else { "minimum depth" };
+    let name = format!("{measure} over {} ({})", questions.imf.len(), questions.imf.spec);
     rows.push(Row { name, orientations: questions.imf.len(), errors: imf.errors });
     stage.finish("");
 
@@ -157,8 +183,14 @@ pub fn evaluate(
         rows,
         mse_over_variance,
         mse_over_nearest,
-        learnt: mse_over_variance <= 0.1 && mse_over_nearest < 1.0,
+        quantity,
+        threshold: tau,
+        calibrated: questions.threshold.is_none() && own.is_some(),
+        validation,
+        verdict: worth.json(),
+        verdict_text: worth.text(),
     };
+    drop(exact);
     Ok(Evaluation {
         report,
         imf,
@@ -166,68 +198,6 @@ pub fn evaluate(
         random: questions.random.clone(),
         plan,
     })
-}
-
-impl Report {
-    /// The closing table.
-    pub(crate) fn table(&self) -> String {
-        let tau = self.rows.first().map_or(0.0, |row| row.errors.threshold);
-        let cells = |row: &Row| {
-            let e = &row.errors;
-            vec![
-                row.name.clone(),
-                format!("{:.2e}", e.mse),
-                format!("{:.2e}", e.mae),
-                format!("{:.4}", e.mpe),
-                format!("{:.2} %", 100.0 * e.false_free),
-                format!("{:.2} %", 100.0 * e.false_colliding),
-                format!("{:.4}", e.iou),
-            ]
-        };
-        let head = ["", "MSE", "MAE", "MPE", "false-free", "false-colliding", "IoU"];
-        let rows: Vec<Vec<String>> = self.rows.iter().map(cells).collect();
-        format!(
-            "{}MSE and MPE against the exact field; a pose counts as colliding above τ = {tau}; {}.\n{}",
-            table(&head, &rows),
-            self.guarantee,
-            self.verdict()
-        )
-    }
-
-    /// Whether the field was learnt, in one sentence.
-    pub(crate) fn verdict(&self) -> String {
-        let numbers = format!(
-            "its MSE at random orientations is {:.4} of the exact field's variance and {:.4} of the nearest {} \
-             section's",
-            self.mse_over_variance, self.mse_over_nearest, self.made.participle
-        );
-        let verb = self.made.verb;
-        if self.learnt {
-            format!("The field is {verb}: {numbers}.")
-        } else {
-            format!("The field is NOT {verb} well: {numbers} (asked: at most 0.1, and below 1).")
-        }
-    }
-
-    /// The table, with what it is of, and the pictures.
-    fn markdown(&self, pictures: &[(&str, &str)]) -> String {
-        let [x, y, z] = self.dims;
-        let mut text = format!(
-            "# {}, tool {}\n\n{} · {x}×{y}×{z} voxels of {:.4} {} · {}\n\n```text\n{}\n```\n\nShallow contacts have almost \
-             no volume: a small error is not yet a safe answer.\n\n",
-            self.part,
-            self.tool,
-            self.program,
-            self.pitch,
-            self.unit,
-            self.made.describe(self.training_sections),
-            self.table()
-        );
-        for (file, caption) in pictures {
-            let _ = writeln!(text, "![{caption}]({file})\n\n{caption}\n");
-        }
-        text
-    }
 }
 
 /// Planes of the exact field and of another one.
@@ -275,7 +245,8 @@ impl Evaluation {
     fn draw_sections(&self, folder: &Path, subject: &Subject<'_>, field: &dyn GridField) -> Result<()> {
         let (grid, axis) = (self.plan.grid(), 1);
         let shown = &self.random.orientations[..self.random.len().min(3)];
-        let exact = imf_core::section::sections(&self.plan, shown, Control::quiet())?;
+        let quantity = field.quantity();
+        let exact = Exact::new(&self.plan, quantity, None)?.sections(shown, Control::quiet())?;
         let mut planes = Vec::new();
         for (orientation, section) in shown.iter().zip(&exact) {
             let mut learnt = vec![0.0; grid.len()];
@@ -287,8 +258,11 @@ impl Evaluation {
         let title = format!("{}, tool {}", self.report.part, self.report.tool);
         let note =
             format!("Random orientations that the field was not made from; plane {plane}; outline: the part");
-        let measure = "overlap, fraction of the tool's volume";
-        self.compare(subject, title, &planes, measure, note, &folder.join("sections.png"))
+        let measure = match quantity {
+            Quantity::Overlap => "overlap, fraction of the tool's volume".to_owned(),
+            Quantity::Depth => format!("signed penetration depth, {}", self.report.unit),
+        };
+        self.compare(subject, title, &planes, &measure, note, &folder.join("sections.png"))
     }
 
     fn draw_imf(&self, folder: &Path, subject: &Subject<'_>) -> Result<()> {
@@ -298,9 +272,12 @@ impl Evaluation {
             let title = slices::layer_title(grid, subject.scene.record.unit, axis, middle);
             Comparison::new(title, grid, axis, &self.imf.exact.value, &self.imf.learnt.value)
         });
-        let title =
-            format!("{}: minimum overlap over {} orientations", self.report.part, self.imf_orientations);
-        let (measure, note) = ("inaccessibility measure IMF", "Outline: the part".into());
+        let title = format!("{}: minimum over {} orientations", self.report.part, self.imf_orientations);
+        let measure = match self.report.quantity {
+            Quantity::Overlap => "inaccessibility measure IMF",
+            Quantity::Depth => "minimum of the depth",
+        };
+        let note = "Outline: the part".into();
         self.compare(subject, title, &planes, measure, note, &folder.join("imf.png"))
     }
 
@@ -317,7 +294,7 @@ impl Evaluation {
         let (grid, unit) = (self.plan.grid(), subject.scene.record.unit);
         let shown_as = self.report.made.shown_as;
         let values: Vec<_> = planes.iter().flat_map(|p| [p.exact.view(), p.other.view()]).collect();
-        let measure = Scale::measure_of(&values, measure);
+        let measure = Scale::of_values(&values, measure);
         let differences: Vec<_> = planes.iter().map(|plane| plane.difference.view()).collect();
         let signed = Scale::difference_of(&differences, &format!("{shown_as} − exact"));
         let solid = |plane: &Comparison| {

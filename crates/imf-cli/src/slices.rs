@@ -140,7 +140,7 @@ impl MidPlaneSheet<'_> {
         let grid = &self.part.grid;
         let masks = [0, 1, 2].map(|axis| mask(self.part, axis, middle(grid, axis)));
         let views: Vec<_> = fields.iter().flat_map(|f| &f.slices).map(|slice| slice.view()).collect();
-        let scale = Scale::measure_of(&views, self.label);
+        let scale = Scale::of_values(&views, self.label);
         let panel = |values, axis: usize| Panel {
             title: layer_title(grid, self.unit, axis, middle(grid, axis)),
             values,

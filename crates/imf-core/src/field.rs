@@ -40,6 +40,7 @@
 //! ```
 
 mod exact;
+mod exact_depth;
 #[doc(hidden)]
 pub mod minimum;
 pub(crate) mod solid;
@@ -72,7 +73,7 @@ pub enum Decision {
 /// A value and how it changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gradient {
-    /// The overlap, not clipped: a model's may lie a little outside [0, 1]. Of a field of depth the depth.
+    /// The overlap, not clipped: a model's may lie a little outside [0, 1]. Of a field of depth the depth, not clamped either.
     pub value: f32,
     /// Change for a move of the tip by one unit of length.
     pub position: Vec3,

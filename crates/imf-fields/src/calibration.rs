@@ -4,6 +4,10 @@
 //! rates here are the judges'. "Colliding" and "free" are about two tools: a *colliding* pose is one of the true tool's, a
 //! *clear* pose is one where the tool grown by the scene's clearance is free. What lies between may be answered either way.
 
+mod verdict;
+
+pub use verdict::{Purpose, Verdict};
+
 use imf_core::field::Decision;
 use serde::{Deserialize, Serialize};
 
@@ -63,6 +67,9 @@ pub struct Judgement {
     pub undecided: u64,
     /// Clear poses called free.
     pub found_free: u64,
+    /// Pairs of a colliding and a clear pose, each pose in one of them, whose values stand in the wrong order: half of them where a
+    /// value says nothing.
+    pub misordered: Rate,
     /// Largest error of a value against the exact one of the grown tool. Of a field of depth: how far a value lies on the
     /// wrong side, of 0 for poses where the grown tool is free or only just not, of the clearance for colliding ones.
     pub largest_error: f64,
@@ -72,6 +79,11 @@ impl Judgement {
     /// Share of the poses that are left to an exact check.
     pub fn undecided_share(&self) -> f64 {
         self.undecided as f64 / self.poses.max(1) as f64
+    }
+
+    /// Share of the clear poses that are called free.
+    pub fn found_share(&self) -> f64 {
+        self.found_free as f64 / self.false_colliding.of.max(1) as f64
     }
 }
 

@@ -1,17 +1,23 @@
 //! A learnt field against the exact one: sections, the inaccessibility measure, and the baseline that any field must
 //! beat, the nearest section that training saw.
 
+mod exact;
+
+pub use exact::Exact;
+
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::metrics::{ErrorReport, Errors};
+use crate::metrics::{ErrorReport, Errors, Validation};
 use imf_core::control::Control;
 use imf_core::field::{FieldError, GridField};
 use imf_core::orientation::Orientation;
-use imf_core::section::{Imf, SectionError, SectionPlan, imf, sections};
+use imf_core::section::{Imf, SectionError, SectionPlan, imf};
 
 /// Exact sections held in memory at a time.
 const AT_ONCE: usize = 8;
+/// The same beside a field's own, whose network runs over the grid for each batch.
+const VALIDATED_AT_ONCE: usize = 16;
 
 /// Why an evaluation stopped.
 #[derive(Debug, Error)]
@@ -28,6 +34,33 @@ pub enum EvaluationError {
     NoTraining,
 }
 
+/// The error of a field at orientations drawn at random, over all voxels. One unit of progress is one section.
+///
+/// # Errors
+/// A failed section, a field that failed, or cancellation.
+pub fn validate(
+    exact: &Exact<'_>,
+    random: &[Orientation],
+    field: &dyn GridField,
+    control: Control<'_>,
+) -> Result<Validation, EvaluationError> {
+    let voxels = exact.plan.grid().len();
+    let mut found = vec![0.0; voxels * random.len().min(VALIDATED_AT_ONCE)];
+    let mut errors = Vec::with_capacity(random.len());
+    for set in random.chunks(VALIDATED_AT_ONCE) {
+        let found = &mut found[..voxels * set.len()];
+        field.sections(set, found)?;
+        let sections = exact.sections(set, control)?;
+        errors.extend(sections.iter().zip(found.chunks_exact(voxels)).map(|(exact, found)| {
+            let mut own = Errors::default();
+            own.add(exact, found, 0.0);
+            let own = own.report(0.0);
+            (own.mse, own.mpe)
+        }));
+    }
+    Ok(Validation::of(&errors))
+}
+
 /// Errors over a set of sections.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SectionErrors {
@@ -37,18 +70,25 @@ pub struct SectionErrors {
     pub sections: Vec<ErrorReport>,
 }
 
+impl SectionErrors {
+    /// The mean squared error with its standard error, where the orientations were drawn at random.
+    pub fn validation(&self) -> Validation {
+        Validation::of(&self.sections.iter().map(|section| (section.mse, section.mpe)).collect::<Vec<_>>())
+    }
+}
+
 /// Errors of a field's sections at `orientations`, whatever its family. One unit of progress is one section.
 ///
 /// # Errors
 /// A failed section, a field that failed, or cancellation.
 pub fn grid_sections(
-    plan: &SectionPlan,
+    exact: &Exact<'_>,
     orientations: &[Orientation],
     field: &dyn GridField,
     threshold: f64,
     control: Control<'_>,
 ) -> Result<SectionErrors, EvaluationError> {
-    compare(plan, orientations, threshold, control, |_, orientation, values| {
+    compare(exact, orientations, threshold, control, |_, orientation, values| {
         Ok(field.section(orientation, values)?)
     })
 }
@@ -65,7 +105,7 @@ pub fn field_sections(
     control: Control<'_>,
     mut field: impl FnMut(&Orientation, &mut [f32]),
 ) -> Result<SectionErrors, EvaluationError> {
-    compare(plan, orientations, threshold, control, |_, orientation, values| {
+    compare(&plan.into(), orientations, threshold, control, |_, orientation, values| {
         field(orientation, values);
         Ok(())
     })
@@ -103,7 +143,7 @@ pub fn field_imf(
 /// # Errors
 /// A failed section, an empty `training`, or cancellation.
 pub fn nearest_sections(
-    plan: &SectionPlan,
+    exact: &Exact<'_>,
     orientations: &[Orientation],
     training: &[Orientation],
     threshold: f64,
@@ -115,7 +155,7 @@ pub fn nearest_sections(
             let rotation = o.rotation();
             // The trace of R₁ᵀR₂ orders rotations by angle; axes alone where the tool has no roll to speak of.
             let closeness = |other: &Orientation| {
-                if plan.tool().is_axisymmetric() {
+                if exact.plan.tool().is_axisymmetric() {
                     o.direction().dot(other.direction())
                 } else {
                     let product = rotation.transpose() * other.rotation();
@@ -127,11 +167,11 @@ pub fn nearest_sections(
         .collect::<Option<_>>()
         .ok_or(EvaluationError::NoTraining)?;
     let mut stored: Vec<Vec<f32>> = Vec::new();
-    compare(plan, orientations, threshold, control, |index, _, values| {
+    compare(exact, orientations, threshold, control, |index, _, values| {
         if index.is_multiple_of(AT_ONCE) {
             let until = (index + AT_ONCE).min(nearest.len());
             let quiet = Control { progress: &|_| {}, ..control };
-            stored = sections(plan, &nearest[index..until], quiet)?;
+            stored = exact.sections(&nearest[index..until], quiet)?;
         }
         values.copy_from_slice(&stored[index % AT_ONCE]);
         Ok(())
@@ -155,25 +195,26 @@ pub struct ImfComparison {
 /// # Errors
 /// A failed section, a field that failed, or cancellation.
 pub fn grid_imf(
-    plan: &SectionPlan,
+    exact: &Exact<'_>,
     orientations: &[Orientation],
     field: &dyn GridField,
     threshold: f64,
     control: Control<'_>,
 ) -> Result<ImfComparison, EvaluationError> {
-    let exact = imf(plan, orientations, control)?;
     let quiet = Control { progress: &|_| {}, ..control };
+    let least = exact.minimum(orientations, control)?;
+    let bare = exact.bare.map(|plan| imf(plan, orientations, quiet)).transpose()?;
     let learnt = field.minimum(orientations, quiet).map_err(|error| match error {
         FieldError::Cancelled => SectionError::Cancelled.into(),
         other => EvaluationError::Field(other),
     })?;
     let mut errors = Errors::default();
-    errors.add(&exact.value, &learnt.value, threshold);
-    Ok(ImfComparison { exact, learnt, errors: errors.report(threshold) })
+    errors.add_beside(&least.value, &bare.as_ref().unwrap_or(&least).value, &learnt.value, threshold);
+    Ok(ImfComparison { exact: least, learnt, errors: errors.report(threshold) })
 }
 
 fn compare(
-    plan: &SectionPlan,
+    exact: &Exact<'_>,
     orientations: &[Orientation],
     threshold: f64,
     control: Control<'_>,
@@ -181,17 +222,18 @@ fn compare(
 ) -> Result<SectionErrors, EvaluationError> {
     let mut overall = Errors::default();
     let mut each = Vec::with_capacity(orientations.len());
-    let mut values = vec![0.0; plan.grid().len()];
+    let mut values = vec![0.0; exact.plan.grid().len()];
     for (chunk, part) in orientations.chunks(AT_ONCE).enumerate() {
         let quiet = Control { progress: &|_| {}, ..control };
-        let exact = sections(plan, part, quiet)?;
-        for (local, (orientation, section)) in part.iter().zip(&exact).enumerate() {
+        let (own, bare) = (exact.sections(part, quiet)?, exact.collisions(part, quiet)?);
+        let sections = part.iter().zip(own.iter().zip(bare.as_ref().unwrap_or(&own)));
+        for (local, (orientation, (section, bare))) in sections.enumerate() {
             if control.is_cancelled() {
                 return Err(SectionError::Cancelled.into());
             }
             field(chunk * AT_ONCE + local, orientation, &mut values)?;
             let mut errors = Errors::default();
-            errors.add(section, &values, threshold);
+            errors.add_beside(section, bare, &values, threshold);
             overall.merge(&errors);
             each.push(errors.report(threshold));
             (control.progress)(1);
@@ -236,14 +278,14 @@ mod tests {
     fn the_nearest_section_of_a_seen_orientation_is_itself() {
         let plan = plan();
         let set = OrientationSet::parse("fibonacci:11").unwrap().orientations;
-        let seen = nearest_sections(&plan, &set, &set, 0.0, Control::quiet()).unwrap();
+        let seen = nearest_sections(&(&plan).into(), &set, &set, 0.0, Control::quiet()).unwrap();
         assert_eq!(seen.overall.mpe, 0.0);
         assert_eq!(seen.overall.iou, 1.0);
         let poles = OrientationSet::parse("0,0;0,180").unwrap().orientations;
-        let unseen = nearest_sections(&plan, &set, &poles, 0.0, Control::quiet()).unwrap();
+        let unseen = nearest_sections(&(&plan).into(), &set, &poles, 0.0, Control::quiet()).unwrap();
         assert!(unseen.overall.mse > 0.0);
         assert!(matches!(
-            nearest_sections(&plan, &set, &[], 0.0, Control::quiet()),
+            nearest_sections(&(&plan).into(), &set, &[], 0.0, Control::quiet()),
             Err(EvaluationError::NoTraining)
         ));
     }
@@ -274,11 +316,14 @@ mod tests {
         let plan = SectionPlan::new(plan.obstacle(), &tool, At::SharpPoints).unwrap();
         let exact = imf(&plan, &set, Control::quiet()).unwrap();
         let mean = exact.value.iter().map(|&v| f64::from(v)).sum::<f64>() / exact.value.len() as f64;
-        let found = grid_imf(&plan, &set, &same, 0.01, Control::quiet()).unwrap();
+        let found = grid_imf(&(&plan).into(), &set, &same, 0.01, Control::quiet()).unwrap();
         assert_eq!((found.errors.mpe, &found.exact, &found.learnt), (0.0, &exact, &exact));
-        let found = grid_imf(&plan, &set, &none, 0.01, Control::quiet()).unwrap();
+        let found = grid_imf(&(&plan).into(), &set, &none, 0.01, Control::quiet()).unwrap();
         assert!((found.errors.mae - mean).abs() < 1e-7 && mean > 0.0);
-        let sections = grid_sections(&plan, &set, &same, 0.01, Control::quiet()).unwrap();
+        let told = validate(&(&plan).into(), &set, &none, Control::quiet()).unwrap();
+        let sections = grid_sections(&(&plan).into(), &set, &none, 0.01, Control::quiet()).unwrap();
+        assert!((told.mse / sections.overall.mse - 1.0).abs() < 1e-12 && told.orientations == 11);
+        let sections = grid_sections(&(&plan).into(), &set, &same, 0.01, Control::quiet()).unwrap();
         assert_eq!(sections.overall.mpe, 0.0);
     }
 }

@@ -46,8 +46,18 @@ impl Errors {
     /// # Panics
     /// If the lengths differ.
     pub fn add(&mut self, exact: &[f32], field: &[f32], threshold: f64) {
-        assert_eq!(exact.len(), field.len(), "one value of the field for each exact one");
-        for (&e, &f) in exact.iter().zip(field) {
+        self.add_beside(exact, exact, field, threshold);
+    }
+
+    /// The same where `exact` is of a tool grown by a clearance, and `bare` has the overlaps of the tool as it is: a pose collides
+    /// where that one does, and is free where the grown one is; between the two it may be called either.
+    ///
+    /// # Panics
+    /// If the lengths differ.
+    pub fn add_beside(&mut self, exact: &[f32], bare: &[f32], field: &[f32], threshold: f64) {
+        let lengths = [bare.len(), field.len()];
+        assert_eq!(lengths, [exact.len(); 2], "one value of the field for each exact one");
+        for ((&e, &f), &bare) in exact.iter().zip(field).zip(bare) {
             let (e, f) = (f64::from(e), f64::from(f));
             let error = (f - e).abs();
             self.squared += error * error;
@@ -56,11 +66,11 @@ impl Errors {
             self.largest = if error.is_nan() { f64::NAN } else { self.largest.max(error) };
             self.exact_sum += e;
             self.exact_squared += e * e;
-            let (collides, blocked) = (e > 0.0, f > threshold);
+            let (collides, clear, blocked) = (bare > 0.0, e <= 0.0, f > threshold);
             self.colliding += u64::from(collides);
-            self.free += u64::from(!collides);
+            self.free += u64::from(clear);
             self.false_free += u64::from(collides && !blocked);
-            self.false_colliding += u64::from(!collides && blocked);
+            self.false_colliding += u64::from(clear && blocked);
         }
         self.count += exact.len() as u64;
     }
@@ -103,9 +113,55 @@ impl Errors {
     }
 }
 
+/// A mean squared error at orientations drawn at random, and how sure it is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Validation {
+    /// Orientations, drawn at random and apart from those that the field was made from.
+    pub orientations: usize,
+    /// Mean squared error.
+    pub mse: f64,
+    /// Its standard error: the standard deviation of the orientations' own errors over the root of their number; 0 of one.
+    pub standard_error: f64,
+    /// Largest error met.
+    pub mpe: f64,
+}
+
+impl Validation {
+    /// Of the errors of every orientation: its mean squared one, and its largest.
+    pub fn of(errors: &[(f64, f64)]) -> Self {
+        let n = errors.len().max(1) as f64;
+        let mse = errors.iter().map(|(mse, _)| mse).sum::<f64>() / n;
+        let spread =
+            errors.iter().map(|(own, _)| (own - mse) * (own - mse)).sum::<f64>() / (n - 1.0).max(1.0);
+        Self {
+            orientations: errors.len(),
+            mse,
+            standard_error: (spread / n).sqrt(),
+            mpe: errors.iter().map(|&(_, largest)| largest).fold(0.0, f64::max),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_grown_tools_poses_between_may_be_called_either_way() {
+        let (exact, bare) = ([0.0, 0.2, 0.5, 0.4], [0.0, 0.0, 0.3, 0.0]);
+        let mut errors = Errors::default();
+        errors.add_beside(&exact, &bare, &[0.3, 0.0, 0.05, 0.9], 0.1);
+        let r = errors.report(0.1);
+        assert_eq!((r.false_free, r.false_colliding, r.iou), (1.0, 1.0, 0.0));
+    }
+
+    #[test]
+    fn the_standard_error_is_that_of_a_mean() {
+        let of = Validation::of(&[(1.0, 2.0), (3.0, 5.0), (2.0, 1.0), (2.0, 4.0)]);
+        assert_eq!((of.orientations, of.mse, of.mpe), (4, 2.0, 5.0));
+        assert!((of.standard_error - (2.0_f64 / 3.0 / 4.0).sqrt()).abs() < 1e-15);
+        assert_eq!(Validation::of(&[(1.0, 1.0)]).standard_error, 0.0);
+    }
 
     #[test]
     fn errors_of_a_small_case_by_hand() {

@@ -3,7 +3,7 @@
 //! A graph holds all of a field, its inputs' scaling too, so that it is asked in the units of the scene:
 //!
 //! ```text
-//! position   f32 [poses, 3]   the tool's tip in the scene's unit and world frame
+//! position   f32 [poses, 3]   the tool's tip less `imf.origin`, in the scene's unit, along the world's axes
 //! direction  f32 [poses, 3]   the tool's axis from tip to holder, of any length but 0     harmonic and factored fields
 //! angles     f32 [poses, 2]   (θ, φ) in degrees, θ in [0, 360), φ in [0, 180]             the paper's network
 //! overlap    f32 [poses]      the share of the tool's volume in the obstacle, in [0, 1]; or, of fields of depth,
@@ -11,8 +11,10 @@
 //! ```
 //!
 //! Answers are those of [`crate::field::Field`] but for the rounding of single precision: outside the box of the voxel centres those
-//! of the nearest point inside, without guarantee. What a field is of stands in the model's metadata: part, tool, unit,
-//! clearance, the corners of that box. Graphs are of opset 17.
+//! of the nearest point inside, without guarantee; NaN in the row of an invalid pose, and in no other. What a field is of stands in
+//! the model's metadata: part, tool, unit, clearance, the corners of that box in the world, and the corner of the grid that positions
+//! are counted from: the difference, taken in double precision, keeps its digits however far from zero the part lies.
+//! Graphs are of opset 17.
 //!
 //! The messages are written here, a dozen of them, since the crates that have all of ONNX's are no longer kept (`onnx-pb`,
 //! of 2020) or parse only (`onnx-ir`).
@@ -27,6 +29,7 @@ mod place;
 use std::io::Write as _;
 use std::path::Path;
 
+use glam::DVec3;
 use prost::Message as _;
 use thiserror::Error;
 
@@ -50,7 +53,7 @@ const IR_VERSION: i64 = 8;
 /// Protocol buffers hold no more than 2 GiB; a little is left for the graph.
 const MOST_BYTES: u64 = (1 << 31) - (1 << 24);
 
-const POSITION: &str = "the tool's tip in the scene's unit and world frame";
+const POSITION: &str = "the tool's tip less imf.origin, in the scene's unit, along the world's axes";
 const DIRECTION: &str = "the tool's axis from tip to holder, of any length but 0";
 const ANGLES: &str = "(theta, phi) of the tool's axis in degrees: theta in [0, 360), phi in [0, 180]";
 const DEPTH: &str =
@@ -127,9 +130,11 @@ fn siren(model: &Model) -> GraphProto {
     let mut graph = Graph::default();
     let position = graph.input("position", 3, POSITION);
     let angles = graph.input("angles", 2, ANGLES);
-    let (grid, parameters) = (&model.scene.record.grid, &model.state.parameters);
-    let held = network::held(&mut graph, grid, &position);
-    let overlap = network::siren(&mut graph, &model.shape, parameters, grid, &held, &angles);
+    let (grid, parameters) = (own_frame(&model.scene.record.grid), &model.state.parameters);
+    let held = network::held(&mut graph, &grid, &position);
+    let overlap = network::siren(&mut graph, &model.shape, parameters, &grid, &held, &angles);
+    let invalid = [graph.nothing_of(&position), graph.nothing_of(&angles)];
+    let overlap = graph.with_invalid(&overlap, &invalid);
     graph.answering("siren5", "overlap", &overlap, OVERLAP)
 }
 
@@ -139,10 +144,11 @@ fn harmonic(file: &HarmonicFile) -> Result<GraphProto, OnnxError> {
     let mut graph = Graph::default();
     let position = graph.input("position", 3, POSITION);
     let direction = graph.input("direction", 3, DIRECTION);
-    let z = interpolated::coefficients(&mut graph, &field.coefficients, &field.grid, &position);
+    let z = interpolated::coefficients(&mut graph, &field.coefficients, &own_frame(&field.grid), &position);
     let degree = field.basis.degree();
     let value = directions::value(&mut graph, &direction, degree, &field.axes, &field.mean, &z);
-    Ok(answering(graph, "harmonic", &value, field.quantity))
+    let invalid = [graph.nothing_of(&position), directions::nothing_of(&mut graph, &direction)];
+    Ok(answering(graph, "harmonic", &value, &invalid, (field.quantity, field.grid.pitch)))
 }
 
 fn factored(file: &FactoredFile) -> Result<GraphProto, OnnxError> {
@@ -151,23 +157,36 @@ fn factored(file: &FactoredFile) -> Result<GraphProto, OnnxError> {
     let mut graph = Graph::default();
     let position = graph.input("position", 3, POSITION);
     let direction = graph.input("direction", 3, DIRECTION);
-    let held = network::held(&mut graph, &field.grid, &position);
-    let place = Place::new(&mut graph, &field.shape.symmetry, &held);
-    let z = network::coefficients(&mut graph, field, &place);
+    let grid = own_frame(&field.grid);
+    let held = network::held(&mut graph, &grid, &position);
+    let place = Place::new(&mut graph, &field.shape.symmetry.less(field.grid.origin), &held);
+    let z = network::coefficients(&mut graph, field, &grid, &place);
+    let invalid = [graph.nothing_of(&position), directions::nothing_of(&mut graph, &direction)];
     let direction = place.to_local(&mut graph, &direction);
     let degree = field.basis.degree();
     let value = directions::value(&mut graph, &direction, degree, &field.axes, &field.mean, &z);
-    Ok(answering(graph, "factored", &value, field.quantity))
+    Ok(answering(graph, "factored", &value, &invalid, (field.quantity, field.grid.pitch)))
 }
 
-/// The graph whose answer is a value, held in [0, 1] where it is an overlap.
-fn answering(mut graph: Graph, family: &str, value: &Value, quantity: Quantity) -> GraphProto {
+/// The same grid with its corner at zero.
+fn own_frame(grid: &Grid) -> Grid {
+    Grid { origin: DVec3::ZERO, ..*grid }
+}
+
+/// The graph whose answer is a value, clamped as its quantity is on a grid of this pitch, and NaN where something is invalid.
+fn answering(
+    mut graph: Graph,
+    family: &str,
+    value: &Value,
+    invalid: &[Value],
+    (quantity, pitch): (Quantity, f64),
+) -> GraphProto {
+    let [low, high] = quantity.bounds(pitch);
+    let clamped = graph.clip(value, low, high);
+    let answer = graph.with_invalid(&clamped, invalid);
     match quantity {
-        Quantity::Overlap => {
-            let overlap = graph.clip(value, 0.0, 1.0);
-            graph.answering(family, "overlap", &overlap, OVERLAP)
-        }
-        Quantity::Depth => graph.answering(family, "depth", value, DEPTH),
+        Quantity::Overlap => graph.answering(family, "overlap", &answer, OVERLAP),
+        Quantity::Depth => graph.answering(family, "depth", &answer, DEPTH),
     }
 }
 
@@ -183,6 +202,7 @@ fn metadata(record: &SceneRecord, quantity: Quantity) -> Vec<StringStringEntryPr
         format!("{x} {y} {z}")
     };
     let clearance = record.clearance;
+    let [x, y, z] = record.grid.origin.to_array();
     let entries = [
         (
             "imf.quantity",
@@ -195,6 +215,7 @@ fn metadata(record: &SceneRecord, quantity: Quantity) -> Vec<StringStringEntryPr
         ("imf.tool", record.tool.name.clone()),
         ("imf.unit", record.unit.to_string()),
         ("imf.pitch", pitch.to_string()),
+        ("imf.origin", format!("{x} {y} {z}")),
         ("imf.box_lower", corner([0; 3])),
         ("imf.box_upper", corner(dims.map(|n| n - 1))),
         (

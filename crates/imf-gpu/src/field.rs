@@ -236,8 +236,8 @@ impl PoseField for GpuField {
 
     fn values(&self, poses: &[Pose], values: &mut [f32]) -> Result<(), FieldError> {
         check_lengths(poses.len(), values.len())?;
-        let quantity = self.field.quantity();
-        self.unclipped(poses, |place, value| values[place] = quantity.held(value))
+        let (quantity, pitch) = (self.field.quantity(), self.field.scene().record.grid.pitch);
+        self.unclipped(poses, |place, value| values[place] = quantity.held(value, pitch))
     }
 
     fn gradients(&self, poses: &[Pose], gradients: &mut [Gradient]) -> Result<(), FieldError> {
@@ -287,7 +287,7 @@ impl PoseField for GpuField {
         for (((point, best), value), orientation) in points.iter().zip(best).zip(least).zip(chosen) {
             *best = if point.is_finite() {
                 let decision = self.field.decide(*point, value);
-                Best { value: quantity.held(value), orientation, decision }
+                Best { value: quantity.held(value, grid.pitch), orientation, decision }
             } else {
                 Best::NONE
             };

@@ -176,7 +176,7 @@ impl OverOrientations {
         mut fill: impl FnMut(Range<usize>) -> Result<wgpu::Buffer, E>,
     ) -> Result<(), E> {
         require(orientations)?;
-        let quantity = source.quantity();
+        let (quantity, pitch) = source.quantity();
         let all = orientations.chunks(self.batch).zip(sections.chunks_mut((self.batch * points).max(1)));
         for (orientations, sections) in all {
             let chunks = self.chunks(source, orientations, Output::Sections)?;
@@ -185,7 +185,10 @@ impl OverOrientations {
                 let values = gpu.finish_read::<f32>(reading)?;
                 for (orientation, values) in of.zip(values.chunks_exact(part.len())) {
                     let section = &mut sections[orientation * points..][part.clone()];
-                    section.iter_mut().zip(values).for_each(|(out, &value)| *out = quantity.held(value));
+                    section
+                        .iter_mut()
+                        .zip(values)
+                        .for_each(|(out, &value)| *out = quantity.held(value, pitch));
                 }
                 Ok(())
             });
@@ -332,11 +335,11 @@ impl Source<'_> {
         }
     }
 
-    /// What its values are.
-    pub(crate) fn quantity(self) -> Quantity {
+    /// What its values are, and the pitch of its grid.
+    pub(crate) fn quantity(self) -> (Quantity, f64) {
         match self {
-            Self::Harmonic(field) => field.quantity,
-            Self::Factored(field) => field.quantity,
+            Self::Harmonic(field) => (field.quantity, field.grid.pitch),
+            Self::Factored(field) => (field.quantity, field.grid.pitch),
         }
     }
 }

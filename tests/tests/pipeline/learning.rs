@@ -44,8 +44,9 @@ fn a_small_network_beats_the_nearest_section_and_a_tenth_of_the_variance() {
         field_sections(&plan, &unseen, 0.001, Control::quiet(), section).unwrap().overall
     };
     let learnt = report(&engine.state().unwrap().parameters);
-    let nearest =
-        nearest_sections(&plan, &unseen, &seen.orientations, 0.001, Control::quiet()).unwrap().overall;
+    let nearest = nearest_sections(&(&plan).into(), &unseen, &seen.orientations, 0.001, Control::quiet())
+        .unwrap()
+        .overall;
     assert!(
         learnt.mse < 0.1 * learnt.variance,
         "{:.2e} of a variance of {:.2e}",

@@ -127,7 +127,8 @@ impl Questions {
             let stage = session.stage("evaluating", "sections", set.len() as u64);
             let advance = |n| stage.advance(n);
             let control = session.control(&advance);
-            errors.push(grid_imf(&plan, &set.orientations, &*field, self.threshold, control)?.errors);
+            errors
+                .push(grid_imf(&(&plan).into(), &set.orientations, &*field, self.threshold, control)?.errors);
             stage.finish("");
         }
         errors.push(random.errors);

@@ -2,7 +2,7 @@
 
 use anyhow::{Result, ensure};
 use clap::Args;
-use imf_core::tool::{Clearance, Tool};
+use imf_core::tool::{Clearance, Tool, ToolShape};
 
 /// Heading of these options.
 const HEADING: &str = "Clearance, in the part's unit";
@@ -22,9 +22,29 @@ pub struct ClearanceArguments {
     /// Room that the cutter must keep from what it may not touch
     #[arg(help_heading = HEADING, long, default_value_t = 0.0, value_name = "LENGTH")]
     clearance_cutter: f64,
+    /// In voxels instead, for all elements.
+    #[arg(skip)]
+    voxels: Option<f64>,
 }
 
 impl ClearanceArguments {
+    /// So many voxels for all elements, whatever the pitch.
+    pub(crate) fn of_voxels(&self, voxels: f64) -> Self {
+        Self { voxels: Some(voxels), ..self.clone() }
+    }
+
+    /// The clearance of a tool on a grid of this pitch; a mesh tool has none of voxels, since it cannot be grown.
+    pub(crate) fn at(&self, pitch: f64, tool: &Tool) -> Clearance {
+        match (self.voxels, &tool.shape) {
+            (None, _) => self.clearance(),
+            (Some(_), ToolShape::Mesh(_)) => Clearance::default(),
+            (Some(voxels), ToolShape::Revolved(_)) => {
+                let room = voxels * pitch;
+                Clearance { holder: room, shank: room, cutter: room }
+            }
+        }
+    }
+
     pub(crate) fn clearance(&self) -> Clearance {
         Clearance {
             holder: self.clearance_holder.unwrap_or(self.clearance),
@@ -41,6 +61,7 @@ impl From<Clearance> for ClearanceArguments {
             clearance_holder: Some(holder),
             clearance_shank: Some(shank),
             clearance_cutter: cutter,
+            voxels: None,
         }
     }
 }

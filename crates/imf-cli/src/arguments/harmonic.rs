@@ -2,31 +2,25 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use imf_core::section::Quantity;
 use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
 
 use super::clearance::ContactArguments;
+use super::given::Given;
+use super::quantity::QuantityArguments;
 use super::scene::SceneArguments;
-
-/// What a field's values are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum FieldQuantity {
-    /// The fraction of the tool's volume that lies in the part
-    Overlap,
-    /// Signed penetration depth: how far the tool must be moved to be free, below 0 how far it may be moved, clamped within 8
-    /// pitches. What decides best; imf field, imf eval and imf query --exact refuse it
-    Depth,
-}
 
 /// Fit a field of every direction to exact sections, in seconds: approximate, with its error stated
 #[derive(Args)]
 #[command(after_help = "Examples:\n  imf train harmonic teapot --out teapot.safetensors\n  \
-                  imf train harmonic bracket --clearance 2 --clearance-cutter 2 --quantity depth --out bracket.safetensors\n\n\
+                  imf train harmonic part.obj --tool mill.toml --out part.safetensors\n\n\
                   The file is for imf query, imf field, imf check and imf train factored.")]
 pub(crate) struct HarmonicArguments {
+    #[command(flatten)]
+    pub(crate) given: Given,
     #[command(flatten)]
     pub(crate) scene: SceneArguments,
     #[command(flatten)]
@@ -34,9 +28,8 @@ pub(crate) struct HarmonicArguments {
     /// File to write
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
-    /// What the field's values are
-    #[arg(long, value_enum, default_value = "overlap")]
-    quantity: FieldQuantity,
+    #[command(flatten)]
+    pub(crate) quantity: QuantityArguments,
     /// Highest degree of the harmonics: more is finer and costs memory and time by its square; by default 14. For tools that
     /// are not symmetric about their axis by its cube, and by default 8
     #[arg(long, value_name = "L")]
@@ -71,13 +64,10 @@ fn parse_target(text: &str) -> Result<f64, String> {
 
 impl HarmonicArguments {
     /// The settings of the fit of a field over directions or rotations.
-    pub(crate) fn settings(&self, domain: Domain) -> FitSettings {
+    pub(crate) fn settings(&self, domain: Domain, quantity: Quantity) -> FitSettings {
         let usual = if self.target_mse.is_some() { usize::MAX } else { DEFAULT_COMPONENTS };
         FitSettings {
-            quantity: match self.quantity {
-                FieldQuantity::Overlap => Quantity::Overlap,
-                FieldQuantity::Depth => Quantity::Depth,
-            },
+            quantity,
             degree: self.degree.unwrap_or(match domain {
                 Domain::Directions => DEFAULT_DEGREE,
                 Domain::Rotations => DEFAULT_DEGREE_OF_ROTATIONS,

@@ -12,12 +12,10 @@ use super::numbers::parse_threshold;
 
 /// Measure what a field's decisions are worth, choose its thresholds for free and colliding, and keep both in its file
 #[derive(Args)]
-#[command(
-    after_help = "Example:\n  imf train harmonic bracket --clearance 2 --clearance-cutter 2 --quantity depth \
-                  --no-calibrate --out bracket.safetensors\n  imf calibrate bracket.safetensors\n  imf calibrate \
-                  bracket.safetensors --verify --seed 1\n\nA colliding pose is one of the tool as it is, a clear pose one \
-                  where the tool grown by its clearance is free: what lies between may be answered either way."
-)]
+#[command(after_help = "Example:\n  imf train harmonic part.obj --tool mill.toml \
+                  --no-calibrate --out part.safetensors\n  imf calibrate part.safetensors\n  imf calibrate \
+                  part.safetensors --verify --seed 1\n\nA colliding pose is one of the tool as it is, a clear pose one \
+                  where the tool grown by its clearance is free: what lies between may be answered either way.")]
 pub(crate) struct CalibrateArguments {
     /// Field: a model, a harmonic or a factored field
     pub(crate) field: PathBuf,
@@ -84,9 +82,10 @@ pub(crate) struct EvalArguments {
     /// Set of directions of the IMF, see below; a model's training set by default, 225 spread evenly for other fields
     #[arg(long, value_name = "SET", allow_hyphen_values = true)]
     pub(crate) imf: Option<String>,
-    /// CMF above which a pose is called colliding
-    #[arg(long, default_value_t = 0.001, value_name = "τ", value_parser = parse_threshold)]
-    pub(crate) threshold: f64,
+    /// Value above which a pose is called colliding, instead of the calibrated one; a field that was never calibrated is, for the
+    /// report
+    #[arg(long, value_name = "τ", value_parser = parse_threshold)]
+    pub(crate) threshold: Option<f64>,
     /// Seed of the random orientations
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
@@ -102,11 +101,12 @@ pub(crate) struct EvalArguments {
 #[command(after_help = "Example:\n  imf query model/field.safetensors poses.csv --out answers.csv\n\n\
                         The first line names the columns: x,y,z,i,j,k (tool axis from tip to holder) or \
                         x,y,z,theta,phi (degrees); a column roll (degrees) turns the tool about its own axis. Other columns \
-                        are kept. Answers add the column overlap, from 0 to 1; with --exact also overlap_exact; with --sharp \
-                        they are called cmf and cmf_exact. A field of depth \
-                        (imf info says which) adds the column depth instead: how far the tool must be moved to be free, below \
-                        0 how far it may be moved, in the scene's unit, held within 8 pitches. Poses outside the box of the voxel centres are \
-                        answered as the nearest point inside, without guarantee; --exact counts everywhere.")]
+                        are kept. Answers add the column depth of a field of depth: how far the tool must be moved to be free, below \
+                        0 how far it may be moved, in the scene's unit, clamped within 8 pitches; of a field of overlaps (imf info says which) the \
+                        column overlap instead, from 0 to 1; with --exact also depth_exact or overlap_exact. With --sharp they are called \
+                        depth_sharp or overlap_sharp. The column decision says free, colliding or undecided, by the field's calibration; \
+                        the column outside says true where the pose lies outside the box of the voxel centres: it is \
+                        answered as the nearest point inside, without guarantee, and undecided. --exact counts everywhere.")]
 pub(crate) struct QueryArguments {
     /// Trained model, or a harmonic or factored field
     pub(crate) model: PathBuf,
@@ -115,11 +115,11 @@ pub(crate) struct QueryArguments {
     /// CSV file of answers; standard output by default
     #[arg(long, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
-    /// Also count the exact overlap; for fields of overlap alone
+    /// Also count the exact overlap, or the exact depth
     #[arg(long)]
     pub(crate) exact: bool,
-    /// The least over the tool's sharp points k (CMF, or the least depth), not the tip's: each read or counted at x − R k itself, where
-    /// sections take the mean of the voxels around
+    /// The minimum over the tool's sharp points k, each read or counted at x − R k itself: not the CMF of sections, which
+    /// takes the mean of the voxels around
     #[arg(long)]
     pub(crate) sharp: bool,
     #[command(flatten)]

@@ -193,7 +193,8 @@ impl SceneArguments {
 
     /// The tool in the part's unit, offset by its clearance, and how deep its cutter may touch.
     fn offset_tool(&self, spec: &SceneSpec<'_>, contact: &ContactArguments) -> Result<(Tool, Option<f64>)> {
-        let tool = spec.tool.in_unit(spec.unit).inflated(&self.clearance.clearance())?;
+        let clearance = self.clearance.at(spec.grid()?.pitch, spec.tool);
+        let tool = spec.tool.in_unit(spec.unit).inflated(&clearance)?;
         Ok((tool, contact.depth([spec.tool])?))
     }
 
@@ -207,7 +208,7 @@ impl SceneArguments {
     ) -> Result<Scene> {
         warn_of(session, &spec.check_tool(spec.tool, &scene.record.grid)?);
         warn_of(session, &spec.warnings(bodies)?);
-        let clearance = self.clearance.clearance();
+        let clearance = self.clearance.at(scene.record.grid.pitch, scene.record.bare_tool());
         let scene = scene.with_clearance(&clearance)?;
         let grid = scene.record.grid;
         let [x, y, z] = grid.dims;

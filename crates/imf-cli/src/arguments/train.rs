@@ -21,6 +21,7 @@ use super::given::Given;
 use super::harmonic::HarmonicArguments;
 use super::network::{Network, parse_network};
 use super::numbers::{parse_count, parse_rate};
+use super::quantity::QuantityArguments;
 use super::scene::SceneArguments;
 use crate::job::REPORT_EVERY;
 
@@ -57,6 +58,8 @@ pub(crate) struct FactoredArguments {
     #[command(flatten)]
     pub(crate) contact: ContactArguments,
     #[command(flatten)]
+    pub(crate) quantity: QuantityArguments,
+    #[command(flatten)]
     pub(crate) run: RunArguments,
     #[command(flatten)]
     pub(crate) start: StartArguments,
@@ -73,7 +76,7 @@ pub(crate) struct FactoredArguments {
     pub(crate) half: bool,
 }
 
-/// Train the paper's network on samples of exact sections
+/// Train the paper's network on samples of exact sections; its values are overlaps
 #[derive(Args)]
 #[command(
     mut_arg("part", |part| part.value_name("PART or DATASET").help(
@@ -140,6 +143,9 @@ pub(crate) struct RunArguments {
     /// number or part of a name from `imf info`; by default cpu for a factored field, auto for siren5
     #[arg(long, value_name = "DEVICE")]
     device: Option<String>,
+    /// Leave out measuring what the field's decisions are worth (imf calibrate), which takes a few seconds
+    #[arg(long)]
+    pub(crate) no_calibrate: bool,
     /// Another setting, see below; may be repeated
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,

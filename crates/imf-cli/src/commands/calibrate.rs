@@ -4,11 +4,12 @@ use std::fmt::Write;
 use std::path::Path;
 
 use anyhow::{Result, bail};
+use imf_core::section::Quantity;
 use imf_fields::calibration::{Calibration, Judgement, Rate};
 use imf_fields::field::Field;
 use imf_fields::field::calibrate::{CHUNK, CalibrationError, CalibrationSettings, calibrate, judge};
 use imf_fields::file::FieldFile;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::arguments::saved::CalibrateArguments;
 use crate::interrupt::Interrupted;
@@ -69,47 +70,104 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
     }
     let json = json!({
         "field": arguments.field, "verified": arguments.verify, "keeps_its_goals": calibration.keeps_its_goals(),
-        "calibration": calibration,
+        "calibration": calibration, "verdict": calibration.verdict(),
     });
-    answer(session, &json, &text(&calibration))
+    answer(session, &json, &format!("{}Verdict: {}.", text(&calibration), calibration.verdict()))
+}
+
+/// What a field's decisions are worth, or why that is not known.
+pub(crate) enum Worth {
+    /// Measured.
+    Known(Box<Calibration>),
+    /// Not, because.
+    Unknown(String),
+}
+
+impl Worth {
+    /// What was measured.
+    pub(crate) fn calibration(&self) -> Option<&Calibration> {
+        match self {
+            Self::Known(calibration) => Some(calibration),
+            Self::Unknown(_) => None,
+        }
+    }
+
+    /// What the field may be used for, in a sentence.
+    pub(crate) fn text(&self) -> String {
+        match self {
+            Self::Known(calibration) => format!("Verdict: {}.", calibration.verdict()),
+            Self::Unknown(why) => format!("Verdict: none, decisions are not calibrated: {why}."),
+        }
+    }
+
+    /// The same for programs.
+    pub(crate) fn json(&self) -> Value {
+        match self {
+            Self::Known(calibration) => json!(calibration.verdict()),
+            Self::Unknown(why) => json!({ "usable_for": null, "text": why }),
+        }
+    }
+}
+
+/// Most random poses that are drawn to choose thresholds by where few of them collide.
+const MOST_POSES: usize = 4_000_000;
+
+/// Measures what a field's decisions are worth: by more poses where too few collide to show the rate that is asked for; `kept` is
+/// what an interruption leaves.
+pub(crate) fn measured(session: &Session, field: &Field, kept: &str) -> Result<Worth> {
+    let mut settings = CalibrationSettings::default();
+    loop {
+        let stage = session.stage("calibrating", "batches", settings.units());
+        let advance = |n| stage.advance(n);
+        match calibrate(field, &settings, session.control(&advance)) {
+            Err(CalibrationError::Cancelled) => {
+                return Err(Interrupted(kept.to_owned()).into());
+            }
+            Err(CalibrationError::TooFew { colliding, .. })
+                if settings.uniform < MOST_POSES && colliding > 0 =>
+            {
+                stage.finish("too few poses collide; more are drawn");
+                // Of zero errors the bound is below the goal from 4.6 over it on; a tenth more for chance.
+                let more = 1.1 * 4.61 / settings.goals.false_free / colliding as f64;
+                settings.uniform = ((settings.uniform as f64 * more.max(1.1)) as usize).min(MOST_POSES);
+            }
+            Err(error) => {
+                stage.finish("not calibrated");
+                return Ok(Worth::Unknown(error.to_string()));
+            }
+            Ok(calibration) => {
+                stage.finish(if calibration.keeps_its_goals() { "goals kept" } else { "goals missed" });
+                return Ok(Worth::Known(Box::new(calibration)));
+            }
+        }
+    }
 }
 
 /// Measures what the decisions of a field just written are worth, and keeps it in its file: the end of making or training
-/// one. Where that cannot be told the file stays as it is, and a note says why.
-pub(super) fn afterwards(session: &Session, path: &Path) -> Result<()> {
-    let settings = CalibrationSettings::default();
+/// one. Where that cannot be told the file stays as it is.
+pub(super) fn afterwards(session: &Session, path: &Path, wanted: bool) -> Result<Worth> {
+    if !wanted {
+        return Ok(Worth::Unknown("they were not to be (imf calibrate does it)".into()));
+    }
     // The file's bytes, and the field that they become.
     let (needed, limit) = (2 * std::fs::metadata(path)?.len(), session.memory_limit());
     if needed > limit {
-        session.note(&format!(
-            "decisions are not calibrated: that takes about {} of memory, and {} may be used; imf calibrate does it where there \
-             is more",
+        return Ok(Worth::Unknown(format!(
+            "that takes about {} of memory, and {} may be used; imf calibrate does it where there is more",
             show_bytes(needed),
             show_bytes(limit)
-        ));
-        return Ok(());
+        )));
     }
     let field = Field::load(path)?;
-    let stage = session.stage("calibrating", "batches", settings.units());
-    let advance = |n| stage.advance(n);
-    match calibrate(&field, &settings, session.control(&advance)) {
-        Err(CalibrationError::Cancelled) => {
-            let kept = format!("{} is written; imf calibrate goes on", path.display());
-            Err(Interrupted(kept).into())
-        }
-        Err(error) => {
-            stage.finish("not calibrated");
-            session.note(&format!("decisions are not calibrated: {error}"));
-            Ok(())
-        }
-        Ok(calibration) => {
-            stage.finish(if calibration.keeps_its_goals() { "goals kept" } else { "goals missed" });
-            drop(field);
-            keep(path, calibration, path)?;
-            session.note(&format!("decisions: {}", judgement(&calibration.uniform)));
-            Ok(())
-        }
+    if let Some(known) = field.calibration() {
+        return Ok(Worth::Known(Box::new(*known)));
     }
+    let worth = measured(session, &field, &format!("{} is written; imf calibrate goes on", path.display()))?;
+    drop(field);
+    if let Some(&calibration) = worth.calibration() {
+        keep(path, calibration, path)?;
+    }
+    Ok(worth)
 }
 
 /// Writes a field with what its decisions are worth.
@@ -119,11 +177,12 @@ fn keep(field: &Path, calibration: Calibration, out: &Path) -> Result<()> {
     Ok(stored.write(out)?)
 }
 
-/// Samples that a training must at least have seen for its calibration to take an eighth of its time: an evaluation takes a
-/// third of a step.
-pub(super) fn is_short_beside(samples: u64) -> bool {
-    let CalibrationSettings { uniform, boundary, .. } = CalibrationSettings::default();
-    3 * samples >= 8 * (2 * uniform + boundary) as u64
+/// A value of a quantity as a threshold is told: a length in a scene's unit, or a share.
+pub(crate) fn threshold_text(value: f64, quantity: Quantity, unit: impl std::fmt::Display) -> String {
+    match quantity {
+        Quantity::Depth => format!("{value:.3} {unit}"),
+        Quantity::Overlap => format!("{value:.3e}"),
+    }
 }
 
 /// The record as a table.

@@ -3,6 +3,7 @@
 mod factored;
 mod siren;
 
+use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Result;
@@ -11,9 +12,12 @@ use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
 use imf_core::tool::Tool;
+use imf_fields::file::FieldFile;
 
 pub use self::siren::SHAPE;
 use crate::arguments::{DemoArguments, NetworkFamily};
+use crate::commands::calibrate::afterwards;
+use crate::job::FIELD;
 use crate::output::{answer, prepare_folder};
 use crate::progress::show_seconds;
 use crate::report::Questions;
@@ -65,6 +69,13 @@ fn questions(seed: u64, in_sample: Option<Orientation>, imf: OrientationSet) -> 
         out_of_sample: Some(Orientation::new(12.0, 6.0)),
         random: OrientationSet::parse(&format!("random:64:{}", seed.wrapping_add(1)))?,
         imf,
-        threshold: 0.001,
+        threshold: None,
     })
+}
+
+/// The field that was just written, with what its decisions are worth.
+fn decided(session: &Session, out: &Path) -> Result<FieldFile> {
+    let path = out.join(FIELD);
+    afterwards(session, &path, true)?;
+    Ok(FieldFile::read(&path)?)
 }

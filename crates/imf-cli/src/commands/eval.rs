@@ -1,12 +1,14 @@
 //! `imf eval`: a field of any family against the exact one.
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use imf_core::orientation::OrientationSet;
-use imf_core::section::{Quantity, SectionPlan};
+use imf_core::section::SectionPlan;
+use imf_fields::field::Field;
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Basis;
 
 use crate::arguments::saved::EvalArguments;
+use crate::commands::calibrate::{Worth, measured};
 use crate::engine::{Calls, Device, Evaluated};
 use crate::output::{answer, prepare_folder};
 use crate::report::{Questions, Subject, evaluate};
@@ -20,24 +22,27 @@ pub(crate) fn run(session: &Session, arguments: &EvalArguments) -> Result<()> {
         prepare_folder(folder)?;
     }
     let stored = FieldFile::read(&arguments.model)?;
-    if stored.quantity() == Quantity::Depth {
-        bail!(
-            "{} is a field of depth, which exact sections do not hold: imf calibrate --verify judges its decisions",
-            arguments.model.display()
-        );
-    }
     let device = Device::for_field(&arguments.device.device, session, &stored)?;
     require_memory(session, &device, &stored)?;
     let questions = questions(arguments, &stored)?;
     let subject = Subject::of_stored(&stored)?;
+    let worth = worth_of(session, &stored)?;
     let Evaluated { field, by, .. } = device.field(session, &stored, Calls::Many)?;
     session.note(&format!("evaluating on {by}"));
-    let evaluation = evaluate(session, &subject, &*field, by, &questions)?;
+    let evaluation = evaluate(session, &subject, &*field, by, &questions, &worth)?;
     if let Some(folder) = &arguments.out {
         evaluation.write(folder, &subject, &*field)?;
         session.note(&format!("wrote {}", folder.join("report.md").display()));
     }
     answer(session, &evaluation.report, &evaluation.report.table())
+}
+
+/// What the field's decisions are worth: as its file says, else measured for the report.
+pub(super) fn worth_of(session: &Session, stored: &FieldFile) -> Result<Worth> {
+    match stored.calibration() {
+        Some(known) => Ok(Worth::Known(Box::new(*known))),
+        None => measured(session, &Field::new(stored.clone())?, "no report was made"),
+    }
 }
 
 /// Refuses what would not fit beside the exact field.

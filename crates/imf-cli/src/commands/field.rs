@@ -17,6 +17,7 @@ use imf_core::obstacle::Obstacle;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::scene::Scene;
 use imf_core::section::{At, ElementPlans, Quantity, SectionPlan};
+use imf_fields::calibration::{Calibration, Verdict};
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
 use serde_json::{Value, json};
@@ -24,6 +25,7 @@ use serde_json::{Value, json};
 use self::check::Check;
 use self::counting::Streamed;
 use self::saved::Saved;
+use super::calibrate::threshold_text;
 use super::notes;
 use crate::arguments::field::FieldArguments;
 use crate::arguments::fixture::Part;
@@ -32,8 +34,6 @@ use crate::engine::Device;
 use crate::output::{OutputFolder, SUMMARY, same_digits};
 use crate::session::Session;
 
-/// Estimates at most this count as accessible, as `imf eval` judges decisions by default.
-const TAU: f32 = 1e-3;
 /// The list of orientations beside the fields: their indices count its lines.
 const ORIENTATIONS: &str = "orientations.csv";
 
@@ -85,12 +85,6 @@ fn of_part(session: &Session, arguments: &FieldArguments, folder: OutputFolder) 
 
 fn of_saved(session: &Session, arguments: &FieldArguments, path: &Path, folder: OutputFolder) -> Result<()> {
     let stored = FieldFile::read(path)?;
-    if stored.quantity() == Quantity::Depth {
-        bail!(
-            "{} is a field of depth, which is asked for poses: see imf query and imf check",
-            path.display()
-        );
-    }
     let scene = stored.scene().clone();
     let text = arguments.orientations.as_deref();
     let text = text.unwrap_or_else(|| default_set(scene.record.bare_tool().is_axisymmetric(), false));
@@ -183,20 +177,56 @@ impl Work<'_> {
         })?)
     }
 
-    /// Largest value of what counts as accessible: estimates are hardly ever 0.
-    fn tau(&self) -> f32 {
+    /// What the values are, and how they are called.
+    fn measure(&self) -> Measure {
         match self.values {
-            Values::Saved(_) => TAU,
-            Values::Counted(_) => 0.0,
+            Values::Saved(field) if field.stored().quantity() == Quantity::Depth => Measure::DEPTH,
+            Values::Saved(_) | Values::Counted(_) => Measure::OVERLAP,
         }
     }
 
-    /// Voxels outside the part where `values` is at most [`Work::tau`], and the others.
-    fn accessible_outside(&self, values: &[f32]) -> Outside {
-        let (solid, tau) = (&self.scene.obstacle.solid, self.tau());
+    /// Largest value of what counts as accessible: 0 where values are counted; of a saved field its calibrated threshold, if it has
+    /// one.
+    fn tau(&self) -> Option<f32> {
+        match self.values {
+            Values::Saved(field) => field.stored().calibration().and_then(|known| known.free_up_to),
+            Values::Counted(_) => Some(0.0),
+        }
+    }
+
+    /// What [`Work::tau`] is and why, of a saved field.
+    fn threshold_text(&self, field: &Saved) -> String {
+        match (field.stored().calibration(), self.tau()) {
+            (None, _) => {
+                "not calibrated, so that nothing is called accessible: imf calibrate chooses a threshold"
+                    .to_owned()
+            }
+            (Some(_), None) => "no value of this field is low enough to be called free".to_owned(),
+            (Some(_), Some(tau)) => {
+                let tau = threshold_text(tau.into(), field.stored().quantity(), self.scene.record.unit);
+                format!("at most {tau} counts as free, the field's calibrated threshold")
+            }
+        }
+    }
+
+    /// Threshold and verdict of a saved field, for people.
+    fn trust(&self) -> Option<String> {
+        let Values::Saved(field) = self.values else { return None };
+        let verdict = field.stored().calibration().map_or_else(String::new, |known| {
+            format!(
+                "verdict       {}; the minimum over many directions picks the field's errors out\n",
+                known.verdict()
+            )
+        });
+        Some(format!("threshold     {}\n{verdict}", self.threshold_text(field)))
+    }
+
+    /// Voxels outside the part where `values` is at most [`Work::tau`], and the others; nothing where there is no threshold.
+    fn accessible_outside(&self, values: &[f32]) -> Option<Outside> {
+        let (solid, tau) = (&self.scene.obstacle.solid, self.tau()?);
         let empty = || values.iter().zip(solid).filter(|&(_, &solid)| solid == 0);
         let accessible = empty().filter(|&(&value, _)| value <= tau).count();
-        Outside { accessible, inaccessible: empty().count() - accessible }
+        Some(Outside { accessible, inaccessible: empty().count() - accessible })
     }
 
     /// Everything that is needed to know what the fields are; `kind` adds its own.
@@ -210,7 +240,9 @@ impl Work<'_> {
                 "suggested_by_the_part": self.suggested },
             "computed_by": self.computed_by(),
             "guarantee": self.guarantee(),
-            "tau": same_digits(self.tau()),
+            "quantity": self.measure().quantity,
+            "tau": self.tau().map(same_digits),
+            "verdict": self.verdict(),
             "harmonic": null,
             "check": self.counted().map(|counted| counted.check.summary()),
         });
@@ -222,6 +254,12 @@ impl Work<'_> {
             all.extend(own);
         }
         summary
+    }
+
+    /// What a saved field may be used for, where that was measured.
+    fn verdict(&self) -> Option<Verdict> {
+        let Values::Saved(field) = self.values else { return None };
+        field.stored().calibration().map(Calibration::verdict)
     }
 
     /// Which guarantee holds for the values.
@@ -244,6 +282,39 @@ impl Work<'_> {
     fn title(&self) -> String {
         format!("{}, tool {}", self.scene.record.part, self.scene.record.tool.name)
     }
+}
+
+/// Values of a quantity and their names.
+struct Measure {
+    quantity: Quantity,
+    /// Of sections: files and arrays begin with it.
+    section: &'static str,
+    /// Of the minimum over orientations.
+    minimum: &'static str,
+    /// Beside colour bars.
+    section_label: &'static str,
+    minimum_label: &'static str,
+    /// Before the largest value.
+    short: &'static str,
+}
+
+impl Measure {
+    const OVERLAP: Self = Self {
+        quantity: Quantity::Overlap,
+        section: "cmf",
+        minimum: "imf",
+        section_label: "collision measure CMF",
+        minimum_label: "inaccessibility measure IMF",
+        short: "CMF",
+    };
+    const DEPTH: Self = Self {
+        quantity: Quantity::Depth,
+        section: "depth",
+        minimum: "minimum-depth",
+        section_label: "signed penetration depth",
+        minimum_label: "minimum of the depth",
+        short: "depth",
+    };
 }
 
 /// Voxels outside the part.

@@ -8,10 +8,10 @@ mod poses;
 
 use std::io::{Error as IoError, Write, stdout};
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result};
 use glam::DVec3;
 use imf_core::atomic_file::write_atomically;
-use imf_core::field::{ExactField, FieldError, collision_measures, values_on_all_threads};
+use imf_core::field::{Decision, ExactField, FieldError, collision_measures, values_on_all_threads};
 use imf_core::grid::Grid;
 use imf_core::pose::Pose;
 use imf_core::section::{DEPTH_CAP, Quantity};
@@ -38,9 +38,6 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     let file = FieldFile::read(&arguments.model)?;
     let device = Device::for_field(name, session, &file)?;
     let quantity = file.quantity();
-    if quantity == Quantity::Depth && arguments.exact {
-        bail!("{} answers depths, and --exact counts overlaps: leave it out", arguments.model.display());
-    }
     if let (Device::Gpu(_), FieldFile::Harmonic(_)) = (&device, &file) {
         session.require_memory(device.copied_bytes(&file, Calls::Many), || {
             "the field's coefficients at every voxel on the device; take --device cpu".into()
@@ -66,9 +63,10 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
         false => {
             let [_, most] = quantity.bounds(record.grid.pitch);
             format!(
-                "a field is no proof; depths are held within {DEPTH_CAP} pitches, {} {}",
+                "a field is no proof; depths are clamped within {DEPTH_CAP} pitches, {} {}; --exact answers: {}",
                 short(most),
-                record.unit
+                record.unit,
+                record.guarantee()
             )
         }
     });
@@ -132,8 +130,9 @@ impl Work {
         // Before the header: poses that cannot be read at all leave no half of an answer.
         poses.read(size, &mut answers.records, &mut answers.poses)?;
         let measure = match (self.quantity, &self.sharp_points) {
-            (Quantity::Depth, _) => "depth",
-            (Quantity::Overlap, Some(_)) => "cmf",
+            (Quantity::Depth, Some(_)) => "depth_sharp",
+            (Quantity::Depth, None) => "depth",
+            (Quantity::Overlap, Some(_)) => "overlap_sharp",
             (Quantity::Overlap, None) => "overlap",
         };
         let mut writer =
@@ -148,12 +147,16 @@ impl Work {
             answers.values =
                 self.measure(&answers.poses, |poses, values| self.field.values(poses, values))?;
             if let Some(exact) = &self.exact {
-                answers.exact = self
-                    .measure(&answers.poses, |poses, values| values_on_all_threads(exact, poses, values))?;
+                answers.exact = self.measure(&answers.poses, |poses, values| match self.quantity {
+                    Quantity::Overlap => values_on_all_threads(exact, poses, values),
+                    Quantity::Depth => exact.depths(poses, values),
+                })?;
             }
+            answers.decisions = self.decisions(&answers.poses)?;
+            answers.outside = answers.poses.iter().map(|pose| self.is_outside(pose)).collect();
             writer.write(&answers, out)?;
             answered += answers.poses.len() as u64;
-            outside += answers.poses.iter().filter(|pose| self.is_outside(pose)).count() as u64;
+            outside += answers.outside.iter().filter(|&&outside| outside).count() as u64;
             stage.advance(answers.poses.len() as u64);
             poses.read(size, &mut answers.records, &mut answers.poses)?;
         }
@@ -172,6 +175,31 @@ impl Work {
     fn is_outside(&self, pose: &Pose) -> bool {
         let sharp_points = self.sharp_points.as_deref().unwrap_or(&[DVec3::ZERO]);
         sharp_points.iter().any(|&sharp| !self.grid.is_between_centres(pose.position - pose.rotation * sharp))
+    }
+
+    /// Whether the tool collides, by the field's calibration. Where sharp points are given it is free if it is with one of them.
+    fn decisions(&self, poses: &[Pose]) -> Result<Vec<Decision>> {
+        let mut decisions = vec![Decision::Undecided; poses.len()];
+        let Some(points) = &self.sharp_points else {
+            self.field.classify(poses, &mut decisions)?;
+            return Ok(decisions);
+        };
+        let mut best = vec![Decision::Colliding; poses.len()];
+        for &sharp in points {
+            let shifted: Vec<Pose> = poses
+                .iter()
+                .map(|pose| Pose { position: pose.position - pose.rotation * sharp, ..*pose })
+                .collect();
+            self.field.classify(&shifted, &mut decisions)?;
+            for (best, &decision) in best.iter_mut().zip(&decisions) {
+                *best = match (*best, decision) {
+                    (Decision::Free, _) | (_, Decision::Free) => Decision::Free,
+                    (Decision::Undecided, _) | (_, Decision::Undecided) => Decision::Undecided,
+                    (Decision::Colliding, Decision::Colliding) => Decision::Colliding,
+                };
+            }
+        }
+        Ok(best)
     }
 
     /// Overlaps of the tool with its tip at the poses, or collision measures where sharp points are given.

@@ -40,6 +40,8 @@ pub(super) struct Row {
 pub(super) struct Log {
     path: PathBuf,
     file: File,
+    /// Seconds of training up to the last row that was kept.
+    pub(super) seconds: f64,
     /// True where a row could not be written, which has been said.
     failing: bool,
 }
@@ -61,15 +63,15 @@ impl Log {
         if rows().next().is_some_and(|(_, row)| row.is_err()) {
             bail!("{} is no log of a training: move it, or choose another folder", path.display());
         }
-        let kept: String = rows()
-            .filter(|(_, row)| row.as_ref().is_ok_and(|row| row.step <= steps && steps > 0))
-            .map(|(line, _)| format!("{line}\n"))
-            .collect();
+        let earlier = || rows().filter_map(|(line, row)| row.ok().map(|row| (line, row)));
+        let earlier = || earlier().filter(|(_, row)| row.step <= steps && steps > 0);
+        let kept: String = earlier().map(|(line, _)| format!("{line}\n")).collect();
+        let seconds = earlier().last().map_or(0.0, |(_, row)| row.seconds);
         if kept != text || text.is_empty() {
             write_atomically(path, |file| file.write_all(kept.as_bytes()))?;
         }
         let file = OpenOptions::new().append(true).open(path).with_context(cannot)?;
-        Ok(Self { path: path.to_owned(), file, failing: false })
+        Ok(Self { path: path.to_owned(), file, seconds, failing: false })
     }
 
     pub(super) fn add(&mut self, session: &Session, row: &Row) {
@@ -121,6 +123,7 @@ mod tests {
         text.push_str("{\"step\":12");
         std::fs::write(&path, &text).unwrap();
         let mut lines = Log::open(&path, 60).unwrap();
+        assert_eq!(lines.seconds, row(60).seconds);
         lines.write(&row(80)).unwrap();
         assert_eq!(steps(&path), [20, 40, 60, 80]);
         // A training from the start begins a new log.

@@ -30,6 +30,14 @@ impl Scale {
         Self::measure(largest(slices, |value| value), label)
     }
 
+    /// That of a difference where any value lies below 0, else that of a measure.
+    pub fn of_values(slices: &[ArrayView2<'_, f32>], label: &str) -> Self {
+        match slices.iter().flatten().any(|&value| value < 0.0) {
+            true => Self::difference_of(slices, label),
+            false => Self::measure_of(slices, label),
+        }
+    }
+
     /// A difference's scale up to the largest finite magnitude of all `slices`; up to 1 if there is none above 0.
     pub fn difference_of(slices: &[ArrayView2<'_, f32>], label: &str) -> Self {
         Self { signed: true, ..Self::measure(largest(slices, f32::abs), label) }

@@ -33,9 +33,6 @@ pub(super) struct Made {
     /// In titles of panels.
     #[serde(skip)]
     pub(super) shown_as: &'static str,
-    /// What the field is when it is good.
-    #[serde(skip)]
-    pub(super) verb: &'static str,
     /// What the sections were that it was made from.
     #[serde(skip)]
     pub(super) participle: &'static str,
@@ -46,7 +43,6 @@ pub(super) struct Made {
 struct Training {
     training_samples: u64,
     training_steps: u64,
-    training_seconds: f64,
     training_engine: String,
 }
 
@@ -76,15 +72,13 @@ impl<'a> Subject<'a> {
                 training: Some(Training {
                     training_samples: record.samples,
                     training_steps: record.steps,
-                    training_seconds: record.seconds,
                     training_engine: record.engine.clone(),
                 }),
                 how: format!(
-                    "network of {parameters} parameters, {} samples, {} steps, {:.1} s of training on {}",
-                    record.samples, record.steps, record.seconds, record.engine
+                    "network of {parameters} parameters, {} samples, {} steps on {}",
+                    record.samples, record.steps, record.engine
                 ),
                 shown_as: "learnt",
-                verb: "learnt",
                 participle: "trained",
             },
             training: Some(record),
@@ -96,7 +90,7 @@ impl<'a> Subject<'a> {
     /// # Errors
     /// A number of sections that no set can have.
     pub(crate) fn of_stored(stored: &'a FieldFile) -> Result<Self> {
-        let (basis, report, family, parameters, how, verb) = match stored {
+        let (basis, report, family, parameters, how) = match stored {
             FieldFile::Siren(model) => return Ok(Self::of_model(model)),
             FieldFile::Harmonic(file) => {
                 let field = &file.field;
@@ -111,7 +105,7 @@ impl<'a> Subject<'a> {
                     field.axis_count(),
                     field.bytes() as f64 / 1e6
                 );
-                (&field.basis, &field.report, "harmonic", field.coefficients.len(), how, "fitted")
+                (&field.basis, &field.report, "harmonic", field.coefficients.len(), how)
             }
             FieldFile::Factored(file) => {
                 let (field, parameters) = (&file.field, file.field.parameter_count());
@@ -121,14 +115,14 @@ impl<'a> Subject<'a> {
                     field.bytes() as f64 / 1e6,
                     field.basis.degree()
                 );
-                (&field.basis, &file.report, "factored", parameters, how, "learnt")
+                (&field.basis, &file.report, "factored", parameters, how)
             }
         };
         let (shown_as, participle) = (family, "fitted");
         Ok(Self {
             scene: stored.scene(),
             seen: Cow::Owned(basis.fitted_set(report.sections)?),
-            made: Made { family, parameters, training: None, how, shown_as, verb, participle },
+            made: Made { family, parameters, training: None, how, shown_as, participle },
             training: None,
         })
     }

@@ -59,7 +59,10 @@ fn a_field_of_depth_is_calibrated_when_it_is_made_and_leaves_little_near() {
     let most = 8.0 * info["scene"]["grid"]["pitch"].as_f64().unwrap();
     assert_eq!((&info["quantity"], &info["bounds"]), (&"depth".into(), &serde_json::json!([-most, most])));
     let said = folder.succeed(&["info", "depth.safetensors"]).stdout;
-    assert!(said.contains("depth in mm: how far") && said.contains("held within 8 pitches, 30.93"), "{said}");
+    assert!(
+        said.contains("depth in mm: how far") && said.contains("clamped within 8 pitches, 30.93"),
+        "{said}"
+    );
     let uniform = &info["calibration"]["uniform"];
     let count = |value: &Value| value.as_u64().unwrap_or_else(|| panic!("{info}"));
     assert!(count(&uniform["false_free"]["of"]) >= 46_052, "{uniform}");
@@ -69,12 +72,78 @@ fn a_field_of_depth_is_calibrated_when_it_is_made_and_leaves_little_near() {
     // The stated rates hold on fresh poses.
     folder.succeed(&["calibrate", "depth.safetensors", "--verify", "--seed", "1"]);
 
-    folder.write("poses.csv", "x,y,z,theta,phi\n0,0,0,10,20\n");
+    // The middle of the box.
+    let grid = &info["scene"]["grid"];
+    let middle = [0, 1, 2].map(|axis| {
+        let size = grid["pitch"].as_f64().unwrap() * grid["dims"][axis].as_f64().unwrap();
+        grid["origin"][axis].as_f64().unwrap() + 0.5 * size
+    });
+    let [x, y, z] = middle;
+    folder.write("poses.csv", format!("x,y,z,theta,phi\n{x},{y},{z},10,20\n"));
     let asked = folder.succeed(&["query", "depth.safetensors", "poses.csv"]);
-    assert!(asked.stdout.lines().next().unwrap().ends_with("depth"), "{}", asked.stdout);
-    assert!(asked.stderr.contains("held within 8 pitches, 30.93"), "{}", asked.stderr);
-    let exact = ["query", "depth.safetensors", "poses.csv", "--exact"];
-    folder.run(&exact).is_refusal(&["depth.safetensors", "--exact counts overlaps"], &exact);
-    let eval = ["eval", "depth.safetensors"];
-    folder.run(&eval).is_refusal(&["imf calibrate --verify"], &eval);
+    assert!(asked.stdout.lines().next().unwrap().ends_with("depth,decision,outside"), "{}", asked.stdout);
+    assert!(asked.stderr.contains("clamped within 8 pitches, 30.93"), "{}", asked.stderr);
+    // Exact depths beside the field's: nearer than a voxel, and a pose well inside collides.
+    let exact = folder.json(&["query", "depth.safetensors", "poses.csv", "--exact"]);
+    let (depth, counted) = (exact[0]["depth"].as_f64().unwrap(), exact[0]["depth_exact"].as_f64().unwrap());
+    assert!((depth - counted).abs() < 3.87 && counted > 0.0, "{exact}");
+    assert_eq!((&exact[0]["decision"], &exact[0]["outside"]), (&"colliding".into(), &false.into()));
+    // The report's decisions follow the file's threshold, and its error is a stranger's.
+    let eval = folder.json(&["eval", "depth.safetensors", "--random", "6", "--imf", "fibonacci:6"]);
+    let told = &info["report"]["validation"];
+    let number = |value: &Value| value.as_f64().unwrap_or_else(|| panic!("{value}"));
+    let apart = (number(&eval["validation"]["mse"]) - number(&told["mse"])).abs();
+    let sure = number(&eval["validation"]["standard_error"]).hypot(number(&told["standard_error"]));
+    assert!(apart < 4.0 * sure, "{eval}");
+    assert_eq!((&eval["quantity"], &eval["verdict"]["usable_for"]), (&"depth".into(), &"decisions".into()));
+    assert!(number(&eval["rows"][2]["false_free"]) < 1e-3, "{eval}");
+    // The minimum over directions, and what of it is called free.
+    let least = ["field", "depth.safetensors", "--orientations", "fibonacci:6", "--imf", "--out", "least"];
+    let least = folder.json(&least);
+    let threshold = number(&info["calibration"]["free_up_to"]);
+    assert!(
+        (number(&least["tau"]) - threshold).abs() < 1e-6 && least["accessible_outside"].is_u64(),
+        "{least}"
+    );
+    let lengths = folder.npy::<f32>("least/minimum-depth.npy");
+    assert!(lengths.iter().any(|&depth| depth < 0.0) && lengths.iter().all(|&depth| depth.abs() <= 30.94));
+}
+
+#[test]
+fn a_users_part_gets_a_field_of_depth_that_decides_and_approach_moves_are_inside() {
+    let folder = Folder::new();
+    folder.succeed(&["parts", "parts", "--only", "bracket"]);
+    let part = ["parts/bracket.obj", "--pitch", "6"];
+    let making =
+        [&["train", "harmonic"], &part[..], &["--degree", "6", "--out", "depth.safetensors"]].concat();
+    let run = folder.succeed(&making);
+    assert!(run.stdout.contains("\nVerdict: usable for decisions: of "), "{}", run.stdout);
+    let info = folder.json(&["info", "depth.safetensors"]);
+    assert_eq!((&info["quantity"], &info["scene"]["margin"]), (&"depth".into(), &6.into()));
+    // Two voxels.
+    assert_eq!(
+        info["scene"]["clearance"],
+        serde_json::json!({ "holder": 12.0, "shank": 12.0, "cutter": 12.0 })
+    );
+    // A tool that stands just above the part is within what the field knows, and is free there.
+    let grid = &info["scene"]["grid"];
+    let at = |axis: usize, voxels: &dyn Fn(f64) -> f64| {
+        grid["origin"][axis].as_f64().unwrap() + 6.0 * voxels(grid["dims"][axis].as_f64().unwrap())
+    };
+    // Beyond the clearance of two voxels over the part's top.
+    let (x, y, z) = (at(0, &|n| n / 2.0), at(1, &|n| n / 2.0), at(2, &|n| n - 2.0));
+    folder.write("poses.csv", format!("x,y,z,theta,phi\n{x},{y},{z},0,0\n"));
+    let answer = folder.json(&["query", "depth.safetensors", "poses.csv"]);
+    assert_eq!((&answer[0]["decision"], &answer[0]["outside"]), (&"free".into(), &false.into()), "{answer}");
+
+    // The paper's question keeps the paper's measure, and so does whoever asks for it.
+    let overlap = ["--degree", "3", "--no-calibrate", "--json", "--out", "overlap.safetensors"];
+    let given = [&["train", "harmonic"], &part[..], &["--quantity", "overlap"], &overlap].concat();
+    let paper = [&["train", "harmonic", "bracket", "--pitch", "6"][..], &overlap].concat();
+    for (making, margin) in [(given, 6), (paper, 0)] {
+        folder.succeed(&making);
+        let info = folder.json(&["info", "overlap.safetensors"]);
+        assert_eq!((&info["quantity"], &info["scene"]["margin"]), (&"overlap".into(), &margin.into()));
+        assert!(info["scene"]["clearance"].is_null(), "{info}");
+    }
 }

@@ -26,7 +26,7 @@ pub(crate) fn model() -> Model {
         watch: Watch::default(),
         finished: true,
         steps: 12,
-        seconds: 0.5,
+        seconds: 0.0,
         engine: "none: random weights".into(),
         orientations: OrientationSet::parse("fibonacci:3").unwrap(),
         sampling: Sampling::default(),

@@ -65,9 +65,12 @@ fn answers_stand_behind_the_columns_that_were_asked_with() {
         .lines()
         .skip(1)
         .zip(learnt(&model).iter().zip(exact(&model)))
-        .map(|(line, (learnt, exact))| format!("{line},{learnt},{exact}"))
+        .enumerate()
+        // The field was not calibrated, and the last pose is far outside.
+        .map(|(row, (line, (learnt, exact)))| format!("{line},{learnt},{exact},undecided,{}", row == 2))
         .collect();
-    let expected = format!("name,x,y,z,phi,theta,overlap,overlap_exact\n{}\n", expected.join("\n"));
+    let header = "name,x,y,z,phi,theta,overlap,overlap_exact,decision,outside";
+    let expected = format!("{header}\n{}\n", expected.join("\n"));
     assert_eq!(folder.read("a.csv"), expected);
     // From a pipe to a pipe, with the device found automatically.
     let run = folder.run_with_input(&["query", "m.safetensors", "-", "--exact"], POSES);
@@ -94,7 +97,9 @@ fn poses_outside_the_box_are_answered_as_the_nearest_inside() {
     folder.write("poses.csv", format!("x,y,z,theta,phi\n{}", lines.concat()));
     let run = folder.succeed(&ASK);
     let answers: Vec<&str> =
-        run.stdout.lines().skip(1).map(|line| line.rsplit(',').next().unwrap()).collect();
+        run.stdout.lines().skip(1).map(|line| line.rsplit(',').nth(2).unwrap()).collect();
+    let outside: Vec<bool> = run.stdout.lines().skip(1).map(|line| line.ends_with(",true")).collect();
+    assert_eq!(outside, [true, false, true, false, true, false], "{}", run.stdout);
     for pair in answers.chunks(2) {
         assert_eq!(pair[0], pair[1], "{}", run.stdout);
     }
@@ -117,7 +122,10 @@ fn directions_and_json_give_the_same_answers() {
     assert_eq!(answers.as_array().unwrap().len(), 3);
     for (answer, expected) in answers.as_array().unwrap().iter().zip(learnt(&model)) {
         // The tip is the paper's tool's only sharp point.
-        assert!((answer["cmf"].as_f64().unwrap() - f64::from(expected)).abs() < 1e-5, "{answer} {expected}");
+        assert!(
+            (answer["overlap_sharp"].as_f64().unwrap() - f64::from(expected)).abs() < 1e-5,
+            "{answer} {expected}"
+        );
     }
     assert_eq!(answers[2]["x"], 500.0);
 }

@@ -41,7 +41,7 @@ fn poses_are_answered_at_their_roll_by_every_family_that_knows_it() {
     let run = folder.succeed(&[&SCENE[..], &["--orientations", "rolled.csv", "--out", "out"]].concat());
     // Rows of one direction are told apart.
     assert!(run.stdout.contains('ψ') && run.stdout.contains("200.0°"), "{}", run.stdout);
-    let fit = ["--degree", "2", "--out", "arm.safetensors", "--no-calibrate"];
+    let fit = ["--quantity", "overlap", "--degree", "2", "--out", "arm.safetensors", "--no-calibrate"];
     folder.succeed(&[&["train", "harmonic"], &SCENE[1..], &fit].concat());
     let network = ["--network", "2x16", "--steps", "5", "--out", "small"];
     folder.succeed(&[&["train", "factored", "arm.safetensors"], &network[..]].concat());

@@ -6,19 +6,19 @@ use crate::binary::Workdir;
 use crate::pipeline::honest;
 
 #[test]
-fn a_short_demo_fits_distils_and_says_how_well_the_network_learnt() {
+fn a_short_demo_fits_distils_and_says_what_the_network_is_worth() {
     let work = Workdir::new();
     let demo = work.imf("demo --steps 60 --device cpu --out demo").done();
     let report: Value = serde_json::from_str(&work.text("demo/report.json")).unwrap();
     assert_eq!((&report["part"], &report["family"]), (&json!("teapot"), &json!("factored")));
     assert_eq!(report["dims"], json!([58, 76, 121]));
-    assert!(honest(&report, &demo.stdout), "sixty steps are enough:\n{}", demo.stdout);
+    assert!(honest(&report, &demo.stdout), "sixty steps are enough to steer:\n{}", demo.stdout);
     honest(&report, &work.text("demo/report.md"));
     for picture in ["sections.png", "imf.png", "errors.png"] {
         work.picture(&format!("demo/{picture}"));
         assert!(work.text("demo/report.md").contains(picture), "{picture}");
     }
-    for stage in ["sections to fit: 400 sections in", "training: 60 steps in", "evaluating: 354 sections in"]
+    for stage in ["sections to fit: 464 sections in", "training: 60 steps in", "evaluating: 354 sections in"]
     {
         let line = demo.stderr.lines().find(|line| line.starts_with(stage));
         assert!(line.is_some_and(|line| line.contains("/s)")), "{stage} in\n{}", demo.stderr);
@@ -29,7 +29,7 @@ fn a_short_demo_fits_distils_and_says_how_well_the_network_learnt() {
 }
 
 #[test]
-fn a_short_demo_of_the_papers_network_leaves_everything_and_says_how_well_it_learnt() {
+fn a_short_demo_of_the_papers_network_leaves_everything_and_says_what_it_is_worth() {
     let work = Workdir::new();
     let demo = work.imf("demo --family siren5 --steps 300 --device cpu --out demo").done();
     let report: Value = serde_json::from_str(&work.text("demo/report.json")).unwrap();

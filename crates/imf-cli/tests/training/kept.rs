@@ -8,6 +8,7 @@ use imf_fields::siren::evaluator::CpuEvaluator;
 use imf_fields::siren::over_grid;
 use ndarray::Array3;
 use ndarray_npy::{ReadNpyExt as _, ReadableElement};
+use serde_json::json;
 
 use crate::binary::{TRAIN, Workdir};
 
@@ -139,12 +140,26 @@ fn networks_reach_what_they_nearly_take_for_free() {
     let values = npy::<f32>(&work, "least/imf.npy");
     let scene = FieldFile::read(&work.path("siren/field.safetensors")).unwrap().scene().clone();
     let free = values.iter().zip(&scene.obstacle.solid);
-    let free = free.filter(|&(&value, &solid)| solid == 0 && value <= 1e-3).count();
-    assert_eq!((&summary["accessible_outside"], &summary["tau"]), (&free.into(), &0.001.into()));
+    let file = FieldFile::read(&work.path("siren/field.safetensors")).unwrap();
+    // Training measured what the decisions are worth: its threshold counts, and is said.
+    let tau = file.calibration().unwrap().free_up_to.unwrap();
+    let free = free.filter(|&(&value, &solid)| solid == 0 && value <= tau).count();
+    assert_eq!(summary["accessible_outside"], json!(free));
+    assert_eq!(summary["tau"].as_f64().unwrap() as f32, tau);
     let text = work.imf(&format!("{sections} --imf --out least")).done().stdout;
-    assert!(text.contains("at most 0.001 there, an estimate"), "{text}");
+    for said in
+        [format!("at most {tau:.3e} counts as free, the field's calibrated threshold"), "verdict ".into()]
+    {
+        assert!(text.contains(&said), "{text}");
+    }
     let table = work.imf(&format!("{sections} --out sections")).done().stdout;
-    assert!(table.contains("at most 0.001 outside the part") && table.contains("approximate"), "{table}");
+    assert!(table.contains("called free outside the part") && table.contains("approximate"), "{table}");
+    // Without a calibration nothing is called free.
+    work.imf("train siren5 data --network 2x16 --epochs 1 --no-calibrate --out plain").done();
+    let plain = "field plain/field.safetensors --orientations fibonacci:5 --imf --out plainly";
+    let summary = work.imf(&format!("{plain} --json")).done().json();
+    assert_eq!((&summary["accessible_outside"], &summary["tau"]), (&json!(null), &json!(null)));
+    assert!(work.imf(plain).done().stdout.contains("not calibrated, so that nothing is called accessible"));
     let info = work.imf("info siren/field.safetensors").done().stdout;
     assert!(info.contains("none by its own values"), "{info}");
 }
@@ -187,7 +202,7 @@ fn what_a_kept_field_is_of_is_said() {
     let tool = "name = \"side\"\nunit = \"mm\"\nstick_out = 35.0\nsharp_points = [[5.0, 0.0, 20.0]]\n[cutter]\n\
                 shape = \"ball\"\ndiameter = 10.0\nlength = 35.0\n";
     work.write("side.toml", tool.as_bytes());
-    work.imf("train harmonic teapot --dims 9,11,17 --degree 2 --no-calibrate --tool side.toml --out side.safetensors")
+    work.imf("train harmonic teapot --dims 9,11,17 --degree 2 --no-calibrate --quantity overlap --tool side.toml --out side.safetensors")
         .done();
     let summary = work.imf("field side.safetensors --orientations 0,0 --out side --json").done().json();
     assert!(summary["guarantee"].as_str().unwrap().contains("the tool's tip"), "{summary}");

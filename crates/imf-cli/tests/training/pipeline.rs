@@ -33,7 +33,7 @@ fn row<'a>(report: &'a Value, name: &str) -> &'a Value {
     rows.iter().find(|row| row["name"].as_str().unwrap().ends_with(name)).unwrap()
 }
 
-/// What a report says about learning must follow from its own numbers.
+/// What a report says must follow from its own numbers; true where the field may steer.
 pub(crate) fn honest(report: &Value, text: &str) -> bool {
     let made = if report["family"] == json!("siren5") { "trained" } else { "fitted" };
     let (learnt, nearest) = (row(report, "random sections"), row(report, &format!("nearest {made} section")));
@@ -44,11 +44,23 @@ pub(crate) fn honest(report: &Value, text: &str) -> bool {
     for (name, expected) in [("mse_over_variance", over_variance), ("mse_over_nearest", over_nearest)] {
         assert!((number(&report[name]) / expected - 1.0).abs() < 1e-9, "{name}: {report}");
     }
-    let passed = over_variance <= 0.1 && over_nearest < 1.0;
-    assert_eq!(report["learnt"], json!(passed), "{report}");
-    let says = (text.contains("The field is learnt"), text.contains("The field is NOT learnt"));
-    assert_eq!(says, (passed, !passed), "{text}");
-    passed
+    let verdict = &report["verdict"];
+    assert!(text.contains(&format!("Verdict: {}.", verdict["text"].as_str().unwrap())), "{text}");
+    assert_eq!(report["calibrated"], json!(true), "{report}");
+    // The error's standard error is that of the rows' own orientations.
+    let told = &report["validation"];
+    assert!(
+        (number(&told["mse"]) / mse - 1.0).abs() < 1e-9 && number(&told["standard_error"]) > 0.0,
+        "{told}"
+    );
+    match verdict["usable_for"].as_str().unwrap() {
+        "decisions" => number(&verdict["false_free_bound"]) <= 1e-4 && number(&verdict["found_free"]) >= 0.5,
+        "steering" => number(&verdict["misordered_bound"]) <= 0.1,
+        _ => {
+            assert!(number(&verdict["misordered_bound"]) > 0.1, "{verdict}");
+            false
+        }
+    }
 }
 
 #[test]
@@ -104,7 +116,7 @@ fn a_model_is_trained_evaluated_and_adapted() {
 }
 
 #[test]
-fn a_network_that_was_hardly_trained_is_called_not_learnt() {
+fn a_network_that_was_hardly_trained_is_called_not_usable() {
     let work = Workdir::with_dataset();
     // Fewer steps than there are between two points of the loss curve.
     let trained = work.imf(&format!("{TRAIN} --steps 1 --out short --json")).done().json();

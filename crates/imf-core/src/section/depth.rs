@@ -29,17 +29,20 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// A value as fields give it: an overlap is clamped to [0, 1], a depth stays as it is.
+    /// A value as fields give it on a grid of this pitch: clamped to [`Quantity::bounds`].
     #[inline]
     #[must_use]
-    pub fn held(self, value: f32) -> f32 {
+    pub fn held(self, value: f32, pitch: f64) -> f32 {
         match self {
             Self::Overlap => value.clamp(0.0, 1.0),
-            Self::Depth => value,
+            Self::Depth => {
+                let most = (DEPTH_CAP as f64 * pitch) as f32;
+                value.clamp(-most, most)
+            }
         }
     }
 
-    /// What no exact value lies below and above, on a grid of this pitch; a field's own values may, by its error.
+    /// What no value lies below and above, on a grid of this pitch.
     #[must_use]
     pub fn bounds(self, pitch: f64) -> [f64; 2] {
         match self {

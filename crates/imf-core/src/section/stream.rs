@@ -35,9 +35,9 @@ impl Imf {
         }
     }
 
-    /// Clips overlaps to [0, 1]; depths stay as they are.
-    pub fn hold(&mut self, quantity: Quantity) {
-        self.value.iter_mut().for_each(|value| *value = quantity.held(*value));
+    /// Clamps values as fields give them on a grid of this pitch ([`Quantity::held`]).
+    pub fn hold(&mut self, quantity: Quantity, pitch: f64) {
+        self.value.iter_mut().for_each(|value| *value = quantity.held(*value, pitch));
     }
 
     /// Takes the result of other orientations of the same set into account.

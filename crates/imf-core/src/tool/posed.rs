@@ -2,9 +2,9 @@
 
 use std::ops::Range;
 
-use glam::{DMat4, DVec3};
+use glam::DVec3;
 
-use super::rotated::{MOST_VOXELS, SLACK, bounds, holds};
+use super::rotated::{MOST_VOXELS, SLACK, bounds, holds, turned};
 use super::{ElementKind, RotatedTool, Segment, Tool, ToolShape};
 use crate::grid::Grid;
 use crate::mesh::Mesh;
@@ -36,7 +36,7 @@ impl Tool {
                 count_one_by_one(obstacle, tip, ranges(&obstacle.grid, tip, bounds), inside)
             }
             ToolShape::Mesh(mesh) => {
-                let turned = mesh.transformed(&DMat4::from_mat3(orientation.rotation()));
+                let turned = turned(mesh, orientation, obstacle.grid.pitch);
                 count_in_mesh(&turned, obstacle, tip, bounds)
             }
         }
@@ -115,6 +115,8 @@ pub(super) fn mesh_voxels(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DMat4;
+
     use crate::mesh::tests::unit_cube;
     use crate::orientation::OrientationSet;
 
@@ -153,6 +155,20 @@ mod tests {
                 let tip = grid.origin + (DVec3::from_array(at.map(|v| v as f64)) + 0.5) * grid.pitch;
                 let counted = tool.count_inside(&obstacle, tip, orientation);
                 assert_eq!(counted, expected, "{at:?} {orientation:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_mesh_whose_faces_lie_on_voxel_centres_is_as_large_at_all_cube_rotations() {
+        let tool = tool();
+        for direction in ["0,0", "0,90", "90,90", "180,90", "270,90", "0,180"] {
+            let [straight] = OrientationSet::parse(direction).unwrap().orientations[..] else { panic!() };
+            for roll in [0.0, 90.0, 180.0, 270.0] {
+                let rotated = RotatedTool::new(&tool, &Orientation { roll, ..straight }, 1.0).unwrap();
+                // Of each pair of faces one counts: the tip's among them.
+                assert_eq!(rotated.count, 6 * 4 * 9, "{direction}, {roll}");
+                assert!(rotated.offsets().any(|offset| offset == [0; 3]), "{direction}, {roll}");
             }
         }
     }

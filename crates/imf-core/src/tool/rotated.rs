@@ -6,6 +6,7 @@ use glam::{DMat4, DVec3};
 
 use super::{Segment, Tool, ToolError, ToolShape};
 use crate::grid::Grid;
+use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
 use crate::vectorised::vectorised;
@@ -27,6 +28,16 @@ pub struct RotatedTool {
 /// Centres this close to the surface count as inside, in pitch²: rounding must not decide at exact ties.
 pub(crate) const SLACK: f64 = 1e-9;
 
+/// Centres are looked at so far from their place in the tool's own frame, in pitches: those on a mesh's surface then fall to the
+/// same side at every rotation, whatever rounding does; on the face of the tip inside, as in a tool of revolution.
+const ASIDE: DVec3 = DVec3::new(3.1e-7, 4.7e-7, 1e-6);
+
+/// A mesh tool in an orientation, [`ASIDE`].
+pub(super) fn turned(mesh: &Mesh, orientation: &Orientation, pitch: f64) -> Mesh {
+    let aside = DMat4::from_translation(-ASIDE * pitch);
+    mesh.transformed(&(DMat4::from_mat3(orientation.rotation()) * aside))
+}
+
 /// A rotated tool of more voxels than this is refused: it is a slip of units.
 pub(super) const MOST_VOXELS: u64 = 1 << 31;
 
@@ -34,7 +45,7 @@ impl RotatedTool {
     /// The tool turned by `orientation`, voxelised at `pitch` (in the tool's own unit).
     ///
     /// A voxel is solid where its centre is inside in the tool frame: `0 ≤ z < length` and
-    /// `r² ≤ ρ(z)² + 1e-9·pitch²`; a mesh tool by its winding number.
+    /// `r² ≤ ρ(z)² + 1e-9·pitch²`; a mesh tool by its winding number, with centres on its surface on one side in every orientation.
     ///
     /// # Errors
     /// A tool that holds no voxel centre, or whose box is larger than can be indexed.
@@ -59,7 +70,7 @@ impl RotatedTool {
                 vectorised!(pulp::Arch::new(), rotated.fill_revolved(&profile, direction, pitch));
             }
             ToolShape::Mesh(mesh) => {
-                let turned = mesh.transformed(&DMat4::from_mat3(orientation.rotation()));
+                let turned = turned(mesh, orientation, pitch);
                 let grid = Grid { origin: (lower - 0.5) * pitch, pitch, dims: rotated.dims };
                 rotated.solid = voxelize(&turned, &grid, false).solid;
             }

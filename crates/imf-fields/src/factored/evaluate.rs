@@ -237,6 +237,10 @@ impl VoxelCoefficients for FactoredEvaluator<'_> {
         self.field.quantity
     }
 
+    fn pitch(&self) -> f64 {
+        self.field.grid.pitch
+    }
+
     fn dims(&self) -> [usize; 3] {
         self.field.grid.dims
     }

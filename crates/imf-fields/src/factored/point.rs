@@ -40,7 +40,7 @@ impl FactoredEvaluator<'_> {
             }
             facing => facing,
         };
-        Some(self.field.quantity.held(self.functions().value(facing, z, turns)))
+        Some(self.field.quantity.held(self.functions().value(facing, z, turns), self.field.grid.pitch))
     }
 
     /// The overlap, not clipped, with its gradients in position and in how the tool stands. `None` outside the box of the voxel

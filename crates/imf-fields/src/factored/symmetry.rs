@@ -102,6 +102,14 @@ pub struct Angle {
 }
 
 impl Symmetry {
+    /// The same seen from another origin.
+    #[cfg(feature = "export")]
+    #[must_use]
+    pub(crate) fn less(&self, origin: DVec3) -> Self {
+        let mirrors = [0, 1, 2].map(|axis| self.mirrors[axis].map(|plane| plane - origin[axis]));
+        Self { mirrors, axis: self.axis.map(|axis| Axis { through: axis.through - origin, ..axis }) }
+    }
+
     /// True where there is none.
     pub fn is_none(&self) -> bool {
         *self == Self::default()

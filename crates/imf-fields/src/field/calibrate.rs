@@ -42,7 +42,7 @@ pub struct CalibrationSettings {
 
 impl Default for CalibrationSettings {
     fn default() -> Self {
-        Self { uniform: 400_000, boundary: 50_000, errors: 20_000, seed: 0, goals: Goals::default() }
+        Self { uniform: 400_000, boundary: 50_000, errors: 2_000, seed: 0, goals: Goals::default() }
     }
 }
 
@@ -378,12 +378,17 @@ impl Thresholds {
         let rate = |kind, decision| {
             Rate::new(count(Some(kind), Some(decision)), count(Some(kind), None), self.goals.confidence)
         };
+        // In the order that they were drawn in, so that pairs are independent.
+        let of = |kind| seen.iter().filter(move |s| s.kind == kind).map(|s| s.value);
+        let pairs = || of(Kind::Colliding).zip(of(Kind::Clear));
+        let misordered = pairs().filter(|(colliding, clear)| colliding <= clear).count() as u64;
         Judgement {
             poses: seen.len() as u64,
             false_free: rate(Kind::Colliding, Decision::Free),
             false_colliding: rate(Kind::Clear, Decision::Colliding),
             undecided: count(None, Some(Decision::Undecided)),
             found_free: count(Some(Kind::Clear), Some(Decision::Free)),
+            misordered: Rate::new(misordered, pairs().count() as u64, self.goals.confidence),
             largest_error: seen.iter().map(|s| s.error).fold(0.0, f64::max),
         }
     }

@@ -118,6 +118,7 @@ pub(crate) fn calibration(free: f32, colliding: f32) -> Calibration {
         false_colliding: rate,
         undecided: 1,
         found_free: 50,
+        misordered: rate,
         largest_error: 0.1,
     };
     let (free_up_to, colliding_from) = (Some(free), Some(colliding));

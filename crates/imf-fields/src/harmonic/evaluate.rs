@@ -116,6 +116,8 @@ pub trait VoxelCoefficients: Sync {
     }
     /// What the values are.
     fn quantity(&self) -> Quantity;
+    /// Of the grid.
+    fn pitch(&self) -> f64;
     /// Coefficients of a voxel.
     fn axes(&self) -> usize;
     /// Where they are their own mirror images, if that is worth asking for so many orientations.
@@ -176,6 +178,10 @@ impl VoxelCoefficients for HarmonicField {
         self.quantity
     }
 
+    fn pitch(&self) -> f64 {
+        self.grid.pitch
+    }
+
     fn dims(&self) -> [usize; 3] {
         self.grid.dims
     }
@@ -218,7 +224,7 @@ pub(crate) fn sections_of(source: &dyn VoxelCoefficients, weights: &DirectionWei
 pub(crate) fn minimum_of(source: &dyn VoxelCoefficients, weights: &DirectionWeights) -> Imf {
     let mut least = Imf::new(source.voxels());
     lower_to(source, weights, 0, &mut least, Control::quiet());
-    least.hold(source.quantity());
+    least.hold(source.quantity(), source.pitch());
     least
 }
 
@@ -240,7 +246,7 @@ pub(crate) fn minimum_over(
             return Err(FieldError::Cancelled);
         }
     }
-    least.hold(source.quantity());
+    least.hold(source.quantity(), source.pitch());
     Ok(least)
 }
 
@@ -265,7 +271,8 @@ pub(super) fn whole_sections(
     weights: &DirectionWeights,
     sections: &mut [f32],
 ) {
-    let (voxels, axes, quantity) = (source.voxels(), source.axes(), source.quantity());
+    let (voxels, axes) = (source.voxels(), source.axes());
+    let (quantity, pitch) = (source.quantity(), source.pitch());
     // The same array by blocks of voxels: one piece of each section.
     let blocks = voxels.div_ceil(HarmonicField::BLOCK);
     let mut pieces: Vec<Vec<&mut [f32]>> = (0..blocks).map(|_| Vec::with_capacity(weights.len())).collect();
@@ -283,7 +290,7 @@ pub(super) fn whole_sections(
             let columns = chunk.len();
             for (column, piece) in pieces[chunk].iter_mut().enumerate() {
                 let values = values[column..].iter().step_by(columns);
-                piece.iter_mut().zip(values).for_each(|(out, &value)| *out = quantity.held(value));
+                piece.iter_mut().zip(values).for_each(|(out, &value)| *out = quantity.held(value, pitch));
             }
         }
     });

@@ -30,10 +30,13 @@ use super::basis::{Basis, Domain};
 use super::mirror::Planes;
 use super::settings::{FitReport, FitSettings};
 use super::{HarmonicError, HarmonicField};
+use crate::metrics::Validation;
+use crate::parallel::*;
 use imf_core::control::Control;
 use imf_core::grid::Grid;
 use imf_core::section::{Quantity, SectionPlan};
-use passes::{Fitted, Start};
+use passes::{Fitted, Start, count_sections};
+use sample::section_error;
 use solve::row_major;
 
 pub use memory::{degree_for, sections_tried};
@@ -46,6 +49,12 @@ const BATCH_BYTES: usize = 256 << 20;
 const MOST_AT_ONCE: usize = 128;
 /// Voxels of a product's block.
 const BLOCK: usize = 1024;
+/// Orientations at which a sample of voxels tells the functions' means.
+const ROUGH: usize = 16;
+/// Sections that a finished field is held against at a time.
+const VALIDATED_AT_ONCE: usize = 8;
+/// Keeps validation's orientations apart from those of the sample.
+const VALIDATION: u64 = 0x5641_4c49_4441_5445;
 
 fn batch_size(voxels: usize, sections: usize) -> usize {
     (BATCH_BYTES / (4 * voxels.max(1))).clamp(8, MOST_AT_ONCE).min(sections.max(1))
@@ -62,7 +71,9 @@ pub fn fit(
     settings: &FitSettings,
     control: Control<'_>,
 ) -> Result<HarmonicField, HarmonicError> {
-    begin(plan, domain, settings, control, |source, start| {
+    // The sample's own orientations tell means alone.
+    let rough = FitSettings { held_out: settings.held_out.min(ROUGH), ..*settings };
+    let mut field = begin(plan, domain, &rough, control, |source, start| {
         let Fitted { axes, mean, coefficients, report } = match settings.one_pass {
             true if settings.in_classes(domain) => {
                 start.class_by_class(source, settings.precision, control)?
@@ -79,7 +90,35 @@ pub fn fit(
             mean: mean.iter().map(|&v| v as f32).collect(),
             report,
         })
-    })
+    })?;
+    field.report.validation = validation(&field, plan, settings, control)?;
+    Ok(field)
+}
+
+/// Holds a finished field against exact sections over the whole grid at orientations drawn at random, a few at a time: what
+/// whoever asks it at directions of their own will find.
+fn validation(
+    field: &HarmonicField,
+    plan: &SectionPlan,
+    settings: &FitSettings,
+    control: Control<'_>,
+) -> Result<Validation, HarmonicError> {
+    let source = Source::new(plan, settings.quantity)?;
+    let set = field.basis.random_set(settings.held_out, settings.seed ^ VALIDATION)?.orientations;
+    let voxels = field.grid.len();
+    let mut exact = vec![0.0; voxels * VALIDATED_AT_ONCE.min(set.len())];
+    let mut found = exact.clone();
+    let mut errors = Vec::with_capacity(set.len());
+    for set in set.chunks(VALIDATED_AT_ONCE) {
+        let (exact, found) = (&mut exact[..voxels * set.len()], &mut found[..voxels * set.len()]);
+        count_sections(&source, set, exact, control)?;
+        field.sections(&field.direction_weights(set), found);
+        let pairs = found.par_chunks(voxels).zip(exact.par_chunks(voxels));
+        let of_each: Vec<_> =
+            pairs.map(|(found, exact)| section_error(found.iter().copied(), exact)).collect();
+        errors.extend(of_each);
+    }
+    Ok(Validation::of(&errors))
 }
 
 /// What every way to fit begins with: of one side of what is its own mirror image.
@@ -158,5 +197,5 @@ pub fn outline(
 /// Sections that [`fit`] computes.
 pub fn section_count(domain: Domain, settings: &FitSettings) -> usize {
     let passes = if settings.one_pass { 1 } else { 2 };
-    passes * settings.sizes(domain).sections + settings.held_out
+    passes * settings.sizes(domain).sections + settings.held_out.min(ROUGH) + settings.held_out
 }

@@ -131,7 +131,7 @@ impl HarmonicField {
         self.mix(position, 1, scratch)?;
         let facing = self.basis.facing_at(orientation);
         let value = self.functions().value(facing, &scratch.mixed, &mut scratch.turns);
-        Some(self.quantity.held(value))
+        Some(self.quantity.held(value, self.grid.pitch))
     }
 
     /// The overlap with its gradients in position and in how the tool stands. One-sided where a position lies on a voxel

@@ -14,6 +14,12 @@ pub(super) fn unit(graph: &mut Graph, direction: &Value) -> Value {
     graph.op("Div", &[direction, &length])
 }
 
+/// 0 in the rows of directions, NaN in those of what has none; `[poses, 1]`.
+pub(super) fn nothing_of(graph: &mut Graph, direction: &Value) -> Value {
+    let unit = unit(graph, direction);
+    graph.nothing_of(&unit)
+}
+
 /// All functions of unit vectors, of mean square 1: `[poses, functions]`.
 fn functions(graph: &mut Graph, direction: &Value, degree: usize) -> Value {
     let basis = SphereBasis::new(degree);

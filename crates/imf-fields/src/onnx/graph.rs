@@ -102,6 +102,18 @@ impl Graph {
         self.op_with("Gather", &[of, &place], &[("axis", 1)])
     }
 
+    /// 0 in the rows of `[poses, columns]` whose values are finite, NaN in others; `[poses, 1]`.
+    pub(super) fn nothing_of(&mut self, of: &Value) -> Value {
+        let zero = self.number(0.0);
+        let zeros = self.mul(of, &zero);
+        self.sum_of_columns(&zeros)
+    }
+
+    /// Values with NaN where one of `nothings` is.
+    pub(super) fn with_invalid(&mut self, value: &Value, nothings: &[Value]) -> Value {
+        nothings.iter().fold(value.clone(), |value, nothing| self.add(&value, nothing))
+    }
+
     /// Values within bounds.
     pub(super) fn clip(&mut self, of: &Value, from: f64, to: f64) -> Value {
         let (from, to) = (self.number(from), self.number(to));

@@ -72,10 +72,10 @@ pub(super) fn siren(
     graph.op("Sigmoid", &[&output])
 }
 
-/// The network of the point: from the position's place to the coefficients in its frame, `[poses, axes]`.
-pub(super) fn coefficients(graph: &mut Graph, field: &FactoredField, place: &Place) -> Value {
-    let size = field.grid.size();
-    let middle = (field.grid.origin + 0.5 * size).as_vec3().to_array();
+/// The network of the point over a grid in the frame of positions: from the position's place to the coefficients in its frame, `[poses, axes]`.
+pub(super) fn coefficients(graph: &mut Graph, field: &FactoredField, grid: &Grid, place: &Place) -> Value {
+    let size = grid.size();
+    let middle = (grid.origin + 0.5 * size).as_vec3().to_array();
     let middle = graph.numbers(&[3], &middle);
     let scale = graph.number(2.0 / size.max_element());
     let from_middle = graph.sub(&place.position, &middle);

@@ -90,8 +90,10 @@ fn run(node: &NodeProto, inputs: &[&Array]) -> Array {
         ("Sub", [a, b]) => a.with(b, |a, b| a - b),
         ("Mul", [a, b]) => a.with(b, |a, b| a * b),
         ("Div", [a, b]) => a.with(b, |a, b| a / b),
-        ("Max", [a, b]) => a.with(b, f64::max),
-        ("Min", [a, b]) => a.with(b, f64::min),
+        // As onnxruntime, which lets no NaN pass for a number.
+        ("Max", [a, b]) => a.with(b, |a, b| if a.is_nan() { a } else { a.max(b) }),
+        ("Min", [a, b]) => a.with(b, |a, b| if a.is_nan() { a } else { a.min(b) }),
+        ("IsNaN", [a]) => a.map(|v| f64::from(u8::from(v.is_nan()))),
         ("Less", [a, b]) => a.with(b, |a, b| f64::from(u8::from(a < b))),
         ("Where", [which, a, b]) => {
             let (a, b) = (
@@ -126,6 +128,7 @@ fn run(node: &NodeProto, inputs: &[&Array]) -> Array {
         }
         ("Gather", [a, places]) => {
             let (rows, columns) = a.size();
+            assert!(places.data.iter().all(|&p| p >= 0.0), "no row");
             let places: Vec<usize> = places.data.iter().map(|&p| p as usize).collect();
             if attribute("axis") == Some(1) {
                 assert!(places.iter().all(|&p| p < columns));
@@ -143,13 +146,16 @@ fn run(node: &NodeProto, inputs: &[&Array]) -> Array {
 /// The overlaps of some poses by a field's graph.
 fn answers(model: &ModelProto, poses: &[Pose]) -> Vec<f64> {
     let graph = model.graph.as_ref().unwrap();
+    let origin = model.metadata_props.iter().find(|entry| entry.key == "imf.origin").unwrap();
+    let origin: Vec<f64> = origin.value.split(' ').map(|v| v.parse().unwrap()).collect();
+    let origin = DVec3::from_slice(&origin);
     let mut values: HashMap<&str, Array> =
         graph.initializer.iter().map(|t| (t.name.as_str(), Array::of_constant(t))).collect();
     assert_eq!(values.len(), graph.initializer.len(), "a constant's name is used twice");
     for input in &graph.input {
         let rows = poses.iter().flat_map(|pose| {
             let numbers = match input.name.as_str() {
-                "position" => pose.position.as_vec3().to_array().to_vec(),
+                "position" => (pose.position - origin).as_vec3().to_array().to_vec(),
                 // Any length.
                 "direction" => (pose.axis().unwrap().as_vec3() * 3.0).to_array().to_vec(),
                 "angles" => Orientation::from_direction(pose.axis().unwrap()).unwrap().angles().to_vec(),
@@ -190,7 +196,7 @@ fn agreed(graph: &ModelProto, field: &Field, asked: &[Pose]) -> Vec<f32> {
 #[test]
 fn graphs_of_every_family_answer_as_the_fields_do() {
     let scene = scene(&Tool::paper(), 0.0);
-    // As if its values were depths: not held in [0, 1].
+    // As if its values were depths, below 0 too.
     let mut deep = factored_file(&scene);
     deep.field.quantity = Quantity::Depth;
     let mut deep_harmonic = harmonic_file(&scene, 7);
@@ -290,6 +296,71 @@ fn positions_outside_are_answered_by_every_graph_as_at_the_nearest_inside() {
         let mut pairs = found.iter().zip(&at_nearest);
         assert!(pairs.all(|(found, &value)| (found - f64::from(value)).abs() < ROUNDING), "{name}");
         assert!(moved.iter().zip(&found).any(|(a, b)| (a - b).abs() > 1e-3), "{name} varies in space");
+    }
+}
+
+#[test]
+fn an_invalid_position_is_nan_in_its_own_row_alone() {
+    let scene = scene(&Tool::paper(), 0.0);
+    for stored in [
+        FieldFile::Siren(Box::new(siren_model(&scene))),
+        FieldFile::Harmonic(Arc::new(harmonic_file(&scene, 4))),
+        FieldFile::Factored(Box::new(factored_file(&scene))),
+    ] {
+        let graph = model(&stored).unwrap();
+        let name = graph.graph.as_ref().unwrap().name.clone();
+        let mut asked = poses(&scene, 9, 25);
+        let expected = answers(&graph, &asked);
+        asked[3].position.y = f64::NAN;
+        asked[6].position.x = f64::INFINITY;
+        for (row, (found, expected)) in answers(&graph, &asked).iter().zip(&expected).enumerate() {
+            if row == 3 || row == 6 {
+                assert!(found.is_nan(), "{name}, {row}: {found}");
+            } else {
+                assert_eq!(found, expected, "{name}, {row}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_part_far_from_zero_loses_no_digits() {
+    let near = scene(&Tool::paper(), 0.0);
+    // Far enough for single precision to know whole millimetres alone.
+    let away = DVec3::new(1.0e7, -2.0e7, 3.0e7);
+    let middle = near.record.grid.origin + 0.45 * near.record.grid.size();
+    let moved = |mut stored: FieldFile| {
+        match &mut stored {
+            FieldFile::Siren(model) => model.scene.record.grid.origin += away,
+            FieldFile::Harmonic(file) => {
+                let file = Arc::make_mut(file);
+                file.field.grid.origin += away;
+                file.scene.record.grid.origin += away;
+            }
+            FieldFile::Factored(file) => {
+                file.field.grid.origin += away;
+                file.scene.record.grid.origin += away;
+                file.field.shape.symmetry = file.field.shape.symmetry.less(-away);
+            }
+        }
+        stored
+    };
+    let symmetry =
+        Symmetry { mirrors: [Some(middle.x), None, None], axis: Some(Axis { along: 2, through: middle }) };
+    let asked = poses(&near, 60, 26);
+    let there: Vec<Pose> =
+        asked.iter().map(|pose| Pose { position: pose.position + away, ..*pose }).collect();
+    for stored in [
+        FieldFile::Siren(Box::new(siren_model(&near))),
+        FieldFile::Harmonic(Arc::new(harmonic_file(&near, 4))),
+        FieldFile::Factored(Box::new(with_symmetry(&near, symmetry))),
+    ] {
+        let expected = answers(&model(&stored).unwrap(), &asked);
+        let graph = model(&moved(stored)).unwrap();
+        let name = graph.graph.as_ref().unwrap().name.clone();
+        for (found, expected) in answers(&graph, &there).iter().zip(&expected) {
+            assert!((found - expected).abs() < ROUNDING, "{name}: {found} against {expected}");
+        }
     }
 }
 

@@ -80,7 +80,8 @@ impl GridCoefficients {
             (control.progress)((part.len() * count) as u64);
             Ok(voxels.hold(&part))
         })?;
-        found.hold(source.quantity());
+        let (quantity, pitch) = source.quantity();
+        found.hold(quantity, pitch);
         Ok(found)
     }
 }

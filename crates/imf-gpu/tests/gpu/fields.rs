@@ -40,6 +40,7 @@ fn calibration(free_up_to: f32, colliding_from: f32) -> Calibration {
         false_colliding: rate,
         undecided: 0,
         found_free: 0,
+        misordered: rate,
         largest_error: 0.0,
     };
     Calibration {
@@ -93,7 +94,7 @@ impl Spec {
             field,
             scene,
             fit,
-            report: FitReport { functions, sections: 0, dropped: 0.0, held_out_mse: 0.0, held_out_mpe: 0.0 },
+            report: FitReport { functions, ..FitReport::default() },
             settings: DistillSettings::default(),
             precision: Precision::F32,
             state: None,

@@ -168,7 +168,7 @@ pub(crate) fn compare_on_device(gpu: &Gpu, field: &GpuField) {
         .flat_map(|block| block.position.iter().chain(&block.rotation).flat_map(|v| v.to_le_bytes()))
         .collect();
     gpu.queue().write_buffer(&asked, 0, &bytes);
-    let quantity = field.twin().quantity();
+    let (quantity, pitch) = (field.twin().quantity(), field.twin().scene().record.grid.pitch);
     let mut expected = vec![0.0; poses.len()];
     field.values(&poses, &mut expected).expect("answers");
     let same = |found: f32, expected: f32| {
@@ -177,7 +177,9 @@ pub(crate) fn compare_on_device(gpu: &Gpu, field: &GpuField) {
 
     field.values_on_device(&asked, &values, poses.len()).expect("answers");
     let found: Vec<f32> = words(gpu, &values).into_iter().map(f32::from_bits).collect();
-    assert!(found.iter().zip(&expected).all(|(&found, &expected)| same(quantity.held(found), expected)));
+    assert!(
+        found.iter().zip(&expected).all(|(&found, &expected)| same(quantity.held(found, pitch), expected))
+    );
 
     field.classify_on_device(&asked, &values, &decisions, poses.len()).expect("answers");
     let mut decided = vec![Decision::Undecided; poses.len()];

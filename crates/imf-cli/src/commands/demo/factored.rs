@@ -3,15 +3,15 @@
 
 use anyhow::Result;
 use imf_core::scene::Scene;
+use imf_core::section::Quantity;
 use imf_fields::factored::DistillSettings;
 use imf_fields::factored::file::FactoredFile;
-use imf_fields::file::FieldFile;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::recipe::{Length, TrainingPlan};
 
-use super::questions;
+use super::{decided, questions};
 use crate::arguments::DemoArguments;
-use crate::commands::eval::{IMF_ORIENTATIONS, require_memory};
+use crate::commands::eval::{IMF_ORIENTATIONS, require_memory, worth_of};
 use crate::commands::train::factored::{Request, beside};
 use crate::engine::{Calls, Device, Evaluated};
 use crate::job::{self, FactoredStart};
@@ -32,6 +32,7 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
     let defaults = start.settled(None, None, defaults);
     let symmetry = start.symmetry(true);
     let request = Request {
+        quantity: Quantity::Overlap,
         degree: None,
         find_symmetry: symmetry.is_none(),
         settings: DistillSettings {
@@ -47,11 +48,12 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
     let (file, _) = request.of_scene(session, &device, scene, &start, None)?;
 
     let imf = file.field.basis.even_set(IMF_ORIENTATIONS)?;
-    let stored = FieldFile::Factored(file.into());
+    drop(file);
+    let stored = decided(session, &arguments.out)?;
     require_memory(session, &device, &stored)?;
     let (subject, questions) = (Subject::of_stored(&stored)?, questions(arguments.seed, None, imf)?);
     let Evaluated { field, by, .. } = device.field(session, &stored, Calls::Many)?;
-    let evaluation = evaluate(session, &subject, &*field, by, &questions)?;
+    let evaluation = evaluate(session, &subject, &*field, by, &questions, &worth_of(session, &stored)?)?;
     evaluation.write(&arguments.out, &subject, &*field)?;
     Ok(evaluation.report)
 }

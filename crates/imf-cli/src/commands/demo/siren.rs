@@ -3,7 +3,6 @@
 use anyhow::Result;
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::Scene;
-use imf_fields::file::FieldFile;
 use imf_fields::recipe::HeldOutChoice;
 use imf_fields::recipe::Sampling;
 use imf_fields::recipe::schedule::Schedule;
@@ -12,9 +11,10 @@ use imf_fields::recipe::{Length, TrainingPlan};
 use imf_fields::siren::SirenShape;
 use imf_train::dataset::generate;
 
-use super::questions;
+use super::{decided, questions};
 use crate::arguments::DemoArguments;
 use crate::commands::dataset::interruption;
+use crate::commands::eval::worth_of;
 use crate::engine::{Calls, Device};
 use crate::job::{self, Data, Settings};
 use crate::report::{Report, Subject, evaluate};
@@ -59,12 +59,13 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
         held_out: HeldOutChoice::default().poses,
         held_out_every: None,
     };
-    let model = job::run(session, &device, &data, model, &arguments.out, &settings)?;
+    job::run(session, &device, &data, model, &arguments.out, &settings)?;
 
     let questions = questions(arguments.seed, set.orientations.first().copied(), set)?;
-    let file = FieldFile::Siren(Box::new(model));
+    let file = decided(session, &arguments.out)?;
     let (subject, evaluated) = (Subject::of_stored(&file)?, device.field(session, &file, Calls::Many)?);
-    let evaluation = evaluate(session, &subject, &*evaluated.field, evaluated.by, &questions)?;
+    let evaluation =
+        evaluate(session, &subject, &*evaluated.field, evaluated.by, &questions, &worth_of(session, &file)?)?;
     evaluation.write(&arguments.out, &subject, &*evaluated.field)?;
     Ok(evaluation.report)
 }

@@ -36,11 +36,12 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     work.folder.begin(work.session)?;
     let elements = elements::at_best(work, &whole)?;
     let borrowed: Vec<_> = elements.iter().map(|(kind, values)| (*kind, values.as_slice())).collect();
-    let mut rows = elements::write(work, "imf", &borrowed, true)?;
+    let measure = work.measure();
+    let mut rows = elements::write(work, measure.minimum, &borrowed, true)?;
     write_fields(work, &whole, refined.as_deref(), &elements, &rows)?;
     let sheet = MidPlaneSheet {
         title: work.title(),
-        label: "inaccessibility measure IMF",
+        label: measure.minimum_label,
         part: obstacle,
         style: Some(MaskStyle::Outline),
         unit: work.scene.record.unit,
@@ -52,14 +53,18 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
             work.exactness()
         )],
     };
-    sheet.save(&[MidPlanes::new(String::new(), &whole.value, grid)], &work.folder.file("imf.png"))?;
+    sheet.save(
+        &[MidPlanes::new(String::new(), &whole.value, grid)],
+        &work.folder.file(&format!("{}.png", measure.minimum)),
+    )?;
 
     if !rows.is_empty() {
         elements::draw(work, rows.iter_mut(), "measures at the best orientation, by element")?;
     }
     let outside = work.accessible_outside(&whole.value);
-    let largest = whole.value.iter().copied().fold(0.0, f32::max);
-    let mut files: Vec<String> = ["imf.npy", "best.npy", "imf.vti", "imf.png"].map(str::to_owned).to_vec();
+    let largest = whole.value.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    let own = [".npy", ".vti", ".png"].map(|ending| format!("{}{ending}", measure.minimum));
+    let mut files: Vec<String> = own.into_iter().chain(["best.npy".to_owned()]).collect();
     files.extend(rows.iter().map(|row| format!("{}.npy", row.array)));
     files.extend((!rows.is_empty()).then(|| elements::PICTURE.to_owned()));
     if let Some(orientations) = &refined {
@@ -70,8 +75,8 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         "imf",
         json!({
             "largest": same_digits(largest),
-            "accessible_outside": outside.accessible,
-            "inaccessible_outside": outside.inaccessible,
+            "accessible_outside": outside.map(|outside| outside.accessible),
+            "inaccessible_outside": outside.map(|outside| outside.inaccessible),
             "elements": rows,
             "files": &files,
         }),
@@ -80,24 +85,24 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     if work.session.json {
         return print_json(&summary);
     }
-    let reached = match work.tau() {
-        0.0 => "some orientation reaches them freely".to_owned(),
-        tau => format!("the field's minimum is at most {tau} there, an estimate"),
+    let reached = match work.values {
+        Values::Counted(_) => "some orientation reaches them freely",
+        Values::Saved(_) => "the field's minimum is at most its threshold there, an estimate",
     };
     let suggested = suggested_lines(work.suggested, &work.scene.record.unit.to_string());
-    let mut text = format!(
-        "orientations  {} ({})\n{suggested}\
-         accessible    {} voxels outside the part ({:.1} %): {reached}\n\
-         inaccessible  {} voxels outside the part\n\
-         largest IMF   {largest:.4}\n\
-         guarantee       {}\n",
-        work.set.len(),
-        work.set.spec,
-        outside.accessible,
-        outside.percent(),
-        outside.inaccessible,
-        work.guarantee()
-    );
+    let mut text = format!("orientations  {} ({})\n{suggested}", work.set.len(), work.set.spec);
+    if let Some(outside) = outside {
+        text += &format!(
+            "accessible    {} voxels outside the part ({:.1} %): {reached}\n\
+             inaccessible  {} voxels outside the part\n",
+            outside.accessible,
+            outside.percent(),
+            outside.inaccessible,
+        );
+    }
+    text += &work.trust().unwrap_or_default();
+    let short = if measure.quantity.is_overlap() { "IMF" } else { measure.short };
+    text += &format!("largest {short:<6}{largest:.4}\nguarantee       {}\n", work.guarantee());
     for row in &rows {
         text += &format!(
             "{:<14}collides at the best orientation of {} voxels outside the part\n",
@@ -139,9 +144,10 @@ fn write_fields(
     let met = refined.unwrap_or(&work.set.orientations);
     let angles: Vec<(&str, Vec<f32>)> = angles(met).map(|(name, angle)| (name, of_best(angle))).collect();
     let (value, best) = (&whole.value[..], &whole.best[..]);
-    write_npy(work.folder.file("imf.npy"), grid.dims, value)?;
+    let name = work.measure().minimum;
+    write_npy(work.folder.file(&format!("{name}.npy")), grid.dims, value)?;
     write_npy(work.folder.file("best.npy"), grid.dims, best)?;
-    let mut fields = vec![NamedField::new("imf", value), NamedField::new("best", best)];
+    let mut fields = vec![NamedField::new(name, value), NamedField::new("best", best)];
     for (name, angle) in &angles {
         if refined.is_some() {
             write_npy(work.folder.file(&format!("{name}.npy")), grid.dims, &angle[..])?;
@@ -152,6 +158,6 @@ fn write_fields(
     for ((_, values), row) in elements.iter().zip(rows) {
         fields.push(NamedField::new(&row.array, &values[..]));
     }
-    write_vti(work.folder.file("imf.vti"), grid, &fields)?;
+    write_vti(work.folder.file(&format!("{name}.vti")), grid, &fields)?;
     work.write_orientations()
 }

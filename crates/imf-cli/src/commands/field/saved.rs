@@ -51,7 +51,7 @@ impl Saved {
         let mut besides = String::new();
         let record = &stored.scene().record;
         if record.tool.sharp_point_positions(record.grid.pitch) != [DVec3::ZERO] {
-            besides += "; values are overlaps with the tool's tip at the voxel, and imf query --sharp asks of its sharp points";
+            besides += "; values are of the tool with its tip at the voxel, and imf query --sharp asks of its sharp points";
         }
         if matches!(&stored, FieldFile::Siren(model) if !model.record.finished) {
             besides += "; the network is not trained to its end";

@@ -9,7 +9,7 @@ use imf_core::section::ElementPlans;
 use serde_json::{Value, json};
 
 use super::elements::{self, ElementRow, OwnMeasures};
-use super::{ORIENTATIONS, Outside, SUMMARY, Streamed, Work, angles_text};
+use super::{Measure, ORIENTATIONS, Outside, SUMMARY, Streamed, Values, Work, angles_text};
 use crate::interrupt::Interrupted;
 use crate::output::{print, print_json, same_digits, table, write_json};
 use crate::picture::MaskStyle;
@@ -27,7 +27,7 @@ const LISTED: usize = 20;
 /// What is kept of a section once it is written.
 struct Kept {
     index: usize,
-    outside: Outside,
+    outside: Option<Outside>,
     largest: f32,
     planes: Option<MidPlanes>,
     /// Everything that the shared file is to hold, by name.
@@ -47,6 +47,8 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let arrays = 1 + work.elements().map_or(0, |plans| plans.elements().count());
     let shared = set.len() <= SHARED_SECTIONS && 4 * set.len() * arrays * grid.len() <= SHARED_BYTES;
     let files = files(work, shared);
+    let measure = work.measure();
+    let name = |index| name(&measure, index);
     let begin = || -> Result<()> {
         work.folder.begin(work.session)?;
         // First, so that sections kept after Ctrl-C can be told apart, and are found by the next run.
@@ -61,7 +63,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         let elements = elements::write(work, &name(index), &measured, index == 0)?;
         if !shared {
             let vti = work.folder.file(&format!("{}.vti", name(index)));
-            let mut fields = vec![NamedField::new("cmf", cmf)];
+            let mut fields = vec![NamedField::new(measure.section, cmf)];
             for (row, (_, values)) in elements.iter().zip(&measured) {
                 fields.push(NamedField::new(&row.array, *values));
             }
@@ -76,7 +78,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         own.kept.push(Kept {
             index,
             outside: work.accessible_outside(cmf),
-            largest: cmf.iter().copied().fold(0.0, f32::max),
+            largest: cmf.iter().copied().fold(f32::NEG_INFINITY, f32::max),
             planes: (index < PICTURED)
                 .then(|| MidPlanes::new(angles_text(&set.orientations[index]), cmf, grid)),
             values,
@@ -113,11 +115,12 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     }
     // Rows of orientations that differ in nothing else would look alike.
     let rolls = set.orientations.iter().any(|orientation| orientation.roll != 0.0);
-    let accessible = match work.tau() {
-        0.0 => "accessible outside the part".to_owned(),
-        tau => format!("at most {tau} outside the part"),
+    let accessible = match work.values {
+        Values::Counted(_) => "accessible outside the part",
+        Values::Saved(_) => "called free outside the part",
     };
-    let head = ["section", "θ", "φ", "ψ", "largest CMF", &accessible];
+    let largest = format!("largest {}", measure.short);
+    let head = ["section", "θ", "φ", "ψ", &largest, accessible];
     let head: Vec<&str> = head.into_iter().filter(|&title| rolls || title != "ψ").collect();
     let rows: Vec<Vec<String>> = kept.iter().take(LISTED).map(|section| row(work, section, rolls)).collect();
     let mut text = table(&head, &rows);
@@ -125,26 +128,28 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         text += &format!("… and {} more, see {SUMMARY}\n", kept.len() - LISTED);
     }
     text += &work.checked().map(|line| line + "\n").unwrap_or_default();
-    if work.tau() > 0.0 {
-        text += &format!("guarantee: {}\n", work.guarantee());
+    if let Some(trust) = work.trust() {
+        text += &format!("{trust}guarantee: {}\n", work.guarantee());
     }
     // Those of the elements begin like their section's.
     let pictures = if work.elements().is_some() { "slices.png, elements.png" } else { "slices.png" };
     text += &format!(
-        "written to {}: cmf-*.npy, {vti}, {pictures}, {ORIENTATIONS}, {SUMMARY}\n",
-        work.folder.path().display()
+        "written to {}: {}-*.npy, {vti}, {pictures}, {ORIENTATIONS}, {SUMMARY}\n",
+        work.folder.path().display(),
+        measure.section
     );
     print(&text)
 }
 
-fn name(index: usize) -> String {
-    format!("cmf-{index:05}")
+fn name(measure: &Measure, index: usize) -> String {
+    format!("{}-{index:05}", measure.section)
 }
 
 /// Every file that the run writes.
 fn files(work: &Work<'_>, shared: bool) -> Vec<String> {
     let mut files = Vec::new();
-    for section in (0..work.set.len()).map(name) {
+    let measure = work.measure();
+    for section in (0..work.set.len()).map(|index| name(&measure, index)) {
         let elements = work.elements().into_iter().flat_map(ElementPlans::elements);
         files.extend(elements.map(|kind| format!("{}.npy", elements::array(&section, kind))));
         files.push(format!("{section}.npy"));
@@ -177,7 +182,7 @@ fn draw(work: &Work<'_>, kept: &mut [Kept]) -> Result<()> {
     }
     let sheet = MidPlaneSheet {
         title: work.title(),
-        label: "collision measure CMF",
+        label: work.measure().section_label,
         part: &work.scene.obstacle,
         style: Some(MaskStyle::Outline),
         unit: work.scene.record.unit,
@@ -192,10 +197,10 @@ fn list(work: &Work<'_>, kept: &[Kept]) -> Vec<Value> {
         json!({
             "index": section.index,
             "orientation": work.set.orientations[section.index],
-            "file": format!("{}.npy", name(section.index)),
+            "file": format!("{}.npy", name(&work.measure(), section.index)),
             "largest": same_digits(section.largest),
-            "accessible_outside": section.outside.accessible,
-            "inaccessible_outside": section.outside.inaccessible,
+            "accessible_outside": section.outside.map(|outside| outside.accessible),
+            "inaccessible_outside": section.outside.map(|outside| outside.inaccessible),
             "elements": section.elements,
         })
     };
@@ -210,7 +215,10 @@ fn row(work: &Work<'_>, section: &Kept, rolls: bool) -> Vec<String> {
     row.extend(angles.into_iter().flatten().map(|angle| format!("{angle:.1}°")));
     row.extend([
         format!("{:.4}", section.largest),
-        format!("{} voxels ({:.1} %)", section.outside.accessible, section.outside.percent()),
+        section.outside.map_or_else(
+            || "no threshold".to_owned(),
+            |outside| format!("{} voxels ({:.1} %)", outside.accessible, outside.percent()),
+        ),
     ]);
     row
 }

@@ -9,7 +9,6 @@ use imf_core::section::{DEPTH_CAP, Quantity};
 use imf_fields::calibration::Calibration;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::file::FieldFile;
-use imf_fields::harmonic::FitReport;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::model::Model;
 use imf_fields::siren::SirenShape;
@@ -19,8 +18,8 @@ use serde_json::{Value, json};
 use super::{Description, Line};
 use crate::arguments::clearance::clearance_text;
 use crate::commands::calibrate::judgement;
+use crate::commands::train::harmonic::validation_text;
 use crate::output::short;
-use crate::progress::show_seconds;
 use crate::session::show_bytes;
 
 pub(super) fn dataset(folder: &Path) -> Result<Description> {
@@ -114,11 +113,10 @@ fn siren(model: &Model, size: &str) -> Family {
         ("network", format!("siren5, {hidden} hidden layers of {width}{skip}, ω = {omega}")),
         ("parameters", format!("{parameters}, file of {size}")),
     ];
-    let seconds = show_seconds(record.seconds);
     let end = if record.finished { "" } else { ", not finished" };
     let mut made = vec![
         ("trained on", format!("{count} orientations ({set}), {} samples", record.samples)),
-        ("training", format!("{} steps in {seconds} on {}{end}", record.steps, record.engine)),
+        ("training", format!("{} steps on {}{end}", record.steps, record.engine)),
     ];
     if let Some(groups) = record.groups_per_epoch {
         made.push(("order of samples", format!("{groups} groups an epoch, read while training")));
@@ -142,7 +140,6 @@ fn siren(model: &Model, size: &str) -> Family {
             "samples": record.samples,
             "groups_per_epoch": record.groups_per_epoch,
             "steps": record.steps,
-            "seconds": record.seconds,
             "engine": record.engine,
             "finished": record.finished,
             "last_loss": record.losses.last(),
@@ -161,8 +158,8 @@ fn harmonic(file: &HarmonicFile, size: &str) -> Family {
         report.functions, settings.degree
     );
     let errors = format!(
-        "{} that were not fitted; dropped axes {:.1e}",
-        fit_errors(report, &format!("{} orientations", settings.held_out)),
+        "{}; dropped axes {:.1e}",
+        validation_text(&report.validation, field.quantity),
         report.dropped
     );
     let made = vec![("fitted to", format!("{} exact sections", report.sections)), ("errors", errors)];
@@ -175,7 +172,7 @@ fn factored(file: &FactoredFile, size: &str) -> Family {
     let (shape, parameters) = (&field.shape, field.parameter_count());
     let family = format!("factored, {shape}, ω = {}, {parameters} parameters, file of {size}", shape.omega);
     let of = format!("degree {} from {} exact sections", fit.degree, report.sections);
-    let errors = fit_errors(report, "orientations") + " that were not fitted";
+    let errors = validation_text(&report.validation, field.quantity);
     let teacher = match settings.online {
         None => format!("harmonic field of {of}, {errors}"),
         Some(online) => format!(
@@ -197,10 +194,6 @@ fn factored(file: &FactoredFile, size: &str) -> Family {
         "resumable": state.is_some(),
     });
     (vec![("family", family)], made, json)
-}
-
-fn fit_errors(report: &FitReport, at: &str) -> String {
-    format!("MSE {:.1e}, at most {:.3}, at {at}", report.held_out_mse, report.held_out_mpe)
 }
 
 fn resumable(resumable: bool) -> Line {
@@ -226,6 +219,7 @@ fn calibration_lines(calibration: Option<&Calibration>) -> Vec<Line> {
         ),
         ("  anywhere", judgement(&known.uniform)),
         ("  at contact", judgement(&known.boundary)),
+        ("verdict", known.verdict().to_string()),
     ]
 }
 
@@ -237,7 +231,7 @@ fn quantity_text(quantity: Quantity, scene: &SceneRecord) -> String {
         Quantity::Depth => {
             let [_, most] = quantity.bounds(scene.grid.pitch);
             format!(
-                "depth in {unit}: how far the tool must be moved to be free, below 0 how far it may be moved; held within \
+                "depth in {unit}: how far the tool must be moved to be free, below 0 how far it may be moved; clamped within \
                  {DEPTH_CAP} pitches, {} {unit}",
                 short(most)
             )

@@ -4,6 +4,7 @@ use std::io::Write;
 
 use anyhow::{Result, ensure};
 use csv::{StringRecord, Writer};
+use imf_core::field::Decision;
 use imf_core::pose::Pose;
 use serde_json::{Map, Value, json};
 
@@ -17,6 +18,20 @@ pub(super) struct Answers {
     pub(super) values: Vec<f32>,
     /// Empty where it was not asked for.
     pub(super) exact: Vec<f32>,
+    pub(super) decisions: Vec<Decision>,
+    /// Whether the field was asked beyond what it was made for.
+    pub(super) outside: Vec<bool>,
+}
+
+/// Titles of what stands behind the values.
+const BEHIND: [&str; 2] = ["decision", "outside"];
+
+fn decision_text(decision: Decision) -> &'static str {
+    match decision {
+        Decision::Free => "free",
+        Decision::Colliding => "colliding",
+        Decision::Undecided => "undecided",
+    }
 }
 
 impl Answers {
@@ -48,9 +63,8 @@ impl AnswerWriter {
     ) -> Result<Self> {
         let mut titles: Vec<String> = header.iter().map(str::to_owned).collect();
         let columns = titles.len();
-        for title in
-            [Some(measure.to_owned()), exact.then(|| format!("{measure}_exact"))].into_iter().flatten()
-        {
+        let values = [Some(measure.to_owned()), exact.then(|| format!("{measure}_exact"))];
+        for title in values.into_iter().flatten().chain(BEHIND.map(str::to_owned)) {
             ensure!(!titles.contains(&title), "the poses have a column {title} already; rename it");
             titles.push(title);
         }
@@ -106,6 +120,9 @@ impl AnswerWriter {
         for (title, value) in titles[self.columns..].iter().zip(answers.of(index)) {
             object.insert(title.clone(), json!(same_digits(value)));
         }
+        let [decision, outside] = BEHIND.map(str::to_owned);
+        object.insert(decision, json!(decision_text(answers.decisions[index])));
+        object.insert(outside, json!(answers.outside[index]));
         Value::Object(object)
     }
 }
@@ -127,6 +144,8 @@ fn csv_lines(answers: &Answers) -> Result<Vec<u8>> {
     for (index, record) in answers.records.iter().enumerate() {
         let mut line = record.clone();
         answers.of(index).for_each(|value| line.push_field(&value.to_string()));
+        line.push_field(decision_text(answers.decisions[index]));
+        line.push_field(&answers.outside[index].to_string());
         csv.write_record(&line)?;
     }
     Ok(csv.into_inner()?)
@@ -142,6 +161,8 @@ mod tests {
             records: vec![vec!["a, b", "1.5"].into(), vec!["c", "2"].into()],
             values: vec![0.25, 0.0],
             exact: vec![0.5, 1.0],
+            decisions: vec![Decision::Free, Decision::Undecided],
+            outside: vec![false, true],
             ..Answers::default()
         };
         let mut out = Vec::new();
@@ -155,8 +176,9 @@ mod tests {
 
     #[test]
     fn csv_keeps_every_column() {
-        let expected =
-            "name,x,overlap,overlap_exact\n\"a, b\",1.5,0.25,0.5\nc,2,0,1\n\"a, b\",1.5,0.25,0.5\n";
+        let first = "\"a, b\",1.5,0.25,0.5,free,false\n";
+        let header = "name,x,overlap,overlap_exact,decision,outside\n";
+        let expected = format!("{header}{first}c,2,0,1,undecided,true\n{first}");
         assert_eq!(written(false), expected);
     }
 
@@ -164,7 +186,12 @@ mod tests {
     fn json_is_one_array_over_all_chunks() {
         let all: Value = serde_json::from_str(&written(true)).unwrap();
         assert_eq!(all.as_array().unwrap().len(), 3);
-        assert_eq!(all[0], json!({"name": "a, b", "x": 1.5, "overlap": 0.25, "overlap_exact": 0.5}));
+        assert_eq!(
+            all[0],
+            json!({
+                "name": "a, b", "x": 1.5, "overlap": 0.25, "overlap_exact": 0.5, "decision": "free", "outside": false
+            })
+        );
     }
 
     #[test]
@@ -186,7 +213,9 @@ mod tests {
 
     #[test]
     fn a_column_that_is_there_already_is_not_written_twice() {
-        let header = StringRecord::from(vec!["x", "cmf"]);
-        assert!(AnswerWriter::start(&header, "cmf", false, false, &mut Vec::new()).is_err());
+        for taken in ["overlap", "decision", "outside"] {
+            let header = StringRecord::from(vec!["x", taken]);
+            assert!(AnswerWriter::start(&header, "overlap", false, false, &mut Vec::new()).is_err());
+        }
     }
 }

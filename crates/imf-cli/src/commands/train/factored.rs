@@ -5,9 +5,12 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};
 use imf_core::scene::Scene;
-use imf_core::section::{At, SectionPlan};
+use imf_core::section::{At, Quantity, SectionPlan};
+use imf_fields::evaluation::{Exact, validate};
 use imf_fields::factored::DistillSettings;
 use imf_fields::factored::file::FactoredFile;
+use imf_fields::field::Field;
+use imf_fields::file::FieldFile;
 use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
@@ -16,24 +19,29 @@ use imf_train::dataset::Manifest;
 use imf_train::distill::SectionSource;
 use serde_json::json;
 
-use super::{calibrated, harmonic};
+use super::harmonic;
+use super::harmonic::validation_text;
 use crate::arguments::clearance::ContactArguments;
 use crate::arguments::harmonic::DEFAULT_SECTIONS;
+use crate::arguments::quantity::scene_of;
 use crate::arguments::scene::SceneArguments;
 use crate::arguments::train::FactoredArguments;
+use crate::commands::calibrate::afterwards;
 use crate::commands::field::is_field;
 use crate::engine::Device;
 use crate::job::{Distillation, Extent, FIELD, FactoredStart, Settings, Source, symmetry_of};
-use crate::output::{OutputFolder, claim, print, print_json, require_other};
+use crate::output::{OutputFolder, answer, claim, require_other};
 use crate::session::{Session, show_bytes};
 
+/// Random orientations that a finished network is held against exact sections at.
+const VALIDATED: usize = 64;
 /// A degree that leaves the teapot an error of a few millionths.
 const DEGREE: usize = 16;
 /// Of whole rotations: nearly as many functions, and so as much memory and time.
 const DEGREE_OF_ROTATIONS: usize = 5;
 
 pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()> {
-    let FactoredArguments { given, scene, contact, run, start, degree, online, .. } = arguments;
+    let FactoredArguments { given, scene, contact, quantity, run, start, degree, online, .. } = arguments;
     let subject = Path::new(&scene.part);
     if FactoredFile::is_one(subject) {
         bail!(
@@ -54,6 +62,7 @@ pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()
         let whose = "a part, and the harmonic field was made with its own";
         given.refuse::<SceneArguments>(whose)?;
         given.refuse::<ContactArguments>(whose)?;
+        given.refuse_option("quantity", whose)?;
         given.refuse_option("degree", whose)?;
         given.refuse_option("online", whose)?;
     }
@@ -89,7 +98,9 @@ pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()
     };
     settings.symmetry = symmetry.unwrap_or_default();
     begun.require_settings(&settings)?;
+    let quantity = quantity.of(scene);
     let request = Request {
+        quantity,
         degree: *degree,
         find_symmetry: symmetry.is_none(),
         settings,
@@ -109,12 +120,12 @@ pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()
             }
         }
     } else {
-        let scene = scene.scene_with(session, contact)?;
+        let scene = scene_of(quantity, given, scene).scene_with(session, contact)?;
         folder.create()?;
         let _claim = claim(folder.path())?;
         request.of_scene(session, &device, &scene, &begun, from.as_ref().map(|(_, from)| from))?
     };
-    concluded(session, folder.path(), trained)
+    concluded(session, folder.path(), trained, !run.no_calibrate)
 }
 
 /// What happens beside the steps.
@@ -124,6 +135,8 @@ pub(in crate::commands) fn beside(checkpoint_every: f64, go_on: &'static str) ->
 
 /// A field that is wanted.
 pub(in crate::commands) struct Request {
+    /// What its values are.
+    pub(in crate::commands) quantity: Quantity,
     /// Degree of the harmonics; by default that of its kind of functions.
     pub(in crate::commands) degree: Option<usize>,
     /// The network relies on what symmetry the field has.
@@ -154,6 +167,7 @@ impl Request {
             Domain::Rotations => DEGREE_OF_ROTATIONS,
         };
         let fit = FitSettings {
+            quantity: self.quantity,
             degree: self.degree.unwrap_or(usual),
             axes: usize::MAX,
             precision: Precision::F32,
@@ -222,39 +236,45 @@ fn section_source<'a>(
     Ok(source)
 }
 
-/// The end of a training: its closing line, and what the field's decisions are worth, where that is short beside it and not
-/// yet known.
-fn concluded(session: &Session, out: &Path, (file, loss): (FactoredFile, Option<f64>)) -> Result<()> {
+/// The end of a training: its error, what the field's decisions are worth, and its closing lines.
+fn concluded(
+    session: &Session,
+    out: &Path,
+    (file, loss): (FactoredFile, Option<f64>),
+    calibrate: bool,
+) -> Result<()> {
     let path = out.join(FIELD);
-    announce(session, &path, &file, loss)?;
-    let plan = file.settings.plan;
-    let voxels = file.field.grid.len();
-    let samples = plan.total_steps(voxels).saturating_mul(plan.batch.min(voxels) as u64);
-    let known = file.calibration.is_some();
-    drop(file);
-    calibrated(session, &path, known, samples)
-}
-
-fn announce(session: &Session, path: &Path, file: &FactoredFile, loss: Option<f64>) -> Result<()> {
-    let bytes = std::fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len();
-    if session.json {
-        return print_json(&json!({
-            "field": path, "bytes": bytes, "parameters": file.field.parameter_count(), "loss": loss,
-            "settings": file.settings, "source": file.report,
-        }));
-    }
-    let (source, own) = match file.settings.online {
-        Some(_) => ("exact sections", "a fit of its functions to them has"),
-        None => ("the harmonic field", "that field's own error"),
+    let worth = afterwards(session, &path, calibrate)?;
+    let (scene, quantity, plan) = (file.scene.clone(), file.field.quantity, file.settings.plan);
+    let random = file.field.basis.random_set(VALIDATED, plan.seed)?.orientations;
+    let parameters = file.field.parameter_count();
+    let (settings, source) = (file.settings, file.report);
+    let told = {
+        let sections = SectionPlan::of_scene(&scene, At::Tip)?;
+        let exact = Exact::new(&sections, quantity, None)?;
+        let field = Field::new(FieldFile::Factored(Box::new(file)))?;
+        let stage = session.stage("validating", "sections", random.len() as u64);
+        let advance = |n| stage.advance(n);
+        let told = validate(&exact, &random, &field, session.control(&advance))?;
+        stage.finish("");
+        told
     };
+    let bytes = std::fs::metadata(&path).with_context(|| format!("cannot read {}", path.display()))?.len();
+    let json = json!({
+        "field": path, "bytes": bytes, "parameters": parameters, "loss": loss, "settings": settings, "source": source,
+        "quantity": quantity, "validation": told, "verdict": worth.json(),
+    });
+    let source = if settings.online.is_some() { "exact sections" } else { "the harmonic field" };
     // None where a finished training was asked to go on.
-    let its_loss =
+    let loss =
         loss.map_or_else(String::new, |loss| format!("MSE from {source} in the last steps {loss:.1e}, "));
-    print(&format!(
-        "{}: {}, {its_loss}{own} {:.1e}; ask it by: imf query {}",
+    let text = format!(
+        "{}: {}, {loss}{}; ask it by: imf query {}\n{}",
         path.display(),
         show_bytes(bytes),
-        file.report.expected_mse(),
-        path.display()
-    ))
+        validation_text(&told, quantity),
+        path.display(),
+        worth.text()
+    );
+    answer(session, &json, &text)
 }

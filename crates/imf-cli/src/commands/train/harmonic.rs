@@ -2,45 +2,49 @@
 
 use anyhow::{Result, bail};
 use imf_core::scene::Scene;
-use imf_core::section::{At, SectionError, SectionPlan};
+use imf_core::section::{At, Quantity, SectionError, SectionPlan};
 use imf_core::tool::Tool;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{
     FitSettings, HarmonicError, HarmonicField, degree_for, fit, section_count, sections_tried,
 };
+use imf_fields::metrics::Validation;
 use serde_json::json;
 
 use crate::arguments::harmonic::HarmonicArguments;
+use crate::arguments::quantity::scene_of;
 use crate::commands::calibrate;
 use crate::interrupt::Interrupted;
-use crate::output::{OutputFile, print, print_json};
+use crate::output::{OutputFile, answer};
 use crate::session::{Session, show_bytes};
 
 pub(super) fn run(session: &Session, arguments: &HarmonicArguments) -> Result<()> {
     let out = OutputFile::check(&arguments.out)?;
-    let scene = arguments.scene.scene_with(session, &arguments.contact)?;
+    let quantity = arguments.quantity.of(&arguments.scene);
+    let scene =
+        scene_of(quantity, &arguments.given, &arguments.scene).scene_with(session, &arguments.contact)?;
     // A field that is saved is of the tip, which serves every sharp point: turning a tool of revolution about its axis moves
     // its sharp points, not the overlap at its tip.
     let plan = SectionPlan::of_scene(&scene, At::Tip)?;
     let domain = domain(&scene.record.bare_tool().with_tip_only());
-    let settings = chosen(session, &plan, domain, arguments)?;
+    let settings =
+        chosen(session, &plan, arguments.settings(domain, quantity), domain, arguments.target_mse)?;
     let smaller = "use a lower --degree, fewer --components, or a larger --pitch";
     let file = fitted(session, &scene, &plan, domain, settings, smaller)?;
     drop(plan);
     let path = out.begin()?;
     file.write(path)?;
-    if session.json {
-        print_json(&json!({
-            "field": path, "settings": file.settings, "report": file.field.report, "bytes": file.field.bytes(),
-            "scene": scene.record,
-        }))?;
-    } else {
-        print(&format!("{}: {}", path.display(), describe(&file)))?;
-    }
+    let (text, settings, report, bytes) =
+        (describe(&file), file.settings, file.field.report, file.field.bytes());
     // Two of a field need not be in memory at once.
     drop(file);
-    if arguments.no_calibrate { Ok(()) } else { calibrate::afterwards(session, path) }
+    let worth = calibrate::afterwards(session, path, !arguments.no_calibrate)?;
+    let json = json!({
+        "field": path, "settings": settings, "report": report, "bytes": bytes, "scene": scene.record,
+        "verdict": worth.json(),
+    });
+    answer(session, &json, &format!("{}: {text}\n{}", path.display(), worth.text()))
 }
 
 /// A field and its errors, for people.
@@ -61,11 +65,17 @@ pub(in crate::commands) fn errors_text(field: &HarmonicField) -> String {
     let report = &field.report;
     let left_out = match report.dropped {
         0.0 => String::new(),
-        dropped => format!(", and {dropped:.1e} by the components left out"),
+        dropped => format!(", {dropped:.1e} of it by the components left out"),
     };
+    validation_text(&report.validation, field.quantity) + &left_out
+}
+
+/// An error with its standard error; of depths its root as a length too.
+pub(in crate::commands) fn validation_text(told: &Validation, quantity: Quantity) -> String {
+    let Validation { orientations, mse, standard_error, mpe } = told;
+    let root = if quantity.is_overlap() { String::new() } else { format!(" (root {:.2})", mse.sqrt()) };
     format!(
-        "at unseen orientations MSE {:.1e}, MPE {:.3}{left_out}",
-        report.held_out_mse, report.held_out_mpe
+        "at {orientations} random orientations that were not fitted MSE {mse:.2e} ± {standard_error:.1e}{root}, largest error {mpe:.3}"
     )
 }
 
@@ -73,11 +83,11 @@ pub(in crate::commands) fn errors_text(field: &HarmonicField) -> String {
 fn chosen(
     session: &Session,
     plan: &SectionPlan,
+    settings: FitSettings,
     domain: Domain,
-    arguments: &HarmonicArguments,
+    target: Option<f64>,
 ) -> Result<FitSettings> {
-    let settings = arguments.settings(domain);
-    let Some(target) = arguments.target_mse else { return Ok(settings) };
+    let Some(target) = target else { return Ok(settings) };
     let room = session.memory_limit();
     let Some(most) = settings.degree_within(plan, domain, room) else {
         bail!(

@@ -7,6 +7,7 @@ use std::str::FromStr as _;
 use anyhow::{Result, bail};
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
+use imf_core::section::Quantity;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::file::HarmonicFile;
@@ -15,14 +16,15 @@ use imf_fields::recipe::{Sampling, TrainingState};
 use imf_train::dataset::{Layout, Manifest};
 use serde_json::json;
 
-use super::calibrated;
 use crate::arguments::clearance::ContactArguments;
+use crate::arguments::quantity::scene_of;
 use crate::arguments::scene::SceneArguments;
 use crate::arguments::train::{FinetuneArguments, Siren5Arguments, Siren5Training};
+use crate::commands::calibrate::afterwards;
 use crate::commands::dataset::sampled;
 use crate::engine::Device;
 use crate::job::{self, Data, FIELD, Footprint, Latest, Settings};
-use crate::output::{OutputFolder, claim, print, print_json, require_other};
+use crate::output::{OutputFolder, answer, claim, require_other};
 use crate::session::Session;
 
 /// Orientations of a part's own samples: as many as the paper's, spread evenly.
@@ -127,7 +129,7 @@ fn trained(
         let Some(found) = &found else { return Ok(false) };
         same(found)?;
         let Some(model) = found.finished(session, folder.path(), Precision::F32)? else { return Ok(false) };
-        concluded(session, folder.path(), &model)?;
+        concluded(session, folder.path(), &model, !run.no_calibrate)?;
         Ok(true)
     };
     let device = Device::open(run.device_or("auto"), session)?;
@@ -141,6 +143,7 @@ fn trained(
             data
         }
         Samples::OfPart(scene, contact) => {
+            let scene = scene_of(Quantity::Overlap, training.given, scene);
             let (set, sampling) =
                 (OrientationSet::parse(ORIENTATIONS)?, Sampling { seed: plan.seed, ..Sampling::default() });
             let scene = scene.scene_with(session, contact)?;
@@ -175,38 +178,28 @@ fn trained(
         (None, None) => job::fresh_model(&data, shape, *plan, TrainingState::new(&shape, plan.seed), None),
     };
     let model = job::run(session, &device, &data, model, folder.path(), &settings)?;
-    concluded(session, folder.path(), &model)
+    concluded(session, folder.path(), &model, !run.no_calibrate)
 }
 
-/// The end of a training: its closing line, and what the model's decisions are worth, where that is short beside it and not yet
-/// known.
-fn concluded(session: &Session, out: &Path, model: &Model) -> Result<()> {
-    let path = out.join(FIELD);
-    announce(session, &path, model)?;
-    // A batch is no larger than the dataset.
-    let record = &model.record;
-    let samples = record.steps.saturating_mul(record.samples.min(record.plan.batch as u64));
-    calibrated(session, &path, model.calibration.is_some(), samples)
-}
-
-/// The closing line of a training.
-fn announce(session: &Session, path: &Path, model: &Model) -> Result<()> {
+/// The end of a training: what the model's decisions are worth, and its closing lines.
+fn concluded(session: &Session, out: &Path, model: &Model, calibrate: bool) -> Result<()> {
     if !session.rank().is_first() {
         return Ok(());
     }
-    let loss = model.record.losses.last().map(|p| p.loss);
-    if session.json {
-        return print_json(&json!({
-            "field": path, "steps": model.record.steps, "seconds": model.record.seconds, "loss": loss,
-            "parameters": model.shape.parameter_count(), "engine": model.record.engine,
-            "held_out": model.record.held_out.as_ref().and_then(|held| held.errors.last()),
-        }));
-    }
-    print(&format!(
-        "{}: {} steps in {:.1} s; compare with: imf eval {}",
+    let path = out.join(FIELD);
+    let worth = afterwards(session, &path, calibrate)?;
+    let record = &model.record;
+    let json = json!({
+        "field": path, "steps": record.steps, "seconds": record.seconds, "loss": record.losses.last().map(|p| p.loss),
+        "parameters": model.shape.parameter_count(), "engine": record.engine,
+        "held_out": record.held_out.as_ref().and_then(|held| held.errors.last()), "verdict": worth.json(),
+    });
+    let text = format!(
+        "{}: {} steps; compare with: imf eval {}\n{}",
         path.display(),
-        model.record.steps,
-        model.record.seconds,
-        path.display()
-    ))
+        record.steps,
+        path.display(),
+        worth.text()
+    );
+    answer(session, &json, &text)
 }

@@ -1,7 +1,7 @@
 //! What a fit takes of memory, and the degree that a limit allows or that an error asks for.
 
 use super::sections::{KeptSections, memory_by_parts};
-use super::{batch_size, estimate, fitted_grid};
+use super::{VALIDATED_AT_ONCE, batch_size, estimate, fitted_grid};
 use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::Domain;
 use crate::harmonic::coefficients::Precision;
@@ -37,8 +37,10 @@ impl FitSettings {
 
     /// The same where `fitted`, the whole grid or one side of it, is what is fitted.
     pub(super) fn memory_over(&self, plan: &SectionPlan, fitted: &Grid, domain: Domain) -> (u64, u64) {
-        let voxels = fitted.len();
+        let (voxels, whole) = (fitted.len(), plan.grid().len() as u64);
         let (mut peak, own) = self.memory(domain, voxels);
+        // The finished field beside exact sections and its own.
+        let validated = own / voxels as u64 * whole + 8 * whole * VALIDATED_AT_ONCE.min(self.held_out) as u64;
         let Sizes { functions, sections, .. } = self.sizes(domain);
         if self.one_pass
             && self.in_classes(domain)
@@ -47,13 +49,13 @@ impl FitSettings {
             peak = parts + own + self.sample_bytes(domain, voxels) + square_bytes(functions);
         }
         if voxels == plan.grid().len() {
-            return (peak, own);
+            return (peak.max(validated), own);
         }
         let field = own / voxels as u64 * plan.grid().len() as u64;
         // What is judged on one side for the others as well.
         let sides = plan.grid().len().div_ceil(voxels);
         let judged = (self.sample.min(voxels) * self.held_out * (sides - 1) * 4) as u64;
-        ((peak + judged).max(own + field), field)
+        ((peak + judged).max(own + field).max(validated), field)
     }
 
     /// Bytes at the peak of deciding on a field's functions by a sample of its `voxels` voxels.

@@ -246,7 +246,7 @@ impl Dense {
 }
 
 /// Exact sections, `[orientation][voxel]`.
-fn count_sections(
+pub(super) fn count_sections(
     source: &Source<'_>,
     set: &[Orientation],
     sections: &mut [f32],

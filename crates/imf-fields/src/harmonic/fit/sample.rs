@@ -10,6 +10,7 @@ use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::Basis;
 use crate::harmonic::mirror::Planes;
 use crate::harmonic::settings::{FitReport, FitSettings};
+use crate::metrics::Validation;
 use crate::siren::matrix::{Matrix, multiply, product};
 use imf_core::control::Control;
 use imf_core::orientation::Orientation;
@@ -22,7 +23,8 @@ pub(super) struct Sample {
     held_out: Vec<Orientation>,
     /// `[held-out orientation][voxel]`.
     judged: Vec<f32>,
-    pub(super) quantity: Quantity,
+    quantity: Quantity,
+    pitch: f64,
 }
 
 impl Sample {
@@ -50,7 +52,7 @@ impl Sample {
         let images = planes.images(&held_out);
         judged.extend(gather(source, &images, &places, Control { progress: &|_| {}, ..control })?);
         held_out.extend(images);
-        Ok(Self { places, held_out, judged, quantity: settings.quantity })
+        Ok(Self { places, held_out, judged, quantity: settings.quantity, pitch: source.grid().pitch })
     }
 
     /// Exact values of some orientations at the sample's voxels, `[orientation][voxel]`.
@@ -126,12 +128,22 @@ impl Sample {
             rows.flat_map(|row| (0..functions).map(move |place| row[order(place)])).collect();
         let of_voxels = Matrix::dense(coefficients, functions).transposed();
         let predicted = product(Matrix::dense(&values, functions), of_voxels);
-        let errors = predicted.iter().zip(&self.judged).map(|(&p, &e)| f64::from(self.quantity.held(p) - e));
-        let (sum, largest) =
-            errors.fold((0.0, 0.0f64), |(sum, largest), e| (sum + e * e, largest.max(e.abs())));
-        let held_out_mse = sum / predicted.len() as f64;
-        FitReport { functions, sections, dropped, held_out_mse, held_out_mpe: largest }
+        let voxels = self.places.len();
+        let rows = predicted.chunks_exact(voxels).zip(self.judged.chunks_exact(voxels));
+        let held = |value| self.quantity.held(value, self.pitch);
+        let errors: Vec<_> = rows.map(|(p, e)| section_error(p.iter().map(|&p| held(p)), e)).collect();
+        let told = Validation::of(&errors);
+        // Axes left out err beside, at right angles to what is kept.
+        let validation = Validation { mse: told.mse + dropped, ..told };
+        FitReport { functions, sections, dropped, validation }
     }
+}
+
+/// Mean squared and largest error of a section's values.
+pub(super) fn section_error(values: impl Iterator<Item = f32>, exact: &[f32]) -> (f64, f64) {
+    let errors = values.zip(exact).map(|(value, exact)| f64::from(value - exact));
+    let (sum, largest) = errors.fold((0.0, 0.0f64), |(sum, most), e| (sum + e * e, most.max(e.abs())));
+    (sum / exact.len() as f64, largest)
 }
 
 /// Exact values of some orientations at some voxels, `[orientation][voxel]`.

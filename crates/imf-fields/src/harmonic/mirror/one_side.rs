@@ -25,7 +25,7 @@ pub(in crate::harmonic) fn sections_of(
     sections: &mut [f32],
 ) {
     let side = OneSide::new(source, mirrors, weights);
-    let (count, quantity) = (weights.len(), source.quantity());
+    let (count, quantity, pitch) = (weights.len(), source.quantity(), source.pitch());
     let mut slabs: Vec<Vec<&mut [f32]>> =
         (0..side.planes.dims[0]).map(|_| Vec::with_capacity(count)).collect();
     for section in sections.chunks_exact_mut(source.voxels()) {
@@ -43,7 +43,7 @@ pub(in crate::harmonic) fn sections_of(
                     let values = values[column..].iter().step_by(columns);
                     for (voxel, &value) in voxels.clone().zip(values) {
                         if let Some(image) = side.image(voxel, crossed) {
-                            section[image] = quantity.held(value);
+                            section[image] = quantity.held(value, pitch);
                         }
                     }
                 }

@@ -1,0 +1,64 @@
+//! What the values of a field that is made are, and what its scene has where that was left open: the same for every family.
+
+use std::str::FromStr as _;
+
+use clap::{Args, ValueEnum};
+use imf_core::parts::ReferencePart;
+use imf_core::section::Quantity;
+
+use super::given::Given;
+use super::scene::SceneArguments;
+
+/// What a field's values are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum FieldQuantity {
+    /// Signed penetration depth: how far the tool must be moved to be free, below 0 how far it may be moved, clamped within 8
+    /// pitches. What decides
+    Depth,
+    /// The fraction of the tool's volume that lies in the part, the paper's measure: beside a holder it hardly sees a small cutter
+    Overlap,
+}
+
+/// The choice of it.
+#[derive(Args, Clone, Copy)]
+pub(crate) struct QuantityArguments {
+    /// What the field's values are; by default depth, and overlap for the paper's question, a built-in part with the tool paper. A field
+    /// of depth is of the tool grown by two voxels, where no clearance is given
+    #[arg(long, value_enum)]
+    quantity: Option<FieldQuantity>,
+}
+
+/// Voxels of clearance that make depths decide: seven times a fit's error.
+const CLEARANCE: f64 = 2.0;
+/// Empty voxels around a user's part: the tool approaches within the field's box, beyond its clearance.
+const MARGIN: usize = 6;
+/// Names of the options that give a clearance.
+const CLEARANCES: [&str; 4] = ["clearance", "clearance_holder", "clearance_shank", "clearance_cutter"];
+
+impl QuantityArguments {
+    /// The quantity of a field of this scene.
+    pub(crate) fn of(self, scene: &SceneArguments) -> Quantity {
+        match self.quantity {
+            Some(FieldQuantity::Depth) => Quantity::Depth,
+            Some(FieldQuantity::Overlap) => Quantity::Overlap,
+            None if is_built_in(scene) && scene.tool.iter().all(|tool| tool == "paper") => Quantity::Overlap,
+            None => Quantity::Depth,
+        }
+    }
+}
+
+/// The scene of a field of such values, with the clearance and the margin that it has where none was given.
+pub(crate) fn scene_of(quantity: Quantity, given: &Given, scene: &SceneArguments) -> SceneArguments {
+    let mut scene = scene.clone();
+    if !quantity.is_overlap() && !CLEARANCES.iter().any(|name| given.has(name)) {
+        scene.clearance = scene.clearance.of_voxels(CLEARANCE);
+    }
+    if !is_built_in(&scene) && scene.dims.is_none() && !given.has("margin") {
+        scene.margin = MARGIN;
+    }
+    scene
+}
+
+fn is_built_in(scene: &SceneArguments) -> bool {
+    ReferencePart::from_str(&scene.part).is_ok()
+}

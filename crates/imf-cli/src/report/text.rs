@@ -1,0 +1,91 @@
+//! A report in words: the closing table, and the page with its pictures.
+
+use std::fmt::Write as _;
+
+use imf_core::section::Quantity;
+use imf_fields::metrics::Validation;
+
+use super::{Report, Row};
+use crate::commands::calibrate::threshold_text;
+use crate::output::table;
+
+impl Report {
+    /// The closing table.
+    pub(crate) fn table(&self) -> String {
+        let cells = |row: &Row| {
+            let e = &row.errors;
+            vec![
+                row.name.clone(),
+                format!("{:.2e}", e.mse),
+                format!("{:.2e}", e.mae),
+                format!("{:.4}", e.mpe),
+                format!("{:.2} %", 100.0 * e.false_free),
+                format!("{:.2} %", 100.0 * e.false_colliding),
+                format!("{:.4}", e.iou),
+            ]
+        };
+        let head = ["", "MSE", "MAE", "MPE", "false-free", "false-colliding", "IoU"];
+        let rows: Vec<Vec<String>> = self.rows.iter().map(cells).collect();
+        let Validation { orientations, mse, standard_error, .. } = self.validation;
+        format!(
+            "{}{}; {}; {}.\nMSE at {orientations} random orientations {mse:.2e} ± {standard_error:.1e}, {:.4} of the exact field's variance and \
+             {:.4} of the nearest {} section's.\n{}",
+            table(&head, &rows),
+            self.units_text(),
+            self.threshold_text(),
+            self.guarantee,
+            self.mse_over_variance,
+            self.mse_over_nearest,
+            self.made.participle,
+            self.verdict_text
+        )
+    }
+
+    fn units_text(&self) -> String {
+        match self.quantity {
+            Quantity::Overlap => "MSE and MPE of the overlap, against the exact field".to_owned(),
+            Quantity::Depth => {
+                format!("errors of the depth in {0} (MSE in {0}²), against exact depths", self.unit)
+            }
+        }
+    }
+
+    /// What counts as colliding, and of which tool.
+    fn threshold_text(&self) -> String {
+        let which = if self.calibrated { "its calibrated threshold" } else { "as was asked" };
+        let calls = match self.threshold {
+            tau if tau <= f64::from(f32::MIN) => {
+                "no pose is called free, no value being low enough".to_owned()
+            }
+            tau => {
+                let tau = threshold_text(tau, self.quantity, &self.unit);
+                format!("a pose is called colliding above τ = {tau}, {which}")
+            }
+        };
+        match self.clearance.is_zero() {
+            true => calls,
+            false => format!(
+                "{calls}; false-free of the tool as it is, false-colliding of the tool grown by its clearance"
+            ),
+        }
+    }
+
+    /// The table, with what it is of, and the pictures.
+    pub(super) fn markdown(&self, pictures: &[(&str, &str)]) -> String {
+        let [x, y, z] = self.dims;
+        let mut text = format!(
+            "# {}, tool {}\n\n{} · {x}×{y}×{z} voxels of {:.4} {} · {}\n\n```text\n{}\n```\n\n",
+            self.part,
+            self.tool,
+            self.program,
+            self.pitch,
+            self.unit,
+            self.made.describe(self.training_sections),
+            self.table()
+        );
+        for (file, caption) in pictures {
+            let _ = writeln!(text, "![{caption}]({file})\n\n{caption}\n");
+        }
+        text
+    }
+}

@@ -1,0 +1,146 @@
+//! What a field is good for, by the rates that its calibration measured: the one place that says so.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use super::Calibration;
+
+/// Of the clear poses at least this share must be called free by a field that decides: one that leaves most to an exact check
+/// keeps any false-free rate.
+const LEAST_FOUND: f64 = 0.5;
+/// Of pairs of a colliding and a clear pose at most this share may stand in the wrong order where values steer.
+const MOST_MISORDERED: f64 = 0.1;
+
+/// What a field may be used for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Purpose {
+    /// Decisions, at the stated rates.
+    Decisions,
+    /// Steering: its values rise towards collision, and an exact check decides.
+    Steering,
+    /// Nothing: its values do not tell colliding poses from clear ones.
+    Nothing,
+}
+
+/// What a field may be used for, and why. Its text is one sentence.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Verdict {
+    /// For what.
+    pub usable_for: Purpose,
+    /// Colliding poses called free: the rate measured.
+    pub false_free: f64,
+    /// Its upper bound, at `confidence`.
+    pub false_free_bound: f64,
+    /// How sure the bounds are.
+    pub confidence: f64,
+    /// Share of the clear poses that are called free.
+    pub found_free: f64,
+    /// Pairs in the wrong order, at most, at `confidence`.
+    pub misordered_bound: f64,
+    /// In words.
+    pub text: String,
+}
+
+impl Calibration {
+    /// What a field with this calibration may be used for. Decisions: the bounds of both rates keep their goals, and half of the
+    /// clear poses or more are called free. Steering: at most a tenth of the pairs of a colliding and a clear pose stand
+    /// in the wrong order. Mean errors play no part.
+    pub fn verdict(&self) -> Verdict {
+        let Self { goals, uniform, boundary, .. } = self;
+        let found_free = uniform.found_share();
+        let usable_for = if self.keeps_its_goals() && found_free >= LEAST_FOUND {
+            Purpose::Decisions
+        } else if uniform.misordered.bound <= MOST_MISORDERED {
+            Purpose::Steering
+        } else {
+            Purpose::Nothing
+        };
+        let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+        let (rate, near) = (uniform.false_free, boundary.false_free);
+        let calls = match self.free_up_to {
+            Some(_) => format!(
+                "of {} colliding poses {} are called free (a rate of at most {:.1e} at {} % confidence; within a pitch of contact at most \
+                 {:.1e}), of the clear ones {} are found free and {} called colliding",
+                rate.of,
+                rate.wrong,
+                rate.bound,
+                100.0 * goals.confidence,
+                near.bound,
+                percent(found_free),
+                percent(uniform.false_colliding.share()),
+            ),
+            None => "no value is low enough to be called free".to_owned(),
+        };
+        let order = format!(
+            "{} of the pairs of a colliding and a clear pose are in the wrong order",
+            percent(uniform.misordered.share())
+        );
+        let text = match usable_for {
+            Purpose::Decisions => format!("usable for decisions: {calls}"),
+            Purpose::Steering => format!(
+                "for steering only, an exact check must decide: {calls}, where a rate of at most {:.1e} called free, {} called \
+                 colliding and half of the clear ones found are asked for; {order}",
+                goals.false_free,
+                percent(goals.false_colliding),
+            ),
+            Purpose::Nothing => {
+                format!("not usable, neither for decisions nor for steering: {calls}; {order}")
+            }
+        };
+        Verdict {
+            usable_for,
+            false_free: rate.share(),
+            false_free_bound: rate.bound,
+            confidence: goals.confidence,
+            found_free,
+            misordered_bound: uniform.misordered.bound,
+            text,
+        }
+    }
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+#[cfg(all(test, feature = "calibration"))]
+mod tests {
+    use super::*;
+    use crate::calibration::{Goals, Judgement, Rate};
+
+    fn of(false_free: u64, found_free: u64, false_colliding: u64, misordered: u64) -> Verdict {
+        let rate = |wrong| Rate::new(wrong, 100_000, 0.99);
+        let judged = Judgement {
+            poses: 200_000,
+            false_free: rate(false_free),
+            false_colliding: rate(false_colliding),
+            undecided: 0,
+            found_free,
+            misordered: rate(misordered),
+            largest_error: 0.1,
+        };
+        let (free_up_to, colliding_from) = (Some(0.1), Some(0.2));
+        let goals = Goals::default();
+        Calibration { free_up_to, colliding_from, goals, seed: 1, uniform: judged, boundary: judged }
+            .verdict()
+    }
+
+    #[test]
+    fn the_verdict_follows_rates_and_bounds_at_their_edges() {
+        assert_eq!(of(2, 99_000, 100, 50).usable_for, Purpose::Decisions);
+        assert!(of(2, 99_000, 100, 50).text.starts_with("usable for decisions"));
+        // The rate itself, 8e-5, keeps the goal of 1e-4; its bound does not.
+        assert_eq!(of(8, 99_000, 100, 50).usable_for, Purpose::Steering);
+        // What calls hardly any pose free is never wrong, and decides nothing.
+        assert_eq!(of(0, 49_000, 100, 50).usable_for, Purpose::Steering);
+        assert_eq!(of(0, 51_000, 6_000, 50).usable_for, Purpose::Steering);
+        // The rate 9.7 % keeps a tenth with its bound, 9.9 % alone.
+        assert_eq!(of(0, 10, 100, 9_700).usable_for, Purpose::Steering);
+        assert_eq!(of(0, 10, 100, 9_900).usable_for, Purpose::Nothing);
+        assert!(of(50_000, 99_000, 1, 50_000).text.starts_with("not usable"));
+    }
+}
