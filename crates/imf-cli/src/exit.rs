@@ -13,6 +13,7 @@ use imf_train::dataset::DatasetError;
 
 use crate::commands::check::CollisionFound;
 use crate::interrupt::{self, Interrupted, NOTHING_FINISHED};
+use crate::output::tell;
 use crate::ranks::{Membership, Rank};
 
 /// The work failed: bad input, a device, a disk.
@@ -30,7 +31,7 @@ pub fn code_of(joins_ranks: bool, work: impl FnOnce(Rank) -> anyhow::Result<()>)
     let membership = match Membership::join(joins_ranks) {
         Ok(membership) => membership,
         Err(error) => {
-            eprintln!("imf: error: {}", message(&error));
+            tell(format_args!("imf: error: {}", message(&error)));
             return ExitCode::from(FAILED);
         }
     };
@@ -41,20 +42,20 @@ pub fn code_of(joins_ranks: bool, work: impl FnOnce(Rank) -> anyhow::Result<()>)
         Err(error) if error.is::<CollisionFound>() => COLLISION,
         Err(error) if error.is::<Interrupted>() => {
             if rank.is_first() {
-                eprintln!("imf: {error}");
+                tell(format_args!("imf: {error}"));
             }
             INTERRUPTED
         }
         Err(error) if was_cancelled(&error) => {
             if rank.is_first() {
-                eprintln!("imf: interrupted: {NOTHING_FINISHED}");
+                tell(format_args!("imf: interrupted: {NOTHING_FINISHED}"));
             }
             INTERRUPTED
         }
         Err(error) => {
             membership.let_the_first_speak();
             let who = if rank.of() > 1 { format!(" of rank {}", rank.number()) } else { String::new() };
-            eprintln!("imf: error{who}: {}", message(&error));
+            tell(format_args!("imf: error{who}: {}", message(&error)));
             if is_bad_input(&error) { REFUSED } else { FAILED }
         }
     };
@@ -106,7 +107,7 @@ fn remedy(cause: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
         Some(CheckError::ToolChange { .. } | CheckError::NoTool { .. } | CheckError::Tools(_)) => {
             return Some("--tool NUMBER=FILE");
         }
-        Some(CheckError::Contact { .. }) => return Some("--contact"),
+        Some(CheckError::Contact { .. }) => return Some("--contact, --pitch"),
         _ => {}
     }
     if let Some(OnnxError::Rotations(_)) = cause.downcast_ref() {

@@ -6,6 +6,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
+
+use crate::output::tell;
 use thiserror::Error;
 
 /// Signals closer together than this are one.
@@ -32,7 +34,7 @@ pub(crate) fn listen(aloud: bool) -> Result<()> {
         INTERRUPTED.store(true, Ordering::Relaxed);
         if !AT_WORK.load(Ordering::Relaxed) {
             if aloud {
-                eprintln!("\nimf: interrupted: {NOTHING_FINISHED}");
+                tell(format_args!("\nimf: interrupted: {NOTHING_FINISHED}"));
             }
             std::process::exit(i32::from(crate::exit::INTERRUPTED));
         }
@@ -43,7 +45,9 @@ pub(crate) fn listen(aloud: bool) -> Result<()> {
             None => {
                 first = Some(Instant::now());
                 if aloud {
-                    eprintln!("\nimf: stopping at the next safe place; press Ctrl-C again to stop at once");
+                    tell(format_args!(
+                        "\nimf: stopping at the next safe place; press Ctrl-C again to stop at once"
+                    ));
                 }
             }
         }

@@ -20,6 +20,7 @@ pub(crate) use checkpoint::{is_unfinished, to_resume};
 pub(crate) use curve::loss_chart;
 pub use data::Data;
 pub use factored::{Distillation, Extent, FactoredStart, Source, symmetry_of};
+pub use log::seconds_until;
 pub use memory::Footprint;
 pub use siren5::{Epoch, continued, fresh_model, plan_defaults, run, run_by};
 pub(crate) use siren5::{require_togetherness, resumed_model};
@@ -45,7 +46,7 @@ use crate::session::Session;
 use checkpoint::{PREVIOUS, write_result};
 use checkpoint_files::CheckpointFiles;
 use held_out::HeldOutWatch;
-use log::{Log, Row};
+use log::{LOG, Log, Row};
 
 /// What a training comes to.
 pub const FIELD: &str = "field.safetensors";
@@ -102,14 +103,14 @@ impl<T: Checkpoint> Training<'_, T> {
         let steps = resumed.then_some(progress.steps);
         let mut stage = session.stage("training", "steps", total);
         stage.begin_at(progress.steps);
-        let log = writing.then(|| Log::open(&out.join("log.jsonl"), progress.steps)).transpose()?;
+        let log = writing.then(|| Log::open(&out.join(LOG), progress.steps)).transpose()?;
         let mut run = Run {
             session,
             settings,
             plan,
             stage,
             begun: Instant::now(),
-            earlier_seconds: log.as_ref().map_or(0.0, |log| log.seconds),
+            earlier_seconds: progress.seconds,
             point_every: (total / CURVE_POINTS).max(plan.report_every),
             files: CheckpointFiles::new::<T>(out, steps, settings.checkpoint_every, writing),
             held_out,

@@ -200,6 +200,11 @@ pub(crate) fn standard_output_failed(error: Error) -> anyhow::Error {
     anyhow::Error::new(error).context(text)
 }
 
+/// Writes a line to standard error; a reader that has gone away is no error.
+pub(crate) fn tell(line: std::fmt::Arguments<'_>) {
+    let _ = writeln!(std::io::stderr().lock(), "{line}");
+}
+
 /// Writes an answer to standard output: as JSON where that is asked for, or in words.
 pub(crate) fn answer(session: &Session, json: &impl Serialize, words: &str) -> Result<()> {
     if session.json { print_json(json) } else { print(words) }
@@ -252,12 +257,12 @@ pub fn short(value: f64) -> String {
     if text == "-0" { "0".into() } else { text.into() }
 }
 
-/// An area or a volume: one decimal, and four digits at least, so that a small part has some in inches.
+/// An area or a volume: one decimal, and three digits at least, so that a small part has some in inches.
 pub(crate) fn show_measure(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() || value.abs() >= 1000.0 {
+    if value == 0.0 || !value.is_finite() || value.abs() >= 10.0 {
         return format!("{value:.1}");
     }
-    let decimals = (3 - value.abs().log10().floor() as i32).clamp(1, 12) as usize;
+    let decimals = (2 - value.abs().log10().floor() as i32).clamp(1, 12) as usize;
     format!("{value:.decimals$}")
 }
 
@@ -300,6 +305,12 @@ pub fn table(head: &[&str], rows: &[Vec<String>]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn small_measures_keep_their_digits() {
+        let shown = [0.0, 79_934.04, 54.0, 5.4, 0.003_281_25, 2e-13].map(show_measure);
+        assert_eq!(shown, ["0.0", "79934.0", "54.0", "5.40", "0.00328", "0.000000000000"]);
+    }
 
     #[test]
     fn a_folder_below_a_file_is_refused_and_checking_leaves_no_trace() {

@@ -7,6 +7,8 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::output::tell;
+
 /// Time between lines where there is no terminal.
 const LINE_EVERY: Duration = Duration::from_secs(5);
 
@@ -80,14 +82,14 @@ impl Stage {
             *last = Instant::now();
             let rate = (done - self.before) as f64 / self.start.elapsed().as_secs_f64();
             let left = (self.total.saturating_sub(done)) as f64 / rate.max(1e-9);
-            eprintln!(
+            tell(format_args!(
                 "{}: {done} of {} {}, {}/s, {} left {remark}",
                 self.name,
                 self.total,
                 self.unit,
                 show_rate(rate),
                 show_seconds(left)
-            );
+            ));
         }
     }
 
@@ -102,13 +104,13 @@ impl Stage {
             let done = self.done.load(Ordering::Relaxed);
             let rate = (done - self.before) as f64 / seconds.max(1e-9);
             let comma = if result.is_empty() { "" } else { "; " };
-            eprintln!(
+            tell(format_args!(
                 "{}: {done} {} in {} ({}/s){comma}{result}",
                 self.name,
                 self.unit,
                 show_seconds(seconds),
                 show_rate(rate)
-            );
+            ));
         }
     }
 }

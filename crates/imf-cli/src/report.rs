@@ -102,6 +102,18 @@ pub struct Evaluation {
     plan: SectionPlan,
 }
 
+/// Compares a field with the exact one by the questions' threshold alone: decisions are not measured.
+pub fn evaluate_at_threshold(
+    session: &Session,
+    subject: &Subject<'_>,
+    field: &dyn GridField,
+    engine: String,
+    questions: &Questions,
+) -> Result<Evaluation> {
+    let worth = Worth::Unknown("they were not asked for".into());
+    evaluate(session, subject, field, engine, questions, &worth)
+}
+
 /// Compares a field with the exact one; `engine` says what evaluates it, `worth` what its decisions are worth, whose threshold
 /// decides.
 pub(crate) fn evaluate(

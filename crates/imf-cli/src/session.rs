@@ -9,6 +9,7 @@ use sysinfo::{MemoryRefreshKind, RefreshKind, System};
 
 use crate::arguments::GlobalArguments;
 use crate::interrupt;
+use crate::output::tell;
 use crate::progress::Stage;
 use crate::ranks::Rank;
 
@@ -113,14 +114,14 @@ impl Session {
     /// A remark for people, on standard error.
     pub fn note(&self, text: &str) {
         if !self.quiet {
-            eprintln!("{text}");
+            tell(format_args!("{text}"));
         }
     }
 
     /// A remark for those who asked for more.
     pub fn detail(&self, text: &str) {
         if self.verbose {
-            eprintln!("{text}");
+            tell(format_args!("{text}"));
         }
     }
 
@@ -128,7 +129,7 @@ impl Session {
     pub fn warn(&self, text: &str) {
         let warnings = &mut said().warnings;
         if self.rank.is_first() && !warnings.iter().any(|known| known == text) {
-            eprintln!("imf: warning: {text}");
+            tell(format_args!("imf: warning: {text}"));
             warnings.push(text.to_owned());
         }
     }

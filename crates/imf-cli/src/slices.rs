@@ -15,6 +15,9 @@ use crate::picture::{Axes, Mask, MaskStyle, Panel, PanelRow, PanelSheet, Scale};
 /// Names of the world's axes.
 const NAMES: [&str; 3] = ["x", "y", "z"];
 
+/// Values that vary by less, summed over a layer, are equal but for rounding.
+const NOISE: f64 = 1e-9;
+
 /// The values (C-ordered over the grid) of the layer `index` at right angles to `axis`.
 ///
 /// # Panics
@@ -65,7 +68,7 @@ pub fn middle(grid: &Grid, axis: usize) -> usize {
 }
 
 /// The layer at right angles to `axis` in which `values` outside the `hidden` voxels vary most: the sum of their distances from
-/// their mean; `None` where they do not vary in any.
+/// their mean, first of the layers that have such voxels; `None` where they do not vary in any.
 ///
 /// # Panics
 /// If `values` has not the grid's length.
@@ -76,13 +79,16 @@ pub(crate) fn most_varied(values: &[f32], hidden: &Occupancy, axis: usize) -> Op
         let shown =
             || layer.iter().zip(&mask).filter(|(_, hidden)| **hidden == 0).map(|(&v, _)| f64::from(v));
         let mean = shown().sum::<f64>() / shown().count().max(1) as f64;
-        shown().map(|value| (value - mean).abs()).sum::<f64>()
+        let spread = shown().map(|value| (value - mean).abs()).sum::<f64>();
+        (spread > NOISE && mask.iter().any(|&hidden| hidden != 0), spread)
     };
     // Of equal ones that next to the middle.
     let from_middle = |index: &usize| index.abs_diff(middle(grid, axis));
     let layers = (0..grid.dims[axis]).map(|index| (index, spread(index)));
-    let best = layers.max_by(|a, b| a.1.total_cmp(&b.1).then(from_middle(&b.0).cmp(&from_middle(&a.0))))?;
-    (best.1 > 0.0).then_some(best.0)
+    let best = layers.max_by(|(a, (cut_a, spread_a)), (b, (cut_b, spread_b))| {
+        cut_a.cmp(cut_b).then(spread_a.total_cmp(spread_b)).then(from_middle(b).cmp(&from_middle(a)))
+    });
+    best.filter(|(_, (_, spread))| *spread > NOISE).map(|(index, _)| index)
 }
 
 /// A layer in words: `y = 8.50 mm`, the height of its voxels' centres.

@@ -146,8 +146,8 @@ pub enum CheckError {
     Tools(String),
     /// The cutter is too thin for the contact.
     #[error(
-        "the cutter of '{tool}' is not thicker than twice the contact of {contact}, and could cut anything unseen: choose a \
-         smaller contact"
+        "the cutter of '{tool}' is not thicker than twice the contact of {contact} and a voxel's diagonal together: it could cut \
+         anything unseen between the voxels' centres; choose a smaller contact or pitch"
     )]
     Contact {
         /// The tool's name.

@@ -72,12 +72,6 @@ impl Mesh {
         }
     }
 
-    /// Length of the longest side of the box around it; zero without triangles.
-    #[must_use]
-    pub fn longest_side(&self) -> f64 {
-        self.bounds().map_or(0.0, |(lower, upper)| (upper - lower).max_element())
-    }
-
     /// Appends another mesh.
     pub fn append(&mut self, other: &Self) {
         let base = self.vertices.len() as u32;

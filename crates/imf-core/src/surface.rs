@@ -100,7 +100,7 @@ enum Shape {
     /// Vertices in the tool's frame.
     Mesh {
         vertices: Vec<DVec3>,
-        whole: SolidField,
+        whole: Box<SolidField>,
     },
 }
 
@@ -119,10 +119,14 @@ struct Revolved {
     touching: SolidField,
     /// Largest radius of the cutter.
     radius: f64,
-    /// Radius of the ball around a sample of which the solid centres are looked at once for all directions, in voxels; the
-    /// smaller is tried where the larger holds too many.
-    near: [f64; 2],
+    /// Radius of the ball around a sample of which the solid centres are looked at once for all directions, in voxels; where
+    /// it holds too many a smaller one is tried, down to one that the cutter is as wide as.
+    near: f64,
+    near_across: f64,
 }
+
+/// Voxels that are looked at around a sample, but for a cutter that is thicker.
+const FARTHEST: f64 = 24.0;
 
 /// A direction: the tool's axis, and its rotation.
 #[derive(Clone, Copy, Debug)]
@@ -165,7 +169,7 @@ impl SurfaceTool {
         let name = tool.name.clone();
         let ToolShape::Revolved(parts) = &tool.shape else {
             let ToolShape::Mesh(mesh) = &tool.shape else { return Err(SurfaceError::NoCutter(name)) };
-            let whole = SolidField::of_tool(surroundings.keep_out.clone(), tool);
+            let whole = Box::new(SolidField::of_tool(surroundings.keep_out.clone(), tool));
             let shape = Shape::Mesh { vertices: mesh.vertices.clone(), whole };
             return Ok(Self { name, shape, tolerance, elements: Vec::new(), bodies: 1 });
         };
@@ -174,6 +178,7 @@ impl SurfaceTool {
         let cutting = parts.iter().filter(|e| e.kind == ElementKind::Cutter);
         let profile: Vec<Segment> = cutting.flat_map(|e| e.profile.clone()).collect();
         let radius = profile.iter().map(Segment::max_radius).fold(0.0, f64::max);
+        let end = profile.last().map_or(0.0, |s| s.range().1);
         let cutter = Element { kind: ElementKind::Cutter, profile };
         let eroded = [cutter.eroded(tolerance, outline.has_shoulder()).ok_or_else(too_thick)?];
         let of_cutter =
@@ -194,6 +199,7 @@ impl SurfaceTool {
         }
         let touching = cutter.inflated(tolerance);
         let pitch = surroundings.part.occupancy().grid.pitch;
+        let across = 2.0 * radius / pitch + 2.0;
         let revolved = Revolved {
             highest: outline.highest(tolerance),
             cutter: of_cutter(&surroundings.part)?,
@@ -202,7 +208,8 @@ impl SurfaceTool {
             touching: SolidField::of_elements(surroundings.part.clone(), &[touching])
                 .ok_or_else(too_thick)?,
             radius,
-            near: near_radii(radius / pitch),
+            near: (end / pitch + across).min(FARTHEST.max(across)),
+            near_across: across,
             outline,
         };
         let bodies = 64 / elements.len().max(1);
@@ -273,15 +280,6 @@ impl SurfaceTool {
         }
         hits
     }
-}
-
-/// Largest radius of a first look around samples, in voxels.
-const LOOK: f64 = 16.0;
-
-/// For a cutter of a radius in voxels: as far as some way up along it, and as far as across it.
-fn near_radii(radius: f64) -> [f64; 2] {
-    let across = 2.0 * radius + 2.0;
-    [(3.0 * radius + 4.0).min(LOOK.max(across)), across]
 }
 
 #[cfg(test)]

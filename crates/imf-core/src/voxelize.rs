@@ -49,7 +49,7 @@ pub fn voxelize(mesh: &Mesh, grid: &Grid, conservative: bool) -> Occupancy {
         .map_or_else(|Cancelled| Occupancy::empty(*grid), |voxelized| voxelized.solid)
 }
 
-/// As [`voxelize`], reporting every plane of voxels x = const, with the share of what is undecided.
+/// As [`voxelize`], reporting rows of voxels along z as they are finished, with the share of what is undecided.
 ///
 /// # Errors
 /// The caller's [`Control`] asked to stop; it is heard between two voxels of an open mesh, between two planes of a closed one.
@@ -98,6 +98,10 @@ pub fn voxelize_with(
                     };
                     plane[y * grid.dims[2] + z] = u8::from(solid);
                 }
+                // A row of an open mesh may take as long as a whole closed one.
+                if !cone.is_empty() {
+                    (control.progress)(1);
+                }
             }
             claimed.fetch_add(near, Ordering::Relaxed);
             undecided.fetch_add(between, Ordering::Relaxed);
@@ -106,7 +110,9 @@ pub fn voxelize_with(
                     surface::touch_plane(grid, x, &triangles[t].corners, plane);
                 }
             }
-            (control.progress)(1);
+            if cone.is_empty() {
+                (control.progress)(grid.dims[1] as u64);
+            }
         },
     );
     control.check()?;

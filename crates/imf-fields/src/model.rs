@@ -67,7 +67,8 @@ pub struct TrainingRecord {
     pub finished: bool,
     /// Steps done under the plan.
     pub steps: u64,
-    /// Seconds of training in this process, 0 in a model from a file: equal trainings make equal files, and the log has its times.
+    /// Seconds spent in training, all runs together; 0 in a model from a file, since equal trainings make equal files: the log
+    /// beside it has the times.
     #[serde(skip)]
     pub seconds: f64,
     /// Engine that trained last.

@@ -111,12 +111,12 @@ impl Questions {
             out_of_sample: Some(self.out_of_sample),
             random: self.random.clone(),
             imf: first.clone(),
-            threshold: self.threshold,
+            threshold: Some(self.threshold),
         };
         let file = FieldFile::Siren(Box::new(model.clone()));
         let Evaluated { field, by, .. } = device.field(session, &file, Calls::Many)?;
         let subject = Subject::of_model(model);
-        let evaluation = report::evaluate(session, &subject, &*field, by, &questions)?;
+        let evaluation = report::evaluate_at_threshold(session, &subject, &*field, by, &questions)?;
         evaluation.write(folder, &subject, &*field)?;
         let [in_sample, out_of_sample, random, nearest, first] = evaluation.report.rows.as_slice() else {
             bail!("a report of {} rows", evaluation.report.rows.len());

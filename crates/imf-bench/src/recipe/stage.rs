@@ -68,6 +68,7 @@ impl Runner<'_> {
         if !model.record.finished {
             model = job::run(self.session, self.device, &data, model, folder, &self.settings())?;
         }
+        model.record.seconds = job::seconds_until(folder, model.record.steps);
         Ok(Trained { model, sampled, waits: None })
     }
 
@@ -133,6 +134,7 @@ impl Runner<'_> {
             counted?;
             self.session.note(&waits.describe(model.record.steps));
         }
+        model.record.seconds = job::seconds_until(folder, model.record.steps);
         Ok(Trained { model, sampled: 0.0, waits: Some(waits) })
     }
 

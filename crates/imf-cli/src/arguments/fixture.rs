@@ -200,7 +200,7 @@ mod tests {
         std::fs::write(&file, format!("solid block\n{facet}endsolid block\n")).unwrap();
         let text = parse_fixture(&file.display().to_string()).unwrap();
         let block = FixtureMesh::read(&text, None, LengthUnit::Inch).unwrap();
-        assert_eq!(block.mesh.longest_side(), 1.0);
+        assert_eq!(block.mesh.bounds(), Some((DVec3::ZERO, DVec3::new(1.0, 1.0, 0.0))));
         assert!(Part::read(&file.display().to_string(), None, None).is_err());
         let refusal = format!("{:#}", read("nowhere.stl").err().unwrap());
         assert!(refusal.contains("nowhere.stl"), "{refusal}");

@@ -53,7 +53,8 @@ impl Directions {
 pub(crate) fn suggested_lines(suggested: &[MachiningDirection], unit: &str) -> String {
     let mut text = String::new();
     for MachiningDirection { direction, flat_area, cylinders } in suggested.iter().take(LISTED) {
-        let [i, j, k] = direction.to_array().map(|component| component + 0.0);
+        // No minus sign before zero.
+        let [i, j, k] = direction.to_array().map(|c| if c.abs() < 5e-4 { 0.0 } else { c });
         let face = (*flat_area > 0.0).then(|| format!("flat faces, {flat_area:.1} {unit}²"));
         let axis = match cylinders {
             0 => None,

@@ -23,7 +23,8 @@ pub(crate) enum FieldQuantity {
 #[derive(Args, Clone, Copy)]
 pub(crate) struct QuantityArguments {
     /// What the field's values are; by default depth, and overlap for the paper's question, a built-in part with the tool paper. A field
-    /// of depth is of the tool grown by two voxels, where no clearance is given
+    /// of depth is of the tool grown by two voxels, where no clearance is given, and around a part of your own there are six empty
+    /// voxels, where neither --margin nor --dims is given
     #[arg(long, value_enum)]
     quantity: Option<FieldQuantity>,
 }

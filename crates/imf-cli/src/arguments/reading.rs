@@ -40,9 +40,6 @@ impl SceneArguments {
         if tools.is_empty() && part.reference.is_some() {
             tools.push(Tool::paper());
         }
-        if tools.is_empty() && asks {
-            return Err(SceneError::NoTool(part.name).into());
-        }
         tools.iter().try_for_each(Tool::check)?;
         if let Some(stated) = part.overruled {
             session.warn(&format!(
@@ -58,6 +55,9 @@ impl SceneArguments {
         let report = MeshReport::new(&part.mesh);
         if let Some(implausible) = unit_check(report.extents, part.unit) {
             bail!("{}: {implausible}", part.name);
+        }
+        if tools.is_empty() && asks {
+            return Err(SceneError::NoTool(part.name).into());
         }
         warn_of(session, &SceneWarning::of_repair(&part.name, &part.repair, report.triangles));
         for FixtureMesh { name, mesh, repair, .. } in &fixtures {

@@ -108,6 +108,10 @@ impl SceneArguments {
             let grid = spec.grid()?;
             let (tool, depth) = self.offset_tool(spec, contact)?;
             require_memory_for_sections(session, &grid, &grid, &tool, depth.is_some(), false)?;
+            #[expect(
+                clippy::redundant_closure_for_method_calls,
+                reason = "the method's path is of one lifetime, and the spec with its progress has a shorter one"
+            )]
             let (scene, bodies) = voxelising(session, spec, &grid, |spec| spec.scene_alone())?;
             let scene = self.announced(session, spec, scene, &bodies)?;
             Ok(match depth {
@@ -243,8 +247,8 @@ pub(crate) fn voxelising<T, E: Into<anyhow::Error>>(
     grid: &Grid,
     make: impl FnOnce(&SceneSpec<'_>) -> Result<T, E>,
 ) -> Result<T> {
-    let planes = grid.dims[0] * (1 + spec.fixtures.len());
-    let stage = session.brief_stage("voxelising", "planes of voxels", planes as u64);
+    let rows = grid.dims[0] * grid.dims[1] * (1 + spec.fixtures.len());
+    let stage = session.brief_stage("voxelising", "rows of voxels", rows as u64);
     let advance = |n| stage.advance(n);
     let made = make(&SceneSpec { control: session.control(&advance), ..spec.clone() }).map_err(Into::into)?;
     stage.finish("");

@@ -30,6 +30,9 @@ struct Findings {
     tools: Vec<ToolAccess>,
     /// By tool: its elements' measures at its best orientation of every voxel; none of a mesh.
     elements: Vec<ElementMeasures>,
+    /// By tool: the same against the fixtures alone; nothing where there are none, or where more than the tip is sharp: the
+    /// elements are then read at the sharp point that is best for all that is solid.
+    at_fixtures: Vec<Option<ElementMeasures>>,
     together: Together,
     space: Space,
     /// By tool, on the stock's grid: what its cutter can remove.
@@ -63,7 +66,8 @@ fn find(session: &Session, setup: &Setup) -> Result<Findings> {
     let orientations = &setup.orientations.orientations;
     let settings = AccessSettings { tau: setup.tau, lists: setup.lists };
     let mut together = Together::new(setup.query.len());
-    let (mut tools, mut elements, mut swept, mut maps) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let (mut tools, mut elements, mut at_fixtures) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut swept, mut maps) = (Vec::new(), Vec::new());
     for (index, assembly) in setup.tools.iter().enumerate() {
         let plans = ElementPlans::new(&setup.obstacle, assembly, &setup.query)?;
         let plan = plans.whole();
@@ -82,7 +86,20 @@ fn find(session: &Session, setup: &Setup) -> Result<Findings> {
         let found = elements_at_best(&plans, orientations, &access.imf, session.control(&advance));
         elements.push(found.map_err(interrupted)?);
         stage.finish("");
+        let tip_alone = plan.tip_alone();
         drop(plans);
+        let fixtures = setup.fixtures_alone.as_ref().filter(|_| tip_alone);
+        let found = fixtures.map(|fixtures| -> Result<ElementMeasures> {
+            let plans = ElementPlans::new(fixtures, assembly, &setup.query)?;
+            let stage =
+                session.stage(&format!("fixtures, {}", tool.name), "orientations", orientations.len() as u64);
+            let advance = |n| stage.advance(n);
+            let found = elements_at_best(&plans, orientations, &access.imf, session.control(&advance));
+            let found = found.map_err(interrupted)?;
+            stage.finish("");
+            Ok(found)
+        });
+        at_fixtures.push(found.transpose()?);
         tools.push(access);
         if let (Some(stock), Some(cutter)) = (&setup.stock, cutter_of(assembly.tool())) {
             // Each orientation twice: tips on voxel centres, and anywhere.
@@ -115,7 +132,7 @@ fn find(session: &Session, setup: &Setup) -> Result<Findings> {
         }
     }
     let space = Space::new(&setup.solid, &together.imf.value, setup.tau);
-    Ok(Findings { tools, elements, together, space, removable: swept, maps })
+    Ok(Findings { tools, elements, at_fixtures, together, space, removable: swept, maps })
 }
 
 fn interrupted(error: SectionError) -> anyhow::Error {

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 use imf_core::section::Quantity;
+use imf_core::tool::ToolShape;
 use imf_fields::calibration::{Calibration, Judgement, Rate};
 use imf_fields::field::Field;
 use imf_fields::field::calibrate::{CHUNK, CalibrationError, CalibrationSettings, calibrate, judge};
@@ -115,6 +116,10 @@ const MOST_POSES: usize = 4_000_000;
 /// Measures what a field's decisions are worth: by more poses where too few collide to show the rate that is asked for; `kept` is
 /// what an interruption leaves.
 pub(crate) fn measured(session: &Session, field: &Field, kept: &str) -> Result<Worth> {
+    if matches!(field.scene().record.bare_tool().shape, ToolShape::Mesh(_)) {
+        let why = "a mesh tool is voxelised at every pose, which may take hours (imf calibrate does it)";
+        return Ok(Worth::Unknown(why.into()));
+    }
     let mut settings = CalibrationSettings::default();
     loop {
         let stage = session.stage("calibrating", "batches", settings.units());

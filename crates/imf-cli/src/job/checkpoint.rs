@@ -16,6 +16,7 @@ use imf_train::training::run::Start;
 
 use super::FIELD;
 use super::curve::loss_chart;
+use super::log::seconds_until;
 use crate::output::keep_former;
 use crate::picture::Chart;
 use crate::session::Session;
@@ -79,7 +80,10 @@ impl Checkpoint for Model {
     const FAMILY: [&'static str; 2] = ["siren5", "imf train siren5 (or imf finetune)"];
 
     fn read(path: &Path) -> Result<Self> {
-        Ok(Self::read(path)?)
+        let mut model = Self::read(path)?;
+        // Times are in the log alone.
+        model.record.seconds = seconds_until(path.parent().unwrap_or(Path::new("")), model.record.steps);
+        Ok(model)
     }
 
     fn write(&self, path: &Path) -> Result<()> {

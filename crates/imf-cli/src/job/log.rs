@@ -36,12 +36,20 @@ pub(super) struct Row {
     pub(super) seconds_left: Option<f64>,
 }
 
+/// Name of the file, in the output folder.
+pub(super) const LOG: &str = "log.jsonl";
+
+/// Seconds of training up to a step, as the log of its folder says; 0 without one.
+pub fn seconds_until(folder: &Path, steps: u64) -> f64 {
+    let text = std::fs::read_to_string(folder.join(LOG)).unwrap_or_default();
+    let mut rows = text.lines().filter_map(|line| serde_json::from_str::<Row>(line).ok());
+    rows.rfind(|row| row.step <= steps).map_or(0.0, |row| row.seconds)
+}
+
 /// A file that grows by a line a row.
 pub(super) struct Log {
     path: PathBuf,
     file: File,
-    /// Seconds of training up to the last row that was kept.
-    pub(super) seconds: f64,
     /// True where a row could not be written, which has been said.
     failing: bool,
 }
@@ -63,15 +71,15 @@ impl Log {
         if rows().next().is_some_and(|(_, row)| row.is_err()) {
             bail!("{} is no log of a training: move it, or choose another folder", path.display());
         }
-        let earlier = || rows().filter_map(|(line, row)| row.ok().map(|row| (line, row)));
-        let earlier = || earlier().filter(|(_, row)| row.step <= steps && steps > 0);
-        let kept: String = earlier().map(|(line, _)| format!("{line}\n")).collect();
-        let seconds = earlier().last().map_or(0.0, |(_, row)| row.seconds);
+        let kept: String = rows()
+            .filter(|(_, row)| row.as_ref().is_ok_and(|row| row.step <= steps && steps > 0))
+            .map(|(line, _)| format!("{line}\n"))
+            .collect();
         if kept != text || text.is_empty() {
             write_atomically(path, |file| file.write_all(kept.as_bytes()))?;
         }
         let file = OpenOptions::new().append(true).open(path).with_context(cannot)?;
-        Ok(Self { path: path.to_owned(), file, seconds, failing: false })
+        Ok(Self { path: path.to_owned(), file, failing: false })
     }
 
     pub(super) fn add(&mut self, session: &Session, row: &Row) {
@@ -123,7 +131,7 @@ mod tests {
         text.push_str("{\"step\":12");
         std::fs::write(&path, &text).unwrap();
         let mut lines = Log::open(&path, 60).unwrap();
-        assert_eq!(lines.seconds, row(60).seconds);
+        assert_eq!([0, 70].map(|steps| seconds_until(folder.path(), steps)), [0.0, row(60).seconds]);
         lines.write(&row(80)).unwrap();
         assert_eq!(steps(&path), [20, 40, 60, 80]);
         // A training from the start begins a new log.

@@ -178,6 +178,29 @@ fn clearance_takes_space_contact_gives_some_and_both_are_said() {
 }
 
 #[test]
+fn by_default_it_looks_along_the_axes_and_what_the_part_suggests() {
+    let folder = workshop();
+    let turned = ["--tool", "long.toml", "--transform", "rotate:0,1,0:30", "--pitch", "2"];
+    let summary = folder.json(&[&["access", "part.obj", "--out", "out"], &turned[..]].concat());
+    assert_eq!(summary["orientations"], "axes+normals+fibonacci:225");
+    let suggested = summary["suggested_by_the_part"].as_array().unwrap();
+    let slot = suggested.iter().find(|row| {
+        let component = |axis: usize| row["direction"][axis].as_f64().unwrap();
+        (component(0) - 0.5).abs() < 1e-9 && (component(2) - 0.75f64.sqrt()).abs() < 1e-9
+    });
+    // The tops of the slot's walls and its floor, and of each box the lid that the next one stands on.
+    assert!(slot.is_some_and(|row| row["flat_area"].as_f64().unwrap() > 300.0), "{suggested:?}");
+    // Its length lies along the world's y.
+    assert_eq!((suggested.len(), &summary["orientation_count"]), (6, &(6 + 4 + 225).into()));
+    let field = ["field", "part.obj", "--imf", "--out", "imf"];
+    let summary = folder.json(&[&field[..], &turned[..]].concat());
+    assert_eq!(summary["orientations"]["count"], 6 + 4 + 225);
+    assert_eq!(summary["orientations"]["suggested_by_the_part"].as_array().unwrap().len(), 6);
+    let dataset = ["dataset", "part.obj", "--orientations", "axes+normals", "--out", "data"];
+    folder.refuse(&[&dataset[..], &turned[..]].concat(), &["'normals'", "no surface is known"]);
+}
+
+#[test]
 fn machine_limits_leave_only_what_the_axes_reach() {
     let folder = workshop();
     // Tilts from the upright that each limit allows.
@@ -217,4 +240,33 @@ fn bad_input_is_refused_with_a_remedy() {
     refuse(&["--memory", "1KiB"], &["larger --pitch"]);
     let run = folder.run(&arguments(&["--map", "0,0"]));
     assert_eq!(run.code, Some(2), "{}", run.stderr);
+}
+
+/// The slot is open at the top and at both ends: on three axes one set-up leaves the face that it stands on, two do not.
+#[test]
+fn the_fewest_set_ups_are_proven_and_fewer_do_for_less() {
+    let folder = workshop();
+    let set_ups = |more: &[&str]| {
+        let summary = folder.json(&arguments(&[&["--tool", "long.toml", "--setups"][..], more].concat()));
+        let row = summary["setups"].clone();
+        let share = |name: &str| row[name].as_f64().unwrap();
+        let surface = summary["surface"]["reached"].as_f64().unwrap();
+        assert!(
+            share("reached") <= share("reachable") + 1e-9 && share("reachable") <= surface + 1e-9,
+            "{row}"
+        );
+        assert_eq!(row["proven"], true);
+        let chosen = row["setups"].as_array().unwrap();
+        let alone: f64 = chosen.iter().map(|setup| setup["alone"].as_f64().unwrap()).sum();
+        assert!(alone <= share("reached") + 1e-9, "{row}");
+        let largest = chosen.iter().map(|setup| setup["reached"].as_f64().unwrap()).fold(0.0, f64::max);
+        (chosen.len(), share("reached") / share("reachable"), largest / share("reachable"))
+    };
+    let (all, covered, best) = set_ups(&[]);
+    assert!(all >= 2 && (covered - 1.0).abs() < 1e-9, "{all} {covered}");
+    let ply = String::from_utf8_lossy(&std::fs::read(folder.path("out/surface.ply")).unwrap()).into_owned();
+    assert!(ply.contains("property float setup\n"), "no set-up by triangle");
+    let asked = (100.0 * best - 0.5).to_string();
+    let (fewer, covered, _) = set_ups(&["--cover", &asked]);
+    assert!(fewer == 1 && covered >= 0.01 * (100.0 * best - 0.5), "{fewer} {covered}");
 }

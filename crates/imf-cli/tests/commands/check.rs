@@ -17,9 +17,9 @@ fn check_at(pitch: &str, name: &str, toolpath: &str, more: &[&str]) -> Run {
     let folder = Folder::new();
     folder.write("block.obj", BLOCK);
     folder.write(name, toolpath);
-    folder.run(
-        &[&["check", "block.obj", name, "--tool", "paper", "--pitch", pitch, "--margin", "2"], more].concat(),
-    )
+    let tool: &[&str] = if more.contains(&"--tool") { &[] } else { &["--tool", "paper"] };
+    let asked = ["check", "block.obj", name, "--pitch", pitch, "--margin", "2"];
+    folder.run(&[&asked[..], tool, more].concat())
 }
 
 #[test]

@@ -113,7 +113,7 @@ fn a_field_of_depth_is_calibrated_when_it_is_made_and_leaves_little_near() {
 fn a_users_part_gets_a_field_of_depth_that_decides_and_approach_moves_are_inside() {
     let folder = Folder::new();
     folder.succeed(&["parts", "parts", "--only", "bracket"]);
-    let part = ["parts/bracket.obj", "--pitch", "6"];
+    let part = ["parts/bracket.obj", "--tool", "paper", "--pitch", "6"];
     let making =
         [&["train", "harmonic"], &part[..], &["--degree", "6", "--out", "depth.safetensors"]].concat();
     let run = folder.succeed(&making);

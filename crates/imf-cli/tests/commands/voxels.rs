@@ -29,7 +29,7 @@ fn parts_are_written_as_obj_with_what_they_are() {
 fn voxels_are_written_whatever_the_tool() {
     let folder = Folder::new();
     // Sections with this tool would need terabytes.
-    folder.write("huge.toml", "[cutter]\nshape = \"flat\"\ndiameter = 9000.0\nlength = 20000.0\n");
+    folder.write("huge.toml", "[cutter]\nshape = \"flat\"\ndiameter = 9000.0\nlength = 15000.0\n");
     let arguments = ["voxelize", "bracket", "--dims", "5,15,9", "--tool", "huge.toml", "--memory", "1GiB"];
     let run = folder.succeed(&[&arguments[..], &["--out", "a/b"]].concat());
     assert!(run.stdout.contains("5×15×9"), "{}", run.stdout);

@@ -14,7 +14,8 @@ use serde_json::Value;
 pub(crate) const DATASET: &str =
     "dataset bracket --dims 7,21,12 --allow-coarse --orientations fibonacci:16 --out data";
 /// A network that a step takes well under a millisecond.
-pub(crate) const TRAIN: &str = "train siren5 data --device cpu --network 3x24:10 --rate 1e-3 --batch 256";
+pub(crate) const TRAIN: &str =
+    "train siren5 data --device cpu --network 3x24:10 --rate 1e-3 --batch 256 --no-calibrate";
 
 /// A fresh folder; it goes when the value does.
 pub(crate) struct Workdir(tempfile::TempDir);

@@ -27,7 +27,10 @@ fn options_of_a_part_are_refused_beside_a_saved_field() {
     let sections = format!("field field.safetensors --orientations {SET}");
     let summary = work.imf(&format!("{sections} --out saved --json")).done().json();
     assert_eq!(summary["harmonic"]["report"]["functions"], 25);
-    assert!(summary["guarantee"].as_str().unwrap().starts_with("approximate (at unseen"), "{summary}");
+    assert!(
+        summary["guarantee"].as_str().unwrap().starts_with("approximate (at 64 random orientations"),
+        "{summary}"
+    );
     work.picture("saved/slices.png");
     for option in ["", "--refine"] {
         work.imf(&format!("{sections} --imf {option} --out saved{option}")).done();
@@ -165,15 +168,16 @@ fn networks_reach_what_they_nearly_take_for_free() {
 }
 
 #[test]
-fn fields_of_depth_are_refused_by_name_and_those_of_contact_are_not() {
+fn fields_of_depth_and_of_contact_are_served() {
     let work = Workdir::new();
     let field = "train harmonic teapot --dims 9,11,17 --degree 2 --no-calibrate";
     work.imf(&format!("{field} --quantity depth --out depth.safetensors")).done();
-    work.imf("field depth.safetensors --orientations 0,0 --out none").refused(&["depth", "imf query"]);
+    let sections = work.imf("field depth.safetensors --orientations 0,0 --out depths --json").done().json();
+    assert_eq!((&sections["quantity"], &sections["tau"]), (&json!("depth"), &json!(null)));
+    assert!(npy::<f32>(&work, "depths/depth-00000.npy").iter().any(|&depth| depth < 0.0));
     work.imf(&format!("{field} --contact 1 --out contact.safetensors")).done();
     let contact = "field contact.safetensors --orientations fibonacci:5 --imf";
     work.imf(&format!("{contact} --out least")).done();
-    assert!(!work.path("none").exists());
 }
 
 #[test]
@@ -205,5 +209,5 @@ fn what_a_kept_field_is_of_is_said() {
     work.imf("train harmonic teapot --dims 9,11,17 --degree 2 --no-calibrate --quantity overlap --tool side.toml --out side.safetensors")
         .done();
     let summary = work.imf("field side.safetensors --orientations 0,0 --out side --json").done().json();
-    assert!(summary["guarantee"].as_str().unwrap().contains("the tool's tip"), "{summary}");
+    assert!(summary["guarantee"].as_str().unwrap().contains("its tip at the voxel"), "{summary}");
 }

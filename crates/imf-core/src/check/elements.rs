@@ -1,5 +1,6 @@
 //! The elements of one tool against part and fixtures: which collide at a pose, and how deep.
 
+use std::f64::consts::SQRT_2;
 use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
@@ -10,7 +11,7 @@ use crate::distance::squared_depths;
 use crate::field::solid::SolidField;
 use crate::occupancy::Occupancy;
 use crate::pose::Pose;
-use crate::tool::{Element, ElementKind, Tool, ToolShape, distance_to_mesh};
+use crate::tool::{Element, ElementKind, Segment, Tool, ToolShape, distance_to_mesh};
 
 /// Something that may be hit.
 pub(super) struct Body {
@@ -89,8 +90,14 @@ impl<'a> Elements<'a> {
         if settings.contact > 0.0
             && let Some((cutter, exposed)) = tool.cutter()
         {
+            // Between the centres' columns there is room for what is thinner than a voxel's diagonal.
+            let is_seen = |deep: &Element| {
+                let widest = deep.profile.iter().map(Segment::max_radius).fold(0.0, f64::max);
+                2.0 * widest >= SQRT_2 * part.voxels.grid.pitch
+            };
             let deep = cutter
                 .eroded(settings.contact, exposed)
+                .filter(is_seen)
                 .ok_or_else(|| CheckError::Contact { tool: tool.name.clone(), contact: settings.contact })?;
             let shape = Shape::Revolved(vec![(cutter, exposed)]);
             let whole = Measured { name: ElementKind::Cutter.to_string(), clearance: 0.0, shape };

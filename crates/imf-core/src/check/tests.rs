@@ -219,6 +219,10 @@ fn what_cannot_be_checked_is_refused() {
     assert!(refuse("0,0,0\n", CheckSettings { tolerance: 0.0, ..settings }).contains("tolerance"));
     assert!(refuse("0,0,0\n", CheckSettings { contact: -1.0, ..settings }).contains("contact"));
     assert!(refuse("0,0,0\n", CheckSettings { contact: 5.0, ..settings }).contains("twice the contact of 5"));
+    // What is left of a radius of 5 is thinner than a voxel's diagonal.
+    assert!(
+        refuse("0,0,0\n", CheckSettings { contact: 4.4, ..settings }).contains("twice the contact of 4.4")
+    );
     let negative = Clearance { holder: f64::NAN, ..Clearance::default() };
     assert!(refuse("0,0,0\n", CheckSettings { clearance: negative, ..settings }).contains("holder"));
 }

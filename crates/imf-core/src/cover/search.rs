@@ -95,7 +95,7 @@ impl<'a> Search<'a> {
             return Err(Stop::Places);
         }
         self.places -= 1;
-        if self.places % BREATH == 0 && self.control.is_cancelled() {
+        if self.places.is_multiple_of(BREATH) && self.control.is_cancelled() {
             return Err(Stop::Cancelled);
         }
         let Some(element) = self.hardest() else { return Ok(false) };

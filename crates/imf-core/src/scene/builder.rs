@@ -42,7 +42,8 @@ struct Part {
 /// use imf_core::scene::Scene;
 ///
 /// let built = Scene::builder().reference(ReferencePart::Bracket).dims([12, 36, 22]).build()?;
-/// assert!(built.warnings.is_empty());
+/// // Its walls are two voxels thick here, which is said.
+/// assert!(built.warnings.iter().all(|warning| warning.to_string().contains("thick")));
 /// assert!(built.scene.obstacle.count() > 0);
 /// # Ok::<(), imf_core::scene::SceneError>(())
 /// ```
@@ -143,7 +144,7 @@ impl<'a> SceneBuilder<'a> {
         Self { allow_coarse, ..self }
     }
 
-    /// Who hears of every plane of voxels that is finished, and may stop the work.
+    /// Who hears of every row of voxels that is finished, and may stop the work.
     pub fn control<'b>(self, control: Control<'b>) -> SceneBuilder<'b>
     where
         'a: 'b,

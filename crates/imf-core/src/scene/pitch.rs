@@ -13,7 +13,8 @@ const ACROSS_TOOL: f64 = 6.0;
 /// Voxels along the part's longest side, and across its shortest, where the tool alone would leave fewer.
 const ALONG_PART: f64 = 48.0;
 const ACROSS_PART: f64 = 4.0;
-/// Voxels along the longest side, and in all, up to which a couple of hundred sections take some seconds on two cores.
+/// Voxels along the longest side, and in all, for a first answer within a minute or so: 225 directions around a part on 177,000 voxels
+/// with its surface took 9 s of one core, and time grows with the voxels.
 const MOST_ALONG: f64 = 200.0;
 const MOST_VOXELS: f64 = 1e6;
 /// How many times as many may be taken rather than have the tool pass between the voxels.

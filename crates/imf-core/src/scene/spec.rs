@@ -40,7 +40,7 @@ pub struct SceneSpec<'a> {
     pub fixtures: &'a [Fixture<'a>],
     /// What the grid is chosen around.
     pub around: Around,
-    /// Hears of every plane of voxels of part and fixtures, and may stop the work.
+    /// Hears of every row of voxels of part and fixtures, and may stop the work.
     pub control: Control<'a>,
 }
 

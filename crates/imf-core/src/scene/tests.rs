@@ -171,7 +171,7 @@ fn fixtures_that_overlap_the_part_are_told_with_the_volume() {
             spec.warnings(&bodies).unwrap()
         };
         // It lies on the cube: their faces touch.
-        assert_eq!(told(&[clamp.clone()]), []);
+        assert_eq!(told(std::slice::from_ref(&clamp)), []);
         // Half a millimetre deep, on 4 by 2 mm.
         let overlap = SceneWarning::Overlap { fixture: "clamp".into(), volume: 4.0, unit: LengthUnit::Mm };
         assert_eq!(told(&sunk), [overlap]);
@@ -238,18 +238,19 @@ fn a_mesh_that_does_not_say_what_is_inside_is_refused_and_one_with_a_hole_is_not
 }
 
 #[test]
-fn voxelising_tells_its_planes_and_stops_when_asked() {
+fn voxelising_tells_its_rows_and_stops_when_asked() {
     use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
     let (cube, tool) = (unit_cube(), Tool::paper());
     let fixtures = [clamp(&cube)];
-    let (planes, stop) = (AtomicU64::new(0), AtomicBool::new(false));
+    let (rows, stop) = (AtomicU64::new(0), AtomicBool::new(false));
     let progress = |n: u64| {
-        planes.fetch_add(n, Ordering::Relaxed);
+        rows.fetch_add(n, Ordering::Relaxed);
     };
     let control = Control { progress: &progress, cancelled: &stop };
     let spec = SceneSpec { around: Around::All, control, ..spec(&cube, &tool, &fixtures) };
     let scene = spec.scene().unwrap();
-    assert_eq!(planes.load(Ordering::Relaxed), 2 * scene.record.grid.dims[0] as u64);
+    let [x, y, _] = scene.record.grid.dims;
+    assert_eq!(rows.load(Ordering::Relaxed), (2 * x * y) as u64);
     stop.store(true, Ordering::Relaxed);
     assert!(matches!(spec.scene(), Err(SceneError::Cancelled(_))));
 }

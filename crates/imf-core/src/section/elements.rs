@@ -5,11 +5,9 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use glam::DVec3;
-
 use super::direct::{elements_of, kinds_of};
 use super::overlap::OverlapCounter;
-use super::values::mean;
+use super::values::{Reading, mean};
 use super::{At, Cuttable, Imf, SectionError, SectionPlan, SectionScratch, query_box, stream_orientations};
 use crate::control::Control;
 use crate::grid::Grid;
@@ -133,31 +131,23 @@ impl ElementPlans {
         minimum.resize(voxels, f32::INFINITY);
         at.clear();
         at.resize(voxels, 0);
-        let corners = |sharp: &DVec3| plan.corners(orientation, *sharp, normaliser);
-        let corners: Vec<_> = plan.sharp_points.iter().map(corners).collect();
-        let mut starts = Vec::new();
-        for (k, corners) in corners.iter().enumerate() {
-            for (line, place) in plan.lines() {
-                let (minimum, at) = (&mut minimum[line.clone()], &mut at[line]);
-                if k > 0 && minimum.iter().all(|&minimum| minimum == 0.0) {
+        let reading = Reading::new(plan, orientation, normaliser, total);
+        let (mut starts, mut limits) = (Vec::new(), Vec::new());
+        for (line, place) in plan.lines() {
+            let (minimum, at) = (&mut minimum[line.clone()], &mut at[line.clone()]);
+            reading.lower(place, minimum, &mut starts, &mut limits, |z, k| at[z] = k as u32);
+            let mut last = None;
+            for (z, voxel) in line.enumerate() {
+                if minimum[z] == 0.0 {
+                    // A sum of none of them.
+                    measures.iter_mut().for_each(|measures| measures[voxel] = 0.0);
                     continue;
                 }
-                plan.starts(corners, place, &mut starts);
-                for (z, (minimum, at)) in minimum.iter_mut().zip(at).enumerate() {
-                    let overlap = mean(total, &starts, z);
-                    if overlap < *minimum {
-                        (*minimum, *at) = (overlap, k as u32);
-                    }
+                if last.replace(at[z]) != Some(at[z]) {
+                    plan.starts(&reading.corners[at[z] as usize], place, &mut starts);
                 }
-            }
-        }
-        for (k, corners) in corners.iter().enumerate() {
-            for (line, place) in plan.lines() {
-                plan.starts(corners, place, &mut starts);
-                for (z, voxel) in line.enumerate().filter(|&(_, voxel)| at[voxel] == k as u32) {
-                    for (counts, measures) in counts.iter().zip(&mut *measures) {
-                        measures[voxel] = mean(counts, &starts, z);
-                    }
+                for (counts, measures) in counts.iter().zip(&mut *measures) {
+                    measures[voxel] = mean(counts, &starts, z);
                 }
             }
         }

@@ -42,8 +42,8 @@ const STEPS: usize = 6;
 const GIVES_WAY: usize = 24;
 /// Vertices of a mesh tool that are tried.
 const VERTICES: usize = 48;
-/// Solid centres outside the tangent plane that are tried one by one in every direction; where more are near, none are.
-const FEW: usize = 24;
+/// Solid centres outside the tangent plane that are tried one by one in every direction.
+const FEW: u32 = 16;
 
 /// What was last in the way of the cutter, and of shank and holder.
 type Last = [Option<[f64; 3]>; 2];
@@ -64,7 +64,8 @@ impl<'a> Stance<'a> {
             && tool.outline.convex
         {
             let voxels = tool.cutter.voxels();
-            stance.cleared = tool.near.iter().find_map(|&radius| {
+            let across = tool.near_across;
+            stance.cleared = [tool.near, 0.5 * (tool.near + across), across].into_iter().find_map(|radius| {
                 voxels.cleared(sample.point, sample.normal, radius, FEW, &mut stance.listed)
             });
         }
@@ -130,6 +131,9 @@ impl<'a> Stance<'a> {
             // Of a voxel of the list nothing is remembered.
             let mut blocker = last[0].take();
             if !tool.cutter.meets(now, turn.axis, None, Some(&mut blocker)) {
+                if !tool.touching.holds(now, turn.axis, sample) {
+                    break;
+                }
                 return self.decide(tool, now, turn.axis, None, last);
             }
             last[0] = blocker;
@@ -137,7 +141,10 @@ impl<'a> Stance<'a> {
                 break;
             };
             now += step;
-            if now.distance(tip) > most || !tool.touching.holds(now, turn.axis, sample) {
+            if !tool.touching.holds(now, turn.axis, sample) {
+                now -= 0.5 * self.tool.tolerance * self.sample.normal;
+            }
+            if now.distance(tip) > most {
                 break;
             }
         }
@@ -203,7 +210,7 @@ impl<'a> Stance<'a> {
     /// One contact pose.
     fn at(&self, tool: &Revolved, tip: DVec3, axis: DVec3, last: &mut Last) -> Outcome {
         let among = |&voxel: &[f64; 3]| tool.cutter.holds(tip, axis, voxel);
-        if self.cleared.is_some() && self.listed.iter().any(among) {
+        if self.listed.iter().any(among) {
             return Outcome::Gouged;
         }
         self.decide(tool, tip, axis, self.cleared.as_ref(), last)

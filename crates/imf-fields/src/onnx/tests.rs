@@ -17,7 +17,7 @@ use crate::field::scenes::{
 };
 use imf_core::field::PoseField;
 use imf_core::orientation::Orientation;
-use imf_core::pose::Pose;
+use imf_core::pose::{Pose, axis_of};
 use imf_core::tool::{Tool, ToolShape};
 
 /// A row-major array of up to two dimensions.
@@ -157,8 +157,10 @@ fn answers(model: &ModelProto, poses: &[Pose]) -> Vec<f64> {
             let numbers = match input.name.as_str() {
                 "position" => (pose.position - origin).as_vec3().to_array().to_vec(),
                 // Any length.
-                "direction" => (pose.axis().unwrap().as_vec3() * 3.0).to_array().to_vec(),
-                "angles" => Orientation::from_direction(pose.axis().unwrap()).unwrap().angles().to_vec(),
+                "direction" => (axis_of(pose.rotation).unwrap().as_vec3() * 3.0).to_array().to_vec(),
+                "angles" => {
+                    Orientation::from_direction(axis_of(pose.rotation).unwrap()).unwrap().angles().to_vec()
+                }
                 other => panic!("{other}"),
             };
             numbers.into_iter().map(f64::from)

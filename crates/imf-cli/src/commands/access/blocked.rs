@@ -19,6 +19,9 @@ pub(super) struct BlockedRow {
     pub(super) hits: Volume,
     /// Where nothing else does.
     pub(super) alone: Volume,
+    /// Where it hits the part, and where a fixture; both in one place count twice. Nothing without fixtures.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) part_and_fixtures: Option<[Volume; 2]>,
 }
 
 /// Which voxels no pose reaches, and what collides there: the elements of one tool, or of each voxel's best tool.
@@ -26,6 +29,14 @@ struct Tally {
     kinds: Vec<ElementKind>,
     hits: Vec<usize>,
     alone: Vec<usize>,
+    bodies: Vec<[usize; 2]>,
+}
+
+/// What one tool hits: of all that is solid, and of the fixtures.
+type Hits<'a> = (&'a ElementMeasures, Option<&'a ElementMeasures>);
+
+fn hits(findings: &Findings, tool: usize) -> Option<Hits<'_>> {
+    Some((findings.elements.get(tool)?, findings.at_fixtures.get(tool)?.as_ref()))
 }
 
 impl Tally {
@@ -33,32 +44,43 @@ impl Tally {
         let mut kinds: Vec<ElementKind> = elements.iter().flat_map(|e| e.kinds.iter().copied()).collect();
         kinds.sort_by_key(|kind| kind.rank());
         kinds.dedup();
-        Self { hits: vec![0; kinds.len()], alone: vec![0; kinds.len()], kinds }
+        let none = vec![0; kinds.len()];
+        Self { hits: none.clone(), alone: none, bodies: vec![[0; 2]; kinds.len()], kinds }
     }
 
-    fn add(&mut self, elements: &ElementMeasures, voxel: usize) {
+    fn add(&mut self, (elements, fixtures): Hits<'_>, voxel: usize) {
         let colliding = || {
             let all = elements.kinds.iter().zip(&elements.values);
-            all.filter(|(_, values)| values[voxel] > 0.0).map(|(kind, _)| kind)
+            all.filter(|(_, values)| values[voxel] > 0.0).map(|(kind, values)| (kind, values[voxel]))
+        };
+        let of_fixtures = |kind: &ElementKind| {
+            let fixtures = fixtures?;
+            let place = fixtures.kinds.iter().position(|k| k == kind)?;
+            Some(fixtures.values[place][voxel])
         };
         let only = colliding().count() == 1;
-        for kind in colliding() {
+        for (kind, whole) in colliding() {
             if let Some(place) = self.kinds.iter().position(|k| k == kind) {
                 self.hits[place] += 1;
                 self.alone[place] += usize::from(only);
+                // Counts over one number: what is more than the fixtures' is the part's.
+                let held = of_fixtures(kind).unwrap_or(0.0);
+                self.bodies[place][0] += usize::from(whole > held);
+                self.bodies[place][1] += usize::from(held > 0.0);
             }
         }
     }
 
-    fn rows(&self, voxel_volume: f64) -> Vec<BlockedRow> {
+    fn rows(&self, voxel_volume: f64, with_fixtures: bool) -> Vec<BlockedRow> {
         let measure = |voxels: usize| Volume::new(voxels, voxel_volume);
         self.kinds
             .iter()
-            .zip(self.hits.iter().zip(&self.alone))
-            .map(|(kind, (&hits, &alone))| BlockedRow {
+            .zip(self.hits.iter().zip(&self.alone).zip(&self.bodies))
+            .map(|(kind, ((&hits, &alone), bodies))| BlockedRow {
                 element: kind.to_string(),
                 hits: measure(hits),
                 alone: measure(alone),
+                part_and_fixtures: with_fixtures.then(|| bodies.map(measure)),
             })
             .collect()
     }
@@ -72,21 +94,22 @@ fn unreached<'a>(setup: &'a Setup, imf: &'a [f32]) -> impl Iterator<Item = usize
 
 /// What of one tool keeps it from the voxels that it does not reach; nothing for a mesh.
 pub(super) fn by_tool(setup: &Setup, findings: &Findings, tool: usize) -> Vec<BlockedRow> {
-    let elements = &findings.elements[tool];
-    let mut tally = Tally::new(&[elements]);
-    unreached(setup, &findings.tools[tool].imf.value).for_each(|voxel| tally.add(elements, voxel));
-    tally.rows(setup.query.voxel_volume())
+    let mut tally = Tally::new(&[&findings.elements[tool]]);
+    if let Some(hits) = hits(findings, tool) {
+        unreached(setup, &findings.tools[tool].imf.value).for_each(|voxel| tally.add(hits, voxel));
+    }
+    tally.rows(setup.query.voxel_volume(), findings.at_fixtures.iter().all(Option::is_some))
 }
 
 /// What of its best tool keeps all tools from every voxel that none reaches.
 pub(super) fn together(setup: &Setup, findings: &Findings) -> Vec<BlockedRow> {
     let mut tally = Tally::new(&findings.elements.iter().collect::<Vec<_>>());
     for voxel in unreached(setup, &findings.together.imf.value) {
-        if let Some(elements) = findings.elements.get(findings.together.tool[voxel] as usize) {
-            tally.add(elements, voxel);
+        if let Some(hits) = hits(findings, findings.together.tool[voxel] as usize) {
+            tally.add(hits, voxel);
         }
     }
-    tally.rows(setup.query.voxel_volume())
+    tally.rows(setup.query.voxel_volume(), findings.at_fixtures.iter().all(Option::is_some))
 }
 
 #[cfg(test)]
@@ -100,12 +123,17 @@ mod tests {
             values: vec![vec![0.1, 0.0, 0.2], vec![0.0, 0.3, 0.1]],
         };
         let other = ElementMeasures { kinds: vec![ElementKind::Shank], values: vec![vec![0.5, 0.0, 0.0]] };
+        // Of the holder's hits the second is a fixture's alone, the third both's.
+        let fixtures =
+            ElementMeasures { kinds: vec![ElementKind::Holder(0)], values: vec![vec![0.0, 0.3, 0.05]] };
         let mut tally = Tally::new(&[&elements, &other]);
-        (0..3).for_each(|voxel| tally.add(&elements, voxel));
-        tally.add(&other, 0);
-        let rows = tally.rows(8.0);
+        (0..3).for_each(|voxel| tally.add((&elements, Some(&fixtures)), voxel));
+        tally.add((&other, None), 0);
+        let rows = tally.rows(8.0, true);
         let found: Vec<_> =
             rows.iter().map(|r| (r.element.as_str(), r.hits.voxels, r.alone.volume)).collect();
         assert_eq!(found, [("cutter", 2, 8.0), ("shank", 1, 8.0), ("holder 1", 2, 8.0)]);
+        let bodies: Vec<_> = rows.iter().map(|r| r.part_and_fixtures.unwrap().map(|v| v.voxels)).collect();
+        assert_eq!(bodies, [[2, 0], [1, 0], [1, 2]]);
     }
 }

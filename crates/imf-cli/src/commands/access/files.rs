@@ -37,8 +37,9 @@ pub(super) fn write(setup: &Setup, findings: &Findings, folder: &Path) -> Result
         NamedField::new("imf", &together.imf.value[..]),
         NamedField::new("best_orientation", &together.imf.best[..]),
         NamedField::new("free_orientations", &together.free[..]),
-        NamedField::new("accessible", &findings.space.accessible.labels[..]),
-        NamedField::new("inaccessible", &findings.space.inaccessible.labels[..]),
+        // Which piece of space a voxel is of.
+        NamedField::new("accessible_pieces", &findings.space.accessible.labels[..]),
+        NamedField::new("inaccessible_pieces", &findings.space.inaccessible.labels[..]),
         NamedField::new("solid", &solid[..]),
     ];
     if many {

@@ -64,6 +64,8 @@ pub(super) struct Setup {
     pub(super) solid: Occupancy,
     /// The fixtures on the query grid.
     pub(super) held: Occupancy,
+    /// The fixtures on the obstacle's grid; `None` where there are none.
+    pub(super) fixtures_alone: Option<Occupancy>,
     pub(super) stock: Option<Stock>,
 }
 
@@ -112,6 +114,11 @@ impl Setup {
         {
             session
                 .warn("these tools look the same at every roll: rolled orientations only repeat directions");
+        }
+        if tools.iter().any(|tool| !tool.tool().is_axisymmetric())
+            && orientations.orientations.iter().all(|o| o.roll == 0.0)
+        {
+            session.note("a tool is not round, and no orientation rolls it: see so3:N");
         }
         let cells =
             arguments.map.map(|point| Ok::<_, anyhow::Error>((point, map_cells(arguments.map_step)?)));
@@ -223,6 +230,7 @@ impl Setup {
             fixtures: fixtures.iter().map(|fixture| fixture.name.to_owned()).collect(),
             solid: on(&whole, &query)?,
             held: on(&bodies.fixtures, &query)?,
+            fixtures_alone: (!fixtures.is_empty()).then(|| bodies.fixtures.clone()),
             tools,
             orientations,
             suggested,

@@ -224,7 +224,10 @@ impl Summary {
         row("inaccessible around it", self.inaccessible.volume, &self.inaccessible.pieces());
         for blocked in &self.blocked_by {
             let alone = show_measure(blocked.alone.volume);
-            let alone = format!("alone {} voxels, {alone} {}³", blocked.alone.voxels, self.unit);
+            let mut alone = format!("alone {} voxels, {alone} {}³", blocked.alone.voxels, self.unit);
+            if let Some([part, fixtures]) = blocked.part_and_fixtures {
+                let _ = write!(alone, "; part {}, fixtures {} voxels", part.voxels, fixtures.voxels);
+            }
             row(&format!("  the {} hits", blocked.element), blocked.hits, &alone);
         }
         if self.tools.len() > 1 {

@@ -52,9 +52,12 @@ pub(super) fn draw(
     if chosen.is_empty() {
         return Ok(false);
     }
-    let cuts: Vec<(String, Vec<(Grid, Array2<f32>)>)> = chosen
+    let cuts: Vec<_> = chosen
         .into_iter()
-        .map(|(title, hit, tool)| (title, (0..3).map(|axis| cut(hit, tool, bodies, axis)).collect()))
+        .map(|(title, hit, tool)| {
+            let planes: Vec<_> = (0..3).map(|axis| cut(hit, tool, bodies, axis)).collect();
+            (title, planes)
+        })
         .collect();
     let scale = Scale::classes(&CLASSES);
     let rows = cuts.iter().map(|(title, planes)| PanelRow {

@@ -46,7 +46,7 @@ impl Columns {
 
     /// First and last y at this x of a line that holds anything.
     #[inline(always)]
-    fn row(&self, x: usize) -> (i64, i64) {
+    pub(super) fn row(&self, x: usize) -> (i64, i64) {
         self.rows[x]
     }
 }

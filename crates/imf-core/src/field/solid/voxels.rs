@@ -40,15 +40,15 @@ impl SolidVoxels {
         self.0.distances.get_or_init(|| DistanceField::new(&self.0.occupancy))
     }
 
-    /// The ball of a radius, in voxels, around a point on a surface, once all solid centres in it are listed that lie outside
-    /// the surface's tangent plane: a tool that stays on the plane's outer side, and holds none of these, holds none in the
-    /// ball. Some centres close to the ball or the plane may be listed as well. `None` where there are more than `most`.
+    /// The ball of a radius, in voxels, around a point on a surface, with the solid centres in it listed that lie outside the
+    /// surface's tangent plane: a tool that stays on the plane's outer side, and holds none of these, holds none in the ball.
+    /// A centre on the plane may be listed as well. `None` where there are more than `few`.
     pub(crate) fn cleared(
         &self,
         point: DVec3,
         normal: DVec3,
         radius: f64,
-        most: usize,
+        few: u32,
         listed: &mut Vec<[f64; 3]>,
     ) -> Option<Cleared> {
         /// What is taken from the plane, and added to the ball, in voxels: more than any rounding.
@@ -66,7 +66,11 @@ impl SolidVoxels {
             let dx = x as f64 - middle.x;
             let left = wide * wide - dx * dx;
             let (y0, y1) = range(middle.y, left.max(0.0).sqrt(), ny);
-            for y in y0..y1 {
+            let (first, last) = self.0.columns.row(x);
+            if first > last {
+                continue;
+            }
+            for y in y0.max(first as usize)..y1.min(last as usize + 1) {
                 let dy = y as f64 - middle.y;
                 let half = (left - dy * dy).max(0.0).sqrt();
                 // On this line the outer side is where normal.z · dz > −base.
@@ -88,11 +92,11 @@ impl SolidVoxels {
                 }
                 let (from, to) = (from as usize, to as usize);
                 let sums = self.0.columns.sums(x, y);
-                let found = (sums[to] - sums[from]) as usize;
-                if found == 0 {
+                if sums[to] == sums[from] {
                     continue;
                 }
-                if listed.len() + found > most {
+                if listed.len() as u32 + sums[to] - sums[from] > few {
+                    listed.clear();
                     return None;
                 }
                 let solid = (from..to).filter(|&z| sums[z + 1] > sums[z]);

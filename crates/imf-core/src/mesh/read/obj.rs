@@ -162,15 +162,15 @@ mod tests {
 
     #[test]
     fn a_file_that_was_cut_in_a_number_is_not_taken_for_a_whole_one() {
-        let tetrahedron = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4";
+        let vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n".to_owned() + &"v 5 0 0\n".repeat(8);
+        let tetrahedron = vertices + "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4";
         // Nothing is missing, but for the end of the last line.
-        assert_eq!(parse_obj(tetrahedron).unwrap().triangles.len(), 4);
-        // Twelve vertices, and the last face cut from 12 to 1.
-        let cut = tetrahedron.replace("f 3 1 4", "f 3 11 1");
-        let more = "v 5 0 0\n".repeat(8);
-        let text = parse_obj(&format!("{more}{cut}")).unwrap_err();
+        assert_eq!(parse_obj(&tetrahedron).unwrap().triangles.len(), 4);
+        // Of "f 3 1 12" the last digit is lost.
+        let cut = tetrahedron.replace("f 3 1 4", "f 3 1 1");
+        let text = parse_obj(&cut).unwrap_err();
         assert!(text.contains("part, line 16: the file ends in the middle of a line"), "{text}");
-        assert!(parse_obj(&format!("{more}{cut}\n")).is_ok(), "an open mesh, and the file has an end");
+        assert!(parse_obj(&(cut + "\n")).is_ok(), "an open mesh, and the file has an end");
         let text = parse_obj("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nv 0 0 1.").unwrap_err();
         assert!(text.contains("line 5: the file ends"), "{text}");
     }

@@ -1,5 +1,7 @@
 //! Elements against their definition, with and without contact, clearance and sharp points off the tip.
 
+use glam::DVec3;
+
 use super::*;
 use crate::occupancy::Occupancy;
 use crate::scene::Bodies;

@@ -343,7 +343,7 @@ fn a_symmetry_reduced_network_learns_more_and_stays_what_it_is() {
                 bent.settings.symmetry = far;
                 bent.write(&path).unwrap();
                 let damaged = FactoredFile::read(&path).unwrap_err();
-                assert!(damaged.to_string().contains("the symmetry 'mirrored across y'"), "{damaged}");
+                assert!(damaged.to_string().contains("the symmetry 'mirrored across y"), "{damaged}");
             }
         }
         // To its own harmonic nothing changes.

@@ -187,8 +187,12 @@ impl SetupsRow {
         } else {
             format!("at least {} are needed: the search for fewer was given up", self.at_least)
         };
+        let machine = match self.machine.as_str() {
+            "cone:0,0,1:0" => "three axes",
+            range => range,
+        };
         let mut text = format!(
-            "set-ups: {count} of {} candidates reach {} of the surface, of {} that all of them reach ({proof})\n",
+            "set-ups ({machine}): {count} of {} candidates reach {} of the surface, of {} that all of them reach ({proof})\n",
             self.candidates,
             percent(self.reached),
             percent(self.reachable)
