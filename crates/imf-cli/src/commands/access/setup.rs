@@ -17,7 +17,7 @@ use imf_core::tool::{Assembly, Clearance, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
 use imf_core::voxelize::voxelize_with;
 
-use super::surface::{SetupQuestion, SurfaceSetup, as_pairs, ways_up};
+use super::surface::{SetupQuestion, SurfaceSetup, with_ways_up};
 use crate::arguments::access::AccessArguments;
 use crate::arguments::fixture;
 use crate::arguments::orientations::{Directions, default_for};
@@ -83,7 +83,7 @@ impl Setup {
         });
         // A way up is a direction that the tool may come from.
         let text = match question {
-            Some(_) => format!("{}+normals+{text}", as_pairs(&ways_up(&mesh.machining_directions()))),
+            Some(_) => with_ways_up(text, &mesh.machining_directions()),
             None => text.to_owned(),
         };
         let Directions { mut set, mut suggested } =

@@ -18,7 +18,7 @@ use imf_core::surface::{
 use imf_core::tool::Assembly;
 use serde::Serialize;
 
-pub(super) use setups::{SetupQuestion, SetupsRow, as_pairs, ways_up};
+pub(super) use setups::{SetupQuestion, SetupsRow, with_ways_up};
 
 use super::setup::Setup;
 use crate::interrupt::Interrupted;

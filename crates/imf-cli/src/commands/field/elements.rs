@@ -102,7 +102,7 @@ pub(super) fn draw<'a>(
         part: &work.scene.obstacle,
         style: Some(MaskStyle::Outline),
         unit: work.scene.record.unit,
-        notes: vec![format!("{what}; they sum to the whole tool's measure; white line: the part")],
+        notes: vec![format!("{what}; they sum to the whole tool's measure; outlined: the part")],
     };
     sheet.save(&planes, &work.folder.file(PICTURE))?;
     Ok(())

@@ -46,7 +46,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         style: Some(MaskStyle::Outline),
         unit: work.scene.record.unit,
         notes: vec![format!(
-            "minimum over {}{} orientations ({}); white line: the part; {}",
+            "minimum over {}{} orientations ({}); outlined: the part; {}",
             if refined.is_some() { "all, from the best of " } else { "" },
             work.set.len(),
             work.set.spec,

@@ -176,7 +176,7 @@ fn write_shared(work: &Work<'_>, kept: &[Kept]) -> Result<()> {
 /// Mid-planes of the first sections.
 fn draw(work: &Work<'_>, kept: &mut [Kept]) -> Result<()> {
     let planes: Vec<MidPlanes> = kept.iter_mut().filter_map(|section| section.planes.take()).collect();
-    let mut notes = vec![format!("white line: the part; {}", work.exactness())];
+    let mut notes = vec![format!("outlined: the part; {}", work.exactness())];
     if kept.len() > planes.len() {
         notes.push(format!("the first {} of {} sections", planes.len(), kept.len()));
     }

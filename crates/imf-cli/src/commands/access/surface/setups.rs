@@ -28,12 +28,13 @@ pub(in crate::commands::access) struct SetupQuestion {
     pub(in crate::commands::access) every_direction: bool,
 }
 
-/// Ways up that a part and a vise suggest: the axes, and both ways along what the part suggests.
-pub(in crate::commands::access) fn ways_up(suggested: &[MachiningDirection]) -> Vec<DVec3> {
-    let axes = [DVec3::Z, DVec3::NEG_Z, DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y];
+const AXES: [DVec3; 6] = [DVec3::Z, DVec3::NEG_Z, DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y];
+
+/// Ways up that a vise and the part suggest: the axes, and both ways along the part's own directions.
+fn ways_up(suggested: &[MachiningDirection]) -> Vec<DVec3> {
     let of_part = suggested.iter().flat_map(|suggested| [suggested.direction, -suggested.direction]);
     let mut ways: Vec<DVec3> = Vec::new();
-    for way in axes.into_iter().chain(of_part) {
+    for way in AXES.into_iter().chain(of_part) {
         if ways.iter().all(|known| known.distance(way) > SAME) {
             ways.push(way);
         }
@@ -41,10 +42,20 @@ pub(in crate::commands::access) fn ways_up(suggested: &[MachiningDirection]) -> 
     ways
 }
 
-/// Directions as a set's text.
-pub(in crate::commands::access) fn as_pairs(directions: &[DVec3]) -> String {
-    let pairs = directions.iter().filter_map(|&direction| Orientation::from_direction(direction));
-    pairs.map(|o| format!("{},{}", o.theta, o.phi)).collect::<Vec<_>>().join(";")
+/// A set of directions, and every way up as a direction that the tool may come from.
+pub(in crate::commands::access) fn with_ways_up(set: &str, suggested: &[MachiningDirection]) -> String {
+    let named = |way: &DVec3| {
+        let suggested = suggested.iter().map(|suggested| suggested.direction);
+        AXES.into_iter().chain(suggested).any(|known| known.distance(*way) <= SAME)
+    };
+    let others =
+        ways_up(suggested).into_iter().filter(|way| !named(way)).filter_map(Orientation::from_direction);
+    let others: Vec<String> = others.map(|o| format!("{},{}", o.theta, o.phi)).collect();
+    let first = if set.starts_with("axes+normals") { "" } else { "axes+normals+" };
+    match others.is_empty() {
+        true => format!("{first}{set}"),
+        false => format!("{}+{first}{set}", others.join(";")),
+    }
 }
 
 /// The answer.
@@ -65,15 +76,16 @@ impl Setups {
         surface: &Surface,
     ) -> Result<Self> {
         let orientations = &setup.orientations.orientations;
-        let ways = if question.every_direction {
+        let ways: Vec<DVec3> = if question.every_direction {
             orientations.iter().map(Orientation::direction).collect()
         } else {
             ways_up(&setup.suggested)
         };
-        let candidates: Vec<PartSetup> = ways
-            .into_iter()
-            .map(|up| PartSetup::new(&setup.mesh, up, orientations, &question.range))
-            .collect();
+        let candidates =
+            ways.into_iter().map(|up| PartSetup::new(&setup.mesh, up, orientations, &question.range));
+        let mut candidates: Vec<PartSetup> = candidates.collect();
+        // Of set-ups that reach the same the first is taken: one that stands by itself.
+        candidates.sort_by_key(|candidate| !candidate.rests);
         let tools: Vec<_> = surface.tools.iter().map(|(access, ..)| access).collect();
         let samples = &surface.samples.samples;
         let stage = session.stage("set-ups", "candidates", candidates.len() as u64);
