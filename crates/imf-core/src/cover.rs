@@ -30,7 +30,8 @@ pub struct CoverSettings {
 
 impl Default for CoverSettings {
     fn default() -> Self {
-        Self { fraction: 1.0, places: 20_000_000 }
+        // Of 1,000 sets and 2,000 elements these take some ten seconds.
+        Self { fraction: 1.0, places: 100_000 }
     }
 }
 
@@ -216,10 +217,15 @@ fn undominated(sets: &[Vec<u64>]) -> Vec<usize> {
 
 /// Where all must be covered, an element is covered with any whose sets are among its own; rows with few sets first.
 fn without_implied(rows: Vec<(Vec<u32>, u64)>) -> Vec<(Vec<u32>, u64)> {
+    let sets = rows.iter().flat_map(|(sets, _)| sets).max().map_or(0, |last| *last as usize + 1);
     let mut kept: Vec<(Vec<u32>, u64)> = Vec::new();
+    let mut words: Vec<Vec<u64>> = Vec::new();
     for row in rows {
-        let implies = |one: &(Vec<u32>, u64)| one.0.iter().all(|set| row.0.binary_search(set).is_ok());
-        if !kept.iter().any(implies) {
+        let mut own = vec![0u64; sets.div_ceil(64)];
+        row.0.iter().for_each(|&set| own[set as usize / 64] |= 1 << (set % 64));
+        let implies = |one: &Vec<u64>| one.iter().zip(&own).all(|(one, own)| one & !own == 0);
+        if !words.iter().any(implies) {
+            words.push(own);
             kept.push(row);
         }
     }

@@ -49,12 +49,12 @@ pub struct Collision {
 }
 
 impl Collision {
-    /// The same collision in other coordinates, by a rigid motion.
+    /// The same collision in other coordinates, by a rigid motion and a uniform scale; lengths and volumes stay as they are.
     pub fn place(&mut self, into: &DMat4) {
         let point = |p: [f64; 3]| into.transform_point3(DVec3::from_array(p)).to_array();
         self.contact = point(self.contact);
         self.position = point(self.position);
-        self.axis = into.transform_vector3(DVec3::from_array(self.axis)).to_array();
+        self.axis = into.transform_vector3(DVec3::from_array(self.axis)).normalize_or_zero().to_array();
     }
 }
 

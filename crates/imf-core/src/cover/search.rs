@@ -88,9 +88,6 @@ impl<'a> Search<'a> {
         if self.open <= self.slack {
             return Ok(true);
         }
-        if left == 0 || self.too_little(left) {
-            return Ok(false);
-        }
         if self.places == 0 {
             return Err(Stop::Places);
         }
@@ -98,6 +95,13 @@ impl<'a> Search<'a> {
         if self.places.is_multiple_of(BREATH) && self.control.is_cancelled() {
             return Err(Stop::Cancelled);
         }
+        let needed = self.open - self.slack;
+        let gains = self.largest_gains(left);
+        // Their gains together are too little, or more elements than that need a set of their own.
+        if gains.iter().sum::<u64>() < needed || self.apart(left) {
+            return Ok(false);
+        }
+        let others: u64 = gains.iter().take(left.saturating_sub(1)).sum();
         let Some(element) = self.hardest() else { return Ok(false) };
         let weight = self.problem.weights[element];
         let mut sets: Vec<usize> = self.problem.holders[element]
@@ -109,6 +113,10 @@ impl<'a> Search<'a> {
         let mut tried = Vec::with_capacity(sets.len());
         let mut found = false;
         for set in sets {
+            // The sets that follow gain no more.
+            if self.gain[set] + others < needed {
+                break;
+            }
             self.choose(set);
             found = self.descend(left - 1)?;
             if found {
@@ -138,22 +146,24 @@ impl<'a> Search<'a> {
         self.problem.elements[set].iter().for_each(|&element| self.available[element as usize] += 1);
     }
 
-    /// True where no `left` more sets can be enough: their gains together are too little, or more elements than that need
-    /// a set of their own.
-    fn too_little(&mut self, left: usize) -> bool {
-        let needed = self.open - self.slack;
-        let mut largest = Vec::with_capacity(left + 1);
+    /// The largest gains of so many sets that are not ruled out.
+    fn largest_gains(&self, count: usize) -> Vec<u64> {
+        let mut largest = Vec::with_capacity(count + 1);
         for (set, &gain) in self.gain.iter().enumerate() {
-            if self.ruled_out[set] || (largest.len() == left && gain <= largest[left - 1]) {
+            if self.ruled_out[set]
+                || (largest.len() == count && largest.last().is_none_or(|&least| gain <= least))
+            {
                 continue;
             }
             let at = largest.partition_point(|&other| other >= gain);
             largest.insert(at, gain);
-            largest.truncate(left);
+            largest.truncate(count);
         }
-        if largest.iter().sum::<u64>() < needed {
-            return true;
-        }
+        largest
+    }
+
+    /// True where more than `left` open elements need a set of their own.
+    fn apart(&mut self, left: usize) -> bool {
         self.mark += 1;
         let mut apart = Vec::new();
         for element in 0..self.problem.weights.len() {

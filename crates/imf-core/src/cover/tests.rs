@@ -77,3 +77,27 @@ fn what_no_set_holds_is_not_asked_for() {
     let empty = CoverProblem::new(vec![1.0]).fewest(&CoverSettings::default(), Control::quiet()).unwrap();
     assert!(empty.sets.is_empty() && empty.is_proven());
 }
+
+/// Directions all around that each see a cap of a ball, but for some places: as a tool sees a part's surface.
+fn caps(elements: usize, sets: usize, half_angle: f64) -> CoverProblem {
+    let spread = |n: usize| crate::orientation::OrientationSet::parse(&format!("fibonacci:{n}")).unwrap();
+    let directions = |n: usize| spread(n).orientations.into_iter().map(|o| o.direction()).collect::<Vec<_>>();
+    let (normals, mut numbers) = (directions(elements), Numbers(11));
+    let mut problem = CoverProblem::new(vec![1.0; elements]);
+    for direction in directions(sets) {
+        let seen = |&index: &usize| {
+            numbers.below(50) > 0 && normals[index].dot(direction) >= half_angle.to_radians().cos()
+        };
+        let seen: Vec<usize> = (0..elements).filter(seen).collect();
+        problem.add(seen);
+    }
+    problem
+}
+
+#[test]
+fn caps_of_a_ball_are_covered_by_a_proven_few() {
+    // Four corners of a tetrahedron see all of a ball, three caps of 80° do not.
+    let problem = caps(500, 100, 80.0);
+    let cover = problem.fewest(&CoverSettings::default(), Control::quiet()).unwrap();
+    assert_eq!((cover.sets.len(), cover.at_least), (4, 4));
+}

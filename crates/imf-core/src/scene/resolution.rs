@@ -28,6 +28,9 @@ const THIN: usize = 3;
 /// sides (0.96) or a shallow tray without its lid (0.99) may as well be a sheet.
 pub(super) const MOST_UNDECIDED: f64 = 0.9;
 
+/// The share from which on it is warned about: an open mesh whose hole is small has less.
+const MANY_UNDECIDED: f64 = 0.1;
+
 /// A tool of which an element passes between the centres of voxels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CoarseTool {
@@ -101,6 +104,8 @@ impl SceneSpec<'_> {
         let thin = SceneWarning::Thin { part: self.part.to_owned(), voxels, pitch: grid.pitch };
         let mut warnings = Vec::new();
         warnings.extend((voxels <= THIN).then_some(thin));
+        let undecided = SceneWarning::Undecided { part: self.part.to_owned(), share: bodies.undecided };
+        warnings.extend((bodies.undecided > MANY_UNDECIDED).then_some(undecided));
         let part = self.part_bounds()?;
         for (fixture, (name, low, high)) in self.fixtures.iter().zip(self.fixture_boxes()?) {
             let (lower, upper) = (low.max(part.0), high.min(part.1));

@@ -58,6 +58,13 @@ pub enum SceneWarning {
         /// The grid's pitch.
         pitch: f64,
     },
+    /// A mesh that does not say at many voxel centres whether they are solid.
+    Undecided {
+        /// The part.
+        part: String,
+        /// Their share of the centres in the part or near it.
+        share: f64,
+    },
     /// A fixture that shares room with the part.
     Overlap {
         /// The fixture.
@@ -126,6 +133,12 @@ impl fmt::Display for SceneWarning {
                 f,
                 "the fixture {fixture} overlaps the part by {} {unit}³: check where it stands, and its unit",
                 Length(*volume)
+            ),
+            Self::Undecided { part, share } => write!(
+                f,
+                "{part} does not say at {:.0} % of the voxel centres in it or near it whether they are solid (its winding number lies \
+                 between 0.2 and 0.8): an answer there may be wrong, and \"free\" too; repair the mesh or export it again",
+                100.0 * share
             ),
             Self::NoHolder { tool } => write!(f, "the tool {tool} has no holder: what holds it is not seen"),
         }

@@ -78,7 +78,9 @@ impl Calibration {
             percent(uniform.misordered.share())
         );
         let text = match usable_for {
-            Purpose::Decisions => format!("usable for decisions: {calls}"),
+            Purpose::Decisions => format!(
+                "usable for decisions: {calls}; a clear pose keeps the field's clearance, so that one that cuts is none"
+            ),
             Purpose::Steering => format!(
                 "for steering only, an exact check must decide: {calls}, where a rate of at most {:.1e} called free, {} called \
                  colliding and half of the clear ones found are asked for; {order}",

@@ -93,6 +93,13 @@ impl Setup {
             suggested.retain(|suggested| limits.reach(suggested.direction));
         }
         let orientations = set;
+        for tool in reading.tools.iter().filter(|tool| matches!(tool.shape, ToolShape::Mesh(_))) {
+            session.warn(&format!(
+                "{} is a mesh, which does not say what of it cuts: whatever touches the surface first counts as touching it, the \
+                 housing too; and it takes long, so that few --orientations are a good beginning",
+                tool.name
+            ));
+        }
         number_names(&mut reading.tools);
         let unit = reading.part.unit;
         let clearance = arguments.scene.clearance.clearance();

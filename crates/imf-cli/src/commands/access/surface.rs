@@ -358,7 +358,7 @@ impl SurfaceRow {
             let the = if row.body == "part" { "the " } else { "" };
             format!("{} at {the}{} {:.1} %", row.element, row.body, 100.0 * row.share)
         });
-        row("obstructed by shank or holder", self.obstructed, &by.collect::<Vec<_>>().join(", "));
+        row("something is in the way", self.obstructed, &by.collect::<Vec<_>>().join(", "));
         row("the cutter does not fit", self.gouged, "");
         row("no direction faces it", self.not_faced, "");
         for DirectionRow { direction: [i, j, k], share } in &self.best_directions {
