@@ -149,7 +149,7 @@ impl SceneArguments {
     pub(crate) fn voxels(&self, session: &Session) -> Result<(Bodies, MeshReport, LengthUnit, String)> {
         self.with_spec(session, false, |spec, report| {
             let grid = spec.grid()?;
-            require_memory_for_voxels(session, &grid)?;
+            require_memory_for_voxels(session, &grid, 0)?;
             let bodies = voxelising(session, spec, &grid, |spec| spec.bodies(&grid))?;
             warn_of(session, &spec.warnings(&bodies)?);
             Ok((bodies, report.clone(), spec.unit, spec.part.to_owned()))
@@ -161,7 +161,8 @@ impl SceneArguments {
     pub(crate) fn scene_and_bodies(&self, session: &Session) -> Result<(Scene, Bodies)> {
         self.with_spec(session, true, |spec, _| {
             let wide = spec.wide_grid(&spec.grid()?, f64::INFINITY)?;
-            require_memory_for_voxels(session, &wide)?;
+            // Beside the voxels, counts and distances of the part and of the fixtures.
+            require_memory_for_voxels(session, &wide, 16)?;
             let (scene, bodies) =
                 voxelising(session, spec, &wide, |spec| spec.scene_and_bodies(f64::INFINITY))?;
             Ok((self.announced(session, spec, scene, &bodies)?, bodies))
@@ -301,12 +302,12 @@ fn require_memory_for_sections(
     Ok(())
 }
 
-/// Refuses grids whose voxels would take more memory than there is.
-fn require_memory_for_voxels(session: &Session, grid: &Grid) -> Result<()> {
+/// Refuses grids whose voxels, and so many bytes more for each, would take more memory than there is.
+fn require_memory_for_voxels(session: &Session, grid: &Grid, more: u64) -> Result<()> {
     // The voxels of part, fixtures and both, the voxeliser's, and a copy to write.
-    session.require_memory(6 * grid.len() as u64, || {
+    session.require_memory((6 + more) * grid.len() as u64, || {
         let [x, y, z] = grid.dims;
-        format!("{x}×{y}×{z} voxels; use a larger --pitch")
+        format!("{x}×{y}×{z} voxels around part and fixtures; check their units, or use a larger --pitch")
     })
 }
 

@@ -17,7 +17,7 @@ use imf_core::scene::{Bodies, PathGuarantee, Scene, SceneRecord};
 use imf_core::tool::{Element, Segment, Tool, ToolShape};
 use imf_core::toolpath::Toolpath;
 use imf_core::unit::LengthUnit;
-use imf_core::voxelize::voxelize;
+use imf_core::voxelize::voxelize_with;
 use imf_fields::field::{Field, VerifiedField};
 use serde_json::json;
 use thiserror::Error;
@@ -59,7 +59,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         Frame::World => DMat4::IDENTITY,
     };
     let toolpath = Toolpath::read(&arguments.toolpath, record.unit)?.placed(&set_up);
-    let fixtures = fixtures(arguments, record, &bodies)?;
+    let fixtures = fixtures(session, arguments, record, &bodies)?;
     let settings = arguments.settings(record.grid.pitch, record.unit);
     let guarded = match &arguments.field {
         Some(path) => {
@@ -145,6 +145,7 @@ fn widest(element: &Element) -> f64 {
 
 /// Every fixture's voxels by its name, on no more of the grid than they take; contact is accepted with none of them.
 fn fixtures(
+    session: &Session,
     arguments: &CheckArguments,
     record: &SceneRecord,
     bodies: &Bodies,
@@ -153,7 +154,8 @@ fn fixtures(
     for given in &arguments.scene.fixture {
         let fixture = FixtureMesh::read(given, arguments.scene.unit, record.unit)?;
         let grid = bodies.fixtures.grid;
-        let voxels = voxelize(&fixture.mesh.transformed(&fixture.transform), &grid, record.conservative);
+        let mesh = fixture.mesh.transformed(&fixture.transform);
+        let voxels = voxelize_with(&mesh, &grid, record.conservative, session.control(&|_| {}))?.solid;
         let Some((low, high)) = voxels.extent() else { continue };
         let own = Grid {
             origin: grid.origin + DVec3::from_array(low.map(|v| v as f64)) * grid.pitch,
