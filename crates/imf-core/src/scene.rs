@@ -145,7 +145,7 @@ impl Scene {
     pub fn with_clearance(mut self, clearance: &Clearance) -> Result<Self, ClearanceError> {
         clearance.check()?;
         let bare = self.record.bare_tool().clone();
-        self.record.tool = bare.inflated(clearance)?;
+        self.record.tool = bare.with_clearance(clearance)?;
         self.record.clearance = *clearance;
         self.record.ungrown = (!clearance.is_zero()).then_some(bare);
         Ok(self)

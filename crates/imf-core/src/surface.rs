@@ -183,7 +183,7 @@ impl SurfaceTool {
         let eroded = [cutter.eroded(tolerance, outline.has_shoulder()).ok_or_else(too_thick)?];
         let of_cutter =
             |voxels: &SolidVoxels| SolidField::of_elements(voxels.clone(), &eroded).ok_or_else(too_thick);
-        let offset = tool.inflated_elements(assembly.clearance())?;
+        let offset = tool.offset_elements(assembly.clearance())?;
         let bodies = &surroundings.bodies;
         let mut elements = Vec::new();
         // The cutter is to blame for fixtures alone: what it would cut of the part is told by itself.
@@ -197,7 +197,7 @@ impl SurfaceTool {
             let alone = bodies.iter().map(|[_, body]| SolidField::of_elements(body.clone(), element));
             elements.extend(alone.collect::<Option<Vec<_>>>().map(|alone| (element[0].kind, alone)));
         }
-        let touching = cutter.inflated(tolerance);
+        let touching = cutter.offset(tolerance);
         let pitch = surroundings.part.occupancy().grid.pitch;
         let across = 2.0 * radius / pitch + 2.0;
         let revolved = Revolved {

@@ -199,7 +199,7 @@ impl SceneArguments {
     /// The tool in the part's unit, offset by its clearance, and how deep its cutter may touch.
     fn offset_tool(&self, spec: &SceneSpec<'_>, contact: &ContactArguments) -> Result<(Tool, Option<f64>)> {
         let clearance = self.clearance.at(spec.grid()?.pitch, spec.tool);
-        let tool = spec.tool.in_unit(spec.unit).inflated(&clearance)?;
+        let tool = spec.tool.in_unit(spec.unit).with_clearance(&clearance)?;
         Ok((tool, contact.depth([spec.tool])?))
     }
 

@@ -142,7 +142,7 @@ fn a_clearance_is_recorded_in_datasets_and_models_and_said() {
     // The samples are the grown tool's, and so is the scene that a model takes over.
     let (manifest, scene, _) = imf_train::dataset::load(&folder.path("data")).unwrap();
     assert_eq!(manifest.scene.bare_tool(), &imf_core::tool::Tool::paper());
-    assert_eq!(scene.record.tool, scene.record.bare_tool().inflated(&scene.record.clearance).unwrap());
+    assert_eq!(scene.record.tool, scene.record.bare_tool().with_clearance(&scene.record.clearance).unwrap());
     // The same folder is refused for another clearance.
     let run = folder.run(&[&data[..], &["--out", "data"]].concat());
     run.is_refusal(&["another dataset", "the scene differs"], &["dataset"]);

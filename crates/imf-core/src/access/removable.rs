@@ -119,7 +119,7 @@ pub fn removable(
         Sweep { obstacle, tool: Some(assembly.clone()), cutter, stock, orientations, tau, widest: None };
     let covered = sweep.run(control)?;
     let offset = Clearance { cutter: slack, ..Clearance::default() };
-    let offset = cutter.inflated(&offset).map_err(SectionError::Clearance)?;
+    let offset = cutter.with_clearance(&offset).map_err(SectionError::Clearance)?;
     let mut left = stock.clone();
     left.solid.iter_mut().zip(&covered).for_each(|(left, &gone)| *left &= 1 - gone);
     let mut possible = covered.clone();

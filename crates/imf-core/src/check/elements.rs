@@ -76,7 +76,7 @@ impl<'a> Elements<'a> {
         settings: &CheckSettings,
     ) -> Result<Self, CheckError> {
         let clearance = &settings.clearance;
-        let offset = tool.inflated_elements(clearance)?;
+        let offset = tool.offset_elements(clearance)?;
         if offset.is_empty() {
             return Ok(Self::whole(part, fixtures, tool));
         }

@@ -237,7 +237,7 @@ fn what_a_proof_knows_free_changes_no_line_of_the_report() {
         let settings = CheckSettings { clearance, ..usual() };
         let plain = check(Some(&post), text, &settings);
         assert!(plain.colliding.len() > 1);
-        let exact = ExactField::new(&obstacle, Tool::paper().inflated(&clearance).unwrap());
+        let exact = ExactField::new(&obstacle, Tool::paper().with_clearance(&clearance).unwrap());
         let known = std::sync::atomic::AtomicU64::new(0);
         let is_free = |pose: &Pose| {
             let free = !exact.collides(pose);

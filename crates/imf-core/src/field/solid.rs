@@ -109,7 +109,7 @@ impl SolidField {
         Self::new(voxels, &tool.name, shape, tool.reach())
     }
 
-    /// Of bodies that may overlap, such as [`Tool::inflated_elements`]: each is counted by itself, and
+    /// Of bodies that may overlap, such as [`Tool::offset_elements`]: each is counted by itself, and
     /// the count of all is the sum. `None` for an outline with an arc around a centre
     /// beyond the axis, or with more than 64 segments.
     pub(crate) fn of_elements(obstacle: impl Into<SolidVoxels>, elements: &[Element]) -> Option<Self> {

@@ -123,7 +123,7 @@ fn a_clearance_offsets_the_tool_and_is_written_down() {
     let offset = scene.clone().with_clearance(&clearance).unwrap();
     let record = &offset.record;
     assert_eq!((record.bare_tool(), record.clearance), (&tool, clearance));
-    assert_eq!(record.tool, tool.inflated(&clearance).unwrap());
+    assert_eq!(record.tool, tool.with_clearance(&clearance).unwrap());
     let text = serde_json::to_string(record).unwrap();
     assert_eq!(&serde_json::from_str::<SceneRecord>(&text).unwrap(), record);
     // Another clearance starts from the tool as it is; none gives the scene back.

@@ -17,7 +17,7 @@ use crate::tool::{Assembly, Element, ElementKind, SharpPoints, Tool, ToolShape};
 
 /// One plan for each element of a tool, and one for the whole.
 ///
-/// Of a tool offset by a clearance ([`Tool::inflated`]) each piece belongs to the element that reaches farthest out there;
+/// Of a tool offset by a clearance ([`Tool::with_clearance`]) each piece belongs to the element that reaches farthest out there;
 /// pieces of one element are one. Lists of orientations, grids and errors are those of [`SectionPlan`].
 pub struct ElementPlans {
     whole: SectionPlan,

@@ -22,8 +22,8 @@ impl Tool {
     /// A clearance that is no length, or one around a mesh tool, which cannot be offset.
     pub fn offset(&self, clearance: &Clearance) -> Result<Assembly, ClearanceError> {
         Ok(Assembly {
-            whole: self.inflated(clearance)?,
-            noncutting: self.without_cutter().map(|rest| rest.inflated(clearance)).transpose()?,
+            whole: self.with_clearance(clearance)?,
+            noncutting: self.without_cutter().map(|rest| rest.with_clearance(clearance)).transpose()?,
             tool: self.clone(),
             clearance: *clearance,
         })

@@ -91,11 +91,11 @@ impl Tool {
     /// # Errors
     /// A mesh tool with any clearance, or a clearance that is no length. Without clearance a mesh tool has no
     /// elements, and the list is empty.
-    pub fn inflated_elements(&self, clearance: &Clearance) -> Result<Vec<Element>, ClearanceError> {
+    pub fn offset_elements(&self, clearance: &Clearance) -> Result<Vec<Element>, ClearanceError> {
         clearance.check()?;
         match &self.shape {
             ToolShape::Revolved(elements) => {
-                Ok(elements.iter().map(|e| inflated(e, clearance.of(e.kind))).collect())
+                Ok(elements.iter().map(|e| offset_element(e, clearance.of(e.kind))).collect())
             }
             ToolShape::Mesh(_) if clearance.is_zero() => Ok(Vec::new()),
             ToolShape::Mesh(_) => Err(ClearanceError::Mesh(self.name.clone())),
@@ -107,12 +107,12 @@ impl Tool {
     /// spread over the cutter become a list of points.
     ///
     /// # Errors
-    /// As [`Tool::inflated_elements`].
-    pub fn inflated(&self, clearance: &Clearance) -> Result<Self, ClearanceError> {
+    /// As [`Tool::offset_elements`].
+    pub fn with_clearance(&self, clearance: &Clearance) -> Result<Self, ClearanceError> {
         if clearance.is_zero() {
             return Ok(self.clone());
         }
-        let bodies = self.inflated_elements(clearance)?;
+        let bodies = self.offset_elements(clearance)?;
         let curves: Vec<Curve> = bodies
             .iter()
             .enumerate()
@@ -136,13 +136,13 @@ impl Tool {
 
 impl Element {
     /// The element offset by a length in every direction.
-    pub(crate) fn inflated(&self, by: f64) -> Self {
-        inflated(self, by)
+    pub(crate) fn offset(&self, by: f64) -> Self {
+        offset_element(self, by)
     }
 }
 
 /// The element offset by `clearance` in every direction.
-fn inflated(element: &Element, clearance: f64) -> Element {
+fn offset_element(element: &Element, clearance: f64) -> Element {
     if clearance == 0.0 {
         return element.clone();
     }
@@ -236,7 +236,7 @@ mod tests {
         let clearance = Clearance { holder: 2.0, shank: 1.0, cutter: 0.5 };
         for tool in [Tool::paper(), tapered()] {
             let ToolShape::Revolved(elements) = &tool.shape else { panic!() };
-            let offset = tool.inflated_elements(&clearance).unwrap();
+            let offset = tool.offset_elements(&clearance).unwrap();
             for (element, body) in elements.iter().zip(&offset) {
                 let delta = clearance.of(element.kind);
                 let (low, high) = (body.profile[0].range().0, body.profile.last().unwrap().range().1);
@@ -263,7 +263,7 @@ mod tests {
     fn outlines_have_no_gaps_and_few_pieces() {
         let clearance = Clearance { holder: 1.5, shank: 1.5, cutter: 1.5 };
         for tool in [Tool::paper(), tapered()] {
-            for body in tool.inflated_elements(&clearance).unwrap() {
+            for body in tool.offset_elements(&clearance).unwrap() {
                 assert!(body.profile.len() <= 6, "{:?}", body.profile);
                 for pair in body.profile.windows(2) {
                     assert!((pair[0].range().1 - pair[1].range().0).abs() < 1e-9);
@@ -283,7 +283,7 @@ mod tests {
         let surface = 2.0 * pi * r * (r + h);
         let expected =
             pi * r * r * h + surface * d + (pi * pi * r + pi * h) * d * d + 4.0 / 3.0 * pi * d * d * d;
-        let volume: f64 = inflated(&element, d).profile.iter().map(Segment::volume).sum();
+        let volume: f64 = offset_element(&element, d).profile.iter().map(Segment::volume).sum();
         assert!((volume - expected).abs() < 1e-5 * expected, "{volume} {expected}");
     }
 
@@ -291,8 +291,8 @@ mod tests {
     fn the_union_holds_every_offset_element_and_nothing_else() {
         let clearance = Clearance { holder: 2.0, shank: 1.0, cutter: 0.5 };
         let tool = tapered();
-        let bodies = tool.inflated_elements(&clearance).unwrap();
-        let union = tool.inflated(&clearance).unwrap();
+        let bodies = tool.offset_elements(&clearance).unwrap();
+        let union = tool.with_clearance(&clearance).unwrap();
         let ToolShape::Revolved(pieces) = &union.shape else { panic!() };
         for i in 0..400 {
             for j in 0..80 {
@@ -303,13 +303,13 @@ mod tests {
         }
         assert_eq!(pieces[0].kind, ElementKind::Cutter);
         assert!((pieces[0].profile[0].range().0 + 0.5).abs() < 1e-6);
-        assert_eq!(tool.inflated(&Clearance::default()).unwrap(), tool);
+        assert_eq!(tool.with_clearance(&Clearance::default()).unwrap(), tool);
     }
 
     #[test]
     fn an_offset_tool_can_be_voxelised_below_its_tip() {
         let clearance = Clearance { holder: 1.0, shank: 1.0, cutter: 2.0 };
-        let offset = Tool::paper().inflated(&clearance).unwrap();
+        let offset = Tool::paper().with_clearance(&clearance).unwrap();
         let rotated =
             super::super::RotatedTool::new(&offset, &crate::orientation::Orientation::default(), 1.0)
                 .unwrap();
@@ -320,15 +320,15 @@ mod tests {
     #[test]
     fn what_cannot_be_offset_is_refused() {
         let negative = Clearance { shank: -1.0, ..Clearance::default() };
-        let error = Tool::paper().inflated_elements(&negative).unwrap_err();
+        let error = Tool::paper().offset_elements(&negative).unwrap_err();
         assert_eq!(error, ClearanceError::Value("shank", -1.0));
         let mut mesh = crate::mesh::Mesh::default();
         mesh.vertices.push(DVec3::ZERO);
         let mesh = Tool { shape: ToolShape::Mesh(mesh), ..Tool::paper() };
         assert!(matches!(
-            mesh.inflated(&Clearance::around_holder_and_shank(1.0)),
+            mesh.with_clearance(&Clearance::around_holder_and_shank(1.0)),
             Err(ClearanceError::Mesh(_))
         ));
-        assert_eq!(mesh.inflated_elements(&Clearance::default()).unwrap(), []);
+        assert_eq!(mesh.offset_elements(&Clearance::default()).unwrap(), []);
     }
 }

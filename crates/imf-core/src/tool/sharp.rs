@@ -159,7 +159,7 @@ mod tests {
             let tool = Tool { sharp_points, ..Tool::paper() };
             let bare = tool.sharp_point_positions(1.0);
             let clearance = Clearance { cutter: 0.5, shank: 0.0, holder: 3.0 };
-            let offset = tool.inflated(&clearance).unwrap();
+            let offset = tool.with_clearance(&clearance).unwrap();
             assert_eq!(offset.sharp_point_positions(1.0), bare);
             assert_eq!(tool.without_cutter().unwrap().sharp_point_positions(1.0), bare);
             let inches = offset.in_unit(LengthUnit::Inch).sharp_point_positions(1.0 / 25.4);
@@ -172,7 +172,7 @@ mod tests {
     fn the_boundary_of_the_cutter_is_the_same_from_every_side() {
         let tool = Tool { sharp_points: SharpPoints::Boundary(None), ..Tool::paper() };
         assert!(tool.is_axisymmetric());
-        let offset = tool.inflated(&Clearance { cutter: 0.0, shank: 0.0, holder: 1.0 }).unwrap();
+        let offset = tool.with_clearance(&Clearance { cutter: 0.0, shank: 0.0, holder: 1.0 }).unwrap();
         assert!(offset.is_axisymmetric());
     }
 }

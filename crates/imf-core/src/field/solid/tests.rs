@@ -115,7 +115,7 @@ fn the_normaliser_is_the_rotated_tools_count() {
 fn elements_sum_to_the_whole_and_offset_ones_are_counted_by_their_outline() {
     let tool = awkward();
     let scene = half(ReferencePart::Teapot, &tool);
-    let offset = tool.inflated_elements(&Clearance { holder: 2.0, shank: 1.0, cutter: 0.7 }).unwrap();
+    let offset = tool.offset_elements(&Clearance { holder: 2.0, shank: 1.0, cutter: 0.7 }).unwrap();
     let field = field_of(&scene);
     let offset_field = SolidField::of_elements(Arc::new(scene.obstacle.clone()), &offset).unwrap();
     (0..600).into_par_iter().for_each(|index| {
@@ -147,7 +147,7 @@ fn the_clearance_is_a_lower_bound() {
             free += 1;
             // Offset by what it is said to have free, the tool still holds nothing.
             let all = Clearance { holder: bound, shank: bound, cutter: bound };
-            let offset = tool.inflated_elements(&all).unwrap();
+            let offset = tool.offset_elements(&all).unwrap();
             let field = SolidField::of_elements(Arc::new(scene.obstacle.clone()), &offset).unwrap();
             assert_eq!(field.count(&pose), Some(0), "{bound} {pose:?}");
         }

@@ -102,7 +102,7 @@ fn contact_and_clearance_are_counted_by_their_definition() {
     ] {
         let bare = tool(sharp.clone());
         let assembly = bare.offset(&clearance).unwrap();
-        let bodies = bare.inflated_elements(&clearance).unwrap();
+        let bodies = bare.offset_elements(&clearance).unwrap();
         for orientation in [Orientation::default(), Orientation::new(200.0, 110.0)] {
             agrees(&obstacle, &assembly, &orientation);
             // A tip is free where no body holds what is forbidden to it: offset elements one by one.
