@@ -52,7 +52,7 @@ impl Report {
 
     /// What counts as colliding, and of which tool.
     fn threshold_text(&self) -> String {
-        let which = if self.calibrated { "its calibrated threshold" } else { "as was asked" };
+        let which = if self.calibrated { "its calibrated threshold" } else { "which is not calibrated" };
         let calls = match self.threshold {
             tau if tau <= f64::from(f32::MIN) => {
                 "no pose is called free, no value being low enough".to_owned()
