@@ -12,7 +12,7 @@ use crate::output::tell;
 /// Time between lines where there is no terminal.
 const LINE_EVERY: Duration = Duration::from_secs(5);
 
-/// A brief stage is told of where it takes longer.
+/// A brief stage is shown where it takes longer.
 const BRIEF: Duration = Duration::from_secs(1);
 
 /// One stage of the work.

@@ -177,9 +177,9 @@ impl SurfaceTool {
         let too_thick = || SurfaceError::Tolerance { name: name.clone(), tolerance };
         let cutting = parts.iter().filter(|e| e.kind == ElementKind::Cutter);
         let profile: Vec<Segment> = cutting.flat_map(|e| e.profile.clone()).collect();
-        let radius = profile.iter().map(Segment::max_radius).fold(0.0, f64::max);
         let end = profile.last().map_or(0.0, |s| s.range().1);
         let cutter = Element { kind: ElementKind::Cutter, profile };
+        let radius = cutter.max_radius();
         let eroded = [cutter.eroded(tolerance, outline.has_shoulder()).ok_or_else(too_thick)?];
         let of_cutter =
             |voxels: &SolidVoxels| SolidField::of_elements(voxels.clone(), &eroded).ok_or_else(too_thick);

@@ -234,9 +234,7 @@ impl Tool {
         match &self.shape {
             ToolShape::Revolved(elements) => elements
                 .iter()
-                .map(|e| {
-                    (e.kind.to_string(), 2.0 * e.profile.iter().map(Segment::max_radius).fold(0.0, f64::max))
-                })
+                .map(|e| (e.kind.to_string(), 2.0 * e.max_radius()))
                 .min_by(|(_, a), (_, b)| a.total_cmp(b))
                 .unwrap_or_default(),
             ToolShape::Mesh(mesh) => {

@@ -14,7 +14,7 @@ use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 use imf_core::pose::Pose;
 use imf_core::scene::{Bodies, PathGuarantee, Scene, SceneRecord};
-use imf_core::tool::{Element, Segment, Tool, ToolShape};
+use imf_core::tool::{Element, Tool, ToolShape};
 use imf_core::toolpath::Toolpath;
 use imf_core::unit::LengthUnit;
 use imf_core::voxelize::voxelize_with;
@@ -135,12 +135,7 @@ fn scene_arguments(arguments: &CheckArguments, tools: &[NumberedTool]) -> SceneA
 /// Of a tool's thinnest element, in mm.
 fn thickness(tool: &Tool) -> f64 {
     let ToolShape::Revolved(elements) = &tool.in_unit(LengthUnit::Mm).shape else { return f64::INFINITY };
-    elements.iter().map(widest).fold(f64::INFINITY, f64::min)
-}
-
-/// Largest radius of an element.
-fn widest(element: &Element) -> f64 {
-    element.profile.iter().map(Segment::max_radius).fold(0.0, f64::max)
+    elements.iter().map(Element::max_radius).fold(f64::INFINITY, f64::min)
 }
 
 /// Every fixture's voxels by its name, on no more of the grid than they take; contact is accepted with none of them.

@@ -11,7 +11,7 @@ use crate::distance::squared_depths;
 use crate::field::solid::SolidField;
 use crate::occupancy::Occupancy;
 use crate::pose::Pose;
-use crate::tool::{Element, ElementKind, Segment, Tool, ToolShape, distance_to_mesh};
+use crate::tool::{Element, ElementKind, Tool, ToolShape, distance_to_mesh};
 
 /// Something that may be hit.
 pub(super) struct Body {
@@ -92,7 +92,7 @@ impl<'a> Elements<'a> {
         {
             // Between the centres' columns there is room for what is thinner than a voxel's diagonal.
             let is_seen = |deep: &Element| {
-                let widest = deep.profile.iter().map(Segment::max_radius).fold(0.0, f64::max);
+                let widest = deep.max_radius();
                 2.0 * widest >= SQRT_2 * part.voxels.grid.pitch
             };
             let deep = cutter

@@ -43,7 +43,7 @@ impl Element {
         let grid = &obstacle.grid;
         let (pitch, tip) = (grid.pitch, snapped(grid, pose.position));
         let span = (first.range().0, last.range().1);
-        let widest = self.profile.iter().map(Segment::max_radius).fold(0.0, f64::max);
+        let widest = self.max_radius();
         let spread = (1.0 - axis * axis).max(DVec3::ZERO).map(f64::sqrt) * widest;
         let (low, high) = ((axis * span.0).min(axis * span.1), (axis * span.0).max(axis * span.1));
         let (low, high) = (tip + (low - spread) / pitch, tip + (high + spread) / pitch);

@@ -95,7 +95,7 @@ impl Tool {
         clearance.check()?;
         match &self.shape {
             ToolShape::Revolved(elements) => {
-                Ok(elements.iter().map(|e| offset_element(e, clearance.of(e.kind))).collect())
+                Ok(elements.iter().map(|e| e.offset(clearance.of(e.kind))).collect())
             }
             ToolShape::Mesh(_) if clearance.is_zero() => Ok(Vec::new()),
             ToolShape::Mesh(_) => Err(ClearanceError::Mesh(self.name.clone())),
@@ -135,55 +135,50 @@ impl Tool {
 }
 
 impl Element {
-    /// The element offset by a length in every direction.
-    pub(crate) fn offset(&self, by: f64) -> Self {
-        offset_element(self, by)
-    }
-}
-
-/// The element offset by `clearance` in every direction.
-fn offset_element(element: &Element, clearance: f64) -> Element {
-    if clearance == 0.0 {
-        return element.clone();
-    }
-    let by = clearance * (1.0 + 1e-9);
-    let mut curves = Vec::new();
-    for segment in &element.profile {
-        let (from, to) = segment.range();
-        let corner = |height: f64| Segment::Arc {
-            from: height - by,
-            to: height + by,
-            centre_height: height,
-            centre_radius: segment.radius(height),
-            arc_radius: by,
-        };
-        let moved = match *segment {
-            Segment::Line { radius_from, radius_to, .. } => {
-                let slope = (radius_to - radius_from) / (to - from);
-                let out = by / slope.hypot(1.0);
-                Segment::Line {
-                    from: from - slope * out,
-                    to: to - slope * out,
-                    radius_from: radius_from + out,
-                    radius_to: radius_to + out,
+    /// The element offset by `clearance` in every direction.
+    pub(crate) fn offset(&self, clearance: f64) -> Self {
+        if clearance == 0.0 {
+            return self.clone();
+        }
+        let by = clearance * (1.0 + 1e-9);
+        let mut curves = Vec::new();
+        for segment in &self.profile {
+            let (from, to) = segment.range();
+            let corner = |height: f64| Segment::Arc {
+                from: height - by,
+                to: height + by,
+                centre_height: height,
+                centre_radius: segment.radius(height),
+                arc_radius: by,
+            };
+            let moved = match *segment {
+                Segment::Line { radius_from, radius_to, .. } => {
+                    let slope = (radius_to - radius_from) / (to - from);
+                    let out = by / slope.hypot(1.0);
+                    Segment::Line {
+                        from: from - slope * out,
+                        to: to - slope * out,
+                        radius_from: radius_from + out,
+                        radius_to: radius_to + out,
+                    }
                 }
-            }
-            Segment::Arc { centre_height, centre_radius, arc_radius, .. } => {
-                let stretch = (arc_radius + by) / arc_radius;
-                Segment::Arc {
-                    from: centre_height + (from - centre_height) * stretch,
-                    to: centre_height + (to - centre_height) * stretch,
-                    centre_height,
-                    centre_radius,
-                    arc_radius: arc_radius + by,
+                Segment::Arc { centre_height, centre_radius, arc_radius, .. } => {
+                    let stretch = (arc_radius + by) / arc_radius;
+                    Segment::Arc {
+                        from: centre_height + (from - centre_height) * stretch,
+                        to: centre_height + (to - centre_height) * stretch,
+                        centre_height,
+                        centre_radius,
+                        arc_radius: arc_radius + by,
+                    }
                 }
-            }
-        };
-        curves.extend([corner(from), moved, corner(to)].map(|segment| Curve { segment, owner: 0 }));
-    }
-    Element {
-        kind: element.kind,
-        profile: envelope(&curves, Side::Outer).into_iter().map(|c| c.segment).collect(),
+            };
+            curves.extend([corner(from), moved, corner(to)].map(|segment| Curve { segment, owner: 0 }));
+        }
+        Element {
+            kind: self.kind,
+            profile: envelope(&curves, Side::Outer).into_iter().map(|c| c.segment).collect(),
+        }
     }
 }
 
@@ -283,7 +278,7 @@ mod tests {
         let surface = 2.0 * pi * r * (r + h);
         let expected =
             pi * r * r * h + surface * d + (pi * pi * r + pi * h) * d * d + 4.0 / 3.0 * pi * d * d * d;
-        let volume: f64 = offset_element(&element, d).profile.iter().map(Segment::volume).sum();
+        let volume: f64 = element.offset(d).profile.iter().map(Segment::volume).sum();
         assert!((volume - expected).abs() < 1e-5 * expected, "{volume} {expected}");
     }
 

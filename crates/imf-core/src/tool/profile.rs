@@ -50,6 +50,14 @@ pub struct Element {
     pub profile: Vec<Segment>,
 }
 
+impl Element {
+    /// Largest radius of the element.
+    #[must_use]
+    pub fn max_radius(&self) -> f64 {
+        self.profile.iter().map(Segment::max_radius).fold(0.0, f64::max)
+    }
+}
+
 /// A piece of an outline; heights are along the tool's axis, from the tip.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -83,7 +83,7 @@ fn boundary(elements: &[Element], pitch: f64) -> Vec<DVec3> {
     let cutter: Vec<&Element> = elements.iter().filter(|e| e.kind == ElementKind::Cutter).collect();
     let mut points = vec![DVec3::ZERO];
     for element in cutter {
-        let widest = element.profile.iter().map(Segment::max_radius).fold(0.0, f64::max);
+        let widest = element.max_radius();
         let reach = (widest / pitch).ceil() as i64;
         let from = element.profile.first().map_or(0.0, |s| s.range().0);
         let to = element.profile.last().map_or(0.0, |s| s.range().1);

@@ -1,5 +1,6 @@
 //! From arguments to everything that a run needs, checked and within the memory, before any section is computed.
 
+use std::cell::OnceCell;
 use std::sync::Arc;
 
 use anyhow::{Result, ensure};
@@ -81,13 +82,14 @@ impl Setup {
             fraction: 0.01 * arguments.cover,
             every_direction: arguments.orientations.is_some(),
         });
+        let found = OnceCell::new();
+        let suggests = || found.get_or_init(|| mesh.machining_directions()).clone();
         // A way up is a direction that the tool may come from.
         let text = match question {
-            Some(_) => with_ways_up(text, &mesh.machining_directions()),
+            Some(_) => with_ways_up(text, &suggests()),
             None => text.to_owned(),
         };
-        let Directions { mut set, mut suggested } =
-            Directions::of_part(&text, || mesh.machining_directions())?;
+        let Directions { mut set, mut suggested } = Directions::of_part(&text, suggests)?;
         if let Some(limits) = &limits {
             set = set.within(limits)?;
             suggested.retain(|suggested| limits.reach(suggested.direction));

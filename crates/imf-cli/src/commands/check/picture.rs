@@ -9,7 +9,7 @@ use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
 use imf_core::pose::Pose;
-use imf_core::tool::{Segment, Tool, ToolShape};
+use imf_core::tool::{Element, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
 use imf_core::voxelize::voxelize;
 use ndarray::Array2;
@@ -134,8 +134,7 @@ fn widest(tool: &Tool, element: &str) -> f64 {
         ToolShape::Revolved(elements) => elements
             .iter()
             .filter(|own| own.kind.to_string() == element)
-            .flat_map(|own| &own.profile)
-            .map(Segment::max_radius)
+            .map(Element::max_radius)
             .fold(0.0, f64::max),
         ToolShape::Mesh(_) => 0.5 * tool.reach(),
     }

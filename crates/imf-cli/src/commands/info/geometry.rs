@@ -130,7 +130,7 @@ fn describe_element(element: &Element, tool: &Tool) -> (Line, serde_json::Value)
     let to = ends().map(|(_, to)| to).fold(f64::NEG_INFINITY, f64::max);
     let at_ends = element.profile.iter().flat_map(|s| [s.radius(s.range().0), s.radius(s.range().1)]);
     let least = at_ends.fold(f64::INFINITY, f64::min);
-    let largest = element.profile.iter().map(Segment::max_radius).fold(0.0, f64::max);
+    let largest = element.max_radius();
     let volume: f64 = element.profile.iter().map(Segment::volume).sum();
     let name = match element.kind {
         ElementKind::Cutter => "cutter",

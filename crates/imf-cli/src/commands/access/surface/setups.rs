@@ -7,7 +7,7 @@ use glam::DVec3;
 use imf_core::cover::CoverSettings;
 use imf_core::mesh::MachiningDirection;
 use imf_core::orientation::{Limits, Orientation};
-use imf_core::surface::{PartSetup, SetupPlan, fewest_setups};
+use imf_core::surface::{ChosenSetup, PartSetup, SetupPlan, fewest_setups};
 use serde::Serialize;
 
 use super::{Setup, Surface, Verdict};
@@ -48,8 +48,8 @@ pub(in crate::commands::access) fn with_ways_up(set: &str, suggested: &[Machinin
         let suggested = suggested.iter().map(|suggested| suggested.direction);
         AXES.into_iter().chain(suggested).any(|known| known.distance(*way) <= SAME)
     };
-    let others =
-        ways_up(suggested).into_iter().filter(|way| !named(way)).filter_map(Orientation::from_direction);
+    let ways = ways_up(suggested).into_iter();
+    let others = ways.filter(|way| !named(way)).filter_map(Orientation::from_direction);
     let others: Vec<String> = others.map(|o| format!("{},{}", o.theta, o.phi)).collect();
     let first = if set.starts_with("axes+normals") { "" } else { "axes+normals+" };
     match others.is_empty() {
@@ -96,7 +96,7 @@ impl Setups {
             plan.ok_or_else(|| Interrupted("no result was written: the set-ups were not found".into()))?;
         stage.finish("");
         let first = |sample: usize| {
-            let reaches = |chosen: &imf_core::surface::ChosenSetup| {
+            let reaches = |chosen: &ChosenSetup| {
                 let directions = &candidates[chosen.candidate].directions;
                 tools.iter().any(|tool| tool.is_free_from_any(sample, directions))
             };
