@@ -9,7 +9,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Result, bail, ensure};
+
+use crate::debian;
 
 const OPT_OUT: &str = "IMF_NO_GPU_TESTS";
 const LOADER: &str = "libvulkan.so.1";
@@ -50,9 +52,11 @@ pub(crate) fn ensure_driver() -> Result<()> {
     if let Some(variable) = set.filter(|_| found.is_empty()) {
         bail!("{variable} is set and names no Vulkan driver that is there; unset it or set it right");
     }
-    let is_root = Command::new("id").arg("-u").output().is_ok_and(|id| id.stdout.trim_ascii() == b"0");
-    if is_root && Path::new("/etc/debian_version").exists() {
-        install_on_debian()?;
+    if debian::can_install() {
+        debian::install(
+            DEBIAN_INSTALL,
+            &format!("with {OPT_OUT}=1 tests that need a GPU driver are left out"),
+        )?;
         ensure!(loader_found() && !manifests(&manifest_places()).is_empty(), "still no Vulkan driver");
         return Ok(());
     }
@@ -95,24 +99,6 @@ fn loader_found() -> bool {
     let library_path = env::var_os("LD_LIBRARY_PATH").unwrap_or_default();
     let mut folders = env::split_paths(&library_path).chain(LIBRARY_FOLDERS.iter().map(PathBuf::from));
     listed || folders.any(|folder| folder.join(LOADER).exists())
-}
-
-fn install_on_debian() -> Result<()> {
-    for line in ["apt-get update", DEBIAN_INSTALL] {
-        println!("$ {line}");
-        let mut words = line.split_whitespace();
-        let program = words.next().unwrap_or_default();
-        let status = Command::new(program)
-            .args(words)
-            .env("DEBIAN_FRONTEND", "noninteractive")
-            .status()
-            .with_context(|| format!("cannot start {program}"))?;
-        ensure!(
-            status.success(),
-            "`{line}` failed ({status}); with {OPT_OUT}=1 tests that need a GPU driver are left out"
-        );
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, Result, bail, ensure};
 
 use crate::adapter;
+use crate::browser;
 use crate::stages;
 
 /// Runs all checks.
@@ -23,6 +24,7 @@ pub(crate) fn run() -> Result<()> {
         ("core alone", core_alone),
         ("fields alone", fields_alone),
         ("GPU driver", adapter::ensure_driver),
+        ("browser", browser::ensure_browser),
         ("tests", tests),
     ])
 }

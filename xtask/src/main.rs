@@ -4,7 +4,9 @@
 //! several processes: see [`ranks`]. `api` writes the lists of the public surface: see [`checks::api`].
 
 mod adapter;
+mod browser;
 mod checks;
+mod debian;
 mod ranks;
 mod stages;
 mod stress;
@@ -16,14 +18,15 @@ usage: cargo xtask <chore>
 
 chores:
   test     formatting, clippy and rustdoc with warnings denied, imf-core without its features (for browsers), a look for a
-           Vulkan driver, all tests
+           Vulkan driver and a browser, all tests
   stress   [--kills N] [--device cpu|software] [--seed S]: a training that is killed at random moments (50 by default)
            and resumed ends with the bytes of one in peace
   api      writes the lists of what imf-core and imf-fields make public, docs/api, anew
   mpi      the build with the feature mpi, and trainings of several ranks by mpirun; needs an MPI library and libclang
 
 environment:
-  IMF_NO_GPU_TESTS=1   run without a GPU driver; tests that need one are reported as ignored";
+  IMF_NO_GPU_TESTS=1       run without a GPU driver; tests that need one are reported as ignored
+  IMF_NO_BROWSER_TESTS=1   run without Chromium; tests that need it are reported as ignored";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

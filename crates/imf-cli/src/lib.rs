@@ -23,3 +23,4 @@ pub mod ranks;
 pub mod report;
 pub mod session;
 pub mod slices;
+mod view;

@@ -9,9 +9,11 @@ mod colour;
 mod panel;
 mod paper;
 mod sheet;
+mod views;
 
 pub use axis::AxisScale;
 pub use chart::{Bar, BarChart, Chart, Series};
 pub use colour::Scale;
 pub use panel::{Axes, Mask, MaskStyle, Panel};
 pub use sheet::{PanelRow, PanelSheet};
+pub(crate) use views::{Swatches, ViewRow, ViewSheet};

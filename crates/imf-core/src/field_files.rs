@@ -1,5 +1,5 @@
-//! Fields written to files that other programs open: NumPy's `.npy` and ParaView's `.vti` for values of voxels, `.ply` for values
-//! of a mesh's vertices.
+//! Fields written to files that other programs open: NumPy's `.npy` and ParaView's `.vti` for values of voxels, `.vtp` for values
+//! of a mesh's triangles, `.ply` for values of its vertices.
 //!
 //! A field of voxels is an array `[x, y, z]`, C-ordered like every array of this crate. Each file appears whole or not at all;
 //! fields that do not fit are refused by name, and nothing is written.
@@ -11,9 +11,12 @@ use crate::atomic_file::{AtomicFileError, write_atomically};
 
 mod ply;
 mod vti;
+mod vtk;
+mod vtp;
 
 pub use ply::write_ply;
 pub use vti::write_vti;
+pub use vtp::write_vtp;
 
 /// The values of a field in one of the types that fields have.
 #[derive(Clone, Copy, Debug)]
@@ -32,6 +35,23 @@ impl FieldValues<'_> {
             Self::F32(values) => values.len(),
             Self::U8(values) => values.len(),
             Self::U32(values) => values.len(),
+        }
+    }
+
+    /// Size of the values in a file.
+    fn bytes(&self) -> usize {
+        match self {
+            Self::F32(_) | Self::U32(_) => 4 * self.len(),
+            Self::U8(_) => self.len(),
+        }
+    }
+
+    /// Writes the values as they stand, little-endian.
+    fn write(&self, out: &mut impl Write) -> io::Result<()> {
+        match self {
+            Self::F32(values) => values.iter().try_for_each(|v| out.write_all(&v.to_le_bytes())),
+            Self::U8(values) => out.write_all(values),
+            Self::U32(values) => values.iter().try_for_each(|v| out.write_all(&v.to_le_bytes())),
         }
     }
 }
@@ -119,11 +139,7 @@ pub fn write_npy<'a>(
         out.write_all(b"\x93NUMPY\x01\x00")?;
         out.write_all(&(length as u16).to_le_bytes())?;
         writeln!(out, "{header:<width$}", width = length - 1)?;
-        match values {
-            FieldValues::F32(values) => values.iter().try_for_each(|v| out.write_all(&v.to_le_bytes())),
-            FieldValues::U8(values) => out.write_all(values),
-            FieldValues::U32(values) => values.iter().try_for_each(|v| out.write_all(&v.to_le_bytes())),
-        }
+        values.write(out)
     })
 }
 

@@ -8,12 +8,14 @@
 
 mod access;
 mod contact;
+mod patches;
 mod samples;
 mod setups;
 mod stance;
 mod surroundings;
 
 pub use access::{SurfaceAccess, surface_access, surface_memory_estimate};
+pub use patches::SurfacePatch;
 pub use samples::{SurfaceSample, SurfaceSamples};
 pub use setups::{ChosenSetup, PartSetup, SetupPlan, fewest_setups};
 pub use surroundings::{SolidBody, Surroundings};

@@ -15,7 +15,7 @@ use super::scene::SceneArguments;
     "Examples:\n  imf access teapot --out access\n  imf access part.stl --unit mm --pitch 0.5 --tool \
                   short.toml --tool long.toml --fixture vice.stl@translate:0,0,-20 --limits ac:-30:120:-360:360 \
                   --removable --stock box:2 --out access\n\n\
-                  Writes surface.ply (MeshLab, ParaView: what is reached of the surface, and why the rest is not), imf.vti \
+                  Writes surface.vtp and surface.ply (ParaView, MeshLab: what is reached of the surface, and why the rest is not), surface.png, imf.vti \
                   (ParaView) and the same fields as .npy, slices.png, orientations.csv and summary.json; with --removable removable.vti and .npy, with --map \
                   map.png and map.npy, with --lists free_lists.npy.\n\
                   map.npy is [1, longitude, latitude] by cells, θ from 0° up, φ from 180° down; free_lists.npy is bytes \
@@ -66,6 +66,9 @@ pub(crate) struct AccessArguments {
     /// Also write which orientations are free at every voxel, one bit each
     #[arg(long)]
     pub(crate) lists: bool,
+    /// A page with the part in 3D, coloured by what is reached: one file that a browser opens without network
+    #[arg(long, value_name = "FILE")]
+    pub(crate) html: Option<PathBuf>,
     /// Folder to write to
     #[arg(long, value_name = "DIR")]
     pub(crate) out: PathBuf,

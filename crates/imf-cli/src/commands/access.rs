@@ -18,7 +18,7 @@ use imf_core::section::{ElementMeasures, ElementPlans, SectionError, elements_at
 
 use crate::arguments::access::AccessArguments;
 use crate::interrupt::Interrupted;
-use crate::output::{OutputFolder, SUMMARY, print, print_json, write_json};
+use crate::output::{OutputFile, OutputFolder, SUMMARY, print, print_json, write_json};
 use crate::session::Session;
 
 use setup::Setup;
@@ -45,18 +45,28 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
     let begun = Instant::now();
     let setup = Setup::new(session, arguments)?;
     let folder = OutputFolder::check(&arguments.out)?;
+    let page = arguments.html.as_deref().map(OutputFile::check).transpose()?;
     let surface =
         setup.surface.as_ref().map(|asked| surface::Surface::find(session, &setup, asked)).transpose()?;
     let findings = find(session, &setup)?;
     folder.begin(session)?;
     let mut written = files::write(&setup, &findings, &arguments.out)?;
     if let Some(surface) = &surface {
-        surface.write(&setup, &arguments.out.join("surface.ply"))?;
-        written.push("surface.ply".into());
+        surface.write(&setup, &arguments.out)?;
+        written.extend(["surface.ply", "surface.vtp", "surface.png"].map(String::from));
     }
     written.extend(pictures::draw(&setup, &findings, &arguments.out)?);
     written.push(SUMMARY.into());
     let summary = Summary::new(&setup, &findings, surface.as_ref(), begun.elapsed().as_secs_f64(), written);
+    if let Some(surface) = &surface {
+        let view = surface.view(&setup, &summary.unreached, summary.table());
+        view.draw_sides(&arguments.out.join("surface.png"))?;
+        if let Some(page) = &page {
+            let path = page.begin()?;
+            view.write_page(path)?;
+            session.note(&format!("wrote {}: open it in a browser", path.display()));
+        }
+    }
     write_json(&arguments.out.join(SUMMARY), &summary).context(SUMMARY)?;
     session.note(&format!("wrote {} to {}", summary.files.join(", "), arguments.out.display()));
     if session.json { print_json(&summary) } else { print(&summary.table()) }

@@ -11,6 +11,7 @@ mod folder;
 mod harmonic;
 mod info;
 mod model;
+mod page;
 mod queries;
 mod refusals;
 mod rolls;

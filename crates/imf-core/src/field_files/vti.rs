@@ -10,6 +10,7 @@
 use std::io::{self, Write};
 use std::path::Path;
 
+use super::vtk::{data_array, escaped};
 use super::{FieldValues, NamedField, check_length, check_names, refused};
 use crate::atomic_file::{AtomicFileError, write_atomically};
 use crate::grid::Grid;
@@ -36,7 +37,7 @@ pub fn write_vti(
         check_names(fields.iter().map(|field| field.name), |_| true)?;
         write_header(out, grid, fields)?;
         for field in fields {
-            out.write_all(&block_bytes(&field.values).to_le_bytes())?;
+            out.write_all(&(field.values.bytes() as u64).to_le_bytes())?;
             match field.values {
                 FieldValues::F32(values) => write_x_fastest(out, grid, values, f32::to_le_bytes)?,
                 FieldValues::U8(values) => write_x_fastest(out, grid, values, u8::to_le_bytes)?,
@@ -63,29 +64,11 @@ fn write_header(out: &mut impl Write, grid: &Grid, fields: &[NamedField<'_>]) ->
     writeln!(out, r#"      <CellData Scalars="{}">"#, escaped(fields[0].name))?;
     let mut offset = 0;
     for field in fields {
-        let kind = match field.values {
-            FieldValues::F32(_) => "Float32",
-            FieldValues::U8(_) => "UInt8",
-            FieldValues::U32(_) => "UInt32",
-        };
-        let name = escaped(field.name);
-        writeln!(
-            out,
-            r#"        <DataArray type="{kind}" Name="{name}" format="appended" offset="{offset}"/>"#
-        )?;
-        offset += size_of::<u64>() as u64 + block_bytes(&field.values);
+        writeln!(out, "        {}", data_array(field, &mut offset))?;
     }
     writeln!(out, "      </CellData>\n    </Piece>\n  </ImageData>")?;
     // Offsets count from the byte after the underscore.
     write!(out, "  <AppendedData encoding=\"raw\">\n   _")
-}
-
-fn block_bytes(values: &FieldValues<'_>) -> u64 {
-    let size = match values {
-        FieldValues::F32(_) | FieldValues::U32(_) => 4,
-        FieldValues::U8(_) => 1,
-    };
-    values.len() as u64 * size
 }
 
 /// Writes the values of a grid with x fastest, a few layers of z at a time.
@@ -109,11 +92,6 @@ fn write_x_fastest<T: Copy, const N: usize>(
         out.write_all(slab[..nx * ny * layers].as_flattened())?;
     }
     Ok(())
-}
-
-/// A name as the value of an XML attribute.
-fn escaped(name: &str) -> String {
-    name.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 #[cfg(test)]

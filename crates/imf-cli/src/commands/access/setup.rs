@@ -217,6 +217,10 @@ impl Setup {
                 question.is_none(),
                 "set-ups are chosen by the surface that they reach, and a tool here has no cutter"
             );
+            ensure!(
+                arguments.html.is_none(),
+                "the page shows what is reached of the surface, and a tool here has no cutter: give it one"
+            );
             session.warn("a tool without a cutter can touch nothing: the part's surface is left out");
         }
         let [x, y, z] = query.dims;

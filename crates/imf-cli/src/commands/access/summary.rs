@@ -11,7 +11,7 @@ use super::Findings;
 use super::blocked::{self, BlockedRow};
 use super::pictures::directions;
 use super::setup::Setup;
-use super::surface::{SetupsRow, Surface, SurfaceRow};
+use super::surface::{SetupsRow, Surface, SurfaceRow, UnreachedPatch};
 use crate::arguments::clearance::clearance_text;
 use crate::arguments::orientations::suggested_lines;
 use crate::output::show_measure;
@@ -102,6 +102,9 @@ pub(super) struct Summary {
     surface: Option<SurfaceRow>,
     #[serde(skip_serializing_if = "Option::is_none")]
     setups: Option<SetupsRow>,
+    /// The largest connected patches of the surface that are not reached.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) unreached: Vec<UnreachedPatch>,
     seconds: f64,
     pub(super) files: Vec<String>,
 }
@@ -173,6 +176,7 @@ impl Summary {
             stock,
             surface: surface.map(|surface| surface.row(setup)),
             setups: surface.and_then(|surface| surface.setups_row(setup)),
+            unreached: surface.map_or_else(Vec::new, |surface| surface.unreached(&setup.fixtures)),
             seconds,
             files,
         }

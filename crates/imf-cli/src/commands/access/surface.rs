@@ -1,13 +1,14 @@
 //! The part's surface: how much of its area is reached, from where, and what keeps the rest from being reached.
 
 mod setups;
+mod shown;
 
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Result;
-use imf_core::field_files::write_ply;
+use imf_core::field_files::{NamedField, write_ply, write_vtp};
 use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::OrientationSet;
@@ -19,6 +20,7 @@ use imf_core::tool::Assembly;
 use serde::Serialize;
 
 pub(super) use setups::{SetupQuestion, SetupsRow, with_ways_up};
+pub(super) use shown::UnreachedPatch;
 
 use super::setup::Setup;
 use crate::interrupt::Interrupted;
@@ -198,12 +200,17 @@ impl Surface {
         rows.collect()
     }
 
+    /// Those that reach most of the surface.
+    fn best_directions(&self) -> impl Iterator<Item = usize> {
+        let mut directions: Vec<usize> = (0..self.by_direction.len()).collect();
+        directions.sort_by(|&a, &b| self.by_direction[b].total_cmp(&self.by_direction[a]).then(a.cmp(&b)));
+        directions.into_iter().take(LISTED)
+    }
+
     pub(super) fn row(&self, setup: &Setup) -> SurfaceRow {
         let orientations = &setup.orientations;
         let of = |verdict: Verdict| self.share(|sample| self.best[sample].0 == verdict);
-        let mut directions: Vec<usize> = (0..self.by_direction.len()).collect();
-        directions.sort_by(|&a, &b| self.by_direction[b].total_cmp(&self.by_direction[a]).then(a.cmp(&b)));
-        let listed = directions.into_iter().take(LISTED).map(|direction| DirectionRow {
+        let listed = self.best_directions().map(|direction| DirectionRow {
             direction: orientations.orientations[direction].direction().to_array(),
             share: self.by_direction[direction] / self.samples.area(),
         });
@@ -233,7 +240,8 @@ impl Surface {
         self.share(|sample| matches!(self.tools[tool].0.reach[sample], Reach::Reached { .. }))
     }
 
-    pub(super) fn write(&self, setup: &Setup, path: &Path) -> Result<()> {
+    /// `surface.ply` and `surface.vtp`.
+    pub(super) fn write(&self, setup: &Setup, folder: &Path) -> Result<()> {
         let each = |value: &dyn Fn(usize) -> f32| -> Vec<f32> {
             (0..self.best.len()).flat_map(|sample| [value(sample); 3]).collect()
         };
@@ -270,7 +278,15 @@ impl Surface {
             format!("the cutter may cut {} {} below the surface", self.tolerance, setup.unit),
         ];
         let mesh: &Mesh = &self.samples.mesh;
-        Ok(write_ply(path, mesh, &values, &colours, &comments)?)
+        write_ply(folder.join("surface.ply"), mesh, &values, &colours, &comments)?;
+        // One value for each triangle: the first of its three corners.
+        let of_triangles: Vec<(&str, Vec<f32>)> = values
+            .iter()
+            .map(|(name, values)| (*name, values.iter().copied().step_by(3).collect()))
+            .collect();
+        let fields: Vec<NamedField<'_>> =
+            of_triangles.iter().map(|(name, values)| NamedField::new(name, &values[..])).collect();
+        Ok(write_vtp(folder.join("surface.vtp"), mesh, &fields)?)
     }
 }
 
@@ -353,14 +369,14 @@ impl SurfaceRow {
             100.0 * self.reached_at_twice_the_pitch,
             100.0 * self.difference
         );
-        row("reached", self.reached, &coarse);
+        row(Verdict::Reached.words(), self.reached, &coarse);
         let by = self.obstructed_by.iter().map(|row| {
             let the = if row.body == "part" { "the " } else { "" };
             format!("{} at {the}{} {:.1} %", row.element, row.body, 100.0 * row.share)
         });
-        row("something is in the way", self.obstructed, &by.collect::<Vec<_>>().join(", "));
-        row("the cutter does not fit", self.gouged, "");
-        row("no direction faces it", self.not_faced, "");
+        row(Verdict::Obstructed.words(), self.obstructed, &by.collect::<Vec<_>>().join(", "));
+        row(Verdict::Gouged.words(), self.gouged, "");
+        row(Verdict::NotFaced.words(), self.not_faced, "");
         for DirectionRow { direction: [i, j, k], share } in &self.best_directions {
             row(&format!("from ({i:.3}, {j:.3}, {k:.3})"), *share, "");
         }

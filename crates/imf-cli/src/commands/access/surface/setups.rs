@@ -106,6 +106,11 @@ impl Setups {
         Ok(Self { plan, candidates, range: question.range, fraction: question.fraction, by_sample })
     }
 
+    /// Of the chosen set-ups.
+    pub(super) fn ways_up(&self) -> impl Iterator<Item = DVec3> {
+        self.plan.setups.iter().map(|chosen| self.candidates[chosen.candidate].up)
+    }
+
     pub(super) fn row(&self, surface: &Surface, suggested: &[MachiningDirection]) -> SetupsRow {
         let total = surface.samples.area();
         let rest_area = |down: DVec3| {

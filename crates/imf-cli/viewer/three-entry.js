@@ -1,0 +1,2 @@
+export { Scene, PerspectiveCamera, WebGLRenderer, Mesh, BufferGeometry, BufferAttribute, MeshLambertMaterial, MeshBasicMaterial, AmbientLight, DirectionalLight, HemisphereLight, Color, Vector2, Vector3, Raycaster, ArrowHelper, LineSegments, Line, LineBasicMaterial, Points, PointsMaterial, Group, Box3, SphereGeometry, DoubleSide } from 'three';
+export { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
