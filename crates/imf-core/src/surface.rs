@@ -8,6 +8,7 @@
 
 mod access;
 mod contact;
+mod culprits;
 mod patches;
 mod samples;
 mod setups;
@@ -15,6 +16,7 @@ mod stance;
 mod surroundings;
 
 pub use access::{SurfaceAccess, surface_access, surface_memory_estimate};
+pub use culprits::{LeastOverlap, culprits, least_overlaps};
 pub use patches::SurfacePatch;
 pub use samples::{SurfaceSample, SurfaceSamples};
 pub use setups::{ChosenSetup, PartSetup, SetupPlan, fewest_setups};

@@ -52,8 +52,8 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
     folder.begin(session)?;
     let mut written = files::write(&setup, &findings, &arguments.out)?;
     if let Some(surface) = &surface {
-        surface.write(&setup, &arguments.out)?;
-        written.extend(["surface.ply", "surface.vtp", "surface.png"].map(String::from));
+        let files = surface.write(&setup, &arguments.out)?;
+        written.extend(files.into_iter().chain(["surface.png"]).map(String::from));
     }
     written.extend(pictures::draw(&setup, &findings, &arguments.out)?);
     written.push(SUMMARY.into());

@@ -52,7 +52,7 @@ fn look(page: &Path, picture: &Path) -> (RgbImage, String) {
 fn the_page_shows_the_surface_and_a_click_colours_it_by_tool() {
     let folder = Folder::new();
     folder.write("short.toml", MILL);
-    folder.write("long.toml", &MILL.replace("short", "long").replace("15.0", "70.0"));
+    folder.write("long.toml", MILL.replace("short", "long").replace("15.0", "70.0"));
     let scene = "access bracket --pitch 6 --orientations axes --tool short.toml --tool long.toml";
     let run = format!("{scene} --html page/report.html --out out");
     folder.succeed(&run.split(' ').collect::<Vec<_>>());

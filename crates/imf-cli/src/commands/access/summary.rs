@@ -176,7 +176,7 @@ impl Summary {
             stock,
             surface: surface.map(|surface| surface.row(setup)),
             setups: surface.and_then(|surface| surface.setups_row(setup)),
-            unreached: surface.map_or_else(Vec::new, |surface| surface.unreached(&setup.fixtures)),
+            unreached: surface.map_or_else(Vec::new, |surface| surface.unreached(setup)),
             seconds,
             files,
         }
@@ -190,6 +190,7 @@ impl Summary {
             let share = 100.0 * tool.surface_reached.unwrap_or_default();
             let _ = writeln!(text, "  {:34}{share:>8.1} %", format!("reached by {}", tool.tool));
         }
+        text.push_str(&UnreachedPatch::lines(&self.unreached, &self.unit));
         if let Some(setups) = &self.setups {
             text.push('\n');
             text.push_str(&setups.lines(&self.unit));

@@ -1,5 +1,6 @@
 //! The part's surface: how much of its area is reached, from where, and what keeps the rest from being reached.
 
+mod blame;
 mod setups;
 mod shown;
 
@@ -8,7 +9,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Result;
-use imf_core::field_files::{NamedField, write_ply, write_vtp};
+use imf_core::field_files::{NamedField, write_ply, write_vti, write_vtp};
 use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::OrientationSet;
@@ -67,6 +68,7 @@ pub(super) struct Surface {
     by_direction: Vec<f64>,
     /// The fewest set-ups, where they are looked for.
     setups: Option<setups::Setups>,
+    blame: blame::Blame,
 }
 
 /// A sample's verdict for people and files, the better ones first.
@@ -140,8 +142,10 @@ impl Surface {
             tolerance: asked.tolerance,
             by_direction,
             setups: None,
+            blame: blame::Blame::default(),
         };
         surface.coarse = surface.at_twice_the_pitch(session, setup, asked)?;
+        surface.blame = blame::Blame::find(session, setup, &surface)?;
         if let Some(question) = &asked.setups {
             surface.setups = Some(setups::Setups::find(session, setup, question, &surface)?);
         }
@@ -240,8 +244,8 @@ impl Surface {
         self.share(|sample| matches!(self.tools[tool].0.reach[sample], Reach::Reached { .. }))
     }
 
-    /// `surface.ply` and `surface.vtp`.
-    pub(super) fn write(&self, setup: &Setup, folder: &Path) -> Result<()> {
+    /// Writes `surface.ply`, `surface.vtp` and what each voxel is to blame for, and gives back the files' names.
+    pub(super) fn write(&self, setup: &Setup, folder: &Path) -> Result<Vec<&'static str>> {
         let each = |value: &dyn Fn(usize) -> f32| -> Vec<f32> {
             (0..self.best.len()).flat_map(|sample| [value(sample); 3]).collect()
         };
@@ -286,7 +290,22 @@ impl Surface {
             .collect();
         let fields: Vec<NamedField<'_>> =
             of_triangles.iter().map(|(name, values)| NamedField::new(name, &values[..])).collect();
-        Ok(write_vtp(folder.join("surface.vtp"), mesh, &fields)?)
+        write_vtp(folder.join("surface.vtp"), mesh, &fields)?;
+        let mut written = vec!["surface.ply", "surface.vtp"];
+        if let Some((grid, area)) = self.blame.voxels() {
+            write_vti(folder.join("culprits.vti"), grid, &[NamedField::new("area", area)])?;
+            written.push("culprits.vti");
+        }
+        Ok(written)
+    }
+}
+
+fn interrupted(error: SurfaceError) -> anyhow::Error {
+    match error {
+        SurfaceError::Cancelled => {
+            Interrupted("no result was written, since a share of the surface is no answer".into()).into()
+        }
+        other => other.into(),
     }
 }
 
@@ -305,12 +324,7 @@ fn one_tool(
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
     let access = surface_access(&tool, &samples.samples, &orientations.orientations, control);
-    let access = access.map_err(|error| match error {
-        SurfaceError::Cancelled => {
-            Interrupted("no result was written, since a share of the surface is no answer".into()).into()
-        }
-        other => anyhow::Error::from(other),
-    })?;
+    let access = access.map_err(interrupted)?;
     stage.finish("");
     Ok((access, tool))
 }

@@ -1,11 +1,12 @@
 //! The surface for those who look: its layers, and the places that are not reached with what keeps them so.
 
-use std::collections::BTreeMap;
+use std::fmt::Write as _;
 
 use glam::DVec3;
 use imf_core::surface::{Reach, SurfacePatch};
 use serde::Serialize;
 
+use super::blame::remedy;
 use super::{Setup, Surface, Verdict};
 use crate::output::show_measure;
 use crate::view::{Colours, Layer, NONE, Place, Table, TableRow, View, distinct};
@@ -25,8 +26,38 @@ pub(in crate::commands::access) struct UnreachedPatch {
     bounds: [[f64; 3]; 2],
     /// `something is in the way`, `the cutter does not fit` or `no direction faces it`.
     why: &'static str,
-    /// Which element hits which body, the commonest first.
+    /// The tool that comes nearest, and from where (from tip to holder).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    tool: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    direction: Option<[f64; 3]>,
+    /// Which of its elements stands in what there, the largest volume first.
     hits: Vec<String>,
+    would_help: &'static str,
+}
+
+/// Patches that the summary lists for people.
+const LISTED: usize = 5;
+
+impl UnreachedPatch {
+    /// Lines for people about the largest.
+    pub(in crate::commands::access) fn lines(all: &[Self], unit: &str) -> String {
+        let mut text = String::new();
+        for patch in all.iter().take(LISTED) {
+            let [x, y, z] = patch.middle;
+            let _ = writeln!(
+                text,
+                "  not reached: {} {unit}² around ({x:.1}, {y:.1}, {z:.1}): {}",
+                show_measure(patch.area),
+                [&[patch.why.to_owned()][..], &patch.hits[..]].concat().join("; ")
+            );
+            let _ = writeln!(text, "    would help: {}", patch.would_help);
+        }
+        if all.len() > LISTED {
+            let _ = writeln!(text, "  and smaller patches, listed in summary.json and on the page");
+        }
+        text
+    }
 }
 
 impl Verdict {
@@ -44,42 +75,46 @@ impl Verdict {
 
 impl Surface {
     /// The largest patches that are not reached.
-    pub(in crate::commands::access) fn unreached(&self, fixtures: &[String]) -> Vec<UnreachedPatch> {
+    pub(in crate::commands::access) fn unreached(&self, setup: &Setup) -> Vec<UnreachedPatch> {
         let class = |sample: usize| match self.best[sample].0 {
             Verdict::Reached => None,
             why => Some(why as u32),
         };
         let patches = self.samples.patches(class);
-        patches.iter().take(PLACES).map(|patch| self.patch(patch, fixtures)).collect()
+        patches.iter().take(PLACES).map(|patch| self.patch(patch, setup)).collect()
     }
 
-    fn patch(&self, patch: &SurfacePatch, fixtures: &[String]) -> UnreachedPatch {
-        let mut hits: BTreeMap<String, f64> = BTreeMap::new();
-        for &sample in &patch.samples {
-            let (verdict, tool) = self.best[sample];
-            let (access, surface_tool) = &self.tools[tool];
-            if let (Verdict::Obstructed, Reach::Obstructed { hits: found, .. }) =
-                (verdict, access.reach[sample])
-            {
-                for (kind, body) in surface_tool.hits(found) {
-                    let body = match body {
-                        0 => "the part",
-                        fixture => fixtures.get(fixture - 1).map_or("a fixture", String::as_str),
-                    };
-                    *hits.entry(format!("{kind} hits {body}")).or_default() +=
-                        self.samples.samples[sample].area;
-                }
-            }
-        }
-        let mut hits: Vec<(String, f64)> = hits.into_iter().collect();
-        hits.sort_by(|a, b| b.1.total_cmp(&a.1));
+    fn patch(&self, patch: &SurfacePatch, setup: &Setup) -> UnreachedPatch {
+        let verdict = patch.samples.first().map_or(Verdict::NotFaced, |&sample| self.best[sample].0);
+        // The sample that comes nearest to being reached.
+        let poses = patch.samples.iter().filter_map(|&s| Some((self.blame.nearest[s]?, self.best[s].1)));
+        let nearest = poses.min_by_key(|(at, _)| at.voxels).map(|(at, tool)| {
+            let surface_tool = &self.tools[tool].1;
+            (
+                setup.orientations.orientations[at.direction as usize].direction(),
+                surface_tool.collisions(&at),
+                tool,
+            )
+        });
+        let hits = nearest.as_ref().map_or(&[][..], |(_, hits, _)| hits);
+        let in_words = hits.iter().map(|&(kind, body, voxels)| {
+            let body = match body {
+                0 => "the part",
+                fixture => setup.fixtures.get(fixture - 1).map_or("a fixture", String::as_str),
+            };
+            let volume = f64::from(voxels) * setup.query.voxel_volume();
+            format!("{kind} {} {}³ in {body}", show_measure(volume), setup.unit)
+        });
         UnreachedPatch {
             area: patch.area,
             middle: patch.middle.to_array(),
             normal: (patch.normal + 0.0).to_array(),
             bounds: patch.bounds.map(|corner| corner.to_array()),
-            why: patch.samples.first().map_or("", |&sample| self.best[sample].0.words()),
-            hits: hits.into_iter().map(|(what, _)| what).collect(),
+            why: verdict.words(),
+            tool: nearest.as_ref().map(|(_, _, tool)| self.tools[*tool].1.name().to_owned()),
+            direction: nearest.as_ref().map(|(direction, ..)| (*direction + 0.0).to_array()),
+            hits: in_words.collect(),
+            would_help: remedy(verdict, hits),
         }
     }
 
@@ -129,6 +164,17 @@ impl Surface {
                 _ => f32::NAN,
             }),
         });
+        if self.blame.voxels().is_some() {
+            layers.push(Layer {
+                name: "blame",
+                title: "by blame",
+                colours: Colours::Scale {
+                    label: format!("area in {}² that it keeps from being reached", setup.unit),
+                    none: "in the way of nothing",
+                },
+                values: self.samples.samples.iter().map(|sample| self.blame.at(sample)).collect(),
+            });
+        }
         let unit = setup.unit;
         let show = |at: [f64; 3]| at.map(|value| format!("{value:.1}")).join(", ");
         let rows = unreached.iter().enumerate().map(|(place, patch)| {
@@ -142,7 +188,13 @@ impl Surface {
         });
         let table = Table {
             title: format!("Not reached, in {unit}² and {unit}: the largest patches"),
-            columns: vec![("area", true), ("around", false), ("extent", false), ("why", false)],
+            columns: vec![
+                ("area", true),
+                ("around", false),
+                ("extent", false),
+                ("why", false),
+                ("would help", false),
+            ],
             rows: rows.collect(),
         };
         let places = unreached.iter().map(|patch| Place {

@@ -1,0 +1,97 @@
+//! What keeps the surface from being reached: the pose that comes nearest for each sample, and what each solid voxel is to blame
+//! for.
+
+use anyhow::Result;
+use imf_core::grid::Grid;
+use imf_core::surface::{LeastOverlap, SurfaceError, SurfaceSample, culprits, least_overlaps};
+use imf_core::tool::ElementKind;
+
+use super::{Setup, Surface, Verdict, interrupted};
+use crate::session::Session;
+
+/// Samples that are looked into, at most; with more of them every second, third, … one stands for its neighbours.
+const MOST: usize = 2_000;
+
+/// What was found.
+#[derive(Default)]
+pub(super) struct Blame {
+    /// By sample: the pose of its best tool that overlaps least; `None` of those that are reached or were not looked into.
+    pub(super) nearest: Vec<Option<LeastOverlap>>,
+    /// By voxel: the area that it keeps from being reached.
+    voxels: Option<(Grid, Vec<f32>)>,
+}
+
+impl Blame {
+    pub(super) fn find(session: &Session, setup: &Setup, surface: &Surface) -> Result<Self> {
+        let samples = &surface.samples.samples;
+        let missed: Vec<usize> =
+            (0..samples.len()).filter(|&s| surface.best[s].0 != Verdict::Reached).collect();
+        let every = missed.len().div_ceil(MOST).max(1);
+        let looked_into: Vec<usize> = missed.into_iter().step_by(every).collect();
+        let mut blame = Self { nearest: vec![None; samples.len()], voxels: None };
+        if looked_into.is_empty() {
+            return Ok(blame);
+        }
+        let stage = session.stage("what is in the way", "samples", 2 * looked_into.len() as u64);
+        let advance = |n| stage.advance(n);
+        let stopped = |error: SurfaceError| interrupted(error);
+        for (index, (_, tool)) in surface.tools.iter().enumerate() {
+            let own: Vec<usize> =
+                looked_into.iter().copied().filter(|&s| surface.best[s].1 == index).collect();
+            let directions = &setup.orientations.orientations;
+            let found = least_overlaps(tool, samples, &own, directions, session.control(&advance))
+                .map_err(stopped)?;
+            let poses = own
+                .iter()
+                .zip(&found)
+                .filter_map(|(&sample, at)| Some((every as f64 * samples[sample].area, (*at)?)));
+            let poses: Vec<(f64, LeastOverlap)> = poses.collect();
+            own.iter().zip(found).for_each(|(&sample, at)| blame.nearest[sample] = at);
+            if let Some((grid, area)) = culprits(tool, &poses, session.control(&advance)).map_err(stopped)? {
+                match &mut blame.voxels {
+                    Some((_, sum)) => sum.iter_mut().zip(area).for_each(|(sum, area)| *sum += area),
+                    None => blame.voxels = Some((grid, area)),
+                }
+            }
+        }
+        stage.finish("");
+        Ok(blame)
+    }
+
+    /// The grid, and by voxel the area that it keeps from being reached.
+    pub(super) fn voxels(&self) -> Option<(&Grid, &[f32])> {
+        self.voxels.as_ref().map(|(grid, area)| (grid, &area[..]))
+    }
+
+    /// The area that the voxels at a sample keep from being reached, at most; NaN where none does.
+    pub(super) fn at(&self, sample: &SurfaceSample) -> f32 {
+        let Some((grid, area)) = &self.voxels else { return f32::NAN };
+        let inside = grid.continuous(sample.point - 0.5 * grid.pitch * sample.normal).round();
+        let mut most = 0.0_f32;
+        for offset in 0..27 {
+            let at = [0, 1, 2].map(|axis| inside[axis] + f64::from(offset / 3_i32.pow(axis as u32) % 3 - 1));
+            if (0..3).all(|axis| (0.0..grid.dims[axis] as f64).contains(&at[axis])) {
+                most = most.max(area[grid.index(at.map(|v| v as usize))]);
+            }
+        }
+        if most > 0.0 { most } else { f32::NAN }
+    }
+}
+
+/// What would free a place, by what is in the way there.
+pub(super) fn remedy(verdict: Verdict, hits: &[(ElementKind, usize, u32)]) -> &'static str {
+    let any = |is: &dyn Fn(&(ElementKind, usize, u32)) -> bool| hits.iter().any(is);
+    match verdict {
+        Verdict::Reached => "",
+        Verdict::NotFaced => "a direction from the other side",
+        _ if any(&|hit| hit.0 == ElementKind::Cutter && hit.1 == 0) => {
+            "a smaller cutter, or another direction"
+        }
+        _ if any(&|hit| hit.1 > 0) => "another fixture, or another direction",
+        _ if any(&|hit| matches!(hit.0, ElementKind::Holder(_))) => {
+            "a longer stick-out, a slimmer holder, or another direction"
+        }
+        _ if any(&|hit| hit.0 == ElementKind::Shank) => "a slimmer shank, or another direction",
+        _ => "another direction",
+    }
+}

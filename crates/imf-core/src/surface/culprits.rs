@@ -1,0 +1,303 @@
+//! Why a surface is not reached: for each sample the contact pose that overlaps least, and how much each solid voxel is to
+//! blame for.
+//!
+//! The overlap of a pose counts the solid voxel centres that are in the way of its cutter, shank and holder. Its least value over
+//! contact poses is a sample's *obstruction*, in volume; over the surface it sums to `J = Σ area · obstruction`. With the
+//! poses fixed, `J` is linear in the material of each voxel, so that [`culprits`] is its exact derivative: what J loses when a
+//! voxel goes.
+
+use glam::{DQuat, DVec3};
+
+use super::contact::{Facing, Touch};
+use super::{Revolved, Shape, SurfaceError, SurfaceSample, SurfaceTool, Turn};
+use crate::control::Control;
+use crate::field::solid::SolidField;
+use crate::grid::Grid;
+use crate::orientation::Orientation;
+use crate::parallel;
+use crate::pose::Pose;
+use crate::tool::ElementKind;
+
+/// The contact pose of one sample that overlaps least.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LeastOverlap {
+    /// The direction's number.
+    pub direction: u32,
+    /// Where the tip is.
+    pub tip: DVec3,
+    rotation: DQuat,
+    /// Solid voxels in the way of cutter, shank and holder together.
+    pub voxels: u32,
+    /// Those of them in the way of the cutter.
+    pub of_cutter: u32,
+}
+
+/// Places around a level ring.
+const AROUND: u32 = 8;
+/// Samples that are one unit of work.
+const CHUNK: usize = 16;
+
+impl SurfaceTool {
+    /// The tool's pieces among the solid that each must stay out of; the cutter's first.
+    fn pieces(&self) -> impl Iterator<Item = &SolidField> {
+        let (whole, revolved) = match &self.shape {
+            Shape::Mesh { whole, .. } => (Some(&**whole), None),
+            Shape::Revolved(tool) => (None, Some(&**tool)),
+        };
+        let cutter = revolved.map(|tool: &Revolved| &tool.cutter);
+        let held = revolved.and_then(|tool| tool.held.as_ref());
+        let rest = revolved.and_then(|tool| tool.rest.as_ref());
+        [cutter, held, rest, whole].into_iter().flatten()
+    }
+
+    fn overlap(&self, pose: &Pose) -> [u32; 2] {
+        let counts = self.pieces().map(|piece| piece.count(pose).unwrap_or(u32::MAX));
+        let of_cutter = match (&self.shape, self.pieces().next()) {
+            (Shape::Revolved(_), Some(cutter)) => cutter.count(pose).unwrap_or(u32::MAX),
+            _ => 0,
+        };
+        [counts.fold(0, u32::saturating_add), of_cutter]
+    }
+
+    /// The tips of a direction's contact poses.
+    fn contact_tips(&self, sample: &SurfaceSample, turn: &Turn, mut visit: impl FnMut(DVec3)) {
+        let tool = match &self.shape {
+            Shape::Revolved(tool) => tool,
+            Shape::Mesh { vertices, .. } => {
+                let support = |v: &&DVec3| -sample.normal.dot(turn.rotation * **v);
+                if let Some(touching) = vertices.iter().max_by(|a, b| support(a).total_cmp(&support(b))) {
+                    visit(sample.point + sample.normal * self.tolerance - turn.rotation * *touching);
+                }
+                return;
+            }
+        };
+        let Some(facing) = Facing::new(sample.normal, turn.axis, tool.highest) else { return };
+        let u = turn.axis.any_orthonormal_vector();
+        let v = turn.axis.cross(u);
+        tool.outline.touches(facing.slope, self.tolerance, |touch| match touch {
+            Touch::Point { height, radius } => visit(facing.tip(sample.point, height, radius)),
+            Touch::Ring { height, inner, outer } => {
+                let middle = sample.point - turn.axis * height;
+                if inner == 0.0 {
+                    visit(middle);
+                }
+                for place in 0..AROUND {
+                    let angle = f64::from(place) * std::f64::consts::TAU / f64::from(AROUND);
+                    visit(middle + (u * angle.cos() + v * angle.sin()) * outer);
+                }
+            }
+        });
+    }
+
+    fn least_overlap(&self, sample: &SurfaceSample, turns: &[Turn]) -> Option<LeastOverlap> {
+        let mut least: Option<LeastOverlap> = None;
+        for (direction, turn) in turns.iter().enumerate() {
+            self.contact_tips(sample, turn, |tip| {
+                let [voxels, of_cutter] = self.overlap(&Pose::new(tip, turn.rotation));
+                if least.is_none_or(|before| voxels < before.voxels) {
+                    let (direction, rotation) = (direction as u32, turn.rotation);
+                    least = Some(LeastOverlap { direction, tip, rotation, voxels, of_cutter });
+                }
+            });
+        }
+        least
+    }
+
+    /// What collides at such a pose with what, the commonest first: elements and bodies as [`SurfaceTool::hits`] numbers them,
+    /// each with its voxels.
+    #[must_use]
+    pub fn collisions(&self, at: &LeastOverlap) -> Vec<(ElementKind, usize, u32)> {
+        let pose = Pose::new(at.tip, at.rotation);
+        let mut found = Vec::new();
+        if at.of_cutter > 0 {
+            found.push((ElementKind::Cutter, 0, at.of_cutter));
+        }
+        for (kind, against) in &self.elements {
+            for (body, solid) in against.iter().enumerate() {
+                let blamed = *kind != ElementKind::Cutter || body > 0;
+                match solid.count(&pose) {
+                    Some(voxels) if blamed && voxels > 0 => found.push((*kind, body, voxels)),
+                    _ => {}
+                }
+            }
+        }
+        found.sort_by_key(|&(.., voxels)| std::cmp::Reverse(voxels));
+        found
+    }
+}
+
+/// For each of some samples the contact pose that overlaps least, of all directions; `None` where the cutter has no point that
+/// could touch. On all threads; one unit of progress is one sample.
+///
+/// # Errors
+/// [`SurfaceError::Cancelled`] when the control asks to stop.
+///
+/// # Panics
+/// If there is no such sample.
+pub fn least_overlaps(
+    tool: &SurfaceTool,
+    samples: &[SurfaceSample],
+    chosen: &[usize],
+    directions: &[Orientation],
+    control: Control<'_>,
+) -> Result<Vec<Option<LeastOverlap>>, SurfaceError> {
+    let turns: Vec<Turn> = directions.iter().map(Turn::new).collect();
+    let chunks: Vec<&[usize]> = chosen.chunks(CHUNK).collect();
+    let found = parallel::try_map(chunks.len(), |chunk| {
+        let of_one = |&sample: &usize| {
+            if control.is_cancelled() {
+                return Err(SurfaceError::Cancelled);
+            }
+            Ok(tool.least_overlap(&samples[sample], &turns))
+        };
+        let found: Result<Vec<_>, _> = chunks[chunk].iter().map(of_one).collect();
+        (control.progress)(chunks[chunk].len() as u64);
+        found
+    })?;
+    Ok(found.concat())
+}
+
+/// By voxel of the surroundings' grid: the area of the samples at whose pose it is in the way, once for each piece of the tool
+/// that it is in the way of (cutter, cutter at a fixture, shank and holder). Times the volume of a voxel it is the derivative of
+/// J by the voxel's material, the poses fixed. `poses` are those of samples with their areas. `None` of a mesh tool.
+///
+/// # Errors
+/// [`SurfaceError::Cancelled`] when the control asks to stop; one unit of progress is one sample.
+pub fn culprits(
+    tool: &SurfaceTool,
+    poses: &[(f64, LeastOverlap)],
+    control: Control<'_>,
+) -> Result<Option<(Grid, Vec<f32>)>, SurfaceError> {
+    let Shape::Revolved(revolved) = &tool.shape else { return Ok(None) };
+    let grid = revolved.cutter.voxels().occupancy().grid;
+    let parts = parallel::try_map(poses.len().div_ceil(CHUNK), |chunk| {
+        let poses = &poses[chunk * CHUNK..poses.len().min((chunk + 1) * CHUNK)];
+        let mut blamed: Vec<(usize, f64)> = Vec::new();
+        for (area, at) in poses {
+            if control.is_cancelled() {
+                return Err(SurfaceError::Cancelled);
+            }
+            let pose = Pose::new(at.tip, at.rotation);
+            for piece in tool.pieces() {
+                let occupancy = piece.voxels().occupancy();
+                let tip = grid.continuous(at.tip);
+                let reach = DVec3::splat(piece.reach() / grid.pitch + 1.0);
+                let [low, high] = [tip - reach, tip + reach].map(|at| at.to_array());
+                let range = |axis: usize| {
+                    let last = grid.dims[axis] as f64;
+                    low[axis].floor().clamp(0.0, last) as usize
+                        ..(high[axis].ceil() + 1.0).clamp(0.0, last) as usize
+                };
+                for x in range(0) {
+                    for y in range(1) {
+                        for z in range(2) {
+                            let index = grid.index([x, y, z]);
+                            if occupancy.solid[index] != 0 {
+                                let times = piece.bodies_around(&pose, [x, y, z].map(|at| at as f64));
+                                if times > 0 {
+                                    blamed.push((index, times as f64 * area));
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        (control.progress)(poses.len() as u64);
+        Ok(blamed)
+    })?;
+    let mut blame = vec![0.0_f64; grid.len()];
+    parts.into_iter().flatten().for_each(|(voxel, area)| blame[voxel] += area);
+    Ok(Some((grid, blame.into_iter().map(|area| area as f32).collect())))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::super::{Reach, SolidBody, SurfaceSamples, Surroundings, surface_access};
+    use super::*;
+    use crate::occupancy::Occupancy;
+    use crate::orientation::OrientationSet;
+    use crate::parts::shell::{circle, pocketed};
+    use crate::tool::{Element, Segment, SharpPoints, Tool, ToolShape};
+    use crate::unit::LengthUnit;
+    use crate::voxelize::voxelize;
+    use glam::DVec2;
+
+    /// A block with a round pocket that a short tool does not reach the bottom of, from straight above and from two sides.
+    fn pocket() -> (Occupancy, SurfaceSamples) {
+        let mesh = pocketed(DVec3::new(24.0, 20.0, 16.0), &circle(DVec2::new(10.0, 10.0), 5.0, 48), 12.0);
+        let grid = Grid { origin: DVec3::splat(-2.0), pitch: 1.0, dims: [28, 24, 20] };
+        let solid = voxelize(&mesh, &grid, false);
+        let samples = SurfaceSamples::new(&mesh, &solid, 400);
+        (solid, samples)
+    }
+
+    fn tool(solid: &Occupancy) -> SurfaceTool {
+        let line = |from, to, radius| Segment::Line { from, to, radius_from: radius, radius_to: radius };
+        let ball =
+            Segment::Arc { from: 0.0, to: 2.0, centre_height: 2.0, centre_radius: 0.0, arc_radius: 2.0 };
+        let elements = [
+            (ElementKind::Cutter, vec![ball, line(2.0, 5.0, 2.0)]),
+            (ElementKind::Shank, vec![line(5.0, 6.0, 2.0)]),
+            (ElementKind::Holder(0), vec![line(6.0, 26.0, 7.0)]),
+        ];
+        let elements = elements.into_iter().map(|(kind, profile)| Element { kind, profile }).collect();
+        let short = Tool {
+            name: "short".into(),
+            unit: LengthUnit::Mm,
+            shape: ToolShape::Revolved(elements),
+            sharp_points: SharpPoints::Tip,
+        };
+        let around = Surroundings::new(&SolidBody::from(Arc::new(solid.clone())), &[]);
+        SurfaceTool::new(&around, &short.into(), 0.1).unwrap()
+    }
+
+    #[test]
+    fn what_is_in_the_way_is_what_the_obstruction_loses_when_it_goes() {
+        let (solid, samples) = pocket();
+        let tool_here = tool(&solid);
+        let directions = OrientationSet::parse("0,0;30,40;200,70").unwrap().orientations;
+        let no = Control::quiet();
+        let access = surface_access(&tool_here, &samples.samples, &directions, no).unwrap();
+        let missed: Vec<usize> = (0..samples.samples.len())
+            .filter(|&s| matches!(access.reach[s], Reach::Obstructed { .. }))
+            .collect();
+        assert!(missed.len() > 20, "{}", missed.len());
+        let least = least_overlaps(&tool_here, &samples.samples, &missed, &directions, no).unwrap();
+        let poses: Vec<(f64, LeastOverlap)> =
+            missed.iter().zip(least).map(|(&s, least)| (samples.samples[s].area, least.unwrap())).collect();
+        // Something is in the way at all of them, by the definition.
+        let obstruction = |solid: &Occupancy| -> f64 {
+            let tool = tool(solid);
+            poses
+                .iter()
+                .map(|(area, at)| area * f64::from(tool.overlap(&Pose::new(at.tip, at.rotation))[0]))
+                .sum()
+        };
+        assert!(poses.iter().all(|(_, at)| at.voxels > 0));
+        let (grid, blame) = culprits(&tool_here, &poses, no).unwrap().unwrap();
+        assert_eq!(grid, solid.grid);
+        let whole = obstruction(&solid);
+        let total: f64 = blame.iter().map(|&b| f64::from(b)).sum();
+        assert!((total - whole).abs() < 1e-5 * whole, "{total} {whole}");
+        let mut tried = 0;
+        for voxel in (0..grid.len()).filter(|&v| solid.solid[v] != 0).step_by(97) {
+            let mut without = solid.clone();
+            without.solid[voxel] = 0;
+            let loss = whole - obstruction(&without);
+            assert!(
+                (loss - f64::from(blame[voxel])).abs() < 1e-5 * whole,
+                "{voxel}: {loss} {}",
+                blame[voxel]
+            );
+            tried += u32::from(blame[voxel] > 0.0);
+        }
+        assert!(tried > 3, "{tried}");
+        // The holder is to blame, not the ball.
+        let found = tool_here.collisions(&poses[0].1);
+        assert_eq!(found.iter().map(|&(.., voxels)| voxels).sum::<u32>(), poses[0].1.voxels);
+        assert!(found.iter().all(|&(kind, body, _)| kind != ElementKind::Cutter && body == 0), "{found:?}");
+    }
+}
