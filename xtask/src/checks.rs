@@ -3,7 +3,6 @@
 //! Cheap checks stand first, the tests last, so that their result lines are what a reader sees above the summary.
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail, ensure};
@@ -103,18 +102,6 @@ fn fields_alone() -> Result<()> {
 
 fn tests() -> Result<()> {
     cargo(&["test", "--workspace"], &[])
-}
-
-/// Builds the command `imf` for speed and says where it is.
-///
-/// # Errors
-/// A build that fails.
-pub(crate) fn build_imf() -> Result<PathBuf> {
-    cargo(&["build", "--release", "-p", "imf-cli"], &[])?;
-    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
-    let target =
-        std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| Path::new(root).join("target"), PathBuf::from);
-    Ok(target.join("release").join(if cfg!(windows) { "imf.exe" } else { "imf" }))
 }
 
 /// A minimal toolchain has neither rustfmt nor clippy: names the line that adds what is missing.

@@ -1,7 +1,7 @@
 //! The project's own chores, run as `cargo xtask <chore>`.
 //!
-//! `test` is the whole of what continuous integration runs: see [`checks`]. `stress` kills trainings: see [`stress`]. `mpi` trains in
-//! several processes: see [`ranks`]. `api` writes the lists of the public surface: see [`checks::api`].
+//! `test` is the whole of what continuous integration runs: see [`checks`]. `mpi` trains in several processes: see
+//! [`ranks`]. `api` writes the lists of the public surface: see [`checks::api`].
 
 mod adapter;
 mod browser;
@@ -9,7 +9,6 @@ mod checks;
 mod debian;
 mod ranks;
 mod stages;
-mod stress;
 
 use std::process::ExitCode;
 
@@ -19,8 +18,6 @@ usage: cargo xtask <chore>
 chores:
   test     formatting, clippy and rustdoc with warnings denied, imf-core without its features (for browsers), a look for a
            Vulkan driver and a browser, all tests
-  stress   [--kills N] [--device cpu|software] [--seed S]: a training that is killed at random moments (50 by default)
-           and resumed ends with the bytes of one in peace
   api      writes the lists of what imf-core and imf-fields make public, docs/api, anew
   mpi      the build with the feature mpi, and trainings of several ranks by mpirun; needs an MPI library and libclang
 
@@ -35,7 +32,6 @@ fn main() -> ExitCode {
         ["test"] => ended(checks::run()),
         ["mpi"] => ended(ranks::run()),
         ["api"] => ended(checks::api()),
-        ["stress", ref options @ ..] => ended(stress::Stress::parse(options).and_then(stress::Stress::run)),
         ["help" | "--help" | "-h"] => {
             println!("{USAGE}");
             ExitCode::SUCCESS

@@ -72,7 +72,7 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
     let mut random = ChaCha8Rng::seed_from_u64(arguments.seed);
     let mut samples = SurfaceSamples::new(&mesh, &solid, arguments.points as usize).samples;
     ensure!(samples.len() >= arguments.points as usize, "the surface has only {} samples", samples.len());
-    // As many as are asked for, in the surface's order.
+    // As many as are wanted, in the surface's order.
     let mut chosen: Vec<usize> = (0..samples.len()).collect();
     chosen.shuffle(&mut random);
     chosen.truncate(arguments.points as usize);

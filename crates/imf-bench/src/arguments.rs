@@ -2,7 +2,6 @@
 //! have a file each.
 
 pub(crate) mod access;
-pub(crate) mod families;
 pub(crate) mod paper;
 pub(crate) mod query;
 pub(crate) mod recipe;
@@ -28,7 +27,6 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     Access(access::AccessArguments),
     Exact(ExactArguments),
-    Families(families::FamiliesArguments),
     Gpu(GpuArguments),
     Paper(paper::PaperArguments),
     Query(query::QueryArguments),
@@ -96,7 +94,7 @@ pub(crate) enum GpuPart {
     Field,
 }
 
-/// Exact sections against scipy and rustfft, and how their cost grows
+/// Exact sections against scipy, and how their cost grows
 #[derive(Args)]
 #[command(after_help = "Example:\n  imf-bench exact --out bench-exact\n\n\
                         Writes exact.json, exact.md and how time and memory grow as pictures. About a minute without --full.")]
@@ -104,7 +102,7 @@ pub(crate) struct ExactArguments {
     /// Folder to write to
     #[arg(long, default_value = "imf-bench", value_name = "DIR")]
     pub(crate) out: PathBuf,
-    /// All sizes up to 384³, all 225 sections of the rivals, 10,000 orientations
+    /// All sizes up to 384³, all 225 sections of the rival, 10,000 orientations
     #[arg(long)]
     pub(crate) full: bool,
     /// Python with numpy and scipy

@@ -5,12 +5,9 @@ use std::sync::Arc;
 use anyhow::{Result, bail};
 use imf_cli::engine::Device;
 use imf_cli::session::Session;
-use imf_core::control::Control;
-use imf_core::field::GridField;
-use imf_core::orientation::Orientation;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::{Imf, SectionError, SectionPlan, SectionScratch, imf};
+use imf_core::section::{SectionError, SectionPlan};
 use imf_core::tool::Tool;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::{DistillSettings, FactoredField, Symmetry};
@@ -21,7 +18,6 @@ use imf_fields::harmonic::{FitSettings, fit, section_count};
 use imf_gpu::{GpuTrainer, TrainerSettings};
 use imf_train::distill::{distil, distil_on};
 use imf_train::training::run::{Outcome, Report};
-use rayon::prelude::*;
 
 /// Sections for each basis function at least: with fewer the fit has no firm minimum.
 const LEAST_SECTIONS: f64 = 1.3;
@@ -30,51 +26,6 @@ const LEAST_SECTIONS: f64 = 1.3;
 pub(crate) fn reference_scene(part: ReferencePart, scale: f64) -> Result<Scene> {
     let dims = part.dims().map(|n| ((n as f64 * scale).round() as usize).max(4));
     Ok(SceneSpec::of_reference(part, &part.mesh(), dims, &Tool::paper()).scene()?)
-}
-
-/// A field that is compared with the exact one.
-pub(crate) enum Candidate<'a> {
-    /// The exact one itself.
-    Exact(&'a Session, &'a SectionPlan),
-    Field(&'a dyn GridField),
-    /// What answers one orientation at a time, of so many voxels.
-    Table(usize, &'a dyn Fn(&Orientation, &mut [f32])),
-}
-
-impl Candidate<'_> {
-    /// `[orientation][voxel]` into `values`, in the way that is fastest for it.
-    pub(crate) fn sections(&self, orientations: &[Orientation], values: &mut [f32]) -> Result<()> {
-        match self {
-            Self::Exact(_, plan) => values
-                .par_chunks_exact_mut(plan.grid().len())
-                .zip(orientations)
-                .try_for_each_init(SectionScratch::default, |scratch, (values, orientation)| {
-                    plan.cmf(orientation, scratch, values)
-                })?,
-            Self::Field(field) => field.sections(orientations, values)?,
-            Self::Table(voxels, section) => {
-                let sections = values.chunks_exact_mut(*voxels).zip(orientations);
-                sections.for_each(|(values, orientation)| section(orientation, values));
-            }
-        }
-        Ok(())
-    }
-
-    /// The minimum over the orientations.
-    pub(crate) fn minimum(&self, orientations: &[Orientation]) -> Result<Imf> {
-        match self {
-            Self::Exact(session, plan) => Ok(imf(plan, orientations, session.control(&|_| {}))?),
-            Self::Field(field) => Ok(field.minimum(orientations, Control::quiet())?),
-            Self::Table(voxels, section) => {
-                let (mut minimum, mut values) = (Imf::new(*voxels), vec![0.0; *voxels]);
-                for (index, orientation) in orientations.iter().enumerate() {
-                    section(orientation, &mut values);
-                    minimum.lower_to(index, &values);
-                }
-                Ok(minimum)
-            }
-        }
-    }
 }
 
 /// Settings of the harmonic field of the highest degree that `sections` sections determine.
@@ -128,7 +79,7 @@ pub(crate) fn distilled(
     let control = session.control(&advance);
     let mut loss = f64::NAN;
     let observer = &mut |report: &Report| loss = report.mean_loss;
-    let (outcome, _) = match device {
+    let outcome = match device {
         Device::Cpu => distil(field, &settings, &mut state, control, observer)?,
         Device::Gpu(gpu) => {
             let learning = TrainerSettings {

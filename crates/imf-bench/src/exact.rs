@@ -1,7 +1,6 @@
 //! `imf-bench exact`: the exact sections beside what one would write oneself, and how their cost grows.
 
 mod growth;
-mod plain_fft;
 mod scipy;
 
 use anyhow::{Result, ensure};
@@ -26,7 +25,7 @@ use growth::Growth;
 
 /// Orientations of the comparison.
 pub(crate) const SECTIONS: usize = 225;
-/// Sections of the rivals without `--full`; their time does not depend on the orientation.
+/// Sections of the rival without `--full`; its time does not depend on the orientation.
 const RIVAL_SECTIONS: usize = 12;
 
 /// One way to compute sections.
@@ -76,7 +75,7 @@ pub(crate) fn run(session: &Session, arguments: &ExactArguments) -> Result<()> {
     )?;
     let ours = sections_seconds / SECTIONS as f64;
 
-    // First what shows the memory that sections take: the rivals' counts would hide it.
+    // First what shows the memory that sections take: the rival's counts would hide it.
     let growth = growth::measure(session, arguments)?;
     // Every so many of the set, so that all directions are there.
     let step = if arguments.full { 1 } else { SECTIONS / RIVAL_SECTIONS };
@@ -91,8 +90,6 @@ pub(crate) fn run(session: &Session, arguments: &ExactArguments) -> Result<()> {
         how: plan.describe(),
     }];
     let mut missing = Vec::new();
-    session.note("rustfft used plainly");
-    rivals.push(plain_fft::measure(session, &trial, ours));
     session.note("scipy");
     match scipy::measure(session, arguments, &trial, ours)? {
         Ok(rival) => rivals.push(rival),
@@ -121,7 +118,7 @@ pub(crate) fn run(session: &Session, arguments: &ExactArguments) -> Result<()> {
     document.show(session, &report)
 }
 
-/// What the rivals are given: voxels of obstacle and tools, and what we counted.
+/// What the rival is given: voxels of obstacle and tools, and what we counted.
 struct Trial {
     obstacle: Occupancy,
     reach: usize,
@@ -193,22 +190,5 @@ impl Report {
         ));
         self.growth.describe(&mut document);
         document
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn plain_transforms_count_like_sections() {
-        let grid = Grid { origin: DVec3::ZERO, pitch: 4.0, dims: [12, 9, 14] };
-        let solid = (0..grid.len()).map(|i| u8::from(i.wrapping_mul(2_654_435_761) >> 7 & 3 == 0)).collect();
-        let obstacle = Occupancy { grid, solid };
-        let tool = Tool::paper();
-        let plan = SectionPlan::new(&obstacle, &tool, At::SharpPoints).unwrap();
-        let orientations = OrientationSet::parse("random:3:4").unwrap().orientations;
-        let trial = Trial::new(&obstacle, &tool, &plan, &orientations).unwrap();
-        assert!(plain_fft::all_equal(&trial));
     }
 }

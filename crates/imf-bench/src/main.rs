@@ -2,10 +2,9 @@
 //!
 //! ```text
 //! cargo run --release -p imf-bench -- access      what of a surface a tool reaches, beside the direct test
-//! cargo run --release -p imf-bench -- exact       exact sections beside scipy and rustfft, and how their cost grows
+//! cargo run --release -p imf-bench -- exact       exact sections beside scipy, and how their cost grows
 //! cargo run --release -p imf-bench -- train       training steps beside PyTorch
 //! cargo run --release -p imf-bench -- gpu         what a GPU does beside the CPU
-//! cargo run --release -p imf-bench -- families    every family of fields side by side
 //! cargo run --release -p imf-bench -- query       poses a second beside collision libraries
 //! cargo run --release -p imf-bench -- paper       the paper's tables and figures
 //! cargo run --release -p imf-bench -- recipe      trainings in stages and sweeps, by the files in `recipes`
@@ -21,7 +20,6 @@ mod candidates;
 mod cells;
 mod document;
 mod exact;
-mod families;
 mod gpu;
 mod interpolation;
 mod measurement;
@@ -51,7 +49,6 @@ fn run(cli: &Cli, rank: Rank) -> anyhow::Result<()> {
     match &cli.command {
         Command::Access(arguments) => access::run(&session, arguments),
         Command::Exact(arguments) => exact::run(&session, arguments),
-        Command::Families(arguments) => families::run(&session, arguments),
         Command::Gpu(arguments) => gpu::run(&session, arguments),
         Command::Paper(arguments) => paper::run(&session, arguments),
         Command::Query(arguments) => query::run(&session, arguments),

@@ -22,9 +22,8 @@ mod stage;
 mod summary;
 #[cfg(test)]
 mod tests;
-mod waits;
 
-pub(crate) use definition::{RANDOM_START, Recipe, SceneSettings, Stage};
+pub(crate) use definition::{Recipe, SceneSettings, Stage};
 pub(crate) use questions::{Answer, Questions, RANDOM};
 pub(crate) use scenes::Scenes;
 pub(crate) use source::{Source, built_in};
@@ -193,7 +192,7 @@ impl Runner<'_> {
             };
             let trained = self.train(stage, shape, [&full, &coarse], start, &stage_folder(folder, stage))?;
             summary.add(stage, coarse.record.grid.dims, &trained);
-            models.insert(&stage.name, trained.model);
+            models.insert(&stage.name, trained);
         }
         let questions = Questions::of(&recipe.evaluation)?;
         for stage in recipe.results() {

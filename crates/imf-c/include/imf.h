@@ -40,7 +40,7 @@ typedef enum {
   IMF_STATUS_FILE = 3,
   // This kind of field does not answer that.
   IMF_STATUS_UNSUPPORTED = 4,
-  // The question has no answer: an end of a motion that is no pose, a tool that holds no voxel.
+  // The question has no answer: an end of a motion that is an invalid pose, a tool that holds no voxel.
   IMF_STATUS_NO_ANSWER = 5,
   // A defect of the library, caught. The field may be asked on.
   IMF_STATUS_DEFECT = 6,
@@ -97,7 +97,7 @@ typedef struct {
   double pitch;
   // Millimetres in one unit of length.
   double unit_in_mm;
-  // Clearance by which holder, shank and cutter of the tool are grown in the file's values.
+  // Clearance by which holder, shank and cutter of the tool are offset in the file's values.
   double clearance[3];
   // True where the file has thresholds for the model's own decisions: without, it answers undecided.
   bool calibrated;
@@ -138,7 +138,7 @@ typedef struct {
   // Colliding: time of the first pose that was found to collide. Undecided: end of the first stretch that could not be decided.
   // Free: 1.
   double until;
-  // Colliding: the pose that collides. Else no pose (NaN).
+  // Colliding: the pose that collides. Else an invalid pose (NaN).
   ImfPose pose;
 } ImfMotion;
 
@@ -154,7 +154,7 @@ const char *imf_last_error(void);
 const char *imf_version(void);
 
 // The pose of a tool whose tip is at (x, y, z) and whose axis, from tip to holder, points along (i, j, k), of any length
-// but 0; without roll. An axis without direction gives no pose (NaN), which every field answers with NaN and colliding.
+// but 0; without roll. An axis without direction gives an invalid pose (NaN), which every field answers with NaN and colliding.
 ImfPose imf_pose_along(double x,
                        double y,
                        double z,
@@ -178,14 +178,14 @@ ImfStatus imf_open_model(const char *path,
 ImfStatus imf_open_verified(const char *path,
                             ImfField **field);
 
-// As imf_open_verified, for the true tool grown by the clearance that the file was made with. On failure *field is NULL.
+// As imf_open_verified, for the true tool offset by the clearance that the file was made with. On failure *field is NULL.
 //
 // # Safety
 // path is a text that ends with 0, in UTF-8; field has room for a pointer.
 ImfStatus imf_open_verified_with_clearance(const char *path,
                                            ImfField **field);
 
-// Opens the exact field of the scene in a model's file: voxels are counted in the scene's tool, grown by the file's
+// Opens the exact field of the scene in a model's file: voxels are counted in the scene's tool, offset by the file's
 // clearance where it has one; the model itself is not used. On failure *field is NULL.
 //
 // # Safety

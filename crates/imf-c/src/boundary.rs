@@ -20,7 +20,7 @@ pub enum ImfStatus {
     File = 3,
     /// This kind of field does not answer that.
     Unsupported = 4,
-    /// The question has no answer: an end of a motion that is no pose, a tool that holds no voxel.
+    /// The question has no answer: an end of a motion that is an invalid pose, a tool that holds no voxel.
     NoAnswer = 5,
     /// A defect of the library, caught. The field may be asked on.
     Defect = 6,

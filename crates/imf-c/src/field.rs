@@ -38,7 +38,7 @@ pub struct ImfInfo {
     pub pitch: f64,
     /// Millimetres in one unit of length.
     pub unit_in_mm: f64,
-    /// Clearance by which holder, shank and cutter of the tool are grown in the file's values.
+    /// Clearance by which holder, shank and cutter of the tool are offset in the file's values.
     pub clearance: [f64; 3],
     /// True where the file has thresholds for the model's own decisions: without, it answers undecided.
     pub calibrated: bool,
@@ -149,7 +149,7 @@ pub unsafe extern "C" fn imf_open_verified(path: *const c_char, field: *mut *mut
     unsafe { open(path, field, opened) }
 }
 
-/// As imf_open_verified, for the true tool grown by the clearance that the file was made with. On failure *field is NULL.
+/// As imf_open_verified, for the true tool offset by the clearance that the file was made with. On failure *field is NULL.
 ///
 /// # Safety
 /// path is a text that ends with 0, in UTF-8; field has room for a pointer.
@@ -167,7 +167,7 @@ pub unsafe extern "C" fn imf_open_verified_with_clearance(
     unsafe { open(path, field, opened) }
 }
 
-/// Opens the exact field of the scene in a model's file: voxels are counted in the scene's tool, grown by the file's
+/// Opens the exact field of the scene in a model's file: voxels are counted in the scene's tool, offset by the file's
 /// clearance where it has one; the model itself is not used. On failure *field is NULL.
 ///
 /// # Safety

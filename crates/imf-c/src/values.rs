@@ -89,14 +89,14 @@ pub struct ImfMotion {
     /// Colliding: time of the first pose that was found to collide. Undecided: end of the first stretch that could not be decided.
     /// Free: 1.
     pub until: f64,
-    /// Colliding: the pose that collides. Else no pose (NaN).
+    /// Colliding: the pose that collides. Else an invalid pose (NaN).
     pub pose: ImfPose,
 }
 
 const NO_POSE: ImfPose = ImfPose { position: [f64::NAN; 3], rotation: [f64::NAN; 4] };
 
 /// The pose of a tool whose tip is at (x, y, z) and whose axis, from tip to holder, points along (i, j, k), of any length
-/// but 0; without roll. An axis without direction gives no pose (NaN), which every field answers with NaN and colliding.
+/// but 0; without roll. An axis without direction gives an invalid pose (NaN), which every field answers with NaN and colliding.
 #[unsafe(no_mangle)]
 pub extern "C" fn imf_pose_along(x: f64, y: f64, z: f64, i: f64, j: f64, k: f64) -> ImfPose {
     let pose = std::panic::catch_unwind(|| Pose::along(DVec3::new(x, y, z), DVec3::new(i, j, k)).into());

@@ -22,7 +22,7 @@ pub use data::Data;
 pub use factored::{Distillation, Extent, FactoredStart, Source, symmetry_of};
 pub use log::seconds_until;
 pub use memory::Footprint;
-pub use siren5::{Epoch, continued, fresh_model, plan_defaults, run, run_by};
+pub use siren5::{continued, fresh_model, plan_defaults, run};
 pub(crate) use siren5::{require_togetherness, resumed_model};
 
 use std::ops::ControlFlow;

@@ -16,7 +16,7 @@ use imf_fields::field::VerifiedField;
 
 /// Axes to choose from.
 const AXES: usize = 300;
-/// What an overlap of the grown tool, all of it, costs beside a turn of a radian squared.
+/// What an overlap of the offset tool, all of it, costs beside a turn of a radian squared.
 const CLOSENESS: f64 = 20.0;
 
 /// Axes at points: the best at each, and the smooth sequence.

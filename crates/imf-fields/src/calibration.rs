@@ -2,7 +2,7 @@
 //!
 //! A record that a field's file carries. The thresholds are chosen on some poses and judged on others, drawn apart; the
 //! rates here are the judges'. "Colliding" and "free" are about two tools: a *colliding* pose is one of the true tool's, a
-//! *clear* pose is one where the tool grown by the scene's clearance is free. What lies between may be answered either way.
+//! *clear* pose is one where the tool offset by the scene's clearance is free. What lies between may be answered either way.
 
 mod verdict;
 
@@ -70,8 +70,8 @@ pub struct Judgement {
     /// Pairs of a colliding and a clear pose, each pose in one of them, whose values stand in the wrong order: half of them where a
     /// value says nothing.
     pub misordered: Rate,
-    /// Largest error of a value against the exact one of the grown tool. Of a field of depth: how far a value lies on the
-    /// wrong side, of 0 for poses where the grown tool is free or only just not, of the clearance for colliding ones.
+    /// Largest error of a value against the exact one of the offset tool. Of a field of depth: how far a value lies on the
+    /// wrong side, of 0 for poses where the offset tool is free or only just not, of the clearance for colliding ones.
     pub largest_error: f64,
 }
 
@@ -145,7 +145,7 @@ pub(crate) fn decide(free_up_to: Option<f32>, colliding_from: Option<f32>, value
 ///
 /// Clopper and Pearson (1934): the quantile of the beta distribution Beta(wrong + 1, of − wrong).
 #[cfg(feature = "calibration")]
-pub fn upper_bound(wrong: u64, of: u64, confidence: f64) -> f64 {
+fn upper_bound(wrong: u64, of: u64, confidence: f64) -> f64 {
     if wrong >= of || !(confidence > 0.0 && confidence < 1.0) {
         return 1.0;
     }
@@ -165,7 +165,7 @@ pub fn upper_bound(wrong: u64, of: u64, confidence: f64) -> f64 {
 
 /// The most errors among `of` poses whose bound still keeps `rate`; `None` where even none is too many.
 #[cfg(feature = "calibration")]
-pub fn most_errors(of: u64, rate: f64, confidence: f64) -> Option<u64> {
+pub(crate) fn most_errors(of: u64, rate: f64, confidence: f64) -> Option<u64> {
     if upper_bound(0, of, confidence) > rate {
         return None;
     }

@@ -14,10 +14,8 @@ use imf_core::field::{FieldError, GridField};
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, SectionError, SectionPlan, imf};
 
-/// Exact sections held in memory at a time.
+/// Sections held in memory at a time, exact ones and as many learnt ones.
 const AT_ONCE: usize = 8;
-/// The same beside a field's own, whose network runs over the grid for each batch.
-const VALIDATED_AT_ONCE: usize = 16;
 
 /// Why an evaluation stopped.
 #[derive(Debug, Error)]
@@ -32,33 +30,6 @@ pub enum EvaluationError {
     /// A comparison with the nearest section needs sections.
     #[error("no training orientation to compare with")]
     NoTraining,
-}
-
-/// The error of a field at orientations drawn at random, over all voxels. One unit of progress is one section.
-///
-/// # Errors
-/// A failed section, a field that failed, or cancellation.
-pub fn validate(
-    exact: &Exact<'_>,
-    random: &[Orientation],
-    field: &dyn GridField,
-    control: Control<'_>,
-) -> Result<Validation, EvaluationError> {
-    let voxels = exact.plan.grid().len();
-    let mut found = vec![0.0; voxels * random.len().min(VALIDATED_AT_ONCE)];
-    let mut errors = Vec::with_capacity(random.len());
-    for set in random.chunks(VALIDATED_AT_ONCE) {
-        let found = &mut found[..voxels * set.len()];
-        field.sections(set, found)?;
-        let sections = exact.sections(set, control)?;
-        errors.extend(sections.iter().zip(found.chunks_exact(voxels)).map(|(exact, found)| {
-            let mut own = Errors::default();
-            own.add(exact, found, 0.0);
-            let own = own.report(0.0);
-            (own.mse, own.mpe)
-        }));
-    }
-    Ok(Validation::of(&errors))
 }
 
 /// Errors over a set of sections.
@@ -88,9 +59,7 @@ pub fn grid_sections(
     threshold: f64,
     control: Control<'_>,
 ) -> Result<SectionErrors, EvaluationError> {
-    compare(exact, orientations, threshold, control, |_, orientation, values| {
-        Ok(field.section(orientation, values)?)
-    })
+    compare(exact, orientations, threshold, control, |_, part, values| Ok(field.sections(part, values)?))
 }
 
 /// Errors of any field's sections at `orientations`: `field` writes the section of an orientation. One unit of
@@ -98,6 +67,7 @@ pub fn grid_sections(
 ///
 /// # Errors
 /// A failed section, or cancellation.
+#[doc(hidden)]
 pub fn field_sections(
     plan: &SectionPlan,
     orientations: &[Orientation],
@@ -105,8 +75,8 @@ pub fn field_sections(
     control: Control<'_>,
     mut field: impl FnMut(&Orientation, &mut [f32]),
 ) -> Result<SectionErrors, EvaluationError> {
-    compare(&plan.into(), orientations, threshold, control, |_, orientation, values| {
-        field(orientation, values);
+    compare(&plan.into(), orientations, threshold, control, |_, part, values| {
+        part.iter().zip(values.chunks_exact_mut(plan.grid().len())).for_each(|(o, values)| field(o, values));
         Ok(())
     })
 }
@@ -116,6 +86,7 @@ pub fn field_sections(
 ///
 /// # Errors
 /// Cancellation.
+#[doc(hidden)]
 pub fn field_imf(
     exact: &Imf,
     orientations: &[Orientation],
@@ -166,14 +137,9 @@ pub fn nearest_sections(
         })
         .collect::<Option<_>>()
         .ok_or(EvaluationError::NoTraining)?;
-    let mut stored: Vec<Vec<f32>> = Vec::new();
-    compare(exact, orientations, threshold, control, |index, _, values| {
-        if index.is_multiple_of(AT_ONCE) {
-            let until = (index + AT_ONCE).min(nearest.len());
-            let quiet = Control { progress: &|_| {}, ..control };
-            stored = exact.sections(&nearest[index..until], quiet)?;
-        }
-        values.copy_from_slice(&stored[index % AT_ONCE]);
+    compare(exact, orientations, threshold, control, |first, part, values| {
+        let quiet = Control { progress: &|_| {}, ..control };
+        values.copy_from_slice(&exact.sections(&nearest[first..][..part.len()], quiet)?.concat());
         Ok(())
     })
 }
@@ -213,27 +179,27 @@ pub fn grid_imf(
     Ok(ImfComparison { exact: least, learnt, errors: errors.report(threshold) })
 }
 
+/// `field` writes the sections of a few orientations, the first of which has the index that it is given.
 fn compare(
     exact: &Exact<'_>,
     orientations: &[Orientation],
     threshold: f64,
     control: Control<'_>,
-    mut field: impl FnMut(usize, &Orientation, &mut [f32]) -> Result<(), EvaluationError>,
+    mut field: impl FnMut(usize, &[Orientation], &mut [f32]) -> Result<(), EvaluationError>,
 ) -> Result<SectionErrors, EvaluationError> {
     let mut overall = Errors::default();
     let mut each = Vec::with_capacity(orientations.len());
-    let mut values = vec![0.0; exact.plan.grid().len()];
+    let voxels = exact.plan.grid().len();
+    let mut values = vec![0.0; voxels * orientations.len().min(AT_ONCE)];
     for (chunk, part) in orientations.chunks(AT_ONCE).enumerate() {
         let quiet = Control { progress: &|_| {}, ..control };
         let (own, bare) = (exact.sections(part, quiet)?, exact.collisions(part, quiet)?);
-        let sections = part.iter().zip(own.iter().zip(bare.as_ref().unwrap_or(&own)));
-        for (local, (orientation, (section, bare))) in sections.enumerate() {
-            if control.is_cancelled() {
-                return Err(SectionError::Cancelled.into());
-            }
-            field(chunk * AT_ONCE + local, orientation, &mut values)?;
+        let values = &mut values[..voxels * part.len()];
+        field(chunk * AT_ONCE, part, values)?;
+        let sections = own.iter().zip(bare.as_ref().unwrap_or(&own));
+        for ((section, bare), values) in sections.zip(values.chunks_exact(voxels)) {
             let mut errors = Errors::default();
-            errors.add_beside(section, bare, &values, threshold);
+            errors.add_beside(section, bare, values, threshold);
             overall.merge(&errors);
             each.push(errors.report(threshold));
             (control.progress)(1);
@@ -320,9 +286,9 @@ mod tests {
         assert_eq!((found.errors.mpe, &found.exact, &found.learnt), (0.0, &exact, &exact));
         let found = grid_imf(&(&plan).into(), &set, &none, 0.01, Control::quiet()).unwrap();
         assert!((found.errors.mae - mean).abs() < 1e-7 && mean > 0.0);
-        let told = validate(&(&plan).into(), &set, &none, Control::quiet()).unwrap();
         let sections = grid_sections(&(&plan).into(), &set, &none, 0.01, Control::quiet()).unwrap();
-        assert!((told.mse / sections.overall.mse - 1.0).abs() < 1e-12 && told.orientations == 11);
+        let validation = sections.validation();
+        assert!((validation.mse / sections.overall.mse - 1.0).abs() < 1e-12 && validation.orientations == 11);
         let sections = grid_sections(&(&plan).into(), &set, &same, 0.01, Control::quiet()).unwrap();
         assert_eq!(sections.overall.mpe, 0.0);
     }

@@ -54,6 +54,7 @@ use imf_core::section::Quantity;
 use targets::{ComponentBasis, Targets};
 
 /// Inputs of g: the point. With an axis of revolution there are two more ([`Symmetry`]).
+#[doc(hidden)]
 pub const INPUTS: usize = 3;
 
 /// What g looks like; its weights are a flat array beside it.

@@ -1,4 +1,4 @@
-//! Fields from files as planners ask them, and verified ones.
+//! Fields from files as planners query them, and verified ones.
 
 #[cfg(feature = "calibration")]
 pub mod calibrate;
@@ -29,7 +29,7 @@ pub enum LoadError {
     /// Weights that do not fit the network.
     #[error(transparent)]
     Engine(#[from] EngineError),
-    /// A tool that cannot be grown.
+    /// A tool that cannot be offset.
     #[error(transparent)]
     Clearance(#[from] ClearanceError),
 }

@@ -9,10 +9,10 @@
 //! A field of the overlap at the tip serves every sharp point, read at x − R k: files hold this kind alone
 //! (`SectionPlan::of_scene`). It is the same at every roll where the tool is a body of revolution, wherever its sharp points
 //! are. A fit may also be of the least over the sharp points itself, for sections: that one bends more sharply, needs a
-//! higher degree, and depends on the roll where the sharp points do. Values are for voxel centres and trilinear between them; outside the box of the voxel centres there is no answer ([`HarmonicField::overlap`]).
+//! higher degree, and depends on the roll where the sharp points do. Values are for voxel centres and trilinear between them; outside the box of the voxel centres there is no answer ([`HarmonicField::overlap_with_gradient`]).
 
+mod adjoint;
 pub mod basis;
-mod both_ways;
 pub mod coefficients;
 mod evaluate;
 pub mod file;
@@ -31,21 +31,27 @@ pub mod rotations;
 #[doc(hidden)]
 pub mod sphere;
 
+pub use evaluate::DirectionWeights;
 #[doc(hidden)]
-pub use evaluate::VoxelCoefficients;
-pub use evaluate::{DIRECTIONS_AT_ONCE, DirectionWeights};
+pub use evaluate::{DIRECTIONS_AT_ONCE, VoxelCoefficients};
 pub(crate) use evaluate::{minimum_of, minimum_over, sections_of};
 #[cfg(feature = "fit")]
-pub use fit::{degree_for, estimate, fit, section_count, sections_tried};
+pub use fit::fit;
 // For distillation from sections that come and go.
 #[cfg(feature = "fit")]
 #[doc(hidden)]
 pub use fit::{Outline, Source, SourceScratch, function_values, outline};
+// What a fit would take and err.
+#[cfg(feature = "fit")]
+#[doc(hidden)]
+pub use fit::{degree_for, estimate, section_count, sections_tried};
 pub(crate) use mirror::{Mirrors, Planes};
 pub(crate) use point::{Functions, TurnScratch};
 pub use point::{Gradient, PointScratch};
 pub use refine::Refined;
-pub use settings::{FitReport, FitSettings, Sizes};
+#[doc(hidden)]
+pub use settings::Sizes;
+pub use settings::{FitReport, FitSettings};
 
 use thiserror::Error;
 

@@ -12,7 +12,7 @@
 //! decides by proof as well.
 //!
 //! # Features
-//! All are on by default. Without any, a field of every family is loaded from a file, a reader or bytes and asked for values,
+//! All are on by default. Without any, a field of every family is loaded from a file, a reader or bytes and queried for values,
 //! gradients, decisions, sections and minima, with at most 60 crates.
 //! - `parallel`: all threads of the current rayon pool; without it the thread that calls.
 //! - `fit`: making fields (harmonic fits, starting weights' teachers) and saving them.

@@ -49,8 +49,8 @@ impl Errors {
         self.add_beside(exact, exact, field, threshold);
     }
 
-    /// The same where `exact` is of a tool grown by a clearance, and `bare` has the overlaps of the tool as it is: a pose collides
-    /// where that one does, and is free where the grown one is; between the two it may be called either.
+    /// The same where `exact` is of a tool offset by a clearance, and `bare` has the overlaps of the tool as it is: a pose collides
+    /// where that one does, and is free where the offset one is; between the two it may be called either.
     ///
     /// # Panics
     /// If the lengths differ.

@@ -208,6 +208,7 @@ impl Model {
 }
 
 /// Steps that a checkpoint says were done, as far as its description can be read, whatever else is damaged.
+#[doc(hidden)]
 pub fn steps_said(path: &Path) -> Option<u64> {
     description_of_damaged::<Description>(path).map(|description| description.training.steps)
 }

@@ -1,6 +1,6 @@
 //! Fields as ONNX graphs, for whatever runs them: onnxruntime, TensorRT, OpenVINO, a browser.
 //!
-//! A graph holds all of a field, its inputs' scaling too, so that it is asked in the units of the scene:
+//! A graph holds all of a field, its inputs' scaling too, so that its inputs are in the units of the scene:
 //!
 //! ```text
 //! position   f32 [poses, 3]   the tool's tip less `imf.origin`, in the scene's unit, along the world's axes

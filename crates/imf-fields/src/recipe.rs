@@ -2,6 +2,7 @@
 //!
 //! Plain data with checks. What acts on it is in the crate that trains.
 
+#[doc(hidden)]
 pub mod divergence;
 mod held_out;
 mod online;

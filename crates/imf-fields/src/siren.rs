@@ -18,6 +18,7 @@
 
 mod evaluation;
 pub mod evaluator;
+#[doc(hidden)]
 pub mod over_grid;
 pub(crate) mod tangent;
 
@@ -48,6 +49,7 @@ pub use evaluation::EvaluationEngine;
 use stack::{Ending, Stack};
 
 /// Number of inputs of the network: three for the point, two for the tool's direction.
+#[doc(hidden)]
 pub const INPUTS: usize = 5;
 
 /// What a sine network looks like; its weights are a flat array beside it.
@@ -73,6 +75,7 @@ impl Default for SirenShape {
 
 /// Where one layer's weights and biases stand in the flat parameter array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[doc(hidden)]
 pub struct Layer {
     /// Inputs of the layer.
     pub inputs: usize,
@@ -122,9 +125,9 @@ pub enum ShapeError {
     /// Asked to learn, a network whose last sines are its outputs.
     #[error("a network without a linear layer behind its sines is evaluated, not trained")]
     NoLastLayer,
-    /// A symmetry-reduced network, and a teacher that does not define the symmetry.
+    /// A symmetry-reduced network, and a field to distil that does not define the symmetry.
     #[error(
-        "symmetry is told by harmonic fields of a tool that is symmetric about its axis, not by fields over rotations nor by \
+        "symmetry is defined by harmonic fields of a tool that is symmetric about its axis, not by fields over rotations nor by \
          sections: train without it"
     )]
     Symmetry,
@@ -182,6 +185,7 @@ impl SirenShape {
 }
 
 /// The five inputs of one pose: unit coordinates of the point in its grid and the angle pair in degrees.
+#[doc(hidden)]
 pub fn features(unit: [f32; 3], theta_degrees: f32, phi_degrees: f32) -> [f32; INPUTS] {
     [
         2.0 * unit[0] - 1.0,

@@ -4,6 +4,7 @@ use bytemuck::Pod;
 use imf_core::field::EngineError;
 
 use crate::device::{Gpu, GpuLimits};
+use crate::layout::PaddedLayout;
 
 /// Buffers to be, in the order they were added.
 #[derive(Debug, Default)]
@@ -12,10 +13,15 @@ pub(crate) struct Plan {
 }
 
 impl Plan {
-    /// Adds a storage buffer of so many 4-byte elements and returns its place in what [`Plan::allocate`] returns.
-    pub(crate) fn add(&mut self, name: &'static str, elements: usize) -> usize {
+    /// Adds a storage buffer of so many 4-byte elements.
+    pub(crate) fn add(&mut self, name: &'static str, elements: usize) {
         self.items.push((name, 4 * elements.max(4) as u64));
-        self.items.len() - 1
+    }
+
+    /// Adds the signals of every layer's inputs and, behind them all, the deltas of its outputs.
+    pub(crate) fn add_layers(&mut self, layout: &PaddedLayout, rows: usize) {
+        layout.layers.iter().for_each(|layer| self.add("signal", rows * layer.inputs));
+        layout.layers.iter().for_each(|layer| self.add("delta", rows * layer.outputs));
     }
 
     /// All buffers together, in bytes.
@@ -42,7 +48,7 @@ impl Plan {
     pub(crate) fn allocate(&self, gpu: &Gpu) -> Result<Vec<wgpu::Buffer>, EngineError> {
         self.check(gpu.limits())?;
         gpu.guarded(|| self.items.iter().map(|&(name, bytes)| storage(gpu, name, bytes)).collect()).map_err(
-            |error| EngineError::Device(format!("{error} ({} were asked for)", mebibytes(self.bytes()))),
+            |error| EngineError::Device(format!("{error} ({} were requested)", mebibytes(self.bytes()))),
         )
     }
 }
@@ -53,9 +59,8 @@ pub(crate) fn allocate<const N: usize>(
     buffers: [(&'static str, usize); N],
 ) -> Result<[wgpu::Buffer; N], EngineError> {
     let mut plan = Plan::default();
-    let places = buffers.map(|(name, elements)| plan.add(name, elements));
-    let allocated = plan.allocate(gpu)?;
-    Ok(places.map(|place| allocated[place].clone()))
+    buffers.iter().for_each(|&(name, elements)| plan.add(name, elements));
+    Ok(plan.allocate(gpu)?.try_into().expect("as many as are planned"))
 }
 
 fn storage(gpu: &Gpu, name: &str, size: u64) -> wgpu::Buffer {

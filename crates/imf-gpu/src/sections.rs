@@ -1,6 +1,6 @@
 //! Exact sections on a GPU: the same whole numbers as on the CPU, and the same values bit for bit.
 //!
-//! The host voxelises the rotated tool and lists its run ends ([`imf_core::section::StepSpace`]); the device never
+//! The host voxelises the rotated tool and lists its run-length differences ([`imf_core::section::StepSpace`]); the device never
 //! recomputes a voxel. It takes the differences of neighbouring overlaps from the obstacle's bits, sums them up along
 //! the tool's axis of steps, and hands the overlaps back or keeps the minimum over all orientations. Everything
 //! on the device is whole numbers. Values are made by the host: from counts that are read back, or beforehand for
@@ -10,13 +10,13 @@
 //! # Why differences of bits
 //!
 //! A section of the paper's scene has 533,368 voxels; the tool at a slant has some 38,000 voxels, 1,900 runs along z
-//! and 2,500 to 4,500 run ends along its best axis. All figures here are estimates, counted by hand. For one section:
+//! and 2,500 to 4,500 run-length differences along its best axis. All figures here are estimates, counted by hand. For one section:
 //!
 //! | method | loads of a word | logical and whole-number operations |
 //! | --- | --- | --- |
 //! | running sums along z, two a run and voxel | 2.0e9 | 4e9 |
 //! | every voxel of the tool, 128 places at once | 8e8 | 5e9 |
-//! | run ends, 128 places at once (this) | 1.0e8 | 6e8 |
+//! | run-length differences, 128 places at once (this) | 1.0e8 | 6e8 |
 //!
 //! The last line: 58 planes × 76 lines × 1 tile, some 1.4 times as many for the steps beyond the box, times 3,500 run
 //! ends of which two thirds lie in a plane of the obstacle; each takes 6 loads, 16 operations to shift and about 20
@@ -93,7 +93,7 @@ impl<'a> GpuSections<'a> {
     #[must_use]
     pub fn describe(&self) -> String {
         let adapter = self.gpu.adapter();
-        format!("run ends on {} ({})", adapter.name, adapter.backend)
+        format!("run-length differences on {} ({})", adapter.name, adapter.backend)
     }
 
     /// Bytes on the host beside the plan's own, about: tools, lists and counts of one round of orientations.

@@ -41,7 +41,7 @@ shared! {
     LOSS_L2: u32 = 1;
     /// Voxels of a line whose counts one invocation adds up together: four words of bits.
     COUNT_PLACES: u32 = 128;
-    /// Binary digits of such a count, as many as `count_differences.wgsl` writes out: at most 262,143 run ends an orientation.
+    /// Binary digits of such a count, as many as `count_differences.wgsl` writes out: at most 262,143 run-length differences an orientation.
     COUNT_DIGITS: u32 = 18;
     /// Workgroups that share what SOAP does element by element with one matrix: a thread takes four vec4 of 256 × 256.
     MATRIX_GROUPS: u32 = 64;

@@ -106,27 +106,41 @@ impl GpuTrainer {
         if adam.epsilon <= 0.0 {
             return Err(EngineError::Shape(format!("Adam's epsilon must be positive, not {}", adam.epsilon)));
         }
-        let (plan, places, part_rows, max_slices) = plan(&layout, gpu.limits(), max_batch);
-        let allocated = plan.allocate(gpu)?;
-        let at = |place: usize| allocated[place].clone();
-        let all = |places: &[usize]| places.iter().map(|&place| at(place)).collect::<Vec<_>>();
+        let (plan, part_rows, max_slices) = plan(&layout, gpu.limits(), max_batch);
+        let mut allocated = plan.allocate(gpu)?;
+        let deltas = allocated.split_off(allocated.len() - layout.layers.len());
+        let signals = allocated.split_off(allocated.len() - layout.layers.len());
+        let [
+            parameters,
+            first_moment,
+            second_moment,
+            gradient,
+            partials,
+            upload,
+            samples,
+            targets,
+            row_losses,
+            losses,
+            results,
+        ] = <[wgpu::Buffer; 11]>::try_from(allocated).expect("as many as are planned");
+        let step = uniform(gpu, "step", &Step::default())?;
         let buffers = Buffers {
-            step: uniform(gpu, "step", &Step::default())?,
-            samples: at(places.samples),
-            targets: at(places.targets),
-            signals: all(&places.signals),
-            deltas: all(&places.deltas),
-            results: at(places.results),
-            row_losses: at(places.row_losses),
-            losses: at(places.losses),
-            partials: at(places.partials),
-            gradient: at(places.gradient),
-            first_moment: at(places.first_moment),
-            second_moment: at(places.second_moment),
+            step,
+            samples,
+            targets,
+            signals,
+            deltas,
+            results,
+            row_losses,
+            losses,
+            partials,
+            gradient,
+            first_moment,
+            second_moment,
         };
         gpu.write(&buffers.first_moment, &layout.pad(&state.first_moment));
         gpu.write(&buffers.second_moment, &layout.pad(&state.second_moment));
-        let network = Network::new(gpu, layout, at(places.parameters), &state.parameters)?;
+        let network = Network::new(gpu, layout, parameters, &state.parameters)?;
         let soap = match optimiser {
             Optimiser::Adam => None,
             Optimiser::Soap(config) => {
@@ -146,7 +160,7 @@ impl GpuTrainer {
             network,
             soap,
             buffers,
-            recorder: Recorder::new(gpu, at(places.upload)),
+            recorder: Recorder::new(gpu, upload),
             step: state.step,
             slot: 0,
             read_losses: (0.0, 0),

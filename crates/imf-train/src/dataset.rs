@@ -22,7 +22,7 @@ mod share;
 
 pub use manifest::{DatasetError, Layout, Manifest, ShardRecord};
 pub use merge::{Merged, merge};
-pub use sampling::{boundary, draw};
+pub use sampling::draw;
 pub use shards::Shards;
 pub use share::{Share, ShareError};
 
@@ -103,7 +103,7 @@ pub fn generate_share(
             let orientations: Vec<_> = sections.iter().map(|&section| set.orientations[section]).collect();
             let parts =
                 stream_sections(&plan, &orientations, control, Vec::new, |list: &mut Vec<_>, local, cmf| {
-                    let voxels = draw(cmf, scene.record.grid.dims, sampling, sections[local] as u64);
+                    let voxels = draw(cmf, sampling, sections[local] as u64);
                     let values: Vec<f32> = voxels.iter().map(|&v| cmf[v as usize]).collect();
                     list.push((local, voxels, values));
                 })?;

@@ -51,7 +51,7 @@ pub struct CpuTrainer {
     /// Samples that `activations` and `slopes` hold for each layer.
     window: usize,
     state: TrainingState,
-    /// Whole where it is asked for, or summed over windows, or left to the matrices' own optimiser.
+    /// Whole where the caller wants it, or summed over windows, or left to the matrices' own optimiser.
     gradient: Vec<f32>,
     panels: Vec<f32>,
     /// `[hidden][window][stride]` ([`Plan::stride`]).

@@ -1,7 +1,7 @@
 //! Training: the loss, the optimiser's settings, and the seam between the loop that feeds batches and the engine
 //! that runs a step (CPU here, GPU in `imf-gpu`).
 
-pub mod online;
+pub(crate) mod online;
 pub mod permutation;
 pub mod run;
 pub mod streamed;

@@ -25,7 +25,12 @@ impl Walk {
         let (mut at, mut hidden) = (0, false);
         while at < tokens.len() {
             let rest = &tokens[at..];
-            if is_test_attribute(rest) {
+            if let [mark, inner, TokenTree::Group(_), ..] = rest
+                && is_punct(mark, '#')
+                && is_punct(inner, '!')
+            {
+                at += 3;
+            } else if is_test_attribute(rest) {
                 at = end_of_item(&tokens, at + 2);
             } else if let [mark, TokenTree::Group(attribute), ..] = rest
                 && is_punct(mark, '#')
@@ -115,7 +120,7 @@ fn the_public_surface_is_the_one_that_is_kept() {
 
 #[test]
 fn items_are_named_by_path_and_kind() {
-    let text = "pub use a::{b::C, D as E, F}; pub(crate) struct No; #[doc(hidden)] pub fn no() {}\n\
+    let text = "//! Of the module.\npub use a::{b::C, D as E, F}; pub(crate) struct No; #[doc(hidden)] pub fn no() {}\n\
                 pub mod inside { pub const fn f() {} #[derive(Clone)] pub struct S { pub field: u8 } impl S { pub fn g() {} } }\n\
                 #[cfg(test)] pub mod no {} #[macro_export] macro_rules! m { () => {} } pub const X: u8 = { 1 };\n\
                 pub static Y: u8 = 2; mod private { pub enum No {} }";

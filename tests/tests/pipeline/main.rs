@@ -1,9 +1,6 @@
-//! Across the crates: from a reference part to a trained field, every stage against its definition and every engine
-//! against the others.
+//! Across the crates: from a reference part to a trained field, every stage against its definition.
 #![expect(clippy::unwrap_used, reason = "a test ends at the first surprise, and says where")]
 
-mod bits;
-mod engines;
 mod evaluators;
 mod exactness;
 mod learning;

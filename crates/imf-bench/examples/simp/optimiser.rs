@@ -34,7 +34,7 @@ pub(crate) struct Load {
     pub(crate) force: Vec<f64>,
 }
 
-/// What is asked.
+/// The problem.
 pub(crate) struct Problem {
     pub(crate) lattice: Lattice,
     /// Sides of an element.

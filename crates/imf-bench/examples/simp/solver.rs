@@ -1,15 +1,10 @@
-//! Displacements under forces: conjugate gradients (faer's), preconditioned by a multigrid V-cycle.
+//! Displacements under forces: conjugate gradients, preconditioned by a multigrid V-cycle.
 //!
 //! Every coarser lattice takes the stiffness that interpolation makes of the finer one's (Galerkin), so that thin members
 //! beside empty space are still felt there; a displacement is held on it where it is held at the same point of the finest.
 //! Smoothing is damped Jacobi, the coarsest system is factorised. (Amir, Aage, Lazarov, On multigrid-CG for efficient topology
 //! optimization, 2014.)
 
-use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
-use faer::linalg::solvers::{Llt, Solve};
-use faer::matrix_free::conjugate_gradient::{CgParams, conjugate_gradient, conjugate_gradient_scratch};
-use faer::matrix_free::{LinOp, Precond};
-use faer::{Col, Mat, MatMut, MatRef, Par, Side};
 use thiserror::Error;
 
 use crate::lattice::Lattice;
@@ -19,6 +14,8 @@ use crate::stiffness::Stiffness;
 const SWEEPS: usize = 2;
 /// Iterations after which a system counts as not solvable; well-posed ones take some tens.
 const MOST_ITERATIONS: usize = 1000;
+/// Pivots below this, as a fraction of their diagonal, are rounding: nothing holds the displacement.
+const LEAST_PIVOT: f64 = 1e-10;
 
 /// Why there are no displacements.
 #[derive(Debug, Error)]
@@ -26,8 +23,8 @@ pub(crate) enum SolveError {
     /// A part that nothing holds, or a lattice without stiffness.
     #[error("the coarsest stiffness is not positive definite: is every piece held in all directions?")]
     NotHeld,
-    #[error("conjugate gradients failed: {0}")]
-    Iteration(String),
+    #[error("conjugate gradients did not converge in {MOST_ITERATIONS} iterations")]
+    Iteration,
 }
 
 /// All lattices' stiffness, finest first; the same for every load.
@@ -66,12 +63,16 @@ impl Hierarchy {
         let last = &self.levels[self.levels.len() - 1];
         let kept = &free[free.len() - 1];
         let n = last.lattice.unknowns();
-        let mut matrix = Mat::<f64>::zeros(n, n);
-        last.entries_of_all(|row, column, value| matrix[(row, column)] += value * kept[row] * kept[column]);
+        let mut rows: Vec<Vec<f64>> = (0..n).map(|row| vec![0.0; row + 1]).collect();
+        last.entries_of_all(|row, column, value| {
+            if column <= row {
+                rows[row][column] += value * kept[row] * kept[column];
+            }
+        });
         for row in (0..n).filter(|&row| kept[row] == 0.0) {
-            matrix[(row, row)] = 1.0;
+            rows[row][row] = 1.0;
         }
-        let coarsest = matrix.llt(Side::Lower).map_err(|_| SolveError::NotHeld)?;
+        let coarsest = Cholesky::new(rows).ok_or(SolveError::NotHeld)?;
         Ok(Solver { hierarchy: self, free, inverses, coarsest })
     }
 }
@@ -85,6 +86,61 @@ fn injected(fine: Lattice, coarse: Lattice, values: &[f64]) -> Vec<f64> {
     injected
 }
 
+/// A symmetric positive definite matrix as L·Lᵀ: of every row of L what stands from its first number that is not zero to the
+/// diagonal.
+#[derive(Debug)]
+struct Cholesky {
+    first: Vec<usize>,
+    rows: Vec<Vec<f64>>,
+}
+
+impl Cholesky {
+    /// `rows` are the lower triangle's. Nothing where the matrix is not positive definite.
+    fn new(mut rows: Vec<Vec<f64>>) -> Option<Self> {
+        let filled = |row: &Vec<f64>| row.iter().position(|&v| v != 0.0).unwrap_or(row.len() - 1);
+        let first: Vec<usize> = rows.iter().map(filled).collect();
+        for (row, &first) in rows.iter_mut().zip(&first) {
+            row.drain(..first);
+        }
+        for i in 0..rows.len() {
+            let (above, rest) = rows.split_at_mut(i);
+            let row = &mut rest[0];
+            let diagonal = row[i - first[i]];
+            for j in first[i]..i {
+                let from = first[i].max(first[j]);
+                let known =
+                    dot(&row[from - first[i]..j - first[i]], &above[j][from - first[j]..j - first[j]]);
+                row[j - first[i]] = (row[j - first[i]] - known) / above[j][j - first[j]];
+            }
+            let (pivot, before) = row.split_last_mut()?;
+            *pivot -= dot(before, before);
+            if *pivot <= LEAST_PIVOT * diagonal {
+                return None;
+            }
+            *pivot = pivot.sqrt();
+        }
+        Some(Self { first, rows })
+    }
+
+    fn solve(&self, x: &mut [f64]) {
+        let rows = self.rows.iter().zip(&self.first).enumerate();
+        for (i, (row, &first)) in rows.clone() {
+            let last = i - first;
+            x[i] = (x[i] - dot(&row[..last], &x[first..i])) / row[last];
+        }
+        for (i, (row, &first)) in rows.rev() {
+            let last = i - first;
+            x[i] /= row[last];
+            let solved = x[i];
+            x[first..i].iter_mut().zip(row).for_each(|(x, l)| *x -= l * solved);
+        }
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
 /// Solves for one set of held displacements.
 #[derive(Debug)]
 pub(crate) struct Solver<'a> {
@@ -93,7 +149,7 @@ pub(crate) struct Solver<'a> {
     free: Vec<Vec<f64>>,
     /// The diagonal's inverse, 0 where held; by level.
     inverses: Vec<Vec<f64>>,
-    coarsest: Llt<f64>,
+    coarsest: Cholesky,
 }
 
 impl Solver<'_> {
@@ -104,21 +160,28 @@ impl Solver<'_> {
         let mut force = force.to_vec();
         mask(&mut force);
         mask(u);
-        let n = force.len();
-        let (operator, cycle) = (Masked(self), Cycle(self));
-        let mut memory = MemBuffer::new(conjugate_gradient_scratch(&cycle, &operator, 1, Par::Seq));
-        let params = CgParams { rel_tolerance: tolerance, max_iters: MOST_ITERATIONS, ..CgParams::default() };
-        let solved = conjugate_gradient(
-            MatMut::from_column_major_slice_mut(u, n, 1),
-            &cycle,
-            &operator,
-            MatRef::from_column_major_slice(&force, n, 1),
-            params,
-            |_| {},
-            Par::Seq,
-            MemStack::new(&mut memory),
-        );
-        solved.map(|info| info.iter_count).map_err(|error| SolveError::Iteration(format!("{error:?}")))
+        let target = tolerance * dot(&force, &force).sqrt();
+        let mut image = vec![0.0; force.len()];
+        self.apply(0, u, &mut image);
+        let mut residual: Vec<f64> = force.iter().zip(&image).map(|(f, image)| f - image).collect();
+        let mut preconditioned = vec![0.0; force.len()];
+        let mut direction = vec![0.0; force.len()];
+        let mut before = f64::INFINITY;
+        for iteration in 0..MOST_ITERATIONS {
+            if dot(&residual, &residual).sqrt() <= target {
+                return Ok(iteration);
+            }
+            self.cycle(0, &residual, &mut preconditioned);
+            let square = dot(&residual, &preconditioned);
+            let ratio = square / before;
+            direction.iter_mut().zip(&preconditioned).for_each(|(d, z)| *d = z + ratio * *d);
+            before = square;
+            self.apply(0, &direction, &mut image);
+            let step = square / dot(&direction, &image);
+            u.iter_mut().zip(&direction).for_each(|(u, d)| *u += step * d);
+            residual.iter_mut().zip(&image).for_each(|(r, image)| *r -= step * image);
+        }
+        Err(SolveError::Iteration)
     }
 
     /// `out = M K u` with M the free displacements; `u` is zero where it is held.
@@ -131,9 +194,8 @@ impl Solver<'_> {
     fn cycle(&self, level: usize, r: &[f64], x: &mut [f64]) {
         let levels = &self.hierarchy.levels;
         if level + 1 == levels.len() {
-            let mut column = Col::from_fn(r.len(), |i| r[i] * self.free[level][i]);
-            self.coarsest.solve_in_place(column.as_mat_mut());
-            x.iter_mut().zip(column.iter()).for_each(|(x, v)| *x = *v);
+            x.iter_mut().zip(r).zip(&self.free[level]).for_each(|((x, r), free)| *x = r * free);
+            self.coarsest.solve(x);
             return;
         }
         let damping = self.hierarchy.damping;
@@ -172,55 +234,11 @@ impl Solver<'_> {
     }
 }
 
-/// The stiffness between free displacements.
-#[derive(Debug)]
-struct Masked<'a>(&'a Solver<'a>);
-
-/// The V-cycle.
-#[derive(Debug)]
-struct Cycle<'a>(&'a Solver<'a>);
-
-/// Runs `work` on each column, which conjugate gradients keep contiguous.
-fn by_column(mut out: MatMut<'_, f64>, rhs: MatRef<'_, f64>, work: impl Fn(&[f64], &mut [f64])) {
-    let n = rhs.nrows();
-    let (mut from, mut to) = (vec![0.0; n], vec![0.0; n]);
-    for column in 0..rhs.ncols() {
-        from.iter_mut().zip(rhs.col(column).iter()).for_each(|(to, v)| *to = *v);
-        work(&from, &mut to);
-        out.as_mut().col_mut(column).iter_mut().zip(&to).for_each(|(out, v)| *out = *v);
-    }
-}
-
-macro_rules! operator {
-    ($name:ident, $work:expr) => {
-        impl LinOp<f64> for $name<'_> {
-            fn apply_scratch(&self, _: usize, _: Par) -> StackReq {
-                StackReq::EMPTY
-            }
-            fn nrows(&self) -> usize {
-                self.0.free[0].len()
-            }
-            fn ncols(&self) -> usize {
-                self.nrows()
-            }
-            fn apply(&self, out: MatMut<'_, f64>, rhs: MatRef<'_, f64>, _: Par, _: &mut MemStack) {
-                by_column(out, rhs, |from, to| $work(self.0, from, to));
-            }
-            fn conj_apply(&self, out: MatMut<'_, f64>, rhs: MatRef<'_, f64>, par: Par, stack: &mut MemStack) {
-                self.apply(out, rhs, par, stack);
-            }
-        }
-    };
-}
-operator!(Masked, |solver: &Solver<'_>, from: &[f64], to: &mut [f64]| solver.apply(0, from, to));
-operator!(Cycle, |solver: &Solver<'_>, from: &[f64], to: &mut [f64]| solver.cycle(0, from, to));
-
-impl Precond<f64> for Cycle<'_> {}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::element::{largest_eigenvalue, stiffness};
+    use nalgebra::{DMatrix, DVector};
 
     /// A cantilever held at x = 0, with a soft core.
     fn cantilever() -> (Hierarchy, Vec<bool>, Vec<f64>) {
@@ -248,16 +266,16 @@ mod tests {
         let iterations = solver.solve(&force, &mut u, 1e-11).unwrap();
         assert!(iterations < 40, "{iterations}");
         let n = force.len();
-        let mut matrix = Mat::<f64>::zeros(n, n);
+        let mut matrix = DMatrix::<f64>::zeros(n, n);
         hierarchy.levels[0].entries_of_all(|row, column, value| {
             if !held[row] && !held[column] {
                 matrix[(row, column)] += value;
             }
         });
         (0..n).filter(|&row| held[row]).for_each(|row| matrix[(row, row)] = 1.0);
-        let mut expected = Col::from_fn(n, |i| if held[i] { 0.0 } else { force[i] });
-        matrix.llt(Side::Lower).unwrap().solve_in_place(expected.as_mat_mut());
-        let scale = expected.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
+        let right = DVector::from_fn(n, |i, _| if held[i] { 0.0 } else { force[i] });
+        let expected = matrix.cholesky().unwrap().solve(&right);
+        let scale = expected.amax();
         for i in 0..n {
             // The residual's tolerance times a slender beam's condition.
             assert!((u[i] - expected[i]).abs() < 1e-7 * scale, "{i}: {} against {}", u[i], expected[i]);
@@ -278,7 +296,6 @@ mod tests {
         let (mut x, mut y) = (vec![0.0; a.len()], vec![0.0; a.len()]);
         solver.cycle(0, &a, &mut x);
         solver.cycle(0, &b, &mut y);
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let (one, other) = (dot(&b, &x), dot(&a, &y));
         assert!((one - other).abs() < 1e-9 * dot(&a, &x).abs(), "{one} against {other}");
         assert!(dot(&a, &x) > 0.0);

@@ -69,7 +69,7 @@ pub(super) fn measure(session: &Session, arguments: &ExactArguments) -> Result<G
         for scaled in [false, true] {
             session.note(&format!("sections at {side}³, tool {}", if scaled { "scaled" } else { "fixed" }));
             let factor = if scaled { side as f64 / PAPER_SIDE } else { 1.0 };
-            // In a grid of another pitch the same tool spans as many voxels as are asked for.
+            // In a grid of another pitch the same tool spans as many voxels as are wanted.
             obstacle.grid.pitch = 1.0 / factor;
             let needed = SectionPlan::memory_estimate(&obstacle.grid, &paper, session.threads());
             if let Err(error) = session.require_memory(needed, || "use fewer --threads".into()) {

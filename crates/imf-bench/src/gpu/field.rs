@@ -52,7 +52,7 @@ const SMALLER: &str = "take the other parts by --only";
 const TOLERANCE: f32 = 1e-4;
 /// Orientations whose sections are compared.
 const COMPARED: usize = 4;
-/// Poses that one thread of the CPU is asked at a time.
+/// Poses that one thread of the CPU evaluates at a time.
 const POSES: usize = 256;
 
 pub(super) fn measured(

@@ -56,7 +56,7 @@ pub(super) fn measure(
             "device alone",
             alone,
             equal,
-            "run ends; tools prepared and uploaded before, nothing read back",
+            "run-length differences; tools prepared and uploaded before, nothing read back",
         ),
         rival("IMF", minimum, same_least, "tools prepared by the host, minimum kept on the device"),
         rival("sections read back", read, equal, "tools prepared by the host, every section read back"),

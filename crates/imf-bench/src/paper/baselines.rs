@@ -51,8 +51,7 @@ pub(super) fn measure(bench: &Bench<'_>, recipe: &Recipe, n: usize) -> Result<Ve
     let stage = session.stage("exact sections", "sections", (n * n + exact_sections) as u64);
     let advance = |sections| stage.advance(sections);
     let exact = questions.exact(&plan, session.control(&advance))?;
-    let (stored_in, stored) =
-        seconds(|| Ok(SectionTable::new(&plan, angles, plan.grid().dims, session.control(&advance))?))?;
+    let (stored_in, stored) = seconds(|| Ok(SectionTable::new(&plan, angles, session.control(&advance))?))?;
     stage.finish("");
     let (fitted_in, file) = seconds(|| fitted(session, &scene, &plan, settings))?;
     let harmonic = &file.field;

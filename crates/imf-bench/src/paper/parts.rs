@@ -33,7 +33,7 @@ impl Bench<'_> {
 
 /// N of the `grid:N` that `single` learns from.
 fn trained_grid(single: &Recipe) -> Result<usize> {
-    let spec = single.stages.first().and_then(|stage| stage.orientations.as_deref());
+    let spec = single.stages.first().map(|stage| stage.orientations.as_str());
     let n = spec.and_then(|spec| spec.strip_prefix("grid:")?.parse().ok());
     n.context("single must learn from a grid of orientations to be compared with interpolation")
 }

@@ -133,7 +133,7 @@ impl Sections {
     fn samples(&self, sampling: &Sampling) -> Samples {
         let mut samples = Samples::new(self.part.grid);
         for (index, section) in self.given().enumerate() {
-            let voxels = imf_train::dataset::draw(section, self.part.grid.dims, sampling, index as u64);
+            let voxels = imf_train::dataset::draw(section, sampling, index as u64);
             let values: Vec<f32> = voxels.iter().map(|&voxel| section[voxel as usize]).collect();
             samples.push_section([(GIVEN_EVERY * index) as f32, 90.0], &voxels, &values);
         }

@@ -56,7 +56,7 @@ pub(super) fn architecture(bench: &Bench<'_>) -> Result<Table> {
     sweep(bench, "architecture", ReferencePart::ScrewGear, label, table)
 }
 
-/// True where both train the same network on the same samples and ask it the same, whatever they are called.
+/// True where both train the same network on the same samples and evaluate it alike, whatever they are called.
 fn same_training(one: &Source, other: &Source) -> Result<bool> {
     let unnamed = |source: &Source| -> Result<Recipe> {
         let recipe = source.recipe()?;

@@ -10,7 +10,7 @@ use anyhow::{Context as _, Result, bail, ensure};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::tool::Clearance;
 use imf_fields::recipe::schedule::RateRule;
-use imf_fields::recipe::{Length, OnlineSettings, Sampling, TrainingPlan};
+use imf_fields::recipe::{Length, Sampling, TrainingPlan};
 use imf_fields::siren::SirenShape;
 use serde::{Deserialize, Serialize};
 
@@ -187,12 +187,8 @@ pub(crate) struct Stage {
     /// Resolution of the sections, as a share of the full grid's along each axis.
     #[serde(default = "one")]
     pub(crate) resolution: f64,
-    /// A fixed set of orientations.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) orientations: Option<String>,
-    /// Fresh sections at random orientations while training runs.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) online: Option<OnlineSettings>,
+    /// The set of orientations.
+    pub(crate) orientations: String,
     /// How each section is sampled.
     #[serde(default)]
     pub(crate) sampling: Sampling,
@@ -241,11 +237,7 @@ impl Stage {
             "resolution must be above 0 and at most 4, not {}",
             self.resolution
         );
-        match (&self.orientations, &self.online) {
-            (Some(_), None) => drop(self.directions()?),
-            (None, Some(online)) => online.check()?,
-            _ => bail!("it needs either `orientations` or `online`"),
-        }
+        self.directions()?;
         self.sampling.check()?;
         ensure!(
             !matches!(self.training.length, Length::Epochs(0) | Length::Steps(0)),
@@ -254,9 +246,9 @@ impl Stage {
         Ok(self.plan().check()?)
     }
 
-    /// The fixed set of directions.
+    /// The set of directions.
     pub(crate) fn directions(&self) -> Result<OrientationSet> {
-        let spec = self.orientations.as_deref().context("a stage without orientations")?;
+        let spec = &self.orientations;
         let set = OrientationSet::parse(spec)?;
         ensure!(
             set.orientations.iter().all(|o| o.roll == 0.0),

@@ -8,14 +8,13 @@ use serde::Serialize;
 
 use super::definition::{Recipe, VERSION, Variant};
 
-/// The recipes that come with the program, in the order in which they are listed: the paper's, then ours.
-pub(crate) const BUILT_IN: [(&str, &str); 6] = [
+/// The recipes that come with the program, in the order in which they are listed.
+pub(crate) const BUILT_IN: [(&str, &str); 5] = [
     ("single", include_str!("../../recipes/single.toml")),
     ("multi", include_str!("../../recipes/multi.toml")),
     ("transfer", include_str!("../../recipes/transfer.toml")),
     ("sparsity", include_str!("../../recipes/sparsity.toml")),
     ("architecture", include_str!("../../recipes/architecture.toml")),
-    ("online", include_str!("../../recipes/online.toml")),
 ];
 
 /// The text of the built-in recipe of that name.

@@ -2,28 +2,20 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, Result, bail, ensure};
+use anyhow::{Context as _, Result, ensure};
 use imf_cli::commands::dataset::interruption;
 use imf_cli::engine::Device;
-use imf_cli::interrupt;
 use imf_cli::job::{self, Data, Footprint, Latest};
 use imf_cli::output::prepare_folder;
 use imf_cli::session::Session;
-use imf_core::scene::{Scene, SceneRecord};
-use imf_core::section::{At, SectionPlan};
+use imf_core::scene::Scene;
 use imf_fields::file::FieldFileError;
-use imf_fields::model::{Model, TrainingRecord};
-use imf_fields::recipe::divergence::Watch;
-use imf_fields::recipe::{Cursor, OnlineSettings, TrainingState};
+use imf_fields::model::Model;
+use imf_fields::recipe::{Cursor, TrainingState};
 use imf_fields::siren::SirenShape;
 use imf_train::dataset::generate;
-use imf_train::training::TrainingEngine;
-use imf_train::training::online::{OnlineSections, train_online};
-use imf_train::training::run::Report;
 
 use super::definition::Stage;
-use super::waits::SummedWaits;
-use crate::measurement::seconds;
 
 /// Where and how the work is done.
 pub(crate) struct Runner<'a> {
@@ -39,15 +31,6 @@ pub(crate) struct Runner<'a> {
 /// What a network begins with: its weights, and what they are to be remembered by.
 pub(crate) type Start = (TrainingState, Option<String>);
 
-/// A finished training.
-pub(crate) struct Trained {
-    pub(crate) model: Model,
-    /// Seconds to make the dataset, or to find it made.
-    pub(crate) sampled: f64,
-    /// Who waited for whom, of an online stage.
-    pub(crate) waits: Option<SummedWaits>,
-}
-
 impl Runner<'_> {
     /// Trains a stage in its folder to the end, from where it stands. Its sections are of `coarse`, its network of `full`.
     pub(crate) fn train(
@@ -57,85 +40,16 @@ impl Runner<'_> {
         [full, coarse]: [&Scene; 2],
         start: Start,
         folder: &Path,
-    ) -> Result<Trained> {
+    ) -> Result<Model> {
         prepare_folder(folder)?;
-        if let Some(online) = stage.online {
-            return self.train_online(stage, online, shape, [full, coarse], start, folder);
-        }
-        let (sampled, data) = seconds(|| self.dataset(stage, full, coarse))?;
+        let data = self.dataset(stage, full, coarse)?;
         let fresh = job::fresh_model(&data, shape, stage.plan(), start.0, start.1);
         let mut model = self.found(folder, fresh)?;
         if !model.record.finished {
             model = job::run(self.session, self.device, &data, model, folder, &self.settings())?;
         }
         model.record.seconds = job::seconds_until(folder, model.record.steps);
-        Ok(Trained { model, sampled, waits: None })
-    }
-
-    fn train_online(
-        &self,
-        stage: &Stage,
-        settings: OnlineSettings,
-        shape: SirenShape,
-        [full, coarse]: [&Scene; 2],
-        (state, fine_tuned_from): Start,
-        folder: &Path,
-    ) -> Result<Trained> {
-        let bytes = online_memory(&coarse.record, stage, &settings);
-        let plan = SectionPlan::of_scene(coarse, At::Tip)?;
-        let sections = OnlineSections { plan, frame: full.record.grid, sampling: stage.sampling, settings };
-        let (samples, plan) = (sections.pool_samples(), stage.plan());
-        let record = TrainingRecord {
-            program: env!("CARGO_PKG_VERSION").into(),
-            plan,
-            cursor: Cursor::default(),
-            watch: Watch::default(),
-            finished: false,
-            steps: 0,
-            seconds: 0.0,
-            engine: String::new(),
-            orientations: settings.pool_at(plan.total_steps(samples).saturating_sub(1)),
-            sampling: stage.sampling,
-            samples: samples as u64,
-            dataset_crc32: checksum(&sections)?,
-            groups_per_epoch: None,
-            fine_tuned_from,
-            losses: Vec::new(),
-            pending_loss: (0.0, 0),
-            held_out: None,
-        };
-        let fresh = Model { shape, scene: full.clone(), record, state, calibration: None };
-        let mut waits = SummedWaits::read(folder);
-        let mut model = self.found(folder, fresh)?;
-        if !model.record.finished {
-            let before = model.record.steps;
-            let (mut waited, mut last) = (None, before);
-            let trained = job::run_by(
-                self.session,
-                self.device,
-                job::Epoch { samples, bytes },
-                model,
-                folder,
-                &self.settings(),
-                &mut |plan, engine, start, observer| {
-                    let mut observe = |report: &Report, engine: &mut dyn TrainingEngine| {
-                        last = report.step;
-                        observer(report, engine)
-                    };
-                    let flag = interrupt::flag();
-                    let (outcome, run) = train_online(plan, &sections, engine, start, flag, &mut observe)?;
-                    waited = Some(run);
-                    Ok(outcome)
-                },
-            );
-            // An interrupted run is counted as well; what ended it is said before a file that cannot be written.
-            let counted = waited.map_or(Ok(()), |run| waits.add(folder, &run, last - before));
-            model = trained?;
-            counted?;
-            self.session.note(&waits.describe(model.record.steps));
-        }
-        model.record.seconds = job::seconds_until(folder, model.record.steps);
-        Ok(Trained { model, sampled: 0.0, waits: Some(waits) })
+        Ok(model)
     }
 
     fn settings(&self) -> job::Settings {
@@ -216,20 +130,11 @@ impl Runner<'_> {
         [full, coarse]: [&Scene; 2],
     ) -> Result<()> {
         let each = stage.sampling.count(coarse.record.grid.len());
-        let (sections, beside) = match &stage.online {
-            Some(online) => {
-                if !coarse.record.bare_tool().with_tip_only().is_axisymmetric() {
-                    bail!("an online stage needs a tool that is the same all around its axis");
-                }
-                (online.pool, online_memory(&coarse.record, stage, online))
-            }
-            None => (stage.directions()?.len(), 0),
-        };
         let plan = stage.plan();
-        let batch = plan.batch.min((sections * each).max(1));
+        let batch = plan.batch.min((stage.directions()?.len() * each).max(1));
         let (session, record) = (self.session, &full.record);
         Footprint::new(session, self.device, shape, &plan, record, batch, self.held_out)?
-            .require(session, beside)
+            .require(session, 0)
             .context(
                 "--width and --batch are network.width and training.batch in a recipe, to be changed with --set",
             )
@@ -248,21 +153,4 @@ fn differences(found: &Model, fresh: &Model) -> Vec<&'static str> {
         ("weights that it starts from", own.fine_tuned_from != other.fine_tuned_from),
     ];
     all.into_iter().filter_map(|(name, differs)| differs.then_some(name)).collect()
-}
-
-/// Bytes of an online stage's pool, and of who fills it.
-fn online_memory(scene: &SceneRecord, stage: &Stage, settings: &OnlineSettings) -> u64 {
-    OnlineSections::memory_estimate(&scene.grid, &stage.sampling, settings)
-        + SectionPlan::memory_estimate(&scene.grid, &scene.tool, 1)
-}
-
-/// A checksum of all that decides an online stage's samples.
-fn checksum(sections: &OnlineSections) -> Result<u32> {
-    // How far the producer may be ahead changes nothing.
-    let settings = OnlineSettings { lead: 0, ..sections.settings };
-    let mut hasher = crc32fast::Hasher::new();
-    hasher.update(&sections.plan.obstacle().forbidden.packed());
-    let tool = sections.plan.tool();
-    hasher.update(&serde_json::to_vec(&(sections.plan.grid(), tool, sections.sampling, settings))?);
-    Ok(hasher.finalize())
 }

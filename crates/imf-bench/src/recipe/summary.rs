@@ -5,12 +5,11 @@ use std::path::Path;
 
 use anyhow::Result;
 use imf_cli::picture::{AxisScale, Chart, Series};
+use imf_fields::model::Model;
 use serde::{Deserialize, Serialize};
 
 use super::definition::{RANDOM_START, Recipe, Stage};
 use super::questions::Answer;
-use super::stage::Trained;
-use super::waits::SummedWaits;
 use crate::document::Document;
 
 /// What a recipe came to.
@@ -40,7 +39,7 @@ pub(crate) struct StageSummary {
     part: String,
     /// Voxels of its sections.
     dims: [usize; 3],
-    /// Orientations of the fixed set; of an online stage all that it met.
+    /// Orientations of its set.
     sections: String,
     pub(crate) samples: u64,
     pub(crate) steps: u64,
@@ -50,8 +49,6 @@ pub(crate) struct StageSummary {
     loss: f64,
     /// (step, mean loss), steps of the stages before it included.
     curve: Vec<(u64, f64)>,
-    /// Who waited, of an online stage.
-    waits: Option<SummedWaits>,
 }
 
 /// A result with all its comparisons.
@@ -69,15 +66,15 @@ impl RunSummary {
         Self { variant: variant.into(), ..Self::default() }
     }
 
-    pub(super) fn add(&mut self, stage: &Stage, dims: [usize; 3], trained: &Trained) {
-        let record = &trained.model.record;
+    pub(super) fn add(&mut self, stage: &Stage, dims: [usize; 3], trained: &Model) {
+        let record = &trained.record;
         let ends: BTreeMap<&str, u64> =
             self.stages.iter().map(|s| (s.name.as_str(), s.curve.last().map_or(0, |p| p.0))).collect();
         let first = if stage.start == RANDOM_START { 0 } else { ends[stage.start.as_str()] };
         self.stages.push(StageSummary {
             name: stage.name.clone(),
             start: stage.start.clone(),
-            part: trained.model.scene.record.part.clone(),
+            part: trained.scene.record.part.clone(),
             dims,
             sections: record.orientations.spec.clone(),
             samples: record.samples,
@@ -86,7 +83,6 @@ impl RunSummary {
             seconds: record.seconds,
             loss: record.losses.last().map_or(f64::NAN, |point| point.loss),
             curve: record.losses.iter().map(|point| (first + point.step, point.loss)).collect(),
-            waits: trained.waits,
         });
     }
 
@@ -128,7 +124,7 @@ impl Summary {
             "loss",
         ];
         let stages = self.runs.iter().flat_map(|run| run.stages.iter().map(move |stage| (run, stage)));
-        let rows = stages.clone().map(|(run, stage)| {
+        let rows = stages.map(|(run, stage)| {
             let [x, y, z] = stage.dims;
             vec![
                 name(&run.variant, &stage.name),
@@ -143,12 +139,6 @@ impl Summary {
             ]
         });
         document.table(&head, rows.collect());
-        for (run, stage) in stages {
-            if let Some(waits) = &stage.waits {
-                let stage_name = name(&run.variant, &stage.name);
-                document.paragraph(format!("Stage {stage_name}: {}", waits.describe(stage.steps)));
-            }
-        }
         let head = [
             "result",
             "parameters",

@@ -4,7 +4,7 @@ use imf_fields::recipe::schedule::{RateRule, Schedule};
 use imf_fields::recipe::{AdamConfig, Length, Loss, Precision, TrainingPlan};
 use imf_fields::siren::SirenShape;
 
-use super::definition::EvaluationSettings;
+use super::definition::{EvaluationSettings, RANDOM_START};
 use super::source::BUILT_IN;
 use super::*;
 
@@ -26,11 +26,11 @@ fn is_the_papers(stage: &Stage, epochs: u64, rate: f32) {
     };
     assert_eq!(stage.plan(), expected, "{}", stage.name);
     assert_eq!(stage.rate_rule, RateRule::Constant);
-    assert_eq!((stage.sampling.positive_share, stage.sampling.boundary_share), (0.75, 0.0));
+    assert_eq!(stage.sampling.positive_share, 0.75);
 }
 
 fn sections(stage: &Stage) -> usize {
-    OrientationSet::parse(stage.orientations.as_ref().unwrap()).unwrap().len()
+    stage.directions().unwrap().len()
 }
 
 #[test]
@@ -105,17 +105,6 @@ fn sweeps_are_single_with_one_thing_changed() {
     let mut sizes: Vec<_> = architectures.iter().map(|(_, r)| (r.network.width, r.network.layers)).collect();
     sizes.sort_unstable();
     assert_eq!(sizes, [(256, 5), (512, 4), (512, 5), (512, 6), (1024, 5)]);
-}
-
-#[test]
-fn online_sees_as_many_samples_as_single() {
-    let recipe = recipe("online");
-    let [stage] = recipe.stages.as_slice() else { panic!("one stage") };
-    let settings = stage.online.unwrap();
-    let Length::Epochs(epochs) = stage.training.length else { panic!("epochs") };
-    let share = settings.pool as f64 * stage.sampling.density * epochs as f64;
-    assert!((share / (225.0 * 0.35 * 50.0) - 1.0).abs() < 1e-12);
-    assert_eq!((settings.pool, settings.every), (225, 1));
 }
 
 #[test]

@@ -5,7 +5,6 @@
 #[path = "../../../imf-cli/tests/training/binary.rs"]
 #[expect(dead_code, reason = "the tests of imf use more of it")]
 mod binary;
-mod families;
 mod gpu;
 mod paper;
 mod query;

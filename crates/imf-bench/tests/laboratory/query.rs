@@ -1,4 +1,4 @@
-//! Fields and their rivals asked for random poses.
+//! Fields and their rivals at random poses.
 
 use imf_core::control::Control;
 use imf_core::parts::ReferencePart;

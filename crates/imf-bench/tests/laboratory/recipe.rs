@@ -67,7 +67,7 @@ fn killed(work: &Workdir, line: &str, checkpoint: &str, times: usize) {
 fn recipes_are_listed_and_shown_as_they_are() {
     let work = Workdir::new();
     let list = work.imf("recipe list").done().stdout;
-    for name in ["single", "multi", "transfer", "sparsity", "architecture", "online"] {
+    for name in ["single", "multi", "transfer", "sparsity", "architecture"] {
         assert!(list.lines().any(|line| line.starts_with(name)), "{name} in\n{list}");
         let shown = work.imf(&format!("recipe show {name}")).done().stdout;
         let file = format!("{}/recipes/{name}.toml", env!("CARGO_MANIFEST_DIR"));
@@ -140,48 +140,6 @@ fn multi_goes_on_after_sigkill_in_either_stage_to_the_same_bits() {
     }
     killed(&work, &multi("late"), "late/stages/full/checkpoint.safetensors", 2);
     assert!(work.model("late/model.safetensors").state == full.state, "the second stage ended elsewhere");
-}
-
-#[cfg(unix)]
-#[test]
-fn online_goes_on_after_sigkill_to_the_same_bits_and_says_who_waited() {
-    let work = Workdir::new();
-    let online = |out: &str| {
-        let more = "--set stage.main.online.pool=8 --set stage.*.training.length={steps=1500} --checkpoint-every 0.01";
-        tiny("online", &format!("{more} --out {out}"))
-    };
-    let summary = work.imf(&format!("{} --json", online("whole"))).done().json();
-    let waits = &summary["runs"][0]["stages"][0]["waits"];
-    // 1,500 steps with a fresh section each: the last step's pool ends with section 8 + 1,499.
-    assert_eq!((waits["sections"].as_u64(), waits["steps"].as_u64()), (Some(1507), Some(1500)), "{waits}");
-    assert!(waits["trainer"].as_f64().unwrap() + waits["producer"].as_f64().unwrap() > 0.0, "{waits}");
-    let text = work.text("whole/recipe.md");
-    assert!(text.contains("The trainer waited") && !text.contains("not counted"), "{text}");
-    killed(&work, &online("broken"), "broken/stages/main/checkpoint.safetensors", 4);
-    let [whole, broken] = ["whole", "broken"].map(|f| work.model(&format!("{f}/model.safetensors")));
-    assert!(whole.state == broken.state, "the pieces ended elsewhere");
-    assert_eq!(whole.record.orientations, broken.record.orientations);
-    assert!(work.text("broken/recipe.md").contains("of 1500 steps; runs that were killed are not counted"));
-
-    // An interrupted run is counted; another recipe does not go on with it.
-    work.interrupted_after(5, &online("cut")).interrupted(&["to go on"]);
-    let first = json(&work, "cut/stages/main/waits.json");
-    let kept = work.bytes("cut/stages/main/checkpoint.safetensors");
-    work.imf(&format!("{} --set stage.main.training.batch=64", online("cut")))
-        .refused(&["another recipe", "batch"]);
-    assert_eq!(work.bytes("cut/stages/main/checkpoint.safetensors"), kept);
-    let done = work.imf(&format!("{} --json", online("cut"))).done();
-    assert!(done.stderr.contains("going on at epoch"), "{}", done.stderr);
-    let all = &done.json()["runs"][0]["stages"][0]["waits"];
-    // The second run's pool was computed anew.
-    assert!(all["sections"].as_u64() > Some(1507) && all["steps"] == 1500, "{all} after {first}");
-    assert!(all["seconds"].as_f64() > first["seconds"].as_f64(), "{all} after {first}");
-    let sentence =
-        |text: &str| text.lines().find(|l| l.starts_with("Stage main:")).map(str::to_owned).unwrap();
-    let once = sentence(&work.text("cut/recipe.md"));
-    // Read again, a finished stage says the same.
-    work.imf(&online("cut")).done();
-    assert_eq!(sentence(&work.text("cut/recipe.md")), once);
 }
 
 #[test]

@@ -153,7 +153,7 @@ fn clearance_is_kept_only_by_the_field_that_says_so() {
     };
     let (bare, keeping, exact) =
         (free(imf_open_verified), free(imf_open_verified_with_clearance), free(imf_open_exact));
-    // The exact field counts the grown tool.
+    // The exact field counts the offset tool.
     assert_eq!(keeping, exact);
     assert!(bare.iter().zip(&keeping).all(|(bare, keeping)| *bare || !keeping) && bare != keeping);
 }

@@ -19,7 +19,7 @@ use imf_fields::recipe::TrainingState;
 use imf_fields::recipe::{Cursor, TrainingPlan};
 use imf_fields::siren::SirenShape;
 
-/// A coarse bracket with a tool that is grown by a clearance of a pitch.
+/// A coarse bracket with a tool that is offset by a clearance of a pitch.
 pub(crate) fn scene() -> Scene {
     let mesh = ReferencePart::Bracket.mesh();
     let tool = Tool::paper();

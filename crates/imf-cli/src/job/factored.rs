@@ -340,7 +340,7 @@ impl Distillation<'_> {
         };
         training.run(engine.as_mut(), &mut |_, engine, start, observer| {
             let stop = || interrupt::requested();
-            Ok(target.train(&settings, engine, start, &stop, observer)?.0)
+            target.train(&settings, engine, start, &stop, observer)
         })
     }
 }

@@ -27,15 +27,6 @@ use crate::output::claim;
 use crate::ranks::started_together;
 use crate::session::Session;
 
-/// What an epoch learns from.
-#[derive(Clone, Copy, Debug)]
-pub struct Epoch {
-    /// Samples.
-    pub samples: usize,
-    /// Bytes that they take beside the training.
-    pub bytes: u64,
-}
-
 /// Trains `model` to the end of its plan and writes it to `out`.
 pub fn run(
     session: &Session,
@@ -62,21 +53,6 @@ pub fn run(
         session.note(&format!("training waited {:.1} s for shards", waited.as_secs_f64()));
     }
     Ok(model)
-}
-
-/// As [`run`], with samples from wherever `by` has them.
-pub fn run_by(
-    session: &Session,
-    device: &Device,
-    epoch: Epoch,
-    model: Model,
-    out: &Path,
-    settings: &Settings,
-    by: &mut Loop<'_>,
-) -> Result<Model> {
-    let footprint = footprint(session, device, &model, epoch.samples, settings)?;
-    footprint.require(session, epoch.bytes)?;
-    train_to_the_end(session, device, epoch.samples, model, out, settings, by)
 }
 
 /// What the training takes beside its samples.

@@ -186,7 +186,9 @@ fn a_refined_minimum_is_nowhere_above_the_sets() {
         let orientation =
             imf_core::orientation::Orientation::new(f64::from(theta[voxel]), f64::from(phi[voxel]));
         let mut scratch = imf_fields::harmonic::PointScratch::default();
-        let found = field.overlap(field.grid.centre(voxel), &orientation, &mut scratch).unwrap();
+        let centre = field.grid.centre(voxel);
+        let found = field.overlap_with_gradient(centre, orientation.direction(), &mut scratch).unwrap();
+        let found = found.value.clamp(0.0, 1.0);
         // Angles in f32, and another order of sums.
         assert!((found - refined[voxel]).abs() < 1e-5, "{voxel:?}: {found} {}", refined[voxel]);
     }
@@ -265,12 +267,13 @@ fn a_field_is_distilled_into_a_network_through_an_interruption() {
     let [x, y, z] = grid.centre([2, 7, 4]).to_array();
     folder.write("poses.csv", format!("x,y,z,theta,phi\n{x},{y},{z},40,70\n"));
     let answer = &folder.json(&["query", "whole/field.safetensors", "poses.csv"])[0]["overlap"];
-    let expected = file.field.evaluator().overlap(
+    let expected = file.field.evaluator().overlap_with_gradient(
         grid.centre([2, 7, 4]),
-        &imf_core::orientation::Orientation::new(40.0, 70.0),
+        imf_core::orientation::Orientation::new(40.0, 70.0).direction(),
         &mut imf_fields::factored::PointScratch::default(),
     );
-    assert!((answer.as_f64().unwrap() - f64::from(expected.unwrap())).abs() < 1e-6);
+    let expected = f64::from(expected.unwrap().value.clamp(0.0, 1.0));
+    assert!((answer.as_f64().unwrap() - expected).abs() < 1e-6);
 }
 
 /// Errors of a field's sections against exact ones, and the variance of these, by plain sums.

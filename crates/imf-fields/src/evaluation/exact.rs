@@ -22,7 +22,7 @@ impl<'a> From<&'a SectionPlan> for Exact<'a> {
 }
 
 impl<'a> Exact<'a> {
-    /// Of a quantity of `plan`'s tool; where that is grown by a clearance, `bare` is of the tool as it is, which decisions are
+    /// Of a quantity of `plan`'s tool; where that is offset by a clearance, `bare` is of the tool as it is, which decisions are
     /// about.
     ///
     /// # Errors

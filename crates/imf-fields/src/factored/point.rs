@@ -10,7 +10,9 @@ use super::symmetry::Place;
 use crate::harmonic::basis::Facing;
 use crate::harmonic::{Functions, Gradient, TurnScratch};
 use crate::siren::tangent::PanelOfPoint;
-use imf_core::orientation::Orientation;
+
+/// A point and its three tangents.
+const ROWS: usize = 4;
 
 /// Working memory of a thread that asks for single poses; nothing is allocated once it has its size.
 #[derive(Default)]
@@ -24,25 +26,6 @@ pub struct PointScratch {
 }
 
 impl FactoredEvaluator<'_> {
-    /// The overlap with the tool's tip at a world position, in [0, 1]. `None` outside the box of the voxel centres.
-    pub fn overlap(
-        &self,
-        position: DVec3,
-        orientation: &Orientation,
-        scratch: &mut PointScratch,
-    ) -> Option<f32> {
-        let place = self.pass::<1>(position, scratch)?;
-        let PointScratch { z, turns, .. } = scratch;
-        let z = &z[..self.plan.stack.outputs];
-        let facing = match self.field.basis.facing_at(orientation) {
-            Facing::Direction(direction) if self.local.is_some() => {
-                Facing::Direction(place.to_local(direction))
-            }
-            facing => facing,
-        };
-        Some(self.field.quantity.held(self.functions().value(facing, z, turns), self.field.grid.pitch))
-    }
-
     /// The overlap, not clipped, with its gradients in position and in how the tool stands. `None` outside the box of the voxel
     /// centres, and for a direction alone where the field is over rotations.
     pub fn overlap_with_gradient(
@@ -53,7 +36,7 @@ impl FactoredEvaluator<'_> {
     ) -> Option<Gradient> {
         let field = &*self.field;
         let facing = field.basis.facing(facing)?;
-        let place = self.pass::<4>(position, scratch)?;
+        let place = self.pass(position, scratch)?;
         let PointScratch { z, turns, .. } = scratch;
         let (z, slopes) = z.split_at(self.plan.stack.outputs);
         let Facing::Direction(direction) = facing else {
@@ -66,8 +49,8 @@ impl FactoredEvaluator<'_> {
         Some(Gradient { position, direction: turn, rotation: direction.cross(turn), ..found })
     }
 
-    /// Fills the first `ROWS` rows of `z`: the coefficients in the frame of the place, then their derivatives by its position.
-    fn pass<const ROWS: usize>(&self, position: DVec3, scratch: &mut PointScratch) -> Option<Place> {
+    /// Fills the rows of `z`: the coefficients in the frame of the place, then their derivatives by its position.
+    fn pass(&self, position: DVec3, scratch: &mut PointScratch) -> Option<Place> {
         let field = &*self.field;
         if !field.grid.is_between_centres(position) {
             return None;
@@ -109,7 +92,7 @@ impl FactoredEvaluator<'_> {
             std::mem::swap(signal, next);
         }
         let axes = stack.outputs;
-        z.resize(4 * axes, 0.0);
+        z.resize(ROWS * axes, 0.0);
         let slope = field.scale * field.inverse_length() as f32;
         for (row, (z, signal)) in z.chunks_exact_mut(axes).zip(signal.chunks_exact(widest)).enumerate() {
             let scale = if row == 0 { field.scale } else { slope };

@@ -9,7 +9,7 @@
 //! field in that frame does not depend on the angle at all, and of a gear it repeats from tooth to tooth; the network is
 //! given the angle's cosine and sine beside the position. Both cost no weights.
 //!
-//! Mirrors are told only where obstacle and field are found to be their own images ([`Symmetry::of`]). An axis is never wrong, since
+//! Mirrors are a prior only where obstacle and field are found to be their own images ([`Symmetry::of`]). An axis is never wrong, since
 //! any field can be written in turned frames; it helps where the part is nearly one of revolution.
 //!
 //! The field is as smooth as its network but for two places. Across a mirror plane values and slopes may jump, by about the field's

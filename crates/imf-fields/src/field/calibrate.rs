@@ -25,7 +25,7 @@ use imf_core::pose::Pose;
 use imf_core::section::Quantity;
 use imf_core::tool::{Clearance, ClearanceError, ToolError, ToolShape};
 
-/// How many poses are drawn, and what is asked.
+/// How many poses are drawn, and what the thresholds must reach.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CalibrationSettings {
     /// Uniform poses to choose by, and as many to judge by.
@@ -36,7 +36,7 @@ pub struct CalibrationSettings {
     pub errors: usize,
     /// Seed of all poses.
     pub seed: u64,
-    /// What is asked of the thresholds.
+    /// What the thresholds must reach.
     pub goals: Goals,
 }
 
@@ -75,7 +75,7 @@ pub enum CalibrationError {
     /// The tool does not fit the grid.
     #[error(transparent)]
     Tool(#[from] ToolError),
-    /// The tool cannot be grown.
+    /// The tool cannot be offset.
     #[error(transparent)]
     Clearance(#[from] ClearanceError),
     /// The caller's [`Control`] asked to stop.
@@ -84,6 +84,7 @@ pub enum CalibrationError {
 }
 
 /// Poses drawn and answered at a time; one unit of progress.
+#[doc(hidden)]
 pub const CHUNK: usize = 1024;
 
 impl CalibrationSettings {
@@ -183,9 +184,9 @@ pub fn judge(
 enum Kind {
     /// The true tool collides.
     Colliding,
-    /// The grown tool alone does.
+    /// The offset tool alone does.
     Between,
-    /// The grown tool is free.
+    /// The offset tool is free.
     Clear,
 }
 
@@ -207,7 +208,7 @@ struct Seen {
 struct Truth<'a> {
     field: &'a Field,
     bare: ExactField,
-    grown: ExactField,
+    offset: ExactField,
     /// Least clearance of any element.
     room: f64,
 }
@@ -217,14 +218,14 @@ impl<'a> Truth<'a> {
         let scene = field.scene();
         let clearance = scene.record.clearance;
         let bare = ExactField::of_scene(scene, &Clearance::default())?;
-        let grown = ExactField::of_scene(scene, &clearance)?;
+        let offset = ExactField::of_scene(scene, &clearance)?;
         let room = match &scene.record.bare_tool().shape {
             ToolShape::Revolved(elements) => {
                 elements.iter().map(|element| clearance.of(element.kind)).fold(f64::INFINITY, f64::min)
             }
             ToolShape::Mesh(_) => 0.0,
         };
-        Ok(Self { field, bare, grown, room: if room.is_finite() { room } else { 0.0 } })
+        Ok(Self { field, bare, offset, room: if room.is_finite() { room } else { 0.0 } })
     }
 
     /// So many poses, the first `errors` of them compared with the exact value. `part` keeps draws of one seed apart.
@@ -251,7 +252,7 @@ impl<'a> Truth<'a> {
                 let mut values = vec![0.0; wanted];
                 self.field.values_unclipped(&poses, &mut values)?;
                 let each = poses.iter().zip(values).enumerate().map(|(place, (pose, value))| {
-                    let kind = match (self.bare.collides(pose), self.grown.collides(pose)) {
+                    let kind = match (self.bare.collides(pose), self.offset.collides(pose)) {
                         (true, _) => Kind::Colliding,
                         (false, true) => Kind::Between,
                         (false, false) => Kind::Clear,
@@ -259,7 +260,7 @@ impl<'a> Truth<'a> {
                     let error = match self.field.quantity() {
                         Quantity::Depth => self.wrong_side(kind, value),
                         Quantity::Overlap if first + place < errors => {
-                            (self.grown.overlap(pose)? - f64::from(value.clamp(0.0, 1.0))).abs()
+                            (self.offset.overlap(pose)? - f64::from(value.clamp(0.0, 1.0))).abs()
                         }
                         Quantity::Overlap => 0.0,
                     };

@@ -29,7 +29,7 @@ fn stated_rates_hold_on_fresh_poses() {
     assert!(free < blocked && calibration.fault().is_none());
     assert!(calibration.keeps_its_goals(), "{calibration:?}");
     assert!(calibration.uniform.found_free > 0 && calibration.uniform.largest_error > 0.0);
-    // A tool grown by two voxels still touches where the true one was moved a voxel away from contact.
+    // A tool offset by two voxels still touches where the true one was moved a voxel away from contact.
     let boundary = calibration.boundary;
     assert_eq!((boundary.poses, boundary.false_colliding.of), (3000, 0));
     assert!((600..2400).contains(&boundary.false_free.of), "{boundary:?}");

@@ -26,7 +26,7 @@ use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::{At, SectionPlan};
 use imf_core::tool::{Clearance, Tool};
 
-/// A coarse bracket and a tool, grown all around by a clearance in voxels.
+/// A coarse bracket and a tool, offset all around by a clearance in voxels.
 pub(crate) fn scene(tool: &Tool, clearance: f64) -> Scene {
     let mesh = ReferencePart::Bracket.mesh();
     let spec =

@@ -57,7 +57,9 @@ fn values_are_those_of_each_familys_own_interface() {
 
     let (file, mut scratch) = (harmonic_file(&scene, 8), crate::harmonic::PointScratch::default());
     for (pose, expected) in asked.iter().zip(&mut expected) {
-        *expected = file.field.overlap(pose.position, &pose.orientation(), &mut scratch).unwrap();
+        let direction = pose.orientation().direction();
+        let found = file.field.overlap_with_gradient(pose.position, direction, &mut scratch).unwrap();
+        *expected = found.value.clamp(0.0, 1.0);
     }
     near("harmonic", &values(&harmonic(&scene), &asked), &expected);
     assert!(expected.iter().any(|&v| v > 0.05) && expected.contains(&0.0));
@@ -70,7 +72,9 @@ fn values_are_those_of_each_familys_own_interface() {
     for (name, file) in [("factored", factored_file(&scene)), ("with symmetry", symmetric)] {
         let (evaluator, mut scratch) = (file.field.evaluator(), PointScratch::default());
         for (pose, expected) in asked.iter().zip(&mut expected) {
-            *expected = evaluator.overlap(pose.position, &pose.orientation(), &mut scratch).unwrap();
+            let direction = pose.orientation().direction();
+            let found = evaluator.overlap_with_gradient(pose.position, direction, &mut scratch).unwrap();
+            *expected = found.value.clamp(0.0, 1.0);
         }
         let field = Field::new(FieldFile::Factored(Box::new(file.clone()))).unwrap();
         near(name, &values(&field, &asked), &expected);

@@ -83,11 +83,11 @@ fn motions_keep_the_clearance_that_the_field_keeps() {
     let mut differ = 0;
     for pair in ends.chunks(2) {
         let b = between(&pair[0], &pair[1], 0.2);
-        let (bare, grown) =
+        let (bare, offset) =
             (field.check_motion(&pair[0], &b).unwrap(), keeping.check_motion(&pair[0], &b).unwrap());
-        // What the grown tool may do, the tool may do.
-        assert!(grown != MotionResult::Free || !matches!(bare, MotionResult::Colliding { .. }));
-        differ += usize::from(bare == MotionResult::Free && grown != MotionResult::Free);
+        // What the offset tool may do, the tool may do.
+        assert!(offset != MotionResult::Free || !matches!(bare, MotionResult::Colliding { .. }));
+        differ += usize::from(bare == MotionResult::Free && offset != MotionResult::Free);
     }
     assert!(differ > 0);
 }

@@ -28,7 +28,7 @@ pub enum Domain {
 /// How a tool stands, as functions read it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Facing {
-    /// The direction from tip to holder, of any length but 0: all that is asked of a tool of revolution.
+    /// The direction from tip to holder, of any length but 0: all that matters of a tool of revolution.
     Direction(DVec3),
     /// The rotation from the tool's frame to the world, of length 1.
     Rotation(DQuat),

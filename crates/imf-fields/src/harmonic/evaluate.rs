@@ -144,7 +144,7 @@ pub trait VoxelCoefficients: Sync {
 
 /// Orientations of a chunk.
 const CHUNK: usize = 512;
-/// Orientations whose [`DirectionWeights`] are held at a time where any number is asked for: 57 MB of a field of degree 16.
+/// Orientations whose [`DirectionWeights`] are held at a time whatever their number: 57 MB of a field of degree 16.
 pub const DIRECTIONS_AT_ONCE: usize = 1 << 14;
 /// Orientations for which a field is looked through for its mirror planes: a product with so many takes several times as long.
 pub(super) const MANY: usize = 100;

@@ -143,7 +143,7 @@ fn fitted_grid(plan: &SectionPlan, domain: Domain, quantity: Quantity) -> Grid {
     Grid { dims: Planes::of_plan(plan, domain, quantity).side(), ..*plan.grid() }
 }
 
-/// What a fit with these settings would err, told by the sample's voxels alone. One unit of progress is one section,
+/// What a fit with these settings would err, estimated from the sample's voxels alone. One unit of progress is one section,
 /// each but the held-out ones computed once.
 ///
 /// # Errors

@@ -4,11 +4,10 @@ use glam::DVec3;
 use pulp::Arch;
 
 use super::HarmonicField;
+use super::adjoint::product_and_adjoint;
 use super::basis::{Basis, Facing};
-use super::both_ways::both_ways;
 use super::rotations::sum_with_turns;
 use crate::siren::lanes::dot;
-use imf_core::orientation::Orientation;
 use imf_core::vectorised::vectorised;
 
 /// What a pose's overlap is and how it changes.
@@ -58,16 +57,6 @@ pub(crate) struct Functions<'a> {
 }
 
 impl Functions<'_> {
-    /// The overlap, not clipped, of coefficients `z` at what [`Basis::facing`] gave.
-    pub(crate) fn value(self, facing: Facing, z: &[f32], scratch: &mut TurnScratch) -> f32 {
-        scratch.functions.resize(self.basis.len(), 0.0);
-        self.basis.values_facing(facing, &mut scratch.functions);
-        self.weigh(z, scratch);
-        let weights = scratch.weights.iter().zip(self.mean);
-        let terms = weights.zip(&scratch.functions).map(|((&w, &m), &b)| f64::from(w + m) * b);
-        terms.sum::<f64>() as f32
-    }
-
     /// The overlap with its gradients, of coefficients `z` and their `slopes` along x, y and z, `[3][axes]`, and what
     /// [`Basis::facing`] gave.
     pub(crate) fn gradient(
@@ -111,27 +100,13 @@ impl Functions<'_> {
         narrow.extend(functions.iter().map(|&value| value as f32));
         weights.resize(functions.len(), 0.0);
         along.resize(z.len(), 0.0);
-        both_ways(self.arch, self.axes, z, narrow, weights, along);
+        product_and_adjoint(self.arch, self.axes, z, narrow, weights, along);
     }
 }
 
 impl HarmonicField {
     fn functions(&self) -> Functions<'_> {
         Functions { arch: Arch::new(), basis: &self.basis, axes: &self.axes, mean: &self.mean }
-    }
-
-    /// The overlap with the tool's tip at a world position, clipped to [0, 1], or the depth; trilinear between voxel centres.
-    /// `None` outside the box of the voxel centres.
-    pub fn overlap(
-        &self,
-        position: DVec3,
-        orientation: &Orientation,
-        scratch: &mut PointScratch,
-    ) -> Option<f32> {
-        self.mix(position, 1, scratch)?;
-        let facing = self.basis.facing_at(orientation);
-        let value = self.functions().value(facing, &scratch.mixed, &mut scratch.turns);
-        Some(self.quantity.held(value, self.grid.pitch))
     }
 
     /// The overlap with its gradients in position and in how the tool stands. One-sided where a position lies on a voxel
@@ -144,18 +119,18 @@ impl HarmonicField {
         scratch: &mut PointScratch,
     ) -> Option<Gradient> {
         let facing = self.basis.facing(facing)?;
-        self.mix(position, 4, scratch)?;
+        self.mix(position, scratch)?;
         let (z, slopes) = scratch.mixed.split_at(self.axis_count());
         let found = self.functions().gradient(facing, z, slopes, &mut scratch.turns);
         Some(Gradient { position: found.position / self.grid.pitch, ..found })
     }
 
-    /// Fills `mixed` with `rows` rows: the mean coefficients at a position and their differences along the axes.
-    fn mix(&self, position: DVec3, rows: usize, scratch: &mut PointScratch) -> Option<()> {
+    /// Fills `mixed` with four rows: the mean coefficients at a position and their differences along the axes.
+    fn mix(&self, position: DVec3, scratch: &mut PointScratch) -> Option<()> {
         let cell = self.cell(position)?;
         let PointScratch { mixed, corner, .. } = scratch;
         mixed.clear();
-        mixed.resize(rows * self.axis_count(), 0.0);
+        mixed.resize(4 * self.axis_count(), 0.0);
         self.add_corners(&cell, mixed, corner);
         Some(())
     }

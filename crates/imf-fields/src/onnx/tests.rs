@@ -268,7 +268,7 @@ fn positions_outside_are_answered_by_every_graph_as_at_the_nearest_inside() {
     let through = grid.origin + 0.45 * grid.size();
     let symmetry =
         Symmetry { mirrors: [Some(through.x), None, None], axis: Some(Axis { along: 2, through }) };
-    let told = with_symmetry(&scene, symmetry);
+    let reduced = with_symmetry(&scene, symmetry);
     let mut deep = factored_file(&scene);
     deep.field.quantity = Quantity::Depth;
     // Less than half a voxel outside, and far from all.
@@ -284,7 +284,7 @@ fn positions_outside_are_answered_by_every_graph_as_at_the_nearest_inside() {
         FieldFile::Harmonic(Arc::new(harmonic_file(&scene, 4))),
         FieldFile::Factored(Box::new(factored_file(&scene))),
         FieldFile::Factored(Box::new(deep)),
-        FieldFile::Factored(Box::new(told)),
+        FieldFile::Factored(Box::new(reduced)),
     ] {
         let graph = model(&stored).unwrap();
         let name = graph.graph.as_ref().unwrap().name.clone();

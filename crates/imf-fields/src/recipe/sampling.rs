@@ -11,35 +11,15 @@ pub struct Sampling {
     pub density: f64,
     /// Share of the samples that is drawn where CMF > 0, in [0, 1].
     pub positive_share: f64,
-    /// Share of the samples that is drawn at the boundary, in [0, 1]; `positive_share` divides the rest, and 0 is the
-    /// paper's sampling.
-    #[serde(skip_serializing_if = "is_zero")]
-    pub boundary_share: f64,
-    /// How far from the boundary still counts as at it, in voxels; idle where `boundary_share` is 0.
-    #[serde(skip_serializing_if = "is_one")]
-    pub boundary_width: usize,
     /// Seed; with the section's index it fixes the section's samples.
     pub seed: u64,
 }
 
 impl Default for Sampling {
     fn default() -> Self {
-        Self { density: 0.35, positive_share: 0.75, boundary_share: 0.0, boundary_width: 1, seed: 0 }
+        Self { density: 0.35, positive_share: 0.75, seed: 0 }
     }
 }
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands over a reference")]
-fn is_zero(share: &f64) -> bool {
-    *share == 0.0
-}
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands over a reference")]
-fn is_one(width: &usize) -> bool {
-    *width == 1
-}
-
-/// Widest boundary: beyond it the window is larger than any grid that can be sampled.
-const WIDEST: usize = 4096;
 
 /// A share that is out of range.
 #[derive(Debug, Error, PartialEq)]
@@ -66,16 +46,12 @@ impl Sampling {
                 value: self.density,
             });
         }
-        for (name, value) in
-            [("positive share", self.positive_share), ("boundary share", self.boundary_share)]
-        {
-            if !(0.0..=1.0).contains(&value) {
-                return Err(SamplingError { name, range: "from 0 to 1", value });
-            }
-        }
-        if !(1..=WIDEST).contains(&self.boundary_width) {
-            let value = self.boundary_width as f64;
-            return Err(SamplingError { name: "boundary width", range: "from 1 to 4096 voxels", value });
+        if !(0.0..=1.0).contains(&self.positive_share) {
+            return Err(SamplingError {
+                name: "positive share",
+                range: "from 0 to 1",
+                value: self.positive_share,
+            });
         }
         Ok(())
     }

@@ -13,7 +13,7 @@ pub trait EvaluationEngine {
     /// Lengths that do not fit, or a device that failed.
     fn evaluate(&mut self, inputs: &[f32], outputs: &mut [f32]) -> Result<(), EngineError>;
 
-    /// About how many values to ask for between two looks at whether to go on: some seconds' work of a large network.
+    /// About how many values to compute between two checks for cancellation: some seconds' work of a large network.
     fn values_at_once(&self) -> usize {
         1 << 18
     }

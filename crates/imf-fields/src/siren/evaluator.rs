@@ -70,7 +70,7 @@ impl CpuEvaluator {
     /// Values of any number of samples on the calling thread alone; nothing is allocated but a thread's first buffer.
     ///
     /// # Panics
-    /// If there are not as many values as inputs ask for.
+    /// If there are not as many values as inputs need.
     pub(crate) fn evaluate_here(&self, inputs: &[f32], outputs: &mut [f32]) {
         assert_eq!(inputs.len(), outputs.len() * INPUTS, "{INPUTS} inputs for each value");
         self.scratch.with(|scratch| {

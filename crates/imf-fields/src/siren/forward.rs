@@ -25,7 +25,7 @@ pub struct Network<'a> {
 }
 
 impl Network<'_> {
-    /// One hidden layer for one block: `sums [rows][stride]` becomes `sin(ω(W·a + b))` and, where asked for,
+    /// One hidden layer for one block: `sums [rows][stride]` becomes `sin(ω(W·a + b))` and, if wanted,
     /// `slopes [rows][stride]` its derivative `ω·cos(ω(W·a + b))` by the sum `W·a + b`.
     ///
     /// `previous [rows][stride]` are the activations before (unused by layer 0), `inputs [rows][inputs]` the samples.

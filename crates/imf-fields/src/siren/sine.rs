@@ -7,7 +7,7 @@
 //! Absolute error at most 5e-7 for |x| ≤ 1000. NaN and infinities give NaN. Beyond |x| ≈ 1e6 the reduction runs out of
 //! bits and the value means nothing; a network whose sums are that large has diverged.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::Simd;
 
 /// 1.5·2²³: adding it rounds to an integer, whose lowest bit is then the lowest bit of the sum.
 const ROUND: f32 = 12_582_912.0;
@@ -65,52 +65,50 @@ pub(crate) fn sine_cosine<S: Simd>(simd: S, x: S::f32s) -> (S::f32s, S::f32s) {
     (with_sign(simd, sine, sign), with_sign(simd, cosine, sign))
 }
 
-/// Replaces every value by its sine.
-pub fn sine_in_place(arch: Arch, values: &mut [f32]) {
-    struct Pass<'a>(&'a mut [f32]);
-    impl WithSimd for Pass<'_> {
-        type Output = ();
-        #[inline(always)]
-        fn with_simd<S: Simd>(self, simd: S) {
-            let (body, tail) = S::as_mut_simd_f32s(self.0);
-            for value in body {
-                *value = sine(simd, *value);
-            }
-            let rest = sine(simd, simd.partial_load_f32s(tail));
-            simd.partial_store_f32s(tail, rest);
-        }
-    }
-    arch.dispatch(Pass(values));
-}
-
-/// Replaces every value by its sine and writes its cosine.
-///
-/// # Panics
-/// If the lengths differ.
-pub fn sine_cosine_in_place(arch: Arch, values: &mut [f32], cosines: &mut [f32]) {
-    struct Pass<'a>(&'a mut [f32], &'a mut [f32]);
-    impl WithSimd for Pass<'_> {
-        type Output = ();
-        #[inline(always)]
-        fn with_simd<S: Simd>(self, simd: S) {
-            let (body, tail) = S::as_mut_simd_f32s(self.0);
-            let (cosine_body, cosine_tail) = S::as_mut_simd_f32s(self.1);
-            for (value, cosine) in body.iter_mut().zip(cosine_body) {
-                (*value, *cosine) = sine_cosine(simd, *value);
-            }
-            let (sine, cosine) = sine_cosine(simd, simd.partial_load_f32s(tail));
-            simd.partial_store_f32s(tail, sine);
-            simd.partial_store_f32s(cosine_tail, cosine);
-        }
-    }
-    assert_eq!(values.len(), cosines.len(), "one cosine for each value");
-    arch.dispatch(Pass(values, cosines));
-}
-
 #[cfg(test)]
 mod tests {
+    use pulp::{Arch, WithSimd};
+
     use super::*;
     use crate::siren::lanes::archs;
+
+    /// Replaces every value by its sine.
+    fn sine_in_place(arch: Arch, values: &mut [f32]) {
+        struct Pass<'a>(&'a mut [f32]);
+        impl WithSimd for Pass<'_> {
+            type Output = ();
+            #[inline(always)]
+            fn with_simd<S: Simd>(self, simd: S) {
+                let (body, tail) = S::as_mut_simd_f32s(self.0);
+                for value in body {
+                    *value = sine(simd, *value);
+                }
+                let rest = sine(simd, simd.partial_load_f32s(tail));
+                simd.partial_store_f32s(tail, rest);
+            }
+        }
+        arch.dispatch(Pass(values));
+    }
+
+    /// Replaces every value by its sine and writes its cosine.
+    fn sine_cosine_in_place(arch: Arch, values: &mut [f32], cosines: &mut [f32]) {
+        struct Pass<'a>(&'a mut [f32], &'a mut [f32]);
+        impl WithSimd for Pass<'_> {
+            type Output = ();
+            #[inline(always)]
+            fn with_simd<S: Simd>(self, simd: S) {
+                let (body, tail) = S::as_mut_simd_f32s(self.0);
+                let (cosine_body, cosine_tail) = S::as_mut_simd_f32s(self.1);
+                for (value, cosine) in body.iter_mut().zip(cosine_body) {
+                    (*value, *cosine) = sine_cosine(simd, *value);
+                }
+                let (sine, cosine) = sine_cosine(simd, simd.partial_load_f32s(tail));
+                simd.partial_store_f32s(tail, sine);
+                simd.partial_store_f32s(cosine_tail, cosine);
+            }
+        }
+        arch.dispatch(Pass(values, cosines));
+    }
 
     /// Half a unit in the last place of the reduced argument and of the result, and the polynomials' own error.
     const TOLERANCE: f64 = 5e-7;

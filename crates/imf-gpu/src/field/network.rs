@@ -44,12 +44,7 @@ impl TwoWay {
         plan.add("parameters", layout.parameters);
         plan.add("samples", rows * stack.inputs);
         plan.add("results", rows * layout.layers.last().map_or(0, |layer| layer.outputs));
-        for layer in &layout.layers {
-            plan.add("signal", rows * layer.inputs);
-        }
-        for layer in &layout.layers {
-            plan.add("delta", rows * layer.outputs);
-        }
+        plan.add_layers(&layout, rows);
         let mut buffers = plan.allocate(gpu)?;
         let deltas = buffers.split_off(buffers.len() - layout.layers.len());
         let signals = buffers.split_off(buffers.len() - layout.layers.len());

@@ -10,7 +10,7 @@ use crate::uniforms::{Counting, Job};
 /// Most jobs of a submission: enough to fill a large GPU, whose 270,000 invocations are forty sections of the paper's
 /// scene, with what is under way beside it.
 pub(super) const MOST_JOBS: usize = 32;
-/// Tiles × run ends of a submission, so that no system's time limit on dispatches is met: 30 ms on an integrated GPU
+/// Tiles × run-length differences of a submission, so that no system's time limit on dispatches is met: 30 ms on an integrated GPU
 /// of a teraflop by count of operations.
 const MOST_WORK: u64 = 2_000_000_000;
 
@@ -23,13 +23,13 @@ pub(super) struct SlabJob {
 
 impl SlabJob {
     /// # Errors
-    /// More run ends than a count's digits hold.
+    /// More run-length differences than a count's digits hold.
     pub(super) fn new(tool: SteppedTool, layout: &BitLayout) -> Result<Self, EngineError> {
         let (covered, uncovered) = (layout.distances(&tool.covered), layout.distances(&tool.uncovered));
         let (ends, most) = (covered.len() + uncovered.len(), (1 << COUNT_DIGITS) - 1);
         if ends > most {
             return Err(EngineError::Device(format!(
-                "the tool has {ends} run ends in this grid, and the GPU's kernels add up at most {most}. Take a larger \
+                "the tool has {ends} run-length differences in this grid, and the GPU's kernels add up at most {most}. Take a larger \
                  pitch, or count on the CPU"
             )));
         }
@@ -123,7 +123,7 @@ impl Batch {
         self.lines = self.lines.max(prepared.lines());
     }
 
-    /// Adds a list of run ends; returns where its starts begin.
+    /// Adds a list of run-length differences; returns where its starts begin.
     fn list(&mut self, ends: &StepEnds, distances: &[u32]) -> u32 {
         let (starts, first) = (self.starts.len() as u32, self.ends.len() as u32);
         self.starts.extend(ends.starts.iter().map(|start| first + start));

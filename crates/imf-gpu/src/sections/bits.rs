@@ -65,7 +65,7 @@ impl BitLayout {
         words
     }
 
-    /// Distances in bits from a voxel to its run ends; they wrap.
+    /// Distances in bits from a voxel to those of its run-length differences; they wrap.
     pub(super) fn distances(&self, ends: &StepEnds) -> Vec<u32> {
         let [plane, line] = [i64::from(self.plane), i64::from(self.line)];
         ends.offsets.iter().map(|&[x, y, z]| (x * plane + y * line + z) as u32).collect()

@@ -105,8 +105,8 @@ impl<'a> Layer<'a> {
             counting: uniform(gpu, "counting", &uniforms::Counting::default())?,
             bits,
             jobs: Room::new("jobs"),
-            starts: Room::new("starts of run ends"),
-            ends: Room::new("run ends"),
+            starts: Room::new("starts of run-length differences"),
+            ends: Room::new("run-length differences"),
             shares: Room::new("values of counts"),
             differences: Room::new("differences"),
             sections: Room::new("sections"),
@@ -134,7 +134,7 @@ impl<'a> Layer<'a> {
         4 * self.layout.words() as u64 + (round + MOST_JOBS as u64) * tool
     }
 
-    /// Turns and voxelises the tool and lists its run ends, for orientations from `first` on.
+    /// Turns and voxelises the tool and lists its run-length differences, for orientations from `first` on.
     pub(super) fn prepare(
         &self,
         orientations: &[Orientation],

@@ -17,30 +17,9 @@ const MOST_UPLOADED: usize = 1 << 22;
 /// Steps whose losses wait on the device before they are read.
 pub(super) const LOSS_SLOTS: usize = 4096;
 
-/// Places of a trainer's buffers in its plan.
-pub(super) struct Places {
-    pub(super) parameters: usize,
-    pub(super) first_moment: usize,
-    pub(super) second_moment: usize,
-    pub(super) gradient: usize,
-    pub(super) partials: usize,
-    pub(super) upload: usize,
-    pub(super) samples: usize,
-    pub(super) targets: usize,
-    pub(super) row_losses: usize,
-    pub(super) losses: usize,
-    pub(super) results: usize,
-    pub(super) signals: Vec<usize>,
-    pub(super) deltas: Vec<usize>,
-}
-
-/// What a trainer allocates beside its optimiser of the matrices, how many rows one pass holds, and how many partial gradients there
-/// are.
-pub(super) fn plan(
-    layout: &PaddedLayout,
-    limits: GpuLimits,
-    max_batch: usize,
-) -> (Plan, Places, usize, usize) {
+/// What a trainer allocates beside its optimiser of the matrices, last every layer's signals and every layer's deltas; how many
+/// rows one pass holds, and how many partial gradients there are.
+pub(super) fn plan(layout: &PaddedLayout, limits: GpuLimits, max_batch: usize) -> (Plan, usize, usize) {
     let (inputs, outputs) = (layout.stack.inputs, layout.stack.outputs);
     let rows = rows_per_pass(layout, limits, max_batch);
     let binding = limits.storage_binding.min(limits.buffer) as usize;
@@ -51,22 +30,23 @@ pub(super) fn plan(
     let one = rows * (inputs + outputs) + (size_of::<Batch>() + size_of::<Step>()) / 4;
     let upload = (PASSES_AT_ONCE * one).min(MOST_UPLOADED.min(binding / 4)).max(one);
     let mut plan = Plan::default();
-    let places = Places {
-        parameters: plan.add("parameters", layout.parameters),
-        first_moment: plan.add("first moments", layout.parameters),
-        second_moment: plan.add("second moments", layout.parameters),
-        gradient: plan.add("gradient", layout.parameters),
-        partials: plan.add("partial gradients", slices * layout.parameters),
-        upload: plan.add("upload of the batches", upload),
-        samples: plan.add("samples", rows * inputs),
-        targets: plan.add("targets", rows * outputs),
-        row_losses: plan.add("losses of the rows", rows),
-        losses: plan.add("losses of the steps", LOSS_SLOTS),
-        results: plan.add("results", rows * layout.layers.last().map_or(0, |layer| layer.outputs)),
-        signals: layout.layers.iter().map(|layer| plan.add("signal", rows * layer.inputs)).collect(),
-        deltas: layout.layers.iter().map(|layer| plan.add("delta", rows * layer.outputs)).collect(),
-    };
-    (plan, places, rows, max_slices)
+    for (name, elements) in [
+        ("parameters", layout.parameters),
+        ("first moments", layout.parameters),
+        ("second moments", layout.parameters),
+        ("gradient", layout.parameters),
+        ("partial gradients", slices * layout.parameters),
+        ("upload of the batches", upload),
+        ("samples", rows * inputs),
+        ("targets", rows * outputs),
+        ("losses of the rows", rows),
+        ("losses of the steps", LOSS_SLOTS),
+        ("results", rows * layout.layers.last().map_or(0, |layer| layer.outputs)),
+    ] {
+        plan.add(name, elements);
+    }
+    plan.add_layers(layout, rows);
+    (plan, rows, max_slices)
 }
 
 /// Rows of one partial gradient, and how many of them `padded_rows` make.

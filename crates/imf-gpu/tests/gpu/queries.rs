@@ -1,4 +1,4 @@
-//! What planners ask of a field on the adapter, compared with its twin on the CPU, whatever family it is of.
+//! Queries of planners to a field on the adapter, compared with its twin on the CPU, whatever family it is of.
 
 use glam::{DQuat, DVec3};
 use imf_core::field::{Best, Decision, Gradient, PoseField};

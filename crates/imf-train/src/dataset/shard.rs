@@ -47,7 +47,7 @@ pub(super) fn file_bytes(sections: u64, samples: u64) -> u64 {
     tables.saturating_add(8 + HEADER_BYTES)
 }
 
-/// Opens a shard's file if it has the size that its samples ask for, which is looked at before it is read: no foreign
+/// Opens a shard's file if it has the size that its samples take, which is looked at before it is read: no foreign
 /// file, and no manifest that guarantees too much, fills the memory. Returns what the manifest says, the file, and the
 /// most bytes to read of it.
 pub(super) fn open<'a>(

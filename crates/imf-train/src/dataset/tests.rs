@@ -39,6 +39,23 @@ fn samples_are_values_of_the_exact_sections() {
 }
 
 #[test]
+fn threads_change_no_byte() {
+    let files = |threads: usize| {
+        let folder = tempfile::tempdir().unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| make(folder.path())).unwrap();
+        let entries = std::fs::read_dir(folder.path()).unwrap().map(Result::unwrap);
+        let mut files: Vec<_> =
+            entries.map(|entry| (entry.file_name(), std::fs::read(entry.path()).unwrap())).collect();
+        files.sort();
+        files
+    };
+    let one = files(1);
+    assert_eq!(one.len(), 3, "manifest, obstacle, one shard");
+    assert!(files(3) == one, "three threads wrote other files");
+}
+
+#[test]
 fn an_interrupted_dataset_goes_on_and_is_the_same() {
     let (whole, broken) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     make(whole.path()).unwrap();

@@ -19,7 +19,7 @@ use rayon::prelude::*;
 use super::target::steps_before;
 use super::voxels::Voxels;
 use crate::training::TrainingEngine;
-use crate::training::online::{Waits, with_arrivals};
+use crate::training::online::with_arrivals;
 use crate::training::run::{Observer, Outcome, Start, TrainError, train_by};
 use imf_core::control::Control;
 use imf_core::field::EngineError;
@@ -129,7 +129,7 @@ impl<'a> SectionSource<'a> {
         start: Start,
         stop: &dyn Fn() -> bool,
         observer: &mut Observer<'_>,
-    ) -> Result<(Outcome, Waits), TrainError> {
+    ) -> Result<Outcome, TrainError> {
         if !settings.symmetry.is_none() {
             return Err(RecipeError(ShapeError::Symmetry.to_string()).into());
         }
@@ -150,7 +150,7 @@ impl<'a> SectionSource<'a> {
         };
         let (low, unit) = source.steps();
         let mut order = Voxels::new(plan, &grid, settings.symmetry, start.cursor);
-        let (outcome, waits) = with_arrivals(online, [first, last], make, stop, |arrivals| {
+        with_arrivals(online, [first, last], make, stop, |arrivals| {
             let mut feed =
                 |at: Cursor, step: u64, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
                     let pool = arrivals.at(step)?;
@@ -162,8 +162,7 @@ impl<'a> SectionSource<'a> {
                     Ok(())
                 };
             train_by(plan, grid.len(), &mut feed, &mut corrected, start, observer)
-        });
-        Ok((outcome?, waits))
+        })
     }
 }
 

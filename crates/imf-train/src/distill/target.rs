@@ -9,7 +9,6 @@ use super::sections::SectionSource;
 use super::voxels::Voxels;
 use crate::engine::CpuTrainer;
 use crate::training::TrainingEngine;
-use crate::training::online::Waits;
 use crate::training::run::{Observer, Outcome, Report, Start, TrainError, train_by};
 use imf_core::control::Control;
 use imf_core::field::EngineError;
@@ -110,13 +109,10 @@ impl Target<'_> {
         start: Start,
         stop: &dyn Fn() -> bool,
         observer: &mut Observer<'_>,
-    ) -> Result<(Outcome, Waits), TrainError> {
+    ) -> Result<Outcome, TrainError> {
         settings.check()?;
         match self {
-            Self::Coefficients(field) => {
-                let outcome = train_to_coefficients(field, settings, engine, start, observer)?;
-                Ok((outcome, Waits::default()))
-            }
+            Self::Coefficients(field) => train_to_coefficients(field, settings, engine, start, observer),
             Self::Sections(source) => source.train(settings, engine, start, stop, observer),
         }
     }
@@ -173,7 +169,7 @@ pub fn distil<'a>(
     state: &mut FactoredState,
     control: Control<'_>,
     observer: &mut dyn FnMut(&Report),
-) -> Result<(Outcome, Waits), TrainError> {
+) -> Result<Outcome, TrainError> {
     let target = target.into();
     settings.check()?;
     let mut engine = target.engine(settings, state)?;
@@ -191,7 +187,7 @@ pub fn distil_on<'a>(
     engine: &mut dyn TrainingEngine,
     control: Control<'_>,
     observer: &mut dyn FnMut(&Report),
-) -> Result<(Outcome, Waits), TrainError> {
+) -> Result<Outcome, TrainError> {
     let target = target.into();
     let mut start = Start { cursor: state.cursor, watch: state.watch };
     let begun = start;
@@ -209,7 +205,7 @@ pub fn distil_on<'a>(
     let ended = match trained {
         // No step was taken.
         Err(TrainError::Section(SectionError::Cancelled)) if control.is_cancelled() => {
-            (Outcome::Stopped(begun.cursor), Waits::default())
+            Outcome::Stopped(begun.cursor)
         }
         ended => ended?,
     };

@@ -304,7 +304,7 @@ fn short_trainings_begin_with_a_closed_form_output_layer() {
         found
     };
     let long = first_loss(SOLVED_FIRST + 1, 20);
-    assert_eq!(first_loss(SOLVED_FIRST, 0), long, "nothing is solved for where none is asked");
+    assert_eq!(first_loss(SOLVED_FIRST, 0), long, "no layer is solved for where that is off");
     let short = first_loss(SOLVED_FIRST, 20);
     assert!(short < 0.1 * long, "{short}, not solved {long}");
 }
@@ -325,14 +325,13 @@ fn threads_and_interruptions_change_no_bit() {
                     let cancelled = AtomicBool::new(true);
                     let control = Control { cancelled: &cancelled, ..Control::quiet() };
                     for _ in 0..3 {
-                        let (outcome, _) =
-                            distil(&harmonic, &settings, &mut state, control, &mut |_| {}).unwrap();
+                        let outcome = distil(&harmonic, &settings, &mut state, control, &mut |_| {}).unwrap();
                         assert_eq!(outcome, Outcome::Stopped(state.cursor));
                     }
                     assert_eq!(state.cursor, Cursor { epoch: 0, step: 21 });
                 }
                 let quiet = Control::quiet();
-                let (outcome, _) = distil(&harmonic, &settings, &mut state, quiet, &mut |_| {}).unwrap();
+                let outcome = distil(&harmonic, &settings, &mut state, quiet, &mut |_| {}).unwrap();
                 assert_eq!(outcome, Outcome::Finished);
                 state
             })

@@ -171,7 +171,7 @@ fn windows_add_up_to_the_batch() {
     }
 }
 
-/// Gradients that Adam takes at once are elsewhere than those that are asked for.
+/// Gradients that Adam takes at once are elsewhere than those that the caller wants.
 #[test]
 fn a_step_is_the_gradient_and_its_update_to_the_bit() {
     let shape = shape(130, 3, Some(2));

@@ -19,6 +19,16 @@ pub(super) struct Arrays<'a> {
 }
 
 impl<'a> Arrays<'a> {
+    /// Runs `piece` for every piece, on all threads, with what it writes.
+    fn each(self, pieces: &[Piece], piece: &(impl Fn(&Piece, Arrays<'_>) + Sync)) {
+        if let [only] = pieces {
+            return piece(only, self);
+        }
+        let (first, second) = pieces.split_at(pieces.len() / 2);
+        let (head, tail) = self.split(second[0].range.start - first[0].range.start);
+        rayon::join(|| head.each(first, piece), || tail.each(second, piece));
+    }
+
     pub(super) fn split(self, middle: usize) -> (Self, Self) {
         let parameters = self.parameters.split_at_mut(middle);
         let first_moment = self.first_moment.split_at_mut(middle);
@@ -69,12 +79,7 @@ pub(super) struct Update<'a> {
 
 impl Update<'_> {
     pub(super) fn run(&self, pieces: &[Piece], arrays: Arrays<'_>) {
-        if let [piece] = pieces {
-            return self.piece(piece, arrays);
-        }
-        let (first, second) = pieces.split_at(pieces.len() / 2);
-        let (head, tail) = arrays.split(second[0].range.start - first[0].range.start);
-        rayon::join(|| self.run(first, head), || self.run(second, tail));
+        arrays.each(pieces, &|piece, arrays| self.piece(piece, arrays));
     }
 
     fn piece(&self, piece: &Piece, arrays: Arrays<'_>) {
@@ -149,12 +154,7 @@ pub(super) struct Step<'a> {
 
 impl Step<'_> {
     pub(super) fn run(&self, pieces: &[Piece], arrays: Arrays<'_>) {
-        if let [piece] = pieces {
-            return self.piece(piece, arrays);
-        }
-        let (first, second) = pieces.split_at(pieces.len() / 2);
-        let (head, tail) = arrays.split(second[0].range.start - first[0].range.start);
-        rayon::join(|| self.run(first, head), || self.run(second, tail));
+        arrays.each(pieces, &|piece, arrays| self.piece(piece, arrays));
     }
 
     fn piece(&self, piece: &Piece, arrays: Arrays<'_>) {

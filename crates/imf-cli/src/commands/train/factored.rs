@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::{Context as _, Result, bail};
 use imf_core::scene::Scene;
 use imf_core::section::{At, Quantity, SectionPlan};
-use imf_fields::evaluation::{Exact, validate};
+use imf_fields::evaluation::{Exact, grid_sections};
 use imf_fields::factored::DistillSettings;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::field::Field;
@@ -249,20 +249,20 @@ fn concluded(
     let random = file.field.basis.random_set(VALIDATED, plan.seed)?.orientations;
     let parameters = file.field.parameter_count();
     let (settings, source) = (file.settings, file.report);
-    let told = {
+    let validation = {
         let sections = SectionPlan::of_scene(&scene, At::Tip)?;
         let exact = Exact::new(&sections, quantity, None)?;
         let field = Field::new(FieldFile::Factored(Box::new(file)))?;
         let stage = session.stage("validating", "sections", random.len() as u64);
         let advance = |n| stage.advance(n);
-        let told = validate(&exact, &random, &field, session.control(&advance))?;
+        let sections = grid_sections(&exact, &random, &field, 0.0, session.control(&advance))?;
         stage.finish("");
-        told
+        sections.validation()
     };
     let bytes = std::fs::metadata(&path).with_context(|| format!("cannot read {}", path.display()))?.len();
     let json = json!({
         "field": path, "bytes": bytes, "parameters": parameters, "loss": loss, "settings": settings, "source": source,
-        "quantity": quantity, "validation": told, "verdict": worth.json(),
+        "quantity": quantity, "validation": validation, "verdict": worth.json(),
     });
     let source = if settings.online.is_some() { "exact sections" } else { "the harmonic field" };
     // None where a finished training was asked to go on.
@@ -272,7 +272,7 @@ fn concluded(
         "{}: {}, {loss}{}; ask it by: imf query {}\n{}",
         path.display(),
         show_bytes(bytes),
-        validation_text(&told, quantity),
+        validation_text(&validation, quantity),
         path.display(),
         worth.text()
     );

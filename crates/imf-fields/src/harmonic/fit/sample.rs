@@ -1,4 +1,4 @@
-//! Exact values at a sample of voxels: what decides on the axes, and what the errors are told by.
+//! Exact values at a sample of voxels: what decides on the axes, and what the errors are estimated from.
 
 use crate::parallel::*;
 use nalgebra::DMatrix;
@@ -48,7 +48,7 @@ impl Sample {
         places.sort_unstable();
         let mut held_out = basis.random_set(settings.held_out, settings.seed)?.orientations;
         let mut judged = gather(source, &held_out, &places, control)?;
-        // With these the sections are whole again, and have been told as that.
+        // With these the sections are whole again, and progress counts them as that.
         let images = planes.images(&held_out);
         judged.extend(gather(source, &images, &places, Control { progress: &|_| {}, ..control })?);
         held_out.extend(images);
@@ -132,9 +132,9 @@ impl Sample {
         let rows = predicted.chunks_exact(voxels).zip(self.judged.chunks_exact(voxels));
         let held = |value| self.quantity.held(value, self.pitch);
         let errors: Vec<_> = rows.map(|(p, e)| section_error(p.iter().map(|&p| held(p)), e)).collect();
-        let told = Validation::of(&errors);
+        let sampled = Validation::of(&errors);
         // Axes left out err beside, at right angles to what is kept.
-        let validation = Validation { mse: told.mse + dropped, ..told };
+        let validation = Validation { mse: sampled.mse + dropped, ..sampled };
         FitReport { functions, sections, dropped, validation }
     }
 }

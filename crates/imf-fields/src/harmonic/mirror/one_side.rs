@@ -165,13 +165,13 @@ impl<'a> OneSide<'a> {
     }
 
     /// Visits the values of all voxels of a slab of the side, and of their images, a chunk of orientations and a run of voxels at
-    /// a time: `hear(orientations, voxels, crossed, values)`, `values` being `[voxel][orientation]` of the images across what
+    /// a time: `on_values(orientations, voxels, crossed, values)`, `values` being `[voxel][orientation]` of the images across what
     /// is crossed, and voxels those of the slab.
     fn visit(
         &self,
         x: usize,
         scratch: &mut Scratch,
-        mut hear: impl FnMut(Range<usize>, Range<usize>, Parity, &[f32]),
+        mut on_values: impl FnMut(Range<usize>, Range<usize>, Parity, &[f32]),
     ) {
         let ([_, ny, nz], whole) = (self.planes.side(), self.planes.dims[2]);
         // Runs of voxels that lie side by side.
@@ -184,7 +184,12 @@ impl<'a> OneSide<'a> {
                 for chunk in self.weights.chunks() {
                     self.values(&voxels, &chunk, scratch);
                     for crossed in self.planes.choices() {
-                        hear(chunk.clone(), voxels.clone(), crossed, &scratch.values[usize::from(crossed)]);
+                        on_values(
+                            chunk.clone(),
+                            voxels.clone(),
+                            crossed,
+                            &scratch.values[usize::from(crossed)],
+                        );
                     }
                 }
             }

@@ -145,11 +145,11 @@ fn the_report_tells_of_both_sides() {
     };
     let one_side = mean((0..squares.len()).filter(is_fitted).map(|place| squares[place]).collect());
     let all = mean(squares);
-    // The sample's own orientations, which an estimate is told by.
-    let told = estimate(&plan, Domain::Directions, &settings, Control::quiet()).unwrap().validation.mse;
+    // The sample's own orientations, which an estimate is made of.
+    let estimated = estimate(&plan, Domain::Directions, &settings, Control::quiet()).unwrap().validation.mse;
     // The plane across x counts twice.
-    assert!((0.9..1.1).contains(&(told / all)), "{told} {all} {one_side}");
-    assert!(!(0.9..1.1).contains(&(told / one_side)), "{told} {all} {one_side}");
+    assert!((0.9..1.1).contains(&(estimated / all)), "{estimated} {all} {one_side}");
+    assert!(!(0.9..1.1).contains(&(estimated / one_side)), "{estimated} {all} {one_side}");
 }
 
 /// Coefficients of all functions at every voxel.

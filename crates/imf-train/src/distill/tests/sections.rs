@@ -103,9 +103,8 @@ fn sections_alone_serve_as_a_harmonic_field_would() {
         let shape = settings.shape(harmonic.axis_count());
         let untrained = error_of(&harmonic.field(shape, state.training.parameters.clone()).unwrap(), &plan);
         let quiet = Control::quiet();
-        let (outcome, waits) = distil(&harmonic, &settings, &mut state, quiet, &mut |_| {}).unwrap();
+        let outcome = distil(&harmonic, &settings, &mut state, quiet, &mut |_| {}).unwrap();
         assert!(matches!(outcome, Outcome::Finished));
-        assert_eq!(waits.sections, 400 - 1 + 40);
         let trained = error_of(&harmonic.field(shape, state.training.parameters).unwrap(), &plan);
         assert!(trained < left * untrained, "{domain:?}: {trained:.2e} of {untrained:.2e}");
     }
@@ -125,7 +124,7 @@ fn a_stop_and_the_number_of_threads_change_no_bit() {
                 let cancelled = AtomicBool::new(false);
                 let control = Control { cancelled: &cancelled, ..Control::quiet() };
                 let observe = &mut |_: &Report| cancelled.store(true, Ordering::Relaxed);
-                let (outcome, _) = distil(&harmonic, &settings, &mut state, control, observe).unwrap();
+                let outcome = distil(&harmonic, &settings, &mut state, control, observe).unwrap();
                 assert!(matches!(outcome, Outcome::Stopped(at) if at != Cursor::default()));
             }
             distil(&harmonic, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
@@ -144,7 +143,7 @@ fn a_pool_that_fills_is_given_up_and_training_goes_on_to_the_same_bits() {
     let harmonic = SectionSource::new(&plan, Domain::Directions, &FIT, Control::quiet()).unwrap();
     let settings = DistillSettings { online: Some(ONLINE), ..settings(40) };
     let trained = |state: &mut FactoredState, control: Control<'_>| {
-        distil(&harmonic, &settings, state, control, &mut |_| {}).unwrap().0
+        distil(&harmonic, &settings, state, control, &mut |_| {}).unwrap()
     };
     let begun = settings.start(harmonic.axis_count());
     let mut whole = begun.clone();

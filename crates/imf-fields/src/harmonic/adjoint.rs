@@ -8,7 +8,7 @@ use crate::siren::lanes::{load, store};
 ///
 /// # Panics
 /// If a length does not fit.
-pub(crate) fn both_ways(
+pub(crate) fn product_and_adjoint(
     arch: Arch,
     u: &[f32],
     z: &[f32],
@@ -18,10 +18,10 @@ pub(crate) fn both_ways(
 ) {
     assert_eq!(u.len(), functions.len() * z.len(), "a row for each function, a column for each axis");
     assert_eq!((weights.len(), along.len()), (functions.len(), z.len()), "one result each");
-    arch.dispatch(BothWays { u, z, functions, weights, along });
+    arch.dispatch(ProductAndAdjoint { u, z, functions, weights, along });
 }
 
-struct BothWays<'a> {
+struct ProductAndAdjoint<'a> {
     u: &'a [f32],
     z: &'a [f32],
     functions: &'a [f32],
@@ -32,7 +32,7 @@ struct BothWays<'a> {
 /// Rows taken together, so that their sums hide each other's latency.
 const ROWS: usize = 4;
 
-impl BothWays<'_> {
+impl ProductAndAdjoint<'_> {
     /// Some registers of columns, from column `first` on: their z and the sums of their `along` stay in registers. `WHOLE`
     /// ones are all within the columns: only loops without a way out for ends are unrolled, and take half the time.
     #[inline(always)]
@@ -99,7 +99,7 @@ fn registers<S: Simd, const N: usize, const WHOLE: bool>(simd: S, line: &[f32]) 
     }
 }
 
-impl WithSimd for BothWays<'_> {
+impl WithSimd for ProductAndAdjoint<'_> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
@@ -131,7 +131,7 @@ mod tests {
             let (u, z, b) = (filled(functions * axes, 1), filled(axes, 2), filled(functions, 3));
             for arch in archs() {
                 let (mut weights, mut along) = (vec![f32::NAN; functions], vec![f32::NAN; axes]);
-                both_ways(arch, &u, &z, &b, &mut weights, &mut along);
+                product_and_adjoint(arch, &u, &z, &b, &mut weights, &mut along);
                 // Small whole numbers: exact in any order.
                 for (weight, row) in weights.iter().zip(u.chunks_exact(axes)) {
                     assert_eq!(*weight, row.iter().zip(&z).map(|(u, z)| u * z).sum::<f32>());
