@@ -46,6 +46,7 @@ fn main() -> ExitCode {
 
 fn run(cli: &Cli, rank: Rank) -> anyhow::Result<()> {
     let session = Session::new(&cli.global, rank)?;
+    let _keeping = imf_cli::interrupt::keep();
     match &cli.command {
         Command::Access(arguments) => access::run(&session, arguments),
         Command::Exact(arguments) => exact::run(&session, arguments),

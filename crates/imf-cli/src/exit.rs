@@ -97,9 +97,6 @@ fn remedy(cause: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
             return Some("--pitch, --conservative");
         }
         Some(SceneError::Coarse(_)) => return Some("--pitch, or --allow-coarse"),
-        Some(SceneError::Proportion { .. }) => {
-            return Some("--unit or --scale for the part, unit = \"…\" in the tool's file");
-        }
         Some(SceneError::NoTool(_)) => return Some(TOOL_FILE),
         _ => {}
     }

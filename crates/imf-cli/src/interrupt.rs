@@ -1,8 +1,9 @@
-//! Ctrl-C: the first asks long work to stop at the next safe place, the second ends the program at once. While input is still
-//! read and prepared there is nothing to keep, and the first one ends the program.
+//! Ctrl-C ends the program at once. Work that keeps what is finished ([`keep`]) is asked to stop at the next safe place instead, and
+//! only the second Ctrl-C ends it.
 
-use std::sync::OnceLock;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::borrow::Cow;
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
@@ -15,8 +16,11 @@ const SAME_WISH: Duration = Duration::from_millis(500);
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
-/// Set once there is work that looks at [`INTERRUPTED`] itself.
-static AT_WORK: AtomicBool = AtomicBool::new(false);
+/// How many are at work that look at [`INTERRUPTED`] themselves.
+static KEEPING: AtomicUsize = AtomicUsize::new(0);
+
+/// What is said where the program ends at once.
+static LAST_WORDS: Mutex<Cow<'static, str>> = Mutex::new(Cow::Borrowed(NOTHING_FINISHED));
 
 /// By this variable tests interrupt a training after so many of its reports, however fast the machine is. Release builds do not
 /// read it.
@@ -31,13 +35,14 @@ pub struct Interrupted(pub String);
 pub(crate) fn listen(aloud: bool) -> Result<()> {
     let mut first: Option<Instant> = None;
     ctrlc::set_handler(move || {
-        INTERRUPTED.store(true, Ordering::Relaxed);
-        if !AT_WORK.load(Ordering::Relaxed) {
+        if KEEPING.load(Ordering::Relaxed) == 0 {
             if aloud {
-                tell(format_args!("\nimf: interrupted: {NOTHING_FINISHED}"));
+                let words = LAST_WORDS.lock().unwrap_or_else(PoisonError::into_inner);
+                tell(format_args!("\nimf: interrupted: {words}"));
             }
             std::process::exit(i32::from(crate::exit::INTERRUPTED));
         }
+        INTERRUPTED.store(true, Ordering::Relaxed);
         match first {
             // Wrappers send the signal to the program and to its group: one wish, not two.
             Some(time) if time.elapsed() < SAME_WISH => {}
@@ -58,9 +63,26 @@ pub(crate) fn listen(aloud: bool) -> Result<()> {
 /// What is said where nothing is kept.
 pub(crate) const NOTHING_FINISHED: &str = "nothing was finished; run the same command again to start over";
 
-/// From here on the work itself looks whether the user wants to stop, and keeps what is finished.
-pub(crate) fn work_begins() {
-    AT_WORK.store(true, Ordering::Relaxed);
+/// While this lives the work itself looks whether the user wants to stop, and keeps what is finished.
+#[must_use = "Ctrl-C ends the program at once as soon as this is dropped"]
+pub struct Keeping(());
+
+/// From here on the work itself looks whether the user wants to stop.
+pub fn keep() -> Keeping {
+    KEEPING.fetch_add(1, Ordering::Relaxed);
+    Keeping(())
+}
+
+impl Drop for Keeping {
+    fn drop(&mut self) {
+        KEEPING.fetch_sub(1, Ordering::Relaxed);
+        leave(Cow::Borrowed("what was finished is kept; run the same command again"));
+    }
+}
+
+/// What is said from here on where the program ends at once.
+pub(crate) fn leave(words: Cow<'static, str>) {
+    *LAST_WORDS.lock().unwrap_or_else(PoisonError::into_inner) = words;
 }
 
 /// Set once the user wants to stop.

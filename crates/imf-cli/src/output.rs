@@ -250,9 +250,11 @@ pub fn prepare_folder(path: &Path) -> Result<()> {
     OutputFolder::check(path)?.create()
 }
 
-/// A number with at most four decimals and without idle zeros.
+/// A number with four decimals, or four digits where it is small (down to a tenth of a micrometre in metres), and without idle zeros: a
+/// length in any unit.
 pub fn short(value: f64) -> String {
-    let text = format!("{value:.4}");
+    let digits = 3.0 - value.abs().log10().floor();
+    let text = format!("{value:.*}", digits.clamp(4.0, 7.0) as usize);
     let text = text.trim_end_matches('0').trim_end_matches('.');
     if text == "-0" { "0".into() } else { text.into() }
 }
@@ -362,8 +364,8 @@ mod tests {
 
     #[test]
     fn numbers_are_short() {
-        let shown = [0.0, -1e-15, 58.0, 100.0, 0.12345, -2.5].map(short);
-        assert_eq!(shown, ["0", "0", "58", "100", "0.1235", "-2.5"]);
+        let shown = [0.0, -1e-15, 58.0, 100.0, 0.12345, -2.5, 0.000_351_26, 3.94e-5].map(short);
+        assert_eq!(shown, ["0", "0", "58", "100", "0.1235", "-2.5", "0.0003513", "0.0000394"]);
         assert_eq!((same_digits(0.1), same_digits(1.0), same_digits(3e-9)), (0.1, 1.0, 3e-9));
     }
 

@@ -143,13 +143,12 @@ impl Session {
         }
     }
 
-    /// A progress line with a rate and the time left, for `total` units. From here on Ctrl-C is answered by the work itself.
+    /// A progress line with a rate and the time left, for `total` units.
     pub fn stage(&self, name: &str, unit: &'static str, total: u64) -> Stage {
-        interrupt::work_begins();
         Stage::new(name, unit, total, self.quiet)
     }
 
-    /// As [`Self::stage`], of work that is mostly over at once, and then nothing is said of it; Ctrl-C ends it at any place.
+    /// As [`Self::stage`], of work that is mostly over at once, and then nothing is said of it.
     pub(crate) fn brief_stage(&self, name: &str, unit: &'static str, total: u64) -> Stage {
         Stage::brief(name, unit, total, self.quiet)
     }

@@ -72,6 +72,13 @@ impl Mesh {
         }
     }
 
+    /// Number of vertices that triangles use.
+    pub(crate) fn used_vertices(&self) -> usize {
+        let mut used = vec![false; self.vertices.len()];
+        self.triangles.iter().flatten().for_each(|&vertex| used[vertex as usize] = true);
+        used.into_iter().filter(|used| *used).count()
+    }
+
     /// Appends another mesh.
     pub fn append(&mut self, other: &Self) {
         let base = self.vertices.len() as u32;

@@ -1,5 +1,6 @@
 //! Which voxels are solid: one byte a voxel while computing, one bit a voxel on disk.
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::grid::Grid;
@@ -58,6 +59,34 @@ impl Occupancy {
         Some(moved)
     }
 
+    /// The same voxels on the smallest grid that holds the solid ones; on one empty voxel where none is.
+    pub(crate) fn cropped(&self) -> Self {
+        let (low, high) = self.extent().unwrap_or_default();
+        let origin = self.grid.origin + DVec3::from_array(low.map(|v| v as f64)) * self.grid.pitch;
+        let dims = [0, 1, 2].map(|axis| high[axis] - low[axis] + 1);
+        // The grids' voxels coincide.
+        self.on(&Grid { origin, dims, ..self.grid }).unwrap_or_else(|| self.clone())
+    }
+
+    /// Makes solid what is solid in another one, of a grid of the same voxels; what of it lies outside this grid is left out.
+    #[doc(hidden)]
+    pub fn add(&mut self, other: &Self) {
+        let Some(offset) = self.grid.offset_of(&other.grid) else { return };
+        let [_, ny, nz] = other.grid.dims;
+        let inside = |axis: usize, v: usize| {
+            let here = v as i64 + offset[axis];
+            (0..self.grid.dims[axis] as i64).contains(&here).then_some(here as usize)
+        };
+        for (row, line) in other.solid.chunks_exact(nz).enumerate() {
+            let (Some(x), Some(y)) = (inside(0, row / ny), inside(1, row % ny)) else { continue };
+            for (z, _) in line.iter().enumerate().filter(|(_, solid)| **solid != 0) {
+                if let Some(z) = inside(2, z) {
+                    self.solid[(x * self.grid.dims[1] + y) * self.grid.dims[2] + z] = 1;
+                }
+            }
+        }
+    }
+
     /// What is solid in either; `None` where the grids differ.
     #[must_use]
     pub fn union(&self, other: &Self) -> Option<Self> {
@@ -101,7 +130,6 @@ impl Occupancy {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DVec3;
 
     #[test]
     fn voxels_keep_their_places_on_another_grid() {
@@ -118,12 +146,18 @@ mod tests {
                 let expected = if inside { occupancy.solid[grid.index(old.map(|v| v as usize))] } else { 0 };
                 assert_eq!(moved.solid[index], expected, "{voxel:?}");
             }
+            let mut added = Occupancy::empty(other);
+            added.add(&occupancy);
+            assert_eq!(added, moved);
         }
         assert!(occupancy.on(&Grid { pitch: 0.4, ..grid }).is_none());
         let mut one = Occupancy::empty(grid);
         assert_eq!(one.extent(), None);
         one.solid[grid.index([1, 2, 3])] = 1;
         assert_eq!(one.extent(), Some(([1, 2, 3], [1, 2, 3])));
+        assert_eq!(one.cropped().solid, [1]);
+        assert_eq!(one.cropped().on(&grid), Some(one.clone()));
+        assert_eq!(Occupancy::empty(grid).cropped().solid, [0]);
         assert_eq!(
             occupancy.union(&one).unwrap().count(),
             occupancy.count() + usize::from(occupancy.solid[grid.index([1, 2, 3])] == 0)

@@ -36,7 +36,7 @@ use crate::mesh::Mesh;
 use crate::obstacle::Obstacle;
 use crate::occupancy::Occupancy;
 use crate::tool::{Assembly, Clearance, ClearanceError, Tool};
-use crate::unit::{ImplausibleProportion, ImplausibleSize, LengthUnit};
+use crate::unit::{ImplausibleSize, LengthUnit};
 
 /// How the grid around the part is chosen.
 #[doc(hidden)]
@@ -177,14 +177,14 @@ impl SceneRecord {
     }
 }
 
-/// Part and fixtures apart, on one grid that holds all of them that matters.
+/// Part and fixtures apart, on the voxels of one grid that holds all of them that matters.
 #[doc(hidden)]
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bodies {
-    /// Solid voxels of the part.
+    /// Solid voxels of the part, on the whole grid.
     pub part: Occupancy,
-    /// Solid voxels of the fixtures.
-    pub fixtures: Occupancy,
+    /// By name, none twice, the solid voxels of every fixture, in the order given, each on no more of the grid than it takes.
+    pub fixtures: Vec<(String, Occupancy)>,
     /// Share of the centres in or near the part at which its mesh does not say whether they are inside.
     pub undecided: f64,
 }
@@ -193,8 +193,18 @@ impl Bodies {
     /// The union.
     #[must_use]
     pub fn obstacle(&self) -> Occupancy {
-        let solid = self.part.solid.iter().zip(&self.fixtures.solid).map(|(a, b)| a | b).collect();
-        Occupancy { grid: self.part.grid, solid }
+        self.with_fixtures(self.part.clone())
+    }
+
+    /// All fixtures on the part's grid.
+    #[must_use]
+    pub fn all_fixtures(&self) -> Occupancy {
+        self.with_fixtures(Occupancy::empty(self.part.grid))
+    }
+
+    fn with_fixtures(&self, mut solid: Occupancy) -> Occupancy {
+        self.fixtures.iter().for_each(|(_, fixture)| solid.add(fixture));
+        solid
     }
 
     /// The part's voxels down to `depth` (in the grid's unit) below its surface; where part and fixture share a voxel it
@@ -202,8 +212,8 @@ impl Bodies {
     #[must_use]
     pub fn layer(&self, depth: f64) -> Occupancy {
         let mut layer = self.part.clone();
-        let deep = deeper_than(&self.part, depth);
-        for ((own, deep), held) in layer.solid.iter_mut().zip(&deep.solid).zip(&self.fixtures.solid) {
+        let (deep, held) = (deeper_than(&self.part, depth), self.all_fixtures());
+        for ((own, deep), held) in layer.solid.iter_mut().zip(&deep.solid).zip(&held.solid) {
             *own &= (1 - deep) & (1 - held);
         }
         layer
@@ -228,14 +238,6 @@ pub enum SceneError {
         /// Its size, and what it would be in other units.
         size: ImplausibleSize,
     },
-    /// A part that is far too small for the tool.
-    #[error("{part}: {proportion}")]
-    Proportion {
-        /// The part.
-        part: String,
-        /// Both sizes, and what the part's would be in other units.
-        proportion: ImplausibleProportion,
-    },
     /// A part without a tool.
     #[error(
         "there is no tool for the part '{0}': describe the one that you have, from its tip to its holder; the paper's tool is \
@@ -247,9 +249,9 @@ pub enum SceneError {
     Coarse(CoarseTool),
     /// A mesh that does not say what is inside.
     #[error(
-        "{name}: solid and empty cannot be told apart: at {:.0} % of the voxel centres in or near it (more than {:.0} %) the \
-         winding number lies between 0.2 and 0.8, for its surface has gaps or faces in no consistent way; join its vertices, \
-         close its holes and make its normals consistent (in MeshLab or Blender), or export it again as one closed solid",
+        "{name}: solid and empty cannot be told apart: its surface has holes, or faces in no consistent way, and at {:.0} % of the voxel \
+         centres in it or near it (more than {:.0} %) its winding number lies between 0.2 and 0.8; if it is a sheet, give it its \
+         thickness; else close its holes and make its normals consistent (in MeshLab or Blender), or export it again as one closed solid",
         100.0 * share, 100.0 * most
     )]
     Undecided {

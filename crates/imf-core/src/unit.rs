@@ -87,6 +87,9 @@ pub struct ImplausibleSize {
 impl fmt::Display for ImplausibleSize {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { extents, unit } = *self;
+        if extents == DVec3::ZERO {
+            return write!(f, "all corners of the part lie in one point; export it again");
+        }
         let [x, y, z] = extents.to_array().map(Length);
         write!(f, "the part measures {x} × {y} × {z} {unit}, which is outside the range of 0.1 mm to 20 m;")?;
         let others = LengthUnit::ALL.into_iter().filter(|&other| other != unit);
@@ -99,8 +102,9 @@ impl fmt::Display for ImplausibleSize {
     }
 }
 
-/// A length to four significant digits, without needless zeros.
-pub(crate) struct Length(pub f64);
+/// A length, an area or a volume for people: to four significant digits, without needless zeros.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Length(pub f64);
 
 impl fmt::Display for Length {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -124,10 +128,8 @@ pub fn unit_check(extents: DVec3, unit: LengthUnit) -> Option<ImplausibleSize> {
     (!sane).then_some(ImplausibleSize { extents, unit })
 }
 
-/// A part shorter than the tool is thick, or longer than this many times that, is asked about; one this much shorter is refused.
-/// A factor of 5 lies beyond every job (the tool's shank would hide the part) and within every wrong unit (10, 25.4, 1000); a cutter
-/// of a thousandth of the part would need a path of years.
-const LEAST_PROPORTION: f64 = 0.2;
+/// A part shorter than the tool is thick, or longer than this many times that, is told: a cutter of a thousandth of the part would
+/// need a path of years.
 const MOST_PROPORTION: f64 = 1000.0;
 
 /// A part and a tool whose sizes make no sense together. Its text says what the part would measure in other units.
@@ -141,29 +143,21 @@ pub struct ImplausibleProportion {
     pub unit: LengthUnit,
 }
 
-impl ImplausibleProportion {
-    /// True where no job is like that.
-    #[must_use]
-    pub fn is_absurd(&self) -> bool {
-        self.longest < LEAST_PROPORTION * self.thickness
-    }
-}
-
 impl fmt::Display for ImplausibleProportion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { longest, thickness, unit } = *self;
         let (long, thick) = (Length(longest), Length(thickness));
         write!(
             f,
-            "the part's longest side is {long} {unit}, and the tool is at least {thick} {unit} thick: which unit is each in?"
+            "the part's longest side is {long} {unit}, and the tool is at least {thick} {unit} thick;"
         )?;
         let others = LengthUnit::ALL.into_iter().filter(|&other| other != unit);
         for (i, other) in others.enumerate() {
-            let lead = if i == 0 { " Were the part in " } else { ", in " };
+            let lead = if i == 0 { " were the part in " } else { ", in " };
             let (long, in_unit) = (Length(longest * other.in_mm() / unit.in_mm()), unit);
             write!(f, "{lead}{other} its side would be {long} {in_unit}")?;
         }
-        write!(f, "; state the units of part and tool, or scale the part")
+        Ok(())
     }
 }
 
@@ -198,17 +192,15 @@ mod tests {
         assert!(unit_check(DVec3::splat(21.0), LengthUnit::M).is_some());
         assert!(unit_check(DVec3::splat(19.0), LengthUnit::M).is_none());
         assert!(unit_check(DVec3::splat(f64::NAN), LengthUnit::Mm).is_some());
-        assert!(unit_check(DVec3::ZERO, LengthUnit::Mm).is_some());
+        assert!(unit_check(DVec3::ZERO, LengthUnit::Mm).unwrap().to_string().contains("one point"));
     }
 
     #[test]
-    fn a_part_smaller_than_the_tool_is_thick_is_asked_about_and_a_speck_refused() {
+    fn a_part_smaller_than_the_tool_is_thick_is_told() {
         let check = |longest| proportion_check(longest, 10.0, LengthUnit::Mm);
         assert!(check(10.0).is_none() && check(10_000.0).is_none());
-        assert!(!check(9.9).unwrap().is_absurd() && !check(10_001.0).unwrap().is_absurd());
-        let speck = check(1.0).unwrap();
-        assert!(speck.is_absurd());
-        let text = speck.to_string();
+        assert!(check(9.9).is_some() && check(10_001.0).is_some());
+        let text = check(1.0).unwrap().to_string();
         assert!(
             text.contains("1 mm")
                 && text.contains("10 mm thick")

@@ -164,11 +164,13 @@ impl PlaneIndex {
 }
 
 #[cfg(test)]
+mod soup;
+#[cfg(test)]
 mod tests {
     use super::*;
 
     /// A subdivided octahedron of radius `radius` around `centre`: closed, facing outwards.
-    fn sphere(centre: DVec3, radius: f64, levels: usize) -> Mesh {
+    pub(super) fn sphere(centre: DVec3, radius: f64, levels: usize) -> Mesh {
         let mut faces = Vec::new();
         for octant in 0..8 {
             let sign = |bit: i32| if octant >> bit & 1 == 0 { 1.0 } else { -1.0 };

@@ -9,7 +9,7 @@ use imf_core::mesh::read::{MeshFile, read_mesh_file};
 use imf_core::mesh::{FaceRepair, Mesh};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::Fixture;
-use imf_core::unit::LengthUnit;
+use imf_core::unit::{LengthUnit, UnknownUnit};
 
 use super::transform::parse_transform;
 
@@ -19,8 +19,8 @@ pub(crate) struct Part {
     pub(crate) mesh: Mesh,
     pub(crate) unit: LengthUnit,
     pub(crate) reference: Option<ReferencePart>,
-    /// True where the unit is neither given nor assumed, but the file's own.
-    pub(crate) unit_is_its_own: bool,
+    /// True where the unit is given, or the file's own; false where it is assumed.
+    pub(crate) unit_is_known: bool,
     /// The file's own unit, where another one was given.
     pub(crate) overruled: Option<LengthUnit>,
     /// What was done to make its triangles face consistently.
@@ -40,7 +40,7 @@ impl Part {
                 mesh: reference.mesh(),
                 unit: LengthUnit::Mm,
                 reference: Some(reference),
-                unit_is_its_own: true,
+                unit_is_known: true,
                 overruled: None,
                 repair: FaceRepair::default(),
             });
@@ -57,7 +57,7 @@ impl Part {
             mesh,
             unit: given.or(stated).or(assumed).unwrap_or_default(),
             reference: None,
-            unit_is_its_own: given.is_none() && stated.is_some(),
+            unit_is_known: given.or(stated).is_some(),
             overruled: stated.filter(|stated| given.is_some_and(|given| given != *stated)),
             repair,
         })
@@ -71,9 +71,9 @@ impl Part {
         self
     }
 
-    /// What stands around a part in `unit`: scaled where its own unit is known to be another.
+    /// What stands around a part in `unit`: scaled where its unit is known to be another.
     pub(crate) fn around_part_in(mut self, unit: LengthUnit) -> Self {
-        if self.unit_is_its_own && self.unit != unit {
+        if self.unit_is_known && self.unit != unit {
             let factor = self.unit.in_mm() / unit.in_mm();
             self = self.scaled(factor);
             self.unit = unit;
@@ -85,13 +85,23 @@ impl Part {
 /// What was typed of a fixture: `FILE` or `FILE@STEPS`.
 #[derive(Clone, Debug)]
 pub struct FixtureArgument {
-    file: String,
+    pub(super) file: String,
+    /// The file's, where a step names it.
+    unit: Option<LengthUnit>,
     transform: DMat4,
 }
 
+/// The steps are those of a set-up, and `unit:UNIT` of the file.
 pub(super) fn parse_fixture(text: &str) -> Result<FixtureArgument, String> {
     let (file, steps) = text.split_once('@').unwrap_or((text, ""));
-    Ok(FixtureArgument { file: file.to_owned(), transform: parse_transform(steps)? })
+    let (mut unit, mut others) = (None, Vec::new());
+    for step in steps.split(';') {
+        match step.trim().strip_prefix("unit:") {
+            Some(name) => unit = Some(name.parse().map_err(|error: UnknownUnit| error.to_string())?),
+            None => others.push(step),
+        }
+    }
+    Ok(FixtureArgument { file: file.to_owned(), unit, transform: parse_transform(&others.join(";"))? })
 }
 
 /// A fixture as read.
@@ -100,19 +110,20 @@ pub(crate) struct FixtureMesh {
     pub(crate) mesh: Mesh,
     pub(crate) transform: DMat4,
     pub(crate) repair: FaceRepair,
+    /// False where it is taken to be in the part's unit.
+    pub(crate) unit_is_known: bool,
 }
 
 impl FixtureMesh {
-    /// Lengths are in the part's unit, `part_unit`, unless the file states its own and no `unit` is given.
+    /// Lengths are in the part's unit, `part_unit`, unless a step or the file says otherwise.
     pub(crate) fn read(
-        FixtureArgument { file, transform }: &FixtureArgument,
-        unit: Option<LengthUnit>,
+        FixtureArgument { file, unit, transform }: &FixtureArgument,
         part_unit: LengthUnit,
     ) -> Result<Self> {
-        let part = Part::read(file, unit, Some(part_unit))
+        let Part { name, mesh, repair, unit_is_known, .. } = Part::read(file, *unit, Some(part_unit))
             .with_context(|| format!("the fixture {file} cannot be used"))?
             .around_part_in(part_unit);
-        Ok(Self { name: part.name, mesh: part.mesh, transform: *transform, repair: part.repair })
+        Ok(Self { name, mesh, transform: *transform, repair, unit_is_known })
     }
 
     /// As the scene takes it.
@@ -135,7 +146,6 @@ impl Stock {
         text: &str,
         part_box: (DVec3, DVec3),
         transform: &DMat4,
-        unit: Option<LengthUnit>,
         part_unit: LengthUnit,
     ) -> Result<Self> {
         let margin = match text.split_once(':') {
@@ -151,7 +161,7 @@ impl Stock {
             let mesh = box_mesh(part_box.0 - margin, part_box.1 + margin);
             return Ok(Self { name: format!("the part's box and {margin} around"), mesh });
         }
-        let file = Part::read(text, unit, Some(part_unit))
+        let file = Part::read(text, None, Some(part_unit))
             .with_context(|| format!("the stock {text} cannot be used"))?;
         let file = file.around_part_in(part_unit);
         Ok(Self { name: file.name, mesh: file.mesh.transformed(transform) })
@@ -179,16 +189,16 @@ mod tests {
     #[test]
     fn a_box_of_stock_stands_around_the_part() {
         let part = (DVec3::ZERO, DVec3::new(1.0, 2.0, 3.0));
-        let stock = Stock::read("box:0.5", part, &DMat4::IDENTITY, None, LengthUnit::Mm).unwrap();
+        let stock = Stock::read("box:0.5", part, &DMat4::IDENTITY, LengthUnit::Mm).unwrap();
         assert!((stock.mesh.signed_volume() - 2.0 * 3.0 * 4.0).abs() < 1e-9);
         for text in ["box:-1", "box:x", "no such file.obj"] {
-            assert!(Stock::read(text, part, &DMat4::IDENTITY, None, LengthUnit::Mm).is_err(), "{text}");
+            assert!(Stock::read(text, part, &DMat4::IDENTITY, LengthUnit::Mm).is_err(), "{text}");
         }
     }
 
     #[test]
     fn a_fixture_has_its_own_set_up() {
-        let read = |text: &str| FixtureMesh::read(&parse_fixture(text).unwrap(), None, LengthUnit::Mm);
+        let read = |text: &str| FixtureMesh::read(&parse_fixture(text).unwrap(), LengthUnit::Mm);
         let fixture = read("bracket@translate:0,0,5").unwrap();
         assert_eq!(fixture.transform.transform_point3(DVec3::ZERO), DVec3::new(0.0, 0.0, 5.0));
         assert!(parse_fixture("bracket@scale:2").is_err());
@@ -199,8 +209,15 @@ mod tests {
             "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
         std::fs::write(&file, format!("solid block\n{facet}endsolid block\n")).unwrap();
         let text = parse_fixture(&file.display().to_string()).unwrap();
-        let block = FixtureMesh::read(&text, None, LengthUnit::Inch).unwrap();
+        let block = FixtureMesh::read(&text, LengthUnit::Inch).unwrap();
         assert_eq!(block.mesh.bounds(), Some((DVec3::ZERO, DVec3::new(1.0, 1.0, 0.0))));
+        assert!(!block.unit_is_known);
+        // Unless its unit is named, among its steps.
+        let named = parse_fixture(&format!("{}@unit:inch; translate:0,0,1", file.display())).unwrap();
+        let block = FixtureMesh::read(&named, LengthUnit::Mm).unwrap();
+        assert_eq!(block.mesh.bounds(), Some((DVec3::ZERO, DVec3::new(25.4, 25.4, 0.0))));
+        assert!(block.unit_is_known && block.transform == DMat4::from_translation(DVec3::Z));
+        assert!(parse_fixture("block.stl@unit:furlong").unwrap_err().contains("furlong"));
         assert!(Part::read(&file.display().to_string(), None, None).is_err());
         let refusal = format!("{:#}", read("nowhere.stl").err().unwrap());
         assert!(refusal.contains("nowhere.stl"), "{refusal}");

@@ -7,6 +7,8 @@ use imf_core::mesh::MachiningDirection;
 use imf_core::orientation::OrientationSet;
 use imf_core::tool::Tool;
 
+use crate::output::show_measure;
+
 /// What the part suggests that a table for people lists; JSON has it all.
 const LISTED: usize = 12;
 
@@ -55,7 +57,7 @@ pub(crate) fn suggested_lines(suggested: &[MachiningDirection], unit: &str) -> S
     for MachiningDirection { direction, flat_area, cylinders } in suggested.iter().take(LISTED) {
         // No minus sign before zero.
         let [i, j, k] = direction.to_array().map(|c| if c.abs() < 5e-4 { 0.0 } else { c });
-        let face = (*flat_area > 0.0).then(|| format!("flat faces, {flat_area:.1} {unit}²"));
+        let face = (*flat_area > 0.0).then(|| format!("flat faces, {} {unit}²", show_measure(*flat_area)));
         let axis = match cylinders {
             0 => None,
             1 => Some("axis of a cylinder".to_owned()),

@@ -5,15 +5,23 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use glam::DMat4;
 use imf_core::grid::Grid;
+use imf_core::mesh::Mesh;
 use imf_core::mesh::topology::MeshReport;
 use imf_core::scene::{ChosenPitch, Fixture, Resolution, SceneError, SceneSpec, SceneWarning};
 use imf_core::section::SectionPlan;
 use imf_core::tool::Tool;
-use imf_core::unit::unit_check;
+use imf_core::unit::{ImplausibleProportion, Length, unit_check};
 
 use super::fixture::{FixtureMesh, Part};
 use super::scene::{SceneArguments, warn_of};
 use crate::session::Session;
+
+/// What a part's longest side is to the thickness of its thinnest tool, and to a fixture's longest side, where nothing need be asked.
+/// A part in inches or metres that is taken for one in millimetres is mostly shorter than two cutters are thick; a cutter of a
+/// thousandth of the part would need a path of years; and a vise is some ten times as long as a small part.
+const LEAST_TO_TOOL: f64 = 2.0;
+const MOST_TO_TOOL: f64 = 1000.0;
+const MOST_TO_FIXTURE: f64 = 50.0;
 
 /// Part, fixtures, tools and set-up as read and checked, before anything is voxelised.
 pub(crate) struct Reading {
@@ -50,7 +58,7 @@ impl SceneArguments {
         for warning in tools.iter().filter_map(SceneWarning::of_tool) {
             session.note(&warning.to_string());
         }
-        let fixtures = self.fixture.iter().map(|fixture| FixtureMesh::read(fixture, self.unit, part.unit));
+        let fixtures = self.fixture.iter().map(|fixture| FixtureMesh::read(fixture, part.unit));
         let fixtures: Vec<FixtureMesh> = fixtures.collect::<Result<_>>()?;
         let report = MeshReport::new(&part.mesh);
         if let Some(implausible) = unit_check(report.extents, part.unit) {
@@ -63,11 +71,40 @@ impl SceneArguments {
         for FixtureMesh { name, mesh, repair, .. } in &fixtures {
             warn_of(session, &SceneWarning::of_repair(name, repair, mesh.triangles.len()));
         }
-        if part.reference.is_none() {
-            warn_of(session, &SceneWarning::of_mesh(&part.name, &report));
-        }
+        self.require_units(&part, &tools, &fixtures)?;
         let transform = self.transform.unwrap_or(DMat4::IDENTITY);
         Ok(Reading { part, report, tools, transform, fixtures })
+    }
+
+    /// Refuses sizes that hardly belong together where a unit was assumed, which is the likely reason; not where it is known.
+    fn require_units(&self, part: &Part, tools: &[Tool], fixtures: &[FixtureMesh]) -> Result<()> {
+        let longest = |mesh: &Mesh| mesh.bounds().map_or(0.0, |(lower, upper)| (upper - lower).max_element());
+        let (name, unit, part_long) = (&part.name, part.unit, longest(&part.mesh));
+        let thickness = tools.iter().map(|tool| tool.in_unit(unit).thinnest().1).reduce(f64::min);
+        if let Some(thickness) = thickness.filter(|_| !part.unit_is_known) {
+            let proportion = ImplausibleProportion { longest: part_long, thickness, unit };
+            if !(LEAST_TO_TOOL..=MOST_TO_TOOL).contains(&(part_long / thickness)) {
+                bail!(
+                    "{name} does not say its unit, and was taken to be in {unit}: {proportion}; name its unit by --unit"
+                );
+            }
+        }
+        for (given, fixture) in
+            self.fixture.iter().zip(fixtures).filter(|(_, fixture)| !fixture.unit_is_known)
+        {
+            let long = longest(&fixture.mesh.transformed(&fixture.transform));
+            if !(1.0 / MOST_TO_FIXTURE..=MOST_TO_FIXTURE).contains(&(long / part_long)) {
+                bail!(
+                    "the fixture {} does not say its unit, and was taken to be in {unit} as the part is: its longest side would be {} \
+                     {unit} long, and that of the part {} {unit}; name its unit, as in --fixture {}@unit:inch",
+                    fixture.name,
+                    Length(long),
+                    Length(part_long),
+                    given.file
+                );
+            }
+        }
+        Ok(())
     }
 
     /// What a scene of one tool is made from; a pitch that is chosen follows from all of them, and is said.

@@ -13,7 +13,9 @@ use imf_core::unit::LengthUnit;
 
 use super::clearance::{ClearanceArguments, ContactArguments, clearance_text};
 use super::fixture::{FixtureArgument, parse_fixture};
+use super::reading::Reading;
 use super::transform::parse_transform;
+use crate::output::short;
 use crate::session::{Session, show_bytes};
 
 /// Heading of these options.
@@ -54,7 +56,8 @@ pub struct SceneArguments {
     /// ball-end mill, which built-in parts have by default; imf access takes several
     #[arg(help_heading = HEADING, long, value_name = "TOOL")]
     pub tool: Vec<String>,
-    /// What holds the part: an OBJ, STL, PLY or 3MF file in the part's unit (3MF: in its own), with its set-up after an @; may be repeated
+    /// What holds the part: an OBJ, STL, PLY or 3MF file in the part's unit (3MF: in its own), with its set-up after an @, which may
+    /// name another unit (vise.stl@unit:inch); may be repeated
     #[arg(help_heading = HEADING, long, value_name = "FILE[@STEPS]", value_parser = parse_fixture)]
     pub fixture: Vec<FixtureArgument>,
     /// What the grid is chosen around: the part (and the margin), or part and fixtures
@@ -121,15 +124,16 @@ impl SceneArguments {
         })
     }
 
-    /// As [`Self::scene_with`] for sections alone: fixtures may stick out of the scene's grid, and the bodies are all that
+    /// As [`Self::scene_with`] of what was read, for sections alone: fixtures may stick out of the scene's grid, and the bodies are all that
     /// the tool can meet from its voxels. `elements` keeps room for sections of every element too.
     pub(crate) fn scene_among(
         &self,
         session: &Session,
+        reading: &Reading,
         contact: &ContactArguments,
         elements: bool,
     ) -> Result<(Scene, Bodies)> {
-        self.with_spec(session, true, |spec, _| {
+        self.of_reading(session, reading, |spec, _| {
             let grid = spec.grid()?;
             let (tool, depth) = self.offset_tool(spec, contact)?;
             let reach = tool.reach_from_sharp_points(grid.pitch);
@@ -149,7 +153,7 @@ impl SceneArguments {
     pub(crate) fn voxels(&self, session: &Session) -> Result<(Bodies, MeshReport, LengthUnit, String)> {
         self.with_spec(session, false, |spec, report| {
             let grid = spec.grid()?;
-            require_memory_for_voxels(session, &grid, 0)?;
+            require_memory_for_voxels(session, spec, &grid, 0)?;
             let bodies = voxelising(session, spec, &grid, |spec| spec.bodies(&grid))?;
             warn_of(session, &spec.warnings(&bodies)?);
             Ok((bodies, report.clone(), spec.unit, spec.part.to_owned()))
@@ -162,7 +166,7 @@ impl SceneArguments {
         self.with_spec(session, true, |spec, _| {
             let wide = spec.wide_grid(&spec.grid()?, f64::INFINITY)?;
             // Beside the voxels, counts and distances of the part and of the fixtures.
-            require_memory_for_voxels(session, &wide, 16)?;
+            require_memory_for_voxels(session, spec, &wide, 16)?;
             let (scene, bodies) =
                 voxelising(session, spec, &wide, |spec| spec.scene_and_bodies(f64::INFINITY))?;
             Ok((self.announced(session, spec, scene, &bodies)?, bodies))
@@ -186,14 +190,23 @@ impl SceneArguments {
         asks: bool,
         make: impl FnOnce(&SceneSpec<'_>, &MeshReport) -> Result<T>,
     ) -> Result<T> {
-        let reading = self.read(session, asks)?;
+        self.of_reading(session, &self.read(session, asks)?, make)
+    }
+
+    /// As [`Self::with_spec`] of what was read.
+    fn of_reading<T>(
+        &self,
+        session: &Session,
+        reading: &Reading,
+        make: impl FnOnce(&SceneSpec<'_>, &MeshReport) -> Result<T>,
+    ) -> Result<T> {
         let unused = Tool::paper();
         let tool = match reading.tools.as_slice() {
             [tool] => tool,
             [] => &unused,
             _ => bail!("one --tool at a time (imf access takes several)"),
         };
-        make(&self.spec(session, &reading, &reading.fixtures(), tool), &reading.report)
+        make(&self.spec(session, reading, &reading.fixtures(), tool), &reading.report)
     }
 
     /// The tool in the part's unit, offset by its clearance, and how deep its cutter may touch.
@@ -219,9 +232,9 @@ impl SceneArguments {
         let [x, y, z] = grid.dims;
         let grown = clearance_text(&clearance, scene.record.unit);
         session.note(&format!(
-            "{}: {x}×{y}×{z} voxels of {:.4} {}, {} solid; tool {}{}; {}",
+            "{}: {x}×{y}×{z} voxels of {} {}, {} solid; tool {}{}; {}",
             scene.record.part,
-            grid.pitch,
+            short(grid.pitch),
             scene.record.unit,
             scene.obstacle.count(),
             scene.record.tool.name,
@@ -303,9 +316,10 @@ fn require_memory_for_sections(
 }
 
 /// Refuses grids whose voxels, and so many bytes more for each, would take more memory than there is.
-fn require_memory_for_voxels(session: &Session, grid: &Grid, more: u64) -> Result<()> {
-    // The voxels of part, fixtures and both, the voxeliser's, and a copy to write.
-    session.require_memory((6 + more) * grid.len() as u64, || {
+fn require_memory_for_voxels(session: &Session, spec: &SceneSpec<'_>, grid: &Grid, more: u64) -> Result<()> {
+    // The voxels of the part, of all fixtures and of both, the voxeliser's, and a copy to write; those of each fixture.
+    let fixtures = (1 + more) * spec.fixture_voxels(grid)?;
+    session.require_memory((6 + more) * grid.len() as u64 + fixtures, || {
         let [x, y, z] = grid.dims;
         format!("{x}×{y}×{z} voxels around part and fixtures; check their units, or use a larger --pitch")
     })

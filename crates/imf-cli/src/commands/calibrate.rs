@@ -13,7 +13,7 @@ use imf_fields::file::FieldFile;
 use serde_json::{Value, json};
 
 use crate::arguments::saved::CalibrateArguments;
-use crate::interrupt::Interrupted;
+use crate::interrupt::{self, Interrupted};
 use crate::output::{OutputFile, answer};
 use crate::session::{Session, show_bytes};
 
@@ -121,6 +121,7 @@ pub(crate) fn measured(session: &Session, field: &Field, kept: &str) -> Result<W
         return Ok(Worth::Unknown(why.into()));
     }
     let mut settings = CalibrationSettings::default();
+    interrupt::leave(kept.to_owned().into());
     loop {
         let stage = session.stage("calibrating", "batches", settings.units());
         let advance = |n| stage.advance(n);

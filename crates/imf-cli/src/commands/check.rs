@@ -8,22 +8,19 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Result, ensure};
-use glam::{DMat4, DVec3};
+use glam::DMat4;
 use imf_core::check::{CheckBodies, CheckError, CheckReport, CheckSettings, check_toolpath};
-use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 use imf_core::pose::Pose;
 use imf_core::scene::{Bodies, PathGuarantee, Scene, SceneRecord};
 use imf_core::tool::{Element, Tool, ToolShape};
 use imf_core::toolpath::Toolpath;
 use imf_core::unit::LengthUnit;
-use imf_core::voxelize::voxelize_with;
 use imf_fields::field::{Field, VerifiedField};
 use serde_json::json;
 use thiserror::Error;
 
 use crate::arguments::check::{CheckArguments, Frame, NumberedTool};
-use crate::arguments::fixture::FixtureMesh;
 use crate::arguments::scene::SceneArguments;
 use crate::interrupt::Interrupted;
 use crate::output::{OutputFolder, answer};
@@ -59,13 +56,11 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         Frame::World => DMat4::IDENTITY,
     };
     let toolpath = Toolpath::read(&arguments.toolpath, record.unit)?.placed(&set_up);
-    let fixtures = fixtures(session, arguments, record, &bodies)?;
     let settings = arguments.settings(record.grid.pitch, record.unit);
     let guarded = match &arguments.field {
         Some(path) => {
             ensure!(tools.len() == 1, "--field knows one tool, and {} are given: leave it out", tools.len());
-            let held = (!record.fixtures.is_empty()).then_some(&bodies.fixtures);
-            Some(guarded(path, &scene, &bodies.part, held, &settings)?)
+            Some(guarded(path, &scene, &bodies, &settings)?)
         }
         None => None,
     };
@@ -79,7 +74,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
     let numbered: Vec<(Option<u32>, &Tool)> = tools.iter().map(|(number, tool)| (*number, tool)).collect();
-    let around = CheckBodies { part: &bodies.part, fixtures: &fixtures };
+    let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures };
     let report = check_toolpath(around, &numbered, &toolpath, &settings, is_free, control);
     let mut report = report.map_err(|error| match error {
         CheckError::Cancelled => Interrupted("the toolpath was not checked to its end".into()).into(),
@@ -138,32 +133,6 @@ fn thickness(tool: &Tool) -> f64 {
     elements.iter().map(Element::max_radius).fold(f64::INFINITY, f64::min)
 }
 
-/// Every fixture's voxels by its name, on no more of the grid than they take; contact is accepted with none of them.
-fn fixtures(
-    session: &Session,
-    arguments: &CheckArguments,
-    record: &SceneRecord,
-    bodies: &Bodies,
-) -> Result<Vec<(String, Occupancy)>> {
-    let mut found: Vec<(String, Occupancy)> = Vec::new();
-    for given in &arguments.scene.fixture {
-        let fixture = FixtureMesh::read(given, arguments.scene.unit, record.unit)?;
-        let grid = bodies.fixtures.grid;
-        let mesh = fixture.mesh.transformed(&fixture.transform);
-        let voxels = voxelize_with(&mesh, &grid, record.conservative, session.control(&|_| {}))?.solid;
-        let Some((low, high)) = voxels.extent() else { continue };
-        let own = Grid {
-            origin: grid.origin + DVec3::from_array(low.map(|v| v as f64)) * grid.pitch,
-            dims: [0, 1, 2].map(|axis| high[axis] - low[axis] + 1),
-            ..grid
-        };
-        let same = found.iter().filter(|(name, _)| name.split(" (").next() == Some(&fixture.name)).count();
-        let name = if same > 0 { format!("{} ({})", fixture.name, same + 1) } else { fixture.name };
-        found.push((name, voxels.on(&own).unwrap_or(voxels)));
-    }
-    Ok(found)
-}
-
 impl Checked<'_> {
     /// The weakest of all tools: the cutter may touch wherever any contact is accepted.
     fn guarantee(&self) -> String {
@@ -189,13 +158,7 @@ impl Checked<'_> {
 }
 
 /// A field's guard of the very part, fixtures and tool that are checked.
-fn guarded(
-    path: &Path,
-    scene: &Scene,
-    part: &Occupancy,
-    fixtures: Option<&Occupancy>,
-    settings: &CheckSettings,
-) -> Result<VerifiedField> {
+fn guarded(path: &Path, scene: &Scene, bodies: &Bodies, settings: &CheckSettings) -> Result<VerifiedField> {
     let model = Field::load(path)?;
     let known = model.scene();
     let name = path.display();
@@ -213,7 +176,7 @@ fn guarded(
             .is_some_and(|seen| seen.solid.iter().zip(&body.solid).all(|(seen, body)| body & (1 - seen) == 0))
     };
     ensure!(
-        holds(part) && fixtures.is_none_or(holds),
+        holds(&bodies.part) && bodies.fixtures.iter().all(|(_, fixture)| holds(fixture)),
         "{name} is of other voxels than those that are checked: leave out --field, or choose the part, grid, set-up and \
          fixtures that it was made for (imf info {name})"
     );

@@ -16,7 +16,7 @@ use crate::arguments::dataset::{
     DatasetAction, DatasetArguments, DatasetFinishArguments, DatasetMakeArguments, directions,
 };
 use crate::arguments::either::Either;
-use crate::interrupt::Interrupted;
+use crate::interrupt::{self, Interrupted};
 use crate::output::{Claim, claim, prepare_folder, print, print_json};
 use crate::session::Session;
 
@@ -96,6 +96,7 @@ pub(super) fn sampled(
     sampling: &Sampling,
     layout: &Layout,
 ) -> Result<Generated> {
+    let _keeping = interrupt::keep();
     let stage = session.stage("sampling", "sections", set.len() as u64);
     let advance = |n| stage.advance(n);
     let generated = generate_share(folder, scene, set, sampling, layout, session.control(&advance));

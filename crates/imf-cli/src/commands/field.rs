@@ -10,7 +10,6 @@ mod sections;
 use std::path::Path;
 
 use anyhow::{Result, bail};
-use glam::DMat4;
 use imf_core::atomic_file::write_atomically;
 use imf_core::mesh::MachiningDirection;
 use imf_core::obstacle::Obstacle;
@@ -28,7 +27,6 @@ use self::saved::Saved;
 use super::calibrate::threshold_text;
 use super::notes;
 use crate::arguments::field::FieldArguments;
-use crate::arguments::fixture::Part;
 use crate::arguments::orientations::{Directions, default_set};
 use crate::engine::Device;
 use crate::output::{OutputFolder, SUMMARY, same_digits};
@@ -47,12 +45,12 @@ pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
 
 fn of_part(session: &Session, arguments: &FieldArguments, folder: OutputFolder) -> Result<()> {
     // Before anything is voxelised, a part's own directions from its surface as it is set up.
-    let part = Part::read(&arguments.scene.part, arguments.scene.unit, None)?.scaled(arguments.scene.scale);
-    let transform = arguments.scene.transform.unwrap_or(DMat4::IDENTITY);
-    let directions =
-        |text: &str| Directions::of_part(text, || part.mesh.transformed(&transform).machining_directions());
+    let reading = arguments.scene.read(session, true)?;
+    let of_part = || reading.part.mesh.transformed(&reading.transform).machining_directions();
+    let directions = |text: &str| Directions::of_part(text, of_part);
     let named = arguments.orientations.as_deref().map(directions).transpose()?;
-    let (scene, bodies) = arguments.scene.scene_among(session, &arguments.contact, arguments.elements)?;
+    let (scene, bodies) =
+        arguments.scene.scene_among(session, &reading, &arguments.contact, arguments.elements)?;
     let round = scene.record.bare_tool().is_axisymmetric();
     let Directions { set, suggested } = match named {
         Some(named) => named,

@@ -137,6 +137,7 @@ impl Work {
         };
         let mut writer =
             AnswerWriter::start(poses.header(), measure, self.exact.is_some(), session.json, out)?;
+        let _keeping = interrupt::keep();
         let stage = session.stage("answering", "poses", count.unwrap_or(0));
         let (mut answered, mut outside) = (0u64, 0u64);
         while !answers.poses.is_empty() {

@@ -6,7 +6,7 @@ use imf_core::field_files::{NamedField, write_npy, write_vti};
 use serde_json::json;
 
 use crate::arguments::VoxelizeArguments;
-use crate::output::{OutputFolder, aligned, answer, short};
+use crate::output::{OutputFolder, aligned, answer, short, show_measure};
 use crate::session::Session;
 use crate::slices::{MidPlaneSheet, MidPlanes};
 
@@ -48,7 +48,8 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
     });
     let [x, y, z] = grid.dims;
     let surface = if mesh.closed {
-        format!("closed, volume {} {unit}³", short(mesh.signed_volume.abs()))
+        let added = if mesh.components > 1 { ", of all components added up" } else { "" };
+        format!("closed, volume {} {unit}³{added}", show_measure(mesh.signed_volume.abs()))
     } else {
         format!(
             "open, {} boundary edges; its volume is not defined; inside is undecided at {:.1} % of the centres in or near it",
@@ -63,7 +64,10 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
         ("grid", format!("{x}×{y}×{z}, pitch {} {unit}", short(grid.pitch))),
         ("from", format!("{} {unit}", corner(grid.origin))),
         ("to", format!("{} {unit}", corner(grid.origin + grid.size()))),
-        ("solid", format!("{} voxels ({share:.1} %), volume {} {unit}³", obstacle.count(), short(volume))),
+        (
+            "solid",
+            format!("{} voxels ({share:.1} %), volume {} {unit}³", obstacle.count(), show_measure(volume)),
+        ),
         ("solid where", guarantee.into()),
         ("mesh", surface),
         ("written", format!("{}, {}, {}", npy.display(), vti.display(), png.display())),

@@ -306,6 +306,7 @@ impl Distillation<'_> {
             }
         };
         let parameters = shape.parameter_count();
+        let _keeping = interrupt::keep();
         session.note(&format!("training {shape} ({parameters} parameters) {of}, {total} steps of {batch}"));
         let mut engine: Box<dyn TrainingEngine> = match device {
             Device::Cpu => Box::new(target.engine(&settings, &state)?),

@@ -23,6 +23,7 @@ use super::memory::Footprint;
 use super::{Loop, REPORT_EVERY, Settings, Training};
 use crate::arguments::train::Siren5Training;
 use crate::engine::Device;
+use crate::interrupt;
 use crate::output::claim;
 use crate::ranks::started_together;
 use crate::session::Session;
@@ -94,6 +95,7 @@ fn train_to_the_end(
     let _claim = if rank.is_first() { Some(claim(out)?) } else { None };
     let held_out = if rank.is_first() { HeldOutWatch::new(session, &model)? } else { None };
     let mut engine = device.trainer(rank, model.shape, &plan, batch, model.state.clone())?;
+    let _keeping = interrupt::keep();
     session.note(&format!(
         "training {}×{} ({} parameters, ω = {}) on {samples} samples, {total} steps of {batch}; {}",
         model.shape.hidden,

@@ -54,7 +54,20 @@ fn units_and_sizes() {
     );
     // A cube of 1 mm and a cutter of 10.
     let speck = field(&["--tool", "paper", "--scale", "0.01"]);
-    folder.refuse(&speck, &["longest side is 1 mm", "10 mm thick", "which unit", "in inch", "--scale"]);
+    folder.refuse(
+        &speck,
+        &["cube.obj does not say its unit", "longest side is 1 mm", "10 mm thick", "in inch", "--unit"],
+    );
+    // With its unit named nothing is asked.
+    let small = field(&["--tool", "paper", "--scale", "0.09", "--pitch", "3"]);
+    folder.succeed(&[&small[..], &["--unit", "mm"]].concat());
+    folder.refuse(&small, &["does not say its unit"]);
+    // A fixture a hundred times as long as the part, in a unit that is not said, and its remedy.
+    let huge = ["--tool", "paper", "--around", "all", "--fixture"];
+    let held = |fixture: &'static str| [&field(&huge)[..], &[fixture, "--pitch", "7"]].concat();
+    let far = "cube.obj@matrix:100,0,0,200,0,100,0,0,0,0,100,0";
+    folder.refuse(&held(far), &["fixture cube.obj", "longest side would be 10000 mm", "@unit:inch"]);
+    folder.succeed(&held("cube.obj@unit:mm; translate:120,0,0"));
     let summary = folder.json(&field(&["--tool", "paper"]));
     assert_eq!(summary["scene"]["grid"]["pitch"], 1.6, "{summary}");
     assert!(summary["choices"][0].as_str().unwrap().contains("a sixth of the tool's thinnest element"));
@@ -77,16 +90,24 @@ fn meshes_that_do_not_say_what_is_inside() {
             [corners[0], corners[1], corners[2]]
         })
         .collect();
-    let mut soup = String::new();
-    for (index, &[a, b, c]) in faces.iter().enumerate() {
-        let corners = if index % 2 == 0 { [a, b, c] } else { [a, c, b] };
-        for corner in corners {
-            // Apart from all others by less than anyone would see.
-            soup += &format!("{}{index:03}1\n", vertices[corner - 1].to_owned() + ".00");
+    // Corners lie apart by the last digits.
+    let soup = |zeros: &str| {
+        let mut soup = String::new();
+        for (index, &[a, b, c]) in faces.iter().enumerate() {
+            let corners = if index % 2 == 0 { [a, b, c] } else { [a, c, b] };
+            for corner in corners {
+                soup += &format!("{}.{zeros}{index:02}1\n", vertices[corner - 1]);
+            }
+            soup += &format!("f {} {} {}\n", 3 * index + 1, 3 * index + 2, 3 * index + 3);
         }
-        soup += &format!("f {} {} {}\n", 3 * index + 1, 3 * index + 2, 3 * index + 3);
-    }
-    folder.write("soup.obj", soup);
+        soup
+    };
+    // By less than anyone would see they are joined.
+    folder.write("near.obj", soup("000"));
+    let answer = folder.json(&["voxelize", "near.obj", "--dims", "10,10,10", "--out", "near"]);
+    assert_eq!((&answer["solid_voxels"], &answer["undecided_share"]), (&1000.into(), &0.0.into()));
+    assert!(answer["warnings"][0].as_str().unwrap().contains("28 corners lay within"), "{answer}");
+    folder.write("soup.obj", soup(""));
     let pitch = ["--pitch", "10", "--tool", "paper", "--allow-coarse"];
     refuse(
         &folder,
@@ -142,7 +163,7 @@ fn tool_files_are_refused_by_line_and_key() {
     folder.write("tiny.toml", "[cutter]\nshape = \"flat\"\ndiameter = 0.01\nlength = 0.01\n");
     let field = ["field", "bracket", "--dims", "5,15,9", "--orientations", "12,6", "--out", "out"];
     let tiny = [&field[..], &["--tool", "tiny.toml"]].concat();
-    folder.refuse(&tiny, &["cutter", "0.0100 mm thick", "--pitch, or --allow-coarse"]);
+    folder.refuse(&tiny, &["cutter", "0.01 mm thick", "--pitch, or --allow-coarse"]);
     let run = folder.run(&[&tiny[..], &["--allow-coarse"]].concat());
     // The tip's own voxel centre is in every tool.
     assert_eq!(run.code, Some(0), "{}", run.stderr);

@@ -6,7 +6,7 @@ use super::*;
 use crate::field::ExactField;
 use crate::grid::Grid;
 use crate::orientation::OrientationSet;
-use crate::scene::{Bodies, Guarantee, PathGuarantee};
+use crate::scene::{Guarantee, PathGuarantee};
 use crate::section::fixtures::revolved;
 use crate::tool::{ElementKind, Segment, ToolShape};
 use crate::unit::LengthUnit;
@@ -230,7 +230,7 @@ fn what_cannot_be_checked_is_refused() {
 #[test]
 fn what_a_proof_knows_free_changes_no_line_of_the_report() {
     let post = post();
-    let obstacle = Bodies { part: block(), fixtures: post.clone(), undecided: 0.0 }.obstacle();
+    let obstacle = block().union(&post).unwrap();
     let text = "-25,0,24,0,0,1\n25,0,24,0,0.3,1\n0,0,16,0,0,1\n12,0,22,0,0,1\n-40,-40,40,1,0,0.2\n";
     for room in [0.0, 1.5] {
         let clearance = Clearance { holder: room, shank: room, cutter: 0.0 };

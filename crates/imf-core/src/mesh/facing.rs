@@ -3,9 +3,13 @@
 //! A *patch* is a set of triangles that hang together by edges which two triangles share: within it one triangle decides for
 //! all. Which of a patch's two sides is outside is what most of its area says, and where that is no clear majority, its signed
 //! volume and how deep it lies in others: an outermost shell faces outwards, a shell within it bounds a cavity, and so on.
-//! A mesh that is consistent already stays as it is, to the bit: nested shells that face alike are solids within solids.
+//! Nested shells that face alike are solids within solids. A mesh that is consistent already and faces outwards stays as it is, to
+//! the bit.
 //!
-//! Everything here follows vertex indices, as in [`super::topology`].
+//! Everything here follows vertex indices, as in [`super::topology`]. Where that leaves edges which one triangle uses, corners that
+//! all but coincide are joined first: programs that write each triangle by itself round its corners by themselves.
+
+use std::collections::HashSet;
 
 use glam::DVec3;
 
@@ -16,16 +20,26 @@ use crate::parallel;
 /// Where this much of a patch's area faces one way, that way is meant. Below it the file says nothing.
 const CLEAR_MAJORITY: f64 = 0.9;
 
+/// Corners that lie closer together than this fraction of the diagonal of the box around a mesh are one: so large is a unit of the
+/// last digit of six, which many programs write. A hundredth of a millimetre of a part of one metre.
+const ONE_CORNER: f64 = 1e-5;
+
 /// Points of a shell that must lie in another for the whole to lie in it.
 const SAMPLES: usize = 8;
 
-/// What was done to make triangles face consistently.
+/// What was done to make triangles face consistently, and what was found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FaceRepair {
+    /// Corners that were joined to others, from which they were less than 10⁻⁵ of the mesh's diagonal away.
+    pub joined: usize,
+    /// Triangles that were left out, since each was there more than once.
+    pub doubled: usize,
     /// Triangles that were turned.
     pub turned: usize,
     /// Triangles of patches that have one side alone, as a Möbius strip has; they stay as they were.
     pub one_sided: usize,
+    /// Closed shells that lie in another and face as it does: what they bound is solid within solid, not a cavity.
+    pub nested: usize,
 }
 
 /// A patch, and how it faces once its minority is turned.
@@ -57,22 +71,53 @@ impl Patch {
 }
 
 impl Mesh {
-    /// The same triangles in the same order, turned where need be so that they face consistently, and what was done. Vertices
-    /// that coincide must be shared ([`Mesh::welded`]; the readers do so): triangles that share none say nothing of each other.
+    /// The same triangles in the same order, turned where need be so that they face consistently and shells face outwards, and what
+    /// was done. Where every triangle is there twice, one of each is left out; where triangles have edges of their own, vertices closer together than 10⁻⁵ of the mesh's diagonal are joined.
     ///
     /// # Panics
     /// If a triangle names a vertex that does not exist.
     #[must_use]
     pub fn with_consistent_faces(mut self) -> (Self, FaceRepair) {
-        let edges = sorted_edges(&self);
+        let mut edges = sorted_edges(&self);
+        let mut repair = FaceRepair::default();
+        // Two-sided meshes have each triangle once for either side, which together bound nothing.
+        if !edges.is_empty() && runs(&edges).all(|run| run.len() >= 4) {
+            let before = self.triangles.len();
+            let mut known = HashSet::new();
+            self.triangles.retain(|&triangle| {
+                let mut corners = triangle;
+                corners.sort_unstable();
+                known.insert(corners)
+            });
+            repair.doubled = before - self.triangles.len();
+            edges = sorted_edges(&self);
+        }
+        let single = single_edges(&edges);
+        if single > 0 {
+            let (lower, upper) = self.bounds().unwrap_or_default();
+            let joined = self.joined(ONE_CORNER * (upper - lower).length());
+            let joined_edges = sorted_edges(&joined);
+            if single_edges(&joined_edges) < single {
+                repair.joined = self.used_vertices() - joined.vertices.len();
+                (self, edges) = (joined, joined_edges);
+            }
+        }
         let (of, parity, mut patches) = patches(&self, &edges);
         close(&edges, &of, &parity, &mut patches);
         let closed: Vec<usize> = (0..patches.len()).filter(|&p| patches[p].closed).collect();
-        let agree = |sign: f64| closed.iter().all(|&p| patches[p].signed_volume() * sign >= 0.0);
-        if patches.iter().any(|patch| !patch.is_clear()) || !(agree(1.0) || agree(-1.0)) {
-            choose_sides(&self, &of, &parity, &closed, &mut patches);
+        let inwards = closed.iter().any(|&p| patches[p].signed_volume() < 0.0);
+        if closed.len() > 1 || inwards || patches.iter().any(|patch| !patch.is_clear()) {
+            let around = shells_around(&self, &of, &parity, &closed, &patches);
+            choose_sides(&around, &closed, &mut patches);
+            let faces_out = |place: usize| patches[closed[place]].signed_volume() > 0.0;
+            let in_solid = |place: &usize| {
+                let signs = around[*place]
+                    .iter()
+                    .map(|&outer| if patches[outer].signed_volume() > 0.0 { 1 } else { -1 });
+                signs.sum::<i32>() > 0
+            };
+            repair.nested = (0..closed.len()).filter(|&place| faces_out(place)).filter(in_solid).count();
         }
-        let mut repair = FaceRepair::default();
         for (triangle, corners) in self.triangles.iter_mut().enumerate() {
             let patch = &patches[of[triangle] as usize];
             repair.one_sided += usize::from(patch.one_sided);
@@ -99,6 +144,11 @@ fn sorted_edges(mesh: &Mesh) -> Vec<EdgeUse> {
     }
     parallel::sort(&mut edges);
     edges
+}
+
+/// Edges that an odd number of triangles uses: none of a closed surface, however its triangles face.
+fn single_edges(edges: &[EdgeUse]) -> usize {
+    runs(edges).filter(|run| run.len() % 2 == 1).count()
 }
 
 fn runs(edges: &[EdgeUse]) -> impl Iterator<Item = &[EdgeUse]> {
@@ -172,26 +222,21 @@ fn close(edges: &[EdgeUse], of: &[u32], parity: &[bool], patches: &mut [Patch]) 
     }
 }
 
-/// Decides which way patches face that do not say so, and that outermost shells face alike.
-fn choose_sides(mesh: &Mesh, of: &[u32], parity: &[bool], closed: &[usize], patches: &mut [Patch]) {
+/// Decides which way patches face that do not say so, and that outermost shells face outwards. `around` has for every closed patch
+/// those that it lies in.
+fn choose_sides(around: &[Vec<usize>], closed: &[usize], patches: &mut [Patch]) {
     // What is open has no inside: as seen from the mesh's centre it faces away.
     for patch in patches.iter_mut().filter(|patch| !patch.closed && !patch.is_clear()) {
         patch.turned = patch.volume < 0.0;
     }
-    let around: Vec<Vec<usize>> = shells_around(mesh, of, parity, closed, patches);
-    let is_clear: Vec<bool> = patches.iter().map(Patch::is_clear).collect();
-    let outermost = |place: usize| around[place].is_empty();
-    let known = (0..closed.len()).filter(|&place| outermost(place) && is_clear[closed[place]]);
-    let whole: f64 = known.map(|place| patches[closed[place]].signed_volume()).sum();
-    let outwards = if whole < 0.0 { -1.0 } else { 1.0 };
     let before: Vec<f64> = patches.iter().map(Patch::signed_volume).collect();
-    for (place, &shell) in closed.iter().enumerate() {
-        let sign = if around[place].len().is_multiple_of(2) { outwards } else { -outwards };
-        let turn = match around[place].first() {
-            _ if !is_clear[shell] => before[shell] * sign < 0.0,
+    let is_clear: Vec<bool> = patches.iter().map(Patch::is_clear).collect();
+    for (around, &shell) in around.iter().zip(closed) {
+        let turn = match around.first() {
+            _ if !is_clear[shell] => (before[shell] < 0.0) == around.len().is_multiple_of(2),
             // What lies in a shell turns with it: what was a cavity stays one.
-            Some(&outer) => is_clear[outer] && before[outer] * outwards < 0.0,
-            None => before[shell] * outwards < 0.0,
+            Some(&outer) => is_clear[outer] && before[outer] < 0.0,
+            None => before[shell] < 0.0,
         };
         patches[shell].turned ^= turn;
     }

@@ -143,6 +143,9 @@ impl MeshReport {
         if self.closed {
             let volume = Length(self.signed_volume.abs());
             write!(f, "\nsurface     closed, volume {volume} {unit}³")?;
+            if self.components > 1 {
+                write!(f, " (of all components, added up)")?;
+            }
             if self.inverted {
                 write!(f, "; its triangles face inwards (treated as if they faced outwards)")?;
             }

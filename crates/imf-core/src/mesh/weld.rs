@@ -1,8 +1,8 @@
-//! Sharing vertices that coincide, so that indices carry the topology.
+//! Sharing vertices that coincide, or all but coincide, so that indices carry the topology.
 
 use std::collections::HashMap;
 
-use glam::DVec3;
+use glam::{BVec3, DVec3};
 
 use super::Mesh;
 use crate::file_error::{Fault, FaultKind};
@@ -71,10 +71,56 @@ impl Mesh {
         }
         welder.finish()
     }
+
+    /// The same triangles on fewer vertices: each becomes the first one, in the order of their use, that lies within `distance` of
+    /// it. None moves farther, however many lie in a row.
+    pub(super) fn joined(&self, distance: f64) -> Self {
+        let (lower, _) = self.bounds().unwrap_or_default();
+        // A vertex then has few cells within reach, mostly its own alone.
+        let cell = |p: DVec3| ((p - lower) / (4.0 * distance)).floor() + 0.0;
+        let mut mesh = Self::default();
+        // By cell the last vertex in it; by vertex the one before it in its cell.
+        let (mut last, mut before) = (HashMap::new(), Vec::new());
+        let mut known = vec![None; self.vertices.len()];
+        for triangle in &self.triangles {
+            mesh.triangles.push(triangle.map(|vertex| {
+                *known[vertex as usize].get_or_insert_with(|| {
+                    let place = self.vertices[vertex as usize];
+                    let key = |cell: DVec3| cell.to_array().map(f64::to_bits);
+                    let (from, to) = (cell(place - distance), cell(place + distance));
+                    let corners = (0..8).filter_map(|corner| {
+                        let far = BVec3::new(corner & 1 > 0, corner & 2 > 0, corner & 4 > 0);
+                        // A side on which both ends are one cell has no second.
+                        (!(far & from.cmpeq(to)).any()).then(|| key(DVec3::select(far, to, from)))
+                    });
+                    let mut near: Option<u32> = None;
+                    for key in corners {
+                        let mut at: Option<u32> = last.get(&key).copied();
+                        while let Some(other) = at {
+                            if mesh.vertices[other as usize].distance(place) <= distance {
+                                near = Some(near.map_or(other, |near| near.min(other)));
+                            }
+                            at = before[other as usize];
+                        }
+                    }
+                    near.unwrap_or_else(|| {
+                        let new = mesh.vertices.len() as u32;
+                        mesh.vertices.push(place);
+                        before.push(last.insert(key(cell(place)), new));
+                        new
+                    })
+                })
+            }));
+        }
+        mesh
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
     use super::*;
 
     #[test]
@@ -86,6 +132,29 @@ mod tests {
         assert_eq!(welded.triangles, [[0, 1, 2], [0, 2, 3]]);
         assert_eq!(welded.vertices, [p(0.0, 0.0), p(1.0, 0.0), p(0.0, 1.0), p(-1.0, 0.0)]);
         assert_eq!(welded.welded(), welded);
+    }
+
+    #[test]
+    fn vertices_that_are_near_are_joined_as_by_trying_all_of_them() {
+        let mut random = ChaCha8Rng::seed_from_u64(4);
+        for distance in [1e-3, 0.04, 0.3] {
+            let mut coordinate = || random.random_range(0.0..1.0);
+            let vertices = (0..600).map(|_| DVec3::new(coordinate(), coordinate(), coordinate())).collect();
+            let triangles = (0..600).step_by(3).map(|v| [v, v + 1, v + 2]).collect();
+            let mesh = Mesh { vertices, triangles };
+            let joined = mesh.joined(distance);
+            let mut firsts: Vec<DVec3> = Vec::new();
+            for (triangle, corners) in joined.triangles.iter().enumerate() {
+                for (vertex, place) in corners.iter().zip(mesh.corners(triangle)) {
+                    let near = firsts.iter().position(|first| first.distance(place) <= distance);
+                    assert_eq!(*vertex as usize, near.unwrap_or(firsts.len()));
+                    if near.is_none() {
+                        firsts.push(place);
+                    }
+                }
+            }
+            assert_eq!(joined.vertices, firsts);
+        }
     }
 
     #[test]

@@ -176,8 +176,8 @@ impl<'a> SceneBuilder<'a> {
     /// Makes the triangles of part and fixtures face consistently, and voxelises.
     ///
     /// # Errors
-    /// No part, or one that cannot be read, is of an implausible size, or of which no voxel is left; no tool, or one that the grid
-    /// or the part is out of proportion to; a mesh that does not say what is inside; a grid that cannot be made; a fixture that
+    /// No part, or one that cannot be read, is of an implausible size, or of which no voxel is left; no tool, or one that is too
+    /// thin for the grid; a mesh that does not say what is inside; a grid that cannot be made; a fixture that
     /// sticks out of it; a clearance that is no length; [`SceneError::Cancelled`].
     pub fn build(self) -> Result<BuiltScene, SceneError> {
         let Part { name, mesh, unit, reference } = self.part?;
@@ -191,7 +191,6 @@ impl<'a> SceneBuilder<'a> {
         }
         if reference.is_none() {
             warnings.extend(SceneWarning::of_repair(&name, &repair, report.triangles));
-            warnings.extend(SceneWarning::of_mesh(&name, &report));
         }
         warnings.extend(SceneWarning::of_tool(&tool));
         let mut meshes = Vec::new();
@@ -285,7 +284,7 @@ mod tests {
         assert!(built.undecided > 0.5 && built.undecided < 0.9, "{}", built.undecided);
         let said: Vec<String> = built.warnings.iter().map(ToString::to_string).collect();
         assert!(
-            said[0].contains("wedge is open (3 boundary edges)") && said[1].contains("no holder"),
+            said[0].contains("no holder") && said[1].contains("wedge is open (3 boundary edges)"),
             "{said:?}"
         );
         let far = build(open.transformed(&DMat4::from_scale(DVec3::splat(1e6)))).unwrap_err().to_string();

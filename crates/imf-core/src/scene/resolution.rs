@@ -3,14 +3,15 @@
 use std::f64::consts::SQRT_2;
 use std::fmt;
 
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 
 use super::{Bodies, SceneError, SceneSpec, SceneWarning};
 use crate::grid::Grid;
 use crate::mesh::Mesh;
+use crate::mesh::topology::boundary_chain;
 use crate::occupancy::Occupancy;
 use crate::tool::Tool;
-use crate::unit::{LengthUnit, proportion_check};
+use crate::unit::{Length, LengthUnit, proportion_check};
 use crate::voxelize::voxelize_with;
 
 /// Voxels across a tool from which on it is seen: between the columns of centres there is room for a cylinder of the
@@ -27,9 +28,6 @@ const THIN: usize = 3;
 /// face the wrong way have 0.98, and lose up to a quarter of the solid; half of them, 1.0 and nearly all of it. A box without two opposite
 /// sides (0.96) or a shallow tray without its lid (0.99) may as well be a sheet.
 pub(super) const MOST_UNDECIDED: f64 = 0.9;
-
-/// The share from which on it is warned about: an open mesh whose hole is small has less.
-const MANY_UNDECIDED: f64 = 0.1;
 
 /// A tool of which an element passes between the centres of voxels.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,11 +55,16 @@ impl CoarseTool {
 impl fmt::Display for CoarseTool {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { tool, element, thickness, pitch, unit } = self;
+        // Rounded down, so that it may be chosen.
+        let digits = 10f64.powi(3 - self.most().log10().floor() as i32);
+        let most = (self.most() * digits).floor() / digits;
         write!(
             f,
-            "the {element} of the tool '{tool}' is {thickness:.4} {unit} thick at most and passes between the centres of \
-             voxels of {pitch:.4} {unit} unseen: choose a pitch of at most {:.4}, or check the tool's unit",
-            self.most()
+            "the {element} of the tool '{tool}' is {} {unit} thick at most and passes between the centres of \
+             voxels of {} {unit} unseen: choose a pitch of at most {}, or check the tool's unit",
+            Length(*thickness),
+            Length(*pitch),
+            Length(most)
         )
     }
 }
@@ -70,18 +73,12 @@ impl SceneSpec<'_> {
     /// What is to be known of a tool (in any unit, without clearance) on a grid.
     ///
     /// # Errors
-    /// [`SceneError::Coarse`] of a tool thinner than √2 voxels, unless the spec allows it; [`SceneError::Proportion`] of one that is more than
-    /// five times as thick as the part is long.
+    /// [`SceneError::Coarse`] of a tool thinner than √2 voxels, unless the spec allows it.
     pub fn check_tool(&self, tool: &Tool, grid: &Grid) -> Result<Vec<SceneWarning>, SceneError> {
         let (element, thickness) = tool.in_unit(self.unit).thinnest();
         let (lower, upper) = self.part_bounds()?;
-        let mut warnings = Vec::new();
-        if let Some(proportion) = proportion_check((upper - lower).max_element(), thickness, self.unit) {
-            if proportion.is_absurd() {
-                return Err(SceneError::Proportion { part: self.part.to_owned(), proportion });
-            }
-            warnings.push(SceneWarning::Proportion(proportion));
-        }
+        let proportion = proportion_check((upper - lower).max_element(), thickness, self.unit);
+        let mut warnings: Vec<SceneWarning> = proportion.map(SceneWarning::Proportion).into_iter().collect();
         // As good as equal is equal.
         if thickness * (1.0 + 1e-9) < VOXELS_THICK * grid.pitch {
             let (tool, pitch, unit) = (tool.name.clone(), grid.pitch, self.unit);
@@ -94,7 +91,8 @@ impl SceneSpec<'_> {
         Ok(warnings)
     }
 
-    /// What is to be known of part and fixtures on their grid: a part of few voxels across, fixtures that overlap it.
+    /// What is to be known of part and fixtures on their grid: what openings of the part's mesh leave open, a part of few voxels
+    /// across, fixtures that overlap it.
     ///
     /// # Errors
     /// As [`SceneSpec::bodies`].
@@ -104,20 +102,36 @@ impl SceneSpec<'_> {
         let thin = SceneWarning::Thin { part: self.part.to_owned(), voxels, pitch: grid.pitch };
         let mut warnings = Vec::new();
         warnings.extend((voxels <= THIN).then_some(thin));
-        let undecided = SceneWarning::Undecided { part: self.part.to_owned(), share: bodies.undecided };
-        warnings.extend((bodies.undecided > MANY_UNDECIDED).then_some(undecided));
+        // Triangles that meet without sharing corners leave edges open, and nothing undecided.
+        warnings.extend((bodies.undecided > 0.0).then(|| SceneWarning::Open {
+            part: self.part.to_owned(),
+            boundary_edges: boundary_chain(self.mesh).len(),
+            share: bodies.undecided,
+        }));
         let part = self.part_bounds()?;
-        for (fixture, (name, low, high)) in self.fixtures.iter().zip(self.fixture_boxes()?) {
+        let boxes = self.fixture_boxes()?;
+        for ((fixture, (_, voxels)), (name, low, high)) in
+            self.fixtures.iter().zip(&bodies.fixtures).zip(boxes)
+        {
             let (lower, upper) = (low.max(part.0), high.min(part.1));
             // Faces that touch share no room.
             if (upper - lower).min_element() <= 1e-6 * grid.pitch {
                 continue;
             }
-            let common = grid.covering(lower, upper, 0)?;
-            let solid = |mesh: &Mesh| voxelize_with(mesh, &common, false, self.control);
-            let own = solid(&self.mesh.transformed(&self.transform))?.solid;
-            let other = solid(&fixture.mesh.transformed(&fixture.transform))?.solid;
-            let shared = own.solid.iter().zip(&other.solid).filter(|(a, b)| **a & **b == 1).count();
+            let both = |a: &Occupancy, b: &Occupancy| {
+                a.solid.iter().zip(&b.solid).filter(|(a, b)| **a & **b == 1).count()
+            };
+            let shared = if self.conservative {
+                // Faces that touch share voxels which they touch, and no centre.
+                let common = grid.covering(lower, upper, 0)?;
+                let solid = |mesh: &Mesh, transform: &DMat4| {
+                    voxelize_with(&mesh.transformed(transform), &common, false, self.control)
+                };
+                let own = solid(self.mesh, &self.transform)?;
+                both(&own.solid, &solid(fixture.mesh, &fixture.transform)?.solid)
+            } else {
+                bodies.part.on(&voxels.grid).map_or(0, |part| both(&part, voxels))
+            };
             if shared > 0 {
                 let volume = shared as f64 * grid.voxel_volume();
                 warnings.push(SceneWarning::Overlap { fixture: name.to_owned(), volume, unit: self.unit });

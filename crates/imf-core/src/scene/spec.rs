@@ -123,9 +123,7 @@ impl<'a> SceneSpec<'a> {
         let grid = self.grid()?;
         self.check_tool(self.tool, &grid)?;
         let bodies = self.bodies(&self.wide_grid(&grid, reach)?)?;
-        let on = |occupancy: &Occupancy| occupancy.on(&grid).unwrap_or_else(|| Occupancy::empty(grid));
-        let here = Bodies { part: on(&bodies.part), fixtures: on(&bodies.fixtures), ..bodies };
-        Ok((self.scene_of(grid, &here), bodies))
+        Ok((self.scene_of(grid, &bodies), bodies))
     }
 
     /// The grid of the bodies that [`SceneSpec::scene_and_bodies`] gives around its scene's `grid`: that one where it holds all
@@ -147,7 +145,8 @@ impl<'a> SceneSpec<'a> {
     }
 
     fn scene_of(&self, grid: Grid, bodies: &Bodies) -> Scene {
-        let obstacle = bodies.obstacle();
+        let on = |occupancy: &Occupancy| occupancy.on(&grid).unwrap_or_else(|| Occupancy::empty(grid));
+        let (obstacle, fixtures) = (on(&bodies.obstacle()), on(&bodies.all_fixtures()));
         let record = SceneRecord {
             part: self.part.to_owned(),
             unit: self.unit,
@@ -163,7 +162,7 @@ impl<'a> SceneSpec<'a> {
             contact: None,
             obstacle_crc32: crc32(&obstacle.packed()),
         };
-        Scene { record, obstacle, fixtures: bodies.fixtures.clone(), layer: None }
+        Scene { record, obstacle, fixtures, layer: None }
     }
 
     /// The grid of all that a tool can meet which reaches `reach` (in the part's unit) from the voxels of `query`: it
@@ -215,16 +214,32 @@ impl<'a> SceneSpec<'a> {
         if part.count() == 0 {
             return Err(SceneError::NoSolid { part: self.part.to_owned(), pitch: grid.pitch });
         }
-        let mut fixtures = Occupancy::empty(*grid);
+        let mut fixtures: Vec<(String, Occupancy)> = Vec::new();
         for fixture in self.fixtures {
-            let (mesh, Occupancy { solid, .. }, _) = body(fixture.name, fixture.mesh, &fixture.transform)?;
+            let (mesh, solid, _) = body(fixture.name, fixture.mesh, &fixture.transform)?;
             // Its surface passes through the grid, and yet it holds none of the centres: it is too thin for them.
-            if !solid.contains(&1) && voxelize_with(&mesh, grid, true, self.control)?.solid.count() > 0 {
+            if solid.count() == 0 && voxelize_with(&mesh, grid, true, self.control)?.solid.count() > 0 {
                 return Err(SceneError::ThinFixture { fixture: fixture.name.to_owned(), pitch: grid.pitch });
             }
-            fixtures.solid.iter_mut().zip(solid).for_each(|(all, one)| *all |= one);
+            let before = fixtures.len();
+            let same = self.fixtures[..before].iter().filter(|other| other.name == fixture.name).count();
+            let number = if same > 0 { format!(" ({})", same + 1) } else { String::new() };
+            fixtures.push((format!("{}{number}", fixture.name), solid.cropped()));
         }
         Ok(Bodies { part, fixtures, undecided })
+    }
+
+    /// Voxels of a grid that the fixtures take at most, each on a box of its own.
+    ///
+    /// # Errors
+    /// A fixture without triangles.
+    pub fn fixture_voxels(&self, grid: &Grid) -> Result<u64, SceneError> {
+        let (lower, upper) = (grid.origin, grid.origin + grid.size());
+        let voxels = |(_, low, high): (&str, DVec3, DVec3)| {
+            let box_within = (high.min(upper) - low.max(lower)).max(DVec3::ZERO) / grid.pitch;
+            (box_within + 2.0).element_product().min(grid.len() as f64) as u64
+        };
+        Ok(self.fixture_boxes()?.into_iter().map(voxels).sum())
     }
 
     /// The part's box in the world.

@@ -4,7 +4,6 @@ use std::fmt;
 
 use super::CoarseTool;
 use crate::mesh::FaceRepair;
-use crate::mesh::topology::MeshReport;
 use crate::tool::Tool;
 use crate::unit::{ImplausibleProportion, Length, LengthUnit};
 
@@ -12,6 +11,27 @@ use crate::unit::{ImplausibleProportion, Length, LengthUnit};
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum SceneWarning {
+    /// Corners that all but coincide, and were joined.
+    Joined {
+        /// The part or fixture.
+        part: String,
+        /// How many.
+        corners: usize,
+    },
+    /// Triangles that were there more than once, and were left out.
+    Doubled {
+        /// The part or fixture.
+        part: String,
+        /// How many.
+        triangles: usize,
+    },
+    /// Closed bodies of a mesh that lie within another one and face as it does.
+    Nested {
+        /// The part or fixture.
+        part: String,
+        /// How many.
+        bodies: usize,
+    },
     /// Triangles that faced the wrong way and were turned.
     Turned {
         /// The part or fixture.
@@ -34,11 +54,8 @@ pub enum SceneWarning {
         part: String,
         /// Edges of its boundary.
         boundary_edges: usize,
-    },
-    /// A mesh whose triangles face inwards.
-    InsideOut {
-        /// The part.
-        part: String,
+        /// Share of the centres in or near it at which it does not say whether they are solid.
+        share: f64,
     },
     /// A tool of which nothing holds the cutter.
     NoHolder {
@@ -47,7 +64,7 @@ pub enum SceneWarning {
     },
     /// A tool that passes between the voxels' centres, where that is allowed.
     Coarse(CoarseTool),
-    /// A part that is smaller than the tool is thick.
+    /// A part and a tool whose sizes hardly belong together.
     Proportion(ImplausibleProportion),
     /// A part of few voxels across.
     Thin {
@@ -57,13 +74,6 @@ pub enum SceneWarning {
         voxels: usize,
         /// The grid's pitch.
         pitch: f64,
-    },
-    /// A mesh that does not say at many voxel centres whether they are solid.
-    Undecided {
-        /// The part.
-        part: String,
-        /// Their share of the centres in the part or near it.
-        share: f64,
     },
     /// A fixture that shares room with the part.
     Overlap {
@@ -77,23 +87,19 @@ pub enum SceneWarning {
 }
 
 impl SceneWarning {
-    /// Those of a part's mesh.
-    #[must_use]
-    pub fn of_mesh(part: &str, report: &MeshReport) -> Vec<Self> {
-        let open = (!report.closed)
-            .then(|| Self::Open { part: part.to_owned(), boundary_edges: report.boundary_edges });
-        let turned = (report.signed_volume < 0.0).then(|| Self::InsideOut { part: part.to_owned() });
-        open.into_iter().chain(turned).collect()
-    }
-
     /// Those of what was done to a mesh's triangles, of which there are so many.
     #[must_use]
     pub fn of_repair(part: &str, repair: &FaceRepair, triangles: usize) -> Vec<Self> {
-        let FaceRepair { turned, one_sided } = *repair;
-        let turned = (turned > 0).then(|| Self::Turned { part: part.to_owned(), turned, triangles });
-        let one_sided =
-            (one_sided > 0).then(|| Self::OneSided { part: part.to_owned(), triangles: one_sided });
-        turned.into_iter().chain(one_sided).collect()
+        let FaceRepair { joined, doubled, turned, one_sided, nested } = *repair;
+        let name = || part.to_owned();
+        let all = [
+            (joined > 0).then(|| Self::Joined { part: name(), corners: joined }),
+            (doubled > 0).then(|| Self::Doubled { part: name(), triangles: doubled }),
+            (turned > 0).then(|| Self::Turned { part: name(), turned, triangles }),
+            (one_sided > 0).then(|| Self::OneSided { part: name(), triangles: one_sided }),
+            (nested > 0).then(|| Self::Nested { part: name(), bodies: nested }),
+        ];
+        all.into_iter().flatten().collect()
     }
 
     /// Those of a tool.
@@ -106,13 +112,31 @@ impl SceneWarning {
 impl fmt::Display for SceneWarning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Open { part, boundary_edges } => write!(
+            Self::Open { part, boundary_edges, share } => write!(
                 f,
-                "{part} is open ({boundary_edges} boundary edges): inside is where the winding number exceeds one half"
+                "{part} is open ({boundary_edges} boundary edges): it was taken as solid, its openings closed as by a skin over \
+                 their rims, which leaves {} of the voxel centres in it or near it in doubt; if it is a sheet, or faces are missing, \
+                 make it one closed solid and export it again",
+                if *share < 0.01 { "less than 1 %".to_owned() } else { format!("{:.0} %", 100.0 * share) }
             ),
-            Self::InsideOut { part } => {
-                write!(f, "{part} is inside out (negative volume); it is taken as solid all the same")
-            }
+            Self::Joined { part, corners } => write!(
+                f,
+                "{part}: {corners} corners lay within a hundred-thousandth of its size from others and were joined to them"
+            ),
+            Self::Doubled { part, triangles } => write!(
+                f,
+                "{part} has every triangle more than once, as meshes of two sides do: {triangles} were left out"
+            ),
+            Self::Nested { part, bodies } => write!(
+                f,
+                "{part}: {}, and was taken as solid within solid; if a cavity is meant, its triangles must face inwards",
+                match bodies {
+                    1 => "a closed body lies within another and faces outwards as that does".to_owned(),
+                    _ => format!(
+                        "each of {bodies} closed bodies lies within another and faces outwards as that does"
+                    ),
+                }
+            ),
             Self::Turned { part, turned, triangles } => {
                 write!(f, "{part}: {turned} of {triangles} triangles faced the wrong way and were turned")
             }
@@ -121,7 +145,7 @@ impl fmt::Display for SceneWarning {
                 "{part}: {triangles} triangles are of a surface with one side alone (as a Möbius strip), which has no inside"
             ),
             Self::Coarse(coarse) => coarse.fmt(f),
-            Self::Proportion(proportion) => proportion.fmt(f),
+            Self::Proportion(proportion) => write!(f, "{proportion}; check the units of part and tool"),
             Self::Thin { part, voxels, pitch } => write!(
                 f,
                 "{part} is {voxels} {} thick at most, at pitch {}: what is said of walls as thin as these is coarse; choose a \
@@ -133,12 +157,6 @@ impl fmt::Display for SceneWarning {
                 f,
                 "the fixture {fixture} overlaps the part by {} {unit}³: check where it stands, and its unit",
                 Length(*volume)
-            ),
-            Self::Undecided { part, share } => write!(
-                f,
-                "{part} does not say at {:.0} % of the voxel centres in it or near it whether they are solid (its winding number lies \
-                 between 0.2 and 0.8): an answer there may be wrong, and \"free\" too; repair the mesh or export it again",
-                100.0 * share
             ),
             Self::NoHolder { tool } => write!(f, "the tool {tool} has no holder: what holds it is not seen"),
         }

@@ -4,14 +4,14 @@ use std::cell::OnceCell;
 use std::sync::Arc;
 
 use anyhow::{Result, ensure};
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 use imf_core::access::{AccessSettings, memory_estimate, position_grid, removable_memory_estimate};
 use imf_core::grid::Grid;
 use imf_core::mesh::{MachiningDirection, Mesh};
 use imf_core::obstacle::Obstacle;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Limits, OrientationSet};
-use imf_core::scene::{Guarantee, SceneError, SceneSpec};
+use imf_core::scene::{Bodies, Guarantee, SceneError, SceneSpec};
 use imf_core::section::{ElementPlans, SectionPlan};
 use imf_core::surface::{SolidBody, Surroundings, default_tolerance};
 use imf_core::tool::{Assembly, Clearance, Tool, ToolShape};
@@ -23,6 +23,7 @@ use crate::arguments::access::AccessArguments;
 use crate::arguments::fixture;
 use crate::arguments::orientations::{Directions, default_for};
 use crate::arguments::scene::{voxelising, warn_of, warn_of_fixtures_out_of_reach};
+use crate::output::short;
 use crate::session::{Session, show_bytes};
 
 /// What is cut.
@@ -137,13 +138,7 @@ impl Setup {
             .then(|| {
                 let text = arguments.stock.as_deref().unwrap_or("box");
                 let part_box = spec.part_bounds()?;
-                fixture::Stock::read(
-                    text,
-                    part_box,
-                    &reading.transform,
-                    arguments.scene.unit,
-                    reading.part.unit,
-                )
+                fixture::Stock::read(text, part_box, &reading.transform, reading.part.unit)
             })
             .transpose()?;
         let stock_grid = match &stock_mesh {
@@ -167,8 +162,8 @@ impl Setup {
         let obstacle_grid = spec.obstacle_grid(&positions, reach)?;
 
         let settings = AccessSettings { tau: arguments.tau, lists: arguments.lists };
-        let needed =
-            needed(&obstacle_grid, &query, stock_grid.as_ref(), &tools, &orientations, settings, session)?;
+        let grids = (&obstacle_grid, &query, stock_grid.as_ref());
+        let needed = needed(grids, &tools, &orientations, settings, &spec, session)?;
         // A second section is added, of shank and holder, and the layer is kept apart.
         let needed = needed * if depth.is_some() { 2 } else { 1 };
         session.require_memory(needed, || {
@@ -187,7 +182,7 @@ impl Setup {
         warn_of_fixtures_out_of_reach(session, &spec, &obstacle_grid)?;
         let bodies = voxelising(session, &spec, &obstacle_grid, |spec| spec.bodies(&obstacle_grid))?;
         warn_of(session, &spec.warnings(&bodies)?);
-        let whole = bodies.obstacle();
+        let (whole, held) = (bodies.obstacle(), bodies.all_fixtures());
         let conservative = arguments.scene.conservative;
         let guarantee = tools
             .iter()
@@ -208,7 +203,7 @@ impl Setup {
             _ => None,
         };
         let surface = tools.iter().all(can_touch).then(|| {
-            let made = |spec: &SceneSpec<'_>| surface(spec, &obstacle_grid, unit, arguments, question);
+            let made = |spec: &SceneSpec<'_>| surface(spec, &bodies, arguments, question);
             voxelising(session, &spec, &obstacle_grid, made)
         });
         let surface = surface.transpose()?;
@@ -225,11 +220,11 @@ impl Setup {
         }
         let [x, y, z] = query.dims;
         session.note(&format!(
-            "{}: {x}×{y}×{z} voxels of {:.4} {unit}, {} solid, {} of fixtures; {}; {}",
+            "{}: {x}×{y}×{z} voxels of {} {unit}, {} solid, {} of fixtures; {}; {}",
             reading.part.name,
-            query.pitch,
+            short(query.pitch),
             bodies.part.count(),
-            bodies.fixtures.count(),
+            held.count(),
             tools.iter().map(|tool| tool.tool().name.as_str()).collect::<Vec<_>>().join(", "),
             guarantee
         ));
@@ -240,10 +235,10 @@ impl Setup {
             contact: depth,
             guarantee,
             mesh,
-            fixtures: fixtures.iter().map(|fixture| fixture.name.to_owned()).collect(),
+            fixtures: bodies.fixtures.iter().map(|(name, _)| name.clone()).collect(),
             solid: on(&whole, &query)?,
-            held: on(&bodies.fixtures, &query)?,
-            fixtures_alone: (!fixtures.is_empty()).then(|| bodies.fixtures.clone()),
+            held: on(&held, &query)?,
+            fixtures_alone: (!fixtures.is_empty()).then_some(held),
             tools,
             orientations,
             suggested,
@@ -270,21 +265,24 @@ fn can_touch(assembly: &Assembly) -> bool {
 /// Part and fixtures as tools meet them at the pitch, and at twice the pitch.
 fn surface(
     spec: &SceneSpec<'_>,
-    grid: &Grid,
-    unit: LengthUnit,
+    bodies: &Bodies,
     arguments: &AccessArguments,
     setups: Option<SetupQuestion>,
 ) -> Result<SurfaceSetup> {
-    let body = |mesh: &Mesh| -> Result<SolidBody> {
-        let centres = Arc::new(voxelize_with(mesh, grid, false, spec.control)?.solid);
-        let keep_out = match spec.conservative {
-            true => Arc::new(voxelize_with(mesh, grid, true, spec.control)?.solid),
-            false => centres.clone(),
+    let (grid, unit) = (&bodies.part.grid, spec.unit);
+    let body = |voxels: &Occupancy, mesh: &Mesh, transform: &DMat4| -> Result<SolidBody> {
+        let mut keep_out = Occupancy::empty(*grid);
+        keep_out.add(voxels);
+        let keep_out = Arc::new(keep_out);
+        let centres = match spec.conservative {
+            true => Arc::new(voxelize_with(&mesh.transformed(transform), grid, false, spec.control)?.solid),
+            false => keep_out.clone(),
         };
         Ok(SolidBody { centres, keep_out })
     };
-    let part = body(&spec.mesh.transformed(&spec.transform))?;
-    let fixtures = spec.fixtures.iter().map(|fixture| body(&fixture.mesh.transformed(&fixture.transform)));
+    let part = body(&bodies.part, spec.mesh, &spec.transform)?;
+    let fixtures = spec.fixtures.iter().zip(&bodies.fixtures);
+    let fixtures = fixtures.map(|(fixture, (_, voxels))| body(voxels, fixture.mesh, &fixture.transform));
     let fixtures: Vec<SolidBody> = fixtures.collect::<Result<_>>()?;
     let mut solid = Occupancy::clone(&part.centres);
     for fixture in &fixtures {
@@ -322,13 +320,13 @@ fn map_cells(step: f64) -> Result<[usize; 2]> {
     Ok([2 * cells, cells])
 }
 
+/// Bytes for sections, surface and results; the grids are those of the obstacle, of the query and of the stock.
 fn needed(
-    obstacle: &Grid,
-    query: &Grid,
-    stock: Option<&Grid>,
+    (obstacle, query, stock): (&Grid, &Grid, Option<&Grid>),
     tools: &[Assembly],
     orientations: &OrientationSet,
     settings: AccessSettings,
+    spec: &SceneSpec<'_>,
     session: &Session,
 ) -> Result<u64> {
     let threads = session.threads();
@@ -353,9 +351,15 @@ fn needed(
     let stock = stock.map_or(0, |stock| stock.len() as u64 * (3 + tools.len() as u64));
     // And up to half a dozen elements of each tool.
     let results = query.len() as u64 * (40 + 32 * tools.len() as u64);
-    // Distances and nearest voxels of part and fixtures, for the surface: two sets where shank and holder have their own.
-    let surface = 30 * obstacle.len() as u64 + SurfaceSetup::memory_estimate(orientations.len(), tools.len());
-    Ok((most + 4 * obstacle.len() as u64).max(surface) + results + lists + stock)
+    // The surface: voxels, counts, distances and nearest voxels of every body, twice where shank and holder have their own, of all
+    // fixtures and of everything; and what distances are made from.
+    let fixtures = spec.fixtures.len() as u64;
+    let each = if spec.conservative { 2 } else { 1 };
+    let sets = each * (1 + fixtures) + if fixtures > 0 { 2 } else { 0 };
+    let surface = (13 * sets + 10) * obstacle.len() as u64
+        + SurfaceSetup::memory_estimate(orientations.len(), tools.len());
+    let bodies = spec.fixture_voxels(obstacle)? + 4 * obstacle.len() as u64;
+    Ok(most.max(surface) + bodies + results + lists + stock)
 }
 
 #[cfg(test)]

@@ -15,6 +15,7 @@ use imf_core::voxelize::voxelize;
 use ndarray::Array2;
 
 use super::words;
+use crate::output::short;
 use crate::picture::{Panel, PanelRow, PanelSheet, Scale};
 use crate::slices;
 
@@ -41,10 +42,10 @@ pub(super) fn draw(
         };
         lines.push(line.line);
         let title = format!(
-            "{}: {}, {:.3} {unit} deep in {}",
+            "{}: {}, {} {unit} deep in {}",
             words::place(line),
             hit.element,
-            hit.depth,
+            short(hit.depth),
             words::body(&hit.against)
         );
         chosen.push((title, hit, *tool));

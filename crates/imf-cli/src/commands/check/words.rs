@@ -8,7 +8,7 @@ use imf_core::toolpath::MoveKind;
 
 use super::Checked;
 use crate::arguments::check::Frame;
-use crate::output::short;
+use crate::output::{short, show_measure};
 
 pub(super) fn text(checked: &Checked<'_>) -> String {
     let Checked { report, record, .. } = checked;
@@ -27,8 +27,10 @@ pub(super) fn text(checked: &Checked<'_>) -> String {
     };
     let _ = writeln!(
         text,
-        "{verdict}: {} lines, {} poses, no point of the tool moving more than {:.4} {unit} between them",
-        report.locations, report.poses, settings.tolerance
+        "{verdict}: {} lines, {} poses, no point of the tool moving more than {} {unit} between them",
+        report.locations,
+        report.poses,
+        short(settings.tolerance)
     );
     if report.starts > 1 {
         let _ = writeln!(
@@ -58,9 +60,9 @@ pub(super) fn text(checked: &Checked<'_>) -> String {
     let _ = writeln!(
         text,
         "seen for sure: overlaps of more than {} {unit} depth, in walls no thinner; less deep ones where a voxel's centre lies in \
-         them (voxels of {:.4} {unit}; a smaller --pitch sees more)",
+         them (voxels of {} {unit}; a smaller --pitch sees more)",
         short(report.sure_depth),
-        record.grid.pitch
+        short(record.grid.pitch)
     );
     let _ = writeln!(text, "{}", checked.guarantee());
     text
@@ -88,21 +90,25 @@ fn one(collision: &Collision, poses: u64, checked: &Checked<'_>) -> String {
     let within = collision.clearance - collision.depth;
     let what = if collision.clearance > 0.0 && within >= 0.0 {
         format!(
-            "{element} comes within {within:.3} {unit} of {against}, {} {unit} asked,",
+            "{element} comes within {} {unit} of {against}, {} {unit} asked,",
+            short(within),
             collision.clearance
         )
     } else if collision.clearance > 0.0 {
-        format!("{element} with its clearance is {:.3} {unit} deep in {against}", collision.depth)
+        format!("{element} with its clearance is {} {unit} deep in {against}", short(collision.depth))
     } else {
-        format!("{element} is {:.3} {unit} deep in {against}", collision.depth)
+        format!("{element} is {} {unit} deep in {against}", short(collision.depth))
     };
-    let [cx, cy, cz] = collision.contact;
-    let [x, y, z] = collision.position;
+    let point = |place: [f64; 3]| place.map(short).join(",");
     let [i, j, k] = collision.axis;
     let roll = collision.roll.map_or_else(String::new, |roll| format!(", roll {roll:.1}°"));
     format!(
-        "{what} at {cx:.3},{cy:.3},{cz:.3}: {} voxels, {:.3} {unit}³, at worst with the tip at {x:.3},{y:.3},{z:.3} and the axis \
+        "{what} at {}: {} voxels, {} {unit}³, at worst with the tip at {} and the axis \
          {i:.4},{j:.4},{k:.4}{roll}; {} of {poses} poses",
-        collision.voxels, collision.volume, collision.poses
+        point(collision.contact),
+        collision.voxels,
+        show_measure(collision.volume),
+        point(collision.position),
+        collision.poses
     )
 }

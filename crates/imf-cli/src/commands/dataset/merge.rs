@@ -6,6 +6,7 @@ use serde_json::json;
 
 use super::interruption;
 use crate::arguments::dataset::DatasetMergeArguments;
+use crate::interrupt;
 use crate::output::{print, print_json};
 use crate::session::Session;
 
@@ -14,6 +15,7 @@ const LISTED: usize = 6;
 
 pub(super) fn run(session: &Session, arguments: &DatasetMergeArguments) -> Result<()> {
     let out = &arguments.out;
+    let _keeping = interrupt::keep();
     let stage = session.stage("joining", "shards", 0);
     let advance = |n| stage.advance(n);
     let merged = merge(out, &arguments.folders, session.control(&advance));

@@ -16,6 +16,7 @@ use crate::arguments::DemoArguments;
 use crate::commands::dataset::interruption;
 use crate::commands::eval::worth_of;
 use crate::engine::{Calls, Device};
+use crate::interrupt;
 use crate::job::{self, Data, Settings};
 use crate::report::{Report, Subject, evaluate};
 use crate::session::Session;
@@ -34,12 +35,14 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
     let device = Device::open(&arguments.device.device, session)?;
     let set = OrientationSet::parse(&format!("fibonacci:{SECTIONS}"))?;
     let folder = arguments.out.join("dataset");
+    let keeping = interrupt::keep();
     let stage = session.stage("exact sections", "sections", SECTIONS as u64);
     let advance = |n| stage.advance(n);
     let sampling = Sampling { seed: arguments.seed, ..Sampling::default() };
     let made = generate(&folder, scene, &set, &sampling, session.control(&advance))
         .map_err(|error| interruption(error, &folder))?;
     stage.finish(&format!("{} samples", made.samples));
+    drop(keeping);
 
     let data = Data::open(&folder)?;
     let plan = TrainingPlan {

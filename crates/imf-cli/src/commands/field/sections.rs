@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use super::elements::{self, ElementRow, OwnMeasures};
 use super::{Measure, ORIENTATIONS, Outside, SUMMARY, Streamed, Values, Work, angles_text};
-use crate::interrupt::Interrupted;
+use crate::interrupt::{self, Interrupted};
 use crate::output::{print, print_json, same_digits, table, write_json};
 use crate::picture::MaskStyle;
 use crate::slices::{MidPlaneSheet, MidPlanes};
@@ -49,6 +49,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let files = files(work, shared);
     let measure = work.measure();
     let name = |index| name(&measure, index);
+    let keeping = interrupt::keep();
     let begin = || -> Result<()> {
         work.folder.begin(work.session)?;
         // First, so that sections kept after Ctrl-C can be told apart, and are found by the next run.
@@ -94,6 +95,8 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
             Interrupted(format!("{written} of {all} sections are finished and kept in {folder}")).into()
         );
     };
+    // All sections are written; what is still drawn of them is not kept for.
+    drop(keeping);
     let mut kept: Vec<Kept> = parts.into_iter().flat_map(|own| own.kept).collect();
     kept.sort_by_key(|section| section.index);
     if shared {

@@ -14,7 +14,7 @@ use serde_json::json;
 use super::{Description, Line};
 use crate::arguments::scene::warn_of;
 use crate::commands::parts::origin;
-use crate::output::short;
+use crate::output::{short, show_measure};
 use crate::session::Session;
 
 pub(super) fn part(part: ReferencePart) -> Description {
@@ -105,7 +105,7 @@ pub(super) fn tool(tool: &Tool) -> Description {
     lines.extend([
         ("length", format!("{} {unit}", short(tool.length()))),
         ("reach", format!("{} {unit} from the tip to the farthest point", short(tool.reach()))),
-        ("volume", format!("{} {unit}³", short(tool.volume()))),
+        ("volume", format!("{} {unit}³", show_measure(tool.volume()))),
         ("symmetry", symmetry.to_owned()),
         ("sharp points", sharp_text),
     ]);

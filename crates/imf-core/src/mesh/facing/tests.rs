@@ -77,8 +77,6 @@ fn what_is_consistent_stays_as_it_is() {
     for (name, mesh) in [
         ("a cube", unit_cube()),
         ("a cavity", joined(&cavity)),
-        ("a cavity inside out", reversed(joined(&cavity))),
-        ("a solid in a solid", joined(&[cube(0.0, 9.0, false), cube(0.0, 4.0, false)])),
         ("two bodies that overlap", joined(&[cube(0.0, 2.0, false), cube(0.7, 2.0, false)])),
         ("open", open),
         ("a strip with two sides", strip(2)),
@@ -86,6 +84,28 @@ fn what_is_consistent_stays_as_it_is() {
     ] {
         assert!(mesh.clone().with_consistent_faces() == (mesh, FaceRepair::default()), "{name}");
     }
+    // A solid in a solid is told, and stays; a cavity in it is none, nor is a solid in the cavity.
+    let solids = [cube(0.0, 9.0, false), cube(0.0, 7.0, false), cube(0.0, 4.0, true), cube(0.0, 2.0, false)];
+    for (count, nested) in [(2, 1), (3, 1), (4, 2)] {
+        let mesh = joined(&solids[..count]);
+        assert!(
+            mesh.clone().with_consistent_faces() == (mesh, FaceRepair { nested, ..FaceRepair::default() })
+        );
+    }
+}
+
+#[test]
+fn what_faces_inwards_as_a_whole_is_turned_with_its_cavities() {
+    let right = joined(&[cube(0.0, 9.0, false), cube(0.0, 4.0, true), cube(20.0, 3.0, false)]);
+    let turned = right.triangles.len();
+    assert!(
+        reversed(right.clone()).with_consistent_faces()
+            == (right, FaceRepair { turned, ..FaceRepair::default() })
+    );
+    // Of two that overlap the larger faces inwards.
+    let right = joined(&[cube(0.0, 4.0, false), cube(3.0, 9.0, false)]);
+    let (wrong, turned) = shuffled_from(&right, cube(0.0, 4.0, false).triangles.len(), 1.0, 0);
+    assert!(wrong.with_consistent_faces() == (right, FaceRepair { turned, ..FaceRepair::default() }));
 }
 
 #[test]
@@ -106,7 +126,7 @@ fn triangles_that_face_at_random_become_the_solid_that_they_bound() {
             let (repaired, repair) = random.clone().with_consistent_faces();
             assert!(repaired == mesh, "{name}, seed {seed}");
             let differ = random.triangles.iter().zip(&mesh.triangles).filter(|(a, b)| a != b).count();
-            assert_eq!(repair, FaceRepair { turned: differ, one_sided: 0 }, "{name}");
+            assert_eq!(repair, FaceRepair { turned: differ, ..FaceRepair::default() }, "{name}");
             assert!(boundary_chain(&repaired).is_empty() && (repaired.signed_volume() - volume).abs() < 1e-9);
         }
     }
@@ -118,13 +138,15 @@ fn a_few_wrong_triangles_do_not_change_what_the_rest_says() {
     let solids = joined(&[cube(0.0, 9.0, false), cube(0.0, 4.0, false)]);
     let (few, turned) = shuffled(&solids, 0.04, 7);
     assert!(turned > 2);
-    assert!(few.with_consistent_faces() == (solids, FaceRepair { turned, one_sided: 0 }));
+    assert!(
+        few.with_consistent_faces() == (solids, FaceRepair { turned, nested: 1, ..FaceRepair::default() })
+    );
     // An open mesh has no volume to go by.
     let mut open = reversed(cube(0.0, 2.0, false));
     open.triangles.truncate(open.triangles.len() - 4);
     let (few, turned) = shuffled(&open, 0.04, 7);
     assert!(turned > 2);
-    assert!(few.with_consistent_faces() == (open, FaceRepair { turned, one_sided: 0 }));
+    assert!(few.with_consistent_faces() == (open, FaceRepair { turned, ..FaceRepair::default() }));
 }
 
 #[test]
@@ -135,7 +157,7 @@ fn bodies_beside_each_other_face_alike_and_keep_their_cavities() {
     for second in [joined(&[cube(20.0, 5.0, false), cube(20.0, 2.0, true)]), cube(4.0, 3.0, false)] {
         let right = joined(&[body.clone(), second]);
         let (wrong, turned) = shuffled_from(&right, first, 1.0, 0);
-        assert!(wrong.with_consistent_faces() == (right, FaceRepair { turned, one_sided: 0 }));
+        assert!(wrong.with_consistent_faces() == (right, FaceRepair { turned, ..FaceRepair::default() }));
     }
 }
 
@@ -145,10 +167,28 @@ fn a_surface_with_one_side_stays_as_it_is_and_is_told() {
     let count = moebius.triangles.len();
     assert_eq!((count, moebius.vertices.len()), (60, 60));
     let repaired = moebius.clone().with_consistent_faces();
-    assert!(repaired == (moebius.clone(), FaceRepair { turned: 0, one_sided: count }));
+    assert!(repaired == (moebius.clone(), FaceRepair { one_sided: count, ..FaceRepair::default() }));
     // It keeps nothing else from being repaired.
     let both = joined(&[moebius, cube(9.0, 2.0, false)]);
     let (random, _) = shuffled_from(&both, count, 0.5, 1);
     let (repaired, repair) = random.with_consistent_faces();
     assert!(repaired == both && repair.one_sided == count);
+}
+
+#[test]
+fn a_mesh_with_every_triangle_for_either_side_is_what_it_bounds() {
+    let cube = joined(&[cube(3.0, 2.0, false)]);
+    for second in [reversed(cube.clone()), cube.clone()] {
+        let both = joined(&[cube.clone(), second]);
+        let doubled = cube.triangles.len();
+        assert!(
+            both.with_consistent_faces() == (cube.clone(), FaceRepair { doubled, ..FaceRepair::default() })
+        );
+    }
+    // Where two bodies touch their faces cancel each other, and stay.
+    let mut touching = unit_cube();
+    touching.append(&unit_cube().transformed(&DMat4::from_translation(DVec3::X)));
+    let touching = touching.welded();
+    let (same, repair) = touching.clone().with_consistent_faces();
+    assert!(boundary_chain(&same).is_empty() && (same.signed_volume() - 2.0).abs() < 1e-12, "{repair:?}");
 }
