@@ -14,6 +14,7 @@ use imf_core::grid::Grid;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::{At, Quantity, SectionPlan};
 use imf_core::tool::Clearance;
+use imf_fields::calibration::Calibration;
 use imf_fields::evaluation::{Exact, ImfComparison, grid_imf, grid_sections, nearest_sections};
 use imf_fields::metrics::{ErrorReport, Validation};
 use ndarray::Array2;
@@ -26,6 +27,37 @@ use crate::picture::{Bar, BarChart, PanelRow, PanelSheet, Scale};
 use crate::session::Session;
 use crate::slices;
 use subject::Made;
+
+/// The threshold of overlaps that the paper compares by.
+pub const PAPER_THRESHOLD: f64 = 1e-3;
+
+/// Where the table's threshold comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum ThresholdOf {
+    /// It was asked for.
+    Question,
+    /// The field's calibration calls values up to it free.
+    Calibration,
+    /// The calibration calls values from it on colliding, and none free: the values end above what it would call free, if anything.
+    CollidingAlone(Option<f64>),
+    /// The field is not calibrated.
+    Nothing,
+}
+
+impl ThresholdOf {
+    /// The threshold of a field, where none was asked for.
+    fn calibrated(known: Option<&Calibration>, [lowest, _]: [f64; 2]) -> (f64, Self) {
+        let Some(known) = known else { return (0.0, Self::Nothing) };
+        match known.free_up_to.map(f64::from) {
+            Some(free) if free >= lowest => (free, Self::Calibration),
+            free => {
+                let colliding = known.colliding_from.map_or(lowest, f64::from);
+                (colliding.max(lowest), Self::CollidingAlone(free))
+            }
+        }
+    }
+}
 
 /// What to evaluate.
 pub struct Questions {
@@ -78,8 +110,8 @@ pub struct Report {
     quantity: Quantity,
     /// Value above which a pose counts as colliding.
     threshold: f64,
-    /// True where that is the field's calibrated one.
-    calibrated: bool,
+    /// Where that comes from.
+    threshold_of: ThresholdOf,
     /// The error at the random orientations.
     validation: Validation,
     /// MSE of the field at random orientations over the exact field's variance there.
@@ -146,8 +178,10 @@ pub(crate) fn evaluate(
     let stage = session.stage("evaluating", "sections", total as u64);
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
-    let own = worth.calibration().map(|known| f64::from(known.free_up_to.unwrap_or(f32::MIN)));
-    let tau = questions.threshold.or(own).unwrap_or(0.0);
+    let (tau, threshold_of) = questions.threshold.map_or_else(
+        || ThresholdOf::calibrated(worth.calibration(), quantity.bounds(record.grid.pitch)),
+        |tau| (tau, ThresholdOf::Question),
+    );
 
     let mut rows = Vec::new();
     for orientation in &singles {
@@ -197,7 +231,7 @@ pub(crate) fn evaluate(
         mse_over_nearest,
         quantity,
         threshold: tau,
-        calibrated: questions.threshold.is_none() && own.is_some(),
+        threshold_of,
         validation,
         verdict: worth.json(),
         verdict_text: worth.text(),

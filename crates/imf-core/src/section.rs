@@ -15,6 +15,7 @@ mod fft;
 #[cfg(test)]
 pub(crate) mod fixtures;
 mod overlap;
+mod reading;
 mod run_ends;
 mod run_length;
 mod size;
@@ -32,7 +33,7 @@ pub(crate) use overlap::Cuttable;
 pub use overlap::Method;
 pub use size::QueryBox;
 pub(crate) use stream::stream_orientations;
-pub use stream::{Imf, imf, sections, stream_sections};
+pub use stream::{Imf, imf, sections, stream_depths, stream_sections};
 pub use values::share;
 pub use walk::SectionWalk;
 
@@ -46,6 +47,7 @@ use crate::scene::Scene;
 use crate::tool::{Assembly, ClearanceError, RotatedTool, Tool, ToolError};
 
 use overlap::OverlapCounter;
+use reading::LowestAround;
 
 /// Why a section cannot be computed.
 #[derive(Debug, Error)]
@@ -121,6 +123,7 @@ pub struct SectionScratch {
     counter: overlap::Scratch,
     counts: Vec<u32>,
     more: Vec<u32>,
+    around: LowestAround,
 }
 
 /// Voxels from the obstacle's first to that of a query grid.
@@ -232,7 +235,7 @@ impl SectionPlan {
         let rotated = (2.0 * tool.reach() / grid.pitch + 3.0).powi(3).min(1e18) as u64;
         // A tool of absurd size is left to the plan, which refuses it.
         let counting = if rotated < 1 << 30 { overlap::memory(grid, &query, tool, threads) } else { 0 };
-        2 * grid.len() as u64 + threads * (2 * rotated + 16 * query.len() as u64) + counting
+        2 * grid.len() as u64 + threads * (2 * rotated + 24 * query.len() as u64) + counting
     }
 
     /// The grid whose voxels a section covers.
@@ -240,7 +243,6 @@ impl SectionPlan {
     pub fn grid(&self) -> &Grid {
         &self.grid
     }
-
     /// What the tool must stay out of.
     #[must_use]
     pub fn obstacle(&self) -> &Obstacle {
@@ -311,7 +313,7 @@ impl SectionPlan {
         cmf: &mut [f32],
     ) -> Result<(), SectionError> {
         let normaliser = self.box_counts(orientation, &self.query, scratch)?;
-        self.read_values(orientation, normaliser, &scratch.counts, cmf);
+        self.read_values(orientation, normaliser, (&scratch.counts, &mut scratch.around), cmf);
         Ok(())
     }
 
@@ -379,7 +381,7 @@ impl SectionPlan {
         scratch: &mut SectionScratch,
     ) -> Result<u32, SectionError> {
         let rotated = self.rotated(orientation)?;
-        let SectionScratch { counter: scratch, counts, more } = scratch;
+        let SectionScratch { counter: scratch, counts, more, .. } = scratch;
         counts.resize(query.len(), 0);
         self.whole.count(&rotated, query, scratch, counts)?;
         if let Some(counter) = &self.noncutting {

@@ -9,6 +9,7 @@
 mod access;
 mod contact;
 mod culprits;
+mod inside;
 mod patches;
 mod samples;
 mod setups;
@@ -26,12 +27,13 @@ use glam::{DQuat, DVec3};
 use thiserror::Error;
 
 use contact::Outline;
+use inside::InnerBalls;
 use stance::{Outcome, Stance};
 
 use crate::field::solid::{SolidField, SolidVoxels};
 use crate::orientation::Orientation;
 use crate::pose::axis_of;
-use crate::tool::{Assembly, ClearanceError, Element, ElementKind, Segment, ToolShape};
+use crate::tool::{Assembly, ClearanceError, Element, ElementKind, Segment, SharpPoints, ToolShape};
 use crate::unit::LengthUnit;
 
 /// Why a surface cannot be asked for.
@@ -101,9 +103,10 @@ pub struct SurfaceTool {
 
 enum Shape {
     Revolved(Box<Revolved>),
-    /// Vertices in the tool's frame.
+    /// What of it may touch, in the tool's frame: its sharp points where they are a list, else all vertices.
     Mesh {
-        vertices: Vec<DVec3>,
+        touching: Vec<DVec3>,
+        inner: InnerBalls,
         whole: Box<SolidField>,
     },
 }
@@ -174,7 +177,12 @@ impl SurfaceTool {
         let ToolShape::Revolved(parts) = &tool.shape else {
             let ToolShape::Mesh(mesh) = &tool.shape else { return Err(SurfaceError::NoCutter(name)) };
             let whole = Box::new(SolidField::of_tool(surroundings.keep_out.clone(), tool));
-            let shape = Shape::Mesh { vertices: mesh.vertices.clone(), whole };
+            let touching = match &tool.sharp_points {
+                SharpPoints::Points(points) => points.clone(),
+                _ => mesh.vertices.clone(),
+            };
+            let inner = InnerBalls::new(mesh, surroundings.part.occupancy().grid.pitch);
+            let shape = Shape::Mesh { touching, inner, whole };
             return Ok(Self { name, shape, tolerance, elements: Vec::new(), bodies: 1 });
         };
         let outline = Outline::of(tool).ok_or_else(|| SurfaceError::NoCutter(name.clone()))?;
@@ -288,3 +296,5 @@ impl SurfaceTool {
 
 #[cfg(test)]
 mod closed_forms;
+#[cfg(test)]
+mod twin;

@@ -7,6 +7,8 @@
 mod apt;
 mod csv;
 
+pub use csv::column_remedy;
+
 use std::path::Path;
 
 use glam::{DMat3, DMat4, DQuat, DVec3};

@@ -22,13 +22,13 @@ pub struct ClearanceArguments {
     /// Room that the cutter must keep from what it may not touch
     #[arg(help_heading = HEADING, long, default_value_t = 0.0, value_name = "LENGTH")]
     clearance_cutter: f64,
-    /// In voxels instead, for all elements.
+    /// In voxels instead, for shank and holder: the cutter may touch.
     #[arg(skip)]
     voxels: Option<f64>,
 }
 
 impl ClearanceArguments {
-    /// So many voxels for all elements, whatever the pitch.
+    /// So many voxels for shank and holder, whatever the pitch.
     pub(crate) fn of_voxels(&self, voxels: f64) -> Self {
         Self { voxels: Some(voxels), ..self.clone() }
     }
@@ -40,7 +40,7 @@ impl ClearanceArguments {
             (Some(_), ToolShape::Mesh(_)) => Clearance::default(),
             (Some(voxels), ToolShape::Revolved(_)) => {
                 let room = voxels * pitch;
-                Clearance { holder: room, shank: room, cutter: room }
+                Clearance { holder: room, shank: room, cutter: self.clearance_cutter }
             }
         }
     }

@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::clearance::ContactArguments;
 use super::given::Given;
+use super::quantity::FieldQuantity;
 use super::scene::SceneArguments;
 
 /// The field over the whole grid: how much the tool hits at every point, for each direction or at the best of them
@@ -18,7 +19,8 @@ use super::scene::SceneArguments;
 #[command(after_help = super::orientations::after(
     "Examples:\n  imf field teapot --orientations '0,0;12,6' --out sections\n  \
                         imf field model/field.safetensors --orientations fibonacci:10000 --imf --out imf\n  \
-                        imf field part.obj --tool mill.toml --imf --out imf\n\n\
+                        imf field part.obj --tool mill.toml --imf --out imf\n  \
+                        imf field part.obj --tool mill.toml --imf --quantity depth --out depth\n\n\
                         Writes .npy, .vti (ParaView) and .png slices. A part's values are exact for voxel centres."
 ))]
 pub(crate) struct FieldArguments {
@@ -35,6 +37,9 @@ pub(crate) struct FieldArguments {
     /// The inaccessibility measure (minimum over the orientations) with its best orientation, not every section
     #[arg(long)]
     pub(crate) imf: bool,
+    /// Of a part: what the values are
+    #[arg(long, value_enum, default_value = "overlap")]
+    pub(crate) quantity: FieldQuantity,
     /// Of a part: also the measures of cutter, shank and each holder segment by themselves
     #[arg(long)]
     pub(crate) elements: bool,
@@ -64,11 +69,17 @@ impl FieldArguments {
     /// Refuses what is of a part beside a saved field, and the other way round.
     pub(crate) fn check(&self, is_saved: bool) -> Result<()> {
         if !is_saved {
+            if self.quantity == FieldQuantity::Depth {
+                let whose = "overlaps, and --quantity depth asks for lengths";
+                self.given.refuse_option("elements", whose)?;
+                self.given.refuse_option("check", whose)?;
+            }
             return self.given.refuse_option("refine", "saved fields, and a part is counted exactly");
         }
         let whose = format!("a part, and {} is a saved field, which was made with its own", self.scene.part);
         self.given.refuse::<SceneArguments>(&whose)?;
         self.given.refuse::<ContactArguments>(&whose)?;
+        self.given.refuse_option("quantity", &whose)?;
         self.given.refuse_option("elements", &whose)?;
         self.given.refuse_option("check", &whose)
     }

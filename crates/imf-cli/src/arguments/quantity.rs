@@ -19,29 +19,38 @@ pub(crate) enum FieldQuantity {
     Overlap,
 }
 
+impl From<FieldQuantity> for Quantity {
+    fn from(quantity: FieldQuantity) -> Self {
+        match quantity {
+            FieldQuantity::Depth => Self::Depth,
+            FieldQuantity::Overlap => Self::Overlap,
+        }
+    }
+}
+
 /// The choice of it.
 #[derive(Args, Clone, Copy)]
 pub(crate) struct QuantityArguments {
     /// What the field's values are; by default depth, and overlap for the paper's question, a built-in part with the tool paper. A field
-    /// of depth is of the tool grown by two voxels, where no clearance is given, and around a part of your own there are six empty
-    /// voxels, where neither --margin nor --dims is given
+    /// of depth is of the tool with its shank and holder grown by two voxels, where no clearance is given; the cutter may touch. Around a
+    /// part of your own there are six empty voxels, where neither --margin nor --dims is given
     #[arg(long, value_enum)]
     quantity: Option<FieldQuantity>,
 }
 
-/// Voxels of clearance that make depths decide: seven times a fit's error.
+/// Voxels of clearance of shank and holder that make depths decide: seven times a fit's error. What the error leaves open of the cutter,
+/// which must touch what it cuts, the calibrated thresholds leave to an exact check.
 const CLEARANCE: f64 = 2.0;
 /// Empty voxels around a user's part: the tool approaches within the field's box, beyond its clearance.
 const MARGIN: usize = 6;
 /// Names of the options that give a clearance.
-const CLEARANCES: [&str; 4] = ["clearance", "clearance_holder", "clearance_shank", "clearance_cutter"];
+const CLEARANCES: [&str; 3] = ["clearance", "clearance_holder", "clearance_shank"];
 
 impl QuantityArguments {
     /// The quantity of a field of this scene.
     pub(crate) fn of(self, scene: &SceneArguments) -> Quantity {
         match self.quantity {
-            Some(FieldQuantity::Depth) => Quantity::Depth,
-            Some(FieldQuantity::Overlap) => Quantity::Overlap,
+            Some(quantity) => quantity.into(),
             None if is_built_in(scene) && scene.tool.iter().all(|tool| tool == "paper") => Quantity::Overlap,
             None => Quantity::Depth,
         }

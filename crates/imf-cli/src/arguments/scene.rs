@@ -7,7 +7,7 @@ use glam::DMat4;
 use imf_core::grid::Grid;
 use imf_core::mesh::topology::MeshReport;
 use imf_core::scene::{Around, Bodies, Scene, SceneSpec, SceneWarning};
-use imf_core::section::{ElementPlans, SectionPlan};
+use imf_core::section::{DEPTH_CAP, ElementPlans, Quantity, SectionPlan};
 use imf_core::tool::Tool;
 use imf_core::unit::LengthUnit;
 
@@ -132,13 +132,17 @@ impl SceneArguments {
         reading: &Reading,
         contact: &ContactArguments,
         elements: bool,
+        quantity: Quantity,
     ) -> Result<(Scene, Bodies)> {
         self.of_reading(session, reading, |spec, _| {
             let grid = spec.grid()?;
             let (tool, depth) = self.offset_tool(spec, contact)?;
-            let reach = tool.reach_from_sharp_points(grid.pitch);
+            // Depths know poses around the grid as well.
+            let around = if quantity.is_overlap() { 0 } else { DEPTH_CAP as i64 };
+            let reach = tool.reach_from_sharp_points(grid.pitch) + around as f64 * grid.pitch;
             let wide = spec.wide_grid(&grid, reach)?;
-            require_memory_for_sections(session, &wide, &grid, &tool, depth.is_some(), elements)?;
+            let query = grid.grown([around; 3], [around; 3])?;
+            require_memory_for_sections(session, &wide, &query, &tool, depth.is_some(), elements)?;
             warn_of_fixtures_out_of_reach(session, spec, &wide)?;
             let (scene, bodies) = voxelising(session, spec, &wide, |spec| spec.scene_and_bodies(reach))?;
             let scene = self.announced(session, spec, scene, &bodies)?;

@@ -83,6 +83,10 @@ pub(crate) struct FactoredArguments {
         "What it is a field of: an OBJ, STL, PLY or 3MF file, or a built-in part (teapot, bracket, bracket-raw, screw-gear), \
          whose 225 sections are sampled in the folder dataset; or the folder of a dataset: then none of the options of a part"
     )),
+    mut_arg("quantity", |quantity| quantity.help(
+        "overlap is all that this network learns, to be said with a part of your own: overlaps hardly see a small cutter beside its \
+         holder, and imf train PART learns depths, which decide"
+    )),
     after_help = "Examples:\n  imf train siren5 teapot --network :10 --out paper\n  imf train siren5 teapot-225 --out paper \
                   --network 5x128 --epochs 10 --rate 3e-4 --set schedule=cosine\n\n\
                   Writes field.safetensors, checkpoint.safetensors (for --resume), log.jsonl and loss.png. Ctrl-C writes a \
@@ -98,6 +102,8 @@ pub(crate) struct Siren5Arguments {
     pub(crate) scene: SceneArguments,
     #[command(flatten)]
     pub(crate) contact: ContactArguments,
+    #[command(flatten)]
+    pub(crate) quantity: QuantityArguments,
     #[command(flatten)]
     pub(crate) run: RunArguments,
     #[command(flatten)]

@@ -88,7 +88,12 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let mut written = Vec::new();
     if let Some(folder) = &out {
         folder.begin(session)?;
-        if picture::draw(&report, &numbered, around, record.unit, &folder.file("worst.png"))? {
+        let name = (record.transform != DMat4::IDENTITY).then_some(match arguments.frame {
+            Frame::Part => "part's frame",
+            Frame::World => "world",
+        });
+        let drawn = picture::Drawn { set_up, name, unit: record.unit };
+        if picture::draw(&report, &numbered, around, &drawn, &folder.file("worst.png"))? {
             written.push("worst.png");
         }
     }
@@ -151,7 +156,7 @@ impl Checked<'_> {
             self.tools.iter().map(|(number, tool)| json!({ "number": number, "name": tool.name })).collect();
         json!({
             "toolpath": self.arguments.toolpath, "frame": self.arguments.frame, "part": self.record.part, "tools": tools,
-            "unit": self.record.unit, "pitch": self.record.grid.pitch, "collides": !self.report.colliding.is_empty(),
+            "unit": self.record.unit, "pitch": self.record.grid.pitch, "conservative": self.record.conservative, "collides": !self.report.colliding.is_empty(),
             "report": self.report, "guarantee": self.guarantee(),
         })
     }

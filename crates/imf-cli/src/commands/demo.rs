@@ -20,7 +20,7 @@ use crate::commands::calibrate::afterwards;
 use crate::job::FIELD;
 use crate::output::{answer, prepare_folder};
 use crate::progress::show_seconds;
-use crate::report::Questions;
+use crate::report::{PAPER_THRESHOLD, Questions};
 use crate::session::Session;
 
 pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
@@ -70,7 +70,7 @@ fn questions(seed: u64, in_sample: Option<Orientation>, imf: OrientationSet) -> 
         random: OrientationSet::parse(&format!("random:64:{}", seed.wrapping_add(1)))?,
         imf,
         // Of shares of the tool, as the paper compares; the verdict beside the table goes by the calibrated one.
-        threshold: Some(1e-3),
+        threshold: Some(PAPER_THRESHOLD),
     })
 }
 

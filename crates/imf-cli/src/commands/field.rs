@@ -15,7 +15,8 @@ use imf_core::mesh::MachiningDirection;
 use imf_core::obstacle::Obstacle;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::scene::Scene;
-use imf_core::section::{At, ElementPlans, Quantity, SectionPlan};
+use imf_core::section::{At, DepthPlan, ElementPlans, Quantity, SectionPlan};
+use imf_core::unit::LengthUnit;
 use imf_fields::calibration::{Calibration, Verdict};
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
@@ -49,8 +50,9 @@ fn of_part(session: &Session, arguments: &FieldArguments, folder: OutputFolder) 
     let of_part = || reading.part.mesh.transformed(&reading.transform).machining_directions();
     let directions = |text: &str| Directions::of_part(text, of_part);
     let named = arguments.orientations.as_deref().map(directions).transpose()?;
+    let quantity = Quantity::from(arguments.quantity);
     let (scene, bodies) =
-        arguments.scene.scene_among(session, &reading, &arguments.contact, arguments.elements)?;
+        arguments.scene.scene_among(session, &reading, &arguments.contact, arguments.elements, quantity)?;
     let round = scene.record.bare_tool().is_axisymmetric();
     let Directions { set, suggested } = match named {
         Some(named) => named,
@@ -66,6 +68,10 @@ fn of_part(session: &Session, arguments: &FieldArguments, folder: OutputFolder) 
     };
     let assembly = scene.record.assembly()?;
     let plan = SectionPlan::with_query(&obstacle, &assembly, At::SharpPoints, &scene.record.grid)?;
+    if let (Device::Gpu(_), Quantity::Depth) = (&device, quantity) {
+        bail!("depths of a part are counted by the CPU: leave --device out");
+    }
+    let depth = if quantity.is_overlap() { None } else { Some(DepthPlan::of(&plan)?) };
     let elements = arguments
         .elements
         .then(|| ElementPlans::new(&obstacle, &assembly, &scene.record.grid))
@@ -75,7 +81,7 @@ fn of_part(session: &Session, arguments: &FieldArguments, folder: OutputFolder) 
         bail!("--elements needs a tool of cutter, shank and holder, and the tool '{name}' is a mesh");
     }
     let (elements, check) = (elements.as_ref(), Check::new(arguments.check));
-    let values = Values::Counted(Counted { plan: &plan, elements, check });
+    let values = Values::Counted(Counted { plan: &plan, depth: depth.as_ref(), elements, check });
     let work =
         Work { session, folder, scene: &scene, device: &device, values, set: &set, suggested: &suggested };
     work.run(arguments.imf)
@@ -134,6 +140,8 @@ enum Values<'a> {
 /// Exact sections.
 struct Counted<'a> {
     plan: &'a SectionPlan,
+    /// Where depths are asked for, not overlaps.
+    depth: Option<&'a DepthPlan>,
     elements: Option<&'a ElementPlans>,
     check: Check,
 }
@@ -177,17 +185,24 @@ impl Work<'_> {
 
     /// What the values are, and how they are called.
     fn measure(&self) -> Measure {
-        match self.values {
-            Values::Saved(field) if field.stored().quantity() == Quantity::Depth => Measure::DEPTH,
-            Values::Saved(_) | Values::Counted(_) => Measure::OVERLAP,
-        }
+        let quantity = match &self.values {
+            Values::Saved(field) => field.stored().quantity(),
+            Values::Counted(Counted { depth: None, .. }) => Quantity::Overlap,
+            Values::Counted(_) => Quantity::Depth,
+        };
+        Measure::of(quantity, self.scene.record.unit)
     }
 
     /// Largest value of what counts as accessible: 0 where values are counted; of a saved field its calibrated threshold, if it has
     /// one.
     fn tau(&self) -> Option<f32> {
         match self.values {
-            Values::Saved(field) => field.stored().calibration().and_then(|known| known.free_up_to),
+            Values::Saved(field) => {
+                let (known, quantity) = (field.stored().calibration(), field.stored().quantity());
+                let [lowest, _] = quantity.bounds(self.scene.record.grid.pitch);
+                // Sections have no value below the lowest.
+                known.and_then(|known| known.free_up_to).filter(|&free| f64::from(free) >= lowest)
+            }
             Values::Counted(_) => Some(0.0),
         }
     }
@@ -199,7 +214,12 @@ impl Work<'_> {
                 "not calibrated, so that nothing is called accessible: imf calibrate chooses a threshold"
                     .to_owned()
             }
-            (Some(_), None) => "no value of this field is low enough to be called free".to_owned(),
+            (Some(known), None) => {
+                let below = known.free_up_to.map_or_else(String::new, |free| {
+                    format!(": its calibrated threshold, {free:.3e}, lies below all of them")
+                });
+                format!("no value of this field is low enough to be called free{below}")
+            }
             (Some(_), Some(tau)) => {
                 let tau = threshold_text(tau.into(), field.stored().quantity(), self.scene.record.unit);
                 format!("at most {tau} counts as free, the field's calibrated threshold")
@@ -282,37 +302,37 @@ impl Work<'_> {
     }
 }
 
-/// Values of a quantity and their names.
+/// Values of a quantity and their names, lengths with their unit.
 struct Measure {
     quantity: Quantity,
     /// Of sections: files and arrays begin with it.
-    section: &'static str,
+    section: String,
     /// Of the minimum over orientations.
-    minimum: &'static str,
+    minimum: String,
     /// Beside colour bars.
-    section_label: &'static str,
-    minimum_label: &'static str,
+    section_label: String,
+    minimum_label: String,
     /// Before the largest value.
-    short: &'static str,
+    short: String,
 }
 
 impl Measure {
-    const OVERLAP: Self = Self {
-        quantity: Quantity::Overlap,
-        section: "cmf",
-        minimum: "imf",
-        section_label: "collision measure CMF",
-        minimum_label: "inaccessibility measure IMF",
-        short: "CMF",
-    };
-    const DEPTH: Self = Self {
-        quantity: Quantity::Depth,
-        section: "depth",
-        minimum: "minimum-depth",
-        section_label: "signed penetration depth",
-        minimum_label: "minimum of the depth",
-        short: "depth",
-    };
+    fn of(quantity: Quantity, unit: LengthUnit) -> Self {
+        let [section, minimum, section_label, minimum_label, short] = match quantity {
+            Quantity::Overlap => {
+                ["cmf", "imf", "collision measure CMF", "inaccessibility measure IMF", "CMF"]
+                    .map(str::to_owned)
+            }
+            Quantity::Depth => [
+                format!("depth-{unit}"),
+                format!("minimum-depth-{unit}"),
+                format!("signed penetration depth, {unit}"),
+                format!("minimum of the depth, {unit}"),
+                format!("depth, {unit}"),
+            ],
+        };
+        Self { quantity, section, minimum, section_label, minimum_label, short }
+    }
 }
 
 /// Voxels outside the part.

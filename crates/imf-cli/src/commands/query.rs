@@ -1,7 +1,7 @@
 //! `imf query`: poses from a CSV file, answered by a learnt or harmonic field, and by counting where that is asked for.
 //!
 //! Poses are read, answered and written in chunks: memory does not grow with their number. A file of poses is read twice, first to
-//! find what is no pose before anything is answered.
+//! find what is wrong with it before anything is answered.
 
 mod answers;
 mod poses;
@@ -9,7 +9,7 @@ mod poses;
 use std::io::{Error as IoError, Write, stdout};
 
 use anyhow::{Context as _, Result};
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use imf_core::atomic_file::write_atomically;
 use imf_core::field::{Decision, ExactField, FieldError, collision_measures, values_on_all_threads};
 use imf_core::grid::Grid;
@@ -30,6 +30,8 @@ use crate::session::Session;
 const CHUNK: usize = 1 << 14;
 /// The same where the tool is voxelised for every pose.
 const EXACT_CHUNK: usize = 1 << 8;
+/// A pose that can be answered.
+const ANY: Pose = Pose { position: DVec3::ZERO, rotation: DQuat::IDENTITY };
 
 pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     let out = arguments.out.as_deref().map(OutputFile::check).transpose()?;
@@ -140,24 +142,29 @@ impl Work {
         let _keeping = interrupt::keep();
         let stage = session.stage("answering", "poses", count.unwrap_or(0));
         let (mut answered, mut outside) = (0u64, 0u64);
+        let mut asked = Vec::new();
         while !answers.poses.is_empty() {
             if interrupt::requested() {
                 let kept = if whole { "nothing was written" } else { "no further pose is answered" };
                 return Err(Interrupted(format!("{answered} poses were answered; {kept}")).into());
             }
-            answers.values =
-                self.measure(&answers.poses, |poses, values| self.field.values(poses, values))?;
+            // In the place of what is no pose any other is answered, and the answer is not told.
+            asked.clear();
+            asked.extend(answers.poses.iter().map(|pose| pose.unwrap_or(ANY)));
+            answers.values = self.measure(&asked, |poses, values| self.field.values(poses, values))?;
             if let Some(exact) = &self.exact {
-                answers.exact = self.measure(&answers.poses, |poses, values| match self.quantity {
+                answers.exact = self.measure(&asked, |poses, values| match self.quantity {
                     Quantity::Overlap => values_on_all_threads(exact, poses, values),
                     Quantity::Depth => exact.depths(poses, values),
                 })?;
             }
-            answers.decisions = self.decisions(&answers.poses)?;
-            answers.outside = answers.poses.iter().map(|pose| self.is_outside(pose)).collect();
+            answers.decisions = self.decisions(&asked)?;
+            answers.outside =
+                answers.poses.iter().map(|pose| pose.is_none_or(|pose| self.is_outside(&pose))).collect();
             writer.write(&answers, out)?;
             answered += answers.poses.len() as u64;
-            outside += answers.outside.iter().filter(|&&outside| outside).count() as u64;
+            let known = answers.outside.iter().zip(&answers.poses).filter(|(_, pose)| pose.is_some());
+            outside += known.filter(|(outside, _)| **outside).count() as u64;
             stage.advance(answers.poses.len() as u64);
             poses.read(size, &mut answers.records, &mut answers.poses)?;
         }
@@ -167,6 +174,14 @@ impl Work {
             session.note(&format!(
                 "{outside} of {answered} poses lie outside the box of the voxel centres, which the field was made for: it \
                  answers them as the nearest point inside, without guarantee"
+            ));
+        }
+        let invalid = poses.invalid();
+        invalid.check(answered)?;
+        if invalid.count > 0 {
+            session.warn(&format!(
+                "{} of {answered} lines are no pose and have no answer (decision: invalid), the first of them: {}",
+                invalid.count, invalid.first
             ));
         }
         Ok(())

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use imf_core::section::Quantity;
 use imf_fields::metrics::Validation;
 
-use super::{Report, Row};
+use super::{PAPER_THRESHOLD, Report, Row, ThresholdOf};
 use crate::commands::calibrate::threshold_text;
 use crate::output::table;
 
@@ -52,14 +52,24 @@ impl Report {
 
     /// What counts as colliding, and of which tool.
     fn threshold_text(&self) -> String {
-        let which = if self.calibrated { "its calibrated threshold" } else { "which is not calibrated" };
-        let calls = match self.threshold {
-            tau if tau <= f64::from(f32::MIN) => {
-                "no pose is called free, no value being low enough".to_owned()
+        let told = |value: f64| threshold_text(value, self.quantity, &self.unit);
+        let tau = told(self.threshold);
+        let calls = format!("a pose is called colliding above τ = {tau}");
+        let calls = match self.threshold_of {
+            ThresholdOf::Question if self.quantity.is_overlap() && self.threshold == PAPER_THRESHOLD => {
+                format!("{calls}, the paper's threshold and not the field's calibrated one")
             }
-            tau => {
-                let tau = threshold_text(tau, self.quantity, &self.unit);
-                format!("a pose is called colliding above τ = {tau}, {which}")
+            ThresholdOf::Question | ThresholdOf::Nothing => format!("{calls}, which is not calibrated"),
+            ThresholdOf::Calibration => format!("{calls}, its calibrated threshold"),
+            ThresholdOf::CollidingAlone(free) => {
+                let why = free.map_or_else(
+                    || "no value is low enough".to_owned(),
+                    |free| format!("the calibrated threshold, {}, lies below all values", told(free)),
+                );
+                format!(
+                    "the field calls no pose free: {why}. In the table {calls}, as its calibration does; the poses below, which it leaves \
+                     undecided, are counted as if they were called free"
+                )
             }
         };
         match self.clearance.is_zero() {

@@ -105,7 +105,7 @@ fn a_field_of_depth_is_calibrated_when_it_is_made_and_leaves_little_near() {
         (number(&least["tau"]) - threshold).abs() < 1e-6 && least["accessible_outside"].is_u64(),
         "{least}"
     );
-    let lengths = folder.npy::<f32>("least/minimum-depth.npy");
+    let lengths = folder.npy::<f32>("least/minimum-depth-mm.npy");
     assert!(lengths.iter().any(|&depth| depth < 0.0) && lengths.iter().all(|&depth| depth.abs() <= 30.94));
 }
 
@@ -120,10 +120,10 @@ fn a_users_part_gets_a_field_of_depth_that_decides_and_approach_moves_are_inside
     assert!(run.stdout.contains("\nVerdict: usable for decisions: of "), "{}", run.stdout);
     let info = folder.json(&["info", "depth.safetensors"]);
     assert_eq!((&info["quantity"], &info["scene"]["margin"]), (&"depth".into(), &6.into()));
-    // Two voxels.
+    // Two voxels; the cutter may touch.
     assert_eq!(
         info["scene"]["clearance"],
-        serde_json::json!({ "holder": 12.0, "shank": 12.0, "cutter": 12.0 })
+        serde_json::json!({ "holder": 12.0, "shank": 12.0, "cutter": 0.0 })
     );
     // A tool that stands just above the part is within what the field knows, and is free there.
     let grid = &info["scene"]["grid"];

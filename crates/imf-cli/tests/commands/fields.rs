@@ -2,7 +2,7 @@
 
 use imf_core::control::Control;
 use imf_core::orientation::OrientationSet;
-use imf_core::section::{At, SectionPlan, direct_element_measures, imf, sections};
+use imf_core::section::{At, DepthPlan, DepthScratch, SectionPlan, direct_element_measures, imf, sections};
 
 use crate::folder::Folder;
 use crate::model::model;
@@ -41,6 +41,34 @@ fn sections_are_the_librarys_and_checked() {
         ["cmf-00000", "cmf-00002", "solid"].iter().all(|name| text.contains(&format!("Name=\"{name}\"")))
     );
     assert!(std::fs::read(folder.path("out/slices.png")).unwrap().starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn depths_of_a_part_are_the_librarys_and_named_with_their_unit() {
+    let folder = Folder::new();
+    let set = "0,0;12,6;200,100";
+    let ask =
+        |more: &[&'static str]| arguments(&[&["--orientations", set, "--quantity", "depth"], more].concat());
+    let summary = folder.json(&ask(&["--out", "out"]));
+    let scene = model().scene;
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
+    let plan = DepthPlan::of(&plan).unwrap();
+    let orientations = OrientationSet::parse(set).unwrap().orientations;
+    let mut least = vec![f32::INFINITY; scene.record.grid.len()];
+    for (index, orientation) in orientations.iter().enumerate() {
+        let mut expected = vec![f32::NAN; least.len()];
+        plan.depths(orientation, &mut DepthScratch::default(), &mut expected).unwrap();
+        let found = folder.npy::<f32>(&format!("out/depth-mm-{index:05}.npy"));
+        assert!(found.iter().eq(&expected) && expected.iter().any(|&depth| depth < 0.0));
+        let free = expected.iter().zip(&scene.obstacle.solid).filter(|&(&v, &s)| v <= 0.0 && s == 0).count();
+        assert_eq!(summary["sections"][index]["accessible_outside"], free);
+        least.iter_mut().zip(&expected).for_each(|(least, &depth)| *least = least.min(depth));
+    }
+    assert_eq!(summary["quantity"], "depth");
+    folder.json(&ask(&["--imf", "--out", "imf"]));
+    assert!(folder.npy::<f32>("imf/minimum-depth-mm.npy").iter().eq(&least));
+    folder.refuse(&ask(&["--elements", "--out", "no"]), &["--elements", "overlaps"]);
+    folder.refuse(&ask(&["--check", "3", "--out", "no"]), &["--check", "overlaps"]);
 }
 
 #[test]

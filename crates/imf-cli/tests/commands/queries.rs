@@ -146,16 +146,40 @@ fn more_poses_than_a_chunk_are_all_answered() {
 #[test]
 fn a_bad_line_of_a_file_is_found_before_anything_is_answered() {
     // More than are answered at a time.
-    let text = format!("x,y,z,theta,phi\n{}1,NaN,3,4,5\n1,2,3,4,5\n", "1,2,3,4,5\n".repeat(600));
+    let text = format!("x,y,z,theta,phi\n{}1,2,3,4\n1,2,3,4,5\n", "1,2,3,4,5\n".repeat(600));
     let (folder, _) = folder_of(&text);
     let ask = |poses| ["query", "m.safetensors", poses, "--device", "cpu", "--exact"];
     let run = folder.run(&ask("poses.csv"));
-    run.is_refusal(&["poses.csv, line 602, column y: 'NaN'"], &ask("poses.csv"));
+    run.is_refusal(&["poses.csv, line 602: it has 4 columns"], &ask("poses.csv"));
     assert_eq!(run.stderr.lines().count(), 1, "no field was read: {}", run.stderr);
     // What comes through a pipe is answered as it comes.
     let run = folder.run_with_input(&ask("-"), &text);
-    assert!(run.code == Some(1) && run.stderr.contains("line 602, column y"), "{}", run.stderr);
+    assert!(run.code == Some(1) && run.stderr.contains("line 602: it has 4 columns"), "{}", run.stderr);
     assert_eq!(run.stdout.lines().count(), 513);
+}
+
+#[test]
+fn a_line_that_is_no_pose_is_invalid_and_the_others_are_answered() {
+    let (folder, _) = folder_of("");
+    let valid = "x,y,z,i,j,k\n24,70,40,0,0,1\n10,140,80,1,0,1\n";
+    folder.write("poses.csv", valid);
+    let expected = folder.succeed(&[&ASK[..], &["--exact"]].concat()).stdout;
+    let rows: Vec<&str> = expected.lines().collect();
+    let text =
+        "x,y,z,i,j,k\n24,70,40,0,0,0\n24,70,40,0,0,1\n24,NaN,40,0,0,1\n10,140,80,1,0,1\n24,70,,0,0,1\n";
+    folder.write("poses.csv", text);
+    let run = folder.succeed(&[&ASK[..], &["--exact"]].concat());
+    let none = |line: &str| format!("{line},NaN,NaN,invalid,true");
+    let all =
+        [rows[0], &none("24,70,40,0,0,0"), rows[1], &none("24,NaN,40,0,0,1"), rows[2], &none("24,70,,0,0,1")];
+    assert_eq!(run.stdout.lines().collect::<Vec<_>>(), all);
+    let said =
+        ["3 of 5 lines are no pose", "poses.csv, line 2, columns i,j,k: the direction must not be zero"];
+    assert!(said.iter().all(|said| run.stderr.contains(said)), "{}", run.stderr);
+    // From a pipe it is only known at the end that there was none.
+    let run = folder.run_with_input(&["query", "m.safetensors", "-"], "x,y,z,i,j,k\n1,2,3,0,0,0\n");
+    assert!(run.code == Some(1) && run.stderr.contains("no line is a pose"), "{}", run.stderr);
+    assert!(run.stdout.ends_with("1,2,3,0,0,0,NaN,invalid,true\n"), "{}", run.stdout);
 }
 
 #[test]
@@ -190,7 +214,7 @@ fn bad_poses_are_refused_by_line_and_column() {
     for (text, expected) in [
         ("", "is empty"),
         ("x,y,z\n1,2,3\n", "no column theta"),
-        ("x,y,z,theta,phi\n1,2,3,4,5\n1,NaN,3,4,5\n", "line 3, column y: 'NaN'"),
+        ("x,y,z,A,C\n1,2,3,4,5\n", "'a' is an angle of a rotary axis"),
         ("x,y,z,i,j,k\n1,2,3,0,0,0\n", "line 2, columns i,j,k"),
         ("x,y,z,i,j,k\n1,2,3,0,0\n", "line 2: it has 5 columns"),
     ] {

@@ -174,7 +174,7 @@ fn fields_of_depth_and_of_contact_are_served() {
     work.imf(&format!("{field} --quantity depth --out depth.safetensors")).done();
     let sections = work.imf("field depth.safetensors --orientations 0,0 --out depths --json").done().json();
     assert_eq!((&sections["quantity"], &sections["tau"]), (&json!("depth"), &json!(null)));
-    assert!(npy::<f32>(&work, "depths/depth-00000.npy").iter().any(|&depth| depth < 0.0));
+    assert!(npy::<f32>(&work, "depths/depth-mm-00000.npy").iter().any(|&depth| depth < 0.0));
     work.imf(&format!("{field} --contact 1 --out contact.safetensors")).done();
     let contact = "field contact.safetensors --orientations fibonacci:5 --imf";
     work.imf(&format!("{contact} --out least")).done();

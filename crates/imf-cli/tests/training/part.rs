@@ -336,6 +336,8 @@ fn the_papers_network_of_a_part_is_that_of_its_dataset() {
 fn options_of_the_other_family_are_none_and_subjects_that_are_none_are_refused_by_name() {
     let work = Workdir::with_dataset();
     std::fs::create_dir(work.path("empty")).unwrap();
+    let tool = "[cutter]\nshape = 'ball'\ndiameter = 6\nlength = 20\n";
+    std::fs::write(work.path("tool.toml"), tool).unwrap();
     for line in ["bracket --epochs 3", "bracket --mpi", "siren5 bracket --degree 8", "siren5 data --half"] {
         let run = work.imf(&format!("train {line} --out model"));
         assert_eq!(run.code, Some(2), "{line}: {}", run.stderr);
@@ -346,6 +348,9 @@ fn options_of_the_other_family_are_none_and_subjects_that_are_none_are_refused_b
         ("siren5 data", "--tool paper", of_part),
         ("siren5 data", "--clearance 1", of_part),
         ("siren5 data", "--contact 1", of_part),
+        ("siren5 data", "--quantity overlap", of_part),
+        ("siren5 bracket --tool tool.toml", "--steps 1", ["overlaps alone", "imf train bracket"]),
+        ("siren5 bracket", "--quantity depth", ["overlaps alone", "--quantity overlap"]),
         ("siren5 nowhere", "--steps 1", ["nowhere is neither a part", "nor the folder of a dataset"]),
         ("siren5 empty", "--steps 1", ["empty is neither a part", "nor the folder of a dataset"]),
         ("factored nowhere", "--steps 1", ["nowhere", "no mesh file"]),

@@ -49,7 +49,8 @@ pub(crate) fn honest(report: &Value, text: &str) -> bool {
     let verdict = &report["verdict"];
     assert!(text.contains(&format!("Verdict: {}.", verdict["text"].as_str().unwrap())), "{text}");
     // The demo compares at the paper's threshold, everything else at the calibrated one.
-    assert_eq!(report["calibrated"], json!(report["threshold"] != json!(1e-3)), "{report}");
+    let asked = report["threshold_of"] == json!("question");
+    assert_eq!(asked, report["threshold"] == json!(1e-3), "{report}");
     // The error's standard error is that of the rows' own orientations.
     let told = &report["validation"];
     assert!(

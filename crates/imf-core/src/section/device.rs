@@ -7,6 +7,7 @@
 
 use super::direct::spot_check;
 use super::overlap::OverlapCounter;
+use super::reading::LowestAround;
 use super::run_ends::{Axis, Offsets, RunEnds};
 use super::size::{CircularSize, ClippedTool, QueryBox};
 use super::sweep::Sweep;
@@ -158,7 +159,7 @@ impl SectionPlan {
             spot_check(&counter.obstacle, rest, &self.query, more)?;
             counts.iter_mut().zip(more).for_each(|(count, more)| *count += more);
         }
-        self.read_values(orientation, rotated.count, &counts, cmf);
+        self.read_values(orientation, rotated.count, (&counts, &mut LowestAround::default()), cmf);
         Ok(())
     }
 }

@@ -7,7 +7,8 @@ use std::sync::{Mutex, PoisonError};
 
 use super::direct::{elements_of, kinds_of};
 use super::overlap::OverlapCounter;
-use super::values::{Reading, mean};
+use super::reading::{Line, Reading};
+use super::values::mean;
 use super::{At, Cuttable, Imf, SectionError, SectionPlan, SectionScratch, query_box, stream_orientations};
 use crate::control::Control;
 use crate::grid::Grid;
@@ -110,6 +111,17 @@ impl ElementPlans {
         scratch: &mut ElementScratch,
         measures: &mut [Vec<f32>],
     ) -> Result<(), SectionError> {
+        self.measures_where(|_| true, orientation, scratch, measures)
+    }
+
+    /// The same at the voxels that are `wanted`, and 0 elsewhere.
+    fn measures_where(
+        &self,
+        wanted: impl Fn(usize) -> bool,
+        orientation: &Orientation,
+        scratch: &mut ElementScratch,
+        measures: &mut [Vec<f32>],
+    ) -> Result<(), SectionError> {
         let (plan, voxels) = (&self.whole, self.whole.grid.len());
         let fits = measures.len() == self.elements.len() && measures.iter().all(|m| m.len() == voxels);
         assert!(fits, "one array of the grid's length for each element");
@@ -128,14 +140,14 @@ impl ElementPlans {
             total.iter_mut().zip(counts).for_each(|(total, count)| *total += *count);
         }
         minimum.clear();
-        minimum.resize(voxels, f32::INFINITY);
+        minimum.extend((0..voxels).map(|voxel| if wanted(voxel) { f32::INFINITY } else { 0.0 }));
         at.clear();
         at.resize(voxels, 0);
-        let reading = Reading::new(plan, orientation, normaliser, total);
-        let (mut starts, mut limits) = (Vec::new(), Vec::new());
+        let reading = Reading::new(plan, orientation, normaliser, (total, &mut section.around));
+        let (mut starts, mut reads) = (Vec::new(), Line::default());
         for (line, place) in plan.lines() {
             let (minimum, at) = (&mut minimum[line.clone()], &mut at[line.clone()]);
-            reading.lower(place, minimum, &mut starts, &mut limits, |z, k| at[z] = k as u32);
+            reading.lower(place, minimum, Some(at), &mut reads);
             let mut last = None;
             for (z, voxel) in line.enumerate() {
                 if minimum[z] == 0.0 {
@@ -187,11 +199,10 @@ pub fn elements_at_best(
 ) -> Result<ElementMeasures, SectionError> {
     let voxels = plans.whole.grid.len();
     assert_eq!(imf.value.len(), voxels, "one value for each voxel of the grid");
-    let mut wanted: Vec<Vec<u32>> = vec![Vec::new(); orientations.len()];
-    for (voxel, (&value, &best)) in imf.value.iter().zip(&imf.best).enumerate() {
-        if let Some(list) = wanted.get_mut(best as usize).filter(|_| value > 0.0) {
-            list.push(voxel as u32);
-        }
+    let wanted = |index: usize, voxel: usize| imf.best[voxel] as usize == index && imf.value[voxel] > 0.0;
+    let mut any = vec![false; orientations.len()];
+    for voxel in (0..voxels).filter(|&voxel| imf.value[voxel] > 0.0) {
+        any.get_mut(imf.best[voxel] as usize).into_iter().for_each(|any| *any = true);
     }
     let kinds: Vec<ElementKind> = plans.elements().collect();
     let found = Mutex::new(vec![vec![0.0_f32; voxels]; kinds.len()]);
@@ -201,14 +212,14 @@ pub fn elements_at_best(
         control,
         start,
         |(scratch, measures), index| -> Result<(), SectionError> {
-            if wanted[index].is_empty() {
+            if !any[index] {
                 return Ok(());
             }
-            plans.measures(&orientations[index], scratch, measures)?;
+            plans.measures_where(|voxel| wanted(index, voxel), &orientations[index], scratch, measures)?;
             // Every voxel has one best orientation: no two threads write the same place.
             let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
             for (found, measures) in found.iter_mut().zip(&*measures) {
-                wanted[index].iter().for_each(|&voxel| found[voxel as usize] = measures[voxel as usize]);
+                (0..voxels).filter(|&v| wanted(index, v)).for_each(|voxel| found[voxel] = measures[voxel]);
             }
             Ok(())
         },

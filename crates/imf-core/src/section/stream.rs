@@ -3,7 +3,7 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::{Quantity, SectionError, SectionPlan, SectionScratch};
+use super::{DepthPlan, DepthScratch, Quantity, SectionError, SectionPlan, SectionScratch};
 use crate::control::Control;
 use crate::orientation::Orientation;
 use crate::parallel;
@@ -88,6 +88,27 @@ pub fn stream_sections<V: Send>(
         stream_orientations(orientations.len(), control, scratch, |(visitor, scratch, cmf), index| {
             plan.cmf(&orientations[index], scratch, cmf)?;
             visit(visitor, index, cmf);
+            Ok::<(), SectionError>(())
+        })?;
+    Ok(parts.into_iter().map(|(visitor, ..)| visitor).collect())
+}
+
+/// The same for depths.
+///
+/// # Errors
+/// As [`stream_sections`].
+pub fn stream_depths<V: Send>(
+    plan: &DepthPlan,
+    orientations: &[Orientation],
+    control: Control<'_>,
+    start: impl Fn() -> V + Sync,
+    visit: impl Fn(&mut V, usize, &[f32]) + Sync,
+) -> Result<Vec<V>, SectionError> {
+    let scratch = || (start(), DepthScratch::default(), vec![0.0; plan.grid().len()]);
+    let parts =
+        stream_orientations(orientations.len(), control, scratch, |(visitor, scratch, depths), index| {
+            plan.depths(&orientations[index], scratch, depths)?;
+            visit(visitor, index, depths);
             Ok::<(), SectionError>(())
         })?;
     Ok(parts.into_iter().map(|(visitor, ..)| visitor).collect())

@@ -134,6 +134,26 @@ fn the_estimate_prefers_run_lengths_for_slender_tools_and_transforms_for_fat_one
 }
 
 #[test]
+fn many_sharp_points_are_read_by_boxes_and_stay_the_minimum_of_all() {
+    // More and wider than a box of points, on a grid that is narrower than one along an axis.
+    for dims in [[17, 9, 14], [6, 18, 3]] {
+        let obstacle = scattered(dims, 3);
+        for radius in [1.4, 3.2] {
+            let tool = Tool { sharp_points: SharpPoints::Boundary(None), ..cylinder(radius, 19.0) };
+            let plan = SectionPlan::new(&obstacle, &tool, At::SharpPoints).unwrap();
+            for orientation in orientations("fibonacci:5+axes") {
+                let cmf = cmf(&plan, &orientation);
+                for voxel in (0..obstacle.grid.len()).step_by(37) {
+                    let expected = direct_cmf(&obstacle, &tool, &orientation, obstacle.grid.voxel(voxel));
+                    let error = f64::from(cmf[voxel]) - expected.unwrap();
+                    assert!(error.abs() < 1e-6, "{dims:?} {radius} {orientation:?} {voxel}: {error}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
 fn sharp_points_are_read_by_trilinear_means() {
     let few = SharpPoints::Points(vec![DVec3::new(1.3, -0.4, 0.7), DVec3::ZERO, DVec3::new(-0.6, 1.1, 2.9)]);
     let mut set = orientations("0,0;20,50;110,130;0,90");

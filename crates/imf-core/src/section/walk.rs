@@ -62,7 +62,7 @@ impl SectionWalk {
         planes: Range<usize>,
         scratch: &'s mut SectionScratch,
     ) -> Result<&'s [u32], SectionError> {
-        let SectionScratch { counter: scratch, counts, more } = scratch;
+        let SectionScratch { counter: scratch, counts, more, .. } = scratch;
         let [_, ny, nz] = plan.query.dims;
         counts.resize(planes.len() * ny * nz, 0);
         let window = (&plan.query, &planes);

@@ -1,7 +1,7 @@
 //! Parts of which geometry tells what a tool reaches, at pitches that halve: every answer stays within a bound of the closed
 //! form, and the bound falls with the pitch.
 
-mod solids;
+pub(super) mod solids;
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -338,5 +338,33 @@ fn a_mesh_tool_reaches_what_its_shape_fits() {
             // The top is wide on either side.
             assert_eq!(found.reached(|s| s.point.z > 19.99 && s.normal.z > 0.5), 1.0, "{pitch} {width}");
         }
+    }
+}
+
+#[test]
+fn a_mesh_tool_that_says_what_cuts_touches_with_that_alone() {
+    // A bar with its tip in the middle of its end, and a housing beside it that reaches 5 lower.
+    let bar = |z: [f64; 2], x: [f64; 2]| {
+        let outline = [[z[0], x[0]], [z[1], x[0]], [z[1], x[1]], [z[0], x[1]]];
+        extruded(&outline, 5.0).transformed(&DMat4::from_translation(DVec3::new(0.0, -2.5, 0.0)))
+    };
+    let (mut mesh, housing) = (bar([0.0, 30.0], [-2.5, 2.5]), bar([-5.0, 30.0], [8.0, 18.0]));
+    let first = mesh.vertices.len() as u32;
+    mesh.vertices.extend(&housing.vertices);
+    mesh.triangles.extend(housing.triangles.iter().map(|t| t.map(|vertex| first + vertex)));
+    let silent = of_mesh(mesh.clone());
+    let cutting: Vec<DVec3> = mesh.vertices.into_iter().filter(|v| v.length() < 4.0).collect();
+    assert_eq!(cutting.len(), 4);
+    let told = Tool { sharp_points: SharpPoints::Points(cutting), ..silent.clone() };
+    let post = |width: f64| extruded(&[[0.0, 0.0], [20.0, 0.0], [20.0, width], [0.0, width]], width);
+    let top = |s: &SurfaceSample| s.normal.z > 0.5;
+    for pitch in [1.0, 0.5] {
+        // Above a plate the housing is in the way; it hangs beside a post.
+        let (plate, narrow) = (Part::sampled(&post(60.0), pitch, 200), Part::sampled(&post(5.0), pitch, 200));
+        assert_eq!(narrow.found(&told, DOWN).reached(top), 1.0, "{pitch}");
+        let middle = |s: &SurfaceSample| top(s) && (20.0..40.0).contains(&s.point.x);
+        let obstructed = |reach: &Reach| matches!(reach, Reach::Obstructed { .. });
+        assert_eq!(plate.found(&told, DOWN).share(middle, obstructed), 1.0, "{pitch}");
+        assert_eq!(plate.found(&silent, DOWN).reached(middle), 1.0, "{pitch}: the housing touches");
     }
 }

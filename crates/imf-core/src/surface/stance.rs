@@ -40,7 +40,7 @@ const TRIES: usize = 3;
 const STEPS: usize = 6;
 /// Steps by which a cutter gives way.
 const GIVES_WAY: usize = 24;
-/// Vertices of a mesh tool that are tried.
+/// Points of a mesh tool that are tried.
 const VERTICES: usize = 48;
 /// Solid centres outside the tangent plane that are tried one by one in every direction.
 const FEW: u32 = 16;
@@ -77,19 +77,22 @@ impl<'a> Stance<'a> {
         let (tolerance, sample) = (self.tool.tolerance, self.sample);
         let tool = match &self.tool.shape {
             Shape::Revolved(tool) => tool,
-            Shape::Mesh { vertices, whole } => {
-                // The vertices that lie farthest towards the surface, a tolerance outside it; between them the tool is flat.
+            Shape::Mesh { touching, inner, whole } => {
+                // The points that lie farthest towards the surface, a tolerance outside it; between them the tool is flat.
                 let support = |v: &DVec3| -sample.normal.dot(turn.rotation * *v);
-                let farthest = vertices.iter().map(support).fold(f64::NEG_INFINITY, f64::max);
+                let farthest = touching.iter().map(support).fold(f64::NEG_INFINITY, f64::max);
                 let outside = sample.point + sample.normal * tolerance;
-                let touching = vertices.iter().filter(|v| support(v) >= farthest - tolerance).take(VERTICES);
+                let touching = touching.iter().filter(|v| support(v) >= farthest - tolerance).take(VERTICES);
                 let touching: Vec<DVec3> = touching.copied().collect();
                 let middle = touching.iter().sum::<DVec3>() / touching.len() as f64;
-                let halfway = touching.iter().map(|&vertex| 0.5 * (middle + vertex));
-                let places = std::iter::once(middle).chain(halfway).chain(touching.iter().copied());
+                // One point alone is its own middle.
+                let several = if touching.len() > 1 { &touching[..] } else { &[] };
+                let halfway = several.iter().map(|&vertex| 0.5 * (middle + vertex));
+                let places = std::iter::once(middle).chain(halfway).chain(several.iter().copied());
                 let outcomes = places.map(|place| {
                     let tip = outside - turn.rotation * place;
-                    let collides = whole.collides(&Pose::new(tip, turn.rotation));
+                    let pose = Pose::new(tip, turn.rotation);
+                    let collides = inner.hit(&pose, whole.voxels()) || whole.collides(&pose);
                     if collides { Outcome::Obstructed(tip) } else { Outcome::Good }
                 });
                 return best(outcomes);

@@ -24,7 +24,8 @@
 //! length = 48.0
 //! ```
 //!
-//! or `mesh = "head.stl"` instead of cutter, shank and holder: a closed mesh in the tool frame.
+//! or `mesh = "head.stl"` instead of cutter, shank and holder: a closed mesh in the tool frame. `sharp_points = { within = 12.0 }`
+//! says which of its vertices cut: those within 12 of the tip.
 
 use std::path::Path;
 
@@ -59,6 +60,10 @@ enum SharpText {
     Name(String),
     Count(usize),
     Points(Vec<[f64; 3]>),
+    /// The vertices of a mesh within a distance of its tip.
+    Within {
+        within: f64,
+    },
 }
 
 #[derive(Clone, Copy, Deserialize, PartialEq)]
@@ -183,7 +188,8 @@ impl Reader<'_> {
             None => SharpPoints::Tip,
             Some(sharp) => sharp_points(sharp.get_ref(), &shape).ok_or_else(|| {
                 let what = "sharp_points must be \"tip\", a positive number of points on the cutter or \"boundary\" \
-                            (neither for a mesh), or a list of points [[x, y, z], …]";
+                            (neither for a mesh), { within = LENGTH } (of a mesh: its vertices so near the tip; there must be some), or \
+                            a list of points [[x, y, z], …]";
                 self.wrong(sharp, what)
             })?,
         };
@@ -284,6 +290,12 @@ fn sharp_points(text: &SharpText, shape: &ToolShape) -> Option<SharpPoints> {
         SharpText::Points(points) if !points.is_empty() && points.iter().flatten().all(|v| v.is_finite()) => {
             Some(SharpPoints::Points(points.iter().map(|&p| DVec3::from_array(p)).collect()))
         }
+        SharpText::Within { within } if *within > 0.0 => {
+            let ToolShape::Mesh(mesh) = shape else { return None };
+            let mut points = mesh.welded().vertices;
+            points.retain(|vertex| vertex.length() <= *within);
+            (!points.is_empty()).then_some(SharpPoints::Points(points))
+        }
         _ => None,
     }
 }
@@ -339,6 +351,25 @@ mod tests {
         }
         let flat = read("[cutter]\nshape = 'flat'\ndiameter = 10\nlength = 30\n").unwrap();
         assert!((flat.volume() - 25.0 * std::f64::consts::PI * 30.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_mesh_says_which_of_its_vertices_cut() {
+        let folder = tempfile::tempdir().unwrap();
+        let corners = "v -1 -1 0\nv 1 -1 0\nv 0 1 0\nv 0 0 30\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+        std::fs::write(folder.path().join("head.obj"), corners).unwrap();
+        let read = |within: &str| {
+            let path = folder.path().join("tool.toml");
+            std::fs::write(&path, format!("mesh = 'head.obj'\nsharp_points = {{ within = {within} }}"))
+                .unwrap();
+            Tool::read(&path)
+        };
+        let SharpPoints::Points(points) = read("10").unwrap().sharp_points else { panic!() };
+        assert_eq!(points.len(), 3);
+        for wrong in ["0.5", "-1.0", "nan"] {
+            let Fault { line, cause, .. } = read(wrong).unwrap_err().fault;
+            assert!(line == Some(2) && cause.contains("within"), "{wrong}: {cause}");
+        }
     }
 
     #[test]

@@ -182,19 +182,27 @@ fn column(title: &str) -> Result<Column, String> {
     if let Some((_, column)) = NAMES.iter().find(|(name, _)| *name == title) {
         return Ok(*column);
     }
-    Err(match title {
-        "a" | "b" | "c" => format!(
-            "the column '{title}' is an angle of a rotary axis, which says nothing without its machine: convert the axes to \
-             i,j,k, the direction from tip to holder"
-        ),
-        "nx" | "ny" | "nz" => format!(
-            "the column '{title}' may be a normal of the surface or the tool's axis: name the axis from tip to holder i,j,k"
-        ),
-        _ => format!(
+    Err(column_remedy(title).unwrap_or_else(|| {
+        format!(
             "the column '{title}' is not known and might move or turn the tool: leave it out, or name it by what it is: {WANTED}; \
              tool is read, feed, speed, comment and line are skipped"
-        ),
-    })
+        )
+    }))
+}
+
+/// What is wrong with a column of poses that has this title, in lower case, and how to say it instead; `None` of others.
+#[must_use]
+pub fn column_remedy(title: &str) -> Option<String> {
+    match title {
+        "a" | "b" | "c" => Some(format!(
+            "the column '{title}' is an angle of a rotary axis, which says nothing without its machine: convert the axes to \
+             i,j,k, the direction from tip to holder"
+        )),
+        "nx" | "ny" | "nz" => Some(format!(
+            "the column '{title}' may be a normal of the surface or the tool's axis: name the axis from tip to holder i,j,k"
+        )),
+        _ => None,
+    }
 }
 
 #[cfg(test)]

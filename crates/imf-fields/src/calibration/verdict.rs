@@ -9,6 +9,8 @@ use super::Calibration;
 /// Of the clear poses at least this share must be called free by a field that decides: one that leaves most to an exact check
 /// keeps any false-free rate.
 const LEAST_FOUND: f64 = 0.5;
+/// Below this share the rates of what is called free say nothing.
+const LEAST_TOLD: f64 = 0.01;
 /// Of pairs of a colliding and a clear pose at most this share may stand in the wrong order where values steer.
 const MOST_MISORDERED: f64 = 0.1;
 
@@ -60,6 +62,10 @@ impl Calibration {
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);
         let (rate, near) = (uniform.false_free, boundary.false_free);
         let calls = match self.free_up_to {
+            Some(_) if found_free < LEAST_TOLD => format!(
+                "it cannot decide, its values being low enough to be called free at {} of the clear poses alone",
+                percent(found_free)
+            ),
             Some(_) => format!(
                 "of {} colliding poses {} are called free (a rate of at most {:.1e} at {} % confidence; within a pitch of contact at most \
                  {:.1e}), of the clear ones {} are found free and {} called colliding",
@@ -71,7 +77,7 @@ impl Calibration {
                 percent(found_free),
                 percent(uniform.false_colliding.share()),
             ),
-            None => "no value is low enough to be called free".to_owned(),
+            None => "it cannot decide, no value being low enough to be called free".to_owned(),
         };
         let order = format!(
             "{} of the pairs of a colliding and a clear pose are in the wrong order",
@@ -79,7 +85,7 @@ impl Calibration {
         );
         let text = match usable_for {
             Purpose::Decisions => format!(
-                "usable for decisions: {calls}; a clear pose keeps the field's clearance, so that one that cuts is none"
+                "usable for decisions: {calls}; a clear pose keeps the clearance that the field was made with, element by element"
             ),
             Purpose::Steering => format!(
                 "for steering only, an exact check must decide: {calls}, where a rate of at most {:.1e} called free, {} called \
@@ -144,5 +150,11 @@ mod tests {
         assert_eq!(of(0, 10, 100, 9_700).usable_for, Purpose::Steering);
         assert_eq!(of(0, 10, 100, 9_900).usable_for, Purpose::Nothing);
         assert!(of(50_000, 99_000, 1, 50_000).text.starts_with("not usable"));
+        // What is next to never called free is told as such, without rates of it.
+        let text = of(0, 900, 0, 50).text;
+        assert!(
+            text.contains("cannot decide") && text.contains("0.9 %") && !text.contains("rate of at most 0"),
+            "{text}"
+        );
     }
 }

@@ -14,7 +14,7 @@ use imf_core::orientation::{Limits, OrientationSet};
 use imf_core::scene::{Bodies, Guarantee, SceneError, SceneSpec};
 use imf_core::section::{ElementPlans, SectionPlan};
 use imf_core::surface::{SolidBody, Surroundings, default_tolerance};
-use imf_core::tool::{Assembly, Clearance, Tool, ToolShape};
+use imf_core::tool::{Assembly, Clearance, SharpPoints, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
 use imf_core::voxelize::voxelize_with;
 
@@ -97,11 +97,14 @@ impl Setup {
         }
         let orientations = set;
         for tool in reading.tools.iter().filter(|tool| matches!(tool.shape, ToolShape::Mesh(_))) {
-            session.warn(&format!(
-                "{} is a mesh, which does not say what of it cuts: whatever touches the surface first counts as touching it, the \
-                 housing too; and it takes long, so that few --orientations are a good beginning",
-                tool.name
-            ));
+            if !matches!(tool.sharp_points, SharpPoints::Points(_)) {
+                session.warn(&format!(
+                    "{} is a mesh that does not say what of it cuts: whatever touches the surface first counts as touching it, the \
+                     housing too; write sharp_points = {{ within = LENGTH }} into its file, the distance from the tip to the farthest \
+                     point that cuts",
+                    tool.name
+                ));
+            }
         }
         number_names(&mut reading.tools);
         let unit = reading.part.unit;

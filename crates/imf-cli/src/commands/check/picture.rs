@@ -16,7 +16,7 @@ use ndarray::Array2;
 
 use super::words;
 use crate::output::short;
-use crate::picture::{Panel, PanelRow, PanelSheet, Scale};
+use crate::picture::{Axes, Panel, PanelRow, PanelSheet, Scale};
 use crate::slices;
 
 /// Places that are drawn, one of a line.
@@ -25,14 +25,35 @@ const PLACES: usize = 4;
 const SIDE: usize = 90;
 const CLASSES: [&str; 5] = ["empty", "part", "fixture", "tool", "tool in a body"];
 
-/// Draws the deepest collisions, in world coordinates; false where there are none.
+/// The frame that a picture is drawn in.
+pub(super) struct Drawn {
+    /// From it into the world.
+    pub(super) set_up: DMat4,
+    /// Whose frame it is, where there are two.
+    pub(super) name: Option<&'static str>,
+    pub(super) unit: LengthUnit,
+}
+
+impl Drawn {
+    /// Where a slice lies, its axes named by their frame where there are two.
+    fn axes(&self, grid: &Grid, axis: usize) -> Axes {
+        let axes = slices::axes(grid, self.unit, axis);
+        match self.name {
+            Some(name) => Axes { names: axes.names.map(|own| format!("{own} ({name})")), ..axes },
+            None => axes,
+        }
+    }
+}
+
+/// Draws the deepest collisions of a report in world coordinates; false where there are none.
 pub(super) fn draw(
     report: &CheckReport,
     tools: &[(Option<u32>, &Tool)],
     bodies: CheckBodies<'_>,
-    unit: LengthUnit,
+    frame: &Drawn,
     path: &Path,
 ) -> Result<bool> {
+    let unit = frame.unit;
     let mut chosen: Vec<(String, &Collision, &Tool)> = Vec::new();
     let mut lines = Vec::new();
     for (line, hit) in report.worst() {
@@ -56,7 +77,7 @@ pub(super) fn draw(
     let cuts: Vec<_> = chosen
         .into_iter()
         .map(|(title, hit, tool)| {
-            let planes: Vec<_> = (0..3).map(|axis| cut(hit, tool, bodies, axis)).collect();
+            let planes: Vec<_> = (0..3).map(|axis| cut(hit, tool, bodies, &frame.set_up, axis)).collect();
             (title, planes)
         })
         .collect();
@@ -71,29 +92,37 @@ pub(super) fn draw(
                 values: values.view(),
                 mask: None,
                 scale: scale.clone(),
-                axes: slices::axes(grid, unit, axis),
+                axes: frame.axes(grid, axis),
             })
             .collect(),
     });
     PanelSheet {
         title: "The deepest collisions".into(),
         rows: rows.collect(),
-        notes: vec!["The contact point is in the middle of every panel; world coordinates; the tool without clearance".into()],
+        notes: vec!["The contact point is in the middle of every panel; the tool without clearance".into()],
         pixels_per_voxel: Some(3),
     }
     .save(path)?;
     Ok(true)
 }
 
-/// What lies in the plane at right angles to `axis` through the contact point: a grid of one layer, and its classes.
-fn cut(hit: &Collision, tool: &Tool, bodies: CheckBodies<'_>, axis: usize) -> (Grid, Array2<f32>) {
-    let contact = DVec3::from_array(hit.contact);
+/// What lies in the plane of the frame at right angles to `axis` through the contact point: a grid of one layer, and its classes.
+fn cut(
+    hit: &Collision,
+    tool: &Tool,
+    bodies: CheckBodies<'_>,
+    set_up: &DMat4,
+    axis: usize,
+) -> (Grid, Array2<f32>) {
+    let back = set_up.inverse();
+    let contact = back.transform_point3(DVec3::from_array(hit.contact));
     let orientation = Orientation::from_direction(DVec3::from_array(hit.axis)).unwrap_or_default();
     let pose = Pose::oriented(
         DVec3::from_array(hit.position),
         &Orientation { roll: hit.roll.unwrap_or(0.0), ..orientation },
     );
     let side = 2.0 * (1.5 * widest(tool, &hit.element)).max(8.0 * bodies.part.grid.pitch);
+    let side = side * back.x_axis.length();
     let pitch = side / SIDE as f64;
     let mut dims = [SIDE; 3];
     dims[axis] = 1;
@@ -104,12 +133,12 @@ fn cut(hit: &Collision, tool: &Tool, bodies: CheckBodies<'_>, axis: usize) -> (G
         ToolShape::Revolved(_) => None,
         ToolShape::Mesh(mesh) => {
             let placed = DMat4::from_rotation_translation(pose.rotation, pose.position);
-            Some(voxelize(&mesh.transformed(&placed), &grid, false))
+            Some(voxelize(&mesh.transformed(&(back * placed)), &grid, false))
         }
     };
     let values: Vec<f32> = (0..grid.len())
         .map(|index| {
-            let point = grid.centre(grid.voxel(index));
+            let point = set_up.transform_point3(grid.centre(grid.voxel(index)));
             let in_tool = match &turned {
                 Some(voxels) => voxels.solid[index] == 1,
                 None => tool.element_at(&pose, point).is_some(),

@@ -46,6 +46,14 @@ pub(super) fn text(checked: &Checked<'_>) -> String {
         };
         let _ = writeln!(text, "coordinates are in {whose}");
     }
+    if record.conservative && !report.colliding.is_empty() {
+        let beyond = 0.5 * 3.0_f64.sqrt() * record.grid.pitch;
+        let _ = writeln!(
+            text,
+            "depths are those in the conservative voxels, whose centres lie up to {beyond:.4} {unit} outside the bodies: by so much the \
+             bodies themselves may be hit less deep, or not at all"
+        );
+    }
     let clearance = &settings.clearance;
     let accepted = if checked.tools.iter().any(|(_, tool)| tool.has_cutter()) && settings.contact > 0.0 {
         format!("the part up to {} {unit} deep in the cutter", short(settings.contact))

@@ -6,7 +6,7 @@ use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Context as _, Error, Result};
 use imf_core::control::Control;
-use imf_core::section::{Imf, SectionError, SectionPlan, stream_sections};
+use imf_core::section::{Imf, SectionError, SectionPlan, stream_depths, stream_sections};
 use imf_gpu::{Gpu, GpuSectionError, GpuSections};
 
 use super::{Counted, Values, Work};
@@ -47,7 +47,7 @@ impl Work<'_> {
         start: impl Fn() -> V + Sync,
         visit: impl Fn(&mut V, usize, &[f32]) -> Result<()> + Sync,
     ) -> Result<Streamed<Vec<V>>> {
-        let Counted { plan, check, .. } = match &self.values {
+        let Counted { plan, depth, check, .. } = match &self.values {
             Values::Saved(field) => return field.stream(self, ready, start, visit),
             Values::Counted(counted) => counted,
         };
@@ -67,9 +67,12 @@ impl Work<'_> {
                 }
             };
             let orientations = &self.set.orientations;
-            match &mut device {
-                None => stream_sections(plan, orientations, control, start, visit).map_err(Error::from),
-                Some(device) => Ok(device.stream(orientations, control, start, visit)?),
+            match (&mut device, depth) {
+                (None, None) => {
+                    stream_sections(plan, orientations, control, start, visit).map_err(Error::from)
+                }
+                (None, Some(depth)) => Ok(stream_depths(depth, orientations, control, start, visit)?),
+                (Some(device), _) => Ok(device.stream(orientations, control, start, visit)?),
             }
         });
         match failure.into_inner().unwrap_or_else(PoisonError::into_inner) {

@@ -37,11 +37,11 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let elements = elements::at_best(work, &whole)?;
     let borrowed: Vec<_> = elements.iter().map(|(kind, values)| (*kind, values.as_slice())).collect();
     let measure = work.measure();
-    let mut rows = elements::write(work, measure.minimum, &borrowed, true)?;
+    let mut rows = elements::write(work, &measure.minimum, &borrowed, true)?;
     write_fields(work, &whole, refined.as_deref(), &elements, &rows)?;
     let sheet = MidPlaneSheet {
         title: work.title(),
-        label: measure.minimum_label,
+        label: &measure.minimum_label,
         part: obstacle,
         style: Some(MaskStyle::Outline),
         unit: work.scene.record.unit,
@@ -101,7 +101,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         );
     }
     text += &work.trust().unwrap_or_default();
-    let short = if measure.quantity.is_overlap() { "IMF" } else { measure.short };
+    let short = if measure.quantity.is_overlap() { "IMF" } else { &measure.short };
     text += &format!("largest {short:<6}{largest:.4}\nguarantee       {}\n", work.guarantee());
     for row in &rows {
         text += &format!(
@@ -144,7 +144,7 @@ fn write_fields(
     let met = refined.unwrap_or(&work.set.orientations);
     let angles: Vec<(&str, Vec<f32>)> = angles(met).map(|(name, angle)| (name, of_best(angle))).collect();
     let (value, best) = (&whole.value[..], &whole.best[..]);
-    let name = work.measure().minimum;
+    let name = &work.measure().minimum;
     write_npy(work.folder.file(&format!("{name}.npy")), grid.dims, value)?;
     write_npy(work.folder.file("best.npy"), grid.dims, best)?;
     let mut fields = vec![NamedField::new(name, value), NamedField::new("best", best)];

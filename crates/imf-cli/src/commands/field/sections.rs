@@ -64,7 +64,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         let elements = elements::write(work, &name(index), &measured, index == 0)?;
         if !shared {
             let vti = work.folder.file(&format!("{}.vti", name(index)));
-            let mut fields = vec![NamedField::new(measure.section, cmf)];
+            let mut fields = vec![NamedField::new(&measure.section, cmf)];
             for (row, (_, values)) in elements.iter().zip(&measured) {
                 fields.push(NamedField::new(&row.array, *values));
             }
@@ -183,9 +183,10 @@ fn draw(work: &Work<'_>, kept: &mut [Kept]) -> Result<()> {
     if kept.len() > planes.len() {
         notes.push(format!("the first {} of {} sections", planes.len(), kept.len()));
     }
+    let measure = work.measure();
     let sheet = MidPlaneSheet {
         title: work.title(),
-        label: work.measure().section_label,
+        label: &measure.section_label,
         part: &work.scene.obstacle,
         style: Some(MaskStyle::Outline),
         unit: work.scene.record.unit,

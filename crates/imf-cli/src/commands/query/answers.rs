@@ -14,7 +14,8 @@ use crate::output::same_digits;
 #[derive(Default)]
 pub(super) struct Answers {
     pub(super) records: Vec<StringRecord>,
-    pub(super) poses: Vec<Pose>,
+    /// `None` is no pose.
+    pub(super) poses: Vec<Option<Pose>>,
     pub(super) values: Vec<f32>,
     /// Empty where it was not asked for.
     pub(super) exact: Vec<f32>,
@@ -35,9 +36,16 @@ fn decision_text(decision: Decision) -> &'static str {
 }
 
 impl Answers {
-    /// What the fields answered to a line.
+    /// What the fields answered to a line; NaN where it is no pose.
     fn of(&self, index: usize) -> impl Iterator<Item = f32> {
-        [Some(self.values[index]), self.exact.get(index).copied()].into_iter().flatten()
+        let values = [Some(self.values[index]), self.exact.get(index).copied()].into_iter().flatten();
+        let valid = self.poses[index].is_some();
+        values.map(move |value| if valid { value } else { f32::NAN })
+    }
+
+    /// What is decided of a line.
+    fn decision(&self, index: usize) -> &'static str {
+        self.poses[index].map_or("invalid", |_| decision_text(self.decisions[index]))
     }
 }
 
@@ -121,7 +129,7 @@ impl AnswerWriter {
             object.insert(title.clone(), json!(same_digits(value)));
         }
         let [decision, outside] = BEHIND.map(str::to_owned);
-        object.insert(decision, json!(decision_text(answers.decisions[index])));
+        object.insert(decision, json!(answers.decision(index)));
         object.insert(outside, json!(answers.outside[index]));
         Value::Object(object)
     }
@@ -144,7 +152,7 @@ fn csv_lines(answers: &Answers) -> Result<Vec<u8>> {
     for (index, record) in answers.records.iter().enumerate() {
         let mut line = record.clone();
         answers.of(index).for_each(|value| line.push_field(&value.to_string()));
-        line.push_field(decision_text(answers.decisions[index]));
+        line.push_field(answers.decision(index));
         line.push_field(&answers.outside[index].to_string());
         csv.write_record(&line)?;
     }
@@ -154,6 +162,7 @@ fn csv_lines(answers: &Answers) -> Result<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
 
     fn written(json: bool) -> String {
         let header = StringRecord::from(vec!["name", "x"]);
@@ -163,7 +172,7 @@ mod tests {
             exact: vec![0.5, 1.0],
             decisions: vec![Decision::Free, Decision::Undecided],
             outside: vec![false, true],
-            ..Answers::default()
+            poses: vec![Some(Pose::along(DVec3::ZERO, DVec3::Z)), None],
         };
         let mut out = Vec::new();
         let mut writer = AnswerWriter::start(&header, "overlap", true, json, &mut out).unwrap();
@@ -192,6 +201,10 @@ mod tests {
                 "name": "a, b", "x": 1.5, "overlap": 0.25, "overlap_exact": 0.5, "decision": "free", "outside": false
             })
         );
+        let none = json!({
+            "name": "c", "x": 2, "overlap": null, "overlap_exact": null, "decision": "invalid", "outside": true
+        });
+        assert_eq!(all[1], none);
     }
 
     #[test]

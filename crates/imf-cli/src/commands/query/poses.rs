@@ -1,4 +1,5 @@
-//! Poses as CSV: columns by name, in any order, with others among them. Errors name the line and the column.
+//! Poses as CSV: columns by name, in any order, with others among them. A line whose numbers are no pose is invalid, and the others are
+//! read all the same; one with other columns than the first is refused with all. What is said names the line and the column.
 
 use std::fs::File;
 use std::io::{Error as IoError, ErrorKind as IoErrorKind, Read, Seek as _, stdin};
@@ -9,13 +10,14 @@ use csv::{ErrorKind, Reader, ReaderBuilder, StringRecord, Trim};
 use glam::DVec3;
 use imf_core::orientation::Orientation;
 use imf_core::pose::Pose;
+use imf_core::toolpath::column_remedy;
 
 use crate::interrupt::{self, Interrupted};
 
 const POSITION: [&str; 3] = ["x", "y", "z"];
 const VECTOR: [&str; 3] = ["i", "j", "k"];
 const ANGLES: [&str; 2] = ["theta", "phi"];
-const ROLL: &str = "roll";
+const ROLL: [&str; 2] = ["roll", "psi"];
 /// Poses that are looked at between two looks for Ctrl-C.
 const PATIENCE: u64 = 1 << 12;
 
@@ -33,7 +35,7 @@ pub(super) type Poses = PoseReader<Box<dyn Read>>;
 /// The poses of a file, each of which was looked at, and their number; those of a pipe or of standard input as they come.
 ///
 /// # Errors
-/// A file that cannot be read, and the first line of it that is no pose.
+/// A file that cannot be read, the first line of it with other columns, and a file of invalid poses alone.
 pub(super) fn open(path: &Path) -> Result<(Poses, Option<u64>)> {
     let (input, count, name): (Box<dyn Read>, _, _) = if path.as_os_str() == "-" {
         (Box::new(stdin().lock()), None, "standard input".to_owned())
@@ -66,6 +68,15 @@ pub(super) struct PoseReader<R> {
     /// ψ in degrees.
     roll: Option<usize>,
     waiting: StringRecord,
+    invalid: Invalid,
+}
+
+/// What was read and is no pose.
+#[derive(Default)]
+pub(super) struct Invalid {
+    pub(super) count: u64,
+    /// The first one's line, and what is wrong with it.
+    pub(super) first: String,
 }
 
 impl<R: Read> PoseReader<R> {
@@ -77,6 +88,11 @@ impl<R: Read> PoseReader<R> {
         let mut reader = ReaderBuilder::new().trim(Trim::All).from_reader(input);
         let header = reader.headers().map_err(|error| explain(&name, &error))?.clone();
         ensure!(!header.is_empty(), "{name} is empty; its first line must be x,y,z,i,j,k or x,y,z,theta,phi");
+        if let [whole] = &header.iter().collect::<Vec<_>>()[..]
+            && whole.contains([';', '\t'])
+        {
+            bail!("{name}, line 1: '{whole}' is one column; commas separate columns");
+        }
         let find = |column: &str| -> Result<Option<usize>> {
             let mut found = header.iter().enumerate().filter(|(_, title)| title.eq_ignore_ascii_case(column));
             let first = found.next().map(|(index, _)| index);
@@ -85,11 +101,14 @@ impl<R: Read> PoseReader<R> {
         };
         let need = |column: &str| -> Result<usize> {
             find(column)?.with_context(|| {
+                let known = header.iter().find_map(|title| column_remedy(&title.to_ascii_lowercase()));
                 let columns = header.iter().collect::<Vec<_>>().join(",");
-                format!(
-                    "{name}, line 1: there is no column {column} in '{columns}'; the first line must name \
-                     x,y,z,i,j,k or x,y,z,theta,phi"
-                )
+                let what = known.unwrap_or_else(|| {
+                    format!(
+                        "there is no column {column} in '{columns}'; the first line must name x,y,z,i,j,k or x,y,z,theta,phi"
+                    )
+                });
+                format!("{name}, line 1: {what}")
             })
         };
         let all3 =
@@ -105,8 +124,12 @@ impl<R: Read> PoseReader<R> {
             (true, false) => Direction::Vector(all3(VECTOR)?),
             (false, _) => Direction::Angles([need(ANGLES[0])?, need(ANGLES[1])?]),
         };
-        let roll = find(ROLL)?;
-        Ok(Self { reader, name, header, position, direction, roll, waiting: StringRecord::new() })
+        let roll = match (find(ROLL[0])?, find(ROLL[1])?) {
+            (Some(_), Some(_)) => bail!("{name}, line 1: roll and psi are one angle; rename one of them"),
+            (roll, psi) => roll.or(psi),
+        };
+        let (waiting, invalid) = (StringRecord::new(), Invalid::default());
+        Ok(Self { reader, name, header, position, direction, roll, waiting, invalid })
     }
 
     /// Titles of all columns.
@@ -119,21 +142,25 @@ impl<R: Read> PoseReader<R> {
         self.roll.is_some()
     }
 
-    /// Replaces `records` and `poses` by the next lines, at most `most`; by none at the end.
+    /// What is no pose of what was read so far.
+    pub(super) fn invalid(&self) -> &Invalid {
+        &self.invalid
+    }
+
+    /// Replaces `records` and `poses` by the next lines, at most `most`, by none at the end; `None` is no pose.
     ///
     /// # Errors
-    /// The first line that is no pose.
+    /// The first line with other columns than the header.
     pub(super) fn read(
         &mut self,
         most: usize,
         records: &mut Vec<StringRecord>,
-        poses: &mut Vec<Pose>,
+        poses: &mut Vec<Option<Pose>>,
     ) -> Result<()> {
         records.clear();
         poses.clear();
-        while poses.len() < most {
-            let Some(pose) = self.advance()? else { break };
-            poses.push(pose);
+        while poses.len() < most && self.advance()? {
+            poses.push(self.waiting_pose());
             records.push(self.waiting.clone());
         }
         Ok(())
@@ -142,21 +169,33 @@ impl<R: Read> PoseReader<R> {
     /// Looks at every pose.
     fn count(mut self) -> Result<u64> {
         let mut count = 0;
-        while self.advance()?.is_some() {
+        while self.advance()? {
+            self.waiting_pose();
             count += 1;
             if count % PATIENCE == 0 && interrupt::requested() {
                 return Err(Interrupted("no pose was answered, and nothing was written".into()).into());
             }
         }
+        self.invalid.check(count)?;
         Ok(count)
     }
 
-    /// The pose of the next line, which is kept until the one after it is read.
-    fn advance(&mut self) -> Result<Option<Pose>> {
-        let more = self.reader.read_record(&mut self.waiting);
-        match more.map_err(|error| explain(&self.name, &error))? {
-            true => self.pose(&self.waiting).map(Some),
-            false => Ok(None),
+    /// The next line, which is kept until the one after it is read.
+    fn advance(&mut self) -> Result<bool> {
+        self.reader.read_record(&mut self.waiting).map_err(|error| explain(&self.name, &error))
+    }
+
+    /// The pose of the line that waits.
+    fn waiting_pose(&mut self) -> Option<Pose> {
+        match self.pose(&self.waiting) {
+            Ok(pose) => Some(pose),
+            Err(error) => {
+                if self.invalid.count == 0 {
+                    self.invalid.first = format!("{error:#}");
+                }
+                self.invalid.count += 1;
+                None
+            }
         }
     }
 
@@ -195,6 +234,14 @@ impl<R: Read> PoseReader<R> {
     }
 }
 
+impl Invalid {
+    /// Refuses poses of which none is one.
+    pub(super) fn check(&self, all: u64) -> Result<()> {
+        ensure!(self.count == 0 || self.count < all, "no line is a pose: {}", self.first);
+        Ok(())
+    }
+}
+
 /// What the reader says, with the input's name and the line.
 fn explain(name: &str, error: &csv::Error) -> anyhow::Error {
     let line = error.position().map_or(1, csv::Position::line);
@@ -218,9 +265,11 @@ mod tests {
         loop {
             reader.read(2, &mut records, &mut poses)?;
             if poses.is_empty() {
+                let Invalid { count, first } = reader.invalid();
+                ensure!(*count == 0, "{first}");
                 return Ok(all);
             }
-            all.append(&mut poses);
+            all.extend(poses.drain(..).flatten());
         }
     }
 
@@ -261,11 +310,22 @@ mod tests {
             ("x,y,z,theta,phi,roll\n1,2,3,4,5,NaN\n", "line 2, column roll: 'NaN' is no finite number"),
             ("x,y,z,i,j,k,roll\n1,2,3,4,5,6,\n", "line 2, column roll: ''"),
             ("x,y,z,i,j,k,roll,ROLL\n", "more than one column roll"),
+            ("x,y,z,i,j,k,roll,psi\n", "roll and psi are one angle"),
+            ("x,y,z,A,C\n", "'a' is an angle of a rotary axis"),
+            ("x;y;z;i;j;k\n", "commas separate columns"),
             ("x,y,z,i,j,k\n1,2,3,0,0,0\n", "line 2, columns i,j,k: the direction must not be zero"),
         ] {
             let message = format!("{:#}", read(text).unwrap_err());
             assert!(message.contains(expected), "{text:?}: {message}");
         }
+        // Two lines of four are no pose, and the others are.
+        let table = "x,y,z,i,j,k\n1,2,3,0,0,0\n1,2,3,0,0,1\n1,2,oops,0,0,1\n4,5,6,0,0,1\n";
+        let mut reader = PoseReader::new(table.as_bytes(), "poses".into()).unwrap();
+        let mut poses = vec![];
+        reader.read(9, &mut vec![], &mut poses).unwrap();
+        assert_eq!(poses.iter().map(Option::is_some).collect::<Vec<_>>(), [false, true, false, true]);
+        assert!(reader.invalid().count == 2 && reader.invalid().first.contains("line 2"));
+        assert!(reader.invalid().check(4).is_ok() && reader.invalid().check(2).is_err());
         let binary: &[u8] = b"x,y,z,i,j,k\n1,2,3,0,0,\xff\n";
         let mut reader = PoseReader::new(binary, "poses".into()).unwrap();
         let message = reader.read(9, &mut vec![], &mut vec![]).unwrap_err().to_string();

@@ -39,7 +39,7 @@ enum Samples<'a> {
 }
 
 pub(super) fn run(session: &Session, arguments: &Siren5Arguments) -> Result<()> {
-    let Siren5Arguments { given, scene, contact, run, start, samples } = arguments;
+    let Siren5Arguments { given, scene, contact, quantity, run, start, samples } = arguments;
     let subject = Path::new(&scene.part);
     let from = match &start.from {
         Some(path) => Some((path.as_path(), start_model(path)?)),
@@ -50,11 +50,19 @@ pub(super) fn run(session: &Session, arguments: &Siren5Arguments) -> Result<()> 
         let made = "a part, and the dataset was made with its own";
         given.refuse::<SceneArguments>(made)?;
         given.refuse::<ContactArguments>(made)?;
+        given.refuse_option("quantity", made)?;
         Samples::Dataset(subject)
     } else if subject.is_file() || ReferencePart::from_str(&scene.part).is_ok() {
         if samples.mpi {
             bail!(
                 "--mpi is of a dataset, and {} is a part: make its dataset first (imf dataset)",
+                scene.part
+            );
+        }
+        if !quantity.of(scene).is_overlap() {
+            bail!(
+                "siren5, the paper's network, learns overlaps alone, which hardly see a small cutter beside its holder: take \
+                 imf train {}, which learns depths and decides, or say --quantity overlap for the paper's measure",
                 scene.part
             );
         }

@@ -9,12 +9,12 @@ use crate::parts::shell::{Axis, Facing as Side, Shell, circle};
 use crate::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
 use crate::unit::LengthUnit;
 
-pub(super) fn line(from: f64, to: f64, radius_from: f64, radius_to: f64) -> Segment {
+pub(in crate::surface) fn line(from: f64, to: f64, radius_from: f64, radius_to: f64) -> Segment {
     Segment::Line { from, to, radius_from, radius_to }
 }
 
 /// A cutter, a shank of a radius up to 30, and a holder of diameter 24 up to 60.
-pub(super) fn tool(cutter: Vec<Segment>, shank: f64) -> Tool {
+pub(in crate::surface) fn tool(cutter: Vec<Segment>, shank: f64) -> Tool {
     let end = cutter.last().unwrap().range().1;
     let elements = [
         (ElementKind::Cutter, cutter),
@@ -31,18 +31,18 @@ pub(super) fn tool(cutter: Vec<Segment>, shank: f64) -> Tool {
     }
 }
 
-pub(super) fn flat(radius: f64) -> Tool {
+pub(in crate::surface) fn flat(radius: f64) -> Tool {
     tool(vec![line(0.0, 20.0, radius, radius)], radius)
 }
 
-pub(super) fn ball(radius: f64) -> Tool {
+pub(in crate::surface) fn ball(radius: f64) -> Tool {
     let round =
         Segment::Arc { from: 0.0, to: radius, centre_height: radius, centre_radius: 0.0, arc_radius: radius };
     tool(vec![round, line(radius, 20.0, radius, radius)], radius)
 }
 
 /// A profile in (z, x), counter-clockwise, extruded along y.
-pub(super) fn extruded(profile: &[[f64; 2]], length: f64) -> Mesh {
+pub(in crate::surface) fn extruded(profile: &[[f64; 2]], length: f64) -> Mesh {
     let outline: Vec<DVec2> = profile.iter().map(|&p| DVec2::from_array(p)).collect();
     let mut shell = Shell::default();
     shell.post(Axis::Y, &outline, [0.0, length]);
@@ -121,13 +121,13 @@ pub(super) fn cylinder(radius: f64, height: f64) -> Mesh {
 }
 
 /// A cutter that widens from a radius at the tip by a half angle, up to a height.
-pub(super) fn tapered(radius: f64, degrees: f64, height: f64) -> Tool {
+pub(in crate::surface) fn tapered(radius: f64, degrees: f64, height: f64) -> Tool {
     let top = radius + height * degrees.to_radians().tan();
     tool(vec![line(0.0, height, radius, top)], radius)
 }
 
 /// A tool that is a mesh.
-pub(super) fn of_mesh(mesh: Mesh) -> Tool {
+pub(in crate::surface) fn of_mesh(mesh: Mesh) -> Tool {
     Tool {
         name: "mesh".into(),
         unit: LengthUnit::Mm,

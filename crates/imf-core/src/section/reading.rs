@@ -1,0 +1,208 @@
+//! The minimum over many sharp points, read from counted overlaps: boxes of points that can lower no value of a line are
+//! passed over as a whole, and then point by point.
+
+use std::ops::Range;
+
+use super::SectionPlan;
+use super::values::mean;
+use crate::orientation::Orientation;
+
+/// Voxels along the edge of a box of sharp points, and of the smaller ones in it: with the corners of its points' means a box
+/// spans 8 voxels, a smaller one 4, a point's own 2.
+const BOX: [i64; 2] = [7, 3];
+
+/// By powers of two, the least count of a voxel and those after it along each axis: 2, 4 and 8 in all. A mean whose corners lie
+/// among them is no lower.
+#[derive(Default)]
+pub(super) struct LowestAround([Vec<u32>; 3]);
+
+impl LowestAround {
+    fn fill(&mut self, counts: &[u32], [_, ny, nz]: [usize; 3]) {
+        for level in 0..3 {
+            let (made, rest) = self.0.split_at_mut(level);
+            let (lowest, step) = (&mut rest[0], 1 << level);
+            lowest.clear();
+            lowest.extend_from_slice(made.last().map_or(counts, Vec::as_slice));
+            for line in lowest.chunks_exact_mut(nz.max(1)) {
+                lower_to_next(line, step);
+            }
+            for slab in lowest.chunks_exact_mut((ny * nz).max(1)) {
+                lower_to_next(slab, step * nz);
+            }
+            lower_to_next(lowest, step * ny * nz);
+        }
+    }
+}
+
+/// Every element's minimum with the one `step` after it.
+fn lower_to_next(values: &mut [u32], step: usize) {
+    for next in step..values.len() {
+        values[next - step] = values[next - step].min(values[next]);
+    }
+}
+
+/// Points, or boxes of them, side by side.
+struct PointBox {
+    /// No voxel of theirs lies before it, from the voxel of the grid that is read.
+    lowest: [i64; 3],
+    holds: Range<usize>,
+}
+
+/// Working memory of a line.
+#[derive(Default)]
+pub(super) struct Line {
+    starts: Vec<(usize, f64)>,
+    /// By voxel: no count from here on changes its value.
+    limits: Vec<u32>,
+    /// The boxes, first those that lowered values last.
+    order: Vec<usize>,
+}
+
+/// Counts of an orientation, read at sharp points off the tip.
+pub(super) struct Reading<'a> {
+    plan: &'a SectionPlan,
+    counts: &'a [u32],
+    normaliser: u32,
+    /// By sharp point.
+    pub(super) corners: Vec<Vec<([i64; 3], f64)>>,
+    around: &'a LowestAround,
+    /// Of smaller boxes.
+    boxes: Vec<PointBox>,
+    /// Of points.
+    smaller: Vec<PointBox>,
+    points: Vec<usize>,
+}
+
+impl<'a> Reading<'a> {
+    pub(super) fn new(
+        plan: &'a SectionPlan,
+        orientation: &Orientation,
+        normaliser: u32,
+        (counts, around): (&'a [u32], &'a mut LowestAround),
+    ) -> Self {
+        let corners = plan.sharp_points.iter().map(|&sharp| plan.corners(orientation, sharp, normaliser));
+        let corners: Vec<Vec<([i64; 3], f64)>> = corners.collect();
+        around.fill(counts, plan.query.dims);
+        let place = |point: usize| {
+            let at = corners[point][0].0;
+            let coarse = at.map(|v| v.div_euclid(BOX[0]));
+            (coarse, at.map(|v| v.rem_euclid(BOX[0]) / BOX[1]))
+        };
+        let mut points: Vec<usize> = (0..corners.len()).collect();
+        points.sort_by_key(|&point| place(point));
+        let (mut boxes, mut smaller) = (Vec::<PointBox>::new(), Vec::<PointBox>::new());
+        for (index, &point) in points.iter().enumerate() {
+            let at = corners[point][0].0;
+            let before = index.checked_sub(1).map(|before| place(points[before]));
+            if before != Some(place(point)) {
+                if before.map(|(coarse, _)| coarse) != Some(place(point).0) {
+                    boxes.push(PointBox { lowest: at, holds: smaller.len()..smaller.len() });
+                }
+                smaller.push(PointBox { lowest: at, holds: index..index });
+                boxes.last_mut().into_iter().for_each(|last| last.holds.end += 1);
+            }
+            smaller.last_mut().into_iter().for_each(|last| last.holds.end += 1);
+            for last in [boxes.last_mut(), smaller.last_mut()].into_iter().flatten() {
+                last.lowest = [0, 1, 2].map(|axis| last.lowest[axis].min(at[axis]));
+            }
+        }
+        Self { plan, counts, normaliser, corners, around, boxes, smaller, points }
+    }
+
+    /// Lowers the values of a line to the minimum over the sharp points. Where it is asked for, `first` tells by voxel which
+    /// point has it, the first of those that do, of all values that are lowered and not 0.
+    pub(super) fn lower(
+        &self,
+        at: [i64; 2],
+        values: &mut [f32],
+        mut first: Option<&mut [u32]>,
+        line: &mut Line,
+    ) {
+        let Line { starts, limits, order } = line;
+        let ties = first.is_some();
+        limits.clear();
+        limits.extend(values.iter().map(|&value| self.limit(value, ties)));
+        if order.len() != self.boxes.len() {
+            order.clear();
+            order.extend(0..self.boxes.len());
+        }
+        for place in 0..order.len() {
+            let PointBox { lowest, holds } = &self.boxes[order[place]];
+            if !self.may_lower(2, at, *lowest, limits) {
+                continue;
+            }
+            let mut lowered = false;
+            for PointBox { lowest, holds } in &self.smaller[holds.clone()] {
+                if !self.may_lower(1, at, *lowest, limits) {
+                    continue;
+                }
+                for &point in &self.points[holds.clone()] {
+                    // The first corner is the lowest one: its weight is never 0.
+                    if self.may_lower(0, at, self.corners[point][0].0, limits) {
+                        let first = first.as_deref_mut();
+                        lowered |= self.lower_by(point, at, values, first, (starts, limits));
+                    }
+                }
+            }
+            if lowered {
+                order[..=place].rotate_right(1);
+                if limits.iter().all(|&limit| limit == 0) {
+                    return;
+                }
+            }
+        }
+    }
+
+    /// No count from here on lowers the value or, with `ties`, is as low, whatever the rounding.
+    #[inline]
+    fn limit(&self, value: f32, ties: bool) -> u32 {
+        let counts = f64::from(value) * f64::from(self.normaliser);
+        if ties && value > 0.0 {
+            // Means this close above are rounded to the value.
+            return ((counts * (1.0 + f64::from(f32::EPSILON))).floor() as u32).saturating_add(1);
+        }
+        (counts * (1.0 + 1e-9)).ceil() as u32
+    }
+
+    /// True where some count of the level's box behind a line's voxels is below their limits.
+    #[inline]
+    fn may_lower(&self, level: usize, [x, y]: [i64; 2], [dx, dy, dz]: [i64; 3], limits: &[u32]) -> bool {
+        let from = self.plan.query.index([x + dx, y + dy, dz]);
+        let lowest = &self.around.0[level][from..from + limits.len()];
+        lowest.iter().zip(limits).fold(false, |any, (low, limit)| any | (low < limit))
+    }
+
+    /// The same for one point; true where it lowers a value.
+    fn lower_by(
+        &self,
+        point: usize,
+        at: [i64; 2],
+        values: &mut [f32],
+        mut first: Option<&mut [u32]>,
+        (starts, limits): (&mut Vec<(usize, f64)>, &mut [u32]),
+    ) -> bool {
+        self.plan.starts(&self.corners[point], at, starts);
+        let [dx, dy, dz] = self.corners[point][0].0;
+        let from = self.plan.query.index([at[0] + dx, at[1] + dy, dz]);
+        let lowest = &self.around.0[0][from..from + values.len()];
+        let mut any = false;
+        for (z, (value, limit)) in values.iter_mut().zip(limits).enumerate() {
+            if lowest[z] >= *limit {
+                continue;
+            }
+            let overlap = mean(self.counts, starts, z);
+            if overlap < *value {
+                any = true;
+                (*value, *limit) = (overlap, self.limit(overlap, first.is_some()));
+                if let Some(first) = first.as_deref_mut() {
+                    first[z] = point as u32;
+                }
+            } else if let Some(first) = first.as_deref_mut()
+                && overlap == *value
+            {
+                first[z] = first[z].min(point as u32);
+            }
+        }
+        any
+    }
+}

@@ -1,0 +1,203 @@
+//! The fast contact path against its definition: at every contact pose every solid voxel centre against every element.
+
+use std::sync::Arc;
+
+use glam::{DMat4, DQuat, DVec3};
+
+use super::closed_forms::solids::{ball, extruded, flat, line, tapered, tool};
+use super::contact::Facing;
+use super::*;
+use crate::control::Control;
+use crate::grid::Grid;
+use crate::mesh::Mesh;
+use crate::occupancy::Occupancy;
+use crate::tool::{Clearance, Tool, holds};
+use crate::voxelize::voxelize;
+
+/// Numbers in [0, 1).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as f64 / (1u64 << 31) as f64
+    }
+
+    fn vector(&mut self, from: f64, to: f64) -> DVec3 {
+        DVec3::from_array([0; 3].map(|_| from + (to - from) * self.next()))
+    }
+
+    fn rotation(&mut self) -> DQuat {
+        let [a, b, c, d] = [0; 4].map(|_| self.next() - 0.5);
+        DQuat::from_xyzw(a, b, c, d).normalize()
+    }
+
+    /// Some boxes, turned, that may cross each other.
+    fn boxes(&mut self, count: usize, within: [f64; 2]) -> Mesh {
+        let mut all = Mesh::default();
+        let unit = extruded(&[[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]], 1.0);
+        for _ in 0..count {
+            let (size, at) = (self.vector(3.0, 12.0), self.vector(within[0], within[1]));
+            let one = unit.transformed(&DMat4::from_scale_rotation_translation(size, self.rotation(), at));
+            let first = all.vertices.len() as u32;
+            all.vertices.extend(&one.vertices);
+            all.triangles.extend(one.triangles.iter().map(|t| t.map(|vertex| first + vertex)));
+        }
+        all
+    }
+}
+
+fn centres(of: &Occupancy) -> Vec<DVec3> {
+    let solid = (0..of.grid.len()).filter(|&index| of.solid[index] != 0);
+    solid.map(|index| of.grid.centre(of.grid.voxel(index))).collect()
+}
+
+/// Part and fixtures as points, and a tool as elements: what the fast path has prepared.
+struct Definition {
+    bodies: Vec<Vec<DVec3>>,
+    outline: Outline,
+    tolerance: f64,
+    /// What lies deeper than the tolerance in the cutter.
+    cutter: Element,
+    /// Shank and holder, offset.
+    rest: Vec<Element>,
+    slack: f64,
+}
+
+impl Definition {
+    fn any(&self, body: usize, element: &Element, tip: DVec3, axis: DVec3) -> bool {
+        let held = |&centre: &DVec3| holds(&element.profile, axis, centre - tip, self.slack);
+        self.bodies[body].iter().any(held)
+    }
+
+    /// What collides with what, from the tip upwards.
+    fn hits(&self, tip: DVec3, axis: DVec3) -> Vec<(ElementKind, usize)> {
+        let all = 0..self.bodies.len();
+        let cutter = all.clone().skip(1).filter(|&body| self.any(body, &self.cutter, tip, axis));
+        let mut hits: Vec<_> = cutter.map(|body| (ElementKind::Cutter, body)).collect();
+        for element in &self.rest {
+            let bodies = all.clone().filter(|&body| self.any(body, element, tip, axis));
+            hits.extend(bodies.map(|body| (element.kind, body)));
+        }
+        hits
+    }
+
+    /// The best of the contact poses of a direction, with what collides there; `None` where a level ring touches, whose poses are
+    /// searched for.
+    fn outcome(&self, sample: &SurfaceSample, axis: DVec3) -> Option<(Outcome, Vec<(ElementKind, usize)>)> {
+        let mut best = (Outcome::NoContact, Vec::new());
+        let highest = self.outline.highest(self.tolerance);
+        let Some(facing) = Facing::new(sample.normal, axis, highest) else { return Some(best) };
+        let mut touches = Vec::new();
+        self.outline.touches(facing.slope, self.tolerance, |touch| touches.push(touch));
+        for touch in touches {
+            let contact::Touch::Point { height, radius } = touch else { return None };
+            let tip = facing.tip(sample.point, height, radius);
+            let found = if self.any(0, &self.cutter, tip, axis) {
+                (Outcome::Gouged, Vec::new())
+            } else {
+                match self.hits(tip, axis) {
+                    hits if hits.is_empty() => (Outcome::Good, hits),
+                    hits => (Outcome::Obstructed(tip), hits),
+                }
+            };
+            let better = match best.0 {
+                Outcome::NoContact => true,
+                Outcome::Gouged => found.0 != Outcome::Gouged,
+                Outcome::Obstructed(_) => found.0 == Outcome::Good,
+                Outcome::Good => false,
+            };
+            if better {
+                best = found;
+            }
+        }
+        Some(best)
+    }
+}
+
+#[test]
+fn verdicts_are_those_of_every_voxel_against_every_element() {
+    let bull = Segment::Arc { from: 0.0, to: 1.0, centre_height: 1.0, centre_radius: 1.5, arc_radius: 1.0 };
+    let tools = [
+        ball(1.5),
+        flat(2.0),
+        tapered(0.8, 12.0, 12.0),
+        tool(vec![bull, line(1.0, 9.0, 2.5, 2.5)], 2.0),
+        // A slot cutter, and one with a step.
+        tool(vec![line(0.0, 2.5, 3.0, 3.0)], 1.2),
+        tool(vec![line(0.0, 4.0, 1.0, 1.0), line(4.0, 9.0, 2.2, 2.2)], 2.2),
+    ];
+    let (mut seen, mut searched) = ([0; 4], 0);
+    for (seed, tool) in (0..3).flat_map(|seed| tools.iter().map(move |tool| (seed, tool))) {
+        let mut random = Random(0x5eed + 977 * seed);
+        let pitch = 0.7 + 0.4 * random.next();
+        let (part, clamp) = (random.boxes(3, [2.0, 14.0]), random.boxes(1, [14.0, 20.0]));
+        let (low, high) = (DVec3::splat(-8.0), DVec3::splat(30.0));
+        let grid = Grid::with_pitch(low, high, pitch, 0).unwrap();
+        let solids = [&part, &clamp].map(|mesh| Arc::new(voxelize(mesh, &grid, false)));
+        let samples = SurfaceSamples::new(&part, &solids[0], 100).samples;
+        let directions: Vec<Orientation> =
+            (0..20).filter_map(|_| Orientation::from_direction(random.vector(-1.0, 1.0))).collect();
+        let clearance = Clearance { holder: random.next(), shank: 0.3 * random.next(), cutter: 0.0 };
+        let tolerance = default_tolerance(pitch, LengthUnit::Mm);
+
+        let outline = Outline::of(tool).unwrap();
+        let cutter = tool.cutter().unwrap().0.eroded(tolerance, outline.has_shoulder()).unwrap();
+        let offset = tool.offset_elements(&clearance).unwrap();
+        let definition = Definition {
+            bodies: solids.iter().map(|solid| centres(solid)).collect(),
+            outline,
+            tolerance,
+            cutter,
+            rest: offset.into_iter().filter(|e| e.kind != ElementKind::Cutter).collect(),
+            slack: crate::tool::SLACK * pitch * pitch,
+        };
+        let [body, fixture] = solids.map(SolidBody::from);
+        let surroundings = Surroundings::new(&body, &[fixture]);
+        let assembly = Tool::offset(tool, &clearance).unwrap();
+        let fast = SurfaceTool::new(&surroundings, &assembly, tolerance).unwrap();
+        let found = surface_access(&fast, &samples, &directions, Control::quiet()).unwrap();
+
+        let axes: Vec<DVec3> = directions.iter().map(|direction| Turn::new(direction).axis).collect();
+        for (index, sample) in samples.iter().enumerate() {
+            assert_eq!(sample.bend, 0.0, "a box has flat faces");
+            let outcomes = axes.iter().map(|&axis| definition.outcome(sample, axis));
+            let Some(outcomes) = outcomes.collect::<Option<Vec<_>>>() else {
+                searched += 1;
+                continue;
+            };
+            for (direction, (outcome, _)) in outcomes.iter().enumerate() {
+                let free = found.is_free(index, direction);
+                assert_eq!(free, *outcome == Outcome::Good, "{seed} {index} {direction}: {outcome:?}");
+            }
+            let reached = outcomes.iter().filter(|(outcome, _)| *outcome == Outcome::Good).count();
+            let facing = |direction: usize| sample.normal.dot(axes[direction]);
+            let obstructed = (0..axes.len()).filter(|&d| matches!(outcomes[d].0, Outcome::Obstructed(_)));
+            let nearest = obstructed.max_by(|&a, &b| facing(a).total_cmp(&facing(b)));
+            let gouged = outcomes.iter().any(|(outcome, _)| *outcome == Outcome::Gouged);
+            match (found.reach[index], nearest) {
+                (Reach::Reached { directions }, _) => {
+                    assert_eq!(directions as usize, reached);
+                    seen[0] += 1;
+                }
+                (Reach::Obstructed { direction, hits }, Some(nearest)) => {
+                    assert_eq!((reached, direction as usize), (0, nearest));
+                    assert_eq!(fast.hits(hits).collect::<Vec<_>>(), outcomes[nearest].1);
+                    seen[1] += 1;
+                }
+                (Reach::Gouged, None) => {
+                    assert!(reached == 0 && gouged);
+                    seen[2] += 1;
+                }
+                (Reach::NotFaced, None) => {
+                    assert!(reached == 0 && !gouged);
+                    seen[3] += 1;
+                }
+                (other, nearest) => panic!("{seed} {index}: {other:?}, {nearest:?}"),
+            }
+        }
+    }
+    // Every verdict is met, and hardly any sample is left out.
+    assert!(seen[..3].iter().all(|&n| n > 20), "{seen:?}");
+    assert!(searched * 20 < seen.iter().sum::<usize>(), "{searched} of {seen:?}");
+}
