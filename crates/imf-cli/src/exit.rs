@@ -105,6 +105,7 @@ fn remedy(cause: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
             return Some("--tool NUMBER=FILE");
         }
         Some(CheckError::Contact { .. }) => return Some("--contact, --pitch"),
+        Some(CheckError::ThinSolid { .. }) => return Some("--pitch, or the machine's file"),
         _ => {}
     }
     if let Some(OnnxError::Rotations(_)) = cause.downcast_ref() {

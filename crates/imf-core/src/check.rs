@@ -9,12 +9,17 @@
 //! A collision's depth is measured from both sides: a solid centre that lies so deep in the element and so deep in the part has a
 //! ball around it in either, and no shorter translation than both radii together parts the two. The depth of a pose is
 //! the largest of these sums. The part's surface is taken to lie half-way between solid and empty centres.
+//!
+//! With a machine the motions are its own, its head and table are bodies that move with its axes, and where an axis leaves its
+//! range is told.
 
 mod elements;
+mod machine;
 mod motions;
 mod report;
 
-pub use report::{Against, CheckReport, Collision, LineCollisions};
+pub use machine::MachineBodies;
+pub use report::{Against, CheckReport, Collision, LineCollisions, TravelFault};
 
 use std::sync::Arc;
 
@@ -22,6 +27,7 @@ use serde::Serialize;
 use thiserror::Error;
 
 use crate::control::Control;
+use crate::machine::OutOfTravel;
 use crate::occupancy::Occupancy;
 use crate::parallel;
 use crate::pose::Pose;
@@ -29,7 +35,8 @@ use crate::tool::{Clearance, ClearanceError, Tool, ToolError};
 use crate::toolpath::Toolpath;
 use crate::unit::LengthUnit;
 use elements::{Body, Elements};
-use motions::motions;
+use machine::MachinePairs;
+use motions::{motions, rigid};
 
 /// What is accepted, and how closely the path is followed. Lengths in the unit of the part's grid.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -80,6 +87,8 @@ pub struct CheckBodies<'a> {
     pub part: &'a Occupancy,
     /// What holds it, by name.
     pub fixtures: &'a [(String, Occupancy)],
+    /// The machine that follows the path; the path is read for it.
+    pub machine: Option<&'a MachineBodies>,
 }
 
 /// Why a toolpath cannot be checked.
@@ -128,6 +137,23 @@ pub enum CheckError {
         /// The numbers that there are.
         given: String,
     },
+    /// The path was made for another cutter.
+    #[error(
+        "line {line}: the path is made for a cutter with a {what} of {said}, and that of '{tool}' is {given}: give the tool \
+         that the path was made for, or take the line out if it means another one"
+    )]
+    OtherCutter {
+        /// The line.
+        line: usize,
+        /// Which length.
+        what: &'static str,
+        /// What the file says, in the path's unit.
+        said: f64,
+        /// What the tool has.
+        given: f64,
+        /// The tool's name.
+        tool: String,
+    },
     /// Several tools on the path, and one without a number.
     #[error(
         "line {line}: the tool changes, from {} to {}, and one tool is given for both: give each tool its number",
@@ -140,6 +166,33 @@ pub enum CheckError {
         from: Option<u32>,
         /// The number after.
         to: Option<u32>,
+    },
+    /// The path is for a machine that is not given, or for none.
+    #[error("line {line}: the toolpath was not read for the machine that is to follow it")]
+    Machine {
+        /// The line.
+        line: usize,
+    },
+    /// A mesh cannot be offset.
+    #[error(
+        "the machine's solid '{name}' is a mesh, which cannot be offset by the holder's clearance: describe it by cylinders and boxes"
+    )]
+    HeadMesh {
+        /// The solid's name.
+        name: String,
+    },
+    /// A solid that voxels do not show.
+    #[error(
+        "the machine's solid '{name}' is {thickness} thick, and voxels of {pitch} show nothing below √2 of that for sure: choose a \
+         smaller pitch, or describe it by smaller solids"
+    )]
+    ThinSolid {
+        /// The solid's name.
+        name: String,
+        /// Its thickness.
+        thickness: f64,
+        /// Of its voxels.
+        pitch: f64,
     },
     /// Tools that cannot be told apart.
     #[error("the tools are {0}: give one tool without a number, or each its own")]
@@ -212,43 +265,58 @@ pub fn check_toolpath(
     settings.check()?;
     tools.iter().try_for_each(|(_, tool)| tool.check())?;
     // Every motion is tried before any work is done.
-    let motions = motions(toolpath, tools, settings)?;
+    let machine = bodies.machine.map(MachineBodies::machine);
+    let motions = motions(toolpath, tools, settings, machine)?;
     let part = Body::new(Arc::new(bodies.part.clone()), Against::Part);
     let fixtures: Vec<Body> = bodies
         .fixtures
         .iter()
         .map(|(name, voxels)| Body::new(Arc::new(voxels.clone()), Against::Fixture(name.clone())))
         .collect();
-    let mut lines: Vec<(usize, LineCollisions)> = Vec::with_capacity(motions.len());
+    bodies.machine.map_or(Ok(()), |machine| machine.check(bodies.part.grid.pitch))?;
+    let table = bodies.machine.map(MachineBodies::bodies).unwrap_or_default();
+    let world = rigid(&toolpath.set_up);
+    let mut lines: Vec<report::Followed> = Vec::with_capacity(motions.len());
     for (index, (_, tool)) in tools.iter().enumerate() {
         let own: Vec<usize> = (0..motions.len()).filter(|&m| motions[m].tool == index).collect();
         if own.is_empty() {
             continue;
         }
         let elements = Elements::new(&part, &fixtures, tool, settings)?;
+        let pairs = machine
+            .map(|machine| MachinePairs::new(machine, &table, &part, &fixtures, tool, settings, &world))
+            .transpose()?;
         lines.extend(parallel::try_map(own.len(), |place| {
             if control.is_cancelled() {
                 return Err(CheckError::Cancelled);
             }
             let motion = &motions[own[place]];
-            let collisions = elements.collisions(motion, &is_free);
-            (control.progress)(1);
             let location = &toolpath.locations[own[place]];
             let (line, tool, kind) = (location.line, location.tool, location.kind);
-            Ok((own[place], LineCollisions { line, tool, kind, poses: motion.count, collisions }))
+            let mut collisions = elements.collisions(motion, &is_free);
+            let mut beyond = None;
+            if let Some(pairs) = &pairs {
+                let (more, out) = pairs.follow(motion, line)?;
+                collisions.extend(more);
+                beyond = out.map(|(OutOfTravel { axis, value, range }, fraction)| TravelFault {
+                    line,
+                    axis,
+                    value,
+                    range: range.map(|end| end.is_finite().then_some(end)),
+                    fraction,
+                });
+            }
+            (control.progress)(1);
+            let found = LineCollisions { line, tool, kind, poses: motion.count, collisions };
+            Ok((own[place], found, beyond))
         })?);
     }
-    lines.sort_by_key(|(index, _)| *index);
-    Ok(CheckReport {
-        settings: *settings,
-        sure_depth: settings.sure_depth(bodies.part.grid.pitch),
-        locations: toolpath.locations.len(),
-        starts: toolpath.starts(),
-        poses: lines.iter().map(|(_, line)| line.poses).sum(),
-        colliding: lines.into_iter().map(|(_, line)| line).filter(|l| !l.collisions.is_empty()).collect(),
-    })
+    lines.sort_by_key(|(index, ..)| *index);
+    Ok(report::gather(&lines, toolpath, settings, bodies.part.grid.pitch))
 }
 
+#[cfg(test)]
+mod machine_oracle;
 #[cfg(test)]
 mod oracle;
 #[cfg(test)]

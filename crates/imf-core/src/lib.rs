@@ -81,6 +81,7 @@ pub mod field;
 pub mod field_files;
 pub mod file_error;
 pub mod grid;
+pub mod machine;
 pub mod mesh;
 pub mod motion;
 pub mod obstacle;

@@ -62,6 +62,22 @@ impl Pose {
         Some(StraightMotion::new(self, to)?.at(fraction))
     }
 
+    /// Where the rigid motion takes a pose: both after one another, the inner one first.
+    pub(crate) fn of_pose(&self, inner: &Self) -> Self {
+        Self { position: self.of_point(inner.position), rotation: self.rotation * inner.rotation }
+    }
+
+    /// Where the rigid motion takes a point. The quaternion has length 1.
+    pub(crate) fn of_point(&self, point: DVec3) -> DVec3 {
+        self.position + self.rotation * point
+    }
+
+    /// The rigid motion back. The quaternion has length 1.
+    pub(crate) fn inverse(&self) -> Self {
+        let rotation = self.rotation.conjugate();
+        Self { position: rotation * -self.position, rotation }
+    }
+
     /// True where every number is finite and the quaternion has a length.
     #[must_use]
     pub fn is_valid(&self) -> bool {

@@ -1,11 +1,12 @@
 //! Toolpaths of five axes: which tool, where its tip goes and how it is turned, line by line of the file it came from.
 //!
 //! Positions are the tool's tip; axes point from the tip to the holder. Between two lines the tool moves by
-//! [`Pose::interpolate`]. What is not understood is refused with its line: a word or a column that is skipped might be one that
+//! [`Pose::interpolate`]; of a path for a machine by [`MachineMotion`](crate::machine::MachineMotion). What is not understood is refused with its line: a word or a column that is skipped might be one that
 //! moves the tool.
 
 mod apt;
 mod csv;
+mod gcode;
 
 pub use csv::column_remedy;
 
@@ -15,6 +16,7 @@ use glam::{DMat3, DMat4, DQuat, DVec3};
 use serde::Serialize;
 use thiserror::Error;
 
+use crate::machine::{Joints, Machine};
 use crate::orientation::Orientation;
 use crate::pose::Pose;
 use crate::unit::LengthUnit;
@@ -44,6 +46,58 @@ pub struct Location {
     pub tool: Option<u32>,
     /// How the tool comes here.
     pub kind: MoveKind,
+    /// How the machine stands here, of a path for one.
+    pub machine: Option<MachinePoint>,
+}
+
+/// How a machine stands at a location, and how it comes there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MachinePoint {
+    /// Its axes.
+    pub joints: Joints,
+    /// From the spindle's face to the tip.
+    pub length: f64,
+    /// The tip goes straight in the part's frame on the way here (the control keeps the tool's centre point); otherwise the linear
+    /// axes move evenly.
+    pub tip_goes_straight: bool,
+}
+
+/// What a file is read for.
+#[derive(Clone, Copy, Debug)]
+pub struct PathReading<'a> {
+    /// Unit of the path that is made; that of the file where it does not say its own.
+    pub unit: LengthUnit,
+    /// The machine that follows the path, in that unit.
+    pub machine: Option<&'a Machine>,
+    /// Lengths of the tools from tip to spindle, by number, or of the only one.
+    pub lengths: &'a [(Option<u32>, f64)],
+}
+
+impl From<LengthUnit> for PathReading<'_> {
+    fn from(unit: LengthUnit) -> Self {
+        Self { unit, machine: None, lengths: &[] }
+    }
+}
+
+impl PathReading<'_> {
+    /// The length of a tool by its number.
+    fn length_of(&self, tool: Option<u32>) -> Option<f64> {
+        let own = self.lengths.iter().find(|(number, _)| number.is_none() || *number == tool);
+        own.map(|&(_, length)| length)
+    }
+}
+
+/// What a file says of a cutter, in the unit of the path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CutterStatement {
+    /// Line of the file, from 1.
+    pub line: usize,
+    /// Number of the tool that it describes, where the file names one.
+    pub tool: Option<u32>,
+    /// Diameter.
+    pub diameter: f64,
+    /// Radius of the corner between bottom and flank, where it is said.
+    pub corner_radius: Option<f64>,
 }
 
 /// The locations of a file in order.
@@ -51,6 +105,12 @@ pub struct Location {
 pub struct Toolpath {
     /// In the order of the file.
     pub locations: Vec<Location>,
+    /// What it says of its cutters.
+    pub cutters: Vec<CutterStatement>,
+    /// Where the part's frame is in the world, from [`Toolpath::placed`].
+    pub set_up: DMat4,
+    /// What was taken for granted, with its line, for people.
+    pub remarks: Vec<String>,
 }
 
 /// Why a toolpath cannot be read.
@@ -75,7 +135,9 @@ pub enum ToolpathError {
         what: String,
     },
     /// No location at all.
-    #[error("{0} holds no tool location: neither lines below a header such as x,y,z,i,j,k nor GOTO/ lines")]
+    #[error(
+        "{0} holds no tool location: neither lines below a header such as x,y,z,i,j,k nor GOTO/ lines nor G-code that moves x, y and z"
+    )]
     Empty(String),
 }
 
@@ -87,25 +149,49 @@ struct Wrong {
 }
 
 impl Toolpath {
-    /// Reads a CSV file (a header of column names, then numbers) or an APT/CL file (`GOTO/x,y,z,i,j,k`), distinguished by the
-    /// words in it. Lengths become those of `unit`: a CSV file is taken to be in it, an APT file too unless it has a
-    /// `UNITS/` line.
+    /// Reads a CSV file (a header of column names, then numbers), an APT/CL file (`GOTO/x,y,z,i,j,k`) or a program in G-code,
+    /// distinguished by the words in it and the end of its name. Lengths become those of `reading`. With a machine every location
+    /// knows its joints; where a file says directions, these are the solutions that turn the machine least.
     ///
     /// # Errors
     /// Names the file and the line that is wrong or not understood.
-    pub fn read(path: &Path, unit: LengthUnit) -> Result<Self, ToolpathError> {
+    pub fn read<'a>(path: &Path, reading: impl Into<PathReading<'a>>) -> Result<Self, ToolpathError> {
         let name = path.display().to_string();
         let bytes =
             std::fs::read(path).map_err(|source| ToolpathError::Read { path: name.clone(), source })?;
         // Comments may be in any encoding; what counts is ASCII.
-        Self::parse(&String::from_utf8_lossy(&bytes), unit, &name)
+        Self::parse(&String::from_utf8_lossy(&bytes), reading, &name)
     }
 
     /// As [`Toolpath::read`], from the text of a file called `name`.
     ///
     /// # Errors
     /// Names the file and the line that is wrong or not understood.
-    pub fn parse(text: &str, unit: LengthUnit, name: &str) -> Result<Self, ToolpathError> {
+    pub fn parse<'a>(
+        text: &str,
+        reading: impl Into<PathReading<'a>>,
+        name: &str,
+    ) -> Result<Self, ToolpathError> {
+        let reading = reading.into();
+        let mut path = Self::of_text(text, &reading, name)
+            .map_err(|Wrong { line, what }| ToolpathError::Line { path: name.to_owned(), line, what })?;
+        if path.locations.is_empty() {
+            return Err(ToolpathError::Empty(name.to_owned()));
+        }
+        let mut last = None;
+        for location in &mut path.locations {
+            if last != Some(location.tool) {
+                location.kind = MoveKind::Start;
+            }
+            last = Some(location.tool);
+        }
+        Ok(path)
+    }
+
+    fn of_text(text: &str, reading: &PathReading<'_>, name: &str) -> Result<Self, Wrong> {
+        if gcode::is_program(text, name) {
+            return gcode::parse(text, reading);
+        }
         let is_apt = text.lines().any(|line| {
             let word = line.split('/').next().unwrap_or_default().trim();
             let mut letters = word.chars();
@@ -113,23 +199,53 @@ impl Toolpath {
                 && letters.next().is_some_and(|c| c.is_ascii_alphabetic())
                 && letters.all(|c| c.is_ascii_alphanumeric())
         });
-        let locations = if is_apt { apt::parse(text, unit) } else { csv::parse(text) };
-        let mut locations = locations.map_err(|Wrong { line, what }| ToolpathError::Line {
-            path: name.to_owned(),
-            line,
-            what,
-        })?;
-        if locations.is_empty() {
-            return Err(ToolpathError::Empty(name.to_owned()));
+        let mut path = if is_apt { apt::parse(text, reading.unit)? } else { csv::parse(text, reading)? };
+        if let Some(machine) = reading.machine {
+            path.turn(machine, reading)?;
         }
-        let mut last = None;
-        for location in &mut locations {
-            if last != Some(location.tool) {
-                location.kind = MoveKind::Start;
+        Ok(path)
+    }
+
+    /// Finds the joints of every location that says a direction.
+    fn turn(&mut self, machine: &Machine, reading: &PathReading<'_>) -> Result<(), Wrong> {
+        let mut before: Option<(Option<u32>, Joints)> = None;
+        for location in &mut self.locations {
+            let line = location.line;
+            let wrong = |what: String| Wrong { line, what };
+            if location.machine.is_none() {
+                if location.rolled {
+                    return Err(wrong(
+                        "the file says how the tool is rolled about its axis, which the machine's axes decide".into(),
+                    ));
+                }
+                let length = reading.length_of(location.tool).ok_or_else(|| {
+                    wrong("the length of its tool is not known: no tool of this number is given".into())
+                })?;
+                let from = before.filter(|(tool, _)| *tool == location.tool).map(|(_, joints)| joints);
+                let joints = machine.joints(&location.pose, length, from.as_ref());
+                let joints = joints.map_err(|error| wrong(error.to_string()))?;
+                if from.is_none()
+                    && let Some(place) = location.pose.axis().and_then(|axis| machine.inverse(axis).free)
+                {
+                    let (letter, angle) = (machine.rotary[place].letter, joints.rotary[place]);
+                    self.remarks
+                        .push(format!("line {line}: {letter} is free here, and taken to be {angle}°"));
+                }
+                if before.is_none() {
+                    self.remarks.push(format!(
+                        "line {line}: the file says directions; the angles are chosen here, those nearest to the ones before, and a \
+                         post-processor may choose others"
+                    ));
+                }
+                location.machine = Some(MachinePoint { joints, length, tip_goes_straight: true });
             }
-            last = Some(location.tool);
+            if let Some(MachinePoint { joints, length, .. }) = location.machine {
+                location.pose = machine.forward(&joints, length);
+                location.rolled = true;
+                before = Some((location.tool, joints));
+            }
         }
-        Ok(Self { locations })
+        Ok(())
     }
 
     /// The path where a rigid motion puts it: from the part's own frame into the world.
@@ -144,7 +260,8 @@ impl Toolpath {
             let pose = Pose::new(set_up.transform_point3(position), turn * rotation);
             Location { pose, ..*location }
         };
-        Self { locations: self.locations.iter().map(placed).collect() }
+        let locations = self.locations.iter().map(placed).collect();
+        Self { locations, set_up: *set_up * self.set_up, ..self.clone() }
     }
 
     /// The numbers of its tools, each once, in the order of the file; `None` where the file names none.

@@ -17,10 +17,14 @@ use super::scene::SceneArguments;
 #[command(
     after_help = "Examples:\n  imf check part.stl finish.cl --unit mm --tool mill.toml --clearance 2\n  \
                         imf check part.stl all.cl --unit mm --tool 1=face.toml --tool 2=ball6.toml --out checked\n  \
-                        imf check teapot path.csv --contact 0.1 --json\n\n\
+                        imf check teapot path.csv --contact 0.1 --json\n  \
+                        imf check part.stl 5x.nc --unit mm --tool 1=ball6.toml --machine trunnion.toml\n\n\
                         The toolpath is CSV (a header of columns: x,y,z the tip, then i,j,k the axis from tip to holder or \
-                        theta,phi in degrees, roll for tools that are not round, tool for the tool's number) or APT/CL (GOTO/ \
-                        lines, LOADTL/ for the tool's number), in the part's unit. What is not understood is refused.\n\
+                        theta,phi in degrees, roll for tools that are not round, tool for the tool's number), APT/CL (GOTO/ \
+                        lines, LOADTL/ for the tool's number) or G-code (G0 to G3, T and M6), in the part's unit unless it says its \
+                        own. What is not understood is refused.\n\
+                        With --machine rotary axes are read as columns or words (A, B, C), the spindle head and the table are obstacles, \
+                        and travel is checked; the part lies in the frame of the machine's work offset G54.\n\
                         Coordinates are in the part's frame, that of its file, or with --frame world in the frame into which \
                         --transform sets the part up; so are those of the answer.\n\
                         Exit code 3 says that something collides, 2 that the toolpath or a tool cannot be checked."
@@ -28,8 +32,11 @@ use super::scene::SceneArguments;
 pub(crate) struct CheckArguments {
     #[command(flatten)]
     pub(crate) scene: SceneArguments,
-    /// Toolpath, CSV or APT/CL
+    /// Toolpath, CSV, APT/CL or G-code
     pub(crate) toolpath: PathBuf,
+    /// Machine that follows the path, in TOML: its rotary axes, travel, work offsets, head and table
+    #[arg(long, value_name = "FILE")]
+    pub(crate) machine: Option<PathBuf>,
     /// Frame of the toolpath's coordinates
     #[arg(long, value_enum, default_value = "part", value_name = "FRAME")]
     pub(crate) frame: Frame,

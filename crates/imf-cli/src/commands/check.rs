@@ -9,12 +9,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Result, ensure};
 use glam::DMat4;
-use imf_core::check::{CheckBodies, CheckError, CheckReport, CheckSettings, check_toolpath};
+use imf_core::check::{CheckBodies, CheckError, CheckReport, CheckSettings, MachineBodies, check_toolpath};
+use imf_core::machine::Machine;
 use imf_core::occupancy::Occupancy;
 use imf_core::pose::Pose;
 use imf_core::scene::{Bodies, PathGuarantee, Scene, SceneRecord};
 use imf_core::tool::{Element, Tool, ToolShape};
-use imf_core::toolpath::Toolpath;
+use imf_core::toolpath::{PathReading, Toolpath};
 use imf_core::unit::LengthUnit;
 use imf_fields::field::{Field, VerifiedField};
 use serde_json::json;
@@ -26,7 +27,7 @@ use crate::interrupt::Interrupted;
 use crate::output::{OutputFolder, answer};
 use crate::session::Session;
 
-/// The answer is "it collides": said on standard output already, left to the exit code.
+/// The answer is "it collides", or "it leaves the travel": said on standard output already, left to the exit code.
 #[derive(Debug, Error)]
 #[error("the toolpath collides")]
 pub(crate) struct CollisionFound;
@@ -37,6 +38,7 @@ struct Checked<'a> {
     record: &'a SceneRecord,
     /// In the part's unit.
     tools: Vec<(Option<u32>, Tool)>,
+    machine: Option<&'a MachineBodies>,
     /// In the frame of the toolpath.
     report: CheckReport,
 }
@@ -55,8 +57,23 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         Frame::Part => record.transform,
         Frame::World => DMat4::IDENTITY,
     };
-    let toolpath = Toolpath::read(&arguments.toolpath, record.unit)?.placed(&set_up);
+    let machine = match &arguments.machine {
+        Some(path) => Some(Machine::read(path)?.in_unit(record.unit)),
+        None => None,
+    };
+    let lengths: Vec<_> = tools.iter().map(|(number, tool)| (*number, tool.length())).collect();
+    let reading = PathReading { unit: record.unit, machine: machine.as_ref(), lengths: &lengths };
+    let toolpath = Toolpath::read(&arguments.toolpath, reading)?.placed(&set_up);
+    toolpath.remarks.iter().for_each(|remark| session.note(remark));
+    if let ([(None, tool)], [Some(number)]) = (tools.as_slice(), toolpath.tools().as_slice()) {
+        session
+            .note(&format!("the toolpath calls its only tool {number}: it is checked with '{}'", tool.name));
+    }
     let settings = arguments.settings(record.grid.pitch, record.unit);
+    let machine = match machine {
+        Some(machine) => Some(MachineBodies::new(machine, record.grid.pitch, session.control(&|_| {}))?),
+        None => None,
+    };
     let guarded = match &arguments.field {
         Some(path) => {
             ensure!(tools.len() == 1, "--field knows one tool, and {} are given: leave it out", tools.len());
@@ -74,7 +91,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
     let numbered: Vec<(Option<u32>, &Tool)> = tools.iter().map(|(number, tool)| (*number, tool)).collect();
-    let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures };
+    let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures, machine: machine.as_ref() };
     let report = check_toolpath(around, &numbered, &toolpath, &settings, is_free, control);
     let mut report = report.map_err(|error| match error {
         CheckError::Cancelled => Interrupted("the toolpath was not checked to its end".into()).into(),
@@ -101,13 +118,13 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     if set_up != DMat4::IDENTITY {
         report.colliding.iter_mut().flat_map(|line| &mut line.collisions).for_each(|hit| hit.place(&back));
     }
-    let checked = Checked { arguments, record, tools, report };
+    let checked = Checked { arguments, record, tools, machine: machine.as_ref(), report };
     let mut json = checked.json();
     if let Some(folder) = &out {
         files::write(&checked, &mut json, written, folder, session)?;
     }
     answer(session, &json, &words::text(&checked))?;
-    if checked.report.colliding.is_empty() { Ok(()) } else { Err(CollisionFound.into()) }
+    if checked.fails() { Err(CollisionFound.into()) } else { Ok(()) }
 }
 
 /// The error, with the toolpath's name where it is about a line of it.
@@ -118,6 +135,8 @@ fn named(error: CheckError, arguments: &CheckArguments) -> anyhow::Error {
             | CheckError::RollsOver { .. }
             | CheckError::NoRoll { .. }
             | CheckError::NoTool { .. }
+            | CheckError::Machine { .. }
+            | CheckError::OtherCutter { .. }
             | CheckError::ToolChange { .. }
             | CheckError::TooLong { .. }
     );
@@ -139,6 +158,10 @@ fn thickness(tool: &Tool) -> f64 {
 }
 
 impl Checked<'_> {
+    fn fails(&self) -> bool {
+        !(self.report.colliding.is_empty() && self.report.out_of_travel.is_empty())
+    }
+
     /// The weakest of all tools: the cutter may touch wherever any contact is accepted.
     fn guarantee(&self) -> String {
         let CheckSettings { clearance, contact, tolerance } = &self.report.settings;
@@ -156,7 +179,8 @@ impl Checked<'_> {
             self.tools.iter().map(|(number, tool)| json!({ "number": number, "name": tool.name })).collect();
         json!({
             "toolpath": self.arguments.toolpath, "frame": self.arguments.frame, "part": self.record.part, "tools": tools,
-            "unit": self.record.unit, "pitch": self.record.grid.pitch, "conservative": self.record.conservative, "collides": !self.report.colliding.is_empty(),
+            "unit": self.record.unit, "pitch": self.record.grid.pitch, "conservative": self.record.conservative,
+            "collides": !self.report.colliding.is_empty(), "machine": self.machine.map(|bodies| &bodies.machine().name),
             "report": self.report, "guarantee": self.guarantee(),
         })
     }

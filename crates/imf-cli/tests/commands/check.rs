@@ -141,6 +141,26 @@ fn what_is_not_understood_is_refused_with_its_line() {
 }
 
 #[test]
+fn a_cutter_that_the_path_was_not_made_for_is_refused_and_a_number_is_said() {
+    let path = |cutter: &str| format!("LOADTL/7\n{cutter}\nGOTO/0,0,40\n");
+    // The paper's tool is a ball of 10 mm.
+    for same in ["CUTTER/10", "CUTTER/10.0,5.0", "UNITS/INCH\nCUTTER/.3937,.19685\nUNITS/MM"] {
+        let run = check("cutter.cl", &path(same), &[]);
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        assert!(run.stderr.contains("calls its only tool 7: it is checked with 'paper'"), "{}", run.stderr);
+    }
+    for (other, said) in [("CUTTER/12", "diameter of 12"), ("TLDATA/MILL,10,1,50", "corner radius of 1")] {
+        let given = if other.contains("12") { "'paper' is 10" } else { "'paper' is 5" };
+        check("cutter.cl", &path(other), &[]).is_bad_input(&[
+            "cutter.cl: line 2",
+            said,
+            given,
+            "give the tool",
+        ]);
+    }
+}
+
+#[test]
 fn a_pose_is_the_same_pose_whatever_columns_say_it() {
     let found = |path: String| {
         let run = check("path.csv", &path, &["--json", "--quiet"]);

@@ -10,6 +10,7 @@ mod fields;
 mod folder;
 mod harmonic;
 mod info;
+mod machine;
 mod model;
 mod page;
 mod queries;

@@ -26,6 +26,10 @@ impl Body {
         Self { voxels, against, depths: OnceLock::new() }
     }
 
+    pub(super) fn voxels(&self) -> &Arc<Occupancy> {
+        &self.voxels
+    }
+
     /// Half a pitch less than to the nearest empty centre.
     fn depth(&self, index: usize) -> f64 {
         let pitch = self.voxels.grid.pitch;
@@ -38,23 +42,23 @@ impl Body {
 }
 
 /// An element whose depth is measured.
-struct Measured {
-    name: String,
-    clearance: f64,
-    shape: Shape,
+pub(super) struct Measured {
+    pub(super) name: String,
+    pub(super) clearance: f64,
+    pub(super) shape: Shape,
 }
 
-enum Shape {
+pub(super) enum Shape {
     /// Bodies of revolution, and whether the upper end of each is surface.
     Revolved(Vec<(Element, bool)>),
     Mesh(Tool),
 }
 
 /// Elements that are decided together, and the body that they must not hit.
-struct Group<'a> {
-    field: SolidField,
-    elements: Vec<Measured>,
-    body: &'a Body,
+pub(super) struct Group<'a> {
+    pub(super) field: SolidField,
+    pub(super) elements: Vec<Measured>,
+    pub(super) body: &'a Body,
 }
 
 /// All elements of one tool.
@@ -139,45 +143,66 @@ impl<'a> Elements<'a> {
     }
 
     /// What collides on a motion, each element with each body once, at its deepest.
-    pub(super) fn collisions(&self, motion: &Motion, is_free: impl Fn(&Pose) -> bool) -> Vec<Collision> {
-        let mut found: Vec<Vec<Track>> =
-            self.0.iter().map(|group| group.elements.iter().map(|_| Track::default()).collect()).collect();
+    pub(super) fn collisions(&self, motion: &Motion<'_>, is_free: impl Fn(&Pose) -> bool) -> Vec<Collision> {
+        let mut found: Vec<Vec<Track>> = self.0.iter().map(Group::tracks).collect();
         let mut counts = Vec::new();
         for (index, (fraction, pose)) in (1..).zip(motion.poses()) {
             if is_free(&pose) {
                 continue;
             }
             for (group, tracks) in self.0.iter().zip(&mut found) {
-                if !group.field.collides(&pose) {
-                    continue;
-                }
-                counts.clear();
-                counts.resize(tracks.len(), 1);
-                if tracks.len() > 1 {
-                    group.field.element_counts(&pose, &mut counts);
-                }
-                for ((track, element), _) in
-                    tracks.iter_mut().zip(&group.elements).zip(&counts).filter(|(_, count)| **count > 0)
-                {
-                    track.poses += 1;
-                    let pitch = group.body.voxels.grid.pitch;
-                    if index == motion.count || track.may_be_deeper(index, motion.step, pitch) {
-                        track.last = index;
-                        if let Some(deepest) = element.deepest(group.body, &pose) {
-                            track.take(element, group.body, fraction, &pose, &deepest);
-                        }
-                    }
+                let step = Step { index, fraction, is_last: index == motion.count, length: motion.step };
+                group.follow(&step, &pose, tracks, &mut counts);
+            }
+        }
+        found.into_iter().flatten().filter_map(Track::finish).collect()
+    }
+}
+
+/// One of the poses of a motion.
+pub(super) struct Step {
+    /// From 1.
+    pub(super) index: u64,
+    pub(super) fraction: f64,
+    pub(super) is_last: bool,
+    /// Farthest that anything moves from one to the next.
+    pub(super) length: f64,
+}
+
+impl Group<'_> {
+    /// Looks at a pose in the body's frame; `counts` is working memory.
+    pub(super) fn follow(&self, step: &Step, pose: &Pose, tracks: &mut [Track], counts: &mut Vec<u32>) {
+        if !self.field.collides(pose) {
+            return;
+        }
+        counts.clear();
+        counts.resize(tracks.len(), 1);
+        if tracks.len() > 1 {
+            self.field.element_counts(pose, counts);
+        }
+        for ((track, element), _) in
+            tracks.iter_mut().zip(&self.elements).zip(counts.iter()).filter(|(_, count)| **count > 0)
+        {
+            track.poses += 1;
+            let pitch = self.body.voxels.grid.pitch;
+            if step.is_last || track.may_be_deeper(step.index, step.length, pitch) {
+                track.last = step.index;
+                if let Some(deepest) = element.deepest(self.body, pose) {
+                    track.take(element, self.body, step.fraction, pose, &deepest);
                 }
             }
         }
-        let tracks = found.into_iter().flatten();
-        tracks.filter_map(|track| Some(Collision { poses: track.poses, ..track.worst? })).collect()
+    }
+
+    /// Of a motion that begins.
+    pub(super) fn tracks(&self) -> Vec<Track> {
+        self.elements.iter().map(|_| Track::default()).collect()
     }
 }
 
 /// The poses of a motion at which an element collides.
 #[derive(Default)]
-struct Track {
+pub(super) struct Track {
     poses: u64,
     /// Number of the pose that was measured last, and its depth.
     last: u64,
@@ -186,6 +211,11 @@ struct Track {
 }
 
 impl Track {
+    /// What was found, if anything.
+    pub(super) fn finish(self) -> Option<Collision> {
+        Some(Collision { poses: self.poses, ..self.worst? })
+    }
+
     /// Depths are known to half a pitch: within as much of a pose that was measured there is no need to look again, nor as long
     /// as the tool cannot have come as deep as it was. Centres that are new in the tool add up to two pitches.
     fn may_be_deeper(&self, index: u64, step: f64, pitch: f64) -> bool {

@@ -1,16 +1,26 @@
 //! The motions of a toolpath: which tool makes each, and at how many poses it is looked at.
 
+use glam::{DMat3, DMat4, DQuat};
+
 use super::{CheckError, CheckSettings};
+use crate::machine::{Machine, MachineMotion, Side};
 use crate::pose::{Pose, StraightMotion};
 use crate::tool::Tool;
-use crate::toolpath::{Location, MoveKind, Toolpath};
+use crate::toolpath::{CutterStatement, Location, MoveKind, Toolpath};
 
 /// More poses than this on one motion are a slip of units.
 const MOST: f64 = 1e8;
 
+/// How the tool gets from one location to the next.
+enum Way<'a> {
+    Straight(StraightMotion),
+    /// By a machine's axes, and where the part's frame is in the world.
+    Machine(MachineMotion<'a>, Pose),
+}
+
 /// Evenly spaced poses of one motion, its end included, its start left to the motion before.
-pub(super) struct Motion {
-    way: StraightMotion,
+pub(super) struct Motion<'a> {
+    way: Way<'a>,
     /// Place among the tools that are given.
     pub(super) tool: usize,
     pub(super) count: u64,
@@ -18,23 +28,58 @@ pub(super) struct Motion {
     pub(super) step: f64,
 }
 
-impl Motion {
+impl Motion<'_> {
     /// Every pose, and how far on the way it is.
     pub(super) fn poses(&self) -> impl Iterator<Item = (f64, Pose)> {
         (1..=self.count).map(|step| {
             let fraction = step as f64 / self.count as f64;
-            (fraction, self.way.at(fraction))
+            (fraction, self.at(fraction))
         })
+    }
+
+    /// The tool in the world.
+    pub(super) fn at(&self, fraction: f64) -> Pose {
+        match &self.way {
+            Way::Straight(way) => way.at(fraction),
+            Way::Machine(way, set_up) => set_up.of_pose(&way.pose(fraction)),
+        }
+    }
+
+    /// Of a path for a machine.
+    pub(super) fn by_machine(&self) -> Option<&MachineMotion<'_>> {
+        match &self.way {
+            Way::Straight(_) => None,
+            Way::Machine(way, _) => Some(way),
+        }
     }
 }
 
-/// The way to every location; to one that the path begins at, that pose alone.
-pub(super) fn motions(
+/// A rigid motion as a pose.
+pub(super) fn rigid(motion: &DMat4) -> Pose {
+    let rotation = DQuat::from_mat3(&DMat3::from_mat4(*motion)).normalize();
+    Pose::new(motion.transform_point3(glam::DVec3::ZERO), rotation)
+}
+
+/// So many poses that nothing moves farther than the tolerance from one to the next.
+pub(super) fn poses_needed(farthest: f64, tolerance: f64, line: usize) -> Result<u64, CheckError> {
+    let poses = (farthest / tolerance - 1e-9).ceil().max(1.0);
+    if poses <= MOST { Ok(poses as u64) } else { Err(CheckError::TooLong { line, poses, tolerance }) }
+}
+
+/// The way to every location; to one that the path begins at, that pose alone. Of a path for a machine the ways are the machine's.
+pub(super) fn motions<'a>(
     toolpath: &Toolpath,
     tools: &[(Option<u32>, &Tool)],
     settings: &CheckSettings,
-) -> Result<Vec<Motion>, CheckError> {
+    machine: Option<&'a Machine>,
+) -> Result<Vec<Motion<'a>>, CheckError> {
     let chosen = choose(toolpath, tools)?;
+    for statement in &toolpath.cutters {
+        let own = tools.iter().find(|(number, _)| number.is_none() || *number == statement.tool);
+        if let Some((_, tool)) = own {
+            same_cutter(statement, tool)?;
+        }
+    }
     let clearance = &settings.clearance;
     let room = clearance.holder.max(clearance.shank).max(clearance.cutter);
     let sizes: Vec<(f64, f64)> =
@@ -44,22 +89,51 @@ pub(super) fn motions(
         let to = &locations[index];
         let from = if to.kind == MoveKind::Start || index == 0 { to } else { &locations[index - 1] };
         let (reach, radius) = sizes[chosen[index]];
-        let way = StraightMotion::new(&from.pose, &to.pose);
-        let way = way.ok_or(CheckError::Opposite { line: to.line })?;
         if radius > 0.0 && !to.rolled {
             return Err(CheckError::NoRoll { line: to.line, tool: tools[chosen[index]].1.name.clone() });
         }
-        if radius > 0.0 && way.rolls_over() {
-            return Err(CheckError::RollsOver { line: to.line });
-        }
-        let (farthest, tolerance) = (way.farthest(reach, radius), settings.tolerance);
-        let poses = (farthest / tolerance - 1e-9).ceil().max(1.0);
-        if poses > MOST {
-            return Err(CheckError::TooLong { line: to.line, poses, tolerance });
-        }
-        Ok(Motion { way, tool: chosen[index], count: poses as u64, step: farthest / poses })
+        let (way, farthest) = match (machine, from.machine, to.machine) {
+            (Some(machine), Some(before), Some(after)) => {
+                let straight = after.tip_goes_straight;
+                let way = MachineMotion::new(machine, before.joints, after.joints, after.length, straight);
+                let ball = way.tool_ball(reach);
+                let farthest = way.farthest(&ball, machine.axes_of(Side::Table));
+                (Way::Machine(way, rigid(&toolpath.set_up)), farthest)
+            }
+            (None, None, None) => {
+                let way = StraightMotion::new(&from.pose, &to.pose);
+                let way = way.ok_or(CheckError::Opposite { line: to.line })?;
+                if radius > 0.0 && way.rolls_over() {
+                    return Err(CheckError::RollsOver { line: to.line });
+                }
+                let farthest = way.farthest(reach, radius);
+                (Way::Straight(way), farthest)
+            }
+            _ => return Err(CheckError::Machine { line: to.line }),
+        };
+        let count = poses_needed(farthest, settings.tolerance, to.line)?;
+        Ok(Motion { way, tool: chosen[index], count, step: farthest / count as f64 })
     };
     (0..locations.len()).map(motion).collect()
+}
+
+/// Lengths of files have four digits behind the point, or come from inches.
+const SAME: f64 = 1e-3;
+
+/// A file's cutter and the one that is given must have one size; the corner of a taper is compared alone, since programs
+/// measure its diameter at different heights. A mesh has neither.
+fn same_cutter(statement: &CutterStatement, tool: &Tool) -> Result<(), CheckError> {
+    let Some((diameter, corner)) = tool.cutter_size() else { return Ok(()) };
+    let differ = |said: f64, own: f64| (said - own).abs() > SAME * own.abs().max(said.abs()).max(1e-9);
+    let refuse = |what, said, given| {
+        let (line, tool) = (statement.line, tool.name.clone());
+        Err(CheckError::OtherCutter { line, what, said, given, tool })
+    };
+    match (diameter, statement.corner_radius) {
+        (Some(own), _) if differ(statement.diameter, own) => refuse("diameter", statement.diameter, own),
+        (_, Some(said)) if differ(said, corner) => refuse("corner radius", said, corner),
+        _ => Ok(()),
+    }
 }
 
 /// The tool of every location, by its place among those that are given.

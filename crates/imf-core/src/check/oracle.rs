@@ -79,7 +79,7 @@ fn elements_and_depths_are_those_of_trying_every_centre() {
     let below = below_surface(&part);
     let ToolShape::Revolved(elements) = &tool.shape else { panic!() };
     let settings = CheckSettings { contact: 0.3, ..CheckSettings::of_pitch(grid.pitch, LengthUnit::Mm) };
-    let bodies = CheckBodies { part: &part, fixtures: &[] };
+    let bodies = CheckBodies { part: &part, fixtures: &[], machine: None };
     let (mut hits, mut spared) = ([0; 3], 0);
     for (index, orientation) in OrientationSet::parse("random:60:9").unwrap().orientations.iter().enumerate()
     {
@@ -136,7 +136,7 @@ fn no_shorter_translation_parts_tool_and_part_where_the_part_is_one_piece() {
     let tool = tool();
     let exact = ExactField::new(&part, &tool);
     let ways = OrientationSet::parse("fibonacci:60").unwrap().orientations;
-    let bodies = CheckBodies { part: &part, fixtures: &[] };
+    let bodies = CheckBodies { part: &part, fixtures: &[], machine: None };
     let strict = CheckSettings { contact: 0.0, ..CheckSettings::of_pitch(0.5, LengthUnit::Mm) };
     for (index, orientation) in OrientationSet::parse("random:40:2").unwrap().orientations.iter().enumerate()
     {
@@ -166,7 +166,7 @@ fn angled_head() -> Tool {
 fn rolls_count_for_tools_that_are_not_round_as_in_the_exact_field() {
     let (part, tool) = (part(), angled_head());
     let exact = ExactField::new(&part, &tool);
-    let bodies = CheckBodies { part: &part, fixtures: &[] };
+    let bodies = CheckBodies { part: &part, fixtures: &[], machine: None };
     let settings = CheckSettings::of_pitch(part.grid.pitch, LengthUnit::Mm);
     let run = |text: &str| {
         let path = Toolpath::parse(text, LengthUnit::Mm, "path").unwrap();
@@ -200,7 +200,7 @@ fn rolls_count_for_tools_that_are_not_round_as_in_the_exact_field() {
 fn a_motion_over_the_pole_does_not_turn_a_head_about_its_own_axis() {
     let tool = angled_head();
     let part = Occupancy::empty(Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [4; 3] });
-    let bodies = CheckBodies { part: &part, fixtures: &[] };
+    let bodies = CheckBodies { part: &part, fixtures: &[], machine: None };
     let settings = CheckSettings { tolerance: 0.01, ..CheckSettings::of_pitch(1.0, LengthUnit::Mm) };
     let run = |text: &str| {
         let path = Toolpath::parse(text, LengthUnit::Mm, "path").unwrap();

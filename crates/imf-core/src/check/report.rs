@@ -4,7 +4,7 @@ use glam::{DMat4, DVec3};
 use serde::Serialize;
 
 use super::CheckSettings;
-use crate::toolpath::MoveKind;
+use crate::toolpath::{MoveKind, Toolpath};
 
 /// What was hit.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -14,6 +14,8 @@ pub enum Against {
     Part,
     /// A fixture, by its name.
     Fixture(String),
+    /// Something that the machine's table carries, by its name.
+    Machine(String),
 }
 
 /// One element that collides with one body during one motion. Lengths are in the grid's unit, places in world coordinates.
@@ -73,6 +75,21 @@ pub struct LineCollisions {
     pub collisions: Vec<Collision>,
 }
 
+/// Where an axis of the machine leaves its range on the way to a line.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct TravelFault {
+    /// Line of the toolpath's file.
+    pub line: usize,
+    /// X, Y, Z or a rotary axis' letter.
+    pub axis: char,
+    /// Where it would have to be, in the grid's unit or in degrees.
+    pub value: f64,
+    /// Where it can be; `None` without a limit.
+    pub range: [Option<f64>; 2],
+    /// How far on the way that is, from 0 to 1.
+    pub fraction: f64,
+}
+
 /// The answer for a whole toolpath.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CheckReport {
@@ -80,7 +97,7 @@ pub struct CheckReport {
     pub settings: CheckSettings,
     /// [`CheckSettings::sure_depth`] of these settings and voxels.
     pub sure_depth: f64,
-    /// Locations of the toolpath.
+    /// Lines of the toolpath that lead somewhere.
     pub locations: usize,
     /// Locations to which no way is checked, since the file has none: the first, and the first of every other tool.
     pub starts: usize,
@@ -88,6 +105,63 @@ pub struct CheckReport {
     pub poses: u64,
     /// Lines with a collision, in order.
     pub colliding: Vec<LineCollisions>,
+    /// Lines on the way to which an axis of the machine leaves its range, in order.
+    pub out_of_travel: Vec<TravelFault>,
+}
+
+/// What was found on one motion: its place in the path, its collisions, and where it leaves the machine's travel.
+pub(super) type Followed = (usize, LineCollisions, Option<TravelFault>);
+
+/// One entry a line, also of lines of many motions (the chords of an arc).
+pub(super) fn gather(
+    found: &[Followed],
+    toolpath: &Toolpath,
+    settings: &CheckSettings,
+    pitch: f64,
+) -> CheckReport {
+    let starts = toolpath.starts();
+    let poses = found.iter().map(|(_, line, _)| line.poses).sum();
+    let is_next = |a: &Followed, b: &Followed| a.1.line == b.1.line && b.1.kind != MoveKind::Start;
+    let (mut locations, mut colliding, mut out_of_travel) = (0, Vec::new(), Vec::new());
+    for of_line in found.chunk_by(is_next) {
+        locations += 1;
+        let count = of_line.len() as f64;
+        let mut whole = LineCollisions { collisions: Vec::new(), poses: 0, ..of_line[0].1.clone() };
+        let mut beyond: Option<TravelFault> = None;
+        for (place, (_, motion, travel)) in of_line.iter().enumerate() {
+            let fraction = |own: f64| (place as f64 + own) / count;
+            whole.poses += motion.poses;
+            for hit in &motion.collisions {
+                let hit = Collision { fraction: fraction(hit.fraction), ..hit.clone() };
+                whole.add(hit);
+            }
+            beyond =
+                beyond.or(travel.map(|fault| TravelFault { fraction: fraction(fault.fraction), ..fault }));
+        }
+        out_of_travel.extend(beyond);
+        if !whole.collisions.is_empty() {
+            colliding.push(whole);
+        }
+    }
+    let sure_depth = settings.sure_depth(pitch);
+    CheckReport { settings: *settings, sure_depth, locations, starts, poses, colliding, out_of_travel }
+}
+
+impl LineCollisions {
+    /// Keeps the deepest of each element and body.
+    fn add(&mut self, hit: Collision) {
+        let same = |own: &&mut Collision| own.element == hit.element && own.against == hit.against;
+        match self.collisions.iter_mut().find(same) {
+            Some(own) => {
+                let poses = own.poses + hit.poses;
+                if hit.depth > own.depth {
+                    *own = hit;
+                }
+                own.poses = poses;
+            }
+            None => self.collisions.push(hit),
+        }
+    }
 }
 
 impl CheckReport {

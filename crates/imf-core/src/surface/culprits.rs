@@ -63,9 +63,9 @@ impl SurfaceTool {
     fn contact_tips(&self, sample: &SurfaceSample, turn: &Turn, mut visit: impl FnMut(DVec3)) {
         let tool = match &self.shape {
             Shape::Revolved(tool) => tool,
-            Shape::Mesh { vertices, .. } => {
+            Shape::Mesh { touching, .. } => {
                 let support = |v: &&DVec3| -sample.normal.dot(turn.rotation * **v);
-                if let Some(touching) = vertices.iter().max_by(|a, b| support(a).total_cmp(&support(b))) {
+                if let Some(touching) = touching.iter().max_by(|a, b| support(a).total_cmp(&support(b))) {
                     visit(sample.point + sample.normal * self.tolerance - turn.rotation * *touching);
                 }
                 return;

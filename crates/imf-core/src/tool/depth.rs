@@ -25,6 +25,18 @@ impl Tool {
         Some((Element { kind: ElementKind::Cutter, profile }, exposed))
     }
 
+    /// The cutter's diameter, `None` where it tapers, and its corner radius; `None` of a mesh or without a cutter.
+    pub(crate) fn cutter_size(&self) -> Option<(Option<f64>, f64)> {
+        let (cutter, _) = self.cutter()?;
+        let corner = match *cutter.profile.first()? {
+            Segment::Arc { arc_radius, .. } => arc_radius,
+            Segment::Line { .. } => 0.0,
+        };
+        let tapers = |s: &Segment| matches!(s, Segment::Line { radius_from, radius_to, .. } if radius_from != radius_to);
+        let diameter = (!cutter.profile.iter().any(tapers)).then(|| 2.0 * cutter.max_radius());
+        Some((diameter, corner))
+    }
+
     /// Largest distance of any of a mesh's points from the tool's axis; 0 of a tool of revolution, which no roll moves.
     pub(crate) fn rolling_radius(&self) -> f64 {
         match &self.shape {

@@ -2,13 +2,13 @@
 //!
 //! Read are `GOTO/` and `FROM/` (x, y, z and, with an axis, i, j, k; the last axis holds on), `GODLTA/` (a step from
 //! where the tool is), `TLAXIS/` (the axis alone), `RAPID`, `UNITS/` and tool changes by number (`LOADTL/`, `LOAD/TOOL`,
-//! `TURRET/`). `$$` begins a comment, a `$` at the end continues the statement on the next line. Words that can move nothing
+//! `TURRET/`). `CUTTER/` and `TLDATA/MILL` say what cutter the path was made for. `$$` begins a comment, a `$` at the end continues the statement on the next line. Words that can move nothing
 //! are skipped. Words that transform coordinates are skipped where they change nothing and refused otherwise, since programs
 //! disagree on what they mean for the part. Every other word is refused.
 
 use std::str::FromStr;
 
-use super::{Direction, Location, MoveKind, Wrong, pose};
+use super::{CutterStatement, Direction, Location, MoveKind, Toolpath, Wrong, pose};
 use crate::unit::LengthUnit;
 
 /// Words that neither move the tool nor change what its coordinates mean.
@@ -40,9 +40,12 @@ struct State {
     described: Vec<(String, String)>,
     /// A description that differs from the one before, since the last location.
     differs: Option<(usize, String)>,
+    cutters: Vec<CutterStatement>,
+    /// Cutters described since the last location: of the tool that is loaded by the next one.
+    described_since: Vec<CutterStatement>,
 }
 
-pub(super) fn parse(text: &str, unit: LengthUnit) -> Result<Vec<Location>, Wrong> {
+pub(super) fn parse(text: &str, unit: LengthUnit) -> Result<Toolpath, Wrong> {
     let mut state = State {
         locations: Vec::new(),
         axis: [0.0, 0.0, 1.0],
@@ -52,11 +55,13 @@ pub(super) fn parse(text: &str, unit: LengthUnit) -> Result<Vec<Location>, Wrong
         loaded: false,
         described: Vec::new(),
         differs: None,
+        cutters: Vec::new(),
+        described_since: Vec::new(),
     };
     for (line, statement) in statements(text) {
         state.take(line, &statement, unit)?;
     }
-    Ok(state.locations)
+    Ok(Toolpath { locations: state.locations, cutters: state.cutters, ..Toolpath::default() })
 }
 
 impl State {
@@ -121,7 +126,22 @@ impl State {
                 self.loaded = true;
             }
             // What the tool is, in the words of whoever wrote the file.
-            "CUTTER" | "TLDATA" | "TOOLNO" => self.describe(line, &word, rest),
+            "CUTTER" | "TLDATA" | "TOOLNO" => {
+                self.describe(line, &word, rest);
+                let cutter = match word.as_str() {
+                    "CUTTER" => Some(rest),
+                    "TLDATA" => rest
+                        .trim_start()
+                        .strip_prefix("MILL")
+                        .and_then(|rest| rest.trim_start().strip_prefix(',')),
+                    _ => None,
+                };
+                if let Some(values) = cutter.filter(|rest| !is_off(rest)) {
+                    let statement =
+                        self.cutter(line, values).map_err(|what| wrong(format!("{word}: {what}")))?;
+                    self.described_since.push(statement);
+                }
+            }
             "TOOL" if statement.to_ascii_uppercase().starts_with("TOOL PATH") => {
                 self.describe(line, "TOOL PATH", rest.rsplit_once("TOOL,").map_or("", |(_, name)| name));
             }
@@ -166,9 +186,19 @@ impl State {
         }
         let pose = pose(line, position, Direction::Axis(self.axis), None)?;
         let kind = if std::mem::take(&mut self.rapid) { MoveKind::Rapid } else { MoveKind::Feed };
-        self.locations.push(Location { line, pose, rolled: false, tool: self.tool, kind });
+        self.locations.push(Location { line, pose, rolled: false, tool: self.tool, kind, machine: None });
+        let tool = self.tool;
+        self.cutters.extend(self.described_since.drain(..).map(|cutter| CutterStatement { tool, ..cutter }));
         self.loaded = false;
         Ok(())
+    }
+
+    /// Diameter and, where it stands there, corner radius; what follows them only says more of tapers.
+    fn cutter(&self, line: usize, values: &str) -> Result<CutterStatement, String> {
+        let values = numbers(values)?;
+        let diameter = *values.first().ok_or("its diameter is missing")? * self.factor;
+        let corner_radius = values.get(1).map(|radius| radius * self.factor);
+        Ok(CutterStatement { line, tool: self.tool, diameter, corner_radius })
     }
 
     /// Before the first location a description begins; after it, another one is another tool.
@@ -243,7 +273,7 @@ mod tests {
                     MSYS/0.0000,0.0000,0.0000,1.0000000,0.0000000,0.0000000,0.0000000,1.0000000,0.0000000\nRAPID\n\
                     FROM/0.,0.,1.\nfedrat/20.,IPM\nGOTO / 1., 2.,$\n .5, 0., 0.6, 0.8 $$ tilted\nGOTO/1,2,3\n\
                     GODLTA/0,0,-1\nTLAXIS/1,0,0\nGOTO/0,0,0\nFINI\n";
-        let path = parse(text, LengthUnit::Mm).unwrap();
+        let path = parse(text, LengthUnit::Mm).unwrap().locations;
         let lines: Vec<usize> = path.iter().map(|l| l.line).collect();
         assert_eq!(lines, [8, 10, 12, 13, 15]);
         let (position, axis) = (|i: usize| path[i].pose.position, |i: usize| path[i].pose.axis().unwrap());
@@ -257,7 +287,7 @@ mod tests {
 
     #[test]
     fn tools_are_known_by_number_alone() {
-        let of = |text: &str| parse(text, LengthUnit::Mm).map(|path| path.last().unwrap().tool);
+        let of = |text: &str| parse(text, LengthUnit::Mm).map(|path| path.locations.last().unwrap().tool);
         assert_eq!(of("LOAD/TOOL,62,ADJUST,62\nSELECT/TOOL,3\nGOTO/1,2,3\n").unwrap(), Some(62));
         let first = "TOOL PATH/A,TOOL,D10\nTLDATA/MILL,10\nGOTO/1,2,3\n";
         // The same description again, and another one with its number before or after.
@@ -268,6 +298,16 @@ mod tests {
         let wrong = of(&format!("{first}TOOL PATH/B,TOOL,D6\nGOTO/1,2,4\n")).unwrap_err();
         assert_eq!(wrong.line, 4);
         assert!(wrong.what.contains("TOOL PATH describes another tool"), "{}", wrong.what);
+    }
+
+    #[test]
+    fn cutters_are_read_in_the_files_unit_and_belong_to_the_tool_that_follows() {
+        let text = "UNITS/INCH\nLOADTL/1\nCUTTER/.5,.125\nGOTO/1,2,3\nTLDATA/MILL,.25,0,3,0,0\nLOADTL/2\nGOTO/1,2,3\n";
+        let cutters = parse(text, LengthUnit::Mm).unwrap().cutters;
+        let known: Vec<_> = cutters.iter().map(|c| (c.line, c.tool, c.diameter, c.corner_radius)).collect();
+        assert_eq!(known, [(3, Some(1), 12.7, Some(3.175)), (5, Some(2), 6.35, Some(0.0))]);
+        let wrong = parse("CUTTER/BALL\nGOTO/1,2,3\n", LengthUnit::Mm).unwrap_err();
+        assert!(wrong.line == 1 && wrong.what.contains("'BALL' is not a number"), "{}", wrong.what);
     }
 
     #[test]
@@ -301,6 +341,6 @@ mod tests {
         }
         let idle =
             "TRANS/0,0,0\nORIGIN/0.,0.,0.\nCUTCOM/OFF\nTRACUT/NOMORE\nCYCLE/OFF\nMODE/MILL\nGOTO/1,2,3\n";
-        assert_eq!(parse(idle, LengthUnit::Mm).unwrap().len(), 1);
+        assert_eq!(parse(idle, LengthUnit::Mm).unwrap().locations.len(), 1);
     }
 }

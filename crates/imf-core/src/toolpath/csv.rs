@@ -1,9 +1,11 @@
 //! Toolpaths as tables of numbers: a header that names every column, then a line for each location.
 //!
 //! Columns may stand in any order, separated by commas, semicolons, tabs or spaces, whichever the header has. Lines that
-//! begin with `#` and empty lines are skipped. Every column must be known: one that is not might turn the tool.
+//! begin with `#` and empty lines are skipped. Every column must be known: one that is not might turn the tool. With a machine there
+//! may be a column for each of its rotary axes, and the tip goes straight in the part's frame.
 
-use super::{Direction, Location, MoveKind, Wrong, pose};
+use super::{Direction, Location, MachinePoint, MoveKind, PathReading, Toolpath, Wrong, pose};
+use crate::machine::{Joints, Machine};
 
 /// What a column holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,6 +18,8 @@ enum Column {
     Angle(usize),
     /// ψ in degrees.
     Roll,
+    /// A rotary axis of the machine in degrees, by place.
+    Rotary(usize),
     /// The tool's number.
     Tool,
     /// Nothing that moves or turns the tool.
@@ -62,7 +66,7 @@ struct Header {
     titles: Vec<String>,
 }
 
-pub(super) fn parse(text: &str) -> Result<Vec<Location>, Wrong> {
+pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, Wrong> {
     let mut header: Option<Header> = None;
     let mut locations = Vec::new();
     for (index, text) in text.lines().enumerate() {
@@ -72,15 +76,15 @@ pub(super) fn parse(text: &str) -> Result<Vec<Location>, Wrong> {
             continue;
         }
         match &header {
-            None => header = Some(Header::read(text).map_err(|what| Wrong { line, what })?),
-            Some(header) => locations.push(header.location(line, text)?),
+            None => header = Some(Header::read(text, reading.machine).map_err(|what| Wrong { line, what })?),
+            Some(header) => locations.push(header.location(line, text, reading)?),
         }
     }
-    Ok(locations)
+    Ok(Toolpath { locations, ..Toolpath::default() })
 }
 
 impl Header {
-    fn read(text: &str) -> Result<Self, String> {
+    fn read(text: &str, machine: Option<&Machine>) -> Result<Self, String> {
         let separator = [';', '\t', ','].into_iter().find(|&separator| text.contains(separator));
         let titles: Vec<String> = fields(text, separator).into_iter().map(str::to_ascii_lowercase).collect();
         if titles.iter().any(|title| title.parse::<f64>().is_ok()) {
@@ -88,15 +92,10 @@ impl Header {
                 "numbers alone do not say what they are: name the columns in a line above, {WANTED}"
             ));
         }
-        if titles[0].starts_with(['%', '(']) || is_address(&titles[0]) {
-            return Err(format!(
-                "'{text}' looks like a program for a machine, which is not read: let the CAM program write an APT/CL file, \
-                 or a table with {WANTED}"
-            ));
-        }
-        let columns = titles.iter().map(|title| column(title)).collect::<Result<Vec<_>, _>>()?;
+        let columns = titles.iter().map(|title| column(title, machine)).collect::<Result<Vec<_>, _>>()?;
         let header = Self { separator, columns, titles };
         header.check()?;
+        header.check_rotary(machine)?;
         Ok(header)
     }
 
@@ -121,11 +120,30 @@ impl Header {
         }
     }
 
+    /// All of the machine's rotary axes, or none, and then no direction beside them.
+    fn check_rotary(&self, machine: Option<&Machine>) -> Result<(), String> {
+        let axes = machine.map_or(&[][..], |machine| machine.rotary.as_slice());
+        let has = |column: Column| self.place(column).is_some();
+        if !(0..axes.len()).any(|place| has(Column::Rotary(place))) {
+            return Ok(());
+        }
+        if let Some(place) = (0..axes.len()).find(|&place| !has(Column::Rotary(place))) {
+            return Err(format!(
+                "the machine has an axis {} as well, and there is no column for it",
+                axes[place].letter
+            ));
+        }
+        if has(Column::Axis(0)) || has(Column::Angle(0)) || has(Column::Roll) {
+            return Err("the rotary axes say how the tool is turned, and so do other columns (i,j,k, theta,phi or roll)".into());
+        }
+        Ok(())
+    }
+
     fn place(&self, column: Column) -> Option<usize> {
         self.columns.iter().position(|&own| own == column)
     }
 
-    fn location(&self, line: usize, text: &str) -> Result<Location, Wrong> {
+    fn location(&self, line: usize, text: &str, reading: &PathReading<'_>) -> Result<Location, Wrong> {
         let wrong = |what: String| Wrong { line, what };
         let fields = fields(text, self.separator);
         if fields.len() != self.titles.len() {
@@ -154,7 +172,19 @@ impl Header {
             None => None,
         };
         let pose = pose(line, position, direction, roll)?;
-        Ok(Location { line, pose, rolled: roll.is_some(), tool, kind: MoveKind::Feed })
+        let mut machine = None;
+        if let Some(axes) = reading.machine.filter(|_| self.place(Column::Rotary(0)).is_some()) {
+            let rotary = [need(Column::Rotary(0))?, need(Column::Rotary(1))?];
+            if !rotary.iter().all(|angle| angle.is_finite()) {
+                return Err(wrong("an angle must be finite".into()));
+            }
+            let length = reading.length_of(tool).ok_or_else(|| {
+                wrong("the length of its tool is not known: no tool of this number is given".into())
+            })?;
+            let joints = Joints { linear: axes.linear(pose.position, &rotary, length), rotary };
+            machine = Some(MachinePoint { joints, length, tip_goes_straight: true });
+        }
+        Ok(Location { line, pose, rolled: roll.is_some(), tool, kind: MoveKind::Feed, machine })
     }
 }
 
@@ -170,17 +200,16 @@ fn fields(text: &str, separator: Option<char>) -> Vec<&str> {
     }
 }
 
-/// A letter and a number, as machines read them.
-fn is_address(word: &str) -> bool {
-    let mut letters = word.split_whitespace().next().unwrap_or_default().chars();
-    let letter = letters.next().is_some_and(|c| c.is_ascii_alphabetic());
-    let number = letters.as_str();
-    letter && !number.is_empty() && number.parse::<f64>().is_ok()
-}
-
-fn column(title: &str) -> Result<Column, String> {
+fn column(title: &str, machine: Option<&Machine>) -> Result<Column, String> {
+    let letter = title.chars().next().filter(|_| title.len() == 1);
+    if let Some(place) = letter.zip(machine).and_then(|(letter, machine)| machine.rotary_by_letter(letter)) {
+        return Ok(Column::Rotary(place));
+    }
     if let Some((_, column)) = NAMES.iter().find(|(name, _)| *name == title) {
         return Ok(*column);
+    }
+    if machine.is_some() && matches!(title, "a" | "b" | "c") {
+        return Err(format!("the column '{title}' is an angle of a rotary axis that the machine has not"));
     }
     Err(column_remedy(title).unwrap_or_else(|| {
         format!(
@@ -195,8 +224,8 @@ fn column(title: &str) -> Result<Column, String> {
 pub fn column_remedy(title: &str) -> Option<String> {
     match title {
         "a" | "b" | "c" => Some(format!(
-            "the column '{title}' is an angle of a rotary axis, which says nothing without its machine: convert the axes to \
-             i,j,k, the direction from tip to holder"
+            "the column '{title}' is an angle of a rotary axis, which says nothing without its machine: where a machine can be \
+             given, give it, or convert the axes to i,j,k, the direction from tip to holder"
         )),
         "nx" | "ny" | "nz" => Some(format!(
             "the column '{title}' may be a normal of the surface or the tool's axis: name the axis from tip to holder i,j,k"
@@ -213,7 +242,8 @@ mod tests {
     use glam::DVec3;
 
     fn read(text: &str) -> Vec<Location> {
-        parse(text).unwrap_or_else(|wrong| panic!("{text}: line {}: {}", wrong.line, wrong.what))
+        let path = parse(text, &crate::unit::LengthUnit::Mm.into()).map(|path| path.locations);
+        path.unwrap_or_else(|wrong| panic!("{text}: line {}: {}", wrong.line, wrong.what))
     }
 
     #[test]
@@ -262,11 +292,9 @@ mod tests {
             ("x,y,z,theta,phi,roll\n1,2,3,0,0,inf\n", 2, "roll must be finite"),
             ("x;y;z\n1,5;2,0;3,0\n", 2, "decimals have a point"),
             ("x,y,z,tool\n1,2,3,ball\n", 2, "tool is 'ball'"),
-            ("%\nO1000\nG0 X1 Y2\n", 1, "program for a machine"),
-            ("G1 X1 Y2\n", 1, "program for a machine"),
         ];
         for (text, line, what) in cases {
-            let Err(wrong) = parse(text) else { panic!("{text}") };
+            let Err(wrong) = parse(text, &crate::unit::LengthUnit::Mm.into()) else { panic!("{text}") };
             assert_eq!(wrong.line, line, "{text}");
             assert!(wrong.what.contains(what), "{text}: {}", wrong.what);
         }

@@ -38,7 +38,9 @@ fn table(checked: &Checked<'_>) -> String {
             let kind = format!("{:?}", line.kind).to_lowercase();
             let against = match &hit.against {
                 Against::Part => "part".to_owned(),
-                Against::Fixture(name) => format!("\"{}\"", name.replace('"', "\"\"")),
+                Against::Fixture(name) | Against::Machine(name) => {
+                    format!("\"{}\"", name.replace('"', "\"\""))
+                }
             };
             let numbers = [hit.contact, hit.position, hit.axis].concat();
             let numbers: Vec<String> = numbers.iter().map(|v| format!("{v:.6}")).collect();

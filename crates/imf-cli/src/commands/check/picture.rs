@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::Result;
 use glam::{DMat4, DVec3};
-use imf_core::check::{CheckBodies, CheckReport, Collision};
+use imf_core::check::{Against, CheckBodies, CheckReport, Collision};
 use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
@@ -57,7 +57,15 @@ pub(super) fn draw(
     let mut chosen: Vec<(String, &Collision, &Tool)> = Vec::new();
     let mut lines = Vec::new();
     for (line, hit) in report.worst() {
-        let tool = tools.iter().find(|(number, _)| number.is_none() || *number == line.tool);
+        // What else of the machine hits or is hit is not drawn.
+        let of_tool = |tool: &&(Option<u32>, &Tool)| {
+            let names = match &tool.1.shape {
+                ToolShape::Revolved(elements) => elements.iter().map(|own| own.kind.to_string()).collect(),
+                ToolShape::Mesh(_) => vec!["tool".to_owned()],
+            };
+            !matches!(hit.against, Against::Machine(_)) && names.contains(&hit.element)
+        };
+        let tool = tools.iter().find(|(number, _)| number.is_none() || *number == line.tool).filter(of_tool);
         let Some((_, tool)) = tool.filter(|_| !lines.contains(&line.line) && lines.len() < PLACES) else {
             continue;
         };

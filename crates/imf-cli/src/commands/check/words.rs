@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use glam::DMat4;
-use imf_core::check::{Against, Collision, LineCollisions};
+use imf_core::check::{Against, Collision, LineCollisions, TravelFault};
 use imf_core::toolpath::MoveKind;
 
 use super::Checked;
@@ -20,11 +20,21 @@ pub(super) fn text(checked: &Checked<'_>) -> String {
             let _ = writeln!(text, "{}: {}", place(line), one(collision, line.poses, checked));
         }
     }
-    let verdict = match report.colliding.len() {
+    for beyond in &report.out_of_travel {
+        let _ = writeln!(text, "{}", travel(beyond, &unit.to_string()));
+    }
+    let mut verdict = match report.colliding.len() {
         0 => "no collision".to_owned(),
         1 => "1 line collides".to_owned(),
         n => format!("{n} lines collide"),
     };
+    if checked.machine.is_some() {
+        verdict += &match report.out_of_travel.len() {
+            0 => ", no axis out of its travel".to_owned(),
+            1 => ", 1 line leads out of the machine's travel".to_owned(),
+            n => format!(", {n} lines lead out of the machine's travel"),
+        };
+    }
     let _ = writeln!(
         text,
         "{verdict}: {} lines, {} poses, no point of the tool moving more than {} {unit} between them",
@@ -72,8 +82,35 @@ pub(super) fn text(checked: &Checked<'_>) -> String {
         short(report.sure_depth),
         short(record.grid.pitch)
     );
+    if let Some(bodies) = checked.machine {
+        let machine = bodies.machine();
+        let seen = bodies.coarsest_pitch().map_or_else(String::new, |pitch| {
+            let sure = 3f64.sqrt() * pitch + settings.tolerance;
+            format!("; with its table, overlaps of more than {} {unit} are seen for sure", short(sure))
+        });
+        let _ = writeln!(
+            text,
+            "machine: {}, {} rotary axes, {} solids that move with them{seen}; between two lines its rotary axes turn evenly",
+            machine.name,
+            machine.rotary.len(),
+            machine.solids.len()
+        );
+    }
     let _ = writeln!(text, "{}", checked.guarantee());
     text
+}
+
+/// Which axis would have to be where.
+fn travel(beyond: &TravelFault, unit: &str) -> String {
+    let TravelFault { line, axis, value, range: [low, high], .. } = beyond;
+    let unit = if "XYZ".contains(*axis) { format!(" {unit}") } else { "°".into() };
+    let end =
+        |end: Option<f64>| end.map_or_else(|| "no limit".to_owned(), |end| format!("{}{unit}", short(end)));
+    format!(
+        "line {line}: {axis} would have to be at {value:.3}{unit}, and goes from {} to {}",
+        end(*low),
+        end(*high)
+    )
 }
 
 /// `line 4`, and with which tool.
@@ -88,6 +125,7 @@ pub(super) fn body(against: &Against) -> String {
     match against {
         Against::Part => "the part".into(),
         Against::Fixture(name) => format!("the fixture {name}"),
+        Against::Machine(name) => format!("the machine's {name}"),
     }
 }
 

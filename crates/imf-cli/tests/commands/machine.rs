@@ -1,0 +1,136 @@
+//! `imf check` with G-code and machines, the examples that come along among them.
+
+use serde_json::Value;
+
+use crate::folder::{Folder, Run};
+
+/// A block of 60 × 60 × 30 mm, its bottom's middle in the origin.
+const BLOCK: &str = "v -30 -30 0\nv 30 -30 0\nv 30 30 0\nv -30 30 0\nv -30 -30 30\nv 30 -30 30\nv 30 30 30\n\
+                     v -30 30 30\nf 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+const EXAMPLES: [(&str, &str); 3] = [
+    ("trunnion.toml", include_str!("../../../../docs/guide/machines/trunnion-ac.toml")),
+    ("head.toml", include_str!("../../../../docs/guide/machines/head-b-table-c.toml")),
+    ("vise.toml", include_str!("../../../../docs/guide/machines/tilting-vise.toml")),
+];
+
+fn check(path: (&str, &str), machine: Option<&str>, more: &[&str]) -> Run {
+    let folder = Folder::new();
+    folder.write("block.obj", BLOCK);
+    folder.write(path.0, path.1);
+    EXAMPLES.iter().for_each(|(name, text)| folder.write(name, text));
+    let machine = machine.map_or(vec![], |machine| vec!["--machine", machine]);
+    let tool = if more.contains(&"--tool") { vec![] } else { vec!["--tool", "paper"] };
+    let usual = ["check", "block.obj", path.0, "--pitch", "1"];
+    folder.run(&[&usual[..], &tool, &machine, more].concat())
+}
+
+/// Element and body of every hit, by line.
+fn hits(run: &Run) -> Vec<(u64, String, String)> {
+    let answer: Value = serde_json::from_str(&run.stdout).unwrap_or_else(|_| panic!("{}", run.stderr));
+    let mut found = vec![];
+    for line in answer["report"]["colliding"].as_array().unwrap() {
+        for hit in line["collisions"].as_array().unwrap() {
+            let body = hit["against"]["machine"].as_str().unwrap_or("part").to_owned();
+            found.push((line["line"].as_u64().unwrap(), hit["element"].as_str().unwrap().to_owned(), body));
+        }
+    }
+    found
+}
+
+#[test]
+fn a_program_is_the_same_path_as_its_table() {
+    let program = "G21 G90 G0 X-50. Y0. Z40.\nX-49. Z28.\nG1 X50. F900\n";
+    let run = check(("top.nc", program), None, &["--json"]);
+    assert_eq!(run.code, Some(3), "{}", run.stderr);
+    let table = check(("top.csv", "x,y,z\n-50,0,40\n-49,0,28\n50,0,28\n"), None, &["--json"]);
+    let of = |run: &Run| hits(run).into_iter().map(|(_, element, body)| (element, body)).collect::<Vec<_>>();
+    assert_eq!(of(&run), of(&table));
+    assert_eq!(hits(&run), [(3, "cutter".to_owned(), "part".to_owned())]);
+    assert!(run.stderr.contains("line 2: G0 is followed straight"), "{}", run.stderr);
+    // An arc is one line, however many chords it has.
+    let arc = check(("arc.nc", "G21 G90 G0 X0. Y-20. Z28.\nG3 X0. Y-20. I0. J20. F900\n"), None, &["--json"]);
+    assert_eq!(hits(&arc).iter().map(|(line, ..)| *line).collect::<Vec<_>>(), [1, 2]);
+}
+
+#[test]
+fn what_a_program_does_not_say_is_refused_with_line_and_remedy() {
+    let refuse = |text: &str, machine: Option<&str>, said: &[&str]| {
+        check(("part.nc", text), machine, &[]).is_bad_input(said);
+    };
+    refuse(
+        "G0 X0. Y0. Z40. A30.\n",
+        None,
+        &["part.nc, line 1: A30. turns a rotary axis", "no machine is given"],
+    );
+    refuse("G0 X0. Y0. Z40.\nG81 Z3. R1.\n", None, &["part.nc, line 2: G81 is a cycle"]);
+    refuse(
+        "G0 X0. Y0. Z40. A0. C0.\n",
+        Some("trunnion.toml"),
+        &["part.nc, line 1: Z moves while no tool length is in force"],
+    );
+    refuse("G0 B0.\n", Some("trunnion.toml"), &["B0. turns an axis that the machine 'trunnion A/C' has not"]);
+    check(("path.csv", "x,y,z,B,C\n0,0,40,0,0\n"), Some("trunnion.toml"), &[])
+        .is_bad_input(&["'b'", "has not"]);
+    check(("path.csv", "x,y,z,A\n0,0,40,0\n"), Some("trunnion.toml"), &[]).is_bad_input(&["axis C as well"]);
+    let missing = check(("path.csv", "x,y,z\n0,0,40\n"), Some("none.toml"), &[]);
+    assert!(
+        missing.code != Some(0) && missing.stderr.contains("none.toml: there is no machine file"),
+        "{}",
+        missing.stderr
+    );
+}
+
+#[test]
+fn a_holder_that_meets_the_platter_is_told_by_word_and_by_column() {
+    let program =
+        "G21 G90 T1 M6\nG0 A0. C0.\nG43.4 H1 X0. Y0. Z100.\nG0 A-90. X0. Y-100. Z10.\nG1 Y-31. F400\n";
+    let run = check(("side.nc", program), Some("trunnion.toml"), &["--json"]);
+    assert_eq!(run.code, Some(3), "{}", run.stderr);
+    assert_eq!(hits(&run), [(5, "holder 1".to_owned(), "platter".to_owned())]);
+    let table = "x,y,z,A,C\n0,0,100,0,0\n0,-100,10,-90,0\n0,-31,10,-90,0\n";
+    let run = check(("side.csv", table), Some("trunnion.toml"), &["--json"]);
+    assert_eq!(hits(&run), [(4, "holder 1".to_owned(), "platter".to_owned())]);
+    // Without the platter it is free, and by directions the same angles are found.
+    assert_eq!(
+        check(("side.csv", "x,y,z,i,j,k\n0,-100,10,0,-1,0\n0,-31,10,0,-1,0\n"), None, &[]).code,
+        Some(0)
+    );
+    let run = check(
+        ("side.csv", "x,y,z,i,j,k\n0,-100,10,0,-1,0\n0,-31,10,0,-1,0\n"),
+        Some("trunnion.toml"),
+        &["--json"],
+    );
+    assert_eq!(hits(&run), [(3, "holder 1".to_owned(), "platter".to_owned())]);
+    assert!(run.stderr.contains("line 2: the file says directions"), "{}", run.stderr);
+}
+
+#[test]
+fn every_example_cuts_the_top_and_tells_what_its_head_meets() {
+    for (name, letters) in [("trunnion.toml", "A0. C0."), ("head.toml", "B0. C0."), ("vise.toml", "B0. C0.")]
+    {
+        let start = format!("G21 G90 T1 M6\nG0 {letters}\nG43.4 H1 X-50. Y0. Z60.\n");
+        let run = check(("top.nc", &format!("{start}Z30.\nG1 X50. F900\nC90.\nX-50.\n")), Some(name), &[]);
+        assert_eq!(run.code, Some(0), "{name}: {}{}", run.stdout, run.stderr);
+        assert!(run.stdout.contains("no collision, no axis out of its travel: 5 lines"), "{}", run.stdout);
+        // Down beside the block until the spindle's face is below its top.
+        let run = check(("deep.nc", &format!("{start}X-40. Z60.\nG1 Z-60. F900\n")), Some(name), &["--json"]);
+        let found = hits(&run);
+        assert!(found.iter().any(|(_, element, _)| element.starts_with("spindle")), "{name}: {found:?}");
+    }
+}
+
+#[test]
+fn travel_is_told_with_line_axis_value_and_range() {
+    let program = "G21 G90 T1 M6\nG0 A0. C0.\nG43.4 H1 X0. Y0. Z100.\nX260. Z150.\nX0.\nA31.\n";
+    let run = check(("far.nc", program), Some("trunnion.toml"), &[]);
+    assert_eq!(run.code, Some(3), "{}", run.stderr);
+    for said in [
+        "line 4: X would have to be at 25",
+        "goes from -250 mm to 250 mm",
+        "line 6: A would have to be at 3",
+        "from -110° to 30°",
+    ] {
+        assert!(run.stdout.contains(said), "{said}: {}", run.stdout);
+    }
+    assert!(run.stdout.contains("no collision, 3 lines lead out of the machine's travel"), "{}", run.stdout);
+}

@@ -1,0 +1,355 @@
+//! Head, tool, table and part of small machines against 4 by 4 matrices that try every centre.
+
+use glam::{DMat4, DVec3};
+
+use super::*;
+use crate::grid::Grid;
+use crate::machine::{Joints, Machine, MachineMotion, MachineSolid, RotaryAxis, Side, SolidShape};
+use crate::section::fixtures::{line, revolved};
+use crate::tool::ElementKind;
+use crate::toolpath::{Location, MachinePoint, MoveKind};
+
+const FREE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+
+fn axis(letter: char, side: Side, direction: DVec3, centre: DVec3) -> RotaryAxis {
+    RotaryAxis { letter, side, direction, centre, range: FREE }
+}
+
+fn cylinder(
+    name: &str,
+    side: Side,
+    level: usize,
+    base: [f64; 3],
+    top: [f64; 3],
+    diameter: f64,
+) -> MachineSolid {
+    let shape = SolidShape::Cylinder { base: DVec3::from_array(base), top: DVec3::from_array(top), diameter };
+    MachineSolid { name: name.into(), side, level, shape }
+}
+
+fn cuboid(name: &str, side: Side, level: usize, lower: [f64; 3], upper: [f64; 3]) -> MachineSolid {
+    let shape = SolidShape::Box { lower: DVec3::from_array(lower), upper: DVec3::from_array(upper) };
+    MachineSolid { name: name.into(), side, level, shape }
+}
+
+/// Two machines with their axes a little apart: both rotary axes in the table, and one on either side.
+fn machines() -> [Machine; 2] {
+    let machine = |rotary: Vec<RotaryAxis>, solids: Vec<MachineSolid>| {
+        let machine = Machine {
+            name: "small".into(),
+            unit: LengthUnit::Mm,
+            rotary,
+            travel: [FREE, FREE, [-60.0, 25.0]],
+            home: DVec3::ZERO,
+            preferred: None,
+            offsets: [(54, DVec3::new(1.0, -2.0, -40.0))].into(),
+            solids,
+        };
+        assert_eq!(machine.fault(), None);
+        machine
+    };
+    let trunnion = machine(
+        vec![
+            axis('A', Side::Table, DVec3::X, DVec3::new(0.0, 1.0, -44.0)),
+            axis('C', Side::Table, DVec3::Z, DVec3::new(1.0, 0.0, 0.0)),
+        ],
+        vec![
+            cylinder("platter", Side::Table, 2, [1.0, 0.0, -44.0], [1.0, 0.0, -40.0], 14.0),
+            cuboid("cradle", Side::Table, 1, [-12.0, -3.0, -49.0], [12.0, 3.0, -46.0]),
+            cuboid("bed", Side::Table, 0, [-15.0, -8.0, -62.0], [15.0, 8.0, -56.0]),
+            cylinder("nose", Side::Head, 0, [0.0, 0.0, 0.0], [0.0, 0.0, 9.0], 10.0),
+            cuboid("ram", Side::Head, 0, [-7.0, 5.0, 2.0], [7.0, 9.0, 12.0]),
+        ],
+    );
+    let mixed = machine(
+        vec![
+            axis('B', Side::Head, DVec3::Y, DVec3::new(0.5, 0.0, 8.0)),
+            axis('C', Side::Table, DVec3::NEG_Z, DVec3::new(1.0, 0.0, 0.0)),
+        ],
+        vec![
+            cylinder("platter", Side::Table, 1, [1.0, 0.0, -44.0], [1.0, 0.0, -40.0], 14.0),
+            cuboid("bed", Side::Table, 0, [-15.0, -8.0, -50.0], [15.0, 8.0, -45.0]),
+            cylinder("nose", Side::Head, 1, [0.0, 0.0, 0.0], [0.0, 0.0, 9.0], 10.0),
+            cuboid("column", Side::Head, 0, [-3.0, 6.0, 0.0], [3.0, 9.0, 12.0]),
+        ],
+    );
+    [trunnion, mixed]
+}
+
+/// A flat end of 4 in a holder of 8, 20 in all.
+fn tool() -> Tool {
+    revolved([
+        (ElementKind::Cutter, vec![line(0.0, 12.0, 2.0, 2.0)]),
+        (ElementKind::Holder(0), vec![line(12.0, 20.0, 4.0, 4.0)]),
+    ])
+}
+
+/// A block on the platter, in the part's frame.
+fn part() -> Occupancy {
+    let grid = Grid { origin: DVec3::new(-4.0, -3.0, 0.0), pitch: 1.0, dims: [8, 8, 6] };
+    let solid = (0..grid.len()).map(|i| u8::from(grid.voxel(i)[2] < 4 || grid.voxel(i)[0] < 3));
+    let solid = solid.collect();
+    Occupancy { grid, solid }
+}
+
+/// How deep a point lies in a body of the head, negative outside; with all axes at 0.
+type Inside = Box<dyn Fn(DVec3) -> f64>;
+
+struct Pair {
+    element: String,
+    against: Against,
+    levels: (usize, usize),
+    centres: Vec<DVec3>,
+    inside: usize,
+}
+
+/// All pairs that a check tries, with their centres in machine coordinates with all axes at 0.
+fn pairs(machine: &Machine, bodies: &MachineBodies, part: &Occupancy) -> (Vec<Inside>, Vec<Pair>) {
+    let top = (machine.axes_of(Side::Head), machine.axes_of(Side::Table));
+    let mut insides: Vec<Inside> = Vec::new();
+    let mut own: Vec<(String, usize)> = Vec::new();
+    for (name, from, to, radius) in [("cutter", 0.0, 12.0, 2.0_f64), ("holder 1", 12.0, 20.0, 4.0)] {
+        insides.push(Box::new(move |point| {
+            let height: f64 = point.z + 20.0;
+            (height - from).min(to - height).min(radius - point.x.hypot(point.y))
+        }));
+        own.push((name.into(), top.0));
+    }
+    for solid in machine.solids.iter().filter(|solid| solid.side == Side::Head) {
+        own.push((solid.name.clone(), solid.level));
+        insides.push(match solid.shape {
+            SolidShape::Cylinder { base, top, diameter } => Box::new(move |point| {
+                let (along, length) = ((top - base).normalize(), base.distance(top));
+                let height = along.dot(point - base);
+                let radius = (point - base - along * height).length();
+                height.min(length - height).min(0.5 * diameter - radius)
+            }),
+            SolidShape::Box { lower, upper } => {
+                Box::new(move |point| (point - lower).min(upper - point).min_element())
+            }
+            SolidShape::Mesh(_) => panic!("no mesh here"),
+        });
+    }
+    let centres = |voxels: &Occupancy, offset: DVec3| -> Vec<DVec3> {
+        let grid = voxels.grid;
+        (0..grid.len())
+            .filter(|&i| voxels.solid[i] == 1)
+            .map(|i| grid.centre(grid.voxel(i)) + offset)
+            .collect()
+    };
+    let mut others = vec![(Against::Part, top.1, centres(part, machine.part_zero()))];
+    for solid in machine.solids.iter().filter(|solid| solid.side == Side::Table) {
+        let voxels = solid.voxels(1.0, Control::quiet()).unwrap();
+        others.push((Against::Machine(solid.name.clone()), solid.level, centres(&voxels, DVec3::ZERO)));
+    }
+    assert_eq!(bodies.coarsest_pitch(), Some(1.0));
+    let mut pairs = Vec::new();
+    for (inside, (element, head)) in own.iter().enumerate() {
+        for (against, table, centres) in &others {
+            let (element, against, centres) = (element.clone(), against.clone(), centres.clone());
+            pairs.push(Pair { element, against, levels: (*head, *table), centres, inside });
+        }
+    }
+    (insides, pairs)
+}
+
+/// From what stands on the table to what hangs on the head, both where they are with all axes at 0.
+fn to_head(machine: &Machine, joints: &Joints, levels: (usize, usize)) -> DMat4 {
+    let turns = |side: Side, level: usize| {
+        let of_side = machine.rotary.iter().enumerate().filter(|(_, axis)| axis.side == side).take(level);
+        of_side.fold(DMat4::IDENTITY, |matrix, (index, axis)| {
+            matrix
+                * DMat4::from_translation(axis.centre)
+                * DMat4::from_axis_angle(axis.direction, joints.rotary[index].to_radians())
+                * DMat4::from_translation(-axis.centre)
+        })
+    };
+    (DMat4::from_translation(joints.linear) * turns(Side::Head, levels.0)).inverse()
+        * turns(Side::Table, levels.1)
+}
+
+fn random(seed: usize) -> Joints {
+    let of = |step: f64, span: f64| ((seed as f64 * step).fract() - 0.5) * span;
+    Joints {
+        linear: DVec3::new(of(0.618_033, 26.0), of(0.754_877, 26.0), of(0.569_840, 40.0) - 22.0),
+        rotary: [of(0.414_213, 200.0), of(0.302_775, 360.0)],
+    }
+}
+
+fn location(machine: &Machine, line: usize, joints: Joints, kind: MoveKind, straight: bool) -> Location {
+    let point = MachinePoint { joints, length: 20.0, tip_goes_straight: straight };
+    let pose = machine.forward(&joints, 20.0);
+    Location { line, pose, rolled: true, tool: None, kind, machine: Some(point) }
+}
+
+fn strict(tolerance: f64) -> CheckSettings {
+    CheckSettings { contact: 0.0, tolerance, ..CheckSettings::of_pitch(1.0, LengthUnit::Mm) }
+}
+
+fn check_path(
+    part: &Occupancy,
+    bodies: &MachineBodies,
+    path: &Toolpath,
+    settings: &CheckSettings,
+) -> Result<CheckReport, CheckError> {
+    let bodies = CheckBodies { part, fixtures: &[], machine: Some(bodies) };
+    check_toolpath(bodies, &[(None, &tool())], path, settings, |_| false, Control::quiet())
+}
+
+#[test]
+fn every_contact_of_any_pair_is_found_however_shallow() {
+    assert!(shallow_contacts(6_000) > 2_000);
+}
+
+#[test]
+#[ignore = "two minutes"]
+fn a_hundred_thousand_shallow_contacts_are_all_found() {
+    assert!(shallow_contacts(220_000) > 100_000);
+}
+
+/// Tries so many poses of each machine, and gives how many contacts were less than 1 mm deep.
+fn shallow_contacts(poses: usize) -> usize {
+    let part = part();
+    let mut shallow = 0;
+    for machine in machines() {
+        let bodies = MachineBodies::new(machine.clone(), 1.0, Control::quiet()).unwrap();
+        let (insides, pairs) = pairs(&machine, &bodies, &part);
+        let locations = (0..poses).map(|i| location(&machine, i + 1, random(i + 1), MoveKind::Start, true));
+        let path = Toolpath { locations: locations.collect(), ..Toolpath::default() };
+        let report = check_path(&part, &bodies, &path, &strict(0.25)).unwrap();
+        let mut at = 0;
+        for line in 1..=poses {
+            let joints = random(line);
+            let found = match report.colliding.get(at).filter(|own| own.line == line) {
+                Some(own) => {
+                    at += 1;
+                    own.collisions.as_slice()
+                }
+                None => &[],
+            };
+            for pair in &pairs {
+                let matrix = to_head(&machine, &joints, pair.levels);
+                let depth = |centre: &DVec3| insides[pair.inside](matrix.transform_point3(*centre));
+                let depths = pair.centres.iter().map(depth);
+                let (mut voxels, mut deepest, mut near) = (0, f64::NEG_INFINITY, false);
+                for depth in depths {
+                    voxels += u32::from(depth > 0.0);
+                    deepest = deepest.max(depth);
+                    near |= depth.abs() < 1e-6;
+                }
+                if near {
+                    continue;
+                }
+                let hit = found.iter().find(|c| c.element == pair.element && c.against == pair.against);
+                let context =
+                    || format!("{} {:?} line {line}: {voxels} {deepest}", pair.element, pair.against);
+                assert_eq!(hit.map_or(0, |hit| hit.voxels), voxels, "{}", context());
+                shallow += usize::from(voxels > 0 && deepest < 1.0);
+                if let Some(hit) = hit {
+                    assert!(
+                        (hit.depth_in_tool - deepest).abs() < 1e-3 || hit.depth > deepest,
+                        "{}",
+                        context()
+                    );
+                    // The contact point, which is told as it lies against the part, is one of the centres in the element.
+                    let by_part = to_head(&machine, &joints, (pair.levels.0, machine.axes_of(Side::Table)));
+                    let contact =
+                        by_part.transform_point3(DVec3::from_array(hit.contact) + machine.part_zero());
+                    assert!(insides[pair.inside](contact) > -1e-6, "{} {contact}", context());
+                }
+            }
+        }
+        let beyond = report.out_of_travel.len();
+        let expected =
+            (1..=poses).filter(|&line| random(line).linear.z < -60.0 || random(line).linear.z > 25.0).count();
+        assert_eq!(beyond, expected);
+    }
+    shallow
+}
+
+#[test]
+fn nothing_is_passed_over_between_two_lines() {
+    let part = part();
+    let tolerance = 0.5;
+    let (mut seen, mut crossed) = (0, 0);
+    for machine in machines() {
+        let bodies = MachineBodies::new(machine.clone(), 1.0, Control::quiet()).unwrap();
+        let (insides, pairs) = pairs(&machine, &bodies, &part);
+        for seed in 0..60 {
+            let straight = seed % 2 == 0;
+            let (from, mut to) = (random(seed + 5), random(3 * seed + 11));
+            to.rotary = [0, 1].map(|i| from.rotary[i] + 0.3 * (to.rotary[i] - from.rotary[i]));
+            let path = Toolpath {
+                locations: vec![
+                    location(&machine, 1, from, MoveKind::Start, straight),
+                    location(&machine, 2, to, MoveKind::Feed, straight),
+                ],
+                ..Toolpath::default()
+            };
+            let report = check_path(&part, &bodies, &path, &strict(tolerance)).unwrap();
+            let way = MachineMotion::new(&machine, from, to, 20.0, straight);
+            for pair in &pairs {
+                let mut deepest = f64::NEG_INFINITY;
+                for step in 0..=150 {
+                    let joints = way.joints(f64::from(step) / 150.0);
+                    let matrix = to_head(&machine, &joints, pair.levels);
+                    let depth = |centre: &DVec3| insides[pair.inside](matrix.transform_point3(*centre));
+                    deepest = pair.centres.iter().map(depth).fold(deepest, f64::max);
+                }
+                let of_line = |line: usize| {
+                    let own = report.colliding.iter().find(|own| own.line == line);
+                    own.is_some_and(|own| {
+                        own.collisions.iter().any(|c| c.element == pair.element && c.against == pair.against)
+                    })
+                };
+                let found = of_line(1) || of_line(2);
+                seen += usize::from(found);
+                crossed += usize::from(deepest > 0.5 * tolerance);
+                // What is deeper than half a step at any time holds its centre at a pose that is looked at.
+                assert!(
+                    found || deepest <= 0.5 * tolerance + 1e-9,
+                    "{} {:?} {seed}",
+                    pair.element,
+                    pair.against
+                );
+            }
+        }
+    }
+    assert!(seen > 200 && crossed > 200, "{seen} {crossed}");
+}
+
+#[test]
+fn a_head_keeps_its_clearance_and_a_mesh_or_thin_solid_says_what_it_cannot() {
+    let part = part();
+    let mut machine = machines()[0].clone();
+    machine.solids.retain(|solid| solid.name == "nose");
+    // The nose's face 1.5 above the part's top at z = −34, beside the tool.
+    let joints = Joints { linear: DVec3::new(-3.0, 0.0, -32.5), rotary: [0.0; 2] };
+    let path = Toolpath {
+        locations: vec![location(&machine, 1, joints, MoveKind::Start, true)],
+        ..Toolpath::default()
+    };
+    let run = |machine: &Machine, holder: f64| {
+        let bodies = MachineBodies::new(machine.clone(), 1.0, Control::quiet()).unwrap();
+        let clearance = Clearance { holder, ..Clearance::default() };
+        check_path(&part, &bodies, &path, &CheckSettings { clearance, ..strict(0.25) })
+    };
+    let hits = |report: CheckReport| -> Vec<String> {
+        report.colliding.iter().flat_map(|line| &line.collisions).map(|hit| hit.element.clone()).collect()
+    };
+    assert!(!hits(run(&machine, 0.0).unwrap()).contains(&"nose".to_owned()));
+    assert!(hits(run(&machine, 2.5).unwrap()).contains(&"nose".to_owned()));
+    machine.solids[0].shape =
+        SolidShape::Mesh(crate::machine::box_mesh(DVec3::splat(-5.0), DVec3::splat(5.0)));
+    assert!(hits(run(&machine, 0.0).unwrap()).contains(&"nose".to_owned()));
+    assert!(run(&machine, 1.0).unwrap_err().to_string().contains("'nose' is a mesh"));
+    machine.solids[0].shape = SolidShape::Box { lower: DVec3::ZERO, upper: DVec3::new(9.0, 9.0, 1.0) };
+    assert!(run(&machine, 0.0).unwrap_err().to_string().contains("'nose' is 1 thick"));
+    // A path that was read for no machine is not followed by one.
+    let other = Toolpath::parse("x,y,z\n0,0,30\n", LengthUnit::Mm, "path").unwrap();
+    let bodies = MachineBodies::new(machines()[0].clone(), 1.0, Control::quiet()).unwrap();
+    assert!(matches!(
+        check_path(&part, &bodies, &other, &strict(0.25)),
+        Err(CheckError::Machine { line: 2 })
+    ));
+}

@@ -1,0 +1,174 @@
+//! The way from one set of joints to another, and how far anything moves on it.
+
+use glam::DVec3;
+
+use super::{Joints, Machine, Side};
+use crate::pose::Pose;
+
+/// A motion between two sets of joints: the rotary axes turn evenly, and either the tip goes straight in the part's frame (the
+/// control keeps the tool's centre point, G43.4) or the linear axes move evenly.
+#[derive(Clone, Copy, Debug)]
+pub struct MachineMotion<'a> {
+    machine: &'a Machine,
+    from: Joints,
+    to: Joints,
+    length: f64,
+    /// Ends of the tip's way in the part's frame, where it goes straight.
+    tips: Option<[DVec3; 2]>,
+}
+
+/// Where everything stands at one time, by level: what stands on the first `level` rotary axes of a side.
+pub(crate) struct Placement {
+    /// Of the table, from where it is with all axes at 0.
+    pub(crate) table: [Pose; 3],
+    /// Of the head, linear axes included.
+    pub(crate) head: [Pose; 3],
+}
+
+/// A ball around something that the head carries, where it is with all axes at 0.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ball {
+    pub(crate) centre: DVec3,
+    pub(crate) radius: f64,
+    /// Rotary axes of the head that carry it.
+    pub(crate) level: usize,
+}
+
+impl<'a> MachineMotion<'a> {
+    /// A motion of a tool whose tip lies `length` below the spindle's face.
+    #[must_use]
+    pub fn new(machine: &'a Machine, from: Joints, to: Joints, length: f64, tip_goes_straight: bool) -> Self {
+        let tip = |joints: &Joints| machine.forward(joints, length).position;
+        let tips = tip_goes_straight.then(|| [tip(&from), tip(&to)]);
+        Self { machine, from, to, length, tips }
+    }
+
+    /// The joints at a fraction of the way, from 0 to 1.
+    #[must_use]
+    pub fn joints(&self, fraction: f64) -> Joints {
+        let rotary = [0, 1].map(|i| mix(self.from.rotary[i], self.to.rotary[i], fraction));
+        let linear = match self.tips {
+            Some([from, to]) => self.machine.linear(from.lerp(to, fraction), &rotary, self.length),
+            None => self.from.linear.lerp(self.to.linear, fraction),
+        };
+        Joints { linear, rotary }
+    }
+
+    /// The tool in the part's frame at a fraction of the way.
+    #[must_use]
+    pub fn pose(&self, fraction: f64) -> Pose {
+        let pose = self.machine.forward(&self.joints(fraction), self.length);
+        match self.tips {
+            Some([from, to]) => Pose { position: from.lerp(to, fraction), ..pose },
+            None => pose,
+        }
+    }
+
+    pub(crate) fn placement(&self, fraction: f64) -> Placement {
+        let joints = self.joints(fraction);
+        let moved = |pose: Pose| Pose { position: pose.position + joints.linear, ..pose };
+        Placement {
+            table: self.machine.placements(Side::Table, &joints.rotary),
+            head: self.machine.placements(Side::Head, &joints.rotary).map(moved),
+        }
+    }
+
+    /// The tool's ball.
+    pub(crate) fn tool_ball(&self, reach: f64) -> Ball {
+        let centre = DVec3::new(0.0, 0.0, -self.length);
+        Ball { centre, radius: reach, level: self.machine.axes_of(Side::Head) }
+    }
+
+    /// Upper bound of how far any point of a ball on the head moves as seen from what stands on the first `level` rotary axes of the
+    /// table. Evenly divided times divide it evenly.
+    pub(crate) fn farthest(&self, ball: &Ball, level: usize) -> f64 {
+        let turned = |side: Side, level: usize| -> Vec<f64> {
+            let by = |place: usize| (self.to.rotary[place] - self.from.rotary[place]).abs().to_radians();
+            self.machine.chain(side).take(level).map(|(place, _)| by(place)).collect()
+        };
+        let sum = |angles: &[f64], arms: &[f64]| angles.iter().zip(arms).map(|(a, b)| a * b).sum::<f64>();
+        let head = self.arms(Side::Head, ball.level, ball.centre, ball.radius);
+        // About where the spindle's face would be with the head's axes at 0.
+        let around = self.centre(Side::Head).filter(|_| ball.level > 0);
+        let around = around.map_or(ball.centre.length() + ball.radius, |first| first.length() + head[0]);
+        let mut farthest = self.linear_way() + sum(&turned(Side::Head, ball.level), &head);
+        if level > 0 {
+            let most = self.farthest_from_table_axis() + around;
+            let arms: Vec<f64> = self.table_steps().iter().map(|step| most + step).collect();
+            farthest += sum(&turned(Side::Table, level), &arms);
+        }
+        let ends = (self.machine.axes_of(Side::Head), self.machine.axes_of(Side::Table));
+        match self.tips {
+            // Tool and part: what turns, turns about the tip.
+            Some([from, to]) if (ball.level, level) == ends => {
+                let reach = ball.centre.distance(DVec3::new(0.0, 0.0, -self.length)) + ball.radius;
+                let all: f64 = [Side::Head, Side::Table].iter().flat_map(|&side| turned(side, 2)).sum();
+                farthest.min(from.distance(to) + all * reach)
+            }
+            _ => farthest,
+        }
+    }
+
+    /// Upper bound of the way of the linear axes.
+    pub(crate) fn linear_way(&self) -> f64 {
+        let Some([from, to]) = self.tips else { return self.from.linear.distance(self.to.linear) };
+        let mut way = from.distance(to);
+        let tip = DVec3::new(0.0, 0.0, -self.length);
+        for (side, arms) in
+            [(Side::Head, self.arms(Side::Head, 2, tip, 0.0)), (Side::Table, self.tip_arms(from, to))]
+        {
+            for ((place, _), arm) in self.machine.chain(side).zip(arms) {
+                way += (self.to.rotary[place] - self.from.rotary[place]).abs().to_radians() * arm;
+            }
+        }
+        way
+    }
+
+    /// From each axis of the table, the farthest that the tip is in the part's frame.
+    fn tip_arms(&self, from: DVec3, to: DVec3) -> Vec<f64> {
+        let zero = self.machine.part_zero();
+        let [one, other] = [from, to].map(|tip| self.arms(Side::Table, 2, tip + zero, 0.0));
+        one.into_iter().zip(other).map(|(a, b)| a.max(b)).collect()
+    }
+
+    /// Farthest that the linear axes are from the first axis of the table.
+    fn farthest_from_table_axis(&self) -> f64 {
+        let Some(centre) = self.centre(Side::Table) else { return 0.0 };
+        match self.tips {
+            Some([from, to]) => {
+                let tip = DVec3::new(0.0, 0.0, -self.length);
+                let arms = self.arms(Side::Head, 2, tip, 0.0);
+                let arm = self.centre(Side::Head).map_or(self.length, |first| first.length() + arms[0]);
+                self.tip_arms(from, to)[0] + arm
+            }
+            None => self.from.linear.distance(centre).max(self.to.linear.distance(centre)),
+        }
+    }
+
+    fn centre(&self, side: Side) -> Option<DVec3> {
+        self.machine.chain(side).next().map(|(_, axis)| axis.centre)
+    }
+
+    /// From the first axis of the table to each of them.
+    fn table_steps(&self) -> Vec<f64> {
+        let first = self.centre(Side::Table).unwrap_or_default();
+        self.machine.chain(Side::Table).map(|(_, axis)| axis.centre.distance(first)).collect()
+    }
+
+    /// Largest distances of a ball's points from the first `level` axes of a side that carry it, whatever the angles.
+    fn arms(&self, side: Side, level: usize, centre: DVec3, radius: f64) -> Vec<f64> {
+        let centres: Vec<DVec3> = self.machine.chain(side).take(level).map(|(_, axis)| axis.centre).collect();
+        let mut arms = vec![0.0; centres.len()];
+        let (mut at, mut reach) = (centre, radius);
+        for index in (0..centres.len()).rev() {
+            reach += at.distance(centres[index]);
+            at = centres[index];
+            arms[index] = reach;
+        }
+        arms
+    }
+}
+
+fn mix(from: f64, to: f64, fraction: f64) -> f64 {
+    if fraction >= 1.0 { to } else { from + (to - from) * fraction }
+}

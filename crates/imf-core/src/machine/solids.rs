@@ -1,0 +1,126 @@
+//! What else a machine can be hit at: spindle head, table and what lies between, as simple solids or meshes.
+
+use glam::DVec3;
+
+use super::Side;
+use crate::control::{Cancelled, Control};
+use crate::grid::Grid;
+use crate::mesh::Mesh;
+use crate::occupancy::Occupancy;
+use crate::voxelize::voxelize_with;
+
+/// A rigid body of the machine.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MachineSolid {
+    /// Name for people.
+    pub name: String,
+    /// Table or head.
+    pub side: Side,
+    /// Rotary axes of that side that carry it, from the machine's frame outwards.
+    pub level: usize,
+    /// Where it is with all axes at 0, in machine coordinates.
+    pub shape: SolidShape,
+}
+
+/// The shape of a body.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SolidShape {
+    /// A round bar between the middles of its ends.
+    Cylinder {
+        /// One end.
+        base: DVec3,
+        /// The other.
+        top: DVec3,
+        /// Diameter.
+        diameter: f64,
+    },
+    /// A box along the machine's axes.
+    Box {
+        /// Smallest corner.
+        lower: DVec3,
+        /// Largest corner.
+        upper: DVec3,
+    },
+    /// A closed mesh.
+    Mesh(Mesh),
+}
+
+/// Voxels of one body; a larger one has coarser voxels.
+const MOST_VOXELS: f64 = 8e6;
+
+impl MachineSolid {
+    pub(super) fn scaled(&self, factor: f64) -> Self {
+        let shape = match &self.shape {
+            SolidShape::Cylinder { base, top, diameter } => {
+                SolidShape::Cylinder { base: *base * factor, top: *top * factor, diameter: diameter * factor }
+            }
+            SolidShape::Box { lower, upper } => {
+                SolidShape::Box { lower: *lower * factor, upper: *upper * factor }
+            }
+            SolidShape::Mesh(mesh) => {
+                SolidShape::Mesh(mesh.transformed(&glam::DMat4::from_scale(DVec3::splat(factor))))
+            }
+        };
+        Self { shape, ..self.clone() }
+    }
+
+    /// Lower and upper corner of the box around it.
+    #[must_use]
+    pub fn bounds(&self) -> (DVec3, DVec3) {
+        match &self.shape {
+            SolidShape::Cylinder { base, top, diameter } => {
+                let axis = (*top - *base).normalize_or_zero();
+                let spread = (1.0 - axis * axis).max(DVec3::ZERO).map(f64::sqrt) * (0.5 * diameter);
+                (base.min(*top) - spread, base.max(*top) + spread)
+            }
+            SolidShape::Box { lower, upper } => (*lower, *upper),
+            SolidShape::Mesh(mesh) => mesh.bounds().unwrap_or_default(),
+        }
+    }
+
+    /// Its voxels where it is with all axes at 0, of a pitch or, where these would be more than 8 million, a larger one: those whose
+    /// centres lie in it.
+    ///
+    /// # Errors
+    /// The caller's [`Control`] asked to stop.
+    pub fn voxels(&self, pitch: f64, control: Control<'_>) -> Result<Occupancy, Cancelled> {
+        let (lower, upper) = self.bounds();
+        let cells = ((upper - lower) / pitch + 2.0).to_array().into_iter().product::<f64>();
+        let pitch = pitch * (cells / MOST_VOXELS).cbrt().max(1.0);
+        let dims = ((upper - lower) / pitch).map(f64::ceil).to_array().map(|n| (n as usize).max(1));
+        let span = DVec3::from_array(dims.map(|n| n as f64)) * pitch;
+        let grid = Grid { origin: 0.5 * (lower + upper) - 0.5 * span, pitch, dims };
+        let filled = |holds: &dyn Fn(DVec3) -> bool| Occupancy {
+            grid,
+            solid: (0..grid.len()).map(|index| u8::from(holds(grid.centre(grid.voxel(index))))).collect(),
+        };
+        Ok(match &self.shape {
+            SolidShape::Cylinder { base, top, diameter } => {
+                let (length, axis) = (base.distance(*top), (*top - *base).normalize_or_zero());
+                filled(&|point| {
+                    let height = axis.dot(point - *base);
+                    let radius = (point - *base - axis * height).length();
+                    (0.0..=length).contains(&height) && radius <= 0.5 * diameter
+                })
+            }
+            SolidShape::Box { lower, upper } => {
+                filled(&|point| point.cmpge(*lower).all() && point.cmple(*upper).all())
+            }
+            SolidShape::Mesh(mesh) => voxelize_with(mesh, &grid, false, control)?.solid,
+        })
+    }
+}
+
+/// The box between two corners, triangles outwards.
+pub(crate) fn box_mesh(lower: DVec3, upper: DVec3) -> Mesh {
+    let corner = |i: usize| {
+        let pick = |bit: usize, low: f64, high: f64| if i >> bit & 1 == 0 { low } else { high };
+        DVec3::new(pick(0, lower.x, upper.x), pick(1, lower.y, upper.y), pick(2, lower.z, upper.z))
+    };
+    let sides: [[u32; 4]; 6] =
+        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    Mesh {
+        vertices: (0..8).map(corner).collect(),
+        triangles: sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect(),
+    }
+}

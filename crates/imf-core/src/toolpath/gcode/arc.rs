@@ -1,0 +1,149 @@
+//! Arcs and helices of G2 and G3 as chords.
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+
+/// What a block says of an arc.
+pub(super) struct Arc {
+    pub(super) from: DVec3,
+    pub(super) to: DVec3,
+    /// Places of the plane's axes, the third one following them right-handed.
+    pub(super) plane: [usize; 3],
+    pub(super) clockwise: bool,
+    /// From the start to the centre, where it is said.
+    pub(super) centre: Option<DVec3>,
+    pub(super) radius: Option<f64>,
+}
+
+/// Farthest that a chord is from its arc, in mm.
+pub(super) const CHORD: f64 = 0.001;
+/// Farthest that the ends of an arc differ in their distance from its centre, in mm: programs round to three or four digits.
+const ROUND: f64 = 0.01;
+const MOST: f64 = 1e6;
+
+impl Arc {
+    /// The ends of its chords, its own end last; `mm` is a millimetre in the unit of the path.
+    pub(super) fn chords(&self, mm: f64) -> Result<Vec<DVec3>, String> {
+        let [a, b, normal] = self.plane;
+        let flat = |p: DVec3| glam::DVec2::new(p[a], p[b]);
+        let (from, to) = (flat(self.from), flat(self.to));
+        let centre = match (self.centre, self.radius) {
+            (Some(centre), None) => from + flat(centre),
+            (None, Some(radius)) => self.by_radius(from, to, radius, mm)?,
+            (Some(_), Some(_)) => return Err("the arc has both a centre (I, J, K) and a radius (R)".into()),
+            (None, None) => return Err("the arc has neither a centre (I, J, K) nor a radius (R)".into()),
+        };
+        let (start, end) = (from - centre, to - centre);
+        let (first, last) = (start.length(), end.length());
+        if first == 0.0 {
+            return Err("the arc's centre is its start".into());
+        }
+        if (first - last).abs() > ROUND * mm {
+            return Err(format!(
+                "the arc begins {first} from its centre and ends {last} from it: check I, J, K and the plane (G17, G18, G19)"
+            ));
+        }
+        let turned = start.perp_dot(end).atan2(start.dot(end));
+        let turned = if self.clockwise { -turned } else { turned };
+        // An end at the start is a whole turn, by a centre alone.
+        let sweep = if from.distance(to) < 1e-9 * mm { TAU } else { turned.rem_euclid(TAU) };
+        let step = 2.0 * (1.0 - (CHORD * mm / first.max(last)).min(0.5)).acos();
+        let count = (sweep / step).ceil().max(1.0);
+        if count > MOST {
+            return Err(format!("the arc has a radius of {first}: check the unit"));
+        }
+        let angle = if self.clockwise { -sweep } else { sweep };
+        let chord = |index: u64| {
+            let t = index as f64 / count;
+            if index as f64 >= count {
+                return self.to;
+            }
+            let at =
+                glam::DVec2::from_angle(angle * t).rotate(start) * (1.0 + (last / first - 1.0) * t) + centre;
+            let mut point = DVec3::ZERO;
+            (point[a], point[b]) = (at.x, at.y);
+            point[normal] = self.from[normal] + (self.to[normal] - self.from[normal]) * t;
+            point
+        };
+        Ok((1..=count as u64).map(chord).collect())
+    }
+
+    /// The centre of an arc of less than half a turn, or of more where the radius is negative.
+    fn by_radius(
+        &self,
+        from: glam::DVec2,
+        to: glam::DVec2,
+        radius: f64,
+        mm: f64,
+    ) -> Result<glam::DVec2, String> {
+        let half = 0.5 * (to - from);
+        if half.length() < 1e-9 * mm {
+            return Err("an arc by its radius R must end elsewhere than it begins: give its centre".into());
+        }
+        if half.length() > radius.abs() + ROUND * mm {
+            return Err(format!("the arc's ends are farther apart than twice its radius {radius}"));
+        }
+        let height = (radius * radius - half.length_squared()).max(0.0).sqrt();
+        let left = (radius > 0.0) != self.clockwise;
+        Ok(from + half + half.normalize().perp() * if left { height } else { -height })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn arc(to: [f64; 3], plane: [usize; 3], clockwise: bool) -> Arc {
+        Arc { from: DVec3::ZERO, to: DVec3::from_array(to), plane, clockwise, centre: None, radius: None }
+    }
+
+    #[test]
+    fn chords_keep_to_the_circle_and_end_where_the_arc_ends() {
+        let planes = [[0, 1, 2], [2, 0, 1], [1, 2, 0]];
+        for plane in planes {
+            let [a, b, normal] = plane;
+            for clockwise in [true, false] {
+                let mut to = [0.0; 3];
+                (to[a], to[b], to[normal]) = (10.0, 10.0, 4.0);
+                let mut centre = DVec3::ZERO;
+                centre[a] = 10.0;
+                let quarter = Arc { centre: Some(centre), ..arc(to, plane, clockwise) };
+                let points = quarter.chords(1.0).unwrap();
+                assert_eq!(points.last(), Some(&DVec3::from_array(to)));
+                let mut before = quarter.from;
+                let mut way = 0.0;
+                for &point in &points {
+                    let flat = |p: DVec3| glam::DVec2::new(p[a] - 10.0, p[b]);
+                    assert!((flat(point).length() - 10.0).abs() < 1e-9);
+                    let middle = (0.5 * (flat(point) + flat(before))).length();
+                    assert!((0.0..=CHORD * 1.0001).contains(&(10.0 - middle)), "{middle}");
+                    way += flat(point).distance(flat(before));
+                    before = point;
+                }
+                // From (0, 0) about (10, 0) to (10, 10): a quarter clockwise, three quarters the other way.
+                let turns = if clockwise { 0.25 } else { 0.75 };
+                assert!((way - TAU * 10.0 * turns).abs() < 0.02, "{way}");
+                let signed = if clockwise { 10.0 } else { -10.0 };
+                let by_radius =
+                    Arc { radius: Some(signed), ..arc(to, plane, clockwise) }.chords(1.0).unwrap();
+                assert_eq!(by_radius.len(), points.len());
+                assert!((by_radius[3] - points[3]).length() < 1e-9);
+            }
+        }
+        let whole = Arc { centre: Some(DVec3::new(0.0, 5.0, 0.0)), ..arc([0.0; 3], [0, 1, 2], true) };
+        let points = whole.chords(1.0).unwrap();
+        assert!(points.iter().any(|p| (p.y - 10.0).abs() < 0.01) && points.len() > 50);
+    }
+
+    #[test]
+    fn arcs_that_are_none_are_refused() {
+        let of = |centre: Option<DVec3>, radius: Option<f64>| {
+            Arc { centre, radius, ..arc([10.0, 0.0, 0.0], [0, 1, 2], true) }.chords(1.0).unwrap_err()
+        };
+        assert!(of(None, None).contains("neither"));
+        assert!(of(Some(DVec3::X), Some(1.0)).contains("both"));
+        assert!(of(Some(DVec3::X), None).contains("begins 1 from its centre and ends 9"));
+        assert!(of(None, Some(4.0)).contains("farther apart"));
+    }
+}

@@ -1,0 +1,198 @@
+//! One line of a program: what each of its words means. A word that could move the machine and is not known is refused.
+
+use glam::DVec3;
+
+use super::Motion;
+use super::words::Word;
+use crate::machine::Machine;
+
+/// What a line says.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Block {
+    pub(super) motion: Option<Motion>,
+    pub(super) plane: Option<[usize; 3]>,
+    pub(super) unit_in_mm: Option<f64>,
+    pub(super) absolute: Option<bool>,
+    pub(super) offset: Option<u8>,
+    /// `Some(None)` ends a tool length, `Some(Some(true))` keeps the tool's centre point as well.
+    pub(super) length: Option<Option<bool>>,
+    pub(super) length_number: Option<u32>,
+    pub(super) in_machine_coordinates: bool,
+    pub(super) goes_home: bool,
+    pub(super) dwells: bool,
+    pub(super) tool: Option<u32>,
+    pub(super) changes_tool: bool,
+    pub(super) ends: bool,
+    /// X, Y and Z.
+    pub(super) linear: [Option<f64>; 3],
+    /// In the order of the machine's rotary axes.
+    pub(super) rotary: [Option<f64>; 2],
+    pub(super) centre: Option<DVec3>,
+    pub(super) radius: Option<f64>,
+    pub(super) has_decimals_missing: bool,
+}
+
+/// G words that move nothing and change no coordinate, in tenths: exact stop, no cutter compensation, no scaling, end of a cycle, path
+/// modes, no rotation, kinds of feed, the cycles' level.
+const STILL_G: [u32; 12] = [90, 400, 800, 610, 611, 690, 930, 940, 950, 970, 980, 990];
+/// M words that move neither tool nor part: stops, ends, spindle, coolant, clamps, overrides.
+const STILL_M: [u32; 15] = [0, 1, 2, 3, 4, 5, 7, 8, 9, 10, 11, 19, 30, 48, 49];
+
+impl Block {
+    pub(super) fn new(words: &[Word<'_>], machine: Option<&Machine>) -> Result<Self, String> {
+        let mut block = Self::default();
+        let mut seen = Vec::new();
+        for word in words {
+            if !matches!(word.letter, 'G' | 'M' | 'N') {
+                if seen.contains(&word.letter) {
+                    return Err(format!("{} stands twice in one line", word.letter));
+                }
+                seen.push(word.letter);
+            }
+            block.take(word, machine)?;
+        }
+        block.check(&seen)?;
+        Ok(block)
+    }
+
+    /// True where it names an axis, or an arc that ends where it begins.
+    pub(super) fn moves(&self) -> bool {
+        let axes = self.linear.iter().chain(&self.rotary).any(Option::is_some);
+        axes || self.centre.is_some() || self.radius.is_some() || self.goes_home
+    }
+
+    fn take(&mut self, word: &Word<'_>, machine: Option<&Machine>) -> Result<(), String> {
+        let Word { letter, value, text } = *word;
+        let whole = || {
+            let is_number = value >= 0.0 && value.fract() == 0.0 && value < 1e6;
+            is_number
+                .then_some(value as u32)
+                .ok_or_else(|| format!("{letter}{text} is no number of a {letter} word"))
+        };
+        match letter {
+            'G' => self.take_g(value, text)?,
+            'M' => match whole()? {
+                6 => self.changes_tool = true,
+                known if STILL_M.contains(&known) => self.ends |= matches!(known, 2 | 30),
+                _ => {
+                    return Err(format!(
+                        "M{text} is not understood and might move the machine: take it out of the program if it does not"
+                    ));
+                }
+            },
+            // Numbers of blocks and programs, feed, spindle speed, the place of a radius in the control.
+            'N' | 'O' | 'F' | 'S' | 'D' => {}
+            'T' => self.tool = Some(whole()?),
+            'H' => self.length_number = Some(whole()?),
+            'P' | 'Q' | 'L' | 'U' => {}
+            'X' | 'Y' | 'Z' => {
+                self.linear["XYZ".find(letter).unwrap_or_default()] = Some(value);
+                self.has_decimals_missing |= value != 0.0 && !text.contains('.');
+            }
+            'I' | 'J' | 'K' => {
+                let place = "IJK".find(letter).unwrap_or_default();
+                self.centre.get_or_insert_default()[place] = value;
+            }
+            'R' => self.radius = Some(value),
+            'A' | 'B' | 'C' => {
+                let place = machine.and_then(|machine| machine.rotary_by_letter(letter));
+                let place = place.ok_or_else(|| match machine {
+                    Some(machine) => {
+                        format!("{letter}{text} turns an axis that the machine '{}' has not", machine.name)
+                    }
+                    None => format!(
+                        "{letter}{text} turns a rotary axis, and no machine is given that says what it turns"
+                    ),
+                })?;
+                self.rotary[place] = Some(value);
+            }
+            _ => return Err(format!("{letter}{text} is not understood and might move the machine")),
+        }
+        Ok(())
+    }
+
+    fn take_g(&mut self, value: f64, text: &str) -> Result<(), String> {
+        let tenths = (value * 10.0).round();
+        if (tenths / 10.0 - value).abs() > 1e-9 || !(0.0..1e5).contains(&tenths) {
+            return Err(format!("G{text} is not understood and might move the machine"));
+        }
+        let motion = match tenths as u32 {
+            0 => Some(Motion::Rapid),
+            10 => Some(Motion::Feed),
+            20 => Some(Motion::Clockwise),
+            30 => Some(Motion::CounterClockwise),
+            _ => None,
+        };
+        match tenths as u32 {
+            0 | 10 | 20 | 30 if self.motion.is_some() && self.motion != motion => {
+                return Err(format!("G{text} is a second kind of motion in one line"));
+            }
+            0 | 10 | 20 | 30 => self.motion = motion,
+            40 => self.dwells = true,
+            170 => self.plane = Some([0, 1, 2]),
+            180 => self.plane = Some([2, 0, 1]),
+            190 => self.plane = Some([1, 2, 0]),
+            200 => self.unit_in_mm = Some(25.4),
+            210 => self.unit_in_mm = Some(1.0),
+            280 => self.goes_home = true,
+            430 => self.length = Some(Some(false)),
+            434 | 2340 => self.length = Some(Some(true)),
+            490 => self.length = Some(None),
+            530 => self.in_machine_coordinates = true,
+            offset @ (540 | 550 | 560 | 570 | 580 | 590) => self.offset = Some((offset / 10) as u8),
+            900 => self.absolute = Some(true),
+            910 => self.absolute = Some(false),
+            // Centres from the start, as they are read.
+            911 => {}
+            still if STILL_G.contains(&still) => {}
+            640 => {
+                return Err("G64 rounds corners by a length that is not known here: take it out to check the path as written".into());
+            }
+            410 | 420 => {
+                return Err(format!(
+                    "G{text} moves the tool beside the path by a radius in the control: let the CAM program write the tip's own path (G40)"
+                ));
+            }
+            730 | 740 | 760 | 810..=890 => {
+                return Err(format!(
+                    "G{text} is a cycle, which is not followed: let the CAM program write its motions as G0 and G1"
+                ));
+            }
+            _ => return Err(format!("G{text} is not understood and might move the machine")),
+        }
+        Ok(())
+    }
+
+    /// Words that say nothing where they stand might mean something that is not known.
+    fn check(&self, seen: &[char]) -> Result<(), String> {
+        let has = |letters: &str| seen.iter().copied().find(|&letter| letters.contains(letter));
+        if self.dwells {
+            // The time may be X, U or P.
+            return match has("YZIJKRABCHQL") {
+                Some(letter) => {
+                    Err(format!("{letter} stands beside G4, which waits: write it in a line of its own"))
+                }
+                None => Ok(()),
+            };
+        }
+        if let Some(letter) = has("PQLU") {
+            return Err(format!("{letter} is not understood here and might move the machine"));
+        }
+        if self.length_number.is_some() && self.length.is_none_or(|length| length.is_none()) {
+            return Err("H is a tool length, and neither G43 nor G43.4 in this line takes it up".into());
+        }
+        if self.length_number == Some(0) {
+            return Err("H0 is no tool's length: write G49 to end one".into());
+        }
+        if (self.goes_home || self.in_machine_coordinates)
+            && !self.linear.iter().chain(&self.rotary).any(Option::is_some)
+        {
+            return Err("it does not say which axes move: name them, such as Z0.".into());
+        }
+        if (self.goes_home || self.in_machine_coordinates) && (self.centre.is_some() || self.radius.is_some())
+        {
+            return Err("an arc does not go by the machine's coordinates".into());
+        }
+        Ok(())
+    }
+}
