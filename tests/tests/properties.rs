@@ -62,6 +62,7 @@ fn tool(random: &mut Random) -> Tool {
             element(ElementKind::Holder(0), line(l + 1.5, l + 4.0, wide, wide)),
         ]),
         sharp_points: SharpPoints::Tip,
+        overall_length: None,
     }
 }
 

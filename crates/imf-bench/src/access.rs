@@ -183,6 +183,7 @@ fn ball_end_mill() -> Tool {
             element(ElementKind::Holder(0), vec![line(SHANK.0, HOLDER.0, HOLDER.1)]),
         ]),
         sharp_points: SharpPoints::Tip,
+        overall_length: None,
     }
 }
 

@@ -5,6 +5,7 @@ pub(crate) mod access;
 pub(crate) mod paper;
 pub(crate) mod query;
 pub(crate) mod recipe;
+pub(crate) mod stick_out;
 
 use std::path::PathBuf;
 
@@ -31,6 +32,7 @@ pub(crate) enum Command {
     Paper(paper::PaperArguments),
     Query(query::QueryArguments),
     Recipe(recipe::RecipeArguments),
+    StickOut(stick_out::StickOutArguments),
     Train(TrainArguments),
 }
 

@@ -7,6 +7,7 @@
 //! cargo run --release -p imf-bench -- gpu         what a GPU does beside the CPU
 //! cargo run --release -p imf-bench -- query       poses a second beside collision libraries
 //! cargo run --release -p imf-bench -- paper       the paper's tables and figures
+//! cargo run --release -p imf-bench -- stick-out   least stick-outs and a crib of tools, held against exact counts
 //! cargo run --release -p imf-bench -- recipe      trainings in stages and sweeps, by the files in `recipes`
 //! ```
 //!
@@ -29,6 +30,7 @@ mod query;
 mod recipe;
 mod revolved;
 mod rivals;
+mod stick_out;
 mod train;
 
 use std::process::ExitCode;
@@ -54,6 +56,7 @@ fn run(cli: &Cli, rank: Rank) -> anyhow::Result<()> {
         Command::Paper(arguments) => paper::run(&session, arguments),
         Command::Query(arguments) => query::run(&session, arguments),
         Command::Recipe(arguments) => recipe::run(&session, arguments),
+        Command::StickOut(arguments) => stick_out::run(&session, arguments),
         Command::Train(arguments) => train::run(&session, arguments),
     }
 }

@@ -150,6 +150,7 @@ pub(crate) mod tests {
                 element(ElementKind::Holder(0), line(5.0, 9.0, 2.7)),
             ]),
             sharp_points: SharpPoints::Tip,
+            overall_length: None,
         }
     }
 

@@ -8,19 +8,24 @@
 
 mod access;
 mod contact;
+mod crib;
 mod culprits;
 mod inside;
 mod patches;
 mod samples;
 mod setups;
+mod skyline;
 mod stance;
+mod stick_out;
 mod surroundings;
 
 pub use access::{SurfaceAccess, surface_access, surface_memory_estimate};
+pub use crib::crib_access;
 pub use culprits::{LeastOverlap, culprits, least_overlaps};
 pub use patches::SurfacePatch;
 pub use samples::{SurfaceSample, SurfaceSamples};
 pub use setups::{ChosenSetup, PartSetup, SetupPlan, fewest_setups};
+pub use stick_out::{StickOut, StickOutTool, least_stick_outs};
 pub use surroundings::{SolidBody, Surroundings};
 
 use glam::{DQuat, DVec3};
@@ -28,12 +33,12 @@ use thiserror::Error;
 
 use contact::Outline;
 use inside::InnerBalls;
-use stance::{Outcome, Stance};
+use stance::{Above, Last, Outcome, Stance};
 
 use crate::field::solid::{SolidField, SolidVoxels};
 use crate::orientation::Orientation;
 use crate::pose::axis_of;
-use crate::tool::{Assembly, ClearanceError, Element, ElementKind, Segment, SharpPoints, ToolShape};
+use crate::tool::{Assembly, ClearanceError, Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
 use crate::unit::LengthUnit;
 
 /// Why a surface cannot be asked for.
@@ -52,6 +57,12 @@ pub enum SurfaceError {
         /// The tolerance.
         tolerance: f64,
     },
+    /// The tool has no holder, or one that cannot be moved.
+    #[error(
+        "the tool '{0}' has no holder, so that it has no stick-out: describe it with its holder, in a tool file (TOML) or a library \
+         that knows holders"
+    )]
+    NoHolder(String),
     /// A tolerance that is no length.
     #[error("the tolerance must be a finite length above 0, not {0}")]
     NoLength(f64),
@@ -90,6 +101,32 @@ pub enum Reach {
     NotFaced,
 }
 
+impl Reach {
+    /// In a word.
+    #[must_use]
+    pub fn verdict(&self) -> Verdict {
+        match self {
+            Self::Reached { .. } => Verdict::Reached,
+            Self::Obstructed { .. } => Verdict::Obstructed,
+            Self::Gouged => Verdict::Gouged,
+            Self::NotFaced => Verdict::NotFaced,
+        }
+    }
+}
+
+/// What becomes of one sample in a word, the better ones first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Verdict {
+    /// Reached from some direction.
+    Reached,
+    /// The cutter fits, but something of the tool collides.
+    Obstructed,
+    /// The cutter does not fit.
+    Gouged,
+    /// No direction faces it.
+    NotFaced,
+}
+
 /// One tool among part and fixtures, for contact poses.
 pub struct SurfaceTool {
     name: String,
@@ -113,6 +150,8 @@ enum Shape {
 
 /// A tool of revolution.
 struct Revolved {
+    /// Its cutter as it is.
+    end: Element,
     outline: Outline,
     /// A sine of the surface's inward normal above which nothing of the cutter touches.
     highest: f64,
@@ -122,6 +161,8 @@ struct Revolved {
     held: Option<SolidField>,
     /// Shank and holder.
     rest: Option<SolidField>,
+    /// Their outline.
+    above: Option<Tool>,
     /// The cutter with the tolerance around it: what of the surface it may be said to touch.
     touching: SolidField,
     /// Largest radius of the cutter.
@@ -150,8 +191,8 @@ impl Turn {
     }
 }
 
-/// By direction, what was last in the way: of samples side by side it is mostly the same.
-pub(crate) struct Memory(Vec<[Option<[f64; 3]>; 2]>);
+/// By direction, what was last in the way of the cutter, and of shank and holder: of samples side by side it is mostly the same.
+pub(crate) struct Memory(Vec<[Last; 2]>);
 
 impl Memory {
     pub(crate) fn new(directions: usize) -> Self {
@@ -213,9 +254,11 @@ impl SurfaceTool {
         let pitch = surroundings.part.occupancy().grid.pitch;
         let across = 2.0 * radius / pitch + 2.0;
         let revolved = Revolved {
+            end: cutter,
             highest: outline.highest(tolerance),
             cutter: of_cutter(&surroundings.part)?,
             held,
+            above: assembly.noncutting().cloned(),
             rest: assembly.noncutting().map(|tool| SolidField::of_tool(surroundings.keep_out.clone(), tool)),
             touching: SolidField::of_elements(surroundings.part.clone(), &[touching])
                 .ok_or_else(too_thick)?,
@@ -249,11 +292,12 @@ impl SurfaceTool {
         memory: &mut Memory,
         mut free: impl FnMut(usize),
     ) -> Reach {
-        let mut stance = Stance::new(self, sample);
+        let stance = Stance::new(self, sample);
         let (mut reached, mut faced) = (0, false);
         let mut obstructed: Option<(f64, usize, DVec3)> = None;
-        for (index, (turn, last)) in turns.iter().zip(&mut memory.0).enumerate() {
-            match stance.from(turn, last) {
+        for (index, (turn, [at_cutter, at_rest])) in turns.iter().zip(&mut memory.0).enumerate() {
+            let is_free = |tip| self.is_rest_free(tip, turn.axis, at_rest);
+            match stance.from(turn, at_cutter, &mut Above { rest: self.rest(), is_free }) {
                 Outcome::Good => {
                     reached += 1;
                     free(index);
@@ -277,6 +321,16 @@ impl SurfaceTool {
             None if faced => Reach::Gouged,
             None => Reach::NotFaced,
         }
+    }
+
+    /// Shank and holder; none of a mesh tool.
+    fn rest(&self) -> Option<&SolidField> {
+        let Shape::Revolved(revolved) = &self.shape else { return None };
+        revolved.rest.as_ref()
+    }
+
+    fn is_rest_free(&self, tip: DVec3, axis: DVec3, last: &mut Last) -> bool {
+        self.rest().is_none_or(|rest| !rest.meets(tip, axis, None, Some(last)))
     }
 
     fn colliding(&self, tip: DVec3, axis: DVec3) -> u64 {

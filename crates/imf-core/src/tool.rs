@@ -17,6 +17,7 @@ mod rotated;
 mod sharp;
 #[cfg(feature = "formats")]
 mod stack;
+mod stick_out;
 
 pub use assembly::Assembly;
 pub(crate) use depth::distance_to_mesh;
@@ -50,6 +51,10 @@ pub struct Tool {
     pub shape: ToolShape,
     /// Where it can remove material.
     pub sharp_points: SharpPoints,
+    /// Cutter and shank from end to end, what is in the holder included: how far the tool can stick out at most. `None` where it
+    /// is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub overall_length: Option<f64>,
 }
 
 /// What a tool is made of.
@@ -129,6 +134,7 @@ impl Tool {
                 Element { kind: ElementKind::Holder(0), profile: holder },
             ]),
             sharp_points: SharpPoints::Tip,
+            overall_length: None,
         }
     }
 
@@ -147,7 +153,13 @@ impl Tool {
                 ToolShape::Mesh(mesh.transformed(&glam::DMat4::from_scale(DVec3::splat(factor))))
             }
         };
-        Self { name: self.name.clone(), unit, shape, sharp_points: self.sharp_points.scaled(factor) }
+        Self {
+            name: self.name.clone(),
+            unit,
+            shape,
+            sharp_points: self.sharp_points.scaled(factor),
+            overall_length: self.overall_length.map(|length| length * factor),
+        }
     }
 
     /// The tool with its tip as the only sharp point: its collision measure is the overlap at the tip.

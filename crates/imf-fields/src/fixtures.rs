@@ -26,5 +26,6 @@ pub(crate) fn small_tool() -> Tool {
             element(ElementKind::Holder(0), line(5.0, 9.0, 2.7)),
         ]),
         sharp_points: SharpPoints::Tip,
+        overall_length: None,
     }
 }

@@ -10,6 +10,7 @@ mod paper;
 mod query;
 mod recipe;
 mod refusals;
+mod stick_out;
 
 /// The binary that is run.
 const PROGRAM: &str = env!("CARGO_BIN_EXE_imf-bench");

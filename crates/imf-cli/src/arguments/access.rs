@@ -34,11 +34,19 @@ pub(crate) struct AccessArguments {
     pub(crate) limits: Option<String>,
     /// The fewest set-ups that reach the surface, proven, on a machine with this range of directions in each: by default the one
     /// of a three-axis machine, else ac:A0:A1:C0:C1, bc:B0:B1:C0:C1 or cone:0,0,1:HALF_ANGLE
-    #[arg(long, value_name = "LIMITS", num_args = 0..=1, default_missing_value = "cone:0,0,1:0", conflicts_with = "limits")]
+    #[arg(long, value_name = "LIMITS", num_args = 0..=1, default_missing_value = "cone:0,0,1:0", conflicts_with = "limits", group = "covering")]
     pub(crate) setups: Option<String>,
-    /// The percentage that the set-ups must reach of what all of them together would
-    #[arg(long, default_value_t = 100.0, value_name = "PERCENT", requires = "setups", value_parser = parse_percent)]
+    /// The percentage that the set-ups, or the tools of a crib, must reach of what all of them together would
+    #[arg(long, default_value_t = 100.0, value_name = "PERCENT", requires = "covering", value_parser = parse_percent)]
     pub(crate) cover: f64,
+    /// Tools to choose from, in place of --tool: files, folders of them, whole libraries of FreeCAD and Fusion. The surface alone is
+    /// decided: which tools serve it where, the fewest that cover it, and what none reaches
+    #[arg(long, value_name = "PATH", num_args = 1.., group = "covering", conflicts_with_all =
+        ["tool", "setups", "stickout", "removable", "stock", "map", "lists", "contact", "tau"])]
+    pub(crate) crib: Vec<String>,
+    /// The least stick-out with which each tool reaches the surface, its holder moved along its shank
+    #[arg(long)]
+    pub(crate) stickout: bool,
     /// Largest collision measure of a pose that counts as free; 0 is exact
     #[arg(long, default_value_t = 0.0, value_name = "τ", value_parser = parse_threshold)]
     pub(crate) tau: f64,

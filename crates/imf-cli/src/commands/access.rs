@@ -1,6 +1,7 @@
 //! `imf access`: what tools reach around a part among its fixtures, in one run over the orientations.
 
 mod blocked;
+mod crib;
 mod files;
 mod pictures;
 mod setup;
@@ -43,6 +44,9 @@ struct Findings {
 
 pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> {
     let begun = Instant::now();
+    if !arguments.crib.is_empty() {
+        return crib::run(session, arguments);
+    }
     let setup = Setup::new(session, arguments)?;
     let folder = OutputFolder::check(&arguments.out)?;
     let page = arguments.html.as_deref().map(OutputFile::check).transpose()?;

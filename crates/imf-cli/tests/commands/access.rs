@@ -30,7 +30,7 @@ fn cuboid(lower: [i32; 3], upper: [i32; 3], first: usize) -> String {
     text
 }
 
-fn mill(name: &str, length: f64) -> String {
+pub(crate) fn mill(name: &str, length: f64) -> String {
     format!(
         "name = \"{name}\"\n[cutter]\nshape = \"flat\"\ndiameter = 3.0\nlength = {length}\n[[holder]]\ndiameter = 16.0\n\
          length = 20.0\n"
@@ -38,7 +38,7 @@ fn mill(name: &str, length: f64) -> String {
 }
 
 /// The slotted block, two tools and a clamp, in a fresh folder.
-fn workshop() -> Folder {
+pub(crate) fn workshop() -> Folder {
     let folder = Folder::new();
     folder.write("part.obj", slotted());
     folder.write("clamp.obj", cuboid([0, 0, 0], [6, 6, 12], 0));
@@ -49,7 +49,7 @@ fn workshop() -> Folder {
 
 const RUN: [&str; 6] = ["access", "part.obj", "--pitch", "2", "--out", "out"];
 
-fn arguments<'a>(more: &[&'a str]) -> Vec<&'a str> {
+pub(crate) fn arguments<'a>(more: &[&'a str]) -> Vec<&'a str> {
     [&RUN[..], more].concat()
 }
 

@@ -16,4 +16,5 @@ mod page;
 mod queries;
 mod refusals;
 mod rolls;
+mod stick_out;
 mod voxels;

@@ -289,8 +289,13 @@ fn centred(name: &str, mesh: &Mesh) -> (Pose, HeadShape) {
     let middle = 0.5 * (lower + upper);
     let mesh = mesh.transformed(&glam::DMat4::from_translation(-middle));
     let unit = crate::unit::LengthUnit::default();
-    let tool =
-        Tool { name: name.to_owned(), unit, shape: ToolShape::Mesh(mesh), sharp_points: SharpPoints::Tip };
+    let tool = Tool {
+        name: name.to_owned(),
+        unit,
+        shape: ToolShape::Mesh(mesh),
+        sharp_points: SharpPoints::Tip,
+        overall_length: None,
+    };
     (Pose::new(middle, DQuat::IDENTITY), HeadShape::Mesh(tool))
 }
 

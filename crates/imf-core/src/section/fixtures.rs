@@ -22,6 +22,7 @@ pub(crate) fn revolved(elements: impl IntoIterator<Item = (ElementKind, Vec<Segm
         unit: LengthUnit::Mm,
         shape: ToolShape::Revolved(elements),
         sharp_points: SharpPoints::Tip,
+        overall_length: None,
     }
 }
 

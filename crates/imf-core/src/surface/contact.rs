@@ -281,6 +281,7 @@ mod tests {
             unit: LengthUnit::Mm,
             shape: ToolShape::Revolved(elements.collect()),
             sharp_points: SharpPoints::Tip,
+            overall_length: None,
         }
     }
 

@@ -249,6 +249,7 @@ mod tests {
             unit: LengthUnit::Mm,
             shape: ToolShape::Revolved(elements),
             sharp_points: SharpPoints::Tip,
+            overall_length: None,
         };
         let around = Surroundings::new(&SolidBody::from(Arc::new(solid.clone())), &[]);
         SurfaceTool::new(&around, &short.into(), 0.1).unwrap()

@@ -131,7 +131,8 @@ mod tests {
             cylinder(ElementKind::Holder(0), 45.0, 75.0, 12.0),
         ];
         let (name, unit, sharp_points) = ("flat".into(), LengthUnit::Mm, SharpPoints::Tip);
-        let tool = Tool { name, unit, shape: ToolShape::Revolved(elements), sharp_points };
+        let tool =
+            Tool { name, unit, shape: ToolShape::Revolved(elements), sharp_points, overall_length: None };
         let block = unit_cube().transformed(&DMat4::from_scale(DVec3::new(40.0, 30.0, 15.0)));
         let grid = Grid::with_pitch(DVec3::splat(-0.4), DVec3::new(40.3, 30.3, 15.3), 1.0, 1).unwrap();
         let solid = Arc::new(voxelize(&block, &grid, false));

@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use glam::DVec3;
 
 use super::contact::{Facing, Touch};
-use super::{Revolved, Shape, SurfaceSample, SurfaceTool, Turn};
-use crate::field::solid::Cleared;
+use super::{Revolved, Shape, SurfaceSample, SurfaceTool, Turn, Verdict};
+use crate::field::solid::{Cleared, SolidField};
 use crate::pose::Pose;
 
 /// How a pose, or all poses of a direction, went; the better ones first.
@@ -20,17 +20,17 @@ pub(super) enum Outcome {
 }
 
 impl Outcome {
-    fn rank(&self) -> u8 {
+    pub(super) fn verdict(&self) -> Verdict {
         match self {
-            Self::Good => 0,
-            Self::Obstructed(_) => 1,
-            Self::Gouged => 2,
-            Self::NoContact => 3,
+            Self::Good => Verdict::Reached,
+            Self::Obstructed(_) => Verdict::Obstructed,
+            Self::Gouged => Verdict::Gouged,
+            Self::NoContact => Verdict::NotFaced,
         }
     }
 
     fn or(self, other: Self) -> Self {
-        if other.rank() < self.rank() { other } else { self }
+        if other.verdict() < self.verdict() { other } else { self }
     }
 }
 
@@ -45,8 +45,16 @@ const VERTICES: usize = 48;
 /// Solid centres outside the tangent plane that are tried one by one in every direction.
 const FEW: u32 = 16;
 
-/// What was last in the way of the cutter, and of shank and holder.
-type Last = [Option<[f64; 3]>; 2];
+/// A voxel that was in the way of a pose before, and is tried first.
+pub(super) type Last = Option<[f64; 3]>;
+
+/// Of a direction: what decides beside the cutter.
+pub(super) struct Above<'a, G> {
+    /// Shank and holder, from which a cutter on a level ring steps away.
+    pub(super) rest: Option<&'a SolidField>,
+    /// True of a tip where they are free.
+    pub(super) is_free: G,
+}
 
 /// A sample that a tool is put to.
 pub(super) struct Stance<'a> {
@@ -72,8 +80,25 @@ impl<'a> Stance<'a> {
         stance
     }
 
-    /// The best pose of a direction.
-    pub(super) fn from(&mut self, turn: &Turn, last: &mut Last) -> Outcome {
+    /// True where the cutter may touch with a level ring, and the search for its place depends on shank and holder.
+    pub(super) fn has_ring(&self, turn: &Turn) -> bool {
+        let Shape::Revolved(tool) = &self.tool.shape else { return true };
+        let mut ring = false;
+        if let Some(facing) = Facing::new(self.sample.normal, turn.axis, tool.highest) {
+            tool.outline.touches(facing.slope, self.tool.tolerance, |touch| {
+                ring |= matches!(touch, Touch::Ring { .. });
+            });
+        }
+        ring
+    }
+
+    /// The best pose of a direction. The search ends at the first pose where the cutter and all above it is free.
+    pub(super) fn from<G: FnMut(DVec3) -> bool>(
+        &self,
+        turn: &Turn,
+        last: &mut Last,
+        above: &mut Above<'_, G>,
+    ) -> Outcome {
         let (tolerance, sample) = (self.tool.tolerance, self.sample);
         let tool = match &self.tool.shape {
             Shape::Revolved(tool) => tool,
@@ -109,12 +134,16 @@ impl<'a> Stance<'a> {
             best = best.or(match touch {
                 Touch::Point { height, radius } => {
                     let tip = facing.tip(sample.point, height, radius);
-                    let outcome = self.at(tool, tip, turn.axis, last);
-                    if outcome == Outcome::Gouged { self.aside(tool, tip, turn, last) } else { outcome }
+                    let outcome = self.at(tool, tip, turn.axis, last, above);
+                    if outcome == Outcome::Gouged {
+                        self.aside(tool, tip, turn, last, above)
+                    } else {
+                        outcome
+                    }
                 }
                 Touch::Ring { height, inner, outer } => {
                     let middle = sample.point - turn.axis * height;
-                    self.on_ring(tool, middle, turn, [inner, outer], last)
+                    self.on_ring(tool, middle, turn, [inner, outer], last, above)
                 }
             });
         });
@@ -123,7 +152,14 @@ impl<'a> Stance<'a> {
 
     /// On a facet of a curved surface a cutter that cuts too deep gives way to what it cuts: as far as the surface's own normal
     /// may differ from the facet's, and with its surface within the tolerance of the sample.
-    fn aside(&self, tool: &Revolved, tip: DVec3, turn: &Turn, last: &mut Last) -> Outcome {
+    fn aside(
+        &self,
+        tool: &Revolved,
+        tip: DVec3,
+        turn: &Turn,
+        last: &mut Last,
+        above: &mut Above<'_, impl FnMut(DVec3) -> bool>,
+    ) -> Outcome {
         if self.sample.bend == 0.0 {
             return Outcome::Gouged;
         }
@@ -131,15 +167,14 @@ impl<'a> Stance<'a> {
         let sample = tool.cutter.voxel_of(self.sample.point);
         let mut now = tip;
         for _ in 0..GIVES_WAY {
-            // Of a voxel of the list nothing is remembered.
-            let mut blocker = last[0].take();
+            // Not what others met: the way would depend on them.
+            let mut blocker = None;
             if !tool.cutter.meets(now, turn.axis, None, Some(&mut blocker)) {
                 if !tool.touching.holds(now, turn.axis, sample) {
                     break;
                 }
-                return self.decide(tool, now, turn.axis, None, last);
+                return self.decide(tool, now, turn.axis, None, last, above);
             }
-            last[0] = blocker;
             let Some(step) = blocker.and_then(|voxel| tool.cutter.shedding(now, turn.axis, voxel)) else {
                 break;
             };
@@ -163,6 +198,7 @@ impl<'a> Stance<'a> {
         turn: &Turn,
         [inner, outer]: [f64; 2],
         last: &mut Last,
+        above: &mut Above<'_, impl FnMut(DVec3) -> bool>,
     ) -> Outcome {
         let u = turn.axis.any_orthonormal_vector();
         let v = turn.axis.cross(u);
@@ -176,16 +212,17 @@ impl<'a> Stance<'a> {
                 (u * cosine + v * sine) * radius
             }));
         }
+        let rest = above.rest;
         let mut best = Outcome::NoContact;
         for &offset in &starts {
-            best = best.or(self.at(tool, middle + offset, turn.axis, last));
+            best = best.or(self.at(tool, middle + offset, turn.axis, last, above));
             if best == Outcome::Good {
                 return best;
             }
         }
         let side_step = |offset: DVec3| {
             let pose = Pose::new(middle + offset, turn.rotation);
-            let steps = [Some(&tool.cutter), tool.held.as_ref(), tool.rest.as_ref()];
+            let steps = [Some(&tool.cutter), tool.held.as_ref(), rest];
             let steps = steps.into_iter().flatten().filter_map(|solid| solid.side_step(&pose));
             // The longest.
             steps.max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))
@@ -199,7 +236,7 @@ impl<'a> Stance<'a> {
             for _ in 0..STEPS {
                 let next = offset + step;
                 offset = next.normalize_or(u) * next.length().clamp(inner, outer);
-                best = best.or(self.at(tool, middle + offset, turn.axis, last));
+                best = best.or(self.at(tool, middle + offset, turn.axis, last, above));
                 if best == Outcome::Good {
                     return best;
                 }
@@ -211,12 +248,19 @@ impl<'a> Stance<'a> {
     }
 
     /// One contact pose.
-    fn at(&self, tool: &Revolved, tip: DVec3, axis: DVec3, last: &mut Last) -> Outcome {
+    fn at(
+        &self,
+        tool: &Revolved,
+        tip: DVec3,
+        axis: DVec3,
+        last: &mut Last,
+        above: &mut Above<'_, impl FnMut(DVec3) -> bool>,
+    ) -> Outcome {
         let among = |&voxel: &[f64; 3]| tool.cutter.holds(tip, axis, voxel);
         if self.listed.iter().any(among) {
             return Outcome::Gouged;
         }
-        self.decide(tool, tip, axis, self.cleared.as_ref(), last)
+        self.decide(tool, tip, axis, self.cleared.as_ref(), last, above)
     }
 
     /// Of a pose at which the cutter may cross the tangent plane nothing is `cleared`.
@@ -227,14 +271,13 @@ impl<'a> Stance<'a> {
         axis: DVec3,
         cleared: Option<&Cleared>,
         last: &mut Last,
+        above: &mut Above<'_, impl FnMut(DVec3) -> bool>,
     ) -> Outcome {
-        let [at_cutter, at_rest] = last;
-        if tool.cutter.meets(tip, axis, cleared, Some(at_cutter)) {
+        if tool.cutter.meets(tip, axis, cleared, Some(last)) {
             return Outcome::Gouged;
         }
-        let obstructed = tool.held.as_ref().is_some_and(|held| held.meets(tip, axis, None, None))
-            || tool.rest.as_ref().is_some_and(|rest| rest.meets(tip, axis, None, Some(at_rest)));
-        if obstructed { Outcome::Obstructed(tip) } else { Outcome::Good }
+        let held = tool.held.as_ref().is_some_and(|held| held.meets(tip, axis, None, None));
+        if held || !(above.is_free)(tip) { Outcome::Obstructed(tip) } else { Outcome::Good }
     }
 }
 

@@ -16,7 +16,7 @@
 //!
 //! [shank]                       # optional
 //! diameter = 10.0
-//! length = 20.0
+//! length = 20.0                 # with stick_out: all of it, what is in the holder included
 //!
 //! [[holder]]                    # any number, from the tip upwards
 //! diameter = 29.0
@@ -109,6 +109,20 @@ impl Tool {
         read(path, None)
     }
 
+    /// Every tool of a file, in its order: the one of a tool file (TOML) or of FreeCAD, all of one of Fusion's libraries.
+    ///
+    /// # Errors
+    /// As [`Tool::read`] of the file; of a library each tool that is incomplete or has no place in a stack of bodies of revolution
+    /// is an error of its own.
+    pub fn read_all(path: &Path) -> Result<Vec<Result<Self, FileError>>, FileError> {
+        if !library::is_library(path) {
+            return Ok(vec![Ok(read(path, None)?)]);
+        }
+        let tools = bytes_of(path).and_then(|bytes| library::tools(path, &bytes));
+        let checked = |tool: Result<Self, Fault>| tool.and_then(checked).map_err(|fault| fault.at(path));
+        Ok(tools.map_err(|fault| fault.at(path))?.into_iter().map(checked).collect())
+    }
+
     /// As [`Tool::read`], of a path, or of `LIBRARY#TOOL`: a tool of several by its name or number.
     ///
     /// # Errors
@@ -124,17 +138,25 @@ impl Tool {
 /// The tool of a file, or the one of a library that `wanted` names.
 fn read(path: &Path, wanted: Option<&str>) -> Result<Tool, FileError> {
     let whole = || -> Result<Tool, Fault> {
-        let bytes = std::fs::read(path).map_err(|error| Fault::of_system("tool file", &error))?;
+        let bytes = bytes_of(path)?;
         let tool = if library::is_library(path) {
             library::tool(path, &bytes, wanted)?
         } else {
             let text = String::from_utf8(bytes);
             Reader { text: &text.map_err(|_| Fault::malformed("it is no text in UTF-8"))? }.tool(path)?
         };
-        tool.check().map_err(|error| Fault::new(FaultKind::Empty, error.to_string()))?;
-        Ok(tool)
+        checked(tool)
     };
     whole().map_err(|fault| fault.at(path))
+}
+
+fn bytes_of(path: &Path) -> Result<Vec<u8>, Fault> {
+    std::fs::read(path).map_err(|error| Fault::of_system("tool file", &error))
+}
+
+fn checked(tool: Tool) -> Result<Tool, Fault> {
+    tool.check().map_err(|error| Fault::new(FaultKind::Empty, error.to_string()))?;
+    Ok(tool)
 }
 
 /// The text being read, for errors that name their line.
@@ -165,6 +187,7 @@ impl Reader<'_> {
         let text: ToolText = toml::from_str(self.text)
             .map_err(|error| self.at(error.span().map_or(0, |span| span.start), error.message()))?;
         let mut unit = text.unit.unwrap_or_default();
+        let mut overall_length = None;
         let shape = match (&text.mesh, &text.cutter) {
             (Some(mesh), None)
                 if text.shank.is_none() && text.holder.is_empty() && text.stick_out.is_none() =>
@@ -182,7 +205,11 @@ impl Reader<'_> {
                 return Err(self.wrong(mesh, what));
             }
             (None, None) => return Err(self.at(0, "a tool needs a [cutter] or a mesh")),
-            (None, Some(cutter)) => self.stack(&text, cutter)?.shape(),
+            (None, Some(cutter)) => {
+                let (stack, overall) = self.stack(&text, cutter)?;
+                overall_length = overall;
+                stack.shape()
+            }
         };
         let sharp_points = match &text.sharp_points {
             None => SharpPoints::Tip,
@@ -194,10 +221,11 @@ impl Reader<'_> {
             })?,
         };
         let of_file = || path.file_stem().map_or_else(|| "tool".into(), |s| s.to_string_lossy().into_owned());
-        Ok(Tool { name: text.name.unwrap_or_else(of_file), unit, shape, sharp_points })
+        Ok(Tool { name: text.name.unwrap_or_else(of_file), unit, shape, sharp_points, overall_length })
     }
 
-    fn stack(&self, text: &ToolText, cutter: &CutterText) -> Result<Stack, Fault> {
+    /// The stack, and the length of cutter and shank where the file states it beside the stick-out.
+    fn stack(&self, text: &ToolText, cutter: &CutterText) -> Result<(Stack, Option<f64>), Fault> {
         let profile = self.cutter(cutter)?;
         let cutter_length = *cutter.length.get_ref();
         let shank = text.shank.as_ref();
@@ -235,7 +263,8 @@ impl Reader<'_> {
         }
         // Without a holder nothing is hidden.
         let face = if holder.is_empty() { f64::INFINITY } else { face };
-        Ok(Stack { cutter: profile, shank: shank.into_iter().collect(), face, holder })
+        let overall = shank_end.filter(|_| stick_out.is_some());
+        Ok((Stack { cutter: profile, shank: shank.into_iter().collect(), face, holder }, overall))
     }
 
     /// Outline of the cutter: a corner arc (the whole ball for ball ends), then a cylinder or a cone.

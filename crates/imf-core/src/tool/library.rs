@@ -74,5 +74,10 @@ pub(super) fn tool(path: &Path, bytes: &[u8], wanted: Option<&str>) -> Result<To
     if ends_in(path, &["fctb"]) { freecad::tool(bytes, wanted) } else { fusion::tool(bytes, wanted) }
 }
 
+/// All tools of a library.
+pub(super) fn tools(path: &Path, bytes: &[u8]) -> Result<Vec<Result<Tool, Fault>>, Fault> {
+    if ends_in(path, &["fctb"]) { Ok(vec![freecad::tool(bytes, None)]) } else { fusion::tools(bytes) }
+}
+
 #[cfg(test)]
 mod tests;

@@ -134,6 +134,31 @@ impl Tool {
     }
 }
 
+impl Tool {
+    /// True where every point of another tool is one of this tool's; false of meshes.
+    pub(crate) fn holds_all_of(&self, other: &Self) -> bool {
+        let (ToolShape::Revolved(ours), ToolShape::Revolved(theirs)) = (&self.shape, &other.shape) else {
+            return false;
+        };
+        let ends = |elements: &[Element]| {
+            let all = || elements.iter().flat_map(|e| &e.profile).map(Segment::range);
+            (
+                all().map(|r| r.0).fold(f64::INFINITY, f64::min),
+                all().map(|r| r.1).fold(f64::NEG_INFINITY, f64::max),
+            )
+        };
+        let (our_ends, their_ends) = (ends(ours), ends(theirs));
+        if our_ends.0 > their_ends.0 || our_ends.1 < their_ends.1 {
+            return false;
+        }
+        // Of two that are as wide the last one makes the envelope.
+        let curves = [(0, theirs), (1, ours)].into_iter().flat_map(|(owner, elements)| {
+            elements.iter().flat_map(|e| &e.profile).map(move |&segment| Curve { segment, owner })
+        });
+        envelope(&curves.collect::<Vec<_>>(), Side::Outer).iter().all(|curve| curve.owner == 1)
+    }
+}
+
 impl Element {
     /// The element offset by `clearance` in every direction.
     pub(crate) fn offset(&self, clearance: f64) -> Self {
@@ -266,6 +291,32 @@ mod tests {
                     assert!((pair[0].radius(joint) - pair[1].radius(joint)).abs() < 1e-5, "{pair:?}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn a_tool_holds_one_that_is_nowhere_wider() {
+        let line = |from, to, radius_from, radius_to| Segment::Line { from, to, radius_from, radius_to };
+        let of = |profile: Vec<Segment>| {
+            let shape = ToolShape::Revolved(vec![Element { kind: ElementKind::Holder(0), profile }]);
+            Tool { shape, ..Tool::paper() }
+        };
+        let cone = of(vec![line(5.0, 15.0, 2.0, 6.0), line(15.0, 30.0, 6.0, 6.0)]);
+        let cases = [
+            (vec![line(5.0, 15.0, 2.0, 6.0), line(15.0, 30.0, 6.0, 6.0)], true),
+            (vec![line(6.0, 14.0, 2.0, 5.0)], true),
+            (vec![line(4.0, 14.0, 1.0, 1.0)], false),
+            (vec![line(14.0, 31.0, 1.0, 1.0)], false),
+            // Wider at one place alone.
+            (vec![line(5.0, 15.0, 2.0, 2.0), line(15.0, 16.0, 6.5, 6.0)], false),
+            (vec![line(5.0, 10.0, 2.5, 2.5)], false),
+        ];
+        for (profile, expected) in cases {
+            let other = of(profile);
+            assert_eq!(cone.holds_all_of(&other), expected, "{other:?}");
+            let room = Clearance::around_holder_and_shank(0.7);
+            let offset = |tool: &Tool| tool.with_clearance(&room).unwrap();
+            assert_eq!(offset(&cone).holds_all_of(&offset(&other)), expected, "{other:?}");
         }
     }
 

@@ -170,7 +170,6 @@ impl Segment {
     }
 
     /// The part of the segment below `height`; `None` where nothing is left.
-    #[cfg(feature = "formats")]
     pub(super) fn below(&self, height: f64) -> Option<Self> {
         let (from, to) = self.range();
         if from >= height {

@@ -13,7 +13,7 @@ use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Limits, OrientationSet};
 use imf_core::scene::{Bodies, Guarantee, SceneError, SceneSpec};
 use imf_core::section::{ElementPlans, SectionPlan};
-use imf_core::surface::{SolidBody, Surroundings, default_tolerance};
+use imf_core::surface::{SolidBody, SurfaceError, Surroundings, default_tolerance};
 use imf_core::tool::{Assembly, Clearance, SharpPoints, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
 use imf_core::voxelize::voxelize_with;
@@ -115,6 +115,9 @@ impl Setup {
             .iter()
             .map(|tool| tool.in_unit(unit).offset(&clearance))
             .collect::<Result<_, _>>()?;
+        if let Some(tool) = tools.iter().find(|t| arguments.stickout && t.tool().stick_out().is_none()) {
+            return Err(SurfaceError::NoHolder(tool.tool().name.clone()).into());
+        }
         let fixtures = reading.fixtures();
         let spec = arguments.scene.spec(session, &reading, &fixtures, tools[0].tool());
         let border = [i64::try_from(arguments.border)?; 3];
@@ -162,7 +165,9 @@ impl Setup {
         }
         let reach =
             tools.iter().map(|tool| tool.whole().reach_from_sharp_points(query.pitch)).fold(0.0, f64::max);
-        let obstacle_grid = spec.obstacle_grid(&positions, reach)?;
+        // A tool that sticks out farther reaches farther.
+        let seen = if arguments.stickout { f64::INFINITY } else { reach };
+        let obstacle_grid = spec.obstacle_grid(&positions, seen)?;
 
         let settings = AccessSettings { tau: arguments.tau, lists: arguments.lists };
         let grids = (&obstacle_grid, &query, stock_grid.as_ref());
@@ -219,6 +224,10 @@ impl Setup {
                 arguments.html.is_none(),
                 "the page shows what is reached of the surface, and a tool here has no cutter: give it one"
             );
+            ensure!(
+                !arguments.stickout,
+                "a stick-out is for a surface to be reached, and a tool here has no cutter"
+            );
             session.warn("a tool without a cutter can touch nothing: the part's surface is left out");
         }
         let [x, y, z] = query.dims;
@@ -266,7 +275,7 @@ fn can_touch(assembly: &Assembly) -> bool {
 }
 
 /// Part and fixtures as tools meet them at the pitch, and at twice the pitch.
-fn surface(
+pub(super) fn surface(
     spec: &SceneSpec<'_>,
     bodies: &Bodies,
     arguments: &AccessArguments,
@@ -304,6 +313,7 @@ fn surface(
         surroundings: Surroundings::new(&part, &fixtures),
         coarse: Arc::new(coarse),
         setups,
+        stick_out: arguments.stickout,
     })
 }
 

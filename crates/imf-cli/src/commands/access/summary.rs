@@ -11,7 +11,7 @@ use super::Findings;
 use super::blocked::{self, BlockedRow};
 use super::pictures::directions;
 use super::setup::Setup;
-use super::surface::{SetupsRow, Surface, SurfaceRow, UnreachedPatch};
+use super::surface::{SetupsRow, StickOutRow, Surface, SurfaceRow, UnreachedPatch};
 use crate::arguments::clearance::clearance_text;
 use crate::arguments::orientations::suggested_lines;
 use crate::output::show_measure;
@@ -105,6 +105,8 @@ pub(super) struct Summary {
     /// The largest connected patches of the surface that are not reached.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(super) unreached: Vec<UnreachedPatch>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    stick_outs: Vec<StickOutRow>,
     seconds: f64,
     pub(super) files: Vec<String>,
 }
@@ -177,6 +179,7 @@ impl Summary {
             surface: surface.map(|surface| surface.row(setup)),
             setups: surface.and_then(|surface| surface.setups_row(setup)),
             unreached: surface.map_or_else(Vec::new, |surface| surface.unreached(setup)),
+            stick_outs: surface.map_or_else(Vec::new, |surface| surface.stick_out_rows(setup)),
             seconds,
             files,
         }
@@ -194,6 +197,10 @@ impl Summary {
         if let Some(setups) = &self.setups {
             text.push('\n');
             text.push_str(&setups.lines(&self.unit));
+        }
+        for row in &self.stick_outs {
+            text.push('\n');
+            text.push_str(&row.lines(&self.unit));
         }
         text.push('\n');
         text

@@ -3,6 +3,7 @@
 mod blame;
 mod setups;
 mod shown;
+mod stick_out;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -14,7 +15,7 @@ use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::OrientationSet;
 use imf_core::surface::{
-    Reach, SurfaceAccess, SurfaceError, SurfaceSamples, SurfaceTool, Surroundings, surface_access,
+    Reach, SurfaceAccess, SurfaceError, SurfaceSamples, SurfaceTool, Surroundings, Verdict, surface_access,
     surface_memory_estimate,
 };
 use imf_core::tool::Assembly;
@@ -22,6 +23,8 @@ use serde::Serialize;
 
 pub(super) use setups::{SetupQuestion, SetupsRow, with_ways_up};
 pub(super) use shown::UnreachedPatch;
+use shown::words;
+pub(super) use stick_out::StickOutRow;
 
 use super::setup::Setup;
 use crate::interrupt::Interrupted;
@@ -29,7 +32,7 @@ use crate::output::show_measure;
 use crate::session::Session;
 
 /// At least so many samples; triangles that are halved until they are small enough make up to four times as many.
-const SAMPLES: usize = 8_000;
+pub(super) const SAMPLES: usize = 8_000;
 /// Directions that the summary lists.
 const LISTED: usize = 5;
 
@@ -45,6 +48,8 @@ pub(super) struct SurfaceSetup {
     pub(super) coarse: Arc<Occupancy>,
     /// The fewest set-ups are looked for.
     pub(super) setups: Option<SetupQuestion>,
+    /// The least stick-outs are looked for.
+    pub(super) stick_out: bool,
 }
 
 impl SurfaceSetup {
@@ -69,37 +74,17 @@ pub(super) struct Surface {
     /// The fewest set-ups, where they are looked for.
     setups: Option<setups::Setups>,
     blame: blame::Blame,
+    /// By tool, where they are looked for.
+    stick_outs: Vec<stick_out::ToolStickOut>,
 }
 
-/// A sample's verdict for people and files, the better ones first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Verdict {
-    Reached,
-    Obstructed,
-    Gouged,
-    NotFaced,
-}
-
-impl From<&Reach> for Verdict {
-    fn from(reach: &Reach) -> Self {
-        match reach {
-            Reach::Reached { .. } => Self::Reached,
-            Reach::Obstructed { .. } => Self::Obstructed,
-            Reach::Gouged => Self::Gouged,
-            Reach::NotFaced => Self::NotFaced,
-        }
-    }
-}
-
-impl Verdict {
-    /// Green, orange, magenta, grey: told apart by brightness as well.
-    fn rgb(self) -> [u8; 3] {
-        match self {
-            Self::Reached => [120, 190, 110],
-            Self::Obstructed => [235, 140, 40],
-            Self::Gouged => [170, 40, 130],
-            Self::NotFaced => [90, 90, 95],
-        }
+/// Green, orange, magenta, grey: told apart by brightness as well.
+pub(super) fn rgb(verdict: Verdict) -> [u8; 3] {
+    match verdict {
+        Verdict::Reached => [120, 190, 110],
+        Verdict::Obstructed => [235, 140, 40],
+        Verdict::Gouged => [170, 40, 130],
+        Verdict::NotFaced => [90, 90, 95],
     }
 }
 
@@ -121,7 +106,7 @@ impl Surface {
         }
         let best = (0..samples.samples.len()).map(|sample| {
             let verdicts =
-                tools.iter().map(|(access, _): &(SurfaceAccess, _)| Verdict::from(&access.reach[sample]));
+                tools.iter().map(|(access, _): &(SurfaceAccess, _)| access.reach[sample].verdict());
             let best = verdicts.enumerate().min_by_key(|&(tool, verdict)| (verdict, tool));
             best.map_or((Verdict::NotFaced, 0), |(tool, verdict)| (verdict, tool))
         });
@@ -143,11 +128,25 @@ impl Surface {
             by_direction,
             setups: None,
             blame: blame::Blame::default(),
+            stick_outs: Vec::new(),
         };
         surface.coarse = surface.at_twice_the_pitch(session, setup, asked)?;
         surface.blame = blame::Blame::find(session, setup, &surface)?;
         if let Some(question) = &asked.setups {
             surface.setups = Some(setups::Setups::find(session, setup, question, &surface)?);
+        }
+        for assembly in setup.tools.iter().filter(|_| asked.stick_out) {
+            let (surroundings, tolerance) = (&asked.surroundings, asked.tolerance);
+            let samples = &surface.samples;
+            let found = stick_out::ToolStickOut::find(
+                session,
+                surroundings,
+                assembly,
+                tolerance,
+                samples,
+                orientations,
+            )?;
+            surface.stick_outs.push(found);
         }
         Ok(surface)
     }
@@ -239,6 +238,10 @@ impl Surface {
         self.setups.as_ref().map(|found| found.row(self, &setup.suggested))
     }
 
+    pub(super) fn stick_out_rows(&self, setup: &Setup) -> Vec<StickOutRow> {
+        self.stick_outs.iter().map(|found| found.row(&self.samples, &setup.orientations)).collect()
+    }
+
     /// The share that one tool reaches by itself.
     pub(super) fn reached_by(&self, tool: usize) -> f64 {
         self.share(|sample| matches!(self.tools[tool].0.reach[sample], Reach::Reached { .. }))
@@ -272,8 +275,15 @@ impl Surface {
             ("best_j", &j[..]),
             ("best_k", &k[..]),
         ];
+        let many = self.stick_outs.len() > 1;
+        let lengths = self.stick_outs.iter().enumerate().map(|(index, found)| {
+            let name = if many { format!("stick_out_tool_{index}") } else { "stick_out".into() };
+            (name, each(&|sample| found.value(sample)))
+        });
+        let lengths: Vec<(String, Vec<f32>)> = lengths.collect();
+        values.extend(lengths.iter().map(|(name, values)| (name.as_str(), &values[..])));
         values.extend(in_setup.as_ref().map(|values| ("setup", &values[..])));
-        let colours: Vec<[u8; 3]> = self.best.iter().flat_map(|(verdict, _)| [verdict.rgb(); 3]).collect();
+        let colours: Vec<[u8; 3]> = self.best.iter().flat_map(|(verdict, _)| [rgb(*verdict); 3]).collect();
         let comments = [
             format!("imf {}: {} in {}", env!("CARGO_PKG_VERSION"), setup.part, setup.unit),
             "verdict: 0 reached, 1 obstructed by shank, holder or fixture, 2 the cutter does not fit, 3 no direction faces it"
@@ -383,14 +393,14 @@ impl SurfaceRow {
             100.0 * self.reached_at_twice_the_pitch,
             100.0 * self.difference
         );
-        row(Verdict::Reached.words(), self.reached, &coarse);
+        row(words(Verdict::Reached), self.reached, &coarse);
         let by = self.obstructed_by.iter().map(|row| {
             let the = if row.body == "part" { "the " } else { "" };
             format!("{} at {the}{} {:.1} %", row.element, row.body, 100.0 * row.share)
         });
-        row(Verdict::Obstructed.words(), self.obstructed, &by.collect::<Vec<_>>().join(", "));
-        row(Verdict::Gouged.words(), self.gouged, "");
-        row(Verdict::NotFaced.words(), self.not_faced, "");
+        row(words(Verdict::Obstructed), self.obstructed, &by.collect::<Vec<_>>().join(", "));
+        row(words(Verdict::Gouged), self.gouged, "");
+        row(words(Verdict::NotFaced), self.not_faced, "");
         for DirectionRow { direction: [i, j, k], share } in &self.best_directions {
             row(&format!("from ({i:.3}, {j:.3}, {k:.3})"), *share, "");
         }

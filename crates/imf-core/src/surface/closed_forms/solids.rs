@@ -28,6 +28,7 @@ pub(in crate::surface) fn tool(cutter: Vec<Segment>, shank: f64) -> Tool {
             elements.into_iter().map(|(kind, profile)| Element { kind, profile }).collect(),
         ),
         sharp_points: SharpPoints::Tip,
+        overall_length: None,
     }
 }
 
@@ -133,5 +134,6 @@ pub(in crate::surface) fn of_mesh(mesh: Mesh) -> Tool {
         unit: LengthUnit::Mm,
         shape: ToolShape::Mesh(mesh),
         sharp_points: SharpPoints::Tip,
+        overall_length: None,
     }
 }

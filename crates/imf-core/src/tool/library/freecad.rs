@@ -37,7 +37,8 @@ pub(super) fn tool(bytes: &[u8], wanted: Option<&str>) -> Result<Tool, Fault> {
         return Err(no_choice(&what, &[bit.name]));
     }
     let shape = bit.stack().map_err(|what| refused(&bit.name, &what))?.shape();
-    Ok(Tool { name: bit.name, unit: LengthUnit::Mm, shape, sharp_points: SharpPoints::Tip })
+    let overall_length = bit.optional_length("Length").ok().flatten();
+    Ok(Tool { name: bit.name, unit: LengthUnit::Mm, shape, sharp_points: SharpPoints::Tip, overall_length })
 }
 
 impl Bit {

@@ -4,7 +4,8 @@
 //! ```text
 //! DC  cutting diameter        LCF  length of the edges          LB    from the tip to the holder's face
 //! RE  corner radius           TA   taper in degrees a side      SFDM  shaft's diameter
-//! SIG point's whole angle     shoulder-length, shoulder-diameter: between the edges and the shaft
+//! SIG point's whole angle     OAL length from end to end
+//! shoulder-length, shoulder-diameter: between the edges and the shaft
 //! ```
 //! The shaft's own segments, where there are any, begin at the shoulder's end; `SFDM` reaches from there or from them to the
 //! holder. Holders have a unit of their own; their segments stand from the face upwards.
@@ -72,14 +73,8 @@ const MOST_BYTES: u64 = 1 << 28;
 
 /// The tool of a `.json` or `.tools` file that `wanted` names, or its only one.
 pub(super) fn tool(bytes: &[u8], wanted: Option<&str>) -> Result<Tool, Fault> {
-    let text = if bytes.starts_with(b"PK") {
-        Cow::Owned(unpacked_json(bytes).map_err(damaged)?)
-    } else {
-        Cow::Borrowed(bytes)
-    };
-    let library: Library =
-        serde_json::from_slice(text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&text)).map_err(damaged)?;
-    let tools: Vec<&Entry> = library.data.iter().filter(|entry| entry.kind != "holder").collect();
+    let entries = entries(bytes)?;
+    let tools: Vec<&Entry> = entries.iter().collect();
     let found: Vec<&Entry> = match wanted.map(str::trim) {
         Some("") => Vec::new(),
         Some(wanted) => tools.iter().copied().filter(|entry| entry.answers_to(wanted)).collect(),
@@ -95,9 +90,25 @@ pub(super) fn tool(bytes: &[u8], wanted: Option<&str>) -> Result<Tool, Fault> {
         let titles: Vec<String> = tools.iter().map(|entry| entry.title()).collect();
         return Err(no_choice(&what, &titles));
     };
-    let (name, sharp_points) = (entry.title(), SharpPoints::Tip);
-    let (unit, stack) = entry.stack().map_err(|what| refused(&name, &what))?;
-    Ok(Tool { name, unit, shape: stack.shape(), sharp_points })
+    entry.tool()
+}
+
+/// All tools of a `.json` or `.tools` file.
+pub(super) fn tools(bytes: &[u8]) -> Result<Vec<Result<Tool, Fault>>, Fault> {
+    Ok(entries(bytes)?.iter().map(Entry::tool).collect())
+}
+
+/// The entries that are tools.
+fn entries(bytes: &[u8]) -> Result<Vec<Entry>, Fault> {
+    let text = if bytes.starts_with(b"PK") {
+        Cow::Owned(unpacked_json(bytes).map_err(damaged)?)
+    } else {
+        Cow::Borrowed(bytes)
+    };
+    let mut library: Library =
+        serde_json::from_slice(text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&text)).map_err(damaged)?;
+    library.data.retain(|entry| entry.kind != "holder");
+    Ok(library.data)
 }
 
 /// The JSON inside a `.tools` archive.
@@ -138,6 +149,15 @@ impl Entry {
     fn answers_to(&self, wanted: &str) -> bool {
         let same = |name: &str| name.trim().eq_ignore_ascii_case(wanted);
         same(&self.description) || same(&self.product) || self.number().is_some_and(|number| same(&number))
+    }
+
+    fn tool(&self) -> Result<Tool, Fault> {
+        let (name, sharp_points) = (self.title(), SharpPoints::Tip);
+        let (unit, stack) = self.stack().map_err(|what| refused(&name, &what))?;
+        // A library that states none has 0.
+        let overall_length =
+            self.number_of("OAL").map_err(|what| refused(&name, &what))?.filter(|&l| l > 0.0);
+        Ok(Tool { name, unit, shape: stack.shape(), sharp_points, overall_length })
     }
 
     /// The unit that the entry states, and its parts in it.

@@ -325,3 +325,26 @@ fn what_fusion_has_and_we_do_not_is_refused_by_name() {
     let missing = folder.0.path().join("none.tools");
     assert!(Tool::read(&missing).unwrap_err().to_string().contains("there is no tool file"));
 }
+
+#[test]
+fn all_tools_of_a_library_come_in_order_and_each_error_stays_its_own() {
+    let folder = Folder::new();
+    let entries = [
+        fusion("flat end mill", "first", 1, json!({"OAL": 70.0})),
+        fusion("lollipop mill", "odd", 2, json!({})),
+        json!({"type": "holder", "description": "a holder alone"}),
+        fusion("reamer", "last", 3, json!({})),
+    ];
+    let path = folder.with("tools.json", &json!({ "data": entries }));
+    let tools = Tool::read_all(&path).unwrap();
+    let [first, odd, last] = &tools[..] else { panic!("{tools:?}") };
+    let first = first.as_ref().unwrap();
+    assert_eq!((first.name.as_str(), first.overall_length), ("first", Some(70.0)));
+    assert!(odd.as_ref().unwrap_err().to_string().contains("'odd'"));
+    assert_eq!(*last.as_ref().unwrap(), Tool::find(&format!("{}#last", path.display())).unwrap());
+    let bit = folder.with("bit.fctb", &bit("Thread-Mill", json!({"Diameter": "6 mm", "Length": "50 mm"})));
+    assert!(Tool::read_all(&bit).unwrap()[0].is_err());
+    let broken = folder.0.path().join("broken.json");
+    std::fs::write(&broken, "{").unwrap();
+    assert!(Tool::read_all(&broken).is_err());
+}

@@ -7,10 +7,10 @@ use glam::DVec3;
 use imf_core::cover::CoverSettings;
 use imf_core::mesh::MachiningDirection;
 use imf_core::orientation::{Limits, Orientation};
-use imf_core::surface::{ChosenSetup, PartSetup, SetupPlan, fewest_setups};
+use imf_core::surface::{ChosenSetup, PartSetup, SetupPlan, Verdict, fewest_setups};
 use serde::Serialize;
 
-use super::{Setup, Surface, Verdict};
+use super::{Setup, Surface};
 use crate::interrupt::Interrupted;
 use crate::session::Session;
 

@@ -7,7 +7,7 @@ use imf_core::surface::{Reach, SurfacePatch};
 use serde::Serialize;
 
 use super::blame::remedy;
-use super::{Setup, Surface, Verdict};
+use super::{Setup, Surface, Verdict, rgb};
 use crate::output::show_measure;
 use crate::view::{Colours, Layer, NONE, Place, Table, TableRow, View, distinct};
 
@@ -60,16 +60,14 @@ impl UnreachedPatch {
     }
 }
 
-impl Verdict {
-    const ALL: [Self; 4] = [Self::Reached, Self::Obstructed, Self::Gouged, Self::NotFaced];
+const ALL: [Verdict; 4] = [Verdict::Reached, Verdict::Obstructed, Verdict::Gouged, Verdict::NotFaced];
 
-    pub(super) fn words(self) -> &'static str {
-        match self {
-            Self::Reached => "reached",
-            Self::Obstructed => "something is in the way",
-            Self::Gouged => "the cutter does not fit",
-            Self::NotFaced => "no direction faces it",
-        }
+pub(super) fn words(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Reached => "reached",
+        Verdict::Obstructed => "something is in the way",
+        Verdict::Gouged => "the cutter does not fit",
+        Verdict::NotFaced => "no direction faces it",
     }
 }
 
@@ -110,7 +108,7 @@ impl Surface {
             middle: patch.middle.to_array(),
             normal: (patch.normal + 0.0).to_array(),
             bounds: patch.bounds.map(|corner| corner.to_array()),
-            why: verdict.words(),
+            why: words(verdict),
             tool: nearest.as_ref().map(|(_, _, tool)| self.tools[*tool].1.name().to_owned()),
             direction: nearest.as_ref().map(|(direction, ..)| (*direction + 0.0).to_array()),
             hits: in_words.collect(),
@@ -131,7 +129,7 @@ impl Surface {
         let mut layers = vec![Layer {
             name: "verdict",
             title: "by reach",
-            colours: classes(&mut Verdict::ALL.iter().map(|v| (v.words().to_owned(), v.rgb()))),
+            colours: classes(&mut ALL.map(|verdict| (words(verdict).to_owned(), rgb(verdict))).into_iter()),
             values: each(&|sample| f32::from(self.best[sample].0 as u8)),
         }];
         let none = |name: &str| std::iter::once((name.to_owned(), NONE));
@@ -164,6 +162,23 @@ impl Surface {
                 _ => f32::NAN,
             }),
         });
+        // Of several tools the one that must stick out least.
+        if !self.stick_outs.is_empty() {
+            let least = |sample: usize| {
+                let lengths = self.stick_outs.iter().map(|tool| tool.found[sample].length());
+                let least = lengths.fold(f64::INFINITY, f64::min);
+                if least.is_finite() { least as f32 } else { f32::NAN }
+            };
+            layers.push(Layer {
+                name: "stick_out",
+                title: "by stick-out",
+                colours: Colours::Scale {
+                    label: format!("least stick-out in {}", setup.unit),
+                    none: "no length helps",
+                },
+                values: each(&least),
+            });
+        }
         if self.blame.voxels().is_some() {
             layers.push(Layer {
                 name: "blame",

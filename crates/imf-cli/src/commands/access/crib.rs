@@ -1,0 +1,240 @@
+//! `imf access --crib`: which tools of a crib serve which part of the surface, the fewest that cover it, and what none
+//! reaches.
+
+mod report;
+mod tools;
+
+use std::time::Instant;
+
+use anyhow::{Context, Result, ensure};
+use imf_core::cover::{CoverProblem, CoverSettings};
+use imf_core::field_files::write_ply;
+use imf_core::orientation::{Limits, OrientationSet};
+use imf_core::surface::{
+    Reach, SurfaceError, SurfaceSamples, SurfaceTool, Verdict, crib_access, surface_access,
+};
+use imf_core::tool::ElementKind;
+
+use super::setup;
+use super::surface::{SAMPLES, SurfaceSetup, rgb};
+use crate::arguments::access::AccessArguments;
+use crate::arguments::orientations::{Directions, default_for};
+use crate::arguments::scene::{voxelising, warn_of};
+use crate::interrupt::Interrupted;
+use crate::output::{OutputFolder, SUMMARY, print, print_json, write_json, write_text};
+use crate::session::Session;
+
+use report::Report;
+use tools::{CribTool, Undecided};
+
+/// The surface, and what every tool reaches of it.
+struct Crib {
+    part: String,
+    unit: String,
+    pitch: f64,
+    orientations: OrientationSet,
+    tolerance: f64,
+    fixtures: Vec<String>,
+    samples: SurfaceSamples,
+    tools: Vec<CribTool>,
+    /// By tool and sample.
+    verdicts: Vec<Vec<Verdict>>,
+    undecided: Vec<Undecided>,
+    /// Tools that cover together, those that add most first, and no fewer than so many do.
+    chosen: Vec<usize>,
+    at_least: usize,
+    fraction: f64,
+    /// What collides where the cutter of some tool fits and none reaches: element and body, and the area.
+    blame: Vec<(ElementKind, usize, f64)>,
+}
+
+pub(super) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> {
+    let begun = Instant::now();
+    let folder = OutputFolder::check(&arguments.out)?;
+    let crib = Crib::find(session, arguments)?;
+    folder.begin(session)?;
+    let report = Report::new(&crib, begun.elapsed().as_secs_f64());
+    write_text(&arguments.out.join("crib.csv"), &report.csv())?;
+    crib.write_surface(&arguments.out.join("surface.ply"))?;
+    write_json(&arguments.out.join(SUMMARY), &report).context(SUMMARY)?;
+    session.note(&format!("wrote surface.ply, crib.csv, {SUMMARY} to {}", arguments.out.display()));
+    if session.json { print_json(&report) } else { print(&report.text()) }
+}
+
+impl Crib {
+    fn find(session: &Session, arguments: &AccessArguments) -> Result<Self> {
+        let (tools, mut undecided) = tools::read(&arguments.crib)?;
+        let mut reading = arguments.scene.read(session, false)?;
+        reading.tools = tools;
+        let first = reading.tools.first().context("no tool of the crib can be used")?;
+        let mesh = reading.part.mesh.transformed(&reading.transform);
+        let text = arguments.orientations.as_deref().unwrap_or_else(|| default_for(&reading.tools));
+        let mut orientations = Directions::of_part(text, || mesh.machining_directions())?.set;
+        if let Some(limits) = arguments.limits.as_deref().map(Limits::parse).transpose()? {
+            orientations = orientations.within(&limits)?;
+        }
+        let unit = reading.part.unit;
+        let clearance = arguments.scene.clearance.clearance();
+        let fixtures = reading.fixtures();
+        let spec = arguments.scene.spec(session, &reading, &fixtures, first);
+        let query = spec.grid()?.grown([1; 3], [1; 3])?;
+        // By the grid, what is too thin or out of all proportion; the rest by its own reach.
+        let mut kept = Vec::new();
+        for tool in &reading.tools {
+            match spec.check_tool(tool, &query) {
+                Ok(_) => kept.push(tool.in_unit(unit).offset(&clearance)?),
+                Err(error) => undecided.push(Undecided::new(&tool.name, &error)),
+            }
+        }
+        let reach = kept.iter().map(|assembly| assembly.whole().reach()).fold(0.0, f64::max);
+        let grid = spec.obstacle_grid(&query, reach)?;
+        let needed = 30 * grid.len() as u64 + kept.len() as u64 * (200_000 + 8 * SAMPLES as u64);
+        session.require_memory(needed, || {
+            format!("{} voxels and {} tools; use a larger --pitch", grid.len(), kept.len())
+        })?;
+        let bodies = voxelising(session, &spec, &grid, |spec| spec.bodies(&grid))?;
+        warn_of(session, &spec.warnings(&bodies)?);
+        let made = voxelising(session, &spec, &grid, |spec| setup::surface(spec, &bodies, arguments, None))?;
+        let SurfaceSetup { tolerance, solid, surroundings, .. } = made;
+        let samples = SurfaceSamples::new(&mesh, &solid, SAMPLES);
+        let (mut tools, mut among) = (Vec::new(), Vec::new());
+        for assembly in &kept {
+            match SurfaceTool::new(&surroundings, assembly, tolerance) {
+                Ok(tool) => {
+                    tools.push(CribTool::new(assembly.tool()));
+                    among.push(tool);
+                }
+                Err(error) => undecided.push(Undecided::new(&assembly.tool().name, &error)),
+            }
+        }
+        ensure!(
+            !among.is_empty(),
+            "no tool of the crib can be decided at a pitch of {:.4} {unit}: {}",
+            grid.pitch,
+            undecided.first().map_or("", |undecided| &undecided.why)
+        );
+        let stage = session.stage("crib", "tools", among.len() as u64);
+        let advance = |n| stage.advance(n);
+        let control = session.control(&advance);
+        let verdicts = crib_access(&among, &samples.samples, &orientations.orientations, control);
+        let verdicts = verdicts.map_err(interrupted)?;
+        stage.finish("");
+        let mut crib = Self {
+            part: reading.part.name.clone(),
+            unit: unit.to_string(),
+            pitch: grid.pitch,
+            orientations,
+            tolerance,
+            fixtures: fixtures.iter().map(|fixture| fixture.name.to_owned()).collect(),
+            samples,
+            tools,
+            verdicts,
+            undecided,
+            chosen: Vec::new(),
+            at_least: 0,
+            fraction: 0.01 * arguments.cover,
+            blame: Vec::new(),
+        };
+        crib.choose(session)?;
+        crib.find_blame(session, &among)?;
+        Ok(crib)
+    }
+
+    fn reaches(&self, tool: usize, sample: usize) -> bool {
+        self.verdicts[tool][sample] == Verdict::Reached
+    }
+
+    /// The fewest tools.
+    fn choose(&mut self, session: &Session) -> Result<()> {
+        let mut problem = CoverProblem::new(self.samples.samples.iter().map(|sample| sample.area).collect());
+        for tool in 0..self.tools.len() {
+            problem.add((0..self.samples.samples.len()).filter(|&sample| self.reaches(tool, sample)));
+        }
+        let settings = CoverSettings { fraction: self.fraction, ..CoverSettings::default() };
+        let cover = problem.fewest(&settings, session.control(&|_| {}));
+        let cover = cover
+            .ok_or_else(|| Interrupted("no result was written: the fewest tools were not found".into()))?;
+        (self.chosen, self.at_least) = (cover.sets, cover.at_least);
+        Ok(())
+    }
+
+    /// The best verdict of any tool, and the first tool that has it.
+    fn best(&self, sample: usize) -> (Verdict, usize) {
+        let verdicts = self.verdicts.iter().enumerate().map(|(tool, verdicts)| (verdicts[sample], tool));
+        verdicts.min().unwrap_or((Verdict::NotFaced, 0))
+    }
+
+    /// The most rigid tool that reaches a sample.
+    fn most_rigid(&self, sample: usize) -> Option<usize> {
+        let serving = (0..self.tools.len()).filter(|&tool| self.reaches(tool, sample));
+        serving.max_by(|&a, &b| self.tools[a].rigidity.total_cmp(&self.tools[b].rigidity).then(b.cmp(&a)))
+    }
+
+    /// What the first tool hits whose cutter fits, where none reaches.
+    fn find_blame(&mut self, session: &Session, among: &[SurfaceTool]) -> Result<()> {
+        let best: Vec<(Verdict, usize)> =
+            (0..self.samples.samples.len()).map(|sample| self.best(sample)).collect();
+        for (index, tool) in among.iter().enumerate() {
+            let samples = best.iter().zip(&self.samples.samples);
+            let samples: Vec<_> = samples
+                .filter(|(best, _)| **best == (Verdict::Obstructed, index))
+                .map(|(_, sample)| *sample)
+                .collect();
+            if samples.is_empty() {
+                continue;
+            }
+            let control = session.control(&|_| {});
+            let access = surface_access(tool, &samples, &self.orientations.orientations, control);
+            for (reach, sample) in access.map_err(interrupted)?.reach.iter().zip(&samples) {
+                let Reach::Obstructed { hits, .. } = reach else { continue };
+                for (kind, body) in tool.hits(*hits) {
+                    match self.blame.iter_mut().find(|(k, b, _)| (*k, *b) == (kind, body)) {
+                        Some((.., area)) => *area += sample.area,
+                        None => self.blame.push((kind, body, sample.area)),
+                    }
+                }
+            }
+        }
+        self.blame.sort_by_key(|(kind, body, _)| (kind.rank(), *body));
+        Ok(())
+    }
+
+    fn write_surface(&self, path: &std::path::Path) -> Result<()> {
+        let each = |value: &dyn Fn(usize) -> f32| -> Vec<f32> {
+            (0..self.samples.samples.len()).flat_map(|sample| [value(sample); 3]).collect()
+        };
+        let verdict = each(&|sample| f32::from(self.best(sample).0 as u8));
+        let tools = each(&|sample| (0..self.tools.len()).filter(|&t| self.reaches(t, sample)).count() as f32);
+        let rigid = each(&|sample| self.most_rigid(sample).map_or(-1.0, |tool| tool as f32));
+        let chosen = each(&|sample| {
+            let first = self.chosen.iter().position(|&tool| self.reaches(tool, sample));
+            first.map_or(0.0, |place| (place + 1) as f32)
+        });
+        let values = [
+            ("verdict", &verdict[..]),
+            ("tools", &tools[..]),
+            ("most_rigid", &rigid[..]),
+            ("chosen", &chosen[..]),
+        ];
+        let samples = 0..self.samples.samples.len();
+        let colours: Vec<[u8; 3]> = samples.flat_map(|sample| [rgb(self.best(sample).0); 3]).collect();
+        let comments = [
+            format!("imf {}: {} in {}", env!("CARGO_PKG_VERSION"), self.part, self.unit),
+            "verdict of the best tool: 0 reached, 1 obstructed by shank, holder or fixture, 2 no cutter fits, 3 no direction faces it"
+                .into(),
+            "tools: number that reach it; most_rigid: of these, by its line in crib.csv, from 0, else -1; chosen: the first of the \
+             fewest, from 1, else 0"
+                .into(),
+        ];
+        Ok(write_ply(path, &self.samples.mesh, &values, &colours, &comments)?)
+    }
+}
+
+fn interrupted(error: SurfaceError) -> anyhow::Error {
+    match error {
+        SurfaceError::Cancelled => {
+            Interrupted("no result was written, since a share of the tools is no answer".into()).into()
+        }
+        other => other.into(),
+    }
+}

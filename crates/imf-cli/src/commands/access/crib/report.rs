@@ -1,0 +1,256 @@
+//! What a crib reaches, as a table, as CSV and as JSON.
+
+use std::fmt::Write as _;
+
+use imf_core::surface::Verdict;
+use serde::Serialize;
+
+use super::Crib;
+use super::tools::Undecided;
+use crate::output::show_measure;
+use crate::progress::show_seconds;
+
+/// Tools that the table lists beside the chosen ones; `crib.csv` has all.
+const LISTED: usize = 10;
+/// Tools of which nothing is said that the table lists.
+const LISTED_UNDECIDED: usize = 5;
+
+/// One tool; shares are of the surface's area.
+#[derive(Debug, Serialize)]
+struct ToolRow {
+    tool: String,
+    diameter: Option<f64>,
+    stick_out: f64,
+    /// Diameter over stick-out.
+    rigidity: f64,
+    reached: f64,
+    /// Of the fewest tools, by none but this one.
+    alone: Option<f64>,
+    /// Where it is the most rigid that reaches.
+    most_rigid: f64,
+    obstructed: f64,
+    gouged: f64,
+    not_faced: f64,
+    /// Its place among the fewest, from 1.
+    chosen: Option<usize>,
+}
+
+/// What of which tools is in the way where none reaches.
+#[derive(Debug, Serialize)]
+struct BlameRow {
+    element: String,
+    body: String,
+    share: f64,
+}
+
+/// Everything in `summary.json`.
+#[derive(Debug, Serialize)]
+pub(super) struct Report {
+    program: String,
+    part: String,
+    unit: String,
+    pitch: f64,
+    orientations: String,
+    orientation_count: usize,
+    tolerance: f64,
+    area: f64,
+    samples: usize,
+    hidden_area: f64,
+    /// The fraction to cover, of what all tools reach.
+    asked: f64,
+    /// Names of the fewest, those that add most first.
+    fewest: Vec<String>,
+    proven: bool,
+    at_least: usize,
+    reached_by_the_fewest: f64,
+    reached: f64,
+    obstructed: f64,
+    obstructed_by: Vec<BlameRow>,
+    gouged: f64,
+    not_faced: f64,
+    /// In the order of the crib.
+    tools: Vec<ToolRow>,
+    undecided: Vec<Undecided>,
+    seconds: f64,
+}
+
+impl Report {
+    pub(super) fn new(crib: &Crib, seconds: f64) -> Self {
+        let samples = &crib.samples.samples;
+        let total = crib.samples.area();
+        let share = |holds: &dyn Fn(usize) -> bool| {
+            let held = (0..samples.len()).filter(|&sample| holds(sample));
+            // A sum of nothing is −0.
+            (held.map(|sample| samples[sample].area).sum::<f64>() + 0.0) / total
+        };
+        let rigid: Vec<Option<usize>> = (0..samples.len()).map(|sample| crib.most_rigid(sample)).collect();
+        let tools = crib.tools.iter().enumerate().map(|(index, tool)| {
+            let of = |verdict: Verdict| share(&|sample| crib.verdicts[index][sample] == verdict);
+            let place = crib.chosen.iter().position(|&chosen| chosen == index);
+            let others = |sample: usize| crib.chosen.iter().any(|&o| o != index && crib.reaches(o, sample));
+            ToolRow {
+                tool: tool.name.clone(),
+                diameter: tool.diameter,
+                stick_out: tool.stick_out,
+                rigidity: tool.rigidity,
+                reached: of(Verdict::Reached),
+                alone: place.map(|_| share(&|sample| crib.reaches(index, sample) && !others(sample))),
+                most_rigid: share(&|sample| rigid[sample] == Some(index)),
+                obstructed: of(Verdict::Obstructed),
+                gouged: of(Verdict::Gouged),
+                not_faced: of(Verdict::NotFaced),
+                chosen: place.map(|place| place + 1),
+            }
+        });
+        let best: Vec<Verdict> = (0..samples.len()).map(|sample| crib.best(sample).0).collect();
+        let of = |verdict: Verdict| share(&|sample| best[sample] == verdict);
+        let blame = crib.blame.iter().map(|&(kind, body, area)| BlameRow {
+            element: kind.to_string(),
+            body: match body {
+                0 => "part".into(),
+                fixture => crib.fixtures.get(fixture - 1).cloned().unwrap_or_default(),
+            },
+            share: area / total,
+        });
+        let undecided = crib.undecided.iter().map(|u| Undecided::new(&u.tool, &u.why));
+        Self {
+            program: format!("imf {}", env!("CARGO_PKG_VERSION")),
+            part: crib.part.clone(),
+            unit: crib.unit.clone(),
+            pitch: crib.pitch,
+            orientations: crib.orientations.spec.clone(),
+            orientation_count: crib.orientations.len(),
+            tolerance: crib.tolerance,
+            area: total,
+            samples: samples.len(),
+            hidden_area: crib.samples.hidden_area,
+            asked: crib.fraction,
+            fewest: crib.chosen.iter().map(|&tool| crib.tools[tool].name.clone()).collect(),
+            proven: crib.at_least == crib.chosen.len(),
+            at_least: crib.at_least,
+            reached_by_the_fewest: share(&|sample| {
+                crib.chosen.iter().any(|&tool| crib.reaches(tool, sample))
+            }),
+            reached: of(Verdict::Reached),
+            obstructed: of(Verdict::Obstructed),
+            obstructed_by: blame.collect(),
+            gouged: of(Verdict::Gouged),
+            not_faced: of(Verdict::NotFaced),
+            tools: tools.collect(),
+            undecided: undecided.collect(),
+            seconds,
+        }
+    }
+
+    /// A line for each tool.
+    pub(super) fn csv(&self) -> String {
+        let mut text =
+            "tool,diameter,stick_out,rigidity,reached,most_rigid,obstructed,gouged,not_faced,chosen\n"
+                .to_owned();
+        for row in &self.tools {
+            let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
+            let chosen = row.chosen.map_or(String::new(), |place| place.to_string());
+            let _ = writeln!(
+                text,
+                "\"{}\",{},{},{},{},{},{},{},{},{chosen}",
+                row.tool.replace('"', "\"\""),
+                number(row.diameter),
+                row.stick_out,
+                row.rigidity,
+                row.reached,
+                row.most_rigid,
+                row.obstructed,
+                row.gouged,
+                row.not_faced
+            );
+        }
+        text
+    }
+
+    /// The table for people.
+    pub(super) fn text(&self) -> String {
+        let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+        let unit = &self.unit;
+        let mut text = format!(
+            "{}: {} tools, {} directions ({}), pitch {:.4} {unit}\n\nsurface, {} {unit}² (a cutter may cut {:.3} {unit} below it)\n",
+            self.part,
+            self.tools.len(),
+            self.orientation_count,
+            self.orientations,
+            self.pitch,
+            show_measure(self.area),
+            self.tolerance
+        );
+        let mut row = |name: &str, share: f64, rest: &str| {
+            let _ = writeln!(text, "  {name:34}{:>8}   {rest}", percent(share));
+        };
+        row("some tool reaches", self.reached, "");
+        let by = self.obstructed_by.iter().map(|row| {
+            let the = if row.body == "part" { "the " } else { "" };
+            format!("{} at {the}{} {}", row.element, row.body, percent(row.share))
+        });
+        row("none: something is in the way", self.obstructed, &by.collect::<Vec<_>>().join(", "));
+        row("none: no cutter fits", self.gouged, "");
+        row("none: no direction faces it", self.not_faced, "");
+        let proof = if self.proven {
+            "proven: no fewer do".to_owned()
+        } else {
+            format!("at least {} are needed: the search for fewer was given up", self.at_least)
+        };
+        let _ = writeln!(
+            text,
+            "\nthe fewest tools: {} reach {} of the surface, of {} that all of them reach ({proof})",
+            self.fewest.len(),
+            percent(self.reached_by_the_fewest),
+            percent(self.reached)
+        );
+        let head = |text: &mut String, last: &str| {
+            let _ = writeln!(
+                text,
+                "  {:>10}{:>10}{:>14}{:>10}{last:>12}",
+                "⌀", "stick-out", "⌀/stick-out", "reaches"
+            );
+        };
+        let line = |text: &mut String, tool: &ToolRow, last: f64| {
+            let diameter = tool.diameter.map_or("mesh".into(), |diameter| format!("{diameter:.2}"));
+            let _ = writeln!(
+                text,
+                "  {diameter:>10}{:>10.1}{:>14.2}{:>10}{:>12}   {}",
+                tool.stick_out,
+                tool.rigidity,
+                percent(tool.reached),
+                percent(last),
+                tool.tool
+            );
+        };
+        head(&mut text, "alone");
+        let mut chosen: Vec<&ToolRow> = self.tools.iter().filter(|tool| tool.chosen.is_some()).collect();
+        chosen.sort_by_key(|tool| tool.chosen);
+        for tool in chosen {
+            line(&mut text, tool, tool.alone.unwrap_or_default());
+        }
+        let mut ranked: Vec<&ToolRow> = self.tools.iter().collect();
+        ranked.sort_by(|a, b| b.reached.total_cmp(&a.reached).then(b.rigidity.total_cmp(&a.rigidity)));
+        let _ = writeln!(text, "\nby area, of equal ones the more rigid first; all in crib.csv");
+        head(&mut text, "most rigid");
+        for tool in ranked.into_iter().take(LISTED) {
+            line(&mut text, tool, tool.most_rigid);
+        }
+        if !self.undecided.is_empty() {
+            let _ = writeln!(text, "\nnot decided: {}", self.undecided.len());
+            for Undecided { tool, why } in self.undecided.iter().take(LISTED_UNDECIDED) {
+                let _ = writeln!(text, "  {tool}: {why}");
+            }
+            if self.undecided.len() > LISTED_UNDECIDED {
+                let _ = writeln!(
+                    text,
+                    "  and {} more, see {}",
+                    self.undecided.len() - LISTED_UNDECIDED,
+                    crate::output::SUMMARY
+                );
+            }
+        }
+        let _ = write!(text, "\n{}.", show_seconds(self.seconds));
+        text
+    }
+}

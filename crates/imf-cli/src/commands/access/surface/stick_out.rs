@@ -1,0 +1,199 @@
+//! The least stick-out with which a tool reaches the surface: what is found, and what it says to people.
+
+use std::fmt::Write as _;
+
+use anyhow::Result;
+use imf_core::orientation::OrientationSet;
+use imf_core::surface::{
+    StickOut, StickOutTool, SurfaceError, SurfaceSamples, Surroundings, Verdict, least_stick_outs,
+};
+use imf_core::tool::Assembly;
+use serde::Serialize;
+
+use crate::interrupt::Interrupted;
+use crate::session::Session;
+
+/// Lengths of the table, evenly from the shortest to the largest that is needed.
+const STEPS: usize = 6;
+
+/// One tool.
+pub(super) struct ToolStickOut {
+    tool: StickOutTool,
+    /// By sample.
+    pub(super) found: Vec<StickOut>,
+}
+
+impl ToolStickOut {
+    pub(super) fn find(
+        session: &Session,
+        surroundings: &Surroundings,
+        assembly: &Assembly,
+        tolerance: f64,
+        samples: &SurfaceSamples,
+        orientations: &OrientationSet,
+    ) -> Result<Self> {
+        let tool = StickOutTool::new(surroundings, assembly, tolerance)?;
+        let stage =
+            session.stage(&format!("stick-out, {}", tool.name()), "directions", orientations.len() as u64);
+        let advance = |n| stage.advance(n);
+        let control = session.control(&advance);
+        let found = least_stick_outs(&tool, &samples.samples, &orientations.orientations, control);
+        let found = found.map_err(|error| match error {
+            SurfaceError::Cancelled => {
+                Interrupted("no result was written, since a share of the directions is no answer".into())
+                    .into()
+            }
+            other => anyhow::Error::from(other),
+        })?;
+        stage.finish("");
+        Ok(Self { tool, found })
+    }
+
+    /// Least stick-out of a sample for files: −1 where none helps.
+    pub(super) fn value(&self, sample: usize) -> f32 {
+        let length = self.found[sample].length();
+        if length.is_finite() { length as f32 } else { -1.0 }
+    }
+
+    pub(super) fn row(&self, samples: &SurfaceSamples, orientations: &OrientationSet) -> StickOutRow {
+        let total = samples.area();
+        let share = |holds: &dyn Fn(&StickOut) -> bool| {
+            let chosen = self.found.iter().zip(&samples.samples).filter(|(found, _)| holds(found));
+            (chosen.map(|(_, sample)| sample.area).sum::<f64>() + 0.0) / total
+        };
+        let at_most = |most: f64| share(&|found| found.length() <= most);
+        let (given, shortest, longest) = (self.tool.given(), self.tool.shortest(), self.tool.longest());
+        // What the tool has, the least first.
+        let mut needed: Vec<(f64, f64, usize)> = self
+            .found
+            .iter()
+            .enumerate()
+            .map(|(index, found)| (found.length(), samples.samples[index].area, index))
+            .filter(|(length, ..)| length.is_finite() && *length <= longest)
+            .collect();
+        needed.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let reachable: f64 = needed.iter().map(|(_, area, _)| area).sum();
+        let quantile = |fraction: f64| {
+            let mut covered = 0.0;
+            let first = needed.iter().find(|(_, area, _)| {
+                covered += area;
+                covered >= fraction * reachable * (1.0 - 1e-12)
+            });
+            first.map(|(length, ..)| *length)
+        };
+        let most = needed.last().map(|(length, _, index)| {
+            let direction = match self.found[*index] {
+                StickOut::Reached { direction, .. } => {
+                    orientations.orientations[direction as usize].direction()
+                }
+                _ => glam::DVec3::ZERO,
+            };
+            let point = samples.samples[*index].point;
+            Largest { length: *length, point: point.to_array(), direction: direction.to_array() }
+        });
+        let largest = most.as_ref().map_or(shortest, |most| most.length);
+        let steps = (0..STEPS).map(|i| shortest + (largest - shortest) * i as f64 / (STEPS - 1) as f64);
+        let mut lengths: Vec<f64> = steps.chain([given]).collect();
+        lengths.sort_by(f64::total_cmp);
+        lengths.dedup_by(|a, b| (*a - *b).abs() < 1e-6);
+        let used = needed.iter().rev().map(|(length, ..)| *length).find(|length| *length <= given);
+        let of = |verdict: Verdict| share(&|found| found.verdict() == verdict);
+        StickOutRow {
+            tool: self.tool.name().to_owned(),
+            given,
+            shortest,
+            longest: longest.is_finite().then_some(longest),
+            needed_at_most: lengths.into_iter().map(|length| (length, at_most(length))).collect(),
+            needed_for: [0.5, 0.9, 0.99]
+                .map(|fraction| (fraction, quantile(fraction).unwrap_or(f64::NAN)))
+                .to_vec(),
+            largest: most,
+            margin: used.map(|used| given - used),
+            at_some_length: reachable / total,
+            beyond_the_tool: share(&|found| found.length().is_finite() && found.length() > longest),
+            obstructed_at_any_length: of(Verdict::Obstructed),
+            gouged: of(Verdict::Gouged),
+            not_faced: of(Verdict::NotFaced),
+        }
+    }
+}
+
+/// Where most is needed.
+#[derive(Debug, Serialize)]
+struct Largest {
+    length: f64,
+    point: [f64; 3],
+    direction: [f64; 3],
+}
+
+/// One tool's stick-out in the summary; shares are of the surface's area.
+#[derive(Debug, Serialize)]
+pub(in crate::commands::access) struct StickOutRow {
+    tool: String,
+    given: f64,
+    /// The holder grips neither flutes nor necks.
+    shortest: f64,
+    /// The overall length, where the tool states it.
+    longest: Option<f64>,
+    /// A length, and the share that needs no more.
+    needed_at_most: Vec<(f64, f64)>,
+    /// A fraction of what the tool reaches at some length, and what that needs at most.
+    needed_for: Vec<(f64, f64)>,
+    largest: Option<Largest>,
+    /// By how much the given stick-out is more than what is needed by all that needs no more than it.
+    margin: Option<f64>,
+    at_some_length: f64,
+    /// It would take more than the overall length.
+    beyond_the_tool: f64,
+    obstructed_at_any_length: f64,
+    gouged: f64,
+    not_faced: f64,
+}
+
+impl StickOutRow {
+    /// Lines for people.
+    pub(in crate::commands::access) fn lines(&self, unit: &str) -> String {
+        let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+        let longest = self.longest.map_or(String::new(), |l| format!(", overall length {l:.1}"));
+        let mut text = format!(
+            "stick-out of {} (set to {:.1} {unit}, shortest {:.1}{longest})\n",
+            self.tool, self.given, self.shortest
+        );
+        if let Some(Largest { length, point: [x, y, z], direction: [i, j, k] }) = self.largest {
+            let _ = writeln!(
+                text,
+                "  all {} that it reaches at some length need {length:.1} {unit}: most at ({x:.1}, {y:.1}, {z:.1}) from \
+                 ({i:.3}, {j:.3}, {k:.3})",
+                percent(self.at_some_length)
+            );
+            let parts = self.needed_for.iter();
+            let parts: Vec<String> = parts
+                .map(|(fraction, length)| format!("{:.0} % of it {length:.1}", 100.0 * fraction))
+                .collect();
+            let _ = writeln!(text, "  {} {unit}", parts.join(", "));
+        }
+        let _ = writeln!(text, "  {:>10}   needs no more, of the surface", format!("length, {unit}"));
+        for (length, share) in &self.needed_at_most {
+            let note = match self.margin {
+                Some(margin) if (length - self.given).abs() < 1e-6 => {
+                    format!("   as it is set: {margin:.1} {unit} to spare")
+                }
+                None if (length - self.given).abs() < 1e-6 => "   as it is set".into(),
+                _ => String::new(),
+            };
+            let _ = writeln!(text, "  {length:>10.1}   {:>8}{note}", percent(*share));
+        }
+        let left = [
+            ("more than its overall length", self.beyond_the_tool),
+            ("in the way at any stick-out", self.obstructed_at_any_length),
+            ("the cutter does not fit", self.gouged),
+            ("no direction faces it", self.not_faced),
+        ];
+        let left = left.into_iter().filter(|(_, share)| *share > 0.0);
+        let left: Vec<String> = left.map(|(why, share)| format!("{why} {}", percent(share))).collect();
+        if !left.is_empty() {
+            let _ = writeln!(text, "  left: {}", left.join(", "));
+        }
+        text
+    }
+}

@@ -1,0 +1,109 @@
+//! The least stick-out, and a crib of tools, held against the surface as `imf access` finds it for each tool as it is.
+
+use serde_json::Value;
+
+use crate::access::{arguments, mill, workshop};
+
+fn share(value: &Value) -> f64 {
+    value.as_f64().unwrap()
+}
+
+/// The walls are 20 high, and both holders are 16 wide: the foot of a wall takes its height.
+#[test]
+fn the_foot_of_a_wall_takes_its_height() {
+    let folder = workshop();
+    let run = ["--tool", "short.toml", "--tool", "long.toml", "--orientations", "0,0", "--stickout"];
+    let summary = folder.json(&arguments(&run));
+    let rows = summary["stick_outs"].as_array().unwrap();
+    let [short, long] = &rows[..] else { panic!("{rows:?}") };
+    let lengths = |row: &Value| ["given", "shortest"].map(|name| share(&row[name]));
+    assert_eq!((lengths(short), lengths(long)), ([6.0; 2], [18.0; 2]));
+    let most = share(&short["largest"]["length"]);
+    // Half a voxel's less.
+    assert!(most < 19.001 && most > 18.5, "{most}");
+    assert!(share(&short["largest"]["point"][2]) < 0.5, "{short}");
+    assert_eq!(short["largest"]["direction"], serde_json::json!([0.0, 0.0, 1.0]));
+    assert!((share(&long["largest"]["length"]) - most).abs() < 1e-6, "{long}");
+    assert_eq!(long["margin"], 0.0);
+    // As they are set they need no more than that where they reach, and the table says so.
+    for (row, tool) in rows.iter().zip(summary["tools"].as_array().unwrap()) {
+        let table = row["needed_at_most"].as_array().unwrap();
+        let as_set = table.iter().find(|line| line[0] == row["given"]).unwrap();
+        assert!((share(&as_set[1]) - share(&tool["surface_reached"])).abs() < 0.01, "{row} {tool}");
+        assert!(table.is_sorted_by_key(|line| share(&line[1])), "{row}");
+    }
+    let ply = String::from_utf8_lossy(&std::fs::read(folder.path("out/surface.ply")).unwrap()).into_owned();
+    assert!(ply.contains("property float stick_out_tool_1\n"), "no stick-out by triangle");
+    let text = folder.succeed(&arguments(&run)).stdout;
+    assert!(text.contains("stick-out of short (tool 0) (set to 6.0 mm, shortest 6.0)"), "{text}");
+
+    // No farther than the tool is long, and a tool without a holder has none.
+    let fixed = mill("fixed", 6.0)
+        .replace("[cutter]", "stick_out = 7.0\n[shank]\ndiameter = 3.0\nlength = 3.0\n[cutter]");
+    folder.write("fixed.toml", fixed);
+    let row = &folder.json(&arguments(&["--tool", "fixed.toml", "--orientations", "0,0", "--stickout"]))["stick_outs"]
+        [0];
+    assert_eq!((share(&row["longest"]), share(&row["shortest"])), (9.0, 6.0));
+    let beyond = share(&row["beyond_the_tool"]);
+    assert!(
+        beyond > 0.01
+            && (beyond + share(&row["at_some_length"]) - share(&short["at_some_length"])).abs() < 0.01
+    );
+    folder.write("bare.toml", "[cutter]\nshape = 'flat'\ndiameter = 3\nlength = 9\n");
+    folder.refuse(&arguments(&["--tool", "bare.toml", "--stickout"]), &["'bare' has no holder"]);
+}
+
+#[test]
+fn a_crib_says_of_each_tool_what_the_tool_alone_does() {
+    let folder = workshop();
+    folder.write("crib/short.toml", mill("short", 6.0));
+    folder.write("crib/long.toml", mill("long", 18.0));
+    folder.write("crib/thick.toml", mill("thick", 18.0).replace("3.0", "9.0"));
+    folder.write("crib/thin.toml", mill("thin", 6.0).replace("3.0", "0.5"));
+    let holder = r#"{"unit": "millimeters", "segments": [{"height": 20, "lower-diameter": 16, "upper-diameter": 16}]}"#;
+    let entry = |kind: &str, name: &str| {
+        format!(
+            r#"{{"type": "{kind}", "description": "{name}", "unit": "millimeters", "holder": {holder},
+                "geometry": {{"DC": 6, "LCF": 12, "LB": 25, "OAL": 50, "SFDM": 6}}}}"#
+        )
+    };
+    let library =
+        [entry("flat end mill", "from a library"), entry("lollipop mill", "lollipop"), entry("holder", "h")];
+    folder.write("crib/library.json", format!(r#"{{"data": [{}]}}"#, library.join(",")));
+    let crib = ["--crib", "crib", "--orientations", "fibonacci:30"];
+    let summary = folder.json(&arguments(&crib));
+    let names: Vec<&str> =
+        summary["tools"].as_array().unwrap().iter().map(|t| t["tool"].as_str().unwrap()).collect();
+    assert_eq!(names, ["from a library", "long", "short", "thick"]);
+    let undecided = summary["undecided"].to_string();
+    assert!(undecided.contains("lollipop") && undecided.contains("unseen"), "{undecided}");
+    assert_eq!(folder.read("out/crib.csv").lines().count(), 5);
+    let ply = String::from_utf8_lossy(&std::fs::read(folder.path("out/surface.ply")).unwrap()).into_owned();
+    assert!(ply.contains("property float most_rigid\n") && ply.contains("property float chosen\n"));
+    for tool in summary["tools"].as_array().unwrap() {
+        let file = match tool["tool"].as_str().unwrap() {
+            "from a library" => "crib/library.json#from a library".to_owned(),
+            name => format!("crib/{name}.toml"),
+        };
+        let alone = folder.json(&arguments(&["--tool", &file, "--orientations", "fibonacci:30"]));
+        for name in ["reached", "obstructed", "gouged", "not_faced"] {
+            assert!((share(&tool[name]) - share(&alone["surface"][name])).abs() < 1e-12, "{name}: {tool}");
+        }
+    }
+    // Nothing else gets to the floor of the slot, and what it leaves is not for the thick one either.
+    let fewest: Vec<String> = serde_json::from_value(summary["fewest"].clone()).unwrap();
+    assert!(fewest.contains(&"long".to_owned()) && summary["proven"] == true, "{fewest:?}");
+    let parts = ["reached", "obstructed", "gouged", "not_faced"].map(|name| share(&summary[name]));
+    assert!((parts.iter().sum::<f64>() - 1.0).abs() < 1e-9, "{parts:?}");
+    assert!((share(&summary["reached_by_the_fewest"]) - parts[0]).abs() < 1e-9);
+    let rigid: f64 = summary["tools"].as_array().unwrap().iter().map(|tool| share(&tool["most_rigid"])).sum();
+    assert!((rigid - parts[0]).abs() < 1e-9, "{rigid}");
+    let text = folder.succeed(&arguments(&crib)).stdout;
+    assert!(text.contains("the fewest tools") && text.contains("not decided: 2"), "{text}");
+
+    folder.write("none/readme.txt", "");
+    folder.refuse(&arguments(&["--crib", "none"]), &["none holds no tool"]);
+    folder.refuse(&arguments(&["--crib", "absent.toml"]), &["absent.toml"]);
+    let both = folder.run(&arguments(&["--crib", "crib", "--tool", "short.toml"]));
+    assert_eq!(both.code, Some(2), "{}", both.stderr);
+}

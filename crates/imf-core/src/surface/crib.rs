@@ -1,0 +1,267 @@
+//! What each tool of a crib reaches, all decided together.
+//!
+//! Tools with the same cutter share its contact poses: each is found once, and shank and holder of every such tool are tried
+//! there, the smaller ones first: what holds all of one that collides does too. Of a sample one direction that a tool reaches it from is enough, and the one that served the sample before is tried
+//! first. The verdicts are those of [`surface_access`](super::surface_access), tool by tool.
+
+use super::stance::{Above, Last, Stance};
+use super::{Shape, SurfaceError, SurfaceSample, SurfaceTool, Turn, Verdict};
+use crate::control::Control;
+use crate::orientation::Orientation;
+use crate::parallel;
+use crate::tool::Tool;
+
+/// Samples that one thread takes at once.
+const CHUNK: usize = 64;
+
+/// By tool and sample, what becomes of it over all directions, on all threads of the current pool; the result does not depend on
+/// their number. The tools are among the same surroundings. One unit of progress is one tool.
+///
+/// # Errors
+/// [`SurfaceError::Cancelled`] when the control asks to stop.
+pub fn crib_access(
+    tools: &[SurfaceTool],
+    samples: &[SurfaceSample],
+    directions: &[Orientation],
+    control: Control<'_>,
+) -> Result<Vec<Vec<Verdict>>, SurfaceError> {
+    let turns: Vec<Turn> = directions.iter().map(Turn::new).collect();
+    let mut verdicts = vec![Vec::with_capacity(samples.len()); tools.len()];
+    for group in same_cutters(tools) {
+        let members: Vec<&SurfaceTool> = group.iter().map(|&tool| &tools[tool]).collect();
+        let nested = Nested::new(&members);
+        let chunks = parallel::try_map(samples.len().div_ceil(CHUNK), |chunk| {
+            let samples = &samples[chunk * CHUNK..samples.len().min((chunk + 1) * CHUNK)];
+            let mut work = Work::new(&members, &nested, &turns);
+            let rows = samples.iter().map(|sample| {
+                if control.is_cancelled() { Err(SurfaceError::Cancelled) } else { Ok(work.verdicts(sample)) }
+            });
+            rows.collect::<Result<Vec<_>, _>>()
+        })?;
+        for row in chunks.into_iter().flatten() {
+            for (&tool, verdict) in group.iter().zip(row) {
+                verdicts[tool].push(verdict);
+            }
+        }
+        (control.progress)(group.len() as u64);
+    }
+    Ok(verdicts)
+}
+
+/// Tools that touch a surface at the same poses, by index; a mesh tool is alone.
+fn same_cutters(tools: &[SurfaceTool]) -> Vec<Vec<usize>> {
+    let same = |a: &SurfaceTool, b: &SurfaceTool| match (&a.shape, &b.shape) {
+        (Shape::Revolved(one), Shape::Revolved(other)) => {
+            a.tolerance == b.tolerance && one.end == other.end && one.outline == other.outline
+        }
+        _ => false,
+    };
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for (index, tool) in tools.iter().enumerate() {
+        match groups.iter_mut().find(|group| same(&tools[group[0]], tool)) {
+            Some(group) => group.push(index),
+            None => groups.push(vec![index]),
+        }
+    }
+    groups
+}
+
+/// Which of some tools hold all of which others' shank and holder.
+struct Nested {
+    /// The smaller ones first.
+    order: Vec<usize>,
+    /// By tool: those that it holds.
+    inner: Vec<Vec<usize>>,
+}
+
+impl Nested {
+    fn new(members: &[&SurfaceTool]) -> Self {
+        let above = |tool: usize| match &members[tool].shape {
+            Shape::Revolved(revolved) => revolved.above.as_ref(),
+            Shape::Mesh { .. } => None,
+        };
+        let volumes: Vec<f64> =
+            (0..members.len()).map(|tool| above(tool).map_or(0.0, Tool::volume)).collect();
+        let mut order: Vec<usize> = (0..members.len()).collect();
+        order.sort_by(|&a, &b| volumes[a].total_cmp(&volumes[b]).then(a.cmp(&b)));
+        let mut inner = vec![Vec::new(); members.len()];
+        for (place, &outer) in order.iter().enumerate() {
+            let Some(whole) = above(outer) else { continue };
+            let smaller = order[..place].iter().copied();
+            inner[outer] =
+                smaller.filter(|&tool| above(tool).is_some_and(|part| whole.holds_all_of(part))).collect();
+        }
+        Self { order, inner }
+    }
+}
+
+/// Tools of one cutter, and what samples side by side tell each other.
+struct Work<'a> {
+    members: &'a [&'a SurfaceTool],
+    nested: &'a Nested,
+    turns: &'a [Turn],
+    /// Poses so far, and by tool the last one at which it collided.
+    poses: u64,
+    collided: Vec<u64>,
+    /// By direction.
+    at_cutter: Vec<Last>,
+    /// By tool.
+    at_rest: Vec<Last>,
+    /// The direction from which a sample was reached last.
+    served: usize,
+}
+
+impl<'a> Work<'a> {
+    fn new(members: &'a [&'a SurfaceTool], nested: &'a Nested, turns: &'a [Turn]) -> Self {
+        let (at_cutter, at_rest) = (vec![None; turns.len()], vec![None; members.len()]);
+        let collided = vec![0; members.len()];
+        Self { members, nested, turns, poses: 0, collided, at_cutter, at_rest, served: 0 }
+    }
+
+    fn verdicts(&mut self, sample: &SurfaceSample) -> Vec<Verdict> {
+        let mut verdicts = vec![Verdict::NotFaced; self.members.len()];
+        let nested = self.nested;
+        let mut open = nested.order.clone();
+        let stance = Stance::new(self.members[0], sample);
+        let first = self.served;
+        let order = std::iter::once(first).chain((0..self.turns.len()).filter(|&turn| turn != first));
+        for index in order.filter(|&turn| turn < self.turns.len()) {
+            let (turn, at_cutter, at_rest) =
+                (&self.turns[index], &mut self.at_cutter[index], &mut self.at_rest);
+            let (members, poses, collided) = (self.members, &mut self.poses, &mut self.collided);
+            let before = open.len();
+            if stance.has_ring(turn) {
+                // Each steps away from what it hits itself.
+                open.retain(|&tool| {
+                    let is_free = |tip| members[tool].is_rest_free(tip, turn.axis, &mut at_rest[tool]);
+                    let outcome =
+                        stance.from(turn, at_cutter, &mut Above { rest: members[tool].rest(), is_free });
+                    verdicts[tool] = verdicts[tool].min(outcome.verdict());
+                    verdicts[tool] != Verdict::Reached
+                });
+            } else {
+                let is_free = |tip| {
+                    *poses += 1;
+                    open.retain(|&tool| {
+                        let blocked = nested.inner[tool].iter().any(|&inner| collided[inner] == *poses)
+                            || !members[tool].is_rest_free(tip, turn.axis, &mut at_rest[tool]);
+                        if blocked {
+                            collided[tool] = *poses;
+                        } else {
+                            verdicts[tool] = Verdict::Reached;
+                        }
+                        blocked
+                    });
+                    open.is_empty()
+                };
+                let outcome = stance.from(turn, at_cutter, &mut Above { rest: None, is_free });
+                // What is still open went as the cutter did.
+                for &tool in &open {
+                    verdicts[tool] = verdicts[tool].min(outcome.verdict());
+                }
+            }
+            if open.len() < before {
+                self.served = index;
+            }
+            if open.is_empty() {
+                break;
+            }
+        }
+        verdicts
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::DVec2;
+
+    use super::*;
+    use crate::grid::Grid;
+    use crate::orientation::OrientationSet;
+    use crate::parts::shell::{pocketed, rounded_rectangle};
+    use crate::surface::{SurfaceSamples, Surroundings, surface_access};
+    use crate::tool::{Element, ElementKind, Segment, SharpPoints, ToolShape};
+    use crate::unit::LengthUnit;
+    use crate::voxelize::voxelize;
+
+    fn crib() -> Vec<Tool> {
+        let line = |from, to, radius| Segment::Line { from, to, radius_from: radius, radius_to: radius };
+        let ball = |radius| Segment::Arc {
+            from: 0.0,
+            to: radius,
+            centre_height: radius,
+            centre_radius: 0.0,
+            arc_radius: radius,
+        };
+        let cutters = [
+            vec![line(0.0, 8.0, 2.0)],
+            vec![ball(2.0), line(2.0, 8.0, 2.0)],
+            vec![line(0.0, 8.0, 5.0)],
+            // A slot cutter.
+            vec![line(0.0, 3.0, 4.0)],
+        ];
+        let mut tools = Vec::new();
+        for cutter in &cutters {
+            let end = cutter.last().unwrap().range().1;
+            for (shank, face, holder) in
+                [(1.9, 12.0, 8.0), (2.0, 12.0, 8.0), (2.0, 20.0, 8.0), (2.0, 30.0, 14.0), (2.0, 20.0, 5.0)]
+            {
+                let elements = [
+                    (ElementKind::Cutter, cutter.clone()),
+                    (ElementKind::Shank, vec![line(end, face, shank)]),
+                    (ElementKind::Holder(0), vec![line(face, face + 25.0, holder)]),
+                ];
+                tools.push(Tool {
+                    name: "test".into(),
+                    unit: LengthUnit::Mm,
+                    shape: ToolShape::Revolved(
+                        elements.map(|(kind, profile)| Element { kind, profile }).to_vec(),
+                    ),
+                    sharp_points: SharpPoints::Tip,
+                    overall_length: None,
+                });
+            }
+        }
+        tools
+    }
+
+    #[test]
+    fn verdicts_are_those_of_each_tool_alone() {
+        let pocket = rounded_rectangle(DVec2::new(7.0, 4.0), DVec2::new(21.0, 20.0), 3.0, 8);
+        let mesh = pocketed(glam::DVec3::new(40.0, 24.0, 22.0), &pocket, 16.0);
+        let grid =
+            Grid::with_pitch(glam::DVec3::splat(-0.3), glam::DVec3::new(40.3, 24.3, 22.3), 1.0, 1).unwrap();
+        let solid = Arc::new(voxelize(&mesh, &grid, false));
+        let samples = SurfaceSamples::new(&mesh, &solid, 700).samples;
+        let clamp = Grid { ..grid };
+        let mut held = crate::occupancy::Occupancy::empty(clamp);
+        for (index, s) in held.solid.iter_mut().enumerate() {
+            let [x, y, z] = clamp.voxel(index);
+            *s = u8::from(x < 4 && y < 8 && z > 20);
+        }
+        let surroundings = Surroundings::new(&solid.into(), &[Arc::new(held).into()]);
+        let tools: Vec<SurfaceTool> = crib()
+            .into_iter()
+            .map(|tool| SurfaceTool::new(&surroundings, &tool.into(), 0.1).unwrap())
+            .collect();
+        // A slimmer shank is another shoulder of the cutter, or none.
+        assert_eq!(same_cutters(&tools).iter().map(Vec::len).collect::<Vec<_>>(), [1, 4, 1, 4, 1, 4, 1, 4]);
+        let directions = OrientationSet::parse("axes+fibonacci:40").unwrap().orientations;
+        let together = crib_access(&tools, &samples, &directions, Control::quiet()).unwrap();
+        let mut counts = [0; 4];
+        for (tool, together) in tools.iter().zip(&together) {
+            let alone = surface_access(tool, &samples, &directions, Control::quiet()).unwrap();
+            for (index, (reach, together)) in alone.reach.iter().zip(together).enumerate() {
+                assert_eq!(reach.verdict(), *together, "{index}");
+                counts[*together as usize] += 1;
+            }
+        }
+        // All but what no direction faces: there is none.
+        assert!(counts[..3].iter().all(|&count| count > 100), "{counts:?}");
+        // The same in another order.
+        let backwards: Vec<_> = directions.iter().rev().copied().collect();
+        assert_eq!(crib_access(&tools, &samples, &backwards, Control::quiet()).unwrap(), together);
+    }
+}

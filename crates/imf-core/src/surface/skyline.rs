@@ -1,0 +1,419 @@
+//! Where on its axis a body of revolution is free: how far above a tip its lower end must be, for all tips of one direction.
+//!
+//! A voxel centre at height z and distance r from the axis is in the body while its lower end stands at z − h for some height
+//! h of the body at which it is as wide as r. So a voxel that is in the way says how far up the body must go to let it out:
+//! as far as the lowest such h below the one that it is at, without a gap. The body goes there, and asks again; from
+//! where it stands first to where it comes to rest every place between is taken. Voxels are sorted into square cells across the
+//! direction, cells into a pyramid of their highest voxels, and what cannot be in the way is passed over.
+
+use glam::{DVec2, DVec3};
+
+use crate::occupancy::Occupancy;
+use crate::tool::Segment;
+
+/// What is added to a body, in pitches: more than rounding.
+const MARGIN: f64 = 1e-6;
+/// Steps of the table of lowest heights.
+const STEPS: usize = 128;
+/// Width of a cell in pitches.
+const CELL: f64 = 2.0;
+
+/// The outline of a body of revolution, without gaps; heights are from where it is said to stand.
+#[derive(Clone, Debug)]
+pub(super) struct Body {
+    segments: Vec<Segment>,
+    lowest: f64,
+    highest: f64,
+    widest: f64,
+    /// By distance from the axis, in steps of the widest: no height below is as wide.
+    rises: Vec<f64>,
+}
+
+impl Body {
+    /// `None` without a segment that has a height.
+    pub(super) fn new(outline: impl Iterator<Item = Segment>) -> Option<Self> {
+        let segments: Vec<Segment> = outline.filter(|s| s.range().0 < s.range().1).collect();
+        let (lowest, highest) = (segments.first()?.range().0, segments.last()?.range().1);
+        let widest = segments.iter().map(Segment::max_radius).fold(0.0, f64::max);
+        let mut body = Self { segments, lowest, highest, widest, rises: Vec::new() };
+        body.rises = (0..=STEPS).map(|step| body.rise(widest * step as f64 / STEPS as f64)).collect();
+        Some(body)
+    }
+
+    /// The lowest height at which it holds points at this distance from its axis.
+    fn rise(&self, radius: f64) -> f64 {
+        let wide = self.segments.iter().find(|segment| segment.max_radius() >= radius);
+        wide.map_or(f64::INFINITY, |segment| lowest(segment, radius))
+    }
+
+    /// No more than [`Self::rise`], from the table.
+    #[inline]
+    fn rise_at_least(&self, radius: f64) -> f64 {
+        if radius > self.widest {
+            return f64::INFINITY;
+        }
+        self.rises[((radius / self.widest * STEPS as f64) as usize).min(STEPS)]
+    }
+
+    /// Of a point that it holds: how far down from there it goes on holding points at this distance from its axis. `None` of
+    /// others.
+    fn lower_end(&self, height: f64, radius: f64) -> Option<f64> {
+        let mut at = self.segments.partition_point(|segment| segment.range().1 <= height);
+        let segment = self.segments.get(at)?;
+        if height < segment.range().0 || segment.radius(height) < radius {
+            return None;
+        }
+        loop {
+            let segment = &self.segments[at];
+            let (from, _) = segment.range();
+            let low = lowest(segment, radius);
+            if low > from || at == 0 {
+                return Some(low);
+            }
+            let below = &self.segments[at - 1];
+            if below.radius(below.range().1) < radius {
+                return Some(low);
+            }
+            at -= 1;
+        }
+    }
+}
+
+/// The lowest height at which a segment is as wide as `radius`, which it is somewhere: on its way up to there it widens.
+fn lowest(segment: &Segment, radius: f64) -> f64 {
+    let (from, to) = segment.range();
+    if segment.radius(from) >= radius {
+        return from;
+    }
+    let at = match *segment {
+        Segment::Line { radius_from, radius_to, .. } => {
+            from + (to - from) * (radius - radius_from) / (radius_to - radius_from)
+        }
+        Segment::Arc { centre_height, centre_radius, arc_radius, .. } => {
+            let across = radius - centre_radius;
+            centre_height - (arc_radius * arc_radius - across * across).max(0.0).sqrt()
+        }
+    };
+    at.clamp(from, to)
+}
+
+/// Centres of the solid voxels that have an empty neighbour across a face; what no voxel stands beyond is empty.
+pub(super) fn boundary(solid: &Occupancy) -> Vec<DVec3> {
+    let grid = &solid.grid;
+    let dims = grid.dims;
+    let exposed = |&index: &usize| {
+        if solid.solid[index] == 0 {
+            return false;
+        }
+        let voxel = grid.voxel(index);
+        (0..3).any(|axis| {
+            let beside = |at: usize| {
+                let mut other = voxel;
+                other[axis] = at;
+                solid.solid[grid.index(other)] == 0
+            };
+            let at = voxel[axis];
+            at == 0 || at + 1 == dims[axis] || beside(at - 1) || beside(at + 1)
+        })
+    };
+    (0..solid.solid.len()).filter(exposed).map(|index| grid.centre(grid.voxel(index))).collect()
+}
+
+/// Points as seen along one direction.
+pub(super) struct Skyline {
+    axis: DVec3,
+    u: DVec3,
+    v: DVec3,
+    /// Lower corner of the first cell.
+    lower: DVec2,
+    pitch: f64,
+    /// By cell, row by row: where its points begin.
+    starts: Vec<u32>,
+    /// Places across the axis and heights along it; the highest of a cell first.
+    points: Vec<[f64; 3]>,
+    /// The finest level has the cells, each further one half as many along both sides, the last one alone.
+    levels: Vec<Level>,
+}
+
+/// The height of the highest point of each cell.
+struct Level {
+    dims: [usize; 2],
+    highest: Vec<f64>,
+}
+
+/// Cells that wait to be looked at: level, cell, and how far up they may send the body.
+pub(super) type Waiting = Vec<(u32, u32, f64)>;
+
+impl Skyline {
+    /// Of voxel centres, seen along the unit vector `axis` from tip to holder.
+    pub(super) fn new(centres: &[DVec3], pitch: f64, axis: DVec3) -> Self {
+        let (u, v) = axis.any_orthonormal_pair();
+        let seen: Vec<[f64; 3]> = centres.iter().map(|c| [c.dot(u), c.dot(v), c.dot(axis)]).collect();
+        let (mut lower, mut upper) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+        for &[x, y, _] in &seen {
+            (lower, upper) = (lower.min(DVec2::new(x, y)), upper.max(DVec2::new(x, y)));
+        }
+        if seen.is_empty() {
+            (lower, upper) = (DVec2::ZERO, DVec2::ZERO);
+        }
+        let cell = CELL * pitch;
+        let dims = (upper - lower).to_array().map(|length| (length / cell) as usize + 1);
+        let place = |[x, y, _]: [f64; 3]| {
+            let [x, y] = [(x - lower.x) / cell, (y - lower.y) / cell].map(|c| c as usize);
+            y.min(dims[1] - 1) * dims[0] + x.min(dims[0] - 1)
+        };
+        let mut starts = vec![0u32; dims[0] * dims[1] + 1];
+        seen.iter().for_each(|&point| starts[place(point) + 1] += 1);
+        for cell in 1..starts.len() {
+            starts[cell] += starts[cell - 1];
+        }
+        let mut next = starts.clone();
+        let mut points = vec![[0.0; 3]; seen.len()];
+        for point in seen {
+            let to = &mut next[place(point)];
+            points[*to as usize] = point;
+            *to += 1;
+        }
+        let mut highest = Vec::with_capacity(dims[0] * dims[1]);
+        for ends in starts.windows(2) {
+            let cell = &mut points[ends[0] as usize..ends[1] as usize];
+            cell.sort_unstable_by(|a, b| b[2].total_cmp(&a[2]));
+            highest.push(cell.first().map_or(f64::NEG_INFINITY, |top| top[2]));
+        }
+        let mut levels = vec![Level { dims, highest }];
+        while levels[levels.len() - 1].highest.len() > 1 {
+            levels.push(levels[levels.len() - 1].halved());
+        }
+        Self { axis, u, v, lower, pitch, starts, points, levels }
+    }
+
+    /// How far above `tip` the body, its axis through the tip, must stand at least so that it holds no point: from `least`
+    /// up, where every place below the answer is taken. `None` where the answer is not below `limit`.
+    pub(super) fn clearing_height(
+        &self,
+        tip: DVec3,
+        body: &Body,
+        least: f64,
+        limit: f64,
+        waiting: &mut Waiting,
+    ) -> Option<f64> {
+        let at = DVec2::new(tip.dot(self.u), tip.dot(self.v));
+        let floor = tip.dot(self.axis);
+        let mut stands = least;
+        while stands < limit {
+            let freed = self.freed(at, floor, body, stands, limit, waiting);
+            if freed == stands {
+                return Some(stands);
+            }
+            stands = freed + MARGIN * self.pitch;
+        }
+        None
+    }
+
+    /// How far up the body must go until all that is now in it is out; no farther than needed to pass `limit`.
+    fn freed(
+        &self,
+        at: DVec2,
+        floor: f64,
+        body: &Body,
+        stands: f64,
+        limit: f64,
+        waiting: &mut Waiting,
+    ) -> f64 {
+        let margin = MARGIN * self.pitch;
+        let mut best = stands;
+        waiting.clear();
+        waiting.push((self.levels.len() as u32 - 1, 0, f64::INFINITY));
+        while let Some((level, cell, bound)) = waiting.pop() {
+            if bound <= best {
+                continue;
+            }
+            let (level, cell) = (level as usize, cell as usize);
+            if level == 0 {
+                for &[x, y, height] in
+                    &self.points[self.starts[cell] as usize..self.starts[cell + 1] as usize]
+                {
+                    let up = height - floor;
+                    if up - body.lowest + margin <= best {
+                        break;
+                    }
+                    if up - stands >= body.highest {
+                        continue;
+                    }
+                    let away = (DVec2::new(x, y).distance(at) - margin).max(0.0);
+                    if up - body.rise_at_least(away) + margin <= best {
+                        continue;
+                    }
+                    // A point just below the body counts as in it.
+                    let within = (up - stands).max(body.lowest);
+                    if let Some(low) = body.lower_end(within, away) {
+                        best = best.max(up - low);
+                        if best >= limit {
+                            return best;
+                        }
+                    }
+                }
+                continue;
+            }
+            let [width, _] = self.levels[level].dims;
+            let (x, y) = (2 * (cell % width), 2 * (cell / width));
+            let finer = &self.levels[level - 1];
+            let size = CELL * self.pitch * f64::from(1u32 << (level - 1));
+            let mut children = [(0, f64::NEG_INFINITY); 4];
+            for (child, (dx, dy)) in children.iter_mut().zip([(0, 0), (1, 0), (0, 1), (1, 1)]) {
+                let (x, y) = (x + dx, y + dy);
+                if x < finer.dims[0] && y < finer.dims[1] {
+                    let index = y * finer.dims[0] + x;
+                    let up = finer.highest[index] - floor;
+                    if up - body.lowest + margin <= best {
+                        continue;
+                    }
+                    let corner = self.lower + DVec2::new(x as f64, y as f64) * size;
+                    let away = (corner - at).max(at - corner - size).max(DVec2::ZERO).length();
+                    *child = (index as u32, up - body.rise_at_least((away - margin).max(0.0)) + margin);
+                }
+            }
+            children.sort_unstable_by(|a, b| a.1.total_cmp(&b.1));
+            let finer = level as u32 - 1;
+            waiting.extend(
+                children.into_iter().filter(|c| c.1 > best).map(|(index, bound)| (finer, index, bound)),
+            );
+        }
+        best
+    }
+}
+
+impl Level {
+    fn halved(&self) -> Self {
+        let dims = self.dims.map(|n| n.div_ceil(2));
+        let mut highest = vec![f64::NEG_INFINITY; dims[0] * dims[1]];
+        for (index, &height) in self.highest.iter().enumerate() {
+            let to = &mut highest[index / self.dims[0] / 2 * dims[0] + index % self.dims[0] / 2];
+            *to = to.max(height);
+        }
+        Self { dims, highest }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::Grid;
+
+    fn line(from: f64, to: f64, radius_from: f64, radius_to: f64) -> Segment {
+        Segment::Line { from, to, radius_from, radius_to }
+    }
+
+    /// A cone, a collar that narrows again, a waist, and a round flange.
+    fn holder() -> Body {
+        let round =
+            Segment::Arc { from: 4.0, to: 7.0, centre_height: 7.0, centre_radius: 3.0, arc_radius: 3.0 };
+        Body::new([line(-1.0, 2.0, 1.5, 3.5), line(2.0, 4.0, 3.5, 2.0), round].into_iter()).unwrap()
+    }
+
+    fn holds(body: &Body, height: f64, radius: f64) -> bool {
+        body.segments
+            .iter()
+            .any(|s| (s.range().0..s.range().1).contains(&height) && s.radius(height) >= radius)
+    }
+
+    #[test]
+    fn a_body_holds_points_down_to_where_it_is_narrower() {
+        let body = holder();
+        assert_eq!((body.lowest, body.highest, body.widest), (-1.0, 7.0, 6.0));
+        // Height and radius, and how far down from there.
+        let cases = [
+            (3.0, 1.0, Some(-1.0)),
+            (3.0, 2.5, Some(0.5)),
+            (3.0, 3.0, None),
+            (6.5, 4.0, Some(7.0 - 8.0f64.sqrt())),
+            (6.5, 1.9, Some(-0.4)),
+            // The waist is at 4, where the arc begins wider.
+            (6.5, 2.5, Some(4.0)),
+            (6.5, 6.01, None),
+            (7.0, 1.0, None),
+            (-1.1, 0.0, None),
+        ];
+        for (height, radius, expected) in cases {
+            let found = body.lower_end(height, radius);
+            match (found, expected) {
+                (Some(found), Some(expected)) => {
+                    assert!((found - expected).abs() < 1e-12, "{height} {radius}: {found}");
+                }
+                _ => assert_eq!(found, expected, "{height} {radius}"),
+            }
+        }
+        for step in 0..600 {
+            let radius = f64::from(step) * 0.01;
+            let lowest =
+                (0..8000).map(|h| f64::from(h) * 1e-3 - 1.0).find(|&h| holds(&body, h, radius)).unwrap();
+            assert!(body.rise(radius) <= lowest + 1e-9 && body.rise(radius) > lowest - 2e-3, "{radius}");
+            assert!(body.rise_at_least(radius) <= body.rise(radius), "{radius}");
+        }
+    }
+
+    /// Against the slow way: from the least on, each voxel by itself, in small steps.
+    #[test]
+    fn it_is_the_first_free_place_on_the_way_up() {
+        let grid = Grid { origin: DVec3::new(-3.0, 1.0, 0.5), pitch: 0.5, dims: [23, 17, 19] };
+        let mut solid = Occupancy::empty(grid);
+        for (index, s) in solid.solid.iter_mut().enumerate() {
+            let [x, y, z] = grid.voxel(index);
+            // Towers, and a ceiling with holes that a body may stand below.
+            let tower = z < (x * x + 3 * y + x * y * y) % 11 && (x + y) % 7 == 0;
+            *s = u8::from(tower || z == 18 && x > 8 && y > 4);
+        }
+        let centres: Vec<DVec3> = (0..solid.solid.len())
+            .filter(|&i| solid.solid[i] != 0)
+            .map(|i| grid.centre(grid.voxel(i)))
+            .collect();
+        // Nothing here is thick.
+        assert_eq!(boundary(&solid).len(), centres.len());
+        let body = holder();
+        let (mut moved, mut below) = (0, 0);
+        for axis in
+            [DVec3::Z, DVec3::new(0.3, -0.5, 0.8).normalize(), DVec3::new(-1.0, 0.2, -0.1).normalize()]
+        {
+            let skyline = Skyline::new(&centres, grid.pitch, axis);
+            for step in 0..60 {
+                let turn = f64::from(step) * 0.7;
+                let across = DVec3::new(4.0 + 6.0 * turn.sin(), 4.0 + 5.0 * (1.7 * turn).cos(), 0.0);
+                let tip = grid.origin + across + DVec3::Z * f64::from(step % 5);
+                let free = |stands: f64| {
+                    centres.iter().all(|&centre| {
+                        let from_tip = centre - tip;
+                        let height = from_tip.dot(axis);
+                        !holds(&body, height - stands, (from_tip - axis * height).length())
+                    })
+                };
+                let expected = (0..30_000).map(|i| 1.0 + 1e-3 * f64::from(i)).find(|&s| free(s)).unwrap();
+                let mut waiting = Waiting::new();
+                let found = skyline.clearing_height(tip, &body, 1.0, f64::INFINITY, &mut waiting).unwrap();
+                assert!((found - expected).abs() < 2e-3, "{axis} {tip}: {found} {expected}");
+                assert!(free(found));
+                if found > 1.0 {
+                    moved += 1;
+                    assert_eq!(skyline.clearing_height(tip, &body, 1.0, 0.9 * found, &mut waiting), None);
+                }
+                let top = centres.iter().map(|c| (*c - tip).dot(axis)).fold(0.0, f64::max);
+                below += usize::from(top > found + body.highest);
+            }
+        }
+        assert!(moved > 40 && below > 3, "{moved} {below}");
+    }
+
+    #[test]
+    fn nothing_solid_leaves_the_least() {
+        let skyline = Skyline::new(&[], 1.0, DVec3::Z);
+        let found = skyline.clearing_height(DVec3::ONE, &holder(), 7.0, 9.0, &mut Waiting::new());
+        assert_eq!(found, Some(7.0));
+    }
+
+    #[test]
+    fn the_inside_of_a_block_is_no_boundary() {
+        let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [5, 6, 7] };
+        let mut solid = Occupancy::empty(grid);
+        solid.solid.fill(1);
+        assert_eq!(boundary(&solid).len(), 5 * 6 * 7 - 3 * 4 * 5);
+    }
+}

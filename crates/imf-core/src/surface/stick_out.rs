@@ -1,0 +1,301 @@
+//! The least stick-out with which a tool reaches a surface, sample by sample.
+//!
+//! Cutter, and what of the shank is always out of the holder, decide at contact poses as they do for a tool as it is. Where they
+//! are free, the holder goes up its shank until it is free too (`Skyline`: at once, not by trial), and the shank that this
+//! bares must be free. Every answer is decided once more by exact counts: the tool set to that length holds no voxel centre that
+//! it may not. The holder ends where its outline ends: what stands above it is not in its way, so that with more than the least it
+//! may collide again, as with a groove of its own that happens to be where something sticks out.
+
+use glam::DVec3;
+
+use super::skyline::{Body, Skyline, Waiting, boundary};
+use super::stance::{Above, Last, Outcome, Stance};
+use super::{Shape, SurfaceError, SurfaceSample, SurfaceTool, Surroundings, Turn, Verdict};
+use crate::control::Control;
+use crate::field::solid::SolidField;
+use crate::orientation::Orientation;
+use crate::parallel;
+use crate::pose::Pose;
+use crate::tool::{Assembly, Element, ElementKind, ToolShape};
+
+/// Directions that are seen at once: their skylines are held together.
+const DIRECTIONS: usize = 16;
+/// Samples that one thread takes at once.
+const CHUNK: usize = 64;
+/// The shortest piece of bared shank that is looked at, in pitches: stick-outs that bare less are rounded up to it.
+const PIECE: f64 = 0.125;
+/// By how much the holder goes on where the exact count finds what its skyline lacks, in pitches.
+const STEP: f64 = 0.25;
+
+/// What becomes of one sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum StickOut {
+    /// With some stick-out the tool reaches it.
+    Reached {
+        /// The least, in the grid's unit; it may be more than the tool has.
+        length: f64,
+        /// The first direction that allows it.
+        direction: u32,
+        /// Where the tip then is.
+        tip: DVec3,
+    },
+    /// The cutter fits, but from every such direction its shank, or what it would take to get the holder out of the way, collides
+    /// whatever the stick-out.
+    Obstructed,
+    /// The cutter itself does not fit.
+    Gouged,
+    /// The cutter has no point that could touch the surface from any of the directions.
+    NotFaced,
+}
+
+impl StickOut {
+    /// The least stick-out where there is one, and infinity elsewhere.
+    #[must_use]
+    pub fn length(&self) -> f64 {
+        match self {
+            Self::Reached { length, .. } => *length,
+            _ => f64::INFINITY,
+        }
+    }
+
+    /// In a word.
+    #[must_use]
+    pub fn verdict(&self) -> Verdict {
+        match self {
+            Self::Reached { .. } => Verdict::Reached,
+            Self::Obstructed => Verdict::Obstructed,
+            Self::Gouged => Verdict::Gouged,
+            Self::NotFaced => Verdict::NotFaced,
+        }
+    }
+}
+
+/// A tool whose holder slides, among part and fixtures.
+pub struct StickOutTool {
+    /// Cutter, and the shank that is out at the shortest.
+    tool: SurfaceTool,
+    /// Shank and holder as they are set.
+    as_set: SolidField,
+    /// Heights from its lower face; offset by its clearance.
+    holder: Body,
+    at_holder: SolidField,
+    /// Pieces of the shank that the holder bares, each twice as long as the one before; offset.
+    bared: Vec<SolidField>,
+    shortest: f64,
+    longest: f64,
+    given: f64,
+    pitch: f64,
+    /// Of what shank and holder must stay out of.
+    boundary: Vec<DVec3>,
+}
+
+impl StickOutTool {
+    /// The assembly is in the grid's unit.
+    ///
+    /// # Errors
+    /// As [`SurfaceTool::new`]; a tool without a holder.
+    pub fn new(
+        surroundings: &Surroundings,
+        assembly: &Assembly,
+        tolerance: f64,
+    ) -> Result<Self, SurfaceError> {
+        let (given, clearance) = (assembly.tool(), assembly.clearance());
+        let no_holder = || SurfaceError::NoHolder(given.name.clone());
+        let mut tool = SurfaceTool::new(surroundings, assembly, tolerance)?;
+        let Shape::Revolved(revolved) = &mut tool.shape else { return Err(no_holder()) };
+        let shortest = given.shortest_stick_out().ok_or_else(no_holder)?;
+        let fixed = given.with_stick_out(shortest).ok_or_else(no_holder)?.without_holder();
+        let fixed = fixed.offset(clearance)?;
+        let as_set = revolved.rest.take().ok_or_else(no_holder)?;
+        revolved.rest =
+            fixed.noncutting().map(|shank| SolidField::of_tool(surroundings.keep_out.clone(), shank));
+        let holder = given.holder().ok_or_else(no_holder)?.with_clearance(clearance)?;
+        let ToolShape::Revolved(elements) = &holder.shape else { return Err(no_holder()) };
+        let outline = elements.iter().flat_map(|element| element.profile.iter().copied());
+        let solid = surroundings.keep_out.occupancy();
+        let pitch = solid.grid.pitch;
+        // No answer is beyond what is solid, seen from a tip that touches it.
+        let farthest = solid.grid.size().length() + given.reach();
+        let pieces = (farthest / (PIECE * pitch)).log2().ceil().max(0.0) as i32;
+        let bared = (0..=pieces).map(|piece| {
+            let profile = given.extension(0.0, PIECE * pitch * f64::from(piece).exp2()).into_iter().collect();
+            let piece = Element { kind: ElementKind::Shank, profile }.offset(clearance.shank);
+            SolidField::of_elements(surroundings.keep_out.clone(), &[piece])
+        });
+        Ok(Self {
+            holder: Body::new(outline).ok_or_else(no_holder)?,
+            at_holder: SolidField::of_tool(surroundings.keep_out.clone(), &holder),
+            bared: bared.collect::<Option<_>>().ok_or_else(no_holder)?,
+            shortest,
+            longest: given.overall_length.unwrap_or(f64::INFINITY),
+            given: given.stick_out().ok_or_else(no_holder)?,
+            pitch,
+            boundary: boundary(solid),
+            tool,
+            as_set,
+        })
+    }
+
+    /// The tool's name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        self.tool.name()
+    }
+
+    /// The least that the holder can be set to, which grips neither flutes nor necks.
+    #[must_use]
+    pub fn shortest(&self) -> f64 {
+        self.shortest
+    }
+
+    /// The tool's overall length, infinite where it is not known.
+    #[must_use]
+    pub fn longest(&self) -> f64 {
+        self.longest
+    }
+
+    /// What the tool is set to.
+    #[must_use]
+    pub fn given(&self) -> f64 {
+        self.given
+    }
+
+    /// The least stick-out with which shank and holder are free at every pose: one for all, `None` where there is none, and of an
+    /// invalid pose. What the cutter meets is not looked at, nor what lies between the poses. One after the other, poses of the
+    /// same axis share what is made for it: those of three axes are quick, others take some milliseconds each.
+    #[must_use]
+    pub fn least_for(&self, poses: &[Pose]) -> Option<f64> {
+        let mut waiting = Waiting::new();
+        let mut length = self.shortest;
+        loop {
+            let before = length;
+            for run in poses.chunk_by(|a, b| a.axis() == b.axis()) {
+                let axis = run.first()?.axis()?;
+                let skyline = Skyline::new(&self.boundary, self.pitch, axis);
+                for pose in run {
+                    let tip = pose.position;
+                    if !tip.is_finite() || !self.tool.is_rest_free(tip, axis, &mut None) {
+                        return None;
+                    }
+                    length = self.least((tip, axis), &skyline, length, f64::INFINITY, &mut waiting)?;
+                }
+            }
+            // Farther out a pose may collide that was free: then all are asked again.
+            if length == before {
+                return Some(length);
+            }
+        }
+    }
+
+    /// The least stick-out, from one up and below `limit`, with which shank and holder are free where the shortest shank is.
+    fn least(
+        &self,
+        (tip, axis): (DVec3, DVec3),
+        skyline: &Skyline,
+        from: f64,
+        limit: f64,
+        waiting: &mut Waiting,
+    ) -> Option<f64> {
+        let mut length = from;
+        loop {
+            length = skyline.clearing_height(tip, &self.holder, length, limit, waiting)?;
+            let piece = PIECE * self.pitch;
+            if length > self.shortest && length < self.shortest + piece {
+                length = self.shortest + piece;
+                continue;
+            }
+            if !self.is_bared_free(tip, axis, length) {
+                return None;
+            }
+            if !self.at_holder.meets(tip + axis * length, axis, None, None) {
+                return Some(length);
+            }
+            // Between the voxels of the boundary, into the inside.
+            length += STEP * self.pitch;
+        }
+    }
+
+    /// True where the shank from the shortest stick-out to this one holds nothing.
+    fn is_bared_free(&self, tip: DVec3, axis: DVec3, length: f64) -> bool {
+        let bared = length - self.shortest;
+        if bared <= 0.0 {
+            return true;
+        }
+        // The longest piece that is no longer, at either end.
+        let piece = ((bared / (PIECE * self.pitch) * (1.0 + 1e-12)).log2().floor().max(0.0) as usize)
+            .min(self.bared.len() - 1);
+        let long = PIECE * self.pitch * (piece as f64).exp2();
+        let at = |height: f64| self.bared[piece].meets(tip + axis * height, axis, None, None);
+        !at(self.shortest) && !at(self.shortest + (bared - long).max(0.0))
+    }
+}
+
+/// The least stick-out of every sample over all directions, on all threads of the current pool; the result does not depend
+/// on their number. One unit of progress is one direction.
+///
+/// # Errors
+/// [`SurfaceError::Cancelled`] when the control asks to stop.
+pub fn least_stick_outs(
+    tool: &StickOutTool,
+    samples: &[SurfaceSample],
+    directions: &[Orientation],
+    control: Control<'_>,
+) -> Result<Vec<StickOut>, SurfaceError> {
+    let stances = parallel::map(samples.len(), |sample| Stance::new(&tool.tool, &samples[sample]));
+    let turns: Vec<Turn> = directions.iter().map(Turn::new).collect();
+    let mut found = vec![StickOut::NotFaced; samples.len()];
+    for (block, turns) in turns.chunks(DIRECTIONS).enumerate() {
+        let skylines =
+            parallel::map(turns.len(), |turn| Skyline::new(&tool.boundary, tool.pitch, turns[turn].axis));
+        parallel::try_for_each_chunk(&mut found, CHUNK, |chunk, found| {
+            let mut memory = [[Last::None; 2]; DIRECTIONS];
+            let mut waiting = Waiting::new();
+            for (sample, best) in found.iter_mut().enumerate() {
+                if control.is_cancelled() {
+                    return Err(SurfaceError::Cancelled);
+                }
+                let stance = &stances[chunk * CHUNK + sample];
+                for (index, (turn, skyline)) in turns.iter().zip(&skylines).enumerate() {
+                    // None is shorter.
+                    if best.length() <= tool.shortest {
+                        break;
+                    }
+                    let direction = (block * DIRECTIONS + index) as u32;
+                    let [at_cutter, at_shank] = &mut memory[index];
+                    let mut search = |rest, enough: f64, best: &mut StickOut| {
+                        let is_free = |tip: DVec3| {
+                            if tool.tool.is_rest_free(tip, turn.axis, at_shank) {
+                                let at = (tip, turn.axis);
+                                let least =
+                                    tool.least(at, skyline, tool.shortest, best.length(), &mut waiting);
+                                if let Some(length) = least {
+                                    *best = StickOut::Reached { length, direction, tip };
+                                }
+                            }
+                            best.length() <= enough
+                        };
+                        stance.from(turn, at_cutter, &mut Above { rest, is_free })
+                    };
+                    let outcome = match search(tool.tool.rest(), tool.shortest, best) {
+                        Outcome::Good | Outcome::Obstructed(_) => StickOut::Obstructed,
+                        Outcome::Gouged => StickOut::Gouged,
+                        Outcome::NoContact => StickOut::NotFaced,
+                    };
+                    if outcome.verdict() < best.verdict() {
+                        *best = outcome;
+                    }
+                    if best.length() > tool.given && stance.has_ring(turn) {
+                        // Places to which the tool as it is would step aside.
+                        search(Some(&tool.as_set), tool.given, best);
+                    }
+                }
+            }
+            Ok(())
+        })?;
+        (control.progress)(turns.len() as u64);
+    }
+    Ok(found)
+}
+
+#[cfg(test)]
+mod tests;
